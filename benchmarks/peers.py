@@ -303,9 +303,9 @@ The two-ellipsoid berry takes {berry:.2f} times the ellipsoid's step, {verdict} 
 
 What differs:
 
-- Only spheres are compared: no engine installed here has a smooth ellipsoid with this contact law (YADE's level sets
-  and potential particles have others). "Over our ellipsoids" sets their spheres against our ellipsoids of the same
-  volume.
+- Only spheres are compared. Debian's LIGGGHTS has no superquadrics, LAMMPS of 22 July 2025 not yet its superellipsoids
+  (merged in 2026), YADE's level sets and potential particles have other laws; peclet-dem is in
+  [ellipsoids.md](ellipsoids.md). "Over our ellipsoids" sets their spheres against our ellipsoids of the same volume.
 - All use Hertz-Mindlin with history, the same E, nu, density, restitution and friction, and start from our settled
   spheres; each then settles for {PEER_SETTLE_STEPS} steps. Rolling resistance: a budget that can stop a rotation
   (repose), a torque of constant size (LIGGGHTS, "cdt"), a spring with a limit (LAMMPS, "sds"; YADE, one limit for

@@ -15,13 +15,9 @@ from repose.surrogate.settings import NetworkSettings
 
 # The article's parameter ranges and targets.
 RANGES = {
-    "e_gg": [0.1, 0.4],
-    "mus_gg": [0.35, 0.75],
-    "mur_gg": [0.02, 0.07],
-    "e_gp": [0.2, 0.5],
-    "mus_gp": [0.4, 0.8],
+    "e_gg": [0.1, 0.4], "mus_gg": [0.35, 0.75], "mur_gg": [0.02, 0.07], "e_gp": [0.2, 0.5], "mus_gp": [0.4, 0.8],
     "mur_gp": [0.1, 0.3],
-}
+}  # fmt: skip
 
 
 def target(response, value, sd, low, high, repetitions=10, **more):
@@ -82,17 +78,10 @@ def targets_of(sd_percent=5.0, **values):
 def one_run(seed, status="ok", aor=22.0, height=60.0, reason=""):
     ok = status == "ok"
     return {
-        "seed": seed,
-        "status": status,
-        "reason": reason,
-        "aor_deg": aor if ok else None,
-        "height_mm": height if ok else None,
-        "discharge_s": 15.0 + seed,
-        "berries_on_plate": 500,
-        "berries_in_pile": 460,
-        "berries_off_plate": 0,
-        "kinetic_energy_J": 1e-12,
-    }
+        "seed": seed, "status": status, "reason": reason, "aor_deg": aor if ok else None,
+        "height_mm": height if ok else None, "discharge_s": 15.0 + seed, "berries_on_plate": 500,
+        "berries_in_pile": 460, "berries_off_plate": 0, "kinetic_energy_J": 1e-12,
+    }  # fmt: skip
 
 
 def at(config, key):

@@ -53,7 +53,7 @@ def config(drop, monkeypatch):
     return quick | {"drop": dict(SECTION), "targets": [*quick["targets"], TARGET]}
 
 
-def test_a_bench_test_is_found_by_name_and_brings_its_responses(drop):
+def test_a_bench_test_is_found_by_name_with_its_responses_and_own_seeds(drop):
     assert bench("drop") is drop
     assert names()[-1] == "drop"
     assert responses.response("spread_mm").apparatus == "drop"
@@ -64,6 +64,14 @@ def test_a_bench_test_is_found_by_name_and_brings_its_responses(drop):
     for test in bench_tests():
         assert test.statuses[0] == "ok"
         assert test.settings.model_fields["seeds"].is_required()
+    found = [seed for name in names() for k in range(1, 151) for seed in pour_seeds(1, "design", k, 8, name)]
+    numbers = [*range(1, 7), *range(101, 107)]
+    found += [seed for name in names() for k in numbers for seed in pour_seeds(1, "validation", k, 8, name)]
+    found += pour_seeds(2, "design", 1, 8, "funnel")
+    assert len(set(found)) == len(found)
+    assert pour_seeds(1, "design", 1, 2) == found[:2] == pour_seeds(1, "design", 1, 2, names()[0])
+    # the stream of the drum alone says so by its purpose
+    assert pour_seeds(1, "drum", 1, 2, "drum") == pour_seeds(1, "drum", 1, 2)
 
 
 def test_its_section_is_part_of_the_configuration(config):
@@ -80,29 +88,22 @@ def test_its_section_is_part_of_the_configuration(config):
 
 
 IMPOSSIBLE = [
-    ("cylinder", "duration_s", 8.0, "above 8.2475"),
-    ("cylinder", "core_margin_mm", 90.0, "there is no core"),
-    ("cylinder", "berries", 0, "1 to 20000"),
-    ("discharge", "open_from_s", 1.2, "above 1.2475"),
+    ("cylinder", "duration_s", 8.0, "above 8.2475"), ("cylinder", "core_margin_mm", 90.0, "there is no core"),
+    ("cylinder", "berries", 0, "1 to 20000"), ("discharge", "open_from_s", 1.2, "above 1.2475"),
     ("discharge", "outlet_diameter_mm", 150.0, "below discharge.inlet_diameter_mm, 150"),
-    ("discharge", "rim_radius_mm", 20.0, "at most 18.75"),
-    ("discharge", "berries", 0, "1 to 20000"),
-    ("turning", "rotate_from_s", 1.0, "above 1.798"),
-    ("turning", "measure_until_s", 2.55, "at least 2.6"),
+    ("discharge", "rim_radius_mm", 20.0, "at most 18.75"), ("discharge", "berries", 0, "1 to 20000"),
+    ("turning", "rotate_from_s", 1.0, "above 1.798"), ("turning", "measure_until_s", 2.55, "at least 2.6"),
     ("turning", "wall_thickness_mm", 100.0, "below half of turning.outer_diameter_mm, 200"),
-    ("turning", "factory_height_mm", 96.0, "between -95 and 95"),
-    ("turning", "record_s", 0.0, "0.001 to 10"),
+    ("turning", "factory_height_mm", 96.0, "between -95 and 95"), ("turning", "record_s", 0.0, "0.001 to 10"),
     ("drawdown", "open_from_s", 1.4, "above 1.4975, when the last berry appears"),
     ("drawdown", "slot_mm", 260.0, "below drawdown.width_mm, 260"),
     ("drawdown", "edge_radius_mm", 1.5, "at most a quarter of drawdown.floor_mm, 1"),
     ("drawdown", "drop_mm", 4.0, "above drawdown.floor_mm, 4"),
     ("drawdown", "lower_width_mm", 267.0, "at least 268, the upper chamber with its walls"),
     ("drop_test", "height_mm", 2.0, r"at least 3\.07, or the fall takes fewer than 100"),
-    ("drop_test", "surface", "steel", "wall.*berry"),
-    ("drop_test", "orientation", "flat", "lying"),
-    ("inclined_plane", "surface", "glass", "wall.*berry.*glued"),
-    ("inclined_plane", "steepest_deg", 90.0, "1 to 89"),
-]
+    ("drop_test", "surface", "steel", "wall.*berry"), ("drop_test", "orientation", "flat", "lying"),
+    ("inclined_plane", "surface", "glass", "wall.*berry.*glued"), ("inclined_plane", "steepest_deg", 90.0, "1 to 89"),
+]  # fmt: skip
 
 
 def configured(name, **keys):
@@ -117,16 +118,11 @@ def test_a_bench_test_that_cannot_run_is_refused():
     assert not not_refused(lambda case: Study.of(configured(case[0], **case[1])), cases, InputError)
 
 
-@pytest.mark.parametrize(
-    ("name", "keys"),
-    [
-        ("cylinder", {"diameter_mm": 20.0}),
-        ("discharge", {"outlet_diameter_mm": 9.0, "inlet_diameter_mm": 20.0}),
-        ("turning", {"length_mm": 20.0, "factory_height_mm": 90.0}),
-        ("drawdown", {"slot_mm": 9.0, "depth_mm": 20.0}),
-        ("lifted_cylinder", {"diameter_mm": 20.0}),
-    ],
-)
+@pytest.mark.parametrize(("name", "keys"), [
+    ("cylinder", {"diameter_mm": 20.0}), ("discharge", {"outlet_diameter_mm": 9.0, "inlet_diameter_mm": 20.0}),
+    ("turning", {"length_mm": 20.0, "factory_height_mm": 90.0}), ("drawdown", {"slot_mm": 9.0, "depth_mm": 20.0}),
+    ("lifted_cylinder", {"diameter_mm": 20.0}),
+])  # fmt: skip
 def test_a_berry_has_to_fit(name, keys):
     axes_mm = (21.1, 11.4, 9.9)
     too_small = [key for key, _ in bench(name).misfits(SceneSettings(configured(name, **keys)), axes_mm)]
@@ -134,7 +130,7 @@ def test_a_berry_has_to_fit(name, keys):
     assert not list(bench(name).misfits(SceneSettings(configured(name)), axes_mm))
 
 
-def test_the_job_pours_and_measures_it(drop, config, tmp_path):
+def test_its_job_pours_and_measures_and_another_job_is_refused(drop, config, tmp_path):
     pours = pour_job(drop, Scene.of(config, SET, BERRY, PARTICLE), "007", [3, 4], tmp_path, interval_s=0.1)
     saved = json.loads(pours.read_text())
     assert (saved["sample"], saved["apparatus"], len(saved["pours"])) == (7, "drop", 2)
@@ -148,9 +144,6 @@ def test_the_job_pours_and_measures_it(drop, config, tmp_path):
     assert spread[1] == pytest.approx(1e3 * np.hypot(x, y).mean(), rel=1e-5)
     assert result["summary"]["spread_mm"] == pytest.approx(np.mean(spread))
     assert result["summary"]["spread_se_mm"] == pytest.approx(abs(spread[0] - spread[1]) / 2)
-
-
-def test_a_job_that_is_no_run_of_its_bench_test_is_refused(drop, config, tmp_path):
     path = tmp_path / "001.pours.json"
     for name, status, message in (
         ("shaker", "ok", "apparatus is 'shaker'"),
@@ -158,17 +151,6 @@ def test_a_job_that_is_no_run_of_its_bench_test_is_refused(drop, config, tmp_pat
     ):
         path.write_text(json.dumps({"apparatus": name, "pours": [{"seed": 1, "status": status}]}))
         input_error(message, measure_job, Scene.of(config, {}, BERRY, PARTICLE), path)
-
-
-def test_seeds_are_stable_and_every_bench_test_and_purpose_has_its_own(drop):
-    found = [seed for name in names() for k in range(1, 151) for seed in pour_seeds(1, "design", k, 8, name)]
-    numbers = [*range(1, 7), *range(101, 107)]
-    found += [seed for name in names() for k in numbers for seed in pour_seeds(1, "validation", k, 8, name)]
-    found += pour_seeds(2, "design", 1, 8, "funnel")
-    assert len(set(found)) == len(found)
-    assert pour_seeds(1, "design", 1, 2) == found[:2] == pour_seeds(1, "design", 1, 2, names()[0])
-    # the stream of the drum alone says so by its purpose
-    assert pour_seeds(1, "drum", 1, 2, "drum") == pour_seeds(1, "drum", 1, 2)
 
 
 @pytest.mark.parametrize("one", ["funnel", "drum"])

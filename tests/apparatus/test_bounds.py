@@ -51,24 +51,30 @@ def three_berries(**of_second):
 
 
 @pytest.mark.slow
-def test_what_a_fall_can_give_is_within_the_bounds():
+def test_what_a_fall_can_give_and_overlaps_of_clumps_stay_within_the_bounds():
     bounded = three_berries(position_m=(0.05, 0.0, 0.1))
     bounded.run_to(3 * EVERY)
     bounded.look()
     assert bounded.simulation.steps == 3 * EVERY
+    mass = 1e-3
+    spheres = [[-4e-3, 0, 0, 3e-3], [4e-3, 0, 0, 3e-3]]
+    pair = dem.Clump(spheres, mass, [mass * 1e-5] * 3, "berry")
+    simulation = simulated(pair, 1e-5, 2, gravity_m_s2=(0.0, 0.0, 0.0), largest_scale=1.5)
+    simulation.add("berry", (0.0, 0.0, 0.0))
+    # the second is turned by a right angle and 1.5 times as large: its lower sphere, 4.5 mm, meets the right one
+    simulation.add("berry", (4e-3, 0.0, 13e-3), (np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0), scale=1.5)
+    simulation.run_steps(1)
+    _, overlaps = simulation.overlaps()
+    assert overlaps == pytest.approx([7.5e-3 - 7e-3], abs=1e-7)
 
 
-def test_a_berry_that_is_too_fast_or_without_a_place_is_named_with_time_and_cure():
+def test_a_berry_beyond_its_bounds_and_energy_beyond_what_was_given_are_reported():
     fast, lost = three_berries(velocity_m_s=(0.0, 0.0, 900.0)), three_berries()
     with pytest.raises(Unstable, match=r"berry 1 moves at 900 m/s, after 0 s: a shorter simulation\.time_step_s than"):
         fast.look()
     lost.simulation.positions[2] = np.nan
     with pytest.raises(Unstable, match="berry 2 has no finite position"):
         lost.look()
-
-
-def test_energy_beyond_what_was_given_is_reported():
-    """Each has 1.3 times the energy of the fall: none alone is too fast."""
     bounded = three_berries()
     bounded.simulation.velocities[:] = (0.0, 0.0, np.sqrt(2 * 9.81 * 0.1 * 1.3))
     with pytest.raises(Unstable, match=r"all berries together have .* J and were given"):
@@ -101,20 +107,6 @@ def test_a_berry_that_passes_through_a_wall_is_named(height_mm, broken):
     bounded.simulation.run_steps(1)
     bounded.simulation.positions[1, 2] = 1e-3 * height_mm  # pressed on, in contact as before
     check_overlaps(bounded, broken, r"berry 1 and the wall 'plate' overlap by 5\.[345]\d* mm.*after 0\.0001 s")
-
-
-@pytest.mark.slow
-def test_overlaps_of_clumps_are_those_of_their_spheres():
-    mass = 1e-3
-    spheres = [[-4e-3, 0, 0, 3e-3], [4e-3, 0, 0, 3e-3]]
-    pair = dem.Clump(spheres, mass, [mass * 1e-5] * 3, "berry")
-    simulation = simulated(pair, 1e-5, 2, gravity_m_s2=(0.0, 0.0, 0.0), largest_scale=1.5)
-    simulation.add("berry", (0.0, 0.0, 0.0))
-    # the second is turned by a right angle and 1.5 times as large: its lower sphere, 4.5 mm, meets the right one
-    simulation.add("berry", (4e-3, 0.0, 13e-3), (np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0), scale=1.5)
-    simulation.run_steps(1)
-    _, overlaps = simulation.overlaps()
-    assert overlaps == pytest.approx([7.5e-3 - 7e-3], abs=1e-7)
 
 
 @pytest.mark.parametrize("name", ["funnel", "drum", "cylinder"])

@@ -46,7 +46,7 @@ def test_density_of_a_lattice_is_mass_over_cell(margin_m):
     assert np.hypot(*centres[counted, :2].T).max() < 0.0835 - margin_m
 
 
-def test_sizes_count_by_their_mass():
+def test_a_filling_is_judged_sizes_count_by_mass_and_a_tap_lifts_a_berry_by_its_height():
     scales = np.array([1.0, 1.2, 0.8, 1.0])
     arrays = {
         "position": np.array([[0, 0, 0.01], [0, 0, 0.1], [0.04, 0, 0.18], [0, 0, 0.24]]),
@@ -61,6 +61,35 @@ def test_sizes_count_by_their_mass():
     assert found["core_density_kg_m3"] == pytest.approx(core)
     nothing = TEST.measure({"status": "not_full"}, arrays, Scene.of(config(), {}, BERRY, PARTICLE))
     assert nothing["bulk_density_kg_m3"] is None
+
+    def judged(centres, energy_j=1e-12, unstable=""):
+        filling = cylinder.Filling(centres, energy_j, length_m=0.021, unstable=unstable)
+        return TEST.status_of(filling, SceneSettings(config()))
+
+    full, low = lattice(5e-3, 0.26), lattice(5e-3, 0.24)
+    assert judged(full) == ("ok", "")
+    # 12 mm above the rim are less than the length of a grain
+    status, reason = judged(low)
+    assert status == "not_full"
+    assert "above it" in reason
+    assert judged(full, 1e-6)[0] == "not_at_rest"
+    assert judged(full + np.array([0.02, 0, 0]))[0] == "lost"
+    assert judged(full, unstable="why") == ("unstable", "why")
+    own = config(**SMALL)
+    settings = SimulationSettings.of(own)
+    simulation = TEST.build(Scene.of(own, SET, BERRY, PARTICLE))
+    simulation.add("berry", (0.0, 0.0, 0.011))
+    simulation.run(1.0, False)
+    low, tops = simulation.positions[0, 2], []
+
+    def run_to(step):
+        while simulation.steps < step:
+            simulation.run_steps(1)
+            tops.append(simulation.positions[0, 2])
+
+    cylinder.tap(simulation, settings, 0.003, run_to)
+    assert max(tops) - low == pytest.approx(0.003, rel=0.05)
+    assert simulation.positions[0, 2] == pytest.approx(low, abs=2e-4)
 
 
 def cap_share(depth, radius):
@@ -96,41 +125,7 @@ def test_the_core_counts_the_volume_of_layers_that_its_ends_cut(kind):
     assert by_centres > 1.2 * by_volume
 
 
-def test_a_filling_is_judged():
-    def judged(centres, energy_j=1e-12, unstable=""):
-        filling = cylinder.Filling(centres, energy_j, length_m=0.021, unstable=unstable)
-        return TEST.status_of(filling, SceneSettings(config()))
-
-    full, low = lattice(5e-3, 0.26), lattice(5e-3, 0.24)
-    assert judged(full) == ("ok", "")
-    # 12 mm above the rim are less than the length of a grain
-    status, reason = judged(low)
-    assert status == "not_full"
-    assert "above it" in reason
-    assert judged(full, 1e-6)[0] == "not_at_rest"
-    assert judged(full + np.array([0.02, 0, 0]))[0] == "lost"
-    assert judged(full, unstable="why") == ("unstable", "why")
-
-
-def test_a_tap_lifts_a_berry_by_its_height():
-    own = config(**SMALL)
-    settings = SimulationSettings.of(own)
-    simulation = TEST.build(Scene.of(own, SET, BERRY, PARTICLE))
-    simulation.add("berry", (0.0, 0.0, 0.011))
-    simulation.run(1.0, False)
-    low, tops = simulation.positions[0, 2], []
-
-    def run_to(step):
-        while simulation.steps < step:
-            simulation.run_steps(1)
-            tops.append(simulation.positions[0, 2])
-
-    cylinder.tap(simulation, settings, 0.003, run_to)
-    assert max(tops) - low == pytest.approx(0.003, rel=0.05)
-    assert simulation.positions[0, 2] == pytest.approx(low, abs=2e-4)
-
-
-def test_a_tapped_cylinder_holds_more():
+def test_a_tapped_cylinder_holds_more_and_a_filling_that_breaks_a_bound_is_unstable(monkeypatch):
     own = config(**SMALL, taps=6)
     records = [run_once(bench("cylinder"), Scene.of(own, SET, BERRY, PARTICLE, seed))[0] for seed in (2, 3, 4)]
     record, run = run_once(bench("cylinder"), Scene.of(own, SET, BERRY, PARTICLE, 1))
@@ -143,8 +138,6 @@ def test_a_tapped_cylinder_holds_more():
     assert poured["tapped_density_kg_m3"] is None
     assert run.arrays["tapped"].shape == run.arrays["position"].shape
 
-
-def test_a_filling_that_breaks_a_bound_is_unstable(monkeypatch):
     def broken(trial, *_):
         trial.simulation.add("berry", (0.0, 0.0, 0.02))
         raise Unstable("a berry is too fast")
@@ -154,7 +147,7 @@ def test_a_filling_that_breaks_a_bound_is_unstable(monkeypatch):
     assert (record["status"], record["reason"]) == ("unstable", "a berry is too fast")
 
 
-def test_a_study_may_leave_out_taps_which_take_time_and_give_the_tapped_density():
+def test_a_study_may_leave_out_taps_and_a_small_filling_has_both_densities():
     own, tapped = config(**SMALL), config(**SMALL, taps=100, tap_mm=20.0)
     longer = TEST.duration_s(SceneSettings(tapped)) - TEST.duration_s(SceneSettings(own))
     assert longer == pytest.approx(100 * (2 * math.sqrt(2 * 0.02 / 9.81) + 0.4))
@@ -169,9 +162,6 @@ def test_a_study_may_leave_out_taps_which_take_time_and_give_the_tapped_density(
     assert study.definitions["bulk_density_kg_m3"]["cylinder.height_mm"] == 150.0
     study.config["targets"][0] |= {"response": "tapped_density_kg_m3", "range": None}
     input_error(r"cylinder\.taps is null; expected 1 or more", Study.of, study.config)
-
-
-def test_a_small_filling():
     own = config(**SMALL)
     record, run = run_once(bench("cylinder"), Scene.of(own, SET, BERRY, PARTICLE, 1))
     assert (record["status"], record["berries_poured"]) == ("ok", 90)

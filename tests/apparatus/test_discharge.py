@@ -25,7 +25,7 @@ def measured(exit_s, scale):
     return TEST.measure({"status": "ok"}, arrays, Scene.of(config(), {}, BERRY, PARTICLE))
 
 
-def test_the_rate_is_that_of_the_middle_and_counts_mass_and_a_run_that_did_not_empty_has_none():
+def test_the_rate_is_that_of_the_middle_a_run_is_judged_and_what_is_filled_in_comes_out():
     times = 0.5 + np.arange(200) / 80.0  # 80 berries a second
     found = measured(np.random.default_rng(1).permutation(times), np.ones(200))
     assert found["emptying_s"] == pytest.approx(times[-1])
@@ -36,16 +36,10 @@ def test_the_rate_is_that_of_the_middle_and_counts_mass_and_a_run_that_did_not_e
     assert measured(times, scale)["flow_g_s"] == pytest.approx(8.0 * 30.0 * 1e3 * PARTICLE.mass_kg)
     found = TEST.measure({"status": "jammed"}, {}, Scene.of(config(), {}, BERRY, PARTICLE))
     assert (found["emptying_s"], found["flow_g_s"]) == (None, None)
-
-
-def test_a_run_is_judged():
     good = discharge.Discharge(filled=500, rest_energy_j=1e-12, early=0, late=500)
     cases = [("ok", {}), ("unstable", {"unstable": "why"}), ("not_filled", {"filled": 499}), ("lost", {"early": 1})]
     cases += [("not_at_rest", {"rest_energy_j": 1e-6}), ("jammed", {"late": 480})]
     check_statuses(TEST, config(), good, cases)
-
-
-def test_what_is_filled_in_comes_out_unless_the_outlet_jams():
     record, run = run_once(bench("discharge"), Scene.of(config(**SMALL), SET, BERRY, PARTICLE, 1))
     assert (record["status"], record["berries_out"]) == ("ok", 40)
     assert (run.arrays["exit_s"] > 0.0).all()  # nothing leaves the closed funnel
@@ -68,17 +62,13 @@ def flow_g_s(seed=1, **keys):
 
 
 @pytest.mark.slow
-def test_the_rate_grows_with_the_outlet_as_beverloo_says():
-    """k is 0.70 with an error of 0.07 on an AMD EPYC (Zen 4); three single discharges scatter by 0.18."""
+def test_the_rate_grows_with_the_outlet_as_beverloo_says_and_the_rate_hardly_depends_on_the_filling():
+    # k is 0.70 with an error of 0.07 on an AMD EPYC (Zen 4); three single discharges scatter by 0.18.
     outlets = np.array([60.0, 70.0, 80.0])
     flows = [[flow_g_s(seed, outlet_diameter_mm=outlet) for outlet in outlets] for seed in range(1, 7)]
     root = np.mean(np.power(flows, 0.4), axis=0)
     slope, shift = np.polyfit(outlets, root, 1)
     assert np.abs(slope * outlets + shift - root).max() < 0.03 * root.mean()
     assert 0.5 < -shift / slope / SPHERE_MM < 3.0  # k, 1.4 for spheres
-
-
-@pytest.mark.slow
-def test_the_rate_hardly_depends_on_the_filling():
     few, many = (flow_g_s(berries=berries, outlet_diameter_mm=60.0) for berries in (450, 700))
     assert many == pytest.approx(few, rel=0.1)

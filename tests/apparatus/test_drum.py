@@ -71,7 +71,7 @@ def test_the_surface_of_a_bed_of_known_angle(angle_deg):
     assert np.ptp(ends[:, 0]) == pytest.approx(0.6 * np.ptp(seen[0].profile_m[:, 0]), abs=1e-3)
 
 
-def test_the_edge_of_one_berry_is_its_outline():
+def test_the_edge_of_one_berry_is_its_outline_and_a_bed_that_is_carried_along_rests_in_the_drums_frame():
     centres, flat = np.array([[0.01, 0.0, -0.03]]), np.array([[1.0, 0.0, 0.0, 0.0]])
     edge = bed.measure_surface(centres, flat, PARTICLE, RADIUS_M, 0.1, 0.6).profile_m
     a, c = PARTICLE.support(np.eye(3)[0]), PARTICLE.support(np.eye(3)[2])
@@ -80,9 +80,6 @@ def test_the_edge_of_one_berry_is_its_outline():
     expected = -0.03 + c * np.sqrt(1 - (x[inside] / a) ** 2)
     np.testing.assert_allclose(edge[inside, 1], expected, atol=1e-4)
     value_error("pixels wide", bed.measure_surface, np.zeros((0, 3)), np.zeros((0, 4)), PARTICLE, RADIUS_M, 0.1, 0.6)
-
-
-def test_a_bed_that_is_carried_along_rests_in_the_drums_frame():
     centres, quaternions = half_filled(0.0, 200)
     carried = turned(centres, 0.4)
     np.testing.assert_allclose(bed.to_drum_frame(carried, 0.4), centres, atol=1e-15)
@@ -95,7 +92,7 @@ def test_a_bed_that_is_carried_along_rests_in_the_drums_frame():
     assert still < bed.relative_energy(*state, np.zeros(3)) < 1.05 * still
 
 
-def test_a_slip_begins_at_the_highest_angle_and_ends_when_the_bed_is_calm():
+def test_a_slip_has_its_beginning_end_and_motion_by_depth():
     angle = np.concatenate([np.arange(0.0, 40.0), [40.5, 40.2, 40.4, 39.9, 39.4, 38.0, 36.0, 35.9, 35.9]])
     energy = np.concatenate([np.full(40, 1e-8), [1e-8, 1e-7, 1e-7, 1e-6, 1e-5, 1e-5, 1e-6, 1e-10, 1e-12]])
     assert bed.find_slip(angle, energy, 1.0, 1e-9) == bed.Slip(begins=40, judged=44, ends=47)
@@ -105,10 +102,6 @@ def test_a_slip_begins_at_the_highest_angle_and_ends_when_the_bed_is_calm():
     assert bed.find_slip([], [], 1.0, 1e-9) is None
     nothing = np.full(3, np.nan)
     assert bed.depth_profile(nothing, nothing, 0.005).shape == (0, 4)
-
-
-def test_the_motion_of_a_known_layer_is_found_by_depth():
-    """A layer of 15 mm slides 20 mm down a surface of 30 degrees while the drum turns by 3."""
     slope, turn_rad = math.radians(30.0), math.radians(3.0)
     down = np.array([-math.cos(slope), 0.0, -math.sin(slope)])
     inward = np.array([math.sin(slope), 0, -math.cos(slope)])

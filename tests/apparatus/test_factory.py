@@ -48,7 +48,7 @@ def test_all_points_at_once_are_the_single_ones(factory):
     assert factory.places(numbers) == pytest.approx(np.array(single), rel=1e-12, abs=1e-15)
 
 
-def test_a_blocked_factory_looks_at_all_places_at_once():
+def test_a_blocked_factory_looks_at_all_places_and_random_berries_draw_as_ever():
     class Counting(Disc):
         single = at_once = 0
 
@@ -63,6 +63,8 @@ def test_a_blocked_factory_looks_at_all_places_at_once():
     simulation = crowd(np.random.default_rng(1), 300)
     assert free_place(np.random.default_rng(2), simulation, Counting(0.03, 0.2)) is None
     assert (Counting.single, Counting.at_once) == (1, 1)
+    one, two = np.random.default_rng(7), np.random.default_rng(7)
+    assert np.array_equal(random_orientation("random", one), random_quaternion(two))
 
 
 @pytest.mark.parametrize(("orientation", "level"), [("lying", 0.0), ("upright", 1.0)])
@@ -77,8 +79,3 @@ def test_new_berries_lie_or_stand_as_configured(orientation, level):
     assert np.all(np.abs(other.mean(axis=0)) < 4 * math.sqrt(0.5 / 300))
     about = rotations[:, 2, 1]
     assert np.var(about) == pytest.approx(0.5 * (1 - level), abs=0.1)
-
-
-def test_random_berries_draw_as_they_always_did():
-    one, two = np.random.default_rng(7), np.random.default_rng(7)
-    assert np.array_equal(random_orientation("random", one), random_quaternion(two))

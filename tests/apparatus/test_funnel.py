@@ -129,7 +129,14 @@ def in_a_new_process(**environment):
 
 
 @pytest.mark.slow
-def test_freshly_compiled_and_cached_code_give_the_same_bits(tmp_path, monkeypatch):
+def test_code_compiled_or_cached_gives_the_same_bits_and_springs_may_be_linear(tmp_path, monkeypatch):
+    whole = small()
+    whole["simulation"]["contact_law"] = "linear_spring"
+    poured = TEST.pour(of(whole))
+    assert not poured.unstable
+    assert poured.on_plate.sum() == 60
+    assert poured.kinetic_energy_j / 60 < 1e-12
+    assert digest(poured) != digest(TEST.pour(of(small())))
     signatures = set()
 
     def noting(*arguments):
@@ -142,17 +149,6 @@ def test_freshly_compiled_and_cached_code_give_the_same_bits(tmp_path, monkeypat
     # this process has compiled the kernel itself where its cache was empty
     if not signatures <= set(advance.stats.cache_misses):
         assert in_a_new_process(NUMBA_CACHE_DIR=str(tmp_path)) == (here, 1)
-
-
-@pytest.mark.slow
-def test_a_study_may_choose_the_linear_spring():
-    whole = small()
-    whole["simulation"]["contact_law"] = "linear_spring"
-    poured = TEST.pour(of(whole))
-    assert not poured.unstable
-    assert poured.on_plate.sum() == 60
-    assert poured.kinetic_energy_j / 60 < 1e-12
-    assert digest(poured) != digest(TEST.pour(of(small())))
 
 
 @pytest.fixture(scope="module")
@@ -177,31 +173,24 @@ def test_a_trajectory_has_its_frames_and_changes_nothing_and_another_seed_does(p
     assert np.allclose(filmed.frames["position"][-1], filmed.centres_m, atol=1e-6)
 
 
-def test_frames_may_be_a_time_step_apart():
+def test_frames_may_be_a_time_step_apart_and_a_pour_that_goes_on_after_its_pile_rests_changes_nothing(filmed):
     made = TEST.build(Scene.of(small(), named(CENTRE), BERRY, particle()))
     made.add("berry", (0.0, 0.0, 0.05))
     film = scene.Filmed(made, interval_s=made.time_step_s)
     film.bound(0.1)
     film.run_to(5)
     assert film.frames()["time_s"] == pytest.approx(made.time_step_s * np.arange(1, 6))
-
-
-def test_a_pour_that_goes_on_after_its_pile_rests_changes_nothing(filmed):
     went_on = TEST.pour(of(small()), interval_s=0.01, until_rest=False)
     assert len(filmed.frames["time_s"]) < len(went_on.frames["time_s"]) == 300
     assert np.abs(filmed.centres_m - went_on.centres_m).max() < 2e-5
     assert filmed.largest_motion_m <= 1e-3 * small()["funnel"]["rest_motion_mm"]
 
 
-@pytest.mark.parametrize(
-    ("keys", "status", "reason"),
-    [
-        ({"outlet_diameter_mm": 14.0}, "jammed", "berries in the funnel"),
-        ({"plate_diameter_mm": 40.0}, "left_plate", "left the plate"),
-        ({"duration_s": 1.25, "rest_window_s": 0.02}, "not_at_rest", "J a berry"),
-        ({"berries": 4}, "no_flank", " "),
-    ],
-)
+@pytest.mark.parametrize(("keys", "status", "reason"), [
+    ({"outlet_diameter_mm": 14.0}, "jammed", "berries in the funnel"),
+    ({"plate_diameter_mm": 40.0}, "left_plate", "left the plate"),
+    ({"duration_s": 1.25, "rest_window_s": 0.02}, "not_at_rest", "J a berry"), ({"berries": 4}, "no_flank", " "),
+])  # fmt: skip
 def test_a_run_without_a_pile_has_a_status_and_a_reason(keys, status, reason):
     record, _ = run_once(bench("funnel"), of(small(**keys)))
     assert record["status"] == status
@@ -213,15 +202,10 @@ def of_last_positions(heights_m, exits_s, radius_m=0.005):
     """A judged pour of grains at these heights, which touch each other, under an outlet at 0.1 m."""
     n = len(heights_m)
     simulation = SimpleNamespace(
-        positions=np.column_stack([np.zeros((n, 2)), heights_m]),
-        quaternions=np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)),
-        scales=np.ones(n),
-        present=np.ones(n, bool),
-        radius=radius_m,
-        exit_times_s=np.array(exits_s),
-        contacts=lambda: np.column_stack([np.arange(n - 1), np.arange(1, n)]),
-        kinetic_energies=lambda: np.zeros(n),
-    )
+        positions=np.column_stack([np.zeros((n, 2)), heights_m]), quaternions=np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)),
+        scales=np.ones(n), present=np.ones(n, bool), radius=radius_m, exit_times_s=np.array(exits_s),
+        contacts=lambda: np.column_stack([np.arange(n - 1), np.arange(1, n)]), kinetic_energies=lambda: np.zeros(n),
+    )  # fmt: skip
     return funnel._judge(simulation, SimpleNamespace(outlet_height_m=0.1), None, "", None, 1.0, 1.0)
 
 
@@ -245,7 +229,7 @@ def test_berries_that_lie_apart_are_no_pile(in_pile, on_plate, plain):
     assert f"{in_pile} of {on_plate} berries touch each other" in reason
 
 
-def test_a_job_writes_what_it_returns(tmp_path):
+def test_a_job_writes_what_it_returns_and_largest_cluster_is_found(tmp_path):
     pours = pour_job(bench("funnel"), of(small()), "007", [5, 6], tmp_path)
     result = measure_job(Scene.of(small(), {}, BERRY, particle()), pours)
     assert result["sample"] == 7
@@ -254,16 +238,13 @@ def test_a_job_writes_what_it_returns(tmp_path):
     assert arrays["position_5"].shape == (60, 3)
     assert (tmp_path / "007.json").exists()
     assert not list(tmp_path.glob("*.part"))
-
-
-def test_largest_cluster_is_found():
     contacts = np.array([[0, 1], [1, 2], [3, 4], [5, 6]])
     allowed = np.array([True, True, True, True, True, True, False, True])
     assert list(scene.largest_cluster(contacts, allowed)) == [True, True, True] + [False] * 5
     assert not scene.largest_cluster(contacts, np.zeros(8, bool)).any()
 
 
-def test_the_pile_is_at_rest_and_on_the_plate_and_measured_by_the_pile_module():
+def test_a_pile_rests_on_the_plate_is_measured_as_piles_are_and_keeps_its_sizes(plain):
     record, run = run_once(bench("funnel"), of(heap()))
     assert (record["status"], record["reason"]) == ("ok", "")
     assert record["kinetic_energy_J"] / record["berries_in_pile"] < 1e-12
@@ -273,9 +254,6 @@ def test_the_pile_is_at_rest_and_on_the_plate_and_measured_by_the_pile_module():
     settings = pile.MeasureSettings.of(heap()["measure"], BERRY)
     again = pile.measure_pile(*bodies, settings, members=run.arrays["in_pile"])
     assert {key: record[key] for key in again.record()} == again.record()
-
-
-def test_berries_of_measured_sizes_keep_them(plain):
     settings = small()
     settings["berry"] = settings["berry"] | {"size_distribution": "measured"}
     berry = BERRY | {"scale_sd": 0.083, "scale_low": 0.78, "scale_high": 1.16}

@@ -37,13 +37,9 @@ def test_a_sled_slides_and_a_sphere_rolls_at_the_angle_of_its_coefficient(fricti
 
 
 @pytest.mark.slow
-def test_a_sled_of_another_shape_slides_at_the_same_angle():
+def test_a_sled_of_another_shape_slides_at_the_same_angle_and_a_sphere_that_cannot_roll_slides_or_stays():
     found = on_plane(0.4, 0.1, PARTICLE)
     assert found["slip_deg"] == pytest.approx(math.degrees(math.atan(0.4)), abs=0.01)
-
-
-@pytest.mark.slow
-def test_a_sphere_that_cannot_roll_slides_or_stays():
     slides = on_plane(0.3, 0.5)
     assert (slides["status"], slides["roll_deg"]) == ("ok", None)  # the angle of rolling is no target
     own = config()
@@ -82,7 +78,7 @@ def test_a_glued_layer_touches_and_does_not_overlap():
         assert apart[0] == pytest.approx(wide * 1.0001 if particle is SPHERE else apart[0])
         own = config(surface="glued")
         values = named((0.2, 0.3, 0.0, 0.2, 0.9, 0.9))
-        simulation = TEST._plane(Scene.of(own, values, BEAD, particle), 1.0, azimuth=0.4)
+        simulation = TEST.build(Scene.of(own, values, BEAD, particle), 1.0, azimuth=0.4)
         simulation.run_steps(50)
         assert len(simulation.contacts()) == 0
         assert np.ptp(simulation.positions[:, 2]) == 0.0 == np.abs(simulation.velocities).max()
@@ -134,7 +130,7 @@ def test_a_berry_that_tips_and_stops_has_no_angle(speed):
     assert found["slip_deg"] == pytest.approx(10.0, abs=0.01)
 
 
-def test_a_film_shows_the_plane_tilting_and_the_berry_on_it():
+def test_a_film_shows_the_plane_tilting_and_the_berry_on_it_and_a_plane_that_tilts_too_fast_or_creeps_is_refused():
     values = named((0.3, 0.5, 0.3, 0.3, 0.5, 0.3))
     own = config(tilting_deg_s=10.0, steepest_deg=45.0)
     frames = bench("inclined_plane").run(Scene.of(own, values, BEAD, SPHERE, 1), interval_s=0.05).frames
@@ -144,9 +140,6 @@ def test_a_film_shows_the_plane_tilting_and_the_berry_on_it():
     assert np.degrees(np.arctan2(normal[:, 0], normal[:, 2])) == pytest.approx(frames["tilt_deg"])
     assert frames["tilt_deg"][0] < 1.0
     assert frames["tilt_deg"][-1] > 16.0
-
-
-def test_a_plane_that_tilts_too_fast_or_creeps_is_refused():
     for keys, allowed in (({"tilting_deg_s": 20.0, "steepest_deg": 5.0}, r"tilting_deg_s.*at most 10"),):
         input_error(rf"inclined_plane\.{allowed}", Study.of, config(**keys))
     creeping = config()

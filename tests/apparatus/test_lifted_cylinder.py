@@ -43,7 +43,7 @@ def lifted(seed, values=SET, **keys):
     return run_once(bench("lifted_cylinder"), Scene.of(config(**own), values, BEAD, SPHERE, seed))
 
 
-def test_a_run_is_judged():
+def test_a_run_is_judged_and_a_tube_that_cannot_be_filled_or_lifted_is_refused():
     nan = float("nan")
     cases = [
         ("ok", {}), ("unstable", {"unstable": "why"}), ("not_filled", {"filled": 299}), ("jammed", {"in_tube": 4}),
@@ -53,9 +53,6 @@ def test_a_run_is_judged():
     check_statuses(TEST, config(berries=300), GOOD, cases)
     levels = {79.9: "not_filled", 80.1: "ok", 99.9: "ok", 100.1: "not_filled", nan: "not_filled"}
     check_statuses(TEST, config(), GOOD, [(name, {"filling_height_mm": mm}) for mm, name in levels.items()])
-
-
-def test_a_tube_that_cannot_be_filled_or_lifted_is_refused():
     cases = [
         ("lift_from_s", 1.4, "above 1.495, when the last berry appears"),
         ("plate_diameter_mm", 104.0, "above 104, the tube's outer diameter"),
@@ -129,13 +126,10 @@ def test_the_bed_stands_as_high_as_was_asked_for_before_it_is_lifted(level_mm, m
     assert by_number["filling_height_mm"] == pytest.approx(level_mm, abs=5.0)
 
 
-def test_a_bed_that_cannot_come_to_rest_in_time_is_not_filled():
+def test_a_bed_that_cannot_come_to_rest_in_time_is_not_filled_and_the_plate_has_its_diameter():
     record, _ = lifted(1, filling_height_mm=90.0, lift_from_s=0.3)
     assert record["status"] == "not_filled"
     assert "not at 90 mm" in record["reason"]
-
-
-def test_the_plate_has_its_diameter():
     tube = TEST.build(Scene.of(config(**TUBE, plate_diameter_mm=300.0), SET, BEAD, SPHERE))
     assert tube.walls.planes[:, 6].tolist() == pytest.approx([0.15])
 
@@ -162,22 +156,13 @@ def test_a_small_pile_is_measured_as_that_of_the_funnel_and_as_a_picture_of_it()
 
 
 @pytest.mark.slow
-def test_a_tube_that_is_too_short_is_not_filled():
+def test_a_tube_that_is_short_is_not_filled_and_fast_lifting_flattens_the_pile():
     record, _ = lifted(1, berries=60, length_mm=20.0, diameter_mm=40.0)
     assert record["status"] == "not_filled"
     assert record["lifted_aor_deg"] is None
-
-
-@pytest.mark.slow
-def test_wide_berries_jam_in_a_rough_tube():
     rough = SET | {"mus_gp": 2.0, "mur_gp": 2.0, "mus_gg": 2.0}
     record, _ = lifted(1, rough, berries=40, diameter_mm=14.0, length_mm=400.0, lifting_mm_s=400.0)
     assert record["status"] == "jammed"
-
-
-@pytest.mark.slow
-def test_the_faster_the_lifting_the_flatter_the_pile():
-    """18.4, 12.3 and 10.4 degrees at 10, 25 and 50 mm/s for one set of wheat: order and sign, of six pours each."""
     speeds = (10.0, 50.0, 200.0)
     names = ("lifted_aor_deg", "lifted_height_mm")
     runs = [[lifted(seed, lifting_mm_s=speed)[0] for seed in range(1, 7)] for speed in speeds]

@@ -135,7 +135,7 @@ def test_the_check_of_a_configuration_refuses_what_a_pour_would(changes, reason)
         Study.of(config).check_inputs()
 
 
-def test_a_published_set_of_low_restitution_counts(tmp_path):
+def test_a_published_set_of_low_restitution_counts_and_the_smallest_berry_is_one_that_can_be_drawn(tmp_path):
     config = copy.deepcopy(CONFIG)
     config["simulation"] |= {"time_step_s": 3.0e-4, "tension": "release"}
     config["validation"]["published"] = None
@@ -145,9 +145,6 @@ def test_a_published_set_of_low_restitution_counts(tmp_path):
     table.write_text("solution,e_gg,mus_gg,mur_gg,e_gp,mus_gp,mur_gp\n1,0.02,0.5,0.05,0.02,0.5,0.2\n")
     config["validation"]["published"] = str(table)
     assert refused_by_check(config, many, berry)
-
-
-def test_the_smallest_berry_is_one_that_can_be_drawn():
     spread = {"scale_sd": 0.1, "scale_low": 0.8, "scale_high": 1.2}
     least = size_distribution.smallest("measured", spread)
     drawn = size_distribution.of_pour("measured", spread, 1, 2000)[0]

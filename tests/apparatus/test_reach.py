@@ -11,6 +11,7 @@ import pytest
 from repose.apparatus import funnel, reach, scene_size
 from repose.config.study import Study
 from repose.core import places
+from repose.core.targets import completed
 from repose.measure.angles import DEFINITIONS
 from repose.measure.settings import MeasureSettings
 from repose.particle.particle import Particle
@@ -38,7 +39,7 @@ def judged(config, line, dataset_csv=None, particle=None):
     return found
 
 
-def test_the_cone_of_a_height_and_a_volume_in_closed_form():
+def test_the_closed_cone_and_what_is_said_without_angle_and_height(config):
     for angle in (10.0, 32.87, 60.0):
         slope = math.tan(math.radians(angle))
         volume = math.pi * 0.06557**3 / (3 * slope**2)
@@ -46,9 +47,19 @@ def test_the_cone_of_a_height_and_a_volume_in_closed_form():
         bound = reach.steepest_deg("whole", 65.57, reach.DENSEST * volume)
         assert bound == pytest.approx(angle)
     assert 1e6 * math.pi * 0.06557**3 / (3 * math.tan(math.radians(32.87)) ** 2) == pytest.approx(707, abs=0.5)
+    angle, height = config["targets"]
+    drum = {**angle, "response": "drum_slip_deg", "apparatus": "drum"}
+    for targets in ([angle], [height], [drum], [drum, height], []):
+        assert list(reach.said(config | {"targets": targets}, grain(), None)) == []
+    (line,) = reach.said(config, grain(), None)
+    assert line.startswith("reach: ")
+    config["targets"][0]["response"] = "aor_secant_deg"
+    config["measure"] |= WHOLE
+    assert list(reach.of(config, grain())) == ["aor_secant_deg"]
+    assert reach.of(config, grain())["aor_secant_deg"].line == "secant, foot to crest"
 
 
-def test_no_side_and_no_sample_is_steeper_than_the_cone_of_its_mass(config):
+def test_a_side_is_no_steeper_than_the_cone_of_its_mass_and_the_articles_pair_is_none(config):
     rng = np.random.default_rng(1)
     r = (np.arange(4000) + 0.5) / 4000
     for _ in range(200):
@@ -60,9 +71,6 @@ def test_no_side_and_no_sample_is_steeper_than_the_cone_of_its_mass(config):
     row, exact = reach.nearest_row(MeasureSettings(**config["measure"] | WHOLE), "whole", 0.2)
     assert exact
     assert row["largest"] < math.sqrt(reach.DENSEST / funnel.PACKING)
-
-
-def test_the_articles_pair_is_no_whole_side_but_may_be_the_straight_part(config):
     whole = judged(config, WHOLE)
     assert not whole.possible
     assert whole.bound_deg == pytest.approx(28.46, abs=0.01)
@@ -75,7 +83,7 @@ def test_the_articles_pair_is_no_whole_side_but_may_be_the_straight_part(config)
     assert straight.sentence.startswith("a pile of 65.6 mm with 32.9 deg by the line 'flank, 30 to 80 %")
 
 
-def test_the_edge_of_a_band_is_two_standard_deviations_of_band_and_measured_mean(config):
+def test_the_edge_of_a_band_and_samples_that_stand_in_for_the_table(config, tmp_path):
     band = judged(config, STRAIGHT_PART).band
     angle = config["targets"][0]
     error = angle["sd"] / math.sqrt(angle["repetitions"])
@@ -83,18 +91,6 @@ def test_the_edge_of_a_band_is_two_standard_deviations_of_band_and_measured_mean
         for sigmas, possible in ((1.95, True), (2.05, False)):
             angle["value"] = band.mean + side * sigmas * math.hypot(band.sd, error)
             assert judged(config, STRAIGHT_PART).possible is possible
-
-
-@pytest.mark.parametrize("definition", DEFINITIONS)
-@pytest.mark.parametrize("rule", ["columns", "rows", "levels"])
-def test_every_line_has_a_band(config, definition, rule):
-    found = judged(config, {"response": definition, "flank": rule, "fit_from": "berry", "fit_to": 0.85})
-    mean, sd, largest, source = found.band
-    assert 20 < mean < mean + sd < largest < 60
-    assert ("by the nearest line measured" in source) is (definition in ("flank", "steepest"))
-
-
-def test_samples_of_the_study_stand_in_for_the_table_each_carried_at_its_volume(config, tmp_path):
     rng = np.random.default_rng(2)
     heights = rng.uniform(50, 80, 40)
     angles = np.degrees(np.arctan(math.tan(math.radians(30)) * (heights / 65.57) ** 1.5))
@@ -107,6 +103,15 @@ def test_samples_of_the_study_stand_in_for_the_table_each_carried_at_its_volume(
     for few in (table[: reach.FEWEST_SAMPLES - 1], table[["status"]]):
         few.to_csv(tmp_path / "few.csv", index=False)
         assert "goji" in judged(config, STRAIGHT_PART, tmp_path / "few.csv").band.source
+
+
+@pytest.mark.parametrize("definition", DEFINITIONS)
+@pytest.mark.parametrize("rule", ["columns", "rows", "levels"])
+def test_every_line_has_a_band(config, definition, rule):
+    found = judged(config, {"response": definition, "flank": rule, "fit_from": "berry", "fit_to": 0.85})
+    mean, sd, largest, source = found.band
+    assert 20 < mean < mean + sd < largest < 60
+    assert ("by the nearest line measured" in source) is (definition in ("flank", "steepest"))
 
 
 def test_the_band_of_other_numbers_and_grains_says_so(config):
@@ -136,22 +141,9 @@ def test_the_band_holds_for_grains_that_the_table_has_not(crop):
         carried = np.tan(np.radians(table[name])) * (height / table["height_mm"]) ** 1.5
         mean = float(np.degrees(np.arctan(carried)).mean())
         targets = [
-            {"response": response, "value": value, "sd": 0.0, "repetitions": 1}
+            completed({"response": response, "value": float(value), "sd": 0.0, "repetitions": 1})
             for response, value in ((name, mean), ("height_mm", height))
         ]
         found = reach.of(config | {"targets": targets}, body)[name]
         assert found.possible, (definition, mean, found)
         assert ", not of this grain" in found.band.source
-
-
-def test_nothing_is_said_without_angle_and_height_and_an_own_definition_by_its_line(config):
-    angle, height = config["targets"]
-    drum = {**angle, "response": "drum_slip_deg", "apparatus": "drum"}
-    for targets in ([angle], [height], [drum], [drum, height], []):
-        assert list(reach.said(config | {"targets": targets}, grain(), None)) == []
-    (line,) = reach.said(config, grain(), None)
-    assert line.startswith("reach: ")
-    config["targets"][0]["response"] = "aor_secant_deg"
-    config["measure"] |= WHOLE
-    assert list(reach.of(config, grain())) == ["aor_secant_deg"]
-    assert reach.of(config, grain())["aor_secant_deg"].line == "secant, foot to crest"

@@ -8,7 +8,8 @@ import pytest
 import yaml
 
 from repose.apparatus import funnel, scene_size
-from repose.cli import checking, main
+from repose.cli import main
+from repose.config.check import about
 from repose.config.study import Study
 from repose.core import places
 
@@ -23,7 +24,7 @@ def with_grains(config, grains, response="secant"):
     return {**config, "funnel": config["funnel"] | {"berries": grains}, "measure": measure}
 
 
-def test_a_change_is_that_of_the_table_and_fewer_grains_are_enough_where_the_angle_stays(config):
+def test_a_change_is_that_of_the_table_and_a_scaled_scene_keeps_its_proportions(config):
     own = pd.read_csv(scene_size.TABLE).set_index(["grains", "label"])
     for name in ("whole", "secant"):
         found = scene_size.change(500, 125, name)
@@ -40,9 +41,6 @@ def test_a_change_is_that_of_the_table_and_fewer_grains_are_enough_where_the_ang
         assert all(abs(scene_size.change(1000, n, name).angle_deg) <= 1 for n in between)
         below = [n for n in scene_size.numbers() if n < (found or 1000)]
         assert not below or abs(scene_size.change(1000, max(below), name).angle_deg) > 1
-
-
-def test_a_scaled_scene_keeps_its_proportions_and_lets_grains_through(config):
     own = config["funnel"]
     section = funnel.FunnelSettings(**own)
     smaller = scene_size.scaled(section, 4, 13.34)
@@ -112,7 +110,7 @@ def seeds(tmp_path):
 def lines_of(study, path):
     path.write_text(yaml.safe_dump(study))
     loaded = Study.load(path, inputs=True)
-    return list(checking._about(loaded))
+    return list(about(loaded))
 
 
 @pytest.mark.parametrize("response", ["flank", "secant"])

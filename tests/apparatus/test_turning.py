@@ -32,7 +32,7 @@ def bed(angle_deg, count=400):
     return places[below & inside][:count], rng.normal(size=(count, 4))
 
 
-def test_the_angle_is_the_mean_over_the_frames_that_were_kept():
+def test_what_the_angle_and_the_profile_of_a_turning_drum_are():
     frames = [bed(angle) for angle in (20.0, 30.0)]
     position, quaternion = (np.array([frame[k] for frame in frames], np.float32) for k in (0, 1))
     arrays = {"position": position, "quaternion": quaternion, "scale": np.ones(400)}
@@ -49,6 +49,14 @@ def test_the_angle_is_the_mean_over_the_frames_that_were_kept():
     )
     assert (coarse["status"], coarse["turning_deg"]) == ("no_surface", None)
     assert "60 mm a pixel" in coarse["reason"]
+    occupied = np.zeros((100, 100))
+    occupied[80:], occupied[90:] = 1 / 3, 1.0
+    occupied[:, 70:] = 0.0
+    x_m = np.array([-0.02, 0.0, 0.03])
+    for covered, rows in ((0.3, 19.6), (2 / 3, 10.0)):
+        heights = measure_bed.surface_heights(occupied, covered, x_m, 0.05, 1.0)
+        assert heights[:2] == pytest.approx(1e-3 * rows - 0.05, abs=1e-4)
+        assert heights[2] == pytest.approx(-0.04, abs=1e-3)
 
 
 def inclined(angle_deg, seed, count=10_000, radius_m=1e-3):
@@ -69,18 +77,6 @@ def test_the_profile_of_a_flat_bed_is_straight_within_a_tenth_of_a_grain(angle_d
     assert np.abs(heights - np.tan(np.radians(angle_deg)) * x).max() < 0.1 * 2e-3
 
 
-def test_the_profile_lies_where_the_share_of_the_frames_is_crossed():
-    """Two frames of three cover 10 pixels, one covers 20; where no frame covers any, the wall is the surface."""
-    occupied = np.zeros((100, 100))
-    occupied[80:], occupied[90:] = 1 / 3, 1.0
-    occupied[:, 70:] = 0.0
-    x_m = np.array([-0.02, 0.0, 0.03])
-    for covered, rows in ((0.3, 19.6), (2 / 3, 10.0)):
-        heights = measure_bed.surface_heights(occupied, covered, x_m, 0.05, 1.0)
-        assert heights[:2] == pytest.approx(1e-3 * rows - 0.05, abs=1e-4)
-        assert heights[2] == pytest.approx(-0.04, abs=1e-3)
-
-
 def profile_target(name, slope):
     """A target of the configuration as it stands there for the first score of a profile."""
     x = list(range(-40, 41, 10))
@@ -88,7 +84,7 @@ def profile_target(name, slope):
     return {"response": derived(name, "2"), "apparatus": "turning", "profile": kept}
 
 
-def test_each_speed_has_its_time_its_angle_and_its_profile():
+def test_speeds_have_their_times_angles_and_profiles_and_a_run_is_judged():
     frames = [bed(angle) for angle in (20.0, 30.0, 40.0)]
     position, quaternion = (np.array([frame[k] for frame in frames], np.float32) for k in (0, 1))
     arrays = {"position": position, "quaternion": quaternion, "scale": np.ones(400)}
@@ -105,9 +101,6 @@ def test_each_speed_has_its_time_its_angle_and_its_profile():
         assert (found[name], found[score]) == (once["turning_deg"], once["turning_profile_2_mm"])
     lost = TEST.measure({"status": "lost"}, arrays, Scene.of(both, {}, BERRY, PARTICLE))
     assert {lost[name] for name in ("turning_deg", "turning_2_deg", "turning_profile_2_mm")} == {None}
-
-
-def test_speeds_and_times_belong_together_and_a_run_is_judged():
     one = config(measure_from_s=2.5)
     assert turning.speeds(TEST.section(SceneSettings(one))) == [(0.8, 2.5, 8.5)]
     two = config(angular_velocity_rad_s=[0.8, 1.6], measure_from_s=[2.0, 1.0], measure_until_s=3.0)
@@ -120,7 +113,7 @@ def test_speeds_and_times_belong_together_and_a_run_is_judged():
     check_statuses(TEST, one, held, [("unstable", {"unstable": "why"}), ("lost", {"held": False})])
 
 
-def test_a_drum_that_changes_its_speed_goes_on_from_the_first_one():
+def test_a_drum_goes_on_from_its_first_speed_friction_lifts_its_bed_and_tilting_lowers_an_end():
     short = SMALL | {"measure_from_s": 0.2, "measure_until_s": 0.4, "record_s": 0.1}
     once, twice = (
         TEST.run(Scene.of(config(**short, **more), ROUGH, BERRY, PARTICLE, 1))
@@ -132,18 +125,12 @@ def test_a_drum_that_changes_its_speed_goes_on_from_the_first_one():
     np.testing.assert_array_equal(twice.arrays["position"][: len(once.arrays["time_s"])], once.arrays["position"])
     faster = np.abs(np.diff(twice.arrays["position"], axis=0)).mean(axis=(1, 2))
     assert faster[-1] > 1.5 * faster[0]
-
-
-def test_friction_lifts_the_bed_and_without_it_the_bed_stays_level():
     rough, level = (
         run_once(bench("turning"), Scene.of(config(**SMALL), wall, BERRY, PARTICLE, 1))[0] for wall in (ROUGH, SMOOTH)
     )
     assert (rough["status"], level["status"]) == ("ok", "ok")
     assert abs(level["turning_deg"]) < 8.0  # a surface of 60 berries is lumpy
     assert rough["turning_deg"] > 15.0
-
-
-def test_a_tilted_drum_is_low_at_one_end_where_berries_without_friction_gather():
     tilted = config(**SMALL, tilt_deg=20.0)
     simulation = TEST.build(Scene.of(tilted, SMOOTH, BERRY, PARTICLE))
     simulation.add("berry", (0.0, 0.0, 0.0))

@@ -10,7 +10,7 @@ from refusals import input_error
 from shared import check_all
 
 from repose.config import reading
-from repose.core import files
+from repose.core import files, tables
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
 from repose.core.published import check_published
@@ -67,21 +67,12 @@ def test_tables_in_another_unit_are_blamed_on_themselves(tmp_path):
 
 
 TABLES = {
-    "empty": "",
-    "blank lines": "\n\n\n",
-    "only a header": "{header}\n",
-    "no header": "{rows}",
-    "a column twice": "{header},long_mm\n",
-    "a cell too many": "{header}\n{row},1\n",
-    "a cell too few": "{header}\n1,2\n",
-    "cut": "{header}\n{row}\n1",
-    "semicolons": "{semicolons}",
-    "tabs": "{tabs}",
-    "zero bytes": "{header}\n\0\0\n",
-    "json": '{{"a": 1}}',
-    "xml": "<table><tr><td>1</td></tr></table>",
+    "empty": "", "blank lines": "\n\n\n", "only a header": "{header}\n", "no header": "{rows}",
+    "a column twice": "{header},long_mm\n", "a cell too many": "{header}\n{row},1\n",
+    "a cell too few": "{header}\n1,2\n", "cut": "{header}\n{row}\n1",
+    "zero bytes": "{header}\n\0\0\n", "json": '{{"a": 1}}', "xml": "<table><tr><td>1</td></tr></table>",
     "quotes that do not end": '{header}\n"1,2,3\n',
-}
+}  # fmt: skip
 
 
 PUBLISHED = "solution," + ",".join(PARAMETERS) + "\n1,.2,.5,.04,.2,.5,.2\n"
@@ -90,9 +81,8 @@ PUBLISHED = "solution," + ",".join(PARAMETERS) + "\n1,.2,.5,.04,.2,.5,.2\n"
 def test_a_file_that_is_no_table(tmp_path):
     def check(read, text, wrong):
         header, *rows = text.splitlines()
-        parts = {"header": header, "row": rows[0], "rows": "\n".join(rows)}
-        parts |= {"semicolons": text.replace(",", ";"), "tabs": text.replace(",", "\t")}
-        raises(read, tmp_path / "a.csv", TABLES[wrong].format(**parts))
+        filled = TABLES[wrong].format(header=header, row=rows[0], rows="\n".join(rows))
+        raises(read, tmp_path / "a.csv", filled)
 
     kinds = ((berry_files.read_sizes, SIZES), (berry_files.read_compression, TESTS), (check_published, PUBLISHED))
     cases = [(read, text, wrong) for read, text in kinds for wrong in TABLES]
@@ -100,15 +90,15 @@ def test_a_file_that_is_no_table(tmp_path):
 
 
 def test_another_encoding_is_reported_and_a_mark_of_the_byte_order_is_fine(tmp_path):
-    for encoding in ("utf-16", "utf-32", "utf-16-le"):
+    for encoding in ("utf-32", "utf-16-le"):
         table = SIZES.encode(encoding)
         raises(berry_files.read_sizes, tmp_path / "a.csv", table)
-        for read in (files.read_table, files.read_rows, files.read_json):
+        for read in (files.read_table, tables.sheet, files.read_json):
             raises(read, tmp_path / "a.csv", table, ("long_mm",))
     path = tmp_path / "a"
     path.write_bytes(b"\xef\xbb\xbf" + SIZES.encode())
     assert len(berry_files.read_sizes(path)) == len(files.read_table(path, ("long_mm",))) == 2
-    assert files.read_rows(path, ("long_mm",))[1]["long_mm"] == "22"
+    assert tables.sheet(path).text["long_mm"][1] == "22"
     path.write_bytes(b'\xef\xbb\xbf{"a": 1}')
     assert files.read_json(path) == {"a": 1}
 
@@ -203,13 +193,10 @@ def test_a_reader_reads_any_bytes_or_reports_what_is_wrong(tmp_path):
     from hypothesis import strategies as st
 
     readers = {
-        "a.csv": (files.read_table, files.read_rows, berry_files.read_sizes, berry_files.read_compression),
-        "a.json": (files.read_json, berry_files.read_berry, Particle.load),
-        "a.npz": (files.read_npz,),
-        "a.stl": (load_mesh,),
-        "a.png": (read_image,),
-        "a.yaml": (reading.read,),
-    }
+        "a.csv": (files.read_table, tables.sheet, berry_files.read_sizes, berry_files.read_compression),
+        "a.json": (files.read_json, berry_files.read_berry, Particle.load), "a.npz": (files.read_npz,),
+        "a.stl": (load_mesh,), "a.png": (read_image,), "a.yaml": (reading.read,),
+    }  # fmt: skip
 
     def check(content, name):
         path = tmp_path / name
@@ -227,7 +214,7 @@ def test_readers_of_text_take_any_text_or_tell_what_is_wrong(tmp_path):
 
     def check(text):
         path.write_bytes(text.encode())
-        for read in (files.read_table, files.read_rows, files.read_json, berry_files.read_sizes, reading.read):
+        for read in (files.read_table, tables.sheet, files.read_json, berry_files.read_sizes, reading.read):
             assert str(path) in answer(read, path)
 
     drawn(check, text=st.text(alphabet='ab1.,;"\n\r \t-#é[]{}:&*!?|>%@`\x00\ufeff', max_size=60))

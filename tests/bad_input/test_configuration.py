@@ -158,15 +158,12 @@ def test_an_unknown_key_is_reported_in_every_section():
     check_all(unknown, [(f"{place} {extra!r}", place, extra) for place in places for extra in extras])
 
 
-def test_every_section_is_a_mapping():
+def test_every_section_is_a_mapping_and_all_faults_and_contradictions_are_reported_at_once():
     def refused(section, value):
         assert section in faults_of(with_value(section, value))
 
     cases = [(section, value) for section in sections(faults.schema()) for value in (None, [], "text", 3)]
     check_all(refused, [(f"{section} {value!r}", section, value) for section, value in cases])
-
-
-def test_all_faults_and_contradictions_are_reported_at_once():
     config = good()
     keys = ("funnel.seeds", "simulation.gravity_m_s2", "label", "miga.islands", "targets.0.sd", "drum.no_such_key")
     for key in keys:

@@ -62,7 +62,7 @@ ELSEWHERE = ("run", "provenance", "report")
 READING = sorted(name for name, verb in VERBS.items() if name not in ELSEWHERE and any(files_of(verb)))
 
 
-def test_every_verb_refuses_files_that_it_cannot_read(refused, garbage):
+def test_verbs_refuse_files_and_configurations_that_they_cannot_read(refused, garbage):
     def check(name, path):
         words = [name, *NEEDED.get(name, [])]
         for option, _ in files_of(VERBS[name]):
@@ -73,11 +73,6 @@ def test_every_verb_refuses_files_that_it_cannot_read(refused, garbage):
 
     check_all(check, [(f"{name} {kind}", name, path) for name in READING for kind, path in garbage.items()])
 
-
-WITH_CONFIG = sorted(name for name, verb in VERBS.items() if any("--config" in option.names for option in verb.options))
-
-
-def test_every_verb_refuses_a_configuration_that_it_cannot_read(refused, garbage):
     def check(name, config):
         words = [name, *NEEDED.get(name, []), f"--config={config}"]
         for option, keywords in files_of(VERBS[name]):
@@ -95,7 +90,10 @@ def test_every_verb_refuses_a_configuration_that_it_cannot_read(refused, garbage
     check_all(check, [(f"{name} {kind}", name, path) for name in WITH_CONFIG for kind, path in garbage.items()])
 
 
-def test_every_verb_refuses_an_option_that_it_does_not_have(refused):
+WITH_CONFIG = sorted(name for name, verb in VERBS.items() if any("--config" in option.names for option in verb.options))
+
+
+def test_what_options_are_not_there_or_cannot_take(refused):
     def check(name):
         verb = VERBS[name]
         needed = ["some_file" for option, _ in files_of(verb) if not option.startswith("-")]
@@ -103,6 +101,7 @@ def test_every_verb_refuses_an_option_that_it_does_not_have(refused):
         assert "--no-such-option" in refused(name, *NEEDED.get(name, []), *needed, "--no-such-option")
 
     check_all(check, [(name, name) for name in sorted(set(VERBS) - {"run"})])
+    check_all(lambda words: refused(*words), [(" ".join(words), words) for words in BAD_VALUES])
 
 
 AXES = ["--axes", "17", "11", "9", "--stl=a.stl"]
@@ -149,24 +148,16 @@ BAD_VALUES = (
 )
 
 
-def test_values_that_an_option_cannot_take(refused):
-    check_all(lambda words: refused(*words), [(" ".join(words), words) for words in BAD_VALUES])
-
-
 CARD = Path(__file__).parents[2] / "crops/cards/wheat.json"
 
 
-def test_a_card_and_a_configuration_of_two_studies(refused):
-    """Wheat's friction with another crop's density would be a deck of no grain."""
+def test_cards_of_other_studies_or_simulators_and_arrays_of_another_kind_are_refused(refused, tmp_path):
     words = ["export", "--to=edem", f"--card={CARD}"]
     message = refused(*words, "--config=config/config.yaml")
     assert f"{CARD}: material is 'wheat'; expected recommended, as in config/config.yaml" in message
     for key in ("grain.density_kg_m3", "grain.shear_modulus_pa", "grain.mean_axes_mm", "wall.poisson_ratio"):
         assert key in message
     assert "--config is None" in refused(*words)
-
-
-def test_a_card_of_another_simulator_and_arrays_of_another_kind_are_refused(refused, tmp_path):
     card = json.loads(CARD.read_text())
     keep = {key: value for key, value in card.items() if key not in ("grain", "wall", "laws")}
     chance = {"within_1_percent": 0.5, "within_2_percent": 0.5, "inside": 0.5}
@@ -178,14 +169,10 @@ def test_a_card_of_another_simulator_and_arrays_of_another_kind_are_refused(refu
     assert "position_1" in refused("stage", "measure_runs", "a.pours.json", *berry)
 
 
-@pytest.mark.parametrize(
-    ("column", "cell", "words"),
-    [
-        *(("e_gg", cell, "a number") for cell in ("1_0", "\uff10.3", "1:30")),
-        ("gamma_gg", "0.2", "no such column"),
-        ("sample", "1", "each sample once"),
-    ],
-)
+@pytest.mark.parametrize(("column", "cell", "words"), [
+    *(("e_gg", cell, "a number") for cell in ("1_0", "\uff10.3", "1:30")), ("gamma_gg", "0.2", "no such column"),
+    ("sample", "1", "each sample once"),
+])  # fmt: skip
 def test_a_cell_of_a_samples_table_is_refused_by_name(column, cell, words, tmp_path, capsys):
     row = dict(zip(("sample", *PARAMETERS), ("1", ".2", ".5", ".05", ".3", ".5", ".1"), strict=True))
     rows = [row, row | {"sample": "1"}] if column == "sample" else [row | {column: cell}]

@@ -1,4 +1,4 @@
-"""The end of a calibration in words."""
+"""The answer: what it says first, and its chance."""
 
 import json
 import re
@@ -6,23 +6,24 @@ import textwrap
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
+import shared
 from refusals import input_error
-from shared import studied
+from scipy import stats
+from shared import studied, targets_of
 
 from repose import strategies
-from repose.chain import answer
+from repose.chain import answer, expected_loss
+from repose.chain.chance import chance_of_meeting
+from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
+from repose.core.targets import Targets
 
 ROOT = Path(__file__).parents[2]
 TARGET = {
-    "response": "aor_deg",
-    "apparatus": "funnel",
-    "value": 32.0,
-    "sd": 2.0,
-    "repetitions": 10,
-    "range": [31.0, 34.0],
-}
+    "response": "aor_deg", "apparatus": "funnel", "value": 32.0, "sd": 2.0, "repetitions": 10, "range": [31.0, 34.0],
+}  # fmt: skip
 
 
 def study(folder, simulated, feasible=True):
@@ -86,7 +87,7 @@ def test_a_prediction_outside_the_targets_is_no_answer_even_where_the_simulation
     assert found.out_of_reach
 
 
-def test_failed_runs_have_no_number(tmp_path):
+def test_failed_runs_have_no_number_and_a_study_that_has_not_run_is_reported(tmp_path):
     found = read(study(tmp_path, ""))
     assert not found.met
     assert found.checks[0].margin is None
@@ -96,6 +97,7 @@ def test_failed_runs_have_no_number(tmp_path):
     )
     assert found.within == {1.0: None, 2.0: None}
     assert "the distance of the means from their targets is unknown" in str(found)
+    input_error(r"summary\.json", read, {"label": "wheat", "results_dir": str(tmp_path / "no"), "targets": [TARGET]})
 
 
 def test_a_small_run_says_so_first(tmp_path):
@@ -108,8 +110,8 @@ def test_a_small_run_says_so_first(tmp_path):
 
 def of_two(feasible=True, out_of_reach=False, angle=32.0, height=66.0, status="ok"):
     checks = (
-        answer.Check("aor_deg", "deg", angle, None, 9, status, 32.0, 2.0, 31.0, 34.0, predicted=32.5),
-        answer.Check("my_mm", "mm", height, 0.5, 9, status, 66.0, 2.0, 64.0, 68.0),
+        answer.Check("aor_deg", "funnel", "deg", 32.0, 2.0, 5, 31.0, 34.0, angle, None, 9, status, predicted=32.5),
+        answer.Check("my_mm", "own", "mm", 66.0, 2.0, 5, 64.0, 68.0, height, 0.5, 9, status),
     )
     return answer.Result("two", {}, feasible, "", checks, "", {}, out_of_reach=out_of_reach)
 
@@ -158,16 +160,10 @@ def test_an_answer_that_was_not_simulated_has_its_prediction_in_the_first_line()
     )
 
 
-@pytest.mark.parametrize(
-    ("summary", "out_of_reach"),
-    [
-        ({"feasible": True}, False),
-        ({"feasible": False}, True),
-        ({"feasible": False, "stop": "budget"}, False),
-        ({"feasible": False, "stop": "out_of_reach"}, True),
-        ({"feasible": True, "stop": "out_of_reach"}, False),
-    ],
-)
+@pytest.mark.parametrize(("summary", "out_of_reach"), [
+    ({"feasible": True}, False), ({"feasible": False}, True), ({"feasible": False, "stop": "budget"}, False),
+    ({"feasible": False, "stop": "out_of_reach"}, True), ({"feasible": True, "stop": "out_of_reach"}, False),
+])  # fmt: skip
 def test_out_of_reach_is_a_miss_that_was_predicted(summary, out_of_reach):
     assert answer.out_of_reach(summary) is out_of_reach
 
@@ -195,5 +191,75 @@ def test_a_finished_run_of_each_strategy_prints_the_verdict_first_and_ends_well(
     )
 
 
-def test_a_study_that_has_not_run_is_reported(tmp_path):
-    input_error(r"summary\.json", read, {"label": "wheat", "results_dir": str(tmp_path), "targets": [TARGET]})
+def runs_of(values, names):
+    return [dict(zip(names, row, strict=True)) | {"status": "ok"} for row in np.asarray(values, float).tolist()]
+
+
+def test_the_mean_given_few_runs_and_chances_of_one_bench_test_and_of_two():
+    values = [58.0, 60.0, 63.0]
+    jammed = {"status": "jammed", "height_mm": None}
+    runs = {"funnel": [*runs_of(np.array(values)[:, None], ["height_mm"]), jammed]}
+    targets = targets_of(height_mm=60.0)  # met within 5 %
+    mean = stats.t(2, loc=np.mean(values), scale=np.std(values, ddof=1) / np.sqrt(3))
+    chances = chance_of_meeting(runs, targets)
+    expected = mean.cdf(63.0) - mean.cdf(57.0)
+    assert chances == {"height_mm": pytest.approx(expected, abs=5e-3), "all": chances["height_mm"]}
+    near = mean.cdf(60.6) - mean.cdf(59.4)
+    assert chance_of_meeting(runs, targets, 1.0)["all"] == pytest.approx(near, abs=5e-3)
+    one = {"funnel": [runs["funnel"][0], jammed]}
+    assert chance_of_meeting(one, targets) == {"height_mm": None, "all": None}
+    targets = Targets.of(shared.TARGETS)
+    a = np.array([31.2, 33.0, 32.1, 34.3])
+    chance = chance_of_meeting({"funnel": runs_of(np.column_stack([a, 2 * a]), targets.names)}, targets)
+    assert chance["all"] == pytest.approx(min(chance["aor_deg"], chance["height_mm"]), abs=0.06)
+    assert chance["all"] <= min(chance["aor_deg"], chance["height_mm"])
+    targets = targets_of(aor_deg=33.0, drum_slip_deg=44.0)
+    rng = np.random.default_rng(0)
+    runs = {"funnel": runs_of(33.5 + 2 * rng.normal(size=(8, 1)), ["aor_deg"])}
+    runs |= {"drum": runs_of(47 + 3 * rng.normal(size=(8, 1)), ["drum_slip_deg"])}
+    chance = chance_of_meeting(runs, targets)
+    product = chance["aor_deg"] * chance["drum_slip_deg"]
+    assert 0.2 < product < 0.9
+    assert chance["all"] == pytest.approx(product, abs=0.005)
+
+
+SPACE = ParameterSpace.of({name: [0.0, 1.0] for name in PARAMETERS})
+TARGETS = targets_of(height_mm=66.0)
+
+
+class Sure:
+    """Height 40 + 40 x0 with an error of 1 mm where x1 is 0.7, larger elsewhere."""
+
+    inputs = ()
+
+    def predict(self, X):
+        return 40 + 40 * X[:, :1]
+
+    def covariance(self, X):
+        return (1 + 20 * (X[:, 1] - 0.7) ** 2)[:, None, None] ** 2
+
+
+def test_the_set_of_least_loss_is_surest_and_its_loss_the_mean_of_eq_11():
+    found = expected_loss.least(Sure(), SPACE, TARGETS)
+    assert found[PARAMETERS[0]] == pytest.approx(0.65, abs=1e-3)
+    assert found[PARAMETERS[1]] == pytest.approx(0.7, abs=0.01)
+    assert found["height_predicted_mm"] == pytest.approx(66.0, abs=0.02)
+    assert found["predicted_se"]["height_mm"] == pytest.approx(1.0, abs=1e-3)
+    assert found["expected_error_percent"] == pytest.approx(100 / 66, rel=1e-3)
+    one = 2 * stats.norm.cdf(0.66) - 1
+    assert found["within"]["1 %"] == pytest.approx(one, abs=1e-3)
+    assert found["within"]["2 %"] == pytest.approx(2 * stats.norm.cdf(1.32) - 1, abs=1e-3)
+    space = ParameterSpace.of({name: [0.0, 0.5] for name in PARAMETERS} | {PARAMETERS[1]: {"fixed": 0.2}})
+    found = expected_loss.least(Sure(), space, TARGETS)
+    assert found[PARAMETERS[1]] == 0.2
+    assert found[PARAMETERS[0]] == pytest.approx(0.5, abs=1e-3)
+    prior = {"prior": {"mean": 0.2, "sd": 0.1}, "range": [0.0, 1.0]}
+    space = ParameterSpace.of({name: [0.0, 1.0] for name in PARAMETERS} | {PARAMETERS[2]: prior})
+    found = expected_loss.least(Sure(), space, TARGETS)
+    assert found[PARAMETERS[2]] == pytest.approx(0.2, abs=0.01)
+    assert found["height_predicted_mm"] == pytest.approx(66.0, abs=0.02)
+    X = np.full((1, 6), 0.6)
+    draws = np.random.default_rng(0).normal(64.0, 1.2, 400_000)
+    loss = expected_loss.expected_loss(Sure(), X, TARGETS)[0]
+    width = TARGETS[0].high - TARGETS[0].low
+    assert loss == pytest.approx(np.mean(np.abs(draws - 66.0)) / width, rel=0.01)

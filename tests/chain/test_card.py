@@ -56,8 +56,8 @@ def solutions():
 def made(config, solutions, posterior=None, simulated=66.0, runs=32, within=0.5, values=MappingProxyType({}), **known):
     checks = tuple(
         answer.Check(
-            *(target["response"], "mm", simulated, 0.4, runs, "ok"),
-            *(target["value"], target["sd"], *target["range"]),
+            *(target["response"], "funnel", "mm", target["value"], target["sd"], target["repetitions"]),
+            *(*target["range"], simulated, 0.4, runs, "ok"),
             predicted=67.98,
         )
         for target in config["targets"]
@@ -79,7 +79,7 @@ def record_of_an_ellipsoid():
     return Particle("ellipsoid", half[None], 1000.0, volume, mass, inertia, half.max(), 0.0, 0.0).record()
 
 
-def test_a_card_has_intervals_and_correlations_of_the_sets_and_the_simulated_body(config, solutions):
+def test_a_card_has_the_intervals_of_the_sets_or_of_the_posterior(config, solutions):
     made_card = made(config, solutions)
     card.check(made_card, "card")
     parameters = made_card["parameters"]
@@ -90,20 +90,13 @@ def test_a_card_has_intervals_and_correlations_of_the_sets_and_the_simulated_bod
     assert made_card["interval"] == card.RANGE
     made_card = made(config, solutions)
     assert made_card["parameters"]["e_gp"] | {"meaning": ""} == {
-        "meaning": "",
-        "value": 0.3,
-        "low": None,
-        "high": None,
-        "given": "fixed",
-    }
+        "meaning": "", "value": 0.3, "low": None, "high": None, "given": "fixed",
+    }  # fmt: skip
     assert "e_gp" not in made_card["correlations"]
     grain = made(config, solutions)["grain"]
     assert grain["ellipsoids_mm"] == [[4.0, 2.0, 1.0]]
     assert grain["volume_mm3"] == pytest.approx(4 / 3 * np.pi * 8, rel=1e-5)
     assert grain["spheres_mm"] == []
-
-
-def test_the_posterior_replaces_the_range_of_the_sets(config, solutions):
     free = [name for name in PARAMETERS if name not in FIXED]
     intervals = pd.DataFrame({"parameter": free, "credible_low": 0.21, "credible_high": 0.39})
     draws = solutions.assign(mus_gg=solutions["mur_gg"])
@@ -116,20 +109,16 @@ def test_the_posterior_replaces_the_range_of_the_sets(config, solutions):
 SPACE = ParameterSpace.of({name: [0.2, 0.7] if name == "mus_gg" else [0.1, 0.5] for name in PARAMETERS})
 
 
-@pytest.mark.parametrize(
-    ("value", "expected", "words"),
-    [
-        (0.5, {"low": 0.4, "high": 0.6}, "friction"),
-        (0.4, {"low": 0.4, "high": 0.6}, "friction"),
-        (0.3, {"low": 0.3, "high": 0.6, "widened": True}, "friction; interval widened to hold the answer"),
-        (0.65, {"low": 0.4, "high": 0.65, "widened": True}, "friction; interval widened to hold the answer"),
-        (0.2, {"low": 0.4, "high": 0.6, "at_bound": "lower"}, "friction; at the lower bound of the range"),
-        (0.2004, {"low": 0.4, "high": 0.6, "at_bound": "lower"}, "friction; at the lower bound of the range"),
-        (0.2006, {"low": 0.2006, "high": 0.6, "widened": True}, "friction; interval widened to hold the answer"),
-        (0.7, {"low": 0.4, "high": 0.6, "at_bound": "upper"}, "friction; at the upper bound of the range"),
-        (0.6994, {"low": 0.4, "high": 0.6994, "widened": True}, "friction; interval widened to hold the answer"),
-    ],
-)
+@pytest.mark.parametrize(("value", "expected", "words"), [
+    (0.5, {"low": 0.4, "high": 0.6}, "friction"), (0.4, {"low": 0.4, "high": 0.6}, "friction"),
+    (0.3, {"low": 0.3, "high": 0.6, "widened": True}, "friction; interval widened to hold the answer"),
+    (0.65, {"low": 0.4, "high": 0.65, "widened": True}, "friction; interval widened to hold the answer"),
+    (0.2, {"low": 0.4, "high": 0.6, "at_bound": "lower"}, "friction; at the lower bound of the range"),
+    (0.2004, {"low": 0.4, "high": 0.6, "at_bound": "lower"}, "friction; at the lower bound of the range"),
+    (0.2006, {"low": 0.2006, "high": 0.6, "widened": True}, "friction; interval widened to hold the answer"),
+    (0.7, {"low": 0.4, "high": 0.6, "at_bound": "upper"}, "friction; at the upper bound of the range"),
+    (0.6994, {"low": 0.4, "high": 0.6994, "widened": True}, "friction; interval widened to hold the answer"),
+])  # fmt: skip
 def test_an_interval_holds_the_answer_or_tells_the_bound(value, expected, words):
     """The range 0.2 to 0.7 has the width 0.5, so 0.0005 from a bound is at it; the interval is 0.4 to 0.6."""
     found = card.held(SPACE, "mus_gg", value, 0.4, 0.6)
@@ -137,13 +126,10 @@ def test_an_interval_holds_the_answer_or_tells_the_bound(value, expected, words)
     assert card.with_remark("friction", found) == words
 
 
-def test_an_interval_that_begins_at_the_bound_tells_it_too():
+def test_an_interval_that_begins_at_a_bound_tells_it_on_card_and_in_words(config, solutions):
     assert card.held(SPACE, "mus_gg", 0.2, 0.2, 0.6) == {"low": 0.2, "high": 0.6, "at_bound": "lower"}
     fixed = ParameterSpace.of({name: {"fixed": 0.3} if name == "e_gp" else [0.1, 0.5] for name in PARAMETERS})
     assert card.held(fixed, "e_gp", 0.3, None, None) == {"low": None, "high": None}
-
-
-def test_the_card_and_its_words_tell_of_each_interval(config, solutions):
     free = [name for name in PARAMETERS if name not in FIXED]
     intervals = pd.DataFrame({"parameter": free, "credible_low": 0.45, "credible_high": 0.5})
     values = {"e_gg": 0.1, "mus_gg": 0.47, "mus_gp": 0.44}
@@ -262,7 +248,7 @@ def test_a_card_says_whether_piles_can_have_its_angle_at_its_height(config, solu
 def test_an_angle_of_a_pile_has_its_line_and_the_same_piles_by_every_other(config, solutions, capsys, tmp_path):
     config["targets"] = [config["targets"][0] | {"response": "aor_deg", "value": 30.0, "range": [29.0, 31.0]}]
     config["measure"] |= {"response": "secant", "fit_from": 0.3, "fit_to": 0.8, "flank": "levels"}
-    check = answer.Check("aor_deg", "deg", 30.5, 0.4, 32, "ok", 30.0, 1.0, 29.0, 31.0)
+    check = answer.Check("aor_deg", "funnel", "deg", 30.0, 1.0, 10, 29.0, 31.0, 30.5, 0.4, 32, "ok")
     found = answer.Result("wheat", dict.fromkeys(config["parameters"], 0.3), True, "", (check,), Path(), {})
     row = {name: 30.0 + k for k, name in enumerate(MEAN_KEYS.values())}
     row |= {error_of(name): 0.5 for name in MEAN_KEYS.values()} | {"aor_whole_deg": math.nan}
@@ -323,11 +309,8 @@ def test_a_published_card_is_whole(path):
     assert found["within"].keys() == {f"{percent:g} %" for percent in PERCENT}
 
 
-def test_the_published_schema_is_that_of_the_model():
+def test_the_published_schema_is_the_models_and_checks_of_before_are_refused(monkeypatch, tmp_path, capsys):
     assert json.loads((ROOT / "src/repose/chain/card.schema.json").read_text()) == schema()
-
-
-def test_a_check_of_before_the_probabilities_is_refused(monkeypatch, tmp_path, capsys):
     monkeypatch.chdir(ROOT)
     table = pd.read_csv(STUDY / "validation/representative.csv")
     table.drop(columns=["within_1_percent", "within_2_percent"]).to_csv(tmp_path / "old.csv", index=False)

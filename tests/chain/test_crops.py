@@ -23,15 +23,12 @@ NAMES = sorted(path.parent.name for path in CROPS.glob("*/config.yaml"))
 
 # A pour of a tenth of a second. The numbers mean nothing.
 SMALL = {
-    "label": "small",
-    "design": {"samples": 18},
-    "funnel": {"duration_s": 0.9, "seeds": 1, "rest_motion_mm": 100},
-    "simulation": {"rest_energy_j": 1.0e-3},
-    "measure": {"views": 2, "mm_per_pixel": 0.1},
+    "label": "small", "design": {"samples": 18}, "funnel": {"duration_s": 0.9, "seeds": 1, "rest_motion_mm": 100},
+    "simulation": {"rest_energy_j": 1.0e-3}, "measure": {"views": 2, "mm_per_pixel": 0.1},
     "network": {"hidden": 2, "starts": 1, "epochs": 50, "replicates": False},
     "miga": {"islands": 2, "population": 20, "rounds": 5, "generations": 5, "solutions": 10},
     "validation": {"seeds": 1, "representative_seeds": 1},
-}
+}  # fmt: skip
 
 
 def test_there_are_four_of_different_shape_and_size():
@@ -125,13 +122,10 @@ def test_it_runs_from_sizes_to_card_at_small_size(name, tmp_path, monkeypatch, c
     assert json.loads(Path("results/card.json").read_text())["material"] == "small"
 
 
-@pytest.mark.parametrize(
-    ("words", "section"),
-    [
-        (["drum", "--seed", "1"], "drum"),
-        (["pour", "--apparatus", "drum", "--samples", "s.csv", "--sample", "1", "--seeds", "1"], "drum"),
-    ],
-)
+@pytest.mark.parametrize(("words", "section"), [
+    (["drum", "--seed", "1"], "drum"),
+    (["pour", "--apparatus", "drum", "--samples", "s.csv", "--sample", "1", "--seeds", "1"], "drum"),
+])  # fmt: skip
 def test_what_a_crop_has_no_section_for_is_refused_in_one_line(words, section, monkeypatch, capsys):
     monkeypatch.chdir(CROPS / "wheat")
     assert main(["stage", *words, "--config", "config.yaml"]) == 2

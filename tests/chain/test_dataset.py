@@ -81,23 +81,20 @@ def edit(path, change):
     path.write_text(json.dumps(job))
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (lambda job: job.pop("runs"), r"002.json: runs is None"),
-        (lambda job: job.update(runs=[]), r"002.json: runs is \[\]"),
-        (lambda job: job.update(sample=9), r"002.json: sample is 9"),
-        (lambda job: job.update(sample=1), r"002.json: sample is 1; .*001.json"),
-        (lambda job: job["parameters"].update(mus_gg=0.61), r"002.json: parameters.mus_gg is 0.61; expected 0.6"),
-        (lambda job: job["parameters"].pop("e_gp"), r"002.json: parameters.e_gp is None"),
-        (lambda job: job["runs"][0].update(status="fine"), r"002.json: runs\[0\].status is 'fine'"),
-        (lambda job: job["runs"][0].update(aor_deg=None), r"002.json: runs\[0\].aor_deg is None"),
-        (lambda job: job["runs"][0].update(height_mm=math.nan), r"002.json: runs\[0\].height_mm is nan"),
-        (lambda job: job["runs"][0].update(aor_deg=1000), r"runs\[0\].aor_deg is 1000; expected .* up to 89"),
-        (lambda job: job["runs"][0].update(seed=2), r"002.json: seed is \[2, 2, 3\]; expected .* none twice"),
-        (lambda job: job["runs"][0].pop("seed"), r"002.json: seed is \[None, 2, 3\]"),
-    ],
-)
+@pytest.mark.parametrize(("change", "message"), [
+    (lambda job: job.pop("runs"), r"002.json: runs is None"),
+    (lambda job: job.update(runs=[]), r"002.json: runs is \[\]"),
+    (lambda job: job.update(sample=9), r"002.json: sample is 9"),
+    (lambda job: job.update(sample=1), r"002.json: sample is 1; .*001.json"),
+    (lambda job: job["parameters"].update(mus_gg=0.61), r"002.json: parameters.mus_gg is 0.61; expected 0.6"),
+    (lambda job: job["parameters"].pop("e_gp"), r"002.json: parameters.e_gp is None"),
+    (lambda job: job["runs"][0].update(status="fine"), r"002.json: runs\[0\].status is 'fine'"),
+    (lambda job: job["runs"][0].update(aor_deg=None), r"002.json: runs\[0\].aor_deg is None"),
+    (lambda job: job["runs"][0].update(height_mm=math.nan), r"002.json: runs\[0\].height_mm is nan"),
+    (lambda job: job["runs"][0].update(aor_deg=1000), r"runs\[0\].aor_deg is 1000; expected .* up to 89"),
+    (lambda job: job["runs"][0].update(seed=2), r"002.json: seed is \[2, 2, 3\]; expected .* none twice"),
+    (lambda job: job["runs"][0].pop("seed"), r"002.json: seed is \[None, 2, 3\]"),
+])  # fmt: skip
 def test_a_bad_heap_job_is_named(study, change, message):
     folder, paths = study
     edit(paths[1], change)
@@ -110,7 +107,7 @@ def test_missing_corrupt_and_bad_tables_are_named(study):
     samples.drop(columns="mur_gp").to_csv(folder / "short.csv", index=False)
     input_error(r"short.csv: column mur_gp", write, folder / "short.csv", paths, folder)
     pd.concat([samples, samples]).to_csv(folder / "twice.csv", index=False)
-    input_error(r"twice.csv: sample is 1; expected each sample once", write, folder / "twice.csv", paths, folder)
+    input_error(r"twice.csv, row 4: sample is 1; expected each sample once", write, folder / "twice.csv", paths, folder)
     folder, paths = study
     input_error(r"samples without a file is \[2\]", write, folder / "samples.csv", [paths[0], paths[2]], folder)
     input_error(r"absent.json", write, folder / "samples.csv", [folder / "absent.json"], folder)
@@ -185,9 +182,19 @@ def read(tables):
     return dataset, read_runs(tables / "runs.csv", TARGETS, dataset, tables / "dataset.csv")
 
 
-def test_a_whole_study_is_read(tables):
+def test_a_whole_study_is_read_and_runs_twice_lost_or_of_another_are_refused(tables):
     dataset, runs = read(tables)
     assert (len(dataset), len(runs)) == (150, 900)
+    lines = (tables / "runs.csv").read_text().splitlines(keepends=True)
+    (tables / "runs.csv").write_text("".join([*lines[:2], lines[1], *lines[3:]]))
+    input_error(r"row 2: sample and seed is \[.*\]; expected each once", read, tables)
+    (tables / "runs.csv").write_text("".join([lines[0], *lines[2:]]))
+    input_error("rows is 899; expected 900", read, tables)
+    shutil.copy(STUDY.parent / "paper/runs.csv", tables)
+    input_error(r"runs\.csv: rows is 150; expected 900", read, tables)
+    summary = json.loads((tables / "dataset_summary.json").read_text())
+    (tables / "dataset_summary.json").write_text(json.dumps(summary | {"runs": 150}))
+    input_error(r"sample 1: ok runs is 1; expected 6", read, tables)
 
 
 @pytest.mark.parametrize(("name", "rows"), [("dataset.csv", 150), ("runs.csv", 900)])
@@ -204,41 +211,25 @@ def changed(tables, name, row, column, value):
     table.to_csv(tables / name, index=False)
 
 
-@pytest.mark.parametrize(
-    ("name", "column", "value", "message"),
-    [
-        ("dataset.csv", "aor_deg", "inf", "row 3: aor_deg is inf; expected a finite number"),
-        ("dataset.csv", "aor_deg", "nan", "row 3: aor_deg is nan; expected a number from 1 to 89"),
-        ("dataset.csv", "aor_deg", "", "row 3: aor_deg is nan; expected a number from 1 to 89"),
-        ("dataset.csv", "aor_deg", "1000", "row 3: aor_deg is 1000.0; expected a number from 1 to 89"),
-        ("dataset.csv", "aor_deg", "steep", "row 3: aor_deg is 'steep'; expected a finite number"),
-        ("dataset.csv", "aor_deg", "31.0", "mean of aor_deg is .*; expected 31, its mean in"),
-        ("dataset.csv", "aor_se_deg", "", "standard error of aor_deg is .*; expected nan, its standard error in"),
-        ("dataset.csv", "aor_se_deg", "-0.5", "standard error of aor_deg is .*; expected -0.5, its"),
-        ("dataset.csv", "e_gg", "", "row 3: e_gg is nan; expected 0.01 to 1"),
-        ("dataset.csv", "e_gg", "-0.2", "row 3: e_gg is -0.2"),
-        ("dataset.csv", "sample", "2", "row 3: sample is .2.; expected each once"),
-        ("runs.csv", "sample", "2", "sample and seed|sample 1: ok runs is 5; expected 6"),
-        ("runs.csv", "sample", "151", "sample is 151"),
-        ("runs.csv", "aor_deg", "-inf", "row 3: aor_deg is -inf; expected a finite number"),
-        ("runs.csv", "aor_deg", "1000", "row 3: aor_deg is 1000.0"),
-        ("runs.csv", "aor_deg", "30.5", "sample 1: mean of aor_deg is"),
-        ("runs.csv", "status", "jammed", "sample 1: ok runs is 5; expected 6"),
-    ],
-)
+@pytest.mark.parametrize(("name", "column", "value", "message"), [
+    ("dataset.csv", "aor_deg", "inf", "row 3: aor_deg is 'inf'; expected a finite number"),
+    ("dataset.csv", "aor_deg", "nan", "row 3: aor_deg is nan; expected a number from 1 to 89"),
+    ("dataset.csv", "aor_deg", "", "row 3: aor_deg is nan; expected a number from 1 to 89"),
+    ("dataset.csv", "aor_deg", "1000", "row 3: aor_deg is 1000.0; expected a number from 1 to 89"),
+    ("dataset.csv", "aor_deg", "steep", "row 3: aor_deg is 'steep'; expected a finite number"),
+    ("dataset.csv", "aor_deg", "31.0", "mean of aor_deg is .*; expected 31, its mean in"),
+    ("dataset.csv", "aor_se_deg", "", "standard error of aor_deg is .*; expected nan, its standard error in"),
+    ("dataset.csv", "aor_se_deg", "-0.5", "standard error of aor_deg is .*; expected -0.5, its"),
+    ("dataset.csv", "e_gg", "", "row 3: e_gg is nan; expected 0.01 to 1"),
+    ("dataset.csv", "e_gg", "-0.2", "row 3: e_gg is -0.2"),
+    ("dataset.csv", "sample", "2", "row 3: sample is .2.; expected each once"),
+    ("runs.csv", "sample", "2", "sample and seed|sample 1: ok runs is 5; expected 6"),
+    ("runs.csv", "sample", "151", "sample is 151"),
+    ("runs.csv", "aor_deg", "-inf", "row 3: aor_deg is '-inf'; expected a finite number"),
+    ("runs.csv", "aor_deg", "1000", "row 3: aor_deg is 1000.0"),
+    ("runs.csv", "aor_deg", "30.5", "sample 1: mean of aor_deg is"),
+    ("runs.csv", "status", "jammed", "sample 1: ok runs is 5; expected 6"),
+])  # fmt: skip
 def test_a_damaged_cell_is_reported(tables, name, column, value, message):
     changed(tables, name, 2, column, value)
     input_error(message, read, tables)
-
-
-def test_runs_twice_lost_or_of_another_study_are_refused(tables):
-    lines = (tables / "runs.csv").read_text().splitlines(keepends=True)
-    (tables / "runs.csv").write_text("".join([*lines[:2], lines[1], *lines[3:]]))
-    input_error(r"row 2: sample and seed is \[.*\]; expected each once", read, tables)
-    (tables / "runs.csv").write_text("".join([lines[0], *lines[2:]]))
-    input_error("rows is 899; expected 900", read, tables)
-    shutil.copy(STUDY.parent / "paper/runs.csv", tables)
-    input_error(r"runs\.csv: rows is 150; expected 900", read, tables)
-    summary = json.loads((tables / "dataset_summary.json").read_text())
-    (tables / "dataset_summary.json").write_text(json.dumps(summary | {"runs": 150}))
-    input_error(r"sample 1: ok runs is 1; expected 6", read, tables)

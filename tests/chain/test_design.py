@@ -3,10 +3,12 @@
 import numpy as np
 import pandas as pd
 import pytest
-from refusals import input_error, value_error
+from pydantic import ValidationError
+from refusals import value_error
 from shared import RANGES
 
 from repose.chain import design, exchange_search
+from repose.chain.settings import DesignSettings
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 
@@ -22,48 +24,12 @@ def slow_minimum_distance(points):
     return min(sum((x - y) ** 2 for x, y in zip(a, b, strict=True)) ** 0.5 for a, b in pairs)
 
 
-def test_all_designs_are_latin_hypercubes():
+def test_designs_are_latin_hypercubes_and_an_exchange_gains_what_it_says():
     rng = np.random.default_rng(1)
     assert strata_are_filled_once(design.random_lhs(150, 6, rng))
     assert strata_are_filled_once(design.lhsdesign(150, 6, rng=rng))
     for n, d in ((2, 1), (2, 6), (3, 2), (7, 1)):
         assert strata_are_filled_once(design.optimal_lhs(n, d, seed=1))
-
-
-@pytest.mark.slow
-def test_optimal_is_a_latin_hypercube_far_better_than_best_of_20():
-    optimal = design.optimal_lhs(150, 6, seed=2026)
-    assert optimal.shape == (150, 6)
-    assert strata_are_filled_once(optimal)
-    best_of_20 = design.lhsdesign(150, 6, rng=np.random.default_rng(2026))
-    assert design.minimum_distance(optimal) > 0.53
-    assert design.minimum_distance(best_of_20) < 0.35
-    assert design.phi_p(optimal) < design.phi_p(best_of_20)
-
-
-def test_best_of_20_and_criteria_are_those_of_slow_twins():
-    rng = np.random.default_rng(5)
-    distances = [slow_minimum_distance(design.random_lhs(30, 3, rng)) for _ in range(20)]
-    chosen = design.lhsdesign(30, 3, iterations=20, rng=np.random.default_rng(5))
-    assert slow_minimum_distance(chosen) == pytest.approx(max(distances))
-    points = design.random_lhs(12, 3, np.random.default_rng(2))
-    assert design.minimum_distance(points) == pytest.approx(slow_minimum_distance(points))
-    pairs = [(a, b) for i, a in enumerate(points) for b in points[:i]]
-    by_hand = sum(np.linalg.norm(a - b) ** -16.0 for a, b in pairs) ** (1 / 16)
-    assert design.phi_p(points) == pytest.approx(by_hand)
-
-
-def test_the_known_optimum_of_five_points_is_found_and_a_seed_gives_one_design():
-    levels = np.floor(design.optimal_lhs(5, 2, seed=3) * 5)
-    assert slow_minimum_distance(levels) == pytest.approx(np.sqrt(5))
-    first, again, other = (design.optimal_lhs(8, 3, seed=seed) for seed in (7, 7, 8))
-    np.testing.assert_array_equal(first, again)
-    assert not np.array_equal(first, other)
-    # as published designs were made: a rounding that differs leads to another design
-    assert design.minimum_distance(design.optimal_lhs(16, 2, seed=1)) == 0.2312518711027318
-
-
-def test_gain_of_an_exchange_against_recomputation():
     rng = np.random.default_rng(4)
     points = design.random_lhs(25, 4, rng)
     doublings = 3
@@ -86,9 +52,39 @@ def test_gain_of_an_exchange_against_recomputation():
         assert pairs.total() == pytest.approx(after)
 
 
+@pytest.mark.slow
+def test_optimal_is_a_latin_hypercube_far_better_than_best_of_20():
+    optimal = design.optimal_lhs(150, 6, seed=2026)
+    assert optimal.shape == (150, 6)
+    assert strata_are_filled_once(optimal)
+    best_of_20 = design.lhsdesign(150, 6, rng=np.random.default_rng(2026))
+    assert design.minimum_distance(optimal) > 0.53
+    assert design.minimum_distance(best_of_20) < 0.35
+    assert design.phi_p(optimal) < design.phi_p(best_of_20)
+
+
+def test_best_of_20_and_criteria_are_those_of_slow_twins_and_five_points_have_their_optimum():
+    rng = np.random.default_rng(5)
+    distances = [slow_minimum_distance(design.random_lhs(30, 3, rng)) for _ in range(20)]
+    chosen = design.lhsdesign(30, 3, iterations=20, rng=np.random.default_rng(5))
+    assert slow_minimum_distance(chosen) == pytest.approx(max(distances))
+    points = design.random_lhs(12, 3, np.random.default_rng(2))
+    assert design.minimum_distance(points) == pytest.approx(slow_minimum_distance(points))
+    pairs = [(a, b) for i, a in enumerate(points) for b in points[:i]]
+    by_hand = sum(np.linalg.norm(a - b) ** -16.0 for a, b in pairs) ** (1 / 16)
+    assert design.phi_p(points) == pytest.approx(by_hand)
+    levels = np.floor(design.optimal_lhs(5, 2, seed=3) * 5)
+    assert slow_minimum_distance(levels) == pytest.approx(np.sqrt(5))
+    first, again, other = (design.optimal_lhs(8, 3, seed=seed) for seed in (7, 7, 8))
+    np.testing.assert_array_equal(first, again)
+    assert not np.array_equal(first, other)
+    # as published designs were made: a rounding that differs leads to another design
+    assert design.minimum_distance(design.optimal_lhs(16, 2, seed=1)) == 0.2312518711027318
+
+
 @pytest.mark.parametrize("method", ["lhsdesign", "optimal"])
 def test_written_samples_are_still_stratified(tmp_path, method):
-    design.run(ParameterSpace.of(RANGES), 15, method, 2026, tmp_path)
+    design.run(ParameterSpace.of(RANGES), DesignSettings(samples=15, method=method, seed=2026), tmp_path)
     table = pd.read_csv(tmp_path / "samples.csv")
     assert list(table.columns) == ["sample", *PARAMETERS]
     assert list(table["sample"]) == list(range(1, 16))
@@ -101,28 +97,21 @@ def test_written_samples_are_still_stratified(tmp_path, method):
     assert distances["random"] <= distances["lhsdesign"] < distances["optimal"]
 
 
-def test_a_fixed_parameter_is_a_column_and_a_prior_leaves_its_range_filled():
+def test_a_fixed_parameter_is_a_column_and_sizes_without_a_design_are_refused():
     section = RANGES | {"e_gp": {"fixed": 0.4}, "mus_gg": {"prior": {"mean": 0.5, "sd": 0.02}}}
-    table, comparison = design.design(ParameterSpace.of(section), 12, "optimal", 1)
+    table, comparison = design.design(ParameterSpace.of(section), DesignSettings(samples=12, method="optimal", seed=1))
     assert table["e_gp"].tolist() == 12 * [0.4]
     strata = np.floor(12 * (table["mus_gg"] - 0.44) / 0.12)
     assert sorted(strata) == list(range(12))
     assert comparison["samples"].tolist() == [12, 12, 12]
-
-
-@pytest.mark.parametrize(
-    ("samples", "method", "seed", "key"),
-    [
-        (1, "optimal", 1, "samples"),
-        (2.5, "optimal", 1, "samples"),
-        (9, "best", 1, "method"),
-        (9, "optimal", -1, "seed"),
-    ],
-)
-def test_bad_settings_are_refused(tmp_path, samples, method, seed, key):
-    input_error(f"{key} is", design.run, ParameterSpace.of(RANGES), samples, method, seed, tmp_path)
-
-
-def test_sizes_without_a_design_are_refused():
     value_error("at least 2", design.optimal_lhs, 1, 3, seed=1)
     value_error("at least 1", design.lhsdesign, 5, 0)
+
+
+@pytest.mark.parametrize(("samples", "method", "seed", "key"), [
+    (1, "optimal", 1, "samples"), (2.5, "optimal", 1, "samples"), (12, "best", 1, "method"), (12, "optimal", -1, "seed"),
+])  # fmt: skip
+def test_bad_settings_are_refused(samples, method, seed, key):
+    with pytest.raises(ValidationError) as caught:
+        DesignSettings(samples=samples, method=method, seed=seed)
+    assert [error["loc"] for error in caught.value.errors()] == [(key,)]

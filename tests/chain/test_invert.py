@@ -36,19 +36,11 @@ def write_inputs(folder, reach):
     W1 = np.zeros((2, 6))
     W1[0], W1[1, 4] = small, small
     network = {
-        "surrogate": "network",
-        "inputs": list(PARAMETERS),
-        "outputs": ["aor_deg", "height_mm"],
-        "scaled_range": [0.0, 1.0],
-        "input_min": [0.0] * 6,
-        "input_max": [1.0] * 6,
-        "output_min": [0.0, 0.0],
-        "output_max": [1.0, 1.0],
-        "W1": W1.tolist(),
-        "b1": [0.0, 0.0],
-        "W2": [[reach / 6 / small, 0.0], [0.0, 1.0 / small]],
-        "b2": [28.0, 64.0],
-    }
+        "surrogate": "network", "inputs": list(PARAMETERS), "outputs": ["aor_deg", "height_mm"],
+        "scaled_range": [0.0, 1.0], "input_min": [0.0] * 6, "input_max": [1.0] * 6, "output_min": [0.0, 0.0],
+        "output_max": [1.0, 1.0], "W1": W1.tolist(), "b1": [0.0, 0.0],
+        "W2": [[reach / 6 / small, 0.0], [0.0, 1.0 / small]], "b2": [28.0, 64.0],
+    }  # fmt: skip
     (folder / "network.json").write_text(json.dumps(network))
     rows = [(name, 0.1, 0.2, 5.0) for name in PARAMETERS]
     columns = ["parameter", "low", "high", "dispersion_percent"]
@@ -172,7 +164,7 @@ def test_solutions_at_the_bounds_carry_a_warning(tmp_path):
     assert summary["message"].endswith(f"Beyond the samples: {table['warning'].iloc[0]}.")
 
 
-def test_bad_targets_tables_definitions_and_responses_are_refused(tmp_path):
+def test_bad_tables_are_refused_and_a_study_without_published_intervals_has_its_own(tmp_path):
     network_json, table3 = write_inputs(tmp_path, 2.0)
     with pytest.raises(InputError, match=r"aor_deg is 40.*\[29.0, 32.0\]"):
         invert.run(network_json, SPACE, targets(40), SETTINGS, table3, tmp_path)
@@ -189,9 +181,6 @@ def test_bad_targets_tables_definitions_and_responses_are_refused(tmp_path):
     one = Targets(TARGETS[:1])
     with pytest.raises(InputError, match=r"network\.json: outputs is .*; expected the targets aor_deg"):
         invert.run(network_json, SPACE, one, SETTINGS, table3, tmp_path)
-
-
-def test_a_study_without_published_intervals_has_its_own_alone():
     cloud = pd.DataFrame({name: [0.1, 0.3] for name in PARAMETERS})
     space = ParameterSpace(PARAMETERS[1:], np.zeros(5), np.full(5, 2.0), {"e_gg": 0.2})
     table = invert.intervals(cloud.assign(e_gg=0.2), space)

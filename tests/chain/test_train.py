@@ -35,7 +35,7 @@ def test_split_is_the_published_one_and_a_partition(samples, sizes):
     assert sorted(np.concatenate(list(rows.values()))) == list(range(samples))
 
 
-def test_noise_correction_recovers_r2_on_the_noise_free_means():
+def test_noise_correction_recovers_r2_and_shared_noise_is_no_signal():
     random = np.random.RandomState(3)
     m = 20_000
     truth = random.normal(size=m) * 2
@@ -46,6 +46,13 @@ def test_noise_correction_recovers_r2_on_the_noise_free_means():
     assert r2(y, predicted) < 0.8
     assert train.r2_noise_corrected(y, predicted, np.full(m, np.nan)) is None
     assert train.r2_noise_corrected(y, predicted, np.full(m, 10.0)) is None
+    _, learned, _ = of_single_pours(0.0, starts=1)
+    training, flat, _ = of_single_pours(0.0, starts=1, validation_noise=True)
+    assert learned.min() > 2
+    assert flat.max() < 0.25
+    covariance = np.array(training.metrics["noise_covariance"])
+    assert covariance[0, 1] > 0.8 * np.sqrt(covariance[0, 0] * covariance[1, 1])
+    assert training.metrics["noise_freedom"] is None
 
 
 def write_tables(folder, samples=40, seeds=4):
@@ -129,16 +136,6 @@ def of_single_pours(signal, **settings):
     return training, P.std(axis=0) / sd, np.sqrt(np.mean((P - signal * known_function(U)) ** 2, axis=0)) / sd
 
 
-def test_noise_that_single_runs_share_is_no_signal_once_the_validation_samples_show_it():
-    _, learned, _ = of_single_pours(0.0, starts=1)
-    training, flat, _ = of_single_pours(0.0, starts=1, validation_noise=True)
-    assert learned.min() > 2
-    assert flat.max() < 0.25
-    covariance = np.array(training.metrics["noise_covariance"])
-    assert covariance[0, 1] > 0.8 * np.sqrt(covariance[0, 0] * covariance[1, 1])
-    assert training.metrics["noise_freedom"] is None
-
-
 @pytest.mark.slow
 def test_a_signal_of_single_runs_is_found_with_the_noise_of_the_validation_samples():
     _, _, error = of_single_pours(1.0)
@@ -149,7 +146,7 @@ def test_a_signal_of_single_runs_is_found_with_the_noise_of_the_validation_sampl
         assert np.shape(training.metrics["noise_covariance"]) == (2, 2)
 
 
-def test_the_covariance_of_errors_is_their_mean_product_and_nothing_between_bench_tests():
+def test_the_covariance_of_errors_and_too_few_samples(tmp_path):
     errors = np.random.default_rng(14).normal(size=(5, 3)) @ [[1, 0.5, 0.2], [0, 1, 0.3], [0, 0, 1]]
     three = Targets.of([*shared.TARGETS, shared.SLIP])
     covariance = train.error_covariance(errors, three, "my.csv")
@@ -159,9 +156,6 @@ def test_the_covariance_of_errors_is_their_mean_product_and_nothing_between_benc
     for wrong in (errors[:3], np.zeros((5, 3)), errors[:0]):
         with pytest.raises(InputError, match=r"my\.csv: validation samples is \d; expected more than 3"):
             train.error_covariance(wrong, three, "my.csv")
-
-
-def test_too_few_samples_and_missing_columns_are_named(tmp_path):
     paths = write_tables(tmp_path, samples=12)
     input_error(r"usable samples is 11; expected at least 12", train.run, *paths, TARGETS, SETTINGS, tmp_path)
     pd.read_csv(paths[0]).drop(columns="mus_gp").to_csv(paths[0], index=False)
@@ -216,7 +210,7 @@ def test_one_target_is_trained_alone(tmp_path, name):
     assert predictions.columns.tolist() == ["sample", "split", name, response(name).predicted]
 
 
-def test_a_parameter_of_the_contact_law_is_an_input_like_the_six(tmp_path):
+def test_a_parameter_of_the_law_is_an_input_and_noise_of_bench_tests_is_independent(tmp_path):
     dataset_csv, runs_csv = write_tables(tmp_path)
     dataset = pd.read_csv(dataset_csv)
     dataset.insert(7, "gamma_gg", np.linspace(0.0, 0.1, len(dataset)))
@@ -227,10 +221,6 @@ def test_a_parameter_of_the_contact_law_is_an_input_like_the_six(tmp_path):
     assert train.restore(*(tmp_path / name for name in ("out/network.json", "out/predictions.csv", "dataset.csv")))
     dataset.assign(gamma_gg=-0.1).to_csv(dataset_csv, index=False)
     input_error(r"gamma_gg is -0\.1", train.run, dataset_csv, runs_csv, TARGETS, SETTINGS, tmp_path / "out")
-
-
-def test_noise_of_different_bench_tests_is_independent_and_counts_by_their_runs():
-    """Four pours a sample with noises of correlation 0.5, and one turn of the drum a sample in four, two in others."""
     random = np.random.default_rng(6)
     samples = np.arange(400)
     pours = pd.DataFrame({"sample": samples.repeat(4), "apparatus": "funnel", "status": "ok"})

@@ -86,7 +86,7 @@ def tables(folder, failed=(), support=None):
     return validate.run(folder / "v/solutions.csv", paths, TARGETS, MEASURE, theirs, folder / "v", support)
 
 
-def test_solutions_are_samples_with_ours_from_1_and_the_published_from_101(study):
+def test_solutions_and_sets_of_other_works_follow_by_number(study):
     select(study)
     written = pd.read_csv(study / "v/solutions.csv")
     assert written.columns[:7].tolist() == ["sample", *PARAMETERS]
@@ -97,9 +97,6 @@ def test_solutions_are_samples_with_ours_from_1_and_the_published_from_101(study
     assert theirs["sample"].tolist() == [101, 102]
     assert theirs.loc[1, "mus_gg"] == 0.642
     input_error(r"feasible.csv: solutions is 12; expected at least 21", select, study, count=20)
-
-
-def test_sets_of_other_works_follow_with_their_source_and_wall_and_what_was_measured(study):
     row = "yu,someone,silicone rubber,.158,.454,.037,.195,.377,.063,31.27\n"
     (study / "others.csv").write_text(f"solution,source,wall,{','.join(PARAMETERS)},aor_measured_deg\n{row}")
     assert to_simulate(study / "published4.csv", TARGETS.responses) == ["22", "representative", "yu"]
@@ -113,15 +110,6 @@ def test_sets_of_other_works_follow_with_their_source_and_wall_and_what_was_meas
     found = published(study / "published_sets.csv").iloc[2]
     assert found["aor_simulated_deg"] == pytest.approx(28.0)
     assert np.isnan(found["aor_difference_deg"])
-
-
-def test_the_sets_of_the_repository_are_those_of_the_article_and_one_of_another_wall():
-    table = read_sets(places.root() / "resources/published/table4.csv").set_index("solution")
-    assert table.index.tolist() == ["22", "15", "56", "84", "2", "representative", "yu_2022"]
-    yu = table.loc["yu_2022"]
-    assert yu[list(PARAMETERS)].tolist() == [0.158, 0.454, 0.037, 0.195, 0.377, 0.063]
-    assert (yu["wall"], yu["aor_measured_deg"]) == ("silicone rubber", 31.27)
-    assert table["source"].notna().all()
 
 
 def test_table4_has_errors_as_published_and_every_definition_of_the_angle(study):
@@ -163,16 +151,13 @@ def test_table4_has_errors_as_published_and_every_definition_of_the_angle(study)
     assert not far["within_one_sd"].any()
 
 
-def test_a_definition_that_is_a_target_itself_keeps_its_column(study):
+def test_definitions_that_are_targets_keep_their_column_and_stored_sets_may_be_stale(study):
     flank = Targets.of([shared.TARGETS[0] | {"response": "aor_flank_deg"}])
     sets = select(study).assign(aor_flank_predicted_deg=32.0)
     jobs = validate.read_jobs(write_heaps(study, sets), sets, flank)
     table = validate.validate(sets, jobs, flank, MEASURE)["table4"]
     assert table["aor_flank_simulated_deg"].tolist() == table["aor_flank_deg"].tolist() == [32.0] * 6
     assert table["line"].iloc[0].startswith("flank, ")
-
-
-def test_stored_sets_are_stale_by_another_engine_or_scene(study):
     path = stored(study)
     assert not published(path)["stale"].any()
     for name in NOW:
@@ -195,7 +180,7 @@ def test_the_stored_sets_of_the_repository_are_of_todays_engine_and_scene(monkey
     assert set(table["scene"]) == {stands_on.scene(config)}
 
 
-def test_a_failed_simulation_keeps_its_row_without_numbers(study):
+def test_a_failed_or_missing_simulation_keeps_its_row_or_is_named(study):
     result = tables(study, failed=(1, 3, 101))
     table = result["table4"].set_index("sample")
     assert table.loc[3, "status"] == "jammed"
@@ -205,9 +190,6 @@ def test_a_failed_simulation_keeps_its_row_without_numbers(study):
     theirs = result["published"].set_index("sample")
     assert theirs.loc[101, "status"] == "jammed"
     assert np.isnan(theirs.loc[101, "aor_difference_deg"])
-
-
-def test_solutions_beyond_the_samples_carry_a_warning(study):
     random = np.random.RandomState(2)
     support = Support(random.uniform(0.3, 0.7, (200, 6)), np.zeros(6), np.ones(6))
     plain, result = tables(study), tables(study, support=support)
@@ -215,9 +197,6 @@ def test_solutions_beyond_the_samples_carry_a_warning(study):
         assert result[name].columns.tolist() == [*plain[name].columns, "warning"]
     assert (result["table4"]["warning"] == "").sum() >= 3
     assert result["published"]["warning"].str.contains("nearest sample").all()
-
-
-def test_a_missing_simulation_is_named(study):
     paths = write_heaps(study, select(study))
     with pytest.raises(InputError, match=r"samples without a file is \[6\]"):
         validate.run(study / "v/solutions.csv", paths[:-1], TARGETS, MEASURE, published(None), study / "v")
@@ -234,7 +213,7 @@ def cloud(feasible):
     return table
 
 
-def test_validation_takes_the_representative_and_the_farthest_feasible_ones():
+def test_validation_takes_the_farthest_feasible_and_the_stored_sets_are_those_of_the_article():
     picked = validate.select_for_validation(cloud([True] * 11), 3, WIDE)
     # positions 0.4; then 2.0 (1.6 away), then 1.2 (0.8 from both), then 0.0 (0.4) before 0.8 and 1.6 (0.4)
     assert picked["e_gg"].tolist() == pytest.approx([0.4, 2.0, 1.2, 0.0])
@@ -249,6 +228,12 @@ def test_validation_takes_the_representative_and_the_farthest_feasible_ones():
     table = cloud([True] * 6 + [False] * 5)
     assert validate.select_for_validation(table, 5, WIDE)["feasible"].all()
     assert not validate.select_for_validation(table, 6, WIDE)["feasible"].all()
+    table = read_sets(places.root() / "resources/published/table4.csv").set_index("solution")
+    assert table.index.tolist() == ["22", "15", "56", "84", "2", "representative", "yu_2022"]
+    yu = table.loc["yu_2022"]
+    assert yu[list(PARAMETERS)].tolist() == [0.158, 0.454, 0.037, 0.195, 0.377, 0.063]
+    assert (yu["wall"], yu["aor_measured_deg"]) == ("silicone rubber", 31.27)
+    assert table["source"].notna().all()
 
 
 def test_a_study_of_height_alone_and_one_without_a_stored_table(study):

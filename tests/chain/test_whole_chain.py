@@ -11,6 +11,7 @@ import shared
 from shared import RANGES, every_bench_test, target
 
 from repose.chain import dataset, design, invert, train, validate
+from repose.chain.settings import DesignSettings
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
@@ -27,12 +28,9 @@ MIGA = MigaSettings(**(shared.MIGA | SMALL | {"seed": 1}))
 PRIORS = {"e_gp": {"fixed": 0.3}, "mus_gp": {"prior": {"mean": 0.5, "sd": 0.02}, "range": [0.4, 0.8]}}
 # Each response: its value where all parameters are in the middle, what rolling and wall friction add, a run's scatter.
 LAW = {
-    "aor_deg": (30.0, 8.0, 4.0, 0.3),
-    "height_mm": (60.0, 10.0, 12.0, 0.5),
-    "radius_90_mm": (110.0, -20.0, -16.0, 1.0),
-    "base_radius_mm": (120.0, -24.0, -18.0, 1.0),
-    "drum_slip_deg": (40.0, 6.0, 0.0, 0.4),
-}
+    "aor_deg": (30.0, 8.0, 4.0, 0.3), "height_mm": (60.0, 10.0, 12.0, 0.5), "radius_90_mm": (110.0, -20.0, -16.0, 1.0),
+    "base_radius_mm": (120.0, -24.0, -18.0, 1.0), "drum_slip_deg": (40.0, 6.0, 0.0, 0.4),
+}  # fmt: skip
 WANTED = {"mur_gg": 0.055, "mus_gp": 0.55}  # what gives the targets
 
 
@@ -66,7 +64,7 @@ def pour(table, targets, folder, seeds=4):
 
 def whole_chain(out: Path, targets, space, network=NETWORK):
     definitions = {name: {"measure.views": 6} for name in targets.names}
-    samples, _ = design.run(space, 40, "lhsdesign", 1, out / "design")
+    samples, _ = design.run(space, DesignSettings(samples=40, method="lhsdesign", seed=1), out / "design")
     dataset.run(out / "design/samples.csv", pour(samples, targets, out / "jobs"), targets, definitions, out)
     metrics = train.run(out / "dataset.csv", out / "runs.csv", targets, network, out / "network", definitions)
     support = Support.of_dataset(out / "dataset.csv", space)

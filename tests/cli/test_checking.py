@@ -13,7 +13,7 @@ from shared import every_bench_test
 
 from repose.cli import VERBS, checking, docs, main, parser, stages
 from repose.cli.measuring import _settings
-from repose.config import computed, cost
+from repose.config import check, computed, cost
 from repose.core import places
 from repose.dem.time_steps import Limit
 
@@ -27,7 +27,7 @@ from repose.dem.time_steps import Limit
 )
 def test_a_time_step_far_below_the_longest_is_reported_with_the_saved_time(step_s, hint):
     limit = Limit(4.09e-5, "as a pile has it")
-    assert checking.about_step(step_s, limit).endswith(f"at most 4.09e-05, as a pile has it{hint}")
+    assert check.about_step(step_s, limit).endswith(f"at most 4.09e-05, as a pile has it{hint}")
 
 
 @pytest.mark.parametrize("longest_s", [1.0e-3, 3.3e-5, 9.99e-7, 2.0e-6 / 0.8])
@@ -121,7 +121,7 @@ def messages():
                 yield path.relative_to(places.PACKAGE), node.value
 
 
-def test_the_pages_are_listed_printed_and_guessed(capsys):
+def test_the_pages_are_listed_printed_and_guessed_and_messages_name_pages_that_a_wheel_has(capsys):
     assert main(["docs"]) == 0
     listed = dict(line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines())
     assert listed["photographs"] == "Photographs of piles"
@@ -132,9 +132,6 @@ def test_the_pages_are_listed_printed_and_guessed(capsys):
     assert main(["docs", "fotographs"]) == 2
     said = "docs is 'fotographs'; expected a page that `repose docs` lists; did you mean photographs?"
     assert said in capsys.readouterr().err
-
-
-def test_messages_name_pages_that_a_wheel_has():
     files = [*(places.PACKAGE / "config" / "new_crop").rglob("*.*")]
     files += [path for folder in ("config", "profiles") for path in (places.root() / folder).rglob("*.yaml")]
     texts = [*messages(), *((path.name, path.read_text()) for path in files)]

@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -15,7 +16,8 @@ from shared import check_all
 
 from repose.__main__ import main
 from repose.apparatus import job, kept_runs
-from repose.cli import GROUPS, STAGES, TYPED, VERBS, checking, parser, registry
+from repose.cli import GROUPS, STAGES, TYPED, VERBS, parser, registry
+from repose.config import check
 from repose.config.study import Study
 from repose.core import provenance
 from repose.core.parameters import PARAMETERS
@@ -63,7 +65,7 @@ def test_every_verb_explains_itself_with_an_example_that_parses(capsys, monkeypa
     assert not silent
 
 
-def test_help_fits_a_screen_and_lists_and_groups_what_a_person_types(capsys):
+def test_help_fits_a_screen_and_guesses_what_was_mistyped(capsys):
     with pytest.raises(SystemExit):
         main(["--help"])
     out = capsys.readouterr().out
@@ -76,9 +78,6 @@ def test_help_fits_a_screen_and_lists_and_groups_what_a_person_types(capsys):
         main(["stage", "--help"])
     assert re.findall("^ {2}([a-z_]+) {2,}", capsys.readouterr().out, re.MULTILINE)[-len(STAGES) :] == list(STAGES)
     assert not [name for names in GROUPS.values() for name in names if name not in VERBS]
-
-
-def test_a_mistyped_verb_or_stage_is_guessed_and_each_has_a_name_of_its_own(capsys):
     assert "did you mean measure?" in error_of(capsys, "mesure")
     assert "did you mean dataset?" in error_of(capsys, "stage", "datset")
     assert "did you mean stage dataset?" in error_of(capsys, "datset")
@@ -101,14 +100,11 @@ def test_the_version_and_the_commit_are_printed(monkeypatch, capsys, commit):
     assert re.fullmatch(rf"repose \d+\.\d+\.\d+{after}\n", capsys.readouterr().out)
 
 
-def test_help_loads_none_of_the_slow_libraries_that_the_verbs_need():
+def test_help_loads_no_slow_library_and_the_module_ends_with_2_on_bad_input():
     code = "import sys; from repose.__main__ import main\ntry: main(['heap', '--help'])\nexcept SystemExit: "
     code += "print('loaded:', *({'numba', 'scipy', 'pandas', 'cv2', 'matplotlib'} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "loaded:"
-
-
-def test_the_module_runs_as_a_program_that_ends_with_2_on_bad_input_and_without_a_reader():
     command = [sys.executable, "-m", "repose", "check", "--config", "nowhere.yaml"]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 2
@@ -133,11 +129,8 @@ def test_check_prints_the_number_of_pours(capsys):
     assert "min on 2 cores" in out
     assert "funnel.berries would" not in out
     lines = (
-        "time step: simulation.time_step_s is",
-        "stiffness: the pile sinks by",
-        "volume: 500 grains hold",
-        "reach: ",
-    )
+        "time step: simulation.time_step_s is", "stiffness: the pile sinks by", "volume: 500 grains hold", "reach: ",
+    )  # fmt: skip
     lines += ("funnel: centre of the ranges: angle of repose ",)
     lines += ("aor_deg: WARNING: the target 32.87 is outside the single runs, ",)
     assert [line for line in lines if line not in out] == []
@@ -145,23 +138,18 @@ def test_check_prints_the_number_of_pours(capsys):
 
 BAD_OPTIONS_OF_HEAP = (
     (["--set", "mus=0.5"], ["--set mus", "e_gg (restitution, grain-grain)"]),
-    (["--set", "e_gg=2"], ["e_gg is 2.0", "0.01 to 1"]),
-    (["--set", "e_gg=nan"], ["e_gg is nan"]),
-    (["--set", "mus_gg=-0.1"], ["mus_gg is -0.1", "at least 0"]),
-    (["--set", "mus_gg=inf"], ["mus_gg is inf"]),
+    (["--set", "e_gg=2"], ["e_gg is 2.0", "0.01 to 1"]), (["--set", "e_gg=nan"], ["e_gg is nan"]),
+    (["--set", "mus_gg=-0.1"], ["mus_gg is -0.1", "at least 0"]), (["--set", "mus_gg=inf"], ["mus_gg is inf"]),
     (["--set", "mus_gg=rough"], ["mus_gg is 'rough'", "a number"]),
     (["--set", "mus_gg"], ["--set is 'mus_gg'", "NAME=VALUE"]),
-    (["--set", "e_gg=0.2", "--set", "e_gg=0.3"], ["each name once"]),
-    (["--seed", "-1"], ["--seed is [-1]"]),
-    (["--seed", "1", "--seed", "1"], ["distinct"]),
-    (["--seeds", "0"], ["--seeds is 0"]),
+    (["--set", "e_gg=0.2", "--set", "e_gg=0.3"], ["each name once"]), (["--seed", "-1"], ["--seed is [-1]"]),
+    (["--seed", "1", "--seed", "1"], ["distinct"]), (["--seeds", "0"], ["--seeds is 0"]),
     (["--sample", "3"], ["--sample is 3", "together with --samples"]),
     (["--samples", "nowhere.csv", "--sample", "1"], ["nowhere.csv"]),
     (["--samples", "resources/berries.csv", "--sample", "1"], ["berries.csv: column sample is 'missing'"]),
-    (["--trajectory", "0"], ["--trajectory is 0.0"]),
-    (["--particle", "nowhere.json"], ["nowhere.json"]),
+    (["--trajectory", "0"], ["--trajectory is 0.0"]), (["--particle", "nowhere.json"], ["nowhere.json"]),
     (["--berry", "nowhere.json"], ["nowhere.json"]),
-)
+)  # fmt: skip
 
 
 def test_heap_refuses_bad_options_before_it_pours(capsys, tmp_path):
@@ -288,15 +276,13 @@ def test_measure_prints_the_angles_of_a_drawn_pile_and_writes_the_overlay(tmp_pa
     assert values["aor_deg"] == values["aor_flank_deg"] == pytest.approx(30.0, abs=0.5)
 
 
-def test_measure_refuses_a_picture_without_a_pile(tmp_path, capsys):
+def test_measure_refuses_no_pile_and_a_locale_without_a_letter_does_no_harm(tmp_path, capsys, monkeypatch):
     path, out = tmp_path / "empty.png", str(tmp_path / "out")
     cv2.imwrite(str(path), np.full((200, 300), 200, np.uint8))
     words = ("measure", str(path), "--mm-per-pixel", "0.1", "--out", out)
     assert "a pile with two flanks" in error_of(capsys, *words)
     assert "nowhere.png" in error_of(capsys, "measure", "nowhere.png", "--mm-per-pixel", "0.1")
 
-
-def test_a_locale_without_a_letter_does_not_end_a_verb(monkeypatch):
     def provenance(_args):
         print("1 ± 0.1 µm")
 
@@ -310,22 +296,17 @@ def test_a_locale_without_a_letter_does_not_end_a_verb(monkeypatch):
 @pytest.mark.parametrize(("sd", "piles", "warned"), [(0, 10, "sd is 0"), (1.0, 2, "repetitions is 2"), (1.0, 3, None)])
 def test_check_warns_of_piles_that_tell_no_scatter(sd, piles, warned):
     target = {"response": "aor_deg", "apparatus": "funnel", "sd": sd, "repetitions": piles}
-    lines = list(checking._about_the_targets({"targets": [target]}))
+    lines = list(check.of_targets(SimpleNamespace(settings=SimpleNamespace(targets=[SimpleNamespace(**target)]))))
     assert len(lines) == (warned is not None)
     if warned:
         assert f"aor_deg: WARNING: {warned}" in lines[0]
 
 
-@pytest.mark.parametrize(
-    ("words", "own", "warned"),
-    [
-        (["design"], None, True),
-        (["design", "--config=small.yaml"], None, True),
-        (["design", "--config=config/paper.yaml"], None, False),
-        (["design"], "config.yaml", False),
-        (["design", "--config=own.yaml"], None, False),
-    ],
-)
+@pytest.mark.parametrize(("words", "own", "warned"), [
+    (["design"], None, True), (["design", "--config=small.yaml"], None, True),
+    (["design", "--config=config/paper.yaml"], None, False), (["design"], "config.yaml", False),
+    (["design", "--config=own.yaml"], None, False),
+])  # fmt: skip
 def test_the_built_in_crop_is_reported_in_a_folder_without_a_configuration(
     words, own, warned, tmp_path, monkeypatch, capsys
 ):
@@ -340,3 +321,18 @@ def test_the_built_in_crop_is_reported_in_a_folder_without_a_configuration(
     monkeypatch.setattr("repose.chain.design.run", lambda *_: None)
     assert main(words) == 0
     assert ("built-in goji example" in capsys.readouterr().err) is warned
+
+
+def test_codes_of_a_terminal_in_texts_of_users_are_not_obeyed(tmp_path, capsys):
+    shown = json.loads((ROOT / "crops/cards/wheat.json").read_text()) | {"reason": "\x1b[31mred\x07\u009b"}
+    (tmp_path / "card.json").write_text(json.dumps(shown))
+    main(["card", "check", str(tmp_path / "card.json")])
+    out = capsys.readouterr().out
+    assert not {"\x1b", "\x07", "\u009b"} & set(out)
+    assert "\\x1b[31mred\\x07\\x9b" in out
+
+
+@pytest.mark.parametrize("out", ["", "/", "/tmp/.."])
+def test_a_verb_does_not_write_to_the_root(out, capsys):
+    assert main(["marker", "--out", out]) == 2
+    assert f"command line: --out is {out!r}; expected the path of a file or folder" in capsys.readouterr().err

@@ -34,9 +34,9 @@ def test_words_become_those_of_snakemake(tmp_path, monkeypatch, given):
         "-c2": ["--cores", "2", *SNAKEFILE],
         "refined -c 2": ["--cores", "2", *SNAKEFILE, "refined"],
         "--cores 2 refined": ["--cores", "2", *SNAKEFILE, "refined"],
-        "-j 3": [*SNAKEFILE, "-j", "3"],
-        "--profile mine": [*SNAKEFILE, "--profile", "mine"],
-        "berry --profile profiles/slurm -n": [*SNAKEFILE, "berry", "--profile", SLURM, "-n"],
+        "-j 3": ["--jobs", "3", *SNAKEFILE],
+        "--profile mine": ["--profile", "mine", *SNAKEFILE],
+        "berry --profile profiles/slurm -n": ["--profile", SLURM, *SNAKEFILE, "berry", "-n"],
         "-s mine.smk -c1": ["--cores", "1", "--snakefile", "mine.smk"],
         "-c1 --configfile config/quick.yaml": ["--configfile", QUICK, "--cores", "1", *SNAKEFILE],
         "-c1 --configfile=config/quick.yaml": ["--configfile", QUICK, "--cores", "1", *SNAKEFILE],
@@ -53,7 +53,7 @@ def test_words_become_those_of_snakemake(tmp_path, monkeypatch, given):
         assert given == expected, words
 
 
-def test_a_closed_terminal_that_is_ignored_stays_so():
+def test_a_target_that_nothing_makes_and_a_closed_terminal(tmp_path):
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
         with run._as_interrupts([]):
@@ -62,6 +62,12 @@ def test_a_closed_terminal_that_is_ignored_stays_so():
         assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
     finally:
         signal.signal(signal.SIGHUP, before)
+    (tmp_path / "Snakefile").write_text("rule one:\n    output: 'one.txt'\n    shell: 'touch {output}'\n")
+    words = ["repose", "run", "nonsense", "-c1", "-s", "Snakefile", "--workflow-profile", "none", "--logger", "repose"]
+    done = subprocess.run([sys.executable, "-m", *words], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert "repose: error: command line: target is 'nonsense'; expected a target" in done.stderr
+    assert "MissingRuleException" not in done.stderr
 
 
 def test_without_snakemake_the_message_says_what_to_install(monkeypatch, capsys):
@@ -112,15 +118,12 @@ def test_the_list_names_targets_with_their_cost_and_strategies_that_cannot_be(ca
     assert "not with this configuration: response_surface.surface; expected " in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["--configfile", "no_such.yaml"], "no_such.yaml: file is 'No such file or directory'"),
-        (["--configfile=config/quick.yaml", "--configfile=bad.yaml"], "bad.yaml: line 1 is"),
-        (["--config", "label"], f"{WRONG} 'label'; expected KEY=VALUE"),
-        (["--config", "label=a", "uncertainty"], f"{WRONG} 'uncertainty'; expected KEY=VALUE; a target goes before"),
-    ],
-)
+@pytest.mark.parametrize(("words", "message"), [
+    (["--configfile", "no_such.yaml"], "no_such.yaml: file is 'No such file or directory'"),
+    (["--configfile=config/quick.yaml", "--configfile=bad.yaml"], "bad.yaml: line 1 is"),
+    (["--config", "label"], f"{WRONG} 'label'; expected KEY=VALUE"),
+    (["--config", "label=a", "uncertainty"], f"{WRONG} 'uncertainty'; expected KEY=VALUE; a target goes before"),
+])  # fmt: skip
 def test_words_that_snakemake_would_answer_with_a_traceback_are_refused(words, message, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "bad.yaml").write_text("a: [")
@@ -138,12 +141,3 @@ def test_help_shows_the_options_and_other_verbs_refuse_words_that_they_do_not_kn
         main(["check", "--speed", "3"])
     assert end.value.code == 2
     assert "unrecognized arguments: --speed 3" in capsys.readouterr().err
-
-
-def test_a_target_that_nothing_makes_is_bad_input(tmp_path):
-    (tmp_path / "Snakefile").write_text("rule one:\n    output: 'one.txt'\n    shell: 'touch {output}'\n")
-    words = ["repose", "run", "nonsense", "-c1", "-s", "Snakefile", "--workflow-profile", "none", "--logger", "repose"]
-    done = subprocess.run([sys.executable, "-m", *words], cwd=tmp_path, capture_output=True, text=True)
-    assert done.returncode == 2
-    assert "repose: error: command line: target is 'nonsense'; expected a target" in done.stderr
-    assert "MissingRuleException" not in done.stderr

@@ -1,4 +1,4 @@
-"""What `repose run` shows, from the events of snakemake; in a pseudo terminal and without one."""
+"""What `repose run` shows: stages, progress, time left, faults."""
 
 import logging
 import os
@@ -16,6 +16,7 @@ import pytest
 from snakemake_interface_logger_plugins.common import LogEvent
 
 from repose.cli import run_display
+from repose.cli.run_display import Running, RunProgress, rough_time
 from repose.core import places
 
 STATS = {"pour": 2, "miga": 1, "all": 1, "total": 4}
@@ -124,12 +125,15 @@ def test_no_time_is_awaited_where_nothing_pours_errors_are_said_and_targets_are_
     assert "Doing all" not in capsys.readouterr().err
 
 
-def test_an_empty_log_on_a_full_disk_says_so(tmp_path, monkeypatch):
+def test_an_empty_log_says_so_and_snakemake_finds_the_display_by_its_package(tmp_path, monkeypatch):
     log = tmp_path / "a.log"
     log.touch()
     assert run_display.last_lines(log) == ["(it is empty)"]
     monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=0))
     assert run_display.last_lines(log) == ["(it is empty: the disk is full)"]
+    from snakemake_interface_logger_plugins.registry import LoggerPluginRegistry
+
+    assert LoggerPluginRegistry().get_plugin("repose").log_handler is run_display.LogHandler
 
 
 @pytest.mark.parametrize("option", ["dryrun", "quiet", "verbose", "printshellcmds", "debug_dag"])
@@ -139,12 +143,6 @@ def test_an_option_for_snakemakes_own_output_shows_that(option, capsys):
     setattr(settings, option, {"progress"} if option == "quiet" else True)
     run_display.LogHandler(settings, None).emit(emitted("Select jobs to execute..."))
     assert capsys.readouterr().err == "Select jobs to execute...\n"
-
-
-def test_snakemake_finds_the_display_by_the_name_of_its_package():
-    from snakemake_interface_logger_plugins.registry import LoggerPluginRegistry
-
-    assert LoggerPluginRegistry().get_plugin("repose").log_handler is run_display.LogHandler
 
 
 WORKFLOW = """
@@ -247,3 +245,89 @@ def test_an_ended_run_goes_on_with_the_same_command(naps, end):
     again = Terminal(naps)
     assert again.ended()[0] == 0, again.shown
     assert re.search(r"pour .*4 of 4", again.shown)
+
+
+BEGAN_S = 1000.0
+
+
+@pytest.fixture
+def plan():
+    """A job for the sizes, four that pour, and a search."""
+    progress = RunProgress()
+    progress.planned.update({"berry": 1, "pour": 4, "miga": 1})
+    return progress
+
+
+def pour(number, folder, began_s=BEGAN_S):
+    return Running("pour", "Pouring", began_s, str(folder / f"{number}.pours.json"))
+
+
+def kept(folder, name, date_s):
+    (folder / "runs").mkdir(exist_ok=True)
+    path = folder / "runs" / name
+    path.touch()
+    os.utime(path, (date_s, date_s))
+
+
+def test_nothing_is_reported_before_the_first_pour_is_made(plan, tmp_path):
+    plan.start(8, Running("berry", "Sizes", BEGAN_S - 100, "berry.json"))
+    plan.finish(8, BEGAN_S)
+    plan.start(0, pour(0, tmp_path))
+    assert plan.pours_a_minute(BEGAN_S + 50) is None
+    assert plan.left_s(BEGAN_S + 50) is None
+
+
+def test_rate_and_time_left_of_finished_jobs(plan, tmp_path):
+    for number in (0, 1):
+        plan.start(number, pour(number, tmp_path))
+        for seed in (1, 2, 3):
+            kept(tmp_path, f"{number}_{seed}.npz", BEGAN_S + 10 * seed)
+    for number in (0, 1):
+        plan.finish(number, BEGAN_S + 40)
+    # six pours in 40 s; two jobs at once, of which two more are left
+    assert plan.pours_a_minute(BEGAN_S + 40) == pytest.approx(9.0)
+    assert plan.left_s(BEGAN_S + 40) == pytest.approx(40.0)
+    assert plan.done["pour"] == 2
+
+
+def test_a_job_counts_the_runs_that_it_has_kept_since_it_began(plan, tmp_path):
+    kept(tmp_path, "001_1.npz", BEGAN_S - 500)
+    kept(tmp_path, "001_2.npz", BEGAN_S + 10)
+    kept(tmp_path, "0010_3.npz", BEGAN_S + 10)  # of another job
+    plan.start(0, pour("001", tmp_path))
+    assert plan.pours_done == 1
+    assert plan.pours_a_minute(BEGAN_S + 60) == pytest.approx(1.0)
+    plan.finish(0, BEGAN_S + 60)
+    assert plan.pours_done == 1, "a run that was kept before is not poured again"
+
+
+def test_a_complete_job_counts_the_runs_that_it_has_timed(plan, tmp_path):
+    (tmp_path / "timings").mkdir()
+    for number, date_s in (("001", BEGAN_S + 50), ("002", BEGAN_S - 500)):
+        path = tmp_path / f"timings/{number}.json"
+        path.write_text('{"wall_s": {"7": 3.1, "8": 2.9}}')
+        os.utime(path, (date_s, date_s))
+        plan.start(int(number), pour(number, tmp_path))
+        plan.finish(int(number), BEGAN_S + 60)
+    assert plan.pours_done == 2
+
+
+def test_jobs_of_a_checkpoint_are_planned_and_a_failed_one_known_until_they_begin(plan, tmp_path):
+    plan.start(0, pour(0, tmp_path))
+    assert plan.fail(0).rule == "pour"
+    assert plan.fail(0) is None
+    assert list(plan.failed) == [0]
+    plan.start(0, pour(0, tmp_path))
+    assert not plan.failed
+    for number in range(5):
+        plan.start(number, pour(number, tmp_path))
+        plan.finish(number, BEGAN_S + 10)
+    assert plan.planned["pour"] == 5
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"),
+    [(20, "less than a minute"), (60, "about 1 min"), (5300, "about 88 min"), (7300, "about 2 h 2 min")],
+)
+def test_times_in_words(seconds, words):
+    assert rough_time(seconds) == words

@@ -10,31 +10,19 @@ import pytest
 SNAKEFILE = Path(__file__).parents[2] / "workflow" / "Snakefile"
 
 
-def test_one_core_takes_all_jobs_one_after_another():
+def test_one_core_takes_all_jobs_one_after_another_and_enough_cores_take_the_longest_job():
     assert campaign.makespan_s([10.0] * 4, cores=1, start_s=5.0, submitted_per_s=1e9) == pytest.approx(60.0)
-
-
-def test_enough_cores_take_the_longest_job():
     assert campaign.makespan_s([10.0, 30.0, 20.0], cores=3, start_s=5.0, submitted_per_s=1e9) == pytest.approx(35.0)
 
 
-def test_submitting_takes_its_time():
+def test_submitting_takes_its_time_and_local_rules_and_other_jobs_are_no_cluster_jobs(tmp_path):
     assert campaign.makespan_s([1.0] * 100, cores=100, start_s=0.0, submitted_per_s=2.0) == pytest.approx(50.5)
-
-
-def test_times_of_a_sample_are_those_of_its_two_jobs(tmp_path):
     for name, seconds in (("001", 12.5), ("001_measured", 2.5)):
         (tmp_path / f"{name}.tsv").write_text(f"s\tmax_rss\tcpu_time\n99.0\t100\t{seconds}\n")
     assert campaign.measured_s(tmp_path) == [15.0]
-
-
-def test_rules_that_stay_off_the_cluster_are_those_of_the_workflow():
     listed = re.findall(r"^ *localrules:\n((?: +\w+,\n)+)", SNAKEFILE.read_text(), re.MULTILINE)
     assert len(listed) == 2
     assert set(re.findall(r"\w+", "".join(listed))) == overhead.LOCAL
-
-
-def test_work_of_cluster_jobs_leaves_the_others_out(tmp_path):
     for name in ("heaps/001", "berry"):
         path = tmp_path / "results" / "benchmarks" / f"{name}.tsv"
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,5 +1,6 @@
 """Advice before a study pours, and what it needs, against answers that are known."""
 
+import copy
 import math
 from types import SimpleNamespace
 
@@ -31,16 +32,13 @@ def column(modulus_pa, height_m, gravity, layers):
     return sum(overlaps) / layers / d
 
 
-def test_the_sinking_is_that_of_a_column_and_the_softest_grain_has_the_largest(config):
+def test_the_sinking_is_that_of_a_column_and_the_pile_the_cone_of_its_angle(config):
     found = advice.softening(config, SPHERE | {"shear_modulus_pa": 1e6})
     assert found.sinking == pytest.approx(column(1e6, 0.03, 9.81, 2000), rel=1e-4)
     softest = advice.softening(config, SPHERE | {"shear_modulus_pa": 7.7e7}).softest_pa
     assert softest < 7.7e7
     again = advice.softening(config, SPHERE | {"shear_modulus_pa": softest})
     assert again.sinking == pytest.approx(advice.LARGEST_SINKING)
-
-
-def test_without_a_height_the_pile_is_the_cone_of_the_angle_and_other_targets_say_nothing(config):
     config["targets"] = [target("aor_deg", 30.0)]
     height = advice.height_m(config, SPHERE)
     assert f"a cone of 30 deg and {1e3 * height:.3g} mm Height" in advice.filling(config, GRAIN_M3)[0]
@@ -92,7 +90,8 @@ def test_sentences_tell_what_a_softer_grain_brings(config):
     assert f"of the time of {advice.needed_grains(config, GRAIN_M3)};" in smaller
 
 
-def test_each_strategy_has_its_own_pours(config):
+def test_time_goes_with_the_slowest_bench_test_and_each_strategy_has_its_own_pours(config):
+    first, second = copy.deepcopy(config), copy.deepcopy(config)
     config["response_surface"] |= {"screening_runs": 12, "steps": 5, "most_factors": 3, "centres": 5, "checks": 8}
     config["response_surface"] |= {"surface": "box_behnken", "seeds": 3}
     assert strategies.pours(config) is None
@@ -105,17 +104,12 @@ def test_each_strategy_has_its_own_pours(config):
     config["strategy"] = "sequential"
     config["sequential"] |= {"most_pours": 120, "seeds": 3}
     assert strategies.pours(config) == (("at most", 40, 3),)
-
-
-def test_a_study_takes_its_runs_and_a_rest(config):
     del config["drum"]
     config["design"]["samples"], config["funnel"]["seeds"] = 30, 4
     config["validation"] |= {"published": None, "solutions": 1, "seeds": 8, "representative_seeds": 16}
     work = cost.work(config, 1e-7)
     assert work["total_s"] == pytest.approx(cost.REST_S + 32 * cost.JOB_START_S + 144 * work["pour_s"])
-
-
-def test_the_time_is_that_of_the_slowest_bench_test_and_goes_with_what_was_measured(config):
+    config = first
     config["refine"]["seeds"] = 100
     slowest = max(cost.run_s(config, name) for name in ("funnel", "drum"))
     assert cost.longest_job_s(config) == pytest.approx(cost.JOB_START_S + 100 * slowest)
@@ -125,9 +119,7 @@ def test_the_time_is_that_of_the_slowest_bench_test_and_goes_with_what_was_measu
     config["simulation"]["time_step_s"] = 1e-4
     assert cost.run_s(config, "funnel", 1e-7) == pytest.approx(100 * 5.0 / 1e-4 * 1e-7)
     assert cost.run_s(config, "funnel", 3e-7) == pytest.approx(3 * cost.run_s(config, "funnel", 1e-7))
-
-
-def test_work_counts_every_pour(config):
+    config = second
     config["simulation"]["time_step_s"] = 2.5e-4
     work = cost.work(config)
     solutions = (("representative", 1, 32), ("validation", 5, 12))

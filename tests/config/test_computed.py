@@ -34,7 +34,7 @@ def folder(tmp_path, monkeypatch, by_hand):
     return tmp_path
 
 
-def test_what_is_left_out_is_near_what_an_author_chose(folder, by_hand):
+def test_what_is_left_out_is_computed_and_what_is_given_stays(folder, by_hand):
     config = Study.load(inputs=True).config
     assert config == Study.load("config.yaml").config == json.loads(json.dumps(config))
     assert config["network"]["split"] == by_hand["network"]["split"]
@@ -42,6 +42,12 @@ def test_what_is_left_out_is_near_what_an_author_chose(folder, by_hand):
         {key: at(by_hand, key) for key in KEYS[1:]}, 0.35
     )
     assert not computed.to_compute(config)
+    (folder / "more.yaml").write_text("measure: {mm_per_pixel: 0.3}\nnetwork: {split: [0.7, 0.1, 0.2]}\n")
+    config = Study.load("more.yaml").config
+    assert config["measure"]["mm_per_pixel"] == 0.3
+    assert config["network"]["split"] == [0.7, 0.1, 0.2]
+    (folder / "more.yaml").write_text("surrogate: network\n")  # it stops by samples of its own
+    assert Study.load("more.yaml").config["network"]["split"] == [0.70, 0.15, 0.15]
 
 
 def test_the_time_step_is_eight_tenths_of_the_longest(folder):
@@ -69,16 +75,7 @@ def test_a_pour_lasts_until_the_grains_lie(folder, changes, lasts_s):
     assert config["funnel"]["duration_s"] == pytest.approx(lasts_s + 0.05, abs=0.06)
 
 
-def test_numbers_that_are_given_stay(folder):
-    (folder / "more.yaml").write_text("measure: {mm_per_pixel: 0.3}\nnetwork: {split: [0.7, 0.1, 0.2]}\n")
-    config = Study.load("more.yaml").config
-    assert config["measure"]["mm_per_pixel"] == 0.3
-    assert config["network"]["split"] == [0.7, 0.1, 0.2]
-    (folder / "more.yaml").write_text("surrogate: network\n")  # it stops by samples of its own
-    assert Study.load("more.yaml").config["network"]["split"] == [0.70, 0.15, 0.15]
-
-
-def test_another_word_or_number_is_refused(by_hand):
+def test_another_word_or_number_is_refused_and_a_study_has_numbers(by_hand, monkeypatch):
     def refused(key, value):
         with pytest.raises(InputError) as caught:
             Study.of(put(copy.deepcopy(by_hand), key, value), "mine.yaml")
@@ -87,9 +84,6 @@ def test_another_word_or_number_is_refused(by_hand):
 
     values = (-1, "automatic", None, True, [], float("inf"))
     check_all(refused, [(f"{key} {value!r}", key, value) for key in KEYS for value in values])
-
-
-def test_a_study_has_numbers(by_hand, monkeypatch):
     monkeypatch.chdir(CROPS / "soybean")
     for key in KEYS:
         config = put(copy.deepcopy(by_hand), key, "auto")
@@ -100,4 +94,4 @@ def test_a_number_that_cannot_be_computed_is_reported_with_its_cause(folder, cap
     (folder / "sizes.csv").unlink()
     with pytest.raises(InputError) as caught:
         Study.load("config.yaml")
-    assert str(caught.value) == "sizes.csv: file is None; expected an existing CSV file"
+    assert str(caught.value) == "sizes.csv: file is 'No such file or directory'; expected a CSV file"

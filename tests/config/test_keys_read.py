@@ -12,7 +12,7 @@ from test_drum import saved
 from test_simulated_piles import cone_of_berries
 
 from repose.cli import TYPED, VERBS, parser
-from repose.config import loader, models, stands_on, study
+from repose.config import loader, models, stands_on, study, typed
 from repose.core import section
 from repose.core.parameters import PARAMETERS
 from repose.core.published import beside
@@ -25,14 +25,12 @@ pytestmark = [pytest.mark.slow, pytest.mark.essential]  # every stage is run onc
 NOT_RUN = {"next"}  # it needs runs of four sets in a further bench test
 SEVERAL = ("sequential", "response_surface", "refined")  # strategies; here each proposes by a stage of its name
 LISTED = stands_on.KEYS | {name: strategy(name).reads for name in SEVERAL}
+SECTIONS = typed.sections
 SMALL = {
-    "surrogate": "gaussian_process",
-    "miga": {"islands": 2, "population": 10, "rounds": 4, "generations": 2},
-    "posterior": {"walkers": 32, "steps": 100},
-    "sensitivity": {"samples": 64, "resamples": 20},
-    "sequential": {"probability": 0.05},
-    "berry": {"particle": "ellipsoid"},
-}
+    "surrogate": "gaussian_process", "miga": {"islands": 2, "population": 10, "rounds": 4, "generations": 2},
+    "posterior": {"walkers": 32, "steps": 100}, "sensitivity": {"samples": 64, "resamples": 20},
+    "sequential": {"probability": 0.05}, "berry": {"particle": "ellipsoid"},
+}  # fmt: skip
 
 
 class Noted(dict):
@@ -40,7 +38,7 @@ class Noted(dict):
 
     def __init__(self, content, keys, prefix=""):
         super().__init__(content)
-        self.keys_read, self.prefix = keys, prefix
+        self.plain, self.keys_read, self.prefix = content, keys, prefix
 
     def __getitem__(self, key):
         value = super().__getitem__(key)
@@ -68,25 +66,35 @@ class Noted(dict):
         return other | dict(self.items())
 
 
+class NotedOutside(Noted):
+    """A mapping that notes the keys outside sections alone; its sections are plain, as pydantic reads every key."""
+
+    def __getitem__(self, key):
+        value = dict.__getitem__(self, key)
+        return value if isinstance(value, dict) else super().__getitem__(key)
+
+
+def is_section(kind):
+    return isinstance(kind, type) and issubclass(kind, Section)
+
+
 def note_attributes(patch, keys):
     """Note also the keys that are read as attributes of typed sections, wherever these were made."""
-    plain, whole = BaseModel.__getattribute__, models.settings_type()
-    kinds = {name: field.annotation for name, field in whole.model_fields.items()}
-    sections = {
-        kind: f"{name}." for name, kind in kinds.items() if isinstance(kind, type) and issubclass(kind, Section)
-    }
+    plain, fields = BaseModel.__getattribute__, models.settings_type().model_fields
+    sections = {field.annotation: f"{name}." for name, field in fields.items() if is_section(field.annotation)}
 
     def noting(section, name):
         value, kind = plain(section, name), type(section)
         # `dict` of a section, and its copies, read `__dict__`
         read = kind.model_fields if name == "__dict__" else (name,) if name in kind.model_fields else ()
-        if kind is whole:
-            keys.update(key for key in read if kinds[key] not in sections)
-        elif kind in sections:
+        if kind in sections:
             keys.update(f"{sections[kind]}{key}" for key in read)
         return value
 
     patch.setattr(Section, "__getattribute__", noting)
+    patch.setattr(
+        typed, "sections", lambda config, *more: SECTIONS(NotedOutside(getattr(config, "plain", config), keys), *more)
+    )
     patch.setattr(section, "refuse", lambda _: None)  # a check of all keys is no use of them
 
 

@@ -11,6 +11,7 @@ from repose.apparatus.scene import _contacts
 from repose.apparatus.settings import SimulationSettings
 from repose.chain.card import laws as described_laws
 from repose.chain.design import design
+from repose.chain.settings import DesignSettings
 from repose.config import faults, stands_on
 from repose.config.study import Study
 from repose.core.errors import InputError
@@ -29,7 +30,7 @@ def study(contact_law, rolling_law="budget", **parameters):
     return Study.load("config/config.yaml", overrides={"simulation": laws, "parameters": parameters})
 
 
-def test_the_configuration_knows_the_laws_of_the_engine():
+def test_the_configuration_knows_the_laws_the_card_their_convention_and_twisting_its_laws():
     for key, laws, default in (("contact_law", CONTACT_LAWS, "hertz_mindlin"), ("rolling_law", ROLLING_LAWS, "budget")):
         assert faults.subschema(["simulation", key])["enum"] == list(laws)
         config = copy.deepcopy(study("hertz_mindlin").config)
@@ -38,13 +39,30 @@ def test_the_configuration_knows_the_laws_of_the_engine():
         assert hash_of(stands_on.settings_of(config, "pour")) != before
         del config["simulation"][key]
         assert getattr(SimulationSettings.of(config), key) == default
+    words = described_laws(study("jkr", **COHESION).settings.simulation)
+    assert "w = 2 gamma" in words["normal"]
+    assert "3 pi gamma R*" in words["normal"]
+    for direction in ("tangential", "rolling"):
+        assert "times the sum of the damped normal force and twice the pull-off force" in words[direction]
+    assert "by more than the pull-off force" in words["end of an impact"]
+    words = described_laws(study("sjkr", **OF_SJKR).settings.simulation)
+    assert "mu_s times the size of the damped normal force without cohesion" in words["tangential"]
+    assert words["end of an impact"].startswith("the force without cohesion never pulls")
+    space = study("hertz_mindlin", "epsd", mut_gp=[0.0, 0.5]).parameters
+    assert space.free == (*PARAMETERS, "mut_gp")
+    contacts = _contacts(space.centre)
+    assert contacts["berry", "berry"].twisting_friction is None
+    assert contacts["berry", "wall"].twisting_friction == 0.25
+    assert LABELS["mut_gp"] == "twisting friction, grain-wall"
+    with pytest.raises(InputError, match=r"mut_gp is .* belongs to simulation.rolling_law .* epsd2, not budget"):
+        study("hertz_mindlin", mut_gp=[0.0, 0.5])
 
 
 def test_a_law_adds_its_parameters_to_the_six_whose_tables_stay_as_they_were(tmp_path):
     space = study("jkr", **COHESION).parameters
     assert space.names == (*PARAMETERS, "gamma_gg", "gamma_gp")
     assert space.free == (*PARAMETERS, "gamma_gg")
-    table = design(space, 12, "lhsdesign", 1)[0]
+    table = design(space, DesignSettings(samples=12, method="lhsdesign", seed=1))[0]
     assert list(table) == ["sample", *space.names]
     assert set(table["gamma_gp"]) == {0.02}
     assert len(set(np.ceil(120.0 * table["gamma_gg"]))) == 12
@@ -60,28 +78,13 @@ def test_a_law_adds_its_parameters_to_the_six_whose_tables_stay_as_they_were(tmp
     assert study("hertz_mindlin").parameters.names == PARAMETERS
 
 
-def test_the_card_names_the_convention_of_the_surface_energy():
-    words = described_laws(study("jkr", **COHESION).config)
-    assert "w = 2 gamma" in words["normal"]
-    assert "3 pi gamma R*" in words["normal"]
-    for direction in ("tangential", "rolling"):
-        assert "times the sum of the damped normal force and twice the pull-off force" in words[direction]
-    assert "by more than the pull-off force" in words["end of an impact"]
-    words = described_laws(study("sjkr", **OF_SJKR).config)
-    assert "mu_s times the size of the damped normal force without cohesion" in words["tangential"]
-    assert words["end of an impact"].startswith("the force without cohesion never pulls")
-
-
-@pytest.mark.parametrize(
-    ("law", "parameters", "message"),
-    [
-        ("jkr", {}, r"contact_law is 'jkr'; expected jkr with parameters.gamma_gg .* and parameters.gamma_gp"),
-        ("jkr", GRAINS, r"expected jkr with parameters.gamma_gp \(surface energy"),
-        ("sjkr", COHESION, r"expected sjkr with parameters.k_gg \(cohesion energy density \(J/m3\), grain-grain\)"),
-        ("hertz_mindlin", GRAINS, "gamma_gg is .*; expected absent: it belongs to .* jkr or eepa, not hertz"),
-        ("jkr", COHESION | {"gamma_gg": [-0.1, 0.1]}, "gamma_gg is .*; expected a pair .* from 0 to"),
-    ],
-)
+@pytest.mark.parametrize(("law", "parameters", "message"), [
+    ("jkr", {}, r"contact_law is 'jkr'; expected jkr with parameters.gamma_gg .* and parameters.gamma_gp"),
+    ("jkr", GRAINS, r"expected jkr with parameters.gamma_gp \(surface energy"),
+    ("sjkr", COHESION, r"expected sjkr with parameters.k_gg \(cohesion energy density \(J/m3\), grain-grain\)"),
+    ("hertz_mindlin", GRAINS, "gamma_gg is .*; expected absent: it belongs to .* jkr or eepa, not hertz"),
+    ("jkr", COHESION | {"gamma_gg": [-0.1, 0.1]}, "gamma_gg is .*; expected a pair .* from 0 to"),
+])  # fmt: skip
 def test_parameters_and_law_belong_together(law, parameters, message):
     input_error(message, study, law, **parameters)
 
@@ -90,14 +93,3 @@ def test_parameters_and_law_belong_together(law, parameters, message):
 def test_cohesion_goes_with_every_rolling_law(rolling):
     for law, parameters in (("jkr", COHESION), ("sjkr", OF_SJKR)):
         assert study(law, rolling, **parameters).parameters.free
-
-
-def test_twisting_friction_is_a_parameter_of_the_laws_that_resist_it():
-    space = study("hertz_mindlin", "epsd", mut_gp=[0.0, 0.5]).parameters
-    assert space.free == (*PARAMETERS, "mut_gp")
-    contacts = _contacts(space.centre)
-    assert contacts["berry", "berry"].twisting_friction is None
-    assert contacts["berry", "wall"].twisting_friction == 0.25
-    assert LABELS["mut_gp"] == "twisting friction, grain-wall"
-    with pytest.raises(InputError, match=r"mut_gp is .* belongs to simulation.rolling_law .* epsd2, not budget"):
-        study("hertz_mindlin", mut_gp=[0.0, 0.5])

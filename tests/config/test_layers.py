@@ -79,13 +79,18 @@ def test_a_job_of_a_cluster_does_not_check_the_inputs_again(monkeypatch):
         Study.load(inputs=True)
 
 
-def test_a_complete_file_does_not_read_the_folders_own(tmp_path, monkeypatch):
+def test_a_complete_file_and_the_built_in_crop_stand_in_for_the_folders_own(tmp_path, monkeypatch):
     path = tmp_path / "results" / "config.json"
     config = Study.load(inputs=True).config
     loader.write_resolved(config, path)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "config.yaml").write_text("in the middle of an ed: [")
     assert Study.load(path).config["funnel"] == config["funnel"]
+    (tmp_path / "config.yaml").unlink()
+    (tmp_path / "mine.yaml").write_text("label: mine\n")
+    own = places.root() / places.DEFAULT_CONFIG
+    assert own_crop_under("mine.yaml") == own
+    assert own_crop_under(str(own.parent / "quick.yaml")) is None
 
 
 def test_a_fault_names_the_file_it_came_from(tmp_path):
@@ -107,14 +112,6 @@ def test_an_example_of_a_bench_test_goes_over_the_default(path):
     assert Study.load(ROOT / "config/config.yaml", path).particle is not None
 
 
-def test_the_built_in_crop_stands_in_for_a_file_of_ones_own_alone(tmp_path, monkeypatch):
-    (tmp_path / "mine.yaml").write_text("label: mine\n")
-    monkeypatch.chdir(tmp_path)
-    own = places.root() / places.DEFAULT_CONFIG
-    assert own_crop_under("mine.yaml") == own
-    assert own_crop_under(str(own.parent / "quick.yaml")) is None
-
-
 def test_a_key_of_a_section_with_a_fault_is_not_used():
     of_section, of_key = (SimpleNamespace(bad={bad}) for bad in ("funnel", "funnel.seeds"))
     assert not Making._may_use(of_section, "funnel.seeds")
@@ -122,7 +119,7 @@ def test_a_key_of_a_section_with_a_fault_is_not_used():
     assert Making._may_use(of_key, "funnel.berries")
 
 
-def test_it_stands_beside_the_package_and_nothing_in_it_is_exchanged(quick):
+def test_a_study_stands_beside_the_package_has_its_parts_and_stays_as_it_is(quick):
     assert repose.Study is Study
     assert quick.settings.funnel.seeds == quick.config["funnel"]["seeds"] == 2
     with pytest.raises(dataclasses.FrozenInstanceError):
@@ -132,9 +129,6 @@ def test_it_stands_beside_the_package_and_nothing_in_it_is_exchanged(quick):
     config = quick.config | {"network": {**quick.config["network"]}}
     del config["network"]["split"]
     assert Study.of(config).config["network"]["split"] == [0.70, 0.15, 0.15]
-
-
-def test_it_has_parameters_targets_folder_and_one_line_and_makes_its_grain_once(quick):
     assert quick.parameters.dimensions == 6
     assert quick.targets.names == ("aor_deg", "height_mm")
     assert quick.folder.as_posix() == "results/quick"

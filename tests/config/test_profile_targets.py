@@ -39,7 +39,7 @@ def study_of(quick, entry):
     return Study.of(quick.config | {"targets": [*quick.config["targets"], entry]})
 
 
-def test_a_profile_becomes_a_target_for_each_score(quick, entry):
+def test_a_profile_becomes_a_target_for_each_score_with_its_errors(quick, entry):
     study = study_of(quick, entry)
     own = [target for target in study.targets if target.profile is not None]
     assert [target.name for target in own] == [f"turning_profile_{k}_mm" for k in (1, 2, 3)]
@@ -51,9 +51,6 @@ def test_a_profile_becomes_a_target_for_each_score(quick, entry):
     assert sum(target.sd**2 for target in own) == pytest.approx(1.2**2)
     assert sum((target.high - target.low) ** 2 for target in own) == pytest.approx((2 * 0.9) ** 2)
     assert {target.whole for target in own} == {profile.whole}
-
-
-def test_an_entry_has_five_functions_errors_of_a_column_and_a_file(quick, entry):
     own = {key: value for key, value in entry.items() if key != "functions"}
     input_error("rows is 5; expected more than functions, 5", study_of, quick, own)
     own = study_of(quick, entry | {"sd": "sd_mm", "z": "low_mm"}).targets[-1]
@@ -64,7 +61,7 @@ def test_an_entry_has_five_functions_errors_of_a_column_and_a_file(quick, entry)
         study_of(quick, number | {"repetitions": 1, "range": [0.0, 2.0]})
 
 
-def test_abscissae_and_share_define_the_scores_and_the_measured_heights_do_not(quick, entry, table):
+def test_scores_are_defined_by_abscissae_and_share_and_percents_are_of_the_height(quick, entry, table):
     before = study_of(quick, entry)
     table.write_text(TABLE.replace("16", "15"))
     heights = study_of(quick, entry)
@@ -73,42 +70,6 @@ def test_abscissae_and_share_define_the_scores_and_the_measured_heights_do_not(q
         assert what(before) == what(heights)
         assert what(before) != what(share)
     assert before.targets[-1].value != heights.targets[-1].value
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"z": "height_mm"}, r"surface.csv: column height_mm is 'missing'.*found: x_mm"),
-        ({"sd": "error_mm"}, r"surface.csv: column error_mm is 'missing'"),
-        ({"file": "nowhere.csv"}, r"nowhere.csv: table.*a CSV file of a profile"),
-        ({"functions": 5}, r"surface.csv: rows is 5; expected more than functions, 5"),
-        ({"functions": 12}, r"targets\.2\.functions is 12; expected an integer from 2 to 9"),
-        ({"hight": 3}, r"targets\.2\.hight is 3; expected a known key"),
-        ({"response": "turning_deg"}, r"targets\.2\.response is 'turning_deg'; expected the profile of a bench test"),
-        ({"apparatus": "drum"}, r"targets\.2\.apparatus is 'drum'; expected turning"),
-        ({"response": "turning_2_profile_mm"}, r"response is 'turning_2_profile_1_mm'.*one of 1 speeds"),
-    ],
-)
-def test_a_wrong_entry_is_refused(quick, entry, change, words):
-    input_error(words, study_of, quick, entry | change)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ("0.5,1", "nan,1", r"surface.csv, row 4: z_mm is 'nan'; expected a finite number"),
-        ("8.5", "", r"surface.csv, row 3: z_mm is ''; expected a finite number; empty heights only at the ends"),
-        ("-10,9", "-25,9", r"surface.csv, row 3: x_mm is -25.0; expected above the previous row's -20"),
-        ("-30,", "-300,", r"targets\.2\.profile\.x.*inside the drum, between -95 and 95"),
-    ],
-)
-def test_a_wrong_table_is_refused(quick, entry, table, old, new, words):
-    table.write_text(TABLE.replace(old, new))
-    input_error(words, study_of, quick, entry)
-
-
-def test_percents_of_a_score_are_of_the_height(quick, entry):
-    """Score 3 of the surface is near 0, where percents of the score itself say nothing."""
     target = study_of(quick, entry).targets[-1]
     assert abs(target.value) < 0.1 * target.whole
     assert target.off_percent(target.value + 0.02 * target.whole) == pytest.approx(2.0)
@@ -116,6 +77,32 @@ def test_percents_of_a_score_are_of_the_height(quick, entry):
     assert check.distance.startswith("turning_profile_3_mm +2.0 %")
     goal = Goal.of(study_of(quick, entry).targets, 2.0, quick.parameters)
     np.testing.assert_allclose(goal.half[-3:], 0.02 * target.whole)
+
+
+@pytest.mark.parametrize(("change", "words"), [
+    ({"z": "height_mm"}, r"surface.csv: column height_mm is 'missing'.*found: x_mm"),
+    ({"sd": "error_mm"}, r"surface.csv: column error_mm is 'missing'"),
+    ({"file": "nowhere.csv"}, r"nowhere.csv: table.*a CSV file of a profile"),
+    ({"functions": 5}, r"surface.csv: rows is 5; expected more than functions, 5"),
+    ({"functions": 12}, r"targets\.2\.functions is 12; expected an integer from 2 to 9"),
+    ({"hight": 3}, r"targets\.2\.hight is 3; expected a known key"),
+    ({"response": "turning_deg"}, r"targets\.2\.response is 'turning_deg'; expected the profile of a bench test"),
+    ({"apparatus": "drum"}, r"targets\.2\.apparatus is 'drum'; expected turning"),
+    ({"response": "turning_2_profile_mm"}, r"response is 'turning_2_profile_1_mm'.*one of 1 speeds"),
+])  # fmt: skip
+def test_a_wrong_entry_is_refused(quick, entry, change, words):
+    input_error(words, study_of, quick, entry | change)
+
+
+@pytest.mark.parametrize(("old", "new", "words"), [
+    ("0.5,1", "nan,1", r"surface.csv, row 4: z_mm is 'nan'; expected a finite number"),
+    ("8.5", "", r"surface.csv, row 3: z_mm is ''; expected a finite number; empty heights only at the ends"),
+    ("-10,9", "-25,9", r"surface.csv, row 3: x_mm is -25.0; expected above the previous row's -20"),
+    ("-30,", "-300,", r"targets\.2\.profile\.x.*inside the drum, between -95 and 95"),
+])  # fmt: skip
+def test_a_wrong_table_is_refused(quick, entry, table, old, new, words):
+    table.write_text(TABLE.replace(old, new))
+    input_error(words, study_of, quick, entry)
 
 
 @pytest.mark.essential

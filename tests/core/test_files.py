@@ -15,7 +15,7 @@ import pandas as pd
 import pytest
 from refusals import input_error
 
-from repose.core import files, ledger, places
+from repose.core import files, ledger, places, tables
 from repose.core.errors import InputError
 from repose.core.lock import JOBS, joined_folder, take_folder
 from repose.core.parameters import FURTHER
@@ -28,8 +28,8 @@ def test_what_is_written_is_read_again_and_folders_are_made(tmp_path):
     files.write_table(folder / "table.csv", TABLE)
     back = files.read_table(folder / "table.csv", ("sample", "aor_deg"))
     assert back["aor_deg"].tolist()[0] == 31.25
-    second = {"sample": "2", "aor_deg": "", "reason": "stuck, twice"}
-    assert files.read_rows(folder / "table.csv", ("sample",))[1] == second
+    second = {"sample": 2, "aor_deg": "", "reason": "stuck, twice"}
+    assert tables.read(folder / "table.csv", [tables.Column("sample", int)]).rows()[1] == second
     content = {"one": np.float64(0.1), "k": np.int64(2), "list": np.arange(3), "text": "µ"}
     files.write_json(folder / "content.json", content)
     back = files.read_json(folder / "content.json", {"one": float, "text": str})
@@ -56,7 +56,7 @@ def test_a_table_is_written_as_pandas_writes_it_and_a_writer_that_fails_leaves_t
         files.write_image(tmp_path / "picture.nothing", np.zeros((2, 2), np.uint8))
 
 
-@pytest.mark.parametrize("read", [files.read_table, files.read_rows, files.read_json, files.read_npz])
+@pytest.mark.parametrize("read", [files.read_table, tables.sheet, files.read_json, files.read_npz])
 def test_every_fault_of_a_file_is_reported_with_its_name(tmp_path, read):
     path = tmp_path / "given"
     input_error(r"given: .* is .*No such file.*; expected a fine file", read, path, what="a fine file")
@@ -74,9 +74,8 @@ def test_a_word_in_a_column_of_numbers_is_refused(column, tmp_path):
 
 def test_missing_parts_and_half_an_archive_are_reported_with_what_there_should_be(tmp_path):
     files.write_table(tmp_path / "table.csv", TABLE)
-    for read in (files.read_table, files.read_rows):
-        missing = r"table\.csv: column height_mm is 'missing'; expected columns sample, height_mm; found: sample"
-        input_error(missing, read, tmp_path / "table.csv", ("sample", "height_mm"))
+    missing = r"table\.csv: column height_mm is 'missing'; expected columns sample, height_mm; found: sample"
+    input_error(missing, files.read_table, tmp_path / "table.csv", ("sample", "height_mm"))
     files.write_json(tmp_path / "a.json", {"runs": {}, "sample": 3})
     for keys, message in (
         (("sample", "time"), r"time is None; expected a key of a job"),
@@ -154,11 +153,19 @@ def folder(tmp_path):
     return tmp_path
 
 
-def test_it_knows_the_names_of_its_files_and_nobody_may_run_it(folder):
+def test_the_folder_knows_its_files_and_a_full_disk_is_reported(folder):
     (folder / "somebodys.json").write_text("{}")
     (folder / "b.json").unlink()
     assert ledger.names(folder) == {"a.json", "b.json"}
     assert (folder / ledger.LEDGER).stat().st_mode & 0o111 == 0
+
+    def full(handle):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    before = (folder / "a.json").read_bytes()
+    with pytest.raises(OSError, match=r"No space left on device: '.*a\.json'"):
+        ledger.write_whole(folder / "a.json", full)
+    assert (folder / "a.json").read_bytes() == before
 
 
 def test_files_that_hold_something_else_are_found_and_lost_ones_are_not(folder):
@@ -186,16 +193,6 @@ def test_somebodys_file_of_the_ledgers_name_is_left_alone(tmp_path, content):
     (tmp_path / ledger.LEDGER).write_text(content)
     input_error("content is 'something else'", files.write_json, tmp_path / "a.json", {})
     assert (tmp_path / ledger.LEDGER).read_text() == content
-
-
-def test_a_full_disk_is_reported_with_the_file_that_did_not_fit(folder):
-    def full(handle):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    before = (folder / "a.json").read_bytes()
-    with pytest.raises(OSError, match=r"No space left on device: '.*a\.json'"):
-        ledger.write_whole(folder / "a.json", full)
-    assert (folder / "a.json").read_bytes() == before
 
 
 # Calls that write, rename or remove; what stands in these files is tested in tests/core and tests/faults.

@@ -29,7 +29,7 @@ def test_a_file_is_the_folders_own_or_the_programs_or_keeps_its_name(folder):
     assert places.find("mine.csv") == Path("mine.csv")
 
 
-def test_a_study_of_the_programs_crop_lies_over_it_as_the_default_in_an_empty_folder(folder):
+def test_a_study_of_a_crop_lies_over_the_programs_which_it_replaces(folder):
     assert places.configs() == [METHOD, CONFIG]
     config = Study.load(inputs=True).config
     for path in (config["berry"]["sizes"], config["berry"]["compression"], config["validation"]["published"]):
@@ -42,10 +42,7 @@ def test_a_study_of_the_programs_crop_lies_over_it_as_the_default_in_an_empty_fo
     assert Study.load(inputs=True).config["label"] == "mine"
     own.write_text("berry: {sizes: sizes.csv}\n")  # of another crop nothing of the program's lies under it
     assert loader.layers([]) == [METHOD, Path("config/config.yaml")]
-
-
-def test_a_crops_configuration_stands_in_place_of_the_programs(folder):
-    """It lies over what every crop shares; of the program's own crop it inherits nothing."""
+    own.unlink()
     (folder / "config.yaml").write_text("label: mine\n")
     assert places.configs() == [METHOD, Path("config.yaml")]
     with pytest.raises(InputError) as caught:
@@ -55,7 +52,7 @@ def test_a_crops_configuration_stands_in_place_of_the_programs(folder):
     assert all(fault.source == "config.yaml" for fault in caught.value.faults)
 
 
-def test_a_given_file_of_another_crop_lies_over_what_every_crop_shares(folder):
+def test_a_given_file_lies_over_what_every_crop_or_the_folders_crop_shares(folder):
     mine = folder / "wheat.yaml"
     mine.write_text("label: wheat\nberry: {sizes: sizes.csv, density_kg_m3: 1250}\n")
     assert loader.layers([mine]) == [METHOD, mine]
@@ -64,9 +61,6 @@ def test_a_given_file_of_another_crop_lies_over_what_every_crop_shares(folder):
     result = {fault.key for fault in caught.value.faults}
     assert {"parameters", "targets", "funnel.berries", "wall", "funnel.plate_diameter_mm"} <= result
     assert all(fault.source == str(mine) for fault in caught.value.faults)
-
-
-def test_a_given_file_without_a_grain_is_a_study_of_the_folders_crop(folder):
     mine = folder / "mine.yaml"
     mine.write_text("berry: {particle: ellipsoid, mass_g: null}\nfunnel: {seeds: 3}\n")
     assert loader.layers([mine]) == [METHOD, CONFIG, mine]

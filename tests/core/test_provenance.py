@@ -70,15 +70,12 @@ def test_readers_leave_the_record_out_and_without_a_stage_a_file_is_plain(tmp_pa
     np.testing.assert_array_equal(cv2.imread(str(tmp_path / "a.png")), np.full((4, 5, 3), 7))
 
 
-@pytest.mark.parametrize(
-    ("verb", "same", "other"),
-    [
-        ("pour", {"network": {"hidden": 3}}, {"simulation": {"gravity_m_s2": 1.62}}),
-        ("pour", {"funnel": {"seeds": 9}}, {"funnel": {"berries": 9}}),
-        ("measure_runs", {"miga": {"islands": 9}}, {"measure": {"mm_per_pixel": 9.0}}),
-        ("network", {"funnel": {"berries": 9}}, {"network": {"hidden": 3}}),
-    ],
-)
+@pytest.mark.parametrize(("verb", "same", "other"), [
+    ("pour", {"network": {"hidden": 3}}, {"simulation": {"gravity_m_s2": 1.62}}),
+    ("pour", {"funnel": {"seeds": 9}}, {"funnel": {"berries": 9}}),
+    ("measure_runs", {"miga": {"islands": 9}}, {"measure": {"mm_per_pixel": 9.0}}),
+    ("network", {"funnel": {"berries": 9}}, {"network": {"hidden": 3}}),
+])  # fmt: skip
 def test_settings_are_those_that_the_stage_reads(tmp_path, verb, same, other):
     hashes = []
     for k, changes in enumerate(({}, {"design": {}}, same, other)):
@@ -111,7 +108,7 @@ def test_the_origin_follows_the_files_and_names_the_engine(tmp_path):
     assert origins[0] != origins[1]
 
 
-def test_runs_of_two_settings_are_refused_but_not_of_another_processor(tmp_path, monkeypatch):
+def test_runs_and_results_of_two_settings_or_engines_are_refused_and_named(tmp_path, monkeypatch):
     paths = [pour(tmp_path / "a.json"), pour(tmp_path / "b.json", changed(simulation={"gravity_m_s2": 1.62}))]
     with pytest.raises(InputError, match=r"b\.json: provenance\.origin is '\w{16}'; expected .* as in .*a\.json"):
         run("measure_runs", paths, lambda: None)
@@ -119,9 +116,6 @@ def test_runs_of_two_settings_are_refused_but_not_of_another_processor(tmp_path,
     first = pour(tmp_path / "a.json")
     monkeypatch.setattr(provenance, "machine", lambda: {"processor": "another"})
     run("measure_runs", [first, pour(tmp_path / "b.json")], lambda: None)
-
-
-def test_results_of_two_engines_are_refused_and_both_are_named(tmp_path, monkeypatch):
     first = pour(tmp_path / "a.json")
     run("dataset", [first], lambda: files.write_table(tmp_path / "dataset.csv", pd.DataFrame({"x": [1]})))
     monkeypatch.setattr(provenance, "engine_hash", lambda: "edited")
@@ -167,14 +161,11 @@ def test_the_datasets_piles_are_a_studys_own_while_its_settings_and_files_are_th
     assert stands_on.own_dataset(config) is None
 
 
-def test_a_batch_is_outdated_by_settings_of_its_own_strategy_alone(tmp_path):
+def test_an_outdated_batch_and_what_a_study_no_longer_has(tmp_path):
     path = tmp_path / "proposal.json"
     run("propose", (), lambda: files.write_json(path, {}), strategy="sequential")
     assert stands_on.outdated(changed(network={"hidden": 3}), [path]) == []
     assert stands_on.outdated(changed(sequential={"checks": 3}), [path]) == [str(path)]
-
-
-def test_what_a_study_no_longer_has_is_not_outdated(tmp_path):
     paths = [tmp_path / "a.json", pour(tmp_path / "b.json", apparatus="drum"), tmp_path / "c.json"]
     run("propose", (), lambda: files.write_json(paths[0], {}))
     run("propose", (), lambda: files.write_json(paths[2], {}), strategy="sequential")

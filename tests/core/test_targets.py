@@ -16,7 +16,7 @@ from repose.core.targets import Targets
 SLIP = shared.target("drum_slip_deg", 40.0, 1.0, 38, 42, 4)
 
 
-def test_targets_give_names_and_numbers_in_their_order():
+def test_targets_give_names_and_numbers_and_count_published_solutions(tmp_path):
     targets = Targets.of([SLIP | {"weight": 2.0}, *shared.TARGETS])
     assert targets.names == ("drum_slip_deg", "aor_deg", "height_mm")
     assert targets.predicted == ("drum_slip_predicted_deg", "aor_predicted_deg", "height_predicted_mm")
@@ -25,18 +25,12 @@ def test_targets_give_names_and_numbers_in_their_order():
     assert targets.weight.tolist() == [2.0, 1.0, 1.0]
     assert targets.standard_error[0] == 0.5
     assert targets.aim.tolist() == [40.0, 32.87, 65.57]
-
-
-def test_numbers_are_reported_with_units_and_unknown_responses_with_those_there_are():
     targets = Targets.of([*shared.TARGETS, SLIP])
     assert Targets(targets[:1]).in_words(["32.9"]) == "32.9 deg"
     assert Targets(targets[:2]).in_words(["32.9", "66"]) == "32.9 deg and 66 mm"
     assert targets.in_words(["32.9", "66", "40"]) == "AoR 32.9 deg, Height 66 mm and slip 40 deg"
     with pytest.raises(InputError, match=r"targets: response is 'colour'; expected one of aor_deg, "):
         Targets.of([SLIP | {"response": "colour", "range": [0, 1]}])
-
-
-def test_published_solutions_count_where_they_have_a_target(tmp_path):
     path = tmp_path / "table4.csv"
     columns = ["solution", *PARAMETERS, "height_predicted_mm", "height_simulated_mm", "aor_simulated_deg"]
     path.write_text(",".join(columns) + "\n" + ",".join(["22"] + 9 * ["0.5"]) + "\n")
@@ -55,24 +49,18 @@ def of(heights, functions=5):
     return Profile("surface_mm", tuple(X), tuple(heights), functions)
 
 
-def test_the_distance_of_two_smooth_profiles_is_that_of_their_scores():
+def test_distances_of_profiles_are_those_of_scores_named_with_their_unit():
     profile, random = of(X), np.random.default_rng(2)
     one, other = random.normal(size=(2, 5))
     off = profile.heights(one) - profile.heights(other)
     assert np.mean(off**2) == pytest.approx(np.sum((one - other) ** 2), rel=1e-12)
     np.testing.assert_allclose(profile.scores(profile.heights(one)), one, atol=1e-12)
-
-
-def test_what_the_functions_leave_over_stands_apart():
-    """Parseval with the residual: mean square of all heights, of the scores, of the rest."""
+    # Parseval with the residual: mean square of all heights, of the scores, of the rest.
     heights = 20 * np.cos(X / 8)
     profile = of(heights)
     assert np.mean(heights**2) == pytest.approx(profile.height**2 + profile.residual**2, rel=1e-12)
     assert profile.residual > 0.1
     assert of(3 + X - 0.01 * X**2 + 1e-3 * X**3, functions=4).residual < 1e-12
-
-
-def test_scores_of_a_straight_profile_are_mean_and_slope_named_with_the_unit():
     mean, slope, *others = of(2.0 - 0.8 * X).scores(2.0 - 0.8 * X)
     assert mean == pytest.approx(np.mean(2.0 - 0.8 * X))
     assert slope == pytest.approx(-0.8 * np.std(X))
@@ -87,34 +75,23 @@ def test_scores_of_a_straight_profile_are_mean_and_slope_named_with_the_unit():
 RANGES = dict.fromkeys(PARAMETERS, (0.1, 0.4)) | {"mur_gp": (0.2, 0.3)}
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"e_gg": (0.4, 0.1)}, "e_gg"),
-        ({"e_gg": (0.2, 0.2)}, "e_gg"),
-        ({"e_gp": (0.2, 1.5)}, "e_gp"),
-        ({"mus_gg": (-0.1, 0.5)}, "mus_gg"),
-        ({"mur_gg": (0.1, float("inf"))}, "mur_gg"),
-        ({"mur_gp": (float("nan"), 0.5)}, "mur_gp"),
-        ({"mur_gp": 0.5}, "mur_gp"),
-        ({"mur_gp": ("a", "b")}, "mur_gp"),
-        ({"mu_gp": (0.1, 0.5)}, r"mu_gp is \(0.1, 0.5\); expected one of e_gg, .*, mur_gp$"),
-        ({"gamma_gg": (0.0, 0.1), "mu_gp": (0.1, 0.5)}, "expected one of e_gg, .*, mur_gp, gamma_gg$"),
-        ({"e_gp": {"fixed": 1.5}}, r"my.yaml: e_gp.fixed is 1.5; expected 0.01 to 1"),
-        ({"e_gp": {"prior": {"mean": 0.5}}}, "e_gp is"),
-        ({name: {"fixed": 0.5} for name in PARAMETERS}, "at least one free parameter"),
-    ],
-)
+@pytest.mark.parametrize(("changes", "words"), [
+    ({"e_gg": (0.4, 0.1)}, "e_gg"), ({"e_gg": (0.2, 0.2)}, "e_gg"), ({"e_gp": (0.2, 1.5)}, "e_gp"),
+    ({"mus_gg": (-0.1, 0.5)}, "mus_gg"), ({"mur_gg": (0.1, float("inf"))}, "mur_gg"),
+    ({"mur_gp": (float("nan"), 0.5)}, "mur_gp"), ({"mur_gp": 0.5}, "mur_gp"), ({"mur_gp": ("a", "b")}, "mur_gp"),
+    ({"mu_gp": (0.1, 0.5)}, r"mu_gp is \(0.1, 0.5\); expected one of e_gg, .*, mur_gp$"),
+    ({"gamma_gg": (0.0, 0.1), "mu_gp": (0.1, 0.5)}, "expected one of e_gg, .*, mur_gp, gamma_gg$"),
+    ({"e_gp": {"fixed": 1.5}}, r"my.yaml: e_gp.fixed is 1.5; expected 0.01 to 1"),
+    ({"e_gp": {"prior": {"mean": 0.5}}}, "e_gp is"),
+    ({name: {"fixed": 0.5} for name in PARAMETERS}, "at least one free parameter"),
+])  # fmt: skip
 def test_bad_ranges_are_refused(changes, words):
     with pytest.raises(InputError, match=words):
         ParameterSpace.of(RANGES | changes, "my.yaml").check_searchable("my.yaml")
 
 
-def test_a_missing_range_is_refused():
+def test_a_missing_range_fixed_parameters_and_the_range_of_a_prior():
     input_error("mur_gp", ParameterSpace.of, {name: RANGES[name] for name in PARAMETERS[:-1]})
-
-
-def test_fixed_parameters_are_left_out_of_the_cube_and_put_back():
     space = ParameterSpace.of(RANGES | {"mus_gg": {"fixed": 0.55}})
     assert space.dimensions == 5
     unit = np.random.default_rng(1).uniform(size=(4, 5))
@@ -123,9 +100,6 @@ def test_fixed_parameters_are_left_out_of_the_cube_and_put_back():
     np.testing.assert_allclose(space.unit(values), unit, atol=1e-12)
     assert space.centre["mus_gg"] == 0.55
     assert space.centre["mur_gp"] == 0.25
-
-
-def test_a_prior_has_a_range_within_what_the_contact_law_takes():
     space = ParameterSpace.of(RANGES | {"mus_gg": {"prior": {"mean": 0.05, "sd": 0.1}}})
     k = space.free.index("mus_gg")
     assert (space.low[k], space.high[k]) == pytest.approx((0.0, 0.35))

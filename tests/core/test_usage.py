@@ -26,7 +26,7 @@ def job(folder, log):
     return used.ru_utime + used.ru_stime
 
 
-def test_a_process_notes_all_its_processor_time_and_a_benchmark_takes_it(tmp_path, monkeypatch):
+def test_processes_note_their_time_and_those_outside_jobs_none(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for name in ("logs/heaps", "benchmarks/heaps"):
         (tmp_path / "results" / name).mkdir(parents=True)
@@ -40,9 +40,6 @@ def test_a_process_notes_all_its_processor_time_and_a_benchmark_takes_it(tmp_pat
     benchmark.write_text("s\tmax_rss\tcpu_time\n1.5\t80.0\t0.2\n")
     usage.correct_benchmarks("results", [one, one._replace(ended_s=one.ended_s - 60)])  # of an earlier attempt
     assert benchmark.read_text() == f"s\tmax_rss\tcpu_time\n1.5\t80.0\t{one.cpu_s:.2f}\n"
-
-
-def test_a_process_outside_jobs_is_in_no_benchmark(tmp_path):
     (tmp_path / "benchmarks").mkdir()
     usage.note(tmp_path)
     usage.correct_benchmarks(tmp_path, usage.since(tmp_path, 0))

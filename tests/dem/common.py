@@ -23,19 +23,12 @@ class OneShape(Simulation):
 def simulation(semi_axes=BERRY, contact=None, wall_contact=None, walls=None, dt=1e-5, capacity=2, **keywords):
     axes = np.atleast_2d(semi_axes)
     solid = Shape.ellipsoid(axes.sum(axis=0), DENSITY, "body")
-    keywords.setdefault("gravity_m_s2", (0.0, 0.0, 0.0))
-    keywords.setdefault("lower", (-0.1, -0.1, -0.1))
-    keywords.setdefault("upper", (0.1, 0.1, 0.1))
+    corners = {"lower": (-0.1, -0.1, -0.1), "upper": (0.1, 0.1, 0.1)}
+    keywords = {"gravity_m_s2": (0.0, 0.0, 0.0)} | corners | keywords
     contact = contact or Contact(0.3, 0.5, 0.0)
-    return OneShape(
-        {"body": Shape(axes, solid.mass_kg, solid.inertia_kg_m2, "body")},
-        {"body": GOJI, "wall": PVC},
-        {("body", "body"): contact, ("body", "wall"): wall_contact or contact},
-        dt,
-        capacity=capacity,
-        walls=walls,
-        **keywords,
-    )
+    shapes = {"body": Shape(axes, solid.mass_kg, solid.inertia_kg_m2, "body")}
+    contacts = {("body", "body"): contact, ("body", "wall"): wall_contact or contact}
+    return OneShape(shapes, {"body": GOJI, "wall": PVC}, contacts, dt, capacity=capacity, walls=walls, **keywords)
 
 
 def random_direction(rng):

@@ -65,7 +65,7 @@ def test_shapes_materials_and_walls():
         (lambda: Shape(np.ones((4, 3)), 1.0, (1, 1, 1), "a"), r"expected \(1 to 3, 3\) lengths above 0"),
         (lambda: Shape((1, 2, math.inf), 1.0, (1, 1, 1), "a"), "semi_axes_m is .*lengths above 0"),
         (lambda: Shape((1, 1, 1), 0.0, (1, 1, 1), "a"), r"mass_kg is 0\.0; expected above 0"),
-        (lambda: Shape((1, 1, 1), 1.0, (1, 1), "a"), r"inertia_kg_m2 is \(1, 1\); expected three finite"),
+        (lambda: Shape((1, 1, 1), 1.0, (1, 1), "a"), r"inertia_kg_m2 is \(1, 1\); expected three moments"),
         (lambda: Shape((1, 1, 1), 1.0, (1, 1, 3), "a"), "inertia_kg_m2 is .*each at most the sum of the others"),
         (lambda: Shape((1, 1, 1), 1.0, (1, 1, 1), None), "material is None; expected a name"),
         (lambda: Shape.ellipsoid((1, -1, 1), 1.0, "a"), r"semi_axes_m is \(1, -1, 1\); expected three lengths"),

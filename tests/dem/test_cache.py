@@ -90,11 +90,17 @@ def test_the_same_sources_at_another_path_compile_nothing_and_edited_ones_do(cop
     assert run(first, tmp_path / "cache") == (FOUND, "")
 
 
-def test_code_for_another_processor_is_not_taken(copied, run, tmp_path):
+def test_a_kernel_is_compiled_anew_for_another_processor_or_in_part(copied, run, tmp_path):
     package = copied("package")
     assert run(package, tmp_path) == (COMPILED, "")
     assert run(package, tmp_path, NUMBA_CPU_NAME="generic", NUMBA_CPU_FEATURES="") == (COMPILED, "")
     assert run(package, tmp_path) == (FOUND, "")
+    package, cache = copied("other"), tmp_path / "cache"
+    run(package, cache)
+    (path,) = cache.glob("*/*rotate_to_world*")
+    path.write_bytes(path.read_bytes()[:1000])
+    assert run(package, cache) == ("0 1 1 0 True", "")
+    assert run(package, cache) == (FOUND, "")
 
 
 def test_a_folder_that_cannot_be_written_is_read_and_one_warning_says_that_nothing_is_kept(copied, run, tmp_path):
@@ -109,15 +115,6 @@ def test_a_folder_that_cannot_be_written_is_read_and_one_warning_says_that_nothi
     out, errors = run(package, no_folder)
     assert out == COMPILED
     assert errors.count("keeps no compiled code: Not a directory") == 1
-
-
-def test_a_part_of_a_file_is_compiled_anew(copied, run, tmp_path):
-    package, cache = copied("package"), tmp_path / "cache"
-    run(package, cache)
-    (path,) = cache.glob("*/*rotate_to_world*")
-    path.write_bytes(path.read_bytes()[:1000])
-    assert run(package, cache) == ("0 1 1 0 True", "")
-    assert run(package, cache) == (FOUND, "")
 
 
 def test_processes_that_start_together_compile_a_kernel_once(copied, tmp_path):

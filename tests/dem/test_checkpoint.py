@@ -54,7 +54,7 @@ def saved(tmp_path_factory):
     return path, bits(simulation)
 
 
-def test_going_on_from_a_checkpoint_gives_the_same_bits(saved):
+def test_going_on_from_a_checkpoint_gives_the_same_bits_also_in_a_fresh_process(saved):
     path, expected = saved
     simulation = Simulation.load(path)
     assert simulation.steps == 1200
@@ -65,9 +65,6 @@ def test_going_on_from_a_checkpoint_gives_the_same_bits(saved):
     # and bodies can still be added, each with its shape
     simulation.add("ball", (0.0, 0.0, 0.4))
     assert simulation.shape_ids[-1] == 1
-
-
-def test_going_on_in_a_fresh_process_gives_the_same_bits(saved):
     path, expected = saved
     code = (
         "import sys; sys.path[:0] = [sys.argv[2]]\n"

@@ -97,7 +97,7 @@ def test_touching_spheres_are_those_of_all_pairs_at_every_moment(seed):
     assert seen > 1500
 
 
-def test_entries_are_used_again_and_lists_grow():
+def test_entries_are_used_again_and_lists_grow_and_momentum_stays_and_hits_create_no_energy():
     runs = []
     for shrink in (False, True):
         s = cloud()
@@ -115,9 +115,6 @@ def test_entries_are_used_again_and_lists_grow():
         runs.append(s.positions.tobytes())
     assert len(s.pairs.near_limit) > 40
     assert runs[0] == runs[1]
-
-
-def test_momentum_stays_and_hits_create_no_energy():
     rng = np.random.default_rng(7)
     hits = 0
     for _ in range(250):
@@ -310,7 +307,7 @@ def test_a_checkpoint_goes_on_with_the_same_bits_and_so_does_the_seed(tmp_path, 
     assert bits(loaded) == bits(s)
 
 
-def test_clumps_below_the_floor_are_gone():
+def test_clumps_below_the_floor_are_gone_and_wrong_ones_refused():
     s = scene({"bent": bent()}, gravity=(0, 0, -9.81), dt=5e-5, capacity=6, floor_height_m=-0.02,
               walls={"disc": Plane((0, 0, 0), (0, 0, 1), "wall", 0.015)})  # fmt: skip
     for k in range(6):
@@ -321,29 +318,6 @@ def test_clumps_below_the_floor_are_gone():
     assert not np.isin(s.contacts(), np.flatnonzero(gone)).any()
     used = int(s.counts[st.N_NEAR])
     assert not np.isin(s.pairs.near_first[:used], np.flatnonzero(gone)).any()
-
-
-def test_pictures_files_and_frames_of_clumps(tmp_path):
-    points, normals, triangles = tessellate(bent())
-    clear = np.linalg.norm(points[:, None] - BENT[None, :, :3], axis=2) - BENT[:, 3]
-    assert np.abs(clear.min(axis=1)).max() < 1e-12
-    assert len(triangles) == len(tessellate(ball_of_one())[2])
-    assert np.allclose(np.linalg.norm(normals, axis=1), 1.0)
-    s = pouring()
-    recorder = Recorder()
-    s.run(0.01, progress=False, record=recorder, record_every_s=0.005)
-    assert recorder.frames()["position"].shape == (3, 30, 3)
-    for content in ("points", "surfaces", "walls"):
-        write_vtk(tmp_path / f"{content}.vtp", s, content)
-    corners, faces, body = triangulated_bodies(s)
-    # the triangles of a body enclose the volumes of its spheres, a little less
-    a, b, c = (corners[faces[body == 1][:, k]] - s.positions[1] for k in range(3))
-    volume = np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0
-    whole = 4.0 / 3.0 * math.pi * np.sum((s.scales[1] * BENT[:, 3]) ** 3)
-    assert 0.85 * whole < volume < whole
-
-
-def test_wrong_clumps_are_refused_and_one_knows_its_sizes():
     good = {"spheres_m": BENT, "mass_kg": MASS, "inertia_kg_m2": BENT_INERTIA, "material": "body"}
     cases = [
         ({"spheres_m": []}, r"spheres_m is \[\]; expected \(1 to 64, 4\) finite lengths"),
@@ -366,3 +340,23 @@ def test_wrong_clumps_are_refused_and_one_knows_its_sizes():
     n = np.array([1.0, 0.0, 0.0])
     assert clump.support(n) == pytest.approx(10.5e-3)
     assert clump.support_point(n) == pytest.approx([10.5e-3, -1.8e-3, 0.0])
+
+
+def test_pictures_files_and_frames_of_clumps(tmp_path):
+    points, normals, triangles = tessellate(bent())
+    clear = np.linalg.norm(points[:, None] - BENT[None, :, :3], axis=2) - BENT[:, 3]
+    assert np.abs(clear.min(axis=1)).max() < 1e-12
+    assert len(triangles) == len(tessellate(ball_of_one())[2])
+    assert np.allclose(np.linalg.norm(normals, axis=1), 1.0)
+    s = pouring()
+    recorder = Recorder()
+    s.run(0.01, progress=False, record=recorder, record_every_s=0.005)
+    assert recorder.frames()["position"].shape == (3, 30, 3)
+    for content in ("points", "surfaces", "walls"):
+        write_vtk(tmp_path / f"{content}.vtp", s, content)
+    corners, faces, body = triangulated_bodies(s)
+    # the triangles of a body enclose the volumes of its spheres, a little less
+    a, b, c = (corners[faces[body == 1][:, k]] - s.positions[1] for k in range(3))
+    volume = np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0
+    whole = 4.0 / 3.0 * math.pi * np.sum((s.scales[1] * BENT[:, 3]) ** 3)
+    assert 0.85 * whole < volume < whole

@@ -48,12 +48,23 @@ def normal_force(law, tile, kept, overlap, at=st.PAIR_STATE, dt=0.0):
     return -tile[tl.TO_A // LANES + 2]
 
 
-def test_jkr_at_zero_overlap_pulls_as_in_the_unit_test_of_lammps():
+def test_jkr_pulls_as_in_lammps_and_without_energy_is_the_dry_law():
     law = CONTACT_LAWS["jkr"]
     force = normal_force(law, *tile_of(law, LAMMPS, coherent(0.1), 0.005), 1e-18)
     np.testing.assert_allclose(force, -4.1888e-3, rtol=1e-5)
     np.testing.assert_allclose(force, -8.0 / 3.0 * math.pi * 0.1 * 0.005, rtol=1e-9)
     assert jkr.pull_off_force(coherent(0.1), 0.005) == pytest.approx(3.0 * math.pi * 0.1 * 0.005)
+    compare_with_the_dry_law("jkr", coherent(0.0, 0.4, 0.5), 3e-4, 1e-18)
+    # 7.09 (w^5 R*^4 / E*^2)^(1/3): 0.663 pi w A^2 by the integral of the force from s = 1 to parting.
+    law, gamma, radius = CONTACT_LAWS["jkr"], 0.05, 3e-3
+    tile, kept = tile_of(law, GOJI, coherent(gamma), radius)
+    young, _ = effective_moduli(GOJI, GOJI)
+    path = np.concatenate([np.linspace(1e-18, 3e-4, 2001), np.linspace(3e-4, -3e-4, 40001)])
+    forces = np.array([normal_force(law, tile, kept, overlap)[0] for overlap in path])
+    ended = 2002 + np.flatnonzero(forces[2002:] == 0.0)[0]
+    work, known = np.trapezoid(forces[:ended], path[:ended]), sticking_energy(2.0 * gamma, radius, young)
+    assert work == pytest.approx(known, rel=3e-3)
+    assert 7.09 * ((2.0 * gamma) ** 5 * radius**4 / young**2) ** (1.0 / 3.0) == pytest.approx(known, rel=1e-3)
 
 
 @pytest.mark.parametrize("gamma", [1e-9, 0.05, 20.0])
@@ -79,29 +90,16 @@ def test_jkr_on_a_path_to_and_fro_agrees_with_a_search_for_the_circle(gamma):
     assert gamma < 1e-6 or strongest == pytest.approx(-1.0, abs=2e-3)
 
 
-def test_jkr_without_surface_energy_is_the_dry_law():
+def compare_with_the_dry_law(name, own, deep, atol):
     forces = []
-    for name, contact in (("jkr", coherent(0.0, 0.4, 0.5)), ("hertz_mindlin_rescaled", Contact(0.4, 0.5, 0.0))):
-        law = CONTACT_LAWS[name]
+    for law, contact in ((name, own), ("hertz_mindlin_rescaled", Contact(0.4, 0.5, 0.0))):
+        law = CONTACT_LAWS[law]
         tile, kept = tile_of(law, GOJI, contact, 3e-3)
         tile[tl.A // LANES + st.VELOCITY :][:3] = np.random.default_rng(4).normal(size=(3, LANES))
-        for overlap in 3e-4 * (0.3 + np.sin(np.arange(30) / 4.0)):
+        for overlap in deep * (0.3 + np.sin(np.arange(30) / 4.0)):
             normal_force(law, tile, kept, overlap, dt=1e-5)
             forces.append(tile[tl.TO_A // LANES :][:3].copy())
-    np.testing.assert_allclose(forces[:30], forces[30:], rtol=1e-12, atol=1e-18)
-
-
-def test_work_of_a_cycle_of_jkr():
-    """7.09 (w^5 R*^4 / E*^2)^(1/3): 0.663 pi w A^2 by the integral of the force from s = 1 to parting."""
-    law, gamma, radius = CONTACT_LAWS["jkr"], 0.05, 3e-3
-    tile, kept = tile_of(law, GOJI, coherent(gamma), radius)
-    young, _ = effective_moduli(GOJI, GOJI)
-    path = np.concatenate([np.linspace(1e-18, 3e-4, 2001), np.linspace(3e-4, -3e-4, 40001)])
-    forces = np.array([normal_force(law, tile, kept, overlap)[0] for overlap in path])
-    ended = 2002 + np.flatnonzero(forces[2002:] == 0.0)[0]
-    work, known = np.trapezoid(forces[:ended], path[:ended]), sticking_energy(2.0 * gamma, radius, young)
-    assert work == pytest.approx(known, rel=3e-3)
-    assert 7.09 * ((2.0 * gamma) ** 5 * radius**4 / young**2) ** (1.0 / 3.0) == pytest.approx(known, rel=1e-3)
+    np.testing.assert_allclose(forces[:30], forces[30:], rtol=1e-12, atol=atol)
 
 
 def sticking_energy(work, radius, young):

@@ -150,13 +150,27 @@ def test_gap_and_normal_agree_with_a_dense_search(axes):
         assert np.linalg.norm(normal - slow_normal) < 2e-5
 
 
-def test_a_proven_gap_is_never_larger_than_the_true_one():
+def test_a_proven_gap_is_never_too_large_and_radii_are_those_of_hertz():
     rng = np.random.default_rng(8)
     for _ in range(100):
         bodies, direction, target = random_pair(rng, (1e-4, 8e-3))
         true, _ = at_gap(bodies, BERRY, direction, target)
         proven = solve_gap(engine_rows(bodies, BERRY, 1.0), 1, 0, 1, direction.copy(), 1e-9, 1e-3)
         assert proven <= true + 1e-12
+    radius = 0.005
+    sphere = np.full((1, 3), radius)
+    bodies = [[np.zeros(3), (1, 0, 0, 0), np.zeros(3), np.zeros(3)] for _ in range(2)]
+    bodies[1][0] = np.array([0.0, 0.0, 1.99 * radius])
+    rows = engine_rows(bodies, sphere, 1e-3)
+    t = st.zeros(ROWS * LANES)
+    lanes = t.reshape(ROWS, LANES)
+    contacts = st.new_contacts(LANES, KEPT)[0]
+    first = np.zeros(LANES, np.uint32)
+    load = st.zeros(len(rows), st.LOAD_COLUMNS)
+    laws = hertz_mindlin.LAW.make_options(), rolling_budget.LAW.make_options()
+    pair_tile(t, contacts, rows, first, first + np.uint32(1), 1, 2e-4, *laws, load)
+    assert np.allclose(lanes[tl.RADIUS // LANES], radius / 2.0, rtol=1e-12)
+    assert np.allclose(lanes[tl.GAP // LANES], -0.01 * radius, rtol=1e-9)
 
 
 @pytest.mark.parametrize("axes", [BERRY, BARREL, SPHERE], ids=["ellipsoid", "two ellipsoids", "sphere"])
@@ -227,23 +241,6 @@ def test_a_tile_of_contacts_agrees_with_the_slow_law(axes, tension, limit):  # n
             rolling = contact.rolling_friction * push * np.linalg.norm(arm)
             assert body[st.ROLL] == pytest.approx(rolling, rel=1e-9)
         assert np.allclose(kept[3:6, lane], new_spring, rtol=1e-9, atol=1e-15)
-
-
-def test_effective_radius_of_spheres_is_that_of_hertz():
-    radius = 0.005
-    sphere = np.full((1, 3), radius)
-    bodies = [[np.zeros(3), (1, 0, 0, 0), np.zeros(3), np.zeros(3)] for _ in range(2)]
-    bodies[1][0] = np.array([0.0, 0.0, 1.99 * radius])
-    rows = engine_rows(bodies, sphere, 1e-3)
-    t = st.zeros(ROWS * LANES)
-    lanes = t.reshape(ROWS, LANES)
-    contacts = st.new_contacts(LANES, KEPT)[0]
-    first = np.zeros(LANES, np.uint32)
-    load = st.zeros(len(rows), st.LOAD_COLUMNS)
-    laws = hertz_mindlin.LAW.make_options(), rolling_budget.LAW.make_options()
-    pair_tile(t, contacts, rows, first, first + np.uint32(1), 1, 2e-4, *laws, load)
-    assert np.allclose(lanes[tl.RADIUS // LANES], radius / 2.0, rtol=1e-12)
-    assert np.allclose(lanes[tl.GAP // LANES], -0.01 * radius, rtol=1e-9)
 
 
 def test_a_glued_body_carries_another_and_stays():

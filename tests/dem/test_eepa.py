@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 from dem.common import GOJI, simulation
-from dem.test_cohesion import LANES, normal_force, tile_of
+from dem.test_cohesion import LANES, compare_with_the_dry_law, normal_force, tile_of
 
 from repose.dem import Contact
 from repose.dem.constants import PLASTICITY_RATIO, SURFACE_ENERGY
@@ -93,19 +93,8 @@ def test_a_contact_that_is_loaded_again_goes_up_as_it_unloads_and_gives_no_energ
         assert np.abs(np.diff(forces)).max() < 0.05 * K1 * DEEP**1.5
 
 
-def test_without_plasticity_it_is_the_dry_law():
-    forces = []
-    for name, own in (("eepa", contact(0.0, 0.5, 0.4, 0.5)), ("hertz_mindlin_rescaled", Contact(0.4, 0.5, 0.0))):
-        law = CONTACT_LAWS[name]
-        tile, kept = tile_of(law, GOJI, own, RADIUS)
-        tile[tl.A // LANES + 3 :][:3] = np.random.default_rng(4).normal(size=(3, LANES))
-        for overlap in DEEP * (0.3 + np.sin(np.arange(30) / 4.0)):
-            normal_force(law, tile, kept, overlap, dt=1e-5)
-            forces.append(tile[tl.TO_A // LANES :][:3].copy())
-    np.testing.assert_allclose(forces[:30], forces[30:], rtol=1e-12, atol=1e-15)
-
-
-def test_the_limit_of_friction_is_the_force_above_the_adhesion():
+def test_without_plasticity_it_is_the_dry_law_and_its_step_that_of_unloading():
+    compare_with_the_dry_law("eepa", contact(0.0, 0.5, 0.4, 0.5), DEEP, 1e-15)
     plasticity, gamma = 0.5, 0.02
     strongest, plastic, k2 = pull(plasticity, gamma)
     tile, kept = tile_of(LAW, GOJI, contact(plasticity, gamma), RADIUS)
@@ -115,6 +104,11 @@ def test_the_limit_of_friction_is_the_force_above_the_adhesion():
         limit = force + strongest / meets * overlap**1.5
         np.testing.assert_allclose(tile[tl.PUSH // LANES], limit, rtol=1e-9, atol=1e-12 * K1 * DEEP**1.5)
     assert limit == pytest.approx(0.0, abs=1e-9 * K1 * DEEP**1.5)
+    steps = [
+        simulation([[6e-3] * 3], contact=contact(plasticity), contact_law="eepa", dt=1e-6).longest_time_step()
+        for plasticity in (0.0, 0.75)
+    ]
+    assert steps[1] == pytest.approx(0.5 * steps[0])
 
 
 @pytest.mark.slow
@@ -132,11 +126,3 @@ def test_a_hit_returns_the_restitution_of_its_plasticity(plasticity):
 
     assert returned(1.0) == pytest.approx(eepa.restitution(plasticity), rel=5e-3)
     assert returned(0.7) < min(0.7, eepa.restitution(plasticity))
-
-
-def test_the_time_step_is_that_of_unloading():
-    steps = [
-        simulation([[6e-3] * 3], contact=contact(plasticity), contact_law="eepa", dt=1e-6).longest_time_step()
-        for plasticity in (0.0, 0.75)
-    ]
-    assert steps[1] == pytest.approx(0.5 * steps[0])

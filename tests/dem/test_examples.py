@@ -33,7 +33,7 @@ def box(tmp_path_factory):
     return names["simulation"], folder
 
 
-def test_the_example_of_the_readme_runs_and_the_berries_come_to_lie_in_the_box(box):
+def test_the_readme_the_picture_and_its_scale_are_those_of_the_box(box):
     simulation, folder = box
     assert simulation.time_s == simulation.steps * simulation.time_step_s == pytest.approx(1.0)
     positions = simulation.positions
@@ -43,9 +43,6 @@ def test_the_example_of_the_readme_runs_and_the_berries_come_to_lie_in_the_box(b
     assert simulation.kinetic_energies().sum() < 1e-5
     sets = list(ET.parse(folder / "box" / "box.pvd").getroot().iter("DataSet"))
     assert len(sets) == 2 * 21
-
-
-def test_a_picture_shows_bodies_in_front_of_walls_and_no_wall_in_front(box):
     simulation, _folder = box
     picture = render_simulation(simulation, width=160, height=120).astype(int)
     red = picture[..., 0] > picture[..., 2] + 40
@@ -58,9 +55,6 @@ def test_a_picture_shows_bodies_in_front_of_walls_and_no_wall_in_front(box):
     # the panels close the box up to the top: normals point at its middle
     for panel in setting.panels:
         assert panel.normal @ (np.array([0.0, 0.0, 0.075]) - panel.corners_m.mean(axis=0)) > 0
-
-
-def test_scale_and_second_shape_are_seen(box):
     old, _folder = box
     shapes = {"berry": old.shapes["berry"], "ball": Shape.sphere(0.01, 840.0, "berry")}
     made = {"shapes": shapes, "materials": old.materials, "time_step_s": 1e-4, "capacity": 1, "largest_scale": 2.0}

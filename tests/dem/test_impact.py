@@ -89,7 +89,7 @@ def angular_momentum(s):
     return (np.cross(s.positions, s.mass_kg * s.velocities) + s.angular_momenta).sum(axis=0)
 
 
-def test_random_impacts_keep_momentum_and_create_no_energy():
+def test_impacts_keep_momentum_and_rotation_its_energy():
     rng = np.random.default_rng(3)
     for _ in range(300):
         s = simulation(BERRY, Contact(rng.uniform(0.1, 0.4), rng.uniform(0.35, 0.75), 0.0), dt=5e-5)
@@ -105,9 +105,6 @@ def test_random_impacts_keep_momentum_and_create_no_energy():
         assert s.kinetic_energies().sum() <= energy * (1.0 + 1e-6)
         # the two forces of a contact act in one place, so they turn the whole by nothing
         assert np.allclose(angular_momentum(s), angular, rtol=0.0, atol=1e-9 * np.abs(angular).max())
-
-
-def test_free_rotation_keeps_angular_momentum_and_energy():
     s = simulation(BERRY, dt=2e-4)
     s.add((0, 0, 0), (0.3, 0.5, -0.2, 0.8), angular_velocity_rad_s=(12.0, -25.0, 8.0))
     momentum, energy = s.angular_momenta[0], s.kinetic_energies()[0]
@@ -149,8 +146,7 @@ def test_an_oblique_hit_leaves_as_in_the_unit_test_of_lammps():
 STEEL = material(210e9, 0.2)  # of the plate (Dosta et al., Comput. Phys. Commun. 296 (2024) 109066)
 
 
-def test_a_sphere_leaves_a_steel_plate_as_in_the_benchmark_of_dosta_and_others():
-    """It touches after exactly 20 steps, to rounding, and the first force grows with the fourth root of the overlap."""
+def test_two_benchmarks_of_dosta_and_others_on_a_steel_plate():
     s = on_floor(
         1e-3, 2500.0, {"body": material(1e9, 0.2), "wall": STEEL}, Contact(0.4, 0.0, 0.0), 5e-7, 1.01e-3,
         (0.0, 0.0, -1.0),
@@ -158,10 +154,6 @@ def test_a_sphere_leaves_a_steel_plate_as_in_the_benchmark_of_dosta_and_others()
     s.run_steps(121)
     assert s.velocities[0, 2] == pytest.approx(0.40107538, rel=3e-5)
     assert 1e3 * s.positions[0, 2] == pytest.approx(1.00724022, rel=1e-6)
-
-
-def test_a_steel_sphere_slides_on_a_plate_as_in_the_benchmark_of_dosta_and_others():
-    """From rest, sunk under its weight: 4 m/s2 along the plate, and 2.5 mu g / r about the axis."""
     mass, (young, _) = 7200.0 * 4.0 / 3.0 * np.pi * 1e-9, effective_moduli(STEEL, STEEL)
     sunk = (5.0 * mass / (4.0 / 3.0 * young * np.sqrt(1e-3))) ** (2.0 / 3.0)
     s = on_floor(

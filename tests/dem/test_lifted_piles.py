@@ -40,7 +40,7 @@ def test_the_angle_of_a_cone_is_found(degrees):
     assert found["height_mm"] == pytest.approx(40.0, abs=4.0)
 
 
-def test_a_low_pile_is_measured_along_its_radius_and_grains_that_move_are_left_out():
+def test_a_pile_that_is_low_is_measured_and_its_rings_are_those_of_a_slow_twin():
     low = cone(8.0, height_m=0.012)
     found = lifted_piles.angle(low)
     assert found["flat"]
@@ -48,9 +48,6 @@ def test_a_low_pile_is_measured_along_its_radius_and_grains_that_move_are_left_o
     flying = grains(np.column_stack([low.centres_m[:50, :2], np.full(50, 0.05)]))._replace(speeds_m_s=np.ones(50))
     both = Grains(*map(np.concatenate, zip(low, flying, strict=True)))
     assert lifted_piles.angle(both) == {**found, "moving": 50}
-
-
-def test_the_rings_are_those_of_a_slow_twin():
     rng = np.random.default_rng(1)
     out, tops, width = 0.05 * np.sqrt(rng.random(900)), 0.03 * rng.random(900), 2.0 * RADIUS_M
     expected = []
@@ -60,9 +57,6 @@ def test_the_rings_are_those_of_a_slow_twin():
         if len(here) >= 4:
             expected.append(((number + 0.5) * width, max(held, default=np.median(here))))
     np.testing.assert_allclose(np.transpose(lifted_piles.rings(out, tops, width)), expected)
-
-
-def test_the_density_is_that_of_the_bed_between_its_ends():
     rng, share = np.random.default_rng(2), 0.6
     volume = np.pi * lifted_piles.TUBE_RADIUS_M**2 * 0.06
     count = round(share * volume / (4.0 / 3.0 * np.pi * RADIUS_M**3))

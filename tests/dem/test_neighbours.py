@@ -59,7 +59,7 @@ def test_the_contact_list_is_that_of_all_pairs_at_every_moment(seed):
     assert seen > 1000
 
 
-def test_lists_grow_when_they_fill_up():
+def test_lists_grow_and_memory_goes_with_the_grains_alone():
     n = 125
     runs = []
     for shrink in (False, True):
@@ -76,9 +76,6 @@ def test_lists_grow_when_they_fill_up():
         assert len(s.pairs.near_limit) > 100
         runs.append(s.positions.copy())
     assert np.array_equal(*runs)
-
-
-def test_small_grains_in_a_large_box_need_memory_for_the_grains_alone():
     # 10 um grains in a box of 2 m: cells all over the box would take 3 PiB
     n, radius = 40, 1e-5
     s = simulation(
@@ -95,6 +92,12 @@ def test_small_grains_in_a_large_box_need_memory_for_the_grains_alone():
     found = {(i, j) for i, j, _gap in slow_contacts(s)}
     assert len(found) > 40
     assert {tuple(pair) for pair in s.contacts()} >= {(i, j) for i, j, gap in slow_contacts(s) if gap < -1e-9}
+    axes = np.array([0.004, 0.004, 0.01])
+    s = simulation_of(Shape.ellipsoid(axes, 800.0, "berry"), Contact(0.3, 0.5, 0.02), 1e-5, capacity=1000)
+    for place in np.indices((10, 10, 10)).reshape(3, -1).T:
+        s.add("body", 2.001 * axes * (place - 4.5))
+    s.run_steps(1)
+    assert s.counts[st.N_NEAR] > 6 * 1000
 
 
 @pytest.mark.parametrize("cells", [1, 8, 27, 4096])
@@ -102,15 +105,6 @@ def test_bodies_meet_whatever_the_number_of_cells(cells, monkeypatch):
     monkeypatch.setattr(st, "CELLS_PER_BODY", 0)
     monkeypatch.setattr(st, "FEWEST_CELLS", cells)
     test_the_contact_list_is_that_of_all_pairs_at_every_moment(1)
-
-
-def test_a_dense_lattice_of_long_bodies_has_room_in_the_lists():
-    axes = np.array([0.004, 0.004, 0.01])
-    s = simulation_of(Shape.ellipsoid(axes, 800.0, "berry"), Contact(0.3, 0.5, 0.02), 1e-5, capacity=1000)
-    for place in np.indices((10, 10, 10)).reshape(3, -1).T:
-        s.add("body", 2.001 * axes * (place - 4.5))
-    s.run_steps(1)
-    assert s.counts[st.N_NEAR] > 6 * 1000
 
 
 # sixteen spheres with dents between them: many pairs of two bodies touch and part

@@ -49,17 +49,12 @@ def test_the_number_of_threads_changes_no_bit(small_is_shared):
 
 @pytest.mark.slow
 @pytest.mark.essential
-def test_where_a_run_is_cut_changes_no_bit(small_is_shared):
+def test_where_a_run_is_cut_changes_no_bit_and_shares_move_bodies_as_one_does(small_is_shared, monkeypatch):
     whole, parts = falling(2), falling(2)
     whole.run_steps(STEPS)
     for steps in (1, 499, 500, 7, STEPS - 1007):
         parts.run_steps(steps)
     assert np.array_equal(whole.positions, parts.positions)
-
-
-@pytest.mark.slow
-@pytest.mark.essential
-def test_shares_move_bodies_as_one_does(small_is_shared, monkeypatch):
     # over so few steps that rounding has not grown yet
     shared = falling(1)
     monkeypatch.setattr(parallel, "FEWEST_BODIES", 1000)

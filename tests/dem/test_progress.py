@@ -13,7 +13,7 @@ class Terminal(io.StringIO):
         return True
 
 
-def test_a_log_gets_a_line_a_minute(monkeypatch, capsys):
+def test_a_log_gets_a_line_a_minute_and_a_terminal_a_bar_with_the_time_left(monkeypatch, capsys):
     now = [0.0]
     monkeypatch.setattr(progress.time, "perf_counter", lambda: now[0])
     with progress.display(0.0, 10.0, 1e-3, label="seed 7") as report:
@@ -25,9 +25,6 @@ def test_a_log_gets_a_line_a_minute(monkeypatch, capsys):
         "seed 7 1.200/10.000 s, 0.02 s/s, 20 steps/s, 07:20 left",
         "seed 7 2.400/10.000 s, 0.02 s/s, 20 steps/s, 06:20 left",
     ]
-
-
-def test_a_terminal_gets_a_bar_with_time_speed_and_time_left(monkeypatch):
     screen = Terminal()
     monkeypatch.setattr("sys.stderr", screen)
     monkeypatch.setenv("COLUMNS", "120")

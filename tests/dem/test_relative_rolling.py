@@ -22,18 +22,13 @@ def test_bodies_that_spin_and_meet_keep_their_angular_momentum(law):
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_a_sphere_that_spins_on_a_smooth_floor_is_slowed_by_the_rolling_friction(law):
+def test_a_spin_on_a_smooth_floor_is_slowed_by_rolling_and_twisting_friction(law):
     """omega_0 - 5 mu_r g t / (2 R): the torque mu_r m g R over the moment 0.4 m R^2."""
     rolling, began = 0.1, 200.0
     s = on_floor(smooth(), Contact(0.2, 0.0, rolling), spin=(began, 0.0, 0.0), rolling_law=law)
     s.run_steps(5000)
     expected = began - 2.5 * rolling * GRAVITY / RADIUS * 5000 * s.time_step_s
     assert s.angular_velocities[0, 0] == pytest.approx(expected, rel=1e-3)
-
-
-@pytest.mark.parametrize("law", LAWS)
-def test_spin_about_the_normal_is_slowed_by_the_twisting_friction(law):
-    """By mu_t m g a over 0.4 m R^2, as long as the sphere spins on."""
     twisting, began = 0.5, 50.0
     s = on_floor(
         smooth(), Contact(0.2, 0.4, 0.1, twisting), spin=(0.0, 0.0, began), material=GOJI, rolling_law=law, dt=2e-5

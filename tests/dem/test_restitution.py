@@ -95,14 +95,10 @@ def test_contacts_of_one_pair_share_the_damping(on):
 
 
 @pytest.mark.parametrize("tension", ["keep", "release"])
-@pytest.mark.parametrize(
-    ("name", "contact_law"),
-    [
-        ("ellipsoid", "hertz_mindlin"),
-        ("rough clump", "hertz_mindlin"),
-        pytest.param("ellipsoid", "linear_spring", marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.parametrize(("name", "contact_law"), [
+    ("ellipsoid", "hertz_mindlin"), ("rough clump", "hertz_mindlin"),
+    pytest.param("ellipsoid", "linear_spring", marks=pytest.mark.slow),
+])  # fmt: skip
 def test_a_stiff_hit_returns_its_restitution_wherever_it_is_hit(name, tension, contact_law):
     for on_plane in (False, True):
         for e in (0.2, 0.7):

@@ -33,7 +33,7 @@ def compare(scenes, steps, rounds, tolerance=1e-9):
                 assert np.abs(a - b).max() <= tolerance * size, name
 
 
-def test_they_fall_and_rest_and_hit_obliquely():
+def test_spheres_fall_rest_hit_and_turn_again_when_pushed():
     scenes = three(walls={"floor": FLOOR}, gravity=(0.0, 0.0, -9.81), dt=2e-5)
     for s in scenes:
         s.add("body", (0.0, 0.0, 0.02), velocity_m_s=(0.3, 0.0, -0.5), angular_velocity_rad_s=(5.0, 20.0, 3.0))
@@ -44,6 +44,14 @@ def test_they_fall_and_rest_and_hit_obliquely():
         s.add("body", (0.0061, 0.003, 0.001), velocity_m_s=(-0.5, 0.0, 0.2))
     compare(scenes, 1000, 20)
     assert np.abs(scenes[0].angular_velocities[1]).max() > 1.0
+    scenes = three(walls={"floor": FLOOR}, gravity=(0.0, 0.0, -9.81), dt=2e-5, contact=Contact(0.1, 0.5, 0.2))
+    for s in scenes:
+        s.add("body", (0.0, 0.0, RADIUS))
+        s.run_steps(30_000)
+        assert s.bodies.resting[0] == 1
+        s.add("body", (-0.02, 0.001, RADIUS), velocity_m_s=(1.0, 0.0, 0.0))
+    compare(scenes, 200, 20, 1e-5)
+    assert np.abs(scenes[0].angular_velocities[0]).max() > 0.0 or scenes[0].positions[0, 0] > 1e-3
 
 
 @pytest.mark.parametrize("kind", ["disc", "cone", "tilted tube", "edge", "mesh", "moving"])
@@ -77,7 +85,7 @@ def test_they_pile_up_among_walls(kind):
     assert touched > 20
 
 
-def test_they_turn_with_a_frame_against_which_rolling_is_resisted():
+def test_spheres_turn_with_a_frame_and_others_take_the_way_of_smooth_bodies():
     wall = Cylinder((0.0, -0.05, 0.0), (0.0, 1.0, 0.0), 0.1, 0.03, "wall", motion=Motion((0, 0, 0), (0.0, 8.0, 0.0)))
     scenes = three(walls={"drum": wall}, gravity=(0.0, 0.0, -9.81), dt=5e-6, contact=Contact(0.3, 0.5, 0.3))
     for s in scenes:
@@ -86,6 +94,10 @@ def test_they_turn_with_a_frame_against_which_rolling_is_resisted():
         s.add("body", (0.004, 0.013, -0.0225))
     compare(scenes, 500, 20, 1e-5)
     assert scenes[0].angular_velocities[:, 1].max() > 7.0
+    sphere, berry = (Shape.sphere(RADIUS, DENSITY, "body"), Shape.ellipsoid((0.006, 0.006, 0.007), DENSITY, "body"))
+    uneven = Shape([[RADIUS] * 3], sphere.mass_kg, sphere.inertia_kg_m2 * [1.0, 1.0, 0.9], "body")
+    assert parts_of([sphere, Shape.sphere(0.5 * RADIUS, DENSITY, "body")]) == st.SPHERES
+    assert parts_of([sphere, berry]) == parts_of([uneven]) == 1
 
 
 @pytest.mark.slow
@@ -101,21 +113,3 @@ def test_they_obey_each_law(contact, rolling):
         s.add("body", (0, 0, 0.0065), velocity_m_s=(0.3, 0, -0.5), angular_velocity_rad_s=(5.0, 20.0, 3.0))
         s.add("body", (0.002, 0.001, 0.019), velocity_m_s=(0.0, 0.1, -0.5))
     compare(scenes, 500, 20, 1e-4)
-
-
-def test_bodies_that_are_no_spheres_take_the_way_of_smooth_bodies():
-    sphere, berry = (Shape.sphere(RADIUS, DENSITY, "body"), Shape.ellipsoid((0.006, 0.006, 0.007), DENSITY, "body"))
-    uneven = Shape([[RADIUS] * 3], sphere.mass_kg, sphere.inertia_kg_m2 * [1.0, 1.0, 0.9], "body")
-    assert parts_of([sphere, Shape.sphere(0.5 * RADIUS, DENSITY, "body")]) == st.SPHERES
-    assert parts_of([sphere, berry]) == parts_of([uneven]) == 1
-
-
-def test_bodies_that_rest_turn_again_when_they_are_pushed():
-    scenes = three(walls={"floor": FLOOR}, gravity=(0.0, 0.0, -9.81), dt=2e-5, contact=Contact(0.1, 0.5, 0.2))
-    for s in scenes:
-        s.add("body", (0.0, 0.0, RADIUS))
-        s.run_steps(30_000)
-        assert s.bodies.resting[0] == 1
-        s.add("body", (-0.02, 0.001, RADIUS), velocity_m_s=(1.0, 0.0, 0.0))
-    compare(scenes, 200, 20, 1e-5)
-    assert np.abs(scenes[0].angular_velocities[0]).max() > 0.0 or scenes[0].positions[0, 0] > 1e-3

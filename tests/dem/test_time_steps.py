@@ -80,7 +80,7 @@ def test_an_oscillator_of_the_damping_ratio_returns_the_restitution():
     assert math.exp(-math.pi * z / math.sqrt(1.0 - z * z)) == pytest.approx(0.4, rel=1e-9)
 
 
-def test_spheres_at_one_place_low_restitution_and_hard_walls_shorten_the_step():
+def test_low_restitution_hard_walls_scale_and_flat_places_shorten_the_step():
     overlap = 1e-4 * RADIUS_M
     assert BALL.acting_together(overlap) == pytest.approx(1.0)
     assert row(15).acting_together(0.1 * RADIUS_M) == pytest.approx(15.0, rel=0.01)
@@ -94,9 +94,6 @@ def test_spheres_at_one_place_low_restitution_and_hard_walls_shorten_the_step():
     assert damped < 0.5 * free
     between = time_steps.pressed(study(0.3), BALL, "body", of_body=True).time_step_s
     assert time_steps.pressed(study(0.3), BALL, "wall").time_step_s < between
-
-
-def test_limits_go_with_the_scale_and_the_flattest_place_and_are_allowed_as_reported():
     for number in (1, 40):
         shape = row(number)
         grown = Clump(3.0 * shape.spheres_m, 27.0 * shape.mass_kg, 243.0 * shape.inertia_kg_m2, "body")

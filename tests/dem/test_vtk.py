@@ -67,7 +67,7 @@ def arrays(path):
     return found
 
 
-def test_points_hold_the_numbers_of_the_bodies_that_are_there(tmp_path):
+def test_vtk_points_surfaces_and_walls_and_wrong_names(tmp_path):
     simulation = scene()
     write_vtk(tmp_path / "a.vtp", simulation)
     found, here = arrays(tmp_path / "a.vtp"), [0, 2]
@@ -84,6 +84,10 @@ def test_points_hold_the_numbers_of_the_bodies_that_are_there(tmp_path):
     tensor = found["tensor"][0].reshape(3, 3)
     turn = rotation_matrix(simulation.quaternions[0])
     np.testing.assert_allclose(turn.T @ tensor @ turn, np.diag([0.03, 0.018, 0.015]), atol=1e-12)
+    value_error(r"path is .*expected a file that ends in \.vtp", write_vtk, tmp_path / "a.vtk", None)
+    with pytest.raises(ValueError, match="content is 'bodies'; expected 'points', 'surfaces', 'walls'"):
+        write_vtk(tmp_path / "a.vtp", None, "bodies")
+    value_error(r"expected a file that ends in \.pvd", VtkSeries, tmp_path / "a.vtp")
 
 
 def test_surfaces_have_the_volume_of_the_bodies_and_walls_are_where_they_are_now(tmp_path):
@@ -154,13 +158,6 @@ def test_a_series_has_the_times_and_writes_walls_at_rest_once(tmp_path):
     assert np.isnan(kept["position"][:, 1]).all()
     series(simulation)
     value_error("expected later than the last one", series, simulation)
-
-
-def test_wrong_names_are_reported(tmp_path):
-    value_error(r"path is .*expected a file that ends in \.vtp", write_vtk, tmp_path / "a.vtk", None)
-    with pytest.raises(ValueError, match="content is 'bodies'; expected 'points', 'surfaces', 'walls'"):
-        write_vtk(tmp_path / "a.vtp", None, "bodies")
-    value_error(r"expected a file that ends in \.pvd", VtkSeries, tmp_path / "a.vtp")
 
 
 def test_a_mesh_is_written_and_drawn_where_its_motion_has_brought_it(tmp_path):

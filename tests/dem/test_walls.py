@@ -27,7 +27,7 @@ def funnel_simulation(contact, funnel=FUNNEL, gravity=(0.0, 0.0, 0.0), dt=2e-5, 
     return simulation(BERRY, contact, contact, funnel.walls("wall"), dt, capacity=1, **keywords)
 
 
-def test_the_funnel_has_the_dimensions_asked_for():
+def test_a_funnel_has_its_dimensions_and_holds_nothing_outside():
     cone = FUNNEL.walls("wall")["cone"].row()
     normal_r, normal_z, offset, lowest, highest = cone[:5]
 
@@ -44,6 +44,19 @@ def test_the_funnel_has_the_dimensions_asked_for():
     assert math.hypot(ring[0] - low_r, ring[1] - low_z) == pytest.approx(0.001)
     assert ring[0] - 0.001 == pytest.approx(0.016)
     assert (top_z - low_z) / (top_r - low_r) == pytest.approx(math.tan(math.radians(60.0)))
+    for radius, height in ((0.06, 0.11), (0.03, 0.08), (0.0, 0.08)):
+        s = funnel_simulation(Contact(0.3, 0.5, 0.1))
+        s.add((radius, 0.0, height), (1, 0, 0, 0))
+        s.run_steps(50)
+        assert s.counts[st.N_CURVED] == 0
+        assert np.all(s.velocities == 0.0)
+    walls = {"disc": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", radius_m=0.05)}
+    s = simulation(BERRY, Contact(0.3, 0.5, 0.3), walls=walls, gravity_m_s2=DOWN, dt=1e-4, floor_height_m=-0.05)
+    s.add((0.0, 0.0, 0.02), (1, 0, 0, 0))
+    s.add((0.08, 0.0, 0.02), (1, 0, 0, 0))
+    s.run_steps(5000)
+    assert list(s.present) == [True, False]
+    assert s.positions[0, 2] == pytest.approx(0.0049, abs=2e-4)
 
 
 def settle_contacts(s, place, q):
@@ -123,22 +136,6 @@ def test_hits_of_cone_and_edge_create_no_energy(funnel):
         hits += s.kinetic_energies()[0] < 0.98 * energy
     assert hits > 150
     assert worst < 1.0 + 1e-5
-
-
-def test_walls_hold_what_is_over_a_disc_and_touch_nothing_outside_a_funnel():
-    for radius, height in ((0.06, 0.11), (0.03, 0.08), (0.0, 0.08)):
-        s = funnel_simulation(Contact(0.3, 0.5, 0.1))
-        s.add((radius, 0.0, height), (1, 0, 0, 0))
-        s.run_steps(50)
-        assert s.counts[st.N_CURVED] == 0
-        assert np.all(s.velocities == 0.0)
-    walls = {"disc": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", radius_m=0.05)}
-    s = simulation(BERRY, Contact(0.3, 0.5, 0.3), walls=walls, gravity_m_s2=DOWN, dt=1e-4, floor_height_m=-0.05)
-    s.add((0.0, 0.0, 0.02), (1, 0, 0, 0))
-    s.add((0.08, 0.0, 0.02), (1, 0, 0, 0))
-    s.run_steps(5000)
-    assert list(s.present) == [True, False]
-    assert s.positions[0, 2] == pytest.approx(0.0049, abs=2e-4)
 
 
 @pytest.mark.slow
@@ -255,7 +252,7 @@ def test_contacts_with_a_disc_are_those_of_a_slow_rule():
     assert min(seen.values()) > 200
 
 
-def test_a_berry_added_touching_is_held_and_one_beyond_the_edge_once_it_was_above():
+def test_a_berry_past_a_disc_stays_past_it_also_from_a_file_and_in_a_new_order(tmp_path):
     s = simulation(BERRY, Contact(0.4, 0.5, 0.0), walls=disc(), dt=1e-4, capacity=1)
     s.add((DISC_M + 0.02, 0.0, 0.001), velocity_m_s=(-0.5, 0.0, 0.0))
     s.run_steps(1000)
@@ -269,9 +266,6 @@ def test_a_berry_added_touching_is_held_and_one_beyond_the_edge_once_it_was_abov
     s.add((0.0, 0.0, 0.0045))
     s.run_steps(3000)
     assert s.positions[0, 2] == pytest.approx(0.0049, abs=2e-4)
-
-
-def test_a_checkpoint_and_a_new_order_keep_what_is_past_a_wall(tmp_path):
     s = simulation(BERRY, Contact(0.4, 0.5, 0.0), walls=disc(), dt=1e-4, capacity=2)
     s.add((DISC_M + 0.012, 0.0, 0.001), velocity_m_s=(-0.5, 0.0, 0.0))
     s.add((-0.09, -0.09, 0.02))

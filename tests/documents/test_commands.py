@@ -1,4 +1,4 @@
-"""Every command of the documents is known to the script that runs them, and the quick ones run."""
+"""The commands of the documents are known and run; cells of their tables are short."""
 
 import re
 import subprocess
@@ -18,15 +18,12 @@ def commands_of(page):
     return {text for what, text in commands.steps((commands.ROOT / page).read_text()) if what == "command"}
 
 
-def test_the_table_holds_the_commands_of_every_page_and_no_others():
+def test_the_table_holds_the_commands_of_every_page():
     def same(page):
         known = [text for name in KINDS for text in TABLE.get(page, {}).get(name) or ()]
         assert sorted(known) == sorted(commands_of(page))
 
     check_all(same, [(page, page) for page in sorted({*commands.pages(), *TABLE})])
-
-
-def test_what_is_left_out_has_its_reason():
     assert all(reason for entry in TABLE.values() for reason in (entry.get("left_out") or {}).values())
 
 
@@ -45,12 +42,9 @@ one
 """
 
 
-def test_files_and_commands_of_a_page_come_in_their_order():
+def test_files_commands_and_pictures_of_a_page_come_in_their_order():
     expected = [("heading", "# A"), ("a/b.txt", "one\n"), ("command", "cp a/b.txt c d")]
     assert list(commands.steps(PAGE)) == expected
-
-
-def test_every_picture_of_such_a_page_is_made_by_its_commands():
     for page, entry in TABLE.items():
         if "pictures" in entry:
             folder = (commands.ROOT / page).parent
@@ -72,3 +66,25 @@ def test_the_quick_commands_run():
 def test_a_command_that_fails_is_named_with_its_page(tmp_path):
     with pytest.raises(SystemExit, match=r"page\.md: status 3\d*"):
         commands.run("page.md", "set -e\nexit 31", tmp_path)
+
+
+MOST_WORDS = 20
+
+
+def long_cells(page, text):
+    fenced = False
+    for number, line in enumerate(text.splitlines(), 1):
+        fenced ^= line.lstrip().startswith("```")
+        if not fenced and line.lstrip().startswith("|"):
+            for cell in re.split(r"(?<!\\)\|", line):
+                if len(cell.split()) > MOST_WORDS:
+                    yield f"{page}:{number}: {len(cell.split())} words: {cell.strip()}"
+
+
+def test_no_cell_of_a_table_has_more_than_20_words():
+    pages = [page for page in commands.pages() if not page.startswith("tests/")]  # those tables are results
+    found = [cell for page in pages for cell in long_cells(page, (commands.ROOT / page).read_text())]
+    assert not found, "\n".join(found)
+    line = f"| a | {'word ' * 21}|"
+    assert len(list(long_cells("page", line))) == 1
+    assert not list(long_cells("page", f"```\n{line}\n```"))

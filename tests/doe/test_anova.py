@@ -41,15 +41,10 @@ def agrees(value, printed):
 
 
 @pytest.mark.parametrize(
-    ("name", "order"),
-    [
-        ("chemical_process", "quadratic"),
-        ("viscosity", "quadratic"),
-        ("chemical_reaction", "quadratic"),
-        ("chemical_reaction_first_block", "linear"),
-    ],
+    "name", ["chemical_process", "viscosity", "chemical_reaction", "chemical_reaction_first_block"]
 )
-def test_every_printed_digit_of_the_table(name, order):
+def test_every_printed_digit_of_the_table(name):
+    order = "linear" if "first_block" in name else "quadratic"
     table = anova(model_of(name, order)).set_index("source")
     off, cells = [], 0
     with open(PRINTED / f"{name}_anova.csv", newline="") as file:
@@ -65,32 +60,18 @@ def test_every_printed_digit_of_the_table(name, order):
         assert agrees(table.loc[source, column], MISPRINTS[name, source, column])
 
 
-def test_the_misprint_contradicts_its_own_row():
+def test_the_misprint_statistics_and_coefficients_as_printed():
     with open(PRINTED / "viscosity_anova.csv", newline="") as file:
         rows = {row["source"]: row for row in csv.DictReader(file)}
     f = float(rows["B*C"]["mean_square"]) / float(rows["residual"]["mean_square"])
     assert agrees(f, "1.20")
     assert not agrees(f, rows["B*C"]["f"])
-
-
-def test_printed_statistics_of_the_fit():
     # Montgomery, Table 11-6: the Design-Expert output of Example 11-1
-    printed = {
-        "std_dev": "0.27",
-        "mean": "78.48",
-        "cv_percent": "0.34",
-        "press": "2.35",
-        "r2": "0.9828",
-        "adjusted_r2": "0.9705",
-        "predicted_r2": "0.9184",
-        "adequate_precision": "23.018",
-    }
+    printed = {"std_dev": "0.27", "mean": "78.48", "cv_percent": "0.34", "press": "2.35", "r2": "0.9828"}
+    printed |= {"adjusted_r2": "0.9705", "predicted_r2": "0.9184", "adequate_precision": "23.018"}
     found = statistics(model_of("chemical_process"))
     assert set(found) == set(printed)
     assert [name for name, value in printed.items() if not agrees(found[name], value)] == []
-
-
-def test_printed_coefficients_of_the_blocked_design():
     # the vignette's table: estimate, standard error, t, p; R rounds t to four digits before it prints three of them
     printed = {
         "A": ("0.932541", "0.057699", "16.162", "0.0000008444"),
@@ -107,14 +88,15 @@ def test_printed_coefficients_of_the_blocked_design():
             assert agrees(round(value, 4) if column == "t" else value, text), (term, column)
 
 
-def test_the_constant_of_a_blocked_design_is_the_mean_of_its_blocks():
+def test_the_constant_and_pure_error_of_a_blocked_design_and_what_leaves_out_a_term_or_a_run():
     # the vignette has 84.095427 for the first block and -4.457530 for the second
     model = model_of("chemical_reaction")
     assert model.constant == pytest.approx(84.095427 - 4.457530 / 2, abs=1e-6)
     assert model.predict(np.zeros((1, 2)))[0] == pytest.approx(model.constant)
-
-
-def test_partial_sum_of_squares_is_what_the_residuals_gain():
+    assert pure_error(model_of("chemical_reaction"))[1] == 4, "two and two centre runs"
+    runs = pd.read_csv(PRINTED / "chemical_reaction_runs.csv")
+    together = fit(runs[["A", "B"]], runs["response"], "AB", "quadratic")
+    assert pure_error(together)[1] == 5
     model = model_of("viscosity")
     table = anova(model).set_index("source")
     for term, name in zip(model.terms, model.labels, strict=True):
@@ -122,9 +104,6 @@ def test_partial_sum_of_squares_is_what_the_residuals_gain():
         without = fit(model.coded, model.response, model.factors, fewer)
         gain = without.residual - model.residual
         assert table.loc[name, "sum_of_squares"] == pytest.approx(gain, rel=1e-9)
-
-
-def test_press_is_what_leaving_out_one_run_after_the_other_gives():
     model = model_of("chemical_process")
     total = 0.0
     for k in range(len(model.response)):
@@ -134,62 +113,39 @@ def test_press_is_what_leaving_out_one_run_after_the_other_gives():
     assert statistics(model)["press"] == pytest.approx(total, rel=1e-9)
 
 
-def test_pure_error_is_counted_within_blocks():
-    assert pure_error(model_of("chemical_reaction"))[1] == 4, "two and two centre runs"
-    runs = pd.read_csv(PRINTED / "chemical_reaction_runs.csv")
-    together = fit(runs[["A", "B"]], runs["response"], "AB", "quadratic")
-    assert pure_error(together)[1] == 5
+def four_runs(order):
+    return fit(np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]]), [1.0, 2.0, 3.0, 4.5], "AB", order)
 
 
-def test_a_table_without_repeated_runs_has_no_lack_of_fit():
-    coded = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]])
-    table = anova(fit(coded, [1.0, 2.0, 3.0, 4.5], "AB", "linear"))
+def test_four_runs_have_no_lack_of_fit_test_nothing_when_saturated_and_share_r2():
+    table = anova(four_runs("linear"))
     assert list(table["source"]) == ["model", "A", "B", "residual", "total"]
-
-
-def test_a_saturated_model_tests_nothing():
-    coded = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]])
-    model = fit(coded, [1.0, 2.0, 3.0, 4.5], "AB", "interaction")
+    model = four_runs("interaction")
     assert anova(model)["p"].isna().all()
     assert math.isnan(limits(model)["t"])
     assert math.isnan(statistics(model)["predicted_r2"])
-
-
-def test_contributions_of_an_orthogonal_design_sum_to_r2():
-    coded = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]])
-    model = fit(coded, [1.0, 2.0, 3.0, 4.5], "AB", "linear")
+    model = four_runs("linear")
     table = effects(model)
     assert list(table["term"]) == ["B", "A"]
     assert table["contribution_percent"].sum() == pytest.approx(100 * statistics(model)["r2"])
 
 
-def test_the_limits_of_the_pareto_chart():
+def test_pareto_limits_the_error_of_a_mean_and_runs_that_determine_no_model():
     # t distribution with 7 degrees of freedom: 2.365 at 5 % in any table
     found = limits(model_of("chemical_process"))
     assert found["t"] == pytest.approx(2.3646, abs=1e-4)
     # 5 terms: 1 % for each, 3.499 in any table
     assert found["bonferroni"] == pytest.approx(3.4995, abs=1e-4)
-
-
-def test_standard_error_of_the_centre_of_a_replicated_mean():
     # the mean of n runs has the standard error s / sqrt(n)
     coded = np.array([[-1.0], [1.0], [-1.0], [1.0]])
     model = fit(coded, [1.0, 2.0, 1.4, 2.2], ["A"], "linear")
     found = model.standard_error(np.zeros((1, 1)))[0]
     assert found == pytest.approx(statistics(model)["std_dev"] / 2)
-
-
-@pytest.mark.parametrize(
-    ("coded", "response", "order", "message"),
-    [
-        ([[0.0], [1.0]], [1.0, math.nan], "linear", "not finite"),
-        ([[0.0], [1.0]], [1.0, 2.0], "quadratic", "expected all 3"),
-        ([[0.0, 1.0]], [1.0], "linear", "expected \\(1, 1\\)"),
-        ([[0.0], [1.0]], [1.0, 2.0], "cubic", "expected linear"),
-    ],
-)
-def test_runs_that_determine_no_model(coded, response, order, message):
-    value_error(message, fit, coded, response, ["A"], order)
+    two = [[0.0], [1.0]]
+    value_error("not finite", fit, two, [1.0, math.nan], ["A"], "linear")
+    value_error("expected all 3", fit, two, [1.0, 2.0], ["A"], "quadratic")
+    value_error(r"expected \(1, 1\)", fit, [[0.0, 1.0]], [1.0], ["A"], "linear")
+    value_error("expected linear", fit, two, [1.0, 2.0], ["A"], "cubic")
 
 
 RUNS, _ = box_behnken(3)
@@ -199,15 +155,12 @@ def surface(of):
     return fit(RUNS, of(*RUNS.T), "ABC", "quadratic")
 
 
-def test_one_target_and_a_plane_are_met_at_the_foot_of_the_perpendicular():
+def test_targets_are_met_at_the_foot_of_the_perpendicular_and_together():
     # 10 + 3 A + 4 B = 12: the nearest point to the centre is (3, 4) * 2 / 25
     found = optimum([surface(lambda a, b, c: 10 + 3 * a + 4 * b)], [12], [12], [9], [15])
     assert found.met
     assert found.coded == pytest.approx([6 / 25, 8 / 25, 0], abs=1e-6)
     assert found.desirability == pytest.approx(1, abs=1e-5)
-
-
-def test_two_curved_responses_are_met_together():
     models = [
         surface(lambda a, b, c: 32 + 2 * a - b + 0.6 * a * b - 0.5 * c**2),
         surface(lambda a, b, c: 65 + a + 3 * c + 0.8 * b**2),
@@ -222,22 +175,16 @@ def test_two_curved_responses_are_met_together():
     assert near.min() > 0.03
 
 
-def test_a_target_out_of_reach_ends_at_the_edge():
+def test_an_optimum_out_of_reach_is_the_edge_and_weights_share_a_miss_and_desirability_is_a_tent():
     found = optimum([surface(lambda a, b, c: 10 + 3 * a + 4 * b)], [30], [30], [20], [40])
     assert not found.met
     assert found.coded[:2] == pytest.approx([1, 1])
     assert found.predicted[0] == pytest.approx(17)
     assert found.desirability == 0
-
-
-def test_weights_share_a_miss():
     # 10 + 3 A cannot be 11 and 12 at once: with scales 1 and 1 it ends in the middle, with 1 and 2 nearer to the first
     plane = surface(lambda a, b, c: 10 + 3 * a)
     assert optimum([plane, plane], [11, 12], [1, 1], [0, 0], [20, 20]).predicted[0] == pytest.approx(11.5, abs=1e-4)
     assert optimum([plane, plane], [11, 12], [1, 2], [0, 0], [20, 20]).predicted[0] == pytest.approx(11.2, abs=1e-4)
-
-
-def test_desirability_is_a_tent():
     found = desirability([[10], [11], [12], [13.5], [15], [16]], [12], [10], [15])
     assert found == pytest.approx([0, 0.5, 1, 0.5, 0, 0])
     assert desirability([[11, 5]], [12, 5], [10, 4], [15, 6]) == pytest.approx([0.5**0.5])

@@ -37,11 +37,14 @@ def signs(table):
     return np.array([[1.0 if sign == "+" else -1.0 for sign in row] for row in table.split()])
 
 
-def test_twelve_runs_as_printed():
+def test_twelve_runs_are_as_printed_and_take_six_factors():
     printed = signs(TWELVE_RUNS)
     design = plackett_burman(11, 12)
     assert np.array_equal(design[:11], printed[:11].T)
     assert np.array_equal(design[11], printed[11])
+    assert plackett_burman(6).shape == (12, 6)
+    assert plackett_burman(8).shape == (12, 8)
+    assert plackett_burman(9).shape == (16, 9)
 
 
 @pytest.mark.parametrize("runs", GENERATORS)
@@ -52,23 +55,15 @@ def test_every_plackett_burman_design_is_orthogonal(runs):
     assert "".join("+" if level > 0 else "-" for level in design[0]) == GENERATORS[runs]
 
 
-def test_six_factors_take_twelve_runs_and_leave_five_dummies():
-    assert plackett_burman(6).shape == (12, 6)
-    assert plackett_burman(8).shape == (12, 8)
-    assert plackett_burman(9).shape == (16, 9)
-
-
-@pytest.mark.parametrize(("factors", "runs"), [(12, 12), (0, 12), (3, 10), (21, None)])
-def test_plackett_burman_refuses(factors, runs):
-    value_error("expected", plackett_burman, factors, runs)
-
-
-def test_three_factors_as_printed():
+def test_three_factors_are_as_printed_and_centre_runs_spread_over_blocks():
     # Myers and Montgomery, Example 7.5, in standard order
     design, blocks = box_behnken(3)
     printed = np.loadtxt(PRINTED / "viscosity_runs.csv", delimiter=",", skiprows=1)[:, :3]
     assert np.array_equal(design, printed)
     assert (blocks == 1).all()
+    design, blocks = box_behnken(4, centres=5)
+    assert len(design) == 29
+    assert [(design[blocks == number] == 0).all(axis=1).sum() for number in (1, 2, 3)] == [2, 2, 1]
 
 
 @pytest.mark.parametrize(("factors", "runs", "blocks"), [(3, 15, 1), (4, 27, 3), (5, 46, 2), (6, 54, 1), (7, 62, 1)])
@@ -93,17 +88,6 @@ def test_box_behnken_is_balanced(factors):
     # orthogonal blocks (Box and Hunter 1957): every term has the same mean in each of them
     means = np.array([values[blocks == number].mean(axis=0) for number in np.unique(blocks)])
     assert np.allclose(means, means[0])
-
-
-def test_centre_runs_are_spread_over_the_blocks():
-    design, blocks = box_behnken(4, centres=5)
-    assert len(design) == 29
-    assert [(design[blocks == number] == 0).all(axis=1).sum() for number in (1, 2, 3)] == [2, 2, 1]
-
-
-@pytest.mark.parametrize(("factors", "centres"), [(2, None), (8, None), (4, 2), (3, 0)])
-def test_box_behnken_refuses(factors, centres):
-    value_error("expected", box_behnken, factors, centres)
 
 
 @pytest.mark.parametrize(
@@ -138,34 +122,34 @@ def test_a_face_centred_design_has_three_levels():
     assert design[:3].tolist() == [[-1, -1, -1], [1, -1, -1], [-1, 1, -1]], "standard order"
 
 
-@pytest.mark.parametrize("given", [(1,), (8,), (3, "far"), (3, "rotatable", -1)])
-def test_central_composite_refuses(given):
-    value_error("expected", central_composite, *given)
+@pytest.mark.parametrize(("design", "given"), [
+    (plackett_burman, ((12, 12), (0, 12), (3, 10), (21, None))), (box_behnken, ((2, None), (8, None), (4, 2), (3, 0))),
+    (central_composite, ((1,), (8,), (3, "far"), (3, "rotatable", -1))),
+])  # fmt: skip
+def test_what_is_no_design_is_refused(design, given):
+    for words in given:
+        value_error("expected", design, *words)
 
 
-def test_the_path_of_a_textbook():
+def test_the_path_and_the_direction_of_two_textbooks():
     # Montgomery, Example 11-1: 40.44 + 0.775 x1 + 0.325 x2; 5 minutes a step are 1 in x1 and 0.42 in x2, 2 degrees
     points = path(direction([0.775, 0.325]), 12, largest=12.0)
     assert points[1] == pytest.approx([1, 0.42], abs=5e-3)
     natural = np.array([35.0, 155.0]) + 5.0 * points
     assert natural[0].tolist() == [35, 155]
     assert natural[10] == pytest.approx([85, 175], abs=1.0), "his tenth step"
-
-
-def test_direction_as_printed():
     # the vignette of rsm: coefficients 0.875 and 0.625, and half ranges of 5
     found = direction([0.875, 0.625])
     assert found == pytest.approx([0.8137335, 0.5812382], abs=5e-8)
     assert 5.0 * found == pytest.approx([4.068667, 2.906191], abs=5e-7)
 
 
-def test_one_response_is_climbed_or_descended():
+def test_one_response_is_climbed_and_several_descend_the_sum_of_their_squared_misses():
     up = towards([0.775, 0.325], [3.0], [40.0])
     assert up == pytest.approx(direction([0.775, 0.325]))
     assert towards([0.775, 0.325], [-3.0], [40.0]) == pytest.approx(-up)
-
-
-def test_several_responses_descend_the_sum_of_their_squared_misses():
+    value_error("other than 0", direction, [0.0, 0.0])
+    value_error("at least 1", path, [1.0], 0)
     slopes, missing, scale = np.array([[1.0, 0.5], [-0.2, 0.8]]), np.array([2.0, 1.0]), np.array([30.0, 65.0])
 
     def misses(x):
@@ -174,8 +158,3 @@ def test_several_responses_descend_the_sum_of_their_squared_misses():
     steps = [np.array([np.cos(a), np.sin(a)]) * 1e-5 for a in np.linspace(0, 2 * np.pi, 3601)]
     best = min(steps, key=misses) / 1e-5
     assert towards(slopes, missing, scale) == pytest.approx(best, abs=2e-3)
-
-
-def test_a_flat_model_has_no_path():
-    value_error("other than 0", direction, [0.0, 0.0])
-    value_error("at least 1", path, [1.0], 0)

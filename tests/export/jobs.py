@@ -15,33 +15,14 @@ BERRY = {"shear_modulus_pa": 43004.8, "poisson_ratio": 0.32, "density_kg_m3": 84
 def clump(spheres_mm):
     spheres = MM * np.asarray(spheres_mm, float)
     reach = float(np.max(np.linalg.norm(spheres[:, :3], axis=1) + spheres[:, 3]))
-    return Particle(
-        kind="multisphere",
-        semi_axes_m=np.zeros((0, 3)),
-        density_kg_m3=840.47,
-        volume_m3=1.488e-6,
-        mass_kg=1.25e-3,
-        inertia_kg_m2=np.array([1.55e-8, 4.08e-8, 4.30e-8]),
-        bounding_radius_m=reach,
-        deviation_max_m=0.0,
-        deviation_rms_m=0.0,
-        spheres_m=spheres,
-    )
+    inertia = np.array([1.55e-8, 4.08e-8, 4.30e-8])
+    body = "multisphere", np.zeros((0, 3)), 840.47, 1.488e-6, 1.25e-3, inertia, reach, 0.0, 0.0
+    return Particle(*body, spheres_m=spheres)
 
 
 THREE = clump([[0.0, 0.0, 0.0, 5.5], [-5.5, 0.0, 0.0, 5.2], [5.5, 0.0, 0.0, 5.2]])
-SKEW = clump(
-    [
-        [0.8, 0.8, 0.1, 5.1],
-        [-5.5, 0.0, 0.0, 4.9],
-        [5.5, 0.0, 0.0, 4.9],
-        [2.4, -0.8, 0.0, 5.1],
-        [-3.2, 0.8, 0.0, 5.0],
-        [-2.4, -0.8, -0.1, 5.1],
-        [1.0, 0.2, 0.6, 5.0],
-        [0.5, -0.3, -0.6, 5.0],
-    ]
-)
+LARGE = [[0.8, 0.8, 0.1, 5.1], [-5.5, 0.0, 0.0, 4.9], [5.5, 0.0, 0.0, 4.9], [2.4, -0.8, 0.0, 5.1]]
+SKEW = clump([*LARGE, [-3.2, 0.8, 0.0, 5.0], [-2.4, -0.8, -0.1, 5.1], [1.0, 0.2, 0.6, 5.0], [0.5, -0.3, -0.6, 5.0]])
 BALL = clump([[0.0, 0.0, 0.0, 5.0]])
 
 

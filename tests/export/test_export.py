@@ -52,36 +52,18 @@ def test_a_deck_is_whole_and_says_what_differs(job, program, tmp_path):
     assert all(path.stat().st_size for path in paths)
 
 
-def test_liggghts_gets_the_numbers(job):
+def test_each_program_gets_the_numbers(job):
     files = export.PROGRAMS["liggghts"](job)
     deck = files["in.pour"]
     friction = re.search(r"coefficientFriction peratomtypepair 2 (.*)", deck).group(1).split()
-    assert [float(word) for word in friction[:2]] == pytest.approx(
-        [job.grains.static_friction, job.on_wall.static_friction]
-    )
+    frictions = [job.grains.static_friction, job.on_wall.static_friction]
+    assert [float(word) for word in friction[:2]] == pytest.approx(frictions)
     assert float(re.search(r" type 1 mass (\S+)", deck).group(1)) == pytest.approx(job.particle.mass_kg)
     moments = re.search(r"inertia_tensor (\S+) 0 0 (\S+) 0 (\S+)", deck).groups()
     assert [float(word) for word in moments] == pytest.approx(job.particle.inertia_kg_m2)
     assert np.loadtxt(files["clump.txt"].splitlines()) == pytest.approx(job.particle.spheres_m)
     steps, step = (int(re.search(r"\nrun +(\d+)", deck).group(1)), float(re.search(r"timestep +(\S+)", deck).group(1)))
     assert steps * step == pytest.approx(job.funnel.duration_s, rel=1e-3)
-
-
-def test_the_plate_of_a_deck_is_the_configured_one(config, job):
-    assert job.plate_radius_m == pytest.approx(0.5e-3 * config["funnel"]["plate_diameter_mm"])
-    for program, name in DECK.items():
-        if program != "yade":  # its plate is a box under all of the scene
-            assert f"{job.plate_radius_m:.6g}" in export.PROGRAMS[program](job)[name], program
-
-
-def test_liggghts_primes():
-    primes = [prime(seed) for seed in range(200)]
-    assert len(set(primes)) == 200
-    assert min(primes) > 10000
-    assert all(all(p % k for k in range(2, 200)) for p in primes)
-
-
-def test_lammps_gets_the_numbers(job):
     molecule = export.PROGRAMS["lammps"](job)["grain.mol"]
     sections = re.split(r"\n\n(Coords|Types|Diameters|Masses)\n\n", molecule)
     table = dict(zip(sections[1::2], sections[2::2], strict=True))
@@ -93,9 +75,6 @@ def test_lammps_gets_the_numbers(job):
     young, poisson = float(words[1]), float(words[3])
     assert young / (2 * (1 - poisson**2)) == pytest.approx(job.on_wall.effective_young_pa)
     assert float(words[6]) == pytest.approx(8 * job.on_wall.effective_shear_pa)
-
-
-def test_yade_gets_the_numbers(job):
     tree = ast.parse(export.PROGRAMS["yade"](job)["pour.py"])
     values = {}
     for node in tree.body:
@@ -109,7 +88,16 @@ def test_yade_gets_the_numbers(job):
     assert np.array(values["RINGS"]) == pytest.approx(surface.profile(job.surfaces))
 
 
-def test_no_deck_has_a_dashpot_along_the_tangent(job):
+def test_liggghts_primes_and_takes_the_facets_around_the_funnel_as_one_face(job):
+    primes = [prime(seed) for seed in range(200)]
+    assert len(set(primes)) == 200
+    assert min(primes) > 10000
+    assert all(all(p % k for k in range(2, 200)) for p in primes)
+    angle = re.search(r"curvature (\S+) curvature_tolerant yes", export.PROGRAMS["liggghts"](job)["in.pour"]).group(1)
+    assert 360 / surface.AROUND < float(angle) < surface.ARC_DEG / 2
+
+
+def test_no_deck_has_a_dashpot_along_the_tangent_and_the_plate_is_the_configured_one(job, config):
     # where the program has one, Coulomb's limit does not hold it
     files = {program: export.PROGRAMS[program](job) for program in ("liggghts", "lammps", "yade")}
     laws = re.findall(r"model hertz .*", files["liggghts"]["in.pour"])
@@ -118,15 +106,13 @@ def test_no_deck_has_a_dashpot_along_the_tangent(job):
     dashpots = re.findall(r"tangential mindlin\S* \S+ (\S+)", files["lammps"]["in.pour"])
     assert dashpots == ["0"] * 3
     assert "betas=by_pair(0.0, 0.0)" in files["yade"]["pour.py"]
+    assert job.plate_radius_m == pytest.approx(0.5e-3 * config["funnel"]["plate_diameter_mm"])
+    for program, name in DECK.items():
+        if program != "yade":  # its plate is a box under all of the scene
+            assert f"{job.plate_radius_m:.6g}" in export.PROGRAMS[program](job)[name], program
 
 
-def test_liggghts_takes_the_facets_around_the_funnel_as_one_face(job):
-    angle = re.search(r"curvature (\S+) curvature_tolerant yes", export.PROGRAMS["liggghts"](job)["in.pour"]).group(1)
-    assert 360 / surface.AROUND < float(angle) < surface.ARC_DEG / 2
-
-
-def test_a_sphere_is_exported_as_spheres_with_the_step_of_spheres(config):
-    """Not as a clump, whose contacts are damped one by one and need half the step."""
+def test_the_deck_of_a_sphere_has_spheres_of_its_volume_and_step(config):
     round_grain = replace(SMOOTH, kind="ellipsoid", semi_axes_m=np.full((1, 3), 5 * MM))
     of_clump, of_sphere, of_ellipsoid = (job_of(config, body) for body in (THREE, BALL, round_grain))
     step = config["simulation"]["time_step_s"]
@@ -142,27 +128,18 @@ def test_a_sphere_is_exported_as_spheres_with_the_step_of_spheres(config):
         text = "".join(export.PROGRAMS[program](of_sphere).values())
         assert not re.search(r"multisphere|rigid|clump\.txt|\.clump\(|ClumpParticle|each pair of spheres", text)
         assert "the study's grain has that of its mesh" in text
-        assert re.search(
-            r"multisphere|rigid|\.clump\(|ClumpParticle", export.PROGRAMS[program](of_clump)[DECK[program]]
-        )
+        deck = export.PROGRAMS[program](of_clump)[DECK[program]]
+        assert re.search(r"multisphere|rigid|\.clump\(|ClumpParticle", deck)
     text = export.PROGRAMS["liggghts"](of_sphere)["in.pour"]
     assert re.search(r"particletemplate/sphere .* radius constant 0.005\n", text)
-
-
-def test_one_sphere_has_volume_and_mass_of_the_grain_and_the_deck_says_so(config):
     centre = ParameterSpace.of(config["parameters"]).centre
     job = make(config, centre, SMOOTH, BERRY, one_sphere=True)
     volume = SMOOTH.mass_kg / SMOOTH.density_kg_m3
     assert 4 / 3 * math.pi * job.particle.spheres_m[0, 3] ** 3 == pytest.approx(volume)
-    assert (job.is_sphere, job.particle.mass_kg, job.particle.density_kg_m3) == (
-        True,
-        SMOOTH.mass_kg,
-        pytest.approx(840.47),
-    )
-    for program in export.PROGRAMS:
-        assert "every grain is the sphere of its volume, radius 7.0" in next(
-            iter(export.PROGRAMS[program](job).values())
-        )
+    assert (job.is_sphere, job.particle.mass_kg) == (True, SMOOTH.mass_kg)
+    assert job.particle.density_kg_m3 == pytest.approx(840.47)
+    for deck in export.PROGRAMS.values():
+        assert "every grain is the sphere of its volume, radius 7.0" in next(iter(deck(job).values()))
 
 
 def test_a_deck_begins_with_its_versions_and_the_page_has_them(job):
@@ -251,7 +228,7 @@ def test_free_surface_of_two_spheres_that_overlap():
     assert lever == pytest.approx(np.sqrt(1.25 + outwards).mean(), rel=1e-3)
 
 
-def test_the_funnel_is_the_simulated_one(job):
+def test_the_funnel_is_the_simulated_one_and_the_lammps_cone_ends_where_it_does(job):
     line, funnel = surface.profile(job.surfaces), job.surfaces
     assert line[0] == pytest.approx([0.5 * funnel.inlet_diameter_m, funnel.inlet_height_m])
     assert line[:, 0].min() == pytest.approx(0.5 * funnel.outlet_diameter_m)
@@ -265,9 +242,6 @@ def test_the_funnel_is_the_simulated_one(job):
     lengths, middles = np.linalg.norm(np.diff(line, axis=0), axis=1), 0.5 * (line[1:, 0] + line[:-1, 0])
     around = 2 * surface.AROUND * math.sin(math.pi / surface.AROUND)  # of the polygon whose corners lie on a circle
     assert areas.sum() == pytest.approx(around * (lengths * middles).sum(), rel=1e-3)
-
-
-def test_the_cone_of_the_lammps_deck_ends_where_the_simulated_one_does(job):
     deck, line = export.PROGRAMS["lammps"](job)["in.pour"], surface.profile(job.surfaces)
     (ends,) = re.findall(r"region\s+\S+ cone z 0 0 (\S+) (\S+) (\S+) (\S+)", deck)
     low_radius, high_radius, low, high = map(float, ends)
@@ -284,14 +258,11 @@ def test_a_tube_stands_in_surface_and_deck(config):
     assert "region          tube cylinder" in export.PROGRAMS["lammps"](job)["in.pour"]
 
 
-def test_what_has_no_spheres_or_another_law_is_refused(config):
+def test_other_particles_and_laws_are_refused_and_cohesion_and_rolling_are_written(config):
     centre = ParameterSpace.of(config["parameters"]).centre
     input_error("multisphere", make, config, centre, SMOOTH, BERRY)
     linear = config | {"simulation": config["simulation"] | {"contact_law": "linear_spring"}}
     input_error("hertz_mindlin", make, linear, centre, THREE, BERRY)
-
-
-def test_cohesion_is_written_as_each_program_has_it(config):
     job = job_of(config, THREE, "jkr", gamma_gg=0.05, gamma_gp=0.02)
     table = export.PROGRAMS["edem"](job)["edem.md"]
     assert "Hertz-Mindlin with JKR" in table
@@ -300,9 +271,6 @@ def test_cohesion_is_written_as_each_program_has_it(config):
     assert "cohesionEnergyDensity peratomtypepair 2 30000 10000 10000 10000" in deck
     assert len(re.findall("model hertz tangential history cohesion sjkr rolling_friction epsd2", deck)) == 3
     assert "cohesion energy density 30000 J/m3 between grains" in deck
-
-
-def test_rolling_laws_are_written_as_liggghts_names_them(config):
     budget = job_of(config, THREE, "hertz_mindlin")
     for law, name in (("constant_torque", "cdt"), ("epsd", "epsd"), ("epsd2", "epsd2")):
         job = job_of(config, THREE, "hertz_mindlin", law)
@@ -334,18 +302,14 @@ CONTACT = {
     ("rocky", "hertz_mindlin_rescaled"): "Mindlin-Deresiewicz",
 }
 ROLLING = {
-    ("liggghts", "budget"): "rolling_friction epsd2 ",
-    ("liggghts", "constant_torque"): "rolling_friction cdt ",
-    ("liggghts", "epsd"): "rolling_friction epsd ",
-    ("liggghts", "epsd2"): "rolling_friction epsd2 ",
+    ("liggghts", "budget"): "rolling_friction epsd2 ", ("liggghts", "constant_torque"): "rolling_friction cdt ",
+    ("liggghts", "epsd"): "rolling_friction epsd ", ("liggghts", "epsd2"): "rolling_friction epsd2 ",
     ("lammps", "budget"): "rolling sds",
     ("lammps", "epsd"): "with its own stiffness and damping; in the study epsd between two bodies",
     ("lammps", "epsd2"): "with its own stiffness and damping; in the study epsd2 between two bodies",
-    ("yade", "budget"): "includeMoment=True",
-    ("mercurydpm", "budget"): "setRollingFrictionCoefficient",
-    ("edem", "budget"): "Standard Rolling Friction (Type A)",
-    ("rocky", "budget"): "Type 1: Constant Moment",
-}
+    ("yade", "budget"): "includeMoment=True", ("mercurydpm", "budget"): "setRollingFrictionCoefficient",
+    ("edem", "budget"): "Standard Rolling Friction (Type A)", ("rocky", "budget"): "Type 1: Constant Moment",
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("particle", [THREE, BALL], ids=["clump", "sphere"])
@@ -412,3 +376,39 @@ def test_a_card_brings_the_configuration_beside_it(monkeypatch, tmp_path, capsys
     berry["density_kg_m3"] = 841.0
     assert main(words) == 2
     assert "grain.density_kg_m3 is 1250.0; expected 841.0" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("spheres", [1, 6])
+def test_a_card_alone_is_enough_in_any_folder(tmp_path, monkeypatch, capsys, spheres):
+    """Its own laws, wall, grain and bench test; the time step is at most that of the study where the card has it."""
+    monkeypatch.chdir(tmp_path)
+    shown = json.loads((ROOT / "crops/cards/wheat.json").read_text())
+    words = ["export", "--to", "liggghts", "--card", "card.json", "--spheres", str(spheres)]
+    steps = {}
+    for step in (None, 1e-6):
+        shown |= {} if step is None else {"simulation": {"time_step_s": step, "gravity_m_s2": 9.0}}
+        Path("card.json").write_text(json.dumps(shown))
+        assert main([*words, "--out", f"deck {step}"]) == 0
+        text = Path(f"deck {step}/in.pour").read_text()
+        steps[step] = float(re.search(r"timestep +(\S+)", text)[1])
+        assert f"nparticles {shown['tests'][0]['bench']['berries']} " in text
+        assert f"mu_s {shown['parameters']['mus_gg']['value']:.6g}" in text
+        assert f"gravity {9.0 if step else 9.81:g} " in text
+        assert "limitForce on" in text
+        if spheres > 1:
+            assert float(re.search(r" type 1 mass (\S+)", text)[1]) == pytest.approx(1e-3 * shown["grain"]["mass_g"])
+            moments = [float(word) for word in re.search(r"inertia_tensor (\S+) 0 0 (\S+) 0 (\S+)", text).groups()]
+            a, b, c = 0.5e-3 * np.array(shown["grain"]["mean_axes_mm"])
+            solid = 1e-3 * shown["grain"]["mass_g"] / 5 * np.array([b**2 + c**2, a**2 + c**2, a**2 + b**2])
+            assert moments == pytest.approx(solid, rel=0.01)
+    assert steps[1e-6] == pytest.approx(0.5e-6 if spheres > 1 else 1e-6)
+    assert steps[None] > 5 * steps[1e-6]
+    assert "built-in goji" not in capsys.readouterr().err
+    shown["laws"]["normal"] = "a law of another time"
+    Path("card.json").write_text(json.dumps(shown))
+    assert main([*words, "--out", "deck"]) == 2
+    assert "card.json: laws is 'a law of another time'; expected laws of this version" in capsys.readouterr().err
+    shown["tests"][0]["apparatus"] = "drum"
+    Path("card.json").write_text(json.dumps(shown))
+    assert main([*words, "--out", "deck"]) == 2
+    assert "expected the card of a study with piles of the funnel" in capsys.readouterr().err

@@ -71,14 +71,11 @@ def test_the_secant_of_a_cone_is_steeper_by_the_height_over_what_stands_above_th
     assert angles.secant_of_pile(line, line) == pytest.approx(line.angle_deg)
 
 
-def test_the_secant_of_a_pile_takes_the_whole_width_wherever_the_crest_lies():
+def test_the_secant_takes_the_whole_width_and_a_trapezoid_is_a_cone_to_the_flank():
     left, right = (angles.secant(cone(slope, 240.0), 48.0) for slope in (0.4, 0.8))
     width = 192.0 / 0.4 + 192.0 / 0.8
     assert angles.secant_of_pile(left, right) == pytest.approx(degrees(2 * 240.0 / width))
     assert angles.secant_of_pile(left, right) < (left.angle_deg + right.angle_deg) / 2
-
-
-def test_a_trapezoid_is_a_cone_to_the_flank_and_flatter_to_whole_and_secant():
     slope, height, half_top = 0.5, 200.0, 120
     profile = trapezoid(slope, height, half_top)
     assert angles.flank(profile, 20.0, 160.0).angle_deg == pytest.approx(degrees(slope))
@@ -173,7 +170,7 @@ def both_sides(left, right):
     return np.concatenate([left, right[::-1][1:]]), left.size - 1
 
 
-def test_measured_sides_hold_every_definition_and_what_is_missing_has_a_reason():
+def test_sides_hold_every_definition_or_say_why_not():
     profile, crest = both_sides(cone(0.4, 200.0), cone(0.8, 200.0))
     measured, reasons = angles.measure_sides(profile, crest, "berry", 0.9, 50.0, "columns")
     assert tuple(measured) == angles.DEFINITIONS
@@ -188,9 +185,6 @@ def test_measured_sides_hold_every_definition_and_what_is_missing_has_a_reason()
     low, reasons = angles.measure_sides(profile, crest, 0.1, 0.2, 50.0, "columns")
     assert "steepest" not in low
     assert "12 are needed" in reasons["steepest"]
-
-
-def test_sides_without_an_angle_say_why():
     wall = np.concatenate([np.zeros(MARGIN), np.full(60, 200.0)])
     for definition in (angles.flank, angles.steepest):
         with pytest.raises(NoFlankError, match="a wall"):
@@ -208,7 +202,7 @@ def test_sides_without_an_angle_say_why():
             definition()
 
 
-def test_windows_hold_the_points_at_both_ends_and_levels_the_middle_of_crossings():
+def test_windows_levels_and_lines_are_what_their_words_say():
     height = np.arange(30.0)
     distance = 2.0 * height + np.random.default_rng(1).normal(scale=3.0, size=30)
     slope = angles.window_slopes(distance, height, np.array([5.0]), np.array([20.0]))
@@ -217,9 +211,6 @@ def test_windows_hold_the_points_at_both_ends_and_levels_the_middle_of_crossings
     middle, heights = profile_points.points_by_levels(profile, 14.5, 16.5)
     assert heights.tolist() == [15.0, 16.0]
     np.testing.assert_allclose(middle, [0.5 * (1.5 + 3.5), 0.5 * (1.6 + 3.6)])
-
-
-def test_every_line_is_said_in_words():
     section = vars(MeasureSettings(fit_from="berry", fit_to=0.8, flank="rows", smallest_window=0.25))
     assert {name: line_of(section, name) for name in angles.DEFINITIONS} == {
         "flank": "flank, one grain to 80 % of the height, rows",

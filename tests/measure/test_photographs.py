@@ -44,13 +44,17 @@ def refused(capsys, *words):
     return message
 
 
-def test_a_photograph_is_measured_and_stays(tmp_path, capsys):
+def test_a_photograph_is_measured_stays_and_is_not_replaced_by_its_overlay(tmp_path, capsys):
     before = photograph(tmp_path / "pile.png")
     assert measure(capsys, tmp_path / "pile.png", "--mm-per-pixel", 0.3) == (0, "")
     assert (tmp_path / "pile.png").read_bytes() == before
     names = {"pile.png", "photographs.csv", "summary.csv", "targets.yaml"}
     assert names < {path.name for path in (tmp_path / "out").iterdir()}
     assert measure(capsys, tmp_path / "pile.png", "--mm-per-pixel", 0.3) == (0, ""), "its own files are replaced"
+    photograph(tmp_path / "raw.png")
+    files.write_image(tmp_path / "own.png", cv2.imread(str(tmp_path / "raw.png")))
+    words = (tmp_path / "own.png", "--mm-per-pixel", 0.3, "--out", tmp_path)
+    assert "another folder than that of the photographs" in measure(capsys, *words)[1]
 
 
 @pytest.mark.parametrize("there", ["picture", "link", "folder", "other"])
@@ -71,28 +75,17 @@ def test_an_overlay_never_replaces_what_was_there(tmp_path, capsys, there):
     assert there != "other" or place.read_bytes() == before
 
 
-def test_our_own_picture_is_not_replaced_by_its_overlay(tmp_path, capsys):
-    photograph(tmp_path / "raw.png")
-    files.write_image(tmp_path / "pile.png", cv2.imread(str(tmp_path / "raw.png")))
-    words = (tmp_path / "pile.png", "--mm-per-pixel", 0.3, "--out", tmp_path)
-    assert "another folder than that of the photographs" in measure(capsys, *words)[1]
-
-
 STRIPES = np.where(np.arange(600) // 60 % 2, 220, 90).astype(np.uint8) * np.ones((320, 1), np.uint8)
 
 
-@pytest.mark.parametrize(
-    ("corners", "background", "reason"),
-    [
-        ([(60, 20), (300, 180), (540, 20)], 220, "upside down"),
-        ([(60, 0), (300, 160), (540, 0)], 220, "at the top: its crest is not seen"),
-        ([(60, 299), (250, 0), (350, 0), (540, 299)], 220, "at the top: its crest is not seen"),
-        ([(60, 400), (300, 140), (540, 400)], 220, "at the bottom: its foot is not seen"),
-        ([(-200, 299), (300, 140), (800, 299)], 220, "sideways, or the background is not plain"),
-        ([(300, 150), (300, 150)], 220, ""),
-        (PILE, STRIPES, ""),
-    ],
-)
+@pytest.mark.parametrize(("corners", "background", "reason"), [
+    ([(60, 20), (300, 180), (540, 20)], 220, "upside down"),
+    ([(60, 0), (300, 160), (540, 0)], 220, "at the top: its crest is not seen"),
+    ([(60, 299), (250, 0), (350, 0), (540, 299)], 220, "at the top: its crest is not seen"),
+    ([(60, 400), (300, 140), (540, 400)], 220, "at the bottom: its foot is not seen"),
+    ([(-200, 299), (300, 140), (800, 299)], 220, "sideways, or the background is not plain"),
+    ([(300, 150), (300, 150)], 220, ""), (PILE, STRIPES, ""),
+])  # fmt: skip
 def test_what_is_no_whole_pile_is_refused_and_shown(tmp_path, capsys, corners, background, reason):
     photograph(tmp_path / "pile.png", corners, background)
     message = refused(capsys, tmp_path / "pile.png", "--mm-per-pixel", 0.3)

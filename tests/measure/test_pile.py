@@ -154,7 +154,7 @@ def test_tilted_light_noise_and_loose_berries_in_either_polarity(pile, backgroun
             assert m.pile_is == ("darker" if np.mean(pile) < np.mean(background) else "brighter")
 
 
-def test_polarity_changes_no_number_and_the_scale_the_height_alone():
+def test_a_light_or_lumpy_pile_is_measured_as_it_is():
     picture = toned(next(lumpy_piles(30, 1)), 60, 200)
     plain, inverse = measure_image(picture, MM), measure_image(255 - picture, MM)
     assert inverse.aor_deg == pytest.approx(plain.aor_deg, abs=0.02)
@@ -164,9 +164,6 @@ def test_polarity_changes_no_number_and_the_scale_the_height_alone():
     fine, coarse = measure_image(picture, 0.1), measure_image(picture, 0.4)
     assert coarse.aor_deg == fine.aor_deg
     assert coarse.height_mm == pytest.approx(4 * fine.height_mm)
-
-
-def test_lumpy_piles_stay_near_their_angle_with_light_and_noise():
     errors = {rule: [] for rule in FLANK_RULES}
     for angle in ANGLES:
         for cover in lumpy_piles(angle, 12):
@@ -185,7 +182,7 @@ def test_lumpy_piles_stay_near_their_angle_with_light_and_noise():
     assert np.abs(moved).max() < LUMPY_MOVED_DEG
 
 
-def test_loose_berries_count_only_when_asked_for_and_highlights_are_filled():
+def test_loose_berries_count_when_asked_for_and_a_narrow_mask_has_its_plate():
     half = half_width(30)
     picture = toned(drawn(lambda u: triangle(30, u), half, loose=[(half - 11, 8)]), 40, 220)
     alone, together = (measure_image(picture, MM), measure_image(picture, MM, replace(FLANK, largest_pile_only=False)))
@@ -201,9 +198,15 @@ def test_loose_berries_count_only_when_asked_for_and_highlights_are_filled():
             centre = round(columns / 2 + u / MM), rows - 16 - round(v / MM)
             cv2.circle(picture, centre, 6, (245, 245, 245), -1)
     assert measure_image(picture, MM).aor_deg == pytest.approx(30, abs=DISTURBED_DEG)
+    mask = np.zeros((30, 100), bool)
+    mask[:20, 40:60] = mask[20:] = True
+    mask[15, 3:97] = True
+    assert plate_row(mask) == 19.5
+    assert plate_row(mask[16:]) == 3.5
+    assert plate_row(mask[17:]) is None
 
 
-def test_the_base_is_the_given_one_or_a_plate_as_dark_as_the_pile():
+def test_the_base_is_the_given_one_or_a_plate_as_dark_as_the_pile_and_jpeg_round_trip(tmp_path):
     picture = toned(drawn(lambda u: triangle(30, u), half_width(30), below_mm=0), 40, 220)
     on_plate = np.vstack([picture, np.full((50, picture.shape[1]), 40, np.uint8)])
     m = measure_image(on_plate, MM)
@@ -214,9 +217,6 @@ def test_the_base_is_the_given_one_or_a_plate_as_dark_as_the_pile():
     raised = measure_image(picture, MM, base_row=found.base_row - 40)
     assert raised.height_mm == pytest.approx(found.height_mm - 10)
     input_error("base_row", measure_image, picture, MM, base_row=10_000)
-
-
-def test_jpeg_round_trip(tmp_path):
     picture = toned(drawn(lambda u: rounded(33, u), half_width(33)), (30, 30, 190), (200, 205, 210))
     path = tmp_path / "pile.jpg"
     cv2.imwrite(str(path), tilted_noisy(picture, np.random.default_rng(1)), [cv2.IMWRITE_JPEG_QUALITY, 85])
@@ -225,7 +225,7 @@ def test_jpeg_round_trip(tmp_path):
     assert m.height_mm == pytest.approx(HEIGHT_MM, abs=DISTURBED_MM)
 
 
-def test_pictures_of_the_workflow():
+def test_pictures_of_the_workflow_and_unreadable_pictures_and_wrong_arrays_are_refused(tmp_path):
     picture = toned(drawn(lambda u: triangle(30, u), half_width(30)), 40, 220)
     panels = process_panels(picture, MM, FLANK)
     assert list(panels) == ["grey", "binary", "edge", "boundary"]
@@ -238,9 +238,6 @@ def test_pictures_of_the_workflow():
     assert final[left[1], left[0]].argmax() == 2  # red left line, BGR
     assert final[right[1], right[0]].argmax() == 1  # green right line
     assert np.array_equal(picture, toned(drawn(lambda u: triangle(30, u), half_width(30)), 40, 220))
-
-
-def test_unreadable_pictures_and_wrong_arrays_are_refused(tmp_path):
     for name, content in (("empty.png", b""), ("text.png", b"not a picture")):
         (tmp_path / name).write_bytes(content)
         input_error(name, read_image, tmp_path / name)
@@ -260,25 +257,12 @@ def test_settings_out_of_range_name_the_key(key, value):
     input_error(key, MeasureSettings, **{key: value})
 
 
-@pytest.mark.parametrize(
-    ("picture", "reason"),
-    [
-        (np.full((200, 300), 128, np.uint8), "nothing in the picture"),
-        (toned(drawn(lambda u: np.where(np.abs(u) < 60, 3.0, 0.0), 80), 40, 220), "pixels high"),
-        (toned(drawn(lambda u: triangle(30, u), 50), 40, 220), "runs out of the picture"),
-        (toned(drawn(lambda u: np.where(np.abs(u) < 40, 60.0, 0.0), 80), 40, 220), "a wall"),
-    ],
-)
+@pytest.mark.parametrize(("picture", "reason"), [
+    (np.full((200, 300), 128, np.uint8), "nothing in the picture"),
+    (toned(drawn(lambda u: np.where(np.abs(u) < 60, 3.0, 0.0), 80), 40, 220), "pixels high"),
+    (toned(drawn(lambda u: triangle(30, u), 50), 40, 220), "runs out of the picture"),
+    (toned(drawn(lambda u: np.where(np.abs(u) < 40, 60.0, 0.0), 80), 40, 220), "a wall"),
+])  # fmt: skip
 def test_pictures_without_a_flank_say_why(picture, reason):
     with pytest.raises(NoFlankError, match=reason):
         measure_image(picture, MM)
-
-
-def test_a_plate_above_which_the_mask_is_narrow_is_found():
-    """Four rows above its edge the mask is looked at; where those are not in the picture it is no plate."""
-    mask = np.zeros((30, 100), bool)
-    mask[:20, 40:60] = mask[20:] = True
-    mask[15, 3:97] = True
-    assert plate_row(mask) == 19.5
-    assert plate_row(mask[16:]) == 3.5
-    assert plate_row(mask[17:]) is None

@@ -45,7 +45,7 @@ def views_of(lens, count, rng):
     return seen
 
 
-def test_the_lens_is_found_from_many_places_of_the_sheet_and_no_focal_length_from_one():
+def test_the_lens_and_the_angle_of_a_cone_seen_from_above():
     found = camera.calibrate(views_of((-0.12, 0.03), 8, np.random.default_rng(1)), (1600, 1200))
     assert found.note == ""
     assert found.matrix[0, 0] == pytest.approx(1300, rel=0.003)
@@ -90,7 +90,21 @@ def test_a_cone_seen_from_above_or_below_gets_its_angle_and_its_foot_back(above,
     assert [-columns[0] * px, columns[-1] * px] == pytest.approx([radius, radius], abs=lost)
 
 
-def test_what_floats_over_the_plate_or_only_touches_the_pile_is_left_out():
+@pytest.mark.parametrize(("change", "reason"), [
+    *BAD, ({"rotation": (0.0, 0.0, 40.0)}, "tilted by 40 degrees"), ({"rotation": (0.0, 0.0, 180.0)}, "upside down"),
+    ({"with_sheet": False}, "the printed sheet is not seen"),
+    ({"with_pile": False}, "nothing that stands on the plate"),
+])  # fmt: skip
+def test_what_cannot_be_measured_is_refused_with_its_reason(tmp_path, change, reason):
+    one = measured(tmp_path, Scene(**SMALL | change))
+    assert one.measurement is None
+    assert reason in one.refused
+
+
+def test_what_floats_over_the_plate_or_in_a_deep_shadow_is_left_out(tmp_path):
+    light, deep = (measured(tmp_path, Scene(**SMALL | {"shadow": shadow})).measurement for shadow in (0.0, 0.7))
+    assert deep.height_mm == pytest.approx(light.height_mm, abs=0.1)
+    assert deep.aor_deg == pytest.approx(light.aor_deg, abs=0.5)
     mask = np.zeros((100, 400), np.uint8)
     cv2.fillPoly(mask, [np.array([(100, 99), (200, 10), (300, 99)])], 1)
     pile = mask.copy()
@@ -100,28 +114,6 @@ def test_what_floats_over_the_plate_or_only_touches_the_pile_is_left_out():
     left = finding._largest(finding._without_touching(pile, 7))
     assert left[:, 316:].sum() == 0
     assert left[:, :290].sum() == pile[:, :290].sum()
-
-
-@pytest.mark.parametrize(
-    ("change", "reason"),
-    [
-        *BAD,
-        ({"rotation": (0.0, 0.0, 40.0)}, "tilted by 40 degrees"),
-        ({"rotation": (0.0, 0.0, 180.0)}, "upside down"),
-        ({"with_sheet": False}, "the printed sheet is not seen"),
-        ({"with_pile": False}, "nothing that stands on the plate"),
-    ],
-)
-def test_what_cannot_be_measured_is_refused_with_its_reason(tmp_path, change, reason):
-    one = measured(tmp_path, Scene(**SMALL | change))
-    assert one.measurement is None
-    assert reason in one.refused
-
-
-def test_a_deep_shadow_at_the_foot_changes_nothing(tmp_path):
-    light, deep = (measured(tmp_path, Scene(**SMALL | {"shadow": shadow})).measurement for shadow in (0.0, 0.7))
-    assert deep.height_mm == pytest.approx(light.height_mm, abs=0.1)
-    assert deep.aor_deg == pytest.approx(light.aor_deg, abs=0.5)
 
 
 @pytest.mark.slow

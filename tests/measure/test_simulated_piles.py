@@ -70,7 +70,7 @@ def test_silhouette_equals_the_projection_of_a_cloud_of_surface_points(particle)
     assert not (cloud & (cv2.dilate(pile.astype(np.uint8), ones) == 0)).any()
 
 
-def test_silhouettes_of_a_ball_have_its_area_and_turn_with_the_pile():
+def test_silhouettes_and_height_of_the_members_and_what_is_no_pile():
     ball = Ellipsoids([10.0, 10.0, 10.0])
     areas = []
     for shift in np.linspace(0, 0.25e-3, 7):
@@ -84,6 +84,29 @@ def test_silhouettes_of_a_ball_have_its_area_and_turn_with_the_pile():
     front, back = (silhouette(centres, q, BERRY, a, MM, extent) for a in (0.0, 180.0))
     assert (front < 128).any(axis=0).nonzero()[0].max() > 300
     assert np.mean(front[:, ::-1] != back) < 2e-3
+    rng = np.random.default_rng(2)
+    centres, q = cone_of_berries(25, rng)
+    stray = np.array([[0.2, 0.0, 0.01], [-0.2, 0.1, 0.01]])
+    with_stray = np.vstack([centres, stray]), np.vstack([q, rng.normal(size=(2, 4))])
+    members = np.arange(502) < 500
+    alone, masked = measure_pile(centres, q, BERRY), measure_pile(*with_stray, BERRY, members=members)
+    assert masked.aor_deg == alone.aor_deg
+    assert masked.height_mm == alone.height_mm
+    assert alone.aor[alone.response].shape == alone.view_height_mm.shape == (18,)
+    assert alone.aor_deg == pytest.approx(alone.aor[alone.response].mean())
+    assert np.abs(alone.view_height_mm - alone.height_mm).max() < MM
+    every = measure_pile(*with_stray, BERRY, MeasureSettings(largest_pile_only=False), members=members)
+    assert every.aor_deg < alone.aor_deg - 1
+    rng = np.random.default_rng(4)
+    flat = np.column_stack([rng.uniform(-0.1, 0.1, (80, 2)), np.full(80, 0.005)])
+    upright = np.tile([1.0, 0, 0, 0], (80, 1))
+    with pytest.raises(NoFlankError, match="mm high"):
+        measure_pile(flat, upright, BERRY)
+    with pytest.raises(NoFlankError, match="no berry"):
+        measure_pile(flat, upright, BERRY, members=np.zeros(80, bool))
+    pile = cone_of_berries(25, np.random.default_rng(2))
+    with pytest.raises(NoFlankError, match=r"by 1\d pixels of 5 mm \(measure.mm_per_pixel\); a flank needs 20 by 20"):
+        measure_pile(*pile, BERRY, MeasureSettings(mm_per_pixel=5.0))
 
 
 @pytest.mark.parametrize("largest_only", [True, False])
@@ -113,35 +136,6 @@ def test_cones_of_berries_have_their_angle_within_a_degree():
     assert abs(np.mean(errors["levels"])) < abs(np.mean(errors["columns"]))
 
 
-def test_the_pile_is_the_members_and_its_height_is_exact():
-    rng = np.random.default_rng(2)
-    centres, q = cone_of_berries(25, rng)
-    stray = np.array([[0.2, 0.0, 0.01], [-0.2, 0.1, 0.01]])
-    with_stray = np.vstack([centres, stray]), np.vstack([q, rng.normal(size=(2, 4))])
-    members = np.arange(502) < 500
-    alone, masked = measure_pile(centres, q, BERRY), measure_pile(*with_stray, BERRY, members=members)
-    assert masked.aor_deg == alone.aor_deg
-    assert masked.height_mm == alone.height_mm
-    assert alone.aor[alone.response].shape == alone.view_height_mm.shape == (18,)
-    assert alone.aor_deg == pytest.approx(alone.aor[alone.response].mean())
-    assert np.abs(alone.view_height_mm - alone.height_mm).max() < MM
-    every = measure_pile(*with_stray, BERRY, MeasureSettings(largest_pile_only=False), members=members)
-    assert every.aor_deg < alone.aor_deg - 1
-
-
-def test_a_layer_nothing_or_too_few_pixels_is_no_pile():
-    rng = np.random.default_rng(4)
-    flat = np.column_stack([rng.uniform(-0.1, 0.1, (80, 2)), np.full(80, 0.005)])
-    upright = np.tile([1.0, 0, 0, 0], (80, 1))
-    with pytest.raises(NoFlankError, match="mm high"):
-        measure_pile(flat, upright, BERRY)
-    with pytest.raises(NoFlankError, match="no berry"):
-        measure_pile(flat, upright, BERRY, members=np.zeros(80, bool))
-    pile = cone_of_berries(25, np.random.default_rng(2))
-    with pytest.raises(NoFlankError, match=r"by 1\d pixels of 5 mm \(measure.mm_per_pixel\); a flank needs 20 by 20"):
-        measure_pile(*pile, BERRY, MeasureSettings(mm_per_pixel=5.0))
-
-
 MM_PER_PIXEL = 0.5
 
 
@@ -153,7 +147,7 @@ def cone(slope_deg, height_mm=60.0, foot_mm=10.0):
     return np.maximum(0, height_mm / MM_PER_PIXEL * (1 - np.abs(columns - middle) / half))
 
 
-def test_slopes_are_those_of_a_cone_with_its_volume_and_of_a_flank_that_bends():
+def test_slopes_widths_and_scatter_are_those_of_cones():
     angle, berry = 31.0, 12.0
     base = 60.0 / math.tan(math.radians(angle))
     volume = math.pi * base**2 * 60.0 / 3
@@ -170,9 +164,6 @@ def test_slopes_are_those_of_a_cone_with_its_volume_and_of_a_flank_that_bends():
     assert found["lower_deg"] == pytest.approx(math.degrees(math.atan(18 / (base - half))), abs=0.4)
     assert found["upper_deg"] == pytest.approx(math.degrees(math.atan(18 / (half - upper))), abs=0.8)
     assert found["upper_deg"] > found["lower_deg"] + 5
-
-
-def test_width_is_the_mean_of_the_views_and_scatter_that_on_the_plate():
     wide, low = cone(31.0), cone(31.0, height_mm=20.0)
     level = np.array([10.0, 40.0])
     one = further_responses.mean_half_width([wide], MM_PER_PIXEL, level)

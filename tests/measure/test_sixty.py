@@ -71,7 +71,7 @@ def test_distance_changes_neither_angle_nor_height(tmp_path, seed):
     assert (np.ptp(off, axis=0) < [0.3, 0.53]).all()
 
 
-def test_a_coarse_photograph_is_doubtful(tmp_path):
+def test_a_coarse_photograph_is_doubtful_and_one_sheet_gives_the_camera_of_a_zoom(tmp_path):
     coarse_one, fine_one = (coarse.measured(7, high, tmp_path) for high in (50, 100))
     assert "too coarse" in coarse_one.remarks
     # A pixel at either end of a side of 34 degrees: sin(2 * 34) / 50.
@@ -79,9 +79,6 @@ def test_a_coarse_photograph_is_doubtful(tmp_path):
     true = sixty.truth(coarse.scene(7, 50))
     assert coarse_one.measurement.aor_deg == pytest.approx(true.angle, abs=1.5)
     assert "too coarse" not in fine_one.remarks
-
-
-def test_one_sheet_gives_the_camera_of_a_zoom():
     focal = 9000.0
     places = np.array([(x, z) for x in np.arange(20, 130, 20.0) for z in np.arange(20, 180, 20.0)])
     away = 0.6 * focal
@@ -102,16 +99,12 @@ def outlined(*tops):
     return Segmentation(mask, mask.astype(np.float32), 0.5, mask, 199.5, "darker")
 
 
-@pytest.mark.parametrize(
-    ("tops", "doubt"),
-    [
-        ([(300, 150)], None),
-        ([(200, 100), (280, 40), (420, 80)], "as of two heaps"),
-        ([(150, 60), (450, 62)], "its top is level"),
-        ([(230, 50), (299, 50), (300, 150), (301, 50), (370, 50)], "something else stands behind it"),
-        ([(250, 100), (300, 150), (350, 140), (351, 80)], "falls by 3"),
-    ],
-)
+@pytest.mark.parametrize(("tops", "doubt"), [
+    ([(300, 150)], None), ([(200, 100), (280, 40), (420, 80)], "as of two heaps"),
+    ([(150, 60), (450, 62)], "its top is level"),
+    ([(230, 50), (299, 50), (300, 150), (301, 50), (370, 50)], "something else stands behind it"),
+    ([(250, 100), (300, 150), (350, 140), (351, 80)], "falls by 3"),
+])  # fmt: skip
 def test_what_is_found_is_asked_whether_it_is_a_heap(tops, doubt):
     how = MeasureSettings(mm_per_pixel=0.5, berry_height_mm=6.0)
     pile = outlined(*tops)

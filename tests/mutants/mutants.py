@@ -24,16 +24,8 @@ HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 PARTS = ("src", "tests", "config", "resources", "workflow", "profiles", "Snakefile", "pyproject.toml", "README.md")
 LOADED = (
-    "numpy",
-    "scipy.stats",
-    "scipy.optimize",
-    "scipy.spatial",
-    "pandas",
-    "numba",
-    "cv2",
-    "pytest",
-    "xdist.scheduler",
-)
+    "numpy", "scipy.stats", "scipy.optimize", "scipy.spatial", "pandas", "numba", "cv2", "pytest", "xdist.scheduler",
+)  # fmt: skip
 MOST_S = 120  # of CPU time; a mutant that takes longer is caught, too
 NO_CACHE = ("-p", "no:cacheprovider", "-o", "addopts=", "-m", "not slow", "-x", "-q")
 

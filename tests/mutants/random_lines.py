@@ -98,13 +98,10 @@ def tested(folder, tests, compiled):
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     own = {"PYTHONPATH": f"{folder}/src:{folder}", "PYTHONDONTWRITEBYTECODE": "1"}
     done = subprocess.run(
-        [sys.executable, "-m", "pytest", *PYTEST, *tests],
-        cwd=folder,
-        env=os.environ | own | ({} if compiled else {"NUMBA_DISABLE_JIT": "1"}),
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (MOST_S, MOST_S)),
-    )
+        [sys.executable, "-m", "pytest", *PYTEST, *tests], cwd=folder,
+        env=os.environ | own | ({} if compiled else {"NUMBA_DISABLE_JIT": "1"}), stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (MOST_S, MOST_S)),
+    )  # fmt: skip
     return done.returncode, resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before.ru_utime
 
 

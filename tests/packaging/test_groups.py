@@ -12,14 +12,8 @@ pytestmark = pytest.mark.slow
 
 TESTS = Path(__file__).parents[1]
 FILES = (
-    "apparatus/test_a",
-    "cli/test_c",
-    "dem/test_b",
-    "core/test_e",
-    "core/test_f",
-    "measure/test_g",
-    "measure/test_h",
-)
+    "apparatus/test_a", "cli/test_c", "dem/test_b", "core/test_e", "core/test_f", "measure/test_g", "measure/test_h",
+)  # fmt: skip
 
 
 def test_tests_of_the_same_kernels_run_on_one_worker(tmp_path):

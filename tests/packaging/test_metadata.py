@@ -45,26 +45,20 @@ def imported(paths):
     return {name.lower().replace("_", "-") for module in theirs for name in homes[module]}
 
 
-def test_the_package_imports_what_it_declares_and_declares_what_it_imports():
+def test_every_dependency_is_imported_declared_in_a_range_and_pinned():
     files = {*(ROOT / "src").rglob("*.py")}
     of_run = {ROOT / "src/repose" / name for name in RUN}
     needed = imported(files - of_run)
     assert needed == names([*DEPENDENCIES, *PARTS])
     assert imported(of_run) - needed == names(EXTRAS["workflow"])
-
-
-def test_the_version_stands_in_the_package():
     assert "version" not in PROJECT["project"]
     assert PROJECT["tool"]["hatch"]["version"]["path"] == "src/repose/__init__.py"
-
-
-def test_every_dependency_has_a_range_and_is_pinned_for_the_project():
     assert all(re.search("[<>]", line) for line in DEPENDENCIES)
     assert all("==" in line for line in PINS)
     assert names(TESTED) == names(PINS)
 
 
-def test_the_lock_file_holds_every_pin_and_tool_with_hashes_and_no_address():
+def test_lock_file_wheel_and_source_distribution_hold_what_they_should():
     entries = re.split(r"\n(?=[\w.-]+==)", LOCK)
     locked = {entry.split()[0].lower() for entry in entries}
     assert {line.lower() for line in PINS} <= locked
@@ -72,9 +66,6 @@ def test_the_lock_file_holds_every_pin_and_tool_with_hashes_and_no_address():
     assert names(tools) <= {entry.split("==")[0] for entry in locked}
     assert all(re.search(r"--hash=sha256:[0-9a-f]{64}\b", entry) for entry in entries)
     assert "://" not in LOCK
-
-
-def test_the_wheel_holds_what_a_study_reads():
     wheel = PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]
     assert wheel["sources"] == {"src": "", "docs": "repose/data/docs"}  # `repose docs` reads them
     included = wheel["force-include"]
@@ -83,16 +74,13 @@ def test_the_wheel_holds_what_a_study_reads():
         assert (ROOT / source).exists()
         assert place == f"repose/data/{source}"
     assert (ROOT / "src" / "repose" / "py.typed").is_file()
-
-
-def test_the_source_distribution_holds_what_the_wheel_is_built_from_and_no_more():
     targets = PROJECT["tool"]["hatch"]["build"]["targets"]
     needed = {*targets["wheel"]["force-include"], "src", *PROJECT["project"]["license-files"]}
     needed |= {"docs", "hatch_build.py"}  # pages of `repose docs`, and the commit of `repose --version`
     assert set(targets["sdist"]["only-include"]) == needed | {"CHANGELOG.md", "CITATION.cff", "README.md"}
 
 
-def test_a_package_index_shows_the_readme_without_pictures_and_links_into_the_checkout():
+def test_the_index_shows_the_readme_and_hosted_checks_run_each_python():
     assert PROJECT["project"]["dynamic"] == ["readme", "version"]
     shown = PROJECT["tool"]["hatch"]["metadata"]["hooks"]["fancy-pypi-readme"]
     text = "".join((ROOT / fragment["path"]).read_text() for fragment in shown["fragments"])
@@ -100,9 +88,6 @@ def test_a_package_index_shows_the_readme_without_pictures_and_links_into_the_ch
         text = re.sub(change["pattern"], change["replacement"], text)
     assert re.findall(r"!?\[[^\]]*\]\((?!https?:)[^)]*\)", text) == []
     assert text.count("\n## ") == (ROOT / "README.md").read_text().count("\n## ")
-
-
-def test_hosted_checks_run_each_python_of_the_classifiers():
     numbers = [line.rpartition(" ")[2] for line in PROJECT["project"]["classifiers"] if ":: Python ::" in line]
     job = yaml.safe_load((ROOT / ".github/workflows/ci.yml").read_text())["jobs"]["checks"]
     assert job["strategy"]["matrix"]["python"] == [number for number in numbers if "." in number]
@@ -110,7 +95,7 @@ def test_hosted_checks_run_each_python_of_the_classifiers():
     assert job["steps"][-1] == {"run": ".ci/run"}
 
 
-def test_the_conda_recipe_needs_what_the_package_needs():
+def test_the_conda_recipe_needs_what_the_package_needs_and_the_pins_lie_in_the_ranges_of_the_wheel():
     others = {"matplotlib-base": "matplotlib", "py-opencv": "opencv-python-headless", "snakemake-minimal": "snakemake"}
     recipe = yaml.safe_load((ROOT / "conda/recipe.yaml").read_text())
 
@@ -131,9 +116,6 @@ def test_the_conda_recipe_needs_what_the_package_needs():
         PROJECT["project"]["description"],
         PROJECT["project"]["license"],
     )
-
-
-def test_the_pins_lie_in_the_ranges_of_the_wheel():
     for line in (line for line in TESTED if not line.startswith("repose-dem")):
         requirement = Requirement(line)
         assert metadata.version(requirement.name) in requirement.specifier
@@ -155,7 +137,7 @@ FRONT, PAPER = (ROOT / "paper.md").read_text().removeprefix("---\n").split("\n--
 AUTHORS = [author["name"] for author in CITATION["authors"]]
 
 
-def test_version_and_date_are_those_of_the_newest_release():
+def test_version_and_date_are_those_of_the_newest_release_and_the_archive_says_what_the_citation_says():
     changelog = (ROOT / "CHANGELOG.md").read_text()
     version, date = re.search(r"^## \[(\d[\d.]*)\] - ([\d-]+)$", changelog, re.MULTILINE).groups()
     recipe = yaml.safe_load((ROOT / "conda/recipe.yaml").read_text())
@@ -163,9 +145,6 @@ def test_version_and_date_are_those_of_the_newest_release():
     assert date == CITATION["date-released"] == ARCHIVE["publication_date"]
     written = datetime.datetime.strptime(yaml.safe_load(FRONT)["date"], "%d %B %Y").date()
     assert written.isoformat() == date
-
-
-def test_the_archive_says_what_the_citation_says():
     same = {"title": "title", "abstract": "description", "keywords": "keywords", "license": "license"}
     assert {there: CITATION[here] for here, there in same.items()} == {there: ARCHIVE[there] for there in same.values()}
     assert [creator["name"] for creator in ARCHIVE["creators"]] == AUTHORS
@@ -174,7 +153,7 @@ def test_the_archive_says_what_the_citation_says():
     assert ARCHIVE["upload_type"] == CITATION["type"]
 
 
-def test_the_paper_has_the_form_of_its_journal():
+def test_the_paper_has_the_form_of_its_journal_with_references_and_pictures_that_are_there():
     front = yaml.safe_load(FRONT)
     assert (front["title"], [author["name"] for author in front["authors"]]) == (CITATION["title"], AUTHORS)
     assert {*CITATION["keywords"]} <= {*front["tags"]}
@@ -190,15 +169,9 @@ def test_the_paper_has_the_form_of_its_journal():
         "References",
     ]
     assert 750 <= len(PAPER.split()) <= 1750
-
-
-def test_the_paper_cites_its_references_and_shows_pictures_that_are_there():
     references = (ROOT / "paper.bib").read_text()
     keys = re.findall(r"^@\w+\{(\w+),$", references, re.MULTILINE)
     assert sorted(keys) == sorted({*re.findall(r"@(\w+)", PAPER)})
     assert all((ROOT / path).is_file() for path in re.findall(r"!\[[^\]]*\]\(([^)]+)\)", PAPER))
-
-
-def test_a_reference_has_an_identifier_only_where_the_documents_have_it():
     known = CITATION["references"][0]["doi"]
     assert re.findall(r"doi = \{([^}]+)\}", (ROOT / "paper.bib").read_text()) == [known]

@@ -36,7 +36,7 @@ def barrel_mesh(subdivisions=5):
     return trimesh.convex.convex_hull(points * 1e3)
 
 
-def test_berry_mesh_is_recognised_through_the_file(tmp_path):
+def test_ellipsoids_are_recognised_through_the_file_whatever_their_pose(tmp_path):
     path = saved(turned(build.ellipsoid_mesh([21.14, 11.37, 9.88])), tmp_path)
     particle = build.fit_particle(build.load_mesh(path), 840.47)
     assert particle.kind == "ellipsoid"
@@ -50,15 +50,9 @@ def test_berry_mesh_is_recognised_through_the_file(tmp_path):
     # The facets lie inside the ellipsoid.
     assert 0.99 < particle.mesh_volume_m3 / particle.volume_m3 < 1
     assert 0 < particle.deviation_rms_m < particle.deviation_max_m < 2e-5
-
-
-def test_sphere_is_recognised_whatever_its_pose(tmp_path):
     path = saved(turned(build.ellipsoid_mesh([12.0, 12.0, 12.0])), tmp_path)
     particle = build.fit_particle(build.load_mesh(path), 1000.0)
     np.testing.assert_allclose(particle.semi_axes_m, 6e-3, rtol=1e-6)
-
-
-def test_ellipsoid_whose_mesh_axes_are_not_its_own():
     mesh = turned(trimesh.creation.icosphere(subdivisions=3, radius=0.5), shift=(0, 0, 0))
     mesh.apply_scale([20.0, 12.0, 9.0])
     particle = build.fit_particle(principal_pose(mesh), 1000.0)
@@ -89,7 +83,7 @@ def test_volume_of_spheroid_plus_ball(a, b, radius):
         assert volume == pytest.approx(exact, rel=1e-6)
 
 
-def test_barrel_integrals_against_a_dense_mesh():
+def test_integrals_and_fit_of_a_barrel_are_those_of_its_dense_mesh(tmp_path):
     mesh = barrel_mesh()
     volume, moments = support_fit.volume_integrals(BARREL_M)
     assert volume * 1e9 == pytest.approx(mesh.volume, rel=2e-3)
@@ -97,10 +91,6 @@ def test_barrel_integrals_against_a_dense_mesh():
     assert 840.47 * volume == pytest.approx(1.25e-3, rel=1e-3)
     inertia = np.diag(mesh.moment_inertia) * 1e-15
     np.testing.assert_allclose(moments.sum() - moments, inertia, rtol=4e-3)
-
-
-def test_fit_finds_a_barrel_again(tmp_path):
-    mesh = barrel_mesh()
     particle = build.fit_particle(build.load_mesh(saved(turned(mesh), tmp_path)), 840.47)
     assert particle.kind == "smooth"
     assert len(particle.semi_axes_m) == 2
@@ -110,7 +100,7 @@ def test_fit_finds_a_barrel_again(tmp_path):
     assert particle.bounding_radius_m == pytest.approx(10.57e-3, rel=1e-4)
 
 
-def test_support_is_what_the_mesh_says():
+def test_support_is_what_the_mesh_says_and_the_support_of_unequal_spheres_is_the_farthest_of_all():
     particle = build.fit_particle(principal_pose(barrel_mesh()), 840.47)
     n = np.random.default_rng(3).normal(size=(4, 50, 3))
     n /= np.linalg.norm(n, axis=-1, keepdims=True)
@@ -123,9 +113,6 @@ def test_support_is_what_the_mesh_says():
     for axis, unit in enumerate(np.eye(3)):
         slope = (particle.support(n + step * unit) - particle.support(n - step * unit)) / (2 * step)
         np.testing.assert_allclose(points[..., axis], slope, atol=1e-9)
-
-
-def test_the_support_of_unequal_spheres_is_the_farthest_of_all():
     centres, radii = (np.array([[-4.0, 0, 0], [3.0, 1.0, 0], [0, 0, 2.0]]) * 1e-3, np.array([2.0, 5.0, 3.0]) * 1e-3)
     clump = replace(THREE, spheres_m=np.column_stack([centres, radii]))
     n = sphere_directions(200)
@@ -135,16 +122,13 @@ def test_the_support_of_unequal_spheres_is_the_farthest_of_all():
     np.testing.assert_allclose(clump.support_point(n), farthest, rtol=1e-12)
 
 
-def test_bounding_radius_of_crossed_components():
-    """Farthest point off the axes: brute force over the surface."""
+def test_bounding_radius_of_crossed_components_and_particle_file_round_trip(tmp_path):
+    # Farthest point off the axes: brute force over the surface.
     axes = np.array([[8.0, 2.0, 1.0], [2.0, 7.0, 1.0]])
     n = sphere_directions(200_000)
     brute = np.linalg.norm(support_fit.support_point(axes, n), axis=1).max()
     assert support_fit.bounding_radius(axes) == pytest.approx(brute, rel=1e-4)
     assert support_fit.bounding_radius(axes) >= brute
-
-
-def test_particle_file_round_trip(tmp_path):
     particle = build.fit_particle(principal_pose(barrel_mesh(4)), 840.47, stl="berry.stl")
     particle.save(tmp_path / "particle.json")
     again = build.Particle.load(tmp_path / "particle.json")
@@ -182,16 +166,11 @@ def inside_out():
     return mesh
 
 
-@pytest.mark.parametrize(
-    ("mesh", "words"),
-    [
-        (holed, "watertight"),
-        (inside_out, "outwards"),
-        (lambda: build.ellipsoid_mesh([0.020, 0.012, 0.009]), "millimetres"),
-        (lambda: trimesh.creation.torus(10, 3), "convex"),
-        (lambda: trimesh.creation.annulus(3, 8, 10), "convex"),
-    ],
-)
+@pytest.mark.parametrize(("mesh", "words"), [
+    (holed, "watertight"), (inside_out, "outwards"),
+    (lambda: build.ellipsoid_mesh([0.020, 0.012, 0.009]), "millimetres"),
+    (lambda: trimesh.creation.torus(10, 3), "convex"), (lambda: trimesh.creation.annulus(3, 8, 10), "convex"),
+])  # fmt: skip
 def test_bad_meshes_are_refused_with_a_reason(tmp_path, mesh, words):
     path = saved(mesh(), tmp_path)
     with pytest.raises(InputError, match=words) as error:
@@ -199,11 +178,8 @@ def test_bad_meshes_are_refused_with_a_reason(tmp_path, mesh, words):
     assert str(path) in str(error.value)
 
 
-def test_what_no_smooth_particle_can_stand_for_is_refused():
+def test_what_is_no_mesh_of_a_smooth_particle_is_refused(tmp_path):
     input_error("smooth", build.fit_particle, trimesh.creation.box((10, 10, 10)), 1000.0, source="box.stl")
-
-
-def test_files_that_are_no_mesh_are_refused(tmp_path):
     input_error(r"nowhere\.stl", build.load_mesh, tmp_path / "nowhere.stl")
     (tmp_path / "text.stl").write_text("not a mesh")
     input_error(r"text\.stl", build.load_mesh, tmp_path / "text.stl")

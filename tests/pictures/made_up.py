@@ -138,8 +138,9 @@ def made_up_inputs(folder):
 def inputs_of(name, inputs):
     further = {
         "figure14": {"published": "table3"}, "validation": {"published": "table4"}, "noise": {"runs": "noise_runs"},
-        "plane": {"pool": "dataset"}, "figure13": {"fresh": "dataset"}, "corner": {"summary": "posterior_summary"},
-        "region": {"summary": "posterior_summary"}, "approach": {"summary": "refined_summary"},
+        "plane": {"pool": "dataset", "fresh": "dataset"}, "figure13": {"fresh": "dataset"},
+        "corner": {"summary": "posterior_summary"}, "region": {"summary": "posterior_summary"},
+        "approach": {"summary": "refined_summary"},
     }  # fmt: skip
     files = {"stl": "berry", "berry": "axes"} | further.get(name, {})
     return {key: inputs[files.get(key, key)] for key in figures.FIGURES[name].all_inputs}

@@ -99,7 +99,7 @@ def test_every_figure_is_drawn_the_same_twice(inputs, drawn, tmp_path):
         assert (tmp_path / "again.png").read_bytes() == drawn(name)[1].read_bytes(), name
 
 
-def test_every_figure_has_a_title_and_a_caption_with_the_numbers_of_the_study():
+def test_figures_have_titles_captions_with_numbers_formats_and_their_fonts(inputs, tmp_path):
     for name, one in figures.FIGURES.items():
         caption = one.caption_of(CONFIG)
         assert one.title, name
@@ -108,9 +108,6 @@ def test_every_figure_has_a_title_and_a_caption_with_the_numbers_of_the_study():
     network = figures.FIGURES["figure10"].caption_of(CONFIG)
     assert f"{len(CONFIG['parameters'])} parameters in" in network
     assert f"{CONFIG['network']['hidden']} hidden neurons" in network
-
-
-def test_a_figure_has_the_configured_formats_with_its_fonts_inside(inputs, tmp_path):
     given, config = (inputs_of("sobol", inputs), CONFIG | {"figures": {"format": ["png", "pdf", "svg"], "dpi": 90}})
     for folder in ("first", "second"):
         figures.draw("sobol", given, tmp_path / folder / "it.png", config)
@@ -182,7 +179,7 @@ def test_figures_say_what_a_reader_has_to_know(inputs, drawn, tmp_path, monkeypa
     assert "published" not in texts[-1]
 
 
-def test_bad_names_and_inputs_are_named(inputs, tmp_path):
+def test_bad_names_are_named_and_the_approach_shows_bars_and_the_pile_its_definitions(inputs, tmp_path, drawn):
     cases = [
         (("figure99", {}), "figure99"),
         (("figure02", {}), "sizes"),
@@ -192,9 +189,6 @@ def test_bad_names_and_inputs_are_named(inputs, tmp_path):
     assert not not_refused(lambda case: figures.draw(*case, tmp_path / "x.png", CONFIG), cases, InputError)
     np.savez(tmp_path / "x.npz", other=np.zeros(3))
     input_error("position_SEED", saved_pours.first_pour, tmp_path / "x.npz")
-
-
-def test_the_approach_shows_its_bars_legends_carry_the_line_and_grains_are_whole_numbers(drawn):
     figure, _ = drawn("approach")
     text = words(figure)
     assert "near enough, ±1 %" in text
@@ -209,9 +203,6 @@ def test_the_approach_shows_its_bars_legends_carry_the_line_and_grains_are_whole
     title = figure.legends[0].get_title().get_text()
     assert title.startswith(plane.BARS)
     assert line_of(CONFIG["measure"]) in title.replace("\n", " ")
-
-
-def test_the_definitions_are_explained_beside_the_pile_and_without_keys_of_the_configuration(drawn):
     figure, _ = drawn("definitions")
     figure.canvas.draw()  # at the resolution of its texts' places
     text = words(figure)
@@ -241,7 +232,7 @@ def test_a_figure_with_the_calibrated_angle_names_its_line(name, inputs, drawn, 
     assert line not in words(without.pop()).replace("\n", " ")
 
 
-def test_the_lines_of_figure_6_carry_the_angles_of_their_sides(inputs, drawn):
+def test_the_angle_has_its_lines_in_figure_6_and_a_search_without_result_its_axes(inputs, drawn, tmp_path):
     files = inputs_of("figure06", inputs)
     settings = pile.MeasureSettings.of(CONFIG["measure"], read_berry(files["berry"]))
     image = side_view(saved_pours.first_pour(files["heap"]), Particle.load(files["particle"]), settings)
@@ -254,6 +245,15 @@ def test_the_lines_of_figure_6_carry_the_angles_of_their_sides(inputs, drawn):
         assert text.get_text() == f"{name} {getattr(measured, f'{name}_deg'):.1f}°"
         along = np.sort(np.array(line)[:, 0] * settings.mm_per_pixel)
         assert along[0] < text.xy[0] < along[1]
+    history = pd.read_csv(inputs["history"])
+    history["best_objective"], history["feasible_found"] = 2.1, 0
+    history.assign(mean_objective=2.2).to_csv(tmp_path / "history.csv", index=False)
+    with style.applied():
+        figure = search.convergence({"history": tmp_path / "history.csv"}, CONFIG)
+        figure.canvas.draw()
+    (panel,) = figure.axes  # none for the number of solutions, 0 all along
+    assert panel.get_title(loc="left") == "no feasible solution was met"
+    assert len(list(filter(None, (tick.get_text() for tick in panel.get_yticklabels())))) > 1
 
 
 @pytest.mark.parametrize("fresh", [False, True])
@@ -273,8 +273,8 @@ def test_predicted_and_simulated_responses_have_equal_axes(fresh, inputs, drawn)
     assert text.count("at precise points\n" if fresh else "at precise points |") == len(figure.axes)
 
 
-def test_large_weights_that_cancel_draw_no_thick_lines(inputs, tmp_path):
-    """Two hidden neurons take mus_gg with opposite weights; mur_gg acts by weak ones, which remain."""
+def test_large_weights_draw_no_thick_lines_and_a_scale_bar_has_its_length(inputs, tmp_path):
+    # Two hidden neurons take mus_gg with opposite weights; mur_gg acts by weak ones, which remain.
     W1 = np.zeros((3, 6))
     W1[0, 1], W1[1, 1], W1[2, 2], W1[2, 0] = 2.0, -2.0, 0.3, -0.1
     write_network(tmp_path / "network.json", ["aor_deg", "height_mm"], W1, [[1.0, 1.0, 1.0], [1.0, 1.0, 0.5]])
@@ -286,9 +286,6 @@ def test_large_weights_that_cancel_draw_no_thick_lines(inputs, tmp_path):
     assert np.argsort(widths)[::-1][:2].tolist() == [2, 0]
     assert widths[1] == pytest.approx(widths[4], abs=0.01)  # mus_gg as an input without any weight
     assert {"90 % ↗", "10 % ↘"} <= set(words(figure).split(" | "))
-
-
-def test_a_scale_bar_is_as_long_as_its_number_says():
     camera = look_at(np.array([[-0.1, 0.0, 0.0], [0.1, 0.0, 0.05]]), 600, 300, 0.0, -90.0)
     with style.applied():
         panel = style.new_figure(4, 2).subplots()
@@ -298,15 +295,3 @@ def test_a_scale_bar_is_as_long_as_its_number_says():
     x, _, _ = camera.project(np.array([[0.02, 0.0, 0.0], [0.07, 0.0, 0.0]]))
     assert np.ptp(bar.get_xdata()) == pytest.approx(x[1] - x[0])
     assert max(bar.get_xdata()) < 600
-
-
-def test_a_search_that_met_nothing_has_numbers_at_its_axes(inputs, tmp_path):
-    history = pd.read_csv(inputs["history"])
-    history["best_objective"], history["feasible_found"] = 2.1, 0
-    history.assign(mean_objective=2.2).to_csv(tmp_path / "history.csv", index=False)
-    with style.applied():
-        figure = search.convergence({"history": tmp_path / "history.csv"}, CONFIG)
-        figure.canvas.draw()
-    (panel,) = figure.axes  # none for the number of solutions, 0 all along
-    assert panel.get_title(loc="left") == "no feasible solution was met"
-    assert len(list(filter(None, (tick.get_text() for tick in panel.get_yticklabels())))) > 1

@@ -1,20 +1,26 @@
-"""Figures whose panels are the targets: drawn for one, two and four, labels and units from the responses."""
+"""Figures of targets and of their uncertainty."""
 
 import json
+from types import SimpleNamespace
 
+import made_up_studies
 import numpy as np
 import pandas as pd
 import pytest
-from made_up import made_up_tables, words
+from made_up import inputs_of, made_up_tables, words
+from matplotlib.colors import to_hex
 from shared import RANGES, TARGETS, target
 
+from repose.core.files import write_json
+from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.profiles import Profile
 from repose.core.published import STALE
 from repose.core.responses import derived, response
 from repose.core.targets import Targets
 from repose.pictures import figures
-from repose.pictures.figures import checks, plane, samples, search, style, surrogate
+from repose.pictures.figures import checks, discrepancy, plane, region, samples, search, style, surrogate
+from repose.studies import implausibility
 
 FURTHER = [target("base_radius_mm", 110.0, 6.0, 100.0, 120.0), target("drum_slip_deg", 44.0, 2.0, 40.0, 48.0, 5)]
 CHOICES = {1: TARGETS[:1], 2: TARGETS, 4: [*TARGETS, *FURTHER]}
@@ -68,22 +74,6 @@ def of_profile(targets):
     return [*targets, *(score | numbers for score in scores)]
 
 
-def test_a_profile_is_drawn_as_measured_predicted_and_simulated(tmp_path, monkeypatch):
-    monkeypatch.setitem(CHOICES, 5, of_profile(TARGETS))
-    files = made_up(tmp_path, 5)
-    with style.applied():
-        figure = figures.FIGURES["profiles"].draw({"table4": files["table4"]}, config_of(5))
-        style.save(figure, tmp_path / "figure.png", small_run=False)
-    (panel,) = figure.axes
-    assert {"measured ± SD", "predicted", "simulated ± SE"} <= set(texts(figure))
-    predicted = next(line for line in panel.lines if line.get_label() == "predicted")
-    # the made-up prediction is the target, a parabola that three scores describe
-    np.testing.assert_allclose(predicted.get_ydata(), HEIGHTS, atol=1e-9)
-    inputs = {key: files[key] for key in ("dataset", "table4", "feasible")}
-    with style.applied():
-        assert len(plane.planes(inputs, config_of(5)).axes) == 1  # scores have no planes
-
-
 SETS = (
     ("height_mm",),
     ("aor_deg", "height_mm", "packing_percent", "drum_slip_deg"),
@@ -111,12 +101,9 @@ def test_solutions_have_a_strip_for_each_target(names, tmp_path, monkeypatch):
 
 
 DRAWN = {
-    "figure10": ("network",),
-    "figure13": ("predictions", "dataset"),
-    "dataset": ("dataset",),
-    "validation": ("table4",),
-    "published": ("published",),
-}
+    "figure10": ("network",), "figure13": ("predictions", "dataset"), "dataset": ("dataset",),
+    "validation": ("table4",), "published": ("published",),
+}  # fmt: skip
 
 
 def texts(figure):
@@ -166,7 +153,7 @@ def test_every_mark_of_the_published_solutions_has_its_words_and_stale_numbers_a
     assert not any("Height" in text for text in result)
 
 
-def test_a_target_that_was_not_published_leaves_its_place_empty(tmp_path):
+def test_a_target_that_was_not_published_and_a_profile_are_drawn(tmp_path, monkeypatch):
     files = made_up(tmp_path, 4)
     with style.applied():
         inputs = {"table4": files["table4"], "published": files["theirs"]}
@@ -180,6 +167,19 @@ def test_a_target_that_was_not_published_leaves_its_place_empty(tmp_path):
         assert len(checks.validation(inputs, alone).axes) == 2
         result = texts(checks.published_solutions({"published": files["published"]}, alone))
         assert "published simulation" not in result
+    monkeypatch.setitem(CHOICES, 5, of_profile(TARGETS))
+    files = made_up(tmp_path, 5)
+    with style.applied():
+        figure = figures.FIGURES["profiles"].draw({"table4": files["table4"]}, config_of(5))
+        style.save(figure, tmp_path / "figure.png", small_run=False)
+    (panel,) = figure.axes
+    assert {"measured ± SD", "predicted", "simulated ± SE"} <= set(texts(figure))
+    predicted = next(line for line in panel.lines if line.get_label() == "predicted")
+    # the made-up prediction is the target, a parabola that three scores describe
+    np.testing.assert_allclose(predicted.get_ydata(), HEIGHTS, atol=1e-9)
+    inputs = {key: files[key] for key in ("dataset", "table4", "feasible")}
+    with style.applied():
+        assert len(plane.planes(inputs, config_of(5)).axes) == 1  # scores have no planes
 
 
 def test_fixed_parameters_have_no_panel_priors_are_the_axis_and_unknown_outputs_are_named(tmp_path):
@@ -203,3 +203,98 @@ def test_fixed_parameters_have_no_panel_priors_are_the_axis_and_unknown_outputs_
     files["network"].write_text(json.dumps(network))
     with style.applied(), pytest.raises(Exception, match="colour_deg"):
         surrogate.network_structure({"network": files["network"]}, config_of(1))
+
+
+NAMES = ("drum_slip_deg", "aor_deg", "height_mm", "base_radius_mm")
+FREE = PARAMETERS[1:4]
+PARAMETERS_OF_A_STUDY = {name: [0.2, 0.6] if name in FREE else {"fixed": 0.3} for name in PARAMETERS}
+PARAMETERS_OF_A_STUDY |= {"mus_gg": {"prior": {"mean": 0.4, "sd": 0.05}, "range": [0.2, 0.6]}}
+
+
+def uncertain_config(count):
+    targets = [target(name, 30.0, 2.0, 28.0, 32.0, 4) for name in NAMES[:count]]
+    refine = {"tolerance_percent": 1.0, "standard_error_percent": 0.7}
+    return {"targets": targets, "parameters": PARAMETERS_OF_A_STUDY, "refine": refine}
+
+
+@pytest.fixture
+def files(tmp_path):
+    def made(config):
+        made_up_tables(tmp_path, config["targets"])
+        made_up_studies.write(tmp_path, config)
+        return {path.stem: path for path in tmp_path.iterdir()}
+
+    return made
+
+
+def drawn(figure):
+    figure.canvas.draw()
+    return sum(panel.axison for panel in figure.axes), words(figure)
+
+
+@pytest.mark.parametrize("count", [1, 3, 4])
+def test_the_panels_are_those_of_targets_and_free_parameters(count, files):
+    config = uncertain_config(count)
+    made = files(config)
+    wanted = {
+        "noise": (count + 2, "slip (deg)", None),
+        "corner": (len(FREE) * (len(FREE) + 1) / 2, "predicted", count),
+        "sobol": (count, f"first orders sum to {0.15 * len(FREE):.2f}", count),
+        "main_effects": (len(FREE) * count, "slip (deg)", None),
+        "approach": (2 * count, "target 30 ", count),
+    }
+    for name, (panels, part, times) in wanted.items():
+        if count == 3 and name != "approach":  # which alone has a row for three
+            continue
+        with style.applied():
+            found, text = drawn(figures.FIGURES[name][0](inputs_of(name, made), config))
+        assert found == panels, name
+        assert text.count(part) == times if times else part in text, name
+        assert style.parameter_label("e_gg") not in text, name
+        assert "uniform prior" not in text, name
+
+
+def test_the_curve_over_the_discrepancy(files):
+    inputs = {"discrepancy": files(uncertain_config(2))["discrepancy"]}
+    whole = pd.read_csv(inputs["discrepancy"])
+    independent = whole[(whole["discrepancy_correlation"] == 0) & (whole["effective_points"] > 400)]
+    for table, all_of_it in ((independent, False), (whole, True)):
+        table.to_csv(inputs["discrepancy"], index=False)
+        with style.applied():
+            panels, text = drawn(discrepancy.over_the_discrepancy(inputs, uncertain_config(2)))
+        assert panels == 1 + len(FREE)
+        assert "assumed, independent between targets" in text
+        for part in ("fewer than 400 effective points", "assumed, correlation 0.9"):
+            assert (part in text) == all_of_it, part
+        assert style.parameter_label("e_gg") not in text
+
+
+def test_the_region_has_its_parameters_on_the_right_axes(tmp_path):
+    config = uncertain_config(1)
+    space = ParameterSpace.of(config["parameters"])
+    quantile = np.random.default_rng(1).random((20_000, space.dimensions))
+    # what the first free parameter, with a prior, has below its median is excluded
+    excluded = np.where(quantile[:, 0] < 0.5, 4.0, 1.0)
+    share, table = implausibility.region(SimpleNamespace(quantile=quantile, space=space), excluded)
+    inputs = {"region": tmp_path / "region.csv", "summary": tmp_path / "summary.json"}
+    table.to_csv(inputs["region"], index=False)
+    write_json(inputs["summary"], {"not_implausible_share": share})
+    figure = region.not_excluded(inputs, config)
+    d = len(FREE)
+    panels = np.array(figure.axes[: d * d]).reshape(d, d)
+    assert sum(panel.axison for panel in panels.flat) == d * (d - 1)
+    depth, least = (panels[place].collections[0] for place in ((0, 1), (1, 0)))
+    rows, columns = depth.get_array(), least.get_array()
+    half = implausibility.CELLS // 2
+    assert (rows[:half] == 0).all()
+    assert (rows[half:] == 1).all()
+    assert (columns[:, :half] == 4).all()
+    assert (columns[:, half:] == 1).all()
+    colours = [to_hex(colour).upper() for colour in least.to_rgba(np.array([0.5, 1.5, 2.5, 4.0]))]
+    assert len(set(colours)) == 4, "one band is not another"
+    assert colours[-1] == style.RED, "excluded"
+    # cells of equal probability: narrow about the middle of the prior
+    widths = np.diff(least.get_coordinates()[0, :, 0])
+    assert widths[half] < 0.3 * widths[0]
+    assert widths.sum() == pytest.approx(0.4)
+    assert np.asarray(np.diff(depth.get_coordinates()[0, :, 0])) == pytest.approx(0.4 / implausibility.CELLS)

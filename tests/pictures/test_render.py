@@ -87,8 +87,8 @@ def test_bands_hold_each_row_once(multiple):
     np.testing.assert_array_equal(np.concatenate([camera.rays(rows) for rows in camera.bands()]), camera.rays())
 
 
-def test_a_ball_has_the_outline_of_its_perspective():
-    """A ball of radius r at distance d is seen under asin(r / d), whatever the body's orientation."""
+def test_balls_and_long_axes_are_seen_in_perspective_and_the_nearer_hides_the_farther():
+    # A ball of radius r at distance d is seen under asin(r / d), whatever the body's orientation.
     centre = np.array([[0.0, 0.0, 0.02]])
     frame = np.array([[-0.02, -0.02, 0.0], [0.02, 0.02, 0.04]])
     camera = look_at(frame, 400, 400, elevation_deg=0, azimuth_deg=0)
@@ -96,19 +96,12 @@ def test_a_ball_has_the_outline_of_its_perspective():
     distance = np.linalg.norm(camera.eye_m - centre[0])
     radius_px = camera.focal_px * np.tan(np.arcsin(0.006 / distance))
     assert np.sqrt(reddish(picture).sum() / np.pi) == pytest.approx(radius_px, rel=0.02)
-
-
-def test_grains_have_the_colour_that_they_are_given():
     centre, frame = np.array([[0.0, 0.0, 0.006]]), np.array([[-0.01, -0.01, 0.0], [0.01, 0.01, 0.012]])
     shares = {}
     for colour in ("#20c020", "#2020c0"):
         picture = render.render_pile(centre, UPRIGHT, BALL, 0, 0, 60, 60, frame_m=frame, colour=colour)
         shares[colour] = picture[25:35, 25:35].reshape(-1, 3).mean(axis=0).argmax()
     assert list(shares.values()) == [1, 2]
-
-
-def test_a_long_axis_along_the_view_shows_the_short_ones():
-    """Seen along x an ellipsoid shows its y and z axes; turned by a quarter about z, its x and z axes."""
     half = np.sqrt(0.5)
     frame = np.array([[-0.015, -0.015, 0.0], [0.015, 0.015, 0.03]])
     sizes = []
@@ -119,9 +112,6 @@ def test_a_long_axis_along_the_view_shows_the_short_ones():
     (end_width, end_height), (side_width, side_height) = sizes
     assert end_width / end_height == pytest.approx(5.685 / 4.94, rel=0.05)
     assert side_width / side_height == pytest.approx(10.57 / 4.94, rel=0.05)
-
-
-def test_the_nearer_berry_hides_the_farther_one_and_none_is_seen_behind_the_camera():
     centres = np.array([[0.03, 0.0, 0.006], [-0.03, 0.0, 0.006]])
     turns = np.repeat(UPRIGHT, 2, axis=0)
     both = render_pile(centres, turns, BALL, 0, 0, 300, 180)
@@ -139,7 +129,7 @@ def test_the_nearer_berry_hides_the_farther_one_and_none_is_seen_behind_the_came
     assert np.abs(shown.astype(int) - bare).max() < 10
 
 
-def test_the_plate_is_darker_in_the_shadow_and_the_funnel_is_translucent():
+def test_the_plate_has_shadows_and_the_same_input_gives_the_same_picture():
     frame = np.array([[-0.04, -0.04, 0.0], [0.04, 0.04, 0.02]])
     centre = np.array([[0.0, 0.0, 0.006]])
     bare = render_pile(np.full((1, 3), np.nan), UPRIGHT, BALL, 30, 0, 240, 160, frame_m=frame).astype(int)
@@ -158,18 +148,12 @@ def test_the_plate_is_darker_in_the_shadow_and_the_funnel_is_translucent():
     middle = tuple(np.argwhere(reddish(bare)).mean(axis=0).astype(int))
     assert reddish(dressed)[middle]
     assert not np.array_equal(dressed[middle], bare[middle])
-
-
-def test_same_input_same_picture_and_shape():
     rng = np.random.default_rng(5)
     centres, turns = rng.uniform([-0.03, -0.03, 0.01], [0.03, 0.03, 0.07], (30, 3)), rng.normal(size=(30, 4))
     first = render_pile(centres, turns, BARREL, width=120)
     assert first.shape == (72, 120, 3)
     assert first.dtype == np.uint8
     np.testing.assert_array_equal(first, render_pile(centres, turns, BARREL, width=120))
-
-
-def test_funnel_walls_follow_the_configuration():
     tube, cone = funnel_walls(HEAP)
     assert (tube.z_low_m, tube.z_high_m) == pytest.approx((0.1, 0.12))
     assert tube.r_low_m == tube.r_high_m == 0.016

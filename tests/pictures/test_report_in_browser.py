@@ -153,16 +153,13 @@ def test_a_slider_moves_the_prediction_and_back(opened, folder):
     assert opened.text_content("#predicted-aor_deg") == at_answer
 
 
-def test_the_button_copies_the_parameters(opened):
+def test_the_button_copies_the_parameters_and_a_table_sorts_both_ways(opened):
     opened.context.grant_permissions(["clipboard-read", "clipboard-write"])
     opened.click("#copy")
     opened.wait_for_function("document.getElementById('copy').textContent === 'Copied'")
     copied = opened.evaluate("navigator.clipboard.readText()")
     for name, value in ANSWER.items():
         assert f"{name}: {value:g}  #" in copied
-
-
-def test_a_table_sorts_both_ways(opened):
     opened.click("summary")
     cells = "[...document.querySelectorAll('table.sorts tbody tr')].map((row) => Number(row.cells[0].textContent))"
     column = f"() => {cells}"
@@ -209,20 +206,7 @@ def test_many_targets_and_sets_are_printed_on_one_page(browser, tmp_path):
     assert len(re.findall(rb"/Type\s*/Page\b", paper)) == 1
 
 
-def test_a_figure_opens_large_on_a_click_and_on_a_key(opened):
-    button, large = opened.locator(".pictures button.enlarge"), opened.locator("#large")
-    assert button.get_attribute("aria-label").startswith("Open large: All simulated samples")
-    assert not large.is_visible()
-    for open_it in (button.click, lambda: button.press("Enter")):
-        open_it()
-        natural = round(style.PAGE * style.DPI)
-        assert large.locator("img").bounding_box()["width"] == pytest.approx(natural, abs=2)
-        opened.keyboard.press("Escape")
-        assert not large.is_visible()
-        assert opened.evaluate("document.activeElement.className") == "enlarge", "the focus is back"
-
-
-def test_keys_turn_and_zoom_the_pile(opened):
+def test_a_figure_opens_large_on_a_click_and_on_a_key_and_keys_turn_and_zoom_the_pile(opened):
     pile = opened.locator("#pile")
     assert "Arrow keys turn it" in pile.get_attribute("aria-label")
     opened.keyboard.press("Tab")
@@ -241,6 +225,16 @@ def test_keys_turn_and_zoom_the_pile(opened):
     assert near > 1.1 * reddish(pixels(opened)) == pytest.approx(1.1 * far, rel=0.02)
     opened.keyboard.press("0")
     np.testing.assert_array_equal(pixels(opened), start)
+    button, large = opened.locator(".pictures button.enlarge"), opened.locator("#large")
+    assert button.get_attribute("aria-label").startswith("Open large: All simulated samples")
+    assert not large.is_visible()
+    for open_it in (button.click, lambda: button.press("Enter")):
+        open_it()
+        natural = round(style.PAGE * style.DPI)
+        assert large.locator("img").bounding_box()["width"] == pytest.approx(natural, abs=2)
+        opened.keyboard.press("Escape")
+        assert not large.is_visible()
+        assert opened.evaluate("document.activeElement.className") == "enlarge", "the focus is back"
 
 
 def test_dark_is_dark_and_figures_stay_on_white(opened):

@@ -30,7 +30,7 @@ BOTH = Targets.of(TARGETS)
 MORE = [*TARGETS, target("drum_slip_deg", 44, 2, 40, 48, 5)]
 
 
-def test_positions_are_kept_within_half_a_step_and_the_absent_stay_absent():
+def test_sources_are_kept_within_half_a_step_and_spheres_lack_what_others_hide():
     rng = np.random.default_rng(1)
     positions = rng.uniform(-300, 300, (4, 50, 3))
     positions[0, :20] = np.nan
@@ -40,17 +40,6 @@ def test_positions_are_kept_within_half_a_step_and_the_absent_stay_absent():
     assert (whole[there] <= scene.STEPS).all()
     assert np.abs(low + step * whole[there] - positions[there]).max() <= 0.5001 * step.max()
     assert step.max() < 0.01
-
-
-@pytest.mark.parametrize(("frames", "count"), [(181, 500), (181, 20_000), (3, 10)])
-def test_frames_hold_both_ends_and_keep_to_the_size(frames, count):
-    shown = scene.frames_shown(np.linspace(0, 18, frames), count)
-    assert (shown[0], shown[-1]) == (0, frames - 1)
-    assert len(shown) * count * scene.BYTES <= scene.MAX_BYTES
-    assert len(shown) == min(frames, scene.FRAMES) or count == 20_000
-
-
-def test_a_body_of_spheres_lacks_only_what_other_spheres_hide():
     spheres = np.array([[-3e-3, 0, 0, 5e-3], [3e-3, 0, 0, 5e-3], [0, 0, 0, 1e-3]])
     points, normals, triangles = scene.body(SimpleNamespace(is_clump=True, spheres_m=spheres), 10_000)
     distance = np.linalg.norm(points[:, None] - 1e3 * spheres[:, :3], axis=2) - 1e3 * spheres[:, 3]
@@ -62,6 +51,14 @@ def test_a_body_of_spheres_lacks_only_what_other_spheres_hide():
     assert np.abs(points[outside, 0]).max() == pytest.approx(8.0, abs=0.1)
     a, b, c = points[triangles].transpose(1, 0, 2)
     assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), normals[triangles[:, 0]]) > 0).all()
+
+
+@pytest.mark.parametrize(("frames", "count"), [(181, 500), (181, 20_000), (3, 10)])
+def test_frames_hold_both_ends_and_keep_to_the_size(frames, count):
+    shown = scene.frames_shown(np.linspace(0, 18, frames), count)
+    assert (shown[0], shown[-1]) == (0, frames - 1)
+    assert len(shown) * count * scene.BYTES <= scene.MAX_BYTES
+    assert len(shown) == min(frames, scene.FRAMES) or count == 20_000
 
 
 def values_of(path):
@@ -156,7 +153,7 @@ def test_the_page_begins_with_whether_the_targets_are_met(change, kind, words, t
     assert re.search(r"Simulated less measured: .* [+-]\d+\.\d ± \d+\.\d % \(\d", text)
 
 
-def test_a_row_of_the_answer_tells_where_its_interval_was_widened_and_what_lies_at_a_bound(tmp_path):
+def test_a_row_of_the_answer_tells_bounds_and_a_trimesh_without_three_js_is_refused(tmp_path, monkeypatch):
     config, jobs, files = made_up_study(tmp_path, TARGETS)
     table = pd.read_csv(files["posterior"]).set_index("parameter")
     table.loc["e_gg", ["credible_low", "credible_high"]] = 0.3, 0.35  # the answer is 0.2
@@ -173,9 +170,6 @@ def test_a_row_of_the_answer_tells_where_its_interval_was_widened_and_what_lies_
         assert ("interval widened to hold the answer" in told["e_gg"]) is posterior
         assert ("0.2 to 0.35" in told["e_gg"]) is posterior
         assert "widened" not in told["mus_gg"] + told["mur_gp"]
-
-
-def test_a_trimesh_without_a_fit_three_js_is_refused(monkeypatch):
     script = three.library(["InstancedMesh", "sRGBEncoding"])
     assert script.startswith("/**")
     assert script.endswith("}));")

@@ -44,17 +44,8 @@ MANY, MANY_SHARE = 300, 0.01
 LONGEST_S = 60.0
 COLUMNS = [
     *("number", "apparatus", "particle", "berries", "long_mm", "shear_modulus_pa", "e_gg", "e_gp"),
-    *(
-        "contact_law",
-        "rolling_law",
-        "tension",
-        "gravity_m_s2",
-        "time_step_s",
-        "share_of_limit",
-        "steps",
-        "status",
-        "cpu_s",
-    ),
+    *("contact_law", "rolling_law", "tension", "gravity_m_s2", "time_step_s", "share_of_limit", "steps", "status"),
+    "cpu_s",
     *("energy_over_given", "speed_over_fall", "overlap_over_extent", "wall_overlap_over_extent", "reason"),
 ]
 
@@ -171,87 +162,54 @@ def _funnel(rng, d, span_s, n):
     """A funnel for berries of length d [mm] that pours for half of a span of time."""
     outlet, inlet = rng.uniform(1.5, 4.5), rng.uniform(6.0, 9.0)
     return {
-        "berries": n,
-        "rate_per_s": 2.0 * n / span_s,
-        "duration_s": span_s,
-        "rest_window_s": 0.1 * span_s,
-        "rest_motion_mm": 0.05 * d,
-        "inlet_diameter_mm": inlet * d,
-        "outlet_diameter_mm": outlet * d,
-        "rim_radius_mm": 0.05 * d,
-        "cone_angle_deg": float(rng.uniform(45.0, 80.0)),
-        "tube_length_mm": 0.0,
-        "outlet_height_mm": rng.uniform(1.0, 4.0) * d,
-        "plate_diameter_mm": rng.uniform(10.0, 30.0) * d,
-        "factory_height_mm": rng.uniform(0.5, 3.0) * d,
-        "factory_diameter_mm": rng.uniform(3.0, inlet) * d,
-    }
+        "berries": n, "rate_per_s": 2.0 * n / span_s, "duration_s": span_s, "rest_window_s": 0.1 * span_s,
+        "rest_motion_mm": 0.05 * d, "inlet_diameter_mm": inlet * d, "outlet_diameter_mm": outlet * d,
+        "rim_radius_mm": 0.05 * d, "cone_angle_deg": float(rng.uniform(45.0, 80.0)), "tube_length_mm": 0.0,
+        "outlet_height_mm": rng.uniform(1.0, 4.0) * d, "plate_diameter_mm": rng.uniform(10.0, 30.0) * d,
+        "factory_height_mm": rng.uniform(0.5, 3.0) * d, "factory_diameter_mm": rng.uniform(3.0, inlet) * d,
+    }  # fmt: skip
 
 
 def _drum(rng, d, span_s, n):
     """A drum for berries of length d [mm] that fills for a third of a span of time."""
     radius = rng.uniform(3.0, 6.0)
     return {
-        "berries": n,
-        "rate_per_s": 4.0 * n / span_s,
-        "rotate_from_s": span_s / 3,
-        "report_s": span_s / 2,
-        "longest_rotation_s": span_s / 3,
-        "settle_s": span_s / 6,
-        "record_s": span_s / 30,
-        "outer_diameter_mm": 2.2 * radius * d,
-        "wall_thickness_mm": 0.1 * radius * d,
-        "length_mm": rng.uniform(2.5, 5.0) * d,
-        "factory_height_mm": 0.3 * radius * d,
+        "berries": n, "rate_per_s": 4.0 * n / span_s, "rotate_from_s": span_s / 3, "report_s": span_s / 2,
+        "longest_rotation_s": span_s / 3, "settle_s": span_s / 6, "record_s": span_s / 30,
+        "outer_diameter_mm": 2.2 * radius * d, "wall_thickness_mm": 0.1 * radius * d,
+        "length_mm": rng.uniform(2.5, 5.0) * d, "factory_height_mm": 0.3 * radius * d,
         "angular_velocity_rad_s": min(10.0, rng.uniform(0.5, 2.0) / (span_s / 3)),
-    }
+    }  # fmt: skip
 
 
 def _cylinder(rng, d, span_s, n):
     """A cylinder for berries of length d [mm] that fills for half of a span of time."""
     diameter = rng.uniform(2.0, 4.0)
     return {
-        "berries": n,
-        "rate_per_s": 2.0 * n / span_s,
-        "duration_s": span_s,
-        "diameter_mm": diameter * d,
-        "height_mm": rng.uniform(0.06, 0.2) * n / diameter**2 * d,
-        "collar_mm": rng.uniform(4.0, 10.0) * d,
-        "core_margin_mm": 0.02 * d,
-        "speed_m_s": float(rng.uniform(0.0, 1.0)),
-    }
+        "berries": n, "rate_per_s": 2.0 * n / span_s, "duration_s": span_s, "diameter_mm": diameter * d,
+        "height_mm": rng.uniform(0.06, 0.2) * n / diameter**2 * d, "collar_mm": rng.uniform(4.0, 10.0) * d,
+        "core_margin_mm": 0.02 * d, "speed_m_s": float(rng.uniform(0.0, 1.0)),
+    }  # fmt: skip
 
 
 def _discharge(rng, d, span_s, n):
     """A closed funnel for berries of length d [mm] that fills for a quarter of a span of time, then opens."""
     inlet = rng.uniform(6.0, 9.0)
     return {
-        "berries": n,
-        "rate_per_s": 4.0 * n / span_s,
-        "open_from_s": 0.4 * span_s,
-        "longest_s": 0.6 * span_s,
-        "inlet_diameter_mm": inlet * d,
-        "outlet_diameter_mm": rng.uniform(1.5, 4.5) * d,
-        "rim_radius_mm": 0.05 * d,
-        "cone_angle_deg": float(rng.uniform(45.0, 80.0)),
-        "tube_length_mm": 0.0,
-        "collar_mm": rng.uniform(4.0, 10.0) * d,
-        "speed_m_s": float(rng.uniform(0.0, 1.0)),
-    }
+        "berries": n, "rate_per_s": 4.0 * n / span_s, "open_from_s": 0.4 * span_s, "longest_s": 0.6 * span_s,
+        "inlet_diameter_mm": inlet * d, "outlet_diameter_mm": rng.uniform(1.5, 4.5) * d, "rim_radius_mm": 0.05 * d,
+        "cone_angle_deg": float(rng.uniform(45.0, 80.0)), "tube_length_mm": 0.0,
+        "collar_mm": rng.uniform(4.0, 10.0) * d, "speed_m_s": float(rng.uniform(0.0, 1.0)),
+    }  # fmt: skip
 
 
 def _turning(rng, d, span_s, n):
     """A drum for berries of length d [mm] that fills for a third of a span of time, then turns at the same speed."""
     drum = _drum(rng, d, span_s, n)
-    shared = (
-        *("berries", "rate_per_s", "rotate_from_s", "outer_diameter_mm", "wall_thickness_mm", "length_mm"),
-        *("factory_height_mm", "record_s"),
-    )
-    return {key: drum[key] for key in shared} | {
-        "angular_velocity_rad_s": min(10.0, rng.uniform(1.0, 6.0) / (span_s / 3)),
-        "measure_from_s": 2 * span_s / 3,
-        "measure_until_s": span_s,
-    }
+    shared = "berries rate_per_s rotate_from_s outer_diameter_mm wall_thickness_mm length_mm factory_height_mm record_s"
+    measured = {"measure_from_s": 2 * span_s / 3, "measure_until_s": span_s}
+    speed = {"angular_velocity_rad_s": min(10.0, rng.uniform(1.0, 6.0) / (span_s / 3))}
+    return {key: drum[key] for key in shared.split()} | speed | measured
 
 
 def _lifted_cylinder(rng, d, span_s, n):
@@ -259,35 +217,21 @@ def _lifted_cylinder(rng, d, span_s, n):
     diameter = rng.uniform(2.5, 5.0)
     length = 2.0 * n / diameter**2 + 2.0
     return {
-        "berries": n,
-        "rate_per_s": 4.0 * n / span_s,
-        "lift_from_s": span_s / 3,
-        "lifting_mm_s": 3.0 * length * d / span_s,
-        "settle_s": span_s / 3,
-        "diameter_mm": diameter * d,
-        "length_mm": length * d,
-        "rim_radius_mm": 0.05 * d,
-        "plate_diameter_mm": rng.uniform(10.0, 30.0) * d,
-    }
+        "berries": n, "rate_per_s": 4.0 * n / span_s, "lift_from_s": span_s / 3,
+        "lifting_mm_s": 3.0 * length * d / span_s, "settle_s": span_s / 3, "diameter_mm": diameter * d,
+        "length_mm": length * d, "rim_radius_mm": 0.05 * d, "plate_diameter_mm": rng.uniform(10.0, 30.0) * d,
+    }  # fmt: skip
 
 
 def _drawdown(rng, d, span_s, n):
     """A box for berries of length d [mm] that fills for a quarter of a span of time, then opens."""
     width = rng.uniform(4.0, 9.0)
     return {
-        "berries": n,
-        "rate_per_s": 4.0 * n / span_s,
-        "open_from_s": 0.4 * span_s,
-        "longest_s": 0.6 * span_s,
-        "width_mm": width * d,
-        "depth_mm": rng.uniform(2.0, 4.0) * d,
-        "height_mm": rng.uniform(4.0, 10.0) * d,
-        "slot_mm": rng.uniform(1.5, width - 1.0) * d,
-        "floor_mm": 0.2 * d,
-        "edge_radius_mm": 0.05 * d,
-        "lower_width_mm": rng.uniform(10.0, 20.0) * d,
-        "drop_mm": rng.uniform(2.0, 6.0) * d,
-    }
+        "berries": n, "rate_per_s": 4.0 * n / span_s, "open_from_s": 0.4 * span_s, "longest_s": 0.6 * span_s,
+        "width_mm": width * d, "depth_mm": rng.uniform(2.0, 4.0) * d, "height_mm": rng.uniform(4.0, 10.0) * d,
+        "slot_mm": rng.uniform(1.5, width - 1.0) * d, "floor_mm": 0.2 * d, "edge_radius_mm": 0.05 * d,
+        "lower_width_mm": rng.uniform(10.0, 20.0) * d, "drop_mm": rng.uniform(2.0, 6.0) * d,
+    }  # fmt: skip
 
 
 def _drop_test(rng, d, _span_s, _n):
@@ -302,25 +246,15 @@ def _drop_test(rng, d, _span_s, _n):
 def _inclined_plane(rng, _d, span_s, _n):
     """A plane that is tilted as fast as is allowed, for about ten spans of time or less; by 2 degrees at least."""
     steepest = max(2.0, min(rng.uniform(20.0, 60.0), 100.0 * span_s))
-    return {
-        "surface": str(rng.choice(["wall", "berry", "glued"])),
-        "tilting_deg_s": min(20.0, 2.0 * steepest),
-        "steepest_deg": steepest,
-        "settle_s": 0.1 * span_s,
-    }
+    tilting = {"tilting_deg_s": min(20.0, 2.0 * steepest), "steepest_deg": steepest, "settle_s": 0.1 * span_s}
+    return {"surface": str(rng.choice(["wall", "berry", "glued"]))} | tilting
 
 
 SCENES = {
-    "funnel": _funnel,
-    "drum": _drum,
-    "cylinder": _cylinder,
-    "discharge": _discharge,
-    "turning": _turning,
-    "lifted_cylinder": _lifted_cylinder,
-    "drawdown": _drawdown,
-    "drop_test": _drop_test,
+    "funnel": _funnel, "drum": _drum, "cylinder": _cylinder, "discharge": _discharge, "turning": _turning,
+    "lifted_cylinder": _lifted_cylinder, "drawdown": _drawdown, "drop_test": _drop_test,
     "inclined_plane": _inclined_plane,
-}
+}  # fmt: skip
 STILL = ("funnel", "cylinder", "drop_test")  # no wall of these moves
 
 
@@ -328,21 +262,13 @@ def poured(number, default, mean, particles, seen):
     """Row of one case."""
     apparatus, name, share, config, parameters, particle, berry = drawn(number, default, mean, particles)
     row = {
-        "number": number,
-        "apparatus": apparatus,
-        "particle": name,
-        "berries": config[apparatus].get("berries", 1),
-        "long_mm": f"{berry['long_mm']:.4g}",
-        "shear_modulus_pa": f"{berry['shear_modulus_pa']:.3g}",
-        "e_gg": f"{parameters['e_gg']:.2f}",
-        "e_gp": f"{parameters['e_gp']:.2f}",
-        "contact_law": config["simulation"]["contact_law"],
-        "rolling_law": config["simulation"]["rolling_law"],
-        "tension": config["simulation"]["tension"],
-        "gravity_m_s2": f"{config['simulation']['gravity_m_s2']:.3g}",
-        "time_step_s": f"{config['simulation']['time_step_s']:.3g}",
-        "share_of_limit": f"{share:.2f}",
-    }
+        "number": number, "apparatus": apparatus, "particle": name, "berries": config[apparatus].get("berries", 1),
+        "long_mm": f"{berry['long_mm']:.4g}", "shear_modulus_pa": f"{berry['shear_modulus_pa']:.3g}",
+        "e_gg": f"{parameters['e_gg']:.2f}", "e_gp": f"{parameters['e_gp']:.2f}",
+        "contact_law": config["simulation"]["contact_law"], "rolling_law": config["simulation"]["rolling_law"],
+        "tension": config["simulation"]["tension"], "gravity_m_s2": f"{config['simulation']['gravity_m_s2']:.3g}",
+        "time_step_s": f"{config['simulation']['time_step_s']:.3g}", "share_of_limit": f"{share:.2f}",
+    }  # fmt: skip
     test = bench(apparatus)
     # the section as it is: a scene for small grains may be smaller than a configuration's may be
     drawn_section = {apparatus: test.settings.model_construct(**config[apparatus])}
@@ -366,15 +292,11 @@ def poured(number, default, mean, particles, seen):
     except Exception as error:
         status, reason = "CRASH", f"{type(error).__name__}: {error}"
     return row | {
-        "steps": seen[-1].steps,
-        "status": status,
-        "cpu_s": f"{time.process_time() - began:.2f}",
-        "energy_over_given": f"{seen[-1].energy:.5g}",
-        "speed_over_fall": f"{seen[-1].speed:.3g}",
+        "steps": seen[-1].steps, "status": status, "cpu_s": f"{time.process_time() - began:.2f}", "reason": reason,
+        "energy_over_given": f"{seen[-1].energy:.5g}", "speed_over_fall": f"{seen[-1].speed:.3g}",
         "overlap_over_extent": f"{seen[-1].overlap:.3g}",
         "wall_overlap_over_extent": f"{seen[-1].wall_overlap:.3g}",
-        "reason": reason,
-    }
+    }  # fmt: skip
 
 
 def violation(row):

@@ -1,6 +1,7 @@
 """The objective for any number of targets, prior knowledge, and the archive of distinct points."""
 
 import math
+from itertools import product
 
 import numpy as np
 import pytest
@@ -14,27 +15,20 @@ def sphere(x):
     return ((x - 0.3) ** 2).sum(axis=1)
 
 
-def test_objective_is_eq_11_and_its_target_eq_12():
+def test_objective_is_eq_11_and_its_target_eq_12_and_a_prior_counts_a_hundredth():
     objective = Objective((31, 64), (34, 69))
     F, V = objective(np.array([[32.5, 66.5], [31.0, 69.0], [30.0, 70.0]]))
     np.testing.assert_allclose(F, [0, 1, 2.5 / 3 + 3.5 / 5], atol=1e-12)
     np.testing.assert_allclose(V, [0, 0, 1 / 3 + 1 / 5], atol=1e-12)
     F, _ = Objective((31, 64), (34, 69), (32.87, 65.57))(np.array([[31.87, 66.57]]))
     np.testing.assert_allclose(F, 1 / 3 + 1 / 5)
-
-
-def test_a_prior_counts_by_a_hundredth():
-    """A choice: at one standard deviation it is worth 0.005 of a range's width."""
     assert PRIOR_WEIGHT == 0.01
 
 
-def test_any_feasible_point_is_fitter_than_any_other():
+def test_one_target_four_with_weights_and_weights_of_one():
     objective = Objective((0, 0), (1, 1), (0.0, 0.0))
     fitness = objective.fitness(*objective(np.array([[1.0, 1.0], [-1e-9, 0.0], [-1.0, 0.0]])))
     assert fitness[0] < fitness[1] < fitness[2]
-
-
-def test_objective_of_one_target_and_of_four_with_weights():
     F, V = Objective((31,), (34,))(np.array([[32.5], [33.5], [35.0]]))
     np.testing.assert_allclose(F, [0, 1 / 3, 2.5 / 3])
     np.testing.assert_allclose(V, [0, 0, 1 / 3])
@@ -45,9 +39,6 @@ def test_objective_of_one_target_and_of_four_with_weights():
     assert weighted.infeasible == 7.5
     corner, just_outside = weighted.fitness(*weighted(np.array([[0.0, 2, 2, 0], [1, 1, 1, 2 + 1e-9]])))
     assert corner < just_outside
-
-
-def test_weights_of_one_change_no_bit():
     random = np.random.default_rng(4)
     low, high = random.uniform(0, 50, 2), random.uniform(51, 100, 2)
     plain, responses = Objective(low, high), random.uniform(-20, 120, (500, 2))
@@ -88,8 +79,7 @@ def distinct_slowly(points, fitness, distance, most):
     return kept
 
 
-@pytest.mark.parametrize("most", [5, 1000])
-@pytest.mark.parametrize("distance", [0.0, 0.1, 0.6])
+@pytest.mark.parametrize(("distance", "most"), product((0.0, 0.1, 0.6), (5, 1000)))
 def test_thinning_against_its_slow_twin(most, distance):
     random = np.random.RandomState(5)
     points, fitness = random.uniform(-1, 1, (300, 3)), random.randint(0, 50, 300).astype(float)
@@ -98,7 +88,7 @@ def test_thinning_against_its_slow_twin(most, distance):
     assert fast.tolist() == distinct_slowly(points, fitness, distance, most)
 
 
-def test_archive_is_bounded_distinct_sorted_and_holds_the_best():
+def test_archive_is_bounded_distinct_sorted_holds_the_best_and_takes_more_than_its_buffer():
     random = np.random.RandomState(6)
     archive = Archive(2, 0.1, 40, buffer=500)
     everything, all_fitness = [], []
@@ -120,9 +110,6 @@ def test_archive_is_bounded_distinct_sorted_and_holds_the_best():
     # no better point was passed over: each lies near one that is kept
     better = everything[all_fitness < archive.fitness[20]]
     assert np.linalg.norm(better[:, None] - archive.points, axis=2).min(axis=1).max() < 0.2
-
-
-def test_archive_takes_more_than_its_buffer_at_once():
     points = np.random.RandomState(7).uniform(-1, 1, (1000, 2))
     archive = Archive(2, 0.0, 1000, buffer=64)
     archive.add(points, sphere(points))

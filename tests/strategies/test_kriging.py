@@ -34,7 +34,7 @@ def test_probability_of_a_box(k):
     assert within(mean, covariance, low, high) == pytest.approx(slow, abs=1e-12 if k == 1 else 2e-3)
 
 
-def test_prediction_is_that_of_processes_of_all_responses_at_once():
+def test_errors_are_those_of_all_the_responses_processes_and_of_the_others():
     # with the same numbers a process of samples times responses in one matrix says the same; the draws make a mixture
     observed = poured(n=12)
     model = Kriging(observed)
@@ -47,6 +47,23 @@ def test_prediction_is_that_of_processes_of_all_responses_at_once():
     for i in range(len(points)):
         mixture = model.factor * covariances[:, i].mean(axis=0) + np.cov(means[:, i].T, bias=True)
         assert found[1][i] == pytest.approx(mixture, rel=1e-6)
+    model = Kriging(poured(n=12))
+    residuals, variances, others = model._left_out()
+    columns = np.array([model.values.T, model.errors.T]).transpose(1, 0, 2)  # values and errors of each combination
+    for i in range(12):
+        rest = np.arange(12) != i
+        kept = [
+            [
+                Process(process.kernel, model.unit[rest], *column[:, rest], optimizer=None)
+                for process, column in zip(one, columns, strict=True)
+            ]
+            for one in model.sets
+        ]
+        moments = np.array([[process.moments(model.unit[i : i + 1]) for process in one] for one in kept])
+        means, within = moments[..., 0].transpose(2, 0, 1)
+        assert residuals[i] == pytest.approx(model.values[i] - means.mean(axis=0), rel=1e-6)
+        assert variances[i] == pytest.approx(within.mean(axis=0), rel=1e-6)
+        assert others[i] == pytest.approx(means.var(axis=0) + model.errors[i], rel=1e-6)
 
 
 def one_process(model, observed, points, kernels):
@@ -67,27 +84,7 @@ def one_process(model, observed, points, kernels):
     return mean, [covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] for i in range(m)]
 
 
-def test_a_sample_is_predicted_from_all_the_others():
-    model = Kriging(poured(n=12))
-    residuals, variances, others = model._left_out()
-    columns = np.array([model.values.T, model.errors.T]).transpose(1, 0, 2)  # values and errors of each combination
-    for i in range(12):
-        rest = np.arange(12) != i
-        kept = [
-            [
-                Process(process.kernel, model.unit[rest], *column[:, rest], optimizer=None)
-                for process, column in zip(one, columns, strict=True)
-            ]
-            for one in model.sets
-        ]
-        moments = np.array([[process.moments(model.unit[i : i + 1]) for process in one] for one in kept])
-        means, within = moments[..., 0].transpose(2, 0, 1)
-        assert residuals[i] == pytest.approx(model.values[i] - means.mean(axis=0), rel=1e-6)
-        assert variances[i] == pytest.approx(within.mean(axis=0), rel=1e-6)
-        assert others[i] == pytest.approx(means.var(axis=0) + model.errors[i], rel=1e-6)
-
-
-def test_the_factor_is_what_the_residuals_say_and_its_prior_where_all_is_noise():
+def test_bearings_of_a_factor_and_the_noise_of_samples():
     random = np.random.default_rng(3)
     variances, errors = random.uniform(0.5, 2.0, (2, 5000, 1))
     for factor in (0.4, 1.0, 3.0):
@@ -95,9 +92,6 @@ def test_the_factor_is_what_the_residuals_say_and_its_prior_where_all_is_noise()
         assert _factor(residuals, variances, errors) == pytest.approx(factor, rel=0.15)
     residuals = np.random.default_rng(4).standard_normal((20, 1))
     assert _factor(residuals, 1e-4 * np.ones((20, 1)), np.ones((20, 1))) == pytest.approx(FACTOR_MEDIAN, rel=0.01)
-
-
-def test_many_parameters_do_not_make_the_predictions_less_certain_than_they_are():
     # variances were once three times too large there, at any noise: the mean square was 0.33, now it is 0.6
     places = 0.3 + 0.4 * np.random.default_rng(5).random((20, 6))
     truth = np.column_stack([30 + 8 * places[:, 0], 60 + 12 * places[:, 0] - 9 * places[:, 1] ** 2])
@@ -106,9 +100,6 @@ def test_many_parameters_do_not_make_the_predictions_less_certain_than_they_are(
         mean, covariance = Kriging(poured(seed=seed, noise=9 * NOISE, d=6)).predict(places)
         squares.append((mean - truth) ** 2 / np.diagonal(covariance, axis1=1, axis2=2))
     assert 0.45 < np.mean(squares) < 1.5
-
-
-def test_the_noise_is_that_within_samples_between_a_samples_own_and_the_common_one():
     observed = poured(n=3000, seeds=2)
     assert observed.noise() == pytest.approx(NOISE, rel=0.08)
     assert observed.freedom == 3000
@@ -126,7 +117,7 @@ def test_the_noise_is_that_within_samples_between_a_samples_own_and_the_common_o
     assert model.errors[7] * model._scale**2 == pytest.approx(1.0)
 
 
-def test_95_percent_intervals_of_predictions_hold_95_percent_of_the_means():
+def test_95_percent_intervals_of_predictions_hold_95_percent_of_the_means_and_too_few_pours_are_refused():
     # 95 % intervals of the mean at 20 places, over 40 data sets: within three standard errors of a share of 0.95,
     # were the places independent; they are not, so twice that
     places = np.random.default_rng(5).random((20, 2))
@@ -137,9 +128,6 @@ def test_95_percent_intervals_of_predictions_hold_95_percent_of_the_means():
         error = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
         inside.append(np.abs(mean - truth) < norm.ppf(0.975) * error)
     assert np.mean(inside) == pytest.approx(0.95, abs=0.033)
-
-
-def test_too_few_pours_are_refused():
     value_error("at least 3", Kriging, poured(seeds=1))
     value_error("at least 2", Kriging, poured(n=1, seeds=9))
     observed = poured()

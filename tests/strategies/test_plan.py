@@ -34,7 +34,7 @@ def runs_of(sd, samples=400, seed=1):
     return table.assign(sample=np.arange(samples).repeat(2), status="ok")
 
 
-def test_the_noise_is_that_of_the_runs_or_the_default_as_by_hand():
+def test_the_noise_of_the_runs_and_chances_between_scatters_by_hand():
     sd = np.array([0.5, 2.0])
     found = plan.measured_noise(runs_of(sd), TARGETS)
     # 400 degrees of freedom: a variance is known to 7 %
@@ -48,6 +48,19 @@ def test_the_noise_is_that_of_the_runs_or_the_default_as_by_hand():
     runs = runs_of(np.array([0.5, 2.0])).drop_duplicates("sample")
     with pytest.raises(InputError, match=r"a\.csv: runs that determine the noise is 0; expected at least 3"):
         plan.measured_noise(runs, TARGETS, "a.csv")
+    table = pd.read_csv(plan.SUCCESS).query("responses == 1")
+    low, high = sorted(table["noise_percent"].unique())[:2]
+    own = [table[table["noise_percent"] == one]["within_1_percent"].to_numpy() for one in (low, high)]
+    assert plan.chances(1, low)["within_1_percent"].to_numpy() == pytest.approx(own[0])
+    middle = plan.chances(1, float(np.sqrt(low * high)))["within_1_percent"].to_numpy()
+    assert middle == pytest.approx((own[0] + own[1]) / 2)
+    shares, trials = pd.Series([0.0, 0.6, 1.0]), pd.Series([40, 40, 80])
+    by_hand = [beta(1, 41).std(), beta(25, 17).std(), beta(81, 1).std()]
+    assert plan.share_error(shares, trials).to_numpy() == pytest.approx(by_hand, rel=1e-12)
+    # 150 jobs of 6 pours of 500 grains took 27.6 MB
+    assert plan.disk_mb(study_of(2), 900) == pytest.approx(27.6, rel=0.05)
+    expected = hidden_truths.success(pd.read_csv(ROOT / "research/answers/hidden_truths.csv"))
+    pd.testing.assert_frame_equal(pd.read_csv(plan.SUCCESS), expected, atol=5e-4, check_dtype=False)
 
 
 @pytest.mark.parametrize("percent", [0.1, 1.1, 1.9, 5.0, 30.0])
@@ -63,20 +76,6 @@ def test_no_chance_is_stated_below_the_pours_of_the_start_nor_above_that_of_camp
         by_pours = campaigns.groupby("pours")[name]
         assert (found[name].to_numpy() <= by_pours.max().to_numpy() + 1e-12).all()
         assert (found[name].to_numpy() >= by_pours.min().to_numpy() - 1e-12).all()
-
-
-def test_chances_between_two_scatters_and_their_errors_are_those_by_hand():
-    table = pd.read_csv(plan.SUCCESS).query("responses == 1")
-    low, high = sorted(table["noise_percent"].unique())[:2]
-    own = [table[table["noise_percent"] == one]["within_1_percent"].to_numpy() for one in (low, high)]
-    assert plan.chances(1, low)["within_1_percent"].to_numpy() == pytest.approx(own[0])
-    middle = plan.chances(1, float(np.sqrt(low * high)))["within_1_percent"].to_numpy()
-    assert middle == pytest.approx((own[0] + own[1]) / 2)
-    shares, trials = pd.Series([0.0, 0.6, 1.0]), pd.Series([40, 40, 80])
-    by_hand = [beta(1, 41).std(), beta(25, 17).std(), beta(81, 1).std()]
-    assert plan.share_error(shares, trials).to_numpy() == pytest.approx(by_hand, rel=1e-12)
-    # 150 jobs of 6 pours of 500 grains took 27.6 MB
-    assert plan.disk_mb(study_of(2), 900) == pytest.approx(27.6, rel=0.05)
 
 
 SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("published", "sequential")]
@@ -120,8 +119,3 @@ def test_a_strategy_that_does_not_fit_is_left_out(free, fitting, tmp_path, monke
     assert (["response_surface"] in [line[:1] for line in lines]) == fitting
     assert (["response_surface:", "not", "with"] in [line[:3] for line in lines]) != fitting
     assert ["sequential"] in [line[:1] for line in lines]
-
-
-def test_the_table_is_that_of_the_hidden_truths():
-    expected = hidden_truths.success(pd.read_csv(ROOT / "research/answers/hidden_truths.csv"))
-    pd.testing.assert_frame_equal(pd.read_csv(plan.SUCCESS), expected, atol=5e-4, check_dtype=False)

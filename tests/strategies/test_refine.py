@@ -45,12 +45,19 @@ def proposed(round_=0, space=SPACE, targets=TARGETS, table=None, **changes):
     return refine.propose(table, flat(*targets.names), study, round_)
 
 
-def test_the_box_is_cut_to_the_ranges():
+def test_the_box_is_cut_and_added_samples_leave_the_split_as_it_was():
     box = refine.search_box(SPACE, MIDDLE | {"e_gg": 0.05, "mus_gg": 4.0, "e_gp": 0.99}, 0.1)
     ends = dict(zip(box.free, zip(box.low, box.high, strict=True), strict=True))
     np.testing.assert_allclose(ends["e_gg"], [0.01, 0.148])
     np.testing.assert_allclose(ends["mus_gg"], [3.6, 4.4])
     np.testing.assert_allclose(ends["e_gp"], [0.892, 0.99])
+    design = pd.DataFrame({"sample": np.arange(1, 41), "round": pd.array([pd.NA] * 40, dtype="Int64")})
+    table = pd.concat([design, pd.DataFrame({"sample": [1001, 1002, 2001], "round": [0, 0, 1]})])
+    before = train.rows_of(design, [0.7, 0.15, 0.15], 3)
+    after = train.rows_of(table, [0.7, 0.15, 0.15], 3)
+    for name in ("validation", "test"):
+        np.testing.assert_array_equal(after[name], before[name])
+    np.testing.assert_array_equal(after["train"], [*before["train"], 40, 41, 42])
 
 
 def test_the_proposal_is_the_representative_and_neighbours_that_keep_fixed_parameters():
@@ -76,16 +83,6 @@ def test_the_proposal_is_the_representative_and_neighbours_that_keep_fixed_param
     assert set(table.loc[table["role"] == "neighbour", "warning"]) == {""}
     among_others = pd.concat([solutions(warning=np.nan), solutions(warning="thin", representative=False)])
     assert set(proposed(table=among_others)["warning"]) == {""}
-
-
-def test_added_samples_train_and_leave_the_design_split_as_it_was():
-    design = pd.DataFrame({"sample": np.arange(1, 41), "round": pd.array([pd.NA] * 40, dtype="Int64")})
-    table = pd.concat([design, pd.DataFrame({"sample": [1001, 1002, 2001], "round": [0, 0, 1]})])
-    before = train.rows_of(design, [0.7, 0.15, 0.15], 3)
-    after = train.rows_of(table, [0.7, 0.15, 0.15], 3)
-    for name in ("validation", "test"):
-        np.testing.assert_array_equal(after[name], before[name])
-    np.testing.assert_array_equal(after["train"], [*before["train"], 40, 41, 42])
 
 
 @pytest.mark.parametrize("names", [("drum_slip_deg",), ("aor_deg", "height_mm", "base_radius_mm", "drum_slip_deg")])
@@ -173,14 +170,11 @@ def test_a_round_of_two_bench_tests_is_judged_by_both_and_added(tmp_path):
 
 SPREAD = np.array([1.2, 2.4])
 CONFIG = {
-    "parameters": RANGES,
-    "surrogate": "network",
-    "design": {"samples": 60, "seed": 7},
-    "funnel": {"seeds": 6},
+    "parameters": RANGES, "surrogate": "network", "design": {"samples": 60, "seed": 7}, "funnel": {"seeds": 6},
     "refine": SECTION | {"seeds": 200, "block": 50, "neighbours": 6, "neighbour_seeds": 20},
     "network": {"hidden": 4, "epochs": 150, "goal": 1e-4, "starts": 2, "seed": 1, "split": [0.7, 0.15, 0.15]},
     "miga": MIGA | {"islands": 2, "answer": "least_objective", "population": 20, "rounds": 15},
-}
+}  # fmt: skip
 CONFIG["network"] |= {"replicates": True}
 CONFIG["miga"] |= {"mutation_probability": 0.1, "solutions": 10, "distance": 0.02, "seed": 3}
 
@@ -277,7 +271,7 @@ def test_the_loop_brings_a_wrong_network_to_the_target_with_fresh_seeds_and_says
     assert search["reach"] in {0.0125, 0.025, 0.05, 0.1}
 
 
-def test_round_0_is_the_answer_of_the_chain(loop):
+def test_round_0_is_the_answer_of_the_chain_and_the_loop_of_a_study_is_that_of_the_files(loop):
     out = loop[0].parent
     train.run(out / "dataset.csv", out / "runs.csv", TARGETS, STUDY.settings.network, out / "network")
     support = Support.of_dataset(out / "dataset.csv", SPACE)
@@ -291,9 +285,6 @@ def test_round_0_is_the_answer_of_the_chain(loop):
     found = pd.read_csv(out / "miga/feasible.csv").query("representative")
     given = pd.read_csv(out / "refined/batch_1/samples.csv")
     assert given[list(PARAMETERS)].iloc[0].tolist() == found[list(PARAMETERS)].iloc[0].tolist()
-
-
-def test_the_loop_of_a_study_is_that_of_the_files(loop):
     out, _, verdicts = loop
     folders = [out.parent, *(out / f"batch_{k + 1}" for k in range(len(verdicts)))]
     for k in range(len(verdicts)):
@@ -325,7 +316,7 @@ def test_runs_of_another_definition_or_numbers_are_refused(loop, tmp_path):
         batches.run_propose("refined", many, folders[:1], tmp_path)
 
 
-def test_a_target_out_of_reach_ends_at_the_limit_with_the_reason(tmp_path):
+def test_a_target_out_of_reach_ends_at_the_limit_and_the_answer_says_what_is_met(tmp_path, loop):
     simulator = Simulator(lift=-15.0)
     verdicts = closed(simulator, tmp_path, 1)
     assert [row["outcome"] for row in verdicts] == ["not within"] * 2
@@ -339,9 +330,6 @@ def test_a_target_out_of_reach_ends_at_the_limit_with_the_reason(tmp_path):
     found = Refined().propose(STUDY, data)
     assert verdicts[1]["out_of_reach"]
     assert isinstance(found, Answer) == rounds.stuck(verdicts[1], verdicts[0])
-
-
-def test_the_answer_comes_last_and_says_whether_the_targets_are_met(loop):
     out, _, verdicts = loop
     folders = [out.parent, *(out / f"batch_{k + 1}" for k in range(len(verdicts) + 1))]
     with pytest.raises(InputError, match=r"proposal\.json: answer is False; expected true in the last folder"):

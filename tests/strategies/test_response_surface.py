@@ -163,7 +163,7 @@ def test_steps_share_no_sample_and_leave_out_those_that_gave_no_pile():
     assert len(set().union(*steps)) == 2000
 
 
-def test_too_few_piles_are_reported_with_their_folder(tmp_path):
+def test_too_few_piles_are_reported_with_their_folder_and_figures(tmp_path, noisy):
     study, table = synthetic.study(response_surface=SECTION), screening.design(SPACE, SETTINGS)
     write_poured(tmp_path, table)
     data, runs = (pd.read_csv(tmp_path / f"{name}.csv") for name in ("dataset", "runs"))
@@ -177,9 +177,6 @@ def test_too_few_piles_are_reported_with_their_folder(tmp_path):
     write_poured(tmp_path, table.iloc[:5])
     with pytest.raises(InputError, match="all samples of the step"):
         batches.run_propose("response_surface", study, [tmp_path], tmp_path / "next")
-
-
-def test_figures(noisy):
     folder = noisy[0]
     surface_files = {name: str(folder / f"surface/{name}.csv") for name in ("samples", "dataset")}
     drawings = [

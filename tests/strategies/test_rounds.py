@@ -37,7 +37,7 @@ def judged(targets=TARGETS, section=SECTION, **responses):
     return rounds.judge(proposed(targets, count), runs, study(targets, refine=section), 0)
 
 
-def test_a_round_is_cut_into_blocks_whose_seeds_were_never_used():
+def test_a_round_is_cut_into_fresh_blocks_and_judged_by_both_bars():
     jobs = rounds.jobs(RefineSettings.model_construct(**SECTION), 2)
     assert jobs[:3] == [(3001, "proposal", 8), (3002, "proposal", 8), (3003, "proposal", 4)]
     assert jobs[3:] == [(number, "neighbour", 3) for number in (3101, 3102, 3103, 3104)]
@@ -52,9 +52,6 @@ def test_a_round_is_cut_into_blocks_whose_seeds_were_never_used():
     every = list(chain.from_iterable(seeds))
     assert len(every) == 4 * 32 + 32 + 900
     assert len(set(every)) == len(every)
-
-
-def test_a_round_is_within_both_bars_misses_them_is_not_precise_or_gave_no_pile():
     row = judged(aor_deg=[30.1, 30.3, 30.2, 30.2], height_mm=[60.2, 59.8, 60.0, 60.0])
     assert (row["outcome"], row["reason"], row["n_seeds"]) == ("within", "", 4)
     assert row["aor_deviation_percent"] == pytest.approx(100 * 0.2 / 30)
@@ -110,7 +107,7 @@ def of_two_bench_tests(slip):
     return pd.concat([funnel, drum])
 
 
-def test_the_loop_goes_on_while_there_is_something_to_learn():
+def test_the_loop_goes_on_while_it_learns_and_ends_out_of_reach():
     missed = {"round": 1, "outcome": "not within", "reason": "AoR off", "usable": 3}
     assert rounds.goes_on(missed)
     why = rounds.why_stopped(missed, 1, TARGETS)
@@ -120,9 +117,6 @@ def test_the_loop_goes_on_while_there_is_something_to_learn():
     empty = missed | {"outcome": "no pile", "usable": 0}
     assert not rounds.goes_on(empty)
     assert "no pile to learn from" in rounds.why_stopped(empty, 4, TARGETS)
-
-
-def test_targets_out_of_reach_end_the_loop_where_it_comes_no_nearer():
     reached = judged(aor_deg=[29.0, 29.1, 28.9], height_mm=[60.0, 60.2, 59.8])
     assert not reached["out_of_reach"]
     table = proposed(TARGETS, 3).assign(aor_predicted_deg=29.0)

@@ -138,7 +138,7 @@ def test_one_target_a_fixed_parameter_and_a_prior_that_spreads_the_start(tmp_pat
     assert (poured["e_gg"] == 0.25).all()
 
 
-def test_it_stops_where_the_answer_is_probable_enough_the_budget_is_used_up_or_no_pour_helps():
+def test_it_stops_where_the_budget_is_used_up_no_pour_helps_or_no_set_meets_the_targets():
     found = advised(observed(), probability=0.7, most_pours=999)
     assert found.stop == "probability"
     assert len(found.batch) == 0
@@ -151,9 +151,6 @@ def test_it_stops_where_the_answer_is_probable_enough_the_budget_is_used_up_or_n
     found = advised(observed(noise=40.0), probability=0.99, most_pours=122)
     assert found.stop == "noise"
     assert found.reachable < found.probability + LEAST_GAIN
-
-
-def test_it_stops_where_no_parameter_set_meets_the_targets_but_not_by_the_start_alone():
     far = Targets.of([BOTH[0], BOTH[1] | {"value": 140.0, "range": [130, 150]}])
     found = advised(observed(noise=0.2), far, most_pours=999)
     assert found.stop == "out_of_reach"
@@ -184,23 +181,11 @@ def test_draws_of_the_responses_have_the_moments_of_the_model(targets):
     assert drawn.std(axis=0) == pytest.approx(sd, rel=0.2)
 
 
-def test_the_expected_deviation_is_the_mean_over_what_the_responses_may_be():
+def test_pours_that_are_left_or_may_move_a_mean_and_the_expected_deviation():
     goal = Goal.of(TARGETS, 1.0, SPACE)
     mean, covariance = np.add(TARGETS.aim, [[0.7, -1.0]]), np.array([[[2.0, 1.5], [1.5, 3.0]]])
     drawn = np.random.default_rng(1).multivariate_normal(mean[0], covariance[0], 200_000)
     assert goal.expected_deviation(mean, covariance)[0] == pytest.approx(goal.of_responses(drawn)[1].mean(), rel=0.01)
-
-
-def test_further_pours_may_move_a_mean_by_three_standard_deviations_of_what_they_say():
-    """Variance 4 and noise 4: one pour leaves 2 and says 2, so a mean 5 off may come to 5 - 3 root 2."""
-    model = SimpleNamespace(noise=np.array([[4.0]]), predict=lambda _: (np.array([[65.0]]), np.array([[[4.0]]])))
-    goal = Goal(np.array([60.0]), np.array([1.0]), SPACE, np.ones(1))
-    off = 5 - 3 * np.sqrt(2)
-    expected = norm.cdf((1 - off) / np.sqrt(2)) - norm.cdf((-1 - off) / np.sqrt(2))
-    assert goal.reachable(model, np.zeros((1, 6)), 1) == pytest.approx(expected, abs=1e-6)
-
-
-def test_pours_that_are_left_cannot_do_more_than_reachable():
     # the simulator's own answers after all pours of the budget at one point: the bound holds in each of 30 cases
     data = observed(n=20, noise=4.0)
     goal = Goal.of(TARGETS, 1.0, SPACE)
@@ -218,14 +203,20 @@ def test_pours_that_are_left_cannot_do_more_than_reachable():
         assert goal.probability(new[None], rest[None])[0] <= bound + 1e-9
 
 
-def test_pours_that_the_noise_alone_asks_for():
+def test_further_pours_may_move_a_mean_by_three_standard_deviations_of_what_they_say():
+    """Variance 4 and noise 4: one pour leaves 2 and says 2, so a mean 5 off may come to 5 - 3 root 2."""
+    model = SimpleNamespace(noise=np.array([[4.0]]), predict=lambda _: (np.array([[65.0]]), np.array([[[4.0]]])))
+    goal = Goal(np.array([60.0]), np.array([1.0]), SPACE, np.ones(1))
+    off = 5 - 3 * np.sqrt(2)
+    expected = norm.cdf((1 - off) / np.sqrt(2)) - norm.cdf((-1 - off) / np.sqrt(2))
+    assert goal.reachable(model, np.zeros((1, 6)), 1) == pytest.approx(expected, abs=1e-6)
+
+
+def test_a_batch_lies_about_the_answer_and_away_from_failed_samples():
     goal = Goal.of(HEIGHT, 1.0, SPACE)
     sd = 0.045 * 65.28
     exact = (norm.ppf(0.95) * sd / goal.half[0]) ** 2
     assert goal.needed(np.array([[sd**2]]), 0.9) == int(np.ceil(exact)) == 55
-
-
-def test_a_batch_lies_about_the_answer():
     data = observed(n=20, noise=4.0)
     found = advised(data, most_pours=999, probability=0.99, batch=100)
     inside = (found.answer > 0.3) & (found.answer < 0.7)
@@ -234,9 +225,6 @@ def test_a_batch_lies_about_the_answer():
     # 100 draws: the mean within three standard errors, the spread within three of its own
     assert found.batch[:, inside].mean(axis=0) == pytest.approx(found.answer[inside], abs=0.03)
     assert found.batch[:, inside].std(axis=0) == pytest.approx(0.1, rel=0.22)
-
-
-def test_no_point_near_a_failed_sample():
     data = observed(n=30, noise=4.0)
     first = advised(data, most_pours=999, probability=0.99)
     failed = first.batch[:1]
@@ -245,7 +233,7 @@ def test_no_point_near_a_failed_sample():
         assert (cdist(points, failed)[:, 0] >= cdist(points, data.unit).min(axis=1)).all()
 
 
-def test_failed_runs_count_for_the_budget_and_too_few_are_refused(tmp_path):
+def test_a_budget_counts_failed_runs_and_bench_tests_are_independent(tmp_path):
     batches.run_propose("sequential", study(sequential=SECTION), [], tmp_path)
     table = pd.read_csv(tmp_path / "samples.csv")
     runs = runs_of(table, 2, 0.5, 1, TARGETS.names)
@@ -264,9 +252,6 @@ def test_failed_runs_count_for_the_budget_and_too_few_are_refused(tmp_path):
     write_poured(tmp_path, table, runs, TARGETS)
     with pytest.raises(InputError, match="enough for an estimate of the noise"):
         batches.run_propose("sequential", study(sequential=SECTION), [tmp_path], tmp_path / "batch_1")
-
-
-def test_runs_of_several_bench_tests_are_independent():
     other = BOTH[1] | {"response": "drum_slip_deg", "apparatus": "drum", "value": 40, "range": [30, 50]}
     targets = Targets.of([BOTH[1], other])
     table = pd.DataFrame(SPACE.values(np.full((2, 6), 0.5)), columns=list(PARAMETERS))
@@ -277,6 +262,14 @@ def test_runs_of_several_bench_tests_are_independent():
     seen, _ = observed_of(data_of(data, runs, targets), SPACE, targets)
     assert seen.values[0].tolist() == [[60, 40], [61, 41]]
     assert seen.counts.tolist() == [2, 1]
+    section = {"start_samples": 8, "seeds": 1, "batch": 4, "most_runs": 20}
+    target = {"value": 20.0, "sd": 0.1, "repetitions": 1, "noise_sd": 0.01}
+    own = Study({"a": (0.0, 1.0), "b": (0.0, 1.0)}, {"sum_mm": target}, sequential=section)
+    own.tell(own.ask().eval("sum_mm = 10 + a + b"))
+    asked = own.ask()
+    assert not asked.duplicated(["a", "b"]).any()
+    own.tell(asked.eval("sum_mm = 10 + a + b"))
+    assert not own.runs.duplicated(["a", "b"]).any()
 
 
 @pytest.mark.parametrize("targets", [TARGETS, HEIGHT])
@@ -289,14 +282,3 @@ def test_figure(done, targets):
     texts = " ".join(text.get_text() for text in figure.findobj(Text))
     assert "All targets within 1 %" in texts
     assert "asked for" in texts
-
-
-def test_a_corner_that_all_draws_find_is_asked_for_once():
-    section = {"start_samples": 8, "seeds": 1, "batch": 4, "most_runs": 20}
-    target = {"value": 20.0, "sd": 0.1, "repetitions": 1, "noise_sd": 0.01}
-    own = Study({"a": (0.0, 1.0), "b": (0.0, 1.0)}, {"sum_mm": target}, sequential=section)
-    own.tell(own.ask().eval("sum_mm = 10 + a + b"))
-    asked = own.ask()
-    assert not asked.duplicated(["a", "b"]).any()
-    own.tell(asked.eval("sum_mm = 10 + a + b"))
-    assert not own.runs.duplicated(["a", "b"]).any()

@@ -48,42 +48,9 @@ def walked(request, tmp_path_factory):
     return study, walk(study), file
 
 
-def test_strategies_are_known_by_name():
+def test_strategies_are_known_and_an_answer_takes_one_thread(tmp_path, monkeypatch):
     assert {"published", "refined", "response_surface", "sequential"} <= set(strategies.names())
     input_error("strategy is 'brute'; expected one of published, ", strategies.strategy, "brute")
-
-
-@pytest.mark.slow
-def test_the_answer_is_right(walked):
-    study, _, _ = walked
-    found = study.answer()
-    answer = pd.DataFrame([found.parameters | {"sample": 1, "run": 1}])
-    off = simulate(answer, noise=0.0)[["angle_deg", "time"]].iloc[0] / [30.0, 4.0] - 1
-    assert abs(off).max() < 0.03
-    assert 0 <= found.probability["within_1_percent"] <= found.probability["within_2_percent"] <= 1
-    assert found.why
-    assert list(found.prediction.index) == ["angle_deg", "time"]
-    shown = found._repr_html_()
-    assert "friction" in shown
-    assert "within 1 percent" in shown
-
-
-@pytest.mark.slow
-def test_a_killed_study_goes_on_with_the_same_bytes(walked, tmp_path):
-    study, asked, file = walked
-    other = tmp_path / "study.csv"
-    repose.Study(**STUDY, strategy=study.config["strategy"], file=other)
-    for table in asked:
-        # each time as after a kill: before the question, and before the answer to it
-        again = repose.Study.resume(other)
-        assert again.ask().equals(table)
-        pd.testing.assert_frame_equal(repose.Study.resume(other).ask(), again.ask())
-        again.tell(simulate(table).sample(frac=1, random_state=1))
-    assert repose.Study.resume(other).done
-    assert other.read_bytes() == file.read_bytes()
-
-
-def test_an_answer_takes_one_thread(tmp_path, monkeypatch):
     seen = set()
 
     def calibrate(*_):
@@ -95,6 +62,32 @@ def test_an_answer_takes_one_thread(tmp_path, monkeypatch):
     with threadpool_limits(limits=2, user_api="blas"):
         study.answer()
     assert seen == {1}
+
+
+@pytest.mark.slow
+def test_the_answer_is_right_and_a_killed_study_goes_on_with_the_same_bytes(walked, tmp_path):
+    study, _, _ = walked
+    found = study.answer()
+    answer = pd.DataFrame([found.parameters | {"sample": 1, "run": 1}])
+    off = simulate(answer, noise=0.0)[["angle_deg", "time"]].iloc[0] / [30.0, 4.0] - 1
+    assert abs(off).max() < 0.03
+    assert 0 <= found.probability["within_1_percent"] <= found.probability["within_2_percent"] <= 1
+    assert found.why
+    assert list(found.prediction.index) == ["angle_deg", "time"]
+    shown = found._repr_html_()
+    assert "friction" in shown
+    assert "within 1 percent" in shown
+    study, asked, file = walked
+    other = tmp_path / "study.csv"
+    repose.Study(**STUDY, strategy=study.config["strategy"], file=other)
+    for table in asked:
+        # each time as after a kill: before the question, and before the answer to it
+        again = repose.Study.resume(other)
+        assert again.ask().equals(table)
+        pd.testing.assert_frame_equal(repose.Study.resume(other).ask(), again.ask())
+        again.tell(simulate(table).sample(frac=1, random_state=1))
+    assert repose.Study.resume(other).done
+    assert other.read_bytes() == file.read_bytes()
 
 
 def test_returned_runs_must_be_those_of_ask(tmp_path):
@@ -116,18 +109,15 @@ def test_returned_runs_must_be_those_of_ask(tmp_path):
     input_error("seed is 1; expected 2, as asked for", repose.Study, **STUDY | {"seed": 2}, file=tmp_path / "study.csv")
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"file": "study.json"}, "file is 'study.json'; expected a path that ends in .csv"),
-        ({"strategie": "published"}, "did you mean strategy"),
-        ({"strategy": "brute"}, "published or refined or response_surface or sequential"),
-        ({"design": {"samples": 3}}, "design.samples is 3; expected an integer from 12"),
-        ({"surrogate": "crystal"}, "surrogate is 'crystal'; expected .*gaussian_process"),
-        ({"targets": {"time": 4.0}}, "targets.time is 4.0; expected a section"),
-        (FEW_FACTORS, "most_factors is 2; expected at least 3"),
-    ],
-)
+@pytest.mark.parametrize(("changes", "words"), [
+    ({"file": "study.json"}, "file is 'study.json'; expected a path that ends in .csv"),
+    ({"strategie": "published"}, "did you mean strategy"),
+    ({"strategy": "brute"}, "published or refined or response_surface or sequential"),
+    ({"design": {"samples": 3}}, "design.samples is 3; expected an integer from 12"),
+    ({"surrogate": "crystal"}, "surrogate is 'crystal'; expected .*gaussian_process"),
+    ({"targets": {"time": 4.0}}, "targets.time is 4.0; expected a section"),
+    (FEW_FACTORS, "most_factors is 2; expected at least 3"),
+])  # fmt: skip
 def test_bad_settings_are_refused_by_name(changes, words):
     input_error(words, repose.Study, **STUDY | changes)
 

@@ -1,5 +1,6 @@
-"""Discrepancy and implausibility."""
+"""The discrepancy of the model, and the noise of its runs."""
 
+import json
 import math
 from pathlib import Path
 
@@ -7,16 +8,20 @@ import numpy as np
 import pandas as pd
 import pytest
 from refusals import input_error
-from shared import targets_of
+from shared import TARGETS, targets_of
 
+from repose.cli import main
 from repose.config.study import Study
+from repose.core import places
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
-from repose.studies import discrepancy, implausibility
+from repose.core.targets import Targets
+from repose.core.variance import variance_components
+from repose.studies import discrepancy, implausibility, next_measurement, noise
 from repose.studies.likelihood import observation
 
-TARGETS = targets_of(aor_deg=30.0, height_mm=60.0)
+PILE = targets_of(aor_deg=30.0, height_mm=60.0)
 OWN = {"slope": 30.0, "time": 4.0}
 
 
@@ -35,22 +40,18 @@ def combinations(folder, differences, errors=(0.0, 0.0), eligible=True, distance
     return folder / "combinations.csv"
 
 
-def test_a_stated_one_is_a_share_of_each_target_and_correlated_within_a_bench_test():
+def test_a_stated_discrepancy_and_the_spread_of_a_shape_study(tmp_path):
     targets = targets_of(aor_deg=30.0, height_mm=60.0, drum_slip_deg=40.0)
     found = discrepancy.of_targets(targets, design(1.0, 2.0), 10.0, 0.9)
     assert found == pytest.approx(np.array([[9, 16.2, 0], [16.2, 36, 0], [0, 0, 16]]))
     opposite = discrepancy.of_targets(targets, design(1.0, -2.0), 10.0, 0.9)
     assert opposite[0, 1] == pytest.approx(-16.2)
-
-
-def test_that_of_a_shape_study_is_the_spread_of_its_plausible_models(tmp_path):
-    """4000 models with a known covariance, measured with a known error; others are not plausible."""
     random = np.random.default_rng(1)
     known = np.array([[9.0, 12.0], [12.0, 25.0]])
     models = random.multivariate_normal([-3, 5], known, 4000) + random.normal(size=(4000, 2)) * [0.5, 2.0]
     far = random.normal(100, 50, (50, 2))
     path = combinations(tmp_path, np.vstack([models, far]), (0.5, 2.0), np.arange(4050) < 4000)
-    result = discrepancy.of_shape_study(path, TARGETS)
+    result = discrepancy.of_shape_study(path, PILE)
     assert result.models == pytest.approx(4000)
     assert result.mean == pytest.approx([-3, 5], abs=0.2)
     found = result.covariance
@@ -58,16 +59,15 @@ def test_that_of_a_shape_study_is_the_spread_of_its_plausible_models(tmp_path):
     raw = known + np.diag([0.25, 4.0])
     correlation = found[0, 1] / np.sqrt(found[0, 0] * found[1, 1])
     assert correlation == pytest.approx(12 / np.sqrt(raw[0, 0] * raw[1, 1]), abs=0.03)
-    assert (discrepancy.of_targets(TARGETS, design(1, 1), 2.0, 0.0, found) == found).all()
+    assert (discrepancy.of_targets(PILE, design(1, 1), 2.0, 0.0, found) == found).all()
     height = discrepancy.of_shape_study(path, targets_of(height_mm=60.0)).covariance
     assert height == pytest.approx(found[1:, 1:])
 
 
-def test_a_model_counts_by_how_well_it_describes_the_piles(tmp_path):
-    """Ten models at 0 and 2 near the piles, as many at 40 four standard deviations off; definitions count once."""
+def test_a_model_counts_by_its_piles_and_a_study_that_says_too_little_is_refused(tmp_path):
     values = np.repeat([0.0, 2.0, 40.0], [5, 5, 10])
     path = combinations(tmp_path, np.column_stack([values, values]), distance=np.repeat([0.0, 4.0], 10))
-    result = discrepancy.of_shape_study(path, TARGETS)
+    result = discrepancy.of_shape_study(path, PILE)
     share = np.exp(-8.0)
     mean = (1 + 40 * share) / (1 + share)
     assert result.mean == pytest.approx([mean, mean])
@@ -77,43 +77,30 @@ def test_a_model_counts_by_how_well_it_describes_the_piles(tmp_path):
     table = pd.read_csv(path)
     twice = pd.concat([table, table])
     twice.to_csv(path, index=False)
-    assert discrepancy.of_shape_study(path, TARGETS).models == pytest.approx(result.models)
-
-
-def test_a_study_that_says_too_little_is_refused(tmp_path):
+    assert discrepancy.of_shape_study(path, PILE).models == pytest.approx(result.models)
     few = combinations(tmp_path, np.ones((6, 2)), eligible=[True] * 4 + [False] * 2)
     with pytest.raises(InputError, match=r"combinations.csv: eligible is '4.0 models.*'; expected at least 5"):
-        discrepancy.of_shape_study(few, TARGETS)
+        discrepancy.of_shape_study(few, PILE)
     input_error("drum_slip_difference_deg", discrepancy.of_shape_study, few, targets_of(drum_slip_deg=40.0))
 
 
-@pytest.mark.parametrize(
-    ("column", "value", "allowed"),
-    [
-        ("eligible", "yes", "True or False"),
-        ("eligible", "", "True or False"),
-        ("distance", "far", "a number from 0"),
-        ("distance", -1.0, "a number from 0"),
-        ("aor_se_deg", -1000.0, "a number from 0"),
-        ("aor_difference_deg", "inf", "a finite number"),
-        ("height_difference_mm", "much", "a finite number"),
-    ],
-)
+@pytest.mark.parametrize(("column", "value", "allowed"), [
+    ("eligible", "yes", "True or False"), ("eligible", "", "True or False"), ("distance", "far", "a number from 0"),
+    ("distance", -1.0, "a number from 0"), ("aor_se_deg", -1000.0, "a number from 0"),
+    ("aor_difference_deg", "inf", "a finite number"), ("height_difference_mm", "much", "a finite number"),
+])  # fmt: skip
 def test_a_cell_that_cannot_be_is_refused_with_its_row(tmp_path, column, value, allowed):
     path = combinations(tmp_path, np.arange(40.0).reshape(20, 2))
     table = pd.read_csv(path, dtype=str)
     table.loc[2, column] = str(value)
     table.to_csv(path, index=False)
-    input_error(rf"row 3: {column} is .*{allowed}", discrepancy.of_shape_study, path, TARGETS)
+    input_error(rf"row 3: {column} is .*{allowed}", discrepancy.of_shape_study, path, PILE)
 
 
-def test_the_study_of_the_configuration_is_the_published_one():
+def test_the_published_study_has_a_discrepancy_and_so_have_responses_of_a_users_simulator():
     root = Path(__file__).parents[2]
     published = root / "results" / "published" / "shape_study" / "combinations.csv"
     assert (root / "resources" / "shape_study.csv").read_bytes() == published.read_bytes()
-
-
-def test_responses_of_a_simulator_that_only_its_user_knows_have_a_discrepancy():
     content = {"simulator": "mine", "label": "own", "seed": 1, "parameters": {"friction": [0.2, 0.8]}}
     content["targets"] = {name: {"value": value, "sd": 1.0, "repetitions": 5} for name, value in OWN.items()}
     own = Study.own(content).targets
@@ -153,7 +140,7 @@ def curve_of(model, targets, study=None):
     return points, implausibility.curve(points, targets, observed(targets), study)
 
 
-def test_bits_and_interval_of_a_linear_response_are_those_of_the_normal_distribution():
+def test_bits_and_interval_by_hand_where_a_correlated_discrepancy_leaves_the_contrast():
     targets = targets_of(height_mm=60.0)
     _, table = curve_of(Linear(40.0), targets)
     assert table["discrepancy_percent"].tolist() == list(implausibility.PERCENT)
@@ -167,9 +154,6 @@ def test_bits_and_interval_of_a_linear_response_are_those_of_the_normal_distribu
         assert getattr(row, f"{first}_high") == pytest.approx(0.5 + 1.96 * sd, abs=0.005)
         assert getattr(row, f"{first}_bits") == pytest.approx(bits, abs=0.1)
         assert getattr(row, f"{PARAMETERS[1]}_bits") < 0.02
-
-
-def test_a_correlated_discrepancy_leaves_the_contrast_sharp_and_a_shape_study_is_that_stated():
     targets = targets_of(aor_deg=30.0, height_mm=60.0)
     _, table = curve_of(Linear(20.0, 40.0), targets)
     bits = table.pivot(index="discrepancy_percent", columns="discrepancy_correlation", values="information_bits")
@@ -200,3 +184,113 @@ def test_the_region_is_where_the_response_is_within_three_standard_deviations():
     others = table[(table["x"] == PARAMETERS[2]) & (table["y"] == PARAMETERS[3])]
     assert others["share"].to_numpy() == pytest.approx(share, abs=0.15)
     assert "not implausible" in implausibility.message(curve_of(Linear(40.0), targets)[1], share)
+
+
+TWO = Targets.of(TARGETS)
+FOUR = targets_of(aor_deg=32.0, height_mm=64.0, base_radius_mm=110.0, drum_slip_deg=40.0)
+
+
+def made_up_runs(seeds=4, samples=30):
+    random = np.random.default_rng(1)
+    count = samples * seeds
+    runs = pd.DataFrame({"sample": np.repeat(np.arange(1, samples + 1), seeds), "seed": np.arange(count)})
+    runs["status"], runs["apparatus"] = "ok", "funnel"
+    runs["aor_deg"] = 25 + np.repeat(random.normal(size=samples), seeds) + random.normal(size=count)
+    runs["height_mm"] = 2 * runs["aor_deg"] + random.normal(size=count)
+    runs["base_radius_mm"] = 150 - runs["aor_deg"] + 2 * random.normal(size=count)
+    failed = ["status", "aor_deg", "height_mm", "base_radius_mm"]
+    runs.loc[[0, 1, 2, 3], failed] = ["jammed", np.nan, np.nan, np.nan]
+    other = runs[["sample", "seed"]].assign(status="ok", apparatus="drum")
+    other["drum_slip_deg"] = 40 + 3 * random.normal(size=count)
+    return pd.concat([runs, other], ignore_index=True)
+
+
+def write_runs(folder, seeds=4):
+    runs = made_up_runs(seeds)
+    runs[runs["apparatus"] == "funnel"].to_csv(folder / "runs.csv", index=False)
+    return folder / "runs.csv"
+
+
+def test_tables_of_a_study_with_failed_pours_by_function_and_verb(tmp_path, capsys):
+    summary = noise.run(write_runs(tmp_path), TWO, tmp_path / "out")
+    row = pd.read_csv(tmp_path / "out/noise.csv").iloc[0]
+    assert (row["samples"], row["runs"], row["failed_runs"], row["samples_without_runs"]) == (29, 116, 4, 1)
+    seeds = pd.read_csv(tmp_path / "out/seeds.csv")
+    assert seeds["seeds"].tolist() == list(range(1, 65))
+    assert seeds["aor_se_deg"][3] == pytest.approx(row["sd_within"] / 2)
+    assert seeds["aor_reachable_r2"][0] == pytest.approx(row["icc"])
+    assert seeds["aor_se_percent"][row["seeds_for_1_percent"] - 1] <= 1 < seeds["aor_se_percent"][0]
+    assert json.loads((tmp_path / "out/noise.json").read_text()) == summary
+    assert "height_mm: sd 2." in noise.message(summary, TWO)
+    # height is twice the angle plus noise of one: 2 / sqrt(5)
+    assert summary["correlation"]["low"] < 2 / np.sqrt(5) < summary["correlation"]["high"]
+    out = tmp_path / "verb"
+    words = ["--config", str(places.root() / "config/quick.yaml"), "--out", str(out)]
+    assert main(["noise", "--runs", str(write_runs(tmp_path)), *words]) == 0
+    assert "height_mm: sd 2." in capsys.readouterr().out
+    assert len(pd.read_csv(out / "seeds.csv")) == 64
+
+
+def test_targets_without_correlation_and_too_few_runs(tmp_path):
+    one = targets_of(drum_slip_deg=40.0)
+    found = noise.noise_floor(made_up_runs(), one)
+    reachable = [f"drum_slip_reachable_r2{end}" for end in ("", "_low", "_high")]
+    assert list(found.seeds.columns) == ["seeds", "drum_slip_se_deg", "drum_slip_se_percent", *reachable]
+    assert found.responses["sd_within"][0] == pytest.approx(3, rel=0.2)
+    assert found.responses["failed_runs"][0] == 0, "runs of the other bench test do not count"
+    assert found.summary["correlation"] == {}
+    matrix, pairs = noise.within_correlation(made_up_runs(), FOUR)
+    assert list(pairs) == ["aor_deg, height_mm", "aor_deg, base_radius_mm", "height_mm, base_radius_mm"]
+    assert matrix[:3, :3] == pytest.approx(np.array([[1, 0.89, -0.45], [0.89, 1, -0.4], [-0.45, -0.4, 1]]), abs=0.15)
+    assert matrix[3].tolist() == [0, 0, 0, 1]
+    assert (np.linalg.eigvalsh(matrix) > 0).all()
+    assert len(noise.noise_floor(made_up_runs(), FOUR).responses) == 4
+    input_error(r"runs a sample is 1; expected 2 or more", noise.run, write_runs(tmp_path, 1), TWO, tmp_path / "out")
+    runs = made_up_runs(2, 4).query("apparatus == 'funnel'")
+    runs.to_csv(tmp_path / "runs.csv", index=False)
+    with pytest.raises(InputError, match=r"runs\.csv: runs is '2 degrees of freedom within samples"):
+        noise.run(tmp_path / "runs.csv", TWO, tmp_path / "out")
+    input_error("4 sets or more with two runs", next_measurement.information, made_up(1.0, 1.0, sets=3), 10, 2.0)
+
+
+def made_up(between, within, sets=16, runs=2, seed=0, response="turning_deg", mean=40.0):
+    """Runs of a response whose sets differ by `between` and whose runs scatter by `within` (standard deviations)."""
+    random = np.random.default_rng(seed)
+    value = mean + np.repeat(between * random.normal(size=sets), runs) + within * random.normal(size=sets * runs)
+    sample = np.repeat(np.arange(1, sets + 1), runs)
+    return pd.DataFrame({"apparatus": "turning", "sample": sample, "response": response, "value": value})
+
+
+@pytest.mark.parametrize(("between", "within", "percent"), [(1.0, 0.5, 0.0), (0.3, 1.0, 0.0), (1.0, 0.5, 2.0)])
+def test_bits_of_known_variances(between, within, percent):
+    known = 0.5 * np.log2(1 + between**2 / (within**2 / 10 + (percent / 100 * 40) ** 2))
+    runs = [made_up(between, within, sets=64, seed=k) for k in range(100)]
+    rows = [next_measurement.information(one, 10, percent).iloc[0] for one in runs]
+    bits = np.array([row.bits for row in rows])
+    assert bits.mean() == pytest.approx(known, abs=3 * bits.std() / 10 + 0.02 * known)
+    if not percent:  # the interval is exact without a discrepancy
+        covered = np.mean([row.bits_low <= known <= row.bits_high for row in rows])
+        assert covered == pytest.approx(0.95, abs=3 * np.sqrt(0.95 * 0.05 / 100))
+
+
+def test_bits_by_hand_the_most_informative_first_and_plausible_sets(tmp_path):
+    runs = made_up(1.0, 0.5)
+    parts = variance_components(runs["value"], runs["sample"])
+    ratio = parts.within * parts.icc / (1 - parts.icc) / (parts.within / 10 + (0.2 * parts.mean) ** 2)
+    bits = next_measurement.information(runs, 10, 20.0)["bits"].iloc[0]
+    assert bits == pytest.approx(0.5 * np.log2(1 + ratio), rel=1e-9)
+    runs = [made_up(0.0, 1.0, response="flow_g_s"), made_up(2.0, 0.5), made_up(0, 0, response="emptying_s")]
+    table = next_measurement.information(pd.concat(runs), 10, 0.0)
+    assert list(table["response"]) == ["turning_deg", "flow_g_s"]  # a constant response is left out
+    assert table["bits_low"].iloc[1] == 0.0
+    draws = pd.DataFrame(np.random.default_rng(1).random((50, 6)), columns=list(PARAMETERS))
+    draws.to_csv(tmp_path / "draws.csv", index=False)
+    samples = next_measurement.plausible_sets(tmp_path / "draws.csv", 3, tmp_path / "samples.csv")
+    assert list(samples.columns) == ["sample", *PARAMETERS]
+    assert len(samples) == next_measurement.SETS
+    written = pd.read_csv(tmp_path / "samples.csv")
+    for values in written[list(PARAMETERS)].to_numpy():
+        assert np.isclose(draws.to_numpy(), values, rtol=1e-9).all(axis=1).sum() == 1
+    draws[:3].to_csv(tmp_path / "draws.csv", index=False)
+    with pytest.raises(InputError, match="rows is 3; expected 16 or more"):
+        next_measurement.plausible_sets(tmp_path / "draws.csv", 3, tmp_path / "samples.csv")

@@ -58,7 +58,7 @@ def found(study, table):
 
 
 @pytest.mark.slow
-def test_the_start_fills_the_ranges_and_repeats_each_sample(study):
+def test_the_start_repeats_its_samples_and_answers_in_the_products_of_a_run(study, found, tmp_path, capsys):
     table = study.ask()
     assert (table.groupby("sample").size() == 2).all()
     assert table["run"].tolist() == [1, 2] * 16
@@ -66,6 +66,22 @@ def test_the_start_fills_the_ranges_and_repeats_each_sample(study):
     once = table.drop_duplicates("sample")
     for name, low, high in (("friction", 0.2, 0.8), ("rolling", 0.01, 0.2)):
         assert sorted(((once[name] - low) / (high - low) * 16).astype(int)) == list(range(16))
+    found.save(tmp_path)
+    made = found.card
+    assert card.read(tmp_path / "card.json")["simulator"] == "EDEM 2024"
+    assert made["met"] is None
+    assert made["reason"] == "The answer is predicted inside both ranges; the answer was not simulated again."
+    assert made["out_of_reach"] is False
+    assert str(found).startswith("rape_seed: targets not checked yet. angle_deg predicted ")
+    assert main(["card", "check", str(tmp_path / "card.json")]) == 3
+    assert capsys.readouterr().out.startswith("rape_seed: targets not checked yet. angle_deg predicted ")
+    assert {test["bench"] for test in made["tests"]} == {None}
+    assert set(made["parameters"]) == {"friction", "rolling", "restitution"}
+    assert main(["card", "show", str(tmp_path / "card.json")]) == 0
+    assert "not simulated again" in capsys.readouterr().out
+    assert main(["card", "compare", *2 * [str(tmp_path / "card.json")]]) == 0
+    for name in ("samples", "solutions", "posterior", "draws"):
+        assert len(pd.read_csv(tmp_path / f"{name}.csv")) > 1
 
 
 @pytest.mark.slow
@@ -95,26 +111,6 @@ def test_the_answer_meets_the_targets_inside_ranges_and_intervals_that_hold_it(f
     assert str(moved).count("; interval widened to hold the answer") == 2
     assert str(found).count("widened") == 0
     assert "friction" in moved._repr_html_()
-
-
-@pytest.mark.slow
-def test_the_products_are_those_of_a_run(found, tmp_path, capsys):
-    found.save(tmp_path)
-    made = found.card
-    assert card.read(tmp_path / "card.json")["simulator"] == "EDEM 2024"
-    assert made["met"] is None
-    assert made["reason"] == "The answer is predicted inside both ranges; the answer was not simulated again."
-    assert made["out_of_reach"] is False
-    assert str(found).startswith("rape_seed: targets not checked yet. angle_deg predicted ")
-    assert main(["card", "check", str(tmp_path / "card.json")]) == 3
-    assert capsys.readouterr().out.startswith("rape_seed: targets not checked yet. angle_deg predicted ")
-    assert {test["bench"] for test in made["tests"]} == {None}
-    assert set(made["parameters"]) == {"friction", "rolling", "restitution"}
-    assert main(["card", "show", str(tmp_path / "card.json")]) == 0
-    assert "not simulated again" in capsys.readouterr().out
-    assert main(["card", "compare", *2 * [str(tmp_path / "card.json")]]) == 0
-    for name in ("samples", "solutions", "posterior", "draws"):
-        assert len(pd.read_csv(tmp_path / f"{name}.csv")) > 1
 
 
 @pytest.mark.slow
@@ -148,7 +144,7 @@ def test_ask_and_tell_stop_with_an_answer_that_meets_the_targets(study, tmp_path
     assert abs(off).max() < 0.02
 
 
-def test_rows_with_the_same_parameters_are_replicates_and_failed_runs_known_as_such(study, table):
+def test_runs_are_told_by_rows_fixed_parameters_and_replicates(study, table, tmp_path):
     runs = checked_runs(study, table.drop(columns=["sample", "run"]))
     assert runs["sample"].tolist() == np.arange(1, 17).repeat(2).tolist()
     mixed = checked_runs(study, table.sample(frac=1, random_state=1))
@@ -158,14 +154,6 @@ def test_rows_with_the_same_parameters_are_replicates_and_failed_runs_known_as_s
     good, nowhere = observed(study, checked_runs(study, failed))
     assert len(nowhere) == 1
     assert good.counts.tolist() == [1] + [2] * 14
-
-
-def noise_of(study, table):
-    known = observed(study, checked_runs(study, table))[0]
-    return noise.noise_of(known, study.targets.names, study.settings.noise_sd)
-
-
-def test_a_fixed_parameter_needs_no_column(study, table, tmp_path):
     runs = checked_runs(study, table.drop(columns="restitution"))
     assert (runs["restitution"] == 0.4).all()
     new, record = tmp_path / "new.csv", tmp_path / "runs.csv"
@@ -176,8 +164,12 @@ def test_a_fixed_parameter_needs_no_column(study, table, tmp_path):
     assert len(runs) == len(table)
 
 
-def test_single_runs_give_a_rough_noise_and_a_warning(study):
-    """A Latin hypercube of 32, each run once; the noise is 2 % of the responses."""
+def noise_of(study, table):
+    known = observed(study, checked_runs(study, table))[0]
+    return noise.noise_of(known, study.targets.names, study.settings.noise_sd)
+
+
+def test_single_runs_give_a_rough_noise_and_correlations_need_more(study):
     single = Study.own(SINGLE).ask()
     exact, noisy = (simulate(single, noise=noise, seed=3)[["angle_deg", "time_s"]] for noise in (0.0, 0.02))
     found = noise_of(study, single.join(noisy))
@@ -186,6 +178,9 @@ def test_single_runs_give_a_rough_noise_and_a_warning(study):
     assert found.covariance[0, 1] == 0
     assert "angle_deg 0." in found.warning
     assert "Simulate some parameter sets twice" in found.warning
+    needed = len(study.targets) + 2
+    assert calibration.posterior_settings(study, needed - 1).measured_correlation == 0.0
+    assert calibration.posterior_settings(study, needed).measured_correlation == "simulated"
 
 
 @pytest.mark.slow
@@ -198,12 +193,6 @@ def test_how_rough_the_estimate_is(samples, low, high):
     found = [noise_of(study, simulate(single, 0.02, seed)).covariance for seed in range(8)]
     ratios = [np.sqrt(np.diagonal(covariance)) / true for covariance in found]
     assert low < np.min(ratios) <= np.max(ratios) < high
-
-
-def test_the_correlation_of_responses_needs_more_repeated_runs_than_responses(study):
-    needed = len(study.targets) + 2
-    assert calibration.posterior_settings(study, needed - 1).measured_correlation == 0.0
-    assert calibration.posterior_settings(study, needed).measured_correlation == "simulated"
 
 
 def test_stated_noise_stands_in_for_replicates_and_not_beside_them(study, table):
@@ -264,9 +253,9 @@ BAD = {
     "no response": (without("time_s"), "column time_s is 'missing'"),
     "no number": (cell(3, "angle_deg", "steep"), "row 4: angle_deg is 'steep'; expected a finite number"),
     "nan": (cell(3, "angle_deg", np.nan), "row 4: angle_deg is nan; expected a finite number; a run that failed"),
-    "empty": (cell(3, "rolling", ""), "row 4: rolling is ''; expected a finite number"),
+    "empty": (cell(3, "rolling", ""), "row 4: rolling is ''; expected a number from"),
     "infinite": (cell(0, "time_s", np.inf), "row 1: time_s is inf"),
-    "out of range": (cell(2, "friction", 0.9), "row 3: friction is 0.9; expected from 0.2 to 0.8, its range"),
+    "out of range": (cell(2, "friction", 0.9), "row 3: friction is 0.9; expected a number from 0.2 to 0.8, its range"),
     "not as fixed": (cell(2, "restitution", 0.5), "row 3: restitution is 0.5; expected 0.4, as it is fixed"),
     "few samples": (lambda table: table[:6], "samples with a good run is 3; expected at least 4"),
     "no rows": (lambda table: table[:0], "rows is 0"),
@@ -291,35 +280,25 @@ def changed(key, value):
     return content
 
 
-@pytest.mark.parametrize(
-    ("key", "value", "words"),
-    [
-        ("seed", None, "seed is null; expected an integer from 0 to 2147483647; the key is missing"),
-        ("seed", "one", "seed is 'one'; expected an integer"),
-        ("colour", "red", "a known key; keys here: design, "),
-        ("parameters.friction", [0.8, 0.2], "low < high"),
-        ("parameters.run", [0.1, 0.2], "parameters.run is .*; expected another name"),
-        ("parameters", {"friction": {"fixed": 1}}, "at least one range or prior"),
-        ("parameters", {"friction": {"prior": {"mean": 0.5, "sd": 0.01}, "range": [0.6, 0.9]}}, "a range that meets"),
-        ("targets", {}, "at least one response"),
-        ("targets.friction", {"value": 1, "sd": 1, "repetitions": 3}, "a name that is no parameter's"),
-        ("targets.time_s.value", None, "targets.time_s.value is null"),
-        ("targets.time_s.value", 0, "not 0"),
-        ("targets.time_s.sd", -1, "targets.time_s.sd is -1"),
-        ("targets.time_s.repetitions", 1.5, "an integer from 1"),
-        ("targets.time_s.range", [5, 6], "about the value, 4"),
-        ("targets.time_s.range", 5, r"a pair \[low, high\]"),
-        ("targets.time_s.colour", "red", "a known key"),
-        ("targets.time_s.unit", 3, "text of one line"),
-        ("targets.time_s", 3, "a section with the keys value, sd, "),
-        ("simulator", "", "text of one line"),
-        ("targets.time_s.noise_sd", 0, "targets.time_s.noise_sd is 0; expected a number above 0"),
-        ("sequential", {"seeds": 0}, "an integer from 1"),
-        ("sequential", {"pours": 1}, "a known key"),
-        ("targets.time_s.noise_sd", 1e-12, "targets.time_s.noise_sd is 1e-12; expected at least 4e-09"),
-        ("sequential", {"most_runs": 31}, "at least sequential.start_samples times"),
-    ],
-)
+@pytest.mark.parametrize(("key", "value", "words"), [
+    ("seed", None, "seed is null; expected an integer from 0 to 2147483647; the key is missing"),
+    ("seed", "one", "seed is 'one'; expected an integer"), ("colour", "red", "a known key; keys here: design, "),
+    ("parameters.friction", [0.8, 0.2], "low < high"),
+    ("parameters.run", [0.1, 0.2], "parameters.run is .*; expected another name"),
+    ("parameters", {"friction": {"fixed": 1}}, "at least one range or prior"),
+    ("parameters", {"friction": {"prior": {"mean": 0.5, "sd": 0.01}, "range": [0.6, 0.9]}}, "a range that meets"),
+    ("targets", {}, "at least one response"),
+    ("targets.friction", {"value": 1, "sd": 1, "repetitions": 3}, "a name that is no parameter's"),
+    ("targets.time_s.value", None, "targets.time_s.value is null"), ("targets.time_s.value", 0, "not 0"),
+    ("targets.time_s.sd", -1, "targets.time_s.sd is -1"), ("targets.time_s.repetitions", 1.5, "an integer from 1"),
+    ("targets.time_s.range", [5, 6], "about the value, 4"), ("targets.time_s.range", 5, r"a pair \[low, high\]"),
+    ("targets.time_s.colour", "red", "a known key"), ("targets.time_s.unit", 3, "text of one line"),
+    ("targets.time_s", 3, "a section with the keys value, sd, "), ("simulator", "", "text of one line"),
+    ("targets.time_s.noise_sd", 0, "targets.time_s.noise_sd is 0; expected a number above 0"),
+    ("sequential", {"seeds": 0}, "an integer from 1"), ("sequential", {"pours": 1}, "a known key"),
+    ("targets.time_s.noise_sd", 1e-12, "targets.time_s.noise_sd is 1e-12; expected at least 4e-09"),
+    ("sequential", {"most_runs": 31}, "at least sequential.start_samples times"),
+])  # fmt: skip
 def test_a_bad_configuration_is_refused_by_name(key, value, words):
     input_error(words, Study.own, changed(key, value))
 

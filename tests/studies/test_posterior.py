@@ -69,7 +69,7 @@ def inferred(targets, slopes, space=UNIT, runs=None, **changes):
     return posterior.infer(model, Everywhere(), runs, Study(ParameterSpace.of(space), targets, {}), settings, beside)
 
 
-def test_a_correlation_of_more_responses_than_repeated_runs_is_refused_unless_it_is_stated():
+def test_one_target_determines_one_parameter_and_correlations_need_their_runs():
     targets = targets_of(sd_percent=4.0, aor_deg=30.0, height_mm=30.0, base_radius_mm=30.0)
     few = runs_of(targets, seeds=2, samples=4)
     slopes = [{name: 12.0} for name in ("e_gg", "mus_gg", "mur_gg")]
@@ -82,9 +82,6 @@ def test_a_correlation_of_more_responses_than_repeated_runs_is_refused_unless_it
     assert inferred(drum, one_each, runs=drums, **short)
     for runs, changes in ((few, {"measured_correlation": 0.0}), (runs_of(targets, seeds=2, samples=5), {})):
         assert inferred(targets, slopes, runs=runs, **changes, **short).summary["correlation"]
-
-
-def test_one_target_determines_the_one_parameter_that_moves_it():
     found = inferred(targets_of(sd_percent=4.0, drum_slip_deg=30.0), [{"mus_gp": 12.0}])
     table = found.parameters.set_index("parameter")
     # standard error 0.6, of the prediction 0.1
@@ -107,7 +104,7 @@ def test_four_targets_of_two_bench_tests_determine_four_parameters():
     assert len(found.summary["correlation"]) == 3
 
 
-def test_a_prior_narrows_its_parameter_and_counts_as_no_information():
+def test_a_prior_narrows_its_parameter_and_fixed_ones_are_not_sampled():
     space = UNIT | {"e_gg": {"prior": {"mean": 0.3, "sd": 0.05}, "range": [0.0, 1.0]}}
     space["mus_gp"] = {"prior": {"mean": 0.4, "sd": 0.1}, "range": [0.0, 1.0]}
     found = inferred(targets_of(sd_percent=4.0, drum_slip_deg=30.0), [{"mus_gp": 6.0}], space)
@@ -120,9 +117,6 @@ def test_a_prior_narrows_its_parameter_and_counts_as_no_information():
     precision = np.array([1 / 0.1**2, 6**2 / (0.6**2 + 0.1**2)])
     assert table.loc["mus_gp", "mean"] == pytest.approx(precision @ [0.4, 0.5] / precision.sum(), abs=0.01)
     assert table.loc["mus_gp", "sd"] == pytest.approx(precision.sum() ** -0.5, rel=0.1)
-
-
-def test_fixed_parameters_are_not_sampled_and_unpublished_ones_have_no_published_interval():
     space = UNIT | {name: {"fixed": 0.5} for name in PARAMETERS if name not in ("mus_gp", "e_gg")}
     found = inferred(targets_of(sd_percent=4.0, drum_slip_deg=30.0), [{"mus_gp": 12.0}], space, steps=400)
     assert list(found.parameters["parameter"]) == ["e_gg", "mus_gp"]
@@ -236,7 +230,7 @@ def test_every_surrogate_gives_the_same_answer(name, study, tmp_path):
     assert len(summary[f"{name}_se"]) == 2
 
 
-def test_other_responses_and_other_definitions_are_refused(study, tmp_path):
+def test_other_responses_are_refused_and_a_restored_network_has_its_error_bars(study, tmp_path):
     other = targets_of(height_mm=60.0, aor_deg=30.0)
     with pytest.raises(InputError, match=r"network\.json: outputs is .*the responses of the targets, height_mm"):
         posterior.run(study, GIVEN._replace(targets=other), tmp_path)
@@ -247,9 +241,6 @@ def test_other_responses_and_other_definitions_are_refused(study, tmp_path):
     wanted = {"aor_deg": {"measure.response": "secant"}}
     with pytest.raises(InputError, match=r"definition of aor_deg is .*flank.*secant.*as in my\.yaml"):
         posterior.run(files, GIVEN._replace(definitions=wanted), tmp_path, "my.yaml")
-
-
-def test_restored_network_has_the_error_bars_it_was_trained_with(study):
     table = pd.read_csv(study["dataset"])
     rows = train.split(60, [0.7, 0.15, 0.15], 1)["train"]
     X, Y = table[list(PARAMETERS)].to_numpy(), table[["aor_deg", "height_mm"]].to_numpy()

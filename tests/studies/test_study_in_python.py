@@ -37,16 +37,13 @@ def answer():
     return study().calibrate(simulate)
 
 
-def test_a_function_is_calibrated(answer, tmp_path):
+def test_a_function_is_calibrated_and_a_start_that_fails_does_not_end_a_study(answer, tmp_path):
     assert answer.parameters["a"] == pytest.approx(0.5, abs=0.06)
     assert answer.parameters["a"] + answer.parameters["b"] == pytest.approx(1.0, abs=0.02)
     assert 8 <= len(repr(answer).splitlines()) <= 12
     answer.save(tmp_path)
     assert {"card.json", "summary.json", "samples.csv"} <= {path.name for path in tmp_path.iterdir()}
     assert answer.card["parameters"]["a"]["value"] == answer.parameters["a"]
-
-
-def test_a_start_that_fails_does_not_end_a_study():
     made = []
 
     def fails_first(row):

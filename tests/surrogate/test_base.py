@@ -114,7 +114,7 @@ def test_a_search_gets_the_same_responses(name, fitted):
 
 
 @every
-def test_a_shift_moves_the_mean_alone(name, fitted, tmp_path):
+def test_a_shift_moves_the_mean_alone_and_an_input_that_does_not_vary_has_no_effect(name, fitted, tmp_path):
     X, offset = points(10, 6), np.array([0.5, -3.0])
     moved = fitted[name].shifted(offset)
     mean, std = fitted[name].predict(X, return_std=True)
@@ -126,10 +126,6 @@ def test_a_shift_moves_the_mean_alone(name, fitted, tmp_path):
     assert load(tmp_path / "moved.json").predict(X) == pytest.approx(mean + offset)
     respond = moved.response_function(np.full(3, 2.0), np.full(3, 4.0))
     assert respond(X - 3) == pytest.approx(mean + offset)
-
-
-@every
-def test_an_input_that_does_not_vary_has_no_effect(name):
     X = points(60, 0)
     X[:, 2] = 3.0
     model = make(name, SETTINGS).fit(X, truth(X))
@@ -163,7 +159,7 @@ def test_correlated_noise_is_taken_and_what_is_no_covariance_is_refused(name):
         make(name, SETTINGS).fit(X, Y, precision=1 + X[:, :2], noise_covariance=covariance)
 
 
-def test_correlated_noise_makes_correlated_errors_of_gaussian_processes():
+def test_correlated_noise_is_noticed_and_definitions_of_a_response_do_not_mix():
     random = np.random.default_rng(0)
     X = points(60, 0)
     shared = random.normal(size=(60, 1))
@@ -171,6 +167,10 @@ def test_correlated_noise_makes_correlated_errors_of_gaussian_processes():
     covariance = 0.04 * np.array([[1.0, 0.9], [0.9, 1.0]])
     found = make("gaussian_process", {}).fit(X, Y, noise_covariance=covariance).covariance(points(10, 1))
     assert (found[:, 0, 1] / np.sqrt(found[:, 0, 0] * found[:, 1, 1]) > 0.6).all()
+    secant, flank = {"aor_deg": {"measure.response": "secant"}}, {"aor_deg": {"measure.response": "flank"}}
+    require_same_definitions(secant, "network.json", secant | {"height_mm": {}}, "dataset.csv")
+    with pytest.raises(InputError, match=r"network\.json: definition of aor_deg .*secant.*flank.* dataset\.csv"):
+        require_same_definitions(secant, "network.json", flank, "dataset.csv")
 
 
 @every
@@ -182,16 +182,12 @@ def test_wrong_samples_are_refused(name, fitted):
     value_error(r"expected \(samples, 3\)", fitted[name].predict, X[:, :2])
 
 
-def test_a_quadratic_surface_is_exact_for_a_quadratic_function():
+def test_surrogates_are_registered_once_and_a_quadratic_one_is_exact():
     X, fresh = points(11, 0), points(20, 1)
     model = make("quadratic", {}).fit(X, truth(X))
     assert model.predict(fresh) == pytest.approx(truth(fresh))
     with pytest.raises(ValueError, match="10 samples; expected at least 11"):
         make("quadratic", {}).fit(X[:10], truth(X[:10]))
-
-
-def test_errors_of_a_weighted_quadratic_surface_are_those_of_many_data_sets():
-    """The closed form beside brute force: 4000 data sets with the same points and other noise."""
     X, fresh = points(25, 0), points(5, 1)
     random = np.random.default_rng(2)
     precision = random.uniform(0.2, 3.0, (25, 2))
@@ -207,8 +203,6 @@ def test_errors_of_a_weighted_quadratic_surface_are_those_of_many_data_sets():
         found = np.cov(np.array(means)[:, k].T) / scale
         assert np.mean(claimed, axis=0)[k] / scale == pytest.approx(found, abs=0.08 * found.max())
 
-
-def test_a_surrogate_is_registered_once_and_the_configuration_knows_it():
     class Other(base.Surrogate):
         pass
 
@@ -241,10 +235,3 @@ def test_load_names_what_is_wrong(tmp_path, fitted):
         load(tmp_path / "bad.json")
     with pytest.raises(InputError, match=r"outputs is \['x_deg', 'y_mm'\]; expected the targets y_mm, x_deg"):
         load(tmp_path / "good.json", ("y_mm", "x_deg"))
-
-
-def test_two_definitions_of_a_response_are_refused():
-    secant, flank = {"aor_deg": {"measure.response": "secant"}}, {"aor_deg": {"measure.response": "flank"}}
-    require_same_definitions(secant, "network.json", secant | {"height_mm": {}}, "dataset.csv")
-    with pytest.raises(InputError, match=r"network\.json: definition of aor_deg .*secant.*flank.* dataset\.csv"):
-        require_same_definitions(secant, "network.json", flank, "dataset.csv")

@@ -24,7 +24,7 @@ def score(model, X, Y):
     return np.mean([r2(y, predicted) for y, predicted in pairs])
 
 
-def test_jacobian_is_the_derivative_by_finite_differences():
+def test_jacobian_and_forward_pass_are_those_of_differences_and_loops(fitted):
     random = np.random.RandomState(1)
     x, w = random.uniform(0.1, 0.9, (7, 3)), random.normal(size=4 * 3 + 4 + 2 * 4 + 2)
     _, J = two_layer.jacobian(w, x, 2)
@@ -34,9 +34,6 @@ def test_jacobian_is_the_derivative_by_finite_differences():
         shift[k] = step
         difference = (two_layer.jacobian(w + shift, x, 2)[0] - two_layer.jacobian(w - shift, x, 2)[0]) / (2 * step)
         np.testing.assert_allclose(J[:, :, k], difference, atol=1e-8)
-
-
-def test_forward_pass_is_eq_6_to_8_written_as_loops(fitted):
     model, X, _ = fitted
     slow = np.zeros(2)
     x = 0.1 + 0.8 * (X[5] - model.input_min_) / (model.input_max_ - model.input_min_)
@@ -49,17 +46,22 @@ def test_forward_pass_is_eq_6_to_8_written_as_loops(fitted):
     np.testing.assert_allclose(model.predict(X[5:6])[0], slow, rtol=1e-12)
 
 
-def test_learns_a_known_function_through_noise(fitted):
+def test_hyperparameters_are_at_their_fixed_point_on_known_functions(fitted):
     model, X, Y = fitted
     fresh = np.random.RandomState(9).uniform(-1, 1, (300, 6))
     assert score(model, fresh, known_function(fresh)) > 0.97
     assert score(model, X, Y) < 0.99  # it has not learnt the noise
     assert 15 < model.gamma_ < 60
     assert model.stop_reason_ in ("mu", "gradient")
-
-
-def test_hyperparameters_are_at_their_fixed_point(fitted):
-    """MacKay: alpha = gamma / 2 E_w, beta = (n - gamma) / 2 E_d, gamma = sum lambda / (lambda + 2 alpha)."""
+    random = np.random.RandomState(4)
+    J, t, alpha, beta = random.normal(size=(8, 3)), random.normal(size=8), 0.7, 2.0
+    w = np.linalg.solve(beta * J.T @ J + alpha * np.eye(3), beta * J.T @ t)
+    e = J @ w - t
+    C = np.eye(8) / (2 * beta) + J @ J.T / (2 * alpha)
+    exact = -0.5 * t @ np.linalg.solve(C, t) - 0.5 * np.linalg.slogdet(2 * np.pi * C)[1]
+    assert evidence.log_evidence(alpha, beta, e @ e, w @ w, J.T @ J, 8) == pytest.approx(exact, rel=1e-12)
+    assert evidence.log_evidence(0.0, 1.0, 1.0, 1.0, np.eye(2), 3) == -np.inf
+    assert evidence.log_evidence(1.0, np.nan, 1.0, 1.0, np.eye(2), 3) == -np.inf
     model, X, Y = fitted
     w = np.concatenate([model.W1_.ravel(), model.b1_, model.W2_.ravel(), model.b2_])
     x = 0.1 + 0.8 * (X - model.input_min_) / (model.input_max_ - model.input_min_)
@@ -75,19 +77,7 @@ def test_hyperparameters_are_at_their_fixed_point(fitted):
     assert np.linalg.norm(gradient) < 1e-3
 
 
-def test_evidence_is_exact_for_a_linear_model_and_minus_infinity_of_no_number():
-    random = np.random.RandomState(4)
-    J, t, alpha, beta = random.normal(size=(8, 3)), random.normal(size=8), 0.7, 2.0
-    w = np.linalg.solve(beta * J.T @ J + alpha * np.eye(3), beta * J.T @ t)
-    e = J @ w - t
-    C = np.eye(8) / (2 * beta) + J @ J.T / (2 * alpha)
-    exact = -0.5 * t @ np.linalg.solve(C, t) - 0.5 * np.linalg.slogdet(2 * np.pi * C)[1]
-    assert evidence.log_evidence(alpha, beta, e @ e, w @ w, J.T @ J, 8) == pytest.approx(exact, rel=1e-12)
-    assert evidence.log_evidence(0.0, 1.0, 1.0, 1.0, np.eye(2), 3) == -np.inf
-    assert evidence.log_evidence(1.0, np.nan, 1.0, 1.0, np.eye(2), 3) == -np.inf
-
-
-def test_a_covariances_root_is_one_of_the_inverse_hessian_and_slopes_begin_as_nguyen_and_widrow_say():
+def test_a_covariances_root_first_slopes_and_the_best_start(monkeypatch):
     random = np.random.RandomState(5)
     J, alpha, beta = random.normal(size=(8, 3)), np.array([0.3, 0.7, 5.0]), 2.0
     root = evidence.posterior_root(alpha, beta, J.T @ J)
@@ -99,10 +89,6 @@ def test_a_covariances_root_is_one_of_the_inverse_hessian_and_slopes_begin_as_ng
     assert (np.abs(W1 @ np.full(6, 0.5) + b1) <= length).all()  # at the inputs' middle
     assert (np.abs(W2) <= 0.5).all()
     assert b2.shape == (2,)
-
-
-def test_the_best_start_by_evidence_is_chosen_and_bad_starts_are_not(monkeypatch):
-    """From weights of zero no gradient reaches the hidden layer: such a start must lose."""
     honest = two_layer.nguyen_widrow
 
     def dead(inputs, hidden, outputs, interval, seed):
@@ -132,7 +118,7 @@ def test_a_start_keeps_its_largest_evidence_and_is_at_the_minimum_there(monkeypa
     assert kept.log_evidence_ > gone_on.log_evidence_ + 3
 
 
-def test_starts_that_have_not_converged_do_not_compete(monkeypatch):
+def test_starts_that_have_not_converged_do_not_compete_and_classes_have_a_cap(monkeypatch):
     honest = bayesian_bp.train_start
     X, Y = noisy_data(40, 2)
     settings = {"hidden": 3, "starts": 3, "epochs": 100, "goal": 0.0}
@@ -152,9 +138,7 @@ def test_starts_that_have_not_converged_do_not_compete(monkeypatch):
     unconverged = bool(1).__or__
     found = BayesianBP(**settings).fit(X, Y)
     assert (found.best_start_, found.converged_starts_) == (best, 0)
-
-
-def test_classes_at_the_cap_are_reported(monkeypatch):
+    monkeypatch.undo()
     X, Y = noisy_data(60, 3)
     settings = {"hidden": 3, "starts": 1, "epochs": 60, "goal": 0.0, "prior": "inputs"}
     model = BayesianBP(**settings).describe("abcdef", ("y", "z"))
@@ -185,7 +169,7 @@ def test_training_on_pure_noise_ends(monkeypatch):
     assert BayesianBP(hidden=8, starts=1, goal=0.0, mu=0.0, epochs=30).fit(X, y).epochs_ == 30
 
 
-def test_training_stops_for_the_reason_it_says_also_with_fewer_residuals_than_weights():
+def test_training_stops_as_it_says_and_equal_weights_change_no_start(fitted):
     X, Y = noisy_data(60, 3)
     assert BayesianBP(starts=1, epochs=2).fit(X, Y).stop_reason_ == "epochs"
     assert BayesianBP(starts=1, goal=0.05).fit(X, Y).stop_reason_ == "goal"
@@ -196,15 +180,12 @@ def test_training_stops_for_the_reason_it_says_also_with_fewer_residuals_than_we
     assert 0 < model.gamma_ < 40
     fresh = np.random.RandomState(9).uniform(-1, 1, (300, 6))
     assert score(model, fresh, known_function(fresh)) > 0.6
-
-
-def test_neither_equal_weights_nor_the_number_of_starts_change_a_start(fitted):
     model, X, Y = fitted
     again = BayesianBP(starts=2).fit(X, Y, sample_weight=np.ones(95), precision=np.ones(Y.shape))
     assert again.starts_ == model.starts_[:2]
 
 
-def test_weights_draw_the_fit_to_the_exact_samples():
+def test_weights_draw_the_fit_and_count_by_their_ratios():
     X, Y = noisy_data(95, 7, noise=(0.05, 0.1))
     Y[::2] += np.random.RandomState(8).normal(size=Y[::2].shape) * (2.0, 4.0)
     errors = np.full(Y.shape, 0.05)
@@ -214,9 +195,6 @@ def test_weights_draw_the_fit_to_the_exact_samples():
     plain = score(BayesianBP(starts=3).fit(X, Y), fresh, known_function(fresh))
     weighted = score(BayesianBP(starts=3).fit(X, Y, precision=weight), fresh, known_function(fresh))
     assert 1 - weighted < 0.5 * (1 - plain)
-
-
-def test_weights_count_by_their_ratios_as_samples_that_are_there_as_often():
     X, Y = noisy_data(30, 12)
     count = np.random.RandomState(1).randint(0, 3, 30)
     settings = {"hidden": 2, "starts": 2, "epochs": 100}
@@ -233,45 +211,34 @@ def test_weights_count_by_their_ratios_as_samples_that_are_there_as_often():
     assert one.beta_ == pytest.approx(7 * other.beta_, rel=1e-2)
 
 
-@pytest.mark.parametrize(
-    ("X", "y", "weights", "fault"),
-    [
-        (np.ones((3, 2)), np.ones(4), {}, r"y \(4,\); expected"),
-        (np.full((3, 2), np.nan), np.ones(3), {}, "must be finite"),
-        (np.ones((3, 2)), np.ones(3), {"sample_weight": np.ones(2)}, r"sample_weight has shape \(2,\)"),
-        (np.ones((3, 2)), np.ones(3), {"sample_weight": -np.ones(3)}, "must not be negative"),
-        (np.ones((3, 2)), np.ones(3), {"sample_weight": np.eye(3)[0]}, "1 samples have a weight above zero"),
-        (np.ones((3, 2)), np.ones(3), {"precision": np.zeros(3)}, "precision must be above zero"),
-        (np.ones((3, 2)), np.ones(3), {"precision": np.ones((3, 2))}, r"precision has shape \(3, 2\)"),
-    ],
-)
+@pytest.mark.parametrize(("X", "y", "weights", "fault"), [
+    (np.ones((3, 2)), np.ones(4), {}, r"y \(4,\); expected"),
+    (np.full((3, 2), np.nan), np.ones(3), {}, "must be finite"),
+    (np.ones((3, 2)), np.ones(3), {"sample_weight": np.ones(2)}, r"sample_weight has shape \(2,\)"),
+    (np.ones((3, 2)), np.ones(3), {"sample_weight": -np.ones(3)}, "must not be negative"),
+    (np.ones((3, 2)), np.ones(3), {"sample_weight": np.eye(3)[0]}, "1 samples have a weight above zero"),
+    (np.ones((3, 2)), np.ones(3), {"precision": np.zeros(3)}, "precision must be above zero"),
+    (np.ones((3, 2)), np.ones(3), {"precision": np.ones((3, 2))}, r"precision has shape \(3, 2\)"),
+])  # fmt: skip
 def test_bad_data_is_refused(X, y, weights, fault):
     with pytest.raises(ValueError, match=fault):
         BayesianBP().fit(X, y, **weights)
 
 
-@pytest.mark.parametrize(
-    ("setting", "value", "allowed"),
-    [
-        *((name, 0, "at least 1") for name in ("hidden", "epochs", "starts")),
-        ("goal", -1.0, "at least 0"),
-        ("prior", "two", "one, layers, inputs"),
-        ("scaled_range", (0.9, 0.1), "its first below its second"),
-    ],
-)
+@pytest.mark.parametrize(("setting", "value", "allowed"), [
+    *((name, 0, "at least 1") for name in ("hidden", "epochs", "starts")), ("goal", -1.0, "at least 0"),
+    ("prior", "two", "one, layers, inputs"), ("scaled_range", (0.9, 0.1), "its first below its second"),
+])  # fmt: skip
 def test_bad_settings_are_named(setting, value, allowed):
     with pytest.raises(ValueError, match=rf"{setting} is .*expected {allowed}"):
         BayesianBP(**{setting: value}).fit(np.eye(3), np.ones(3))
 
 
-def test_predict_refuses_other_inputs_and_an_unfitted_network(fitted):
+def test_predict_refuses_other_inputs_and_error_bars_hold_what_they_promise(fitted):
     value_error(r"shape \(4, 5\); expected \(samples, 6\)", BayesianBP.predict, fitted[0], np.ones((4, 5)))
     with pytest.raises(ValueError, match="before fit"):
         BayesianBP().predict(np.ones((4, 5)))
-
-
-def test_error_bars_hold_what_they_promise(fitted):
-    """One response, whose noise of 1 the network learns, and two thirds of fresh targets within one std."""
+    # One response, whose noise of 1 the network learns, and two thirds of fresh targets within one std.
     X, Y = noisy_data(200, 17)
     model = BayesianBP(starts=4, hidden=6).fit(X, Y[:, 1])
     assert model.noise_std_[0] == pytest.approx(1.0, rel=0.25)
@@ -285,7 +252,7 @@ def test_error_bars_hold_what_they_promise(fitted):
     assert 0.4 < np.mean(np.abs(known_function(fresh)[:, 1] - mean) < std) < 0.85
 
 
-def test_classes_of_weights_are_a_partition_and_those_of_the_inputs_their_columns():
+def test_classes_of_weights_and_a_prior_for_each_input():
     w = np.arange(3 * 4 + 4 + 2 * 5)
     for prior, count in (("one", 1), ("layers", 3), ("inputs", 5)):
         classes = two_layer.weight_classes(prior, 3, 4, 2)
@@ -295,9 +262,6 @@ def test_classes_of_weights_are_a_partition_and_those_of_the_inputs_their_column
     np.testing.assert_array_equal(classes[1], W1[:, 1])
     np.testing.assert_array_equal(classes[3], b1)
     np.testing.assert_array_equal(classes[4], np.concatenate([W2.ravel(), b2]))
-
-
-def test_a_prior_for_each_input_fades_those_without_effect():
     random = np.random.RandomState(19)
     X = random.uniform(-1, 1, (95, 6))
     y = np.sin(2 * X[:, 0]) + X[:, 1] ** 2 + 0.1 * random.normal(size=95)

@@ -85,7 +85,7 @@ def test_error_bars_of_the_mean_are_those_of_networks_drawn_from_the_posterior(n
     assert mean.shape == std.shape == (30, 2)
 
 
-def test_independent_outputs_change_nothing_and_mixed_weights_mix_them():
+def test_independent_outputs_change_nothing_and_shared_noise_is_learned():
     X, Y = noisy_data(60, 31)
     plain = BayesianBP(hidden=3, starts=2).fit(X, Y)
     alike = BayesianBP(hidden=3, starts=2).fit(X, Y, noise_covariance=7 * np.diag(np.ptp(Y, axis=0) ** 2))
@@ -98,11 +98,6 @@ def test_independent_outputs_change_nothing_and_mixed_weights_mix_them():
     np.testing.assert_allclose(two_layer.jacobian(mixed, x, 2)[0], two_layer.jacobian(w, x, 2)[0] @ mixing)
     columns = two_layer.mix_outputs(np.column_stack([w, 2 * w]), mixing, 4)
     np.testing.assert_allclose(columns, np.column_stack([mixed, 2 * mixed]))
-
-
-def test_noise_that_the_outputs_share_is_learned_unless_the_covariance_is_given():
-    """Noise of correlation 0.95: over 10 draws of 95 samples the squared error against the truth falls, by more
-    than two standard errors, and the noise is found again."""
     root = np.linalg.cholesky(CORRELATED / 4)
     fresh = np.random.RandomState(40).uniform(-1, 1, (500, 6))
     gain, found = [], []
@@ -121,8 +116,7 @@ def test_noise_that_the_outputs_share_is_learned_unless_the_covariance_is_given(
     np.testing.assert_allclose(np.mean(found, axis=0), (0.25, 0.5), rtol=0.2)
 
 
-def test_means_with_the_scatter_of_their_replicates_are_the_single_runs():
-    """Training, hyperparameters and evidence, with samples of one to four runs."""
+def test_means_of_replicates_are_the_single_runs_and_known_noise_is_kept():
     random = np.random.RandomState(60)
     x, w = random.uniform(0.1, 0.9, (25, 2)), random.normal(size=17)
     runs = np.arange(25) % 4 + 1
@@ -137,9 +131,6 @@ def test_means_with_the_scatter_of_their_replicates_are_the_single_runs():
     for key in ("w", "alpha", "beta", "gamma", "log_evidence"):
         np.testing.assert_allclose(pooled[key], single[key], rtol=1e-5)
     assert pooled["epochs"] == single["epochs"]
-
-
-def test_known_noise_is_kept_where_a_few_means_cannot_tell_it():
     X, Y = noisy_data(20, 61, noise=(0.5, 1.0))
     covariance = np.diag([0.25, 1.0]) + 0.25
     model = BayesianBP(hidden=4, starts=2, goal=0.0, prior="inputs", epochs=200)
@@ -148,14 +139,10 @@ def test_known_noise_is_kept_where_a_few_means_cannot_tell_it():
     value_error(r"noise_freedom is 3; expected from 0, and 0 without noise_cov", model.fit, X, Y, noise_freedom=3)
 
 
-@pytest.mark.parametrize(
-    ("covariance", "allowed"),
-    [
-        (np.eye(3), r"symmetric, \(2, 2\)"),
-        ([[1.0, 0.5], [0.4, 1.0]], "symmetric"),
-        ([[1.0, 2.0], [2.0, 1.0]], "positive definite"),
-    ],
-)
+@pytest.mark.parametrize(("covariance", "allowed"), [
+    (np.eye(3), r"symmetric, \(2, 2\)"), ([[1.0, 0.5], [0.4, 1.0]], "symmetric"),
+    ([[1.0, 2.0], [2.0, 1.0]], "positive definite"),
+])  # fmt: skip
 def test_what_is_no_covariance_is_refused(covariance, allowed):
     X, Y = noisy_data(20, 33)
     with pytest.raises(ValueError, match=rf"(?s)noise_covariance is .*expected {allowed}"):

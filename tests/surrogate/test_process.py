@@ -42,9 +42,6 @@ def test_moments_are_those_of_the_conditional_distribution(noise_of):
     assert mean == pytest.approx(gain @ values)
     assert process.mean(new) == pytest.approx(mean)
     assert variance == pytest.approx(2 - (gain * covariance(new, x)).sum(axis=1))
-
-
-def test_a_value_is_left_out_as_if_the_others_were_all(noise_of):
     random = np.random.default_rng(2)
     x, precision, values = random.random((9, 2)), random.uniform(1, 4, 9), random.normal(size=9)
     means, variances = Process(KERNEL, x, values, **noise_of(precision)).left_out()
@@ -56,13 +53,19 @@ def test_a_value_is_left_out_as_if_the_others_were_all(noise_of):
         assert variances[i] == pytest.approx(variance[0], rel=1e-6)
 
 
-def test_covariances_are_those_of_the_textbook():
+def test_a_covariance_is_that_of_the_textbook_and_one_network_is_that_network(fitted):
     random = np.random.default_rng(3)
     a, b = random.random((4, 2)), random.random((5, 2))
     r = np.sqrt(5 * (((a[:, None] - b) / [0.4, 0.9]) ** 2).sum(axis=2))
     assert KERNEL(a, b) == pytest.approx(covariance(a, b))
     assert smooth(2.0, [0.4, 0.9], smoothness=2.5)(a, b) == pytest.approx(2 * (1 + r + r**2 / 3) * np.exp(-r))
     assert straight(3.0)(a, b) == pytest.approx(1 + 9 * a @ b.T)
+    _, _, X, Y = fitted
+    settings = SETTINGS.model_copy(update={"starts": 1})
+    one, alone = NetworkEnsemble.of(settings).fit(X, Y), BayesianBP.of(settings).fit(X, Y)
+    assert one.predict(X) == pytest.approx(alone.predict(X), rel=1e-12)
+    assert one.covariance(X) == pytest.approx(alone.covariance(X))
+    assert one.predict(X, return_std=True)[1] == pytest.approx(alone.predict(X, return_std=True)[1])
 
 
 SETTINGS = NetworkSettings.of({"hidden": 3, "starts": 5, "epochs": 200, "goal": 0.0, "seed": 1, "prior": "inputs"})
@@ -77,8 +80,7 @@ def fitted():
     return model, BayesianBP.of(SETTINGS).fit(X, Y, **noise), X, Y
 
 
-def test_mean_and_covariance_are_those_of_the_mixture_written_as_loops(fitted):
-    """E[y y'] of the mixture is the mean of C + m m' over the networks."""
+def test_the_mixture_is_that_of_loops_over_converged_starts(fitted, monkeypatch):
     model, best, _, _ = fitted
     fresh = np.random.RandomState(2).uniform(-1, 1, (6, 6))
     networks = [best.of_start(k) for k in model.near_]
@@ -95,9 +97,6 @@ def test_mean_and_covariance_are_those_of_the_mixture_written_as_loops(fitted):
     own = np.mean([np.diagonal(network.covariance(fresh), axis1=1, axis2=2) for network in networks], axis=0)
     std = model.predict(fresh, return_std=True, noise=False)[1]
     assert (std**2 > own).all()
-
-
-def test_converged_starts_of_like_evidence_take_part_the_best_first(fitted, monkeypatch):
     model, best, X, Y = fitted
     assert model.members_[0].best_start_ == best.best_start_
     monkeypatch.setattr(network_ensemble, "NATS", 3.0)
@@ -109,15 +108,6 @@ def test_converged_starts_of_like_evidence_take_part_the_best_first(fitted, monk
     assert few.report()["members"] == sum(near)
 
 
-def test_one_network_is_that_network(fitted):
-    _, _, X, Y = fitted
-    settings = SETTINGS.model_copy(update={"starts": 1})
-    one, alone = NetworkEnsemble.of(settings).fit(X, Y), BayesianBP.of(settings).fit(X, Y)
-    assert one.predict(X) == pytest.approx(alone.predict(X), rel=1e-12)
-    assert one.covariance(X) == pytest.approx(alone.covariance(X))
-    assert one.predict(X, return_std=True)[1] == pytest.approx(alone.predict(X, return_std=True)[1])
-
-
 NAMES = ("a", "b")
 
 
@@ -127,16 +117,13 @@ def grid():
     return np.array([(x, y) for x in side for y in side])
 
 
-def test_distances_are_in_ranges_and_thin_beyond_those_of_samples_from_each_other():
+def test_distances_and_leverage_tell_what_few_samples_do_not_bear():
     support = Support(grid(), [0, 0], [1, 1], NAMES)
     assert support.farthest == pytest.approx(0.1)
     assert support.distance([[0.2, 0.25], [0.7, 0.85]]) == pytest.approx([0.05, 0.15])
     assert support.is_thin([[0.45, 0.45], [0.7, 0.85]]).tolist() == [False, True]
     support = Support(grid() * [1, 10], [0, 0], [1, 10], NAMES)
     assert support.distance([[0.2, 2.5]]) == pytest.approx([0.05])
-
-
-def test_leverage_is_that_of_a_quadratic_model_which_few_samples_do_not_bear():
     points = np.random.default_rng(1).uniform(size=(40, 2))
     support = Support(points, [0, 0], [1, 1], NAMES)
     X = np.column_stack([np.ones(40), points, points**2, points[:, 0] * points[:, 1]])
@@ -149,9 +136,6 @@ def test_leverage_is_that_of_a_quadratic_model_which_few_samples_do_not_bear():
     support = Support(points, np.zeros(6), np.ones(6))
     assert quadratic_terms(points).shape == (20, 28)
     assert support.leverage(points).tolist() == [0.0] * 20
-
-
-def test_warnings_in_words():
     support = Support(grid(), [0, 0], [1, 1], NAMES)
     inside, bound, near, far = support.warnings([[0.45, 0.5], [0.005, 0.995], [0.012, 0.5], [0.45, 0.9]])
     assert inside == ""
@@ -161,7 +145,7 @@ def test_warnings_in_words():
     assert "leverage" in far
 
 
-def test_support_of_a_dataset_takes_usable_samples_of_its_shape(tmp_path):
+def test_support_of_a_dataset_takes_usable_samples_and_no_fixed_parameter(tmp_path):
     table = pd.DataFrame(np.random.default_rng(1).uniform(size=(40, 6)), columns=list(PARAMETERS))
     table["sample"], table["status"] = np.arange(40), "ok"
     table.loc[0, "status"] = "jammed"
@@ -178,9 +162,6 @@ def test_support_of_a_dataset_takes_usable_samples_of_its_shape(tmp_path):
     input_error("usable samples is 0", Support.of_dataset, tmp_path / "dataset.csv", space)
     with pytest.raises(ValueError, match=r"points has shape \(3, 2\); expected at least two rows of 6"):
         Support(np.zeros((3, 2)), np.zeros(6), np.ones(6))
-
-
-def test_a_fixed_parameter_plays_no_part():
     points = np.insert(grid(), 1, 0.3, axis=1)
     fixed = Support(points, [0, 0.3, 0], [1, 0.3, 1], ("a", "fixed", "b"))
     free = Support(grid(), [0, 0], [1, 1], NAMES)

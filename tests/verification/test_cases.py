@@ -1,7 +1,6 @@
 """Every case of the verification suite; the statistical ones with 200 hits and 200 berries instead of all."""
 
 import dataclasses
-import functools
 from pathlib import Path
 
 import numpy as np
@@ -26,19 +25,12 @@ LAWS = {
 CHEAP = ("chung3", "chung4", "chung5", "chung6", "rolling", "slope", "rest")
 
 
-@functools.cache
 def rows_of(name, laws="default"):
     return list(verification.CASES[name](dataclasses.replace(REDUCED, laws=LAWS[laws])))
 
 
-SLOW = {
-    "restitution": [pytest.mark.slow],
-    "loop": [pytest.mark.slow],
-    "energy": [pytest.mark.slow],
-    "elastic": [pytest.mark.slow],
-    "packing": [pytest.mark.slow],
-    "coulomb": [pytest.mark.slow, pytest.mark.essential],  # it compiles the kernels of clumps
-}
+SLOW = {key: [pytest.mark.slow] for key in ("restitution", "loop", "energy", "elastic", "packing")}
+SLOW["coulomb"] = [pytest.mark.slow, pytest.mark.essential]  # it compiles the kernels of clumps
 NAMES = [pytest.param(name, "default", marks=SLOW.get(name, ())) for name in verification.CASES]
 NAMES += [pytest.param(name, "keep") for name in CHEAP]
 # Quantities that deviate, of the cases that have any, with by how much: a lever arm shorter by half the overlap, where
@@ -56,16 +48,12 @@ DEVIATING = {
 
 
 @pytest.mark.parametrize(("name", "laws"), NAMES)
-def test_case_meets_its_references(name, laws):
+def test_case_meets_its_references_and_what_deviates_is_what_is_known_to(name, laws):
     rows = rows_of(name, laws)
     assert rows
     missed = [(row.quantity, row.result, row.reference, row.deviation) for row in rows if not row.passed]
     assert not missed
-
-
-@pytest.mark.parametrize(("name", "laws"), NAMES)
-def test_what_deviates_is_what_is_known_to(name, laws):
-    found = {row.quantity.split(": ")[1]: row.deviation for row in rows_of(name, laws) if row.status == KNOWN}
+    found = {row.quantity.split(": ")[1]: row.deviation for row in rows if row.status == KNOWN}
     assert found == DEVIATING.get((name, laws), {})
 
 

@@ -124,7 +124,7 @@ def proposed(folder, answer=False, jobs=JOBS):
     write_text(folder / "proposal.json", json.dumps({"answer": answer, "simulated": simulated}))
 
 
-def test_a_round_of_the_refinement_runs_every_bench_test_of_the_targets(finished):
+def test_bench_tests_of_the_targets_are_run_by_rounds_until_the_answer(finished):
     project, words = finished
     (project / "mine.yaml").write_text(json.dumps({"targets": MIXED, "posterior": {"shape_study": None}}))
     words = (*words[:2], "mine.yaml", *words[2:], "--rerun-triggers", "mtime", "--", "refined")
@@ -140,9 +140,6 @@ def test_a_round_of_the_refinement_runs_every_bench_test_of_the_targets(finished
         assert all(f"--apparatus {name} " in line and "--purpose refined " in line for line in poured)
         assert all("--seeds 2 " in line for line in poured)
     shutil.rmtree(folder)
-
-
-def test_a_round_that_misses_is_followed_by_the_next_until_the_answer(finished):
     project, words = finished
     words = (*words, "--", "refined")
     assert set(planned(project, *words)) == {"propose", *END}, "until round 0 is proposed no other is planned"

@@ -78,7 +78,7 @@ def test_a_start_says_once_what_its_piles_cannot_be_and_a_dry_run_nothing(projec
 
 
 @pytest.mark.essential
-def test_a_result_that_was_damaged_or_edited_stops_the_workflow_and_is_named(project):
+def test_a_result_that_was_damaged_and_somebodys_file_stop_the_workflow(project):
     words = (TARGET, *QUICK)
     assert snakemake(project, *words).returncode == 0
     path = project / TARGET
@@ -91,10 +91,6 @@ def test_a_result_that_was_damaged_or_edited_stops_the_workflow_and_is_named(pro
     path.unlink()
     assert snakemake(project, *words).returncode == 0
     assert path.read_text() == good
-
-
-@pytest.mark.essential
-def test_somebodys_file_in_the_place_of_a_result_stops_the_workflow_and_stays(project):
     path = project / "results/quick/network/network.json"
     path.parent.mkdir(parents=True)
     path.write_text("mine")
@@ -111,14 +107,10 @@ POURS = {"pour": 12, "validation_pour": 3, "trajectory": 1, "drum_run": 2}
 
 # The stages of the method in their order, and one rule that follows each.
 STAGES = {
-    "design": ("design", "pour"),
-    "pour": ("pour", "measure_runs"),
-    "dataset": ("dataset", "network"),
-    "network": ("network", "miga"),
-    "miga": ("miga", "validation_pour"),
-    "validate": ("validate", "card"),
+    "design": ("design", "pour"), "pour": ("pour", "measure_runs"), "dataset": ("dataset", "network"),
+    "network": ("network", "miga"), "miga": ("miga", "validation_pour"), "validate": ("validate", "card"),
     "drum": ("drum", "draw_drum"),
-}
+}  # fmt: skip
 
 
 @pytest.mark.essential
@@ -191,15 +183,10 @@ def test_a_changed_target_pours_the_new_solutions_alone_and_another_label_nothin
     assert planned(project, *words, "label=other", "--", "calibration") == {}
 
 
-@pytest.mark.parametrize(
-    ("lost", "rule"),
-    [
-        ("network/network.json", "network"),
-        ("heaps/003.pours.json", "pour"),
-        ("heaps/003.json", "measure_runs"),
-        ("validation/heaps/003.npz", "validation_pour"),
-    ],
-)
+@pytest.mark.parametrize(("lost", "rule"), [
+    ("network/network.json", "network"), ("heaps/003.pours.json", "pour"), ("heaps/003.json", "measure_runs"),
+    ("validation/heaps/003.npz", "validation_pour"),
+])  # fmt: skip
 def test_a_file_that_a_killed_job_left_out_is_made_again(finished, lost, rule):
     project, words = finished
     path = project / "results/quick" / lost

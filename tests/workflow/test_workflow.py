@@ -40,7 +40,7 @@ def test_the_workflow_runs_from_either_file_and_the_small_run_has_the_same_rules
     assert (small["pour"], small["drum_run"]) == (14, 2)
 
 
-def test_samples_are_run_in_every_bench_test_of_the_targets(project):
+def test_the_drum_alone_draws_no_funnel_and_samples_run_in_every_bench_test(project):
     for targets, folders in ((MIXED, ("heaps", "drum_runs")), (MIXED[1:], ("drum_runs",))):
         mine = {"targets": targets, "posterior": {"shape_study": None}}
         (project / "mine.yaml").write_text(json.dumps(mine))
@@ -52,6 +52,19 @@ def test_samples_are_run_in_every_bench_test_of_the_targets(project):
             assert f"results/quick/{folder}/014.json" in shown
         assert shown.count(f"measure_runs results/quick/{folder} --samples ") == 1
         assert "--apparatus drum" in shown
+    slip = target("drum_slip_deg", 44.0, 2.0, 40.0, 48.0, 5)
+    drum = {"targets": [slip], "surrogate": "gaussian_process", "posterior": {"shape_study": None}}
+    (project / "drum.json").write_text(json.dumps(drum))
+    # Other tests leave results in the study's own folder.
+    nowhere = ("--config", "results_dir=results/nowhere", "validation={published_simulated: null}")
+    both = planned(project, "--configfile", "config/quick.yaml", *nowhere)
+    alone = planned(project, "--configfile", "config/quick.yaml", "drum.json", *nowhere)
+    assert set(both) - set(alone) == {
+        *("draw_figure05", "draw_figure06", "draw_figure08", "draw_definitions", "measure", "trajectory"),
+        "draw_plane",  # one target
+        "draw_figure10",  # a Gaussian process has no nodes
+    }
+    assert set(alone) < set(both)
 
 
 CALL = "command line (--config)"
@@ -59,14 +72,11 @@ STABLE = "expected at most 0.00062, the stable step of a body between two of ber
 
 
 @pytest.mark.essential
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["--config", "funnel={seeds: 0}"], f"{CALL}: funnel.seeds is 0; expected an integer from 1 to 100"),
-        (["--config", "simulation={time_step_s: 2e-3}"], f"{CALL}: simulation.time_step_s is 0.002; {STABLE}"),
-        (["--configfile", "mine.yaml"], "mine.yaml: funnel.seads is 3; expected a known key; did you mean seeds?"),
-    ],
-)
+@pytest.mark.parametrize(("words", "message"), [
+    (["--config", "funnel={seeds: 0}"], f"{CALL}: funnel.seeds is 0; expected an integer from 1 to 100"),
+    (["--config", "simulation={time_step_s: 2e-3}"], f"{CALL}: simulation.time_step_s is 0.002; {STABLE}"),
+    (["--configfile", "mine.yaml"], "mine.yaml: funnel.seads is 3; expected a known key; did you mean seeds?"),
+])  # fmt: skip
 def test_a_bad_value_ends_in_one_message_before_any_work(project, words, message):
     (project / "mine.yaml").write_text("funnel: {seads: 3}\n")
     done = snakemake(project, "--cores", "1", *words)
@@ -112,18 +122,14 @@ def test_the_figures_have_the_configured_formats_and_are_drawn_again_for_others(
 POURS = ("pour", "validation_pour", "trajectory", "drum_run")
 
 
-@pytest.mark.parametrize(
-    ("change", "measured", "poured"),
-    [
-        ("measure={response: whole}", ("measure_runs", "measure_validation_runs"), ()),
-        ("measure={mm_per_pixel: 0.3}", ("measure_runs", "measure_validation_runs", "drum"), ()),
-        ("funnel={rest_motion_mm: 2}", ("measure_runs", "measure_validation_runs"), POURS[:3]),
-        ("drum={fit_share: 0.5, depth_bin_mm: 4}", ("drum",), ()),
-        ("drum={record_s: 0.2}", (), ("drum_run",)),
-        ("network={hidden: 4}", (), ()),
-        ("validation={seeds: 3, representative_seeds: 3}", ("measure_validation_runs",), ("validation_pour",)),
-    ],
-)
+@pytest.mark.parametrize(("change", "measured", "poured"), [
+    ("measure={response: whole}", ("measure_runs", "measure_validation_runs"), ()),
+    ("measure={mm_per_pixel: 0.3}", ("measure_runs", "measure_validation_runs", "drum"), ()),
+    ("funnel={rest_motion_mm: 2}", ("measure_runs", "measure_validation_runs"), POURS[:3]),
+    ("drum={fit_share: 0.5, depth_bin_mm: 4}", ("drum",), ()), ("drum={record_s: 0.2}", (), ("drum_run",)),
+    ("network={hidden: 4}", (), ()),
+    ("validation={seeds: 3, representative_seeds: 3}", ("measure_validation_runs",), ("validation_pour",)),
+])  # fmt: skip
 def test_a_changed_measurement_measures_again_and_pours_nothing(finished, change, measured, poured):
     project, words = finished
     before = planned(project, *words, change, "--", "dataset")
@@ -138,13 +144,10 @@ def test_a_changed_measurement_measures_again_and_pours_nothing(finished, change
         assert jobs.get(rule, count) == count
 
 
-def test_an_engine_compiled_again_is_no_reason_to_pour_again(finished):
+def test_an_engine_compiled_again_is_no_reason_to_pour_again_and_uncertainty_is_a_target_of_its_own(finished):
     project, words = finished
     for targets in (("calibration",), ("drum", "film")):
         assert planned(project, *words, "--forcerun", "warm_up", "--", *targets)["total"] == 1
-
-
-def test_uncertainty_is_a_target_of_its_own(finished):
     project, words = finished
     own = ("noise_tables", "sensitivity_tables")  # the posterior's tables belong to every study
     drawn = ("draw_noise", "draw_corner", "draw_intervals", "draw_discrepancy", "draw_sobol")
@@ -185,22 +188,6 @@ def test_every_figure_and_table_has_a_caption():
         assert name in captions
     for name in re.findall(r'caption="(?:../)+report/(\w+)\.rst"', text):
         assert name in captions
-
-
-def test_a_study_of_the_drum_alone_draws_no_funnel(project):
-    slip = target("drum_slip_deg", 44.0, 2.0, 40.0, 48.0, 5)
-    drum = {"targets": [slip], "surrogate": "gaussian_process", "posterior": {"shape_study": None}}
-    (project / "drum.json").write_text(json.dumps(drum))
-    # Other tests leave results in the study's own folder.
-    nowhere = ("--config", "results_dir=results/nowhere", "validation={published_simulated: null}")
-    both = planned(project, "--configfile", "config/quick.yaml", *nowhere)
-    alone = planned(project, "--configfile", "config/quick.yaml", "drum.json", *nowhere)
-    assert set(both) - set(alone) == {
-        *("draw_figure05", "draw_figure06", "draw_figure08", "draw_definitions", "measure", "trajectory"),
-        "draw_plane",  # one target
-        "draw_figure10",  # a Gaussian process has no nodes
-    }
-    assert set(alone) < set(both)
 
 
 def test_every_job_declares_memory_and_time_and_more_of_both_when_it_is_tried_again(tmp_path):

@@ -167,8 +167,8 @@ def tilted(frames: Mapping[str, np.ndarray], section: InclinedPlaneSettings, las
     qw, qx, qy, qz = np.moveaxis(np.asarray(frames["quaternion"], float), -1, 0)
     quaternion = np.stack([c * qw - s * qy, c * qx + s * qz, c * qy + s * qw, c * qz - s * qx], axis=-1)
     planes = np.array(frames["planes"], float)
-    planes[:, 0, :3] = planes[:, :1, 2] * np.column_stack([np.sin(angle), np.zeros_like(angle), np.cos(angle)])
-    planes[:, 0, 3:6] = -np.column_stack([np.sin(angle), np.zeros_like(angle), np.cos(angle)])
+    normal = np.column_stack([np.sin(angle), np.zeros_like(angle), np.cos(angle)])
+    planes[:, 0, :3], planes[:, 0, 3:6] = planes[:, :1, 2] * normal, -normal
     moved = {"position": position, "quaternion": quaternion, "planes": planes}
     return {**frames, **moved, "tilt_deg": tilt}
 

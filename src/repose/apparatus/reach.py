@@ -128,7 +128,7 @@ class _Piles:
 
     def reach(self, target: Target, definition: str, dataset_csv: str | PathLike | None) -> Reach:
         """Assess one target."""
-        grain_m3, line = self.particle.volume_m3, line_of(vars(self.measure), definition)
+        grain_m3, line = self.particle.volume_m3, line_of(self.measure, definition)
         bound = steepest_deg(definition, self.height_mm, self.grains * grain_m3)
         own = None if dataset_csv is None else _own_band(dataset_csv, target.name, self.height_mm)
         band = own or self.known_band(definition)
@@ -161,7 +161,7 @@ class _Piles:
         alike = np.allclose(np.divide(axes, axes[0]), np.divide(GRAIN_MM, GRAIN_MM[0]), rtol=ALIKE)
         source = f"{row['samples']} samples of the goji berry{'' if alike else ', not of this grain'}"
         source += "" if self.grains == GRAINS else f", {GRAINS} grains each, changed to {self.grains}"
-        source += "" if exact else f", by the nearest line measured, '{line_of(row, definition)}'"
+        source += "" if exact else f", by the nearest line measured, '{line_of(row.to_dict(), definition)}'"
         sd = math.hypot((ends[1] - ends[0]) / 2, 0.0 if alike else OTHER_GRAIN_DEG)
         return Band(angle(row["mean"]), sd, angle(row["largest"]), source)
 

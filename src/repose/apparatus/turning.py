@@ -142,22 +142,18 @@ class TurningTest(drum.RotatingDrum[TurningSettings]):
                 return {**record, "status": "no_surface", "reason": reason, **missing}
             found[name] = float(measured.mean())
             own = {score: profile for score, profile in of_profiles.items() if speed_of(score) == k}
-            found |= self._scores(own, *frames, scene)
+            found |= self._scores(own, frames, scene)
         return {**record, **found}
 
     def _scores(
-        self,
-        profiles: Mapping[str, Mapping[str, Any]],
-        position: np.ndarray,
-        quaternion: np.ndarray,
-        scale: np.ndarray,
-        scene: Scene,
+        self, profiles: Mapping[str, Mapping[str, Any]], frames: tuple[np.ndarray, ...], scene: Scene
     ) -> dict[str, float]:
         """Return scores of the mean surface of frames by their names; `profiles` has the profile of each."""
         from repose.measure import bed
 
         if not profiles:
             return {}
+        position, quaternion, scale = frames
         radius, pixel = drum.Drum.of(self.section(scene.settings)).radius_m, scene.settings.mm_per_pixel
         occupied = bed.occupied_share(position, quaternion, scene.particle, radius, pixel, scale)
         found = {}

@@ -1,5 +1,6 @@
 """The result of a calibration: parameters, and whether their simulated responses meet the targets."""
 
+import math
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -8,10 +9,12 @@ from typing import Any, Self
 
 from repose.chain.chance import PERCENT
 from repose.core.errors import InputError
-from repose.core.files import read_json, read_rows
+from repose.core.files import read_json
 from repose.core.parameters import LABELS, check_value, named
 from repose.core.responses import named as known_response
 from repose.core.studied import Studied
+from repose.core.tables import Column
+from repose.core.tables import read as read_cells
 from repose.core.targets import Target
 from repose.measure.settings import line_for
 
@@ -25,7 +28,11 @@ MORE_POURS = "`repose run refined`, which pours near the answer; or more samples
 CARD = "card.json"
 WITHIN = {percent: f"within_{percent:g}_percent" for percent in PERCENT}
 # A table of an older version lacks the columns of these probabilities; an answer from it would lack them.
-COLUMNS = ("response", "simulated", "simulated_se", "n_seeds", "status", *WITHIN.values())
+COLUMNS = (
+    *(Column(name, str) for name in ("response", "status")),
+    *(Column(name, empty=True) for name in ("simulated", "simulated_se", "n_seeds", *WITHIN.values())),
+    Column("predicted", empty=True, needed=False),
+)
 REPORT = "report.html"
 NOT_AGAIN = "not simulated again"  # status of a check that was not made
 SAID = {True: "targets met", False: "targets NOT met", None: "targets not checked yet"}
@@ -33,18 +40,20 @@ SAID = {True: "targets met", False: "targets NOT met", None: "targets not checke
 
 @dataclass(frozen=True)
 class Check:
-    """One response of the representative solution, simulated with fresh seeds."""
+    """One response of the representative solution, simulated with fresh seeds; its fields are keys of the card."""
 
     response: str
+    apparatus: str  # its bench test
     unit: str
+    measured: float  # mean of the physical repetitions
+    sd: float  # standard deviation of the physical repetitions
+    repetitions: int
+    low: float  # of the target range
+    high: float
     simulated: float | None  # mean of the runs; None if they failed
     standard_error: float | None  # None if they failed, or after a single run
     runs: int
     status: str  # "ok" if the runs can be measured; `NOT_AGAIN` without any
-    measured: float  # mean of the physical repetitions
-    sd: float  # standard deviation of the physical repetitions
-    low: float  # of the target range
-    high: float
     whole: float | None = None  # of a profile's score: what percents are of
     predicted: float | None = None  # by the surrogate, before the runs
     line: str = ""  # of an angle of a pile, in words
@@ -52,10 +61,17 @@ class Check:
     @classmethod
     def of(cls, target: Target, simulated: float | None, standard_error: float | None, runs: int, status: str) -> Self:
         """Make the check of a target, without its prediction."""
-        response, unit = target.name, target.response.unit
-        ends = target.value, target.sd, target.low, target.high
-        whole = None if target.profile is None else target.whole_value
-        return cls(response, unit, simulated, standard_error, runs, status, *ends, whole)
+        about = target.name, target.response.apparatus, target.response.unit
+        ends, whole = (target.low, target.high), None if target.profile is None else target.whole_value
+        check = cls(*about, target.value, target.sd, target.repetitions, *ends, simulated, standard_error, runs, status)
+        return replace(check, whole=whole)
+
+    def row(self) -> dict[str, Any]:
+        """Return its entry in the material card, without the definition of the response."""
+        given = (name for name in ("whole", "predicted") if getattr(self, name) is not None)
+        names = ["response", "apparatus", "unit", "measured", "sd", "repetitions", "low", "high", *given]
+        names += ["simulated", "standard_error", "runs", "status", "met"]
+        return {name: getattr(self, name) for name in names}
 
     @property
     def error_percent(self) -> float | None:
@@ -207,12 +223,20 @@ class Result:
 
 
 def read(
-    study: Studied, summary_json: str | os.PathLike, check_csv: str | os.PathLike, solutions_csv: str | os.PathLike
+    study: Studied,
+    summary_json: str | os.PathLike,
+    check_csv: str | os.PathLike,
+    solutions_csv: str | os.PathLike,
+    strategy: str | None = None,
 ) -> Result:
-    """Read the result in the files of the verbs miga and validate, or of the check of another strategy."""
+    """Read the result in the files of the verbs miga and validate, or of the check of another strategy.
+
+    `strategy` is the one that found it, by default the study's.
+    """
     keys = {"representative": dict, "feasible": bool, "message": str}
     summary = read_json(summary_json, keys, "the answer of a calibration; run it first")
-    rows = {row["response"]: row for row in read_rows(check_csv, COLUMNS, "a table of the verb validate")}
+    table = read_cells(check_csv, COLUMNS, "a table of the verb validate")
+    rows = {row["response"]: row for row in table.rows()}
     targets, settings = study.targets, study.settings
     for name in targets.names:
         if name not in rows:
@@ -226,17 +250,17 @@ def read(
         feasible=summary["feasible"],
         message=summary["message"],
         checks=tuple(
-            replace(_check(target, rows[target.name], check_csv), line=line_for(settings.measure, target.name))
+            replace(_check(target, rows[target.name]), line=line_for(settings.measure, target.name))
             for target in targets
         ),
         folder=Path(settings.results_dir),
         tables=Path(check_csv).parent,
         solutions=Path(solutions_csv),
-        advice=ADVICE.get(settings.strategy, MORE_POURS),
+        advice=ADVICE.get(strategy or settings.strategy, MORE_POURS),
         why=summary.get("why", ""),
         out_of_reach=out_of_reach(summary),
         small_run=settings.small_run,
-        within={percent: _number(rows[targets.names[0]], column, check_csv) for percent, column in WITHIN.items()},
+        within={percent: _number(rows[targets.names[0]], column) for percent, column in WITHIN.items()},
     )
 
 
@@ -270,16 +294,14 @@ def describe_probability(within: Mapping[float, float | None]) -> str:
     return f"probability that all means are near their targets, by these runs alone: {shares}"
 
 
-def _check(target: Target, row: Mapping[str, str], source: object) -> Check:
+def _check(target: Target, row: Mapping[str, Any]) -> Check:
     """Read a row of representative.csv with its target."""
-    simulated, error, runs = (_number(row, key, source) for key in ("simulated", "simulated_se", "n_seeds"))
-    predicted = _number(row, "predicted", source) if "predicted" in row else None
+    simulated, error, runs, predicted = (
+        _number(row, key) for key in ("simulated", "simulated_se", "n_seeds", "predicted")
+    )
     return replace(Check.of(target, simulated, error, int(runs or 0), row["status"]), predicted=predicted)
 
 
-def _number(row: Mapping[str, str], key: str, source: object) -> float | None:
-    """Read a number of a table; None if the cell is empty."""
-    try:
-        return float(row[key]) if row.get(key) else None
-    except ValueError:
-        raise InputError(source, key, row[key], "a number, or nothing") from None
+def _number(row: Mapping[str, Any], key: str) -> float | None:
+    """Return a number of a row; None if its cell is empty or its column missing."""
+    return None if math.isnan(number := row.get(key, math.nan)) else number

@@ -5,14 +5,14 @@ content, `card_text` prints it.
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from repose.apparatus import bench, reach
 from repose.apparatus.settings import SimulationSettings
-from repose.chain.answer import Check, Result
+from repose.chain.answer import Result
 from repose.chain.card_model import POSTERIOR, RANGE, WHAT, check
 from repose.core import provenance
 from repose.core.errors import InputError
@@ -23,7 +23,6 @@ from repose.core.responses import Response, derived
 from repose.core.runs import error_of
 from repose.core.section import Section
 from repose.core.studied import Studied
-from repose.core.targets import Target, Targets
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,6 +31,7 @@ if TYPE_CHECKING:
 
 GRAIN = ("density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa", "poisson_ratio")
 WALL = ("shear_modulus_pa", "poisson_ratio")
+SIMULATION = ("time_step_s", "gravity_m_s2")
 CHOSEN = "measure.response"  # names the definition of a response that has several
 BERRY_HEIGHT = "berry_height_mm"
 CONFIG = "config.json"  # the configuration of a study, beside its card
@@ -44,7 +44,7 @@ AGREEMENT = 1e-6  # relative, of a number of the card and of the configuration
 def make(
     study: Studied,
     answer: Result,
-    berry: Mapping[str, Any],
+    grain: Mapping[str, Any],
     particle: "Particle",
     feasible: "pd.DataFrame",
     posterior: "tuple[pd.DataFrame, pd.DataFrame] | None" = None,
@@ -58,17 +58,18 @@ def make(
     """
     settings = study.settings
     about = {
-        "grain": _grain(settings.berry.size_distribution == "none", berry, particle),
+        "grain": _grain(settings.berry.size_distribution == "none", grain, particle),
         "wall": {key: getattr(settings.wall, key) for key in WALL},
         "laws": laws(settings.simulation),
+        "simulation": {key: getattr(settings.simulation, key) for key in SIMULATION},
     }
     tests = {
-        target.name: described(study, target.response, berry) | _lines(settings.measure, target.name, row or {})
+        target.name: described(study, target.response, grain) | _lines(settings.measure, target.name, row or {})
         for target in study.targets
     }
     for name, found in reach.of(study.config, particle, dataset_csv).items():
         tests[name]["reach"] = found.record()
-    return assembled(about, tests, answer, study.parameters, study.targets, feasible, posterior)
+    return assembled(about, tests, answer, study.parameters, feasible, posterior)
 
 
 def assembled(
@@ -76,7 +77,6 @@ def assembled(
     tests: Mapping[str, Mapping[str, Any]],
     answer: Result,
     space: ParameterSpace,
-    targets: Targets,
     feasible: "pd.DataFrame",
     posterior: "tuple[pd.DataFrame, pd.DataFrame] | None" = None,
 ) -> dict[str, Any]:
@@ -102,7 +102,7 @@ def assembled(
             parameter: {other: round(float(correlations.loc[parameter, other]), 4) for other in space.free}
             for parameter in space.free
         },
-        "tests": [_test(check, target) | dict(tests[target.name]) for check, target in _paired(answer.checks, targets)],
+        "tests": [check.row() | dict(tests[check.response]) for check in answer.checks],
         "met": answer.met,
         "out_of_reach": answer.out_of_reach,
         "reason": answer.reason,
@@ -124,7 +124,7 @@ def laws(settings: SimulationSettings) -> dict[str, str]:
     return sentences | {"end of an impact": contact.ends[settings.tension]}
 
 
-def described(study: Studied, response: Response, berry: Mapping[str, Any]) -> dict[str, Any]:
+def described(study: Studied, response: Response, grain: Mapping[str, Any]) -> dict[str, Any]:
     """Describe a response by its definition and its bench test's settings, with the units in the keys."""
     from repose.measure.settings import MeasureSettings
 
@@ -137,7 +137,7 @@ def described(study: Studied, response: Response, berry: Mapping[str, Any]) -> d
         response = own.get(derived(response.name, measure.response), response)
     settings = {key.rpartition(".")[2]: value for key, value in response.settings(study.config).items()}
     if BERRY_HEIGHT in settings:
-        height = MeasureSettings.of(dict(measure), berry).berry_height_mm
+        height = MeasureSettings.of(dict(measure), grain).berry_height_mm
         settings[BERRY_HEIGHT] = None if height is None else float(f"{height:.6g}")
     if profile is not None:
         settings["profile"] = {"x": list(profile.x), "functions": profile.functions, "covered": profile.covered}
@@ -211,16 +211,17 @@ def _given(name: str, space: ParameterSpace) -> str:
     return "calibrated from a prior" if name in space.prior else "calibrated"
 
 
-def _grain(alike: bool, berry: Mapping[str, Any], particle: "Particle") -> dict[str, Any]:
+def _grain(alike: bool, grain: Mapping[str, Any], particle: "Particle") -> dict[str, Any]:
     """Describe the grain as simulated; `alike` where all have the mean size."""
     return {
-        "mean_axes_mm": [berry[key] for key in ("long_mm", "major_mm", "minor_mm")],
-        "measured": int(berry["n"]),
-        "relative_spread": 0.0 if alike else float(berry["scale_sd"]),
-        **{key: berry[key] for key in GRAIN},
+        "mean_axes_mm": [grain[key] for key in ("long_mm", "major_mm", "minor_mm")],
+        "measured": int(grain["n"]),
+        "relative_spread": 0.0 if alike else float(grain["scale_sd"]),
+        **{key: grain[key] for key in GRAIN},
         "shape": particle.kind,
         "volume_mm3": _rounded(1e9 * particle.volume_m3),
         "mass_g": _rounded(1e3 * particle.mass_kg),
+        "inertia_kg_m2": [_rounded(float(x)) for x in particle.inertia_kg_m2],
         "ellipsoids_mm": [[_rounded(1e3 * x) for x in row] for row in particle.semi_axes_m],
         "spheres_mm": [[_rounded(1e3 * x) for x in row] for row in particle.spheres_m],
     }
@@ -229,33 +230,6 @@ def _grain(alike: bool, berry: Mapping[str, Any], particle: "Particle") -> dict[
 def _rounded(value: float) -> float:
     """Round to six digits; more are not measured."""
     return float(f"{value:.6g}")
-
-
-def _paired(checks: Iterable[Check], targets: Targets) -> list[tuple[Check, Target]]:
-    """Pair each check with its target."""
-    by_name = {target.name: target for target in targets}
-    return [(check, by_name[check.response]) for check in checks]
-
-
-def _test(check: Check, target: Target) -> dict[str, Any]:
-    """Make the entry of one test of the calibration."""
-    return {
-        "response": check.response,
-        "apparatus": target.response.apparatus,
-        "unit": check.unit,
-        "measured": check.measured,
-        "sd": check.sd,
-        "repetitions": target.repetitions,
-        "low": check.low,
-        "high": check.high,
-        **({} if check.whole is None else {"whole": check.whole}),
-        **({} if check.predicted is None else {"predicted": check.predicted}),
-        "simulated": check.simulated,
-        "standard_error": check.standard_error,
-        "runs": check.runs,
-        "status": check.status,
-        "met": check.met,
-    }
 
 
 def _made_by() -> dict[str, Any]:
@@ -281,7 +255,7 @@ def run(
     from repose.particle.particle import Particle
 
     needed = (*SIZE_COLUMNS, "density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa")
-    berry = read_berry(_path(files, "berry"), (*needed, "n"))
+    grain = read_berry(_path(files, "berry"), (*needed, "n"))
     particle = Particle.load(_path(files, "particle"))
     feasible = read_table(_path(files, "feasible"), study.parameters.names)
     posterior = None
@@ -293,7 +267,7 @@ def run(
     if files.get("table4") is not None:
         table4 = read_table(_path(files, "table4"), ("role",))
         row = table4[table4["role"] == "representative"].iloc[0].to_dict()
-    card = make(study, answer, berry, particle, feasible, posterior, files.get("dataset"), row)
+    card = make(study, answer, grain, particle, feasible, posterior, files.get("dataset"), row)
     check(card, out)
     write_json(out, card, indent=1)
     return card
@@ -325,20 +299,17 @@ def read_own(card_json: str | PathLike) -> dict[str, Any]:
     return card
 
 
-def configuration_of_card(card_json: str | PathLike) -> Path:
-    """Find the configuration that a run wrote next to its card; InputError if there is none."""
+def configuration_of_card(card_json: str | PathLike) -> Path | None:
+    """Find the configuration that a run wrote next to its card; None if there is none."""
     path = Path(card_json).with_name(CONFIG)
-    if not path.is_file():
-        allowed = f"the configuration of the study of {card_json}, as no {CONFIG} lies beside it"
-        raise InputError("command line", "--config", None, allowed)
-    return path
+    return path if path.is_file() else None
 
 
 def require_one_study(
-    card: Mapping[str, Any], card_json: str | PathLike, study: Studied, source: str | PathLike, berry: Mapping[str, Any]
+    card: Mapping[str, Any], card_json: str | PathLike, study: Studied, source: str | PathLike, grain: Mapping[str, Any]
 ) -> None:
     """Raise InputError if card and configuration differ in label, grain, wall, contact laws or a bench test."""
-    unlike = list(_differences_from(card, study, berry))
+    unlike = list(_differences_from(card, study, grain))
     if unlike:
         key, mine, expected = unlike[0]
         allowed = f"{expected}, as in {source}: card and configuration of one study"
@@ -347,13 +318,13 @@ def require_one_study(
 
 
 def _differences_from(
-    card: Mapping[str, Any], study: Studied, berry: Mapping[str, Any]
+    card: Mapping[str, Any], study: Studied, grain: Mapping[str, Any]
 ) -> Iterator[tuple[str, Any, Any]]:
     """Find the differences, as (key, value of the card, value of the configuration)."""
-    axes = [berry[key] for key in ("long_mm", "major_mm", "minor_mm")]
+    axes = [grain[key] for key in ("long_mm", "major_mm", "minor_mm")]
     settings = study.settings
     expected = {"material": settings.label, "grain.mean_axes_mm": axes}
-    expected |= {f"grain.{key}": berry[key] for key in GRAIN}
+    expected |= {f"grain.{key}": grain[key] for key in GRAIN}
     expected |= {f"wall.{key}": getattr(settings.wall, key) for key in WALL}
     expected |= {f"laws.{key}": law for key, law in laws(settings.simulation).items()}
     mine = {"material": card["material"]}

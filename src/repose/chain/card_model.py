@@ -59,10 +59,18 @@ class Grain(Wall):
     shape: Literal["ellipsoid", "smooth", "multisphere"]
     volume_mm3: Positive
     mass_g: Positive
+    inertia_kg_m2: Three = absent("principal moments; cards of earlier versions lack them")
     ellipsoids_mm: list[Three] = said("half axes of the ellipsoids that add up to the body")
     spheres_mm: list[Annotated[list[float], Field(min_length=4, max_length=4)]] = said(
         "x, y, z, radius of a multisphere's spheres"
     )
+
+
+class Simulation(Part):
+    """Numbers of every simulation of the study."""
+
+    time_step_s: Positive
+    gravity_m_s2: Positive
 
 
 class Probability(Part):
@@ -190,6 +198,7 @@ class Card(AnyCard):
     grain: Grain
     wall: Wall
     laws: Annotated[dict[str, str], Field(min_length=1)] = said("contact laws by name")
+    simulation: Simulation = absent("cards of earlier versions lack it")
     parameters: dict[Annotated[str, OneOf(lambda: PHYSICAL_LIMITS)], Parameter]
     met: bool
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from repose.core.errors import InputError
+from repose.chain.settings import DesignSettings
 from repose.core.files import write_table
 from repose.core.parameter_space import ParameterSpace
 
@@ -111,22 +111,16 @@ def compare(designs: Mapping[str, np.ndarray]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def design(space: ParameterSpace, samples: int, method: str, seed: int) -> tuple[pd.DataFrame, pd.DataFrame]:
+def design(space: ParameterSpace, section: DesignSettings) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Choose the parameter sets of a study; return them with the table of `compare`.
 
     The free parameters fill their ranges evenly, also with a prior: the surrogate then holds for every value of the
     prior, which is applied in the search and in the posterior.
     """
-    if not _is_integer(samples) or samples < 2:
-        raise InputError("design", "samples", samples, "an integer of at least 2")
-    if not _is_integer(seed) or seed < 0:
-        raise InputError("design", "seed", seed, "an integer of at least 0")
-    if method not in ("lhsdesign", "optimal"):
-        raise InputError("design", "method", method, "lhsdesign or optimal")
     space.check_searchable()
     d = space.dimensions
-    designs = {name: points(samples, d, name, seed) for name in METHODS}
-    return parameter_sets(designs[method], space), compare(designs)
+    designs = {name: points(section.samples, d, name, section.seed) for name in METHODS}
+    return parameter_sets(designs[section.method], space), compare(designs)
 
 
 def points(n: int, d: int, method: str, seed: int) -> np.ndarray:
@@ -145,18 +139,13 @@ def parameter_sets(points: np.ndarray, space: ParameterSpace, first: int = 1) ->
 
 
 def run(
-    space: ParameterSpace, samples: int, method: str, seed: int, out_dir: str | os.PathLike
+    space: ParameterSpace, section: DesignSettings, out_dir: str | os.PathLike
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Write samples.csv and comparison.csv; return both tables (`design`)."""
-    table, comparison = design(space, samples, method, seed)
+    table, comparison = design(space, section)
     write_table(Path(out_dir) / "samples.csv", table, float_format="%.10g")
     write_table(Path(out_dir) / "comparison.csv", comparison, float_format="%.6g")
     return table, comparison
-
-
-def _is_integer(value: object) -> bool:
-    """Tell whether a value is an integer and no bool."""
-    return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
 
 def _check_size(n: int, d: int) -> None:

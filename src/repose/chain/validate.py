@@ -15,7 +15,7 @@ import pandas as pd
 from repose.chain.chance import PERCENT, chance_of_meeting
 from repose.chain.dataset import Job, assemble, read_jobs
 from repose.core.errors import InputError
-from repose.core.files import check_columns, read_table, write_table
+from repose.core.files import read_table, write_table
 from repose.core.parameter_sets import read_samples
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import named
@@ -159,8 +159,7 @@ def run(
     support: Support | None = None,
 ) -> dict[str, pd.DataFrame]:
     """Write table4.csv and representative.csv (`validate`) and published.csv, the table `published`; return them."""
-    solutions = read_samples(solutions_csv)
-    check_columns(solutions_csv, solutions, (*CHOSEN, *targets.predicted))
+    solutions = read_samples(solutions_csv, (*CHOSEN, *targets.predicted))
     solutions["solution"] = solutions["solution"].astype(str)
     jobs = read_jobs(job_json_paths, solutions, targets)
     tables = validate(solutions, jobs, targets, measure) | {"published": published}

@@ -8,10 +8,13 @@ import argparse
 import difflib
 import io
 import os
+import re
 import sys
 import textwrap
 from collections.abc import Sequence
-from contextlib import nullcontext
+from contextlib import nullcontext, redirect_stdout
+from pathlib import Path
+from typing import Any
 
 from repose import __version__
 
@@ -35,6 +38,7 @@ GROUPS = {
 TYPED = tuple(name for names in GROUPS.values() for name in names)
 STAGES = tuple(name for name in VERBS if name not in TYPED)
 STAGE = "stage"
+CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")  # but tab and new line
 EXTRAS = ("cv2", "llvmlite", "matplotlib", "numba", "PIL", "trimesh")  # libraries that only some verbs need
 
 
@@ -57,7 +61,8 @@ def main(words: Sequence[str] | None = None) -> int:
     elif rest:
         parser().error(f"unrecognized arguments: {' '.join(rest)}")
     try:
-        with nullcontext() if verb.passes_on else stage(args, verb.runs):
+        _check_out(args)
+        with redirect_stdout(Printable(sys.stdout)), nullcontext() if verb.passes_on else stage(args, verb.runs):
             status = verb(args) or 0
         sys.stdout.flush()
         return status
@@ -73,6 +78,28 @@ def main(words: Sequence[str] | None = None) -> int:
     except (InputError, OSError) as error:  # the system's message names file and reason: no space, read-only, ...
         print_fault(error)
         return BAD_INPUT
+
+
+class Printable:
+    """A stream that writes control characters of users' texts, such as a terminal's codes, as backslash escapes."""
+
+    def __init__(self, stream: Any) -> None:
+        self.stream = stream
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.stream, name)
+
+    def write(self, text: str) -> int:
+        """Write a text."""
+        self.stream.write(CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode(), text))
+        return len(text)
+
+
+def _check_out(args: argparse.Namespace) -> None:
+    """Refuse to write to the root of the system, or to a path without a name."""
+    out = getattr(args, "out", None)
+    if out is not None and (not out or Path(out).resolve() == Path(out).resolve().parent):
+        raise InputError("command line", "--out", out, "the path of a file or folder to write")
 
 
 def parser() -> argparse.ArgumentParser:

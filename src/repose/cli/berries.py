@@ -1,6 +1,5 @@
-"""The berry and its particle: read from files, or made from the configuration."""
+"""The grain and its particle: read from files, or made from the configuration."""
 
-from collections.abc import Mapping
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +18,7 @@ BERRY_AND_PARTICLE = (
 def berry_and_particle(
     study: "Study", berry_json: str | PathLike | None = None, particle_json: str | PathLike | None = None
 ) -> "tuple[dict[str, Any], Particle]":
-    """Return the berry as in berry.json and its particle, each from its file or else from the study."""
+    """Return the grain as in berry.json and its particle, each from its file or else from the study."""
     from repose.particle import berry_files
     from repose.particle.particle import Particle
 
@@ -35,16 +34,16 @@ def berry_and_particle(
 
 
 def write_berry(study: "Study", out_dir: str | PathLike) -> None:
-    """Write sizes and moduli of the study's berry, with the published values if there are any."""
+    """Write sizes and moduli of the study's grain, with the published values if there are any."""
     from repose.particle import berry
 
     berry.run(study.settings.berry, study.published("table1.csv"), out_dir)
 
 
-def write_particle(config: Mapping[str, Any], berry_json: str | PathLike, out_dir: str | PathLike) -> "Particle":
-    """Write the configuration's particle; `berry_json` is a file of `write_berry`."""
+def write_particle(study: "Study", berry_json: str | PathLike, out_dir: str | PathLike) -> "Particle":
+    """Write the study's particle; `berry_json` is a file of `write_berry`."""
     from repose.particle import build
 
-    section = config["berry"]
-    how = {name: section[name] for name in ("mass_g", "spheres", "surface")}
-    return build.run(berry_json, section["stl"], out_dir, kind=section["particle"], **how)
+    grain = study.settings.berry
+    how: dict[str, Any] = {"mass_g": grain.mass_g, "spheres": grain.spheres, "surface": grain.surface}
+    return build.run(berry_json, grain.stl, out_dir, kind=grain.particle, **how)

@@ -29,9 +29,8 @@ SUPPORT = Option("--dataset", help="dataset.csv; with it solutions beyond its sa
 def dataset(args: argparse.Namespace, study: "Study") -> None:
     from repose.chain import dataset
 
-    targets, definitions = study.targets, study.definitions
     jobs = job_files(args.jobs, args.samples)
-    dataset.run(args.samples, jobs, targets, definitions, args.out, args.prefix)
+    dataset.run(args.samples, jobs, study.targets, study.definitions, args.out, args.prefix)
 
 
 @verb(
@@ -58,18 +57,9 @@ def network(args: argparse.Namespace, study: "Study") -> None:
 def miga(args: argparse.Namespace, study: "Study") -> None:
     from repose.chain import invert
 
-    summary = invert.run(
-        args.network,
-        study.parameters,
-        study.targets,
-        study.settings.miga,
-        study.published("table3.csv"),
-        args.out,
-        _support(args, study),
-        study.definitions,
-        args.config,
-    )
-    print(summary["message"])
+    settings, published = study.settings.miga, study.published("table3.csv")
+    of_study = args.network, study.parameters, study.targets, settings, published, args.out
+    print(invert.run(*of_study, _support(args, study), study.definitions, args.config)["message"])
 
 
 @verb(
@@ -94,7 +84,7 @@ def published_solutions(args: argparse.Namespace, study: "Study") -> None:
 
 
 @verb(
-    "collect the runs of the published parameter sets in one table, beside what was published of their piles",
+    "collect the runs of the published parameter sets in one table, with what was published of their piles",
     example="results/validation/heaps/1??.json --out results",
     out="results",
     options=[Option("jobs", nargs="*", help="JSON files that measure_runs wrote, one for each set")],
@@ -108,9 +98,9 @@ def published_sets(args: argparse.Namespace, study: "Study") -> None:
     outdated = stands_on.outdated(study.config, [*jobs, *(job.with_suffix(".pours.json") for job in jobs)])
     if outdated:
         raise InputError(outdated[0], "provenance", "another", f"runs by this engine as {args.config} asks for")
-    engine = (provenance.current() or {}).get("engine")
-    by, out = ({"engine": engine, "scene": stands_on.scene(study.config)}, Path(args.out) / "published_sets.csv")
+    by = {"engine": (provenance.current() or {}).get("engine"), "scene": stands_on.scene(study.config)}
     published, names = _published(args, study), study.parameters.names
+    out = Path(args.out) / "published_sets.csv"
     validate.write_published_sets(published, args.jobs, study.targets, names, by, out)
 
 
@@ -137,9 +127,9 @@ def validate(args: argparse.Namespace, study: "Study") -> None:
     from repose.config import stands_on
     from repose.core.provenance import engine_hash
 
-    config, targets, names = study.config, study.targets, study.parameters.names
-    by = {"engine": engine_hash(), "scene": stands_on.scene(config)}
-    stored, measure = config["validation"]["published_simulated"], config["measure"]
+    targets, names, measure = study.targets, study.parameters.names, dict(study.settings.measure)
+    by = {"engine": engine_hash(), "scene": stands_on.scene(study.config)}
+    stored = study.settings.validation.published_simulated
     published = validate.compared_with_published(stored, targets.responses, names, measure, by)
     support = _support(args, study)
     validate.run(args.solutions, args.jobs, targets, measure, published, args.out, support)

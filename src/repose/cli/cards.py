@@ -50,7 +50,7 @@ def card(args: argparse.Namespace) -> int:
         FEASIBLE,
         Option("--summary", default=MIGA, help="file of the verb miga: the answer"),
         Option("--representative", default=VALIDATION, help="file of the verb validate: the check of the answer"),
-        Option("--table4", help="table4.csv beside it: its piles by every definition of the angle"),
+        Option("--table4", help="table4.csv of the same verb: the piles by every definition of the angle"),
         Option("--posterior", help="posterior.csv; with --draws its intervals and correlations stand in the card"),
         Option("--draws", help="draws.csv of the same posterior"),
         Option("--dataset", help="dataset.csv of the study's design: what angles its piles have"),

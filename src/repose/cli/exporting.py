@@ -1,6 +1,7 @@
 """The verb that writes the answer as input of other simulation programs."""
 
 import argparse
+from typing import TYPE_CHECKING
 
 from repose.cli.parameter_sets import PARAMETER_SET, parameters
 from repose.cli.registry import CONFIG, Option, load, verb
@@ -8,6 +9,10 @@ from repose.core import provenance
 from repose.core.errors import InputError
 from repose.core.section import AUTO
 from repose.export import PROGRAMS, write
+
+if TYPE_CHECKING:
+    from repose.config.study import Study
+    from repose.particle.particle import Particle
 
 # Spheres of a clump: the default, and the most that fill a mesh here.
 SPHERES, MOST = 14, 64
@@ -21,7 +26,7 @@ SPHERES, MOST = 14, 64
     options=[
         CONFIG.but(
             default=None,
-            help="the study's configuration (default: config.json beside the card; no card: config/config.yaml)",
+            help="the study's configuration (default: config.json in the folder of the card, if it is there)",
         ),
         Option("--to", required=True, choices=PROGRAMS, help="the program"),
         Option("--card", help="card.json of the finished study: its parameters"),
@@ -37,44 +42,61 @@ SPHERES, MOST = 14, 64
     ],
 )
 def export(args: argparse.Namespace) -> None:
-    from repose.chain import card
+    from repose.chain import card, card_study
     from repose.cli.berries import berry_and_particle
-    from repose.config.study import Study
     from repose.export.job import is_sphere, make
 
     study = None if args.config is None else load(args)
     _check_source(args)
     of_card = None if args.card is None else card.read_own(args.card)
-    if study is None:
-        configuration = None if of_card is None else card.configuration_of_card(args.card)
-        args.config = CONFIG.keywords["default"] if configuration is None else str(configuration)
-        study = load(args)
     if args.seed < 0:
         raise InputError("command line", "--seed", args.seed, "a whole number from 0")
     if args.spheres is not None and not 1 <= args.spheres <= MOST:
         raise InputError("command line", "--spheres", args.spheres, f"from 1 to {MOST}")
-    berry, particle = berry_and_particle(study)
-    spheres = args.spheres or (None if particle.is_clump or is_sphere(particle) else SPHERES)
-    if spheres is not None and spheres > 1:
-        filled = {"particle": "multisphere", "spheres": spheres, "surface": "smooth"}
-        # spheres at one place add up in stiffness, so their step may have to be shorter than that of a smooth body
-        step_s = study.config["simulation"]["time_step_s"]
-        automatic = study.config["simulation"] | {"time_step_s": AUTO}
-        changed = {"berry": study.config["berry"] | filled, "simulation": automatic}
-        study = Study.of(study.config | changed, args.config)
-        automatic["time_step_s"] = min(step_s, study.config["simulation"]["time_step_s"])
-        study = Study.of(study.config | {"simulation": automatic}, args.config)
-        provenance.note_config(study.config)
-        berry, particle = berry_and_particle(study)
-    config = study.config
-    if of_card is None:
-        values = parameters(args.set, args.samples, args.sample, config["parameters"])
-    else:
-        card.require_one_study(of_card, args.card, study, args.config, berry)
+    if study is None:
+        found = None if args.card is None else card.configuration_of_card(args.card)
+        if found is not None or of_card is None:
+            args.config = str(found or CONFIG.keywords["default"])
+            study = load(args)
+
+    def spheres_of(particle: "Particle") -> int | None:
+        return args.spheres or (None if particle.is_clump or is_sphere(particle) else SPHERES)
+
+    if study is not None:
+        grain, particle = berry_and_particle(study)
+        spheres = spheres_of(particle)
+        if spheres is not None and spheres > 1:
+            study = _with_clump(study, spheres, args.config)
+            grain, particle = berry_and_particle(study)
+        config = study.config
+        if of_card is not None:
+            card.require_one_study(of_card, args.card, study, args.config, grain)
+    elif of_card is not None:
+        config, grain = card_study.configuration_of(of_card, args.card), of_card["grain"]
+        spheres = spheres_of(card_study.particle_of(of_card, None, args.card))
+        particle = card_study.particle_of(of_card, spheres, args.card)
+    if of_card is not None:
         values = {name: row["value"] for name, row in of_card["parameters"].items()}
-    job = make(config, values, particle, berry, args.seed, one_sphere=spheres == 1)
+    else:
+        assert study is not None
+        values = parameters(args.set, args.samples, args.sample, study)
+    job = make(config, values, particle, grain, args.seed, one_sphere=spheres == 1)
     for path in write(job, args.to, args.out):
         print(path)
+
+
+def _with_clump(study: "Study", spheres: int, source: str) -> "Study":
+    """Give a study a clump as its particle; its time step may have to be shorter than that of a smooth body."""
+    from repose.config.study import Study
+
+    filled = {"particle": "multisphere", "spheres": spheres, "surface": "smooth"}
+    # spheres at one place add up in stiffness
+    automatic = study.config["simulation"] | {"time_step_s": AUTO}
+    changed = Study.of(study.config | {"berry": study.config["berry"] | filled, "simulation": automatic}, source)
+    steps = study.settings.simulation.time_step_s, changed.settings.simulation.time_step_s
+    study = Study.of(changed.config | {"simulation": automatic | {"time_step_s": min(steps)}}, source)
+    provenance.note_config(study.config)
+    return study
 
 
 def _check_source(args: argparse.Namespace) -> None:

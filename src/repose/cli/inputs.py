@@ -1,4 +1,4 @@
-"""Verbs for the inputs of a study: the berry, its particle, the points to simulate."""
+"""Verbs for the inputs of a study: the grain, its particle, the points to simulate."""
 
 import argparse
 from typing import TYPE_CHECKING
@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     options=[
         Option("--axes", type=float, nargs=3, metavar="MM", help="build a mesh instead: its three axes"),
         Option("--stl", help="the mesh file to build; with --axes and --mass-g", recorded=False),
-        Option("--mass-g", type=float, help="mass of the berry to build in g; it determines how full the shape is"),
+        Option("--mass-g", type=float, help="mass of the grain to build in g; it determines how full the shape is"),
         Option("--density", type=float, help="its density in kg/m3 (the configuration's)"),
         Option("--taper", type=float, default=0.0, help="widening at one end, as a fraction of the width (0)"),
-        Option("--wrinkles", type=int, default=0, help="number of grooves along the berry (0)"),
+        Option("--wrinkles", type=int, default=0, help="number of grooves along the grain (0)"),
         Option("--wrinkle-depth-mm", type=float, default=0.0, help="depth of the grooves in mm (0)"),
     ],
 )
@@ -37,13 +37,13 @@ def berry(args: argparse.Namespace) -> None:
 
 
 def _build(args: argparse.Namespace) -> None:
-    """Build the mesh of a berry from a few numbers."""
+    """Build the mesh of a grain from a few numbers."""
     from repose.particle import mesh_from_axes
 
     if not (args.axes and args.stl and args.mass_g):
         raise InputError("command line", "berry --axes", args.axes, "together with --mass-g and --stl")
     stated = args.density
-    density = load(args).config["berry"]["density_kg_m3"] if stated is None else stated
+    density = load(args).settings.berry.density_kg_m3 if stated is None else stated
     details = (args.taper, args.wrinkles, args.wrinkle_depth_mm)
     mesh, number = mesh_from_axes.berry_mesh(args.axes, args.mass_g, density, *details, source="command line")
     stl = mesh.export(file_type="stl")
@@ -55,27 +55,25 @@ def _build(args: argparse.Namespace) -> None:
 
 
 @verb(
-    "make mesh and particle of the berry, with volume, mass, inertia and deviation from the mesh",
+    "make mesh and particle of the grain, with volume, mass, inertia and deviation from the mesh",
     example="--berry results/berry/berry.json",
     out="results/berry",
     options=[BERRY],
 )
 def shape(args: argparse.Namespace, study: "Study") -> None:
-    write_particle(study.config, args.berry, args.out)
+    write_particle(study, args.berry, args.out)
 
 
 @verb(
     "make the Latin hypercube design of the contact parameters, or of your own simulator's parameters",
     example="--out results/design",
     out="results/design",
-    study=own_simulator.of_either,
+    study=own_simulator.load_any_study,
 )
 def design(args: argparse.Namespace, study: "Study") -> None:
     from repose.chain import design
 
-    if own_simulator.is_one(study):
+    if own_simulator.has_own_simulator(study):
         own_simulator.write_start(args, study)
         return
-    section = study.config["design"]
-    space = study.parameters
-    design.run(space, section["samples"], section["method"], section["seed"], args.out)
+    design.run(study.parameters, study.settings.design, args.out)

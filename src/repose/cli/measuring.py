@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from repose.cli.options import BERRY, JSON
-from repose.cli.registry import Option, load, verb
+from repose.cli.registry import CONFIG, Option, load, verb
 from repose.config.keys import section
 from repose.core.errors import InputError, raise_together
 from repose.core.files import json_text
@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 
 # Pixel sizes from a microscope to a heap in a hall [mm].
 SCALES = (1e-3, 100.0)
+LINE = "its line of the angle (default: from foot to crest)"
+BENCHES = "funnel or lifted_cylinder, which leave a pile, turning or drawdown"
+POINTS = "three points of the drum's inner rim, or of the box's two lower inner corners"
 SIZES = "sizes.csv"  # of a crop's folder
 
 
@@ -40,28 +43,10 @@ SIZES = "sizes.csv"  # of a crop's folder
             help="instead of the scale: a level length and the pixels of its ends, column and row",
         ),
         Option("--base-row", type=float, help="row of the plate in pixels from the top, without the sheet"),
-        Option(
-            "--grain-mm", type=float, help="height of a grain, for the secant (from the sizes of --config or sizes.csv)"
-        ),
-        Option(
-            "--configfile",
-            "--config",
-            dest="config",
-            help="the study that the photographs are for; its line of the angle (default: from foot to crest)",
-            recorded=False,
-        ),
-        Option(
-            "--bench",
-            default="funnel",
-            help="bench test: funnel or lifted_cylinder, which leave a pile, turning or drawdown (funnel)",
-        ),
-        Option(
-            "--points",
-            nargs="+",
-            type=float,
-            metavar="PX",
-            help="column and row of three points of the drum's inner rim, or of the box's two lower inner corners",
-        ),
+        Option("--grain-mm", type=float, help="height of a grain, for the secant (by --config or sizes.csv)"),
+        CONFIG.but(default=None, help=f"the study that the photographs are for; {LINE}"),
+        Option("--bench", default="funnel", help=f"bench test: {BENCHES} (funnel)"),
+        Option("--points", nargs="+", type=float, metavar="PX", help=f"column and row of {POINTS}"),
         Option("--doubtful", action="store_true", help="doubtful photographs count in the mean and in the targets"),
         JSON.but(help="print every number as JSON"),
     ],
@@ -83,9 +68,8 @@ def measure(args: argparse.Namespace) -> None:
     for option, value in (of_sheet if args.bench not in of_pile else {"--points": args.points}).items():
         if value:
             raise InputError("command line", option, value, f"nothing with --bench {args.bench}")
-    pictures = [Path(name) for name in args.pictures]
     out = Path(args.out)
-    pictures, faults = photographs.readable(pictures)
+    pictures, faults = photographs.readable([Path(name) for name in args.pictures])
     if not pictures:
         raise_together(faults)
     for fault in faults:
@@ -103,10 +87,8 @@ def measure(args: argparse.Namespace) -> None:
         return
     results = photographs.measure_all(pictures, how, scale, [Path(name) for name in args.lens])
     for photograph, overlay in zip(results, overlays, strict=True):
-        if photograph.measurement is not None:
-            shown = drawing.overlay(photograph.view, photograph.measurement)
-        else:
-            shown = drawing.overlay_of_refused(photograph.view, photograph.pile)
+        view, pile, measured = photograph.view, photograph.pile, photograph.measurement
+        shown = drawing.overlay_of_refused(view, pile) if measured is None else drawing.overlay(view, measured)
         write_image(overlay, shown)
     allowed = "a pile with two flanks, seen from the side; {} shows the part taken for the pile"
     if all(photograph.measurement is None for photograph in results):
@@ -163,12 +145,9 @@ def _scale(args: argparse.Namespace) -> "Scale":
     number("--square-mm", args.square_mm, 1, 1000)
     if args.length:
         number("--length", args.length[0], 1, 1e5)
-        found = level_length(*args.length)
-        if found is None:
-            allowed = (
-                f"two ends at least {LEAST_PX} pixels apart, the left one first, "
-                f"level within {MOST_LEVEL_DEG:g} degrees"
-            )
+        if (found := level_length(*args.length)) is None:
+            apart = f"two ends at least {LEAST_PX} pixels apart, the left one first"
+            allowed = f"{apart}, level within {MOST_LEVEL_DEG:g} degrees"
             raise InputError("command line", "--length", args.length, allowed)
         scale, level = found
     if scale is not None:
@@ -187,10 +166,10 @@ def _settings(args: argparse.Namespace) -> "MeasureSettings":
     if args.grain_mm is not None and not 0.1 <= args.grain_mm <= 1000:
         raise InputError("command line", "--grain-mm", args.grain_mm, "a number from 0.1 to 1000")
     section: dict[str, Any] = {"berry_height_mm": None}
-    sizes_csv = Path(SIZES) if Path(SIZES).is_file() else None
+    sizes_csv = SIZES if Path(SIZES).is_file() else None
     if args.config is not None:
-        config = load(args).config
-        section, sizes_csv = dict(config["measure"]), config["berry"]["sizes"]
+        settings = load(args).settings
+        section, sizes_csv = dict(settings.measure), settings.berry.sizes
     if args.grain_mm is not None:
         section["berry_height_mm"] = args.grain_mm
     if section["berry_height_mm"] is not None or sizes_csv is None:
@@ -236,7 +215,7 @@ def silhouette(args: argparse.Namespace, study: "Study") -> None:
 
     if not math.isfinite(args.azimuth):
         raise InputError("command line", "--azimuth", args.azimuth, "a finite angle")
-    how = MeasureSettings(**study.config["measure"])
+    how = MeasureSettings(**dict(study.settings.measure))
     picture = side_view(first_pour(args.heap), Particle.load(args.particle), how, args.azimuth)
     write_image(args.out, picture)
 
@@ -256,8 +235,7 @@ def measure_silhouette(args: argparse.Namespace, study: "Study") -> None:
     from repose.measure import drawing, pile
     from repose.particle.berry_files import read_berry
 
-    section = study.config["measure"]
-    how = pile.MeasureSettings.of(section, read_berry(args.berry))
+    how = pile.MeasureSettings.of(dict(study.settings.measure), read_berry(args.berry))
     image = pile.read_image(args.picture)
     try:
         measured = pile.measure_image(image, how.mm_per_pixel, how)

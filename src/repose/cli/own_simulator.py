@@ -3,7 +3,7 @@
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from repose.cli.registry import Option, load, verb
 from repose.core import places
@@ -26,14 +26,14 @@ def _study(args: argparse.Namespace) -> "Study":
     return Study.own(args.config, args.runs if args.verb == "ask" else None)
 
 
-def of_either(args: argparse.Namespace) -> "Study":
+def load_any_study(args: argparse.Namespace) -> "Study":
     """Load the study of --config, for our simulator or for one of the user's own."""
     from repose.config.own import is_own
 
     return _study(args) if is_own(places.find(args.config)) else load(args)
 
 
-def is_one(study: "Study") -> bool:
+def has_own_simulator(study: "Study") -> bool:
     """Return whether a study is for a simulator of the user's own."""
     return "simulator" in study.config
 
@@ -85,7 +85,8 @@ def ask(args: argparse.Namespace, study: "Study") -> None:
     if found.notes:  # it follows from runs
         _warn(noise_from(study, observed_of(known, study.parameters, study.targets)[0]).warning)
     if "probability" in found.notes:
-        tolerance = study.config["sequential"]["tolerance_percent"]
+        settings: Any = study.settings  # with the section of the strategy
+        tolerance = settings.sequential.tolerance_percent
         print(
             f"{len(known)} runs; the best point lies within {tolerance:g} % of all targets "
             f"with probability {found.notes['probability']:.2f}"

@@ -1,15 +1,18 @@
 """Options for the contact parameters and seeds of a simulation, and their values."""
 
 from argparse import ArgumentTypeError, Namespace
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from repose.cli.options import pairs
 from repose.cli.registry import Option
 from repose.core import seeds as streams
 from repose.core.errors import InputError
 from repose.core.parameter_sets import read_sample
-from repose.core.parameters import FURTHER, LABELS, PARAMETERS, check_value, named
+from repose.core.parameters import FURTHER, LABELS, PARAMETERS, check_value
+
+if TYPE_CHECKING:
+    from repose.config.study import Study
 
 MOST_SEEDS = 10_000  # runs of a parameter set; a study has at most 1000
 PARAMETER_SET = (
@@ -49,30 +52,27 @@ STUDY_SEEDS = (
 )
 
 
-def parameters(
-    entries: Sequence[str], samples: str | None, sample: int | None, section: Mapping[str, Any]
-) -> dict[str, float]:
+def parameters(entries: Sequence[str], samples: str | None, sample: int | None, study: "Study") -> dict[str, float]:
     """Read the parameters by name from --set or a row of --samples; one not set has the centre of its range."""
+    known = study.parameters.names
     chosen = pairs(entries, "--set")
     if samples:
         if chosen or sample is None:
             raise InputError("command line", "--samples", samples, "together with --sample, without --set")
         found = read_sample(samples, sample)
         for name in found:
-            if name not in named(section):
+            if name not in known:
                 allowed = "no such column: the study has no parameter of this name, or its laws lack it"
                 raise InputError(f"{samples}, sample {sample}", name, found[name], allowed)
         return found
     if sample is not None:
         raise InputError("command line", "--sample", sample, "together with --samples")
     for name, value in chosen.items():
-        if name not in named(section):
-            known = ", ".join(f"{key} ({LABELS[key]})" for key in named(section))
-            raise InputError("command line", f"--set {name}", value, f"a parameter of {known}")
-    from repose.core.parameter_space import ParameterSpace
-
+        if name not in known:
+            listed = ", ".join(f"{key} ({LABELS[key]})" for key in known)
+            raise InputError("command line", f"--set {name}", value, f"a parameter of {listed}")
     values = {name: check_value(name, value, "command line") for name, value in chosen.items()}
-    return ParameterSpace.of(section).centre | values
+    return study.parameters.centre | values
 
 
 def run_seeds(seeds: list[int] | None) -> list[int]:

@@ -1,8 +1,8 @@
-"""Verbs that simulate: berries in any bench test, and the tables of the drum."""
+"""Verbs that simulate: grains in any bench test, and the tables of the drum."""
 
 import argparse
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, Any
 
 from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle
 from repose.cli.options import JSON, SAMPLES
@@ -14,12 +14,11 @@ from repose.core import provenance
 from repose.core.errors import InputError
 from repose.core.files import json_text
 from repose.core.parameter_sets import job_files
+from repose.core.runs import describe
 
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
-    from repose.apparatus.bench_test import BenchTest, Scene
-    from repose.apparatus.job import Progress
     from repose.config.study import Study
 
 SIMULATION = (*PARAMETER_SET, SEED, *BERRY_AND_PARTICLE)
@@ -39,18 +38,6 @@ MEASURE = Option(
 )
 
 
-class _Job(NamedTuple):
-    """A job from the command line: the arguments of `repose.apparatus.job.pour_job`."""
-
-    test: "BenchTest[Any]"
-    scene: "Scene"
-    name: str
-    seeds: list[int]
-    out_dir: str
-    interval_s: float | None
-    progress: "Progress | None"
-
-
 @verb(
     "compile the engine for a study's particle, so that runs that start together do not each compile it",
     example="--config config/quick.yaml",
@@ -60,9 +47,9 @@ def warm_up(args: argparse.Namespace, study: "Study") -> None:
     from repose.apparatus import Scene, warm_up
     from repose.dem.cache import folder
 
-    berry_of, particle = berry_and_particle(study, args.berry, args.particle)
-    values = parameters([], None, None, study.config["parameters"])
-    took_s = warm_up.warm_up(Scene.of(study.config, values, berry_of, particle), args.cores)
+    values = parameters([], None, None, study)
+    scene = Scene.of(study.config, values, *berry_and_particle(study, args.berry, args.particle))
+    took_s = warm_up.warm_up(scene, args.cores)
     print(f"the engine was ready after {took_s:.1f} s; its compiled code is in {folder()}")
 
 
@@ -78,14 +65,14 @@ def pour(args: argparse.Namespace, study: "Study") -> None:
     from repose.apparatus.job import measured, pour_job
 
     job = _job(args, study, args.apparatus)
-    pours = pour_job(**job._asdict(), keeps_runs=args.keep_runs)
+    pours = pour_job(**job, keeps_runs=args.keep_runs)
     print(pours)
     if args.measure:
         as_measured = argparse.Namespace(**(vars(args) | {"verb": "measure_runs", "pours": [str(pours)]}))
         with recorded(as_measured, "measured"):
             provenance.note_config(study.config)
             if kept_runs.read_measurement(pours) is None:
-                kept_runs.write_measurement(pours, measured(job.scene, pours))
+                kept_runs.write_measurement(pours, measured(job["scene"], pours))
 
 
 @verb(
@@ -99,41 +86,40 @@ def heap(args: argparse.Namespace, study: "Study") -> None:
     from repose.apparatus.job import measure_job, pour_job
 
     job = _job(args, study, "funnel")
-    result = measure_job(job.scene, pour_job(**job._asdict()))
-    if args.json:
-        print(json_text(_flat(result) if len(result["runs"]) == 1 else result))
+    result = measure_job(job["scene"], pour_job(**job))
+    if args.json and len(result["runs"]) == 1:
+        print(json_text({key: result[key] for key in ("parameters", "time_step_s")} | result["runs"][0]))
     else:
-        for run in result["runs"]:
-            print(describe(run, job.test.summary))
+        _print(result["runs"], job["test"].summary, result if args.json else None)
 
 
-def _job(args: argparse.Namespace, study: "Study", apparatus: str) -> _Job:
-    """Make the job of the options."""
+def _print(runs: Iterable[Mapping[str, Any]], template: str, content: Any, before: str = "") -> None:
+    """Print measured runs as text, or `content` as JSON."""
+    lines = [f"{before}{describe(run, template)}" for run in runs]
+    print("\n".join(lines) if content is None else json_text(content))
+
+
+def _job(args: argparse.Namespace, study: "Study", apparatus: str) -> dict[str, Any]:
+    """Make the arguments of `repose.apparatus.job.pour_job` from the options."""
     from repose.apparatus import Scene, bench
-    from repose.apparatus.settings import SceneSettings, SimulationSettings
+    from repose.apparatus.settings import SceneSettings
     from repose.dem.io.progress import display
 
     test = bench(apparatus, "command line")
     section(study.config, apparatus)
-    values = parameters(args.set, args.samples, args.sample, study.config["parameters"])
-    seeds = pour_seeds(args, study.config["design"]["seed"], apparatus)
-    step, end = SimulationSettings.of(study.config).time_step_s, test.duration_s(SceneSettings(study.config))
+    values = parameters(args.set, args.samples, args.sample, study)
+    seeds = pour_seeds(args, study.settings.design.seed, apparatus)
+    step, end = study.settings.simulation.time_step_s, test.duration_s(SceneSettings(study.config))
     if args.trajectory is not None and not step <= args.trajectory <= end:
         raise InputError("command line", "--trajectory", args.trajectory, f"from {step:g} to {end:g} s")
-    berry_of, particle = berry_and_particle(study, args.berry, args.particle)
+    name = f"{args.sample:03d}" if args.sample is not None else ("heap" if apparatus == "funnel" else apparatus)
+    scene = Scene.of(study.config, values, *berry_and_particle(study, args.berry, args.particle))
 
     def progress(seed: int) -> "AbstractContextManager[Callable[[float], object]]":
         return display(0.0, end, step, label=f"seed {seed}")
 
-    name = f"{args.sample:03d}" if args.sample is not None else ("heap" if apparatus == "funnel" else apparatus)
-    scene = Scene.of(study.config, values, berry_of, particle)
-    return _Job(test, scene, name, seeds, args.out, args.trajectory, progress)
-
-
-def _flat(result: Mapping[str, Any]) -> dict[str, Any]:
-    """Make one record of the result of a job with one seed."""
-    shared = {key: result[key] for key in ("parameters", "time_step_s")}
-    return shared | result["runs"][0]
+    job = {"test": test, "scene": scene, "name": name, "seeds": seeds, "out_dir": args.out}
+    return job | {"interval_s": args.trajectory, "progress": progress}
 
 
 @verb(
@@ -143,12 +129,12 @@ def _flat(result: Mapping[str, Any]) -> dict[str, Any]:
         Option(
             "pours",
             nargs="+",
-            help="NAME.pours.json files of pour or heap, NAME.npz beside them; or a folder, of all --samples",
+            help="NAME.pours.json files of pour or heap, with NAME.npz in their folder; or a folder, of all --samples",
         ),
         SAMPLES.but(help="the samples of a folder"),
         Option("--out", help="folder for NAME.json (the folder of the pours)", recorded=False),
         *BERRY_AND_PARTICLE,
-        KEEP.but(help="keep each measurement beside its runs, and take a kept one that is the same"),
+        KEEP.but(help="keep each measurement with its runs, and take a kept one that is the same"),
     ],
     runs="measured",
 )
@@ -157,13 +143,10 @@ def measure_runs(args: argparse.Namespace, study: "Study") -> None:
     from repose.apparatus.job import measure_job
     from repose.measure.saved_pours import POURS
 
-    berry_of, particle = berry_and_particle(study, args.berry, args.particle)
-    scene = Scene.of(study.config, {}, berry_of, particle)
+    scene = Scene.of(study.config, {}, *berry_and_particle(study, args.berry, args.particle))
     for path in job_files(args.pours, args.samples, POURS):
         result = measure_job(scene, path, args.out, args.keep_runs)
-        template = bench_of(result).summary
-        for run in result["runs"]:
-            print(f"{path}: {describe(run, template)}")
+        _print(result["runs"], bench_of(result).summary, None, f"{path}: ")
 
 
 @verb(
@@ -177,16 +160,10 @@ def drum(args: argparse.Namespace, study: "Study") -> None:
     from repose.apparatus import Scene, bench, drum_tables
 
     section(study.config, "drum")
-    values = parameters(args.set, args.samples, args.sample, study.config["parameters"])
-    seeds = run_seeds(args.seed)
-    berry_of, particle = berry_and_particle(study, args.berry, args.particle)
-    scene = Scene.of(study.config, values, berry_of, particle)
-    results = drum_tables.run_job(scene, seeds, args.out)
-    if args.json:
-        print(json_text(results))
-    else:
-        for result in results:
-            print(describe(result["run"], bench("drum").summary))
+    values = parameters(args.set, args.samples, args.sample, study)
+    scene = Scene.of(study.config, values, *berry_and_particle(study, args.berry, args.particle))
+    results = drum_tables.run_job(scene, run_seeds(args.seed), args.out)
+    _print([result["run"] for result in results], bench("drum").summary, results if args.json else None)
 
 
 @verb(
@@ -201,13 +178,3 @@ def drum_tables(args: argparse.Namespace, study: "Study") -> None:
     section(study.config, "drum")
     _, particle = berry_and_particle(study, args.berry, args.particle)
     drum_tables.run(args.runs, study.config, particle, args.out)
-
-
-def describe(run: Mapping[str, Any], template: str) -> str:
-    """Describe a measured run by the bench test's `template`, a failed run by its reason."""
-    if run["status"] != "ok":
-        return f"seed {run['seed']}: {run['status']}: {run['reason']}"
-    try:
-        return f"seed {run['seed']}: {template.format(**run)}"
-    except (KeyError, TypeError):  # a response that is no target and could not be measured
-        return f"seed {run['seed']}: ok"

@@ -7,8 +7,7 @@ import shlex
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from itertools import pairwise
+from collections.abc import Callable, Iterator
 from types import FrameType
 from typing import Any
 
@@ -17,8 +16,9 @@ from repose.cli.stages import note_built_in_crop
 from repose.core import places
 from repose.core.errors import BAD_INPUT, InputError
 
-PROFILE_OPTIONS = ("--profile", "--workflow-profile")
-JOBS_OPTIONS = ("-j", "--jobs", *PROFILE_OPTIONS)
+SEVERAL: dict[str, Any] = {"nargs": "+", "action": "extend", "default": [], "recorded": False}
+ORDER = "each over the one before it; one of the program's own needs no copy"
+HANDED_ON = ("configfile", "config", "cores", "jobs", "profile", "workflow_profile", "directory", "snakefile")
 
 
 @verb(
@@ -28,27 +28,13 @@ JOBS_OPTIONS = ("-j", "--jobs", *PROFILE_OPTIONS)
     config=False,
     passes_on=True,
     options=[
-        Option(
-            "--configfile",
-            "--configfiles",
-            nargs="+",
-            action="extend",
-            default=[],
-            metavar="FILE",
-            help="configurations, each over the one before it; one of the program's own needs no copy",
-            recorded=False,
-        ),
-        Option(
-            "--config",
-            "-C",
-            nargs="+",
-            action="extend",
-            default=[],
-            metavar="KEY=VALUE",
-            help="over the files",
-            recorded=False,
-        ),
+        Option("--configfile", "--configfiles", metavar="FILE", help=f"configurations, {ORDER}", **SEVERAL),
+        Option("--config", "-C", metavar="KEY=VALUE", help="over the files", **SEVERAL),
         Option("--cores", "-c", metavar="N", help="cores (all)"),
+        Option("--jobs", "-j", metavar="N", help="jobs at a time, on a cluster"),
+        Option("--profile", metavar="FOLDER", help="profile of snakemake, such as profiles/slurm"),
+        Option("--workflow-profile", metavar="FOLDER", help="in place of profiles/default"),
+        Option("--directory", "-d", metavar="FOLDER", help="folder to run in"),
         Option("--snakefile", "-s", metavar="FILE", help="another workflow"),
         Option("--list", action="store_true", help="name the studies with their cost"),
     ],
@@ -69,9 +55,11 @@ def run(args: argparse.Namespace) -> int:
         if "=" not in entry:
             raise InputError("command line", "--config", entry, "KEY=VALUE; a target goes before the options")
     if args.list:
+        from repose.config.check import catalogue
+
         print(catalogue(args.configfile))
         return 0
-    if not os.access(".", os.W_OK) and not _given(args.rest, ("-d", "--directory")):
+    if not os.access(".", os.W_OK) and args.directory is None:
         raise InputError("command line", "folder", os.getcwd(), "a folder into which you may write")
     note_built_in_crop(*args.configfile)
     try:
@@ -84,15 +72,16 @@ def run(args: argparse.Namespace) -> int:
 
 def snakemake_arguments(args: argparse.Namespace) -> list[str]:
     """Make snakemake's command line: this program's workflow and profile, all cores where no option says it."""
-    own = {"--configfile": args.configfile, "--config": args.config}
-    if args.cores or not _given(args.rest, JOBS_OPTIONS):
-        own |= {"--cores": [args.cores or "all"]}
-    own |= {"--snakefile": [args.snakefile or str(places.root() / "Snakefile")]}
-    ours = [word for option, values in own.items() if values for word in (option, *values)]
-    rest = [
-        str(places.find(word)) if option in PROFILE_OPTIONS else word for option, word in pairwise(["", *args.rest])
-    ]
-    return [*ours, *rest]  # the last of ours takes one value: a target that follows is none of a list
+    profiles = {name: getattr(args, name) for name in ("profile", "workflow_profile")}
+    found = {name: str(places.find(path)) for name, path in profiles.items() if path is not None}
+    given = {**vars(args), **found, "snakefile": args.snakefile or str(places.root() / "Snakefile")}
+    if not (args.cores or args.jobs or found):
+        given["cores"] = "all"
+    words = []
+    for name in HANDED_ON:  # the last takes one value: a target that follows is none of a list
+        if value := given[name]:
+            words += [f"--{name.replace('_', '-')}", *([value] if isinstance(value, str) else value)]
+    return words + args.rest
 
 
 def uninterrupted(main: Callable[[list[str]], object], words: list[str], again: str) -> int:
@@ -159,43 +148,3 @@ def _interrupt_jobs() -> None:
     for job in psutil.Process().children(recursive=True):
         with contextlib.suppress(psutil.NoSuchProcess):
             job.send_signal(signal.SIGINT)
-
-
-def catalogue(files: list[str]) -> str:
-    """List the studies, each with a sentence and its cost in the configurations, over the default."""
-    from repose.config import cost, loader
-    from repose.config.study import Study
-    from repose.strategies import cost as strategies
-
-    config, _ = loader.read_layers(files)  # an unreadable file is reported
-    try:
-        config = Study.load(*files).config
-        costs = cost.costs(config)
-        costs |= {target: _cost_of({**config, "strategy": target}) for target in strategies.others()}
-    except InputError:
-        incomplete = ", ".join(files) or "config.yaml"
-        costs = dict.fromkeys(
-            cost.SENTENCES, f"cost: once {incomplete} is complete; `repose check` lists the missing keys"
-        )
-    lines = [f"  {target:24} {cost.SENTENCES[target]}\n{'':27}{costs[target]}" for target in cost.SENTENCES]
-    return "\n".join([f"repose run TARGET; without one, all of calibration. Studies of {config.get('label')}:", *lines])
-
-
-def _cost_of(config: Mapping[str, Any]) -> str:
-    """Say what a configuration's strategy costs, or why the configuration cannot take it."""
-    from repose.config import cost
-    from repose.strategies import cost as strategies
-
-    if why := strategies.misfit(config):
-        return why
-    pours = strategies.pours(config)
-    minutes = cost.work(config, pours=pours)["total_s"] / 60
-    number = sum(sets * seeds for _, sets, seeds in pours or ())
-    return f"at most {number} pours, about {minutes:.0f} min on one core, by itself"
-
-
-def _given(words: Iterable[str], options: Iterable[str]) -> bool:
-    """Return whether one of the options is among the words, alone, with =VALUE or, if it is short, with its value."""
-    return any(
-        word.partition("=")[0] in options or (word[:2] in options and not word.startswith("--")) for word in words
-    )

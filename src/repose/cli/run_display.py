@@ -5,6 +5,7 @@ Snakemake reports its work as events; `LogHandler` is a logger plugin of it, whi
 """
 
 import logging
+import re
 import shutil
 import signal
 import sys
@@ -39,25 +40,10 @@ SHORTEST_RATE_S = 1.0
 BAR_WIDTH = 30
 LOG_LINES = 20
 # Messages of snakemake that are of no use to a waiting user.
-CHATTER = (
-    "Assuming unrestricted",
-    "Building DAG",
-    "Complete log",
-    "Conda environments: ignored",
-    "Elapsed time",
-    "Execute ",
-    "Exiting because a job execution failed",
-    "Group jobs:",
-    "Provided ",
-    "Rules claiming",
-    "Select jobs",
-    "Shutting down",
-    "Singularity containers: ignored",
-    "Terminating processes on user request",
-    "Touching output file",
-    "Using shell",
-    "Will exit after finishing",
-    "host:",
+CHATTER = re.compile(
+    "Assuming unrestricted|Building DAG|Complete log|(Conda environments|Singularity containers): ignored|Elapsed time"
+    "|Execute |Exiting because a job execution failed|Group jobs:|Provided |Rules claiming|Select jobs|Shutting down"
+    "|Terminating processes on user request|Touching output file|Using shell|Will exit after finishing|host:"
 )
 REFUSED = "repose: error"  # begins the last line of a job whose input was at fault
 FAULTS: list[str] = []  # of the input, where they alone ended the run: `repose run` then ends as the verbs do
@@ -94,6 +80,14 @@ class Running:
         kept = (job.parent / "runs").glob(f"{job.name}_*.npz")
         return sum(path.stat().st_mtime >= self.began_s for path in kept)
 
+    @property
+    def refused(self) -> bool:
+        """Whether it ended with a fault of its input."""
+        return self.log != "" and last_lines(Path(self.log))[-1].startswith(f"{REFUSED}: ")
+
+    def __str__(self) -> str:
+        return f"{self.message}; its log: {self.log}" if self.log else self.message
+
 
 def _pours(rule: str) -> bool:
     """Return whether the jobs of a rule simulate, by its name."""
@@ -120,22 +114,20 @@ class RunProgress:
         self.running[number] = job
         busy = sum(other.rule == job.rule for other in self.running.values())
         self.planned[job.rule] = max(self.planned[job.rule], self.done[job.rule] + busy)
-        self._began_s = job.began_s if self._began_s is None else self._began_s
-        if job.pours and self._first_pour_s is None:
-            self._first_pour_s = job.began_s
+        self._began_s = self._began_s or job.began_s
+        if job.pours:
+            self._first_pour_s = self._first_pour_s or job.began_s
 
     def finish(self, number: int, now_s: float) -> None:
         """Note that a job has ended well."""
-        job = self.running.pop(number, None)
-        if job is not None:
+        if (job := self.running.pop(number, None)) is not None:
             self._made += job.made()
             self._took_s[job.rule] += now_s - job.began_s
             self.done[job.rule] += 1
 
     def fail(self, number: int) -> Running | None:
         """Note that a job has failed, and return it; None if that is known already."""
-        job = self.running.pop(number, None)
-        if job is not None:
+        if (job := self.running.pop(number, None)) is not None:
             self.failed[number] = job
         return job
 
@@ -146,23 +138,20 @@ class RunProgress:
 
     def pours_a_minute(self, now_s: float) -> float | None:
         """Compute the rate since the first pour began; None before the first is made."""
-        done = self.pours_done
-        if not done or self._first_pour_s is None or now_s - self._first_pour_s < SHORTEST_RATE_S:
-            return None
-        return 60 * done / (now_s - self._first_pour_s)
+        took_s = now_s - (self._first_pour_s or now_s)
+        return 60 * self.pours_done / took_s if self.pours_done and took_s >= SHORTEST_RATE_S else None
 
     def left_s(self, now_s: float) -> float | None:
         """Estimate how long the planned jobs still take, as many at once as so far; None before that is possible."""
         pouring = [rule for rule in self.planned if _pours(rule)]
-        if not self.done or self._began_s is None or now_s - self._began_s < SHORTEST_RATE_S:
-            return None
-        if pouring and not any(self.done[rule] for rule in pouring):
+        took_s = now_s - (self._began_s or now_s)
+        if not self.done or took_s < SHORTEST_RATE_S or (pouring and not any(self.done[rule] for rule in pouring)):
             return None
         elapsed = [(job.rule, now_s - job.began_s) for job in self.running.values()]
         busy_s = sum(self._took_s.values()) + sum(s for _, s in elapsed)
         left_s = sum((self.planned[rule] - self.done[rule]) * self._mean_s(rule) for rule in self.planned)
         left_s -= sum(min(s, self._mean_s(rule)) for rule, s in elapsed)
-        return left_s * (now_s - self._began_s) / busy_s
+        return left_s * took_s / busy_s
 
     def _mean_s(self, rule: str) -> float:
         """Average the times of a rule's finished jobs, or else of the jobs of its kind, pouring or not."""
@@ -227,11 +216,10 @@ class LogHandler(LogHandlerBase):
         if self.interrupted.is_set() and self.act_on_ctrl_c is signal.default_int_handler:  # not `repose run`
             self.console.print("Stopped. What is finished stays; the same command goes on.")
             self.interrupted.clear()  # closed twice
-        failed = [job for job in self.progress.failed.values() if not _refused(job)]
-        refused = [job for job in self.progress.failed.values() if _refused(job)]
-        self.progress.failed = {}
+        jobs, self.progress.failed = self.progress.failed.values(), {}
+        failed, refused = ([job for job in jobs if job.refused is of_input] for of_input in (False, True))
         for job in failed:
-            self.console.print(Text(f"failed: {job.message}{_log_of(job)}", style="red"))
+            self.console.print(Text(f"failed: {job}", style="red"))
         if failed:
             self.console.print("When the cause is mended, the same command goes on.")
         elif refused:
@@ -254,16 +242,15 @@ class LogHandler(LogHandlerBase):
             yield from self._line()
         elif event == LogEvent.JOB_ERROR:
             yield from self._failed(fields)
+        elif event == LogEvent.ERROR and fields.get("exception") == "MissingRuleException":
+            missing = record.getMessage().split("No rule to produce ")[-1].split(" (if you")[0]
+            allowed = "a target that `repose run --list` names, a rule, or a file of the study"
+            FAULTS.append(f"{REFUSED}: {InputError('command line', 'target', missing, allowed)}")
+            yield Text(FAULTS[-1])
         elif event == LogEvent.ERROR:
-            if fields.get("exception") == "MissingRuleException":
-                missing = record.getMessage().split("No rule to produce ")[-1].split(" (if you")[0]
-                allowed = "a target that `repose run --list` names, a rule, or a file of the study"
-                fault = InputError("command line", "target", missing, allowed)
-                FAULTS.append(f"{REFUSED}: {fault}")
-                yield Text(FAULTS[-1])
-            elif fields.get("exception") not in REPORTED_BY_THE_JOB and SUMMED_UP not in record.getMessage():
+            if fields.get("exception") not in REPORTED_BY_THE_JOB and SUMMED_UP not in record.getMessage():
                 yield Text(record.getMessage(), style="red")
-        elif event is None and record.msg and not str(record.msg).startswith(CHATTER):
+        elif event is None and record.msg and not CHATTER.match(str(record.msg)):
             yield Text(record.getMessage(), style="yellow" if record.levelno > logging.INFO else "")
 
     def _started(self, fields: Mapping[str, Any]) -> Iterator[Text]:
@@ -282,25 +269,17 @@ class LogHandler(LogHandlerBase):
 
     def _failed(self, fields: Mapping[str, Any]) -> Iterator[Text]:
         """Note that a job has failed: print it, and the end of its log."""
-        if self.interrupted.wait(INTERRUPT_S):
+        if self.interrupted.wait(INTERRUPT_S) or (job := self.progress.fail(fields["jobid"])) is None:
             return
-        job = self.progress.fail(fields["jobid"])
-        if job is None:
-            return
-        yield Text(f"FAILED: {job.message} (rule {job.rule}){_log_of(job)}", style="bold red")
+        yield Text(f"FAILED: {job.message} (rule {job.rule})" + str(job).removeprefix(job.message), style="bold red")
         for log in fields["log"]:
             yield from (Text(f"    {line}") for line in last_lines(Path(log)))
 
     def _begin(self) -> None:
         """Show the bars, where there is a terminal."""
         if self.console.is_terminal and self.live is None and self.progress.planned:
-            self.live = Live(
-                get_renderable=self._drawn,
-                console=self.console,
-                refresh_per_second=REFRESH_PER_S,
-                redirect_stdout=sys.stdout.isatty(),
-                vertical_overflow="crop",
-            )
+            how: dict[str, Any] = {"refresh_per_second": REFRESH_PER_S, "redirect_stdout": sys.stdout.isatty()}
+            self.live = Live(get_renderable=self._drawn, console=self.console, vertical_overflow="crop", **how)
             self.live.start()
 
     def _line(self) -> Iterator[Text]:
@@ -316,15 +295,16 @@ class LogHandler(LogHandlerBase):
 
     def _facts(self, now_s: float) -> Iterator[str]:
         """Say how many pours a minute there are, the time left and the failures."""
-        rate, left_s = self.progress.pours_a_minute(now_s), self.progress.left_s(now_s)
+        progress = self.progress
+        rate, left_s = progress.pours_a_minute(now_s), progress.left_s(now_s)
         if rate is not None:
             yield f"{rate:.2g} pours a minute"
-        if left_s is not None and self.progress.done != self.progress.planned:
+        if left_s is not None and progress.done != progress.planned:
             yield f"{rough_time(left_s)} left"
-        elif left_s is None and any(map(_pours, self.progress.planned)):
+        elif left_s is None and any(map(_pours, progress.planned)):
             yield "time left: known after the first pours"
-        if self.progress.failed:
-            yield f"{len(self.progress.failed)} failed"
+        if progress.failed:
+            yield f"{len(progress.failed)} failed"
 
     def _drawn(self) -> RenderableType:
         """Draw the bars of the stages at work and of all, the facts, and the running jobs."""
@@ -336,8 +316,7 @@ class LogHandler(LogHandlerBase):
             rows = [(rule.replace("_", " "), done[rule], planned[rule]) for rule in stages if rule]
             table = Table.grid(padding=(0, 2))
             for name, made, total in (*rows, ("all", done.total(), planned.total())):
-                bar = ProgressBar(total=total, completed=made, width=BAR_WIDTH)
-                table.add_row(name, bar, f"{made} of {total}")
+                table.add_row(name, ProgressBar(total=total, completed=made, width=BAR_WIDTH), f"{made} of {total}")
             running = "; ".join(f"{job.message} ({now - job.began_s:.0f} s)" for job in jobs)
             return Group(
                 table,
@@ -360,23 +339,12 @@ def _snakemakes_own(settings: OutputSettingsLoggerInterface) -> logging.Handler 
     )
 
 
-def _log_of(job: Running) -> str:
-    return f"; its log: {job.log}" if job.log else ""
-
-
-def _refused(job: Running) -> bool:
-    """Return whether a job ended with a fault of its input."""
-    return job.log != "" and last_lines(Path(job.log))[-1].startswith(f"{REFUSED}: ")
-
-
 def rough_time(seconds: float) -> str:
     """Write a rough time as text."""
     minutes = round(seconds / 60)
-    if minutes < 1:
-        return "less than a minute"
-    if minutes < 90:
+    if 1 <= minutes < 90:
         return f"about {minutes} min"
-    return f"about {minutes // 60} h {minutes % 60} min"
+    return f"about {minutes // 60} h {minutes % 60} min" if minutes else "less than a minute"
 
 
 def last_lines(path: Path) -> list[str]:

@@ -23,9 +23,8 @@ if TYPE_CHECKING:
 def bench(args: argparse.Namespace, study: "Study") -> None:
     from repose.verification import speed
 
-    config = study.config
-    of_published = published.representative(config["validation"]["published"], study.parameters.names)
-    result = speed.run(config, {config["berry"]["particle"]: study.particle}, study.grain, of_published)
+    of_published = published.representative(study.settings.validation.published, study.parameters.names)
+    result = speed.run(study.config, {study.settings.berry.particle: study.particle}, study.grain, of_published)
     print(json.dumps(result, indent=1) if args.json else speed.message(result))
 
 

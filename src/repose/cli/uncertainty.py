@@ -72,7 +72,7 @@ def plausible(args: argparse.Namespace, study: "Study") -> None:
 
 
 @verb(
-    "what to measure next: the information that each further response of saved runs would add",
+    "rank further responses of saved runs by the information that each is expected to add",
     example="results/next/heaps/001.pours.json results/next/heaps/002.pours.json",
     out="results/next",
     options=[

@@ -21,7 +21,7 @@ VOLUME_FACTOR = 1.5
 
 
 def of_funnel(
-    config: Config, berry: Grain, particle: "Particle", longest_step_s: Callable[[Grain], float]
+    config: Config, grain: Grain, particle: "Particle", longest_step_s: Callable[[Grain], float]
 ) -> Iterator[str]:
     """Yield hints on stiffness, volume and number of the grains before they are poured.
 
@@ -29,25 +29,25 @@ def of_funnel(
     """
     if (law := SceneSettings(config).simulation.rolling_law) in CREEPING_LAWS:
         yield f"rolling law: WARNING: {law} lets grains creep where a torque acts, so runs may end not_at_rest"
-    yield f"stiffness: {_softer(config, berry, longest_step_s)}"
+    yield f"stiffness: {_softer(config, grain, longest_step_s)}"
     sentence, fits = filling(config, particle.volume_m3)
     yield f"volume: {sentence}"
-    height_mm = 1e3 * height_m(config, berry)
+    height_mm = 1e3 * height_m(config, grain)
     outlet_mm = _funnel(config).outlet_height_mm
     if height_mm > outlet_mm:
         yield f"funnel: WARNING: a pile of {height_mm:.3g} mm reaches the outlet at {outlet_mm:g} mm and stops the flow"
     grains = max(_funnel(config).berries, 0 if fits else needed_grains(config, particle.volume_m3))
-    yield from scene_size.advice(config, diameter_mm(berry), height_mm, grains)
+    yield from scene_size.advice(config, diameter_mm(grain), height_mm, grains)
 
 
-def _softer(config: Config, berry: Grain, longest_step_s: Callable[[Grain], float]) -> str:
+def _softer(config: Config, grain: Grain, longest_step_s: Callable[[Grain], float]) -> str:
     """Describe the allowed reduction of the shear modulus, with its effect on the pile and on the time step."""
-    step, modulus = SceneSettings(config).simulation.time_step_s, berry["shear_modulus_pa"]
-    sinking, softest = softening(config, berry)
+    step, modulus = SceneSettings(config).simulation.time_step_s, grain["shear_modulus_pa"]
+    sinking, softest = softening(config, grain)
     now = f"the pile sinks by {100 * sinking:.2g} % of its Height under its own weight"
     if softest >= modulus:
         return f"{now}; berry.shear_modulus_pa, {modulus:.3g}, should not be lower"
-    longest = longest_step_s({**berry, "shear_modulus_pa": softest})
+    longest = longest_step_s({**grain, "shear_modulus_pa": softest})
     return (
         f"{now}; with berry.shear_modulus_pa {softest:.3g} instead of {modulus:.3g} it sinks by "
         f"{100 * LARGEST_SINKING:.2g} %, simulation.time_step_s may be {longest:.2g} s, and a run takes "
@@ -62,7 +62,7 @@ class Softening(NamedTuple):
     softest_pa: float  # shear modulus at which it loses `LARGEST_SINKING`
 
 
-def softening(config: Config, berry: Grain) -> Softening:
+def softening(config: Config, grain: Grain) -> Softening:
     """Compute how far a pile sinks under its own weight, and the softest grain whose pile hardly sinks.
 
     A grain of diameter d at depth z carries the weight above its own area, F = p rho g z d^2, with p the packing.
@@ -70,13 +70,13 @@ def softening(config: Config, berry: Grain) -> Softening:
     is 3/5 of that at the bottom. Over d it is the share of the Height that is lost, and goes as the modulus to
     -2/3.
     """
-    diameter_m = 1e-3 * diameter_mm(berry)
+    diameter_m = 1e-3 * diameter_mm(grain)
     gravity = SceneSettings(config).simulation.gravity_m_s2
-    pressure = PACKING * berry["density_kg_m3"] * gravity * height_m(config, berry)
-    young = berry["shear_modulus_pa"] / (1 - berry["poisson_ratio"])
+    pressure = PACKING * grain["density_kg_m3"] * gravity * height_m(config, grain)
+    young = grain["shear_modulus_pa"] / (1 - grain["poisson_ratio"])
     approach = (3 * pressure * diameter_m**2 / (4 * young * math.sqrt(diameter_m / 4))) ** (2 / 3)
     sinking = 0.6 * approach / diameter_m
-    return Softening(sinking, berry["shear_modulus_pa"] * (sinking / LARGEST_SINKING) ** 1.5)
+    return Softening(sinking, grain["shear_modulus_pa"] * (sinking / LARGEST_SINKING) ** 1.5)
 
 
 def poured_volume_m3(config: Config, grain_m3: float) -> float:
@@ -84,13 +84,13 @@ def poured_volume_m3(config: Config, grain_m3: float) -> float:
     return _funnel(config).berries * grain_m3 / PACKING
 
 
-def height_m(config: Config, berry: Grain) -> float:
+def height_m(config: Config, grain: Grain) -> float:
     """Return the expected pile height: the target, else from the angle, else half the outlet's height."""
     height_mm, angle_deg = _target(config, "height_mm"), _target(config, "aor_deg")
     if height_mm is not None:
         return 1e-3 * height_mm
     if angle_deg is not None:
-        grain_m3 = math.pi / 6 * (1e-3 * diameter_mm(berry)) ** 3
+        grain_m3 = math.pi / 6 * (1e-3 * diameter_mm(grain)) ** 3
         return _cone_height_m(poured_volume_m3(config, grain_m3), angle_deg)
     return 0.5e-3 * _funnel(config).outlet_height_mm
 

@@ -34,18 +34,13 @@ class Computed(NamedTuple):
     """A key that may be `auto`."""
 
     key: str  # dotted
-    reads: tuple[str, ...]  # dotted keys or sections that the number follows from
+    reads: tuple[str, ...]  # sections that the number follows from, and keys outside sections
     of: Callable[[Config, Any, Any], Any]  # (config, berry, particle), the last two None unless `needs_grain`
 
     @property
     def section(self) -> str:
         """Section of the key."""
         return self.key.partition(".")[0]
-
-    @property
-    def sections(self) -> set[str]:
-        """Sections that the number follows from, and keys outside sections."""
-        return {key.partition(".")[0] for key in self.reads}
 
     @property
     def needs_grain(self) -> bool:
@@ -71,9 +66,10 @@ def longest_step(config: Config, particle: "Particle", mean: Grain) -> "Limit":
     from repose.apparatus import Scene
     from repose.apparatus.scene import longest_time_step
 
-    ranges = {name: range_of(name, entry) for name, entry in config["parameters"].items()}
+    settings = typed.sections(config)
+    ranges = {name: range_of(name, entry) for name, entry in settings.parameters.given.items()}
     sets = [{name: ranges[name][0] for name in PARAMETERS}]
-    sets += published_sets(typed.sections(config).validation.published)
+    sets += published_sets(settings.validation.published)
     lowest = {name: min(values[name] for values in sets) for name in PARAMETERS}
     # cohesion makes contacts stiffer, restitution alone less damped
     strongest = {name: ranges[name][1] for name in named(ranges)[len(PARAMETERS) :]}
@@ -86,14 +82,14 @@ def advised_step_s(longest_s: float) -> float:
     return float(f"{math.floor(STEP_SHARE * longest_s / unit) * unit:.2g}")
 
 
-def axes_mm(berry: Grain) -> Sequence[float]:
+def axes_mm(grain: Grain) -> Sequence[float]:
     """Return the axes of the mean grain, the longest first, from the result of the verb `berry`."""
-    return [berry[name] for name in ("long_mm", "major_mm", "minor_mm")]
+    return [grain[name] for name in ("long_mm", "major_mm", "minor_mm")]
 
 
-def diameter_mm(berry: Grain) -> float:
+def diameter_mm(grain: Grain) -> float:
     """Compute the equivalent diameter of the mean grain, the geometric mean of its axes (Eq. 1)."""
-    return math.prod(axes_mm(berry)) ** (1 / 3)
+    return math.prod(axes_mm(grain)) ** (1 / 3)
 
 
 def _value(config: Config, key: str) -> Any:
@@ -103,24 +99,24 @@ def _value(config: Config, key: str) -> Any:
     return values.get(name, AUTO) if isinstance(values, Mapping) else None
 
 
-def _mm_per_pixel(_config: Config, berry: Grain, _particle: "Particle") -> float:
+def _mm_per_pixel(_config: Config, grain: Grain, _particle: "Particle") -> float:
     """Choose pixels so small that a grain is round in the picture."""
     low, high = PIXELS_MM
-    return min(max(float(f"{diameter_mm(berry) / PIXELS_A_GRAIN:.2g}"), low), high)
+    return min(max(float(f"{diameter_mm(grain) / PIXELS_A_GRAIN:.2g}"), low), high)
 
 
-def _factory_height_mm(_config: Config, berry: Grain, _particle: "Particle") -> float:
+def _factory_height_mm(_config: Config, grain: Grain, _particle: "Particle") -> float:
     """Choose a grain's width above the funnel."""
-    return float(f"{diameter_mm(berry):.2g}")
+    return float(f"{diameter_mm(grain):.2g}")
 
 
-def _factory_diameter_mm(config: Config, berry: Grain, _particle: "Particle") -> float:
+def _factory_diameter_mm(config: Config, grain: Grain, _particle: "Particle") -> float:
     """Choose the inlet's disc less half a grain all around."""
     inlet = typed.sections(config).funnel.inlet_diameter_mm
-    return float(f"{max(inlet - max(axes_mm(berry)), 0.5 * inlet):.3g}")
+    return float(f"{max(inlet - max(axes_mm(grain)), 0.5 * inlet):.3g}")
 
 
-def _duration_s(config: Config, berry: Grain, particle: "Particle") -> float:
+def _duration_s(config: Config, grain: Grain, particle: "Particle") -> float:
     """Estimate the time until all grains are poured, have run out, have fallen and rest.
 
     Grains run out of an opening D at 0.58 rho_b sqrt(g) (D - 1.4 d)^2.5 in mass (Beverloo). A pour that is faster than
@@ -128,8 +124,8 @@ def _duration_s(config: Config, berry: Grain, particle: "Particle") -> float:
     """
     settings = typed.sections(config)
     funnel, gravity = settings.funnel, settings.simulation.gravity_m_s2
-    opening = 1e-3 * (funnel.outlet_diameter_mm - 1.4 * diameter_mm(berry))
-    bulk = PACKING * berry["density_kg_m3"]
+    opening = 1e-3 * (funnel.outlet_diameter_mm - 1.4 * diameter_mm(grain))
+    bulk = PACKING * grain["density_kg_m3"]
     running = 0.58 * bulk * math.sqrt(gravity) * max(opening, 0.0) ** 2.5 / particle.mass_kg
     rate = min(funnel.rate_per_s, running or math.inf)
     height = max(funnel.funnel.inlet_height_m, 0.0)  # a rule refuses an inlet below the outlet
@@ -137,14 +133,9 @@ def _duration_s(config: Config, berry: Grain, particle: "Particle") -> float:
     return math.ceil(10 * (funnel.berries / rate + fall + REST_S)) / 10
 
 
-def _time_step_s(config: Config, berry: Grain, particle: "Particle") -> float:
+def _time_step_s(config: Config, grain: Grain, particle: "Particle") -> float:
     """Return the longest time step that the engine takes, less a margin."""
-    return advised_step_s(longest_step(config, particle, berry).time_step_s)
-
-
-def split(config: Config, _berry: Any = None, _particle: Any = None) -> list[float]:
-    """Return the shares for the configured surrogate."""
-    return split_of(typed.sections(config).surrogate)
+    return advised_step_s(longest_step(config, particle, grain).time_step_s)
 
 
 def split_of(surrogate: str) -> list[float]:
@@ -154,25 +145,11 @@ def split_of(surrogate: str) -> list[float]:
     return list(SPLIT_OF_NETWORK if kind_of(surrogate).is_network else SPLIT)
 
 
-_OF_THE_FUNNEL = tuple(
-    f"funnel.{key}"
-    for key in (
-        *("berries", "rate_per_s", "inlet_diameter_mm", "outlet_diameter_mm", "cone_angle_deg"),
-        *("tube_length_mm", "rim_radius_mm", "outlet_height_mm"),
-    )
-)
-_OF_THE_SIMULATION = tuple(
-    f"simulation.{key}" for key in ("gravity_m_s2", "tension", "rest_energy_j", "contact_law", "rolling_law")
-)
 COMPUTED = (
-    Computed("network.split", ("surrogate",), split),
+    Computed("network.split", ("surrogate",), lambda config, *_: split_of(typed.sections(config).surrogate)),
     Computed("measure.mm_per_pixel", ("berry",), _mm_per_pixel),
     Computed("funnel.factory_height_mm", ("berry",), _factory_height_mm),
-    Computed("funnel.factory_diameter_mm", ("berry", "funnel.inlet_diameter_mm"), _factory_diameter_mm),
-    Computed("funnel.duration_s", ("berry", *_OF_THE_FUNNEL, *_OF_THE_SIMULATION), _duration_s),
-    Computed(
-        "simulation.time_step_s",
-        ("berry", "wall", "parameters", "validation.published", *_OF_THE_SIMULATION),
-        _time_step_s,
-    ),
+    Computed("funnel.factory_diameter_mm", ("berry", "funnel"), _factory_diameter_mm),
+    Computed("funnel.duration_s", ("berry", "funnel", "simulation"), _duration_s),
+    Computed("simulation.time_step_s", ("berry", "wall", "parameters", "validation", "simulation"), _time_step_s),
 )

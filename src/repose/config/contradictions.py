@@ -33,7 +33,7 @@ def rules(config: Mapping[str, Any]) -> list[Rule]:
         Rule(("surrogate", "parameters", "network", "design"), _of_the_surrogate),
         Rule(("surrogate", "network", "design", "targets"), _of_the_validation),
         Rule(("network", "targets", *(test.name for test in used)), _of_seeds),
-        Rule(("strategy", *cost.others(), "targets", "parameters"), _of_the_strategy),
+        Rule(("strategy", *cost.others(), "targets", "parameters"), cost.contradictions),
     ]
 
 
@@ -52,7 +52,8 @@ def _of_the_surrogate(config: Mapping[str, Any]) -> Pairs:
     from repose.surrogate import kind_of
     from repose.surrogate import names as surrogates
 
-    settings, free = typed.sections(config), ParameterSpace.of(config["parameters"]).dimensions
+    settings = typed.sections(config)
+    free = ParameterSpace.of(settings.parameters.given).dimensions
     training = int(settings.network.split[0] * settings.design.samples + 1e-9)
     least = kind_of(settings.surrogate).least_samples(free)
     if training < least:
@@ -71,7 +72,8 @@ def _of_the_validation(config: Mapping[str, Any]) -> Pairs:
 
 def _of_the_contact_law(config: Mapping[str, Any]) -> Pairs:
     """Refuse force laws that lack parameters, and parameters of another law."""
-    simulation, given = typed.sections(config).simulation, config["parameters"]
+    settings = typed.sections(config)
+    simulation, given = settings.simulation, settings.parameters.given
     law, rolling = simulation.contact_law, simulation.rolling_law
     missing = [f"parameters.{name} ({LABELS[name]})" for name in of_law(law) if name not in given]
     if missing:
@@ -82,13 +84,6 @@ def _of_the_contact_law(config: Mapping[str, Any]) -> Pairs:
             key, own = ("contact_law", law) if of.needed else ("rolling_law", rolling)
             belongs = " or ".join(of.laws)
             yield f"parameters.{name}", f"absent: it belongs to simulation.{key} {belongs}, not {own}"
-
-
-def _of_the_strategy(config: Mapping[str, Any]) -> Pairs:
-    """Refuse a strategy that cannot run with this configuration."""
-    from repose.strategies import cost
-
-    return cost.contradictions(config)
 
 
 def _of_seeds(config: Mapping[str, Any]) -> Pairs:

@@ -12,7 +12,7 @@ from repose.config.contradictions import used_tests
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import named
 from repose.core.published import to_simulate
-from repose.core.targets import Targets
+from repose.core.responses import response
 
 if TYPE_CHECKING:
     from repose.particle.particle import Particle
@@ -22,7 +22,7 @@ SECONDS_A_BERRY_STEP = 8e-8
 SECONDS_A_VIEW = 0.01
 JOB_START_S = 2.5  # of a pour's job and of its measurement's
 REST_S = 120.0  # rest of a study without its runs: posterior, figures, film and report, and snakemake itself
-# The pour that is timed: simulated time [s], and steps of a berry that take half a second.
+# The pour that is timed: simulated time [s], and steps of a grain that take half a second.
 TIMED_S, TIMED_STEPS = 1.5, 1.0e7
 REPEATS = 3  # the shortest time counts: other programs only slow a pour down
 FEWEST_TIMED = 20
@@ -56,10 +56,10 @@ def longest_job_s(config: Mapping[str, Any]) -> float:
     return JOB_START_S + seeds * max(run_s(config, name) for name in names if name in config)
 
 
-def measured_berry_step_s(config: Mapping[str, Any], berry: Mapping[str, Any], particle: "Particle") -> float:
+def measured_berry_step_s(config: Mapping[str, Any], grain: Mapping[str, Any], particle: "Particle") -> float:
     """Measure the time [s] of a step of one grain in a pile on a core of this machine, by pours of about a second.
 
-    The time of other programs is left out. `berry` is the result of the verb `berry`. The first call on a machine
+    The time of other programs is left out. `grain` is the result of the verb `berry`. The first call on a machine
     compiles the engine.
     """
     from repose.apparatus import Scene
@@ -70,12 +70,12 @@ def measured_berry_step_s(config: Mapping[str, Any], berry: Mapping[str, Any], p
     grains = max(FEWEST_TIMED, min(settings.funnel.berries, round(TIMED_STEPS / steps)))
     pour = {"berries": grains, "rate_per_s": 4 * grains / TIMED_S, "duration_s": TIMED_S + 1.0, "rest_window_s": 0.5}
     small = {**config, "funnel": {**settings.funnel.model_dump(), **pour}}
-    values = ParameterSpace.of(config["parameters"]).centre
+    values = ParameterSpace.of(settings.parameters.given).centre
     times_s = []
     for _ in range(REPEATS):
         began, began_cpu = time.perf_counter(), time.process_time()
         # to its end, or there is no step to be timed
-        poured = FunnelTest().pour(Scene.of(small, values, berry, particle, 1), until_rest=False)
+        poured = FunnelTest().pour(Scene.of(small, values, grain, particle, 1), until_rest=False)
         share = (time.process_time() - began_cpu) / (time.perf_counter() - began)
         times_s.append(1e-6 * min(1.0, share) * poured.us_per_step / grains)
     return min(times_s)
@@ -144,8 +144,8 @@ def costs(config: Mapping[str, Any]) -> dict[str, str]:
 
     settings = typed.sections(config)
     refine, validation = settings.refine, settings.validation
-    responses = Targets.of(config["targets"]).responses
-    published = to_simulate(validation.published, responses, named(config["parameters"]))
+    responses = [response(target.response) for target in settings.targets]
+    published = to_simulate(validation.published, responses, named(settings.parameters.given))
     a_round = refine.seeds + refine.neighbours * refine.neighbour_seeds
     of_calibration = sum(sets * seeds for _, sets, seeds in of_all["pours"])
     all_min = of_all["total_s"] / 60

@@ -1,14 +1,14 @@
 """Faults of a configuration as messages: the file, the key, the value and the allowed values."""
 
 import difflib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from repose.config.keys import Origin, origin_of, owner_of
+from repose.config.keys import Origin, at, origin_of, owner_of
 from repose.config.models import settings_type
 from repose.core.errors import InputError, YamlError
 from repose.core.section import AUTO, CONTRADICTION, Section
@@ -57,18 +57,8 @@ def lacks_keys(config: Mapping[str, Any]) -> bool:
         settings_type().model_validate(config)
     except ValidationError as error:
         places = (fault["loc"] for fault in error.errors(include_url=False) if fault["type"] == "missing")
-        return any(_is_a_section(config, place[:-1]) for place in places)
+        return any(isinstance(at(config, place[:-1]), Mapping) for place in places)
     return False
-
-
-def _is_a_section(config: Any, place: Iterable[int | str]) -> bool:
-    """Return whether a path of keys leads to a section: the path in an error may also name a type of the value."""
-    try:
-        for step in place:
-            config = config[step]
-    except (LookupError, TypeError):
-        return False
-    return isinstance(config, Mapping)
 
 
 def is_valid(key: str, value: Any) -> bool:
@@ -186,7 +176,7 @@ def _faults(errors: list[_Error], config: Any, source: str | Origin, model: type
             hint = f"did you mean {near[0]}?" if near else f"keys here: {', '.join(known)}"
             extra = f"{key}.{error.unknown}" if key else str(error.unknown)
             # a key such as null or 1.5 is no text in the file, and is one in the error
-            value = {str(name): value for name, value in _at(config, error.path).items()}[str(error.unknown)]
+            value = {str(name): value for name, value in at(config, error.path).items()}[str(error.unknown)]
             yield YamlError(origin_of(source, extra), extra, value, f"a known key; {hint}")
         elif error.type == "missing":
             if key not in meant:
@@ -196,14 +186,7 @@ def _faults(errors: list[_Error], config: Any, source: str | Origin, model: type
             for name, words in error.context["found"]:
                 path = [*error.path, *filter(None, [name])]
                 dotted = ".".join(path)
-                yield YamlError(owner_of(source, dotted), dotted, _at(config, path), words)
+                yield YamlError(owner_of(source, dotted), dotted, at(config, path), words)
         else:
             words = allowed_by(subschema(error.path, model)) if key else "keys with values"
-            yield YamlError(origin_of(source, key), key, _at(config, error.path), words)
-
-
-def _at(config: Any, path: Iterable[str]) -> Any:
-    """Return the value at the steps of a key, any of which may contain a dot; None if its section leaves it out."""
-    for step in path:
-        config = config[int(step)] if isinstance(config, list) else config.get(step)
-    return config
+            yield YamlError(origin_of(source, key), key, at(config, error.path), words)

@@ -1,6 +1,6 @@
 """Dotted keys of a configuration: the file of each, its value, its section. No YAML is loaded, which takes time."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from repose.core.errors import InputError
@@ -38,12 +38,21 @@ def origin_of(source: "str | Origin", key: str) -> str:
     return source.of(key) if isinstance(source, Origin) else source
 
 
+def at(found: Any, path: Iterable[int | str]) -> Any:
+    """Return the value at the steps of a key, any of which may contain a dot; None where there is none."""
+    for step in path:
+        if isinstance(found, Mapping):
+            found = found.get(step)
+        elif isinstance(found, list) and str(step).isdigit() and int(step) < len(found):
+            found = found[int(step)]
+        else:
+            return None
+    return found
+
+
 def get(config: Any, key: str) -> Any:
-    """Return the value of a dotted key; None if its section leaves it out."""
-    *way, last = key.split(".")
-    for step in way:
-        config = config[int(step)] if isinstance(config, list) else config[step]
-    return config[int(last)] if isinstance(config, list) else config.get(last)
+    """Return the value of a dotted key; None where there is none."""
+    return at(config, key.split("."))
 
 
 def section(config: Mapping[str, Any], name: str) -> Mapping[str, Any]:

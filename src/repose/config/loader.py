@@ -196,15 +196,15 @@ def _values(value: Any) -> Any:
 
 
 def _merge(
-    config: dict[str, Any], more: Mapping[str, Any], origin: dict[str, str], source: str, prefix: str = ""
+    below: dict[str, Any], more: Mapping[str, Any], origin: dict[str, str], source: str, prefix: str = ""
 ) -> None:
-    """Put `more` over config by sections, and note in origin each key's file; sections in WHOLE are replaced."""
+    """Put `more` over below by sections, and note in origin each key's file; sections in WHOLE are replaced."""
     for key, value in more.items():
         name = f"{prefix}{key}"
         origin[name] = source
-        if name not in WHOLE and isinstance(value, dict) and isinstance(config.get(key), dict):
-            _merge(config[key], value, origin, source, f"{name}.")
+        if name not in WHOLE and isinstance(value, dict) and isinstance(below.get(key), dict):
+            _merge(below[key], value, origin, source, f"{name}.")
         else:
-            config[key] = copy.deepcopy(value)
+            below[key] = copy.deepcopy(value)
             if isinstance(value, dict):
-                _merge(config[key], value, origin, source, f"{name}.")
+                _merge(below[key], value, origin, source, f"{name}.")

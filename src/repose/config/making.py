@@ -1,5 +1,6 @@
 """The making of a study: checks of its configuration and of its files, which report all faults at once."""
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
@@ -12,6 +13,7 @@ from repose.config.keys import Origin, get, owner_of
 from repose.config.models import StudySettings
 from repose.core.errors import InputError, YamlError, raise_together
 from repose.core.published import beside, check_published, read_stored
+from repose.core.tables import OTHER_UNITS
 from repose.core.targets import Targets, completed
 
 if TYPE_CHECKING:
@@ -26,9 +28,12 @@ Result = TypeVar("Result")
 
 def unstable(config: Mapping[str, Any], particle: "Particle", mean: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Yield (key, allowed values) of a time step that the engine would refuse; `mean` is the result of `berry`."""
-    limit = computed.longest_step(config, particle, mean)
-    if typed.sections(config).simulation.time_step_s > limit.time_step_s:
-        yield "simulation.time_step_s", limit.allowed
+    limit, sections = computed.longest_step(config, particle, mean), typed.sections(config)
+    step_s, grain, softer = sections.simulation.time_step_s, sections.berry, ""
+    if step_s > limit.time_step_s:
+        if grain.shear_modulus_pa is None and step_s < math.sqrt(OTHER_UNITS["N"]["gf"]) * limit.time_step_s:
+            softer = f"; {grain.compression} gives {mean['elastic_modulus_pa']:.2g} Pa by force_n: in gf instead of N?"
+        yield "simulation.time_step_s", limit.allowed + softer
 
 
 class Making:
@@ -136,11 +141,11 @@ class Making:
             self._result_of(key, readers[key], named[key])
 
     def _make_grain(self) -> None:
-        """Make the mean berry and its particle."""
+        """Make the mean grain and its particle."""
         from repose.particle import build
 
         if self.mean is None and self._may_read(*GRAIN):
-            self.mean = self._result_of("berry", _mean_berry, self.settings)
+            self.mean = self._result_of("berry", _mean_grain, self.settings)
         if self.mean is not None and self.particle is None:
             self.particle = self._result_of("berry", build.of_settings, self.mean, self.settings.berry)
 
@@ -148,7 +153,7 @@ class Making:
         """Replace each `auto` by its number; a key whose number cannot be computed has a fault."""
         for setting in pending:
             value = None
-            if self._may_read(*setting.sections) and not (setting.needs_grain and self.particle is None):
+            if self._may_read(*setting.reads) and not (setting.needs_grain and self.particle is None):
                 value = self._result_of(setting.key, setting.of, self.config, self.mean, self.particle)
             if value is None:
                 self.bad.add(setting.key)
@@ -166,8 +171,8 @@ class Making:
             self._add(unstable(self.config, self.particle, self.mean))
 
 
-def _mean_berry(settings: StudySettings) -> dict[str, Any]:
-    """Make the mean berry of the configuration's files."""
+def _mean_grain(settings: StudySettings) -> dict[str, Any]:
+    """Make the mean grain of the configuration's files."""
     from repose.particle import berry
 
     return berry.of_settings(settings.berry, beside(settings.validation.published, "table1.csv"))[1]

@@ -127,9 +127,9 @@ def parameter(low: float, high: float) -> Any:
     return Annotated[Any, AfterValidator(checked), Field(description=allowed, json_schema_extra=kinds)]
 
 
-def far_priors(parameters: Iterable[tuple[str, Any]]) -> Contradictions:
-    """Refuse parameters, by name, whose range lies beyond their prior."""
-    for name, given in parameters:
+def far_priors(parameters: Mapping[str, Any]) -> Contradictions:
+    """Refuse parameters whose range lies beyond their prior."""
+    for name, given in parameters.items():
         if isinstance(given, Mapping) and "range" in given:
             mean, reach = given["prior"]["mean"], PRIOR_WIDTHS * given["prior"]["sd"]
             low, high = mean - reach, mean + reach
@@ -137,24 +137,33 @@ def far_priors(parameters: Iterable[tuple[str, Any]]) -> Contradictions:
                 yield (name, f"a range that meets {low:g} to {high:g}, {PRIOR_WIDTHS:g} sd about the mean of its prior")
 
 
-def all_fixed(parameters: Iterable[Any]) -> bool:
+def all_fixed(parameters: Mapping[str, Any]) -> bool:
     """Return whether no parameter is free."""
-    return all(given is None or "fixed" in given for given in parameters)
+    return all("fixed" in given for given in parameters.values())
 
 
-class _Parameters(Section):
+class ParametersSettings(Section):
+    """The contact parameters."""
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """The parameters of the study, without those of other contact laws."""
+        return {name: value for name, value in self if value is not None}
+
     def contradictions(self) -> Contradictions:
         """Refuse parameters that are all fixed, and a prior that its range excludes."""
-        yield from far_priors(self)
-        if all_fixed(given for _, given in self):
+        yield from far_priors(self.given)
+        if all_fixed(self.given):
             yield "", "at least one free parameter: there is nothing to calibrate"
 
 
-_six: dict[str, Any] = {name: (parameter(*ALLOWED[name]), ...) for name in PARAMETERS}
-_further: dict[str, Any] = {
-    name: (parameter(of.constant.least, min(of.constant.most, 1.0e9)), ABSENT) for name, of in FURTHER.items()
-}
-ParametersSettings = create_model("ParametersSettings", __base__=_Parameters, **_six, **_further)
+def _parameters() -> type[ParametersSettings]:
+    """Make the model with the six parameters, and those of the contact laws."""
+    six: dict[str, Any] = {name: (parameter(*ALLOWED[name]), ...) for name in PARAMETERS}
+    ends = {name: (of.constant.least, min(of.constant.most, 1.0e9)) for name, of in FURTHER.items()}
+    further: dict[str, Any] = {name: (parameter(*pair), ABSENT) for name, pair in ends.items()}
+    return create_model("Parameters", __base__=ParametersSettings, **six, **further)
+
 
 StrategyName = Annotated[str, OneOf(_strategies)]
 SurrogateName = Annotated[str, OneOf(_surrogates)]
@@ -268,7 +277,7 @@ class StudySettings(Section):
     berry: GrainSettings
     funnel: FunnelSettings
     wall: WallSettings
-    parameters: ParametersSettings  # type: ignore[valid-type]
+    parameters: ParametersSettings
     design: DesignSettings
     simulation: SimulationSettings
     measure: MeasureSection
@@ -302,7 +311,7 @@ def _settings_type(apparatus: tuple[str, ...], strategies: tuple[str, ...]) -> t
         name: (strategy(name).settings, ...) for name in strategies if strategy(name).settings is not None
     }
     sections |= {name: (bench(name).settings, ABSENT) for name in apparatus if name not in StudySettings.model_fields}
-    return create_model("Configuration", __base__=StudySettings, **sections)
+    return create_model("Configuration", __base__=StudySettings, parameters=(_parameters(), ...), **sections)
 
 
 def named_files() -> tuple[str, ...]:

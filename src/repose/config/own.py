@@ -26,6 +26,7 @@ from repose.surrogate.settings import NetworkSettings
 
 RESERVED = ("sample", "run", "status", "turn")  # columns of the table that are neither parameter nor response
 BENCH = "own"  # bench test of the responses
+OF_TARGETS = ("noise_sd", "definition")  # keys of targets that are collected
 SEEDS = 2  # runs of each sample
 SURROGATE = "gaussian_process"
 RANGE_PERCENT = 2.0  # of the value, to each side, where no range is given
@@ -119,8 +120,8 @@ class OwnSettings(Section):
     @field_validator("parameters")
     @classmethod
     def _free(cls, parameters: dict[str, Any]) -> dict[str, Any]:
-        refuse([*_bad_columns(parameters), *far_priors(parameters.items())])
-        if all_fixed(parameters.values()):
+        refuse([*_bad_columns(parameters), *far_priors(parameters)])
+        if all_fixed(parameters):
             refuse([("", "at least one range or prior")])
         return parameters
 
@@ -200,23 +201,18 @@ def completed(content: Mapping[str, Any], source: object = "study") -> dict[str,
         section = given.get(name, {})
         given[name] = {**defaults[name], **section} if isinstance(section, Mapping) else section
     raise_together(faults.check(given, str(source), settings_type()).faults)
-    config = given | {name: _of_targets(given, name) for name in ("noise_sd", "definition")}
-    config["definitions"] = config.pop("definition")
-    config[BENCH] = {"seeds": config.pop("seeds")}
-    config["sequential"]["most_pours"] = config["sequential"]["most_runs"]  # the strategy counts pours
     for name in ("design", "network", "miga", "posterior"):
-        config[name]["seed"] = given["seed"]
-    if config["network"].get("split", AUTO) == AUTO:
-        config["network"]["split"] = computed.split(config)
-    if config["strategy"] != "sequential":  # its own rule is for pours, whose noise no key gives
+        given[name] |= {"seed": given["seed"]}
+    if given["network"].get("split", AUTO) == AUTO:
+        given["network"] |= {"split": computed.split_of(given["surrogate"])}
+    given["sequential"] |= {"most_pours": given["sequential"]["most_runs"]}  # the strategy counts pours
+    found = {key: {name: one[key] for name, one in given["targets"].items() if key in one} for key in OF_TARGETS}
+    seeds, definitions = given.pop("seeds"), found.pop("definition")
+    config = given | found | {"definitions": definitions, BENCH: {"seeds": seeds}}
+    if given["strategy"] != "sequential":  # its own rule is for pours, whose noise no key gives
         off = cost.contradictions(config)
         raise_together(YamlError(str(source), key, get(config, key), allowed) for key, allowed in off)
     return config
-
-
-def _of_targets(content: Mapping[str, Any], key: str) -> dict[str, Any]:
-    """Collect a key of the targets that have it."""
-    return {name: one[key] for name, one in content["targets"].items() if key in one}
 
 
 def targets_of(section: Mapping[str, Mapping[str, Any]]) -> Targets:

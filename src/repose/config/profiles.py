@@ -1,7 +1,6 @@
 """Targets that are profiles: a file of measured heights becomes one target for each score (`repose.core.profiles`)."""
 
 import math
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Annotated, Any, Generic, TypeVar
@@ -9,9 +8,8 @@ from typing import Annotated, Any, Generic, TypeVar
 from pydantic import Field
 
 from repose.config import faults
-from repose.core import places
+from repose.core import places, tables
 from repose.core.errors import InputError, raise_together
-from repose.core.files import read_rows
 from repose.core.profiles import Profile
 from repose.core.responses import derived, named
 from repose.core.section import ABSENT, Section
@@ -142,15 +140,22 @@ def _scores(measured: MeasuredProfile, profile: Profile, sd: float, more: dict[s
 def _read(measured: MeasuredProfile, name: str) -> tuple[Profile, float]:
     """Read the profile of a file, and the standard deviation of a height: the root of its mean square."""
     path = places.find(measured.file)
-    columns = [measured.x, measured.z]
+    columns = [tables.Column(measured.x, empty=True), tables.Column(measured.z, empty=True)]
     if isinstance(measured.sd, str):
-        columns.append(measured.sd)
-    rows = read_rows(path, columns, "a CSV file of a profile")
-    first, last = _measured_part([row[measured.z].strip() for row in rows])
-    table = [
-        [_number(row[column], f"{path}, row {k}", column) for column in columns]
-        for k, row in list(enumerate(rows, start=1))[first:last]
-    ]
+        columns.append(tables.Column(measured.sd, low=0.0, empty=True))
+    cells = tables.read(path, columns, "a CSV file of a profile")
+    first, last = _measured_part(cells.values[measured.z])
+    numbers = {column.name: cells.values[column.name][first:last] for column in columns}
+    tables.refuse(
+        path,
+        (
+            (k, name, cells.text[name][k], "a finite number; empty heights only at the ends of a profile")
+            for name, own in numbers.items()
+            for k, number in enumerate(own, start=first)
+            if math.isnan(number)
+        ),
+    )
+    table = list(zip(*numbers.values(), strict=True))
     if len(table) <= measured.functions:
         raise InputError(path, "rows", len(table), f"more than functions, {measured.functions}")
     x, z, *sd = (list(column) for column in zip(*table, strict=True))
@@ -162,23 +167,10 @@ def _read(measured: MeasuredProfile, name: str) -> tuple[Profile, float]:
         raise InputError(path, measured.z, 0, "a height that is not 0: tolerances are in percent of it")
     if not sd:
         return profile, float(measured.sd)
-    if min(sd[0]) < 0:
-        raise InputError(path, str(measured.sd), min(sd[0]), "0 or more")
     return profile, math.sqrt(sum(one**2 for one in sd[0]) / len(sd[0]))
 
 
-def _measured_part(cells: Sequence[str]) -> tuple[int, int]:
+def _measured_part(heights: Sequence[float]) -> tuple[int, int]:
     """Find the first row with a height and the row after the last: a profile may be shorter than the table."""
-    there = [k for k, cell in enumerate(cells) if cell]
+    there = [k for k, height in enumerate(heights) if not math.isnan(height)]
     return (there[0], there[-1] + 1) if there else (0, 0)
-
-
-def _number(cell: str, source: str | os.PathLike, column: str) -> float:
-    """Read a cell as a finite number; InputError for anything else."""
-    try:
-        number = float(cell)
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number):
-        raise InputError(source, column, cell, "a finite number; empty heights only at the ends of a profile")
-    return number

@@ -12,16 +12,15 @@ import numpy as np
 import pandas as pd
 
 from repose.core.errors import InputError
-from repose.core.files import read_rows, write_table
+from repose.core.files import write_table
 from repose.core.lock import exclusive
+from repose.core.tables import Column, check, refuse
 from repose.strategies.base import Answer, Batch, Studied, strategy
-from repose.strategies.runs import OK, checked_runs, next_number, runs_of, with_fixed
+from repose.strategies.runs import OK, TURN, TURNS, checked_runs, next_number, rows_of, runs_of, with_fixed
 
 FAILED = "failed"
 SAME = 1e-6  # relative: a table may have been rounded by a spreadsheet
-
-TURN = "turn"  # column of a record: with which proposal a run was told
-SOURCE, WHAT = "the table of runs", "a CSV file of runs"
+SOURCE = "the table of runs"
 
 
 class Record:
@@ -40,7 +39,7 @@ class Record:
     def _read(self) -> None:
         """Take the rows of the file."""
         if self.file is not None and self.file.exists():
-            self._take(read_rows(self.file, what=WHAT), self.file)
+            self._take(rows_of(self.file), self.file)
 
     @property
     def proposal(self) -> Batch | Answer:
@@ -48,16 +47,21 @@ class Record:
         return self._turn[0]
 
     @property
+    def _turns(self) -> np.ndarray:
+        """The number of each run's turn; 0 for a run without one."""
+        return np.nan_to_num(check({TURN: [row.get(TURN) for row in self._rows]}, [TURNS])[0][TURN]).astype(int)
+
+    @property
     def _last_turn(self) -> int:
         """The number of the last turn with a run; 0 without any."""
-        return max((int(row.get(TURN) or 0) for row in self._rows), default=0)
+        return int(self._turns.max(initial=0))
 
     @cached_property
     def _turn(self) -> tuple[Batch | Answer, int]:
         """The proposal and its number: the last one while a run of it is missing."""
         number = self._last_turn
         if number:
-            before = self._proposed(self.data[[int(row.get(TURN) or 0) < number for row in self._rows]])
+            before = self._proposed(self.data[self._turns < number])
             if len(self._missing(before)):
                 return before, number
         return self._proposed(self.data), number + 1
@@ -65,7 +69,7 @@ class Record:
     def _proposed(self, data: pd.DataFrame) -> Batch | Answer:
         """Ask the strategy what it proposes after runs."""
         try:
-            return strategy(self.study.config["strategy"]).propose(self.study, data.reset_index(drop=True))
+            return strategy(self.study.settings.strategy).propose(self.study, data.reset_index(drop=True))
         except InputError as error:
             if self.file is None or error.source != "runs":
                 raise
@@ -104,7 +108,7 @@ class Record:
         Runs that were not asked for count from the next turn on; those before the first run of a turn count at once.
         """
         assert self.file is not None
-        rows = with_fixed(read_rows(path, what=WHAT), self.study.parameters)
+        rows = with_fixed(rows_of(path), self.study.parameters)
         checked = checked_runs(self.study, rows, path, enough=False)
         self.file.parent.mkdir(parents=True, exist_ok=True)
         with exclusive(self.file):
@@ -233,11 +237,9 @@ def _checked_table(table: Any) -> pd.DataFrame:
 
 def _numbers(table: pd.DataFrame, name: str) -> np.ndarray:
     """Return a column of numbers (n,)."""
-    numbers: np.ndarray = pd.to_numeric(table[name], errors="coerce").to_numpy(float)
-    if not np.isfinite(numbers).all():
-        row = int((~np.isfinite(numbers)).argmax())
-        raise InputError(f"{SOURCE}, row {row + 1}", name, table[name].tolist()[row], "a finite number")
-    return numbers
+    values, faults = check({name: table[name].tolist()}, [Column(name)])
+    refuse(SOURCE, faults)
+    return np.array(values[name])
 
 
 def _exact(value: Any) -> str:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from repose.apparatus import bench, bench_tests
+from repose.config import typed
 from repose.config.models import named_files
 from repose.config.results_folder import run_folder
 from repose.core import attached
@@ -76,7 +77,7 @@ def _in_order(value: Any) -> Any:
 def pouring(config: Config, apparatus: str = UNNAMED) -> dict[str, Any]:
     """Select the settings that a run of a bench test reads, without its measurement and the number of its seeds."""
     others = ("seeds", *bench(apparatus).measured_by)
-    own = {key: value for key, value in _in_order(config[apparatus]).items() if key not in others}
+    own = {key: value for key, value in sections(config, apparatus)[apparatus].items() if key not in others}
     return sections(config, "wall", "simulation", "design.seed") | {apparatus: own}
 
 
@@ -94,7 +95,7 @@ def scene(config: Config) -> str:
     """
     chosen = sections(config, "berry", "measure")
     chosen["measure"] = {key: value for key, value in chosen["measure"].items() if key != "response"}
-    for name in dict.fromkeys(target["apparatus"] for target in config["targets"]):
+    for name in dict.fromkeys(target.apparatus for target in typed.sections(config).targets):
         measured_by = (f"{name}.{key}" for key in bench(name).measured_by)
         chosen |= pouring(config, name) | sections(config, *measured_by)
     return hash_of(_with_contents(chosen))
@@ -113,7 +114,7 @@ def settings_of(
 ) -> dict[str, Any]:
     """Select the settings that the stage of a verb reads, with the content of files in place of their paths.
 
-    With `berry_is_made` the stage makes berry and particle itself; `name` is the strategy that proposes. A verb or a
+    With `berry_is_made` the stage makes grain and particle itself; `name` is the strategy that proposes. A verb or a
     strategy that does not list its keys reads the whole configuration except its names.
     """
     keys = KEYS.get(verb) if name is None or verb in KEYS else strategy(name).reads
@@ -147,7 +148,7 @@ def outdated(config: Config, paths: Iterable[str | PathLike]) -> list[str]:
             continue
         if record["verb"] == "propose" and name is None:  # of a version that did not note it
             continue
-        # a stage by hand may have made the berry itself
+        # a stage by hand may have made the grain itself
         given = [settings_of(config, record["verb"], apparatus, made, name) for made in (False, True)]
         if record["settings"] not in map(hash_of, given) or record["engine"] not in (None, engine_hash()):
             results.append(str(path))
@@ -156,7 +157,7 @@ def outdated(config: Config, paths: Iterable[str | PathLike]) -> list[str]:
 
 def own_dataset(config: Config) -> Path | None:
     """Return dataset.csv of the study if it, its piles and its grain were made by these settings; else None."""
-    results = Path(config["results_dir"])
+    results = Path(typed.sections(config).results_dir)
     piles, table = list(results.glob(f"{run_folder(UNNAMED)}/*.json")), results / "dataset.csv"
     files = [*results.glob("berry/*.json"), *piles, table]
     if not piles or None in map(attached.read, files) or outdated(config, files):

@@ -100,13 +100,7 @@ class Study:
         config = completed(given)
         if file is not None:
             _keep_settings(given, file)
-        self._make(config, None, file)
-
-    def _make(self, config: dict[str, Any], source: Any, file: str | os.PathLike | None = None) -> Self:
-        """Set the attributes, once."""
-        for name, value in (("config", config), ("_source", source), ("_file", file)):
-            object.__setattr__(self, name, value)
-        return self
+        vars(self).update(config=config, _source=None, _file=file)
 
     def __repr__(self) -> str:
         free, targets = (", ".join(names) for names in (self.parameters.free, self.targets.names))
@@ -115,7 +109,9 @@ class Study:
     @classmethod
     def _of(cls, config: dict[str, Any], source: Any, file: str | os.PathLike | None = None) -> Self:
         """Make a study without the arguments of `Study(...)`."""
-        return cls.__new__(cls)._make(config, source, file)
+        study = cls.__new__(cls)
+        vars(study).update(config=config, _source=source, _file=file)
+        return study
 
     @classmethod
     def resume(cls, file: str | os.PathLike) -> "Study":
@@ -322,14 +318,14 @@ class Study:
 
     @property
     def grain(self) -> dict[str, Any]:
-        """The mean berry, as in berry.json; with it the files that the configuration names are checked."""
+        """The mean grain, as in berry.json; with it the files that the configuration names are checked."""
         making = self._checked()
         assert making.mean is not None
         return making.mean
 
     @property
     def particle(self) -> "Particle":
-        """The body of the mean berry; with it the files that the configuration names are checked."""
+        """The body of the mean grain; with it the files that the configuration names are checked."""
         making = self._checked()
         assert making.particle is not None
         return making.particle

@@ -4,6 +4,7 @@ A JSON file has it under the key ``provenance``, an .npz file as an array of thi
 its header. Every other file has it in a sidecar, FILE.provenance.json.
 """
 
+import errno
 import json
 import struct
 import zipfile
@@ -21,6 +22,14 @@ PNG = b"\x89PNG\r\n\x1a\n"
 HEADER = 33  # bytes of a PNG's signature and first chunk
 # A flipped bit may turn on an archive's password or an unknown method, which is a RuntimeError.
 UNREADABLE = (*(OSError, EOFError, ValueError, KeyError, RuntimeError), *(zipfile.BadZipFile, zlib.error, struct.error))
+
+
+def plain_file(path: str | PathLike) -> Path:
+    """Return the path of a file; OSError if a device or a pipe, which may never end, has it."""
+    path = Path(path)
+    if path.exists() and not path.is_file() and not path.is_dir():
+        raise OSError(errno.EINVAL, "a device or a pipe", str(path))
+    return path
 
 
 def write_sidecar(path: str | PathLike, record: Mapping[str, Any]) -> None:

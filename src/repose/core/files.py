@@ -5,43 +5,23 @@ replaces only files that this program wrote (`repose.core.ledger`). A reader rep
 `InputError`, and leaves the record out.
 """
 
-import csv
-import io
 import json
 import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from repose.core import attached, provenance
+from repose.core import attached, provenance, tables
 from repose.core.errors import InputError
 from repose.core.ledger import write_whole
-from repose.core.parameters import LABELS
+from repose.core.tables import Column
 
 if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
 
-__all__ = [
-    "check_columns",
-    "json_text",
-    "read_json",
-    "read_npz",
-    "read_rows",
-    "read_table",
-    "write_bytes",
-    "write_image",
-    "write_json",
-    "write_npz",
-    "write_table",
-    "write_text",
-    "write_whole",
-]
-
 Path_ = str | os.PathLike
 UNREADABLE = attached.UNREADABLE
-COUNTS = ("sample", "seed", "n_seeds", "round", "low", "high")
-UNITS = ("deg", "mm", "m", "s", "g", "kg", "n", "j", "pa", "percent")
 KINDS = {int: "an integer", float: "a number", str: "a text", list: "a list", dict: "a mapping"}
 
 
@@ -105,58 +85,9 @@ def write_image(path: Path_, picture: "np.ndarray") -> None:
     write_bytes(path, content.tobytes())
 
 
-def read_table(path: Path_, columns: Iterable[str] = (), what: str = "a CSV file") -> "pd.DataFrame":
+def read_table(path: Path_, columns: Iterable[str | Column] = (), what: str = tables.TABLE) -> "pd.DataFrame":
     """Read a CSV file that has at least these columns; cells of columns of numbers are finite numbers or empty."""
-    # pandas makes the start slow, which a pour should avoid
-    import numpy as np
-    import pandas as pd
-
-    text, _ = _rows(path, columns, what)
-    try:
-        table = pd.read_csv(io.StringIO(text))
-    except UNREADABLE as error:
-        raise InputError(path, "table", str(error), what) from error
-    for column in filter(is_number, table.columns):
-        numbers = pd.to_numeric(table[column], errors="coerce")
-        bad = ~np.isfinite(numbers.to_numpy(float)) & table[column].notna().to_numpy()
-        if bad.any():
-            row = int(bad.argmax())
-            value = table[column].tolist()[row]
-            raise InputError(f"{path}, row {row + 1}", column, value, "a finite number, or nothing")
-        table[column] = numbers
-    return table
-
-
-def is_number(column: str) -> bool:
-    """Tell whether the cells of a column are numbers: a contact parameter, a quantity with its unit, or a count."""
-    return column in COUNTS or column in LABELS or (column.rpartition("_")[2] in UNITS and "_" in column)
-
-
-def _rows(path: Path_, columns: Iterable[str], what: str, comments: bool = False) -> tuple[str, list[list[str]]]:
-    """Read text and rows of a CSV file, each row as long as the header; `comments` omits lines that begin with #."""
-    try:
-        text = Path(path).read_bytes().decode("utf-8-sig")
-        rows = [row for row in csv.reader(io.StringIO(text, newline=""), strict=True) if row]
-        rows = [row for row in rows if not (comments and row[0].startswith("#"))]
-    except (*UNREADABLE, csv.Error) as error:
-        raise InputError(path, "table", str(error), what) from error
-    if "\0" in text:
-        raise InputError(path, "table", "a byte of zero", what)
-    header = rows[0] if rows else []
-    for column in header:
-        if header.count(column) > 1:
-            raise InputError(path, "header", column, "each column once")
-    check_columns(path, header, columns)
-    for number, row in enumerate(rows[1:], start=1):
-        if len(row) != len(header):
-            raise InputError(f"{path}, row {number}", "cells", len(row), f"{len(header)}, as in the header")
-    return text, rows
-
-
-def read_rows(path: Path_, columns: Iterable[str] = (), what: str = "a CSV file") -> list[dict[str, str]]:
-    """Read a CSV file as text, so that ``float`` of a cell is exact; lines that begin with # are comments."""
-    _, rows = _rows(path, columns, what, comments=True)
-    return [dict(zip(rows[0], row, strict=True)) for row in rows[1:]]
+    return tables.read(path, columns, what, tables.is_number).frame()
 
 
 def read_json(
@@ -164,7 +95,7 @@ def read_json(
 ) -> dict[str, Any]:
     """Read a JSON file that holds a mapping with at least these keys, of these types if `keys` is a mapping."""
     try:
-        content = json.loads(Path(path).read_bytes().decode("utf-8-sig"))
+        content = json.loads(attached.plain_file(path).read_bytes().decode("utf-8-sig"))
     except OSError as error:
         raise InputError(path, "file", error.strerror, what) from error
     except (*UNREADABLE, RecursionError) as error:
@@ -186,23 +117,14 @@ def read_npz(path: Path_, keys: Iterable[str] = (), what: str = "an .npz file") 
     import numpy as np
 
     try:
-        with np.load(path, allow_pickle=False) as store:
+        with np.load(attached.plain_file(path), allow_pickle=False) as store:
             arrays = {name: store[name] for name in store.files if name != attached.KEY}
-    except (*UNREADABLE, TypeError) as error:  # TypeError: a plain .npy array, which cannot be closed
+    except (*UNREADABLE, TypeError, MemoryError) as error:  # TypeError: a plain .npy array, which cannot be closed
         raise InputError(path, "arrays", str(error), what) from error
     for key in keys:
         if key not in arrays:
             raise InputError(path, key, None, f"an array in {what}")
     return arrays
-
-
-def check_columns(path: object, table: Iterable[str], columns: Iterable[str]) -> None:
-    """Raise InputError if a column is missing; `path` stands in the message."""
-    columns = tuple(columns)
-    for column in columns:
-        if column not in table:
-            allowed = f"columns {', '.join(columns)}; found: {', '.join(map(str, table))}"
-            raise InputError(path, f"column {column}", "missing", allowed)
 
 
 def _plain(value: Any) -> Any:

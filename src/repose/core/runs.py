@@ -87,3 +87,13 @@ def reason(failed: Sequence[Mapping[str, Any]], total: int) -> str:
         why = dict.fromkeys(run["reason"] for run in failed if run["status"] == status and run.get("reason"))
         parts.append(f"{count} of {total} runs {status}" + (f" ({'; '.join(why)})" if why else ""))
     return "; ".join(parts)
+
+
+def describe(run: Mapping[str, Any], template: str) -> str:
+    """Describe a measured run by its bench test's `template`, a failed run by its reason."""
+    if run["status"] != "ok":
+        return f"seed {run['seed']}: {run['status']}: {run['reason']}"
+    try:
+        return f"seed {run['seed']}: {template.format(**run)}"
+    except (KeyError, TypeError):  # a response that is no target and could not be measured
+        return f"seed {run['seed']}: ok"

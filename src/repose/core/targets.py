@@ -1,9 +1,9 @@
 """Targets of the calibration: responses of bench tests with their measured values."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, overload
+from typing import Any
 
 import numpy as np
 
@@ -75,11 +75,27 @@ class Target:
         return abs(self.value) if self.profile is None else self.profile.whole
 
 
-class Targets(Sequence[Target]):
+class _Numbers:
+    """A number of each target, by its name, as an array (k,)."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    def __get__(self, targets: "Targets", owner: type) -> np.ndarray:
+        return np.array([getattr(target, self.name) for target in targets])
+
+
+class Targets(tuple[Target, ...]):
     """The targets of a study, in the order of the configuration; numbers as arrays (k,)."""
 
-    def __init__(self, targets: Iterable[Target]) -> None:
-        self._targets = tuple(targets)
+    value = _Numbers()
+    sd = _Numbers()
+    standard_error = _Numbers()
+    low = _Numbers()
+    high = _Numbers()
+    aim = _Numbers()
+    weight = _Numbers()
+    whole = _Numbers()
 
     @classmethod
     def of(cls, section: Sequence[Mapping[str, Any]]) -> "Targets":
@@ -98,19 +114,6 @@ class Targets(Sequence[Target]):
             )
             for entry in section
         )
-
-    @overload
-    def __getitem__(self, index: int) -> Target: ...
-    @overload
-    def __getitem__(self, index: slice) -> tuple[Target, ...]: ...
-    def __getitem__(self, index: int | slice) -> Target | tuple[Target, ...]:
-        return self._targets[index]
-
-    def __len__(self) -> int:
-        return len(self._targets)
-
-    def __iter__(self) -> Iterator[Target]:
-        return iter(self._targets)
 
     @property
     def responses(self) -> tuple[Response, ...]:
@@ -146,39 +149,6 @@ class Targets(Sequence[Target]):
         """Pairs of responses of the same bench test, as a mask (k, k)."""
         bench = np.array([target.response.apparatus for target in self])
         return bench[:, None] == bench
-
-    @property
-    def value(self) -> np.ndarray:
-        return np.array([target.value for target in self])
-
-    @property
-    def sd(self) -> np.ndarray:
-        return np.array([target.sd for target in self])
-
-    @property
-    def standard_error(self) -> np.ndarray:
-        return np.array([target.standard_error for target in self])
-
-    @property
-    def low(self) -> np.ndarray:
-        return np.array([target.low for target in self])
-
-    @property
-    def high(self) -> np.ndarray:
-        return np.array([target.high for target in self])
-
-    @property
-    def aim(self) -> np.ndarray:
-        return np.array([target.aim for target in self])
-
-    @property
-    def weight(self) -> np.ndarray:
-        return np.array([target.weight for target in self])
-
-    @property
-    def whole(self) -> np.ndarray:
-        """Denominators of percents of the aims."""
-        return np.array([target.whole for target in self])
 
     @property
     def profiles(self) -> dict[str, Profile]:

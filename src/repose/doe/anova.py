@@ -14,7 +14,7 @@ COLUMNS = ("source", "sum_of_squares", "df", "mean_square", "f", "p")
 
 
 def pure_error(model: Model) -> tuple[float, int]:
-    """Sum of squares and degrees of freedom (0 if none) of runs that were repeated, within their block."""
+    """Sum the squares, and count the degrees of freedom (0 if none), of runs that were repeated, within their block."""
     keys = np.round(model.coded, 9)
     if model.blocks is not None:
         keys = np.column_stack([keys, model.blocks])
@@ -25,7 +25,7 @@ def pure_error(model: Model) -> tuple[float, int]:
 
 
 def anova(model: Model) -> pd.DataFrame:
-    """The ANOVA table with `COLUMNS`; F and p are nan if there is nothing to test by."""
+    """Make the ANOVA table with `COLUMNS`; F and p are nan if there is nothing to test by."""
     first = 1 + model.block_columns
     residual, df_residual, error = model.residual, model.df, model.variance
     total = float(((model.response - model.response.mean()) ** 2).sum())
@@ -54,7 +54,7 @@ def anova(model: Model) -> pd.DataFrame:
 
 
 def statistics(model: Model) -> dict[str, float]:
-    """Statistics of the fit, as in Design-Expert; nan without degrees of freedom for the error.
+    """Compute statistics of the fit, as in Design-Expert; nan without degrees of freedom for the error.
 
     `press` is the sum of the squared errors of predicting each run from all others. The R2 values leave the blocks'
     part out of the total. `adequate_precision` is the range of the predictions over their mean standard error.
@@ -82,7 +82,7 @@ def statistics(model: Model) -> dict[str, float]:
 
 
 def effects(model: Model) -> pd.DataFrame:
-    """The terms for the Pareto chart, the largest contribution first.
+    """List the terms for the Pareto chart, the largest contribution first.
 
     `term`, `coefficient` in coded units, `standard_error`, `t` (the standardised effect, without sign), `p`, and
     `contribution_percent`: the term's partial sum of squares over the total.
@@ -100,7 +100,7 @@ def effects(model: Model) -> pd.DataFrame:
 
 
 def limits(model: Model, alpha: float = 0.05) -> dict[str, float]:
-    """The two lines of the Pareto chart at level of significance `alpha`; nan without degrees of freedom.
+    """Find the two lines of the Pareto chart at significance `alpha`; nan without degrees of freedom.
 
     A single term above `t` is significant; without any effect, a share `alpha` of all studies at most has a term above
     `bonferroni`.

@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 
 
 def direction(slopes: ArrayLike) -> np.ndarray:
-    """Unit vector (k,) of steepest ascent, from the slopes (k,) of a first-order model in coded units."""
+    """Find the unit vector (k,) of steepest ascent, from the slopes (k,) of a first-order model in coded units."""
     slopes = np.asarray(slopes, dtype=float)
     length = np.linalg.norm(slopes)
     if not length > 0:
@@ -14,7 +14,7 @@ def direction(slopes: ArrayLike) -> np.ndarray:
 
 
 def towards(slopes: ArrayLike, missing: ArrayLike, scale: ArrayLike) -> np.ndarray:
-    """Unit vector (k,) along which several responses approach their targets fastest, in coded units.
+    """Find the unit vector (k,) along which several responses approach their targets fastest, in coded units.
 
     It is the steepest descent of the sum of the squared relative misses at the centre. `slopes` are (responses, k),
     `missing` is target minus response at the centre, `scale` the target over the root of its weight.
@@ -24,7 +24,7 @@ def towards(slopes: ArrayLike, missing: ArrayLike, scale: ArrayLike) -> np.ndarr
 
 
 def path(along: ArrayLike, steps: int, largest: float = 1.0) -> np.ndarray:
-    """Points (steps + 1, k) at equal distances along a direction in coded units, the centre first."""
+    """Space points (steps + 1, k) at equal distances along a direction in coded units, the centre first."""
     if steps < 1:
         raise ValueError(f"{steps} steps; expected at least 1")
     along = np.asarray(along, dtype=float)

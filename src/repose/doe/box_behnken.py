@@ -23,7 +23,7 @@ CENTRES = {3: 3, 4: 3, 5: 6, 6: 6, 7: 6}
 
 
 def box_behnken(factors: int, centres: int | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """A Box-Behnken design (n, factors) of -1, 0 and 1 in standard order, and the block (n,), from 1, of each run.
+    """Make a Box-Behnken design (n, factors) of -1, 0, 1 in standard order, and the block (n,), from 1, of each run.
 
     Box and Behnken, Some new three level designs for the study of quantitative variables, Technometrics 2 (1960)
     455-475. Blocks with equally many of the `centres` are orthogonal; simulations may ignore the blocks.

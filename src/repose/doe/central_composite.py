@@ -11,7 +11,7 @@ HALF_FROM = 5
 
 
 def central_composite(factors: int, axial: str = "rotatable", centres: int | None = None) -> tuple[np.ndarray, float]:
-    """A central composite design (n, factors) in coded units, in standard order, and the distance of its axial runs.
+    """Make a central composite design (n, factors) in coded units, in standard order, and give its axial distance.
 
     `factors` is 2 to 7. For `axial` "rotatable" the distance is the fourth root of the number of factorial runs, so
     that the variance of a prediction depends on its distance from the centre alone; for "face_centred" it is 1, with

@@ -13,7 +13,7 @@ ORDERS = ("linear", "interaction", "quadratic")
 
 
 def terms_of(factors: int, order: str) -> tuple[Term, ...]:
-    """Terms of a model besides its constant: single factors, then products of two, then squares."""
+    """List the terms of a model but its constant: single factors, then products of two, then squares."""
     if order not in ORDERS:
         raise ValueError(f"order {order!r}; expected {', '.join(ORDERS)}")
     groups: list[list[Term]] = [
@@ -25,13 +25,13 @@ def terms_of(factors: int, order: str) -> tuple[Term, ...]:
 
 
 def columns(coded: ArrayLike, terms: Sequence[Term]) -> np.ndarray:
-    """Values (n, terms) of the terms at coded points (n, k)."""
+    """Compute the terms (n, terms) at coded points (n, k)."""
     coded = np.atleast_2d(np.asarray(coded, dtype=float))
     return np.column_stack([coded[:, list(term)].prod(axis=1) for term in terms])
 
 
 def label(term: Term, factors: Sequence[str]) -> str:
-    """Name of a term: ``A``, ``A*B``, ``A^2``."""
+    """Name a term: ``A``, ``A*B``, ``A^2``."""
     if len(term) == 2 and term[0] == term[1]:
         return f"{factors[term[0]]}^2"
     return "*".join(factors[k] for k in term)
@@ -62,7 +62,7 @@ class Model:
 
     @property
     def coefficients(self) -> np.ndarray:
-        """Of the terms, (terms,)."""
+        """Coefficients of the terms, shape (terms,)."""
         return self.fitted[1 + self.block_columns :]
 
     @property
@@ -92,11 +92,11 @@ class Model:
         return self.residual / self.df if self.df else math.nan
 
     def predict(self, coded: ArrayLike) -> np.ndarray:
-        """The response (n,) at points (n, k) in coded units, averaged over the blocks."""
+        """Predict the response (n,) at points (n, k) in coded units, averaged over the blocks."""
         return self.constant + columns(coded, self.terms) @ self.coefficients
 
     def standard_error(self, coded: ArrayLike) -> np.ndarray:
-        """Standard error (n,) of the mean at coded points (n, k); nan without a degree of freedom for the error."""
+        """Compute the standard error (n,) of the mean at coded points (n, k); nan without degrees of freedom."""
         values = columns(coded, self.terms)
         share = np.full((len(values), self.block_columns), 1.0 / (1 + self.block_columns))
         rows = np.hstack([np.ones((len(values), 1)), share, values])

@@ -23,7 +23,7 @@ class Optimum:
 
 
 def desirability(predicted: ArrayLike, aims: ArrayLike, low: ArrayLike, high: ArrayLike) -> np.ndarray:
-    """Desirability (n,) of predictions (n, responses), from 0 to 1 (Derringer and Suich 1980).
+    """Compute the desirability (n,) of predictions (n, responses), from 0 to 1 (Derringer and Suich 1980).
 
     It is the geometric mean over the responses, each 1 at its target and falling linearly to 0 at the ends of its
     range.
@@ -37,7 +37,7 @@ def desirability(predicted: ArrayLike, aims: ArrayLike, low: ArrayLike, high: Ar
 
 
 def optimum(models: Sequence[Model], aims: ArrayLike, scale: ArrayLike, low: ArrayLike, high: ArrayLike) -> Optimum:
-    """The point of the cube from -1 to 1 at which the models, one for each response, are nearest to their targets.
+    """Find the point of the cube from -1 to 1 at which the models, one a response, are nearest to their targets.
 
     Few targets and many factors leave a curve or surface of such points; the point nearest to the centre is taken,
     where the models are most accurate. `scale` is the target over the root of its weight.

@@ -16,7 +16,7 @@ GENERATORS = {
 
 
 def plackett_burman(factors: int, runs: int | None = None) -> np.ndarray:
-    """A Plackett-Burman design (runs, factors) of -1 and 1.
+    """Make a Plackett-Burman design (runs, factors) of -1 and 1.
 
     Plackett and Burman, The design of optimum multifactorial experiments, Biometrika 33 (1946) 305-325. The remaining
     columns are the dummy factors from which the analysis estimates the error, with at least three degrees of freedom

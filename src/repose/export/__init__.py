@@ -1,7 +1,7 @@
 """The calibrated grain and its bench test as input of other simulation programs.
 
 `job` is the export in SI units, independent of any program. Each other module writes the deck of a program from a
-template beside it; a deck's head states the differences of the program from this engine.
+template in this folder; a deck's head states the differences of the program from this engine.
 """
 
 from collections.abc import Callable

@@ -6,8 +6,8 @@ import numpy as np
 
 from repose.apparatus.funnel import ConeLine
 from repose.export.job import Job, Pair
-from repose.export.laws import equivalent_restitution, head, rolling_coefficient, rolling_stiffness, unlike_the_study
-from repose.export.template import filled, numbers
+from repose.export.laws import equivalent_restitution, rolling_coefficient, rolling_stiffness, unlike_the_study
+from repose.export.template import filled, head, numbers
 
 # Damping of the rolling spring over its critical damping, with the mass of a grain.
 ROLLING_DAMPING = 0.5

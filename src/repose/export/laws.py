@@ -10,7 +10,6 @@ effective radius of the two touching spheres. With `rolling_coefficient` the mea
 """
 
 import math
-from collections.abc import Iterator
 
 from repose.dem.constants import OF_LAWS, SURFACE_ENERGY, TWISTING
 from repose.dem.laws.law import COULOMB
@@ -68,36 +67,18 @@ def skin_m(job: Job) -> float:
     return 0.75 * job.mean_radius_m
 
 
-def head(job: Job, comment: str, lines: list[str]) -> str:
-    """Write the head of a deck as comment lines: the study, and the differences from it."""
-    return "\n".join(comment + line for line in _head(job, lines))
-
-
-def _head(job: Job, lines: list[str]) -> Iterator[str]:
-    """Yield the lines of the head."""
-    gg, gp = job.grains, job.on_wall
-    yield f"Pour of {job.funnel.berries} grains of the study `{job.label}`, written by `repose export`. SI units."
-    yield f"Calibrated: e {gg.restitution:.6g}, mu_s {gg.static_friction:.6g}, mu_r {gg.rolling_friction:.6g} between"
-    yield (
-        f"grains; e {gp.restitution:.6g}, mu_s {gp.static_friction:.6g}, mu_r {gp.rolling_friction:.6g} "
-        "between grain and wall."
-    )
-    law = job.simulation.contact_law
+def further_laws(job: Job) -> str:
+    """Write the lines of a head on the constants that the contact law and the rolling law have besides."""
+    gg, gp = job.grains.constants, job.on_wall.constants
+    law, lines = job.simulation.contact_law, []
     for constant in OF_LAWS.get(law, ()):
-        yield (
-            f"{law}: {constant.words} {gg.constants[constant.name]:.6g} {constant.unit} between grains, "
-            f"{gp.constants[constant.name]:.6g} between grain and wall{GAMMA if constant is SURFACE_ENERGY else ''}."
-        )
-    if TWISTING.name in {**gg.constants, **gp.constants}:
-        given = (pair.constants.get(TWISTING.name, "3 pi / 16 mu_s") for pair in (gg, gp))
-        yield "{}: {} between grains, {} between grain and wall; this deck has none.".format(TWISTING.words, *given)
-    yield (
-        f"Time step {job.time_step_s:g} s: {100 * job.time_step_s / job.rayleigh_s:.1f} % of the Rayleigh time of the "
-        "smallest sphere."
-    )
-    yield "Not as in the study:"
-    for line in (*lines, *job.notes):
-        yield f"- {line}"
+        wall = f"{gp[constant.name]:.6g} between grain and wall{GAMMA if constant is SURFACE_ENERGY else ''}"
+        lines.append(f"{law}: {constant.words} {gg[constant.name]:.6g} {constant.unit} between grains, {wall}.\n")
+    if TWISTING.name in {**gg, **gp}:
+        given = (pair.get(TWISTING.name, "3 pi / 16 mu_s") for pair in (gg, gp))
+        words = "{}: {} between grains, {} between grain and wall; this deck has none.\n"
+        lines.append(words.format(TWISTING.words, *given))
+    return "".join(lines)
 
 
 def unlike_the_study(job: Job, tangential: str = "hertz_mindlin") -> list[str]:

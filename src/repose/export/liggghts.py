@@ -5,9 +5,9 @@ import math
 from repose.dem.constants import COHESION_ENERGY_DENSITY
 from repose.dem.laws.epsd import ETA
 from repose.export.job import Job
-from repose.export.laws import equivalent_restitution, head, rolling_coefficient, unlike_the_study
+from repose.export.laws import equivalent_restitution, rolling_coefficient, unlike_the_study
 from repose.export.surface import AROUND, stl
-from repose.export.template import filled, numbers
+from repose.export.template import filled, head, numbers
 
 # LIGGGHTS refuses a coefficient of restitution of 0.05 and less.
 LEAST_RESTITUTION = 0.0501

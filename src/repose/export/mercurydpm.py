@@ -4,9 +4,9 @@ It follows the interfaces of MercuryDPM's clump drivers, and has neither been co
 """
 
 from repose.export.job import Job
-from repose.export.laws import equivalent_restitution, head, rolling_coefficient, unlike_the_study
+from repose.export.laws import equivalent_restitution, rolling_coefficient, unlike_the_study
 from repose.export.surface import stl
-from repose.export.template import filled, numbers
+from repose.export.template import filled, head, numbers
 
 # Its rolling lever is twice the effective radius, its tangential stiffness two thirds of 8 G* sqrt(R* delta).
 LEVER = 2.0

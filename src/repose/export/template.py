@@ -6,7 +6,7 @@ from functools import reduce
 from pathlib import Path
 
 from repose.export.job import Job
-from repose.export.laws import skin_m
+from repose.export.laws import further_laws, skin_m
 
 # A text in which @{name}, @{name.attribute} or @{name:format} is a value, since $ and braces have a meaning in decks.
 VALUE = re.compile(r"@\{(\w+)((?:\.\w+)*)(?::([^}]+))?\}")
@@ -27,6 +27,13 @@ def filled(name: str, job: Job, **values: object) -> str:
         return format(value, found[3] or (".9g" if isinstance(value, float) else ""))
 
     return VALUE.sub(word, text)
+
+
+def head(job: Job, comment: str, unlike: Iterable[str]) -> str:
+    """Write the head of a deck as comment lines: the study, and the differences from it."""
+    percent = 100 * job.time_step_s / job.rayleigh_s
+    lines = filled("head.txt", job, further=further_laws(job), percent=percent).splitlines()
+    return "\n".join(comment + line for line in (*lines, *(f"- {one}" for one in (*unlike, *job.notes))))
 
 
 def numbers(values: Iterable[float], between: str = " ") -> str:

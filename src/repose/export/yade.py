@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from repose.export.job import Job
-from repose.export.laws import head, rolling_stiffness, unlike_the_study
+from repose.export.laws import rolling_stiffness, unlike_the_study
 from repose.export.surface import AROUND, profile
-from repose.export.template import filled, numbers
+from repose.export.template import filled, head, numbers
 
 
 def deck(job: Job) -> dict[str, str]:

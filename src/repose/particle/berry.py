@@ -1,6 +1,7 @@
 """Measured grains: sizes to sphericity and equivalent diameter, compression tests to moduli (Eq. 1-4)."""
 
 import math
+from collections.abc import Iterator
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -8,14 +9,18 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from repose.core.errors import InputError
+from repose.core.errors import InputError, raise_together
 from repose.core.files import read_table, write_json, write_table
+from repose.core.tables import Column, other_unit
 from repose.particle import size_distribution
 from repose.particle.berry_files import ALIKE, SIZE_COLUMNS, read_compression, read_sizes
 from repose.particle.particle import check_positive
 from repose.particle.settings import GrainSettings
 
+LOADED = {"length_1_mm": "long_mm", "width_1_mm": "minor_mm", "breadth_mm": "major_mm"}  # axes of the loaded berry
+MODULI_PA = (1e3, 1e12)  # elastic modulus of a jelly, and of what is stiffer than steel or diamond
 TABLE1 = ("dimension", "maximum", "minimum", "mean")
+STATISTICS = [Column(name, str if name == "dimension" else float) for name in TABLE1]
 
 # One number, or a column of them.
 Numbers = Any
@@ -139,13 +144,30 @@ def of_files(
     sizes = read_sizes(sizes_csv)
     tests = None if both or compression_csv is None else read_compression(compression_csv)
     if tests is not None:
-        loaded, minor = tests["width_1_mm"].median(), sizes["minor_mm"].median()
-        if not 1 / ALIKE <= loaded / minor <= ALIKE:
-            allowed = f"a median near that of minor_mm in {sizes_csv}, {minor:g}: both are of one crop, in millimetres"
-            raise InputError(compression_csv, "width_1_mm", float(loaded), allowed)
-    published = pd.DataFrame(columns=TABLE1) if table1_csv is None else read_table(table1_csv, TABLE1)
+        raise_together(_other_units(compression_csv, tests, sizes_csv, sizes))
+    published = pd.DataFrame(columns=TABLE1) if table1_csv is None else read_table(table1_csv, STATISTICS)
     material = density_kg_m3, poisson_ratio, shear_modulus_pa
     return measured_berry(sizes, tests, published, *material, source=compression_csv)
+
+
+def _other_units(
+    tests_csv: str | PathLike | None, tests: pd.DataFrame, sizes_csv: str | PathLike, sizes: pd.DataFrame
+) -> Iterator[InputError]:
+    """Find columns of the compression tests whose numbers can hardly be in their unit."""
+    for name, axis in LOADED.items():
+        found, axis_mm = float(tests[name].median()), float(sizes[axis].median())
+        if not 1 / ALIKE <= found / axis_mm <= ALIKE:
+            of_sizes = other_unit("mm", axis_mm / found)
+            unit = other_unit("mm", found / axis_mm) or (of_sizes and f"; is {sizes_csv}{of_sizes[1:]}")
+            near = f"a median near that of {axis} in {sizes_csv}, {axis_mm:g} mm"
+            yield InputError(tests_csv, name, found, f"{near}{unit}")
+            return
+    modulus = moduli(tests)[0]
+    if not MODULI_PA[0] <= modulus <= MODULI_PA[1]:
+        unit = "kN" if modulus < MODULI_PA[0] else "mN"
+        low, high = MODULI_PA
+        allowed = f"forces that give a modulus from {low:g} to {high:g} Pa, not {modulus:.2g}; in {unit} instead of N?"
+        yield InputError(tests_csv, "force_n", float(tests["force_n"].median()), allowed)
 
 
 def of_settings(section: GrainSettings, table1_csv: str | PathLike | None) -> tuple[pd.DataFrame, dict[str, Any]]:

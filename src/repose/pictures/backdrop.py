@@ -1,4 +1,4 @@
-"""Background of a picture of berries: the inside of the drum."""
+"""Background of a picture of grains: the inside of the drum."""
 
 import math
 from dataclasses import dataclass

@@ -52,21 +52,8 @@ def place_bodies(
     centres: np.ndarray, quaternions: np.ndarray, shapes: Sequence[Drawable], shape_ids: np.ndarray, scales: np.ndarray
 ) -> Bodies:
     """Give the bodies at their places as triangles; each sphere of a body of spheres is a part of its own."""
-    if any(_spheres(shape) is not None for shape in shapes):
-        return _place_parts(centres, quaternions, shapes, shape_ids, scales)
-    return _tessellated(centres, quaternions, shapes, shape_ids, scales, np.arange(len(centres)))
-
-
-def _spheres(shape: Drawable) -> np.ndarray | None:
-    """Give the spheres (M, 4) of a shape, or None for a shape without."""
-    spheres = getattr(shape, "spheres_m", None)
-    return spheres if spheres is not None and len(spheres) else None
-
-
-def _place_parts(
-    centres: np.ndarray, quaternions: np.ndarray, shapes: Sequence[Drawable], shape_ids: np.ndarray, scales: np.ndarray
-) -> Bodies:
-    """Give `Bodies` if a shape consists of spheres: each sphere is a part."""
+    if all(_spheres(shape) is None for shape in shapes):
+        return _tessellated(centres, quaternions, shapes, shape_ids, scales, np.arange(len(centres)))
     turn = rotation_matrices(quaternions)
     parts = []
     for kind, shape in enumerate(shapes):
@@ -81,6 +68,12 @@ def _place_parts(
     places, sizes, ids, owner = (np.concatenate(column) for column in zip(*parts, strict=True))
     drawn = [_Ball() if _spheres(shape) is not None else shape for shape in shapes] + [_Ball()]
     return _tessellated(places, quaternions[owner], drawn, ids, sizes, owner)
+
+
+def _spheres(shape: Drawable) -> np.ndarray | None:
+    """Give the spheres (M, 4) of a shape, or None for a shape without."""
+    spheres = getattr(shape, "spheres_m", None)
+    return spheres if spheres is not None and len(spheres) else None
 
 
 def _tessellated(

@@ -31,45 +31,35 @@ def animate_pour(
     out_path: str | Path,
     walls: Sequence[Frustum] = (),
     frames: int = 72,
-    frame_s: float = 0.08,
     width: int = 360,
     height: int = 460,
-    elevation_deg: float = 10.0,
-    azimuth_deg: float = 20.0,
     max_bytes: int = 3_000_000,
     colour: str = GRAIN,
 ) -> None:
     """Write an endless animation of a pour as .gif or .webp, in at most `max_bytes`, if need be with fewer colours.
 
-    `trajectory` is an .npz file with time_s (T,), position (T, N, 3) [m], NaN before a berry appears, quaternion (T, N,
-    4) and perhaps scale (N,). The frames are spread evenly over the time, and each is shown for `frame_s`. `colour` is
-    #rrggbb. Raises InputError for a bad trajectory, another ending or a file that stays too large.
+    `trajectory` is an .npz file with time_s (T,), position (T, N, 3) [m], NaN before a grain appears, quaternion (T, N,
+    4) and perhaps scale (N,). The frames are spread evenly over the time. `colour` is #rrggbb. Raises InputError for a
+    bad trajectory, another ending or a file that stays too large.
     """
     out_path = _checked(out_path)
-    record = read_npz(trajectory, KEYS, "the trajectory of a pour")
-    times, positions, quaternions, scales = _moving(record)
+    times, positions, quaternions, scales = _moving(read_npz(trajectory, KEYS, "the trajectory of a pour"))
     resting = positions[-1][np.isfinite(positions[-1]).all(axis=1)].astype(float)
     reach = particle.bounding_radius_m * float(scales.max(initial=0.0))
-    # Berries that rolled far away may leave the picture; the pile and the funnel may not.
+    # Grains that rolled far away may leave the picture; the pile and the funnel may not.
     away = np.hypot(resting[:, 0], resting[:, 1])
     frame = outline(resting[away < 2 * np.median(away)], reach, walls)
     frame = np.concatenate([frame, [[0, 0, frame[:, 2].max() + 2 * reach]]])
-    view = (elevation_deg, azimuth_deg, width, height, walls)
+    view = (10.0, 20.0, width, height, walls)
     pictures = [
         render_pile(positions[k], quaternions[k], particle, *view, frame_m=frame, scales=scales, colour=colour)
         for k in _spread(times, frames)
     ]
-    _write_within(pictures, frame_s, out_path, max_bytes)
+    _write_within(pictures, 0.08, out_path, max_bytes)
 
 
 def animate(
-    simulation: Simulation,
-    frames: Mapping[str, np.ndarray],
-    out_path: str | Path,
-    pictures: int = 48,
-    frame_s: float = 0.08,
-    max_bytes: int = 3_000_000,
-    **view: Any,
+    simulation: Simulation, frames: Mapping[str, np.ndarray], out_path: str | Path, pictures: int = 48, **view: Any
 ) -> None:
     """Write an endless animation of any simulation; `frames` come from `repose.dem.Recorder.frames`.
 
@@ -95,7 +85,7 @@ def animate(
         render_bodies(frames["position"][k], frames["quaternion"][k], shapes, *shown, settings[k], **view)
         for k in _spread(times, pictures)
     ]
-    _write_within(drawn, frame_s, out_path, max_bytes)
+    _write_within(drawn, 0.08, out_path)
 
 
 def animate_drum(
@@ -104,9 +94,7 @@ def animate_drum(
     out_path: str | Path,
     section: "DrumSettings",
     frames: int = 72,
-    frame_s: float = 0.12,
     width: int = 380,
-    max_bytes: int = 3_900_000,
     colour: str = GRAIN,
 ) -> None:
     """Write an endless animation of a turning drum, seen along its axis; the marks on its rim turn with it.
@@ -122,7 +110,7 @@ def animate_drum(
         inside = drum_inside(section, angles_rad[k])
         look: dict[str, Any] = {"frame_m": inside.outline(), "backdrop": inside, "scales": scales, "colour": colour}
         pictures.append(render_pile(positions[k], quaternions[k], particle, 0.0, -90.0, width, width, **look))
-    _write_within(pictures, frame_s, out_path, max_bytes)
+    _write_within(pictures, 0.12, out_path, 3_900_000)
 
 
 def drum_inside(section: "DrumSettings", turned_rad: float) -> DrumInside:
@@ -151,7 +139,7 @@ def _spread(times: np.ndarray, frames: int) -> np.ndarray:
     return np.searchsorted(times, np.linspace(times[0], times[-1], min(frames, len(times))))
 
 
-def _write_within(pictures: Sequence[np.ndarray], frame_s: float, out_path: Path, max_bytes: int) -> None:
+def _write_within(pictures: Sequence[np.ndarray], frame_s: float, out_path: Path, max_bytes: int = 3_000_000) -> None:
     """Write RGB pictures with as many colours as max_bytes allows; InputError if even the fewest take more."""
     images = [Image.fromarray(picture) for picture in pictures]
     shown_ms = [round(1000 * frame_s)] * (len(images) - 1) + [round(1000 * LAST_S)]

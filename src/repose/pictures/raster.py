@@ -58,7 +58,7 @@ def draw(
 
 @compiled
 def _noise(row, column):
-    """A fixed angle for each pixel, so that few samples give fine grain instead of bands."""
+    """Draw a fixed angle for each pixel, so that few samples give fine grain instead of bands."""
     grain = 0.06711056 * column + 0.00583715 * row
     grain = 52.9829189 * (grain - math.floor(grain))
     return 2 * math.pi * (grain - math.floor(grain))

@@ -1,4 +1,4 @@
-"""Shaded pictures of berries, drawn in software: no graphics card, no window, the same picture everywhere.
+"""Shaded pictures of grains, drawn in software: no graphics card, no window, the same picture everywhere.
 
 Every shape is tessellated once by its support points x(n), whose normal is n itself, so the shading is as smooth as the
 body (`bodies`). Triangles go through a z-buffer (`view`). A second z-buffer seen from the light gives soft shadows, and
@@ -29,21 +29,19 @@ def render_pile(
     azimuth_deg: float = 20.0,
     width: int = 1000,
     height: int | None = None,
-    walls: Sequence[Frustum] | None = None,
+    walls: Sequence[Frustum] = (),
     frame_m: np.ndarray | None = None,
-    supersample: int = 2,
     backdrop: DrumInside | None = None,
-    field_of_view_deg: float = FIELD_OF_VIEW_DEG,
     scales: np.ndarray | None = None,
-    colour: str = shading.GRAIN,
+    **view: Any,
 ) -> np.ndarray:
-    """Give a shaded picture (height, width, 3), RGB, of grains of one shape; arguments as in `render_bodies`.
+    """Give a shaded picture (height, width, 3), RGB, of grains of one shape; `view` goes to `render_bodies`.
 
     `walls` are drawn translucent; a `backdrop` replaces the plate at z = 0.
     """
-    setting = Setting(None if backdrop else 0.0, frusta=tuple(walls or ()), backdrop=backdrop)
-    view = (elevation_deg, azimuth_deg, width, height, frame_m, supersample, field_of_view_deg)
-    return render_bodies(centres_m, quaternions, [particle], None, scales, setting, *view, colour)
+    setting = Setting(None if backdrop else 0.0, frusta=tuple(walls), backdrop=backdrop)
+    size = (elevation_deg, azimuth_deg, width, height, frame_m)
+    return render_bodies(centres_m, quaternions, [particle], None, scales, setting, *size, **view)
 
 
 def render_bodies(
@@ -85,25 +83,14 @@ def render_bodies(
     return _painted(camera, bodies, tints, largest, frame, setting, supersample)
 
 
-def render_mesh(
-    mesh: "trimesh.Trimesh",
-    elevation_deg: float,
-    azimuth_deg: float,
-    width: int,
-    height: int,
-    frame_m: np.ndarray,
-    supersample: int,
-    field_of_view_deg: float,
-    colour: str,
-) -> np.ndarray:
-    """Give a shaded picture (height, width, 3), RGB, of one mesh in m; arguments as in `render_bodies`."""
-    rays = (width * supersample, height * supersample)
-    camera = look_at(frame_m, *rays, elevation_deg, azimuth_deg, field_of_view_deg=field_of_view_deg)
+def render_mesh(mesh: "trimesh.Trimesh", frame_m: np.ndarray, supersample: int, colour: str, **view: Any) -> np.ndarray:
+    """Give a shaded picture (height, width, 3), RGB, of one mesh in m; `view` are its size and the camera's angles."""
+    view |= {side: view[side] * supersample for side in ("width", "height")}
     one, vertices = np.zeros(1, int), np.asarray(mesh.vertices)[None]
     normals, faces = np.asarray(mesh.vertex_normals)[None], np.asarray(mesh.faces)
     bodies = Bodies(normals, faces, one, np.eye(3)[None], vertices, one)
     tints, largest = shading.tints_of(one, one, 1, 1, colour), float(np.linalg.norm(mesh.extents)) / 2
-    return _painted(camera, bodies, tints, largest, frame_m, Setting(None), supersample)
+    return _painted(look_at(frame_m, **view), bodies, tints, largest, frame_m, Setting(None), supersample)
 
 
 def _painted(

@@ -133,9 +133,9 @@ def outline(centres: np.ndarray, reach: float, walls: Sequence[Frustum], panels:
         for wall in walls
         for radius, z in ((wall.r_low_m, wall.z_low_m), (wall.r_high_m, wall.z_high_m))
     ]
-    berries = (centres[:, None, :] + spread).reshape(-1, 3)
+    grains = (centres[:, None, :] + spread).reshape(-1, 3)
     flat = [panel.corners_m for panel in panels]
-    return np.concatenate([berries, *rings, *flat, [[0.0, 0.0, 0.0]] if not flat else np.zeros((0, 3))])
+    return np.concatenate([grains, *rings, *flat, [[0.0, 0.0, 0.0]] if not flat else np.zeros((0, 3))])
 
 
 def setting_of(

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import maximum_filter
@@ -30,6 +31,24 @@ def tints_of(body: np.ndarray, shape: np.ndarray, count: int, shapes: int, colou
     return tint + np.array([0.045, 0.050, 0.004]) * ripeness[body, None]
 
 
+class Seen(NamedTuple):
+    """Some rows of a picture: the image to paint, the content of its pixels, their rays, light and sky."""
+
+    image: np.ndarray  # (R, W, 3)
+    view: View
+    rays: np.ndarray  # (R, W, 3)
+    lit: np.ndarray  # (R, W), shares of the light
+    sky: np.ndarray  # (R, W), and of the sky
+
+    def places(self, camera: Camera, where: np.ndarray) -> np.ndarray:
+        """Give the places (M, 3) in m of the points that some pixels show."""
+        return camera.eye_m + self.view.depth[where][:, None] * self.rays[where]
+
+    def tone(self, where: np.ndarray) -> np.ndarray:
+        """Give the brightness (M,) of a dull surface that some pixels show."""
+        return (0.52 + 0.48 * self.lit[where]) * (0.35 + 0.65 * self.sky[where])
+
+
 def paint(
     camera: Camera,
     view: View,
@@ -45,11 +64,12 @@ def paint(
     picture = np.empty((height, width, 3), np.uint8)
     order = _far_to_near(setting.frusta, camera)
     for rows in camera.bands(supersample):
-        band, rays = view.rows(rows), camera.rays(rows)
+        rays = camera.rays(rows)
         image = np.broadcast_to(BACKGROUND, rays.shape).copy()
-        _paint_flat(image, camera, band, rays, lit[rows], sky[rows], frame, setting.backdrop)
-        _paint_bodies(image, camera, band, rays, lit[rows], sky[rows], tints)
-        _blend_walls(image, setting.frusta, order, camera, rays, band.depth)
+        seen = Seen(image, view.rows(rows), rays, lit[rows], sky[rows])
+        _paint_flat(seen, camera, frame, setting.backdrop)
+        _paint_bodies(seen, camera, tints)
+        _blend_walls(seen, camera, setting.frusta, order)
         fine = np.clip(image, 0, 1).reshape(-1, supersample, width, supersample, 3)
         picture[rows.start // supersample :][: len(fine)] = np.round(255 * fine.mean(axis=(1, 3)))
     return picture
@@ -72,20 +92,13 @@ def light_and_sky(camera: Camera, bodies: Bodies, view: View, largest: float) ->
     return lit, sky
 
 
-def _place(camera: Camera, view: View, rays: np.ndarray, where: np.ndarray) -> np.ndarray:
-    """Give the places (M, 3) in m of the points that some pixels show."""
-    return camera.eye_m + view.depth[where][:, None] * rays[where]
-
-
-def _paint_bodies(
-    image: np.ndarray, camera: Camera, view: View, rays: np.ndarray, lit: np.ndarray, sky: np.ndarray, tints: np.ndarray
-) -> None:
+def _paint_bodies(seen: Seen, camera: Camera, tints: np.ndarray) -> None:
     """Paint the pixels that show a body."""
-    hit = view.hit
+    view, hit = seen.view, seen.view.hit
     colour = np.clip(tints[view.body[hit]], 0, 1)
-    sight = rays[hit] / np.linalg.norm(rays[hit], axis=1, keepdims=True)
+    sight = seen.rays[hit] / np.linalg.norm(seen.rays[hit], axis=1, keepdims=True)
     towards = _light_axes(camera)[2]
-    image[hit] = _shade_bodies(colour, view.normal[hit], sight, towards, lit[hit], sky[hit])
+    seen.image[hit] = _shade_bodies(colour, view.normal[hit], sight, towards, seen.lit[hit], seen.sky[hit])
 
 
 def _shade_bodies(
@@ -104,30 +117,21 @@ def _shade_bodies(
     return base + (gloss + rim * sky)[:, None]
 
 
-def _paint_flat(
-    image: np.ndarray,
-    camera: Camera,
-    view: View,
-    rays: np.ndarray,
-    lit: np.ndarray,
-    sky: np.ndarray,
-    frame: np.ndarray,
-    backdrop: DrumInside | None,
-) -> None:
+def _paint_flat(seen: Seen, camera: Camera, frame: np.ndarray, backdrop: DrumInside | None) -> None:
     """Paint the plate, which fades out far from the middle, and the panels, the darker the steeper."""
+    view, image = seen.view, seen.image
     if view.plate.any():
         low, high = np.min(frame, axis=0)[:2], np.max(frame, axis=0)[:2]
-        away = np.hypot(*(_place(camera, view, rays, view.plate)[:, :2] - (low + high) / 2).T)
+        away = np.hypot(*(seen.places(camera, view.plate)[:, :2] - (low + high) / 2).T)
         fade = np.clip((2.6 - 2 * away / np.linalg.norm(high - low)) / 1.6, 0, 1) ** 1.5
-        tone = (0.52 + 0.48 * lit[view.plate]) * (0.35 + 0.65 * sky[view.plate])
-        image[view.plate] = BACKGROUND + fade[:, None] * (PLATE * 1.13 * tone[:, None] - BACKGROUND)
-    if backdrop is not None and view.behind.any():
-        there = view.behind
-        image[there] = backdrop.paint(_place(camera, view, rays, there), view.normal[there], lit[there], sky[there])
+        plate = PLATE * 1.13 * seen.tone(view.plate)[:, None]
+        image[view.plate] = BACKGROUND + fade[:, None] * (plate - BACKGROUND)
+    there = view.behind
+    if backdrop is not None and there.any():
+        image[there] = backdrop.paint(seen.places(camera, there), view.normal[there], seen.lit[there], seen.sky[there])
     panels = view.panel
     steepness = 0.80 + 0.20 * np.clip(view.normal[panels][:, 2], 0, 1)
-    tone = (0.52 + 0.48 * lit[panels]) * (0.35 + 0.65 * sky[panels]) * steepness
-    image[panels] = PLATE * 1.13 * PANEL_SHARE * tone[:, None]
+    image[panels] = PLATE * 1.13 * PANEL_SHARE * (seen.tone(panels) * steepness)[:, None]
 
 
 def _far_to_near(walls: Sequence[Frustum], camera: Camera) -> list[int]:
@@ -138,15 +142,9 @@ def _far_to_near(walls: Sequence[Frustum], camera: Camera) -> list[int]:
     return sorted(range(len(medians)), key=lambda side: -medians[side])
 
 
-def _blend_walls(
-    image: np.ndarray,
-    walls: Sequence[Frustum],
-    order: Sequence[int],
-    camera: Camera,
-    rays: np.ndarray,
-    depth: np.ndarray,
-) -> None:
+def _blend_walls(view: Seen, camera: Camera, walls: Sequence[Frustum], order: Sequence[int]) -> None:
     """Draw translucent frusta over the picture: far sides first, each where no body is in front of it."""
+    image, rays, depth = view.image, view.rays, view.view.depth
     sides = [side for wall in walls for side in _sides(wall, camera, rays)]
     for side in order:
         wall, distance, met = sides[side]

@@ -50,18 +50,18 @@ class Objective:
 
     @classmethod
     def of(cls, targets: Targets, margin: float = 0.0, constrained: bool = True) -> "Objective":
-        """The objective of a study's targets."""
+        """Make the objective of a study's targets."""
         return cls(targets.low, targets.high, targets.aim, targets.weight, margin, constrained)
 
     def __call__(self, responses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """F (Eq. 11) and the violation V of the ranges, both (points,), of responses (points, k)."""
+        """Compute F (Eq. 11) and the violation V of the ranges, both (points,), of responses (points, k)."""
         scaled = responses / self.width
         F = (self.weight * np.abs(scaled - self.target / self.width)).sum(axis=1)
         outside = np.maximum(np.maximum(self.low / self.width - scaled, scaled - self.high / self.width), 0.0)
         return F, outside.sum(axis=1)
 
     def fitness(self, F: np.ndarray, V: np.ndarray) -> np.ndarray:
-        """The minimised fitness (n,): F inside the ranges (V = 0); outside, more than of any point inside."""
+        """Compute the minimised fitness (n,): F inside the ranges (V = 0); outside, more than of any point inside."""
         return F + (V > 0) * self.infeasible + self.penalty * V
 
 
@@ -79,7 +79,7 @@ class Preference:
 
     @classmethod
     def of(cls, space: ParameterSpace) -> "Preference | None":
-        """The preference of a study's parameters; None without priors."""
+        """Make the preference of a study's parameters; None without priors."""
         if not space.prior:
             return None
         mean, sd = np.zeros(space.dimensions), np.full(space.dimensions, np.inf)
@@ -90,7 +90,7 @@ class Preference:
         return cls(mean, sd)
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
-        """Cost (n,) of points (n, d) in [-1, 1]."""
+        """Compute the cost (n,) of points (n, d) in [-1, 1]."""
         return PRIOR_WEIGHT / 2 * (((points - self.mean) / self.sd) ** 2).sum(axis=1)
 
     @property
@@ -99,7 +99,7 @@ class Preference:
         return float(self(np.where(self.mean > 0, -1.0, 1.0)[None])[0])
 
     def distance(self, points: np.ndarray) -> np.ndarray:
-        """Distance (n,) of points (n, d) from the measured values, in standard deviations."""
+        """Compute the distance (n,) of points (n, d) from the measured values, in standard deviations."""
         return np.sqrt(2 / PRIOR_WEIGHT * self(points))
 
 
@@ -142,7 +142,7 @@ class Archive:
 
 
 def distinct(points: np.ndarray, fitness: np.ndarray, distance: float, most: int) -> np.ndarray:
-    """Row numbers of the best distinct points (n, d), best first, at most `most`; a small fitness is good."""
+    """Find the row numbers of the best distinct points (n, d), best first, at most `most`; a small fitness is good."""
     rows = np.argsort(fitness, kind="stable")
     columns = np.ascontiguousarray(points[rows].T)
     kept: list[int] = []

@@ -1,6 +1,5 @@
 """The table of all runs of a study: the runs of a batch, the check of returned runs, and means by sample."""
 
-import math
 import os
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -9,15 +8,18 @@ import numpy as np
 import pandas as pd
 
 from repose.core.errors import InputError
-from repose.core.files import check_columns, read_rows
 from repose.core.parameter_space import ParameterSpace
-from repose.core.parameters import plain_number
 from repose.core.runs import mean_and_error
+from repose.core.tables import Column, Fault, check, check_columns, read, refuse
 from repose.core.targets import Targets
 from repose.strategies.base import Studied, strategy
 
 OK = "ok"
 Rows = Sequence[Mapping[str, Any]]
+TURN = "turn"  # column of a record: with which proposal a run was told
+TURNS = Column(TURN, int, low=0, empty=True)
+OPTIONAL = ("status", TURN)
+RESPONSE = "a finite number; a run that failed has another `status` than ok"
 ROUNDED = 1e-6  # of a range: a table may have been rounded by a spreadsheet
 
 
@@ -67,7 +69,12 @@ def runs_by_bench(data: pd.DataFrame, targets: Targets) -> pd.DataFrame:
 
 def read_runs(path: str | os.PathLike, study: Studied) -> pd.DataFrame:
     """Read a CSV file of runs and check it by `checked_runs`."""
-    return checked_runs(study, read_rows(path, what="a CSV file of runs"), path)
+    return checked_runs(study, rows_of(path), path)
+
+
+def rows_of(path: str | os.PathLike) -> Rows:
+    """Read the rows of a CSV file of runs as text."""
+    return read(path, [Column("status", str, needed=False)], "a CSV file of runs").rows()
 
 
 def checked_runs(
@@ -78,7 +85,7 @@ def checked_runs(
     Columns of fixed parameters, ``sample``, ``run`` and ``status`` are optional. Rows with the same parameters are
     replicates. A run with another status than ``ok`` failed; its responses are not read. Samples are numbered in the
     order of their first run, unless the table numbers them. `enough` also refuses too few good samples. InputError
-    names `source` and the row.
+    names `source` and the rows.
     """
     if isinstance(rows, pd.DataFrame):
         rows = rows.to_dict("records")
@@ -87,9 +94,19 @@ def checked_runs(
     space, names = study.parameters, study.targets.names
     rows = with_fixed(rows, space)
     check_columns(source, rows[0], (*space.names, *names))
-    checked = [_checked_row(row, study, f"{source}, row {k}") for k, row in enumerate(rows, start=1)]
-    table = pd.DataFrame(checked)
-    _number_samples(table, rows, space, source, strategy(study.settings.strategy).repeats_points)
+    cells = {name: [row.get(name) for row in rows] for name in (*space.names, *names, *OPTIONAL)}
+    status = [str(cell or OK).strip() for cell in cells["status"]]
+    status = [OK if one.lower() == OK else one for one in status]
+    failed = {k for k, one in enumerate(status) if one != OK}
+    ends = space.complete(np.array([space.low, space.high]))
+    sets, faults = check(cells, map(_parameter, space.names, *ends.tolist()))
+    responses, more = check(cells, [Column(name, words=RESPONSE) for name in names], failed)
+    turns = check(cells, [TURNS])[1]
+    refuse(source, [*faults, *more, *turns])
+    table = pd.DataFrame({"status": status, **sets, **responses})
+    parameters = list(space.names)
+    table[parameters] = np.clip(table[parameters].to_numpy(float), *ends)  # undo the rounding of a spreadsheet
+    table["sample"] = _numbers_of_samples(table, rows, space, source, strategy(study.settings.strategy).repeats_points)
     table = table[["sample", "status", *space.names, *names]]
     _refuse_twice(table, rows, source)
     if enough:
@@ -97,59 +114,35 @@ def checked_runs(
     return table
 
 
-def _checked_row(row: Mapping[str, Any], study: Studied, source: object) -> dict[str, Any]:
-    """Check parameters, status and responses of a run, and return them as numbers."""
-    space = study.parameters
-    status = str(row.get("status") or OK).strip()
-    run: dict[str, Any] = {"status": OK if status.lower() == OK else status}
-    ends = space.complete(np.array([space.low, space.high])).tolist()
-    for name, low, high in zip(space.names, *ends, strict=True):
-        run[name] = _inside(_number(row[name], source, name), name, low, high, source)
-    for name in study.targets.names:
-        run[name] = math.nan
-        if run["status"] == OK:
-            run[name] = _number(row[name], source, name, "; a run that failed has another `status` than ok")
-    return run
-
-
-def _number(cell: Any, source: object, name: str, more: str = "") -> float:
-    """Read a finite number; InputError for anything else."""
-    try:
-        value = plain_number(cell)
-    except (TypeError, ValueError):
-        value = math.nan
-    if not math.isfinite(value):
-        raise InputError(source, name, cell, f"a finite number{more}")
-    return value
-
-
-def _inside(value: float, name: str, low: float, high: float, source: object) -> float:
-    """Check that a parameter is within its range, and undo the rounding of a spreadsheet."""
+def _parameter(name: str, low: float, high: float) -> Column:
+    """Declare the column of a parameter: a table may have been rounded by a spreadsheet."""
     slack = ROUNDED * ((high - low) or abs(high) or 1.0)
-    if not low - slack <= value <= high + slack:
-        allowed = f"{low:g}, as it is fixed" if low == high else f"from {low:g} to {high:g}, its range"
-        raise InputError(source, name, value, allowed)
-    return min(max(value, low), high)
+    words = f"{low:g}, as it is fixed" if low == high else f"a number from {low:g} to {high:g}, its range"
+    return Column(name, low=low - slack, high=high + slack, words=words)
 
 
-def _number_samples(table: pd.DataFrame, rows: Rows, space: ParameterSpace, source: object, repeats: bool) -> None:
-    """Put the samples' numbers into the table: rows with the same parameters are one sample."""
-    sets = table[list(space.names)].apply(tuple, axis=1)
-    numbers = pd.factorize(sets)[0] + 1
-    if "sample" in rows[0]:
-        reported = [str(row["sample"]).strip() for row in rows]
-        for k, (name, number) in enumerate(zip(reported, numbers, strict=True)):
-            first = reported.index(name)
-            if numbers[first] != number:
-                allowed = f"one set of parameters for each sample; row {first + 1} has another one"
-                raise InputError(f"{source}, row {k + 1}", "sample", name, allowed)
-            other = int(np.argmax(numbers == number))
-            if reported[other] != name and not repeats:
-                allowed = f"{reported[other]}, the sample of row {other + 1} with the same parameters"
-                raise InputError(f"{source}, row {k + 1}", "sample", name, allowed)
-        digits = all(name.isdigit() for name in reported)
-        numbers = [int(name) for name in reported] if digits else pd.factorize(pd.Series(reported))[0] + 1
-    table["sample"] = numbers
+def _numbers_of_samples(
+    table: pd.DataFrame, rows: Rows, space: ParameterSpace, source: object, repeats: bool
+) -> Sequence[int]:
+    """Return the numbers of the samples; without any, rows with the same parameters are one sample."""
+    numbers: Sequence[int] = pd.factorize(table[list(space.names)].apply(tuple, axis=1))[0] + 1
+    if "sample" not in rows[0]:
+        return numbers
+    reported = [str(row["sample"]).strip() for row in rows]
+    first_of_name: dict[str, int] = {}
+    first_of_set: dict[int, int] = {}
+    faults: list[Fault] = []
+    for k, (name, number) in enumerate(zip(reported, numbers, strict=True)):
+        first, other = first_of_name.setdefault(name, k), first_of_set.setdefault(number, k)
+        if numbers[first] != number:
+            allowed = f"one set of parameters for each sample; row {first + 1} has another one"
+            faults.append((k, "sample", name, allowed))
+        elif reported[other] != name and not repeats:
+            allowed = f"{reported[other]}, the sample of row {other + 1} with the same parameters"
+            faults.append((k, "sample", name, allowed))
+    refuse(source, faults)
+    digits = all(name.isdigit() for name in reported)
+    return [int(name) for name in reported] if digits else pd.factorize(pd.Series(reported))[0] + 1
 
 
 def _require_enough(table: pd.DataFrame, study: Studied, source: object) -> None:
@@ -168,14 +161,14 @@ def with_fixed(rows: Rows, space: ParameterSpace) -> list[dict[str, Any]]:
 
 def _refuse_twice(table: pd.DataFrame, rows: Rows, source: object) -> None:
     """Refuse a duplicate run, and a row that repeats all numbers of an earlier row."""
-    if "run" in rows[0]:
-        named = pd.Series(list(zip(table["sample"], (str(row["run"]).strip() for row in rows), strict=True)))
-        if named.duplicated().any():
-            k = int(named.duplicated().to_numpy().argmax())
-            raise InputError(f"{source}, row {k + 1}", "sample and run", list(named[k]), "each once")
-        return  # the numbers tell runs apart whose results are equal, as of a simulator without random numbers
-    ok = table[table["status"] == OK]
-    if ok.duplicated().any():
-        k = int(ok.index[ok.duplicated()][0])
-        allowed = "a run of its own: all numbers of this row stand in an earlier one"
-        raise InputError(f"{source}, row {k + 1}", "row", "there twice", allowed)
+    seen: dict[tuple[Any, ...], int] = {}
+    if "run" in rows[0]:  # it tells runs apart whose results are equal, as of a simulator without random numbers
+        keys = [(sample, str(row["run"]).strip()) for sample, row in zip(table["sample"], rows, strict=True)]
+        what, allowed = "sample and run", "each once; row {} has them, too"
+    else:
+        keys = list(table.itertuples(index=False, name=None))
+        what, allowed = "row", "a run of its own: all numbers of this row stand in row {}"
+    good = ["run" in rows[0] or status == OK for status in table["status"]]
+    twice = [k for k, key in enumerate(keys) if good[k] and seen.setdefault(key, k) != k]
+    shown = [list(keys[k]) if "run" in rows[0] else "there twice" for k in twice]
+    refuse(source, [(k, what, value, allowed.format(seen[keys[k]] + 1)) for k, value in zip(twice, shown, strict=True)])

@@ -78,7 +78,7 @@ class Calibration(NamedTuple):
             for name in study.targets.names
         }
         found = self.as_answer()
-        return card.assembled(about, tests, found, study.parameters, study.targets, self.solutions, draws)
+        return card.assembled(about, tests, found, study.parameters, self.solutions, draws)
 
     def save(self, out_dir: str | os.PathLike) -> None:
         """Write tables, summary and material card into a folder; docs/own_simulator.md lists the files."""

@@ -20,9 +20,11 @@ import pandas as pd
 from repose.core.errors import InputError
 from repose.core.files import read_table
 from repose.core.responses import derived
-from repose.core.targets import Targets
+from repose.core.tables import Column
+from repose.core.targets import LARGEST, Targets
 
 FEWEST_MODELS = 5
+DIFFERENCE = f"a finite number, at most {LARGEST:g} in size"
 MODEL = ("particle", "tension", "filling")
 
 
@@ -53,12 +55,13 @@ def of_shape_study(combinations_csv: str | os.PathLike, targets: Targets) -> OfM
     subtracted from each variance; the correlation is that of the uncorrected differences.
     """
     columns = [derived(name, "difference") for name in targets.names]
-    table = read_table(combinations_csv, (*MODEL, "eligible", "distance"))
-    missing = [column for column in (*columns, *targets.errors) if column not in table]
-    if missing:
-        allowed = "a shape study of these targets; without one posterior.shape_study: null"
-        raise InputError(combinations_csv, f"column {missing[0]}", "missing", allowed)
-    table = _checked(combinations_csv, table, targets.errors)
+    declared = [Column(name, str) for name in MODEL] + [
+        Column("eligible", bool),
+        Column("distance", low=0.0, empty=True),
+    ]
+    declared += [Column(name, low=-LARGEST, high=LARGEST, empty=True, words=DIFFERENCE) for name in columns]
+    declared += [Column(name, low=0.0, high=LARGEST, empty=True) for name in targets.errors]
+    table = read_table(combinations_csv, declared, "a shape study of these targets (none: posterior.shape_study: null)")
     plausible = table[table["eligible"]].dropna(subset=["distance", *columns])
     weight = np.exp(-(plausible["distance"] ** 2) / 2)
     weight /= weight.sum()
@@ -73,23 +76,6 @@ def of_shape_study(combinations_csv: str | os.PathLike, targets: Targets) -> OfM
     spread = np.sqrt(np.maximum(np.diag(raw) - noise, 0.0))
     covariance = raw / np.sqrt(np.outer(np.diag(raw), np.diag(raw))) * np.outer(spread, spread)
     return OfModels(np.average(values, axis=0, weights=weight), covariance, float(models))
-
-
-def _checked(path: str | os.PathLike, table: pd.DataFrame, errors: Sequence[str]) -> pd.DataFrame:
-    """Return the table, or refuse an `eligible` that is not true or false, and distances or errors below 0."""
-
-    def refuse(column: str, wrong: "pd.Series[bool]", allowed: str) -> None:
-        if wrong.any():
-            row = int(wrong.to_numpy().argmax())
-            raise InputError(f"{path}, row {row + 1}", column, table[column].tolist()[row], allowed)
-
-    eligible = table["eligible"].astype(str)
-    refuse("eligible", ~eligible.isin(["True", "False"]), "True or False")
-    numbers = {name: pd.to_numeric(table[name], errors="coerce") for name in ("distance", *errors)}
-    for name, column in numbers.items():
-        wrong = table[name].notna() & ~((column >= 0) & np.isfinite(column))
-        refuse(name, wrong, "a number from 0, or nothing")
-    return table.assign(eligible=eligible == "True", **numbers)
 
 
 def covariance(apparatus: Sequence[str], sd: np.ndarray, means: np.ndarray, correlation: float) -> np.ndarray:

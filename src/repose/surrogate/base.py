@@ -80,7 +80,7 @@ class Surrogate(ABC):
 
     @staticmethod
     def least_samples(inputs: int) -> int:
-        """The number of samples that it needs.
+        """Count the samples that it needs.
 
         Parameters
         ----------
@@ -142,7 +142,7 @@ class Surrogate(ABC):
 
     @abstractmethod
     def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
-        """Responses at parameter sets.
+        """Predict responses at parameter sets.
 
         Parameters
         ----------
@@ -163,7 +163,7 @@ class Surrogate(ABC):
 
     @abstractmethod
     def covariance(self, X: ArrayLike) -> np.ndarray:
-        """Covariance (n, k, k) of the predicted means at parameter sets X (n, d), without noise."""
+        """Compute the covariance (n, k, k) of the predicted means at parameter sets X (n, d), without noise."""
 
     @property
     def knows_its_errors(self) -> bool:
@@ -171,7 +171,7 @@ class Surrogate(ABC):
         return True
 
     def shifted(self, offset: np.ndarray) -> Self:
-        """A copy with an offset (k,) added to its predictions.
+        """Copy it with an offset (k,) added to its predictions.
 
         It changes `offset_`, which `predict` adds to the responses. A surrogate without `offset_` has a `shifted` of
         its own.
@@ -182,12 +182,12 @@ class Surrogate(ABC):
 
     @abstractmethod
     def to_dict(self) -> dict[str, Any]:
-        """All that `from_dict` needs, as lists and numbers that JSON can hold."""
+        """Collect all that `from_dict` needs, as lists and numbers that JSON can hold."""
 
     @classmethod
     @abstractmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
-        """The trained surrogate of a file's content.
+        """Make the trained surrogate of a file's content.
 
         Parameters
         ----------
@@ -205,7 +205,7 @@ class Surrogate(ABC):
         """
 
     def response_function(self, low: np.ndarray, high: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-        """The prediction as a function of points (n, d) in [-1, 1], which stand for `low` and `high` (d,).
+        """Make the prediction a function of points (n, d) in [-1, 1], which stand for `low` and `high` (d,).
 
         A search calls this function millions of times.
         """
@@ -213,11 +213,11 @@ class Surrogate(ABC):
         return lambda points: self.predict(middle + points * half)
 
     def report(self) -> dict[str, Any]:
-        """Numbers about the training, for metrics.json."""
+        """Collect numbers about the training, for metrics.json."""
         return {}
 
     def start_rows(self) -> list[dict[str, Any]]:
-        """Result of each start of the training, as rows of starts.csv; empty for a method without starts."""
+        """List the result of each start of the training, as rows of starts.csv; empty for a method without starts."""
         return []
 
     def describe(
@@ -264,7 +264,7 @@ Kind = TypeVar("Kind", bound=type[Surrogate])
 
 
 def register(name: str) -> Callable[[Kind], Kind]:
-    """Class decorator that makes a surrogate known by a name, in the configuration and in files.
+    """Make a surrogate known by a name, as a class decorator, in the configuration and in files.
 
     Raises
     ------
@@ -282,7 +282,7 @@ def register(name: str) -> Callable[[Kind], Kind]:
 
 
 def names() -> tuple[str, ...]:
-    """Names of all surrogates, in the order of their registration."""
+    """Return the names of all surrogates, in the order of their registration."""
     return tuple(_REGISTRY)
 
 
@@ -311,7 +311,7 @@ def make(name: str, settings: NetworkSettings = AS_PUBLISHED, source: object = "
 
 
 def load(path: str | os.PathLike, outputs: Sequence[str] | None = None) -> Surrogate:
-    """The trained surrogate in a file that `Surrogate.save` wrote.
+    """Read the trained surrogate in a file that `Surrogate.save` wrote.
 
     Parameters
     ----------
@@ -348,7 +348,7 @@ def load(path: str | os.PathLike, outputs: Sequence[str] | None = None) -> Surro
 
 
 def kind_of(name: str, source: object = "surrogate") -> type[Surrogate]:
-    """The class that is registered by a name.
+    """Find the class that is registered by a name.
 
     Parameters
     ----------

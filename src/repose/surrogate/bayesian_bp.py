@@ -21,7 +21,7 @@ variance of a weight 1 / (2 alpha).
 import copy
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields
+from dataclasses import dataclass
 from typing import Any, Self, Unpack
 
 import numpy as np
@@ -34,6 +34,7 @@ from repose.surrogate.samples import checked_points, checked_samples, independen
 from repose.surrogate.settings import NetworkSettings
 from repose.surrogate.two_layer import (
     ARRAYS,
+    PRIORS,
     class_names,
     evaluate,
     jacobian,
@@ -50,7 +51,8 @@ AT_ONCE = 256  # points whose derivatives by all weights of several networks are
 
 
 @register("network")
-class BayesianBP(Surrogate):
+@dataclass(eq=False, repr=False)
+class BayesianBP(TrainingSettings, Surrogate):
     """Two-layer network trained by Bayesian regularisation from several starts; of the converged the best is kept.
 
     If no start has converged, the best of all is kept. `prior` is "one" alpha for all weights, as published (FH);
@@ -58,28 +60,13 @@ class BayesianBP(Surrogate):
     as "layers" but with an alpha for each input's weights, so that an input without effect fades (M94).
     """
 
+    hidden: int = 12  # neurons of the hidden layer
+    starts: int = 20  # independent, each from Nguyen-Widrow weights
+    scaled_range: tuple[float, float] = (0.1, 0.9)  # of inputs and outputs in training
+    seed: int = 2026  # start k draws from RandomState([seed, k])
+
     is_network = True
     of_all_samples = False  # as published: fitted to the training part
-
-    def __init__(
-        self,
-        hidden: int = 12,  # neurons of the hidden layer
-        epochs: int = 1500,  # most accepted steps of a start
-        goal: float = 1e-4,  # mean squared error of the scaled outputs at which training stops
-        starts: int = 20,  # independent, each from Nguyen-Widrow weights
-        mu: float = 0.005,  # Marquardt's damping
-        mu_decrease: float = 0.1,
-        mu_increase: float = 10.0,
-        mu_max: float = 1e10,
-        min_gradient: float = 1e-7,  # norm of the objective's gradient at which a start ends
-        scaled_range: tuple[float, float] = (0.1, 0.9),  # of inputs and outputs in training
-        seed: int = 2026,  # start k draws from RandomState([seed, k])
-        prior: str = "one",  # one of `PRIORS`
-    ) -> None:
-        self.hidden, self.epochs, self.goal, self.starts = hidden, epochs, goal, starts
-        self.mu, self.mu_decrease, self.mu_increase, self.mu_max = mu, mu_decrease, mu_increase, mu_max
-        self.min_gradient, self.scaled_range, self.seed = min_gradient, scaled_range, seed
-        self.prior = prior
 
     @classmethod
     def of(cls, settings: NetworkSettings) -> Self:
@@ -93,7 +80,7 @@ class BayesianBP(Surrogate):
         `sample_weight` (samples,) is how often a sample counts, as in scikit-learn. With a covariance the network is
         trained on combinations of the outputs whose noises are independent (A35).
         """
-        settings = self._checked_settings()
+        self._check_settings()
         X, Y, count, precision = checked_samples(X, y, sample_weight, **noise)
         self.one_output_ = np.ndim(y) == 1
         self.input_min_, self.input_max_ = X.min(axis=0), X.max(axis=0)
@@ -109,7 +96,7 @@ class BayesianBP(Surrogate):
         ends = []
         for k in range(self.starts):
             w = nguyen_widrow(x.shape[1], self.hidden, t.shape[1], self.scaled_range, (self.seed, k))
-            ends.append(train_start(w, x, t, np.sqrt(weight), n, settings, replicates))
+            ends.append(train_start(w, x, t, np.sqrt(weight), n, self, replicates))
         self.ends_, self._mixing = ends, mixing
         self.starts_ = [{"start": k} | {key: end[key] for key in STATISTICS} for k, end in enumerate(ends)]
         converged = [k for k, end in enumerate(ends) if end["decrement"] < CONVERGED]
@@ -123,7 +110,7 @@ class BayesianBP(Surrogate):
         return self
 
     def of_start(self, k: int) -> Self:
-        """The network at the end of start k of `fit`."""
+        """Return the network at the end of start k of `fit`."""
         other = copy.copy(self)
         other._keep(self.ends_[k])
         return other
@@ -141,7 +128,7 @@ class BayesianBP(Surrogate):
         self._set_errors(posterior_root(end["alpha_of_weight"], self.beta_, end["JJ"]), self._mixing)
 
     def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
-        """Responses, (samples, outputs) or (samples,) as in `fit`, and with `return_std` their standard deviations.
+        """Predict responses, (samples, outputs) or (samples,) as in `fit`; with `return_std` also standard deviations.
 
         These are sqrt(1 / (2 beta) + g' H^-1 g) with g the output's gradient by the weights (M92), in units of y;
         without `noise` the first term is left out.
@@ -162,7 +149,7 @@ class BayesianBP(Surrogate):
         return hasattr(self, "posterior_root_")
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
-        """Covariance (samples, outputs, outputs) of the responses by the uncertainty of the weights alone."""
+        """Compute the covariance (samples, outputs, outputs) of the responses by the weights alone."""
         return covariances([self], X)[0]
 
     def response_function(self, low: np.ndarray, high: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
@@ -177,7 +164,7 @@ class BayesianBP(Surrogate):
         return moved
 
     def report(self) -> dict[str, Any]:
-        """Evidence and end of the kept start, classes of its weights at the cap, numbers of starts, prior."""
+        """Report evidence and end of the kept start, classes of its weights at the cap, numbers of starts, prior."""
         keys = ["gamma", "beta", "log_evidence", "epochs", "stop_reason", "best_start", "n_residuals"]
         content = {key: getattr(self, key + "_") for key in [*keys, "converged_starts", "at_cap"]}
         content["n_weights"] = int(sum(w.size for w in (self.W1_, self.b1_, self.W2_, self.b2_)))
@@ -185,7 +172,7 @@ class BayesianBP(Surrogate):
         return content | {"alpha": np.asarray(self.alpha_).tolist()}
 
     def start_rows(self) -> list[dict[str, Any]]:
-        """Evidence and end of each start, and which was kept."""
+        """List evidence and end of each start, and which was kept."""
         alphas = [" ".join(f"{a:.6g}" for a in np.atleast_1d(start["alpha"])) for start in self.starts_]
         return [
             start | {"alpha": alpha, "at_cap": len(start["at_cap"]), "chosen": k == self.best_start_}
@@ -193,7 +180,7 @@ class BayesianBP(Surrogate):
         ]
 
     def to_dict(self) -> dict[str, Any]:
-        """Scalings, weights, and the data for the errors of the weights."""
+        """Collect scalings, weights, and the data for the errors of the weights."""
         lists = {key: getattr(self, key + "_").tolist() for key in ARRAYS}
         content = {"scaled_range": list(self.scaled_range), "activation": ["tansig", "purelin"], **lists}
         if not hasattr(self, "training_"):
@@ -257,14 +244,15 @@ class BayesianBP(Surrogate):
         """Collect scalings and weights, as `two_layer.evaluate` reads them."""
         return {key: getattr(self, key + "_") for key in ARRAYS} | {"scaled_range": self.scaled_range}
 
-    def _checked_settings(self) -> TrainingSettings:
-        for name in ("hidden", "starts"):
-            if not getattr(self, name) >= 1:
-                raise ValueError(f"{name} is {getattr(self, name)!r}; expected at least 1")
+    def _check_settings(self) -> None:
+        for name, least in (("hidden", 1), ("starts", 1), ("epochs", 1), ("goal", 0)):
+            if not getattr(self, name) >= least:
+                raise ValueError(f"{name} is {getattr(self, name)!r}; expected at least {least}")
+        if self.prior not in PRIORS:
+            raise ValueError(f"prior is {self.prior!r}; expected {', '.join(PRIORS)}")
         low, high = self.scaled_range
         if not low < high:
             raise ValueError(f"scaled_range is {self.scaled_range!r}; expected its first below its second")
-        return TrainingSettings(**{field.name: getattr(self, field.name) for field in fields(TrainingSettings)})
 
     def _stretch(self) -> np.ndarray:
         """Return the size (outputs,) of one unit of a scaled output, in units of y."""

@@ -41,7 +41,7 @@ def log_evidence(
 
 
 def posterior_root(alpha: np.ndarray, beta: float, JJ: np.ndarray) -> np.ndarray:
-    """A root R (N, N) of the covariance of the weights about their most probable values, R R' = H^-1 (M92).
+    """Compute a root R (N, N) of the covariance of the weights about their most probable values, R R' = H^-1 (M92).
 
     H = 2 beta J'J + 2 diag(alpha), alpha (N,) of each weight. It is made symmetric about its prior first, so that
     rounding can make no variance negative.
@@ -52,7 +52,7 @@ def posterior_root(alpha: np.ndarray, beta: float, JJ: np.ndarray) -> np.ndarray
 
 
 def of_each_weight(alpha: np.ndarray, classes: Sequence[Any], N: int) -> np.ndarray:
-    """The alpha of each weight (N,) from the alpha of each class; `classes` as of `two_layer.weight_classes`."""
+    """Spread the alpha of each weight (N,) from the alpha of each class; `classes` as of `two_layer.weight_classes`."""
     of_weight = np.empty(N)
     for value, c in zip(alpha, classes, strict=True):
         of_weight[c] = value

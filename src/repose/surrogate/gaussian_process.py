@@ -81,7 +81,7 @@ class GaussianProcess(Combined, Surrogate):
         return means, np.sqrt((self._variances(x) + levels) * self._scale**2 @ self._unmixing**2)
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
-        """Covariance of the predicted means; diagonal without a `noise_covariance`."""
+        """Compute the covariance of the predicted means; diagonal without a `noise_covariance`."""
         return self._covariance(self._variances(self._scaled(X)))
 
     def _variances(self, x: np.ndarray) -> np.ndarray:
@@ -89,12 +89,12 @@ class GaussianProcess(Combined, Surrogate):
         return np.column_stack([one.moments(x)[1] for one in self.processes_])
 
     def report(self) -> dict[str, Any]:
-        """Log marginal likelihood and hyperparameters of each process."""
+        """Report log marginal likelihood and hyperparameters of each process."""
         likelihood = [process.log_likelihood for process in self.processes_]
         return {"log_marginal_likelihood": likelihood, "kernels": self._kernels()}
 
     def to_dict(self) -> dict[str, Any]:
-        """The hyperparameters of the processes, and the samples."""
+        """Collect the hyperparameters of the processes, and the samples."""
         covariance = self.noise_covariance_
         return {
             "kernels": self._kernels(),
@@ -116,7 +116,7 @@ class GaussianProcess(Combined, Surrogate):
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
-        """The processes of a `to_dict`; their hyperparameters are not estimated again."""
+        """Make the processes of a `to_dict`; their hyperparameters are not estimated again."""
         model, training = cls(), content["training"]
         X, Y, precision = (np.asarray(training[key], dtype=float) for key in ("inputs", "outputs", "precision"))
         model._take(X, Y, precision, content["noise_covariance"])

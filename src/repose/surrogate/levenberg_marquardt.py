@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from repose.surrogate.evidence import log_evidence, of_each_weight
-from repose.surrogate.two_layer import PRIORS, jacobian, unpack, weight_classes
+from repose.surrogate.two_layer import jacobian, unpack, weight_classes
 
 STATISTICS = ("log_evidence", "gamma", "alpha", "beta", "mse", "epochs", "stop_reason", "decrement", "at_cap")
 LARGEST_ALPHA = 1e6  # weights of 0.0007 in scaled units: an input that has faded
@@ -39,25 +39,18 @@ DESCENT = 100  # most steps to the minimum of F with alpha and beta kept
 SMALLEST_MU = float(np.finfo(float).tiny)
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, repr=False)
 class TrainingSettings:
-    """Settings of the training of a start, as of `repose.surrogate.bayesian_bp.BayesianBP`."""
+    """Settings of the training of a start."""
 
-    epochs: int
-    goal: float
-    mu: float
-    mu_decrease: float
-    mu_increase: float
-    mu_max: float
-    min_gradient: float
-    prior: str
-
-    def __post_init__(self) -> None:
-        for name, least in (("epochs", 1), ("goal", 0)):
-            if not getattr(self, name) >= least:
-                raise ValueError(f"{name} is {getattr(self, name)!r}; expected at least {least}")
-        if self.prior not in PRIORS:
-            raise ValueError(f"prior is {self.prior!r}; expected {', '.join(PRIORS)}")
+    epochs: int = 1500  # most accepted steps
+    goal: float = 1e-4  # mean squared error of the scaled outputs at which training stops
+    mu: float = 0.005  # Marquardt's damping
+    mu_decrease: float = 0.1
+    mu_increase: float = 10.0
+    mu_max: float = 1e10
+    min_gradient: float = 1e-7  # norm of the objective's gradient at which a start ends
+    prior: str = "one"  # one of `PRIORS`
 
 
 class _Data(NamedTuple):
@@ -230,13 +223,13 @@ def _square_sums(w: np.ndarray, classes: Sequence[Any]) -> np.ndarray:
 
 
 def residuals(w: np.ndarray, x: np.ndarray, t: np.ndarray, root_weight: np.ndarray) -> np.ndarray:
-    """Weighted residuals of the network (samples * outputs,); x and t are scaled."""
+    """Compute the weighted residuals of the network (samples * outputs,); x and t are scaled."""
     hidden = (w.size - t.shape[1]) // (x.shape[1] + 1 + t.shape[1])
     W1, b1, W2, b2 = unpack(w, x.shape[1], hidden, t.shape[1])
     return ((np.tanh(x @ W1.T + b1) @ W2.T + b2 - t) * root_weight).ravel()
 
 
 def linearise(w: np.ndarray, x: np.ndarray, t: np.ndarray, root_weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """`residuals`, and their derivatives by the weights (samples * outputs, N)."""
+    """Compute `residuals`, and their derivatives by the weights (samples * outputs, N)."""
     y, J = jacobian(w, x, t.shape[1])
     return ((y - t) * root_weight).ravel(), (J * root_weight[:, :, None]).reshape(t.size, w.size)

@@ -50,7 +50,7 @@ class NetworkEnsemble(Surrogate):
 
     @classmethod
     def of(cls, settings: NetworkSettings) -> Self:
-        """Untrained networks with the settings of `BayesianBP.of`."""
+        """Make untrained networks with the settings of `BayesianBP.of`."""
         return cls(BayesianBP.of(settings))
 
     def fit(self, X: ArrayLike, Y: ArrayLike, **noise: Unpack[Noise]) -> Self:
@@ -73,7 +73,7 @@ class NetworkEnsemble(Surrogate):
         return mean, np.sqrt(variance + noise * np.mean([member.noise_std_**2 for member in self.members_], axis=0))
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
-        """Covariance of the mixture's means, without noise (LPB17)."""
+        """Compute the covariance of the mixture's means, without noise (LPB17)."""
         means = self._means(X)
         off = means - means.mean(axis=0)
         own = covariances(self.members_, X, self._stacked("all weights")).mean(axis=0)
@@ -89,22 +89,22 @@ class NetworkEnsemble(Surrogate):
         return moved
 
     def report(self) -> dict[str, Any]:
-        """The report of the best network, and how many networks there are."""
+        """Give the report of the best network, and how many networks there are."""
         return self.members_[0].report() | {"members": len(self.members_)}
 
     def start_rows(self) -> list[dict[str, Any]]:
-        """Rows of the best network, and which starts are members."""
+        """List rows of the best network, and which starts are members."""
         return [row | {"member": row["start"] in self.near_} for row in self.members_[0].start_rows()]
 
     def to_dict(self) -> dict[str, Any]:
-        """The best network as in its own file, and the own part of each other network."""
+        """Collect the best network as in its own file, and the own part of each other network."""
         best, *others = self.members_
         content = best.to_dict()
         return content | {"others": [_own_part(member.to_dict()) for member in others]}
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
-        """The networks of a `to_dict`."""
+        """Make the networks of a `to_dict`."""
         model, training = cls(BayesianBP.from_dict(content)), content["training"]
         others = ({**content, **other, "training": training | other["training"]} for other in content["others"])
         model.members_ = [*model.members_, *map(BayesianBP.from_dict, others)]

@@ -23,7 +23,7 @@ FIXED = ("fixed", "fixed")
 
 
 def smooth(variance: float, lengths: ArrayLike, bounds: Any = FIXED, smoothness: float | None = None) -> ConstantKernel:
-    """The variance times Matern's covariance of distances in lengths; without `smoothness` the squared exponential.
+    """Multiply a variance by Matern's covariance in lengths; without `smoothness` by the squared exponential.
 
     `bounds` are those of the variance and of the lengths, as scikit-learn takes them.
     """
@@ -32,7 +32,7 @@ def smooth(variance: float, lengths: ArrayLike, bounds: Any = FIXED, smoothness:
 
 
 def straight(slope: float) -> ConstantKernel:
-    """Covariance of a straight line, 1 + slope^2 x x'."""
+    """Make the covariance of a straight line, 1 + slope^2 x x'."""
     return ConstantKernel(slope**2, "fixed") * DotProduct(1.0 / slope, "fixed")
 
 
@@ -65,18 +65,18 @@ class Process:
         self.log_likelihood = float(model.log_marginal_likelihood_value_)
 
     def mean(self, x: np.ndarray) -> np.ndarray:
-        """Means (m,) at points (m, d)."""
+        """Predict means (m,) at points (m, d)."""
         return self.kernel(x, self.x) @ self.weights
 
     def moments(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Means and variances (m,) at points (m, d), without noise."""
+        """Predict means and variances (m,) at points (m, d), without noise."""
         between = self.kernel(x, self.x)
         solved = linalg.solve_triangular(self.root, between.T, lower=True, check_finite=False)
         variance = self.kernel.diag(x) - (solved**2).sum(axis=0)
         return between @ self.weights, np.maximum(variance, LEAST_VARIANCE)
 
     def left_out(self) -> tuple[np.ndarray, np.ndarray]:
-        """Means and variances (n,), without noise, of each value from all the others."""
+        """Predict means and variances (n,), without noise, of each value from all the others."""
         precision = linalg.cho_solve((self.root, True), np.eye(len(self.x))).diagonal()
         variance = 1 / precision - self.errors
         return self.values - self.weights / precision, np.maximum(variance, LEAST_VARIANCE)

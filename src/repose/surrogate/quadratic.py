@@ -32,7 +32,7 @@ class QuadraticSurface(Surrogate):
 
     @staticmethod
     def least_samples(inputs: int) -> int:
-        """Fewest samples for so many inputs that vary: one more than the terms."""
+        """Count the fewest samples for so many inputs that vary: one more than the terms."""
         return (inputs + 1) * (inputs + 2) // 2 + 1
 
     def fit(self, X: ArrayLike, Y: ArrayLike, **noise: Unpack[Noise]) -> Self:
@@ -77,7 +77,7 @@ class QuadraticSurface(Surrogate):
         return paths @ paths.transpose(0, 2, 1) * self.residual_covariance_
 
     def report(self) -> dict[str, Any]:
-        """Number of terms, degrees of freedom, standard deviation of the residuals."""
+        """Report the number of terms, degrees of freedom, standard deviation of the residuals."""
         samples, terms = len(self.training_["inputs"]), len(self.coefficients_)
         return {
             "n_terms": terms,
@@ -86,13 +86,13 @@ class QuadraticSurface(Surrogate):
         }
 
     def to_dict(self) -> dict[str, Any]:
-        """The samples, from which the fit is computed again, and the coefficients for a reader."""
+        """Collect the samples, from which the fit is computed again, and the coefficients for a reader."""
         training = {key: value.tolist() for key, value in self.training_.items()}
         return {"coefficients": self.coefficients_.tolist(), "offset": self.offset_.tolist(), "training": training}
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
-        """The surface of a `to_dict`."""
+        """Make the surface of a `to_dict`."""
         training = content["training"]
         model = cls().fit(training["inputs"], training["outputs"], precision=training["precision"])
         model.offset_ = np.asarray(content["offset"], dtype=float)

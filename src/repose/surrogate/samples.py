@@ -41,11 +41,11 @@ class Combined:
         self.values = (mixed - self._middle) / self._scale
 
     def unmixed(self, scaled: np.ndarray) -> np.ndarray:
-        """Responses (..., k) from the scaled combinations (..., k) that the processes model."""
+        """Compute responses (..., k) from the scaled combinations (..., k) that the processes model."""
         return (scaled * self._scale + self._middle) @ self._unmixing
 
     def _covariance(self, variances: np.ndarray) -> np.ndarray:
-        """Covariance (m, k, k) of the responses from variances (m, k) of the scaled combinations."""
+        """Compute the covariance (m, k, k) of the responses from variances (m, k) of the scaled combinations."""
         roots = (np.sqrt(variances) * self._scale)[:, :, None] * self._unmixing
         return roots.transpose(0, 2, 1) @ roots
 
@@ -53,7 +53,7 @@ class Combined:
 def pure_error(
     noise_covariance: ArrayLike | None, freedom: float, stretch: np.ndarray, mixing: np.ndarray
 ) -> tuple[float, float]:
-    """Sum of squares and number of residuals of replicates about their samples' means, in mixed outputs.
+    """Compute the sum of squares and number of residuals of replicates about their samples' means, in mixed outputs.
 
     `noise_covariance`, of one value of precision 1, is in units of y; with `freedom` 0 it is known up to a factor
     alone, and both results are 0.
@@ -103,7 +103,7 @@ def checked_samples(
 
 
 def checked_points(X: ArrayLike, inputs: int) -> np.ndarray:
-    """Parameter sets as an array (samples, inputs); ValueError for another shape."""
+    """Check parameter sets as an array (samples, inputs); ValueError for another shape."""
     X = np.asarray(X, dtype=float)
     if X.ndim != 2 or X.shape[1] != inputs:
         raise ValueError(f"X has shape {X.shape}; expected (samples, {inputs})")

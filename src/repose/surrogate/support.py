@@ -56,7 +56,7 @@ class Support:
 
     @classmethod
     def of_dataset(cls, dataset_csv: str | os.PathLike, space: ParameterSpace) -> Self:
-        """The support of the usable samples of a study; InputError for a bad file, or fewer than two of them."""
+        """Make the support of the usable samples of a study; InputError for a bad file, or fewer than two of them."""
         table = read_table(dataset_csv, ("sample", *space.names, "status"))
         usable = table[table["status"] == "ok"]
         if len(usable) < 2:
@@ -64,26 +64,26 @@ class Support:
         return cls.of(usable[list(space.names)].to_numpy(float), space)
 
     def at_bounds(self, points: np.ndarray) -> np.ndarray:
-        """Whether each parameter of the points (m, d) is free and lies within 1 % of its range from an end."""
+        """Tell whether each parameter of the points (m, d) is free and lies within 1 % of its range from an end."""
         unit = self._unit(points)
         reached = np.zeros((len(unit), len(self.names)), dtype=bool)
         reached[:, self._free] = (unit <= BOUND_SHARE) | (unit >= 1 - BOUND_SHARE)
         return reached
 
     def distance(self, points: np.ndarray) -> np.ndarray:
-        """Distance of each point to the nearest sample, in ranges."""
+        """Measure the distance of each point to the nearest sample, in ranges."""
         return self.tree.query(self._unit(points))[0]
 
     def leverage(self, points: np.ndarray) -> np.ndarray:
-        """Leverage in a quadratic model of the samples (C79); 0 with too few samples for such a model."""
+        """Compute the leverage in a quadratic model of the samples (C79); 0 with too few samples for such a model."""
         return self._leverage(self._unit(points))
 
     def is_thin(self, points: np.ndarray) -> np.ndarray:
-        """Whether points lie where samples are thin."""
+        """Tell whether points lie where samples are thin."""
         return (self.distance(points) > self.farthest) | (self.leverage(points) > self.largest_leverage)
 
     def warnings(self, points: np.ndarray) -> list[str]:
-        """A warning as text for each point; empty where there is none."""
+        """Write a warning for each point; empty where there is none."""
         points = np.atleast_2d(np.asarray(points, dtype=float))
         bounds, middle = self.at_bounds(points), (self.low + self.high) / 2
         distance, leverage = self.distance(points), self.leverage(points)
@@ -116,7 +116,7 @@ class Support:
 
 
 def quadratic_terms(unit: np.ndarray) -> np.ndarray:
-    """Terms of a quadratic model, (m, (d + 1)(d + 2) / 2): 1, x_i and x_i x_j of the centred points."""
+    """Compute the terms of a quadratic model, (m, (d + 1)(d + 2) / 2): 1, x_i and x_i x_j of the centred points."""
     x = np.column_stack([np.ones(len(unit)), 2 * unit - 1])
     i, j = np.triu_indices(x.shape[1])
     return x[:, i] * x[:, j]

@@ -21,7 +21,7 @@ ARRAYS = ("input_min", "input_max", "output_min", "output_max", "W1", "b1", "W2"
 
 
 def evaluate(network: Mapping[str, Any], X: np.ndarray) -> np.ndarray:
-    """Responses (samples, outputs) of a network (Eq. 6-8), which holds `ARRAYS` and `scaled_range`."""
+    """Compute responses (samples, outputs) of a network (Eq. 6-8), which holds `ARRAYS` and `scaled_range`."""
     a = {key: np.asarray(network[key], dtype=float) for key in (*ARRAYS, "scaled_range")}
     low, high = a["scaled_range"]
     x = scale(np.asarray(X, dtype=float), a["input_min"], a["input_max"], (low, high))
@@ -32,7 +32,7 @@ def evaluate(network: Mapping[str, Any], X: np.ndarray) -> np.ndarray:
 def response_function(
     network: Mapping[str, Any], low: np.ndarray, high: np.ndarray
 ) -> Callable[[np.ndarray], np.ndarray]:
-    """The same network as a function of points in [-1, 1], which stand for `low` and `high`."""
+    """Make the same network a function of points in [-1, 1], which stand for `low` and `high`."""
     a = {key: np.asarray(network[key], dtype=float) for key in (*ARRAYS, "scaled_range")}
     bottom, top = a["scaled_range"]
     low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
@@ -46,7 +46,7 @@ def response_function(
 
 
 def nguyen_widrow(inputs: int, hidden: int, outputs: int, scaled_range: tuple[float, float], seed: Any) -> np.ndarray:
-    """Random weights (N,) with the slopes of the neurons spread over the interval of the inputs (NW90)."""
+    """Draw random weights (N,) with the slopes of the neurons spread over the interval of the inputs (NW90)."""
     random = np.random.RandomState(seed)
     length = 0.7 * hidden ** (1 / inputs)  # (NW90)
     W1 = random.uniform(-1, 1, (hidden, inputs))
@@ -62,7 +62,7 @@ def nguyen_widrow(inputs: int, hidden: int, outputs: int, scaled_range: tuple[fl
 def unpack(
     w: np.ndarray, inputs: int, hidden: int, outputs: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Views W1, b1, W2, b2 of the weights by layer; of several networks, w (..., N), W1 is (..., hidden, inputs)."""
+    """View W1, b1, W2, b2 of the weights by layer; of several networks, w (..., N), W1 is (..., hidden, inputs)."""
     first, second = hidden * inputs, hidden * (inputs + 1)
     W1, b1, W2, b2 = w[..., :first], w[..., first:second], w[..., second:-outputs], w[..., -outputs:]
     several = w.shape[:-1]
@@ -70,7 +70,7 @@ def unpack(
 
 
 def mix_outputs(w: np.ndarray, mixing: np.ndarray, hidden: int) -> np.ndarray:
-    """Weights of the network with the outputs of w, (N,) or (N, columns), times `mixing` (outputs, outputs)."""
+    """Mix the outputs of a network of weights w, (N,) or (N, columns), by `mixing` (outputs, outputs)."""
     outputs = len(mixing)
     first = len(w) - outputs * (hidden + 1)
     W2 = w[first : len(w) - outputs].reshape(outputs, -1)
@@ -80,7 +80,7 @@ def mix_outputs(w: np.ndarray, mixing: np.ndarray, hidden: int) -> np.ndarray:
 
 
 def weight_classes(prior: str, inputs: int, hidden: int, outputs: int) -> list[Any]:
-    """Classes of weights that share an alpha, each an index into w (M92, M94); `prior` is one of `PRIORS`."""
+    """List the classes of weights that share an alpha, each an index into w (M92, M94); `prior` is one of `PRIORS`."""
     if prior == "one":
         return [slice(None)]
     w = np.arange(hidden * (inputs + 1) + outputs * (hidden + 1))
@@ -91,7 +91,7 @@ def weight_classes(prior: str, inputs: int, hidden: int, outputs: int) -> list[A
 
 
 def class_names(prior: str, inputs: Sequence[Any]) -> list[str]:
-    """Names of the classes of weights, in the order of `weight_classes`."""
+    """Name the classes of weights, in the order of `weight_classes`."""
     if prior == "one":
         return ["all weights"]
     first = [f"weights of {name}" for name in inputs] if prior == "inputs" else ["weights of the inputs"]
@@ -99,7 +99,7 @@ def class_names(prior: str, inputs: Sequence[Any]) -> list[str]:
 
 
 def jacobian(w: np.ndarray, x: np.ndarray, outputs: int) -> tuple[np.ndarray, np.ndarray]:
-    """Scaled outputs (samples, outputs) and their derivatives by the weights (samples, outputs, N).
+    """Compute scaled outputs (samples, outputs) and their derivatives by the weights (samples, outputs, N).
 
     The chain rule of the paper's step (3), for each output by itself as Levenberg-Marquardt needs it (HM94). Of several
     networks, w (..., N), both have the leading axes of w.
@@ -122,10 +122,10 @@ def jacobian(w: np.ndarray, x: np.ndarray, outputs: int) -> tuple[np.ndarray, np
 
 
 def scale(X: np.ndarray, minimum: np.ndarray, maximum: np.ndarray, interval: Sequence[float]) -> np.ndarray:
-    """mapminmax: the minimum of each column to the lower end of an interval, the maximum to the upper end."""
+    """Map the minimum of each column to the lower end of an interval, the maximum to the upper end."""
     return interval[0] + (X - minimum) / width(minimum, maximum) * (interval[1] - interval[0])
 
 
 def width(minimum: np.ndarray, maximum: np.ndarray) -> np.ndarray:
-    """Width of each column's range; 1 for a column that does not vary."""
+    """Compute the width of each column's range; 1 for a column that does not vary."""
     return np.where(maximum > minimum, maximum - minimum, 1.0)

@@ -15,8 +15,8 @@ import numpy as np
 from llvmlite import binding
 
 from repose.apparatus import Scene
-from repose.apparatus.funnel import FunnelTest
-from repose.apparatus.settings import SimulationSettings
+from repose.apparatus.funnel import FunnelSettings, FunnelTest
+from repose.apparatus.settings import SceneSettings
 from repose.dem.kernels import jit  # noqa: F401  (the first kernel of a process fixes the compiler for all)
 from repose.particle.particle import Particle
 
@@ -48,7 +48,7 @@ def run(
     The first of the particles is the reference of the others; `berry` holds the moduli. Returns the `summary`, with
     `berries` and `time_step_s` of the pours and the `machine`.
     """
-    warm = {**config, "funnel": {**config["funnel"], "berries": 2, "duration_s": 1.0}}
+    warm = _with(config, berries=2, duration_s=1.0)
     for particle in particles.values():  # compiles the code that is timed afterwards
         timed_pour(warm, parameters, seed, particle, berry)
     reference_kernel(10)
@@ -58,8 +58,9 @@ def run(
         references.append(1e6 * _median_s(lambda: reference_kernel(REFERENCE_LOOPS)))
         for name, particle in particles.items():
             pours[name].append(timed_pour(config, parameters, seed, particle, berry))
-    step_s = SimulationSettings.of(config).time_step_s
-    of_pours = {"berries": config["funnel"]["berries"], "time_step_s": step_s}
+    settings = SceneSettings(config)
+    grains = settings.section("funnel", FunnelSettings).berries
+    of_pours = {"berries": grains, "time_step_s": settings.simulation.time_step_s}
     return of_pours | machine() | summary(references, pours)
 
 
@@ -78,11 +79,16 @@ def timed_pour(
     berry: Mapping[str, float],
 ) -> tuple[float, float]:
     """Time a step of the settled pile [us] and the whole pour [s] by the clock: two pours, both whole."""
-    settled = {"duration_s": config["funnel"]["duration_s"] + SETTLED_S}
-    longer = {**config, "funnel": {**config["funnel"], **settled}}
+    duration_s = SceneSettings(config).section("funnel", FunnelSettings).duration_s
+    longer = _with(config, duration_s=duration_s + SETTLED_S)
     poured = FunnelTest().pour(Scene.of(config, parameters, berry, particle, seed))
     longest = FunnelTest().pour(Scene.of(longer, parameters, berry, particle, seed), until_rest=False)
     return longest.us_per_step, poured.wall_s
+
+
+def _with(config: Mapping[str, Any], **changes: float) -> dict[str, Any]:
+    """Change keys of the funnel."""
+    return {**config, "funnel": {**config["funnel"], **changes}}
 
 
 def summary(references: Sequence[float], pours: Mapping[str, Sequence[tuple[float, float]]]) -> dict[str, Any]:
@@ -94,16 +100,11 @@ def summary(references: Sequence[float], pours: Mapping[str, Sequence[tuple[floa
     reference_us = float(np.median(references))
     us = {name: float(np.median([step for step, _ in found])) for name, found in pours.items()}
     first = next(iter(us.values()))
-    particles = [
-        {
-            "name": name,
-            "us_per_step": round(us[name], 2),
-            "job_s": round(float(np.median([job for _, job in found])), 3),
-            "ratio": round(us[name] / reference_us, 4),
-            "to_first": round(us[name] / first, 3),
-        }
-        for name, found in pours.items()
-    ]
+    particles = []
+    for name, found in pours.items():
+        job_s = round(float(np.median([job for _, job in found])), 3)
+        row = {"name": name, "us_per_step": round(us[name], 2), "job_s": job_s}
+        particles.append(row | {"ratio": round(us[name] / reference_us, 4), "to_first": round(us[name] / first, 3)})
     return {"reference_us": round(reference_us, 2), "particles": particles}
 
 

@@ -66,7 +66,7 @@ def inverse_inertia_times(m, k, x, y, z):
 
 @inlined
 def into_body(c, k, x, y, z):
-    """A vector of the world in the axes of lane k's body."""
+    """Return a vector of the world in the axes of lane k's body."""
     qw, qx, qy, qz = (c[QUATERNION + k], c[QUATERNION + L + k], c[QUATERNION + 2 * L + k], c[QUATERNION + 3 * L + k])
     # twice the vector product with the quaternion's vector
     tx, ty, tz = 2.0 * (y * qz - z * qy), 2.0 * (z * qx - x * qz), 2.0 * (x * qy - y * qx)
@@ -75,7 +75,7 @@ def into_body(c, k, x, y, z):
 
 @inlined
 def into_world(c, k, x, y, z):
-    """A vector of lane k's body in the axes of the world."""
+    """Return a vector of lane k's body in the axes of the world."""
     qw, qx, qy, qz = (c[QUATERNION + k], c[QUATERNION + L + k], c[QUATERNION + 2 * L + k], c[QUATERNION + 3 * L + k])
     tx, ty, tz = 2.0 * (qy * z - qz * y), 2.0 * (qz * x - qx * z), 2.0 * (qx * y - qy * x)
     return x + qw * tx + qy * tz - qz * ty, y + qw * ty + qz * tx - qx * tz, z + qw * tz + qx * ty - qy * tx
@@ -83,7 +83,7 @@ def into_world(c, k, x, y, z):
 
 @kernel
 def might_turn(m, dt):
-    """Number of bodies of a tile at rest that may begin to turn: the torque exceeds the rolling budget."""
+    """Count the bodies of a tile at rest that may begin to turn: the torque exceeds the rolling budget."""
     n = 0
     for k in range(L):
         lx, ly, lz = dt * m[LOAD + 3 * L + k], dt * m[LOAD + 4 * L + k], dt * m[LOAD + 5 * L + k]
@@ -146,7 +146,7 @@ def resistance(x, y, z, i1, i2, i3, size, budget):
 
 @kernel
 def resist_lanes(m, c, dt):
-    """Rolling resistance; returns how many lanes turn.
+    """Apply rolling resistance; return how many lanes turn.
 
     The budget B, the sum of mu_r F_n R over a body's contacts, acts against the rotation that remains after it:
     l' = l - B o' / |o'|, o' the angular velocity of l'. This has one solution. The body stands still where |l| <= B in
@@ -179,7 +179,7 @@ def resist_lanes(m, c, dt):
 
 @kernel
 def resist_in_frame(m, c, dt, fx, fy, fz):
-    """Rolling resistance as in `resist_lanes`, but relative to a frame, with which a stopped body turns."""
+    """Apply rolling resistance as in `resist_lanes`, but relative to a frame, with which a stopped body turns."""
     for k in range(L):
         lx, ly, lz = c[ANGULAR_MOMENTUM + k], c[ANGULAR_MOMENTUM + L + k], c[ANGULAR_MOMENTUM + 2 * L + k]
         budget = dt * m[LOAD + st.ROLL * L + k]
@@ -247,7 +247,7 @@ def advance_orientation(m, c, dt):
 
 @kernel
 def inertia_lanes(m, c):
-    """The inverse inertia of the bodies of a tile in their present orientation."""
+    """Compute the inverse inertia of the bodies of a tile in their present orientation."""
     rotated_diagonal(m, INVERSE_INERTIA, c, c, INVERSE_MOMENTS)
 
 
@@ -268,7 +268,7 @@ def shape_lanes(m, c, parts):
 
 @kernel
 def share_lanes(m, c, dt, parts):
-    """The share of its tangential dashpots that each body takes in the next step, see `laws.tangential`."""
+    """Compute the share of its tangential dashpots that each body takes in the next step, see `laws.tangential`."""
     column = ROWS + st.share_column(parts) * L
     for k in range(L):
         fastest = max(c[INVERSE_MOMENTS + k], max(c[INVERSE_MOMENTS + L + k], c[INVERSE_MOMENTS + 2 * L + k]))

@@ -33,7 +33,7 @@ NEAREST = 1e-30
 
 @inlined
 def rotated_vector(w, x, y, z, px, py, pz):
-    """A vector (px, py, pz) rotated by a unit quaternion (w, x, y, z)."""
+    """Return a vector (px, py, pz) rotated by a unit quaternion (w, x, y, z)."""
     ux = 2.0 * (y * pz - z * py)
     uy = 2.0 * (z * px - x * pz)
     uz = 2.0 * (x * py - y * px)
@@ -54,7 +54,7 @@ def write_arms(t, c, body, centre, to):
 
 @inlined
 def sphere_pair_geometry(t, c):
-    """Normal, gap, effective radius and contact point of each lane's pair of spheres."""
+    """Compute normal, gap, effective radius and contact point of each lane's pair of spheres."""
     write_arms(t, c, tl.A, CENTRE_A, ARM_A)
     write_arms(t, c, tl.B, CENTRE_B, ARM_B)
     for k in range(L):

@@ -113,7 +113,7 @@ def free_way(gap, beyond, radius, past, sphere, leans):
 
 @inlined
 def touching(known, i):
-    """The spheres of body i that touch any wall of this kind, as bits."""
+    """Return the spheres of body i that touch any wall of this kind, as bits."""
     word = np.uint64(0)
     for wall in range(known.shape[0]):
         word |= known[wall, i]
@@ -197,7 +197,7 @@ def sphere_row(walls, frame, x, y, z, radius, local):
 
 @inlined
 def by_sphere(meshed, clumps):
-    """The contacts with meshes, with the numbers of spheres instead of those of bodies."""
+    """Return the contacts with meshes, with the numbers of spheres instead of those of bodies."""
     return st.WallContacts(
         clumps.mesh_sphere, meshed.wall, meshed.feature, meshed.data, meshed.limit, meshed.ended, meshed.deepest
     )

@@ -39,7 +39,7 @@ SpherePairs = namedtuple(
 
 
 def new_clumps(shapes, shape, scale, walls, n_meshed):
-    """The spheres of shapes, and each body's shape and scale; walls: number of planes, curved walls and meshes."""
+    """Return the spheres of shapes, and each body's shape and scale; walls: numbers of planes, curved walls, meshes."""
     spheres = np.zeros((len(shapes), 4, MOST_SPHERES))
     for k, clump in enumerate(shapes):
         spheres[k, :, : len(clump.spheres_m)] = clump.spheres_m.T
@@ -58,7 +58,7 @@ def new_clumps(shapes, shape, scale, walls, n_meshed):
 
 
 def with_room(clumps, n_meshed):
-    """The same with room for a number of contacts with meshes."""
+    """Return the same with room for a number of contacts with meshes."""
     if n_meshed == len(clumps.mesh_sphere):
         return clumps
     bigger = np.zeros(n_meshed, np.uint32)
@@ -94,7 +94,7 @@ def new_sphere_pairs(n_contacts, n_entries, most, ghost, n_state):
 
 
 def grown_sphere_pairs(old, counts, most, ghost, n_state):
-    """The same arrays with twice the room where a list is filling up; see `engine.has_room`."""
+    """Return the same arrays with twice the room where a list is filling up; see `engine.has_room`."""
     n, m = int(counts[st.N_PAIRS]), int(counts[st.N_NEAR])
     contacts, entries = len(old.first), len(old.near_limit)
     bigger = new_sphere_pairs(
@@ -129,7 +129,7 @@ def clear_bit(words, bit):
 
 @inlined
 def bits_set(word):
-    """Number of bits of a word that are set: pairs of bits are added up, then fours, then bytes."""
+    """Count the bits of a word that are set: pairs of bits are added up, then fours, then bytes."""
     word -= (word >> np.uint64(1)) & np.uint64(0x5555555555555555)
     word = (word & np.uint64(0x3333333333333333)) + ((word >> np.uint64(2)) & np.uint64(0x3333333333333333))
     word = (word + (word >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
@@ -138,7 +138,7 @@ def bits_set(word):
 
 @inlined
 def most_spheres(clumps):
-    """Number of spheres of the largest clump."""
+    """Count the spheres of the largest clump."""
     most = 0
     for size in clumps.sizes:
         most = max(most, size)
@@ -196,7 +196,7 @@ def drop_sphere_contact(pairs, counts, clumps, k, ghost):
 
 @inlined
 def add_entry(pairs, counts, grid, i, j):
-    """An entry of two bodies, in a hole or at the end; returns its place, or -1 where there is no room."""
+    """Add an entry of two bodies, in a hole or at the end; return its place, or -1 where there is no room."""
     if counts[st.N_FREE] > 0:
         counts[st.N_FREE] -= 1
         k = pairs.free[counts[st.N_FREE]]

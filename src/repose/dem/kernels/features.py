@@ -76,7 +76,7 @@ def edge_table(faces):
 
 
 def coplanar_groups(vertices, faces, edges, beside):
-    """Number of the flat group of each triangle (F,) and the groups' unit normals (G, 3)."""
+    """Return the number of the flat group of each triangle (F,) and the groups' unit normals (G, 3)."""
     area = _normals(vertices, faces)
     normal = _unit(area)
     size = np.linalg.norm(np.ptp(vertices, axis=0))
@@ -137,7 +137,7 @@ def inward_steps(vertices, faces, edges, beside, group, normals):
 
 
 def eroded(vertices, faces, steps, radius):
-    """The vertices of the eroded mesh; ValueError where a triangle would turn over."""
+    """Return the vertices of the eroded mesh; ValueError where a triangle would turn over."""
 
     def shape(corners):
         """Area vectors and sides of all triangles."""
@@ -162,7 +162,7 @@ def eroded(vertices, faces, steps, radius):
 
 
 def _face_rows(core, faces, edges, beside, group, normals, radius):
-    """Data of the faces."""
+    """Return data of the faces."""
     n = len(faces)
     data = np.zeros((n, COLUMNS))
     outward = normals[group]
@@ -192,7 +192,7 @@ def _face_rows(core, faces, edges, beside, group, normals, radius):
 
 
 def _edge_rows(core, edges, beside, group, normals):
-    """Data of the convex edges and rims."""
+    """Return data of the convex edges and rims."""
     along = core[edges[:, 1]] - core[edges[:, 0]]
     length = np.linalg.norm(along, axis=1)
     along = along / length[:, None]
@@ -263,7 +263,7 @@ def _gentle_neighbours(core, faces, group, normals):
 
 
 def split(vertices, faces, radius):
-    """The features (a `Part`) of a mesh (V, 3) [m], (F, 3); ValueError for no surface, or no room for the radius."""
+    """Find the features (a `Part`) of a mesh (V, 3) [m], (F, 3); ValueError for no surface or no room."""
     edges, beside = edge_table(faces)
     group, normals = coplanar_groups(vertices, faces, edges, beside)
     steps, pairs, planes = inward_steps(vertices, faces, edges, beside, group, normals)
@@ -349,7 +349,7 @@ def put_in_cells(low, high, kind, data, lower, cell, shape, place, items):
 
 
 def join(parts, slide):
-    """The features of several meshes as the kernels take them; slide: see `Meshes`."""
+    """Return the features of several meshes as the kernels take them; slide: see `Meshes`."""
     first = np.cumsum([0] + [len(p.kind) for p in parts])
     rays = np.cumsum([0] + [len(p.rays) for p in parts])
     normals = np.cumsum([0] + [len(p.normals) for p in parts])

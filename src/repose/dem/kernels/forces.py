@@ -88,7 +88,7 @@ def lane_laws(t, lane, physics, a, b):
 
 @inlined
 def apply_laws(t, c, physics, at):
-    """Forces and torques of each lane by the force laws, whose rows of `c` begin at place `at`."""
+    """Compute forces and torques of each lane by the force laws, whose rows of `c` begin at place `at`."""
     contact_forces(physics.law, t, c, at, physics.dt)
     tl.torques(t)
     rolling_resistance(physics.rolling, t, c, at + physics.n_state * L, physics.dt)
@@ -140,7 +140,7 @@ def wall_reach(contacts, physics, clumps, lane):
 
 @inlined
 def pair_geometry(t, contacts, parts, clumps):
-    """Normal, gap, effective radius and contact point of each lane's pair."""
+    """Compute normal, gap, effective radius and contact point of each lane's pair."""
     if len(clumps) == 0:
         tl.pair_geometry(t, contacts, parts)
     else:
@@ -269,7 +269,7 @@ def plane_geometry(t, contacts, parts, clumps):
 
 @kernel
 def plane_forces(bodies, flat, clumps, walls, counts, physics, t, ghost):
-    """Forces of all contacts with planes."""
+    """Compute forces of all contacts with planes."""
     n = counts[st.N_PLANE]
     large = bodies.load.shape[0] > 1
     ended = 0
@@ -374,7 +374,7 @@ def curved_geometry(bodies, curved, clumps, walls, physics, t, lane, k, out, loc
 
 @kernel
 def curved_forces(bodies, curved, clumps, walls, counts, physics, t, out, local, ghost):
-    """Forces of all contacts with cones, tubes and rings."""
+    """Compute forces of all contacts with cones, tubes and rings."""
     n = counts[st.N_CURVED]
     large = bodies.load.shape[0] > 1
     ended = 0
@@ -417,7 +417,7 @@ def mesh_geometry(bodies, meshed, clumps, walls, meshes, physics, n, k, out, oth
 
 @kernel
 def mesh_forces(bodies, meshed, clumps, walls, meshes, counts, physics, t, out, other, local, ghost):
-    """Forces of all contacts with meshes."""
+    """Compute forces of all contacts with meshes."""
     n = counts[st.N_MESHED]
     large = bodies.load.shape[0] > 1
     first_wall = walls.planes.shape[0] + walls.cones.shape[0] + walls.rings.shape[0]

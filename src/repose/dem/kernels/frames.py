@@ -12,7 +12,7 @@ L = st.LANES
 
 @inlined
 def into_frame(frame, x, y, z):
-    """A world vector in the axes of a frame (12,)."""
+    """Return a world vector in the axes of a frame (12,)."""
     return (
         frame[3] * x + frame[6] * y + frame[9] * z,
         frame[4] * x + frame[7] * y + frame[10] * z,
@@ -22,7 +22,7 @@ def into_frame(frame, x, y, z):
 
 @inlined
 def out_of_frame(frame, x, y, z):
-    """A vector of a frame (12,) in world axes."""
+    """Return a vector of a frame (12,) in world axes."""
     return (
         frame[3] * x + frame[4] * y + frame[5] * z,
         frame[6] * x + frame[7] * y + frame[8] * z,
@@ -69,7 +69,7 @@ def surface_velocity(motion, x, y, z):
 
 @inlined
 def rotated_about(angle, ux, uy, uz, x, y, z):
-    """A vector rotated by an angle about a unit axis (Rodrigues)."""
+    """Return a vector rotated by an angle about a unit axis (Rodrigues)."""
     cos, sin = math.cos(angle), math.sin(angle)
     along = (ux * x + uy * y + uz * z) * (1.0 - cos)
     return (

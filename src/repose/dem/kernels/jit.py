@@ -47,7 +47,7 @@ _MATH = SimpleNamespace(**{**vars(math), "sqrt": lambda x: np.sqrt(np.float64(x)
 
 
 def _as_python(function):
-    """A kernel as a Python function that divides by zero as the compiled kernel does."""
+    """Return a kernel as a Python function that divides by zero as the compiled kernel does."""
     function.__globals__["math"] = _MATH
     return function
 

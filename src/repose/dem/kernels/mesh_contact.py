@@ -162,7 +162,7 @@ def vertex_terms(row, parts, vertex, nx, ny, nz):
 
 @inlined
 def stepped(nx, ny, nz, s1, s2):
-    """A unit vector after a step in its tangent plane."""
+    """Return a unit vector after a step in its tangent plane."""
     ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
     x, y, z = nx + s1 * ux + s2 * wx, ny + s1 * uy + s2 * wy, nz + s1 * uz + s2 * wz
     inv = 1.0 / math.sqrt(x * x + y * y + z * z)

@@ -180,7 +180,7 @@ def update_near(bodies, pairs, counts, grid, parts, normal):
 
 @inlined
 def listed(counter, grid, counts):
-    """Number of entries of the bodies whose neighbours are found anew; a pair of two such bodies counts twice."""
+    """Count the entries of the bodies whose neighbours are found anew; a pair of two such bodies counts twice."""
     n = 0
     for m in range(counts[st.N_MOVED]):
         n += counter[grid.moved_list[m]]

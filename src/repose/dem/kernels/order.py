@@ -48,7 +48,7 @@ def _permute_lanes(tiles, order):
 
 
 def reorder(bodies, grid, pairs, flat, curved, meshed, counts):
-    """Number the bodies along the Morton curve, between two steps; returns the old number of each (n,)."""
+    """Renumber the bodies along the Morton curve, between two steps; return the old number of each (n,)."""
     n = int(counts[st.N_BODIES])
     order = np.argsort(morton(grid.cell[:n], grid.shape), kind="stable")
     place = np.empty(n, np.int64)

@@ -59,7 +59,7 @@ def group_bits(bodies):
 
 @kernel
 def groups_of(first, second, begin, end, bits):
-    """The groups of all bodies of the pairs begin to end, as bits of a whole number."""
+    """Return the groups of all bodies of the pairs begin to end, as bits of a whole number."""
     groups = 0
     for k in range(begin, end):
         u = np.uint64(k)
@@ -69,7 +69,7 @@ def groups_of(first, second, begin, end, bits):
 
 @kernel
 def paths_of(paths, groups):
-    """The sum of the paths of some groups [m]."""
+    """Compute the sum of the paths of some groups [m]."""
     total = 0.0
     group = 0
     while groups > 0:
@@ -162,7 +162,7 @@ def advance_shared(
     bodies, pairs, flat, curved, meshed, grid, walls, meshes, counts, physics, tiles, body_tiles, scratches, shared,
     thread, steps
 ):  # fmt: skip
-    """The part of one thread in a number of steps, with a row of each scratch array; returns the steps made."""
+    """Run the part of one thread in a number of steps, with a row of each scratch array; return the steps made."""
     threads = tiles.shape[0]
     ghost = grid.cell.shape[0]
     lead = thread == 0

@@ -61,7 +61,7 @@ def longest_path(m):
 
 @inlined
 def event_of(bodies, physics, m, c, lane, i):
-    """The event of a body: it fell through the exit, needs new neighbours, or went below the floor."""
+    """Compute the event of a body: it fell through the exit, needs new neighbours, or went below the floor."""
     z = m[ROWS + 2 * L + lane]
     event = 0
     if m[BEFORE + lane] >= physics.exit_height and z < physics.exit_height:

@@ -10,13 +10,13 @@ class Rows:
         self.first = self.end = first
 
     def take(self, count: int = 1) -> int:
-        """The place of the first number of the next `count` rows."""
+        """Take the next `count` rows; return the place of their first number."""
         place = self.end
         self.end += count * LANES
         return place
 
     def take_each(self, count: int) -> list[int]:
-        """The places of the next `count` rows, one by one."""
+        """Take the next `count` rows; return the place of each."""
         return [self.take() for _ in range(count)]
 
     @property

@@ -32,7 +32,7 @@ def _load(builder, pointer, kind=VECTOR):
 
 
 def _transposed(builder, pointers):
-    """The 8 x 8 transpose of the eight numbers at each of eight places.
+    """Compute the 8 x 8 transpose of the eight numbers at each of eight places.
 
     A vector is made of halves of two rows: one instruction, which is no shuffle, loads and inserts the second half. So
     16 shuffles are needed instead of 24 with whole rows.
@@ -87,7 +87,7 @@ class _Call:
 
 
 def _checked(table, column, index, k, tile, at, stride):
-    """The signature of an intrinsic, or None where the arguments do not fit."""
+    """Return the signature of an intrinsic, or None where the arguments do not fit."""
     fits = (
         isinstance(table, types.Array)
         and table.dtype == types.float64

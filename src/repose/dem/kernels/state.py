@@ -110,20 +110,20 @@ SCRATCH = 64 + 32 + 10 * MOST_SPHERES + 3 * SMALLEST_GAPS
 
 @inlined
 def alive(x):
-    """A velocity or a path, set to 0.0 below DEAD: processors are slow with denormal numbers, to which decay leads."""
+    """Set a velocity or a path below DEAD to 0.0: processors are slow with denormal numbers, to which decay leads."""
     return 0.0 if abs(x) < DEAD else x
 
 
 @inlined
 def scratch_of(numbers):
-    """The parts of a `Scratch` in an array of SCRATCH numbers."""
+    """Return the parts of a `Scratch` in an array of SCRATCH numbers."""
     return Scratch(
         numbers[0:3], numbers[8:16], numbers[16:24], numbers[24:64], numbers[64 : 64 + STARTS], numbers[96:SCRATCH]
     )
 
 
 def zeros(*shape):
-    """An array of zeros that begins at a cache line: a vector that straddles two lines costs twice."""
+    """Return an array of zeros that begins at a cache line: a vector that straddles two lines costs twice."""
     size = int(np.prod(shape))
     store = np.zeros(size + CACHE_LINE)
     skip = -store.ctypes.data % (8 * CACHE_LINE) // 8
@@ -137,7 +137,7 @@ def share_column(parts):
 
 
 def row_end(parts):
-    """Number of used columns of `rows`."""
+    """Count the used columns of `rows`."""
     return share_column(parts) + 1
 
 
@@ -176,7 +176,7 @@ def new_bodies(n, parts, shares=1):
 
 
 def lanes_of(motion, row, columns, n):
-    """The quantity of the first n bodies that starts at a row of `motion`, a copy (n, columns)."""
+    """Return the quantity of the first n bodies that starts at a row of `motion`, a copy (n, columns)."""
     first = row // LANES
     tiles = motion.reshape(len(motion), MOTION_ROWS, LANES)[:, first : first + columns]
     return tiles.transpose(0, 2, 1).reshape(-1, columns)[:n].copy()
@@ -222,7 +222,7 @@ def new_contacts(n, rows):
 
 
 def contact_rows(data, n):
-    """The first n contacts of tiles as an array (n, rows of a tile)."""
+    """Return the first n contacts of tiles as an array (n, rows of a tile)."""
     rows = data.shape[1] // LANES
     return data.reshape(-1, rows, LANES).transpose(0, 2, 1).reshape(-1, rows)[:n]
 

@@ -185,14 +185,14 @@ def contact_points(t, c):
 
 @inlined
 def both_bodies(t, c, parts):
-    """The terms of both bodies that the Newton step needs."""
+    """Compute the terms of both bodies that the Newton step needs."""
     body_a(t, c, parts)
     body_b(t, c, parts)
 
 
 @inlined
 def sphere_pair_geometry(t, c):
-    """The same for each lane's pair of spheres, in closed form; where both centres coincide the last normal stays."""
+    """Compute the same for pairs of spheres, in closed form; where both centres coincide the last normal stays."""
     for k in range(L):
         dx = t[B + k] - t[A + k]
         dy = t[B + L + k] - t[A + L + k]
@@ -306,7 +306,7 @@ def torques(t):
 
 @inlined
 def open_lanes(t):
-    """Number of lanes with a gap."""
+    """Count the lanes with a gap."""
     n = 0
     for k in range(L):
         n += 1 if t[GAP + k] > 0.0 else 0

@@ -41,7 +41,7 @@ NEXT_LOOK_KNOWN = 0.1
 
 @inlined
 def towards_ring(row, ring, start):
-    """Unit vector and distance from a body's centre to a point of a circle, number `start` of st.STARTS."""
+    """Return unit vector and distance from a body's centre to a point of a circle, number `start` of st.STARTS."""
     dx = ring[0] * COSINES[start] - row[0]
     dy = ring[0] * SINES[start] - row[1]
     dz = ring[1] - row[2]
@@ -116,7 +116,7 @@ def touches_others(contacts, n, body, but):
 
 @inlined
 def overlap_elsewhere(contacts, n, body, wall):
-    """The deepest overlap of a body with the other curved walls; 0.0 where it touches none."""
+    """Compute the deepest overlap of a body with the other curved walls; 0.0 where it touches none."""
     depth = 0.0
     for k in range(n):
         if contacts.body[k] == body and contacts.wall[k] != wall:
@@ -238,7 +238,7 @@ def search_plane(bodies, contacts, counts, parts, plane, wall, i, out):
 
 @inlined
 def seen_from(walls, wall, row, parts, local):
-    """The row of a body in the frame of a curved wall, written to `local` unless this frame is the world's."""
+    """Return the row of a body in the frame of a curved wall, written to `local` unless that is the world's."""
     if walls.displaced[wall]:
         row_in_frame(row, parts, walls.frames[wall], local)
         return local

@@ -44,7 +44,7 @@ def constants(a: Material, b: Material, contact: Contact, _tension: str = "keep"
 
 
 def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
-    """The torques of each lane on both bodies, as `law.rolling_resistance` asks for them."""
+    """Compute the torques of each lane on both bodies, as `law.rolling_resistance` asks for them."""
     for k in range(L):
         nx, ny, nz = c[st.NORMAL + k], c[st.NORMAL + L + k], c[st.NORMAL + 2 * L + k]
         inverse_arm, mobility = levers(t, k)

@@ -93,7 +93,7 @@ def restitution(plasticity: float) -> float:
 
 
 def contact_time(a: Material, b: Material, contact: Contact, mass: float, radius: float, speed: float) -> float:
-    """That of `hertz_mindlin` times sqrt(1 - L), for unloading is faster; arguments as there."""
+    """Return the time of `hertz_mindlin` times sqrt(1 - L), for unloading is faster; arguments as there."""
     faster = math.sqrt(1.0 - contact.constants[PLASTICITY_RATIO.name])
     return faster * hertz_mindlin.contact_time(a, b, contact, mass, radius, speed)
 
@@ -142,7 +142,7 @@ def hysteresis(t: np.ndarray, c: np.ndarray, last: int, plastic: int) -> None:
 
 @inlined
 def push(t: np.ndarray, c: np.ndarray, spring: int, tension: int, friction_limit: int) -> None:
-    """Normal force, and the tangential force that Coulomb's limit leaves, of each lane."""
+    """Compute normal force, and the tangential force that Coulomb's limit leaves, of each lane."""
     for k in range(L):
         circle, viscous, force, floor = t[tl.CIRCLE + k], t[VISCOUS + k], t[FORCE + k], t[FLOOR + k]
         damped = force + t[NORMAL_DAMPING + k] * viscous * t[tl.VN + k]
@@ -155,7 +155,7 @@ def push(t: np.ndarray, c: np.ndarray, spring: int, tension: int, friction_limit
 
 
 def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
-    """The forces of each lane, as `law.contact_forces` asks for them."""
+    """Compute the forces of each lane, as `law.contact_forces` asks for them."""
     contact_sizes(t)
     hysteresis(t, c, at + LAST_CIRCLE, at + PLASTIC)
     keep_force(t, c, at + SPRING, at + LAST_CIRCLE)

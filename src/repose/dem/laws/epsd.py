@@ -101,7 +101,7 @@ def oppose(t: np.ndarray, k: int, x: float, y: float, z: float) -> None:
 
 @inlined
 def resist(t: np.ndarray, c: np.ndarray, at: int, dt: float, of_tangent: int, eta: float) -> None:
-    """The torques of each lane on both bodies; of_tangent: k_r from the tangential stiffness, see `epsd2`."""
+    """Compute the torques of each lane on both bodies; of_tangent: k_r from the tangential stiffness, see `epsd2`."""
     for k in range(L):
         nx, ny, nz = c[st.NORMAL + k], c[st.NORMAL + L + k], c[st.NORMAL + 2 * L + k]
         circle = t[tl.CIRCLE + k]
@@ -137,7 +137,7 @@ def resist(t: np.ndarray, c: np.ndarray, at: int, dt: float, of_tangent: int, et
 
 
 def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
-    """The torques of each lane on both bodies, as `law.rolling_resistance` asks for them."""
+    """Compute the torques of each lane on both bodies, as `law.rolling_resistance` asks for them."""
     resist(t, c, at, dt, 0, ETA)
 
 

@@ -22,7 +22,7 @@ Epsd2 = namedtuple("Epsd2", "tension friction_limit")
 
 
 def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
-    """The torques of each lane on both bodies, as `law.rolling_resistance` asks for them."""
+    """Compute the torques of each lane on both bodies, as `law.rolling_resistance` asks for them."""
     resist(t, c, at, dt, 1, 0.0)
 
 

@@ -194,7 +194,7 @@ def contact_sizes(t: np.ndarray) -> None:
 
 @inlined
 def push(t: np.ndarray, c: np.ndarray, spring: int, tension: int, friction_limit: int) -> None:
-    """Normal force, and the tangential force that Coulomb's limit leaves, of each lane.
+    """Compute normal force, and the tangential force that Coulomb's limit leaves, of each lane.
 
     Parameters
     ----------
@@ -221,7 +221,7 @@ def push(t: np.ndarray, c: np.ndarray, spring: int, tension: int, friction_limit
 
 
 def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
-    """The forces of each lane, as `law.contact_forces` asks for them.
+    """Compute the forces of each lane, as `law.contact_forces` asks for them.
 
     Several short loops, because a processor runs as many lanes at once as its window holds.
 

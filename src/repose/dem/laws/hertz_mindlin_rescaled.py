@@ -51,7 +51,7 @@ def keep_force(t: np.ndarray, c: np.ndarray, spring: int, last: int) -> None:
 
 
 def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
-    """The forces of each lane, as `law.contact_forces` asks for them."""
+    """Compute the forces of each lane, as `law.contact_forces` asks for them."""
     contact_sizes(t)
     keep_force(t, c, at + SPRING, at + LAST_CIRCLE)
     slip(t, c, at + SPRING, dt)

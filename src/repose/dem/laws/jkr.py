@@ -74,7 +74,7 @@ NO_ROOT = 1e-14  # keeps the derivative from 0 where the bodies part
 
 
 def work_of_adhesion(contact: Contact) -> float:
-    """The work of adhesion w = 2 gamma [J/m2]."""
+    """Compute the work of adhesion w = 2 gamma [J/m2]."""
     return 2.0 * contact.constants[SURFACE_ENERGY.name]
 
 
@@ -114,7 +114,7 @@ def oscillator(
 
 @inlined
 def _root(excess: float) -> float:
-    """The largest s with s^4 - s + LEAST = excess > 0, to 2e-12: three Newton steps on u = s - AT_LEAST."""
+    """Compute the largest s with s^4 - s + LEAST = excess > 0, to 2e-12: three Newton steps on u = s - AT_LEAST."""
     u = math.sqrt(START + math.sqrt(excess)) - math.sqrt(START)
     for _ in range(3):
         rest = u * u * (u * (u + 4.0 * AT_LEAST) + 6.0 * AT_LEAST * AT_LEAST) - excess
@@ -124,7 +124,7 @@ def _root(excess: float) -> float:
 
 @inlined
 def begin(t: np.ndarray, c: np.ndarray, root: int) -> None:
-    """The cube root that a contact needs when it begins; `sizes` updates it when R* changes."""
+    """Compute the cube root that a contact needs when it begins; `sizes` updates it when R* changes."""
     for k in range(L):
         if c[root + k] == 0.0 and t[tl.GAP + k] < 0.0 and t[BOND + k] * t[tl.RADIUS + k] > 0.0:
             c[root + k] = (t[tl.RADIUS + k] * t[BOND + k]) ** (1.0 / 3.0)
@@ -174,7 +174,7 @@ def push(t: np.ndarray, c: np.ndarray, spring: int, tension: int, friction_limit
 
 
 def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
-    """The forces of each lane, as `law.contact_forces` asks for them."""
+    """Compute the forces of each lane, as `law.contact_forces` asks for them."""
     begin(t, c, at + ROOT)
     sizes(t, c, at + ROOT, at + REACH)
     keep_force(t, c, at + SPRING, at + LAST_CIRCLE)

@@ -104,7 +104,7 @@ class Law:
             _GEOMETRIES[self.options] = self.geometry
 
     def make_options(self, tension: str = "keep", friction_limit: str | None = None) -> Any:
-        """The options that the kernel gets.
+        """Return the options that the kernel gets.
 
         Parameters
         ----------

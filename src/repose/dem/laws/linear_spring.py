@@ -111,7 +111,7 @@ def oscillator(
 
 
 def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
-    """The forces of each lane, as `law.contact_forces` asks for them.
+    """Compute the forces of each lane, as `law.contact_forces` asks for them.
 
     Parameters
     ----------

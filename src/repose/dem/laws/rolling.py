@@ -52,7 +52,7 @@ def constants(_a: Material, _b: Material, contact: Contact, _tension: str = "kee
 
 
 def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
-    """The budgets of each lane's bodies, as `law.rolling_resistance` asks for them.
+    """Compute the budgets of each lane's bodies, as `law.rolling_resistance` asks for them.
 
     Parameters
     ----------

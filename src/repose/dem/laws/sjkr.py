@@ -89,7 +89,7 @@ def pull(t: np.ndarray, c: np.ndarray) -> None:
 
 
 def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
-    """The forces of each lane, as `law.contact_forces` asks for them."""
+    """Compute the forces of each lane, as `law.contact_forces` asks for them."""
     contact_sizes(t)
     keep_force(t, c, at + SPRING, at + LAST_CIRCLE)
     slip(t, c, at + SPRING, dt)

@@ -87,7 +87,7 @@ def slip(t: np.ndarray, c: np.ndarray, spring: int, dt: float, reach: int = 0) -
 
 @inlined
 def normal_forces(elastic: float, damped: float, tension: int, friction_limit: int) -> tuple[float, float]:
-    """Normal force, and the one that limits friction and rolling.
+    """Compute normal force, and the one that limits friction and rolling.
 
     A contact that has ended because the damped force vanished has neither.
 
@@ -121,7 +121,7 @@ def add_forces(
     stiffness: float,
     damping: float,
 ) -> None:
-    """The forces of one lane: the normal one, and the tangential one that Coulomb's limit leaves.
+    """Compute the forces of one lane: the normal one, and the tangential one that Coulomb's limit leaves.
 
     The limit cuts the spring first, then the sum of spring and dashpot.
 

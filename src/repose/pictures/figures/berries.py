@@ -1,4 +1,4 @@
-"""Figures 2 and 7: the berries' sizes, and the particle made from the mesh."""
+"""Figures 2 and 7: the grains' sizes, and the particle made from the mesh."""
 
 import math
 import textwrap
@@ -33,7 +33,7 @@ RECONSTRUCTED = "Sizes are a reconstruction from published statistics, not measu
 def sizes_and_sphericity(inputs: Inputs, study: Shown) -> Figure:
     """Draw histograms of the axes and of the sphericity (Eq. 1 and Table 1 of the paper), with normal curves.
 
-    Figure 2. Sizes of the berries, with the normal curves of their means and standard deviations. Where the table
+    Figure 2. Sizes of the grains, with the normal curves of their means and standard deviations. Where the table
     of sizes says so in its first line, it is a reconstruction from published statistics and was not measured.
     """
     sizes = berry.read_sizes(inputs["sizes"])
@@ -55,7 +55,7 @@ def sizes_and_sphericity(inputs: Inputs, study: Shown) -> Figure:
 def _histogram(panel: Axes, values: np.ndarray, label: str, colour: str, unit: str) -> None:
     """Draw the histogram of one size with the normal curve of its mean and standard deviation."""
     mean, sd = values.mean(), values.std(ddof=1)
-    # Equal berries have one bin, and a curve too narrow to see.
+    # Equal grains have one bin, and a curve too narrow to see.
     sd_shown = max(sd, 1e-3 * mean)
     ends = min(values.min(), mean - sd_shown), max(values.max(), mean + sd_shown)
     look = {"color": colour, "alpha": 0.55, "edgecolor": "white", "linewidth": 0.6}
@@ -74,7 +74,7 @@ MESH = {"stl": "berry/berry.stl", "particle": "berry/particle.json"}
 def particle_and_mesh(inputs: Inputs, study: Shown) -> Figure:
     """Draw the mesh and all particles made from it, side by side on the same scale.
 
-    Figure 7. The berry: its mesh, and the particle that the simulator makes of the mesh.
+    Figure 7. The grain: its mesh, and the particle that the simulator makes of the mesh.
     """
     # slow to import, and the other figures do without
     from repose.particle.mesh import load_mesh

@@ -22,7 +22,7 @@ TABLE_4 = {"table4": "validation/table4.csv"}
 
 @figure("validation", "Table 4, shown", TABLE_4, optional={"published": "{published}"}, reads=("targets",))
 def validation(inputs: Inputs, study: Shown) -> Figure:
-    """Draw predicted and simulated responses of our solutions beside the published table's.
+    """Draw predicted and simulated responses of our solutions, and the published table's.
 
     Table 4 as a figure: predicted and simulated responses of the representative solution and others, simulated with
     seeds that no sample of the design had. Bars are one standard error; the band is the measurement, mean and
@@ -56,9 +56,9 @@ def validation(inputs: Inputs, study: Shown) -> Figure:
 
 @figure("published", "Published solutions here", {"published": "{stored}"}, reads=("targets",))
 def published_solutions(inputs: Inputs, study: Shown) -> Figure:
-    """Draw the published responses of the published solutions beside the ones simulated here.
+    """Draw the published responses of the published solutions, and the ones simulated here.
 
-    The published parameter sets in this simulator, from the stored table that the configuration names, beside what
+    The published parameter sets in this simulator, from the stored table that the configuration names, with what
     was published of their piles.
     """
     table = read_table(inputs["published"], ("solution",))

@@ -25,7 +25,7 @@ class Line(NamedTuple):
 
 @figure("profiles", "Profiles", TABLE_4, reads=("targets",), when=lambda study: bool(study.targets.profiles))
 def profiles(inputs: Inputs, study: Shown) -> Figure:
-    """Draw the answer's profile beside each measured one.
+    """Draw the answer's profile with each measured one.
 
     Profiles among the targets: the measured heights with their standard deviation, the profile that is predicted
     for the answer, and the profile that is simulated with fresh seeds, with its standard error. Lines are the

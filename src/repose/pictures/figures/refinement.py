@@ -28,7 +28,7 @@ def approach(inputs: Inputs, study: Shown) -> Figure:
 
     The loop closed: how far each round's proposal is off its targets, in percent of them. Diamonds are predictions
     of the refitted surrogate, points are simulated means with one standard error, from fresh seeds; the number of
-    seeds stands beside the mean. A mean inside the band is near enough. Below are the standard errors and their
+    seeds stands next to the mean. A mean inside the band is near enough. Below are the standard errors and their
     limit. The last round's point is the claim: it was simulated after everything that proposed it.
     """
     responses = study.targets.responses

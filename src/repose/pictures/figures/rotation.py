@@ -116,7 +116,7 @@ def course(inputs: Inputs, study: Shown) -> Figure:
 
     The drum over time. a: surface and centre of mass of every run. A slip is judged when the centre of mass has
     fallen by {drum[slip_drop_deg]} degrees below its highest, and began at that highest; the drum then stops. b:
-    how far berries moved in the slip, against the drum, by depth.
+    how far grains moved in the slip, against the drum, by depth.
     """
     record = read_table(inputs["record"], ("seed", "time_s", "surface_deg", "bed_deg"))
     profile = read_table(inputs["profile"], ("seed", "depth_mm", "moved_mm"))

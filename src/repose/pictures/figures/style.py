@@ -43,38 +43,14 @@ LINES = ("-", "--", "-.", ":")
 
 SMALL_RUN = "small run: NOT for use as a result"
 
-SETTINGS = {
-    "font.size": 7.5,
-    "axes.titlesize": 8,
-    "axes.titlelocation": "left",
-    "axes.labelsize": 7.5,
-    "axes.linewidth": 0.6,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.edgecolor": BLACK,
-    "xtick.labelsize": 7,
-    "ytick.labelsize": 7,
-    "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6,
-    "legend.fontsize": 6.8,
-    "legend.frameon": False,
-    "lines.linewidth": 1.1,
-    "mathtext.fontset": "dejavusans",
-    "grid.color": "#D5D8DB",
-    "grid.linewidth": 0.4,
-    "savefig.dpi": DPI,
-    # Fonts lie in the file: a PDF's text stays text, an SVG's becomes outlines, which look alike everywhere.
-    "pdf.fonttype": 42,
-    "svg.fonttype": "path",
-    "svg.hashsalt": "repose",
-}
 # Entries of a file that would change from run to run.
 UNDATED = {"png": {"Software": None}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}
 
 
 def applied() -> AbstractContextManager[None]:
     """Give the context with this style alone, independent of the user's settings, which it restores at its end."""
-    return matplotlib.rc_context({**matplotlib.rcParamsDefault, "backend": "agg", **SETTINGS})
+    settings = matplotlib.rc_params_from_file(Path(__file__).with_name("figures.mplstyle"), use_default_template=False)
+    return matplotlib.rc_context({**matplotlib.rcParamsDefault, "backend": "agg", **settings})
 
 
 def new_figure(width: float, height: float) -> Figure:

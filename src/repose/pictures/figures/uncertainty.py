@@ -33,7 +33,7 @@ NOISE = {"runs": "runs.csv", "seeds": "noise/seeds.csv", "noise": "noise/noise.j
 def noise_floor(inputs: Inputs, study: Shown) -> Figure:
     """Draw runs about the mean of their sample; standard error and reachable R2 over the number of seeds.
 
-    Runs of the same parameters beside runs of others, and the standard error that a number of seeds buys.
+    Runs of the same parameters and runs of others, and the standard error that a number of seeds buys.
     ``noise.json`` has the correlation of the responses within samples.
     """
     targets = study.targets
@@ -106,7 +106,7 @@ DRAWS |= {"summary": "posterior/posterior.json", "feasible": "miga/feasible.csv"
 
 @figure("corner", "Posterior", DRAWS, **OF_POSTERIOR)
 def corner(inputs: Inputs, study: Shown) -> Figure:
-    """Draw the posterior's draws, alone and in pairs, beside solutions of the search and published intervals.
+    """Draw the posterior's draws, alone and in pairs, with solutions of the search and published intervals.
 
     The free parameters given the physical measurements: draws of the posterior, with the feasible solutions of the
     search. A parameter whose draws fill its range is not determined by the targets.
@@ -219,7 +219,7 @@ def _account(summary: Mapping[str, Any], targets: Targets) -> str:
 def intervals(inputs: Inputs, study: Shown) -> Figure:
     """Draw credible intervals in the parameters' ranges.
 
-    Credible intervals of the free parameters beside the published intervals and the intervals of the feasible
+    Credible intervals of the free parameters with the published intervals and the intervals of the feasible
     solutions. All are shown as parts of the parameter's range.
     """
     table = read_table(inputs["posterior"], ("parameter", "credible_low", "miga_low"))

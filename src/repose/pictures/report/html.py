@@ -6,6 +6,8 @@ import io
 import math
 import os
 from collections.abc import Sequence
+from pathlib import Path
+from string import Template
 from typing import Any
 
 import pandas as pd
@@ -17,6 +19,16 @@ from repose.core.published import STALE
 LONGEST_SIDE_PX = 1600
 CSS_DPI, READABLE = 96, 1.1  # the smallest text of a figure, 6 points, then has 9 pixels
 WORDS = ("reason", "warning", "status", "role", "line", "source", "wall")
+
+
+def own(name: str) -> str:
+    """Read a file of this folder."""
+    return Path(__file__).with_name(name).read_text(encoding="utf-8")
+
+
+def fill(name: str, **values: str) -> str:
+    """Fill the names of a page's part, a file of this folder."""
+    return Template(own(name).removesuffix("\n")).substitute(values)
 
 
 def text(value: Any) -> str:

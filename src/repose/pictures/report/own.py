@@ -8,24 +8,21 @@ import pandas as pd
 from repose.chain.answer import WITHIN
 from repose.core import provenance
 from repose.pictures.report import page
-from repose.pictures.report.study import Study
+from repose.pictures.report.study import Results
+from repose.pictures.shown import Shown
 from repose.studies.calibration import Calibration
 
 
 def write(calibration: Calibration, out_path: str | os.PathLike[str]) -> None:
     """Write the report."""
     study, targets = calibration.study, calibration.study.targets
-    row = {"role": "representative", "reason": ""}
-    row |= dict(zip(targets.predicted, calibration.answer.mean.tolist(), strict=True))
-    chance: dict[str, float | None] = dict.fromkeys(targets.names)
-    shown = Study(
-        config={"label": study.config["label"], "small_run": False},
-        targets=targets,
-        space=study.parameters,
-        files={},
+    row = dict(zip(targets.predicted, calibration.answer.mean.tolist(), strict=True))
+    config = {"label": study.settings.label, "small_run": False}
+    shown = Results(
+        shown=Shown(config, targets=targets, space=study.parameters),
         answer=calibration.answer.values,
-        row=pd.Series(row),
-        chance=chance | {"all": calibration.probability["inside"]},
+        row=pd.Series(row | {"role": "representative", "reason": ""}),
+        chance=dict.fromkeys(targets.names) | {"all": calibration.probability["inside"]},
         within={percent: calibration.probability[column] for percent, column in WITHIN.items()},
         posterior=calibration.posterior.parameters.set_index("parameter"),
         surrogate=calibration.model,
@@ -33,8 +30,6 @@ def write(calibration: Calibration, out_path: str | os.PathLike[str]) -> None:
         table4=calibration.solutions[:1],
         dataset=calibration.samples,
         summary=calibration.summary,
-        metrics={},
-        dataset_summary={},
         date=date.today().isoformat(),
         record=provenance.machine(),
     )

@@ -5,7 +5,6 @@ import json
 import os
 import re
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from repose.core.files import read_table, write_text
@@ -13,12 +12,11 @@ from repose.core.parameters import LABELS
 from repose.core.targets import Target
 from repose.particle.particle import Particle
 from repose.pictures.report import prediction, scene, sections, three
-from repose.pictures.report.study import Study, read
+from repose.pictures.report.html import fill, own
+from repose.pictures.report.study import Results, read
 
 if TYPE_CHECKING:
     import pandas as pd
-
-HERE = Path(__file__).parent
 
 
 def write(
@@ -33,15 +31,15 @@ def write(
     write_study(study, {title: read_table(path) for title, path in tables.items()}, out_path)
 
 
-def write_study(study: Study, tables: Mapping[str, "pd.DataFrame"], out_path: str | os.PathLike[str]) -> None:
+def write_study(study: Results, tables: Mapping[str, "pd.DataFrame"], out_path: str | os.PathLike[str]) -> None:
     """Write the report of a study in memory; `tables` are further tables by title."""
     parts = (sections.answer, sections.check, sections.other_parameters, sections.how_found)
     body = "\n".join([*(part(study) for part in parts), sections.all_tables(tables)])
-    title = f"Contact parameters: {study.config['label']}"
+    title = f"Contact parameters: {study.shown.label}"
     write_text(out_path, assembled(title, body, content(study)))
 
 
-def content(study: Study) -> dict[str, Any]:
+def content(study: Results) -> dict[str, Any]:
     """Give data for the scripts: plain values without NaN."""
     page: dict[str, Any] = {
         "parameters": [_parameter(study, k) for k in range(len(study.space.names))],
@@ -52,18 +50,16 @@ def content(study: Study) -> dict[str, Any]:
     }
     if "trajectory" in study.files:
         particle = Particle.load(study.files["particle"])
-        pour = scene.for_page(study.files["trajectory"], particle, study.config["funnel"])
-        page["pour"] = pour | {"colour": study.config["colour"]}
+        pour = scene.for_page(study.files["trajectory"], particle, study.shown.funnel)
+        page["pour"] = pour | {"colour": study.shown.colour}
     return page
 
 
-def for_copy(study: Study) -> str:
+def for_copy(study: Results) -> str:
     """Write the parameters as lines of YAML."""
-    lines = [f"# {study.config['label']}: {sections.verdict(study)[1]}"]
-    lines += [
-        f"{name}: {value:.6g}  # {LABELS.get(name, name)}"
-        for name, value in zip(study.space.names, study.answer.tolist(), strict=True)
-    ]
+    lines = [f"# {study.shown.label}: {sections.verdict(study)[1]}"]
+    for name, value in zip(study.space.names, study.answer.tolist(), strict=True):
+        lines.append(f"{name}: {value:.6g}  # {LABELS.get(name, name)}")
     return "\n".join(lines) + "\n"
 
 
@@ -71,46 +67,23 @@ def assembled(title: str, body: str, values: Mapping[str, Any]) -> str:
     """Write the whole page as text; `body` is HTML, `values` go to the scripts as JSON."""
     # JSON allows "<" in this form; it cannot end the script early
     coded = json.dumps(values, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
-    view = _own("view.js")
+    view = own("view.js")
     drawing = (three.library(re.findall(r"THREE\.(\w+)", view)), view) if values["pour"] else ()
-    parts = (_own("network.js"), *drawing, _own("report.js"))
-    scripts = "\n".join(f"<script>{script}</script>" for script in parts)
-    return f"""<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
-<title>{html.escape(title)}</title><link rel="icon" href="data:,">
-<style>{_own("report.css")}</style></head>
-<body><main>
-{body}
-</main>
-<dialog id="large"><form method="dialog"><button class="act">Close</button></form>
-<div tabindex="0"><img alt=""></div></dialog>
-<script type="application/json" id="content">{coded}</script>
-{scripts}
-</body></html>
-"""
+    scripts = "\n".join(f"<script>{script}</script>" for script in (own("network.js"), *drawing, own("report.js")))
+    parts = {"style": own("report.css"), "body": body, "content": coded, "scripts": scripts}
+    return fill("page.html", title=html.escape(title), **parts) + "\n"
 
 
-def _own(name: str) -> str:
-    """Write the text of a file in the folder of this module."""
-    return (HERE / name).read_text(encoding="utf-8")
-
-
-def _parameter(study: Study, k: int) -> dict[str, Any]:
+def _parameter(study: Results, k: int) -> dict[str, Any]:
     """Give one parameter as plain values."""
     space, name = study.space, study.space.names[k]
-    fixed = name in space.fixed
-    i = None if fixed else space.free.index(name)
-    return {
-        "name": name,
-        "label": LABELS.get(name, name),
-        "value": float(study.answer[k]),
-        "fixed": fixed,
-        "low": None if fixed else float(space.low[i]),
-        "high": None if fixed else float(space.high[i]),
-    }
+    fixed, label = name in space.fixed, LABELS.get(name, name)
+    ends = dict(zip(space.free, zip(space.low.tolist(), space.high.tolist(), strict=True), strict=True))
+    low, high = ends.get(name, (None, None))
+    return {"name": name, "label": label, "value": float(study.answer[k]), "fixed": fixed, "low": low, "high": high}
 
 
-def _target(study: Study, target: Target) -> dict[str, Any]:
+def _target(study: Results, target: Target) -> dict[str, Any]:
     """Give one target as plain values, with the ends of its gauge."""
     seen = study.dataset[target.name].dropna()
     simulated = study.number(target.response.simulated)

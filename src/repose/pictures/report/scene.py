@@ -1,6 +1,6 @@
 """A pour for the page's 3-D view: a body's triangles, and the place of each body at each time, in few bytes.
 
-Positions are whole multiples of 1/65534 of the space of the bodies, orientations whole multiples of 1/127: a berry is
+Positions are whole multiples of 1/65534 of the space of the bodies, orientations whole multiples of 1/127: a grain is
 within 0.02 mm and 1 degree of its true place.
 """
 

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import date
 from typing import Any
 
@@ -18,6 +18,7 @@ from repose.core.files import read_json, read_table
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
+from repose.pictures.shown import Shown
 from repose.strategies.batches import data_of
 from repose.strategies.sequential.kriging import Kriging, SpaceKriging
 from repose.strategies.sequential.strategy import observed_of
@@ -35,7 +36,7 @@ PICTURES = {
     "contours": "The fitted surfaces about their optimum",
     "figure13": "Predictions of the surrogate and results of the simulator, for training samples and others",
     "plane": "All simulated samples, the target ranges, and the answer",
-    "profiles": "Measured profiles beside the answer's, as predicted and as simulated",
+    "profiles": "Measured profiles and the answer's, as predicted and as simulated",
     "figure14": "The parameter sets that the search found",
     "validation": "Predicted, simulated and measured responses",
     "definitions": "The definitions of the angle on the same pile",
@@ -43,13 +44,10 @@ PICTURES = {
 
 
 @dataclass
-class Study:
+class Results:
     """The results of a study, for its report."""
 
-    config: Mapping[str, Any]
-    targets: Targets
-    space: ParameterSpace
-    files: Mapping[str, str]  # paths by the names in `NEEDED`, `TRAINED`, `OPTIONAL`, `PICTURES`
+    shown: Shown
     answer: np.ndarray  # (6,), the representative parameter set
     row: pd.Series  # its row in table4.csv
     chance: dict[str, float | None]  # from `chance_of_meeting`
@@ -60,10 +58,21 @@ class Study:
     table4: pd.DataFrame
     dataset: pd.DataFrame
     summary: Mapping[str, Any]  # with ``steps`` if the strategy reports its own course
-    metrics: Mapping[str, Any]  # empty if the surrogate was not tested
-    dataset_summary: Mapping[str, Any]  # empty if the strategy reports its own course
     date: str  # of the results
     record: Mapping[str, Any]  # their version, commit and processor, as `repose.core.provenance.machine`
+    files: Mapping[str, str] = field(default_factory=dict)  # by names in `NEEDED`, `TRAINED`, `OPTIONAL`, `PICTURES`
+    metrics: Mapping[str, Any] = field(default_factory=dict)  # empty if the surrogate was not tested
+    dataset_summary: Mapping[str, Any] = field(default_factory=dict)  # empty if the strategy reports its own course
+
+    @property
+    def targets(self) -> Targets:
+        """The targets of the study."""
+        return self.shown.targets
+
+    @property
+    def space(self) -> ParameterSpace:
+        """The parameters of the study."""
+        return self.shown.space
 
     def number(self, column: str) -> float | None:
         """Give a number of the answer's row; None if missing."""
@@ -71,7 +80,7 @@ class Study:
         return None if value is None or pd.isna(value) else float(value)
 
 
-def read(config: Mapping[str, Any], jobs: Sequence[str], files: Mapping[str, str]) -> Study:
+def read(config: Mapping[str, Any], jobs: Sequence[str], files: Mapping[str, str]) -> Results:
     """Read the results of a study."""
     known = (*NEEDED, *TRAINED, *OPTIONAL, *PICTURES)
     for name in files:
@@ -81,7 +90,8 @@ def read(config: Mapping[str, Any], jobs: Sequence[str], files: Mapping[str, str
     summary = read_json(files["summary"], {"feasible": bool, "message": str})
     if "steps" not in summary:
         _require(files, TRAINED)
-    targets, space = Targets.of(config["targets"]), ParameterSpace.of(config["parameters"])
+    shown = Shown(config)
+    targets, space = shown.targets, shown.space
     table4 = read_table(files["table4"], ("role", *PARAMETERS, *targets.predicted))
     rows = table4[table4["role"] == "representative"]
     if rows.empty:
@@ -90,10 +100,8 @@ def read(config: Mapping[str, Any], jobs: Sequence[str], files: Mapping[str, str
     if "posterior" in files:
         columns = ("parameter", "credible_low", "credible_high", "width_ratio", "r_hat")
         posterior = read_table(files["posterior"], columns).set_index("parameter")
-    return Study(
-        config=config,
-        targets=targets,
-        space=space,
+    return Results(
+        shown=shown,
         files=files,
         answer=rows.iloc[0][list(space.names)].to_numpy(float),
         row=rows.iloc[0],
@@ -106,7 +114,7 @@ def read(config: Mapping[str, Any], jobs: Sequence[str], files: Mapping[str, str
         dataset=read_table(files["dataset"], ("sample", *PARAMETERS, *targets.names)),
         summary=summary,
         metrics=read_json(files["metrics"]) if "metrics" in files else {},
-        dataset_summary=(read_json(files["dataset_summary"], {"text": str}) if "dataset_summary" in files else {}),
+        dataset_summary=read_json(files["dataset_summary"], {"text": str}) if "dataset_summary" in files else {},
         # the day of the answer's file: the page stays the same until the results are made anew
         date=date.fromtimestamp(os.path.getmtime(files["table4"])).isoformat(),
         record=attached.read(files["table4"]) or provenance.machine(),

@@ -4,7 +4,7 @@ Runs at the centre belong to the screening. The mean of the corners is no estima
 curved, and the path must know on which side of the targets it begins.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -28,35 +28,27 @@ TABLES = {
 }
 
 
-class Screened(NamedTuple):
-    """Result of the screening."""
+def screened(
+    study: Studied, table: pd.DataFrame, dataset: pd.DataFrame, source: object = "dataset"
+) -> tuple[pd.DataFrame, dict[str, Any]]:
+    """Analyse the screening's samples: return the samples of the ascent, and tables, result and a message as notes.
 
-    models: list[Model]  # linear, one for each response
-    centre: pd.Series  # mean responses at the centre
-    kept: list[str]  # parameters of the next steps
-    path: pd.DataFrame  # samples of the ascent
-
-
-def screened(study: Studied, table: pd.DataFrame, dataset: pd.DataFrame, source: object = "dataset") -> Screened:
-    """Analyse the screening's samples; InputError, which names `source`, if they show no way towards the targets."""
+    InputError, which names `source`, if they show no way towards the targets.
+    """
     targets = study.targets
     corners, middle = corners_and_centre(table)
     models = models_of(corners, dataset, targets, "linear", source)
     centre = usable(middle, dataset, source)[list(targets.names)].mean()
     kept = kept_factors(models, study.settings.response_surface)
     try:
-        return Screened(models, centre, kept, path(models, centre.to_numpy(), kept, study))
+        climb = path(models, centre.to_numpy(), kept, study)
     except ValueError as error:
         raise InputError(source, "targets", str(error), "a way towards the targets") from None
-
-
-def notes(found: Screened, space: ParameterSpace, targets: Targets) -> dict[str, Any]:
-    """Collect the tables of the screening, its result, and a message."""
-    dropped = [name for name in space.free if name not in found.kept]
-    corners = dict(zip(targets.names, (float(model.constant) for model in found.models), strict=True))
-    summary = {"kept": found.kept, "dropped": dropped, "centre": found.centre.to_dict(), "corners": corners}
-    why = f"kept {', '.join(found.kept)}; dropped {', '.join(dropped) or 'none'}"
-    return {**analysis("screening", found.models, targets), "screening": summary, "why": why}
+    dropped = [name for name in study.parameters.free if name not in kept]
+    means = dict(zip(targets.names, (float(model.constant) for model in models), strict=True))
+    result = {"kept": kept, "dropped": dropped, "centre": centre.to_dict(), "corners": means}
+    why = f"kept {', '.join(kept)}; dropped {', '.join(dropped) or 'none'}"
+    return climb, {**analysis("screening", models, targets), "screening": result, "why": why}
 
 
 def design(space: ParameterSpace, section: ResponseSurfaceSettings) -> pd.DataFrame:

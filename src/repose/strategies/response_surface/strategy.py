@@ -25,11 +25,11 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
         return batch(table)
     targets = study.targets
     dataset = samples_of_runs(data, space, targets)
-    found = screening.screened(study, table, dataset, "runs")
-    notes |= screening.notes(found, space, targets)
-    if _lacks(data, found.path):
-        return batch(found.path)
-    points = surface.walked(found.path, dataset, targets)
+    climb, found = screening.screened(study, table, dataset, "runs")
+    notes |= found
+    if _lacks(data, climb):
+        return batch(climb)
+    points = surface.walked(climb, dataset, targets)
     table = surface.design(points, space, section)
     nearest = points[points["best"]].iloc[0]
     why = f"sample {nearest['sample']} is nearest to the targets, {nearest['error_percent']:.2f} % off"
@@ -59,7 +59,7 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
         predicted,
         notes=notes
         | {"check": surface.checked(notes["predictions"], poured), "summary": {"surfaces_meet_targets": best.met}}
-        | {"steps": _steps(found.kept, len(table), section)},
+        | {"steps": _steps(notes["screening"]["kept"], len(table), section)},
         simulated=tuple(check["sample"]),
     )
 

@@ -1,4 +1,4 @@
-"""The rules: each says what it reads, quotes a user's words, and has a caption."""
+"""The rules: each says what it reads, quotes a user's words, has a caption, and uses no inside of Snakemake."""
 
 import re
 import shutil
@@ -7,11 +7,14 @@ import sys
 from types import SimpleNamespace
 
 import jinja2
+import pandas as pd
 import pytest
-from plans import ROOT
+from plans import ROOT, snakemake
 
 from repose.config import stands_on
+from repose.config.call import Call, configfiles
 from repose.config.study import Study
+from repose.core import usage
 
 SHELL = re.compile(r"^( *)shell:\n((?:\1 +.*\n)+)", re.MULTILINE)
 
@@ -19,7 +22,7 @@ SHELL = re.compile(r"^( *)shell:\n((?:\1 +.*\n)+)", re.MULTILINE)
 RULES = [path for folder in ("workflow", "research") for path in sorted((ROOT / folder).rglob("*.smk"))]
 
 
-def test_every_placeholder_is_quoted_and_no_shell_command_writes_a_result_itself():
+def test_every_placeholder_is_quoted_and_no_caption_left_over():
     bare, seen = [], 0
     for path in RULES:
         for command in SHELL.finditer(path.read_text()):
@@ -32,6 +35,10 @@ def test_every_placeholder_is_quoted_and_no_shell_command_writes_a_result_itself
     redirected = {(name, one) for name, text in commands for one in re.findall(r">+ *([^\s\")&]+)", text)}
     assert len(redirected) > 20
     assert {one for _, one in redirected} == {"{log:q}"}, redirected
+    text = "".join(path.read_text() for path in (ROOT / "workflow" / "rules").rglob("*.smk"))
+    text += (ROOT / "workflow" / "Snakefile").read_text()
+    unused = [path.stem for path in CAPTIONS if path.stem not in text]
+    assert unused == []
 
 
 ODD = """my "bérries"; touch PWNED; 'x' $(touch PWNED) -rf #"""
@@ -82,13 +89,6 @@ def test_every_caption_can_be_filled_in(name, monkeypatch):
         assert "{" not in text, path.name
 
 
-def test_no_caption_is_left_over():
-    text = "".join(path.read_text() for path in (ROOT / "workflow" / "rules").rglob("*.smk"))
-    text += (ROOT / "workflow" / "Snakefile").read_text()
-    unused = [path.stem for path in CAPTIONS if path.stem not in text]
-    assert unused == []
-
-
 RULE = re.compile(r"^ *(?:use rule|rule|checkpoint)\b", re.MULTILINE)
 # The rule `measure` says the one section of both.
 OTHERWISE = {"silhouette", "measure_silhouette"}
@@ -102,3 +102,70 @@ def test_the_keys_of_each_rule_are_those_of_its_stage():
                 for words in re.findall(r"depends=reads\(([^)]*)\)", rule):
                     said[stage] = tuple(re.findall(r'"([^"]+)"', words))
     assert said == {stage: keys for stage, keys in stands_on.KEYS.items() if stage not in OTHERWISE}
+
+
+FILES = [
+    *(path for folder in ("workflow", "research") for path in (ROOT / folder).rglob("*.smk")),
+    *(ROOT / name for name in ("Snakefile", "workflow/Snakefile", "research/Snakefile")),
+]
+# Names that Snakemake documents: https://snakemake.readthedocs.io, Writing Workflows.
+DOCUMENTED = {"basedir"}
+# Of all rules, so that no user's file is taken for a result and removed; a list by hand would need each name again.
+KEPT = {"rules"}
+QUICK = ("--cores", "1", "--configfile", "config/quick.yaml")
+NAPS = """
+rule all:
+    input: expand("{i}.txt", i=range(9))
+
+rule one:
+    output: "{i}.txt"
+    shell: "sleep 0.6; touch {output}"
+"""
+
+
+def test_no_inside_is_used_and_functions_are_fewer_than_rules():
+    used, imported = set(), set()
+    for path in FILES:
+        text = path.read_text()
+        used |= set(re.findall(r"(?<![\w/])workflow\.(\w+)", text)) - {"rst", "smk"}
+        imported |= set(re.findall(r"(?:from|import) (snakemake[\w.]*)", text))
+    assert used - DOCUMENTED == KEPT
+    assert imported == {"snakemake.utils"}
+    own = [path for path in FILES if "research" not in path.parts]
+    functions, rules = (
+        sum(len(re.findall(pattern, path.read_text(), re.MULTILINE)) for path in own)
+        for pattern in (r"^ *def ", r"^ *(?:rule|checkpoint|use rule)\b.*:$")
+    )
+    assert functions <= 25 < rules
+
+
+RUN = ("--cores 2", "-c2 -F --configfile mine.yaml", "-sSnakefile -c1", "--touch -c1")
+LOOK = ("-n", "-np", "--dry-run -c1", "--summary", "--rulegraph", "--mode remote -c1")
+
+
+def test_a_call_that_only_looks_takes_no_folder_and_configurations_are_no_targets(monkeypatch):
+    for words in (*RUN, *LOOK):
+        monkeypatch.setattr("sys.argv", ["snakemake", *words.split()])
+        assert Call().runs == (words in RUN), words
+    words = ["results/card.json", "--configfile", "mine.yaml", "more.json", "page", "--cores", "2"]
+    assert configfiles(words) == ["mine.yaml", "more.json"]
+    assert configfiles(["--configfile=mine.yaml", "-n"]) == ["mine.yaml"]
+
+
+@pytest.mark.slow
+def test_the_profile_looks_seldom_and_a_benchmark_has_the_time_of_the_whole_job(tmp_path, project):
+    (line,) = (ROOT / "profiles/default/config.yaml").read_text().split("max-jobs-per-timespan: ")[1:]
+    (tmp_path / "Snakefile").write_text(NAPS)
+    looks = []
+    for words in ((), ("--max-jobs-per-timespan", line.split()[0])):
+        done = snakemake(tmp_path, "--cores", "1", "--verbose", "--forceall", *words)
+        assert done.returncode == 0, done.stderr
+        looks.append(done.stderr.count("Resources before job selection"))
+    assert 9 <= looks[1] < 0.7 * looks[0]
+    done = snakemake(project, "results/quick/design/samples.csv", *QUICK, "--forceall")
+    assert done.returncode == 0, done.stderr
+    (process,) = usage.since(project / "results/quick", 0)
+    table = pd.read_csv(project / "results/quick/benchmarks/design.tsv", sep="\t")
+    assert process.log == "results/quick/logs/design.log"
+    assert 0.3 < table["cpu_time"].item() == pytest.approx(process.cpu_s, abs=0.01)
+    assert table["cpu_time"].item() <= done.used_s

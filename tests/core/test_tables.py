@@ -1,0 +1,351 @@
+"""Tables as spreadsheets and other programs write them: each reader has the right numbers or the right sentence."""
+
+import functools
+import random
+import re
+
+import numpy as np
+import pytest
+from shared import check_all, targets_of
+
+from repose.config.profiles import expanded_own
+from repose.config.study import Study
+from repose.core import files, tables
+from repose.core.errors import InputError
+from repose.core.parameter_sets import read_sample, read_samples
+from repose.core.parameters import PARAMETERS
+from repose.core.published import check_published, published_sets
+from repose.particle.berry import of_files
+from repose.particle.berry_files import read_compression, read_sizes
+from repose.strategies.runs import read_runs
+from repose.studies.discrepancy import of_shape_study
+
+OWN = {
+    "simulator": "EDEM",
+    "label": "seed",
+    "seed": 1,
+    "parameters": {"mus": [0.3, 0.5], "mur": [0.01, 0.05]},
+    "targets": {"angle_deg": {"value": 28.4, "sd": 0.6, "repetitions": 5}},
+}
+SIZES = "long_mm,major_mm,minor_mm\n21.5,11.25,10.5\n22.75,12.5,11.5\n20.5,10.75,9.5\n"
+TESTS = (
+    "test,force_n,length_1_mm,length_2_mm,width_1_mm,width_2_mm,breadth_mm\n"
+    "1,2.5,21.5,22.5,10.5,9.5,11.5\n2,2.75,22.5,23.5,11.5,10.5,12.5\n3,1.5,20.5,21.5,9.5,8.5,10.5\n"
+)
+SETS = f"sample,{','.join(PARAMETERS)}\n" + "".join(f"{k},0.{k}5,0.5,0.04,0.25,0.55,0.15\n" for k in (1, 2, 3))
+PUBLISHED = SETS.replace("sample", "solution")
+RUNS = "sample,run,mus,mur,angle_deg\n" + "".join(
+    f"{k},{run},0.{3 + k % 2}{k},0.0{1 + k},2{k}.{run}5\n" for k in (1, 2, 3, 4) for run in (1, 2)
+)
+MODELS = "particle,tension,filling,eligible,distance,aor_difference_deg,aor_se_deg\n" + "".join(
+    f"p{k},keep,open,{k < 7},0.{k}5,{k}.5,0.25\n" for k in range(8)
+)
+PROFILE = "x_mm,z_mm\n" + "".join(f"{k}.5,{9 - k}.25\n" for k in range(8))
+
+
+def numbers(table):
+    """All numbers of a table of pandas."""
+    return table.select_dtypes("number").to_numpy(float).tolist()
+
+
+def shape(path):
+    """What a shape study says of one target."""
+    found = of_shape_study(path, targets_of(aor_deg=30.0))
+    return [found.mean.tolist(), found.covariance.tolist(), found.models]
+
+
+def sets(path):
+    """The published sets, once the table is checked."""
+    check_published(path)
+    return [list(one.values()) for one in published_sets(path)]
+
+
+def profile(path):
+    """The scores of a profile."""
+    found = expanded_own({"surface_mm": {"file": str(path), "sd": 0.3, "repetitions": 3}}, "own.yaml")
+    return [one["value"] for one in found.values()]
+
+
+@functools.cache
+def own_study():
+    return Study.own(OWN)
+
+
+# Reader: a good table, a column of numbers, and a function that gives its numbers.
+READERS = {
+    "sizes": (SIZES, "major_mm", lambda path: numbers(read_sizes(path))),
+    "compression": (TESTS, "breadth_mm", lambda path: numbers(read_compression(path))),
+    "samples": (SETS, "mus_gg", lambda path: numbers(read_samples(path))),
+    "sample": (SETS, "mus_gg", lambda path: list(read_sample(path, 2).values())),
+    "published": (PUBLISHED, "mus_gg", sets),
+    "runs": (RUNS, "angle_deg", lambda path: numbers(read_runs(path, own_study()))),
+    "shape study": (MODELS, "aor_difference_deg", shape),
+    "profile": (PROFILE, "z_mm", profile),
+}
+
+
+def cells(text):
+    return [line.split(",") for line in text.splitlines()]
+
+
+def joined(rows, separator=",", end="\n"):
+    return "".join(separator.join(row) + end for row in rows)
+
+
+def with_commas(rows):
+    """Rows with decimal commas."""
+    return [[re.sub(r"^(-?\d+)\.(\d+)$", r"\1,\2", cell) for cell in row] for row in rows]
+
+
+GOOD = {
+    "semicolons": lambda rows: joined(rows, ";"),
+    "semicolons and decimal commas": lambda rows: joined(with_commas(rows), ";"),
+    "tabs": lambda rows: joined(rows, "\t"),
+    "tabs and decimal commas": lambda rows: joined(with_commas(rows), "\t"),
+    "quoted decimal commas": lambda rows: joined([[f'"{cell}"' for cell in row] for row in with_commas(rows)]),
+    "blanks after commas": lambda rows: joined(rows, ", "),
+    "blanks before commas": lambda rows: joined(rows, " ,"),
+    "no-break spaces": lambda rows: joined(rows, "\N{NO-BREAK SPACE},"),
+    "empty columns at the end": lambda rows: joined([[*row, "", ""] for row in rows]),
+    "empty rows": lambda rows: joined([rows[0], [""] * len(rows[0]), *rows[1:], [""] * len(rows[0]), [""]]),
+    "a line that names the separator": lambda rows: "sep=;\n" + joined(rows, ";"),
+    "comments": lambda rows: f'# of "mine"\n{joined(rows[:2])}# again\n{joined(rows[2:])}',
+    "CRLF": lambda rows: joined(rows, end="\r\n"),
+    "CR": lambda rows: joined(rows, end="\r"),
+    "quotes": lambda rows: joined([[f'"{cell}"' for cell in row] for row in rows]),
+    "exponents": lambda rows: joined([[re.sub(r"^(\d)\.(\d+)$", r"\1.\2E+00", cell) for cell in row] for row in rows]),
+    "a mark of UTF-8": lambda rows: joined(rows).encode("utf-8-sig"),
+    "text of Excel": lambda rows: joined(rows, "\t", "\r\n").encode("utf-16"),
+    "UTF-16 of another processor": lambda rows: b"\xfe\xff" + joined(rows).encode("utf-16-be"),
+}
+
+
+def given(path, content):
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return path
+
+
+def test_every_reader_reads_what_spreadsheets_write(tmp_path):
+    def check(reader, change):
+        text, _, read = READERS[reader]
+        expected = read(given(tmp_path / "a.csv", text))
+        assert read(given(tmp_path / "a.csv", GOOD[change](cells(text)))) == expected
+        assert expected
+
+    check_all(check, [(f"{reader}, {change}", reader, change) for reader in READERS for change in GOOD])
+
+
+def fault(reader, path, content):
+    """The sentences of a reader about a table."""
+    with pytest.raises(InputError) as caught:
+        READERS[reader][2](given(path, content))
+    assert str(caught.value).startswith(str(path))
+    return str(caught.value)
+
+
+NO_NUMBERS = ("1_0", "１２", "1:30", "0x10", "inf", "-inf", "1e999", "many", "1 2", "1.234,5", "2022-05-01")
+NO_RESULTS = ("#DIV/0!", "#N/A", "#VALUE!", "#REF!", "#NAME?", "#WERT!", "#NV")
+
+
+def test_every_reader_names_row_and_column_of_what_is_no_number(tmp_path):
+    def check(reader, value):
+        text, column, _ = READERS[reader]
+        rows = cells(text)
+        rows[2][rows[0].index(column)] = value
+        assert f"row 2: {column} is '{value}'; expected " in fault(reader, tmp_path / "a.csv", joined(rows, ";"))
+
+    values = (*NO_NUMBERS, *NO_RESULTS)
+    check_all(check, [(f"{reader}, {value}", reader, value) for reader in READERS for value in values])
+
+
+def test_a_formula_without_result_is_no_comment_wherever_it_stands(tmp_path):
+    def check(reader, value, k):
+        rows = [[*row, f"note {number}"] for number, row in enumerate(cells(READERS[reader][0]))]
+        rows[2][k] = value
+        message = fault(reader, tmp_path / "a.csv", joined(rows))
+        assert f"row 2: {rows[0][k]} is '{value}'; expected " in message
+
+    check_all(check, [(f"{r}, {v}, {k}", r, v, k) for r in READERS for v in NO_RESULTS[:4] for k in (0, -1)])
+
+
+SUMMARIES = ("Mean", "average", "SD", "Std. Dev.", "min", "MAX", "CV (%)", "n", "sum", "Total:", "Mittelwert", "Median")
+
+
+def test_a_row_that_sums_up_others_is_refused_by_its_word(tmp_path):
+    def check(reader, word, label):
+        rows = [[*row, "seen by me"] for row in cells(READERS[reader][0])]
+        last = [*rows[-1]]
+        rows[0][-1] = "label"
+        last[-1 if label else 0] = word
+        message = fault(reader, tmp_path / "a.csv", joined([*rows, last]))
+        assert f"row {len(rows)}: {rows[0][-1 if label else 0]} is '{word}'; expected a row of its own" in message
+        assert message.count("\n") == 0
+
+    check_all(check, [(f"{r}, {word}, {k}", r, word, k) for r in READERS for word in SUMMARIES for k in (False, True)])
+
+
+def test_a_number_that_is_repeated_is_refused_with_both_rows(tmp_path):
+    for reader, words in (
+        ("compression", "row 3: test is 1.0; expected each test once; row 1 has it"),
+        ("samples", "row 3: sample is 1; expected each sample once; row 1 has it"),
+        ("sample", "row 3: sample is 1; expected each sample once; row 1 has it"),
+        ("published", "row 3: solution is '1'; expected each solution once; row 1 has it"),
+        ("runs", "row 3: sample and run is [1, '1']; expected each once; row 1 has"),
+    ):
+        rows = cells(READERS[reader][0])
+        rows[3] = [rows[1][0], *rows[3][1:]] if reader != "runs" else rows[1]
+        assert words in fault(reader, tmp_path / "a.csv", joined(rows))
+
+
+def test_all_faults_of_a_table_are_told_at_once_up_to_thirty(tmp_path):
+    message = fault("sizes", tmp_path / "a.csv", SIZES.replace("21.5", "a").replace("12.5", "b").replace("9.5", "-1"))
+    assert [line.rpartition("row ")[2][:1] for line in message.splitlines()] == ["1", "2", "3"]
+    many = SIZES + "x,y,z\n" * 20
+    assert len(fault("sizes", tmp_path / "a.csv", many).splitlines()) == 31
+
+
+def test_commas_that_may_be_decimal_or_of_thousands_are_told(tmp_path):
+    path, column = tmp_path / "a.csv", tables.Column("b")
+    for text, words in (
+        ("a\tb\n1\t1,234\n", "row 1: b is '1,234'; expected a number with a decimal point"),
+        ('a,b\n1,"1,234"\n', "row 1: b is '1,234'; expected a number with a decimal point"),
+        ("a;b\n1.5;1,5\n", "row 1: b is '1,5'; expected one decimal sign"),
+        ("a,b\n1,1,5\n", "row 1: cells is 3; expected 2, as in the header; a decimal comma needs ;"),
+        ("a;b\n1;1,234,567\n", "row 1: b is '1,234,567'; expected a finite number"),
+        ("a;b\n1;1.234.567\n", "row 1: b is '1.234.567'; expected a finite number"),
+        ("a,b\n1,2\n3\n", "row 2: cells is 1; expected 2, as in the header"),
+        ("a,b,b\n1,2,3\n", "header is 'b'; expected each column once"),
+        ("a,,\n1,2,3\n", "row 1: cells is 3; expected 1, as in the header"),
+        ('a,b\n1,2\n"3,4\n5,6\n', "line 3: cells is '\"3,4'; expected a CSV file: unexpected end of data"),
+        ("", "rows is 0; expected a CSV file"),
+    ):
+        with pytest.raises(InputError, match=re.escape(words)):
+            tables.read(given(path, text), [column])
+    assert tables.read(given(path, "a\tb\n0,5\t1,234\n"), [column]).values["b"] == [1.234]
+    assert tables.read(given(path, "a;b\n1;1,234\n"), [column]).values["b"] == [1.234]
+
+
+def test_a_column_is_what_it_is_declared_to_be(tmp_path):
+    declared = {
+        "whole": (
+            tables.Column("b", int, 1, 9),
+            "a whole number from 1 to 9",
+            ["1", "9", "2.0"],
+            ["0", "1.5", "10", ""],
+        ),
+        "share": (tables.Column("b", float, 0, above=True), "a number above 0", ["1e-9"], ["0", "-1", "nan"]),
+        "above": (tables.Column("b", float, 2, above=True), "a number above 2", ["2.1"], ["2"]),
+        "most": (tables.Column("b", high=2.0), "a number up to 2", ["-3", "2"], ["2.1", "-inf"]),
+        "nothing": (tables.Column("b", empty=True), "a finite number, or nothing", ["", "NaN", "n/a"], ["inf", "x"]),
+        "truth": (tables.Column("b", bool), "True or False", ["TRUE", "false ", "True"], ["yes", "2", "", "1"]),
+        "words": (tables.Column("b", words="this"), "this", ["1"], ["x"]),
+    }
+
+    def check(column, words, cell, good):
+        path = given(tmp_path / "a.csv", f"a,b\n1,{cell}\n")
+        if good:
+            assert len(tables.read(path, [column]).values["b"]) == 1
+        else:
+            with pytest.raises(InputError, match=re.escape("row 1: b is ") + f".*expected {re.escape(words)}$"):
+                tables.read(path, [column])
+
+    check_all(
+        check,
+        [
+            (f"{name} {cell!r}", column, words, cell, good)
+            for name, (column, words, *both) in declared.items()
+            for good, some in zip((True, False), both, strict=True)
+            for cell in some
+        ],
+    )
+
+
+def test_an_eligible_model_is_true_or_false_alone(tmp_path):
+    expected = shape(given(tmp_path / "a.csv", MODELS))
+    for cell in ("FALSE", "false", "False "):
+        assert shape(given(tmp_path / "a.csv", MODELS.replace("False", cell))) == expected
+    for cell in ("no", "2", "", "0"):
+        message = fault("shape study", tmp_path / "a.csv", MODELS.replace("False", cell))
+        assert f"row 8: eligible is '{cell}'; expected True or False" in message
+    for old, new, words in (
+        ("0.25\n", "-1000\n", "aor_se_deg is -1000.0; expected a number from 0"),
+        ("3.5,", "1e300,", "aor_difference_deg is 1e+300; expected a finite number, at most 1e+09"),
+        ("0.35,", "-1,", "distance is -1.0; expected a number from 0"),
+    ):
+        assert words in fault("shape study", tmp_path / "a.csv", MODELS.replace(old, new))
+
+
+def test_a_wrong_unit_is_told_with_its_file_and_the_likely_one(tmp_path):
+    sizes = given(tmp_path / "sizes.csv", SIZES)
+    by_hand = {"kN": 1e-3, "mN": 1e8}
+
+    def message(tests):
+        with pytest.raises(InputError) as caught:
+            of_files(sizes, given(tmp_path / "tests.csv", tests), None, 840.0)
+        return str(caught.value)
+
+    def scaled(column, factor):
+        rows = cells(TESTS)
+        k = rows[0].index(column)
+        return joined([rows[0], *([*row[:k], repr(float(row[k]) * factor), *row[k + 1 :]] for row in rows[1:])])
+
+    of_files(sizes, given(tmp_path / "tests.csv", TESTS), None, 840.0)
+    for unit, factor in (("cm", 0.1), ("m", 1e-3), ("um", 1e3)):
+        assert re.search(
+            rf"tests\.csv: breadth_mm is .*near that of major_mm .*; in {unit} instead of mm\?",
+            message(scaled("breadth_mm", factor)),
+        )
+    for unit, factor in by_hand.items():
+        assert re.search(rf"tests\.csv: force_n is .*; in {unit} instead of N\?", message(scaled("force_n", factor)))
+    in_cm = joined([cells(SIZES)[0], *([repr(float(cell) / 10) for cell in row] for row in cells(SIZES)[1:])])
+    given(sizes, in_cm)
+    assert re.search(r"tests\.csv: length_1_mm is .*; is .*sizes\.csv in cm instead of mm\?", message(TESTS))
+    row = joined([["2.15", "1.15", "1.05"]])
+    assert "; in cm instead of mm?" in fault("sizes", sizes, SIZES + row)
+
+
+def test_random_changes_of_good_tables_end_in_numbers_or_in_a_sentence(tmp_path):
+    path = tmp_path / "a.csv"
+    bits = (
+        ",",
+        ";",
+        "\t",
+        '"',
+        "\n",
+        "\r",
+        "#",
+        "# ",
+        "-",
+        "e",
+        ".",
+        "nan",
+        "\0",
+        "\ufeff",
+        "é",
+        " ",
+        "1e400",
+        "=A1",
+        "True",
+    )
+
+    def check(reader, seed):
+        rng, text = random.Random(seed), READERS[reader][0]
+        for _ in range(rng.randint(1, 4)):
+            k, n = rng.randrange(len(text) + 1), rng.choice((0, 0, 1, 5, 40))
+            text = text[:k] + rng.choice(("", *bits)) + text[k + n :]
+        try:
+            found = READERS[reader][2](given(path, text))
+        except InputError as error:
+            said = str(error)
+        else:
+            said = str(path)
+            assert np.isfinite(np.concatenate([np.ravel(one) for one in found])).all()
+        assert str(path) in said
+
+    check_all(check, [(f"{reader}, {seed}", reader, seed) for reader in READERS for seed in range(200)])
+
+
+def test_what_is_no_plain_file_is_not_read(tmp_path):
+    for read in (tables.sheet, files.read_json):
+        with pytest.raises(InputError, match=r"/dev/zero: .* is .*a device or a pipe"):
+            read("/dev/zero")
