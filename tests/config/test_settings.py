@@ -208,7 +208,7 @@ def test_noise_needs_replicates_of_every_bench_test_or_validation_samples(config
     Study.of(config | {"network": network})
     for split, samples in (([0.85, 0.0, 0.15], 150), ([0.7, 0.15, 0.15], 14)):
         study = config | {"network": network | {"split": split}, "design": config["design"] | {"samples": samples}}
-        input_error(r"network\.split is .*leaves more than 3 validation samples, or", Study.of, study)
+        input_error(r"network\.split is .*leaves more than 2 validation samples, or", Study.of, study)
 
 
 def test_a_quadratic_surface_needs_more_samples_than_terms(config):

@@ -102,7 +102,7 @@ def test_silhouettes_and_height_of_the_members_and_what_is_no_pile():
     upright = np.tile([1.0, 0, 0, 0], (80, 1))
     with pytest.raises(NoFlankError, match="mm high"):
         measure_pile(flat, upright, BERRY)
-    with pytest.raises(NoFlankError, match="no berry"):
+    with pytest.raises(NoFlankError, match="no grain"):
         measure_pile(flat, upright, BERRY, members=np.zeros(80, bool))
     pile = cone_of_berries(25, np.random.default_rng(2))
     with pytest.raises(NoFlankError, match=r"by 1\d pixels of 5 mm \(measure.mm_per_pixel\); a flank needs 20 by 20"):
@@ -182,7 +182,7 @@ def test_slopes_widths_and_scatter_are_those_of_cones():
     found = further_responses.of_scatter(centres, pile, 300.0)
     assert found["radius_90_mm"] == pytest.approx(np.quantile(np.arange(1, 101), 0.9))
     assert found["loose_percent"] == pytest.approx(5.0)
-    with pytest.raises(NoFlankError, match="no berry"):
+    with pytest.raises(NoFlankError, match="no grain"):
         further_responses.of_scatter(centres[101:], pile[101:], 300.0)
 
 

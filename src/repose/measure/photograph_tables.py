@@ -42,7 +42,7 @@ def mean_rows(photographs: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame
     """Summarize the columns that were measured."""
     means = photographs[list(columns)].astype(float).agg(["mean", "std", "count"]).T.round(3)
     means = means.set_axis(["value", "sd", "repetitions"], axis=1).rename_axis("response").reset_index()
-    return means[means["repetitions"] > 0].astype({"repetitions": int}, copy=False)
+    return means[means["repetitions"] > 0].astype({"repetitions": int})
 
 
 def write_tables(made: Tables, how: MeasureSettings, out: Path, bench: str, responses: Mapping[str, str]) -> None:

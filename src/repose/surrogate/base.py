@@ -283,7 +283,14 @@ def register(name: str) -> Callable[[Kind], Kind]:
 
 def names() -> tuple[str, ...]:
     """Return the names of all surrogates, in the order of their registration."""
-    return tuple(_REGISTRY)
+    return tuple(_known())
+
+
+def _known() -> dict[str, type[Surrogate]]:
+    """Return every surrogate by its name; a job that needs none does not wait for their import."""
+    from repose.surrogate import kinds  # noqa: F401
+
+    return _REGISTRY
 
 
 def make(name: str, settings: NetworkSettings = AS_PUBLISHED, source: object = "surrogate") -> Surrogate:
@@ -366,6 +373,6 @@ def kind_of(name: str, source: object = "surrogate") -> type[Surrogate]:
     InputError
         If there is none.
     """
-    if name not in _REGISTRY:
+    if name not in _known():
         raise InputError(source, "surrogate", name, f"one of {', '.join(sorted(_REGISTRY))}")
     return _REGISTRY[name]

@@ -1,0 +1,5 @@
+"""The line that registers each surrogate of the package; `repose.surrogate.base` imports it when a name is looked up."""
+
+from repose.surrogate import bayesian_bp, gaussian_process, network_ensemble, quadratic
+
+__all__ = ["bayesian_bp", "gaussian_process", "network_ensemble", "quadratic"]
