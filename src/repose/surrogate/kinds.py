@@ -1,4 +1,4 @@
-"""The line that registers each surrogate of the package; `repose.surrogate.base` imports it when a name is looked up."""
+"""The line that registers each surrogate of the package; `repose.surrogate.base` imports it when a name is needed."""
 
 from repose.surrogate import bayesian_bp, gaussian_process, network_ensemble, quadratic
 
