@@ -8,14 +8,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-FOLDER = Path(__file__).parents[2] / "examples" / "lifted_piles"
-sys.path.insert(0, str(FOLDER))
+sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "lifted_piles"))
 import discharges
 import drums
 import lifted_piles
 from lifted_piles import Contents, Grains
 
-spec = importlib.util.spec_from_file_location("campaign_of_lifted_piles", FOLDER / "campaign.py")
+spec = importlib.util.spec_from_file_location("campaign_of_piles", Path(drums.__file__).with_name("campaign.py"))
 campaign = importlib.util.module_from_spec(spec)  # tests/faults has a module `campaign`, too
 spec.loader.exec_module(campaign)
 RADIUS_M = 0.00185
