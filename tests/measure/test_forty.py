@@ -8,34 +8,36 @@ from repose.measure.settings import MeasureSettings
 
 FEW = 8, 10  # a camera 5.5 and 6.2 degrees above the crest
 TOO_HIGH = 2  # 7.8 degrees, measured as 8.5
+HORIZON = 7017  # a strip of wood between crest and horizon is taken for the pile: docs/photographs.md
 
 
 def errors(seeds, folder):
-    """Measured minus true angle of the photographs that are measured without a doubt."""
-    missed = []
+    """Measured minus true angle by seed, of the photographs that are measured without a doubt."""
+    missed = {}
     for seed in seeds:
         found, (true, own, _) = forty.outcome(forty.Scene(seed), folder)
         assert own == pytest.approx(true, abs=0.1), "a fit of our own"
         if found.measurement is not None and not found.doubts:
-            missed.append(found.measurement.aor_deg - true)
-    return np.array(missed)
+            missed[seed] = found.measurement.aor_deg - true
+    return missed
 
 
 @pytest.mark.slow
 @pytest.mark.essential
 def test_few_of_the_forty(tmp_path):
     missed = errors((*FEW, TOO_HIGH), tmp_path)
-    assert len(missed) == len(FEW)
-    assert (np.abs(missed) < 1.0).all()
+    assert tuple(missed) == FEW
+    assert max(map(abs, missed.values())) < 1.0
 
 
 @pytest.mark.slow
 def test_all_forty(tmp_path):
     missed = errors(forty.JUDGED, tmp_path)
-    print(len(missed), missed.round(2))
+    print(len(missed), missed)
     assert len(missed) >= 20
-    assert abs(missed.mean()) < 0.2
-    assert np.abs(missed).max() < 1.2
+    assert abs(np.mean(list(missed.values()))) < 0.2
+    assert [seed for seed, error in missed.items() if abs(error) >= 1.0] == [HORIZON]
+    assert abs(missed[HORIZON]) < 1.2
 
 
 def test_the_truth_of_a_drawing_is_its_side_view_without_perspective():
