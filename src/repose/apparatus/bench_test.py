@@ -22,6 +22,7 @@ from repose.core import responses as core
 from repose.core.errors import InputError
 from repose.core.responses import Response
 from repose.core.runs import Recorded
+from repose.core.section import Contradictions
 from repose.core.seeds import UNNAMED
 
 if TYPE_CHECKING:
@@ -33,9 +34,7 @@ Config = Mapping[str, Any]
 Grain = Mapping[str, Any]
 Progress = Callable[[float], object]
 Arrays = Mapping[str, np.ndarray]
-Contradictions = Iterator[tuple[str, str]]
 Faults = Iterator[tuple[str, str]]
-LongestStep = Callable[[Grain], float]
 
 
 @dataclass(frozen=True)
