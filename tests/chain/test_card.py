@@ -13,7 +13,7 @@ import pytest
 import shared
 from refusals import input_error, not_refused
 
-from repose.chain import answer, card, card_text
+from repose.chain import answer, card, card_library, card_text
 from repose.chain.card import described
 from repose.chain.card_model import schema
 from repose.chain.chance import PERCENT
@@ -56,7 +56,8 @@ def solutions():
 def made(config, solutions, posterior=None, simulated=66.0, runs=32, within=0.5, values=MappingProxyType({}), **known):
     checks = tuple(
         answer.Check(
-            *(target["response"], "funnel", "mm", target["value"], target["sd"], target["repetitions"]),
+            *(target["response"], "funnel", response(target["response"]).unit),
+            *(target["value"], target["sd"], target["repetitions"]),
             *(*target["range"], simulated, 0.4, runs, "ok"),
             predicted=67.98,
         )
@@ -72,11 +73,11 @@ def made(config, solutions, posterior=None, simulated=66.0, runs=32, within=0.5,
 def record_of_an_ellipsoid():
     half = np.array([4.0, 2.0, 1.0]) * 1e-3
     volume = 4 / 3 * np.pi * half.prod()
-    mass = 1000.0 * volume
+    mass = 840.47 * volume
     inertia = (
         mass / 5 * np.array([half[1] ** 2 + half[2] ** 2, half[0] ** 2 + half[2] ** 2, half[0] ** 2 + half[1] ** 2])
     )
-    return Particle("ellipsoid", half[None], 1000.0, volume, mass, inertia, half.max(), 0.0, 0.0).record()
+    return Particle("ellipsoid", half[None], 840.47, volume, mass, inertia, half.max(), 0.0, 0.0).record()
 
 
 def test_a_card_has_the_intervals_of_the_sets_or_of_the_posterior(config, solutions):
@@ -294,6 +295,55 @@ def test_an_invalid_card_is_refused_with_every_fault(config, solutions):
     card.check(made(config, solutions, runs=1, within=None), "card")
     with pytest.raises(InputError, match=r"mine: within\.2 % is None; expected .* as each test has 2 runs"):
         card.check(made(config, solutions, runs=2, within=None), "mine")
+
+
+def over(whole, change):
+    return whole | {key: over(whole[key], value) if isinstance(value, dict) else value for key, value in change.items()}
+
+
+def test_a_card_that_contradicts_itself_is_refused(config, solutions):
+    whole = made(config, solutions)
+
+    def check(change):
+        card.check(over(whole, change), "mine.json")
+
+    row, names = whole["parameters"]["e_gg"], list(whole["correlations"])
+    correlations = copy.deepcopy(whole["correlations"])
+    correlations[names[0]][names[1]] += 0.1
+    tests = [copy.deepcopy(whole["tests"]) for _ in range(4)]
+    tests[0][0]["met"] = not tests[0][0]["met"]
+    tests[1][0]["unit"] = "rad"
+    tests[2][0]["low"] = tests[2][0]["high"] + 1
+    bad = [
+        ({"parameters": {"e_gg": {"value": row["high"] + 0.01}}}, r"e_gg\.value is .* in its interval"),
+        ({"correlations": correlations}, f"{names[0]}.{names[1]} is"),
+        ({"tests": tests[0]}, r"tests\.0\.met is"), ({"tests": tests[1]}, r"tests\.0\.unit is 'rad'; .* mm"),
+        ({"tests": tests[2]}, r"tests\.0\.low is"), ({"met": not whole["met"]}, r"met is .* as its tests say"),
+        ({"grain": {"mass_g": 1000 * whole["grain"]["mass_g"]}}, "its density times its volume"),
+        ({"grain": {"shear_modulus_pa": 43.0}}, r"2 G \(1 \+ nu\)"),
+        ({"grain": {"shape": "multisphere"}}, "grain.shape"),
+        ({"grain": {"mean_axes_mm": [21.1, -11.4, 9.9]}}, r"mean_axes_mm\.1 is -11\.4"),
+    ]  # fmt: skip
+    assert not_refused(check, bad, InputError) == []
+    check({"correlations": correlations | {names[0]: whole["correlations"][names[0]]}})
+
+
+def test_the_library_names_the_card_of_the_most_similar_grain_first(capsys):
+    grains = {path.stem: card.read(path)["grain"] for path in sorted((ROOT / "crops/cards").glob("*.json"))}
+    for name, grain in grains.items():
+        like = "x".join(f"{axis:g}" for axis in reversed(grain["mean_axes_mm"]))
+        assert main(["card", "find", "--like", like, "--density", f"{grain['density_kg_m3']:g}"]) == 0
+        first = capsys.readouterr().out.splitlines()
+        assert f"{name}.json" in first[0]
+        assert first[0].endswith("; the same")
+        assert "No card has a similar grain" not in first[-1]
+    sphere = [2 * grains["wheat"]["mean_axes_mm"][0]] * 3
+    expected = math.sqrt(sum(math.log(a / sphere[0]) ** 2 for a in grains["wheat"]["mean_axes_mm"]) / 3)
+    assert card_library.difference(grains["wheat"], sphere, None) == pytest.approx(expected)
+    assert main(["card", "find", "--like", "200"]) == 0
+    assert "No card has a similar grain" in capsys.readouterr().out
+    for words in ("6x3", "0x1x2", "axbxc", "6x3x2.6x", ""):
+        input_error("three full axes in mm", card_library.axes_of, words)
 
 
 CARDS = sorted([*(ROOT / "results/published").rglob("card.json"), *(ROOT / "crops/cards").glob("*.json")])

@@ -166,16 +166,54 @@ def inside_out():
     return mesh
 
 
+def two(shift=0.0, scale=1.0):
+    mesh, other = (build.ellipsoid_mesh([20, 12, 9], 3) for _ in range(2))
+    return trimesh.util.concatenate([mesh, other.apply_scale(scale).apply_translation([shift, 0, 0])])
+
+
 @pytest.mark.parametrize(("mesh", "words"), [
     (holed, "watertight"), (inside_out, "outwards"),
     (lambda: build.ellipsoid_mesh([0.020, 0.012, 0.009]), "millimetres"),
     (lambda: trimesh.creation.torus(10, 3), "convex"), (lambda: trimesh.creation.annulus(3, 8, 10), "convex"),
+    (holed, "3 edges of one facet"), (lambda: two(shift=0.5), "bodies is 2"), (lambda: two(shift=30.0), "bodies is 2"),
+    (lambda: two(scale=0.4), "bodies is 2"), (lambda: two(), "is the body there twice"),
 ])  # fmt: skip
 def test_bad_meshes_are_refused_with_a_reason(tmp_path, mesh, words):
     path = saved(mesh(), tmp_path)
     with pytest.raises(InputError, match=words) as error:
         build.load_mesh(path)
     assert str(path) in str(error.value)
+
+
+def test_files_with_a_fault_are_mended_where_that_is_safe_else_the_cause_is_named(tmp_path):
+    path, whole = tmp_path / "scan.stl", build.ellipsoid_mesh([20, 12, 9], 3)
+    binary, text = whole.export(file_type="stl"), whole.export(file_type="stl_ascii").encode()
+    facet, no_facet = binary[84:134], binary[84:108] + 2 * binary[108:120] + binary[132:134]
+    count, once_more = (number.to_bytes(4, "little") for number in (len(whole.faces), len(whole.faces) + 1))
+    good = [
+        binary,
+        binary + bytes(100),
+        *(binary[:80] + once_more + binary[84:] + other for other in (facet, no_facet)),
+    ]
+    for content in (*good, text, text.rstrip()[: -len("endsolid")]):
+        path.write_bytes(content)
+        assert build.load_mesh(path).volume == pytest.approx(whole.volume, rel=1e-6), content[-60:]
+    bad = [(binary[:-60], "facets is 1278; expected 1280"), (text[: len(text) // 2], "cut off|edges of one facet")]
+    for content, words in (
+        *bad,
+        (binary[:80] + count + binary[84:100], "facets is 0"),
+        (b"", "facets is 0|no STL|faces is 0"),
+    ):
+        path.write_bytes(content)
+        input_error(words, build.load_mesh, path)
+
+
+def test_a_scan_in_another_unit_than_the_sizes_is_told():
+    grain = {"long_mm": 2.0, "major_mm": 1.2, "minor_mm": 0.9, "density_kg_m3": 1000.0}
+    for scale, words in ((1.0, "longest side in mm is 20.0; expected near 2,"), (0.02, "is 0.4; expected near 2,")):
+        scan = build.ellipsoid_mesh([20, 12, 9]).apply_scale(scale)
+        input_error(words, build.make, grain, scan, source="scan.stl")
+    assert build.make(grain, build.ellipsoid_mesh([2.5, 1.2, 0.9])).particle.kind == "ellipsoid"
 
 
 def test_what_is_no_mesh_of_a_smooth_particle_is_refused(tmp_path):

@@ -7,6 +7,7 @@ from pydantic import ConfigDict, Field, JsonValue, TypeAdapter, ValidationError
 
 from repose.core.errors import InputError, raise_together
 from repose.core.parameters import PARAMETERS, PHYSICAL_LIMITS
+from repose.core.responses import named
 from repose.core.section import ABSENT, OneOf, Section
 
 WHAT = "a material card"
@@ -15,6 +16,7 @@ FEWEST_RUNS = 2  # successful runs of each bench test, for the probability that 
 POSTERIOR: Final = "central 95 % of the posterior"
 RANGE: Final = "range of the parameter sets found"
 MISSING = "the key is missing"
+ROUNDING, UNLIKE = 1e-3, 0.01  # of a correlation; largest relative difference of a value from what others give
 WORDS = {"missing": MISSING, "extra_forbidden": "a known key"}  # by the type of pydantic's error
 Faults = Iterator[tuple[str, Any, str]]  # key, value, what is allowed
 
@@ -183,13 +185,46 @@ class AnyCard(Part):
         for name, row in self.parameters.items():
             if (row.low is None) != (row.high is None) or (row.low or 0) > (row.high or 0):
                 yield f"parameters.{name}", [row.low, row.high], "low and high, or null for both"
+            elif (
+                self.reason and row.low is not None and not row.at_bound and not row.low <= row.value <= (row.high or 0)
+            ):
+                yield f"parameters.{name}.value", row.value, f"in its interval, {row.low:g} to {row.high:g}"
         names = set(self.correlations)
         for name, others in self.correlations.items():
-            if set(others) != names:
-                yield f"correlations.{name}", sorted(others), ", ".join(sorted(names))
+            if set(others) != names or name not in self.parameters:
+                yield f"correlations.{name}", sorted(others), ", ".join(sorted(names & set(self.parameters)))
+                continue
+            for other, value in others.items():
+                mirrored = self.correlations[other].get(name, value)
+                if abs(value - mirrored) > ROUNDING or (other == name and value not in (0, 1)):
+                    yield (
+                        f"correlations.{name}.{other}",
+                        value,
+                        "1" if other == name else f"{mirrored:g}, as {other}.{name}",
+                    )
+        yield from self._contradicting_tests()
         if min(test.runs if test.status == OK else 0 for test in self.tests) >= FEWEST_RUNS:
             for percent in (percent for percent, chance in self.within.items() if chance is None):
                 yield f"within.{percent}", None, f"a probability, as each test has {FEWEST_RUNS} runs or more"
+
+    def _contradicting_tests(self) -> Faults:
+        """Name what contradicts itself in a test, or in the verdict on all."""
+        for k, test in enumerate(self.tests):
+            known = named(test.response)
+            if test.low > test.high:
+                yield f"tests.{k}.low", test.low, f"at most high, {test.high:g}"
+            if known and known.apparatus == test.apparatus and known.unit != test.unit:
+                yield f"tests.{k}.unit", test.unit, known.unit
+            met = test.simulated is not None and test.low <= test.simulated <= test.high
+            if test.met is not None and test.met != met:
+                yield (
+                    f"tests.{k}.met",
+                    test.met,
+                    f"{met}: simulated {test.simulated}, target {test.low:g} to {test.high:g}",
+                )
+        met = all(test.met for test in self.tests)
+        if self.met is not None and self.met != met and not (met and self.out_of_reach is not False):
+            yield "met", self.met, f"{met}, as its tests say"
 
 
 class Card(AnyCard):
@@ -209,6 +244,18 @@ class Card(AnyCard):
             for key, value in (("value", row.value), ("low", row.low), ("high", row.high)):
                 if value is not None and not least <= value <= most:
                     yield f"parameters.{name}.{key}", value, f"{least:g} to {most:g}"
+        grain = self.grain
+        if any(radius <= 0 for *_, radius in grain.spheres_mm):
+            yield "grain.spheres_mm", min(radius for *_, radius in grain.spheres_mm), "positive radii"
+        mass = 1e-6 * grain.density_kg_m3 * grain.volume_mm3
+        if grain.shape != "multisphere" and abs(grain.mass_g / mass - 1) > UNLIKE:
+            yield "grain.mass_g", grain.mass_g, f"{mass:.4g}, its density times its volume"
+        modulus = 2 * grain.shear_modulus_pa * (1 + grain.poisson_ratio)
+        if abs(grain.elastic_modulus_pa / modulus - 1) > UNLIKE:
+            yield "grain.elastic_modulus_pa", grain.elastic_modulus_pa, f"{modulus:.4g}, 2 G (1 + nu)"
+        parts = {"ellipsoid": grain.ellipsoids_mm, "smooth": grain.ellipsoids_mm, "multisphere": grain.spheres_mm}
+        if not parts[grain.shape]:
+            yield "grain.shape", grain.shape, "ellipsoids_mm or spheres_mm of such a body"
         yield from super().impossible()
 
 

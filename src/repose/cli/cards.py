@@ -10,6 +10,7 @@ from repose.core.errors import InputError
 if TYPE_CHECKING:
     from repose.config.study import Study
 
+FILES_OF = {"show": 1, "compare": 2, "check": 1, "find": 0}
 NOT_MET = 3  # exit status of `card check` where the targets are not met
 FILES = ("berry", "particle", "feasible", "table4", "posterior", "draws", "dataset")
 MIGA, VALIDATION = "results/miga/summary.json", "results/validation/representative.csv"
@@ -17,21 +18,28 @@ MIGA, VALIDATION = "results/miga/summary.json", "results/validation/representati
 
 @verb(
     "show a material card, the answer of a study as one file, compare two, or check whether the targets are met: "
-    "status 0, or 3 where they are not met or this was not simulated",
+    "status 0, or 3 where they are not met or this was not simulated; find the card of a similar grain",
     example="show results/card.json",
     config=False,
     options=[
-        Option("action", choices=("show", "compare", "check"), help="show FILE, compare FILE OTHER, or check FILE"),
+        Option("action", choices=tuple(FILES_OF), help="show FILE, compare FILE OTHER, check FILE, or find --like"),
         # cards of different engines may be compared
-        Option("cards", nargs="+", help="card.json of a finished study", recorded=False),
+        Option("cards", nargs="*", help="card.json of a finished study", recorded=False),
+        Option("--like", metavar="6x3x2.6", help="find: full axes of the grain in mm, or the diameter of a sphere"),
+        Option("--density", type=float, metavar="KG_M3", help="find: density of the grain"),
     ],
 )
 def card(args: argparse.Namespace) -> int:
-    from repose.chain import card, card_text
+    from repose.chain import card, card_library, card_text
 
-    needed = {"show": 1, "compare": 2, "check": 1}[args.action]
-    if len(args.cards) != needed:
-        raise InputError("command line", f"card {args.action}", args.cards, f"files: {needed}")
+    if len(args.cards) != FILES_OF[args.action]:
+        raise InputError("command line", f"card {args.action}", args.cards, f"files: {FILES_OF[args.action]}")
+    if (args.action == "find") != (args.like is not None):
+        allowed = "the axes of the grain, such as 6x3x2.6" if args.action == "find" else "`card find` alone"
+        raise InputError("command line", "--like", args.like, allowed)
+    if args.action == "find":
+        print("\n".join(card_library.found(card_library.axes_of(args.like), args.density)))
+        return 0
     cards = [card.read(path) for path in args.cards]
     if args.action == "check":
         print(card_text.verdict(cards[0]))

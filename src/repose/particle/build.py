@@ -24,6 +24,7 @@ from repose.particle.settings import GrainSettings
 from repose.particle.support import support
 
 LARGEST_DEVIATION = 0.15
+OTHER_UNIT = 3.0  # a scan this many times as long as the mean of the sizes, or this part of it, has another unit
 # Sharp edges cost a smooth body volume, and with it mass.
 VOLUME_TOLERANCE = 0.1
 DIRECTIONS = 2000
@@ -155,7 +156,7 @@ def make(
     particle is made from the mesh as in its file, in single precision.
     """
     density = grain["density_kg_m3"]
-    stl = _stl(grain, scan, mass_g)
+    stl = _stl(grain, scan, mass_g, source)
     mesh = mesh_of(stl, source)
     particles: dict[str, Particle | InputError] = {}
     for name in (kind, *(other for other in KINDS if other != kind)):
@@ -174,16 +175,20 @@ def of_settings(grain: Mapping[str, Any], section: GrainSettings) -> Particle:
     """Make the particle of a configuration, the same as by `make`, without the comparison."""
     scan = None if section.stl is None else load_mesh(section.stl)
     source = section.stl or MESH_FILE
-    mesh = mesh_of(_stl(grain, scan, section.mass_g), source)
+    mesh = mesh_of(_stl(grain, scan, section.mass_g, source), source)
     kind, spheres, surface = section.particle, section.spheres, section.surface
     return make_particle(mesh, grain["density_kg_m3"], kind, spheres, surface, MESH_FILE, source)
 
 
-def _stl(grain: Mapping[str, Any], scan: trimesh.Trimesh | None, mass_g: float | None) -> bytes:
+def _stl(grain: Mapping[str, Any], scan: trimesh.Trimesh | None, mass_g: float | None, source: object) -> bytes:
     """Return the content of the mesh file: the user's scan, or a mesh of the mean axes."""
-    if scan is not None:
-        return stl_of(scan)
     axes_mm = [grain[name] for name in AXES]
+    if scan is not None:
+        longest, mean = float(scan.extents.max()), max(axes_mm)
+        if not mean / OTHER_UNIT <= longest <= mean * OTHER_UNIT:
+            allowed = f"near {mean:.4g}, the mean length in the table of sizes: are both in millimetres?"
+            raise InputError(source, "longest side in mm", round(longest, 4), allowed)
+        return stl_of(scan)
     if mass_g is None:
         return stl_of(ellipsoid_mesh(axes_mm))
     return stl_of(mesh_from_axes.berry_mesh(axes_mm, mass_g, grain["density_kg_m3"])[0])

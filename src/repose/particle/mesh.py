@@ -1,5 +1,6 @@
 """Meshes of grains: reading, checks, principal pose; volume, moments and extents of their bodies."""
 
+import re
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
@@ -14,6 +15,7 @@ from repose.particle.berry_files import LENGTHS_MM
 from repose.particle.particle import MM, Body
 
 CONVEX_SHARE = 0.95
+STL_HEADER, STL_FACET = 84, 50  # bytes of a binary file
 
 
 def ellipsoid_mesh(axes_mm: ArrayLike, subdivisions: int = 4) -> trimesh.Trimesh:
@@ -28,11 +30,33 @@ def load_mesh(path: str | PathLike) -> trimesh.Trimesh:
     path = Path(path)
     if not path.is_file():
         raise InputError(path, "file", None, "an existing mesh file, such as an STL in millimetres")
+    if path.suffix.lower() == ".stl":
+        return mesh_of(_whole_stl(path.read_bytes(), path), path)
+    return _read(path, None, path)
+
+
+def _whole_stl(content: bytes, source: object) -> bytes:
+    """Return an STL without bytes after its end, with a last `endsolid`; InputError if it is cut off."""
+    text = content.lower()
+    if text.lstrip().startswith(b"solid") and b"facet" in text[:1000]:
+        begun, ended = (len(re.findall(rb"(?m)^\s*" + word + rb"\b", text)) for word in (b"facet", b"endfacet"))
+        if begun != ended:
+            raise InputError(source, "facets", ended, f"{begun}, as many as begin: the file is cut off")
+        return content if text.rstrip().splitlines()[-1].lstrip().startswith(b"endsolid") else content + b"\nendsolid\n"
+    count = int.from_bytes(content[STL_HEADER - 4 : STL_HEADER], "little")
+    if len(content) < STL_HEADER + STL_FACET * count:
+        facets = max(len(content) - STL_HEADER, 0) // STL_FACET
+        raise InputError(source, "facets", facets, f"{count}, as its header says: the file is cut off, or no STL")
+    return content[: STL_HEADER + STL_FACET * count]
+
+
+def _read(file: Any, file_type: str | None, source: object) -> trimesh.Trimesh:
+    """Read, check and turn a mesh."""
     try:
-        mesh: Any = trimesh.load(path, force="mesh")
+        mesh: Any = trimesh.load(file, file_type=file_type, force="mesh")
     except Exception as error:  # trimesh's readers raise whatever their parsers do
-        raise InputError(path, "file", str(error), "a mesh that trimesh can read, such as an STL") from None
-    check_mesh(mesh, path)
+        raise InputError(source, "file", str(error), "a mesh that trimesh can read, such as an STL") from None
+    check_mesh(mesh, source)
     return principal_pose(mesh)
 
 
@@ -45,13 +69,14 @@ def stl_of(mesh: trimesh.Trimesh) -> bytes:
 
 def mesh_of(stl: bytes, source: object) -> trimesh.Trimesh:
     """Read the mesh of the content of an STL file, as by `load_mesh`; messages name `source`."""
-    mesh: Any = trimesh.load(BytesIO(stl), file_type="stl", force="mesh")
-    check_mesh(mesh, source)
-    return principal_pose(mesh)
+    return _read(BytesIO(stl), "stl", source)
 
 
 def check_mesh(mesh: trimesh.Trimesh, source: object) -> None:
-    """Raise InputError unless a mesh [mm] is closed, faces outwards, has a plausible size, and is nearly convex."""
+    """Raise InputError unless a mesh [mm] is one closed body, faces outwards, has a plausible size, is nearly convex.
+
+    Facets without an area, and some that are there twice, are taken out of it.
+    """
     if len(mesh.faces) < 4:
         raise InputError(source, "faces", len(mesh.faces), "a closed surface of at least 4 faces")
     if not np.isfinite(mesh.vertices).all():
@@ -61,14 +86,26 @@ def check_mesh(mesh: trimesh.Trimesh, source: object) -> None:
     if not low <= longest <= high:
         allowed = f"from {low:g} to {high:g}: is the mesh in millimetres?"
         raise InputError(source, "longest side in mm", longest, allowed)
+    for good in (mesh.nondegenerate_faces(), mesh.unique_faces()):
+        if 2 * good.sum() <= len(good):
+            raise InputError(
+                source, "facets with an area, each once", int(good.sum()), f"{len(good)}: is the body there twice?"
+            )
+        if not good.all():
+            mesh.update_faces(good)
     if not mesh.is_watertight or not mesh.is_winding_consistent:
-        allowed = "a watertight surface with consistent faces; close the holes first"
-        raise InputError(source, "surface", "open or inconsistent", allowed)
+        facets = np.unique(mesh.edges_sorted, axis=0, return_counts=True)[1]
+        found = f"{(facets == 1).sum()} edges of one facet, {(facets > 2).sum()} of more than two"
+        allowed = "a watertight surface with consistent faces: each edge belongs to two facets; close the holes first"
+        raise InputError(source, "surface", found, allowed)
+    if mesh.body_count > 1:
+        raise InputError(source, "bodies", mesh.body_count, "1: the outer surface of one grain")
     if mesh.volume <= 0:
         raise InputError(source, "volume in mm3", float(mesh.volume), "positive; the faces must look outwards")
     share = float(mesh.volume / mesh.convex_hull.volume)
-    if share < CONVEX_SHARE:
-        allowed = f"at least {CONVEX_SHARE:g}; the particle is convex and cannot stand for dents this deep"
+    if not CONVEX_SHARE <= share <= 1 + 1e-6:
+        dents = f"at least {CONVEX_SHARE:g}; the particle is convex and cannot stand for dents this deep"
+        allowed = dents if share < 1 else "at most 1; the surface crosses itself"
         raise InputError(source, "share of its convex hull that the mesh fills", round(share, 4), allowed)
 
 
