@@ -4,6 +4,7 @@ import ast
 import datetime
 import json
 import re
+import subprocess
 import sys
 import tomllib
 from importlib import metadata
@@ -69,7 +70,8 @@ def test_lock_file_wheel_and_source_distribution_hold_what_they_should():
     wheel = PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]
     assert wheel["sources"] == {"src": "", "docs": "repose/data/docs"}  # `repose docs` reads them
     included = wheel["force-include"]
-    assert set(included) == {"Snakefile", "config", "profiles", "resources", "workflow"}
+    cards = {"crops/cards", *(f"results/published/{name}/card.json" for name in ("fast", "recommended"))}
+    assert set(included) == {"Snakefile", "config", "profiles", "resources", "workflow"} | cards
     for source, place in included.items():
         assert (ROOT / source).exists()
         assert place == f"repose/data/{source}"
@@ -175,3 +177,22 @@ def test_the_paper_has_the_form_of_its_journal_with_references_and_pictures_that
     assert all((ROOT / path).is_file() for path in re.findall(r"!\[[^\]]*\]\(([^)]+)\)", PAPER))
     known = CITATION["references"][0]["doi"]
     assert re.findall(r"doi = \{([^}]+)\}", (ROOT / "paper.bib").read_text()) == [known]
+
+
+def test_what_the_owner_has_to_fill_in_is_where_the_page_on_releases_says():
+    """No other file that git knows has the words of something that is still to come."""
+    words = "To fill in once they exist|OWNER/REPOSITORY|TO" + "DO|FIX" + "ME|example" + r"\.(com|org)"
+    listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout.split(
+        "\n"
+    )
+    texts = [
+        path
+        for path in listed
+        if path.endswith((".md", ".py", ".toml", ".cff", ".yaml", ".yml", ".json", ".txt", ".smk"))
+    ]
+    found = {path for path in texts if re.search(words, (ROOT / path).read_text(encoding="utf-8"))}
+    page = (ROOT / "docs/release.md").read_text()
+    told = set(re.findall(r"^\| `([^`]+)` \|", page, re.MULTILINE))
+    assert found - {"docs/release.md", "tests/packaging/test_metadata.py", "tests/documents/commands.yaml"} == told, (
+        found ^ told
+    )
