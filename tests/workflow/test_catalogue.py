@@ -71,6 +71,14 @@ module wheat:
 
 use rule * from wheat as wheat_*
 
+module soybean:
+    snakefile:
+        "{ROOT / "workflow" / "Snakefile"}"
+    config:
+        config["soybean"]
+
+use rule * from soybean as soybean_*
+
 onstart:
     print("the outer workflow starts")
 
@@ -82,20 +90,23 @@ onsuccess:
 @pytest.mark.slow
 @pytest.mark.essential
 def test_a_module_computes_the_study_of_its_config_and_leaves_the_handlers_to_the_outer_workflow(tmp_path, monkeypatch):
-    crop = yaml.safe_load((ROOT / "crops/wheat/config.yaml").read_text())
-    crop["berry"]["sizes"] = str(ROOT / "crops/wheat/sizes.csv")
-    crop["validation"] = {"published": None}
-    crop["results_dir"] = "wheat"
+    crops = {name: yaml.safe_load((ROOT / f"crops/{name}/config.yaml").read_text()) for name in ("wheat", "soybean")}
+    for name, crop in crops.items():
+        crop["berry"]["sizes"] = str(ROOT / f"crops/{name}/sizes.csv")
+        crop |= {"validation": {"published": None}, "results_dir": name}
+    crop = crops["wheat"]
     (tmp_path / "config").mkdir()
-    (tmp_path / "config/config.yaml").write_text(yaml.safe_dump({"wheat": crop, "other": {"threads": 2}}))
+    (tmp_path / "config/config.yaml").write_text(yaml.safe_dump(crops | {"other": {"threads": 2}}))
     (tmp_path / "workflow").mkdir()
     (tmp_path / "workflow/Snakefile").write_text(OUTER)
-    planned = snakemake(tmp_path, "-n", "wheat_all")
+    planned = snakemake(tmp_path, "-n", "wheat_all", "soybean_all")
     assert planned.returncode == 0, planned.stderr
+    assert "soybean_miga" in planned.stdout + planned.stderr
     assert not (tmp_path / "wheat").exists()
     assert "wheat_drum_run" not in planned.stdout + planned.stderr, "the goji berry's"
-    done = snakemake(tmp_path, "--cores", "1", "wheat/berry/berry.json")
+    done = snakemake(tmp_path, "--cores", "1", "wheat/berry/berry.json", "soybean/berry/berry.json")
     assert done.returncode == 0, done.stderr
+    assert json.loads((tmp_path / "soybean/config.json").read_text())["label"] == "soybean"
     assert "the outer workflow starts" in done.stdout
     assert "the outer workflow ends" in done.stdout
     resolved = json.loads((tmp_path / "wheat/config.json").read_text())
@@ -107,7 +118,7 @@ def test_a_module_computes_the_study_of_its_config_and_leaves_the_handlers_to_th
     assert "Nothing to be done" in again.stderr
     # a fault names the configuration, as no file of the command line has it
     crop["funnel"] = {"seads": 3}
-    (tmp_path / "config/config.yaml").write_text(yaml.safe_dump({"wheat": crop}))
+    (tmp_path / "config/config.yaml").write_text(yaml.safe_dump(crops))
     wrong = snakemake(tmp_path, "-n", "wheat_all")
     assert wrong.returncode == 2
     assert "repose: error: configuration: funnel.seads is 3; expected a known key; did you mean seeds?" in wrong.stderr

@@ -1,0 +1,47 @@
+"""A tiny study made whole, and what a user of Snakemake does with a finished one."""
+
+import shutil
+import subprocess
+import tarfile
+
+import pytest
+from plans import ROOT, snakemake
+
+WORDS = ("--cores", "2", "--quiet", "rules", "--configfile", "config/quick.yaml", "tiny.yaml")
+NOTHING = "Nothing to be done"
+
+
+@pytest.mark.slow
+def test_a_finished_study_is_reported_archived_planned_anew_and_forced(project):
+    shutil.copy(ROOT / "tests/faults/tiny.yaml", project)
+    assert snakemake(project, *WORDS, "--notemp").returncode == 0
+    before = {path: path.read_bytes() for path in (project / "results").rglob("*.csv") if "timings" not in path.name}
+    before = {path: content for path, content in before.items() if "benchmarks" not in path.parts}
+    assert {"dataset.csv", "table4.csv", "feasible.csv"} <= {path.name for path in before}
+    for words in (("--rerun-triggers", "mtime"), ("--profile", "profiles/default"), ("--cores", "64")):
+        done = snakemake(project, *WORDS, *words)
+        assert done.returncode == 0, done.stderr
+        assert NOTHING in done.stdout + done.stderr, words
+    done = snakemake(project, *WORDS, "--report", "report.html")
+    assert done.returncode == 0, done.stderr
+    text = (project / "report.html").read_text()
+    assert "figure13" in text
+    assert "Traceback" not in done.stderr
+    # an archive has what git knows
+    for words in (
+        ("init", "-q"),
+        ("add", "-A"),
+        ("-c", "user.name=a", "-c", "user.email=a@b.c", "commit", "-q", "-m", "a"),
+    ):
+        subprocess.run(["git", *words], cwd=project, check=True)
+    done = snakemake(project, *WORDS, "--archive", "study.tar.gz")
+    assert done.returncode == 0, done.stderr
+    with tarfile.open(project / "study.tar.gz") as archive:
+        assert {"Snakefile", "workflow/Snakefile", "config/quick.yaml", "resources/berries.csv"} <= set(
+            archive.getnames()
+        )
+    for stage in ("pour", "dataset", "network", "miga", "validate", "drum"):
+        done = snakemake(project, *WORDS, "--forcerun", stage)
+        assert done.returncode == 0, done.stderr
+        assert NOTHING not in done.stdout + done.stderr
+    assert {path: path.read_bytes() for path in before} == before
