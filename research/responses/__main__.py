@@ -120,7 +120,7 @@ def _over_design(args, config):
 
 
 def _share(entry, known):
-    """The discrepancy of one response, by its name; InputError for another response or number."""
+    """Read the discrepancy of one response, by its name; InputError for another response or number."""
     name, _, text = entry.partition("=")
     if name not in known:
         raise InputError("command line", f"--discrepancy {name}", text, f"a response of {', '.join(known)}")
