@@ -13,7 +13,7 @@ OF_THE_PILE = {"radius_90_mm": ABOVE, "loose_percent": LOOSE, "packing_percent":
 WAYS = {
     PROFILE: "profile, same photographs",
     ABOVE: "picture from above",
-    LOOSE: "loose berries, counted",
+    LOOSE: "loose grains, counted",
     PACKING: "packing, with a balance",
     STOPWATCH: "time of the pour",
     "drum": "drum, its first slip",
