@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from repose import verification
-from repose.apparatus import Run, bench_test, drum, warm_up
+from repose.apparatus import Run, drum
 from repose.cli import STAGES, VERBS, main
 from repose.config.study import Study
 from repose.core.errors import InputError
@@ -88,11 +88,9 @@ def sandbox(tmp_path_factory):
     times = {"time_s": [0.0, 1.0], "turned_deg": [0.0, 5.0]}
     np.savez(inputs / "trajectory.npz", position=centres, quaternion=turns, **times)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(bench_test, "_REGISTRY", dict(bench_test._REGISTRY))
-        patch.setattr(warm_up, "warm_up", warm_up.warm_up)
         patch.setattr(drum, "run", made_up_turn)
         patch.setattr(verification, "run", lambda *_: {})
-        make_up_pours()
+        make_up_pours(patch.setattr)
         patch.chdir(work)
         made = ["--config=in/config.json", "--out=in/made"]
         assert main(["stage", "berry", *made]) == 0
