@@ -85,15 +85,15 @@ def one_run(seed, status="ok", aor=22.0, height=60.0, reason=""):
 
 
 def at(config, key):
-    """The value of a dotted key."""
-    for part in key.split("."):
+    """The value of a dotted key; the whole without one."""
+    for part in filter(None, key.split(".")):
         config = config[int(part) if isinstance(config, list) else part]
     return config
 
 
 def put(config, key, value):
     section, _, last = key.rpartition(".")
-    (at(config, section) if section else config)[last] = value
+    at(config, section)[last] = value
     return config
 
 

@@ -19,15 +19,13 @@ import tempfile
 from pathlib import Path
 
 import yaml
+from random_lines import HERE, PYTEST, ROOT, written
 
-HERE = Path(__file__).parent
-ROOT = HERE.parents[1]
 PARTS = ("src", "tests", "config", "resources", "workflow", "profiles", "Snakefile", "pyproject.toml", "README.md")
 LOADED = (
     "numpy", "scipy.stats", "scipy.optimize", "scipy.spatial", "pandas", "numba", "cv2", "pytest", "xdist.scheduler",
 )  # fmt: skip
 MOST_S = 120  # of CPU time; a mutant that takes longer is caught, too
-NO_CACHE = ("-p", "no:cacheprovider", "-o", "addopts=", "-m", "not slow", "-x", "-q")
 
 
 def copied(folder):
@@ -52,7 +50,7 @@ def tested(folder, tests):
         os.environ["PYTHONPATH"] = str(folder / "src")
         status = 1
         try:
-            status = int(importlib.import_module("pytest").main([*NO_CACHE, *tests]))
+            status = int(importlib.import_module("pytest").main([*PYTEST, *tests]))
         finally:
             os._exit(status)
     return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
@@ -90,11 +88,7 @@ def main():
                 found = "caught" if status else f"**survived** {''.join(why)}".strip()
                 rows.append(f"| {group['file']} | `{old}` | `{new}` | {found} |")
                 print(rows[-1], flush=True)
-    caught = sum(row.endswith("| caught |") for row in rows)
-    head = f"{caught} of {len(rows)} caught.\n\n| file | line | mutant | found |\n|---|---|---|---|\n"
-    if not only:
-        (HERE / "table.md").write_text(head + "\n".join(rows) + "\n")
-    print(f"{caught} of {len(rows)} caught")
+    written(Path(os.devnull) if only else HERE / "table.md", rows, "file")
 
 
 if __name__ == "__main__":

@@ -79,6 +79,14 @@ def drawn(number, seed):
     return chosen
 
 
+def written(path, rows, where, how=""):
+    """Write the table of mutants, whose first column has this head, and print how many were caught."""
+    caught = f"{sum(row.endswith('| caught |') for row in rows)} of {len(rows)} caught"
+    print(caught)
+    head = f"| {where} | line | mutant | found |\n|---|---|---|---|\n"
+    path.write_text(f"{caught}{how}.\n\n" + head + "\n".join(rows) + "\n")
+
+
 def tests_of(path):
     """Test files that name a module, its own first."""
     room, dotted = path.relative_to(SOURCE).parts[0], ".".join(path.relative_to(SOURCE).with_suffix("").parts)
@@ -138,11 +146,7 @@ def main():
             row = f"| {path.relative_to(SOURCE)} {number + 1} | `{before}` | `{after}` | {found} |"
             rows.append(row)
             print(row, flush=True)
-    caught = sum(row.endswith("| caught |") for row in rows)
-    head = "| place | line | mutant | found |\n|---|---|---|---|\n"
-    summary = f"{caught} of {len(rows)} caught, seed {arguments.seed}.\n\n"
-    (HERE / "random_lines.md").write_text(summary + head + "\n".join(rows) + "\n")
-    print(f"{caught} of {len(rows)} caught")
+    written(HERE / "random_lines.md", rows, "place", f", seed {arguments.seed}")
 
 
 if __name__ == "__main__":

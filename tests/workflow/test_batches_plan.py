@@ -115,8 +115,8 @@ ROUND = {"propose", "batch_pour", "measure_batch_runs", "batch_dataset"} | END
 JOBS = {1001: 2, 1002: 2, 1101: 2, 1102: 2}  # two blocks of the proposal and two neighbours, with their seeds
 
 
-def proposed(folder, answer=False, jobs=JOBS):
-    rows = "".join(f"{sample},{seeds}\n" for sample, seeds in jobs.items())
+def proposed(folder, answer=False):
+    rows = "".join(f"{sample},{seeds}\n" for sample, seeds in JOBS.items())
     write_text(folder / "samples.csv", f"sample,seeds\n{rows}")
     simulated = [1001, 1002] if answer else []
     write_text(folder / "proposal.json", json.dumps({"answer": answer, "simulated": simulated}))
@@ -148,9 +148,8 @@ def test_bench_tests_of_the_targets_are_run_by_rounds_until_the_answer(finished)
     assert set(jobs) == ROUND
     assert jobs["batch_pour"] == jobs["measure_batch_runs"] == 4
     (folder / "heaps").mkdir()
-    for name in [f"heaps/{job}.{kind}" for job in JOBS for kind in ("pours.json", "npz", "json")]:
-        (folder / name).touch()
-    for name in ("dataset.csv", "runs.csv", "dataset_summary.json"):
+    heaps = [f"heaps/{job}.{kind}" for job in JOBS for kind in ("pours.json", "npz", "json")]
+    for name in (*heaps, "dataset.csv", "runs.csv", "dataset_summary.json"):
         (folder / name).touch()
     as_ours(folder)
     assert set(planned(project, *words)) == {"propose", *END}
