@@ -1,6 +1,8 @@
 """What several tests share."""
 
 import functools
+import subprocess
+import sys
 from types import SimpleNamespace
 
 import pytest
@@ -95,6 +97,13 @@ def put(config, key, value):
     section, _, last = key.rpartition(".")
     at(config, section)[last] = value
     return config
+
+
+def run_python(*words, **how):
+    """Run `python WORDS` in a process of its own, which must succeed; what it prints."""
+    done = subprocess.run([sys.executable, *map(str, words)], capture_output=True, text=True, **how)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
 
 
 def check_all(check, cases):

@@ -32,16 +32,6 @@ GARBAGE = {
 }  # fmt: skip
 
 
-@pytest.fixture
-def garbage(tmp_path):
-    """Paths of what no verb can read, by kind: a missing file, a folder, and files with wrong content."""
-    paths = {kind: tmp_path / f"{kind}.json" for kind in ("missing", "folder", *GARBAGE)}
-    paths["folder"].mkdir()
-    for kind, content in GARBAGE.items():
-        paths[kind].write_bytes(content)
-    return paths
-
-
 def files_of(verb):
     for option in verb.options:
         name, keywords = option.names[0], option.keywords
@@ -67,7 +57,12 @@ ELSEWHERE = ("run", "provenance", "report")
 READING = sorted(name for name, verb in VERBS.items() if name not in ELSEWHERE and any(files_of(verb)))
 
 
-def test_verbs_refuse_files_and_configurations_that_they_cannot_read(refused, garbage):
+def test_verbs_refuse_files_and_configurations_that_they_cannot_read(refused, tmp_path):
+    garbage = {kind: tmp_path / f"{kind}.json" for kind in ("missing", "folder", *GARBAGE)}
+    garbage["folder"].mkdir()
+    for kind, content in GARBAGE.items():
+        garbage[kind].write_bytes(content)
+
     def check(name, path):
         assert path.stem in refused(*call_of(name, path))
 

@@ -56,15 +56,6 @@ def tested(folder, tests):
     return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
 
 
-def mutated(path, old, new):
-    """Put a mutant into a file; its content before, and when it was changed."""
-    content, stat = path.read_text(), path.stat()
-    if content.count(old) != 1:
-        sys.exit(f"{path}: {old!r} stands there {content.count(old)} times; it must be once")
-    path.write_text(content.replace(old, new))
-    return content, (stat.st_atime_ns, stat.st_mtime_ns)
-
-
 def main():
     only = sys.argv[1] if len(sys.argv) > 1 else ""
     groups = yaml.safe_load((HERE / "mutants.yaml").read_text())
@@ -80,11 +71,14 @@ def main():
                 sys.exit(f"{' '.join(tests)} fail without any mutant")
         for group in groups:
             path = folder / "src/repose" / group["file"]
+            content, times = path.read_text(), path.stat()
             for old, new, *why in group["mutants"]:
-                content, times = mutated(path, old, new)
+                if content.count(old) != 1:
+                    sys.exit(f"{path}: {old!r} stands there {content.count(old)} times; it must be once")
+                path.write_text(content.replace(old, new))
                 status = tested(folder, group["tests"])
                 path.write_text(content)
-                os.utime(path, ns=times)
+                os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
                 found = "caught" if status else f"**survived** {''.join(why)}".strip()
                 rows.append(f"| {group['file']} | `{old}` | `{new}` | {found} |")
                 print(rows[-1], flush=True)

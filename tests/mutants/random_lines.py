@@ -47,7 +47,8 @@ def places(path):
             yield begin + found.start(), begin + found.end(), SWAPPED[type(operator)]
 
     tree = ast.parse(text)
-    skipped = {id(inner) for node in ast.walk(tree) for part in typed(node) for inner in ast.walk(part)}
+    typed = [getattr(node, name, None) for node in ast.walk(tree) for name in ("annotation", "returns")]
+    skipped = {id(inner) for part in typed if part for inner in ast.walk(part)}  # no run reads annotations
     for node in ast.walk(tree):
         if id(node) in skipped:
             continue
@@ -60,12 +61,6 @@ def places(path):
         elif isinstance(node, ast.Constant) and type(node.value) in (int, float):
             value = node.value + 1 if isinstance(node.value, int) else 2 * node.value or 1.0
             yield (*span(node), repr(value))
-
-
-def typed(node):
-    """What a node holds that no run reads: annotations."""
-    parts = (getattr(node, name, None) for name in ("annotation", "returns"))
-    return [part for part in parts if isinstance(part, ast.AST)]
 
 
 def drawn(number, seed):

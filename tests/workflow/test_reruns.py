@@ -20,13 +20,8 @@ QUICK = ("--cores", "1", "--configfile", "config/quick.yaml")
 @pytest.mark.essential
 def test_a_second_workflow_stops_with_one_message_before_it_writes(project):
     folder = project / "results" / "quick"
-    lock = take_folder(folder)
-    changed = (*QUICK, "--config", "simulation={gravity_m_s2: 1.62}")
-    try:
-        done = snakemake(project, TARGET, *changed)
-    finally:
-        lock.close()
-    assert done.returncode == 2
+    with take_folder(folder):
+        done = snakemake(project, TARGET, *QUICK, "--config", "simulation={gravity_m_s2: 1.62}", status=2)
     assert done.stderr.splitlines()[-1].startswith("repose: error: results/quick: workflow is 'process ")
     assert done.stderr.splitlines()[-1].endswith("; expected one at a time; wait until it has ended")
     assert {path.name for path in folder.iterdir()} == {".lock", ".jobs"}
@@ -180,10 +175,9 @@ def test_a_file_that_a_killed_job_left_out_is_made_again(finished, lost, rule):
     path = project / "results/quick" / lost
     content = path.read_bytes()
     path.unlink()
-    try:
-        assert planned(project, *words)[rule] == 1
-    finally:
-        path.write_bytes(content)
+    jobs = planned(project, *words)
+    path.write_bytes(content)
+    assert jobs[rule] == 1
 
 
 def test_a_job_that_refuses_its_input_ends_the_workflow_as_the_verb_ends(finished):
