@@ -106,11 +106,10 @@ class Jobs:
         listener.close()
 
     def running(self):
-        try:
-            found = Path(f"/proc/{self.process}/task/{self.process}/children").read_text().split()
-        except OSError:
-            return []
-        return [int(one) for one in found]
+        with suppress(OSError):
+            found = Path(f"/proc/{self.process}/task/{self.process}/children").read_text()
+            return [int(one) for one in found.split()]
+        return []
 
     def close(self):
         os.kill(self.process, signal.SIGKILL)

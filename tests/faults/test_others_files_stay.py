@@ -9,7 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from forked import make_up_pours
+from forked import ROOT, make_up_pours
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -18,11 +18,9 @@ from repose.apparatus import Run, drum
 from repose.cli import STAGES, VERBS, main
 from repose.config.study import Study
 from repose.core.errors import InputError
-from repose.core.files import write_text
 
 pytestmark = pytest.mark.slow
 
-ROOT = Path(__file__).parents[2]
 # Left out is `run`, which passes its words on to snakemake, whose jobs are the other verbs, and writes nothing. All
 # pours, turns of the drum and cases of `verify` are made up.
 LEFT_OUT = {"run"}
@@ -75,8 +73,7 @@ def sandbox(tmp_path_factory):
     config = Study.load(ROOT / "config/quick.yaml").config
     config["design"] |= {"samples": 12, "method": "lhsdesign"}
     config["measure"] |= {"views": 2, "mm_per_pixel": 0.5}
-    write_text(top / "config.json.whole", json.dumps(config))
-    shutil.copy(top / "config.json.whole", inputs / "config.json")
+    (inputs / "config.json").write_text(json.dumps(config))
     (work / "link").symlink_to("thesis/figure.png")
     centres = np.random.default_rng(1).uniform(0.0, 0.05, (2, 5, 3))
     turns = np.tile([1.0, 0.0, 0.0, 0.0], (2, 5, 1))

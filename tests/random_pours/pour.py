@@ -53,10 +53,9 @@ class TooLong(Exception):
 
 
 class Seen:
-    def __init__(self):
-        self.energy = self.speed = self.overlap = self.wall_overlap = 0.0
-        self.steps = 0
-        self.began_s = None  # the first look: what is compiled before is no time of a pour
+    energy = speed = overlap = wall_overlap = 0.0
+    steps = 0
+    began_s = None  # the first look: what is compiled before is no time of a pour
 
     def note(self, bounded):
         now_s = time.process_time()
@@ -271,13 +270,10 @@ def poured(number, default, mean, particles, seen):
     drawn_section = {apparatus: test.settings.model_construct(**config[apparatus])}
     scene = Scene(SceneSettings(config, drawn_section), parameters, berry, particle, number)
     axes = [berry[key] for key in ("long_mm", "major_mm", "minor_mm")]
-    faults = [
-        f"{key}: {allowed}"
-        for key, allowed in (*test.contradictions(scene.settings), *test.misfits(scene.settings, axes))
-    ]
-    faults += [f"{key}: {allowed}" for key, allowed in making.unstable(of_one(config, parameters), particle, berry)]
+    faults = [*test.contradictions(scene.settings), *test.misfits(scene.settings, axes)]
+    faults += making.unstable(of_one(config, parameters), particle, berry)
     if faults:
-        return row | {"status": "refused", "reason": "; ".join(faults)}
+        return row | {"status": "refused", "reason": "; ".join(f"{key}: {allowed}" for key, allowed in faults)}
     seen.append(Seen())
     began = time.process_time()
     try:
