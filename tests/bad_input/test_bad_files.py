@@ -73,8 +73,6 @@ TABLES = {
     "zero bytes": "{header}\n\0\0\n", "json": '{{"a": 1}}', "xml": "<table><tr><td>1</td></tr></table>",
     "quotes that do not end": '{header}\n"1,2,3\n',
 }  # fmt: skip
-
-
 PUBLISHED = "solution," + ",".join(PARAMETERS) + "\n1,.2,.5,.04,.2,.5,.2\n"
 
 

@@ -21,8 +21,6 @@ NEEDED = {
     **{verb: ["--sample", "1"] for verb in ("pour", "heap", "drum")},
 }  # fmt: skip
 INPUTS_OF_A_FIGURE = ("predictions", "dataset")
-
-
 GARBAGE = {
     "empty": b"", "binary": bytes(range(256)) * 4, "utf16": '{"label": "x"}'.encode("utf-16"), "null": b"null",
     "list": b"[1, 2]", "number": b"3.5", "cut": b'{"label": "mine", "runs": [{"seed": 1, "sta',
@@ -130,7 +128,6 @@ BAD_VALUES = (
     ["marker", "--out=sheet.png"],
     *([], ["no_such_verb"], ["--no-such-option"], ["Heap"], [""]),
 )
-
 
 CARD = Path(__file__).parents[2] / "crops/cards/wheat.json"
 

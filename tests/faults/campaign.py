@@ -38,29 +38,20 @@ LOST = (
 )
 
 
-class Table:
-    def __init__(self):
-        self.rows = []
-
+class Table(list):
     def add(self, fault, place, then, same, again):
         row = (fault, place, then, "yes" if same else "**no**", "none" if not again else f"**{len(again)}**")
-        self.rows.append(row)
+        self.append(row)
         print(" | ".join(row), *map(str, list(again)[:5]), flush=True)
 
-    def bad(self):
-        return [row for row in self.rows if "**" in "".join(row[3:])]
 
-    def text(self):
-        head = "| fault | where | exit status | same bytes after the same command | finished files made again |"
-        return "\n".join([head, "|---" * 5 + "|", *(f"| {' | '.join(row)} |" for row in self.rows)]) + "\n"
-
-
-def kills(place, jobs, wanted, targets, count, rng, table):
+def kills(place, finished, wanted, table, count, seed):
     """Kill a workflow or one of its jobs at random moments, again and again, until the study is finished; repeat."""
+    rng = random.Random(seed)
     done = number = 0
     while done < count:
         number += 1
-        study = Study(place / f"killed_{number}", jobs, targets).prepared()
+        study = Study(place / f"killed_{number}", finished.jobs, finished.targets).prepared()
         rows, status, before, loose = [], 1, {}, False
         while status and len(rows) < 15:
             forced = (FORCED[rng.randrange(len(FORCED))],) if rng.random() < 0.3 else ()
@@ -76,10 +67,10 @@ def kills(place, jobs, wanted, targets, count, rng, table):
                 done += 1
                 where = f"{victim}, {len(now)} files finished" + (f", --forcerun {forced[0]}" if forced else "")
                 rows.append((signal.Signals(one).name, where, str(status), again))
+                status = 1
             elif again:
                 rows.append(("none", "the resumed run", str(status), again))
             before = now
-            status = 1 if victim else status
             if not victim and status:
                 print(f"    {study.last_words()}")
                 break
@@ -144,7 +135,9 @@ def _repoured(study, finished, damaged):
     return [path for path, when in design.items() if top / path != damaged and now.get(path) != when]
 
 
-def changes(place, jobs, finished, wanted, table):
+def changes(place, finished, wanted, table):
+    """Another workflow in the same folder meanwhile, and changed keys beside a new study with them."""
+    jobs = finished.jobs
     study = Study(place / "two", jobs).prepared()
     first = study.start()
     while not jobs.running():
@@ -174,8 +167,9 @@ def changes(place, jobs, finished, wanted, table):
             shutil.rmtree(folder.folder)
 
 
-def no_room(place, jobs, wanted, targets, table):
+def no_room(place, finished, wanted, table):
     """A full disk, a disk that turns read-only, and too little memory, each in mid-run."""
+    jobs, targets = finished.jobs, finished.targets
     size = sum(map(len, wanted.values())) // 1024
     for number, share in enumerate((0.2, 0.4, 0.6, 0.8)):
         study = Study(place / f"full_{number}", jobs, targets).prepared()
@@ -220,7 +214,7 @@ def main():
     words.add_argument("--out", default=Path(__file__).with_name("table.md"), help="table of what happened")
     words.add_argument("--real-pours", action="store_true", help="with the engine, which costs minutes more")
     given = words.parse_args()
-    rng, table = random.Random(given.seed), Table()
+    table = Table()
     # a shell lets what runs in the background ignore it
     signal.signal(signal.SIGINT, signal.default_int_handler)
     forked.load_all()
@@ -234,20 +228,19 @@ def main():
                 sys.exit(finished.log.read_text())
             took, wanted = time.monotonic() - began, finished.results()
             names = sorted(str(path.relative_to(finished.folder)) for path in finished.finished())
-            targets = (*TARGETS, *(name for name in names if "/runs/" not in name))
-            finished.targets = targets
+            finished.targets = (*TARGETS, *(name for name in names if "/runs/" not in name))
             print(f"undisturbed: {took:.1f} s, {len(wanted)} files", flush=True)
-            if given.only in (None, "damages"):
-                damages(place, finished, wanted, table)
-            if given.only in (None, "changes"):
-                changes(place, jobs, finished, wanted, table)
-            if given.only in (None, "no_room"):
-                no_room(place, jobs, wanted, targets, table)
+            for part in (damages, changes, no_room):
+                if given.only in (None, part.__name__):
+                    part(place, finished, wanted, table)
             if given.only in (None, "kills"):
-                kills(place, jobs, wanted, targets, given.kills, rng, table)
-    Path(given.out).write_text(table.text())
-    print(f"{len(table.rows)} faults, {len(table.bad())} bad, {time.process_time():.0f} s")
-    sys.exit(bool(table.bad()))
+                kills(place, finished, wanted, table, given.kills, given.seed)
+    head = "| fault | where | exit status | same bytes after the same command | finished files made again |"
+    lines = [head, "|---" * 5 + "|", *(f"| {' | '.join(row)} |" for row in table)]
+    Path(given.out).write_text("\n".join(lines) + "\n")
+    bad = sum("**" in "".join(row[3:]) for row in table)
+    print(f"{len(table)} faults, {bad} bad, {time.process_time():.0f} s")
+    sys.exit(bool(bad))
 
 
 if __name__ == "__main__":

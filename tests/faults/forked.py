@@ -53,10 +53,7 @@ def load_all():
 
 
 def make_up_pours(put=setattr):
-    """Let the funnel give a cone of grains at once, and compile no engine: the files are of the same kinds.
-
-    `put` is `setattr`, or that of pytest's monkeypatch.
-    """
+    """Let the funnel give a cone of grains at once and compile no engine; `put` is setattr, perhaps monkeypatch's."""
     from repose.apparatus import bench, warm_up
 
     put(bench("funnel"), "run", made_up_pour)
@@ -148,10 +145,7 @@ def _job(caller):
 
 
 def start(folder, words, out, err, python=sys.executable):
-    """Start `snakemake WORDS` in a folder, with two open files for what it prints; its process number, at once.
-
-    `python` runs its jobs.
-    """
+    """Start `snakemake WORDS` in a folder, printing to two open files; its process number. `python` runs its jobs."""
     child = os.fork()
     if child:
         return child

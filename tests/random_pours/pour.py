@@ -271,7 +271,9 @@ def poured(number, default, mean, particles, seen):
     scene = Scene(SceneSettings(config, drawn_section), parameters, berry, particle, number)
     axes = [berry[key] for key in ("long_mm", "major_mm", "minor_mm")]
     faults = [*test.contradictions(scene.settings), *test.misfits(scene.settings, axes)]
-    faults += making.unstable(of_one(config, parameters), particle, berry)
+    one = {"parameters": {name: {"fixed": value} for name, value in parameters.items()}}
+    one["validation"] = config["validation"] | {"published": None}
+    faults += making.unstable(config | one, particle, berry)
     if faults:
         return row | {"status": "refused", "reason": "; ".join(f"{key}: {allowed}" for key, allowed in faults)}
     seen.append(Seen())
@@ -304,12 +306,6 @@ def violation(row):
     if row["apparatus"] in STILL and not float(row["energy_over_given"]) <= 1.0:
         return "energy gained"
     return ""
-
-
-def of_one(config, parameters):
-    """A configuration whose parameters are one set."""
-    fixed = {name: {"fixed": value} for name, value in parameters.items()}
-    return config | {"parameters": fixed, "validation": config["validation"] | {"published": None}}
 
 
 def counted(rows):

@@ -145,10 +145,8 @@ def ensembles(folder, plain):
 
 def row(name, work, status):
     own = ENVIRONMENTS[name]
-    if status is None:
-        return f"| {own.what} | not run | | |"
-    if status:
-        return f"| {own.what} | **ended with {status}** | | |"
+    if status != 0:
+        return f"| {own.what} | {'not run' if status is None else f'**ended with {status}**'} | | |"
     plain, folder = work / PLAIN / ENVIRONMENTS[PLAIN].folder, work / name / own.folder
     wanted, found = results(plain), results(folder)
     other = sorted(file for file in set(wanted) | set(found) if wanted.get(file) != found.get(file))

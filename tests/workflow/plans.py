@@ -7,6 +7,7 @@ import re
 import time
 from pathlib import Path
 from tempfile import TemporaryFile
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import forked
@@ -38,10 +39,7 @@ def as_ours(folder):
 
 
 def snakemake(project, *words, status=None):
-    """Run snakemake in project, in a fork of this process: what it imports is loaded once for all calls.
-
-    Where `status` is given it must end with it.
-    """
+    """Run snakemake in a fork, so that its imports are loaded once for all calls; `status` is what it must end with."""
     for module in ("snakemake.cli", "repose.strategies.refined.refine"):
         importlib.import_module(module)
     began_s = time.perf_counter()
@@ -62,29 +60,21 @@ def planned(project, *words):
     return {rule: int(count) for rule, count in counts}
 
 
-class Declared(NamedTuple):
-    """What a rule declares: the paths of its benchmarks, and memory [MB] and time [min] of the first two attempts."""
-
-    rule: str
-    benchmarks: str
-    memory_mb: list[int]
-    minutes: list[int]
-
-
 PROBE = """
 include: {snakefile!r}
 import json
 for rule in workflow.rules:
     if rule.benchmark:
         made = [rule.resources[name] for name in ("mem_mb", "runtime")]
-        amounts = [[one.evaluate(None, attempt=attempt).value for attempt in (1, 2)] for one in made]
-        print(json.dumps([rule.name, rule.benchmark.regex().pattern, *amounts]))
+        memory_mb, minutes = ([one.evaluate(None, attempt=attempt).value for attempt in (1, 2)] for one in made)
+        benchmarks = rule.benchmark.regex().pattern
+        print(json.dumps(dict(rule=rule.name, benchmarks=benchmarks, memory_mb=memory_mb, minutes=minutes)))
 """
 
 
 def declared(tmp_path):
-    """What every rule declares that runs a job."""
+    """What rules declare: the paths of their benchmarks, and memory [MB] and time [min] of the first two attempts."""
     probe = tmp_path / "probe.smk"
     probe.write_text(PROBE.format(snakefile=str(ROOT / "workflow/Snakefile")))
     done = snakemake(ROOT, "--list-rules", "-s", str(probe), "--configfile", "config/quick.yaml", status=0)
-    return [Declared(*json.loads(line)) for line in done.stdout.splitlines() if line.startswith("[")]
+    return [SimpleNamespace(**json.loads(line)) for line in done.stdout.splitlines() if line.startswith("{")]

@@ -19,7 +19,6 @@ from repose.strategies.base import samples_of
 
 pytestmark = pytest.mark.slow
 
-
 # Samples of each batch in the small study, the check of the answer last. The screening has corners and the centre, then
 # come the path, a Box-Behnken design in three factors, and the check.
 SAMPLES = {"sequential": [8, 2, 2, 1], "response_surface": [8 + 3, 2 + 1, 12 + 3, 2]}

@@ -11,7 +11,7 @@ from repose.cli import main
 from repose.config import cost
 
 
-@pytest.fixture
+@pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
     assert "crops/index.md" in (ROOT / "README.md").read_text()
     shutil.copytree(ROOT / "crops/wheat", tmp_path / "wheat", ignore=shutil.ignore_patterns("results", ".*"))
@@ -20,7 +20,6 @@ def folder(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.essential
-@pytest.mark.usefixtures("folder")
 def test_the_crop_that_readme_shows_is_planned():
     jobs = planned(".", "--cores", "1", "--snakefile", f"{ROOT}/Snakefile")
     assert "measure_runs" in jobs
@@ -29,7 +28,6 @@ def test_the_crop_that_readme_shows_is_planned():
 
 
 @pytest.mark.parametrize("verb", ["check", "measure"])
-@pytest.mark.usefixtures("folder")
 def test_a_verb_takes_the_crop_that_readme_shows(verb, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(cost, "measured_berry_step_s", lambda *_: 1e-3)  # too slow for trial runs
     words = [verb, "--config", "config.yaml"]

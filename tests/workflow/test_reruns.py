@@ -93,8 +93,6 @@ def test_a_result_that_was_damaged_and_somebodys_file_stop_the_workflow(project)
 
 
 POURS = {"pour": 12, "validation_pour": 3, "trajectory": 1, "drum_run": 2}
-
-
 # The stages of the method in their order, and one rule that follows each.
 STAGES = {
     "design": ("design", "pour"), "pour": ("pour", "measure_runs"), "dataset": ("dataset", "network"),

@@ -15,8 +15,6 @@ from repose.config.study import Study
 from repose.core import usage
 
 SHELL = re.compile(r"^( *)shell:\n((?:\1 +.*\n)+)", re.MULTILINE)
-
-
 RULES = [path for folder in ("workflow", "research") for path in sorted((ROOT / folder).rglob("*.smk"))]
 
 
@@ -35,8 +33,6 @@ def test_every_placeholder_is_quoted_and_no_caption_left_over():
 
 
 ODD = """my "bérries"; touch PWNED; 'x' $(touch PWNED) -rf #"""
-
-
 FIGURE = ("results/figures/figure02.png", "--cores", "1", "--snakefile")
 
 
