@@ -14,7 +14,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from repose import verification
-from repose.apparatus import Run, drum
+from repose.apparatus import Run
+from repose.apparatus.drum import DrumTest
 from repose.cli import STAGES, VERBS, main
 from repose.config.study import Study
 from repose.core.errors import InputError
@@ -44,9 +45,9 @@ OUT = st.one_of(
 )
 
 
-def made_up_turn(_config, _parameters, seed, *_, **__):
+def made_up_turn(_test, scene, **_):
     """A drum that lost its berries: nothing to measure."""
-    record = {"seed": int(seed), "status": "lost", "reason": "made up", "rotation_from_s": 1.0}
+    record = {"seed": scene.seed, "status": "lost", "reason": "made up", "rotation_from_s": 1.0}
     return Run(record, {}, {"time_s": np.zeros(1)})
 
 
@@ -80,7 +81,7 @@ def sandbox(tmp_path_factory):
     times = {"time_s": [0.0, 1.0], "turned_deg": [0.0, 5.0]}
     np.savez(inputs / "trajectory.npz", position=centres, quaternion=turns, **times)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(drum, "run", made_up_turn)
+        patch.setattr(DrumTest, "run", made_up_turn)
         patch.setattr(verification, "run", lambda *_: {})
         make_up_pours(patch.setattr)
         patch.chdir(work)
