@@ -18,7 +18,7 @@ NOT_READ = ("config", "out", "samples", "part", "work", "depends_on", "simulates
 
 
 def option(*names: str, **keywords: Any) -> Option:
-    """The arguments of `argparse.ArgumentParser.add_argument`."""
+    """Keep the arguments of `argparse.ArgumentParser.add_argument`."""
     return names, keywords
 
 
@@ -33,7 +33,7 @@ class Script:
     def part(
         self, name: str, out: str, *options: Option, depends_on: Callable | None = None, simulates: bool = False
     ) -> Callable[[Callable], Callable]:
-        """Decorator: the function gets the options with `study`, and both configurations in one; it returns a text.
+        """Decorate a function that gets the options with `study`, and both configurations in one, and returns a text.
 
         `depends_on` gives the settings that its results depend on, by default all; with `simulates` they are runs.
         """

@@ -18,7 +18,7 @@ TYPES = {int: "an integer", float: "a number", str: "text", list: "a list", dict
 
 
 def of(config: Mapping[str, Any]) -> dict[str, Any]:
-    """The sections beside those of a study's configuration; those of quick.yaml if it is a small run.
+    """Read the sections beside those of a study's configuration; those of quick.yaml if it is a small run.
 
     An InputError names all keys that are unknown and all values that have another type than the default.
     """

@@ -1,6 +1,8 @@
 """What several tests share."""
 
 import functools
+import subprocess
+import sys
 from types import SimpleNamespace
 
 import pytest
@@ -85,16 +87,23 @@ def one_run(seed, status="ok", aor=22.0, height=60.0, reason=""):
 
 
 def at(config, key):
-    """The value of a dotted key."""
-    for part in key.split("."):
+    """The value of a dotted key; the whole without one."""
+    for part in filter(None, key.split(".")):
         config = config[int(part) if isinstance(config, list) else part]
     return config
 
 
 def put(config, key, value):
     section, _, last = key.rpartition(".")
-    (at(config, section) if section else config)[last] = value
+    at(config, section)[last] = value
     return config
+
+
+def run_python(*words, **how):
+    """Run `python WORDS` in a process of its own, which must succeed; what it prints."""
+    done = subprocess.run([sys.executable, *map(str, words)], capture_output=True, text=True, **how)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
 
 
 def check_all(check, cases):

@@ -16,18 +16,18 @@ script = Script("comparison", __doc__)
 
 
 def files(paths):
-    """An option for each file, with its default path."""
+    """Make an option for each file, with its default path."""
     return [option(f"--{name.replace('_', '-')}", default=path) for name, path in paths.items()]
 
 
 def pool_of(args):
-    """Main design, pool and fresh points, and the names of their responses."""
+    """Read main design, pool and fresh points, and the names of their responses."""
     names = args.study.targets.names
     return points.read_sets({name: getattr(args, name) for name in POOL_FILES}, names), names
 
 
 def network_of(config):
-    """Settings of the configured network, or of one where the surrogate is another."""
+    """Return the settings of the configured network, or of one where the surrogate is another."""
     kind = config["surrogate"]
     return config["network"] | {"surrogate": kind if kind.startswith("network") else "network"}
 

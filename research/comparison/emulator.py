@@ -55,7 +55,7 @@ class ScalingNoise(NamedTuple):
     width: np.ndarray  # (d,), of this box
 
     def std(self, X: np.ndarray) -> np.ndarray:
-        """Standard deviations (n, k) of a single run's responses at points X (n, d), in their units."""
+        """Give standard deviations (n, k) of a single run's responses at points X (n, d), in their units."""
         x = np.column_stack([np.ones(len(X)), (X - self.low) / self.width])
         return np.exp(0.5 * x @ self.log_variance)
 
@@ -83,7 +83,7 @@ class Emulator(NamedTuple):
 
 
 def chosen_by_cross_validation(points: Points, settings: Mapping[str, Any], seed: int) -> Emulator:
-    """The emulator of some points: the better of `CANDIDATES`, with noise that scales.
+    """Fit an emulator to some points: the better of `CANDIDATES`, with noise that scales.
 
     `settings` is the section `network`; `seed` is for the folds and the network. ValueError if the runs do not
     determine the covariance of the noise.
@@ -108,7 +108,7 @@ def chosen_by_cross_validation(points: Points, settings: Mapping[str, Any], seed
 def with_process(
     points: Points, errors: np.ndarray, covariance: np.ndarray, kernel: Callable[[int], Any], seed: int
 ) -> Emulator:
-    """The emulator of some points: a Gaussian process for each response on means with known errors, even noise.
+    """Fit an emulator: a Gaussian process for each response on means with known errors, even noise.
 
     X (n, d) is in the unit cube; `errors` (n, k) are standard errors of the means; `covariance` (k, k) is of a single
     run. `kernel` makes a scikit-learn kernel with start values from the number of inputs. The kernel of each response
@@ -167,12 +167,12 @@ def scaling_noise(points: Points, covariance: np.ndarray) -> ScalingNoise:
 
 
 def _mean_of(predict):
-    """The mean alone of a prediction of mean and standard deviation."""
+    """Keep the mean alone of a prediction of mean and standard deviation."""
     return lambda X: predict(X)[0]
 
 
 def _process(x, y, error, kernel, fit):
-    """A process on inputs in the unit cube; its kernel is fitted or held."""
+    """Make a process on inputs in the unit cube; its kernel is fitted or held."""
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.gaussian_process import GaussianProcessRegressor
 

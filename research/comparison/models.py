@@ -26,7 +26,7 @@ PUBLISHED = {"surrogate": "network", "prior": "one", "goal": 1e-4, "replicates":
 
 
 def configured_network(points: Points, settings: Settings, seed: int) -> Predict:
-    """The network as the main chain trains it, with the noise from the points' own runs."""
+    """Train the network as the main chain does, with the noise from the points' own runs."""
     kind = "network_ensemble" if settings.get("surrogate") == "network_ensemble" else "network"
     noise = points.replicates() if settings["replicates"] else {}
     network = make(kind, NetworkSettings.of({**settings, "seed": seed}))
@@ -34,14 +34,14 @@ def configured_network(points: Points, settings: Settings, seed: int) -> Predict
 
 
 def best_network(points: Points, settings: Settings, seed: int) -> Predict | None:
-    """The best network of an ensemble's starts alone; None if the configured network is no ensemble."""
+    """Take the best network of an ensemble's starts alone; None if the configured network is no ensemble."""
     if settings.get("surrogate") != "network_ensemble":
         return None
     return configured_network(points, {**settings, "surrogate": "network"}, seed)
 
 
 def published_network(points: Points, settings: Settings, seed: int) -> Predict:
-    """The same network with the published prior and goal, its samples weighed alike, its outputs independent.
+    """Train the same network with the published prior and goal, its samples weighed alike, its outputs independent.
 
     Section 3.2.2 of the paper.
     """
@@ -49,7 +49,7 @@ def published_network(points: Points, settings: Settings, seed: int) -> Predict:
 
 
 def unregularised_network(points: Points, settings: Settings, seed: int) -> Predict:
-    """A network of the same shape without regularisation, `EarlyStoppingBP`; no standard deviation."""
+    """Train a network of the same shape without regularisation, `EarlyStoppingBP`; no standard deviation."""
     train, validation, _ = settings["split"]
     network = EarlyStoppingBP(
         hidden=settings["hidden"],
@@ -62,7 +62,7 @@ def unregularised_network(points: Points, settings: Settings, seed: int) -> Pred
 
 
 def quadratic_surface(points: Points, settings: Settings, seed: int) -> Predict | None:
-    """The surrogate `quadratic`; None with too few points for its terms."""
+    """Fit the surrogate `quadratic`; None with too few points for its terms."""
     varying = np.count_nonzero(np.ptp(points.X, axis=0))
     if len(points.X) < QuadraticSurface.least_samples(int(varying)):
         return None
@@ -70,7 +70,7 @@ def quadratic_surface(points: Points, settings: Settings, seed: int) -> Predict 
 
 
 def gaussian_process(points: Points, settings: Settings, seed: int) -> Predict:
-    """The surrogate `gaussian_process`, one process for each response."""
+    """Fit the surrogate `gaussian_process`, one process for each response."""
     return _of_the_mean(make("gaussian_process").fit(points.X, points.means()))
 
 

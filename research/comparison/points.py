@@ -38,7 +38,7 @@ class Points(NamedTuple):
         return self.good().sum(axis=1)
 
     def errors(self) -> np.ndarray:
-        """Standard errors of the means, (points, k), from each point's own runs; NaN for a single run."""
+        """Give standard errors of the means, (points, k), from each point's own runs; NaN for a single run."""
         spread = np.full((len(self.X), self.responses), np.nan)
         several = self.counts() > 1
         spread[several] = np.nanstd(self.values[several], axis=1, ddof=1)
@@ -66,20 +66,20 @@ class Points(NamedTuple):
         return {"precision": counts, "noise_covariance": covariance, "noise_freedom": freedom}
 
     def simulations(self) -> int:
-        """Number of runs, failed ones included."""
+        """Count the runs, failed ones included."""
         return self.values.shape[0] * self.values.shape[1]
 
     def take(self, rows: np.ndarray | Sequence[int] | slice, seeds: int | None = None) -> "Points":
-        """Some points with the first `seeds` runs (None: all); points without a good run among them are left out."""
+        """Take some points with the first `seeds` runs (None: all); points without a good run in them are left out."""
         return Points(self.X[rows], self.values[rows, :seeds])._with_runs()
 
     def with_seeds_drawn(self, seeds: int, rng: np.random.Generator) -> "Points":
-        """The points with `seeds` runs of each drawn at random; points without a good run are left out."""
+        """Take the points with `seeds` runs of each drawn at random; points without a good run are left out."""
         order = rng.permuted(np.tile(np.arange(self.values.shape[1]), (len(self.X), 1)), axis=1)[:, :seeds]
         return Points(self.X, np.take_along_axis(self.values, order[:, :, None], axis=1))._with_runs()
 
     def _with_runs(self):
-        """The points that have a good run."""
+        """Keep the points that have a good run."""
         kept = self.good().any(axis=1)
         return Points(self.X[kept], self.values[kept])
 

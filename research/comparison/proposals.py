@@ -37,7 +37,7 @@ Model = Callable[[np.ndarray], np.ndarray]
 
 
 def surface(unit: np.ndarray, means: np.ndarray, terms: Model) -> Model:
-    """A surface by ridge regression with leave-one-out, from places (m, d) to responses (m, k).
+    """Fit a surface by ridge regression with leave-one-out, from places (m, d) to responses (m, k).
 
     `unit` (n, d) are places of the samples in the ranges, `means` (n, k) their responses; `terms` maps places to the
     terms of the surface (m, t).
@@ -49,7 +49,7 @@ def surface(unit: np.ndarray, means: np.ndarray, terms: Model) -> Model:
 
 
 def plane(unit: np.ndarray, means: np.ndarray) -> Model:
-    """A plane by least squares; arguments and result as for `surface`."""
+    """Fit a plane by least squares; arguments and result as for `surface`."""
     X = np.column_stack([np.ones(len(unit)), unit])
     found = np.linalg.lstsq(X, means, rcond=None)[0]
     return lambda x: np.column_stack([np.ones(len(np.atleast_2d(x))), np.atleast_2d(x)]) @ found
@@ -58,7 +58,7 @@ def plane(unit: np.ndarray, means: np.ndarray) -> Model:
 def local_search(
     respond: Model, objective: Objective, dimensions: int, starts: int, random: np.random.Generator
 ) -> tuple[np.ndarray, int]:
-    """A local search by SLSQP on the squared deviations from the targets.
+    """Search by SLSQP, a local method, on the squared deviations from the targets.
 
     It starts from the centre of the ranges and from random points, and returns the best place (d,) in the ranges, from
     0 to 1, and the number of evaluations of the model.
@@ -83,7 +83,7 @@ def local_search(
 
 
 def tables_of(samples: Points, space: ParameterSpace, targets: Targets) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """The samples as the two tables of the dataset stage: samples with means and errors, and their good runs.
+    """Put the samples into the two tables of the dataset stage: samples with means and errors, and their good runs.
 
     `samples.X` (n, d) are places in the ranges; the responses are those of the targets, in their order.
     """
@@ -101,7 +101,7 @@ def tables_of(samples: Points, space: ParameterSpace, targets: Targets) -> tuple
 
 
 def study_surrogate(samples: Points, space: ParameterSpace, targets: Targets, settings: Mapping[str, Any]) -> Surrogate:
-    """The surrogate as the study trains it on these samples; `settings` is the section `network`."""
+    """Train the surrogate as the study does on these samples; `settings` is the section `network`."""
     kind, own = settings.get("surrogate", "network"), NetworkSettings.of(settings)
     return train.train(*tables_of(samples, space, targets), targets, own, surrogate=kind).model
 
@@ -109,7 +109,7 @@ def study_surrogate(samples: Points, space: ParameterSpace, targets: Targets, se
 def proposed(
     samples: Points, space: ParameterSpace, targets: Targets, settings: Mapping[str, Any], random: np.random.Generator
 ) -> dict[str, tuple[np.ndarray, int]]:
-    """The proposal of each method: place in the ranges (d,), from 0 to 1, and number of evaluations of the model.
+    """Find the proposal of each method: place in the ranges (d,), from 0 to 1, and number of evaluations of the model.
 
     `samples.X` (n, d) are places in the ranges. `settings` holds ``local_starts`` and the sections ``network`` and
     ``miga``.

@@ -139,7 +139,7 @@ def _designs(case, seeds):
 
 
 def _trades(case, seeds):
-    """The main design's simulations, on few points with many seeds or many with one; Sobol sequences."""
+    """Spend the main design's simulations on few points with many seeds or many with one; Sobol sequences."""
     total = SAMPLES[-1] * seeds
     for each in TRADES:
         samples = total // each
@@ -192,7 +192,7 @@ def _real(main, pool, fresh, names, settings, seed):
 
 
 def _fitted(name, sample, settings, seed):
-    """A fit of FITS, None where the points are too many or too few for it."""
+    """Fit one of FITS, None where the points are too many or too few for it."""
     if name == "Gaussian process" and len(sample.X) > LARGEST_PROCESS:
         return None
     return FITS[name](sample, settings, seed)
@@ -207,13 +207,13 @@ def _on_truth(truth, predicted):
 
 
 def _on_fresh(fresh, predicted):
-    """The same from noisy means, the noise subtracted."""
+    """Score the same from noisy means, the noise subtracted."""
     columns = zip(fresh.means().T, fresh.known_errors().T, predicted.T, strict=True)
     return [scores.accuracy(y, se, p) for y, se, p in columns]
 
 
 def _rows(case, names, scored):
-    """A row for each response: mean and standard error over the repetitions."""
+    """Make a row for each response: mean and standard error over the repetitions."""
     for k, response in enumerate(names):
         row = case | {"response": response, "repetitions": len(scored)}
         for key in ("explainable", "rmse"):

@@ -56,7 +56,7 @@ def judged(
 
 
 def _first(met):
-    """Evaluations until the first True, NaN without one."""
+    """Count the evaluations until the first True, NaN without one."""
     return float(met.argmax() + 1) if met.any() else math.nan
 
 
@@ -148,7 +148,7 @@ def _curve_table(name, at, best, infeasible):
 
 
 def _methods(runs, bests, region):
-    """A row for each method, means with standard errors, and a row for the feasible region itself."""
+    """Make a row for each method, means with standard errors, and a row for the feasible region itself."""
     rows = []
     for name, group in runs.groupby("method", sort=False):
         row = {"method": name, "repetitions": len(group)}
@@ -172,7 +172,7 @@ def _methods(runs, bests, region):
 
 
 def message(methods: pd.DataFrame) -> str:
-    """The comparison in words, a line for each method of search_methods.csv."""
+    """Put the comparison in words, a line for each method of search_methods.csv."""
     lines = []
     for row in methods.itertuples():
         if row.method == REFERENCE:

@@ -70,7 +70,7 @@ class Log:
         return self._residuals(np.asarray(x)[None])[0]
 
     def jacobian(self, x: np.ndarray) -> np.ndarray:
-        """Derivatives (k, d) of the deviations, by differences into the box; d evaluations, x is counted already."""
+        """Take derivatives (k, d) of the deviations, by differences into the box; d evaluations, x counts already."""
         steps = STEP * np.where(np.asarray(x) > 0, -1.0, 1.0)
         moved = self._residuals(np.asarray(x) + np.diag(steps))
         return ((moved - self._residuals_at(x)) / steps[:, None]).T
@@ -100,7 +100,7 @@ class Log:
 
 
 def miga(log: Log, seed: int, **settings: Any) -> None:
-    """The multi-island genetic algorithm; `settings` are arguments of `repose.search.miga.MIGA`."""
+    """Run the multi-island genetic algorithm; `settings` are arguments of `repose.search.miga.MIGA`."""
     search = MIGA(log.dimensions, **settings, seed=seed)
     while True:
         search.tell(log(search.ask()))

@@ -28,7 +28,7 @@ SEARCH = ("evaluations_to_tolerance", "best", "listed_coverage", "met_coverage")
 
 
 def table_of(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """A row for each choice, budget, response and measure, with the columns `COLUMNS`; `tables` as `read` returns them.
+    """Make a row for each choice, budget, response and measure; `tables` as `read` returns them.
 
     ``data`` is ``real`` for simulated samples, ``emulated`` for an emulator fitted to them, and ``network`` for the
     trained network. ``explainable`` is the share of the explainable variance, ``rmse`` and ``off`` are in the
@@ -41,7 +41,7 @@ def table_of(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 
 
 def read(files: Mapping[str, str | Path]) -> dict[str, pd.DataFrame]:
-    """The tables ``sampling``, ``surrogates``, ``search`` and ``whole``, from files of the same names."""
+    """Read the tables ``sampling``, ``surrogates``, ``search`` and ``whole``, from files of the same names."""
     sizes = ("points", "seeds", "simulations", "response", "repetitions", *_with_errors(SHARES))
     sampling = read_table(files["sampling"], ("comparison", "design", "data", "fit", *sizes))
     off = _with_errors([derived(name, "off") for name in dict.fromkeys(sampling["response"])])

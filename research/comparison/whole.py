@@ -70,7 +70,7 @@ def samples_of(points: Points) -> Samples:
 def read_samples(
     datasets: Sequence[str | Path], runs: Sequence[str | Path], space: ParameterSpace, names: Sequence[str]
 ) -> Samples:
-    """Samples of files that the verb dataset wrote, in pairs.
+    """Read samples of files that the verb dataset wrote, in pairs.
 
     InputError if a file is bad, the numbers of files differ, or too few samples have two runs.
     """
@@ -91,12 +91,12 @@ def matern(inputs: int) -> Any:
 
 
 def truth_of(samples: Samples, seed: int) -> Emulator:
-    """The emulator of all samples, the judge of proposals; `seed` is for the points of the kernel fit and the folds."""
+    """Fit the emulator of all samples, the judge of proposals; `seed` draws points of the kernel fit and folds."""
     return with_process(samples.points, samples.errors, samples.covariance, matern, seed)
 
 
 def emulated(samples: Samples, truth: Emulator, count: int, random: np.random.Generator) -> Points:
-    """A new Latin hypercube of `count` samples whose runs scatter about the truth as real ones do.
+    """Draw a new Latin hypercube of `count` samples whose runs scatter about the truth as real ones do.
 
     Each has as many runs as `samples` have on average.
     """
@@ -154,7 +154,7 @@ def _rows(about, data, truth, space, targets, settings, random):
 
 
 def _judged(responses, objective, targets):
-    """A proposal's true responses (1, k) beside the targets, by name."""
+    """Put a proposal's true responses (1, k) beside the targets, by name."""
     F, V = objective(responses)
     off = np.abs(responses[0] - objective.target)
     return {

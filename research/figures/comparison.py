@@ -47,7 +47,7 @@ def accuracy(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
 
 
 def _with_intervals(panel, rows, key):
-    """A mark for each training set with its interval, and the bar that a surrogate should reach."""
+    """Draw a mark for each training set with its interval, and the bar that a surrogate should reach."""
     sources = list(dict.fromkeys(rows["training"]))
     for k, source in enumerate(sources):
         of = rows[rows["training"] == source]
@@ -110,7 +110,7 @@ def sampling(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
 
 
 def _lines(panel, rows, kind, size):
-    """A line for each kind, emulated or real, over a size; a kind keeps its colour."""
+    """Draw a line for each kind, emulated or real, over a size; a kind keeps its colour."""
     looks = {name: k for k, name in enumerate(dict.fromkeys(rows[kind]))}
     for place, (name, data) in enumerate(dict.fromkeys(zip(rows[kind], rows["data"], strict=True))):
         k = looks[name]
@@ -151,7 +151,7 @@ def _missed_axes(panels):
 
 
 def _legend_below(figure, panel):
-    """The panel's legend below all panels, where it hides nothing."""
+    """Put the panel's legend below all panels, where it hides nothing."""
     figure.legend(*panel.get_legend_handles_labels(), loc="outside lower center", ncols=3)
 
 
@@ -166,5 +166,5 @@ def _plain_ticks(panel, values):
 
 
 def _limits(shares):
-    """Ends of the axis of shares: from the smallest, but not below 0, to 1."""
+    """Return the ends of the axis of shares: from the smallest, but not below 0, to 1."""
     return max(0.0, float(shares.min()) - 0.05), max(1.02, float(shares.max()) + 0.02)

@@ -71,7 +71,7 @@ def _course(panel: Axes, curves: pd.DataFrame, tolerance: float) -> None:
 
 
 def _to_tolerance(panel: Axes, methods: pd.DataFrame) -> None:
-    """Evaluations until each search meets the tolerance; pale if some of its runs did not."""
+    """Draw the evaluations until each search meets the tolerance; pale if some of its runs did not."""
     names = [name for name in SEARCHES if name in methods.index and name != "miga_whole"]
     place = np.arange(len(names))[::-1]
     for y, name in zip(place, names, strict=True):
@@ -121,7 +121,7 @@ def _coverage(panel: Axes, methods: pd.DataFrame) -> None:
 
 
 def whole(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """True error of each method's proposal over the simulations spent; rows are responses, columns kinds of samples.
+    """Draw the true error of each method's proposal over its simulations; rows are responses, columns kinds of samples.
 
     Input: ``whole`` of the script comparison.
     """
@@ -144,7 +144,7 @@ def whole(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
 
 
 def _off_the_target(panel: Axes, table: pd.DataFrame, key: str) -> None:
-    """A line for each method with one standard error over its repetitions."""
+    """Draw a line for each method with one standard error over its repetitions."""
     for name, (text, colour, mark, line) in WHOLE.items():
         rows = table[table["method"] == name]
         look = {"color": colour, "marker": mark, "ms": 3.5, "ls": line, "capsize": 2, "lw": 1}

@@ -62,7 +62,7 @@ def study(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
 def _one_definition(
     panel: Axes, rows: pd.DataFrame, shown: list[Target], published: pd.DataFrame, looks: Mapping
 ) -> None:
-    """The combinations of one definition of the angle, the published piles and the ranges of the targets."""
+    """Draw the combinations of one definition of the angle, the published piles and the ranges of the targets."""
     _ranges(panel, shown)
     if len(shown) > 1:
         across, up = (published[target.name] for target in shown)
@@ -84,13 +84,13 @@ def _one_definition(
 
 
 def _published(sets: pd.DataFrame, shown: list[Target]) -> pd.DataFrame:
-    """Published values of each set: the value found less the difference."""
+    """Return the published values of each set: the value found less the difference."""
     published = sets[sets["kind"] == "published"].drop_duplicates("set")
     return pd.DataFrame({t.name: published[t.name] - published[derived(t.name, "difference")] for t in shown})
 
 
 def _ranges(panel: Axes, shown: list[Target]) -> None:
-    """The ranges of the feasible piles: a box for two targets, a band for one."""
+    """Draw the ranges of the feasible piles: a box for two targets, a band for one."""
     look = {"facecolor": "0.9", "edgecolor": "0.6", "linewidth": 0.6}
     if len(shown) == 1:
         panel.axvspan(shown[0].low, shown[0].high, **look)

@@ -46,12 +46,12 @@ def what_to_measure_next(inputs: Mapping[str, str], config: Mapping[str, Any]) -
 
 
 def _case(percent):
-    """A discrepancy in words."""
+    """Put a discrepancy in words."""
     return "the simulator exact" if percent == 0 else f"{percent:g} % discrepancy"
 
 
 def _short(percent):
-    """A discrepancy in a word."""
+    """Name a discrepancy in a word."""
     return "exact" if percent == 0 else f"{percent:g} %"
 
 

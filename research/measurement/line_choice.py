@@ -47,7 +47,7 @@ def facts(
     height: Target,
     published: Sequence[Mapping[str, Any]] = (),
 ) -> pd.DataFrame:
-    """What the rule reads of each line, a row each.
+    """Tabulate what the rule reads of each line, a row each.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def facts(
 def chosen(
     table: pd.DataFrame, farthest_sd: float = FARTHEST_SD, least_p: float = LEAST_P
 ) -> tuple[str | None, list[str]]:
-    """The line that the rule chooses of `facts`, None if no line passes, and the lines that pass 1 and 2."""
+    """Choose a line of `facts` by the rule, None if no line passes; also returns the lines that pass 1 and 2."""
     passed = table[(table["off_sd"].abs() <= farthest_sd) & (table["scatter_p"] >= least_p)]
     if passed.empty:
         return None, []
@@ -108,7 +108,7 @@ def chosen(
 
 
 def verdicts(table: pd.DataFrame) -> pd.DataFrame:
-    """The choice by every limit of `OTHER_SD` and `OTHER_P`."""
+    """Choose by every limit of `OTHER_SD` and `OTHER_P`."""
     rows = []
     for sd in OTHER_SD:
         for p in OTHER_P:
@@ -118,5 +118,5 @@ def verdicts(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def best_told_apart(table: pd.DataFrame) -> str:
-    """The line for one's own photographs, which the same code measures: the largest ratio over all views."""
+    """Choose the line for one's own photographs, which the same code measures: the largest ratio over all views."""
     return str(table.loc[table["ratio"].idxmax(), "line"])

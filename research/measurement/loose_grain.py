@@ -40,7 +40,7 @@ def shifts(heaps: Sequence[str | Path], particle: Particle, settings: pile.Measu
 def grains_beside(
     poured: Mapping[str, np.ndarray], particle: Particle
 ) -> Iterator[tuple[str, str, dict[str, np.ndarray]]]:
-    """The pile with one grain more: place, attitude and arrays, for each direction at the foot and on the crest."""
+    """Yield the pile with one grain more: place, attitude and arrays, for each direction at foot and crest."""
     members = np.asarray(poured["in_pile"], bool)
     centres, quaternions = (np.asarray(poured[key], float)[members] for key in ("position", "quaternion"))
     top = int(centres[:, 2].argmax())

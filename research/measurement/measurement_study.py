@@ -50,7 +50,7 @@ SHAPE_SEED = 1
 def tables_of(
     piles: pd.DataFrame, fixed: pd.DataFrame, particle: Particle, settings: pile.MeasureSettings, shapes: int = 8
 ) -> dict[str, pd.DataFrame]:
-    """The tables ``noise``, ``correlation``, ``pour_correlation`` and ``bias``.
+    """Make the tables ``noise``, ``correlation``, ``pour_correlation`` and ``bias``.
 
     `piles` are those of the design, `fixed` those of one parameter set, both from `measured_piles`. `settings` need the
     height of a berry; `shapes` is the number of piles of each known shape and angle.
@@ -173,7 +173,7 @@ def noise_table(piles: pd.DataFrame, fixed: pd.DataFrame) -> pd.DataFrame:
 
 
 def spreads(piles: pd.DataFrame, name: str) -> tuple[float, float]:
-    """Standard deviation within a sample, from seed to seed, and between the samples' noise-free means.
+    """Estimate the standard deviation within a sample, from seed to seed, and between the samples' noise-free means.
 
     One-way analysis of variance: within^2 is the mean of the samples' variances weighted by their degrees of
     freedom; the variance of the samples' means is that of the noise-free means plus the mean of within^2 / n.

@@ -48,7 +48,7 @@ script = Script("responses", __doc__)
 
 @script.part("measure", "results/responses/runs.csv", *PILES)
 def measure(args, config):
-    """Measure further responses of saved pours: profile, packing, loose berries, discharge time."""
+    """Measure further responses of saved pours: profile, packing, loose grains, discharge time."""
     particle, berry = Particle.load(args.particle), read_berry(args.berry)
     table = saved_piles.run(config, args.pours, args.runs, particle, berry, args.out)
     return table[list(MEASURED)].describe().round(2).to_string()
@@ -120,7 +120,7 @@ def _over_design(args, config):
 
 
 def _share(entry, known):
-    """The discrepancy of one response, by its name; InputError for another response or number."""
+    """Read the discrepancy of one response, by its name; InputError for another response or number."""
     name, _, text = entry.partition("=")
     if name not in known:
         raise InputError("command line", f"--discrepancy {name}", text, f"a response of {', '.join(known)}")

@@ -22,7 +22,7 @@ Predict = Callable[[np.ndarray], np.ndarray]
 
 
 def fitted(X: np.ndarray, known: Known, settings: Mapping[str, Any]) -> Predict:
-    """A surrogate of one response on all samples that have it: from parameter sets (n, 6) to the response (n,).
+    """Fit a surrogate of one response on all samples that have it: from parameter sets (n, 6) to the response (n,).
 
     X (samples, 6) are parameters; `settings` holds ``surrogate``, its name, and the settings of that surrogate.
     """
@@ -81,10 +81,10 @@ class Surrogates(NamedTuple):
 
 
 def _without(known, hidden):
-    """A response over the samples that are not hidden."""
+    """Take a response over the samples that are not hidden."""
     return known._replace(mean=np.where(hidden, np.nan, known.mean))
 
 
 def _together(models):
-    """A single function for all responses."""
+    """Make a single function for all responses."""
     return lambda points: np.column_stack([model(points) for model in models])

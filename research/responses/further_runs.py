@@ -57,7 +57,7 @@ def read_jobs(paths: Iterable[str | Path], samples: np.ndarray) -> dict[str, pd.
 
 
 def with_jobs(data: Data, samples: np.ndarray, jobs: dict[str, pd.DataFrame], source: object = "runs") -> Data:
-    """The data with the responses of further bench tests; a response that the data have already stays as it is.
+    """Add the responses of further bench tests; a response that the data have already stays as it is.
 
     `samples` (m,) are the numbers of the data's samples in their order; `jobs` come from `read_jobs`. InputError, which
     names `source`, if too few samples of a bench test have two good runs for an estimate of the noise.

@@ -76,7 +76,7 @@ class Prior:
     def posterior(
         self, observed: np.ndarray, columns: Sequence[int], covariance: np.ndarray
     ) -> tuple[float, np.ndarray, np.ndarray, float]:
-        """Result of `summary` for an observation of some responses.
+        """Return the result of `summary` for an observation of some responses.
 
         `observed` (k,) and `covariance` (k, k) are of all responses; `columns` are the numbers of the observed ones.
         """

@@ -136,7 +136,7 @@ def _score(prior, tests, chosen, count):
 
 
 def _row(space, prior, tests, chosen, found, count, wide):
-    """The row of a set: bits, minutes, widths of all parameters."""
+    """Make the row of a set: bits, minutes, widths of all parameters."""
     widths = found["widths"] * prior.widths
     approximate = approximate_widths(prior, tests.of(chosen), tests.covariance)
     minutes = sum(tests.minutes[name] for name in chosen)
@@ -151,13 +151,13 @@ def _row(space, prior, tests, chosen, found, count, wide):
 
 
 def _sorted(rows, column, ascending):
-    """A table in the order of a column."""
+    """Sort a table by a column."""
     table = pd.DataFrame(rows)
     return table.sort_values(column, ascending=ascending, kind="stable").reset_index(drop=True)
 
 
 def message(tables: Mapping[str, pd.DataFrame], summary: Mapping[str, Any]) -> str:
-    """The study in words."""
+    """Put the study in words."""
     lines = [
         f"{row.set}: {row.bits:.2f} ± {row.bits_se:.2f} bits, {row.gain_bits:.2f} beside the targets"
         for row in tables["tests"].itertuples()

@@ -16,7 +16,7 @@ from research.responses.responses_over_design import Data
 def prior_points(
     space: ParameterSpace, settings: Mapping[str, Any], predict: Callable[[np.ndarray], np.ndarray]
 ) -> information.Prior:
-    """A Sobol sequence over the prior, with predictions.
+    """Draw a Sobol sequence over the prior, with predictions.
 
     `settings` holds ``points`` and ``seed``; `predict` maps parameter sets (n, 6) to responses (n, k).
     """

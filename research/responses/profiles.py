@@ -157,7 +157,7 @@ def _discrepancy(percent, correlated, centre, directions, own, known, settings):
 
 
 def message(tables: Mapping[str, pd.DataFrame], summary: Mapping[str, Any]) -> str:
-    """The study in words."""
+    """Put the study in words."""
     lines = [f"{summary['components']} components of the profile have a surrogate"]
     for row in tables["information"].itertuples():
         label = response(row.set).label if row.set in TWO_NUMBERS else row.set

@@ -13,7 +13,7 @@ OF_THE_PILE = {"radius_90_mm": ABOVE, "loose_percent": LOOSE, "packing_percent":
 WAYS = {
     PROFILE: "profile, same photographs",
     ABOVE: "picture from above",
-    LOOSE: "loose berries, counted",
+    LOOSE: "loose grains, counted",
     PACKING: "packing, with a balance",
     STOPWATCH: "time of the pour",
     "drum": "drum, its first slip",
@@ -30,7 +30,7 @@ def base_label(responses: Sequence[Response]) -> str:
 
 
 def sets_of(names: Sequence[str], responses: Sequence[Response]) -> dict[str, tuple[str, ...]]:
-    """Sets of responses to compare, by label; `names` are all modelled responses, `responses` those of the targets.
+    """List sets of responses by label; `names` are all modelled responses, `responses` those of the targets.
 
     The first target alone (where there are several), the targets, and the targets with each further response. Then the
     targets with all responses of the pile, and with all responses (where some are not of the pile).
@@ -69,7 +69,7 @@ def ways_of(names: Sequence[str], base: Sequence[str]) -> dict[str, tuple[str, .
 
 
 def minutes_of(way: str, minutes: Mapping[str, float]) -> float:
-    """An experimenter's work for a way [minutes], all repetitions together.
+    """Count an experimenter's work for a way [minutes], all repetitions together.
 
     `minutes` is `second_responses.minutes` of the configuration; InputError if it lacks the way.
     """

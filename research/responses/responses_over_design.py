@@ -74,7 +74,7 @@ def _means(values, groups, samples, within):
 
 
 def read(runs_csv: str | Path, dataset_csv: str | Path, targets: Targets, definition: str) -> Data:
-    """The study's data, of the pile alone.
+    """Read the study's data, of the pile alone.
 
     `runs_csv` is of `saved_piles.run`, `definition` is `measure.response`. InputError if fewer than 12 samples
     can be used, or too few samples have two runs.
@@ -116,7 +116,7 @@ def noise_correlation(runs: pd.DataFrame, names: Sequence[str]) -> np.ndarray:
 
 
 def trained(X: np.ndarray, known: Known, settings: Mapping[str, Any]) -> BayesianBP:
-    """A network of one response on all samples that have it; X (samples, 6) are parameters.
+    """Train a network of one response on all samples that have it; X (samples, 6) are parameters.
 
     `settings` holds ``hidden``, ``epochs``, ``starts`` and ``seed``.
     """

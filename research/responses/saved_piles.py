@@ -38,7 +38,7 @@ def of_pours(
 
 
 def joined(runs: pd.DataFrame, found: Mapping[tuple[int, int], Mapping[str, float]]) -> pd.DataFrame:
-    """The table of runs with the columns of `MEASURED`, NaN for runs without a result.
+    """Add the columns of `MEASURED` to the table of runs, NaN for runs without a result.
 
     `runs` has ``sample``, ``seed`` and, with several bench tests, ``apparatus``; `found` comes from `of_pours`.
     """
@@ -78,12 +78,12 @@ def run(
 
 
 def _of_the_pile(runs):
-    """True for each run of the funnel; for all runs if there is only one bench test."""
+    """Mark each run of the funnel; all runs if there is only one bench test."""
     return runs["apparatus"] == BENCH if "apparatus" in runs else pd.Series(True, index=runs.index)
 
 
 def _or_nothing(saved, particle, settings, plate_mm):
-    """The responses of a pour; empty without a pile."""
+    """Measure the responses of a pour; empty without a pile."""
     try:
         return of_pour(saved, particle, settings, plate_mm)
     except NoFlankError:

@@ -134,7 +134,7 @@ def modelled(data: Data, base: Sequence[str], settings: Mapping[str, Any]) -> Mo
 
 
 def prior_of(data: Data, names: Sequence[str], space: ParameterSpace, settings: Mapping[str, Any]) -> information.Prior:
-    """A Sobol sequence over the prior and the predictions there of networks trained on all samples."""
+    """Draw a Sobol sequence over the prior, with the predictions there of networks trained on all samples."""
     models = [trained(data.X, data.known[name], settings) for name in names]
     return prior_points(space, settings, lambda points: np.column_stack([model.predict(points) for model in models]))
 
@@ -160,7 +160,7 @@ def observed_covariance(
 
 
 def message(tables: Mapping[str, pd.DataFrame], summary: Mapping[str, Any]) -> str:
-    """The next measurement to make, in words."""
+    """Put the next measurement to make in words."""
     rows = tables["information"]
     rows = rows[rows["discrepancy_percent"] == rows["discrepancy_percent"].iloc[0]]
     single = rows[rows["set"].isin(summary["modelled"])].sort_values("gain_bits", ascending=False, kind="stable")
@@ -180,7 +180,7 @@ def message(tables: Mapping[str, pd.DataFrame], summary: Mapping[str, Any]) -> s
 
 
 def _row(name, known, predicted, is_modelled):
-    """The row of responses.csv of one response."""
+    """Make the row of responses.csv of one response."""
     row = {"response": name, "source": source_of(name), **known.row}
     row |= {"modelled": is_modelled, "r2": None, "r2_noise_corrected": None, "rmse": None}
     if predicted is not None:
@@ -192,7 +192,7 @@ def _row(name, known, predicted, is_modelled):
 
 
 def _information(percent, label, found, base):
-    """The row of information.csv of one set."""
+    """Make the row of information.csv of one set."""
     row = {"discrepancy_percent": percent, "set": label, "bits": found["bits"], "bits_se": found["bits_se"]}
     if base is not None:
         gain = found["all"] - base["all"]
@@ -202,7 +202,7 @@ def _information(percent, label, found, base):
 
 
 def _way(percent, way, responses, found, base, minutes):
-    """The row of ways.csv of one way to get further responses."""
+    """Make the row of ways.csv of one way to get further responses."""
     gain, work = found["all"] - base["all"], minutes_of(way, minutes)
     row = {"discrepancy_percent": percent, "way": way, "responses": " ".join(responses), "minutes": work}
     row |= {"gain_bits": gain.mean(), "gain_se_bits": gain.std(ddof=1) / math.sqrt(len(gain))}
@@ -210,7 +210,7 @@ def _way(percent, way, responses, found, base, minutes):
 
 
 def _narrowing(percent, label, found, base, free):
-    """The rows of narrowing.csv of one set, one for each free parameter."""
+    """Make the rows of narrowing.csv of one set, one for each free parameter."""
     rows = []
     for k, name in enumerate(free):
         row = {"discrepancy_percent": percent, "set": label, "parameter": name}

@@ -11,7 +11,7 @@ script = Script("shape", __doc__)
 
 
 def depends_on(config, apparatus):
-    """Settings that a cell depends on; `config` is its own, without other cells' settings."""
+    """List the settings that a cell depends on; `config` is its own, without other cells' settings."""
     found = stands_on.pouring(config) | stands_on.pouring(config, "cylinder")
     found |= stands_on.sections(config, "measure", "targets") | stands_on.measuring(config, "cylinder")
     return found | stands_on.settings_of(config, "berry") | stands_on.settings_of(config, "published_solutions")

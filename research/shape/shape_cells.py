@@ -78,7 +78,7 @@ def check(config: Config, source: str = "configuration") -> None:
 
 
 def changed(config: Config, section: str, changes: Mapping[str, Any]) -> dict[str, Any]:
-    """A copy of the configuration with some keys of a section changed."""
+    """Copy the configuration with some keys of a section changed."""
     other = copy.deepcopy(dict(config))
     other[section] = other[section] | changes
     return other
@@ -113,7 +113,7 @@ def parameter_sets(config: Config, samples_csv: str | Path, kind: str) -> pd.Dat
 
 
 def published_sets(config: Config) -> pd.DataFrame:
-    """The published solutions, the representative last, with the published numbers of their piles.
+    """Read the published solutions, the representative last, with the published numbers of their piles.
 
     For a solution without a published pile the values of the physical pile are taken, which it nearly meets.
     """
@@ -161,7 +161,7 @@ def cell_settings(config: Config, cell: str) -> tuple[str, dict[str, str], dict[
 
 
 def dependencies(config: Config, cell: str) -> dict[str, Any]:
-    """Settings on which the pours and measurements of a cell depend."""
+    """List the settings on which the pours and measurements of a cell depend."""
     kind, _, own = cell_settings(config, cell)
     seeds = [KINDS.get(kind, SENSITIVITY)[0], *(["design_samples"] if kind == "design" else [])]
     found = {key: own["shape_study"][key] for key in seeds} | {"seed": own["design"]["seed"]}

@@ -59,7 +59,7 @@ def sha256() -> str:
 
 
 def particle_row(about: Mapping[str, Any], mass_g: float, density_kg_m3: float) -> dict[str, Any]:
-    """A particle beside the measured berry, and whether it is one (1).
+    """Compare a particle with the measured berry, and say whether it is one (1).
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def packs_like_a_fruit(packing: float, standard_error: float) -> bool:
 
 
 def finalists(combinations: pd.DataFrame, particles: pd.DataFrame) -> pd.DataFrame:
-    """The combinations that are poured again (4, 7, 8).
+    """Choose the combinations that are poured again (4, 7, 8).
 
     Parameters
     ----------
@@ -192,7 +192,7 @@ def reached(means: pd.DataFrame, angle: Target, height: Target) -> dict[str, Any
 
 
 def choice(rows: Sequence[Mapping[str, Any]], definitions: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """What the study chooses (6, 7, 8).
+    """Say what the study chooses (6, 7, 8).
 
     Parameters
     ----------

@@ -78,7 +78,7 @@ def poured(
 
 
 def _one_pour(config, kind, parameters, seed, particle, berry, path):
-    """The record of one pour with its measurements."""
+    """Make the record of one pour with its measurements."""
     from repose.apparatus import bench
 
     test = bench(CYLINDER if kind == "bulk" else BENCH)
@@ -148,7 +148,7 @@ def run_cell(config: Config, cell: str, berry_json: str | Path, samples_csv: str
 
 
 def read_cells(config: Config, cell_csvs: Iterable[str | Path]) -> shape_tables.Study:
-    """The study of some cells, from the CSV files of `run_cell` and the JSON files beside them."""
+    """Read the study of some cells from the CSV files of `run_cell` and the JSON files beside them."""
     targets, paths = compared_targets(config), [Path(path) for path in cell_csvs]
     columns = shape_tables.run_columns(targets)
     runs = pd.concat([read_table(path, columns) for path in paths], ignore_index=True)

@@ -181,7 +181,7 @@ def combination_table(sets: pd.DataFrame, targets: Sequence[Target]) -> pd.DataF
 
 
 def judged(combinations: pd.DataFrame, piles: pd.DataFrame, particles: pd.DataFrame) -> pd.DataFrame:
-    """Combinations with the rule's criteria of particle and pile, those that fulfil them first."""
+    """Judge combinations by the rule's criteria of particle and pile, those that fulfil them first."""
     wanted = ["packing", "packing_se", "share_of_piles"]
     table = combinations.merge(piles[[*CELL, *wanted]], on=CELL, how="left")
     table = table.merge(particles[["particle", "measured_berry"]], on="particle", how="left")
@@ -194,7 +194,7 @@ def judged(combinations: pd.DataFrame, piles: pd.DataFrame, particles: pd.DataFr
 
 
 def with_signal(combinations: pd.DataFrame, noise: pd.DataFrame, targets: Sequence[Target]) -> pd.DataFrame:
-    """Combinations with the signal-to-noise ratio of their angle.
+    """Add the signal-to-noise ratio of their angle to combinations.
 
     It is that of the first target, where the angle is no target.
     """
@@ -230,7 +230,7 @@ def noise_table(runs: pd.DataFrame, targets: Sequence[Target]) -> pd.DataFrame:
 
 
 def _signal_and_noise(sets):
-    """Standard deviations of the true means and of single runs, from variance, mean and number of runs of each set."""
+    """Estimate spreads of true means and of single runs, from variance, mean and number of runs of each set."""
     if len(sets) < 3:
         return math.nan, math.nan
     variance, mean, count = sets.T

@@ -41,13 +41,11 @@ def test_the_pool_grows_without_pouring_again(project):
         path.touch()
     (project / "results/quick" / LEDGER).touch()  # the folder of a study
     as_ours(project / "results/quick/pool")
-    done = snakemake(project, "pool", "--touch", "--cores", "1", *RULES)
-    assert done.returncode == 0, done.stderr
+    snakemake(project, "pool", "--touch", "--cores", "1", *RULES, status=0)
     own.write_text("pool: {fresh_samples: 8}")
     assert planned(project, "pool", *RULES)["pool_pour"] == 3
     (project / "results/quick/pool/dataset.csv").write_text("someone's")
-    done = snakemake(project, "pool", "-n", *RULES)
-    assert done.returncode == 2
+    done = snakemake(project, "pool", "-n", *RULES, status=2)
     assert "results/quick/pool/dataset.csv: content is 'something else'" in done.stderr
     shutil.rmtree(project / "results")
     shutil.rmtree(project / ".snakemake")
@@ -90,8 +88,7 @@ def test_joint_targets_run_every_further_bench_test_on_a_part_of_the_design(proj
 
 def test_the_shape_study_is_checked_when_it_is_asked_for(project):
     given = ("--config", "funnel={inlet_diameter_mm: 60, factory_diameter_mm: 50}")
-    done = snakemake(project, "shape_study", "-n", *RULES, *given)
-    assert done.returncode == 2
+    done = snakemake(project, "shape_study", "-n", *RULES, *given, status=2)
     assert "shape_study.fillings.open_cone: funnel.factory_diameter_mm is 150.0" in done.stderr
 
 

@@ -204,7 +204,7 @@ def test_further_responses_are_in_order_of_what_they_add(inputs):
     assert "S/N 1.5, R² 0.90" in labels[2]
     assert "AoR and Height alone:\n5.00 ± 0.20 bits" in words(figure)
     ways = [text.get_text() for text in figure.axes[1].get_yticklabels()]
-    assert ways == ["loose berries, counted\n20 min", "drum, its first slip\n20 min"]
+    assert ways == ["loose grains, counted\n20 min", "drum, its first slip\n20 min"]
     # both cases in every panel
     cases = [text.get_text() for text in figure.axes[2].get_xticklabels(minor=True)]
     assert cases == ["exact", "2 %"] * len(figure.axes[2].get_xticks())

@@ -73,8 +73,6 @@ TABLES = {
     "zero bytes": "{header}\n\0\0\n", "json": '{{"a": 1}}', "xml": "<table><tr><td>1</td></tr></table>",
     "quotes that do not end": '{header}\n"1,2,3\n',
 }  # fmt: skip
-
-
 PUBLISHED = "solution," + ",".join(PARAMETERS) + "\n1,.2,.5,.04,.2,.5,.2\n"
 
 
@@ -145,10 +143,12 @@ def test_a_simulation_needs_the_moduli_of_its_berry(refused, tmp_path, key):
 
 
 def test_a_file_that_was_cut(tmp_path):
+    import trimesh
+
     whole = {
         "berry.json": (berry_files.read_berry, json.dumps(BERRY).encode()),
         "particle.json": (Particle.load, json.dumps(PARTICLE).encode()),
-        "a.stl": (load_mesh, _cube()),
+        "a.stl": (load_mesh, trimesh.creation.box((20.0, 11.0, 10.0)).export(file_type="stl")),
     }
     rng = np.random.default_rng(1)
     files.write_npz(tmp_path / "a.npz", {"position_1": rng.normal(size=(50, 3))})
@@ -164,12 +164,6 @@ def test_a_file_that_was_cut(tmp_path):
 
     shares = (0.0, 0.01, 0.2, 0.5, 0.9, 0.99)
     check_all(check, [(f"{name} {share}", name, share) for name in whole for share in shares])
-
-
-def _cube():
-    import trimesh
-
-    return trimesh.creation.box((20.0, 11.0, 10.0)).export(file_type="stl")
 
 
 def answer(read, path):

@@ -33,35 +33,26 @@ def resolved(schema):
     return found | {"type": [found["type"], "null"]} if NULL in schema["anyOf"] else found
 
 
-def is_section(schema):
-    """Whether a schema is that of a section whose keys are known."""
-    return "properties" in schema
-
-
-def is_checked(schema):
-    """Whether a schema says which values are allowed; the sections of the research have any keys."""
-    return is_section(schema) or schema.get("type") != "object"
-
-
-def leaves(schema, prefix=""):
-    """Pairs (dotted key, schema) of everything that is no section."""
+def entries(schema, prefix=""):
+    """Pairs (dotted key, schema) of all keys, those of a section after it."""
     for key, child in schema["properties"].items():
         child, name = resolved(child), f"{prefix}{key}"
-        if is_section(child):
-            yield from leaves(child, f"{name}.")
-        elif name == "targets":
-            yield name, child
-            for key_of_target, one in resolved(child["items"])["properties"].items():
-                yield f"targets.0.{key_of_target}", resolved(one)
-        elif is_checked(child):
-            yield name, child
+        yield name, child
+        if "properties" in child:
+            yield from entries(child, f"{name}.")
 
 
-def sections(schema, prefix=""):
-    for key, child in schema["properties"].items():
-        if is_section(resolved(child)):
-            yield f"{prefix}{key}"
-            yield from sections(resolved(child), f"{prefix}{key}.")
+def leaves():
+    """Entries with values, so neither sections nor those of the research, which have any keys; and keys of a target."""
+    found = {
+        key: one for key, one in entries(faults.schema()) if "properties" not in one and one.get("type") != "object"
+    }
+    of_target = resolved(found["targets"]["items"])["properties"]
+    return [*found.items(), *((f"targets.0.{key}", resolved(schema)) for key, schema in of_target.items())]
+
+
+def sections():
+    return [name for name, schema in entries(faults.schema()) if "properties" in schema]
 
 
 def bad_values(schema):
@@ -101,10 +92,6 @@ def faults_of(config):
     return {fault.key: fault for fault in found}
 
 
-def with_value(key, value):
-    return put(good(), key, value)
-
-
 def test_every_key_refuses_what_it_cannot_take():
     def check_reported(keys):
         config = good()
@@ -115,7 +102,7 @@ def test_every_key_refuses_what_it_cannot_take():
         assert not missed
 
     kinds = {}
-    for key, schema in leaves(faults.schema()):
+    for key, schema in leaves():
         for wrong, value in bad_values(schema):
             if not (key.startswith("targets.0.") and wrong in ("empty", "a line")):
                 # a list that is replaced has no entries of its own to break
@@ -124,8 +111,7 @@ def test_every_key_refuses_what_it_cannot_take():
 
 
 OPTIONAL = (
-    "simulation.contact_law",
-    "simulation.rolling_law",
+    *("simulation.contact_law", "simulation.rolling_law"),
     *("lifted_cylinder.berries", "lifted_cylinder.filling_height_mm"),
     *("figures.format", "figures.dpi", "turning.tilt_deg", "cylinder.taps", "cylinder.tap_mm"),
     *(f"parameters.{name}" for name in FURTHER),
@@ -137,12 +123,11 @@ def test_every_missing_key_is_reported():
     def missing(key):
         config = good()
         section, _, last = key.rpartition(".")
-        del (at(config, section) if section else config)[last]
+        del at(config, section)[last]
         assert "the key is missing" in faults_of(config)[key].allowed
 
-    schema = faults.schema()
-    required = [key for key, _ in leaves(schema) if not key.startswith("targets.") and key not in OPTIONAL]
-    required += [name for name in sections(schema) if name in schema["required"]]
+    required = [key for key, _ in leaves() if not key.startswith("targets.") and key not in OPTIONAL]
+    required += [name for name in sections() if name in faults.schema()["required"]]
     check_all(missing, [(key, key) for key in required])
 
 
@@ -150,19 +135,19 @@ def test_an_unknown_key_is_reported_in_every_section():
     def unknown(section, extra):
         key = f"{section}.{extra}" if section else str(extra)
         config = good()
-        (at(config, section) if section else config)[extra] = 1
+        at(config, section)[extra] = 1
         assert "a known key" in faults_of(config)[key].allowed
 
-    places = ("", *sections(faults.schema()), "targets.0")
+    places = ("", *sections(), "targets.0")
     extras = ("no_such_key", "", "seeds ", 3)
     check_all(unknown, [(f"{place} {extra!r}", place, extra) for place in places for extra in extras])
 
 
 def test_every_section_is_a_mapping_and_all_faults_and_contradictions_are_reported_at_once():
     def refused(section, value):
-        assert section in faults_of(with_value(section, value))
+        assert section in faults_of(put(good(), section, value))
 
-    cases = [(section, value) for section in sections(faults.schema()) for value in (None, [], "text", 3)]
+    cases = [(section, value) for section in sections() for value in (None, [], "text", 3)]
     check_all(refused, [(f"{section} {value!r}", section, value) for section, value in cases])
     config = good()
     keys = ("funnel.seeds", "simulation.gravity_m_s2", "label", "miga.islands", "targets.0.sd", "drum.no_such_key")
@@ -209,13 +194,6 @@ def test_text_that_is_no_configuration(refused, tmp_path):
     check_all(check, [(text[:40], text) for text in NO_CONFIGURATIONS])
 
 
-def aliases(levels):
-    """A YAML file in which each list holds the one before nine times."""
-    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x]"]
-    lines += [f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]" for k in range(1, levels)]
-    return "\n".join(lines)
-
-
 @pytest.mark.parametrize("text", [b"null: 3\n", b"~: 3\n", b"1.5: 3\n", b"funnel: {null: 3}\n", b"funnel: {1.5: 3}\n"])
 def test_a_key_that_is_no_text_is_answered(text, tmp_path):
     (tmp_path / "odd.yaml").write_bytes(text)
@@ -223,24 +201,21 @@ def test_a_key_that_is_no_text_is_answered(text, tmp_path):
 
 
 def test_aliases_that_multiply_end_in_a_short_message_at_once_and_plain_ones_are_fine(refused, tmp_path):
-    for levels in (4, 5, 6, 9, 60):
-        (tmp_path / "mine.yaml").write_text(aliases(levels))
+    for levels in (4, 5, 6, 9, 60):  # each list holds the one before nine times
+        lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x]"]
+        lines += [f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]" for k in range(1, levels)]
+        (tmp_path / "mine.yaml").write_text("\n".join(lines))
         message = refused("check", "--config", "mine.yaml")
         assert len(message) < 10_000, levels
         assert ("every alias is replaced" in message) == (levels > 5), levels
     assert parse("a: &a {b: [1, 2]}\nc: [*a, *a]", "mine.yaml")["c"] == [{"b": [1, 2]}] * 2
 
 
-def nested(levels):
-    """A list in a list, each ten times."""
-    value = ["x"]
-    for _ in range(levels):
-        value = [value] * 10
-    return value
-
-
 def test_a_message_shows_a_large_value_in_part_and_a_small_one_as_it_is():
-    for value in (nested(40), ["x" * 9] * 10**5, {"a": nested(40)}, "x" * 10**6, 10**4000):
+    nested = ["x"]
+    for _ in range(40):
+        nested = [nested] * 10
+    for value in (nested, ["x" * 9] * 10**5, {"a": nested}, "x" * 10**6, 10**4000):
         for kind in (InputError, YamlError):
             assert len(str(kind("mine.yaml", "key", value, "a number"))) < 600
     for value in ("text", 1.5, None, [31, 34], {"b": [1, 2], "a": 2.5}, [[1, 2], [3, 4]]):

@@ -21,31 +21,13 @@ NEEDED = {
     **{verb: ["--sample", "1"] for verb in ("pour", "heap", "drum")},
 }  # fmt: skip
 INPUTS_OF_A_FIGURE = ("predictions", "dataset")
-
-
 GARBAGE = {
-    "empty": b"",
-    "binary": bytes(range(256)) * 4,
-    "utf16": '{"label": "x"}'.encode("utf-16"),
-    "null": b"null",
-    "list": b"[1, 2]",
-    "number": b"3.5",
-    "cut": b'{"label": "mine", "runs": [{"seed": 1, "sta',
-    "header": b"sample,e_gg\n",
-    "zeros": b"\0" * 100,
+    "empty": b"", "binary": bytes(range(256)) * 4, "utf16": '{"label": "x"}'.encode("utf-16"), "null": b"null",
+    "list": b"[1, 2]", "number": b"3.5", "cut": b'{"label": "mine", "runs": [{"seed": 1, "sta',
+    "header": b"sample,e_gg\n", "zeros": b"\0" * 100,
     "deep": b"[" * 1200,  # above Python's limit of 1000; the time grows with its square
     "words": b"these are only some words\nand more of them, with a comma\n",
-}
-
-
-@pytest.fixture
-def garbage(tmp_path):
-    """Paths of what no verb can read, by kind: a missing file, a folder, and files with wrong content."""
-    paths = {kind: tmp_path / f"{kind}.json" for kind in ("missing", "folder", *GARBAGE)}
-    paths["folder"].mkdir()
-    for kind, content in GARBAGE.items():
-        paths[kind].write_bytes(content)
-    return paths
+}  # fmt: skip
 
 
 def files_of(verb):
@@ -57,32 +39,35 @@ def files_of(verb):
             yield name, keywords
 
 
+def call_of(name, path, every=True):
+    """Words of a verb with this path for its files; without `every` for those that it needs."""
+    words = [name, *NEEDED.get(name, [])]
+    for option, keywords in files_of(VERBS[name]):
+        if not option.startswith("-"):
+            words.append(str(path))
+        elif every or keywords.get("required"):
+            words.append(f"{option}={path}")
+    return words + [f"--input={key}={path}" for key in INPUTS_OF_A_FIGURE if name == "figure"]
+
+
 # What these read has its own tests: any file has a provenance, and a report takes files by name.
 ELSEWHERE = ("run", "provenance", "report")
 READING = sorted(name for name, verb in VERBS.items() if name not in ELSEWHERE and any(files_of(verb)))
 
 
-def test_verbs_refuse_files_and_configurations_that_they_cannot_read(refused, garbage):
+def test_verbs_refuse_files_and_configurations_that_they_cannot_read(refused, tmp_path):
+    garbage = {kind: tmp_path / f"{kind}.json" for kind in ("missing", "folder", *GARBAGE)}
+    garbage["folder"].mkdir()
+    for kind, content in GARBAGE.items():
+        garbage[kind].write_bytes(content)
+
     def check(name, path):
-        words = [name, *NEEDED.get(name, [])]
-        for option, _ in files_of(VERBS[name]):
-            words += [f"{option}={path}"] if option.startswith("-") else [str(path)]
-        if name == "figure":
-            words += [f"--input={key}={path}" for key in INPUTS_OF_A_FIGURE]
-        assert path.stem in refused(*words)
+        assert path.stem in refused(*call_of(name, path))
 
     check_all(check, [(f"{name} {kind}", name, path) for name in READING for kind, path in garbage.items()])
 
     def check(name, config):
-        words = [name, *NEEDED.get(name, []), f"--config={config}"]
-        for option, keywords in files_of(VERBS[name]):
-            if not option.startswith("-"):
-                words.append("some_file")
-            elif keywords.get("required"):
-                words.append(f"{option}=some_file")
-        if name == "figure":
-            words += [f"--input={key}=some_file" for key in INPUTS_OF_A_FIGURE]
-        message = refused(*words)
+        message = refused(*call_of(name, "some_file", every=False), f"--config={config}")
         assert config.stem in message or "some_file" in message
 
     del garbage["header"]  # a line of text, which YAML takes for a value
@@ -95,10 +80,7 @@ WITH_CONFIG = sorted(name for name, verb in VERBS.items() if any("--config" in o
 
 def test_what_options_are_not_there_or_cannot_take(refused):
     def check(name):
-        verb = VERBS[name]
-        needed = ["some_file" for option, _ in files_of(verb) if not option.startswith("-")]
-        needed += [f"{option}=some_file" for option, words in files_of(verb) if words.get("required")]
-        assert "--no-such-option" in refused(name, *NEEDED.get(name, []), *needed, "--no-such-option")
+        assert "--no-such-option" in refused(*call_of(name, "some_file", every=False), "--no-such-option")
 
     check_all(check, [(name, name) for name in sorted(set(VERBS) - {"run"})])
     check_all(lambda words: refused(*words), [(" ".join(words), words) for words in BAD_VALUES])
@@ -146,7 +128,6 @@ BAD_VALUES = (
     ["marker", "--out=sheet.png"],
     *([], ["no_such_verb"], ["--no-such-option"], ["Heap"], [""]),
 )
-
 
 CARD = Path(__file__).parents[2] / "crops/cards/wheat.json"
 

@@ -30,11 +30,8 @@ PROGRAMS = (
     *("repose", "python", "python3", "snakemake", "snakedeploy", "pytest", "pip", "cp", "cd", "mkdir", "export"),
     *("docker", "apptainer", "apt-get", "tests/cluster/run.sh", "npm", "npx"),
 )
-DOCUMENTS = (
-    "*.md",
-    *(f"{folder}/**/*.md" for folder in ("benchmarks", "config", "crops", "docs", "examples", "research")),
-)
-DOCUMENTS += ("resources/*.md", "src/**/*.md", "tests/**/*.md")
+FOLDERS = ("benchmarks", "config", "crops", "docs", "examples", "research", "src", "tests")
+DOCUMENTS = ("*.md", "resources/*.md", *(f"{folder}/**/*.md" for folder in FOLDERS))
 INDENTED = re.compile(r"^ {4,}(\S.*)$")
 ASKS = "repose card check "  # its status 3 says that the targets are not met, as those of a small run may be
 SAVED = re.compile(r"[Ss]ave this as `([^`]+)`")

@@ -1,14 +1,11 @@
 """The commands of the documents are known and run; cells of their tables are short."""
 
 import re
-import subprocess
-import sys
-from pathlib import Path
 
 import commands
 import pytest
 import yaml
-from shared import check_all
+from shared import check_all, run_python
 
 TABLE = yaml.safe_load(commands.TABLE.read_text())
 KINDS = ("quick", "full", "left_out")
@@ -57,10 +54,7 @@ def test_files_commands_and_pictures_of_a_page_come_in_their_order():
 @pytest.mark.essential
 @pytest.mark.slow
 def test_the_quick_commands_run():
-    script = Path(commands.__file__)
-    done = subprocess.run([sys.executable, script], capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "README.md" in done.stdout
+    assert "README.md" in run_python(commands.__file__)
 
 
 def test_a_command_that_fails_is_named_with_its_page(tmp_path):

@@ -5,12 +5,9 @@ was finished may be made again. What happened is written to tests/faults/table.m
 """
 
 import argparse
-import base64
-import json
 import math
 import os
 import random
-import re
 import resource
 import shutil
 import signal
@@ -18,17 +15,12 @@ import subprocess
 import sys
 import tempfile
 import time
+from contextlib import closing
 from pathlib import Path
 
 import forked
+from forked import TARGETS, Study, compared
 
-ROOT = forked.ROOT
-COMMAND = ("--cores", "1", "--quiet", "rules", "--configfile", "config/quick.yaml", "tiny.yaml")
-TARGETS = ("validate", "measure")
-PARTS = ("Snakefile", "config", "profiles", "resources", "workflow")
-# In these an equal run has others: how long jobs took and what they printed. Names with a dot are locks and ledgers;
-# NAME.PROCESS.part is what a job that was killed had begun to write, and nothing reads it.
-APART = ("logs", "benchmarks", "timings")
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
 MORE_FILES = 25  # a kill comes after fewer: kills fall on all stages, on a busy machine, too
 FORCED = ("design", "pour", "measure_runs", "network", "solutions")
@@ -46,111 +38,20 @@ LOST = (
 )
 
 
-class Study:
-    def __init__(self, folder, jobs):
-        self.folder, self.jobs, self.log = Path(folder), jobs, Path(f"{folder}.log")
-        self.targets, self.more = TARGETS, ()
-
-    def prepared(self):
-        for part in PARTS:
-            source, place = ROOT / part, self.folder / part
-            place.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copytree(source, place) if source.is_dir() else shutil.copy(source, place)
-        shutil.copy(Path(__file__).with_name("tiny.yaml"), self.folder)
-        return self
-
-    def copied_to(self, folder):
-        other = Study(folder, self.jobs)
-        other.targets = self.targets
-        subprocess.run(["cp", "-a", f"{self.folder}/.", folder], check=True)
-        return other
-
-    def start(self, *forced):
-        words = ("--forcerun", *forced) if forced else ()
-        words = (*words, *COMMAND, *self.more, "--", *self.targets)
-        return forked.start_workflow(self.folder, self.jobs, words, self.log)
-
-    def run(self, *forced):
-        """Run the workflow to its end; its exit status."""
-        return os.waitstatus_to_exitcode(os.waitpid(self.start(*forced), 0)[1])
-
-    def results(self):
-        top = self.folder / "results"
-        return {
-            str(path.relative_to(top)): path.read_bytes()
-            for path in sorted(top.rglob("*"))
-            if path.is_file()
-            and not path.name.startswith(".")
-            and path.suffix != ".part"
-            and not set(APART) & set(path.parts)
-        }
-
-    def finished(self):
-        """Files of jobs that snakemake recorded as finished, and kept runs: when and where each was written."""
-        records = self.folder / ".snakemake"
-        names = {
-            kind: {base64.urlsafe_b64decode(path.name).decode() for path in (records / kind).glob("*")}
-            for kind in ("metadata", "incomplete")
-        }
-        paths = {self.folder / name for name in names["metadata"] - names["incomplete"]}
-        paths |= {path for path in (self.folder / "results").rglob("runs/*.npz")}
-        return {path: (path.stat().st_ino, path.stat().st_mtime_ns) for path in paths if path.exists()}
-
-    def last_words(self):
-        """The last line that the workflow printed."""
-        lines = [line for line in self.log.read_text(errors="replace").splitlines() if line.strip()]
-        return lines[-1] if lines else ""
-
-    def remove_what_it_named(self):
-        named = re.findall(r"^repose: error: (\S+): ", self.log.read_text(errors="replace"), re.MULTILINE)
-        found = [self.folder / name for name in set(named) if (self.folder / name).is_file()]
-        for path in found:
-            path.unlink()
-        return len(found)
-
-    def configured(self, **sections):
-        (self.folder / "change.yaml").write_text(json.dumps(sections))
-        self.more = ("change.yaml",)
-        return self
-
-    def pours(self):
-        top = self.folder / "results"
-        return {path.relative_to(top): path.stat().st_mtime_ns for path in top.rglob("runs/*.npz")}
-
-
-class Table:
-    def __init__(self):
-        self.rows = []
-
+class Table(list):
     def add(self, fault, place, then, same, again):
         row = (fault, place, then, "yes" if same else "**no**", "none" if not again else f"**{len(again)}**")
-        self.rows.append(row)
+        self.append(row)
         print(" | ".join(row), *map(str, list(again)[:5]), flush=True)
 
-    def bad(self):
-        return [row for row in self.rows if "**" in "".join(row[3:])]
 
-    def text(self):
-        head = "| fault | where | exit status | same bytes after the same command | finished files made again |"
-        return "\n".join([head, "|---" * 5 + "|", *(f"| {' | '.join(row)} |" for row in self.rows)]) + "\n"
-
-
-def compared(study, wanted):
-    found = study.results()
-    for name in sorted(set(found) | set(wanted)):
-        if found.get(name) != wanted.get(name):
-            state = "lost" if name not in found else "new" if name not in wanted else "other bytes"
-            print(f"    {name}: {state}", flush=True)
-    return found == wanted
-
-
-def kills(place, jobs, wanted, targets, count, rng, table):
+def kills(place, finished, wanted, table, count, seed):
     """Kill a workflow or one of its jobs at random moments, again and again, until the study is finished; repeat."""
+    rng = random.Random(seed)
     done = number = 0
     while done < count:
         number += 1
-        study = Study(place / f"killed_{number}", jobs).prepared()
-        study.targets = targets
+        study = Study(place / f"killed_{number}", finished.jobs, finished.targets).prepared()
         rows, status, before, loose = [], 1, {}, False
         while status and len(rows) < 15:
             forced = (FORCED[rng.randrange(len(FORCED))],) if rng.random() < 0.3 else ()
@@ -158,20 +59,18 @@ def kills(place, jobs, wanted, targets, count, rng, table):
             one = SIGNALS[done % 3]
             moment = rng.randrange(MORE_FILES), rng.uniform(0.0, 1.0)
             victim = _kill(study, main, one, job_only, *moment) if done < count else None
-            status = os.waitstatus_to_exitcode(os.waitpid(main, 0)[1])
-            now = study.finished()
+            status, now = forked.ended(main), study.finished()
             # once a rule was forced, what stands on it is made anew, but no pour
             loose = loose or bool(forced)
-            kept = {path: when for path, when in before.items() if "runs" in path.parts or not loose}
-            again = [path for path, when in kept.items() if now.get(path) != when]
+            again = study.made_again({path: when for path, when in before.items() if "runs" in path.parts or not loose})
             if victim:
                 done += 1
                 where = f"{victim}, {len(now)} files finished" + (f", --forcerun {forced[0]}" if forced else "")
                 rows.append((signal.Signals(one).name, where, str(status), again))
+                status = 1
             elif again:
                 rows.append(("none", "the resumed run", str(status), again))
             before = now
-            status = 1 if victim else status
             if not victim and status:
                 print(f"    {study.last_words()}")
                 break
@@ -215,8 +114,7 @@ def damages(place, finished, wanted, table):
             else:
                 del content[len(content) // 2 :]
             path.write_bytes(bytes(content))
-            status = study.run()
-            result = ""
+            status, result = study.run(), ""
             if status and study.remove_what_it_named():
                 result, status = f"{status} and named; removed, then ", study.run()
             table.add(way, name, f"{result}{status}", compared(study, wanted), _repoured(study, finished, path))
@@ -232,25 +130,22 @@ def damages(place, finished, wanted, table):
 
 
 def _repoured(study, finished, damaged):
-    found = []
-    for path in (finished.folder / "results/heaps").rglob("runs/*.npz"):
-        mine = study.folder / path.relative_to(finished.folder)
-        if mine != damaged and (not mine.exists() or mine.stat().st_mtime_ns != path.stat().st_mtime_ns):
-            found.append(mine)
-    return found
+    top, now = study.folder / "results", study.pours()
+    design = {path: when for path, when in finished.pours().items() if path.parts[0] == "heaps"}
+    return [path for path, when in design.items() if top / path != damaged and now.get(path) != when]
 
 
-def changes(place, jobs, finished, wanted, table):
+def changes(place, finished, wanted, table):
+    """Another workflow in the same folder meanwhile, and changed keys beside a new study with them."""
+    jobs = finished.jobs
     study = Study(place / "two", jobs).prepared()
     first = study.start()
     while not jobs.running():
         time.sleep(0.01)
     second = Study(study.folder, jobs).configured(simulation={"gravity_m_s2": 1.62})
     second.log = Path(f"{study.folder}_second.log")
-    refused = second.run()
-    status = os.waitstatus_to_exitcode(os.waitpid(first, 0)[1])
-    words = second.last_words()
-    table.add("a second workflow meanwhile", words, f"{refused}; the first {status}", compared(study, wanted), [])
+    statuses = f"{second.run()}; the first {forked.ended(first)}"
+    table.add("a second workflow meanwhile", second.last_words(), statuses, compared(study, wanted), [])
     target = {"response": "height_mm", "apparatus": "funnel", "value": 60.0, "sd": 3.0}
     target |= {"repetitions": 5, "range": [55.0, 65.0]}
     for name, sections, poured in (
@@ -272,47 +167,43 @@ def changes(place, jobs, finished, wanted, table):
             shutil.rmtree(folder.folder)
 
 
-def no_room(place, jobs, wanted, targets, table):
+def no_room(place, finished, wanted, table):
     """A full disk, a disk that turns read-only, and too little memory, each in mid-run."""
+    jobs, targets = finished.jobs, finished.targets
     size = sum(map(len, wanted.values())) // 1024
     for number, share in enumerate((0.2, 0.4, 0.6, 0.8)):
-        study = Study(place / f"full_{number}", jobs).prepared()
-        study.targets = targets
+        study = Study(place / f"full_{number}", jobs, targets).prepared()
         results = study.folder / "results"
         results.mkdir()
-        mount = ["mount", "-t", "tmpfs", "-o", f"size={int(share * size) + 8}k", "tmpfs", str(results)]
-        subprocess.run(mount, check=True)
+        _mount("-t", "tmpfs", "-o", f"size={int(share * size) + 8}k", "tmpfs", results)
         try:
             status, before = study.run(), study.finished()
-            result = study.last_words()
-            subprocess.run(["mount", "-o", "remount,size=500m", str(results)], check=True)
-            again = _again(study, before)
-            first, same = f"{status}, then {again[0]}", compared(study, wanted)
-            table.add(f"disk full at {share:.0%}", "results", first, same, again[1])
+            _mount("-o", "remount,size=500m", results)
+            _again(study, wanted, table, f"disk full at {share:.0%}", "results", status, before)
             if number == 1:
-                subprocess.run(["mount", "-o", "remount,ro", str(results)], check=True)
-                status, result = study.run("network"), study.log.read_text()
-                subprocess.run(["mount", "-o", "remount,rw", str(results)], check=True)
-                again = _again(study, {})
-                table.add("read-only", "results", f"{status}, then {again[0]}", compared(study, wanted), again[1])
-                print(f"    {result.splitlines()[-1] if result else ''}")
+                _mount("-o", "remount,ro", results)
+                status, said = study.run("network"), study.last_words()
+                _mount("-o", "remount,rw", results)
+                _again(study, wanted, table, "read-only", "results", status, {})
+                print(f"    {said}")
         finally:
-            subprocess.run(["umount", str(results)], check=True)
-    study = Study(place / "memory", jobs).prepared()
-    study.targets = targets
+            subprocess.run(["umount", results], check=True)
+    study = Study(place / "memory", jobs, targets).prepared()
     pages = int(Path(f"/proc/{jobs.process}/statm").read_text().split()[0])
     limit = pages * resource.getpagesize() + 4_000_000
     resource.prlimit(jobs.process, resource.RLIMIT_AS, (limit, resource.RLIM_INFINITY))
     status, before = study.run(), study.finished()
     resource.prlimit(jobs.process, resource.RLIMIT_AS, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
-    again = _again(study, before)
-    table.add("4 MB of memory left", "jobs", f"{status}, then {again[0]}", compared(study, wanted), again[1])
+    _again(study, wanted, table, "4 MB of memory left", "jobs", status, before)
 
 
-def _again(study, before):
-    """The same command again: its exit status, and the files that it made though they were finished."""
-    status, now = study.run(), study.finished()
-    return status, [path for path, when in before.items() if now.get(path) != when]
+def _mount(*words):
+    subprocess.run(["mount", *words], check=True)
+
+
+def _again(study, wanted, table, fault, place, status, before):
+    """Give the same command again, whose status with the fault is known, and what was finished before."""
+    table.add(fault, place, f"{status}, then {study.run()}", compared(study, wanted), study.made_again(before))
 
 
 def main():
@@ -323,7 +214,7 @@ def main():
     words.add_argument("--out", default=Path(__file__).with_name("table.md"), help="table of what happened")
     words.add_argument("--real-pours", action="store_true", help="with the engine, which costs minutes more")
     given = words.parse_args()
-    rng, table = random.Random(given.seed), Table()
+    table = Table()
     # a shell lets what runs in the background ignore it
     signal.signal(signal.SIGINT, signal.default_int_handler)
     forked.load_all()
@@ -331,29 +222,25 @@ def main():
         forked.make_up_pours()
     with tempfile.TemporaryDirectory() as folder:
         place, began = Path(folder), time.monotonic()
-        jobs = forked.Jobs(place / "server")
-        try:
+        with closing(forked.Jobs(place / "server")) as jobs:
             finished = Study(place / "undisturbed", jobs).prepared()
             if finished.run():
                 sys.exit(finished.log.read_text())
             took, wanted = time.monotonic() - began, finished.results()
             names = sorted(str(path.relative_to(finished.folder)) for path in finished.finished())
-            targets = (*TARGETS, *(name for name in names if "/runs/" not in name))
-            finished.targets = targets
+            finished.targets = (*TARGETS, *(name for name in names if "/runs/" not in name))
             print(f"undisturbed: {took:.1f} s, {len(wanted)} files", flush=True)
-            if given.only in (None, "damages"):
-                damages(place, finished, wanted, table)
-            if given.only in (None, "changes"):
-                changes(place, jobs, finished, wanted, table)
-            if given.only in (None, "no_room"):
-                no_room(place, jobs, wanted, targets, table)
+            for part in (damages, changes, no_room):
+                if given.only in (None, part.__name__):
+                    part(place, finished, wanted, table)
             if given.only in (None, "kills"):
-                kills(place, jobs, wanted, targets, given.kills, rng, table)
-        finally:
-            jobs.close()
-    Path(given.out).write_text(table.text())
-    print(f"{len(table.rows)} faults, {len(table.bad())} bad, {time.process_time():.0f} s")
-    sys.exit(bool(table.bad()))
+                kills(place, finished, wanted, table, given.kills, given.seed)
+    head = "| fault | where | exit status | same bytes after the same command | finished files made again |"
+    lines = [head, "|---" * 5 + "|", *(f"| {' | '.join(row)} |" for row in table)]
+    Path(given.out).write_text("\n".join(lines) + "\n")
+    bad = sum("**" in "".join(row[3:]) for row in table)
+    print(f"{len(table)} faults, {bad} bad, {time.process_time():.0f} s")
+    sys.exit(bool(bad))
 
 
 if __name__ == "__main__":

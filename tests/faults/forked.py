@@ -5,12 +5,17 @@ and files to a server, which forks: the child is the job, a process of its own t
 of a plain run writes, for a twentieth of its time.
 """
 
+import atexit
+import base64
 import importlib
 import json
 import os
 import pkgutil
+import re
+import shutil
 import signal
 import socket
+import subprocess
 import sys
 import time
 from contextlib import suppress
@@ -21,6 +26,12 @@ import numpy as np
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 ROOT = Path(__file__).parents[2]
+COMMAND = ("--cores", "1", "--quiet", "rules", "--configfile", "config/quick.yaml", "tiny.yaml")
+TARGETS = ("validate", "measure")
+PARTS = ("Snakefile", "config", "profiles", "resources", "workflow")
+# In these an equal run has others: how long jobs took and what they printed. Names with a dot are locks and ledgers;
+# NAME.PROCESS.part is what a job that was killed had begun to write, and nothing reads it.
+APART = ("logs", "benchmarks", "timings")
 SHIM = """#!{python} -IS
 import json, os, socket, sys
 server = socket.socket(socket.AF_UNIX)
@@ -41,12 +52,12 @@ def load_all():
             importlib.import_module(module.name)
 
 
-def make_up_pours():
-    """Let the funnel give a cone of grains at once, and compile no engine: the files are of the same kinds."""
-    from repose.apparatus import bench_test, warm_up
+def make_up_pours(put=setattr):
+    """Let the funnel give a cone of grains at once and compile no engine; `put` is setattr, perhaps monkeypatch's."""
+    from repose.apparatus import bench, warm_up
 
-    bench_test.bench("funnel").run = made_up_pour
-    warm_up.warm_up = lambda *_: 0.0
+    put(bench("funnel"), "run", made_up_pour)
+    put(warm_up, "warm_up", lambda *_: 0.0)
 
 
 def made_up_pour(scene, interval_s=None, progress=None):
@@ -92,11 +103,10 @@ class Jobs:
         listener.close()
 
     def running(self):
-        try:
-            found = Path(f"/proc/{self.process}/task/{self.process}/children").read_text().split()
-        except OSError:
-            return []
-        return [int(one) for one in found]
+        with suppress(OSError):
+            found = Path(f"/proc/{self.process}/task/{self.process}/children").read_text()
+            return [int(one) for one in found.split()]
+        return []
 
     def close(self):
         os.kill(self.process, signal.SIGKILL)
@@ -134,26 +144,17 @@ def _job(caller):
     return status
 
 
-def start_workflow(folder, jobs, words, log):
-    """Start `snakemake WORDS` in a folder; its process number, at once.
-
-    Parameters
-    ----------
-    folder : Path
-    jobs : Jobs
-    words : sequence of str
-    log : Path
-        Gets what it prints.
-    """
+def start(folder, words, out, err, python=sys.executable):
+    """Start `snakemake WORDS` in a folder, printing to two open files; its process number. `python` runs its jobs."""
     child = os.fork()
     if child:
         return child
     status = 1
     try:
-        out = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
-        _become(folder, 0, out, out)
-        sys.executable = str(jobs.bin / "python")  # the jobs' Python lies beside the workflow's
-        sys.argv = ["snakemake", "--nocolor", *words]
+        atexit._clear()  # what this process does at its end
+        _become(folder, 0, out, err)
+        os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT / "src"), os.environ.get("PYTHONPATH")]))
+        sys.executable, sys.argv = str(python), ["snakemake", "--nocolor", *words]
         importlib.import_module("snakemake.cli").main(sys.argv[1:])
         status = 0
     except SystemExit as end:
@@ -162,9 +163,15 @@ def start_workflow(folder, jobs, words, log):
         status = end.code if isinstance(end.code, int) else int(end.code is not None)
     finally:
         with suppress(Exception):
+            atexit._run_exitfuncs()
             sys.stdout.flush()
             sys.stderr.flush()
         os._exit(status)
+
+
+def ended(process):
+    """Wait for the end of a child; its exit status."""
+    return os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
 
 
 def _become(folder, *files):
@@ -173,3 +180,91 @@ def _become(folder, *files):
         os.dup2(file, number)
     sys.stdout, sys.stderr = open(1, "w", closefd=False), open(2, "w", closefd=False)  # noqa: SIM115
     os.chdir(folder)
+
+
+def copied(folder):
+    """What a study needs of the checkout, copied to a folder."""
+    for part in PARTS:
+        source, place = ROOT / part, folder / part
+        place.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copytree(source, place) if source.is_dir() else shutil.copy(source, place)
+    return folder
+
+
+class Study:
+    """The tiny study in a folder, and its workflow."""
+
+    def __init__(self, folder, jobs, targets=TARGETS):
+        self.folder, self.jobs, self.log = Path(folder), jobs, Path(f"{folder}.log")
+        self.targets, self.more = targets, ()
+
+    def prepared(self):
+        shutil.copy(Path(__file__).with_name("tiny.yaml"), copied(self.folder))
+        return self
+
+    def copied_to(self, folder):
+        subprocess.run(["cp", "-a", f"{self.folder}/.", folder], check=True)
+        return Study(folder, self.jobs, self.targets)
+
+    def start(self, *forced):
+        words = ("--forcerun", *forced) if forced else ()
+        words = (*words, *COMMAND, *self.more, "--", *self.targets)
+        with self.log.open("wb") as log:
+            return start(self.folder, words, log.fileno(), log.fileno(), self.jobs.bin / "python")
+
+    def run(self, *forced):
+        """Run the workflow to its end; its exit status."""
+        return ended(self.start(*forced))
+
+    def results(self):
+        top = self.folder / "results"
+        return {
+            str(path.relative_to(top)): path.read_bytes()
+            for path in sorted(top.rglob("*"))
+            if path.is_file() and path.suffix != ".part" and not {*APART} & {*path.parts}
+            if not path.name.startswith(".")
+        }
+
+    def finished(self):
+        """Files of jobs that snakemake recorded as finished, and kept runs: when and where each was written."""
+        records = self.folder / ".snakemake"
+        done, begun = ({path.name for path in (records / kind).glob("*")} for kind in ("metadata", "incomplete"))
+        paths = {self.folder / base64.urlsafe_b64decode(name).decode() for name in done - begun}
+        paths |= {*(self.folder / "results").rglob("runs/*.npz")}
+        return {path: (path.stat().st_ino, path.stat().st_mtime_ns) for path in paths if path.exists()}
+
+    def made_again(self, before):
+        """Of files that `finished` once gave, those that are not as they were."""
+        now = self.finished()
+        return [path for path, when in before.items() if now.get(path) != when]
+
+    def last_words(self):
+        """The last line that the workflow printed."""
+        lines = [line for line in self.log.read_text(errors="replace").splitlines() if line.strip()]
+        return lines[-1] if lines else ""
+
+    def remove_what_it_named(self):
+        named = re.findall(r"^repose: error: (\S+): ", self.log.read_text(errors="replace"), re.MULTILINE)
+        found = [self.folder / name for name in set(named) if (self.folder / name).is_file()]
+        for path in found:
+            path.unlink()
+        return len(found)
+
+    def configured(self, **sections):
+        """Lay sections over the configuration of the next runs."""
+        (self.folder / "change.yaml").write_text(json.dumps(sections))
+        self.more = ("change.yaml",)
+        return self
+
+    def pours(self):
+        top = self.folder / "results"
+        return {path.relative_to(top): path.stat().st_mtime_ns for path in top.rglob("runs/*.npz")}
+
+
+def compared(study, wanted):
+    found = study.results()
+    for name in sorted(set(found) | set(wanted)):
+        if found.get(name) != wanted.get(name):
+            state = "lost" if name not in found else "new" if name not in wanted else "other bytes"
+            print(f"    {name}: {state}", flush=True)
+    return found == wanted

@@ -1,14 +1,13 @@
 """A sequential study that is killed within and between its batches ends with the bytes of one that was left alone."""
 
-import json
 import os
 import signal
-import subprocess
-import sys
 import time
-from pathlib import Path
+from contextlib import closing
 
+import forked
 import pytest
+from shared import target
 
 pytestmark = pytest.mark.slow
 
@@ -16,21 +15,32 @@ pytestmark = pytest.mark.slow
 MOMENTS = ("batch_0/heaps/003.json", "batch_1/samples.csv", "batch_1/heaps/*.json")
 SECTION = {"start_samples": 6, "seeds": 2, "batch": 2, "most_pours": 20, "probability": 0.99, "checks": 2}
 # Within reach of the made-up pours, which scatter by 1 mm.
-TARGET = {"response": "height_mm", "apparatus": "funnel", "value": 38.0, "sd": 2.0, "repetitions": 5}
-TARGET |= {"range": [37.0, 39.0], "weight": 1.0}
+TARGET = target("height_mm", 38.0, 2.0, 37.0, 39.0, 5, weight=1.0)
 PATIENCE_S = 600
 
 
-def test_a_kill_within_or_between_batches_loses_nothing(tmp_path):
-    done = subprocess.run([sys.executable, __file__, tmp_path], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
-    found = json.loads(done.stdout.splitlines()[-1])
-    assert found["batches"] == 4, "the last holds the answer"
-    assert found["same_bytes"]
-    assert found["statuses"] == [0, 0], "of the study left alone, and of the killed one in the end"
-    assert found["made_again"] == []
-    # each kill came where it was meant to: batches that were proposed by then
-    assert found["proposed"] == [1, 2, 2]
+def test_a_kill_within_or_between_batches_loses_nothing(tmp_path, monkeypatch):
+    forked.load_all()
+    forked.make_up_pours(monkeypatch.setattr)
+    with closing(forked.Jobs(tmp_path)) as jobs:
+        whole, killed = (
+            forked.Study(tmp_path / name, jobs, ["results/sequential/summary.json"])
+            .prepared()
+            .configured(strategy="sequential", sequential=SECTION, targets=[TARGET])
+            for name in ("whole", "killed")
+        )
+        assert whole.run() == 0, whole.last_words()
+        proposed, before = [], {}
+        for moment in MOMENTS:
+            proposed.append(killed_at(killed, moment))
+            assert killed.made_again(before) == []
+            before = killed.finished()
+        # each kill came where it was meant to: batches that were proposed by then
+        assert proposed == [1, 2, 2]
+        assert killed.run() == 0, killed.last_words()
+        assert killed.made_again(before) == []
+        assert len(list((killed.folder / "results/sequential").glob("batch_*"))) == 4, "the last holds the answer"
+        assert forked.compared(killed, whole.results())
 
 
 def killed_at(study, moment):
@@ -47,39 +57,3 @@ def killed_at(study, moment):
     while study.jobs.running():  # the jobs of a killed workflow run to their end
         time.sleep(0.01)
     return proposed
-
-
-def main(place):
-    import campaign
-    import forked
-
-    forked.load_all()
-    forked.make_up_pours()
-    jobs = forked.Jobs(place)
-    try:
-        whole, killed = (
-            campaign.Study(place / name, jobs)
-            .prepared()
-            .configured(strategy="sequential", sequential=SECTION, targets=[TARGET])
-            for name in ("whole", "killed")
-        )
-        whole.targets = killed.targets = ("results/sequential/summary.json",)
-        statuses, proposed, made_again, before = [whole.run()], [], [], {}
-        for moment in MOMENTS:
-            proposed.append(killed_at(killed, moment))
-            now = killed.finished()
-            made_again += [str(path) for path, when in before.items() if now.get(path) != when]
-            before = now
-        statuses.append(killed.run())
-        now = killed.finished()
-        made_again += [str(path) for path, when in before.items() if now.get(path) != when]
-        found = {"statuses": statuses, "proposed": proposed, "made_again": made_again}
-        found["batches"] = len(list((killed.folder / "results/sequential").glob("batch_*")))
-        found["same_bytes"] = campaign.compared(killed, whole.results())
-        print(whole.last_words(), killed.last_words(), json.dumps(found), sep="\n", flush=True)
-    finally:
-        jobs.close()
-
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1]))

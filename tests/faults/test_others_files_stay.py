@@ -9,20 +9,19 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from forked import make_up_pours
+from forked import ROOT, make_up_pours
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from repose import verification
-from repose.apparatus import Run, bench_test, drum, warm_up
+from repose.apparatus import Run
+from repose.apparatus.drum import DrumTest
 from repose.cli import STAGES, VERBS, main
 from repose.config.study import Study
 from repose.core.errors import InputError
-from repose.core.files import write_text
 
 pytestmark = pytest.mark.slow
 
-ROOT = Path(__file__).parents[2]
 # Left out is `run`, which passes its words on to snakemake, whose jobs are the other verbs, and writes nothing. All
 # pours, turns of the drum and cases of `verify` are made up.
 LEFT_OUT = {"run"}
@@ -46,16 +45,9 @@ OUT = st.one_of(
 )
 
 
-def pile_picture():
-    """A triangle on a plain background."""
-    picture = np.full((120, 300), 230, np.uint8)
-    cv2.fillPoly(picture, [np.array([[40, 119], [150, 40], [260, 119]])], 40)
-    return picture
-
-
-def made_up_turn(_config, _parameters, seed, *_, **__):
+def made_up_turn(_test, scene, **_):
     """A drum that lost its berries: nothing to measure."""
-    record = {"seed": int(seed), "status": "lost", "reason": "made up", "rotation_from_s": 1.0}
+    record = {"seed": scene.seed, "status": "lost", "reason": "made up", "rotation_from_s": 1.0}
     return Run(record, {}, {"time_s": np.zeros(1)})
 
 
@@ -72,7 +64,9 @@ def sandbox(tmp_path_factory):
                 path.write_text(f"mine: {folder}/{name}")
     inputs = work / "in"
     inputs.mkdir()
-    (inputs / "pile.png").write_bytes(cv2.imencode(".png", pile_picture())[1].tobytes())
+    picture = np.full((120, 300), 230, np.uint8)
+    cv2.fillPoly(picture, [np.array([[40, 119], [150, 40], [260, 119]])], 40)  # a triangle on a plain background
+    cv2.imwrite(str(inputs / "pile.png"), picture)
     shutil.copy(ROOT / "resources/berries.csv", inputs)
     for name in ("validation/table4.csv", "dataset.csv"):
         (inputs / "study" / name).parent.mkdir(parents=True, exist_ok=True)
@@ -80,19 +74,16 @@ def sandbox(tmp_path_factory):
     config = Study.load(ROOT / "config/quick.yaml").config
     config["design"] |= {"samples": 12, "method": "lhsdesign"}
     config["measure"] |= {"views": 2, "mm_per_pixel": 0.5}
-    write_text(top / "config.json.whole", json.dumps(config))
-    shutil.copy(top / "config.json.whole", inputs / "config.json")
+    (inputs / "config.json").write_text(json.dumps(config))
     (work / "link").symlink_to("thesis/figure.png")
     centres = np.random.default_rng(1).uniform(0.0, 0.05, (2, 5, 3))
     turns = np.tile([1.0, 0.0, 0.0, 0.0], (2, 5, 1))
     times = {"time_s": [0.0, 1.0], "turned_deg": [0.0, 5.0]}
     np.savez(inputs / "trajectory.npz", position=centres, quaternion=turns, **times)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(bench_test, "_REGISTRY", dict(bench_test._REGISTRY))
-        patch.setattr(warm_up, "warm_up", warm_up.warm_up)
-        patch.setattr(drum, "run", made_up_turn)
+        patch.setattr(DrumTest, "run", made_up_turn)
         patch.setattr(verification, "run", lambda *_: {})
-        make_up_pours()
+        make_up_pours(patch.setattr)
         patch.chdir(work)
         made = ["--config=in/config.json", "--out=in/made"]
         assert main(["stage", "berry", *made]) == 0
@@ -152,12 +143,8 @@ def test_a_verb_leaves_the_files_of_others(sandbox, monkeypatch, words):
 )
 def test_what_is_made_up_ends_well_and_somebodys_file_in_its_place_stays(sandbox, words):
     name, before = words[0], tree(sandbox)
-    options = {
-        option.names[0]: f"={GOOD[option.names[0][2:]]}"
-        for option in VERBS[name].options
-        if option.names[0][2:] in READ
-    }
-    words = [*words, *(f"{option}{value}" for option, value in options.items() if option != "--config")]
+    read = {option.names[0][2:] for option in VERBS[name].options} & {*READ} - {"config"}
+    words = [*words, *(f"--{key}={GOOD[key]}" for key in sorted(read))]
     words += ["--config=in/config.json"] if name != "verify" else []
     place = "made_up/a.gif" if name == "film" else "made_up"
     words = ["stage", *words] if name in STAGES else words
@@ -182,7 +169,6 @@ def test_a_label_and_a_folder_of_results_lead_nowhere_else(sandbox, label, folde
     config |= {"label": label, "results_dir": folder}
     config["berry"]["sizes"] = "in/berries.csv"
     try:
-        Study.of(config)
         Study.of(config).check_inputs()
     except InputError:
         pass

@@ -19,15 +19,13 @@ import tempfile
 from pathlib import Path
 
 import yaml
+from random_lines import HERE, PYTEST, ROOT, written
 
-HERE = Path(__file__).parent
-ROOT = HERE.parents[1]
 PARTS = ("src", "tests", "config", "resources", "workflow", "profiles", "Snakefile", "pyproject.toml", "README.md")
 LOADED = (
     "numpy", "scipy.stats", "scipy.optimize", "scipy.spatial", "pandas", "numba", "cv2", "pytest", "xdist.scheduler",
 )  # fmt: skip
 MOST_S = 120  # of CPU time; a mutant that takes longer is caught, too
-NO_CACHE = ("-p", "no:cacheprovider", "-o", "addopts=", "-m", "not slow", "-x", "-q")
 
 
 def copied(folder):
@@ -52,19 +50,10 @@ def tested(folder, tests):
         os.environ["PYTHONPATH"] = str(folder / "src")
         status = 1
         try:
-            status = int(importlib.import_module("pytest").main([*NO_CACHE, *tests]))
+            status = int(importlib.import_module("pytest").main([*PYTEST, *tests]))
         finally:
             os._exit(status)
     return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-
-
-def mutated(path, old, new):
-    """Put a mutant into a file; its content before, and when it was changed."""
-    content, stat = path.read_text(), path.stat()
-    if content.count(old) != 1:
-        sys.exit(f"{path}: {old!r} stands there {content.count(old)} times; it must be once")
-    path.write_text(content.replace(old, new))
-    return content, (stat.st_atime_ns, stat.st_mtime_ns)
 
 
 def main():
@@ -82,19 +71,18 @@ def main():
                 sys.exit(f"{' '.join(tests)} fail without any mutant")
         for group in groups:
             path = folder / "src/repose" / group["file"]
+            content, times = path.read_text(), path.stat()
             for old, new, *why in group["mutants"]:
-                content, times = mutated(path, old, new)
+                if content.count(old) != 1:
+                    sys.exit(f"{path}: {old!r} stands there {content.count(old)} times; it must be once")
+                path.write_text(content.replace(old, new))
                 status = tested(folder, group["tests"])
                 path.write_text(content)
-                os.utime(path, ns=times)
+                os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
                 found = "caught" if status else f"**survived** {''.join(why)}".strip()
                 rows.append(f"| {group['file']} | `{old}` | `{new}` | {found} |")
                 print(rows[-1], flush=True)
-    caught = sum(row.endswith("| caught |") for row in rows)
-    head = f"{caught} of {len(rows)} caught.\n\n| file | line | mutant | found |\n|---|---|---|---|\n"
-    if not only:
-        (HERE / "table.md").write_text(head + "\n".join(rows) + "\n")
-    print(f"{caught} of {len(rows)} caught")
+    written(Path(os.devnull) if only else HERE / "table.md", rows, "file")
 
 
 if __name__ == "__main__":

@@ -47,7 +47,8 @@ def places(path):
             yield begin + found.start(), begin + found.end(), SWAPPED[type(operator)]
 
     tree = ast.parse(text)
-    skipped = {id(inner) for node in ast.walk(tree) for part in typed(node) for inner in ast.walk(part)}
+    typed = [getattr(node, name, None) for node in ast.walk(tree) for name in ("annotation", "returns")]
+    skipped = {id(inner) for part in typed if part for inner in ast.walk(part)}  # no run reads annotations
     for node in ast.walk(tree):
         if id(node) in skipped:
             continue
@@ -62,12 +63,6 @@ def places(path):
             yield (*span(node), repr(value))
 
 
-def typed(node):
-    """What a node holds that no run reads: annotations."""
-    parts = (getattr(node, name, None) for name in ("annotation", "returns"))
-    return [part for part in parts if isinstance(part, ast.AST)]
-
-
 def drawn(number, seed):
     random = np.random.default_rng(seed)
     rooms = sorted(path for path in SOURCE.iterdir() if path.is_dir() and any(path.rglob("*.py")))
@@ -77,6 +72,14 @@ def drawn(number, seed):
         every = found[rooms[k % len(rooms)]]
         chosen.append(every.pop(random.integers(len(every))))
     return chosen
+
+
+def written(path, rows, where, how=""):
+    """Write the table of mutants, whose first column has this head, and print how many were caught."""
+    caught = f"{sum(row.endswith('| caught |') for row in rows)} of {len(rows)} caught"
+    print(caught)
+    head = f"| {where} | line | mutant | found |\n|---|---|---|---|\n"
+    path.write_text(f"{caught}{how}.\n\n" + head + "\n".join(rows) + "\n")
 
 
 def tests_of(path):
@@ -138,11 +141,7 @@ def main():
             row = f"| {path.relative_to(SOURCE)} {number + 1} | `{before}` | `{after}` | {found} |"
             rows.append(row)
             print(row, flush=True)
-    caught = sum(row.endswith("| caught |") for row in rows)
-    head = "| place | line | mutant | found |\n|---|---|---|---|\n"
-    summary = f"{caught} of {len(rows)} caught, seed {arguments.seed}.\n\n"
-    (HERE / "random_lines.md").write_text(summary + head + "\n".join(rows) + "\n")
-    print(f"{caught} of {len(rows)} caught")
+    written(HERE / "random_lines.md", rows, "place", f", seed {arguments.seed}")
 
 
 if __name__ == "__main__":

@@ -1,11 +1,10 @@
 """Python in the documents runs as it stands there, section by section, in a fresh process and an empty folder."""
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from shared import run_python
 
 pytestmark = pytest.mark.slow
 
@@ -34,8 +33,7 @@ def test_contributing_shows_how_to_add_one(what):
 
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_the_example_runs(name, tmp_path):
-    done = subprocess.run([sys.executable, "-c", EXAMPLES[name]], cwd=tmp_path, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
+    run_python("-c", EXAMPLES[name], cwd=tmp_path)
 
 
 PLACES = {
@@ -57,14 +55,10 @@ def file_to_add(what):
 def test_the_file_to_add_passes_the_checks_of_style(what):
     file = file_to_add(what)
     for words in (["check"], ["format", "--check"]):
-        command = ["ruff", *words, "--stdin-filename", PLACES[what], "-"]
-        done = subprocess.run(command, cwd=ROOT, input=file, capture_output=True, text=True)
-        assert done.returncode == 0, done.stdout + done.stderr
+        run_python("-m", "ruff", *words, "--stdin-filename", PLACES[what], "-", cwd=ROOT, input=file)
 
 
 def test_the_files_to_add_have_types(tmp_path):
     for what, place in PLACES.items():
         (tmp_path / Path(place).name).write_text(file_to_add(what))
-    command = [sys.executable, "-m", "mypy", "--config-file", "pyproject.toml", *tmp_path.glob("*.py")]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout
+    run_python("-m", "mypy", "--config-file", "pyproject.toml", *tmp_path.glob("*.py"), cwd=ROOT)

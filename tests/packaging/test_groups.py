@@ -2,11 +2,10 @@
 
 import re
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from shared import run_python
 
 pytestmark = pytest.mark.slow
 
@@ -23,10 +22,8 @@ def test_tests_of_the_same_kernels_run_on_one_worker(tmp_path):
         path.write_text("import time\n\n" + "".join(f"def test_{k}(): time.sleep(0.05)\n" for k in range(6)))
     shutil.copy(TESTS / "conftest.py", tmp_path / "tests")
     words = ["-v", "-n", "2", "--dist", "loadscope", "-p", "no:cacheprovider", "--rootdir", "."]
-    done = subprocess.run([sys.executable, "-m", "pytest", *words], cwd=tmp_path, capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout + done.stderr
-    workers = {}
-    for worker, name in re.findall(r"^\[(gw\d)\].* tests/(\S+)\.py::", done.stdout, re.MULTILINE):
+    printed, workers = run_python("-m", "pytest", *words, cwd=tmp_path), {}
+    for worker, name in re.findall(r"^\[(gw\d)\].* tests/(\S+)\.py::", printed, re.MULTILINE):
         workers.setdefault(name, set()).add(worker)
     assert set(workers) == set(FILES)
     assert all(len(found) == 1 for found in workers.values())

@@ -67,7 +67,8 @@ def test_lock_file_wheel_and_source_distribution_hold_what_they_should():
     assert names(tools) <= {entry.split("==")[0] for entry in locked}
     assert all(re.search(r"--hash=sha256:[0-9a-f]{64}\b", entry) for entry in entries)
     assert "://" not in LOCK
-    wheel = PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]
+    targets = PROJECT["tool"]["hatch"]["build"]["targets"]
+    wheel, sdist = targets["wheel"], targets["sdist"]
     assert wheel["sources"] == {"src": "", "docs": "repose/data/docs"}  # `repose docs` reads them
     included = wheel["force-include"]
     cards = {"crops/cards", *(f"results/published/{name}/card.json" for name in ("fast", "recommended"))}
@@ -76,10 +77,9 @@ def test_lock_file_wheel_and_source_distribution_hold_what_they_should():
         assert (ROOT / source).exists()
         assert place == f"repose/data/{source}"
     assert (ROOT / "src" / "repose" / "py.typed").is_file()
-    targets = PROJECT["tool"]["hatch"]["build"]["targets"]
-    needed = {*targets["wheel"]["force-include"], "src", *PROJECT["project"]["license-files"]}
+    needed = {*included, "src", *PROJECT["project"]["license-files"]}
     needed |= {"docs", "hatch_build.py"}  # pages of `repose docs`, and the commit of `repose --version`
-    assert set(targets["sdist"]["only-include"]) == needed | {"CHANGELOG.md", "CITATION.cff", "README.md"}
+    assert set(sdist["only-include"]) == needed | {"CHANGELOG.md", "CITATION.cff", "README.md"}
 
 
 def test_the_index_shows_the_readme_and_hosted_checks_run_each_python():
@@ -111,13 +111,11 @@ def test_the_conda_recipe_needs_what_the_package_needs_and_the_pins_lie_in_the_r
     assert ranges(recipe["requirements"]["run_constraints"]) == ranges(
         line for line in EXTRAS["workflow"] if not line.startswith("repose-dem")
     )
+    about, project = recipe["about"], PROJECT["project"]
     assert recipe["build"]["python"]["entry_points"] == [
-        f"{name} = {place}" for name, place in PROJECT["project"]["scripts"].items()
+        f"{name} = {place}" for name, place in project["scripts"].items()
     ]
-    assert (recipe["about"]["summary"], recipe["about"]["license"]) == (
-        PROJECT["project"]["description"],
-        PROJECT["project"]["license"],
-    )
+    assert (about["summary"], about["license"]) == (project["description"], project["license"])
     for line in (line for line in TESTED if not line.startswith("repose-dem")):
         requirement = Requirement(line)
         assert metadata.version(requirement.name) in requirement.specifier
@@ -161,15 +159,9 @@ def test_the_paper_has_the_form_of_its_journal_with_references_and_pictures_that
     assert {*CITATION["keywords"]} <= {*front["tags"]}
     assert front["bibliography"] == "paper.bib"
     assert re.findall(r"^# (.+)$", PAPER, re.MULTILINE) == [
-        "Summary",
-        "Statement of need",
-        "State of the field",
-        "Software design",
-        "Quality control",
-        "Research impact statement",
-        "AI usage disclosure",
-        "References",
-    ]
+        "Summary", "Statement of need", "State of the field", "Software design", "Quality control",
+        "Research impact statement", "AI usage disclosure", "References",
+    ]  # fmt: skip
     assert 750 <= len(PAPER.split()) <= 1750
     references = (ROOT / "paper.bib").read_text()
     keys = re.findall(r"^@\w+\{(\w+),$", references, re.MULTILINE)
@@ -182,17 +174,9 @@ def test_the_paper_has_the_form_of_its_journal_with_references_and_pictures_that
 def test_what_the_owner_has_to_fill_in_is_where_the_page_on_releases_says():
     """No other file that git knows has the words of something that is still to come."""
     words = "To fill in once they exist|OWNER/REPOSITORY|TO" + "DO|FIX" + "ME|example" + r"\.(com|org)"
-    listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout.split(
-        "\n"
-    )
-    texts = [
-        path
-        for path in listed
-        if path.endswith((".md", ".py", ".toml", ".cff", ".yaml", ".yml", ".json", ".txt", ".smk"))
-    ]
-    found = {path for path in texts if re.search(words, (ROOT / path).read_text(encoding="utf-8"))}
+    kinds = [f"*.{kind}" for kind in ("md", "py", "toml", "cff", "yaml", "yml", "json", "txt", "smk")]
+    listed = subprocess.run(["git", "ls-files", *kinds], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    found = {path for path in listed.splitlines() if re.search(words, (ROOT / path).read_text(encoding="utf-8"))}
     page = (ROOT / "docs/release.md").read_text()
     told = set(re.findall(r"^\| `([^`]+)` \|", page, re.MULTILINE))
-    assert found - {"docs/release.md", "tests/packaging/test_metadata.py", "tests/documents/commands.yaml"} == told, (
-        found ^ told
-    )
+    assert found == told | {"docs/release.md", "tests/packaging/test_metadata.py", "tests/documents/commands.yaml"}

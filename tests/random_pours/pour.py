@@ -29,14 +29,13 @@ from repose.particle import build
 from repose.particle.settings import GrainSettings
 
 PARTICLES = {
-    "ellipsoid": {"particle": "ellipsoid", "mass_g": None},
-    "smooth": {"particle": "smooth"},
+    "ellipsoid": {"particle": "ellipsoid", "mass_g": None}, "smooth": {"particle": "smooth"},
     "smooth_sizes": {"particle": "smooth", "size_distribution": "measured"},
     "spheres": {"particle": "multisphere", "spheres": 14},
     "spheres_fewest": {"particle": "multisphere", "spheres": "fewest"},
     "rough": {"particle": "multisphere", "spheres": 16, "surface": "rough"},
     "sphere": {"particle": "ellipsoid", "mass_g": None},  # all of its axes are alike
-}
+}  # fmt: skip
 HIGHEST = {"mus_gg": 1.0, "mur_gg": 0.5, "mus_gp": 1.0, "mur_gp": 0.5}  # of friction
 MOST_STEPS = 40_000  # most pours; MANY_SHARE of them have MANY berries and as many steps as they need
 FALLS = 40  # time of a pour, over that of a fall by a berry's length
@@ -45,8 +44,7 @@ LONGEST_S = 60.0
 COLUMNS = [
     *("number", "apparatus", "particle", "berries", "long_mm", "shear_modulus_pa", "e_gg", "e_gp"),
     *("contact_law", "rolling_law", "tension", "gravity_m_s2", "time_step_s", "share_of_limit", "steps", "status"),
-    "cpu_s",
-    *("energy_over_given", "speed_over_fall", "overlap_over_extent", "wall_overlap_over_extent", "reason"),
+    *("cpu_s", "energy_over_given", "speed_over_fall", "overlap_over_extent", "wall_overlap_over_extent", "reason"),
 ]
 
 
@@ -55,10 +53,9 @@ class TooLong(Exception):
 
 
 class Seen:
-    def __init__(self):
-        self.energy = self.speed = self.overlap = self.wall_overlap = 0.0
-        self.steps = 0
-        self.began_s = None  # the first look: what is compiled before is no time of a pour
+    energy = speed = overlap = wall_overlap = 0.0
+    steps = 0
+    began_s = None  # the first look: what is compiled before is no time of a pour
 
     def note(self, bounded):
         now_s = time.process_time()
@@ -96,9 +93,8 @@ def noting(seen):
 
 def sized(particle, factor):
     record = particle.record()
-    for key, power in {"semi_axes_mm": 1, "spheres_mm": 1, "bounding_radius_mm": 1, "mass_g": 3}.items():
-        record[key] = (np.array(record[key]) * factor**power).tolist()
-    for key, power in {"volume_mm3": 3, "inertia_g_mm2": 5}.items():
+    powers = {"semi_axes_mm": 1, "spheres_mm": 1, "bounding_radius_mm": 1, "mass_g": 3, "volume_mm3": 3}
+    for key, power in (powers | {"inertia_g_mm2": 5}).items():
         record[key] = (np.array(record[key]) * factor**power).tolist()
     return type(particle).of_record(record)
 
@@ -274,13 +270,12 @@ def poured(number, default, mean, particles, seen):
     drawn_section = {apparatus: test.settings.model_construct(**config[apparatus])}
     scene = Scene(SceneSettings(config, drawn_section), parameters, berry, particle, number)
     axes = [berry[key] for key in ("long_mm", "major_mm", "minor_mm")]
-    faults = [
-        f"{key}: {allowed}"
-        for key, allowed in (*test.contradictions(scene.settings), *test.misfits(scene.settings, axes))
-    ]
-    faults += [f"{key}: {allowed}" for key, allowed in making.unstable(of_one(config, parameters), particle, berry)]
+    faults = [*test.contradictions(scene.settings), *test.misfits(scene.settings, axes)]
+    one = {"parameters": {name: {"fixed": value} for name, value in parameters.items()}}
+    one["validation"] = config["validation"] | {"published": None}
+    faults += making.unstable(config | one, particle, berry)
     if faults:
-        return row | {"status": "refused", "reason": "; ".join(faults)}
+        return row | {"status": "refused", "reason": "; ".join(f"{key}: {allowed}" for key, allowed in faults)}
     seen.append(Seen())
     began = time.process_time()
     try:
@@ -311,12 +306,6 @@ def violation(row):
     if row["apparatus"] in STILL and not float(row["energy_over_given"]) <= 1.0:
         return "energy gained"
     return ""
-
-
-def of_one(config, parameters):
-    """A configuration whose parameters are one set."""
-    fixed = {name: {"fixed": value} for name, value in parameters.items()}
-    return config | {"parameters": fixed, "validation": config["validation"] | {"published": None}}
 
 
 def counted(rows):

@@ -138,20 +138,15 @@ def spread_of(folder, plain):
 
 def ensembles(folder, plain):
     """Mean difference of all runs and its standard error, for each response."""
-    first, second = (pd.read_csv(top / "results/runs.csv") for top in (plain, folder))
-    found = {}
-    for name in ("aor_deg", "height_mm"):
-        apart = (second[name] - first[name]).dropna()
-        found[name] = apart.mean(), apart.std() / np.sqrt(len(apart))
-    return found
+    first, second = (pd.read_csv(top / "results/runs.csv")[["aor_deg", "height_mm"]] for top in (plain, folder))
+    apart = second - first
+    return {name: (apart[name].mean(), apart[name].sem()) for name in apart}
 
 
 def row(name, work, status):
     own = ENVIRONMENTS[name]
-    if status is None:
-        return f"| {own.what} | not run | | |"
-    if status:
-        return f"| {own.what} | **ended with {status}** | | |"
+    if status != 0:
+        return f"| {own.what} | {'not run' if status is None else f'**ended with {status}**'} | | |"
     plain, folder = work / PLAIN / ENVIRONMENTS[PLAIN].folder, work / name / own.folder
     wanted, found = results(plain), results(folder)
     other = sorted(file for file in set(wanted) | set(found) if wanted.get(file) != found.get(file))

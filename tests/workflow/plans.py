@@ -1,16 +1,16 @@
 """Snakemake called by the tests of the workflow: what it would do, and what it did."""
 
-import atexit
 import importlib
 import json
 import os
 import re
-import sys
 import time
 from pathlib import Path
 from tempfile import TemporaryFile
+from types import SimpleNamespace
 from typing import NamedTuple
 
+import forked
 from shared import target
 
 from repose.core import ledger
@@ -38,67 +38,26 @@ def as_ours(folder):
             os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
 
 
-def snakemake(project, *words):
-    """Run snakemake in project, in a fork of this process: what it imports is loaded once for all calls."""
+def snakemake(project, *words, status=None):
+    """Run snakemake in a fork, so that its imports are loaded once for all calls; `status` is what it must end with."""
     for module in ("snakemake.cli", "repose.strategies.refined.refine"):
         importlib.import_module(module)
     began_s = time.perf_counter()
     with TemporaryFile() as out, TemporaryFile() as err:
-        child = os.fork()
-        if child == 0:
-            status = 1
-            try:
-                status = in_this_process(project, words, out, err)
-            finally:
-                os._exit(status)
-        _, status, used = os.wait4(child, 0)
-        took_s = time.perf_counter() - began_s
-        texts = []
+        _, ended, used = os.wait4(forked.start(project, words, out.fileno(), err.fileno()), 0)
+        took_s, texts = time.perf_counter() - began_s, []
         for file in (out, err):
             file.seek(0)
             texts.append(file.read().decode())
-        return Done(os.waitstatus_to_exitcode(status), *texts, took_s, used.ru_utime + used.ru_stime)
-
-
-def in_this_process(project, words, out, err):
-    """The exit status of snakemake in project, its output written to two files."""
-    atexit._clear()  # what the tests' own process does at its end
-    os.dup2(out.fileno(), 1)
-    os.dup2(err.fileno(), 2)
-    sys.stdout, sys.stderr = open(1, "w", closefd=False), open(2, "w", closefd=False)  # noqa: SIM115
-    paths = [str(ROOT / "src"), os.environ.get("PYTHONPATH", "")]
-    os.environ["PYTHONPATH"] = os.pathsep.join(path for path in paths if path)
-    os.chdir(project)
-    sys.argv = ["snakemake", "--nocolor", *words]
-    from snakemake import cli
-
-    try:
-        cli.main(sys.argv[1:])
-    except SystemExit as end:
-        if isinstance(end.code, str):
-            print(end.code, file=sys.stderr)
-        return end.code if isinstance(end.code, int) else int(end.code is not None)
-    finally:
-        atexit._run_exitfuncs()
-        sys.stdout.flush()
-        sys.stderr.flush()
-    return 0
+    done = Done(os.waitstatus_to_exitcode(ended), *texts, took_s, used.ru_utime + used.ru_stime)
+    assert status in (None, done.returncode), done.stderr
+    return done
 
 
 def planned(project, *words):
-    done = snakemake(project, "--quiet", "rules", "-n", *words)
-    assert done.returncode == 0, done.stderr
+    done = snakemake(project, "--quiet", "rules", "-n", *words, status=0)
     counts = re.findall(r"^(\w+)\s+(\d+)$", done.stdout + done.stderr, re.MULTILINE)
     return {rule: int(count) for rule, count in counts}
-
-
-class Declared(NamedTuple):
-    """What a rule declares: the paths of its benchmarks, and memory [MB] and time [min] of the first two attempts."""
-
-    rule: str
-    benchmarks: str
-    memory_mb: list[int]
-    minutes: list[int]
 
 
 PROBE = """
@@ -107,15 +66,15 @@ import json
 for rule in workflow.rules:
     if rule.benchmark:
         made = [rule.resources[name] for name in ("mem_mb", "runtime")]
-        amounts = [[one.evaluate(None, attempt=attempt).value for attempt in (1, 2)] for one in made]
-        print(json.dumps([rule.name, rule.benchmark.regex().pattern, *amounts]))
+        memory_mb, minutes = ([one.evaluate(None, attempt=attempt).value for attempt in (1, 2)] for one in made)
+        benchmarks = rule.benchmark.regex().pattern
+        print(json.dumps(dict(rule=rule.name, benchmarks=benchmarks, memory_mb=memory_mb, minutes=minutes)))
 """
 
 
 def declared(tmp_path):
-    """What every rule declares that runs a job."""
+    """What rules declare: the paths of their benchmarks, and memory [MB] and time [min] of the first two attempts."""
     probe = tmp_path / "probe.smk"
     probe.write_text(PROBE.format(snakefile=str(ROOT / "workflow/Snakefile")))
-    done = snakemake(ROOT, "--list-rules", "-s", str(probe), "--configfile", "config/quick.yaml")
-    assert done.returncode == 0, done.stderr
-    return [Declared(*json.loads(line)) for line in done.stdout.splitlines() if line.startswith("[")]
+    done = snakemake(ROOT, "--list-rules", "-s", str(probe), "--configfile", "config/quick.yaml", status=0)
+    return [SimpleNamespace(**json.loads(line)) for line in done.stdout.splitlines() if line.startswith("{")]

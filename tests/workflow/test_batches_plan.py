@@ -19,7 +19,6 @@ from repose.strategies.base import samples_of
 
 pytestmark = pytest.mark.slow
 
-
 # Samples of each batch in the small study, the check of the answer last. The screening has corners and the centre, then
 # come the path, a Box-Behnken design in three factors, and the check.
 SAMPLES = {"sequential": [8, 2, 2, 1], "response_surface": [8 + 3, 2 + 1, 12 + 3, 2]}
@@ -81,16 +80,14 @@ def test_the_strategy_chooses_what_a_study_makes(strategy, project):
     assert jobs["propose"] == 1
     assert not {"pour", "network", "miga", "drum_run"} & set(jobs)
     assert {"page", "card", "strategy_trajectory"} <= set(jobs), "what every calibration ends with"
-    done = snakemake(project, "--cores", "1", *words, "--", str((first / "samples.csv").relative_to(project)))
-    assert done.returncode == 0, done.stderr
+    snakemake(project, "--cores", "1", *words, "--", str((first / "samples.csv").relative_to(project)), status=0)
     assert planned(project, *words)["batch_pour"] == SAMPLES[strategy][0]
     # the times of a job are no output: snakemake never has a record of them
     made_by = {"verb": "pour", "apparatus": "funnel", "seed": 1, "settings": "", "origin": "", "engine": ""}
     write_text(first / "heaps/timings/001.json", json.dumps({"provenance": made_by}))
     assert planned(project, *words)["batch_pour"] == SAMPLES[strategy][0]
     records = (project / ".snakemake").rename(project / "lost")
-    other = snakemake(project, "-n", *words, f"{strategy}={{checks: 3}}")
-    assert other.returncode == 2
+    other = snakemake(project, "-n", *words, f"{strategy}={{checks: 3}}", status=2)
     assert f"{strategy}/batch_0/proposal.json and 0 more results were made with other settings" in other.stderr
     shutil.rmtree(project / ".snakemake", ignore_errors=True)
     records.rename(project / ".snakemake")
@@ -117,8 +114,8 @@ ROUND = {"propose", "batch_pour", "measure_batch_runs", "batch_dataset"} | END
 JOBS = {1001: 2, 1002: 2, 1101: 2, 1102: 2}  # two blocks of the proposal and two neighbours, with their seeds
 
 
-def proposed(folder, answer=False, jobs=JOBS):
-    rows = "".join(f"{sample},{seeds}\n" for sample, seeds in jobs.items())
+def proposed(folder, answer=False):
+    rows = "".join(f"{sample},{seeds}\n" for sample, seeds in JOBS.items())
     write_text(folder / "samples.csv", f"sample,seeds\n{rows}")
     simulated = [1001, 1002] if answer else []
     write_text(folder / "proposal.json", json.dumps({"answer": answer, "simulated": simulated}))
@@ -150,9 +147,8 @@ def test_bench_tests_of_the_targets_are_run_by_rounds_until_the_answer(finished)
     assert set(jobs) == ROUND
     assert jobs["batch_pour"] == jobs["measure_batch_runs"] == 4
     (folder / "heaps").mkdir()
-    for name in [f"heaps/{job}.{kind}" for job in JOBS for kind in ("pours.json", "npz", "json")]:
-        (folder / name).touch()
-    for name in ("dataset.csv", "runs.csv", "dataset_summary.json"):
+    heaps = [f"heaps/{job}.{kind}" for job in JOBS for kind in ("pours.json", "npz", "json")]
+    for name in (*heaps, "dataset.csv", "runs.csv", "dataset_summary.json"):
         (folder / name).touch()
     as_ours(folder)
     assert set(planned(project, *words)) == {"propose", *END}

@@ -14,16 +14,14 @@ NOTHING = "Nothing to be done"
 @pytest.mark.slow
 def test_a_finished_study_is_reported_archived_planned_anew_and_forced(project):
     shutil.copy(ROOT / "tests/faults/tiny.yaml", project)
-    assert snakemake(project, *WORDS, "--notemp").returncode == 0
+    snakemake(project, *WORDS, "--notemp", status=0)
     before = {path: path.read_bytes() for path in (project / "results").rglob("*.csv") if "timings" not in path.name}
     before = {path: content for path, content in before.items() if "benchmarks" not in path.parts}
     assert {"dataset.csv", "table4.csv", "feasible.csv"} <= {path.name for path in before}
     for words in (("--rerun-triggers", "mtime"), ("--profile", "profiles/default"), ("--cores", "64")):
-        done = snakemake(project, *WORDS, *words)
-        assert done.returncode == 0, done.stderr
+        done = snakemake(project, *WORDS, *words, status=0)
         assert NOTHING in done.stdout + done.stderr, words
-    done = snakemake(project, *WORDS, "--report", "report.html")
-    assert done.returncode == 0, done.stderr
+    done = snakemake(project, *WORDS, "--report", "report.html", status=0)
     text = (project / "report.html").read_text()
     assert "figure13" in text
     assert "Traceback" not in done.stderr
@@ -34,14 +32,12 @@ def test_a_finished_study_is_reported_archived_planned_anew_and_forced(project):
         ("-c", "user.name=a", "-c", "user.email=a@b.c", "commit", "-q", "-m", "a"),
     ):
         subprocess.run(["git", *words], cwd=project, check=True)
-    done = snakemake(project, *WORDS, "--archive", "study.tar.gz")
-    assert done.returncode == 0, done.stderr
+    snakemake(project, *WORDS, "--archive", "study.tar.gz", status=0)
     with tarfile.open(project / "study.tar.gz") as archive:
         assert {"Snakefile", "workflow/Snakefile", "config/quick.yaml", "resources/berries.csv"} <= set(
             archive.getnames()
         )
     for stage in ("pour", "dataset", "network", "miga", "validate", "drum"):
-        done = snakemake(project, *WORDS, "--forcerun", stage)
-        assert done.returncode == 0, done.stderr
+        done = snakemake(project, *WORDS, "--forcerun", stage, status=0)
         assert NOTHING not in done.stdout + done.stderr
     assert {path: path.read_bytes() for path in before} == before

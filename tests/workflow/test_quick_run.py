@@ -3,13 +3,12 @@
 import json
 import os
 import re
-from pathlib import Path
 
 import cv2
 import numpy as np
 import pandas as pd
 import pytest
-from plans import declared
+from plans import ROOT, declared
 
 from repose.config.study import Study
 from repose.core import ledger
@@ -17,7 +16,6 @@ from repose.core.parameters import PARAMETERS
 from repose.core.seeds import pour_seeds
 from repose.surrogate import load
 
-ROOT = Path(__file__).parents[2]
 RESULTS = ROOT / "results" / "quick"
 FIGURES = (
     *(f"figure{number:02d}" for number in (2, 5, 6, 7, 8, 10, 13, 14, 15)),

@@ -19,7 +19,7 @@ rule berry:
         depends=reads("berry"),
         code=room_hash("particle"),
     message:
-        "Sizes and moduli of the measured berries"
+        "Sizes and moduli of the measured grains"
     shell:
         "python -m repose stage berry --config {params.config:q} --out {params.folder:q}"
         " > {log:q} 2>&1"

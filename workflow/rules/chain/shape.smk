@@ -19,7 +19,7 @@ rule shape:
         depends=reads("berry"),
         code=room_hash("particle"),
     message:
-        "Mesh and particle of the berry"
+        "Mesh and particle of the grain"
     shell:
         "python -m repose stage shape --config {params.config:q} --berry {input.berry:q} --out {params.folder:q}"
         " > {log:q} 2>&1"
