@@ -95,7 +95,7 @@ def test_a_module_computes_the_study_of_its_config_and_leaves_the_handlers_to_th
     assert "Nothing to be done" in again.stderr
     # a fault names the configuration, as no file of the command line has it
     crop["funnel"] = {"seads": 3}
-    (tmp_path / "config/config.yaml").write_text(yaml.safe_dump({"wheat": crop}))
+    (tmp_path / "config/config.yaml").write_text(yaml.safe_dump(crops))
     wrong = snakemake(tmp_path, "-n", "wheat_all", status=2)
     assert "repose: error: configuration: funnel.seads is 3; expected a known key; did you mean seeds?" in wrong.stderr
 
