@@ -19,7 +19,7 @@ from repose.measure.results import Measurement
 from repose.measure.segmentation import Segmentation, require_upright, segment
 from repose.measure.settings import MeasureSettings
 
-LEAST_PX, MOST_LEVEL_DEG = 10, 25.0  # of a length that is the scale
+LEAST_LENGTH_PX, MOST_LEVEL_DEG = 10, 25.0  # of a length that is the scale
 LARGEST_PX = 4000  # a photograph's longer side; a larger one is reduced
 COARSE_PX, FINE_PX = 700, 1200  # longer sides of the views in which a pile is found, and its boundary
 ROUGH_PX = 8  # height of a grain at most, where roughness is seen: a larger one is smooth within
@@ -70,7 +70,7 @@ def level_length(length_mm: float, x1: float, y1: float, x2: float, y2: float) -
     """Scale [mm per pixel] and rise to the right [deg] of a level length; None where its ends do not determine it."""
     pixels = math.hypot(x2 - x1, y2 - y1)
     level = math.degrees(math.atan2(y1 - y2, x2 - x1))
-    return (length_mm / pixels, level) if pixels >= LEAST_PX and abs(level) <= MOST_LEVEL_DEG else None
+    return (length_mm / pixels, level) if pixels >= LEAST_LENGTH_PX and abs(level) <= MOST_LEVEL_DEG else None
 
 
 def load(path: Path) -> tuple[np.ndarray, float]:
