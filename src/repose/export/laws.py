@@ -44,14 +44,6 @@ def rolling_stiffness(pair: Pair) -> float:
     return pair.tangential_stiffness_n_m * pair.effective_radius_m**2
 
 
-def skin_m(job: Job) -> float:
-    """Compute the reach of neighbour lists beyond the spheres [m]: three quarters of the mean radius.
-
-    A grain that falls at 2 m/s moves 0.4 mm in a step; with this skin the lists last for several steps.
-    """
-    return 0.75 * job.mean_radius_m
-
-
 def further_laws(job: Job) -> str:
     """Write the lines of a head on the constants that the contact law and the rolling law have besides."""
     gg, gp = job.grains.constants, job.on_wall.constants
