@@ -64,7 +64,7 @@ def test_a_drum_gives_the_angle_and_the_surface_of_the_simulation(tmp_path, mirr
     grain, share = Shape.sphere(1e-3, 1500.0, "grain"), section.fit_share
     frame = grains(31.0, radius_m)
     pixel = 2e3 * radius_m / 840
-    true = bed.measure_surface(*frame, grain, radius_m, pixel, share)
+    true = bed.surface_of(bed.side_view(*frame, grain, radius_m, pixel), radius_m, pixel, share)
     occupied = bed.occupied_share(*(part[None] for part in frame), grain, radius_m, pixel)
     picture, points = drum_picture(occupied > 0.5)
     if mirrored:

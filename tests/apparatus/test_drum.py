@@ -37,6 +37,11 @@ def half_filled(angle_deg, count=1500, seed=4):
     return places, rng.normal(size=(len(places), 4))
 
 
+def surface(centres, quaternions, mm_per_pixel=0.25):
+    filled = bed.side_view(centres, quaternions, PARTICLE, RADIUS_M, mm_per_pixel)
+    return bed.surface_of(filled, RADIUS_M, mm_per_pixel, 0.6)
+
+
 def turned(centres, angle_rad):
     cos, sin = math.cos(angle_rad), math.sin(angle_rad)
     x, y, z = centres.T
@@ -65,7 +70,7 @@ def test_the_drum_has_the_dimensions_asked_for_and_berries_appear_clear_of_the_w
 
 @pytest.mark.parametrize("angle_deg", [0.0, 25.0, 45.0])
 def test_the_surface_of_a_bed_of_known_angle(angle_deg):
-    seen = [bed.measure_surface(*half_filled(angle_deg, seed=s), PARTICLE, RADIUS_M, 0.25, 0.6) for s in range(4)]
+    seen = [surface(*half_filled(angle_deg, seed=s)) for s in range(4)]
     assert np.mean([surface.angle_deg for surface in seen]) == pytest.approx(angle_deg, abs=1.0)
     ends = seen[0].line_m
     assert np.ptp(ends[:, 0]) == pytest.approx(0.6 * np.ptp(seen[0].profile_m[:, 0]), abs=1e-3)
@@ -73,13 +78,13 @@ def test_the_surface_of_a_bed_of_known_angle(angle_deg):
 
 def test_the_edge_of_one_berry_is_its_outline_and_a_bed_that_is_carried_along_rests_in_the_drums_frame():
     centres, flat = np.array([[0.01, 0.0, -0.03]]), np.array([[1.0, 0.0, 0.0, 0.0]])
-    edge = bed.measure_surface(centres, flat, PARTICLE, RADIUS_M, 0.1, 0.6).profile_m
+    edge = surface(centres, flat, 0.1).profile_m
     a, c = PARTICLE.support(np.eye(3)[0]), PARTICLE.support(np.eye(3)[2])
     x = edge[:, 0] - 0.01
     inside = np.abs(x) < 0.8 * a
     expected = -0.03 + c * np.sqrt(1 - (x[inside] / a) ** 2)
     np.testing.assert_allclose(edge[inside, 1], expected, atol=1e-4)
-    value_error("pixels wide", bed.measure_surface, np.zeros((0, 3)), np.zeros((0, 4)), PARTICLE, RADIUS_M, 0.1, 0.6)
+    value_error("pixels wide", surface, np.zeros((0, 3)), np.zeros((0, 4)), 0.1)
     centres, quaternions = half_filled(0.0, 200)
     carried = turned(centres, 0.4)
     np.testing.assert_allclose(bed.to_drum_frame(carried, 0.4), centres, atol=1e-15)

@@ -176,7 +176,7 @@ def test_a_trajectory_has_its_frames_and_changes_nothing_and_another_seed_does(p
 def test_frames_may_be_a_time_step_apart_and_a_pour_that_goes_on_after_its_pile_rests_changes_nothing(filmed):
     made = TEST.build(Scene.of(small(), named(CENTRE), BERRY, particle()))
     made.add("berry", (0.0, 0.0, 0.05))
-    film = scene.Filmed(made, interval_s=made.time_step_s)
+    film = scene.Trial(lambda *_: made, of(small()), 1, made.time_step_s)
     film.bound(0.1)
     film.run_to(5)
     assert film.frames()["time_s"] == pytest.approx(made.time_step_s * np.arange(1, 6))
@@ -206,7 +206,8 @@ def of_last_positions(heights_m, exits_s, radius_m=0.005):
         scales=np.ones(n), present=np.ones(n, bool), radius=radius_m, exit_times_s=np.array(exits_s),
         contacts=lambda: np.column_stack([np.arange(n - 1), np.arange(1, n)]), kinetic_energies=lambda: np.zeros(n),
     )  # fmt: skip
-    return funnel._judge(simulation, SimpleNamespace(outlet_height_m=0.1), None, "", None, 1.0, 1.0)
+    known = {"unstable": "", "frames": None, "wall_s": 1.0, "us_per_step": 1.0}
+    return funnel._judge(simulation, SimpleNamespace(outlet_height_m=0.1), None, **known)
 
 
 def test_a_pour_is_judged_by_its_last_positions():

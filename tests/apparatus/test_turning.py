@@ -32,21 +32,20 @@ def bed(angle_deg, count=400):
     return places[below & inside][:count], rng.normal(size=(count, 4))
 
 
+def measured(arrays, status="ok", own=None):
+    return TEST.measure({"status": status}, arrays, Scene.of(own or config(), {}, BERRY, PARTICLE))
+
+
 def test_what_the_angle_and_the_profile_of_a_turning_drum_are():
     frames = [bed(angle) for angle in (20.0, 30.0)]
     position, quaternion = (np.array([frame[k] for frame in frames], np.float32) for k in (0, 1))
     arrays = {"position": position, "quaternion": quaternion, "scale": np.ones(400)}
-    single = [
-        TEST.measure({"status": "ok"}, arrays | part, Scene.of(config(), {}, BERRY, PARTICLE))["turning_deg"]
-        for part in ({"position": position[[k]], "quaternion": quaternion[[k]]} for k in (0, 1))
-    ]
+    parts = ({"position": position[[k]], "quaternion": quaternion[[k]]} for k in (0, 1))
+    single = [measured(arrays | part)["turning_deg"] for part in parts]
     assert single == pytest.approx([20.0, 30.0], abs=3.0)
-    both = TEST.measure({"status": "ok"}, arrays, Scene.of(config(), {}, BERRY, PARTICLE))
-    assert both["turning_deg"] == pytest.approx(np.mean(single), abs=1e-12)
-    assert TEST.measure({"status": "lost"}, arrays, Scene.of(config(), {}, BERRY, PARTICLE))["turning_deg"] is None
-    coarse = TEST.measure(
-        {"status": "ok"}, arrays, Scene.of(config() | {"measure": {"mm_per_pixel": 60.0}}, {}, BERRY, PARTICLE)
-    )
+    assert measured(arrays)["turning_deg"] == pytest.approx(np.mean(single), abs=1e-12)
+    assert measured(arrays, "lost")["turning_deg"] is None
+    coarse = measured(arrays, own=config() | {"measure": {"mm_per_pixel": 60.0}})
     assert (coarse["status"], coarse["turning_deg"]) == ("no_surface", None)
     assert "60 mm a pixel" in coarse["reason"]
     occupied = np.zeros((100, 100))
@@ -90,16 +89,15 @@ def test_speeds_have_their_times_angles_and_profiles_and_a_run_is_judged():
     arrays = {"position": position, "quaternion": quaternion, "scale": np.ones(400)}
     names = ("turning_profile_mm", "turning_2_profile_mm")
     both = config(angular_velocity_rad_s=[0.8, 1.6]) | {"targets": [profile_target(name, 0.5) for name in names]}
-    found = TEST.measure({"status": "ok"}, arrays | {"speed": np.array([0, 1, 1])}, Scene.of(both, {}, BERRY, PARTICLE))
+    found = measured(arrays | {"speed": np.array([0, 1, 1])}, own=both)
     for name, score, k in (
         ("turning_deg", "turning_profile_2_mm", slice(0, 1)),
         ("turning_2_deg", "turning_2_profile_2_mm", slice(1, 3)),
     ):
         part = {"position": position[k], "quaternion": quaternion[k], "scale": np.ones(400)}
-        alone = config() | {"targets": [profile_target("turning_profile_mm", 0.5)]}
-        once = TEST.measure({"status": "ok"}, part, Scene.of(alone, {}, BERRY, PARTICLE))
+        once = measured(part, own=config() | {"targets": [profile_target("turning_profile_mm", 0.5)]})
         assert (found[name], found[score]) == (once["turning_deg"], once["turning_profile_2_mm"])
-    lost = TEST.measure({"status": "lost"}, arrays, Scene.of(both, {}, BERRY, PARTICLE))
+    lost = measured(arrays, "lost", both)
     assert {lost[name] for name in ("turning_deg", "turning_2_deg", "turning_profile_2_mm")} == {None}
     one = config(measure_from_s=2.5)
     assert turning.speeds(TEST.section(SceneSettings(one))) == [(0.8, 2.5, 8.5)]

@@ -48,6 +48,12 @@ def ran(program, job, folder):
     return dict(zip(columns, rows.T, strict=True))
 
 
+def few(job, berries, **funnel):
+    """The job with a few grains."""
+    changed = {"berries": berries, "rate_per_s": 50.0} | funnel
+    return replace(job, funnel=job.funnel.model_copy(update=changed))
+
+
 def places(end, job):
     at = np.stack([end[axis] for axis in "xyz"], axis=1).reshape(-1, len(job.particle.spheres_m), 3)
     wanted = np.linalg.norm(job.particle.spheres_m[:, None, :3] - job.particle.spheres_m[None, :, :3], axis=2)
@@ -60,23 +66,23 @@ def places(end, job):
 @pytest.mark.parametrize("particle", [THREE, BALL], ids=["clump", "sphere"])
 @pytest.mark.parametrize("program", RUNS)
 def test_grains_fall_freely_and_stay_rigid(config, program, particle, tmp_path):
-    few = replace(job_of(config, particle), count=2, rate_per_s=50.0, duration_s=0.06)
-    end = ran(program, few, tmp_path)
-    at = places(end, few)
+    job = few(job_of(config, particle), 2, duration_s=0.06)
+    end = ran(program, job, tmp_path)
+    at = places(end, job)
     assert len(at) == 2
-    assert end["radius"] == pytest.approx(np.tile(few.spheres_m[:, 3], 2))
-    fallen = few.factory_height_m - at.mean(axis=1)[:, 2].min()
-    assert fallen == pytest.approx(0.5 * few.gravity_m_s2 * few.duration_s**2, abs=5e-4)
+    assert end["radius"] == pytest.approx(np.tile(job.particle.spheres_m[:, 3], 2))
+    fallen = job.factory_height_m - at.mean(axis=1)[:, 2].min()
+    assert fallen == pytest.approx(0.5 * job.simulation.gravity_m_s2 * job.funnel.duration_s**2, abs=5e-4)
 
 
 @pytest.mark.parametrize(("program", "law"), [*((name, "hertz_mindlin") for name in RUNS), ("liggghts", "sjkr")])
 def test_a_sphere_rebounds_with_the_calibrated_restitution(config, program, law, tmp_path):
     stiff = BERRY | {"shear_modulus_pa": 4e6}  # an impact is short and shallow
     job = job_of(config, BALL, law, berry=stiff, e_gp=0.5, k_gg=2e5, k_gp=2e5)
-    fall = job.factory_height_m - 0.005
-    seconds = 1.25 * math.sqrt(2.0 * fall / job.gravity_m_s2)  # on its way up again
-    end = ran(program, replace(job, count=1, factory_radius_m=1e-3, duration_s=seconds), tmp_path)
-    height = end["z"][0] - 0.005 + end["vz"][0] ** 2 / (2.0 * job.gravity_m_s2)
+    fall, gravity = job.factory_height_m - 0.005, job.simulation.gravity_m_s2
+    seconds = 1.25 * math.sqrt(2.0 * fall / gravity)  # on its way up again
+    end = ran(program, few(job, 1, factory_diameter_mm=12.0, duration_s=seconds), tmp_path)
+    height = end["z"][0] - 0.005 + end["vz"][0] ** 2 / (2.0 * gravity)
     restitution = math.sqrt(height / fall)
     if law == "sjkr":
         assert restitution < 0.45
@@ -92,13 +98,13 @@ def test_the_default_grain_is_poured_as_a_clump(config, program, law, tmp_path):
     study = Study.load(CONFIG)
     grain = study.settings.berry.model_copy(update={"particle": "multisphere", "spheres": 14})
     job = job_of(config, build.of_settings(study.grain, grain), law, k_gg=3e3, k_gp=1e3)
-    few = replace(job, count=3, rate_per_s=50.0, duration_s=0.8)
-    end = ran(program, few, tmp_path)
-    at = places(end, few)
+    job = few(job, 3, duration_s=0.8)
+    end = ran(program, job, tmp_path)
+    at = places(end, job)
     assert len(at) == 3
-    low = (at[:, :, 2] - few.spheres_m[:, 3]).min()
+    low = (at[:, :, 2] - job.particle.spheres_m[:, 3]).min()
     assert -5e-4 < low < 1e-5  # one lies on the plate, not in it
-    assert at[:, :, 2].max() < few.funnel.outlet_height_m
+    assert at[:, :, 2].max() < job.surfaces.outlet_height_m
 
 
 @pytest.mark.parametrize("program", RUNS)

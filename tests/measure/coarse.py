@@ -13,7 +13,6 @@ import sixty
 from pinhole import Scene
 
 from repose.measure import photographs
-from repose.measure.settings import MeasureSettings
 
 AWAY = 700.0  # mm
 HIGH = 40, 50, 60, 80, 100, 140, 200  # pixels in the height of a heap
@@ -30,10 +29,7 @@ def scene(number: int, high_px: float) -> Scene:
 
 def measured(number: int, high_px: float, folder: Path) -> photographs.Photograph:
     """The photograph of such a heap, measured; its EXIF entry states the focal length."""
-    one = scene(number, high_px)
-    path = sixty.drawn(one, folder / f"{number}_{high_px}.png", focal_stated=True)
-    how = MeasureSettings(berry_height_mm=one.grain_mm)
-    return photographs.measure_all([path], how, photographs.Scale())[0]
+    return sixty.measured(scene(number, high_px), folder / f"{number}_{high_px}.png", focal_stated=True)
 
 
 def rows(numbers: list[int], folder: Path) -> list[str]:

@@ -2,12 +2,11 @@
 
 A heap is a random packing, not a cone with grains on it; every shadow comes from the grains, by a depth map for each of
 the lamps that make a soft light and a sky. `RANGES` and `JUDGED` were written down before one of the forty was drawn;
-causes were looked for in other seeds. `python tests/measure/forty.py` prints the errors of the forty.
+causes were looked for in other seeds. `pytest -n0 -m slow -s -k all_forty` prints the errors of the forty.
 
 World: x right, y away from the camera, z up, in mm; the heap stands on x = y = 0, the plate is z = 0.
 """
 
-import argparse
 from functools import cached_property
 from pathlib import Path
 
@@ -338,33 +337,3 @@ def outcome(scene: Scene, folder: Path) -> tuple[photographs.Photograph, tuple[f
     shown = overlay(found.view, seen) if seen else overlay_of_refused(found.view, found.pile)
     cv2.imwrite(str(folder / f"{scene.seed}_found.png"), shown)
     return found, truth(scene, how)
-
-
-def main() -> None:
-    """Print what came of each photograph, and the errors of those without a doubt."""
-    words = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    words.add_argument("--folder", type=Path, required=True, help="keeps the photographs")
-    words.add_argument("--seeds", type=int, nargs=2, default=(JUDGED[0], JUDGED[-1] + 1), help="first and end")
-    asked = words.parse_args()
-    asked.folder.mkdir(parents=True, exist_ok=True)
-    errors = []
-    for seed in range(*asked.seeds):
-        scene = Scene(seed)
-        found, (true, own, high) = outcome(scene, asked.folder)
-        about = f"{scene.grain} on {scene.plate} before {scene.wall}, {scene.above:.1f} above; {true:.2f} {own:.2f} deg"
-        if found.measurement is None:
-            print(seed, about, f"refused: {found.refused}", sep="; ", flush=True)
-            continue
-        off = found.measurement.aor_deg - true, found.measurement.height_mm - high
-        print(seed, about, "{:+.2f} deg {:+.2f} mm".format(*off), found.remarks, sep="; ", flush=True)
-        if not found.doubts:
-            errors.append(off)
-    mean, error = np.mean(errors, axis=0), np.std(errors, axis=0, ddof=1) / np.sqrt(len(errors))
-    print(
-        f"{len(errors)} without a doubt: {mean[0]:+.2f} +- {error[0]:.2f} deg, {mean[1]:+.2f} +- {error[1]:.2f} mm, "
-        f"largest {np.abs(errors).max(axis=0).round(2)}"
-    )
-
-
-if __name__ == "__main__":
-    main()

@@ -1,10 +1,8 @@
 """White rice before grey walls and on grey plates, whose mean tone it has: only its roughness shows the pile.
 
-`python tests/measure/rice.py` measures the photographs of the first twelve seeds.
+`pytest -n0 -m slow -s -k twelve_of_rice` measures the photographs of the first twelve seeds and prints their errors.
 """
 
-import argparse
-import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +10,6 @@ import sixty
 from pinhole import Heap, Scene, truth
 
 from repose.measure import photographs
-from repose.measure.settings import MeasureSettings
 
 SEEDS = range(8101, 8113)  # chosen before any of them was measured
 
@@ -39,9 +36,7 @@ def scene(seed: int) -> Scene:
 
 
 def measured(seed: int, folder: Path) -> photographs.Photograph:
-    path = sixty.drawn(scene(seed), folder / f"{seed}.png")
-    how = MeasureSettings(berry_height_mm=scene(seed).grain_mm)
-    return photographs.measure_all([path], how, photographs.Scale())[0]
+    return sixty.measured(scene(seed), folder / f"{seed}.png")
 
 
 def off(seed: int, one: photographs.Photograph) -> tuple[float, float]:
@@ -49,18 +44,3 @@ def off(seed: int, one: photographs.Photograph) -> tuple[float, float]:
     true = truth(scene(seed))
     assert one.measurement is not None
     return one.measurement.aor_deg - true.angle, one.measurement.height_mm - true.height
-
-
-def main() -> None:
-    words = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    words.add_argument("--folder", type=Path, help="keeps the photographs")
-    asked = words.parse_args()
-    with tempfile.TemporaryDirectory() as kept:
-        for seed in SEEDS:
-            one = measured(seed, asked.folder or Path(kept))
-            result = one.refused or "{:+.2f} deg {:+.2f} mm".format(*off(seed, one))
-            print(seed, result, one.remarks, sep="; ", flush=True)
-
-
-if __name__ == "__main__":
-    main()

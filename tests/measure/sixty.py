@@ -1,10 +1,8 @@
 """Sixty photographs by the renderer `pinhole`: all at random, and something wrong with every fifth.
 
-`python tests/measure/sixty.py` measures them and prints how many are measured, refused, and wrong in silence.
+`pytest -n0 -m slow -s -k all_sixty` measures them and prints how many are measured, refused, and wrong in silence.
 """
 
-import argparse
-import tempfile
 from pathlib import Path
 from typing import NamedTuple
 
@@ -111,11 +109,16 @@ def drawn(one: Scene, path: Path, focal_stated: bool = False) -> Path:
     return path
 
 
+def measured(one: Scene, path: Path, focal_stated: bool = False) -> photographs.Photograph:
+    """The photograph, drawn if it is not there, and measured."""
+    how = MeasureSettings(berry_height_mm=one.grain_mm)
+    return photographs.measure_all([drawn(one, path, focal_stated)], how, photographs.Scale())[0]
+
+
 def outcome(number: int, folder: Path) -> Outcome:
     """Draw a photograph into a folder and measure it; what was found in it lies beside it."""
-    one, path = scene(number), drawn(scene(number), folder / f"{number}.png")
-    how = MeasureSettings(berry_height_mm=one.grain_mm)
-    found = photographs.measure_all([path], how, photographs.Scale())[0]
+    one = scene(number)
+    found = measured(one, folder / f"{number}.png")
     seen, missed = found.measurement, (np.nan, np.nan)
     if seen is not None:
         true = truth(one) if trouble(number) not in TROUBLE[2:] else Truth(np.nan, np.nan)
@@ -131,21 +134,6 @@ def from_a_distance(away: float, eye: float = 25.0, seed: int = 1) -> Scene:
         seed, heaps=(Heap(0, 0, 36, 30),), axes=(2.7, 2.5, 2.3), eye=(0, -away, eye), aim=(-65, 0, 45), left=-215,
         focal=1000 * away / 340,
     )  # fmt: skip
-
-
-def main() -> None:
-    words = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    words.add_argument("--folder", type=Path, help="keeps the photographs")
-    words.add_argument("--numbers", type=int, nargs="+", default=range(NUMBER))
-    asked = words.parse_args()
-    with tempfile.TemporaryDirectory() as kept:
-        made = []
-        for number in asked.numbers:
-            one = outcome(number, asked.folder or Path(kept))
-            made.append(one)
-            result = f"refused: {one.refused}" if one.refused else f"{one.angle:+.2f} deg {one.height:+.2f} mm"
-            print(number, one.trouble, "" if one.plain else "not plain", result, one.note, sep="; ", flush=True)
-    print(report(made))
 
 
 def silent(made: list[Outcome]) -> list[int]:
@@ -165,7 +153,3 @@ def report(made: list[Outcome]) -> str:
         f"{measured} of {len(made)} measured; wrong in silence {silent(made)}; refused though an eye would measure "
         f"{lost(made)}; heaps: {mean[0]:+.2f} deg, {mean[1]:+.2f} mm, largest {most[0]:.2f}, {most[1]:.2f}"
     )
-
-
-if __name__ == "__main__":
-    main()

@@ -13,7 +13,7 @@ from repose.cli import main
 from repose.config.study import Study
 from repose.core import files
 from repose.core.errors import InputError
-from repose.measure import pile
+from repose.measure import photographs, pile
 
 ROOT = Path(__file__).parents[2]
 PILE = [(60, 299), (300, 140), (540, 299)]
@@ -141,6 +141,7 @@ def test_a_level_length_gives_the_scale_and_turns_the_photograph(tmp_path, capsy
     assert values["left_deg"] == pytest.approx(values["right_deg"], abs=0.3)
     assert values["height_mm"] == pytest.approx(80, abs=0.7)
     assert values["mm_per_pixel"] == pytest.approx(0.5, abs=1e-3)
+    assert photographs.level_length(10.0, 1.0, 1.0, 41.0, 1.0) == (0.25, 0.0)
 
 
 def test_the_mean_of_several_is_a_target_that_a_study_reads(tmp_path, capsys):

@@ -117,16 +117,16 @@ def test_clean_pile_is_measured_to_a_fraction_of_a_degree_and_a_pixel(shape, bin
     for height in (52.3, 60.1):
         cover = drawn(lambda u, h=height: shape(angle, u, h), half_width(angle), binary=binary)
         m = measure_image(toned(cover, 40, 220), MM)
-        assert (m.left_deg, m.right_deg) == pytest.approx((angle, angle), abs=CLEAN_DEG)
-        assert m.aor_deg == pytest.approx((m.left_deg + m.right_deg) / 2)
+        assert (m.angle.left_deg, m.angle.right_deg) == pytest.approx((angle, angle), abs=CLEAN_DEG)
+        assert m.aor_deg == pytest.approx((m.angle.left_deg + m.angle.right_deg) / 2)
         assert m.height_mm == pytest.approx(height, abs=CLEAN_MM)
 
 
 def test_each_side_is_measured_by_itself():
     cover = drawn(lambda u: np.where(u < 0, triangle(20, u), triangle(38, u)), half_width(20))
     m = measure_image(toned(cover, 40, 220), MM)
-    assert (m.left_deg, m.right_deg) == pytest.approx((20, 38), abs=CLEAN_DEG)
-    left, right = m.lines
+    assert (m.angle.left_deg, m.angle.right_deg) == pytest.approx((20, 38), abs=CLEAN_DEG)
+    left, right = m.angle.lines
     axis = cover.shape[1] / 2 - 0.5
     for (below, above), slope in ((left, 20), (right, 38)):
         run = HEIGHT_MM * 0.9 / math.tan(math.radians(slope)) / MM
@@ -186,9 +186,9 @@ def test_loose_berries_count_when_asked_for_and_a_narrow_mask_has_its_plate():
     half = half_width(30)
     picture = toned(drawn(lambda u: triangle(30, u), half, loose=[(half - 11, 8)]), 40, 220)
     alone, together = (measure_image(picture, MM), measure_image(picture, MM, replace(FLANK, largest_pile_only=False)))
-    assert alone.right_deg == pytest.approx(30, abs=CLEAN_DEG)
-    assert together.right_deg < 29
-    assert together.left_deg == pytest.approx(30, abs=CLEAN_DEG)
+    assert alone.angle.right_deg == pytest.approx(30, abs=CLEAN_DEG)
+    assert together.angle.right_deg < 29
+    assert together.angle.left_deg == pytest.approx(30, abs=CLEAN_DEG)
     picture = toned(drawn(lambda u: triangle(30, u), half_width(30)), (30, 30, 190), (245, 245, 245))
     rng = np.random.default_rng(3)
     rows, columns = picture.shape[:2]
@@ -234,7 +234,7 @@ def test_pictures_of_the_workflow_and_unreadable_pictures_and_wrong_arrays_are_r
     m = measure_image(picture, MM)
     final = panels["boundary"]
     assert np.array_equal(final, overlay(picture, m))
-    left, right = (np.mean(line, axis=0).round().astype(int) for line in m.lines)
+    left, right = (np.mean(line, axis=0).round().astype(int) for line in m.angle.lines)
     assert final[left[1], left[0]].argmax() == 2  # red left line, BGR
     assert final[right[1], right[0]].argmax() == 1  # green right line
     assert np.array_equal(picture, toned(drawn(lambda u: triangle(30, u), half_width(30)), 40, 220))

@@ -82,9 +82,9 @@ def test_a_cone_seen_from_above_or_below_gets_its_angle_and_its_foot_back(above,
     how = MeasureSettings(berry_height_mm=6.0)
     flat = photographs._measured(one, how)
     assert (flat.aor_deg < 30.9) == (above != 0)
-    photographs.seen_level(one, axis, 500 / px, eye[2] / px, (flat.left_deg, flat.right_deg), height / px)
+    photographs.seen_level(one, axis, 500 / px, eye[2] / px, (flat.angle.left_deg, flat.angle.right_deg), height / px)
     level = photographs._measured(one, how)
-    assert [level.left_deg, level.right_deg] == pytest.approx([31.0, 31.0], abs=0.1)
+    assert [level.angle.left_deg, level.angle.right_deg] == pytest.approx([31.0, 31.0], abs=0.1)
     assert level.height_mm == pytest.approx(height, abs=px)
     columns = np.flatnonzero(one.pile.mask.any(axis=0)) - axis
     assert [-columns[0] * px, columns[-1] * px] == pytest.approx([radius, radius], abs=lost)

@@ -157,7 +157,7 @@ def test_the_lines_of_the_overlay_are_those_of_the_response_and_a_given_height_o
     lines = set()
     for name in DEFINITIONS:
         settings = pile.MeasureSettings.of(config(response=name)["measure"], AXES)
-        seen = pile.measure_image(saved_piles.side_view(poured, PARTICLE, settings), 0.25, settings)
+        seen = pile.measure_image(saved_piles.side_view(poured, PARTICLE, settings), 0.25, settings).angle
         lines.add(seen.lines)
         for line, sign, angle in zip(seen.lines, (1, -1), (seen.left_deg, seen.right_deg), strict=True):
             (u0, row0), (u1, row1) = line

@@ -14,6 +14,7 @@ from repose.core.errors import InputError
 from repose.dem.rotations import sphere_directions
 from repose.particle import build, support_fit
 from repose.particle.mesh import principal_pose
+from repose.particle.settings import GrainSettings
 
 BARREL_M = np.array([[7.399, 0.940, 0.940], [3.171, 4.745, 4.000]]) * 1e-3
 
@@ -208,12 +209,17 @@ def test_files_with_a_fault_are_mended_where_that_is_safe_else_the_cause_is_name
         input_error(words, build.load_mesh, path)
 
 
-def test_a_scan_in_another_unit_than_the_sizes_is_told():
-    grain = {"long_mm": 2.0, "major_mm": 1.2, "minor_mm": 0.9, "density_kg_m3": 1000.0}
-    for scale, words in ((1.0, "longest side in mm is 20.0; expected near 2,"), (0.02, "is 0.4; expected near 2,")):
-        scan = build.ellipsoid_mesh([20, 12, 9]).apply_scale(scale)
-        input_error(words, build.make, grain, scan, source="scan.stl")
-    assert build.make(grain, build.ellipsoid_mesh([2.5, 1.2, 0.9])).particle.kind == "ellipsoid"
+def test_a_scan_in_another_unit_than_the_sizes_is_told(tmp_path):
+    grain = {"long_mm": 20.0, "major_mm": 12.0, "minor_mm": 9.0, "density_kg_m3": 1000.0}
+    how = {"mass_g": None, "particle": "smooth", "spheres": 14, "surface": "smooth"}
+
+    def made(*axes_mm):
+        scan = saved(build.ellipsoid_mesh(axes_mm), tmp_path)
+        return build.of_settings(grain, GrainSettings.model_construct(stl=str(scan), **how))
+
+    for scale, words in ((10.0, "longest side in mm is 200.0; expected near 20,"), (0.2, "is 4.0; expected near 20,")):
+        input_error(words, made, 20 * scale, 12 * scale, 9 * scale)
+    assert made(25.0, 12.0, 9.0).kind == "ellipsoid"
 
 
 def test_what_is_no_mesh_of_a_smooth_particle_is_refused(tmp_path):

@@ -241,8 +241,8 @@ def test_the_angle_has_its_lines_in_figure_6_and_a_search_without_result_its_axe
     title = panel.get_title(loc="right")
     assert f"{measured.aor_deg:.1f}°" in title
     assert line_of(CONFIG["measure"]) in title
-    for text, line, name in zip(panel.texts, measured.lines, ("left", "right"), strict=True):
-        assert text.get_text() == f"{name} {getattr(measured, f'{name}_deg'):.1f}°"
+    for text, line, name in zip(panel.texts, measured.angle.lines, ("left", "right"), strict=True):
+        assert text.get_text() == f"{name} {getattr(measured.angle, f'{name}_deg'):.1f}°"
         along = np.sort(np.array(line)[:, 0] * settings.mm_per_pixel)
         assert along[0] < text.xy[0] < along[1]
     history = pd.read_csv(inputs["history"])

@@ -156,7 +156,8 @@ class RotatingDrum(BenchTest[R]):
 
         section = self.section(scene.settings)
         radius, pixel = Drum.of(section).radius_m, scene.settings.mm_per_pixel
-        return bed.measure_surface(position, quaternion, scene.particle, radius, pixel, section.fit_share, scale)
+        filled = bed.side_view(position, quaternion, scene.particle, radius, pixel, scale)
+        return bed.surface_of(filled, radius, pixel, section.fit_share)
 
     def surface_angles(
         self, position: np.ndarray, quaternion: np.ndarray, scale: np.ndarray, scene: Scene
@@ -276,13 +277,11 @@ class _Watch:
         return dict(zip(RECORD, np.array(self.rows).T, strict=True))
 
 
-def _until_slip(
-    watch: _Watch, section: DrumSettings, calm: float, every: int, progress: Progress | None
-) -> "bed.Slip | None":
+def _until_slip(watch: _Watch, section: DrumSettings, every: int) -> "bed.Slip | None":
     """Turn until the first slip and let the bed rest."""
     from repose.measure import bed
 
-    simulation = watch.simulation
+    simulation, calm = watch.simulation, watch.trial.scene.simulation.rest_energy_j
     watch.began_s = simulation.time_s
     step_s = every * simulation.time_step_s
     report_s = section.report_s - watch.began_s
@@ -291,8 +290,6 @@ def _until_slip(
     slip, stopped_s = None, math.inf
     while math.isfinite(watch.rows[-1].energy_j):
         now, energy = watch.rows[-1].time_s, watch.rows[-1].energy_j
-        if progress is not None:
-            progress(simulation.time_s)
         rests = now > stopped_s and energy < calm
         if (rests or now >= stopped_s + section.settle_s) and now >= report_s - 0.5 * step_s:
             break
@@ -334,14 +331,14 @@ class DrumTest(RotatingDrum[DrumSettings]):
         when the bed rests, at most `drum.settle_s` after the drum, and not before `drum.report_s`.
         """
         section, settings = self.section(scene.settings), scene.simulation
-        trial, factory = self.empty_drum(scene)
+        trial, factory = self.empty_drum(scene, progress=progress)
         every = max(1, settings.steps(section.record_s))
         watch, rest_energy, slip = _Watch(trial), math.nan, None
         with trial.bounded.guard():
             fill_and_rest(trial, factory, section, section.rotate_from_s, every)
             trial.bounded.look()
             rest_energy = trial.energy_j()
-            slip = _until_slip(watch, section, settings.rest_energy_j, every, progress)
+            slip = _until_slip(watch, section, every)
         record = watch.record() if watch.rows else {name: np.zeros(0) for name in RECORD}
         late = np.abs(watch.began_s + record["time_s"] - section.report_s)
         return Rotation(

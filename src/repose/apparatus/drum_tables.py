@@ -19,24 +19,7 @@ if TYPE_CHECKING:
 
     from repose.particle.particle import Particle
 
-# Quantities averaged over seeds, and their names in the table.
-SUMMARY = {
-    "report_turned_deg": "turned at the report",
-    "report_surface_deg": "surface at the report",
-    "report_bed_deg": "centre of mass at the report",
-    "before_time_s": "first slip, time since the rotation began",
-    "before_turned_deg": "first slip, turned",
-    "before_surface_deg": "surface before the slip",
-    "before_bed_deg": "centre of mass before the slip",
-    "after_surface_deg": "surface after the slip",
-    "after_bed_deg": "centre of mass after the slip",
-    "surface_drop_deg": "fall of the surface",
-    "bed_drop_deg": "fall of the centre of mass",
-    "slip_duration_s": "from the slip's beginning to rest",
-    "moved_share": "share of berries that moved by more than their diameter",
-    "surface_moved_mm": "motion of the uppermost layer against the drum",
-    "wall_moved_mm": "motion of the lowest layer against the drum",
-}
+SUMMARY = Path(__file__).with_name("drum_quantities.csv")  # quantities averaged over seeds, by their keys in a run
 RECORD = ["time_s", "turned_deg", "surface_deg", "bed_deg", "energy_j"]
 PROFILE = ["depth_mm", "moved_mm", "moved_sd_mm", "berries"]
 WHAT = "a JSON file of `repose stage drum`, its .npz beside it"
@@ -114,11 +97,11 @@ def tables(runs: Sequence[tuple[Mapping[str, Any], Mapping[str, np.ndarray]]]) -
 
 
 def summarise(runs: "pd.DataFrame") -> "pd.DataFrame":
-    """Compute mean and standard error of every quantity of SUMMARY over the runs that have it."""
+    """Compute mean and standard error of every quantity of `SUMMARY` over the runs that have it."""
     import pandas as pd
 
     rows = []
-    for key, quantity in SUMMARY.items():
+    for key, quantity in pd.read_csv(SUMMARY).itertuples(index=False):
         values = runs[key].dropna().to_numpy(float) if key in runs else np.zeros(0)
         n, known = len(values), values if len(values) else np.full(1, np.nan)
         error = values.std(ddof=1) / np.sqrt(n) if n > 1 else np.nan

@@ -248,7 +248,7 @@ class Pour(Ending):
     discharge_s: float  # from the first to the last grain that left the outlet; NaN where none did
     wall_s: float  # wall time of the pour
     us_per_step: float  # wall time of a time step in the last second of `duration_s`, or since the last grain
-    frames: dict[str, np.ndarray] | None  # see `repose.apparatus.scene.Filmed.frames`
+    frames: dict[str, np.ndarray] | None  # see `repose.apparatus.scene.Trial.frames`
 
 
 def _rests(simulation: "dem.Simulation", section: FunnelSettings, funnel: Funnel, seen: Sequence[np.ndarray]) -> bool:
@@ -266,16 +266,8 @@ def _rests(simulation: "dem.Simulation", section: FunnelSettings, funnel: Funnel
     )
 
 
-def _judge(
-    simulation: "dem.Simulation",
-    funnel: Funnel,
-    before: np.ndarray | None,
-    unstable: str,
-    frames: dict[str, np.ndarray] | None,
-    wall_s: float,
-    us_per_step: float,
-) -> Pour:
-    """Sort the grains into pile, plate, funnel and lost, and measure their motion."""
+def _judge(simulation: "dem.Simulation", funnel: Funnel, before: np.ndarray | None, **known: Any) -> Pour:
+    """Sort the grains into pile, plate, funnel and lost, and measure their motion; `known` are the other numbers."""
     centres = simulation.positions.copy()
     present = simulation.present
     # a grain hanging in the outlet has its centre a little below the rim
@@ -294,13 +286,10 @@ def _judge(
         in_pile=in_pile,
         in_funnel=int(in_funnel.sum()),
         off_plate=int(len(centres) - in_funnel.sum() - on_plate.sum()),
-        unstable=unstable,
         kinetic_energy_j=float(pile_energy.sum()),
         largest_motion_m=float(motion.max(initial=0.0)),
         discharge_s=float(exits.max() - exits.min()) if len(exits) else math.nan,
-        wall_s=wall_s,
-        us_per_step=us_per_step,
-        frames=frames,
+        **known,
     )
 
 
@@ -356,10 +345,10 @@ class FunnelTest(BenchTest[FunnelSettings]):
                 seen.append(simulation.positions.copy())
                 if until_rest and _rests(simulation, section, funnel, seen):
                     break
-        us_per_step = 1e6 * (time.perf_counter() - clock) / max(1, simulation.steps - timed)
-        took_s = time.perf_counter() - began
+        known = {"us_per_step": 1e6 * (time.perf_counter() - clock) / max(1, simulation.steps - timed)}
+        known["wall_s"] = time.perf_counter() - began
         before = seen[0] if seen else None
-        return _judge(simulation, funnel, before, trial.broken, trial.frames(), took_s, us_per_step)
+        return _judge(simulation, funnel, before, unstable=trial.broken, frames=trial.frames(), **known)
 
     def faults(self, ending: Pour, settings: SceneSettings) -> Faults:
         """Judge a pour before it is measured."""

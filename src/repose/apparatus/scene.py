@@ -85,16 +85,24 @@ def _contacts(parameters: Mapping[str, float]) -> "dict[tuple[str, str], dem.Con
     return contacts
 
 
-class Filmed:
-    """Advances a simulation within bounds, calls `progress` with its time, and records a frame each `interval_s`."""
+class Trial:
+    """A scene that is simulated within bounds: bodies with room for the largest grain of its seed, and their sizes.
+
+    It calls `progress` with the simulated time, and records a frame each `interval_s`.
+    """
 
     bounded: Bounded
 
     def __init__(
-        self, simulation: "dem.Simulation", interval_s: float | None = None, progress: Progress = None
+        self, build: Build, scene: "Scene", grains: int, interval_s: float | None = None, progress: Progress = None
     ) -> None:
-        self.simulation, self.progress = simulation, progress
-        self.every = None if interval_s is None else max(1, round(interval_s / simulation.time_step_s))
+        from repose.particle.size_distribution import of_pour
+
+        self.scene, self.progress = scene, progress
+        self.scales, largest = of_pour(scene.settings.size_distribution, scene.grain, scene.seed, grains)
+        self.reach_m = largest * scene.particle.bounding_radius_m  # of the largest grain
+        self.simulation = build(scene, largest)
+        self.every = None if interval_s is None else max(1, round(interval_s / self.simulation.time_step_s))
         self.recorder = None if interval_s is None else dem.Recorder()
 
     def bound(self, top_m: float, speed_m_s: float = 0.0) -> Bounded:
@@ -142,20 +150,6 @@ class Filmed:
             "position": np.pad(kept["position"], absent, constant_values=np.nan),
             "quaternion": np.pad(kept["quaternion"], absent, constant_values=np.nan),
         } | ({name: kept[name] for name in ("planes", "wall_frames")} if walls else {})
-
-
-class Trial(Filmed):
-    """A scene that is simulated: bodies with room for the largest grain of its seed, and the sizes of its grains."""
-
-    def __init__(
-        self, build: Build, scene: "Scene", grains: int, interval_s: float | None = None, progress: Progress = None
-    ) -> None:
-        from repose.particle.size_distribution import of_pour
-
-        self.scene = scene
-        self.scales, largest = of_pour(scene.settings.size_distribution, scene.grain, scene.seed, grains)
-        self.reach_m = largest * scene.particle.bounding_radius_m  # of the largest grain
-        super().__init__(build(scene, largest), interval_s, progress)
 
     def energy_j(self) -> float:
         """Compute the mean kinetic energy of a grain."""

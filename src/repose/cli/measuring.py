@@ -133,7 +133,7 @@ def _measure_apparatus(
 
 def _scale(args: argparse.Namespace) -> "Scale":
     """Read the scale from the command line."""
-    from repose.measure.photographs import LEAST_PX, MOST_LEVEL_DEG, Scale, level_length
+    from repose.measure.photographs import LEAST_LENGTH_PX, MOST_LEVEL_DEG, Scale, level_length
 
     def number(option: str, value: float, low: float, high: float) -> None:
         if not low <= value <= high:
@@ -146,7 +146,7 @@ def _scale(args: argparse.Namespace) -> "Scale":
     if args.length:
         number("--length", args.length[0], 1, 1e5)
         if (found := level_length(*args.length)) is None:
-            apart = f"two ends at least {LEAST_PX} pixels apart, the left one first"
+            apart = f"two ends at least {LEAST_LENGTH_PX} pixels apart, the left one first"
             allowed = f"{apart}, level within {MOST_LEVEL_DEG:g} degrees"
             raise InputError("command line", "--length", args.length, allowed)
         scale, level = found

@@ -6,7 +6,7 @@ import numpy as np
 
 from repose.apparatus.funnel import ConeLine
 from repose.export.job import Job, Pair
-from repose.export.laws import equivalent_restitution, rolling_coefficient, rolling_stiffness, unlike_the_study
+from repose.export.laws import equivalent_restitution, rolling_coefficient, rolling_stiffness
 from repose.export.template import filled, head, numbers
 
 # Damping of the rolling spring over its critical damping, with the mass of a grain.
@@ -20,11 +20,11 @@ def deck(job: Job) -> dict[str, str]:
     """Write the files of a LAMMPS run by name: in.pour, grain.mol."""
     cone = job.surfaces.cone_line()
     law_gg, law_gp = (contact_keywords(job, pair) for pair in job.pairs.values())
-    values = {"law_gg": law_gg, "law_gp": law_gp, "tube": _tube(job, law_gp), **damping_numbers(job)}
+    values = {"law_gg": law_gg, "law_gp": law_gp, "tube_radius": 0.5 * job.surfaces.outlet_diameter_m}
+    values |= {"near": 2.0 * float(job.particle.spheres_m[:, 3].max()), "head": head(job, "# ", "lammps")}
     for end, place in (("low", cone.first), ("high", cone.last)):
         values[f"cone_{end}_radius"], values[f"cone_{end}"] = _on_line(cone, place)
-    values |= {"head": head(job, "# ", _differences(job)), "near": 2.0 * float(job.particle.spheres_m[:, 3].max())}
-    return {"in.pour": filled("lammps.in", job, **values), "grain.mol": molecule(job)}
+    return {"in.pour": filled("lammps.in", job, **values, **damping_numbers(job)), "grain.mol": molecule(job)}
 
 
 def contact_keywords(job: Job, pair: Pair) -> str:
@@ -80,26 +80,3 @@ def molecule(job: Job) -> str:
 def _on_line(cone: ConeLine, place: float) -> tuple[float, float]:
     """Return the point (r, z) at a place along the cone's line."""
     return (cone.offset * cone.normal_r + place * cone.up_r, cone.offset * cone.normal_z + place * cone.up_z)
-
-
-def _tube(job: Job, law: str) -> str:
-    """Write the lines of a tube below the cone."""
-    funnel = job.surfaces
-    if funnel.tube_length_m == 0.0:
-        return ""
-    size = numbers((0.5 * funnel.outlet_diameter_m, funnel.outlet_height_m, funnel.neck_height_m))
-    return (
-        f"region          tube cylinder z 0 0 {size} side in open 1 open 2\n"
-        f"fix             tube all wall/gran/region granular {law} region tube\n"
-    )
-
-
-def _differences(job: Job) -> list[str]:
-    """List the differences between LAMMPS and this engine."""
-    lines = [*unlike_the_study(job, job.simulation.contact_law), "the edge of the outlet is sharp"]
-    if job.simulation.tension == "release":
-        lines.append(
-            "the second number of hertz/material is the restitution that gives the study's damping; with limit_damping "
-            "an impact then ends with the restitution calibrated"
-        )
-    return lines

@@ -12,23 +12,8 @@ effective radius of the two touching spheres. With `rolling_coefficient` the mea
 import math
 
 from repose.dem.constants import OF_LAWS, SURFACE_ENERGY, TWISTING
-from repose.dem.laws.law import COULOMB
 from repose.export.job import Job, Pair
 
-# Effect of a change of the normal load on a tangential force.
-UNDER_LOAD = {
-    "hertz_mindlin": "grows and falls with the normal load",
-    "hertz_mindlin_rescaled": "stays on loading and falls on unloading",
-    "kept": "stays as it is when the normal load changes",
-}
-DAMPED_ALONE = (
-    "each pair of spheres is damped with the bodies' masses; in the study the spheres of one pair of bodies share "
-    "the damping, and the mass counts the rotation"
-)
-UNDAMPED_TANGENT = (
-    "no dashpot along the tangent; in the study Coulomb's limit holds it too. In LIGGGHTS and YADE it comes on "
-    "top of that limit, in LAMMPS it winds up the spring: a grazing impact had 1.7 times the friction, or a sixth"
-)
 GAMMA = " (of each of two surfaces: the work of adhesion is w = 2 gamma, the pull-off force 3 pi gamma R*)"
 
 
@@ -59,14 +44,6 @@ def rolling_stiffness(pair: Pair) -> float:
     return pair.tangential_stiffness_n_m * pair.effective_radius_m**2
 
 
-def skin_m(job: Job) -> float:
-    """Compute the reach of neighbour lists beyond the spheres [m]: three quarters of the mean radius.
-
-    A grain that falls at 2 m/s moves 0.4 mm in a step; with this skin the lists last for several steps.
-    """
-    return 0.75 * job.mean_radius_m
-
-
 def further_laws(job: Job) -> str:
     """Write the lines of a head on the constants that the contact law and the rolling law have besides."""
     gg, gp = job.grains.constants, job.on_wall.constants
@@ -79,36 +56,3 @@ def further_laws(job: Job) -> str:
         words = "{}: {} between grains, {} between grain and wall; this deck has none.\n"
         lines.append(words.format(TWISTING.words, *given))
     return "".join(lines)
-
-
-def unlike_the_study(job: Job, tangential: str = "hertz_mindlin") -> list[str]:
-    """List the differences that several programs have: rolling, damping, tangential force.
-
-    `tangential` is the program's law: a contact law of this engine, or "kept" for a force that does not change with
-    load.
-    """
-    notes = [rolled(job), *([] if job.is_sphere else [DAMPED_ALONE]), UNDAMPED_TANGENT]
-    if COULOMB[job.simulation.tension] != "total":
-        notes.append("Coulomb's limit takes the damped normal force, in the study its elastic part")
-    own = "hertz_mindlin" if job.simulation.contact_law == "hertz_mindlin" else "hertz_mindlin_rescaled"
-    if own != tangential:
-        notes.append(f"a tangential force {UNDER_LOAD[tangential]}; in the study it {UNDER_LOAD[own]}")
-    return notes
-
-
-def rolled(job: Job) -> str:
-    """Describe a rolling resistance that is a limited spring between two spheres."""
-    law = job.simulation.rolling_law
-    if law != "budget":
-        own = "a constant torque" if law == "constant_torque" else "its own stiffness and damping"
-        return (
-            f"rolling resistance is between two spheres, with {own}; in the study "
-            f"{law} between two bodies, which resists spin about the normal too. Its coefficients here are "
-            f"those of the study times the mean lever {1e3 * job.lever_m:.3g} mm over the radius of a sphere"
-        )
-    piles = "; with mu_r 0.1 piles of spheres stood 5 to 7 degrees lower so" if job.is_sphere else ""
-    return (
-        "rolling resistance is a spring with a limit against the relative rotation (model C of Ai et al. 2011, without "
-        "damping or with); in the study a budget of each body (model A). Its coefficients here are those of the study "
-        f"times the mean lever {1e3 * job.lever_m:.3g} mm over the effective radius of two spheres{piles}"
-    )

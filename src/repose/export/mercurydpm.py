@@ -4,7 +4,7 @@ It follows the interfaces of MercuryDPM's clump drivers, and has neither been co
 """
 
 from repose.export.job import Job
-from repose.export.laws import equivalent_restitution, rolling_coefficient, unlike_the_study
+from repose.export.laws import equivalent_restitution, rolling_coefficient
 from repose.export.surface import stl
 from repose.export.template import filled, head, numbers
 
@@ -16,7 +16,7 @@ TANGENTIAL = 2.0 / 3.0
 def deck(job: Job) -> dict[str, str]:
     """Write the files of a MercuryDPM driver by name: Pour.cpp, funnel.stl."""
     spheres = "".join(f"    {{{numbers(sphere, ', ')}}},\n" for sphere in job.particle.spheres_m)
-    values: dict[str, object] = {"spheres": spheres, "head": head(job, "// ", _differences(job))}
+    values: dict[str, object] = {"spheres": spheres, "head": head(job, "// ", "mercurydpm")}
     for name, pair in job.pairs.items():
         values |= {
             f"young_{name}": pair.effective_young_pa,
@@ -26,13 +26,3 @@ def deck(job: Job) -> dict[str, str]:
             f"stiffness_{name}": pair.tangential_stiffness_n_m / LEVER**2,
         }
     return {"Pour.cpp": filled("mercurydpm.cpp.txt", job, **values), "funnel.stl": stl(job.surfaces)}
-
-
-def _differences(job: Job) -> list[str]:
-    """List the differences between MercuryDPM and this engine, and features that were not tried."""
-    lines = ["this driver was neither compiled nor run by those who wrote it", *unlike_the_study(job)]
-    if not job.is_sphere:
-        lines.append("grains turn by three random angles, so not all orientations are alike")
-    if job.simulation.tension != "keep":
-        lines.append("the damped force may pull at the end of an impact; the damping is that of the study")
-    return lines

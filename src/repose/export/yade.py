@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from repose.export.job import Job
-from repose.export.laws import rolling_stiffness, unlike_the_study
+from repose.export.laws import rolling_stiffness
 from repose.export.surface import AROUND, profile
 from repose.export.template import filled, head, numbers
 
@@ -14,7 +14,7 @@ from repose.export.template import filled, head, numbers
 def deck(job: Job) -> dict[str, str]:
     """Write the file of a YADE run by name: pour.py."""
     weights, inertia = member_masses(job)
-    words = {"head": head(job, "# ", _differences(job)), "around": AROUND}
+    words = {"head": head(job, "# ", "yade"), "around": AROUND}
     lists = {"spheres": job.particle.spheres_m, "masses": weights * job.particle.mass_kg, "inertia": inertia}
     words |= {name: _listed(values) for name, values in (lists | {"profile": profile(job.surfaces)}).items()}
     values = {  # sqrt(5/6) beta is the damping over the critical damping
@@ -52,16 +52,3 @@ def _listed(values: ArrayLike) -> str:
     if values.ndim == 1:
         return f"[{numbers(values, ', ')}]"
     return "[\n" + "".join(f"    {_listed(row)},\n" for row in values) + "]"
-
-
-def _differences(job: Job) -> list[str]:
-    """List the differences between YADE and this engine."""
-    lines = [
-        *unlike_the_study(job, "kept"),
-        "on a facet YADE takes two thirds of a sphere's radius as the effective one: contacts with walls are softer by "
-        "18 %",
-        "a contact with a wall rolls in its first step with the coefficient of the grains",
-    ]
-    if job.simulation.tension == "keep":
-        lines.append("the normal force never pulls, damped as if it could")
-    return lines

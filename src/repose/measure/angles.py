@@ -76,11 +76,7 @@ def steepest(profile: np.ndarray, low: float, high: float, rule: str = "columns"
     cut = np.arange(math.floor(least) + 1)  # off either end, pixel by pixel
     below, above = (cut[part] for part in np.nonzero(cut[:, None] + cut <= least))
     slopes = window_slopes(distance, height, low + below, high - above)
-    if np.isnan(slopes).all():
-        raise NoFlankError(WALL)
-    if not np.any(slopes > 0):
-        raise NoFlankError("no stretch of the boundary rises towards the crest")
-    best = int(np.nanargmax(slopes))
+    best = _best(slopes)
     start, end = float(low + below[best]), float(high - above[best])
     inside = (height >= start) & (height <= end)
     return fitted(distance[inside], height[inside], start, end)
@@ -101,13 +97,18 @@ def straightest(profile: np.ndarray, smallest: float, rule: str = "columns") -> 
     places = np.linspace(0, count, min(count, WINDOW_STEPS) + 1).round().astype(int)
     first, last = (places[ends] for ends in np.nonzero(places - places[:, None] >= least))
     correlation = window_correlations(distance, height, first, last)
-    if np.isnan(correlation).all():
-        raise NoFlankError(WALL)
-    if not np.any(correlation > 0):
-        raise NoFlankError("no stretch of the boundary rises towards the crest")
-    best = int(np.nanargmax(correlation))
+    best = _best(correlation)
     inside = slice(first[best], last[best])
     return fitted(distance[inside], height[inside], float(height[inside].min()), float(height[inside].max()))
+
+
+def _best(windows: np.ndarray) -> int:
+    """Find the window with the largest slope or correlation; NoFlankError where all are walls or none rises."""
+    if np.isnan(windows).all():
+        raise NoFlankError(WALL)
+    if not np.any(windows > 0):
+        raise NoFlankError("no stretch of the boundary rises towards the crest")
+    return int(np.nanargmax(windows))
 
 
 def window_correlations(distance: np.ndarray, height: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
@@ -185,15 +186,15 @@ def measure_sides(
     definitions: Sequence[str] = DEFINITIONS,
 ) -> Measured:
     """Angle [deg], left and right line of a pile by definition, and the reasons for missing definitions."""
-    height = float(profile[crest])
+    height, grain = float(profile[crest]), math.nan if berry is None else berry
+    low, high = (grain if isinstance(end, str) else end * height for end in (fit_from, fit_to))
     sides = profile[: crest + 1], profile[crest:][::-1]
     measured, reasons = {}, {}
     for name in definitions:
         try:
             if berry is None and (name == "secant" or (name in BANDED and "berry" in (fit_from, fit_to))):
                 raise NoFlankError("the grain's height is not known")
-            low, high = (_height_of(end, height, berry) for end in (fit_from, fit_to))
-            left, right = (_one_side(name, side, low, high, berry, rule, smallest) for side in sides)
+            left, right = (_one_side(name, side, low, high, grain, rule, smallest) for side in sides)
         except NoFlankError as error:
             reasons[name] = error.reason
             continue
@@ -202,19 +203,11 @@ def measure_sides(
     return measured, reasons
 
 
-def _height_of(end: float | str, height: float, berry: float | None) -> float:
-    """Return the height in pixels of an end of the flank: a fraction of the pile's height, or "berry"."""
-    if isinstance(end, str):
-        return math.nan if berry is None else berry
-    return end * height
-
-
 def _one_side(
-    name: str, profile: np.ndarray, low: float, high: float, berry: float | None, rule: str, smallest: float
+    name: str, profile: np.ndarray, low: float, high: float, berry: float, rule: str, smallest: float
 ) -> Line:
     """Fit the line of one side by one definition."""
     if name == "secant":
-        assert berry is not None
         return secant(profile, berry)
     if name in BANDED:
         return BANDED[name](profile, low, high, rule)

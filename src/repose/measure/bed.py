@@ -35,20 +35,6 @@ class Slip:
     ends: int  # row at which the bed is calm again
 
 
-def measure_surface(
-    centres_m: np.ndarray,
-    quaternions: np.ndarray,
-    particle: silhouette.ConvexBody,
-    radius_m: float,
-    mm_per_pixel: float,
-    fit_share: float,
-    scales: np.ndarray | None = None,
-) -> Surface:
-    """Surface of grains in a drum of inner radius `radius_m`, by the upper edge of their silhouette."""
-    filled = _side_view(centres_m, quaternions, particle, radius_m, mm_per_pixel, scales)
-    return surface_of(filled, radius_m, mm_per_pixel, fit_share)
-
-
 def surface_of(filled: np.ndarray, radius_m: float, mm_per_pixel: float, fit_share: float) -> Surface:
     """Surface of a bed that covers pixels (H, W) of the drum's section; the line goes through the middle of its width.
 
@@ -67,15 +53,15 @@ def surface_of(filled: np.ndarray, radius_m: float, mm_per_pixel: float, fit_sha
     return Surface(math.degrees(math.atan(slope)), np.column_stack([x, z]), line)
 
 
-def _side_view(
+def side_view(
     centres_m: np.ndarray,
     quaternions: np.ndarray,
     particle: silhouette.ConvexBody,
     radius_m: float,
     mm_per_pixel: float,
-    scales: np.ndarray | None,
+    scales: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Mark the pixels (H, W) of the drum's cross-section that the bed covers, seen along the axis."""
+    """Mark the pixels (H, W) of the section of a drum of inner radius `radius_m` that grains cover along the axis."""
     lifted = np.asarray(centres_m, float) + np.array([0.0, 0.0, radius_m])
     image = silhouette.silhouette(
         lifted, quaternions, particle, 0.0, mm_per_pixel, (-radius_m, radius_m, 2.0 * radius_m), scales
@@ -93,7 +79,7 @@ def occupied_share(
 ) -> np.ndarray:
     """Share (H, W) of T frames, (T, N, 3) and (T, N, 4), in which the bed covers a pixel, seen along the axis."""
     shares = [
-        _side_view(centres, turns, particle, radius_m, mm_per_pixel, scales)
+        side_view(centres, turns, particle, radius_m, mm_per_pixel, scales)
         for centres, turns in zip(centres_m, quaternions, strict=True)
     ]
     return np.mean(shares, axis=0)

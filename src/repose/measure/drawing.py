@@ -19,7 +19,7 @@ def overlay(image: np.ndarray, measurement: Measurement) -> np.ndarray:
     draw_line(picture, (0, base - thick / 2), (right_end, base - thick / 2), BLUE, thick)
     draw_line(picture, (column, base), (column, top), BLUE, thick)
     draw_line(picture, (column - 12 * thick, top), (column + 12 * thick, top), BLUE, thick)
-    for (below, above), colour in zip(measurement.lines, (RED, GREEN), strict=True):
+    for (below, above), colour in zip(measurement.angle.lines, (RED, GREEN), strict=True):
         draw_line(picture, below, above, colour, 2 * thick)
     return picture
 

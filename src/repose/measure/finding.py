@@ -87,7 +87,7 @@ def refine(
     coarse = coarse[:above]
     colours = _seen(image, hidden, above, berry_px if by_roughness else None, coarse)
     reach = max(4, round((1.0 if by_roughness else 0.4) * berry_px))
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
+    disc = _disc(reach)
     below = cv2.copyMakeBorder(coarse, 0, reach, 0, 0, cv2.BORDER_REPLICATE)
     start = np.where(coarse > 0, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
     start[cv2.erode(below, disc)[:above] > 0] = cv2.GC_FGD
@@ -130,7 +130,7 @@ def _halfway(
     shade is like neither side. Also return the share of the pile (H, W) in each pixel.
     """
     reach = max(EDGE_PX, round(reach_px))
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
+    disc = _disc(reach)
     near = free & (cv2.morphologyEx(mask, cv2.MORPH_GRADIENT, disc) > 0)
     for _ in range(ROUNDS):
         pile, other = _means(seen, mask, about_px)
@@ -147,7 +147,7 @@ def _without_penumbra(mask: np.ndarray, colours: np.ndarray, berry_px: float) ->
     Nothing is removed where pile and background have much the same ratios.
     """
     reach = max(3, round(berry_px))
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
+    disc = _disc(reach)
     core, around = cv2.erode(mask, disc, borderValue=1), 1 - cv2.dilate(mask, disc[::2, ::2])
     pile, other = (_about(colours[..., :2], part, 2 * berry_px) for part in (core, around))
     way = pile - other
@@ -197,10 +197,7 @@ def _seen(
         return colours
     least = cv2.cornerMinEigenVal(np.ascontiguousarray(colours[..., 2]), WINDOW_PX)
     half = max(1, round(0.25 * grain_px))
-    gaps, and_window = (
-        cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
-        for reach in (half, half + WINDOW_PX // 2)
-    )
+    gaps, and_window = (_disc(reach) for reach in (half, half + WINDOW_PX // 2))
     # Close the gaps between grains, and take back what the window of the gradients adds outside of them.
     rough = cv2.erode(cv2.dilate(np.sqrt(np.maximum(least, 0)), gaps), and_window)
     left_out = hidden[:above] if pile is None else hidden[:above] | (cv2.dilate(pile, gaps) > 0)
@@ -327,7 +324,7 @@ def _without_touching(mask: np.ndarray, radius: int) -> np.ndarray:
     """Remove loose grains at the foot: low parts joined only by a neck narrower than two radii."""
     if radius < 1:
         return mask
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+    disc = _disc(radius)
     core = cv2.erode(cv2.copyMakeBorder(mask, 0, 2 * radius, 0, 0, cv2.BORDER_REPLICATE), disc)[: len(mask)]
     count, labels, boxes, _ = cv2.connectedComponentsWithStats(core)
     rows = np.flatnonzero(mask.any(axis=1))
@@ -339,6 +336,11 @@ def _without_touching(mask: np.ndarray, radius: int) -> np.ndarray:
     loose = boxes[:, cv2.CC_STAT_TOP] > rows.mean()
     loose[[0, 1 + int(boxes[1:, cv2.CC_STAT_AREA].argmax())]] = False
     return np.where(loose[owner[nearest]], 0, mask).astype(np.uint8)
+
+
+def _disc(radius: int) -> np.ndarray:
+    """Make a disc of a radius in pixels, for the operations of morphology."""
+    return cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
 
 
 def _means(colours: np.ndarray, mask: np.ndarray, reach_px: float) -> list[np.ndarray]:

@@ -95,6 +95,5 @@ def of_pour(
     sizes = np.ones(len(centres)) if scales is None else scales.astype(float)
     kept = members if settings.largest_pile_only else np.ones(len(centres), bool)
     volume = 1e9 * particle.volume_m3 * float((sizes[kept] ** 3).sum())
-    scale, berry = settings.mm_per_pixel, float(settings.berry_height_mm or math.nan)
-    responses = of_profile(profiles, scale, 1e3 * height_m, berry, volume)
+    responses = of_profile(profiles, settings.mm_per_pixel, 1e3 * height_m, settings.berry_height_mm, volume)
     return responses | of_scatter(centres, members, plate_mm / 2)

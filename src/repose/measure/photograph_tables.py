@@ -103,7 +103,7 @@ def describe(photographs: Sequence[Photograph], made: Tables, how: MeasureSettin
             text = f"refused: {photograph.refused}"
         else:
             text = (
-                f"left {seen.left_deg:.2f} deg, right {seen.right_deg:.2f} deg, "
+                f"left {seen.angle.left_deg:.2f} deg, right {seen.angle.right_deg:.2f} deg, "
                 f"angle of repose {seen.aor_deg:.2f} deg, Height {seen.height_mm:.2f} mm"
             )
             for name, reason in seen.reasons.items():

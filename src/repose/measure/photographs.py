@@ -19,7 +19,7 @@ from repose.measure.results import Measurement
 from repose.measure.segmentation import Segmentation, require_upright, segment
 from repose.measure.settings import MeasureSettings
 
-LEAST_PX, MOST_LEVEL_DEG = 10, 25.0  # of a length that is the scale
+LEAST_LENGTH_PX, MOST_LEVEL_DEG = 10, 25.0  # of a length that is the scale
 LARGEST_PX = 4000  # a photograph's longer side; a larger one is reduced
 COARSE_PX, FINE_PX = 700, 1200  # longer sides of the views in which a pile is found, and its boundary
 ROUGH_PX = 8  # height of a grain at most, where roughness is seen: a larger one is smooth within
@@ -70,7 +70,7 @@ def level_length(length_mm: float, x1: float, y1: float, x2: float, y2: float) -
     """Scale [mm per pixel] and rise to the right [deg] of a level length; None where its ends do not determine it."""
     pixels = math.hypot(x2 - x1, y2 - y1)
     level = math.degrees(math.atan2(y1 - y2, x2 - x1))
-    return (length_mm / pixels, level) if pixels >= LEAST_PX and abs(level) <= MOST_LEVEL_DEG else None
+    return (length_mm / pixels, level) if pixels >= LEAST_LENGTH_PX and abs(level) <= MOST_LEVEL_DEG else None
 
 
 def load(path: Path) -> tuple[np.ndarray, float]:
@@ -185,14 +185,13 @@ def _measure_seen(
             f"hold the lens as high as the crest, {camera.LARGEST_LOOK_DOWN_DEG:g} degrees are allowed"
         )
     _require_whole(photograph.pile.mask, fine.hidden)
-    flat = _measured(photograph, how)
+    flat = _measured(photograph, how).angle
     away, eye = math.hypot(pose.eye[0] - crest, pose.eye[1]), pose.eye[2]
     axis_px, away_px, eye_px = (length / fine.mm_per_pixel for length in (-fine.left_mm, away, eye))
     seen_level(photograph, axis_px, away_px, eye_px, (flat.left_deg, flat.right_deg), high / fine.mm_per_pixel)
     measurement = _measured(photograph, how)
     photograph.pile = replace(photograph.pile, beside=beside)
     doubts = _doubts(photograph.pile, measurement, grain, fine.mm_per_pixel)
-    doubts += _coarse(measurement, fine.mm_per_pixel)
     if faint > FAINT_SHARE:
         raise finding.NotPlainError(
             "the pile hardly differs from its background along its boundary: the background is not plain"
@@ -219,7 +218,6 @@ def measure_plain(path: Path, how: MeasureSettings, scale: Scale) -> Photograph:
         high = photograph.measurement.height_mm
         grain = how.berry_height_mm or high / USUAL_GRAINS
         photograph.doubts = _doubts(photograph.pile, photograph.measurement, grain, how.mm_per_pixel)
-        photograph.doubts += _coarse(photograph.measurement, how.mm_per_pixel)
     except NoFlankError as error:
         photograph.measurement, photograph.refused = None, error.reason
     return photograph
@@ -230,7 +228,7 @@ def _measured(photograph: Photograph, how: MeasureSettings) -> Measurement:
     assert photograph.pile is not None
     how = replace(how, mm_per_pixel=photograph.facts["mm_per_pixel"])
     measurement = with_response(measure_segmented(photograph.pile, how))
-    difference = abs(measurement.left_deg - measurement.right_deg)
+    difference = abs(measurement.angle.left_deg - measurement.angle.right_deg)
     if difference > LARGEST_DIFFERENCE_DEG:
         raise NoFlankError(
             f"its two sides differ by {difference:.0f} degrees: no such pile, or the background is not plain; "
@@ -240,7 +238,7 @@ def _measured(photograph: Photograph, how: MeasureSettings) -> Measurement:
 
 
 def _doubts(pile: Segmentation, measurement: Measurement, grain_mm: float, mm_per_pixel: float) -> list[str]:
-    """Write a sentence for each sign that this is not a single heap; NoFlankError for a layer."""
+    """Write a sentence for each sign that this is no single heap, or too few pixels of it; NoFlankError for a layer."""
     high = measurement.height_mm
     if high < LOWEST_PILE * grain_mm:
         raise NoFlankError(f"it is {high:.1f} mm high, less than {LOWEST_PILE:g} grains: a layer, no pile")
@@ -262,20 +260,15 @@ def _doubts(pile: Segmentation, measurement: Measurement, grain_mm: float, mm_pe
         doubts.append(f"{DOUBT}: the lines of its flanks meet {where}: {why}")
     if pile.beside:
         doubts.append(f"{DOUBT}: another heap stands beside it")
+    if (pixels := math.floor(high / mm_per_pixel)) < LEAST_PX:
+        # an error of a pixel at either end of the flank
+        (_, low), (_, top) = measurement.angle.lines[0]
+        angle = math.degrees(math.sin(2 * math.radians(measurement.aor_deg)) / abs(low - top))
+        doubts.append(
+            f"{DOUBT}: the photograph is too coarse: the pile is {pixels} pixels high, {LEAST_PX} are needed; "
+            f"the angle may be off by {angle:.1f} degrees, the Height by {2 * mm_per_pixel:.1f} mm"
+        )
     return doubts
-
-
-def _coarse(measurement: Measurement, mm_per_pixel: float) -> list[str]:
-    """Say how much an error of a pixel at either end of a flank changes the angle of a pile of few pixels."""
-    high = math.floor(measurement.height_mm / mm_per_pixel)
-    if high >= LEAST_PX:
-        return []
-    (_, low), (_, top) = measurement.angles[measurement.response].lines[0]
-    angle = math.degrees(math.sin(2 * math.radians(measurement.aor_deg)) / abs(low - top))
-    return [
-        f"{DOUBT}: the photograph is too coarse: the pile is {high} pixels high, {LEAST_PX} are needed; "
-        f"the angle may be off by {angle:.1f} degrees, the Height by {2 * mm_per_pixel:.1f} mm"
-    ]
 
 
 def _meeting(lines: tuple, base_row: float) -> float:

@@ -9,6 +9,7 @@ every pile (`repose.measure.angles`), and the configuration names the response. 
 docs/measurement.md.
 """
 
+import contextlib
 import warnings
 from collections.abc import Iterator
 from dataclasses import replace
@@ -97,15 +98,12 @@ def read_image(path: str | PathLike) -> np.ndarray:
     if not path.is_file():
         raise InputError(path, "picture", "no such file", "an existing picture file (PNG, JPEG, TIFF, BMP)")
     _check_header(path)
-    content = np.frombuffer(path.read_bytes(), dtype=np.uint8)
-    if content.size == 0:
-        raise InputError(path, "picture", "an empty file", "a picture file (PNG, JPEG, TIFF, BMP)")
-    try:
+    content, image = np.frombuffer(path.read_bytes(), dtype=np.uint8), None
+    with contextlib.suppress(cv2.error):  # an empty file, or a header with more pixels than OpenCV accepts
         image = cv2.imdecode(content, cv2.IMREAD_COLOR)
-    except cv2.error:  # a header with more pixels than OpenCV accepts
-        image = None
     if image is None:
-        raise InputError(path, "picture", "not a picture", "a picture file (PNG, JPEG, TIFF, BMP)")
+        found = "not a picture" if content.size else "an empty file"
+        raise InputError(path, "picture", found, "a picture file (PNG, JPEG, TIFF, BMP)")
     return image
 
 

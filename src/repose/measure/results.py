@@ -22,7 +22,7 @@ class Measurement:
     """Result of one picture."""
 
     response: str  # the definition used as the angle of repose
-    angles: dict  # `Angle` by definition
+    angles: dict[str, Angle]  # by definition
     reasons: dict  # why the other definitions could not be measured
     height_mm: float  # of the highest point over the plate
     base_row: float  # row of the plate
@@ -31,28 +31,18 @@ class Measurement:
     pile_is: str  # "darker" or "brighter" than the background
 
     @property
-    def left_deg(self) -> float:
-        """Angle of the left side by the response's definition."""
-        return self.angles[self.response].left_deg
-
-    @property
-    def right_deg(self) -> float:
-        """Angle of the right side by the response's definition."""
-        return self.angles[self.response].right_deg
+    def angle(self) -> Angle:
+        """The angles by the response's definition."""
+        return self.angles[self.response]
 
     @property
     def aor_deg(self) -> float:
         """The angle of repose."""
-        return self.angles[self.response].aor_deg
-
-    @property
-    def lines(self) -> tuple:
-        """Lines of both sides by the response's definition, see `Angle`."""
-        return self.angles[self.response].lines
+        return self.angle.aor_deg
 
     def record(self) -> dict[str, float | None]:
         """List the response's two sides, the Height and every definition by name, to 0.001; None if not measured."""
-        sides = {key: round(getattr(self, key), 3) for key in ("left_deg", "right_deg", "aor_deg")}
+        sides = {key: round(getattr(self.angle, key), 3) for key in ("left_deg", "right_deg", "aor_deg")}
         angles = {
             MEAN_KEYS[name]: round(self.angles[name].aor_deg, 3) if name in self.angles else None
             for name in DEFINITIONS

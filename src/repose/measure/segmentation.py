@@ -88,11 +88,7 @@ def checked(image: np.ndarray) -> np.ndarray:
     if not (image.ndim == 2 or (image.ndim == 3 and image.shape[2] == 3)) or min(image.shape[:2]) < SMALLEST:
         allowed = f"(H, W) or (H, W, 3), at least {SMALLEST} by {SMALLEST} pixels"
         raise InputError("picture", "shape", image.shape, allowed)
-    if (
-        image.ndim == 3
-        and np.array_equal(image[..., 0], image[..., 1])
-        and np.array_equal(image[..., 0], image[..., 2])
-    ):
+    if image.ndim == 3 and (image == image[..., :1]).all():
         image = image[..., 0]
     return np.ascontiguousarray(image)
 
@@ -119,9 +115,8 @@ def background_contrast(image: np.ndarray) -> np.ndarray:
     y, x = np.linspace(-1, 1, rows, dtype=np.float32)[:, None], np.linspace(-1, 1, columns, dtype=np.float32)
     where = border(image.shape)
     strip_y, strip_x = y[where.nonzero()[0], 0], x[where.nonzero()[1]]
-    strip_terms = np.stack(
-        [np.ones_like(strip_x), strip_x, strip_x**2, strip_y, strip_y**2, strip_x * strip_y], axis=1
-    ).astype(float)
+    terms = np.ones_like(strip_x), strip_x, strip_x**2, strip_y, strip_y**2, strip_x * strip_y
+    strip_terms = np.stack(terms, axis=1).astype(float)
     squares = np.zeros((rows, columns), np.float32)
     for channel in image.reshape(rows, columns, -1).transpose(2, 0, 1):
         seen = channel[where].astype(float)

@@ -26,32 +26,27 @@ class MeasureSettings:
     smallest_window: float = 0.333  # of `straightest`: share of a side's points
 
     def __post_init__(self) -> None:
-        if isinstance(self.views, bool) or not isinstance(self.views, int) or not 1 <= self.views <= 360:
-            raise InputError("measure", "views", self.views, "a whole number from 1 to 360")
-        if not isinstance(self.largest_pile_only, bool):
-            raise InputError("measure", "largest_pile_only", self.largest_pile_only, "true or false")
-        if not _positive(self.mm_per_pixel):
-            raise InputError("measure", "mm_per_pixel", self.mm_per_pixel, "a positive number")
-        if self.berry_height_mm is not None and not _positive(self.berry_height_mm):
-            raise InputError("measure", "berry_height_mm", self.berry_height_mm, "a positive number or null")
-        for key, names in (("response", DEFINITIONS), ("flank", FLANK_RULES)):
-            if getattr(self, key) not in names:
-                raise InputError("measure", key, getattr(self, key), "one of " + ", ".join(names))
-        if not (_positive(self.smallest_window) and 0.1 <= self.smallest_window <= 1):
-            raise InputError("measure", "smallest_window", self.smallest_window, "a number from 0.1 to 1")
-        self._check_band()
-
-    def _check_band(self) -> None:
-        """Raise InputError unless the two ends of the flank can be used together."""
-        start, end = self.fit_from, self.fit_to
-        if start != "berry" and not (isinstance(start, int | float) and 0 <= start <= 0.9):
-            raise InputError("measure", "fit_from", start, "berry, or from 0 to 0.9")
+        whole = isinstance(self.views, int) and not isinstance(self.views, bool)
+        start, end, height, window = self.fit_from, self.fit_to, self.berry_height_mm, self.smallest_window
         if "berry" in (start, end):
-            good = start != end and (end == "berry" or (isinstance(end, int | float) and 0.1 <= end <= 1))
+            fits = start != end and (end == "berry" or _between(0.1, end, 1))
+            ends = "from 0.1 to 1, or berry where fit_from is not"
+        else:
+            fits = isinstance(start, int | float) and _between(start + 0.1, end, 1)
+            ends = "berry, or at least fit_from + 0.1, at most 1"
+        for key, good, allowed in (
+            ("views", whole and 1 <= self.views <= 360, "a whole number from 1 to 360"),
+            ("largest_pile_only", isinstance(self.largest_pile_only, bool), "true or false"),
+            ("mm_per_pixel", _positive(self.mm_per_pixel), "a positive number"),
+            ("berry_height_mm", height is None or _positive(height), "a positive number or null"),
+            ("response", self.response in DEFINITIONS, f"one of {', '.join(DEFINITIONS)}"),
+            ("flank", self.flank in FLANK_RULES, f"one of {', '.join(FLANK_RULES)}"),
+            ("smallest_window", _positive(window) and _between(0.1, window, 1), "a number from 0.1 to 1"),
+            ("fit_from", start == "berry" or _between(0, start, 0.9), "berry, or from 0 to 0.9"),
+            ("fit_to", fits, ends),
+        ):
             if not good:
-                raise InputError("measure", "fit_to", end, "from 0.1 to 1, or berry where fit_from is not")
-        elif isinstance(start, str) or isinstance(end, str) or not start + 0.1 <= end <= 1:
-            raise InputError("measure", "fit_to", end, "berry, or at least fit_from + 0.1, at most 1")
+                raise InputError("measure", key, getattr(self, key), allowed)
 
     @property
     def line(self) -> str:
@@ -98,6 +93,10 @@ def line_for(section: object, response: str) -> str:
 
 def _positive(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and 0 < value < math.inf
+
+
+def _between(low: float, value: object, high: float) -> bool:
+    return isinstance(value, int | float) and low <= value <= high
 
 
 def mean_axes_mm(sizes_csv: str | PathLike) -> dict[str, float]:

@@ -70,7 +70,6 @@ def pdf(square_mm: float = SQUARE_MM) -> bytes:
     left, bottom = (PAGE_MM[0] - wide) / 2, 60.0
     figure = Figure(figsize=(PAGE_MM[0] / 25.4, PAGE_MM[1] / 25.4))
     axes: Any = figure.add_axes((0, 0, 1, 1))
-    axes.set(xlim=(0, PAGE_MM[0]), ylim=(0, PAGE_MM[1]))
     axes.axis("off")
     extent = (left, left + wide, bottom, bottom + high)
     axes.imshow(

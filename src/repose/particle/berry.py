@@ -88,32 +88,35 @@ def summarise(sizes: pd.DataFrame, published: pd.DataFrame) -> pd.DataFrame:
     return table
 
 
-def measured_berry(
-    sizes: pd.DataFrame,
-    tests: pd.DataFrame | None,
-    published: pd.DataFrame,
+def of_files(
+    sizes_csv: str | PathLike,
+    compression_csv: str | PathLike | None,
+    table1_csv: str | PathLike | None,
     density_kg_m3: float,
-    poisson: float | None = None,
+    poisson_ratio: float | None = None,
     shear_modulus_pa: float | None = None,
-    source: object = "berry",
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
     """Compute statistics (`summarise`) and material of the measured grains.
 
-    `poisson` and `shear_modulus_pa` replace the results of the compression tests; E follows by Eq. 4.
+    `poisson_ratio` and `shear_modulus_pa` replace the results of the compression tests; E follows by Eq. 4.
     """
-    check_material(density_kg_m3, poisson, shear_modulus_pa)
+    check_positive("berry", density_kg_m3=density_kg_m3, shear_modulus_pa=shear_modulus_pa)
+    nu, shear = poisson_ratio, shear_modulus_pa
+    if nu is not None:
+        _check_poisson("berry", nu)
+    sizes = read_sizes(sizes_csv)
     reconstruction = sizes.attrs["reconstruction"]
-    if poisson is not None and shear_modulus_pa is not None:
-        nu, shear = float(poisson), float(shear_modulus_pa)
-    elif tests is None:
-        allowed = "a file, unless poisson_ratio and shear_modulus_pa are both given"
-        raise InputError("berry", "compression", None, allowed)
-    else:
+    if nu is None or shear is None:
+        if compression_csv is None:
+            allowed = "a file, unless poisson_ratio and shear_modulus_pa are both given"
+            raise InputError("berry", "compression", None, allowed)
+        tests = read_compression(compression_csv)
+        raise_together(_other_units(compression_csv, tests, sizes_csv, sizes))
         reconstruction = reconstruction or tests.attrs["reconstruction"]
         elastic, measured_poisson, _ = moduli(tests)
-        nu = measured_poisson if poisson is None else float(poisson)
-        check_material(density_kg_m3, nu, shear_modulus_pa, source=source)
-        shear = shear_modulus(elastic, nu) if shear_modulus_pa is None else float(shear_modulus_pa)
+        nu = measured_poisson if nu is None else nu
+        _check_poisson(compression_csv, nu)
+        shear = shear_modulus(elastic, nu) if shear is None else shear
     values = {column: sizes[column].mean() for column in SIZE_COLUMNS} | {
         "density_kg_m3": density_kg_m3,
         "elastic_modulus_pa": 2 * (1 + nu) * shear,
@@ -123,6 +126,7 @@ def measured_berry(
     # Ten digits: a mean of measurements should not read 21.139999999999997.
     berry: dict[str, Any] = {key: float(f"{value:.10g}") for key, value in values.items()}
     berry |= {"n": len(sizes), "reconstruction": bool(reconstruction)}
+    published = pd.DataFrame(columns=TABLE1) if table1_csv is None else read_table(table1_csv, STATISTICS)
     spread = _spread(sizes, published)
     berry |= {key: float(f"{value:.10g}") for key, value in zip(size_distribution.KEYS, spread, strict=True)}
     # the published statistics belong to the reconstructed crop
@@ -130,28 +134,14 @@ def measured_berry(
     return summarise(sizes, reference), berry
 
 
-def of_files(
-    sizes_csv: str | PathLike,
-    compression_csv: str | PathLike | None,
-    table1_csv: str | PathLike | None,
-    density_kg_m3: float,
-    poisson_ratio: float | None = None,
-    shear_modulus_pa: float | None = None,
-) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Compute `measured_berry` of files."""
-    check_material(density_kg_m3, poisson_ratio, shear_modulus_pa)
-    both = poisson_ratio is not None and shear_modulus_pa is not None
-    sizes = read_sizes(sizes_csv)
-    tests = None if both or compression_csv is None else read_compression(compression_csv)
-    if tests is not None:
-        raise_together(_other_units(compression_csv, tests, sizes_csv, sizes))
-    published = pd.DataFrame(columns=TABLE1) if table1_csv is None else read_table(table1_csv, STATISTICS)
-    material = density_kg_m3, poisson_ratio, shear_modulus_pa
-    return measured_berry(sizes, tests, published, *material, source=compression_csv)
+def _check_poisson(source: object, value: float) -> None:
+    """Refuse an impossible Poisson's ratio."""
+    if not 0 <= value <= 0.5:
+        raise InputError(source, "poisson_ratio", value, "from 0 to 0.5")
 
 
 def _other_units(
-    tests_csv: str | PathLike | None, tests: pd.DataFrame, sizes_csv: str | PathLike, sizes: pd.DataFrame
+    tests_csv: str | PathLike, tests: pd.DataFrame, sizes_csv: str | PathLike, sizes: pd.DataFrame
 ) -> Iterator[InputError]:
     """Find columns of the compression tests whose numbers can hardly be in their unit."""
     for name, axis in LOADED.items():
@@ -171,7 +161,7 @@ def _other_units(
 
 
 def of_settings(section: GrainSettings, table1_csv: str | PathLike | None) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Compute `measured_berry` of a section `berry`."""
+    """Compute `of_files` of a section `berry`."""
     material = section.density_kg_m3, section.poisson_ratio, section.shear_modulus_pa
     return of_files(section.sizes, section.compression, table1_csv, *material)
 
@@ -190,15 +180,3 @@ def _spread(sizes: pd.DataFrame, published: pd.DataFrame) -> tuple[float, float,
         return size_distribution.of_sizes(equivalent_diameter(*(sizes[column] for column in SIZE_COLUMNS)))
     row = rows.loc["equivalent_diameter_mm"]
     return size_distribution.of_range(row["maximum"], row["minimum"], row["mean"])
-
-
-def check_material(
-    density_kg_m3: float | None,
-    poisson_ratio: float | None = None,
-    shear_modulus_pa: float | None = None,
-    source: object = "berry",
-) -> None:
-    """Raise InputError for an impossible material; None is not checked, `source` is named in the message."""
-    check_positive(source, density_kg_m3=density_kg_m3, shear_modulus_pa=shear_modulus_pa)
-    if poisson_ratio is not None and not 0 <= poisson_ratio <= 0.5:
-        raise InputError(source, "poisson_ratio", poisson_ratio, "from 0 to 0.5")

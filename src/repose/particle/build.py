@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -89,13 +89,10 @@ def make_particle(
     return Particle(
         kind="multisphere",
         semi_axes_m=np.zeros((0, 3)),
-        volume_m3=packing.volume_m3,
         mass_kg=body.mass_kg,
         inertia_kg_m2=body.inertia_kg_m2,
         bounding_radius_m=float((np.linalg.norm(centres, axis=1) + radii).max()),
-        deviation_max_m=packing.deviation_max_m,
-        deviation_rms_m=packing.deviation_rms_m,
-        spheres_m=packing.spheres_m,
+        **vars(packing),
         **_origin(body, density_kg_m3, stl),
     )
 
@@ -132,62 +129,23 @@ def compare(particles: Mapping[str, Particle | InputError]) -> list[dict[str, An
     return rows
 
 
-class Made(NamedTuple):
-    """A particle with its mesh."""
-
-    stl: bytes  # content of the mesh's file: mm, principal pose
-    particle: Particle
-    comparison: list[dict[str, Any]]  # rows of `compare`: all kinds of particles beside the mesh
-
-
-def make(
-    grain: Mapping[str, Any],
-    scan: trimesh.Trimesh | None = None,
-    *,
-    kind: str = "smooth",
-    mass_g: float | None = None,
-    spheres: int = 14,
-    surface: str = "smooth",
-    source: object = MESH_FILE,
-) -> Made:
-    """Make the particle of a grain, with its mesh, and all kinds of particles for comparison.
-
-    The mesh is the user's scan, or built from the mean axes and the mass (without a mass, their ellipsoid). The
-    particle is made from the mesh as in its file, in single precision.
-    """
-    density = grain["density_kg_m3"]
-    stl = _stl(grain, scan, mass_g, source)
-    mesh = mesh_of(stl, source)
-    particles: dict[str, Particle | InputError] = {}
-    for name in (kind, *(other for other in KINDS if other != kind)):
-        try:
-            particles[name] = make_particle(mesh, density, name, spheres, surface, MESH_FILE, source)
-        except InputError as error:
-            if name == kind:
-                raise
-            particles[name] = error
-    particle = particles[kind]
-    assert isinstance(particle, Particle)
-    return Made(stl, particle, compare({name: particles[name] for name in KINDS}))
-
-
 def of_settings(grain: Mapping[str, Any], section: GrainSettings) -> Particle:
-    """Make the particle of a configuration, the same as by `make`, without the comparison."""
-    scan = None if section.stl is None else load_mesh(section.stl)
+    """Make the particle of a configuration, the same as by `run`, without the comparison."""
     source = section.stl or MESH_FILE
-    mesh = mesh_of(_stl(grain, scan, section.mass_g, source), source)
+    mesh = mesh_of(_stl(grain, section.stl, section.mass_g), source)
     kind, spheres, surface = section.particle, section.spheres, section.surface
     return make_particle(mesh, grain["density_kg_m3"], kind, spheres, surface, MESH_FILE, source)
 
 
-def _stl(grain: Mapping[str, Any], scan: trimesh.Trimesh | None, mass_g: float | None, source: object) -> bytes:
-    """Return the content of the mesh file: the user's scan, or a mesh of the mean axes."""
+def _stl(grain: Mapping[str, Any], stl: str | PathLike | None, mass_g: float | None) -> bytes:
+    """Return the content of the mesh file: of the user's scan, or a mesh of the mean axes."""
     axes_mm = [grain[name] for name in AXES]
-    if scan is not None:
+    if stl is not None:
+        scan = load_mesh(stl)
         longest, mean = float(scan.extents.max()), max(axes_mm)
         if not mean / OTHER_UNIT <= longest <= mean * OTHER_UNIT:
             allowed = f"near {mean:.4g}, the mean length in the table of sizes: are both in millimetres?"
-            raise InputError(source, "longest side in mm", round(longest, 4), allowed)
+            raise InputError(stl, "longest side in mm", round(longest, 4), allowed)
         return stl_of(scan)
     if mass_g is None:
         return stl_of(ellipsoid_mesh(axes_mm))
@@ -195,19 +153,41 @@ def _stl(grain: Mapping[str, Any], scan: trimesh.Trimesh | None, mass_g: float |
 
 
 def run(
-    berry_json: str | PathLike, stl: str | PathLike | None = None, out_dir: str | PathLike = "results/berry", **how: Any
+    berry_json: str | PathLike,
+    stl: str | PathLike | None = None,
+    out_dir: str | PathLike = "results/berry",
+    *,
+    kind: str = "smooth",
+    mass_g: float | None = None,
+    spheres: int | str = 14,
+    surface: str = "smooth",
 ) -> Particle:
-    """Write berry.stl, particle.json and particles.csv (`make` with the options `how`); return the particle."""
+    """Write berry.stl, particle.json, and particles.csv with all kinds of particles (`compare`); return the particle.
+
+    The mesh is the user's scan, or built from the mean axes and the mass (without a mass, their ellipsoid). The
+    particle is made from the mesh as in its file, in single precision.
+    """
     import pandas as pd
 
     grain = read_berry(berry_json, (*AXES, "density_kg_m3"))
     out = Path(out_dir)
-    source = out / MESH_FILE if stl is None else stl
-    made = make(grain, None if stl is None else load_mesh(stl), source=source, **how)
-    write_bytes(out / MESH_FILE, made.stl)
-    write_table(out / "particles.csv", pd.DataFrame(made.comparison), float_format="%.6g")
-    made.particle.save(out / "particle.json")
-    return made.particle
+    source, content = stl or out / MESH_FILE, _stl(grain, stl, mass_g)
+    mesh = mesh_of(content, source)
+    particles: dict[str, Particle | InputError] = {}
+    for name in (kind, *(other for other in KINDS if other != kind)):
+        try:
+            particles[name] = make_particle(mesh, grain["density_kg_m3"], name, spheres, surface, MESH_FILE, source)
+        except InputError as error:
+            if name == kind:
+                raise
+            particles[name] = error
+    particle = particles[kind]
+    assert isinstance(particle, Particle)
+    write_bytes(out / MESH_FILE, content)
+    comparison = compare({name: particles[name] for name in KINDS})
+    write_table(out / "particles.csv", pd.DataFrame(comparison), float_format="%.6g")
+    particle.save(out / "particle.json")
+    return particle
 
 
 def _row(name: str, body: Particle | Body) -> dict[str, Any]:

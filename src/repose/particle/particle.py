@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from os import PathLike
 from typing import Any
 
@@ -36,10 +37,6 @@ def check_positive(source: object, **numbers: float | None) -> None:
             raise InputError(source, key, value, "a positive number")
 
 
-def _no_spheres() -> np.ndarray:
-    return np.zeros((0, 4))
-
-
 @dataclass(frozen=True, eq=False)
 class Particle:
     """Rigid particle in its body frame: principal axes, x the longest, centre of mass at the origin.
@@ -59,7 +56,7 @@ class Particle:
     deviation_rms_m: float  # likewise
     mesh_volume_m3: float | None = None  # of the mesh itself; None without a mesh
     stl: str = ""  # name of the mesh's file
-    spheres_m: np.ndarray = field(default_factory=_no_spheres)  # (M, 4), x, y, z, radius
+    spheres_m: np.ndarray = field(default_factory=partial(np.zeros, (0, 4)))  # (M, 4), x, y, z, radius
     mesh_inertia_kg_m2: np.ndarray | None = None  # (3,), at the same density; None without a mesh
     mesh_axes_m: np.ndarray | None = None  # (3,), full extents; None without a mesh
 
@@ -147,17 +144,16 @@ class Particle:
 
 def _check_numbers(path: str | PathLike, key: str, value: object, shape: tuple[int, ...]) -> None:
     """Raise InputError unless the values are finite numbers of this shape, positive where necessary."""
+    wrong = InputError(path, key, value, "finite numbers in a file of `repose stage shape`")
     try:
-        numbers = np.array(value, dtype=float)
-        numbers = numbers.reshape(shape) if numbers.size == 0 and shape else numbers
+        given = np.array(value, dtype=float)
+        numbers = given.reshape(shape)
     except (TypeError, ValueError):
-        numbers = np.array(np.nan)
-    may_be_zero = key == "semi_axes_mm" or key.startswith("deviation")
-    fits = len(numbers.shape) == len(shape) and all(
-        size in (there, -1) for there, size in zip(numbers.shape, shape, strict=False)
-    )
+        raise wrong from None
+    fits = not given.size or given.shape == numbers.shape
     if isinstance(value, bool | str) or not fits or not np.all(np.isfinite(numbers)):
-        raise InputError(path, key, value, "finite numbers in a file of `repose stage shape`")
+        raise wrong
+    may_be_zero = key == "semi_axes_mm" or key.startswith("deviation")
     sizes = numbers[:, 3] if key == "spheres_mm" else numbers
     if np.any(sizes < 0 if may_be_zero else sizes <= 0):
         raise InputError(path, key, value, "sizes above 0")

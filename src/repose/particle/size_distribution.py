@@ -43,10 +43,8 @@ def normalisation(sd: float, low: float, high: float) -> float:
 
 def smallest(distribution: str, grain: Mapping[str, float]) -> float:
     """Return the smallest scale of `of_pour`; arguments as there."""
-    if distribution == "none":
-        return 1.0
-    sd, low, high = _spread(grain)
-    return 1.0 if sd == 0 else low / normalisation(sd, low, high)
+    sd, low, high = _spread(distribution, grain)
+    return low / normalisation(sd, low, high) if sd else 1.0
 
 
 def draw(rng: np.random.Generator, count: int, sd: float, low: float, high: float) -> np.ndarray:
@@ -60,8 +58,10 @@ def draw(rng: np.random.Generator, count: int, sd: float, low: float, high: floa
     return np.clip(x, low, high) / normalisation(sd, low, high)
 
 
-def _spread(grain: Mapping[str, float]) -> list[float]:
+def _spread(distribution: str, grain: Mapping[str, float]) -> list[float]:
     """Return the three numbers of the spread, or raise InputError."""
+    if distribution == "none":
+        return [0.0, 1.0, 1.0]
     for key in KEYS:
         if key not in grain or not (math.isfinite(grain[key]) and grain[key] >= 0):
             raise InputError("berry.json", key, grain.get(key), "a number, as the verb berry writes it")
@@ -70,8 +70,6 @@ def _spread(grain: Mapping[str, float]) -> list[float]:
 
 def of_pour(distribution: str, grain: Mapping[str, Any], seed: int, count: int) -> tuple[np.ndarray, float]:
     """Draw scales (count,) of the grains of a pour, and the largest possible scale."""
-    if distribution == "none":
-        return np.ones(count), 1.0
-    sd, low, high = _spread(grain)
+    sd, low, high = _spread(distribution, grain)
     scales = draw(np.random.default_rng([STREAM, seed]), count, sd, low, high)
     return scales, high / normalisation(sd, low, high) if sd else 1.0

@@ -93,8 +93,9 @@ def _side_view(
     view["field_of_view_deg"], frame = style.TELEPHOTO_DEG, inside.outline()
     grains: dict[str, Any] = {"scales": scales, "colour": study.colour, "frame_m": frame}
     picture = render_pile(places[0], places[1], particle, backdrop=inside, **view, **grains)
-    camera, how = look_at(frame, **view), (study.measure.mm_per_pixel, study.drum.fit_share)
-    surface = bed.measure_surface(*places, particle, inside.radius_m, *how, scales)
+    camera, pixel = look_at(frame, **view), study.measure.mm_per_pixel
+    filled = bed.side_view(*places, particle, inside.radius_m, pixel, scales)
+    surface = bed.surface_of(filled, inside.radius_m, pixel, study.drum.fit_share)
     panel.imshow(picture)
     style.scale_bar(panel, camera, np.zeros(3), 2 * inside.radius_m)
     ends = np.column_stack([surface.line_m[:, 0], np.zeros(2), surface.line_m[:, 1]])
