@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING
 
 from repose.cli.parameter_sets import PARAMETER_SET, parameters
 from repose.cli.registry import CONFIG, Option, load, verb
+from repose.config.study import Study
 from repose.core import provenance
 from repose.core.errors import InputError
 from repose.core.section import AUTO
 from repose.export import PROGRAMS, write
 
 if TYPE_CHECKING:
-    from repose.config.study import Study
     from repose.particle.particle import Particle
 
 # Spheres of a clump: the default, and the most that fill a mesh here.
@@ -85,10 +85,8 @@ def export(args: argparse.Namespace) -> None:
         print(path)
 
 
-def _with_clump(study: "Study", spheres: int, source: str) -> "Study":
+def _with_clump(study: Study, spheres: int, source: str) -> Study:
     """Give a study a clump as its particle; its time step may have to be shorter than that of a smooth body."""
-    from repose.config.study import Study
-
     filled = {"particle": "multisphere", "spheres": spheres, "surface": "smooth"}
     # spheres at one place add up in stiffness
     automatic = study.config["simulation"] | {"time_step_s": AUTO}

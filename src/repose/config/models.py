@@ -7,8 +7,9 @@ strategies; config/README.md explains the keys.
 import difflib
 import math
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from functools import cache
+from importlib import import_module
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo, create_model, field_validator
@@ -32,25 +33,6 @@ from repose.strategies.refined import RefineSettings
 from repose.studies.settings import PosteriorSettings, SensitivitySettings
 from repose.surrogate.settings import NetworkSettings
 
-
-def _surrogates() -> Iterable[str]:
-    from repose import surrogate
-
-    return surrogate.names()
-
-
-def _strategies() -> Iterable[str]:
-    from repose import strategies
-
-    return strategies.names()
-
-
-def _folder_of_results(path: str) -> str:
-    """Refuse a folder that a study may not write into."""
-    refuse(("", allowed) for _, allowed in results_folder.contradictions(path))
-    return path
-
-
 # --- types of several keys -------------------------------------------------------------------------------------
 
 Label = Annotated[
@@ -68,7 +50,7 @@ ResultsFolder = Annotated[
         pattern=r"^/?[A-Za-z0-9_][A-Za-z0-9_.-]*(/[A-Za-z0-9_][A-Za-z0-9_.-]*)*/?$",
         description="a folder; letters, digits and . _ / -, without .., and no part begins with . or -",
     ),
-    AfterValidator(_folder_of_results),
+    AfterValidator(results_folder.apart),
 ]
 Colour = Annotated[str, Field(pattern=r"^#[0-9a-fA-F]{6}$", description='a colour in quotes, as "#cca86b"')]
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
@@ -123,7 +105,7 @@ def parameter(low: float, high: float) -> Any:
         refuse(faults(given) if isinstance(given, Mapping) else () if is_pair(given) else [("", allowed)])
         return given
 
-    kinds: Any = {"anyOf": [{"type": "array"}, {"type": "object"}]}
+    kinds = {"anyOf": [{"type": "array"}, {"type": "object"}]}
     return Annotated[Any, AfterValidator(checked), Field(description=allowed, json_schema_extra=kinds)]
 
 
@@ -165,8 +147,8 @@ def _parameters() -> type[ParametersSettings]:
     return create_model("Parameters", __base__=ParametersSettings, **six, **further)
 
 
-StrategyName = Annotated[str, OneOf(_strategies)]
-SurrogateName = Annotated[str, OneOf(_surrogates)]
+StrategyName = Annotated[str, OneOf(lambda: import_module("repose.strategies").names())]
+SurrogateName = Annotated[str, OneOf(lambda: import_module("repose.surrogate").names())]
 
 
 class MeasureSection(Section):

@@ -271,8 +271,10 @@ class Study:
         """Ranges of the free parameters, fixed values, prior knowledge."""
         from repose.core.parameter_space import ParameterSpace
 
-        section = self.config["parameters"]
-        return ParameterSpace.of(section, names=tuple(section) if self._source is None else None)
+        section: Any = self.settings.parameters
+        if self._source is None:
+            return ParameterSpace.of(section, names=tuple(section))
+        return ParameterSpace.of(section.given)
 
     @cached_property
     def targets(self) -> "Targets":
@@ -319,16 +321,12 @@ class Study:
     @property
     def grain(self) -> dict[str, Any]:
         """The mean grain, as in berry.json; with it the files that the configuration names are checked."""
-        making = self._checked()
-        assert making.mean is not None
-        return making.mean
+        return self._checked()[0]
 
     @property
     def particle(self) -> "Particle":
         """The body of the mean grain; with it the files that the configuration names are checked."""
-        making = self._checked()
-        assert making.particle is not None
-        return making.particle
+        return self._checked()[1]
 
     def scene(self, parameters: Mapping[str, float], seed: int = 0) -> "Scene":
         """Make the scene of a run of any bench test.
@@ -358,12 +356,11 @@ class Study:
         """
         self._checked()
 
-    def _checked(self) -> "Making":
-        """Return the making of a study with our simulator, its files checked."""
+    def _checked(self) -> "tuple[dict[str, Any], Particle]":
+        """Return grain and particle of a study with our simulator, its files checked."""
         if self._source is None:
             raise InputError("study", "grain", None, "a study of our own simulator; this one has the user's")
-        self._making.check_inputs()
-        return self._making
+        return self._making.checked_grain()
 
     @cached_property
     def _record(self) -> "Record":
