@@ -21,17 +21,13 @@ FILLED = {
     "poisson_ratio: null # most": "poisson_ratio: 0.3 # most",
     "shear_modulus_pa: null # E": "shear_modulus_pa: 1.0e+7 # E",
     "{poisson_ratio: null, shear_modulus_pa: null}": "{poisson_ratio: 0.3, shear_modulus_pa: 1.0e+9}",
-    "berries: null": "berries: 400",
-    "rate_per_s: null": "rate_per_s: 200.0",
-    "inlet_diameter_mm: null": "inlet_diameter_mm: 80.0",
-    "outlet_diameter_mm: null": "outlet_diameter_mm: 25.0",
-    "cone_angle_deg: null": "cone_angle_deg: 60.0",
-    "outlet_height_mm: null": "outlet_height_mm: 30.0",
-    "plate_diameter_mm: null": "plate_diameter_mm: 300.0",
-    "value: null": "value: 30.0",
-    "sd: null": "sd: 1.0",
-    "repetitions: null": "repetitions: 10",
-}
+} | {
+    f"{key}: null": f"{key}: {value}"
+    for key, value in {
+        "berries": 400, "rate_per_s": 200.0, "inlet_diameter_mm": 80.0, "outlet_diameter_mm": 25.0,
+        "cone_angle_deg": 60.0, "outlet_height_mm": 30.0, "plate_diameter_mm": 300.0, "value": 30.0, "sd": 1.0, "repetitions": 10,
+    }.items()
+}  # fmt: skip
 
 
 @pytest.fixture
