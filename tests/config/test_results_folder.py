@@ -66,8 +66,7 @@ def test_a_folder_with_somebodys_files_is_refused_and_a_studys_is_taken(config, 
     (tmp_path / "link").symlink_to(tmp_path / "nothing")
     for way in ("data/figures/figure02.png/results", "link", "link/results"):
         config["results_dir"] = str(tmp_path / way)
-        with pytest.raises(InputError, match="a file, or a link to nothing, is in its way"):
-            Study.of(config).check_inputs()
+        input_error("a file, or a link to nothing, is in its way", Study.of(config).check_inputs)
 
 
 def test_a_changed_result_and_somebodys_file_in_the_place_of_a_result_are_reported_at_once(tmp_path):

@@ -6,6 +6,7 @@ import re
 
 import numpy as np
 import pytest
+from refusals import input_error
 from shared import check_all, targets_of
 
 from repose.config.profiles import expanded_own
@@ -217,8 +218,7 @@ def test_commas_that_may_be_decimal_or_of_thousands_are_told(tmp_path):
         ('a,b\n1,2\n"3,4\n5,6\n', "line 3: cells is '\"3,4'; expected a CSV file: unexpected end of data"),
         ("", "rows is 0; expected a CSV file"),
     ):
-        with pytest.raises(InputError, match=re.escape(words)):
-            tables.read(given(path, text), [column])
+        input_error(re.escape(words), tables.read, given(path, text), [column])
     assert tables.read(given(path, "a\tb\n0,5\t1,234\n"), [column]).values["b"] == [1.234]
     assert tables.read(given(path, "a;b\n1;1,234\n"), [column]).values["b"] == [1.234]
 
@@ -239,8 +239,7 @@ def test_a_column_is_what_it_is_declared_to_be(tmp_path):
         if good:
             assert len(tables.read(path, [column]).values["b"]) == 1
         else:
-            with pytest.raises(InputError, match=re.escape("row 1: b is ") + f".*expected {re.escape(words)}$"):
-                tables.read(path, [column])
+            input_error(re.escape("row 1: b is ") + f".*expected {re.escape(words)}$", tables.read, path, [column])
 
     cases = [
         (f"{name} {cell!r}", column, words, cell, good)
@@ -315,5 +314,4 @@ def test_random_changes_of_good_tables_end_in_numbers_or_in_a_sentence(tmp_path)
 
 def test_what_is_no_plain_file_is_not_read(tmp_path):
     for read in (tables.sheet, files.read_json):
-        with pytest.raises(InputError, match=r"/dev/zero: .* is .*a device or a pipe"):
-            read("/dev/zero")
+        input_error(r"/dev/zero: .* is .*a device or a pipe", read, "/dev/zero")

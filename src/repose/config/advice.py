@@ -2,15 +2,13 @@
 
 import math
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from repose.apparatus import scene_size
 from repose.apparatus.funnel import NAME, PACKING, FunnelSettings
 from repose.apparatus.settings import CREEPING_LAWS, SceneSettings
 from repose.config.computed import Config, Grain, diameter_mm
-
-if TYPE_CHECKING:
-    from repose.particle.particle import Particle
+from repose.particle.particle import Particle
 
 # A softer grain shortens the pile; this share of the Height is far below the scatter of piles.
 LARGEST_SINKING = 0.005
@@ -21,7 +19,7 @@ VOLUME_FACTOR = 1.5
 
 
 def of_funnel(
-    config: Config, grain: Grain, particle: "Particle", longest_step_s: Callable[[Grain], float]
+    config: Config, grain: Grain, particle: Particle, longest_step_s: Callable[[Grain], float]
 ) -> Iterator[str]:
     """Yield hints on stiffness, volume and number of the grains before they are poured.
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from repose.apparatus.settings import SceneSettings
 from repose.config import computed, results_folder, typed
@@ -13,9 +13,7 @@ from repose.config.models import StudySettings
 from repose.core.errors import InputError, YamlError, raise_together
 from repose.core.published import beside, check_published, read_stored
 from repose.core.targets import Targets, completed
-
-if TYPE_CHECKING:
-    from repose.particle.particle import Particle
+from repose.particle.particle import Particle
 
 # Sections of the mean grain, and further sections that limit the time step.
 GRAIN = ("berry", "validation")
@@ -24,7 +22,7 @@ STEP = ("simulation", "wall", "parameters", "validation")
 Result = TypeVar("Result")
 
 
-def unstable(config: Mapping[str, Any], particle: "Particle", mean: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+def unstable(config: Mapping[str, Any], particle: Particle, mean: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Yield (key, allowed values) of a time step that the engine would refuse; `mean` is the result of `berry`."""
     limit, sections = computed.longest_step(config, particle, mean), typed.sections(config)
     if sections.simulation.time_step_s > limit.time_step_s:
@@ -73,7 +71,7 @@ class Making:
         raise_together(self.faults)
         self.inputs_are_checked = inputs
 
-    def checked_grain(self) -> "tuple[dict[str, Any], Particle]":
+    def checked_grain(self) -> tuple[dict[str, Any], Particle]:
         """Return the mean grain and its particle; before, check the files and that everything fits together."""
         if not self.inputs_are_checked:
             self._read_files()
