@@ -1,6 +1,7 @@
 """The verb that writes the answer as input of other simulation programs."""
 
 import argparse
+import copy
 from typing import TYPE_CHECKING
 
 from repose.cli.parameter_sets import PARAMETER_SET, parameters
@@ -87,14 +88,13 @@ def export(args: argparse.Namespace) -> None:
 
 def _with_clump(study: Study, spheres: int, source: str) -> Study:
     """Give a study a clump as its particle; its time step may have to be shorter than that of a smooth body."""
-    filled = {"particle": "multisphere", "spheres": spheres, "surface": "smooth"}
-    # spheres at one place add up in stiffness
-    automatic = study.config["simulation"] | {"time_step_s": AUTO}
-    changed = Study.of(study.config | {"berry": study.config["berry"] | filled, "simulation": automatic}, source)
-    steps = study.settings.simulation.time_step_s, changed.settings.simulation.time_step_s
-    study = Study.of(changed.config | {"simulation": automatic | {"time_step_s": min(steps)}}, source)
-    provenance.note_config(study.config)
-    return study
+    changed = copy.deepcopy(study.config)
+    changed["berry"] |= {"particle": "multisphere", "spheres": spheres, "surface": "smooth"}
+    changed["simulation"]["time_step_s"] = AUTO  # spheres at one place add up in stiffness
+    steps = [one.settings.simulation.time_step_s for one in (study, Study.of(changed, source))]
+    changed["simulation"]["time_step_s"] = min(steps)
+    provenance.note_config(changed)
+    return Study.of(changed, source)
 
 
 def _check_source(args: argparse.Namespace) -> None:

@@ -42,9 +42,8 @@ def verify(args: argparse.Namespace, study: Study) -> int:
         raise InputError("command line", "--hits", args.hits, "at least 1")
 
     from repose import verification
-    from repose.apparatus.settings import SimulationSettings
 
-    laws = SimulationSettings.of(study.config).laws
+    laws = study.settings.simulation.laws
     print("laws: " + ", ".join(laws.values()), flush=True)
     effort = verification.Effort(hits=args.hits, laws=laws)
     results = verification.run(args.case, effort, lambda name, rows: print(_case_line(name, rows), flush=True))

@@ -52,8 +52,8 @@ class Making:
         """Check the configuration and compute each `auto`; with `inputs` check all files that it names, too."""
         from repose.config import faults, profiles
 
-        if isinstance(self.config.get("targets"), list):
-            targets = profiles.expanded(self.config["targets"], owner_of(self.source, "targets"))
+        if isinstance(given := self.config.get("targets"), list):
+            targets = profiles.expanded(given, owner_of(self.source, "targets"))
             self.config = self.config | {"targets": [completed(entry) for entry in targets]}
         self.faults, self.bad = faults.check(self.config, self.source)
         pending = [setting for setting in computed.to_compute(self.config) if self._may_read(setting.section)]

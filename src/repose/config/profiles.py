@@ -60,8 +60,6 @@ class _Targets(Section, Generic[Measured]):
 
 def expanded(targets: Any, source: Any) -> Any:
     """Put an entry for each score in place of each profile of the list `targets`; InputError with all faults."""
-    if not isinstance(targets, list | tuple):
-        return targets
     entries = []
     for k, entry in enumerate(targets):
         if _is_profile(entry):

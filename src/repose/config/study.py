@@ -279,14 +279,15 @@ class Study:
     @cached_property
     def targets(self) -> "Targets":
         """The measured responses."""
+        given = self.config["targets"]
         if self._source is None:
             from repose.config.own import targets_of
 
-            return targets_of(self.config["targets"])
+            return targets_of(given)
         import repose.apparatus  # noqa: F401  registers the responses
         from repose.core.targets import Targets
 
-        return Targets.of(self.config["targets"])
+        return Targets.of(given)
 
     @cached_property
     def definitions(self) -> Definitions:
@@ -304,9 +305,9 @@ class Study:
             if test.name in self.targets.apparatus
             for response in (*test.responses, *test.target_responses(self.config))
         }
-        for target in self.config["targets"]:
-            if profile := target.get("profile"):
-                found[target["response"]] |= {"profile": {key: profile[key] for key in profile if key != "z"}}
+        for target in self.settings.targets:
+            if target.profile is not None:
+                found[target.response] |= {"profile": target.profile.abscissae}
         return found
 
     def published(self, table: str) -> Path | None:
