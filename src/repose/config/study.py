@@ -262,9 +262,7 @@ class Study:
         """The configuration as typed sections, such as `study.settings.funnel.seeds`."""
         from repose.config import own, typed
 
-        if self._source is not None:
-            return typed.sections(self.config, self._source)
-        return typed.sections(self.config, "study", own.settings_type(own.OwnStudySettings))
+        return own.sections_of(self.config) if self._source is None else typed.sections(self.config, self._source)
 
     @cached_property
     def parameters(self) -> "ParameterSpace":
