@@ -322,10 +322,9 @@ class LogHandler(LogHandlerBase):
 
 def _snakemakes_own(settings: OutputSettingsLoggerInterface) -> logging.Handler | None:
     """Return snakemake's own output if an option asks for it; else None."""
-    asked = ("dryrun", "quiet", "verbose", "printshellcmds", "debug_dag", "stdout")
-    if not any(getattr(settings, name, None) for name in asked):
-        return None
     filtered = ("quiet", "debug_dag", "verbose", "dryrun", "printshellcmds")
+    if not any(getattr(settings, name, None) for name in (*filtered, "stdout")):
+        return None
     return ColorizingTextHandler(
         nocolor=settings.nocolor,
         stream=sys.stdout if settings.stdout else sys.stderr,

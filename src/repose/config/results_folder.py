@@ -5,7 +5,6 @@ is new or a study's already, and where no foreign file has the name of a result.
 """
 
 import itertools
-import json
 import os
 import re
 from collections.abc import Iterable
@@ -87,7 +86,7 @@ def check_no_foreign_files(results_dir: str, outputs: Iterable[str]) -> None:
     below = {path.removeprefix(f"{results_dir}/").partition("/")[0] for path in outputs}
     is_ours, is_result = pattern_of({*WITHOUT_RESULTS, *below}).fullmatch, pattern_of(outputs).fullmatch
     names = sorted(filter(is_ours, os.listdir(results_dir)))
-    if names and not _is_a_study(Path(results_dir)):
+    if names and not (Path(results_dir) / LEDGER).is_file():
         allowed = f"a new folder, or the folder of a study; there is {names[0]}, which no study of repose wrote"
         raise InputError("configuration", "results_dir", results_dir, allowed)
     faults: dict[str, tuple[str, str, str]] = {}
@@ -100,17 +99,3 @@ def check_no_foreign_files(results_dir: str, outputs: Iterable[str]) -> None:
             if os.path.isfile(path) and os.path.getsize(path) and is_result(path):
                 faults[path] = FOREIGN
     raise_together([InputError(path, *fault) for path, fault in sorted(faults.items())])
-
-
-def _is_a_study(folder: Path) -> bool:
-    """Return whether a study wrote its configuration there."""
-    if (folder / LEDGER).is_file():
-        return True
-    for path in folder.glob("config*.json"):
-        try:
-            content = json.loads(path.read_bytes())
-        except ValueError:
-            continue
-        if isinstance(content, dict) and {"label", "results_dir"} <= set(content):
-            return True
-    return False
