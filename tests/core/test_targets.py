@@ -86,7 +86,8 @@ RANGES = dict.fromkeys(PARAMETERS, (0.1, 0.4)) | {"mur_gp": (0.2, 0.3)}
     ({name: {"fixed": 0.5} for name in PARAMETERS}, "at least one free parameter"),
 ])  # fmt: skip
 def test_bad_ranges_are_refused(changes, words):
-    input_error(words, ParameterSpace.of(RANGES | changes, "my.yaml").check_searchable, "my.yaml")
+    with pytest.raises(InputError, match=words):
+        ParameterSpace.of(RANGES | changes, "my.yaml").check_searchable("my.yaml")
 
 
 def test_a_missing_range_fixed_parameters_and_the_range_of_a_prior():

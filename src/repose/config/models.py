@@ -35,21 +35,13 @@ from repose.surrogate.settings import NetworkSettings
 
 # --- types of several keys -------------------------------------------------------------------------------------
 
-Label = Annotated[
-    str,
-    Field(
-        max_length=60,
-        pattern=r"^[A-Za-z0-9_][A-Za-z0-9_-]*$",
-        description="text of 1 to 60 characters, letters, digits, _ and -",
-    ),
-]
+LABEL = "text of 1 to 60 characters, letters, digits, _ and -"
+Label = Annotated[str, Field(max_length=60, pattern=r"^[A-Za-z0-9_][A-Za-z0-9_-]*$", description=LABEL)]
+FOLDER = "a folder; letters, digits and . _ / -, without .., and no part begins with . or -"
+PART = r"[A-Za-z0-9_][A-Za-z0-9_.-]*"
 ResultsFolder = Annotated[
     str,
-    Field(
-        max_length=1000,
-        pattern=r"^/?[A-Za-z0-9_][A-Za-z0-9_.-]*(/[A-Za-z0-9_][A-Za-z0-9_.-]*)*/?$",
-        description="a folder; letters, digits and . _ / -, without .., and no part begins with . or -",
-    ),
+    Field(max_length=1000, pattern=rf"^/?{PART}(/{PART})*/?$", description=FOLDER),
     AfterValidator(results_folder.apart),
 ]
 Colour = Annotated[str, Field(pattern=r"^#[0-9a-fA-F]{6}$", description='a colour in quotes, as "#cca86b"')]
@@ -157,12 +149,8 @@ class MeasureSection(Section):
     views: int = Field(ge=1, le=360)
     mm_per_pixel: Annotated[float, Field(ge=0.02, le=5)] | Auto = AUTO
     response: Annotated[str, OneOf(lambda: DEFINITIONS)]
-    fit_from: Literal["berry"] | Annotated[float, Field(ge=0, le=0.9)] = Field(
-        description="berry or a number from 0 to 0.9"
-    )
-    fit_to: Literal["berry"] | Annotated[float, Field(ge=0.1, le=1)] = Field(
-        description="berry or a number from 0.1 to 1"
-    )
+    fit_from: Literal["berry"] | Annotated[float, Field(ge=0, le=0.9)]
+    fit_to: Literal["berry"] | Annotated[float, Field(ge=0.1, le=1)]
     berry_height_mm: Annotated[float, Field(gt=0, le=1000)] | None
     largest_pile_only: bool
     flank: Annotated[str, OneOf(lambda: FLANK_RULES)]
