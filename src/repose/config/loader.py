@@ -70,7 +70,7 @@ def over_defaults(
     own: dict[str, str] = {}
     _merge(config, _as_in_files(given, "", contents, own, otherwise), {}, "")
     default = str(files[-1]) if files else otherwise
-    return _with_files_resolved(config), Origin(source.origin | own, default, str(method))
+    return _with_files_resolved(config), Origin({**source.origin, **own}, default, str(method))
 
 
 def _as_in_files(value: Any, name: str, files: Contents, origin: dict[str, str], otherwise: str) -> Any:

@@ -97,7 +97,7 @@ def parameter(low: float, high: float) -> Any:
         refuse(faults(given) if isinstance(given, Mapping) else () if is_pair(given) else [("", allowed)])
         return given
 
-    kinds = {"anyOf": [{"type": "array"}, {"type": "object"}]}
+    kinds: Any = {"anyOf": [{"type": "array"}, {"type": "object"}]}
     return Annotated[Any, AfterValidator(checked), Field(description=allowed, json_schema_extra=kinds)]
 
 
