@@ -12,6 +12,7 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
+from refusals import value_error
 from shared import check_all
 
 from repose.__main__ import main
@@ -87,8 +88,7 @@ def test_help_fits_a_screen_and_guesses_what_was_mistyped(capsys):
     def check():
         """Another function of the name of a verb."""
 
-    with pytest.raises(ValueError, match="'check' is registered already"):
-        registry.verb("one more")(check)
+    value_error("'check' is registered already", registry.verb("one more"), check)
 
 
 @pytest.mark.parametrize("commit", ["0123456789ab", None])

@@ -1,5 +1,6 @@
 """`repose run`: what snakemake is given."""
 
+import contextlib
 import signal
 import subprocess
 import sys
@@ -29,11 +30,8 @@ def test_words_become_those_of_snakemake(tmp_path, monkeypatch, given):
         (tmp_path / name).write_text("label: mine\n")
     cases = {
         "": [*ALL, *SNAKEFILE],
-        "--cores 2": ["--cores", "2", *SNAKEFILE],
-        "--cores=2": ["--cores", "2", *SNAKEFILE],
-        "-c2": ["--cores", "2", *SNAKEFILE],
-        "refined -c 2": ["--cores", "2", *SNAKEFILE, "refined"],
-        "--cores 2 refined": ["--cores", "2", *SNAKEFILE, "refined"],
+        **{words: ["--cores", "2", *SNAKEFILE] for words in ("--cores 2", "--cores=2", "-c2")},
+        **{words: ["--cores", "2", *SNAKEFILE, "refined"] for words in ("refined -c 2", "--cores 2 refined")},
         "-j 3": ["--jobs", "3", *SNAKEFILE],
         "--profile mine": ["--profile", "mine", *SNAKEFILE],
         "berry --profile profiles/slurm -n": ["--profile", SLURM, *SNAKEFILE, "berry", "-n"],
@@ -76,31 +74,24 @@ def test_without_snakemake_the_message_says_what_to_install(monkeypatch, capsys)
     assert "repose-dem[workflow]" in capsys.readouterr().err
 
 
-def test_ctrl_c_ends_with_the_sentence_that_says_how_to_go_on(monkeypatch, capsys):
-    def interrupted(_words):
-        try:
-            signal.raise_signal(signal.SIGINT)
-        except KeyboardInterrupt:
-            raise SystemExit(1) from None  # as snakemake ends
+@pytest.mark.parametrize("interrupted", [True, False])
+def test_ctrl_c_ends_with_the_sentence_that_says_how_to_go_on_and_another_end_keeps_its_status(
+    monkeypatch, capsys, interrupted
+):
+    def ended(_words):
+        with contextlib.suppress(KeyboardInterrupt):
+            if interrupted:
+                signal.raise_signal(signal.SIGINT)
+        raise SystemExit(1)  # as snakemake ends
 
-    monkeypatch.setattr("snakemake.cli.main", interrupted)
+    monkeypatch.setattr("snakemake.cli.main", ended)
     before = signal.getsignal(signal.SIGINT)
     with pytest.raises(SystemExit) as end:
         main(["run", "uncertainty", "--cores", "2"])
-    assert end.value.code == 130
-    assert "the same command goes on: repose run uncertainty --cores 2" in capsys.readouterr().err
+    assert end.value.code == (130 if interrupted else 1)
+    said = capsys.readouterr().err
+    assert ("the same command goes on: repose run uncertainty --cores 2" in said) is ("Stopped" in said) is interrupted
     assert signal.getsignal(signal.SIGINT) is before
-
-
-def test_a_run_that_ends_by_itself_keeps_its_status(monkeypatch, capsys):
-    def ended(_words):
-        raise SystemExit(1)
-
-    monkeypatch.setattr("snakemake.cli.main", ended)
-    with pytest.raises(SystemExit) as end:
-        main(["run"])
-    assert end.value.code == 1
-    assert "Stopped" not in capsys.readouterr().err
 
 
 def test_the_list_names_targets_with_their_cost_and_strategies_that_cannot_be(capsys, monkeypatch):

@@ -96,16 +96,7 @@ def test_a_job_that_ctrl_c_ends_has_not_failed(handler, capsys, monkeypatch):
     assert capsys.readouterr().err.splitlines() == ["pour: Doing pour 1"]
 
 
-@pytest.fixture
-def pythons_ctrl_c():
-    """The handler of Ctrl-C that a Python has where no test runs it."""
-    earlier = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, earlier)
-
-
-def test_plain_snakemake_says_too_that_the_same_command_goes_on(pythons_ctrl_c, capsys):
-    handler = run_display.LogHandler(SimpleNamespace(), None)
+def test_plain_snakemake_says_too_that_the_same_command_goes_on(handler, capsys):
     with pytest.raises(KeyboardInterrupt):
         signal.raise_signal(signal.SIGINT)
     handler.close()

@@ -11,19 +11,9 @@ from pathlib import Path
 
 # Rules that the workflow keeps off the cluster: its localrules.
 LOCAL = {
-    *[
-        "berry",
-        "shape",
-        "design",
-        "dataset",
-        "solutions",
-        "published_solutions",
-        "published_sets",
-        "validate",
-        "drum",
-        "card",
-    ]
-}
+    "berry", "shape", "design", "dataset", "solutions", "published_solutions", "published_sets", "validate",
+    "drum", "card",
+}  # fmt: skip
 
 
 def slurm_s(lines):

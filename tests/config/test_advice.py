@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 import shared
 
-from repose.config import advice, cost
+from repose.config import advice, cost, typed
 from repose.strategies import cost as strategies
 
 SPHERE = {"long_mm": 4.0, "major_mm": 4.0, "minor_mm": 4.0, "density_kg_m3": 1300.0, "poisson_ratio": 0.25}
@@ -94,16 +94,16 @@ def test_time_goes_with_the_slowest_bench_test_and_each_strategy_has_its_own_pou
     first, second = copy.deepcopy(config), copy.deepcopy(config)
     config["response_surface"] |= {"screening_runs": 12, "steps": 5, "most_factors": 3, "centres": 5, "checks": 8}
     config["response_surface"] |= {"surface": "box_behnken", "seeds": 3}
-    assert strategies.pours(config) is None
+    assert strategies.pours(typed.sections(config)) is None
     config["strategy"] = "response_surface"
-    pours = strategies.pours(config)
+    pours = strategies.pours(typed.sections(config))
     # 12 runs and 5 centres; 12 edges of the cube and 5 centres
     assert pours == (("screening", 17, 3), ("ascent", 6, 3), ("surface", 17, 3), ("check", 8, 3))
     work = cost.work(config, 1e-7, pours)
     assert work["total_s"] == pytest.approx(48 * cost.JOB_START_S + 144 * work["pour_s"])
     config["strategy"] = "sequential"
     config["sequential"] |= {"most_pours": 120, "seeds": 3}
-    assert strategies.pours(config) == (("at most", 40, 3),)
+    assert strategies.pours(typed.sections(config)) == (("at most", 40, 3),)
     del config["drum"]
     config["design"]["samples"], config["funnel"]["seeds"] = 30, 4
     config["validation"] |= {"published": None, "solutions": 1, "seeds": 8, "representative_seeds": 16}

@@ -90,6 +90,6 @@ def test_parameters_and_law_belong_together(law, parameters, message):
 
 
 @pytest.mark.parametrize("rolling", ["constant_torque", "epsd", "epsd2"])
-def test_cohesion_goes_with_every_rolling_law(rolling):
-    for law, parameters in (("jkr", COHESION), ("sjkr", OF_SJKR)):
-        assert study(law, rolling, **parameters).parameters.free
+@pytest.mark.parametrize(("law", "parameters"), [("jkr", COHESION), ("sjkr", OF_SJKR)])
+def test_cohesion_goes_with_every_rolling_law(law, parameters, rolling):
+    assert study(law, rolling, **parameters).parameters.free

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 from refusals import input_error
-from shared import check_all
+from shared import check_all, put
 
 from repose.apparatus import bench, names
 from repose.config import results_folder, stands_on
@@ -66,8 +66,7 @@ def test_a_folder_with_somebodys_files_is_refused_and_a_studys_is_taken(config, 
     (tmp_path / "link").symlink_to(tmp_path / "nothing")
     for way in ("data/figures/figure02.png/results", "link", "link/results"):
         config["results_dir"] = str(tmp_path / way)
-        with pytest.raises(InputError, match="a file, or a link to nothing, is in its way"):
-            Study.of(config).check_inputs()
+        input_error("a file, or a link to nothing, is in its way", Study.of(config).check_inputs)
 
 
 def test_a_changed_result_and_somebodys_file_in_the_place_of_a_result_are_reported_at_once(tmp_path):
@@ -92,45 +91,32 @@ def test_a_changed_result_and_somebodys_file_in_the_place_of_a_result_are_report
     assert all(path.read_text() == "mine" for path in mine)
 
 
-def check_used(check, config):
-    check_all(check, [(name, config, name) for name in names() if name in config])
+def turned(value):
+    return {key: turned(value[key]) for key in reversed(value)} if isinstance(value, dict) else value
 
 
 def test_a_run_stands_on_what_it_reads_in_any_order_and_not_on_its_measurement(config):
-    def check(config, name):
-        keys = [f"measure.{key}" for key in config["measure"]]
-        keys += [f"{name}.{key}" for key in bench(name).measured_by]
-        for dotted in keys:
-            section, key = dotted.split(".")
-            changed = copy.deepcopy(config)
-            changed[section][key] = "another"
-            assert stands_on.pouring(changed, name) == stands_on.pouring(config, name)
-            assert stands_on.measuring(changed, name) != stands_on.measuring(config, name)
-            assert stands_on.settings_of(changed, "next") != stands_on.settings_of(config, "next"), dotted
-
-    check_used(check, config)
-
-    def check(config, name):
-        own = [(name, key) for key in config[name] if key not in ("seeds", *bench(name).measured_by)]
+    def check(name):
+        measured_by = [(name, key) for key in bench(name).measured_by]
+        of_measure = [("measure", key) for key in config["measure"]]
+        own = [(name, key) for key in config[name] if key != "seeds" and (name, key) not in measured_by]
         shared = [(section, key) for section in ("wall", "simulation") for key in config[section]]
-        for section, key in (*own, *shared, ("design", "seed")):
-            changed = copy.deepcopy(config)
-            changed[section][key] = "another"
-            assert stands_on.pouring(changed, name) != stands_on.pouring(config, name), (section, key)
-
-    check_used(check, config)
-
-    def turned(value):
-        return {key: turned(value[key]) for key in reversed(value)} if isinstance(value, dict) else value
-
-    def check(config, name):
+        for section, key in (*of_measure, *measured_by, *own, *shared, ("design", "seed")):
+            changed = put(copy.deepcopy(config), f"{section}.{key}", "another")
+            is_measurement = (section, key) in (*of_measure, *measured_by)
+            assert (stands_on.pouring(changed, name) == stands_on.pouring(config, name)) is is_measurement, (
+                section,
+                key,
+            )
+            if is_measurement:
+                assert stands_on.measuring(changed, name) != stands_on.measuring(config, name)
+                assert stands_on.settings_of(changed, "next") != stands_on.settings_of(config, "next"), (section, key)
         other = turned(config)
         for what in (stands_on.pouring, stands_on.measuring):
             assert str(what(other, name)) == str(what(config, name))
-        sections = [str(stands_on.sections(one, "berry", "miga")) for one in (config, other)]
-        assert sections[0] == sections[1]
+        assert str(stands_on.sections(other, "berry", "miga")) == str(stands_on.sections(config, "berry", "miga"))
 
-    check_used(check, config)
+    check_all(check, [(name, name) for name in names() if name in config])
 
 
 def test_keys_of_a_bench_test_define_what_its_targets_are():

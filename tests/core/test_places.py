@@ -18,6 +18,14 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
+def faulty(source, *files, **options):
+    """The keys with a fault in a study, all of this file."""
+    with pytest.raises(InputError) as caught:
+        Study.load(*files, **options)
+    assert {fault.source for fault in caught.value.faults} == {source}
+    return {fault.key for fault in caught.value.faults}
+
+
 def test_a_file_is_the_folders_own_or_the_programs_or_keeps_its_name(folder):
     path = Path("resources/berries.csv")
     for name in (path, "Snakefile", "workflow/Snakefile", "profiles/default/config.yaml", "config"):
@@ -45,22 +53,15 @@ def test_a_study_of_a_crop_lies_over_the_programs_which_it_replaces(folder):
     own.unlink()
     (folder / "config.yaml").write_text("label: mine\n")
     assert places.configs() == [METHOD, Path("config.yaml")]
-    with pytest.raises(InputError) as caught:
-        Study.load(inputs=True)
-    result = {fault.key for fault in caught.value.faults}
-    assert {"berry.sizes", "parameters", "targets", "funnel.berries"} <= result
-    assert all(fault.source == "config.yaml" for fault in caught.value.faults)
+    assert {"berry.sizes", "parameters", "targets", "funnel.berries"} <= faulty("config.yaml", inputs=True)
 
 
 def test_a_given_file_lies_over_what_every_crop_or_the_folders_crop_shares(folder):
     mine = folder / "wheat.yaml"
     mine.write_text("label: wheat\nberry: {sizes: sizes.csv, density_kg_m3: 1250}\n")
     assert loader.layers([mine]) == [METHOD, mine]
-    with pytest.raises(InputError) as caught:
-        Study.load(mine)
-    result = {fault.key for fault in caught.value.faults}
-    assert {"parameters", "targets", "funnel.berries", "wall", "funnel.plate_diameter_mm"} <= result
-    assert all(fault.source == str(mine) for fault in caught.value.faults)
+    missing = {"parameters", "targets", "funnel.berries", "wall", "funnel.plate_diameter_mm"}
+    assert missing <= faulty(str(mine), mine)
     mine = folder / "mine.yaml"
     mine.write_text("berry: {particle: ellipsoid, mass_g: null}\nfunnel: {seeds: 3}\n")
     assert loader.layers([mine]) == [METHOD, CONFIG, mine]

@@ -6,6 +6,7 @@ import re
 
 import numpy as np
 import pytest
+from refusals import input_error
 from shared import check_all, targets_of
 
 from repose.config.profiles import expanded_own
@@ -15,18 +16,16 @@ from repose.core.errors import InputError
 from repose.core.parameter_sets import read_sample, read_samples
 from repose.core.parameters import PARAMETERS
 from repose.core.published import check_published, published_sets
+from repose.core.tables import Column
 from repose.particle.berry import of_files
 from repose.particle.berry_files import read_compression, read_sizes
 from repose.strategies.runs import read_runs
 from repose.studies.discrepancy import of_shape_study
 
 OWN = {
-    "simulator": "EDEM",
-    "label": "seed",
-    "seed": 1,
-    "parameters": {"mus": [0.3, 0.5], "mur": [0.01, 0.05]},
+    "simulator": "EDEM", "label": "seed", "seed": 1, "parameters": {"mus": [0.3, 0.5], "mur": [0.01, 0.05]},
     "targets": {"angle_deg": {"value": 28.4, "sd": 0.6, "repetitions": 5}},
-}
+}  # fmt: skip
 SIZES = "long_mm,major_mm,minor_mm\n21.5,11.25,10.5\n22.75,12.5,11.5\n20.5,10.75,9.5\n"
 TESTS = (
     "test,force_n,length_1_mm,length_2_mm,width_1_mm,width_2_mm,breadth_mm\n"
@@ -205,7 +204,7 @@ def test_all_faults_of_a_table_are_told_at_once_up_to_thirty(tmp_path):
 
 
 def test_commas_that_may_be_decimal_or_of_thousands_are_told(tmp_path):
-    path, column = tmp_path / "a.csv", tables.Column("b")
+    path, column = tmp_path / "a.csv", Column("b")
     for text, words in (
         ("a\tb\n1\t1,234\n", "row 1: b is '1,234'; expected a number with a decimal point"),
         ('a,b\n1,"1,234"\n', "row 1: b is '1,234'; expected a number with a decimal point"),
@@ -219,26 +218,20 @@ def test_commas_that_may_be_decimal_or_of_thousands_are_told(tmp_path):
         ('a,b\n1,2\n"3,4\n5,6\n', "line 3: cells is '\"3,4'; expected a CSV file: unexpected end of data"),
         ("", "rows is 0; expected a CSV file"),
     ):
-        with pytest.raises(InputError, match=re.escape(words)):
-            tables.read(given(path, text), [column])
+        input_error(re.escape(words), tables.read, given(path, text), [column])
     assert tables.read(given(path, "a\tb\n0,5\t1,234\n"), [column]).values["b"] == [1.234]
     assert tables.read(given(path, "a;b\n1;1,234\n"), [column]).values["b"] == [1.234]
 
 
 def test_a_column_is_what_it_is_declared_to_be(tmp_path):
     declared = {
-        "whole": (
-            tables.Column("b", int, 1, 9),
-            "a whole number from 1 to 9",
-            ["1", "9", "2.0"],
-            ["0", "1.5", "10", ""],
-        ),
-        "share": (tables.Column("b", float, 0, above=True), "a number above 0", ["1e-9"], ["0", "-1", "nan"]),
-        "above": (tables.Column("b", float, 2, above=True), "a number above 2", ["2.1"], ["2"]),
-        "most": (tables.Column("b", high=2.0), "a number up to 2", ["-3", "2"], ["2.1", "-inf"]),
-        "nothing": (tables.Column("b", empty=True), "a finite number, or nothing", ["", "NaN", "n/a"], ["inf", "x"]),
-        "truth": (tables.Column("b", bool), "True or False", ["TRUE", "false ", "True"], ["yes", "2", "", "1"]),
-        "words": (tables.Column("b", words="this"), "this", ["1"], ["x"]),
+        "whole": (Column("b", int, 1, 9), "a whole number from 1 to 9", ["1", "9", "2.0"], ["0", "1.5", "10", ""]),
+        "share": (Column("b", float, 0, above=True), "a number above 0", ["1e-9"], ["0", "-1", "nan"]),
+        "above": (Column("b", float, 2, above=True), "a number above 2", ["2.1"], ["2"]),
+        "most": (Column("b", high=2.0), "a number up to 2", ["-3", "2"], ["2.1", "-inf"]),
+        "nothing": (Column("b", empty=True), "a finite number, or nothing", ["", "NaN", "n/a"], ["inf", "x"]),
+        "truth": (Column("b", bool), "True or False", ["TRUE", "false ", "True"], ["yes", "2", "", "1"]),
+        "words": (Column("b", words="this"), "this", ["1"], ["x"]),
     }
 
     def check(column, words, cell, good):
@@ -246,18 +239,15 @@ def test_a_column_is_what_it_is_declared_to_be(tmp_path):
         if good:
             assert len(tables.read(path, [column]).values["b"]) == 1
         else:
-            with pytest.raises(InputError, match=re.escape("row 1: b is ") + f".*expected {re.escape(words)}$"):
-                tables.read(path, [column])
+            input_error(re.escape("row 1: b is ") + f".*expected {re.escape(words)}$", tables.read, path, [column])
 
-    check_all(
-        check,
-        [
-            (f"{name} {cell!r}", column, words, cell, good)
-            for name, (column, words, *both) in declared.items()
-            for good, some in zip((True, False), both, strict=True)
-            for cell in some
-        ],
-    )
+    cases = [
+        (f"{name} {cell!r}", column, words, cell, good)
+        for name, (column, words, *both) in declared.items()
+        for good, some in zip((True, False), both, strict=True)
+        for cell in some
+    ]
+    check_all(check, cases)
 
 
 def test_an_eligible_model_is_true_or_false_alone(tmp_path):
@@ -277,7 +267,6 @@ def test_an_eligible_model_is_true_or_false_alone(tmp_path):
 
 def test_a_wrong_unit_is_told_with_its_file_and_the_likely_one(tmp_path):
     sizes = given(tmp_path / "sizes.csv", SIZES)
-    by_hand = {"kN": 1e-3, "mN": 1e8}
 
     def message(tests):
         with pytest.raises(InputError) as caught:
@@ -291,11 +280,9 @@ def test_a_wrong_unit_is_told_with_its_file_and_the_likely_one(tmp_path):
 
     of_files(sizes, given(tmp_path / "tests.csv", TESTS), None, 840.0)
     for unit, factor in (("cm", 0.1), ("m", 1e-3), ("um", 1e3)):
-        assert re.search(
-            rf"tests\.csv: breadth_mm is .*near that of major_mm .*; in {unit} instead of mm\?",
-            message(scaled("breadth_mm", factor)),
-        )
-    for unit, factor in by_hand.items():
+        words = rf"tests\.csv: breadth_mm is .*near that of major_mm .*; in {unit} instead of mm\?"
+        assert re.search(words, message(scaled("breadth_mm", factor)))
+    for unit, factor in (("kN", 1e-3), ("mN", 1e8)):
         assert re.search(rf"tests\.csv: force_n is .*; in {unit} instead of N\?", message(scaled("force_n", factor)))
     in_cm = joined([cells(SIZES)[0], *([repr(float(cell) / 10) for cell in row] for row in cells(SIZES)[1:])])
     given(sizes, in_cm)
@@ -306,27 +293,7 @@ def test_a_wrong_unit_is_told_with_its_file_and_the_likely_one(tmp_path):
 
 def test_random_changes_of_good_tables_end_in_numbers_or_in_a_sentence(tmp_path):
     path = tmp_path / "a.csv"
-    bits = (
-        ",",
-        ";",
-        "\t",
-        '"',
-        "\n",
-        "\r",
-        "#",
-        "# ",
-        "-",
-        "e",
-        ".",
-        "nan",
-        "\0",
-        "\ufeff",
-        "é",
-        " ",
-        "1e400",
-        "=A1",
-        "True",
-    )
+    bits = (*',;\t"\n\r#-e.\0\ufeffé ', "# ", "nan", "1e400", "=A1", "True")
 
     def check(reader, seed):
         rng, text = random.Random(seed), READERS[reader][0]
@@ -347,5 +314,4 @@ def test_random_changes_of_good_tables_end_in_numbers_or_in_a_sentence(tmp_path)
 
 def test_what_is_no_plain_file_is_not_read(tmp_path):
     for read in (tables.sheet, files.read_json):
-        with pytest.raises(InputError, match=r"/dev/zero: .* is .*a device or a pipe"):
-            read("/dev/zero")
+        input_error(r"/dev/zero: .* is .*a device or a pipe", read, "/dev/zero")

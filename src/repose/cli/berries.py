@@ -4,9 +4,9 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 from repose.cli.registry import Option
+from repose.config.study import Study
 
 if TYPE_CHECKING:
-    from repose.config.study import Study
     from repose.particle.particle import Particle
 
 BERRY_AND_PARTICLE = (
@@ -16,7 +16,7 @@ BERRY_AND_PARTICLE = (
 
 
 def berry_and_particle(
-    study: "Study", berry_json: str | PathLike | None = None, particle_json: str | PathLike | None = None
+    study: Study, berry_json: str | PathLike | None = None, particle_json: str | PathLike | None = None
 ) -> "tuple[dict[str, Any], Particle]":
     """Return the grain as in berry.json and its particle, each from its file or else from the study."""
     from repose.particle import berry_files
@@ -31,19 +31,3 @@ def berry_and_particle(
     from repose.particle import build  # slow to import: where a particle is made
 
     return of_berry, build.of_settings(of_berry, study.settings.berry)
-
-
-def write_berry(study: "Study", out_dir: str | PathLike) -> None:
-    """Write sizes and moduli of the study's grain, with the published values if there are any."""
-    from repose.particle import berry
-
-    berry.run(study.settings.berry, study.published("table1.csv"), out_dir)
-
-
-def write_particle(study: "Study", berry_json: str | PathLike, out_dir: str | PathLike) -> "Particle":
-    """Write the study's particle; `berry_json` is a file of `write_berry`."""
-    from repose.particle import build
-
-    grain = study.settings.berry
-    how: dict[str, Any] = {"mass_g": grain.mass_g, "spheres": grain.spheres, "surface": grain.surface}
-    return build.run(berry_json, grain.stl, out_dir, kind=grain.particle, **how)

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 from repose.cli.options import DATASET, FEASIBLE, NETWORK, RUNS, SAMPLES
 from repose.cli.registry import Option, verb
+from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.core.parameter_sets import job_files
 
 if TYPE_CHECKING:
-    from repose.config.study import Study
     from repose.surrogate.support import Support
 
 SUPPORT = Option("--dataset", help="dataset.csv; with it solutions beyond its samples carry a warning")
@@ -26,7 +26,7 @@ SUPPORT = Option("--dataset", help="dataset.csv; with it solutions beyond its sa
         Option("--prefix", default="", help="put before the names of the tables"),
     ],
 )
-def dataset(args: argparse.Namespace, study: "Study") -> None:
+def dataset(args: argparse.Namespace, study: Study) -> None:
     from repose.chain import dataset
 
     jobs = job_files(args.jobs, args.samples)
@@ -39,7 +39,7 @@ def dataset(args: argparse.Namespace, study: "Study") -> None:
     out="results/network",
     options=[DATASET, RUNS],
 )
-def network(args: argparse.Namespace, study: "Study") -> None:
+def network(args: argparse.Namespace, study: Study) -> None:
     from repose.chain import train
 
     targets, definitions = study.targets, study.definitions
@@ -54,7 +54,7 @@ def network(args: argparse.Namespace, study: "Study") -> None:
     out="results/miga",
     options=[NETWORK, SUPPORT],
 )
-def miga(args: argparse.Namespace, study: "Study") -> None:
+def miga(args: argparse.Namespace, study: Study) -> None:
     from repose.chain import invert
 
     settings, published = study.settings.miga, study.published("table3.csv")
@@ -68,7 +68,7 @@ def miga(args: argparse.Namespace, study: "Study") -> None:
     out="results/validation",
     options=[FEASIBLE],
 )
-def solutions(args: argparse.Namespace, study: "Study") -> None:
+def solutions(args: argparse.Namespace, study: Study) -> None:
     from repose.chain import validate
 
     count, out = study.settings.validation.solutions, Path(args.out) / "solutions.csv"
@@ -76,7 +76,7 @@ def solutions(args: argparse.Namespace, study: "Study") -> None:
 
 
 @verb("list the published parameter sets to simulate", example="--out results/validation", out="results/validation")
-def published_solutions(args: argparse.Namespace, study: "Study") -> None:
+def published_solutions(args: argparse.Namespace, study: Study) -> None:
     from repose.chain import validate
 
     out = Path(args.out) / "published_solutions.csv"
@@ -89,7 +89,7 @@ def published_solutions(args: argparse.Namespace, study: "Study") -> None:
     out="results",
     options=[Option("jobs", nargs="*", help="JSON files that measure_runs wrote, one for each set")],
 )
-def published_sets(args: argparse.Namespace, study: "Study") -> None:
+def published_sets(args: argparse.Namespace, study: Study) -> None:
     from repose.chain import validate
     from repose.config import stands_on
     from repose.core import provenance
@@ -104,7 +104,7 @@ def published_sets(args: argparse.Namespace, study: "Study") -> None:
     validate.write_published_sets(published, args.jobs, study.targets, names, by, out)
 
 
-def _published(args: argparse.Namespace, study: "Study") -> str:
+def _published(args: argparse.Namespace, study: Study) -> str:
     """Return the table of published solutions; InputError without one."""
     published = study.settings.validation.published
     if published is None:
@@ -122,7 +122,7 @@ def _published(args: argparse.Namespace, study: "Study") -> str:
         SUPPORT,
     ],
 )
-def validate(args: argparse.Namespace, study: "Study") -> None:
+def validate(args: argparse.Namespace, study: Study) -> None:
     from repose.chain import validate
     from repose.config import stands_on
     from repose.core.provenance import engine_hash
@@ -135,7 +135,7 @@ def validate(args: argparse.Namespace, study: "Study") -> None:
     validate.run(args.solutions, args.jobs, targets, measure, published, args.out, support)
 
 
-def _support(args: argparse.Namespace, study: "Study") -> "Support | None":
+def _support(args: argparse.Namespace, study: Study) -> "Support | None":
     """Return the samples for a warning of extrapolation; None without a dataset. InputError for other definitions."""
     if not args.dataset:
         return None

@@ -1,14 +1,11 @@
 """Verbs of the material card: the answer of a calibration as one file."""
 
 import argparse
-from typing import TYPE_CHECKING
 
 from repose.cli.options import BERRY, FEASIBLE
 from repose.cli.registry import Option, verb
+from repose.config.study import Study
 from repose.core.errors import InputError
-
-if TYPE_CHECKING:
-    from repose.config.study import Study
 
 FILES_OF = {"show": 1, "compare": 2, "check": 1, "find": 0}
 NOT_MET = 3  # exit status of `card check` where the targets are not met
@@ -64,7 +61,7 @@ def card(args: argparse.Namespace) -> int:
         Option("--dataset", help="dataset.csv of the study's design: what angles its piles have"),
     ],
 )
-def material_card(args: argparse.Namespace, study: "Study") -> None:
+def material_card(args: argparse.Namespace, study: Study) -> None:
     from repose.chain import answer, card
 
     if (args.posterior is None) != (args.draws is None):

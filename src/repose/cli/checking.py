@@ -6,18 +6,15 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 from repose.cli.registry import Option, load, verb
+from repose.config.study import Study
 from repose.core.errors import InputError, InputErrors
-
-if TYPE_CHECKING:
-    from repose.config.study import Study
 
 TICK_S = 1.0
 
 
-def _load_or_propose(args: argparse.Namespace) -> "Study":
+def _load_or_propose(args: argparse.Namespace) -> Study:
     """Load the study of --config; with too many grains for any study print a smaller scene before the error."""
     try:
         return load(args, inputs=True)
@@ -36,7 +33,7 @@ def _load_or_propose(args: argparse.Namespace) -> "Study":
     study=_load_or_propose,
     options=[Option("--cores", type=int, default=2, help="cores of the run (2)")],
 )
-def check(args: argparse.Namespace, study: "Study") -> None:
+def check(args: argparse.Namespace, study: Study) -> None:
     if args.cores < 1:
         raise InputError("command line", "--cores", args.cores, "at least 1")
     from repose.config import check, computed, cost, loader
@@ -52,7 +49,7 @@ def check(args: argparse.Namespace, study: "Study") -> None:
     print(*check.about(study), *check.of_targets(study), sep="\n")
     measured = _grain_step_s(study)
     print(*check.trials(study, measured, elapsed_seconds_shown), sep="\n")
-    work = cost.work(config, measured, strategies.pours(config))
+    work = cost.work(config, measured, strategies.pours(settings))
     for purpose, sets, seeds in work["pours"]:
         print(f"{purpose:>14}: {sets} parameter sets x {seeds} seeds = {sets * seeds} pours")
     minutes = work["total_s"] / args.cores / 60
@@ -70,7 +67,7 @@ def check(args: argparse.Namespace, study: "Study") -> None:
         Option("--runs", help="runs.csv of earlier pours, for the noise (default: the runs of the study, if any)")
     ],
 )
-def plan(args: argparse.Namespace, study: "Study") -> None:
+def plan(args: argparse.Namespace, study: Study) -> None:
     from repose.config import check
     from repose.strategies import plan
 
@@ -98,7 +95,7 @@ def plan(args: argparse.Namespace, study: "Study") -> None:
     print(*check.costs(study, result.budgets["pours"], _grain_step_s(study)), sep="\n")
 
 
-def _grain_step_s(study: "Study") -> float:
+def _grain_step_s(study: Study) -> float:
     """Time a step of a grain on this machine, with a message about the minute or two of the first time."""
     from repose.config import cost
 

@@ -1,17 +1,18 @@
 """The verb that writes the answer as input of other simulation programs."""
 
 import argparse
+import copy
 from typing import TYPE_CHECKING
 
 from repose.cli.parameter_sets import PARAMETER_SET, parameters
 from repose.cli.registry import CONFIG, Option, load, verb
+from repose.config.study import Study
 from repose.core import provenance
 from repose.core.errors import InputError
 from repose.core.section import AUTO
 from repose.export import PROGRAMS, write
 
 if TYPE_CHECKING:
-    from repose.config.study import Study
     from repose.particle.particle import Particle
 
 # Spheres of a clump: the default, and the most that fill a mesh here.
@@ -85,18 +86,15 @@ def export(args: argparse.Namespace) -> None:
         print(path)
 
 
-def _with_clump(study: "Study", spheres: int, source: str) -> "Study":
+def _with_clump(study: Study, spheres: int, source: str) -> Study:
     """Give a study a clump as its particle; its time step may have to be shorter than that of a smooth body."""
-    from repose.config.study import Study
-
-    filled = {"particle": "multisphere", "spheres": spheres, "surface": "smooth"}
-    # spheres at one place add up in stiffness
-    automatic = study.config["simulation"] | {"time_step_s": AUTO}
-    changed = Study.of(study.config | {"berry": study.config["berry"] | filled, "simulation": automatic}, source)
-    steps = study.settings.simulation.time_step_s, changed.settings.simulation.time_step_s
-    study = Study.of(changed.config | {"simulation": automatic | {"time_step_s": min(steps)}}, source)
-    provenance.note_config(study.config)
-    return study
+    changed = copy.deepcopy(study.config)
+    changed["berry"] |= {"particle": "multisphere", "spheres": spheres, "surface": "smooth"}
+    changed["simulation"]["time_step_s"] = AUTO  # spheres at one place add up in stiffness
+    steps = [one.settings.simulation.time_step_s for one in (study, Study.of(changed, source))]
+    changed["simulation"]["time_step_s"] = min(steps)
+    provenance.note_config(changed)
+    return Study.of(changed, source)
 
 
 def _check_source(args: argparse.Namespace) -> None:

@@ -1,17 +1,14 @@
 """Verbs for the inputs of a study: the grain, its particle, the points to simulate."""
 
 import argparse
-from typing import TYPE_CHECKING
+from pathlib import Path
 
-from repose.cli import own_simulator
-from repose.cli.berries import write_berry, write_particle
 from repose.cli.options import BERRY
+from repose.cli.own_simulator import load_any_study
 from repose.cli.registry import Option, load, verb
+from repose.config.study import Study
 from repose.core.errors import InputError
-from repose.core.files import write_bytes
-
-if TYPE_CHECKING:
-    from repose.config.study import Study
+from repose.core.files import write_bytes, write_table
 
 
 @verb(
@@ -33,7 +30,10 @@ def berry(args: argparse.Namespace) -> None:
     if args.axes or args.stl:
         _build(args)
     else:
-        write_berry(load(args), args.out)
+        from repose.particle import berry
+
+        study = load(args)
+        berry.run(study.settings.berry, study.published("table1.csv"), args.out)
 
 
 def _build(args: argparse.Namespace) -> None:
@@ -42,8 +42,7 @@ def _build(args: argparse.Namespace) -> None:
 
     if not (args.axes and args.stl and args.mass_g):
         raise InputError("command line", "berry --axes", args.axes, "together with --mass-g and --stl")
-    stated = args.density
-    density = load(args).settings.berry.density_kg_m3 if stated is None else stated
+    density = load(args).settings.berry.density_kg_m3 if args.density is None else args.density
     details = (args.taper, args.wrinkles, args.wrinkle_depth_mm)
     mesh, number = mesh_from_axes.berry_mesh(args.axes, args.mass_g, density, *details, source="command line")
     stl = mesh.export(file_type="stl")
@@ -60,20 +59,26 @@ def _build(args: argparse.Namespace) -> None:
     out="results/berry",
     options=[BERRY],
 )
-def shape(args: argparse.Namespace, study: "Study") -> None:
-    write_particle(study, args.berry, args.out)
+def shape(args: argparse.Namespace, study: Study) -> None:
+    from repose.particle import build
+
+    grain = study.settings.berry
+    how = {"mass_g": grain.mass_g, "spheres": grain.spheres, "surface": grain.surface}
+    build.run(args.berry, grain.stl, args.out, kind=grain.particle, **how)
 
 
 @verb(
     "make the Latin hypercube design of the contact parameters, or of your own simulator's parameters",
     example="--out results/design",
     out="results/design",
-    study=own_simulator.load_any_study,
+    study=load_any_study,
 )
-def design(args: argparse.Namespace, study: "Study") -> None:
+def design(args: argparse.Namespace, study: Study) -> None:
     from repose.chain import design
 
-    if own_simulator.has_own_simulator(study):
-        own_simulator.write_start(args, study)
+    if "simulator" not in study.config:
+        design.run(study.parameters, study.settings.design, args.out)
         return
-    design.run(study.parameters, study.settings.design, args.out)
+    table, path = study.ask(), Path(args.out) / "samples.csv"
+    write_table(path, table)
+    print(f"{path}: {len(table)} runs of {table['sample'].nunique()} samples to simulate")

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 from repose.cli.options import BERRY, JSON
 from repose.cli.registry import CONFIG, Option, load, verb
 from repose.config.keys import section
+from repose.config.study import Study
 from repose.core.errors import InputError, raise_together
 from repose.core.files import json_text
 
 if TYPE_CHECKING:
-    from repose.config.study import Study
     from repose.measure.photographs import Scale
     from repose.measure.settings import MeasureSettings
 
@@ -63,11 +63,9 @@ def measure(args: argparse.Namespace) -> None:
     if args.bench not in (*of_pile, *of_apparatus.RESPONSES):
         allowed = "one of " + ", ".join((*of_pile, *of_apparatus.RESPONSES))
         raise InputError("command line", "--bench", args.bench, allowed)
-    of_sheet = {"--lens": args.lens, "--mm-per-pixel": args.mm_per_pixel, "--length": args.length}
-    of_sheet |= {"--base-row": args.base_row}
-    for option, value in (of_sheet if args.bench not in of_pile else {"--points": args.points}).items():
-        if value:
-            raise InputError("command line", option, value, f"nothing with --bench {args.bench}")
+    for name in ("points",) if args.bench in of_pile else ("lens", "mm_per_pixel", "length", "base_row"):
+        if value := getattr(args, name):
+            raise InputError("command line", f"--{name.replace('_', '-')}", value, f"nothing with --bench {args.bench}")
     out = Path(args.out)
     pictures, faults = photographs.readable([Path(name) for name in args.pictures])
     if not pictures:
@@ -119,10 +117,8 @@ def _measure_apparatus(
     for seen, overlay in zip(results, overlays, strict=True):
         write_image(overlay, photographs.stacked(seen.views))
     if all(seen.refused for seen in results):
-        raise_together(
-            InputError(seen.path, args.bench, seen.refused, "a bed with a surface that differs from its background")
-            for seen in results
-        )
+        allowed = "a bed with a surface that differs from its background"
+        raise_together(InputError(seen.path, args.bench, seen.refused, allowed) for seen in results)
     made = photographs.tables(results, args.bench)
     write_tables(made, how, out, args.bench, {name: name for name in photographs.RESPONSES[args.bench]})
     if args.bench == "turning":
@@ -172,9 +168,8 @@ def _settings(args: argparse.Namespace) -> "MeasureSettings":
         section, sizes_csv = dict(settings.measure), settings.berry.sizes
     if args.grain_mm is not None:
         section["berry_height_mm"] = args.grain_mm
-    if section["berry_height_mm"] is not None or sizes_csv is None:
-        return MeasureSettings.of(section, {})
-    return MeasureSettings.of(section, mean_axes_mm(sizes_csv))
+    grain = {} if section["berry_height_mm"] is not None or sizes_csv is None else mean_axes_mm(sizes_csv)
+    return MeasureSettings.of(section, grain)
 
 
 @verb(
@@ -206,7 +201,7 @@ def marker(args: argparse.Namespace) -> None:
         Option("--azimuth", type=float, default=0.0, help="direction of view in degrees (0)"),
     ],
 )
-def silhouette(args: argparse.Namespace, study: "Study") -> None:
+def silhouette(args: argparse.Namespace, study: Study) -> None:
     from repose.core.files import write_image
     from repose.measure.pile import MeasureSettings
     from repose.measure.saved_piles import side_view
@@ -230,7 +225,7 @@ def silhouette(args: argparse.Namespace, study: "Study") -> None:
         BERRY,
     ],
 )
-def measure_silhouette(args: argparse.Namespace, study: "Study") -> None:
+def measure_silhouette(args: argparse.Namespace, study: Study) -> None:
     from repose.core.files import write_image, write_json
     from repose.measure import drawing, pile
     from repose.particle.berry_files import read_berry

@@ -1,7 +1,6 @@
-"""Options that several verbs take, and files that a verb reads by name."""
+"""Options that several verbs take."""
 
-import argparse
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 
 from repose.cli.registry import Option
 from repose.core.errors import InputError
@@ -13,18 +12,6 @@ RUNS = Option("--runs", default="results/runs.csv", help="file of the verb datas
 NETWORK = Option("--network", default="results/network/network.json", help="file of the verb network")
 FEASIBLE = Option("--feasible", default="results/miga/feasible.csv", help="file of the verb miga")
 JSON = Option("--json", action="store_true", help="print as JSON")
-
-
-def file_options(files: Mapping[str, str], prefix: str = "") -> list[Option]:
-    """Make an option for each file: names with underscores, their default paths; `prefix` begins the help."""
-    return [
-        Option(f"--{name.replace('_', '-')}", default=path, help=f"{prefix}({path})") for name, path in files.items()
-    ]
-
-
-def chosen_files(args: argparse.Namespace, files: Iterable[str]) -> dict[str, str]:
-    """Return the paths of the options of `file_options`, by the same names."""
-    return {name: getattr(args, name) for name in files}
 
 
 def pairs(entries: Iterable[str], option: str) -> dict[str, str]:

@@ -3,22 +3,19 @@
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from repose.cli.registry import Option, load, verb
+from repose.config.study import Study
 from repose.core import places
 from repose.core.errors import InputError
-
-if TYPE_CHECKING:
-    from repose.config.study import Study
 
 FOLDER = "own"
 
 
-def _study(args: argparse.Namespace) -> "Study":
+def _study(args: argparse.Namespace) -> Study:
     """Load the study of --config, for a simulator of the user's own; for the verb `ask` with the runs so far."""
     from repose.config.own import is_own
-    from repose.config.study import Study
 
     if not is_own(args.config):
         allowed = "the name of your simulator, in a configuration as `repose docs own_simulator` shows"
@@ -26,26 +23,11 @@ def _study(args: argparse.Namespace) -> "Study":
     return Study.own(args.config, args.runs if args.verb == "ask" else None)
 
 
-def load_any_study(args: argparse.Namespace) -> "Study":
+def load_any_study(args: argparse.Namespace) -> Study:
     """Load the study of --config, for our simulator or for one of the user's own."""
     from repose.config.own import is_own
 
     return _study(args) if is_own(places.find(args.config)) else load(args)
-
-
-def has_own_simulator(study: "Study") -> bool:
-    """Return whether a study is for a simulator of the user's own."""
-    return "simulator" in study.config
-
-
-def write_start(args: argparse.Namespace, study: "Study") -> None:
-    """Write the runs to begin with, samples.csv, into the folder `args.out`."""
-    from repose.core.files import write_table
-
-    table = study.ask()
-    path = Path(args.out) / "samples.csv"
-    write_table(path, table)
-    print(f"{path}: {len(table)} runs of {table['sample'].nunique()} samples to simulate")
 
 
 def _warn(words: str | None) -> None:
@@ -61,7 +43,7 @@ def _warn(words: str | None) -> None:
     study=_study,
     options=[Option("runs", help="CSV file, a row for each run: parameters and responses")],
 )
-def tell(args: argparse.Namespace, study: "Study") -> None:
+def tell(args: argparse.Namespace, study: Study) -> None:
     from repose.config.record import add_runs
 
     table = add_runs(study, args.runs, args.out)
@@ -75,7 +57,7 @@ def tell(args: argparse.Namespace, study: "Study") -> None:
     study=_study,
     options=[Option("--runs", default=f"{FOLDER}/runs.csv", help="the record; where it is missing, the start")],
 )
-def ask(args: argparse.Namespace, study: "Study") -> None:
+def ask(args: argparse.Namespace, study: Study) -> None:
     from repose.core.files import write_table
     from repose.strategies.base import Answer
     from repose.strategies.sequential.strategy import noise_from, observed_of
@@ -104,7 +86,7 @@ def ask(args: argparse.Namespace, study: "Study") -> None:
     study=_study,
     options=[Option("runs", help="CSV file, a row for each run: parameters and responses")],
 )
-def calibrate(args: argparse.Namespace, study: "Study") -> None:
+def calibrate(args: argparse.Namespace, study: Study) -> None:
     from repose.strategies.runs import read_runs
     from repose.studies import calibration
 

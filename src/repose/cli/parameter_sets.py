@@ -2,17 +2,14 @@
 
 from argparse import ArgumentTypeError, Namespace
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from repose.cli.options import pairs
 from repose.cli.registry import Option
+from repose.config.study import Study
 from repose.core import seeds as streams
 from repose.core.errors import InputError
 from repose.core.parameter_sets import read_sample
 from repose.core.parameters import FURTHER, LABELS, PARAMETERS, check_value
-
-if TYPE_CHECKING:
-    from repose.config.study import Study
 
 MOST_SEEDS = 10_000  # runs of a parameter set; a study has at most 1000
 PARAMETER_SET = (
@@ -52,7 +49,7 @@ STUDY_SEEDS = (
 )
 
 
-def parameters(entries: Sequence[str], samples: str | None, sample: int | None, study: "Study") -> dict[str, float]:
+def parameters(entries: Sequence[str], samples: str | None, sample: int | None, study: Study) -> dict[str, float]:
     """Read the parameters by name from --set or a row of --samples; one not set has the centre of its range."""
     known = study.parameters.names
     chosen = pairs(entries, "--set")

@@ -1,13 +1,11 @@
 """Verbs that draw: figures, films, the report."""
 
 import argparse
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from repose.cli.options import pairs
 from repose.cli.registry import Option, verb
-
-if TYPE_CHECKING:
-    from repose.config.study import Study
+from repose.config.study import Study
 
 # Frames of the film of a pour; each takes nearly a second to draw.
 FILM, SMALL_FILM = 72, 20
@@ -22,7 +20,7 @@ FILM, SMALL_FILM = 72, 20
         Option("--input", action="append", default=[], metavar="NAME=PATH", help="a file that it shows"),
     ],
 )
-def figure(args: argparse.Namespace, study: "Study") -> None:
+def figure(args: argparse.Namespace, study: Study) -> None:
     from repose.pictures import figures
 
     figures.draw(args.name, pairs(args.input, "--input"), args.out, study.config)
@@ -38,7 +36,7 @@ def figure(args: argparse.Namespace, study: "Study") -> None:
         Option("--drum", action="store_true", help="the trajectory is a drum's"),
     ],
 )
-def film(args: argparse.Namespace, study: "Study") -> None:
+def film(args: argparse.Namespace, study: Study) -> None:
     from repose.particle.particle import Particle
     from repose.pictures import film, scenery
 
@@ -61,7 +59,7 @@ def film(args: argparse.Namespace, study: "Study") -> None:
         Option("--table", action="append", default=[], metavar="TITLE=PATH", help="a table that the page shows"),
     ],
 )
-def report(args: argparse.Namespace, study: "Study") -> None:
+def report(args: argparse.Namespace, study: Study) -> None:
     from repose.pictures.report import page
 
     files, tables = pairs(args.input, "--input"), pairs(args.table, "--table")

@@ -1,7 +1,7 @@
 """Verbs that simulate: grains in any bench test, and the tables of the drum."""
 
 import argparse
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle
@@ -10,6 +10,7 @@ from repose.cli.parameter_sets import PARAMETER_SET, SEED, STUDY_SEEDS, paramete
 from repose.cli.registry import Option, verb
 from repose.cli.stages import recorded
 from repose.config.keys import section
+from repose.config.study import Study
 from repose.core import provenance
 from repose.core.errors import InputError
 from repose.core.files import json_text
@@ -17,9 +18,8 @@ from repose.core.parameter_sets import job_files
 from repose.core.runs import describe
 
 if TYPE_CHECKING:
-    from contextlib import AbstractContextManager
+    from repose.apparatus import Scene
 
-    from repose.config.study import Study
 
 SIMULATION = (*PARAMETER_SET, SEED, *BERRY_AND_PARTICLE)
 APPARATUS = Option("--apparatus", default="funnel", metavar="NAME", help="bench test (funnel)")
@@ -43,13 +43,11 @@ MEASURE = Option(
     example="--config config/quick.yaml",
     options=[*BERRY_AND_PARTICLE, Option("--cores", type=int, default=1, help="compile on one core or on two (1)")],
 )
-def warm_up(args: argparse.Namespace, study: "Study") -> None:
-    from repose.apparatus import Scene, warm_up
+def warm_up(args: argparse.Namespace, study: Study) -> None:
+    from repose.apparatus import warm_up
     from repose.dem.cache import folder
 
-    values = parameters([], None, None, study)
-    scene = Scene.of(study.config, values, *berry_and_particle(study, args.berry, args.particle))
-    took_s = warm_up.warm_up(scene, args.cores)
+    took_s = warm_up.warm_up(_scene(args, study, study.parameters.centre), args.cores)
     print(f"the engine was ready after {took_s:.1f} s; its compiled code is in {folder()}")
 
 
@@ -60,7 +58,7 @@ def warm_up(args: argparse.Namespace, study: "Study") -> None:
     options=[APPARATUS, *POUR, KEEP, MEASURE],
     runs="made",
 )
-def pour(args: argparse.Namespace, study: "Study") -> None:
+def pour(args: argparse.Namespace, study: Study) -> None:
     from repose.apparatus import kept_runs
     from repose.apparatus.job import measured, pour_job
 
@@ -82,7 +80,7 @@ def pour(args: argparse.Namespace, study: "Study") -> None:
     options=[*POUR, JSON.but(help="print the result as JSON")],
     runs="made",
 )
-def heap(args: argparse.Namespace, study: "Study") -> None:
+def heap(args: argparse.Namespace, study: Study) -> None:
     from repose.apparatus.job import measure_job, pour_job
 
     job = _job(args, study, "funnel")
@@ -93,15 +91,21 @@ def heap(args: argparse.Namespace, study: "Study") -> None:
         _print(result["runs"], job["test"].summary, result if args.json else None)
 
 
-def _print(runs: Iterable[Mapping[str, Any]], template: str, content: Any, before: str = "") -> None:
+def _print(runs: Iterable[Mapping[str, Any]], template: str, content: Any) -> None:
     """Print measured runs as text, or `content` as JSON."""
-    lines = [f"{before}{describe(run, template)}" for run in runs]
-    print("\n".join(lines) if content is None else json_text(content))
+    print("\n".join(describe(run, template) for run in runs) if content is None else json_text(content))
 
 
-def _job(args: argparse.Namespace, study: "Study", apparatus: str) -> dict[str, Any]:
+def _scene(args: argparse.Namespace, study: Study, values: Mapping[str, float]) -> "Scene":
+    """Make the scene of these parameters, with the grain and the particle of the options."""
+    from repose.apparatus import Scene
+
+    return Scene.of(study.config, values, *berry_and_particle(study, args.berry, args.particle))
+
+
+def _job(args: argparse.Namespace, study: Study, apparatus: str) -> dict[str, Any]:
     """Make the arguments of `repose.apparatus.job.pour_job` from the options."""
-    from repose.apparatus import Scene, bench
+    from repose.apparatus import bench
     from repose.apparatus.settings import SceneSettings
     from repose.dem.io.progress import display
 
@@ -112,14 +116,15 @@ def _job(args: argparse.Namespace, study: "Study", apparatus: str) -> dict[str, 
     step, end = study.settings.simulation.time_step_s, test.duration_s(SceneSettings(study.config))
     if args.trajectory is not None and not step <= args.trajectory <= end:
         raise InputError("command line", "--trajectory", args.trajectory, f"from {step:g} to {end:g} s")
-    name = f"{args.sample:03d}" if args.sample is not None else ("heap" if apparatus == "funnel" else apparatus)
-    scene = Scene.of(study.config, values, *berry_and_particle(study, args.berry, args.particle))
-
-    def progress(seed: int) -> "AbstractContextManager[Callable[[float], object]]":
-        return display(0.0, end, step, label=f"seed {seed}")
-
-    job = {"test": test, "scene": scene, "name": name, "seeds": seeds, "out_dir": args.out}
-    return job | {"interval_s": args.trajectory, "progress": progress}
+    return {
+        "test": test,
+        "scene": _scene(args, study, values),
+        "name": f"{args.sample:03d}" if args.sample is not None else ("heap" if apparatus == "funnel" else apparatus),
+        "seeds": seeds,
+        "out_dir": args.out,
+        "interval_s": args.trajectory,
+        "progress": lambda seed: display(0.0, end, step, label=f"seed {seed}"),
+    }
 
 
 @verb(
@@ -138,15 +143,15 @@ def _job(args: argparse.Namespace, study: "Study", apparatus: str) -> dict[str, 
     ],
     runs="measured",
 )
-def measure_runs(args: argparse.Namespace, study: "Study") -> None:
-    from repose.apparatus import Scene, bench_of
+def measure_runs(args: argparse.Namespace, study: Study) -> None:
+    from repose.apparatus import bench_of
     from repose.apparatus.job import measure_job
     from repose.measure.saved_pours import POURS
 
-    scene = Scene.of(study.config, {}, *berry_and_particle(study, args.berry, args.particle))
+    scene = _scene(args, study, {})
     for path in job_files(args.pours, args.samples, POURS):
         result = measure_job(scene, path, args.out, args.keep_runs)
-        _print(result["runs"], bench_of(result).summary, None, f"{path}: ")
+        print("\n".join(f"{path}: {describe(run, bench_of(result).summary)}" for run in result["runs"]))
 
 
 @verb(
@@ -156,12 +161,11 @@ def measure_runs(args: argparse.Namespace, study: "Study") -> None:
     options=[*SIMULATION, JSON.but(help="print the measured runs as JSON")],
     runs="made",
 )
-def drum(args: argparse.Namespace, study: "Study") -> None:
-    from repose.apparatus import Scene, bench, drum_tables
+def drum(args: argparse.Namespace, study: Study) -> None:
+    from repose.apparatus import bench, drum_tables
 
     section(study.config, "drum")
-    values = parameters(args.set, args.samples, args.sample, study)
-    scene = Scene.of(study.config, values, *berry_and_particle(study, args.berry, args.particle))
+    scene = _scene(args, study, parameters(args.set, args.samples, args.sample, study))
     results = drum_tables.run_job(scene, run_seeds(args.seed), args.out)
     _print([result["run"] for result in results], bench("drum").summary, results if args.json else None)
 
@@ -172,7 +176,7 @@ def drum(args: argparse.Namespace, study: "Study") -> None:
     out="results/drum",
     options=[Option("runs", nargs="+", help="JSON files that the verb drum wrote"), *BERRY_AND_PARTICLE],
 )
-def drum_tables(args: argparse.Namespace, study: "Study") -> None:
+def drum_tables(args: argparse.Namespace, study: Study) -> None:
     from repose.apparatus import drum_tables
 
     section(study.config, "drum")

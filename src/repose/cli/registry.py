@@ -4,12 +4,10 @@ import argparse
 import textwrap
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
+from repose.config.study import Study
 from repose.core import places
-
-if TYPE_CHECKING:
-    from repose.config.study import Study
 
 PROGRAM = "repose"
 
@@ -50,7 +48,7 @@ class Verb(NamedTuple):
     summary: str  # as in `verb`
     example: str  # as in `verb`
     options: tuple  # of `Option`
-    study: "Callable[[argparse.Namespace], Study] | None"  # makes the study that the step takes
+    study: Callable[[argparse.Namespace], Study] | None  # makes the study that the step takes
     passes_on: bool = False  # unknown words go into the list `args.rest`
     runs: Literal["", "made", "measured"] = ""  # as in `repose.core.provenance.stage`
 
@@ -76,10 +74,8 @@ class Verb(NamedTuple):
             parser.add_argument(*option.names, **option.keywords)
 
 
-def load(args: argparse.Namespace, inputs: bool = False) -> "Study":
+def load(args: argparse.Namespace, inputs: bool = False) -> Study:
     """Load the study of --config; with `inputs` check the files that it names."""
-    from repose.config.study import Study
-
     return Study.load(args.config, inputs=inputs)
 
 
@@ -92,17 +88,15 @@ def verb(
     example: str = "",
     out: str | None = None,
     config: bool = True,
-    study: "Callable[[argparse.Namespace], Study] | None" = load,
+    study: Callable[[argparse.Namespace], Study] | None = load,
     options: Sequence[Option] = (),
-    passes_on: bool = False,
-    runs: Literal["", "made", "measured"] = "",
+    **more: Any,
 ) -> Callable[[Callable], Callable]:
     """Make a function the verb of the same name, as a decorator.
 
     `summary` is one line of the help, without capital and full stop; `example` are the words after the name in a
     call. `out` is the default of --out (None: no such option). `study` makes from the options the study that the
-    function gets. With `passes_on` unknown words go to another program; `runs` says whether the verb makes or
-    measures runs. ValueError if another verb has the name.
+    function gets; `more` are further fields of `Verb`. ValueError if another verb has the name.
     """
     shared = [CONFIG] if config else []
     if out:
@@ -110,7 +104,7 @@ def verb(
         shared.append(Option("--out", default=out, help=f"{kind} to write ({out})", recorded=False))
 
     def add(run: Callable) -> Callable:
-        made = Verb(run, summary, example, (*shared, *options), study if config else None, passes_on, runs)
+        made = Verb(run, summary, example, (*shared, *options), study if config else None, **more)
         if VERBS.setdefault(made.name, made) is not made:
             raise ValueError(f"verb {made.name!r} is registered already")
         return run

@@ -64,11 +64,6 @@ class Running:
     output: str = ""  # its first output
     log: str = ""
 
-    @property
-    def pours(self) -> bool:
-        """Whether it simulates, which takes nearly all time of a run."""
-        return _pours(self.rule)
-
     def made(self) -> int:
         """Count the runs of a bench test made so far, without the runs of an earlier job."""
         if not self.output.endswith(POURS):
@@ -90,7 +85,7 @@ class Running:
 
 
 def _pours(rule: str) -> bool:
-    """Return whether the jobs of a rule simulate, by its name."""
+    """Return whether the jobs of a rule simulate, which takes nearly all time of a run, by its name."""
     return rule.endswith("pour")
 
 
@@ -115,7 +110,7 @@ class RunProgress:
         busy = sum(other.rule == job.rule for other in self.running.values())
         self.planned[job.rule] = max(self.planned[job.rule], self.done[job.rule] + busy)
         self._began_s = self._began_s or job.began_s
-        if job.pours:
+        if _pours(job.rule):
             self._first_pour_s = self._first_pour_s or job.began_s
 
     def finish(self, number: int, now_s: float) -> None:
@@ -327,10 +322,9 @@ class LogHandler(LogHandlerBase):
 
 def _snakemakes_own(settings: OutputSettingsLoggerInterface) -> logging.Handler | None:
     """Return snakemake's own output if an option asks for it; else None."""
-    asked = ("dryrun", "quiet", "verbose", "printshellcmds", "debug_dag", "stdout")
-    if not any(getattr(settings, name, None) for name in asked):
-        return None
     filtered = ("quiet", "debug_dag", "verbose", "dryrun", "printshellcmds")
+    if not any(getattr(settings, name, None) for name in (*filtered, "stdout")):
+        return None
     return ColorizingTextHandler(
         nocolor=settings.nocolor,
         stream=sys.stdout if settings.stdout else sys.stderr,

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 from repose.cli.options import JSON
 from repose.cli.registry import Option, verb
+from repose.config.study import Study
 from repose.core import published
 from repose.core.errors import InputError
 
 if TYPE_CHECKING:
-    from repose.config.study import Study
     from repose.verification.case import Row
 
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     example="--json",
     options=[JSON],
 )
-def bench(args: argparse.Namespace, study: "Study") -> None:
+def bench(args: argparse.Namespace, study: Study) -> None:
     from repose.verification import speed
 
     of_published = published.representative(study.settings.validation.published, study.parameters.names)
@@ -37,14 +37,13 @@ def bench(args: argparse.Namespace, study: "Study") -> None:
         Option("--hits", type=int, default=10_000, help="impacts of each kind in the energy cases (10000)"),
     ],
 )
-def verify(args: argparse.Namespace, study: "Study") -> int:
+def verify(args: argparse.Namespace, study: Study) -> int:
     if args.hits < 1:
         raise InputError("command line", "--hits", args.hits, "at least 1")
 
     from repose import verification
-    from repose.apparatus.settings import SimulationSettings
 
-    laws = SimulationSettings.of(study.config).laws
+    laws = study.settings.simulation.laws
     print("laws: " + ", ".join(laws.values()), flush=True)
     effort = verification.Effort(hits=args.hits, laws=laws)
     results = verification.run(args.case, effort, lambda name, rows: print(_case_line(name, rows), flush=True))

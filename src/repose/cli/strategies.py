@@ -1,12 +1,9 @@
 """Stages of every strategy with several batches: what is simulated next, and the answer."""
 
 import argparse
-from typing import TYPE_CHECKING
 
 from repose.cli.registry import Option, verb
-
-if TYPE_CHECKING:
-    from repose.config.study import Study
+from repose.config.study import Study
 
 FOLDER = "results/sequential"
 STRATEGY = Option("strategy", help="name of the strategy", recorded=False)
@@ -18,7 +15,7 @@ STRATEGY = Option("strategy", help="name of the strategy", recorded=False)
     out=f"{FOLDER}/batch_0",
     options=[STRATEGY, Option("batches", nargs="*", help="folders of all batches so far: dataset.csv and runs.csv")],
 )
-def propose(args: argparse.Namespace, study: "Study") -> None:
+def propose(args: argparse.Namespace, study: Study) -> None:
     from repose.strategies import batches
 
     print(batches.run_propose(args.strategy, study, args.batches, args.out, args.config)["why"])
@@ -33,7 +30,7 @@ def propose(args: argparse.Namespace, study: "Study") -> None:
         Option("batches", nargs="+", help="folders of all batches, and last of the answer, with its proposal.json"),
     ],
 )
-def conclude(args: argparse.Namespace, study: "Study") -> None:
+def conclude(args: argparse.Namespace, study: Study) -> None:
     from repose.strategies import batches
 
     for row in batches.run_conclude(args.strategy, study, args.batches, args.out).to_dict("records"):

@@ -1,15 +1,11 @@
 """Verbs for the uncertainty of the answer: noise, posterior, sensitivity, next."""
 
 import argparse
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle
-from repose.cli.options import NETWORK, RUNS, chosen_files, file_options
+from repose.cli.options import NETWORK, RUNS
 from repose.cli.registry import Option, verb
-
-if TYPE_CHECKING:
-    from repose.config.study import Study
+from repose.config.study import Study
 
 POSTERIOR_FILES = {
     "network": "results/network/network.json",
@@ -26,24 +22,22 @@ POSTERIOR_FILES = {
     out="results/noise",
     options=[RUNS],
 )
-def noise(args: argparse.Namespace, study: "Study") -> None:
+def noise(args: argparse.Namespace, study: Study) -> None:
     from repose.studies import noise
 
-    targets = study.targets
-    print(noise.message(noise.run(args.runs, targets, args.out), targets))
+    print(noise.message(noise.run(args.runs, study.targets, args.out), study.targets))
 
 
 @verb(
     "sample the posterior of the free parameters; name the parameters that the measurements do not determine",
     example="--network results/network/network.json",
     out="results/posterior",
-    options=file_options(POSTERIOR_FILES),
+    options=[Option(f"--{name}", default=path, help=f"({path})") for name, path in POSTERIOR_FILES.items()],
 )
-def posterior(args: argparse.Namespace, study: "Study") -> None:
+def posterior(args: argparse.Namespace, study: Study) -> None:
     from repose.studies import posterior
 
-    files: dict[str, str | Path | None] = {**chosen_files(args, POSTERIOR_FILES)}
-    files["table3"] = study.published("table3.csv")
+    files = {name: getattr(args, name) for name in POSTERIOR_FILES} | {"table3": study.published("table3.csv")}
     print(posterior.message(posterior.run(files, study, args.out, args.config)))
 
 
@@ -53,7 +47,7 @@ def posterior(args: argparse.Namespace, study: "Study") -> None:
     out="results/sensitivity",
     options=[NETWORK],
 )
-def sensitivity(args: argparse.Namespace, study: "Study") -> None:
+def sensitivity(args: argparse.Namespace, study: Study) -> None:
     from repose.studies import sensitivity
 
     print(sensitivity.message(sensitivity.run(args.network, study, args.out, args.config)))
@@ -65,7 +59,7 @@ def sensitivity(args: argparse.Namespace, study: "Study") -> None:
     out="results/next/samples.csv",
     options=[Option("--draws", default="results/posterior/draws.csv", help="file of the verb posterior")],
 )
-def plausible(args: argparse.Namespace, study: "Study") -> None:
+def plausible(args: argparse.Namespace, study: Study) -> None:
     from repose.studies import next_measurement
 
     next_measurement.plausible_sets(args.draws, study.settings.posterior.seed, args.out)
@@ -80,9 +74,8 @@ def plausible(args: argparse.Namespace, study: "Study") -> None:
         *BERRY_AND_PARTICLE,
     ],
 )
-def next(args: argparse.Namespace, study: "Study") -> None:
+def next(args: argparse.Namespace, study: Study) -> None:
     from repose.studies import next_measurement
 
     grain, particle = berry_and_particle(study, args.berry, args.particle)
-    table = next_measurement.run(args.pours, study, particle, grain, args.out)
-    print(next_measurement.message(table))
+    print(next_measurement.message(next_measurement.run(args.pours, study, particle, grain, args.out)))

@@ -2,15 +2,13 @@
 
 import math
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from repose.apparatus import scene_size
 from repose.apparatus.funnel import NAME, PACKING, FunnelSettings
 from repose.apparatus.settings import CREEPING_LAWS, SceneSettings
 from repose.config.computed import Config, Grain, diameter_mm
-
-if TYPE_CHECKING:
-    from repose.particle.particle import Particle
+from repose.particle.particle import Particle
 
 # A softer grain shortens the pile; this share of the Height is far below the scatter of piles.
 LARGEST_SINKING = 0.005
@@ -21,7 +19,7 @@ VOLUME_FACTOR = 1.5
 
 
 def of_funnel(
-    config: Config, grain: Grain, particle: "Particle", longest_step_s: Callable[[Grain], float]
+    config: Config, grain: Grain, particle: Particle, longest_step_s: Callable[[Grain], float]
 ) -> Iterator[str]:
     """Yield hints on stiffness, volume and number of the grains before they are poured.
 
@@ -32,11 +30,11 @@ def of_funnel(
     yield f"stiffness: {_softer(config, grain, longest_step_s)}"
     sentence, fits = filling(config, particle.volume_m3)
     yield f"volume: {sentence}"
-    height_mm = 1e3 * height_m(config, grain)
-    outlet_mm = _funnel(config).outlet_height_mm
+    height_mm, (funnel, _, _) = 1e3 * height_m(config, grain), _wanted(config)
+    outlet_mm = funnel.outlet_height_mm
     if height_mm > outlet_mm:
         yield f"funnel: WARNING: a pile of {height_mm:.3g} mm reaches the outlet at {outlet_mm:g} mm and stops the flow"
-    grains = max(_funnel(config).berries, 0 if fits else needed_grains(config, particle.volume_m3))
+    grains = max(funnel.berries, 0 if fits else needed_grains(config, particle.volume_m3))
     yield from scene_size.advice(config, diameter_mm(grain), height_mm, grains)
 
 
@@ -79,20 +77,15 @@ def softening(config: Config, grain: Grain) -> Softening:
     return Softening(sinking, grain["shear_modulus_pa"] * (sinking / LARGEST_SINKING) ** 1.5)
 
 
-def poured_volume_m3(config: Config, grain_m3: float) -> float:
-    """Return the volume of the grains of a pour, the gaps between them included."""
-    return _funnel(config).berries * grain_m3 / PACKING
-
-
 def height_m(config: Config, grain: Grain) -> float:
     """Return the expected pile height: the target, else from the angle, else half the outlet's height."""
-    height_mm, angle_deg = _target(config, "height_mm"), _target(config, "aor_deg")
+    funnel, height_mm, angle_deg = _wanted(config)
     if height_mm is not None:
         return 1e-3 * height_mm
     if angle_deg is not None:
         grain_m3 = math.pi / 6 * (1e-3 * diameter_mm(grain)) ** 3
-        return _cone_height_m(poured_volume_m3(config, grain_m3), angle_deg)
-    return 0.5e-3 * _funnel(config).outlet_height_mm
+        return _cone_height_m(funnel.berries * grain_m3 / PACKING, angle_deg)
+    return 0.5e-3 * funnel.outlet_height_mm
 
 
 def _cone_height_m(volume_m3: float, angle_deg: float) -> float:
@@ -102,18 +95,13 @@ def _cone_height_m(volume_m3: float, angle_deg: float) -> float:
 
 def filling(config: Config, grain_m3: float) -> tuple[str, bool]:
     """Say in a sentence whether the grains of a pour fill the pile of the targets, and return whether they do."""
-    poured, height, angle = (
-        poured_volume_m3(config, grain_m3),
-        _target(config, "height_mm"),
-        _target(config, "aor_deg"),
-    )
-    holds = f"{_funnel(config).berries} grains hold {_litres(poured)} as poured"
-    if height is None and angle is None:
-        return holds, True
-    if height is None and angle is not None:
-        reached = _cone_height_m(poured, angle)
-        return f"{holds}: a cone of {angle:g} deg and {1e3 * reached:.3g} mm Height", True
-    assert height is not None
+    funnel, height, angle = _wanted(config)
+    poured = funnel.berries * grain_m3 / PACKING  # with the gaps between the grains
+    holds = f"{funnel.berries} grains hold {_litres(poured)} as poured"
+    if height is None:
+        if angle is None:
+            return holds, True
+        return f"{holds}: a cone of {angle:g} deg and {1e3 * _cone_height_m(poured, angle):.3g} mm Height", True
     if angle is None:
         slope = math.degrees(math.atan(math.sqrt(math.pi * (1e-3 * height) ** 3 / (3 * poured))))
         low, high = SLOPES_DEG
@@ -128,26 +116,22 @@ def filling(config: Config, grain_m3: float) -> tuple[str, bool]:
 
 def needed_grains(config: Config, grain_m3: float) -> int:
     """Count the grains implied by the targets, clipped towards the configured count, which holds without a Height."""
-    grains, height, angle = _funnel(config).berries, _target(config, "height_mm"), _target(config, "aor_deg")
+    funnel, height, angle = _wanted(config)
     if height is None:
-        return grains
+        return funnel.berries
     low, high = SLOPES_DEG if angle is None else (angle, angle)
     fewest, most = (
         math.ceil(PACKING * math.pi * (1e-3 * height) ** 3 / (3 * math.tan(math.radians(slope)) ** 2) / grain_m3)
         for slope in (high, low)
     )
-    return min(max(grains, fewest), most)
+    return min(max(funnel.berries, fewest), most)
 
 
-def _funnel(config: Config) -> FunnelSettings:
-    """Return the section of the funnel."""
-    return SceneSettings(config).section(NAME, FunnelSettings)
-
-
-def _target(config: Config, response: str) -> float | None:
-    """Return the value of a target of the funnel; None if the response is no target."""
-    targets = SceneSettings(config).targets_of(NAME)
-    return next((target["value"] for target in targets if target["response"] == response), None)
+def _wanted(config: Config) -> tuple[FunnelSettings, float | None, float | None]:
+    """Return the section of the funnel, and the targets' Height [mm] and angle [deg], each None if it is no target."""
+    settings = SceneSettings(config)
+    values = {target["response"]: target["value"] for target in settings.targets_of(NAME)}
+    return settings.section(NAME, FunnelSettings), values.get("height_mm"), values.get("aor_deg")
 
 
 def _litres(volume_m3: float) -> str:

@@ -124,18 +124,18 @@ def trials(study: Study, grain_step_s: float, waiting: Callable[[str], AbstractC
 def costs(study: Study, budgets: Iterable[int], grain_step_s: float) -> Iterator[str]:
     """Tabulate the cost of each strategy, the configured one marked."""
     settings: Any = study.settings  # with the sections of the strategies
-    config, section = study.config, settings.sequential
-    seeds, check = section.seeds, ("check", 1, section.checks)
-    misfits = {name: strategies.misfit({**config, "strategy": name}) for name in strategies.others()}
+    section = settings.sequential
+    misfits = {name: strategies.misfit(settings, name) for name in strategies.others()}
     rows: list[tuple[str, cost.Pours | None]] = []
     if not misfits["sequential"]:
+        check, seeds = ("check", 1, section.checks), section.seeds
         rows += [("sequential", (("batches", -(-pours // seeds), seeds), check)) for pours in budgets]
     if not misfits["response_surface"]:
-        rows.append(("response_surface", strategies.pours({**config, "strategy": "response_surface"})))
+        rows.append(("response_surface", strategies.pours(settings, "response_surface")))
     rows.append(("published", None))
     yield f"{'strategy':>18} {'pours':>12} {'core-minutes':>13} {'disk':>8}"
     for name, steps in rows:
-        work = cost.work(config, grain_step_s, steps)
+        work = cost.work(study.config, grain_step_s, steps)
         counts = [sets * seeds for _, sets, seeds in work["pours"]]
         # the probabilities are for the pours before the plus
         pours = f"{counts[0]} + {counts[1]}" if name == "sequential" else f"{sum(counts)}"
@@ -150,9 +150,9 @@ def catalogue(files: list[str]) -> str:
     """List the studies, each with a sentence and its cost in the configurations, over the default."""
     config, _ = loader.read_layers(files)  # an unreadable file is reported
     try:
-        config = Study.load(*files).config
-        of_each = cost.costs(config)
-        of_each |= {target: _cost_of({**config, "strategy": target}) for target in strategies.others()}
+        study = Study.load(*files)
+        config, of_each = study.config, cost.costs(study.config)
+        of_each |= {name: _cost_of(study, name) for name in strategies.others()}
     except InputError:
         unknown = f"cost: once {', '.join(files) or 'config.yaml'} is complete; `repose check` lists the missing keys"
         of_each = dict.fromkeys(cost.SENTENCES, unknown)
@@ -160,11 +160,11 @@ def catalogue(files: list[str]) -> str:
     return "\n".join([f"repose run TARGET; without one, all of calibration. Studies of {config.get('label')}:", *lines])
 
 
-def _cost_of(config: Mapping[str, Any]) -> str:
-    """Say what a configuration's strategy costs, or why the configuration cannot take it."""
-    if why := strategies.misfit(config):
+def _cost_of(study: Study, strategy: str) -> str:
+    """Say what a strategy costs, or why the configuration cannot take it."""
+    if why := strategies.misfit(study.settings, strategy):
         return why
-    pours = strategies.pours(config)
-    minutes = cost.work(config, pours=pours)["total_s"] / 60
+    pours = strategies.pours(study.settings, strategy)
+    minutes = cost.work(study.config, pours=pours)["total_s"] / 60
     number = sum(sets * seeds for _, sets, seeds in pours or ())
     return f"at most {number} pours, about {minutes:.0f} min on one core, by itself"

@@ -33,14 +33,15 @@ Grain = Mapping[str, Any]  # result of the verb `berry`
 class Computed(NamedTuple):
     """A key that may be `auto`."""
 
-    key: str  # dotted
+    section: str
+    name: str
     reads: tuple[str, ...]  # sections that the number follows from, and keys outside sections
     of: Callable[[Config, Any, Any], Any]  # (config, berry, particle), the last two None unless `needs_grain`
 
     @property
-    def section(self) -> str:
-        """Section of the key."""
-        return self.key.partition(".")[0]
+    def key(self) -> str:
+        """The dotted key."""
+        return f"{self.section}.{self.name}"
 
     @property
     def needs_grain(self) -> bool:
@@ -50,14 +51,14 @@ class Computed(NamedTuple):
 
 def to_compute(config: Config) -> list[Computed]:
     """List settings that are `auto` or missing, in the order of computation; the configuration may have faults."""
-    return [setting for setting in COMPUTED if _value(config, setting.key) == AUTO]
+    given = [(setting, config.get(setting.section)) for setting in COMPUTED]
+    return [one for one, section in given if isinstance(section, Mapping) and section.get(one.name, AUTO) == AUTO]
 
 
-def filled(config: Config, key: str, value: Any) -> dict[str, Any]:
-    """Copy a configuration, with a number in place of the `auto` of a dotted key."""
+def filled(config: Config, setting: Computed, value: Any) -> dict[str, Any]:
+    """Copy a configuration, with a number in place of its `auto`."""
     copied = copy.deepcopy(dict(config))
-    section, name = key.split(".")
-    copied[section][name] = value
+    copied[setting.section][setting.name] = value
     return copied
 
 
@@ -90,13 +91,6 @@ def axes_mm(grain: Grain) -> Sequence[float]:
 def diameter_mm(grain: Grain) -> float:
     """Compute the equivalent diameter of the mean grain, the geometric mean of its axes (Eq. 1)."""
     return math.prod(axes_mm(grain)) ** (1 / 3)
-
-
-def _value(config: Config, key: str) -> Any:
-    """Return the value of a key; `auto` if only the key is missing, None without its section."""
-    section, name = key.split(".")
-    values = config.get(section)
-    return values.get(name, AUTO) if isinstance(values, Mapping) else None
 
 
 def _mm_per_pixel(_config: Config, grain: Grain, _particle: "Particle") -> float:
@@ -146,10 +140,10 @@ def split_of(surrogate: str) -> list[float]:
 
 
 COMPUTED = (
-    Computed("network.split", ("surrogate",), lambda config, *_: split_of(typed.sections(config).surrogate)),
-    Computed("measure.mm_per_pixel", ("berry",), _mm_per_pixel),
-    Computed("funnel.factory_height_mm", ("berry",), _factory_height_mm),
-    Computed("funnel.factory_diameter_mm", ("berry", "funnel"), _factory_diameter_mm),
-    Computed("funnel.duration_s", ("berry", "funnel", "simulation"), _duration_s),
-    Computed("simulation.time_step_s", ("berry", "wall", "parameters", "validation", "simulation"), _time_step_s),
+    Computed("network", "split", ("surrogate",), lambda config, *_: split_of(typed.sections(config).surrogate)),
+    Computed("measure", "mm_per_pixel", ("berry",), _mm_per_pixel),
+    Computed("funnel", "factory_height_mm", ("berry",), _factory_height_mm),
+    Computed("funnel", "factory_diameter_mm", ("berry", "funnel"), _factory_diameter_mm),
+    Computed("funnel", "duration_s", ("berry", "funnel", "simulation"), _duration_s),
+    Computed("simulation", "time_step_s", ("berry", "wall", "parameters", "validation", "simulation"), _time_step_s),
 )

@@ -4,12 +4,14 @@ Rules between the keys of one section are in its model (`repose.core.section.Sec
 """
 
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from typing import Any, NamedTuple
 
 from repose.apparatus import bench_tests
 from repose.apparatus.bench_test import BenchTest
 from repose.apparatus.settings import SceneSettings
 from repose.config import typed
+from repose.config.models import StudySettings
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import FURTHER, LABELS, PARAMETERS, named, of_law
 
@@ -20,26 +22,30 @@ class Rule(NamedTuple):
     """A rule between sections."""
 
     reads: tuple[str, ...]  # sections, and keys outside sections; the rule is applied if none of them has a fault
-    faults: Callable[[Mapping[str, Any]], Pairs]  # faults(config) yields (dotted key, allowed values)
+    faults: Callable[[], Pairs]  # faults() yields (dotted key, allowed values)
+
+
+def before_numbers(config: Mapping[str, Any]) -> list[Rule]:
+    """List the rules that are applied before any `auto` is computed: a time step needs the contact law's constants."""
+    settings = typed.sections(config)
+    return [
+        Rule(("targets",), partial(_of_targets, settings, config)),
+        Rule(("parameters", "simulation"), partial(_of_the_contact_law, settings)),
+    ]
 
 
 def rules(config: Mapping[str, Any]) -> list[Rule]:
     """List the rules for a configuration whose `auto` are numbers, bench tests included."""
     from repose.strategies import cost
 
-    used = used_tests(config)
+    used, scene, settings = used_tests(config), SceneSettings(config), typed.sections(config)
     return [
-        *(Rule((test.name, "simulation"), _of_the_bench_test(test)) for test in used),
-        Rule(("surrogate", "parameters", "network", "design"), _of_the_surrogate),
-        Rule(("surrogate", "network", "design", "targets"), _of_the_validation),
-        Rule(("network", "targets", *(test.name for test in used)), _of_seeds),
-        Rule(("strategy", *cost.others(), "targets", "parameters"), cost.contradictions),
+        *(Rule((test.name, "simulation"), partial(test.contradictions, scene)) for test in used),
+        Rule(("surrogate", "parameters", "network", "design"), partial(_of_the_surrogate, settings)),
+        Rule(("surrogate", "network", "design", "targets"), partial(_of_the_validation, settings)),
+        Rule(("network", "targets", *(test.name for test in used)), partial(_of_seeds, settings)),
+        Rule(("strategy", *cost.others(), "targets", "parameters"), partial(cost.contradictions, settings)),
     ]
-
-
-def _of_the_bench_test(test: BenchTest[Any]) -> Callable[[Mapping[str, Any]], Pairs]:
-    """Return the rules of a bench test."""
-    return lambda config: test.contradictions(SceneSettings(config))
 
 
 def used_tests(config: Mapping[str, Any]) -> list[BenchTest[Any]]:
@@ -47,12 +53,11 @@ def used_tests(config: Mapping[str, Any]) -> list[BenchTest[Any]]:
     return [test for test in bench_tests() if test.name in config]
 
 
-def _of_the_surrogate(config: Mapping[str, Any]) -> Pairs:
+def _of_the_surrogate(settings: StudySettings) -> Pairs:
     """Refuse fewer samples for training than the surrogate needs."""
     from repose.surrogate import kind_of
     from repose.surrogate import names as surrogates
 
-    settings = typed.sections(config)
     free = ParameterSpace.of(settings.parameters.given).dimensions
     training = int(settings.network.split[0] * settings.design.samples + 1e-9)
     least = kind_of(settings.surrogate).least_samples(free)
@@ -61,18 +66,16 @@ def _of_the_surrogate(config: Mapping[str, Any]) -> Pairs:
         yield "surrogate", f"{fitting} where design.samples times the first of network.split is below {least}"
 
 
-def _of_the_validation(config: Mapping[str, Any]) -> Pairs:
+def _of_the_validation(settings: StudySettings) -> Pairs:
     """Refuse fewer validation samples than show the noise of all targets."""
-    settings = typed.sections(config)
     network, targets = settings.network, len(settings.targets)
     if network.validation_noise and int(network.split[1] * settings.design.samples + 1e-9) <= targets:
         more = f"a second share that leaves more than {targets} validation samples"
         yield "network.split", f"{more}, or network.validation_noise: false"
 
 
-def _of_the_contact_law(config: Mapping[str, Any]) -> Pairs:
+def _of_the_contact_law(settings: StudySettings) -> Pairs:
     """Refuse force laws that lack parameters, and parameters of another law."""
-    settings = typed.sections(config)
     simulation, given = settings.simulation, settings.parameters.given
     law, rolling = simulation.contact_law, simulation.rolling_law
     missing = [f"parameters.{name} ({LABELS[name]})" for name in of_law(law) if name not in given]
@@ -86,24 +89,19 @@ def _of_the_contact_law(config: Mapping[str, Any]) -> Pairs:
             yield f"parameters.{name}", f"absent: it belongs to simulation.{key} {belongs}, not {own}"
 
 
-def _of_seeds(config: Mapping[str, Any]) -> Pairs:
+def _of_seeds(settings: StudySettings) -> Pairs:
     """Refuse too few runs of a sample to compare them, in a bench test of the targets."""
-    settings = typed.sections(config)
     for name in dict.fromkeys(target.apparatus for target in settings.targets) if settings.network.replicates else ():
         if getattr(settings, name).seeds < 2:
             yield f"{name}.seeds", "at least 2, or network.replicates: false, since single runs show no noise"
 
 
-def _of_targets(config: Mapping[str, Any]) -> Pairs:
+def _of_targets(settings: StudySettings, config: Mapping[str, Any]) -> Pairs:
     """Refuse targets of a bench test that the configuration lacks, and responses that are given twice."""
     seen = set()
-    for k, target in enumerate(typed.sections(config).targets):
+    for k, target in enumerate(settings.targets):
         if target.apparatus not in config:
             yield f"targets.{k}.apparatus", "a bench test that has a section of its name in the configuration"
         if target.response in seen:
             yield f"targets.{k}.response", "each response once"
         seen.add(target.response)
-
-
-# Rules that are applied before any `auto` is computed, since a time step needs the constants of the contact law.
-BEFORE_NUMBERS = (Rule(("targets",), _of_targets), Rule(("parameters", "simulation"), _of_the_contact_law))

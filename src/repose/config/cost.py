@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from repose.apparatus import bench
 from repose.apparatus.settings import SceneSettings
@@ -13,9 +13,7 @@ from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import named
 from repose.core.published import to_simulate
 from repose.core.responses import response
-
-if TYPE_CHECKING:
-    from repose.particle.particle import Particle
+from repose.particle.particle import Particle
 
 # Measured on one core of a common server: for the estimate that is shown before a run.
 SECONDS_A_BERRY_STEP = 8e-8
@@ -56,7 +54,7 @@ def longest_job_s(config: Mapping[str, Any]) -> float:
     return JOB_START_S + seeds * max(run_s(config, name) for name in names if name in config)
 
 
-def measured_berry_step_s(config: Mapping[str, Any], grain: Mapping[str, Any], particle: "Particle") -> float:
+def measured_berry_step_s(config: Mapping[str, Any], grain: Mapping[str, Any], particle: Particle) -> float:
     """Measure the time [s] of a step of one grain in a pile on a core of this machine, by pours of about a second.
 
     The time of other programs is left out. `grain` is the result of the verb `berry`. The first call on a machine

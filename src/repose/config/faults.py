@@ -53,12 +53,8 @@ def check(config: Any, source: str | Origin = "configuration", model: type[Secti
 
 def lacks_keys(config: Mapping[str, Any]) -> bool:
     """Return whether a configuration lacks any key; it may hold values that are not allowed."""
-    try:
-        settings_type().model_validate(config)
-    except ValidationError as error:
-        places = (fault["loc"] for fault in error.errors(include_url=False) if fault["type"] == "missing")
-        return any(isinstance(at(config, place[:-1]), Mapping) for place in places)
-    return False
+    missing = (error.path[:-1] for error in _errors(config, settings_type()) if error.type == "missing")
+    return any(isinstance(at(config, place), Mapping) for place in missing)
 
 
 def is_valid(key: str, value: Any) -> bool:

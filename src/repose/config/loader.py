@@ -65,15 +65,12 @@ def over_defaults(
     below: list[str | os.PathLike] = [method]
     if files or not _is_a_crop(given):
         below = layers((), read_once, *map(read_once, files), given)
-    config: dict[str, Any] = {}
-    origin: dict[str, str] = {}
-    for path in below if lacks_keys(given) else ():
-        _merge(config, read_once(path), origin, str(path))
+    config, source = _over_each_other(below if lacks_keys(given) else (), read=read_once)
     contents = [(str(path), read_once(path)) for path in (*below, study, *files)]
     own: dict[str, str] = {}
     _merge(config, _as_in_files(given, "", contents, own, otherwise), {}, "")
     default = str(files[-1]) if files else otherwise
-    return _with_files_resolved(config), Origin(origin | own, default, str(method))
+    return _with_files_resolved(config), Origin({**source.origin, **own}, default, str(method))
 
 
 def _as_in_files(value: Any, name: str, files: Contents, origin: dict[str, str], otherwise: str) -> Any:
@@ -119,13 +116,9 @@ def own_crop_under(*files: str | os.PathLike) -> Path | None:
 
     None also if one of the files is in the same folder, and so is made for it.
     """
-    own = places.root() / places.DEFAULT_CONFIG
-    if places.configs()[-1] != own:
-        return None
-    paths = [places.find(path) for path in files]
-    if any(path != own and path.parent == own.parent for path in paths):
-        return None
-    if is_resolved(*paths):
+    own, paths = places.root() / places.DEFAULT_CONFIG, [places.find(path) for path in files]
+    beside = any(path != own and path.parent == own.parent for path in paths)
+    if places.configs()[-1] != own or beside or is_resolved(*paths):
         return None
     from repose.config.faults import lacks_keys
 

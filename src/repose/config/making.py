@@ -3,19 +3,17 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from repose.apparatus.settings import SceneSettings
 from repose.config import computed, results_folder, typed
-from repose.config.contradictions import BEFORE_NUMBERS, Rule, rules, used_tests
+from repose.config.contradictions import Rule, before_numbers, rules, used_tests
 from repose.config.keys import Origin, get, owner_of
 from repose.config.models import StudySettings
 from repose.core.errors import InputError, YamlError, raise_together
 from repose.core.published import beside, check_published, read_stored
 from repose.core.targets import Targets, completed
-
-if TYPE_CHECKING:
-    from repose.particle.particle import Particle
+from repose.particle.particle import Particle
 
 # Sections of the mean grain, and further sections that limit the time step.
 GRAIN = ("berry", "validation")
@@ -24,7 +22,7 @@ STEP = ("simulation", "wall", "parameters", "validation")
 Result = TypeVar("Result")
 
 
-def unstable(config: Mapping[str, Any], particle: "Particle", mean: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+def unstable(config: Mapping[str, Any], particle: Particle, mean: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Yield (key, allowed values) of a time step that the engine would refuse; `mean` is the result of `berry`."""
     limit, sections = computed.longest_step(config, particle, mean), typed.sections(config)
     if sections.simulation.time_step_s > limit.time_step_s:
@@ -54,18 +52,18 @@ class Making:
         """Check the configuration and compute each `auto`; with `inputs` check all files that it names, too."""
         from repose.config import faults, profiles
 
-        if isinstance(self.config.get("targets"), list):
-            targets = profiles.expanded(self.config["targets"], owner_of(self.source, "targets"))
+        if isinstance(given := self.config.get("targets"), list):
+            targets = profiles.expanded(given, owner_of(self.source, "targets"))
             self.config = self.config | {"targets": [completed(entry) for entry in targets]}
         self.faults, self.bad = faults.check(self.config, self.source)
         pending = [setting for setting in computed.to_compute(self.config) if self._may_read(setting.section)]
         for setting in pending:
-            self.config = computed.filled(self.config, setting.key, computed.AUTO)
+            self.config = computed.filled(self.config, setting, computed.AUTO)
         if inputs:
             self._read_files()
         if inputs or any(setting.needs_grain for setting in pending):
             self._make_grain()
-        self._apply(BEFORE_NUMBERS)
+        self._apply(before_numbers(self.config))
         self._compute(pending)
         self._apply(rules(self.config))
         if inputs:
@@ -73,14 +71,17 @@ class Making:
         raise_together(self.faults)
         self.inputs_are_checked = inputs
 
-    def check_inputs(self) -> None:
-        """Check the files that a good configuration names, and that grain, bench test and time step fit together."""
+    def checked_grain(self) -> tuple[dict[str, Any], Particle]:
+        """Return the mean grain and its particle; before, check the files and that everything fits together."""
         if not self.inputs_are_checked:
             self._read_files()
             self._make_grain()
             self._fit_together()
             raise_together(self.faults)
             self.inputs_are_checked = True
+        assert self.mean is not None
+        assert self.particle is not None
+        return self.mean, self.particle
 
     @property
     def settings(self) -> StudySettings:
@@ -105,7 +106,7 @@ class Making:
         """Add the faults of rules whose sections have none."""
         for rule in some:
             if self._may_read(*rule.reads):
-                self._add(rule.faults(self.config))
+                self._add(rule.faults())
 
     def _result_of(self, key: str, function: Callable[..., Result], *arguments: Any) -> Result | None:
         """Call a function; if it refuses its arguments, return None and add a fault of the key."""
@@ -142,10 +143,12 @@ class Making:
 
     def _make_grain(self) -> None:
         """Make the mean grain and its particle."""
-        from repose.particle import build
+        from repose.particle import berry, build
 
         if self.mean is None and self._may_read(*GRAIN):
-            self.mean = self._result_of("berry", _mean_grain, self.settings)
+            table1 = beside(self.settings.validation.published, "table1.csv")
+            made = self._result_of("berry", berry.of_settings, self.settings.berry, table1)
+            self.mean = None if made is None else made[1]
         if self.mean is not None and self.particle is None:
             self.particle = self._result_of("berry", build.of_settings, self.mean, self.settings.berry)
 
@@ -158,7 +161,7 @@ class Making:
             if value is None:
                 self.bad.add(setting.key)
             else:
-                self.config = computed.filled(self.config, setting.key, value)
+                self.config = computed.filled(self.config, setting, value)
 
     def _fit_together(self) -> None:
         """Check the grain against the bench tests and the time step."""
@@ -169,10 +172,3 @@ class Making:
                 self._add(test.misfits(SceneSettings(self.config), computed.axes_mm(self.mean)))
         if self.particle is not None and self._may_read(*STEP):
             self._add(unstable(self.config, self.particle, self.mean))
-
-
-def _mean_grain(settings: StudySettings) -> dict[str, Any]:
-    """Make the mean grain of the configuration's files."""
-    from repose.particle import berry
-
-    return berry.of_settings(settings.berry, beside(settings.validation.published, "table1.csv"))[1]

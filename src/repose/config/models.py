@@ -7,8 +7,9 @@ strategies; config/README.md explains the keys.
 import difflib
 import math
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from functools import cache
+from importlib import import_module
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo, create_model, field_validator
@@ -32,43 +33,16 @@ from repose.strategies.refined import RefineSettings
 from repose.studies.settings import PosteriorSettings, SensitivitySettings
 from repose.surrogate.settings import NetworkSettings
 
-
-def _surrogates() -> Iterable[str]:
-    from repose import surrogate
-
-    return surrogate.names()
-
-
-def _strategies() -> Iterable[str]:
-    from repose import strategies
-
-    return strategies.names()
-
-
-def _folder_of_results(path: str) -> str:
-    """Refuse a folder that a study may not write into."""
-    refuse(("", allowed) for _, allowed in results_folder.contradictions(path))
-    return path
-
-
 # --- types of several keys -------------------------------------------------------------------------------------
 
-Label = Annotated[
-    str,
-    Field(
-        max_length=60,
-        pattern=r"^[A-Za-z0-9_][A-Za-z0-9_-]*$",
-        description="text of 1 to 60 characters, letters, digits, _ and -",
-    ),
-]
+LABEL = "text of 1 to 60 characters, letters, digits, _ and -"
+Label = Annotated[str, Field(max_length=60, pattern=r"^[A-Za-z0-9_][A-Za-z0-9_-]*$", description=LABEL)]
+FOLDER = "a folder; letters, digits and . _ / -, without .., and no part begins with . or -"
+PART = r"[A-Za-z0-9_][A-Za-z0-9_.-]*"
 ResultsFolder = Annotated[
     str,
-    Field(
-        max_length=1000,
-        pattern=r"^/?[A-Za-z0-9_][A-Za-z0-9_.-]*(/[A-Za-z0-9_][A-Za-z0-9_.-]*)*/?$",
-        description="a folder; letters, digits and . _ / -, without .., and no part begins with . or -",
-    ),
-    AfterValidator(_folder_of_results),
+    Field(max_length=1000, pattern=rf"^/?{PART}(/{PART})*/?$", description=FOLDER),
+    AfterValidator(results_folder.apart),
 ]
 Colour = Annotated[str, Field(pattern=r"^#[0-9a-fA-F]{6}$", description='a colour in quotes, as "#cca86b"')]
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
@@ -165,8 +139,8 @@ def _parameters() -> type[ParametersSettings]:
     return create_model("Parameters", __base__=ParametersSettings, **six, **further)
 
 
-StrategyName = Annotated[str, OneOf(_strategies)]
-SurrogateName = Annotated[str, OneOf(_surrogates)]
+StrategyName = Annotated[str, OneOf(lambda: import_module("repose.strategies").names())]
+SurrogateName = Annotated[str, OneOf(lambda: import_module("repose.surrogate").names())]
 
 
 class MeasureSection(Section):
@@ -175,12 +149,8 @@ class MeasureSection(Section):
     views: int = Field(ge=1, le=360)
     mm_per_pixel: Annotated[float, Field(ge=0.02, le=5)] | Auto = AUTO
     response: Annotated[str, OneOf(lambda: DEFINITIONS)]
-    fit_from: Literal["berry"] | Annotated[float, Field(ge=0, le=0.9)] = Field(
-        description="berry or a number from 0 to 0.9"
-    )
-    fit_to: Literal["berry"] | Annotated[float, Field(ge=0.1, le=1)] = Field(
-        description="berry or a number from 0.1 to 1"
-    )
+    fit_from: Literal["berry"] | Annotated[float, Field(ge=0, le=0.9)]
+    fit_to: Literal["berry"] | Annotated[float, Field(ge=0.1, le=1)]
     berry_height_mm: Annotated[float, Field(gt=0, le=1000)] | None
     largest_pile_only: bool
     flank: Annotated[str, OneOf(lambda: FLANK_RULES)]

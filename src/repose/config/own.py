@@ -10,6 +10,7 @@ from typing import Annotated, Any
 from pydantic import Field, ValidationInfo, create_model, field_validator
 
 from repose.chain.settings import DesignSettings
+from repose.config import typed
 from repose.config.keys import get
 from repose.config.models import StrategyName, SurrogateName, all_fixed, far_priors, parameter
 from repose.config.profiles import expanded_own
@@ -210,9 +211,14 @@ def completed(content: Mapping[str, Any], source: object = "study") -> dict[str,
     seeds, definitions = given.pop("seeds"), found.pop("definition")
     config = given | found | {"definitions": definitions, BENCH: {"seeds": seeds}}
     if given["strategy"] != "sequential":  # its own rule is for pours, whose noise no key gives
-        off = cost.contradictions(config)
+        off = cost.contradictions(sections_of(config))
         raise_together(YamlError(str(source), key, get(config, key), allowed) for key, allowed in off)
     return config
+
+
+def sections_of(config: Mapping[str, Any]) -> Any:
+    """Return the typed sections of a completed configuration."""
+    return typed.sections(config, "study", settings_type(OwnStudySettings))
 
 
 def targets_of(section: Mapping[str, Mapping[str, Any]]) -> Targets:

@@ -1,7 +1,7 @@
 """Targets that are profiles: a file of measured heights becomes one target for each score (`repose.core.profiles`)."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from typing import Annotated, Any, Generic, TypeVar
 
@@ -60,8 +60,6 @@ class _Targets(Section, Generic[Measured]):
 
 def expanded(targets: Any, source: Any) -> Any:
     """Put an entry for each score in place of each profile of the list `targets`; InputError with all faults."""
-    if not isinstance(targets, list | tuple):
-        return targets
     entries = []
     for k, entry in enumerate(targets):
         if _is_profile(entry):
@@ -85,10 +83,8 @@ def expanded_own(targets: Any, source: Any) -> Any:
         more = {key: getattr(measured, key) for key in ("unit", "definition") if key in entry}
         if measured.noise_sd is not None:
             more["noise_sd"] = measured.noise_sd / math.sqrt(profile.functions)
-        entries |= {
-            score: common | more
-            for score, common in zip(profile.names, _scores(measured, profile, sd, {}), strict=True)
-        }
+        scores = zip(profile.names, _scores(measured, profile, sd, {}), strict=True)
+        entries |= {score: common | more for score, common in scores}
     return entries
 
 
@@ -144,21 +140,16 @@ def _read(measured: MeasuredProfile, name: str) -> tuple[Profile, float]:
     if isinstance(measured.sd, str):
         columns.append(tables.Column(measured.sd, low=0.0, empty=True))
     cells = tables.read(path, columns, "a CSV file of a profile")
-    first, last = _measured_part(cells.values[measured.z])
+    # a profile may be shorter than the table
+    rows = [k for k, height in enumerate(cells.values[measured.z]) if not math.isnan(height)]
+    first, last = (rows[0], rows[-1] + 1) if rows else (0, 0)
     numbers = {column.name: cells.values[column.name][first:last] for column in columns}
-    tables.refuse(
-        path,
-        (
-            (k, name, cells.text[name][k], "a finite number; empty heights only at the ends of a profile")
-            for name, own in numbers.items()
-            for k, number in enumerate(own, start=first)
-            if math.isnan(number)
-        ),
-    )
-    table = list(zip(*numbers.values(), strict=True))
-    if len(table) <= measured.functions:
-        raise InputError(path, "rows", len(table), f"more than functions, {measured.functions}")
-    x, z, *sd = (list(column) for column in zip(*table, strict=True))
+    gaps = [(k, name) for name, own in numbers.items() for k, one in enumerate(own, start=first) if math.isnan(one)]
+    words = "a finite number; empty heights only at the ends of a profile"
+    tables.refuse(path, ((k, name, cells.text[name][k], words) for k, name in gaps))
+    x, z, *sd = (numbers[column.name] for column in columns)
+    if len(x) <= measured.functions:
+        raise InputError(path, "rows", len(x), f"more than functions, {measured.functions}")
     for k, (before, after) in enumerate(pairwise(x), start=first + 2):
         if after <= before:
             raise InputError(f"{path}, row {k}", measured.x, after, f"above the previous row's {before:g}")
@@ -168,9 +159,3 @@ def _read(measured: MeasuredProfile, name: str) -> tuple[Profile, float]:
     if not sd:
         return profile, float(measured.sd)
     return profile, math.sqrt(sum(one**2 for one in sd[0]) / len(sd[0]))
-
-
-def _measured_part(heights: Sequence[float]) -> tuple[int, int]:
-    """Find the first row with a height and the row after the last: a profile may be shorter than the table."""
-    there = [k for k, height in enumerate(heights) if not math.isnan(height)]
-    return (there[0], there[-1] + 1) if there else (0, 0)

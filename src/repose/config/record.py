@@ -75,13 +75,9 @@ class Record:
                 raise
             raise InputError(self.file, error.key, error.value, error.allowed) from None
 
-    def _asked_by(self, proposal: Batch | Answer) -> pd.DataFrame:
-        """List all runs of a proposal: `sample`, `run` and the parameters."""
-        return runs_of(proposal.samples[["sample", *self.study.parameters.names, "seeds"]])
-
     def _missing(self, proposal: Batch | Answer) -> pd.DataFrame:
-        """List the runs of a proposal that are not told."""
-        asked = self._asked_by(proposal)
+        """List the runs of a proposal that are not told: `sample`, `run` and the parameters."""
+        asked = runs_of(proposal.samples[["sample", *self.study.parameters.names, "seeds"]])
         told = {(str(row.get("sample")), str(row.get("run"))) for row in self._rows}
         open_ = [(str(one.sample), str(one.run)) not in told for one in asked.itertuples()]
         return asked[open_].reset_index(drop=True)

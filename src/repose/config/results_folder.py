@@ -4,16 +4,17 @@ Snakemake removes outputs before it makes them anew, and knows only their names.
 is new or a study's already, and where no foreign file has the name of a result.
 """
 
-import json
+import itertools
 import os
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 
 from repose import apparatus, strategies
 from repose.core import ledger, places
 from repose.core.errors import InputError, raise_together
 from repose.core.ledger import LEDGER
+from repose.core.section import Contradictions, refuse
 from repose.core.seeds import UNNAMED
 
 # Folders of the project that results must never be written into.
@@ -36,21 +37,21 @@ CHANGED = (
     "a result as repose wrote it; remove this file, which is damaged or edited, and give the same command again",
 )
 FOREIGN = (*("file", "there already"), "a file that repose wrote; a result of the study has this name: move yours away")
-Faults = Iterator[tuple[str, str]]
 
 
-def contradictions(results_dir: str) -> Faults:
-    """Yield faults of the path alone, as (key, allowed values)."""
+def apart(results_dir: str) -> str:
+    """Return the path; refuse, as a validator, a folder of the project or around it."""
     folder = Path(results_dir).resolve()
     roots = {Path.cwd(), places.root().resolve()}
     kept = [root / own for root in roots for own in PROJECT_FOLDERS]
     around = {*roots, Path.home()}
     inside = any(folder.is_relative_to(own) for own in (*kept, places.PACKAGE))
     if inside or any(path.is_relative_to(folder) for path in around):
-        yield ("results_dir", f"a folder of its own, not around the project and outside {', '.join(PROJECT_FOLDERS)}")
+        refuse([("", f"a folder of its own, not around the project and outside {', '.join(PROJECT_FOLDERS)}")])
+    return results_dir
 
 
-def existing_results(results_dir: str) -> Faults:
+def existing_results(results_dir: str) -> Contradictions:
     """Yield faults of the path as it is now, as (key, allowed values)."""
     folder = Path(results_dir)
     if any(os.path.lexists(path) and not path.is_dir() for path in (folder, *folder.parents)):
@@ -85,18 +86,12 @@ def check_no_foreign_files(results_dir: str, outputs: Iterable[str]) -> None:
     below = {path.removeprefix(f"{results_dir}/").partition("/")[0] for path in outputs}
     is_ours, is_result = pattern_of({*WITHOUT_RESULTS, *below}).fullmatch, pattern_of(outputs).fullmatch
     names = sorted(filter(is_ours, os.listdir(results_dir)))
-    if names and not _is_a_study(Path(results_dir)):
+    if names and not (Path(results_dir) / LEDGER).is_file():
         allowed = f"a new folder, or the folder of a study; there is {names[0]}, which no study of repose wrote"
         raise InputError("configuration", "results_dir", results_dir, allowed)
     faults: dict[str, tuple[str, str, str]] = {}
-    places: list[tuple[str, Sequence[str]]] = [(results_dir, names)]
-    places += [
-        (at, files)
-        for name in names
-        if name not in WITHOUT_RESULTS
-        for at, _, files in os.walk(f"{results_dir}/{name}")
-    ]
-    for folder, files in places:
+    below_each = (os.walk(f"{results_dir}/{name}") for name in names if name not in WITHOUT_RESULTS)
+    for folder, _, files in itertools.chain([(results_dir, [], names)], *below_each):
         known = ledger.names(folder)
         faults |= {str(path): CHANGED for path in ledger.changed(folder) if path.name in files}
         for path in (f"{folder}/{name}" for name in files if name not in known):
@@ -104,17 +99,3 @@ def check_no_foreign_files(results_dir: str, outputs: Iterable[str]) -> None:
             if os.path.isfile(path) and os.path.getsize(path) and is_result(path):
                 faults[path] = FOREIGN
     raise_together([InputError(path, *fault) for path, fault in sorted(faults.items())])
-
-
-def _is_a_study(folder: Path) -> bool:
-    """Return whether a study wrote its configuration there."""
-    if (folder / LEDGER).is_file():
-        return True
-    for path in folder.glob("config*.json"):
-        try:
-            content = json.loads(path.read_bytes())
-        except ValueError:
-            continue
-        if isinstance(content, dict) and {"label", "results_dir"} <= set(content):
-            return True
-    return False

@@ -103,10 +103,9 @@ def scene(config: Config) -> str:
 
 def responses(config: Config, apparatus: str | None = None) -> dict[str, Any]:
     """List the targets' names, of one bench test or of all, with the abscissae and functions of profiles."""
-    own = [target for target in config["targets"] if apparatus in (None, target["apparatus"])]
-    kept = {target["profile"]["name"]: target["profile"] for target in own if "profile" in target}
-    profiles = {name: {key: profile[key] for key in profile if key != "z"} for name, profile in kept.items()}
-    return {"responses": [target["response"] for target in own]} | ({"profiles": profiles} if profiles else {})
+    own = [target for target in typed.sections(config).targets if apparatus in (None, target.apparatus)]
+    profiles = {target.profile.name: target.profile.abscissae for target in own if target.profile is not None}
+    return {"responses": [target.response for target in own]} | ({"profiles": profiles} if profiles else {})
 
 
 def settings_of(

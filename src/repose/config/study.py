@@ -262,29 +262,30 @@ class Study:
         """The configuration as typed sections, such as `study.settings.funnel.seeds`."""
         from repose.config import own, typed
 
-        if self._source is not None:
-            return typed.sections(self.config, self._source)
-        return typed.sections(self.config, "study", own.settings_type(own.OwnStudySettings))
+        return own.sections_of(self.config) if self._source is None else typed.sections(self.config, self._source)
 
     @cached_property
     def parameters(self) -> "ParameterSpace":
         """Ranges of the free parameters, fixed values, prior knowledge."""
         from repose.core.parameter_space import ParameterSpace
 
-        section = self.config["parameters"]
-        return ParameterSpace.of(section, names=tuple(section) if self._source is None else None)
+        section: Any = self.settings.parameters
+        if self._source is None:
+            return ParameterSpace.of(section, names=tuple(section))
+        return ParameterSpace.of(section.given)
 
     @cached_property
     def targets(self) -> "Targets":
         """The measured responses."""
+        given = self.config["targets"]
         if self._source is None:
             from repose.config.own import targets_of
 
-            return targets_of(self.config["targets"])
+            return targets_of(given)
         import repose.apparatus  # noqa: F401  registers the responses
         from repose.core.targets import Targets
 
-        return Targets.of(self.config["targets"])
+        return Targets.of(given)
 
     @cached_property
     def definitions(self) -> Definitions:
@@ -302,9 +303,9 @@ class Study:
             if test.name in self.targets.apparatus
             for response in (*test.responses, *test.target_responses(self.config))
         }
-        for target in self.config["targets"]:
-            if profile := target.get("profile"):
-                found[target["response"]] |= {"profile": {key: profile[key] for key in profile if key != "z"}}
+        for target in self.settings.targets:
+            if target.profile is not None:
+                found[target.response] |= {"profile": target.profile.abscissae}
         return found
 
     def published(self, table: str) -> Path | None:
@@ -319,16 +320,12 @@ class Study:
     @property
     def grain(self) -> dict[str, Any]:
         """The mean grain, as in berry.json; with it the files that the configuration names are checked."""
-        making = self._checked()
-        assert making.mean is not None
-        return making.mean
+        return self._checked()[0]
 
     @property
     def particle(self) -> "Particle":
         """The body of the mean grain; with it the files that the configuration names are checked."""
-        making = self._checked()
-        assert making.particle is not None
-        return making.particle
+        return self._checked()[1]
 
     def scene(self, parameters: Mapping[str, float], seed: int = 0) -> "Scene":
         """Make the scene of a run of any bench test.
@@ -358,12 +355,11 @@ class Study:
         """
         self._checked()
 
-    def _checked(self) -> "Making":
-        """Return the making of a study with our simulator, its files checked."""
+    def _checked(self) -> "tuple[dict[str, Any], Particle]":
+        """Return grain and particle of a study with our simulator, its files checked."""
         if self._source is None:
             raise InputError("study", "grain", None, "a study of our own simulator; this one has the user's")
-        self._making.check_inputs()
-        return self._making
+        return self._making.checked_grain()
 
     @cached_property
     def _record(self) -> "Record":

@@ -35,7 +35,7 @@ class ParameterSpace:
             if name not in names:
                 known = ", ".join(names)
                 raise InputError(source, name, section[name], f"one of {known}")
-        free, low, high, fixed, prior = [], [], [], {}, {}
+        ranges, fixed, prior = {}, {}, {}
         for name in names:
             if name not in section:
                 raise InputError(source, name, None, "a pair [low, high]")
@@ -43,13 +43,11 @@ class ParameterSpace:
             if isinstance(entry, Mapping) and "fixed" in entry:
                 fixed[name] = float(entry["fixed"])
                 continue
-            bounds = _checked_range(name, entry, source, limits)
+            ranges[name] = _checked_range(name, entry, source, limits)
             if isinstance(entry, Mapping) and "prior" in entry:
                 prior[name] = (float(entry["prior"]["mean"]), float(entry["prior"]["sd"]))
-            free.append(name)
-            low.append(bounds[0])
-            high.append(bounds[1])
-        return cls(tuple(free), np.array(low), np.array(high), fixed, prior, names)
+        low, high = (np.array([ends[k] for ends in ranges.values()]) for k in (0, 1))
+        return cls(tuple(ranges), low, high, fixed, prior, names)
 
     def check_searchable(self, source: object = "parameters") -> None:
         """Raise InputError if nothing is free, or the contact law cannot take a value of the space."""

@@ -10,31 +10,22 @@ from repose.dem.constants import OF_LAWS, TWISTED_BY, TWISTING, Constant
 
 PARAMETERS = ("e_gg", "mus_gg", "mur_gg", "e_gp", "mus_gp", "mur_gp")
 
-LABELS = {
-    "e_gg": "restitution, grain-grain",
-    "mus_gg": "static friction, grain-grain",
-    "mur_gg": "rolling friction, grain-grain",
-    "e_gp": "restitution, grain-wall",
-    "mus_gp": "static friction, grain-wall",
-    "mur_gp": "rolling friction, grain-wall",
-}
-
-SYMBOLS = {
-    "e_gg": r"$e_{gg}$",
-    "mus_gg": r"$\mu_{s,gg}$",
-    "mur_gg": r"$\mu_{r,gg}$",
-    "e_gp": r"$e_{gp}$",
-    "mus_gp": r"$\mu_{s,gp}$",
-    "mur_gp": r"$\mu_{r,gp}$",
-}
-
-# Limits of the contact law itself; a study's ranges lie inside (Table 2).
-PHYSICAL_LIMITS = {name: (0.01, 1.0) if name.startswith("e_") else (0.0, math.inf) for name in PARAMETERS}
-# What a configuration allows; its priors are cut to it.
-_OF_KIND = {"e": (0.01, 1.0), "mus": (0.0, 5.0), "mur": (0.0, 1.0)}
-ALLOWED = {name: _OF_KIND[name.partition("_")[0]] for name in PARAMETERS}
-
 PAIRS = {"gg": "grain-grain", "gp": "grain-wall"}
+# Words, symbol, limits of the contact law itself, and what a configuration allows: its priors are cut to it.
+_KINDS = {
+    "e": ("restitution", "e_{", (0.01, 1.0), (0.01, 1.0)),
+    "mus": ("static friction", r"\mu_{s,", (0.0, math.inf), (0.0, 5.0)),
+    "mur": ("rolling friction", r"\mu_{r,", (0.0, math.inf), (0.0, 1.0)),
+}
+
+LABELS: dict[str, str] = {}
+SYMBOLS: dict[str, str] = {}
+PHYSICAL_LIMITS: dict[str, tuple[float, float]] = {}  # a study's ranges lie inside (Table 2)
+ALLOWED: dict[str, tuple[float, float]] = {}
+for _name in PARAMETERS:
+    _kind, _pair = _name.split("_")
+    _words, _symbol, PHYSICAL_LIMITS[_name], ALLOWED[_name] = _KINDS[_kind]
+    LABELS[_name], SYMBOLS[_name] = f"{_words}, {PAIRS[_pair]}", f"${_symbol}{_pair}}}$"
 
 
 class Further(NamedTuple):

@@ -29,6 +29,11 @@ class OfProfile(Section):
     functions: int
     covered: float = ABSENT
 
+    @property
+    def abscissae(self) -> dict[str, Any]:
+        """All of it but the heights, as a file has it."""
+        return self.model_dump(mode="json", exclude={"z"}, exclude_none=True)
+
 
 @dataclass(frozen=True)
 class Profile:

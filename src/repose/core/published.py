@@ -1,7 +1,7 @@
 """Published tables for comparison with results."""
 
 import os
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -48,9 +48,8 @@ def _rows(path: str | os.PathLike | None) -> list[dict[str, Any]]:
     return [row for table in tables(path) for row in read(table, (NAME, *OF_SETS), others=is_number).rows()]
 
 
-def representative(path: str | os.PathLike | None, names: Iterable[str] = PARAMETERS) -> dict[str, float]:
+def representative(path: str | os.PathLike | None, names: Collection[str] = PARAMETERS) -> dict[str, float]:
     """Read the parameters `names` of the published representative solution; InputError if the table lacks one."""
-    names = tuple(names)
     if path is None:
         raise InputError("configuration", "validation.published", None, "a table of published solutions")
     table = read(path, (NAME, *map(Column, names)))
@@ -63,16 +62,10 @@ def representative(path: str | os.PathLike | None, names: Iterable[str] = PARAME
 def to_simulate(
     path: str | os.PathLike | None, responses: Iterable[Response], names: Iterable[str] = PARAMETERS
 ) -> list[str]:
-    """Name the published sets to simulate (`can_be_simulated`), in their order; none without a table."""
+    """Name the published sets, in their order; none of a table without a response or all parameters of the study."""
     rows = _rows(path)
-    able = bool(rows) and can_be_simulated(rows[0], responses, names)
+    able = rows and set(names) <= set(rows[0]) and published_responses(rows[0], responses)
     return [row["solution"] for row in rows] if able else []
-
-
-def can_be_simulated(columns: Iterable[str], responses: Iterable[Response], names: Iterable[str]) -> bool:
-    """Tell whether a published table has a response of the study, and all its parameters `names`."""
-    columns = set(columns)
-    return set(names) <= columns and bool(published_responses(columns, responses))
 
 
 def check_published(path: str | os.PathLike | None) -> None:

@@ -39,11 +39,8 @@ CONTRADICTION = "contradiction"  # type of the error that holds `Contradictions`
 _NO_BRACES = r"^[^{}\x00-\x1f\x7f]+$"  # snakemake takes braces for wildcards
 FILE: Final = object()  # marks the types of keys that name a file
 Path = Annotated[str, Field(pattern=_NO_BRACES, description="a path of a file, without braces"), FILE]
-PathOrNull = Annotated[
-    Annotated[str, Field(pattern=_NO_BRACES)] | None,
-    Field(description="a path of a file, without braces, or null"),
-    FILE,
-]
+_Path = Annotated[str, Field(pattern=_NO_BRACES)]
+PathOrNull = Annotated[_Path | None, Field(description="a path of a file, without braces, or null"), FILE]
 Seed = Annotated[int, Field(ge=0, le=4294967295)]
 Share = Annotated[float, Field(ge=0, le=1)]
 Percent = Annotated[float, Field(gt=0, le=50)]

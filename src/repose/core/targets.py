@@ -159,8 +159,7 @@ class Targets(tuple[Target, ...]):
         """Write number and unit of each target, ``32.5 deg and 66.1 mm``; with symbols if two units are equal."""
         units = [target.response.unit for target in self]
         several = len(set(units)) < len(units)
-        parts = [
-            f"{f'{target.response.symbol} ' if several else ''}{number} {target.response.unit}".rstrip()
-            for target, number in zip(self, numbers, strict=True)
-        ]
-        return " and ".join(filter(None, [", ".join(parts[:-1]), parts[-1]]))
+        symbols = [f"{target.response.symbol} " if several else "" for target in self]
+        words = zip(symbols, numbers, units, strict=True)
+        *parts, last = [f"{symbol}{number} {unit}".rstrip() for symbol, number, unit in words]
+        return " and ".join(filter(None, [", ".join(parts), last]))

@@ -1,9 +1,7 @@
 """Number of pours of a strategy, and whether a configuration can take it."""
 
-from collections.abc import Mapping
 from typing import Any
 
-from repose.core.parameter_space import ParameterSpace
 from repose.core.section import Contradictions
 from repose.strategies.base import Pours, Strategy, names, strategy
 
@@ -13,27 +11,28 @@ def others() -> tuple[str, ...]:
     return tuple(name for name in names() if strategy(name).settings is not None)
 
 
-def contradictions(config: Mapping[str, Any]) -> Contradictions:
-    """Yield dotted keys with which a configuration's strategy cannot run, and what is allowed."""
-    own, section, free = _read(config)
-    found = own.contradictions(section, free, len(config["targets"]))
+def contradictions(settings: Any, name: str | None = None) -> Contradictions:
+    """Yield dotted keys with which a strategy, by default a configuration's own, cannot run, and what is allowed."""
+    own, section, free = _read(settings, name)
+    found = own.contradictions(section, free, len(settings.targets))
     return ((f"{own.name}.{key}", allowed) for key, allowed in found)
 
 
-def misfit(config: Mapping[str, Any]) -> str | None:
-    """Say why a configuration cannot use its strategy; None if it can."""
-    off = contradictions(config)
+def misfit(settings: Any, name: str) -> str | None:
+    """Say why a configuration cannot use a strategy; None if it can."""
+    off = contradictions(settings, name)
     return next((f"not with this configuration: {key}; expected {allowed}" for key, allowed in off), None)
 
 
-def pours(config: Mapping[str, Any]) -> Pours | None:
-    """Count the pours of a configuration's strategy (purpose, parameter sets, seeds); None for the article's method."""
-    own, section, free = _read(config)
+def pours(settings: Any, name: str | None = None) -> Pours | None:
+    """Count the pours of a strategy (purpose, parameter sets, seeds); None for the article's method."""
+    own, section, free = _read(settings, name)
     return own.pours(section, free)
 
 
-def _read(config: Mapping[str, Any]) -> tuple[Strategy, Any, int]:
-    """Return a configuration's strategy with its section, and the number of free parameters."""
-    own, section = strategy(config["strategy"]), config["parameters"]
-    settings = None if own.settings is None else own.settings.model_validate(config[own.name])
-    return own, settings, ParameterSpace.of(section, names=tuple(section)).dimensions
+def _read(settings: Any, name: str | None) -> tuple[Strategy, Any, int]:
+    """Return a strategy with its section, and the number of free parameters."""
+    own = strategy(name or settings.strategy)
+    given = [one for one in dict(settings.parameters).values() if one is not None]
+    section = None if own.settings is None else getattr(settings, own.name)
+    return own, section, sum("fixed" not in one for one in given)
