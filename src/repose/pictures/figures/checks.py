@@ -33,9 +33,9 @@ def validation(inputs: Inputs, study: Shown) -> Figure:
     solutions = read_table(inputs["table4"], ("solution", *targets.predicted, *simulated))
     of_publication = read_table(inputs["published"], ("solution",)) if "published" in inputs else pd.DataFrame()
     published = published_responses(of_publication.columns, targets.responses)
-    sides = 2 if published else 1
+    widths = (1.15, 1) if published else (1,)
     figure = style.new_figure(style.PAGE, 0.6 + 1.9 * len(targets))
-    panels = figure.subplots(len(targets), sides, sharey="row", squeeze=False, width_ratios=(1.15, 1)[:sides])
+    panels = figure.subplots(len(targets), len(widths), sharey="row", squeeze=False, width_ratios=widths)
     for row, target in zip(panels, targets, strict=True):
         _predicted_and_simulated(row[0], solutions, target)
         row[0].set_ylabel(style.response_label(target.response))
@@ -63,8 +63,7 @@ def published_solutions(inputs: Inputs, study: Shown) -> Figure:
     """
     table = read_table(inputs["published"], ("solution",))
     targets = [target for target in study.targets if target.response.simulated in table]
-    figure = style.new_figure(style.PAGE, 0.3 + 2.3 * style.grid_rows(len(targets)))
-    panels = style.grid(figure, len(targets))
+    figure, panels = style.grid(len(targets), 2.3, further=0.3)
     for panel, target in zip(panels, targets, strict=True):
         _published_and_simulated(panel, table, target)
     style.name_panels(panels)
@@ -81,13 +80,12 @@ def _published_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -
     x, response = np.arange(len(table)), target.response
     _band(panel, target)
     if (column := derived(response.name, "published_simulated")) in table:
-        published = table[column].to_numpy(float)
-        look = {"ms": 4.5, "mfc": "white", "color": style.ORANGE}
-        panel.plot(x - 0.12, published, "D", label="published simulation", **look)
         measured = table.get(derived(response.name, "published_measured"), pd.Series(np.nan, table.index))
+        look = {"ms": 4.5, "color": style.ORANGE}
+        panel.plot(x - 0.12, table[column], "D", label="published simulation", mfc="white", **look)
         if measured.notna().any():
-            panel.plot(x - 0.12, measured, "D", label="published measurement", ms=4.5, color=style.ORANGE)
-        for place in x[np.isnan(published) & measured.isna()]:
+            panel.plot(x - 0.12, measured, "D", label="published measurement", **look)
+        for place in x[table[column].isna() & measured.isna()]:
             panel.text(place - 0.3, target.value, "not published", rotation=90, ha="center", va="center", fontsize=6.8)
     error = table[response.error].fillna(0.0)
     words = "same parameters in this simulator ± standard error"
@@ -99,29 +97,27 @@ def _published_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -
 
 def _predicted_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -> None:
     """Draw one response of each solution, with the prediction's error in percent of the simulated value."""
-    response = target.response
+    response, x = target.response, np.arange(len(table))
     predicted, simulated = (table[column].to_numpy(float) for column in (response.predicted, response.simulated))
-    error = table.get(response.error)
-    x = np.arange(len(table))
+    error = table[response.error].fillna(0.0) if response.error in table else None
     _band(panel, target)
     panel.plot(x - 0.12, predicted, "o", ms=4.5, mfc="white", color=style.BLUE, label="predicted")
-    yerr, words = None if error is None else error.fillna(0.0), "simulated ± standard error over seeds"
-    panel.errorbar(x + 0.12, simulated, yerr, color=style.RED, label=words, **SIMULATED)
+    words = "simulated ± standard error over seeds"
+    panel.errorbar(x + 0.12, simulated, error, color=style.RED, label=words, **SIMULATED)
     look = {"xytext": (0, -9), "textcoords": "offset points", "ha": "center", "va": "top", "fontsize": 6.3}
     for place, before, after in zip(x, predicted, simulated, strict=True):
         if not np.isfinite(after) or after == 0:
             continue
-        off = f"{100 * abs((before - after) / after):.1f}"
-        panel.annotate(off, (place, min(before, after)), color=style.GREY, **look)
+        off = 100 * abs((before - after) / after)
+        panel.annotate(f"{off:.1f}", (place, min(before, after)), color=style.GREY, **look)
     _name_solutions(panel, table)
     panel.margins(y=0.25)
 
 
 def _band(panel: Axes, target: Target) -> None:
     """Draw the physical measurement: mean line and a band of one standard deviation."""
-    mean, sd = target.value, target.sd
-    style.band(panel, mean - sd, mean + sd, "measured ± standard deviation")
-    panel.axhline(mean, color=style.GREEN, lw=0.9, label="measured mean")
+    style.band(panel, target.value - target.sd, target.value + target.sd, "measured ± standard deviation")
+    panel.axhline(target.value, color=style.GREEN, lw=0.9, label="measured mean")
 
 
 def _name_solutions(panel: Axes, table: pd.DataFrame) -> None:

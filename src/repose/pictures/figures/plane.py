@@ -1,6 +1,6 @@
 """Each pair of targets as a plane: reach of the samples, ranges of the targets, and the answer."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from repose.core.files import read_table
-from repose.core.targets import Target
+from repose.core.targets import Target, Targets
 
 from . import style
 from .registry import Inputs, Shown, figure
@@ -30,9 +30,9 @@ INPUTS = {"dataset": "{answer.dataset}", "feasible": "{answer.feasible}", "table
 POOL: dict[str, Any] = {"if_there": {"pool": "pool/dataset.csv", "fresh": "pool/fresh_dataset.csv"}}
 
 
-def _plain(targets: Iterable[Target]) -> list[Target]:
+def _plain(targets: Targets) -> Targets:
     """Leave out the targets that are scores of a profile."""
-    return [target for target in targets if target.profile is None]
+    return Targets(target for target in targets if target.profile is None)
 
 
 def _has_pairs(study: "Study") -> bool:
@@ -49,18 +49,16 @@ def planes(inputs: Inputs, study: Shown) -> Figure:
     lists; and the answer, as predicted and as simulated with fresh seeds, with its standard error.
     """
     targets = _plain(study.targets)
-    columns = [column for target in targets for column in (target.name, target.response.error)]
-    tables = {key: read_table(inputs[key], ("status", *columns)) for key in SAMPLES if key in inputs}
-    good = {key: table[table["status"] == "ok"] for key, table in tables.items()}
-    predicted = [target.response.predicted for target in targets]
     simulated = [target.response.simulated for target in targets]
-    solutions = read_table(inputs["feasible"], ("feasible", *predicted))
-    checked = read_table(inputs["table4"], ("role", *predicted, *simulated, *columns[1::2]))
+    tables = {
+        key: read_table(inputs[key], ("status", *targets.names, *targets.errors)) for key in SAMPLES if key in inputs
+    }
+    good = {key: table[table["status"] == "ok"] for key, table in tables.items()}
+    solutions = read_table(inputs["feasible"], ("feasible", *targets.predicted))
+    checked = read_table(inputs["table4"], ("role", *targets.predicted, *simulated, *targets.errors))
     answer = checked[checked["role"] == "representative"].iloc[0]
     pairs = list(combinations(targets, 2))
-    width = style.PAGE if len(pairs) > 1 else 0.75 * style.PAGE
-    figure = style.new_figure(width, 4.7 * style.grid_rows(len(pairs)))
-    panels = style.grid(figure, len(pairs))
+    figure, panels = style.grid(len(pairs), 4.7, width=style.PAGE if len(pairs) > 1 else 0.75 * style.PAGE)
     for panel, (across, up) in zip(panels, pairs, strict=True):
         _samples(panel, good, across, up)
         _targets(panel, across, up)
@@ -84,29 +82,24 @@ def _samples(panel: Axes, tables: Mapping[str, pd.DataFrame], across: Target, up
 def _targets(panel: Axes, across: Target, up: Target) -> None:
     """Draw the box of the target ranges, and the mean of the measured piles with its standard error."""
     sides = across.high - across.low, up.high - up.low
-    look = {"fc": "none", "ec": style.GREEN, "lw": 1.4, "zorder": 3}
-    panel.add_patch(Rectangle((across.low, up.low), *sides, **look, label="asked for: target ranges"))
+    look = {"fc": "none", "ec": style.GREEN, "lw": 1.4, "zorder": 3, "label": "asked for: target ranges"}
+    panel.add_patch(Rectangle((across.low, up.low), *sides, **look))
     look = {"fmt": "D", "ms": 8, "color": style.BLACK, "elinewidth": 1.2, "capsize": 3, "zorder": 4}
-    errors = {"xerr": across.standard_error, "yerr": up.standard_error}
-    label = f"measured, mean of {across.repetitions} repetitions"
-    panel.errorbar(across.value, up.value, **errors, **look, label=label)
+    look |= {"xerr": across.standard_error, "yerr": up.standard_error}
+    panel.errorbar(across.value, up.value, label=f"measured, mean of {across.repetitions} repetitions", **look)
     for name, response in (("xlabel", across.response), ("ylabel", up.response)):
-        words = response.label if response.label == response.symbol else f"{response.label}, {response.symbol}"
-        panel.set(**{name: f"{words} ({response.unit or '–'})"})
+        before = "" if response.label == response.symbol else f"{response.label},"
+        panel.set(**{name: style.response_label(response, before)})
 
 
 def _solutions(panel: Axes, solutions: pd.DataFrame, answer: pd.Series, across: Target, up: Target) -> None:
     """Draw the predictions of the solutions, and the answer as predicted and as simulated."""
     x, y = across.response, up.response
+    errors = {key: answer[own.error] for key, own in (("xerr", x), ("yerr", y)) if pd.notna(answer[own.error])}
     kind = "feasible solutions" if solutions["feasible"].any() else "nearest solutions, none feasible"
     look = {"ms": 2.6, "mew": 0, "color": style.ORANGE, "zorder": 5}
     panel.plot(solutions[x.predicted], solutions[y.predicted], "o", **look, label=f"{kind}, predicted")
     look = {"ms": 7, "mfc": "none", "color": style.RED, "zorder": 6}
     panel.plot(answer[x.predicted], answer[y.predicted], "s", **look, label="the answer, predicted")
-    errors = {
-        axis: None if pd.isna(answer[response.error]) else answer[response.error]
-        for axis, response in (("xerr", x), ("yerr", y))
-    }
-    look = {"fmt": "s", "ms": 6, "mec": "white", "elinewidth": 1.4, "capsize": 3, "zorder": 7} | errors
-    words = "the answer, simulated"
-    panel.errorbar(answer[x.simulated], answer[y.simulated], color=style.RED, label=words, **look)
+    look = {"fmt": "s", "ms": 6, "color": style.RED, "mec": "white", "elinewidth": 1.4, "capsize": 3, "zorder": 7}
+    panel.errorbar(answer[x.simulated], answer[y.simulated], label="the answer, simulated", **look, **errors)

@@ -21,7 +21,7 @@ import repose.apparatus  # noqa: F401  (makes the responses of all bench tests k
 from repose.core.files import write_bytes
 from repose.core.parameters import FURTHER, SYMBOLS
 from repose.core.responses import Response
-from repose.core.targets import Targets
+from repose.core.targets import Target, Targets
 from repose.measure.settings import line_of
 
 if TYPE_CHECKING:
@@ -97,6 +97,12 @@ def band(panel: Axes, low: float, high: float, label: str) -> None:
     panel.axhspan(low, high, color=GREEN, alpha=0.15, lw=0, label=label)
 
 
+def near_enough(panel: Axes, percent: float) -> None:
+    """Draw the tolerance of a deviation in percent as a band about zero."""
+    band(panel, -percent, percent, f"near enough, ±{percent:g} %")
+    panel.axhline(0, color=GREY, lw=0.7)
+
+
 def parameter_label(name: str) -> str:
     """Write the label of an axis of a parameter: its symbol and its unit, a dash for a number."""
     return f"{SYMBOLS[name]} ({(FURTHER[name].constant.unit if name in FURTHER else '') or '–'})"
@@ -119,36 +125,67 @@ def series(k: int) -> dict[str, str]:
     return {"color": SERIES[k % len(SERIES)], "ls": LINES[k % len(LINES)]}
 
 
-def grid(figure: Figure, count: int, columns: int = 2, **options: Any) -> list[Axes]:
-    """Give a panel for each of `count` things; the other places stay empty."""
+def grid(
+    count: int, height: float, columns: int = 2, further: float = 0.0, width: float = PAGE, **options: Any
+) -> tuple[Figure, list[Axes]]:
+    """Draw an empty figure with a panel for each of `count` things, in rows of a height, and with `further` height."""
     columns = min(columns, count)
     rows = math.ceil(count / columns)
-    panels = np.atleast_1d(figure.subplots(rows, columns, **options)).ravel()
+    figure = new_figure(width, further + height * rows)
+    panels = figure.subplots(rows, columns, squeeze=False, **options).ravel()
     for panel in panels[count:]:
         panel.axis("off")
-    return list(panels[:count])
+    return figure, list(panels[:count])
 
 
-def grid_rows(count: int, columns: int = 2) -> int:
-    """Give the number of rows that `grid` needs."""
-    return math.ceil(count / min(columns, count))
+def over_parameters(study: Shown, height: float) -> tuple[Figure, Iterator[tuple[Axes, Target, str]]]:
+    """Give an empty figure and its panels, a row for each target and a column for each free parameter."""
+    targets, free = study.targets, study.space.free
+    figure = new_figure(PAGE, 0.5 + height * len(targets))
+    panels = figure.subplots(len(targets), len(free), sharex="col", sharey="row", squeeze=False)
+    for panel, target in zip(panels[:, 0], targets, strict=True):
+        panel.set_ylabel(response_label(target.response))
+    for panel, name in zip(panels[-1], free, strict=True):
+        panel.set_xlabel(parameter_label(name), fontsize=8.5)
+        panel.set_xlim(study.ranges[name])
+    places = product(targets, free)
+    return figure, ((panel, *place) for panel, place in zip(panels.flat, places, strict=True))
 
 
-def pairs_of_parameters(figure: Figure, names: Sequence[str]) -> Iterator[tuple[Axes, str, str]]:
-    """Yield panels below and on the diagonal of a square of all pairs, each with its parameters across and down."""
-    count = len(names)
-    panels = figure.subplots(count, count, sharex="col", squeeze=False)
-    for row, column in product(range(count), repeat=2):
-        panel, across, down = panels[row, column], names[column], names[row]
+def pairs_of_parameters(figure: Figure, study: Shown, room: float = 0.0) -> Iterator[tuple[Axes, str, str]]:
+    """Yield panels below and on the diagonal of a square of all pairs, each with its parameters across and down.
+
+    Their axes are the ranges with `room` to each side, a share of the range.
+    """
+    names = study.space.free
+    ends = {name: (low - room * (high - low), high + room * (high - low)) for name, (low, high) in study.ranges.items()}
+    panels = figure.subplots(len(names), len(names), sharex="col", squeeze=False)
+    for (row, column), panel in np.ndenumerate(panels):
+        across, down = names[column], names[row]
         if column > row:
             panel.axis("off")
             continue
         yield panel, across, down
+        panel.set_xlim(ends[across])
         panel.tick_params(labelsize=6, labelleft=column == 0 and row > 0)
-        if row == count - 1:
+        if row == column:
+            panel.set_yticks([])
+            panel.spines["left"].set_visible(False)
+        else:
+            panel.set_ylim(ends[down])
+        if row == len(names) - 1:
             panel.set_xlabel(parameter_label(across), fontsize=8.5)
         if column == 0 and row > 0:
             panel.set_ylabel(parameter_label(down), fontsize=8.5)
+
+
+def strips(panel: Axes, names: Sequence[str]) -> None:
+    """Label the axes of a panel with a strip for each parameter from the top, its range from 0 to 1."""
+    panel.set_yticks(range(len(names)), [SYMBOLS[name] for name in reversed(names)], fontsize=9)
+    panel.set_xticks([0, 0.25, 0.5, 0.75, 1.0])
+    panel.set_xlabel("place in the parameter's range (dimensionless)")
+    panel.spines["left"].set_visible(False)
+    panel.tick_params(axis="y", length=0)
 
 
 def save(figure: Figure, out_path: str | Path, small_run: bool, further: Sequence[str] = (), dpi: int = DPI) -> None:
