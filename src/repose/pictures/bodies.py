@@ -34,6 +34,7 @@ class Bodies:
     turn: np.ndarray  # (N, 3, 3), rotation, body to world
     vertices: np.ndarray  # (N, V, 3), points of each body in the world, in m
     owner: np.ndarray  # int (N,), the body to which a part belongs; itself for a body of one part
+    largest_m: float  # bounding radius of the largest body, or of the first shape without any
 
 
 class _Ball:
@@ -67,4 +68,6 @@ def place_bodies(
     tessellated = [tessellate(shape) for shape in drawn]
     points, normals = (np.array([body[k] for body in tessellated]) for k in range(2))
     vertices = places[:, None, :] + np.einsum("nij,nvj->nvi", turn[owner], sizes[:, None, None] * points[ids])
-    return Bodies(normals, tessellated[0][2], ids, turn[owner], vertices, owner)
+    radii = np.array([shape.bounding_radius_m for shape in shapes])
+    largest = float((radii[shape_ids] * scales).max(initial=0.0)) or float(radii[0])
+    return Bodies(normals, tessellated[0][2], ids, turn[owner], vertices, owner, largest)

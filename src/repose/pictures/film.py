@@ -9,7 +9,7 @@ import numpy as np
 from PIL import Image
 
 from repose.core.errors import InputError
-from repose.core.files import read_npz, write_bytes
+from repose.core.files import Path_, read_npz, write_bytes
 from repose.dem import Simulation
 from repose.pictures.backdrop import DrumInside
 from repose.pictures.bodies import Drawable
@@ -26,12 +26,7 @@ MAX_BYTES = 3_000_000
 
 
 def animate_pour(
-    trajectory: str | Path,
-    particle: Drawable,
-    out_path: str | Path,
-    walls: Sequence[Frustum] = (),
-    frames: int = 72,
-    **view: Any,
+    trajectory: Path_, particle: Drawable, out_path: Path_, walls: Sequence[Frustum] = (), frames: int = 72, **view: Any
 ) -> None:
     """Write an endless animation of a pour as .gif or .webp, in at most `MAX_BYTES`, if need be with fewer colours.
 
@@ -57,7 +52,7 @@ def animate_pour(
 
 
 def animate(
-    simulation: Simulation, frames: Mapping[str, np.ndarray], out_path: str | Path, pictures: int = 48, **view: Any
+    simulation: Simulation, frames: Mapping[str, np.ndarray], out_path: Path_, pictures: int = 48, **view: Any
 ) -> None:
     """Write an endless animation of any simulation; `frames` come from `repose.dem.Recorder.frames`.
 
@@ -87,13 +82,7 @@ def animate(
 
 
 def animate_drum(
-    trajectory: str | Path,
-    particle: Drawable,
-    out_path: str | Path,
-    section: "DrumSettings",
-    frames: int = 72,
-    width: int = 380,
-    **view: Any,
+    trajectory: Path_, particle: Drawable, out_path: Path_, section: "DrumSettings", frames: int = 72, **view: Any
 ) -> None:
     """Write an endless animation of a turning drum, seen along its axis; the marks on its rim turn with it.
 
@@ -102,11 +91,11 @@ def animate_drum(
     """
     out_path = _checked(out_path)
     record = read_npz(trajectory, (*KEYS, "turned_deg"), "the trajectory of a drum")
-    look = {"width": width, "height": width, "elevation_deg": 0.0, "azimuth_deg": -90.0, "scales": _scales(record)}
+    look = {"width": 380, "elevation_deg": 0.0, "azimuth_deg": -90.0, "scales": _scales(record)} | view
     angles_rad, pictures = np.radians(record["turned_deg"]), []
     for k in _spread(record["time_s"], frames):
         inside = drum_inside(section, angles_rad[k])
-        look |= view | {"frame_m": inside.outline(), "backdrop": inside}
+        look |= {"height": look["width"], "frame_m": inside.outline(), "backdrop": inside}
         pictures.append(render_pile(record["position"][k], record["quaternion"][k], particle, **look))
     _write_within(pictures, 0.12, out_path, 3_900_000)
 
@@ -123,7 +112,7 @@ def _scales(record: Mapping[str, np.ndarray]) -> np.ndarray:
     return record.get("scale", np.ones(record["position"].shape[1]))
 
 
-def _checked(out_path: str | Path) -> Path:
+def _checked(out_path: Path_) -> Path:
     """Give the path; InputError for an ending that cannot be written."""
     out_path = Path(out_path)
     if out_path.suffix.lower() not in FORMATS:

@@ -65,14 +65,12 @@ def render_bodies(
     centres = np.asarray(centres_m, float)[shown]
     kinds = np.zeros(len(shown), int) if shape_ids is None else np.asarray(shape_ids)[shown]
     sizes = np.ones(len(shown)) if scales is None else np.asarray(scales, float)[shown]
-    radii = np.array([shape.bounding_radius_m for shape in shapes])
-    largest = float((radii[kinds] * sizes).max(initial=0.0)) or float(radii[0])
-    frame = frame_m if frame_m is not None else outline(centres, largest, setting.frusta, setting.panels)
+    bodies = place_bodies(centres, np.asarray(quaternions, float)[shown], shapes, kinds, sizes)
+    frame = frame_m if frame_m is not None else outline(centres, bodies.largest_m, setting.frusta, setting.panels)
     rays = (width * supersample, height * supersample)
     camera = look_at(frame, *rays, elevation_deg, azimuth_deg, field_of_view_deg=field_of_view_deg)
-    bodies = place_bodies(centres, np.asarray(quaternions, float)[shown], shapes, kinds, sizes)
     tints = shading.tints_of(shown[bodies.owner], kinds[bodies.owner], len(centres_m), len(shapes), colour)
-    return shading.paint(camera, bodies, tints, largest, frame, setting, supersample)
+    return shading.paint(camera, bodies, tints, frame, setting, supersample)
 
 
 def render_mesh(mesh: "trimesh.Trimesh", frame_m: np.ndarray, supersample: int, colour: str, **view: Any) -> np.ndarray:
@@ -80,9 +78,9 @@ def render_mesh(mesh: "trimesh.Trimesh", frame_m: np.ndarray, supersample: int, 
     view |= {side: view[side] * supersample for side in ("width", "height")}
     one, vertices = np.zeros(1, int), np.asarray(mesh.vertices)[None]
     normals, faces = np.asarray(mesh.vertex_normals)[None], np.asarray(mesh.faces)
-    bodies = Bodies(normals, faces, one, np.eye(3)[None], vertices, one)
-    tints, largest = shading.tints_of(one, one, 1, 1, colour), float(np.linalg.norm(mesh.extents)) / 2
-    return shading.paint(look_at(frame_m, **view), bodies, tints, largest, frame_m, Setting(None), supersample)
+    bodies = Bodies(normals, faces, one, np.eye(3)[None], vertices, one, float(np.linalg.norm(mesh.extents)) / 2)
+    tints = shading.tints_of(one, one, 1, 1, colour)
+    return shading.paint(look_at(frame_m, **view), bodies, tints, frame_m, Setting(None), supersample)
 
 
 def render_simulation(simulation: Simulation, **view: Any) -> np.ndarray:

@@ -51,17 +51,11 @@ class Seen(NamedTuple):
 
 
 def paint(
-    camera: Camera,
-    bodies: Bodies,
-    tints: np.ndarray,
-    largest: float,
-    frame: np.ndarray,
-    setting: Setting,
-    supersample: int,
+    camera: Camera, bodies: Bodies, tints: np.ndarray, frame: np.ndarray, setting: Setting, supersample: int
 ) -> np.ndarray:
-    """Give the picture (H / supersample, W / supersample, 3), RGB, of bodies; `largest` is the largest radius in m."""
+    """Give the picture (H / supersample, W / supersample, 3), RGB, of a camera on bodies."""
     view = look(camera, bodies, setting)
-    lit, sky = _light_and_sky(camera, bodies, view, largest)
+    lit, sky = _light_and_sky(camera, bodies, view)
     height, width = camera.height // supersample, camera.width // supersample
     picture = np.empty((height, width, 3), np.uint8)
     order = _far_to_near(setting.frusta, camera)
@@ -77,14 +71,14 @@ def paint(
     return picture
 
 
-def _light_and_sky(camera: Camera, bodies: Bodies, view: View, largest: float) -> tuple[np.ndarray, np.ndarray]:
+def _light_and_sky(camera: Camera, bodies: Bodies, view: View) -> tuple[np.ndarray, np.ndarray]:
     """Give the shares (H, W) of the light and of the sky that reach each visible point; 1 without a point."""
     if not len(bodies.vertices):
         lit, sky = np.ones((2, *view.depth.shape), np.float32)
         return lit, sky
     light, lens = _light_axes(camera), (camera.eye_m, camera.axes, float(camera.focal_px))
     light_map, origin, pixel_m = _light_map(bodies, light)
-    softness, bias, reach = 0.35 * largest, 0.03 * largest, 1.3 * largest
+    softness, bias, reach = (share * bodies.largest_m for share in (0.35, 0.03, 1.3))
     lit = raster.lit_fraction(view.depth, view.normal, lens, light_map, light, origin, pixel_m, softness, bias, 24)
     # Far from all bodies the walls see the whole sky.
     reach_px = math.ceil(reach * camera.focal_px / view.depth[view.hit].min(initial=np.inf))

@@ -33,8 +33,7 @@ def sizes_and_sphericity(inputs: Inputs, study: Shown) -> Figure:
     of sizes says so in its first line, it is a reconstruction from published statistics and was not measured.
     """
     sizes = berry.read_sizes(inputs["sizes"])
-    figure = style.new_figure(style.PAGE, 2.1)
-    panels = figure.subplots(1, 4, sharey=True)
+    figure, panels = style.grid(4, 2.1, columns=4, sharey=True)
     for panel, (column, label, colour) in zip(panels, AXES, strict=False):
         _histogram(panel, sizes[column].to_numpy(), f"{label} (mm)", colour, "mm")
     sphericity = 100 * berry.sphericity(*(sizes[column].to_numpy() for column, _, _ in AXES))

@@ -77,8 +77,7 @@ def published_solutions(inputs: Inputs, study: Shown) -> Figure:
 
 def _published_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -> None:
     """Draw one response of the published solutions, as published and as simulated here."""
-    x, response = np.arange(len(table)), target.response
-    _band(panel, target)
+    x, response = _measured(panel, table, target), target.response
     if (column := derived(response.name, "published_simulated")) in table:
         measured = table.get(derived(response.name, "published_measured"), pd.Series(np.nan, table.index))
         look = {"ms": 4.5, "color": style.ORANGE}
@@ -90,17 +89,15 @@ def _published_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -
     error = table[response.error].fillna(0.0)
     words = "same parameters in this simulator ± standard error"
     panel.errorbar(x + 0.12, table[response.simulated], error, color=style.BLUE, label=words, **SIMULATED)
-    _name_solutions(panel, table)
     panel.set(ylabel=style.response_label(response), xlabel=f"published solution{WORD}")
     panel.margins(y=0.15)
 
 
 def _predicted_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -> None:
     """Draw one response of each solution, with the prediction's error in percent of the simulated value."""
-    response, x = target.response, np.arange(len(table))
+    x, response = _measured(panel, table, target), target.response
     predicted, simulated = (table[column].to_numpy(float) for column in (response.predicted, response.simulated))
     error = table[response.error].fillna(0.0) if response.error in table else None
-    _band(panel, target)
     panel.plot(x - 0.12, predicted, "o", ms=4.5, mfc="white", color=style.BLUE, label="predicted")
     words = "simulated ± standard error over seeds"
     panel.errorbar(x + 0.12, simulated, error, color=style.RED, label=words, **SIMULATED)
@@ -110,21 +107,17 @@ def _predicted_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -
             continue
         off = 100 * abs((before - after) / after)
         panel.annotate(f"{off:.1f}", (place, min(before, after)), color=style.GREY, **look)
-    _name_solutions(panel, table)
     panel.margins(y=0.25)
 
 
-def _band(panel: Axes, target: Target) -> None:
-    """Draw the physical measurement: mean line and a band of one standard deviation."""
+def _measured(panel: Axes, table: pd.DataFrame, target: Target) -> np.ndarray:
+    """Draw the measured mean and a band of one standard deviation over the solutions' names, and give their places."""
     style.band(panel, target.value - target.sd, target.value + target.sd, "measured ± standard deviation")
     panel.axhline(target.value, color=style.GREEN, lw=0.9, label="measured mean")
-
-
-def _name_solutions(panel: Axes, table: pd.DataFrame) -> None:
-    """Draw the solutions' names along the horizontal axis."""
     names = table["solution"].astype(str).str.replace("representative", "repr.").tolist()
     if "role" in table:
         marked = table["role"] == "representative"
         names = [f"{name}\n(repr.)" if mark else name for name, mark in zip(names, marked, strict=True)]
     panel.set_xticks(range(len(names)), names)
     panel.set_xlim(-0.6, len(names) - 0.4)
+    return np.arange(len(names))

@@ -41,8 +41,7 @@ def pareto(inputs: Inputs, study: Shown) -> Figure:
     columns = ("response", "term", "coefficient", "t", "limit_t", "limit_bonferroni")
     effects, targets = read_table(inputs["effects"], columns), study.targets
     terms = len(effects) // len(targets)
-    figure = style.new_figure(style.PAGE, 1.0 + 0.19 * terms)
-    panels = figure.subplots(1, len(targets), squeeze=False)[0]
+    figure, panels = style.grid(len(targets), 1.0 + 0.19 * terms, columns=len(targets))
     for panel, target in zip(panels, targets, strict=True):
         own = effects[effects["response"] == target.name].sort_values("t")
         colours = np.where(own["coefficient"] > 0, style.ORANGE, style.BLUE)
@@ -61,8 +60,7 @@ def perturbation(inputs: Inputs, study: Shown) -> Figure:
     Each response over one parameter after the other, the others at the centre of the design; grey: the target.
     """
     targets, models = study.targets, _models(inputs, study.targets)
-    figure = style.new_figure(style.PAGE, 2.9)
-    panels = figure.subplots(1, len(models), squeeze=False)[0]
+    figure, panels = style.grid(len(models), 2.9, columns=len(models))
     coded = np.linspace(-1, 1, GRID)
     for panel, target, model in zip(panels, targets, models, strict=True):
         for k, (name, way) in enumerate(zip(model.factors, np.eye(len(model.factors)), strict=True)):

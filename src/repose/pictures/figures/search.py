@@ -17,9 +17,6 @@ from repose.core.targets import Target
 from . import style
 from .registry import Inputs, Shown, figure
 
-ANSWER = {"ms": 5.0, "color": style.RED, "mec": "white", "mew": 0.6, "zorder": 4}
-
-
 FOUND = {"feasible": "miga/feasible.csv", "summary": "miga/summary.json"}
 
 
@@ -104,7 +101,7 @@ def _strip(panel: Axes, y: float, position: np.ndarray, marked: np.ndarray, hidd
     panel.scatter(others, y + 0.03 + 0.34 * _jitter(len(others)), label=f"{hidden}solutions", **look)
     if marked.any():
         label = f"{hidden}representative, the answer"
-        panel.plot(position[marked], np.full(marked.sum(), y + 0.03), "D", label=label, **ANSWER)
+        panel.plot(position[marked], np.full(marked.sum(), y + 0.03), "D", label=label, **style.ANSWER)
 
 
 def _response_strip(panel: Axes, solutions: pd.DataFrame, target: Target) -> None:
@@ -113,7 +110,7 @@ def _response_strip(panel: Axes, solutions: pd.DataFrame, target: Target) -> Non
     panel.axvspan(target.low, target.high, color=style.GREEN, alpha=0.2, lw=0)
     panel.axvline(target.aim, color=style.GREEN, lw=1.2, ls="--")
     panel.scatter(values[~marked], 0.6 * _jitter((~marked).sum()), s=7, color=style.BLUE, alpha=0.7, lw=0, zorder=2)
-    panel.plot(values[marked], np.zeros(marked.sum()), "D", **ANSWER)
+    panel.plot(values[marked], np.zeros(marked.sum()), "D", **style.ANSWER)
     low, high = min(target.low, values.min()), max(target.high, values.max())
     room = 0.04 * (high - low)
     panel.set(xlim=(low - room, high + room), ylim=(-0.5, 0.5), yticks=[])
@@ -135,7 +132,7 @@ def convergence(inputs: Inputs, study: Shown) -> Figure:
     met = int(found.max())
     heights = [1.6, 1] if met else [1.6]
     figure = style.new_figure(style.COLUMN, 1.2 + len(heights))
-    top, *below = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
+    top, *below = style.panels_in(figure, len(heights), 1, sharex=True, height_ratios=heights)
     top.plot(generation, mean, color=style.SKY, label="mean of all islands")
     top.plot(generation, best, color=style.BLUE, label="best so far")
     top.set_ylabel("objective F (dimensionless)")

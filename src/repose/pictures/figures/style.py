@@ -2,6 +2,7 @@
 
 import io
 import math
+import os
 import textwrap
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager
@@ -13,11 +14,12 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, FigureBase
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 
 import repose.apparatus  # noqa: F401  (makes the responses of all bench tests known)
+from repose.core.errors import InputError
 from repose.core.files import write_bytes
 from repose.core.parameters import FURTHER, SYMBOLS
 from repose.core.responses import Response
@@ -40,6 +42,7 @@ BLUE, ORANGE, GREEN, RED = "#0072B2", "#E69F00", "#009E73", "#D55E00"
 SKY, PURPLE, GREY, BLACK = "#56B4E9", "#CC79A7", "#8A8F94", "#222222"
 SERIES = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, GREY)
 LINES = ("-", "--", "-.", ":")
+ANSWER = {"ms": 5.0, "color": RED, "mec": "white", "mew": 0.6, "zorder": 4}
 
 SMALL_RUN = "small run: NOT for use as a result"
 
@@ -104,7 +107,9 @@ def near_enough(panel: Axes, percent: float) -> None:
 
 
 def parameter_label(name: str) -> str:
-    """Write the label of an axis of a parameter: its symbol and its unit, a dash for a number."""
+    """Write the label of an axis of a parameter: its symbol and its unit, a dash for a number; its name if unknown."""
+    if name not in SYMBOLS:
+        return name
     return f"{SYMBOLS[name]} ({(FURTHER[name].constant.unit if name in FURTHER else '') or '–'})"
 
 
@@ -129,13 +134,17 @@ def grid(
     count: int, height: float, columns: int = 2, further: float = 0.0, width: float = PAGE, **options: Any
 ) -> tuple[Figure, list[Axes]]:
     """Draw an empty figure with a panel for each of `count` things, in rows of a height, and with `further` height."""
+    figure = new_figure(width, further + height * math.ceil(count / min(columns, count)))
+    return figure, panels_in(figure, count, columns, **options)
+
+
+def panels_in(figure: FigureBase, count: int, columns: int = 2, **options: Any) -> list[Axes]:
+    """Give `count` panels in an empty figure; the other places stay empty."""
     columns = min(columns, count)
-    rows = math.ceil(count / columns)
-    figure = new_figure(width, further + height * rows)
-    panels = figure.subplots(rows, columns, squeeze=False, **options).ravel()
+    panels = figure.subplots(math.ceil(count / columns), columns, squeeze=False, **options).ravel()
     for panel in panels[count:]:
         panel.axis("off")
-    return figure, list(panels[:count])
+    return list(panels[:count])
 
 
 def over_parameters(study: Shown, height: float) -> tuple[Figure, Iterator[tuple[Axes, Target, str]]]:
@@ -152,7 +161,7 @@ def over_parameters(study: Shown, height: float) -> tuple[Figure, Iterator[tuple
     return figure, ((panel, *place) for panel, place in zip(panels.flat, places, strict=True))
 
 
-def pairs_of_parameters(figure: Figure, study: Shown, room: float = 0.0) -> Iterator[tuple[Axes, str, str]]:
+def pairs_of_parameters(figure: FigureBase, study: Shown, room: float = 0.0) -> Iterator[tuple[Axes, str, str]]:
     """Yield panels below and on the diagonal of a square of all pairs, each with its parameters across and down.
 
     Their axes are the ranges with `room` to each side, a share of the range.
@@ -181,7 +190,7 @@ def pairs_of_parameters(figure: Figure, study: Shown, room: float = 0.0) -> Iter
 
 def strips(panel: Axes, names: Sequence[str]) -> None:
     """Label the axes of a panel with a strip for each parameter from the top, its range from 0 to 1."""
-    panel.set_yticks(range(len(names)), [SYMBOLS[name] for name in reversed(names)], fontsize=9)
+    panel.set_yticks(range(len(names)), [SYMBOLS.get(name, name) for name in reversed(names)], fontsize=9)
     panel.set_xticks([0, 0.25, 0.5, 0.75, 1.0])
     panel.set_xlabel("place in the parameter's range (dimensionless)")
     panel.spines["left"].set_visible(False)
@@ -200,9 +209,21 @@ def save(figure: Figure, out_path: str | Path, small_run: bool, further: Sequenc
         figure.text(0.5, 1 - 0.5 * band / (height + band), SMALL_RUN, bbox=box, **look)
     out_path = Path(out_path)
     for kind in (out_path.suffix.removeprefix("."), *further):
-        content = io.BytesIO()
-        figure.savefig(content, format=kind, dpi=dpi, metadata=UNDATED[kind])
-        write_bytes(out_path.with_suffix(f".{kind}"), content.getvalue())
+        write_bytes(out_path.with_suffix(f".{kind}"), encoded(figure, kind, dpi).getvalue())
+
+
+def check_ending(path: str | os.PathLike[str]) -> None:
+    """Raise InputError for an ending that no figure has."""
+    endings = [f".{kind}" for kind in UNDATED]
+    if Path(path).suffix not in endings:
+        raise InputError(path, "ending", Path(path).suffix, " or ".join(endings))
+
+
+def encoded(figure: Figure, kind: str = "png", dpi: int = DPI) -> io.BytesIO:
+    """Give a figure as the content of a file; the same bytes each time."""
+    content = io.BytesIO()
+    figure.savefig(content, format=kind, dpi=dpi, metadata=UNDATED[kind])
+    return content
 
 
 def pixels(study: Shown, at_default: int) -> int:

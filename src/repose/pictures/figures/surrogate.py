@@ -68,8 +68,7 @@ def network_structure(inputs: Inputs, study: Shown) -> Figure:
     shares, ways = influence(load(inputs["network"]), study)
     symbols = [response(name, inputs["network"]).symbol for name in network["outputs"]]
     width = 0.36 + 0.05 * max(map(len, symbols))  # of a column of shares
-    figure = style.new_figure(style.COLUMN * (1.2 + 0.33 * width * counts[2]), 3.7)
-    panel = figure.subplots()
+    figure, (panel,) = style.grid(1, 3.7, width=style.COLUMN * (1.2 + 0.33 * width * counts[2]))
     _connections(panel, shares, places)
     hidden, output = (ACTIVATIONS.get(name, name) for name in network.get("activation", ACTIVATIONS))
     titles = ("input", f"hidden ({hidden})", f"output ({output})")

@@ -109,8 +109,7 @@ def apparatus(inputs: Inputs, study: Shown) -> Figure:
     factory = top + funnel.factory_height_mm
     half_view, low, high = max(half_inlet + 75, 190), -34, factory + 34
     width = 1.3 * style.COLUMN
-    figure = style.new_figure(width, (width - 0.5) * (high - low) / (2 * half_view) + 0.55)
-    panel = figure.subplots()
+    figure, (panel,) = style.grid(1, (width - 0.5) * (high - low) / (2 * half_view) + 0.55, width=width)
     if {"trajectory", "particle"} <= inputs.keys():
         _grains(panel, inputs, study.colour)
     for wall in walls:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, FigureBase
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
@@ -23,6 +23,8 @@ CREDIBLE_SHARES = (0.95, 0.5)  # of the posterior inside a contour
 SEEDS = (1, 2, 4, 8, 16, 32, 64)
 PERCENT = (0.5, 1, 2, 5)
 PUBLISHED = ["published_low", "published_high"]
+
+Tables = tuple[pd.DataFrame, pd.DataFrame, Mapping[str, Any]]  # posterior.csv, draws.csv, posterior.json
 
 UNCERTAINTY: dict[str, Any] = {"reads": ("parameters", "targets"), "category": "Uncertainty"}
 
@@ -105,12 +107,17 @@ def corner(inputs: Inputs, study: Shown) -> Figure:
     The free parameters given the physical measurements: draws of the posterior, with the feasible solutions of the
     search. A parameter whose draws fill its range is not determined by the targets.
     """
-    space = study.space
-    draws, table = read_table(inputs["draws"], space.names), read_table(inputs["posterior"], ("parameter",))
-    cloud, summary = read_table(inputs["feasible"], space.names), read_json(inputs["summary"], ("predicted",))
-    table = table.set_index("parameter")
-    published = "published_low" in table
-    figure = style.new_figure(style.PAGE, style.PAGE)
+    names, figure = study.space.names, style.new_figure(style.PAGE, style.PAGE)
+    draws, table = read_table(inputs["draws"], names), read_table(inputs["posterior"], ("parameter",))
+    cloud, summary = read_table(inputs["feasible"], names), read_json(inputs["summary"], ("predicted",))
+    draw_corner(figure, study, (table, draws, summary), cloud, "solutions of the search")
+    return figure
+
+
+def draw_corner(figure: FigureBase, study: Shown, posterior: Tables, cloud: pd.DataFrame, words: str) -> None:
+    """Draw a `repose.studies.posterior.Posterior` in an empty figure, with parameter sets, which `words` name."""
+    table, draws, summary = posterior
+    space, table, published = study.space, table.set_index("parameter"), "published_low" in table
     for panel, across, down in style.pairs_of_parameters(figure, study, 0.02):
         if across == down:
             _marginal(panel, draws[across], study, table.loc[across])
@@ -120,17 +127,16 @@ def corner(inputs: Inputs, study: Shown) -> Figure:
         if published and table.loc[[across, down], "published_low"].notna().all():
             (x0, x1), (y0, y1) = (table.loc[name, PUBLISHED].astype(float) for name in (across, down))
             panel.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, fill=False, ec=style.BLACK, lw=1.1, zorder=5))
-    words = _account(summary, study.targets)
-    figure.text(0.47, 0.975, words, fontsize=7.5, va="top", linespacing=1.5)
+    account = _account(summary, study.targets)
+    figure.text(0.47, 0.975, account, fontsize=7.5, va="top", linespacing=1.5)
     prior, box = "prior" if space.prior else "uniform prior", partial(Rectangle, (0, 0), 1, 1)
     handles = [
         box(color=style.BLUE, alpha=0.35, lw=0, label="posterior: 50 and 95 % of it"),
         Line2D([], [], color=style.GREY, ls="--", lw=0.9, label=prior),
-        Line2D([], [], marker="o", ls="", ms=3.5, color=style.RED, label="solutions of the search"),
+        Line2D([], [], marker="o", ls="", ms=3.5, color=style.RED, label=words),
         *([box(fill=False, ec=style.BLACK, lw=1.1, label="published intervals")] if published else []),
     ]
     figure.legend(handles=handles, loc="upper left", bbox_to_anchor=(0.63, 0.8), fontsize=7.5)
-    return figure
 
 
 def _marginal(panel: Axes, values: pd.Series, study: Shown, row: pd.Series) -> None:
@@ -201,7 +207,12 @@ def intervals(inputs: Inputs, study: Shown) -> Figure:
     """
     table = read_table(inputs["posterior"], ("parameter", "credible_low", "miga_low"))
     figure = style.new_figure(style.PAGE, 3.3)
-    panel = figure.subplots()
+    draw_intervals(figure.subplots(), table)
+    return figure
+
+
+def draw_intervals(panel: Axes, table: pd.DataFrame) -> None:
+    """Draw the intervals of posterior.csv, and the values in a column `answer` if there is one."""
     for k, row in table.iterrows():
         y, low, width = len(table) - 1 - k, row["low"], row["high"] - row["low"]
         panel.barh(y, 1, height=0.8, color="#EEF0F2", zorder=0)
@@ -211,6 +222,9 @@ def intervals(inputs: Inputs, study: Shown) -> Figure:
             panel.plot(x, [y + offset] * len(x), "-|", color=colour, lw=3, ms=7, label=named)
         median = (row["median"] - low) / width
         panel.plot([median], [y + 0.22], "o", ms=4.5, color="white", mec=style.BLUE, zorder=5)
+        if "answer" in row:
+            label = "_" * bool(k) + "the answer"
+            panel.plot([(row["answer"] - low) / width], [y], "D", label=label, **style.ANSWER)
         text = f"{100 * row['width_ratio']:.0f} %   {row['information_bits']:.2f} bits"
         panel.text(1.03, y, text, fontsize=6.8, va="center")
         for end, value in ((0, row["low"]), (1, row["high"])):
@@ -219,7 +233,6 @@ def intervals(inputs: Inputs, study: Shown) -> Figure:
     style.strips(panel, table["parameter"].tolist())
     panel.set(xlim=(-0.03, 1.17), ylim=(-1.2, len(table) - 0.35))
     panel.legend(loc="lower center", ncols=3, bbox_to_anchor=(0.43, -0.02))
-    return figure
 
 
 SOBOL = {"sobol": "sensitivity/sobol.csv"}

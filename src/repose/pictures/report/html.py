@@ -58,7 +58,7 @@ def folded(title: str, frame: pd.DataFrame) -> str:
     return f"<details><summary>{html.escape(title)} ({len(frame)} rows)</summary>{shown}</details>"
 
 
-def picture(path: str | os.PathLike[str], caption: str) -> str:
+def picture(path: str | os.PathLike[str] | io.BytesIO, caption: str) -> str:
     """Embed a picture, which opens large; a photograph is reduced. InputError if the file is no picture.
 
     A figure, whose file has a resolution, is not shrunk below `READABLE` of its size on paper.

@@ -3,8 +3,6 @@
 import os
 from datetime import date
 
-import pandas as pd
-
 from repose.chain.answer import WITHIN
 from repose.core import provenance
 from repose.pictures.report import page
@@ -15,14 +13,12 @@ from repose.studies.calibration import Calibration
 
 def write(calibration: Calibration, out_path: str | os.PathLike[str]) -> None:
     """Write the report."""
-    study, targets = calibration.study, calibration.study.targets
-    row = dict(zip(targets.predicted, calibration.answer.mean.tolist(), strict=True))
+    study = calibration.study
     config = {"label": study.settings.label, "small_run": False}
     shown = Results(
-        shown=Shown(config, targets=targets, space=study.parameters),
-        answer=calibration.answer.values,
-        row=pd.Series(row | {"role": "representative", "reason": ""}),
-        chance=dict.fromkeys(targets.names) | {"all": calibration.probability["inside"]},
+        shown=Shown(config, targets=study.targets, space=study.parameters),
+        row=calibration.solutions.iloc[0],
+        chance=dict.fromkeys(study.targets.names) | {"all": calibration.probability["inside"]},
         within={percent: calibration.probability[column] for percent, column in WITHIN.items()},
         posterior=calibration.posterior.parameters.set_index("parameter"),
         surrogate=calibration.model,

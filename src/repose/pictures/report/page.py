@@ -71,11 +71,9 @@ def assembled(title: str, body: str, values: Mapping[str, Any]) -> str:
 def _parameter(study: Results, k: int) -> dict[str, Any]:
     """Give one parameter as plain values."""
     space, name = study.space, study.space.names[k]
-    own = {"name": name, "label": LABELS.get(name, name), "value": float(study.answer[k])}
-    if name in space.fixed:
-        return own | {"fixed": True, "low": None, "high": None}
-    i = space.free.index(name)
-    return own | {"fixed": False, "low": float(space.low[i]), "high": float(space.high[i])}
+    fixed, label = name in space.fixed, LABELS.get(name, name)
+    low, high = (None, None) if fixed else study.shown.ranges[name]
+    return {"name": name, "label": label, "value": float(study.answer[k]), "fixed": fixed, "low": low, "high": high}
 
 
 def _target(study: Results, target: Target) -> dict[str, Any]:

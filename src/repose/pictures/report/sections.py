@@ -12,6 +12,7 @@ import pandas as pd
 from repose.chain import card
 from repose.chain.answer import NOT_AGAIN, Check, Result, in_one_line, nearness, out_of_reach
 from repose.chain.design import METHODS
+from repose.core.files import read_json
 from repose.core.parameters import LABELS
 from repose.core.runs import error_of
 from repose.core.targets import Target
@@ -19,14 +20,10 @@ from repose.measure.angles import MEAN_KEYS
 from repose.measure.settings import line_for, line_of
 from repose.pictures.report.html import fill, folded, picture, table, text
 from repose.pictures.report.prediction import is_whole
-from repose.pictures.report.study import PICTURES, Results
+from repose.pictures.report.study import CAPTIONS, Results
 from repose.studies.posterior import LARGEST_R_HAT
 
 SURE = 0.95
-OF_PILE = {
-    "photograph": "The physical pile",
-    "overlay": "How the simulated pile was measured: its outline, height and angle",
-}
 
 
 def share(value: float | None) -> str:
@@ -194,7 +191,7 @@ def _response_row(study: Results, target: Target) -> list[str]:
 
 def _pile(study: Results) -> str:
     """Write the 3-D view beside the photograph, or beside the measured silhouette."""
-    pictures, view = _pictures(study, OF_PILE), fill("pile.html") if "trajectory" in study.files else ""
+    pictures, view = _pictures(study, CAPTIONS["pile"]), fill("pile.html") if "trajectory" in study.files else ""
     pictures = f"<div>{pictures}</div>" if pictures else ""
     kind = "pair" if pictures and view else "pair alone"
     return f'<div class="{kind}">{view}{pictures}</div>' if pictures or view else ""
@@ -210,14 +207,14 @@ def other_parameters(study: Results) -> str:
     if study.surrogate is None:
         return ""
     name = html.escape(study.surrogate.name)
-    how = fill("whole.html") if is_whole(study.surrogate) else fill("curves.html", name=name)
+    how = fill("whole.html") if is_whole(study.surrogate) else fill("curves.html", surrogate=name)
     return fill("sliders.html", how=how, keys=fill("keys.html", blue="the prediction"))
 
 
 def how_found(study: Results) -> str:
     """Write the steps with their numbers and figures."""
     steps = "".join(f"<li>{html.escape(step)}</li>" for step in _steps(study))
-    pictures = _pictures(study, PICTURES)
+    pictures = _pictures(study, study.captions)
     return fill("found.html", steps=steps, pictures=fill("pictures.html", pictures=pictures) if pictures else "")
 
 
@@ -236,7 +233,8 @@ def _steps(study: Results) -> Iterator[str]:
     searched = f"{free} parameters" if free == all_ else f"{free} of {all_} parameters, the others fixed"
     benches = " and ".join(study.targets.apparatus).replace("_", " ")
     yield f"Design: {design.samples} parameter sets over {searched} ({METHODS[design.method]})."
-    yield f"Simulation of the bench test ({benches}): {study.dataset_summary['text']}"
+    simulated = read_json(study.files["dataset_summary"], {"text": str})
+    yield f"Simulation of the bench test ({benches}): {simulated['text']}"
     if study.surrogate is not None:
         yield f"Surrogate ({study.surrogate.name.replace('_', ' ')}): {_accuracy(study)}"
     yield f"Search: {study.summary['message']}"
@@ -246,7 +244,7 @@ def _steps(study: Results) -> Iterator[str]:
 
 def _accuracy(study: Results) -> str:
     """Write the accuracy of the surrogate on samples that were not used in its training."""
-    test: dict[str, Any] = study.metrics.get("test") or {}
+    test = read_json(study.files["metrics"]).get("test") or {}
     parts = []
     for response in study.targets.responses:
         found = test.get(response.name, {})

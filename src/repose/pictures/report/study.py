@@ -35,7 +35,8 @@ NEEDED = ("dataset", "feasible", "summary", "table4")
 # Also needed if the summary does not hold the steps to the answer.
 TRAINED = ("network", "metrics", "dataset_summary")
 OPTIONAL = ("runs", "posterior", "particle", "trajectory", "photograph", "overlay", "card")
-PICTURES: dict[str, str] = json.loads(own("pictures.json"))  # captions by name
+CAPTIONS: dict[str, dict[str, str]] = json.loads(own("captions.json"))  # of pictures of a study, by name
+PICTURES = CAPTIONS["study"]
 
 
 @dataclass
@@ -43,8 +44,7 @@ class Results:
     """The results of a study, for its report."""
 
     shown: Shown
-    answer: np.ndarray  # (6,), the representative parameter set
-    row: pd.Series  # its row in table4.csv
+    row: pd.Series  # the representative parameter set in table4.csv
     chance: dict[str, float | None]  # from `chance_of_meeting`
     within: dict[float, float | None]  # probability that all responses lie within so many percent of their targets
     posterior: pd.DataFrame | None  # posterior.csv by parameter
@@ -55,9 +55,8 @@ class Results:
     summary: Mapping[str, Any]  # with ``steps`` if the strategy reports its own course
     date: str  # of the results
     record: Mapping[str, Any]  # their version, commit and processor, as `repose.core.provenance.machine`
-    files: Files = field(default_factory=dict)  # by names in `NEEDED`, `TRAINED`, `OPTIONAL`, `PICTURES`
-    metrics: Mapping[str, Any] = field(default_factory=dict)  # empty if the surrogate was not tested
-    dataset_summary: Mapping[str, Any] = field(default_factory=dict)  # empty if the strategy reports its own course
+    files: Mapping[str, Any] = field(default_factory=dict)  # by names in `NEEDED`, `TRAINED`, `OPTIONAL`, `captions`
+    captions: Mapping[str, str] = field(default_factory=lambda: PICTURES)  # of its figures, by name
 
     @property
     def targets(self) -> Targets:
@@ -68,6 +67,11 @@ class Results:
     def space(self) -> ParameterSpace:
         """The parameters of the study."""
         return self.shown.space
+
+    @property
+    def answer(self) -> np.ndarray:
+        """The representative parameter set (6,)."""
+        return self.row[list(self.space.names)].to_numpy(float)
 
     def number(self, column: str) -> float | None:
         """Give a number of the answer's row; None if missing."""
@@ -98,7 +102,6 @@ def read(config: Config, jobs: Sequence[str], files: Files) -> Results:
     return Results(
         shown=shown,
         files=files,
-        answer=rows.iloc[0][list(shown.space.names)].to_numpy(float),
         row=rows.iloc[0],
         chance=chance_of_meeting(runs, targets),
         within={percent: chance_of_meeting(runs, targets, percent)["all"] for percent in PERCENT},
@@ -108,8 +111,6 @@ def read(config: Config, jobs: Sequence[str], files: Files) -> Results:
         table4=table4,
         dataset=read_table(files["dataset"], ("sample", *PARAMETERS, *targets.names)),
         summary=summary,
-        metrics=read_json(files["metrics"]) if "metrics" in files else {},
-        dataset_summary=read_json(files["dataset_summary"], {"text": str}) if "dataset_summary" in files else {},
         # the day of the answer's file: the page stays the same until the results are made anew
         date=date.fromtimestamp(os.path.getmtime(files["table4"])).isoformat(),
         record=attached.read(files["table4"]) or provenance.machine(),
