@@ -54,15 +54,16 @@ def test_the_planes_of_the_targets_show_samples_ranges_and_answer(count, panels,
     assert "147 parameter sets of the design, simulated" in result  # three failed
     assert "147 further sets, simulated" in result
     assert any("± 1 standard error" in text for text in result)
-    label = f"measured, mean of {TARGETS[0]['repetitions']} repetitions"
+    first = TARGETS[0]
+    label = f"measured, mean of {first['repetitions']} repetitions"
     (measured,) = [bars for bars in figure.axes[0].containers if bars.get_label() == label]
     across = measured.lines[2][0].get_segments()[0][:, 0]
-    error = TARGETS[0]["sd"] / np.sqrt(TARGETS[0]["repetitions"])
-    np.testing.assert_allclose(across, TARGETS[0]["value"] + error * np.array([-1, 1]))
+    error = first["sd"] / np.sqrt(first["repetitions"])
+    np.testing.assert_allclose(across, [first["value"] - error, first["value"] + error])
     assert ("nearest solutions, none feasible, predicted" in result) is not feasible
     assert ("feasible solutions, predicted" in result) is feasible
     (box,) = figure.axes[0].patches
-    assert (box.get_x(), box.get_width()) == (TARGETS[0]["range"][0], np.diff(TARGETS[0]["range"])[0])
+    assert (box.get_x(), box.get_width()) == (first["range"][0], np.diff(first["range"])[0])
 
 
 X = list(range(-20, 21, 5))
@@ -199,20 +200,16 @@ def uncertain_config(count):
     return {"targets": targets, "parameters": PARAMETERS_OF_A_STUDY, "refine": refine}
 
 
-@pytest.fixture
-def files(tmp_path):
-    def made(config):
-        made_up_tables(tmp_path, config["targets"])
-        made_up_studies.write(tmp_path, config)
-        return {path.stem: path for path in tmp_path.iterdir()}
-
-    return made
+def uncertain(folder, count):
+    config = uncertain_config(count)
+    made_up_tables(folder, config["targets"])
+    made_up_studies.write(folder, config)
+    return config, {path.stem: path for path in folder.iterdir()}
 
 
 @pytest.mark.parametrize("count", [1, 3, 4])
-def test_the_panels_are_those_of_targets_and_free_parameters(count, files):
-    config = uncertain_config(count)
-    made = files(config)
+def test_the_panels_are_those_of_targets_and_free_parameters(count, tmp_path):
+    config, made = uncertain(tmp_path, count)
     wanted = {
         "noise": (count + 2, "slip (deg)", None),
         "corner": (len(FREE) * (len(FREE) + 1) / 2, "predicted", count),
@@ -231,13 +228,13 @@ def test_the_panels_are_those_of_targets_and_free_parameters(count, files):
         assert "uniform prior" not in text, name
 
 
-def test_the_curve_over_the_discrepancy(files):
-    inputs = {"discrepancy": files(uncertain_config(2))["discrepancy"]}
+def test_the_curve_over_the_discrepancy(tmp_path):
+    config, inputs = uncertain(tmp_path, 2)
     whole = pd.read_csv(inputs["discrepancy"])
     independent = whole[(whole["discrepancy_correlation"] == 0) & (whole["effective_points"] > 400)]
     for table, all_of_it in ((independent, False), (whole, True)):
         table.to_csv(inputs["discrepancy"], index=False)
-        figure, result = draw("discrepancy", inputs, uncertain_config(2))
+        figure, result = draw("discrepancy", inputs, config)
         text = " | ".join(result)
         assert sum(panel.axison for panel in figure.axes) == 1 + len(FREE)
         assert "assumed, independent between targets" in text
@@ -256,17 +253,15 @@ def test_the_region_has_its_parameters_on_the_right_axes(tmp_path):
     inputs = {"region": tmp_path / "region.csv", "summary": tmp_path / "summary.json"}
     table.to_csv(inputs["region"], index=False)
     write_json(inputs["summary"], {"not_implausible_share": share})
-    figure, _ = draw("region", inputs, config)
+    figure = figures.FIGURES["region"].draw(inputs, config)
     d = len(FREE)
     panels = np.array(figure.axes[: d * d]).reshape(d, d)
     assert sum(panel.axison for panel in panels.flat) == d * (d - 1)
     depth, least = (panels[place].collections[0] for place in ((0, 1), (1, 0)))
-    rows, columns = depth.get_array(), least.get_array()
     half = implausibility.CELLS // 2
-    assert (rows[:half] == 0).all()
-    assert (rows[half:] == 1).all()
-    assert (columns[:, :half] == 4).all()
-    assert (columns[:, half:] == 1).all()
+    below = np.arange(implausibility.CELLS) < half
+    np.testing.assert_array_equal(depth.get_array(), np.where(below, 0, 1)[:, None] + 0 * below)
+    np.testing.assert_array_equal(least.get_array(), np.where(below, 4, 1) + 0 * below[:, None])
     colours = [to_hex(colour).upper() for colour in least.to_rgba(np.array([0.5, 1.5, 2.5, 4.0]))]
     assert len(set(colours)) == 4, "one band is not another"
     assert colours[-1] == style.RED, "excluded"

@@ -91,8 +91,7 @@ def test_bands_hold_each_row_once(multiple):
 
 def test_balls_and_long_axes_are_seen_in_perspective_and_the_nearer_hides_the_farther():
     # A ball of radius r at distance d is seen under asin(r / d), whatever the body's orientation.
-    centre = np.array([[0.0, 0.0, 0.02]])
-    frame = np.array([[-0.02, -0.02, 0.0], [0.02, 0.02, 0.04]])
+    centre, frame = np.array([[0.0, 0.0, 0.02]]), np.array([[-0.02, -0.02, 0.0], [0.02, 0.02, 0.04]])
     camera = look_at(frame, 400, 400, elevation_deg=0, azimuth_deg=0)
     picture = render_pile(centre, UPRIGHT, BALL, 0, 0, 400, 400, frame_m=frame)
     distance = np.linalg.norm(camera.eye_m - centre[0])
@@ -104,16 +103,11 @@ def test_balls_and_long_axes_are_seen_in_perspective_and_the_nearer_hides_the_fa
         assert picture[25:35, 25:35].reshape(-1, 3).mean(axis=0).argmax() == strongest
     half = np.sqrt(0.5)
     frame = np.array([[-0.015, -0.015, 0.0], [0.015, 0.015, 0.03]])
-    sizes = []
-    for quaternion in ([1.0, 0, 0, 0], [half, 0, 0, half]):
+    for quaternion, width_mm in (([1.0, 0, 0, 0], 5.685), ([half, 0, 0, half], 10.57)):
         picture = render_pile(np.array([[0, 0, 0.015]]), np.array([quaternion]), BERRY, 0, 0, 300, 300, frame_m=frame)
-        seen = reddish(picture)
-        sizes.append((seen.any(axis=0).sum(), seen.any(axis=1).sum()))
-    (end_width, end_height), (side_width, side_height) = sizes
-    assert end_width / end_height == pytest.approx(5.685 / 4.94, rel=0.05)
-    assert side_width / side_height == pytest.approx(10.57 / 4.94, rel=0.05)
-    centres = np.array([[0.03, 0.0, 0.006], [-0.03, 0.0, 0.006]])
-    turns = np.repeat(UPRIGHT, 2, axis=0)
+        width, height = (reddish(picture).any(axis=axis).sum() for axis in (0, 1))
+        assert width / height == pytest.approx(width_mm / 4.94, rel=0.05)
+    centres, turns = np.array([[0.03, 0.0, 0.006], [-0.03, 0.0, 0.006]]), np.repeat(UPRIGHT, 2, axis=0)
     both = render_pile(centres, turns, BALL, 0, 0, 300, 180)
     frame = outline(centres, BALL.bounding_radius_m, [])
     ghost = np.where([[False], [True]], np.nan, centres)

@@ -30,15 +30,13 @@ MORE = [*TARGETS, target("drum_slip_deg", 44, 2, 40, 48, 5)]
 
 
 def test_sources_are_kept_within_half_a_step_and_spheres_lack_what_others_hide():
-    rng = np.random.default_rng(1)
-    positions = rng.uniform(-300, 300, (4, 50, 3))
+    positions = np.random.default_rng(1).uniform(-300, 300, (4, 50, 3))
     positions[0, :20] = np.nan
     whole, low, step = scene.quantised(positions)
     assert (whole[0, :20] == scene.ABSENT).all()
     there = np.isfinite(positions).all(axis=2)
     assert (whole[there] <= scene.STEPS).all()
-    assert np.abs(low + step * whole[there] - positions[there]).max() <= 0.5001 * step.max()
-    assert step.max() < 0.01
+    assert np.abs(low + step * whole[there] - positions[there]).max() <= 0.5001 * step.max() < 0.005
     spheres = np.array([[-3e-3, 0, 0, 5e-3], [3e-3, 0, 0, 5e-3], [0, 0, 0, 1e-3]])
     points, normals, triangles = scene.body(SimpleNamespace(is_clump=True, spheres_m=spheres), 10_000)
     distance = np.linalg.norm(points[:, None] - 1e3 * spheres[:, :3], axis=2) - 1e3 * spheres[:, 3]
@@ -119,29 +117,23 @@ def test_a_surrogate_that_is_no_network_is_shown_along_each_parameter(tmp_path):
     assert len(model["curves"]["e_gg"]["mean"]) == prediction.CURVE_POINTS
 
 
-@pytest.mark.parametrize(
-    ("change", "kind", "words"),
-    [
-        (
-            {"summary": {"feasible": False, "message": "Nothing met."}},
-            "bad",
-            r"targets NOT met\.</b> Angle of repose .* No parameter set is predicted inside both ranges; "
-            r"the simulated means lie inside both ranges\. Nothing met\.",
-        ),
-        (
-            {"job_funnel": {"sample": 1, "parameters": {}, "runs": [{"status": "jammed", "seed": 1}]}},
-            "fair",
-            r"targets met\.</b> .* How probable this is, is unknown",
-        ),
-        (
-            {},
-            "good",
-            r"<b>A small run, its numbers are no calibration: targets met\.</b> Angle of repose "
-            r"\(\S.*?\) \S+ ± \S+ deg \(measured \S+, \S+ %\), "
-            r"Height .*\. With a probability of more than 99 % both responses",
-        ),
-    ],
+NOT_MET = (
+    r"targets NOT met\.</b> Angle of repose .* No parameter set is predicted inside both ranges; "
+    r"the simulated means lie inside both ranges\. Nothing met\."
 )
+MET = (
+    r"<b>A small run, its numbers are no calibration: targets met\.</b> Angle of repose \(\S.*?\) \S+ ± \S+ deg "
+    r"\(measured \S+, \S+ %\), Height .*\. With a probability of more than 99 % both responses"
+)
+JAMMED = {"sample": 1, "parameters": {}, "runs": [{"status": "jammed", "seed": 1}]}
+VERDICTS = [
+    ({"summary": {"feasible": False, "message": "Nothing met."}}, "bad", NOT_MET),
+    ({"job_funnel": JAMMED}, "fair", r"targets met\.</b> .* How probable this is, is unknown"),
+    ({}, "good", MET),
+]
+
+
+@pytest.mark.parametrize(("change", "kind", "words"), VERDICTS)
 def test_the_page_begins_with_whether_the_targets_are_met(change, kind, words, tmp_path):
     study = made_up_study(tmp_path, TARGETS)
     for name, content in change.items():
@@ -172,11 +164,9 @@ def test_a_row_of_the_answer_tells_bounds_and_a_trimesh_without_three_js_is_refu
         assert ("0.2 to 0.35" in told["e_gg"]) is posterior
         assert "widened" not in told["mus_gg"] + told["mur_gp"]
     script = three.library(["InstancedMesh", "sRGBEncoding"])
-    assert script.startswith("/**")
-    assert script.endswith("}));")
+    assert (script[:3], script[-4:]) == ("/**", "}));")
     assert "Copyright 2010-2022 Three.js Authors" in script, "its licence stays"
-    assert "Trackball" not in script, "the viewer is left out"
-    assert not re.search("</script|<!--", script), "it ends no script of a page"
+    assert not re.search("Trackball|</script|<!--", script), "the viewer is left out; it ends no script of a page"
     stored = io.BytesIO()
     with ZipFile(stored, "w") as viewer:
         viewer.writestr(three.PAGE, "<script>another library</script>")

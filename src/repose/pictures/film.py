@@ -43,7 +43,7 @@ def animate_pour(
     away = np.hypot(resting[:, 0], resting[:, 1])
     frame = outline(resting[away < 2 * np.median(away)], reach, walls)
     frame = np.concatenate([frame, [[0, 0, frame[:, 2].max() + 2 * reach]]])
-    look = {"width": 360, "height": 460, "elevation_deg": 10.0, "azimuth_deg": 20.0} | view
+    look: dict[str, Any] = {"width": 360, "height": 460, "elevation_deg": 10.0, "azimuth_deg": 20.0} | view
     look |= {"walls": walls, "frame_m": frame, "scales": scales}
     pictures = [
         render_pile(positions[k], record["quaternion"][k], particle, **look) for k in _spread(record["time_s"], frames)
@@ -91,11 +91,11 @@ def animate_drum(
     """
     out_path = _checked(out_path)
     record = read_npz(trajectory, (*KEYS, "turned_deg"), "the trajectory of a drum")
-    look = {"width": 380, "elevation_deg": 0.0, "azimuth_deg": -90.0, "scales": _scales(record)} | view
+    look: dict[str, Any] = {"width": 380, "elevation_deg": 0.0, "azimuth_deg": -90.0} | view
     angles_rad, pictures = np.radians(record["turned_deg"]), []
     for k in _spread(record["time_s"], frames):
         inside = drum_inside(section, angles_rad[k])
-        look |= {"height": look["width"], "frame_m": inside.outline(), "backdrop": inside}
+        look |= {"height": look["width"], "frame_m": inside.outline(), "backdrop": inside, "scales": _scales(record)}
         pictures.append(render_pile(record["position"][k], record["quaternion"][k], particle, **look))
     _write_within(pictures, 0.12, out_path, 3_900_000)
 

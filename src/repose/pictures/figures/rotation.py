@@ -84,7 +84,7 @@ def _side_view(panel: Axes, arrays: Mapping[str, np.ndarray], state: str, partic
     inside = drum_inside(study.drum, np.radians(float(arrays[f"turned_{state}_deg"])))
     view: dict[str, Any] = {"elevation_deg": 0.0, "azimuth_deg": -90.0, "width": pixels, "height": pixels}
     view["field_of_view_deg"], frame = style.TELEPHOTO_DEG, inside.outline()
-    look = {"scales": scales, "colour": study.colour, "frame_m": frame, "backdrop": inside}
+    look: dict[str, Any] = {"scales": scales, "colour": study.colour, "frame_m": frame, "backdrop": inside}
     panel.imshow(render_pile(centres, quaternions, particle, **look, **view))
     how = study.measure.mm_per_pixel, study.drum.fit_share, scales
     surface = bed.measure_surface(centres, quaternions, particle, inside.radius_m, *how)
@@ -124,8 +124,8 @@ def _angles(panel: Axes, record: pd.DataFrame, runs: pd.DataFrame, section: Any)
     for k, (seed, run) in enumerate(record.groupby("seed")):
         summary, hidden = runs[runs["seed"] == seed].iloc[0], "_" * bool(k)
         turning = run if summary["status"] != "ok" else run[run["time_s"] <= summary["after_time_s"]]
-        time_s, look = turning["time_s"], {"lw": 0.6, "alpha": 0.8}
-        panel.plot(time_s, turning["surface_deg"], color=style.SKY, label=f"{hidden}surface", **look)
+        time_s = turning["time_s"]
+        panel.plot(time_s, turning["surface_deg"], color=style.SKY, lw=0.6, alpha=0.8, label=f"{hidden}surface")
         panel.plot(time_s, turning["bed_deg"], color=style.BLUE, lw=0.9, label=f"{hidden}centre of mass")
     slipped = runs[runs["status"] == "ok"]
     if len(slipped):

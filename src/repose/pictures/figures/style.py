@@ -2,7 +2,6 @@
 
 import io
 import math
-import os
 import textwrap
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager
@@ -20,7 +19,7 @@ from matplotlib.text import Text
 
 import repose.apparatus  # noqa: F401  (makes the responses of all bench tests known)
 from repose.core.errors import InputError
-from repose.core.files import write_bytes
+from repose.core.files import Path_, write_bytes
 from repose.core.parameters import FURTHER, SYMBOLS
 from repose.core.responses import Response
 from repose.core.targets import Target, Targets
@@ -197,7 +196,7 @@ def strips(panel: Axes, names: Sequence[str]) -> None:
     panel.tick_params(axis="y", length=0)
 
 
-def save(figure: Figure, out_path: str | Path, small_run: bool, further: Sequence[str] = (), dpi: int = DPI) -> None:
+def save(figure: Figure, out_path: Path_, small_run: bool, further: Sequence[str] = (), dpi: int = DPI) -> None:
     """Write a figure in the format of its path and in `further` ones, a small run marked; the same bytes each time."""
     if small_run:
         width, height = figure.get_size_inches()
@@ -212,7 +211,7 @@ def save(figure: Figure, out_path: str | Path, small_run: bool, further: Sequenc
         write_bytes(out_path.with_suffix(f".{kind}"), encoded(figure, kind, dpi).getvalue())
 
 
-def check_ending(path: str | os.PathLike[str]) -> None:
+def check_ending(path: Path_) -> None:
     """Raise InputError for an ending that no figure has."""
     endings = [f".{kind}" for kind in UNDATED]
     if Path(path).suffix not in endings:

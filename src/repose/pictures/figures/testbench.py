@@ -42,7 +42,7 @@ def simulated_pile(inputs: Inputs, study: Shown) -> Figure:
     frame = boxes(near, particle.bounding_radius_m * scales.max(initial=0.0))
     width = style.pixels(study, PILE_PIXELS)
     size: dict[str, Any] = {"width": width, "height": width // 2, "azimuth_deg": 20.0}
-    look = {"frame_m": frame, "scales": scales, "colour": study.colour}
+    look: dict[str, Any] = {"frame_m": frame, "scales": scales, "colour": study.colour}
     figure = style.new_figure(style.PAGE, style.PAGE / 2)
     figure.get_layout_engine().set(w_pad=0, h_pad=0)
     panel = figure.subplots()

@@ -138,7 +138,7 @@ def _surrogate(files: Files, targets: Targets, space: ParameterSpace) -> Predict
 
 def _runs(jobs: Sequence[str], targets: Targets) -> dict[str, list[Any]]:
     """Read the runs of each bench test."""
-    runs = defaultdict(list)
+    runs: dict[str, list[Any]] = defaultdict(list)
     for path in jobs:
         job, apparatus = read_job(path, targets)
         runs[apparatus] += job["runs"]
