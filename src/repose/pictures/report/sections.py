@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from repose.chain import card
-from repose.chain.answer import NOT_AGAIN, Check, Result, in_one_line, nearness, out_of_reach
+from repose.chain.answer import NOT_AGAIN, SAID, Check, Result, in_one_line, nearness, out_of_reach
 from repose.chain.design import METHODS
 from repose.core.files import read_json
 from repose.core.parameters import LABELS
@@ -71,6 +71,8 @@ def verdict(study: Results) -> tuple[str, str]:
         small_run=study.shown.small_run,
     )
     line = in_one_line(found.met, found.checks, found.reason, found.small_run)
+    if found.met is None and found.feasible:
+        line = line.replace(SAID[None], "targets predicted to be met")
     good = found.feasible and found.met is not False
     kind = ("good" if (study.chance["all"] or 0.0) >= SURE else "fair") if good else "bad"
     return kind, f"{line[0].upper()}{line[1:]} {_probability(study) if found.feasible else found.message}"
