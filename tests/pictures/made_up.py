@@ -23,12 +23,12 @@ PUBLISHED = ("aor_deg", "height_mm")
 def cone_of_berries(count=260, height_m=0.06, radius_m=0.11):
     """Centres and quaternions of berries scattered in a cone: looks like a pile, holds no physics."""
     rng = np.random.default_rng(3)
-    share = rng.random((count, 3))
-    z = height_m * (1 - share[:, 0] ** (1 / 3)) + 0.004
-    r = radius_m * (1 - z / (height_m + 0.005)) * np.sqrt(share[:, 1])
-    centres = np.column_stack([r * np.cos(6.283 * share[:, 2]), r * np.sin(6.283 * share[:, 2]), z])
+    a, b, c = rng.random((count, 3)).T
+    z = height_m * (1 - a ** (1 / 3)) + 0.004
+    r = radius_m * (1 - z / (height_m + 0.005)) * np.sqrt(b)
     quaternions = rng.normal(size=(count, 4))
-    return centres, quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)
+    quaternions /= np.linalg.norm(quaternions, axis=1, keepdims=True)
+    return np.column_stack([r * np.cos(6.283 * c), r * np.sin(6.283 * c), z]), quaternions
 
 
 def made_up_tables(folder, targets=TARGETS):
@@ -69,26 +69,23 @@ def made_up_tables(folder, targets=TARGETS):
     failed = [4, 50, 70]
     dataset.loc[failed, ["status", "reason"]] = ["jammed", "3 berries in the funnel at the end"]
     dataset.loc[failed, [*targets.names, *targets.errors]] = np.nan
-    comparison = pd.DataFrame({"method": ["random", "lhsdesign", "optimal"], "samples": 150})
+    comparison = pd.DataFrame({"method": ["random", "lhsdesign", "optimal"], "min_distance": [0.13, 0.2, 0.4]})
     frames = {"samples": samples_, "dataset": dataset, "predictions": predictions.drop(failed), "feasible": feasible}
     frames |= {"history": history, "table4": table4, "published": published, "theirs": theirs}
-    frames |= {"comparison": comparison.assign(min_distance=[0.13, 0.2, 0.4])}
+    frames["comparison"] = comparison
     for name, frame in frames.items():
         frame.to_csv(folder / f"{name}.csv", index=False)
-    weights = rng.normal(size=(12, 6)), rng.normal(size=(len(targets), 12))
-    write_network(folder / "network.json", targets.names, *weights)
+    write_network(folder / "network.json", targets.names, rng.normal(size=(12, 6)), rng.normal(size=(len(targets), 12)))
     return {path.stem: path for path in folder.iterdir()}
 
 
 def write_network(path, outputs, W1, W2):
     low, high = np.transpose([RANGES[name] for name in PARAMETERS])
-    arrays = {"W1": W1, "b1": np.zeros(len(W1)), "W2": W2, "b2": np.full(len(W2), 0.5)}
-    arrays |= {"input_min": low, "input_max": high}
-    arrays |= {"output_min": np.zeros(len(W2)), "output_max": np.ones(len(W2))}
-    content = {"inputs": list(PARAMETERS), "outputs": list(outputs), "surrogate": "network"}
-    content |= {"scaled_range": [-1.0, 1.0], "activation": ["tansig", "purelin"]}
-    content |= {name: np.asarray(value).tolist() for name, value in arrays.items()}
-    path.write_text(json.dumps(content))
+    arrays = {"W1": W1, "b1": np.zeros(len(W1)), "W2": W2, "b2": np.full(len(W2), 0.5), "input_min": low}
+    arrays |= {"input_max": high, "output_min": np.zeros(len(W2)), "output_max": np.ones(len(W2))}
+    content = {name: np.asarray(value).tolist() for name, value in arrays.items()}
+    content |= {"inputs": list(PARAMETERS), "outputs": list(outputs), "surrogate": "network"}
+    path.write_text(json.dumps(content | {"scaled_range": [-1.0, 1.0], "activation": ["tansig", "purelin"]}))
 
 
 def made_up_drum(folder, centres, quaternions):
@@ -101,9 +98,9 @@ def made_up_drum(folder, centres, quaternions):
     angle = np.minimum(5.0 * time_s, 44.0) - np.where(time_s > 10.2, 4.0, 0.0)
     record = pd.DataFrame({"seed": 7, "time_s": time_s, "turned_deg": 5.0 * time_s, "surface_deg": angle + 1})
     record.assign(bed_deg=angle, energy_j=1e-8).to_csv(folder / "record.csv", index=False)
-    run = {"seed": 7, "status": "ok", "report_time_s": 5.4, "before_time_s": 10.2, "before_bed_deg": 44.0}
-    run |= {"before_turned_deg": 51.0}
-    pd.DataFrame([run | {"after_time_s": 12.0}]).to_csv(folder / "runs.csv", index=False)
+    run = {"seed": 7, "status": "ok", "report_time_s": 5.4, "before_time_s": 10.2, "after_time_s": 12.0}
+    run |= {"before_bed_deg": 44.0, "before_turned_deg": 51.0}
+    pd.DataFrame([run]).to_csv(folder / "runs.csv", index=False)
     depth = np.arange(2.5, 50.0, 5.0)
     profile = pd.DataFrame({"seed": 7, "depth_mm": depth, "moved_mm": 60 * np.exp(-depth / 12)})
     profile.assign(moved_sd_mm=5.0, berries=40).to_csv(folder / "profile.csv", index=False)
@@ -122,15 +119,12 @@ def made_up_inputs(folder):
     centres, quaternions = cone_of_berries()
     in_pile = np.ones(len(centres), bool)
     np.savez(folder / "heap.npz", position_7=centres, quaternion_7=quaternions, in_pile_7=in_pile)
-    frames = np.stack([np.full_like(centres, np.nan), centres, centres]).astype(np.float32)
-    turns = np.stack([quaternions] * 3).astype(np.float32)
+    frames, turns = np.float32([centres * np.nan, centres, centres]), np.float32([quaternions] * 3)
     np.savez(folder / "trajectory.npz", time_s=[0.0, 9.0, 18.0], position=frames, quaternion=turns)
     made_up_drum(folder, centres - [0.0, 0.0, 0.1], quaternions)
     (folder / "summary.json").write_text(json.dumps({"feasible": True, "message": ""}))
-    intervals = pd.DataFrame({"parameter": PARAMETERS})
-    intervals["low"] = [0.199, 0.600, 0.036, 0.202, 0.455, 0.181]
-    intervals["high"] = [0.256, 0.659, 0.038, 0.248, 0.529, 0.188]
-    intervals.to_csv(folder / "table3.csv", index=False)
+    low, high = [0.199, 0.600, 0.036, 0.202, 0.455, 0.181], [0.256, 0.659, 0.038, 0.248, 0.529, 0.188]
+    pd.DataFrame({"parameter": PARAMETERS, "low": low, "high": high}).to_csv(folder / "table3.csv", index=False)
     made_up_studies.write(folder, CONFIG)
     return {path.stem: path for path in folder.iterdir()} | {"folder": folder}
 

@@ -51,19 +51,16 @@ def made_up_study(folder, targets, surrogate="network", fixed=(), runs=12):
         "dataset_summary": {"text": "60 of 60 samples can be used."},
         "summary": {"feasible": True, "message": "6 sets found."},
     }
-    jobs = []
-    for bench in found.apparatus:
-        of_bench = [one.response.apparatus == bench for one in found]
-        names = [name for name, own in zip(found.names, of_bench, strict=True) if own]
-        rows = [dict(zip(names, row, strict=True)) | {"status": "ok"} for row in simulated[:, of_bench].tolist()]
-        runs_of = [row | {"seed": k} for k, row in enumerate(rows)]
+    files = {name: folder / f"{name}.csv" for name in frames}
+    files |= {name: folder / f"{name}.json" for name in ("network", *texts, "particle")}
+    for bench, own in found.benches.items():
+        rows = pd.DataFrame(simulated[:, own], columns=[found.names[k] for k in own])
+        runs_of = rows.assign(status="ok", seed=range(runs)).to_dict("records")
         texts[f"job_{bench}"] = {"sample": 1, "parameters": ANSWER, "apparatus": bench, "runs": runs_of}
-        jobs.append(folder / f"job_{bench}.json")
     for name, content in texts.items():
         (folder / f"{name}.json").write_text(json.dumps(content))
     made_up_pour(folder)
-    files = {name: folder / f"{name}.csv" for name in frames}
-    files |= {name: folder / f"{name}.json" for name in ("network", *list(texts)[:3], "particle")}
+    jobs = [folder / f"job_{bench}.json" for bench in found.apparatus]
     return config, jobs, files | {"trajectory": folder / "trajectory.npz"}
 
 
@@ -72,7 +69,7 @@ def made_up_pour(folder):
     particle = build.fit_particle(build.ellipsoid_mesh([21.14, 11.37, 9.88], subdivisions=2), 840.47)
     particle.save(folder / "particle.json")
     centres, quaternions = cone_of_berries(80)
-    positions = np.stack([centres + np.array([0, 0, 0.1]) * share for share in np.linspace(1, 0, 9)])
+    positions = np.float32([centres + np.array([0, 0, 0.1]) * share for share in np.linspace(1, 0, 9)])
     positions[:5, 40:] = np.nan
-    bodies = {"position": positions.astype(np.float32), "quaternion": np.float32(np.stack([quaternions] * 9))}
-    np.savez(folder / "trajectory.npz", time_s=np.linspace(0, 4, 9), **bodies)
+    times = np.linspace(0, 4, 9)
+    np.savez(folder / "trajectory.npz", time_s=times, position=positions, quaternion=np.float32([quaternions] * 9))

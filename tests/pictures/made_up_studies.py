@@ -48,16 +48,13 @@ def _uncertainty(folder, rng, space, targets):
     predicted = {name: {"mean": 30.0, "low": 29.0, "high": 31.0} for name in targets.names}
     summary |= {"least_effective_draws": 90.0, "predicted": predicted, "not_implausible_share": 0.5}
     (folder / "posterior_summary.json").write_text(json.dumps(summary))
-    sobol = [
-        {"response": response, "parameter": name, "first": 0.15, "first_low": 0.1, "first_high": 0.2}
-        | {"total": 0.2, "total_low": 0.18, "total_high": 0.22}
-        for response in targets.names
-        for name in space.free
-    ]
-    pd.DataFrame(sobol).to_csv(folder / "sobol.csv", index=False)
+    sobol = pd.DataFrame(itertools.product(targets.names, space.free), columns=["response", "parameter"])
+    sobol = sobol.assign(first=0.15, first_low=0.1, first_high=0.2, total=0.2, total_low=0.18, total_high=0.22)
+    sobol.to_csv(folder / "sobol.csv", index=False)
     ranges = zip(space.free, low, high, strict=True)
     effects = pd.concat(pd.DataFrame({"parameter": name, "value": np.linspace(*ends, 5)}) for name, *ends in ranges)
-    effects = effects.assign(**{one.name: one.value + effects["value"] for one in targets})
+    for one in targets:
+        effects[one.name] = one.value + effects["value"]
     effects.to_csv(folder / "effects.csv", index=False)
 
 
@@ -87,8 +84,7 @@ def _rounds(folder, targets):
     rounds["outcome"] = ["not within", "no pile", "within"]
     shares = {"target": [1, 1, 1], "predicted": [1, 1.001, 1]}
     shares |= {"simulated": [0.96, np.nan, 1.005], "se": [0.006, np.nan, 0.005]}
-    for one in targets:
-        for what, share in shares.items():
-            rounds[derived(one.name, what)] = one.value * np.array(share)
+    for one, (what, share) in itertools.product(targets, shares.items()):
+        rounds[derived(one.name, what)] = one.value * np.array(share)
     rounds.to_csv(folder / "batches.csv", index=False)
     (folder / "refined_summary.json").write_text(json.dumps({"why": "round 2 meets both targets"}))

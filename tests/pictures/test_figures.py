@@ -2,7 +2,6 @@
 
 import functools
 import json
-import struct
 from itertools import combinations
 from pathlib import Path
 
@@ -10,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from made_up import CONFIG, inputs_of, made_up_inputs, words, write_network
+from matplotlib.colors import to_rgb
 from PIL import Image
 from refusals import input_error, not_refused
 
@@ -33,12 +33,11 @@ def inputs(tmp_path_factory):
 
 
 def size_of(path):
-    return struct.unpack(">II", path.read_bytes()[16:24])
+    return Image.open(path).size
 
 
-# The figures of the strategies are drawn in tests/strategies.
-OF_A_STRATEGY = {"pareto_screening", "pareto_surface", "perturbation", "contours", "sequential"}
-OF_TARGETS = {"profiles"}  # drawn in test_figures_of_targets.py
+# Drawn in tests/strategies and, the last, in test_figures_of_targets.py.
+ELSEWHERE = {"pareto_screening", "pareto_surface", "perturbation", "contours", "sequential", "profiles"}
 
 
 def read_by(name):
@@ -67,17 +66,19 @@ def drawn(inputs, tmp_path_factory):
     return functools.cache(lambda name: (draw_small(name, inputs, path := folder / f"{name}.png"), path))
 
 
-DRAWN = sorted(set(figures.FIGURES) - OF_A_STRATEGY - OF_TARGETS)
-
-
+DRAWN = sorted(set(figures.FIGURES) - ELSEWHERE)
 SLOW = [pytest.param(name, marks=pytest.mark.slow) if name == "region" else name for name in DRAWN]
+
+
+def check_size(path):
+    width, height = size_of(path)
+    assert 400 < width < 1400, path.stem
+    assert 250 < height < 1400, path.stem
 
 
 @pytest.mark.parametrize("name", SLOW)
 def test_every_figure_is_drawn(name, drawn):
-    width, height = size_of(drawn(name)[1])
-    assert 400 < width < 1400
-    assert 250 < height < 1400
+    check_size(drawn(name)[1])
 
 
 def test_every_sketch_of_a_bench_test_is_drawn(tmp_path, monkeypatch):
@@ -86,9 +87,7 @@ def test_every_sketch_of_a_bench_test_is_drawn(tmp_path, monkeypatch):
 
     for name in sketches.SKETCHES:
         sketches.draw(name, tmp_path / f"{name}.png", CONFIG)
-        width, height = size_of(tmp_path / f"{name}.png")
-        assert 400 < width < 1400, name
-        assert 250 < height < 1400, name
+        check_size(tmp_path / f"{name}.png")
     assert {path.stem for path in (ROOT / "examples/bench_tests").glob("*.yaml")} == set(sketches.SKETCHES)
 
 
@@ -111,18 +110,20 @@ def test_figures_have_titles_captions_with_numbers_formats_and_their_fonts(input
     given, config = (inputs_of("sobol", inputs), CONFIG | {"figures": {"format": ["png", "pdf", "svg"], "dpi": 90}})
     for folder in ("first", "second"):
         figures.draw("sobol", given, tmp_path / folder / "it.png", config)
-    files = {path.suffix: path.read_bytes() for path in (tmp_path / "first").iterdir() if path.stem == "it"}
+    files, again = (
+        {path.suffix: path.read_bytes() for path in (tmp_path / folder).iterdir() if path.stem == "it"}
+        for folder in ("first", "second")
+    )
     assert set(files) == {".png", ".pdf", ".svg"}
-    for suffix, content in files.items():
-        assert (tmp_path / "second" / f"it{suffix}").read_bytes() == content, "the same bytes in every run"
+    assert again == files, "the same bytes in every run"
     assert size_of(tmp_path / "first/it.png")[0] == pytest.approx(style.PAGE * 90, abs=1)
     assert b"/FontFile2" in files[".pdf"]
     assert b"/Type3" not in files[".pdf"], "a journal wants text of TrueType"
     assert b"<text" not in files[".svg"], "its letters are outlines"
     figures.draw("sobol", given, tmp_path / "alone" / "it.pdf", config)
     assert [path.name for path in (tmp_path / "alone").glob("it*")] == ["it.pdf"]
-    with pytest.raises(InputError, match=r"it\.eps: ending is '\.eps'; expected \.png or \.pdf or \.svg"):
-        figures.draw("sobol", given, tmp_path / "it.eps", config)
+    ending = r"it\.eps: ending is '\.eps'; expected \.png or \.pdf or \.svg"
+    input_error(ending, figures.draw, "sobol", given, tmp_path / "it.eps", config)
 
 
 @pytest.mark.parametrize("name", ["figure02", "figure13", "convergence"])
@@ -131,9 +132,8 @@ def test_a_small_run_has_a_band_across_the_top(name, inputs, drawn, tmp_path):
     figures.draw(name, inputs_of(name, inputs), paths[1], CONFIG | {"small_run": True})
     width, height = size_of(paths[0])
     assert size_of(paths[1]) == (width, pytest.approx(height + 0.24 * style.DPI, abs=1))
-    pictures = [np.asarray(Image.open(path).convert("RGB")).astype(int) for path in paths]
-    red = np.array([int(style.RED[k : k + 2], 16) for k in (1, 3, 5)])
-    banded, plain = ((abs(picture[:40] - red).max(axis=-1) < 3).sum() for picture in reversed(pictures))
+    tops = [np.asarray(Image.open(path).convert("RGB")).astype(int)[:40] for path in paths]
+    plain, banded = ((abs(top - 255 * np.array(to_rgb(style.RED))).max(axis=-1) < 3).sum() for top in tops)
     assert banded > 5000 > plain
 
 
@@ -151,9 +151,9 @@ def test_figures_say_what_a_reader_has_to_know(inputs, drawn, tmp_path, monkeypa
     table["aor_predicted_deg"] = table["height_predicted_mm"] = value + np.array([1, -1, 1, -1])
     table.to_csv(changed["predictions"], index=False)
     pd.DataFrame({"sample": range(4), "aor_se_deg": 0.5, "height_se_mm": 0.5}).to_csv(changed["dataset"])
-    table = pd.DataFrame({"solution": [5], "aor_predicted_deg": [33.0], "height_predicted_mm": [63.0]})
-    table["aor_simulated_deg"], table["height_simulated_mm"] = 30.0, 70.0
-    table.to_csv(changed["table4"], index=False)
+    row = {"solution": 5, "aor_predicted_deg": 33.0, "height_predicted_mm": 63.0}
+    row |= {"aor_simulated_deg": 30.0, "height_simulated_mm": 70.0}
+    pd.DataFrame([row]).to_csv(changed["table4"], index=False)
     corner = ("NOT CONVERGED", "EXTRAPOLATED", "best draw 2.00 standard deviations")
     failed = ("3 of 150 samples gave no result", "3 jammed")
     nothing = ("no set is predicted inside all ranges: the ", "nearest: 3.1 deg short")
@@ -193,27 +193,22 @@ def test_bad_names_are_named_and_the_approach_shows_bars_and_the_pile_its_defini
     text = words(figure)
     assert "near enough, ±1 %" in text
     assert "round 2 meets both targets" in text
-    line = figure.axes[0].get_lines()
-    simulated = next(one for one in line if one.get_marker() == "o").get_ydata()
-    np.testing.assert_allclose(simulated, [-4, np.nan, 0.5], atol=1e-9)
+    simulated = next(line for line in figure.axes[0].get_lines() if line.get_marker() == "o")
+    np.testing.assert_allclose(simulated.get_ydata(), [-4, np.nan, 0.5], atol=1e-9)
     ticks = [tick.get_text() for tick in drawn("figure02")[0].axes[0].get_yticklabels()]
-    assert len(ticks) > 2
-    assert all(tick.isdigit() for tick in ticks)
-    figure, _ = drawn("plane")
-    title = figure.legends[0].get_title().get_text()
+    assert len([tick for tick in ticks if tick.isdigit()]) == len(ticks) > 2
+    title = drawn("plane")[0].legends[0].get_title().get_text()
     assert title.startswith(plane.BARS)
     assert line_of(CONFIG["measure"]) in title.replace("\n", " ")
     figure, _ = drawn("definitions")
     figure.canvas.draw()  # at the resolution of its texts' places
     text = words(figure)
-    assert "fit_" not in text
     assert "80 % of the height" in text
+    assert "fit_" not in text
     assert figure.legends[0].get_window_extent().y1 < figure.axes[1].get_window_extent().y0
 
-    labels = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert len(labels) == len(DEFINITIONS)
-    for label, name in zip(labels, DEFINITIONS, strict=True):
-        assert label.split("°  ")[1] == line_of(CONFIG["measure"], name)
+    labels = [text.get_text().split("°  ")[1] for text in figure.legends[0].get_texts()]
+    assert labels == [line_of(CONFIG["measure"], name) for name in DEFINITIONS]
     for panel in figure.axes:
         boxes = [one.get_window_extent() for one in panel.texts]
         assert not any(a.overlaps(b) for a, b in combinations(boxes, 2))
@@ -226,10 +221,9 @@ def test_a_figure_with_the_calibrated_angle_names_its_line(name, inputs, drawn, 
     if name in ("figure10", "plane"):  # of all outputs of a network; of pairs of targets
         return
     without = []
-    monkeypatch.setattr(style, "save", lambda figure, *_: without.append(figure))
-    config = CONFIG | {"targets": CONFIG["targets"][1:]}
-    figures.draw(name, inputs_of(name, inputs), tmp_path / "it.png", config)
-    assert line not in words(without.pop()).replace("\n", " ")
+    monkeypatch.setattr(style, "save", lambda figure, *_: without.append(words(figure).replace("\n", " ")))
+    figures.draw(name, inputs_of(name, inputs), tmp_path / "it.png", CONFIG | {"targets": CONFIG["targets"][1:]})
+    assert line not in without.pop()
 
 
 def test_the_angle_has_its_lines_in_figure_6_and_a_search_without_result_its_axes(inputs, drawn, tmp_path):
@@ -253,7 +247,7 @@ def test_the_angle_has_its_lines_in_figure_6_and_a_search_without_result_its_axe
         figure.canvas.draw()
     (panel,) = figure.axes  # none for the number of solutions, 0 all along
     assert panel.get_title(loc="left") == "no feasible solution was met"
-    assert len(list(filter(None, (tick.get_text() for tick in panel.get_yticklabels())))) > 1
+    assert sum(bool(tick.get_text()) for tick in panel.get_yticklabels()) > 1
 
 
 @pytest.mark.parametrize("fresh", [False, True])
@@ -265,8 +259,7 @@ def test_predicted_and_simulated_responses_have_equal_axes(fresh, inputs, drawn)
             figure = surrogate.predicted_against_simulated(files, CONFIG)
             figure.canvas.draw()
     for panel in figure.axes:
-        assert panel.get_xlim() == panel.get_ylim()
-        assert panel.get_aspect() == 1
+        assert (panel.get_xlim(), panel.get_aspect()) == (panel.get_ylim(), 1)
         assert panel.get_xticks().tolist() == panel.get_yticks().tolist()
     text = words(figure)
     assert ("new points: R²" in text) is fresh
@@ -280,9 +273,8 @@ def test_large_weights_draw_no_thick_lines_and_a_scale_bar_has_its_length(inputs
     write_network(tmp_path / "network.json", ["aor_deg", "height_mm"], W1, [[1.0, 1.0, 1.0], [1.0, 1.0, 0.5]])
     with style.applied():
         figure = surrogate.network_structure({"network": tmp_path / "network.json"}, CONFIG)
-    (panel,) = figure.axes
-    from_input = [line for line in panel.lines if line.get_xdata()[0] == 0]
-    widths = np.reshape([line.get_linewidth() for line in from_input], (6, 3)).mean(axis=1)
+    widths = [line.get_linewidth() for line in figure.axes[0].lines if line.get_xdata()[0] == 0]  # from an input
+    widths = np.reshape(widths, (6, 3)).mean(axis=1)
     assert np.argsort(widths)[::-1][:2].tolist() == [2, 0]
     assert widths[1] == pytest.approx(widths[4], abs=0.01)  # mus_gg as an input without any weight
     assert {"90 % ↗", "10 % ↘"} <= set(words(figure).split(" | "))

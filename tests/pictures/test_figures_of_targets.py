@@ -19,7 +19,7 @@ from repose.core.published import STALE
 from repose.core.responses import derived, response
 from repose.core.targets import Targets
 from repose.pictures import figures
-from repose.pictures.figures import checks, discrepancy, plane, region, samples, search, style, surrogate
+from repose.pictures.figures import style
 from repose.studies import implausibility
 
 FURTHER = [target("base_radius_mm", 110.0, 6.0, 100.0, 120.0), target("drum_slip_deg", 44.0, 2.0, 40.0, 48.0, 5)]
@@ -29,6 +29,14 @@ CHOICES = {1: TARGETS[:1], 2: TARGETS, 4: [*TARGETS, *FURTHER]}
 def config_of(count, **changes):
     own = {"targets": CHOICES[count], "parameters": RANGES, "small_run": False}
     return own | {"design": {"method": "optimal", "seed": 1}} | changes
+
+
+def draw(name, inputs, config):
+    """A figure by its name, laid out, and its texts."""
+    with style.applied():
+        figure = figures.FIGURES[name].draw(inputs, config)
+        figure.canvas.draw()
+    return figure, words(figure).split(" | ")
 
 
 def made_up(folder, count, feasible=True):
@@ -41,23 +49,21 @@ def made_up(folder, count, feasible=True):
 def test_the_planes_of_the_targets_show_samples_ranges_and_answer(count, panels, feasible, tmp_path):
     files = made_up(tmp_path, count, feasible)
     inputs = {key: files[key] for key in ("dataset", "table4", "feasible")}
-    with style.applied():
-        figure = plane.planes(inputs | {"pool": files["dataset"]}, config_of(count))
-        style.save(figure, tmp_path / "figure.png", small_run=False)
+    figure, result = draw("plane", inputs | {"pool": files["dataset"]}, config_of(count))
     assert len(figure.axes) == panels
-    result = texts(figure)
     assert "147 parameter sets of the design, simulated" in result  # three failed
     assert "147 further sets, simulated" in result
     assert any("± 1 standard error" in text for text in result)
-    label = f"measured, mean of {TARGETS[0]['repetitions']} repetitions"
+    first = TARGETS[0]
+    label = f"measured, mean of {first['repetitions']} repetitions"
     (measured,) = [bars for bars in figure.axes[0].containers if bars.get_label() == label]
     across = measured.lines[2][0].get_segments()[0][:, 0]
-    error = TARGETS[0]["sd"] / np.sqrt(TARGETS[0]["repetitions"])
-    np.testing.assert_allclose(across, TARGETS[0]["value"] + error * np.array([-1, 1]))
+    error = first["sd"] / np.sqrt(first["repetitions"])
+    np.testing.assert_allclose(across, [first["value"] - error, first["value"] + error])
     assert ("nearest solutions, none feasible, predicted" in result) is not feasible
     assert ("feasible solutions, predicted" in result) is feasible
     (box,) = figure.axes[0].patches
-    assert (box.get_x(), box.get_width()) == (TARGETS[0]["range"][0], np.diff(TARGETS[0]["range"])[0])
+    assert (box.get_x(), box.get_width()) == (first["range"][0], np.diff(first["range"])[0])
 
 
 X = list(range(-20, 21, 5))
@@ -89,15 +95,13 @@ def test_solutions_have_a_strip_for_each_target(names, tmp_path, monkeypatch):
     config = config_of(len(names), parameters=RANGES | {"mus_gp": {"fixed": 0.5}})
     inputs = {"feasible": made_up(tmp_path, len(names))["feasible"], "summary": tmp_path / "s.json"}
     inputs["summary"].write_text(json.dumps({"feasible": True}))
-    with style.applied():
-        figure = search.feasible_solutions(inputs, config)
-        style.save(figure, tmp_path / "a.png", small_run=False)
+    figure, result = draw("figure14", inputs, config)
     strips = figure.axes[1:]
     assert [panel.get_title(loc="left") for panel in strips] == list("bcdef")[: len(names)]
     labels = [panel.get_xlabel() for panel in strips]
     assert labels == [f"predicted {response(name).symbol} ({response(name).unit})" for name in names]
     assert len(figure.axes[0].get_yticklabels()) == 5  # the fixed parameter has no strip
-    assert "90 feasible solutions" in words(figure)
+    assert "a   90 feasible solutions" in result
 
 
 DRAWN = {
@@ -106,21 +110,13 @@ DRAWN = {
 }  # fmt: skip
 
 
-def texts(figure):
-    return words(figure).split(" | ")
-
-
 @pytest.mark.parametrize("count", [1, 4])
 @pytest.mark.parametrize("name", DRAWN)
 def test_a_figure_names_each_target_by_its_symbol_and_unit(name, count, tmp_path):
     files, config = made_up(tmp_path, count), config_of(count)
     if name == "dataset":  # which has a panel for each free parameter and target
         config["parameters"] = RANGES | {name: {"fixed": 0.3} for name in PARAMETERS[2:]}
-    inputs = {key: files[key] for key in DRAWN[name]}
-    with style.applied():
-        figure = figures.FIGURES[name].draw(inputs, config)
-        style.save(figure, tmp_path / "figure.png", small_run=False)
-    result = texts(figure)
+    _, result = draw(name, {key: files[key] for key in DRAWN[name]}, config)
     for one in Targets.of(CHOICES[count]).responses:
         label = one.symbol if name == "figure10" else f"({one.unit})"
         assert any(one.symbol in text and label in text for text in result), one.name
@@ -131,55 +127,48 @@ def test_every_mark_of_the_published_solutions_has_its_words_and_stale_numbers_a
     files, config = made_up(tmp_path, 2), config_of(2)
     column = derived("aor_deg", "published_simulated")
     table = pd.read_csv(files["published"])
-    table.assign(**{column: [table[column][0], *5 * [np.nan]]}).to_csv(files["published"], index=False)
-    with style.applied():
-        result = texts(checks.published_solutions({"published": files["published"]}, config))
+
+    def result_of(table):
+        table.to_csv(files["published"], index=False)
+        return draw("published", {"published": files["published"]}, config)[1]
+
+    result = result_of(table.assign(**{column: [table[column][0], *5 * [np.nan]]}))
     assert result.count("not published") == 5
     assert {"measured ± standard deviation", "measured mean", "published simulation"} <= set(result)
     simulated, measured = (derived("aor_deg", f"published_{word}") for word in ("simulated", "measured"))
     table[simulated], table[measured] = [*5 * [32.0], np.nan], [*5 * [np.nan], 31.27]
     for stale in (False, True):
-        table.assign(stale=[*5 * [False], stale]).to_csv(files["published"], index=False)
-        with style.applied():
-            result = texts(checks.published_solutions({"published": files["published"]}, config))
+        result = result_of(table.assign(stale=[*5 * [False], stale]))
         assert "published measurement" in result
         assert "not published" not in result
         assert (STALE in result) == stale
-    lacking = table.drop(columns="height_simulated_mm")  # as where the stored table lacks a response
-    lacking.to_csv(files["published"], index=False)
-    with style.applied():
-        result = texts(checks.published_solutions({"published": files["published"]}, config))
+    result = result_of(table.drop(columns="height_simulated_mm"))  # as where the stored table lacks a response
     assert any("AoR" in text for text in result)
     assert not any("Height" in text for text in result)
 
 
 def test_a_target_that_was_not_published_and_a_profile_are_drawn(tmp_path, monkeypatch):
     files = made_up(tmp_path, 4)
-    with style.applied():
-        inputs = {"table4": files["table4"], "published": files["theirs"]}
-        result = texts(checks.validation(inputs, config_of(4)))
-        assert result.count("not published") == 2
-        assert "published" in result
-        result = texts(checks.published_solutions({"published": files["published"]}, config_of(4)))
-        assert "published simulation" in result
-        alone = config_of(4, targets=FURTHER)
-        assert "not published" not in texts(checks.validation(inputs, alone))
-        assert len(checks.validation(inputs, alone).axes) == 2
-        result = texts(checks.published_solutions({"published": files["published"]}, alone))
-        assert "published simulation" not in result
+    inputs = {"table4": files["table4"], "published": files["theirs"]}
+    _, result = draw("validation", inputs, config_of(4))
+    assert result.count("not published") == 2
+    assert "published" in result
+    alone = config_of(4, targets=FURTHER)
+    figure, result = draw("validation", inputs, alone)
+    assert "not published" not in result
+    assert len(figure.axes) == 2
+    for config, there in ((config_of(4), True), (alone, False)):
+        assert ("published simulation" in draw("published", {"published": files["published"]}, config)[1]) is there
     monkeypatch.setitem(CHOICES, 5, of_profile(TARGETS))
     files = made_up(tmp_path, 5)
-    with style.applied():
-        figure = figures.FIGURES["profiles"].draw({"table4": files["table4"]}, config_of(5))
-        style.save(figure, tmp_path / "figure.png", small_run=False)
+    figure, result = draw("profiles", {"table4": files["table4"]}, config_of(5))
     (panel,) = figure.axes
-    assert {"measured ± SD", "predicted", "simulated ± SE"} <= set(texts(figure))
+    assert {"measured ± SD", "predicted", "simulated ± SE"} <= set(result)
     predicted = next(line for line in panel.lines if line.get_label() == "predicted")
     # the made-up prediction is the target, a parabola that three scores describe
     np.testing.assert_allclose(predicted.get_ydata(), HEIGHTS, atol=1e-9)
     inputs = {key: files[key] for key in ("dataset", "table4", "feasible")}
-    with style.applied():
-        assert len(plane.planes(inputs, config_of(5)).axes) == 1  # scores have no planes
+    assert len(draw("plane", inputs, config_of(5))[0].axes) == 1  # scores have no planes
 
 
 def test_fixed_parameters_have_no_panel_priors_are_the_axis_and_unknown_outputs_are_named(tmp_path):
@@ -187,22 +176,16 @@ def test_fixed_parameters_have_no_panel_priors_are_the_axis_and_unknown_outputs_
     fixed = {name: {"fixed": 0.3} for name in PARAMETERS[2:]}
     config = config_of(2, parameters=RANGES | fixed)
     fewer = config | {"parameters": config["parameters"] | {"mus_gg": {"fixed": 0.5}}}
-    with style.applied():
-        over = samples.responses_over_parameters({"dataset": files["dataset"]}, config)
-        pairs, one = (samples.design_matrix({"samples": files["samples"]}, some) for some in (config, fewer))
-    assert [len(figure.axes) for figure in (over, pairs, one)] == [4, 4, 1]
+    for name, some, panels in (("dataset", config, 4), ("design", config, 4), ("design", fewer, 1)):
+        assert len(draw(name, {key: files[key] for key in ("samples", "dataset")}, some)[0].axes) == panels
     files = made_up(tmp_path, 1)
     prior = {"e_gg": {"prior": {"mean": 0.25, "sd": 0.02}}}
-    with style.applied():
-        figure = samples.responses_over_parameters(
-            {"dataset": files["dataset"]}, config_of(1, parameters=RANGES | prior)
-        )
+    figure, _ = draw("dataset", files, config_of(1, parameters=RANGES | prior))
     assert figure.axes[0].get_xlim() == pytest.approx((0.19, 0.31))
-    files = made_up(tmp_path, 1)
     network = json.loads(files["network"].read_text()) | {"outputs": ["colour_deg"]}
     files["network"].write_text(json.dumps(network))
-    with style.applied(), pytest.raises(Exception, match="colour_deg"):
-        surrogate.network_structure({"network": files["network"]}, config_of(1))
+    with pytest.raises(Exception, match="colour_deg"):
+        draw("figure10", files, config_of(1))
 
 
 NAMES = ("drum_slip_deg", "aor_deg", "height_mm", "base_radius_mm")
@@ -217,25 +200,16 @@ def uncertain_config(count):
     return {"targets": targets, "parameters": PARAMETERS_OF_A_STUDY, "refine": refine}
 
 
-@pytest.fixture
-def files(tmp_path):
-    def made(config):
-        made_up_tables(tmp_path, config["targets"])
-        made_up_studies.write(tmp_path, config)
-        return {path.stem: path for path in tmp_path.iterdir()}
-
-    return made
-
-
-def drawn(figure):
-    figure.canvas.draw()
-    return sum(panel.axison for panel in figure.axes), words(figure)
+def uncertain(folder, count):
+    config = uncertain_config(count)
+    made_up_tables(folder, config["targets"])
+    made_up_studies.write(folder, config)
+    return config, {path.stem: path for path in folder.iterdir()}
 
 
 @pytest.mark.parametrize("count", [1, 3, 4])
-def test_the_panels_are_those_of_targets_and_free_parameters(count, files):
-    config = uncertain_config(count)
-    made = files(config)
+def test_the_panels_are_those_of_targets_and_free_parameters(count, tmp_path):
+    config, made = uncertain(tmp_path, count)
     wanted = {
         "noise": (count + 2, "slip (deg)", None),
         "corner": (len(FREE) * (len(FREE) + 1) / 2, "predicted", count),
@@ -246,23 +220,23 @@ def test_the_panels_are_those_of_targets_and_free_parameters(count, files):
     for name, (panels, part, times) in wanted.items():
         if count == 3 and name != "approach":  # which alone has a row for three
             continue
-        with style.applied():
-            found, text = drawn(figures.FIGURES[name][0](inputs_of(name, made), config))
-        assert found == panels, name
+        figure, result = draw(name, inputs_of(name, made), config)
+        text = " | ".join(result)
+        assert sum(panel.axison for panel in figure.axes) == panels, name
         assert text.count(part) == times if times else part in text, name
         assert style.parameter_label("e_gg") not in text, name
         assert "uniform prior" not in text, name
 
 
-def test_the_curve_over_the_discrepancy(files):
-    inputs = {"discrepancy": files(uncertain_config(2))["discrepancy"]}
+def test_the_curve_over_the_discrepancy(tmp_path):
+    config, inputs = uncertain(tmp_path, 2)
     whole = pd.read_csv(inputs["discrepancy"])
     independent = whole[(whole["discrepancy_correlation"] == 0) & (whole["effective_points"] > 400)]
     for table, all_of_it in ((independent, False), (whole, True)):
         table.to_csv(inputs["discrepancy"], index=False)
-        with style.applied():
-            panels, text = drawn(discrepancy.over_the_discrepancy(inputs, uncertain_config(2)))
-        assert panels == 1 + len(FREE)
+        figure, result = draw("discrepancy", inputs, config)
+        text = " | ".join(result)
+        assert sum(panel.axison for panel in figure.axes) == 1 + len(FREE)
         assert "assumed, independent between targets" in text
         for part in ("fewer than 400 effective points", "assumed, correlation 0.9"):
             assert (part in text) == all_of_it, part
@@ -279,17 +253,15 @@ def test_the_region_has_its_parameters_on_the_right_axes(tmp_path):
     inputs = {"region": tmp_path / "region.csv", "summary": tmp_path / "summary.json"}
     table.to_csv(inputs["region"], index=False)
     write_json(inputs["summary"], {"not_implausible_share": share})
-    figure = region.not_excluded(inputs, config)
+    figure = figures.FIGURES["region"].draw(inputs, config)
     d = len(FREE)
     panels = np.array(figure.axes[: d * d]).reshape(d, d)
     assert sum(panel.axison for panel in panels.flat) == d * (d - 1)
     depth, least = (panels[place].collections[0] for place in ((0, 1), (1, 0)))
-    rows, columns = depth.get_array(), least.get_array()
     half = implausibility.CELLS // 2
-    assert (rows[:half] == 0).all()
-    assert (rows[half:] == 1).all()
-    assert (columns[:, :half] == 4).all()
-    assert (columns[:, half:] == 1).all()
+    below = np.arange(implausibility.CELLS) < half
+    np.testing.assert_array_equal(depth.get_array(), np.where(below, 0, 1)[:, None] + 0 * below)
+    np.testing.assert_array_equal(least.get_array(), np.where(below, 4, 1) + 0 * below[:, None])
     colours = [to_hex(colour).upper() for colour in least.to_rgba(np.array([0.5, 1.5, 2.5, 4.0]))]
     assert len(set(colours)) == 4, "one band is not another"
     assert colours[-1] == style.RED, "excluded"

@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+from contextlib import contextmanager
 
 import numpy as np
 import pandas as pd
@@ -55,20 +56,21 @@ def pictures(folder):
 
 @pytest.fixture
 def opened(browser, folder):
-    with browser.new_context(viewport={"width": 800, "height": 600}, offline=True) as context:
-        opened = open_page(context, folder)
+    with page_in(browser, folder, 800, 600, offline=True) as opened:
         yield opened
-        assert opened.complaints == []
 
 
-def open_page(context, folder):
-    tab = context.new_page()
-    tab.complaints = []
-    tab.on("console", lambda message: tab.complaints.append(message.text) if message.type == "error" else None)
-    tab.on("pageerror", lambda error: tab.complaints.append(str(error)))
-    tab.on("request", lambda sent: tab.complaints.append(sent.url) if sent.url.startswith("http") else None)
-    tab.goto((folder / "report.html").as_uri())
-    return tab
+@contextmanager
+def page_in(browser, folder, width=1280, height=720, **options):
+    """A tab with the report of a folder; it complains of nothing."""
+    with browser.new_context(viewport={"width": width, "height": height}, **options) as context:
+        tab, complaints = context.new_page(), []
+        tab.on("console", lambda message: complaints.append(message.text) if message.type == "error" else None)
+        tab.on("pageerror", lambda error: complaints.append(str(error)))
+        tab.on("request", lambda sent: complaints.append(sent.url) if sent.url.startswith("http") else None)
+        tab.goto((folder / "report.html").as_uri())
+        yield tab
+        assert complaints == []
 
 
 def pixels(tab):
@@ -97,25 +99,23 @@ def move(tab, slider, value):
 
 def test_javascript_predicts_what_python_predicts_with_one_network_and_several(opened, folder):
     model = load(folder / "network.json")
-    rng = np.random.default_rng(2)
-    X = rng.uniform(0.02, 0.8, (40, len(PARAMETERS)))  # within and beyond the samples
-    found = opened.evaluate("X => X.map(networkPredictor(content.model))", X.tolist())
-    mean, std = model.predict(X, return_std=True, noise=False)
-    np.testing.assert_allclose([one["mean"] for one in found], mean, rtol=1e-6)
-    np.testing.assert_allclose([one["std"] for one in found], std, rtol=1e-4)  # the page has single precision
+
+    def compare(found, model, X):
+        mean, std = model.predict(X, return_std=True, noise=False)
+        np.testing.assert_allclose([one["mean"] for one in found], mean, rtol=1e-6)
+        np.testing.assert_allclose([one["std"] for one in found], std, rtol=1e-4)  # the page has single precision
+
+    X = np.random.default_rng(2).uniform(0.02, 0.8, (40, len(PARAMETERS)))  # within and beyond the samples
+    compare(opened.evaluate("X => X.map(networkPredictor(content.model))", X.tolist()), model, X)
     random = np.random.default_rng(3)
     X = random.uniform(size=(40, len(PARAMETERS)))
     Y = np.column_stack([X[:, 0] + X[:, 1] ** 2, X[:, 2]]) + random.normal(0, 0.1, (40, 2))
-    model = make("network_ensemble", NetworkSettings.of({"hidden": 3, "starts": 4, "epochs": 100, "goal": 0.0})).fit(
-        X, Y
-    )
+    settings = NetworkSettings.of({"hidden": 3, "starts": 4, "epochs": 100, "goal": 0.0})
+    model = make("network_ensemble", settings).fit(X, Y)
     assert len(model.members_) > 1
-    space = ParameterSpace.of({name: [0.0, 1.0] for name in PARAMETERS})
-    content = prediction.for_page(model, space, X[0])
+    content = prediction.for_page(model, ParameterSpace.of({name: [0.0, 1.0] for name in PARAMETERS}), X[0])
     found = opened.evaluate("([model, X]) => X.map(networkPredictor(model))", [content, X[:10].tolist()])
-    mean, std = model.predict(X[:10], return_std=True, noise=False)
-    np.testing.assert_allclose([one["mean"] for one in found], mean, rtol=1e-6)
-    np.testing.assert_allclose([one["std"] for one in found], std, rtol=1e-4)
+    compare(found, model, X[:10])
 
 
 def test_the_pile_is_drawn_turns_and_falls(opened):
@@ -161,33 +161,29 @@ def test_the_button_copies_the_parameters_and_a_table_sorts_both_ways(opened):
     for name, value in ANSWER.items():
         assert f"{name}: {value:g}  #" in copied
     opened.click("summary")
-    cells = "[...document.querySelectorAll('table.sorts tbody tr')].map((row) => Number(row.cells[0].textContent))"
-    column = f"() => {cells}"
+    rows = "document.querySelectorAll('table.sorts tbody tr')"
+    column = f"() => [...{rows}].map((row) => Number(row.cells[0].textContent))"
     before = opened.evaluate(column)
-    opened.click("table.sorts th:first-child button")
-    assert opened.evaluate(column) == sorted(before)
-    opened.click("table.sorts th:first-child button")
-    assert opened.evaluate(column) == sorted(before, reverse=True)
+    for reverse in (False, True):
+        opened.click("table.sorts th:first-child button")
+        assert opened.evaluate(column) == sorted(before, reverse=reverse)
 
 
 def test_a_phone_shows_all_without_scrolling_sideways(browser, folder):
-    with browser.new_context(viewport={"width": 360, "height": 740}, is_mobile=True) as context:
-        tab = open_page(context, folder)
+    with page_in(browser, folder, 360, 740, is_mobile=True) as tab:
         assert tab.evaluate("document.documentElement.scrollWidth") == 360
         figure = tab.locator(".pictures img").bounding_box()["width"]
         assert figure > 96 * style.PAGE, "it scrolls: its text is as large as on paper, or larger"
         assert reddish(pixels(tab)) > 50
         values = tab.locator("table.answer td:nth-child(3)")
         assert all(values.nth(k).bounding_box()["x"] < 360 for k in range(len(PARAMETERS)))
-        assert tab.complaints == []
 
 
 def test_print_is_one_page_with_the_answer_targets_table_4_and_the_pile(opened):
     opened.emulate_media(media="print")
-    for shown in (".verdict", "#origin", "table.answer", "table.check", "table.sets", "#pile", ".pair img"):
-        assert opened.locator(shown).first.is_visible(), shown
-    for hidden in ("#copy", "#play", "#sliders", "details", ".pictures"):
-        assert not opened.locator(hidden).first.is_visible()
+    shown = (".verdict", "#origin", "table.answer", "table.check", "table.sets", "#pile", ".pair img")
+    for part in (*shown, "#copy", "#play", "#sliders", "details", ".pictures"):
+        assert opened.locator(part).first.is_visible() is (part in shown), part
     opened.emulate_media(media="null", color_scheme="dark")
     paper = opened.pdf(prefer_css_page_size=True)
     assert len(re.findall(rb"/Type\s*/Page\b", paper)) == 1
@@ -201,8 +197,8 @@ def test_many_targets_and_sets_are_printed_on_one_page(browser, tmp_path):
     message = {"feasible": False, "message": 5 * "Nothing met in these ranges, and something else, too. "}
     files["summary"].write_text(json.dumps(message))
     page.write(config, jobs, files | pictures(tmp_path), {}, tmp_path / "report.html")
-    with browser.new_context() as context:
-        paper = open_page(context, tmp_path).pdf(prefer_css_page_size=True)
+    with page_in(browser, tmp_path) as tab:
+        paper = tab.pdf(prefer_css_page_size=True)
     assert len(re.findall(rb"/Type\s*/Page\b", paper)) == 1
 
 
@@ -242,20 +238,18 @@ def test_dark_is_dark_and_figures_stay_on_white(opened):
         colour = opened.locator(place).first.evaluate("(it, of) => getComputedStyle(it)[of]", of)
         return sum(map(int, re.findall(r"\d+", colour)[:3])) / 3
 
-    bright = {}
     for scheme in ("light", "dark"):
         opened.emulate_media(color_scheme=scheme)
         assert abs(lightness("body", "color") - lightness("body")) > 150
         assert lightness(".gauge text", "fill") > 130 or scheme == "light"
         assert lightness(".pictures img") == 255
-        bright[scheme] = lightness("body"), pixels(opened)[-50:, :3].mean()
-    assert all(dark < 60 < 200 < light for dark, light in zip(bright["dark"], bright["light"], strict=True))
+        for bright in (lightness("body"), pixels(opened)[-50:, :3].mean()):
+            assert bright > 200 if scheme == "light" else bright < 60
 
 
 def test_the_pile_is_beside_the_photograph_and_below_it_on_a_phone(browser, folder):
     for width, beside in ((1400, True), (800, True), (400, False)):
-        with browser.new_context(viewport={"width": width, "height": 740}) as context:
-            tab = open_page(context, folder)
+        with page_in(browser, folder, width, 740) as tab:
             pile, photograph = (tab.locator(it).bounding_box() for it in ("#pile", ".pair img"))
             assert (photograph["x"] >= pile["x"] + pile["width"]) is beside
             assert (photograph["y"] >= pile["y"] + pile["height"]) is not beside
@@ -263,12 +257,10 @@ def test_the_pile_is_beside_the_photograph_and_below_it_on_a_phone(browser, fold
 
 def test_a_surrogate_of_curves_moves_one_parameter_at_a_time(browser, tmp_path):
     page.write(*made_up_study(tmp_path, TARGETS[:1], "quadratic"), {}, tmp_path / "report.html")
-    with browser.new_context() as context:
-        tab = open_page(context, tmp_path)
+    with page_in(browser, tmp_path) as tab:
         move(tab, "slide-mus_gg", 0.75)
         move(tab, "slide-e_gg", 0.4)
         assert float(tab.input_value("#slide-mus_gg")) == pytest.approx(ANSWER["mus_gg"])
         point = np.array([[(ANSWER | {"e_gg": 0.4})[name] for name in PARAMETERS]])
         mean = load(tmp_path / "network.json").predict(point)
         assert float(tab.text_content("#predicted-aor_deg").split()[0]) == pytest.approx(mean[0, 0], rel=1e-3)
-        assert tab.complaints == []

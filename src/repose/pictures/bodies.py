@@ -34,6 +34,7 @@ class Bodies:
     turn: np.ndarray  # (N, 3, 3), rotation, body to world
     vertices: np.ndarray  # (N, V, 3), points of each body in the world, in m
     owner: np.ndarray  # int (N,), the body to which a part belongs; itself for a body of one part
+    largest_m: float  # bounding radius of the largest body, or of the first shape without any
 
 
 class _Ball:
@@ -52,42 +53,21 @@ def place_bodies(
     centres: np.ndarray, quaternions: np.ndarray, shapes: Sequence[Drawable], shape_ids: np.ndarray, scales: np.ndarray
 ) -> Bodies:
     """Give the bodies at their places as triangles; each sphere of a body of spheres is a part of its own."""
-    if all(_spheres(shape) is None for shape in shapes):
-        return _tessellated(centres, quaternions, shapes, shape_ids, scales, np.arange(len(centres)))
     turn = rotation_matrices(quaternions)
-    parts = []
+    drawn, parts = [*shapes, _Ball()], []
     for kind, shape in enumerate(shapes):
-        members, spheres = np.flatnonzero(shape_ids == kind), _spheres(shape)
-        if spheres is None:
+        members, spheres = np.flatnonzero(shape_ids == kind), getattr(shape, "spheres_m", ())
+        if not len(spheres):
             parts.append((centres[members], scales[members], np.full(len(members), kind), members))
             continue
-        own = np.tile(spheres, (len(members), 1))
-        owner = np.repeat(members, len(spheres))
+        drawn[kind] = _Ball()
+        own, owner = np.tile(spheres, (len(members), 1)), np.repeat(members, len(spheres))
         places = centres[owner] + scales[owner, None] * np.einsum("nij,nj->ni", turn[owner], own[:, :3])
         parts.append((places, scales[owner] * own[:, 3], np.full(len(owner), len(shapes)), owner))
     places, sizes, ids, owner = (np.concatenate(column) for column in zip(*parts, strict=True))
-    drawn = [_Ball() if _spheres(shape) is not None else shape for shape in shapes] + [_Ball()]
-    return _tessellated(places, quaternions[owner], drawn, ids, sizes, owner)
-
-
-def _spheres(shape: Drawable) -> np.ndarray | None:
-    """Give the spheres (M, 4) of a shape, or None for a shape without."""
-    spheres = getattr(shape, "spheres_m", None)
-    return spheres if spheres is not None and len(spheres) else None
-
-
-def _tessellated(
-    centres: np.ndarray,
-    quaternions: np.ndarray,
-    shapes: Sequence[Drawable],
-    shape_ids: np.ndarray,
-    scales: np.ndarray,
-    owner: np.ndarray,
-) -> Bodies:
-    """Give `Bodies` of convex parts."""
-    tessellated = [tessellate(shape) for shape in shapes]
+    tessellated = [tessellate(shape) for shape in drawn]
     points, normals = (np.array([body[k] for body in tessellated]) for k in range(2))
-    triangles = tessellated[0][2]
-    turn = rotation_matrices(quaternions)
-    vertices = np.einsum("nij,nvj->nvi", turn, scales[:, None, None] * points[shape_ids])
-    return Bodies(normals, triangles, shape_ids, turn, centres[:, None, :] + vertices, owner)
+    vertices = places[:, None, :] + np.einsum("nij,nvj->nvi", turn[owner], sizes[:, None, None] * points[ids])
+    radii = np.array([shape.bounding_radius_m for shape in shapes])
+    largest = float((radii[shape_ids] * scales).max(initial=0.0)) or float(radii[0])
+    return Bodies(normals, tessellated[0][2], ids, turn[owner], vertices, owner, largest)

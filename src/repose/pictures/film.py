@@ -9,13 +9,12 @@ import numpy as np
 from PIL import Image
 
 from repose.core.errors import InputError
-from repose.core.files import read_npz, write_bytes
+from repose.core.files import Path_, read_npz, write_bytes
 from repose.dem import Simulation
 from repose.pictures.backdrop import DrumInside
 from repose.pictures.bodies import Drawable
 from repose.pictures.render import render_bodies, render_pile
 from repose.pictures.scenery import Frustum, outline, setting_of
-from repose.pictures.shading import GRAIN
 
 if TYPE_CHECKING:
     from repose.apparatus.drum import DrumSettings
@@ -23,43 +22,37 @@ if TYPE_CHECKING:
 LAST_S = 1.6  # the last picture is shown this long
 KEYS = ("time_s", "position", "quaternion")
 FORMATS = {".gif": "GIF", ".webp": "WEBP"}
+MAX_BYTES = 3_000_000
 
 
 def animate_pour(
-    trajectory: str | Path,
-    particle: Drawable,
-    out_path: str | Path,
-    walls: Sequence[Frustum] = (),
-    frames: int = 72,
-    width: int = 360,
-    height: int = 460,
-    max_bytes: int = 3_000_000,
-    colour: str = GRAIN,
+    trajectory: Path_, particle: Drawable, out_path: Path_, walls: Sequence[Frustum] = (), frames: int = 72, **view: Any
 ) -> None:
-    """Write an endless animation of a pour as .gif or .webp, in at most `max_bytes`, if need be with fewer colours.
+    """Write an endless animation of a pour as .gif or .webp, in at most `MAX_BYTES`, if need be with fewer colours.
 
     `trajectory` is an .npz file with time_s (T,), position (T, N, 3) [m], NaN before a grain appears, quaternion (T, N,
-    4) and perhaps scale (N,). The frames are spread evenly over the time. `colour` is #rrggbb. Raises InputError for a
-    bad trajectory, another ending or a file that stays too large.
+    4) and perhaps scale (N,). The frames are spread evenly over the time. `view` goes to
+    `repose.pictures.render.render_bodies`. Raises InputError for a bad trajectory, another ending or a file that stays
+    too large.
     """
-    out_path = _checked(out_path)
-    times, positions, quaternions, scales = _moving(read_npz(trajectory, KEYS, "the trajectory of a pour"))
+    out_path, record = _checked(out_path), read_npz(trajectory, KEYS, "the trajectory of a pour")
+    positions, scales = record["position"], _scales(record)
     resting = positions[-1][np.isfinite(positions[-1]).all(axis=1)].astype(float)
     reach = particle.bounding_radius_m * float(scales.max(initial=0.0))
     # Grains that rolled far away may leave the picture; the pile and the funnel may not.
     away = np.hypot(resting[:, 0], resting[:, 1])
     frame = outline(resting[away < 2 * np.median(away)], reach, walls)
     frame = np.concatenate([frame, [[0, 0, frame[:, 2].max() + 2 * reach]]])
-    view = (10.0, 20.0, width, height, walls)
+    look: dict[str, Any] = {"width": 360, "height": 460, "elevation_deg": 10.0, "azimuth_deg": 20.0} | view
+    look |= {"walls": walls, "frame_m": frame, "scales": scales}
     pictures = [
-        render_pile(positions[k], quaternions[k], particle, *view, frame_m=frame, scales=scales, colour=colour)
-        for k in _spread(times, frames)
+        render_pile(positions[k], record["quaternion"][k], particle, **look) for k in _spread(record["time_s"], frames)
     ]
-    _write_within(pictures, 0.08, out_path, max_bytes)
+    _write_within(pictures, 0.08, out_path, MAX_BYTES)
 
 
 def animate(
-    simulation: Simulation, frames: Mapping[str, np.ndarray], out_path: str | Path, pictures: int = 48, **view: Any
+    simulation: Simulation, frames: Mapping[str, np.ndarray], out_path: Path_, pictures: int = 48, **view: Any
 ) -> None:
     """Write an endless animation of any simulation; `frames` come from `repose.dem.Recorder.frames`.
 
@@ -85,31 +78,25 @@ def animate(
         render_bodies(frames["position"][k], frames["quaternion"][k], shapes, *shown, settings[k], **view)
         for k in _spread(times, pictures)
     ]
-    _write_within(drawn, 0.08, out_path)
+    _write_within(drawn, 0.08, out_path, MAX_BYTES)
 
 
 def animate_drum(
-    trajectory: str | Path,
-    particle: Drawable,
-    out_path: str | Path,
-    section: "DrumSettings",
-    frames: int = 72,
-    width: int = 380,
-    colour: str = GRAIN,
+    trajectory: Path_, particle: Drawable, out_path: Path_, section: "DrumSettings", frames: int = 72, **view: Any
 ) -> None:
     """Write an endless animation of a turning drum, seen along its axis; the marks on its rim turn with it.
 
-    `trajectory` is as for `animate_pour`, with turned_deg (T,) in addition; `section` is the configuration's `drum`.
+    `trajectory` and `view` are as for `animate_pour`, with turned_deg (T,) in addition; `section` is the
+    configuration's `drum`.
     """
     out_path = _checked(out_path)
     record = read_npz(trajectory, (*KEYS, "turned_deg"), "the trajectory of a drum")
-    times, positions, quaternions, scales = _moving(record)
-    angles_rad = np.radians(record["turned_deg"])
-    pictures = []
-    for k in _spread(times, frames):
+    look: dict[str, Any] = {"width": 380, "elevation_deg": 0.0, "azimuth_deg": -90.0} | view
+    angles_rad, pictures = np.radians(record["turned_deg"]), []
+    for k in _spread(record["time_s"], frames):
         inside = drum_inside(section, angles_rad[k])
-        look: dict[str, Any] = {"frame_m": inside.outline(), "backdrop": inside, "scales": scales, "colour": colour}
-        pictures.append(render_pile(positions[k], quaternions[k], particle, 0.0, -90.0, width, width, **look))
+        look |= {"height": look["width"], "frame_m": inside.outline(), "backdrop": inside, "scales": _scales(record)}
+        pictures.append(render_pile(record["position"][k], record["quaternion"][k], particle, **look))
     _write_within(pictures, 0.12, out_path, 3_900_000)
 
 
@@ -120,13 +107,12 @@ def drum_inside(section: "DrumSettings", turned_rad: float) -> DrumInside:
     return DrumInside(radius_m, 1e-3 * section.length_mm, thickness_m, float(turned_rad))
 
 
-def _moving(record: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Give times, positions, quaternions and scales of a trajectory."""
-    positions = record["position"]
-    return record["time_s"], positions, record["quaternion"], record.get("scale", np.ones(positions.shape[1]))
+def _scales(record: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Give the scales (N,) of the grains of a trajectory."""
+    return record.get("scale", np.ones(record["position"].shape[1]))
 
 
-def _checked(out_path: str | Path) -> Path:
+def _checked(out_path: Path_) -> Path:
     """Give the path; InputError for an ending that cannot be written."""
     out_path = Path(out_path)
     if out_path.suffix.lower() not in FORMATS:
@@ -139,18 +125,16 @@ def _spread(times: np.ndarray, frames: int) -> np.ndarray:
     return np.searchsorted(times, np.linspace(times[0], times[-1], min(frames, len(times))))
 
 
-def _write_within(pictures: Sequence[np.ndarray], frame_s: float, out_path: Path, max_bytes: int = 3_000_000) -> None:
+def _write_within(pictures: Sequence[np.ndarray], frame_s: float, out_path: Path, max_bytes: int) -> None:
     """Write RGB pictures with as many colours as max_bytes allows; InputError if even the fewest take more."""
     images = [Image.fromarray(picture) for picture in pictures]
     shown_ms = [round(1000 * frame_s)] * (len(images) - 1) + [round(1000 * LAST_S)]
-    kind, content = FORMATS[out_path.suffix.lower()], b""
+    content = b""
     for effort in range(5):
-        content = _encoded(images, shown_ms, kind, effort)
+        content = _encoded(images, shown_ms, FORMATS[out_path.suffix.lower()], effort)
         if len(content) <= max_bytes:
-            break
-    else:
-        raise InputError(out_path, "max_bytes", max_bytes, f"at least {len(content)} at this size and length")
-    write_bytes(out_path, content)
+            return write_bytes(out_path, content)
+    raise InputError(out_path, "max_bytes", max_bytes, f"at least {len(content)} at this size and length")
 
 
 def _encoded(pictures: Sequence[Image.Image], shown_ms: list[int], kind: str, effort: int) -> bytes:

@@ -14,8 +14,7 @@ from repose.dem import Simulation
 from repose.pictures import shading
 from repose.pictures.backdrop import DrumInside
 from repose.pictures.bodies import Bodies, Drawable, place_bodies
-from repose.pictures.scenery import FIELD_OF_VIEW_DEG, Camera, Frustum, Setting, look_at, outline, setting_of
-from repose.pictures.view import look
+from repose.pictures.scenery import FIELD_OF_VIEW_DEG, Frustum, Setting, look_at, outline, setting_of
 
 if TYPE_CHECKING:
     import trimesh
@@ -25,14 +24,8 @@ def render_pile(
     centres_m: np.ndarray,
     quaternions: np.ndarray,
     particle: Drawable,
-    elevation_deg: float = 14.0,
-    azimuth_deg: float = 20.0,
-    width: int = 1000,
-    height: int | None = None,
     walls: Sequence[Frustum] = (),
-    frame_m: np.ndarray | None = None,
     backdrop: DrumInside | None = None,
-    scales: np.ndarray | None = None,
     **view: Any,
 ) -> np.ndarray:
     """Give a shaded picture (height, width, 3), RGB, of grains of one shape; `view` goes to `render_bodies`.
@@ -40,8 +33,7 @@ def render_pile(
     `walls` are drawn translucent; a `backdrop` replaces the plate at z = 0.
     """
     setting = Setting(None if backdrop else 0.0, frusta=tuple(walls), backdrop=backdrop)
-    size = (elevation_deg, azimuth_deg, width, height, frame_m)
-    return render_bodies(centres_m, quaternions, [particle], None, scales, setting, *size, **view)
+    return render_bodies(centres_m, quaternions, [particle], setting=setting, **view)
 
 
 def render_bodies(
@@ -73,14 +65,12 @@ def render_bodies(
     centres = np.asarray(centres_m, float)[shown]
     kinds = np.zeros(len(shown), int) if shape_ids is None else np.asarray(shape_ids)[shown]
     sizes = np.ones(len(shown)) if scales is None else np.asarray(scales, float)[shown]
-    radii = np.array([shape.bounding_radius_m for shape in shapes])
-    largest = float((radii[kinds] * sizes).max(initial=0.0)) or float(radii[0])
-    frame = frame_m if frame_m is not None else outline(centres, largest, setting.frusta, setting.panels)
+    bodies = place_bodies(centres, np.asarray(quaternions, float)[shown], shapes, kinds, sizes)
+    frame = frame_m if frame_m is not None else outline(centres, bodies.largest_m, setting.frusta, setting.panels)
     rays = (width * supersample, height * supersample)
     camera = look_at(frame, *rays, elevation_deg, azimuth_deg, field_of_view_deg=field_of_view_deg)
-    bodies = place_bodies(centres, np.asarray(quaternions, float)[shown], shapes, kinds, sizes)
     tints = shading.tints_of(shown[bodies.owner], kinds[bodies.owner], len(centres_m), len(shapes), colour)
-    return _painted(camera, bodies, tints, largest, frame, setting, supersample)
+    return shading.paint(camera, bodies, tints, frame, setting, supersample)
 
 
 def render_mesh(mesh: "trimesh.Trimesh", frame_m: np.ndarray, supersample: int, colour: str, **view: Any) -> np.ndarray:
@@ -88,29 +78,13 @@ def render_mesh(mesh: "trimesh.Trimesh", frame_m: np.ndarray, supersample: int, 
     view |= {side: view[side] * supersample for side in ("width", "height")}
     one, vertices = np.zeros(1, int), np.asarray(mesh.vertices)[None]
     normals, faces = np.asarray(mesh.vertex_normals)[None], np.asarray(mesh.faces)
-    bodies = Bodies(normals, faces, one, np.eye(3)[None], vertices, one)
-    tints, largest = shading.tints_of(one, one, 1, 1, colour), float(np.linalg.norm(mesh.extents)) / 2
-    return _painted(look_at(frame_m, **view), bodies, tints, largest, frame_m, Setting(None), supersample)
-
-
-def _painted(
-    camera: Camera,
-    bodies: Bodies,
-    tints: np.ndarray,
-    largest: float,
-    frame: np.ndarray,
-    setting: Setting,
-    supersample: int,
-) -> np.ndarray:
-    """Give the picture of bodies in their places; `largest` is the radius of the largest in m."""
-    view = look(camera, bodies, setting)
-    lit, sky = shading.light_and_sky(camera, bodies, view, largest)
-    return shading.paint(camera, view, tints, lit, sky, frame, setting, supersample)
+    bodies = Bodies(normals, faces, one, np.eye(3)[None], vertices, one, float(np.linalg.norm(mesh.extents)) / 2)
+    tints = shading.tints_of(one, one, 1, 1, colour)
+    return shading.paint(look_at(frame_m, **view), bodies, tints, frame_m, Setting(None), supersample)
 
 
 def render_simulation(simulation: Simulation, **view: Any) -> np.ndarray:
     """Give a shaded picture (height, width, 3), RGB, of a simulation as it is; `view` goes to `render_bodies`."""
     centres = np.where(simulation.present[:, None], simulation.positions, np.nan)
-    shapes = list(simulation.shapes.values())
-    ids, scales = simulation.shape_ids, simulation.scales
-    return render_bodies(centres, simulation.quaternions, shapes, ids, scales, setting_of(simulation), **view)
+    looks = list(simulation.shapes.values()), simulation.shape_ids, simulation.scales
+    return render_bodies(centres, simulation.quaternions, *looks, setting_of(simulation), **view)

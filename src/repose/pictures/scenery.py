@@ -116,26 +116,26 @@ def look_at(
     seen = points_m @ axes.T
     centre = (seen.min(axis=0) + seen.max(axis=0)) / 2
     offset = seen - centre
-    reach = margin * np.maximum(np.abs(offset[:, 0]) * 2 / width, np.abs(offset[:, 1]) * 2 / height)
+    reach = margin * (np.abs(offset[:, :2]) * 2 / (width, height)).max(axis=1)
     distance = np.max(reach * focal - offset[:, 2])
     return Camera(centre @ axes + distance * back, axes, focal, width, height)
 
 
+def boxes(centres: np.ndarray, reach: float) -> np.ndarray:
+    """Give the corners (8 N, 3) in m of a box about each centre (N, 3)."""
+    spread = np.array(np.meshgrid([-reach, reach], [-reach, reach], [-reach, reach])).reshape(3, -1).T
+    return (centres[:, None, :] + spread).reshape(-1, 3)
+
+
 def outline(centres: np.ndarray, reach: float, walls: Sequence[Frustum], panels: Sequence[Panel] = ()) -> np.ndarray:
     """Give points (M, 3) in m that a picture of bodies and walls must contain; without panels also the origin."""
-    spread = np.array(np.meshgrid([-reach, reach], [-reach, reach], [-reach, reach])).reshape(3, -1).T
     around = np.linspace(0, 2 * math.pi, 36, endpoint=False)
-    rings = [
-        in_world(
-            np.asarray(wall.frame, float),
-            np.column_stack([radius * np.cos(around), radius * np.sin(around), np.full(36, z)]),
-        )
-        for wall in walls
-        for radius, z in ((wall.r_low_m, wall.z_low_m), (wall.r_high_m, wall.z_high_m))
-    ]
-    grains = (centres[:, None, :] + spread).reshape(-1, 3)
-    flat = [panel.corners_m for panel in panels]
-    return np.concatenate([grains, *rings, *flat, [[0.0, 0.0, 0.0]] if not flat else np.zeros((0, 3))])
+    points = [boxes(centres, reach), *(panel.corners_m for panel in panels)]
+    for wall in walls:
+        for radius, z in ((wall.r_low_m, wall.z_low_m), (wall.r_high_m, wall.z_high_m)):
+            ring = np.column_stack([radius * np.cos(around), radius * np.sin(around), np.full(36, z)])
+            points.append(in_world(np.asarray(wall.frame, float), ring))
+    return np.concatenate(points if panels else [*points, [[0.0, 0.0, 0.0]]])
 
 
 def setting_of(
@@ -148,7 +148,7 @@ def setting_of(
     """
     planes = simulation.walls.planes if planes is None else planes
     wall_frames = simulation.walls.frames if wall_frames is None else wall_frames
-    panels, plate = [], None
+    panels, plate, frusta = [], None, []
     for k, plane in enumerate(planes):
         others = planes[endless(planes) & (np.arange(len(planes)) != k)]
         if np.isinf(plane[6]) and plane[5] < -1 + 1e-9 and not len(others):
@@ -157,13 +157,11 @@ def setting_of(
         corners = plane_polygon(plane, simulation.lower, simulation.upper, others)
         if len(corners) > 2:
             panels.append(Panel(corners))
-    frusta = []
-    cones = simulation.wall_set.of(Cone)
-    n_meshes = len(simulation.wall_set.of(Mesh))
+    cones, meshes = simulation.wall_set.of(Cone), simulation.wall_set.of(Mesh)
     for cone, frame in zip(cones, wall_frames, strict=False):
         (r_low, z_low), (r_high, z_high) = cone_circles(cone.line)
         frusta.append(Frustum(z_low, r_low, z_high, r_high, tuple(frame)))
-    for mesh, frame in zip(simulation.wall_set.of(Mesh), wall_frames[len(wall_frames) - n_meshes :], strict=True):
+    for mesh, frame in zip(meshes, wall_frames[len(wall_frames) - len(meshes) :], strict=True):
         corners = in_world(np.asarray(frame, float), mesh.vertices_m)
         panels += [Panel(corners[face]) for face in mesh.faces]
     return Setting(plate, tuple(panels), tuple(frusta))

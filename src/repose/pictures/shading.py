@@ -11,7 +11,7 @@ from repose.pictures import raster
 from repose.pictures.backdrop import DrumInside
 from repose.pictures.bodies import Bodies
 from repose.pictures.scenery import Camera, Frustum, Setting
-from repose.pictures.view import View
+from repose.pictures.view import View, look
 
 BACKGROUND = np.array([0.975, 0.977, 0.980])
 PLATE = np.array([0.835, 0.842, 0.850])
@@ -20,6 +20,7 @@ GRAIN = "#cca86b"  # default grain colour
 OTHERS = np.array([[0.30, 0.42, 0.56], [0.45, 0.52, 0.26], [0.76, 0.125, 0.045]])  # second shape and on
 PANEL_SHARE = 0.93  # of the plate's brightness
 LIGHT = np.array([0.42, -0.38, 0.82]) / np.linalg.norm([0.42, -0.38, 0.82])  # in the camera's heading, z up
+LIGHT_PIXELS = 1400  # of the longer side of the depth map seen from the light
 
 
 def tints_of(body: np.ndarray, shape: np.ndarray, count: int, shapes: int, colour: str = GRAIN) -> np.ndarray:
@@ -50,16 +51,11 @@ class Seen(NamedTuple):
 
 
 def paint(
-    camera: Camera,
-    view: View,
-    tints: np.ndarray,
-    lit: np.ndarray,
-    sky: np.ndarray,
-    frame: np.ndarray,
-    setting: Setting,
-    supersample: int,
+    camera: Camera, bodies: Bodies, tints: np.ndarray, frame: np.ndarray, setting: Setting, supersample: int
 ) -> np.ndarray:
-    """Give the picture (H / supersample, W / supersample, 3), RGB, of a camera's view."""
+    """Give the picture (H / supersample, W / supersample, 3), RGB, of a camera on bodies."""
+    view = look(camera, bodies, setting)
+    lit, sky = _light_and_sky(camera, bodies, view)
     height, width = camera.height // supersample, camera.width // supersample
     picture = np.empty((height, width, 3), np.uint8)
     order = _far_to_near(setting.frusta, camera)
@@ -75,36 +71,27 @@ def paint(
     return picture
 
 
-def light_and_sky(camera: Camera, bodies: Bodies, view: View, largest: float) -> tuple[np.ndarray, np.ndarray]:
+def _light_and_sky(camera: Camera, bodies: Bodies, view: View) -> tuple[np.ndarray, np.ndarray]:
     """Give the shares (H, W) of the light and of the sky that reach each visible point; 1 without a point."""
     if not len(bodies.vertices):
         lit, sky = np.ones((2, *view.depth.shape), np.float32)
         return lit, sky
     light, lens = _light_axes(camera), (camera.eye_m, camera.axes, float(camera.focal_px))
-    light_map, origin, pixel_m = _light_map(bodies.vertices, bodies.triangles, light)
-    softness, bias, reach = 0.35 * largest, 0.03 * largest, 1.3 * largest
+    light_map, origin, pixel_m = _light_map(bodies, light)
+    softness, bias, reach = (share * bodies.largest_m for share in (0.35, 0.03, 1.3))
     lit = raster.lit_fraction(view.depth, view.normal, lens, light_map, light, origin, pixel_m, softness, bias, 24)
     # Far from all bodies the walls see the whole sky.
-    hit = view.hit
-    reach_px = math.ceil(reach * camera.focal_px / view.depth[hit].min(initial=np.inf))
-    near = maximum_filter(hit, size=2 * reach_px + 1)
-    sky = raster.openness(view.depth, view.normal, lens, near, reach, 20)
-    return lit, sky
+    reach_px = math.ceil(reach * camera.focal_px / view.depth[view.hit].min(initial=np.inf))
+    near = maximum_filter(view.hit, size=2 * reach_px + 1)
+    return lit, raster.openness(view.depth, view.normal, lens, near, reach, 20)
 
 
 def _paint_bodies(seen: Seen, camera: Camera, tints: np.ndarray) -> None:
-    """Paint the pixels that show a body."""
-    view, hit = seen.view, seen.view.hit
-    colour = np.clip(tints[view.body[hit]], 0, 1)
+    """Paint the pixels that show a body: Lambert's law, a waxy highlight and a rim of sky light."""
+    hit, towards = seen.view.hit, _light_axes(camera)[2]
+    colour = np.clip(tints[seen.view.body[hit]], 0, 1)
+    normal, lit, sky = seen.view.normal[hit], seen.lit[hit], seen.sky[hit]
     sight = seen.rays[hit] / np.linalg.norm(seen.rays[hit], axis=1, keepdims=True)
-    towards = _light_axes(camera)[2]
-    seen.image[hit] = _shade_bodies(colour, view.normal[hit], sight, towards, seen.lit[hit], seen.sky[hit])
-
-
-def _shade_bodies(
-    colour: np.ndarray, normal: np.ndarray, sight: np.ndarray, towards: np.ndarray, lit: np.ndarray, sky: np.ndarray
-) -> np.ndarray:
-    """Shade by Lambert, a waxy highlight and a rim of sky light; arrays (M, 3) and (M,)."""
     diffuse = np.clip(normal @ towards, 0, 1) * lit
     half = towards - sight
     half /= np.linalg.norm(half, axis=1, keepdims=True)
@@ -114,7 +101,7 @@ def _shade_bodies(
     ambient = (0.26 + 0.24 * (0.5 + 0.5 * normal[:, 2])) * sky
     glow = 0.10 * sky  # light that neighbours throw on each other has their colour and keeps the gaps warm
     base = colour * (0.93 * diffuse + ambient)[:, None] + colour * glow[:, None]
-    return base + (gloss + rim * sky)[:, None]
+    seen.image[hit] = base + (gloss + rim * sky)[:, None]
 
 
 def _paint_flat(seen: Seen, camera: Camera, frame: np.ndarray, backdrop: DrumInside | None) -> None:
@@ -177,16 +164,13 @@ def _sides(wall: Frustum, camera: Camera, rays: np.ndarray) -> list[tuple[Frustu
     a = own_rays[..., 0] ** 2 + own_rays[..., 1] ** 2 - r_step**2
     b = own_rays[..., 0] * eye[0] + own_rays[..., 1] * eye[1] - r_step * r_eye
     root = np.sqrt(np.maximum(b * b - a * (eye[0] ** 2 + eye[1] ** 2 - r_eye**2), 0))
-    sides = []
-    for sign in (1.0, -1.0):
-        with np.errstate(divide="ignore", invalid="ignore"):
-            sides.append((wall, (-b + sign * root) / a, root > 0))
-    return sides
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return [(wall, (-b + sign * root) / a, root > 0) for sign in (1.0, -1.0)]
 
 
 def _light_axes(camera: Camera) -> np.ndarray:
     """Give rows: two axes across the light, then towards it; the light turns with the camera."""
-    heading = np.array([camera.axes[2][0], camera.axes[2][1], 0.0])
+    heading = camera.axes[2] * (1.0, 1.0, 0.0)
     length = np.linalg.norm(heading)
     heading = heading / length if length > 1e-9 else camera.axes[1]
     towards = LIGHT[0] * camera.axes[0] + LIGHT[1] * heading + LIGHT[2] * np.array([0.0, 0.0, 1.0])
@@ -195,14 +179,12 @@ def _light_axes(camera: Camera) -> np.ndarray:
     return np.stack([across, np.cross(towards, across), towards])
 
 
-def _light_map(
-    vertices: np.ndarray, triangles: np.ndarray, axes: np.ndarray, size: int = 1400
-) -> tuple[np.ndarray, np.ndarray, float]:
+def _light_map(bodies: Bodies, axes: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """Give the depth map seen from the light (largest height towards the light), its origin and pixel size [m]."""
-    place = vertices @ axes.T
+    place = bodies.vertices @ axes.T
     low = place[..., :2].min(axis=(0, 1))
-    pixel_m = float((place[..., :2].max(axis=(0, 1)) - low).max() / size)
+    pixel_m = float((place[..., :2].max(axis=(0, 1)) - low).max() / LIGHT_PIXELS)
     x, y = (place[..., 0] - low[0]) / pixel_m, (place[..., 1] - low[1]) / pixel_m
     shape = (int(y.max()) + 2, int(x.max()) + 2)
     # its rows count upwards, so what is anticlockwise in a picture is clockwise here
-    return raster.draw(x, y, place[..., 2], triangles[:, ::-1], shape)[0], low, pixel_m
+    return raster.draw(x, y, place[..., 2], bodies.triangles[:, ::-1], shape)[0], low, pixel_m

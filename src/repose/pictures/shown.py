@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import Any
 
-from repose.core.parameter_space import ParameterSpace, range_of
+from repose.core.parameter_space import ParameterSpace
 from repose.core.targets import Targets
 
 Config = Mapping[str, Any]
@@ -40,9 +40,9 @@ class Shown:
     @cached_property
     def ranges(self) -> dict[str, tuple[float, float]]:
         """The ends of the axis of each parameter: its range, with some room around a fixed value."""
-        ranges = {}
-        for name in self.space.names:
-            low, high = range_of(name, self.config["parameters"][name])
-            room = 0.0 if high > low else 0.05 * abs(low) or 0.01
-            ranges[name] = (low - room, high + room)
+        space = self.space
+        ranges = dict(zip(space.free, zip(space.low.tolist(), space.high.tolist(), strict=True), strict=True))
+        for name, value in space.fixed.items():
+            room = 0.05 * abs(value) or 0.01
+            ranges[name] = (value - room, value + room)
         return ranges

@@ -80,7 +80,7 @@ def rows_of(path: str | os.PathLike) -> Rows:
 def checked_runs(
     study: Studied, rows: pd.DataFrame | Rows, source: object = "runs", enough: bool = True
 ) -> pd.DataFrame:
-    """Check a table of runs; return ``sample``, ``status``, parameters and responses.
+    """Check a table of runs; return ``sample``, ``status``, parameters and responses, with the turns as attribute.
 
     Columns of fixed parameters, ``sample``, ``run`` and ``status`` are optional. Rows with the same parameters are
     replicates. A run with another status than ``ok`` failed; its responses are not read. Samples are numbered in the
@@ -101,13 +101,14 @@ def checked_runs(
     ends = space.complete(np.array([space.low, space.high]))
     sets, faults = check(cells, map(_parameter, space.names, *ends.tolist()))
     responses, more = check(cells, [Column(name, words=RESPONSE) for name in names], failed)
-    turns = check(cells, [TURNS])[1]
-    refuse(source, [*faults, *more, *turns])
+    turns, others = check(cells, [TURNS])
+    refuse(source, [*faults, *more, *others])
     table = pd.DataFrame({"status": status, **sets, **responses})
     parameters = list(space.names)
     table[parameters] = np.clip(table[parameters].to_numpy(float), *ends)  # undo the rounding of a spreadsheet
     table["sample"] = _numbers_of_samples(table, rows, space, source, strategy(study.settings.strategy).repeats_points)
     table = table[["sample", "status", *space.names, *names]]
+    table.attrs[TURN] = np.nan_to_num(turns[TURN]).astype(int).tolist()
     _refuse_twice(table, rows, source)
     if enough:
         _require_enough(table, study, source)

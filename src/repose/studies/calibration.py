@@ -95,6 +95,13 @@ class Calibration(NamedTuple):
         """Write the page to read, one HTML file; it takes the extra `pictures`."""
         import_module("repose.pictures.report.own").write(self, Path(path))  # a room above this one
 
+    def plot(self, path: str | os.PathLike | None = None) -> Any:
+        """Draw runs, their history, intervals and posterior as a matplotlib Figure, and write it to `path` if given.
+
+        The path ends in .png, .pdf or .svg. It takes the extra `pictures`.
+        """
+        return import_module("repose.pictures.figures.own").plot(self, path)
+
     def as_answer(self) -> Result:
         """Put the answer in the form for the material card; it was not simulated again."""
         return Result(

@@ -26,16 +26,13 @@ from . import (  # noqa: F401  (registers the figures)
 )
 from .registry import FIGURES, Config, Drawn, Inputs
 
-ENDINGS = tuple(f".{kind}" for kind in style.UNDATED)
-
 
 def draw(name: str, inputs: Inputs, out_path: str | Path, config: Config, known: Mapping[str, Drawn] = FIGURES) -> None:
     """Draw a figure of `known` from `inputs`, paths by name; a PNG also gets the other formats of the configuration."""
     from repose.config.models import FiguresSettings
 
     out_path, files = Path(out_path), FiguresSettings.model_validate(config.get("figures", {}))
-    if out_path.suffix not in ENDINGS:
-        raise InputError(out_path, "ending", out_path.suffix, " or ".join(ENDINGS))
+    style.check_ending(out_path)
     if name not in known:
         raise InputError("figures", "name", name, ", ".join(known))
     needed, allowed = tuple(known[name].inputs), tuple(known[name].all_inputs)

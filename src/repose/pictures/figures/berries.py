@@ -1,8 +1,7 @@
 """Figures 2 and 7: the grains' sizes, and the particle made from the mesh."""
 
-import math
 import textwrap
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,9 +14,6 @@ from repose.particle.particle import KINDS, Body, Particle
 
 from . import style
 from .registry import Inputs, Shown, figure
-
-if TYPE_CHECKING:
-    import trimesh
 
 PICTURE_PIXELS = 400  # width of a body's picture at the default resolution
 
@@ -37,8 +33,7 @@ def sizes_and_sphericity(inputs: Inputs, study: Shown) -> Figure:
     of sizes says so in its first line, it is a reconstruction from published statistics and was not measured.
     """
     sizes = berry.read_sizes(inputs["sizes"])
-    figure = style.new_figure(style.PAGE, 2.1)
-    panels = figure.subplots(1, 4, sharey=True)
+    figure, panels = style.grid(4, 2.1, columns=4, sharey=True)
     for panel, (column, label, colour) in zip(panels, AXES, strict=False):
         _histogram(panel, sizes[column].to_numpy(), f"{label} (mm)", colour, "mm")
     sphericity = 100 * berry.sphericity(*(sizes[column].to_numpy() for column, _, _ in AXES))
@@ -54,6 +49,8 @@ def sizes_and_sphericity(inputs: Inputs, study: Shown) -> Figure:
 
 def _histogram(panel: Axes, values: np.ndarray, label: str, colour: str, unit: str) -> None:
     """Draw the histogram of one size with the normal curve of its mean and standard deviation."""
+    from scipy import stats  # slow to import
+
     mean, sd = values.mean(), values.std(ddof=1)
     # Equal grains have one bin, and a curve too narrow to see.
     sd_shown = max(sd, 1e-3 * mean)
@@ -61,8 +58,7 @@ def _histogram(panel: Axes, values: np.ndarray, label: str, colour: str, unit: s
     look = {"color": colour, "alpha": 0.55, "edgecolor": "white", "linewidth": 0.6}
     counts, edges, _ = panel.hist(values, bins=9, range=ends, **look)
     x = np.linspace(mean - 3.2 * sd_shown, mean + 3.2 * sd_shown, 200)
-    density = np.exp(-0.5 * ((x - mean) / sd_shown) ** 2) / (sd_shown * math.sqrt(2 * math.pi))
-    panel.plot(x, len(values) * (edges[1] - edges[0]) * density, color=style.BLACK)
+    panel.plot(x, len(values) * (edges[1] - edges[0]) * stats.norm.pdf(x, mean, sd_shown), color=style.BLACK)
     panel.set(xlabel=label, ylim=(0, max(panel.get_ylim()[1], 1.35 * counts.max())))
     style.note(panel, f"{mean:.2f} ± {sd:.2f} {unit}\nn = {len(values)}", x=0.98, ha="right")
 
@@ -77,6 +73,7 @@ def particle_and_mesh(inputs: Inputs, study: Shown) -> Figure:
     Figure 7. The grain: its mesh, and the particle that the simulator makes of the mesh.
     """
     # slow to import, and the other figures do without
+    from repose.particle import build
     from repose.particle.mesh import load_mesh
     from repose.pictures.render import render_bodies, render_mesh
     from repose.pictures.scenery import Setting, look_at
@@ -95,27 +92,19 @@ def particle_and_mesh(inputs: Inputs, study: Shown) -> Figure:
     _caption(panels[0], "a  mesh", chosen.mesh, f"{len(mesh.faces)} triangles")
     panels[0].imshow(render_mesh(in_m, **view))
     style.scale_bar(panels[0], look_at(frame_m, **camera), np.zeros(3), max(in_m.extents))
+    how = study.berry.spheres, study.berry.surface
     for panel, kind, letter in zip(panels[1:], KINDS, "bcd", strict=True):
+        poured = kind == chosen.kind
         try:
-            particle = _made(mesh, kind, chosen, study.berry)
+            particle = chosen if poured else build.make_particle(mesh, chosen.density_kg_m3, kind, *how)
         except InputError as error:
             _caption(panel, f"{letter}  {kind}", None, "\n".join(textwrap.wrap(str(error), 34)))
             continue
         alone = np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0, 0.0]]), [particle]
         panel.imshow(render_bodies(*alone, setting=Setting(None), **view))
         off = f"off by {1e3 * particle.deviation_max_m:.2f} mm at most,\n{1e3 * particle.deviation_rms_m:.3f} mm rms"
-        mark = " (poured)" if kind == chosen.kind else ""
-        _caption(panel, f"{letter}  {kind}{mark}", particle, f"{_parts(particle)}\n{off}")
+        _caption(panel, f"{letter}  {kind}{' (poured)' * poured}", particle, f"{_parts(particle)}\n{off}")
     return figure
-
-
-def _made(mesh: "trimesh.Trimesh", kind: str, chosen: Particle, section: Any) -> Particle:
-    """Give the chosen particle, or one of another kind from the same mesh."""
-    from repose.particle import build
-
-    if kind == chosen.kind:
-        return chosen
-    return build.make_particle(mesh, chosen.density_kg_m3, kind, section.spheres, section.surface)
 
 
 def _parts(particle: Particle) -> str:

@@ -33,9 +33,9 @@ def validation(inputs: Inputs, study: Shown) -> Figure:
     solutions = read_table(inputs["table4"], ("solution", *targets.predicted, *simulated))
     of_publication = read_table(inputs["published"], ("solution",)) if "published" in inputs else pd.DataFrame()
     published = published_responses(of_publication.columns, targets.responses)
-    sides = 2 if published else 1
+    widths = (1.15, 1) if published else (1,)
     figure = style.new_figure(style.PAGE, 0.6 + 1.9 * len(targets))
-    panels = figure.subplots(len(targets), sides, sharey="row", squeeze=False, width_ratios=(1.15, 1)[:sides])
+    panels = figure.subplots(len(targets), len(widths), sharey="row", squeeze=False, width_ratios=widths)
     for row, target in zip(panels, targets, strict=True):
         _predicted_and_simulated(row[0], solutions, target)
         row[0].set_ylabel(style.response_label(target.response))
@@ -63,8 +63,7 @@ def published_solutions(inputs: Inputs, study: Shown) -> Figure:
     """
     table = read_table(inputs["published"], ("solution",))
     targets = [target for target in study.targets if target.response.simulated in table]
-    figure = style.new_figure(style.PAGE, 0.3 + 2.3 * style.grid_rows(len(targets)))
-    panels = style.grid(figure, len(targets))
+    figure, panels = style.grid(len(targets), 2.3, further=0.3)
     for panel, target in zip(panels, targets, strict=True):
         _published_and_simulated(panel, table, target)
     style.name_panels(panels)
@@ -78,57 +77,47 @@ def published_solutions(inputs: Inputs, study: Shown) -> Figure:
 
 def _published_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -> None:
     """Draw one response of the published solutions, as published and as simulated here."""
-    x, response = np.arange(len(table)), target.response
-    _band(panel, target)
+    x, response = _measured(panel, table, target), target.response
     if (column := derived(response.name, "published_simulated")) in table:
-        published = table[column].to_numpy(float)
-        look = {"ms": 4.5, "mfc": "white", "color": style.ORANGE}
-        panel.plot(x - 0.12, published, "D", label="published simulation", **look)
         measured = table.get(derived(response.name, "published_measured"), pd.Series(np.nan, table.index))
+        look = {"ms": 4.5, "color": style.ORANGE}
+        panel.plot(x - 0.12, table[column], "D", label="published simulation", mfc="white", **look)
         if measured.notna().any():
-            panel.plot(x - 0.12, measured, "D", label="published measurement", ms=4.5, color=style.ORANGE)
-        for place in x[np.isnan(published) & measured.isna()]:
+            panel.plot(x - 0.12, measured, "D", label="published measurement", **look)
+        for place in x[table[column].isna() & measured.isna()]:
             panel.text(place - 0.3, target.value, "not published", rotation=90, ha="center", va="center", fontsize=6.8)
     error = table[response.error].fillna(0.0)
     words = "same parameters in this simulator ± standard error"
     panel.errorbar(x + 0.12, table[response.simulated], error, color=style.BLUE, label=words, **SIMULATED)
-    _name_solutions(panel, table)
     panel.set(ylabel=style.response_label(response), xlabel=f"published solution{WORD}")
     panel.margins(y=0.15)
 
 
 def _predicted_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -> None:
     """Draw one response of each solution, with the prediction's error in percent of the simulated value."""
-    response = target.response
+    x, response = _measured(panel, table, target), target.response
     predicted, simulated = (table[column].to_numpy(float) for column in (response.predicted, response.simulated))
-    error = table.get(response.error)
-    x = np.arange(len(table))
-    _band(panel, target)
+    error = table[response.error].fillna(0.0) if response.error in table else None
     panel.plot(x - 0.12, predicted, "o", ms=4.5, mfc="white", color=style.BLUE, label="predicted")
-    yerr, words = None if error is None else error.fillna(0.0), "simulated ± standard error over seeds"
-    panel.errorbar(x + 0.12, simulated, yerr, color=style.RED, label=words, **SIMULATED)
+    words = "simulated ± standard error over seeds"
+    panel.errorbar(x + 0.12, simulated, error, color=style.RED, label=words, **SIMULATED)
     look = {"xytext": (0, -9), "textcoords": "offset points", "ha": "center", "va": "top", "fontsize": 6.3}
     for place, before, after in zip(x, predicted, simulated, strict=True):
         if not np.isfinite(after) or after == 0:
             continue
-        off = f"{100 * abs((before - after) / after):.1f}"
-        panel.annotate(off, (place, min(before, after)), color=style.GREY, **look)
-    _name_solutions(panel, table)
+        off = 100 * abs((before - after) / after)
+        panel.annotate(f"{off:.1f}", (place, min(before, after)), color=style.GREY, **look)
     panel.margins(y=0.25)
 
 
-def _band(panel: Axes, target: Target) -> None:
-    """Draw the physical measurement: mean line and a band of one standard deviation."""
-    mean, sd = target.value, target.sd
-    style.band(panel, mean - sd, mean + sd, "measured ± standard deviation")
-    panel.axhline(mean, color=style.GREEN, lw=0.9, label="measured mean")
-
-
-def _name_solutions(panel: Axes, table: pd.DataFrame) -> None:
-    """Draw the solutions' names along the horizontal axis."""
+def _measured(panel: Axes, table: pd.DataFrame, target: Target) -> np.ndarray:
+    """Draw the measured mean and a band of one standard deviation over the solutions' names, and give their places."""
+    style.band(panel, target.value - target.sd, target.value + target.sd, "measured ± standard deviation")
+    panel.axhline(target.value, color=style.GREEN, lw=0.9, label="measured mean")
     names = table["solution"].astype(str).str.replace("representative", "repr.").tolist()
     if "role" in table:
         marked = table["role"] == "representative"
         names = [f"{name}\n(repr.)" if mark else name for name, mark in zip(names, marked, strict=True)]
     panel.set_xticks(range(len(names)), names)
     panel.set_xlim(-0.6, len(names) - 0.4)
+    return np.arange(len(names))

@@ -22,7 +22,7 @@ def over_the_discrepancy(inputs: Inputs, study: Shown) -> Figure:
     the best parameters, too. Above the information; below the 95 % interval of each parameter in its range. Where a
     shape study is given, its spread of plausible models is marked.
     """
-    names, ranges = study.space.free, study.ranges
+    names = study.space.free
     ends = [f"{name}_{end}" for name in names for end in ("low", "high")]
     table = read_table(inputs["discrepancy"], (*COLUMNS, *ends))
     stated, of_study = table[table["evidence"] == "stated"], table[table["evidence"] != "stated"]
@@ -44,7 +44,7 @@ def over_the_discrepancy(inputs: Inputs, study: Shown) -> Figure:
     panels = below.subplots(rows, 3, squeeze=False).ravel()
     for panel, name in zip(panels, names, strict=False):
         _intervals(panel, name, stated, of_study)
-        panel.set(ylabel=style.parameter_label(name), ylim=ranges[name])
+        panel.set(ylabel=style.parameter_label(name), ylim=study.ranges[name])
     below.suptitle("95 % intervals of the parameters, in their ranges", fontsize=8)
     for panel in panels[max(0, len(names) - 3) :]:
         panel.set_xlabel("discrepancy (%)")
@@ -55,11 +55,10 @@ def over_the_discrepancy(inputs: Inputs, study: Shown) -> Figure:
 
 def _intervals(panel: Axes, name: str, stated: pd.DataFrame, of_study: pd.DataFrame) -> None:
     """Draw the 95 % interval of one parameter: a band for each stated correlation, a bar for the shape study."""
+    ends = [f"{name}_low", f"{name}_high"]
     for k, (_, own) in enumerate(stated.groupby("discrepancy_correlation")):
-        low, high, look = own[f"{name}_low"], own[f"{name}_high"], style.series(k)
-        panel.fill_between(own["discrepancy_percent"], low, high, color=look["color"], alpha=0.18, lw=0)
-        for end in (low, high):
-            panel.plot(own["discrepancy_percent"], end, lw=1.1, **look)
-    for row in of_study.to_dict("records"):
-        at = row["discrepancy_percent"]
-        panel.plot([at, at], [row[f"{name}_low"], row[f"{name}_high"]], "-_", color=style.RED, lw=1.4, ms=6)
+        look = style.series(k)
+        panel.fill_between(own["discrepancy_percent"], *own[ends].to_numpy().T, color=look["color"], alpha=0.18, lw=0)
+        panel.plot(own["discrepancy_percent"], own[ends], lw=1.1, **look)
+    for _, row in of_study.iterrows():
+        panel.plot(2 * [row["discrepancy_percent"]], row[ends], "-_", color=style.RED, lw=1.4, ms=6)

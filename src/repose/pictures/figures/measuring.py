@@ -32,9 +32,8 @@ def definitions(inputs: Inputs, study: Shown) -> Figure:
     figure = style.new_figure(style.PAGE, 4.4)
     above, below = figure.subplots(2, 1, height_ratios=(1.5, 1))
     measured = _view(above, side_view(poured, particle, settings), settings)
-    places, members = (poured["position"], poured["quaternion"]), poured["in_pile"]
-    everywhere = pile.measure_pile(*places, particle, settings, members=members, scales=poured.get("scale"))
-    _views(below, everywhere, measured)
+    grains = {"members": poured["in_pile"], "scales": poured.get("scale")}
+    _views(below, pile.measure_pile(poured["position"], poured["quaternion"], particle, settings, **grains), measured)
     return figure
 
 
@@ -48,25 +47,23 @@ def _view(panel: Axes, image: np.ndarray, settings: pile.MeasureSettings) -> pil
     grey = np.where(image < 128, 205, 255).astype(np.uint8)
     panel.imshow(grey, cmap="gray", vmin=0, vmax=255, extent=extent)
     levels = [(settings.berry_height_mm or 0.0, "one grain")]
-    for end in (settings.fit_from, settings.fit_to):
-        if not isinstance(end, str):
-            levels.append((end * measured.height_mm, f"{100 * end:.0f} % of the height"))
+    ends = [end for end in (settings.fit_from, settings.fit_to) if not isinstance(end, str)]
+    levels += [(end * measured.height_mm, f"{100 * end:.0f} % of the height") for end in ends]
     for name, angle in measured.angles.items():
         look = {"color": COLOURS[name], "ls": STYLES[name]}
         for line in angle.lines:
             u, row = np.array(line).T
             panel.plot((u - crest) * scale, (measured.base_row - row) * scale, lw=1.5, **look)
-        panel.plot([], [], label=f"{angle.aor_deg:.1f}°  {line_of(vars(settings), name)}", **look)
+        panel.plot([], [], label=f"{angle.aor_deg:.1f}°  {line_of(settings, name)}", **look)
     left, right = panel.get_xlim()
     lowest = 0.0
     for z, name in sorted(levels):
         panel.axhline(z, color=style.GREY, lw=0.6, ls=":", zorder=0.5)
         lowest = max(z, lowest + 0.11 * measured.height_mm)  # words of near levels stand one above the other
         panel.text(right, lowest, f" {name}", va="center", fontsize=6.8)
-    panel.set(xlim=(left, right), ylim=(0, 1.08 * measured.height_mm), aspect="equal")
+    panel.set(xlim=(left, right), ylim=(0, 1.08 * measured.height_mm), aspect="equal", title="a  one view")
     panel.set(xlabel="distance from the crest (mm)", ylabel="height (mm)")
     panel.figure.legend(*panel.get_legend_handles_labels(), loc="outside lower left")
-    panel.set_title("a  one view")
     return measured
 
 
@@ -81,6 +78,5 @@ def _views(panel: Axes, everywhere: pile.PileResult, measured: pile.Measurement)
         if name in measured.angles:
             panel.plot(measured.angles[name].aor_deg, -k, "o", ms=7, mfc="none", mec=style.BLACK, mew=0.7)
     panel.set_yticks([-k for k in range(len(DEFINITIONS))], DEFINITIONS)
-    panel.set_ylim(0.9 - len(DEFINITIONS) - 0.4, 0.9)
-    panel.set_xlabel("angle of repose (deg)")
+    panel.set(ylim=(0.9 - len(DEFINITIONS) - 0.4, 0.9), xlabel="angle of repose (deg)")
     panel.set_title(f"b  all {everywhere.view_height_mm.size} views, their mean (bar), and view a (ring)")

@@ -1,6 +1,7 @@
 """Each pair of targets as a plane: reach of the samples, ranges of the targets, and the answer."""
 
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from repose.core.files import read_table
-from repose.core.targets import Target
+from repose.core.targets import Target, Targets
 
 from . import style
 from .registry import Inputs, Shown, figure
@@ -18,10 +19,12 @@ from .registry import Inputs, Shown, figure
 if TYPE_CHECKING:
     from repose.config.study import Study
 
+Tables = Mapping[str, pd.DataFrame]  # by the names in `SAMPLES`
 SAMPLES = {
     "dataset": ("parameter sets of the design, simulated", style.BLUE),
     "pool": ("further sets, simulated", style.SKY),
     "fresh": ("sets with many pours each", style.PURPLE),
+    "own": ("parameter sets, simulated", style.BLUE),
 }
 BARS = "a point is the mean of one parameter set's piles; bars: ± 1 standard error of a mean"
 
@@ -30,14 +33,14 @@ INPUTS = {"dataset": "{answer.dataset}", "feasible": "{answer.feasible}", "table
 POOL: dict[str, Any] = {"if_there": {"pool": "pool/dataset.csv", "fresh": "pool/fresh_dataset.csv"}}
 
 
-def _plain(targets: Iterable[Target]) -> list[Target]:
+def plain(targets: Targets) -> Targets:
     """Leave out the targets that are scores of a profile."""
-    return [target for target in targets if target.profile is None]
+    return Targets(target for target in targets if target.profile is None)
 
 
 def _has_pairs(study: "Study") -> bool:
     """Tell whether the targets have a plane."""
-    return len(_plain(study.targets)) > 1
+    return len(plain(study.targets)) > 1
 
 
 @figure("plane", "Targets against each other", INPUTS, **POOL, reads=("targets",), when=_has_pairs)
@@ -48,30 +51,38 @@ def planes(inputs: Inputs, study: Shown) -> Figure:
     ranges; the mean of the measured piles with its standard error; the predictions of the solutions that the search
     lists; and the answer, as predicted and as simulated with fresh seeds, with its standard error.
     """
-    targets = _plain(study.targets)
-    columns = [column for target in targets for column in (target.name, target.response.error)]
-    tables = {key: read_table(inputs[key], ("status", *columns)) for key in SAMPLES if key in inputs}
-    good = {key: table[table["status"] == "ok"] for key, table in tables.items()}
-    predicted = [target.response.predicted for target in targets]
+    targets = plain(study.targets)
     simulated = [target.response.simulated for target in targets]
-    solutions = read_table(inputs["feasible"], ("feasible", *predicted))
-    checked = read_table(inputs["table4"], ("role", *predicted, *simulated, *columns[1::2]))
+    tables = {
+        key: read_table(inputs[key], ("status", *targets.names, *targets.errors)) for key in SAMPLES if key in inputs
+    }
+    good = {key: table[table["status"] == "ok"] for key, table in tables.items()}
+    solutions = read_table(inputs["feasible"], ("feasible", *targets.predicted))
+    checked = read_table(inputs["table4"], ("role", *targets.predicted, *simulated, *targets.errors))
     answer = checked[checked["role"] == "representative"].iloc[0]
-    pairs = list(combinations(targets, 2))
-    width = style.PAGE if len(pairs) > 1 else 0.75 * style.PAGE
-    figure = style.new_figure(width, 4.7 * style.grid_rows(len(pairs)))
-    panels = style.grid(figure, len(pairs))
-    for panel, (across, up) in zip(panels, pairs, strict=True):
-        _samples(panel, good, across, up)
-        _targets(panel, across, up)
-        _solutions(panel, solutions, answer, across, up)
-    style.name_panels(panels)
-    look = {"loc": "outside lower center", "ncols": 2, "title": BARS, "title_fontsize": 6.8}
-    figure.legend(*panels[0].get_legend_handles_labels(), **look)
+    width = style.PAGE if len(targets) > 2 else 0.75 * style.PAGE
+    figure, panels = style.grid(math.comb(len(targets), 2), 4.7, width=width)
+    draw(panels, targets, good, solutions, answer, BARS)
     return figure
 
 
-def _samples(panel: Axes, tables: Mapping[str, pd.DataFrame], across: Target, up: Target) -> None:
+def draw(
+    panels: Sequence[Axes], targets: Targets, samples: Tables, solutions: pd.DataFrame, answer: pd.Series, bars: str
+) -> None:
+    """Draw each pair of targets with the means of `samples`, by the names in `SAMPLES`; `bars` explains their bars.
+
+    Of an answer without simulated responses only the prediction is shown.
+    """
+    for panel, (across, up) in zip(panels, combinations(targets, 2), strict=True):
+        _samples(panel, samples, across, up)
+        _targets(panel, across, up)
+        _solutions(panel, solutions, answer, across, up)
+    style.name_panels(panels)
+    look = {"loc": "outside lower center", "ncols": 2, "title": bars, "title_fontsize": 6.8}
+    panels[0].figure.legend(*panels[0].get_legend_handles_labels(), **look)
+
+
+def _samples(panel: Axes, tables: Tables, across: Target, up: Target) -> None:
     """Draw the means of the samples with their standard errors."""
     for key, table in tables.items():
         label, colour = SAMPLES[key]
@@ -84,15 +95,14 @@ def _samples(panel: Axes, tables: Mapping[str, pd.DataFrame], across: Target, up
 def _targets(panel: Axes, across: Target, up: Target) -> None:
     """Draw the box of the target ranges, and the mean of the measured piles with its standard error."""
     sides = across.high - across.low, up.high - up.low
-    look = {"fc": "none", "ec": style.GREEN, "lw": 1.4, "zorder": 3}
-    panel.add_patch(Rectangle((across.low, up.low), *sides, **look, label="asked for: target ranges"))
+    look = {"fc": "none", "ec": style.GREEN, "lw": 1.4, "zorder": 3, "label": "asked for: target ranges"}
+    panel.add_patch(Rectangle((across.low, up.low), *sides, **look))
     look = {"fmt": "D", "ms": 8, "color": style.BLACK, "elinewidth": 1.2, "capsize": 3, "zorder": 4}
-    errors = {"xerr": across.standard_error, "yerr": up.standard_error}
-    label = f"measured, mean of {across.repetitions} repetitions"
-    panel.errorbar(across.value, up.value, **errors, **look, label=label)
+    look |= {"xerr": across.standard_error, "yerr": up.standard_error}
+    panel.errorbar(across.value, up.value, label=f"measured, mean of {across.repetitions} repetitions", **look)
     for name, response in (("xlabel", across.response), ("ylabel", up.response)):
-        words = response.label if response.label == response.symbol else f"{response.label}, {response.symbol}"
-        panel.set(**{name: f"{words} ({response.unit or '–'})"})
+        before = "" if response.label == response.symbol else f"{response.label},"
+        panel.set(**{name: style.response_label(response, before)})
 
 
 def _solutions(panel: Axes, solutions: pd.DataFrame, answer: pd.Series, across: Target, up: Target) -> None:
@@ -103,10 +113,8 @@ def _solutions(panel: Axes, solutions: pd.DataFrame, answer: pd.Series, across: 
     panel.plot(solutions[x.predicted], solutions[y.predicted], "o", **look, label=f"{kind}, predicted")
     look = {"ms": 7, "mfc": "none", "color": style.RED, "zorder": 6}
     panel.plot(answer[x.predicted], answer[y.predicted], "s", **look, label="the answer, predicted")
-    errors = {
-        axis: None if pd.isna(answer[response.error]) else answer[response.error]
-        for axis, response in (("xerr", x), ("yerr", y))
-    }
-    look = {"fmt": "s", "ms": 6, "mec": "white", "elinewidth": 1.4, "capsize": 3, "zorder": 7} | errors
-    words = "the answer, simulated"
-    panel.errorbar(answer[x.simulated], answer[y.simulated], color=style.RED, label=words, **look)
+    if x.simulated not in answer:
+        return
+    look = {"fmt": "s", "ms": 6, "color": style.RED, "mec": "white", "elinewidth": 1.4, "capsize": 3, "zorder": 7}
+    look |= {key: answer[own.error] for key, own in (("xerr", x), ("yerr", y)) if pd.notna(answer[own.error])}
+    panel.errorbar(answer[x.simulated], answer[y.simulated], label="the answer, simulated", **look)

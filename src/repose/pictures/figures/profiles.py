@@ -1,6 +1,6 @@
 """Profiles among the targets: heights as measured, as predicted and as simulated, each with its band."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,6 +13,7 @@ from . import style
 from .registry import Inputs, Shown, figure
 
 TABLE_4 = {"table4": "{answer.table4}"}
+NUMBERS = ("predicted", "simulated", "error")
 
 
 class Line(NamedTuple):
@@ -32,33 +33,23 @@ def profiles(inputs: Inputs, study: Shown) -> Figure:
     smooth profiles of the scores.
     """
     targets = study.targets
-    names = {name: [one for one in targets if one.profile == profile] for name, profile in targets.profiles.items()}
-    columns = [column for own in names.values() for one in own for column in columns_of(one.response)]
+    columns = [getattr(one.response, number) for one in targets if one.profile for number in NUMBERS]
     table = read_table(inputs["table4"], ("role", *columns))
     answer = table[table["role"] == "representative"].iloc[0]
-    figure = style.new_figure(style.PAGE, 2.6 * style.grid_rows(len(names)))
-    panels = style.grid(figure, len(names))
-    for panel, (name, profile) in zip(panels, targets.profiles.items(), strict=True):
+    figure, panels = style.grid(len(targets.profiles), 2.6)
+    for panel, profile in zip(panels, targets.profiles.values(), strict=True):
+        own = [one for one in targets if one.profile == profile]
         predicted, simulated, error = (
-            answer[[columns_of(one.response)[k] for one in names[name]]].to_numpy(float) for k in range(3)
+            answer[[getattr(one.response, number) for one in own]].to_numpy(float) for number in NUMBERS
         )
+        half = np.sqrt(profile.basis**2 @ np.square(np.nan_to_num(error)))  # the errors of scores are independent
         lines = (
             Line("predicted", profile.heights(predicted), 0.0),
-            Line("simulated ± SE", profile.heights(simulated), band(profile, np.nan_to_num(error))),
+            Line("simulated ± SE", profile.heights(simulated), half),
         )
-        draw(panel, profile, names[name][0].sd * np.sqrt(profile.functions), lines)
+        draw(panel, profile, own[0].sd * np.sqrt(profile.functions), lines)
     style.name_panels(panels)
     return figure
-
-
-def columns_of(response: Any) -> tuple[str, str, str]:
-    """Give the columns of a score's prediction, simulation and standard error."""
-    return response.predicted, response.simulated, response.error
-
-
-def band(profile: Profile, sd: np.ndarray) -> np.ndarray:
-    """Give the standard deviations (n,) of the heights of scores with independent errors (functions,)."""
-    return np.sqrt(profile.basis**2 @ np.square(sd))
 
 
 def draw(panel: Axes, profile: Profile, sd: float, lines: tuple[Line, ...]) -> None:

@@ -1,5 +1,6 @@
 """The closed loop: the simulated proposal approaches the targets, round by round."""
 
+import math
 import textwrap
 from collections.abc import Mapping
 
@@ -34,7 +35,7 @@ def approach(inputs: Inputs, study: Shown) -> Figure:
     responses = study.targets.responses
     columns = [derived(response.name, what) for response in responses for what in COLUMNS]
     rounds = read_table(inputs["batches"], ("round", "n_seeds", "outcome", *columns))
-    section, rows = study.refine, style.grid_rows(len(responses))
+    section, rows = study.refine, math.ceil(len(responses) / 2)
     figure = style.new_figure(style.PAGE, 3.9 * rows)
     panels = figure.subplots(2 * rows, min(2, len(responses)), sharex=True, height_ratios=HEIGHTS * rows, squeeze=False)
     for k, response in enumerate(responses):
@@ -67,8 +68,7 @@ def _deviations(
     """Draw one response: its tolerance as a band, hollow diamonds as predicted, means as simulated with errors."""
     place = rounds["round"].to_numpy(float)
     simulated, predicted = (100 * (values[what] / values["target"] - 1) for what in ("simulated", "predicted"))
-    style.band(panel, -tolerance, tolerance, f"near enough, ±{tolerance:g} %")
-    panel.axhline(0, color=style.GREY, lw=0.7)
+    style.near_enough(panel, tolerance)
     panel.plot(place - 0.06, predicted, "D", ms=4.5, mfc="white", mec=style.BLACK, ls="", label="predicted", zorder=3)
     look = {"marker": "o", "ms": 4.5, "lw": 0.9, "elinewidth": 1.1, "capsize": 2.5, "color": colour}
     error = 100 * values["se"] / values["target"]

@@ -4,8 +4,6 @@ The form is that of Vernon, Goldstein & Bower 2010, Bayesian Analysis 5, 619: th
 parameters on one side of the diagonal, the optical depth on the other.
 """
 
-from typing import Any
-
 import numpy as np
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
@@ -45,6 +43,9 @@ def not_excluded(inputs: Inputs, study: Shown) -> Figure:
     share = read_json(inputs["summary"], ("not_implausible_share",))["not_implausible_share"]
     names, edges = study.space.free, _edges(study.space, table["x_quantile"].nunique())
     last = len(names) - 1
+    colours = ListedColormap([colour for colour, _ in BANDS.values()])
+    least = {"cmap": colours, "norm": BoundaryNorm([0.0, *list(BANDS)[:-1], 1e9], colours.N)}
+    open_share = {"cmap": "Blues", "vmin": 0.0, "vmax": table["share"].max() or 1.0}
     figure = style.new_figure(style.PAGE, 1.08 * style.PAGE)
     panels = figure.subplots(len(names), len(names), squeeze=False)
     depth = None
@@ -56,13 +57,11 @@ def not_excluded(inputs: Inputs, study: Shown) -> Figure:
             continue
         first, second = sorted((row, column))
         cells = table[(table["x"] == names[first]) & (table["y"] == names[second])]
-        below = row > column
+        cells = cells.pivot(index="y_quantile", columns="x_quantile")
         # rows of the picture follow the parameter of the panel's row
-        value = "least_implausibility" if below else "share"
-        grid = cells.pivot(index="y_quantile", columns="x_quantile", values=value)
-        shown = np.ma.masked_invalid((grid if below else grid.T).to_numpy(float))
-        look = _bands() if below else {"cmap": "Blues", "vmin": 0.0, "vmax": table["share"].max() or 1.0}
-        mesh = panel.pcolormesh(edges[column], edges[row], shown, rasterized=True, **look)
+        below = row > column
+        shown = (cells["least_implausibility"] if below else cells["share"].T).to_numpy(float)
+        mesh = panel.pcolormesh(edges[column], edges[row], shown, rasterized=True, **(least if below else open_share))
         depth = depth if below else mesh
         panel.xaxis.set_ticks_position("bottom" if below else "top")
         panel.yaxis.set_ticks_position("left" if below else "right")
@@ -79,17 +78,7 @@ def not_excluded(inputs: Inputs, study: Shown) -> Figure:
     return figure
 
 
-def _bands() -> dict[str, Any]:
-    """Give the colours of the bands of least implausibility, for a mesh."""
-    colours = ListedColormap([colour for colour, _ in BANDS.values()])
-    return {"cmap": colours, "norm": BoundaryNorm([0.0, *list(BANDS)[:-1], 1e9], colours.N)}
-
-
 def _edges(space: ParameterSpace, cells: int) -> list[np.ndarray]:
     """Give the edges of the cells of each free parameter, in its unit."""
-    edges = []
-    for k in range(space.dimensions):
-        quantile = np.full((cells + 1, space.dimensions), 0.5)
-        quantile[:, k] = np.linspace(0, 1, cells + 1)
-        edges.append(space.low[k] + (space.high[k] - space.low[k]) * space.from_prior(quantile)[:, k])
-    return edges
+    quantile = np.repeat(np.linspace(0, 1, cells + 1)[:, None], space.dimensions, axis=1)
+    return list((space.low + (space.high - space.low) * space.from_prior(quantile)).T)

@@ -13,11 +13,8 @@ if TYPE_CHECKING:
     from repose.config.study import Study
 
 Inputs = Mapping[str, Any]  # paths by name
-OF_POSTERIOR: dict[str, Any] = {  # the details of such a figure
-    "folder": "posterior",
-    "category": "Uncertainty",
-    "reads": ("parameters", "targets"),
-}
+# The details of such a figure.
+OF_POSTERIOR: dict[str, Any] = {"folder": "posterior", "category": "Uncertainty", "reads": ("parameters", "targets")}
 PILE = {"heap": "validation/heaps/001.npz", "particle": "berry/particle.json"}  # of the answer
 MEASURED_PILE = PILE | {"berry": "berry/berry.json"}
 

@@ -41,17 +41,14 @@ def pareto(inputs: Inputs, study: Shown) -> Figure:
     columns = ("response", "term", "coefficient", "t", "limit_t", "limit_bonferroni")
     effects, targets = read_table(inputs["effects"], columns), study.targets
     terms = len(effects) // len(targets)
-    figure = style.new_figure(style.PAGE, 1.0 + 0.19 * terms)
-    panels = figure.subplots(1, len(targets), squeeze=False)[0]
+    figure, panels = style.grid(len(targets), 1.0 + 0.19 * terms, columns=len(targets))
     for panel, target in zip(panels, targets, strict=True):
         own = effects[effects["response"] == target.name].sort_values("t")
-        rising = own["coefficient"] > 0
-        colours = np.where(rising, style.ORANGE, style.BLUE)
+        colours = np.where(own["coefficient"] > 0, style.ORANGE, style.BLUE)
         panel.barh([_words(term) for term in own["term"]], own["t"], color=colours, height=0.7)
         for name, line, words in (("t", "--", "5 % for one term"), ("bonferroni", "-", "5 % for all terms")):
             panel.axvline(own[f"limit_{name}"].iloc[0], color=style.BLACK, ls=line, lw=0.8, label=words)
-        panel.set_title(f"{target.response.symbol}: orange raises it, blue lowers it")
-        panel.set_xlabel("|t| of the effect")
+        panel.set(xlabel="|t| of the effect", title=f"{target.response.symbol}: orange raises it, blue lowers it")
     panels[-1].legend(loc="lower right")
     return figure
 
@@ -63,16 +60,13 @@ def perturbation(inputs: Inputs, study: Shown) -> Figure:
     Each response over one parameter after the other, the others at the centre of the design; grey: the target.
     """
     targets, models = study.targets, _models(inputs, study.targets)
-    figure = style.new_figure(style.PAGE, 2.9)
-    panels = figure.subplots(1, len(models), squeeze=False)[0]
+    figure, panels = style.grid(len(models), 2.9, columns=len(models))
     coded = np.linspace(-1, 1, GRID)
     for panel, target, model in zip(panels, targets, models, strict=True):
-        for k, name in enumerate(model.factors):
-            points = np.zeros((GRID, len(model.factors)))
-            points[:, k] = coded
-            panel.plot(coded, model.predict(points), label=SYMBOLS[name], **style.series(k))
+        for k, (name, way) in enumerate(zip(model.factors, np.eye(len(model.factors)), strict=True)):
+            panel.plot(coded, model.predict(np.outer(coded, way)), label=SYMBOLS[name], **style.series(k))
         panel.axhline(target.aim, color=style.GREY, lw=0.8)
-        panel.set(xlabel="factor (coded)", ylabel=f"{target.response.symbol} ({target.response.unit})")
+        panel.set(xlabel="factor (coded)", ylabel=style.response_label(target.response))
     panels[-1].legend(loc="best")
     return figure
 
@@ -87,29 +81,26 @@ def contours(inputs: Inputs, study: Shown) -> Figure:
     best = read_json(inputs["optimum"], ("coded",), "output of repose stage conclude")["coded"]
     pairs = list(combinations(range(len(models[0].factors)), 2))
     shown = [(target, model, pair) for target, model in zip(targets, models, strict=True) for pair in pairs]
-    columns = min(3, max(len(pairs), len(models)))
-    figure = style.new_figure(style.PAGE, 2.3 * style.grid_rows(len(shown), columns))
-    for panel, (target, model, pair) in zip(style.grid(figure, len(shown), columns), shown, strict=True):
+    figure, panels = style.grid(len(shown), 2.3, columns=min(3, max(len(pairs), len(models))))
+    for panel, (target, model, pair) in zip(panels, shown, strict=True):
         _contour(panel, model, target, pair, np.array([best[name] for name in model.factors]))
     return figure
 
 
 def _contour(panel: Axes, model: Model, target: Target, pair: tuple[int, int], point: np.ndarray) -> None:
     """Draw one response over two factors; the thick line is its target, the star the optimum."""
-    axis = np.linspace(-1, 1, GRID)
-    across, up = np.meshgrid(axis, axis)
+    across, up = np.meshgrid(np.linspace(-1, 1, GRID), np.linspace(-1, 1, GRID))
     points = np.repeat(point[None], GRID * GRID, axis=0)
-    points[:, pair[0]], points[:, pair[1]] = across.ravel(), up.ravel()
+    points[:, pair] = np.column_stack([across.ravel(), up.ravel()])
     values = model.predict(points).reshape(GRID, GRID)
     panel.contourf(across, up, values, levels=12, cmap="viridis", alpha=0.85)
     lines = panel.contour(across, up, values, levels=6, colors="white", linewidths=0.5)
     panel.clabel(lines, fontsize=6)
     if values.min() < target.aim < values.max():
         panel.contour(across, up, values, levels=[target.aim], colors=style.BLACK, linewidths=1.4)
-    panel.plot(point[pair[0]], point[pair[1]], "*", ms=8, mfc=style.ORANGE, mec=style.BLACK, mew=0.5)
-    names = [SYMBOLS[model.factors[k]] for k in pair]
-    panel.set(xlabel=f"{names[0]} (coded)", ylabel=f"{names[1]} (coded)")
-    panel.set_title(f"{target.response.symbol} ({target.response.unit})")
+    panel.plot(*point[[*pair]], "*", ms=8, mfc=style.ORANGE, mec=style.BLACK, mew=0.5)
+    names = [f"{SYMBOLS[model.factors[k]]} (coded)" for k in pair]
+    panel.set(xlabel=names[0], ylabel=names[1], title=style.response_label(target.response))
 
 
 def _models(inputs: Inputs, targets: Targets) -> list[Model]:

@@ -1,5 +1,6 @@
 """Figure 15 and its numbers: the bed in the drum before and after its first slip."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -44,17 +45,15 @@ TITLES = {
 def states(inputs: Inputs, study: Shown) -> Figure:
     """Draw side views along the axis with the line fitted to the upper edge, a panel per state."""
     arrays = read_npz(inputs["states"], ("position_start", "quaternion_start"), "the states of a drum")
-    particle, scales = Particle.load(inputs["particle"]), arrays.get("scale")
+    particle = Particle.load(inputs["particle"])
     slipped = "position_before" in arrays
     shown = ("start", "before", "after") if slipped else ("start", "report")
     figure = style.new_figure(style.PAGE, style.PAGE / len(shown) + 0.8)
     figure.get_layout_engine().set(w_pad=0.02, h_pad=0.02)
     for panel, state, letter in zip(figure.subplots(1, len(shown)), shown, "abc", strict=False):
-        turned_deg = float(arrays[f"turned_{state}_deg"])
-        centres, quaternions = (arrays[f"{key}_{state}"].astype(float) for key in ("position", "quaternion"))
-        angle = _side_view(panel, (centres, quaternions), scales, particle, turned_deg, study)
+        angle = _side_view(panel, arrays, state, particle, study)
         panel.set_title(f"{letter}  {TITLES[state]}: surface {angle:.1f}°")
-        panel.set_xlabel(f"drum turned by {turned_deg:.1f}°")
+        panel.set_xlabel(f"drum turned by {arrays[f'turned_{state}_deg']:.1f}°")
     if slipped:
         runs = read_table(inputs["runs"], ("status", *SLIP)) if "runs" in inputs else pd.DataFrame()
         figure.supxlabel(_slip(float(arrays["turned_before_deg"]), runs, study.drum), fontsize=7.5)
@@ -69,42 +68,33 @@ def _slip(turned_deg: float, runs: pd.DataFrame, section: Any) -> str:
     words = f"The bed slipped first when the drum had turned by {turned_deg:.1f}°, after {seconds:.1f} s."
     slipped = runs[runs["status"] == "ok"] if len(runs) else runs
     if len(slipped) > 1:
-        mean, error = slipped[list(SLIP)].mean(), slipped[list(SLIP)].sem()
-        turned, waited = (f"{mean[key]:.1f} ± {error[key]:.1f}" for key in SLIP)
+        turned, waited = (f"{slipped[key].mean():.1f} ± {slipped[key].sem():.1f}" for key in SLIP)
         words += f"\nIn {len(slipped)} runs, mean ± standard error: {turned}°, {waited} s."
     return words
 
 
-def _side_view(
-    panel: Axes,
-    places: tuple[np.ndarray, np.ndarray],
-    scales: np.ndarray | None,
-    particle: Particle,
-    turned_deg: float,
-    study: Shown,
-) -> float:
+def _side_view(panel: Axes, arrays: Mapping[str, np.ndarray], state: str, particle: Particle, study: Shown) -> float:
     """Draw one state with its fitted line, and give the line's angle in degrees."""
     from repose.pictures.film import drum_inside  # slow to import, and `course` does without
     from repose.pictures.render import render_pile
     from repose.pictures.scenery import look_at
 
-    inside, pixels = drum_inside(study.drum, np.radians(turned_deg)), style.pixels(study, PIXELS)
+    centres, quaternions = (arrays[f"{key}_{state}"].astype(float) for key in ("position", "quaternion"))
+    scales, pixels = arrays.get("scale"), style.pixels(study, PIXELS)
+    inside = drum_inside(study.drum, np.radians(float(arrays[f"turned_{state}_deg"])))
     view: dict[str, Any] = {"elevation_deg": 0.0, "azimuth_deg": -90.0, "width": pixels, "height": pixels}
     view["field_of_view_deg"], frame = style.TELEPHOTO_DEG, inside.outline()
-    grains: dict[str, Any] = {"scales": scales, "colour": study.colour, "frame_m": frame}
-    picture = render_pile(places[0], places[1], particle, backdrop=inside, **view, **grains)
+    look: dict[str, Any] = {"scales": scales, "colour": study.colour, "frame_m": frame, "backdrop": inside}
+    panel.imshow(render_pile(centres, quaternions, particle, **look, **view))
     camera, pixel = look_at(frame, **view), study.measure.mm_per_pixel
-    filled = bed.side_view(*places, particle, inside.radius_m, pixel, scales)
+    filled = bed.side_view(centres, quaternions, particle, inside.radius_m, pixel, scales)
     surface = bed.surface_of(filled, inside.radius_m, pixel, study.drum.fit_share)
-    panel.imshow(picture)
     style.scale_bar(panel, camera, np.zeros(3), 2 * inside.radius_m)
-    ends = np.column_stack([surface.line_m[:, 0], np.zeros(2), surface.line_m[:, 1]])
-    x, y, _ = camera.project(ends)
+    x, y, _ = camera.project(np.insert(surface.line_m, 1, 0.0, axis=1))
     panel.plot(x, y, color="white", lw=2.6, solid_capstyle="butt")
     panel.plot(x, y, color=style.GREEN, lw=1.6, solid_capstyle="butt")
     panel.set(xticks=[], yticks=[])
-    for spine in panel.spines.values():
-        spine.set_visible(False)
+    panel.spines[:].set_visible(False)
     return surface.angle_deg
 
 
@@ -122,8 +112,7 @@ def course(inputs: Inputs, study: Shown) -> Figure:
     record = read_table(inputs["record"], ("seed", "time_s", "surface_deg", "bed_deg"))
     profile = read_table(inputs["profile"], ("seed", "depth_mm", "moved_mm"))
     runs = read_table(inputs["runs"], ("seed", "status"))
-    figure = style.new_figure(style.PAGE, 2.9)
-    left, right = figure.subplots(1, 2, width_ratios=(1.5, 1))
+    figure, (left, right) = style.grid(2, 2.9, width_ratios=(1.5, 1))
     _angles(left, record, runs, study.drum)
     _layers(right, profile)
     style.name_panels((left, right))
@@ -133,18 +122,18 @@ def course(inputs: Inputs, study: Shown) -> Figure:
 def _angles(panel: Axes, record: pd.DataFrame, runs: pd.DataFrame, section: Any) -> None:
     """Draw the angles of surface and bed of every run over the time, with the start of the first slip."""
     for k, (seed, run) in enumerate(record.groupby("seed")):
-        summary = runs[runs["seed"] == seed].iloc[0]
+        summary, hidden = runs[runs["seed"] == seed].iloc[0], "_" * bool(k)
         turning = run if summary["status"] != "ok" else run[run["time_s"] <= summary["after_time_s"]]
-        time_s, names = turning["time_s"], ("surface", "centre of mass") if k == 0 else (None, None)
-        panel.plot(time_s, turning["surface_deg"], color=style.SKY, lw=0.6, alpha=0.8, label=names[0])
-        panel.plot(time_s, turning["bed_deg"], color=style.BLUE, lw=0.9, label=names[1])
+        time_s = turning["time_s"]
+        panel.plot(time_s, turning["surface_deg"], color=style.SKY, lw=0.6, alpha=0.8, label=f"{hidden}surface")
+        panel.plot(time_s, turning["bed_deg"], color=style.BLUE, lw=0.9, label=f"{hidden}centre of mass")
     slipped = runs[runs["status"] == "ok"]
     if len(slipped):
         look = {"ms": 4, "color": style.RED, "zorder": 4, "label": "first slip begins"}
         panel.plot(slipped["before_time_s"], slipped["before_bed_deg"], "v", **look)
-    rate = np.degrees(section.angular_velocity_rad_s)
     last = record["time_s"].max()
-    panel.plot([0, last], [0, rate * last], color=style.GREY, lw=0.7, ls="--", label="carried like a solid")
+    turned_deg = np.degrees(section.angular_velocity_rad_s) * last
+    panel.plot([0, last], [0, turned_deg], color=style.GREY, lw=0.7, ls="--", label="carried like a solid")
     if "report_time_s" in runs:
         words = f"{section.report_s:g} s since the filling began"
         panel.axvline(runs["report_time_s"].median(), color=style.ORANGE, lw=0.8, label=words)
@@ -164,10 +153,8 @@ def _layers(panel: Axes, profile: pd.DataFrame) -> None:
     for k, (_, run) in enumerate(profile.groupby("seed")):
         label = "_" * bool(k) + "single run"
         panel.plot(run["moved_mm"], run["depth_mm"], color=style.SKY, lw=0.7, label=label)
-    layers = profile.groupby("depth_mm")["moved_mm"]
-    mean, count = layers.mean(), layers.count()
-    error = (layers.std() / np.sqrt(count)).fillna(0.0)
-    look = {"fmt": "o-", "ms": 3, "color": style.BLUE, "elinewidth": 0.9, "capsize": 1.5}
-    panel.errorbar(mean, mean.index, xerr=error, label="mean ± SE", **look)
+    layers = profile.groupby("depth_mm")["moved_mm"].agg(["mean", "sem"])
+    look = {"fmt": "o-", "ms": 3, "color": style.BLUE, "elinewidth": 0.9, "capsize": 1.5, "label": "mean ± SE"}
+    panel.errorbar(layers["mean"], layers.index, xerr=layers["sem"].fillna(0.0), **look)
     panel.axvline(0.0, color=style.GREY, lw=0.6)
     panel.legend(loc="lower right")

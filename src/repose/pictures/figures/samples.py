@@ -23,18 +23,14 @@ def design_matrix(inputs: Inputs, study: Shown) -> Figure:
     The design ({design[method]}): every pair of parameters. Each parameter has one sample in each of
     {design[samples]} equal strata of its range.
     """
-    free, ranges = study.space.free, study.ranges
+    free = study.space.free
     table = read_table(inputs["samples"], free)
     figure = style.new_figure(style.PAGE, style.PAGE)
-    for panel, across, down in style.pairs_of_parameters(figure, free):
+    for panel, across, down in style.pairs_of_parameters(figure, study):
         if across == down:
-            panel.hist(table[across], bins=10, range=ranges[across], color=style.SKY, ec="white")
-            panel.set_yticks([])
-            panel.spines["left"].set_visible(False)
+            panel.hist(table[across], bins=10, range=study.ranges[across], color=style.SKY, ec="white")
         else:
             panel.scatter(table[across], table[down], s=4, color=style.BLUE, alpha=0.75, lw=0)
-            panel.set_ylim(ranges[down])
-        panel.set_xlim(ranges[across])
     text = f"{len(table)} samples: {METHODS[study.design.method]}\ndiagonal: samples in each tenth of a range"
     if len(free) == 1:  # no empty corner to write in
         figure.suptitle(text, fontsize=9)
@@ -49,13 +45,12 @@ def _compare_methods(figure: Figure, comparison: pd.DataFrame) -> None:
     """Draw the bars of the minimum distance of each method, in the empty corner."""
     panel = figure.add_axes((0.70, 0.70, 0.27, 0.10))
     panel.set_in_layout(False)
-    names = [METHODS[method] for method in comparison["method"]]
+    names, distances = [METHODS[method] for method in comparison["method"]], comparison["min_distance"]
     colours = [style.GREY, style.ORANGE, style.BLUE]
-    panel.barh(names, comparison["min_distance"], color=colours[: len(names)], height=0.6)
-    for y, value in enumerate(comparison["min_distance"]):
+    panel.barh(names, distances, color=colours[: len(names)], height=0.6)
+    for y, value in enumerate(distances):
         panel.text(value, y, f" {value:.3f}", va="center", fontsize=7)
-    panel.set_xlim(0, 1.25 * comparison["min_distance"].max())
-    panel.set_xlabel("minimum distance in the unit cube (–)")
+    panel.set(xlim=(0, 1.25 * distances.max()), xlabel="minimum distance in the unit cube (–)")
     panel.invert_yaxis()
 
 
@@ -67,19 +62,11 @@ def responses_over_parameters(inputs: Inputs, study: Shown) -> Figure:
     friction between berries: such piles pack more loosely, and the same berries need a wider foot (``repose docs
     uncertainty``, Sensitivity).
     """
-    responses = study.targets.responses
-    free, ranges = study.space.free, study.ranges
-    columns = [column for response in responses for column in (response.name, response.error)]
-    table = read_table(inputs["dataset"], ("status", *free, *columns))
-    figure = style.new_figure(style.PAGE, 0.5 + 1.45 * len(responses))
-    panels = figure.subplots(len(responses), len(free), sharex="col", sharey="row", squeeze=False)
-    for row, response in zip(panels, responses, strict=True):
-        for panel, name in zip(row, free, strict=True):
-            _over_parameter(panel, table, name, response)
-            panel.set_xlim(ranges[name])
-        row[0].set_ylabel(style.response_label(response))
-    for panel, name in zip(panels[-1], free, strict=True):
-        panel.set_xlabel(style.parameter_label(name), fontsize=8.5)
+    targets = study.targets
+    table = read_table(inputs["dataset"], ("status", *study.space.free, *targets.names, *targets.errors))
+    figure, panels = style.over_parameters(study, 1.45)
+    for panel, target, name in panels:
+        _over_parameter(panel, table, name, target.response)
     figure.supxlabel(_account(table), fontsize=6.8)
     return figure
 
@@ -87,15 +74,14 @@ def responses_over_parameters(inputs: Inputs, study: Shown) -> Figure:
 def _over_parameter(panel: Axes, table: pd.DataFrame, name: str, response: Response) -> None:
     """Draw one response over one parameter; a failed sample is a cross below all values."""
     good, failed = table[table["status"] == "ok"], table[table["status"] != "ok"]
-    error = good[response.error].fillna(0.0)
-    floor = (good[response.name] - error).min() if len(good) else 0.0
-    reach = ((good[response.name] + error).max() - floor) if len(good) else 1.0
+    value, error = good[response.name], good[response.error].fillna(0.0)
+    floor, top = ((value - error).min(), (value + error).max()) if len(good) else (0.0, 1.0)
     look = {"fmt": "o", "ms": 2, "lw": 0.5, "color": style.BLUE, "alpha": 0.65, "mew": 0}
-    panel.errorbar(good[name], good[response.name], yerr=error, **look)
+    panel.errorbar(good[name], value, yerr=error, **look)
     if len(failed):
-        panel.plot(failed[name], np.full(len(failed), floor - 0.1 * reach), "x", ms=3.5, color=style.RED)
+        panel.plot(failed[name], np.full(len(failed), floor - 0.1 * (top - floor)), "x", ms=3.5, color=style.RED)
     if len(good) > 3:
-        rank = good[name].rank().corr(good[response.name].rank())
+        rank = good[name].rank().corr(value.rank())
         panel.set_title(f"ρ = {rank:+.2f}", fontsize=6.8, loc="right", pad=2)
 
 

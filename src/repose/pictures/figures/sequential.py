@@ -29,26 +29,19 @@ def sequential(inputs: Inputs, study: Shown) -> Figure:
     columns = [f"{name}_{what}" for name in targets.names for what in ("mean", "error")]
     batches = read_table(inputs["batches"], ("pours", "probability", "reachable", "in_reach", *columns))
     check = read_table(inputs["check"], ("response", "simulated", "simulated_error")).set_index("response")
-    figure = style.new_figure(style.PAGE, 0.4 + 2.2 * style.grid_rows(1 + len(targets), 3))
-    panels = style.grid(figure, 1 + len(targets), 3)
+    figure, panels = style.grid(1 + len(targets), 2.2, columns=3, further=0.4)
     _probability(panels[0], batches, section)
     after = float(batches["pours"].iloc[-1]) * 1.06
-    for k, (panel, target) in enumerate(zip(panels[1:], targets, strict=False)):
-        response, colour = target.response, style.series(k)["color"]
-        off, error = (
-            100 / target.whole * (batches[f"{response.name}_{what}"] - shift)
-            for what, shift in (("mean", target.aim), ("error", 0))
-        )
-        near = section.tolerance_percent
-        style.band(panel, -near, near, f"near enough, ±{near:g} %")
-        panel.axhline(0, color=style.GREY, lw=0.7)
+    for k, (panel, target) in enumerate(zip(panels[1:], targets, strict=True)):
+        off = 100 / target.whole * (batches[f"{target.name}_mean"] - target.aim)
+        style.near_enough(panel, section.tolerance_percent)
         look = {"fmt": "D", "ms": 4, "mfc": "white", "color": style.BLACK, "label": "predicted"}
-        panel.errorbar(batches["pours"], off, error, **look)
-        simulated, spread = check.loc[response.name, ["simulated", "simulated_error"]].astype(float)
-        look = {"fmt": "o", "ms": 5, "color": colour, "label": "the answer, simulated again"}
+        panel.errorbar(batches["pours"], off, 100 / target.whole * batches[f"{target.name}_error"], **look)
+        simulated, spread = check.loc[target.name, ["simulated", "simulated_error"]].astype(float)
+        look = {"fmt": "o", "ms": 5, "color": style.series(k)["color"], "label": "the answer, simulated again"}
         panel.errorbar([after], [target.off_percent(simulated)], [100 * spread / target.whole], **look)
         panel.set(xlabel="pours", ylabel="off the target (% of it)")
-        panel.set_title(f"{response.symbol}, target {target.aim:g} {response.unit}")
+        panel.set_title(f"{target.response.symbol}, target {target.aim:g} {target.response.unit}")
     named = [one for panel in panels[:2] for one in zip(*panel.get_legend_handles_labels(), strict=True)]
     figure.legend(*zip(*named, strict=True), loc="outside lower center", ncols=3)
     return figure
@@ -56,12 +49,11 @@ def sequential(inputs: Inputs, study: Shown) -> Figure:
 
 def _probability(panel: Axes, batches: Any, section: Any) -> None:
     """Draw the probability after each batch, the one that the remaining pours can reach, and the required one."""
-    lines = {
-        "probability": ("o-", 4, style.BLUE, "probability of the best point"),
-        "reachable": (":", 4, style.GREY, "the most that the pours left can make of it"),
-        "in_reach": ("s-", 3, style.ORANGE, "probability that any set meets them"),
-    }
-    for name, (look, size, colour, label) in lines.items():
+    for name, look, size, colour, label in (
+        ("probability", "o-", 4, style.BLUE, "probability of the best point"),
+        ("reachable", ":", 4, style.GREY, "the most that the pours left can make of it"),
+        ("in_reach", "s-", 3, style.ORANGE, "probability that any set meets them"),
+    ):
         panel.plot(batches["pours"], batches[name], look, ms=size, color=colour, label=label)
     panel.axhline(section.probability, color=style.RED, ls="--", lw=0.9, label="probability asked for")
     panel.set(xlabel="pours", ylabel="probability", ylim=(-0.03, 1.02))

@@ -13,15 +13,16 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, FigureBase
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 
 import repose.apparatus  # noqa: F401  (makes the responses of all bench tests known)
-from repose.core.files import write_bytes
+from repose.core.errors import InputError
+from repose.core.files import Path_, write_bytes
 from repose.core.parameters import FURTHER, SYMBOLS
 from repose.core.responses import Response
-from repose.core.targets import Targets
+from repose.core.targets import Target, Targets
 from repose.measure.settings import line_of
 
 if TYPE_CHECKING:
@@ -40,6 +41,7 @@ BLUE, ORANGE, GREEN, RED = "#0072B2", "#E69F00", "#009E73", "#D55E00"
 SKY, PURPLE, GREY, BLACK = "#56B4E9", "#CC79A7", "#8A8F94", "#222222"
 SERIES = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, GREY)
 LINES = ("-", "--", "-.", ":")
+ANSWER = {"ms": 5.0, "color": RED, "mec": "white", "mew": 0.6, "zorder": 4}
 
 SMALL_RUN = "small run: NOT for use as a result"
 
@@ -97,8 +99,16 @@ def band(panel: Axes, low: float, high: float, label: str) -> None:
     panel.axhspan(low, high, color=GREEN, alpha=0.15, lw=0, label=label)
 
 
+def near_enough(panel: Axes, percent: float) -> None:
+    """Draw the tolerance of a deviation in percent as a band about zero."""
+    band(panel, -percent, percent, f"near enough, ±{percent:g} %")
+    panel.axhline(0, color=GREY, lw=0.7)
+
+
 def parameter_label(name: str) -> str:
-    """Write the label of an axis of a parameter: its symbol and its unit, a dash for a number."""
+    """Write the label of an axis of a parameter: its symbol and its unit, a dash for a number; its name if unknown."""
+    if name not in SYMBOLS:
+        return name
     return f"{SYMBOLS[name]} ({(FURTHER[name].constant.unit if name in FURTHER else '') or '–'})"
 
 
@@ -119,39 +129,74 @@ def series(k: int) -> dict[str, str]:
     return {"color": SERIES[k % len(SERIES)], "ls": LINES[k % len(LINES)]}
 
 
-def grid(figure: Figure, count: int, columns: int = 2, **options: Any) -> list[Axes]:
-    """Give a panel for each of `count` things; the other places stay empty."""
+def grid(
+    count: int, height: float, columns: int = 2, further: float = 0.0, width: float = PAGE, **options: Any
+) -> tuple[Figure, list[Axes]]:
+    """Draw an empty figure with a panel for each of `count` things, in rows of a height, and with `further` height."""
+    figure = new_figure(width, further + height * math.ceil(count / min(columns, count)))
+    return figure, panels_in(figure, count, columns, **options)
+
+
+def panels_in(figure: FigureBase, count: int, columns: int = 2, **options: Any) -> list[Axes]:
+    """Give `count` panels in an empty figure; the other places stay empty."""
     columns = min(columns, count)
-    rows = math.ceil(count / columns)
-    panels = np.atleast_1d(figure.subplots(rows, columns, **options)).ravel()
+    panels = figure.subplots(math.ceil(count / columns), columns, squeeze=False, **options).ravel()
     for panel in panels[count:]:
         panel.axis("off")
     return list(panels[:count])
 
 
-def grid_rows(count: int, columns: int = 2) -> int:
-    """Give the number of rows that `grid` needs."""
-    return math.ceil(count / min(columns, count))
+def over_parameters(study: Shown, height: float) -> tuple[Figure, Iterator[tuple[Axes, Target, str]]]:
+    """Give an empty figure and its panels, a row for each target and a column for each free parameter."""
+    targets, free = study.targets, study.space.free
+    figure = new_figure(PAGE, 0.5 + height * len(targets))
+    panels = figure.subplots(len(targets), len(free), sharex="col", sharey="row", squeeze=False)
+    for panel, target in zip(panels[:, 0], targets, strict=True):
+        panel.set_ylabel(response_label(target.response))
+    for panel, name in zip(panels[-1], free, strict=True):
+        panel.set_xlabel(parameter_label(name), fontsize=8.5)
+        panel.set_xlim(study.ranges[name])
+    places = product(targets, free)
+    return figure, ((panel, *place) for panel, place in zip(panels.flat, places, strict=True))
 
 
-def pairs_of_parameters(figure: Figure, names: Sequence[str]) -> Iterator[tuple[Axes, str, str]]:
-    """Yield panels below and on the diagonal of a square of all pairs, each with its parameters across and down."""
-    count = len(names)
-    panels = figure.subplots(count, count, sharex="col", squeeze=False)
-    for row, column in product(range(count), repeat=2):
-        panel, across, down = panels[row, column], names[column], names[row]
+def pairs_of_parameters(figure: FigureBase, study: Shown, room: float = 0.0) -> Iterator[tuple[Axes, str, str]]:
+    """Yield panels below and on the diagonal of a square of all pairs, each with its parameters across and down.
+
+    Their axes are the ranges with `room` to each side, a share of the range.
+    """
+    names = study.space.free
+    ends = {name: (low - room * (high - low), high + room * (high - low)) for name, (low, high) in study.ranges.items()}
+    panels = figure.subplots(len(names), len(names), sharex="col", squeeze=False)
+    for (row, column), panel in np.ndenumerate(panels):
+        across, down = names[column], names[row]
         if column > row:
             panel.axis("off")
             continue
         yield panel, across, down
+        panel.set_xlim(ends[across])
         panel.tick_params(labelsize=6, labelleft=column == 0 and row > 0)
-        if row == count - 1:
+        if row == column:
+            panel.set_yticks([])
+            panel.spines["left"].set_visible(False)
+        else:
+            panel.set_ylim(ends[down])
+        if row == len(names) - 1:
             panel.set_xlabel(parameter_label(across), fontsize=8.5)
         if column == 0 and row > 0:
             panel.set_ylabel(parameter_label(down), fontsize=8.5)
 
 
-def save(figure: Figure, out_path: str | Path, small_run: bool, further: Sequence[str] = (), dpi: int = DPI) -> None:
+def strips(panel: Axes, names: Sequence[str]) -> None:
+    """Label the axes of a panel with a strip for each parameter from the top, its range from 0 to 1."""
+    panel.set_yticks(range(len(names)), [SYMBOLS.get(name, name) for name in reversed(names)], fontsize=9)
+    panel.set_xticks([0, 0.25, 0.5, 0.75, 1.0])
+    panel.set_xlabel("place in the parameter's range (dimensionless)")
+    panel.spines["left"].set_visible(False)
+    panel.tick_params(axis="y", length=0)
+
+
+def save(figure: Figure, out_path: Path_, small_run: bool, further: Sequence[str] = (), dpi: int = DPI) -> None:
     """Write a figure in the format of its path and in `further` ones, a small run marked; the same bytes each time."""
     if small_run:
         width, height = figure.get_size_inches()
@@ -163,9 +208,21 @@ def save(figure: Figure, out_path: str | Path, small_run: bool, further: Sequenc
         figure.text(0.5, 1 - 0.5 * band / (height + band), SMALL_RUN, bbox=box, **look)
     out_path = Path(out_path)
     for kind in (out_path.suffix.removeprefix("."), *further):
-        content = io.BytesIO()
-        figure.savefig(content, format=kind, dpi=dpi, metadata=UNDATED[kind])
-        write_bytes(out_path.with_suffix(f".{kind}"), content.getvalue())
+        write_bytes(out_path.with_suffix(f".{kind}"), encoded(figure, kind, dpi).getvalue())
+
+
+def check_ending(path: Path_) -> None:
+    """Raise InputError for an ending that no figure has."""
+    endings = [f".{kind}" for kind in UNDATED]
+    if Path(path).suffix not in endings:
+        raise InputError(path, "ending", Path(path).suffix, " or ".join(endings))
+
+
+def encoded(figure: Figure, kind: str = "png", dpi: int = DPI) -> io.BytesIO:
+    """Give a figure as the content of a file; the same bytes each time."""
+    content = io.BytesIO()
+    figure.savefig(content, format=kind, dpi=dpi, metadata=UNDATED[kind])
+    return content
 
 
 def pixels(study: Shown, at_default: int) -> int:

@@ -1,5 +1,6 @@
 """Figures 10 and 13: the network, and the quality of its predictions."""
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -63,32 +64,29 @@ def network_structure(inputs: Inputs, study: Shown) -> Figure:
     """
     network = read_json(inputs["network"], ("inputs", "outputs", "W1", "W2"), "the file of a network")
     counts = (*np.atleast_2d(network["W1"]).T.shape, len(network["outputs"]))
-    places = [_column(x, n) for x, n in zip((0, 1, 2), counts, strict=True)]
+    places = [_column(x, n) for x, n in enumerate(counts)]
     shares, ways = influence(load(inputs["network"]), study)
     symbols = [response(name, inputs["network"]).symbol for name in network["outputs"]]
-    width = 0.36 + 0.05 * max(len(symbol) for symbol in symbols)  # of a column of shares
-    figure = style.new_figure(style.COLUMN * (1.2 + 0.33 * width * counts[2]), 3.7)
-    panel = figure.subplots()
+    width = 0.36 + 0.05 * max(map(len, symbols))  # of a column of shares
+    figure, (panel,) = style.grid(1, 3.7, width=style.COLUMN * (1.2 + 0.33 * width * counts[2]))
     _connections(panel, shares, places)
-    for nodes in places:
+    hidden, output = (ACTIVATIONS.get(name, name) for name in network.get("activation", ACTIVATIONS))
+    titles = ("input", f"hidden ({hidden})", f"output ({output})")
+    for x, (title, nodes) in enumerate(zip(titles, places, strict=True)):
         panel.scatter(*nodes.T, s=95, color="white", edgecolor=style.BLACK, linewidth=1.2, zorder=2)
+        panel.text(x, 1.13, f"{title}\n{len(nodes)}", ha="center", va="bottom", fontsize=7.5)
     for (x, y), name in zip(places[0], network["inputs"], strict=True):
         panel.text(x - 0.11, y, SYMBOLS[name], ha="right", va="center", fontsize=8.5)
     for (x, y), symbol in zip(places[2], symbols, strict=True):
         panel.text(x + 0.11, y, symbol, ha="left", va="center", fontsize=8)
-    hidden, output = (ACTIVATIONS.get(name, name) for name in network.get("activation", ACTIVATIONS))
-    titles = ("input", f"hidden ({hidden})", f"output ({output})")
-    for x, (title, nodes) in enumerate(zip(titles, places, strict=True)):
-        panel.text(x, 1.13, f"{title}\n{len(nodes)}", ha="center", va="bottom", fontsize=7.5)
     for k, symbol in enumerate(symbols):
         x = -0.45 - width * (counts[2] - k - 0.5)
         panel.text(x, 1.13, f"influence on\n{symbol}", ha="center", va="bottom", fontsize=6.8)
         for (_, y), share, way in zip(places[0], shares[k], ways[k], strict=True):
             words = f"{100 * share:.0f} % {'↗' if way > 0 else '↘'}" if way else "none"
             panel.text(x, y, words, ha="center", va="center", fontsize=7.5, alpha=0.45 + 0.55 * min(share, 1.0))
-    longest = max(len(symbol) for symbol in symbols)
-    left = -0.5 - width * counts[2]
-    panel.set(xlim=(left, 2.45 + 0.055 * max(0, longest - 6)), ylim=(-1.1, 1.38))
+    right = 2.45 + 0.055 * max(0, max(map(len, symbols)) - 6)
+    panel.set(xlim=(-0.5 - width * counts[2], right), ylim=(-1.1, 1.38))
     panel.axis("off")
     style.below(figure, INFLUENCE)
     return figure
@@ -120,11 +118,9 @@ def influence(model: Surrogate, study: Shown) -> tuple[np.ndarray, np.ndarray]:
 def _connections(panel: Axes, shares: np.ndarray, places: list[np.ndarray]) -> None:
     """Draw a line between each node of a layer and of the next; an input's by its mean share."""
     mean = shares.mean(axis=0)
-    for nodes, following, sizes in (
-        (places[0], places[1], mean / (mean.max() or 1.0)),
-        (places[1], places[2], np.zeros(len(places[1]))),
-    ):
-        for (x0, y0), size in zip(nodes, sizes, strict=True):
+    sizes = mean / (mean.max() or 1.0), np.zeros(len(places[1]))
+    for (nodes, following), of_layer in zip(pairwise(places), sizes, strict=True):
+        for (x0, y0), size in zip(nodes, of_layer, strict=True):
             look = {"color": style.BLUE if size else style.GREY, "alpha": 0.25 + 0.5 * size}
             for x1, y1 in following:
                 panel.plot([x0, x1], [y0, y1], lw=0.3 + 2.2 * size, zorder=1, **look)
@@ -153,13 +149,11 @@ def predicted_against_simulated(inputs: Inputs, study: Shown) -> Figure:
     """
     targets = study.targets
     table = read_table(inputs["predictions"], ("sample", "split", *targets.names, *targets.predicted))
-    errors = read_table(inputs["dataset"], ("sample", *targets.errors))
-    table = table.merge(errors[["sample", *targets.errors]], on="sample", how="left")
+    errors = read_table(inputs["dataset"], ("sample", *targets.errors))[["sample", *targets.errors]]
+    table = table.merge(errors, on="sample", how="left")
     if {"fresh", "network"} <= inputs.keys():
         table = pd.concat([table, _new_points(inputs, targets)])
-    count = len(targets)
-    figure = style.new_figure(0.5 * style.PAGE * min(count, 2), 3.9 * style.grid_rows(count))
-    panels = style.grid(figure, count)
+    figure, panels = style.grid(len(targets), 3.9, width=0.5 * style.PAGE * min(len(targets), 2))
     for panel, shown in zip(panels, targets.responses, strict=True):
         _scatter_by_split(panel, table, shown)
         panel.set(xlabel=style.response_label(shown, "simulated"), ylabel=style.response_label(shown, "predicted"))
@@ -190,16 +184,14 @@ def _scatter_by_split(panel: Axes, table: pd.DataFrame, shown: Response) -> None
         rows = table[table["split"] == split]
         if rows.empty:
             continue
-        error = rows[shown.error].fillna(0.0)
-        look: dict[str, Any] = {"fmt": marker, "color": colour, "label": split}
-        look["ecolor"] = (*to_rgb(colour), 0.45)
+        simulated, predicted, error = rows[[shown.name, shown.predicted, shown.error]].to_numpy(float).T
+        look: dict[str, Any] = {"fmt": marker, "color": colour, "ecolor": (*to_rgb(colour), 0.45), "label": split}
         look |= {"ms": 3.2, "mec": "white", "mew": 0.3, "elinewidth": 0.5, "zorder": 2 + (split in UNSEEN)}
-        panel.errorbar(rows[shown.name], rows[shown.predicted], xerr=error, **look)
-        simulated, predicted = (rows[name].to_numpy(float) for name in (shown.name, shown.predicted))
-        share, rmse = r2(simulated, predicted), float(np.sqrt(np.mean((simulated - predicted) ** 2)))
+        panel.errorbar(simulated, predicted, xerr=np.nan_to_num(error), **look)
+        share, rmse = r2(simulated, predicted), np.sqrt(np.mean((simulated - predicted) ** 2))
         lines.append(f"{split}: R² {_share(share)}, RMSE {rmse:.2f} {shown.unit}, n {len(rows)}")
         if split in UNSEEN:
-            exact = r2_noise_corrected(simulated, predicted, rows[shown.error].to_numpy(float))
+            exact = r2_noise_corrected(simulated, predicted, error)
             lines.append(f"    R² {_share(exact)} at precise points")
     panel.set(xlim=ends, ylim=ends, aspect="equal")
     for axis in (panel.xaxis, panel.yaxis):

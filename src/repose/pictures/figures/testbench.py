@@ -19,6 +19,8 @@ from repose.particle.particle import Particle
 from . import style
 from .registry import MEASURED_PILE, PILE, Inputs, Shown, figure, has_pile
 
+Place = tuple[float, float]
+
 LINE = "#D7191C"
 PILE_PIXELS = 1300
 SNAPSHOT_S = 9.0
@@ -31,27 +33,23 @@ def simulated_pile(inputs: Inputs, study: Shown) -> Figure:
     Figure 5. Pile of the representative solution, simulated: the counterpart of the photographed pile.
     """
     from repose.pictures.render import render_pile  # slow to import, and the other figures here do without
-    from repose.pictures.scenery import look_at
+    from repose.pictures.scenery import boxes, look_at
 
-    poured = first_pour(inputs["heap"])
+    poured, particle = first_pour(inputs["heap"]), Particle.load(inputs["particle"])
     centres, quaternions, in_pile = (poured[name] for name in ("position", "quaternion", "in_pile"))
     scales = poured.get("scale", np.ones(len(centres))).astype(float)
-    particle = Particle.load(inputs["particle"])
-    reach = particle.bounding_radius_m * scales.max(initial=0.0)
     near = centres[in_pile].astype(float)
-    corners = np.array(np.meshgrid([-reach, reach], [-reach, reach], [-reach, reach])).reshape(3, -1).T
-    frame = (near[:, None] + corners).reshape(-1, 3)
+    frame = boxes(near, particle.bounding_radius_m * scales.max(initial=0.0))
     width = style.pixels(study, PILE_PIXELS)
     size: dict[str, Any] = {"width": width, "height": width // 2, "azimuth_deg": 20.0}
-    grains = {"scales": scales, "colour": study.colour}
-    picture = render_pile(centres, quaternions, particle, frame_m=frame, **size, **grains)
+    look: dict[str, Any] = {"frame_m": frame, "scales": scales, "colour": study.colour}
     figure = style.new_figure(style.PAGE, style.PAGE / 2)
     figure.get_layout_engine().set(w_pad=0, h_pad=0)
     panel = figure.subplots()
-    panel.imshow(picture, aspect="auto")
+    panel.imshow(render_pile(centres, quaternions, particle, **size, **look), aspect="auto")
     panel.axis("off")
-    count = int(in_pile.sum())
-    style.note(panel, f"{len(centres)} grains poured, {count} in the pile", x=0.02, y=0.96, fontsize=8)
+    words = f"{len(centres)} grains poured, {in_pile.sum()} in the pile"
+    style.note(panel, words, x=0.02, y=0.96, fontsize=8)
     axis = np.array([*near[:, :2].mean(axis=0), 0.0])
     style.scale_bar(panel, look_at(frame, **size), axis, np.ptp(near[:, 0]), " at the pile's axis")
     return figure
@@ -73,11 +71,9 @@ def measurement(inputs: Inputs, study: Shown) -> Figure:
     panels = figure.subplot_mosaic("abc;ddd", height_ratios=(1, 2.2))
     ends_mm = [settings.mm_per_pixel * end for end in image.shape[::-1]]
     look = {"cmap": "gray", "vmin": 0, "vmax": 255, "extent": (0, ends_mm[0], 0, ends_mm[1])}
-    for panel, (title, picture), letter in zip(panels.values(), steps.items(), "abcd", strict=True):
+    for (letter, panel), (title, picture) in zip(panels.items(), steps.items(), strict=True):
         panel.imshow(picture[..., ::-1] if picture.ndim == 3 else picture, **look)  # OpenCV uses BGR
-        panel.set(title=f"{letter}  {title}", xlabel="x (mm)")
-    panels["a"].set_ylabel("z (mm)")
-    panels["d"].set_ylabel("z (mm)")
+        panel.set(title=f"{letter}  {title}", xlabel="x (mm)", ylabel="z (mm)" if letter in "ad" else "")
     _name_lines(panels["d"], measured, settings, ends_mm[1])
     return figure
 
@@ -85,13 +81,13 @@ def measurement(inputs: Inputs, study: Shown) -> Figure:
 def _name_lines(panel: Axes, measured: pile.Measurement, settings: pile.MeasureSettings, top_mm: float) -> None:
     """Draw the angle of each side beside its line, and above them their mean with the line in words."""
     angle = measured.angles[settings.response]
-    sides = (("left", angle.left_deg, drawing.RED, -1), ("right", angle.right_deg, drawing.GREEN, 1))
-    for (name, side_deg, colour, way), line in zip(sides, angle.lines, strict=True):
+    sides = (("left", angle.left_deg, drawing.RED, "right", -12), ("right", angle.right_deg, drawing.GREEN, "left", 12))
+    for (name, side_deg, colour, ha, away), line in zip(sides, angle.lines, strict=True):
         u, row = np.mean(line, axis=0)
         place = (u * settings.mm_per_pixel, top_mm - (row + 0.5) * settings.mm_per_pixel)
-        look = {"textcoords": "offset points", "ha": "left" if way > 0 else "right", "fontweight": "bold"}
+        look = {"textcoords": "offset points", "ha": ha, "fontweight": "bold"}
         rgb = [value / 255 for value in reversed(colour)]
-        panel.annotate(f"{name} {side_deg:.1f}°", place, (12 * way, 12), color=rgb, **look)
+        panel.annotate(f"{name} {side_deg:.1f}°", place, (away, 12), color=rgb, **look)
     panel.set_title(f"d  boundary, Height {measured.height_mm:.1f} mm")
     panel.set_title(f"angle of this view {angle.aor_deg:.1f}°, line: {settings.line}", loc="right")
 
@@ -105,34 +101,30 @@ def apparatus(inputs: Inputs, study: Shown) -> Figure:
 
     Figure 8. Virtual test bench to scale, halfway through the pour: particle factory, funnel and plate.
     """
-    funnel = study.funnel
     from repose.pictures.scenery import funnel_walls
 
+    funnel = study.funnel
     walls = funnel_walls(funnel.funnel)
     top, half_inlet = 1e3 * walls[-1].z_high_m, funnel.inlet_diameter_mm / 2
     factory = top + funnel.factory_height_mm
-    half_view = max(half_inlet + 75, 190)
-    left, right, low, high = -half_view, half_view, -34, factory + 34
+    half_view, low, high = max(half_inlet + 75, 190), -34, factory + 34
     width = 1.3 * style.COLUMN
-    figure = style.new_figure(width, (width - 0.5) * (high - low) / (right - left) + 0.55)
-    panel = figure.subplots()
+    figure, (panel,) = style.grid(1, (width - 0.5) * (high - low) / (2 * half_view) + 0.55, width=width)
     if {"trajectory", "particle"} <= inputs.keys():
         _grains(panel, inputs, study.colour)
     for wall in walls:
         for side in (-1, 1):
             radii = [side * 1e3 * wall.r_low_m, side * 1e3 * wall.r_high_m]
             panel.plot(radii, [1e3 * wall.z_low_m, 1e3 * wall.z_high_m], color=style.BLACK, lw=1.6, zorder=3)
-    rim = funnel.rim_radius_mm
     for side in (-1, 1):
-        centre = (side * (funnel.outlet_diameter_mm / 2 + rim), funnel.outlet_height_mm)
-        panel.add_patch(Circle(centre, rim, color=style.BLACK, zorder=3))
+        centre = (side * (funnel.outlet_diameter_mm / 2 + funnel.rim_radius_mm), funnel.outlet_height_mm)
+        panel.add_patch(Circle(centre, funnel.rim_radius_mm, color=style.BLACK, zorder=3))
     half_plate = min(funnel.plate_diameter_mm / 2, half_view)
     panel.fill_between([-half_plate, half_plate], -7, 0, color="#C9CED3", lw=0, zorder=2)
     _levels(panel, funnel, factory, half_view)
     _dimensions(panel, funnel, top, half_inlet)
-    panel.set(xlim=(left, right), ylim=(low, high), aspect="equal")
+    panel.set(xlim=(-half_view, half_view), ylim=(low, high), aspect="equal", xticks=np.arange(-150, 151, 50))
     panel.set(xlabel="x (mm)", ylabel="z (mm)")
-    panel.set_xticks(np.arange(-150, 151, 50))
     return figure
 
 
@@ -146,33 +138,25 @@ def _levels(panel: Axes, funnel: Any, factory: float, half_view: float) -> None:
     panel.plot([-half_factory, half_factory], [factory, factory], color=LINE, lw=2.6, zorder=4)
 
 
-def dimension(
-    panel: Axes,
-    start: tuple[float, float],
-    end: tuple[float, float],
-    text: str,
-    place: tuple[float, float],
-    ha: str = "center",
-    **options: Any,
-) -> None:
+def dimension(panel: Axes, start: Place, end: Place, text: str, place: Place, **options: Any) -> None:
     """Draw a measured arrow from start to end with its number at a place; `options` go to its text."""
     look = {"arrowstyle": "<->", "lw": 0.8, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 7}
     panel.annotate("", start, xytext=end, arrowprops=look | {"color": style.BLUE}, zorder=5)
     box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.85}
-    panel.text(*place, text, color=style.BLUE, fontsize=6.5, zorder=5, bbox=box, ha=ha, **options)
+    panel.text(*place, text, color=style.BLUE, fontsize=6.5, zorder=5, bbox=box, **{"ha": "center"} | options)
 
 
 def _dimensions(panel: Axes, funnel: Any, top: float, half_inlet: float) -> None:
     """Draw measured arrows with their numbers: diameters across, heights at the left."""
     half_outlet, outlet = funnel.outlet_diameter_mm / 2, funnel.outlet_height_mm
     over, below, side = top + funnel.factory_height_mm + 14, outlet - 11, -half_inlet - 32
-    for half, z, text, place, ha, va in (
-        (half_inlet, over, f"inlet {2 * half_inlet:g}", (0, over + 4), "center", "bottom"),
-        (half_outlet, below, f"{2 * half_outlet:g}", (half_outlet + 4, below), "left", "center"),
-    ):
-        dimension(panel, (-half, z), (half, z), text, place, ha, va=va)
+    at = (0, over + 4), (half_outlet + 4, below)
+    dimension(panel, (-half_inlet, over), (half_inlet, over), f"inlet {2 * half_inlet:g}", at[0], va="bottom")
+    ends = (-half_outlet, below), (half_outlet, below)
+    dimension(panel, *ends, f"{2 * half_outlet:g}", at[1], ha="left", va="center")
     for low, high, text in ((0, outlet, f"{outlet:g}"), (outlet, top, f"{top - outlet:.0f}")):
-        dimension(panel, (side, low), (side, high), text, (side - 4, (low + high) / 2), "right", va="center")
+        middle = (side - 4, (low + high) / 2)
+        dimension(panel, (side, low), (side, high), text, middle, ha="right", va="center")
     look = {"color": style.BLUE, "fontsize": 6.5}
     words = f"{funnel.cone_angle_deg:g}° from horizontal"
     panel.text((half_outlet + half_inlet) / 2 + 9, (outlet + top) / 2 - 8, words, **look)
@@ -184,14 +168,13 @@ def _grains(panel: Axes, inputs: Inputs, colour: str) -> None:
     particle = Particle.load(inputs["particle"])
     record = read_npz(inputs["trajectory"], ("time_s", "position", "quaternion"), "the trajectory of a pour")
     frame = int(np.argmin(np.abs(record["time_s"] - SNAPSHOT_S)))
-    time_s = float(record["time_s"][frame])
     centres, quaternions = record["position"][frame], record["quaternion"][frame]
     scales = record.get("scale", np.ones(len(centres)))
     here = np.isfinite(centres).all(axis=1)
     order = np.flatnonzero(here)[np.argsort(-centres[here, 1])]
     # Seen along y, x points right.
     outline = outlines(centres[order].astype(float), quaternions[order], particle, [0.0], scales=scales[order])[0]
-    collection = PolyCollection(1e3 * outline, facecolors=colour, edgecolors=style.BLACK, linewidths=0.25, zorder=2.5)
-    panel.add_collection(collection)
-    words = f"simulated pour at {time_s:.3g} s, {here.sum()} of {len(here)} grains; lengths in mm"
+    look = {"facecolors": colour, "edgecolors": style.BLACK, "linewidths": 0.25, "zorder": 2.5}
+    panel.add_collection(PolyCollection(1e3 * outline, **look))
+    words = f"simulated pour at {record['time_s'][frame]:.3g} s, {here.sum()} of {len(here)} grains; lengths in mm"
     panel.set_title(words, fontsize=7)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, FigureBase
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
@@ -22,6 +22,9 @@ from .registry import OF_POSTERIOR, Inputs, Shown, figure
 CREDIBLE_SHARES = (0.95, 0.5)  # of the posterior inside a contour
 SEEDS = (1, 2, 4, 8, 16, 32, 64)
 PERCENT = (0.5, 1, 2, 5)
+PUBLISHED = ["published_low", "published_high"]
+
+Tables = tuple[pd.DataFrame, pd.DataFrame, Mapping[str, Any]]  # posterior.csv, draws.csv, posterior.json
 
 UNCERTAINTY: dict[str, Any] = {"reads": ("parameters", "targets"), "category": "Uncertainty"}
 
@@ -39,57 +42,50 @@ def noise_floor(inputs: Inputs, study: Shown) -> Figure:
     targets = study.targets
     runs, seeds = (read_table(inputs["runs"], ("sample", "status", *targets.names)), read_table(inputs["seeds"]))
     rows = read_json(inputs["noise"], ("responses",))["responses"]
-    figure = style.new_figure(style.PAGE, 2.15 + 2.45 * style.grid_rows(len(targets)))
-    above, below = _noise_panels(figure, len(targets))
+    # a panel for each response, two in a row, and two panels over the seeds below them
+    places = [[k, min(k + 1, len(targets) - 1)] for k in range(0, len(targets), 2)]
+    figure = style.new_figure(style.PAGE, 2.15 + 2.45 * len(places))
+    heights = [1.15] * len(places) + [1]
+    *above, error, r2 = figure.subplot_mosaic([*places, [-2, -1]], height_ratios=heights).values()
     for k, (panel, target) in enumerate(zip(above, targets, strict=True)):
         ok = runs[(runs["status"] == "ok") & runs[target.name].notna()]
         _runs_by_mean(panel, ok, target.name, style.series(k)["color"])
         panel.set(xlabel="samples, in order of their mean (line)", ylabel=style.response_label(target.response))
-        _variances(panel, target, rows[target.name])
-    for k, target in enumerate(targets):
-        _over_seeds(below, seeds, target, style.series(k))
-    below[0].set(ylabel="standard error of a mean\n(% of the target)", yscale="log")
-    below[0].set_yticks(PERCENT, [f"{value:g}" for value in PERCENT])
-    below[0].minorticks_off()
-    below[1].set(ylabel="R² of a perfect predictor\non means over the seeds", ylim=(None, 1))
-    for panel in below:
+        _variances(panel, target.response.unit, rows[target.name])
+        _over_seeds(error, r2, seeds, target, style.series(k))
+    error.set(ylabel="standard error of a mean\n(% of the target)", yscale="log")
+    error.set_yticks(PERCENT, [f"{value:g}" for value in PERCENT])
+    r2.set(ylabel="R² of a perfect predictor\non means over the seeds", ylim=(None, 1))
+    for panel in (error, r2):
         panel.set(xlabel="seeds per sample", xscale="log")
         panel.set_xticks(SEEDS, SEEDS)
         panel.minorticks_off()
         panel.grid(True)
-    style.name_panels([*above, *below])
-    below[0].legend()
-    below[1].legend(loc="lower right", title="band: 95 % interval", title_fontsize=6.8)
+    style.name_panels([*above, error, r2])
+    error.legend()
+    r2.legend(loc="lower right", title="band: 95 % interval", title_fontsize=6.8)
     return figure
 
 
-def _noise_panels(figure: Figure, count: int) -> tuple[list[Axes], list[Axes]]:
-    """Give a panel for each response, two in a row, and two panels over the seeds below them."""
-    rows = [[f"{k}", f"{min(k + 1, count - 1)}"] for k in range(0, count, 2)]
-    panels = figure.subplot_mosaic([*rows, ["error", "r2"]], height_ratios=[1.15] * len(rows) + [1])
-    return [panels[f"{k}"] for k in range(count)], [panels["error"], panels["r2"]]
-
-
-def _variances(panel: Axes, target: Target, row: Mapping[str, float]) -> None:
+def _variances(panel: Axes, unit: str, row: Mapping[str, float]) -> None:
     """Draw the standard deviations of a response, in words, above its runs."""
-    unit = target.response.unit
-    text = (
-        f"standard deviation within samples {row['sd_within']:.2f} {unit}\n"
-        f"between samples {row['sd_between']:.2f} {unit}\n"
-        f"intraclass correlation {row['icc']:.2f} ({row['icc_low']:.2f}–{row['icc_high']:.2f})"
+    lines = (
+        f"standard deviation within samples {row['sd_within']:.2f} {unit}",
+        f"between samples {row['sd_between']:.2f} {unit}",
+        f"intraclass correlation {row['icc']:.2f} ({row['icc_low']:.2f}–{row['icc_high']:.2f})",
     )
     bottom, top = panel.get_ylim()
     panel.set_ylim(bottom, top + 0.2 * (top - bottom))
-    style.note(panel, text, y=0.99)
+    style.note(panel, "\n".join(lines), y=0.99)
 
 
-def _over_seeds(panels: list[Axes], seeds: pd.DataFrame, target: Target, look: Mapping[str, str]) -> None:
+def _over_seeds(error: Axes, r2: Axes, seeds: pd.DataFrame, target: Target, look: Mapping[str, str]) -> None:
     """Draw the standard error and reachable R2 of one response."""
     name, label = target.response.quantity, target.response.symbol
-    panels[0].plot(seeds["seeds"], seeds[f"{name}_se_percent"], label=label, **look)
+    error.plot(seeds["seeds"], seeds[f"{name}_se_percent"], label=label, **look)
     band = (seeds[f"{name}_reachable_r2_{end}"] for end in ("low", "high"))
-    panels[1].fill_between(seeds["seeds"], *band, color=look["color"], alpha=0.2, lw=0)
-    panels[1].plot(seeds["seeds"], seeds[f"{name}_reachable_r2"], label=label, **look)
+    r2.fill_between(seeds["seeds"], *band, color=look["color"], alpha=0.2, lw=0)
+    r2.plot(seeds["seeds"], seeds[f"{name}_reachable_r2"], label=label, **look)
 
 
 def _runs_by_mean(panel: Axes, ok: pd.DataFrame, column: str, colour: str) -> None:
@@ -111,65 +107,62 @@ def corner(inputs: Inputs, study: Shown) -> Figure:
     The free parameters given the physical measurements: draws of the posterior, with the feasible solutions of the
     search. A parameter whose draws fill its range is not determined by the targets.
     """
-    space = study.space
-    draws, table = read_table(inputs["draws"], space.names), read_table(inputs["posterior"], ("parameter",))
-    cloud, summary = read_table(inputs["feasible"], space.names), read_json(inputs["summary"], ("predicted",))
-    ranges, table = study.ranges, table.set_index("parameter")
-    published = "published_low" in table
-    figure = style.new_figure(style.PAGE, style.PAGE)
-    for panel, across, down in style.pairs_of_parameters(figure, space.free):
-        low, high = ranges[across]
-        panel.set_xlim(low - 0.02 * (high - low), high + 0.02 * (high - low))
+    names, figure = study.space.names, style.new_figure(style.PAGE, style.PAGE)
+    draws, table = read_table(inputs["draws"], names), read_table(inputs["posterior"], ("parameter",))
+    cloud, summary = read_table(inputs["feasible"], names), read_json(inputs["summary"], ("predicted",))
+    draw_corner(figure, study, (table, draws, summary), cloud, "solutions of the search")
+    return figure
+
+
+def draw_corner(figure: FigureBase, study: Shown, posterior: Tables, cloud: pd.DataFrame, words: str) -> None:
+    """Draw a `repose.studies.posterior.Posterior` in an empty figure, with parameter sets, which `words` name."""
+    table, draws, summary = posterior
+    space, table, published = study.space, table.set_index("parameter"), "published_low" in table
+    for panel, across, down in style.pairs_of_parameters(figure, study, 0.02):
         if across == down:
-            _marginal(panel, draws[across], ranges[across], space, table)
+            _marginal(panel, draws[across], study, table.loc[across])
             continue
-        low, high = ranges[down]
-        panel.set_ylim(low - 0.02 * (high - low), high + 0.02 * (high - low))
-        _pair(panel, draws, across, down, ranges)
+        _pair(panel, draws, across, down, study.ranges)
         panel.scatter(cloud[across], cloud[down], s=5, color=style.RED, lw=0, zorder=4)
         if published and table.loc[[across, down], "published_low"].notna().all():
-            panel.add_patch(_published_box(table, across, down))
-    words = _account(summary, study.targets)
-    figure.text(0.47, 0.975, words, fontsize=7.5, va="top", linespacing=1.5)
+            (x0, x1), (y0, y1) = (table.loc[name, PUBLISHED].astype(float) for name in (across, down))
+            panel.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, fill=False, ec=style.BLACK, lw=1.1, zorder=5))
+    account = _account(summary, study.targets)
+    figure.text(0.47, 0.975, account, fontsize=7.5, va="top", linespacing=1.5)
     prior, box = "prior" if space.prior else "uniform prior", partial(Rectangle, (0, 0), 1, 1)
     handles = [
         box(color=style.BLUE, alpha=0.35, lw=0, label="posterior: 50 and 95 % of it"),
         Line2D([], [], color=style.GREY, ls="--", lw=0.9, label=prior),
-        Line2D([], [], marker="o", ls="", ms=3.5, color=style.RED, label="solutions of the search"),
-        box(fill=False, ec=style.BLACK, lw=1.1, label="published intervals"),
+        Line2D([], [], marker="o", ls="", ms=3.5, color=style.RED, label=words),
+        *([box(fill=False, ec=style.BLACK, lw=1.1, label="published intervals")] if published else []),
     ]
-    shown = handles[: 4 if published else 3]
-    figure.legend(handles=shown, loc="upper left", bbox_to_anchor=(0.63, 0.8), fontsize=7.5)
-    return figure
+    figure.legend(handles=handles, loc="upper left", bbox_to_anchor=(0.63, 0.8), fontsize=7.5)
 
 
-def _marginal(
-    panel: Axes, values: pd.Series, bounds: tuple[float, float], space: ParameterSpace, table: pd.DataFrame
-) -> None:
+def _marginal(panel: Axes, values: pd.Series, study: Shown, row: pd.Series) -> None:
     """Draw the histogram of one parameter's draws with its prior and the published interval."""
-    panel.hist(values, bins=25, range=bounds, density=True, color=style.BLUE, alpha=0.35)
-    panel.plot(*_prior_density(space, str(values.name)), color=style.GREY, lw=0.9, ls="--")
-    row = table.loc[values.name]
+    panel.hist(values, bins=25, range=study.ranges[row.name], density=True, color=style.BLUE, alpha=0.35)
+    panel.plot(*_prior_density(study.space, row.name), color=style.GREY, lw=0.9, ls="--")
     if pd.notna(row.get("published_low")):
-        panel.axvspan(row["published_low"], row["published_high"], fill=False, ec=style.BLACK, lw=0.9)
+        panel.axvspan(*row[PUBLISHED], fill=False, ec=style.BLACK, lw=0.9)
     panel.set_title(f"{row['information_bits']:.2f} bits", fontsize=6.5, loc="center", pad=2)
-    panel.set_yticks([])
-    panel.spines["left"].set_visible(False)
 
 
 def _prior_density(space: ParameterSpace, name: str) -> tuple[np.ndarray, np.ndarray]:
     """Give the values of a free parameter over its range, and the density of its prior there."""
-    k = space.free.index(name)
-    unit = np.full((201, space.dimensions), 0.5)
-    unit[:, k] = np.linspace(0, 1, 201)
-    value = space.low[k] + unit[:, k] * (space.high[k] - space.low[k])
-    return value, np.gradient(space.prior_cdf(unit)[:, k], value)
+    k, unit = space.free.index(name), np.linspace(0, 1, 201)
+    value = space.low[k] + unit * (space.high[k] - space.low[k])
+    share = space.prior_cdf(np.repeat(unit[:, None], space.dimensions, axis=1))
+    return value, np.gradient(share[:, k], value)
 
 
 def _pair(panel: Axes, draws: pd.DataFrame, across: str, down: str, ranges: Mapping[str, tuple[float, float]]) -> None:
     """Draw the smoothed counts of two parameters' draws, filled down to each credible share."""
+    from scipy import ndimage  # slow to import
+
     counts, x, y = np.histogram2d(draws[across], draws[down], bins=25, range=(ranges[across], ranges[down]))
-    counts = _smoothed(_smoothed(counts).T).T
+    for axis in (0, 0, 1, 1):
+        counts = ndimage.correlate1d(counts, (0.25, 0.5, 0.25), axis)  # the ends are reflected
     order = np.sort(counts.ravel())[::-1]
     inside = np.cumsum(order) / order.sum()
     levels = [order[min(int(np.searchsorted(inside, share)), order.size - 1)] for share in CREDIBLE_SHARES]
@@ -180,39 +173,29 @@ def _pair(panel: Axes, draws: pd.DataFrame, across: str, down: str, ranges: Mapp
     panel.contourf(x, y, counts.T, levels=levels, colors=["#BCD9EC", "#6FAED6"])
 
 
-def _smoothed(counts: np.ndarray) -> np.ndarray:
-    """Give counts (n, m) smoothed along the first axis by (1, 2, 1) / 4 twice, their ends reflected."""
-    for _ in range(2):
-        wide = np.concatenate([counts[:1], counts, counts[-1:]])
-        counts = (wide[:-2] + 2 * wide[1:-1] + wide[2:]) / 4
-    return counts
-
-
-def _published_box(table: pd.DataFrame, across: str, down: str) -> Rectangle:
-    """Give the published intervals of two parameters."""
-    (x0, x1), (y0, y1) = (table.loc[name, ["published_low", "published_high"]].astype(float) for name in (across, down))
-    return Rectangle((x0, y0), x1 - x0, y1 - y0, fill=False, ec=style.BLACK, lw=1.1, zorder=5)
-
-
 def _account(summary: Mapping[str, Any], targets: Targets) -> str:
     """Say the predictions of the posterior, in words."""
-    predicted = summary["predicted"]
-    parts = [
-        f"predicted {response.symbol} {predicted[response.name]['mean']:.1f} {response.unit} "
-        f"({predicted[response.name]['low']:.1f}–{predicted[response.name]['high']:.1f})"
-        for response in targets.responses
-    ]
+    parts = []
+    for response in targets.responses:
+        mean, low, high = (summary["predicted"][response.name][key] for key in ("mean", "low", "high"))
+        parts.append(f"predicted {response.symbol} {mean:.1f} {response.unit} ({low:.1f}–{high:.1f})")
     distance = summary["misfit"]["squared_distance"] ** 0.5
-    r_hat, draws = summary["largest_r_hat"], summary["least_effective_draws"]
     parts += [
         f"best draw {distance:.2f} standard deviations from the targets",
         f"{100 * summary['thin_share']:.0f} % of the draws lie where samples are thin",
-        f"R-hat ≤ {r_hat:.3f}, effective draws ≥ {draws:.0f}",
+        f"R-hat ≤ {summary['largest_r_hat']:.3f}, effective draws ≥ {summary['least_effective_draws']:.0f}",
         "above each histogram: information of the measurements",
-        "EXTRAPOLATED" if summary["thin_share"] > 0.5 else "",
-        "" if summary["converged"] else "NOT CONVERGED",
+        *(["EXTRAPOLATED"] if summary["thin_share"] > 0.5 else []),
+        *([] if summary["converged"] else ["NOT CONVERGED"]),
     ]
-    return "\n".join(filter(None, parts))
+    return "\n".join(parts)
+
+
+INTERVALS = (
+    (["credible_low", "credible_high"], 0.22, style.BLUE, "posterior, 95 % and median"),
+    (["miga_low", "miga_high"], 0.0, style.RED, "solutions of the search"),
+    (PUBLISHED, -0.22, style.ORANGE, "published interval"),
+)
 
 
 @figure("intervals", "Credible intervals", {"posterior": "posterior/posterior.csv"}, **OF_POSTERIOR)
@@ -224,36 +207,32 @@ def intervals(inputs: Inputs, study: Shown) -> Figure:
     """
     table = read_table(inputs["posterior"], ("parameter", "credible_low", "miga_low"))
     figure = style.new_figure(style.PAGE, 3.3)
-    panel = figure.subplots()
+    draw_intervals(figure.subplots(), table)
+    return figure
+
+
+def draw_intervals(panel: Axes, table: pd.DataFrame) -> None:
+    """Draw the intervals of posterior.csv, and the values in a column `answer` if there is one."""
     for k, row in table.iterrows():
         y, low, width = len(table) - 1 - k, row["low"], row["high"] - row["low"]
-
-        def place(*values: float, low: float = low, width: float = width) -> np.ndarray:
-            return (np.array(values) - low) / width
-
         panel.barh(y, 1, height=0.8, color="#EEF0F2", zorder=0)
-        for ends, offset, colour, label in (
-            (("credible_low", "credible_high"), 0.22, style.BLUE, "posterior, 95 % and median"),
-            (("miga_low", "miga_high"), 0.0, style.RED, "solutions of the search"),
-            (("published_low", "published_high"), -0.22, style.ORANGE, "published interval"),
-        ):
-            x = place(*row.reindex(ends).dropna().astype(float))
+        for ends, offset, colour, label in INTERVALS:
+            x = (row.reindex(ends).dropna().astype(float).to_numpy() - low) / width
             named = label if k == 0 and len(x) else None
             panel.plot(x, [y + offset] * len(x), "-|", color=colour, lw=3, ms=7, label=named)
-        panel.plot(place(row["median"]), [y + 0.22], "o", ms=4.5, color="white", mec=style.BLUE, zorder=5)
+        median = (row["median"] - low) / width
+        panel.plot([median], [y + 0.22], "o", ms=4.5, color="white", mec=style.BLUE, zorder=5)
+        if "answer" in row:
+            label = "_" * bool(k) + "the answer"
+            panel.plot([(row["answer"] - low) / width], [y], "D", label=label, **style.ANSWER)
         text = f"{100 * row['width_ratio']:.0f} %   {row['information_bits']:.2f} bits"
         panel.text(1.03, y, text, fontsize=6.8, va="center")
         for end, value in ((0, row["low"]), (1, row["high"])):
             panel.text(end, y - 0.47, f"{value:g}", fontsize=6, ha="center", va="center", color=style.GREY)
     panel.text(1.03, len(table) - 0.45, "width / prior's,\ninformation", fontsize=6.3, va="bottom", color=style.GREY)
-    panel.set_yticks(range(len(table)), [SYMBOLS[name] for name in reversed(list(table["parameter"]))], fontsize=9)
+    style.strips(panel, table["parameter"].tolist())
     panel.set(xlim=(-0.03, 1.17), ylim=(-1.2, len(table) - 0.35))
-    panel.set_xticks([0, 0.25, 0.5, 0.75, 1.0])
-    panel.set_xlabel("place in the parameter's range (dimensionless)")
     panel.legend(loc="lower center", ncols=3, bbox_to_anchor=(0.43, -0.02))
-    panel.spines["left"].set_visible(False)
-    panel.tick_params(axis="y", length=0)
-    return figure
 
 
 SOBOL = {"sobol": "sensitivity/sobol.csv"}
@@ -267,10 +246,8 @@ def sobol_indices(inputs: Inputs, study: Shown) -> Figure:
     First-order and total Sobol indices of each response of the surrogate, with 95 % bootstrap intervals.
     """
     table = read_table(inputs["sobol"], ("response", "parameter", "first", "total"))
-    targets = study.targets
-    figure = style.new_figure(style.PAGE, 2.4 * style.grid_rows(len(targets)))
-    panels = style.grid(figure, len(targets), sharey=True)
-    for k, (panel, target) in enumerate(zip(panels, targets, strict=True)):
+    figure, panels = style.grid(len(study.targets), 2.4, sharey=True)
+    for k, (panel, target) in enumerate(zip(panels, study.targets, strict=True)):
         _bars(panel, table[table["response"] == target.name].set_index("parameter"))
         panel.set_title(f"{style.letter(k)}   {target.response.symbol}", fontweight="bold")
         if k % 2 == 0:
@@ -282,14 +259,13 @@ def sobol_indices(inputs: Inputs, study: Shown) -> Figure:
 def _bars(panel: Axes, rows: pd.DataFrame) -> None:
     """Draw the indices of one response, a pair of bars for each parameter."""
     place = np.arange(len(rows))
+    look = {"ecolor": style.BLACK, "error_kw": {"lw": 0.8}, "capsize": 2}
     for name, offset, colour, text in (
         ("first", -0.2, style.BLUE, "first order"),
         ("total", 0.2, style.ORANGE, "total"),
     ):
-        value = rows[name].to_numpy()
-        ends = np.abs([value - rows[f"{name}_low"], rows[f"{name}_high"] - value])
-        panel.bar(place + offset, value, 0.38, color=colour, label=text)
-        panel.errorbar(place + offset, value, yerr=ends, fmt="none", ecolor=style.BLACK, lw=0.8, capsize=2)
+        ends = np.abs([rows[name] - rows[f"{name}_low"], rows[f"{name}_high"] - rows[name]])
+        panel.bar(place + offset, rows[name], 0.38, yerr=ends, color=colour, label=text, **look)
     panel.axhline(0, color=style.BLACK, lw=0.6)
     panel.set_xticks(place, [SYMBOLS[name] for name in rows.index], fontsize=9)
     panel.margins(y=0.15)
@@ -305,25 +281,18 @@ def main_effects(inputs: Inputs, study: Shown) -> Figure:
     simulated samples. The goji berry's angle falls with the friction between berries: such piles pack more loosely,
     and the same berries need a wider foot (``repose docs uncertainty``, Sensitivity).
     """
-    targets, ranges = study.targets, study.ranges
+    targets = study.targets
     effects = read_table(inputs["effects"], ("parameter", "value", *targets.names))
     table = read_table(inputs["dataset"], (*study.space.names, "status", *targets.names))
     sobol = read_table(inputs["sobol"], ("response", "parameter", "first"))
     sobol, good = sobol.set_index(["response", "parameter"]), table[table["status"] == "ok"]
-    names = list(dict.fromkeys(effects["parameter"]))
-    figure = style.new_figure(style.PAGE, 0.5 + 1.4 * len(targets))
-    panels = figure.subplots(len(targets), len(names), sharex="col", sharey="row", squeeze=False)
-    for row, target in enumerate(targets):
-        for panel, name in zip(panels[row], names, strict=True):
-            line = effects[effects["parameter"] == name]
-            panel.scatter(good[name], good[target.name], s=4, color=style.GREY, alpha=0.6, lw=0)
-            panel.plot(line["value"], line[target.name], color=style.BLUE, lw=1.8)
-            share = sobol.loc[(target.name, name), "first"]
-            panel.set_title(f"{100 * max(share, 0.0):.0f} %", fontsize=6.8, loc="right", pad=2)
-            panel.set_xlim(ranges[name])
-        panels[row, 0].set_ylabel(style.response_label(target.response))
-    for panel, name in zip(panels[-1], names, strict=True):
-        panel.set_xlabel(style.parameter_label(name), fontsize=8.5)
+    figure, panels = style.over_parameters(study, 1.4)
+    for panel, target, name in panels:
+        line = effects[effects["parameter"] == name]
+        panel.scatter(good[name], good[target.name], s=4, color=style.GREY, alpha=0.6, lw=0)
+        panel.plot(line["value"], line[target.name], color=style.BLUE, lw=1.8)
+        share = sobol.loc[(target.name, name), "first"]
+        panel.set_title(f"{100 * max(share, 0.0):.0f} %", fontsize=6.8, loc="right", pad=2)
     words = "mean of the surrogate over the other parameters; %: first-order share of the variance"
     style.below(figure, f"points: samples; line: {words}")
     return figure

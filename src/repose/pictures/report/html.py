@@ -40,21 +40,13 @@ def text(value: Any) -> str:
 
 def table(head: Sequence[str], rows: Sequence[Sequence[Any]], kind: str = "sorts") -> str:
     """Write a table that scrolls sideways on a narrow screen; the class ``sorts`` makes it sortable."""
-    cells = "".join(f"<th{_kind(title)}>{html.escape(title)}</th>" for title in head)
-    body = "".join(
-        "<tr>" + "".join(_cell(name, value) for name, value in zip(head, row, strict=True)) + "</tr>" for row in rows
-    )
+    kinds, names = [' class="words"' if name in WORDS else "" for name in head], [html.escape(name) for name in head]
+    cells, body = "".join(f"<th{of}>{name}</th>" for of, name in zip(kinds, names, strict=True)), ""
+    for row in rows:  # on a phone the style shows the column's name beside its value
+        columns = zip(kinds, names, row, strict=True)
+        row_cells = "".join(f'<td{of} data-head="{name}">{text(value)}</td>' for of, name, value in columns)
+        body += f"<tr>{row_cells}</tr>"
     return f'<div class="wide"><table class="{kind}"><thead><tr>{cells}</tr></thead><tbody>{body}</tbody></table></div>'
-
-
-def _kind(name: str) -> str:
-    """Write the class of a column's cells: words are aligned left."""
-    return ' class="words"' if name in WORDS else ""
-
-
-def _cell(name: str, value: Any) -> str:
-    """Write a cell; on a phone the style shows the column's name beside its value."""
-    return f'<td{_kind(name)} data-head="{html.escape(name)}">{text(value)}</td>'
 
 
 def folded(title: str, frame: pd.DataFrame) -> str:
@@ -66,7 +58,7 @@ def folded(title: str, frame: pd.DataFrame) -> str:
     return f"<details><summary>{html.escape(title)} ({len(frame)} rows)</summary>{shown}</details>"
 
 
-def picture(path: str | os.PathLike[str], caption: str) -> str:
+def picture(path: str | os.PathLike[str] | io.BytesIO, caption: str) -> str:
     """Embed a picture, which opens large; a photograph is reduced. InputError if the file is no picture.
 
     A figure, whose file has a resolution, is not shrunk below `READABLE` of its size on paper.
@@ -79,17 +71,11 @@ def picture(path: str | os.PathLike[str], caption: str) -> str:
         raise InputError(path, "picture", str(error), "a PNG or JPEG file") from error
     least = round(READABLE * CSS_DPI * image.width / dpi) if is_drawing and dpi else 0
     image.thumbnail((LONGEST_SIDE_PX, LONGEST_SIDE_PX))
-    content = io.BytesIO()
+    content, kind = io.BytesIO(), "png" if is_drawing else "jpeg"
     if is_drawing:
         image.quantize(128).save(content, "PNG", optimize=True)
     else:
         image.save(content, "JPEG", quality=85)
-    kind = "png" if is_drawing else "jpeg"
-    coded = base64.b64encode(content.getvalue()).decode()
-    words = html.escape(caption)
-    return (
-        f'<figure style="--least: {least}px"><div class="wide">'
-        f'<button class="enlarge" type="button" title="Open large" aria-label="Open large: {words}">'
-        f'<img alt="{words}" width="{image.width}" height="{image.height}" src="data:image/{kind};base64,{coded}">'
-        f"</button></div><figcaption>{words}</figcaption></figure>"
-    )
+    source = f"data:image/{kind};base64,{base64.b64encode(content.getvalue()).decode()}"
+    size = {"least": str(least), "width": str(image.width), "height": str(image.height)}
+    return fill("picture.html", words=html.escape(caption), source=source, **size)

@@ -3,26 +3,26 @@
 import os
 from datetime import date
 
-import pandas as pd
-
 from repose.chain.answer import WITHIN
 from repose.core import provenance
+from repose.pictures.figures import own, style
 from repose.pictures.report import page
-from repose.pictures.report.study import Results
-from repose.pictures.shown import Shown
+from repose.pictures.report.study import CAPTIONS, Results
 from repose.studies.calibration import Calibration
 
 
 def write(calibration: Calibration, out_path: str | os.PathLike[str]) -> None:
     """Write the report."""
-    study, targets = calibration.study, calibration.study.targets
-    row = dict(zip(targets.predicted, calibration.answer.mean.tolist(), strict=True))
-    config = {"label": study.settings.label, "small_run": False}
+    files = {}
+    with style.applied():
+        for name, (height, draw) in own.parts(calibration).items():
+            figure = style.new_figure(style.PAGE, height)
+            draw(figure)
+            files[name] = style.encoded(figure)
     shown = Results(
-        shown=Shown(config, targets=targets, space=study.parameters),
-        answer=calibration.answer.values,
-        row=pd.Series(row | {"role": "representative", "reason": ""}),
-        chance=dict.fromkeys(targets.names) | {"all": calibration.probability["inside"]},
+        shown=own.shown(calibration),
+        row=calibration.solutions.iloc[0],
+        chance=dict.fromkeys(calibration.study.targets.names) | {"all": calibration.probability["inside"]},
         within={percent: calibration.probability[column] for percent, column in WITHIN.items()},
         posterior=calibration.posterior.parameters.set_index("parameter"),
         surrogate=calibration.model,
@@ -32,6 +32,8 @@ def write(calibration: Calibration, out_path: str | os.PathLike[str]) -> None:
         summary=calibration.summary,
         date=date.today().isoformat(),
         record=provenance.machine(),
+        files=files,
+        captions=CAPTIONS["own"],
     )
     tables = {"Simulated samples": calibration.samples, "Parameter sets found": calibration.solutions}
     page.write_study(shown, tables, out_path)

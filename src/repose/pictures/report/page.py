@@ -13,22 +13,16 @@ from repose.core.targets import Target
 from repose.particle.particle import Particle
 from repose.pictures.report import prediction, scene, sections, three
 from repose.pictures.report.html import fill, own
-from repose.pictures.report.study import Results, read
+from repose.pictures.report.study import Files, Results, read
+from repose.pictures.shown import Config
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
-def write(
-    config: Mapping[str, Any],
-    jobs: Sequence[str],
-    files: Mapping[str, str],
-    tables: Mapping[str, str],
-    out_path: str | os.PathLike[str],
-) -> None:
+def write(config: Config, jobs: Sequence[str], files: Files, tables: Files, out_path: str | os.PathLike[str]) -> None:
     """Write the report of a study from its files."""
-    study = read(config, jobs, files)
-    write_study(study, {title: read_table(path) for title, path in tables.items()}, out_path)
+    write_study(read(config, jobs, files), {title: read_table(path) for title, path in tables.items()}, out_path)
 
 
 def write_study(study: Results, tables: Mapping[str, "pd.DataFrame"], out_path: str | os.PathLike[str]) -> None:
@@ -45,7 +39,7 @@ def content(study: Results) -> dict[str, Any]:
         "parameters": [_parameter(study, k) for k in range(len(study.space.names))],
         "targets": [_target(study, target) for target in study.targets],
         "copy": for_copy(study),
-        "model": (prediction.for_page(study.surrogate, study.space, study.answer) if study.surrogate else None),
+        "model": prediction.for_page(study.surrogate, study.space, study.answer) if study.surrogate else None,
         "pour": None,
     }
     if "trajectory" in study.files:
@@ -78,27 +72,17 @@ def _parameter(study: Results, k: int) -> dict[str, Any]:
     """Give one parameter as plain values."""
     space, name = study.space, study.space.names[k]
     fixed, label = name in space.fixed, LABELS.get(name, name)
-    ends = dict(zip(space.free, zip(space.low.tolist(), space.high.tolist(), strict=True), strict=True))
-    low, high = ends.get(name, (None, None))
+    low, high = (None, None) if fixed else study.shown.ranges[name]
     return {"name": name, "label": label, "value": float(study.answer[k]), "fixed": fixed, "low": low, "high": high}
 
 
 def _target(study: Results, target: Target) -> dict[str, Any]:
     """Give one target as plain values, with the ends of its gauge."""
-    seen = study.dataset[target.name].dropna()
-    simulated = study.number(target.response.simulated)
-    shown = [*seen, target.low, target.high, target.value - target.sd, target.value + target.sd]
-    shown += [] if simulated is None else [simulated]
+    response, simulated = target.response, study.number(target.response.simulated)
+    shown = [*study.dataset[target.name].dropna(), target.low, target.high]
+    shown += [target.value - target.sd, target.value + target.sd, *([] if simulated is None else [simulated])]
     margin = 0.04 * (max(shown) - min(shown))
-    return {
-        "name": target.name,
-        "label": target.response.label,
-        "unit": target.response.unit,
-        "value": target.value,
-        "sd": target.sd,
-        "low": target.low,
-        "high": target.high,
-        "simulated": simulated,
-        "error": study.number(target.response.error),
-        "axis": [float(min(shown) - margin), float(max(shown) + margin)],
-    }
+    words = {name: getattr(response, name) for name in ("name", "label", "unit")}
+    numbers = {name: getattr(target, name) for name in ("value", "sd", "low", "high")}
+    found = {"simulated": simulated, "error": study.number(response.error)}
+    return words | numbers | found | {"axis": [float(min(shown) - margin), float(max(shown) + margin)]}

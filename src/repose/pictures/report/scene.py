@@ -5,6 +5,7 @@ within 0.02 mm and 1 degree of its true place.
 """
 
 import os
+from dataclasses import astuple
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -40,10 +41,7 @@ def for_page(trajectory: str | os.PathLike[str], particle: Particle, section: "F
     positions, low, step = quantised(1e3 * record["position"][shown].astype(float))
     turns = np.nan_to_num(np.roll(record["quaternion"][shown].astype(float), -1, axis=2))
     scales = record.get("scale")
-    walls = [
-        [1e3 * length for length in (wall.z_low_m, wall.r_low_m, wall.z_high_m, wall.r_high_m)]
-        for wall in funnel_walls(section.funnel)
-    ]
+    walls = [[1e3 * length for length in astuple(wall)[:4]] for wall in funnel_walls(section.funnel)]
     return {
         "body": _packed_body(*body(particle, MAX_TRIANGLES // max(count, 1))),
         "count": count,
@@ -67,11 +65,11 @@ def frames_shown(times_s: np.ndarray, count: int) -> np.ndarray:
 def quantised(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Give positions (T, N, 3) as uint16 `whole`, with `low` and `step` (3,): position = low + step * whole."""
     there = np.isfinite(positions).all(axis=2)
+    whole = np.full(positions.shape, ABSENT, np.uint16)
     if not there.any():
-        return np.full(positions.shape, ABSENT, np.uint16), np.zeros(3), np.ones(3)
+        return whole, np.zeros(3), np.ones(3)
     low, high = positions[there].min(axis=0), positions[there].max(axis=0)
     step = np.maximum(high - low, 1e-9) / STEPS
-    whole = np.full(positions.shape, ABSENT, np.uint16)
     whole[there] = np.rint((positions[there] - low) / step)
     return whole, low, step
 

@@ -10,8 +10,9 @@ import numpy as np
 import pandas as pd
 
 from repose.chain import card
-from repose.chain.answer import NOT_AGAIN, Check, Result, in_one_line, nearness, out_of_reach
+from repose.chain.answer import NOT_AGAIN, SAID, Check, Result, in_one_line, nearness, out_of_reach
 from repose.chain.design import METHODS
+from repose.core.files import read_json
 from repose.core.parameters import LABELS
 from repose.core.runs import error_of
 from repose.core.targets import Target
@@ -19,7 +20,7 @@ from repose.measure.angles import MEAN_KEYS
 from repose.measure.settings import line_for, line_of
 from repose.pictures.report.html import fill, folded, picture, table, text
 from repose.pictures.report.prediction import is_whole
-from repose.pictures.report.study import PICTURES, Results
+from repose.pictures.report.study import CAPTIONS, Results
 from repose.studies.posterior import LARGEST_R_HAT
 
 SURE = 0.95
@@ -37,21 +38,23 @@ def share(value: float | None) -> str:
 def answer(study: Results) -> str:
     """Write the parameters, their intervals, and the probability that they meet the targets."""
     kind, words = verdict(study)
-    first, _, others = html.escape(words).replace("+-", "±").partition(". ")
+    first, _, others = _escaped(words).partition(". ")
     rows = [_parameter_row(study, k) for k in range(len(study.space.names))]
-    head = ["parameter", "meaning", "value", *_interval_head(study), "searched", "sets found"]
-    near = f"<p>{html.escape(nearness(_named(study)).replace('+-', '±'))}</p>" if study.number("n_seeds") else ""
-    said = {"kind": kind, "first": first, "others": others, "origin": _origin(study), "nearness": near}
+    intervals = [] if study.posterior is None else ["95 % interval", "left open"]
+    head = ["parameter", "meaning", "value", *intervals, "searched", "sets found"]
+    named = (replace(check, response=check.label) for check in _checks(study))
+    near = f"<p>{_escaped(nearness(named))}</p>" if study.number("n_seeds") else ""
+    record = study.record
+    commit = f", commit {record['commit']}" if record.get("commit") else ""
+    made = f"Results of {study.date}, by repose {record.get('repose')}{commit}, on {record.get('processor')}."
+    said = {"kind": kind, "first": first, "others": others, "origin": html.escape(made), "nearness": near}
     said |= {"impossible": "".join(f"{one}\n" for one in impossible(study.files)), "known": _how_well_known(study)}
     return fill("answer.html", label=html.escape(study.shown.label), table=table(head, rows, "answer"), **said)
 
 
-def _origin(study: Results) -> str:
-    """Write the date, version, commit and processor of the results in a line."""
-    record = study.record
-    commit = f", commit {record['commit']}" if record.get("commit") else ""
-    made = f"Results of {study.date}, by repose {record.get('repose')}{commit}, on {record.get('processor')}."
-    return f'<p class="note" id="origin">{html.escape(made)}</p>'
+def _escaped(words: str) -> str:
+    """Write the words of a message as HTML."""
+    return html.escape(words).replace("+-", "±")
 
 
 def verdict(study: Results) -> tuple[str, str]:
@@ -68,6 +71,8 @@ def verdict(study: Results) -> tuple[str, str]:
         small_run=study.shown.small_run,
     )
     line = in_one_line(found.met, found.checks, found.reason, found.small_run)
+    if found.met is None and found.feasible:
+        line = line.replace(SAID[None], "targets predicted to be met")
     good = found.feasible and found.met is not False
     kind = ("good" if (study.chance["all"] or 0.0) >= SURE else "fair") if good else "bad"
     return kind, f"{line[0].upper()}{line[1:]} {_probability(study) if found.feasible else found.message}"
@@ -79,9 +84,8 @@ def _probability(study: Results) -> str:
     if chance is None:
         return "How probable this is, is unknown: fewer than two runs of these parameters could be measured."
     which = ("the response lies", "both responses lie", f"all {k} responses lie")[min(k, 3) - 1]
-    runs = study.number("n_seeds")
     judged = "as the surrogate predicts; these parameters were not simulated again"
-    if runs is not None:
+    if (runs := study.number("n_seeds")) is not None:
         judged = f"judged by {runs:.0f} new simulations with these parameters"
     return f"With a probability of {share(chance)} {which} inside the target range, {judged}." + "".join(
         f" Within {percent:g} % of the target{'s' if k > 1 else ''}: {share(within)}."
@@ -94,8 +98,7 @@ def impossible(files: Mapping[str, str]) -> Iterator[str]:
     """Give a paragraph for each angle of the card that piles of these grains cannot have at the targeted Height."""
     for test in card.read(files["card"])["tests"] if "card" in files else ():
         if "reach" in test and not test["reach"]["possible"]:
-            sentence = html.escape(test["reach"]["sentence"]).replace("+-", "±")
-            yield f'<p class="verdict bad">{sentence}</p>'
+            yield f'<p class="verdict bad">{_escaped(test["reach"]["sentence"])}</p>'
 
 
 def _checks(study: Results) -> Iterator[Check]:
@@ -108,16 +111,6 @@ def _checks(study: Results) -> Iterator[Check]:
         line = line_for(study.shown.config.get("measure"), target.name)
         check = Check.of(target, simulated, error, int(runs or 0), status)
         yield replace(check, predicted=predicted, line=line)
-
-
-def _named(study: Results) -> Iterator[Check]:
-    """Give the checks with their responses in words."""
-    return (replace(check, response=check.label) for check in _checks(study))
-
-
-def _interval_head(study: Results) -> list[str]:
-    """Give the head of the column of intervals, if there is one."""
-    return [] if study.posterior is None else ["95 % interval", "left open"]
 
 
 def _parameter_row(study: Results, k: int) -> list[Any]:
@@ -153,20 +146,19 @@ def check(study: Results) -> str:
     trouble = text(study.row.get("reason"))
     parts = {"trouble": f'<p class="note">Of these simulations: {trouble}.</p>' if trouble else ""}
     parts |= {"lines": _lines(study), "pile": _pile(study), "table4": _table4(study)}
-    keys = fill("keys.html", blue="the new simulations")
-    return fill("check.html", table=table(head, rows, "check"), keys=keys, **parts)
+    parts |= {"table": table(head, rows, "check"), "keys": fill("keys.html", blue="the new simulations")}
+    return fill("check.html", **parts)
 
 
 def _lines(study: Results) -> str:
     """Write the answer's piles by every definition of the angle; empty without piles."""
     if not set(MEAN_KEYS.values()) <= set(study.row.index):
         return ""
-    measure, rows = vars(study.shown.measure), []
+    measure, rows = study.shown.measure, []
     calibrated = {line_for(measure, name) for name in study.targets.names}
     for name, column in MEAN_KEYS.items():
-        mean, error = study.number(column), study.number(error_of(column))
-        line = line_of(measure, name)
-        rows.append([line, _with_error(mean, error, " deg"), "calibrated" if line in calibrated else ""])
+        line, mean = line_of(measure, name), _with_error(study.number(column), study.number(error_of(column)), " deg")
+        rows.append([line, mean, "calibrated" if line in calibrated else ""])
     return f"<h3>The same piles by other lines</h3>\n{table(['line', 'simulated', ''], rows, 'lines')}"
 
 
@@ -179,16 +171,12 @@ def _table4(study: Results) -> str:
     """Write the sets simulated again: responses as predicted and as simulated; empty for the answer alone."""
     if len(study.table4) < 2:
         return ""
-    head, columns = ["set", "role", "runs"], []
-    for response in study.targets.responses:
-        head += [f"{response.symbol} {word} ({response.unit or '–'})" for word in ("predicted", "simulated")]
-        columns.append((response.predicted, response.simulated, response.error))
-    rows = []
-    for _, row in study.table4.iterrows():
-        cells = [row.get(key) for key in ("solution", "role", "n_seeds")]
-        for predicted, simulated, error in columns:
-            cells += [row[predicted], _with_error(row.get(simulated), row.get(error))]
-        rows.append(cells)
+    sets = [row for _, row in study.table4.iterrows()]
+    head, rows = ["set", "role", "runs"], [[row.get(key) for key in ("solution", "role", "n_seeds")] for row in sets]
+    for one in study.targets.responses:
+        head += [f"{one.symbol} {word} ({one.unit or '–'})" for word in ("predicted", "simulated")]
+        for cells, row in zip(rows, sets, strict=True):
+            cells += [row[one.predicted], _with_error(row.get(one.simulated), row.get(one.error))]
     return f"<h3>Table 4: sets simulated again, mean ± standard error</h3>\n{table(head, rows, 'sets')}"
 
 
@@ -205,39 +193,31 @@ def _response_row(study: Results, target: Target) -> list[str]:
 
 def _pile(study: Results) -> str:
     """Write the 3-D view beside the photograph, or beside the measured silhouette."""
-    shown = {"photograph": "The physical pile"}
-    shown["overlay"] = "How the simulated pile was measured: its outline, height and angle"
-    pictures = "".join(picture(study.files[name], words) for name, words in shown.items() if name in study.files)
+    pictures, view = _pictures(study, CAPTIONS["pile"]), fill("pile.html") if "trajectory" in study.files else ""
     pictures = f"<div>{pictures}</div>" if pictures else ""
-    if "trajectory" not in study.files:
-        return f'<div class="pair alone">{pictures}</div>' if pictures else ""
-    return f'<div class="pair{"" if pictures else " alone"}">{fill("pile.html")}{pictures}</div>'
+    kind = "pair" if pictures and view else "pair alone"
+    return f'<div class="{kind}">{view}{pictures}</div>' if pictures or view else ""
+
+
+def _pictures(study: Results, captions: Mapping[str, str]) -> str:
+    """Write the pictures that the study has, with their captions by name."""
+    return "".join(picture(study.files[name], words) for name, words in captions.items() if name in study.files)
 
 
 def other_parameters(study: Results) -> str:
     """Write sliders with the surrogate's predictions; empty without a surrogate."""
     if study.surrogate is None:
         return ""
-    if is_whole(study.surrogate):
-        how = (
-            "The network predicts the simulated means, or the mean of several networks does; the error comes from the "
-            "Bayesian training, with the disagreement of the networks."
-        )
-    else:
-        how = (
-            f"The surrogate ({study.surrogate.name}) was evaluated beforehand along each parameter through the answer: "
-            "moving one slider puts the others back."
-        )
-    return fill("sliders.html", how=html.escape(how), keys=fill("keys.html", blue="the prediction"))
+    name = html.escape(study.surrogate.name)
+    how = fill("whole.html") if is_whole(study.surrogate) else fill("curves.html", surrogate=name)
+    return fill("sliders.html", how=how, keys=fill("keys.html", blue="the prediction"))
 
 
 def how_found(study: Results) -> str:
     """Write the steps with their numbers and figures."""
     steps = "".join(f"<li>{html.escape(step)}</li>" for step in _steps(study))
-    pictures = "".join(picture(study.files[name], caption) for name, caption in PICTURES.items() if name in study.files)
-    hint = '<p class="note">A click on a figure opens it large.</p>'
-    shown = f'{hint}<div class="pictures">{pictures}</div>' if pictures else ""
-    return f'<div class="screen"><h2>How it was found</h2>\n<ol class="steps">{steps}</ol>\n{shown}</div>'
+    pictures = _pictures(study, study.captions)
+    return fill("found.html", steps=steps, pictures=fill("pictures.html", pictures=pictures) if pictures else "")
 
 
 def all_tables(tables: Mapping[str, pd.DataFrame]) -> str:
@@ -255,7 +235,8 @@ def _steps(study: Results) -> Iterator[str]:
     searched = f"{free} parameters" if free == all_ else f"{free} of {all_} parameters, the others fixed"
     benches = " and ".join(study.targets.apparatus).replace("_", " ")
     yield f"Design: {design.samples} parameter sets over {searched} ({METHODS[design.method]})."
-    yield f"Simulation of the bench test ({benches}): {study.dataset_summary['text']}"
+    simulated = read_json(study.files["dataset_summary"], {"text": str})
+    yield f"Simulation of the bench test ({benches}): {simulated['text']}"
     if study.surrogate is not None:
         yield f"Surrogate ({study.surrogate.name.replace('_', ' ')}): {_accuracy(study)}"
     yield f"Search: {study.summary['message']}"
@@ -265,7 +246,7 @@ def _steps(study: Results) -> Iterator[str]:
 
 def _accuracy(study: Results) -> str:
     """Write the accuracy of the surrogate on samples that were not used in its training."""
-    test: dict[str, Any] = study.metrics.get("test") or {}
+    test = read_json(study.files["metrics"]).get("test") or {}
     parts = []
     for response in study.targets.responses:
         found = test.get(response.name, {})

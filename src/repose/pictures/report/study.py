@@ -1,7 +1,9 @@
 """The files of a finished study, read for its report."""
 
+import json
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import date
 from typing import Any
@@ -18,29 +20,23 @@ from repose.core.files import read_json, read_table
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
-from repose.pictures.shown import Shown
+from repose.pictures.report.html import own
+from repose.pictures.shown import Config, Shown
 from repose.strategies.batches import data_of
 from repose.strategies.sequential.kriging import Kriging, SpaceKriging
 from repose.strategies.sequential.strategy import observed_of
 from repose.surrogate import load
 from repose.surrogate.base import Predictor
 
+Files = Mapping[str, str]  # paths by name
+
 # Names of the inputs: required files, and files that the report shows if they exist.
 NEEDED = ("dataset", "feasible", "summary", "table4")
 # Also needed if the summary does not hold the steps to the answer.
 TRAINED = ("network", "metrics", "dataset_summary")
 OPTIONAL = ("runs", "posterior", "particle", "trajectory", "photograph", "overlay", "card")
-PICTURES = {
-    "sequential": "Probability and predictions of the best parameter set after each batch",
-    "pareto_screening": "Effect of each parameter on the responses",
-    "contours": "The fitted surfaces about their optimum",
-    "figure13": "Predictions of the surrogate and results of the simulator, for training samples and others",
-    "plane": "All simulated samples, the target ranges, and the answer",
-    "profiles": "Measured profiles and the answer's, as predicted and as simulated",
-    "figure14": "The parameter sets that the search found",
-    "validation": "Predicted, simulated and measured responses",
-    "definitions": "The definitions of the angle on the same pile",
-}
+CAPTIONS: dict[str, dict[str, str]] = json.loads(own("captions.json"))  # of pictures of a study, by name
+PICTURES = CAPTIONS["study"]
 
 
 @dataclass
@@ -48,8 +44,7 @@ class Results:
     """The results of a study, for its report."""
 
     shown: Shown
-    answer: np.ndarray  # (6,), the representative parameter set
-    row: pd.Series  # its row in table4.csv
+    row: pd.Series  # the representative parameter set in table4.csv
     chance: dict[str, float | None]  # from `chance_of_meeting`
     within: dict[float, float | None]  # probability that all responses lie within so many percent of their targets
     posterior: pd.DataFrame | None  # posterior.csv by parameter
@@ -60,9 +55,8 @@ class Results:
     summary: Mapping[str, Any]  # with ``steps`` if the strategy reports its own course
     date: str  # of the results
     record: Mapping[str, Any]  # their version, commit and processor, as `repose.core.provenance.machine`
-    files: Mapping[str, str] = field(default_factory=dict)  # by names in `NEEDED`, `TRAINED`, `OPTIONAL`, `PICTURES`
-    metrics: Mapping[str, Any] = field(default_factory=dict)  # empty if the surrogate was not tested
-    dataset_summary: Mapping[str, Any] = field(default_factory=dict)  # empty if the strategy reports its own course
+    files: Mapping[str, Any] = field(default_factory=dict)  # by names in `NEEDED`, `TRAINED`, `OPTIONAL`, `captions`
+    captions: Mapping[str, str] = field(default_factory=lambda: PICTURES)  # of its figures, by name
 
     @property
     def targets(self) -> Targets:
@@ -74,13 +68,18 @@ class Results:
         """The parameters of the study."""
         return self.shown.space
 
+    @property
+    def answer(self) -> np.ndarray:
+        """The representative parameter set (6,)."""
+        return self.row[list(self.space.names)].to_numpy(float)
+
     def number(self, column: str) -> float | None:
         """Give a number of the answer's row; None if missing."""
         value = self.row.get(column)
         return None if value is None or pd.isna(value) else float(value)
 
 
-def read(config: Mapping[str, Any], jobs: Sequence[str], files: Mapping[str, str]) -> Results:
+def read(config: Config, jobs: Sequence[str], files: Files) -> Results:
     """Read the results of a study."""
     known = (*NEEDED, *TRAINED, *OPTIONAL, *PICTURES)
     for name in files:
@@ -91,7 +90,7 @@ def read(config: Mapping[str, Any], jobs: Sequence[str], files: Mapping[str, str
     if "steps" not in summary:
         _require(files, TRAINED)
     shown = Shown(config)
-    targets, space = shown.targets, shown.space
+    targets, runs = shown.targets, _runs(jobs, shown.targets)
     table4 = read_table(files["table4"], ("role", *PARAMETERS, *targets.predicted))
     rows = table4[table4["role"] == "representative"]
     if rows.empty:
@@ -103,32 +102,29 @@ def read(config: Mapping[str, Any], jobs: Sequence[str], files: Mapping[str, str
     return Results(
         shown=shown,
         files=files,
-        answer=rows.iloc[0][list(space.names)].to_numpy(float),
         row=rows.iloc[0],
-        chance=chance_of_meeting(_runs(jobs, targets), targets),
-        within={percent: chance_of_meeting(_runs(jobs, targets), targets, percent)["all"] for percent in PERCENT},
+        chance=chance_of_meeting(runs, targets),
+        within={percent: chance_of_meeting(runs, targets, percent)["all"] for percent in PERCENT},
         posterior=posterior,
-        surrogate=_surrogate(files, targets, space),
+        surrogate=_surrogate(files, targets, shown.space),
         feasible=read_table(files["feasible"], ("solution", *PARAMETERS)),
         table4=table4,
         dataset=read_table(files["dataset"], ("sample", *PARAMETERS, *targets.names)),
         summary=summary,
-        metrics=read_json(files["metrics"]) if "metrics" in files else {},
-        dataset_summary=read_json(files["dataset_summary"], {"text": str}) if "dataset_summary" in files else {},
         # the day of the answer's file: the page stays the same until the results are made anew
         date=date.fromtimestamp(os.path.getmtime(files["table4"])).isoformat(),
         record=attached.read(files["table4"]) or provenance.machine(),
     )
 
 
-def _require(files: Mapping[str, str], names: Iterable[str]) -> None:
+def _require(files: Files, names: tuple[str, ...]) -> None:
     """Raise InputError if any of these files is missing."""
     for name in names:
         if name not in files:
             raise InputError("report", "--input", None, f"{name}=PATH; a report needs {', '.join(names)}")
 
 
-def _surrogate(files: Mapping[str, str], targets: Targets, space: ParameterSpace) -> Predictor | None:
+def _surrogate(files: Files, targets: Targets, space: ParameterSpace) -> Predictor | None:
     """Give the surrogate of a file, or the kriging model of all runs of a strategy, or None."""
     if "network" in files:
         return load(files["network"], targets.names)
@@ -142,8 +138,8 @@ def _surrogate(files: Mapping[str, str], targets: Targets, space: ParameterSpace
 
 def _runs(jobs: Sequence[str], targets: Targets) -> dict[str, list[Any]]:
     """Read the runs of each bench test."""
-    runs: dict[str, list[Any]] = {}
+    runs: dict[str, list[Any]] = defaultdict(list)
     for path in jobs:
         job, apparatus = read_job(path, targets)
-        runs.setdefault(apparatus, []).extend(job["runs"])
+        runs[apparatus] += job["runs"]
     return runs
