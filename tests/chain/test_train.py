@@ -229,9 +229,9 @@ def test_a_parameter_of_the_law_is_an_input_and_noise_of_bench_tests_is_independ
     turns["drum_slip_deg"] = random.normal(40, 3.0, size=800)
     targets = Targets.of([shared.TARGETS[0], shared.SLIP, shared.TARGETS[1]])
     found = train.Replicates.of(pd.concat([pours, turns]), samples, targets)
-    covariance = found.covariance
-    assert found.runs.tolist() == [4.0] * 400
-    assert found.freedom == pytest.approx((2 * 1200 + 400) / 3)
+    covariance = found.noise_covariance
+    assert found.precision.tolist() == [4.0] * 400
+    assert found.noise_freedom == pytest.approx((2 * 1200 + 400) / 3)
     assert covariance[[0, 1, 2], [1, 0, 1]].tolist() == [0.0, 0.0, 0.0]
     assert covariance[::2, ::2] == pytest.approx(np.array([[1.0, 1.0], [1.0, 4.0]]), rel=0.15)
     assert covariance[1, 1] == pytest.approx(2 * 9.0, rel=0.15)  # means of two runs beside means of four

@@ -5,7 +5,6 @@ column. Distances are Euclidean and taken in the unit cube, so that no parameter
 """
 
 import math
-import os
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -13,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from repose.chain.settings import DesignSettings
-from repose.core.files import write_table
+from repose.core.files import Path_, write_table
 from repose.core.parameter_space import ParameterSpace
 
 PHI_POWER = 16
@@ -98,17 +97,12 @@ def compare(designs: Mapping[str, np.ndarray]) -> pd.DataFrame:
     """Judge designs by method: `method`, `samples`, `min_distance`, `phi_p`, `centred_discrepancy`."""
     from scipy.stats import qmc
 
+    columns = ("method", "samples", "min_distance", "phi_p", "centred_discrepancy")
     rows = [
-        {
-            "method": method,
-            "samples": len(points),
-            "min_distance": minimum_distance(points),
-            "phi_p": phi_p(points),
-            "centred_discrepancy": qmc.discrepancy(points, method="CD"),
-        }
+        (method, len(points), minimum_distance(points), phi_p(points), qmc.discrepancy(points, method="CD"))
         for method, points in designs.items()
     ]
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows, columns=columns)
 
 
 def design(space: ParameterSpace, section: DesignSettings) -> tuple[pd.DataFrame, pd.DataFrame]:
@@ -138,9 +132,7 @@ def parameter_sets(points: np.ndarray, space: ParameterSpace, first: int = 1) ->
     return table
 
 
-def run(
-    space: ParameterSpace, section: DesignSettings, out_dir: str | os.PathLike
-) -> tuple[pd.DataFrame, pd.DataFrame]:
+def run(space: ParameterSpace, section: DesignSettings, out_dir: Path_) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Write samples.csv and comparison.csv; return both tables (`design`)."""
     table, comparison = design(space, section)
     write_table(Path(out_dir) / "samples.csv", table, float_format="%.10g")

@@ -1,8 +1,6 @@
 """From the runs of any simulator to the answer with its certainty, its tables and its material card."""
 
-import os
 from collections.abc import Mapping
-from dataclasses import replace
 from html import escape
 from importlib import import_module
 from pathlib import Path
@@ -13,7 +11,7 @@ import pandas as pd
 
 from repose.chain import card
 from repose.chain.answer import NOT_AGAIN, WITHIN, Check, Result, out_of_reach
-from repose.core.files import write_json, write_table
+from repose.core.files import Path_, write_json, write_table
 from repose.strategies import answer
 from repose.strategies.base import Answer, Batch, Studied, strategy
 from repose.strategies.runs import OK
@@ -80,7 +78,7 @@ class Calibration(NamedTuple):
         found = self.as_answer()
         return card.assembled(about, tests, found, study.parameters, self.solutions, draws)
 
-    def save(self, out_dir: str | os.PathLike) -> None:
+    def save(self, out_dir: Path_) -> None:
         """Write tables, summary and material card into a folder; docs/own_simulator.md lists the files."""
         out, made = Path(out_dir), self.card
         tables = {"samples": self.samples, "solutions": self.solutions}
@@ -91,7 +89,7 @@ class Calibration(NamedTuple):
         for name, content in {"posterior": self.posterior.summary, "summary": self.summary, "card": made}.items():
             write_json(out / f"{name}.json", content)
 
-    def report(self, path: str | os.PathLike) -> None:
+    def report(self, path: Path_) -> None:
         """Write the page to read, one HTML file; it takes the extra `pictures`."""
         import_module("repose.pictures.report.own").write(self, Path(path))  # a room above this one
 
@@ -103,7 +101,7 @@ class Calibration(NamedTuple):
             feasible=self.summary["feasible"],
             message=self.summary["message"],
             checks=tuple(
-                replace(Check.of(target, None, None, 0, NOT_AGAIN), predicted=mean)
+                Check.of(target, None, None, 0, NOT_AGAIN, predicted=mean)
                 for target, mean in zip(self.study.targets, self.answer.mean.tolist(), strict=True)
             ),
             folder=Path(),

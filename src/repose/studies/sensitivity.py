@@ -6,7 +6,6 @@ knowledge of a parameter does not enter. The intervals contain the error of the 
 of the sequence. They do not contain the surrogate's own error.
 """
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,12 +13,12 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from repose.chain.train import read_surrogate
+from repose.chain.train import require_targets
 from repose.core.errors import InputError
-from repose.core.files import write_table
+from repose.core.files import Path_, write_table
 from repose.strategies.base import Studied
 from repose.studies.posterior import require_free
-from repose.surrogate.base import Surrogate
+from repose.surrogate.base import Surrogate, load
 
 CONFIDENCE = 0.95
 EFFECT_POINTS = 41
@@ -106,12 +105,11 @@ def analyse(model: Surrogate, study: Studied) -> tuple[pd.DataFrame, pd.DataFram
     return pd.DataFrame(rows), pd.DataFrame(effects)
 
 
-def run(
-    surrogate_json: str | os.PathLike, study: Studied, out_dir: str | os.PathLike, source: object = "configuration"
-) -> pd.DataFrame:
+def run(surrogate_json: Path_, study: Studied, out_dir: Path_, source: object = "configuration") -> pd.DataFrame:
     """Read a surrogate, write sobol.csv and main_effects.csv; return the first table."""
     require_free(study.parameters)
-    model = read_surrogate(surrogate_json, study.targets, study.definitions, source)
+    model = load(surrogate_json)
+    require_targets(model, surrogate_json, study.targets, study.definitions, source)
     try:
         table, effects = analyse(model, study)
     except ValueError as error:

@@ -249,13 +249,8 @@ class Surrogate(ABC):
 
     def save(self, path: str | os.PathLike) -> None:
         """Write a JSON file that `load` reads."""
-        described = {
-            "inputs": list(self.inputs),
-            "outputs": list(self.outputs),
-            "surrogate": self.name,
-            "definitions": self.definitions,
-            "samples": list(self.samples),
-        }
+        described = {"inputs": list(self.inputs), "outputs": list(self.outputs), "surrogate": self.name}
+        described |= {"definitions": self.definitions, "samples": list(self.samples)}
         write_json(path, described | self.to_dict())
 
 

@@ -52,7 +52,7 @@ def propose(solutions: pd.DataFrame, model: Surrogate, study: Studied, round_: i
         table.loc[near, list(space.names)] = search_box(space, best, section.reach).values(unit)
     table[predicted] = model.predict(table[list(space.names)].to_numpy(float))
     warning = best.get("warning", "")
-    table["warning"] = np.where(near, "", "" if pd.isna(warning) else warning)
+    table["warning"] = np.where(near | pd.isna(warning), "", warning)
     return table[["sample", *space.names, "role", "seeds", *predicted, "warning"]]
 
 
@@ -67,11 +67,9 @@ def corrected(
     added = dataset[dataset["round"].notna() & (dataset["status"] == "ok")]
     points = added[list(box.free)].to_numpy(float)
     slack = ROUNDING * (box.high - box.low)
-    inside = ((points >= box.low - slack) & (points <= box.high + slack)).all(axis=1)
-    if not inside.any():
-        allowed = "at least one that is ok, near the last proposal"
-        raise InputError("runs", "samples of the rounds", int(inside.sum()), allowed)
-    near = added[inside]
+    near = added[((points >= box.low - slack) & (points <= box.high + slack)).all(axis=1)]
+    if near.empty:
+        raise InputError("runs", "samples of the rounds", 0, "at least one that is ok, near the last proposal")
     left = near[list(targets.names)].to_numpy(float) - model.predict(near[list(box.names)].to_numpy(float))
     offset = np.average(left, axis=0, weights=near["n_seeds"].to_numpy(float))
     return model.shifted(offset), offset, len(near)
