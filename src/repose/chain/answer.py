@@ -270,6 +270,12 @@ def nearness(checks: Iterable[Check]) -> str:
     return f"Simulated less measured: {', '.join(check.distance for check in checks)}."
 
 
+def describe_probability(chance: Mapping[str, float]) -> str:
+    """Write how probably the means of another simulator meet all targets, a clause."""
+    one, two, inside = (chance[name] for name in (*WITHIN.values(), "inside"))
+    return f"within 1 % of all targets: {one:.2f}; within 2 %: {two:.2f}; inside all ranges: {inside:.2f}"
+
+
 def _check(target: Target, row: Mapping[str, Any], line: str) -> Check:
     """Read a row of representative.csv with its target."""
     simulated, error = (_number(row, key) for key in ("simulated", "simulated_se"))

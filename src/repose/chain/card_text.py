@@ -5,7 +5,7 @@ from dataclasses import fields
 from itertools import combinations
 from typing import Any
 
-from repose.chain.answer import Check, in_one_line, nearness
+from repose.chain.answer import Check, describe_probability, in_one_line, nearness
 from repose.chain.card import with_remark
 
 MET = {True: "met", False: "NOT met", None: "not simulated again"}
@@ -42,12 +42,8 @@ def describe(card: Mapping[str, Any]) -> str:
 def _about(card: Mapping[str, Any]) -> Iterator[str]:
     """Describe the simulated grain, wall and laws, or the other simulator."""
     if "simulator" in card:
-        chance = card["probability"]
         yield f"simulator: {card['simulator']}"
-        yield (
-            f"probability that the simulator's means lie within 1 % of all targets: {chance['within_1_percent']:.2f}; "
-            f"within 2 %: {chance['within_2_percent']:.2f}; inside all ranges: {chance['inside']:.2f}"
-        )
+        yield f"probability that the simulator's means lie {describe_probability(card['probability'])}"
         return
     grain = card["grain"]
     axes = " x ".join(f"{axis:.4g}" for axis in grain["mean_axes_mm"])

@@ -4,9 +4,8 @@ The search is the multi-island genetic algorithm (`repose.search`) on the surrog
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -27,8 +26,7 @@ FEWEST_ROWS = 10  # of the solutions, so that validation always has points to ch
 INTERVAL = ("low", "high", "dispersion_percent")
 
 
-@dataclass(frozen=True)
-class Inversion:
+class Inversion(NamedTuple):
     """Result of `invert`; in its solutions the representative comes first, then the others by objective."""
 
     # parameters, predicted responses, objective (Eq. 11), violation, feasible, representative; with a support warning,

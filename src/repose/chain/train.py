@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
@@ -26,8 +25,7 @@ SPLITS = ("train", "validation", "test")
 FEWEST_SAMPLES = 12  # 8 to train, 1 to validate, 3 to test: below that no R2 means anything
 
 
-@dataclass(frozen=True)
-class Training:
+class Training(NamedTuple):
     """Result of `train`; predictions are by the training part, and by the fit to all samples if there is one."""
 
     model: Surrogate  # of all usable samples, or of the training part: `Surrogate.of_all_samples`

@@ -10,6 +10,7 @@ import pandas as pd
 
 from repose.doe.model import Model
 
+ALPHA = 0.05
 COLUMNS = ("source", "sum_of_squares", "df", "mean_square", "f", "p")
 
 
@@ -81,10 +82,10 @@ def effects(model: Model) -> pd.DataFrame:
     return estimates.sort_values("contribution_percent", ascending=False, ignore_index=True)
 
 
-def limits(model: Model, alpha: float = 0.05) -> dict[str, float]:
-    """Find the two lines of the Pareto chart at significance `alpha`; nan without degrees of freedom.
+def limits(model: Model) -> dict[str, float]:
+    """Find the two lines of the Pareto chart at significance `ALPHA`; nan without degrees of freedom.
 
-    A single term above `t` is significant; without any effect, a share `alpha` of all studies at most has a term above
+    A single term above `t` is significant; without any effect, a share `ALPHA` of all studies at most has a term above
     `bonferroni`.
     """
     from scipy import stats
@@ -93,7 +94,7 @@ def limits(model: Model, alpha: float = 0.05) -> dict[str, float]:
     if not df:
         return {"t": math.nan, "bonferroni": math.nan}
     tests = {"t": 1, "bonferroni": len(model.terms)}
-    return {name: float(stats.t.isf(alpha / 2 / count, df)) for name, count in tests.items()}
+    return {name: float(stats.t.isf(ALPHA / 2 / count, df)) for name, count in tests.items()}
 
 
 def _mean(total: float, df: float) -> float:

@@ -1,7 +1,7 @@
 """Optimum of fitted models inside the region of their design."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,8 +12,7 @@ from repose.doe.model import Model
 MET = 1e-6  # relative misses below this count as zero
 
 
-@dataclass(frozen=True)
-class Optimum:
+class Optimum(NamedTuple):
     """Result of `optimum`."""
 
     coded: np.ndarray  # (k,)

@@ -61,16 +61,11 @@ def indices(
 
 
 def main_effects(
-    function: Function,
-    low: np.ndarray,
-    high: np.ndarray,
-    seed: int,
-    points: int = EFFECT_POINTS,
-    draws: int = EFFECT_DRAWS,
+    function: Function, low: np.ndarray, high: np.ndarray, seed: int, points: int = EFFECT_POINTS
 ) -> tuple[np.ndarray, np.ndarray]:
     """Compute values (d, points) along each input, and mean outputs (d, points, outputs) over all other inputs."""
     low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
-    base = low + (high - low) * stats.qmc.Sobol(len(low), rng=seed).random(draws)
+    base = low + (high - low) * stats.qmc.Sobol(len(low), rng=seed).random(EFFECT_DRAWS)
     grid = np.linspace(low, high, points, axis=1)
     means = []
     for k in range(len(low)):
@@ -91,18 +86,12 @@ def analyse(model: Surrogate, study: Studied) -> tuple[pd.DataFrame, pd.DataFram
         return model.predict(space.complete(values))
 
     table = indices(respond, space.low, space.high, settings.samples, settings.resamples, settings.seed)
-    rows = [
-        {"response": response, "parameter": name} | {key: value[i, k] for key, value in table.items()}
-        for i, response in enumerate(names)
-        for k, name in enumerate(space.free)
-    ]
+    pairs = pd.MultiIndex.from_product([names, space.free], names=["response", "parameter"])
+    sobol = pd.DataFrame({key: value.ravel() for key, value in table.items()}, pairs).reset_index()
     grid, means = main_effects(respond, space.low, space.high, settings.seed)
-    effects = [
-        {"parameter": name, "value": grid[k, j]} | dict(zip(names, means[k, j], strict=True))
-        for k, name in enumerate(space.free)
-        for j in range(grid.shape[1])
-    ]
-    return pd.DataFrame(rows), pd.DataFrame(effects)
+    effects = pd.DataFrame({"parameter": np.repeat(space.free, grid.shape[1]), "value": grid.ravel()})
+    effects[list(names)] = means.reshape(len(effects), -1)
+    return sobol, effects
 
 
 def run(surrogate_json: Path_, study: Studied, out_dir: Path_, source: object = "configuration") -> pd.DataFrame:

@@ -52,7 +52,7 @@ def propose(solutions: pd.DataFrame, model: Surrogate, study: Studied, round_: i
         table.loc[near, list(space.names)] = search_box(space, best, section.reach).values(unit)
     table[predicted] = model.predict(table[list(space.names)].to_numpy(float))
     warning = best.get("warning", "")
-    table["warning"] = np.where(near | pd.isna(warning), "", warning)
+    table["warning"] = np.where(near, "", "" if pd.isna(warning) else warning)
     return table[["sample", *space.names, "role", "seeds", *predicted, "warning"]]
 
 
@@ -93,4 +93,4 @@ def search(
         if max(off) < tolerance * MET:
             break
     near = {"reach": share * reach, "offset": dict(zip(targets.names, offset.tolist(), strict=True))}
-    return model, replace(inversion, summary=inversion.summary | near | {"offset_samples": count})
+    return model, inversion._replace(summary=inversion.summary | near | {"offset_samples": count})
