@@ -14,7 +14,8 @@ from repose.chain import expected_loss
 from repose.core.errors import InputError
 from repose.core.files import Path_, read_table, write_json, write_table
 from repose.core.parameter_space import ParameterSpace
-from repose.core.responses import Definitions, require_same_definitions
+from repose.core.responses import require_same_definitions
+from repose.core.studied import Studied
 from repose.core.targets import Targets
 from repose.search.objective import HISTORY, Objective, Preference, search
 from repose.search.settings import MigaSettings
@@ -91,20 +92,18 @@ def invert(
 
 def run(
     surrogate_json: Path_,
-    space: ParameterSpace,
-    targets: Targets,
-    settings: MigaSettings,
+    study: Studied,
     table3_csv: Path_ | None,
     out_dir: Path_,
     support: Support | None = None,
-    definitions: Definitions | None = None,
     source: object = "configuration",
 ) -> dict[str, Any]:
     """Invert a saved surrogate; write feasible.csv, intervals.csv, history.csv and summary.json; return the summary."""
+    targets = study.targets
     surrogate = load(surrogate_json, targets.names)
-    require_same_definitions(surrogate.definitions, surrogate_json, definitions or {}, source)
+    require_same_definitions(surrogate.definitions, surrogate_json, study.definitions, source)
     published = None if table3_csv is None else read_table(table3_csv, ("parameter", *INTERVAL))
-    inversion = invert(surrogate, space, targets, settings, published, support)
+    inversion = invert(surrogate, study.parameters, targets, study.settings.miga, published, support)
     if surrogate.knows_its_errors:
         best = inversion.summary["representative"]
         inversion.summary["representative_judged"] = expected_loss.judged(surrogate, best, targets)

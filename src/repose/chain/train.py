@@ -15,6 +15,7 @@ from repose.core.files import Path_, read_table, write_json, write_table
 from repose.core.parameters import PARAMETERS, named
 from repose.core.responses import Definitions, derived, require_same_definitions, response
 from repose.core.runs import of_bench
+from repose.core.studied import Studied
 from repose.core.targets import Targets
 from repose.core.variance import within_covariance
 from repose.surrogate.accuracy import r2
@@ -121,21 +122,16 @@ def train(
 
 
 def run(
-    dataset_csv: Path_,
-    runs_csv: Path_,
-    targets: Targets,
-    settings: NetworkSettings,
-    out_dir: Path_,
-    definitions: Definitions | None = None,
-    source: object = "configuration",
-    surrogate: str = "network",
+    dataset_csv: Path_, runs_csv: Path_, study: Studied, out_dir: Path_, source: object = "configuration"
 ) -> dict[str, Any]:
     """Train on files; write network.json, metrics.json, predictions.csv and starts.csv; return the metrics."""
+    targets, settings, definitions = study.targets, study.settings, study.definitions
     dataset = read_dataset(dataset_csv, targets)
     runs = read_runs(runs_csv, targets, dataset, dataset_csv)
     of_dataset, summary_json = read_definitions(dataset_csv)
-    require_same_definitions(of_dataset, summary_json, definitions or {}, source)
-    training = train(dataset, runs, targets, settings, definitions or of_dataset, dataset_csv, surrogate=surrogate)
+    require_same_definitions(of_dataset, summary_json, definitions, source)
+    about = {"definitions": definitions or of_dataset, "source": dataset_csv, "surrogate": settings.surrogate}
+    training = train(dataset, runs, targets, settings.network, **about)
     out = Path(out_dir)
     training.model.save(out / "network.json")
     write_json(out / "metrics.json", training.metrics)

@@ -21,6 +21,7 @@ from repose.core.parameters import named
 from repose.core.published import SIMULATED_BY, read_sets, read_stored
 from repose.core.responses import Response, derived
 from repose.core.runs import error_of
+from repose.core.studied import Studied
 from repose.core.targets import Targets
 from repose.measure.angles import CALIBRATED_ANGLE, MEAN_KEYS
 from repose.measure.settings import line_for, line_of
@@ -133,17 +134,16 @@ def write_solutions(
 def run(
     solutions_csv: Path_,
     job_json_paths: Iterable[Path_],
-    targets: Targets,
-    measure: Mapping[str, Any],
+    study: Studied,
     published: pd.DataFrame,
     out_dir: Path_,
     support: Support | None = None,
 ) -> dict[str, pd.DataFrame]:
     """Write table4.csv and representative.csv (`validate`) and published.csv, the table `published`; return them."""
-    solutions = read_samples(solutions_csv, (*CHOSEN, *targets.predicted))
+    solutions = read_samples(solutions_csv, (*CHOSEN, *study.targets.predicted))
     solutions["solution"] = solutions["solution"].astype(str)
-    jobs = read_jobs(job_json_paths, solutions, targets)
-    tables = validate(solutions, jobs, targets, measure) | {"published": published}
+    jobs = read_jobs(job_json_paths, solutions, study.targets)
+    tables = validate(solutions, jobs, study.targets, study.config["measure"]) | {"published": published}
     for name, table in tables.items():
         if support is not None and name != "representative":
             parameters = table[list(named(table))].to_numpy(float)
@@ -171,8 +171,7 @@ def write_published_solutions(published_csv: Path_, names: Sequence[str], out_cs
 def write_published_sets(
     published_csv: Path_,
     job_json_paths: Iterable[Path_],
-    targets: Targets,
-    names: Sequence[str],
+    study: Studied,
     simulated_by: Mapping[str, str | None],
     out_csv: Path_,
 ) -> pd.DataFrame:
@@ -180,6 +179,7 @@ def write_published_sets(
 
     `simulated_by` are the hashes of `repose.core.published.SIMULATED_BY`.
     """
+    targets, names = study.targets, study.parameters.names
     sets = _numbered(published_csv, names)
     simulated = assemble(sets, read_jobs(job_json_paths, sets, targets), targets)[0]
     about = [name for name in ("solution", "source", "wall") if name in sets]
@@ -197,30 +197,22 @@ def write_published_sets(
     return table
 
 
-def stored_columns(
-    columns: Iterable[str], responses: Iterable[Response], names: Iterable[str], measure: Mapping[str, Any]
-) -> dict[Response, str]:
+def stored_columns(columns: Iterable[str], study: Studied) -> dict[Response, str]:
     """Find a study's responses in a table of simulated published sets, with their columns; none for other sets."""
-    own = {CALIBRATED_ANGLE: MEAN_KEYS[measure["response"]]}
-    found = {response: own.get(response.name, response.name) for response in responses}
-    return {one: column for one, column in found.items() if {column, *names} <= set(columns)}
+    own = {CALIBRATED_ANGLE: MEAN_KEYS[study.config["measure"]["response"]]}
+    found = {response: own.get(response.name, response.name) for response in study.targets.responses}
+    return {one: column for one, column in found.items() if {column, *study.parameters.names} <= set(columns)}
 
 
-def compared_with_published(
-    stored_csv: Path_ | None,
-    responses: Sequence[Response],
-    names: Sequence[str],
-    measure: Mapping[str, Any],
-    simulated_by: Mapping[str, str],
-) -> pd.DataFrame:
+def compared_with_published(stored_csv: Path_ | None, study: Studied, simulated_by: Mapping[str, str]) -> pd.DataFrame:
     """Return the published sets as they were simulated once, with a study's responses; no rows without any.
 
     `stale` where other hashes than `simulated_by` stand next to them.
     """
     stored = pd.DataFrame() if stored_csv is None else read_stored(stored_csv)
-    columns = stored_columns(stored, responses, names, measure)
+    columns = stored_columns(stored, study)
     if not columns:
-        return pd.DataFrame(columns=["sample", "solution", *names, *ENDED, *SIMULATED_BY, "stale"])
+        return pd.DataFrame(columns=["sample", "solution", *study.parameters.names, *ENDED, *SIMULATED_BY, "stale"])
     table = stored.copy()
     for response, column in columns.items():
         table[response.simulated], table[response.error] = stored[column], stored[error_of(column)]
@@ -228,6 +220,6 @@ def compared_with_published(
         if published in stored:
             table[derived(response.name, "difference")] = stored[column] - stored[published]
     if set(ANGLES) <= set(stored):
-        table["line"] = calibrated_line(responses, measure)
+        table["line"] = calibrated_line(study.targets.responses, study.config["measure"])
     table["stale"] = (stored[list(SIMULATED_BY)] != pd.Series(simulated_by)).any(axis=1)
     return table
