@@ -60,9 +60,11 @@ class Check:
     @classmethod
     def of(cls, target: Target, *run: Any, predicted: float | None = None, line: str = "") -> Self:
         """Make the check of a target; `run` are the fields from `simulated` to `status`."""
+        simulated, error, runs, status = run
         about = target.name, target.response.apparatus, target.response.unit
-        measured = target.value, target.sd, target.repetitions, target.low, target.high
-        return cls(*about, *measured, *run, None if target.profile is None else target.whole_value, predicted, line)
+        ends, whole = (target.low, target.high), None if target.profile is None else target.whole_value
+        measured = target.value, target.sd, target.repetitions
+        return cls(*about, *measured, *ends, simulated, error, runs, status, whole, predicted, line)
 
     def row(self) -> dict[str, Any]:
         """Return its entry in the material card, without the definition of the response."""

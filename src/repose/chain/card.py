@@ -153,7 +153,8 @@ def _lines(measure: Section, name: str, row: Mapping[str, Any]) -> dict[str, Any
     from repose.measure.angles import MEAN_KEYS
     from repose.measure.settings import line_for, line_of
 
-    line, found = line_for(measure, name), {}
+    line = line_for(measure, name)
+    found: dict[str, dict[str, Any]] = {}
     if not line or not set(MEAN_KEYS.values()) <= set(row):
         return {"line": line} if line else {}
     for definition, column in MEAN_KEYS.items():

@@ -35,7 +35,7 @@ def _laws_of(card: Mapping[str, Any], source: object) -> dict[str, str]:
     """Find the laws by the sentences that a card has of them."""
     for contact, tension, rolling in product(CONTACT_LAWS, ("release", "keep"), ROLLING_LAWS):
         chosen = {"contact_law": contact, "tension": tension, "rolling_law": rolling}
-        if laws(SimulationSettings.model_construct(**chosen)) == card["laws"]:
+        if laws(SimulationSettings.model_construct(None, **chosen)) == card["laws"]:
             return chosen
     raise InputError(source, "laws", card["laws"]["normal"], "laws of this version; give --config, the study's own")
 

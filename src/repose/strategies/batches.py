@@ -97,7 +97,8 @@ def _plain(value: Any) -> Any:
 
 def read(folders: Sequence[Path_], targets: Targets) -> pd.DataFrame:
     """Read the runs of all batches as a strategy takes them (`data_of`), each with the number of its batch."""
-    parts, seen = [], set()
+    parts: list[pd.DataFrame] = []
+    seen: set[int] = set()
     for number, folder in enumerate(folders):
         dataset, runs = tables_of([folder], targets)
         again = seen.intersection(dataset["sample"])
