@@ -4,11 +4,14 @@ Both sets are scrambled Sobol sequences, so a comparison that wants fewer points
 pool keeps those that were simulated. The scramblings are independent of each other and of the main design.
 """
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 import pandas as pd
+from scipy.stats import qmc
 
 from repose.chain import design
 from repose.core.files import write_table
@@ -27,10 +30,16 @@ class PointSet(NamedTuple):
 SETS = {"pool": PointSet("", "samples", 0), "fresh": PointSet("fresh_", "fresh_samples", 1)}
 
 
+def sobol(n: int, d: int, seed: int | list[int]) -> np.ndarray:
+    """First points (n, d) of a scrambled Sobol sequence; a longer one of the same seed begins with them."""
+    sequence = qmc.Sobol(d, scramble=True, rng=np.random.default_rng(seed))
+    return sequence.random_base2(math.ceil(math.log2(n)))[:n]
+
+
 def points_of(name: str, space: ParameterSpace, settings: Mapping[str, Any]) -> pd.DataFrame:
     """Points of a set of `SETS`: ``sample`` from 1, and the six parameters; `settings` is the section `pool`."""
     chosen = SETS[name]
-    unit = design.sobol(settings[chosen.size], space.dimensions, [settings["seed"], chosen.scrambling])
+    unit = sobol(settings[chosen.size], space.dimensions, [settings["seed"], chosen.scrambling])
     return design.parameter_sets(unit, space)
 
 

@@ -63,6 +63,13 @@ def studied(config, **more):
     return SimpleNamespace(config=config, settings=settings_of(config), parameters=space, targets=targets)
 
 
+def study_of(targets, space=None, definitions=(), measure=None, surrogate="network", **sections):
+    """A study of targets, with some sections of its settings."""
+    settings = SimpleNamespace(surrogate=surrogate, **sections)
+    made = {"targets": targets, "parameters": space, "definitions": dict(definitions), "settings": settings}
+    return SimpleNamespace(config={"measure": measure}, **made)
+
+
 @functools.cache
 def every_bench_test():
     """The program's configuration with the section of every bench test that is shipped or an example."""

@@ -95,7 +95,7 @@ def network(simulator, goal, targets, config, random, budgets):
     for budget in budgets:
         data = simulator.pour(lhsdesign(budget // 4, goal.space.dimensions, rng=random), 4, random)
         model = configured_network(points.Points(*data), settings, int(random.integers(2**31)))
-        objective = Objective.of(targets)
+        objective = Objective(targets)
         answer, _ = local_search(lambda x, of=model: of(x)[0], objective, goal.space.dimensions, 5, random)
         yield budget, answer, np.nan
 

@@ -90,7 +90,7 @@ class Judge:
 
 def of_answers(means, targets):
     """Eq. 11 (...) and relative errors in percent (..., k) of mean responses (..., k)."""
-    F, _ = Objective.of(targets)(means.reshape(-1, len(targets)))
+    F, _ = Objective(targets)(means.reshape(-1, len(targets)))
     return F.reshape(means.shape[:-1]), 100 * (means - targets.aim) / targets.whole
 
 

@@ -115,7 +115,7 @@ def proposed(
     ``miga``.
     """
     means, section = samples.means(), settings["network"]
-    objective = Objective.of(targets)
+    objective = Objective(targets)
     F, V = objective(means)
     found = {"best_sample": (samples.X[objective.fitness(F, V).argmin()], 0)}
     surrogate = study_surrogate(samples, space, targets, section)

@@ -22,6 +22,7 @@ from repose.core.parameter_space import ParameterSpace
 from repose.surrogate.accuracy import r2
 from research.comparison import emulator, models, scores
 from research.comparison.points import Points
+from research.pool import sobol
 
 SAMPLES = (30, 60, 100, 150)
 REPETITIONS = 10
@@ -61,7 +62,7 @@ DESIGNS: dict[str, Design] = {
     "random Latin hypercube": lambda n, d, seed: design.random_lhs(n, d, np.random.default_rng(seed)),
     "best of 20 Latin hypercubes": lambda n, d, seed: design.lhsdesign(n, d, rng=np.random.default_rng(seed)),
     "optimal Latin hypercube": lambda n, d, seed: design.optimal_lhs(n, d, seed),
-    "Sobol sequence": lambda n, d, seed: design.sobol(n, d, seed),
+    "Sobol sequence": lambda n, d, seed: sobol(n, d, seed),
     "central composite": lambda n, d, seed: central_composite(n, d),
 }
 
@@ -144,13 +145,13 @@ def _trades(case, seeds):
     for each in TRADES:
         samples = total // each
         about = {"comparison": "points against seeds", "design": "Sobol sequence"}
-        units = [design.sobol(samples, case.space.dimensions, [case.seed, 9, k]) for k in range(REPETITIONS)]
+        units = [sobol(samples, case.space.dimensions, [case.seed, 9, k]) for k in range(REPETITIONS)]
         yield from _emulated(case, about, units, each)
 
 
 def _emulated(case, about, units, seeds):
     """Rows of one emulated case: each fit's R2 on the emulator's mean, over the repetitions."""
-    X = case.space.values(design.sobol(JUDGED_AT, case.space.dimensions, [case.seed, 8]))
+    X = case.space.values(sobol(JUDGED_AT, case.space.dimensions, [case.seed, 8]))
     truth = case.stand_in.mean(X)
     found = {name: [] for name in FITS}
     for k, unit in enumerate(units):

@@ -119,7 +119,7 @@ def run(
     Targets out of the surrogate's reach raise InputError. `settings` and `section` are as for `compared`.
     """
     respond = on_free_parameters(load(network_json, targets.names), space)
-    objective = Objective.of(targets)
+    objective = Objective(targets)
     try:
         tables = compared(respond, space.dimensions, objective, settings, section)
     except ValueError as error:

@@ -144,7 +144,7 @@ def run(
 def _rows(about, data, truth, space, targets, settings, random):
     """Rows of whole_proposals.csv of one set of data, a row for each method."""
     found = proposed(data, space, targets, settings, random)
-    objective = Objective.of(targets)
+    objective = Objective(targets)
     for name, (place, evaluations) in found.items():
         row = {key: about[key] for key in ("data", "samples")} | {"method": name}
         row |= {"repetition": about["repetition"], "simulations": int(data.counts().sum())}

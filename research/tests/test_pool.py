@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from repose.chain import design
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from research import pool
@@ -41,7 +40,7 @@ def test_no_fresh_point_is_one_of_the_pool(tables):
 
 def test_leading_points_are_spread_more_evenly_than_random_ones():
     """The first 2^k points of a Sobol sequence have one in each of 2^k equal strata of every column."""
-    points = design.sobol(100, 6, 3)[:32]
+    points = pool.sobol(100, 6, 3)[:32]
     assert all(sorted(np.floor(32 * column).astype(int)) == list(range(32)) for column in points.T)
 
 

@@ -1,5 +1,7 @@
 """Searches beside each other: the log that counts them, and what is said of what they find, on closed forms."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from refusals import value_error
@@ -14,7 +16,13 @@ from research.comparison.searches import Log, Spent, logged, searches
 
 SECTION = {"islands": 2, "population": 10, "generations": 5, "rounds": 20, "tournament": 3}
 SECTION |= {"mutation_probability": 0.05, "mutation_amplitude": 0.1}
-OBJECTIVE = Objective(np.array([-1.0, -1.0]), np.array([1.0, 1.0]))
+
+
+def objective_of(k, high):
+    return Objective(SimpleNamespace(low=np.full(k, -high), high=np.full(k, high), aim=np.zeros(k), weight=np.ones(k)))
+
+
+OBJECTIVE = objective_of(2, 1.0)
 
 
 def respond(points):
@@ -105,7 +113,7 @@ def test_a_fixed_parameter_stays_where_it_is():
 @pytest.mark.parametrize("k", [1, 4])
 def test_searches_are_compared_for_any_number_of_targets(k):
     """Responses that each follow a parameter of their own, and two parameters left open."""
-    objective = Objective(np.full(k, -0.8), np.full(k, 0.8), np.zeros(k))
+    objective = objective_of(k, 0.8)
     settings = {"evaluations": 300, "repetitions": 2, "tolerance": 0.05, "region_points": 4096, "seed": 1}
     section = SECTION | {"rounds": 3, "solutions": 20, "distance": 0.02}
     tables = search.compared(lambda x: x[:, :k], k + 2, objective, settings, section)

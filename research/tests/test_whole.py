@@ -1,5 +1,7 @@
 """The method beside a response surface: its parts on known functions, and one small study."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -21,7 +23,14 @@ from research.figures.__main__ import script as draw
 SPACE = ParameterSpace.of({name: (k, k + 2.0) for k, name in enumerate(PARAMETERS)})
 LOW = np.arange(6.0)
 NAMES = ("aor_deg", "height_mm")
-OBJECTIVE = Objective(np.array([28.0, 55.0]), np.array([32.0, 65.0]))
+
+
+def objective_of(low, high):
+    low, high = np.array(low), np.array(high)
+    return Objective(SimpleNamespace(low=low, high=high, aim=(low + high) / 2, weight=np.ones(len(low))))
+
+
+OBJECTIVE = objective_of([28.0, 55.0], [32.0, 65.0])
 
 
 def responses(unit):
@@ -101,7 +110,7 @@ def test_surfaces_are_exact_on_their_own_kind_and_local_search_inverts_them():
     assert quadratic(fresh) == pytest.approx(responses(fresh), abs=0.02)
     plane = proposals.plane(unit, responses(unit)[:, 1:])
     assert plane(fresh) == pytest.approx(responses(fresh)[:, 1:], abs=1e-9)
-    goal = Objective(np.array([32.0, 60.0]), np.array([36.0, 70.0]))
+    goal = objective_of([32.0, 60.0], [36.0, 70.0])
     place, evaluations = proposals.local_search(responses, goal, 6, 3, np.random.default_rng(1))
     assert responses(place[None])[0] == pytest.approx([34, 65], abs=1e-3)
     assert 10 < evaluations < 1000

@@ -74,9 +74,7 @@ def record_of_an_ellipsoid():
     half = np.array([4.0, 2.0, 1.0]) * 1e-3
     volume = 4 / 3 * np.pi * half.prod()
     mass = 840.47 * volume
-    inertia = (
-        mass / 5 * np.array([half[1] ** 2 + half[2] ** 2, half[0] ** 2 + half[2] ** 2, half[0] ** 2 + half[1] ** 2])
-    )
+    inertia = mass / 5 * (np.sum(half**2) - half**2)
     return Particle("ellipsoid", half[None], 840.47, volume, mass, inertia, half.max(), 0.0, 0.0).record()
 
 
@@ -140,41 +138,25 @@ def test_an_interval_that_begins_at_a_bound_tells_it_on_card_and_in_words(config
     assert rows["e_gg"] == {"low": 0.45, "high": 0.5, "at_bound": "lower"}
     assert rows["mus_gg"] == {"low": 0.45, "high": 0.5}
     assert rows["mus_gp"] == {"low": 0.44, "high": 0.5, "widened": True}
-    words = {
-        line.split()[0]: line
-        for line in card_text.describe(found).splitlines()
-        if line.startswith("  m") or "e_gg" in line
-    }
+    lines = (line for line in card_text.describe(found).splitlines() if line.startswith("  m") or "e_gg" in line)
+    words = {line.split()[0]: line for line in lines}
     assert words["e_gg"].endswith("restitution, grain-grain; at the lower bound of the range")
     assert words["mus_gp"].endswith("; interval widened to hold the answer")
     assert words["mus_gg"].endswith("static friction, grain-grain")
 
 
-@pytest.mark.parametrize(
-    ("given", "fields", "status", "first"),
-    [
-        (
-            {},
-            {"met": True, "out_of_reach": False, "reason": "The simulated mean lies inside the range."},
-            0,
-            "wheat: targets met. Height 66 +- 0.4 mm (measured 65.57, +0.7 %).",
-        ),
-        (
-            {"simulated": 80.0},
-            {"met": False, "reason": "The simulated Height lies 11 mm above its range."},
-            3,
-            "wheat: targets NOT met. Height 80 +- 0.4 mm (measured 65.57, +22.0 %). "
-            "The simulated Height lies 11 mm above its range.",
-        ),
-        (
-            {"simulated": 80.0, "out_of_reach": True, "small_run": True},
-            {"met": False, "out_of_reach": True, "small_run": True},
-            3,
-            "wheat: a small run, its numbers are no calibration: targets NOT met. Height 80 +- 0.4 mm (measured 65.57, "
-            "+22.0 %). The simulated Height lies 11 mm above its range.",
-        ),
-    ],
-)
+ABOVE = "The simulated Height lies 11 mm above its range."
+MISSED = f"targets NOT met. Height 80 +- 0.4 mm (measured 65.57, +22.0 %). {ABOVE}"
+SMALL = "wheat: a small run, its numbers are no calibration: "
+
+
+@pytest.mark.parametrize(("given", "fields", "status", "first"), [
+    ({}, {"met": True, "out_of_reach": False, "reason": "The simulated mean lies inside the range."}, 0,
+     "wheat: targets met. Height 66 +- 0.4 mm (measured 65.57, +0.7 %)."),
+    ({"simulated": 80.0}, {"met": False, "reason": ABOVE}, 3, f"wheat: {MISSED}"),
+    ({"simulated": 80.0, "out_of_reach": True, "small_run": True},
+     {"met": False, "out_of_reach": True, "small_run": True}, 3, f"{SMALL}{MISSED}"),
+])  # fmt: skip
 def test_a_script_asks_the_card_whether_the_targets_are_met(
     given, fields, status, first, config, solutions, tmp_path, capsys
 ):
@@ -263,10 +245,8 @@ def test_an_angle_of_a_pile_has_its_line_and_the_same_piles_by_every_other(confi
     (tmp_path / "card.json").write_text(json.dumps(card.make(study, found, berry, particle, solutions, row=row)))
     assert main(["card", "show", str(tmp_path / "card.json")]) == 0
     text = capsys.readouterr().out
-    assert (
-        "every line, deg: flank, 30 to 80 % of the height, levels: 30 +- 0.5; secant, foot to crest: 31 +- 0.5; "
-        in text
-    )
+    flank = "every line, deg: flank, 30 to 80 % of the height, levels: 30 +- 0.5; "
+    assert f"{flank}secant, foot to crest: 31 +- 0.5; " in text
     assert "whole side, columns: no number; " in text
     assert "definitions" not in made(config | {"targets": [HEIGHT]}, solutions)["tests"][0]
 

@@ -66,7 +66,7 @@ def test_optimal_is_a_latin_hypercube_far_better_than_best_of_20():
 def test_best_of_20_and_criteria_are_those_of_slow_twins_and_five_points_have_their_optimum():
     rng = np.random.default_rng(5)
     distances = [slow_minimum_distance(design.random_lhs(30, 3, rng)) for _ in range(20)]
-    chosen = design.lhsdesign(30, 3, iterations=20, rng=np.random.default_rng(5))
+    chosen = design.lhsdesign(30, 3, rng=np.random.default_rng(5))
     assert slow_minimum_distance(chosen) == pytest.approx(max(distances))
     points = design.random_lhs(12, 3, np.random.default_rng(2))
     assert design.minimum_distance(points) == pytest.approx(slow_minimum_distance(points))
@@ -105,7 +105,7 @@ def test_a_fixed_parameter_is_a_column_and_sizes_without_a_design_are_refused():
     assert sorted(strata) == list(range(12))
     assert comparison["samples"].tolist() == [12, 12, 12]
     value_error("at least 2", design.optimal_lhs, 1, 3, seed=1)
-    value_error("at least 1", design.lhsdesign, 5, 0)
+    value_error("at least 1", design.lhsdesign, 5, 0, None)
 
 
 @pytest.mark.parametrize(("samples", "method", "seed", "key"), [

@@ -30,6 +30,10 @@ def targets(aor=30.5, aor_range=(29.0, 32.0), height_range=(63.0, 68.0)):
 TARGETS = targets()
 
 
+def study(wanted=TARGETS, settings=SETTINGS, **more):
+    return shared.study_of(wanted, SPACE, miga=settings, **more)
+
+
 def write_inputs(folder, reach):
     """A network that is nearly linear: AoR 28 + reach x mean(x), Height 64 + mean(x), x in 0 to 2."""
     small = 1e-3
@@ -52,14 +56,14 @@ def write_inputs(folder, reach):
 def outcome(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp("miga")
     network_json, table3 = write_inputs(folder, request.param)
-    summary = invert.run(network_json, SPACE, TARGETS, SETTINGS, table3, folder / "out")
+    summary = invert.run(network_json, study(), table3, folder / "out")
     return request.param == 2.0, summary, folder / "out"
 
 
 def test_run_says_whether_the_box_was_reached_with_solutions_and_tables_beside_the_published(outcome, tmp_path):
     reachable, summary, out = outcome
     network_json, table3 = write_inputs(tmp_path, 2.0 if reachable else 0.2)
-    invert.run(network_json, SPACE, TARGETS, SETTINGS, table3, tmp_path)
+    invert.run(network_json, study(), table3, tmp_path)
     assert (tmp_path / "feasible.csv").read_bytes() == (out / "feasible.csv").read_bytes()
     assert json.loads((out / "summary.json").read_text()) == summary
     solutions = pd.read_csv(out / "feasible.csv")
@@ -104,7 +108,7 @@ def test_without_a_feasible_solution_the_least_objective_counts_and_not_the_edge
     content["W2"][0][0] = 0.5 * content["W2"][1][1]  # 28 + 0.5 x deg at 64 + x mm
     network_json.write_text(json.dumps(content))
     wanted = targets(30.5, (29.5, 32.0), (64.0, 66.0))
-    summary = invert.run(network_json, SPACE, wanted, SETTINGS, table3, tmp_path / "out")
+    summary = invert.run(network_json, study(wanted), table3, tmp_path / "out")
     assert not summary["feasible"]
     assert summary["evaluations"] == 2 * 80_000
     best = summary["representative"]
@@ -144,7 +148,7 @@ def test_the_answer_is_the_set_of_least_expected_loss_or_of_least_objective(answ
 def test_few_feasible_solutions_are_followed_by_the_nearest(tmp_path):
     network_json, table3 = write_inputs(tmp_path, 2.0)
     narrow = targets(32.0, (31.999, 34.0), (65.0, 68.0))
-    summary = invert.run(network_json, SPACE, narrow, SETTINGS, table3, tmp_path)
+    summary = invert.run(network_json, study(narrow), table3, tmp_path)
     solutions = pd.read_csv(tmp_path / "feasible.csv")
     assert len(solutions) == 10
     assert 0 < summary["n_solutions"] == solutions["feasible"].sum() < 10
@@ -156,7 +160,7 @@ def test_solutions_at_the_bounds_carry_a_warning(tmp_path):
     network_json, table3 = write_inputs(tmp_path, 0.2)
     support = Support(np.random.RandomState(1).uniform(0.5, 1.5, (60, 6)), np.zeros(6), np.full(6, 2.0))
     brief = SETTINGS.model_copy(update={"rounds": 5})
-    summary = invert.run(network_json, SPACE, TARGETS, brief, table3, tmp_path, support)
+    summary = invert.run(network_json, study(settings=brief), table3, tmp_path, support)
     table = pd.read_csv(tmp_path / "feasible.csv")
     assert table.columns[-1] == "warning"
     assert table["warning"].str.contains("nearest sample").all()
@@ -167,20 +171,19 @@ def test_solutions_at_the_bounds_carry_a_warning(tmp_path):
 def test_bad_tables_are_refused_and_a_study_without_published_intervals_has_its_own(tmp_path):
     network_json, table3 = write_inputs(tmp_path, 2.0)
     with pytest.raises(InputError, match=r"aor_deg is 40.*\[29.0, 32.0\]"):
-        invert.run(network_json, SPACE, targets(40), SETTINGS, table3, tmp_path)
+        invert.run(network_json, study(targets(40)), table3, tmp_path)
     table3.write_text("variable,low\n")
-    input_error(r"table3.csv: column parameter", invert.run, network_json, SPACE, TARGETS, SETTINGS, table3, tmp_path)
+    input_error(r"table3.csv: column parameter", invert.run, network_json, study(), table3, tmp_path)
     network_json, table3 = write_inputs(tmp_path, 2.0)
     content = json.loads(network_json.read_text())
     flank = {"aor_deg": {"measure.response": "flank"}}
     network_json.write_text(json.dumps(content | {"definitions": flank}))
-    arguments = (network_json, SPACE, TARGETS, SETTINGS, table3, tmp_path)
-    secant = {"aor_deg": {"measure.response": "secant"}}
+    secant = study(definitions={"aor_deg": {"measure.response": "secant"}})
     with pytest.raises(InputError, match=r"network\.json: definition of aor_deg is .*flank.*secant.*my\.yaml"):
-        invert.run(*arguments, definitions=secant, source="my.yaml")
+        invert.run(network_json, secant, table3, tmp_path, source="my.yaml")
     one = Targets(TARGETS[:1])
     with pytest.raises(InputError, match=r"network\.json: outputs is .*; expected the targets aor_deg"):
-        invert.run(network_json, SPACE, one, SETTINGS, table3, tmp_path)
+        invert.run(network_json, study(one), table3, tmp_path)
     cloud = pd.DataFrame({name: [0.1, 0.3] for name in PARAMETERS})
     space = ParameterSpace(PARAMETERS[1:], np.zeros(5), np.full(5, 2.0), {"e_gg": 0.2})
     table = invert.intervals(cloud.assign(e_gg=0.2), space)

@@ -28,6 +28,10 @@ def but(**keys):
 TARGETS = Targets.of(shared.TARGETS)
 
 
+def study(settings=SETTINGS, targets=TARGETS, **more):
+    return shared.study_of(targets, network=settings, **more)
+
+
 @pytest.mark.parametrize(("samples", "sizes"), [(137, (95, 20, 22)), (150, (105, 22, 23)), (90, (63, 13, 14))])
 def test_split_is_the_published_one_and_a_partition(samples, sizes):
     rows = train.split(samples, [0.70, 0.15, 0.15], 2026)
@@ -76,7 +80,7 @@ def write_tables(folder, samples=40, seeds=4):
 
 def test_run_writes_what_it_returns(tmp_path):
     paths = write_tables(tmp_path)
-    metrics = train.run(*paths, TARGETS, SETTINGS, tmp_path / "out")
+    metrics = train.run(*paths, study(), tmp_path / "out")
     assert json.loads((tmp_path / "out/metrics.json").read_text()) == metrics
     assert (metrics["n_samples"], metrics["left_out"]) == (39, 1)
     predictions = pd.read_csv(tmp_path / "out/predictions.csv")
@@ -98,13 +102,13 @@ def test_run_writes_what_it_returns(tmp_path):
 
 def test_a_run_with_replicates_knows_their_noise(tmp_path):
     paths = write_tables(tmp_path)
-    metrics = train.run(*paths, TARGETS, but(replicates=True, prior="inputs"), tmp_path / "out")
+    metrics = train.run(*paths, study(but(replicates=True, prior="inputs")), tmp_path / "out")
     assert metrics["noise_freedom"] == 3 * metrics["n_train"]
     sd = np.sqrt(np.diagonal(metrics["noise_covariance"]))
     known = np.concatenate([load(tmp_path / "out/network.json").noise_std_]) / sd
     assert known == pytest.approx(1.0, abs=0.1)
     # of one seed there is none to correct for
-    once = train.run(*write_tables(tmp_path, seeds=1), TARGETS, but(replicates=True), tmp_path / "once")
+    once = train.run(*write_tables(tmp_path, seeds=1), study(but(replicates=True)), tmp_path / "once")
     ways = once["r2_three_ways"]["aor_deg"]
     assert ways["noise_corrected"] is None
     assert ways["single_runs"] == pytest.approx(ways["sample_means"])
@@ -157,24 +161,24 @@ def test_the_covariance_of_errors_and_too_few_samples(tmp_path):
         with pytest.raises(InputError, match=r"my\.csv: validation samples is \d; expected more than 3"):
             train.error_covariance(wrong, three, "my.csv")
     paths = write_tables(tmp_path, samples=12)
-    input_error(r"usable samples is 11; expected at least 12", train.run, *paths, TARGETS, SETTINGS, tmp_path)
+    input_error(r"usable samples is 11; expected at least 12", train.run, *paths, study(), tmp_path)
     pd.read_csv(paths[0]).drop(columns="mus_gp").to_csv(paths[0], index=False)
-    input_error(r"dataset.csv: column mus_gp", train.run, *paths, TARGETS, SETTINGS, tmp_path)
+    input_error(r"dataset.csv: column mus_gp", train.run, *paths, study(), tmp_path)
 
 
 def test_definitions_are_kept_and_others_are_refused(tmp_path):
     dataset_csv, runs_csv = write_tables(tmp_path)
     flank, secant = ({"aor_deg": {"measure.response": kind}} for kind in ("flank", "secant"))
-    arguments = (dataset_csv, runs_csv, TARGETS, but(starts=1), tmp_path / "out")
-    train.run(*arguments, flank, "my.yaml")
+    arguments = (dataset_csv, runs_csv, study(but(starts=1), definitions=flank), tmp_path / "out", "my.yaml")
+    train.run(*arguments)
     assert load(tmp_path / "out/network.json").definitions == flank
     files = (tmp_path / "out/network.json", tmp_path / "out/predictions.csv", dataset_csv)
     train.restore(*files)
     (tmp_path / "dataset_summary.json").write_text(json.dumps({"definitions": secant}))
     with pytest.raises(InputError, match=r"dataset_summary\.json: definition of aor_deg is .*secant.*flank.*my\.yaml"):
-        train.run(*arguments, flank, "my.yaml")
+        train.run(*arguments)
     input_error(r"network\.json: definition of aor_deg .*as in .*dataset_summary\.json", train.restore, *files)
-    train.run(*arguments)
+    train.run(dataset_csv, runs_csv, study(but(starts=1)), tmp_path / "out")
     assert load(tmp_path / "out/network.json").definitions == secant
 
 
@@ -182,7 +186,7 @@ def test_definitions_are_kept_and_others_are_refused(tmp_path):
 def test_the_split_is_reported_and_the_saved_model_knows_all_samples(tmp_path, name):
     dataset_csv, runs_csv = write_tables(tmp_path)
     out = tmp_path / "out"
-    metrics = train.run(dataset_csv, runs_csv, TARGETS, but(starts=1), out, surrogate=name)
+    metrics = train.run(dataset_csv, runs_csv, study(but(starts=1), surrogate=name), out)
     saved, table = load(out / "network.json"), pd.read_csv(out / "predictions.csv")
     test = table[table["split"] == "test"]
     error = np.sqrt(np.mean((test["height_mm"] - test["height_predicted_mm"]) ** 2))
@@ -203,7 +207,7 @@ def test_the_split_is_reported_and_the_saved_model_knows_all_samples(tmp_path, n
 def test_one_target_is_trained_alone(tmp_path, name):
     dataset_csv, runs_csv = write_tables(tmp_path)
     one = Targets([target for target in TARGETS if target.name == name])
-    metrics = train.run(dataset_csv, runs_csv, one, but(replicates=True), tmp_path / "out")
+    metrics = train.run(dataset_csv, runs_csv, study(but(replicates=True), one), tmp_path / "out")
     assert set(metrics["test"]) == set(metrics["r2_three_ways"]) == {name}
     assert np.shape(metrics["noise_covariance"]) == (1, 1)
     predictions = pd.read_csv(tmp_path / "out/predictions.csv")
@@ -215,12 +219,12 @@ def test_a_parameter_of_the_law_is_an_input_and_noise_of_bench_tests_is_independ
     dataset = pd.read_csv(dataset_csv)
     dataset.insert(7, "gamma_gg", np.linspace(0.0, 0.1, len(dataset)))
     dataset.to_csv(dataset_csv, index=False)
-    train.run(dataset_csv, runs_csv, TARGETS, SETTINGS, tmp_path / "out")
+    train.run(dataset_csv, runs_csv, study(), tmp_path / "out")
     model = load(tmp_path / "out/network.json")
     assert model.inputs == (*PARAMETERS, "gamma_gg")
     assert train.restore(*(tmp_path / name for name in ("out/network.json", "out/predictions.csv", "dataset.csv")))
     dataset.assign(gamma_gg=-0.1).to_csv(dataset_csv, index=False)
-    input_error(r"gamma_gg is -0\.1", train.run, dataset_csv, runs_csv, TARGETS, SETTINGS, tmp_path / "out")
+    input_error(r"gamma_gg is -0\.1", train.run, dataset_csv, runs_csv, study(), tmp_path / "out")
     random = np.random.default_rng(6)
     samples = np.arange(400)
     pours = pd.DataFrame({"sample": samples.repeat(4), "apparatus": "funnel", "status": "ok"})
@@ -229,9 +233,9 @@ def test_a_parameter_of_the_law_is_an_input_and_noise_of_bench_tests_is_independ
     turns["drum_slip_deg"] = random.normal(40, 3.0, size=800)
     targets = Targets.of([shared.TARGETS[0], shared.SLIP, shared.TARGETS[1]])
     found = train.Replicates.of(pd.concat([pours, turns]), samples, targets)
-    covariance = found.covariance
-    assert found.runs.tolist() == [4.0] * 400
-    assert found.freedom == pytest.approx((2 * 1200 + 400) / 3)
+    covariance = found.noise_covariance
+    assert found.precision.tolist() == [4.0] * 400
+    assert found.noise_freedom == pytest.approx((2 * 1200 + 400) / 3)
     assert covariance[[0, 1, 2], [1, 0, 1]].tolist() == [0.0, 0.0, 0.0]
     assert covariance[::2, ::2] == pytest.approx(np.array([[1.0, 1.0], [1.0, 4.0]]), rel=0.15)
     assert covariance[1, 1] == pytest.approx(2 * 9.0, rel=0.15)  # means of two runs beside means of four

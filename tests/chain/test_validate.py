@@ -1,5 +1,6 @@
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -65,6 +66,10 @@ def write_heaps(folder, solutions, failed=(), names=PARAMETERS):
     return paths
 
 
+def of(targets=TARGETS, names=PARAMETERS, measure=MEASURE):
+    return shared.study_of(targets, SimpleNamespace(names=names), measure=measure)
+
+
 def select(folder, count=5):
     return validate.write_solutions(folder / "feasible.csv", SPACE, TARGETS, count, folder / "v/solutions.csv")
 
@@ -72,18 +77,20 @@ def select(folder, count=5):
 def stored(folder, failed=(), targets=TARGETS, names=PARAMETERS):
     sets = validate.write_published_solutions(folder / "published4.csv", names, folder / "theirs.csv")
     paths = write_heaps(folder, sets, failed, names)
-    validate.write_published_sets(folder / "published4.csv", paths, targets, names, NOW, folder / "published_sets.csv")
+    validate.write_published_sets(
+        folder / "published4.csv", paths, of(targets, names), NOW, folder / "published_sets.csv"
+    )
     return folder / "published_sets.csv"
 
 
 def published(path, targets=TARGETS, names=PARAMETERS, measure=MEASURE, now=NOW):
-    return validate.compared_with_published(path, targets.responses, names, measure, now)
+    return validate.compared_with_published(path, of(targets, names, measure), now)
 
 
 def tables(folder, failed=(), support=None):
     paths = write_heaps(folder, select(folder), failed)
     theirs = published(stored(folder, failed))
-    return validate.run(folder / "v/solutions.csv", paths, TARGETS, MEASURE, theirs, folder / "v", support)
+    return validate.run(folder / "v/solutions.csv", paths, of(), theirs, folder / "v", support)
 
 
 def test_solutions_and_sets_of_other_works_follow_by_number(study):
@@ -199,7 +206,7 @@ def test_a_failed_or_missing_simulation_keeps_its_row_or_is_named(study):
     assert result["published"]["warning"].str.contains("nearest sample").all()
     paths = write_heaps(study, select(study))
     with pytest.raises(InputError, match=r"samples without a file is \[6\]"):
-        validate.run(study / "v/solutions.csv", paths[:-1], TARGETS, MEASURE, published(None), study / "v")
+        validate.run(study / "v/solutions.csv", paths[:-1], of(), published(None), study / "v")
 
 
 WIDE = ParameterSpace(PARAMETERS, np.zeros(6), np.full(6, 2.0))
@@ -244,7 +251,7 @@ def test_a_study_of_height_alone_and_one_without_a_stored_table(study):
     assert "aor_simulated_deg" not in theirs
     assert theirs["height_simulated_mm"].tolist() == [66.0, 66.0]
     for table in (theirs, published(None, one)):
-        found = validate.run(study / "v/solutions.csv", paths, one, MEASURE, table, study / "v")
+        found = validate.run(study / "v/solutions.csv", paths, of(one), table, study / "v")
         assert found["representative"]["response"].tolist() == ["height_mm"]
         assert len(pd.read_csv(study / "v/published.csv")) == len(table)
     assert {"sample", "solution", "stale"} < set(pd.read_csv(study / "v/published.csv"))
@@ -265,7 +272,7 @@ def test_a_law_of_further_parameters_keeps_them_and_leaves_the_published_sets_ou
     theirs = published(stored(study), names=names)
     assert theirs.empty
     paths = write_heaps(study, chosen, names=names)
-    found = validate.run(study / "v/solutions.csv", paths, TARGETS, MEASURE, theirs, study / "v")
+    found = validate.run(study / "v/solutions.csv", paths, of(), theirs, study / "v")
     assert found["table4"]["gamma_gp"].tolist() == [0.02] * 6
 
 

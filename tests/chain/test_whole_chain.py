@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import shared
-from shared import RANGES, every_bench_test, target
+from shared import RANGES, every_bench_test, study_of, target
 
 from repose.chain import dataset, design, invert, train, validate
 from repose.chain.settings import DesignSettings
@@ -64,16 +64,17 @@ def pour(table, targets, folder, seeds=4):
 
 def whole_chain(out: Path, targets, space, network=NETWORK):
     definitions = {name: {"measure.views": 6} for name in targets.names}
+    study = study_of(targets, space, definitions, MEASURE, network=network, miga=MIGA)
     samples, _ = design.run(space, DesignSettings(samples=40, method="lhsdesign", seed=1), out / "design")
     dataset.run(out / "design/samples.csv", pour(samples, targets, out / "jobs"), targets, definitions, out)
-    metrics = train.run(out / "dataset.csv", out / "runs.csv", targets, network, out / "network", definitions)
+    metrics = train.run(out / "dataset.csv", out / "runs.csv", study, out / "network")
     support = Support.of_dataset(out / "dataset.csv", space)
     surrogate = out / "network/network.json"
-    summary = invert.run(surrogate, space, targets, MIGA, None, out / "miga", support, definitions)
+    summary = invert.run(surrogate, study, None, out / "miga", support)
     again = validate.write_solutions(out / "miga/feasible.csv", space, targets, 3, out / "validation/solutions.csv")
     jobs = pour(again, targets, out / "validation/jobs")
-    theirs = validate.compared_with_published(None, targets.responses, space.names, MEASURE, {})
-    tables = validate.run(out / "validation/solutions.csv", jobs, targets, MEASURE, theirs, out / "validation", support)
+    theirs = validate.compared_with_published(None, study, {})
+    tables = validate.run(out / "validation/solutions.csv", jobs, study, theirs, out / "validation", support)
     return SimpleNamespace(
         samples=samples, metrics=metrics, summary=summary, solutions=again, definitions=definitions, **tables
     )

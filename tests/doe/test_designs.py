@@ -42,9 +42,7 @@ def test_twelve_runs_are_as_printed_and_take_six_factors():
     design = plackett_burman(11, 12)
     assert np.array_equal(design[:11], printed[:11].T)
     assert np.array_equal(design[11], printed[11])
-    assert plackett_burman(6).shape == (12, 6)
-    assert plackett_burman(8).shape == (12, 8)
-    assert plackett_burman(9).shape == (16, 9)
+    assert plackett_burman(6, 12).shape == (12, 6)
 
 
 @pytest.mark.parametrize("runs", GENERATORS)
@@ -55,20 +53,25 @@ def test_every_plackett_burman_design_is_orthogonal(runs):
     assert "".join("+" if level > 0 else "-" for level in design[0]) == GENERATORS[runs]
 
 
+def blocks_of(factors, centres=None):
+    """A Box-Behnken design, and the block, from 1, of each run: the last runs of a block are its centre."""
+    design = box_behnken(factors, centres)
+    centre = (design == 0).all(axis=1)
+    return design, 1 + np.cumsum(np.concatenate([[False], centre[:-1] & ~centre[1:]]))
+
+
 def test_three_factors_are_as_printed_and_centre_runs_spread_over_blocks():
     # Myers and Montgomery, Example 7.5, in standard order
-    design, blocks = box_behnken(3)
     printed = np.loadtxt(PRINTED / "viscosity_runs.csv", delimiter=",", skiprows=1)[:, :3]
-    assert np.array_equal(design, printed)
-    assert (blocks == 1).all()
-    design, blocks = box_behnken(4, centres=5)
+    assert np.array_equal(box_behnken(3), printed)
+    design, blocks = blocks_of(4, centres=5)
     assert len(design) == 29
     assert [(design[blocks == number] == 0).all(axis=1).sum() for number in (1, 2, 3)] == [2, 2, 1]
 
 
 @pytest.mark.parametrize(("factors", "runs", "blocks"), [(3, 15, 1), (4, 27, 3), (5, 46, 2), (6, 54, 1), (7, 62, 1)])
 def test_box_behnken_has_the_printed_number_of_runs(factors, runs, blocks):
-    design, numbers = box_behnken(factors)
+    design, numbers = blocks_of(factors)
     assert design.shape == (runs, factors)
     assert np.unique(numbers, return_counts=True)[1].tolist() == [runs // blocks] * blocks
     assert set(np.unique(design)) == {-1, 0, 1}
@@ -76,7 +79,7 @@ def test_box_behnken_has_the_printed_number_of_runs(factors, runs, blocks):
 
 @pytest.mark.parametrize("factors", BLOCKS)
 def test_box_behnken_is_balanced(factors):
-    design, blocks = box_behnken(factors)
+    design, blocks = blocks_of(factors)
     sets = [block for part in BLOCKS[factors] for block in part]
     assert len({sum(k in block for block in sets) for k in range(1, factors + 1)}) == 1, "each factor equally often"
     if factors < 6:
@@ -123,7 +126,7 @@ def test_a_face_centred_design_has_three_levels():
 
 
 @pytest.mark.parametrize(("design", "given"), [
-    (plackett_burman, ((12, 12), (0, 12), (3, 10), (21, None))), (box_behnken, ((2, None), (8, None), (4, 2), (3, 0))),
+    (plackett_burman, ((12, 12), (0, 12), (3, 10))), (box_behnken, ((2, None), (8, None), (4, 2), (3, 0))),
     (central_composite, ((1,), (8,), (3, "far"), (3, "rotatable", -1))),
 ])  # fmt: skip
 def test_what_is_no_design_is_refused(design, given):

@@ -2,6 +2,7 @@
 
 import math
 from itertools import product
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,28 +12,35 @@ from repose.core.parameters import PARAMETERS
 from repose.search.objective import PRIOR_WEIGHT, Archive, Objective, Preference, distinct
 
 
+def objective_of(low, high, aim=None, weight=None, **more):
+    """The objective of targets with these ranges; without an aim, with their centres (Eq. 12)."""
+    low, high = np.array(low, float), np.array(high, float)
+    aim, weight = (low + high) / 2 if aim is None else aim, np.ones(len(low)) if weight is None else np.array(weight)
+    return Objective(SimpleNamespace(low=low, high=high, aim=np.array(aim), weight=weight), **more)
+
+
 def sphere(x):
     return ((x - 0.3) ** 2).sum(axis=1)
 
 
 def test_objective_is_eq_11_and_its_target_eq_12_and_a_prior_counts_a_hundredth():
-    objective = Objective((31, 64), (34, 69))
+    objective = objective_of((31, 64), (34, 69))
     F, V = objective(np.array([[32.5, 66.5], [31.0, 69.0], [30.0, 70.0]]))
     np.testing.assert_allclose(F, [0, 1, 2.5 / 3 + 3.5 / 5], atol=1e-12)
     np.testing.assert_allclose(V, [0, 0, 1 / 3 + 1 / 5], atol=1e-12)
-    F, _ = Objective((31, 64), (34, 69), (32.87, 65.57))(np.array([[31.87, 66.57]]))
+    F, _ = objective_of((31, 64), (34, 69), (32.87, 65.57))(np.array([[31.87, 66.57]]))
     np.testing.assert_allclose(F, 1 / 3 + 1 / 5)
     assert PRIOR_WEIGHT == 0.01
 
 
 def test_one_target_four_with_weights_and_weights_of_one():
-    objective = Objective((0, 0), (1, 1), (0.0, 0.0))
+    objective = objective_of((0, 0), (1, 1), (0.0, 0.0))
     fitness = objective.fitness(*objective(np.array([[1.0, 1.0], [-1e-9, 0.0], [-1.0, 0.0]])))
     assert fitness[0] < fitness[1] < fitness[2]
-    F, V = Objective((31,), (34,))(np.array([[32.5], [33.5], [35.0]]))
+    F, V = objective_of((31,), (34,))(np.array([[32.5], [33.5], [35.0]]))
     np.testing.assert_allclose(F, [0, 1 / 3, 2.5 / 3])
     np.testing.assert_allclose(V, [0, 0, 1 / 3])
-    weighted = Objective(np.zeros(4), np.full(4, 2.0), weight=(1, 2, 0.5, 4))
+    weighted = objective_of(np.zeros(4), np.full(4, 2.0), weight=(1, 2, 0.5, 4))
     F, V = weighted(np.array([[1.5, 1.0, 0.0, 1.25], [1.0, 1.0, 3.0, 1.0]]))
     np.testing.assert_allclose(F, [0.25 + 0.25 + 0.5, 0.5])
     np.testing.assert_allclose(V, [0.0, 0.5])  # of whatever weight: a range is a range
@@ -41,7 +49,7 @@ def test_one_target_four_with_weights_and_weights_of_one():
     assert corner < just_outside
     random = np.random.default_rng(4)
     low, high = random.uniform(0, 50, 2), random.uniform(51, 100, 2)
-    plain, responses = Objective(low, high), random.uniform(-20, 120, (500, 2))
+    plain, responses = objective_of(low, high), random.uniform(-20, 120, (500, 2))
     scaled = responses / (high - low)
     F = np.abs(scaled - (low + high) / 2 / (high - low)).sum(axis=1)
     outside = np.maximum(np.maximum(low / (high - low) - scaled, scaled - high / (high - low)), 0.0)
@@ -65,7 +73,7 @@ def test_a_prior_is_a_small_term_that_no_infeasible_point_makes_up_for():
     np.testing.assert_allclose(preference.distance(points), [0, 1, 15], atol=1e-9)
     np.testing.assert_allclose(preference(points), PRIOR_WEIGHT / 2 * np.array([0, 1, 225]), atol=1e-12)
     assert preference.largest == pytest.approx(preference(points)[2])
-    objective = Objective((0.0,), (1.0,), margin=preference.largest)
+    objective = objective_of((0.0,), (1.0,), margin=preference.largest)
     F, V = objective(np.array([[0.0], [1.0 + 1e-9]]))
     feasible_far, infeasible_near = objective.fitness(F, V) + preference(points[[2, 0]])
     assert feasible_far < infeasible_near

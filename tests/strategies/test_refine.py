@@ -273,10 +273,10 @@ def test_the_loop_brings_a_wrong_network_to_the_target_with_fresh_seeds_and_says
 
 def test_round_0_is_the_answer_of_the_chain_and_the_loop_of_a_study_is_that_of_the_files(loop):
     out = loop[0].parent
-    train.run(out / "dataset.csv", out / "runs.csv", TARGETS, STUDY.settings.network, out / "network")
+    train.run(out / "dataset.csv", out / "runs.csv", STUDY, out / "network")
     support = Support.of_dataset(out / "dataset.csv", SPACE)
     network = out / "network" / "network.json"
-    invert.run(network, SPACE, TARGETS, STUDY.settings.miga, None, out / "miga", support)
+    invert.run(network, STUDY, None, out / "miga", support)
     notes = json.loads((out / "refined/batch_1/proposal.json").read_text())["notes"]
     for name, note in (("network/metrics.json", "fit"), ("miga/summary.json", "search")):
         whole = json.loads((out / name).read_text())

@@ -19,7 +19,7 @@ from repose.pictures.figures import response_surface as figures
 from repose.pictures.figures import style
 from repose.strategies import Answer, batches
 from repose.strategies.response_surface import ResponseSurface, screening, surface
-from repose.strategies.response_surface.steps import STEPS, factors_of, numbers
+from repose.strategies.response_surface.steps import STEPS, factors_of, samples
 
 CONFIG = {"targets": entries(TARGETS), "parameters": RANGES}
 
@@ -159,7 +159,7 @@ def test_steps_share_no_sample_and_leave_out_those_that_gave_no_pile():
     whole = screening.models_of(table, dataset(table), TARGETS, "linear")
     fewer = screening.models_of(table, data, TARGETS, "linear")
     assert len(fewer[0].response) == len(whole[0].response) - 2
-    steps = [set(numbers(step, 500)) for step in ("screening", "ascent", "surface", "check")]
+    steps = [set(samples(step, SPACE, np.zeros((500, 6)), (), np.zeros((500, 0)))["sample"]) for step in STEPS]
     assert len(set().union(*steps)) == 2000
 
 

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from linear import Linear
 from scipy import stats
-from shared import targets_of
+from shared import study_of, targets_of
 from synthetic import Study
 
 from repose.chain import train
@@ -192,7 +192,7 @@ def study(tmp_path_factory):
     table["status"], table["n_seeds"] = "ok", 4
     table.to_csv(folder / "dataset.csv", index=False)
     runs.to_csv(folder / "runs.csv", index=False)
-    train.run(folder / "dataset.csv", folder / "runs.csv", TARGETS, TRAINING, folder)
+    train.run(folder / "dataset.csv", folder / "runs.csv", study_of(TARGETS, network=TRAINING), folder)
     cloud = pd.DataFrame(random.uniform(0.4, 0.6, (10, 6)), columns=list(PARAMETERS))
     cloud.to_csv(folder / "feasible.csv", index=False)
     pd.DataFrame({"parameter": PARAMETERS, "low": 0.4, "high": 0.6}).to_csv(folder / "table3.csv", index=False)
@@ -220,7 +220,7 @@ def test_a_study_determines_what_moves_its_responses_and_says_what_it_does_not(s
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in names() if name != "network"])
 def test_every_surrogate_gives_the_same_answer(name, study, tmp_path):
-    train.run(study["dataset"], study["runs"], TARGETS, TRAINING, tmp_path, surrogate=name)
+    train.run(study["dataset"], study["runs"], study_of(TARGETS, network=TRAINING, surrogate=name), tmp_path)
     files = study | {"network": tmp_path / "network.json", "predictions": tmp_path / "predictions.csv"}
     few = GIVEN._replace(config={"posterior": SETTINGS | {"walkers": 14, "steps": 400}})
     summary = posterior.run(files, few, tmp_path)

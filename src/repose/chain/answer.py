@@ -1,15 +1,14 @@
 """The result of a calibration: parameters, and whether their simulated responses meet the targets."""
 
 import math
-import os
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
 from repose.chain.chance import PERCENT
 from repose.core.errors import InputError
-from repose.core.files import read_json
+from repose.core.files import Path_, read_json
 from repose.core.parameters import LABELS, check_value, named
 from repose.core.responses import named as known_response
 from repose.core.studied import Studied
@@ -59,12 +58,13 @@ class Check:
     line: str = ""  # of an angle of a pile, in words
 
     @classmethod
-    def of(cls, target: Target, simulated: float | None, standard_error: float | None, runs: int, status: str) -> Self:
-        """Make the check of a target, without its prediction."""
+    def of(cls, target: Target, *run: Any, predicted: float | None = None, line: str = "") -> Self:
+        """Make the check of a target; `run` are the fields from `simulated` to `status`."""
+        simulated, error, runs, status = run
         about = target.name, target.response.apparatus, target.response.unit
         ends, whole = (target.low, target.high), None if target.profile is None else target.whole_value
-        check = cls(*about, target.value, target.sd, target.repetitions, *ends, simulated, standard_error, runs, status)
-        return replace(check, whole=whole)
+        measured = target.value, target.sd, target.repetitions
+        return cls(*about, *measured, *ends, simulated, error, runs, status, whole, predicted, line)
 
     def row(self) -> dict[str, Any]:
         """Return its entry in the material card, without the definition of the response."""
@@ -94,11 +94,9 @@ class Check:
         return self.response if known is None else known.label
 
     @property
-    def margin(self) -> float | None:
-        """Distance to the nearer end of the range: positive inside, negative outside."""
-        if self.simulated is None:
-            return None
-        return min(self.simulated - self.low, self.high - self.simulated)
+    def margin(self) -> float:
+        """Distance to the nearer end of the range: positive inside, negative outside, NaN without a number."""
+        return math.nan if self.simulated is None else min(self.simulated - self.low, self.high - self.simulated)
 
     @property
     def distance(self) -> str:
@@ -113,7 +111,7 @@ class Check:
     @property
     def miss(self) -> str:
         """By how much the simulation misses the range, a clause."""
-        if self.simulated is None or self.margin is None:
+        if self.simulated is None:
             return f"the {self.label} has no number, as its runs ended {self.status}"
         side = "below" if self.simulated < self.low else "above"
         by = f"{-self.margin:.2g} {self.unit}".rstrip()
@@ -130,22 +128,24 @@ class Check:
         if value is None:
             return f"{label} without a number (measured {self.measured:.4g})"
         word = "predicted " if self.simulated is None else ""
-        error = "" if self.standard_error is None else f" +- {self.standard_error:.2g}"
         off = round(100 * (value - self.measured) / (self.whole or abs(self.measured)), 1) + 0.0  # no -0.0
-        number = f"{word}{value:.4g}{error} {self.unit}".rstrip()
+        number = f"{word}{value:.4g}{self._error} {self.unit}".rstrip()
         return f"{label} {number} (measured {self.measured:.4g}, {off:+.1f} %)"
 
     def __str__(self) -> str:
         aimed = f"target {self.low:g} to {self.high:g} {self.unit}"
-        if self.simulated is None or self.margin is None:
+        if self.simulated is None:
             return f"{self.response}: no number, the runs ended {self.status}; {aimed}: NOT met"
-        error = "" if self.standard_error is None else f" +- {self.standard_error:.2g}"
-        verdict = "met" if self.met else "NOT met"
-        side = "inside" if self.met else "outside"
+        verdict, side = ("met", "inside") if self.met else ("NOT met", "outside")
         return (
-            f"{self.response}: simulated {self.simulated:.4g}{error} {self.unit} (runs: {self.runs}), measured "
+            f"{self.response}: simulated {self.simulated:.4g}{self._error} {self.unit} (runs: {self.runs}), measured "
             f"{self.measured:.4g}; {aimed}: {verdict}, {abs(self.margin):.2g} {self.unit} {side}"
         )
+
+    @property
+    def _error(self) -> str:
+        """The standard error behind a mean; empty where it is unknown."""
+        return "" if self.standard_error is None else f" +- {self.standard_error:.2g}"
 
 
 @dataclass(frozen=True)
@@ -189,8 +189,7 @@ class Result:
         missed = " and ".join(check.miss for check in self.checks if check.met is False)
         inside = f"the simulated mean{' lies' if count == 1 else 's lie'} inside {ranges}"
         simulated = f"the answer was {NOT_AGAIN}" if self.met is None else missed or inside
-        parts = [simulated] if self.feasible and self.met is not None else [predicted, simulated]
-        sentence = "; ".join(parts)
+        sentence = simulated if self.feasible and self.met is not None else f"{predicted}; {simulated}"
         return f"{sentence[0].upper()}{sentence[1:]}."
 
     @property
@@ -200,34 +199,31 @@ class Result:
 
     def __str__(self) -> str:
         head = "The calibrated parameters" if self.feasible else f"{self.message}\nThe nearest parameters"
-        wider = "" if self.feasible else "wider parameters or targets; "
-        rows = describe_parameters(self.parameters)
-        checks = [f"  {check}" for check in self.checks]
-        checks += [f"  {nearness(self.checks)}", f"  {describe_probability(self.within)}"]
-        tables = (
+        lines = [self.verdict, f"{head}:"]
+        lines += [f"  {name:7} {value:.4g}  {LABELS[name]}" for name, value in self.parameters.items()]
+        lines.append("Simulated again with fresh seeds:")
+        lines += [f"  {line}" for line in (*self.checks, nearness(self.checks), self._chance)]
+        lines.append(
             f"Tables: {self.tables}; all solutions: {self.solutions}; "
             f"after the whole study the report: {self.folder / REPORT}, and the material card: {self.folder / CARD}"
         )
-        ended = [f"No more batches: {self.why}."] if self.why else []
-        lines = [
-            self.verdict,
-            f"{head}:",
-            *rows,
-            "Simulated again with fresh seeds:",
-            *checks,
-            tables,
-            *ended,
-            *([] if self.met else [f"What helps: {wider}{self.advice}."]),
-        ]
+        if self.why:
+            lines.append(f"No more batches: {self.why}.")
+        if not self.met:
+            lines.append(f"What helps: {'' if self.feasible else 'wider parameters or targets; '}{self.advice}.")
         return "\n".join(lines)
+
+    @property
+    def _chance(self) -> str:
+        """The probability that all means are near their targets."""
+        if None in self.within.values():
+            return "the distance of the means from their targets is unknown"
+        shares = ", ".join(f"within {percent:g} %: {value:.2f}" for percent, value in self.within.items())
+        return f"probability that all means are near their targets, by these runs alone: {shares}"
 
 
 def read(
-    study: Studied,
-    summary_json: str | os.PathLike,
-    check_csv: str | os.PathLike,
-    solutions_csv: str | os.PathLike,
-    strategy: str | None = None,
+    study: Studied, summary_json: Path_, check_csv: Path_, solutions_csv: Path_, strategy: str | None = None
 ) -> Result:
     """Read the result in the files of the verbs miga and validate, or of the check of another strategy.
 
@@ -242,17 +238,12 @@ def read(
         if name not in rows:
             raise InputError(check_csv, "response", sorted(rows), f"a row {name}, a target of the configuration")
     values = summary["representative"]
-    for name in named(values):
-        check_value(name, values.get(name), summary_json)
     return Result(
         label=settings.label,
-        parameters={name: float(values[name]) for name in named(values)},
+        parameters={name: float(check_value(name, values.get(name), summary_json)) for name in named(values)},
         feasible=summary["feasible"],
         message=summary["message"],
-        checks=tuple(
-            replace(_check(target, rows[target.name]), line=line_for(settings.measure, target.name))
-            for target in targets
-        ),
+        checks=tuple(_check(target, rows[target.name], line_for(settings.measure, target.name)) for target in targets),
         folder=Path(settings.results_dir),
         tables=Path(check_csv).parent,
         solutions=Path(solutions_csv),
@@ -276,30 +267,22 @@ def in_one_line(met: bool | None, checks: Iterable[Check], reason: str, small_ru
     return f"{small}{SAID[met]}. {numbers}." + ("" if met else f" {reason}")
 
 
-def describe_parameters(parameters: Mapping[str, float]) -> list[str]:
-    """Write a line for each parameter: name, value and meaning."""
-    return [f"  {name:7} {value:.4g}  {LABELS[name]}" for name, value in parameters.items()]
-
-
 def nearness(checks: Iterable[Check]) -> str:
     """Write in a sentence how far the simulated means are from the measured ones."""
     return f"Simulated less measured: {', '.join(check.distance for check in checks)}."
 
 
-def describe_probability(within: Mapping[float, float | None]) -> str:
-    """Write the probability that all means are near their targets; `within` as in `Result`."""
-    if None in within.values():
-        return "the distance of the means from their targets is unknown"
-    shares = ", ".join(f"within {percent:g} %: {value:.2f}" for percent, value in within.items())
-    return f"probability that all means are near their targets, by these runs alone: {shares}"
+def describe_probability(chance: Mapping[str, float]) -> str:
+    """Write how probably the means of another simulator meet all targets, a clause."""
+    one, two, inside = (chance[name] for name in (*WITHIN.values(), "inside"))
+    return f"within 1 % of all targets: {one:.2f}; within 2 %: {two:.2f}; inside all ranges: {inside:.2f}"
 
 
-def _check(target: Target, row: Mapping[str, Any]) -> Check:
+def _check(target: Target, row: Mapping[str, Any], line: str) -> Check:
     """Read a row of representative.csv with its target."""
-    simulated, error, runs, predicted = (
-        _number(row, key) for key in ("simulated", "simulated_se", "n_seeds", "predicted")
-    )
-    return replace(Check.of(target, simulated, error, int(runs or 0), row["status"]), predicted=predicted)
+    simulated, error = (_number(row, key) for key in ("simulated", "simulated_se"))
+    runs = int(_number(row, "n_seeds") or 0)
+    return Check.of(target, simulated, error, runs, row["status"], predicted=_number(row, "predicted"), line=line)
 
 
 def _number(row: Mapping[str, Any], key: str) -> float | None:

@@ -5,8 +5,7 @@ content, `card_text` prints it.
 """
 
 import math
-from collections.abc import Iterator, Mapping
-from os import PathLike
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +15,7 @@ from repose.chain.answer import Result
 from repose.chain.card_model import POSTERIOR, RANGE, WHAT, check
 from repose.core import provenance
 from repose.core.errors import InputError
-from repose.core.files import read_json, read_table, write_json
+from repose.core.files import Path_, read_json, read_table, write_json
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import LABELS
 from repose.core.responses import Response, derived
@@ -29,6 +28,10 @@ if TYPE_CHECKING:
 
     from repose.particle.particle import Particle
 
+    Tables = tuple[pd.DataFrame, pd.DataFrame]  # posterior.csv and draws.csv
+
+Ends = tuple[float | None, float | None]
+AXES = ("long_mm", "major_mm", "minor_mm")
 GRAIN = ("density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa", "poisson_ratio")
 WALL = ("shear_modulus_pa", "poisson_ratio")
 SIMULATION = ("time_step_s", "gravity_m_s2")
@@ -47,9 +50,9 @@ def make(
     grain: Mapping[str, Any],
     particle: "Particle",
     feasible: "pd.DataFrame",
-    posterior: "tuple[pd.DataFrame, pd.DataFrame] | None" = None,
-    dataset_csv: str | PathLike | None = None,
-    row: "Mapping[str, Any] | None" = None,
+    posterior: "Tables | None" = None,
+    dataset_csv: Path_ | None = None,
+    row: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Make the card of a calibration; without a posterior, intervals and correlations come from the sets found.
 
@@ -78,12 +81,13 @@ def assembled(
     answer: Result,
     space: ParameterSpace,
     feasible: "pd.DataFrame",
-    posterior: "tuple[pd.DataFrame, pd.DataFrame] | None" = None,
+    posterior: "Tables | None" = None,
 ) -> dict[str, Any]:
     """Assemble a card from its parts."""
     draws = feasible if posterior is None else posterior[1]
     between = ends(space, feasible, posterior)
-    correlations = draws[list(space.free)].corr().fillna(0.0)
+    correlations = draws[list(space.free)].corr().fillna(0.0).round(4)
+    given = dict.fromkeys(space.free, "calibrated") | dict.fromkeys(space.prior, "calibrated from a prior")
     return {
         "card": 1,
         "material": answer.label,
@@ -93,15 +97,12 @@ def assembled(
                 "meaning": LABELS.get(name, name),
                 "value": answer.parameters[name],
                 **held(space, name, answer.parameters[name], *between[name]),
-                "given": _given(name, space),
+                "given": given.get(name, "fixed"),
             }
             for name in space.names
         },
         "interval": RANGE if posterior is None else POSTERIOR,
-        "correlations": {
-            parameter: {other: round(float(correlations.loc[parameter, other]), 4) for other in space.free}
-            for parameter in space.free
-        },
+        "correlations": correlations.to_dict("index"),
         "tests": [check.row() | dict(tests[check.response]) for check in answer.checks],
         "met": answer.met,
         "out_of_reach": answer.out_of_reach,
@@ -152,35 +153,25 @@ def _lines(measure: Section, name: str, row: Mapping[str, Any]) -> dict[str, Any
     from repose.measure.angles import MEAN_KEYS
     from repose.measure.settings import line_for, line_of
 
-    def number(column: str) -> float | None:
-        return None if math.isnan(row[column]) else float(row[column])
-
     line = line_for(measure, name)
+    found: dict[str, dict[str, Any]] = {}
     if not line or not set(MEAN_KEYS.values()) <= set(row):
         return {"line": line} if line else {}
-    of = {
-        definition: {
-            "line": line_of(measure, definition),
-            "simulated": number(column),
-            "standard_error": number(error_of(column)),
-        }
-        for definition, column in MEAN_KEYS.items()
-    }
-    return {"line": line, "definitions": of}
+    for definition, column in MEAN_KEYS.items():
+        numbers = {"simulated": row[column], "standard_error": row[error_of(column)]}
+        found[definition] = {"line": line_of(measure, definition)}
+        found[definition] |= {key: None if math.isnan(value) else float(value) for key, value in numbers.items()}
+    return {"line": line, "definitions": found}
 
 
-def ends(
-    space: ParameterSpace, feasible: "pd.DataFrame", posterior: "tuple[pd.DataFrame, pd.DataFrame] | None"
-) -> dict[str, tuple[float | None, float | None]]:
+def ends(space: ParameterSpace, feasible: "pd.DataFrame", posterior: "Tables | None") -> dict[str, Ends]:
     """Find the interval of each parameter; (None, None) for a fixed parameter."""
-    found: dict[str, tuple[float | None, float | None]] = dict.fromkeys(space.names, (None, None))
-    table = None if posterior is None else posterior[0].set_index("parameter")
-    for name in space.free:
-        if table is None:
-            found[name] = float(feasible[name].min()), float(feasible[name].max())
-        else:
-            found[name] = float(table.loc[name, "credible_low"]), float(table.loc[name, "credible_high"])
-    return found
+    low, high = feasible[list(space.free)].min(), feasible[list(space.free)].max()
+    if posterior is not None:
+        table = posterior[0].set_index("parameter")
+        low, high = table["credible_low"], table["credible_high"]
+    free = {name: (float(low[name]), float(high[name])) for name in space.free}
+    return {name: free.get(name, (None, None)) for name in space.names}
 
 
 def held(space: ParameterSpace, name: str, value: float, low: float | None, high: float | None) -> dict[str, Any]:
@@ -188,10 +179,9 @@ def held(space: ParameterSpace, name: str, value: float, low: float | None, high
     if name not in space.free or low is None or high is None:
         return {"low": None, "high": None}
     k = space.free.index(name)
-    bounds = {"lower": float(space.low[k]), "upper": float(space.high[k])}
-    near = AT_BOUND * (bounds["upper"] - bounds["lower"])
-    for side, bound in bounds.items():
-        if abs(value - bound) <= near:
+    lower, upper = float(space.low[k]), float(space.high[k])
+    for side, bound in (("lower", lower), ("upper", upper)):
+        if abs(value - bound) <= AT_BOUND * (upper - lower):
             return {"low": low, "high": high, "at_bound": side}
     widened = {} if low <= value <= high else {"widened": True}
     return {"low": min(low, value), "high": max(high, value), **widened}
@@ -204,17 +194,10 @@ def with_remark(words: str, row: Mapping[str, Any]) -> str:
     return f"{words}; interval widened to hold the answer" if "widened" in row else words
 
 
-def _given(name: str, space: ParameterSpace) -> str:
-    """Tell where a parameter's value comes from."""
-    if name not in space.free:
-        return "fixed"
-    return "calibrated from a prior" if name in space.prior else "calibrated"
-
-
 def _grain(alike: bool, grain: Mapping[str, Any], particle: "Particle") -> dict[str, Any]:
     """Describe the grain as simulated; `alike` where all have the mean size."""
     return {
-        "mean_axes_mm": [grain[key] for key in ("long_mm", "major_mm", "minor_mm")],
+        "mean_axes_mm": [grain[key] for key in AXES],
         "measured": int(grain["n"]),
         "relative_spread": 0.0 if alike else float(grain["scale_sd"]),
         **{key: grain[key] for key in GRAIN},
@@ -234,46 +217,36 @@ def _rounded(value: float) -> float:
 
 def _made_by() -> dict[str, Any]:
     """Name the version, configuration, engine and seed that made the card."""
-    record = provenance.current() or provenance.machine()
-    return {
-        "version": record["repose"],
-        "commit": record["commit"],
-        "configuration": record.get("settings"),
-        "engine": record.get("engine"),
-        "seed": record.get("seed"),
-    }
+    record, keys = provenance.current() or provenance.machine(), {"version": "repose", "configuration": "settings"}
+    return {name: record.get(keys.get(name, name)) for name in ("version", "commit", "configuration", "engine", "seed")}
 
 
 # --- written and read -----------------------------------------------------------------------------
 
 
-def run(
-    study: Studied, answer: Result, files: Mapping[str, str | PathLike | None], out: str | PathLike
-) -> dict[str, Any]:
+def run(study: Studied, answer: Result, files: Mapping[str, Path_ | None], out: Path_) -> dict[str, Any]:
     """Write the card of a finished calibration (`make`) and return it."""
     from repose.particle.berry_files import SIZE_COLUMNS, read_berry
     from repose.particle.particle import Particle
 
-    needed = (*SIZE_COLUMNS, "density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa")
-    grain = read_berry(_path(files, "berry"), (*needed, "n"))
+    needed = (*SIZE_COLUMNS, "density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa", "n")
+    grain = read_berry(_path(files, "berry"), needed)
     particle = Particle.load(_path(files, "particle"))
     feasible = read_table(_path(files, "feasible"), study.parameters.names)
-    posterior = None
-    if files.get("posterior") is not None:
-        columns = ("parameter", "credible_low", "credible_high")
-        draws = read_table(_path(files, "draws"), study.parameters.free)
-        posterior = (read_table(_path(files, "posterior"), columns), draws)
-    row = None
-    if files.get("table4") is not None:
-        table4 = read_table(_path(files, "table4"), ("role",))
-        row = table4[table4["role"] == "representative"].iloc[0].to_dict()
+    posterior = row = None
+    if (table := files.get("posterior")) is not None:
+        intervals = read_table(table, ("parameter", "credible_low", "credible_high"))
+        posterior = (intervals, read_table(_path(files, "draws"), study.parameters.free))
+    if (table := files.get("table4")) is not None:
+        rows = read_table(table, ("role",))
+        row = rows[rows["role"] == "representative"].iloc[0].to_dict()
     card = make(study, answer, grain, particle, feasible, posterior, files.get("dataset"), row)
     check(card, out)
     write_json(out, card, indent=1)
     return card
 
 
-def _path(files: Mapping[str, str | PathLike | None], name: str) -> str | PathLike:
+def _path(files: Mapping[str, Path_ | None], name: str) -> Path_:
     """Return a path that must be given."""
     path = files.get(name)
     if path is None:
@@ -281,7 +254,7 @@ def _path(files: Mapping[str, str | PathLike | None], name: str) -> str | PathLi
     return path
 
 
-def read(path: str | PathLike) -> dict[str, Any]:
+def read(path: Path_) -> dict[str, Any]:
     """Read a card; raise InputError if the file cannot be read or is not a card."""
     card = read_json(path, (), WHAT)
     check(card, path)
@@ -291,7 +264,7 @@ def read(path: str | PathLike) -> dict[str, Any]:
 # --- of one study ---------------------------------------------------------------------------------
 
 
-def read_own(card_json: str | PathLike) -> dict[str, Any]:
+def read_own(card_json: Path_) -> dict[str, Any]:
     """Read the card of a study that this program simulated; the card of another simulator raises InputError."""
     card = read(card_json)
     if "simulator" in card:
@@ -299,29 +272,17 @@ def read_own(card_json: str | PathLike) -> dict[str, Any]:
     return card
 
 
-def configuration_of_card(card_json: str | PathLike) -> Path | None:
+def configuration_of_card(card_json: Path_) -> Path | None:
     """Find the configuration that a run wrote next to its card; None if there is none."""
     path = Path(card_json).with_name(CONFIG)
     return path if path.is_file() else None
 
 
 def require_one_study(
-    card: Mapping[str, Any], card_json: str | PathLike, study: Studied, source: str | PathLike, grain: Mapping[str, Any]
+    card: Mapping[str, Any], card_json: Path_, study: Studied, source: Path_, grain: Mapping[str, Any]
 ) -> None:
     """Raise InputError if card and configuration differ in label, grain, wall, contact laws or a bench test."""
-    unlike = list(_differences_from(card, study, grain))
-    if unlike:
-        key, mine, expected = unlike[0]
-        allowed = f"{expected}, as in {source}: card and configuration of one study"
-        others = ", ".join(key for key, *_ in unlike[1:])
-        raise InputError(card_json, key, mine, allowed + (f"; other differences: {others}" if others else ""))
-
-
-def _differences_from(
-    card: Mapping[str, Any], study: Studied, grain: Mapping[str, Any]
-) -> Iterator[tuple[str, Any, Any]]:
-    """Find the differences, as (key, value of the card, value of the configuration)."""
-    axes = [grain[key] for key in ("long_mm", "major_mm", "minor_mm")]
+    axes = [grain[key] for key in AXES]
     settings = study.settings
     expected = {"material": settings.label, "grain.mean_axes_mm": axes}
     expected |= {f"grain.{key}": grain[key] for key in GRAIN}
@@ -334,9 +295,11 @@ def _differences_from(
         section = study.config.get(name, {})
         mine |= {f"{name}.{key}": value for key, value in test["bench"].items()}
         expected |= {f"{name}.{key}": section.get(key) for key in test["bench"]}
-    for key, value in expected.items():
-        if not _same(mine.get(key), value):
-            yield key, mine.get(key), value
+    unlike = [key for key, value in expected.items() if not _same(mine.get(key), value)]
+    if unlike:
+        allowed = f"{expected[unlike[0]]}, as in {source}: card and configuration of one study"
+        others = f"; other differences: {', '.join(unlike[1:])}" if unlike[1:] else ""
+        raise InputError(card_json, unlike[0], mine.get(unlike[0]), allowed + others)
 
 
 def _same(first: object, second: object) -> bool:

@@ -183,11 +183,10 @@ class AnyCard(Part):
     def impossible(self) -> Faults:
         """Name each value that is allowed by itself and contradicts another: its key, it, and what is allowed."""
         for name, row in self.parameters.items():
+            held = row.low is None or row.at_bound or row.low <= row.value <= (row.high or 0)
             if (row.low is None) != (row.high is None) or (row.low or 0) > (row.high or 0):
                 yield f"parameters.{name}", [row.low, row.high], "low and high, or null for both"
-            elif (
-                self.reason and row.low is not None and not row.at_bound and not row.low <= row.value <= (row.high or 0)
-            ):
+            elif self.reason and not held:
                 yield f"parameters.{name}.value", row.value, f"in its interval, {row.low:g} to {row.high:g}"
         names = set(self.correlations)
         for name, others in self.correlations.items():
@@ -197,11 +196,8 @@ class AnyCard(Part):
             for other, value in others.items():
                 mirrored = self.correlations[other].get(name, value)
                 if abs(value - mirrored) > ROUNDING or (other == name and value not in (0, 1)):
-                    yield (
-                        f"correlations.{name}.{other}",
-                        value,
-                        "1" if other == name else f"{mirrored:g}, as {other}.{name}",
-                    )
+                    allowed = "1" if other == name else f"{mirrored:g}, as {other}.{name}"
+                    yield f"correlations.{name}.{other}", value, allowed
         yield from self._contradicting_tests()
         if min(test.runs if test.status == OK else 0 for test in self.tests) >= FEWEST_RUNS:
             for percent in (percent for percent, chance in self.within.items() if chance is None):
@@ -217,11 +213,8 @@ class AnyCard(Part):
                 yield f"tests.{k}.unit", test.unit, known.unit
             met = test.simulated is not None and test.low <= test.simulated <= test.high
             if test.met is not None and test.met != met:
-                yield (
-                    f"tests.{k}.met",
-                    test.met,
-                    f"{met}: simulated {test.simulated}, target {test.low:g} to {test.high:g}",
-                )
+                allowed = f"{met}: simulated {test.simulated}, target {test.low:g} to {test.high:g}"
+                yield f"tests.{k}.met", test.met, allowed
         met = all(test.met for test in self.tests)
         if self.met is not None and self.met != met and not (met and self.out_of_reach is not False):
             yield "met", self.met, f"{met}, as its tests say"

@@ -2,9 +2,10 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
+from itertools import combinations
 from typing import Any
 
-from repose.chain.answer import Check, in_one_line, nearness
+from repose.chain.answer import Check, describe_probability, in_one_line, nearness
 from repose.chain.card import with_remark
 
 MET = {True: "met", False: "NOT met", None: "not simulated again"}
@@ -19,42 +20,30 @@ def verdict(card: Mapping[str, Any]) -> str:
 
 def describe(card: Mapping[str, Any]) -> str:
     """Write a card as text for people."""
-    made = card["made_by"]
-    free = list(card["correlations"])
-    pairs = [(card["correlations"][a][b], a, b) for k, a in enumerate(free) for b in free[k + 1 :]]
+    pairs = [(card["correlations"][a][b], a, b) for a, b in combinations(card["correlations"], 2)]
     strong = sorted((pair for pair in pairs if abs(pair[0]) >= 0.5), key=lambda pair: -abs(pair[0]))
-    return "\n".join(
-        [
-            f"Material card: {card['material']}; targets {MET[card['met']]}",
-            *([card["reason"]] if "reason" in card else []),
-            *_about(card),
-            f"parameters [{card['interval']}]:",
-            *(
-                f"  {name:7} {_value(parameter):32} {with_remark(parameter['meaning'], parameter)}"
-                for name, parameter in card["parameters"].items()
-            ),
-            "correlations of 0.5 and more: "
-            + ("; ".join(f"{a}, {b} {value:+.2f}" for value, a, b in strong) or "none"),
-            "tests:",
-            *(f"  {line}" for test in card["tests"] for line in _test_lines(test)),
-            f"  {nearness(map(_check, card['tests']))}",
-            *(f"  all within {key}: probability {_chance(value)}" for key, value in card["within"].items()),
-            *(f"  {name}: {_settings(bench)}" for name, bench in _benches(card).items()),
-            f"made by repose {made['version']}, commit {made['commit']}, configuration {made['configuration']}, "
-            f"engine {made['engine']}, seed {made['seed']}",
-        ]
-    )
+    lines = [f"Material card: {card['material']}; targets {MET[card['met']]}"]
+    lines += [card["reason"]] if "reason" in card else []
+    lines += [*_about(card), f"parameters [{card['interval']}]:"]
+    for name, parameter in card["parameters"].items():
+        lines.append(f"  {name:7} {_value(parameter):32} {with_remark(parameter['meaning'], parameter)}")
+    correlations = "; ".join(f"{a}, {b} {value:+.2f}" for value, a, b in strong) or "none"
+    lines += [f"correlations of 0.5 and more: {correlations}", "tests:"]
+    lines += [f"  {line}" for test in card["tests"] for line in _test_lines(test)]
+    lines.append(f"  {nearness(map(_check, card['tests']))}")
+    for key, value in card["within"].items():
+        chance = "unknown; it requires two good runs of each bench test" if value is None else f"{value:.2f}"
+        lines.append(f"  all within {key}: probability {chance}")
+    lines += [f"  {name}: {_settings(bench)}" for name, bench in _benches(card).items()]
+    made = ", ".join(f"{key} {card['made_by'][key]}" for key in ("commit", "configuration", "engine", "seed"))
+    return "\n".join([*lines, f"made by repose {card['made_by']['version']}, {made}"])
 
 
 def _about(card: Mapping[str, Any]) -> Iterator[str]:
     """Describe the simulated grain, wall and laws, or the other simulator."""
     if "simulator" in card:
-        chance = card["probability"]
         yield f"simulator: {card['simulator']}"
-        yield (
-            f"probability that the simulator's means lie within 1 % of all targets: {chance['within_1_percent']:.2f}; "
-            f"within 2 %: {chance['within_2_percent']:.2f}; inside all ranges: {chance['inside']:.2f}"
-        )
+        yield f"probability that the simulator's means lie {describe_probability(card['probability'])}"
         return
     grain = card["grain"]
     axes = " x ".join(f"{axis:.4g}" for axis in grain["mean_axes_mm"])
@@ -73,12 +62,12 @@ def compared(first: Mapping[str, Any], second: Mapping[str, Any]) -> str:
     """Write two cards side by side, with the differences that hinder a comparison of their parameters."""
     names = [card["material"] for card in (first, second)]
     rows = [["", *names]]
-    for name in dict.fromkeys([*first["parameters"], *second["parameters"]]):
+    for name in first["parameters"] | second["parameters"]:
         pair = [card["parameters"].get(name) for card in (first, second)]
         note = [_overlap_note(*pair)] if all(pair) else []
         rows.append([name, *(_value(value) if value else "-" for value in pair), *note])
     tests = [{test["response"]: test for test in card["tests"]} for card in (first, second)]
-    for name in dict.fromkeys([*tests[0], *tests[1]]):
+    for name in tests[0] | tests[1]:
         rows.append([name, *(_simulated(own.get(name)) for own in tests)])
     for key in ("mean_axes_mm", "density_kg_m3", "shear_modulus_pa", "shape"):
         if "simulator" not in first and "simulator" not in second:
@@ -94,10 +83,10 @@ def _differences(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterato
     if simulators[0] != simulators[1]:
         yield f"Another simulator: {simulators[0]} | {simulators[1]}."
     laws = [card.get("laws", {}) for card in (first, second)]
-    for name in dict.fromkeys([*laws[0], *laws[1]] if all(laws) else []):
-        pair = [of.get(name, "none") for of in laws]
-        if pair[0] != pair[1]:
-            yield f"Another law, {name}: {pair[0]} | {pair[1]}. The same parameters would give other piles."
+    for name in laws[0] | laws[1] if all(laws) else ():
+        one, other = (of.get(name, "none") for of in laws)
+        if one != other:
+            yield f"Another law, {name}: {one} | {other}. The same parameters would give other piles."
     yield from _other_tests(first, second)
     if first["interval"] != second["interval"]:
         yield f"The intervals differ in kind: {first['interval']} | {second['interval']}."
@@ -110,9 +99,9 @@ def _other_tests(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterato
     tests = [{test["response"]: test["definition"] for test in card["tests"]} for card in (first, second)]
     for name in (name for name in tests[0] if name in tests[1]):
         pair = [of[name] for of in tests]
-        names = [of["name"] or "not stated" for of in pair]
-        if names[0] != names[1]:
-            yield f"Another definition of {name}: {names[0]} | {names[1]}. Their numbers must not be compared."
+        one, other = (of["name"] or "not stated" for of in pair)
+        if one != other:
+            yield f"Another definition of {name}: {one} | {other}. Their numbers must not be compared."
         elif pair[0] != pair[1]:
             yield f"{name} is measured with other settings: {_unlike(*(of['settings'] for of in pair))}."
     benches = [_benches(card) for card in (first, second)]
@@ -129,10 +118,9 @@ def _unlike(first: Mapping[str, Any], second: Mapping[str, Any]) -> str:
 
 def _overlap_note(first: Mapping[str, Any], second: Mapping[str, Any]) -> str:
     """Note that two intervals do not overlap; empty if they do."""
-    ends = [value for part in (first, second) for value in (part["low"], part["high"])]
-    if None in ends:
+    if None in (first["low"], second["low"]):
         return ""
-    return "" if ends[0] <= ends[3] and ends[2] <= ends[1] else "intervals apart"
+    return "" if first["low"] <= second["high"] and second["low"] <= first["high"] else "intervals apart"
 
 
 def _value(parameter: Mapping[str, Any]) -> str:
@@ -192,11 +180,6 @@ def _settings(section: Mapping[str, Any]) -> str:
 def _benches(card: Mapping[str, Any]) -> dict[str, Any]:
     """Find the settings of each bench test that states them, by its name."""
     return {test["apparatus"]: test["bench"] for test in card["tests"] if test["bench"] is not None}
-
-
-def _chance(value: float | None) -> str:
-    """Write a probability."""
-    return "unknown; it requires two good runs of each bench test" if value is None else f"{value:.2f}"
 
 
 def _moduli(part: Mapping[str, Any]) -> str:

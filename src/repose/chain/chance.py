@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from repose.core.targets import Target, Targets
+from repose.core.targets import Targets
 
 PERCENT = (1.0, 2.0)  # of the aims, reported with every answer
 DRAWS = 200_000
@@ -25,26 +25,19 @@ def chance_of_meeting(
     together = np.ones(DRAWS, dtype=bool)
     for bench in targets.apparatus:
         own = [target for target in targets if target.response.apparatus == bench]
-        values = _values(runs.get(bench, ()), own)
-        if len(values) < 2:
+        rows = [[run[target.name] for target in own] for run in runs.get(bench, ()) if run["status"] == "ok"]
+        if len(rows) < 2:
             return chances
-        drawn = _means(values, random)
+        drawn = _means(np.array(rows, dtype=float), random)
         for k, target in enumerate(own):
-            if percent is None:
-                low, high = target.low, target.high
-            else:
+            low, high = target.low, target.high
+            if percent is not None:
                 low, high = (target.aim + side * percent / 100 * target.whole for side in (-1, 1))
             inside = (drawn[:, k] >= low) & (drawn[:, k] <= high)
             chances[target.name] = float(inside.mean())
             together &= inside
     chances["all"] = float(together.mean())
     return chances
-
-
-def _values(runs: Sequence[Mapping[str, Any]], own: Sequence[Target]) -> np.ndarray:
-    """Collect the responses (n, k) of a bench test's ok runs."""
-    rows = [[run[target.name] for target in own] for run in runs if run["status"] == "ok"]
-    return np.array(rows, dtype=float).reshape(-1, len(own))
 
 
 def _means(values: np.ndarray, random: np.random.Generator) -> np.ndarray:

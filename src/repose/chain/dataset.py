@@ -5,7 +5,6 @@ a reason, and the readers of the table leave them out.
 """
 
 import math
-import os
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -15,7 +14,7 @@ import pandas as pd
 
 from repose.apparatus import bench
 from repose.core.errors import InputError
-from repose.core.files import read_json, write_json, write_table
+from repose.core.files import Path_, read_json, write_json, write_table
 from repose.core.parameter_sets import read_samples
 from repose.core.parameters import named
 from repose.core.responses import Definitions
@@ -27,6 +26,7 @@ from repose.measure.settings import MeasureSettings
 
 SUMMARY = "_summary.json"  # follows the stem of a dataset's name
 RUN = ("seed", "status", "reason")
+ENDED = ("status", "reason", "n_seeds")
 ROUNDING = 1.01  # a measured restitution may lie a little above 1
 Job = Mapping[str, Any]
 
@@ -39,11 +39,9 @@ def assemble(
         _merged({name: summarise(jobs[name][sample]["runs"], name, targets) for name in targets.apparatus})
         for sample in samples["sample"]
     ]
-    columns = dict.fromkeys(("status", "reason", "n_seeds"))
-    columns |= dict.fromkeys(name for pair in zip(targets.names, targets.errors, strict=True) for name in pair)
-    for name in targets.apparatus:
-        columns |= dict.fromkeys(recorded(name, targets).summary)
-    means = pd.DataFrame(summaries, columns=list(columns))
+    pairs = (name for pair in zip(targets.names, targets.errors, strict=True) for name in pair)
+    others = (name for bench in targets.apparatus for name in recorded(bench, targets).summary)
+    means = pd.DataFrame(summaries, columns=list(dict.fromkeys((*ENDED, *pairs, *others))))
     dataset = pd.concat([samples[["sample", *named(samples)]].reset_index(drop=True), means], axis=1)
     return dataset, _all_runs(samples["sample"], jobs, targets)
 
@@ -60,32 +58,23 @@ def summarise(runs: Sequence[Mapping[str, Any]], apparatus: str, targets: Target
 
 def counts(dataset: pd.DataFrame, runs: pd.DataFrame) -> dict[str, Any]:
     """Count samples and runs by status, also as text."""
-    by_status = {status: int(n) for status, n in Counter(dataset["status"]).most_common()}
-    left_out = dataset[dataset["status"] != "ok"]
-    words = ", ".join(f"{n} {status}" for status, n in by_status.items() if status != "ok")
-    text = f"{len(dataset) - len(left_out)} of {len(dataset)} samples can be used; "
-    text += f"{len(left_out)} left out: {words}." if len(left_out) else "none left out."
-    runs_ok = int((runs["status"] == "ok").sum())
-    text += f" {runs_ok} of {len(runs)} single runs are ok."
-    return {
-        "samples": len(dataset),
-        "ok": len(dataset) - len(left_out),
-        "left_out": len(left_out),
-        "by_status": by_status,
-        "reasons": {str(row.sample): row.reason for row in left_out.itertuples()},
-        "runs": len(runs),
-        "runs_ok": runs_ok,
-        "runs_by_status": {status: int(n) for status, n in Counter(runs["status"]).most_common()},
-        "text": text,
-    }
+    by_status, of_runs = (dict(Counter(table["status"]).most_common()) for table in (dataset, runs))
+    left_out, runs_ok = dataset[dataset["status"] != "ok"], of_runs.get("ok", 0)
+    ok, words = by_status.get("ok", 0), ", ".join(f"{by_status[key]} {key}" for key in by_status if key != "ok")
+    text = f"{ok} of {len(dataset)} samples can be used; "
+    text += f"{len(left_out)} left out: {words}." if words else "none left out."
+    found = {"samples": len(dataset), "ok": ok, "left_out": len(left_out), "by_status": by_status}
+    found["reasons"] = {str(row.sample): row.reason for row in left_out.itertuples()}
+    found |= {"runs": len(runs), "runs_ok": runs_ok, "runs_by_status": of_runs}
+    return found | {"text": f"{text} {runs_ok} of {len(runs)} single runs are ok."}
 
 
 def run(
-    samples_csv: str | os.PathLike,
-    job_json_paths: Iterable[str | os.PathLike],
+    samples_csv: Path_,
+    job_json_paths: Iterable[Path_],
     targets: Targets,
     definitions: Definitions,
-    out_dir: str | os.PathLike,
+    out_dir: Path_,
     prefix: str = "",
 ) -> dict[str, Any]:
     """Write dataset.csv, runs.csv and dataset_summary.json; return the summary.
@@ -105,20 +94,20 @@ def run(
     return summary
 
 
-def read_definitions(dataset_csv: str | os.PathLike) -> tuple[Definitions, Path]:
+def read_definitions(dataset_csv: Path_) -> tuple[Definitions, Path]:
     """Read how a dataset's responses are defined, empty if unknown, and the path of the summary that says so."""
     summary, path = read_summary(dataset_csv)
     return summary.get("definitions", {}), path
 
 
-def read_summary(dataset_csv: str | os.PathLike) -> tuple[dict[str, Any], Path]:
+def read_summary(dataset_csv: Path_) -> tuple[dict[str, Any], Path]:
     """Read the summary next to a dataset, empty if there is none; return it with its path."""
     path = Path(dataset_csv)
     path = path.with_name(f"{path.stem}{SUMMARY}")
     return (read_json(path, what="the summary of a dataset") if path.is_file() else {}), path
 
 
-def read_jobs(paths: Iterable[str | os.PathLike], samples: pd.DataFrame, targets: Targets) -> dict[str, dict[int, Job]]:
+def read_jobs(paths: Iterable[Path_], samples: pd.DataFrame, targets: Targets) -> dict[str, dict[int, Job]]:
     """Read jobs by bench test, then by sample, and check them against the table of samples."""
     expected = samples.set_index("sample")[list(named(samples))]
     jobs: dict[str, dict[int, Job]] = {name: {} for name in targets.apparatus}
@@ -144,7 +133,7 @@ def read_jobs(paths: Iterable[str | os.PathLike], samples: pd.DataFrame, targets
     return jobs
 
 
-def read_job(path: str | os.PathLike, targets: Targets) -> tuple[Job, str]:
+def read_job(path: Path_, targets: Targets) -> tuple[Job, str]:
     """Read and check a job; return it with the name of its bench test."""
     job = read_json(path, {"sample": int, "parameters": dict, "runs": list}, "a job's JSON file")
     apparatus = job.get("apparatus", UNNAMED)
@@ -181,8 +170,7 @@ def _merged(summaries: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
     if not others:
         return first
     merged = {key: value for summary in summaries.values() for key, value in summary.items()}
-    failed = [summary["status"] for summary in summaries.values() if summary["status"] != "ok"]
-    merged["status"] = failed[0] if failed else "ok"
+    merged["status"] = next((one["status"] for one in summaries.values() if one["status"] != "ok"), "ok")
     reasons = (f"{name}: {summary['reason']}" for name, summary in summaries.items() if summary["reason"])
     merged["reason"] = "; ".join(reasons)
     merged["n_seeds"] = min(summary["n_seeds"] for summary in summaries.values())
@@ -191,10 +179,9 @@ def _merged(summaries: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
 
 def _all_runs(samples: Iterable[int], jobs: Mapping[str, Mapping[int, Job]], targets: Targets) -> pd.DataFrame:
     """Make the table of single runs: sample after sample, bench test after bench test."""
-    several = len(targets.apparatus) > 1
-    columns = dict.fromkeys(("sample", *(["apparatus"] if several else []), *RUN, *targets.names))
-    for name in targets.apparatus:
-        columns |= dict.fromkeys(recorded(name, targets).single)
+    several = ["apparatus"] if len(targets.apparatus) > 1 else []
+    others = (name for bench in targets.apparatus for name in recorded(bench, targets).single)
+    columns = dict.fromkeys(("sample", *several, *RUN, *targets.names, *others))
     rows = [
         {"sample": sample, "apparatus": name, **run}
         for sample in samples

@@ -4,8 +4,6 @@ A design is an (n, d) array in the unit cube with exactly one point in each of t
 column. Distances are Euclidean and taken in the unit cube, so that no parameter's unit weighs more.
 """
 
-import math
-import os
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -13,10 +11,11 @@ import numpy as np
 import pandas as pd
 
 from repose.chain.settings import DesignSettings
-from repose.core.files import write_table
+from repose.core.files import Path_, write_table
 from repose.core.parameter_space import ParameterSpace
 
-PHI_POWER = 16
+CANDIDATES = 20  # of `lhsdesign`
+PHI_POWER = 16.0
 # The first power shapes the whole design; the higher ones press on its closest pairs alone, which
 # set the minimum distance.
 # Powers 16, 32 and 64, as the number of squarings that lead from distance^2 to distance^power.
@@ -46,23 +45,20 @@ def minimum_distance(points: np.ndarray) -> float:
     return float(pdist(points).min())
 
 
-def phi_p(points: np.ndarray, power: float = PHI_POWER) -> float:
-    """Compute Morris and Mitchell's criterion (sum of distance^-power)^(1/power); a small value is good.
+def phi_p(points: np.ndarray) -> float:
+    """Compute Morris and Mitchell's criterion (sum of distance^-p)^(1/p), p = PHI_POWER; a small value is good.
 
-    It goes to 1 / minimum distance as the power grows (Morris and Mitchell 1995, J. Stat. Plan. Inference 43:381).
+    It goes to 1 / minimum distance as p grows (Morris and Mitchell 1995, J. Stat. Plan. Inference 43:381).
     """
     from scipy.spatial.distance import pdist
 
-    return float(np.sum(pdist(points) ** -float(power)) ** (1.0 / power))
+    return float(np.sum(pdist(points) ** -PHI_POWER) ** (1.0 / PHI_POWER))
 
 
-def lhsdesign(n: int, d: int, iterations: int = 20, rng: np.random.Generator | None = None) -> np.ndarray:
+def lhsdesign(n: int, d: int, rng: np.random.Generator) -> np.ndarray:
     """Draw random Latin hypercubes (n, d), and return the one with the largest minimum distance, as the paper does."""
     _check_size(n, d)
-    if iterations < 1:
-        raise ValueError(f"iterations is {iterations}; at least 1")
-    rng = np.random.default_rng() if rng is None else rng
-    return max((random_lhs(n, d, rng) for _ in range(iterations)), key=minimum_distance)
+    return max((random_lhs(n, d, rng) for _ in range(CANDIDATES)), key=minimum_distance)
 
 
 def optimal_lhs(n: int, d: int, seed: int | list[int]) -> np.ndarray:
@@ -85,30 +81,16 @@ def optimal_lhs(n: int, d: int, seed: int | list[int]) -> np.ndarray:
     return best
 
 
-def sobol(n: int, d: int, seed: int | list[int]) -> np.ndarray:
-    """Draw the first points (n, d) of a scrambled Sobol sequence; a longer one of the same seed begins with them."""
-    from scipy.stats import qmc
-
-    _check_size(n, d)
-    sequence = qmc.Sobol(d, scramble=True, rng=np.random.default_rng(seed))
-    return sequence.random_base2(math.ceil(math.log2(n)))[:n]
-
-
 def compare(designs: Mapping[str, np.ndarray]) -> pd.DataFrame:
     """Judge designs by method: `method`, `samples`, `min_distance`, `phi_p`, `centred_discrepancy`."""
     from scipy.stats import qmc
 
+    columns = ("method", "samples", "min_distance", "phi_p", "centred_discrepancy")
     rows = [
-        {
-            "method": method,
-            "samples": len(points),
-            "min_distance": minimum_distance(points),
-            "phi_p": phi_p(points),
-            "centred_discrepancy": qmc.discrepancy(points, method="CD"),
-        }
+        (method, len(points), minimum_distance(points), phi_p(points), qmc.discrepancy(points, method="CD"))
         for method, points in designs.items()
     ]
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows, columns=columns)
 
 
 def design(space: ParameterSpace, section: DesignSettings) -> tuple[pd.DataFrame, pd.DataFrame]:
@@ -138,9 +120,7 @@ def parameter_sets(points: np.ndarray, space: ParameterSpace, first: int = 1) ->
     return table
 
 
-def run(
-    space: ParameterSpace, section: DesignSettings, out_dir: str | os.PathLike
-) -> tuple[pd.DataFrame, pd.DataFrame]:
+def run(space: ParameterSpace, section: DesignSettings, out_dir: Path_) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Write samples.csv and comparison.csv; return both tables (`design`)."""
     table, comparison = design(space, section)
     write_table(Path(out_dir) / "samples.csv", table, float_format="%.10g")

@@ -74,11 +74,11 @@ def judged(surrogate: Surrogate, parameters: Mapping[str, float], targets: Targe
     mean, covariance, aim = surrogate.predict(X), surrogate.covariance(X), targets.aim
     error, reach = np.sqrt(np.diagonal(covariance[0])), targets.whole / 100
     square = ((mean[0] - aim) ** 2 + error**2) / targets.whole**2
-    chances = {
-        f"{percent:g} %": within(mean, covariance, aim - percent * reach, aim + percent * reach) for percent in PERCENT
-    }
     return {
         "predicted_se": dict(zip(targets.names, error.tolist(), strict=True)),
         "expected_error_percent": float(100 * np.sqrt(np.average(square, weights=targets.weight))),
-        "within": {key: float(chance[0]) for key, chance in chances.items()},
+        "within": {
+            f"{percent:g} %": float(within(mean, covariance, aim - percent * reach, aim + percent * reach)[0])
+            for percent in PERCENT
+        },
     }

@@ -3,20 +3,19 @@
 The search is the multi-island genetic algorithm (`repose.search`) on the surrogate.
 """
 
-import os
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from repose.chain import expected_loss
 from repose.core.errors import InputError
-from repose.core.files import read_table, write_json, write_table
+from repose.core.files import Path_, read_table, write_json, write_table
 from repose.core.parameter_space import ParameterSpace
-from repose.core.responses import Definitions, require_same_definitions
+from repose.core.responses import require_same_definitions
+from repose.core.studied import Studied
 from repose.core.targets import Targets
 from repose.search.objective import HISTORY, Objective, Preference, search
 from repose.search.settings import MigaSettings
@@ -28,8 +27,7 @@ FEWEST_ROWS = 10  # of the solutions, so that validation always has points to ch
 INTERVAL = ("low", "high", "dispersion_percent")
 
 
-@dataclass(frozen=True)
-class Inversion:
+class Inversion(NamedTuple):
     """Result of `invert`; in its solutions the representative comes first, then the others by objective."""
 
     # parameters, predicted responses, objective (Eq. 11), violation, feasible, representative; with a support warning,
@@ -58,11 +56,11 @@ def invert(
         if not target.low <= target.aim <= target.high:
             raise InputError("targets", target.name, target.aim, f"inside its range {[target.low, target.high]}")
     respond, preference = on_free_parameters(surrogate, space), Preference.of(space)
-    objective = Objective.of(targets, preference.largest if preference else 0.0)
+    objective = Objective(targets, preference.largest if preference else 0.0)
     archive, history, feasible_met = search(respond, objective, space.dimensions, settings, preference)
     evaluations = history[-1][HISTORY.index("evaluations")]
     if not feasible_met:  # then the nearest to the targets, not to the edge of empty ranges
-        objective = Objective.of(targets, constrained=False)
+        objective = Objective(targets, constrained=False)
         archive, history, _ = search(respond, objective, space.dimensions, settings, preference)
         evaluations += history[-1][HISTORY.index("evaluations")]
 
@@ -93,35 +91,28 @@ def invert(
 
 
 def run(
-    surrogate_json: str | os.PathLike,
-    space: ParameterSpace,
-    targets: Targets,
-    settings: MigaSettings,
-    table3_csv: str | os.PathLike | None,
-    out_dir: str | os.PathLike,
+    surrogate_json: Path_,
+    study: Studied,
+    table3_csv: Path_ | None,
+    out_dir: Path_,
     support: Support | None = None,
-    definitions: Definitions | None = None,
     source: object = "configuration",
 ) -> dict[str, Any]:
     """Invert a saved surrogate; write feasible.csv, intervals.csv, history.csv and summary.json; return the summary."""
+    targets = study.targets
     surrogate = load(surrogate_json, targets.names)
-    require_same_definitions(surrogate.definitions, surrogate_json, definitions or {}, source)
+    require_same_definitions(surrogate.definitions, surrogate_json, study.definitions, source)
     published = None if table3_csv is None else read_table(table3_csv, ("parameter", *INTERVAL))
-    inversion = invert(surrogate, space, targets, settings, published, support)
+    inversion = invert(surrogate, study.parameters, targets, study.settings.miga, published, support)
     if surrogate.knows_its_errors:
         best = inversion.summary["representative"]
         inversion.summary["representative_judged"] = expected_loss.judged(surrogate, best, targets)
-    write(inversion, out_dir)
-    return inversion.summary
-
-
-def write(inversion: Inversion, out_dir: str | os.PathLike) -> None:
-    """Write feasible.csv, intervals.csv, history.csv and summary.json."""
     out = Path(out_dir)
     write_table(out / "feasible.csv", inversion.solutions)
     write_table(out / "intervals.csv", inversion.intervals)
     write_table(out / "history.csv", inversion.history)
     write_json(out / "summary.json", inversion.summary)
+    return inversion.summary
 
 
 def on_free_parameters(surrogate: Surrogate, space: ParameterSpace) -> Callable[[np.ndarray], np.ndarray]:
@@ -141,13 +132,11 @@ def on_free_parameters(surrogate: Surrogate, space: ParameterSpace) -> Callable[
 
 def intervals(solutions: pd.DataFrame, space: ParameterSpace, published: pd.DataFrame | None = None) -> pd.DataFrame:
     """Make Table 3: interval and dispersion (its width over the range's) of each parameter, and the published ones."""
-    range_of = dict(zip(space.free, zip(space.low, space.high, strict=True), strict=True))
-    rows = []
-    for name in space.names:
-        low, high = float(solutions[name].min()), float(solutions[name].max())
-        lowest, highest = range_of.get(name, (0.0, 1.0))
-        rows.append((name, low, high, 100 * (high - low) / (highest - lowest)))
-    table = pd.DataFrame(rows, columns=["variable", *INTERVAL])
+    names = list(space.names)
+    low, high = solutions[names].min().to_numpy(float), solutions[names].max().to_numpy(float)
+    width = pd.Series(space.high - space.low, list(space.free)).reindex(names, fill_value=1.0).to_numpy()
+    table = pd.DataFrame({"variable": names, "low": low, "high": high})
+    table["dispersion_percent"] = 100 * (high - low) / width
     if published is not None:
         reference = published.set_index("parameter").reindex(space.names)
         for column in INTERVAL:
@@ -157,16 +146,20 @@ def intervals(solutions: pd.DataFrame, space: ParameterSpace, published: pd.Data
 
 def message(responses: np.ndarray, targets: Targets, n_feasible: int, distance: float) -> str:
     """Write the result of the search as text, from the responses (k,) of the representative."""
+
+    def in_words(values: Iterable[float]) -> str:
+        return targets.in_words([f"{value:.2f}" for value in values])
+
     ranges = targets.in_words([f"{target.low:g}-{target.high:g}" for target in targets])
-    best = f"the answer is predicted {targets.in_words([f'{value:.2f}' for value in responses])}"
+    best = f"the answer is predicted {in_words(responses)}"
     aims = targets.in_words([f"{target.aim:g}" for target in targets])
-    off = targets.in_words([f"{value:.2f}" for value in abs(responses - targets.aim)]) + f" from the target {aims}"
+    off = f"{in_words(abs(responses - targets.aim))} from the target {aims}"
     if n_feasible:
         return (
             f"{n_feasible} distinct feasible solutions inside {ranges}, at least {distance:g} apart "
             f"in normalised parameters; {best}, {off}."
         )
-    beyond = targets.in_words([f"{value:.2f}" for value in _outside(responses, targets.low, targets.high)])
+    beyond = in_words(_outside(responses, targets.low, targets.high))
     return f"All later stages use the nearest solutions: {best}, {beyond} outside the ranges {ranges}, {off}."
 
 

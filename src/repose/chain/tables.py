@@ -4,14 +4,12 @@ A truncated table, or a table beside the runs of another study, has all its colu
 fault.
 """
 
-import os
-
 import numpy as np
 import pandas as pd
 
 from repose.chain.dataset import read_summary
 from repose.core.errors import InputError
-from repose.core.files import read_table
+from repose.core.files import Path_, read_table
 from repose.core.parameters import PARAMETERS, check_value, named
 from repose.core.targets import Targets
 
@@ -19,26 +17,23 @@ from repose.core.targets import Targets
 AGREEMENT = 1e-6
 
 
-def read_dataset(dataset_csv: str | os.PathLike, targets: Targets) -> pd.DataFrame:
+def read_dataset(dataset_csv: Path_, targets: Targets) -> pd.DataFrame:
     """Read the table of samples with its parameters, status, responses and errors."""
     dataset = read_table(dataset_csv, ("sample", *PARAMETERS, "status", "n_seeds", *targets.names, *targets.errors))
     _check_count(dataset, dataset_csv, dataset_csv, "samples")
     _refuse_twice(dataset, ["sample"], dataset_csv)
-    names = named(dataset)
-    for row, values in enumerate(dataset[list(names)].itertuples(index=False), start=1):
-        for name, value in zip(names, values, strict=True):
+    for row, values in enumerate(dataset[list(named(dataset))].to_dict("records"), start=1):
+        for name, value in values.items():
             check_value(name, value, f"{dataset_csv}, row {row}")
     _check_responses(dataset, targets, dataset_csv)
     return dataset
 
 
-def read_runs(
-    runs_csv: str | os.PathLike, targets: Targets, dataset: pd.DataFrame, dataset_csv: str | os.PathLike
-) -> pd.DataFrame:
+def read_runs(runs_csv: Path_, targets: Targets, dataset: pd.DataFrame, dataset_csv: Path_) -> pd.DataFrame:
     """Read the table of single runs of a table of samples."""
     runs = read_table(runs_csv, ("sample", "seed", "status", *targets.names))
-    several = "apparatus" in runs
-    _refuse_twice(runs, ["sample", "seed", *(["apparatus"] if several else [])], runs_csv)
+    several = ["apparatus"] if "apparatus" in runs else []
+    _refuse_twice(runs, ["sample", "seed", *several], runs_csv)
     if not several:
         _check_responses(runs, targets, runs_csv)
     _check_count(runs, runs_csv, dataset_csv, "runs")
@@ -60,21 +55,19 @@ def _check_means(
         if n != n_seeds:
             allowed = f"{n_seeds:g}, the n_seeds of this sample in {dataset_csv}"
             raise InputError(f"{runs_csv}, sample {sample}", "ok runs", int(n), allowed)
-    usable = (dataset["status"] == "ok").to_numpy()
+    usable = dataset[dataset["status"] == "ok"].set_index("sample")
     responses = ok[list(targets.names)]
     for quantity, columns, of_runs in (
         ("mean", targets.names, responses.mean()),
         ("standard error", targets.errors, responses.sem()),
     ):
+        computed = of_runs.reindex(usable.index)
         for name, column in zip(targets.names, columns, strict=True):
-            stated = dataset[column].to_numpy(float)[usable]
-            computed = of_runs[name].reindex(dataset["sample"]).to_numpy(float)[usable]
-            alike = np.isclose(computed, stated, rtol=AGREEMENT, atol=AGREEMENT, equal_nan=True)
-            if not alike.all():
-                k = int((~alike).argmax())
-                sample = dataset["sample"][usable].iloc[k]
-                allowed = f"{stated[k]:.6g}, its {quantity} in {dataset_csv}"
-                raise InputError(f"{runs_csv}, sample {sample}", f"{quantity} of {name}", float(computed[k]), allowed)
+            pairs = zip(usable.index, computed[name].astype(float), usable[column].astype(float), strict=True)
+            for sample, found, stated in pairs:
+                if not np.isclose(found, stated, rtol=AGREEMENT, atol=AGREEMENT, equal_nan=True):
+                    allowed = f"{stated:.6g}, its {quantity} in {dataset_csv}"
+                    raise InputError(f"{runs_csv}, sample {sample}", f"{quantity} of {name}", found, allowed)
 
 
 def _check_responses(table: pd.DataFrame, targets: Targets, path: object) -> None:
@@ -91,14 +84,14 @@ def _check_responses(table: pd.DataFrame, targets: Targets, path: object) -> Non
 
 def _refuse_twice(table: pd.DataFrame, columns: list[str], path: object) -> None:
     """Raise if rows are there twice, by these columns."""
-    twice = table[columns].duplicated()
+    twice = table[columns].duplicated().to_numpy()
     if twice.any():
-        row = int(twice.to_numpy().argmax())
+        row = int(twice.argmax())
         value = table[columns].iloc[row].tolist()
         raise InputError(f"{path}, row {row + 1}", " and ".join(columns), value, "each once")
 
 
-def _check_count(table: pd.DataFrame, path: object, dataset_csv: str | os.PathLike, key: str) -> None:
+def _check_count(table: pd.DataFrame, path: object, dataset_csv: Path_, key: str) -> None:
     """Raise if the number of rows differs from the dataset's summary."""
     summary, summary_json = read_summary(dataset_csv)
     if key in summary and len(table) != summary[key]:

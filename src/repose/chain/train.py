@@ -1,11 +1,9 @@
 """A study's samples to a surrogate of the simulator (`repose.surrogate`): section 3.2.2 of the paper."""
 
 import math
-import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import pandas as pd
@@ -13,10 +11,11 @@ import pandas as pd
 from repose.chain.dataset import read_definitions
 from repose.chain.tables import read_dataset, read_runs
 from repose.core.errors import InputError
-from repose.core.files import read_table, write_json, write_table
+from repose.core.files import Path_, read_table, write_json, write_table
 from repose.core.parameters import PARAMETERS, named
 from repose.core.responses import Definitions, derived, require_same_definitions, response
 from repose.core.runs import of_bench
+from repose.core.studied import Studied
 from repose.core.targets import Targets
 from repose.core.variance import within_covariance
 from repose.surrogate.accuracy import r2
@@ -27,8 +26,7 @@ SPLITS = ("train", "validation", "test")
 FEWEST_SAMPLES = 12  # 8 to train, 1 to validate, 3 to test: below that no R2 means anything
 
 
-@dataclass(frozen=True)
-class Training:
+class Training(NamedTuple):
     """Result of `train`; predictions are by the training part, and by the fit to all samples if there is one."""
 
     model: Surrogate  # of all usable samples, or of the training part: `Surrogate.of_all_samples`
@@ -37,27 +35,24 @@ class Training:
     starts: pd.DataFrame  # a row for each start of the training; empty for a surrogate without starts
 
 
-@dataclass(frozen=True)
-class Replicates:
-    """Noise of the responses, from the repeated runs of each sample.
+class Replicates(NamedTuple):
+    """Noise of the responses, from the repeated runs of each sample, as `repose.surrogate.base.Surrogate.fit` takes it.
 
-    Responses of different bench tests are independent. With several bench tests, `runs` counts in runs of the first
-    one, and each block of the covariance is scaled by the runs that a sample of its bench test has.
+    Responses of different bench tests are independent. With several bench tests, `precision` counts in runs of the
+    first one, and each block of the covariance is scaled by the runs that a sample of its bench test has.
     """
 
-    runs: np.ndarray  # (samples,), runs of each sample: its weight
-    covariance: np.ndarray  # (k, k), of a single run about its sample's mean
-    freedom: float  # degrees of freedom of the covariance, mean over the responses
+    precision: np.ndarray  # (samples,), runs of each sample: its weight
+    noise_covariance: np.ndarray  # (k, k), of a single run about its sample's mean
+    noise_freedom: float  # degrees of freedom of the covariance, mean over the responses
 
     @classmethod
     def of(cls, runs: pd.DataFrame, samples: Sequence[int], targets: Targets) -> Self | None:
         """Estimate the noise of some samples; None if the scatter of a bench test has no full rank."""
         ok = runs[(runs["status"] == "ok") & runs["sample"].isin(samples)]
-        covariance, freedom = np.zeros((len(targets), len(targets))), 0.0
-        weights = []
-        for apparatus in targets.apparatus:
+        covariance, freedom, weights = np.zeros((len(targets), len(targets))), 0.0, []
+        for apparatus, columns in targets.benches.items():
             own = of_bench(ok, apparatus)
-            columns = [k for k, target in enumerate(targets) if target.response.apparatus == apparatus]
             block, count = within_covariance(own[[targets.names[k] for k in columns]], own["sample"])
             if not (count > len(columns) and np.linalg.eigvalsh(block)[0] > 0):
                 return None
@@ -67,10 +62,6 @@ class Replicates:
             covariance[np.ix_(columns, columns)] = block * share
             freedom += count * len(columns) / len(targets)
         return cls(np.mean(weights, axis=0), covariance, float(freedom))
-
-    def arguments(self) -> dict[str, Any]:
-        """Return keyword arguments for `repose.surrogate.base.Surrogate.fit`."""
-        return {"precision": self.runs, "noise_covariance": self.covariance, "noise_freedom": self.freedom}
 
 
 def train(
@@ -93,15 +84,13 @@ def train(
     if len(usable) < FEWEST_SAMPLES:
         raise InputError(source, "usable samples", len(usable), f"at least {FEWEST_SAMPLES} with status ok")
     X, Y = usable[list(names)].to_numpy(float), usable[list(targets.names)].to_numpy(float)
-    errors = usable[list(targets.errors)].to_numpy(float)
     rows = rows_of(usable, settings.split, settings.seed)
 
     def fitted(part: np.ndarray, covariance: np.ndarray | None = None) -> tuple[Surrogate, dict[str, Any]]:
         learned = usable["sample"].iloc[part]
         replicates = Replicates.of(runs, learned, targets) if settings.replicates else None
-        noise = {"noise_covariance": covariance} if replicates is None else replicates.arguments()
-        model = make(surrogate, settings)
-        model.describe(names, targets.names, definitions, learned)
+        noise = {"noise_covariance": covariance} if replicates is None else replicates._asdict()
+        model = make(surrogate, settings).describe(names, targets.names, definitions, learned)
         return model.fit(X[part], Y[part], **noise), noise
 
     model, noise = fitted(rows["train"])
@@ -114,8 +103,12 @@ def train(
 
     metrics: dict[str, Any] = {"n_samples": len(X), "left_out": len(dataset) - len(X)}
     metrics |= _accuracy(Y, P, targets.names, rows)
-    metrics["r2_three_ways"] = _three_ways(usable, runs, Y, P, errors, rows["test"], targets.names)
-    table = _predictions(usable["sample"], rows, Y, P, targets)
+    metrics["r2_three_ways"] = _three_ways(usable, runs, P, rows["test"], targets)
+    table = pd.DataFrame({"sample": usable["sample"], "split": ""})
+    for name in SPLITS:
+        table.loc[rows[name], "split"] = name
+    for k, target in enumerate(targets):
+        table[target.name], table[target.response.predicted] = Y[:, k], P[:, k]
     if model.of_all_samples:
         model, noise = fitted(np.arange(len(X)), covariance)
         table[_finally(targets.names)] = model.predict(X)
@@ -129,32 +122,22 @@ def train(
 
 
 def run(
-    dataset_csv: str | os.PathLike,
-    runs_csv: str | os.PathLike,
-    targets: Targets,
-    settings: NetworkSettings,
-    out_dir: str | os.PathLike,
-    definitions: Definitions | None = None,
-    source: object = "configuration",
-    surrogate: str = "network",
+    dataset_csv: Path_, runs_csv: Path_, study: Studied, out_dir: Path_, source: object = "configuration"
 ) -> dict[str, Any]:
     """Train on files; write network.json, metrics.json, predictions.csv and starts.csv; return the metrics."""
+    targets, settings, definitions = study.targets, study.settings, study.definitions
     dataset = read_dataset(dataset_csv, targets)
     runs = read_runs(runs_csv, targets, dataset, dataset_csv)
     of_dataset, summary_json = read_definitions(dataset_csv)
-    require_same_definitions(of_dataset, summary_json, definitions or {}, source)
-    training = train(dataset, runs, targets, settings, definitions or of_dataset, dataset_csv, surrogate=surrogate)
-    write(training, out_dir)
-    return training.metrics
-
-
-def write(training: Training, out_dir: str | os.PathLike) -> None:
-    """Write network.json, metrics.json, predictions.csv and starts.csv."""
+    require_same_definitions(of_dataset, summary_json, definitions, source)
+    about = {"definitions": definitions or of_dataset, "source": dataset_csv, "surrogate": settings.surrogate}
+    training = train(dataset, runs, targets, settings.network, **about)
     out = Path(out_dir)
     training.model.save(out / "network.json")
     write_json(out / "metrics.json", training.metrics)
     write_table(out / "predictions.csv", training.predictions)
     write_table(out / "starts.csv", training.starts)
+    return training.metrics
 
 
 def message(metrics: Mapping[str, Any]) -> str:
@@ -176,9 +159,7 @@ def message(metrics: Mapping[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def restore(
-    surrogate_json: str | os.PathLike, predictions_csv: str | os.PathLike, dataset_csv: str | os.PathLike
-) -> Surrogate:
+def restore(surrogate_json: Path_, predictions_csv: Path_, dataset_csv: Path_) -> Surrogate:
     """Load the trained surrogate; InputError if its files are not of one training."""
     model = load(surrogate_json)
     predicted = [response(name, surrogate_json).predicted for name in model.outputs]
@@ -196,15 +177,6 @@ def restore(
     X = usable.loc[trained["sample"], list(model.inputs or PARAMETERS)].to_numpy(float)
     if not np.allclose(model.predict(X), trained[predicted], rtol=1e-6):
         raise InputError(predictions_csv, "predictions", "others", f"those of {surrogate_json} on {dataset_csv}")
-    return model
-
-
-def read_surrogate(
-    surrogate_json: str | os.PathLike, targets: Targets, definitions: Definitions, source: object
-) -> Surrogate:
-    """Read the surrogate of the verb network and check it by `require_targets`."""
-    model = load(surrogate_json)
-    require_targets(model, surrogate_json, targets, definitions, source)
     return model
 
 
@@ -245,9 +217,7 @@ def error_covariance(errors: np.ndarray, targets: Targets, source: object) -> np
     An error is the noise of the sample less what the fit had learned of the noise of others. Both are correlated as the
     noise is, so even a fit that has learned its noise by heart shows the correlation; the size is too large.
     """
-    apparatus = np.array([target.response.apparatus for target in targets])
-    same = apparatus[:, None] == apparatus
-    covariance = np.where(same, errors.T @ errors / max(len(errors), 1), 0.0)
+    covariance = np.where(targets.same_bench, errors.T @ errors / max(len(errors), 1), 0.0)
     if len(errors) <= len(targets) or not np.linalg.eigvalsh(covariance)[0] > 0:
         allowed = f"more than {len(targets)}, with errors of full rank, or network.validation_noise: false"
         raise InputError(source, "validation samples", len(errors), allowed)
@@ -282,25 +252,19 @@ def _accuracy(Y: np.ndarray, P: np.ndarray, names: Sequence[str], rows: Mapping[
 
 
 def _three_ways(
-    usable: pd.DataFrame,
-    runs: pd.DataFrame,
-    Y: np.ndarray,
-    P: np.ndarray,
-    errors: np.ndarray,
-    test: np.ndarray,
-    names: Sequence[str],
+    usable: pd.DataFrame, runs: pd.DataFrame, P: np.ndarray, test: np.ndarray, targets: Targets
 ) -> dict[str, dict[str, float | None]]:
     """Compute R2 of the test samples: on means, on single runs, and corrected for the noise of the means."""
-    position = {sample: i for i, sample in zip(test, usable["sample"].iloc[test], strict=True)}
-    ok = runs[(runs["status"] == "ok") & runs["sample"].isin(list(position))]
+    unseen, ok = usable.iloc[test], runs[runs["status"] == "ok"]
     scores = {}
-    for k, name in enumerate(names):
-        single = ok[ok[name].notna()]
-        row = [position[sample] for sample in single["sample"]]
+    for name, error, predicted in zip(targets.names, targets.errors, P[test].T, strict=True):
+        single = ok[ok[name].notna() & ok["sample"].isin(unseen["sample"])]
+        of_run = pd.Series(predicted, unseen["sample"])[single["sample"]].to_numpy()
+        mean, errors = (unseen[column].to_numpy(float) for column in (name, error))
         scores[name] = {
-            "sample_means": r2(Y[test, k], P[test, k]),
-            "single_runs": r2(single[name].to_numpy(float), P[row, k]),
-            "noise_corrected": r2_noise_corrected(Y[test, k], P[test, k], errors[test, k]),
+            "sample_means": r2(mean, predicted),
+            "single_runs": r2(single[name].to_numpy(float), of_run),
+            "noise_corrected": r2_noise_corrected(mean, predicted, errors),
         }
     return scores
 
@@ -308,15 +272,3 @@ def _three_ways(
 def _finally(names: Sequence[str]) -> list[str]:
     """Name the columns of the predictions by the fit to all samples."""
     return [derived(name, "final") for name in names]
-
-
-def _predictions(
-    samples: pd.Series, rows: Mapping[str, np.ndarray], Y: np.ndarray, P: np.ndarray, targets: Targets
-) -> pd.DataFrame:
-    """Make the table of predictions."""
-    table = pd.DataFrame({"sample": samples, "split": ""})
-    for name in SPLITS:
-        table.loc[rows[name], "split"] = name
-    for k, target in enumerate(targets):
-        table[target.name], table[target.response.predicted] = Y[:, k], P[:, k]
-    return table

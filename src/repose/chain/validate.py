@@ -4,7 +4,6 @@ Section 4.2.1 of the paper. Errors are relative, in percent, as in Table 4: |pre
 the representative solution |simulated - physical| / physical.
 """
 
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,13 +14,14 @@ import pandas as pd
 from repose.chain.chance import PERCENT, chance_of_meeting
 from repose.chain.dataset import Job, assemble, read_jobs
 from repose.core.errors import InputError
-from repose.core.files import read_table, write_table
+from repose.core.files import Path_, read_table, write_table
 from repose.core.parameter_sets import read_samples
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import named
 from repose.core.published import SIMULATED_BY, read_sets, read_stored
 from repose.core.responses import Response, derived
 from repose.core.runs import error_of
+from repose.core.studied import Studied
 from repose.core.targets import Targets
 from repose.measure.angles import CALIBRATED_ANGLE, MEAN_KEYS
 from repose.measure.settings import line_for, line_of
@@ -43,19 +43,13 @@ def select_for_validation(solutions: pd.DataFrame, count: int, space: ParameterS
     if np.count_nonzero(solutions["feasible"]) > count:
         solutions = solutions[solutions["feasible"] | solutions["representative"]]
     points = 2 * space.unit(solutions[list(space.names)].to_numpy(float)) - 1
-    chosen = [int(np.flatnonzero(solutions["representative"])[0])]
-    roles = ["representative"]
-    least = int(solutions["objective"].to_numpy(float).argmin())
-    if least not in chosen:
-        chosen.append(least)
-        roles.append("least objective")
-    while len(chosen) < min(count + 1, len(points)):
-        nearest = np.linalg.norm(points[:, None] - points[chosen], axis=2).min(axis=1)
-        nearest[chosen] = -1.0
-        chosen.append(int(nearest.argmax()))
-    picked = solutions.iloc[chosen].copy()
-    picked["role"] = roles + ["spread"] * (len(chosen) - len(roles))
-    return picked
+    roles = {int(np.flatnonzero(solutions["representative"])[0]): "representative"}  # by row
+    roles.setdefault(int(solutions["objective"].to_numpy(float).argmin()), "least objective")
+    while len(roles) < min(count + 1, len(points)):
+        nearest = np.linalg.norm(points[:, None] - points[[*roles]], axis=2).min(axis=1)
+        nearest[[*roles]] = -1.0
+        roles[int(nearest.argmax())] = "spread"
+    return solutions.iloc[[*roles]].assign(role=[*roles.values()])
 
 
 def validate(
@@ -63,11 +57,10 @@ def validate(
 ) -> dict[str, pd.DataFrame]:
     """Put prediction, simulation and measurement side by side; `measure` is the configuration's section."""
     simulated = assemble(solutions, jobs, targets)[0].drop(columns=["sample", *named(solutions)])
+    numbers = {*targets.names, *targets.errors, *ANGLES} & {*simulated}
+    simulated = simulated.astype(dict.fromkeys(numbers, float))  # None of a failed solution, or of one seed, to NaN
     for response in targets.responses:
         simulated[response.simulated] = simulated[response.name]
-    numbers = [column for response in targets.responses for column in (response.simulated, response.error)]
-    numbers += [column for column in ANGLES if column in simulated and column not in numbers]
-    simulated[numbers] = simulated[numbers].astype(float)  # None of a failed solution, or of one seed, to NaN
     rows = pd.concat([solutions.reset_index(drop=True), simulated], axis=1)
     best = rows[rows["role"] == "representative"].iloc[0]
     runs = {bench: jobs[bench][best["sample"]]["runs"] for bench in targets.apparatus}
@@ -84,8 +77,8 @@ def table4(rows: pd.DataFrame, responses: Sequence[Response], measure: Mapping[s
     """
     table = rows[["sample", "solution", "role", *named(rows)]].copy()
     for response in responses:
-        table[response.predicted], table[response.simulated] = (rows[response.predicted], rows[response.simulated])
-        table[response.error] = rows[response.error]
+        for column in (response.predicted, response.simulated, response.error):
+            table[column] = rows[column]
         off = (rows[response.predicted] - rows[response.simulated]).abs()
         table[f"{response.quantity}_error_percent"] = 100 * off / rows[response.simulated]
     if measure and set(ANGLES) <= set(rows):
@@ -107,22 +100,12 @@ def against_physical(row: pd.Series, targets: Targets, measure: Mapping[str, Any
     """
     rows = []
     for target in targets:
-        simulated = row[target.response.simulated]
-        rows.append(
-            {
-                "response": target.name,
-                "physical_mean": target.value,
-                "physical_sd": target.sd,
-                "predicted": row[target.response.predicted],
-                "simulated": simulated,
-                "simulated_se": row[target.response.error],
-                "error_percent": 100 * abs(simulated - target.value) / target.whole_value,
-                "within_one_sd": bool(abs(simulated - target.value) <= target.sd),
-                "n_seeds": row["n_seeds"],
-                "status": row["status"],
-                **({"line": line_for(measure, target.name)} if measure else {}),
-            }
-        )
+        simulated, off = row[target.response.simulated], abs(row[target.response.simulated] - target.value)
+        own = {"response": target.name, "physical_mean": target.value, "physical_sd": target.sd}
+        own |= {"predicted": row[target.response.predicted], "simulated": simulated}
+        own |= {"simulated_se": row[target.response.error], "error_percent": 100 * off / target.whole_value}
+        own |= {"within_one_sd": bool(off <= target.sd), "n_seeds": row["n_seeds"], "status": row["status"]}
+        rows.append(own | ({"line": line_for(measure, target.name)} if measure else {}))
     return pd.DataFrame(rows)
 
 
@@ -135,56 +118,50 @@ def with_chances(
 
 
 def write_solutions(
-    feasible_csv: str | os.PathLike, space: ParameterSpace, targets: Targets, count: int, out_csv: str | os.PathLike
+    feasible_csv: Path_, space: ParameterSpace, targets: Targets, count: int, out_csv: Path_
 ) -> pd.DataFrame:
     """Write the representative solution and `count` others, numbered from 1; InputError if there are too few."""
     needed = ("solution", *space.names, *targets.predicted, "objective", "feasible", "representative")
     feasible = read_table(feasible_csv, needed)
     if len(feasible) < count + 1:
         raise InputError(feasible_csv, "solutions", len(feasible), f"at least {count + 1}")
-    own = select_for_validation(feasible, count, space)
-    own["sample"] = range(1, len(own) + 1)
-    solutions = own[["sample", *space.names, *CHOSEN, *targets.predicted]].reset_index(drop=True)
+    own = select_for_validation(feasible, count, space).reset_index(drop=True)
+    solutions = own.assign(sample=own.index + 1)[["sample", *space.names, *CHOSEN, *targets.predicted]]
     write_table(out_csv, solutions.astype({"solution": str}))
     return solutions
 
 
 def run(
-    solutions_csv: str | os.PathLike,
-    job_json_paths: Iterable[str | os.PathLike],
-    targets: Targets,
-    measure: Mapping[str, Any],
+    solutions_csv: Path_,
+    job_json_paths: Iterable[Path_],
+    study: Studied,
     published: pd.DataFrame,
-    out_dir: str | os.PathLike,
+    out_dir: Path_,
     support: Support | None = None,
 ) -> dict[str, pd.DataFrame]:
     """Write table4.csv and representative.csv (`validate`) and published.csv, the table `published`; return them."""
-    solutions = read_samples(solutions_csv, (*CHOSEN, *targets.predicted))
+    solutions = read_samples(solutions_csv, (*CHOSEN, *study.targets.predicted))
     solutions["solution"] = solutions["solution"].astype(str)
-    jobs = read_jobs(job_json_paths, solutions, targets)
-    tables = validate(solutions, jobs, targets, measure) | {"published": published}
-    if support is not None:
-        for name in ("table4", "published"):
-            parameters = tables[name][list(named(tables[name]))].to_numpy(float)
-            warnings = support.warnings(parameters) if len(parameters) else []
-            tables[name] = tables[name].assign(warning=warnings)
+    jobs = read_jobs(job_json_paths, solutions, study.targets)
+    tables = validate(solutions, jobs, study.targets, study.config["measure"]) | {"published": published}
     for name, table in tables.items():
-        write_table(Path(out_dir) / f"{name}.csv", table)
+        if support is not None and name != "representative":
+            parameters = table[list(named(table))].to_numpy(float)
+            tables[name] = table.assign(warning=support.warnings(parameters) if len(parameters) else [])
+        write_table(Path(out_dir) / f"{name}.csv", tables[name])
     return tables
 
 
 # --- the published sets ---------------------------------------------------------------------------
 
 
-def _numbered(published_csv: str | os.PathLike, names: Iterable[str]) -> pd.DataFrame:
+def _numbered(published_csv: Path_, names: Iterable[str]) -> pd.DataFrame:
     """Read the published sets, numbered from 101."""
     sets = read_sets(published_csv, names)
     return sets.assign(sample=range(FIRST_PUBLISHED, FIRST_PUBLISHED + len(sets)))
 
 
-def write_published_solutions(
-    published_csv: str | os.PathLike, names: Sequence[str], out_csv: str | os.PathLike
-) -> pd.DataFrame:
+def write_published_solutions(published_csv: Path_, names: Sequence[str], out_csv: Path_) -> pd.DataFrame:
     """Write the published parameter sets to simulate; return the table."""
     table = _numbered(published_csv, names)[["sample", *names]]
     write_table(out_csv, table)
@@ -192,17 +169,17 @@ def write_published_solutions(
 
 
 def write_published_sets(
-    published_csv: str | os.PathLike,
-    job_json_paths: Iterable[str | os.PathLike],
-    targets: Targets,
-    names: Sequence[str],
+    published_csv: Path_,
+    job_json_paths: Iterable[Path_],
+    study: Studied,
     simulated_by: Mapping[str, str | None],
-    out_csv: str | os.PathLike,
+    out_csv: Path_,
 ) -> pd.DataFrame:
     """Write the published sets, what was published of their piles, and their means and standard errors here.
 
     `simulated_by` are the hashes of `repose.core.published.SIMULATED_BY`.
     """
+    targets, names = study.targets, study.parameters.names
     sets = _numbered(published_csv, names)
     simulated = assemble(sets, read_jobs(job_json_paths, sets, targets), targets)[0]
     about = [name for name in ("solution", "source", "wall") if name in sets]
@@ -220,31 +197,22 @@ def write_published_sets(
     return table
 
 
-def stored_columns(
-    columns: Iterable[str], responses: Iterable[Response], names: Iterable[str], measure: Mapping[str, Any]
-) -> dict[Response, str]:
+def stored_columns(columns: Iterable[str], study: Studied) -> dict[Response, str]:
     """Find a study's responses in a table of simulated published sets, with their columns; none for other sets."""
-    own = {CALIBRATED_ANGLE: MEAN_KEYS[measure["response"]]}
-    found = {response: own.get(response.name, response.name) for response in responses}
-    columns = set(columns)
-    return {one: column for one, column in found.items() if {column, *names} <= columns}
+    own = {CALIBRATED_ANGLE: MEAN_KEYS[study.config["measure"]["response"]]}
+    found = {response: own.get(response.name, response.name) for response in study.targets.responses}
+    return {one: column for one, column in found.items() if {column, *study.parameters.names} <= set(columns)}
 
 
-def compared_with_published(
-    stored_csv: str | os.PathLike | None,
-    responses: Sequence[Response],
-    names: Sequence[str],
-    measure: Mapping[str, Any],
-    simulated_by: Mapping[str, str],
-) -> pd.DataFrame:
+def compared_with_published(stored_csv: Path_ | None, study: Studied, simulated_by: Mapping[str, str]) -> pd.DataFrame:
     """Return the published sets as they were simulated once, with a study's responses; no rows without any.
 
     `stale` where other hashes than `simulated_by` stand next to them.
     """
     stored = pd.DataFrame() if stored_csv is None else read_stored(stored_csv)
-    columns = stored_columns(stored, responses, names, measure)
+    columns = stored_columns(stored, study)
     if not columns:
-        return pd.DataFrame(columns=["sample", "solution", *names, *ENDED, *SIMULATED_BY, "stale"])
+        return pd.DataFrame(columns=["sample", "solution", *study.parameters.names, *ENDED, *SIMULATED_BY, "stale"])
     table = stored.copy()
     for response, column in columns.items():
         table[response.simulated], table[response.error] = stored[column], stored[error_of(column)]
@@ -252,6 +220,6 @@ def compared_with_published(
         if published in stored:
             table[derived(response.name, "difference")] = stored[column] - stored[published]
     if set(ANGLES) <= set(stored):
-        table["line"] = calibrated_line(responses, measure)
+        table["line"] = calibrated_line(study.targets.responses, study.config["measure"])
     table["stale"] = (stored[list(SIMULATED_BY)] != pd.Series(simulated_by)).any(axis=1)
     return table

@@ -42,10 +42,7 @@ def dataset(args: argparse.Namespace, study: Study) -> None:
 def network(args: argparse.Namespace, study: Study) -> None:
     from repose.chain import train
 
-    targets, definitions = study.targets, study.definitions
-    settings, kind = study.settings.network, study.settings.surrogate
-    metrics = train.run(args.dataset, args.runs, targets, settings, args.out, definitions, args.config, kind)
-    print(train.message(metrics))
+    print(train.message(train.run(args.dataset, args.runs, study, args.out, args.config)))
 
 
 @verb(
@@ -57,9 +54,8 @@ def network(args: argparse.Namespace, study: Study) -> None:
 def miga(args: argparse.Namespace, study: Study) -> None:
     from repose.chain import invert
 
-    settings, published = study.settings.miga, study.published("table3.csv")
-    of_study = args.network, study.parameters, study.targets, settings, published, args.out
-    print(invert.run(*of_study, _support(args, study), study.definitions, args.config)["message"])
+    published, support = study.published("table3.csv"), _support(args, study)
+    print(invert.run(args.network, study, published, args.out, support, args.config)["message"])
 
 
 @verb(
@@ -99,9 +95,8 @@ def published_sets(args: argparse.Namespace, study: Study) -> None:
     if outdated:
         raise InputError(outdated[0], "provenance", "another", f"runs by this engine as {args.config} asks for")
     by = {"engine": (provenance.current() or {}).get("engine"), "scene": stands_on.scene(study.config)}
-    published, names = _published(args, study), study.parameters.names
     out = Path(args.out) / "published_sets.csv"
-    validate.write_published_sets(published, args.jobs, study.targets, names, by, out)
+    validate.write_published_sets(_published(args, study), args.jobs, study, by, out)
 
 
 def _published(args: argparse.Namespace, study: Study) -> str:
@@ -127,12 +122,9 @@ def validate(args: argparse.Namespace, study: Study) -> None:
     from repose.config import stands_on
     from repose.core.provenance import engine_hash
 
-    targets, names, measure = study.targets, study.parameters.names, dict(study.settings.measure)
     by = {"engine": engine_hash(), "scene": stands_on.scene(study.config)}
-    stored = study.settings.validation.published_simulated
-    published = validate.compared_with_published(stored, targets.responses, names, measure, by)
-    support = _support(args, study)
-    validate.run(args.solutions, args.jobs, targets, measure, published, args.out, support)
+    published = validate.compared_with_published(study.settings.validation.published_simulated, study, by)
+    validate.run(args.solutions, args.jobs, study, published, args.out, _support(args, study))
 
 
 def _support(args: argparse.Namespace, study: Study) -> "Support | None":

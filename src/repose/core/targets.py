@@ -150,6 +150,12 @@ class Targets(tuple[Target, ...]):
         bench = np.array([target.response.apparatus for target in self])
         return bench[:, None] == bench
 
+    def correlated(self, correlation: float) -> np.ndarray:
+        """Make the correlation matrix (k, k) of responses that are correlated alike within a bench test only."""
+        matrix = np.where(self.same_bench, float(correlation), 0.0)
+        np.fill_diagonal(matrix, 1.0)
+        return matrix
+
     @property
     def profiles(self) -> dict[str, Profile]:
         """The measured profiles by name."""

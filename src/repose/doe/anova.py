@@ -10,15 +10,13 @@ import pandas as pd
 
 from repose.doe.model import Model
 
+ALPHA = 0.05
 COLUMNS = ("source", "sum_of_squares", "df", "mean_square", "f", "p")
 
 
 def pure_error(model: Model) -> tuple[float, int]:
-    """Sum the squares, and count the degrees of freedom (0 if none), of runs that were repeated, within their block."""
-    keys = np.round(model.coded, 9)
-    if model.blocks is not None:
-        keys = np.column_stack([keys, model.blocks])
-    _, place, counts = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
+    """Sum the squares, and count the degrees of freedom (0 if none), of runs that were repeated."""
+    _, place, counts = np.unique(np.round(model.coded, 9), axis=0, return_inverse=True, return_counts=True)
     place = place.ravel()
     means = np.bincount(place, weights=model.response) / counts
     return float(((model.response - means[place]) ** 2).sum()), int((counts - 1).sum())
@@ -26,23 +24,13 @@ def pure_error(model: Model) -> tuple[float, int]:
 
 def anova(model: Model) -> pd.DataFrame:
     """Make the ANOVA table with `COLUMNS`; F and p are nan if there is nothing to test by."""
-    first = 1 + model.block_columns
     residual, df_residual, error = model.residual, model.df, model.variance
     total = float(((model.response - model.response.mean()) ** 2).sum())
-    rows = []
-    block = 0.0
-    if model.block_columns:
-        # Blocks come first: their own sum of squares, before any term.
-        means = pd.Series(model.response).groupby(model.blocks).transform("mean")
-        block = float(((means - model.response.mean()) ** 2).sum())
-        rows.append(_row("block", block, model.block_columns))
-    rows.append(_row("model", total - block - residual, len(model.terms), error, df_residual))
+    rows = [_row("model", total - residual, len(model.terms), error, df_residual)]
     # For a single column the partial sum of squares is b^2 / c, with c its element of (X'X)^-1.
-    inverse = np.diag(model.inverse)[first:]
-    partial = model.coefficients**2 / inverse
-    rows += [
-        _row(name, float(squares), 1, error, df_residual) for name, squares in zip(model.labels, partial, strict=True)
-    ]
+    partial = model.coefficients**2 / np.diag(model.inverse)[1:]
+    for name, squares in zip(model.labels, partial.tolist(), strict=True):
+        rows.append(_row(name, squares, 1, error, df_residual))
     rows.append(_row("residual", residual, df_residual))
     pure, df_pure = pure_error(model)
     if df_pure:
@@ -56,13 +44,11 @@ def anova(model: Model) -> pd.DataFrame:
 def statistics(model: Model) -> dict[str, float]:
     """Compute statistics of the fit, as in Design-Expert; nan without degrees of freedom for the error.
 
-    `press` is the sum of the squared errors of predicting each run from all others. The R2 values leave the blocks'
-    part out of the total. `adequate_precision` is the range of the predictions over their mean standard error.
+    `press` is the sum of the squared errors of predicting each run from all others. `adequate_precision` is the range
+    of the predictions over their mean standard error.
     """
     n, residual, df = len(model.response), model.residual, model.df
-    table = anova(model).set_index("source")
-    total = table.loc["model", "sum_of_squares"] + residual
-    df_total = table.loc["model", "df"] + df
+    total = anova(model).set_index("source").loc["model", "sum_of_squares"] + residual
     sigma = math.sqrt(model.variance)
     leverage = np.einsum("ij,jk,ik->i", model.matrix, model.inverse, model.matrix)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -75,7 +61,7 @@ def statistics(model: Model) -> dict[str, float]:
         "cv_percent": 100 * _ratio(sigma, float(model.response.mean())),
         "press": press,
         "r2": 1 - _ratio(residual, total),
-        "adjusted_r2": 1 - _ratio(_mean(residual, df), total / df_total),
+        "adjusted_r2": 1 - _ratio(_mean(residual, df), total / (n - 1)),
         "predicted_r2": 1 - _ratio(press, total),
         "adequate_precision": _ratio(float(np.ptp(fitted)), spread),
     }
@@ -87,11 +73,8 @@ def effects(model: Model) -> pd.DataFrame:
     `term`, `coefficient` in coded units, `standard_error`, `t` (the standardised effect, without sign), `p`, and
     `contribution_percent`: the term's partial sum of squares over the total.
     """
-    table = anova(model).set_index("source")
-    errors = np.sqrt(model.variance * np.diag(model.inverse))
-    estimates = pd.DataFrame(
-        {"term": model.labels, "coefficient": model.coefficients, "standard_error": errors[1 + model.block_columns :]}
-    )
+    table, errors = anova(model).set_index("source"), np.sqrt(model.variance * np.diag(model.inverse))
+    estimates = pd.DataFrame({"term": model.labels, "coefficient": model.coefficients, "standard_error": errors[1:]})
     estimates["t"] = (estimates["coefficient"] / estimates["standard_error"]).abs()
     estimates["p"] = table.loc[model.labels, "p"].to_numpy()
     partial = table.loc[model.labels, "sum_of_squares"].to_numpy(float)
@@ -99,10 +82,10 @@ def effects(model: Model) -> pd.DataFrame:
     return estimates.sort_values("contribution_percent", ascending=False, ignore_index=True)
 
 
-def limits(model: Model, alpha: float = 0.05) -> dict[str, float]:
-    """Find the two lines of the Pareto chart at significance `alpha`; nan without degrees of freedom.
+def limits(model: Model) -> dict[str, float]:
+    """Find the two lines of the Pareto chart at significance `ALPHA`; nan without degrees of freedom.
 
-    A single term above `t` is significant; without any effect, a share `alpha` of all studies at most has a term above
+    A single term above `t` is significant; without any effect, a share `ALPHA` of all studies at most has a term above
     `bonferroni`.
     """
     from scipy import stats
@@ -111,7 +94,7 @@ def limits(model: Model, alpha: float = 0.05) -> dict[str, float]:
     if not df:
         return {"t": math.nan, "bonferroni": math.nan}
     tests = {"t": 1, "bonferroni": len(model.terms)}
-    return {name: float(stats.t.isf(alpha / 2 / count, df)) for name, count in tests.items()}
+    return {name: float(stats.t.isf(ALPHA / 2 / count, df)) for name, count in tests.items()}
 
 
 def _mean(total: float, df: float) -> float:

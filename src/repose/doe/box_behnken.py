@@ -22,8 +22,8 @@ BLOCKS: dict[int, Sequence[Sequence[tuple[int, ...]]]] = {
 CENTRES = {3: 3, 4: 3, 5: 6, 6: 6, 7: 6}
 
 
-def box_behnken(factors: int, centres: int | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Make a Box-Behnken design (n, factors) of -1, 0, 1 in standard order, and the block (n,), from 1, of each run.
+def box_behnken(factors: int, centres: int | None = None) -> np.ndarray:
+    """Make a Box-Behnken design (n, factors) of -1, 0, 1 in standard order, one block after another.
 
     Box and Behnken, Some new three level designs for the study of quantitative variables, Technometrics 2 (1960)
     455-475. Blocks with equally many of the `centres` are orthogonal; simulations may ignore the blocks.
@@ -34,14 +34,12 @@ def box_behnken(factors: int, centres: int | None = None) -> tuple[np.ndarray, n
     centres = CENTRES[factors] if centres is None else centres
     if centres < len(parts):
         raise ValueError(f"{centres} centre runs; expected at least {len(parts)}, one for each block")
-    rows, blocks = [], []
+    rows = []
     for number, part in enumerate(parts, start=1):
         for together in part:
             signs = two_level(len(together))
             run = np.zeros((len(signs), factors))
             run[:, np.array(together) - 1] = signs
             rows.append(run)
-        middle = centres // len(parts) + (number <= centres % len(parts))
-        rows.append(np.zeros((middle, factors)))
-        blocks += [number] * (sum(2 ** len(block) for block in part) + middle)
-    return np.vstack(rows), np.array(blocks)
+        rows.append(np.zeros((centres // len(parts) + (number <= centres % len(parts)), factors)))
+    return np.vstack(rows)

@@ -45,15 +45,9 @@ class Model:
     terms: tuple[Term, ...]
     coded: np.ndarray  # (n, k), the runs
     response: np.ndarray  # (n,)
-    blocks: np.ndarray | None  # (n,), number of each run's block; None without blocks
-    matrix: np.ndarray  # (n, p), columns: constant, blocks but the first, terms
+    matrix: np.ndarray  # (n, p), columns: constant, terms
     inverse: np.ndarray  # (p, p), of matrix' matrix
     fitted: np.ndarray  # (p,), the coefficients of all columns
-
-    @property
-    def block_columns(self) -> int:
-        """Degrees of freedom of the blocks."""
-        return 0 if self.blocks is None else len(np.unique(self.blocks)) - 1
 
     @property
     def labels(self) -> list[str]:
@@ -63,13 +57,12 @@ class Model:
     @property
     def coefficients(self) -> np.ndarray:
         """Coefficients of the terms, shape (terms,)."""
-        return self.fitted[1 + self.block_columns :]
+        return self.fitted[1:]
 
     @property
     def constant(self) -> float:
-        """The response at the centre, averaged over the blocks."""
-        blocks = self.fitted[1 : 1 + self.block_columns]
-        return float(self.fitted[0] + blocks.sum() / (1 + len(blocks)))
+        """The response at the centre."""
+        return float(self.fitted[0])
 
     @property
     def residuals(self) -> np.ndarray:
@@ -92,24 +85,17 @@ class Model:
         return self.residual / self.df if self.df else math.nan
 
     def predict(self, coded: ArrayLike) -> np.ndarray:
-        """Predict the response (n,) at points (n, k) in coded units, averaged over the blocks."""
+        """Predict the response (n,) at points (n, k) in coded units."""
         return self.constant + columns(coded, self.terms) @ self.coefficients
 
     def standard_error(self, coded: ArrayLike) -> np.ndarray:
         """Compute the standard error (n,) of the mean at coded points (n, k); nan without degrees of freedom."""
         values = columns(coded, self.terms)
-        share = np.full((len(values), self.block_columns), 1.0 / (1 + self.block_columns))
-        rows = np.hstack([np.ones((len(values), 1)), share, values])
+        rows = np.hstack([np.ones((len(values), 1)), values])
         return np.sqrt(np.einsum("ni,ij,nj->n", rows, self.variance * self.inverse, rows))
 
 
-def fit(
-    coded: ArrayLike,
-    response: ArrayLike,
-    factors: Sequence[str],
-    order: str | Sequence[Term],
-    blocks: ArrayLike | None = None,
-) -> Model:
+def fit(coded: ArrayLike, response: ArrayLike, factors: Sequence[str], order: str | Sequence[Term]) -> Model:
     """Fit a polynomial to runs (n, k) in coded units."""
     coded, response = np.asarray(coded, dtype=float), np.asarray(response, dtype=float)
     if coded.ndim != 2 or coded.shape != (len(response), len(factors)):
@@ -117,14 +103,10 @@ def fit(
     if not (np.isfinite(coded).all() and np.isfinite(response).all()):
         raise ValueError("a run or a response is not finite; expected finite numbers")
     terms = terms_of(len(factors), order) if isinstance(order, str) else tuple(order)
-    parts = [np.ones((len(coded), 1)), columns(coded, terms)]
-    numbers = None if blocks is None else np.asarray(blocks)
-    if numbers is not None:
-        parts.insert(1, (numbers[:, None] == np.unique(numbers)[1:]).astype(float))
-    matrix = np.hstack(parts)
+    matrix = np.hstack([np.ones((len(coded), 1)), columns(coded, terms)])
     rank = int(np.linalg.matrix_rank(matrix))
     if rank < matrix.shape[1]:
         raise ValueError(f"{len(coded)} runs determine {rank} coefficients; expected all {matrix.shape[1]}")
     inverse = np.linalg.pinv(matrix)
     fitted = inverse @ response
-    return Model(tuple(factors), terms, coded, response, numbers, matrix, inverse @ inverse.T, fitted)
+    return Model(tuple(factors), terms, coded, response, matrix, inverse @ inverse.T, fitted)

@@ -1,7 +1,7 @@
 """Optimum of fitted models inside the region of their design."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,8 +12,7 @@ from repose.doe.model import Model
 MET = 1e-6  # relative misses below this count as zero
 
 
-@dataclass(frozen=True)
-class Optimum:
+class Optimum(NamedTuple):
     """Result of `optimum`."""
 
     coded: np.ndarray  # (k,)
@@ -54,33 +53,21 @@ def optimum(models: Sequence[Model], aims: ArrayLike, scale: ArrayLike, low: Arr
     def squared(point: np.ndarray) -> float:
         return float(((misses(point) / scale) ** 2).sum())
 
+    def nearest(start: np.ndarray) -> np.ndarray:
+        """Find the point nearest to the centre at which every target is met, from a point that nearly does so."""
+        constraint = {"type": "eq", "fun": lambda point: misses(point) / scale}
+        options = {"bounds": bounds, "method": "SLSQP", "options": {"ftol": 1e-12, "maxiter": 200}}
+        return optimize.minimize(
+            lambda point: float(point @ point), start, jac=lambda point: 2 * point, constraints=constraint, **options
+        ).x
+
     starts = np.vstack([np.zeros(count), 0.5 * two_level(count), np.eye(count), -np.eye(count)])
     ends = [optimize.minimize(squared, start, bounds=bounds, method="L-BFGS-B", tol=1e-14).x for start in starts]
     best = min(ends, key=squared)
     if np.abs(misses(best) / scale).max() < 1e-3:
-        meeting = [_nearest(point, misses, scale, bounds) for point in ends if squared(point) < 1e-6]
+        meeting = [nearest(point) for point in ends if squared(point) < 1e-6]
         exact = [point for point in meeting if np.abs(misses(point) / scale).max() < MET]
         best = min(exact, key=lambda point: float(point @ point)) if exact else best
     predicted = misses(best) + aims
     met = bool(np.abs((predicted - aims) / scale).max() < MET)
     return Optimum(best, predicted, met, float(desirability(predicted, aims, low, high)[0]))
-
-
-def _nearest(
-    start: np.ndarray,
-    misses: Callable[[np.ndarray], np.ndarray],
-    scale: np.ndarray,
-    bounds: Sequence[tuple[float, float]],
-) -> np.ndarray:
-    """Find the point nearest to the centre at which every target is met, from a point that nearly does so."""
-    from scipy import optimize
-
-    return optimize.minimize(
-        lambda point: float(point @ point),
-        start,
-        jac=lambda point: 2 * point,
-        bounds=bounds,
-        method="SLSQP",
-        constraints={"type": "eq", "fun": lambda point: misses(point) / scale},
-        options={"ftol": 1e-12, "maxiter": 200},
-    ).x

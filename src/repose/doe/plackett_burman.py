@@ -15,18 +15,12 @@ GENERATORS = {
 }
 
 
-def plackett_burman(factors: int, runs: int | None = None) -> np.ndarray:
+def plackett_burman(factors: int, runs: int) -> np.ndarray:
     """Make a Plackett-Burman design (runs, factors) of -1 and 1.
 
     Plackett and Burman, The design of optimum multifactorial experiments, Biometrika 33 (1946) 305-325. The remaining
-    columns are the dummy factors from which the analysis estimates the error, with at least three degrees of freedom
-    unless `runs` is given.
+    columns are the dummy factors from which the analysis estimates the error.
     """
-    if runs is None:
-        large = [number for number in GENERATORS if number >= factors + 4]
-        if not large:
-            raise ValueError(f"{factors} factors; expected at most {max(GENERATORS) - 4}")
-        runs = large[0]
     if runs not in GENERATORS:
         raise ValueError(f"{runs} runs; expected {', '.join(map(str, GENERATORS))}")
     if not 1 <= factors < runs:

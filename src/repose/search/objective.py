@@ -11,7 +11,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from repose.core.parameter_space import ParameterSpace
 from repose.core.targets import Targets
@@ -26,32 +25,16 @@ HISTORY = ("round", "generation", "evaluations", "best_objective", "mean_objecti
 class Objective:
     """Eq. 11-12: deviation of k responses from their targets, each in widths of its range.
 
-    Arrays are (k,). `target` None means the centres of the ranges (Eq. 12), `weight` None means 1. `margin` is added to
-    the fitness of points outside the ranges: the largest cost inside (`Preference.largest`). Unless `constrained`, the
-    fitness is F everywhere.
+    `margin` is added to the fitness of points outside the ranges: the largest cost inside (`Preference.largest`).
+    Unless `constrained`, the fitness is F everywhere.
     """
 
-    def __init__(
-        self,
-        low: ArrayLike,
-        high: ArrayLike,
-        target: ArrayLike | None = None,
-        weight: ArrayLike | None = None,
-        margin: float = 0.0,
-        constrained: bool = True,
-    ) -> None:
-        self.low, self.high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
+    def __init__(self, targets: Targets, margin: float = 0.0, constrained: bool = True) -> None:
+        self.low, self.high, self.target, self.weight = targets.low, targets.high, targets.aim, targets.weight
         self.width = self.high - self.low
-        self.target = (self.low + self.high) / 2 if target is None else np.asarray(target, dtype=float)
-        self.weight = np.ones(len(self.low)) if weight is None else np.asarray(weight, dtype=float)
         # F inside is at most the sum of the weights
         self.infeasible = float(self.weight.sum()) + margin if constrained else 0.0
         self.penalty = PENALTY if constrained else 0.0
-
-    @classmethod
-    def of(cls, targets: Targets, margin: float = 0.0, constrained: bool = True) -> "Objective":
-        """Make the objective of a study's targets."""
-        return cls(targets.low, targets.high, targets.aim, targets.weight, margin, constrained)
 
     def __call__(self, responses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Compute F (Eq. 11) and the violation V of the ranges, both (points,), of responses (points, k)."""

@@ -1,6 +1,5 @@
 """A strategy's answer in the files of the chain: material card, final message and report read one format."""
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,11 +9,11 @@ import numpy as np
 import pandas as pd
 
 from repose.chain import validate
-from repose.core.files import write_json, write_table
+from repose.core.files import Path_, write_json, write_table
 from repose.core.parameter_space import ParameterSpace
 from repose.core.runs import error_of, mean_and_error, of_bench
 from repose.core.seeds import UNNAMED
-from repose.core.targets import Targets
+from repose.core.targets import Target, Targets
 from repose.measure.angles import MEAN_KEYS
 from repose.search.settings import MigaSettings
 from repose.strategies.base import Answer, Studied
@@ -38,7 +37,7 @@ def content(best: Answer, study: Studied) -> dict[str, Any]:
     }
 
 
-def write(found: Mapping[str, Any], checked: pd.DataFrame, study: Studied, out_dir: str | os.PathLike) -> pd.DataFrame:
+def write(found: Mapping[str, Any], checked: pd.DataFrame, study: Studied, out_dir: Path_) -> pd.DataFrame:
     """Write solutions.csv, table4.csv, representative.csv, check.csv and summary.json; return the table of check.csv.
 
     `found` is a proposal as `repose.strategies.batches` keeps it, `checked` holds the single runs of the answer.
@@ -65,14 +64,13 @@ def write(found: Mapping[str, Any], checked: pd.DataFrame, study: Studied, out_d
 
 def _check(row: Mapping[str, Any], errors: Sequence[float], targets: Targets) -> pd.DataFrame:
     """Compare the answer as predicted and as simulated, a row for each response."""
-    rows = []
-    for target, error in zip(targets, errors, strict=True):
-        simulated = row[target.response.simulated]
-        own = {"response": target.name, "target": target.aim, "predicted": row[target.response.predicted]}
-        own |= {"predicted_error": error, "simulated": simulated}
-        own |= {"simulated_error": row[target.response.error], "deviation_percent": target.off_percent(simulated)}
-        rows.append(own)
-    return pd.DataFrame(rows)
+    table = pd.DataFrame({"response": targets.names, "target": targets.aim})
+    table["predicted"] = [row[name] for name in targets.predicted]
+    table["predicted_error"] = list(errors)
+    table["simulated"] = [row[target.response.simulated] for target in targets]
+    table["simulated_error"] = [row[name] for name in targets.errors]
+    table["deviation_percent"] = list(map(Target.off_percent, targets, table["simulated"]))
+    return table
 
 
 def separated(unit: np.ndarray, section: MigaSettings) -> np.ndarray:
@@ -113,17 +111,14 @@ def solutions(best: Answer, feasible: bool, space: ParameterSpace, targets: Targ
 def _simulated(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
     """Compute mean, standard error and number of the answer's runs, as in a row of Table 4."""
     row: dict[str, Any] = {}
-    counts = []
+    counts, ok = [], runs[runs["status"] == "ok"]
     for target in targets:
-        own = of_bench(runs, target.response.apparatus)
-        values = own.loc[own["status"] == "ok", target.name].to_numpy(float)
+        values = of_bench(ok, target.response.apparatus)[target.name].to_numpy(float)
         counts.append(len(values))
-        row[target.response.simulated] = values.mean() if len(values) else np.nan
-        row[target.response.error] = values.std(ddof=1) / np.sqrt(len(values)) if len(values) > 1 else np.nan
-    piles = of_bench(runs, UNNAMED)
+        row[target.response.simulated], row[target.response.error] = np.array(mean_and_error(values), dtype=float)
+    piles = of_bench(ok, UNNAMED)
     for name in (name for name in MEAN_KEYS.values() if name in piles):
-        mean, error = mean_and_error(piles.loc[piles["status"] == "ok", name].dropna().to_numpy(float))
-        row[name], row[error_of(name)] = mean, error
+        row[name], row[error_of(name)] = mean_and_error(piles[name].dropna().to_numpy(float))
     trouble = runs.loc[runs["status"] != "ok", "status"].value_counts()
     reason = ", ".join(f"{number} runs {status}" for status, number in trouble.items())
     return row | {"n_seeds": min(counts), "status": "ok" if min(counts) else trouble.index[0], "reason": reason}

@@ -1,7 +1,6 @@
 """Batches of a strategy on files: the runs so far are read, the samples that it proposes after them are written."""
 
 import math
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,14 +11,13 @@ import pandas as pd
 from repose.chain.dataset import read_definitions
 from repose.chain.tables import read_dataset, read_runs
 from repose.core.errors import InputError
-from repose.core.files import read_json, write_json, write_table
+from repose.core.files import Path_, read_json, write_json, write_table
 from repose.core.responses import require_same_definitions
 from repose.core.targets import Targets
 from repose.strategies import answer
 from repose.strategies.base import Answer, Studied, strategy
 
 PROPOSAL = "proposal.json"
-Path_ = str | os.PathLike
 
 
 def run_propose(
@@ -32,14 +30,14 @@ def run_propose(
     for folder in folders:
         own, path = read_definitions(Path(folder) / "dataset.csv")
         require_same_definitions(own, path, study.definitions, source)
-    data = read(folders, study.targets) if folders else pd.DataFrame()
+    data = read(folders, study.targets)
     try:
         proposal = strategy(name).propose(study, data)
     except InputError as error:
         raise InputError(folders[-1] if folders else name, error.key, error.value, error.allowed) from None
-    why = proposal.why if isinstance(proposal, Answer) else proposal.notes.get("why", "")
-    found = {"answer": isinstance(proposal, Answer), "why": why, "pours": len(data), "notes": proposal.notes}
-    found |= answer.content(proposal, study) if isinstance(proposal, Answer) else {}
+    found = {"answer": False, "why": proposal.notes.get("why", ""), "pours": len(data), "notes": proposal.notes}
+    if isinstance(proposal, Answer):
+        found |= {"answer": True, "why": proposal.why, **answer.content(proposal, study)}
     write_table(Path(out_dir) / "samples.csv", proposal.samples)
     write_json(Path(out_dir) / PROPOSAL, _plain(found))
     return found
@@ -54,7 +52,9 @@ def run_conclude(name: str, study: Studied, folders: Sequence[Path_], out_dir: P
     files, out = strategy(name).files, Path(out_dir)
     if len(folders) < 2:
         raise InputError(folders[0], "batches", 1, "the folders of all batches, that of the answer last")
-    proposals = [_proposal(folder) for folder in folders[1:]]
+    keys = {"answer": bool, "why": str, "pours": int, "notes": dict}
+    written = "output of repose stage propose"
+    proposals = [read_json(Path(folder) / PROPOSAL, keys, written) for folder in folders[1:]]
     found = proposals[-1]
     if not found["answer"]:
         raise InputError(Path(folders[-1]) / PROPOSAL, "answer", False, "true in the last folder")
@@ -62,21 +62,13 @@ def run_conclude(name: str, study: Studied, folders: Sequence[Path_], out_dir: P
     simulated = runs["sample"].isin(found["simulated"])
     checked = runs[simulated] if simulated.any() else tables_of(folders[-1:], study.targets)[1]
     check = answer.write(found, checked, study, out)
-    for key, table in {"batches": _batches(proposals), "dataset": dataset, "runs": runs}.items():
-        write_table(out / f"{key}.csv", table)
-    for file in files:
-        note = found["notes"][Path(file).stem]
+    tables = {"batches.csv": _batches(proposals), "dataset.csv": dataset, "runs.csv": runs}
+    for file, content in {**tables, **{file: found["notes"][Path(file).stem] for file in files}}.items():
         if file.endswith(".csv"):
-            write_table(out / file, pd.DataFrame(note))
+            write_table(out / file, pd.DataFrame(content))
         else:
-            write_json(out / file, note)
+            write_json(out / file, content)
     return check
-
-
-def _proposal(folder: Path_) -> dict[str, Any]:
-    """Read what `run_propose` wrote into a folder."""
-    keys = {"answer": bool, "why": str, "pours": int, "notes": dict}
-    return read_json(Path(folder) / PROPOSAL, keys, "output of repose stage propose")
 
 
 def _batches(proposals: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
@@ -88,7 +80,7 @@ def _batches(proposals: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
         {"batch": batch, "pours": found["pours"], **found["notes"].get("row", {}), "why": found["why"]}
         for batch, found in enumerate(proposals)
     ]
-    own = [row for row, found in zip(rows, proposals, strict=True) if "row" in found["notes"]]
+    own = [rows[batch] for batch, found in enumerate(proposals) if "row" in found["notes"]]
     return pd.DataFrame(own or rows)
 
 
@@ -105,15 +97,16 @@ def _plain(value: Any) -> Any:
 
 def read(folders: Sequence[Path_], targets: Targets) -> pd.DataFrame:
     """Read the runs of all batches as a strategy takes them (`data_of`), each with the number of its batch."""
-    data = pd.DataFrame()
+    parts: list[pd.DataFrame] = []
+    seen: set[int] = set()
     for number, folder in enumerate(folders):
         dataset, runs = tables_of([folder], targets)
-        again = {*dataset["sample"]} & {*data.get("sample", ())}
+        again = seen.intersection(dataset["sample"])
         if again:
             raise InputError(Path(folder) / "dataset.csv", "sample", min(again), "in one batch alone")
-        own = data_of(dataset, runs, targets).assign(batch=number)
-        data = pd.concat([data, own], ignore_index=True) if number else own
-    return data
+        seen.update(dataset["sample"])
+        parts.append(data_of(dataset, runs, targets).assign(batch=number))
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
 
 
 def tables_of(folders: Sequence[Path_], targets: Targets) -> tuple[pd.DataFrame, pd.DataFrame]:

@@ -6,7 +6,6 @@ strategy recovered, with six free parameters, in an emulated simulator whose pou
 logarithm of the scatter; outside of them the nearest row counts.
 """
 
-import os
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from repose.core.errors import InputError
-from repose.core.files import read_table
+from repose.core.files import Path_, read_table
 from repose.core.runs import of_bench
 from repose.core.targets import Targets
 from repose.core.variance import within_covariance
@@ -55,17 +54,14 @@ def plan(study: Studied, runs: pd.DataFrame | None = None, source: object = "run
 def chances(responses: int, percent: float) -> pd.DataFrame:
     """Interpolate `Plan.budgets` for a number of targets, at most the table's, and the scatter of a pour in percent."""
     table = pd.read_csv(SUCCESS)
-    table = table[table["responses"] == min(responses, table["responses"].max())]
+    table = table[table["responses"] == min(responses, table["responses"].max())].sort_values("noise_percent")
     shares = [f"within_{tolerance:g}_percent" for tolerance in TOLERANCES]
-    for name in shares:
-        table[f"{name}_se"] = share_error(table[name], table["truths"])
-    columns = [*shares, *(f"{name}_se" for name in shares)]
-    rows = []
-    for pours, own in table.groupby("pours"):
-        own = own.sort_values("noise_percent")
+    errors = {f"{name}_se": share_error(table[name], table["truths"]) for name in shares}
+    columns, rows = ["pours", *shares, *errors], []
+    for pours, own in table.assign(**errors).groupby("pours"):
         place = np.log(own["noise_percent"])
-        rows.append((pours, *(np.interp(np.log(percent), place, own[name]) for name in columns)))
-    return pd.DataFrame(rows, columns=["pours", *columns])
+        rows.append((pours, *(np.interp(np.log(percent), place, own[name]) for name in columns[1:])))
+    return pd.DataFrame(rows, columns=columns)
 
 
 def share_error(share: pd.Series, trials: pd.Series) -> pd.Series:
@@ -80,9 +76,7 @@ def share_error(share: pd.Series, trials: pd.Series) -> pd.Series:
 def default_noise(targets: Targets) -> np.ndarray:
     """Return the covariance (k, k) of a pour if nothing is measured."""
     sd = NOISE_PERCENT / 100 * targets.whole
-    correlation = np.where(targets.same_bench, CORRELATION, 0.0)
-    np.fill_diagonal(correlation, 1.0)
-    return np.outer(sd, sd) * correlation
+    return np.outer(sd, sd) * targets.correlated(CORRELATION)
 
 
 def measured_noise(runs: pd.DataFrame, targets: Targets, source: object = "runs") -> np.ndarray:
@@ -100,7 +94,7 @@ def measured_noise(runs: pd.DataFrame, targets: Targets, source: object = "runs"
     return noise
 
 
-def read_runs(path: str | os.PathLike, targets: Targets) -> pd.DataFrame:
+def read_runs(path: Path_, targets: Targets) -> pd.DataFrame:
     """Read the runs (runs.csv) of an earlier study, or of its beginning."""
     return read_table(path, ("sample", "status", *targets.names))
 

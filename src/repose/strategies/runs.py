@@ -1,6 +1,5 @@
 """The table of all runs of a study: the runs of a batch, the check of returned runs, and means by sample."""
 
-import os
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -8,6 +7,7 @@ import numpy as np
 import pandas as pd
 
 from repose.core.errors import InputError
+from repose.core.files import Path_
 from repose.core.parameter_space import ParameterSpace
 from repose.core.runs import mean_and_error
 from repose.core.tables import Column, Fault, check, check_columns, read, refuse
@@ -44,17 +44,15 @@ def samples_of_runs(data: pd.DataFrame, space: ParameterSpace, targets: Targets)
 
     A response counts as many runs as have it: bench tests fail separately.
     """
-    known, rows = data[list(targets.names)].notna(), []
+    rows = []
     for sample, own in data.groupby("sample", sort=False):
-        count = int(known.loc[own.index].sum().min())
+        count = int(own[list(targets.names)].count().min())
         ok = count > 0 and 2 * count >= len(own)
         row = {"sample": sample, **own.iloc[0][list(space.names)], "status": OK if ok else "failed"}
         rows.append(row | {"reason": "", "n_seeds": count})
         for name, error in zip(targets.names, targets.errors, strict=True):
             rows[-1][name], rows[-1][error] = mean_and_error(own[name].dropna() if ok else ())
-    table = pd.DataFrame(rows)
-    numbers = [*targets.names, *targets.errors]
-    return table.assign(**{name: table[name].astype(float) for name in numbers})
+    return pd.DataFrame(rows).astype(dict.fromkeys((*targets.names, *targets.errors), float))
 
 
 def runs_by_bench(data: pd.DataFrame, targets: Targets) -> pd.DataFrame:
@@ -67,12 +65,12 @@ def runs_by_bench(data: pd.DataFrame, targets: Targets) -> pd.DataFrame:
     return pd.concat(tables, ignore_index=True)
 
 
-def read_runs(path: str | os.PathLike, study: Studied) -> pd.DataFrame:
+def read_runs(path: Path_, study: Studied) -> pd.DataFrame:
     """Read a CSV file of runs and check it by `checked_runs`."""
     return checked_runs(study, rows_of(path), path)
 
 
-def rows_of(path: str | os.PathLike) -> Rows:
+def rows_of(path: Path_) -> Rows:
     """Read the rows of a CSV file of runs as text."""
     return read(path, [Column("status", str, needed=False)], "a CSV file of runs").rows()
 
@@ -106,12 +104,13 @@ def checked_runs(
     table = pd.DataFrame({"status": status, **sets, **responses})
     parameters = list(space.names)
     table[parameters] = np.clip(table[parameters].to_numpy(float), *ends)  # undo the rounding of a spreadsheet
-    table["sample"] = _numbers_of_samples(table, rows, space, source, strategy(study.settings.strategy).repeats_points)
-    table = table[["sample", "status", *space.names, *names]]
+    table.insert(0, "sample", _numbers_of_samples(table[parameters], rows, study, source))
     table.attrs[TURN] = np.nan_to_num(turns[TURN]).astype(int).tolist()
     _refuse_twice(table, rows, source)
-    if enough:
-        _require_enough(table, study, source)
+    samples, fewest = table[table["status"] == OK]["sample"].nunique(), space.dimensions + 2
+    if enough and samples < fewest:
+        allowed = f"at least {fewest}, two more than the free parameters"
+        raise InputError(source, "samples with a good run", samples, allowed)
     return table
 
 
@@ -122,14 +121,12 @@ def _parameter(name: str, low: float, high: float) -> Column:
     return Column(name, low=low - slack, high=high + slack, words=words)
 
 
-def _numbers_of_samples(
-    table: pd.DataFrame, rows: Rows, space: ParameterSpace, source: object, repeats: bool
-) -> Sequence[int]:
+def _numbers_of_samples(sets: pd.DataFrame, rows: Rows, study: Studied, source: object) -> Sequence[int]:
     """Return the numbers of the samples; without any, rows with the same parameters are one sample."""
-    numbers: Sequence[int] = pd.factorize(table[list(space.names)].apply(tuple, axis=1))[0] + 1
+    numbers: Sequence[int] = pd.factorize(sets.apply(tuple, axis=1))[0] + 1
     if "sample" not in rows[0]:
         return numbers
-    reported = [str(row["sample"]).strip() for row in rows]
+    reported, repeats = [str(row["sample"]).strip() for row in rows], strategy(study.settings.strategy).repeats_points
     first_of_name: dict[str, int] = {}
     first_of_set: dict[int, int] = {}
     faults: list[Fault] = []
@@ -146,14 +143,6 @@ def _numbers_of_samples(
     return [int(name) for name in reported] if digits else pd.factorize(pd.Series(reported))[0] + 1
 
 
-def _require_enough(table: pd.DataFrame, study: Studied, source: object) -> None:
-    """Refuse too few good samples."""
-    samples, fewest = table[table["status"] == OK]["sample"].nunique(), study.parameters.dimensions + 2
-    if samples < fewest:
-        allowed = f"at least {fewest}, two more than the free parameters"
-        raise InputError(source, "samples with a good run", samples, allowed)
-
-
 def with_fixed(rows: Rows, space: ParameterSpace) -> list[dict[str, Any]]:
     """Add columns for all fixed parameters to the rows."""
     missing = {name: value for name, value in space.fixed.items() if rows and name not in rows[0]}
@@ -163,13 +152,14 @@ def with_fixed(rows: Rows, space: ParameterSpace) -> list[dict[str, Any]]:
 def _refuse_twice(table: pd.DataFrame, rows: Rows, source: object) -> None:
     """Refuse a duplicate run, and a row that repeats all numbers of an earlier row."""
     seen: dict[tuple[Any, ...], int] = {}
-    if "run" in rows[0]:  # it tells runs apart whose results are equal, as of a simulator without random numbers
-        keys = [(sample, str(row["run"]).strip()) for sample, row in zip(table["sample"], rows, strict=True)]
-        what, allowed = "sample and run", "each once; row {} has them, too"
-    else:
-        keys = list(table.itertuples(index=False, name=None))
-        what, allowed = "row", "a run of its own: all numbers of this row stand in row {}"
-    good = ["run" in rows[0] or status == OK for status in table["status"]]
-    twice = [k for k, key in enumerate(keys) if good[k] and seen.setdefault(key, k) != k]
-    shown = [list(keys[k]) if "run" in rows[0] else "there twice" for k in twice]
-    refuse(source, [(k, what, value, allowed.format(seen[keys[k]] + 1)) for k, value in zip(twice, shown, strict=True)])
+    faults: list[Fault] = []
+    numbered = "run" in rows[0]  # it tells runs apart whose results are equal, as of a simulator without random numbers
+    for k, (row, values) in enumerate(zip(rows, table.itertuples(index=False, name=None), strict=True)):
+        key = (values[0], str(row["run"]).strip()) if numbered else values
+        first = seen.setdefault(key, k) if numbered or values[1] == OK else k
+        if first != k and numbered:
+            faults.append((k, "sample and run", list(key), f"each once; row {first + 1} has them, too"))
+        elif first != k:
+            allowed = f"a run of its own: all numbers of this row stand in row {first + 1}"
+            faults.append((k, "row", "there twice", allowed))
+    refuse(source, faults)

@@ -1,8 +1,6 @@
 """From the runs of any simulator to the answer with its certainty, its tables and its material card."""
 
-import os
 from collections.abc import Mapping
-from dataclasses import replace
 from html import escape
 from importlib import import_module
 from pathlib import Path
@@ -12,8 +10,8 @@ import numpy as np
 import pandas as pd
 
 from repose.chain import card
-from repose.chain.answer import NOT_AGAIN, WITHIN, Check, Result, out_of_reach
-from repose.core.files import write_json, write_table
+from repose.chain.answer import NOT_AGAIN, WITHIN, Check, Result, describe_probability, out_of_reach
+from repose.core.files import Path_, write_json, write_table
 from repose.strategies import answer
 from repose.strategies.base import Answer, Batch, Studied, strategy
 from repose.strategies.runs import OK
@@ -80,7 +78,7 @@ class Calibration(NamedTuple):
         found = self.as_answer()
         return card.assembled(about, tests, found, study.parameters, self.solutions, draws)
 
-    def save(self, out_dir: str | os.PathLike) -> None:
+    def save(self, out_dir: Path_) -> None:
         """Write tables, summary and material card into a folder; docs/own_simulator.md lists the files."""
         out, made = Path(out_dir), self.card
         tables = {"samples": self.samples, "solutions": self.solutions}
@@ -91,7 +89,7 @@ class Calibration(NamedTuple):
         for name, content in {"posterior": self.posterior.summary, "summary": self.summary, "card": made}.items():
             write_json(out / f"{name}.json", content)
 
-    def report(self, path: str | os.PathLike) -> None:
+    def report(self, path: Path_) -> None:
         """Write the page to read, one HTML file; it takes the extra `pictures`."""
         import_module("repose.pictures.report.own").write(self, Path(path))  # a room above this one
 
@@ -110,7 +108,7 @@ class Calibration(NamedTuple):
             feasible=self.summary["feasible"],
             message=self.summary["message"],
             checks=tuple(
-                replace(Check.of(target, None, None, 0, NOT_AGAIN), predicted=mean)
+                Check.of(target, None, None, 0, NOT_AGAIN, predicted=mean)
                 for target, mean in zip(self.study.targets, self.answer.mean.tolist(), strict=True)
             ),
             folder=Path(),
@@ -119,7 +117,7 @@ class Calibration(NamedTuple):
         )
 
     def __str__(self) -> str:
-        chance, best = self.probability, self.answer
+        best = self.answer
         lines = [self.as_answer().verdict, "The calibrated parameters [95 % interval]:"]
         for name, row in self.intervals.items():
             interval = "fixed" if row["low"] is None else f"[{row['low']:.4g}, {row['high']:.4g}]"
@@ -132,11 +130,7 @@ class Calibration(NamedTuple):
                 f"  {target.name}: {mean:.4g} +- {error:.2g}{unit}, {off:+.2f} % off the target {target.aim:g}, "
                 f"range {target.low:g} to {target.high:g}{unit}"
             )
-        lines.append(
-            f"Probability that the simulator's means there lie within 1 % of all targets: "
-            f"{chance['within_1_percent']:.2f}; within 2 %: {chance['within_2_percent']:.2f}; inside all ranges: "
-            f"{chance['inside']:.2f}."
-        )
+        lines.append(f"Probability that the simulator's means there lie {describe_probability(self.probability)}.")
         return "\n".join(lines)
 
     def __repr__(self) -> str:
@@ -218,9 +212,8 @@ def _samples(study: Studied, runs: pd.DataFrame) -> pd.DataFrame:
     ok = runs[runs["status"] == OK].groupby("sample", sort=False)
     first = runs.drop_duplicates("sample").set_index("sample")
     table = first[list(study.parameters.names)].assign(runs=ok.size().reindex(first.index, fill_value=0))
-    for target in study.targets:
-        table[target.name] = ok[target.name].mean().reindex(first.index)
-        table[target.response.error] = ok[target.name].sem().reindex(first.index)
+    for name, error in zip(study.targets.names, study.targets.errors, strict=True):
+        table[name], table[error] = ok[name].mean(), ok[name].sem()
     return table.reset_index()
 
 
@@ -231,10 +224,7 @@ def _steps(
     settings, failed = study.settings, int((runs["status"] != OK).sum())
     name = model.name.replace("_", " ")
     known = " of the samples' means with their known errors" if model.name == "kriging" and warning is None else ""
-    chances = (
-        f"within 1 % with probability {chance['within_1_percent']:.2f}, "
-        f"within 2 % with {chance['within_2_percent']:.2f}."
-    )
+    one, two = chance["within_1_percent"], chance["within_2_percent"]
     chosen = f"that of the strategy {settings.strategy}"
     if settings.strategy == "sequential":
         tolerance = settings.sequential.tolerance_percent
@@ -242,6 +232,6 @@ def _steps(
     return [
         f"Simulation in {_simulator(study)}: {len(runs)} runs of {samples} parameter sets, {failed} failed.",
         f"Model: {name}{known}." if warning is None else f"Model: {name}. Warning: {warning}",
-        f"Answer: {chosen}; {chances}",
+        f"Answer: {chosen}; within 1 % with probability {one:.2f}, within 2 % with {two:.2f}.",
         *(f"{name}: {text}." for name, text in _definitions(study).items()),
     ]

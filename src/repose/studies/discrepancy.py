@@ -10,7 +10,6 @@ bench test the discrepancies are correlated, for one wrong shape or filling move
 have the signs with which the responses vary together over the design: a steeper pile is higher and narrower.
 """
 
-import os
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -18,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from repose.core.errors import InputError
-from repose.core.files import read_table
+from repose.core.files import Path_, read_table
 from repose.core.responses import derived
 from repose.core.tables import Column
 from repose.core.targets import LARGEST, Targets
@@ -47,7 +46,7 @@ class OfModels(NamedTuple):
     models: float  # effective number of models by their weights, 1 / sum w^2
 
 
-def of_shape_study(combinations_csv: str | os.PathLike, targets: Targets) -> OfModels:
+def of_shape_study(combinations_csv: Path_, targets: Targets) -> OfModels:
     """Compute mean and covariance of the responses over the plausible models of a shape study.
 
     The weight of a model is exp(-d^2 / 2), with its distance d from the published piles in standard deviations. The
@@ -55,10 +54,8 @@ def of_shape_study(combinations_csv: str | os.PathLike, targets: Targets) -> OfM
     subtracted from each variance; the correlation is that of the uncorrected differences.
     """
     columns = [derived(name, "difference") for name in targets.names]
-    declared = [Column(name, str) for name in MODEL] + [
-        Column("eligible", bool),
-        Column("distance", low=0.0, empty=True),
-    ]
+    declared = [Column(name, str) for name in MODEL]
+    declared += [Column("eligible", bool), Column("distance", low=0.0, empty=True)]
     declared += [Column(name, low=-LARGEST, high=LARGEST, empty=True, words=DIFFERENCE) for name in columns]
     declared += [Column(name, low=0.0, high=LARGEST, empty=True) for name in targets.errors]
     table = read_table(combinations_csv, declared, "a shape study of these targets (none: posterior.shape_study: null)")

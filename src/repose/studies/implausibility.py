@@ -31,6 +31,7 @@ PERCENT = (0.0, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)
 CORRELATED = 0.9
 IMPLAUSIBLE = 3.0  # standard deviations (P94)
 CELLS = 16  # of each parameter in a projection on two
+REGION = ["x", "y", "x_quantile", "y_quantile", "least_implausibility", "share"]
 
 Observed = tuple[np.ndarray, np.ndarray]
 Observation = Callable[[float, float], Observed]
@@ -104,20 +105,16 @@ def region(points: Points, implausible: np.ndarray) -> tuple[float, pd.DataFrame
     """Find the share of the prior that is not implausible, and project this region on pairs of parameters."""
     kept, space = implausible < IMPLAUSIBLE, points.space
     cell = np.minimum((points.quantile * CELLS).astype(int), CELLS - 1)
+    x, y = ((place + 0.5) / CELLS for place in np.divmod(np.arange(CELLS**2), CELLS))
     tables = []
     for i, j in itertools.combinations(range(space.dimensions), 2):
         number = cell[:, i] * CELLS + cell[:, j]
         least = np.full(CELLS**2, np.inf)
         np.minimum.at(least, number, implausible)
-        count = np.bincount(number, minlength=CELLS**2)
-        inside = np.bincount(number, kept, minlength=CELLS**2)
-        x, y = np.divmod(np.arange(CELLS**2), CELLS)
-        table = pd.DataFrame({"x": space.free[i], "y": space.free[j]}, index=range(CELLS**2))
-        table["x_quantile"], table["y_quantile"] = (x + 0.5) / CELLS, (y + 0.5) / CELLS
-        table["least_implausibility"], table["share"] = least, inside / np.maximum(count, 1)
-        tables.append(table)
-    columns = ["x", "y", "x_quantile", "y_quantile", "least_implausibility", "share"]
-    return float(kept.mean()), pd.concat(tables, ignore_index=True) if tables else pd.DataFrame(columns=columns)
+        count, inside = (np.bincount(number, part, minlength=CELLS**2) for part in (None, kept))
+        columns = (space.free[i], space.free[j], x, y, least, inside / np.maximum(count, 1))
+        tables.append(pd.DataFrame(dict(zip(REGION, columns, strict=True))))
+    return float(kept.mean()), pd.concat(tables, ignore_index=True) if tables else pd.DataFrame(columns=REGION)
 
 
 def joint_bits(weight: np.ndarray) -> float:
@@ -128,17 +125,13 @@ def joint_bits(weight: np.ndarray) -> float:
 
 def message(table: pd.DataFrame, share: float) -> str:
     """Write the curve and the region as text."""
-    lines = []
-    stated = table[table["evidence"] == "stated"]
-    for correlation, own in stated.groupby("discrepancy_correlation"):
+    lines, stated = [], table["evidence"] == "stated"
+    for correlation, own in table[stated].groupby("discrepancy_correlation"):
         shares = [f"{row.discrepancy_percent:g} %: {row.information_bits:.2f}" for row in own.itertuples()]
         lines.append(f"bits over the discrepancy, correlation {correlation:g}: {', '.join(shares)}")
-    for row in table[table["evidence"] != "stated"].itertuples():
-        lines.append(
-            f"with the discrepancy of the shape study, {row.discrepancy_percent:.0f} %: {row.information_bits:.2f} bits"
-        )
-    lines.append(
-        f"{100 * share:.0f} % of the prior is not implausible: no response lies {IMPLAUSIBLE:g} standard deviations or "
-        "more from its measurement"
-    )
+    for row in table[~stated].itertuples():
+        size = f"with the discrepancy of the shape study, {row.discrepancy_percent:.0f} %"
+        lines.append(f"{size}: {row.information_bits:.2f} bits")
+    kept = f"{100 * share:.0f} % of the prior is not implausible"
+    lines.append(f"{kept}: no response lies {IMPLAUSIBLE:g} standard deviations or more from its measurement")
     return "\n".join(lines)

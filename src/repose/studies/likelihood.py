@@ -36,11 +36,7 @@ def observation(targets: Targets, correlation: np.ndarray, discrepancy: np.ndarr
 
 def measured_correlation(targets: Targets, simulated: np.ndarray, stated: float | str) -> np.ndarray:
     """Correlate the measured responses (k, k) as simulated runs are, or by a stated number within a bench test."""
-    if isinstance(stated, str):
-        return simulated
-    correlation = np.where(targets.same_bench, float(stated), 0.0)
-    np.fill_diagonal(correlation, 1.0)
-    return correlation
+    return simulated if isinstance(stated, str) else targets.correlated(stated)
 
 
 def log_likelihood(

@@ -11,7 +11,6 @@ discrepancy d of the simulator. For normal variables the information is
 first response to add, and is made again once that one is a target.
 """
 
-import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,7 +21,7 @@ import pandas as pd
 from repose.apparatus import Scene, bench_of, bench_tests
 from repose.apparatus.job import measure_job
 from repose.core.errors import InputError
-from repose.core.files import read_table, write_table
+from repose.core.files import Path_, read_table, write_table
 from repose.core.parameters import PARAMETERS, named
 from repose.core.responses import responses_of
 from repose.core.variance import variance_components
@@ -40,7 +39,7 @@ COLUMNS += ["bits", "bits_low", "bits_high", "sets", "runs"]
 FEWEST_SETS = 4  # that must have two runs with a response
 
 
-def plausible_sets(draws_csv: str | os.PathLike, seed: int, out: str | os.PathLike) -> pd.DataFrame:
+def plausible_sets(draws_csv: Path_, seed: int, out: Path_) -> pd.DataFrame:
     """Write and return `SETS` of the posterior's draws as samples; InputError if there are fewer."""
     draws = read_table(draws_csv, PARAMETERS)
     if len(draws) < SETS:
@@ -75,11 +74,7 @@ def information(runs: pd.DataFrame, repetitions: int, discrepancy_percent: float
 
 
 def run(
-    pours: Iterable[str | os.PathLike],
-    study: Studied,
-    particle: "Particle",
-    grain: Mapping[str, Any],
-    out_dir: str | os.PathLike,
+    pours: Iterable[Path_], study: Studied, particle: "Particle", grain: Mapping[str, Any], out_dir: Path_
 ) -> pd.DataFrame:
     """Measure all responses of saved runs; write next.csv, without the targets and other definitions of their angle."""
     every = [{"response": one.name, "apparatus": test.name} for test in bench_tests() for one in test.responses]

@@ -4,7 +4,6 @@ The statistics are in `repose.core.variance`.
 """
 
 import math
-import os
 from itertools import combinations
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from repose.core.errors import InputError
-from repose.core.files import read_table, write_json, write_table
+from repose.core.files import Path_, read_table, write_json, write_table
 from repose.core.runs import of_bench
 from repose.core.targets import Target, Targets
 from repose.core.variance import CONFIDENCE, Components, residual_correlation, variance_components
@@ -30,7 +29,7 @@ class NoiseFloor(NamedTuple):
     summary: dict[str, Any]  # noise.json: the rows by response, and the correlations
 
 
-def read_runs(runs_csv: str | os.PathLike, targets: Targets) -> pd.DataFrame:
+def read_runs(runs_csv: Path_, targets: Targets) -> pd.DataFrame:
     """Read all runs of a study, including failed runs, from the table of `repose.chain.dataset`."""
     runs = read_table(runs_csv, ("sample", "seed", "status", *targets.names))
     for name in targets.names:
@@ -88,7 +87,7 @@ def noise_floor(runs: pd.DataFrame, targets: Targets) -> NoiseFloor:
     return NoiseFloor(pd.DataFrame(rows), table, summary)
 
 
-def run(runs_csv: str | os.PathLike, targets: Targets, out_dir: str | os.PathLike) -> dict[str, Any]:
+def run(runs_csv: Path_, targets: Targets, out_dir: Path_) -> dict[str, Any]:
     """Read the runs, write noise.csv, seeds.csv and noise.json; return the summary."""
     runs = read_runs(runs_csv, targets)
     try:
@@ -104,15 +103,13 @@ def run(runs_csv: str | os.PathLike, targets: Targets, out_dir: str | os.PathLik
 
 def message(summary: dict[str, Any], targets: Targets) -> str:
     """Write the noise floor as text, a line for each response."""
-    lines = []
-    for target in targets:
-        name, unit, row = target.name, target.response.unit, summary["responses"][target.name]
-        lines.append(
-            f"{name}: sd {row['sd_within']:.2f} {unit} within a sample, {row['sd_between']:.2f} between; intraclass "
-            f"correlation {row['icc']:.3f} ({row['icc_low']:.3f} to {row['icc_high']:.3f}); a perfect predictor "
-            f"reaches R2 {row['r2_single_runs']:.3f} on single runs, {row['r2_sample_means']:.3f} on the means here"
-        )
-    return "\n".join(lines)
+    line = (
+        "{response}: sd {sd_within:.2f} {unit} within a sample, {sd_between:.2f} between; intraclass "
+        "correlation {icc:.3f} ({icc_low:.3f} to {icc_high:.3f}); a perfect predictor "
+        "reaches R2 {r2_single_runs:.3f} on single runs, {r2_sample_means:.3f} on the means here"
+    )
+    rows = ((target.response.unit, summary["responses"][target.name]) for target in targets)
+    return "\n".join(line.format(unit=unit, **row) for unit, row in rows)
 
 
 def _row(target: Target, components: Components, ok: pd.DataFrame, failed: pd.DataFrame) -> dict[str, Any]:

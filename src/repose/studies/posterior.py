@@ -6,7 +6,6 @@ The likelihood is defined in `repose.studies.likelihood`; `repose.studies.sample
 
 import functools
 import math
-import os
 from collections.abc import Callable, Mapping
 from itertools import combinations
 from pathlib import Path
@@ -17,7 +16,7 @@ import pandas as pd
 
 from repose.chain import train
 from repose.core.errors import InputError
-from repose.core.files import read_table, write_json, write_table
+from repose.core.files import Path_, read_table, write_json, write_table
 from repose.core.parameter_space import ParameterSpace
 from repose.core.responses import derived
 from repose.core.targets import Targets
@@ -61,7 +60,7 @@ def infer(
     `runs` give the correlation of the responses, `references` other intervals by name: tables with low and high.
     `shapes` (k, k) is the covariance of the discrepancies by a shape study; None means stated values.
     """
-    space, targets = study.parameters, study.targets
+    space, targets, seed = study.parameters, study.targets, settings.seed
     observed, pairs = _observed(runs, targets, settings)
     assumed = settings.discrepancy_percent, settings.discrepancy_correlation
     unknown = discrepancy.of_targets(targets, runs, *assumed, shapes)
@@ -74,7 +73,6 @@ def infer(
     def log_density(unit: np.ndarray) -> np.ndarray:
         return likelihood(unit) + space.log_prior(unit)
 
-    seed = settings.seed
     chains = sample(log_density, space.dimensions, settings.walkers, settings.steps, seed)
     r_hat, effective = split_r_hat(chains.points), chains.log_density.size / chains.times
     unit = chains.points.reshape(-1, space.dimensions)
@@ -82,8 +80,7 @@ def infer(
     rows = np.random.default_rng(seed).permutation(len(unit))[:DRAWS_KEPT]
     kept = unit[np.sort(rows)]
     drawn = chains.log_density.ravel() - space.log_prior(unit)
-    independent = drawn.size / chains.density_time
-    bits = joint_information_bits(likelihood, drawn, independent, space, seed)
+    bits, error = joint_information_bits(likelihood, drawn, drawn.size / chains.density_time, space, seed)
     about = {"r_hat": r_hat, "effective_draws": effective, "autocorrelation_steps": chains.times}
     table = _parameters(space, unit, about, references)
 
@@ -95,16 +92,17 @@ def infer(
         draws[derived(response.name, f"{model.name}_se")] = std[:, k]
     summary = {
         "correlation": noise.correlation_record(pairs),
-        "physical_se": [math.sqrt(v) for v in np.diag(covariance - unknown)],
-        "discrepancy_sd": [math.sqrt(v) for v in np.diag(unknown)],
+        "physical_se": np.sqrt(np.diag(covariance - unknown)).tolist(),
+        "discrepancy_sd": np.sqrt(np.diag(unknown)).tolist(),
         "discrepancy_of": "stated" if shapes is None else "shape study",
-        f"{model.name}_se": [float(v) for v in np.sqrt((std**2).mean(axis=0))],
+        f"{model.name}_se": np.sqrt((std**2).mean(axis=0)).tolist(),
         "predicted": {
-            name: {"mean": float(Y[:, k].mean()), **_interval(Y[:, k])} for k, name in enumerate(targets.names)
+            name: {"mean": float(values.mean()), **_interval(values)}
+            for name, values in zip(targets.names, Y.T, strict=True)
         },
         "misfit": misfit(Y, model.covariance(X), mean, covariance),
-        "information_bits": bits[0],
-        "information_se_bits": bits[1],
+        "information_bits": bits,
+        "information_se_bits": error,
         "sum_of_marginals_bits": float(sum(table["information_bits"])),
         "thin_share": float(support.is_thin(X).mean()),
         "converged": bool((r_hat <= LARGEST_R_HAT).all() and (effective >= FEWEST_EFFECTIVE).all()),
@@ -123,21 +121,19 @@ def require_free(space: ParameterSpace) -> None:
         raise InputError("configuration", "parameters", "all fixed", "at least one range or prior")
 
 
-def run(
-    files: Mapping[str, Any], study: Studied, out_dir: str | os.PathLike, source: object = "configuration"
-) -> dict[str, Any]:
+def run(files: Mapping[str, Any], study: Studied, out_dir: Path_, source: object = "configuration") -> dict[str, Any]:
     """Read the inputs of `infer`; write the posterior, its curve over the discrepancy, and the region not excluded."""
     space, targets, settings = study.parameters, study.targets, study.settings.posterior
     require_free(space)
-    model = train.restore(*(files[key] for key in ("network", "predictions", "dataset")))
+    model = train.restore(files["network"], files["predictions"], files["dataset"])
     train.require_targets(model, files["network"], targets, study.definitions, source)
     support = Support.of_dataset(files["dataset"], space)
     feasible = read_table(files["feasible"], space.names)[list(space.names)]
     runs = noise.read_runs(files["runs"], targets)
-    references = {"miga": feasible.agg(["min", "max"]).T.set_axis(["low", "high"], axis=1)}
+    references = {}
     if files["table3"] is not None:
-        published = read_table(files["table3"], ("parameter", "low", "high")).set_index("parameter")
-        references = {"published": published, **references}
+        references["published"] = read_table(files["table3"], ("parameter", "low", "high")).set_index("parameter")
+    references["miga"] = feasible.agg(["min", "max"]).T.set_axis(["low", "high"], axis=1)
     models = None if settings.shape_study is None else discrepancy.of_shape_study(settings.shape_study, targets)
     shapes = None if models is None else models.covariance
     try:
@@ -188,17 +184,17 @@ def _further_studies(
     model: Surrogate, study: Studied, runs: pd.DataFrame, shapes: np.ndarray | None, out: Path
 ) -> dict[str, Any]:
     """Write discrepancy.csv and region.csv; return their entries of the summary."""
-    space, targets, settings = study.parameters, study.targets, study.settings.posterior
+    targets, settings = study.targets, study.settings.posterior
     observed, _ = _observed(runs, targets, settings)
-    points = implausibility.Points(model, space)
+    points = implausibility.Points(model, study.parameters)
 
     def stated(percent: float, between: float) -> tuple[np.ndarray, np.ndarray]:
         return observed(discrepancy.of_targets(targets, runs, percent, between))
 
-    chosen = settings.discrepancy_percent, settings.discrepancy_correlation
     of_shapes = None if shapes is None else observed(shapes)
     table = implausibility.curve(points, targets, stated, of_shapes)
-    excluded = implausibility.implausibility(points, *(of_shapes or stated(*chosen)))
+    chosen = of_shapes or stated(settings.discrepancy_percent, settings.discrepancy_correlation)
+    excluded = implausibility.implausibility(points, *chosen)
     share, projections = implausibility.region(points, excluded)
     write_table(out / "discrepancy.csv", table, float_format="%.6g")
     write_table(out / "region.csv", projections, float_format="%.6g")
@@ -222,8 +218,7 @@ def statement(row: Mapping[str, Any]) -> str:
 
 def message(summary: Mapping[str, Any]) -> str:
     """Write statements, fit and convergence as text."""
-    lines = list(summary["statements"].values())
-    fit = summary["misfit"]
+    lines, fit = list(summary["statements"].values()), summary["misfit"]
     bits, error = summary["information_bits"], summary["information_se_bits"]
     distance = math.sqrt(fit["squared_distance"])
     lines.append(
@@ -281,8 +276,7 @@ def _prior_interval(space: ParameterSpace) -> np.ndarray:
 def _interval(values: np.ndarray) -> dict[str, float]:
     """Find the central credible interval."""
     tail = (1 - CREDIBLE) / 2
-    ends = np.quantile(values, [tail, 1 - tail])
-    return {"low": float(ends[0]), "high": float(ends[1])}
+    return dict(zip(("low", "high"), np.quantile(values, [tail, 1 - tail]).tolist(), strict=True))
 
 
 def _reference(
@@ -294,8 +288,7 @@ def _reference(
     if space.free[k] in space.prior:
         ends = np.zeros((2, space.dimensions))
         ends[:, k] = (np.clip([first, last], low, high) - low) / (high - low)
-        below, above = space.prior_cdf(ends)[:, k]
-        prior = float(above - below)
+        prior = float(np.diff(space.prior_cdf(ends)[:, k])[0])
     own = float(((values >= first) & (values <= last)).mean())
     names = ("low", "high", "probability", "prior_probability")
     return {f"{other}_{name}": value for name, value in zip(names, (first, last, own, prior), strict=True)}

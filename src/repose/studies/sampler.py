@@ -51,21 +51,20 @@ def sample(log_density: Density, dimensions: int, walkers: int, steps: int, seed
             value[allowed] = log_density(points[allowed])
         return value
 
-    chains, densities, times = [], [], []
+    chains, times = [], []
     for k in range(ENSEMBLES):
         random = np.random.RandomState([seed, k])
         first = _start(inside, dimensions, random)[:walkers]
         sampler = _ensemble(len(first), dimensions, inside, random)
         sampler.run_mcmc(first, steps)
-        chain = sampler.get_chain(discard=int(BURN_IN * steps))
-        density = sampler.get_log_prob(discard=int(BURN_IN * steps))
+        dropped = int(BURN_IN * steps)
+        chain = np.dstack([sampler.get_chain(discard=dropped), sampler.get_log_prob(discard=dropped)])
         with np.errstate(invalid="ignore"):
-            time = emcee.autocorr.integrated_time(np.dstack([chain, density]), tol=0)
+            time = emcee.autocorr.integrated_time(chain, tol=0)
         times.append(np.nan_to_num(time, nan=steps))  # not a number if a walker never moved
-        chains.append(chain.reshape(-1, dimensions))
-        densities.append(density.ravel())
-    time = np.mean(times, axis=0)
-    return Chains(np.array(chains), np.array(densities), time[:-1], float(time[-1]))
+        chains.append(chain.reshape(-1, dimensions + 1))
+    whole, time = np.array(chains), np.mean(times, axis=0)
+    return Chains(np.ascontiguousarray(whole[..., :-1]), whole[..., -1].copy(), time[:-1], float(time[-1]))
 
 
 def _ensemble(

@@ -6,7 +6,6 @@ knowledge of a parameter does not enter. The intervals contain the error of the 
 of the sequence. They do not contain the surrogate's own error.
 """
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,12 +13,12 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from repose.chain.train import read_surrogate
+from repose.chain.train import require_targets
 from repose.core.errors import InputError
-from repose.core.files import write_table
+from repose.core.files import Path_, write_table
 from repose.strategies.base import Studied
 from repose.studies.posterior import require_free
-from repose.surrogate.base import Surrogate
+from repose.surrogate.base import Surrogate, load
 
 CONFIDENCE = 0.95
 EFFECT_POINTS = 41
@@ -62,16 +61,11 @@ def indices(
 
 
 def main_effects(
-    function: Function,
-    low: np.ndarray,
-    high: np.ndarray,
-    seed: int,
-    points: int = EFFECT_POINTS,
-    draws: int = EFFECT_DRAWS,
+    function: Function, low: np.ndarray, high: np.ndarray, seed: int, points: int = EFFECT_POINTS
 ) -> tuple[np.ndarray, np.ndarray]:
     """Compute values (d, points) along each input, and mean outputs (d, points, outputs) over all other inputs."""
     low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
-    base = low + (high - low) * stats.qmc.Sobol(len(low), rng=seed).random(draws)
+    base = low + (high - low) * stats.qmc.Sobol(len(low), rng=seed).random(EFFECT_DRAWS)
     grid = np.linspace(low, high, points, axis=1)
     means = []
     for k in range(len(low)):
@@ -92,26 +86,19 @@ def analyse(model: Surrogate, study: Studied) -> tuple[pd.DataFrame, pd.DataFram
         return model.predict(space.complete(values))
 
     table = indices(respond, space.low, space.high, settings.samples, settings.resamples, settings.seed)
-    rows = [
-        {"response": response, "parameter": name} | {key: value[i, k] for key, value in table.items()}
-        for i, response in enumerate(names)
-        for k, name in enumerate(space.free)
-    ]
+    pairs = pd.MultiIndex.from_product([names, space.free], names=["response", "parameter"])
+    sobol = pd.DataFrame({key: value.ravel() for key, value in table.items()}, pairs).reset_index()
     grid, means = main_effects(respond, space.low, space.high, settings.seed)
-    effects = [
-        {"parameter": name, "value": grid[k, j]} | dict(zip(names, means[k, j], strict=True))
-        for k, name in enumerate(space.free)
-        for j in range(grid.shape[1])
-    ]
-    return pd.DataFrame(rows), pd.DataFrame(effects)
+    effects = pd.DataFrame({"parameter": np.repeat(space.free, grid.shape[1]), "value": grid.ravel()})
+    effects[list(names)] = means.reshape(len(effects), -1)
+    return sobol, effects
 
 
-def run(
-    surrogate_json: str | os.PathLike, study: Studied, out_dir: str | os.PathLike, source: object = "configuration"
-) -> pd.DataFrame:
+def run(surrogate_json: Path_, study: Studied, out_dir: Path_, source: object = "configuration") -> pd.DataFrame:
     """Read a surrogate, write sobol.csv and main_effects.csv; return the first table."""
     require_free(study.parameters)
-    model = read_surrogate(surrogate_json, study.targets, study.definitions, source)
+    model = load(surrogate_json)
+    require_targets(model, surrogate_json, study.targets, study.definitions, source)
     try:
         table, effects = analyse(model, study)
     except ValueError as error:

@@ -249,14 +249,9 @@ class Surrogate(ABC):
 
     def save(self, path: str | os.PathLike) -> None:
         """Write a JSON file that `load` reads."""
-        described = {
-            "inputs": list(self.inputs),
-            "outputs": list(self.outputs),
-            "surrogate": self.name,
-            "definitions": self.definitions,
-            "samples": list(self.samples),
-        }
-        write_json(path, described | self.to_dict())
+        names = {"inputs": list(self.inputs), "outputs": list(self.outputs), "surrogate": self.name}
+        about = {"definitions": self.definitions, "samples": list(self.samples)}
+        write_json(path, {**names, **about, **self.to_dict()})
 
 
 _REGISTRY: dict[str, type[Surrogate]] = {}

@@ -167,8 +167,7 @@ class BayesianBP(TrainingSettings, Surrogate):
         """Report evidence and end of the kept start, classes of its weights at the cap, numbers of starts, prior."""
         keys = ["gamma", "beta", "log_evidence", "epochs", "stop_reason", "best_start", "n_residuals"]
         content = {key: getattr(self, key + "_") for key in [*keys, "converged_starts", "at_cap"]}
-        content["n_weights"] = int(sum(w.size for w in (self.W1_, self.b1_, self.W2_, self.b2_)))
-        content |= {"starts": self.starts, "prior": self.prior}
+        content |= {"n_weights": self._weights().size, "starts": self.starts, "prior": self.prior}
         return content | {"alpha": np.asarray(self.alpha_).tolist()}
 
     def start_rows(self) -> list[dict[str, Any]]:
@@ -185,15 +184,9 @@ class BayesianBP(TrainingSettings, Surrogate):
         content = {"scaled_range": list(self.scaled_range), "activation": ["tansig", "purelin"], **lists}
         if not hasattr(self, "training_"):
             return content
-        covariance = self.training_["noise_covariance"]
-        training = {
-            "prior": self.prior,
-            "alpha": np.asarray(self.alpha_).tolist(),
-            "beta": self.beta_,
-            "noise_covariance": None if covariance is None else np.asarray(covariance).tolist(),
-            "inputs": self.training_["inputs"].tolist(),
-            "weight": self.training_["weight"].tolist(),
-        }
+        training = {"prior": self.prior, "alpha": np.asarray(self.alpha_).tolist(), "beta": self.beta_}
+        for key in ("noise_covariance", "inputs", "weight"):
+            training[key] = None if self.training_[key] is None else np.asarray(self.training_[key]).tolist()
         return content | {"training": training}
 
     @classmethod
@@ -267,10 +260,9 @@ def covariances(networks: Sequence[BayesianBP], X: ArrayLike, weights: np.ndarra
     """
     if weights is None:
         weights = np.array([network._weights() for network in networks])
-    X, stretch = np.asarray(X, dtype=float), networks[0]._stretch()[:, None]
-    parts = []
+    X, parts = np.asarray(X, dtype=float), []
     for part in np.array_split(X, 1 + len(X) // AT_ONCE):
-        roots = weight_roots(networks, part, weights) * stretch
+        roots = weight_roots(networks, part, weights) * networks[0]._stretch()[:, None]
         parts.append(roots @ roots.swapaxes(-1, -2))
     return np.concatenate(parts, axis=1)
 

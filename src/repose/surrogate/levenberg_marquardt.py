@@ -65,8 +65,7 @@ class _Data(NamedTuple):
     size: np.ndarray  # (classes,), weights of each class
 
 
-@dataclass
-class _Point:
+class _Point(NamedTuple):
     """Weights with the residuals' linear model about them."""
 
     w: np.ndarray
@@ -177,7 +176,7 @@ def _descend(state: _State, data: _Data, settings: TrainingSettings) -> _State:
         if candidate is None:
             break
         state = state._replace(at=_point(candidate, data))
-    return state._replace(gamma=_gamma(state.at, state, data))
+    return state._replace(gamma=_gamma(state, data))
 
 
 def _step(state: _State, mu: float, data: _Data, settings: TrainingSettings) -> tuple[np.ndarray | None, float]:
@@ -194,16 +193,16 @@ def _step(state: _State, mu: float, data: _Data, settings: TrainingSettings) -> 
     return None, mu
 
 
-def _gamma(at: _Point, state: _State, data: _Data) -> np.ndarray:
-    """Count the weights of each class that the data determine, at these weights with the state's alpha and beta."""
+def _gamma(state: _State, data: _Data) -> np.ndarray:
+    """Count the weights of each class that the data determine."""
     # gamma = N - 2 alpha tr(H^-1), H = 2 beta J'J + 2 alpha I, class by class  (FH 2), (M92)
-    inverse = np.diagonal(np.linalg.inv(state._replace(at=at).half_hessian()))
+    inverse = np.diagonal(np.linalg.inv(state.half_hessian()))
     return data.size - state.alpha * np.array([inverse[c].sum() for c in data.classes])
 
 
 def _re_estimated(at: _Point, state: _State, data: _Data) -> _State:
     """Re-estimate alpha, gamma and beta at new weights."""
-    gamma = _gamma(at, state, data)
+    gamma = _gamma(state._replace(at=at), data)
     # (FH 3); gamma of a class that has faded may be lost in rounding
     alpha = np.where(gamma > 0, gamma / (2 * np.maximum(at.Ew, SMALLEST)), state.alpha)
     alpha = np.minimum(alpha, LARGEST_ALPHA)

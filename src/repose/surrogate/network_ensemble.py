@@ -33,36 +33,28 @@ OF_EACH = ("W1", "b1", "W2", "b2")
 class NetworkEnsemble(Surrogate):
     """Networks of all converged starts whose log evidence is within `NATS` of the largest; the best comes first."""
 
-    def __init__(self, network: BayesianBP) -> None:
-        self.members_ = [network]
-
     is_network = True
 
-    @property
-    def members_(self) -> list[BayesianBP]:
-        """The networks, the best first."""
-        return self._members
+    def __init__(self, networks: Iterable[BayesianBP]) -> None:
+        self._take(networks)
 
-    @members_.setter
-    def members_(self, networks: Iterable[BayesianBP]) -> None:
-        self._members = list(networks)
+    def _take(self, networks: Iterable[BayesianBP]) -> None:
+        """Take over networks, the best first."""
+        self.members_ = list(networks)
         self._kept: dict[str, Any] = {}  # arrays of all networks, and the last points with their means
 
     @classmethod
     def of(cls, settings: NetworkSettings) -> Self:
         """Make untrained networks with the settings of `BayesianBP.of`."""
-        return cls(BayesianBP.of(settings))
+        return cls([BayesianBP.of(settings)])
 
     def fit(self, X: ArrayLike, Y: ArrayLike, **noise: Unpack[Noise]) -> Self:
         best = self.members_[0]
         best.inputs = self.inputs
         best.fit(X, Y, **noise)
-        self.near_ = [
-            start["start"]
-            for start in best.starts_
-            if start["decrement"] < CONVERGED and start["log_evidence"] >= best.log_evidence_ - NATS
-        ]
-        self.members_ = [best, *(best.of_start(k) for k in self.near_ if k != best.best_start_)]
+        near = (start for start in best.starts_ if start["log_evidence"] >= best.log_evidence_ - NATS)
+        self.near_ = [start["start"] for start in near if start["decrement"] < CONVERGED]
+        self._take([best, *(best.of_start(k) for k in self.near_ if k != best.best_start_)])
         return self
 
     def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
@@ -85,7 +77,7 @@ class NetworkEnsemble(Surrogate):
 
     def shifted(self, offset: np.ndarray) -> Self:
         moved = copy.copy(self)
-        moved.members_ = [member.shifted(offset) for member in self.members_]
+        moved._take(member.shifted(offset) for member in self.members_)
         return moved
 
     def report(self) -> dict[str, Any]:
@@ -98,17 +90,15 @@ class NetworkEnsemble(Surrogate):
 
     def to_dict(self) -> dict[str, Any]:
         """Collect the best network as in its own file, and the own part of each other network."""
-        best, *others = self.members_
-        content = best.to_dict()
-        return content | {"others": [_own_part(member.to_dict()) for member in others]}
+        best, *others = (member.to_dict() for member in self.members_)
+        return best | {"others": [_own_part(other) for other in others]}
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
         """Make the networks of a `to_dict`."""
-        model, training = cls(BayesianBP.from_dict(content)), content["training"]
+        training = content["training"]
         others = ({**content, **other, "training": training | other["training"]} for other in content["others"])
-        model.members_ = [*model.members_, *map(BayesianBP.from_dict, others)]
-        return model
+        return cls(map(BayesianBP.from_dict, [content, *others]))
 
     def _means(self, X: ArrayLike) -> np.ndarray:
         """Predict means (members, n, k) of all networks, in one pass through their hidden layers.

@@ -7,14 +7,13 @@ than every sample's.
   (C79)  Cook 1979, Influential observations in linear regression, J. Am. Stat. Assoc. 74, 169: leverage
 """
 
-import os
 from collections.abc import Sequence
 from typing import Self
 
 import numpy as np
 
 from repose.core.errors import InputError
-from repose.core.files import read_table
+from repose.core.files import Path_, read_table
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 
@@ -35,8 +34,7 @@ class Support:
         self.names = tuple(names)
         self._free = self.high > self.low
         if points.ndim != 2 or len(points) < 2 or points.shape[1] != len(self.names):
-            allowed = f"at least two rows of {len(self.names)}"
-            raise ValueError(f"points has shape {points.shape}; expected {allowed}")
+            raise ValueError(f"points has shape {points.shape}; expected at least two rows of {len(self.names)}")
         unit = self._unit(points)
         self.tree = cKDTree(unit)
         left_out = self.tree.query(unit, k=2)[0][:, 1]  # the nearest one besides itself
@@ -46,7 +44,7 @@ class Support:
         # with as many coefficients as samples every sample has leverage 1, which is no information
         if len(terms) > terms.shape[1] and np.linalg.matrix_rank(terms) == terms.shape[1]:
             self.root = np.linalg.inv(np.linalg.qr(terms, mode="r"))
-            self.largest_leverage = float(self._leverage(unit).max())
+            self.largest_leverage = float(self.leverage(points).max())
 
     @classmethod
     def of(cls, points: np.ndarray, space: ParameterSpace) -> Self:
@@ -55,7 +53,7 @@ class Support:
         return cls(points, low, high, space.names)
 
     @classmethod
-    def of_dataset(cls, dataset_csv: str | os.PathLike, space: ParameterSpace) -> Self:
+    def of_dataset(cls, dataset_csv: Path_, space: ParameterSpace) -> Self:
         """Make the support of the usable samples of a study; InputError for a bad file, or fewer than two of them."""
         table = read_table(dataset_csv, ("sample", *space.names, "status"))
         usable = table[table["status"] == "ok"]
@@ -76,7 +74,9 @@ class Support:
 
     def leverage(self, points: np.ndarray) -> np.ndarray:
         """Compute the leverage in a quadratic model of the samples (C79); 0 with too few samples for such a model."""
-        return self._leverage(self._unit(points))
+        if self.root is None:
+            return np.zeros(len(points))
+        return ((quadratic_terms(self._unit(points)) @ self.root) ** 2).sum(axis=1)
 
     def is_thin(self, points: np.ndarray) -> np.ndarray:
         """Tell whether points lie where samples are thin."""
@@ -85,34 +85,23 @@ class Support:
     def warnings(self, points: np.ndarray) -> list[str]:
         """Write a warning for each point; empty where there is none."""
         points = np.atleast_2d(np.asarray(points, dtype=float))
-        bounds, middle = self.at_bounds(points), (self.low + self.high) / 2
-        distance, leverage = self.distance(points), self.leverage(points)
+        ends = np.where(points < (self.low + self.high) / 2, "low", "high")
         texts = []
-        for k, point in enumerate(points):
-            parts = []
-            if bounds[k].any():
-                ends = [
-                    f"{name} {'low' if point[i] < middle[i] else 'high'}"
-                    for i, name in enumerate(self.names)
-                    if bounds[k, i]
-                ]
-                parts.append(f"at a bound: {', '.join(ends)}")
-            if distance[k] > self.farthest:
-                parts.append(f"nearest sample {distance[k]:.2f} of a range away, usual up to {self.farthest:.2f}")
-            if leverage[k] > self.largest_leverage:
-                parts.append(f"leverage {leverage[k]:.2f}, samples' largest {self.largest_leverage:.2f}")
+        for at, end, distance, leverage in zip(
+            self.at_bounds(points), ends, self.distance(points), self.leverage(points), strict=True
+        ):
+            bounds = [f"{self.names[i]} {end[i]}" for i in np.flatnonzero(at)]
+            parts = [f"at a bound: {', '.join(bounds)}"] if bounds else []
+            if distance > self.farthest:
+                parts.append(f"nearest sample {distance:.2f} of a range away, usual up to {self.farthest:.2f}")
+            if leverage > self.largest_leverage:
+                parts.append(f"leverage {leverage:.2f}, samples' largest {self.largest_leverage:.2f}")
             texts.append("; ".join(parts))
         return texts
 
     def _unit(self, points: np.ndarray) -> np.ndarray:
         """Scale the free parameters to their ranges."""
         return ((np.asarray(points, dtype=float) - self.low)[:, self._free]) / (self.high - self.low)[self._free]
-
-    def _leverage(self, unit: np.ndarray) -> np.ndarray:
-        """Compute the leverage of points in the unit cube."""
-        if self.root is None:
-            return np.zeros(len(unit))
-        return ((quadratic_terms(unit) @ self.root) ** 2).sum(axis=1)
 
 
 def quadratic_terms(unit: np.ndarray) -> np.ndarray:

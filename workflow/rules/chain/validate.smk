@@ -11,12 +11,7 @@ PUBLISHED_SOLUTIONS = [
 STORED = config["validation"]["published_simulated"]
 # Whether the stored table of simulated published sets can be set beside this study.
 PUBLISHED_IS_STORED = bool(STORED) and bool(
-    checks.stored_columns(
-        read_stored(STORED),
-        STUDY.targets.responses,
-        STUDY.parameters.names,
-        config["measure"],
-    )
+    checks.stored_columns(read_stored(STORED), STUDY)
 )
 
 

@@ -109,8 +109,7 @@ def _checks(study: Results) -> Iterator[Check]:
         own = target.response
         predicted, simulated, error = map(study.number, (own.predicted, own.simulated, own.error))
         line = line_for(study.shown.config.get("measure"), target.name)
-        check = Check.of(target, simulated, error, int(runs or 0), status)
-        yield replace(check, predicted=predicted, line=line)
+        yield Check.of(target, simulated, error, int(runs or 0), status, predicted=predicted, line=line)
 
 
 def _parameter_row(study: Results, k: int) -> list[Any]:

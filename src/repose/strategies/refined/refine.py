@@ -67,11 +67,9 @@ def corrected(
     added = dataset[dataset["round"].notna() & (dataset["status"] == "ok")]
     points = added[list(box.free)].to_numpy(float)
     slack = ROUNDING * (box.high - box.low)
-    inside = ((points >= box.low - slack) & (points <= box.high + slack)).all(axis=1)
-    if not inside.any():
-        allowed = "at least one that is ok, near the last proposal"
-        raise InputError("runs", "samples of the rounds", int(inside.sum()), allowed)
-    near = added[inside]
+    near = added[((points >= box.low - slack) & (points <= box.high + slack)).all(axis=1)]
+    if near.empty:
+        raise InputError("runs", "samples of the rounds", 0, "at least one that is ok, near the last proposal")
     left = near[list(targets.names)].to_numpy(float) - model.predict(near[list(box.names)].to_numpy(float))
     offset = np.average(left, axis=0, weights=near["n_seeds"].to_numpy(float))
     return model.shifted(offset), offset, len(near)
@@ -95,4 +93,4 @@ def search(
         if max(off) < tolerance * MET:
             break
     near = {"reach": share * reach, "offset": dict(zip(targets.names, offset.tolist(), strict=True))}
-    return model, replace(inversion, summary=inversion.summary | near | {"offset_samples": count})
+    return model, inversion._replace(summary=inversion.summary | near | {"offset_samples": count})

@@ -63,18 +63,17 @@ def judge(proposal: pd.DataFrame, runs: pd.DataFrame, study: Studied, round_: in
     """
     targets, section = study.targets, study.settings.refine
     rows = proposal[proposal["role"] == PROPOSAL]
-    own = runs[runs["sample"].isin(rows["sample"])]
+    own, first = runs[runs["sample"].isin(rows["sample"])], rows.iloc[0]
     summary = _summary(own, targets)
-    row: dict[str, Any] = {"round": round_, **{name: float(rows[name].iloc[0]) for name in study.parameters.names}}
+    row: dict[str, Any] = {"round": round_, **{name: float(first[name]) for name in study.parameters.names}}
     row |= {"poured": len(own), "n_seeds": summary["n_seeds"]}
     for target in targets:
-        predicted = float(rows[target.response.predicted].iloc[0])
-        row |= _numbers(target, predicted, summary[target.name], summary[target.response.error])
+        row |= _numbers(target, float(first[target.response.predicted]), summary)
     row["objective"] = _objective(summary, targets)
-    off = abs(np.array([row[key] for key in targets.predicted]) - targets.aim)
+    off = abs(first[list(targets.predicted)].to_numpy(float) - targets.aim)
     row["out_of_reach"] = bool((100 * off > section.tolerance_percent * targets.whole).any())
     row["outcome"], row["reason"] = _outcome(row, summary, study)
-    row["warning"] = str(rows["warning"].iloc[0]) if pd.notna(rows["warning"].iloc[0]) else ""
+    row["warning"] = "" if pd.isna(first["warning"]) else str(first["warning"])
     return row
 
 
@@ -87,7 +86,7 @@ def objective_of(jobs_of_round: Sequence[tuple[int, str, int]], runs: pd.DataFra
 def _objective(summary: Mapping[str, Any], targets: Targets) -> float:
     """Compute Eq. 11 for the means of a summary."""
     means = np.array([[summary[name] for name in targets.names]])
-    return float(Objective.of(targets)(means)[0][0])
+    return float(Objective(targets)(means)[0][0])
 
 
 def _summary(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
@@ -103,9 +102,10 @@ def _summary(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
     return {key: np.nan if value is None else value for key, value in summary.items()}
 
 
-def _numbers(target: Target, predicted: float, mean: float, error: float) -> dict[str, float]:
+def _numbers(target: Target, predicted: float, summary: Mapping[str, Any]) -> dict[str, float]:
     """Make the columns of one response in a round's row."""
     response, wanted, quantity = target.response, target.aim, target.response.quantity
+    mean, error = summary[target.name], summary[response.error]
     return {
         derived(response.name, "target"): wanted,
         response.predicted: predicted,

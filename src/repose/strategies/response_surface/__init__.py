@@ -38,7 +38,7 @@ class ResponseSurfaceSettings(Section):
         from repose.doe.central_composite import central_composite
 
         if self.surface == "box_behnken":
-            return box_behnken(factors, self.centres)[0], 1.0
+            return box_behnken(factors, self.centres), 1.0
         return central_composite(factors, self.surface, self.centres)
 
 

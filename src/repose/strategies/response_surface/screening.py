@@ -83,10 +83,9 @@ def analysis(step: str, models: list[Model], targets: Targets) -> dict[str, pd.D
     """
     tables: dict[str, pd.DataFrame] = {}
     for name, table_of in TABLES.items():
-        parts = [table_of(model) for model in models]
-        for part, target in zip(parts, targets, strict=True):
-            part.insert(0, "response", target.name)
-        tables[f"{step}_{name}"] = pd.concat(parts, ignore_index=True)
+        parts = dict(zip(targets.names, map(table_of, models), strict=True))
+        joined = pd.concat(parts, names=["response", None])
+        tables[f"{step}_{name}"] = joined.reset_index("response").reset_index(drop=True)
     return tables
 
 

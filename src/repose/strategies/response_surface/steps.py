@@ -15,12 +15,6 @@ OF_A_STEP = 1000
 CODED = "coded_"  # before a parameter's name: its column in coded units
 
 
-def numbers(step: str, count: int) -> list[int]:
-    """Return the sample numbers of a step, one of `STEPS`."""
-    first = OF_A_STEP * (STEPS.index(step) + 1) + 1
-    return list(range(first, first + count))
-
-
 def samples(
     step: str, space: ParameterSpace, unit: np.ndarray, factors: Sequence[str], coded: np.ndarray
 ) -> pd.DataFrame:
@@ -28,7 +22,7 @@ def samples(
 
     `unit` (n, d) has the free parameters in the unit cube, `coded` (n, factors) the same runs in coded units.
     """
-    table = parameter_sets(unit, space, numbers(step, 1)[0])
+    table = parameter_sets(unit, space, OF_A_STEP * (STEPS.index(step) + 1) + 1)
     for name, column in zip(factors, np.asarray(coded).T, strict=True):
         table[CODED + name] = column
     return table

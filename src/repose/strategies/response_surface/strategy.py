@@ -1,6 +1,5 @@
 """Proposals of the strategy `response_surface`: each step follows from the runs of the steps before it."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -8,7 +7,7 @@ import pandas as pd
 
 from repose.strategies.base import Answer, Batch, Studied, samples_of
 from repose.strategies.published.strategy import probability_of
-from repose.strategies.response_surface import ResponseSurfaceSettings, screening, surface
+from repose.strategies.response_surface import screening, surface
 from repose.strategies.runs import next_number, samples_of_runs
 
 
@@ -45,33 +44,27 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
         return batch(check)
     others, predicted = surface.alternatives(models, table, study)
     unit = surface.natural_unit(table, best.coded, space)
-    error = np.array([float(model.standard_error(best.coded[None])[0]) for model in models])
-    mean, covariance = best.predicted, np.diag(error**2)
+    mean, covariance = best.predicted, np.diag(notes["predictions"]["standard_error"] ** 2)
     poured = dataset[dataset["sample"].isin(check["sample"])]
-    return Answer(
-        space.values(unit)[0],
-        mean,
-        covariance,
-        probability_of(mean[None], covariance[None], targets),
-        samples_of(space, unit, section.checks, next_number(data)),
-        "the optimum of the surfaces is simulated",
-        others,
-        predicted,
-        notes=notes
-        | {"check": surface.checked(notes["predictions"], poured), "summary": {"surfaces_meet_targets": best.met}}
-        | {"steps": _steps(notes["screening"]["kept"], len(table), section)},
-        simulated=tuple(check["sample"]),
-    )
-
-
-def _steps(kept: Sequence[str], samples: int, section: ResponseSurfaceSettings) -> tuple[str, ...]:
-    """Describe the way to the optimum, in sentences."""
-    return (
+    notes |= {"check": surface.checked(notes["predictions"], poured), "summary": {"surfaces_meet_targets": best.met}}
+    notes["steps"] = (
         f"Screening: {section.screening_runs} runs of a Plackett-Burman design and "
-        f"{section.centres} of the centre; kept: {', '.join(kept)}.",
+        f"{section.centres} of the centre; kept: {', '.join(notes['screening']['kept'])}.",
         "Steepest ascent towards the targets, to the best point of the path.",
-        f"Surface: {samples} parameter sets about it ({section.surface}), a quadratic "
+        f"Surface: {len(table)} parameter sets about it ({section.surface}), a quadratic "
         "model for each response, and its optimum.",
+    )
+    return Answer(
+        values=space.values(unit)[0],
+        mean=mean,
+        covariance=covariance,
+        probability=probability_of(mean[None], covariance[None], targets),
+        samples=samples_of(space, unit, section.checks, next_number(data)),
+        why="the optimum of the surfaces is simulated",
+        others=others,
+        others_mean=predicted,
+        notes=notes,
+        simulated=tuple(check["sample"]),
     )
 
 

@@ -12,7 +12,7 @@ from repose.doe.optimum import Optimum, optimum
 from repose.strategies.answer import separated
 from repose.strategies.base import Studied
 from repose.strategies.response_surface import ResponseSurfaceSettings
-from repose.strategies.response_surface.steps import factors_of, samples, scale_of, usable
+from repose.strategies.response_surface.steps import CODED, factors_of, samples, scale_of, usable
 
 LEVEL = 0.95  # of the intervals
 POINTS = 2048  # of the cube, searched for parameter sets inside the ranges
@@ -54,13 +54,12 @@ def natural_unit(table: pd.DataFrame, points: np.ndarray, space: ParameterSpace)
 
     `table` has the samples of the surface.
     """
-    factors = factors_of(table)
     unit = space.unit(table[list(space.names)].to_numpy(float))
     points = np.atleast_2d(points)
     natural = np.repeat(unit[:1], len(points), axis=0)
-    for name, value in zip(factors, points.T, strict=True):
+    for name, value in zip(factors_of(table), points.T, strict=True):
         # every factor has a low and a high level; natural levels are linear in coded levels
-        place, coded = space.free.index(name), table[f"coded_{name}"].to_numpy(float)
+        place, coded = space.free.index(name), table[CODED + name].to_numpy(float)
         low, high = coded.argmin(), coded.argmax()
         slope = (unit[high, place] - unit[low, place]) / (coded[high] - coded[low])
         natural[:, place] = unit[low, place] + slope * (value - coded[low])

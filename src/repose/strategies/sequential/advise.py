@@ -1,6 +1,7 @@
 """The next batch of pours, or the answer with its probability: a function of the data alone, without any file."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -82,8 +83,7 @@ def advise(
     batch = np.empty((0, len(answer)))
     if stop is None and attainable.probability < IN_DOUBT:
         draws = _new(random.permutation(attainable.points), np.vstack([observed.unit, failed]))
-        sound = _is_sound(draws, observed.unit, failed)
-        batch = draws[np.argsort(~sound, kind="stable")[: -(-samples // 2)]]
+        batch = _soundest(draws, observed.unit, failed, -(-samples // 2))
     if stop is None and not len(batch):
         batch = _around(answer, samples, goal, observed.unit, failed, random)
     mean, covariance = model.predict(answer[None])
@@ -96,10 +96,9 @@ def nearest(model: Kriging, goal: Goal, good: np.ndarray, failed: np.ndarray, po
     """Find the point (d,) of least expected deviation from the targets (Eq. 11 of the paper), without a prior."""
 
     def score(unit: np.ndarray) -> np.ndarray:
-        deviation = goal.expected_deviation(*model.predict(unit))
-        return np.where(_is_sound(unit, good, failed), -deviation, -np.inf)
+        return -goal.expected_deviation(*model.predict(unit))
 
-    points, scores = _refined(points, score, np.random.default_rng(1))
+    points, scores = _refined(points, score, good, failed, np.random.default_rng(1))
     return points[scores.argmax()]
 
 
@@ -108,14 +107,20 @@ def _probability(model: Kriging, goal: Goal, point: np.ndarray) -> float:
     return float(goal.probability(*model.predict(point[None]))[0])
 
 
-def _refined(points: np.ndarray, score: Score, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Search ever nearer to the best of the points; return all points with their scores."""
-    scores = score(points)
+def _refined(
+    points: np.ndarray, score: Score, good: np.ndarray, failed: np.ndarray, random: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Search ever nearer to the best of the points; return all with their scores, minus infinity for unsound ones."""
+
+    def scored(unit: np.ndarray) -> np.ndarray:
+        return np.where(_is_sound(unit, good, failed), score(unit), -np.inf)
+
+    scores = scored(points)
     for step in STEPS:
         best = points[np.argsort(-scores)[:KEPT]]
         near = np.repeat(best, AROUND, axis=0)
         near = np.clip(near + step * random.standard_normal(near.shape), 0, 1)
-        points, scores = np.vstack([points, near]), np.concatenate([scores, score(near)])
+        points, scores = np.vstack([points, near]), np.concatenate([scores, scored(near)])
     return points, scores
 
 
@@ -128,11 +133,8 @@ def ranked(
     """
     from scipy.stats import qmc
 
-    def score(unit: np.ndarray) -> np.ndarray:
-        return np.where(_is_sound(unit, good, failed), goal.score(model, unit), -np.inf)
-
     points = goal.space.from_prior(qmc.Sobol(good.shape[1], rng=random).random(CANDIDATES))
-    return _refined(points, score, random)
+    return _refined(points, partial(goal.score, model), good, failed, random)
 
 
 def alternatives(
@@ -156,9 +158,12 @@ def _around(
     """Draw points about the answer, normal in shares of the prior: there slopes are learned with the mean."""
     share = goal.space.prior_cdf(answer[None])
     share = np.clip(share + SPREAD * random.standard_normal((AROUND * samples, len(answer))), 0, 1)
-    points = goal.space.from_prior(share)
-    sound = _is_sound(points, good, failed)
-    return points[np.argsort(~sound, kind="stable")[:samples]]
+    return _soundest(goal.space.from_prior(share), good, failed, samples)
+
+
+def _soundest(points: np.ndarray, good: np.ndarray, failed: np.ndarray, count: int) -> np.ndarray:
+    """Select the first sound points, then the first others."""
+    return points[np.argsort(~_is_sound(points, good, failed), kind="stable")[:count]]
 
 
 def _new(points: np.ndarray, done: np.ndarray) -> np.ndarray:

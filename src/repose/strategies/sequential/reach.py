@@ -9,7 +9,8 @@ searched for, so the answer is about all parameter sets together, not about a si
 """
 
 import math
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import linalg
@@ -40,52 +41,52 @@ def reach(model: Kriging, goal: Goal, random: np.random.Generator) -> Reach:
     d = model.unit.shape[1]
     wide = goal.space.from_prior(qmc.Sobol(d, rng=random).random(CANDIDATES))
     wide = np.vstack([wide, np.round(wide)])
-    least, deviations, best = [], [], []
+    found = []
     for number in range(len(model.sets)):
         draws = Draws(model, number, random)
         points, misses, deviation = wide, *goal.of_responses(draws(wide))
         for step in STEPS:
-            near = np.repeat(points[misses.argmin(axis=1)], AROUND, axis=0)
-            near = np.vstack([near, np.repeat(points[deviation.argmin(axis=1)], AROUND, axis=0)])
+            best = points[np.concatenate([misses.argmin(axis=1), deviation.argmin(axis=1)])]
+            near = np.repeat(best, AROUND, axis=0)
             near = np.clip(near + step * random.standard_normal(near.shape), 0, 1)
             points = np.vstack([points, near])
             more = goal.of_responses(draws(near))
             misses, deviation = np.hstack([misses, more[0]]), np.hstack([deviation, more[1]])
-        least.append(misses.min(axis=1))
-        deviations.append(deviation.min(axis=1))
-        best.append(points[misses.argmin(axis=1)])
-    nearest = np.concatenate(deviations)
-    probability = float((np.concatenate(least) <= 1).mean())
-    return Reach(probability, float(nearest.mean()), float(nearest.std()), np.concatenate(best))
+        found.append((misses.min(axis=1), deviation.min(axis=1), points[misses.argmin(axis=1)]))
+    least, nearest, best = map(np.concatenate, zip(*found, strict=True))
+    return Reach(float((least <= 1).mean()), float(nearest.mean()), float(nearest.std()), best)
 
 
 class Draws:
     """Functions drawn from set `number` of processes: called with points (m, d) they give responses (draws, m, k)."""
 
     def __init__(self, model: Kriging, number: int, random: np.random.Generator) -> None:
-        self.model, self.parts, d = model, [], model.unit.shape[1]
+        self.model, self.parts = model, []
         for k, process in enumerate(model.sets[number]):
-            straight, rough = process.kernel.k1, process.kernel.k2
-            matern, size = rough.k2, rough.k1.constant_value
-            # frequencies of Matern's covariance are distributed as Student's t
-            freedom = 2 * SMOOTHNESS
-            frequencies = random.standard_normal((FEATURES, d)) / matern.length_scale
-            frequencies /= np.sqrt(random.chisquare(freedom, (FEATURES, 1)) / freedom)
-            phase = 2 * np.pi * random.random(FEATURES)
-            weights = np.sqrt(2 * size / FEATURES) * random.standard_normal((FEATURES, FUNCTIONS))
-            slopes = np.sqrt(straight.k1.constant_value) * random.standard_normal((d, FUNCTIONS))
-            constant = random.standard_normal(FUNCTIONS)
+            prior = _prior(process.kernel, model.unit.shape[1], random)
             values, errors = model.values[:, k, None], model.errors[:, k, None]
             off = np.sqrt(errors) * random.standard_normal((len(values), FUNCTIONS))
-            prior = constant + model.unit @ slopes + np.cos(model.unit @ frequencies.T + phase) @ weights
-            corrections = linalg.cho_solve((process.root, True), values - prior - off)
-            self.parts.append((process, frequencies, phase, weights, slopes, constant, corrections))
+            corrections = linalg.cho_solve((process.root, True), values - prior(model.unit) - off)
+            self.parts.append((process, prior, corrections))
 
     def __call__(self, unit: np.ndarray) -> np.ndarray:
         unit, mixed, root = unit - 0.5, [], math.sqrt(self.model.factor)
-        for process, frequencies, phase, weights, slopes, constant, corrections in self.parts:
+        for process, prior, corrections in self.parts:
             between = process.kernel(unit, self.model.unit)
-            prior = constant + unit @ slopes + np.cos(unit @ frequencies.T + phase) @ weights
             mean = (between @ process.weights)[:, None]
-            mixed.append(mean + root * (prior + between @ corrections - mean))
+            mixed.append(mean + root * (prior(unit) + between @ corrections - mean))
         return self.model.unmixed(np.stack(mixed, axis=-1)).transpose(1, 0, 2)
+
+
+def _prior(kernel: Any, d: int, random: np.random.Generator) -> Callable[[np.ndarray], np.ndarray]:
+    """Draw functions of the prior, from points (m, d) to values (m, FUNCTIONS), by random features (RR08)."""
+    matern, size = kernel.k2.k2, kernel.k2.k1.constant_value
+    # frequencies of Matern's covariance are distributed as Student's t
+    freedom = 2 * SMOOTHNESS
+    frequencies = random.standard_normal((FEATURES, d)) / matern.length_scale
+    frequencies /= np.sqrt(random.chisquare(freedom, (FEATURES, 1)) / freedom)
+    phase = 2 * np.pi * random.random(FEATURES)
+    weights = np.sqrt(2 * size / FEATURES) * random.standard_normal((FEATURES, FUNCTIONS))
+    slopes = np.sqrt(kernel.k1.k1.constant_value) * random.standard_normal((d, FUNCTIONS))
+    constant = random.standard_normal(FUNCTIONS)
+    return lambda unit: constant + unit @ slopes + np.cos(unit @ frequencies.T + phase) @ weights

@@ -69,10 +69,8 @@ def answer(study: Studied, data: pd.DataFrame, point: np.ndarray | None = None, 
     others, predicted = alternatives(points, scores, model, targets, study.settings.miga)
     unit = (points[scores.argmax()] if point is None else point)[None]
     mean, covariance = model.predict(unit)
-    probability = {
-        column: float(Goal.of(targets, percent, space).probability(mean, covariance)[0])
-        for percent, column in WITHIN.items()
-    }
+    goals = {column: Goal.of(targets, percent, space) for percent, column in WITHIN.items()}
+    probability = {column: float(goal.probability(mean, covariance)[0]) for column, goal in goals.items()}
     # a simulator of the user's own has no key for the number of runs of the answer
     checks = getattr(section, "checks", section.seeds)
     return Answer(
@@ -126,12 +124,12 @@ def _random(study: Studied, data: pd.DataFrame) -> np.random.Generator:
 
 def _notes(advice: Advice, study: Studied) -> dict[str, Any]:
     """Describe the state after the runs so far; `needed` are the pours that the noise alone asks for."""
-    space, targets = study.parameters, study.targets
+    space = study.parameters
     answer = dict(zip(space.names, space.values(advice.answer[None])[0].tolist(), strict=True))
     state: dict[str, Any] = {"probability": advice.probability, "reachable": advice.reachable}
     state |= {"in_reach": advice.reach.probability, "needed": advice.needed, "stop": advice.stop}
     row = state.copy()
-    for name, mean, error in zip(targets.names, advice.mean, advice.error, strict=True):
+    for name, mean, error in zip(study.targets.names, advice.mean, advice.error, strict=True):
         row |= {f"{name}_mean": float(mean), f"{name}_error": float(error)}
     why = WHY[advice.stop] if advice.stop else f"{len(advice.batch)} more samples are poured"
     nearest = {"deviation": advice.reach.nearest, "error": advice.reach.error}
@@ -158,10 +156,9 @@ def _out_of_reach(notes: Mapping[str, Any], targets: Targets) -> str:
     off = []
     for target in targets:
         mean, error = (notes["row"][f"{target.name}_{what}"] for what in ("mean", "error"))
-        percent = [100 * value / target.whole for value in (mean - target.aim, error)]
-        off.append(f"{percent[0]:+.1f} ± {abs(percent[1]):.1f} % off the target of {target.response.symbol}")
+        percent, scatter = 100 * (mean - target.aim) / target.whole, 100 * error / target.whole
+        off.append(f"{percent:+.1f} ± {abs(scatter):.1f} % off the target of {target.response.symbol}")
     return (
         "The targets are probably out of reach: some parameter set meets them with probability "
-        f"{notes['in_reach']:.2f}. "
-        f"The answer is the nearest: {', '.join(off)}."
+        f"{notes['in_reach']:.2f}. The answer is the nearest: {', '.join(off)}."
     )
