@@ -93,7 +93,7 @@ class Calibration(NamedTuple):
         """Write the page to read, one HTML file; it takes the extra `pictures`."""
         import_module("repose.pictures.report.own").write(self, Path(path))  # a room above this one
 
-    def plot(self, path: str | os.PathLike | None = None) -> Any:
+    def plot(self, path: Path_ | None = None) -> Any:
         """Draw runs, their history, intervals and posterior as a matplotlib Figure, and write it to `path` if given.
 
         The path ends in .png, .pdf or .svg. It takes the extra `pictures`.
