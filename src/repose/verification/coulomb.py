@@ -47,9 +47,8 @@ def sliding_loss(shape: Shape | Clump, contact: Contact, **laws: Any) -> float:
     hit = time_steps.impact(made(1e-15).scene, shape, shape, NORMAL_M_S).time_step_s
     step = hit * time_steps.STEPS_PER_CONTACT / STEPS_PER_CONTACT
     simulation = made(step)
-    turn, reach = lowest_under_centre(shape), float(shape.half_extents_m[2])
-    if isinstance(shape, Clump):
-        reach = float(np.max(np.linalg.norm(shape.spheres_m[:, :3], axis=1) + shape.spheres_m[:, 3]))
+    turn = lowest_under_centre(shape)
+    reach = shape.bounding_radius_m if isinstance(shape, Clump) else float(shape.half_extents_m[2])
     along = SLIDES * 3.5 * sliding_impulse(contact, NORMAL_M_S)
     place = (0.0, 0.0, reach + 3.5 * step * NORMAL_M_S)
     simulation.add("body", place, turn, (along, 0.0, -NORMAL_M_S))

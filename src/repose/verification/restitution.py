@@ -68,14 +68,6 @@ class Hits(NamedTuple):
     contacts: np.ndarray  # (count,), most contacts at any check
 
 
-class Place(NamedTuple):
-    """The place where two bodies touch."""
-
-    normal: np.ndarray  # (3,), from the first body to the second
-    arm_a: np.ndarray  # (3,), the place relative to the centre of the first body [m]
-    arm_b: np.ndarray  # (3,), relative to the centre of the second
-
-
 def _turned_spheres(clump: Clump, turn: np.ndarray) -> np.ndarray:
     """Turn a clump's spheres into the world: rows of centre and radius (M, 4)."""
     return np.column_stack([clump.spheres_m[:, :3] @ turn.T, clump.spheres_m[:, 3]])
@@ -115,8 +107,13 @@ def first_touch(
     return float(distance(_deepest(distance, direction)[None])[0])
 
 
-def nearest(shape: Shape | Clump, turn_a: np.ndarray, turn_b: np.ndarray, between: np.ndarray) -> Place:
-    """Find the place where two bodies that just touch do so; `between` (3,) is from first to second centre [m]."""
+def nearest(
+    shape: Shape | Clump, turn_a: np.ndarray, turn_b: np.ndarray, between: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Find normal and place (3,) where two bodies that just touch do so, the place from the first centre [m].
+
+    `between` (3,) is the way from the first centre to the second [m].
+    """
     if isinstance(shape, Clump):
         a, b = _turned_spheres(shape, turn_a), _turned_spheres(shape, turn_b)
         ways = b[None, :, :3] + between - a[:, None, :3]
@@ -130,7 +127,7 @@ def nearest(shape: Shape | Clump, turn_a: np.ndarray, turn_b: np.ndarray, betwee
             between / np.linalg.norm(between),
         )
         arm = turn_a @ shape.support_point(normal @ turn_a)
-    return Place(normal, arm, arm - between)
+    return normal, arm
 
 
 def hits(
@@ -219,9 +216,10 @@ def _approach(simulation: Simulation, k: int, on_plane: bool) -> float:
         return (velocities[k] + np.cross(turning[k], turn @ shape.support_point(down @ turn))) @ down
     a, b = 2 * k, 2 * k + 1
     turn_a, turn_b = rotation_matrices(simulation.quaternions[[a, b]])
-    place = nearest(shape, turn_a, turn_b, simulation.positions[b] - simulation.positions[a])
-    point_a = velocities[a] + np.cross(turning[a], place.arm_a)
-    return (point_a - velocities[b] - np.cross(turning[b], place.arm_b)) @ place.normal
+    between = simulation.positions[b] - simulation.positions[a]
+    normal, arm = nearest(shape, turn_a, turn_b, between)
+    point_a = velocities[a] + np.cross(turning[a], arm)
+    return (point_a - velocities[b] - np.cross(turning[b], arm - between)) @ normal
 
 
 def restitution_of_hits(effort: Effort) -> Rows:

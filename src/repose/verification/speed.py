@@ -6,8 +6,8 @@ also depends on vectors and caches.
 """
 
 import math
-import time
-from collections.abc import Callable, Mapping, Sequence
+import timeit
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numba
@@ -55,7 +55,8 @@ def run(
     references: list[float] = []
     pours: dict[str, list] = {name: [] for name in particles}
     for _ in range(ROUNDS):
-        references.append(1e6 * _median_s(lambda: reference_kernel(REFERENCE_LOOPS)))
+        loops_s = timeit.repeat(lambda: reference_kernel(REFERENCE_LOOPS), number=1, repeat=REPEATS)
+        references.append(1e6 * float(np.median(loops_s)))
         for name, particle in particles.items():
             pours[name].append(timed_pour(config, parameters, seed, particle, berry))
     settings = SceneSettings(config)
@@ -123,13 +124,3 @@ def message(result: Mapping[str, Any]) -> str:
             f"{row['ratio']:10.3f} {row['job_s']:8.2f}"
         )
     return "\n".join(lines)
-
-
-def _median_s(function: Callable[[], Any], repeats: int = REPEATS) -> float:
-    """Measure the median wall time of a call [s]."""
-    times = []
-    for _ in range(repeats):
-        began = time.perf_counter()
-        function()
-        times.append(time.perf_counter() - began)
-    return float(np.median(times))
