@@ -6,7 +6,7 @@ import numpy as np
 from dem.common import DENSITY, GOJI, PVC
 
 from repose.apparatus.funnel import Funnel
-from repose.dem import Clump, Cone, Contact, Plane, Shape, Simulation
+from repose.dem import Clump, Cone, Contact, Shape, Simulation
 
 RADIUS = 0.006
 FUNNEL = Funnel(0.15, 0.032, 60.0, 0.0, 0.001, 0.1)
@@ -23,7 +23,6 @@ BENT = np.array(
 ) * 1e-3  # fmt: skip
 BENT_INERTIA = np.array([1.0e-8, 3.5e-8, 3.6e-8])
 MASS = 1.0e-3
-FLOOR = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall")
 CONE = Cone.between((0.0, 0.0, 0.03), (0.0, 0.0, 1.0), 0.09, 0.016, 0.07, "wall")
 
 
@@ -31,17 +30,15 @@ def bent(material="body"):
     return Clump(BENT, MASS, BENT_INERTIA, material)
 
 
-def ball_of_one(radius=RADIUS, material="body"):
-    solid = Shape.sphere(radius, DENSITY, material)
+def ball_of_one(radius=RADIUS, material="body", density=DENSITY):
+    solid = Shape.sphere(radius, density, material)
     return Clump([[0.0, 0.0, 0.0, radius]], solid.mass_kg, solid.inertia_kg_m2, material)
 
 
-def scene(
-    shapes, contact=None, walls=None, dt=1e-5, capacity=2, gravity=(0.0, 0.0, 0.0), body=GOJI, wall=PVC, **keywords
-):
+def scene(shapes, contact=None, walls=None, dt=1e-5, capacity=2, gravity=(0.0, 0.0, 0.0), **keywords):
+    """Bodies of the material `body` and walls of the material `wall`; `on_wall` is their contact with these."""
     contact = contact or Contact(0.3, 0.5, 0.02)
-    keywords.setdefault("lower", (-0.1, -0.1, -0.1))
-    keywords.setdefault("upper", (0.1, 0.1, 0.2))
-    laws = {("body", "body"): contact, ("body", "wall"): contact}
-    materials = {"body": body, "wall": wall}
-    return Simulation(shapes, materials, laws, dt, capacity=capacity, walls=walls, gravity_m_s2=gravity, **keywords)
+    contacts = {("body", "body"): contact, ("body", "wall"): keywords.pop("on_wall", None) or contact}
+    materials = {"body": keywords.pop("body", GOJI), "wall": keywords.pop("wall", PVC)}
+    keywords = {"lower": (-0.1, -0.1, -0.1), "upper": (0.1, 0.1, 0.2), "gravity_m_s2": gravity} | keywords
+    return Simulation(shapes, materials, contacts, dt, capacity=capacity, walls=walls, **keywords)

@@ -2,13 +2,19 @@
 
 import numpy as np
 
-from repose.dem import Contact, Material, Shape, Simulation
+from repose.dem import Contact, Material, Mesh, Plane, Shape, Simulation
+from repose.dem.kernels import clump_tile as ct
+from repose.dem.kernels import state as st
+from repose.dem.kernels import tile as tl
 
 GOJI = Material(4.3e4, 0.32)
 PVC = Material(1.12e9, 0.4)
 BERRY = np.array([[0.02114, 0.01137, 0.00988]]) / 2.0
 BARREL = np.array([[7.399, 0.940, 0.940], [3.171, 4.745, 4.000]]) * 1e-3
 DENSITY = 840.47
+FLOOR = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall")
+DOWN = (0.0, 0.0, -9.81)
+LANES = st.LANES
 
 
 class OneShape(Simulation):
@@ -31,6 +37,52 @@ def simulation(semi_axes=BERRY, contact=None, wall_contact=None, walls=None, dt=
     return OneShape(shapes, {"body": GOJI, "wall": PVC}, contacts, dt, capacity=capacity, walls=walls, **keywords)
 
 
+def head_on(e, speed=0.5, dt=2e-6, **keywords):
+    s = simulation(np.full((1, 3), 0.006), Contact(e, 0.0, 0.0), dt=dt, **keywords)
+    s.add((-0.00601, 0.0, 0.0), (1, 0, 0, 0), (speed, 0.0, 0.0))
+    s.add((0.00601, 0.0, 0.0), (1, 0, 0, 0), (-speed, 0.0, 0.0))
+    return s
+
+
+def mesh_of(solid, radius, **keywords):
+    return Mesh(np.array(solid.vertices), np.array(solid.faces), "wall", radius, **keywords)
+
+
+def tile_of(law, material, contact, radius, mass=1e-3, tension="keep"):
+    """A tile of equal contacts of two bodies at rest, normals along z, and what they keep."""
+    tile = np.zeros((tl.LAW_ROW + law.n_rows, LANES))
+    kept = np.zeros((ct.PAIR_STATE // LANES + law.n_state, LANES))
+    tile[tl.LAW_ROW :][: law.n_constants] = law.constants(material, material, contact, tension)[:, None]
+    tile[tl.INVERSE_MASS // LANES], tile[tl.RADIUS // LANES] = 1.0 / mass, radius
+    kept[2] = 1.0
+    return tile, kept
+
+
+def normal_force(law, tile, kept, overlap, at=st.PAIR_STATE, dt=0.0):
+    """Normal force of each lane at an overlap; above 0 where it pushes."""
+    tile[tl.GAP // LANES] = -np.asarray(overlap)
+    law.kernel(law.make_options("keep"), tile.ravel(), kept.ravel(), at, dt)
+    return -tile[tl.TO_A // LANES + 2]
+
+
 def random_direction(rng):
     n = rng.normal(size=3)
     return n / np.linalg.norm(n)
+
+
+def angular_momentum(s):
+    return (np.cross(s.positions, s.masses_kg[:, None] * s.velocities) + s.angular_momenta).sum(axis=0)
+
+
+def energy_shares(s, rounds, steps):
+    """Run for so many rounds of steps: the largest energy after one, and the last, over the energy before."""
+    energy, shares = s.kinetic_energies().sum(), []
+    for _ in range(rounds):
+        s.run_steps(steps)
+        shares.append(s.kinetic_energies().sum() / energy)
+    return max(shares), shares[-1]
+
+
+def bits(s):
+    values = (s.positions, s.quaternions, s.velocities, s.angular_momenta, s.walls.planes, s.walls.frames, s.contacts())
+    return b"".join(np.ascontiguousarray(v).tobytes() for v in values)

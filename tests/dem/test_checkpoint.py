@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from dem.common import bits
 from refusals import input_error, not_refused
 
 from repose.core.errors import InputError
@@ -34,12 +35,6 @@ def falling_berries():
         name, scale = ("berry", "ball")[k % 3 == 0], rng.uniform(0.9, 1.2)
         simulation.add(name, place, turn, velocity_m_s=velocity, scale=scale)
     return simulation
-
-
-def bits(simulation):
-    values = (simulation.positions, simulation.quaternions, simulation.velocities, simulation.angular_momenta)
-    walls = (simulation.walls.planes, simulation.walls.frames)
-    return b"".join(np.ascontiguousarray(v).tobytes() for v in (*values, *walls, simulation.contacts()))
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +63,7 @@ def test_going_on_from_a_checkpoint_gives_the_same_bits_also_in_a_fresh_process(
     path, expected = saved
     code = (
         "import sys; sys.path[:0] = [sys.argv[2]]\n"
-        "from dem.test_checkpoint import bits\n"
+        "from dem.common import bits\n"
         "from repose.dem import Simulation\n"
         "simulation = Simulation.load(sys.argv[1]); simulation.run_steps(800)\n"
         "sys.stdout.buffer.write(bits(simulation))\n"

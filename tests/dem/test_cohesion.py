@@ -4,16 +4,16 @@ import math
 
 import numpy as np
 import pytest
-from dem.clump_scenes import CONE, FLOOR, bent
+from dem.clump_scenes import CONE, ball_of_one, bent
 from dem.clump_scenes import scene as scene_of
-from dem.common import DENSITY, GOJI, PVC, simulation
-from dem.test_epsd import GRAVITY, angular_momentum, on_floor, smooth
+from dem.common import DENSITY, DOWN, FLOOR, GOJI, LANES, PVC, angular_momentum, normal_force, simulation, tile_of
+from dem.test_epsd import GRAVITY, on_floor, smooth
 from dem.test_epsd import scene as rolling_scene
 from oracles import jkr_force
 from refusals import value_error
 from scipy.optimize import brentq
 
-from repose.dem import Clump, Cone, Contact, Cylinder, Material, Mesh, Motion, Plane, RingEdge, Shape, Simulation
+from repose.dem import Cone, Contact, Cylinder, Material, Mesh, Motion, RingEdge, Shape, Simulation
 from repose.dem.constants import COHESION_ENERGY_DENSITY, OF_LAWS, SURFACE_ENERGY
 from repose.dem.kernels import clump_tile as ct
 from repose.dem.kernels import state as st
@@ -22,30 +22,12 @@ from repose.dem.laws import CONTACT_LAWS, jkr
 from repose.dem.materials import effective_moduli
 from repose.verification.machine import smooth as smooth_body
 
-LANES = st.LANES
 LAMMPS = Material(4.8e10 / 2.4, 0.2)  # of the unit tests of LAMMPS, package GRANULAR
 RADIUS = 0.006
 
 
 def coherent(gamma, e=1.0, sliding=0.0, rolling=0.0):
     return Contact(e, sliding, rolling, constants={SURFACE_ENERGY.name: gamma})
-
-
-def tile_of(law, material, contact, radius, mass=1e-3):
-    """A tile of equal contacts of two bodies at rest, normals along z, and what they keep."""
-    tile = np.zeros((tl.LAW_ROW + law.n_rows, LANES))
-    kept = np.zeros((ct.PAIR_STATE // LANES + law.n_state, LANES))
-    tile[tl.LAW_ROW :][: law.n_constants] = law.constants(material, material, contact)[:, None]
-    tile[tl.INVERSE_MASS // LANES], tile[tl.RADIUS // LANES] = 1.0 / mass, radius
-    kept[2] = 1.0
-    return tile, kept
-
-
-def normal_force(law, tile, kept, overlap, at=st.PAIR_STATE, dt=0.0):
-    """Normal force of each lane at an overlap; above 0 where it pushes."""
-    tile[tl.GAP // LANES] = -np.asarray(overlap)
-    law.kernel(law.make_options("keep"), tile.ravel(), kept.ravel(), at, dt)
-    return -tile[tl.TO_A // LANES + 2]
 
 
 def test_jkr_pulls_as_in_lammps_and_without_energy_is_the_dry_law():
@@ -179,18 +161,14 @@ KINDS = ("sphere", "smooth", "clump")
 
 
 def solid(kind, radius=RADIUS, density=DENSITY):
-    sphere = Shape.sphere(radius, density, "body")
-    clump = Clump([[0.0, 0.0, 0.0, radius]], sphere.mass_kg, sphere.inertia_kg_m2, "body")
-    return {"sphere": sphere, "smooth": smooth_body(radius, density, "body"), "clump": clump}[kind]
+    if kind == "clump":
+        return ball_of_one(radius, density=density)
+    return (Shape.sphere if kind == "sphere" else smooth_body)(radius, density, "body")
 
 
-def scene(shape, contact, material=GOJI, walls=None, dt=1e-5, on_wall=None, **keywords):
-    keywords = {"contact_law": "jkr", "capacity": 2, "gravity_m_s2": (0.0, 0.0, 0.0)} | keywords
-    return Simulation(
-        {"body": shape}, {"body": material, "wall": PVC},
-        {("body", "body"): contact, ("body", "wall"): on_wall or contact}, dt,
-        lower=(-0.2, -0.2, -0.2), upper=(0.2, 0.2, 0.2), walls=walls, **keywords,
-    )  # fmt: skip
+def scene(shape, contact, material=GOJI, **keywords):
+    keywords = {"contact_law": "jkr", "lower": (-0.2, -0.2, -0.2), "upper": (0.2, 0.2, 0.2)} | keywords
+    return scene_of({"body": shape}, contact, body=material, **keywords)
 
 
 def settled_overlap(contact, law, tension, kind):
@@ -234,7 +212,7 @@ def walls():
     corners = 0.05 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
     down, out = (0.0, 0.0, -1.0), (1.0, 0.0, 0.0)
     slant = np.array([0.09, 0.0, -0.054]) / math.hypot(0.09, 0.054)
-    yield "plane", Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall"), RADIUS, (0.0, 0.0, 0.0), down
+    yield "plane", FLOOR, RADIUS, (0.0, 0.0, 0.0), down
     mesh = Mesh(corners, [[0, 1, 2], [0, 2, 3]], "wall", edge_radius_m=0.001)
     yield "mesh", mesh, RADIUS, (0.011, 0.003, 0.0), down
     hollow = RADIUS / math.sqrt(1.0 - RADIUS / TUBE)
@@ -321,9 +299,9 @@ def lifted_pile(gamma, seed):
     rng, wide = np.random.default_rng(seed), 0.024
     s = scene(
         solid("sphere", 0.004), coherent(gamma, 0.3, 0.4, 0.05), dt=1e-4, on_wall=coherent(0.0, 0.3, 0.2, 0.05),
-        capacity=150, gravity_m_s2=(0.0, 0.0, -9.81), tension="release",
+        capacity=150, gravity=DOWN, tension="release",
         walls={
-            "floor": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall"),
+            "floor": FLOOR,
             "cylinder": Cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.4, wide, "wall"),
         },
     )  # fmt: skip

@@ -46,21 +46,6 @@ def pair_tile(t, contacts, rows, first, second, parts, dt, law, rolling, load):
     scatter(load, second, 0, t, tl.TO_B)
 
 
-@kernel
-def give_constants(t, at, constants):
-    tl.fill_constants(t, at, constants)
-
-
-@kernel
-def by_bits(x):
-    return root_of_bits(x)
-
-
-@kernel
-def by_processor(x):
-    return root_of_processor(x)
-
-
 def parts_of(axes):
     """As `shapes.parts_of`, for a body with the moments of its axes."""
     return st.SPHERES if axes is SPHERE else len(axes)
@@ -87,9 +72,7 @@ def engine_rows(bodies, axes, mass, moments=MOMENTS):
 
 def random_pair(rng, overlap_range):
     """Two berries at a random distance around touching."""
-    bodies = []
-    for _ in range(2):
-        bodies.append([np.zeros(3), random_quaternion(rng), rng.normal(size=3), 30.0 * rng.normal(size=3)])
+    bodies = [[None, random_quaternion(rng), rng.normal(size=3), 30.0 * rng.normal(size=3)] for _ in range(2)]
     direction = random_direction(rng)
     bodies[0][0] = rng.normal(size=3)
     bodies[1][0] = bodies[0][0] + direction * 0.02
@@ -106,7 +89,7 @@ def at_gap(bodies, axes, direction, target):
     return gap, normal
 
 
-@pytest.mark.parametrize("reciprocal_root", [by_bits, by_processor])
+@pytest.mark.parametrize("reciprocal_root", [root_of_bits, root_of_processor])
 def test_reciprocal_root(reciprocal_root):
     for x in 10.0 ** np.random.default_rng(1).uniform(-120.0, 120.0, 2000):
         assert reciprocal_root(x) * np.sqrt(x) == pytest.approx(1.0, abs=1e-15)
@@ -119,23 +102,13 @@ def test_gather_and_scatter_are_plain_copies(columns):
     rows, load = rng.normal(size=(40, columns)), st.zeros(40, 8)
     index = rng.integers(0, 40, LANES).astype(np.uint32)  # a body comes more than once
     t = st.zeros(ROWS * LANES)
-    gather_tile(rows, index, t)
+    gather(rows, index, 0, t, tl.A)
     lanes = t.reshape(ROWS, LANES)
     assert np.array_equal(lanes[:columns], rows[index].T)
-    scatter_tile(load, index, t)
+    scatter(load, index, 0, t, tl.A)
     expected = np.zeros((40, 8))
     np.add.at(expected, index, rows[index][:, :8])
     assert np.array_equal(load, expected)
-
-
-@kernel
-def gather_tile(rows, index, t):
-    gather(rows, index, 0, t, tl.A)
-
-
-@kernel
-def scatter_tile(load, index, t):
-    scatter(load, index, 0, t, tl.A)
 
 
 @pytest.mark.parametrize("axes", [BERRY, BARREL, SPHERE], ids=["ellipsoid", "two ellipsoids", "sphere"])
@@ -186,8 +159,8 @@ def test_a_tile_of_contacts_agrees_with_the_slow_law(axes, tension, limit):  # n
     young, shear = effective_moduli(GOJI, GOJI)
     mass = 1.04e-3
     beta = damping_ratio(contact.restitution)
-    give_constants(t, tl.LAW, hertz_mindlin.constants(GOJI, GOJI, contact))
-    give_constants(t, tl.ROLLING, rolling_budget.constants(GOJI, GOJI, contact))
+    tl.fill_constants(t, tl.LAW, hertz_mindlin.constants(GOJI, GOJI, contact))
+    tl.fill_constants(t, tl.ROLLING, rolling_budget.constants(GOJI, GOJI, contact))
     laws = tuple(law.LAW.make_options(tension, limit) for law in (hertz_mindlin, rolling_budget))
     dt = 2e-4
     everybody, cases = [], []

@@ -5,8 +5,8 @@ import math
 
 import numpy as np
 import pytest
-from dem.common import GOJI, simulation
-from dem.test_cohesion import LANES, compare_with_the_dry_law, normal_force, tile_of
+from dem.common import GOJI, LANES, normal_force, simulation, tile_of
+from dem.test_cohesion import compare_with_the_dry_law
 
 from repose.dem import Contact
 from repose.dem.constants import PLASTICITY_RATIO, SURFACE_ENERGY

@@ -5,13 +5,14 @@ import warnings
 
 import numpy as np
 import pytest
-from dem.clump_scenes import bent
-from dem.common import BERRY, DENSITY, GOJI, PVC, random_direction
+from dem.clump_scenes import ball_of_one, bent
+from dem.clump_scenes import scene as scene_of
+from dem.common import BERRY, DENSITY, FLOOR, GOJI, PVC, angular_momentum, random_direction
 from dem.test_time_steps import denormal
 from oracles import epsd as slow_law
 from refusals import value_error
 
-from repose.dem import Clump, Contact, Material, Motion, Plane, Shape, Simulation, random_quaternion
+from repose.dem import Contact, Material, Motion, Plane, Shape, random_quaternion
 from repose.dem.kernels import state as st
 from repose.dem.kernels import tile as tl
 from repose.dem.laws import ROLLING_LAWS
@@ -20,7 +21,6 @@ from repose.dem.materials import effective_moduli
 LAW, LANES = ROLLING_LAWS["epsd"], st.LANES
 RADIUS, GRAVITY = 0.006, 9.81
 STIFF = Material(1e3 * GOJI.shear_modulus_pa, GOJI.poisson_ratio)
-FLOOR = {"floor": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall")}
 
 
 @pytest.mark.parametrize("wall", [False, True])
@@ -93,19 +93,13 @@ def smooth():
     return Shape.sphere(RADIUS, DENSITY, "body")
 
 
-def ball():
-    return Clump([[0.0, 0.0, 0.0, RADIUS]], smooth().mass_kg, smooth().inertia_kg_m2, "body")
-
-
-BODIES = [smooth, ball]
+BODIES = [smooth, ball_of_one]
+BERRY_AND_CLUMP = [pytest.param(lambda: Shape.ellipsoid(BERRY[0], DENSITY, "body"), id="berry"), bent]
 
 
 def scene(shape, contact, walls=None, material=GOJI, dt=1e-5, capacity=2, gravity=(0.0, 0.0, -GRAVITY), **laws):
     laws = {"contact_law": "hertz_mindlin_rescaled", "tension": "release", "rolling_law": "epsd"} | laws
-    return Simulation(
-        {"body": shape}, {"body": material, "wall": PVC}, {("body", "body"): contact, ("body", "wall"): contact}, dt,
-        capacity=capacity, lower=(-0.1, -0.1, -0.1), upper=(0.1, 0.1, 0.2), walls=walls, gravity_m_s2=gravity, **laws,
-    )  # fmt: skip
+    return scene_of({"body": shape}, contact, walls, dt, capacity, gravity, body=material, **laws)
 
 
 def sunk(mass, material=GOJI):
@@ -115,11 +109,20 @@ def sunk(mass, material=GOJI):
 
 
 def on_floor(shape, contact, slope=0.0, spin=(0.0, 0.0, 0.0), velocity=(0.0, 0.0, 0.0), material=STIFF, **keywords):
-    s = scene(shape, contact, FLOOR, material, **keywords)
+    s = scene(shape, contact, {"floor": FLOOR}, material, **keywords)
     s.add("body", (0.0, 0.0, RADIUS - sunk(shape.mass_kg, material)), (1, 0, 0, 0), velocity, spin)
     angle = math.atan(slope)
     s.physics.gravity[:] = GRAVITY * math.sin(angle), 0.0, -GRAVITY * math.cos(angle)
     return s
+
+
+def assert_it_rolls(s, slope, rolling, first, rel):
+    """Hold the acceleration of a sphere on a slope against the closed form, after its first steps."""
+    s.run_steps(first)
+    before, angle = s.velocities[0, 0], math.atan(slope)
+    s.run_steps(10000)
+    expected = 5.0 / 7.0 * GRAVITY * (math.sin(angle) - rolling * math.cos(angle))
+    assert (s.velocities[0, 0] - before) / 0.1 == pytest.approx(expected, rel=rel)
 
 
 def lost_in_a_meeting(shape, law, rng):
@@ -134,13 +137,8 @@ def lost_in_a_meeting(shape, law, rng):
     return np.abs(angular_momentum(s) - before).max() / np.abs(before).max()
 
 
-def angular_momentum(s):
-    mass = s.shapes["body"].mass_kg
-    return (np.cross(s.positions, mass * s.velocities) + s.angular_momenta).sum(axis=0)
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("shape", [lambda: Shape.ellipsoid(BERRY[0], DENSITY, "body"), bent], ids=["berry", "clump"])
+@pytest.mark.parametrize("shape", BERRY_AND_CLUMP)
 def test_bodies_that_spin_and_meet_keep_their_angular_momentum(shape):
     rng = np.random.default_rng(5)
     lost = [lost_in_a_meeting(shape(), law, rng) for law in ["epsd"] * 8 + ["budget"]]
@@ -161,13 +159,7 @@ def test_a_sphere_stays_or_rolls_on_a_slope_and_is_slowed_by_the_rolling_frictio
     s.run_steps(20000)
     assert abs(s.velocities[0, 0]) < 1e-9
     assert abs(s.positions[0, 0] - place) < 1e-9
-    s = on_floor(shape(), Contact(0.2, 2.0, rolling), 0.15)
-    s.run_steps(2000)
-    before = s.velocities[0, 0]
-    s.run_steps(10000)
-    angle = math.atan(0.15)
-    expected = 5.0 / 7.0 * GRAVITY * (math.sin(angle) - rolling * math.cos(angle))
-    assert (s.velocities[0, 0] - before) / 0.1 == pytest.approx(expected, rel=5e-3)
+    assert_it_rolls(on_floor(shape(), Contact(0.2, 2.0, rolling), 0.15), 0.15, rolling, 2000, 5e-3)
     rolling = 0.05
     s = on_floor(shape(), Contact(0.3, 0.8, rolling), spin=(0.0, 0.3 / RADIUS, 0.0), velocity=(0.3, 0.0, 0.0))
     s.run_steps(2000)
@@ -223,9 +215,9 @@ def test_a_wall_that_turns_takes_a_sphere_along_and_bears_the_couple_of_a_spin(s
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("shape", [lambda: Shape.ellipsoid(BERRY[0], DENSITY, "body"), bent], ids=["berry", "clump"])
+@pytest.mark.parametrize("shape", BERRY_AND_CLUMP)
 def test_a_small_pile_left_for_a_minute_stays_at_rest(shape):
-    s = scene(shape(), Contact(0.3, 0.5, 0.05), FLOOR, dt=2e-4, capacity=8)
+    s = scene(shape(), Contact(0.3, 0.5, 0.05), {"floor": FLOOR}, dt=2e-4, capacity=8)
     rng = np.random.default_rng(1)
     for k in range(8):
         x, y = 0.012 * (np.array([k % 2, k // 2 % 2]) - 0.5)

@@ -4,24 +4,15 @@ import math
 
 import numpy as np
 import pytest
-from dem.clump_scenes import FLOOR as PLATE
 from dem.clump_scenes import scene
-from dem.common import BERRY, GOJI, PVC, random_direction, simulation
+from dem.common import BERRY, DOWN, FLOOR, GOJI, PVC, angular_momentum, head_on, random_direction, simulation
 from scipy.integrate import solve_ivp
 
-from repose.dem import Contact, Material, Plane, Shape, random_quaternion
+from repose.dem import Contact, Material, Shape, random_quaternion
 from repose.dem.laws.hertz_mindlin import damping_ratio
 from repose.dem.materials import effective_moduli
 
 SPHERE = np.full((1, 3), 0.006)
-FLOOR = {"floor": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall")}
-
-
-def head_on(e, speed=0.5, dt=2e-6, **keywords):
-    s = simulation(SPHERE, Contact(e, 0.0, 0.0), dt=dt, **keywords)
-    s.add((-0.00601, 0.0, 0.0), (1, 0, 0, 0), (speed, 0.0, 0.0))
-    s.add((0.00601, 0.0, 0.0), (1, 0, 0, 0), (-speed, 0.0, 0.0))
-    return s
 
 
 @pytest.mark.parametrize("tension", ["keep", "release"])
@@ -66,7 +57,7 @@ def test_restitution_where_tension_is_cut_and_at_the_recommended_time_step():
 
 
 def resting_sphere(contact, velocity=(0.0, 0.0, 0.0), spin=(0.0, 0.0, 0.0), **keywords):
-    s = simulation(SPHERE, contact, walls=FLOOR, gravity_m_s2=(0, 0, -9.81), dt=2e-5, **keywords)
+    s = simulation(SPHERE, contact, walls={"floor": FLOOR}, gravity_m_s2=DOWN, dt=2e-5, **keywords)
     young, _ = effective_moduli(GOJI, PVC)
     overlap = (s.mass_kg * 9.81 / (4.0 / 3.0 * young * math.sqrt(0.006))) ** (2.0 / 3.0)
     s.add((0.0, 0.0, 0.006 - overlap), (1, 0, 0, 0), velocity, spin)
@@ -83,10 +74,6 @@ def test_a_sphere_rests_at_the_overlap_of_its_weight_and_a_rolling_one_stops():
     s.run_steps(66000)
     assert abs(s.velocities[0, 0]) < 1e-9
     assert np.all(s.angular_velocities[0] == 0.0)
-
-
-def angular_momentum(s):
-    return (np.cross(s.positions, s.mass_kg * s.velocities) + s.angular_momenta).sum(axis=0)
 
 
 def test_impacts_keep_momentum_and_rotation_its_energy():
@@ -118,7 +105,7 @@ def test_impacts_keep_momentum_and_rotation_its_energy():
 def on_floor(radius, density, materials, contact, dt, height, velocity=(0.0, 0.0, 0.0), gravity=(0.0, 0.0, 0.0)):
     laws = {"contact_law": "hertz_mindlin_rescaled", "tension": "keep"}
     sphere = Shape.sphere(radius, density, "body")
-    s = scene({"body": sphere}, contact, {"floor": PLATE}, dt, 1, gravity, **materials, **laws)
+    s = scene({"body": sphere}, contact, {"floor": FLOOR}, dt, 1, gravity, **materials, **laws)
     s.add("body", (0.0, 0.0, height), velocity_m_s=velocity)
     return s
 

@@ -4,7 +4,7 @@ import sys
 
 import numpy as np
 import pytest
-from dem.common import GOJI, simulation
+from dem.common import GOJI, LANES, head_on, normal_force, simulation, tile_of
 from refusals import value_error
 
 from repose.dem import Contact, Material
@@ -16,13 +16,7 @@ from repose.dem.laws.hertz_mindlin import damping_ratio
 from repose.dem.materials import effective_moduli
 
 SPHERE = np.full((1, 3), 0.006)
-
-
-def head_on(e, speed=0.5, dt=4e-6, **keywords):
-    s = simulation(SPHERE, Contact(e, 0.0, 0.0), dt=dt, contact_law="linear_spring", **keywords)
-    s.add((-0.00601, 0.0, 0.0), (1, 0, 0, 0), (speed, 0.0, 0.0))
-    s.add((0.00601, 0.0, 0.0), (1, 0, 0, 0), (-speed, 0.0, 0.0))
-    return s
+LINEAR = {"contact_law": "linear_spring"}
 
 
 @pytest.mark.slow
@@ -30,7 +24,7 @@ def head_on(e, speed=0.5, dt=4e-6, **keywords):
 def test_a_linear_spring_gives_the_restitution_asked_for_at_any_speed(tension):
     for e in (0.2, 0.6, 0.95):
         for speed in (0.1, 1.0):
-            s = head_on(e, speed, tension=tension)
+            s = head_on(e, speed, 4e-6, tension=tension, **LINEAR)
             s.run_steps(round(0.02 / 4e-6 * max(1.0, 0.1 / speed)))
             left = s.velocities[1, 0] - s.velocities[0, 0]
             assert left == pytest.approx(2.0 * e * speed, rel=5e-3)
@@ -39,7 +33,7 @@ def test_a_linear_spring_gives_the_restitution_asked_for_at_any_speed(tension):
 @pytest.mark.slow
 def test_a_linear_spring_touches_for_half_a_period_and_overlaps_by_its_amplitude():
     e, speed, dt = 0.6, 0.3, 2e-6
-    s = head_on(e, speed, dt)
+    s = head_on(e, speed, dt, **LINEAR)
     young, _ = effective_moduli(GOJI, GOJI)
     mass, radius, b = 0.5 * s.mass_kg, 0.003, damping_ratio(e)
     natural = math.sqrt(4.0 / 3.0 * young * math.sqrt(linear_spring.SECANT) * radius / mass)
@@ -64,22 +58,16 @@ def test_laws_are_chosen_by_name():
     with pytest.raises(ValueError, match="rolling_law is None; expected 'budget', 'constant_torque', 'epsd', 'epsd2'"):
         simulation(rolling_law=None)
     # a linear spring has a time step of its own
-    assert head_on(0.5).longest_time_step() != simulation(SPHERE).longest_time_step()
+    assert head_on(0.5, **LINEAR).longest_time_step() != simulation(SPHERE).longest_time_step()
 
 
 def test_a_linear_spring_is_as_stiff_as_hertz_at_its_secant_and_swings_half_a_period():
-    radius, mass, at = 3e-3, 1e-3, st.NORMAL + 3 * st.LANES
+    radius, mass, law = 3e-3, 1e-3, linear_spring.LAW
     overlap = linear_spring.SECANT * radius
     hertz = 4.0 / 3.0 * effective_moduli(GOJI, GOJI)[0] * math.sqrt(radius) * overlap**1.5
-    rows = (linear_spring.STIFFNESS, linear_spring.TANGENTIAL_RATIO, linear_spring.DAMPING, linear_spring.FRICTION)
-    values = linear_spring.constants(GOJI, GOJI, Contact(0.5, 0.3, 0.0))
-    given = dict(zip(rows, values, strict=True))
-    given |= {tl.GAP: -overlap, tl.RADIUS: radius, tl.INVERSE_MASS: 1.0 / mass}
-    tile, kept = np.zeros(max(given) + st.LANES), np.zeros(at + 3 * st.LANES)
-    for row, value in given.items():
-        tile[row:][: st.LANES] = value
-    linear_spring.LAW.kernel(linear_spring.LAW.make_options(), tile, kept, at, 1e-6)
-    np.testing.assert_allclose(tile[tl.PUSH :][: st.LANES], hertz, rtol=1e-12)
+    tile, kept = tile_of(law, GOJI, Contact(0.5, 0.3, 0.0), radius, mass)
+    normal_force(law, tile, kept, overlap, dt=1e-6)
+    np.testing.assert_allclose(tile[tl.PUSH // LANES], hertz, rtol=1e-12)
     half_a_period = math.pi * math.sqrt(mass * overlap / hertz)
     lasts = linear_spring.contact_time(GOJI, GOJI, Contact(1.0, 0.0, 0.0), mass, radius, 1.0)
     assert lasts == pytest.approx(half_a_period)
@@ -89,18 +77,12 @@ def test_a_linear_spring_is_as_stiff_as_hertz_at_its_secant_and_swings_half_a_pe
 @pytest.mark.parametrize("law", list(CONTACT_LAWS.values()), ids=list(CONTACT_LAWS))
 def test_a_contact_beyond_the_edge_of_a_disc_has_no_force(law, tension):
     """The linear spring gave 0 times infinity there, and where a contact may pull, berries lost their places."""
-    lanes, at = st.LANES, st.NORMAL + 3 * st.LANES
-    tile, kept = np.zeros(tl.LAW + law.n_rows * lanes), np.zeros(at + law.n_state * lanes)
     contact = Contact(0.5, 0.3, 0.0, constants={constant.name: 0.1 for constant in law.asks})
-    for number, value in enumerate(law.constants(GOJI, GOJI, contact, tension)):
-        tile[tl.LAW + number * lanes :][:lanes] = value
-    given = {tl.GAP: tl.BEYOND, tl.RADIUS: 3e-3, tl.INVERSE_MASS: 1e3, tl.A + 5 * lanes: -0.1}
-    for row, value in given.items():
-        tile[row:][:lanes] = value
-    kept[st.NORMAL + 2 * lanes :][:lanes] = -1.0
-    law.kernel(law.make_options(tension=tension), tile, kept, at, 1e-6)
-    np.testing.assert_array_equal(tile[tl.TO_A :][: 3 * lanes], 0.0)
-    np.testing.assert_array_equal(tile[tl.PUSH :][:lanes], 0.0)
+    tile, kept = tile_of(law, GOJI, contact, 3e-3, tension=tension)
+    tile[tl.GAP // LANES], tile[tl.A // LANES + 5], kept[2] = tl.BEYOND, -0.1, -1.0
+    law.kernel(law.make_options(tension=tension), tile.ravel(), kept.ravel(), st.PAIR_STATE, 1e-6)
+    np.testing.assert_array_equal(tile[tl.TO_A // LANES :][:3], 0.0)
+    np.testing.assert_array_equal(tile[tl.PUSH // LANES], 0.0)
 
 
 def test_effective_moduli_and_the_duration_of_an_impact_by_hand():

@@ -3,23 +3,19 @@ import math
 import numpy as np
 import pytest
 import trimesh
-from dem.common import random_direction, simulation
+from dem.common import DOWN, FLOOR, mesh_of, random_direction, simulation
 from oracles import mesh_distance, rotation
 from refusals import not_refused
 
-from repose.dem import Contact, Mesh, Motion, Plane, random_quaternion
+from repose.dem import Contact, Mesh, Motion, random_quaternion
 from repose.dem.kernels.features import EDGE, FACE, VERTEX
 
 LONG = np.array([[10.57e-3, 5.685e-3, 4.94e-3]])
-RADIUS, DOWN = 5e-4, (0, 0, -9.81)
+RADIUS = 5e-4
 
 
-def mesh_of(solid, radius=RADIUS, **keywords):
-    return Mesh(np.array(solid.vertices), np.array(solid.faces), "wall", radius, **keywords)
-
-
-def box(*sides, **keywords):
-    return mesh_of(trimesh.creation.box(sides), **keywords)
+def box(*sides, radius=RADIUS, **keywords):
+    return mesh_of(trimesh.creation.box(sides), radius, **keywords)
 
 
 def sheet(cells, size, slope=0.0, seed=None):
@@ -57,9 +53,9 @@ def test_features_are_faces_convex_edges_and_corners_tangent_to_the_faces():
     assert counts(box(0.02, 0.02, 0.02)) == [12, 12, 8]
     # the same however finely it is cut, but for the pieces of its edges
     fine = trimesh.creation.box((0.02, 0.02, 0.02)).subdivide().subdivide()
-    assert counts(mesh_of(fine)) == [192, 48, 8]
+    assert counts(mesh_of(fine, RADIUS)) == [192, 48, 8]
     # 6 upright edges less the concave one, less that in the middle of a side; 2 x 7 around top and bottom
-    assert counts(mesh_of(l_shape())) == [len(l_shape().faces), 5 + 14, 10]
+    assert counts(mesh_of(l_shape(), RADIUS)) == [len(l_shape().faces), 5 + 14, 10]
     cells = 7
     vertices, faces = sheet(cells, 0.2, slope=0.3, seed=5)
     mesh = Mesh(vertices, faces, "wall", RADIUS)
@@ -93,7 +89,7 @@ def place_near(rng, solid, q):
 def test_gaps_and_normals_are_those_of_a_dense_search(solid):
     """The wall is what lies within the edge radius of the solid with its faces that much deeper."""
     rng = np.random.default_rng(21)
-    mesh, inner = mesh_of(solid()), solid(RADIUS)
+    mesh, inner = mesh_of(solid(), RADIUS), solid(RADIUS)
     met, missed = np.zeros(3, int), 0
     for _ in range(150):
         q = random_quaternion(rng)
@@ -121,7 +117,7 @@ def test_gaps_and_normals_are_those_of_a_dense_search(solid):
 def test_a_bowl_and_a_plane_of_faces_move_a_berry_as_smooth_ones():
     vertices, faces = sheet(40, 0.3, seed=3)
     tracks = []
-    for floor in (Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall"), Mesh(vertices, faces, "wall", RADIUS)):
+    for floor in (FLOOR, Mesh(vertices, faces, "wall", RADIUS)):
         s = simulation(LONG, Contact(0.3, 0.4, 0.05), walls={"floor": floor}, gravity_m_s2=DOWN, dt=1e-4)
         s.add((-0.05, 0.02, 0.008), (0.9, 0.3, 0.2, 0.1), (0.5, -0.1, 0.0), (3.0, 20.0, 10.0))
         track = []
@@ -134,7 +130,7 @@ def test_a_bowl_and_a_plane_of_faces_move_a_berry_as_smooth_ones():
     assert np.abs(tracks[1] - tracks[0]).max() < 1e-9
     solid = trimesh.creation.icosphere(subdivisions=3, radius=0.06)
     solid.invert()
-    bowl, rng = mesh_of(solid), np.random.default_rng(51)
+    bowl, rng = mesh_of(solid, RADIUS), np.random.default_rng(51)
     for _ in range(10):
         s = simulation(LONG, Contact(0.3, 0.4, 0.0), walls={"bowl": bowl}, dt=5e-5, capacity=1, gravity_m_s2=DOWN)
         s.add((0.0, 0.0, 0.0), random_quaternion(rng), 0.5 * rng.normal(size=3))
@@ -202,7 +198,7 @@ def test_a_box_of_inward_faces_holds_its_berries():
     solid.invert()
     rng = np.random.default_rng(41)
     s = simulation(
-        LONG, Contact(0.3, 0.5, 0.1), walls={"box": mesh_of(solid)}, gravity_m_s2=(0, 0, -9.81), dt=2e-4,
+        LONG, Contact(0.3, 0.5, 0.1), walls={"box": mesh_of(solid, RADIUS)}, gravity_m_s2=DOWN, dt=2e-4,
         capacity=50, floor_height_m=-0.12,
     )  # fmt: skip
     places = np.array([-0.026, 0.0, 0.026])

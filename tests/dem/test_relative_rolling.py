@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from dem.common import BERRY, DENSITY, GOJI
-from dem.test_epsd import GRAVITY, RADIUS, STIFF, lost_in_a_meeting, on_floor, smooth
+from dem.test_epsd import GRAVITY, RADIUS, STIFF, assert_it_rolls, lost_in_a_meeting, on_floor, smooth
 
 from repose.dem import Contact, Shape
 from repose.dem.laws.epsd import HERTZ_TWIST
@@ -30,9 +30,8 @@ def test_a_spin_on_a_smooth_floor_is_slowed_by_rolling_and_twisting_friction(law
     expected = began - 2.5 * rolling * GRAVITY / RADIUS * 5000 * s.time_step_s
     assert s.angular_velocities[0, 0] == pytest.approx(expected, rel=1e-3)
     twisting, began = 0.5, 50.0
-    s = on_floor(
-        smooth(), Contact(0.2, 0.4, 0.1, twisting), spin=(0.0, 0.0, began), material=GOJI, rolling_law=law, dt=2e-5
-    )
+    spins = {"spin": (0.0, 0.0, began), "material": GOJI, "rolling_law": law, "dt": 2e-5}
+    s = on_floor(smooth(), Contact(0.2, 0.4, 0.1, twisting), **spins)
     s.run_steps(2000)
     circle = math.sqrt(RADIUS * s.wall_overlaps()[2][0])
     before = s.angular_velocities[0, 2]
@@ -46,12 +45,7 @@ def test_a_spin_on_a_smooth_floor_is_slowed_by_rolling_and_twisting_friction(law
 def test_a_sphere_rolls_down_a_slope_above_the_rolling_friction_and_below_it_is_held(law):
     rolling = 0.1
     s = on_floor(smooth(), Contact(0.2, 2.0, rolling), 0.15, rolling_law=law)
-    s.run_steps(4000)
-    before = s.velocities[0, 0]
-    s.run_steps(10000)
-    angle = math.atan(0.15)
-    expected = 5.0 / 7.0 * GRAVITY * (math.sin(angle) - rolling * math.cos(angle))
-    assert (s.velocities[0, 0] - before) / 0.1 == pytest.approx(expected, rel=1e-2)
+    assert_it_rolls(s, 0.15, rolling, 4000, 1e-2)
     s = on_floor(smooth(), Contact(0.2, 2.0, rolling), 0.05, material=STIFF, rolling_law=law)
     s.run_steps(20000)
     place = s.positions[0, 0]

@@ -4,18 +4,18 @@ import math
 
 import numpy as np
 import pytest
-from dem.clump_scenes import BENT
-from dem.common import BERRY, DENSITY, GOJI, PVC, random_direction
+from dem.clump_scenes import BENT, scene
+from dem.common import BERRY, DENSITY, GOJI, LANES, PVC, random_direction, tile_of
 from oracles import hertz_mindlin_rescaled as slow_law
 
-from repose.dem import Clump, Contact, Motion, Plane, Shape, Simulation
+from repose.dem import Clump, Contact, Motion, Plane, Shape
 from repose.dem.kernels import state as st
 from repose.dem.kernels import tile as tl
 from repose.dem.laws import CONTACT_LAWS
 from repose.dem.laws.hertz_mindlin import damping_ratio
 from repose.dem.materials import effective_moduli
 
-LAW, LANES = CONTACT_LAWS["hertz_mindlin_rescaled"], st.LANES
+LAW = CONTACT_LAWS["hertz_mindlin_rescaled"]
 RADIUS, HEAVY = 0.006, 1e9
 STEP, SPEED = 5e-5, 0.01
 NO_SLIP = Contact(1.0, 100.0, 0.0)
@@ -25,9 +25,7 @@ NO_SLIP = Contact(1.0, 100.0, 0.0)
 def test_a_tile_of_contacts_on_random_paths_agrees_with_the_increments_of_the_force(tension, limit):
     rng, dt, steps, mass = np.random.default_rng(11), 1e-4, 120, 1.1e-3
     contact = Contact(0.4, 0.5, 0.0)
-    tile, kept = np.zeros((tl.LAW_ROW + LAW.n_rows, LANES)), np.zeros((3 + LAW.n_state, LANES))
-    tile[tl.LAW_ROW :][: LAW.n_constants] = LAW.constants(GOJI, GOJI, contact, tension)[:, None]
-    tile[tl.INVERSE_MASS // LANES] = 1.0 / mass
+    tile, kept = tile_of(LAW, GOJI, contact, 3e-3, mass, tension)
     shares = tile[tl.SHARE // LANES] = rng.uniform(0.2, 1.0, LANES)
     law = (*effective_moduli(GOJI, GOJI), mass, damping_ratio(contact.restitution, tension), contact.static_friction)
     options = LAW.make_options(tension)
@@ -81,7 +79,6 @@ def bent():
     return Clump(BENT, HEAVY * 1e-3, HEAVY * np.array([1.0e-8, 3.5e-8, 3.6e-8]), "body")
 
 
-FLAT = {"floor": Plane((0.0, 0.0, -0.1), (0.0, 0.0, 1.0), "wall")}
 # shape, R* and depth below the centre of the place that touches a floor; two spheres of the bent clump are the lowest
 SHAPES = [
     pytest.param(sphere, RADIUS, RADIUS, id="sphere"),
@@ -96,10 +93,7 @@ class Led:
     def __init__(self, shape, depth, contact=NO_SLIP, **laws):
         laws = {"contact_law": "hertz_mindlin_rescaled", "tension": "release"} | laws
         floor = Plane((0.0, 0.0, -depth - 1e-6), (0.0, 0.0, 1.0), "wall")
-        self.simulation = Simulation(
-            {"body": shape}, {"body": GOJI, "wall": PVC}, {("body", "body"): contact, ("body", "wall"): contact}, STEP,
-            capacity=1, lower=(-0.1,) * 3, upper=(0.1,) * 3, walls={"floor": floor}, gravity_m_s2=(0.0,) * 3, **laws,
-        )  # fmt: skip
+        self.simulation = scene({"body": shape}, contact, {"floor": floor}, STEP, **laws)
         self.simulation.add("body", (0.0, 0.0, 0.0))
         self.work, self.force = 0.0, np.zeros(3)
 

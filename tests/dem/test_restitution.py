@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 import trimesh
-from dem.clump_scenes import FLOOR, MASS, bent, scene
-from dem.common import GOJI, PVC
+from dem.clump_scenes import MASS, bent, scene
+from dem.common import FLOOR, GOJI, PVC, mesh_of
 from oracles import hertz_mindlin as slow_hertz_mindlin
 from oracles import mass_at_contact, rotation
 
-from repose.dem import Contact, Mesh
+from repose.dem import Contact
 from repose.dem.kernels import state as st
 from repose.dem.laws.hertz_mindlin import damping_ratio
 from repose.dem.materials import effective_moduli
@@ -67,11 +67,7 @@ def test_contacts_of_one_pair_share_the_damping(on):
     """The first step of two clumps, or a clump and a wall, that overlap in several places, beside the law in words."""
     rng, contact = np.random.default_rng(12), Contact(0.2, 0.5, 0.0)
     block = trimesh.creation.box((0.2, 0.2, 0.02)).apply_translation((0.0, 0.0, -0.01))
-    walls = {
-        "clump": None,
-        "plane": {"floor": FLOOR},
-        "mesh": {"block": Mesh(np.array(block.vertices), np.array(block.faces), "wall", 1e-3)},
-    }[on]
+    walls = {"clump": None, "plane": {"floor": FLOOR}, "mesh": {"block": mesh_of(block, 1e-3)}}[on]
     most = 0
     for _ in range(40):
         s = scene({"bent": bent()}, contact, walls, dt=1e-6)

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from dem.clump_scenes import FLOOR, scene
-from dem.common import GOJI
+from dem.clump_scenes import scene
+from dem.common import DOWN, FLOOR, GOJI
 from scipy.optimize import brentq
 
 from repose.dem import Contact, Material, Shape, random_quaternion
@@ -77,8 +77,7 @@ def on_a_slope(mur, orientation, downhill):
     """A sphere with the moments of a berry, stiff, at rest on a plane; returns a function that tilts gravity."""
     shape = Shape(np.full((1, 3), RADIUS), 1.25e-3, MOMENTS, "body")
     contact = Contact(0.2, 2.0, mur)
-    gravity = (0.0, 0.0, -9.81)
-    simulation = scene({"body": shape}, contact, {"floor": FLOOR}, capacity=1, gravity=gravity, body=STIFF)
+    simulation = scene({"body": shape}, contact, {"floor": FLOOR}, capacity=1, gravity=DOWN, body=STIFF)
     simulation.add("body", (0.0, 0.0, RADIUS), orientation)
     simulation.run_steps(2000)
 

@@ -3,20 +3,21 @@
 import numpy as np
 import pytest
 import trimesh
-from dem.clump_scenes import CONE, FLOOR, RADIUS, ball_of_one, scene
-from dem.common import DENSITY
+from dem.clump_scenes import CONE, RADIUS, ball_of_one, scene
+from dem.common import DENSITY, DOWN, FLOOR, mesh_of
 
-from repose.dem import Contact, Cylinder, Mesh, Motion, Plane, RingEdge, Shape
+from repose.dem import Contact, Cylinder, Motion, Plane, RingEdge, Shape
 from repose.dem.kernels import state as st
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 from repose.dem.shapes import parts_of
+from repose.verification.machine import smooth
 
 
 def three(**keywords):
     """The same scene of a sphere, of a smooth body that is the sum of two half as large, and of a clump of one."""
     sphere = Shape.sphere(RADIUS, DENSITY, "body")
-    smooth = Shape(np.full((2, 3), 0.5 * RADIUS), sphere.mass_kg, sphere.inertia_kg_m2, "body")
-    scenes = [scene({"body": shape}, **keywords) for shape in (sphere, smooth, ball_of_one())]
+    shapes = sphere, smooth(RADIUS, DENSITY, "body"), ball_of_one()
+    scenes = [scene({"body": shape}, **keywords) for shape in shapes]
     assert [s.physics.parts for s in scenes] == [st.SPHERES, 2, 0]
     return scenes
 
@@ -34,7 +35,7 @@ def compare(scenes, steps, rounds, tolerance=1e-9):
 
 
 def test_spheres_fall_rest_hit_and_turn_again_when_pushed():
-    scenes = three(walls={"floor": FLOOR}, gravity=(0.0, 0.0, -9.81), dt=2e-5)
+    scenes = three(walls={"floor": FLOOR}, gravity=DOWN, dt=2e-5)
     for s in scenes:
         s.add("body", (0.0, 0.0, 0.02), velocity_m_s=(0.3, 0.0, -0.5), angular_velocity_rad_s=(5.0, 20.0, 3.0))
     compare(scenes, 500, 20)
@@ -44,7 +45,7 @@ def test_spheres_fall_rest_hit_and_turn_again_when_pushed():
         s.add("body", (0.0061, 0.003, 0.001), velocity_m_s=(-0.5, 0.0, 0.2))
     compare(scenes, 1000, 20)
     assert np.abs(scenes[0].angular_velocities[1]).max() > 1.0
-    scenes = three(walls={"floor": FLOOR}, gravity=(0.0, 0.0, -9.81), dt=2e-5, contact=Contact(0.1, 0.5, 0.2))
+    scenes = three(walls={"floor": FLOOR}, gravity=DOWN, dt=2e-5, contact=Contact(0.1, 0.5, 0.2))
     for s in scenes:
         s.add("body", (0.0, 0.0, RADIUS))
         s.run_steps(30_000)
@@ -56,19 +57,18 @@ def test_spheres_fall_rest_hit_and_turn_again_when_pushed():
 
 @pytest.mark.parametrize("kind", ["disc", "cone", "tilted tube", "edge", "mesh", "moving"])
 def test_they_pile_up_among_walls(kind):
-    wedge = trimesh.creation.box((0.08, 0.08, 0.02))
     walls = {
         "disc": {"floor": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", 0.03)},
         "cone": {"cone": CONE, "floor": FLOOR},
         "tilted tube": {"tube": Cylinder((0.0, 0.0, 0.02), (0.1, 0.05, 1.0), 0.1, 0.03, "wall"), "floor": FLOOR},
         "edge": {"edge": RingEdge(0.014, 0.002, "wall", ((0.0, -1.0), (0.0, -1.0)), 0.02), "floor": FLOOR},
-        "mesh": {"block": Mesh(np.array(wedge.vertices), np.array(wedge.faces), "wall", 1e-3)},
+        "mesh": {"block": mesh_of(trimesh.creation.box((0.08, 0.08, 0.02)), 1e-3)},
         "moving": {
             "floor": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", motion=Motion((0.05, 0.0, 0.1))),
             "drum": Cylinder((0, 0, -0.1), (0, 0, 1), 0.4, 0.04, "wall", motion=Motion((0, 0, 0), (0, 0, 5))),
         },
     }[kind]  # fmt: skip
-    scenes = three(walls=walls, gravity=(0.0, 0.0, -9.81), dt=5e-6, capacity=12, floor_height_m=-0.05)
+    scenes = three(walls=walls, gravity=DOWN, dt=5e-6, capacity=12, floor_height_m=-0.05)
     rng = np.random.default_rng(4)
     for k in range(12):
         x, y = 0.0135 * (np.array(divmod(k % 4, 2)) - 0.5) + 1e-3 * rng.random(2)
@@ -87,7 +87,7 @@ def test_they_pile_up_among_walls(kind):
 
 def test_spheres_turn_with_a_frame_and_others_take_the_way_of_smooth_bodies():
     wall = Cylinder((0.0, -0.05, 0.0), (0.0, 1.0, 0.0), 0.1, 0.03, "wall", motion=Motion((0, 0, 0), (0.0, 8.0, 0.0)))
-    scenes = three(walls={"drum": wall}, gravity=(0.0, 0.0, -9.81), dt=5e-6, contact=Contact(0.3, 0.5, 0.3))
+    scenes = three(walls={"drum": wall}, gravity=DOWN, dt=5e-6, contact=Contact(0.3, 0.5, 0.3))
     for s in scenes:
         s.rolling_frame_rad_s[:] = (0.0, 8.0, 0.0)
         s.add("body", (0.0, 0.0, -0.0235), angular_velocity_rad_s=(3.0, -9.0, 20.0))
@@ -108,7 +108,7 @@ def test_they_obey_each_law(contact, rolling):
     further["eepa"] = {"plasticity_ratio": 0.5, "surface_energy_j_m2": 0.5}
     laws = {"contact_law": contact, "rolling_law": rolling}
     laws |= {"contact": Contact(0.3, 0.5, 0.05, constants=further.get(contact, {}))}
-    scenes = three(walls={"floor": FLOOR}, gravity=(0.0, 0.0, -9.81), dt=2e-6, **laws)
+    scenes = three(walls={"floor": FLOOR}, gravity=DOWN, dt=2e-6, **laws)
     for s in scenes:
         s.add("body", (0, 0, 0.0065), velocity_m_s=(0.3, 0, -0.5), angular_velocity_rad_s=(5.0, 20.0, 3.0))
         s.add("body", (0.002, 0.001, 0.019), velocity_m_s=(0.0, 0.1, -0.5))

@@ -4,15 +4,16 @@ import math
 
 import numpy as np
 import pytest
-from dem.clump_scenes import FLOOR, scene
-from dem.common import BERRY, DENSITY
+from dem.clump_scenes import scene
+from dem.common import BERRY, DENSITY, DOWN, FLOOR
 
-from repose.dem import Clump, Contact, Material, Plane, Shape, Simulation, random_quaternion, time_steps
+from repose.dem import Clump, Contact, Material, Plane, Shape, random_quaternion, time_steps
 from repose.dem.contact_table import pairs_of
 from repose.dem.kernels import state as st
 from repose.dem.laws import CONTACT_LAWS, hertz_mindlin, linear_spring
 from repose.dem.laws.hertz_mindlin import damping_ratio
 from repose.dem.materials import effective_moduli
+from repose.verification.machine import smooth as smooth_body
 
 SOFT, HARD = Material(4.3e4, 0.32), Material(1.12e9, 0.4)
 RADIUS_M, MASS_KG = 5e-3, 5e-4
@@ -125,8 +126,7 @@ def clump():
 
 
 def left_alone(shape, seconds):
-    walls, gravity = {"floor": FLOOR}, (0.0, 0.0, -9.81)
-    s = scene({"body": shape}, Contact(0.3, 0.5, 0.05), walls, 2e-4, 24, gravity, lower=(-0.1, -0.1, 0.0))
+    s = scene({"body": shape}, Contact(0.3, 0.5, 0.05), {"floor": FLOOR}, 2e-4, 24, DOWN, lower=(-0.1, -0.1, 0.0))
     rng = np.random.default_rng(1)
     for k in range(16):
         x, y = 0.012 * (np.array([k % 2, k // 2 % 2]) - 0.5)
@@ -157,26 +157,21 @@ def test_a_pile_left_for_ten_seconds_has_no_denormal_number(shape):
 
 RADIUS, OVERLAP = 6e-3, 1e-4
 CONTACT = Contact(0.1, 5.0, 0.0)
-STILL = {"gravity_m_s2": (0.0, 0.0, 0.0), "tension": "release", "contact_law": "hertz_mindlin_rescaled"}
+LAWS = {"tension": "release", "contact_law": "hertz_mindlin_rescaled", "body": SOFT, "wall": HARD}
 
 
 def held(planes, step_s=None, smooth=False):
     """A sphere that so many planes about the z axis press, and 0.98 of the longest step if none is given."""
-    ball = Shape.sphere(RADIUS, 840.0, "soft")
-    if smooth:
-        ball = Shape(np.full((2, 3), 0.5 * RADIUS), ball.mass_kg, ball.inertia_kg_m2, "soft")
+    ball = (smooth_body if smooth else Shape.sphere)(RADIUS, 840.0, "body")
     angles = 2.0 * math.pi * np.arange(planes) / planes
     normals = [(math.cos(angle), math.sin(angle), 0.0) for angle in angles]
     walls = {
-        str(k): Plane(tuple((RADIUS - OVERLAP) * np.array(normal)), tuple(-x for x in normal), "hard")
+        str(k): Plane(tuple((RADIUS - OVERLAP) * np.array(normal)), tuple(-x for x in normal), "wall")
         for k, normal in enumerate(normals)
     }
-    pairs = {("soft", "soft"): CONTACT, ("soft", "hard"): CONTACT}
-    scene = {"capacity": 1, "lower": (-0.1,) * 3, "upper": (0.1,) * 3, "walls": walls, **STILL}
-    materials = {"soft": SOFT, "hard": HARD}
-    longest = Simulation({"ball": ball}, materials, pairs, 1e-6, **scene).longest_time_step()
-    step_s = 0.98 * longest if step_s is None else step_s
-    simulation = Simulation({"ball": ball}, materials, pairs, step_s, **scene)
+    if step_s is None:
+        step_s = 0.98 * scene({"ball": ball}, CONTACT, walls, 1e-6, **LAWS).longest_time_step()
+    simulation = scene({"ball": ball}, CONTACT, walls, step_s, **LAWS)
     simulation.add("ball", (0.0, 0.0, 0.0), angular_velocity_rad_s=(0.0, 0.0, 1.0))
     return simulation
 

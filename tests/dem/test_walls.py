@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 from dem.clump_scenes import BENT, bent, scene
-from dem.common import BARREL, BERRY, random_direction, simulation
+from dem.common import BARREL, BERRY, DOWN, angular_momentum, energy_shares, random_direction, simulation
 from oracles import circle_distance, cone_gap, support_point
 from refusals import value_error
 
@@ -19,7 +19,7 @@ from repose.dem.rotations import rotation_matrices
 
 FUNNEL = Funnel(0.15, 0.032, 60.0, 0.0, 0.001, 0.1)
 TUBED = Funnel(0.15, 0.032, 60.0, 0.02, 0.001, 0.1)
-ROOM, DOWN = {"lower": (-0.1, -0.1, 0.0), "upper": (0.1, 0.1, 0.3)}, (0, 0, -9.81)
+ROOM = {"lower": (-0.1, -0.1, 0.0), "upper": (0.1, 0.1, 0.3)}
 
 
 def funnel_simulation(contact, funnel=FUNNEL, gravity=(0.0, 0.0, 0.0), dt=2e-5, **keywords):
@@ -118,8 +118,7 @@ def test_ring_contacts_are_found_where_a_dense_search_finds_them():
 def test_hits_of_cone_and_edge_create_no_energy(funnel):
     """Berries thrown at the outlet from inside, spinning; rim hits are where a geometric test sees nothing."""
     rng = np.random.default_rng(13)
-    hits = 0
-    worst = 0.0
+    worst, hits = 0.0, 0
     for _ in range(700):
         e = rng.uniform(0.2, 0.5)
         s = funnel_simulation(Contact(e, rng.uniform(0.4, 0.8), 0.0), funnel, dt=5e-5)
@@ -128,12 +127,9 @@ def test_hits_of_cone_and_edge_create_no_energy(funnel):
         place[2] += 0.032
         velocity = np.array([*rng.uniform(-0.5, 0.5, 2), -rng.uniform(0.5, 1.5)])
         s.add(place, random_quaternion(rng), velocity, 30.0 * rng.normal(size=3))
-        energy = s.kinetic_energies()[0]
-        for _ in range(14):
-            s.run_steps(100)
-            # a contact that is still loaded holds energy, so only a rise above the start tells
-            worst = max(worst, s.kinetic_energies()[0] / energy)
-        hits += s.kinetic_energies()[0] < 0.98 * energy
+        # a contact that is still loaded holds energy, so only a rise above the start tells
+        most, last = energy_shares(s, 14, 100)
+        worst, hits = max(worst, most), hits + (last < 0.98)
     assert hits > 150
     assert worst < 1.0 + 1e-5
 
@@ -173,30 +169,35 @@ def thrown_at(s, target, rng, direction, spin=30.0):
     s.run_steps(1)
     if s.counts[st.N_PLANE] + s.counts[st.N_CURVED]:
         return None
-    energy, most = s.kinetic_energies()[0], 0.0
-    for _ in range(10):
-        s.run_steps(round(0.008 / s.physics.dt))
-        most = max(most, s.kinetic_energies()[0] / energy)
-    return most, s.kinetic_energies()[0] / energy
+    return energy_shares(s, 10, round(0.008 / s.physics.dt))
+
+
+def harmless_hits(walls, seed, count, aim, **room):
+    """Throw bodies at walls, where `aim` says by an azimuth and a direction; returns the hits, which give no energy."""
+    rng = np.random.default_rng(seed)
+    hits = 0
+    for _ in range(count):
+        s = simulation(BERRY, Contact(0.4, 0.5, 0.0), walls=walls, dt=1e-4, capacity=1, **room)
+        angle = rng.uniform(0.0, 2.0 * math.pi)
+        out, direction = np.array([math.cos(angle), math.sin(angle), 0.0]), random_direction(rng)
+        place, direction = aim(rng, out, direction)
+        found = thrown_at(s, place + 0.008 * rng.normal(size=3), rng, direction)
+        if found is not None:
+            assert found[0] < 1.0 + 1e-5
+            hits += found[1] < 0.999
+    return hits
 
 
 @pytest.mark.parametrize("from_side", ["beside", "above", "below"])
 def test_hits_about_the_edge_of_a_disc_create_no_energy(from_side):
-    rng = np.random.default_rng(23)
-    worst, hits = 0.0, 0
-    for _ in range(150):
-        s = simulation(BERRY, Contact(0.4, 0.5, 0.0), walls=disc(), dt=1e-4, capacity=1)
-        angle = rng.uniform(0.0, 2.0 * math.pi)
-        out = np.array([math.cos(angle), math.sin(angle), 0.0])
-        direction = random_direction(rng)
+    def aim(rng, out, direction):
         if from_side == "beside":
             direction = out + np.array([0.0, 0.0, rng.uniform(-0.5, 0.5)])
         else:
             direction[2] = abs(direction[2]) if from_side == "above" else -abs(direction[2])
-        found = thrown_at(s, DISC_M * out + 0.008 * rng.normal(size=3), rng, direction)
-        if found is not None:
-            worst, hits = max(worst, found[0]), hits + (found[1] < 0.999)
-    assert worst < 1.0 + 1e-5
+        return DISC_M * out, direction
+
+    hits = harmless_hits(disc(), 23, 150, aim)
     # from below it goes through, and touches where it comes down again at most
     assert hits > (30 if from_side == "above" else 3 if from_side == "beside" else -1)
 
@@ -205,23 +206,14 @@ def test_hits_about_the_edge_of_a_disc_create_no_energy(from_side):
 @pytest.mark.parametrize("edges", [True, False], ids=["edges", "bare"])
 @pytest.mark.parametrize("end", ["outlet", "inlet"])
 def test_hits_on_a_funnels_ends_from_outside_create_no_energy(funnel, edges, end):
-    rng = np.random.default_rng(29)
+    def aim(_rng, out, direction):
+        if end == "inlet":
+            return 0.075 * out + [0.0, 0.0, funnel.inlet_height_m], direction
+        direction[2] = -abs(direction[2])
+        return 0.016 * out + [0.0, 0.0, funnel.outlet_height_m], direction
+
     walls = {name: wall for name, wall in funnel.walls("wall").items() if edges or isinstance(wall, Cone)}
-    worst, hits = 0.0, 0
-    for _ in range(60):
-        s = simulation(BERRY, Contact(0.4, 0.5, 0.0), walls=walls, dt=1e-4, capacity=1, **ROOM)
-        angle = rng.uniform(0.0, 2.0 * math.pi)
-        out = np.array([math.cos(angle), math.sin(angle), 0.0])
-        direction = random_direction(rng)
-        place = 0.075 * out + [0.0, 0.0, funnel.inlet_height_m]
-        if end == "outlet":
-            direction[2] = -abs(direction[2])
-            place = 0.016 * out + [0.0, 0.0, funnel.outlet_height_m]
-        found = thrown_at(s, place + 0.008 * rng.normal(size=3), rng, direction)
-        if found is not None:
-            worst, hits = max(worst, found[0]), hits + (found[1] < 0.999)
-    assert worst < 1.0 + 1e-5
-    assert hits > 2
+    assert harmless_hits(walls, 29, 60, aim, **ROOM) > 2
 
 
 def test_contacts_with_a_disc_are_those_of_a_slow_rule():
@@ -360,15 +352,12 @@ def test_the_torque_on_a_turning_drum_balances_the_moment_of_the_bed_that_it_lif
     s.run_steps(8000)
     weight = s.mass_kg * GRAVITY
 
-    def momentum():
-        return (np.cross(s.positions, s.mass_kg * s.velocities) + s.angular_momenta).sum(axis=0)[0]
-
-    before, steps, torque, moment = momentum(), 200, 0.0, 0.0
+    before, steps, torque, moment = angular_momentum(s)[0], 200, 0.0, 0.0
     for _ in range(steps):
         torque += sum(load.torque_n_m[0] for load in s.wall_loads().values()) / steps
         moment += np.cross(s.positions, (0.0, 0.0, -weight)).sum(axis=0)[0] / steps
         s.run_steps(1)
-    changed = (momentum() - before) / (steps * s.physics.dt)
+    changed = (angular_momentum(s)[0] - before) / (steps * s.physics.dt)
     assert abs(moment) > 0.02 * s.n_bodies * weight * radius
     assert torque == pytest.approx(moment - changed, rel=1e-2)
 
@@ -388,19 +377,21 @@ def beyond_shell(points):
     return np.hypot(points[:, 1], points[:, 2]) - 0.05
 
 
+def about_axis(points, origin):
+    """Places along an axis of direction TILT, and distances from it."""
+    along = (points - origin) @ TILT
+    return along, np.linalg.norm(points - origin - along[:, None] * TILT, axis=1)
+
+
 def beyond_slope(points):
     """How far points lie outside of SLOPE, at right angles to it."""
-    from_foot = points - np.array([0.01, 0.0, 0.02])
-    along = from_foot @ TILT
-    across = np.linalg.norm(from_foot - along[:, None] * TILT, axis=1)
+    along, across = about_axis(points, (0.01, 0.0, 0.02))
     widens = (0.05 - 0.016) / 0.05
     return (across - 0.016 - widens * along) / np.hypot(1.0, widens)
 
 
 def within_edge(points):
-    from_middle = points - np.array([0.0, 0.0, 0.02])
-    along = from_middle @ TILT
-    across = np.linalg.norm(from_middle - along[:, None] * TILT, axis=1)
+    along, across = about_axis(points, (0.0, 0.0, 0.02))
     return 0.002 - np.hypot(across - 0.03, along)
 
 
