@@ -97,9 +97,11 @@ def _targets(panel: Axes, across: Target, up: Target) -> None:
     sides = across.high - across.low, up.high - up.low
     look = {"fc": "none", "ec": style.GREEN, "lw": 1.4, "zorder": 3, "label": "asked for: target ranges"}
     panel.add_patch(Rectangle((across.low, up.low), *sides, **look))
-    look = {"fmt": "D", "ms": 8, "color": style.BLACK, "elinewidth": 1.2, "capsize": 3, "zorder": 4}
+    look = {"fmt": "D", "ms": 8, "mfc": "none", "color": style.BLACK, "elinewidth": 1.2, "capsize": 3, "zorder": 4}
     look |= {"xerr": across.standard_error, "yerr": up.standard_error}
-    panel.errorbar(across.value, up.value, label=f"measured, mean of {across.repetitions} repetitions", **look)
+    panel.errorbar(
+        across.value, up.value, label=f"measured ± standard error of {across.repetitions} repetitions", **look
+    )
     for name, response in (("xlabel", across.response), ("ylabel", up.response)):
         before = "" if response.label == response.symbol else f"{response.label},"
         panel.set(**{name: style.response_label(response, before)})

@@ -139,7 +139,7 @@ def convergence(inputs: Inputs, study: Shown) -> Figure:
     least, most = min(best.min(), mean.min()), max(best.max(), mean.max())
     if least > 0 and most > 10 * least:  # else no power of ten has a tick
         top.set_yscale("log")
-    top.legend(loc="upper right")
+    figure.legend(*top.get_legend_handles_labels(), loc="outside upper center", ncols=2)
     for panel in below:
         panel.plot(generation, found, color=style.GREEN)
         panel.set(ylabel="feasible\nsolutions met", ylim=(0, 1.05 * met))
