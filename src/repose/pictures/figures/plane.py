@@ -79,7 +79,7 @@ def draw(
         _solutions(panel, solutions, answer, across, up)
     style.name_panels(panels)
     look = {"loc": "outside lower center", "ncols": 2, "title": bars, "title_fontsize": 6.8}
-    panels[0].figure.legend(*panels[0].get_legend_handles_labels(), **look)
+    style.one_legend(panels, **look)
 
 
 def _samples(panel: Axes, tables: Tables, across: Target, up: Target) -> None:

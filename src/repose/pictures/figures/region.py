@@ -24,7 +24,7 @@ BANDS = {
     np.inf: (style.RED, "over 3: excluded"),
 }
 LEAST = "below the diagonal: misfit (standard deviations) at the best values of the other parameters"
-DEPTH = "above the diagonal: share of parameter sets still possible, over the other parameters"
+DEPTH = "above the diagonal: share of a cell's parameter sets still possible"
 
 
 INPUTS = {"region": "posterior/region.csv", "summary": "posterior/posterior.json"}

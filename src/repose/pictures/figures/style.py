@@ -109,6 +109,13 @@ def below(figure: Figure, words: str) -> None:
     figure.supxlabel(textwrap.fill(words, int(20 * figure.get_figwidth())), fontsize=6.8)
 
 
+def one_legend(panels: Sequence[Axes], **look: Any) -> None:
+    """Draw one legend for all panels, with each label once."""
+    named = [one for panel in panels for one in zip(*panel.get_legend_handles_labels(), strict=True)]
+    once = {label: handle for handle, label in named}
+    panels[0].figure.legend(once.values(), once.keys(), **look)
+
+
 def band(panel: Axes, low: float, high: float, label: str) -> None:
     """Draw the band of what is measured or near enough, across a panel."""
     panel.axhspan(low, high, color=GREEN, alpha=0.15, lw=0, label=label)
