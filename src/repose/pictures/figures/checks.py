@@ -16,8 +16,9 @@ from repose.core.targets import Target
 from . import style
 from .registry import Inputs, Shown, figure
 
-HERE = {"fmt": "s", "ms": 4.5, "elinewidth": 1, "capsize": 2, "color": style.BLUE}
-THERE = {"fmt": "D", "ms": 4.5, "color": style.ORANGE}
+BARS = {"ms": 4.5, "elinewidth": 1, "capsize": 2}
+HERE = BARS | {"fmt": "s", "color": style.BLUE, "label": "simulated here ± standard error over seeds"}
+THERE = BARS | {"fmt": "D", "color": style.ORANGE, "mfc": "white", "label": "published simulation"}
 
 
 TABLE_4 = {"table4": "validation/table4.csv"}
@@ -39,20 +40,18 @@ def validation(inputs: Inputs, study: Shown) -> Figure:
     widths = (1.15, 1) if published else (1,)
     figure = style.new_figure(style.PAGE, 0.6 + 1.9 * len(targets))
     panels = figure.subplots(len(targets), len(widths), sharey="row", squeeze=False, width_ratios=widths)
-    ours = HERE | {"label": "simulated here ± standard error over seeds"}
-    theirs = THERE | {"label": "published simulation", "mfc": "white"}
     for row, target in zip(panels, targets, strict=True):
-        _predicted_and_simulated(row[0], _in_order(solutions), target, ours)
+        _predicted_and_simulated(row[0], _in_order(solutions), target, HERE)
         row[0].set_ylabel(style.response_label(target.response))
         if target.response in published:
-            _predicted_and_simulated(row[1], _in_order(of_publication, "P"), target, theirs)
+            _predicted_and_simulated(row[1], _in_order(of_publication, "P"), target, THERE)
         elif published:
             row[1].axis("off")
             style.note(row[1], "not published", x=0.5, y=0.5, ha="center", color=style.GREY)
-    for panel, title in zip(panels[0], ("this run", "published"), strict=False):
-        panel.set_title(title, fontweight="bold")
-    for panel, label in zip(panels[-1], ("solution of this run", "published solution (P)"), strict=False):
-        panel.set_xlabel(label)
+    of = ("this run", "solution of this run"), ("published", "published solution (P)")
+    for top, bottom, (title, label) in zip(panels[0], panels[-1], of, strict=False):
+        top.set_title(title, fontweight="bold")
+        bottom.set_xlabel(label)
     figure.align_xlabels(panels[-1])
     style.one_legend(panels.ravel(), loc="outside upper center", ncols=3)
     style.below(figure, "numbers: error of the prediction in % of the simulated value")
@@ -83,14 +82,13 @@ def _published_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -
     x, response = _measured(panel, table, target), target.response
     if (column := derived(response.name, "published_simulated")) in table:
         measured = table.get(derived(response.name, "published_measured"), pd.Series(np.nan, table.index))
-        panel.errorbar(x - 0.12, table[column], label="published simulation", mfc="white", **THERE)
+        panel.errorbar(x - 0.12, table[column], **THERE)
         if measured.notna().any():
-            panel.errorbar(x - 0.12, measured, label="published measurement", **THERE)
+            panel.errorbar(x - 0.12, measured, **THERE | {"mfc": style.ORANGE, "label": "published measurement"})
         for place in x[table[column].isna() & measured.isna()]:
             panel.text(place - 0.2, target.value, "not published", rotation=90, ha="center", va="center", fontsize=6.8)
     error = table[response.error].fillna(0.0)
-    words = "same parameters in this simulator ± standard error"
-    panel.errorbar(x + 0.12, table[response.simulated], error, label=words, **HERE)
+    panel.errorbar(x + 0.12, table[response.simulated], error, **HERE)
     panel.set(ylabel=style.response_label(response), xlabel="published solution (P)")
     panel.margins(y=0.15)
 

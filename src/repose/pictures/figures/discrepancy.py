@@ -44,16 +44,14 @@ def over_the_discrepancy(inputs: Inputs, study: Shown) -> Figure:
     bits.set(ylabel="information\n(bits; 1 bit halves the range)", xlabel=f"{ERROR} (% of the target)", ylim=(0, None))
     bits.grid(True)
     bits.legend()
-    panels = below.subplots(rows, 3, squeeze=False).ravel()
-    for panel, name in zip(panels, names, strict=False):
+    panels = style.panels_in(below, len(names), 3)
+    for panel, name in zip(panels, names, strict=True):
         _intervals(panel, name, stated, of_study)
         panel.set(ylabel=style.parameter_label(name), ylim=study.ranges[name])
     words = "95 % intervals of the parameters, in their ranges; bands: error assumed as above"
     below.suptitle(words + "; bar: spread of the shape study's models" * bool(len(of_study)), fontsize=7.5)
     for panel in panels[max(0, len(names) - 3) :]:
         panel.set_xlabel("assumed error (%)")
-    for panel in panels[len(names) :]:
-        panel.set_axis_off()
     return figure
 
 

@@ -129,12 +129,8 @@ def _angles(panel: Axes, record: pd.DataFrame, runs: pd.DataFrame, section: Any)
         panel.plot(time_s, turning["bed_deg"], color=style.BLUE, lw=0.9, label=f"{hidden}centre of mass")
     slipped = runs[runs["status"] == "ok"]
     if len(slipped):
-        look = {
-            "ms": 4,
-            "color": style.RED,
-            "zorder": 4,
-            "label": f"first slip begins: highest before a fall by {section.slip_drop_deg:g}°",
-        }
+        words = f"first slip begins: highest before a fall by {section.slip_drop_deg:g}°"
+        look = {"ms": 4, "color": style.RED, "zorder": 4, "label": words}
         panel.plot(slipped["before_time_s"], slipped["before_bed_deg"], "v", **look)
     last = record["time_s"].max()
     turned_deg = np.degrees(section.angular_velocity_rad_s) * last
@@ -147,8 +143,7 @@ def _angles(panel: Axes, record: pd.DataFrame, runs: pd.DataFrame, section: Any)
     panel.set(xlabel="time since the rotation began (s)", ylabel="angle (deg)")
     panel.figure.legend(*panel.get_legend_handles_labels(), loc="outside upper left", ncols=3)
     rpm = 30 / np.pi * section.angular_velocity_rad_s
-    inside_mm = section.outer_diameter_mm - 2 * section.wall_thickness_mm
-    style.note(panel, f"drum: {inside_mm:g} mm wide inside,\n{rpm:.2f} turns per minute")
+    style.note(panel, f"drum: diameter {section.outer_diameter_mm:g} mm,\n{rpm:.2f} turns per minute")
 
 
 def _layers(panel: Axes, profile: pd.DataFrame) -> None:

@@ -45,9 +45,7 @@ def sequential(inputs: Inputs, study: Shown) -> Figure:
     style.one_legend(panels, loc="outside lower center", ncols=3)
     reached = batches["probability"].iloc[-1]
     verdict = "reached" if reached >= section.probability else "NOT reached"
-    words = (
-        f"{verdict}: the answer meets all targets with probability {reached:.2f}; asked for is {section.probability:g}"
-    )
+    words = f"{verdict}: all targets met with probability {reached:.2f}; asked for is {section.probability:g}"
     figure.suptitle(words, fontsize=7.5)
     return figure
 

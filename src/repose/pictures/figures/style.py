@@ -73,8 +73,8 @@ def response_label(response: Response, before: str = "") -> str:
     return f"{before} {response.symbol} ({response.unit or '–'})".lstrip()
 
 
-def line_in_words(section: Mapping[str, Any], definition: str) -> str:
-    """Say which line a definition of the angle draws, as `line_of` does in short for tables."""
+def line_in_words(section: Mapping[str, Any], definition: str | None = None) -> str:
+    """Say which line a definition of the angle draws, as `line_of` does for tables; default: the calibrated one."""
     _, band, _ = line_of(section, "flank").split(", ")
     return {
         "flank": f"line fitted to the side from {band}",
@@ -82,7 +82,7 @@ def line_in_words(section: Mapping[str, Any], definition: str) -> str:
         "steepest": f"line fitted to the steepest half or more of the side from {band}",
         "whole": "line fitted to the whole side",
         "straightest": f"line fitted to the straightest {100 * section['smallest_window']:.2g} % or more of the side",
-    }[definition]
+    }[definition or section["response"]]
 
 
 def explain_symbols(figure: Figure, config: Config) -> None:
@@ -90,9 +90,7 @@ def explain_symbols(figure: Figure, config: Config) -> None:
     shown, lines = " ".join(text.get_text() for text in figure.findobj(Text)), []
     for one in targets_of(config).responses if {"targets", "measure"} <= config.keys() else ():
         if "measure.response" in one.definition and one.symbol in shown:
-            section = vars(Shown(config).measure)
-            line = line_in_words(section, section["response"])
-            lines.append(f"{one.symbol}: {one.label} (simulated piles: {line})")
+            lines.append(f"{one.symbol}: {one.label} (simulated piles: {line_in_words(vars(Shown(config).measure))})")
     if any(symbol in shown for symbol in SYMBOLS.values()):
         lines.append(SUBSCRIPTS)
     words = "\n".join(textwrap.fill(line, int(20 * figure.get_figwidth())) for line in lines)
@@ -111,8 +109,7 @@ def below(figure: Figure, words: str) -> None:
 
 def one_legend(panels: Sequence[Axes], **look: Any) -> None:
     """Draw one legend for all panels, with each label once."""
-    named = [one for panel in panels for one in zip(*panel.get_legend_handles_labels(), strict=True)]
-    once = {label: handle for handle, label in named}
+    once = {label: one for panel in panels for one, label in zip(*panel.get_legend_handles_labels(), strict=True)}
     panels[0].figure.legend(once.values(), once.keys(), **look)
 
 

@@ -48,8 +48,7 @@ def simulated_pile(inputs: Inputs, study: Shown) -> Figure:
     panel = figure.subplots()
     panel.imshow(render_pile(centres, quaternions, particle, **size, **look), aspect="auto")
     panel.axis("off")
-    words = f"{len(centres)} grains poured, {in_pile.sum()} in the pile"
-    style.note(panel, words, x=0.02, y=0.96, fontsize=8)
+    style.note(panel, f"{len(centres)} grains poured, {in_pile.sum()} in the pile", x=0.02, y=0.96, fontsize=8)
     axis = np.array([*near[:, :2].mean(axis=0), 0.0])
     style.scale_bar(panel, look_at(frame, **size), axis, np.ptp(near[:, 0]), " at the pile's axis")
     return figure
@@ -88,9 +87,8 @@ def _name_lines(panel: Axes, measured: pile.Measurement, settings: pile.MeasureS
         look = {"textcoords": "offset points", "ha": ha, "fontweight": "bold"}
         rgb = [value / 255 for value in reversed(colour)]
         panel.annotate(f"{name} {side_deg:.1f}°", place, (away, 12), color=rgb, **look)
-    line = style.line_in_words(vars(settings), settings.response)
     panel.set_title(f"d  boundary, Height {measured.height_mm:.1f} mm")
-    panel.set_title(f"angle of this view {angle.aor_deg:.1f}°, {line}", loc="right")
+    panel.set_title(f"angle of this view {angle.aor_deg:.1f}°, {style.line_in_words(vars(settings))}", loc="right")
 
 
 POUR = {"trajectory": "{trajectory}", "particle": "berry/particle.json"}
