@@ -17,13 +17,13 @@ from repose.core.errors import InputError
 from repose.measure import pile, saved_pours
 from repose.measure.angles import DEFINITIONS
 from repose.measure.saved_piles import side_view
-from repose.measure.settings import line_of
 from repose.particle.berry_files import read_berry
 from repose.particle.particle import Particle
 from repose.pictures import figures
 from repose.pictures.figures import berries, checks, plane, rotation, samples, search, style, surrogate, testbench
 from repose.pictures.scenery import look_at
 
+LINE = "line fitted to the side from 30 to 80 % of the height"
 ROOT = Path(__file__).parents[2]
 
 
@@ -150,22 +150,22 @@ def test_figures_say_what_a_reader_has_to_know(inputs, drawn, tmp_path, monkeypa
     table = pd.DataFrame({"sample": range(4), "split": "test", "aor_deg": value, "height_mm": value})
     table["aor_predicted_deg"] = table["height_predicted_mm"] = value + np.array([1, -1, 1, -1])
     table.to_csv(changed["predictions"], index=False)
-    pd.DataFrame({"sample": range(4), "aor_se_deg": 0.5, "height_se_mm": 0.5}).to_csv(changed["dataset"])
+    pd.DataFrame({"sample": range(4), "aor_se_deg": 0.5, "height_se_mm": 1.5}).to_csv(changed["dataset"])
     row = {"solution": 5, "aor_predicted_deg": 33.0, "height_predicted_mm": 63.0}
     row |= {"aor_simulated_deg": 30.0, "height_simulated_mm": 70.0}
     pd.DataFrame([row]).to_csv(changed["table4"], index=False)
     corner = ("NOT CONVERGED", "EXTRAPOLATED", "best draw 2.00 standard deviations")
     failed = ("3 of 150 samples gave no result", "3 jammed")
     nothing = ("no set is predicted inside all ranges: the ", "nearest: 3.1 deg short")
-    # without the noise 1 - (4 - 4 / 4) / (20 - 3 / 4 * 4 / 4)
-    accuracy = "test: R² 0.800, RMSE 1.00 deg, n 4\n    R² 0.844 at precise points"
+    # without the noise 1 - (4 - 4 / 4) / (20 - 3 / 4 * 4 / 4), and for the height more than 1
+    accuracy = "test: R² 0.800, RMSE 1.00 deg, n 4\n    R² 0.844 corrected for the scatter", "R² ≈ 1 corrected"
     cases = [
         (berries.sizes_and_sphericity, {"sizes": inputs["sizes"]}, (berries.RECONSTRUCTED,)),
         (berries.sizes_and_sphericity, {"sizes": changed["sizes"]}, ()),
         (search.feasible_solutions, {"feasible": inputs["feasible"], "summary": changed["summary"]}, nothing),
         (samples.responses_over_parameters, {"dataset": inputs["dataset"]}, failed),
         (rotation.states, {"states": changed["states"], "particle": inputs["particle"]}, ("NO SLIP", "at the report")),
-        (surrogate.predicted_against_simulated, {key: changed[key] for key in ("predictions", "dataset")}, (accuracy,)),
+        (surrogate.predicted_against_simulated, {key: changed[key] for key in ("predictions", "dataset")}, accuracy),
         # errors are percent of the simulated value
         (checks.validation, {"table4": changed["table4"]}, ("| 10.0 |",)),
     ]
@@ -199,7 +199,7 @@ def test_bad_names_are_named_and_the_approach_shows_bars_and_the_pile_its_defini
     assert len([tick for tick in ticks if tick.isdigit()]) == len(ticks) > 2
     title = drawn("plane")[0].legends[0].get_title().get_text()
     assert title.startswith(plane.BARS)
-    assert line_of(CONFIG["measure"]) in title.replace("\n", " ")
+    assert LINE in title.replace("\n", " ")
     figure, _ = drawn("definitions")
     figure.canvas.draw()  # at the resolution of its texts' places
     text = words(figure)
@@ -208,7 +208,8 @@ def test_bad_names_are_named_and_the_approach_shows_bars_and_the_pile_its_defini
     assert figure.legends[0].get_window_extent().y1 < figure.axes[1].get_window_extent().y0
 
     labels = [text.get_text().split("°  ")[1] for text in figure.legends[0].get_texts()]
-    assert labels == [line_of(CONFIG["measure"], name) for name in DEFINITIONS]
+    assert labels[0] == f"flank: {LINE}, used"
+    assert labels[1:] == [f"{name}: {style.line_in_words(CONFIG['measure'], name)}" for name in DEFINITIONS[1:]]
     for panel in figure.axes:
         boxes = [one.get_window_extent() for one in panel.texts]
         assert not any(a.overlaps(b) for a, b in combinations(boxes, 2))
@@ -216,14 +217,13 @@ def test_bad_names_are_named_and_the_approach_shows_bars_and_the_pile_its_defini
 
 @pytest.mark.parametrize("name", ["figure10", "figure13", "figure14", "plane", "dataset", "validation", "noise"])
 def test_a_figure_with_the_calibrated_angle_names_its_line(name, inputs, drawn, tmp_path, monkeypatch):
-    line = line_of(CONFIG["measure"])
-    assert line in words(drawn(name)[0]).replace("\n", " ")
+    assert LINE in words(drawn(name)[0]).replace("\n", " ")
     if name in ("figure10", "plane"):  # of all outputs of a network; of pairs of targets
         return
     without = []
     monkeypatch.setattr(style, "save", lambda figure, *_: without.append(words(figure).replace("\n", " ")))
     figures.draw(name, inputs_of(name, inputs), tmp_path / "it.png", CONFIG | {"targets": CONFIG["targets"][1:]})
-    assert line not in without.pop()
+    assert LINE not in without.pop()
 
 
 def test_the_angle_has_its_lines_in_figure_6_and_a_search_without_result_its_axes(inputs, drawn, tmp_path):
@@ -234,7 +234,7 @@ def test_the_angle_has_its_lines_in_figure_6_and_a_search_without_result_its_axe
     panel = drawn("figure06")[0].axes[-1]
     title = panel.get_title(loc="right")
     assert f"{measured.aor_deg:.1f}°" in title
-    assert line_of(CONFIG["measure"]) in title
+    assert LINE in title
     for text, line, name in zip(panel.texts, measured.angle.lines, ("left", "right"), strict=True):
         assert text.get_text() == f"{name} {getattr(measured.angle, f'{name}_deg'):.1f}°"
         along = np.sort(np.array(line)[:, 0] * settings.mm_per_pixel)
@@ -263,7 +263,7 @@ def test_predicted_and_simulated_responses_have_equal_axes(fresh, inputs, drawn)
         assert panel.get_xticks().tolist() == panel.get_yticks().tolist()
     text = words(figure)
     assert ("new points: R²" in text) is fresh
-    assert text.count("at precise points\n" if fresh else "at precise points |") == len(figure.axes)
+    assert text.count("scatter of the pours\n" if fresh else "scatter of the pours |") == len(figure.axes)
 
 
 def test_large_weights_draw_no_thick_lines_and_a_scale_bar_has_its_length(inputs, tmp_path):

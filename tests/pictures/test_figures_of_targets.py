@@ -55,7 +55,7 @@ def test_the_planes_of_the_targets_show_samples_ranges_and_answer(count, panels,
     assert "147 further sets, simulated" in result
     assert any("± 1 standard error" in text for text in result)
     first = TARGETS[0]
-    label = f"measured, mean of {first['repetitions']} repetitions"
+    label = f"measured ± standard error of {first['repetitions']} repetitions"
     (measured,) = [bars for bars in figure.axes[0].containers if bars.get_label() == label]
     across = measured.lines[2][0].get_segments()[0][:, 0]
     error = first["sd"] / np.sqrt(first["repetitions"])
@@ -134,7 +134,9 @@ def test_every_mark_of_the_published_solutions_has_its_words_and_stale_numbers_a
 
     result = result_of(table.assign(**{column: [table[column][0], *5 * [np.nan]]}))
     assert result.count("not published") == 5
-    assert {"measured ± standard deviation", "measured mean", "published simulation"} <= set(result)
+    names = dict.fromkeys(text for text in result if text.startswith("P"))  # of two panels
+    assert list(names) == ["P\n(answer)", "P2", "P15", "P22", "P56", "P84"]
+    assert {"measured ± standard deviation of one repetition", "measured mean", "published simulation"} <= set(result)
     simulated, measured = (derived("aor_deg", f"published_{word}") for word in ("simulated", "measured"))
     table[simulated], table[measured] = [*5 * [32.0], np.nan], [*5 * [np.nan], 31.27]
     for stale in (False, True):

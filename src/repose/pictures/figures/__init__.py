@@ -44,5 +44,5 @@ def draw(name: str, inputs: Inputs, out_path: str | Path, config: Config, known:
     further = [kind for kind in files.format if kind != "png"] if out_path.suffix == ".png" else []
     with style.applied():
         drawn = known[name].draw(inputs, config)
-        style.name_the_line(drawn, config)
+        style.explain_symbols(drawn, config)
         style.save(drawn, out_path, bool(config.get("small_run", False)), further, files.dpi)

@@ -1,5 +1,8 @@
 """The validation of our solutions (Table 4), and the published solutions in our simulator."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -13,8 +16,9 @@ from repose.core.targets import Target
 from . import style
 from .registry import Inputs, Shown, figure
 
-SIMULATED = {"fmt": "s", "ms": 4.5, "elinewidth": 1, "capsize": 2}
-WORD = " (repr.: the representative one)"
+BARS = {"ms": 4.5, "elinewidth": 1, "capsize": 2}
+HERE = BARS | {"fmt": "s", "color": style.BLUE, "label": "simulated here ± standard error over seeds"}
+THERE = BARS | {"fmt": "D", "color": style.ORANGE, "mfc": "white", "label": "published simulation"}
 
 
 TABLE_4 = {"table4": "validation/table4.csv"}
@@ -24,9 +28,9 @@ TABLE_4 = {"table4": "validation/table4.csv"}
 def validation(inputs: Inputs, study: Shown) -> Figure:
     """Draw predicted and simulated responses of our solutions, and the published table's.
 
-    Table 4 as a figure: predicted and simulated responses of the representative solution and others, simulated with
-    seeds that no sample of the design had. Bars are one standard error; the band is the measurement, mean and
-    standard deviation.
+    Table 4 as a figure: predicted and simulated responses of the answer, the representative solution, and others,
+    simulated with seeds that no sample of the design had. Published solutions have a P before their number. Bars
+    are one standard error; the band is the measurement, mean and standard deviation.
     """
     targets = study.targets
     simulated = [target.response.simulated for target in targets]
@@ -37,19 +41,19 @@ def validation(inputs: Inputs, study: Shown) -> Figure:
     figure = style.new_figure(style.PAGE, 0.6 + 1.9 * len(targets))
     panels = figure.subplots(len(targets), len(widths), sharey="row", squeeze=False, width_ratios=widths)
     for row, target in zip(panels, targets, strict=True):
-        _predicted_and_simulated(row[0], solutions, target)
+        _predicted_and_simulated(row[0], _in_order(solutions), target, HERE)
         row[0].set_ylabel(style.response_label(target.response))
         if target.response in published:
-            _predicted_and_simulated(row[1], of_publication, target)
+            _predicted_and_simulated(row[1], _in_order(of_publication, "P"), target, THERE)
         elif published:
             row[1].axis("off")
             style.note(row[1], "not published", x=0.5, y=0.5, ha="center", color=style.GREY)
-    for panel, title in zip(panels[0], ("this run", "published"), strict=False):
-        panel.set_title(title, fontweight="bold")
-    for panel in panels[-1]:
-        panel.set_xlabel(f"solution{WORD}")
+    of = ("this run", "solution of this run"), ("published", "published solution (P)")
+    for top, bottom, (title, label) in zip(panels[0], panels[-1], of, strict=False):
+        top.set_title(title, fontweight="bold")
+        bottom.set_xlabel(label)
     figure.align_xlabels(panels[-1])
-    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    style.one_legend(panels.ravel(), loc="outside upper center", ncols=3)
     style.below(figure, "numbers: error of the prediction in % of the simulated value")
     return figure
 
@@ -61,7 +65,7 @@ def published_solutions(inputs: Inputs, study: Shown) -> Figure:
     The published parameter sets in this simulator, from the stored table that the configuration names, with what
     was published of their piles.
     """
-    table = read_table(inputs["published"], ("solution",))
+    table = _in_order(read_table(inputs["published"], ("solution",)), "P")
     targets = [target for target in study.targets if target.response.simulated in table]
     figure, panels = style.grid(len(targets), 2.3, further=0.3)
     for panel, target in zip(panels, targets, strict=True):
@@ -69,9 +73,7 @@ def published_solutions(inputs: Inputs, study: Shown) -> Figure:
     style.name_panels(panels)
     if table.get("stale", pd.Series(dtype=bool)).any():
         figure.suptitle(STALE, fontsize=6.8, color=style.RED)
-    # A response that was not published has no marks of the article's simulation, and no label for them.
-    fullest = max(panels, key=lambda panel: len(panel.get_legend_handles_labels()[1]))
-    figure.legend(*fullest.get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    style.one_legend(panels, loc="outside lower center", ncols=2)
     return figure
 
 
@@ -80,27 +82,24 @@ def _published_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -
     x, response = _measured(panel, table, target), target.response
     if (column := derived(response.name, "published_simulated")) in table:
         measured = table.get(derived(response.name, "published_measured"), pd.Series(np.nan, table.index))
-        look = {"ms": 4.5, "color": style.ORANGE}
-        panel.plot(x - 0.12, table[column], "D", label="published simulation", mfc="white", **look)
+        panel.errorbar(x - 0.12, table[column], **THERE)
         if measured.notna().any():
-            panel.plot(x - 0.12, measured, "D", label="published measurement", **look)
+            panel.errorbar(x - 0.12, measured, **THERE | {"mfc": style.ORANGE, "label": "published measurement"})
         for place in x[table[column].isna() & measured.isna()]:
-            panel.text(place - 0.3, target.value, "not published", rotation=90, ha="center", va="center", fontsize=6.8)
+            panel.text(place - 0.2, target.value, "not published", rotation=90, ha="center", va="center", fontsize=6.8)
     error = table[response.error].fillna(0.0)
-    words = "same parameters in this simulator ± standard error"
-    panel.errorbar(x + 0.12, table[response.simulated], error, color=style.BLUE, label=words, **SIMULATED)
-    panel.set(ylabel=style.response_label(response), xlabel=f"published solution{WORD}")
+    panel.errorbar(x + 0.12, table[response.simulated], error, **HERE)
+    panel.set(ylabel=style.response_label(response), xlabel="published solution (P)")
     panel.margins(y=0.15)
 
 
-def _predicted_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -> None:
+def _predicted_and_simulated(panel: Axes, table: pd.DataFrame, target: Target, marks: Mapping[str, Any]) -> None:
     """Draw one response of each solution, with the prediction's error in percent of the simulated value."""
     x, response = _measured(panel, table, target), target.response
     predicted, simulated = (table[column].to_numpy(float) for column in (response.predicted, response.simulated))
     error = table[response.error].fillna(0.0) if response.error in table else None
-    panel.plot(x - 0.12, predicted, "o", ms=4.5, mfc="white", color=style.BLUE, label="predicted")
-    words = "simulated ± standard error over seeds"
-    panel.errorbar(x + 0.12, simulated, error, color=style.RED, label=words, **SIMULATED)
+    panel.plot(x - 0.12, predicted, "o", ms=4.5, mfc="white", color=style.BLACK, label="predicted")
+    panel.errorbar(x + 0.12, simulated, error, **marks)
     look = {"xytext": (0, -9), "textcoords": "offset points", "ha": "center", "va": "top", "fontsize": 6.3}
     for place, before, after in zip(x, predicted, simulated, strict=True):
         if not np.isfinite(after) or after == 0:
@@ -112,12 +111,24 @@ def _predicted_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -
 
 def _measured(panel: Axes, table: pd.DataFrame, target: Target) -> np.ndarray:
     """Draw the measured mean and a band of one standard deviation over the solutions' names, and give their places."""
-    style.band(panel, target.value - target.sd, target.value + target.sd, "measured ± standard deviation")
+    words = "measured ± standard deviation of one repetition"
+    style.band(panel, target.value - target.sd, target.value + target.sd, words)
     panel.axhline(target.value, color=style.GREEN, lw=0.9, label="measured mean")
-    names = table["solution"].astype(str).str.replace("representative", "repr.").tolist()
-    if "role" in table:
-        marked = table["role"] == "representative"
-        names = [f"{name}\n(repr.)" if mark else name for name, mark in zip(names, marked, strict=True)]
-    panel.set_xticks(range(len(names)), names)
-    panel.set_xlim(-0.6, len(names) - 0.4)
-    return np.arange(len(names))
+    panel.set_xticks(range(len(table)), table["name"])
+    panel.set_xlim(-0.6, len(table) - 0.4)
+    return np.arange(len(table))
+
+
+def _in_order(table: pd.DataFrame, mark: str = "") -> pd.DataFrame:
+    """Give solutions names for an axis, a mark before their numbers: the answer first, then by number, then others."""
+    answer = table.get("role", table["solution"]) == "representative"
+    names = [_name(str(solution), first, mark) for solution, first in zip(table["solution"], answer, strict=True)]
+    number = pd.to_numeric(table["solution"], errors="coerce").mask(answer, -1)
+    return table.assign(name=names, number=number).sort_values("number", kind="stable", ignore_index=True)
+
+
+def _name(solution: str, answer: bool, mark: str) -> str:
+    """Name a solution; one of other authors by these and the year, as `yu_2022`."""
+    if answer:
+        return f"{mark}{solution.removeprefix('representative')}\n(answer)"
+    return f"{mark}{solution}" if solution.isdigit() else solution.replace("_", " et al.\n").capitalize()

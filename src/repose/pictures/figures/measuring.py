@@ -8,7 +8,6 @@ from repose.measure import pile
 from repose.measure.angles import DEFINITIONS
 from repose.measure.saved_piles import side_view
 from repose.measure.saved_pours import first_pour
-from repose.measure.settings import line_of
 from repose.particle.berry_files import read_berry
 from repose.particle.particle import Particle
 
@@ -50,11 +49,13 @@ def _view(panel: Axes, image: np.ndarray, settings: pile.MeasureSettings) -> pil
     ends = [end for end in (settings.fit_from, settings.fit_to) if not isinstance(end, str)]
     levels += [(end * measured.height_mm, f"{100 * end:.0f} % of the height") for end in ends]
     for name, angle in measured.angles.items():
-        look = {"color": COLOURS[name], "ls": STYLES[name]}
+        used = name == settings.response
+        look = {"color": COLOURS[name], "ls": STYLES[name], "lw": 3.0 if used else 1.5}
         for line in angle.lines:
             u, row = np.array(line).T
-            panel.plot((u - crest) * scale, (measured.base_row - row) * scale, lw=1.5, **look)
-        panel.plot([], [], label=f"{angle.aor_deg:.1f}°  {line_of(settings, name)}", **look)
+            panel.plot((u - crest) * scale, (measured.base_row - row) * scale, **look)
+        words = style.line_in_words(vars(settings), name) + ", used" * used
+        panel.plot([], [], label=f"{angle.aor_deg:.1f}°  {name}: {words}", **look)
     left, right = panel.get_xlim()
     lowest = 0.0
     for z, name in sorted(levels):

@@ -78,8 +78,7 @@ def draw(
         _targets(panel, across, up)
         _solutions(panel, solutions, answer, across, up)
     style.name_panels(panels)
-    look = {"loc": "outside lower center", "ncols": 2, "title": bars, "title_fontsize": 6.8}
-    panels[0].figure.legend(*panels[0].get_legend_handles_labels(), **look)
+    style.one_legend(panels, loc="outside lower center", ncols=2, title=bars, title_fontsize=6.8)
 
 
 def _samples(panel: Axes, tables: Tables, across: Target, up: Target) -> None:
@@ -97,9 +96,10 @@ def _targets(panel: Axes, across: Target, up: Target) -> None:
     sides = across.high - across.low, up.high - up.low
     look = {"fc": "none", "ec": style.GREEN, "lw": 1.4, "zorder": 3, "label": "asked for: target ranges"}
     panel.add_patch(Rectangle((across.low, up.low), *sides, **look))
-    look = {"fmt": "D", "ms": 8, "color": style.BLACK, "elinewidth": 1.2, "capsize": 3, "zorder": 4}
+    look = {"fmt": "D", "ms": 8, "mfc": "none", "color": style.BLACK, "elinewidth": 1.2, "capsize": 3, "zorder": 4}
     look |= {"xerr": across.standard_error, "yerr": up.standard_error}
-    panel.errorbar(across.value, up.value, label=f"measured, mean of {across.repetitions} repetitions", **look)
+    look["label"] = f"measured ± standard error of {across.repetitions} repetitions"
+    panel.errorbar(across.value, up.value, **look)
     for name, response in (("xlabel", across.response), ("ylabel", up.response)):
         before = "" if response.label == response.symbol else f"{response.label},"
         panel.set(**{name: style.response_label(response, before)})

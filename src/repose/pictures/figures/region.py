@@ -23,8 +23,8 @@ BANDS = {
     3.0: ("#DCEFE4", "2 to 3"),
     np.inf: (style.RED, "over 3: excluded"),
 }
-LEAST = "below the diagonal: minimum implausibility, in standard deviations, over the other parameters"
-DEPTH = "above the diagonal: optical depth, the share of the other parameters' values that is not excluded"
+LEAST = "below the diagonal: misfit (standard deviations) at the best values of the other parameters"
+DEPTH = "above the diagonal: share of a cell's parameter sets still possible"
 
 
 INPUTS = {"region": "posterior/region.csv", "summary": "posterior/posterior.json"}
@@ -32,12 +32,12 @@ INPUTS = {"region": "posterior/region.csv", "summary": "posterior/posterior.json
 
 @figure("region", "Region that is not excluded", INPUTS, **OF_POSTERIOR)
 def not_excluded(inputs: Inputs, study: Shown) -> Figure:
-    """Draw minimum implausibility below the diagonal, optical depth above it.
+    """Draw the least misfit below the diagonal, the share of sets still possible above it.
 
     The region of parameters that the measurements do not exclude (history matching), projected on each pair of
-    parameters. Below the diagonal the minimum implausibility: how many standard deviations the worst response lies
-    from its measurement at the best values of all other parameters. Above it the optical depth: the share of the
-    other parameters' values that leaves the set not implausible, below three.
+    parameters. Below the diagonal the misfit (minimum implausibility): how many standard deviations the worst
+    response lies from its measurement at the best values of all other parameters. Above it the share of parameter
+    sets still possible (optical depth): those whose misfit is below three.
     """
     table = read_table(inputs["region"], COLUMNS)
     share = read_json(inputs["summary"], ("not_implausible_share",))["not_implausible_share"]

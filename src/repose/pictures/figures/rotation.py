@@ -129,18 +129,21 @@ def _angles(panel: Axes, record: pd.DataFrame, runs: pd.DataFrame, section: Any)
         panel.plot(time_s, turning["bed_deg"], color=style.BLUE, lw=0.9, label=f"{hidden}centre of mass")
     slipped = runs[runs["status"] == "ok"]
     if len(slipped):
-        look = {"ms": 4, "color": style.RED, "zorder": 4, "label": "first slip begins"}
+        words = f"first slip begins: highest before a fall by {section.slip_drop_deg:g}°"
+        look = {"ms": 4, "color": style.RED, "zorder": 4, "label": words}
         panel.plot(slipped["before_time_s"], slipped["before_bed_deg"], "v", **look)
     last = record["time_s"].max()
     turned_deg = np.degrees(section.angular_velocity_rad_s) * last
     panel.plot([0, last], [0, turned_deg], color=style.GREY, lw=0.7, ls="--", label="carried like a solid")
     if "report_time_s" in runs:
-        words = f"{section.report_s:g} s since the filling began"
+        words = f"{section.report_s:g} s after the filling began, the time reported"
         panel.axvline(runs["report_time_s"].median(), color=style.ORANGE, lw=0.8, label=words)
     top = 1.05 * max(record["surface_deg"].max(), record["bed_deg"].max())
     panel.set(xlim=(0, last), ylim=(min(-3.0, record["bed_deg"].min() - 2), top))
     panel.set(xlabel="time since the rotation began (s)", ylabel="angle (deg)")
-    panel.figure.legend(*panel.get_legend_handles_labels(), loc="outside upper left", ncols=5)
+    panel.figure.legend(*panel.get_legend_handles_labels(), loc="outside upper left", ncols=3)
+    rpm = 30 / np.pi * section.angular_velocity_rad_s
+    style.note(panel, f"drum: diameter {section.outer_diameter_mm:g} mm,\n{rpm:.2f} turns per minute")
 
 
 def _layers(panel: Axes, profile: pd.DataFrame) -> None:

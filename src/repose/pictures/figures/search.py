@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from repose.chain.invert import LEAST_LOSS
 from repose.core.files import read_json, read_table
 from repose.core.parameters import SYMBOLS
 from repose.core.targets import Target
@@ -17,10 +18,13 @@ from repose.core.targets import Target
 from . import style
 from .registry import Inputs, Shown, figure
 
+SIGHT = "points lie at different heights for sight only"
+LOSS = "the answer may lie apart: it has the least expected loss, where its error counts"
 FOUND = {"feasible": "miga/feasible.csv", "summary": "miga/summary.json"}
+READS = ("parameters", "targets", "miga.answer")
 
 
-@figure("figure14", "Figure 14", FOUND, optional={"published": "{table3}"}, reads=("parameters", "targets"))
+@figure("figure14", "Figure 14", FOUND, optional={"published": "{table3}"}, reads=READS)
 def feasible_solutions(inputs: Inputs, study: Shown) -> Figure:
     """Draw the solutions' parameters in their ranges (Table 3 of the paper), and their predicted responses.
 
@@ -41,6 +45,8 @@ def feasible_solutions(inputs: Inputs, study: Shown) -> Figure:
         panel = figure.add_subplot(places[k, 1])
         _response_strip(panel, solutions, target)
         panel.set_title(style.letter(k + 1), fontweight="bold")
+    by_loss = study.config.get("miga", {}).get("answer") == LEAST_LOSS
+    style.below(figure, f"{SIGHT}; {LOSS}" if by_loss else SIGHT)
     _title(figure, left, solutions, summary)
     return figure
 
@@ -116,8 +122,9 @@ def _response_strip(panel: Axes, solutions: pd.DataFrame, target: Target) -> Non
     panel.set(xlim=(low - room, high + room), ylim=(-0.5, 0.5), yticks=[])
     panel.set_xlabel(style.response_label(target.response, "predicted"))
     panel.spines["left"].set_visible(False)
-    words = f"band: target range {target.low:g} to {target.high:g}, line: aim {target.aim:g}"
-    panel.set_title(words, loc="right", fontsize=6.8, color=style.GREEN)
+    unit, look = target.response.unit, {"fontsize": 6.8, "color": style.GREEN}
+    panel.text(target.low, 0.46, f" target range\n {target.low:g} to {target.high:g} {unit}", va="top", **look)
+    panel.set_title(f"line: aim {target.aim:g} {unit}", loc="right", **look)
 
 
 @figure("convergence", "Convergence of the search", {"history": "miga/history.csv"}, reads=("miga",))
@@ -139,7 +146,7 @@ def convergence(inputs: Inputs, study: Shown) -> Figure:
     least, most = min(best.min(), mean.min()), max(best.max(), mean.max())
     if least > 0 and most > 10 * least:  # else no power of ten has a tick
         top.set_yscale("log")
-    top.legend(loc="upper right")
+    figure.legend(*top.get_legend_handles_labels(), loc="outside upper center", ncols=2)
     for panel in below:
         panel.plot(generation, found, color=style.GREEN)
         panel.set(ylabel="feasible\nsolutions met", ylim=(0, 1.05 * met))

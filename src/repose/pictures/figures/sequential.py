@@ -32,18 +32,21 @@ def sequential(inputs: Inputs, study: Shown) -> Figure:
     figure, panels = style.grid(1 + len(targets), 2.2, columns=3, further=0.4)
     _probability(panels[0], batches, section)
     after = float(batches["pours"].iloc[-1]) * 1.06
-    for k, (panel, target) in enumerate(zip(panels[1:], targets, strict=True)):
+    for panel, target in zip(panels[1:], targets, strict=True):
         off = 100 / target.whole * (batches[f"{target.name}_mean"] - target.aim)
         style.near_enough(panel, section.tolerance_percent)
-        look = {"fmt": "D", "ms": 4, "mfc": "white", "color": style.BLACK, "label": "predicted"}
+        look = {"fmt": "D", "ms": 4, "mfc": "white", "color": style.BLACK, "label": "predicted ± standard error"}
         panel.errorbar(batches["pours"], off, 100 / target.whole * batches[f"{target.name}_error"], **look)
         simulated, spread = check.loc[target.name, ["simulated", "simulated_error"]].astype(float)
-        look = {"fmt": "o", "ms": 5, "color": style.series(k)["color"], "label": "the answer, simulated again"}
+        look = {"fmt": "o", "ms": 5, "color": style.RED, "label": "the answer, simulated again ± standard error"}
         panel.errorbar([after], [target.off_percent(simulated)], [100 * spread / target.whole], **look)
         panel.set(xlabel="pours", ylabel="off the target (% of it)")
         panel.set_title(f"{target.response.symbol}, target {target.aim:g} {target.response.unit}")
-    named = [one for panel in panels[:2] for one in zip(*panel.get_legend_handles_labels(), strict=True)]
-    figure.legend(*zip(*named, strict=True), loc="outside lower center", ncols=3)
+    style.one_legend(panels, loc="outside lower center", ncols=3)
+    reached = batches["probability"].iloc[-1]
+    verdict = "reached" if reached >= section.probability else "NOT reached"
+    words = f"{verdict}: all targets met with probability {reached:.2f}; asked for is {section.probability:g}"
+    figure.suptitle(words, fontsize=7.5)
     return figure
 
 

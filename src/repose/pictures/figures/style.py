@@ -3,7 +3,7 @@
 import io
 import math
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from itertools import product
 from pathlib import Path
@@ -20,7 +20,7 @@ from matplotlib.text import Text
 import repose.apparatus  # noqa: F401  (makes the responses of all bench tests known)
 from repose.core.errors import InputError
 from repose.core.files import Path_, write_bytes
-from repose.core.parameters import FURTHER, SYMBOLS
+from repose.core.parameters import FURTHER, PAIRS, SYMBOLS
 from repose.core.responses import Response
 from repose.core.targets import Target, Targets
 from repose.measure.settings import line_of
@@ -43,6 +43,7 @@ SERIES = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, GREY)
 LINES = ("-", "--", "-.", ":")
 ANSWER = {"ms": 5.0, "color": RED, "mec": "white", "mew": 0.6, "zorder": 4}
 
+SUBSCRIPTS = ", ".join(f"{pair}: {words}" for pair, words in PAIRS.items())
 SMALL_RUN = "small run: NOT for use as a result"
 
 # Entries of a file that would change from run to run.
@@ -72,26 +73,44 @@ def response_label(response: Response, before: str = "") -> str:
     return f"{before} {response.symbol} ({response.unit or '–'})".lstrip()
 
 
-def name_the_line(figure: Figure, config: Config) -> None:
-    """Say below a figure that shows the calibrated angle which line of a pile it belongs to."""
-    shown = " ".join(text.get_text() for text in figure.findobj(Text))
+def line_in_words(section: Mapping[str, Any], definition: str | None = None) -> str:
+    """Say which line a definition of the angle draws, as `line_of` does for tables; default: the calibrated one."""
+    _, band, _ = line_of(section, "flank").split(", ")
+    return {
+        "flank": f"line fitted to the side from {band}",
+        "secant": "line from the foot to the crest",
+        "steepest": f"line fitted to the steepest half or more of the side from {band}",
+        "whole": "line fitted to the whole side",
+        "straightest": f"line fitted to the straightest {100 * section['smallest_window']:.2g} % or more of the side",
+    }[definition or section["response"]]
+
+
+def explain_symbols(figure: Figure, config: Config) -> None:
+    """Say below a figure which line of a pile its calibrated angle belongs to, and what subscripts stand for."""
+    shown, lines = " ".join(text.get_text() for text in figure.findobj(Text)), []
     for one in targets_of(config).responses if {"targets", "measure"} <= config.keys() else ():
-        if "measure.response" not in one.definition or one.symbol not in shown:
-            continue
-        line = line_of(vars(Shown(config).measure))
-        words = f"{one.symbol}: {one.label}; line through the simulated piles: {line}"
-        words = textwrap.fill(words, int(20 * figure.get_figwidth()))
-        lowest = [legend for legend in figure.legends if getattr(legend, "_outside_loc", None) == "lower"]
-        if lowest:  # the layout has one place at the lower edge
-            title = lowest[0].get_title().get_text()
-            lowest[0].set_title(f"{title}\n{words}".lstrip(), {"size": 6.8})
-        else:
-            figure.supxlabel(f"{figure.get_supxlabel()}\n{words}".lstrip(), fontsize=6.8)
+        if "measure.response" in one.definition and one.symbol in shown:
+            lines.append(f"{one.symbol}: {one.label} (simulated piles: {line_in_words(vars(Shown(config).measure))})")
+    if any(symbol in shown for symbol in SYMBOLS.values()):
+        lines.append(SUBSCRIPTS)
+    words = "\n".join(textwrap.fill(line, int(20 * figure.get_figwidth())) for line in lines)
+    lowest = [legend for legend in figure.legends if getattr(legend, "_outside_loc", None) == "lower"]
+    if lowest and lines:  # the layout has one place at the lower edge
+        title = lowest[0].get_title().get_text()
+        lowest[0].set_title(f"{title}\n{words}".lstrip(), {"size": 6.8})
+    elif lines:
+        figure.supxlabel(f"{figure.get_supxlabel()}\n{words}".lstrip(), fontsize=6.8)
 
 
 def below(figure: Figure, words: str) -> None:
     """Write small words below a figure, wrapped to its width."""
     figure.supxlabel(textwrap.fill(words, int(20 * figure.get_figwidth())), fontsize=6.8)
+
+
+def one_legend(panels: Sequence[Axes], **look: Any) -> None:
+    """Draw one legend for all panels, with each label once."""
+    once = {label: one for panel in panels for one, label in zip(*panel.get_legend_handles_labels(), strict=True)}
+    panels[0].figure.legend(once.values(), once.keys(), **look)
 
 
 def band(panel: Axes, low: float, high: float, label: str) -> None:

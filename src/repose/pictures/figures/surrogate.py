@@ -33,12 +33,14 @@ INFLUENCE_POINTS = 1024
 INFLUENCE = (
     "influence: share of the variance of the predicted response, over the ranges of all parameters, in which the input "
     "has a part (total Sobol index); arrow: the response rises or falls from the input's least to its largest value. "
+    "These are total effects; they add up to more than 100 % where parameters interact. "
     "An input's lines are as thick as its mean influence."
 )
 BELOW = (
     "bars: ± 1 standard error of the simulated mean over its pours. R²: share of the variance of the simulated means "
-    "that the prediction explains; these means scatter, and no prediction can follow that. R² at precise points: the "
-    "same without this scatter, as if each mean were of very many pours."
+    "that the prediction explains; these means scatter, and no prediction can follow that. R² corrected for the "
+    "scatter of the pours: the same without this scatter, as if each mean were of very many pours; ≈ 1: the noise of "
+    "the pours explains all of the error."
 )
 
 
@@ -143,8 +145,8 @@ def predicted_against_simulated(inputs: Inputs, study: Shown) -> Figure:
     R2 at unseen points is also given without the noise of the simulated means, `repose.chain.train.r2_noise_corrected`.
 
     Figure 13. Predicted against simulated responses, on equal axes. Samples without a result are left out. A mean
-    of few pours scatters about its true value, so no model can be nearer to the line than that scatter. R2 "at
-    precise points" is the estimate without it. The parts are predicted by the training part's fit, new points,
+    of few pours scatters about its true value, so no model can be nearer to the line than that scatter. The
+    corrected R2 is the estimate without it. The parts are predicted by the training part's fit, new points,
     where they were poured, by the final one.
     """
     targets = study.targets
@@ -192,7 +194,7 @@ def _scatter_by_split(panel: Axes, table: pd.DataFrame, shown: Response) -> None
         lines.append(f"{split}: R² {_share(share)}, RMSE {rmse:.2f} {shown.unit}, n {len(rows)}")
         if split in UNSEEN:
             exact = r2_noise_corrected(simulated, predicted, error)
-            lines.append(f"    R² {_share(exact)} at precise points")
+            lines.append(f"    R² {_share(exact)} corrected for the scatter of the pours")
     panel.set(xlim=ends, ylim=ends, aspect="equal")
     for axis in (panel.xaxis, panel.yaxis):
         axis.set_major_locator(MaxNLocator(6))
@@ -200,5 +202,7 @@ def _scatter_by_split(panel: Axes, table: pd.DataFrame, shown: Response) -> None
 
 
 def _share(r2: float | None) -> str:
-    """Say R2 in words."""
-    return "undefined" if r2 is None else f"{r2:.3f}"
+    """Say R2 in words; an estimate without noise can pass 1."""
+    if r2 is None:
+        return "undefined"
+    return "≈ 1" if r2 > 1 else f"{r2:.3f}"

@@ -48,8 +48,7 @@ def simulated_pile(inputs: Inputs, study: Shown) -> Figure:
     panel = figure.subplots()
     panel.imshow(render_pile(centres, quaternions, particle, **size, **look), aspect="auto")
     panel.axis("off")
-    words = f"{len(centres)} grains poured, {in_pile.sum()} in the pile"
-    style.note(panel, words, x=0.02, y=0.96, fontsize=8)
+    style.note(panel, f"{len(centres)} grains poured, {in_pile.sum()} in the pile", x=0.02, y=0.96, fontsize=8)
     axis = np.array([*near[:, :2].mean(axis=0), 0.0])
     style.scale_bar(panel, look_at(frame, **size), axis, np.ptp(near[:, 0]), " at the pile's axis")
     return figure
@@ -89,7 +88,7 @@ def _name_lines(panel: Axes, measured: pile.Measurement, settings: pile.MeasureS
         rgb = [value / 255 for value in reversed(colour)]
         panel.annotate(f"{name} {side_deg:.1f}°", place, (away, 12), color=rgb, **look)
     panel.set_title(f"d  boundary, Height {measured.height_mm:.1f} mm")
-    panel.set_title(f"angle of this view {angle.aor_deg:.1f}°, line: {settings.line}", loc="right")
+    panel.set_title(f"angle of this view {angle.aor_deg:.1f}°, {style.line_in_words(vars(settings))}", loc="right")
 
 
 POUR = {"trajectory": "{trajectory}", "particle": "berry/particle.json"}
@@ -99,7 +98,7 @@ POUR = {"trajectory": "{trajectory}", "particle": "berry/particle.json"}
 def apparatus(inputs: Inputs, study: Shown) -> Figure:
     """Draw the test bench from the side, in mm, with the grains of a pour if given.
 
-    Figure 8. Virtual test bench to scale, halfway through the pour: particle factory, funnel and plate.
+    Figure 8. Virtual test bench to scale, halfway through the pour: the place where grains are made, funnel and plate.
     """
     from repose.pictures.scenery import funnel_walls
 
@@ -121,16 +120,16 @@ def apparatus(inputs: Inputs, study: Shown) -> Figure:
         panel.add_patch(Circle(centre, funnel.rim_radius_mm, color=style.BLACK, zorder=3))
     half_plate = min(funnel.plate_diameter_mm / 2, half_view)
     panel.fill_between([-half_plate, half_plate], -7, 0, color="#C9CED3", lw=0, zorder=2)
+    panel.set(xlim=(-half_view, half_view), ylim=(low, high), aspect="equal", xticks=np.arange(-150, 151, 50))
     _levels(panel, funnel, factory, half_view)
     _dimensions(panel, funnel, top, half_inlet)
-    panel.set(xlim=(-half_view, half_view), ylim=(low, high), aspect="equal", xticks=np.arange(-150, 151, 50))
     panel.set(xlabel="x (mm)", ylabel="z (mm)")
     return figure
 
 
 def _levels(panel: Axes, funnel: Any, factory: float, half_view: float) -> None:
     """Draw the three red lines: factory, outlet and plate."""
-    levels = {"particle factory": factory, "funnel outlet": funnel.outlet_height_mm, "": 0.0}
+    levels = {"grains are made here": factory, "funnel outlet": funnel.outlet_height_mm, "": 0.0}
     for name, z in levels.items():
         panel.axhline(z, color=LINE, lw=0.9, zorder=4)
         panel.text(half_view - 3, z + 2, name, color=LINE, ha="right", va="bottom", fontsize=6.8)
@@ -160,7 +159,8 @@ def _dimensions(panel: Axes, funnel: Any, top: float, half_inlet: float) -> None
     look = {"color": style.BLUE, "fontsize": 6.5}
     words = f"{funnel.cone_angle_deg:g}° from horizontal"
     panel.text((half_outlet + half_inlet) / 2 + 9, (outlet + top) / 2 - 8, words, **look)
-    panel.text(0, -11, f"plate diameter {funnel.plate_diameter_mm:g}", ha="center", va="top", **look)
+    wider = ", wider than this view" if funnel.plate_diameter_mm > np.ptp(panel.get_xlim()) else ""
+    panel.text(0, -11, f"plate diameter {funnel.plate_diameter_mm:g}{wider}", ha="center", va="top", **look)
 
 
 def _grains(panel: Axes, inputs: Inputs, colour: str) -> None:

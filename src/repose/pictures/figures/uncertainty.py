@@ -127,8 +127,7 @@ def draw_corner(figure: FigureBase, study: Shown, posterior: Tables, cloud: pd.D
         if published and table.loc[[across, down], "published_low"].notna().all():
             (x0, x1), (y0, y1) = (table.loc[name, PUBLISHED].astype(float) for name in (across, down))
             panel.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, fill=False, ec=style.BLACK, lw=1.1, zorder=5))
-    account = _account(summary, study.targets)
-    figure.text(0.47, 0.975, account, fontsize=7.5, va="top", linespacing=1.5)
+    figure.text(0.47, 0.975, _account(summary, study.targets), fontsize=7.5, va="top", linespacing=1.5)
     prior, box = "prior" if space.prior else "uniform prior", partial(Rectangle, (0, 0), 1, 1)
     handles = [
         box(color=style.BLUE, alpha=0.35, lw=0, label="posterior: 50 and 95 % of it"),
@@ -269,8 +268,7 @@ def _bars(panel: Axes, rows: pd.DataFrame) -> None:
     panel.axhline(0, color=style.BLACK, lw=0.6)
     panel.set_xticks(place, [SYMBOLS[name] for name in rows.index], fontsize=9)
     panel.margins(y=0.15)
-    text = f"first orders sum to {rows['first'].sum():.2f}\nbars: 95 % intervals"
-    style.note(panel, text, x=0.97, ha="right")
+    style.note(panel, f"first orders sum to {rows['first'].sum():.2f}\nbars: 95 % intervals", x=0.97, ha="right")
 
 
 @figure("main_effects", "Main effects", EFFECTS, folder="sensitivity", **UNCERTAINTY)
