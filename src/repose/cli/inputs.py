@@ -63,8 +63,8 @@ def shape(args: argparse.Namespace, study: Study) -> None:
     from repose.particle import build
 
     grain = study.settings.berry
-    how = {"mass_g": grain.mass_g, "spheres": grain.spheres, "surface": grain.surface}
-    build.run(args.berry, grain.stl, args.out, kind=grain.particle, **how)
+    kind, mass_g, spheres, surface = grain.particle, grain.mass_g, grain.spheres, grain.surface
+    build.run(args.berry, grain.stl, args.out, kind=kind, mass_g=mass_g, spheres=spheres, surface=surface)
 
 
 @verb(
