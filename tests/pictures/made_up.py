@@ -133,7 +133,7 @@ def inputs_of(name, inputs):
     further = {
         "figure14": {"published": "table3"}, "validation": {"published": "table4"}, "noise": {"runs": "noise_runs"},
         "plane": {"pool": "dataset", "fresh": "dataset"}, "figure13": {"fresh": "dataset"},
-        "corner": {"summary": "posterior_summary"}, "region": {"summary": "posterior_summary"},
+        "corner": {"summary": "posterior_summary", "stored": "published"}, "region": {"summary": "posterior_summary"},
         "approach": {"summary": "refined_summary"},
     }  # fmt: skip
     files = {"stl": "berry", "berry": "axes"} | further.get(name, {})

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from made_up import inputs_of, made_up_tables, words
+from matplotlib.collections import PathCollection
 from matplotlib.colors import to_hex
 from shared import RANGES, TARGETS, target
 
@@ -228,6 +229,29 @@ def test_the_panels_are_those_of_targets_and_free_parameters(count, tmp_path):
         assert text.count(part) == times if times else part in text, name
         assert style.parameter_label("e_gg") not in text, name
         assert "uniform prior" not in text, name
+
+
+def test_published_sets_are_marked_in_the_posterior_and_those_of_another_wall_by_their_own_grains(tmp_path):
+    config, made = uncertain(tmp_path, 2)
+    sets = pd.DataFrame({"source": ["A, 2026", "A, 2026", "B, 2022"], "wall": ["", "", "steel"]})
+    for k, name in enumerate(PARAMETERS_OF_A_STUDY):
+        sets[name] = [0.1 + 0.01 * k, 0.12 + 0.01 * k, 0.3]
+    sets.to_csv(made["published"], index=False)
+    figure, _ = draw("corner", inputs_of("corner", made), config)
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()][-2:] == ["A", "B (wall: steel)"]
+    shown = {}
+    for panel in figure.axes:
+        for points in panel.findobj(PathCollection):
+            if points.get_sizes().tolist() == [22]:
+                shown.setdefault(len(points.get_offsets()), []).append(np.asarray(points.get_offsets()))
+    grains = [name for name in FREE if name.endswith("_gg")]
+    pairs = len(FREE) * (len(FREE) - 1) / 2
+    assert len(shown[2]) == pairs
+    assert len(shown[1]) == len(grains) * (len(grains) - 1) / 2
+    values = {name: sets[name][:2].tolist() for name in FREE}
+    assert all(any(np.allclose(part[:, 0], value) for value in values.values()) for part in shown[2])
+    assert all(np.allclose(part, 0.3) for part in shown[1])
 
 
 def test_the_curve_over_the_discrepancy(tmp_path):

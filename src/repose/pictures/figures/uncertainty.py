@@ -1,6 +1,6 @@
 """Uncertainty of the answer: noise floor, posterior, sensitivity."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -96,26 +96,39 @@ def _runs_by_mean(panel: Axes, ok: pd.DataFrame, column: str, colour: str) -> No
     panel.plot(place, means, color=style.BLACK, lw=1.2)
 
 
+MARKS = ("D", "^", "s", "v")  # of published sets, a source each
+PUBLISHED_SETS: dict[str, Any] = {"facecolor": "none", "edgecolor": style.ORANGE, "linewidth": 1.2}
 DRAWS = {"draws": "posterior/draws.csv", "posterior": "posterior/posterior.csv"}
 DRAWS |= {"summary": "posterior/posterior.json", "feasible": "miga/feasible.csv"}
 
 
-@figure("corner", "Posterior", DRAWS, **OF_POSTERIOR)
+@figure("corner", "Posterior", DRAWS, if_there={"stored": "{stored}"}, **OF_POSTERIOR)
 def corner(inputs: Inputs, study: Shown) -> Figure:
     """Draw the posterior's draws, alone and in pairs, with solutions of the search and published intervals.
 
     The free parameters given the physical measurements: draws of the posterior, with the feasible solutions of the
-    search. A parameter whose draws fill its range is not determined by the targets.
+    search. A parameter whose draws fill its range is not determined by the targets. Published parameter sets are
+    marked; one of another wall stands in the panels of two grain-grain parameters alone.
     """
     names, figure = study.space.names, style.new_figure(style.PAGE, style.PAGE)
     draws, table = read_table(inputs["draws"], names), read_table(inputs["posterior"], ("parameter",))
     cloud, summary = read_table(inputs["feasible"], names), read_json(inputs["summary"], ("predicted",))
-    draw_corner(figure, study, (table, draws, summary), cloud, "solutions of the search")
+    sets = read_table(inputs["stored"]) if "stored" in inputs else pd.DataFrame()
+    marks = []
+    if {"source", "wall", *names} <= set(sets):
+        sets["wall"] = sets["wall"].fillna("").astype(str)
+        marks = [*zip(MARKS, sets.groupby(["source", "wall"]), strict=False)]
+    draw_corner(figure, study, (table, draws, summary), cloud, "solutions of the search", marks)
     return figure
 
 
-def draw_corner(figure: FigureBase, study: Shown, posterior: Tables, cloud: pd.DataFrame, words: str) -> None:
-    """Draw a `repose.studies.posterior.Posterior` in an empty figure, with parameter sets, which `words` name."""
+def draw_corner(
+    figure: FigureBase, study: Shown, posterior: Tables, cloud: pd.DataFrame, words: str, marks: Sequence[Any] = ()
+) -> None:
+    """Draw a `repose.studies.posterior.Posterior` in an empty figure, with parameter sets, which `words` name.
+
+    `marks` are published sets: marker, source and wall, table.
+    """
     table, draws, summary = posterior
     space, table, published = study.space, table.set_index("parameter"), "published_low" in table
     for panel, across, down in style.pairs_of_parameters(figure, study, 0.02):
@@ -127,6 +140,9 @@ def draw_corner(figure: FigureBase, study: Shown, posterior: Tables, cloud: pd.D
         if published and table.loc[[across, down], "published_low"].notna().all():
             (x0, x1), (y0, y1) = (table.loc[name, PUBLISHED].astype(float) for name in (across, down))
             panel.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, fill=False, ec=style.BLACK, lw=1.1, zorder=5))
+        for marker, ((_, wall), sets) in marks:
+            if not wall or (across.endswith("_gg") and down.endswith("_gg")):
+                panel.scatter(sets[across], sets[down], s=22, marker=marker, zorder=6, **PUBLISHED_SETS)
     figure.text(0.47, 0.975, _account(summary, study.targets), fontsize=7.5, va="top", linespacing=1.5)
     prior, box = "prior" if space.prior else "uniform prior", partial(Rectangle, (0, 0), 1, 1)
     handles = [
@@ -135,6 +151,9 @@ def draw_corner(figure: FigureBase, study: Shown, posterior: Tables, cloud: pd.D
         Line2D([], [], marker="o", ls="", ms=3.5, color=style.RED, label=words),
         *([box(fill=False, ec=style.BLACK, lw=1.1, label="published intervals")] if published else []),
     ]
+    for marker, ((source, wall), _) in marks:
+        name = source.partition(",")[0] + (f" (wall: {wall})" if wall else "")
+        handles.append(panel.scatter([], [], s=22, marker=marker, label=name, **PUBLISHED_SETS))
     figure.legend(handles=handles, loc="upper left", bbox_to_anchor=(0.63, 0.8), fontsize=7.5)
 
 
