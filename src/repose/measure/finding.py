@@ -314,10 +314,16 @@ def _of_a_shadow(mask: np.ndarray, difference: np.ndarray) -> np.ndarray:
 
 
 def _without_floating(mask: np.ndarray, gap_px: float) -> np.ndarray:
-    """Remove parts above background: a loose grain on the plate behind the pile."""
-    upwards = mask[::-1] > 0
-    empty = np.cumsum(~upwards, axis=0)
-    return np.where((upwards & (empty <= gap_px))[::-1], 1, 0).astype(np.uint8)
+    """Remove parts above background: a loose grain on the plate behind the pile.
+
+    Background is counted from the pile's foot, the lowest row that is half as wide as the widest: seen from the side,
+    round grains end a little above the plate's row.
+    """
+    width = mask.sum(axis=1, dtype=int)
+    foot = len(mask) - int((2 * width[::-1] >= max(width.max(), 1)).argmax())
+    upwards = mask[:foot][::-1] > 0
+    stands = upwards & (np.cumsum(~upwards, axis=0) <= gap_px)
+    return np.concatenate([stands[::-1].astype(np.uint8), mask[foot:]])
 
 
 def _without_touching(mask: np.ndarray, radius: int) -> np.ndarray:
