@@ -212,9 +212,11 @@ def test_a_terminal_shows_bars_and_a_failure_with_its_log(naps):
 SIGNALS = {"interrupt": signal.SIGINT, "end": signal.SIGTERM, "hangup": signal.SIGHUP, "kill": signal.SIGKILL}
 
 
-@pytest.mark.essential
 @pytest.mark.slow
-@pytest.mark.parametrize("end", ["ctrl-c", "interrupt", "end", "hangup", "kill"])
+@pytest.mark.parametrize(
+    "end",
+    [*(pytest.param(end, marks=pytest.mark.essential) for end in ("ctrl-c", "kill")), *("interrupt", "end", "hangup")],
+)
 def test_an_ended_run_goes_on_with_the_same_command(naps, end):
     # jobs outlive a killed program: the terminal ends with them
     (naps / "seconds").write_text("5" if end == "kill" else "60")

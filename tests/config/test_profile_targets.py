@@ -105,7 +105,6 @@ def test_a_wrong_table_is_refused(quick, entry, table, old, new, words):
     input_error(words, study_of, quick, entry)
 
 
-@pytest.mark.essential
 @pytest.mark.slow
 def test_a_study_with_a_simulator_of_the_users_own_calibrates_a_profile(table, tmp_path):
     given = {"file": str(table), "sd": 0.2, "repetitions": 1, "functions": 3, "unit": "mm", "noise_sd": 0.1}

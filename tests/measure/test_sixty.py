@@ -20,7 +20,6 @@ FEW = 1, 9, 10, 14, 15, 24
 
 
 @pytest.mark.slow
-@pytest.mark.essential
 def test_few_of_the_sixty(tmp_path):
     made = [sixty.outcome(number, tmp_path) for number in FEW]
     assert sixty.silent(made) == []
