@@ -87,8 +87,9 @@ def further_jobs() -> Iterator[tuple]:
 
 
 def spent_h() -> float:
-    """Processor time of all runs that are there [h]."""
-    return sum(read_json(path)["processor_s"] for path in OUT.glob("*_seed_*.json")) / 3600.0
+    """Processor time of all runs that are there, in either folder [h]."""
+    files = {path.name: path for folder in (PUBLISHED, OUT) for path in folder.glob("*_seed_*.json")}
+    return sum(read_json(path)["processor_s"] for path in files.values()) / 3600.0
 
 
 def predictions(kind: str) -> pd.DataFrame:
