@@ -58,13 +58,21 @@ class Check:
     line: str = ""  # of an angle of a pile, in words
 
     @classmethod
-    def of(cls, target: Target, *run: Any, predicted: float | None = None, line: str = "") -> Self:
-        """Make the check of a target; `run` are the fields from `simulated` to `status`."""
-        simulated, error, runs, status = run
+    def of(
+        cls,
+        target: Target,
+        simulated: float | None,
+        standard_error: float | None,
+        runs: int,
+        status: str,
+        predicted: float | None = None,
+        line: str = "",
+    ) -> Self:
+        """Make the check of a target."""
         about = target.name, target.response.apparatus, target.response.unit
         ends, whole = (target.low, target.high), None if target.profile is None else target.whole_value
         measured = target.value, target.sd, target.repetitions
-        return cls(*about, *measured, *ends, simulated, error, runs, status, whole, predicted, line)
+        return cls(*about, *measured, *ends, simulated, standard_error, runs, status, whole, predicted, line)
 
     def row(self) -> dict[str, Any]:
         """Return its entry in the material card, without the definition of the response."""

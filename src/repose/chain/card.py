@@ -22,6 +22,7 @@ from repose.core.responses import Response, derived
 from repose.core.runs import error_of
 from repose.core.section import Section
 from repose.core.studied import Studied
+from repose.particle.berry_files import SIZE_COLUMNS, read_berry
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
     Tables = tuple[pd.DataFrame, pd.DataFrame]  # posterior.csv and draws.csv
 
 Ends = tuple[float | None, float | None]
-AXES = ("long_mm", "major_mm", "minor_mm")
 GRAIN = ("density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa", "poisson_ratio")
 WALL = ("shear_modulus_pa", "poisson_ratio")
 SIMULATION = ("time_step_s", "gravity_m_s2")
@@ -197,7 +197,7 @@ def with_remark(words: str, row: Mapping[str, Any]) -> str:
 def _grain(alike: bool, grain: Mapping[str, Any], particle: "Particle") -> dict[str, Any]:
     """Describe the grain as simulated; `alike` where all have the mean size."""
     return {
-        "mean_axes_mm": [grain[key] for key in AXES],
+        "mean_axes_mm": [grain[key] for key in SIZE_COLUMNS],
         "measured": int(grain["n"]),
         "relative_spread": 0.0 if alike else float(grain["scale_sd"]),
         **{key: grain[key] for key in GRAIN},
@@ -226,7 +226,6 @@ def _made_by() -> dict[str, Any]:
 
 def run(study: Studied, answer: Result, files: Mapping[str, Path_ | None], out: Path_) -> dict[str, Any]:
     """Write the card of a finished calibration (`make`) and return it."""
-    from repose.particle.berry_files import SIZE_COLUMNS, read_berry
     from repose.particle.particle import Particle
 
     needed = (*SIZE_COLUMNS, "density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa", "n")
@@ -282,7 +281,7 @@ def require_one_study(
     card: Mapping[str, Any], card_json: Path_, study: Studied, source: Path_, grain: Mapping[str, Any]
 ) -> None:
     """Raise InputError if card and configuration differ in label, grain, wall, contact laws or a bench test."""
-    axes = [grain[key] for key in AXES]
+    axes = [grain[key] for key in SIZE_COLUMNS]
     settings = study.settings
     expected = {"material": settings.label, "grain.mean_axes_mm": axes}
     expected |= {f"grain.{key}": grain[key] for key in GRAIN}

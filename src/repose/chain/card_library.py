@@ -26,8 +26,9 @@ def library() -> dict[Path, dict[str, Any]]:
 
 def axes_of(words: str) -> list[float]:
     """Read the full axes [mm] of a grain, such as 6x3x2.6, or 5 for a sphere; the longest comes first."""
-    axes = [float(part) for part in re.split(r"\s*[x*]\s*", words.strip().lower()) if re.fullmatch(r"\d*\.?\d+", part)]
-    if len(axes) not in (1, 3) or min(axes) <= 0 or len(axes) != len(re.split("[x*]", words.strip().lower())):
+    parts = [part.strip() for part in re.split("[x*]", words.lower())]
+    axes = [float(part) for part in parts if re.fullmatch(r"\d*\.?\d+", part)]
+    if len(parts) not in (1, 3) or len(axes) != len(parts) or min(axes) <= 0:
         raise InputError("command line", "--like", words, "three full axes in mm, such as 6x3x2.6, or one diameter")
     return sorted(axes * (3 // len(axes)), reverse=True)
 

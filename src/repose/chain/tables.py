@@ -63,11 +63,11 @@ def _check_means(
     ):
         computed = of_runs.reindex(usable.index)
         for name, column in zip(targets.names, columns, strict=True):
-            pairs = zip(usable.index, computed[name].astype(float), usable[column].astype(float), strict=True)
-            for sample, found, stated in pairs:
-                if not np.isclose(found, stated, rtol=AGREEMENT, atol=AGREEMENT, equal_nan=True):
-                    allowed = f"{stated:.6g}, its {quantity} in {dataset_csv}"
-                    raise InputError(f"{runs_csv}, sample {sample}", f"{quantity} of {name}", found, allowed)
+            found, stated = computed[name].astype(float), usable[column].astype(float)
+            unlike = ~np.isclose(found, stated, rtol=AGREEMENT, atol=AGREEMENT, equal_nan=True)
+            for sample in usable.index[unlike][:1]:
+                allowed = f"{stated[sample]:.6g}, its {quantity} in {dataset_csv}"
+                raise InputError(f"{runs_csv}, sample {sample}", f"{quantity} of {name}", float(found[sample]), allowed)
 
 
 def _check_responses(table: pd.DataFrame, targets: Targets, path: object) -> None:

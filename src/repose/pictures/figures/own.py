@@ -5,6 +5,7 @@ import os
 from collections.abc import Callable
 from functools import partial
 
+import pandas as pd
 from matplotlib.figure import Figure, FigureBase
 
 from repose.pictures.shown import Shown
@@ -66,9 +67,8 @@ def _plane(calibration: Calibration, figure: FigureBase) -> None:
 def _history(calibration: Calibration, figure: FigureBase) -> None:
     """Draw how far the sets of each batch are off each target, and the prediction of the answer behind them."""
     study, samples, runs = calibration.study, calibration.samples, calibration.runs
-    batch = samples["sample"].map(
-        dict(zip(runs["sample"][::-1], runs.attrs[TURN][::-1], strict=True))
-    )  # of a first run
+    turn_of = pd.Series(runs.attrs[TURN], runs["sample"]).groupby(level=0).first()  # of a sample's first run
+    batch = samples["sample"].map(turn_of)
     within = samples.groupby(batch)["sample"]
     place = batch + 0.6 * ((within.cumcount() + 0.5) / within.transform("size") - 0.5)
     batches, last = list(range(batch.min(), batch.max() + 1)), batch.max() + 1
