@@ -29,6 +29,7 @@ ANGLE_DEG, ONE_ANGLE_DEG, DENSITY_PERCENT = 0.5, 1.0, 0.5
 DECKS_STEP_S = 8e-6  # two piles of the middle row have it
 THIRD = 3
 STIFF = 0.1  # of the discharges at least: a softer grain that falls may pass through the plug
+OTHERS_ROW, OTHERS_MODULUS = 1, 0.1  # of the tilted drum with other grains and walls
 
 
 def five() -> list[int]:
@@ -84,6 +85,8 @@ def further_jobs() -> Iterator[tuple]:
         yield from ((drums, (int(row), seed, modulus, tilted)) for row in drums.rows(tilted).index)
     for seed in SEEDS:
         yield from ((discharges, (int(row), seed, max(modulus, STIFF))) for row in discharges.rows().index)
+    for seed, grain, wall in itertools.product(SEEDS, ("sphere", "wheat"), drums.WALLS):
+        yield drums, (OTHERS_ROW, seed, OTHERS_MODULUS, True, grain, wall)
 
 
 def spent_h() -> float:

@@ -1,6 +1,6 @@
 """The drums of the other project, upright and tilted: filled, turned and measured as its decks say.
 
-    python examples/lifted_piles/drums.py ROW SEED [--tilted]
+    python examples/lifted_piles/drums.py ROW SEED [--tilted] [--grain wheat] [--walls smooth]
 
 runs row ROW of parameters.csv, and writes its numbers to results/examples/lifted_piles. README.md says what differs.
 """
@@ -33,10 +33,12 @@ from lifted_piles import (
     rings,
 )
 from scipy.spatial.distance import cdist
+from scipy.spatial.transform import Rotation
 
 from repose.apparatus.drum import Drum
 from repose.core.files import read_json, write_json
 from repose.dem import Contact, Material, Motion, Shape, Simulation
+from repose.dem.rotations import random_quaternion
 
 DRUM = Drum(radius_m=0.075, length_m=0.025)
 COVER = (0.36, 0.29)  # static and rolling friction of covers, and of all of the tilted drum
@@ -47,11 +49,32 @@ FRAME_S = 0.2
 SPUN_S, FRAMES = {False: 3.0, True: 7.0}, {False: 17, True: 33}  # by tilted
 SLAB_M = (-0.0135, -0.0051)  # the grains at the lower cover of the tilted drum
 FEWEST_BINS = 4
+# Walls of the tilted drum: the first are theirs. The covers of the last do not turn.
+WALLS = ("cover", "smooth", "grains", "standing")
+WHEAT_MM = np.array([6.75, 3.26, 2.77])  # axes of wheat (crops/wheat), here of the volume of the sphere
+MOST_REFILLS = 60  # long grains need more room where they are thrown in
 
 
-def drum(contents: Contents, seed: int, tilted: bool, modulus: float = 1.0, grains: int = GRAINS) -> Simulation:
+def of_shape(grain: str, radius_m: float) -> np.ndarray:
+    """Semi-axes (3,) of a grain with the volume of a sphere [m]."""
+    return radius_m * (WHEAT_MM / np.prod(WHEAT_MM) ** (1 / 3) if grain == "wheat" else np.ones(3))
+
+
+def drum(
+    contents: Contents,
+    seed: int,
+    tilted: bool,
+    modulus: float = 1.0,
+    grains: int = GRAINS,
+    grain: str = "sphere",
+    wall: str = WALLS[0],
+) -> Simulation:
     """The drum, filled in steps of 0.1 s and at rest."""
-    largest_m, rng = 1e-3 * DIAMETERS_MM.max(), np.random.default_rng(seed)
+    axes_m, rng = of_shape(grain, 5e-4 * DIAMETERS_MM.max()), np.random.default_rng(seed)
+    shape = Shape.sphere(axes_m[0], DENSITY_KG_M3, "wheat")
+    if grain == "wheat":
+        shape = Shape.ellipsoid(axes_m, DENSITY_KG_M3, "wheat")
+    friction = {"smooth": (0.0, 0.0), "grains": (contents.fric, contents.rollfric)}.get(wall, COVER)
     walls = DRUM.walls("cover")
     if not tilted:
         walls |= {"shell": DRUM.walls("wheat")["shell"]}
@@ -61,11 +84,11 @@ def drum(contents: Contents, seed: int, tilted: bool, modulus: float = 1.0, grai
 
     def empty(step_s: float) -> Simulation:
         return Simulation(
-            shapes={"grain": Shape.sphere(0.5 * largest_m, DENSITY_KG_M3, "wheat")},
+            shapes={"grain": shape},
             materials={"wheat": material, "cover": material},
             contacts={
                 ("wheat", "wheat"): Contact(contents.rest, contents.fric, contents.rollfric, twisting_friction=0.0),
-                ("wheat", "cover"): Contact(contents.rest, *COVER, twisting_friction=0.0),
+                ("wheat", "cover"): Contact(contents.rest, *friction, twisting_friction=0.0),
             },
             time_step_s=step_s,
             capacity=grains,
@@ -81,14 +104,31 @@ def drum(contents: Contents, seed: int, tilted: bool, modulus: float = 1.0, grai
 
     scale = DIAMETERS_MM.min() / DIAMETERS_MM.max()
     simulation = empty(STEP_SHARE * scale * empty(1e-7).longest_time_step())
-    for _ in range(round(FILLED_S / REFILLED_S)):
+    longest = axes_m.max() / (5e-4 * DIAMETERS_MM.max())
+    refills = round(FILLED_S / REFILLED_S)
+    for refill in range(refills if grain == "sphere" else MOST_REFILLS):
         missing = grains - simulation.n_bodies
+        if refill >= refills and not missing:
+            break
         sizes_mm = np.sort(rng.choice(DIAMETERS_MM, missing, p=np.array(NUMBERS) / sum(NUMBERS)))[::-1]
         before = Grains.of(simulation)
-        for size_mm, centre in thrown(before.centres_m, before.radii_m, sizes_mm, rng):
-            simulation.add("grain", centre, velocity_m_s=(0.0, 0.0, -FALLING_M_S), scale=size_mm / DIAMETERS_MM.max())
+        for size_mm, centre in thrown(before.centres_m, longest * before.radii_m, longest * sizes_mm, rng):
+            scale, turn = size_mm / longest / DIAMETERS_MM.max(), (1.0, 0.0, 0.0, 0.0)
+            if grain == "wheat":
+                turn = random_quaternion(rng)
+            simulation.add("grain", centre, turn, (0.0, 0.0, -FALLING_M_S), scale=scale)
         simulation.run(REFILLED_S, progress=False)
     return simulation
+
+
+def seen(simulation: Simulation, grain: str) -> Grains:
+    """Grains as spheres of their volume whose tops are those of the grains."""
+    now = Grains.of(simulation)
+    if grain == "wheat":
+        turns = Rotation.from_quat(simulation.quaternions, scalar_first=True)
+        up = turns.as_matrix()[:, 2] * of_shape(grain, 1.0)
+        now.centres_m[:, 2] += now.radii_m * (np.linalg.norm(up, axis=1) - 1.0)
+    return now
 
 
 def thrown(centres_m: np.ndarray, radii_m: np.ndarray, sizes_mm: np.ndarray, rng: np.random.Generator) -> list[tuple]:
@@ -131,15 +171,16 @@ def frame_angle(grains: Grains, tilted: bool = False) -> float:
     return math.degrees(math.atan(abs(line[0])))
 
 
-def turned(simulation: Simulation, tilted: bool) -> list[float]:
+def turned(simulation: Simulation, tilted: bool, grain: str = "sphere", wall: str = WALLS[0]) -> list[float]:
     """Turn the drum and its covers, and measure the frames after the start."""
-    for wall in DRUM.walls("cover"):
-        simulation.set_motion(wall, Motion(angular_velocity_rad_s=(0.0, 2.0 * math.pi / PERIOD_S, 0.0)))
+    for part in DRUM.walls("cover"):
+        if part == "shell" or wall != "standing":
+            simulation.set_motion(part, Motion(angular_velocity_rad_s=(0.0, 2.0 * math.pi / PERIOD_S, 0.0)))
     simulation.run(SPUN_S[tilted], progress=False)
-    angles = [frame_angle(Grains.of(simulation), tilted)]
+    angles = [frame_angle(seen(simulation, grain), tilted)]
     while len(angles) < FRAMES[tilted]:
         simulation.run(FRAME_S, progress=False)
-        angles.append(frame_angle(Grains.of(simulation), tilted))
+        angles.append(frame_angle(seen(simulation, grain), tilted))
     return angles
 
 
@@ -149,21 +190,22 @@ def rows(tilted: bool) -> pd.DataFrame:
     return table[table["test"] == ("tilted_drum" if tilted else "drum")].set_index("row")
 
 
-def name(row: int, seed: int, modulus: float, tilted: bool) -> str:
+def name(row: int, seed: int, modulus: float, tilted: bool, grain: str = "sphere", wall: str = WALLS[0]) -> str:
     """Name of a drum's file."""
-    return f"{'tilted' if tilted else 'drum'}_{row}_seed_{seed}_modulus_{modulus:g}"
+    other = "" if (grain, wall) == ("sphere", WALLS[0]) else f"_{grain}_{wall}"
+    return f"{'tilted' if tilted else 'drum'}_{row}_seed_{seed}_modulus_{modulus:g}{other}"
 
 
-def one(row: int, seed: int, modulus: float, tilted: bool) -> dict:
+def one(row: int, seed: int, modulus: float, tilted: bool, grain: str = "sphere", wall: str = WALLS[0]) -> dict:
     """Run and measure a drum, or read the file that has it."""
-    path = OUT / f"{name(row, seed, modulus, tilted)}.json"
+    path = OUT / f"{name(row, seed, modulus, tilted, grain, wall)}.json"
     for kept in (path, PUBLISHED / path.name):
         if kept.exists():
             return read_json(kept)
     contents, began = Contents(*rows(tilted).loc[row, list(Contents._fields)]), time.process_time()
-    simulation = drum(contents, seed, tilted, modulus)
-    angles = turned(simulation, tilted)
-    record = {"row": row, "seed": seed, "modulus": modulus, **contents._asdict()}
+    simulation = drum(contents, seed, tilted, modulus, grain=grain, wall=wall)
+    angles = turned(simulation, tilted, grain, wall)
+    record = {"row": row, "seed": seed, "modulus": modulus, "grain": grain, "walls": wall, **contents._asdict()}
     record |= {
         "angle_deg": float(np.mean(angles)),
         "frames_sd_deg": float(np.std(angles, ddof=1)),
@@ -186,8 +228,10 @@ def main() -> None:
     parser.add_argument("seed", type=int)
     parser.add_argument("--tilted", action="store_true", help="by 45 degrees, all walls as the covers")
     parser.add_argument("--modulus", type=float, default=1.0, metavar="FACTOR", help="over the modulus of the decks")
+    parser.add_argument("--grain", choices=("sphere", "wheat"), default="sphere", help="wheat: an ellipsoid")
+    parser.add_argument("--walls", choices=WALLS, default=WALLS[0], help="friction of the tilted drum's walls")
     asked = parser.parse_args()
-    for key, value in one(asked.row, asked.seed, asked.modulus, asked.tilted).items():
+    for key, value in one(asked.row, asked.seed, asked.modulus, asked.tilted, asked.grain, asked.walls).items():
         print(f"{key}: {value}", flush=True)
 
 

@@ -14,6 +14,8 @@ import drums
 import lifted_piles
 from lifted_piles import Contents, Grains
 
+from repose.dem.rotations import rotation_matrix
+
 spec = importlib.util.spec_from_file_location("campaign_of_piles", Path(drums.__file__).with_name("campaign.py"))
 campaign = importlib.util.module_from_spec(spec)  # tests/faults has a module `campaign`, too
 spec.loader.exec_module(campaign)
@@ -134,15 +136,21 @@ def test_the_angle_of_a_bed_in_the_drum_is_found(tilted):
     assert drums.frame_angle(bed, tilted) == pytest.approx(35.0, abs=0.6)
 
 
-def test_a_small_drum_is_filled_among_the_grains_that_lie_there_and_turns(monkeypatch):
+@pytest.mark.parametrize(("grain", "wall"), [("sphere", "cover"), ("wheat", "standing")])
+def test_a_small_drum_is_filled_among_the_grains_that_lie_there_and_turns(monkeypatch, grain, wall):
     monkeypatch.setattr(drums, "SPUN_S", {False: 0.1, True: 0.1})
     monkeypatch.setattr(drums, "FRAMES", {False: 2, True: 2})
     monkeypatch.setattr(drums, "REGION_M", (0.02, 0.011))
-    simulation = drums.drum(Contents(0.4, 0.1, 0.5), 1, False, 0.01, grains=250)
+    simulation = drums.drum(Contents(0.4, 0.1, 0.5), 1, False, 0.01, grains=250, grain=grain, wall=wall)
     assert 200 < simulation.n_bodies <= 250
     assert drums.DRUM.holds(simulation.positions).all()
-    assert len(drums.turned(simulation, False)) == 2
+    assert len(drums.turned(simulation, False, grain, wall)) == 2
     assert simulation.angular_velocities[:, 1].mean() != 0.0
+    rays = np.random.default_rng(2).normal(size=(20_000, 3))
+    surface = rays / np.linalg.norm(rays, axis=1)[:, None] * drums.of_shape(grain, 0.002)
+    for k, top in enumerate(drums.seen(simulation, grain).tops_m[:9]):
+        turned = simulation.scales[k] * surface @ rotation_matrix(simulation.quaternions[k]).T
+        assert top == pytest.approx(simulation.positions[k, 2] + turned[:, 2].max(), abs=2e-5)
 
 
 def test_a_grain_is_thrown_where_it_overlaps_no_other():
