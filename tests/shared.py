@@ -65,9 +65,9 @@ def studied(config, **more):
 
 def study_of(targets, space=None, definitions=(), measure=None, surrogate="network", **sections):
     """A study of targets, with some sections of its settings."""
-    settings = SimpleNamespace(surrogate=surrogate, **sections)
-    made = {"targets": targets, "parameters": space, "definitions": dict(definitions), "settings": settings}
-    return SimpleNamespace(config={"measure": measure}, **made)
+    how = None if measure is None else SimpleNamespace(**measure)
+    settings = SimpleNamespace(surrogate=surrogate, measure=how, **sections)
+    return SimpleNamespace(targets=targets, parameters=space, definitions=dict(definitions), settings=settings)
 
 
 @functools.cache

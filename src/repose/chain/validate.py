@@ -53,7 +53,7 @@ def select_for_validation(solutions: pd.DataFrame, count: int, space: ParameterS
 
 
 def validate(
-    solutions: pd.DataFrame, jobs: Mapping[str, Mapping[int, Job]], targets: Targets, measure: Mapping[str, Any]
+    solutions: pd.DataFrame, jobs: Mapping[str, Mapping[int, Job]], targets: Targets, measure: object
 ) -> dict[str, pd.DataFrame]:
     """Put prediction, simulation and measurement side by side; `measure` is the configuration's section."""
     simulated = assemble(solutions, jobs, targets)[0].drop(columns=["sample", *named(solutions)])
@@ -70,7 +70,7 @@ def validate(
     }
 
 
-def table4(rows: pd.DataFrame, responses: Sequence[Response], measure: Mapping[str, Any] | None = None) -> pd.DataFrame:
+def table4(rows: pd.DataFrame, responses: Sequence[Response], measure: object = None) -> pd.DataFrame:
     """Make Table 4: predicted, simulated with its standard error, and relative error (%) of each solution.
 
     Of piles also every definition of the angle, and `line`, the calibrated one by the section `measure`.
@@ -87,13 +87,13 @@ def table4(rows: pd.DataFrame, responses: Sequence[Response], measure: Mapping[s
     return table
 
 
-def calibrated_line(responses: Iterable[Response], measure: Mapping[str, Any]) -> str:
+def calibrated_line(responses: Iterable[Response], measure: object) -> str:
     """Describe the lines of the responses that are angles of a pile; without any, the line of the angle of repose."""
     lines = filter(None, (line_for(measure, response.name) for response in responses))
     return "; ".join(dict.fromkeys(lines)) or line_of(measure)
 
 
-def against_physical(row: pd.Series, targets: Targets, measure: Mapping[str, Any] | None = None) -> pd.DataFrame:
+def against_physical(row: pd.Series, targets: Targets, measure: object = None) -> pd.DataFrame:
     """Compare the representative solution's simulation with the physical measurement, a row for each response.
 
     `line` says by which line of the section `measure` an angle of a pile is measured.
@@ -143,7 +143,7 @@ def run(
     solutions = read_samples(solutions_csv, (*CHOSEN, *study.targets.predicted))
     solutions["solution"] = solutions["solution"].astype(str)
     jobs = read_jobs(job_json_paths, solutions, study.targets)
-    tables = validate(solutions, jobs, study.targets, study.config["measure"]) | {"published": published}
+    tables = validate(solutions, jobs, study.targets, study.settings.measure) | {"published": published}
     for name, table in tables.items():
         if support is not None and name != "representative":
             parameters = table[list(named(table))].to_numpy(float)
@@ -199,7 +199,7 @@ def write_published_sets(
 
 def stored_columns(columns: Iterable[str], study: Studied) -> dict[Response, str]:
     """Find a study's responses in a table of simulated published sets, with their columns; none for other sets."""
-    own = {CALIBRATED_ANGLE: MEAN_KEYS[study.config["measure"]["response"]]}
+    own = {CALIBRATED_ANGLE: MEAN_KEYS[study.settings.measure.response]}
     found = {response: own.get(response.name, response.name) for response in study.targets.responses}
     return {one: column for one, column in found.items() if {column, *study.parameters.names} <= set(columns)}
 
@@ -220,6 +220,6 @@ def compared_with_published(stored_csv: Path_ | None, study: Studied, simulated_
         if published in stored:
             table[derived(response.name, "difference")] = stored[column] - stored[published]
     if set(ANGLES) <= set(stored):
-        table["line"] = calibrated_line(study.targets.responses, study.config["measure"])
+        table["line"] = calibrated_line(study.targets.responses, study.settings.measure)
     table["stale"] = (stored[list(SIMULATED_BY)] != pd.Series(simulated_by)).any(axis=1)
     return table
