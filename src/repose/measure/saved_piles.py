@@ -1,6 +1,6 @@
 """Responses of a pile from the final positions of its grains."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +19,7 @@ def pile_responses(
     particle: "Particle",
     settings: pile.MeasureSettings,
     plate_mm: float,
-    further: Iterable[str] = (),
+    further: Sequence[str] = (),
 ) -> tuple[dict[str, Any], dict[str, str]]:
     """Responses of a pile by name, and the reasons for missing ones."""
     responses: dict[str, Any] = {}
@@ -32,7 +32,6 @@ def pile_responses(
             reasons["aor_deg"] = seen.reasons[settings.response]
     except NoFlankError as error:
         reasons |= dict.fromkeys(("aor_deg", "height_mm", *MEAN_KEYS.values()), error.reason)
-    further = tuple(further)
     if further:
         from repose.measure import further_responses
 
