@@ -19,6 +19,7 @@ from scipy.spatial import cKDTree
 from repose.apparatus.drum import Drum, set_rotation
 from repose.dem import Contact, Material, Shape, Simulation
 from repose.measure import bed
+from repose.measure.silhouette import Grains
 
 DRUM = Drum(radius_m=0.042, length_m=0.020)
 DENSITY_KG_M3, POISSON, RESTITUTION = 1580.0, 0.3, 0.3
@@ -98,9 +99,13 @@ def occupied_shares(
             frames.append(simulation.positions.copy())
         if not DRUM.holds(simulation.positions).all():
             raise RuntimeError(f"a grain left the drum at {speed:g} rpm")
-        upright = np.broadcast_to((1.0, 0.0, 0.0, 0.0), (len(frames), len(frames[0]), 4))
-        grain, view = simulation.shapes["grain"], (DRUM.radius_m, MM_PER_PIXEL)
-        yield bed.occupied_share(np.array(frames), upright, grain, *view, simulation.scales)
+        of_frames = (grains(frame, simulation.shapes["grain"], simulation.scales) for frame in frames)
+        yield bed.occupied_share(of_frames, DRUM.radius_m, MM_PER_PIXEL)
+
+
+def grains(centres_m: np.ndarray, grain: Shape, scales: np.ndarray) -> Grains:
+    """The spheres of a frame."""
+    return Grains(centres_m, np.broadcast_to((1.0, 0.0, 0.0, 0.0), (len(centres_m), 4)), grain, scales)
 
 
 def published_shares(folder: Path) -> np.ndarray:
@@ -113,15 +118,14 @@ def published_shares(folder: Path) -> np.ndarray:
         data = path.read_bytes()
         number = int(data.split(b"POINTS ")[1].split()[0])
         at = data.index(b"float\n") + len(b"float\n")
-        centres = np.frombuffer(data, ">f4", 3 * number, at).reshape(1, -1, 3) * (
+        centres = np.frombuffer(data, ">f4", 3 * number, at).reshape(-1, 3) * (
             -1.0,
             -1.0,
             1.0,
         )  # it turns the other way
         at = data.index(b"double\n", data.index(b"\nradius ")) + len(b"double\n")
         radii = np.frombuffer(data, ">f8", number, at).astype(float)
-        upright = np.broadcast_to((1.0, 0.0, 0.0, 0.0), (1, number, 4))
-        shares += [bed.occupied_share(centres, upright, grain, DRUM.radius_m, MM_PER_PIXEL, radii)]
+        shares += [bed.side_view(grains(centres, grain, radii), DRUM.radius_m, MM_PER_PIXEL)]
     return np.mean(shares, axis=0)
 
 

@@ -1,6 +1,7 @@
 """The angle by each line beside that of a cone of the same Height and volume: the table of `repose.apparatus.reach`."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from repose.core.files import write_table
 from repose.measure import pile, saved_pours
 from repose.measure.angles import DEFINITIONS, measure_sides
 from repose.measure.settings import line_of
+from repose.measure.silhouette import Grains
 from repose.particle.particle import Particle
 
 RULES = ("columns", "levels", "rows")
@@ -70,15 +72,13 @@ def sample(npz: str | PathLike, particle: Particle, settings: pile.MeasureSettin
 
 def measured(poured: Mapping[str, np.ndarray], particle: Particle, settings: pile.MeasureSettings) -> dict[str, float]:
     """Height [mm] of one pile and each line [deg], the mean of the views."""
-    bodies = poured["position"], poured["quaternion"], particle, settings
-    height_m, views = pile.pile_views(*bodies, poured.get("in_pile"), poured.get("scale"))
-    berry, rows = float(settings.berry_height_mm or np.nan) / settings.mm_per_pixel, []
+    height_m, views = pile.pile_views(Grains.of(poured, particle), settings, poured.get("in_pile"))
+    rows = []
     for view in views:
         profile, crest = pile.profile_of(view)
         row: dict[str, float] = {}
         for one in SETTINGS:
-            ends = one["fit_from"], one["fit_to"]
-            sides = measure_sides(profile, crest, *ends, berry, one["flank"], one["smallest_window"])[0]
+            sides = measure_sides(profile, crest, replace(settings, **one))[0]
             row |= {line_of(one, name): angle for name, (angle, *_) in sides.items()}
         rows.append(row)
     return {"Height": 1e3 * height_m} | pd.DataFrame(rows).mean().to_dict()

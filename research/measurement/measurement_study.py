@@ -17,6 +17,7 @@ from repose.core.errors import InputError, NoFlankError
 from repose.core.files import write_table
 from repose.measure import pile, saved_pours
 from repose.measure.angles import measure_sides
+from repose.measure.silhouette import Grains
 from repose.particle.particle import Particle
 from research.measurement.pour_correlation import correlations
 
@@ -123,9 +124,7 @@ def variants_of(
     over the views, or of the first view with " (view)" behind the name; NaN where a variant cannot be measured in half
     of the views. NoFlankError if there is no pile.
     """
-    height_m, views = pile.pile_views(
-        poured["position"], poured["quaternion"], particle, settings, poured.get("in_pile"), poured.get("scale")
-    )
+    height_m, views = pile.pile_views(Grains.of(poured, particle), settings, poured.get("in_pile"))
     angles, heights = [], []
     for view in views:
         profile, crest = pile.profile_of(view)
@@ -142,13 +141,9 @@ def variants_of_profile(profile: np.ndarray, crest: int, settings: pile.MeasureS
 
     `profile` (W,) is the height of the upper edge in pixels, `crest` the column of the crest.
     """
-    berry = float(settings.berry_height_mm or math.nan) / settings.mm_per_pixel
     found = {}
     for name, (changed, definition) in VARIANTS.items():
-        how = replace(settings, **changed)
-        measured, _ = measure_sides(
-            profile, crest, how.fit_from, how.fit_to, berry, how.flank, how.smallest_window, (definition,)
-        )
+        measured, _ = measure_sides(profile, crest, replace(settings, **changed), (definition,))
         found[name] = measured[definition][0] if definition in measured else math.nan
     return found
 

@@ -8,6 +8,7 @@ import pandas as pd
 
 from repose.core.errors import NoFlankError
 from repose.measure import further_responses, pile, saved_pours
+from repose.measure.silhouette import Grains
 from repose.particle.particle import Particle
 
 
@@ -31,9 +32,8 @@ def of_pours(
             if (job["sample"], record["seed"]) not in good:
                 continue
             saved = saved_pours.pour_arrays(arrays, record["seed"], path)
-            bodies = saved["position"].astype(float), saved["quaternion"], particle
             try:
-                _, views = pile.pile_views(*bodies, settings, saved["in_pile"], saved.get("scale"))
+                _, views = pile.pile_views(Grains.of(saved, particle), settings, saved["in_pile"])
             except NoFlankError:
                 continue
             profiles = [pile.profile_of(view)[0] for view in views]

@@ -13,6 +13,7 @@ from repose.measure import pile
 from repose.measure.angles import MEAN_KEYS
 from repose.measure.further_responses import mean_half_width
 from repose.measure.profile_points import FLANK_RULES
+from repose.measure.silhouette import Grains
 from repose.particle.particle import Particle
 
 # Columns of the definitions. `steepest` and `whole` follow the rule of the configuration, `secant` needs none.
@@ -36,9 +37,8 @@ def measured(
     views, None where fewer than half of them have it. NoFlankError if there is no pile.
     """
     settings = pile.with_berry_height(settings, particle)
-    members, centres = arrays["in_pile"], arrays["position"].astype(float)
-    sizes = arrays["scale"].astype(float)
-    height_m, views = pile.pile_views(centres, arrays["quaternion"], particle, settings, members, sizes)
+    grains, members = Grains.of(arrays, particle), arrays["in_pile"]
+    height_m, views = pile.pile_views(grains, settings, members)
     angles: dict[str, list[float]] = {name: [] for name in COLUMNS}
     profiles = []
     for view in views:
@@ -51,8 +51,8 @@ def measured(
     found: dict[str, float | None] = {COLUMNS[name]: _mean(values) for name, values in angles.items()}
     assert settings.berry_height_mm is not None
     lengths_mm = settings.mm_per_pixel, 1e3 * height_m, settings.berry_height_mm
-    masses = particle.mass_kg * sizes[members] ** 3
-    density = core_density(centres[members], masses, profiles, *lengths_mm)
+    masses = particle.mass_kg * grains.scales[members] ** 3
+    density = core_density(grains.centres_m[members], masses, profiles, *lengths_mm)
     return found | {"height_mm": 1e3 * height_m, DENSITY: density}
 
 

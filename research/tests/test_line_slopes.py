@@ -13,6 +13,7 @@ from repose.apparatus import funnel, reach
 from repose.measure.angles import DEFINITIONS
 from repose.measure.pile import measure_pile
 from repose.measure.settings import line_of
+from repose.measure.silhouette import Grains
 from repose.particle.particle import Particle
 from research.measurement import line_slopes
 
@@ -50,7 +51,7 @@ def test_the_table_of_saved_piles_is_by_the_measured_angles(tmp_path):
     ratios = []
     for heap in heaps:
         arrays = np.load(heap)
-        pile = measure_pile(arrays["position_1"], arrays["quaternion_1"], PARTICLE, SETTINGS)
+        pile = measure_pile(Grains(arrays["position_1"], arrays["quaternion_1"], PARTICLE), SETTINGS)
         cone = reach.cone_tan(pile.height_mm, 250 * PARTICLE.volume_m3 / funnel.PACKING)
         ratios.append(math.tan(math.radians(pile.mean_deg("whole"))) / cone)
     row = table[table["definition"] == "whole"].iloc[0]

@@ -13,6 +13,7 @@ from test_simulated_piles import cone_of_berries
 
 from repose.core.parameters import PARAMETERS
 from repose.measure import pile
+from repose.measure.silhouette import Grains
 from research.measurement import measurement_study
 from research.measurement.measurement_study import VARIANTS
 
@@ -93,11 +94,8 @@ def test_a_study_measures_what_is_ok_and_writes_its_tables(tmp_path):
     assert list(noise.index) == ["Height", *VARIANTS]
     assert noise.loc[COLUMNS, "between"] == pytest.approx(8.0, abs=2.0)
     assert noise.loc[COLUMNS, "ratio"] == pytest.approx(noise["between"][COLUMNS] / noise["within"][COLUMNS])
-    measured = pile.measure_pile(
-        **{"centres_m": np.load(heaps[0])["position_1"], "quaternions": np.load(heaps[0])["quaternion_1"]},
-        particle=PARTICLE,
-        settings=SETTINGS,
-    )
+    saved = np.load(heaps[0])
+    measured = pile.measure_pile(Grains(saved["position_1"], saved["quaternion_1"], PARTICLE), SETTINGS)
     same = {
         "flank": "flank 30-80 %, levels",
         "secant": "secant",

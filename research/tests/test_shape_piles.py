@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from repose.measure import pile
+from repose.measure.silhouette import Grains
 from repose.particle.build import ellipsoid_mesh, fit_particle
 from research.shape import shape_piles
 
@@ -62,7 +63,7 @@ def test_definitions_are_those_of_a_measured_pile():
     assert set(found) == {"height_mm", shape_piles.DENSITY, *shape_piles.COLUMNS.values()}
     for rule, name in shape_piles.FLANKS.items():
         own = replace(SETTINGS, flank=rule)
-        alone = pile.measure_pile(centres, arrays["quaternion"], PARTICLE, own)
+        alone = pile.measure_pile(Grains.of(arrays, PARTICLE), own)
         assert found[f"aor_{name}_deg"] == pytest.approx(alone.mean_deg("flank"))
         if rule == SETTINGS.flank:
             for definition in ("secant", "steepest", "whole"):

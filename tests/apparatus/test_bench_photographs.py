@@ -23,6 +23,7 @@ from repose.core.files import write_image
 from repose.dem import Shape
 from repose.measure import bed
 from repose.measure.settings import MeasureSettings
+from repose.measure.silhouette import Grains
 
 BED, EMPTY, RIM, WALL = (40, 60, 190), (200, 205, 210), (60, 60, 60), (150, 140, 90)  # BGR
 HOW = MeasureSettings(berry_height_mm=2.0)
@@ -62,10 +63,10 @@ def test_a_drum_gives_the_angle_and_the_surface_of_the_simulation(tmp_path, mirr
     section = SceneSettings(config).section("turning", TurningSettings)
     radius_m = Drum.of(section).radius_m
     grain, share = Shape.sphere(1e-3, 1500.0, "grain"), section.fit_share
-    frame = grains(31.0, radius_m)
+    frame = Grains(*grains(31.0, radius_m), grain)
     pixel = 2e3 * radius_m / 840
-    true = bed.surface_of(bed.side_view(*frame, grain, radius_m, pixel), radius_m, pixel, share)
-    occupied = bed.occupied_share(*(part[None] for part in frame), grain, radius_m, pixel)
+    true = bed.surface_of(bed.side_view(frame, radius_m, pixel), radius_m, pixel, share)
+    occupied = bed.occupied_share([frame], radius_m, pixel)
     picture, points = drum_picture(occupied > 0.5)
     if mirrored:
         picture = np.ascontiguousarray(picture[:, ::-1])

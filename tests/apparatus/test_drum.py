@@ -15,6 +15,7 @@ from repose.apparatus import Scene, bench, drum, drum_tables
 from repose.apparatus.job import measure_job, pour_job
 from repose.apparatus.settings import SceneSettings
 from repose.measure import bed
+from repose.measure.silhouette import Grains
 from repose.pictures import film
 
 TEST = drum.DrumTest()
@@ -38,7 +39,7 @@ def half_filled(angle_deg, count=1500, seed=4):
 
 
 def surface(centres, quaternions, mm_per_pixel=0.25):
-    filled = bed.side_view(centres, quaternions, PARTICLE, RADIUS_M, mm_per_pixel)
+    filled = bed.side_view(Grains(centres, quaternions, PARTICLE), RADIUS_M, mm_per_pixel)
     return bed.surface_of(filled, RADIUS_M, mm_per_pixel, 0.6)
 
 
@@ -91,7 +92,7 @@ def test_the_edge_of_one_berry_is_its_outline_and_a_bed_that_is_carried_along_re
     assert bed.bed_angle(carried) - bed.bed_angle(centres) == pytest.approx(math.degrees(0.4))
     frame = np.array([0.0, -0.0873, 0.0])
     velocities, spin = np.cross(frame, centres), np.tile(frame, (len(centres), 1))
-    state = centres, quaternions, velocities, spin, PARTICLE
+    state = Grains(centres, quaternions, PARTICLE), velocities, spin
     assert bed.relative_energy(*state, frame) == pytest.approx(0.0, abs=1e-30)
     still = 0.5 * PARTICLE.mass_kg * np.mean(np.sum(velocities**2, axis=1))
     assert still < bed.relative_energy(*state, np.zeros(3)) < 1.05 * still

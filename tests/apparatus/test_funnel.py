@@ -21,6 +21,7 @@ from repose.config.study import Study
 from repose.dem import simulation as engine
 from repose.dem.kernels.engine import advance
 from repose.measure import pile
+from repose.measure.silhouette import Grains
 
 TEST = funnel.FunnelTest()
 
@@ -251,9 +252,8 @@ def test_a_pile_rests_on_the_plate_is_measured_as_piles_are_and_keeps_its_sizes(
     assert record["kinetic_energy_J"] / record["berries_in_pile"] < 1e-12
     assert record["berries_on_plate"] == 120
     assert 1.8 < record["discharge_s"] < 2.2
-    bodies = run.arrays["position"], run.arrays["quaternion"], particle()
     settings = pile.MeasureSettings.of(heap()["measure"], BERRY)
-    again = pile.measure_pile(*bodies, settings, members=run.arrays["in_pile"])
+    again = pile.measure_pile(Grains.of(run.arrays, particle()), settings, run.arrays["in_pile"])
     assert {key: record[key] for key in again.record()} == again.record()
     settings = small()
     settings["berry"] = settings["berry"] | {"size_distribution": "measured"}

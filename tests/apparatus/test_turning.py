@@ -12,6 +12,7 @@ from repose.apparatus.settings import SceneSettings
 from repose.core.responses import derived
 from repose.dem import Shape
 from repose.measure import bed as measure_bed
+from repose.measure.silhouette import Grains
 
 TEST = turning.TurningTest()
 
@@ -70,8 +71,8 @@ def test_the_profile_of_a_flat_bed_is_straight_within_a_tenth_of_a_grain(angle_d
     grain = Shape.sphere(1e-3, 1500.0, "grain")
     x = np.linspace(-0.05, 0.05, 26)
     centres = np.array([inclined(angle_deg, seed) for seed in range(3)])
-    turns = np.broadcast_to((1.0, 0.0, 0.0, 0.0), (*centres.shape[:2], 4))
-    occupied = measure_bed.occupied_share(centres, turns, grain, 0.095, 0.1)
+    turns = np.broadcast_to((1.0, 0.0, 0.0, 0.0), (*centres.shape[1:2], 4))
+    occupied = measure_bed.occupied_share([Grains(frame, turns, grain) for frame in centres], 0.095, 0.1)
     heights = measure_bed.surface_heights(occupied, 0.5, x, 0.095, 0.1)
     assert np.abs(heights - np.tan(np.radians(angle_deg)) * x).max() < 0.1 * 2e-3
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from repose.dem.rotations import rotation_matrices
 from repose.measure import pile, sheet
-from repose.measure.silhouette import silhouette
+from repose.measure.silhouette import Grains, silhouette
 
 LIGHT = np.array([-0.45, -0.55, 0.72]) / np.linalg.norm([-0.45, -0.55, 0.72])
 GROUND_MM = 1400  # side of the square of plate that is drawn, one pixel a mm
@@ -116,7 +116,7 @@ def truth(scene, settings):
     centres, quaternions, sizes = scene.grains
     body = Ellipsoid(scene.axes)
     azimuth = np.degrees(np.arctan2(scene.position[0], -scene.position[1]))
-    image = silhouette(1e-3 * centres, quaternions, body, azimuth, 0.2, scales=sizes)
+    image = silhouette(Grains(1e-3 * centres, quaternions, body, sizes), azimuth, 0.2)
     return pile.measure_image(image, 0.2, settings, base_row=image.shape[0] - 0.5)
 
 

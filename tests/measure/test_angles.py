@@ -1,6 +1,7 @@
 """The definitions of the angle on profiles whose angles are known in closed form."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -172,17 +173,18 @@ def both_sides(left, right):
 
 def test_sides_hold_every_definition_or_say_why_not():
     profile, crest = both_sides(cone(0.4, 200.0), cone(0.8, 200.0))
-    measured, reasons = angles.measure_sides(profile, crest, "berry", 0.9, 50.0, "columns")
+    how = MeasureSettings(fit_from="berry", fit_to=0.9, flank="columns", berry_height_mm=50.0, mm_per_pixel=1.0)
+    measured, reasons = angles.measure_sides(profile, crest, how)
     assert tuple(measured) == angles.DEFINITIONS
     assert not reasons
     mean, left, right = measured["flank"]
     assert (left.angle_deg, right.angle_deg) == pytest.approx((degrees(0.4), degrees(0.8)))
     assert mean == pytest.approx((degrees(0.4) + degrees(0.8)) / 2)
     assert (left.ends[0][1], left.ends[1][1]) == (50.0, 180.0)
-    unknown, reasons = angles.measure_sides(profile, crest, "berry", 0.9, None, "columns")
+    unknown, reasons = angles.measure_sides(profile, crest, replace(how, berry_height_mm=None))
     assert tuple(unknown) == ("whole", "straightest")
     assert set(reasons) == {"flank", "secant", "steepest"}
-    low, reasons = angles.measure_sides(profile, crest, 0.1, 0.2, 50.0, "columns")
+    low, reasons = angles.measure_sides(profile, crest, replace(how, fit_from=0.1, fit_to=0.2))
     assert "steepest" not in low
     assert "12 are needed" in reasons["steepest"]
     wall = np.concatenate([np.zeros(MARGIN), np.full(60, 200.0)])

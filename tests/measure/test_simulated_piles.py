@@ -10,7 +10,7 @@ from repose.measure import further_responses
 from repose.measure.angles import DEFINITIONS, MEAN_KEYS
 from repose.measure.pile import MeasureSettings, NoFlankError, measure_pile
 from repose.measure.segmentation import of_silhouette, segment
-from repose.measure.silhouette import BACKGROUND_TONE, PILE_TONE, silhouette
+from repose.measure.silhouette import BACKGROUND_TONE, PILE_TONE, Grains, silhouette
 
 MM = 0.25
 
@@ -50,7 +50,7 @@ def test_silhouette_equals_the_projection_of_a_cloud_of_surface_points(particle)
     centres = rng.uniform([-0.03, -0.03, 0.012], [0.03, 0.03, 0.04], (12, 3))
     q = rng.normal(size=(12, 4))
     azimuth, mm, extent = 37.0, 0.5, (-0.05, 0.05, 0.06)
-    image = silhouette(centres, q, particle, azimuth, mm, extent)
+    image = silhouette(Grains(centres, q, particle), azimuth, mm, extent)
     assert image.shape == (120, 200)
     normals = rng.normal(size=(60_000, 3))
     surface = particle.support_point(normals / np.linalg.norm(normals, axis=1, keepdims=True))
@@ -74,46 +74,46 @@ def test_silhouettes_and_height_of_the_members_and_what_is_no_pile():
     ball = Ellipsoids([10.0, 10.0, 10.0])
     areas = []
     for shift in np.linspace(0, 0.25e-3, 7):
-        image = silhouette(np.array([[shift, 0, 0.01]]), np.array([[1.0, 0, 0, 0]]), ball, 0.0, MM)
+        image = silhouette(Grains([[shift, 0, 0.01]], [[1.0, 0, 0, 0]], ball), 0.0, MM)
         areas.append((image < 128).sum() * MM**2)
         assert (image[-2] < 128).any()
     assert np.mean(areas) == pytest.approx(math.pi * 100, rel=4e-3)
     centres = np.array([[0.03, 0.0, 0.01], [0.0, 0.0, 0.02]])
     q = np.array([[0.5, 0.5, 0.1, 0.7], [1.0, 0, 0, 0]])
     extent = (-0.06, 0.06, 0.04)
-    front, back = (silhouette(centres, q, BERRY, a, MM, extent) for a in (0.0, 180.0))
+    front, back = (silhouette(Grains(centres, q, BERRY), a, MM, extent) for a in (0.0, 180.0))
     assert (front < 128).any(axis=0).nonzero()[0].max() > 300
     assert np.mean(front[:, ::-1] != back) < 2e-3
     rng = np.random.default_rng(2)
     centres, q = cone_of_berries(25, rng)
     stray = np.array([[0.2, 0.0, 0.01], [-0.2, 0.1, 0.01]])
-    with_stray = np.vstack([centres, stray]), np.vstack([q, rng.normal(size=(2, 4))])
+    with_stray = Grains(np.vstack([centres, stray]), np.vstack([q, rng.normal(size=(2, 4))]), BERRY)
     members = np.arange(502) < 500
-    alone, masked = measure_pile(centres, q, BERRY), measure_pile(*with_stray, BERRY, members=members)
+    alone, masked = measure_pile(Grains(centres, q, BERRY)), measure_pile(with_stray, members=members)
     assert masked.aor_deg == alone.aor_deg
     assert masked.height_mm == alone.height_mm
     assert alone.aor[alone.response].shape == alone.view_height_mm.shape == (18,)
     assert alone.aor_deg == pytest.approx(alone.aor[alone.response].mean())
     assert np.abs(alone.view_height_mm - alone.height_mm).max() < MM
-    every = measure_pile(*with_stray, BERRY, MeasureSettings(largest_pile_only=False), members=members)
+    every = measure_pile(with_stray, MeasureSettings(largest_pile_only=False), members)
     assert every.aor_deg < alone.aor_deg - 1
     rng = np.random.default_rng(4)
     flat = np.column_stack([rng.uniform(-0.1, 0.1, (80, 2)), np.full(80, 0.005)])
-    upright = np.tile([1.0, 0, 0, 0], (80, 1))
+    lying = Grains(flat, np.tile([1.0, 0, 0, 0], (80, 1)), BERRY)
     with pytest.raises(NoFlankError, match="mm high"):
-        measure_pile(flat, upright, BERRY)
+        measure_pile(lying)
     with pytest.raises(NoFlankError, match="no grain"):
-        measure_pile(flat, upright, BERRY, members=np.zeros(80, bool))
+        measure_pile(lying, members=np.zeros(80, bool))
     pile = cone_of_berries(25, np.random.default_rng(2))
     with pytest.raises(NoFlankError, match=r"by 1\d pixels of 5 mm \(measure.mm_per_pixel\); a flank needs 20 by 20"):
-        measure_pile(*pile, BERRY, MeasureSettings(mm_per_pixel=5.0))
+        measure_pile(Grains(*pile, BERRY), MeasureSettings(mm_per_pixel=5.0))
 
 
 @pytest.mark.parametrize("largest_only", [True, False])
 def test_a_silhouette_is_split_as_any_picture_of_its_tones_to_the_last_bit(largest_only):
     centres, q = cone_of_berries(30, np.random.default_rng(3), 250)
     centres[::10, 0] += 0.12  # berries beside the pile, and gaps in it
-    image = silhouette(centres, q, BERRY, mm_per_pixel=MM)
+    image = silhouette(Grains(centres, q, BERRY), mm_per_pixel=MM)
     known = of_silhouette(image, PILE_TONE, BACKGROUND_TONE, largest_only)
     found = segment(image, largest_only, base_row=image.shape[0] - 0.5)
     assert (known.level, known.base_row, known.pile_is) == (found.level, found.base_row, found.pile_is)
@@ -129,9 +129,9 @@ def test_cones_of_berries_have_their_angle_within_a_degree():
     for angle in (20, 30, 40):
         rng = np.random.default_rng(angle)
         for _ in range(4):
-            pile = cone_of_berries(angle, rng)
+            pile = Grains(*cone_of_berries(angle, rng), BERRY)
             for rule in errors:
-                errors[rule].append(measure_pile(*pile, BERRY, MeasureSettings(flank=rule)).aor_deg - angle)
+                errors[rule].append(measure_pile(pile, MeasureSettings(flank=rule)).aor_deg - angle)
     assert abs(np.mean(errors["levels"])) < 1.0
     assert abs(np.mean(errors["levels"])) < abs(np.mean(errors["columns"]))
 

@@ -225,6 +225,7 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
     def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
         """Measure angles, mass and rate."""
         from repose.measure.pile import measure_pile
+        from repose.measure.silhouette import Grains
 
         box, particle = Box.of(self.section(scene.settings)), scene.particle
         settings = replace(scene.measure, views=1)
@@ -246,9 +247,9 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         }
         reasons = {}
         for name, (these, places, how) in parts.items():
-            bodies = places[these], arrays["quaternion"][these], particle
+            grains = Grains(places, arrays["quaternion"], particle, scales)[these]
             try:
-                measured[name] = measure_pile(*bodies, how, scales=scales[these]).record()["aor_deg"]
+                measured[name] = measure_pile(grains, how).record()["aor_deg"]
             except NoFlankError as error:
                 reasons[name] = error.reason
         return {**self.assess(measured, scene.settings, reasons), **measured}

@@ -153,10 +153,11 @@ class RotatingDrum(BenchTest[R]):
     ) -> "bed.Surface":
         """Return the surface of a bed of N grains; ValueError if it has none."""
         from repose.measure import bed
+        from repose.measure.silhouette import Grains
 
         section = self.section(scene.settings)
         radius, pixel = Drum.of(section).radius_m, scene.settings.mm_per_pixel
-        filled = bed.side_view(position, quaternion, scene.particle, radius, pixel, scale)
+        filled = bed.side_view(Grains(position, quaternion, scene.particle, scale), radius, pixel)
         return bed.surface_of(filled, radius, pixel, section.fit_share)
 
     def surface_angles(
@@ -256,12 +257,13 @@ class _Watch:
     def keep(self) -> None:
         """Add the present state to the record."""
         from repose.measure import bed
+        from repose.measure.silhouette import Grains
 
         s = self.simulation
         self.centres.append(s.positions.copy())
         self.quaternions.append(s.quaternions)
-        state = s.positions, s.quaternions, s.velocities, s.angular_velocities
-        energy = bed.relative_energy(*state, self.particle, s.rolling_frame_rad_s, s.scales)
+        grains = Grains(s.positions, s.quaternions, self.particle, s.scales)
+        energy = bed.relative_energy(grains, s.velocities, s.angular_velocities, s.rolling_frame_rad_s)
         time_s = s.time_s - self.began_s
         turned_deg, bed_deg = math.degrees(self.turned_rad), bed.bed_angle(s.positions)
         self.rows.append(_Row(time_s, turned_deg, bed_deg, energy))

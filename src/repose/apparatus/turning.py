@@ -150,12 +150,14 @@ class TurningTest(drum.RotatingDrum[TurningSettings]):
     ) -> dict[str, float]:
         """Return scores of the mean surface of frames by their names; `profiles` has the profile of each."""
         from repose.measure import bed
+        from repose.measure.silhouette import Grains
 
         if not profiles:
             return {}
         position, quaternion, scale = frames
         radius, pixel = drum.Drum.of(self.section(scene.settings)).radius_m, scene.settings.mm_per_pixel
-        occupied = bed.occupied_share(position, quaternion, scene.particle, radius, pixel, scale)
+        grains = (Grains(*frame, scene.particle, scale) for frame in zip(position, quaternion, strict=True))
+        occupied = bed.occupied_share(grains, radius, pixel)
         found = {}
         for name, kept in profiles.items():
             x_m = 1e-3 * np.array(kept["x"])

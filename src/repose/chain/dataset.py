@@ -22,7 +22,7 @@ from repose.core.runs import Recorded, summarise_runs
 from repose.core.seeds import UNNAMED
 from repose.core.targets import Target, Targets
 from repose.measure.angles import CALIBRATED_ANGLE
-from repose.measure.settings import MeasureSettings
+from repose.measure.settings import MeasureSettings, line_of
 
 SUMMARY = "_summary.json"  # follows the stem of a dataset's name
 RUN = ("seed", "status", "reason")
@@ -86,7 +86,7 @@ def run(
     summary = counts(dataset, runs) | {"definitions": definitions}
     if "measure.response" in (angle := definitions.get(CALIBRATED_ANGLE, {})):
         section = {key.rpartition(".")[2]: value for key, value in angle.items()}
-        summary["line"] = MeasureSettings(**section).line
+        summary["line"] = line_of(MeasureSettings(**section))
     out = Path(out_dir)
     write_table(out / f"{prefix}dataset.csv", dataset)
     write_table(out / f"{prefix}runs.csv", runs)

@@ -27,14 +27,8 @@ def _written_by(module: str, name: str = "deck") -> Deck:
     return lambda job: getattr(import_module(f".{module}", __name__), name)(job)
 
 
-PROGRAMS = {
-    "liggghts": _written_by("liggghts"),
-    "lammps": _written_by("lammps"),
-    "yade": _written_by("yade"),
-    "mercurydpm": _written_by("mercurydpm"),
-    "edem": _written_by("tables", "edem"),
-    "rocky": _written_by("tables", "rocky"),
-}
+PROGRAMS = {name: _written_by(name) for name in ("liggghts", "lammps", "yade", "mercurydpm")}
+PROGRAMS |= {name: _written_by("tables", name) for name in ("edem", "rocky")}
 # The laws that a deck can hold, besides Hertz and Mindlin's contact and the rolling law `budget`.
 FURTHER_LAWS = {"liggghts": ("sjkr", "constant_torque", "epsd", "epsd2"), "lammps": ("epsd", "epsd2"), "edem": ("jkr",)}
 # Reasons why a program's law of the same name cannot be used.

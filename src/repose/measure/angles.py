@@ -17,13 +17,16 @@ different definitions or rules must not be compared.
 """
 
 import math
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from repose.core.errors import NoFlankError
 from repose.measure.profile_points import MIN_LEVELS, outermost_crossing, points_between
+
+if TYPE_CHECKING:
+    from repose.measure.settings import MeasureSettings
 
 DEFINITIONS = ("flank", "secant", "steepest", "whole", "straightest")
 MEAN_KEYS = {name: f"aor_{name}_deg" for name in DEFINITIONS}  # mean of all views
@@ -113,32 +116,29 @@ def _best(windows: np.ndarray) -> int:
 
 def window_correlations(distance: np.ndarray, height: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
     """Correlation (windows,) of distance and height of points first to last - 1, by running sums; NaN for a wall."""
-    x, z = distance - distance.mean(), height - height.mean()
-    sum_x, sum_z, sum_xx, sum_zz, sum_xz = _window_sums([x, z, x * x, z * z, x * z], first, last)
-    n = last - first
-    spread_x, spread_z = sum_xx - sum_x * sum_x / n, sum_zz - sum_z * sum_z / n
+    n, spread_x, spread_z, product = _moments(distance - distance.mean(), height - height.mean(), first, last)
     usable = (spread_x >= n * WALL_SD**2) & (spread_z > 0)
-    product = np.where(usable, spread_x * spread_z, 1.0)
-    return np.where(usable, (sum_xz - sum_x * sum_z / n) / np.sqrt(product), np.nan)
+    return np.where(usable, product / np.sqrt(np.where(usable, spread_x * spread_z, 1.0)), np.nan)
 
 
 def window_slopes(distance: np.ndarray, height: np.ndarray, lows: np.ndarray, highs: np.ndarray) -> np.ndarray:
     """Slope (windows,) of the regression line in each window of heights, by running sums; NaN if too few, or a wall."""
     order = np.argsort(height, kind="stable")
-    x, z = distance[order] - distance.mean(), height[order] - height.mean()
     first = np.searchsorted(height[order], lows, side="left")
     last = np.searchsorted(height[order], highs, side="right")
-    n, sum_x, sum_z, sum_xx, sum_xz = _window_sums([np.ones_like(x), x, z, x * x, x * z], first, last)
-    n = np.maximum(n, 1)
-    spread = sum_xx - sum_x * sum_x / n
+    x, z = distance[order] - distance.mean(), height[order] - height.mean()
+    n, spread, _, product = _moments(x, z, first, last)
     usable = (n >= MIN_LEVELS) & (spread >= n * WALL_SD**2)
-    return np.where(usable, (sum_xz - sum_x * sum_z / n) / np.where(usable, spread, 1.0), np.nan)
+    return np.where(usable, product / np.where(usable, spread, 1.0), np.nan)
 
 
-def _window_sums(terms: list[np.ndarray], first: np.ndarray, last: np.ndarray) -> np.ndarray:
-    """Sum each of the terms over the points first to last - 1 of every window: (terms, windows)."""
-    sums = np.concatenate([np.zeros((len(terms), 1)), np.cumsum(terms, axis=1)], axis=1)
-    return sums.take(last, axis=1) - sums.take(first, axis=1)
+def _moments(x: np.ndarray, z: np.ndarray, first: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Count the points of each window, and sum x squared, z squared and x z about its means."""
+    sums = np.cumsum([x, z, x * x, z * z, x * z], axis=1)
+    sums = np.concatenate([np.zeros((len(sums), 1)), sums], axis=1)
+    sum_x, sum_z, sum_xx, sum_zz, sum_xz = sums.take(last, axis=1) - sums.take(first, axis=1)
+    n = np.maximum(last - first, 1)
+    return n, sum_xx - sum_x * sum_x / n, sum_zz - sum_z * sum_z / n, sum_xz - sum_x * sum_z / n
 
 
 def fitted(distance: np.ndarray, height: np.ndarray, low: float, high: float) -> Line:
@@ -176,42 +176,29 @@ def secant_of_pile(left: Line, right: Line) -> float:
 
 
 def measure_sides(
-    profile: np.ndarray,
-    crest: int,
-    fit_from: float | str,
-    fit_to: float | str,
-    berry: float | None,
-    rule: str,
-    smallest: float = 1 / 3,
-    definitions: Sequence[str] = DEFINITIONS,
+    profile: np.ndarray, crest: int, how: "MeasureSettings", definitions: Sequence[str] = DEFINITIONS
 ) -> Measured:
     """Angle [deg], left and right line of a pile by definition, and the reasons for missing definitions."""
-    height, grain = float(profile[crest]), math.nan if berry is None else berry
-    low, high = (grain if isinstance(end, str) else end * height for end in (fit_from, fit_to))
-    sides = profile[: crest + 1], profile[crest:][::-1]
+    height, ends = float(profile[crest]), (how.fit_from, how.fit_to)
+    grain = math.nan if how.berry_height_mm is None else how.berry_height_mm / how.mm_per_pixel
+    low, high = (grain if isinstance(end, str) else end * height for end in ends)
+    line_of: dict[str, Callable[[np.ndarray], Line]] = {
+        "flank": lambda side: flank(side, low, high, how.flank),
+        "secant": lambda side: secant(side, grain),
+        "steepest": lambda side: steepest(side, low, high, how.flank),
+        "whole": whole,
+        "straightest": lambda side: straightest(side, how.smallest_window),
+    }
+    by_grain = ("secant", "flank", "steepest") if "berry" in ends else ("secant",)
     measured, reasons = {}, {}
     for name in definitions:
         try:
-            if berry is None and (name == "secant" or (name in BANDED and "berry" in (fit_from, fit_to))):
+            if math.isnan(grain) and name in by_grain:
                 raise NoFlankError("the grain's height is not known")
-            left, right = (_one_side(name, side, low, high, grain, rule, smallest) for side in sides)
+            left, right = (line_of[name](side) for side in (profile[: crest + 1], profile[crest:][::-1]))
         except NoFlankError as error:
             reasons[name] = error.reason
             continue
         mean = 0.5 * (left.angle_deg + right.angle_deg)
         measured[name] = (secant_of_pile(left, right) if name == "secant" else mean, left, right)
     return measured, reasons
-
-
-def _one_side(
-    name: str, profile: np.ndarray, low: float, high: float, berry: float, rule: str, smallest: float
-) -> Line:
-    """Fit the line of one side by one definition."""
-    if name == "secant":
-        return secant(profile, berry)
-    if name in BANDED:
-        return BANDED[name](profile, low, high, rule)
-    return whole(profile) if name == "whole" else straightest(profile, smallest)
-
-
-BANDED = {"flank": flank, "steepest": steepest}  # between `fit_from` and `fit_to`, by the points of `flank`

@@ -5,14 +5,15 @@ frame turns with it, so a bed that turns as a solid with the drum is at rest the
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from repose.dem.rotations import rotation_matrices
 from repose.measure import silhouette
 from repose.measure.pile import equivalent_diameter
-from repose.particle.particle import Particle
 
 SMALLEST_FIT = 8  # pixel columns that a line needs
 
@@ -53,36 +54,16 @@ def surface_of(filled: np.ndarray, radius_m: float, mm_per_pixel: float, fit_sha
     return Surface(math.degrees(math.atan(slope)), np.column_stack([x, z]), line)
 
 
-def side_view(
-    centres_m: np.ndarray,
-    quaternions: np.ndarray,
-    particle: silhouette.ConvexBody,
-    radius_m: float,
-    mm_per_pixel: float,
-    scales: np.ndarray | None = None,
-) -> np.ndarray:
+def side_view(grains: silhouette.Grains, radius_m: float, mm_per_pixel: float) -> np.ndarray:
     """Mark the pixels (H, W) of the section of a drum of inner radius `radius_m` that grains cover along the axis."""
-    lifted = np.asarray(centres_m, float) + np.array([0.0, 0.0, radius_m])
-    image = silhouette.silhouette(
-        lifted, quaternions, particle, 0.0, mm_per_pixel, (-radius_m, radius_m, 2.0 * radius_m), scales
-    )
+    lifted = replace(grains, centres_m=grains.centres_m + np.array([0.0, 0.0, radius_m]))
+    image = silhouette.silhouette(lifted, 0.0, mm_per_pixel, (-radius_m, radius_m, 2.0 * radius_m))
     return image == silhouette.PILE_TONE
 
 
-def occupied_share(
-    centres_m: np.ndarray,
-    quaternions: np.ndarray,
-    particle: silhouette.ConvexBody,
-    radius_m: float,
-    mm_per_pixel: float,
-    scales: np.ndarray | None = None,
-) -> np.ndarray:
-    """Share (H, W) of T frames, (T, N, 3) and (T, N, 4), in which the bed covers a pixel, seen along the axis."""
-    shares = [
-        side_view(centres, turns, particle, radius_m, mm_per_pixel, scales)
-        for centres, turns in zip(centres_m, quaternions, strict=True)
-    ]
-    return np.mean(shares, axis=0)
+def occupied_share(frames: Iterable[silhouette.Grains], radius_m: float, mm_per_pixel: float) -> np.ndarray:
+    """Share (H, W) of frames in which the bed covers a pixel, seen along the axis."""
+    return np.mean([side_view(grains, radius_m, mm_per_pixel) for grains in frames], axis=0)
 
 
 def surface_heights(
@@ -115,20 +96,15 @@ def bed_angle(centres_m: np.ndarray) -> float:
 
 
 def relative_energy(
-    centres_m: np.ndarray,
-    quaternions: np.ndarray,
-    velocities_m_s: np.ndarray,
-    turning_rad_s: np.ndarray,
-    particle: Particle,
-    frame_rad_s: np.ndarray,
-    scales: np.ndarray | float = 1.0,
+    grains: silhouette.Grains, velocities_m_s: np.ndarray, turning_rad_s: np.ndarray, frame_rad_s: np.ndarray
 ) -> float:
     """Mean kinetic energy of a grain [J], translation and rotation, in a frame that turns about the origin."""
-    drift = velocities_m_s - np.cross(frame_rad_s, centres_m)
-    turn = rotation_matrices(quaternions)
+    particle: Any = grains.particle  # with mass and moments
+    drift = velocities_m_s - np.cross(frame_rad_s, grains.centres_m)
+    turn = rotation_matrices(grains.quaternions)
     spin = np.einsum("nij,ni->nj", turn, turning_rad_s - frame_rad_s)
-    energy = scales**3 * particle.mass_kg * np.sum(drift**2, axis=1)
-    energy += scales**5 * (spin**2 @ particle.inertia_kg_m2)
+    energy = grains.scales**3 * particle.mass_kg * np.sum(drift**2, axis=1)
+    energy += grains.scales**5 * (spin**2 @ particle.inertia_kg_m2)
     return 0.5 * float(energy.mean())
 
 
@@ -139,8 +115,6 @@ def find_slip(bed_deg: np.ndarray, energy_j: np.ndarray, drop_deg: float, calm_e
     degree, but not this one.
     """
     bed = np.asarray(bed_deg, float)
-    if not len(bed):
-        return None
     fallen = np.flatnonzero(np.maximum.accumulate(bed) - bed >= drop_deg)
     if not len(fallen):
         return None

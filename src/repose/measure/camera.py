@@ -59,9 +59,8 @@ def calibrate(views: Sequence[Seen], size: tuple[int, int], focal_px: float | No
     """
     long_side = max(size)
     assumed = focal_px or PHONE_FOCAL * long_side
-    guess = np.array([[assumed, 0, size[0] / 2 - 0.5], [0, assumed, size[1] / 2 - 0.5], [0, 0, 1.0]])
-    found = _focal(views, guess, long_side)
-    guess = _with_focal(guess, found)
+    found = _focal(views, assumed, size)
+    guess = _matrix(found, size)
     places = [np.column_stack([view.places_mm, np.zeros(len(view.places_mm))]).astype(np.float32) for view in views]
     pixels = [view.pixels.astype(np.float32) for view in views]
     shared = (
@@ -92,17 +91,17 @@ def calibrate(views: Sequence[Seen], size: tuple[int, int], focal_px: float | No
     return Camera(guess, np.zeros(5), note)
 
 
-def _focal(views: Sequence[Seen], guess: np.ndarray, long_side: float) -> float:
+def _focal(views: Sequence[Seen], assumed: float, size: tuple[int, int]) -> float:
     """Find the focal length [px] that fits the corners best; keep the assumed one if it lies within three errors."""
-    tried = np.append(long_side * np.geomspace(*FOCALS), guess[0, 0])
-    misses = np.array([_squares(views, _with_focal(guess, focal)) for focal in tried])
+    tried = np.append(max(size) * np.geomspace(*FOCALS), assumed)
+    misses = np.array([_squares(views, _matrix(focal, size)) for focal in tried])
     scatter = misses.min() / (2 * sum(len(view.pixels) for view in views) - 6 * len(views) - 1)
     return float(tried[-1] if misses[-1] - misses.min() < 9 * scatter else tried[misses.argmin()])
 
 
-def _with_focal(matrix: np.ndarray, focal: float) -> np.ndarray:
-    """Replace the focal length in a camera's matrix."""
-    return np.array([[focal, 0, matrix[0, 2]], [0, focal, matrix[1, 2]], [0, 0, 1.0]])
+def _matrix(focal: float, size: tuple[int, int]) -> np.ndarray:
+    """Make the matrix of a camera whose lens has its centre in the middle of the picture."""
+    return np.array([[focal, 0, size[0] / 2 - 0.5], [0, focal, size[1] / 2 - 0.5], [0, 0, 1.0]])
 
 
 def _squares(views: Sequence[Seen], matrix: np.ndarray) -> float:

@@ -28,8 +28,7 @@ def overlay_of_refused(image: np.ndarray, pile: Segmentation | None) -> np.ndarr
     """Draw the refused picture with base and boundary of the part taken for the pile; None: no part was found."""
     if pile is None:
         return _outlined(image, np.empty((0, 2), int))[0]
-    contours = cv2.findContours(pile.mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
-    picture, thick = _outlined(image, np.concatenate(contours)[:, 0, :])
+    picture, thick = _outlined(image, pile.contour)
     draw_line(picture, (0, pile.base_row), (picture.shape[1] - 1, pile.base_row), BLUE, thick)
     return picture
 

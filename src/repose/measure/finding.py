@@ -17,7 +17,8 @@ import cv2
 import numpy as np
 
 from repose.core.errors import NoFlankError
-from repose.measure.segmentation import Segmentation, another_heap, require_upright
+from repose.measure.camera import SideView
+from repose.measure.segmentation import Segmentation, another_heap, pile_component, require_upright
 
 COLOUR_GAIN, BRIGHTNESS_GAIN = 110.0, 45.0
 EQUAL = np.array([1, 1, COLOUR_GAIN / BRIGHTNESS_GAIN], np.float32)  # brightness counts as colour does
@@ -51,74 +52,67 @@ class NotPlainError(NoFlankError):
     """The colours of pile and background do not differ enough."""
 
 
-def find(image: np.ndarray, hidden: np.ndarray, base_row: float, by_roughness: bool = False) -> tuple[np.ndarray, bool]:
+def find(view: SideView, by_roughness: bool = False) -> tuple[np.ndarray, bool]:
     """Find the pile's mask (H, W), 1 in the pile, in a coarse view, and whether another heap stands beside it."""
-    above = math.ceil(base_row)
-    colours = _seen(image, hidden, above, SMALL_PX if by_roughness else None)
-    not_behind, rough = hidden[:above], _roughness(colours)
+    above = math.ceil(view.base_row)
+    colours, hidden = _seen(view, above, SMALL_PX if by_roughness else None), view.hidden[:above]
+    not_behind, rough = hidden, _roughness(colours)
     for _ in range(2):  # the second background is fitted without the first guess
         behind = _background(colours, not_behind)
-        first, others, beside = _first_guess(colours - behind, rough, hidden[:above])
-        not_behind = hidden[:above] | (cv2.dilate(first.astype(np.uint8), np.ones((9, 9), np.uint8)) > 0)
+        first, others, beside = _first_guess(colours - behind, rough, hidden)
+        not_behind = hidden | (cv2.dilate(first.astype(np.uint8), np.ones((9, 9), np.uint8)) > 0)
     colours = np.where(others[..., None], behind, colours)
     start = np.where(first, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
     strip = max(2, round(0.02 * first.shape[1]))
     edge = np.ones(first.shape, bool)
     edge[strip:, strip:-strip] = False
     start[edge & ~first] = cv2.GC_BGD
-    start[hidden[:above] | others] = cv2.GC_BGD
+    start[hidden | others] = cv2.GC_BGD
     mask = _largest(_without_shadow(_grab(colours, start), colours - behind, rough))
-    return np.vstack([mask, np.zeros((len(image) - above, mask.shape[1]), np.uint8)]), beside
+    return np.vstack([mask, np.zeros((len(view.image) - above, mask.shape[1]), np.uint8)]), beside
 
 
 def refine(
-    image: np.ndarray,
-    hidden: np.ndarray,
-    base_row: float,
-    coarse: np.ndarray,
-    berry_px: float,
-    by_roughness: bool = False,
+    view: SideView, coarse: np.ndarray, berry_px: float, by_roughness: bool = False
 ) -> tuple[Segmentation, float]:
     """Find the boundary of a pile in a finer view; `coarse` is its mask (H, W), accurate to half a grain.
 
     And the share, 0 to 1, of its upper boundary at which both sides hardly differ.
     """
-    above = math.ceil(base_row)
-    coarse = coarse[:above]
-    colours = _seen(image, hidden, above, berry_px if by_roughness else None, coarse)
+    above = math.ceil(view.base_row)
+    coarse, hidden = coarse[:above], view.hidden[:above]
+    colours = _seen(view, above, berry_px if by_roughness else None, coarse)
     reach = max(4, round((1.0 if by_roughness else 0.4) * berry_px))
     disc = _disc(reach)
     below = cv2.copyMakeBorder(coarse, 0, reach, 0, 0, cv2.BORDER_REPLICATE)
     start = np.where(coarse > 0, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
     start[cv2.erode(below, disc)[:above] > 0] = cv2.GC_FGD
-    start[(cv2.dilate(below, disc)[:above] == 0) | hidden[:above]] = cv2.GC_BGD
+    start[(cv2.dilate(below, disc)[:above] == 0) | hidden] = cv2.GC_BGD
     mask = _grab(colours, start)
     if not by_roughness:
         mask = _without_penumbra(mask, colours, berry_px)
-    beside_hidden = cv2.dilate(hidden[:above].astype(np.uint8), disc) > 0
-    free = (start >= cv2.GC_PR_BGD) & ~beside_hidden
+    free = (start >= cv2.GC_PR_BGD) & (cv2.dilate(hidden.astype(np.uint8), disc) == 0)
     share, mask = _halfway(colours, _largest(mask), free, NEAR * berry_px, NEAR * berry_px, SURE)
-    light = colours if by_roughness else _light(image, hidden, above)
+    light = colours if by_roughness else _light(view, above)
     share, mask = _halfway(light, mask, free, NEAR * berry_px, EDGE_PX)
     mask = _without_floating(_largest(mask), GAP * berry_px)
     mask = _largest(_without_touching(mask, round(NECK * berry_px)))
     require_upright(mask)
-    grey = cv2.cvtColor(image[:above], cv2.COLOR_BGR2GRAY)
-    inside = mask > 0
-    pile_is = "darker" if grey[inside].mean() < grey[~inside & ~hidden[:above]].mean() else "brighter"
+    grey = cv2.cvtColor(view.image[:above], cv2.COLOR_BGR2GRAY)
+    pile_is = "darker" if grey[mask > 0].mean() < grey[(mask == 0) & ~hidden].mean() else "brighter"
     pile, other = _means(colours, mask, NEAR * berry_px)
     way = pile - other
     columns = np.flatnonzero(mask.any(axis=0))
     top = mask.argmax(axis=0)[columns]
     difference = np.linalg.norm(way[top, columns] * (1 if by_roughness else EQUAL), axis=1)
     faint = float((difference < FAINT).mean())
-    return Segmentation(grey, share, 0.5, mask, base_row, pile_is), faint
+    return Segmentation(grey, share, 0.5, mask, view.base_row, pile_is), faint
 
 
-def _light(image: np.ndarray, hidden: np.ndarray, above: int) -> np.ndarray:
+def _light(view: SideView, above: int) -> np.ndarray:
     """Light (H, W, 3) above the plate: a camera mixes light at a boundary, and then bends it to tones (sRGB, 2.2)."""
-    light = cv2.GaussianBlur((image.astype(np.float32) / 255) ** TONE_CURVE, (0, 0), 0.8)
-    return _fill(light, hidden)[:above]
+    light = cv2.GaussianBlur((view.image.astype(np.float32) / 255) ** TONE_CURVE, (0, 0), 0.8)
+    return _fill(light, view.hidden)[:above]
 
 
 def _halfway(
@@ -184,15 +178,13 @@ def features(image: np.ndarray) -> np.ndarray:
     )
 
 
-def _seen(
-    image: np.ndarray, hidden: np.ndarray, above: int, grain_px: float | None = None, pile: np.ndarray | None = None
-) -> np.ndarray:
+def _seen(view: SideView, above: int, grain_px: float | None, pile: np.ndarray | None = None) -> np.ndarray:
     """Compute the features above the plate; with the height of a grain, roughness in place of brightness.
 
     Roughness is the least gradient of any direction about a pixel (Shi and Tomasi 1994): a straight edge, as of a
     table, has none. It is counted from that of the row without the pile, in units of the background's scatter.
     """
-    colours = _fill(features(image), hidden)[:above]
+    colours = _fill(features(view.image), view.hidden)[:above]
     if grain_px is None:
         return colours
     least = cv2.cornerMinEigenVal(np.ascontiguousarray(colours[..., 2]), WINDOW_PX)
@@ -200,7 +192,7 @@ def _seen(
     gaps, and_window = (_disc(reach) for reach in (half, half + WINDOW_PX // 2))
     # Close the gaps between grains, and take back what the window of the gradients adds outside of them.
     rough = cv2.erode(cv2.dilate(np.sqrt(np.maximum(least, 0)), gaps), and_window)
-    left_out = hidden[:above] if pile is None else hidden[:above] | (cv2.dilate(pile, gaps) > 0)
+    left_out = view.hidden[:above] | (False if pile is None else cv2.dilate(pile, gaps) > 0)
     shown = np.where(left_out & ~left_out.all(axis=1, keepdims=True), np.nan, rough)
     rough = rough - np.nanquantile(shown, SIDES, axis=1, keepdims=True)  # a pile may fill half of a row
     scatter = 1.4826 * np.median(np.abs(rough[~left_out]))
@@ -270,18 +262,13 @@ def _first_guess(difference: np.ndarray, rough: np.ndarray, hidden: np.ndarray) 
 def _standing(mask: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
     """Mark the largest part that stands on the plate, wider than high (None without one), and high objects."""
     mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
-    count, labels, boxes, _ = cv2.connectedComponentsWithStats(mask)
-    rows = mask.shape[0]
-    best, largest = 0, 0
-    others = np.zeros(mask.shape, bool)
-    for k in range(1, count):
-        _, top, wide, high, area = boxes[k]
-        stands = top + high >= 0.97 * rows
-        if stands and wide > 1.2 * high and area > largest:
-            best, largest = k, area
-        elif high > 2.5 * wide and high > 0.15 * rows:
-            others |= labels == k
-    return labels == best if best else None, others
+    _, labels, boxes, _ = cv2.connectedComponentsWithStats(mask)
+    _, top, wide, high, area = boxes.T
+    stands = (top + high >= 0.97 * len(mask)) & (wide > 1.2 * high)
+    others = (high > 2.5 * wide) & (high > 0.15 * len(mask))
+    stands[0] = others[0] = False  # the background
+    best = int(np.argmax(stands * area))
+    return labels == best if best else None, others[labels]
 
 
 def _grab(colours: np.ndarray, start: np.ndarray) -> np.ndarray:
@@ -366,9 +353,6 @@ def _about(colours: np.ndarray, part: np.ndarray, reach_px: float) -> np.ndarray
 
 def _largest(mask: np.ndarray) -> np.ndarray:
     """Keep the largest part alone and fill its holes."""
-    contours = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
-    if not contours:
+    if not mask.any():
         raise NotPlainError(NOTHING)
-    filled = np.zeros_like(mask)
-    cv2.drawContours(filled, [max(contours, key=cv2.contourArea)], -1, 1, cv2.FILLED)
-    return filled
+    return pile_component(mask, largest_only=True)

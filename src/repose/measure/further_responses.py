@@ -26,6 +26,7 @@ from repose.core.responses import responses_of
 from repose.measure import pile
 from repose.measure.angles import CALIBRATED_ANGLE, MEAN_KEYS
 from repose.measure.profile_points import outermost_crossing
+from repose.measure.silhouette import Grains
 from repose.particle.particle import Particle
 
 BENCH = "funnel"
@@ -88,12 +89,10 @@ def of_pour(
     """All responses of `MEASURED` of one pour, by name."""
     settings = pile.with_berry_height(settings, particle)
     assert settings.berry_height_mm is not None
-    centres, members = arrays["position"].astype(float), arrays["in_pile"]
-    scales = arrays.get("scale")
-    height_m, views = pile.pile_views(centres, arrays["quaternion"], particle, settings, members, scales)
+    grains, members = Grains.of(arrays, particle), arrays["in_pile"]
+    height_m, views = pile.pile_views(grains, settings, members)
     profiles = [pile.profile_of(view)[0] for view in views]
-    sizes = np.ones(len(centres)) if scales is None else scales.astype(float)
-    kept = members if settings.largest_pile_only else np.ones(len(centres), bool)
-    volume = 1e9 * particle.volume_m3 * float((sizes[kept] ** 3).sum())
+    sizes = grains.scales[members] if settings.largest_pile_only else grains.scales
+    volume = 1e9 * particle.volume_m3 * float((sizes**3).sum())
     responses = of_profile(profiles, settings.mm_per_pixel, 1e3 * height_m, settings.berry_height_mm, volume)
-    return responses | of_scatter(centres, members, plate_mm / 2)
+    return responses | of_scatter(grains.centres_m, members, plate_mm / 2)

@@ -11,7 +11,7 @@ from repose.core.files import write_table, write_text
 from repose.core.targets import range_about
 from repose.measure.angles import DEFINITIONS, MEAN_KEYS
 from repose.measure.photographs import Photograph
-from repose.measure.settings import MeasureSettings
+from repose.measure.settings import MeasureSettings, line_of
 
 MEANT = ("aor_deg", "height_mm")  # numbers that become targets
 LINE = ("response", "fit_from", "fit_to", "flank", "smallest_window")
@@ -68,9 +68,9 @@ def targets(made: Tables, how: MeasureSettings, bench: str, responses: Mapping[s
     grain = "" if how.berry_height_mm is None else f", berry_height_mm: {how.berry_height_mm:.6g}"
     lines = [
         "# Measured on photographs; summary.csv lies beside it.",
-        f"measure: {{{line}{grain}}} # the line: {how.line}",
+        f"measure: {{{line}{grain}}} # the line: {line_of(how)}",
+        "targets:",
     ]
-    lines.append("targets:")
     for row in made.summary[made.summary["response"].isin(list(responses))].itertuples():
         single = math.isnan(row.sd)
         low, high = range_about(row.value, row.sd, row.repetitions)

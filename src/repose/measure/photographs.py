@@ -166,7 +166,7 @@ def _measure_seen(
     coarse = camera.side_view(image, pose, None, COARSE_PX)
     photograph.view = coarse.image
     photograph.facts = {"mm_per_pixel": coarse.mm_per_pixel, "tilt_deg": pose.tilt_deg}
-    mask, beside = finding.find(coarse.image, coarse.hidden, coarse.base_row, by_roughness)
+    mask, beside = finding.find(coarse, by_roughness)
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     top = float(np.median(np.flatnonzero(mask[rows[0]])))
     crest = coarse.left_mm + coarse.mm_per_pixel * top
@@ -178,7 +178,7 @@ def _measure_seen(
     fine = camera.side_view(image, pose, crest, longest, (-reach, reach, 1.6 * high))
     photograph.view, photograph.facts["mm_per_pixel"] = fine.image, fine.mm_per_pixel
     guess, grain_px = _onto(mask, coarse, fine, crest), grain / fine.mm_per_pixel
-    photograph.pile, faint = finding.refine(fine.image, fine.hidden, fine.base_row, guess, grain_px, by_roughness)
+    photograph.pile, faint = finding.refine(fine, guess, grain_px, by_roughness)
     if abs(look_down) > camera.LARGEST_LOOK_DOWN_DEG:
         raise NoFlankError(
             f"the camera looks at the crest from {look_down:.0f} degrees above: the flanks look flatter; "

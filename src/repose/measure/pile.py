@@ -20,11 +20,11 @@ import cv2
 import numpy as np
 
 from repose.core.errors import InputError, NoFlankError
-from repose.measure.angles import DEFINITIONS, Measured, measure_sides
+from repose.measure.angles import DEFINITIONS, measure_sides
 from repose.measure.results import Angle, Measurement, PileResult
 from repose.measure.segmentation import SMALLEST, Segmentation, of_silhouette, require_upright, segment, upper_edge
 from repose.measure.settings import MeasureSettings
-from repose.measure.silhouette import BACKGROUND_TONE, PILE_TONE, ConvexBody, frame, outlines, paint, top_of
+from repose.measure.silhouette import BACKGROUND_TONE, PILE_TONE, ConvexBody, Grains, frame, outlines, paint, top_of
 
 HEIC = (b"ftypheic", b"ftypheix", b"ftyphevc", b"ftypmif1")
 FEWEST_PIXELS, MOST_PIXELS = 20, 200_000_000  # on a side; in all
@@ -63,7 +63,7 @@ def profile_of(pile: Segmentation) -> tuple[np.ndarray, int]:
 def measure_segmented(pile: Segmentation, settings: MeasureSettings) -> Measurement:
     """Measurement of a picture that is split into pile and background; its response may be missing."""
     profile, crest = profile_of(pile)
-    measured, reasons = _sides(profile, crest, settings)
+    measured, reasons = measure_sides(profile, crest, settings)
     angles = {}
     for name, (aor_deg, left, right) in measured.items():
         lines = (
@@ -71,7 +71,6 @@ def measure_segmented(pile: Segmentation, settings: MeasureSettings) -> Measurem
             tuple((profile.size - 1 - u, pile.base_row - z) for u, z in right.ends),
         )
         angles[name] = Angle(left.angle_deg, right.angle_deg, aor_deg, lines)
-    contours = cv2.findContours(pile.mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
     return Measurement(
         response=settings.response,
         angles=angles,
@@ -79,16 +78,8 @@ def measure_segmented(pile: Segmentation, settings: MeasureSettings) -> Measurem
         height_mm=float(profile[crest]) * settings.mm_per_pixel,
         base_row=pile.base_row,
         top=(float(crest), pile.base_row - float(profile[crest])),
-        contour=np.concatenate(contours)[:, 0, :],
+        contour=pile.contour,
         pile_is=pile.pile_is,
-    )
-
-
-def _sides(profile: np.ndarray, crest: int, settings: MeasureSettings) -> Measured:
-    """Call `measure_sides` with the settings."""
-    berry = None if settings.berry_height_mm is None else settings.berry_height_mm / settings.mm_per_pixel
-    return measure_sides(
-        profile, crest, settings.fit_from, settings.fit_to, berry, settings.flank, settings.smallest_window
     )
 
 
@@ -132,27 +123,22 @@ def _check_header(path: Path) -> None:
 
 
 def measure_pile(
-    centres_m: np.ndarray,
-    quaternions: np.ndarray,
-    particle: ConvexBody,
-    settings: MeasureSettings | None = None,
-    members: np.ndarray | None = None,
-    scales: np.ndarray | None = None,
+    grains: Grains, settings: MeasureSettings | None = None, members: np.ndarray | None = None
 ) -> PileResult:
-    """Measure simulated bodies on the plate z = 0 from `settings.views` sides; `quaternions` (N, 4) are w, x, y, z.
+    """Measure simulated bodies on the plate z = 0 from `settings.views` sides.
 
     `members` marks the largest cluster in contact; None means the largest connected part of each silhouette, which may
     include a loose grain in front of the pile.
     """
-    settings = with_berry_height(settings or MeasureSettings(), particle)
-    height_m, views = pile_views(centres_m, quaternions, particle, settings, members, scales)
+    settings = with_berry_height(settings or MeasureSettings(), grains.particle)
+    height_m, views = pile_views(grains, settings, members)
     aor = {name: np.full(settings.views, np.nan) for name in DEFINITIONS}
     height = np.full(settings.views, np.nan)
     reasons: dict[str, str] = {}
     for view, pile in enumerate(views):
         profile, crest = profile_of(pile)
         height[view] = profile[crest] * settings.mm_per_pixel
-        measured, missing = _sides(profile, crest, settings)
+        measured, missing = measure_sides(profile, crest, settings)
         for name, (aor_deg, _, _) in measured.items():
             aor[name][view] = aor_deg
         reasons = missing | reasons
@@ -160,29 +146,21 @@ def measure_pile(
 
 
 def pile_views(
-    centres_m: np.ndarray,
-    quaternions: np.ndarray,
-    particle: ConvexBody,
-    settings: MeasureSettings,
-    members: np.ndarray | None = None,
-    scales: np.ndarray | None = None,
+    grains: Grains, settings: MeasureSettings, members: np.ndarray | None = None
 ) -> tuple[float, Iterator[Segmentation]]:
     """Height of the highest point in m, and an iterator over the views; arguments as in `measure_pile`."""
-    kept = np.ones(len(centres_m), bool)
     if members is not None and settings.largest_pile_only:
-        kept = np.asarray(members, bool)
-    if not kept.any():
+        grains = grains[np.asarray(members, bool)]
+    if not len(grains.centres_m):
         raise NoFlankError("no grain lies in the pile")
-    bodies = np.asarray(centres_m, dtype=float)[kept], np.asarray(quaternions, dtype=float)[kept], particle
-    sizes = None if scales is None else np.asarray(scales, dtype=float)[kept]
-    height_m = top_of(*bodies, sizes)
+    height_m = top_of(grains)
     assert settings.berry_height_mm is not None
     lowest_m = LOWEST_PILE_GRAINS * 1e-3 * settings.berry_height_mm
     if height_m < lowest_m:
         raise NoFlankError(f"the pile is {1e3 * height_m:.1f} mm high; a flank needs {1e3 * lowest_m:.1f} mm")
     azimuths = np.arange(settings.views) * 180.0 / settings.views
     scale = settings.mm_per_pixel
-    polygons = outlines(*bodies, azimuths, inset_m=scale * 0.5e-3, scales=sizes)
+    polygons = outlines(grains, azimuths, inset_m=scale * 0.5e-3)
 
     def views() -> Iterator[Segmentation]:
         for shown in polygons:

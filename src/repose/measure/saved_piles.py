@@ -1,6 +1,6 @@
 """Responses of a pile from the final positions of its grains."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -8,7 +8,7 @@ import numpy as np
 from repose.core.errors import NoFlankError
 from repose.measure import pile
 from repose.measure.angles import MEAN_KEYS
-from repose.measure.silhouette import silhouette
+from repose.measure.silhouette import Grains, silhouette
 
 if TYPE_CHECKING:
     from repose.particle.particle import Particle
@@ -19,27 +19,19 @@ def pile_responses(
     particle: "Particle",
     settings: pile.MeasureSettings,
     plate_mm: float,
-    further: Iterable[str] = (),
+    further: Sequence[str] = (),
 ) -> tuple[dict[str, Any], dict[str, str]]:
     """Responses of a pile by name, and the reasons for missing ones."""
     responses: dict[str, Any] = {}
     reasons: dict[str, str] = {}
     try:
-        seen = pile.measure_pile(
-            arrays["position"],
-            arrays["quaternion"],
-            particle,
-            settings,
-            members=arrays["in_pile"],
-            scales=arrays.get("scale"),
-        )
+        seen = pile.measure_pile(Grains.of(arrays, particle), settings, arrays["in_pile"])
         responses |= seen.record()
         reasons |= {MEAN_KEYS[name]: why for name, why in seen.reasons.items()}
         if settings.response in seen.reasons:
             reasons["aor_deg"] = seen.reasons[settings.response]
     except NoFlankError as error:
         reasons |= dict.fromkeys(("aor_deg", "height_mm", *MEAN_KEYS.values()), error.reason)
-    further = tuple(further)
     if further:
         from repose.measure import further_responses
 
@@ -55,7 +47,6 @@ def side_view(
     arrays: Mapping[str, np.ndarray], particle: "Particle", settings: pile.MeasureSettings, azimuth_deg: float = 0.0
 ) -> np.ndarray:
     """Silhouette (H, W) of a pour's pile, the plate at its lower border; `arrays` as in `pile_responses`."""
-    kept = arrays["in_pile"] if settings.largest_pile_only else np.ones(len(arrays["position"]), bool)
-    sizes = {"scales": arrays["scale"][kept]} if "scale" in arrays else {}
-    bodies = arrays["position"][kept], arrays["quaternion"][kept], particle
-    return silhouette(*bodies, azimuth_deg, settings.mm_per_pixel, **sizes)
+    grains = Grains.of(arrays, particle)
+    shown = grains[arrays["in_pile"]] if settings.largest_pile_only else grains
+    return silhouette(shown, azimuth_deg, settings.mm_per_pixel)

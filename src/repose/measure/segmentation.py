@@ -4,6 +4,7 @@ Rows count downwards from the picture's top; a pixel's centre has whole coordina
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -30,6 +31,11 @@ class Segmentation:
     base_row: float  # row of the pile's lower edge
     pile_is: str  # "darker" or "brighter" than the background
     beside: bool = False  # whether another heap stands beside it
+
+    @property
+    def contour(self) -> np.ndarray:
+        """Column and row (M, 2) of the pixels on the pile's boundary."""
+        return np.concatenate(_contours(self.mask))[:, 0, :]
 
 
 def segment(image: np.ndarray, largest_pile_only: bool = True, base_row: float | None = None) -> Segmentation:
@@ -167,7 +173,7 @@ def plate_row(mask: np.ndarray) -> float | None:
 
 def pile_component(mask: np.ndarray, largest_only: bool) -> np.ndarray:
     """Find the pile of a mask, with holes filled: the largest part, or all parts of at least 1 % of its area."""
-    contours = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
+    contours = _contours(mask)
     if not contours:
         raise NoFlankError("the picture shows no pile above its base")
     areas = np.array([cv2.contourArea(contour) for contour in contours])
@@ -175,6 +181,11 @@ def pile_component(mask: np.ndarray, largest_only: bool) -> np.ndarray:
     filled = np.zeros_like(mask)
     cv2.drawContours(filled, [contours[i] for i in kept], -1, 1, cv2.FILLED)
     return filled
+
+
+def _contours(mask: np.ndarray) -> Sequence[np.ndarray]:
+    """Find the outer boundary of each part of a mask, pixel by pixel."""
+    return cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
 
 
 def another_heap(mask: np.ndarray) -> bool:

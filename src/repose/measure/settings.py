@@ -48,11 +48,6 @@ class MeasureSettings:
             if not good:
                 raise InputError("measure", key, getattr(self, key), allowed)
 
-    @property
-    def line(self) -> str:
-        """The line whose slope is the angle of repose, in words; see `line_of`."""
-        return line_of(self)
-
     @classmethod
     def of(cls, section: Mapping[str, Any], berry: Mapping[str, Any]) -> "MeasureSettings":
         """Make the settings of the section `measure`; a grain is as high as `berry`'s diameter if not given."""

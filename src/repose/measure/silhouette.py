@@ -4,7 +4,9 @@ Rows count downwards from the picture's top; a pixel's centre has whole coordina
 """
 
 import math
-from typing import Protocol
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
 
 import cv2
 import numpy as np
@@ -29,17 +31,32 @@ class ConvexBody(Protocol):
 
     def support_point(self, n: np.ndarray) -> np.ndarray:
         """Points (..., 3) in m at which tangent planes touch the body; `n` are unit normals in the body's frame."""
-        ...
 
 
-def outlines(
-    centres_m: np.ndarray,
-    quaternions: np.ndarray,
-    particle: ConvexBody,
-    azimuths_deg: ArrayLike,
-    inset_m: float = 0.0,
-    scales: np.ndarray | None = None,
-) -> np.ndarray:
+@dataclass
+class Grains:
+    """N bodies of one shape at their places."""
+
+    centres_m: np.ndarray  # (N, 3)
+    quaternions: np.ndarray  # (N, 4): w, x, y, z
+    particle: ConvexBody
+    scales: Any = 1.0  # ndarray (N,), sizes over the particle's
+
+    def __post_init__(self) -> None:
+        self.centres_m, self.quaternions = np.asarray(self.centres_m, float), np.asarray(self.quaternions, float)
+        self.scales = np.broadcast_to(np.asarray(self.scales, float), len(self.centres_m))
+
+    @classmethod
+    def of(cls, arrays: Mapping[str, np.ndarray], particle: ConvexBody) -> "Grains":
+        """Give the grains of a pour from its arrays ``position``, ``quaternion`` and perhaps ``scale``."""
+        return cls(arrays["position"], arrays["quaternion"], particle, arrays.get("scale", 1.0))
+
+    def __getitem__(self, kept: np.ndarray) -> "Grains":
+        """Give the grains of a mask."""
+        return Grains(self.centres_m[kept], self.quaternions[kept], self.particle, self.scales[kept])
+
+
+def outlines(grains: Grains, azimuths_deg: ArrayLike, inset_m: float = 0.0) -> np.ndarray:
     """Outline polygons of bodies in orthographic side views: (views, N, OUTLINE_DIRECTIONS, 2), (u, z) in m.
 
     The view from azimuth a shows u = x cos a + y sin a to the right and z up. A convex body's outline is the curve of
@@ -50,47 +67,41 @@ def outlines(
     right = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros_like(azimuth)], axis=-1)
     turn = np.arange(OUTLINE_DIRECTIONS) * (2 * math.pi / OUTLINE_DIRECTIONS)
     circle = np.column_stack([np.cos(turn), np.sin(turn)])
-    centres = np.asarray(centres_m, dtype=float)
-    sizes = np.ones(len(centres)) if scales is None else np.asarray(scales, dtype=float)
-    spheres = spheres_of(centres, quaternions, particle, sizes)
+    spheres = spheres_of(grains)
     if spheres is not None:
         middles = np.stack(np.broadcast_arrays(right @ spheres[:, :3].T, spheres[:, 2]), axis=-1)
         return middles[:, :, None, :] + (spheres[:, 3, None, None] - inset_m) * circle
-    rotation = rotation_matrices(quaternions)
+    rotation = rotation_matrices(grains.quaternions)
     up_body = rotation[:, 2, :]
     cos, sin = np.split(circle[: OUTLINE_DIRECTIONS // 2], 2, axis=1)
-    points = np.empty((len(right), len(centres), *circle.shape))
+    points = np.empty((len(right), len(rotation), *circle.shape))
     for view, direction in zip(points, right, strict=True):
         right_body = np.einsum("nij,i->nj", rotation, direction)
         n = cos * right_body[:, None, :] + sin * up_body[:, None, :]
-        touching = particle.support_point(n.reshape(-1, 3)).reshape(n.shape)
-        half = sizes[:, None, None] * (touching @ np.stack([right_body, up_body], axis=-1))
+        touching = grains.particle.support_point(n.reshape(-1, 3)).reshape(n.shape)
+        half = grains.scales[:, None, None] * (touching @ np.stack([right_body, up_body], axis=-1))
         view[:] = np.concatenate([half, -half], axis=1) - inset_m * circle
-        view[..., 0] += (centres @ direction)[:, None]
-        view[..., 1] += centres[:, 2, None]
+        view[..., 0] += (grains.centres_m @ direction)[:, None]
+        view[..., 1] += grains.centres_m[:, 2, None]
     return points
 
 
-def spheres_of(
-    centres_m: np.ndarray, quaternions: np.ndarray, particle: ConvexBody, scales: np.ndarray
-) -> np.ndarray | None:
+def spheres_of(grains: Grains) -> np.ndarray | None:
     """Centre and radius in m, (N * M, 4), of the spheres of N bodies; None for a body that is not made of spheres."""
-    own = getattr(particle, "spheres_m", None)
-    if own is None or not len(own):
+    own: Any = getattr(grains.particle, "spheres_m", ())
+    scales = grains.scales[:, None]
+    if not len(own):
         return None
-    away = np.einsum("nij,mj->nmi", rotation_matrices(quaternions), own[:, :3])
-    places = np.asarray(centres_m)[:, None, :] + scales[:, None, None] * away
-    radii = scales[:, None] * own[:, 3]
-    return np.concatenate([places, radii[..., None]], axis=-1).reshape(-1, 4)
+    away = np.einsum("nij,mj->nmi", rotation_matrices(grains.quaternions), own[:, :3])
+    places = grains.centres_m[:, None, :] + scales[..., None] * away
+    return np.concatenate([places, (scales * own[:, 3])[..., None]], axis=-1).reshape(-1, 4)
 
 
-def top_of(
-    centres_m: np.ndarray, quaternions: np.ndarray, particle: ConvexBody, scales: np.ndarray | None = None
-) -> float:
+def top_of(grains: Grains) -> float:
     """Height in m of the highest point of bodies over z = 0; exact, from the bodies themselves."""
-    up_body = rotation_matrices(quaternions)[:, 2, :]
-    reach = (particle.support_point(up_body) * up_body).sum(axis=1)
-    return float((np.asarray(centres_m)[:, 2] + (1.0 if scales is None else np.asarray(scales)) * reach).max())
+    up_body = rotation_matrices(grains.quaternions)[:, 2, :]
+    reach = (grains.particle.support_point(up_body) * up_body).sum(axis=1)
+    return float((grains.centres_m[:, 2] + grains.scales * reach).max())
 
 
 def paint(polygons_m: np.ndarray, mm_per_pixel: float, extent: Extent) -> np.ndarray:
@@ -118,22 +129,13 @@ def paint(polygons_m: np.ndarray, mm_per_pixel: float, extent: Extent) -> np.nda
 def frame(polygons_m: np.ndarray, mm_per_pixel: float) -> Extent:
     """Left, right and top in m of the view that holds all outlines and a margin of background."""
     margin = MARGIN_PX * mm_per_pixel * 1e-3
-    return (
-        float(polygons_m[..., 0].min()) - margin,
-        float(polygons_m[..., 0].max()) + margin,
-        max(float(polygons_m[..., 1].max()), 0.0) + margin,
-    )
+    (left, _), (right, top) = (end(polygons_m, axis=(0, 1)).tolist() for end in (np.min, np.max))
+    return left - margin, right + margin, max(top, 0.0) + margin
 
 
 def silhouette(
-    centres_m: np.ndarray,
-    quaternions: np.ndarray,
-    particle: ConvexBody,
-    azimuth_deg: float = 0.0,
-    mm_per_pixel: float = 0.25,
-    extent: Extent | None = None,
-    scales: np.ndarray | None = None,
+    grains: Grains, azimuth_deg: float = 0.0, mm_per_pixel: float = 0.25, extent: Extent | None = None
 ) -> np.ndarray:
     """Exact orthographic side view (H, W) of bodies on the plate z = 0, the pile dark on a light background."""
-    polygons = outlines(centres_m, quaternions, particle, [azimuth_deg], mm_per_pixel * 0.5e-3, scales)[0]
+    polygons = outlines(grains, [azimuth_deg], mm_per_pixel * 0.5e-3)[0]
     return paint(polygons, mm_per_pixel, extent or frame(polygons, mm_per_pixel))

@@ -14,7 +14,7 @@ from repose.dem import Simulation
 from repose.pictures import shading
 from repose.pictures.backdrop import DrumInside
 from repose.pictures.bodies import Bodies, Drawable, place_bodies
-from repose.pictures.scenery import FIELD_OF_VIEW_DEG, Frustum, Setting, look_at, outline, setting_of
+from repose.pictures.scenery import Frustum, Setting, look_at, outline, setting_of
 
 if TYPE_CHECKING:
     import trimesh
@@ -43,21 +43,20 @@ def render_bodies(
     shape_ids: np.ndarray | None = None,
     scales: np.ndarray | None = None,
     setting: Setting | None = None,
-    elevation_deg: float = 14.0,
-    azimuth_deg: float = 20.0,
     width: int = 1000,
     height: int | None = None,
     frame_m: np.ndarray | None = None,
     supersample: int = 2,
-    field_of_view_deg: float = FIELD_OF_VIEW_DEG,
     colour: str = shading.GRAIN,
+    **angles: Any,
 ) -> np.ndarray:
     """Give a shaded picture (height, width, 3), RGB, of bodies of several shapes and sizes; same input, same picture.
 
     A body with a NaN is not drawn. `quaternions` are w, x, y, z, body to world; `shape_ids` are places in `shapes`, by
     default the first. The default `setting` is a plate at z = 0. The picture contains the points `frame_m` (M, 3), by
     default all bodies and walls. `height` is 0.6 of the width by default. `supersample` is the number of rays along
-    each side of a pixel; `colour` (#rrggbb) is of the first shape.
+    each side of a pixel; `colour` (#rrggbb) is of the first shape. `angles` are the camera's: `elevation_deg`,
+    `azimuth_deg` and `field_of_view_deg`, as of `look_at`.
     """
     setting = setting or Setting()
     height = height or round(0.6 * width)
@@ -68,7 +67,7 @@ def render_bodies(
     bodies = place_bodies(centres, np.asarray(quaternions, float)[shown], shapes, kinds, sizes)
     frame = frame_m if frame_m is not None else outline(centres, bodies.largest_m, setting.frusta, setting.panels)
     rays = (width * supersample, height * supersample)
-    camera = look_at(frame, *rays, elevation_deg, azimuth_deg, field_of_view_deg=field_of_view_deg)
+    camera = look_at(frame, *rays, **angles)
     tints = shading.tints_of(shown[bodies.owner], kinds[bodies.owner], len(centres_m), len(shapes), colour)
     return shading.paint(camera, bodies, tints, frame, setting, supersample)
 

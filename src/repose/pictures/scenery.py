@@ -103,7 +103,7 @@ def look_at(
     width: int,
     height: int,
     elevation_deg: float = 14.0,
-    azimuth_deg: float = 0.0,
+    azimuth_deg: float = 20.0,
     margin: float = 1.06,
     field_of_view_deg: float = FIELD_OF_VIEW_DEG,
 ) -> Camera:

@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from repose.dem import Clump, Contact, Motion, Plane, Shape, Simulation, time_steps
+from repose.dem import Clump, Contact, Motion, Plane, Shape
 
 from .case import CLOSED, Effort, Rows, at_most, close, reported
-from .machine import BERRY_DENSITY, BERRY_M, ON_FLOOR, UP, simulation_of, steps_of_impact, stiffer
+from .machine import BERRY_DENSITY, BERRY_M, ON_FLOOR, UP, before_impact, simulation_of, steps_of_impact
 from .oblique import sliding_impulse
 from .restitution import STIFFER, particles
 
@@ -39,14 +39,8 @@ def lowest_under_centre(shape: Shape | Clump) -> np.ndarray:
 
 def sliding_loss(shape: Shape | Clump, contact: Contact, **laws: Any) -> float:
     """Simulate the tangential velocity [m/s] that a body loses in a stiff impact on a floor with sliding throughout."""
-    materials = stiffer(STIFFER)
-
-    def made(step_s: float) -> Simulation:
-        return simulation_of(shape, contact, step_s, ON_FLOOR, *materials, **laws)
-
-    hit = time_steps.impact(made(1e-15).scene, shape, shape, NORMAL_M_S).time_step_s
-    step = hit * time_steps.STEPS_PER_CONTACT / STEPS_PER_CONTACT
-    simulation = made(step)
+    room: dict[str, Any] = {"walls": ON_FLOOR} | laws
+    simulation, step = before_impact(shape, contact, NORMAL_M_S, STEPS_PER_CONTACT, STIFFER, **room)
     turn = lowest_under_centre(shape)
     reach = shape.bounding_radius_m if isinstance(shape, Clump) else float(shape.half_extents_m[2])
     along = SLIDES * 3.5 * sliding_impulse(contact, NORMAL_M_S)

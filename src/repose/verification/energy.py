@@ -5,7 +5,6 @@ potential's depth changes during a contact. `elastic_impacts` measures that with
 """
 
 import math
-from collections.abc import Callable
 from itertools import product
 from typing import Any
 
@@ -15,7 +14,7 @@ from repose.apparatus.funnel import Funnel
 from repose.dem import Contact, Cylinder, Simulation, random_quaternion
 
 from .case import Effort, Rows, at_most, close, reported
-from .machine import BERRY_M, berry_simulation, frictionless, random_direction
+from .machine import BERRY_M, berry_simulation, frictionless, random_direction, track
 
 FUNNEL = Funnel(0.15, 0.032, 60.0, 0.0, 0.001, 0.1)
 TUBED = Funnel(0.15, 0.032, 60.0, 0.02, 0.001, 0.1)
@@ -49,40 +48,36 @@ def cloud_momentum(effort: Effort) -> Rows:
     speeds = np.linalg.norm(simulation.velocities, axis=1)
     lever = mass * np.linalg.norm(simulation.positions, axis=1) * speeds
     sizes = mass * speeds.sum(), (lever + np.linalg.norm(simulation.angular_momenta, axis=1)).sum()
-    drifts = []
-    for _ in range(100):
-        simulation.run_steps(20)
+
+    def changes() -> tuple[float, float, float]:
         p, spin, left = totals()
-        drifts.append((np.linalg.norm(p - linear) / sizes[0], np.linalg.norm(spin - angular) / sizes[1]))
-    for name, worst in zip(("momentum", "angular momentum"), np.max(drifts, axis=0), strict=True):
+        return np.linalg.norm(p - linear) / sizes[0], np.linalg.norm(spin - angular) / sizes[1], left / energy
+
+    *drifts, left = track(simulation, 100, 20, changes).T
+    for name, worst in zip(("momentum", "angular momentum"), np.max(drifts, axis=1), strict=True):
         yield close(f"{name}, largest drift over the sum of sizes", "", worst, 0.0, tolerance=1e-13, scale=1.0)
-    yield at_most("kinetic energy left", "", left / energy, 0.9, "the berries have collided")
+    yield at_most("kinetic energy left", "", left[-1], 0.9, "the berries have collided")
 
 
-def _ratios(
-    simulation: Simulation, steps: int, energies: Callable[[], np.ndarray] | None = None
-) -> tuple[np.ndarray, np.ndarray]:
-    """Run ten times so many steps: the largest of the energies after each, and the last, over those before (N,)."""
-    energies = energies or simulation.kinetic_energies
+Ratios = tuple[np.ndarray, np.ndarray]  # of each throw: the largest of ten energies, and the last, over that before
+
+
+def _ratios(simulation: Simulation, steps: int, bodies: int = 1) -> Ratios:
+    """Run ten times so many steps; a throw has so many `bodies`, one added after the other."""
+
+    def energies() -> np.ndarray:
+        return simulation.kinetic_energies().reshape(-1, bodies).sum(axis=1)
+
     start = energies()
-    most = np.zeros(len(start))
-    for _ in range(10):
-        simulation.run_steps(steps)
-        most = np.maximum(most, energies() / start)
-    return most, energies() / start
+    ratios = track(simulation, 10, steps, energies) / start
+    return ratios.max(axis=0), ratios[-1]
 
 
-def pair_hits(
-    rng: np.random.Generator,
-    contact: Contact,
-    axes: tuple[float, float, float] = BERRY_M,
-    step: float = STEP,
-    **laws: Any,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Simulate isolated pairs of ellipsoids that collide: the largest of ten energies, and the last, as `_ratios`."""
+def pair_hits(rng: np.random.Generator, contact: Contact, step: float = STEP, **keywords: Any) -> Ratios:
+    """Simulate isolated pairs of ellipsoids that collide; `keywords` go to `berry_simulation`."""
     n, edge = LANE * LANE, LANE * SPACING
-    room: dict[str, Any] = {"capacity": 2 * n, "axes": axes, "lower": 3 * (-SPACING,), "upper": (edge, edge, SPACING)}
-    simulation = berry_simulation(contact, step, **room, **laws)
+    room: dict[str, Any] = {"capacity": 2 * n, "lower": 3 * (-SPACING,), "upper": (edge, edge, SPACING)}
+    simulation = berry_simulation(contact, step, **room, **keywords)
     for k in range(n):
         middle = SPACING * np.array([k // LANE, k % LANE, 0.0])
         direction = random_direction(rng)
@@ -90,20 +85,15 @@ def pair_hits(
         turn, spin = random_quaternion(rng), 40.0 * rng.normal(size=3)
         simulation.add("body", middle, turn, angular_velocity_rad_s=spin)
         simulation.add("body", middle + 0.0215 * direction, random_quaternion(rng), aim)
-
-    def energies() -> np.ndarray:
-        of_bodies = simulation.kinetic_energies()
-        return of_bodies[0::2] + of_bodies[1::2]
-
-    most, last = _ratios(simulation, round(140 * STEP / step), energies)
+    most, last = _ratios(simulation, round(140 * STEP / step), bodies=2)
     # a pair that still touches holds elastic energy: its impact is not finished
     separated = np.ones(n, bool)
     separated[simulation.contacts()[:, 0] // 2] = False
     return most[separated], last[separated]
 
 
-def funnel_hits(rng: np.random.Generator, contact: Contact, kind: str, **laws: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Simulate a grain thrown at a funnel from inside, as `pair_hits`; `kind` is "cone", "rim" or "tube"."""
+def funnel_hits(rng: np.random.Generator, contact: Contact, kind: str, **laws: Any) -> Ratios:
+    """Simulate a grain thrown at a funnel from inside; `kind` is "cone", "rim" or "tube"."""
     funnel = TUBED if kind == "tube" else FUNNEL
     room: dict[str, Any] = {"walls": funnel.walls("wall"), "lower": (-0.1, -0.1, 0.0), "upper": (0.1, 0.1, 0.3)}
     room |= {"exit_height_m": 0.1, "curved_walls_above_m": 0.099}
@@ -118,8 +108,8 @@ def funnel_hits(rng: np.random.Generator, contact: Contact, kind: str, **laws: A
     return _ratios(simulation, 100)
 
 
-def shell_hits(rng: np.random.Generator, contact: Contact, _kind: str, **laws: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Simulate 40 grains along a drum, each thrown at the shell, as `pair_hits`, (40,)."""
+def shell_hits(rng: np.random.Generator, contact: Contact, _kind: str, **laws: Any) -> Ratios:
+    """Simulate 40 grains along a drum, each thrown at the shell."""
     n, radius, spacing = 40, 0.06, 0.06
     length, low = n * spacing, (-spacing, -radius, -radius)
     shell = Cylinder((-spacing, 0.0, 0.0), (1.0, 0.0, 0.0), length + spacing, radius, "wall")
@@ -163,7 +153,7 @@ def elastic_impacts(effort: Effort) -> Rows:
     for name, (axes, step) in bodies.items():
         rng, final = np.random.default_rng(17), np.empty(0)
         while len(final) < effort.hits:
-            final = np.append(final, pair_hits(rng, frictionless(), axes, step, **effort.laws)[1])
+            final = np.append(final, pair_hits(rng, frictionless(), step, axes=axes, **effort.laws)[1])
         change = 100.0 * (final - 1.0)
         if name == "spheres":
             worst = 0.01 * np.abs(change).max()

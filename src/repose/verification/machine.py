@@ -1,11 +1,11 @@
 """Simulations that several cases share: impacts of spheres, and grains."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from repose.dem import Clump, Contact, Material, Plane, Shape, Simulation
+from repose.dem import Clump, Contact, Material, Plane, Shape, Simulation, time_steps
 from repose.dem.laws.hertz_mindlin import damping_ratio
 
 from .hertz import Solid, hertz_on_plane, rigid
@@ -44,6 +44,18 @@ def sphere_over_plane(
     place = (0.0, 0.0, radius_m + 3.5 * step * hertz.speed)
     simulation.add("body", place, velocity_m_s=velocity_m_s, angular_velocity_rad_s=spin_rad_s)
     return simulation, steps_of_impact(contact.restitution, laws.get("tension", "keep"))
+
+
+def impact(
+    solid: Solid, radius_m: float, contact: Contact, *motion: Sequence[float], **laws: Any
+) -> tuple[np.ndarray, np.ndarray]:
+    """Simulate an impact on the rigid plane: velocity [m/s] and spin [rad/s] of the sphere after it, each (3,).
+
+    `motion` is the velocity and, if it spins, the spin before.
+    """
+    simulation, steps = sphere_over_plane(solid, radius_m, contact, *motion, **laws)
+    simulation.run_steps(steps)
+    return simulation.velocities[0].copy(), simulation.angular_velocities[0].copy()
 
 
 def steps_of_impact(restitution: float, tension: str = "keep") -> int:
@@ -121,10 +133,31 @@ def box(west: float, east: float, south: float, north: float) -> dict[str, Plane
     }
 
 
-def stiffer(times: float) -> tuple[Material, Material]:
-    """Multiply the shear moduli of grain and wall."""
+def before_impact(
+    shape: Shape | Clump, contact: Contact, speed_m_s: float, steps: int, times: float, **keywords: Any
+) -> tuple[Simulation, float]:
+    """Make `simulation_of` bodies whose fastest contact lasts so many time steps, and return also the step [s].
+
+    The shear moduli of grain and wall are multiplied by `times`.
+    """
     berry, wall = (Material(times * m.shear_modulus_pa, m.poisson_ratio) for m in (BERRY, PVC))
-    return berry, wall
+
+    def made(step_s: float) -> Simulation:
+        return simulation_of(shape, contact, step_s, material=berry, wall=wall, **keywords)
+
+    hit = time_steps.impact(made(1e-15).scene, shape, shape, speed_m_s).time_step_s
+    step = hit * time_steps.STEPS_PER_CONTACT / steps
+    return made(step), step
+
+
+def track(simulation: Simulation, times: int, steps: int, look: Callable[[], Any]) -> np.ndarray:
+    """Run so many steps so many times, and give what `look` returns after each: an array of rows."""
+
+    def after() -> Any:
+        simulation.run_steps(steps)
+        return look()
+
+    return np.array([after() for _ in range(times)])
 
 
 def random_direction(rng: np.random.Generator) -> np.ndarray:

@@ -8,7 +8,6 @@ spring (`equation_of_hit`).
 """
 
 import math
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,7 @@ from repose.dem.materials import effective_moduli
 from .case import DIGITISED, Effort, Rows, close
 from .hertz import Hertz, Solid, hertz_on_plane, rigid
 from .impacts import ALUMINIUM_OXIDE
-from .machine import STILL, sphere_over_plane
+from .machine import impact
 
 STEEL = Solid("steel", 208e9, 0.30, 7850.0)
 POLYETHYLENE = Solid("polyethylene", 1e9, 0.40, 1400.0)
@@ -35,27 +34,13 @@ LAW = "mu times the limiting force times R - delta / 2, integrated by scipy over
 SLIDES = 1.25  # gross sliding: above this multiple of the limit of sliding
 
 
-def impact(
-    solid: Solid,
-    radius_m: float,
-    contact: Contact,
-    velocity_m_s: Sequence[float],
-    spin_rad_s: Sequence[float],
-    **laws: Any,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Simulate an impact on the rigid plane: velocity [m/s] and spin [rad/s] of the sphere after it, each (3,)."""
-    simulation, steps = sphere_over_plane(solid, radius_m, contact, velocity_m_s, spin_rad_s, **laws)
-    simulation.run_steps(steps)
-    return simulation.velocities[0].copy(), simulation.angular_velocities[0].copy()
-
-
 def sliding_impulse(contact: Contact, normal_m_s: Any) -> Any:
     """Compute the change of the tangential velocity [m/s] of rigid bodies in gross sliding: mu (1 + e) V_n."""
     return contact.static_friction * (1.0 + contact.restitution) * normal_m_s
 
 
-def sliding_spin(contact: Contact, hertz: Hertz, radius_m: float, tension: str = "keep") -> float:
-    """Compute the size of the change of spin [rad/s] in gross sliding by the engine's law.
+def sliding_spin(contact: Contact, hertz: Hertz, tension: str) -> float:
+    """Compute the size of the change of spin [rad/s] in gross sliding on a plane by the engine's law.
 
     It is mu times the integral of F (R - delta / 2) / I: the contact lies in the middle of the overlap. F is the
     elastic part of the damped impact's force where the contact may pull, all of it where it may not.
@@ -64,17 +49,11 @@ def sliding_spin(contact: Contact, hertz: Hertz, radius_m: float, tension: str =
     if tension == "keep":
         force = hertz.force_n * (np.maximum(overlap, 0.0) / hertz.overlap_m) ** 1.5
     push = contact.static_friction * force
-    return 2.5 * trapezoid(push * (radius_m - 0.5 * overlap), time) / (hertz.mass * radius_m**2)
+    return 2.5 * trapezoid(push * (hertz.radius - 0.5 * overlap), time) / (hertz.mass * hertz.radius**2)
 
 
 def sliding_rows(
-    at: str,
-    contact: Contact,
-    hertz: Hertz,
-    radius_m: float,
-    after: tuple[float, float],
-    before: tuple[float, float],
-    tension: str = "keep",
+    at: str, contact: Contact, hertz: Hertz, after: tuple[float, float], before: tuple[float, float], tension: str
 ) -> Rows:
     """Compare gross sliding: the change of velocity with rigid bodies, that of spin with the law and rigid bodies."""
     rigid = sliding_impulse(contact, hertz.speed)
@@ -82,8 +61,8 @@ def sliding_rows(
     sign = math.copysign(1.0, velocity - before[0])
     moved, spun = sign * (velocity - before[0]), -sign * (spin - before[1])
     yield close(f"{at}: change of tangential velocity", "m/s", moved, rigid)
-    yield close(f"{at}: change of spin", "rad/s", spun, sliding_spin(contact, hertz, radius_m, tension), LAW)
-    yield close(f"{at}: change of spin", "rad/s", spun, 2.5 * rigid / radius_m, known=ARM_NOTE)
+    yield close(f"{at}: change of spin", "rad/s", spun, sliding_spin(contact, hertz, tension), LAW)
+    yield close(f"{at}: change of spin", "rad/s", spun, 2.5 * rigid / hertz.radius, known=ARM_NOTE)
 
 
 def angles(effort: Effort) -> Rows:
@@ -93,7 +72,7 @@ def angles(effort: Effort) -> Rows:
     for angle in (5, 10, 15, 20, 25, 30, 35, 40, 50, 60, 70, 80, 85):
         tangential = speed * math.sin(math.radians(angle))
         normal = speed * math.cos(math.radians(angle))
-        v, w = impact(ALUMINIUM_OXIDE, radius, contact, (tangential, 0.0, -normal), STILL, **effort.laws)
+        v, w = impact(ALUMINIUM_OXIDE, radius, contact, (tangential, 0.0, -normal), **effort.laws)
         # the published sense of rotation is opposite
         kept, spin = v[0] / tangential, -w[1]
         of_kept, of_spin = (f"{angle} deg: tangential restitution", ""), (f"{angle} deg: spin", "rad/s")
@@ -150,6 +129,6 @@ def tangential_speeds(effort: Effort) -> Rows:
     for solid in (STEEL, POLYETHYLENE):
         hertz = hertz_on_plane(solid, radius, normal)
         for u in (13.5, 25.0):
-            v, w = impact(solid, radius, contact, (u, 0.0, -normal), STILL, **effort.laws)
+            v, w = impact(solid, radius, contact, (u, 0.0, -normal), **effort.laws)
             at, result = f"{solid.name}, {u:g} m/s", (v[0], w[1])
-            yield from sliding_rows(at, contact, hertz, radius, result, (u, 0.0), effort.tension)
+            yield from sliding_rows(at, contact, hertz, result, (u, 0.0), effort.tension)

@@ -90,7 +90,7 @@ def poured_packing(effort: Effort) -> Rows:
 def _core(simulation: Simulation, side: float) -> tuple[float, float, float]:
     """Measure solid fraction and coordination number of a box's core, and the mean energy over m g thickness."""
     heights, profile = solid_fraction_profile(simulation, side)
-    top = _top(simulation)
+    top = float(np.sort(simulation.positions[:, 2])[-10:].mean())  # the mean centre of the ten highest grains
     fraction = profile[(heights > MARGIN) & (heights < top - MARGIN)].mean()
     lift = simulation.shapes["body"].mass_kg * GRAVITY * 2.0 * BERRY_M[2]
     return fraction, coordination(simulation, side, top), simulation.kinetic_energies().mean() / lift
@@ -112,11 +112,6 @@ def _pour(n: int, contact: Contact, seed: int, laws: Mapping[str, Any]) -> tuple
     return simulation, side
 
 
-def _top(simulation: Simulation) -> float:
-    """Find the height of the filling: the mean centre of the ten highest grains [m]."""
-    return float(np.sort(simulation.positions[:, 2])[-10:].mean())
-
-
 def solid_fraction_profile(simulation: Simulation, side: float, points: int = 900) -> tuple[np.ndarray, np.ndarray]:
     """Give the middles [m] of slices 4 mm thick, and the share of random points in each that lie inside a grain."""
     rng = np.random.default_rng(31)
@@ -136,7 +131,7 @@ def solid_fraction_profile(simulation: Simulation, side: float, points: int = 90
 
 def coordination(simulation: Simulation, side: float, top: float) -> float:
     """Average the touching neighbours of the grains in the core, `MARGIN` away from the walls and the top."""
-    x, y, z = simulation.positions.T
-    core = (x > MARGIN) & (x < side - MARGIN) & (y > MARGIN) & (y < side - MARGIN) & (z > MARGIN) & (z < top - MARGIN)
+    places = simulation.positions
+    core = np.all((places > MARGIN) & (places < np.array([side, side, top]) - MARGIN), axis=1)
     touching = np.bincount(simulation.contacts().ravel(), minlength=simulation.n_bodies)
     return float(touching[core].mean())

@@ -11,7 +11,7 @@ from repose.dem import Contact, Material
 from repose.dem.materials import effective_moduli
 
 from .case import Effort, Rows, close, reported
-from .machine import BERRY, BERRY_M, GRAVITY, PVC, berry_simulation, under_gravity
+from .machine import BERRY, BERRY_M, GRAVITY, PVC, berry_simulation, track, under_gravity
 
 STIFF = Material(4.3e7, 0.32)  # a thousand berries stiff: the overlap is 1e-5 of the radius
 ELLIPTIC_NOTE = "the engine takes R* = sqrt(R1 R2) in the law of spheres; Hertz's own solution is elliptic"
@@ -92,12 +92,11 @@ def _rocking_history(level: int, about: int, duration_s: float, laws: Mapping[st
     turn[0], turn[1 + about] = math.cos(0.5 * start), math.sin(0.5 * start)
     radius = BERRY_M[0] * BERRY_M[1] / BERRY_M[2]
     simulation.add("body", (0.0, 0.0, height - resting_overlap(mass, radius, STIFF)), turn)
-    crossings = []
-    for _ in range(int(duration_s / step / every)):
-        simulation.run_steps(every)
-        q = simulation.quaternions[0]
-        crossings.append((simulation.time_s, math.degrees(2.0 * math.asin(q[1 + about]))))
-    return np.array(crossings).T
+
+    def look() -> tuple[float, float]:
+        return simulation.time_s, math.degrees(2.0 * math.asin(simulation.quaternions[0, 1 + about]))
+
+    return track(simulation, int(duration_s / step / every), every, look).T
 
 
 def period_of(time: np.ndarray, wave: np.ndarray) -> float:

@@ -18,13 +18,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from repose.dem import Clump, Contact, Shape, Simulation, random_quaternion, time_steps
+from repose.dem import Clump, Shape, Simulation, random_quaternion
 from repose.dem.rotations import rotation_matrices, rotation_matrix
 from repose.particle.build import make_particle
 from repose.particle.mesh_from_axes import berry_mesh
 
 from .case import Effort, Row, Rows, close, reported
-from .machine import BERRY_DENSITY, BERRY_M, ON_FLOOR, UP, random_direction, simulation_of, stiffer
+from .machine import BERRY_DENSITY, BERRY_M, ON_FLOOR, UP, before_impact, frictionless, random_direction
 
 MASS_G = 1.25
 BARREL_M = ((7.399e-3, 0.94e-3, 0.94e-3), (3.171e-3, 4.745e-3, 4.0e-3))
@@ -135,18 +135,12 @@ def hits(
 ) -> Hits:
     """Simulate restitution and contacts of `count` isolated hits of two bodies, or of a body and a plane."""
     rng = np.random.default_rng(seed)
-    contact = Contact(restitution, 0.0, 0.0)
     edge = SPACING_M * (count // LANE + 1)
-
     lower, upper = 3 * (-SPACING_M,), (edge, SPACING_M * LANE, SPACING_M)
     room: dict[str, Any] = {"capacity": 2 * count, "lower": lower, "upper": upper} | keywords
-
-    def made(step_s: float) -> Simulation:
-        return simulation_of(shape, contact, step_s, ON_FLOOR if on_plane else {}, *stiffer(times), **room)
-
-    hit = time_steps.impact(made(1e-12).scene, shape, shape, max(SPEEDS_M_S)).time_step_s
-    step = hit * time_steps.STEPS_PER_CONTACT / STEPS_PER_CONTACT
-    simulation = made(step)
+    room["walls"] = ON_FLOOR if on_plane else {}
+    contact = frictionless(restitution)
+    simulation, step = before_impact(shape, contact, max(SPEEDS_M_S), STEPS_PER_CONTACT, times, **room)
     for k in range(count):
         middle = SPACING_M * np.array([k // LANE, k % LANE, 0.0])
         (_throw_at_plane if on_plane else _throw_pair)(simulation, rng, shape, middle, step)

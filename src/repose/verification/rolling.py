@@ -8,7 +8,7 @@ import numpy as np
 from repose.dem import Contact, Shape, Simulation
 
 from .case import Effort, Rows, close
-from .machine import BERRY_DENSITY, BERRY_M, GRAVITY, berry_simulation, simulation_of, under_gravity
+from .machine import BERRY_DENSITY, BERRY_M, GRAVITY, berry_simulation, simulation_of, track, under_gravity
 from .resting import STIFF, resting_overlap
 
 RADIUS = 0.006
@@ -27,11 +27,11 @@ def sphere_on_floor(contact: Contact, speed_m_s: float, spin_rad_s: float, **law
 
 def _track(simulation: Simulation, steps: int, every: int) -> np.ndarray:
     """Follow time, speed and R times spin of the first body, once every `every` steps."""
-    rows = []
-    for _ in range(steps // every):
-        simulation.run_steps(every)
-        rows.append((simulation.time_s, simulation.velocities[0, 0], RADIUS * simulation.angular_velocities[0, 1]))
-    return np.array(rows).T
+
+    def look() -> tuple[float, float, float]:
+        return simulation.time_s, simulation.velocities[0, 0], RADIUS * simulation.angular_velocities[0, 1]
+
+    return track(simulation, steps // every, every, look).T
 
 
 def slip_to_roll(effort: Effort) -> Rows:

@@ -8,7 +8,7 @@ from scipy.special import ellipj, ellipk
 from repose.dem import rotation_matrix
 
 from .case import Effort, Rows, close
-from .machine import berry_simulation, frictionless
+from .machine import berry_simulation, frictionless, track
 
 
 def euler_solution(inertia: np.ndarray, first: float, third: float, time: np.ndarray) -> tuple[np.ndarray, float]:
@@ -39,18 +39,16 @@ def free_rotation(effort: Effort) -> Rows:
     simulation.add("body", (0.0, 0.0, 0.0), angular_velocity_rad_s=(first, 0.0, third))
     momentum, energy = simulation.angular_momenta[0], simulation.kinetic_energies()[0]
     _, period = euler_solution(inertia, first, third, np.zeros(1))
-    times, velocities, energies = [], [], []
-    for _ in range(int(2.0 * period / step / every)):
-        simulation.run_steps(every)
-        rotation = rotation_matrix(simulation.quaternions[0])
-        times.append(simulation.time_s)
-        velocities.append((rotation.T @ simulation.angular_momenta[0]) / inertia)
-        energies.append(simulation.kinetic_energies()[0])
-    time, velocity = np.array(times), np.array(velocities).T
+
+    def look() -> tuple[float, ...]:
+        velocity = (rotation_matrix(simulation.quaternions[0]).T @ simulation.angular_momenta[0]) / inertia
+        return simulation.time_s, simulation.kinetic_energies()[0], *velocity
+
+    time, energies, *velocity = track(simulation, int(2.0 * period / step / every), every, look).T
     exact, _ = euler_solution(inertia, first, third, time)
     drift = float(np.linalg.norm(simulation.angular_momenta[0] - momentum) / np.linalg.norm(momentum))
     size, worst = float(np.linalg.norm(exact, axis=0).max()), float(np.abs(velocity - exact).max())
     yield close("angular velocity, largest difference over two periods", "rad/s", worst, 0.0, scale=size)
     yield close("angular momentum, relative drift", "", drift, 0.0, tolerance=1e-14, scale=1.0)
-    worst = np.abs(np.array(energies) / energy - 1.0).max()
+    worst = np.abs(energies / energy - 1.0).max()
     yield close("kinetic energy, largest relative drift", "", worst, 0.0, tolerance=1e-5, scale=1.0)

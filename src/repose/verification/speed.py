@@ -99,13 +99,12 @@ def summary(references: Sequence[float], pours: Mapping[str, Sequence[tuple[floa
     (of a step to the reference kernel) and `to_first` (of a step to the first particle's).
     """
     reference_us = float(np.median(references))
-    us = {name: float(np.median([step for step, _ in found])) for name, found in pours.items()}
-    first = next(iter(us.values()))
+    medians = {name: np.median(found, axis=0).tolist() for name, found in pours.items()}
+    first, _ = next(iter(medians.values()))
     particles = []
-    for name, found in pours.items():
-        job_s = round(float(np.median([job for _, job in found])), 3)
-        row = {"name": name, "us_per_step": round(us[name], 2), "job_s": job_s}
-        particles.append(row | {"ratio": round(us[name] / reference_us, 4), "to_first": round(us[name] / first, 3)})
+    for name, (us, job_s) in medians.items():
+        row = {"name": name, "us_per_step": round(us, 2), "job_s": round(job_s, 3)}
+        particles.append(row | {"ratio": round(us / reference_us, 4), "to_first": round(us / first, 3)})
     return {"reference_us": round(reference_us, 2), "particles": particles}
 
 

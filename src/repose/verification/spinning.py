@@ -6,8 +6,8 @@ from repose.dem import Contact
 
 from .case import Effort, Rows, close
 from .hertz import Solid, hertz_on_plane
-from .machine import STEPS_PER_CONTACT, STILL, Ball, spheres, steps_of_impact
-from .oblique import impact, sliding_rows
+from .machine import STEPS_PER_CONTACT, STILL, Ball, impact, spheres, steps_of_impact
+from .oblique import sliding_rows
 
 SOLIDS = (Solid("aluminium", 70e9, 0.33, 2700.0), Solid("nylon", 2.5e9, 0.40, 1000.0))
 SLIDING = (6.0, 13.0, 21.0)  # spins that slide through the whole impact [rad/s]
@@ -42,7 +42,7 @@ def _on_sphere(
 def _sliding_rows(solid: Solid, spin: float, after: tuple[float, float], effort: Effort) -> Rows:
     """Compare a spin that slides through the whole impact."""
     hertz, at = hertz_on_plane(solid, RADIUS, NORMAL), f"{solid.name}, {spin:g} rad/s"
-    return sliding_rows(at, CONTACT, hertz, RADIUS, after, (0.0, spin), effort.tension)
+    return sliding_rows(at, CONTACT, hertz, after, (0.0, spin), effort.tension)
 
 
 def plane_spins(effort: Effort) -> Rows:

@@ -8,6 +8,7 @@ from repose.measure import pile
 from repose.measure.angles import DEFINITIONS
 from repose.measure.saved_piles import side_view
 from repose.measure.saved_pours import first_pour
+from repose.measure.silhouette import Grains
 from repose.particle.berry_files import read_berry
 from repose.particle.particle import Particle
 
@@ -31,8 +32,7 @@ def definitions(inputs: Inputs, study: Shown) -> Figure:
     figure = style.new_figure(style.PAGE, 4.4)
     above, below = figure.subplots(2, 1, height_ratios=(1.5, 1))
     measured = _view(above, side_view(poured, particle, settings), settings)
-    grains = {"members": poured["in_pile"], "scales": poured.get("scale")}
-    _views(below, pile.measure_pile(poured["position"], poured["quaternion"], particle, settings, **grains), measured)
+    _views(below, pile.measure_pile(Grains.of(poured, particle), settings, poured["in_pile"]), measured)
     return figure
 
 

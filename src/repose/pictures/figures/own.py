@@ -76,7 +76,7 @@ def _history(calibration: Calibration, figure: FigureBase) -> None:
     panels = style.panels_in(figure, len(study.targets))
     for k, (panel, target) in enumerate(zip(panels, study.targets, strict=True)):
         percent = 100 / target.whole
-        style.near_enough(panel, study.settings.sequential.tolerance_percent)
+        style.off_target(panel, target, study.settings.sequential.tolerance_percent, "batch")
         error, off = percent * samples[target.response.error].fillna(0.0), target.off_percent(samples[target.name])
         look = {"fmt": "o", "ms": 3, "mew": 0, "elinewidth": 0.6, "color": style.BLUE}
         panel.errorbar(place, off, error, label="parameter sets, simulated ± standard error", **look)
@@ -84,8 +84,6 @@ def _history(calibration: Calibration, figure: FigureBase) -> None:
         look = {"fmt": "D", "ms": 5, "mfc": "white", "color": style.RED}
         panel.errorbar([last], [mean], [error], label="the answer, predicted ± standard error", **look)
         panel.set_xticks([*ticks, last], [*map(str, ticks), "answer"])
-        panel.set(xlabel="batch", ylabel="off the target (% of it)")
-        panel.set_title(f"{target.response.symbol}, target {target.aim:g} {target.response.unit}")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
 
 

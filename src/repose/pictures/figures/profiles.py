@@ -1,6 +1,7 @@
 """Profiles among the targets: heights as measured, as predicted and as simulated, each with its band."""
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,14 +15,6 @@ from .registry import Inputs, Shown, figure
 
 TABLE_4 = {"table4": "{answer.table4}"}
 NUMBERS = ("predicted", "simulated", "error")
-
-
-class Line(NamedTuple):
-    """Heights (n,) at the abscissae of a profile, with half the width (n,) of a band about them."""
-
-    label: str
-    heights: np.ndarray
-    half: np.ndarray | float
 
 
 @figure("profiles", "Profiles", TABLE_4, reads=("targets",), when=lambda study: bool(study.targets.profiles))
@@ -43,24 +36,20 @@ def profiles(inputs: Inputs, study: Shown) -> Figure:
             answer[[getattr(one.response, number) for one in own]].to_numpy(float) for number in NUMBERS
         )
         half = np.sqrt(profile.basis**2 @ np.square(np.nan_to_num(error)))  # the errors of scores are independent
-        lines = (
-            Line("predicted", profile.heights(predicted), 0.0),
-            Line("simulated ± SE", profile.heights(simulated), half),
-        )
-        draw(panel, profile, own[0].sd * np.sqrt(profile.functions), lines)
+        lines = {"predicted": (profile.heights(predicted), 0.0), "simulated ± SE": (profile.heights(simulated), half)}
+        _draw(panel, profile, own[0].sd * np.sqrt(profile.functions), lines)
     style.name_panels(panels)
     return figure
 
 
-def draw(panel: Axes, profile: Profile, sd: float, lines: tuple[Line, ...]) -> None:
-    """Draw the measured heights with their standard deviation, and lines with their bands."""
+def _draw(panel: Axes, profile: Profile, sd: float, lines: Mapping[str, tuple[np.ndarray, Any]]) -> None:
+    """Draw the measured heights with their standard deviation, and lines of heights with half the width of a band."""
     measured = {"fmt": "o", "ms": 3, "color": style.BLACK, "elinewidth": 0.8, "zorder": 3}
     panel.errorbar(profile.x, profile.z, yerr=sd, label="measured ± SD", **measured)
-    for k, line in enumerate(lines):
+    for k, (label, (heights, half)) in enumerate(lines.items()):
         look = style.series(k)
-        panel.plot(profile.x, line.heights, label=line.label, **look)
-        ends = line.heights - line.half, line.heights + line.half
-        panel.fill_between(profile.x, *ends, color=look["color"], alpha=0.2, lw=0)
+        panel.plot(profile.x, heights, label=label, **look)
+        panel.fill_between(profile.x, heights - half, heights + half, color=look["color"], alpha=0.2, lw=0)
     unit = profile.name.rpartition("_")[2]
     panel.set(xlabel=f"x ({unit})", ylabel=f"height ({unit})")
     panel.legend(loc="best")

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from repose.core.files import read_npz, read_table
 from repose.measure import bed
+from repose.measure.silhouette import Grains
 from repose.particle.particle import Particle
 
 from . import style
@@ -80,14 +81,14 @@ def _side_view(panel: Axes, arrays: Mapping[str, np.ndarray], state: str, partic
     from repose.pictures.scenery import look_at
 
     centres, quaternions = (arrays[f"{key}_{state}"].astype(float) for key in ("position", "quaternion"))
-    scales, pixels = arrays.get("scale"), style.pixels(study, PIXELS)
+    scales, pixels = arrays.get("scale", np.ones(len(centres))), style.pixels(study, PIXELS)
     inside = drum_inside(study.drum, np.radians(float(arrays[f"turned_{state}_deg"])))
     view: dict[str, Any] = {"elevation_deg": 0.0, "azimuth_deg": -90.0, "width": pixels, "height": pixels}
     view["field_of_view_deg"], frame = style.TELEPHOTO_DEG, inside.outline()
     look: dict[str, Any] = {"scales": scales, "colour": study.colour, "frame_m": frame, "backdrop": inside}
     panel.imshow(render_pile(centres, quaternions, particle, **look, **view))
     camera, pixel = look_at(frame, **view), study.measure.mm_per_pixel
-    filled = bed.side_view(centres, quaternions, particle, inside.radius_m, pixel, scales)
+    filled = bed.side_view(Grains(centres, quaternions, particle, scales), inside.radius_m, pixel)
     surface = bed.surface_of(filled, inside.radius_m, pixel, study.drum.fit_share)
     style.scale_bar(panel, camera, np.zeros(3), 2 * inside.radius_m)
     x, y, _ = camera.project(np.insert(surface.line_m, 1, 0.0, axis=1))

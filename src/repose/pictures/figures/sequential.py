@@ -34,14 +34,12 @@ def sequential(inputs: Inputs, study: Shown) -> Figure:
     after = float(batches["pours"].iloc[-1]) * 1.06
     for panel, target in zip(panels[1:], targets, strict=True):
         off = 100 / target.whole * (batches[f"{target.name}_mean"] - target.aim)
-        style.near_enough(panel, section.tolerance_percent)
+        style.off_target(panel, target, section.tolerance_percent, "pours")
         look = {"fmt": "D", "ms": 4, "mfc": "white", "color": style.BLACK, "label": "predicted ± standard error"}
         panel.errorbar(batches["pours"], off, 100 / target.whole * batches[f"{target.name}_error"], **look)
         simulated, spread = check.loc[target.name, ["simulated", "simulated_error"]].astype(float)
         look = {"fmt": "o", "ms": 5, "color": style.RED, "label": "the answer, simulated again ± standard error"}
         panel.errorbar([after], [target.off_percent(simulated)], [100 * spread / target.whole], **look)
-        panel.set(xlabel="pours", ylabel="off the target (% of it)")
-        panel.set_title(f"{target.response.symbol}, target {target.aim:g} {target.response.unit}")
     style.one_legend(panels, loc="outside lower center", ncols=3)
     reached = batches["probability"].iloc[-1]
     verdict = "reached" if reached >= section.probability else "NOT reached"

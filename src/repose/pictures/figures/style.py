@@ -124,6 +124,13 @@ def near_enough(panel: Axes, percent: float) -> None:
     panel.axhline(0, color=GREY, lw=0.7)
 
 
+def off_target(panel: Axes, target: Target, percent: float, across: str) -> None:
+    """Prepare a panel for deviations of one response from its target, in percent of it, over something."""
+    near_enough(panel, percent)
+    panel.set(xlabel=across, ylabel="off the target (% of it)")
+    panel.set_title(f"{target.response.symbol}, target {target.aim:g} {target.response.unit}")
+
+
 def parameter_label(name: str) -> str:
     """Write the label of an axis of a parameter: its symbol and its unit, a dash for a number; its name if unknown."""
     if name not in SYMBOLS:

@@ -12,7 +12,7 @@ from repose.core.files import read_npz
 from repose.measure import drawing, pile
 from repose.measure.saved_piles import side_view
 from repose.measure.saved_pours import first_pour
-from repose.measure.silhouette import outlines
+from repose.measure.silhouette import Grains, outlines
 from repose.particle.berry_files import read_berry
 from repose.particle.particle import Particle
 
@@ -168,12 +168,10 @@ def _grains(panel: Axes, inputs: Inputs, colour: str) -> None:
     particle = Particle.load(inputs["particle"])
     record = read_npz(inputs["trajectory"], ("time_s", "position", "quaternion"), "the trajectory of a pour")
     frame = int(np.argmin(np.abs(record["time_s"] - SNAPSHOT_S)))
-    centres, quaternions = record["position"][frame], record["quaternion"][frame]
-    scales = record.get("scale", np.ones(len(centres)))
-    here = np.isfinite(centres).all(axis=1)
-    order = np.flatnonzero(here)[np.argsort(-centres[here, 1])]
-    # Seen along y, x points right.
-    outline = outlines(centres[order].astype(float), quaternions[order], particle, [0.0], scales=scales[order])[0]
+    grains = Grains(record["position"][frame], record["quaternion"][frame], particle, record.get("scale", 1.0))
+    here = np.isfinite(grains.centres_m).all(axis=1)
+    order = np.flatnonzero(here)[np.argsort(-grains.centres_m[here, 1])]
+    outline = outlines(grains[order], [0.0])[0]  # seen along y, x points right
     look = {"facecolors": colour, "edgecolors": style.BLACK, "linewidths": 0.25, "zorder": 2.5}
     panel.add_collection(PolyCollection(1e3 * outline, **look))
     words = f"simulated pour at {record['time_s'][frame]:.3g} s, {here.sum()} of {len(here)} grains; lengths in mm"
