@@ -124,14 +124,15 @@ def test_a_silhouette_is_split_as_any_picture_of_its_tones_to_the_last_bit(large
 
 @pytest.mark.slow
 def test_cones_of_berries_have_their_angle_within_a_degree():
-    """Measured bias over 15 to 45 degrees: levels +0.6, rows +0.9, columns -1.6."""
+    """From 10 % of the height on; measured bias over 15 to 45 degrees: levels +0.6, rows +0.9, columns -1.6."""
     errors = {"levels": [], "columns": []}
     for angle in (20, 30, 40):
         rng = np.random.default_rng(angle)
         for _ in range(4):
             pile = Grains(*cone_of_berries(angle, rng), BERRY)
             for rule in errors:
-                errors[rule].append(measure_pile(pile, MeasureSettings(flank=rule)).aor_deg - angle)
+                how = MeasureSettings(response="flank", fit_from=0.1, flank=rule)
+                errors[rule].append(measure_pile(pile, how).aor_deg - angle)
     assert abs(np.mean(errors["levels"])) < 1.0
     assert abs(np.mean(errors["levels"])) < abs(np.mean(errors["columns"]))
 

@@ -67,6 +67,20 @@ class Grain(Wall):
         "x, y, z, radius of a multisphere's spheres"
     )
 
+    def impossible(self) -> Faults:
+        """Name each value that contradicts another: its key in the card, it, and what is allowed."""
+        if any(radius <= 0 for *_, radius in self.spheres_mm):
+            yield "grain.spheres_mm", min(radius for *_, radius in self.spheres_mm), "positive radii"
+        mass = 1e-6 * self.density_kg_m3 * self.volume_mm3
+        if self.shape != "multisphere" and abs(self.mass_g / mass - 1) > UNLIKE:
+            yield "grain.mass_g", self.mass_g, f"{mass:.4g}, its density times its volume"
+        modulus = 2 * self.shear_modulus_pa * (1 + self.poisson_ratio)
+        if abs(self.elastic_modulus_pa / modulus - 1) > UNLIKE:
+            yield "grain.elastic_modulus_pa", self.elastic_modulus_pa, f"{modulus:.4g}, 2 G (1 + nu)"
+        parts = {"ellipsoid": self.ellipsoids_mm, "smooth": self.ellipsoids_mm, "multisphere": self.spheres_mm}
+        if not parts[self.shape]:
+            yield "grain.shape", self.shape, "ellipsoids_mm or spheres_mm of such a body"
+
 
 class Simulation(Part):
     """Numbers of every simulation of the study."""
@@ -237,18 +251,7 @@ class Card(AnyCard):
             for key, value in (("value", row.value), ("low", row.low), ("high", row.high)):
                 if value is not None and not least <= value <= most:
                     yield f"parameters.{name}.{key}", value, f"{least:g} to {most:g}"
-        grain = self.grain
-        if any(radius <= 0 for *_, radius in grain.spheres_mm):
-            yield "grain.spheres_mm", min(radius for *_, radius in grain.spheres_mm), "positive radii"
-        mass = 1e-6 * grain.density_kg_m3 * grain.volume_mm3
-        if grain.shape != "multisphere" and abs(grain.mass_g / mass - 1) > UNLIKE:
-            yield "grain.mass_g", grain.mass_g, f"{mass:.4g}, its density times its volume"
-        modulus = 2 * grain.shear_modulus_pa * (1 + grain.poisson_ratio)
-        if abs(grain.elastic_modulus_pa / modulus - 1) > UNLIKE:
-            yield "grain.elastic_modulus_pa", grain.elastic_modulus_pa, f"{modulus:.4g}, 2 G (1 + nu)"
-        parts = {"ellipsoid": grain.ellipsoids_mm, "smooth": grain.ellipsoids_mm, "multisphere": grain.spheres_mm}
-        if not parts[grain.shape]:
-            yield "grain.shape", grain.shape, "ellipsoids_mm or spheres_mm of such a body"
+        yield from self.grain.impossible()
         yield from super().impossible()
 
 
@@ -259,6 +262,12 @@ class OtherCard(AnyCard):
     probability: Probability = absent(
         "that the simulator's means lie within 1 % and 2 % of all targets, and inside all ranges"
     )
+    grain: Grain = absent("of that simulator, where its user adds it; then `repose card find` knows the card")
+
+    def impossible(self) -> Faults:
+        if self.grain is not ABSENT:
+            yield from self.grain.impossible()
+        yield from super().impossible()
 
 
 def check(card: Mapping[str, Any], source: object) -> None:
