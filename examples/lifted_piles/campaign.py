@@ -70,16 +70,24 @@ def jobs() -> Iterator[tuple]:
     for seed, modulus, row in itertools.product(SEEDS, MODULI, five()):
         yield row, seed, modulus
     modulus = next(factor for factor in MODULI if good(factor))
-    every = [int(row) for row in rows().index]
-    third = every[::THIRD]
-    rest = [row for row in every if row not in third]
-    yield from ((row, seed, modulus) for seed, row in itertools.product(SEEDS, third))
+    yield from ((row, seed, modulus) for seed, row in itertools.product(SEEDS, numbers(judged=True)))
     yield from ((five()[-1], seed, 1.0, DECKS_STEP_S) for seed in SEEDS)
-    yield from ((row, seed, modulus) for seed, row in itertools.product(SEEDS, rest))
+
+
+def numbers(judged: bool) -> list[int]:
+    """Every third row, or the other ones."""
+    every = [int(row) for row in rows().index]
+    return every[::THIRD] if judged else [row for row in every if row not in every[::THIRD]]
+
+
+def other_jobs() -> Iterator[tuple]:
+    """The same of the other rows."""
+    modulus = next(factor for factor in MODULI if good(factor))
+    yield from ((row, seed, modulus) for seed, row in itertools.product(SEEDS, numbers(judged=False)))
 
 
 def further_jobs() -> Iterator[tuple]:
-    """Drums, tilted drums and discharges, once all piles are there: module, and row, seed, modulus (and tilt)."""
+    """Drums, tilted drums and discharges: module, and row, seed, modulus (and tilt, grain, walls)."""
     modulus = next(factor for factor in MODULI if good(factor))
     for tilted, seed in itertools.product((False, True), SEEDS):
         yield from ((drums, (int(row), seed, modulus, tilted)) for row in drums.rows(tilted).index)
@@ -102,9 +110,9 @@ def predictions(kind: str) -> pd.DataFrame:
 
 
 def run_all() -> None:
-    """Run what is missing, piles first, until the budget is spent."""
-    piles = ((lifted_piles, job) for job in jobs())
-    for of, job in itertools.chain(piles, further_jobs()):
+    """Run what is missing until the budget is spent."""
+    piles, others = (((lifted_piles, job) for job in some()) for some in (jobs, other_jobs))
+    for of, job in itertools.chain(piles, further_jobs(), others):
         if any((folder / f"{of.name(*job)}.json").exists() for folder in (OUT, PUBLISHED)):
             continue
         if spent_h() >= BUDGET_H:

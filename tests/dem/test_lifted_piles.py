@@ -115,7 +115,7 @@ def test_the_campaign_takes_the_softest_modulus_that_changes_little(monkeypatch)
             return pd.Series({"angle_deg": angle, "density_kg_m3": 800.0 * (1.0 + of_density * (modulus == 0.01))})
 
         monkeypatch.setattr(campaign, "means", means)
-        order = list(campaign.jobs())
+        order = [*campaign.jobs(), *campaign.other_jobs()]
         assert order[:5] == [(row, 1, 0.01) for row in campaign.five()]
         assert len(set(order)) == len(order) - 10 == 30 + 2 + 80
         assert order[30:32] == [(1, 1, order[-1][2]), (4, 1, order[-1][2])]
