@@ -3,7 +3,6 @@
 import json
 import re
 import textwrap
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,7 +10,7 @@ import pytest
 import shared
 from refusals import input_error
 from scipy import stats
-from shared import studied, targets_of
+from shared import ROOT, studied, targets_of
 
 from repose import strategies
 from repose.chain import answer, expected_loss
@@ -20,10 +19,14 @@ from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
 
-ROOT = Path(__file__).parents[2]
 TARGET = {
     "response": "aor_deg", "apparatus": "funnel", "value": 32.0, "sd": 2.0, "repetitions": 10, "range": [31.0, 34.0],
 }  # fmt: skip
+INSIDE, OF_TWO = "the simulated means lie inside both ranges.", "predicted inside both ranges; "
+LOW = "he simulated angle of repose lies 1 deg below its range"
+HANDLER = re.search(r"^onsuccess:\n((?: {4}.*\n)+)", (ROOT / "workflow/Snakefile").read_text(), re.MULTILINE)
+SPACE = ParameterSpace.of({name: [0.0, 1.0] for name in PARAMETERS})
+TARGETS = targets_of(height_mm=66.0)
 
 
 def study(folder, simulated, feasible=True):
@@ -113,10 +116,6 @@ def of_two(feasible=True, out_of_reach=False, angle=32.0, height=66.0, status="o
     return answer.Result("two", {}, feasible, "", checks, "", {}, out_of_reach=out_of_reach)
 
 
-INSIDE, OF_TWO = "the simulated means lie inside both ranges.", "predicted inside both ranges; "
-LOW = "he simulated angle of repose lies 1 deg below its range"
-
-
 @pytest.mark.parametrize(("given", "met", "reason"), [
     ({}, True, f"T{INSIDE[1:]}"), ({"height": 70.0}, False, "The simulated my_mm lies 2 mm above its range."),
     ({"angle": 30.0, "height": 63.0}, False, f"T{LOW} and the simulated my_mm lies 1 mm below its range."),
@@ -146,9 +145,6 @@ def test_an_answer_that_was_not_simulated_has_its_prediction_in_the_first_line()
 ])  # fmt: skip
 def test_out_of_reach_is_a_miss_that_was_predicted(summary, out_of_reach):
     assert answer.out_of_reach(summary) is out_of_reach
-
-
-HANDLER = re.search(r"^onsuccess:\n((?: {4}.*\n)+)", (ROOT / "workflow/Snakefile").read_text(), re.MULTILINE)
 
 
 @pytest.mark.parametrize("strategy", strategies.names())
@@ -201,10 +197,6 @@ def test_the_mean_given_few_runs_and_chances_of_one_bench_test_and_of_two():
     product = chance["aor_deg"] * chance["drum_slip_deg"]
     assert 0.2 < product < 0.9
     assert chance["all"] == pytest.approx(product, abs=0.005)
-
-
-SPACE = ParameterSpace.of({name: [0.0, 1.0] for name in PARAMETERS})
-TARGETS = targets_of(height_mm=66.0)
 
 
 class Sure:
