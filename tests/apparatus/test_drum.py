@@ -18,13 +18,10 @@ from repose.measure import bed
 from repose.pictures import film
 
 TEST = drum.DrumTest()
-
 REPRESENTATIVE = named((0.203, 0.642, 0.037, 0.244, 0.483, 0.185))
 RADIUS_M = 0.095
 SMALL = {"berries": 60, "length_mm": 60.0, "outer_diameter_mm": 120.0, "factory_height_mm": 20.0}
 SMALL |= {"rate_per_s": 150.0, "rotate_from_s": 1.4, "report_s": 2.0, "longest_rotation_s": 1.0}
-
-
 config = partial(recommended, "drum")
 
 

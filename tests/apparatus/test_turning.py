@@ -14,13 +14,10 @@ from repose.dem import Shape
 from repose.measure import bed as measure_bed
 
 TEST = turning.TurningTest()
-
 ROUGH = named((0.2, 0.6, 0.04, 0.25, 0.6, 0.2))
 SMOOTH = ROUGH | {"mus_gg": 0.0, "mur_gg": 0.0, "mus_gp": 0.0, "mur_gp": 0.0}
 SMALL = {"berries": 60, "length_mm": 60.0, "outer_diameter_mm": 120.0, "factory_height_mm": 20.0}
 SMALL |= {"rate_per_s": 150.0, "rotate_from_s": 0.6, "measure_from_s": 1.2, "measure_until_s": 1.8}
-
-
 config = partial(recommended, "turning")
 
 
