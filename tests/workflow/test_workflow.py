@@ -19,6 +19,8 @@ STAGES = (
     *("drum_run", "drum", "draw_drum"),
     *(f"draw_figure{number:02d}" for number in (2, 5, 6, 7, 8, 10, 13, 14, 15)),
 )
+FORMATS = ("png", "svg", "pdf")
+POURS = ("pour", "validation_pour", "trajectory", "drum_run")
 
 
 @pytest.mark.essential
@@ -100,9 +102,6 @@ def test_a_changed_key_reruns_what_depends_on_it_and_nothing_before(project):
     assert set(heavier) == {"berry", "shape", "warm_up", "pour", "measure_runs", "total"}
 
 
-FORMATS = ("png", "svg", "pdf")
-
-
 @pytest.mark.essential
 def test_the_figures_have_the_configured_formats_and_are_drawn_again_for_others(project):
     snakemake(project, "--cores", "1", "results/figures/figure02.png", status=0)
@@ -115,9 +114,6 @@ def test_the_figures_have_the_configured_formats_and_are_drawn_again_for_others(
     files = {suffix: set(re.findall(rf"^(\S+)\.{suffix}\t.*draw_", listed, re.M)) for suffix in FORMATS}
     assert len(files["png"]) > 24, "every figure"
     assert files["png"] == files["svg"] == files["pdf"]
-
-
-POURS = ("pour", "validation_pour", "trajectory", "drum_run")
 
 
 @pytest.mark.parametrize(("change", "measured", "poured"), [
