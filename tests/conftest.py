@@ -13,7 +13,6 @@ from xdist.scheduler import LoadScopeScheduling
 
 # What is imported and made until all is collected stays: looking through it takes a third of the time.
 gc.disable()
-os.chdir(Path(__file__).parents[1])  # tests name files of the project from there
 # As in `repose.__main__`, and before numpy is loaded: threads that wait for each other on small matrices cost minutes.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).parent))
@@ -50,6 +49,11 @@ for module, name, *when in (
 ):
     module = importlib.import_module(module)
     setattr(module, name, _once(getattr(module, name), *when))
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _in_the_project():
+    os.chdir(Path(__file__).parents[1])
 
 
 @pytest.fixture(scope="session")

@@ -4,11 +4,10 @@ import json
 import re
 
 import pytest
-from plans import MIXED, ROOT, declared, planned, snakemake
+from plans import MIXED, declared, planned, snakemake
 from shared import target
 
 from repose.core.published import STORED
-from repose.pictures.figures import FIGURES
 
 pytestmark = pytest.mark.slow
 
@@ -170,14 +169,6 @@ def test_the_published_sets_are_poured_on_request_and_shown_from_a_stored_table(
     shown = planned(project, *words, *stored)
     assert set(shown) - set(jobs) == {"draw_published"}
     assert shown["validation_pour"] == 3
-
-
-def test_every_figure_and_table_has_a_caption():
-    text = "".join(path.read_text() for path in (ROOT / "workflow" / "rules").rglob("*.smk"))
-    captions = {path.stem for path in (ROOT / "workflow" / "report").glob("*.rst")}
-    assert captions >= set(re.findall(r'caption="(?:../)+report/(\w+)\.rst"', text)) != set()
-    assert len(FIGURES) > 30
-    assert not [name for name, figure in FIGURES.items() if not figure.caption]
 
 
 def test_every_job_declares_memory_and_time_and_more_of_both_when_it_is_tried_again(tmp_path):
