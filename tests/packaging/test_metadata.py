@@ -132,8 +132,6 @@ def test_the_reference_shows_each_public_name_of_the_engine_and_each_law():
     assert not homes - SHOWN, homes - SHOWN
 
 
-
-
 def test_version_and_date_are_those_of_the_newest_release_and_the_archive_says_what_the_citation_says():
     changelog = (ROOT / "CHANGELOG.md").read_text()
     version, date = re.search(r"^## \[(\d[\d.]*)\] - ([\d-]+)$", changelog, re.MULTILINE).groups()
