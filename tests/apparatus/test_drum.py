@@ -197,9 +197,8 @@ def test_a_job_writes_what_tables_and_film_read(tmp_path):
         for state in drum.STATES:
             assert arrays[f"position_{state}"].shape == (60, 3)
     out = tmp_path / "drum.gif"
-    film.animate_drum(
-        tmp_path / "drum_3.npz", PARTICLE, out, drum.DrumSettings(**config(**keys)["drum"]), frames=2, width=60
-    )
+    section = drum.DrumSettings(**config(**keys)["drum"])
+    film.animate_drum(tmp_path / "drum_3.npz", PARTICLE, out, section, frames=2, width=60)
     with Image.open(out) as shown:
         assert (shown.n_frames, shown.size) == (2, (60, 60))
 

@@ -51,19 +51,17 @@ def test_a_large_scene_gets_a_smaller_one_inside_the_table(config):
     assert small[0].startswith("grains: the pile is 4.9 grains high.")
     assert f"from {scene_size.enough(500, 'secant')} grains on it is within 1 deg of that of 500" in small[0]
     flank = next(scene_size.advice(with_grains(config, 500, "flank"), 13.34, 65.0))
-    assert flank.endswith(
-        f"no smaller number is within 1 deg of that of 500, but the secant from {scene_size.enough(500, 'secant')} on"
-    )
+    secant = f"but the secant from {scene_size.enough(500, 'secant')} on"
+    assert flank.endswith(f"no smaller number is within 1 deg of that of 500, {secant}")
     _, _, pasted, targets = scene_size.advice(with_grains(config, 1000), 13.34, 65.0)
     keys = yaml.safe_load(pasted)["funnel"]
     assert keys["berries"] == scene_size.enough(1000, "secant")
     before, after = config["targets"][-1], yaml.safe_load(targets)["targets"][-1]
     assert before["response"] == after["response"] == "height_mm"
-    share = (keys["berries"] / 1000) ** (1 / 3) * scene_size.change(1000, keys["berries"], "secant").height
+    length = (keys["berries"] / 1000) ** (1 / 3)
+    share = length * scene_size.change(1000, keys["berries"], "secant").height
     assert after["value"] / before["value"] == pytest.approx(share, rel=1e-3)
-    assert keys["inlet_diameter_mm"] == pytest.approx(
-        config["funnel"]["inlet_diameter_mm"] * (keys["berries"] / 1000) ** (1 / 3), rel=1e-3
-    )
+    assert keys["inlet_diameter_mm"] == pytest.approx(config["funnel"]["inlet_diameter_mm"] * length, rel=1e-3)
     Study.of({**config, "funnel": config["funnel"] | keys})
     largest = max(scene_size.numbers())
     _, smaller, *_ = scene_size.advice(config, 13.34, 65.0, 25 * largest)

@@ -21,9 +21,8 @@ SPACE = ParameterSpace(PARAMETERS, np.zeros(6), np.full(6, 2.0))
 
 def targets(aor=30.5, aor_range=(29.0, 32.0), height_range=(63.0, 68.0)):
     first, second = shared.TARGETS
-    return Targets.of(
-        [first | {"aim": aor, "range": list(aor_range)}, second | {"aim": 65.0, "range": list(height_range)}]
-    )
+    angle, height = {"aim": aor, "range": list(aor_range)}, {"aim": 65.0, "range": list(height_range)}
+    return Targets.of([first | angle, second | height])
 
 
 TARGETS = targets()

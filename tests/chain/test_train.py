@@ -80,9 +80,8 @@ def test_run_writes_what_it_returns(tmp_path):
     predictions = pd.read_csv(tmp_path / "out/predictions.csv")
     assert 4 not in set(predictions["sample"])
     test = predictions[predictions["split"] == "test"]
-    by_hand = (
-        1 - ((test.aor_deg - test.aor_predicted_deg) ** 2).sum() / ((test.aor_deg - test.aor_deg.mean()) ** 2).sum()
-    )
+    left, whole = test.aor_deg - test.aor_predicted_deg, test.aor_deg - test.aor_deg.mean()
+    by_hand = 1 - (left**2).sum() / (whole**2).sum()
     assert metrics["test"]["aor_deg"]["r2"] == pytest.approx(by_hand)
     runs = pd.read_csv(paths[1]).merge(test[["sample", "height_predicted_mm"]], on="sample")
     assert len(runs) == 4 * metrics["n_test"]

@@ -142,12 +142,9 @@ def test_table4_has_errors_as_published_and_every_definition_of_the_angle(study)
     assert table["within_one_sd"].all()
     assert (table["within_1_percent"] <= table["within_2_percent"]).all()
     assert 0 < table["within_2_percent"].iloc[0] < 1
-    far = validate.against_physical(
-        {f"{a}_{b}_{c}": 40.0 for a, c in (("aor", "deg"), ("height", "mm")) for b in ("predicted", "simulated", "se")}
-        | {"n_seeds": 3, "status": "ok"},
-        TARGETS,
-    )
-    assert not far["within_one_sd"].any()
+    columns = (f"{a}_{b}_{c}" for a, c in (("aor", "deg"), ("height", "mm")) for b in ("predicted", "simulated", "se"))
+    far = dict.fromkeys(columns, 40.0) | {"n_seeds": 3, "status": "ok"}
+    assert not validate.against_physical(far, TARGETS)["within_one_sd"].any()
 
 
 def test_definitions_that_are_targets_keep_their_column_and_stored_sets_may_be_stale(study):

@@ -113,9 +113,8 @@ def test_the_conda_recipe_needs_what_the_package_needs_and_the_pins_lie_in_the_r
     python = f"python {PROJECT['project']['requires-python']}"
     assert ranges(recipe["requirements"]["run"]) == ranges([python, *DEPENDENCIES, *PARTS])
     assert ranges(recipe["requirements"]["host"]) == ranges([python, "pip", *PROJECT["build-system"]["requires"]])
-    assert ranges(recipe["requirements"]["run_constraints"]) == ranges(
-        line for line in EXTRAS["workflow"] if not line.startswith("repose-dem")
-    )
+    of_run = [line for line in EXTRAS["workflow"] if not line.startswith("repose-dem")]
+    assert ranges(recipe["requirements"]["run_constraints"]) == ranges(of_run)
     about, project = recipe["about"], PROJECT["project"]
     assert recipe["build"]["python"]["entry_points"] == [
         f"{name} = {place}" for name, place in project["scripts"].items()
