@@ -8,6 +8,7 @@ import pytest
 
 from repose.chain import card
 from repose.chain.card import described
+from repose.cli import STAGES
 from repose.config import loader, stands_on
 from repose.config.study import Study
 from repose.core import places
@@ -79,8 +80,9 @@ def test_it_runs_from_sizes_to_card_at_small_size(name, tmp_path, monkeypatch, c
     Study.of(config, name).check_inputs()
     loader.write_resolved(config, "results/config.json")
 
-    def do(*words):
-        command("stage", *words, "--config", "results/config.json")
+    def do(verb, *words):
+        stage = ["stage"] if verb in STAGES else []
+        command(*stage, verb, *words, "--config", "results/config.json")
 
     def pour(samples, numbers, purpose, folder):
         for number in numbers:

@@ -57,9 +57,10 @@ def pour(table, targets, folder):
     return paths
 
 
-def whole_chain(out: Path, targets, space, network=NETWORK):
+def whole_chain(out: Path, targets, space, surrogate="network", replicates=False):
     definitions = {name: {"measure.views": 6} for name in targets.names}
-    study = study_of(targets, space, definitions, MEASURE, network=network, miga=SEARCH)
+    network = NETWORK.model_copy(update={"replicates": replicates})
+    study = study_of(targets, space, definitions, MEASURE, surrogate, network=network, miga=SEARCH)
     samples, _ = design.run(space, DesignSettings(samples=40, method="lhsdesign", seed=1), out / "design")
     dataset.run(out / "design/samples.csv", pour(samples, targets, out / "jobs"), targets, definitions, out)
     metrics = train.run(out / "dataset.csv", out / "runs.csv", study, out / "network")
@@ -117,7 +118,7 @@ def test_a_fixed_parameter_stays_and_a_measured_one_is_preferred(tmp_path):
 def test_the_chain_runs_with_another_surrogate(tmp_path, name):
     targets = targets_of("aor_deg", "height_mm")
     space = ParameterSpace.of(RANGES | {key: {"fixed": sum(RANGES[key]) / 2} for key in ("e_gg", "mus_gg", "e_gp")})
-    found = whole_chain(tmp_path, targets, space, NETWORK | {"replicates": True, "surrogate": name})
+    found = whole_chain(tmp_path, targets, space, name, replicates=True)
     assert found.metrics["noise_covariance"] is not None
     assert found.metrics["test"]["aor_deg"]["r2"] > 0.9
     assert (found.representative["simulated"] - targets.value).abs().max() < 1.5
