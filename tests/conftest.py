@@ -17,6 +17,7 @@ gc.disable()
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).parent))
 importlib.import_module("repose.apparatus")  # makes the responses known by name
+ALL_SLOW = re.compile(r"^pytestmark = \[?pytest\.mark\.slow\b", re.MULTILINE)
 
 
 def _once(function, when=lambda *_: True):
@@ -49,6 +50,46 @@ for module, name, *when in (
     module = importlib.import_module(module)
     setattr(module, name, _once(getattr(module, name), *when))
 
+
+@pytest.fixture(autouse=True, scope="session")
+def _in_the_project():
+    os.chdir(Path(__file__).parents[1])
+
+
+@pytest.fixture(scope="session")
+def _studies():
+    from repose.config.study import Study
+
+    return {name: Study.load(f"config/{name}.yaml") for name in ("config", "quick")}
+
+
+@pytest.fixture
+def config(_studies):
+    return copy.deepcopy(_studies["config"].config)
+
+
+@pytest.fixture
+def quick(_studies):
+    return _studies["quick"]
+
+
+@pytest.fixture
+def command(capsys):
+    """Runs `repose WORDS`, which must end with a status; what it printed, as capsys has it."""
+    from repose.cli import main
+
+    def run(*words, status=0):
+        try:
+            ended = main([str(word) for word in words])
+        except SystemExit as end:  # of argparse
+            ended = end.code
+        printed = capsys.readouterr()
+        assert ended == status, printed
+        return printed
+
+    return run
+
+
 # A first set of kernels takes two minutes to compile and each further one a minute less, as they share what no law
 # changes. So the tests that call them are one group, which comes first as it is the largest; those of
 # `repose.verification` come late, as their files are small, and find the kernels in numba's cache. Photographs are the
@@ -62,9 +103,6 @@ def pytest_collection():
     yield
     gc.freeze()
     gc.enable()
-
-
-ALL_SLOW = re.compile(r"^pytestmark = \[?pytest\.mark\.slow\b", re.MULTILINE)
 
 
 def pytest_ignore_collect(collection_path, config):

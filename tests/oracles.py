@@ -74,11 +74,7 @@ def hertz_mindlin(law, overlap, radius, n, v, spring, dt, tension, limit, share=
     if pull > cap:
         spring = spring * cap / pull
     dashpot = share * 2.0 * np.sqrt(5.0 / 6.0) * beta * np.sqrt(stiffness_t * mass)
-    tangential = spring * stiffness_t + dashpot * vt
-    pull = np.linalg.norm(tangential)
-    if pull > cap:
-        tangential = tangential * cap / pull
-    return -normal * n - tangential, spring, limiting
+    return -normal * n - shortened(spring * stiffness_t + dashpot * vt, cap), spring, limiting
 
 
 def hertz_mindlin_rescaled(law, overlap, radius, n, v, pull, before, dt, tension, limit, share=1.0):

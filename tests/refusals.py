@@ -9,10 +9,11 @@ import pytest
 from repose.core.errors import InputError
 
 
-def input_error(words: str, call: Callable[..., object], *arguments: Any, **keywords: Any) -> None:
+def input_error(words: str, call: Callable[..., object], *arguments: Any, **keywords: Any) -> InputError:
     """Expect an `InputError` whose message has these words, a pattern, from a call with these arguments."""
-    with pytest.raises(InputError, match=words):
+    with pytest.raises(InputError, match=words) as caught:
         call(*arguments, **keywords)
+    return caught.value
 
 
 def value_error(words: str, call: Callable[..., object], *arguments: Any, **keywords: Any) -> None:

@@ -1,20 +1,24 @@
 """What several tests share."""
 
 import functools
+import json
 import subprocess
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
 from repose.config import models, reading
 from repose.config.study import Study
-from repose.core import places, responses
+from repose.core import responses
 from repose.core.parameter_space import ParameterSpace
+from repose.core.parameters import PARAMETERS
 from repose.core.section import Section
 from repose.core.targets import Targets
 from repose.surrogate.settings import NetworkSettings
 
+ROOT = Path(__file__).parents[1]
 # The article's parameter ranges and targets.
 RANGES = {
     "e_gg": [0.1, 0.4], "mus_gg": [0.35, 0.75], "mur_gg": [0.02, 0.07], "e_gp": [0.2, 0.5], "mus_gp": [0.4, 0.8],
@@ -73,8 +77,8 @@ def study_of(targets, space=None, definitions=(), measure=None, surrogate="netwo
 @functools.cache
 def every_bench_test():
     """The program's configuration with the section of every bench test that is shipped or an example."""
-    whole = Study.load(places.root() / "config/config.yaml").config
-    paths = (places.root() / "examples/bench_tests").glob("*.yaml")
+    whole = Study.load(ROOT / "config/config.yaml").config
+    paths = (ROOT / "examples/bench_tests").glob("*.yaml")
     return whole | {path.stem: reading.read(path)[path.stem] for path in paths}
 
 
@@ -91,6 +95,22 @@ def one_run(seed, status="ok", aor=22.0, height=60.0, reason=""):
         "height_mm": height if ok else None, "discharge_s": 15.0 + seed, "berries_on_plate": 500,
         "berries_in_pile": 460, "berries_off_plate": 0, "kinetic_energy_J": 1e-12,
     }  # fmt: skip
+
+
+def good_run(seed, **values):
+    """A run of any bench test that ended well, with these values."""
+    return {"seed": seed, "status": "ok", "reason": ""} | values
+
+
+def write_jobs(table, folder, runs_of, names=PARAMETERS, **more):
+    """Write the job of each row of a table of samples, with the runs that `runs_of(row)` gives; the paths."""
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = []
+    for row in table.to_dict("records"):
+        job = {"sample": row["sample"], "parameters": {name: row[name] for name in names}, "runs": [*runs_of(row)]}
+        paths.append(folder / f"{more.get('apparatus', '')}{row['sample']:03}.json")
+        paths[-1].write_text(json.dumps(job | more))
+    return paths
 
 
 def at(config, key):

@@ -1,14 +1,14 @@
 """The grains and the configurations that the tests of the bench tests share."""
 
 from dataclasses import replace
-from pathlib import Path
+
+from shared import ROOT
 
 from repose.apparatus.settings import SceneSettings
 from repose.config.study import Study
 from repose.core.parameters import PARAMETERS
 from repose.particle.build import ellipsoid_mesh, fit_particle
 
-ROOT = Path(__file__).parents[2]
 AXES_MM = (21.14, 11.37, 9.88)
 DENSITY_KG_M3 = 840.47
 BERRY = {"shear_modulus_pa": 4.3e4, "poisson_ratio": 0.32, "density_kg_m3": DENSITY_KG_M3}

@@ -1,14 +1,13 @@
 """A bench test of one's own, as the example shows it: registered, configured, poured and measured."""
 
-import copy
 import importlib.util
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
-from goji import example, recommended
+from goji import AXES_MM, BERRY, PARTICLE, example, named, recommended
 from refusals import input_error, not_refused
+from shared import ROOT
 
 from repose.apparatus import Scene, bench, bench_tests, names, register
 from repose.apparatus.job import measure_job, pour_job
@@ -16,16 +15,11 @@ from repose.apparatus.settings import SceneSettings
 from repose.config.study import Study
 from repose.core import responses
 from repose.core.errors import InputError
-from repose.core.parameters import PARAMETERS
 from repose.core.seeds import pour_seeds
 from repose.core.targets import Targets
-from repose.particle.build import ellipsoid_mesh, fit_particle
 
-ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples/bench_tests"
-BERRY = {"shear_modulus_pa": 4.3e4, "poisson_ratio": 0.32, "long_mm": 21.1, "major_mm": 11.4, "minor_mm": 9.9}
-PARTICLE = fit_particle(ellipsoid_mesh([21.0, 11.4, 9.9]), 840.0)
-SET = dict(zip(PARAMETERS, (0.2, 0.6, 0.05, 0.2, 0.6, 0.2), strict=True))
+SET = named((0.2, 0.6, 0.05, 0.2, 0.6, 0.2))
 SECTION = {"berries": 5, "rate_per_s": 20.0, "seeds": 2, "height_mm": 50.0, "duration_s": 0.6}
 TARGET = {"response": "spread_mm", "apparatus": "drop", "value": 30.0, "sd": 2.0, "repetitions": 5, "range": [25, 35]}
 
@@ -47,9 +41,8 @@ def drop():
 
 
 @pytest.fixture
-def config(drop, monkeypatch):
-    monkeypatch.chdir(ROOT)
-    quick = copy.deepcopy(Study.load("config/quick.yaml").config)
+def config(drop):
+    quick = Study.load("config/quick.yaml").config
     return quick | {"drop": dict(SECTION), "targets": [*quick["targets"], TARGET]}
 
 
@@ -124,10 +117,9 @@ def test_a_bench_test_that_cannot_run_is_refused():
     ("lifted_cylinder", {"diameter_mm": 20.0}),
 ])  # fmt: skip
 def test_a_berry_has_to_fit(name, keys):
-    axes_mm = (21.1, 11.4, 9.9)
-    too_small = [key for key, _ in bench(name).misfits(SceneSettings(configured(name, **keys)), axes_mm)]
+    too_small = [key for key, _ in bench(name).misfits(SceneSettings(configured(name, **keys)), AXES_MM)]
     assert too_small == [f"{name}.{key}" for key in keys]
-    assert not list(bench(name).misfits(SceneSettings(configured(name)), axes_mm))
+    assert not list(bench(name).misfits(SceneSettings(configured(name)), AXES_MM))
 
 
 def test_its_job_pours_and_measures_and_another_job_is_refused(drop, config, tmp_path):
@@ -165,7 +157,6 @@ def test_responses_name_keys_that_define_them_and_limits_that_fit(config, one):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(path.stem for path in EXAMPLES.glob("*.yaml")))
 def test_the_example_of_a_bench_test_is_measured_drawn_and_filmed(name, tmp_path, monkeypatch):
-    monkeypatch.chdir(ROOT)
     monkeypatch.syspath_prepend(EXAMPLES)
     measured = loaded("run", EXAMPLES / "run.py").main(name, tmp_path, pictures=2, width=100)
     assert measured["status"] == "ok"

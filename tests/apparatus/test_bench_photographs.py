@@ -16,9 +16,7 @@ from repose.apparatus import drawdown, photographs
 from repose.apparatus.drum import Drum
 from repose.apparatus.settings import SceneSettings
 from repose.apparatus.turning import TurningSettings
-from repose.cli import main
 from repose.config.study import Study
-from repose.core.errors import InputError
 from repose.core.files import write_image
 from repose.dem import Shape
 from repose.measure import bed
@@ -140,11 +138,11 @@ def test_what_cannot_be_measured_is_refused(tmp_path):
         ([*inside[:5], math.nan], "three points of the drum's inner rim"),
     ):
         input_error(words, photographs.measure_all, [file], points, SceneSettings(config), "turning", HOW)
-    with pytest.raises(InputError, match="left and of the right lower inner corner"):
-        photographs.measure_all([file], [900, 0, 100, 0], SceneSettings(example("drawdown")), "drawdown", HOW)
+    box = [file], [900, 0, 100, 0], SceneSettings(example("drawdown")), "drawdown", HOW
+    input_error("left and of the right lower inner corner", photographs.measure_all, *box)
 
 
-def test_the_targets_are_those_of_the_bench_test(tmp_path, monkeypatch, capsys):
+def test_the_targets_are_those_of_the_bench_test(tmp_path, monkeypatch, command):
     monkeypatch.chdir(tmp_path)
     config = example("drawdown")
     (tmp_path / "mine.json").write_text(json.dumps(config))
@@ -153,9 +151,8 @@ def test_the_targets_are_those_of_the_bench_test(tmp_path, monkeypatch, capsys):
         write_image(f"box{k}.png", picture)
     points = [f"{value:.2f}" for value in corners]
     words = ["measure", *(f"box{k}.png" for k in range(3)), "--bench", "drawdown", "--config", "mine.json"]
-    assert main([*words, "--out", "measured"]) == 2
-    assert "--points" in capsys.readouterr().err
-    assert main([*words, "--points", *points, "--out", "measured"]) == 0
+    assert "--points" in command(*words, "--out", "measured", status=2).err
+    command(*words, "--points", *points, "--out", "measured")
     targets = yaml.safe_load((tmp_path / "measured/targets.yaml").read_text())["targets"]
     assert [target["response"] for target in targets] == ["drawdown_above_deg", "drawdown_below_deg"]
     assert {target["apparatus"] for target in targets} == {"drawdown"}
@@ -167,12 +164,9 @@ def test_the_targets_are_those_of_the_bench_test(tmp_path, monkeypatch, capsys):
         (["--lens", "box0.png"], "--lens is .*nothing with --bench drawdown"),
         (["--mm-per-pixel", "0.2"], "--mm-per-pixel is 0.2; expected nothing with"),
     ):
-        assert main([*words, "--points", *points, "--out", "other", *more]) == 2
-        assert re.search(allowed, capsys.readouterr().err)
+        assert re.search(allowed, command(*words, "--points", *points, "--out", "other", *more, status=2).err)
     (tmp_path / "without.json").write_text(json.dumps({k: v for k, v in config.items() if k != "drawdown"}))
     without = [word.replace("mine.json", "without.json") for word in words]
-    assert main([*without, "--points", *points, "--out", "other"]) == 2
-    assert "Traceback" not in capsys.readouterr().err
-    assert main(["measure", "box0.png", "--bench", "hopper"]) == 2
+    assert "Traceback" not in command(*without, "--points", *points, "--out", "other", status=2).err
     allowed = "one of funnel, lifted_cylinder, turning, drawdown"
-    assert allowed in capsys.readouterr().err
+    assert allowed in command("measure", "box0.png", "--bench", "hopper", status=2).err

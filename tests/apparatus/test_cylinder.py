@@ -18,12 +18,9 @@ from repose.config.study import Study
 from repose.particle.build import ellipsoid_mesh, fit_particle
 
 TEST = cylinder.CylinderTest()
-
 SET = named((0.25, 0.5, 0.03, 0.3, 0.6, 0.2))
 SMALL = {"berries": 90, "rate_per_s": 150.0, "duration_s": 1.6, "diameter_mm": 60.0, "height_mm": 30.0}
 SMALL |= {"collar_mm": 60.0, "core_margin_mm": 5.0}
-
-
 config = partial(recommended, "cylinder")
 
 
@@ -151,7 +148,6 @@ def test_a_study_may_leave_out_taps_and_a_small_filling_has_both_densities():
     own, tapped = config(**SMALL), config(**SMALL, taps=100, tap_mm=20.0)
     longer = TEST.duration_s(SceneSettings(tapped)) - TEST.duration_s(SceneSettings(own))
     assert longer == pytest.approx(100 * (2 * math.sqrt(2 * 0.02 / 9.81) + 0.4))
-    own = config(**SMALL)
     own["targets"] = [own["targets"][0] | {"response": "tapped_density_kg_m3", "apparatus": "cylinder"}]
     assert dict(TEST.contradictions(SceneSettings(own))) == {
         "cylinder.taps": "1 or more, for tapped_density_kg_m3 is a target"

@@ -15,8 +15,6 @@ SPHERE = particle((SPHERE_MM, SPHERE_MM, SPHERE_MM))
 SET = named((0.25, 0.5, 0.03, 0.3, 0.6, 0.2))
 SPHERES = named((0.3, 0.3, 0.01, 0.3, 0.3, 0.01))  # smooth enough not to jam
 SMALL = {"berries": 40, "rate_per_s": 150.0, "open_from_s": 0.8, "longest_s": 2.0, "collar_mm": 60.0}
-
-
 config = partial(recommended, "discharge")
 
 

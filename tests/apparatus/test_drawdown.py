@@ -12,13 +12,10 @@ from repose.apparatus.job import run_once
 from repose.apparatus.settings import SceneSettings
 
 BOX = drawdown.DrawdownTest()
-
 SET = named((0.3, 0.4, 0.05, 0.3, 0.4, 0.05))
 SMALL = {"berries": 550, "rate_per_s": 600.0, "open_from_s": 1.5, "longest_s": 4.0, "width_mm": 160.0}
 SMALL |= {"depth_mm": 60.0, "height_mm": 140.0, "slot_mm": 60.0, "lower_width_mm": 360.0, "drop_mm": 120.0}
 GOOD = drawdown.Drained(filled=600, early=0, held=True, over_slot=0, energy_j=1e-12)
-
-
 config = partial(example, "drawdown")
 
 

@@ -19,13 +19,10 @@ from repose.measure.silhouette import Grains
 from repose.pictures import film
 
 TEST = drum.DrumTest()
-
 REPRESENTATIVE = named((0.203, 0.642, 0.037, 0.244, 0.483, 0.185))
 RADIUS_M = 0.095
 SMALL = {"berries": 60, "length_mm": 60.0, "outer_diameter_mm": 120.0, "factory_height_mm": 20.0}
 SMALL |= {"rate_per_s": 150.0, "rotate_from_s": 1.4, "report_s": 2.0, "longest_rotation_s": 1.0}
-
-
 config = partial(recommended, "drum")
 
 
@@ -201,9 +198,8 @@ def test_a_job_writes_what_tables_and_film_read(tmp_path):
         for state in drum.STATES:
             assert arrays[f"position_{state}"].shape == (60, 3)
     out = tmp_path / "drum.gif"
-    film.animate_drum(
-        tmp_path / "drum_3.npz", PARTICLE, out, drum.DrumSettings(**config(**keys)["drum"]), frames=2, width=60
-    )
+    section = drum.DrumSettings(**config(**keys)["drum"])
+    film.animate_drum(tmp_path / "drum_3.npz", PARTICLE, out, section, frames=2, width=60)
     with Image.open(out) as shown:
         assert (shown.n_frames, shown.size) == (2, (60, 60))
 

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from refusals import input_error
 
 from repose.apparatus import Scene, bench, kept_runs
 from repose.apparatus.bench_test import Run
@@ -14,7 +15,6 @@ from repose.apparatus.job import pour_job
 from repose.config import stands_on
 from repose.config.study import Study
 from repose.core import ledger, places, provenance
-from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
 
 CONFIG = Study.load(places.root() / "config/quick.yaml").config
@@ -134,6 +134,6 @@ def test_without_a_stage_nothing_is_taken(pours, tmp_path):
 
 def test_a_pour_into_somebodys_file_is_refused_before_it_is_poured(tmp_path):
     (tmp_path / "heap.npz").write_text("mine")
-    with pytest.raises(InputError, match=r"heap\.npz: file is 'there already'"):
-        pour_job(bench("funnel"), Scene.of({}, {}, {}, None), "heap", [1], tmp_path)
+    pour = bench("funnel"), Scene.of({}, {}, {}, None), "heap", [1], tmp_path
+    input_error(r"heap\.npz: file is 'there already'", pour_job, *pour)
     assert [path.name for path in tmp_path.iterdir()] == ["heap.npz"]

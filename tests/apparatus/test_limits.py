@@ -1,11 +1,11 @@
 """The longest time step of a study: check, pour and engine accept and refuse alike."""
 
 import copy
-from pathlib import Path
 
 import numpy as np
 import pytest
-from shared import put
+from random_pours.pour import SCENES, sized
+from shared import ROOT, put
 
 from repose.apparatus import Scene, bench, names
 from repose.apparatus.scene import longest_time_step
@@ -16,7 +16,7 @@ from repose.core.parameters import PARAMETERS
 from repose.particle import build, size_distribution
 from repose.particle.settings import GrainSettings
 
-CONFIG = Study.load(Path(__file__).parents[2] / "config/quick.yaml").config
+CONFIG = Study.load(ROOT / "config/quick.yaml").config
 AXES_MM = {"long_mm": 21.14, "major_mm": 11.37, "minor_mm": 9.88}
 SPREAD = {"scale_sd": 0.08, "scale_low": 0.78, "scale_high": 1.16}
 BERRY = AXES_MM | SPREAD | {"density_kg_m3": 840.47, "poisson_ratio": 0.32}
@@ -27,18 +27,13 @@ PARTICLES = {
     "rough": {"particle": "multisphere", "mass_g": 1.25, "spheres": 16, "surface": "rough"},
     "many": {"particle": "multisphere", "mass_g": 1.25, "spheres": 40},
 }
+MANY = {"berry.particle": "multisphere", "berry.spheres": 40, "simulation.tension": "release"}
+HARD = {"berry.shear_modulus_pa": 1e9, "berry.poisson_ratio": 0.3, "validation.published": None}
+STIFF = {"parameters.e_gg": [0.5, 0.9], "parameters.e_gp": [0.5, 0.9]}
 
 
 def particle_of(name):
     return build.of_settings(BERRY, GrainSettings.model_construct(**CONFIG["berry"] | {"stl": None} | PARTICLES[name]))
-
-
-def sized(particle, factor):
-    record = particle.record()
-    for key, power in {"semi_axes_mm": 1, "spheres_mm": 1, "bounding_radius_mm": 1, "mass_g": 3}.items():
-        record[key] = (np.array(record[key]) * factor**power).tolist()
-    record["inertia_g_mm2"] = (np.array(record["inertia_g_mm2"]) * factor**5).tolist()
-    return type(particle).of_record(record)
 
 
 def case(rng, particles):
@@ -74,13 +69,17 @@ def refused_by_pours(config, parameters, particle, berry):
     return refused != {""}
 
 
+def test_every_bench_test_has_a_scene_in_the_random_pours():
+    assert sorted(SCENES) == sorted(names())
+
+
 @pytest.mark.slow
 def test_check_and_pour_and_engine_agree():
     particles = {name: particle_of(name) for name in PARTICLES}
     rng = np.random.default_rng(20)
     for _ in range(300):
         config, berry, particle = case(rng, particles)
-        lowest = {name: range_low(config, name) for name in PARAMETERS}
+        lowest = {name: float(config["parameters"][name][0]) for name in PARAMETERS}
         limit = longest_time_step(Scene.of(config, lowest, berry, particle)).time_step_s
         smallest = size_distribution.smallest(config["berry"]["size_distribution"], berry)
 
@@ -95,15 +94,6 @@ def test_check_and_pour_and_engine_agree():
         config["simulation"]["time_step_s"] = 1.0001 * limit
         assert refused_by_check(config, particle, berry)
         assert refused_by_pours(config, lowest, particle, berry)
-
-
-def range_low(config, name):
-    return float(config["parameters"][name][0])
-
-
-MANY = {"berry.particle": "multisphere", "berry.spheres": 40, "simulation.tension": "release"}
-HARD = {"berry.shear_modulus_pa": 1e9, "berry.poisson_ratio": 0.3, "validation.published": None}
-STIFF = {"parameters.e_gg": [0.5, 0.9], "parameters.e_gp": [0.5, 0.9]}
 
 
 @pytest.mark.parametrize(("changes", "reason"), [

@@ -1,16 +1,14 @@
 """Whether piles can have angle and Height at once: closed forms, the article's pair, samples of known shape."""
 
-import copy
 import json
 import math
 
 import numpy as np
 import pandas as pd
 import pytest
+from shared import ROOT
 
 from repose.apparatus import funnel, reach, scene_size
-from repose.config.study import Study
-from repose.core import places
 from repose.core.targets import completed
 from repose.measure.angles import DEFINITIONS
 from repose.measure.settings import MeasureSettings
@@ -26,11 +24,6 @@ WHOLE = {"response": "whole"}
 def grain(axes_mm=reach.GRAIN_MM, volume_m3=BERRY_M3):
     half = np.array([axes_mm]) * 5e-4
     return Particle("ellipsoid", half, 840.47, volume_m3, 1e-3, np.ones(3), float(half.max()), 0.0, 0.0)
-
-
-@pytest.fixture
-def config():
-    return copy.deepcopy(Study.load(places.root() / "config/config.yaml").config)
 
 
 def judged(config, line, dataset_csv=None, particle=None):
@@ -131,8 +124,8 @@ def test_the_band_of_other_numbers_and_grains_says_so(config):
 
 @pytest.mark.parametrize("crop", ["maize", "rapeseed", "soybean", "wheat"])
 def test_the_band_holds_for_grains_that_the_table_has_not(crop):
-    folder = places.root() / "results/published/crops" / crop
-    own = json.loads((places.root() / f"crops/cards/{crop}.json").read_text())["grain"]
+    folder = ROOT / "results/published/crops" / crop
+    own = json.loads((ROOT / f"crops/cards/{crop}.json").read_text())["grain"]
     body = grain(own["mean_axes_mm"], 1e-9 * own["volume_mm3"])
     config = json.loads((folder / "config.json").read_text())
     table = pd.read_csv(folder / "dataset.csv").query("status == 'ok'")

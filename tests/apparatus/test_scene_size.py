@@ -1,22 +1,15 @@
 """How many grains a pile needs, by the table of piles of the engine's own."""
 
-import subprocess
-import sys
-
 import pandas as pd
 import pytest
 import yaml
+from shared import run_python
 
 from repose.apparatus import funnel, scene_size
-from repose.cli import main
 from repose.config.check import about
 from repose.config.study import Study
-from repose.core import places
 
-
-@pytest.fixture(scope="module")
-def config():
-    return Study.load(places.root() / "config/config.yaml").config
+SEEDS = 1.8, 1.6, 1.5  # mm
 
 
 def with_grains(config, grains, response="secant"):
@@ -45,9 +38,8 @@ def test_a_change_is_that_of_the_table_and_a_scaled_scene_keeps_its_proportions(
     section = funnel.FunnelSettings(**own)
     smaller = scene_size.scaled(section, 4, 13.34)
     assert smaller["plate_diameter_mm"] == pytest.approx(own["plate_diameter_mm"] / 5)
-    assert (
-        smaller["inlet_diameter_mm"] == 2 * smaller["outlet_diameter_mm"]
-    )  # a fifth would be narrower than the outlet
+    # a fifth would be narrower than the outlet
+    assert smaller["inlet_diameter_mm"] == 2 * smaller["outlet_diameter_mm"]
     assert smaller["rate_per_s"] == pytest.approx(own["rate_per_s"] * 5**-2.5)
     assert smaller["outlet_diameter_mm"] == pytest.approx(min(own["outlet_diameter_mm"], 2.4 * 13.34))
     assert scene_size.scaled(section, own["berries"], 13.34) == own | dict.fromkeys(scene_size.COMPUTED, "auto")
@@ -59,26 +51,21 @@ def test_a_large_scene_gets_a_smaller_one_inside_the_table(config):
     assert small[0].startswith("grains: the pile is 4.9 grains high.")
     assert f"from {scene_size.enough(500, 'secant')} grains on it is within 1 deg of that of 500" in small[0]
     flank = next(scene_size.advice(with_grains(config, 500, "flank"), 13.34, 65.0))
-    assert flank.endswith(
-        f"no smaller number is within 1 deg of that of 500, but the secant from {scene_size.enough(500, 'secant')} on"
-    )
+    secant = f"but the secant from {scene_size.enough(500, 'secant')} on"
+    assert flank.endswith(f"no smaller number is within 1 deg of that of 500, {secant}")
     _, _, pasted, targets = scene_size.advice(with_grains(config, 1000), 13.34, 65.0)
     keys = yaml.safe_load(pasted)["funnel"]
     assert keys["berries"] == scene_size.enough(1000, "secant")
     before, after = config["targets"][-1], yaml.safe_load(targets)["targets"][-1]
     assert before["response"] == after["response"] == "height_mm"
-    share = (keys["berries"] / 1000) ** (1 / 3) * scene_size.change(1000, keys["berries"], "secant").height
+    length = (keys["berries"] / 1000) ** (1 / 3)
+    share = length * scene_size.change(1000, keys["berries"], "secant").height
     assert after["value"] / before["value"] == pytest.approx(share, rel=1e-3)
-    assert keys["inlet_diameter_mm"] == pytest.approx(
-        config["funnel"]["inlet_diameter_mm"] * (keys["berries"] / 1000) ** (1 / 3), rel=1e-3
-    )
+    assert keys["inlet_diameter_mm"] == pytest.approx(config["funnel"]["inlet_diameter_mm"] * length, rel=1e-3)
     Study.of({**config, "funnel": config["funnel"] | keys})
     largest = max(scene_size.numbers())
     _, smaller, *_ = scene_size.advice(config, 13.34, 65.0, 25 * largest)
     assert "have not been compared" in smaller
-
-
-SEEDS = 1.8, 1.6, 1.5  # mm
 
 
 @pytest.fixture
@@ -92,25 +79,21 @@ def seeds(tmp_path):
         "cone_angle_deg": 60.0, "outlet_height_mm": 100.0, "plate_diameter_mm": 400.0, "rim_radius_mm": 10.0,
         "duration_s": 20.0,
     }  # fmt: skip
-    targets = [
-        {"response": name, "value": value, "sd": 0.02 * value, "repetitions": 5}
-        for name, value in (("aor_deg", 30.0), ("height_mm", 60.0))
-    ]
+    values = {"aor_deg": 30.0, "height_mm": 60.0}
+    targets = [{"response": name, "value": mean, "sd": 0.02 * mean, "repetitions": 5} for name, mean in values.items()]
     parameters = {"mus_gg": [0.2, 0.9], "mur_gg": [0.005, 0.1]}
     parameters |= {name: {"fixed": 0.5} for name in ("e_gg", "mus_gp", "mur_gp", "e_gp")}
-    study = {
+    return {
         "label": "seeds", "berry": {"sizes": str(tmp_path / "sizes.csv"), "density_kg_m3": 1150.0} | shape,
         "wall": shape, "parameters": parameters, "funnel": scene, "targets": targets, "design": {"samples": 30},
         "surrogate": "gaussian_process", "validation": {"solutions": 1, "representative_seeds": 8, "seeds": 4},
         "results_dir": str(tmp_path / "results"),
     }  # fmt: skip
-    return study
 
 
 def lines_of(study, path):
     path.write_text(yaml.safe_dump(study))
-    loaded = Study.load(path, inputs=True)
-    return list(about(loaded))
+    return list(about(Study.load(path, inputs=True)))
 
 
 @pytest.mark.parametrize("response", ["flank", "secant"])
@@ -125,13 +108,12 @@ def test_fine_seeds_get_a_smaller_scene_that_the_check_calls_good(seeds, tmp_pat
     assert [line for line in again if "WARNING" in line] == []
 
 
-def test_more_grains_than_a_study_takes_are_refused_with_a_smaller_scene(seeds, tmp_path, capsys):
+def test_more_grains_than_a_study_takes_are_refused_with_a_smaller_scene(seeds, tmp_path, command):
     seeds["funnel"]["berries"] = 250_000
     path = tmp_path / "config.yaml"
     path.write_text(yaml.safe_dump(seeds))
     for verb in ("check", "plan"):
-        assert main([verb, "--config", str(path)]) != 0
-        out, error = capsys.readouterr()
+        out, error = command(verb, "--config", path, status=2)
         assert "funnel.berries is 250000" in error
         assert "smaller scene: 1000 grains take" in out
         assert yaml.safe_load(next(line for line in out.splitlines() if line.startswith("funnel: {")))
@@ -146,6 +128,4 @@ def test_a_pile_that_reaches_the_outlet_is_told(seeds, tmp_path):
 def test_a_process_that_pours_and_measures_does_not_wait_for_what_it_does_not_use():
     used = "repose.cli, repose.apparatus.job, repose.config.study, repose.config.stands_on, repose.measure.pile"
     slow = {"pandas", "scipy.spatial", "scipy.sparse", "scipy.stats", "yaml", "matplotlib", "repose.surrogate.kinds"}
-    code = f"import sys, {used}; print(*({slow} & set(sys.modules)))"
-    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
-    assert done.stdout == "\n"
+    assert run_python("-c", f"import sys, {used}; print(*({slow} & set(sys.modules)))") == "\n"

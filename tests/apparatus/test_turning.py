@@ -15,13 +15,10 @@ from repose.measure import bed as measure_bed
 from repose.measure.silhouette import Grains
 
 TEST = turning.TurningTest()
-
 ROUGH = named((0.2, 0.6, 0.04, 0.25, 0.6, 0.2))
 SMOOTH = ROUGH | {"mus_gg": 0.0, "mur_gg": 0.0, "mus_gp": 0.0, "mur_gp": 0.0}
 SMALL = {"berries": 60, "length_mm": 60.0, "outer_diameter_mm": 120.0, "factory_height_mm": 20.0}
 SMALL |= {"rate_per_s": 150.0, "rotate_from_s": 0.6, "measure_from_s": 1.2, "measure_until_s": 1.8}
-
-
 config = partial(recommended, "turning")
 
 
@@ -114,10 +111,12 @@ def test_speeds_have_their_times_angles_and_profiles_and_a_run_is_judged():
 
 def test_a_drum_goes_on_from_its_first_speed_friction_lifts_its_bed_and_tilting_lowers_an_end():
     short = SMALL | {"measure_from_s": 0.2, "measure_until_s": 0.4, "record_s": 0.1}
-    once, twice = (
-        TEST.run(Scene.of(config(**short, **more), ROUGH, BERRY, PARTICLE, 1))
-        for more in ({}, {"angular_velocity_rad_s": [0.8, 3.2]})
-    )
+
+    def ran(own, values):
+        return TEST.run(Scene.of(own, values, BERRY, PARTICLE, 1))
+
+    once = ran(config(**short), ROUGH)
+    twice = ran(config(**short, angular_velocity_rad_s=[0.8, 3.2]), ROUGH)
     assert (once.record["status"], twice.record["status"]) == ("ok", "ok")
     assert "speed" not in once.arrays
     assert twice.arrays["speed"].tolist() == [0] * len(once.arrays["time_s"]) + [1] * len(once.arrays["time_s"])
@@ -137,9 +136,7 @@ def test_a_drum_goes_on_from_its_first_speed_friction_lifts_its_bed_and_tilting_
     fall = 9.81 * simulation.time_s
     lean = np.radians(20.0)
     assert simulation.velocities[0] == pytest.approx([0.0, fall * np.sin(lean), -fall * np.cos(lean)], abs=1e-9)
-    level, leaning = (
-        TEST.run(Scene.of(each, SMOOTH, BERRY, PARTICLE, 1)) for each in (config(**SMALL, tilt_deg=0.0), tilted)
-    )
+    level, leaning = ran(config(**SMALL, tilt_deg=0.0), SMOOTH), ran(tilted, SMOOTH)
     assert (level.record["status"], leaning.record["status"]) == ("ok", "ok")
     across = [run.arrays["position"][..., 1].mean() for run in (level, leaning)]
     # of a liquid of the bed's depth h in a drum of length L the centre lies tan(20) L^2 / (12 h) off, some 5 mm

@@ -16,21 +16,15 @@ def content(folder):
 
 
 @pytest.fixture
-def refused(tmp_path, monkeypatch, capsys):
+def refused(tmp_path, monkeypatch, command):
     """Runs a verb that must end with status 2, a sentence for each fault, and nothing written; gives the sentences."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(cli, "parser", one_parser)
 
     def run(*words):
         before = content(tmp_path)
-        words = [str(word) for word in words]
-        try:
-            status = cli.main([cli.STAGE, *words] if words[:1] and words[0] in cli.STAGES else words)
-        except SystemExit as end:
-            status = end.code
-        captured = capsys.readouterr()
-        output = captured.err
-        assert status == 2, f"status {status}: {captured.out}{output}"
+        stage = [cli.STAGE] if words[:1] and words[0] in cli.STAGES else []
+        output = command(*stage, *words, status=2).err
         assert "Traceback" not in output
         lines = [line for line in output.splitlines() if "error: " in line]
         assert lines, output

@@ -85,9 +85,8 @@ def bad_values(schema):
 
 
 def faults_of(config):
-    with pytest.raises(InputError) as caught:
-        Study.of(config, "mine.yaml")
-    found = getattr(caught.value, "faults", [caught.value])
+    error = input_error("mine.yaml", Study.of, config, "mine.yaml")
+    found = getattr(error, "faults", [error])
     assert all(fault.source == "mine.yaml" and fault.allowed for fault in found)
     return {fault.key: fault for fault in found}
 

@@ -1,17 +1,14 @@
 """Every verb, with each of its files replaced by something that is none, and with options that it cannot take."""
 
 import json
-import re
 from pathlib import Path
 
 import numpy as np
-import pytest
-from shared import check_all
+from shared import ROOT, check_all
 
-from repose.cli import VERBS, main
-from repose.core.parameters import PARAMETERS
+from repose.cli import VERBS
 
-BERRY = Path(__file__).parents[2] / "results/published/recommended/berry"
+BERRY = ROOT / "results/published/recommended/berry"
 WRITES = ("out", "overlay", "stl")
 OWN = f"--config={Path(__file__).with_name('own.yaml')}"
 # The words besides files that a verb needs before it reads any.
@@ -28,64 +25,6 @@ GARBAGE = {
     "deep": b"[" * 1200,  # above Python's limit of 1000; the time grows with its square
     "words": b"these are only some words\nand more of them, with a comma\n",
 }  # fmt: skip
-
-
-def files_of(verb):
-    for option in verb.options:
-        name, keywords = option.names[0], option.keywords
-        key = name.lstrip("-").replace("-", "_")
-        plain = keywords.get("type") is None and "action" not in keywords and "choices" not in keywords
-        if plain and key not in (*WRITES, "name", "title", "cell", "prefix", "config", "apparatus"):
-            yield name, keywords
-
-
-def call_of(name, path, every=True):
-    """Words of a verb with this path for its files; without `every` for those that it needs."""
-    words = [name, *NEEDED.get(name, [])]
-    for option, keywords in files_of(VERBS[name]):
-        if not option.startswith("-"):
-            words.append(str(path))
-        elif every or keywords.get("required"):
-            words.append(f"{option}={path}")
-    return words + [f"--input={key}={path}" for key in INPUTS_OF_A_FIGURE if name == "figure"]
-
-
-# What these read has its own tests: any file has a provenance, and a report takes files by name.
-ELSEWHERE = ("run", "provenance", "report")
-READING = sorted(name for name, verb in VERBS.items() if name not in ELSEWHERE and any(files_of(verb)))
-
-
-def test_verbs_refuse_files_and_configurations_that_they_cannot_read(refused, tmp_path):
-    garbage = {kind: tmp_path / f"{kind}.json" for kind in ("missing", "folder", *GARBAGE)}
-    garbage["folder"].mkdir()
-    for kind, content in GARBAGE.items():
-        garbage[kind].write_bytes(content)
-
-    def check(name, path):
-        assert path.stem in refused(*call_of(name, path))
-
-    check_all(check, [(f"{name} {kind}", name, path) for name in READING for kind, path in garbage.items()])
-
-    def check(name, config):
-        message = refused(*call_of(name, "some_file", every=False), f"--config={config}")
-        assert config.stem in message or "some_file" in message
-
-    del garbage["header"]  # a line of text, which YAML takes for a value
-    del garbage["deep"]  # every verb reads it by the same function, see test_configuration.py
-    check_all(check, [(f"{name} {kind}", name, path) for name in WITH_CONFIG for kind, path in garbage.items()])
-
-
-WITH_CONFIG = sorted(name for name, verb in VERBS.items() if any("--config" in option.names for option in verb.options))
-
-
-def test_what_options_are_not_there_or_cannot_take(refused):
-    def check(name):
-        assert "--no-such-option" in refused(*call_of(name, "some_file", every=False), "--no-such-option")
-
-    check_all(check, [(name, name) for name in sorted(set(VERBS) - {"run"})])
-    check_all(lambda words: refused(*words), [(" ".join(words), words) for words in BAD_VALUES])
-
-
 AXES = ["--axes", "17", "11", "9", "--stl=a.stl"]
 WRONG_AXES = (["0", "1", "1"], ["-1", "1", "1"], ["nan", "1", "1"], ["inf", "1", "1"], ["9", "11", "17"])
 LENGTHS = (
@@ -128,8 +67,63 @@ BAD_VALUES = (
     ["marker", "--out=sheet.png"],
     *([], ["no_such_verb"], ["--no-such-option"], ["Heap"], [""]),
 )
+CARD = ROOT / "crops/cards/wheat.json"
+# What these read has its own tests: any file has a provenance, and a report takes files by name.
+ELSEWHERE = ("run", "provenance", "report")
 
-CARD = Path(__file__).parents[2] / "crops/cards/wheat.json"
+
+def files_of(verb):
+    for option in verb.options:
+        name, keywords = option.names[0], option.keywords
+        key = name.lstrip("-").replace("-", "_")
+        plain = keywords.get("type") is None and "action" not in keywords and "choices" not in keywords
+        if plain and key not in (*WRITES, "name", "title", "cell", "prefix", "config", "apparatus"):
+            yield name, keywords
+
+
+def call_of(name, path, every=True):
+    """Words of a verb with this path for its files; without `every` for those that it needs."""
+    words = [name, *NEEDED.get(name, [])]
+    for option, keywords in files_of(VERBS[name]):
+        if not option.startswith("-"):
+            words.append(str(path))
+        elif every or keywords.get("required"):
+            words.append(f"{option}={path}")
+    return words + [f"--input={key}={path}" for key in INPUTS_OF_A_FIGURE if name == "figure"]
+
+
+READING = sorted(name for name, verb in VERBS.items() if name not in ELSEWHERE and any(files_of(verb)))
+
+
+def test_verbs_refuse_files_and_configurations_that_they_cannot_read(refused, tmp_path):
+    garbage = {kind: tmp_path / f"{kind}.json" for kind in ("missing", "folder", *GARBAGE)}
+    garbage["folder"].mkdir()
+    for kind, content in GARBAGE.items():
+        garbage[kind].write_bytes(content)
+
+    def check(name, path):
+        assert path.stem in refused(*call_of(name, path))
+
+    check_all(check, [(f"{name} {kind}", name, path) for name in READING for kind, path in garbage.items()])
+
+    def check(name, config):
+        message = refused(*call_of(name, "some_file", every=False), f"--config={config}")
+        assert config.stem in message or "some_file" in message
+
+    del garbage["header"]  # a line of text, which YAML takes for a value
+    del garbage["deep"]  # every verb reads it by the same function, see test_configuration.py
+    check_all(check, [(f"{name} {kind}", name, path) for name in WITH_CONFIG for kind, path in garbage.items()])
+
+
+WITH_CONFIG = sorted(name for name, verb in VERBS.items() if any("--config" in option.names for option in verb.options))
+
+
+def test_what_options_are_not_there_or_cannot_take(refused):
+    def check(name):
+        assert "--no-such-option" in refused(*call_of(name, "some_file", every=False), "--no-such-option")
+
+    check_all(check, [(name, name) for name in sorted(set(VERBS) - {"run"})])
+    check_all(lambda words: refused(*words), [(" ".join(words), words) for words in BAD_VALUES])
 
 
 def test_cards_of_other_studies_or_simulators_and_arrays_of_another_kind_are_refused(refused, tmp_path):
@@ -147,17 +141,3 @@ def test_cards_of_other_studies_or_simulators_and_arrays_of_another_kind_are_ref
     (tmp_path / "a.pours.json").write_text(json.dumps({"pours": [{"seed": 1, "status": "ok"}], "sample": 1}))
     berry = [f"--{name}={BERRY / name}.json" for name in ("berry", "particle")]
     assert "position_1" in refused("stage", "measure_runs", "a.pours.json", *berry)
-
-
-@pytest.mark.parametrize(("column", "cell", "words"), [
-    *(("e_gg", cell, "a number") for cell in ("1_0", "\uff10.3", "1:30")), ("gamma_gg", "0.2", "no such column"),
-    ("sample", "1", "each sample once"),
-])  # fmt: skip
-def test_a_cell_of_a_samples_table_is_refused_by_name(column, cell, words, tmp_path, capsys):
-    row = dict(zip(("sample", *PARAMETERS), ("1", ".2", ".5", ".05", ".3", ".5", ".1"), strict=True))
-    rows = [row, row | {"sample": "1"}] if column == "sample" else [row | {column: cell}]
-    text = "\n".join([",".join(rows[0]), *(",".join(one.values()) for one in rows)])
-    (tmp_path / "s.csv").write_text(f"{text}\n", encoding="utf-8")
-    words_of = ("--samples", str(tmp_path / "s.csv"), "--sample", "1", "--seed", "1", "--out", str(tmp_path / "out"))
-    assert main(["stage", "pour", *words_of]) == 2
-    assert re.search(rf"s\.csv.*{column} is .*{words}", capsys.readouterr().err)

@@ -3,7 +3,6 @@
 import json
 import re
 import textwrap
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,7 +10,7 @@ import pytest
 import shared
 from refusals import input_error
 from scipy import stats
-from shared import studied, targets_of
+from shared import ROOT, studied, targets_of
 
 from repose import strategies
 from repose.chain import answer, expected_loss
@@ -20,10 +19,14 @@ from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
 
-ROOT = Path(__file__).parents[2]
 TARGET = {
     "response": "aor_deg", "apparatus": "funnel", "value": 32.0, "sd": 2.0, "repetitions": 10, "range": [31.0, 34.0],
 }  # fmt: skip
+INSIDE, OF_TWO = "the simulated means lie inside both ranges.", "predicted inside both ranges; "
+LOW = "he simulated angle of repose lies 1 deg below its range"
+HANDLER = re.search(r"^onsuccess:\n((?: {4}.*\n)+)", (ROOT / "workflow/Snakefile").read_text(), re.MULTILINE)
+SPACE = ParameterSpace.of({name: [0.0, 1.0] for name in PARAMETERS})
+TARGETS = targets_of(height_mm=66.0)
 
 
 def study(folder, simulated, feasible=True):
@@ -76,9 +79,8 @@ def test_a_prediction_outside_the_targets_is_no_answer_even_where_the_simulation
     assert not found.met
     lines = str(found).splitlines()
     assert lines[0].startswith("wheat: targets NOT met. Angle of repose 32.5 +- 0.25 deg")
-    assert lines[0].endswith(
-        " No parameter set is predicted inside the range; the simulated mean lies inside the range."
-    )
+    reason = " No parameter set is predicted inside the range; the simulated mean lies inside the range."
+    assert lines[0].endswith(reason)
     assert lines[1:3] == ["The search: nothing met.", "The nearest parameters:"]
     assert lines[-1].startswith("What helps: wider parameters or targets; ")
     assert found.out_of_reach
@@ -89,9 +91,8 @@ def test_failed_runs_have_no_number_and_a_study_that_has_not_run_is_reported(tmp
     assert not found.met
     assert np.isnan(found.checks[0].margin)
     assert "no number" in str(found)
-    assert found.verdict.endswith(
-        "Angle of repose without a number (measured 32). The angle of repose has no number, as its runs ended ok."
-    )
+    reason = "The angle of repose has no number, as its runs ended ok."
+    assert found.verdict.endswith(f"Angle of repose without a number (measured 32). {reason}")
     assert found.within == {1.0: None, 2.0: None}
     assert "the distance of the means from their targets is unknown" in str(found)
     input_error(r"summary\.json", read, {"label": "wheat", "results_dir": str(tmp_path / "no"), "targets": [TARGET]})
@@ -111,10 +112,6 @@ def of_two(feasible=True, out_of_reach=False, angle=32.0, height=66.0, status="o
         answer.Check("my_mm", "own", "mm", 66.0, 2.0, 5, 64.0, 68.0, height, 0.5, 9, status),
     )
     return answer.Result("two", {}, feasible, "", checks, "", {}, out_of_reach=out_of_reach)
-
-
-INSIDE, OF_TWO = "the simulated means lie inside both ranges.", "predicted inside both ranges; "
-LOW = "he simulated angle of repose lies 1 deg below its range"
 
 
 @pytest.mark.parametrize(("given", "met", "reason"), [
@@ -148,9 +145,6 @@ def test_out_of_reach_is_a_miss_that_was_predicted(summary, out_of_reach):
     assert answer.out_of_reach(summary) is out_of_reach
 
 
-HANDLER = re.search(r"^onsuccess:\n((?: {4}.*\n)+)", (ROOT / "workflow/Snakefile").read_text(), re.MULTILINE)
-
-
 @pytest.mark.parametrize("strategy", strategies.names())
 @pytest.mark.parametrize("simulated", [32.0, 30.0])
 @pytest.mark.parametrize("feasible", [True, False])
@@ -165,10 +159,8 @@ def test_a_finished_run_of_each_strategy_prints_the_verdict_first_and_ends_well(
     known |= {"STUDY": studied(study(tmp_path, simulated, feasible))}
     known |= {"CALL": SimpleNamespace(made=lambda path, results: (path, results) == ("t4.csv", str(tmp_path)))}
     exec(textwrap.dedent(HANDLER[1]), known)
-    first = capsys.readouterr().out.splitlines()[0]
-    assert first.startswith(
-        f"wheat: targets {'met' if feasible and simulated == 32.0 else 'NOT met'}. Angle of repose "
-    )
+    met = "met" if feasible and simulated == 32.0 else "NOT met"
+    assert capsys.readouterr().out.startswith(f"wheat: targets {met}. Angle of repose ")
 
 
 def runs_of(values, names):
@@ -201,10 +193,6 @@ def test_the_mean_given_few_runs_and_chances_of_one_bench_test_and_of_two():
     product = chance["aor_deg"] * chance["drum_slip_deg"]
     assert 0.2 < product < 0.9
     assert chance["all"] == pytest.approx(product, abs=0.005)
-
-
-SPACE = ParameterSpace.of({name: [0.0, 1.0] for name in PARAMETERS})
-TARGETS = targets_of(height_mm=66.0)
 
 
 class Sure:

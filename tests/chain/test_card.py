@@ -10,14 +10,13 @@ import jsonschema
 import numpy as np
 import pandas as pd
 import pytest
-import shared
 from refusals import input_error, not_refused
+from shared import ROOT, TARGETS, settings_of, studied
 
 from repose.chain import answer, card, card_library, card_text
 from repose.chain.card import described
 from repose.chain.card_model import schema
 from repose.chain.chance import PERCENT
-from repose.cli import main
 from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
@@ -28,16 +27,19 @@ from repose.measure.angles import MEAN_KEYS
 from repose.particle.berry_files import read_berry
 from repose.particle.particle import Particle
 
-ROOT = Path(__file__).parents[2]
 STUDY = ROOT / "results/published/recommended"
-HEIGHT = shared.TARGETS[1]
+HEIGHT = TARGETS[1]
 FIXED = {"e_gp": {"fixed": 0.3}}
 HELD = {"low", "high", "at_bound", "widened"}
+SPACE = ParameterSpace.of({name: [0.2, 0.7] if name == "mus_gg" else [0.1, 0.5] for name in PARAMETERS})
+CARDS = sorted([*(ROOT / "results/published").rglob("card.json"), *(ROOT / "crops/cards").glob("*.json")])
+ABOVE = "The simulated Height lies 11 mm above its range."
+MISSED = f"targets NOT met. Height 80 +- 0.4 mm (measured 65.57, +22.0 %). {ABOVE}"
+SMALL = "wheat: a small run, its numbers are no calibration: "
 
 
 @pytest.fixture
-def config(monkeypatch):
-    monkeypatch.chdir(ROOT)
+def config():
     found = copy.deepcopy(Study.load("config/config.yaml").config)
     found["parameters"] |= FIXED
     found["targets"] = [target for target in found["targets"] if target["response"] == "height_mm"]
@@ -67,7 +69,7 @@ def made(config, solutions, posterior=None, simulated=66.0, runs=32, within=0.5,
     found = answer.Result("wheat", values, True, "", checks, Path("results"), {1.0: 0.25, 2.0: within}, **known)
     berry = read_berry(STUDY / "berry/berry.json")
     particle = Particle.of_record(record_of_an_ellipsoid())
-    return card.make(shared.studied(config), found, berry, particle, solutions, posterior)
+    return card.make(studied(config), found, berry, particle, solutions, posterior)
 
 
 def record_of_an_ellipsoid():
@@ -87,12 +89,10 @@ def test_a_card_has_the_intervals_of_the_sets_or_of_the_posterior(config, soluti
     assert made_card["correlations"]["mus_gg"]["mur_gg"] == -1.0
     assert abs(made_card["correlations"]["e_gg"]["mus_gp"]) < 0.1
     assert made_card["interval"] == card.RANGE
-    made_card = made(config, solutions)
-    assert made_card["parameters"]["e_gp"] | {"meaning": ""} == {
-        "meaning": "", "value": 0.3, "low": None, "high": None, "given": "fixed",
-    }  # fmt: skip
+    fixed = {"meaning": "", "value": 0.3, "low": None, "high": None, "given": "fixed"}
+    assert parameters["e_gp"] | {"meaning": ""} == fixed
     assert "e_gp" not in made_card["correlations"]
-    grain = made(config, solutions)["grain"]
+    grain = made_card["grain"]
     assert grain["ellipsoids_mm"] == [[4.0, 2.0, 1.0]]
     assert grain["volume_mm3"] == pytest.approx(4 / 3 * np.pi * 8, rel=1e-5)
     assert grain["spheres_mm"] == []
@@ -103,9 +103,6 @@ def test_a_card_has_the_intervals_of_the_sets_or_of_the_posterior(config, soluti
     assert made_card["interval"] == card.POSTERIOR
     assert (made_card["parameters"]["e_gg"]["low"], made_card["parameters"]["e_gg"]["high"]) == (0.21, 0.39)
     assert made_card["correlations"]["mus_gg"]["mur_gg"] == 1.0
-
-
-SPACE = ParameterSpace.of({name: [0.2, 0.7] if name == "mus_gg" else [0.1, 0.5] for name in PARAMETERS})
 
 
 @pytest.mark.parametrize(("value", "expected", "words"), [
@@ -145,11 +142,6 @@ def test_an_interval_that_begins_at_a_bound_tells_it_on_card_and_in_words(config
     assert words["mus_gg"].endswith("static friction, grain-grain")
 
 
-ABOVE = "The simulated Height lies 11 mm above its range."
-MISSED = f"targets NOT met. Height 80 +- 0.4 mm (measured 65.57, +22.0 %). {ABOVE}"
-SMALL = "wheat: a small run, its numbers are no calibration: "
-
-
 @pytest.mark.parametrize(("given", "fields", "status", "first"), [
     ({}, {"met": True, "out_of_reach": False, "reason": "The simulated mean lies inside the range."}, 0,
      "wheat: targets met. Height 66 +- 0.4 mm (measured 65.57, +0.7 %)."),
@@ -158,37 +150,33 @@ SMALL = "wheat: a small run, its numbers are no calibration: "
      {"met": False, "out_of_reach": True, "small_run": True}, 3, f"{SMALL}{MISSED}"),
 ])  # fmt: skip
 def test_a_script_asks_the_card_whether_the_targets_are_met(
-    given, fields, status, first, config, solutions, tmp_path, capsys
+    given, fields, status, first, config, solutions, tmp_path, command
 ):
     found, path = made(config, solutions, **given), tmp_path / "card.json"
     card.check(found, "card")
     assert {name: found[name] for name in fields} == fields
     assert ("small_run" in found) is ("small_run" in given)
     path.write_text(json.dumps(found))
-    assert main(["card", "check", str(path)]) == status
-    lines = capsys.readouterr().out.splitlines()
+    lines = command("card", "check", path, status=status).out.splitlines()
     assert lines == [first, *([found["reason"]] if status == 0 else [])]
-    assert main(["card", "show", str(path)]) == 0
-    assert capsys.readouterr().out.splitlines()[1] == found["reason"]
+    assert command("card", "show", path).out.splitlines()[1] == found["reason"]
 
 
-def test_a_card_of_before_the_reason_is_read_and_judged(tmp_path, capsys):
-    status = {path: main(["card", "check", str(path)]) for path in CARDS}
-    assert [path for path, code in status.items() if code != (0 if card.read(path)["met"] else 3)] == []
-    assert "which gave no reason" in capsys.readouterr().out
+def test_a_card_of_before_the_reason_is_read_and_judged(tmp_path, command):
+    said = [command("card", "check", path, status=0 if card.read(path)["met"] else 3).out for path in CARDS]
+    assert "which gave no reason" in "".join(said)
     (tmp_path / "bad.json").write_text("{}")
     for path in (tmp_path / "bad.json", tmp_path / "none.json"):
-        assert main(["card", "check", str(path)]) == 2
-        assert str(path) in capsys.readouterr().err
-    assert main(["card", "check", *2 * [str(CARDS[0])]]) == 2
+        assert str(path) in command("card", "check", path, status=2).err
+    command("card", "check", CARDS[0], CARDS[0], status=2)
 
 
 def test_a_card_describes_the_laws_of_the_study(config):
-    result = card.laws(shared.settings_of(config).simulation)
+    result = card.laws(settings_of(config).simulation)
     assert result["normal"].startswith("Hertz")
     assert "mu_s times the size of the damped normal force" in result["tangential"]
     config["simulation"] |= {"contact_law": "linear_spring", "tension": "keep"}
-    other = card.laws(shared.settings_of(config).simulation)
+    other = card.laws(settings_of(config).simulation)
     assert other["normal"].startswith("linear spring")
     assert "mu_r times the elastic part of the normal force" in other["rolling"]
     assert set(result) == set(other) == {"normal", "tangential", "rolling", "end of an impact"}
@@ -202,13 +190,13 @@ def test_each_test_gives_its_definition_and_how_the_bench_test_is_done(config, s
     assert "seeds" not in height["bench"]
     config["targets"] = [config["targets"][0] | {"response": "aor_deg", "value": 30.0, "range": [29.0, 31.0]}]
     config["measure"] |= {"response": "flank", "fit_from": 0.2}
-    angle = described(shared.studied(config), response("aor_deg"), read_berry(STUDY / "berry/berry.json"))["definition"]
+    angle = described(studied(config), response("aor_deg"), read_berry(STUDY / "berry/berry.json"))["definition"]
     assert angle["name"] == "angle, flank"
     assert (angle["settings"]["fit_from"], angle["settings"]["fit_to"]) == (0.2, 0.8)
     # Eq. 1 of the mean axes, where the configuration has no height of a grain
     assert angle["settings"]["berry_height_mm"] == pytest.approx((21.14 * 11.37 * 9.88) ** (1 / 3), rel=1e-3)
     config["measure"]["response"] = "secant"
-    secant = described(shared.studied(config), response("aor_deg"), {})["definition"]
+    secant = described(studied(config), response("aor_deg"), {})["definition"]
     assert secant["name"] == "angle, secant"
     assert "fit_from" not in secant["settings"]
 
@@ -228,7 +216,7 @@ def test_a_card_says_whether_piles_can_have_its_angle_at_its_height(config, solu
     card.check(found, "card")
 
 
-def test_an_angle_of_a_pile_has_its_line_and_the_same_piles_by_every_other(config, solutions, capsys, tmp_path):
+def test_an_angle_of_a_pile_has_its_line_and_the_same_piles_by_every_other(config, solutions, command, tmp_path):
     config["targets"] = [config["targets"][0] | {"response": "aor_deg", "value": 30.0, "range": [29.0, 31.0]}]
     config["measure"] |= {"response": "secant", "fit_from": 0.3, "fit_to": 0.8, "flank": "levels"}
     check = answer.Check("aor_deg", "funnel", "deg", 30.0, 1.0, 10, 29.0, 31.0, 30.5, 0.4, 32, "ok")
@@ -236,15 +224,13 @@ def test_an_angle_of_a_pile_has_its_line_and_the_same_piles_by_every_other(confi
     row = {name: 30.0 + k for k, name in enumerate(MEAN_KEYS.values())}
     row |= {error_of(name): 0.5 for name in MEAN_KEYS.values()} | {"aor_whole_deg": math.nan}
     berry, particle = read_berry(STUDY / "berry/berry.json"), Particle.of_record(record_of_an_ellipsoid())
-    study = shared.studied(config)
-    for given in (row, None):
-        made_card = card.make(study, found, berry, particle, solutions, row=given)
+    for given in (None, row):
+        made_card = card.make(studied(config), found, berry, particle, solutions, row=given)
         card.check(made_card, "card")
         assert made_card["tests"][0]["line"] == "secant, foot to crest"
         assert ("definitions" in made_card["tests"][0]) == (given is not None)
-    (tmp_path / "card.json").write_text(json.dumps(card.make(study, found, berry, particle, solutions, row=row)))
-    assert main(["card", "show", str(tmp_path / "card.json")]) == 0
-    text = capsys.readouterr().out
+    (tmp_path / "card.json").write_text(json.dumps(made_card))
+    text = command("card", "show", tmp_path / "card.json").out
     flank = "every line, deg: flank, 30 to 80 % of the height, levels: 30 +- 0.5; "
     assert f"{flank}secant, foot to crest: 31 +- 0.5; " in text
     assert "whole side, columns: no number; " in text
@@ -255,10 +241,8 @@ def test_an_invalid_card_is_refused_with_every_fault(config, solutions):
     bad = made(config, solutions)
     bad["grain"]["density_kg_m3"] = -1
     del bad["laws"]
-    with pytest.raises(InputError) as caught:
-        card.check(bad, "mine.json")
-    assert "grain.density_kg_m3 is -1" in str(caught.value)
-    assert "laws is None; expected a material card: the key is missing" in str(caught.value)
+    fault = input_error("laws is None; expected a material card: the key is missing", card.check, bad, "mine.json")
+    assert "grain.density_kg_m3 is -1" in str(fault)
 
     def check(change):
         card.check(made(config, solutions) | change, "mine.json")
@@ -273,8 +257,8 @@ def test_an_invalid_card_is_refused_with_every_fault(config, solutions):
     bad += [({"correlations": {"mus_gg": {}, "mur_gg": {}}}, "correlations.mus_gg")]
     assert not_refused(check, bad, InputError) == []
     card.check(made(config, solutions, runs=1, within=None), "card")
-    with pytest.raises(InputError, match=r"mine: within\.2 % is None; expected .* as each test has 2 runs"):
-        card.check(made(config, solutions, runs=2, within=None), "mine")
+    wanted = r"mine: within\.2 % is None; expected .* as each test has 2 runs"
+    input_error(wanted, card.check, made(config, solutions, runs=2, within=None), "mine")
 
 
 def over(whole, change):
@@ -308,25 +292,20 @@ def test_a_card_that_contradicts_itself_is_refused(config, solutions):
     check({"correlations": correlations | {names[0]: whole["correlations"][names[0]]}})
 
 
-def test_the_library_names_the_card_of_the_most_similar_grain_first(capsys):
+def test_the_library_names_the_card_of_the_most_similar_grain_first(command):
     grains = {path.stem: card.read(path)["grain"] for path in sorted((ROOT / "crops/cards").glob("*.json"))}
     for name, grain in grains.items():
         like = "x".join(f"{axis:g}" for axis in reversed(grain["mean_axes_mm"]))
-        assert main(["card", "find", "--like", like, "--density", f"{grain['density_kg_m3']:g}"]) == 0
-        first = capsys.readouterr().out.splitlines()
+        first = command("card", "find", "--like", like, "--density", f"{grain['density_kg_m3']:g}").out.splitlines()
         assert f"{name}.json" in first[0]
         assert first[0].endswith("; the same")
         assert "No card has a similar grain" not in first[-1]
     sphere = [2 * grains["wheat"]["mean_axes_mm"][0]] * 3
     expected = math.sqrt(sum(math.log(a / sphere[0]) ** 2 for a in grains["wheat"]["mean_axes_mm"]) / 3)
     assert card_library.difference(grains["wheat"], sphere, None) == pytest.approx(expected)
-    assert main(["card", "find", "--like", "200"]) == 0
-    assert "No card has a similar grain" in capsys.readouterr().out
+    assert "No card has a similar grain" in command("card", "find", "--like", "200").out
     for words in ("6x3", "0x1x2", "axbxc", "6x3x2.6x", ""):
         input_error("three full axes in mm", card_library.axes_of, words)
-
-
-CARDS = sorted([*(ROOT / "results/published").rglob("card.json"), *(ROOT / "crops/cards").glob("*.json")])
 
 
 @pytest.mark.parametrize("path", CARDS, ids=lambda path: path.relative_to(ROOT).as_posix())
@@ -339,17 +318,16 @@ def test_a_published_card_is_whole(path):
     assert found["within"].keys() == {f"{percent:g} %" for percent in PERCENT}
 
 
-def test_the_published_schema_is_the_models_and_checks_of_before_are_refused(monkeypatch, tmp_path, capsys):
+def test_the_published_schema_is_the_models_and_checks_of_before_are_refused(tmp_path):
     assert json.loads((ROOT / "src/repose/chain/card.schema.json").read_text()) == schema()
-    monkeypatch.chdir(ROOT)
     table = pd.read_csv(STUDY / "validation/representative.csv")
     table.drop(columns=["within_1_percent", "within_2_percent"]).to_csv(tmp_path / "old.csv", index=False)
     config = Study.load("config/config.yaml").config
-    with pytest.raises(InputError, match=r"old\.csv: column within_1_percent is 'missing'"):
-        answer.read(shared.studied(config), STUDY / "miga/summary.json", tmp_path / "old.csv", "feasible.csv")
+    files = STUDY / "miga/summary.json", tmp_path / "old.csv", "feasible.csv"
+    input_error(r"old\.csv: column within_1_percent is 'missing'", answer.read, studied(config), *files)
 
 
-def test_two_cards_side_by_side_tell_what_differs(config, solutions, tmp_path, capsys):
+def test_two_cards_side_by_side_tell_what_differs(config, solutions, tmp_path, command):
     one = made(config, solutions)
     config["simulation"]["tension"] = "keep"
     config["funnel"]["outlet_diameter_mm"] = 40.0
@@ -357,8 +335,7 @@ def test_two_cards_side_by_side_tell_what_differs(config, solutions, tmp_path, c
     other = made(config, solutions.assign(e_gg=solutions["e_gg"] + 0.5), simulated=None)
     for name, content in (("one", one), ("other", other)):
         (tmp_path / f"{name}.json").write_text(json.dumps(content))
-    assert main(["card", "compare", str(tmp_path / "one.json"), str(tmp_path / "other.json")]) == 0
-    lines = capsys.readouterr().out.splitlines()
+    lines = command("card", "compare", tmp_path / "one.json", tmp_path / "other.json").out.splitlines()
     assert [line.split()[0] for line in lines if line.endswith("intervals apart")] == ["e_gg"]
     assert any("Another law, end of an impact" in line for line in lines)
     assert any("no number" in line for line in lines)
@@ -370,33 +347,28 @@ def test_two_cards_side_by_side_tell_what_differs(config, solutions, tmp_path, c
     assert any("Another definition of height_mm" in line for line in card_text.compared(one, other).splitlines())
 
 
-def test_a_card_in_words_gives_answer_and_tests(config, solutions, tmp_path, capsys):
+def test_a_card_in_words_gives_answer_and_tests(config, solutions, tmp_path, command):
     (tmp_path / "card.json").write_text(json.dumps(made(config, solutions, simulated=80.0, runs=1, within=None)))
-    assert main(["card", "show", str(tmp_path / "card.json")]) == 0
-    text = capsys.readouterr().out
-    assert "wheat; targets NOT met" in text
-    assert "mus_gg, mur_gg -1.00" in text
-    assert "Simulated less measured: height_mm " in text
-    assert "predicted 67.98, 15.0 % off the simulated (the article's solutions: below 5 %)" in text
-    assert "all within 1 %: probability 0.25" in text
-    assert "all within 2 %: probability unknown; it requires two good runs of each bench test" in text
-    assert "fixed" in text
-    assert "definition: Height; views 18, mm_per_pixel 0.25, largest_pile_only yes" in text
-    assert "funnel: berries 500, rate_per_s 30" in text
+    text = command("card", "show", tmp_path / "card.json").out
+    words = (
+        "wheat; targets NOT met", "mus_gg, mur_gg -1.00", "Simulated less measured: height_mm ", "fixed",
+        "predicted 67.98, 15.0 % off the simulated (the article's solutions: below 5 %)",
+        "all within 1 %: probability 0.25", "funnel: berries 500, rate_per_s 30",
+        "all within 2 %: probability unknown; it requires two good runs of each bench test",
+        "definition: Height; views 18, mm_per_pixel 0.25, largest_pile_only yes",
+    )  # fmt: skip
+    assert [one for one in words if one not in text] == []
 
 
-def test_the_verb_writes_a_card_that_can_be_read(monkeypatch, tmp_path):
-    monkeypatch.chdir(ROOT)
-    study, out = STUDY, tmp_path / "card.json"
-    particle = tmp_path / "particle.json"
+def test_the_verb_writes_a_card_that_can_be_read(tmp_path, command):
+    particle, out = tmp_path / "particle.json", tmp_path / "card.json"
     particle.write_text(json.dumps(record_of_an_ellipsoid()))
-    words = ["material_card", "--config", study / "config.json", "--berry", study / "berry/berry.json"]
-    words += ["--particle", particle, "--feasible", study / "miga/feasible.csv"]
-    words += ["--summary", study / "miga/summary.json"]
-    words += ["--representative", study / "validation/representative.csv", "--out", out]
-    assert main(["stage", *map(str, words)]) == 0
+    files = {"config": "config.json", "berry": "berry/berry.json", "feasible": "miga/feasible.csv"}
+    files |= {"summary": "miga/summary.json", "representative": "validation/representative.csv"}
+    words = [f"--{name}={STUDY / path}" for name, path in files.items()]
+    command("stage", "material_card", *words, f"--particle={particle}", f"--out={out}")
     found = card.read(out)
-    summary = json.loads((study / "miga/summary.json").read_text())
+    summary = json.loads((STUDY / "miga/summary.json").read_text())
     assert all(found["parameters"][name]["value"] == summary["representative"][name] for name in PARAMETERS)
     assert found["made_by"]["configuration"] is not None
     assert found["tests"]

@@ -3,18 +3,16 @@
 import json
 import math
 import shutil
-from pathlib import Path
 
 import pandas as pd
 import pytest
 import shared
 from refusals import input_error
-from shared import one_run
+from shared import ROOT, one_run
 
 from repose.apparatus import bench
 from repose.chain import dataset
 from repose.chain.tables import read_dataset, read_runs
-from repose.core.errors import InputError
 from repose.core.parameter_sets import job_files
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
@@ -23,6 +21,7 @@ TARGETS = Targets.of(shared.TARGETS)
 RECORDED = bench("funnel").recorded
 DEFINITIONS = {"aor_deg": {"measure.response": "whole"}}
 VALUES = (0.2, 0.6, 0.04, 0.25, 0.5, 0.18)
+STUDY = ROOT / "results/published/recommended"
 
 
 @pytest.fixture
@@ -35,12 +34,7 @@ def study(tmp_path):
         2: [one_run(1), one_run(2, "no_flank", reason="too few points"), one_run(3, height=64.0)],
         3: [one_run(1), one_run(2, "jammed", reason="stuck"), one_run(3, "jammed", reason="stuck")],
     }
-    paths = []
-    for sample, its_runs in runs.items():
-        job = {"sample": sample, "parameters": dict(zip(PARAMETERS, VALUES, strict=True)), "runs": its_runs}
-        paths.append(tmp_path / f"{sample:03}.json")
-        paths[-1].write_text(json.dumps(job))
-    return tmp_path, paths
+    return tmp_path, shared.write_jobs(samples, tmp_path, lambda row: runs[row["sample"]])
 
 
 def write(samples, paths, out):
@@ -108,7 +102,6 @@ def test_missing_corrupt_and_bad_tables_are_named(study):
     input_error(r"short.csv: column mur_gp", write, folder / "short.csv", paths, folder)
     pd.concat([samples, samples]).to_csv(folder / "twice.csv", index=False)
     input_error(r"twice.csv, row 4: sample is 1; expected each sample once", write, folder / "twice.csv", paths, folder)
-    folder, paths = study
     input_error(r"samples without a file is \[2\]", write, folder / "samples.csv", [paths[0], paths[2]], folder)
     input_error(r"absent.json", write, folder / "samples.csv", [folder / "absent.json"], folder)
     paths[0].write_text(paths[0].read_text()[:50])
@@ -121,10 +114,8 @@ def several(study):
     more = []
     for number in (1, 2, 3):
         job = json.loads((folder / f"{number:03}.json").read_text()) | {"apparatus": "drum"}
-        job["runs"] = [
-            {"seed": 1, "status": "ok", "reason": "", "drum_slip_deg": 30.0 + number},
-            {"seed": 2, "status": "ok" if number != 2 else "unstable", "reason": "", "drum_slip_deg": 32.0},
-        ]
+        job["runs"] = [shared.good_run(1, drum_slip_deg=30.0 + number), shared.good_run(2, drum_slip_deg=32.0)]
+        job["runs"][1]["status"] = "ok" if number != 2 else "unstable"
         more.append(folder / f"drum_{number:03}.json")
         more[-1].write_text(json.dumps(job))
     for path in paths:
@@ -149,13 +140,12 @@ def test_bench_tests_of_one_sample_are_merged_and_a_job_that_is_missing_or_twice
     assert runs["apparatus"].tolist() == 3 * (2 * ["drum"] + 3 * ["funnel"])
     assert runs.loc[runs["apparatus"] == "drum", "aor_deg"].isna().all()
     assert runs.loc[(runs["apparatus"] == "drum"), "drum_slip_deg"].notna().all()
-    arguments = (targets, {}, folder / "out")
-    with pytest.raises(InputError, match=r"jobs of the drum: samples without a file is \[3\]"):
-        dataset.run(folder / "samples.csv", paths[:-1], *arguments)
-    with pytest.raises(InputError, match=r"sample is 3; .*once; also in .*drum_003"):
-        dataset.run(folder / "samples.csv", [*paths, paths[-1]], *arguments)
-    with pytest.raises(InputError, match=r"apparatus is 'drum'; expected a bench test of the targets, funnel"):
-        dataset.run(folder / "samples.csv", paths, TARGETS, *arguments[1:])
+    for jobs, wanted, words in (
+        (paths[:-1], targets, r"jobs of the drum: samples without a file is \[3\]"),
+        ([*paths, paths[-1]], targets, r"sample is 3; .*once; also in .*drum_003"),
+        (paths, TARGETS, r"apparatus is 'drum'; expected a bench test of the targets, funnel"),
+    ):
+        input_error(words, dataset.run, folder / "samples.csv", jobs, wanted, {}, folder / "out")
 
 
 def test_a_folder_stands_for_the_file_of_every_sample_in_it(tmp_path):
@@ -165,9 +155,6 @@ def test_a_folder_stands_for_the_file_of_every_sample_in_it(tmp_path):
     names = [str(path) for path in job_files(words, tmp_path / "samples.csv")]
     assert names == [f"{tmp_path}/heaps/001.json", f"{tmp_path}/heaps/10000.json", "other/001.json"]
     assert [str(path) for path in job_files(["a.json"], "no/table.csv")] == ["a.json"]
-
-
-STUDY = Path(__file__).parents[2] / "results/published/recommended"
 
 
 @pytest.fixture
@@ -205,12 +192,6 @@ def test_a_table_cut_anywhere_is_refused(tables, name, rows, share):
     input_error(rf"{name}.*(cells is|rows is \d+; expected {rows})", read, tables)
 
 
-def changed(tables, name, row, column, value):
-    table = pd.read_csv(tables / name, dtype=object, keep_default_na=False)
-    table.loc[row, column] = value
-    table.to_csv(tables / name, index=False)
-
-
 @pytest.mark.parametrize(("name", "column", "value", "message"), [
     ("dataset.csv", "aor_deg", "inf", "row 3: aor_deg is 'inf'; expected a finite number"),
     ("dataset.csv", "aor_deg", "nan", "row 3: aor_deg is nan; expected a number from 1 to 89"),
@@ -231,5 +212,7 @@ def changed(tables, name, row, column, value):
     ("runs.csv", "status", "jammed", "sample 1: ok runs is 5; expected 6"),
 ])  # fmt: skip
 def test_a_damaged_cell_is_reported(tables, name, column, value, message):
-    changed(tables, name, 2, column, value)
+    table = pd.read_csv(tables / name, dtype=object, keep_default_na=False)
+    table.loc[2, column] = value
+    table.to_csv(tables / name, index=False)
     input_error(message, read, tables)

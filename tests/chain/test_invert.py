@@ -9,7 +9,6 @@ import shared
 from refusals import input_error
 
 from repose.chain import invert
-from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
@@ -22,9 +21,8 @@ SPACE = ParameterSpace(PARAMETERS, np.zeros(6), np.full(6, 2.0))
 
 def targets(aor=30.5, aor_range=(29.0, 32.0), height_range=(63.0, 68.0)):
     first, second = shared.TARGETS
-    return Targets.of(
-        [first | {"aim": aor, "range": list(aor_range)}, second | {"aim": 65.0, "range": list(height_range)}]
-    )
+    angle, height = {"aim": aor, "range": list(aor_range)}, {"aim": 65.0, "range": list(height_range)}
+    return Targets.of([first | angle, second | height])
 
 
 TARGETS = targets()
@@ -170,8 +168,7 @@ def test_solutions_at_the_bounds_carry_a_warning(tmp_path):
 
 def test_bad_tables_are_refused_and_a_study_without_published_intervals_has_its_own(tmp_path):
     network_json, table3 = write_inputs(tmp_path, 2.0)
-    with pytest.raises(InputError, match=r"aor_deg is 40.*\[29.0, 32.0\]"):
-        invert.run(network_json, study(targets(40)), table3, tmp_path)
+    input_error(r"aor_deg is 40.*\[29.0, 32.0\]", invert.run, network_json, study(targets(40)), table3, tmp_path)
     table3.write_text("variable,low\n")
     input_error(r"table3.csv: column parameter", invert.run, network_json, study(), table3, tmp_path)
     network_json, table3 = write_inputs(tmp_path, 2.0)
@@ -179,11 +176,11 @@ def test_bad_tables_are_refused_and_a_study_without_published_intervals_has_its_
     flank = {"aor_deg": {"measure.response": "flank"}}
     network_json.write_text(json.dumps(content | {"definitions": flank}))
     secant = study(definitions={"aor_deg": {"measure.response": "secant"}})
-    with pytest.raises(InputError, match=r"network\.json: definition of aor_deg is .*flank.*secant.*my\.yaml"):
-        invert.run(network_json, secant, table3, tmp_path, source="my.yaml")
-    one = Targets(TARGETS[:1])
-    with pytest.raises(InputError, match=r"network\.json: outputs is .*; expected the targets aor_deg"):
-        invert.run(network_json, study(one), table3, tmp_path)
+    for other, words in (
+        (secant, "definition of aor_deg is .*flank.*secant.*my.yaml"),
+        (study(Targets(TARGETS[:1])), "outputs is .*; expected the targets aor_deg"),
+    ):
+        input_error(f"network.json: {words}", invert.run, network_json, other, table3, tmp_path, source="my.yaml")
     cloud = pd.DataFrame({name: [0.1, 0.3] for name in PARAMETERS})
     space = ParameterSpace(PARAMETERS[1:], np.zeros(5), np.full(5, 2.0), {"e_gg": 0.2})
     table = invert.intervals(cloud.assign(e_gg=0.2), space)

@@ -6,11 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 import shared
+import synthetic
 from known_responses import known_function
 from refusals import input_error
 
 from repose.chain import train
-from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
 from repose.core.responses import response
 from repose.core.targets import Targets
@@ -19,6 +19,7 @@ from repose.surrogate.accuracy import r2
 from repose.surrogate.settings import NetworkSettings
 
 SETTINGS = NetworkSettings.of({"hidden": 6, "epochs": 200, "starts": 3})
+NOISE = np.array([[1.0, 1.8], [1.8, 4.0]])
 
 
 def but(**keys):
@@ -62,19 +63,12 @@ def test_noise_correction_recovers_r2_and_shared_noise_is_no_signal():
 def write_tables(folder, samples=40, seeds=4):
     random = np.random.RandomState(11)
     U = random.uniform(-1, 1, (samples, 6))
-    truth = known_function(U)
-    rows, runs = [], []
-    for i in range(samples):
-        y = truth[i] + random.normal(size=(seeds, 2)) * (0.5, 1.0)
-        se = y.std(axis=0, ddof=1) / np.sqrt(seeds) if seeds > 1 else (np.nan, np.nan)
-        status = "jammed" if i == 3 else "ok"
-        mean = y.mean(axis=0) if status == "ok" else (np.nan, np.nan)
-        rows.append((i + 1, *(0.5 + 0.4 * U[i]), status, seeds * (status == "ok"), mean[0], se[0], mean[1], se[1]))
-        runs.extend((i + 1, k, status, *y[k]) for k in range(seeds))
-    columns = ["sample", *PARAMETERS, "status", "n_seeds", "aor_deg", "aor_se_deg", "height_mm", "height_se_mm"]
-    pd.DataFrame(rows, columns=columns).to_csv(folder / "dataset.csv", index=False)
-    columns = ["sample", "seed", "status", "aor_deg", "height_mm"]
-    pd.DataFrame(runs, columns=columns).to_csv(folder / "runs.csv", index=False)
+    table = pd.DataFrame(0.5 + 0.4 * U, columns=PARAMETERS).assign(sample=range(1, samples + 1))
+    runs = table[["sample"]].loc[table.index.repeat(seeds)].assign(seed=samples * [*range(seeds)], status="ok")
+    noise = random.normal(size=(samples * seeds, 2)) * (0.5, 1.0)
+    runs[["aor_deg", "height_mm"]] = known_function(U).repeat(seeds, axis=0) + noise
+    runs.loc[runs["sample"] == 4, "status"] = "jammed"
+    synthetic.write_tables(folder, table, runs)
     return folder / "dataset.csv", folder / "runs.csv"
 
 
@@ -86,9 +80,8 @@ def test_run_writes_what_it_returns(tmp_path):
     predictions = pd.read_csv(tmp_path / "out/predictions.csv")
     assert 4 not in set(predictions["sample"])
     test = predictions[predictions["split"] == "test"]
-    by_hand = (
-        1 - ((test.aor_deg - test.aor_predicted_deg) ** 2).sum() / ((test.aor_deg - test.aor_deg.mean()) ** 2).sum()
-    )
+    left, whole = test.aor_deg - test.aor_predicted_deg, test.aor_deg - test.aor_deg.mean()
+    by_hand = 1 - (left**2).sum() / (whole**2).sum()
     assert metrics["test"]["aor_deg"]["r2"] == pytest.approx(by_hand)
     runs = pd.read_csv(paths[1]).merge(test[["sample", "height_predicted_mm"]], on="sample")
     assert len(runs) == 4 * metrics["n_test"]
@@ -128,7 +121,6 @@ def single_pours(signal):
     return dataset, dataset[["sample", "status", "aor_deg", "height_mm"]].assign(seed=1)
 
 
-NOISE = np.array([[1.0, 1.8], [1.8, 4.0]])
 SINGLE = but(hidden=12, starts=2, epochs=300, seed=2)
 
 
@@ -157,9 +149,9 @@ def test_the_covariance_of_errors_and_too_few_samples(tmp_path):
     for i, j in np.ndindex(3, 3):
         apart = i != j and 2 in (i, j)
         assert covariance[i, j] == pytest.approx(0 if apart else np.mean(errors[:, i] * errors[:, j]))
+    few = r"my\.csv: validation samples is \d; expected more than 3"
     for wrong in (errors[:3], np.zeros((5, 3)), errors[:0]):
-        with pytest.raises(InputError, match=r"my\.csv: validation samples is \d; expected more than 3"):
-            train.error_covariance(wrong, three, "my.csv")
+        input_error(few, train.error_covariance, wrong, three, "my.csv")
     paths = write_tables(tmp_path, samples=12)
     input_error(r"usable samples is 11; expected at least 12", train.run, *paths, study(), tmp_path)
     pd.read_csv(paths[0]).drop(columns="mus_gp").to_csv(paths[0], index=False)
@@ -175,8 +167,8 @@ def test_definitions_are_kept_and_others_are_refused(tmp_path):
     files = (tmp_path / "out/network.json", tmp_path / "out/predictions.csv", dataset_csv)
     train.restore(*files)
     (tmp_path / "dataset_summary.json").write_text(json.dumps({"definitions": secant}))
-    with pytest.raises(InputError, match=r"dataset_summary\.json: definition of aor_deg is .*secant.*flank.*my\.yaml"):
-        train.run(*arguments)
+    wanted = r"dataset_summary\.json: definition of aor_deg is .*secant.*flank.*my\.yaml"
+    input_error(wanted, train.run, *arguments)
     input_error(r"network\.json: definition of aor_deg .*as in .*dataset_summary\.json", train.restore, *files)
     train.run(dataset_csv, runs_csv, study(but(starts=1)), tmp_path / "out")
     assert load(tmp_path / "out/network.json").definitions == secant

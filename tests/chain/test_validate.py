@@ -1,5 +1,3 @@
-import json
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,10 +7,8 @@ import shared
 from refusals import input_error
 
 from repose.chain import validate
-from repose.cli import main
 from repose.config import stands_on
 from repose.config.study import Study
-from repose.core import places
 from repose.core.errors import InputError
 from repose.core.parameter_sets import read_sample
 from repose.core.parameter_space import ParameterSpace
@@ -34,6 +30,7 @@ PUBLISHED = (
     "22,0.217,0.611,0.038,0.233,0.509,0.183,32.5001,67.0000,32.00,65.63\n"
     "representative,0.203,0.642,0.037,0.244,0.483,0.185,32.5,67.00,,\n"
 )
+WIDE = ParameterSpace(PARAMETERS, np.zeros(6), np.full(6, 2.0))
 
 
 @pytest.fixture
@@ -50,20 +47,17 @@ def study(tmp_path):
 
 
 def write_heaps(folder, solutions, failed=(), names=PARAMETERS):
-    paths = []
-    for row in solutions.to_dict("records"):
-        runs = []
-        for seed, (aor, height) in enumerate([(30.0, 64.0), (32.0, 66.0), (34.0, 68.0)]):
-            ok = row["sample"] not in failed
-            numbers = {"aor_deg": aor, "height_mm": height}
-            numbers |= {name: aor - 4 * k for k, name in enumerate(MEAN_KEYS.values())}
-            numbers = dict.fromkeys(numbers) if not ok else numbers
-            numbers["discharge_s"] = 16.0
-            runs.append({"seed": seed, "status": "ok" if ok else "jammed", "reason": "" if ok else "stuck"} | numbers)
-        job = {"sample": row["sample"], "parameters": {name: row[name] for name in names}, "runs": runs}
-        paths.append(folder / f"{row['sample']:03}.json")
-        paths[-1].write_text(json.dumps(job))
-    return paths
+    def run_of(seed, aor, failed):
+        numbers = {"aor_deg": aor, "height_mm": aor + 34.0}
+        numbers |= {name: aor - 4 * k for k, name in enumerate(MEAN_KEYS.values())}
+        if failed:
+            numbers = dict.fromkeys(numbers) | {"status": "jammed", "reason": "stuck"}
+        return shared.good_run(seed, discharge_s=16.0, **numbers)
+
+    def runs_of(row):
+        return [run_of(seed, aor, row["sample"] in failed) for seed, aor in enumerate((30.0, 32.0, 34.0))]
+
+    return shared.write_jobs(solutions, folder, runs_of, names)
 
 
 def of(targets=TARGETS, names=PARAMETERS, measure=MEASURE):
@@ -74,13 +68,11 @@ def select(folder, count=5):
     return validate.write_solutions(folder / "feasible.csv", SPACE, TARGETS, count, folder / "v/solutions.csv")
 
 
-def stored(folder, failed=(), targets=TARGETS, names=PARAMETERS):
-    sets = validate.write_published_solutions(folder / "published4.csv", names, folder / "theirs.csv")
-    paths = write_heaps(folder, sets, failed, names)
-    validate.write_published_sets(
-        folder / "published4.csv", paths, of(targets, names), NOW, folder / "published_sets.csv"
-    )
-    return folder / "published_sets.csv"
+def stored(folder, failed=()):
+    sets = validate.write_published_solutions(folder / "published4.csv", PARAMETERS, folder / "theirs.csv")
+    paths, made = write_heaps(folder, sets, failed), folder / "published_sets.csv"
+    validate.write_published_sets(folder / "published4.csv", paths, of(), NOW, made)
+    return made
 
 
 def published(path, targets=TARGETS, names=PARAMETERS, measure=MEASURE, now=NOW):
@@ -150,12 +142,9 @@ def test_table4_has_errors_as_published_and_every_definition_of_the_angle(study)
     assert table["within_one_sd"].all()
     assert (table["within_1_percent"] <= table["within_2_percent"]).all()
     assert 0 < table["within_2_percent"].iloc[0] < 1
-    far = validate.against_physical(
-        {f"{a}_{b}_{c}": 40.0 for a, c in (("aor", "deg"), ("height", "mm")) for b in ("predicted", "simulated", "se")}
-        | {"n_seeds": 3, "status": "ok"},
-        TARGETS,
-    )
-    assert not far["within_one_sd"].any()
+    columns = (f"{a}_{b}_{c}" for a, c in (("aor", "deg"), ("height", "mm")) for b in ("predicted", "simulated", "se"))
+    far = dict.fromkeys(columns, 40.0) | {"n_seeds": 3, "status": "ok"}
+    assert not validate.against_physical(far, TARGETS)["within_one_sd"].any()
 
 
 def test_definitions_that_are_targets_keep_their_column_and_stored_sets_may_be_stale(study):
@@ -172,14 +161,10 @@ def test_definitions_that_are_targets_keep_their_column_and_stored_sets_may_be_s
     assert read_stored(path)["engine"].tolist() == [NOW["engine"]] * 2
 
 
-def test_the_stored_sets_of_the_repository_are_of_todays_engine_and_scene(monkeypatch):
+def test_the_stored_sets_of_the_repository_are_of_todays_engine_and_scene():
     """The table is made by `snakemake --cores 2 published_sets`; see resources/README.md."""
-    monkeypatch.chdir(places.root())
-    path = Path("resources/published/simulated.csv")
-    if not path.exists():
-        pytest.skip("resources/published/simulated.csv is not there: the published sets were not poured yet")
-    config = Study.load("config/config.yaml").config
-    assert config["validation"]["published_simulated"] == str(path)
+    path, config = "resources/published/simulated.csv", Study.load("config/config.yaml").config
+    assert config["validation"]["published_simulated"] == path
     table, sets = read_stored(path), read_sets(config["validation"]["published"])
     assert table["solution"].tolist() == sets["solution"].tolist()
     np.testing.assert_allclose(table[list(PARAMETERS)], sets[list(PARAMETERS)])
@@ -209,9 +194,6 @@ def test_a_failed_or_missing_simulation_keeps_its_row_or_is_named(study):
         validate.run(study / "v/solutions.csv", paths[:-1], of(), published(None), study / "v")
 
 
-WIDE = ParameterSpace(PARAMETERS, np.zeros(6), np.full(6, 2.0))
-
-
 def cloud(feasible):
     x = np.linspace(0, 2, len(feasible))
     table = pd.DataFrame({name: np.ones(len(x)) for name in PARAMETERS})
@@ -235,7 +217,7 @@ def test_validation_takes_the_farthest_feasible_and_the_stored_sets_are_those_of
     table = cloud([True] * 6 + [False] * 5)
     assert validate.select_for_validation(table, 5, WIDE)["feasible"].all()
     assert not validate.select_for_validation(table, 6, WIDE)["feasible"].all()
-    table = read_sets(places.root() / "resources/published/table4.csv").set_index("solution")
+    table = read_sets(shared.ROOT / "resources/published/table4.csv").set_index("solution")
     assert table.index.tolist() == ["22", "15", "56", "84", "2", "representative", "yu_2022"]
     yu = table.loc["yu_2022"]
     assert yu[list(PARAMETERS)].tolist() == [0.158, 0.454, 0.037, 0.195, 0.377, 0.063]
@@ -276,11 +258,9 @@ def test_a_law_of_further_parameters_keeps_them_and_leaves_the_published_sets_ou
     assert found["table4"]["gamma_gp"].tolist() == [0.02] * 6
 
 
-def test_the_stage_lists_the_sets_of_a_kept_study(monkeypatch, tmp_path):
-    root = Path(__file__).parents[2]
-    monkeypatch.chdir(root)
-    kept = root / "results/published/recommended"
-    words = ("--config", str(kept / "config.json"), "--feasible", str(kept / "miga/feasible.csv"))
-    assert main(["stage", "solutions", *words, "--out", str(tmp_path)]) == 0
+def test_the_stage_lists_the_sets_of_a_kept_study(command, tmp_path):
+    kept = shared.ROOT / "results/published/recommended"
+    words = ("--config", kept / "config.json", "--feasible", kept / "miga/feasible.csv")
+    command("stage", "solutions", *words, "--out", tmp_path)
     made, known = (pd.read_csv(folder / "solutions.csv") for folder in (tmp_path, kept / "validation"))
     pd.testing.assert_frame_equal(made, known)

@@ -1,19 +1,17 @@
 """Design to validation on made-up runs: one target, four targets, another bench test, fixed and measured parameters."""
 
-import json
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
-import shared
-from shared import RANGES, every_bench_test, study_of, target
+from shared import MIGA, RANGES, every_bench_test, good_run, study_of, target, write_jobs
 
 from repose.chain import dataset, design, invert, train, validate
 from repose.chain.settings import DesignSettings
 from repose.core.parameter_space import ParameterSpace
-from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
 from repose.search.settings import MigaSettings
 from repose.surrogate.settings import NetworkSettings
@@ -24,7 +22,7 @@ pytestmark = pytest.mark.slow
 MEASURE = every_bench_test()["measure"]
 NETWORK = NetworkSettings.of({"hidden": 6, "epochs": 150, "goal": 0.0, "starts": 2, "seed": 1})
 SMALL = {"islands": 3, "population": 30, "rounds": 20, "mutation_probability": 0.1, "solutions": 10, "distance": 0.02}
-MIGA = MigaSettings(**(shared.MIGA | SMALL | {"seed": 1}))
+SEARCH = MigaSettings(**(MIGA | SMALL | {"seed": 1}))
 PRIORS = {"e_gp": {"fixed": 0.3}, "mus_gp": {"prior": {"mean": 0.5, "sd": 0.02}, "range": [0.4, 0.8]}}
 # Each response: its value where all parameters are in the middle, what rolling and wall friction add, a run's scatter.
 LAW = {
@@ -45,26 +43,24 @@ def targets_of(*names):
     return Targets.of([target(name, value, 1.0, value - 1.5, value + 1.5, 5) for name, value in wanted.items()])
 
 
-def pour(table, targets, folder, seeds=4):
+def runs_of(targets, name, row, seeds=4):
+    own = [target.name for target in targets if target.response.apparatus == name]
+    for seed in range(seeds):
+        random = np.random.default_rng([seed, row["sample"], len(name)])
+        yield good_run(seed, **{key: means(row)[key] + LAW[key][3] * random.normal() for key in own})
+
+
+def pour(table, targets, folder):
     paths = []
-    for row in table.to_dict("records"):
-        for name in targets.apparatus:
-            runs = []
-            for seed in range(seeds):
-                random = np.random.default_rng([seed, row["sample"], len(name)])
-                own = [target.name for target in targets if target.response.apparatus == name]
-                values = {key: means(row)[key] + LAW[key][3] * random.normal() for key in own}
-                runs.append({"seed": seed, "status": "ok", "reason": ""} | values)
-            job = {"sample": row["sample"], "apparatus": name, "runs": runs}
-            paths.append(folder / f"{name}_{row['sample']:03}.json")
-            paths[-1].parent.mkdir(parents=True, exist_ok=True)
-            paths[-1].write_text(json.dumps(job | {"parameters": {p: row[p] for p in PARAMETERS}}))
+    for name in targets.apparatus:
+        paths += write_jobs(table, folder, partial(runs_of, targets, name), apparatus=name)
     return paths
 
 
-def whole_chain(out: Path, targets, space, network=NETWORK):
+def whole_chain(out: Path, targets, space, surrogate="network", replicates=False):
     definitions = {name: {"measure.views": 6} for name in targets.names}
-    study = study_of(targets, space, definitions, MEASURE, network=network, miga=MIGA)
+    network = NETWORK.model_copy(update={"replicates": replicates})
+    study = study_of(targets, space, definitions, MEASURE, surrogate, network=network, miga=SEARCH)
     samples, _ = design.run(space, DesignSettings(samples=40, method="lhsdesign", seed=1), out / "design")
     dataset.run(out / "design/samples.csv", pour(samples, targets, out / "jobs"), targets, definitions, out)
     metrics = train.run(out / "dataset.csv", out / "runs.csv", study, out / "network")
@@ -122,7 +118,7 @@ def test_a_fixed_parameter_stays_and_a_measured_one_is_preferred(tmp_path):
 def test_the_chain_runs_with_another_surrogate(tmp_path, name):
     targets = targets_of("aor_deg", "height_mm")
     space = ParameterSpace.of(RANGES | {key: {"fixed": sum(RANGES[key]) / 2} for key in ("e_gg", "mus_gg", "e_gp")})
-    found = whole_chain(tmp_path, targets, space, NETWORK | {"replicates": True, "surrogate": name})
+    found = whole_chain(tmp_path, targets, space, name, replicates=True)
     assert found.metrics["noise_covariance"] is not None
     assert found.metrics["test"]["aor_deg"]["r2"] > 0.9
     assert (found.representative["simulated"] - targets.value).abs().max() < 1.5

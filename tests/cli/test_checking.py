@@ -11,11 +11,13 @@ import pytest
 from refusals import input_error
 from shared import every_bench_test
 
-from repose.cli import VERBS, checking, docs, main, parser, stages
+from repose.cli import VERBS, checking, docs, parser, stages
 from repose.cli.measuring import _settings
 from repose.config import check, computed, cost
 from repose.core import places
 from repose.dem.time_steps import Limit
+
+NOTHING_GIVEN = Namespace(grain_mm=None, config=None)
 
 
 def test_a_time_step_far_below_the_longest_is_reported_with_the_saved_time():
@@ -62,9 +64,6 @@ def test_a_terminal_shows_the_seconds_of_the_compilation_and_a_log_gets_one_line
     assert "\rcompiling; 0 s" in capsys.readouterr().err
 
 
-NOTHING_GIVEN = Namespace(grain_mm=None, config=None)
-
-
 def test_in_a_crops_folder_it_is_that_of_the_sizes_which_need_a_grain(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert _settings(NOTHING_GIVEN).berry_height_mm is None
@@ -101,8 +100,8 @@ def test_no_verb_takes_its_folder_or_its_configuration_for_an_input(name):
 
 
 @pytest.mark.parametrize(("side", "status"), [(5, 0), (25, 0), (4.9, 2), (25.5, 2)])
-def test_a_sheet_has_squares_of_5_to_25_mm(tmp_path, side, status):
-    assert main(["marker", "--square-mm", str(side), "--out", str(tmp_path / "sheet.pdf")]) == status
+def test_a_sheet_has_squares_of_5_to_25_mm(tmp_path, side, status, command):
+    command("marker", "--square-mm", side, "--out", tmp_path / "sheet.pdf", status=status)
 
 
 def messages():
@@ -115,17 +114,14 @@ def messages():
                 yield path.relative_to(places.PACKAGE), node.value
 
 
-def test_the_pages_are_listed_printed_and_guessed_and_messages_name_pages_that_a_wheel_has(capsys):
-    assert main(["docs"]) == 0
-    listed = dict(line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines())
+def test_the_pages_are_listed_printed_and_guessed_and_messages_name_pages_that_a_wheel_has(command):
+    listed = dict(line.split(maxsplit=1) for line in command("docs").out.splitlines())
     assert listed["photographs"] == "Photographs of piles"
     assert {"configuration", "library", "own_crop", "crops", "start"} <= set(listed)
     for name, title in listed.items():
-        assert main(["docs", name]) == 0
-        assert f"# {title}\n" in capsys.readouterr().out
-    assert main(["docs", "fotographs"]) == 2
+        assert f"# {title}\n" in command("docs", name).out
     said = "docs is 'fotographs'; expected a page that `repose docs` lists; did you mean photographs?"
-    assert said in capsys.readouterr().err
+    assert said in command("docs", "fotographs", status=2).err
     files = [*(places.PACKAGE / "config" / "new_crop").rglob("*.*")]
     files += [path for folder in ("config", "profiles") for path in (places.root() / folder).rglob("*.yaml")]
     texts = [*messages(), *((path.name, path.read_text()) for path in files)]

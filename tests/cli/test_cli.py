@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import pytest
 from refusals import value_error
-from shared import check_all
+from shared import ROOT, check_all, run_python
 
 from repose.__main__ import main
 from repose.apparatus import job, kept_runs
@@ -24,13 +24,6 @@ from repose.core import provenance
 from repose.core.parameters import PARAMETERS
 from repose.dem.kernels.engine import advance
 from repose.measure.angles import MEAN_KEYS
-
-ROOT = Path(__file__).parents[2]
-
-
-@pytest.fixture(autouse=True)
-def _in_the_project(monkeypatch):
-    monkeypatch.chdir(ROOT)
 
 
 @pytest.fixture
@@ -43,47 +36,40 @@ def short_config(tmp_path):
     return str(path)
 
 
-def error_of(capsys, *words):
-    assert main(list(words)) == 2
-    lines = capsys.readouterr().err.splitlines()
-    assert len(lines) == 1
-    assert lines[0].startswith("repose: error: ")
-    return lines[0]
+def error_of(command, *words):
+    (line,) = command(*words, status=2).err.splitlines()
+    assert line.startswith("repose: error: ")
+    return line
 
 
-def test_every_verb_explains_itself_with_an_example_that_parses(capsys, monkeypatch):
+def test_every_verb_explains_itself_with_an_example_that_parses(command, monkeypatch):
     silent, one_parser = [], parser()
     monkeypatch.setattr("repose.cli.parser", lambda: one_parser)
     for verb in VERBS:
         call = ["stage", verb] if verb in STAGES else [verb]
-        with pytest.raises(SystemExit) as end:
-            main([*call, "--help"])
-        text = " ".join(capsys.readouterr().out.split())
+        text = " ".join(command(*call, "--help").out.split())
         words = text.split(f"example: repose {' '.join(call)}")[1].replace("'", "").split()
         args, rest = one_parser.parse_known_args([*call, *words])
-        if end.value.code != 0 or args.verb != verb or (rest and not VERBS[verb].passes_on):
+        if args.verb != verb or (rest and not VERBS[verb].passes_on):
             silent.append(verb)
     assert not silent
 
 
-def test_help_fits_a_screen_and_guesses_what_was_mistyped(capsys):
-    with pytest.raises(SystemExit):
-        main(["--help"])
-    out = capsys.readouterr().out
+def test_help_fits_a_screen_and_guesses_what_was_mistyped(command):
+    out = command("--help").out
     listed = [line.split()[0] for line in out.splitlines() if re.match(" {2}[a-z]", line)]
     assert listed == list(TYPED)
     assert len(TYPED) <= 25
     assert len(out.splitlines()) <= 45
     assert "example:" in out
-    with pytest.raises(SystemExit):
-        main(["stage", "--help"])
-    assert re.findall("^ {2}([a-z_]+) {2,}", capsys.readouterr().out, re.MULTILINE)[-len(STAGES) :] == list(STAGES)
+    stages = re.findall("^ {2}([a-z_]+) {2,}", command("stage", "--help").out, re.MULTILINE)
+    assert stages[-len(STAGES) :] == list(STAGES)
     assert not [name for names in GROUPS.values() for name in names if name not in VERBS]
-    assert "did you mean measure?" in error_of(capsys, "mesure")
-    assert "did you mean dataset?" in error_of(capsys, "stage", "datset")
-    assert "did you mean stage dataset?" in error_of(capsys, "datset")
-    assert "did you mean" not in error_of(capsys, "xyzzy")
-    assert error_of(capsys, "hepa").endswith("; did you mean heap?")
+    assert "did you mean measure?" in error_of(command, "mesure")
+    assert "did you mean dataset?" in error_of(command, "stage", "datset")
+    assert "did you mean stage dataset?" in error_of(command, "datset")
+    assert "did you mean" not in error_of(command, "xyzzy")
+    assert error_of(command, "hepa").endswith("; did you mean heap?")
 
     def check():
         """Another function of the name of a verb."""
@@ -92,47 +78,41 @@ def test_help_fits_a_screen_and_guesses_what_was_mistyped(capsys):
 
 
 @pytest.mark.parametrize("commit", ["0123456789ab", None])
-def test_the_version_and_the_commit_are_printed(monkeypatch, capsys, commit):
+def test_the_version_and_the_commit_are_printed(monkeypatch, command, commit):
     monkeypatch.setattr(provenance, "machine", lambda: {"commit": commit})
-    with pytest.raises(SystemExit):
-        main(["--version"])
     after = f", commit {commit}" if commit else ""
-    assert re.fullmatch(rf"repose \d+\.\d+\.\d+{after}\n", capsys.readouterr().out)
+    assert re.fullmatch(rf"repose \d+\.\d+\.\d+{after}\n", command("--version").out)
 
 
 def test_help_loads_no_slow_library_and_the_module_ends_with_2_on_bad_input():
     code = "import sys; from repose.__main__ import main\ntry: main(['heap', '--help'])\nexcept SystemExit: "
     code += "print('loaded:', *({'numba', 'scipy', 'pandas', 'cv2', 'matplotlib'} & set(sys.modules)))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[-1] == "loaded:"
-    command = [sys.executable, "-m", "repose", "check", "--config", "nowhere.yaml"]
-    done = subprocess.run(command, capture_output=True, text=True)
+    assert run_python("-c", code).splitlines()[-1] == "loaded:"
+    program = [sys.executable, "-m", "repose"]
+    done = subprocess.run([*program, "check", "--config", "nowhere.yaml"], capture_output=True, text=True)
     assert done.returncode == 2
     assert done.stderr == (
         "repose: error: nowhere.yaml: file is 'No such file or directory'; "
         "expected an existing YAML or JSON file that may be read\n"
     )
-    command = [sys.executable, "-m", "repose", "docs"]
     read, write = os.pipe()
     os.close(read)
-    done = subprocess.run(command, stdout=write, stderr=subprocess.PIPE, text=True)
+    done = subprocess.run([*program, "docs"], stdout=write, stderr=subprocess.PIPE, text=True)
     os.close(write)
     assert (done.returncode, done.stderr) == (0, "")
 
 
 @pytest.mark.slow
 @pytest.mark.essential
-def test_check_prints_the_number_of_pours(capsys):
-    assert main(["check"]) == 0
-    out = capsys.readouterr().out
-    assert "150 parameter sets x 6 seeds = 900 pours" in out
-    assert "min on 2 cores" in out
+def test_check_prints_the_number_of_pours(command):
+    out = command("check").out
     assert "funnel.berries would" not in out
     lines = (
-        "time step: simulation.time_step_s is", "stiffness: the pile sinks by", "volume: 500 grains hold", "reach: ",
+        "150 parameter sets x 6 seeds = 900 pours", "min on 2 cores", "time step: simulation.time_step_s is",
+        "stiffness: the pile sinks by", "volume: 500 grains hold", "reach: ",
+        "funnel: centre of the ranges: angle of repose ",
+        "aor_deg: WARNING: the target 32.87 is outside the single runs, ",
     )  # fmt: skip
-    lines += ("funnel: centre of the ranges: angle of repose ",)
-    lines += ("aor_deg: WARNING: the target 32.87 is outside the single runs, ",)
     assert [line for line in lines if line not in out] == []
 
 
@@ -152,19 +132,18 @@ BAD_OPTIONS_OF_HEAP = (
 )  # fmt: skip
 
 
-def test_heap_refuses_bad_options_before_it_pours(capsys, tmp_path):
+def test_heap_refuses_bad_options_before_it_pours(command, tmp_path):
     def refused(words, parts):
-        line = error_of(capsys, "heap", "--out", str(tmp_path / "heap"), *words)
+        line = error_of(command, "heap", "--out", tmp_path / "heap", *words)
         assert all(part in line for part in parts), line
         assert not (tmp_path / "heap").exists()
 
     check_all(refused, [(" ".join(words), words, parts) for words, parts in BAD_OPTIONS_OF_HEAP])
 
 
-def test_heap_pours_and_prints_its_record(short_config, tmp_path, capsys):
+def test_heap_pours_and_prints_its_record(short_config, tmp_path, command):
     words = ["heap", "--config", short_config, "--set", "e_gg=0.203", "--seed", "7", "--json"]
-    assert main([*words, "--trajectory", "0.1", "--out", str(tmp_path / "heap")]) == 0
-    record = json.loads(capsys.readouterr().out)
+    record = json.loads(command(*words, "--trajectory", "0.1", "--out", tmp_path / "heap").out)
     assert set(record["parameters"]) == set(PARAMETERS)
     assert record["parameters"]["e_gg"] == 0.203
     assert record["parameters"]["mus_gg"] == pytest.approx(0.55)  # centre of its range
@@ -180,38 +159,41 @@ def test_heap_pours_and_prints_its_record(short_config, tmp_path, capsys):
         assert 5 < len(frames["position"]) <= 15  # 1.5 s at most; a pour ends when its pile rests
 
 
-def test_warm_up_compiles_what_a_pour_needs(short_config, tmp_path, capsys):
+def test_warm_up_compiles_what_a_pour_needs(short_config, tmp_path, command):
     words = ["--config", short_config]
-    assert main(["stage", "warm_up", *words]) == 0
-    output = capsys.readouterr().out
+    output = command("stage", "warm_up", *words).out
     assert re.match(r"the engine was ready after [0-9.]+ s; its compiled code is in \S+/dem-\w{16}$", output.strip())
     compiled = list(advance.signatures)
-    assert main(["stage", "pour", *words, "--seed", "7", "--out", str(tmp_path)]) == 0
+    command("stage", "pour", *words, "--seed", "7", "--out", tmp_path)
     assert advance.signatures == compiled
 
 
-def test_pour_and_measure_runs_are_heap_in_two_steps(short_config, tmp_path, capsys):
-    words = ["--config", short_config, "--seed", "7"]
-    assert main(["heap", *words, "--out", str(tmp_path / "whole")]) == 0
-    assert main(["stage", "pour", *words, "--out", str(tmp_path / "steps")]) == 0
-    assert capsys.readouterr().out.splitlines()[-1] == str(tmp_path / "steps" / "heap.pours.json")
+def test_pour_and_measure_runs_are_heap_in_two_steps(short_config, tmp_path, command):
+    words, out = ["--config", short_config, "--seed", "7"], tmp_path / "measured"
+    pours = tmp_path / "steps" / "heap.pours.json"
+    command("heap", *words, "--out", tmp_path / "whole")
+    assert command("stage", "pour", *words, "--out", pours.parent).out.splitlines()[-1] == str(pours)
     assert not (tmp_path / "steps" / "heap.json").exists()
-    out = tmp_path / "measured"
-    pours = str(tmp_path / "steps" / "heap.pours.json")
-    assert main(["stage", "measure_runs", pours, "--config", short_config, "--out", str(out)]) == 0
+    command("stage", "measure_runs", pours, "--config", short_config, "--out", out)
     whole, steps = (json.loads((folder / "heap.json").read_text()) for folder in (tmp_path / "whole", out))
     settings = [job.pop("provenance")["settings"] for job in (whole, steps)]
     assert len(set(settings)) == 2, "the one pours and measures, the other measures"
     assert steps == whole
 
 
-def test_a_pour_that_measures_leaves_its_measurement_to_measure_runs(short_config, tmp_path, monkeypatch):
-    samples = tmp_path / "samples.csv"
-    samples.write_text("sample," + ",".join(PARAMETERS) + "\n1,0.2,0.5,0.03,0.3,0.6,0.2\n")
-    inputs, folder = ["--samples", str(samples)], str(tmp_path / "heaps")
-    pour = ["stage", "pour", *inputs, "--sample", "1", "--seed", "7", "--config", short_config, "--out", folder]
-    assert main([*pour, "--keep-runs", "--measure"]) == 0
-    result, kept = tmp_path / "heaps/001.json", tmp_path / "heaps/runs/001.json"
+@pytest.fixture
+def samples(tmp_path):
+    path = tmp_path / "samples.csv"
+    path.write_text("sample," + ",".join(PARAMETERS) + "\n4,0.2,0.5,0.03,0.3,0.6,0.2\n")
+    return ["--samples", path]
+
+
+def test_a_pour_that_measures_leaves_its_measurement_to_measure_runs(
+    short_config, samples, tmp_path, monkeypatch, command
+):
+    words = ["--config", short_config, "--out", tmp_path / "heaps", "--keep-runs", "--measure"]
+    command("stage", "pour", *samples, "--sample", "4", "--seed", "7", *words)
+    result, kept = tmp_path / "heaps/004.json", tmp_path / "heaps/runs/004.json"
     assert not result.exists()
 
     anew, measured = [], job.measured
@@ -219,7 +201,7 @@ def test_a_pour_that_measures_leaves_its_measurement_to_measure_runs(short_confi
 
     def measure(*words, config=short_config):
         anew.clear()
-        assert main(["stage", "measure_runs", folder, *inputs, "--config", config, *words]) == 0
+        command("stage", "measure_runs", tmp_path / "heaps", *samples, "--config", config, *words)
         return len(anew), result.read_bytes()
 
     _, right = measure()
@@ -227,7 +209,7 @@ def test_a_pour_that_measures_leaves_its_measurement_to_measure_runs(short_confi
     other = json.loads(Path(short_config).read_text())
     other["measure"]["views"] = 4
     (tmp_path / "other.json").write_text(json.dumps(other))
-    assert measure("--keep-runs", config=str(tmp_path / "other.json"))[0] == 1
+    assert measure("--keep-runs", config=tmp_path / "other.json")[0] == 1
     assert measure("--keep-runs") == (1, right)
     assert measure("--keep-runs") == (0, right)
     monkeypatch.setattr(kept_runs, "MEASURING", ("measure",))  # other code
@@ -236,21 +218,21 @@ def test_a_pour_that_measures_leaves_its_measurement_to_measure_runs(short_confi
     assert measure("--keep-runs") == (1, right), "somebody changed it"
 
 
-def test_heap_takes_a_row_of_a_table_and_the_studys_seeds(short_config, tmp_path, capsys):
-    samples = tmp_path / "samples.csv"
-    samples.write_text("sample," + ",".join(PARAMETERS) + "\n4,0.2,0.5,0.03,0.3,0.6,0.2\n")
+def test_heap_takes_a_row_of_a_table_and_the_studys_seeds(short_config, samples, tmp_path, command):
     out = tmp_path / "heaps"
-    words = ["heap", "--config", short_config, "--samples", str(samples), "--seeds", "2", "--out", str(out)]
-    assert main([*words, "--sample", "4", "--json"]) == 0
-    record = json.loads(capsys.readouterr().out)
+    words = ["heap", "--config", short_config, *samples, "--seeds", "2", "--out", out]
+    record = json.loads(command(*words, "--sample", "4", "--json").out)
     assert record["sample"] == 4
     assert record["parameters"]["mus_gg"] == 0.5
     assert len({run["seed"] for run in record["runs"]}) == 2
     assert (out / "004.json").is_file()
-    assert "sample is 5" in error_of(capsys, *words, "--sample", "5")
+    assert "sample is 5" in error_of(command, *words, "--sample", "5")
+    header, row = samples[1].read_text().splitlines()
+    samples[1].write_text(f"{header},gamma_gg\n{row},0.2\n")
+    assert "gamma_gg is 0.2; expected no such column" in error_of(command, *words, "--sample", "4")
 
 
-def test_measure_prints_the_angles_of_a_drawn_pile_and_writes_the_overlay(tmp_path, capsys):
+def test_measure_prints_the_angles_of_a_drawn_pile_and_writes_the_overlay(tmp_path, command):
     picture = np.full((420, 900), 230, np.uint8)
     height = 200
     half = round(height / np.tan(np.radians(30)))
@@ -258,9 +240,8 @@ def test_measure_prints_the_angles_of_a_drawn_pile_and_writes_the_overlay(tmp_pa
     cv2.fillPoly(picture, [triangle], 40)
     path = tmp_path / "pile.png"
     cv2.imwrite(str(path), picture)
-    words = ["measure", str(path), "--mm-per-pixel", "0.1", "--out", str(tmp_path / "out"), "--json"]
-    assert main(words) == 0
-    record = json.loads(capsys.readouterr().out)
+    words = ["measure", path, "--mm-per-pixel", "0.1", "--out", tmp_path / "out", "--json"]
+    record = json.loads(command(*words).out)
     assert {"photographs", "summary", "provenance"} == set(record)
     (values,) = record["photographs"]
     assert {"left_deg", "right_deg", "aor_deg", "height_mm", *MEAN_KEYS.values()} < set(values)
@@ -269,19 +250,18 @@ def test_measure_prints_the_angles_of_a_drawn_pile_and_writes_the_overlay(tmp_pa
     assert values["aor_secant_deg"] is None, "the height of a grain is not known"
     assert values["height_mm"] == pytest.approx(20, abs=0.3)
     assert (tmp_path / "out/pile.png").is_file()
-    assert main([*words, "--config", "config/config.yaml"]) == 0
-    (values,) = json.loads(capsys.readouterr().out)["photographs"]
+    (values,) = json.loads(command(*words, "--config", "config/config.yaml").out)["photographs"]
     # a study has its own definition and grain, 13.34 mm: tan(secant) = tan(30 deg) 20 / (20 - 13.34)
     assert values["aor_secant_deg"] == pytest.approx(60.0, abs=0.6)
     assert values["aor_deg"] == values["aor_flank_deg"] == pytest.approx(30.0, abs=0.5)
 
 
-def test_measure_refuses_no_pile_and_a_locale_without_a_letter_does_no_harm(tmp_path, capsys, monkeypatch):
-    path, out = tmp_path / "empty.png", str(tmp_path / "out")
+def test_measure_refuses_no_pile_and_a_locale_without_a_letter_does_no_harm(tmp_path, command, monkeypatch):
+    path = tmp_path / "empty.png"
     cv2.imwrite(str(path), np.full((200, 300), 200, np.uint8))
-    words = ("measure", str(path), "--mm-per-pixel", "0.1", "--out", out)
-    assert "a pile with two flanks" in error_of(capsys, *words)
-    assert "nowhere.png" in error_of(capsys, "measure", "nowhere.png", "--mm-per-pixel", "0.1")
+    words = ("--mm-per-pixel", "0.1", "--out", tmp_path / "out")
+    assert "a pile with two flanks" in error_of(command, "measure", path, *words)
+    assert "nowhere.png" in error_of(command, "measure", "nowhere.png", *words)
 
     def provenance(_args):
         print("1 ± 0.1 µm")
@@ -308,7 +288,7 @@ def test_check_warns_of_piles_that_tell_no_scatter(sd, piles, warned):
     (["design", "--config=own.yaml"], None, False),
 ])  # fmt: skip
 def test_the_built_in_crop_is_reported_in_a_folder_without_a_configuration(
-    words, own, warned, tmp_path, monkeypatch, capsys
+    words, own, warned, tmp_path, monkeypatch, command
 ):
     monkeypatch.chdir(tmp_path)
     Path("small.yaml").write_text("design: {samples: 20, method: lhsdesign}")
@@ -319,20 +299,18 @@ def test_the_built_in_crop_is_reported_in_a_folder_without_a_configuration(
         Path("published").symlink_to(ROOT / "crops/wheat/published")
         words = [*words, f"--config={own}"]
     monkeypatch.setattr("repose.chain.design.run", lambda *_: None)
-    assert main(words) == 0
-    assert ("built-in goji example" in capsys.readouterr().err) is warned
+    assert ("built-in goji example" in command(*words).err) is warned
 
 
-def test_codes_of_a_terminal_in_texts_of_users_are_not_obeyed(tmp_path, capsys):
+def test_codes_of_a_terminal_in_texts_of_users_are_not_obeyed(tmp_path, command):
     shown = json.loads((ROOT / "crops/cards/wheat.json").read_text()) | {"reason": "\x1b[31mred\x07\u009b"}
     (tmp_path / "card.json").write_text(json.dumps(shown))
-    main(["card", "check", str(tmp_path / "card.json")])
-    out = capsys.readouterr().out
+    out = command("card", "check", tmp_path / "card.json", status=0 if shown["met"] else 3).out
     assert not {"\x1b", "\x07", "\u009b"} & set(out)
     assert "\\x1b[31mred\\x07\\x9b" in out
 
 
 @pytest.mark.parametrize("out", ["", "/", "/tmp/.."])
-def test_a_verb_does_not_write_to_the_root(out, capsys):
-    assert main(["marker", "--out", out]) == 2
-    assert f"command line: --out is {out!r}; expected the path of a file or folder" in capsys.readouterr().err
+def test_a_verb_does_not_write_to_the_root(out, command):
+    said = command("marker", "--out", out, status=2).err
+    assert f"command line: --out is {out!r}; expected the path of a file or folder" in said

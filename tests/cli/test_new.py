@@ -1,15 +1,13 @@
 """`repose new`: the folder of a crop, and what is left to do in it."""
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 import yaml
 from refusals import input_error
+from shared import run_python
 
-from repose.cli import main
 from repose.config.reading import read
 from repose.config.study import Study
 from repose.core import places
@@ -26,18 +24,17 @@ FILLED = {
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch, capsys):
+def folder(tmp_path, monkeypatch, command):
     monkeypatch.chdir(tmp_path)
-    assert main(["new", "wheat"]) == 0
-    assert "README.md" in capsys.readouterr().out
+    assert "README.md" in command("new", "wheat").out
     monkeypatch.chdir(tmp_path / "wheat")
     return tmp_path / "wheat"
 
 
-def refused(capsys):
+@pytest.fixture
+def refused(command):
     """What the check of the folder's configuration says against it."""
-    assert main(["check", "--config", "config.yaml"]) == 2
-    return capsys.readouterr().err
+    return lambda: command("check", "--config", "config.yaml", status=2).err
 
 
 def filled(folder):
@@ -49,21 +46,20 @@ def filled(folder):
     (folder / "sizes.csv").write_text((folder / "sizes.csv").read_text() + SIZES)
 
 
-def test_it_holds_what_a_user_needs_and_lists_studies_before_it_is_complete(folder, capsys):
+def test_it_holds_what_a_user_needs_and_lists_studies_before_it_is_complete(folder, command):
     found = {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
     assert found == {"README.md", "config.yaml", "sizes.csv", "photographs/README.md"}
     assert not any("NAME" in path.read_text() for path in folder.rglob("*.*") if path.is_file())
-    assert main(["run", "--list"]) == 0
-    output = capsys.readouterr()
+    output = command("run", "--list")
     assert output.err == ""
     assert "once config.yaml is complete" in output.out
     named = {line.split()[0] for line in output.out.splitlines() if line.startswith("  ") and line[2] != " "}
     assert {"calibration", "sequential", "uncertainty"} <= named
 
 
-def test_an_empty_folder_names_every_number_that_is_missing(folder, capsys):
+def test_an_empty_folder_names_every_number_that_is_missing(folder, refused):
     """Nothing is made up: the template holds no measurement. All of it is reported at once, as YAML has it."""
-    output = refused(capsys)
+    output = refused()
     for key in re.findall(r"(\w+): null", Path("config.yaml").read_text()):
         assert re.search(rf"^repose: error: config\.yaml: [a-z0-9.]+\.{key} is \[?null", output, re.MULTILINE), key
     moduli = "expected a number; or a table of compression tests in berry.compression"
@@ -74,27 +70,26 @@ def test_an_empty_folder_names_every_number_that_is_missing(folder, capsys):
 
 
 @pytest.mark.parametrize("key", ["poisson_ratio", "shear_modulus_pa"])
-def test_a_modulus_that_is_left_out_is_missing_in_the_users_file(folder, capsys, key):
+def test_a_modulus_that_is_left_out_is_missing_in_the_users_file(folder, refused, key):
     filled(folder)
     text = (folder / "config.yaml").read_text()
     (folder / "config.yaml").write_text(re.sub(rf"^  {key}:.*\n", "", text, count=1, flags=re.MULTILINE))
-    assert f"repose: error: config.yaml: berry.{key} is null" in refused(capsys)
+    assert f"repose: error: config.yaml: berry.{key} is null" in refused()
 
 
-def test_a_time_step_is_judged_while_other_keys_are_missing(folder, capsys):
+def test_a_time_step_is_judged_while_other_keys_are_missing(folder, refused):
     filled(folder)
     text = (folder / "config.yaml").read_text().replace("berries: 400", "berries: null")
     (folder / "config.yaml").write_text(text + "\nsimulation: {time_step_s: 1.0e-3}\n")
-    output = refused(capsys)
+    output = refused()
     assert "config.yaml: funnel.berries is null" in output
     assert "config.yaml: simulation.time_step_s is 0.001; expected at most" in output
 
 
-def test_a_folder_that_exists_is_left_alone(folder, monkeypatch, capsys):
+def test_a_folder_that_exists_is_left_alone(folder, monkeypatch, command):
     (folder / "config.yaml").write_text("mine")
     monkeypatch.chdir(folder.parent)
-    assert main(["new", "wheat"]) == 2
-    assert "not there yet" in capsys.readouterr().err
+    assert "not there yet" in command("new", "wheat", status=2).err
     assert (folder / "config.yaml").read_text() == "mine"
 
 
@@ -107,9 +102,9 @@ def test_inlet_and_outlet_the_other_way_round_are_named(folder):
 
 
 @pytest.mark.parametrize("name", ["12", "null", "yes", "1e5", "MY_NAME", "2024-13-45"])
-def test_a_name_that_yaml_takes_for_something_else_stays_a_name(tmp_path, monkeypatch, name):
+def test_a_name_that_yaml_takes_for_something_else_stays_a_name(tmp_path, monkeypatch, name, command):
     monkeypatch.chdir(tmp_path)
-    assert main(["new", name]) == 0
+    command("new", name)
     assert read(tmp_path / name / "config.yaml")["label"] == name
 
 
@@ -134,10 +129,7 @@ def test_its_configuration_is_one_of_wheat_alone_with_known_and_explained_keys(f
 @pytest.mark.slow
 def test_a_dry_run_in_it_plans_the_whole_study_and_no_published_set(folder):
     filled(folder)
-    words = [sys.executable, "-m", "repose", "run", "-n", "--quiet", "rules"]
-    done = subprocess.run(words, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    plan = done.stdout + done.stderr
+    plan = run_python("-m", "repose", "run", "-n", "--quiet", "rules")
     assert re.search(r"^pour +30$", plan, re.MULTILINE)
     assert re.search(r"^card +1$", plan, re.MULTILINE)
     assert "published_solutions" not in plan

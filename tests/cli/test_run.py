@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from repose import strategies
-from repose.cli import main, run
+from repose.cli import run
 from repose.core import places
 
 SNAKEFILE = ["--snakefile", str(places.root() / "Snakefile")]
@@ -23,7 +23,7 @@ def given(monkeypatch):
     return words
 
 
-def test_words_become_those_of_snakemake(tmp_path, monkeypatch, given):
+def test_words_become_those_of_snakemake(tmp_path, monkeypatch, given, command):
     """All cores where none are given, and files of the program that an empty folder lacks; targets stay in front."""
     monkeypatch.chdir(tmp_path)
     for name in ("mine.yaml", "more.yaml"):
@@ -47,7 +47,7 @@ def test_words_become_those_of_snakemake(tmp_path, monkeypatch, given):
     }
     for words, expected in cases.items():
         given.clear()
-        assert main(["run", *words.split()]) == 0
+        command("run", *words.split())
         assert given == expected, words
 
 
@@ -68,15 +68,14 @@ def test_a_target_that_nothing_makes_and_a_closed_terminal(tmp_path):
     assert "MissingRuleException" not in done.stderr
 
 
-def test_without_snakemake_the_message_says_what_to_install(monkeypatch, capsys):
+def test_without_snakemake_the_message_says_what_to_install(monkeypatch, command):
     monkeypatch.setitem(sys.modules, "snakemake.cli", None)
-    assert main(["run"]) == 2
-    assert "repose-dem[workflow]" in capsys.readouterr().err
+    assert "repose-dem[workflow]" in command("run", status=2).err
 
 
 @pytest.mark.parametrize("interrupted", [True, False])
 def test_ctrl_c_ends_with_the_sentence_that_says_how_to_go_on_and_another_end_keeps_its_status(
-    monkeypatch, capsys, interrupted
+    monkeypatch, command, interrupted
 ):
     def ended(_words):
         with contextlib.suppress(KeyboardInterrupt):
@@ -86,17 +85,13 @@ def test_ctrl_c_ends_with_the_sentence_that_says_how_to_go_on_and_another_end_ke
 
     monkeypatch.setattr("snakemake.cli.main", ended)
     before = signal.getsignal(signal.SIGINT)
-    with pytest.raises(SystemExit) as end:
-        main(["run", "uncertainty", "--cores", "2"])
-    assert end.value.code == (130 if interrupted else 1)
-    said = capsys.readouterr().err
+    said = command("run", "uncertainty", "--cores", "2", status=130 if interrupted else 1).err
     assert ("the same command goes on: repose run uncertainty --cores 2" in said) is ("Stopped" in said) is interrupted
     assert signal.getsignal(signal.SIGINT) is before
 
 
-def test_the_list_names_targets_with_their_cost_and_strategies_that_cannot_be(capsys, monkeypatch):
-    assert main(["run", "--list", "--configfile", "config/quick.yaml"]) == 0
-    out = capsys.readouterr().out
+def test_the_list_names_targets_with_their_cost_and_strategies_that_cannot_be(command, monkeypatch):
+    out = command("run", "--list", "--configfile", "config/quick.yaml").out
     rules = "".join(path.read_text() for path in (places.root() / "workflow").rglob("*.smk"))
     named = [line.split()[0] for line in out.splitlines() if line.startswith("  ") and line[2] != " "]
     assert "calibration" in named
@@ -105,8 +100,7 @@ def test_the_list_names_targets_with_their_cost_and_strategies_that_cannot_be(ca
     assert "Studies of quick" in out
     assert {"response_surface", "sequential", "uncertainty"} <= set(named)
     monkeypatch.chdir(places.root() / "crops/wheat")
-    assert main(["run", "--list"]) == 0
-    assert "not with this configuration: response_surface.surface; expected " in capsys.readouterr().out
+    assert "not with this configuration: response_surface.surface; expected " in command("run", "--list").out
 
 
 @pytest.mark.parametrize(("words", "message"), [
@@ -115,20 +109,14 @@ def test_the_list_names_targets_with_their_cost_and_strategies_that_cannot_be(ca
     (["--config", "label"], f"{WRONG} 'label'; expected KEY=VALUE"),
     (["--config", "label=a", "uncertainty"], f"{WRONG} 'uncertainty'; expected KEY=VALUE; a target goes before"),
 ])  # fmt: skip
-def test_words_that_snakemake_would_answer_with_a_traceback_are_refused(words, message, tmp_path, monkeypatch, capsys):
+def test_words_that_snakemake_would_answer_with_a_traceback_are_refused(words, message, tmp_path, monkeypatch, command):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "bad.yaml").write_text("a: [")
     monkeypatch.setattr("snakemake.cli.main", lambda _words: pytest.fail("snakemake was called"))
-    assert main(["run", *words]) == 2
-    assert f"repose: error: {message}" in capsys.readouterr().err
+    assert f"repose: error: {message}" in command("run", *words, status=2).err
 
 
-def test_help_shows_the_options_and_other_verbs_refuse_words_that_they_do_not_know(capsys):
-    with pytest.raises(SystemExit):
-        main(["run", "--help"])
-    shown = capsys.readouterr().out
+def test_help_shows_the_options_and_other_verbs_refuse_words_that_they_do_not_know(command):
+    shown = command("run", "--help").out
     assert all(option in shown for option in ("--configfile", "--config", "--cores", "--list"))
-    with pytest.raises(SystemExit) as end:
-        main(["check", "--speed", "3"])
-    assert end.value.code == 2
-    assert "unrecognized arguments: --speed 3" in capsys.readouterr().err
+    assert "unrecognized arguments: --speed 3" in command("check", "--speed", "3", status=2).err

@@ -20,6 +20,21 @@ from repose.cli.run_display import Running, RunProgress, rough_time
 from repose.core import places
 
 STATS = {"pour": 2, "miga": 1, "all": 1, "total": 4}
+SIGNALS = {"interrupt": signal.SIGINT, "end": signal.SIGTERM, "hangup": signal.SIGHUP, "kill": signal.SIGKILL}
+BEGAN_S = 1000.0
+WORKFLOW = """
+rule all:
+    default_target: True
+    input: expand("{number}.pours.json", number=range(4))
+
+rule pour:
+    output: "{number}.pours.json"
+    log: "{number}.log"
+    message: "Pouring {wildcards.number}"
+    shell:
+        "echo emitted > {log}; test ! -e fail_{wildcards.number}; sleep $(cat seconds); mkdir -p runs;"
+        " touch runs/{wildcards.number}_1.npz {output}"
+"""
 
 
 def emitted(message=None, level=logging.INFO, **extra):
@@ -136,21 +151,6 @@ def test_an_option_for_snakemakes_own_output_shows_that(option, capsys):
     assert capsys.readouterr().err == "Select jobs to execute...\n"
 
 
-WORKFLOW = """
-rule all:
-    default_target: True
-    input: expand("{number}.pours.json", number=range(4))
-
-rule pour:
-    output: "{number}.pours.json"
-    log: "{number}.log"
-    message: "Pouring {wildcards.number}"
-    shell:
-        "echo emitted > {log}; test ! -e fail_{wildcards.number}; sleep $(cat seconds); mkdir -p runs;"
-        " touch runs/{wildcards.number}_1.npz {output}"
-"""
-
-
 class Terminal:
     """`repose run` of a workflow of naps, in a pseudo terminal."""
 
@@ -209,9 +209,6 @@ def test_a_terminal_shows_bars_and_a_failure_with_its_log(naps):
     assert "the same command goes on" in terminal.shown
 
 
-SIGNALS = {"interrupt": signal.SIGINT, "end": signal.SIGTERM, "hangup": signal.SIGHUP, "kill": signal.SIGKILL}
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "end",
@@ -238,9 +235,6 @@ def test_an_ended_run_goes_on_with_the_same_command(naps, end):
     again = Terminal(naps)
     assert again.ended()[0] == 0, again.shown
     assert re.search(r"pour .*4 of 4", again.shown)
-
-
-BEGAN_S = 1000.0
 
 
 @pytest.fixture

@@ -11,7 +11,6 @@ from shared import at, check_all, put
 from repose.config import computed
 from repose.config.study import Study
 from repose.core import places
-from repose.core.errors import InputError
 
 CROPS = places.root() / "crops"
 KEYS = [setting.key for setting in computed.COMPUTED]
@@ -40,9 +39,8 @@ def test_what_is_left_out_is_computed_and_what_is_given_stays(folder, by_hand):
     config = Study.load(inputs=True).config
     assert config == Study.load("config.yaml").config == json.loads(json.dumps(config))
     assert config["network"]["split"] == by_hand["network"]["split"]
-    assert {key: at(config, key) for key in KEYS[1:]} == pytest.approx(
-        {key: at(by_hand, key) for key in KEYS[1:]}, 0.35
-    )
+    found, known = ({key: at(one, key) for key in KEYS[1:]} for one in (config, by_hand))
+    assert found == pytest.approx(known, 0.35)
     assert not computed.to_compute(config)
     (folder / "more.yaml").write_text("measure: {mm_per_pixel: 0.3}\nnetwork: {split: [0.7, 0.1, 0.2]}\n")
     config = Study.load("more.yaml").config
@@ -55,9 +53,8 @@ def test_what_is_left_out_is_computed_and_what_is_given_stays(folder, by_hand):
 def test_the_time_step_is_eight_tenths_of_the_longest(folder):
     step = Study.load("config.yaml").config["simulation"]["time_step_s"]
     (folder / "more.yaml").write_text("simulation: {time_step_s: 1.0e-2}")
-    with pytest.raises(InputError, match=r"simulation\.time_step_s is 0\.01") as caught:
-        Study.load("more.yaml", inputs=True)
-    longest = float(caught.value.allowed.removeprefix("at most ").split(",")[0])
+    fault = input_error(r"simulation\.time_step_s is 0\.01", Study.load, "more.yaml", inputs=True)
+    longest = float(fault.allowed.removeprefix("at most ").split(",")[0])
     assert 0.75 * longest < step <= 0.8 * longest
     assert step == float(f"{step:.2g}")
 
@@ -75,10 +72,8 @@ def test_a_pour_lasts_until_the_grains_lie(folder, rate_per_s, lasts_s):
 
 def test_another_word_or_number_is_refused_and_a_study_has_numbers(by_hand, monkeypatch):
     def refused(key, value):
-        with pytest.raises(InputError) as caught:
-            Study.of(put(copy.deepcopy(by_hand), key, value), "mine.yaml")
-        assert caught.value.key == key
-        assert caught.value.allowed.startswith("auto, or ")
+        fault = input_error("expected auto, or ", Study.of, put(copy.deepcopy(by_hand), key, value), "mine.yaml")
+        assert fault.key == key
 
     values = (-1, "automatic", None, True, [], float("inf"))
     check_all(refused, [(f"{key} {value!r}", key, value) for key in KEYS for value in values])
@@ -88,7 +83,7 @@ def test_another_word_or_number_is_refused_and_a_study_has_numbers(by_hand, monk
         assert at(Study.of(config).config, key) == pytest.approx(at(by_hand, key), rel=0.35), key
 
 
-def test_a_number_that_cannot_be_computed_is_reported_with_its_cause(folder, capsys):
+def test_a_number_that_cannot_be_computed_is_reported_with_its_cause(folder):
     (folder / "sizes.csv").unlink()
     message = "sizes.csv: file is 'No such file or directory'; expected a CSV file"
     input_error(f"^{re.escape(message)}$", Study.load, "config.yaml")

@@ -1,12 +1,14 @@
 """The keys of `stands_on.KEYS` beside those that each stage reads, on made-up runs."""
 
 import json
+from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
 import pytest
 from goji import PARTICLE
 from pydantic import BaseModel
+from shared import good_run, write_jobs
 from synthetic import responses, write_poured
 from test_drum import saved
 from test_simulated_piles import cone_of_berries
@@ -14,7 +16,6 @@ from test_simulated_piles import cone_of_berries
 from repose.cli import TYPED, VERBS, parser
 from repose.config import loader, models, stands_on, study, typed
 from repose.core import section
-from repose.core.parameters import PARAMETERS
 from repose.core.published import beside
 from repose.core.responses import Response
 from repose.core.section import Section
@@ -33,31 +34,25 @@ SMALL = {
 }  # fmt: skip
 
 
-class Noted(dict):
+class Noted(Mapping, dict):
     """A mapping that notes the dotted keys which are read of it; reading a section is to read its keys."""
 
     def __init__(self, content, keys, prefix=""):
-        super().__init__(content)
+        dict.__init__(self, content)
         self.plain, self.keys_read, self.prefix = content, keys, prefix
 
     def __getitem__(self, key):
-        value = super().__getitem__(key)
+        value = dict.__getitem__(self, key)
         if isinstance(value, dict):
             return Noted(value, self.keys_read, f"{self.prefix}{key}.")
         self.keys_read.add(f"{self.prefix}{key}")
         return value
 
     def __iter__(self):  # without it dict(...) and ** would not call __getitem__
-        return super().__iter__()
+        return dict.__iter__(self)
 
-    def get(self, key, default=None):
-        return self[key] if key in self.keys() else default
-
-    def items(self):
-        return [(key, self[key]) for key in self]
-
-    def values(self):
-        return [self[key] for key in self]
+    # to look whether a key is there is not to read it
+    __len__, __contains__, __eq__ = dict.__len__, dict.__contains__, dict.__eq__
 
     def __or__(self, other):
         return dict(self.items()) | dict(other.items())
@@ -74,14 +69,11 @@ class NotedOutside(Noted):
         return value if isinstance(value, dict) else super().__getitem__(key)
 
 
-def is_section(kind):
-    return isinstance(kind, type) and issubclass(kind, Section)
-
-
 def note_attributes(patch, keys):
     """Note also the keys that are read as attributes of typed sections, wherever these were made."""
     plain, fields = BaseModel.__getattribute__, models.settings_type().model_fields
-    sections = {field.annotation: f"{name}." for name, field in fields.items() if is_section(field.annotation)}
+    kinds = {name: field.annotation for name, field in fields.items() if isinstance(field.annotation, type)}
+    sections = {kind: f"{name}." for name, kind in kinds.items() if issubclass(kind, Section)}
 
     def noting(section, name):
         value, kind = plain(section, name), type(section)
@@ -141,17 +133,12 @@ def keys_read(tmp_path_factory):
 
 
 def measured(table, folder):
-    folder.mkdir(parents=True)
-    paths, values = [], np.stack([responses(table, 2.0, seed) for seed in range(2)], axis=1).tolist()
-    for row, of_sample in zip(table.to_dict("records"), values, strict=True):
-        runs = [
-            {"seed": seed, "status": "ok", "reason": "", "aor_deg": angle, "height_mm": height}
-            for seed, (angle, height) in enumerate(of_sample)
-        ]
-        job = {"sample": row["sample"], "parameters": {name: row[name] for name in PARAMETERS}, "runs": runs}
-        paths.append(folder / f"{row['sample']:03d}.json")
-        paths[-1].write_text(json.dumps(job))
-    return paths
+    first, second = (iter(responses(table, 2.0, seed).tolist()) for seed in range(2))
+
+    def runs_of(_row):
+        return [good_run(k, aor_deg=aor, height_mm=mm) for k, (aor, mm) in enumerate((next(first), next(second)))]
+
+    return write_jobs(table, folder, runs_of)
 
 
 def chain(run, at):

@@ -14,7 +14,6 @@ from repose.chain.design import design
 from repose.chain.settings import DesignSettings
 from repose.config import faults, stands_on
 from repose.config.study import Study
-from repose.core.errors import InputError
 from repose.core.parameter_sets import read_sample
 from repose.core.parameters import LABELS, PARAMETERS, named, of_law
 from repose.core.provenance import hash_of
@@ -54,8 +53,8 @@ def test_the_configuration_knows_the_laws_the_card_their_convention_and_twisting
     assert contacts["berry", "berry"].twisting_friction is None
     assert contacts["berry", "wall"].twisting_friction == 0.25
     assert LABELS["mut_gp"] == "twisting friction, grain-wall"
-    with pytest.raises(InputError, match=r"mut_gp is .* belongs to simulation.rolling_law .* epsd2, not budget"):
-        study("hertz_mindlin", mut_gp=[0.0, 0.5])
+    wanted = "mut_gp is .* belongs to simulation.rolling_law .* epsd2, not budget"
+    input_error(wanted, study, "hertz_mindlin", mut_gp=[0.0, 0.5])
 
 
 def test_a_law_adds_its_parameters_to_the_six_whose_tables_stay_as_they_were(tmp_path):

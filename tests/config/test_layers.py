@@ -2,12 +2,12 @@
 
 import dataclasses
 import json
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 from pydantic import ValidationError
 from refusals import input_error
+from shared import ROOT
 
 import repose
 from repose.config import loader, reading
@@ -15,9 +15,6 @@ from repose.config.loader import own_crop_under
 from repose.config.making import Making
 from repose.config.study import Study
 from repose.core import places
-from repose.core.errors import InputError
-
-ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.parametrize("text", ["2e-4", "2.0e-4", "2E-4", "+2e-04", "0.0002", ".2e-3"])
@@ -88,10 +85,9 @@ def test_a_fault_names_the_file_it_came_from(tmp_path):
         ("targets: [{response: height_mm, value: null}]\n", {}),
     ):
         mine.write_text(text)
-        with pytest.raises(InputError) as caught:
-            Study.load(str(mine), overrides=overrides, inputs=True)
+        error = input_error("expected", Study.load, str(mine), overrides=overrides, inputs=True)
         source = loader.COMMAND_LINE if overrides else str(mine)
-        assert {fault.source for fault in getattr(caught.value, "faults", [caught.value])} == {source}
+        assert {fault.source for fault in getattr(error, "faults", [error])} == {source}
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "examples/bench_tests").glob("*.yaml")), ids=lambda path: path.stem)
@@ -144,8 +140,5 @@ def test_what_stands_on_a_fault_is_not_reported_beside_it(quick):
         "simulation": quick.config["simulation"] | {"time_step_s": "auto"},
         "miga": quick.config["miga"] | {"tournament": 900},
     }
-    with pytest.raises(InputError) as caught:
-        Study.of(config, "mine.yaml", inputs=True)
-    found = {fault.key for fault in caught.value.faults}
-    named = {"berry.sizes", "berry.stl", "validation.published"}
-    assert found == {"funnel.seeds", "miga.tournament", *named}
+    found = {fault.key for fault in input_error("expected", Study.of, config, "mine.yaml", inputs=True).faults}
+    assert found == {"funnel.seeds", "miga.tournament", "berry.sizes", "berry.stl", "validation.published"}

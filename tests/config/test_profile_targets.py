@@ -110,9 +110,8 @@ def test_a_study_with_a_simulator_of_the_users_own_calibrates_a_profile(table, t
     given = {"file": str(table), "sd": 0.2, "repetitions": 1, "functions": 3, "unit": "mm", "noise_sd": 0.1}
     options = {"seed": 3, "file": tmp_path / "runs.csv", "posterior": {"walkers": 32, "steps": 200}}
     section = {"start_samples": 8, "seeds": 1, "batch": 2, "most_runs": 16, "tolerance_percent": 3.0}
-    study = repose.Study(
-        {"slope": (-1.2, -0.4), "height": (-4.0, 4.0)}, {"surface_mm": given}, sequential=section, **options
-    )
+    parameters = {"slope": (-1.2, -0.4), "height": (-4.0, 4.0)}
+    study = repose.Study(parameters, {"surface_mm": given}, sequential=section, **options)
     profile, random = study.targets.profiles["surface_mm"], np.random.default_rng(4)
     while not study.done:
         rows = [

@@ -3,18 +3,14 @@
 import copy
 from pathlib import Path
 
-import pytest
 from refusals import input_error
-from shared import check_all, put
+from shared import ROOT, check_all, put
 
 from repose.apparatus import bench, names
 from repose.config import results_folder, stands_on
 from repose.config.models import named_files
 from repose.config.study import Study
-from repose.core.errors import InputError
 from repose.core.files import write_json, write_text
-
-ROOT = Path(__file__).parents[2]
 
 
 def test_the_wildcards_of_outputs_stand_for_what_rules_write():
@@ -81,9 +77,9 @@ def test_a_changed_result_and_somebodys_file_in_the_place_of_a_result_are_report
     results = ("dataset.csv", "design/samples.csv", "report.html", "network/network.json", "logs/berry.log", "runs.csv")
 
     def reported():
-        with pytest.raises(InputError) as error:
-            results_folder.check_no_foreign_files(str(study), [f"{study}/{name}" for name in results])
-        return [line.removeprefix(f"{study}/").partition(" is ")[0] for line in str(error.value).splitlines()]
+        files = str(study), [f"{study}/{name}" for name in results]
+        said = str(input_error("expected", results_folder.check_no_foreign_files, *files))
+        return [line.removeprefix(f"{study}/").partition(" is ")[0] for line in said.splitlines()]
 
     assert reported() == ["network/network.json: file", "report.html: file"]
     (study / "dataset.csv").write_text("2\n")

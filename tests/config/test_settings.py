@@ -1,22 +1,20 @@
 """The configuration: what is let through, and what one message says about the rest."""
 
 import copy
-from pathlib import Path
+import re
 
 import numpy as np
 import pytest
 from refusals import input_error
-from shared import check_all, put
+from shared import ROOT, check_all, put
 
 from repose import surrogate
 from repose.apparatus import names
 from repose.config import cost, faults, loader
 from repose.config.computed import COMPUTED
 from repose.config.study import Study
-from repose.core.errors import InputError
 from repose.core.parameters import FURTHER
 
-ROOT = Path(__file__).parents[2]
 SHIPPED = ("config", "paper", "quick")
 
 
@@ -28,12 +26,6 @@ def matched():
 @pytest.fixture
 def config(matched):
     return copy.deepcopy(matched) | {"figures": {}}
-
-
-def fault_of(call):
-    with pytest.raises(InputError) as caught:
-        call()
-    return caught.value
 
 
 def test_shipped_configurations_pass_every_check_and_the_paper_has_the_published_settings():
@@ -126,9 +118,8 @@ BAD_VALUES = (
 
 def test_a_bad_value_is_reported_with_file_key_value_and_what_is_allowed(config):
     def check_message(key, value, allowed):
-        fault = fault_of(lambda: Study.of(put(copy.deepcopy(config), key, value), "my.yaml"))
+        fault = input_error(re.escape(allowed), Study.of, put(copy.deepcopy(config), key, value), "my.yaml")
         assert (fault.source, fault.key, fault.value) == ("my.yaml", key, value)
-        assert allowed in fault.allowed
 
     check_all(check_message, [(f"{key} {value!r}", key, value, allowed) for key, value, allowed in BAD_VALUES])
 
@@ -147,9 +138,8 @@ KNOWN = (
 @pytest.mark.parametrize(("given", "key", "allowed"), KNOWN)
 def test_a_fixed_value_and_a_prior_are_reported_by_their_own_keys(config, given, key, allowed):
     config["parameters"]["e_gg"] = given
-    fault = fault_of(lambda: Study.of(config, "my.yaml"))
+    fault = input_error(re.escape(allowed), Study.of, config, "my.yaml")
     assert (fault.key, fault.value) == (f"parameters.e_gg.{key}", given[key])
-    assert allowed in fault.allowed
 
 
 def test_a_prior_may_be_narrow_ends_at_the_largest_friction_and_meets_its_range(config):
@@ -171,9 +161,8 @@ def test_what_follows_from_a_wrong_or_mistyped_key_is_reported_once(config):
     first, *others = ({key: value for key, value in target.items() if key != "range"} for target in config["targets"])
 
     def check_key(key, value, allowed):
-        fault = fault_of(lambda: Study.of(config | {"targets": [first | {key: value}, *others]}, "my.yaml"))
-        assert fault.key == f"targets.0.{key}"
-        assert allowed in fault.allowed
+        wrong = config | {"targets": [first | {key: value}, *others]}
+        assert input_error(re.escape(allowed), Study.of, wrong, "my.yaml").key == f"targets.0.{key}"
 
     cases = [
         ("value in other units", "value", 240.0, "from 1 to 89"),
@@ -202,8 +191,8 @@ def test_noise_needs_replicates_of_every_bench_test_or_validation_samples(config
     input_error(r"drum\.seeds is 1; expected at least 2", Study.of, config)
     config = kept
     network = config["network"] | {"validation_noise": True}
-    with pytest.raises(InputError, match=r"network\.validation_noise is true; expected false where replicates"):
-        Study.of(config | {"network": network | {"replicates": True}})
+    wanted = r"network\.validation_noise is true; expected false where replicates"
+    input_error(wanted, Study.of, config | {"network": network | {"replicates": True}})
     network |= {"replicates": False, "split": [0.7, 0.15, 0.15]}
     Study.of(config | {"network": network})
     for split, samples in (([0.85, 0.0, 0.15], 150), ([0.7, 0.15, 0.15], 14)):
@@ -238,10 +227,8 @@ def test_a_strategy_that_cannot_run_with_its_section_is_refused(quick):
         config = put(copy.deepcopy(quick.config) | {"strategy": key.partition(".")[0]}, key, value)
         if allowed is None:
             Study.of(config)
-            return
-        fault = fault_of(lambda: Study.of(config))
-        assert fault.key == key
-        assert allowed in fault.allowed
+        else:
+            assert input_error(re.escape(allowed), Study.of, config).key == key
 
     check_all(check_message, [(f"{key} {value}", key, value, allowed) for key, value, allowed in MISFITS])
 
@@ -257,7 +244,6 @@ def test_a_study_may_do_without_compression_tests_and_published_solutions(config
     config["berry"]["shear_modulus_pa"] = 4e4
     Study.of(config).check_inputs()
     config["validation"]["published"] = None
-    Study.of(config)
     Study.of(config).check_inputs()
     assert cost.costs(config)["published_sets"].startswith("0 pours")
 
@@ -265,10 +251,7 @@ def test_a_study_may_do_without_compression_tests_and_published_solutions(config
 def test_inputs_are_checked_against_the_berry_and_the_disc(config):
     def check_message(key, value, allowed):
         changed = put(copy.deepcopy(config), key, value)
-        Study.of(changed)
-        fault = fault_of(lambda: Study.of(changed, "my.yaml").check_inputs())
-        assert fault.key == key
-        assert allowed in fault.allowed
+        assert input_error(re.escape(allowed), Study.of(changed, "my.yaml").check_inputs).key == key
 
     bad = (
         ("berry.sizes", "nowhere.csv", "an existing file"), ("validation.published", "nowhere.csv", "an existing file"),

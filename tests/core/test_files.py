@@ -16,11 +16,17 @@ import pytest
 from refusals import input_error
 
 from repose.core import files, ledger, places, tables
-from repose.core.errors import InputError
 from repose.core.lock import JOBS, joined_folder, take_folder
 from repose.core.parameters import FURTHER
 
 TABLE = pd.DataFrame({"sample": [1, 2], "aor_deg": [31.25, np.nan], "reason": ["", "stuck, twice"]})
+A_JOB = """
+import fcntl, sys, time
+file = open(sys.argv[1], "a")
+fcntl.flock(file, fcntl.LOCK_SH)
+print("holds it", flush=True)
+time.sleep(0.5)
+"""
 
 
 def test_what_is_written_is_read_again_and_folders_are_made(tmp_path):
@@ -52,8 +58,8 @@ def test_a_table_is_written_as_pandas_writes_it_and_a_writer_that_fails_leaves_t
     with pytest.raises(TypeError, match="object cannot be written as JSON"):
         files.write_json(path, {"bad": object()})
     assert files.read_json(path) == {"whole": True}
-    with pytest.raises(InputError, match=r"suffix is '\.nothing'; expected the suffix of a picture"):
-        files.write_image(tmp_path / "picture.nothing", np.zeros((2, 2), np.uint8))
+    picture = tmp_path / "picture.nothing", np.zeros((2, 2), np.uint8)
+    input_error(r"suffix is '\.nothing'; expected the suffix of a picture", files.write_image, *picture)
 
 
 @pytest.mark.parametrize("read", [files.read_table, tables.sheet, files.read_json, files.read_npz])
@@ -68,8 +74,8 @@ def test_every_fault_of_a_file_is_reported_with_its_name(tmp_path, read):
 @pytest.mark.parametrize("column", ["aor_deg", "e_gg", *FURTHER])
 def test_a_word_in_a_column_of_numbers_is_refused(column, tmp_path):
     (tmp_path / "given.csv").write_text(f"sample,{column}\n1,0.5\n2,much\n")
-    with pytest.raises(InputError, match=rf"row 2: {column} is 'much'; expected a finite number"):
-        files.read_table(tmp_path / "given.csv", ("sample", column))
+    wanted = rf"row 2: {column} is 'much'; expected a finite number"
+    input_error(wanted, files.read_table, tmp_path / "given.csv", ("sample", column))
 
 
 def test_missing_parts_and_half_an_archive_are_reported_with_what_there_should_be(tmp_path):
@@ -86,23 +92,14 @@ def test_missing_parts_and_half_an_archive_are_reported_with_what_there_should_b
     (tmp_path / "list.json").write_text(json.dumps([1]))
     input_error(r"content is \[1\]; expected a job", files.read_json, tmp_path / "list.json", what="a job")
     files.write_npz(tmp_path / "a.npz", {"scale": np.ones(2)})
-    with pytest.raises(InputError, match=r"position is None; expected an array in a pour"):
-        files.read_npz(tmp_path / "a.npz", ("position",), "a pour")
+    pour = tmp_path / "a.npz", ("position",), "a pour"
+    input_error(r"position is None; expected an array in a pour", files.read_npz, *pour)
     np.save(tmp_path / "plain.npy", np.ones(2))
     input_error("expected a pour", files.read_npz, tmp_path / "plain.npy", what="a pour")
     files.write_npz(tmp_path / "a.npz", {"scale": np.random.default_rng(1).normal(size=500)})
     content = (tmp_path / "a.npz").read_bytes()
     Path(tmp_path / "half.npz").write_bytes(content[: len(content) // 2])
     input_error(r"half\.npz: arrays is", files.read_npz, tmp_path / "half.npz")
-
-
-A_JOB = """
-import fcntl, sys, time
-file = open(sys.argv[1], "a")
-fcntl.flock(file, fcntl.LOCK_SH)
-print("holds it", flush=True)
-time.sleep(0.5)
-"""
 
 
 def test_jobs_of_a_workflow_that_was_killed_are_waited_for(tmp_path, capfd):

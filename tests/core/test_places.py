@@ -3,11 +3,11 @@
 from pathlib import Path
 
 import pytest
+from refusals import input_error
 
 from repose.config import loader
 from repose.config.study import Study
 from repose.core import places
-from repose.core.errors import InputError
 
 METHOD, CONFIG = (places.root() / "config" / name for name in ("method.yaml", "config.yaml"))
 
@@ -20,10 +20,9 @@ def folder(tmp_path, monkeypatch):
 
 def faulty(source, *files, **options):
     """The keys with a fault in a study, all of this file."""
-    with pytest.raises(InputError) as caught:
-        Study.load(*files, **options)
-    assert {fault.source for fault in caught.value.faults} == {source}
-    return {fault.key for fault in caught.value.faults}
+    faults = input_error("expected", Study.load, *files, **options).faults
+    assert {fault.source for fault in faults} == {source}
+    return {fault.key for fault in faults}
 
 
 def test_a_file_is_the_folders_own_or_the_programs_or_keeps_its_name(folder):
@@ -71,7 +70,6 @@ def test_a_given_file_lies_over_what_every_crop_or_the_folders_crop_shares(folde
     assert loader.layers([mine]) == [METHOD, Path("config.yaml"), mine]
 
 
-def test_in_the_programs_own_folder_there_is_one_configuration(monkeypatch):
-    monkeypatch.chdir(places.root())
+def test_in_the_programs_own_folder_there_is_one_configuration():
     assert places.configs() == [Path("config/method.yaml"), Path("config/config.yaml")]
     assert Study.load("config/config.yaml").config["berry"]["sizes"] == "resources/berries.csv"

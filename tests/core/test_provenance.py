@@ -7,15 +7,21 @@ import cv2
 import numpy as np
 import pandas as pd
 import pytest
+from refusals import input_error
 
-from repose.cli import main
 from repose.config import stands_on
 from repose.config.study import Study
 from repose.core import attached, files, places, provenance
-from repose.core.errors import InputError
 
 CONFIG = Study.load(places.root() / "config/quick.yaml").config
 KEYS = {"verb", "settings", "engine", "origin", "seed", "repose", "commit", "processor", "python", "numpy", "numba"}
+WRITERS = {
+    "a.json": lambda path: files.write_json(path, {"x": 1}),
+    "a.npz": lambda path: files.write_npz(path, {"x": np.arange(3)}),
+    "a.png": lambda path: files.write_image(path, np.full((4, 5, 3), 7, np.uint8)),
+    "a.csv": lambda path: files.write_table(path, pd.DataFrame({"x": [1, 2]})),
+    "a.html": lambda path: files.write_text(path, "<p>"),
+}
 
 
 def changed(**sections):
@@ -35,15 +41,6 @@ def run(verb, paths, write, config=CONFIG, apparatus=None, strategy=None):
 def pour(path, config=CONFIG, apparatus="funnel"):
     run("pour", (), lambda: files.write_json(path, {"pours": []}), config, apparatus)
     return path
-
-
-WRITERS = {
-    "a.json": lambda path: files.write_json(path, {"x": 1}),
-    "a.npz": lambda path: files.write_npz(path, {"x": np.arange(3)}),
-    "a.png": lambda path: files.write_image(path, np.full((4, 5, 3), 7, np.uint8)),
-    "a.csv": lambda path: files.write_table(path, pd.DataFrame({"x": [1, 2]})),
-    "a.html": lambda path: files.write_text(path, "<p>"),
-}
 
 
 @pytest.mark.parametrize("name", WRITERS)
@@ -110,18 +107,17 @@ def test_the_origin_follows_the_files_and_names_the_engine(tmp_path):
 
 def test_runs_and_results_of_two_settings_or_engines_are_refused_and_named(tmp_path, monkeypatch):
     paths = [pour(tmp_path / "a.json"), pour(tmp_path / "b.json", changed(simulation={"gravity_m_s2": 1.62}))]
-    with pytest.raises(InputError, match=r"b\.json: provenance\.origin is '\w{16}'; expected .* as in .*a\.json"):
-        run("measure_runs", paths, lambda: None)
+    other = r"b\.json: provenance\.origin is '\w{16}'; expected .* as in .*a\.json"
+    input_error(other, run, "measure_runs", paths, lambda: None)
     run("measure_runs", [paths[0], pour(tmp_path / "c.json", apparatus="drum")], lambda: None)
     first = pour(tmp_path / "a.json")
     monkeypatch.setattr(provenance, "machine", lambda: {"processor": "another"})
     run("measure_runs", [first, pour(tmp_path / "b.json")], lambda: None)
-    first = pour(tmp_path / "a.json")
     run("dataset", [first], lambda: files.write_table(tmp_path / "dataset.csv", pd.DataFrame({"x": [1]})))
     monkeypatch.setattr(provenance, "engine_hash", lambda: "edited")
     second = pour(tmp_path / "b.json")
-    with pytest.raises(InputError, match=r"b\.json: provenance\.engine is 'edited'; .* as in .*dataset\.csv"):
-        run("validate", [tmp_path / "dataset.csv", second], lambda: None)
+    other = r"b\.json: provenance\.engine is 'edited'; .* as in .*dataset\.csv"
+    input_error(other, run, "validate", [tmp_path / "dataset.csv", second], lambda: None)
 
 
 def test_results_of_other_settings_or_another_engine_are_found(tmp_path, monkeypatch):
@@ -196,14 +192,10 @@ def test_the_version_and_commit_are_those_of_the_code_that_runs(monkeypatch, tmp
     assert provenance._commit() == "0123456789ab"
 
 
-def test_the_verbs_write_it_and_a_verb_prints_it(tmp_path, capsys):
-    config = str(places.root() / "config/quick.yaml")
-    assert main(["design", "--config", config, "--out", str(tmp_path)]) == 0
-    capsys.readouterr()
-    assert main(["provenance", str(tmp_path / "samples.csv")]) == 0
-    output = dict(line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines())
+def test_the_verbs_write_it_and_a_verb_prints_it(tmp_path, command):
+    config, made = "config/quick.yaml", tmp_path / "samples.csv"
+    command("design", "--config", config, "--out", tmp_path)
+    output = dict(line.split(maxsplit=1) for line in command("provenance", made).out.splitlines())
     assert (output["verb"], output["seed"]) == ("design", str(CONFIG["design"]["seed"]))
-    assert main(["provenance", str(tmp_path / "samples.csv"), "--json"]) == 0
-    assert set(json.loads(capsys.readouterr().out)) == KEYS
-    assert main(["provenance", config]) == 2
-    assert "provenance is None; expected a result" in capsys.readouterr().err
+    assert set(json.loads(command("provenance", made, "--json").out)) == KEYS
+    assert "provenance is None; expected a result" in command("provenance", config, status=2).err

@@ -1,14 +1,12 @@
 """Runs: their seeds, their use, their variance."""
 
 import math
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 from refusals import value_error
 from scipy import stats
-from shared import one_run
+from shared import one_run, run_python
 
 from repose.core import variance
 from repose.core.runs import Recorded, error_of, summarise_runs
@@ -35,8 +33,7 @@ def test_the_mean_its_error_and_the_targets_in_front():
     same = Recorded(RECORDED.means, RECORDED.without_error, ("aor_deg", "height_mm", "berries"))
     assert RECORDED.beginning_with(("aor_deg", "height_mm")) == same
     assert error_of("packing_percent") == "packing_se_percent"
-    code = "import sys; from repose.core.runs import summarise_runs; sys.exit('pandas' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], env={"PYTHONPATH": ":".join(sys.path)}).returncode == 0
+    run_python("-c", "import sys; from repose.core.runs import summarise_runs; sys.exit('pandas' in sys.modules)")
 
 
 @pytest.mark.parametrize(("statuses", "expected"), [
@@ -95,7 +92,6 @@ def test_variance_between_samples_seeds_for_an_error_and_residual_correlation():
         seen = true + 1.5 / np.sqrt(seeds) * random.normal(size=4000)
         reached = 1 - np.sum((seen - true) ** 2) / np.sum((seen - seen.mean()) ** 2)
         assert one.reachable_r2(seeds) == pytest.approx(reached, abs=0.02)
-    one = variance.Components(1, 1, 0.0, 2.25, 2.25, 2.25, 4.0, 0.64, 0.6, 0.7, 8.0)
     assert one.seeds_for(0.5) == 9  # 1.5 / sqrt(9) exactly
     assert one.seeds_for(0.499) == 10
     assert one.seeds_for(5.0) == 1

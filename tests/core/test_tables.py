@@ -5,7 +5,6 @@ import random
 import re
 
 import numpy as np
-import pytest
 from refusals import input_error
 from shared import check_all, targets_of
 
@@ -40,6 +39,9 @@ MODELS = "particle,tension,filling,eligible,distance,aor_difference_deg,aor_se_d
     f"p{k},keep,open,{k < 7},0.{k}5,{k}.5,0.25\n" for k in range(8)
 )
 PROFILE = "x_mm,z_mm\n" + "".join(f"{k}.5,{9 - k}.25\n" for k in range(8))
+NO_NUMBERS = ("1_0", "１２", "1:30", "0x10", "inf", "-inf", "1e999", "many", "1 2", "1.234,5", "2022-05-01")
+NO_RESULTS = ("#DIV/0!", "#N/A", "#VALUE!", "#REF!", "#NAME?", "#WERT!", "#NV")
+SUMMARIES = ("Mean", "average", "SD", "Std. Dev.", "min", "MAX", "CV (%)", "n", "sum", "Total:", "Mittelwert", "Median")
 
 
 def numbers(table):
@@ -136,25 +138,31 @@ def test_every_reader_reads_what_spreadsheets_write(tmp_path):
 
 def fault(reader, path, content):
     """The sentences of a reader about a table."""
-    with pytest.raises(InputError) as caught:
-        READERS[reader][2](given(path, content))
-    assert str(caught.value).startswith(str(path))
-    return str(caught.value)
-
-
-NO_NUMBERS = ("1_0", "１２", "1:30", "0x10", "inf", "-inf", "1e999", "many", "1 2", "1.234,5", "2022-05-01")
-NO_RESULTS = ("#DIV/0!", "#N/A", "#VALUE!", "#REF!", "#NAME?", "#WERT!", "#NV")
+    return str(input_error(f"^{re.escape(str(path))}", READERS[reader][2], given(path, content)))
 
 
 def test_every_reader_names_row_and_column_of_what_is_no_number(tmp_path):
-    def check(reader, value):
-        text, column, _ = READERS[reader]
-        rows = cells(text)
+    def check(reader, column, value):
+        rows = cells(READERS[reader][0])
         rows[2][rows[0].index(column)] = value
         assert f"row 2: {column} is '{value}'; expected " in fault(reader, tmp_path / "a.csv", joined(rows, ";"))
 
-    values = (*NO_NUMBERS, *NO_RESULTS)
-    check_all(check, [(f"{reader}, {value}", reader, value) for reader in READERS for value in values])
+    cases = [(name, reader[1], value) for name, reader in READERS.items() for value in (*NO_NUMBERS, *NO_RESULTS)]
+    check_all(check, [(", ".join(case), *case) for case in cases])
+
+
+def test_every_measured_and_published_cell_is_a_number_that_can_be(tmp_path):
+    def check(reader, column, value):
+        rows = cells(READERS[reader][0])
+        rows[2][column] = value
+        # a comma makes another cell of it
+        assert f"row 2: {'cells' if ',' in value else rows[0][column]} is" in fault(reader, path, joined(rows))
+
+    path, values = tmp_path / "a.csv", (*NO_NUMBERS, "", "nan", "-1", "1,5", "²", "None", "TRUE", "'1'")
+    measured = [(reader, k) for reader, columns in (("sizes", 3), ("compression", 7)) for k in range(columns)]
+    cases = [(*place, value) for place in measured for value in (*values, "0")]
+    cases += [("published", k, value) for k in range(1, 7) for value in values]
+    check_all(check, [(f"{case}", *case) for case in cases])
 
 
 def test_a_formula_without_result_is_no_comment_wherever_it_stands(tmp_path):
@@ -165,9 +173,6 @@ def test_a_formula_without_result_is_no_comment_wherever_it_stands(tmp_path):
         assert f"row 2: {rows[0][k]} is '{value}'; expected " in message
 
     check_all(check, [(f"{r}, {v}, {k}", r, v, k) for r in READERS for v in NO_RESULTS[:4] for k in (0, -1)])
-
-
-SUMMARIES = ("Mean", "average", "SD", "Std. Dev.", "min", "MAX", "CV (%)", "n", "sum", "Total:", "Mittelwert", "Median")
 
 
 def test_a_row_that_sums_up_others_is_refused_by_its_word(tmp_path):
@@ -217,8 +222,15 @@ def test_commas_that_may_be_decimal_or_of_thousands_are_told(tmp_path):
         ("a,,\n1,2,3\n", "row 1: cells is 3; expected 1, as in the header"),
         ('a,b\n1,2\n"3,4\n5,6\n', "line 3: cells is '\"3,4'; expected a CSV file: unexpected end of data"),
         ("", "rows is 0; expected a CSV file"),
+        ("\n\n\n", "rows is 0; expected a CSV file"),
+        ("1,2\n", "column b is 'missing'; expected columns b; found: 1, 2"),
+        ("a,b\n\0\0\n", "table is 'a byte of zero'; expected a CSV file in UTF-8"),
+        ('{"a": 1}', "column b is 'missing'; expected columns b; found: {"),
+        ("<table><tr><td>1</td></tr></table>", "column b is 'missing'; expected columns b; found: <table>"),
     ):
         input_error(re.escape(words), tables.read, given(path, text), [column])
+    for reader in ("sizes", "compression", "published"):
+        assert "rows is 0" in fault(reader, path, READERS[reader][0].splitlines()[0])
     assert tables.read(given(path, "a\tb\n0,5\t1,234\n"), [column]).values["b"] == [1.234]
     assert tables.read(given(path, "a;b\n1;1,234\n"), [column]).values["b"] == [1.234]
 
@@ -269,26 +281,32 @@ def test_a_wrong_unit_is_told_with_its_file_and_the_likely_one(tmp_path):
     sizes = given(tmp_path / "sizes.csv", SIZES)
 
     def message(tests):
-        with pytest.raises(InputError) as caught:
-            of_files(sizes, given(tmp_path / "tests.csv", tests), None, 840.0)
-        return str(caught.value)
+        return str(input_error("expected", of_files, sizes, given(tmp_path / "tests.csv", tests), None, 840.0))
 
-    def scaled(column, factor):
-        rows = cells(TESTS)
-        k = rows[0].index(column)
-        return joined([rows[0], *([*row[:k], repr(float(row[k]) * factor), *row[k + 1 :]] for row in rows[1:])])
+    def scaled(text, factor, *columns):
+        header, *rows = cells(text)
+        own = [header.index(column) for column in columns]
+        return joined(
+            [header, *([repr(float(row[k]) * factor) if k in own else row[k] for k in range(len(row))] for row in rows)]
+        )
 
     of_files(sizes, given(tmp_path / "tests.csv", TESTS), None, 840.0)
+    tests_in_m = scaled(TESTS, 1e-3, "width_1_mm", "width_2_mm", "breadth_mm")
+    assert re.search(r"tests\.csv: width_1_mm is .* near that of minor_mm", message(tests_in_m))
     for unit, factor in (("cm", 0.1), ("m", 1e-3), ("um", 1e3)):
         words = rf"tests\.csv: breadth_mm is .*near that of major_mm .*; in {unit} instead of mm\?"
-        assert re.search(words, message(scaled("breadth_mm", factor)))
+        assert re.search(words, message(scaled(TESTS, factor, "breadth_mm")))
     for unit, factor in (("kN", 1e-3), ("mN", 1e8)):
-        assert re.search(rf"tests\.csv: force_n is .*; in {unit} instead of N\?", message(scaled("force_n", factor)))
-    in_cm = joined([cells(SIZES)[0], *([repr(float(cell) / 10) for cell in row] for row in cells(SIZES)[1:])])
-    given(sizes, in_cm)
+        words = rf"tests\.csv: force_n is .*; in {unit} instead of N\?"
+        assert re.search(words, message(scaled(TESTS, factor, "force_n")))
+    axes = cells(SIZES)[0]
+    in_m = fault("sizes", sizes, scaled(SIZES, 1e-3, *axes))
+    assert re.search(r"long_mm is 0\.0215.*; expected a median from 0\.5 to 2000", in_m)
+    given(sizes, scaled(SIZES, 0.1, *axes))
     assert re.search(r"tests\.csv: length_1_mm is .*; is .*sizes\.csv in cm instead of mm\?", message(TESTS))
-    row = joined([["2.15", "1.15", "1.05"]])
-    assert "; in cm instead of mm?" in fault("sizes", sizes, SIZES + row)
+    message = fault("sizes", sizes, f"{SIZES}2.15,1.15,1.05\n")
+    assert "row 4: long_mm is 2.15; expected within a factor of 5 of the median" in message
+    assert "; in cm instead of mm?" in message
 
 
 def test_random_changes_of_good_tables_end_in_numbers_or_in_a_sentence(tmp_path):

@@ -14,6 +14,8 @@ from repose.core.responses import response
 from repose.core.targets import Targets
 
 SLIP = shared.target("drum_slip_deg", 40.0, 1.0, 38, 42, 4)
+X = np.sort(np.random.default_rng(1).uniform(-24.0, 20.0, 23))  # at no regular distance
+RANGES = dict.fromkeys(PARAMETERS, (0.1, 0.4)) | {"mur_gp": (0.2, 0.3)}
 
 
 def test_targets_give_names_and_numbers_and_count_published_solutions(tmp_path):
@@ -29,8 +31,8 @@ def test_targets_give_names_and_numbers_and_count_published_solutions(tmp_path):
     assert Targets(targets[:1]).in_words(["32.9"]) == "32.9 deg"
     assert Targets(targets[:2]).in_words(["32.9", "66"]) == "32.9 deg and 66 mm"
     assert targets.in_words(["32.9", "66", "40"]) == "AoR 32.9 deg, Height 66 mm and slip 40 deg"
-    with pytest.raises(InputError, match=r"targets: response is 'colour'; expected one of aor_deg, "):
-        Targets.of([SLIP | {"response": "colour", "range": [0, 1]}])
+    wanted = r"targets: response is 'colour'; expected one of aor_deg, "
+    input_error(wanted, Targets.of, [SLIP | {"response": "colour", "range": [0, 1]}])
     path = tmp_path / "table4.csv"
     columns = ["solution", *PARAMETERS, "height_predicted_mm", "height_simulated_mm", "aor_simulated_deg"]
     path.write_text(",".join(columns) + "\n" + ",".join(["22"] + 9 * ["0.5"]) + "\n")
@@ -40,9 +42,6 @@ def test_targets_give_names_and_numbers_and_count_published_solutions(tmp_path):
     assert to_simulate(path, (angle,)) == to_simulate(None, (height,)) == []
     path.write_text("solution,e_gg\n")
     input_error(r"table4\.csv: column mus_gg is 'missing'", to_simulate, path, (height,))
-
-
-X = np.sort(np.random.default_rng(1).uniform(-24.0, 20.0, 23))  # at no regular distance
 
 
 def of(heights, functions=5):
@@ -70,9 +69,6 @@ def test_distances_of_profiles_are_those_of_scores_named_with_their_unit():
     assert np.sqrt(np.mean(off**2)) == pytest.approx(0.01 * profile.height)
     names = ("surface_1_mm", "surface_2_mm", "surface_3_mm")
     assert tuple(of(X, functions=3).columns(X)) == names
-
-
-RANGES = dict.fromkeys(PARAMETERS, (0.1, 0.4)) | {"mur_gp": (0.2, 0.3)}
 
 
 @pytest.mark.parametrize(("changes", "words"), [

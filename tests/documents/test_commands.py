@@ -9,21 +9,7 @@ from shared import check_all, run_python
 
 TABLE = yaml.safe_load(commands.TABLE.read_text())
 KINDS = ("quick", "full", "left_out")
-
-
-def commands_of(page):
-    return {text for what, text in commands.steps((commands.ROOT / page).read_text()) if what == "command"}
-
-
-def test_the_table_holds_the_commands_of_every_page():
-    def same(page):
-        known = [text for name in KINDS for text in TABLE.get(page, {}).get(name) or ()]
-        assert sorted(known) == sorted(commands_of(page))
-
-    check_all(same, [(page, page) for page in sorted({*commands.pages(), *TABLE})])
-    assert all(reason for entry in TABLE.values() for reason in (entry.get("left_out") or {}).values())
-
-
+MOST_WORDS = 20
 PAGE = """# A
 
 Save this as `a/b.txt`.
@@ -37,6 +23,19 @@ one
 
     no: command
 """
+
+
+def commands_of(page):
+    return {text for what, text in commands.steps((commands.ROOT / page).read_text()) if what == "command"}
+
+
+def test_the_table_holds_the_commands_of_every_page():
+    def same(page):
+        known = [text for name in KINDS for text in TABLE.get(page, {}).get(name) or ()]
+        assert sorted(known) == sorted(commands_of(page))
+
+    check_all(same, [(page, page) for page in sorted({*commands.pages(), *TABLE})])
+    assert all(reason for entry in TABLE.values() for reason in (entry.get("left_out") or {}).values())
 
 
 def test_files_commands_and_pictures_of_a_page_come_in_their_order():
@@ -60,9 +59,6 @@ def test_the_quick_commands_run():
 def test_a_command_that_fails_is_named_with_its_page(tmp_path):
     with pytest.raises(SystemExit, match=r"page\.md: status 3\d*"):
         commands.run("page.md", "set -e\nexit 31", tmp_path)
-
-
-MOST_WORDS = 20
 
 
 def long_cells(page, text):

@@ -33,12 +33,8 @@ TWELVE_RUNS = """
 """
 
 
-def signs(table):
-    return np.array([[1.0 if sign == "+" else -1.0 for sign in row] for row in table.split()])
-
-
 def test_twelve_runs_are_as_printed_and_take_six_factors():
-    printed = signs(TWELVE_RUNS)
+    printed = np.array([[1.0 if sign == "+" else -1.0 for sign in row] for row in TWELVE_RUNS.split()])
     design = plackett_burman(11, 12)
     assert np.array_equal(design[:11], printed[:11].T)
     assert np.array_equal(design[11], printed[11])

@@ -102,31 +102,26 @@ def _kill(study, main, one, job_only, more, after_s):
 
 def damages(place, finished, wanted, table):
     """Files of a finished study that are cut, flipped or lost."""
-    for way in ("half of it lost", "a bit flipped"):
-        for name in DAMAGED:
+    for way, names in (("half of it lost", DAMAGED), ("a bit flipped", DAMAGED), ("lost", LOST)):
+        for name in names:
             study = finished.copied_to(place / "damaged")
             path = study.folder / name
-            if path.is_dir():
-                path = sorted(path.glob("*"))[5]
-            content = bytearray(path.read_bytes())
-            if way == "a bit flipped":
-                content[len(content) // 2] ^= 1
+            if way == "lost":
+                shutil.rmtree(path) if path.is_dir() else path.unlink()
             else:
-                del content[len(content) // 2 :]
-            path.write_bytes(bytes(content))
+                path = sorted(path.glob("*"))[5] if path.is_dir() else path
+                content = bytearray(path.read_bytes())
+                if way == "a bit flipped":
+                    content[len(content) // 2] ^= 1
+                else:
+                    del content[len(content) // 2 :]
+                path.write_bytes(bytes(content))
             status, result = study.run(), ""
-            if status and study.remove_what_it_named():
+            if way != "lost" and status and study.remove_what_it_named():
                 result, status = f"{status} and named; removed, then ", study.run()
-            table.add(way, name, f"{result}{status}", compared(study, wanted), _repoured(study, finished, path))
+            again = [] if name == "results/heaps" else _repoured(study, finished, path)
+            table.add(way, name, f"{result}{status}", compared(study, wanted), again)
             shutil.rmtree(study.folder)
-    for name in LOST:
-        study = finished.copied_to(place / "damaged")
-        path = study.folder / name
-        shutil.rmtree(path) if path.is_dir() else path.unlink()
-        status = study.run()
-        again = [] if name == "results/heaps" else _repoured(study, finished, path)
-        table.add("lost", name, str(status), compared(study, wanted), again)
-        shutil.rmtree(study.folder)
 
 
 def _repoured(study, finished, damaged):

@@ -97,7 +97,14 @@ def tests_of(path):
     return [str(file.relative_to(ROOT)) for file in chosen], len(own)
 
 
+def cloned(name):
+    """A clone of the last commit in a folder."""
+    subprocess.run(["git", "clone", "-q", ROOT, name], check=True)
+    return Path(name)
+
+
 def tested(folder, tests, compiled):
+    """Run tests of a clone up to the first that fails; the status of pytest and the processor time [s]."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     own = {"PYTHONPATH": f"{folder}/src:{folder}", "PYTHONDONTWRITEBYTECODE": "1"}
     done = subprocess.run(
@@ -115,8 +122,7 @@ def main():
     arguments = parser.parse_args()
     rows, baseline = [], {}
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        subprocess.run(["git", "clone", "-q", ROOT, folder], check=True)
+        folder = cloned(name)
         for path, (start, end, new) in drawn(arguments.mutants, arguments.seed):
             compiled = path.relative_to(SOURCE).parts[0] != "dem"
             if path not in baseline:

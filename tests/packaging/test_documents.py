@@ -4,11 +4,10 @@ import re
 from pathlib import Path
 
 import pytest
-from shared import run_python
+from shared import ROOT, run_python
 
 pytestmark = pytest.mark.slow
 
-ROOT = Path(__file__).parents[2]
 DOCUMENTS = ("CONTRIBUTING.md", "docs/start.md", "docs/notebook.md", "docs/reference.md")
 
 

@@ -8,16 +8,15 @@ import subprocess
 import sys
 import tomllib
 from importlib import metadata
-from pathlib import Path
 
 import yaml
 from packaging.requirements import Requirement
+from shared import ROOT
 
 import repose
 from repose import dem
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 
-ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 DEPENDENCIES = PROJECT["project"]["dependencies"]
 EXTRAS = PROJECT["project"]["optional-dependencies"]
@@ -27,6 +26,12 @@ PINS = [line for line in (ROOT / "environment.txt").read_text().splitlines() if 
 LOCK = re.sub(r"^#.*\n", "", (ROOT / "environment.lock").read_text(), flags=re.MULTILINE)
 # What the extra `workflow` is for: `repose run`, and what is written for calls of snakemake.
 RUN = {"cli/run.py", "cli/run_display.py", "config/call.py", "core/usage.py"}
+CITATION = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+ARCHIVE = json.loads((ROOT / ".zenodo.json").read_text())
+AUTHORS = [author["name"] for author in CITATION["authors"]]
+PAGE = (ROOT / "docs" / "reference.md").read_text()
+SHOWN = set(re.findall(r"^\.\. automodule:: (\S+)$", PAGE, re.MULTILINE))
+FRONT, PAPER = (ROOT / "paper.md").read_text().removeprefix("---\n").split("\n---\n", 1)
 
 
 def names(requirements):
@@ -108,9 +113,8 @@ def test_the_conda_recipe_needs_what_the_package_needs_and_the_pins_lie_in_the_r
     python = f"python {PROJECT['project']['requires-python']}"
     assert ranges(recipe["requirements"]["run"]) == ranges([python, *DEPENDENCIES, *PARTS])
     assert ranges(recipe["requirements"]["host"]) == ranges([python, "pip", *PROJECT["build-system"]["requires"]])
-    assert ranges(recipe["requirements"]["run_constraints"]) == ranges(
-        line for line in EXTRAS["workflow"] if not line.startswith("repose-dem")
-    )
+    of_run = [line for line in EXTRAS["workflow"] if not line.startswith("repose-dem")]
+    assert ranges(recipe["requirements"]["run_constraints"]) == ranges(of_run)
     about, project = recipe["about"], PROJECT["project"]
     assert recipe["build"]["python"]["entry_points"] == [
         f"{name} = {place}" for name, place in project["scripts"].items()
@@ -121,20 +125,10 @@ def test_the_conda_recipe_needs_what_the_package_needs_and_the_pins_lie_in_the_r
         assert metadata.version(requirement.name) in requirement.specifier
 
 
-PAGE = (Path(__file__).parents[2] / "docs" / "reference.md").read_text()
-SHOWN = set(re.findall(r"^\.\. automodule:: (\S+)$", PAGE, re.MULTILINE))
-
-
 def test_the_reference_shows_each_public_name_of_the_engine_and_each_law():
     homes = {f"repose.dem.{home}" for home in dem._HOME.values()}
     homes |= {law.kernel.__module__ for law in (*CONTACT_LAWS.values(), *ROLLING_LAWS.values())}
     assert not homes - SHOWN, homes - SHOWN
-
-
-CITATION = yaml.safe_load((ROOT / "CITATION.cff").read_text())
-ARCHIVE = json.loads((ROOT / ".zenodo.json").read_text())
-FRONT, PAPER = (ROOT / "paper.md").read_text().removeprefix("---\n").split("\n---\n", 1)
-AUTHORS = [author["name"] for author in CITATION["authors"]]
 
 
 def test_version_and_date_are_those_of_the_newest_release_and_the_archive_says_what_the_citation_says():

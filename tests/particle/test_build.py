@@ -10,7 +10,6 @@ import trimesh
 from export.jobs import THREE
 from refusals import input_error
 
-from repose.core.errors import InputError
 from repose.dem.rotations import sphere_directions
 from repose.particle import build, support_fit
 from repose.particle.mesh import principal_pose
@@ -181,9 +180,7 @@ def two(shift=0.0, scale=1.0):
 ])  # fmt: skip
 def test_bad_meshes_are_refused_with_a_reason(tmp_path, mesh, words):
     path = saved(mesh(), tmp_path)
-    with pytest.raises(InputError, match=words) as error:
-        build.load_mesh(path)
-    assert str(path) in str(error.value)
+    assert str(path) in str(input_error(words, build.load_mesh, path))
 
 
 def test_files_with_a_fault_are_mended_where_that_is_safe_else_the_cause_is_named(tmp_path):

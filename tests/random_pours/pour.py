@@ -14,6 +14,7 @@ import warnings
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from repose.apparatus import Scene, bench
 from repose.apparatus.bounds import DEEPEST, FASTEST, Bounded
@@ -308,28 +309,13 @@ def violation(row):
     return ""
 
 
-def counted(rows):
-    """Lines of a table: how the pours of each bench test and particle ended, and their extremes."""
-    statuses = sorted({row["status"] for row in rows})
-    extremes = COLUMNS[COLUMNS.index("cpu_s") : -1]
-    head = ["apparatus", "particle", "pours", "violations", *statuses, *(f"largest {name}" for name in extremes)]
-    yield "| " + " | ".join(head) + " |"
-    yield "|---|---|" + "--:|" * (len(head) - 2)
-    groups = [(a, p) for a in SCENES for p in PARTICLES] + [("all", "all")]
-    for apparatus, particle in groups:
-        these = [row for row in rows if apparatus in ("all", row["apparatus"]) and particle in ("all", row["particle"])]
-        counts = [sum(row["status"] == status for row in these) for status in statuses]
-        largest = [max((float(row[name] or 0.0) for row in these), default=0.0) for name in extremes]
-        bad = sum(bool(violation(row)) for row in these)
-        cells = [apparatus, particle, len(these), bad, *counts, *(f"{value:.4g}" for value in largest)]
-        yield "| " + " | ".join(map(str, cells)) + " |"
-
-
-def read(path):
-    if not path.is_file():
-        return []
-    with path.open(newline="") as table:
-        return list(csv.DictReader(table))
+def counted(table):
+    """How the pours of each bench test and particle ended, and their extremes."""
+    place = [table["apparatus"], table["particle"]]
+    ends = pd.crosstab(place, table["status"], margins=True)
+    violations = (table["violation"] != "").groupby(place).sum()
+    largest = table.groupby(place)[COLUMNS[COLUMNS.index("cpu_s") : -1]].max().add_prefix("largest ")
+    return ends.join(violations).join(largest)
 
 
 def main():
@@ -338,7 +324,7 @@ def main():
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--out", default=Path(__file__).with_name("pours.csv"), type=Path)
     args = parser.parse_args()
-    done = {int(row["number"]) for row in read(args.out)}
+    done = set(pd.read_csv(args.out)["number"]) if args.out.is_file() else set()
     config = Study.load("config/config.yaml").config
     section = config["berry"]
     table1 = "resources/published/table1.csv"
@@ -360,11 +346,11 @@ def main():
             if number not in done:
                 writer.writerow(poured(number, config, mean, particles, seen))
                 table.flush()
-    rows = read(args.out)
-    print("\n".join(counted(rows)))
-    bad = [f"{row['number']}: {violation(row)}" for row in rows if violation(row)]
-    print("\n".join(bad))
-    return int(bool(bad))
+    table = pd.read_csv(args.out)
+    table["violation"] = [violation(row) for row in table.to_dict("records")]
+    bad = table.loc[table["violation"] != "", ["number", "violation"]]
+    print(counted(table).to_string(), bad.to_string(), sep="\n")
+    return int(len(bad) > 0)
 
 
 if __name__ == "__main__":

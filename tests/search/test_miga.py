@@ -6,6 +6,9 @@ from refusals import value_error
 
 from repose.search.miga import MIGA, islands_ga, migrate
 
+BOX = np.array([(-5.0, 5.0), (100.0, 200.0), (-1e-3, 0.0)])
+LOWEST = np.array([1.0, 130.0, -2e-4])
+
 
 def minimise(function, dimensions, generations, **settings):
     search = MIGA(dimensions, **settings)
@@ -112,10 +115,6 @@ def test_islands_keep_apart_and_bad_settings_are_named():
     wrong += [("mutation_amplitude", -0.1, "at least 0"), ("mutation_probability", 1.5, "0 to 1")]
     for setting, value, allowed in wrong:
         value_error(f"{setting} is {value}; expected {allowed}", MIGA, 6, **{setting: value})
-
-
-BOX = np.array([(-5.0, 5.0), (100.0, 200.0), (-1e-3, 0.0)])
-LOWEST = np.array([1.0, 130.0, -2e-4])
 
 
 def bowl(x):

@@ -55,10 +55,9 @@ def test_one_target_four_with_weights_and_weights_of_one():
     outside = np.maximum(np.maximum(low / (high - low) - scaled, scaled - high / (high - low)), 0.0)
     found = plain(responses)
     np.testing.assert_array_equal(found[0], F)
-    np.testing.assert_array_equal(found[1], outside[:, 0] + outside[:, 1])
-    np.testing.assert_array_equal(
-        plain.fitness(*found), F + (found[1] > 0) * 2.0 + 10.0 * (outside[:, 0] + outside[:, 1])
-    )
+    V = outside[:, 0] + outside[:, 1]
+    np.testing.assert_array_equal(found[1], V)
+    np.testing.assert_array_equal(plain.fitness(*found), F + (V > 0) * 2.0 + 10.0 * V)
 
 
 def test_a_prior_is_a_small_term_that_no_infeasible_point_makes_up_for():

@@ -5,6 +5,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 from shared import RANGES, entries, settings_of, target
 
 from repose.core.parameter_space import ParameterSpace
@@ -61,17 +62,30 @@ def responses(table, noise=0.0, seed=1):
     return values * (1 + noise / 100 * np.random.default_rng(seed).normal(size=values.shape))
 
 
-def write_poured(folder, table, noise=0.0, seed=1, seeds=3):
-    runs = table.loc[table.index.repeat(seeds), ["sample", *PARAMETERS]].reset_index(drop=True)
-    runs = runs.assign(seed=range(len(runs)), status="ok", reason="")
-    runs[list(TARGETS.names)] = responses(runs, noise, seed)
-    of_sample = runs.groupby("sample", sort=False)[list(TARGETS.names)]
-    data = table[["sample", *PARAMETERS]].assign(status="ok", reason="", n_seeds=seeds)
-    data[list(TARGETS.names)] = of_sample.mean().to_numpy()
-    data[list(TARGETS.errors)] = of_sample.sem().to_numpy()
+def runs_of(table, pours, noise, seed, names=TARGETS.names):
+    """Single runs of samples with noise in percent, as the verb dataset writes them."""
+    every = table.loc[table.index.repeat(pours)].reset_index(drop=True)
+    values = pd.DataFrame(responses(every, noise, seed), columns=list(TARGETS.names))[list(names)]
+    runs = every[["sample"]].assign(seed=np.arange(len(every)), status="ok", reason="")
+    return pd.concat([runs, values], axis=1)
+
+
+def write_tables(folder, table, runs, targets=TARGETS):
+    """Tables of a batch as the verb dataset writes them."""
     folder.mkdir(parents=True, exist_ok=True)
+    grouped = runs[runs["status"] == "ok"].groupby("sample")
+    data = table[["sample", *PARAMETERS]].assign(reason="")
+    data["n_seeds"] = grouped.size().reindex(table["sample"], fill_value=0).to_numpy()
+    data["status"] = np.where(data["n_seeds"] > 0, "ok", "jammed")
+    for one in targets:
+        data[one.name] = grouped[one.name].mean().reindex(table["sample"]).to_numpy()
+        data[one.response.error] = grouped[one.name].sem().reindex(table["sample"]).to_numpy()
     data.to_csv(folder / "dataset.csv", index=False)
-    runs.drop(columns=list(PARAMETERS)).to_csv(folder / "runs.csv", index=False)
+    runs.to_csv(folder / "runs.csv", index=False)
+
+
+def write_poured(folder, table, noise=0.0, seed=1, seeds=3):
+    write_tables(folder, table, runs_of(table, seeds, noise, seed))
 
 
 def dataset(table, noise=0.0, seed=1):

@@ -1,23 +1,20 @@
 """The budget advisor: its noise, what it says of pours, and that its table is the benchmark's."""
 
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 import pytest
+from refusals import input_error
 from scipy.stats import beta, norm
+from shared import ROOT
 from synthetic import TARGETS, study
 
-from repose.cli import main
 from repose.config import cost
-from repose.config.study import Study
-from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
 from repose.strategies import plan
 from research.answers import hidden_truths
 
-ROOT = Path(__file__).parents[2]
+SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("published", "sequential")]
 
 
 def study_of(responses):
@@ -46,8 +43,8 @@ def test_the_noise_of_the_runs_and_chances_between_scatters_by_hand():
         assert found.needed[percent] == int(np.ceil(by_hand))
     assert not found.measured
     runs = runs_of(np.array([0.5, 2.0])).drop_duplicates("sample")
-    with pytest.raises(InputError, match=r"a\.csv: runs that determine the noise is 0; expected at least 3"):
-        plan.measured_noise(runs, TARGETS, "a.csv")
+    few = r"a\.csv: runs that determine the noise is 0; expected at least 3"
+    input_error(few, plan.measured_noise, runs, TARGETS, "a.csv")
     table = pd.read_csv(plan.SUCCESS).query("responses == 1")
     low, high = sorted(table["noise_percent"].unique())[:2]
     own = [table[table["noise_percent"] == one]["within_1_percent"].to_numpy() for one in (low, high)]
@@ -65,11 +62,11 @@ def test_the_noise_of_the_runs_and_chances_between_scatters_by_hand():
 
 @pytest.mark.parametrize("percent", [0.1, 1.1, 1.9, 5.0, 30.0])
 @pytest.mark.parametrize("responses", [1, 2])
-def test_no_chance_is_stated_below_the_pours_of_the_start_nor_above_that_of_campaigns(percent, responses):
+def test_no_chance_is_stated_below_the_pours_of_the_start_nor_above_that_of_campaigns(percent, responses, config):
     sd = np.array([percent, percent]) / 100 * TARGETS.aim
     names = list(TARGETS.names)[-responses:]
     found = plan.plan(study_of(responses), runs_of(sd)[["sample", "status", *names]]).budgets
-    section = Study.load(ROOT / "config/config.yaml").config["sequential"]
+    section = config["sequential"]
     assert found["pours"].min() == section["start_samples"] * section["seeds"]
     campaigns = pd.read_csv(plan.SUCCESS).query("responses == @responses")
     for name in ("within_1_percent", "within_2_percent"):
@@ -78,12 +75,9 @@ def test_no_chance_is_stated_below_the_pours_of_the_start_nor_above_that_of_camp
         assert (found[name].to_numpy() >= by_pours.min().to_numpy() - 1e-12).all()
 
 
-SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("published", "sequential")]
-
-
 @pytest.mark.parametrize("strategy", ["response_surface", *SLOW])
 def test_the_configured_strategy_is_in_the_table_and_no_pour_is_timed_before_the_probabilities(
-    strategy, tmp_path, monkeypatch, capsys
+    strategy, tmp_path, monkeypatch, capsys, command, config
 ):
     def timed(*_):
         assert "probability that the answer" in capsys.readouterr().out
@@ -92,10 +86,8 @@ def test_the_configured_strategy_is_in_the_table_and_no_pour_is_timed_before_the
     monkeypatch.setattr(cost, "measured_berry_step_s", timed)
     path = tmp_path / "mine.yaml"
     path.write_text(f"strategy: {strategy}\nresults_dir: {tmp_path}/results\n")
-    assert main(["plan", "--config", str(path)]) == 0
-    lines = capsys.readouterr().out.splitlines()
+    lines = command("plan", "--config", path).out.splitlines()
     marked = [line.split() for line in lines if line.split()[0] == f"*{strategy}"]
-    config = Study.load(ROOT / "config/config.yaml").config
     section, budgets = config["response_surface"], plan.chances(1, 5.0)["pours"]
     sets = section["screening_runs"] + section["steps"] + 1 + 24 + 2 * section["centres"] + section["checks"]
     pours = {
@@ -108,13 +100,12 @@ def test_the_configured_strategy_is_in_the_table_and_no_pour_is_timed_before_the
 
 
 @pytest.mark.parametrize(("free", "fitting"), [(1, False), (2, False), (3, True)])
-def test_a_strategy_that_does_not_fit_is_left_out(free, fitting, tmp_path, monkeypatch, capsys):
+def test_a_strategy_that_does_not_fit_is_left_out(free, fitting, tmp_path, monkeypatch, command):
     monkeypatch.setattr(cost, "measured_berry_step_s", lambda *_: 1e-7)
     fixed = "".join(f"  {name}: {{fixed: 0.3}}\n" for name in PARAMETERS[free:])
     path = tmp_path / "mine.yaml"
     path.write_text(f"parameters:\n{fixed}results_dir: {tmp_path}/results\nmeasure: {{response: whole}}\n")
-    assert main(["plan", "--config", str(path)]) == 0
-    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    lines = [line.split() for line in command("plan", "--config", path).out.splitlines()]
     assert lines[0][:6] == ["reach:", "WARNING:", "500", "grains", "of", "1489"]
     assert (["response_surface"] in [line[:1] for line in lines]) == fitting
     assert (["response_surface:", "not", "with"] in [line[:3] for line in lines]) != fitting

@@ -7,12 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from shared import studied, target
+from shared import ROOT, studied, target
 from synthetic import SPACE, TARGETS, configuration, responses
 from test_sequential import HEIGHT, SECTION, campaign
 
 from repose.chain import answer, card
-from repose.cli import main
 from repose.config.study import Study
 from repose.core.parameters import PARAMETERS
 from repose.core.runs import error_of
@@ -24,7 +23,6 @@ from repose.search.settings import MigaSettings
 from repose.strategies import answer as written
 from repose.strategies.answer import separated
 
-ROOT = Path(__file__).parents[2]
 SPHERE = Particle("ellipsoid", np.full((1, 3), 4e-3), 1000.0, 2.7e-7, 2.7e-4, [1e-9] * 3, 4e-3, 0.0, 0.0)
 BERRY = {"long_mm": 8.0, "major_mm": 8.0, "minor_mm": 8.0, "n": 20, "density_kg_m3": 1000.0}
 FILES = {"dataset": "dataset.csv", "runs": "runs.csv", "feasible": "solutions.csv"}
@@ -123,7 +121,7 @@ def test_the_report_of_a_strategy_has_the_answer_sliders_and_how_it_went(study):
 
 
 @pytest.mark.slow
-def test_the_verbs_that_the_rules_call_write_card_and_report(tmp_path, monkeypatch, capsys):
+def test_the_verbs_that_the_rules_call_write_card_and_report(tmp_path, monkeypatch, command):
     monkeypatch.chdir(tmp_path)
     campaign(tmp_path, HEIGHT)
     config = Study.load("config/quick.yaml").config
@@ -133,13 +131,13 @@ def test_the_verbs_that_the_rules_call_write_card_and_report(tmp_path, monkeypat
     Path("config.json").write_text(json.dumps(config))
     batches = map(str, sorted(tmp_path.glob("batch_*"), key=number))
     own = ["--config=config.json"]
-    assert main(["stage", "conclude", "sequential", *batches, *own, "--out=."]) == 0
+    command("stage", "conclude", "sequential", *batches, *own, "--out=.")
     answered = ["--feasible=solutions.csv", "--summary=summary.json", "--representative=representative.csv"]
     grain = [f"--{name}={ROOT / 'results/published/recommended/berry' / name}.json" for name in ("berry", "particle")]
-    assert main(["stage", "material_card", *own, *grain, *answered, "--out=card.json"]) == 0
+    command("stage", "material_card", *own, *grain, *answered, "--out=card.json")
     assert card.read("card.json")["met"] is True
     words = [f"--input={name}={path}" for name, path in FILES.items()]
-    assert main(["stage", "report", *own, *words, "--table=Batches=batches.csv", "--out=report.html"]) == 0
+    command("stage", "report", *own, *words, "--table=Batches=batches.csv", "--out=report.html")
     assert "Batches" in Path("report.html").read_text()
 
 

@@ -7,18 +7,17 @@ import numpy as np
 import pandas as pd
 import pytest
 from linear import Linear
-from refusals import value_error
-from shared import MIGA, studied, targets_of
+from refusals import input_error, value_error
+from shared import MIGA, good_run, studied, targets_of, write_jobs
 from synthetic import REFINE, Study, configuration
 
 from repose.chain import answer, dataset, invert, train
-from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.seeds import pour_seeds
 from repose.strategies import Answer, batches
 from repose.strategies.refined import Refined, refine, rounds
-from repose.strategies.runs import runs_by_bench, samples_of_runs
+from repose.strategies.runs import runs_by_bench
 from repose.surrogate import load, make, names
 from repose.surrogate.support import Support
 
@@ -122,50 +121,6 @@ def test_every_surrogate_can_be_corrected_and_is_saved_so(name, tmp_path):
     np.testing.assert_allclose(moved.covariance(X), model.covariance(X))
 
 
-def jobs_of(table, seeds, values, folder):
-    """Jobs of both bench tests for each row of a table, all runs alike but for a small scatter; the paths."""
-    paths = []
-    for row, count in zip(table.to_dict("records"), seeds, strict=True):
-        parameters = {name: row[name] for name in PARAMETERS}
-        for apparatus, (name, value) in values.items():
-            runs = [{"seed": k, "status": "ok", "reason": "", name: value + 0.05 * (-1) ** k} for k in range(count)]
-            job = {"apparatus": apparatus, "sample": row["sample"], "parameters": parameters, "runs": runs}
-            paths.append(folder / f"{apparatus}_{row['sample']}.json")
-            paths[-1].write_text(json.dumps(job))
-    return paths
-
-
-def test_a_round_of_two_bench_tests_is_judged_by_both_and_added(tmp_path):
-    targets = targets_of(height_mm=60.0, drum_slip_deg=40.0)
-    design, own = tmp_path / "samples.csv", tmp_path / "round_0"
-    own.mkdir()
-    solutions()[list(PARAMETERS)].assign(sample=1).to_csv(design, index=False)
-    values = {"funnel": ("height_mm", 60.2), "drum": ("drum_slip_deg", 42.0)}
-    jobs = jobs_of(pd.read_csv(design), [2], values, tmp_path)
-    dataset.run(design, jobs, targets, {}, tmp_path)
-    table = proposed(targets=targets, seeds=4, block=2, neighbours=2)
-    table.to_csv(own / "proposal.csv", index=False)
-    jobs = jobs_of(table, table["seeds"], values, own)
-    dataset.run(own / "proposal.csv", jobs, targets, {}, own)
-    runs = pd.read_csv(own / "runs.csv")
-    study = Study(SPACE, targets, {"refine": SECTION})
-    row = rounds.judge(table, runs, study, 0)
-    assert (row["outcome"], row["n_seeds"], row["poured"]) == ("not within", 4, 8)
-    assert (row["height_simulated_mm"], row["drum_slip_simulated_deg"]) == pytest.approx((60.2, 42.0))
-    assert "slip 42.00 deg is 5.00 %" in row["reason"]
-    assert "Height 60.20 mm is 0.33 %" in row["reason"]
-    seven = ParameterSpace.of(RANGES | {"gamma_gg": [0.0, 0.1]})
-    more = rounds.judge(table.assign(gamma_gg=0.05), runs, study._replace(parameters=seven), 0)
-    assert more["gamma_gg"] == 0.05
-    data = batches.read([tmp_path, own], targets)
-    added = samples_of_runs(data, SPACE, targets)
-    assert added["drum_slip_deg"].tolist() == pytest.approx([42.0] * 5, abs=0.02)
-    assert added["height_mm"].tolist() == pytest.approx([60.2] * 5, abs=0.02)
-    runs = runs_by_bench(data, targets)
-    assert runs.groupby("apparatus")["sample"].count().to_dict() == {"drum": 12, "funnel": 12}
-    assert runs["status"].eq("ok").all()
-
-
 # The whole loop
 
 SPREAD = np.array([1.2, 2.4])
@@ -192,20 +147,16 @@ class Simulator:
         hump = self.hump * np.cos(5 * (unit[2] + unit[4]))
         return np.array([aor + hump + self.lift, height - 2 * hump])
 
-    def pour(self, table, seeds, purpose, folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        paths = []
-        for row, count in zip(table.to_dict("records"), seeds, strict=True):
-            runs = []
-            for seed in pour_seeds(7, purpose, row["sample"], count):
-                self.poured.append(seed)
-                values = self.mean(row) + SPREAD * np.random.default_rng(seed).normal(size=2)
-                runs.append({"seed": seed, "status": "ok", "reason": ""})
-                runs[-1] |= dict(zip(("aor_deg", "height_mm"), values.tolist(), strict=True))
-            parameters = {name: row[name] for name in PARAMETERS}
-            paths.append(folder / f"{row['sample']}.json")
-            paths[-1].write_text(json.dumps({"sample": row["sample"], "parameters": parameters, "runs": runs}))
-        return paths
+    def run(self, row, seed):
+        self.poured.append(seed)
+        angle, height = self.mean(row) + SPREAD * np.random.default_rng(seed).normal(size=2)
+        return good_run(seed, aor_deg=angle, height_mm=height)
+
+    def pour(self, table, purpose, folder):
+        def runs_of(row):
+            return [self.run(row, seed) for seed in pour_seeds(7, purpose, row["sample"], row["seeds"])]
+
+        return write_jobs(table, folder, runs_of)
 
 
 STUDY = Study(SPACE, TARGETS, CONFIG)
@@ -216,7 +167,7 @@ def designed(simulator, out):
     table = pd.DataFrame(LOW + rng.random((60, 6)) * (HIGH - LOW), columns=list(PARAMETERS))
     table.insert(0, "sample", np.arange(1, 61))
     table.to_csv(out / "samples.csv", index=False)
-    jobs = simulator.pour(table, [6] * 60, "design", out / "heaps")
+    jobs = simulator.pour(table.assign(seeds=6), "design", out / "heaps")
     dataset.run(out / "samples.csv", jobs, TARGETS, {}, out)
 
 
@@ -232,7 +183,7 @@ def closed(simulator, out, limit):
         folders.append(own)
         if not found["answer"]:
             table = pd.read_csv(own / "samples.csv")
-            jobs = simulator.pour(table, table["seeds"], "refined", own / "heaps")
+            jobs = simulator.pour(table, "refined", own / "heaps")
             dataset.run(own / "samples.csv", jobs, TARGETS, {}, own)
     batches.run_conclude("refined", study, folders, out / "refined")
     return verdicts
@@ -304,16 +255,16 @@ def test_runs_of_another_definition_or_numbers_are_refused(loop, tmp_path):
         shutil.copytree(folder, tmp_path / name, ignore=shutil.ignore_patterns("heaps", "refined"))
     copies = [tmp_path / "a", tmp_path / "b"]
     summary = copies[1] / "dataset_summary.json"
-    content, other = json.loads(summary.read_text()), {"aor_deg": {"measure.response": "flank"}}
-    summary.write_text(json.dumps(content | {"definitions": other}))
-    definitions = {"aor_deg": {"measure.response": "secant"}}
-    with pytest.raises(InputError, match=r"b/dataset_summary\.json: definition of aor_deg"):
-        batches.run_propose("refined", STUDY._replace(definitions=definitions), copies, tmp_path, "config.json")
-    with pytest.raises(InputError, match=r"batch_1/dataset\.csv: sample is 1001; expected in one batch alone"):
-        batches.run_propose("refined", STUDY, [*folders, folders[1]], tmp_path)
+    content, flank = json.loads(summary.read_text()), {"aor_deg": {"measure.response": "flank"}}
+    summary.write_text(json.dumps(content | {"definitions": flank}))
+    other = STUDY._replace(definitions={"aor_deg": {"measure.response": "secant"}})
     many = STUDY._replace(config=CONFIG | {"design": {"samples": 1000, "seed": 7}})
-    with pytest.raises(InputError, match=r"design\.samples is 1000; expected below 1000"):
-        batches.run_propose("refined", many, folders[:1], tmp_path)
+    for one, given, words in (
+        (other, copies, r"b/dataset_summary\.json: definition of aor_deg"),
+        (STUDY, [*folders, folders[1]], r"batch_1/dataset\.csv: sample is 1001; expected in one batch alone"),
+        (many, folders[:1], r"design\.samples is 1000; expected below 1000"),
+    ):
+        input_error(words, batches.run_propose, "refined", one, given, tmp_path)
 
 
 def test_a_target_out_of_reach_ends_at_the_limit_and_the_answer_says_what_is_met(tmp_path, loop):
@@ -332,8 +283,8 @@ def test_a_target_out_of_reach_ends_at_the_limit_and_the_answer_says_what_is_met
     assert isinstance(found, Answer) == rounds.stuck(verdicts[1], verdicts[0])
     out, _, verdicts = loop
     folders = [out.parent, *(out / f"batch_{k + 1}" for k in range(len(verdicts) + 1))]
-    with pytest.raises(InputError, match=r"proposal\.json: answer is False; expected true in the last folder"):
-        batches.run_conclude("refined", STUDY, folders[:-1], out)
+    early = r"proposal\.json: answer is False; expected true in the last folder"
+    input_error(early, batches.run_conclude, "refined", STUDY, folders[:-1], out)
     files = (out / name for name in ("summary.json", "representative.csv", "solutions.csv"))
     text = str(answer.read(studied(configuration(TARGETS, SPACE), strategy="refined"), *files))
     assert text.splitlines()[0].startswith("made_up: targets met. Angle of repose ")

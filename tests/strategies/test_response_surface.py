@@ -7,10 +7,23 @@ import pandas as pd
 import pytest
 import synthetic
 from matplotlib.text import Text
+from refusals import input_error
 from shared import entries
-from synthetic import MATTER, RANGES, SECTION, SETTINGS, SPACE, TARGETS, configuration, dataset, responses, write_poured
+from synthetic import (
+    MATTER,
+    RANGES,
+    SECTION,
+    SETTINGS,
+    SPACE,
+    TARGETS,
+    configuration,
+    dataset,
+    responses,
+    runs_of,
+    write_poured,
+    write_tables,
+)
 
-from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
@@ -48,7 +61,7 @@ def test_without_noise_the_optimum_is_the_target_and_a_fixed_parameter_is_no_fac
     check = campaign(tmp_path, 0.0, SECTION | {"surface": name, "most_factors": 3}, space)
     assert check["deviation_percent"].abs().max() < 1e-3
     assert json.loads((tmp_path / "optimum.json").read_text())["met"]
-    for step in ("screening", "ascent", "surface", "check"):
+    for step in STEPS:
         table = pd.read_csv(tmp_path / step / "samples.csv")
         assert (table["e_gg"] == 0.25).all()
         assert "coded_e_gg" not in table
@@ -95,8 +108,7 @@ def test_the_check_is_the_optimum_again_in_coded_and_natural_units(noisy):
     assert (table[list(PARAMETERS)].to_numpy() == np.array(list(optimum["parameters"].values()))).all()
     assert check["simulated"].to_numpy() == pytest.approx(responses(table)[0], rel=0.01)
     summary = json.loads((folder / "summary.json").read_text())
-    samples = [len(pd.read_csv(folder / name / "samples.csv")) for name in ("screening", "ascent", "surface", "check")]
-    assert summary["pours"] == 3 * sum(samples)
+    assert summary["pours"] == 3 * sum(len(pd.read_csv(folder / name / "samples.csv")) for name in STEPS)
     table = pd.read_csv(noisy[0] / "surface/samples.csv")
     for k in (0, 7, len(table) - 1):
         coded = table.loc[k, [f"coded_{name}" for name in factors_of(table)]].to_numpy(float)
@@ -104,12 +116,17 @@ def test_the_check_is_the_optimum_again_in_coded_and_natural_units(noisy):
         assert SPACE.values(unit)[0] == pytest.approx(table.loc[k, list(PARAMETERS)].to_numpy(float))
 
 
+def about_the_centre(settings):
+    """The design of a surface in the factors that matter, about the centre of the ranges."""
+    points = pd.DataFrame({"error_percent": [1.0], "best": [True]})
+    points = points.assign(**SPACE.centre, **{f"coded_{name}": 0.0 for name in sorted(MATTER)})
+    return surface.design(points, SPACE, settings)
+
+
 @pytest.mark.slow
 def test_the_interval_of_the_check_holds_what_it_says():
     # a surface of second order is right here, so 95 % of the checks lie inside: 1000 of them, standard error 0.7 %
-    points = pd.DataFrame({"error_percent": [1.0], "best": [True]})
-    points = points.assign(**SPACE.centre, **{f"coded_{name}": 0.0 for name in sorted(MATTER)})
-    table = surface.design(points, SPACE, SETTINGS)
+    table = about_the_centre(SETTINGS)
     place = np.array([0.3, -0.2, 0.5])
     best = Optimum(place, np.zeros(2), True, 1.0)
     check = surface.check_samples(table, best, SPACE, SETTINGS.checks)
@@ -123,9 +140,7 @@ def test_the_interval_of_the_check_holds_what_it_says():
 
 @pytest.mark.parametrize("name", ["rotatable", "face_centred"])
 def test_axial_runs_of_a_central_composite_lie_at_the_reach(name):
-    points = pd.DataFrame({"error_percent": [1.0], "best": [True]})
-    points = points.assign(**SPACE.centre, **{f"coded_{factor}": 0.0 for factor in sorted(MATTER)})
-    table = surface.design(points, SPACE, SETTINGS.model_copy(update={"surface": name}))
+    table = about_the_centre(SETTINGS.model_copy(update={"surface": name}))
     assert len(table) == 14 + SECTION["centres"]
     unit = SPACE.unit(table[list(PARAMETERS)].to_numpy(float))
     k = SPACE.free.index(factors_of(table)[0])
@@ -165,18 +180,13 @@ def test_steps_share_no_sample_and_leave_out_those_that_gave_no_pile():
 
 def test_too_few_piles_are_reported_with_their_folder_and_figures(tmp_path, noisy):
     study, table = synthetic.study(response_surface=SECTION), screening.design(SPACE, SETTINGS)
-    write_poured(tmp_path, table)
-    data, runs = (pd.read_csv(tmp_path / f"{name}.csv") for name in ("dataset", "runs"))
-    failed = data["sample"].iloc[3:12]
-    data.loc[data["sample"].isin(failed), ["status", "n_seeds"]] = ["failed", 0]
-    runs.loc[runs["sample"].isin(failed), "status"] = "failed"
-    for name, one in {"dataset": data, "runs": runs}.items():
-        one.to_csv(tmp_path / f"{name}.csv", index=False)
-    with pytest.raises(InputError, match=f"{tmp_path}: .*enough for the model"):
-        batches.run_propose("response_surface", study, [tmp_path], tmp_path / "next")
+    runs = runs_of(table, 3, 0.0, 1)
+    runs.loc[runs["sample"].isin(table["sample"].iloc[3:12]), "status"] = "failed"
+    write_tables(tmp_path, table, runs)
+    step = "response_surface", study, [tmp_path], tmp_path / "next"
+    input_error(f"{tmp_path}: .*enough for the model", batches.run_propose, *step)
     write_poured(tmp_path, table.iloc[:5])
-    with pytest.raises(InputError, match="all samples of the step"):
-        batches.run_propose("response_surface", study, [tmp_path], tmp_path / "next")
+    input_error("all samples of the step", batches.run_propose, *step)
     folder = noisy[0]
     surface_files = {name: str(folder / f"surface/{name}.csv") for name in ("samples", "dataset")}
     drawings = [

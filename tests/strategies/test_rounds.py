@@ -1,23 +1,27 @@
 """Rounds and batches of a strategy."""
 
+from functools import partial
 from itertools import chain
 
 import numpy as np
 import pandas as pd
 import pytest
-from shared import targets_of
+from shared import RANGES, good_run, targets_of, write_jobs
 from synthetic import REFINE as SECTION
 from synthetic import SPACE, study
 
-from repose.chain.dataset import assemble
+from repose.chain import dataset
+from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
+from repose.core.responses import response
 from repose.core.seeds import pour_seeds
 from repose.strategies import batches
 from repose.strategies.refined import RefineSettings, rounds
-from repose.strategies.runs import samples_of_runs
+from repose.strategies.runs import runs_by_bench, samples_of_runs
 from repose.strategies.sequential.strategy import observed_of
 
 TARGETS = targets_of(aor_deg=30.0, height_mm=60.0)
+FOUR = targets_of(aor_deg=30.0, height_mm=60.0, base_radius_mm=110.0, drum_slip_deg=40.0)
 
 
 def proposed(targets, seeds):
@@ -84,8 +88,9 @@ def test_one_target_and_four_of_two_bench_tests():
     assert row["drum_slip_simulated_deg"] == pytest.approx(40.1)
     assert rounds.why_stopped(row, 4, targets_of(drum_slip_deg=40.0)) == "round 0 meets the target"
     assert rounds.claim(row, targets_of(drum_slip_deg=40.0)).startswith("slip 40.10 ± 0.06 deg (+0.25 %), mean")
-    row = rounds.judge(proposed(FOUR, 4), of_two_bench_tests([40.0, 40.2, 44.0]), study(FOUR, refine=SECTION), 0)
-    assert (row["poured"], row["n_seeds"]) == (7, 3)
+    seven = study(FOUR, ParameterSpace.of(RANGES | {"gamma_gg": [0.0, 0.1]}), refine=SECTION)
+    row = rounds.judge(proposed(FOUR, 4).assign(gamma_gg=0.05), of_two_bench_tests([40.0, 40.2, 44.0]), seven, 0)
+    assert (row["poured"], row["n_seeds"], row["gamma_gg"]) == (7, 3, 0.05)
     assert row["outcome"] == "not within"
     assert row["base_radius_simulated_mm"] == pytest.approx(110)
     assert row["drum_slip_se_deg"] == pytest.approx(np.std([40.0, 40.2, 44.0], ddof=1) / np.sqrt(3))
@@ -95,9 +100,6 @@ def test_one_target_and_four_of_two_bench_tests():
     row = rounds.judge(proposed(FOUR, 4), failed, study(FOUR, refine=SECTION), 0)
     assert (row["outcome"], row["reason"]) == ("no pile", "jammed: 2 of 2 runs jammed (stuck)")
     assert rounds.why_stopped(row | {"outcome": "within"}, 4, FOUR) == "round 0 meets all targets"
-
-
-FOUR = targets_of(aor_deg=30.0, height_mm=60.0, base_radius_mm=110.0, drum_slip_deg=40.0)
 
 
 def of_two_bench_tests(slip):
@@ -132,18 +134,8 @@ def test_the_loop_goes_on_while_it_learns_and_ends_out_of_reach():
     assert "the limit of 4 refits" in rounds.why_stopped(row, 4, TARGETS, farther)
 
 
-def job(sample, name, good):
-    runs = [
-        {"seed": seed, "status": "ok", "reason": "", name: 50.0 + sample + seed**2}
-        if one
-        else {"seed": seed, "status": "jammed", "reason": "stuck", name: None}
-        for seed, one in enumerate(good)
-    ]
-    return {"sample": sample, "parameters": {}, "runs": runs}
-
-
 @pytest.mark.parametrize("names", [("height_mm",), ("height_mm", "drum_slip_deg")])
-def test_samples_are_those_of_the_dataset_also_where_runs_failed(names):
+def test_samples_are_those_of_the_dataset_also_where_runs_failed(names, tmp_path):
     targets = targets_of(**dict.fromkeys(names, 60.0))
     good = {
         "height_mm": [(1, 1, 1), (1, 0, 1), (0, 0, 1), (1, 1, 1), (0, 0, 0)],
@@ -151,18 +143,25 @@ def test_samples_are_those_of_the_dataset_also_where_runs_failed(names):
     }
     samples = pd.DataFrame(SPACE.values(np.random.default_rng(1).random((5, 6))), columns=list(PARAMETERS))
     samples.insert(0, "sample", range(1, 6))
-    jobs = {
-        target.response.apparatus: {k: job(k, target.name, good[target.name][k - 1]) for k in range(1, 6)}
-        for target in targets
-    }
-    dataset, runs = assemble(samples, jobs, targets)
-    data = batches.data_of(dataset, runs, targets)
+    samples.to_csv(tmp_path / "samples.csv", index=False)
+
+    def runs_of(name, row):
+        for seed, one in enumerate(good[name][row["sample"] - 1]):
+            run = good_run(seed, **{name: 50.0 + row["sample"] + seed**2})
+            yield run if one else run | {"status": "not_at_rest", "reason": "moves", name: None}
+
+    jobs = []
+    for name in names:
+        jobs += write_jobs(samples, tmp_path, partial(runs_of, name), apparatus=response(name).apparatus)
+    dataset.run(tmp_path / "samples.csv", jobs, targets, {}, tmp_path)
+    made, data = pd.read_csv(tmp_path / "dataset.csv"), batches.read([tmp_path], targets)
+    assert runs_by_bench(data, targets)["apparatus"].value_counts().to_dict() == dict.fromkeys(targets.apparatus, 15)
     table = samples_of_runs(data, SPACE, targets)
-    ok = dataset["status"] == "ok"
+    ok = made["status"] == "ok"
     assert ((table["status"] == "ok") == ok).all()
-    assert (table["n_seeds"] == dataset["n_seeds"]).all()
+    assert (table["n_seeds"] == made["n_seeds"]).all()
     columns = ["sample", *PARAMETERS, *targets.names, *targets.errors]
-    pd.testing.assert_frame_equal(table.loc[ok, columns], dataset.loc[ok, columns], check_dtype=False)
+    pd.testing.assert_frame_equal(table.loc[ok, columns], made.loc[ok, columns], check_dtype=False)
     observed, failed = observed_of(data, SPACE, targets)
     assert len(data) == 15
     np.testing.assert_allclose(SPACE.values(observed.unit), samples.loc[ok, list(PARAMETERS)])

@@ -7,13 +7,13 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.text import Text
+from refusals import input_error
 from scipy.spatial.distance import cdist
 from scipy.stats import norm
 from shared import entries
-from synthetic import RANGES, SPACE, TARGETS, responses, study
+from synthetic import RANGES, SPACE, TARGETS, responses, runs_of, study, write_poured, write_tables
 
 from repose import Study
-from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
@@ -34,28 +34,6 @@ BOTH = entries(TARGETS)
 HEIGHT = Targets.of(BOTH[1:])
 
 
-def runs_of(table, pours, noise, seed, names):
-    """Single runs of samples with noise in percent, as the verb dataset writes them."""
-    every = table.loc[table.index.repeat(pours)].reset_index(drop=True)
-    values = pd.DataFrame(responses(every, noise, seed), columns=list(TARGETS.names))[list(names)]
-    runs = every[["sample"]].assign(seed=np.arange(len(every)), status="ok", reason="")
-    return pd.concat([runs, values], axis=1)
-
-
-def write_poured(folder, table, runs, targets):
-    """Tables of a batch as the verb dataset writes them."""
-    folder.mkdir(parents=True, exist_ok=True)
-    grouped = runs[runs["status"] == "ok"].groupby("sample")
-    data = table[["sample", *PARAMETERS]].assign(reason="")
-    data["n_seeds"] = grouped.size().reindex(table["sample"], fill_value=0).to_numpy()
-    data["status"] = np.where(data["n_seeds"] > 0, "ok", "jammed")
-    for one in targets:
-        data[one.name] = grouped[one.name].mean().reindex(table["sample"]).to_numpy()
-        data[one.response.error] = grouped[one.name].sem().reindex(table["sample"]).to_numpy()
-    data.to_csv(folder / "dataset.csv", index=False)
-    runs.to_csv(folder / "runs.csv", index=False)
-
-
 def campaign(folder, targets=TARGETS, space=SPACE, section=SECTION, noise=1.0, seed=1):
     known = study(targets, space, sequential=section, design={"seed": seed})
     folders, found = [], {"answer": False}
@@ -65,8 +43,7 @@ def campaign(folder, targets=TARGETS, space=SPACE, section=SECTION, noise=1.0, s
         table = pd.read_csv(own / "samples.csv")
         assert set(table["seeds"]) == {section["checks" if found["answer"] else "seeds"]}
         stream = [seed, 999 if found["answer"] else len(folders)]
-        runs = runs_of(table, table["seeds"], noise, stream, targets.names)
-        write_poured(own, table, runs, targets)
+        write_tables(own, table, runs_of(table, table["seeds"], noise, stream, targets.names), targets)
         folders.append(own)
     batches.run_conclude("sequential", known, folders, folder)
     return json.loads((folder / "summary.json").read_text())
@@ -162,7 +139,6 @@ def test_it_stops_where_the_budget_is_used_up_no_pour_helps_or_no_set_meets_the_
     own = pd.DataFrame(SPACE.values(found.answer[None]), columns=list(PARAMETERS))
     assert goal.of_responses(responses(own))[1][0] < least + 0.1
     assert found.reach.nearest == pytest.approx(least, abs=max(0.1, 3 * found.reach.error))
-    far = Targets.of([BOTH[0], BOTH[1] | {"value": 140.0, "range": [130, 150]}])
     found = advised(observed(n=12, noise=0.2), far, most_pours=999, start_samples=18)
     assert found.stop is None
     assert len(found.batch) == SECTION["batch"] / 2, "half a batch, where the draws come nearest"
@@ -188,7 +164,6 @@ def test_pours_that_are_left_or_may_move_a_mean_and_the_expected_deviation():
     assert goal.expected_deviation(mean, covariance)[0] == pytest.approx(goal.of_responses(drawn)[1].mean(), rel=0.01)
     # the simulator's own answers after all pours of the budget at one point: the bound holds in each of 30 cases
     data = observed(n=20, noise=4.0)
-    goal = Goal.of(TARGETS, 1.0, SPACE)
     found = advised(data, most_pours=100, probability=0.99)
     model = Kriging(data)
     point = found.answer
@@ -234,24 +209,22 @@ def test_a_batch_lies_about_the_answer_and_away_from_failed_samples():
 
 
 def test_a_budget_counts_failed_runs_and_bench_tests_are_independent(tmp_path):
-    batches.run_propose("sequential", study(sequential=SECTION), [], tmp_path)
+    known = study(sequential=SECTION)
+    batches.run_propose("sequential", known, [], tmp_path)
     table = pd.read_csv(tmp_path / "samples.csv")
-    runs = runs_of(table, 2, 0.5, 1, TARGETS.names)
+    runs = runs_of(table, 2, 0.5, 1)
     runs.loc[[0, 4, 5], "status"] = "jammed"
     runs.loc[[0, 4, 5], list(TARGETS.names)] = np.nan
-    write_poured(tmp_path, table, runs, TARGETS)
-    found = batches.run_propose("sequential", study(sequential=SECTION), [tmp_path], tmp_path / "batch_1")
+    write_tables(tmp_path, table, runs)
+    found = batches.run_propose("sequential", known, [tmp_path], tmp_path / "batch_1")
     assert found["pours"] == 24
     data = pd.read_csv(tmp_path / "dataset.csv")
     seen, failed = observed_of(data_of(data, runs, TARGETS), SPACE, TARGETS)
     assert seen.counts.tolist() == [1] + [2] * 10
     assert SPACE.values(failed)[0] == pytest.approx(table.loc[2, list(PARAMETERS)].to_numpy(float))
-    batches.run_propose("sequential", study(sequential=SECTION), [], tmp_path)
-    table = pd.read_csv(tmp_path / "samples.csv")
-    runs = runs_of(table, 1, 0.5, 1, TARGETS.names)
-    write_poured(tmp_path, table, runs, TARGETS)
-    with pytest.raises(InputError, match="enough for an estimate of the noise"):
-        batches.run_propose("sequential", study(sequential=SECTION), [tmp_path], tmp_path / "batch_1")
+    write_poured(tmp_path, table, 0.5, seeds=1)
+    few = "enough for an estimate of the noise"
+    input_error(few, batches.run_propose, "sequential", known, [tmp_path], tmp_path / "batch_1")
     other = BOTH[1] | {"response": "drum_slip_deg", "apparatus": "drum", "value": 40, "range": [30, 50]}
     targets = Targets.of([BOTH[1], other])
     table = pd.DataFrame(SPACE.values(np.full((2, 6), 0.5)), columns=list(PARAMETERS))

@@ -2,18 +2,14 @@
 
 import json
 import math
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 from refusals import input_error
-from shared import TARGETS, targets_of
+from shared import ROOT, TARGETS, targets_of
 
-from repose.cli import main
 from repose.config.study import Study
-from repose.core import places
-from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
@@ -23,6 +19,9 @@ from repose.studies.likelihood import observation
 
 PILE = targets_of(aor_deg=30.0, height_mm=60.0)
 OWN = {"slope": 30.0, "time": 4.0}
+SPACE = ParameterSpace.of({name: [0.0, 1.0] for name in PARAMETERS})
+TWO = Targets.of(TARGETS)
+FOUR = targets_of(aor_deg=32.0, height_mm=64.0, base_radius_mm=110.0, drum_slip_deg=40.0)
 
 
 def design(*slopes):
@@ -79,8 +78,8 @@ def test_a_model_counts_by_its_piles_and_a_study_that_says_too_little_is_refused
     twice.to_csv(path, index=False)
     assert discrepancy.of_shape_study(path, PILE).models == pytest.approx(result.models)
     few = combinations(tmp_path, np.ones((6, 2)), eligible=[True] * 4 + [False] * 2)
-    with pytest.raises(InputError, match=r"combinations.csv: eligible is '4.0 models.*'; expected at least 5"):
-        discrepancy.of_shape_study(few, PILE)
+    wanted = r"combinations.csv: eligible is '4.0 models.*'; expected at least 5"
+    input_error(wanted, discrepancy.of_shape_study, few, PILE)
     input_error("drum_slip_difference_deg", discrepancy.of_shape_study, few, targets_of(drum_slip_deg=40.0))
 
 
@@ -98,18 +97,14 @@ def test_a_cell_that_cannot_be_is_refused_with_its_row(tmp_path, column, value, 
 
 
 def test_the_published_study_has_a_discrepancy_and_so_have_responses_of_a_users_simulator():
-    root = Path(__file__).parents[2]
-    published = root / "results" / "published" / "shape_study" / "combinations.csv"
-    assert (root / "resources" / "shape_study.csv").read_bytes() == published.read_bytes()
+    published = ROOT / "results" / "published" / "shape_study" / "combinations.csv"
+    assert (ROOT / "resources" / "shape_study.csv").read_bytes() == published.read_bytes()
     content = {"simulator": "mine", "label": "own", "seed": 1, "parameters": {"friction": [0.2, 0.8]}}
     content["targets"] = {name: {"value": value, "sd": 1.0, "repetitions": 5} for name, value in OWN.items()}
     own = Study.own(content).targets
     runs = pd.DataFrame({"sample": [1, 2, 3], "slope": [29.0, 30.0, 31.0], "time": [3.0, 4.0, 5.0]})
     found = discrepancy.of_targets(own, runs, 10.0, 0.5)
     assert found == pytest.approx(np.array([[9.0, 0.5 * 3.0 * 0.4], [0.5 * 3.0 * 0.4, 0.16]]))
-
-
-SPACE = ParameterSpace.of({name: [0.0, 1.0] for name in PARAMETERS})
 
 
 class Linear:
@@ -186,10 +181,6 @@ def test_the_region_is_where_the_response_is_within_three_standard_deviations():
     assert "not implausible" in implausibility.message(curve_of(Linear(40.0), targets)[1], share)
 
 
-TWO = Targets.of(TARGETS)
-FOUR = targets_of(aor_deg=32.0, height_mm=64.0, base_radius_mm=110.0, drum_slip_deg=40.0)
-
-
 def made_up_runs(seeds=4, samples=30):
     random = np.random.default_rng(1)
     count = samples * seeds
@@ -211,7 +202,7 @@ def write_runs(folder, seeds=4):
     return folder / "runs.csv"
 
 
-def test_tables_of_a_study_with_failed_pours_by_function_and_verb(tmp_path, capsys):
+def test_tables_of_a_study_with_failed_pours_by_function_and_verb(tmp_path, command):
     summary = noise.run(write_runs(tmp_path), TWO, tmp_path / "out")
     row = pd.read_csv(tmp_path / "out/noise.csv").iloc[0]
     assert (row["samples"], row["runs"], row["failed_runs"], row["samples_without_runs"]) == (29, 116, 4, 1)
@@ -225,9 +216,8 @@ def test_tables_of_a_study_with_failed_pours_by_function_and_verb(tmp_path, caps
     # height is twice the angle plus noise of one: 2 / sqrt(5)
     assert summary["correlation"]["low"] < 2 / np.sqrt(5) < summary["correlation"]["high"]
     out = tmp_path / "verb"
-    words = ["--config", str(places.root() / "config/quick.yaml"), "--out", str(out)]
-    assert main(["noise", "--runs", str(write_runs(tmp_path)), *words]) == 0
-    assert "height_mm: sd 2." in capsys.readouterr().out
+    words = ["--runs", write_runs(tmp_path), "--config", "config/quick.yaml", "--out", out]
+    assert "height_mm: sd 2." in command("noise", *words).out
     assert len(pd.read_csv(out / "seeds.csv")) == 64
 
 
@@ -248,8 +238,8 @@ def test_targets_without_correlation_and_too_few_runs(tmp_path):
     input_error(r"runs a sample is 1; expected 2 or more", noise.run, write_runs(tmp_path, 1), TWO, tmp_path / "out")
     runs = made_up_runs(2, 4).query("apparatus == 'funnel'")
     runs.to_csv(tmp_path / "runs.csv", index=False)
-    with pytest.raises(InputError, match=r"runs\.csv: runs is '2 degrees of freedom within samples"):
-        noise.run(tmp_path / "runs.csv", TWO, tmp_path / "out")
+    few = r"runs\.csv: runs is '2 degrees of freedom within samples"
+    input_error(few, noise.run, tmp_path / "runs.csv", TWO, tmp_path / "out")
     input_error("4 sets or more with two runs", next_measurement.information, made_up(1.0, 1.0, sets=3), 10, 2.0)
 
 
@@ -292,5 +282,5 @@ def test_bits_by_hand_the_most_informative_first_and_plausible_sets(tmp_path):
     for values in written[list(PARAMETERS)].to_numpy():
         assert np.isclose(draws.to_numpy(), values, rtol=1e-9).all(axis=1).sum() == 1
     draws[:3].to_csv(tmp_path / "draws.csv", index=False)
-    with pytest.raises(InputError, match="rows is 3; expected 16 or more"):
-        next_measurement.plausible_sets(tmp_path / "draws.csv", 3, tmp_path / "samples.csv")
+    files = tmp_path / "draws.csv", 3, tmp_path / "samples.csv"
+    input_error("rows is 3; expected 16 or more", next_measurement.plausible_sets, *files)

@@ -2,31 +2,24 @@
 
 import json
 import re
-import runpy
-import sys
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 import yaml
 from refusals import input_error
-from shared import at, put
+from shared import ROOT, at, put
 
 from repose.chain import card
-from repose.cli import main
 from repose.config.record import add_runs
 from repose.config.study import Study
-from repose.core.errors import InputError
 from repose.strategies.runs import checked_runs
 from repose.strategies.sequential import noise
 from repose.strategies.sequential.strategy import observed_of
 from repose.studies import calibration
 
-DOC = (Path(__file__).parents[2] / "docs/own_simulator.md").read_text()
-BLOCKS = dict(re.findall(r"```(yaml|python)\n(.*?)```", DOC, re.DOTALL)[:2])
-QUICK = {"posterior": {"walkers": 32, "steps": 100}}
-CONTENT = yaml.safe_load(BLOCKS["yaml"]) | QUICK
+DOC = re.search(r"```yaml\n(.*?)```", (ROOT / "docs/own_simulator.md").read_text(), re.DOTALL)
+CONTENT = yaml.safe_load(DOC[1]) | {"posterior": {"walkers": 32, "steps": 100}}
 SINGLE = CONTENT | {"sequential": {"start_samples": 32, "seeds": 1}}
 FREE = ["friction", "rolling"]
 
@@ -58,7 +51,7 @@ def found(study, table):
 
 
 @pytest.mark.slow
-def test_the_start_repeats_its_samples_and_answers_in_the_products_of_a_run(study, found, tmp_path, capsys):
+def test_the_start_repeats_its_samples_and_answers_in_the_products_of_a_run(study, found, tmp_path, command):
     table = study.ask()
     assert (table.groupby("sample").size() == 2).all()
     assert table["run"].tolist() == [1, 2] * 16
@@ -72,14 +65,12 @@ def test_the_start_repeats_its_samples_and_answers_in_the_products_of_a_run(stud
     assert made["met"] is None
     assert made["reason"] == "The answer is predicted inside both ranges; the answer was not simulated again."
     assert made["out_of_reach"] is False
-    assert str(found).startswith("rape_seed: targets not checked yet. angle_deg predicted ")
-    assert main(["card", "check", str(tmp_path / "card.json")]) == 3
-    assert capsys.readouterr().out.startswith("rape_seed: targets not checked yet. angle_deg predicted ")
+    for said in (str(found), command("card", "check", tmp_path / "card.json", status=3).out):
+        assert said.startswith("rape_seed: targets not checked yet. angle_deg predicted ")
     assert {test["bench"] for test in made["tests"]} == {None}
     assert set(made["parameters"]) == {"friction", "rolling", "restitution"}
-    assert main(["card", "show", str(tmp_path / "card.json")]) == 0
-    assert "not simulated again" in capsys.readouterr().out
-    assert main(["card", "compare", *2 * [str(tmp_path / "card.json")]]) == 0
+    assert "not simulated again" in command("card", "show", tmp_path / "card.json").out
+    command("card", "compare", *2 * [tmp_path / "card.json"])
     for name in ("samples", "solutions", "posterior", "draws"):
         assert len(pd.read_csv(tmp_path / f"{name}.csv")) > 1
 
@@ -113,19 +104,23 @@ def test_the_answer_meets_the_targets_inside_ranges_and_intervals_that_hold_it(f
     assert "friction" in moved._repr_html_()
 
 
+def files_of(folder, content, runs):
+    """The configuration and a table of runs in a folder, as words of `repose calibrate`."""
+    (folder / "own.yaml").write_text(yaml.safe_dump(content))
+    runs.to_csv(folder / "runs.csv", index=False)
+    return [folder / "runs.csv", "--config", folder / "own.yaml", "--out", folder]
+
+
 @pytest.mark.slow
-def test_a_calibration_ends_well_whatever_its_answer(found, monkeypatch, tmp_path, capsys):
+def test_a_calibration_ends_well_whatever_its_answer(found, monkeypatch, tmp_path, command):
     missed = found._replace(summary=found.summary | {"feasible": False})
     monkeypatch.setattr(calibration, "calibrate", lambda *_: missed)
-    (tmp_path / "own.yaml").write_text(yaml.safe_dump(CONTENT))
-    found.runs.to_csv(tmp_path / "runs.csv", index=False)
-    words = [str(tmp_path / "runs.csv"), "--config", str(tmp_path / "own.yaml"), "--out", str(tmp_path)]
-    assert main(["calibrate", *words]) == 0
-    first = capsys.readouterr().out.splitlines()[0]
+    first = command("calibrate", *files_of(tmp_path, CONTENT, found.runs)).out.splitlines()[0]
     assert "No parameter set is predicted inside both ranges; the answer was not simulated again." in first
     assert card.read(tmp_path / "card.json")["out_of_reach"] is True
     text = (tmp_path / "report.html").read_text()
     assert "<b>Targets not checked yet.</b> angle_deg predicted " in text
+    assert "Other parameters" in text
 
 
 @pytest.mark.slow
@@ -214,29 +209,17 @@ def test_too_few_single_runs_are_refused_with_the_ways_out(study, table):
 
 
 @pytest.mark.slow
-def test_single_runs_are_calibrated_with_a_warning(tmp_path, capsys):
-    (tmp_path / "own.yaml").write_text(yaml.safe_dump(SINGLE))
-    table = simulate(Study.own(SINGLE).ask(), noise=0.02)
-    table.drop(columns=["restitution", "sample", "run"]).to_csv(tmp_path / "results.csv", index=False)
-    words = [str(tmp_path / "results.csv"), "--config", str(tmp_path / "own.yaml"), "--out", str(tmp_path)]
-    assert main(["calibrate", *words]) == 0
-    assert "WARNING: too few replicates" in capsys.readouterr().err
+def test_single_runs_are_calibrated_with_a_warning(tmp_path, command):
+    table = simulate(Study.own(SINGLE).ask(), noise=0.02).drop(columns=["restitution", "sample", "run"])
+    runs, *config = files_of(tmp_path, SINGLE, table)
+    assert "WARNING: too few replicates" in command("calibrate", runs, *config).err
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary["noise"]["time_s"]["from"] == "estimated from single runs"
     # 0.593, 0.093 without noise; the targets are 30 degrees and 4 s
     assert summary["representative"]["friction"] == pytest.approx(0.59, abs=0.05)
     assert "too few replicates" in (tmp_path / "report.html").read_text()
-    asked = ["--runs", str(tmp_path / "results.csv"), "--config", str(tmp_path / "own.yaml")]
-    assert main(["ask", *asked, "--out", str(tmp_path / "next.csv")]) == 0
-    assert "WARNING: too few replicates" in capsys.readouterr().err
-
-
-def without(name):
-    return lambda table: table.drop(columns=name)
-
-
-def twice(table):
-    return pd.concat([table, table[:1]]).drop(columns="run")
+    asked = command("ask", "--runs", runs, *config[:2], "--out", tmp_path / "next.csv")
+    assert "WARNING: too few replicates" in asked.err
 
 
 def cell(row, name, value):
@@ -249,8 +232,11 @@ def cell(row, name, value):
 
 
 BAD = {
-    "no parameter": (without("friction"), "column friction is 'missing'; expected .*; found: sample, run, rolling"),
-    "no response": (without("time_s"), "column time_s is 'missing'"),
+    "no parameter": (
+        lambda table: table.drop(columns="friction"),
+        "column friction is 'missing'; expected .*; found: sample, run, rolling",
+    ),
+    "no response": (lambda table: table.drop(columns="time_s"), "column time_s is 'missing'"),
     "no number": (cell(3, "angle_deg", "steep"), "row 4: angle_deg is 'steep'; expected a finite number"),
     "nan": (cell(3, "angle_deg", np.nan), "row 4: angle_deg is nan; expected a finite number; a run that failed"),
     "empty": (cell(3, "rolling", ""), "row 4: rolling is ''; expected a number from"),
@@ -262,7 +248,10 @@ BAD = {
     "an id twice": (cell(2, "sample", 1), "row 3: sample is '1'; expected one set of parameters for each sample"),
     "two ids": (cell(1, "sample", 99), "row 2: sample is '99'; expected 1, the sample of row 1"),
     "a run twice": (cell(1, "run", 1), r"row 2: sample and run is \[1, '1'\]; expected each once"),
-    "a row twice": (twice, "row 33: row is 'there twice'; expected a run of its own"),
+    "a row twice": (
+        lambda table: pd.concat([table, table[:1]]).drop(columns="run"),
+        "row 33: row is 'there twice'; expected a run of its own",
+    ),
 }
 
 
@@ -307,9 +296,7 @@ def test_all_faults_of_a_configuration_are_reported_at_once():
     content = changed("seed", None) | {"design": {"samples": 3}, "label": 3}
     content["parameters"]["mu.s"] = [0.8, 0.2]
     content["targets"]["time_s"] |= {"sd": -1, "repetitions": "many"}
-    with pytest.raises(InputError) as caught:
-        Study.own(content)
-    found = {fault.key for fault in caught.value.faults}
+    found = {fault.key for fault in input_error("expected", Study.own, content).faults}
     targets = {"targets.time_s.sd", "targets.time_s.repetitions"}
     assert found == {"seed", "design.samples", "label", "parameters.mu.s", *targets}
 
@@ -322,30 +309,8 @@ def test_a_prior_moves_the_answer(table):
     assert found.summary["representative"]["friction"] < 0.58, "0.59 without it"
 
 
-def test_the_verbs_want_an_own_configuration(tmp_path, capsys):
-    path = tmp_path / "own.yaml"
-    path.write_text("label: wheat\n")
-    (tmp_path / "runs.csv").write_text("a\n1\n")
-    for verb in ("ask", "tell", "calibrate"):
-        words = [] if verb == "ask" else [str(tmp_path / "runs.csv")]
-        assert main([verb, *words, "--config", str(path), "--out", str(tmp_path / "x")]) == 2
-        assert "simulator is None; expected the name of your simulator" in capsys.readouterr().err
-
-
-@pytest.mark.slow
-def test_every_command_of_the_documentation_runs(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    Path("own.yaml").write_text(yaml.safe_dump(CONTENT, sort_keys=False))
-    Path("simulator.py").write_text(BLOCKS["python"])
-    commands = re.findall(r"^    ((?:repose|python) .*)$", DOC, re.MULTILINE)
-    verbs = [line.split()[1] for line in commands if line.startswith("repose")]
-    assert verbs == ["design", "calibrate", "tell", "ask", "tell", "calibrate"]
-    for line in [*commands[:7], *commands[4:7], commands[-1]]:
-        program, *words = line.split()
-        if program == "repose":
-            assert main(words) == 0, line
-        else:
-            monkeypatch.setattr(sys, "argv", words)
-            runpy.run_path(words[0], run_name="__main__")
-    assert json.loads(Path("own/card.json").read_text())["probability"]["within_2_percent"] > 0.5
-    assert "Other parameters" in Path("own/report.html").read_text()
+def test_the_verbs_want_an_own_configuration(table, tmp_path, command):
+    runs, *config = files_of(tmp_path, {"label": "wheat"}, table)
+    for verb in (["ask"], ["tell", runs], ["calibrate", runs]):
+        said = command(*verb, *config, status=2).err
+        assert "simulator is None; expected the name of your simulator" in said

@@ -7,12 +7,12 @@ import numpy as np
 import pandas as pd
 import pytest
 from linear import Linear
+from refusals import input_error, value_error
 from scipy import stats
 from shared import study_of, targets_of
-from synthetic import Study
+from synthetic import Study, write_tables
 
 from repose.chain import train
-from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.studies import implausibility, likelihood, posterior
@@ -73,8 +73,8 @@ def test_one_target_determines_one_parameter_and_correlations_need_their_runs():
     targets = targets_of(sd_percent=4.0, aor_deg=30.0, height_mm=30.0, base_radius_mm=30.0)
     few = runs_of(targets, seeds=2, samples=4)
     slopes = [{name: 12.0} for name in ("e_gg", "mus_gg", "mur_gg")]
-    with pytest.raises(ValueError, match="4 degrees of freedom within samples of funnel; expected at least 5"):
-        inferred(targets, slopes, runs=few)
+    freedom = "4 degrees of freedom within samples of funnel; expected at least 5"
+    value_error(freedom, inferred, targets, slopes, runs=few)
     drum = targets_of(sd_percent=4.0, aor_deg=30.0, height_mm=30.0, drum_slip_deg=30.0, drum_rest_deg=30.0)
     one_each = [{name: 12.0} for name in ("e_gg", "mus_gg", "mur_gg", "e_gp")]
     drums = few.assign(drum_slip_deg=few["height_mm"], drum_rest_deg=few["base_radius_mm"])
@@ -185,13 +185,7 @@ def study(tmp_path_factory):
     runs["seed"], runs["status"] = np.arange(len(runs)), "ok"
     runs["aor_deg"] = 20 + 20 * table["mus_gp"].repeat(4).to_numpy() + random.normal(0, 0.5, 240)
     runs["height_mm"] = 40 + 40 * table["mur_gg"].repeat(4).to_numpy() + random.normal(0, 1.0, 240)
-    groups = runs.groupby("sample")
-    for column, error in (("aor_deg", "aor_se_deg"), ("height_mm", "height_se_mm")):
-        table[column] = groups[column].mean().to_numpy()
-        table[error] = groups[column].std().to_numpy() / 2
-    table["status"], table["n_seeds"] = "ok", 4
-    table.to_csv(folder / "dataset.csv", index=False)
-    runs.to_csv(folder / "runs.csv", index=False)
+    write_tables(folder, table, runs)
     train.run(folder / "dataset.csv", folder / "runs.csv", study_of(TARGETS, network=TRAINING), folder)
     cloud = pd.DataFrame(random.uniform(0.4, 0.6, (10, 6)), columns=list(PARAMETERS))
     cloud.to_csv(folder / "feasible.csv", index=False)
@@ -232,15 +226,15 @@ def test_every_surrogate_gives_the_same_answer(name, study, tmp_path):
 
 def test_other_responses_are_refused_and_a_restored_network_has_its_error_bars(study, tmp_path):
     other = targets_of(height_mm=60.0, aor_deg=30.0)
-    with pytest.raises(InputError, match=r"network\.json: outputs is .*the responses of the targets, height_mm"):
-        posterior.run(study, GIVEN._replace(targets=other), tmp_path)
+    wanted = r"network\.json: outputs is .*the responses of the targets, height_mm"
+    input_error(wanted, posterior.run, study, GIVEN._replace(targets=other), tmp_path)
     network = json.loads(study["network"].read_text())
     made_with = network | {"definitions": {"aor_deg": {"measure.response": "flank"}}}
     (tmp_path / "network.json").write_text(json.dumps(made_with))
     files = study | {"network": tmp_path / "network.json"}
-    wanted = {"aor_deg": {"measure.response": "secant"}}
-    with pytest.raises(InputError, match=r"definition of aor_deg is .*flank.*secant.*as in my\.yaml"):
-        posterior.run(files, GIVEN._replace(definitions=wanted), tmp_path, "my.yaml")
+    other = GIVEN._replace(definitions={"aor_deg": {"measure.response": "secant"}})
+    wanted = r"definition of aor_deg is .*flank.*secant.*as in my\.yaml"
+    input_error(wanted, posterior.run, files, other, tmp_path, "my.yaml")
     table = pd.read_csv(study["dataset"])
     rows = train.split(60, [0.7, 0.15, 0.15], 1)["train"]
     X, Y = table[list(PARAMETERS)].to_numpy(), table[["aor_deg", "height_mm"]].to_numpy()
@@ -271,8 +265,8 @@ def test_the_likelihood_is_a_normal_density_about_the_observation_and_its_misfit
     assert mean.tolist() == [30.0, 60.0]
     # standard errors 1 and 2, discrepancies 0.6 and 1.2
     assert covariance == pytest.approx(np.array([[1 + 0.36, 1.0], [1.0, 4 + 1.44]]))
-    with pytest.raises(ValueError, match="expected a positive definite matrix"):
-        likelihood.observation(TARGETS, correlated(1.0), np.zeros((2, 2)))
+    singular = TARGETS, correlated(1.0), np.zeros((2, 2))
+    value_error("expected a positive definite matrix", likelihood.observation, *singular)
     targets = targets_of(aor_deg=30.0, height_mm=60.0, drum_slip_deg=40.0)
     simulated = np.diag([1.0, 1.0, 1.0]) + 0.5 * np.eye(3)[[1, 0, 2]] * [[1], [1], [0]]
     assert (likelihood.measured_correlation(targets, simulated, "simulated") == simulated).all()

@@ -1,14 +1,14 @@
 """What a published error is worth: the formulas beside drawn pours."""
 
 import runpy
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
+from shared import ROOT
 
-SCRIPT = Path(__file__).parents[2] / "examples" / "published_errors" / "published_errors.py"
+SCRIPT = ROOT / "examples" / "published_errors" / "published_errors.py"
 OF = SimpleNamespace(**runpy.run_path(str(SCRIPT)))
 RNG = np.random.default_rng(5)
 

@@ -13,7 +13,6 @@ from scipy.special import logsumexp
 from shared import targets_of
 from synthetic import Study
 
-from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.studies import sampler, sensitivity
@@ -23,6 +22,10 @@ from repose.surrogate.bayesian_bp import BayesianBP
 from repose.surrogate.settings import NetworkSettings
 
 CUBE = ParameterSpace.of({name: [0.0, 1.0] for name in "ab"}, names=tuple("ab"))
+LOW, HIGH = [-np.pi] * 3, [np.pi] * 3
+UNIT = {name: [0.0, 1.0] for name in PARAMETERS}
+SECTION = {"samples": 256, "resamples": 20, "seed": 1}
+SLOPES = [{"e_gg": 1.0, "mus_gp": 2.0}, {"mur_gg": 5.0}, {"mus_gp": 1.0}, {"e_gp": 3.0, "mur_gp": 4.0}]
 
 
 @pytest.fixture(scope="module")
@@ -120,9 +123,6 @@ def test_r_hat_of_known_chains_and_information_of_known_draws():
     assert np.mean(few) < 0.02  # 0.07 without the correction
 
 
-LOW, HIGH = [-np.pi] * 3, [np.pi] * 3
-
-
 def ishigami(X, a=7.0, b=0.1):
     return np.sin(X[:, 0]) + a * np.sin(X[:, 1]) ** 2 + b * X[:, 2] ** 4 * np.sin(X[:, 0])
 
@@ -169,11 +169,6 @@ def test_bad_indices_are_refused_and_a_fixed_parameter_has_none():
     assert middle["drum_slip_deg"].item() == pytest.approx(30.4)  # e_gg is 0.4 above its middle
 
 
-UNIT = {name: [0.0, 1.0] for name in PARAMETERS}
-SECTION = {"samples": 256, "resamples": 20, "seed": 1}
-SLOPES = [{"e_gg": 1.0, "mus_gp": 2.0}, {"mur_gg": 5.0}, {"mus_gp": 1.0}, {"e_gp": 3.0, "mur_gp": 4.0}]
-
-
 def study_of(targets, space=None):
     """A study of these targets."""
     return Study(space or ParameterSpace.of(UNIT), targets, {"sensitivity": SECTION})
@@ -214,9 +209,10 @@ def test_faults_are_reported_with_the_file(tmp_path):
     flat = BayesianBP(hidden=2, starts=1, epochs=20).fit(X, X[:, :1])
     flat.W1_ = 0 * flat.W1_
     flat.describe(PARAMETERS, targets.names).save(path)
-    with pytest.raises(InputError, match=r"network\.json: surrogate is 'an output of the function does not vary"):
-        sensitivity.run(path, study_of(targets), tmp_path)
-    with pytest.raises(InputError, match="outputs"):
-        sensitivity.run(path, study_of(targets_of(height_mm=60.0)), tmp_path)
     fixed = ParameterSpace.of({name: {"fixed": 0.5} for name in PARAMETERS})
-    input_error("all fixed", sensitivity.run, path, study_of(targets, fixed), tmp_path)
+    for study, words in (
+        (study_of(targets), r"network\.json: surrogate is 'an output of the function does not vary"),
+        (study_of(targets_of(height_mm=60.0)), "outputs"),
+        (study_of(targets, fixed), "all fixed"),
+    ):
+        input_error(words, sensitivity.run, path, study, tmp_path)

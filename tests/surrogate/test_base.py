@@ -8,7 +8,6 @@ import pytest
 from refusals import input_error, value_error
 
 from repose.config.faults import subschema
-from repose.core.errors import InputError
 from repose.core.responses import require_same_definitions
 from repose.surrogate import base, load, make, names
 from repose.surrogate.settings import NetworkSettings
@@ -153,10 +152,9 @@ def test_correlated_noise_is_taken_and_what_is_no_covariance_is_refused(name):
     covariance = np.array([[0.04, 0.3], [0.3, 4.0]])
     model = make(name, SETTINGS).fit(X, Y, noise_covariance=covariance)
     assert (np.std(model.predict(X) - truth(X), axis=0) < 0.6 * NOISE[:2]).all()
-    with pytest.raises(ValueError, match="positive definite"):
-        make(name, SETTINGS).fit(X, Y, noise_covariance=[[1.0, 2.0], [2.0, 1.0]])
-    with pytest.raises(ValueError, match="one per sample"):
-        make(name, SETTINGS).fit(X, Y, precision=1 + X[:, :2], noise_covariance=covariance)
+    model = make(name, SETTINGS)
+    value_error("positive definite", model.fit, X, Y, noise_covariance=[[1.0, 2.0], [2.0, 1.0]])
+    value_error("one per sample", model.fit, X, Y, precision=1 + X[:, :2], noise_covariance=covariance)
 
 
 def test_correlated_noise_is_noticed_and_definitions_of_a_response_do_not_mix():
@@ -169,16 +167,15 @@ def test_correlated_noise_is_noticed_and_definitions_of_a_response_do_not_mix():
     assert (found[:, 0, 1] / np.sqrt(found[:, 0, 0] * found[:, 1, 1]) > 0.6).all()
     secant, flank = {"aor_deg": {"measure.response": "secant"}}, {"aor_deg": {"measure.response": "flank"}}
     require_same_definitions(secant, "network.json", secant | {"height_mm": {}}, "dataset.csv")
-    with pytest.raises(InputError, match=r"network\.json: definition of aor_deg .*secant.*flank.* dataset\.csv"):
-        require_same_definitions(secant, "network.json", flank, "dataset.csv")
+    mixed = r"network\.json: definition of aor_deg .*secant.*flank.* dataset\.csv"
+    input_error(mixed, require_same_definitions, secant, "network.json", flank, "dataset.csv")
 
 
 @every
 def test_wrong_samples_are_refused(name, fitted):
     X, Y = samples(60)
     for arguments in ((X[:5], Y), (X, np.full_like(Y, np.nan)), (X[:1], Y[:1])):
-        with pytest.raises(ValueError, match=r"expected|finite"):
-            make(name, SETTINGS).fit(*arguments)
+        value_error(r"expected|finite", make(name, SETTINGS).fit, *arguments)
     value_error(r"expected \(samples, 3\)", fitted[name].predict, X[:, :2])
 
 
@@ -186,8 +183,7 @@ def test_surrogates_are_registered_once_and_a_quadratic_one_is_exact():
     X, fresh = points(11, 0), points(20, 1)
     model = make("quadratic", {}).fit(X, truth(X))
     assert model.predict(fresh) == pytest.approx(truth(fresh))
-    with pytest.raises(ValueError, match="10 samples; expected at least 11"):
-        make("quadratic", {}).fit(X[:10], truth(X[:10]))
+    value_error("10 samples; expected at least 11", model.fit, X[:10], truth(X[:10]))
     X, fresh = points(25, 0), points(5, 1)
     random = np.random.default_rng(2)
     precision = random.uniform(0.2, 3.0, (25, 2))
@@ -206,8 +202,7 @@ def test_surrogates_are_registered_once_and_a_quadratic_one_is_exact():
     class Other(base.Surrogate):
         pass
 
-    with pytest.raises(ValueError, match="registered already, by QuadraticSurface"):
-        base.register("quadratic")(Other)
+    value_error("registered already, by QuadraticSurface", base.register("quadratic"), Other)
     input_error(f"surrogate is 'cubic'; expected one of {', '.join(sorted(names()))}", make, "cubic", {})
     assert subschema(("surrogate",))["enum"] == list(names())
 
@@ -231,7 +226,6 @@ def test_load_names_what_is_wrong(tmp_path, fitted):
     fitted["network"].save(tmp_path / "network.json")
     damaged = json.loads((tmp_path / "network.json").read_text()) | {"output_max": [math.nan, 1.0]}
     (tmp_path / "bad.json").write_text(json.dumps(damaged))
-    with pytest.raises(InputError, match="not all finite"):  # the mean of a network holds without it
-        load(tmp_path / "bad.json")
-    with pytest.raises(InputError, match=r"outputs is \['x_deg', 'y_mm'\]; expected the targets y_mm, x_deg"):
-        load(tmp_path / "good.json", ("y_mm", "x_deg"))
+    input_error("not all finite", load, tmp_path / "bad.json")  # the mean of a network holds without it
+    wanted = r"outputs is \['x_deg', 'y_mm'\]; expected the targets y_mm, x_deg"
+    input_error(wanted, load, tmp_path / "good.json", ("y_mm", "x_deg"))

@@ -1,11 +1,10 @@
 import json
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 from known_responses import known_function, noisy_data
 from refusals import input_error, value_error
+from shared import run_python
 
 from repose.surrogate import bayesian_bp, evidence, levenberg_marquardt, load, two_layer
 from repose.surrogate.accuracy import r2
@@ -62,7 +61,6 @@ def test_hyperparameters_are_at_their_fixed_point_on_known_functions(fitted):
     assert evidence.log_evidence(alpha, beta, e @ e, w @ w, J.T @ J, 8) == pytest.approx(exact, rel=1e-12)
     assert evidence.log_evidence(0.0, 1.0, 1.0, 1.0, np.eye(2), 3) == -np.inf
     assert evidence.log_evidence(1.0, np.nan, 1.0, 1.0, np.eye(2), 3) == -np.inf
-    model, X, Y = fitted
     w = np.concatenate([model.W1_.ravel(), model.b1_, model.W2_.ravel(), model.b2_])
     x = 0.1 + 0.8 * (X - model.input_min_) / (model.input_max_ - model.input_min_)
     t = 0.1 + 0.8 * (Y - model.output_min_) / (model.output_max_ - model.output_min_)
@@ -221,8 +219,7 @@ def test_weights_draw_the_fit_and_count_by_their_ratios():
     (np.ones((3, 2)), np.ones(3), {"precision": np.ones((3, 2))}, r"precision has shape \(3, 2\)"),
 ])  # fmt: skip
 def test_bad_data_is_refused(X, y, weights, fault):
-    with pytest.raises(ValueError, match=fault):
-        BayesianBP().fit(X, y, **weights)
+    value_error(fault, BayesianBP().fit, X, y, **weights)
 
 
 @pytest.mark.parametrize(("setting", "value", "allowed"), [
@@ -230,26 +227,18 @@ def test_bad_data_is_refused(X, y, weights, fault):
     ("prior", "two", "one, layers, inputs"), ("scaled_range", (0.9, 0.1), "its first below its second"),
 ])  # fmt: skip
 def test_bad_settings_are_named(setting, value, allowed):
-    with pytest.raises(ValueError, match=rf"{setting} is .*expected {allowed}"):
-        BayesianBP(**{setting: value}).fit(np.eye(3), np.ones(3))
+    value_error(rf"{setting} is .*expected {allowed}", BayesianBP(**{setting: value}).fit, np.eye(3), np.ones(3))
 
 
 def test_predict_refuses_other_inputs_and_error_bars_hold_what_they_promise(fitted):
     value_error(r"shape \(4, 5\); expected \(samples, 6\)", BayesianBP.predict, fitted[0], np.ones((4, 5)))
-    with pytest.raises(ValueError, match="before fit"):
-        BayesianBP().predict(np.ones((4, 5)))
-    # One response, whose noise of 1 the network learns, and two thirds of fresh targets within one std.
+    value_error("before fit", BayesianBP().predict, np.ones((4, 5)))
+    # One response, whose noise of 1 the network learns; intervals of any surrogate have a test of their own.
     X, Y = noisy_data(200, 17)
     model = BayesianBP(starts=4, hidden=6).fit(X, Y[:, 1])
     assert model.noise_std_[0] == pytest.approx(1.0, rel=0.25)
-    fresh, targets = noisy_data(2000, 18)
-    mean, std = model.predict(fresh, return_std=True)
-    z = np.abs(targets[:, 1] - mean) / std
-    assert mean.shape == std.shape == (2000,)
-    assert 0.60 < np.mean(z < 1) < 0.75
-    assert 0.91 < np.mean(z < 2) < 0.98
-    mean, std = model.predict(fresh, return_std=True, noise=False)
-    assert 0.4 < np.mean(np.abs(known_function(fresh)[:, 1] - mean) < std) < 0.85
+    mean, std = model.predict(X, return_std=True)
+    assert mean.shape == std.shape == (200,)
 
 
 def test_classes_of_weights_and_a_prior_for_each_input():
@@ -284,8 +273,7 @@ def test_scikit_learn_finds_nothing_to_object_to():
 
 
 def test_scikit_learn_is_not_imported_and_may_be_missing():
-    code = "import repose.surrogate.bayesian_bp, sys; assert 'sklearn' not in sys.modules"
-    subprocess.run([sys.executable, "-c", code], check=True)
+    run_python("-c", "import repose.surrogate.bayesian_bp, sys; assert 'sklearn' not in sys.modules")
 
 
 @pytest.mark.parametrize("samples", [[7], list(range(1000))])

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from known_responses import noisy_data
-from refusals import input_error
+from refusals import input_error, value_error
 
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
@@ -17,6 +17,9 @@ from repose.surrogate.settings import NetworkSettings
 from repose.surrogate.support import Support, quadratic_terms
 
 KERNEL = smooth(2.0, [0.4, 0.9])
+NAMES = ("a", "b")
+SETTINGS = NetworkSettings.of({"hidden": 3, "starts": 5, "epochs": 200, "goal": 0.0, "seed": 1, "prior": "inputs"})
+COVARIANCE = np.array([[0.25, 0.3], [0.3, 1.0]])
 
 
 def covariance(a, b):
@@ -68,10 +71,6 @@ def test_a_covariance_is_that_of_the_textbook_and_one_network_is_that_network(fi
     assert one.predict(X, return_std=True)[1] == pytest.approx(alone.predict(X, return_std=True)[1])
 
 
-SETTINGS = NetworkSettings.of({"hidden": 3, "starts": 5, "epochs": 200, "goal": 0.0, "seed": 1, "prior": "inputs"})
-COVARIANCE = np.array([[0.25, 0.3], [0.3, 1.0]])
-
-
 @pytest.fixture(scope="module")
 def fitted():
     X, Y = noisy_data(40, 3)
@@ -108,9 +107,6 @@ def test_the_mixture_is_that_of_loops_over_converged_starts(fitted, monkeypatch)
     assert few.report()["members"] == sum(near)
 
 
-NAMES = ("a", "b")
-
-
 def grid():
     """A grid of 6 x 6 samples, 0.1 apart, from 0.2 to 0.7."""
     side = np.linspace(0.2, 0.7, 6)
@@ -122,6 +118,12 @@ def test_distances_and_leverage_tell_what_few_samples_do_not_bear():
     assert support.farthest == pytest.approx(0.1)
     assert support.distance([[0.2, 0.25], [0.7, 0.85]]) == pytest.approx([0.05, 0.15])
     assert support.is_thin([[0.45, 0.45], [0.7, 0.85]]).tolist() == [False, True]
+    inside, bound, near, far = support.warnings([[0.45, 0.5], [0.005, 0.995], [0.012, 0.5], [0.45, 0.9]])
+    assert inside == ""
+    assert bound.startswith("at a bound: a low, b high; nearest sample")
+    assert "bound" not in near
+    assert "nearest sample 0.21 of a range away, usual up to 0.10" in far
+    assert "leverage" in far
     support = Support(grid() * [1, 10], [0, 0], [1, 10], NAMES)
     assert support.distance([[0.2, 2.5]]) == pytest.approx([0.05])
     points = np.random.default_rng(1).uniform(size=(40, 2))
@@ -136,13 +138,6 @@ def test_distances_and_leverage_tell_what_few_samples_do_not_bear():
     support = Support(points, np.zeros(6), np.ones(6))
     assert quadratic_terms(points).shape == (20, 28)
     assert support.leverage(points).tolist() == [0.0] * 20
-    support = Support(grid(), [0, 0], [1, 1], NAMES)
-    inside, bound, near, far = support.warnings([[0.45, 0.5], [0.005, 0.995], [0.012, 0.5], [0.45, 0.9]])
-    assert inside == ""
-    assert bound.startswith("at a bound: a low, b high; nearest sample")
-    assert "bound" not in near
-    assert "nearest sample 0.21 of a range away, usual up to 0.10" in far
-    assert "leverage" in far
 
 
 def test_support_of_a_dataset_takes_usable_samples_and_no_fixed_parameter(tmp_path):
@@ -160,8 +155,8 @@ def test_support_of_a_dataset_takes_usable_samples_and_no_fixed_parameter(tmp_pa
     table["status"] = "jammed"
     table.to_csv(tmp_path / "dataset.csv", index=False)
     input_error("usable samples is 0", Support.of_dataset, tmp_path / "dataset.csv", space)
-    with pytest.raises(ValueError, match=r"points has shape \(3, 2\); expected at least two rows of 6"):
-        Support(np.zeros((3, 2)), np.zeros(6), np.ones(6))
+    few = r"points has shape \(3, 2\); expected at least two rows of 6"
+    value_error(few, Support, np.zeros((3, 2)), np.zeros(6), np.ones(6))
     points = np.insert(grid(), 1, 0.3, axis=1)
     fixed = Support(points, [0, 0.3, 0], [1, 0.3, 1], ("a", "fixed", "b"))
     free = Support(grid(), [0, 0], [1, 1], NAMES)

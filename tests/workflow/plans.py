@@ -5,19 +5,27 @@ import json
 import os
 import re
 import time
-from pathlib import Path
 from tempfile import TemporaryFile
 from types import SimpleNamespace
 from typing import NamedTuple
 
 import forked
-from shared import target
+from shared import ROOT, target
 
 from repose.core import ledger
 
-ROOT = Path(__file__).parents[2]
 # Targets from two bench tests.
 MIXED = [target(name, 40, 2, 38, 42, 5) for name in ("height_mm", "drum_slip_deg")]
+PROBE = """
+include: {snakefile!r}
+import json
+for rule in workflow.rules:
+    if rule.benchmark:
+        made = [rule.resources[name] for name in ("mem_mb", "runtime")]
+        memory_mb, minutes = ([one.evaluate(None, attempt=attempt).value for attempt in (1, 2)] for one in made)
+        benchmarks = rule.benchmark.regex().pattern
+        print(json.dumps(dict(rule=rule.name, benchmarks=benchmarks, memory_mb=memory_mb, minutes=minutes)))
+"""
 
 
 class Done(NamedTuple):
@@ -58,18 +66,6 @@ def planned(project, *words):
     done = snakemake(project, "--quiet", "rules", "-n", *words, status=0)
     counts = re.findall(r"^(\w+)\s+(\d+)$", done.stdout + done.stderr, re.MULTILINE)
     return {rule: int(count) for rule, count in counts}
-
-
-PROBE = """
-include: {snakefile!r}
-import json
-for rule in workflow.rules:
-    if rule.benchmark:
-        made = [rule.resources[name] for name in ("mem_mb", "runtime")]
-        memory_mb, minutes = ([one.evaluate(None, attempt=attempt).value for attempt in (1, 2)] for one in made)
-        benchmarks = rule.benchmark.regex().pattern
-        print(json.dumps(dict(rule=rule.name, benchmarks=benchmarks, memory_mb=memory_mb, minutes=minutes)))
-"""
 
 
 def declared(tmp_path):

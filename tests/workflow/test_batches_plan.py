@@ -23,6 +23,9 @@ pytestmark = pytest.mark.slow
 # come the path, a Box-Behnken design in three factors, and the check.
 SAMPLES = {"sequential": [8, 2, 2, 1], "response_surface": [8 + 3, 2 + 1, 12 + 3, 2]}
 SECTIONS = {"sequential": {"probability": 0.99}, "response_surface": {}}
+END = {"conclude_refined", "draw_approach", "refined", "total"}
+ROUND = {"propose", "batch_pour", "measure_batch_runs", "batch_dataset"} | END
+JOBS = {1001: 2, 1002: 2, 1101: 2, 1102: 2}  # two blocks of the proposal and two neighbours, with their seeds
 
 
 def poured(folder, seed):
@@ -107,11 +110,6 @@ def test_a_misfit_is_reported_before_any_work(project):
     done = snakemake(project, "-n", "--quiet", "all", *words, "response_surface={centres: 2}")
     assert done.returncode != 0
     assert "centres is 2; expected at least 3 where surface is box_behnken" in done.stderr
-
-
-END = {"conclude_refined", "draw_approach", "refined", "total"}
-ROUND = {"propose", "batch_pour", "measure_batch_runs", "batch_dataset"} | END
-JOBS = {1001: 2, 1002: 2, 1101: 2, 1102: 2}  # two blocks of the proposal and two neighbours, with their seeds
 
 
 def proposed(folder, answer=False):

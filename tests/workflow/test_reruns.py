@@ -15,6 +15,13 @@ pytestmark = pytest.mark.slow
 
 TARGET = "results/quick/design/samples.csv"
 QUICK = ("--cores", "1", "--configfile", "config/quick.yaml")
+POURS = {"pour": 12, "validation_pour": 3, "trajectory": 1, "drum_run": 2}
+# The stages of the method in their order, and one rule that follows each.
+STAGES = {
+    "design": ("design", "pour"), "pour": ("pour", "measure_runs"), "dataset": ("dataset", "network"),
+    "network": ("network", "miga"), "miga": ("miga", "validation_pour"), "validate": ("validate", "card"),
+    "drum": ("drum", "draw_drum"),
+}  # fmt: skip
 
 
 @pytest.mark.essential
@@ -90,15 +97,6 @@ def test_a_result_that_was_damaged_and_somebodys_file_stop_the_workflow(project)
     assert result in done.stderr
     assert path.read_text() == "mine"
     path.unlink()
-
-
-POURS = {"pour": 12, "validation_pour": 3, "trajectory": 1, "drum_run": 2}
-# The stages of the method in their order, and one rule that follows each.
-STAGES = {
-    "design": ("design", "pour"), "pour": ("pour", "measure_runs"), "dataset": ("dataset", "network"),
-    "network": ("network", "miga"), "miga": ("miga", "validation_pour"), "validate": ("validate", "card"),
-    "drum": ("drum", "draw_drum"),
-}  # fmt: skip
 
 
 @pytest.mark.essential

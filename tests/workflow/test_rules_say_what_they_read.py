@@ -16,6 +16,29 @@ from repose.core import usage
 
 SHELL = re.compile(r"^( *)shell:\n((?:\1 +.*\n)+)", re.MULTILINE)
 RULES = [path for folder in ("workflow", "research") for path in sorted((ROOT / folder).rglob("*.smk"))]
+ODD = """my "bérries"; touch PWNED; 'x' $(touch PWNED) -rf #"""
+FIGURE = ("results/figures/figure02.png", "--cores", "1", "--snakefile")
+PARAMS = SimpleNamespace(caption="A caption.")  # of a figure: `@figure` says it, and tests/pictures hold it
+CAPTIONS = sorted((ROOT / "workflow" / "report").glob("*.rst"))
+# The rule `measure` says the one section of both.
+OTHERWISE = {"silhouette", "measure_silhouette"}
+RUN = ("--cores 2", "-c2 -F --configfile mine.yaml", "-sSnakefile -c1", "--touch -c1")
+LOOK = ("-n", "-np", "--dry-run -c1", "--summary", "--rulegraph", "--mode remote -c1")
+FILES = [*RULES, *(ROOT / name for name in ("Snakefile", "workflow/Snakefile", "research/Snakefile"))]
+# Names that Snakemake documents: https://snakemake.readthedocs.io, Writing Workflows.
+DOCUMENTED = {"basedir"}
+# Of all rules, so that no user's file is taken for a result and removed. Snakemake documents no list of them (its
+# issues 13 and 792); one by hand would need each name again.
+KEPT = {"rules"}
+QUICK = ("--cores", "1", "--configfile", "config/quick.yaml")
+NAPS = """
+rule all:
+    input: expand("{i}.txt", i=range(9))
+
+rule one:
+    output: "{i}.txt"
+    shell: "sleep 0.6; touch {output}"
+"""
 
 
 def test_every_placeholder_is_quoted_and_no_caption_left_over():
@@ -28,12 +51,7 @@ def test_every_placeholder_is_quoted_and_no_caption_left_over():
     assert {one for _, one in redirected} == {"{log:q}"}, redirected
     text = "".join(path.read_text() for path in (ROOT / "workflow" / "rules").rglob("*.smk"))
     text += (ROOT / "workflow" / "Snakefile").read_text()
-    unused = [path.stem for path in CAPTIONS if path.stem not in text]
-    assert unused == []
-
-
-ODD = """my "bérries"; touch PWNED; 'x' $(touch PWNED) -rf #"""
-FIGURE = ("results/figures/figure02.png", "--cores", "1", "--snakefile")
+    assert {path.stem for path in CAPTIONS} == set(re.findall(r"report/(\w+)\.rst", text))
 
 
 @pytest.mark.essential
@@ -58,10 +76,6 @@ def test_a_program_in_a_folder_with_braces_is_refused_before_any_work(tmp_path):
     assert not (tmp_path / "results").exists()
 
 
-PARAMS = SimpleNamespace(caption="A caption.")  # of a figure: `@figure` says it, and tests/pictures hold it
-CAPTIONS = sorted((ROOT / "workflow" / "report").glob("*.rst"))
-
-
 @pytest.mark.parametrize("name", ["config", "quick", "paper"])
 def test_every_caption_can_be_filled_in(name, monkeypatch):
     monkeypatch.chdir(ROOT)
@@ -74,8 +88,6 @@ def test_every_caption_can_be_filled_in(name, monkeypatch):
 
 
 RULE = re.compile(r"^ *(?:use rule|rule|checkpoint)\b", re.MULTILINE)
-# The rule `measure` says the one section of both.
-OTHERWISE = {"silhouette", "measure_silhouette"}
 
 
 def test_the_keys_of_each_rule_are_those_of_its_stage():
@@ -86,23 +98,6 @@ def test_the_keys_of_each_rule_are_those_of_its_stage():
                 for words in re.findall(r"depends=reads\(([^)]*)\)", rule):
                     said[stage] = tuple(re.findall(r'"([^"]+)"', words))
     assert said == {stage: keys for stage, keys in stands_on.KEYS.items() if stage not in OTHERWISE}
-
-
-FILES = [*RULES, *(ROOT / name for name in ("Snakefile", "workflow/Snakefile", "research/Snakefile"))]
-# Names that Snakemake documents: https://snakemake.readthedocs.io, Writing Workflows.
-DOCUMENTED = {"basedir"}
-# Of all rules, so that no user's file is taken for a result and removed. Snakemake documents no list of them (its
-# issues 13 and 792); one by hand would need each name again.
-KEPT = {"rules"}
-QUICK = ("--cores", "1", "--configfile", "config/quick.yaml")
-NAPS = """
-rule all:
-    input: expand("{i}.txt", i=range(9))
-
-rule one:
-    output: "{i}.txt"
-    shell: "sleep 0.6; touch {output}"
-"""
 
 
 def test_no_inside_is_used_and_functions_are_fewer_than_rules():
@@ -119,10 +114,6 @@ def test_no_inside_is_used_and_functions_are_fewer_than_rules():
         for pattern in (r"^ *def ", r"^ *(?:rule|checkpoint|use rule)\b.*:$")
     )
     assert functions <= 25 < rules
-
-
-RUN = ("--cores 2", "-c2 -F --configfile mine.yaml", "-sSnakefile -c1", "--touch -c1")
-LOOK = ("-n", "-np", "--dry-run -c1", "--summary", "--rulegraph", "--mode remote -c1")
 
 
 def test_a_call_that_only_looks_takes_no_folder_and_configurations_are_no_targets(monkeypatch):

@@ -4,11 +4,10 @@ import json
 import re
 
 import pytest
-from plans import MIXED, ROOT, declared, planned, snakemake
+from plans import MIXED, declared, planned, snakemake
 from shared import target
 
 from repose.core.published import STORED
-from repose.pictures.figures import FIGURES
 
 pytestmark = pytest.mark.slow
 
@@ -19,6 +18,8 @@ STAGES = (
     *("drum_run", "drum", "draw_drum"),
     *(f"draw_figure{number:02d}" for number in (2, 5, 6, 7, 8, 10, 13, 14, 15)),
 )
+FORMATS = ("png", "svg", "pdf")
+POURS = ("pour", "validation_pour", "trajectory", "drum_run")
 
 
 @pytest.mark.essential
@@ -100,9 +101,6 @@ def test_a_changed_key_reruns_what_depends_on_it_and_nothing_before(project):
     assert set(heavier) == {"berry", "shape", "warm_up", "pour", "measure_runs", "total"}
 
 
-FORMATS = ("png", "svg", "pdf")
-
-
 @pytest.mark.essential
 def test_the_figures_have_the_configured_formats_and_are_drawn_again_for_others(project):
     snakemake(project, "--cores", "1", "results/figures/figure02.png", status=0)
@@ -115,9 +113,6 @@ def test_the_figures_have_the_configured_formats_and_are_drawn_again_for_others(
     files = {suffix: set(re.findall(rf"^(\S+)\.{suffix}\t.*draw_", listed, re.M)) for suffix in FORMATS}
     assert len(files["png"]) > 24, "every figure"
     assert files["png"] == files["svg"] == files["pdf"]
-
-
-POURS = ("pour", "validation_pour", "trajectory", "drum_run")
 
 
 @pytest.mark.parametrize(("change", "measured", "poured"), [
@@ -174,14 +169,6 @@ def test_the_published_sets_are_poured_on_request_and_shown_from_a_stored_table(
     shown = planned(project, *words, *stored)
     assert set(shown) - set(jobs) == {"draw_published"}
     assert shown["validation_pour"] == 3
-
-
-def test_every_figure_and_table_has_a_caption():
-    text = "".join(path.read_text() for path in (ROOT / "workflow" / "rules").rglob("*.smk"))
-    captions = {path.stem for path in (ROOT / "workflow" / "report").glob("*.rst")}
-    assert captions >= set(re.findall(r'caption="(?:../)+report/(\w+)\.rst"', text)) != set()
-    assert len(FIGURES) > 30
-    assert not [name for name, figure in FIGURES.items() if not figure.caption]
 
 
 def test_every_job_declares_memory_and_time_and_more_of_both_when_it_is_tried_again(tmp_path):
