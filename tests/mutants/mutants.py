@@ -8,23 +8,18 @@ import os
 
 # Before numba is loaded: nothing compiles. A test that needs the compiler is skipped.
 os.environ["NUMBA_DISABLE_JIT"] = "1"
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import compileall
 import importlib
-import resource
 import shutil
 import sys
 import tempfile
 from pathlib import Path
 
 import yaml
-from random_lines import HERE, PYTEST, ROOT, written
+from random_lines import HERE, LOADED, ROOT, tested, written
 
 PARTS = ("src", "tests", "config", "resources", "workflow", "profiles", "Snakefile", "pyproject.toml", "README.md")
-LOADED = (
-    "numpy", "scipy.stats", "scipy.optimize", "scipy.spatial", "pandas", "numba", "cv2", "pytest", "xdist.scheduler",
-)  # fmt: skip
 MOST_S = 120  # of CPU time; a mutant that takes longer is caught, too
 
 
@@ -36,38 +31,18 @@ def copied(folder):
     compileall.compile_dir(folder / "src", quiet=1)
 
 
-def tested(folder, tests):
-    """Run tests of a copy in a fork, where the libraries are loaded already; its exit status."""
-    child = os.fork()
-    if child == 0:
-        resource.setrlimit(resource.RLIMIT_CPU, (MOST_S, MOST_S))
-        os.chdir(folder)
-        null = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(null, 1)
-        os.dup2(null, 2)
-        sys.dont_write_bytecode = True
-        sys.path.insert(0, str(folder / "src"))
-        os.environ["PYTHONPATH"] = str(folder / "src")
-        status = 1
-        try:
-            status = int(importlib.import_module("pytest").main([*PYTEST, *tests]))
-        finally:
-            os._exit(status)
-    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-
-
 def main():
     only = sys.argv[1] if len(sys.argv) > 1 else ""
     groups = yaml.safe_load((HERE / "mutants.yaml").read_text())
     groups = [group for group in groups if only in group["file"]]
-    for name in LOADED:
+    for name in (*LOADED, "numba"):
         importlib.import_module(name)
     rows = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         copied(folder)
         for tests in {tuple(group["tests"]) for group in groups}:
-            if tested(folder, tests):
+            if tested(folder, tests, False, MOST_S)[0]:
                 sys.exit(f"{' '.join(tests)} fail without any mutant")
         for group in groups:
             path = folder / "src/repose" / group["file"]
@@ -76,7 +51,7 @@ def main():
                 if content.count(old) != 1:
                     sys.exit(f"{path}: {old!r} stands there {content.count(old)} times; it must be once")
                 path.write_text(content.replace(old, new))
-                status = tested(folder, group["tests"])
+                status, _ = tested(folder, group["tests"], False, MOST_S)
                 path.write_text(content)
                 os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
                 found = "caught" if status else f"**survived** {''.join(why)}".strip()
