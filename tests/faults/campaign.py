@@ -63,7 +63,8 @@ def kills(place, finished, wanted, table, count, seed):
             status, now = forked.ended(main), study.finished()
             # once a rule was forced, what stands on it is made anew, but no pour
             loose = loose or bool(forced)
-            again = study.made_again({path: when for path, when in before.items() if "runs" in path.parts or not loose})
+            kept = {path: when for path, when in before.items() if "timings" in path.parts or not loose}
+            again = study.made_again(kept)
             if killed:
                 done += 1
                 where = f"{whom}, {len(now)} files finished" + (f", --forcerun {forced[0]}" if forced else "")
@@ -231,7 +232,8 @@ def main():
                 sys.exit(finished.log.read_text())
             took, wanted = time.monotonic() - began, finished.results()
             names = sorted(str(path.relative_to(finished.folder)) for path in finished.finished())
-            finished.targets = (*TARGETS, *(name for name in names if "/runs/" not in name))
+            mine = (name for name in names if "/runs/" not in name and "/timings/" not in name)
+            finished.targets = (*TARGETS, *mine)
             print(f"undisturbed: {took:.1f} s, {len(wanted)} files", flush=True)
             for part in (damages, changes, no_room):
                 if given.only in (None, part.__name__):
