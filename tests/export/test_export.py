@@ -75,6 +75,8 @@ def test_each_program_gets_the_numbers(job):
     young, poisson = float(words[1]), float(words[3])
     assert young / (2 * (1 - poisson**2)) == pytest.approx(job.on_wall.effective_young_pa)
     assert float(words[6]) == pytest.approx(8 * job.on_wall.effective_shear_pa)
+    spring, dashpot = map(float, words[words.index("sds") + 1 :][:2])
+    assert dashpot == pytest.approx(0.5 * math.sqrt(spring * job.particle.mass_kg))  # half of the critical one
     tree = ast.parse(export.PROGRAMS["yade"](job)["pour.py"])
     values = {}
     for node in tree.body:
