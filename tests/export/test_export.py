@@ -77,6 +77,10 @@ def test_each_program_gets_the_numbers(job):
     assert float(words[6]) == pytest.approx(8 * job.on_wall.effective_shear_pa)
     spring, dashpot = map(float, words[words.index("sds") + 1 :][:2])
     assert dashpot == pytest.approx(0.5 * math.sqrt(spring * job.particle.mass_kg))  # half of the critical one
+    driver = export.PROGRAMS["mercurydpm"](job)["Pour.cpp"]
+    shear = re.search(r"setEffectiveShearModulus\(grains \? (\S+) : (\S+)\)", driver).groups()
+    moduli = [job.grains.effective_shear_pa, job.on_wall.effective_shear_pa]  # two thirds of 8 G* sqrt(R* delta) there
+    assert [float(word) / 1.5 for word in shear] == pytest.approx(moduli)
     tree = ast.parse(export.PROGRAMS["yade"](job)["pour.py"])
     values = {}
     for node in tree.body:
