@@ -127,6 +127,8 @@ def test_the_deck_of_a_sphere_has_spheres_of_its_volume_and_step(config):
     assert of_sphere.particle.spheres_m == pytest.approx(np.array([[0.0, 0.0, 0.0, 5 * MM]]))
     volume = 4 / 3 * math.pi * (5 * MM) ** 3
     assert of_sphere.particle.density_kg_m3 * volume == pytest.approx(of_sphere.particle.mass_kg) == BALL.mass_kg
+    root = math.sqrt(BALL.mass_kg / volume / BERRY["shear_modulus_pa"])
+    assert of_sphere.rayleigh_s == pytest.approx(math.pi * 5 * MM * root / (0.1631 * 0.32 + 0.8766))
     assert of_sphere.particle.inertia_kg_m2 == pytest.approx(
         np.full(3, 0.4 * of_sphere.particle.mass_kg * (5 * MM) ** 2)
     )
