@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+import trimesh
 from goji import BEAD, SPHERE, check_statuses, example, named
 
 from repose.apparatus import Scene, bench, drawdown
@@ -56,6 +57,16 @@ def slopes(above_deg, below_deg):
         "exit_s": np.where(stays, np.nan, np.linspace(0.0, 2.0, len(xs))),
         "in_pile": ~stays,
     }
+
+
+def test_the_blocks_of_a_box_are_closed_and_as_large_as_their_corners_say():
+    box = drawdown.Box.of(BOX.section(SceneSettings(config())))
+    blocks = [wall for wall in box.walls(1e-3, 0.1).values() if hasattr(wall, "faces")]
+    assert len(blocks) == 5
+    for block in blocks:
+        solid = trimesh.Trimesh(block.vertices_m, block.faces)
+        assert solid.is_watertight
+        assert solid.volume == pytest.approx(np.ptp(block.vertices_m, axis=0).prod())
 
 
 @pytest.mark.slow

@@ -75,6 +75,12 @@ def test_each_program_gets_the_numbers(job):
     young, poisson = float(words[1]), float(words[3])
     assert young / (2 * (1 - poisson**2)) == pytest.approx(job.on_wall.effective_young_pa)
     assert float(words[6]) == pytest.approx(8 * job.on_wall.effective_shear_pa)
+    spring, dashpot = map(float, words[words.index("sds") + 1 :][:2])
+    assert dashpot == pytest.approx(0.5 * math.sqrt(spring * job.particle.mass_kg))  # half of the critical one
+    driver = export.PROGRAMS["mercurydpm"](job)["Pour.cpp"]
+    shear = re.search(r"setEffectiveShearModulus\(grains \? (\S+) : (\S+)\)", driver).groups()
+    moduli = [job.grains.effective_shear_pa, job.on_wall.effective_shear_pa]  # two thirds of 8 G* sqrt(R* delta) there
+    assert [float(word) / 1.5 for word in shear] == pytest.approx(moduli)
     tree = ast.parse(export.PROGRAMS["yade"](job)["pour.py"])
     values = {}
     for node in tree.body:
@@ -121,6 +127,8 @@ def test_the_deck_of_a_sphere_has_spheres_of_its_volume_and_step(config):
     assert of_sphere.particle.spheres_m == pytest.approx(np.array([[0.0, 0.0, 0.0, 5 * MM]]))
     volume = 4 / 3 * math.pi * (5 * MM) ** 3
     assert of_sphere.particle.density_kg_m3 * volume == pytest.approx(of_sphere.particle.mass_kg) == BALL.mass_kg
+    root = math.sqrt(BALL.mass_kg / volume / BERRY["shear_modulus_pa"])
+    assert of_sphere.rayleigh_s == pytest.approx(math.pi * 5 * MM * root / (0.1631 * 0.32 + 0.8766))
     assert of_sphere.particle.inertia_kg_m2 == pytest.approx(
         np.full(3, 0.4 * of_sphere.particle.mass_kg * (5 * MM) ** 2)
     )

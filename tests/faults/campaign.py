@@ -15,13 +15,14 @@ import subprocess
 import sys
 import tempfile
 import time
-from contextlib import closing
+from contextlib import closing, suppress
 from pathlib import Path
 
 import forked
 from forked import TARGETS, Study, compared
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
+VICTIMS = ("the workflow", "a job", "all")
 MORE_FILES = 25  # a kill comes after fewer: kills fall on all stages, on a busy machine, too
 FORCED = ("design", "pour", "measure_runs", "network", "solutions")
 # A file of each kind for truncation and flipped bits; the last three are the program's and snakemake's own.
@@ -46,7 +47,7 @@ class Table(list):
 
 
 def kills(place, finished, wanted, table, count, seed):
-    """Kill a workflow or one of its jobs at random moments, again and again, until the study is finished; repeat."""
+    """Kill a workflow, one of its jobs or all at random moments, again and again, until the study ends; repeat."""
     rng = random.Random(seed)
     done = number = 0
     while done < count:
@@ -55,23 +56,24 @@ def kills(place, finished, wanted, table, count, seed):
         rows, status, before, loose = [], 1, {}, False
         while status and len(rows) < 15:
             forced = (FORCED[rng.randrange(len(FORCED))],) if rng.random() < 0.3 else ()
-            main, job_only = study.start(*forced), rng.random() < 0.4
+            main, whom = study.start(*forced), rng.choice(VICTIMS)
             one = SIGNALS[done % 3]
             moment = rng.randrange(MORE_FILES), rng.uniform(0.0, 1.0)
-            victim = _kill(study, main, one, job_only, *moment) if done < count else None
+            killed = _kill(study, main, one, whom, *moment) if done < count else False
             status, now = forked.ended(main), study.finished()
             # once a rule was forced, what stands on it is made anew, but no pour
             loose = loose or bool(forced)
-            again = study.made_again({path: when for path, when in before.items() if "runs" in path.parts or not loose})
-            if victim:
+            kept = {path: when for path, when in before.items() if "timings" in path.parts or not loose}
+            again = study.made_again(kept)
+            if killed:
                 done += 1
-                where = f"{victim}, {len(now)} files finished" + (f", --forcerun {forced[0]}" if forced else "")
+                where = f"{whom}, {len(now)} files finished" + (f", --forcerun {forced[0]}" if forced else "")
                 rows.append((signal.Signals(one).name, where, str(status), again))
                 status = 1
             elif again:
                 rows.append(("none", "the resumed run", str(status), again))
             before = now
-            if not victim and status:
+            if not killed and status:
                 print(f"    {study.last_words()}")
                 break
         same = compared(study, wanted)
@@ -81,23 +83,25 @@ def kills(place, finished, wanted, table, count, seed):
             shutil.rmtree(study.folder)
 
 
-def _kill(study, main, one, job_only, more, after_s):
+def _kill(study, main, one, whom, more, after_s):
+    """Whether these were killed before the study ended."""
     records, end = study.folder / ".snakemake/metadata", math.inf
     wanted = len(list(records.glob("*"))) + more
     while True:
         if os.waitid(os.P_PID, main, os.WEXITED | os.WNOHANG | os.WNOWAIT):
-            return None
+            return False
         jobs = study.jobs.running()
         if end == math.inf and len(list(records.glob("*"))) >= wanted:
             end = time.monotonic() + after_s
-        if time.monotonic() >= end and (jobs or not job_only):
+        if time.monotonic() >= end and (jobs or whom != "a job"):
             break
         time.sleep(0.01)
-    try:
-        os.kill(jobs[0] if job_only else main, one)
-    except ProcessLookupError:  # it has ended just now
-        return None
-    return "a job" if job_only else "the workflow"
+    hit = False
+    for process in {"the workflow": [main], "a job": jobs[:1], "all": [main, *jobs]}[whom]:
+        with suppress(ProcessLookupError):  # it has ended just now
+            os.kill(process, one)
+            hit = True
+    return hit
 
 
 def damages(place, finished, wanted, table):
@@ -223,7 +227,8 @@ def main():
                 sys.exit(finished.log.read_text())
             took, wanted = time.monotonic() - began, finished.results()
             names = sorted(str(path.relative_to(finished.folder)) for path in finished.finished())
-            finished.targets = (*TARGETS, *(name for name in names if "/runs/" not in name))
+            mine = (name for name in names if "/runs/" not in name and "/timings/" not in name)
+            finished.targets = (*TARGETS, *mine)
             print(f"undisturbed: {took:.1f} s, {len(wanted)} files", flush=True)
             for part in (damages, changes, no_room):
                 if given.only in (None, part.__name__):

@@ -226,11 +226,11 @@ class Study:
         }
 
     def finished(self):
-        """Files of jobs that snakemake recorded as finished, and kept runs: when and where each was written."""
+        """Files of jobs that snakemake recorded as finished, kept runs, and the times that each new pour took."""
         records = self.folder / ".snakemake"
         done, begun = ({path.name for path in (records / kind).glob("*")} for kind in ("metadata", "incomplete"))
         paths = {self.folder / base64.urlsafe_b64decode(name).decode() for name in done - begun}
-        paths |= {*(self.folder / "results").rglob("runs/*.npz")}
+        paths |= {path for kept in ("runs/*.npz", "timings/*.json") for path in (self.folder / "results").rglob(kept)}
         return {path: (path.stat().st_ino, path.stat().st_mtime_ns) for path in paths if path.exists()}
 
     def made_again(self, before):

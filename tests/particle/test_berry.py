@@ -10,6 +10,7 @@ from refusals import input_error
 from scipy.stats import shapiro, truncnorm
 from shared import ROOT
 
+from repose.cli import main
 from repose.particle import berry, berry_files, build, mesh_from_axes, size_distribution
 from repose.particle.mesh import principal_pose
 from repose.particle.settings import GrainSettings
@@ -199,6 +200,12 @@ def test_the_mesh_has_the_axes_the_mass_and_the_exponent_it_was_made_from(number
     assert mesh.volume * DENSITY * 1e-6 == pytest.approx(mass, rel=1e-9)
     np.testing.assert_allclose(np.ptp(mesh.vertices, axis=0), axes, rtol=1e-3)
     assert found == pytest.approx(number, rel=0.02)
+
+
+def test_a_grain_of_axes_and_mass_is_written_and_said(tmp_path, capsys):
+    words = ["--axes", "20", "12", "9", "--mass-g", "1.2", "--density", "1000", f"--stl={tmp_path / 'a.stl'}"]
+    main(["stage", "berry", *words])
+    assert f"1200.0 mm3, {1200 / 20 / 12 / 9:.3f} of the box" in capsys.readouterr().out
 
 
 def test_taper_and_wrinkles_keep_mass_and_axes():

@@ -12,7 +12,7 @@ from repose.apparatus.funnel import Funnel
 from repose.dem.rotations import rotation_matrices
 from repose.dem.tessellation import tessellate
 from repose.particle import build
-from repose.pictures import film, raster, render
+from repose.pictures import film, raster, render, shading
 from repose.pictures.scenery import Frustum, funnel_walls, look_at, outline
 
 UPRIGHT = np.array([[1.0, 0.0, 0.0, 0.0]])
@@ -73,6 +73,8 @@ def test_the_camera_holds_all_points_fills_the_picture_and_agrees_with_the_kerne
     lens = (camera.eye_m, camera.axes, camera.focal_px)
     raster.place_of(lens, (camera.height, camera.width), 7, 31, 0.7, place)
     np.testing.assert_allclose(place, camera.eye_m + 0.7 * camera.rays()[7, 31])
+    light = shading._light_axes(camera)
+    np.testing.assert_allclose(light @ light.T, np.eye(3), atol=1e-12)
     half = np.sqrt(0.5)
     about_z = rotation_matrices(np.array([[half, 0, 0, half], [2.0, 0, 0, 0]]))
     np.testing.assert_allclose(about_z[0] @ [1, 0, 0], [0, 1, 0], atol=1e-12)
