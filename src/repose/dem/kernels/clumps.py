@@ -57,18 +57,9 @@ def new_clumps(shapes, shape, scale, walls, n_meshed):
     )
 
 
-def with_room(clumps, n_meshed):
-    """Return the same with room for a number of contacts with meshes."""
-    if n_meshed == len(clumps.mesh_sphere):
-        return clumps
-    bigger = np.zeros(n_meshed, np.uint32)
-    bigger[: len(clumps.mesh_sphere)] = clumps.mesh_sphere
-    return clumps._replace(mesh_sphere=bigger)
-
-
 def new_sphere_pairs(n_contacts, n_entries, most, ghost, n_state):
     """Arrays for contacts of spheres and for entries of bodies of at most `most` spheres, as `state.new_pairs`."""
-    n_contacts = L * -(-n_contacts // L)
+    n_contacts = st.whole_tiles(n_contacts)
     data = st.new_contacts(n_contacts, ct.PAIR_STATE // L + n_state)
     return SpherePairs(
         first=np.full(n_contacts, ghost, np.uint32),
@@ -91,22 +82,6 @@ def new_sphere_pairs(n_contacts, n_entries, most, ghost, n_state):
         partner=np.zeros(2 * n_entries, np.int64),
         link=np.zeros(2 * n_entries, np.int64),
     )
-
-
-def grown_sphere_pairs(old, counts, most, ghost, n_state):
-    """Return the same arrays with twice the room where a list is filling up; see `engine.has_room`."""
-    n, m = int(counts[st.N_PAIRS]), int(counts[st.N_NEAR])
-    contacts, entries = len(old.first), len(old.near_limit)
-    bigger = new_sphere_pairs(
-        contacts * (2 if n * 4 > contacts * 3 else 1), entries * (2 if m * 4 > entries * 3 else 1), most, ghost, n_state
-    )
-    for name in ("first", "second", "entry", "spheres"):
-        getattr(bigger, name)[:n] = getattr(old, name)[:n]
-    bigger.data[: len(old.data)] = old.data
-    limits = ("near_limit", "near_rest", "watched_limit")
-    for name in ("near_first", "near_second", *limits, "live", "known", "watched", "n_watched", "free"):
-        getattr(bigger, name)[:m] = getattr(old, name)[:m]
-    return bigger
 
 
 @inlined

@@ -227,13 +227,14 @@ def contact_rows(data, n):
     return data.reshape(-1, rows, LANES).transpose(0, 2, 1).reshape(-1, rows)[:n]
 
 
-def _whole_tiles(n):
+def whole_tiles(n):
+    """Round up a number of contacts to that of whole tiles."""
     return LANES * -(-n // LANES)
 
 
 def new_pairs(n_contacts, n_near, ghost, n_state):
     """Arrays for touching and near pairs; unused contacts have body `ghost`, and n_state rows are of the force laws."""
-    n_contacts = _whole_tiles(n_contacts)
+    n_contacts = whole_tiles(n_contacts)
     return Pairs(
         first=np.full(n_contacts, ghost, np.uint32),
         second=np.full(n_contacts, ghost, np.uint32),
@@ -256,7 +257,7 @@ def new_wall_contacts(n_contacts, n_walls, n_bodies, ghost, rows):
 
     `feature` is the number of the feature of a mesh, or else of the sphere of a clump.
     """
-    n_contacts = _whole_tiles(n_contacts)
+    n_contacts = whole_tiles(n_contacts)
     data = new_contacts(n_contacts, rows)
     data[:, RADIUS2 : RADIUS2 + LANES] = np.inf
     return WallContacts(
