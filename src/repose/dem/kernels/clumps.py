@@ -13,7 +13,7 @@ from . import clump_tile as ct
 from . import state as st
 from .jit import inlined, kernel
 from .lists import move_contact, put_contact
-from .neighbours import listed
+from .neighbours import chain_partner, listed
 from .state import LANES, MOST_SPHERES
 
 L = LANES
@@ -212,16 +212,8 @@ def chain_entries(pairs, counts, grid, ghost):
         k -= 1
         if i == ghost:
             continue
-        if grid.moved[i]:
-            pairs.partner[used] = j
-            pairs.link[used] = grid.chain[i]
-            grid.chain[i] = used
-            used += 1
-        if grid.moved[j]:
-            pairs.partner[used] = i
-            pairs.link[used] = grid.chain[j]
-            grid.chain[j] = used
-            used += 1
+        used = chain_partner(pairs, grid, used, i, j)
+        used = chain_partner(pairs, grid, used, j, i)
 
 
 @kernel

@@ -50,18 +50,24 @@ def unlink(grid, i):
     grid.cell[i] = -1
 
 
-@kernel
-def link(grid, bodies, i):
-    """Put body i into the cell of its position, and set the displacement at which its neighbours are found anew."""
-    x, y, z = bodies.rows[i, 0], bodies.rows[i, 1], bodies.rows[i, 2]
-    cell = cell_of(grid, x, y, z)
-    bodies.motion[i // L, st.RELIST + i % L] = bodies.displacement[i] + 0.5 * grid.lengths[st.SKIN]
+@inlined
+def put_in_cell(grid, i, cell):
+    """Put body i, which is in none, into a cell."""
     grid.cell[i] = cell
     grid.preceding[i] = -1
     grid.following[i] = grid.head[cell]
     if grid.head[cell] >= 0:
         grid.preceding[grid.head[cell]] = i
     grid.head[cell] = i
+
+
+@kernel
+def link(grid, bodies, i):
+    """Put body i into the cell of its position, and set the displacement at which its neighbours are found anew."""
+    x, y, z = bodies.rows[i, 0], bodies.rows[i, 1], bodies.rows[i, 2]
+    cell = cell_of(grid, x, y, z)
+    bodies.motion[i // L, st.RELIST + i % L] = bodies.displacement[i] + 0.5 * grid.lengths[st.SKIN]
+    put_in_cell(grid, i, cell)
 
 
 @inlined
@@ -137,20 +143,28 @@ def drop_contact(pairs, counts, grid, k, ghost):
 
 
 @inlined
+def near_gap(bodies, pairs, grid, parts, k, normal):
+    """Solve for the gap of near pair k from its last normal, which is updated; the new one is in `normal`, too."""
+    for c in range(3):
+        normal[c] = pairs.near_normal[k, c]
+    early = EARLY * grid.lengths[st.SKIN]
+    gap = solve_gap(bodies.rows, parts, pairs.near_first[k], pairs.near_second[k], normal, TOLERANCE, early)
+    for c in range(3):
+        pairs.near_normal[k, c] = normal[c]
+    return gap
+
+
+@inlined
 def check_near(bodies, pairs, counts, grid, parts, k, normal):
     """Solve for the gap of near pair k, make it a contact or set a new limit; returns whether it stays in the list."""
     i = pairs.near_first[k]
     j = pairs.near_second[k]
-    for c in range(3):
-        normal[c] = pairs.near_normal[k, c]
-    gap = solve_gap(bodies.rows, parts, i, j, normal, TOLERANCE, EARLY * grid.lengths[st.SKIN])
+    gap = near_gap(bodies, pairs, grid, parts, k, normal)
     if gap <= 0.0:
         drop_near(pairs, counts, grid, k)
         add_contact(pairs, counts, grid, i, j, normal)
         return False
     pairs.near_limit[k] = bodies.displacement[i] + bodies.displacement[j] + gap
-    for c in range(3):
-        pairs.near_normal[k, c] = normal[c]
     return True
 
 
@@ -202,26 +216,28 @@ def drop_near_of_moved(pairs, counts, grid):
         k -= 1
 
 
+@inlined
+def chain_partner(pairs, grid, used, i, j):
+    """Chain j to the partners of i where the neighbours of i are found anew; returns the number of links used."""
+    if grid.moved[i]:
+        pairs.partner[used] = j
+        pairs.link[used] = grid.chain[i]
+        grid.chain[i] = used
+        used += 1
+    return used
+
+
 @kernel
 def chain_contacts(pairs, counts, grid):
     """Chain the touching partners of each body whose neighbours are found anew."""
-    moved = grid.moved
     left = listed(grid.touching, grid, counts)
     used = 0
     k = counts[st.N_PAIRS] - 1
     while used < left:
         i = pairs.first[np.uint64(k)]
         j = pairs.second[np.uint64(k)]
-        if moved[i]:
-            pairs.partner[used] = j
-            pairs.link[used] = grid.chain[i]
-            grid.chain[i] = used
-            used += 1
-        if moved[j]:
-            pairs.partner[used] = i
-            pairs.link[used] = grid.chain[j]
-            grid.chain[j] = used
-            used += 1
+        used = chain_partner(pairs, grid, used, i, j)
+        used = chain_partner(pairs, grid, used, j, i)
         k -= 1
 
 

@@ -13,11 +13,10 @@ import numpy as np
 
 from . import state as st
 from .atomics import wait_for_all
-from .contact import solve_gap
 from .engine import begin_step, has_room, wall_contacts_and_forces
 from .forces import pair_forces
 from .jit import inlined, kernel, kernel_without_gil
-from .neighbours import EARLY, TOLERANCE, add_contact, drop_near, next_due, retire_pairs
+from .neighbours import add_contact, drop_near, near_gap, next_due, retire_pairs
 from .renewal import renew
 from .rigid import act_on_events, integrate
 
@@ -96,23 +95,16 @@ def note_paths(bodies, counts, grid):
 @inlined
 def look_at_block(bodies, pairs, grid, parts, begin, end, due, place, normal):
     """Find the near pairs begin to end that are due and touch, list them from `place` on and return their number."""
-    early = EARLY * grid.lengths[st.SKIN]
     first, second, limit = pairs.near_first, pairs.near_second, pairs.near_limit
     found = 0
     k = next_due(bodies.displacement, first, second, limit, begin, end)
     while k < end:
-        i = first[k]
-        j = second[k]
-        for c in range(3):
-            normal[c] = pairs.near_normal[k, c]
-        gap = solve_gap(bodies.rows, parts, i, j, normal, TOLERANCE, early)
-        for c in range(3):
-            pairs.near_normal[k, c] = normal[c]
+        gap = near_gap(bodies, pairs, grid, parts, k, normal)
         if gap <= 0.0:
             due[place + found] = k
             found += 1
         else:
-            limit[k] = bodies.displacement[i] + bodies.displacement[j] + gap
+            limit[k] = bodies.displacement[first[k]] + bodies.displacement[second[k]] + gap
         k = next_due(bodies.displacement, first, second, limit, k + 1, end)
     return found
 
