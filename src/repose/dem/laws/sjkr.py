@@ -20,6 +20,7 @@ LIGGGHTS(R)-PUBLIC, cohesion model sjkr.
 
 import math
 from collections import namedtuple
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -32,10 +33,10 @@ from ..kernels.jit import inlined
 from ..kernels.rows import Rows
 from ..materials import Contact, Material
 from . import hertz_mindlin
-from .hertz_mindlin import contact_sizes, contact_time, oscillator, push
+from .hertz_mindlin import contact_sizes, push
 from .hertz_mindlin_rescaled import LAST_CIRCLE, SPRING, keep_force
 from .hertz_mindlin_rescaled import LAW as RESCALED
-from .law import ENDS, LIMITS, Law
+from .law import ENDS, LIMITS
 from .tangential import slip
 
 L = st.LANES
@@ -97,13 +98,13 @@ def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
     pull(t, c)
 
 
-LAW = Law(
+LAW = replace(
+    RESCALED,
     name="sjkr",
     options=SimplifiedJkr,
     constants=constants,
     n_constants=hertz_mindlin.LAW.n_rows + 1,
     n_rows=_rows.count,
-    n_state=RESCALED.n_state,
     kernel=kernel,
     words={
         "normal": RESCALED.words["normal"] + ", less k times the area of contact (LIGGGHTS: sjkr)",
@@ -114,8 +115,6 @@ LAW = Law(
         "keep": ENDS["keep"],
         "release": "the force without cohesion never pulls; without cohesion the damping gives the restitution set",
     },
-    contact_time=contact_time,
-    oscillator=oscillator,
     asks=(COHESION_ENERGY_DENSITY,),
     geometry=geometry,
 )
