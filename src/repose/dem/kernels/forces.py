@@ -15,6 +15,7 @@ from .damped_mass import mass_of_pairs, mass_on_curved, mass_on_flat, mass_on_me
 from .frames import load_walls, surface_velocity
 from .jit import inlined, kernel
 from .meshes import follow_mesh
+from .rows import write_vector
 from .simd import WIDTH, add_lanes_to_rows, prefetch, rows_to_lanes
 from .walls import SAME_AZIMUTH, angle_between, azimuth, drop_wall_contact, follow_wall, slid_off
 
@@ -213,13 +214,9 @@ def wall_tile(bodies, contacts, walls, physics, first_wall, base, n, t):
             y = t[tl.A + L + lane] + t[tl.RA + L + lane]
             z = t[tl.A + 2 * L + lane] + t[tl.RA + 2 * L + lane]
             vx, vy, vz = surface_velocity(walls.motion[wall], x, y, z)
-        t[tl.B + st.VELOCITY * L + lane] = vx
-        t[tl.B + (st.VELOCITY + 1) * L + lane] = vy
-        t[tl.B + (st.VELOCITY + 2) * L + lane] = vz
+        write_vector(t, tl.B + st.VELOCITY * L, lane, vx, vy, vz)
         # for laws of rolling; the arm of a wall is zero, so its contact's velocity is that above
-        t[tl.B + st.ANGULAR_VELOCITY * L + lane] = ox
-        t[tl.B + (st.ANGULAR_VELOCITY + 1) * L + lane] = oy
-        t[tl.B + (st.ANGULAR_VELOCITY + 2) * L + lane] = oz
+        write_vector(t, tl.B + st.ANGULAR_VELOCITY * L, lane, ox, oy, oz)
 
 
 @inlined

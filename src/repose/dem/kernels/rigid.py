@@ -7,6 +7,7 @@ from .body_rotation import rotate_lanes, rotate_spheres, shape_lanes
 from .body_tile import BEFORE, LOAD, MORE, PATH, ROWS, L
 from .jit import inlined, kernel
 from .neighbours import mark_moved
+from .rows import add_vector, write_vector
 from .simd import WIDTH, lanes_to_rows, prefetch, rows_to_lanes
 from .state import ANGULAR_MOMENTUM, INVERSE_MOMENTS, PART, QUATERNION, RELIST, SHAPE, alive
 
@@ -23,13 +24,9 @@ def move_lanes(m, gx, gy, gz, dt):
         vx = alive(m[ROWS + 3 * L + k] + kick * m[LOAD + k] + there * dt * gx)
         vy = alive(m[ROWS + 4 * L + k] + kick * m[LOAD + L + k] + there * dt * gy)
         vz = alive(m[ROWS + 5 * L + k] + kick * m[LOAD + 2 * L + k] + there * dt * gz)
-        m[ROWS + 3 * L + k] = vx
-        m[ROWS + 4 * L + k] = vy
-        m[ROWS + 5 * L + k] = vz
+        write_vector(m, ROWS + 3 * L, k, vx, vy, vz)
         m[BEFORE + k] = m[ROWS + 2 * L + k]
-        m[ROWS + k] += dt * vx
-        m[ROWS + L + k] += dt * vy
-        m[ROWS + 2 * L + k] += dt * vz
+        add_vector(m, ROWS, k, dt * vx, dt * vy, dt * vz)
         square = vx * vx + vy * vy + vz * vz
         m[PATH + k] = dt * math.sqrt(square)
 

@@ -29,7 +29,7 @@ import numpy as np
 from ..kernels import state as st
 from ..kernels import tile as tl
 from ..kernels.jit import inlined
-from ..kernels.rows import Rows
+from ..kernels.rows import Rows, add_vector
 from ..materials import Contact, Material, effective_moduli
 from .law import Law
 
@@ -89,12 +89,8 @@ def turning(t: np.ndarray, k: int, nx: float, ny: float, nz: float) -> tuple[flo
 @inlined
 def oppose(t: np.ndarray, k: int, x: float, y: float, z: float) -> None:
     """Apply a torque of a lane against A and along B, with no budget of rolling."""
-    t[tl.TO_A + 3 * L + k] -= x
-    t[tl.TO_A + 4 * L + k] -= y
-    t[tl.TO_A + 5 * L + k] -= z
-    t[tl.TO_B + 3 * L + k] += x
-    t[tl.TO_B + 4 * L + k] += y
-    t[tl.TO_B + 5 * L + k] += z
+    add_vector(t, tl.TO_A + 3 * L, k, -x, -y, -z)
+    add_vector(t, tl.TO_B + 3 * L, k, x, y, z)
     t[tl.TO_A + st.ROLL * L + k] = 0.0
     t[tl.TO_B + st.ROLL * L + k] = 0.0
 

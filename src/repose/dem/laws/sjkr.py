@@ -30,7 +30,7 @@ from ..kernels import clump_tile as ct
 from ..kernels import state as st
 from ..kernels import tile as tl
 from ..kernels.jit import inlined
-from ..kernels.rows import Rows
+from ..kernels.rows import Rows, add_vector, lane_vector
 from ..materials import Contact, Material
 from . import hertz_mindlin
 from .hertz_mindlin import contact_sizes, push
@@ -84,9 +84,8 @@ def pull(t: np.ndarray, c: np.ndarray) -> None:
         gap = t[tl.GAP + k]
         overlap = -gap if gap < 0.0 else 0.0
         force = t[DENSITY + k] * area(overlap, t[tl.RADIUS + k], t[INVERSE_SUM + k])
-        t[tl.TO_A + k] += force * c[st.NORMAL + k]
-        t[tl.TO_A + L + k] += force * c[st.NORMAL + L + k]
-        t[tl.TO_A + 2 * L + k] += force * c[st.NORMAL + 2 * L + k]
+        nx, ny, nz = lane_vector(c, st.NORMAL, k)
+        add_vector(t, tl.TO_A, k, force * nx, force * ny, force * nz)
 
 
 def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
