@@ -2,6 +2,8 @@
 
 from typing import Any
 
+import numpy as np
+
 from .kernels import clump_tile as ct
 from .kernels import clumps as cl
 from .kernels import state as st
@@ -33,7 +35,8 @@ def new_wall_contacts(
     rows = (ct.WALL_STATE if of_clumps else st.WALL_STATE) // st.LANES + n_state
     most = n_planes * capacity + spare, capacity + spare, capacity + spare if n_meshes else 1
     flat, curved, meshed = (
-        st.new_wall_contacts(room, walls, capacity, capacity, rows) for room, walls in zip(most, n_walls, strict=True)
+        st.new_wall_contacts(room, walls, capacity, capacity, rows, of_clumps)
+        for room, walls in zip(most, n_walls, strict=True)
     )
     return flat, curved, meshed
 
@@ -46,8 +49,9 @@ def grown_pairs(old: Any, counts: Any, capacity: int, most_spheres: int, n_state
 
 def grown_wall_contacts(contacts: Any, used: int, ghost: int) -> Any:
     """Return the list with twice the room where three quarters are used; ghost: the body number of unused contacts."""
-    rows = contacts.data.shape[1] // st.LANES
-    return _filled(st.new_wall_contacts(_room(contacts.body, used), *contacts.limit.shape, ghost, rows), contacts)
+    rows, of_clumps = contacts.data.shape[1] // st.LANES, isinstance(contacts.known, np.ndarray)
+    room = _room(contacts.body, used)
+    return _filled(st.new_wall_contacts(room, *contacts.limit.shape, ghost, rows, of_clumps), contacts)
 
 
 def _room(array: Any, used: int) -> int:
@@ -58,5 +62,6 @@ def _room(array: Any, used: int) -> int:
 def _filled(bigger: Any, old: Any) -> Any:
     """Copy lists into others that are as long or longer."""
     for target, source in zip(bigger, old, strict=True):
-        target[: len(source)] = source
+        if len(source):
+            target[: len(source)] = source
     return bigger

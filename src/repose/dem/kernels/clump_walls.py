@@ -19,7 +19,7 @@ from .meshes import deepest_near, hand_over, search_mesh, track
 from .sphere_search import PLACES_A, place_spheres
 from .state import LANES, MOST_SPHERES, SHAPE
 from .wall_contact import fill_contact, sphere_on_cone, sphere_on_ring
-from .walls import add_wall_contact, drop_wall_contact
+from .walls import add_wall_contact
 
 L = LANES
 
@@ -77,22 +77,24 @@ def write_sphere(contacts, clumps, k, i, sphere):
 
 
 @inlined
-def add_sphere(contacts, counts, slot, clumps, known, i, wall, sphere, out):
+def add_sphere(contacts, counts, slot, clumps, i, wall, sphere, out):
     """Append the contact of a sphere with a plane, cone or ring; returns its number, or -1 where there is no room."""
     k = add_wall_contact(contacts, counts, slot, i, wall, out)
     if k >= 0:
         contacts.feature[k] = sphere
         write_sphere(contacts, clumps, k, i, sphere)
-        set_bit(known[wall, i : i + 1], sphere)
+        set_bit(contacts.known[wall, i : i + 1], sphere)
     return k
 
 
 @inlined
-def drop_sphere(contacts, counts, slot, known, k, ghost):
-    """Remove the contact of a sphere with a plane, cone or ring."""
-    bit = np.uint64(1) << np.uint64(contacts.feature[k])
-    known[contacts.wall[k], contacts.body[k]] &= ~bit
-    drop_wall_contact(contacts, counts, slot, k, ghost)
+def forget_sphere(contacts, clumps, counts, slot, k):
+    """Note that the sphere of contact k, which is removed next, does not touch the wall."""
+    if slot == st.N_MESHED:
+        clumps.mesh_sphere[k] = clumps.mesh_sphere[counts[slot] - 1]
+    else:
+        bit = np.uint64(1) << np.uint64(contacts.feature[k])
+        contacts.known[contacts.wall[k], contacts.body[k]] &= ~bit
 
 
 @inlined
@@ -121,11 +123,11 @@ def touching(known, i):
 
 
 @inlined
-def sphere_slid_off(bodies, contacts, walls, clumps, k):
+def sphere_slid_off(bodies, contacts, walls, k):
     """Note that contact k of a sphere slid over the end of a cone or ring: the next wall takes it over."""
     i = contacts.body[k]
     for wall in range(contacts.limit.shape[0]):
-        past = clumps.curved_past[wall, i : i + 1]
+        past = contacts.past[wall, i : i + 1]
         if is_set(past, contacts.feature[k]):
             clear_bit(past, contacts.feature[k])
             contacts.limit[wall, i] = bodies.displacement[i] + walls.approach[st.WALL_PATH]
@@ -136,16 +138,16 @@ def spheres_at_plane(bodies, flat, clumps, walls, counts, wall, i, s, out):
     """Find the spheres of body i that begin to touch a plane; returns how far it may move before the next search."""
     nearest = math.inf
     for k in range(clumps.sizes[clumps.shape[i]]):
-        if is_set(clumps.flat_known[wall, i : i + 1], k):
+        if is_set(flat.known[wall, i : i + 1], k):
             continue
         x, y, z = s[PLACES_A + k], s[PLACES_A + MOST_SPHERES + k], s[PLACES_A + 2 * MOST_SPHERES + k]
         radius = s[PLACES_A + 3 * MOST_SPHERES + k]
         beyond = sphere_on_plane(x, y, z, radius, walls.planes[wall], out)
-        free = free_way(out[3], beyond, radius, clumps.flat_past[wall, i : i + 1], k, False)
+        free = free_way(out[3], beyond, radius, flat.past[wall, i : i + 1], k, False)
         if free > 0.0:
             nearest = min(nearest, free)
             continue
-        m = add_sphere(flat, counts, st.N_PLANE, clumps, clumps.flat_known, i, wall, k, out)
+        m = add_sphere(flat, counts, st.N_PLANE, clumps, i, wall, k, out)
         if m >= 0:
             write_plane(flat.data[m // L], m % L, walls.planes[wall])
     return nearest
@@ -155,21 +157,21 @@ def spheres_at_plane(bodies, flat, clumps, walls, counts, wall, i, s, out):
 def spheres_at_curved(bodies, curved, clumps, walls, counts, wall, i, s, out):
     """Find the spheres of body i that begin to touch a cone or ring, as `spheres_at_plane`."""
     nearest = math.inf
-    held = touching(clumps.curved_known, i)
+    held = touching(curved.known, i)
     for k in range(clumps.sizes[clumps.shape[i]]):
-        if is_set(clumps.curved_known[wall, i : i + 1], k):
+        if is_set(curved.known[wall, i : i + 1], k):
             continue
         x, y, z = s[PLACES_A + k], s[PLACES_A + MOST_SPHERES + k], s[PLACES_A + 2 * MOST_SPHERES + k]
         radius = s[PLACES_A + 3 * MOST_SPHERES + k]
         beyond = sphere_on_curved(walls, wall, x, y, z, radius, out)
-        past = clumps.curved_past[wall, i : i + 1]
+        past = curved.past[wall, i : i + 1]
         if (held >> np.uint64(k)) & np.uint64(1) != np.uint64(0):
             clear_bit(past, k)  # the wall that the sphere touches hands it over
         free = free_way(out[3], beyond, radius, past, k, held != np.uint64(0))
         if free > 0.0:
             nearest = min(nearest, free)
             continue
-        add_sphere(curved, counts, st.N_CURVED, clumps, clumps.curved_known, i, wall, k, out)
+        add_sphere(curved, counts, st.N_CURVED, clumps, i, wall, k, out)
     return nearest
 
 
@@ -198,9 +200,8 @@ def sphere_row(walls, frame, x, y, z, radius, local):
 @inlined
 def by_sphere(meshed, clumps):
     """Return the contacts with meshes, with the numbers of spheres instead of those of bodies."""
-    return st.WallContacts(
-        clumps.mesh_sphere, meshed.wall, meshed.feature, meshed.data, meshed.limit, meshed.ended, meshed.deepest
-    )
+    m = meshed
+    return st.WallContacts(clumps.mesh_sphere, m.wall, m.feature, m.data, m.limit, m.ended, m.deepest, m.known, m.past)
 
 
 @inlined

@@ -21,12 +21,8 @@ WORD = 64  # bits of a word of flags
 SLOTS = 16  # pairs of spheres that an entry watches, at most
 
 # spheres (S, 4, MOST_SPHERES): centres and radii of each shape's spheres; sizes (S,): how many. shape, scale (N,): of
-# each body. flat_known, curved_known (walls, N): which spheres of a body touch a wall, as bits; flat_past, curved_past:
-# which are past it. mesh_sphere: of each contact with a mesh, body * MOST_SPHERES + sphere. mesh_known (meshes, N): as
-# flat_known, written anew in every step.
-Clumps = namedtuple(
-    "Clumps", "spheres sizes shape scale flat_known curved_known flat_past curved_past mesh_sphere mesh_known"
-)
+# each body. mesh_sphere: of each contact with a mesh, body * MOST_SPHERES + sphere.
+Clumps = namedtuple("Clumps", "spheres sizes shape scale mesh_sphere")
 # Contacts: bodies first and second, entry; spheres (n, 2). Entries: bodies near_first and near_second (a hole
 # has those of the ghost), near_limit, number of contacts (live), their pairs of spheres (known, a bit each), the holes
 # (free). Of an entry's pairs of spheres that do not touch: the watched pairs (n, SLOTS, 2), their number (n_watched)
@@ -38,8 +34,8 @@ SpherePairs = namedtuple(
 )
 
 
-def new_clumps(shapes, shape, scale, walls, n_meshed):
-    """Return the spheres of shapes, and each body's shape and scale; walls: numbers of planes, curved walls, meshes."""
+def new_clumps(shapes, shape, scale, n_meshed):
+    """Return the spheres of shapes, and each body's shape and scale; n_meshed: room for contacts with meshes."""
     spheres = np.zeros((len(shapes), 4, MOST_SPHERES))
     for k, clump in enumerate(shapes):
         spheres[k, :, : len(clump.spheres_m)] = clump.spheres_m.T
@@ -48,12 +44,7 @@ def new_clumps(shapes, shape, scale, walls, n_meshed):
         sizes=np.array([len(clump.spheres_m) for clump in shapes]),
         shape=shape,
         scale=scale,
-        flat_known=np.zeros((walls[0], len(shape)), np.uint64),
-        curved_known=np.zeros((walls[1], len(shape)), np.uint64),
-        flat_past=np.zeros((walls[0], len(shape)), np.uint64),
-        curved_past=np.zeros((walls[1], len(shape)), np.uint64),
         mesh_sphere=np.zeros(n_meshed, np.uint32),
-        mesh_known=np.zeros((walls[2], len(shape)), np.uint64),
     )
 
 

@@ -77,8 +77,9 @@ Pairs = namedtuple(
     "first second data near_first near_second near_limit near_normal near_check near_groups ended gap partner link",
 )
 # deepest (walls, N): largest overlap with which a contact of a smooth body may begin; infinite unless it is past the
-# wall.
-WallContacts = namedtuple("WallContacts", "body wall feature data limit ended deepest")
+# wall. Of clumps, known and past (walls, N): which spheres of a body touch a wall and which are past it, as bits; known
+# of meshes is written anew in every step. Of smooth bodies they are empty tuples.
+WallContacts = namedtuple("WallContacts", "body wall feature data limit ended deepest known past")
 Shared = namedtuple("Shared", "counters orders begins numbers due")
 # loads: force on each wall and torque about the origin, (walls, 6) where a user asks for them, else (0, 6).
 Walls = namedtuple("Walls", "planes cones rings frames displaced motion moves material approach loads")
@@ -252,7 +253,7 @@ def new_pairs(n_contacts, n_near, ghost, n_state):
     )
 
 
-def new_wall_contacts(n_contacts, n_walls, n_bodies, ghost, rows):
+def new_wall_contacts(n_contacts, n_walls, n_bodies, ghost, rows, of_clumps):
     """Arrays for contacts with walls of one kind; `limit` is the displacement at the next check.
 
     `feature` is the number of the feature of a mesh, or else of the sphere of a clump.
@@ -268,4 +269,6 @@ def new_wall_contacts(n_contacts, n_walls, n_bodies, ghost, rows):
         limit=np.full((n_walls, n_bodies), -1.0),
         ended=np.zeros(n_contacts, np.int64),
         deepest=np.full((n_walls, n_bodies), np.inf),
+        known=np.zeros((n_walls, n_bodies), np.uint64) if of_clumps else (),
+        past=np.zeros((n_walls, n_bodies), np.uint64) if of_clumps else (),
     )
