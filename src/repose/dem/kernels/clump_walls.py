@@ -12,14 +12,14 @@ import numpy as np
 from . import clump_tile as ct
 from . import state as st
 from .clumps import clear_bit, is_set, set_bit
-from .features import FACE
-from .frames import into_frame, rotate_to_world, write_plane
+from .frames import contact_to_world, into_frame, write_plane
 from .jit import inlined, kernel
-from .meshes import deepest_near, hand_over, search_mesh, track
+from .meshes import follow_feature, search_mesh
+from .rows import lane_vector, write_vector
 from .sphere_search import PLACES_A, place_spheres
 from .state import LANES, MOST_SPHERES, SHAPE
-from .wall_contact import fill_contact, sphere_on_cone, sphere_on_ring
-from .walls import add_wall_contact
+from .wall_contact import fill_contact
+from .walls import add_wall_contact, sphere_beyond
 
 L = LANES
 
@@ -27,15 +27,8 @@ L = LANES
 @inlined
 def sphere_arm(row, tile, lane):
     """Vector from the centre of the body to that of its sphere, in world axes."""
-    return ct.rotated_vector(
-        row[SHAPE],
-        row[SHAPE + 1],
-        row[SHAPE + 2],
-        row[SHAPE + 3],
-        tile[ct.CENTRE + lane],
-        tile[ct.CENTRE + L + lane],
-        tile[ct.CENTRE + 2 * L + lane],
-    )
+    x, y, z = lane_vector(tile, ct.CENTRE, lane)
+    return ct.rotated_vector(row[SHAPE], row[SHAPE + 1], row[SHAPE + 2], row[SHAPE + 3], x, y, z)
 
 
 @inlined
@@ -49,20 +42,20 @@ def sphere_on_plane(x, y, z, radius, plane, out):
 
 
 @inlined
+def seen_place(walls, wall, x, y, z):
+    """Return a place in the frame of a curved wall or mesh."""
+    if walls.displaced[wall]:
+        frame = walls.frames[wall]
+        return into_frame(frame, x - frame[0], y - frame[1], z - frame[2])
+    return x, y, z
+
+
+@inlined
 def sphere_on_curved(walls, wall, x, y, z, radius, out):
     """Contact of a sphere with a cone or ring: fills `out` in world axes; returns its distance beyond the end [m]."""
-    displaced = walls.displaced[wall]
-    if displaced:
-        frame = walls.frames[wall]
-        x, y, z = into_frame(frame, x - frame[0], y - frame[1], z - frame[2])
-    n_cones = walls.cones.shape[0]
-    if wall < n_cones:
-        beyond = sphere_on_cone(x, y, z, radius, walls.cones[wall], out)
-    else:
-        beyond = sphere_on_ring(x, y, z, radius, walls.rings[wall - n_cones], out)
-    if displaced:
-        rotate_to_world(walls.frames[wall], out, 0)
-        rotate_to_world(walls.frames[wall], out, 5)
+    x, y, z = seen_place(walls, wall, x, y, z)
+    beyond = sphere_beyond(x, y, z, radius, walls, wall, out)
+    contact_to_world(walls, wall, out)
     return beyond
 
 
@@ -187,10 +180,7 @@ def place_clump(bodies, clumps, i, s):
 @inlined
 def sphere_row(walls, frame, x, y, z, radius, local):
     """Write the row of a sphere in a frame, in the form that `meshes` takes."""
-    if walls.displaced[frame]:
-        home = walls.frames[frame]
-        x, y, z = into_frame(home, x - home[0], y - home[1], z - home[2])
-    local[0], local[1], local[2] = x, y, z
+    local[0], local[1], local[2] = seen_place(walls, frame, x, y, z)
     square = radius * radius
     for c in range(st.PART):
         local[SHAPE + c] = 0.0
@@ -208,30 +198,18 @@ def by_sphere(meshed, clumps):
 def follow_sphere(bodies, walls, meshes, meshed, clumps, n, k, end, out, other, local):
     """Track contact k of a sphere with a mesh through one step, as `meshes.follow_mesh`."""
     touches = by_sphere(meshed, clumps)
-    mesh = meshed.wall[k]
-    frame = walls.cones.shape[0] + walls.rings.shape[0] + mesh
+    frame = walls.cones.shape[0] + walls.rings.shape[0] + meshed.wall[k]
     tile, lane = meshed.data[k // L], k % L
     row = bodies.rows[meshed.body[k]]
     x, y, z = sphere_arm(row, tile, lane)
     radius = tile[ct.RADIUS + lane]
     sphere_row(walls, frame, row[0] + x, row[1] + y, row[2] + z, radius, local)
-    at = st.NORMAL + lane
-    nx, ny, nz = tile[at], tile[at + L], tile[at + 2 * L]
-    if walls.displaced[frame]:
-        nx, ny, nz = into_frame(walls.frames[frame], nx, ny, nz)
-    touching = track(local, 1, meshes, tile, lane, meshed.feature[k], nx, ny, nz, out) >= 0.0
-    if not touching:
-        touching = hand_over(local, 1, meshes, touches, n, k, radius, end, out, other)
-    if touching and out[3] < 0.0 and meshes.kind[meshed.feature[k]] == FACE:
-        deepest_near(local, 1, meshes, touches, k, out, other)
-    if walls.displaced[frame]:
-        rotate_to_world(walls.frames[frame], out, 0)
-        rotate_to_world(walls.frames[frame], out, 5)
+    lasts = follow_feature(local, radius, 1, walls, frame, meshes, touches, n, k, end, out, other)
     # from the body's centre, not the sphere's
     out[5] += x
     out[6] += y
     out[7] += z
-    return touching and out[3] <= end
+    return lasts
 
 
 @inlined
@@ -242,8 +220,7 @@ def spheres_at_mesh(bodies, meshed, clumps, walls, meshes, counts, mesh, i, s, o
     for k in range(n):
         if meshed.body[k] == i and meshed.wall[k] == mesh:
             follow_sphere(bodies, walls, meshes, meshed, clumps, n, k, 0.0, out, other, local)
-            for c in range(3):
-                meshed.data[k // L, st.NORMAL + c * L + k % L] = out[c]
+            write_vector(meshed.data[k // L], st.NORMAL, k % L, out[0], out[1], out[2])
     place_clump(bodies, clumps, i, s)
     frame = walls.cones.shape[0] + walls.rings.shape[0] + mesh
     nearest = math.inf

@@ -36,6 +36,14 @@ def rotate_to_world(frame, values, at):
     values[at], values[at + 1], values[at + 2] = out_of_frame(frame, values[at], values[at + 1], values[at + 2])
 
 
+@inlined
+def contact_to_world(walls, wall, out):
+    """Rotate normal and contact point of a contact from the frame of a curved wall or mesh into the world."""
+    if walls.displaced[wall]:
+        rotate_to_world(walls.frames[wall], out, 0)
+        rotate_to_world(walls.frames[wall], out, 5)
+
+
 @kernel
 def row_in_frame(row, parts, frame, local):
     """Position and shape of a body as seen from a frame, written to `local` (a row)."""

@@ -22,6 +22,15 @@ def tangents(nx, ny, nz):
 
 
 @inlined
+def stepped(nx, ny, nz, s1, s2):
+    """Return a unit vector after a step in its tangent plane."""
+    ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
+    x, y, z = nx + s1 * ux + s2 * wx, ny + s1 * uy + s2 * wy, nz + s1 * uz + s2 * wz
+    inv = 1.0 / math.sqrt(x * x + y * y + z * z)
+    return x * inv, y * inv, z * inv
+
+
+@inlined
 def times_shape(row, part, x, y, z):
     """S_k times a vector."""
     s = SHAPE + PART * part
