@@ -16,18 +16,10 @@ from .frames import load_walls, surface_velocity
 from .jit import inlined, kernel
 from .meshes import follow_mesh
 from .rows import write_vector
-from .simd import WIDTH, add_lanes_to_rows, prefetch, rows_to_lanes
+from .simd import WIDTH, add_lanes_to_rows, gather, prefetch
 from .walls import SAME_AZIMUTH, angle_between, azimuth, drop_wall_contact, follow_wall, slid_off
 
 L = tl.LANES
-
-
-@inlined
-def gather(rows, index, base, t, at):
-    """Copy the rows of a tile's bodies into lanes."""
-    for k in range(0, L, WIDTH):
-        for column in range(0, rows.shape[1], WIDTH):
-            rows_to_lanes(rows, column, index, base + k, t, at + column * L + k, L)
 
 
 @inlined
@@ -140,8 +132,8 @@ def pair_forces(bodies, pairs, clumps, counts, physics, t, share, begin, end):
             for lane in range(L):
                 k = base + lane
                 lane_laws(t, lane, physics, bodies.kind[pairs.first[k]], bodies.kind[pairs.second[k]])
-        gather(bodies.rows, pairs.first, base, t, tl.A)
-        gather(bodies.rows, pairs.second, base, t, tl.B)
+        gather(bodies.rows, bodies.rows.shape[1], pairs.first, base, t, tl.A)
+        gather(bodies.rows, bodies.rows.shape[1], pairs.second, base, t, tl.B)
         pair_geometry(t, contacts, physics.parts, clumps)
         mass_of_pairs(t, contacts, pairs, physics.parts, clumps, base, min(L, n - base))
         for k in range(L):
@@ -259,7 +251,7 @@ def plane_forces(bodies, flat, clumps, walls, counts, physics, t, ghost):
         contacts = flat.data[base // L]
         if large and base + L < n:
             fetch_bodies(bodies.rows, bodies.load[0], flat.body, base + L)
-        gather(bodies.rows, flat.body, base, t, tl.A)
+        gather(bodies.rows, bodies.rows.shape[1], flat.body, base, t, tl.A)
         plane_geometry(t, contacts, physics.parts, clumps)
         wall_forces(bodies, flat, clumps, walls, physics, 0, base, n, t)
         if tl.open_lanes(t) > 0:
@@ -356,7 +348,7 @@ def curved_forces(bodies, curved, clumps, walls, counts, physics, t, out, local,
     for base in range(0, n, L):
         lanes = min(L, n - base)
         contacts = curved.data[base // L]
-        gather(bodies.rows, curved.body, base, t, tl.A)
+        gather(bodies.rows, bodies.rows.shape[1], curved.body, base, t, tl.A)
         close_lanes(t, lanes)
         for lane in range(lanes):
             k = base + lane
@@ -395,7 +387,7 @@ def mesh_forces(bodies, meshed, clumps, walls, meshes, counts, physics, t, out, 
     for base in range(0, n, L):
         lanes = min(L, n - base)
         contacts = meshed.data[base // L]
-        gather(bodies.rows, meshed.body, base, t, tl.A)
+        gather(bodies.rows, bodies.rows.shape[1], meshed.body, base, t, tl.A)
         close_lanes(t, lanes)
         for lane in range(lanes):
             k = base + lane
