@@ -127,44 +127,32 @@ def sphere_slid_off(bodies, contacts, walls, k):
 
 
 @kernel
-def spheres_at_plane(bodies, flat, clumps, walls, counts, wall, i, s, out):
-    """Find the spheres of body i that begin to touch a plane; returns how far it may move before the next search."""
+def spheres_at_wall(bodies, contacts, slot, clumps, walls, counts, wall, i, s, out):
+    """Find the spheres of body i that begin to touch a plane, cone or ring, by the slot of its contacts in `counts`.
+
+    Returns how far the body may move before the next search.
+    """
     nearest = math.inf
+    held = touching(contacts.known, i) if slot == st.N_CURVED else np.uint64(0)
     for k in range(clumps.sizes[clumps.shape[i]]):
-        if is_set(flat.known[wall, i : i + 1], k):
+        if is_set(contacts.known[wall, i : i + 1], k):
             continue
         x, y, z = s[PLACES_A + k], s[PLACES_A + MOST_SPHERES + k], s[PLACES_A + 2 * MOST_SPHERES + k]
         radius = s[PLACES_A + 3 * MOST_SPHERES + k]
-        beyond = sphere_on_plane(x, y, z, radius, walls.planes[wall], out)
-        free = free_way(out[3], beyond, radius, flat.past[wall, i : i + 1], k, False)
-        if free > 0.0:
-            nearest = min(nearest, free)
-            continue
-        m = add_sphere(flat, counts, st.N_PLANE, clumps, i, wall, k, out)
-        if m >= 0:
-            write_plane(flat.data[m // L], m % L, walls.planes[wall])
-    return nearest
-
-
-@kernel
-def spheres_at_curved(bodies, curved, clumps, walls, counts, wall, i, s, out):
-    """Find the spheres of body i that begin to touch a cone or ring, as `spheres_at_plane`."""
-    nearest = math.inf
-    held = touching(curved.known, i)
-    for k in range(clumps.sizes[clumps.shape[i]]):
-        if is_set(curved.known[wall, i : i + 1], k):
-            continue
-        x, y, z = s[PLACES_A + k], s[PLACES_A + MOST_SPHERES + k], s[PLACES_A + 2 * MOST_SPHERES + k]
-        radius = s[PLACES_A + 3 * MOST_SPHERES + k]
-        beyond = sphere_on_curved(walls, wall, x, y, z, radius, out)
-        past = curved.past[wall, i : i + 1]
+        if slot == st.N_CURVED:
+            beyond = sphere_on_curved(walls, wall, x, y, z, radius, out)
+        else:
+            beyond = sphere_on_plane(x, y, z, radius, walls.planes[wall], out)
+        past = contacts.past[wall, i : i + 1]
         if (held >> np.uint64(k)) & np.uint64(1) != np.uint64(0):
             clear_bit(past, k)  # the wall that the sphere touches hands it over
         free = free_way(out[3], beyond, radius, past, k, held != np.uint64(0))
         if free > 0.0:
             nearest = min(nearest, free)
             continue
-        add_sphere(curved, counts, st.N_CURVED, clumps, i, wall, k, out)
+        m = add_sphere(contacts, counts, slot, clumps, i, wall, k, out)
+        if slot == st.N_PLANE and m >= 0:
+            write_plane(contacts.data[m // L], m % L, walls.planes[wall])
     return nearest
 
 

@@ -13,7 +13,7 @@ from . import clump_tile as ct
 from . import state as st
 from .jit import inlined, kernel
 from .lists import move_contact, put_contact
-from .neighbours import chain_partner, listed
+from .neighbours import chain_partner, listed, take_place
 from .state import LANES, MOST_SPHERES
 
 L = LANES
@@ -114,11 +114,9 @@ def most_spheres(clumps):
 @inlined
 def add_sphere_contact(pairs, counts, clumps, entry, i, j, a, b):
     """Append the contact of sphere a of body i with sphere b of body j, with a relaxed spring."""
-    k = counts[st.N_PAIRS]
-    if k >= pairs.first.shape[0]:
-        counts[st.FULL] = 1
+    k = take_place(counts, st.N_PAIRS, pairs.first.shape[0])
+    if k < 0:
         return
-    counts[st.N_PAIRS] = k + 1
     pairs.first[k] = i
     pairs.second[k] = j
     pairs.entry[k] = entry
@@ -167,11 +165,9 @@ def add_entry(pairs, counts, grid, i, j):
         counts[st.N_FREE] -= 1
         k = pairs.free[counts[st.N_FREE]]
     else:
-        k = counts[st.N_NEAR]
-        if k >= pairs.near_limit.shape[0]:
-            counts[st.FULL] = 1
-            return -1
-        counts[st.N_NEAR] = k + 1
+        k = take_place(counts, st.N_NEAR, pairs.near_limit.shape[0])
+        if k < 0:
+            return k
     grid.near[i] += 1
     grid.near[j] += 1
     pairs.near_first[k] = i

@@ -80,6 +80,17 @@ def mark_moved(grid, counts, i):
 
 
 @inlined
+def take_place(counts, slot, room):
+    """Take the next place of a list and return it, or -1 where there is no room."""
+    k = counts[slot]
+    if k >= room:
+        counts[st.FULL] = 1
+        return -1
+    counts[slot] = k + 1
+    return k
+
+
+@inlined
 def drop_near(pairs, counts, grid, k):
     """Remove near pair k; the last one takes its place."""
     last = counts[st.N_NEAR] - 1
@@ -97,11 +108,9 @@ def drop_near(pairs, counts, grid, k):
 @inlined
 def add_near(pairs, counts, grid, i, j, limit, nx, ny, nz):
     """Append a near pair."""
-    k = counts[st.N_NEAR]
-    if k >= pairs.near_limit.shape[0]:
-        counts[st.FULL] = 1
+    k = take_place(counts, st.N_NEAR, pairs.near_limit.shape[0])
+    if k < 0:
         return
-    counts[st.N_NEAR] = k + 1
     grid.near[i] += 1
     grid.near[j] += 1
     pairs.near_first[k] = i
@@ -116,11 +125,9 @@ def add_near(pairs, counts, grid, i, j, limit, nx, ny, nz):
 @inlined
 def add_contact(pairs, counts, grid, i, j, normal):
     """Append a touching pair with a relaxed spring."""
-    k = counts[st.N_PAIRS]
-    if k >= pairs.first.shape[0]:
-        counts[st.FULL] = 1
+    k = take_place(counts, st.N_PAIRS, pairs.first.shape[0])
+    if k < 0:
         return
-    counts[st.N_PAIRS] = k + 1
     grid.touching[i] += 1
     grid.touching[j] += 1
     pairs.first[k] = i

@@ -7,7 +7,7 @@ thread runs `advance_shared`.
 """
 
 import math
-import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
@@ -208,15 +208,6 @@ def advance_shared(
 def run_threads(arrays, tiles, shared, steps):
     """Run `advance_shared` on as many threads as there are scratch tiles; returns the steps made."""
     threads = len(tiles[0])
-    made = np.zeros(threads, np.int64)
-
-    def work(thread):
-        made[thread] = advance_shared(*arrays, *tiles, shared, thread, steps)
-
-    others = [threading.Thread(target=work, args=(thread,)) for thread in range(1, threads)]
-    for other in others:
-        other.start()
-    work(0)
-    for other in others:
-        other.join()
-    return int(made[0])
+    with ThreadPoolExecutor(threads) as pool:
+        made = pool.map(lambda thread: advance_shared(*arrays, *tiles, shared, thread, steps), range(threads))
+    return next(made)

@@ -15,6 +15,7 @@ from .frames import contact_to_world, into_frame, rotate_to_world, row_in_frame,
 from .geometry import extent
 from .jit import inlined, kernel
 from .lists import move_contact, put_contact
+from .neighbours import take_place
 from .wall_contact import (
     climb_cone,
     cone_contact,
@@ -79,14 +80,11 @@ def known(contacts, last, body, wall, theta):
 @inlined
 def add_wall_contact(contacts, counts, slot, body, wall, out):
     """Append a contact with a relaxed spring; returns its number, or -1 where there is no room."""
-    k = counts[slot]
-    if k >= contacts.body.shape[0]:
-        counts[st.FULL] = 1
-        return -1
-    counts[slot] = k + 1
-    contacts.body[k] = body
-    contacts.wall[k] = wall
-    put_contact(contacts.data, k, out[0], out[1], out[2])
+    k = take_place(counts, slot, contacts.body.shape[0])
+    if k >= 0:
+        contacts.body[k] = body
+        contacts.wall[k] = wall
+        put_contact(contacts.data, k, out[0], out[1], out[2])
     return k
 
 
