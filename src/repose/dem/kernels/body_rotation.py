@@ -8,6 +8,7 @@ import math
 
 from . import state as st
 from .body_tile import INVERSE_INERTIA, LOAD, OMEGA, PATH, ROWS, L
+from .geometry import matrix_times
 from .jit import inlined, kernel
 from .rows import write_vector
 from .state import ANGULAR_MOMENTUM, INVERSE_MOMENTS, PART, QUATERNION, SHAPE, SQUARES, alive
@@ -74,7 +75,7 @@ def inverse_inertia_times(m, k, x, y, z):
     """Inverse inertia of lane k's body (world) times a vector."""
     xx, xy, xz = m[INVERSE_INERTIA + k], m[INVERSE_INERTIA + L + k], m[INVERSE_INERTIA + 2 * L + k]
     yy, yz, zz = (m[INVERSE_INERTIA + 3 * L + k], m[INVERSE_INERTIA + 4 * L + k], m[INVERSE_INERTIA + 5 * L + k])
-    return xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z
+    return matrix_times(xx, xy, xz, yy, yz, zz, x, y, z)
 
 
 @inlined

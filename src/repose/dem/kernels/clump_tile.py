@@ -9,10 +9,8 @@ import math
 from . import state as st
 from . import tile as tl
 from .jit import inlined
-from .rows import Rows, write_vector
-from .state import LANES, OFFSET, SHAPE
-
-L = LANES  # short, for the index arithmetic below
+from .rows import L, Rows, write_vector
+from .state import OFFSET, SHAPE
 
 N = st.NORMAL
 # Rows that a pair of spheres keeps: centres in their bodies' frames, radius of the first, sum of the radii, effective
@@ -89,7 +87,4 @@ def sphere_plane_geometry(t, c):
         reach = radius + 0.5 * f
         t[tl.RADIUS + k] = radius
         write_vector(t, tl.RA, k, ax + reach * nx, ay + reach * ny, az + reach * nz)
-        dx, dy, dz = x - c[st.MIDDLE + k], y - c[st.MIDDLE + L + k], z - c[st.MIDDLE + 2 * L + k]
-        across = dx * nx + dy * ny + dz * nz
-        on_disc = dx * dx + dy * dy + dz * dz - across * across <= c[st.RADIUS2 + k]
-        t[tl.GAP + k] = f if on_disc else tl.BEYOND
+        t[tl.GAP + k] = f if tl.is_on_disc(c, k, x, y, z, nx, ny, nz) else tl.BEYOND

@@ -15,13 +15,11 @@ from .clumps import clear_bit, is_set, set_bit
 from .frames import contact_to_world, into_frame, write_plane
 from .jit import inlined, kernel
 from .meshes import follow_feature, search_mesh
-from .rows import lane_vector, write_vector
+from .rows import L, lane_vector, write_vector
 from .sphere_search import PLACES_A, place_spheres
-from .state import LANES, MOST_SPHERES, SHAPE
+from .state import MOST_SPHERES, SHAPE
 from .wall_contact import fill_contact
 from .walls import add_wall_contact, sphere_beyond
-
-L = LANES
 
 
 @inlined

@@ -13,10 +13,10 @@ from . import clump_tile as ct
 from . import state as st
 from .jit import inlined, kernel
 from .lists import move_contact, put_contact
-from .neighbours import chain_partner, listed, take_place
-from .state import LANES, MOST_SPHERES
+from .neighbours import chain_partner, count_pair, listed, take_place, write_pair
+from .rows import L
+from .state import MOST_SPHERES
 
-L = LANES
 WORD = 64  # bits of a word of flags
 SLOTS = 16  # pairs of spheres that an entry watches, at most
 
@@ -53,25 +53,19 @@ def new_sphere_pairs(n_contacts, n_entries, most, ghost, n_state):
     n_contacts = st.whole_tiles(n_contacts)
     data = st.new_contacts(n_contacts, ct.PAIR_STATE // L + n_state)
     return SpherePairs(
-        first=np.full(n_contacts, ghost, np.uint32),
-        second=np.full(n_contacts, ghost, np.uint32),
+        **st.each("first second", n_contacts, np.uint32, ghost),
         entry=np.zeros(n_contacts, np.uint32),
         spheres=np.zeros((n_contacts, 2), np.uint8),
         data=data,
         ended=np.zeros(n_contacts, np.int64),
         gap=np.zeros(n_contacts),
-        near_first=np.full(n_entries, ghost, np.uint32),
-        near_second=np.full(n_entries, ghost, np.uint32),
-        near_limit=np.full(n_entries, np.inf),
-        near_rest=np.full(n_entries, np.inf),
-        live=np.zeros(n_entries, np.int64),
+        **st.each("near_first near_second", n_entries, np.uint32, ghost),
+        **st.each("near_limit near_rest", n_entries, float, np.inf),
+        **st.each("live n_watched free", n_entries, np.int64),
         known=np.zeros((n_entries, -(-most * most // WORD)), np.uint64),
         watched=np.zeros((n_entries, SLOTS, 2), np.uint8),
         watched_limit=np.zeros((n_entries, SLOTS)),
-        n_watched=np.zeros(n_entries, np.int64),
-        free=np.zeros(n_entries, np.int64),
-        partner=np.zeros(2 * n_entries, np.int64),
-        link=np.zeros(2 * n_entries, np.int64),
+        **st.each("partner link", 2 * n_entries, np.int64),
     )
 
 
@@ -117,8 +111,7 @@ def add_sphere_contact(pairs, counts, clumps, entry, i, j, a, b):
     k = take_place(counts, st.N_PAIRS, pairs.first.shape[0])
     if k < 0:
         return
-    pairs.first[k] = i
-    pairs.second[k] = j
+    write_pair(pairs.first, pairs.second, k, i, j)
     pairs.entry[k] = entry
     pairs.spheres[k, 0] = a
     pairs.spheres[k, 1] = b
@@ -146,14 +139,12 @@ def drop_sphere_contact(pairs, counts, clumps, k, ghost):
     clear_bit(pairs.known[entry], a * most_spheres(clumps) + b)
     last = counts[st.N_PAIRS] - 1
     counts[st.N_PAIRS] = last
-    pairs.first[k] = pairs.first[last]
-    pairs.second[k] = pairs.second[last]
+    write_pair(pairs.first, pairs.second, k, pairs.first[last], pairs.second[last])
     pairs.entry[k] = pairs.entry[last]
     pairs.spheres[k, 0] = pairs.spheres[last, 0]
     pairs.spheres[k, 1] = pairs.spheres[last, 1]
     move_contact(pairs.data, last, k)
-    pairs.first[last] = ghost
-    pairs.second[last] = ghost
+    write_pair(pairs.first, pairs.second, last, ghost, ghost)
     # two ghosts are in the same place: without radii they do not overlap, without a law's state they do not cohere
     put_contact(pairs.data, last, 0.0, 0.0, 1.0)
 
@@ -168,20 +159,16 @@ def add_entry(pairs, counts, grid, i, j):
         k = take_place(counts, st.N_NEAR, pairs.near_limit.shape[0])
         if k < 0:
             return k
-    grid.near[i] += 1
-    grid.near[j] += 1
-    pairs.near_first[k] = i
-    pairs.near_second[k] = j
+    count_pair(grid.near, i, j, 1)
+    write_pair(pairs.near_first, pairs.near_second, k, i, j)
     return k
 
 
 @inlined
 def drop_entry(pairs, counts, grid, k, ghost):
     """Delete an entry without contacts, which leaves a hole."""
-    grid.near[pairs.near_first[k]] -= 1
-    grid.near[pairs.near_second[k]] -= 1
-    pairs.near_first[k] = ghost
-    pairs.near_second[k] = ghost
+    count_pair(grid.near, pairs.near_first[k], pairs.near_second[k], -1)
+    write_pair(pairs.near_first, pairs.near_second, k, ghost, ghost)
     pairs.near_limit[k] = math.inf
     pairs.free[counts[st.N_FREE]] = k
     counts[st.N_FREE] += 1

@@ -21,8 +21,7 @@ from . import state as st
 from . import tile as tl
 from .clumps import bits_set, set_bit
 from .jit import inlined
-
-L = tl.LANES
+from .rows import L
 
 
 @inlined

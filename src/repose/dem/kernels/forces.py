@@ -15,11 +15,9 @@ from .damped_mass import mass_of_pairs, mass_on_wall, spheres_on_meshes
 from .frames import load_walls, surface_velocity
 from .jit import inlined, kernel
 from .meshes import follow_mesh
-from .rows import write_vector
+from .rows import L, write_vector
 from .simd import WIDTH, add_lanes_to_rows, gather, prefetch
 from .walls import SAME_AZIMUTH, angle_between, azimuth, drop_wall_contact, follow_wall, slid_off
-
-L = tl.LANES
 
 
 @inlined
@@ -301,9 +299,8 @@ def is_double(contacts, k):
 @inlined
 def write_lane(t, contacts, lane, out):
     """Write the geometry of one contact to its lane."""
-    for c in range(3):
-        contacts[tl.N + c * L + lane] = out[c]
-        t[tl.RA + c * L + lane] = out[5 + c]
+    write_vector(contacts, tl.N, lane, out[0], out[1], out[2])
+    write_vector(t, tl.RA, lane, out[5], out[6], out[7])
     t[tl.GAP + lane] = out[3]
     t[tl.RADIUS + lane] = out[4]
 

@@ -5,9 +5,8 @@ import math
 from . import state as st
 from . import tile as tl
 from .jit import inlined, kernel
+from .rows import L
 from .state import PART, POSITION, SHAPE, SPHERE_RADIUS, SPHERES
-
-L = st.LANES
 
 
 @inlined

@@ -2,9 +2,7 @@
 
 from . import state as st
 from .jit import inlined
-from .rows import write_vector
-
-L = st.LANES
+from .rows import L, write_vector
 
 
 @inlined

@@ -15,11 +15,11 @@ from . import state as st
 from .contact import solve_gap
 from .jit import inlined, kernel
 from .lists import move_contact, put_contact
+from .rows import L
 
 # A proven gap above this share of the skin is good enough; below it the true gap is found.
 EARLY = 0.25
 TOLERANCE = 1e-4
-L = st.LANES
 
 
 @inlined
@@ -80,6 +80,20 @@ def mark_moved(grid, counts, i):
 
 
 @inlined
+def count_pair(counter, i, j, by):
+    """Count a pair of bodies, or no longer."""
+    counter[i] += by
+    counter[j] += by
+
+
+@inlined
+def write_pair(first, second, k, i, j):
+    """Write two bodies to place k of a list."""
+    first[k] = i
+    second[k] = j
+
+
+@inlined
 def take_place(counts, slot, room):
     """Take the next place of a list and return it, or -1 where there is no room."""
     k = counts[slot]
@@ -95,10 +109,8 @@ def drop_near(pairs, counts, grid, k):
     """Remove near pair k; the last one takes its place."""
     last = counts[st.N_NEAR] - 1
     counts[st.N_NEAR] = last
-    grid.near[pairs.near_first[k]] -= 1
-    grid.near[pairs.near_second[k]] -= 1
-    pairs.near_first[k] = pairs.near_first[last]
-    pairs.near_second[k] = pairs.near_second[last]
+    count_pair(grid.near, pairs.near_first[k], pairs.near_second[k], -1)
+    write_pair(pairs.near_first, pairs.near_second, k, pairs.near_first[last], pairs.near_second[last])
     pairs.near_limit[k] = pairs.near_limit[last]
     pairs.near_check[k // st.BLOCK] = 0.0
     for c in range(3):
@@ -111,10 +123,8 @@ def add_near(pairs, counts, grid, i, j, limit, nx, ny, nz):
     k = take_place(counts, st.N_NEAR, pairs.near_limit.shape[0])
     if k < 0:
         return
-    grid.near[i] += 1
-    grid.near[j] += 1
-    pairs.near_first[k] = i
-    pairs.near_second[k] = j
+    count_pair(grid.near, i, j, 1)
+    write_pair(pairs.near_first, pairs.near_second, k, i, j)
     pairs.near_limit[k] = limit
     pairs.near_check[k // st.BLOCK] = 0.0
     pairs.near_normal[k, 0] = nx
@@ -128,10 +138,8 @@ def add_contact(pairs, counts, grid, i, j, normal):
     k = take_place(counts, st.N_PAIRS, pairs.first.shape[0])
     if k < 0:
         return
-    grid.touching[i] += 1
-    grid.touching[j] += 1
-    pairs.first[k] = i
-    pairs.second[k] = j
+    count_pair(grid.touching, i, j, 1)
+    write_pair(pairs.first, pairs.second, k, i, j)
     put_contact(pairs.data, k, normal[0], normal[1], normal[2])
 
 
@@ -140,13 +148,10 @@ def drop_contact(pairs, counts, grid, k, ghost):
     """Remove touching pair k; the last one takes its place, body `ghost` that of the last."""
     last = counts[st.N_PAIRS] - 1
     counts[st.N_PAIRS] = last
-    grid.touching[pairs.first[k]] -= 1
-    grid.touching[pairs.second[k]] -= 1
-    pairs.first[k] = pairs.first[last]
-    pairs.second[k] = pairs.second[last]
+    count_pair(grid.touching, pairs.first[k], pairs.second[k], -1)
+    write_pair(pairs.first, pairs.second, k, pairs.first[last], pairs.second[last])
     move_contact(pairs.data, last, k)
-    pairs.first[last] = ghost
-    pairs.second[last] = ghost
+    write_pair(pairs.first, pairs.second, last, ghost, ghost)
 
 
 @inlined

@@ -9,8 +9,7 @@ import numpy as np
 from . import state as st
 from .jit import kernel
 from .neighbours import put_in_cell
-
-L = st.LANES
+from .rows import L
 
 
 def morton(cell, shape):

@@ -19,6 +19,7 @@ from .jit import inlined, kernel, kernel_without_gil
 from .neighbours import add_contact, drop_near, near_gap, next_due, retire_pairs
 from .renewal import renew
 from .rigid import act_on_events, integrate
+from .rows import L
 
 SHARES = 8
 FEWEST_BODIES = 4096  # smaller simulations have one share: they gain nothing from threads
@@ -27,7 +28,6 @@ CALM = 1e-3  # of the skin: paths of one step below which whole blocks of pairs 
 CHANGED, DUE = 0.0, -1.0  # of a block of near pairs, in place of the path at which it is checked
 UP_TO_NOW, LAST_STEP = 0, 1  # rows of `Grid.paths`
 STOP = 0  # place in `orders` that ends the run
-L = st.LANES
 
 
 @inlined

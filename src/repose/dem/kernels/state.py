@@ -142,6 +142,11 @@ def row_end(parts):
     return share_column(parts) + 1
 
 
+def each(names, shape, kind, value=0):
+    """Return an array of its own for each name, filled with a value."""
+    return {name: np.full(shape, value, kind) if value else np.zeros(shape, kind) for name in names.split()}
+
+
 def new_bodies(n, parts, shares=1):
     """Arrays for n bodies of up to `parts` parts, all absent; shares: number of shares of the loads, see `parallel`.
 
@@ -163,16 +168,12 @@ def new_bodies(n, parts, shares=1):
         motion=motion,
         displacement=zeros(padded),
         wall_check=np.full(padded, np.inf),
-        presence=np.zeros(padded, np.uint8),
-        passed=np.zeros(padded, np.uint8),
+        **each("presence passed kind event", padded, np.uint8),
         exit_time=np.full(padded, np.nan),
         every=np.arange(padded, dtype=np.uint32),
         resting=np.zeros(padded // LANES, np.uint8),
-        kind=np.zeros(padded, np.uint8),
-        event=np.zeros(padded, np.uint8),
         events=np.zeros(padded, np.int64),
-        longest=np.zeros(padded // LANES),
-        wall_margin=np.zeros(padded // LANES),
+        **each("longest wall_margin", padded // LANES, float),
     )
 
 
@@ -198,16 +199,10 @@ def new_grid(n, lower, upper, cell):
         shape[shape.argmax()] = np.ceil(0.5 * shape.max())
     shape = shape.astype(np.int64)
     return Grid(
-        cell=np.full(n, -1, np.int64),
-        following=np.full(n, -1, np.int64),
-        preceding=np.full(n, -1, np.int64),
+        **each("cell following preceding chain mark", n, np.int64, -1),
         head=np.full(int(shape.prod()), -1, np.int64),
         moved=np.zeros(n, np.uint8),
-        moved_list=np.zeros(n, np.int64),
-        chain=np.full(n, -1, np.int64),
-        mark=np.full(n, -1, np.int64),
-        touching=np.zeros(n, np.int64),
-        near=np.zeros(n, np.int64),
+        **each("moved_list touching near", n, np.int64),
         shape=shape,
         origin=lower.copy(),
         lengths=np.array([cell, 0.0, 0.0]),
@@ -237,19 +232,16 @@ def new_pairs(n_contacts, n_near, ghost, n_state):
     """Arrays for touching and near pairs; unused contacts have body `ghost`, and n_state rows are of the force laws."""
     n_contacts = whole_tiles(n_contacts)
     return Pairs(
-        first=np.full(n_contacts, ghost, np.uint32),
-        second=np.full(n_contacts, ghost, np.uint32),
+        **each("first second", n_contacts, np.uint32, ghost),
         data=new_contacts(n_contacts, PAIR_STATE // LANES + n_state),
-        near_first=np.zeros(n_near, np.uint32),
-        near_second=np.zeros(n_near, np.uint32),
+        **each("near_first near_second", n_near, np.uint32),
         near_limit=np.zeros(n_near),
         near_normal=np.zeros((n_near, 3)),
         near_check=np.zeros(n_near // BLOCK + 1),
         near_groups=np.zeros(n_near // BLOCK + 1, np.int64),
         ended=np.zeros(n_contacts, np.int64),
         gap=np.zeros(n_contacts),
-        partner=np.zeros(2 * n_contacts, np.int64),
-        link=np.zeros(2 * n_contacts, np.int64),
+        **each("partner link", 2 * n_contacts, np.int64),
     )
 
 
@@ -261,14 +253,13 @@ def new_wall_contacts(n_contacts, n_walls, n_bodies, ghost, rows, of_clumps):
     n_contacts = whole_tiles(n_contacts)
     data = new_contacts(n_contacts, rows)
     data[:, RADIUS2 : RADIUS2 + LANES] = np.inf
+    bits = each("known past", (n_walls, n_bodies), np.uint64) if of_clumps else {"known": (), "past": ()}
     return WallContacts(
         body=np.full(n_contacts, ghost, np.uint32),
-        wall=np.zeros(n_contacts, np.uint32),
-        feature=np.zeros(n_contacts, np.uint32),
+        **each("wall feature", n_contacts, np.uint32),
         data=data,
         limit=np.full((n_walls, n_bodies), -1.0),
         ended=np.zeros(n_contacts, np.int64),
         deepest=np.full((n_walls, n_bodies), np.inf),
-        known=np.zeros((n_walls, n_bodies), np.uint64) if of_clumps else (),
-        past=np.zeros((n_walls, n_bodies), np.uint64) if of_clumps else (),
+        **bits,
     )

@@ -10,11 +10,9 @@ import math
 from . import state as st
 from .geometry import area, part_terms
 from .jit import inlined
-from .rows import Rows, write_vector
+from .rows import L, Rows, write_vector
 from .simd import rsqrt
-from .state import LANES, LOAD_COLUMNS, MOST_PARTS, NORMAL, OFFSET, PART, SHAPE
-
-L = LANES  # short, for the index arithmetic below
+from .state import LOAD_COLUMNS, MOST_PARTS, NORMAL, OFFSET, PART, SHAPE
 
 N = NORMAL  # row of the contact's own tile (see `state`)
 
@@ -234,6 +232,14 @@ def sphere_a(t, c):
 
 
 @inlined
+def is_on_disc(c, k, x, y, z, nx, ny, nz):
+    """Whether a place lies within the disc of a lane's plane, seen along its normal."""
+    dx, dy, dz = x - c[st.MIDDLE + k], y - c[st.MIDDLE + L + k], z - c[st.MIDDLE + 2 * L + k]
+    across = dx * nx + dy * ny + dz * nz
+    return dx * dx + dy * dy + dz * dz - across * across <= c[st.RADIUS2 + k]
+
+
+@inlined
 def plane_geometry(t, c, parts):
     """Gap, effective radius and contact point of each lane's body against a plane.
 
@@ -255,11 +261,8 @@ def plane_geometry(t, c, parts):
         rx, ry, rz = rx + 0.5 * f * nx, ry + 0.5 * f * ny, rz + 0.5 * f * nz
         t[RADIUS + k] = math.sqrt(t[AREA_A + k])
         write_vector(t, RA, k, rx, ry, rz)
-        dx = t[A + k] + rx - c[st.MIDDLE + k]
-        dy = t[A + L + k] + ry - c[st.MIDDLE + L + k]
-        dz = t[A + 2 * L + k] + rz - c[st.MIDDLE + 2 * L + k]
-        across = dx * nx + dy * ny + dz * nz
-        t[GAP + k] = f if dx * dx + dy * dy + dz * dz - across * across <= c[st.RADIUS2 + k] else BEYOND
+        x, y, z = t[A + k] + rx, t[A + L + k] + ry, t[A + 2 * L + k] + rz
+        t[GAP + k] = f if is_on_disc(c, k, x, y, z, nx, ny, nz) else BEYOND
 
 
 @inlined

@@ -10,9 +10,8 @@ from . import state as st
 from .clump_walls import place_clump, spheres_at_mesh, spheres_at_wall
 from .jit import inlined, kernel
 from .meshes import body_at_mesh
+from .rows import L
 from .walls import search_curved, search_plane
-
-L = st.LANES
 
 
 @inlined

@@ -29,11 +29,10 @@ import numpy as np
 from ..kernels import state as st
 from ..kernels import tile as tl
 from ..kernels.jit import inlined
-from ..kernels.rows import Rows, add_vector
+from ..kernels.rows import L, Rows, add_vector
 from ..materials import Contact, Material, effective_moduli
 from .law import Law
 
-L = st.LANES
 ETA = 0.3  # damping ratio of rolling (Ai et al. 2011)
 SPHERE, SPUN = 1.4, 0.4  # moments of a sphere about a point of its surface and about its centre over m r^2
 HERTZ_TWIST = 3.0 * math.pi / 16.0

@@ -21,15 +21,12 @@ from typing import Any
 
 import numpy as np
 
-from ..kernels import state as st
 from ..kernels import tile as tl
 from ..kernels.jit import inlined
-from ..kernels.rows import Rows
+from ..kernels.rows import L, Rows
 from .hertz_mindlin import LAW as HERTZ_MINDLIN
 from .hertz_mindlin import contact_sizes, push
 from .tangential import slip
-
-L = st.LANES
 
 HertzMindlinRescaled = namedtuple("HertzMindlinRescaled", "tension friction_limit")
 

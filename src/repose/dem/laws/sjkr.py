@@ -30,7 +30,7 @@ from ..kernels import clump_tile as ct
 from ..kernels import state as st
 from ..kernels import tile as tl
 from ..kernels.jit import inlined
-from ..kernels.rows import Rows, add_vector, lane_vector
+from ..kernels.rows import L, Rows, add_vector, lane_vector
 from ..materials import Contact, Material
 from . import hertz_mindlin
 from .hertz_mindlin import contact_sizes, push
@@ -38,8 +38,6 @@ from .hertz_mindlin_rescaled import LAST_CIRCLE, SPRING, keep_force
 from .hertz_mindlin_rescaled import LAW as RESCALED
 from .law import ENDS, LIMITS
 from .tangential import slip
-
-L = st.LANES
 
 SimplifiedJkr = namedtuple("SimplifiedJkr", "tension friction_limit")
 

@@ -23,11 +23,10 @@ import numpy as np
 from ..kernels import state as st
 from ..kernels import tile as tl
 from ..kernels.jit import inlined
-from ..kernels.rows import lane_vector, write_vector
+from ..kernels.rows import L, lane_vector, write_vector
 from ..kernels.simd import rsqrt
 from .law import ELASTIC, KEEP
 
-L = st.LANES
 N = st.NORMAL
 
 
