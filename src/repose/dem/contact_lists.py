@@ -50,8 +50,8 @@ def grown_pairs(old: Any, counts: Any, capacity: int, most_spheres: int, n_state
 def grown_wall_contacts(contacts: Any, used: int, ghost: int) -> Any:
     """Return the list with twice the room where three quarters are used; ghost: the body number of unused contacts."""
     rows, of_clumps = contacts.data.shape[1] // st.LANES, isinstance(contacts.known, np.ndarray)
-    room = _room(contacts.body, used)
-    return _filled(st.new_wall_contacts(room, *contacts.limit.shape, ghost, rows, of_clumps), contacts)
+    room, (n_walls, n_bodies) = _room(contacts.body, used), contacts.limit.shape
+    return _filled(st.new_wall_contacts(room, n_walls, n_bodies, ghost, rows, of_clumps), contacts)
 
 
 def _room(array: Any, used: int) -> int:

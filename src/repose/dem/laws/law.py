@@ -177,7 +177,7 @@ def surfaces(law: Any, t: np.ndarray, c: np.ndarray, of_spheres: int, on_wall: i
     _GEOMETRIES[type(law)](law, t, c, of_spheres, on_wall)
 
 
-def _choose_in_kernels(called: Callable, functions: Mapping[type, Callable]) -> None:
+def _choose_in_kernels(called: Callable, functions: Mapping[Any, Callable]) -> None:
     """Let numba put the function of a law in place of a call, by the type of the options."""
     overload(called, jit_options=_INLINED, strict=False)(
         lambda law, *_arguments: functions.get(getattr(law, "instance_class", None))
