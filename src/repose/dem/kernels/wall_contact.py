@@ -12,7 +12,7 @@ Cones and rings are solved in their own frame, whose z axis is theirs (`frames`)
 import math
 
 from .contact import LONGEST_STEP
-from .geometry import stepped, support_terms, tangents
+from .geometry import support_terms, tangents
 from .jit import inlined, kernel
 
 # Concave walls flatter than the body: the relative curvature keeps at least this share of the body's own.
@@ -134,8 +134,11 @@ def ring_newton(row, parts, ring, theta, nx, ny, nz):
     if length > LONGEST_STEP:
         s1 *= LONGEST_STEP / length
         s2 *= LONGEST_STEP / length
-    nx, ny, nz = stepped(nx, ny, nz, s1, s2)
-    return theta + turn, nx, ny, nz, f, abs(turn) + length
+    mx = nx + s1 * ux + s2 * wx
+    my = ny + s1 * uy + s2 * wy
+    mz = nz + s1 * uz + s2 * wz
+    inv = 1.0 / math.sqrt(mx * mx + my * my + mz * mz)
+    return theta + turn, mx * inv, my * inv, mz * inv, f, abs(turn) + length
 
 
 @kernel
