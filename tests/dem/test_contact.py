@@ -11,9 +11,9 @@ from repose.dem.kernels import state as st
 from repose.dem.kernels import tile as tl
 from repose.dem.kernels.contact import solve_gap
 from repose.dem.kernels.damped_mass import mobility
-from repose.dem.kernels.forces import gather, scatter
+from repose.dem.kernels.forces import scatter
 from repose.dem.kernels.jit import kernel
-from repose.dem.kernels.simd import root_of_bits, root_of_processor
+from repose.dem.kernels.simd import gather, root_of_bits, root_of_processor
 from repose.dem.laws import hertz_mindlin
 from repose.dem.laws import rolling as rolling_budget
 from repose.dem.laws.hertz_mindlin import damping_ratio
@@ -31,8 +31,8 @@ UPPER = np.triu_indices(3)
 
 @kernel
 def pair_tile(t, contacts, rows, first, second, parts, dt, law, rolling, load):
-    gather(rows, first, 0, t, tl.A)
-    gather(rows, second, 0, t, tl.B)
+    gather(rows, rows.shape[1], first, 0, t, tl.A)
+    gather(rows, rows.shape[1], second, 0, t, tl.B)
     tl.pair_geometry(t, contacts, parts)
     mobility(t, contacts, tl.A, tl.RA, parts, 0.0)
     mobility(t, contacts, tl.B, tl.RB, parts, 1.0)
@@ -102,7 +102,7 @@ def test_gather_and_scatter_are_plain_copies(columns):
     rows, load = rng.normal(size=(40, columns)), st.zeros(40, 8)
     index = rng.integers(0, 40, LANES).astype(np.uint32)  # a body comes more than once
     t = st.zeros(ROWS * LANES)
-    gather(rows, index, 0, t, tl.A)
+    gather(rows, rows.shape[1], index, 0, t, tl.A)
     lanes = t.reshape(ROWS, LANES)
     assert np.array_equal(lanes[:columns], rows[index].T)
     scatter(load, index, 0, t, tl.A)

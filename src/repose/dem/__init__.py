@@ -26,27 +26,18 @@ if TYPE_CHECKING:
     from .walls import Plane as Plane
     from .walls import RingEdge as RingEdge
 
-_HOME = {
-    "Clump": "shapes",
-    "Cone": "walls",
-    "Contact": "materials",
-    "Cylinder": "walls",
-    "Material": "materials",
-    "Mesh": "walls",
-    "Motion": "walls",
-    "Plane": "walls",
-    "Recorder": "io.recorder",
-    "RingEdge": "walls",
-    "Shape": "shapes",
-    "Simulation": "simulation",
-    "VtkSeries": "io.vtk",
-    "random_quaternion": "rotations",
-    "rotation_matrices": "rotations",
-    "rotation_matrix": "rotations",
-    "write_vtk": "io.vtk",
+_NAMES = {
+    "io.recorder": ["Recorder"],
+    "io.vtk": ["VtkSeries", "write_vtk"],
+    "materials": ["Contact", "Material"],
+    "rotations": ["random_quaternion", "rotation_matrices", "rotation_matrix"],
+    "shapes": ["Clump", "Shape"],
+    "simulation": ["Simulation"],
+    "walls": ["Cone", "Cylinder", "Mesh", "Motion", "Plane", "RingEdge"],
 }
+_HOME = {name: module for module, names in _NAMES.items() for name in names}
 
-__all__ = list(_HOME)
+__all__ = sorted(_HOME)
 
 
 def __getattr__(name: str) -> object:

@@ -2,6 +2,8 @@
 
 from typing import Any
 
+import numpy as np
+
 from .kernels import clump_tile as ct
 from .kernels import clumps as cl
 from .kernels import state as st
@@ -13,11 +15,15 @@ SPHERE_CONTACTS_PER_BODY, MOST_NEW = 20, 4096
 
 def new_pairs(capacity: int, most_spheres: int, n_state: int) -> Any:
     """Make empty lists for contacts between bodies; most_spheres: of the largest clump, 0 for smooth bodies."""
-    entries = NEAR_PER_BODY * capacity + 256
+    contacts = SPHERE_CONTACTS_PER_BODY * capacity + MOST_NEW if most_spheres else CONTACTS_PER_BODY * capacity + 64
+    return _pairs_with_room(contacts, NEAR_PER_BODY * capacity + 256, capacity, most_spheres, n_state)
+
+
+def _pairs_with_room(contacts: int, near: int, capacity: int, most_spheres: int, n_state: int) -> Any:
+    """Make empty lists for numbers of touching and of near pairs."""
     if most_spheres == 0:
-        return st.new_pairs(CONTACTS_PER_BODY * capacity + 64, entries, capacity, n_state)
-    contacts = SPHERE_CONTACTS_PER_BODY * capacity + MOST_NEW
-    return cl.new_sphere_pairs(contacts, entries, most_spheres, capacity, n_state)
+        return st.new_pairs(contacts, near, capacity, n_state)
+    return cl.new_sphere_pairs(contacts, near, most_spheres, capacity, n_state)
 
 
 def new_wall_contacts(
@@ -29,37 +35,33 @@ def new_wall_contacts(
     rows = (ct.WALL_STATE if of_clumps else st.WALL_STATE) // st.LANES + n_state
     most = n_planes * capacity + spare, capacity + spare, capacity + spare if n_meshes else 1
     flat, curved, meshed = (
-        st.new_wall_contacts(room, walls, capacity, capacity, rows) for room, walls in zip(most, n_walls, strict=True)
+        st.new_wall_contacts(room, walls, capacity, capacity, rows, of_clumps)
+        for room, walls in zip(most, n_walls, strict=True)
     )
     return flat, curved, meshed
 
 
 def grown_pairs(old: Any, counts: Any, capacity: int, most_spheres: int, n_state: int) -> Any:
     """Return the lists of pairs with the same content, and twice the room where three quarters are used."""
-    if most_spheres:
-        return cl.grown_sphere_pairs(old, counts, most_spheres, capacity, n_state)
-    n_pairs, n_near = counts[st.N_PAIRS], counts[st.N_NEAR]
-    contacts = len(old.first) * (2 if n_pairs * 4 > len(old.first) * 3 else 1)
-    near = len(old.near_limit) * (2 if n_near * 4 > len(old.near_limit) * 3 else 1)
-    bigger = st.new_pairs(contacts, near, capacity, n_state)
-    bigger.data[: len(old.data)] = old.data
-    for name in ("first", "second"):
-        getattr(bigger, name)[:n_pairs] = getattr(old, name)[:n_pairs]
-    for name in ("near_first", "near_second", "near_limit", "near_normal"):
-        getattr(bigger, name)[:n_near] = getattr(old, name)[:n_near]
-    return bigger
+    contacts, near = _room(old.first, counts[st.N_PAIRS]), _room(old.near_limit, counts[st.N_NEAR])
+    return _filled(_pairs_with_room(contacts, near, capacity, most_spheres, n_state), old)
 
 
 def grown_wall_contacts(contacts: Any, used: int, ghost: int) -> Any:
     """Return the list with twice the room where three quarters are used; ghost: the body number of unused contacts."""
-    if used * 4 <= len(contacts.body) * 3:
-        return contacts
-    rows = contacts.data.shape[1] // st.LANES
-    n_walls, n_bodies = contacts.limit.shape
-    bigger = st.new_wall_contacts(2 * len(contacts.body), n_walls, n_bodies, ghost, rows)
-    bigger.limit[:] = contacts.limit
-    bigger.deepest[:] = contacts.deepest
-    for name in ("body", "wall", "feature"):
-        getattr(bigger, name)[:used] = getattr(contacts, name)[:used]
-    bigger.data[: len(contacts.data)] = contacts.data
+    rows, of_clumps = contacts.data.shape[1] // st.LANES, isinstance(contacts.known, np.ndarray)
+    room, (n_walls, n_bodies) = _room(contacts.body, used), contacts.limit.shape
+    return _filled(st.new_wall_contacts(room, n_walls, n_bodies, ghost, rows, of_clumps), contacts)
+
+
+def _room(array: Any, used: int) -> int:
+    """Choose the length of a list: twice the present one where three quarters are used."""
+    return len(array) * (2 if used * 4 > len(array) * 3 else 1)
+
+
+def _filled(bigger: Any, old: Any) -> Any:
+    """Copy lists into others that are as long or longer."""
+    for target, source in zip(bigger, old, strict=True):
+        if len(source):
+            target[: len(source)] = source
     return bigger

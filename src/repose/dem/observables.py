@@ -1,6 +1,7 @@
 """The results that a simulation reports: bodies, contacts and loads on walls."""
 
-from typing import Any, NamedTuple
+from copy import deepcopy
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -253,7 +254,7 @@ class Observables(World):
         names = self.wall_set.names
         walls = self.walls._replace(loads=np.zeros((len(names), 6)))
         # the forces of the present state, found on copies with springs that stay
-        copies = [_copy(arrays) for arrays in (self.bodies, self.flat, self.curved, self.meshed, self.clumps)]
+        copies = deepcopy((self.bodies, self.flat, self.curved, self.meshed, self.clumps))
         scratch = self._tiles[0].copy(), self._scratches[0].copy()
         physics = self.physics._replace(dt=0.0)
         add_wall_loads(*copies, walls, self.meshes, self.counts.copy(), physics, *scratch, len(self.grid.cell))
@@ -327,8 +328,3 @@ def _tangent_planes(walls: st.Walls, wall: np.ndarray, normals: np.ndarray, azim
     cores = np.einsum("nij,nj->ni", frames[~on_cone, 3:].reshape(-1, 3, 3), cores)
     offsets[~on_cone] += np.sum(normals[~on_cone] * cores, axis=1) - rings[:, 2]
     return offsets
-
-
-def _copy(arrays: Any) -> Any:
-    """Copy the arrays of a named tuple; return an empty tuple as it is."""
-    return type(arrays)(*(np.copy(array) for array in arrays)) if arrays else arrays

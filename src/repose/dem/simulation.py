@@ -14,7 +14,6 @@ from .body_rows import Body, write_body
 from .checks import chosen, direction, not_negative, number, positive, vector, whole_number
 from .io import checkpoint as checkpoints
 from .io.progress import display
-from .kernels import clumps as cl
 from .kernels import parallel
 from .kernels import state as st
 from .kernels.atomics import BARRIER_SIZE
@@ -289,7 +288,8 @@ class Simulation(Observables):
         self.curved = contact_lists.grown_wall_contacts(self.curved, counts[st.N_CURVED], capacity)
         meshed = contact_lists.grown_wall_contacts(self.meshed, counts[st.N_MESHED], capacity)
         if self._of_clumps:
-            self.clumps = cl.with_room(self.clumps, len(meshed.body))
+            more = len(meshed.body) - len(self.clumps.mesh_sphere)
+            self.clumps = self.clumps._replace(mesh_sphere=np.pad(self.clumps.mesh_sphere, (0, more)))
         self.meshed = meshed
 
     def run(

@@ -1,7 +1,7 @@
 """Bodies and walls as triangles, for pictures and for files that other programs draw."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -195,11 +195,24 @@ def triangulated_bodies(
         _all_spheres(shape, rings, sectors) if isinstance(shape, Clump) else tessellate(shape, rings, sectors)[::2]
         for shape in simulation.shapes.values()
     ]
-    points, triangles, n = [np.zeros((0, 3))], [np.zeros((0, 3), int)], 0
+    surfaces = []
     for k, i in enumerate(here):
         corners, faces = made[simulation.shape_ids[i]]
-        points.append(simulation.positions[i] + simulation.scales[i] * corners @ turn[k].T)
+        surfaces.append((simulation.positions[i] + simulation.scales[i] * corners @ turn[k].T, faces))
+    return joined(surfaces, here)
+
+
+def joined(
+    surfaces: Iterable[tuple[np.ndarray, np.ndarray]], numbers: Sequence[int] | np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Join surfaces of points (V, 3) and triangles (T, 3); returns the number of its surface for each triangle, too."""
+    points, triangles, n = [np.zeros((0, 3))], [np.zeros((0, 3), int)], 0
+    for corners, faces in surfaces:
+        points.append(corners)
         triangles.append(faces + n)
         n += len(corners)
-    numbers = [len(made[simulation.shape_ids[i]][1]) for i in here]
-    return np.concatenate(points), np.concatenate(triangles), np.repeat(here, numbers)
+    return (
+        np.concatenate(points),
+        np.concatenate(triangles),
+        np.repeat(numbers, np.array([len(faces) for faces in triangles[1:]], int)),
+    )

@@ -125,7 +125,7 @@ class World:
         self.clumps: Any = ()
         if self._of_clumps:
             self.clumps = cl.new_clumps(
-                list(self.shapes.values()), self._shape_ids, self._scales, n_walls, len(self.meshed.body)
+                list(self.shapes.values()), self._shape_ids, self._scales, len(self.meshed.body)
             )
         self.counts = np.zeros(st.COUNTS, np.int64)
 

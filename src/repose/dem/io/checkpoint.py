@@ -84,19 +84,15 @@ def _restore(simulation: "Simulation", arrays: Mapping[str, np.ndarray]) -> None
     made = dict(_arrays(simulation))
     if set(made) != set(arrays):
         raise KeyError(f"arrays {sorted(set(made) ^ set(arrays))}")
-    grown = {}
     for name, values in arrays.items():
-        if made[name].dtype != values.dtype or made[name].ndim != values.ndim:
-            raise ValueError(f"array {name} is {values.dtype}{values.shape}")
-        if made[name].shape == values.shape:
-            made[name][...] = values
-        elif _may_grow(name) and made[name].shape[1:] == values.shape[1:]:
-            grown[name] = _aligned(values)
+        array = made[name]
+        if array.dtype == values.dtype and array.shape == values.shape:
+            array[...] = values
+        elif array.dtype == values.dtype and _may_grow(name) and array.shape[1:] == values.shape[1:]:
+            group, _, field = name.partition(".")
+            setattr(simulation, group, getattr(simulation, group)._replace(**{field: _aligned(values)}))
         else:
             raise ValueError(f"array {name} is {values.dtype}{values.shape}")
-    for group in {name.partition(".")[0] for name in grown}:
-        fields = {name.partition(".")[2]: v for name, v in grown.items() if name.startswith(f"{group}.")}
-        setattr(simulation, group, getattr(simulation, group)._replace(**fields))
 
 
 def _may_grow(name: str) -> bool:

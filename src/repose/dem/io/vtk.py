@@ -16,7 +16,7 @@ import numpy as np
 
 from ..checks import chosen
 from ..rotations import rotation_matrices
-from ..tessellation import triangulated_bodies, triangulated_walls
+from ..tessellation import joined, triangulated_bodies, triangulated_walls
 from .whole import write_whole
 
 if TYPE_CHECKING:
@@ -94,14 +94,10 @@ def _body_surfaces(simulation: "Simulation") -> Content:
 
 def _walls(simulation: "Simulation") -> Content:
     """Return points, cells, point data and cell data of the walls."""
-    names = list(simulation.wall_set.surfaces)
-    points, triangles, wall, n = [np.zeros((0, 3))], [np.zeros((0, 3), int)], [np.zeros(0, int)], 0
-    for name, (corners, faces) in triangulated_walls(simulation).items():
-        points.append(corners)
-        triangles.append(faces + n)
-        wall.append(np.full(len(faces), names.index(name)))
-        n += len(corners)
-    return np.concatenate(points), ("Polys", np.concatenate(triangles)), {}, {"wall": np.concatenate(wall)}
+    # `triangulated_walls` has the order of `surfaces`
+    surfaces = triangulated_walls(simulation).values()
+    points, triangles, wall = joined(surfaces, np.arange(len(surfaces)))
+    return points, ("Polys", triangles), {}, {"wall": wall}
 
 
 _CONTENT_OF = {"points": _body_points, "surfaces": _body_surfaces, "walls": _walls}

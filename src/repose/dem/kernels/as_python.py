@@ -27,16 +27,10 @@ def prefetch(_table, _row, _column):
     """No operation: Python cannot prefetch."""
 
 
-def rsqrt_seed(x):
+def _rsqrt_seed(x):
     """First approximation of 1 / sqrt(x) from the bits of the exponent."""
     bits = 0x5FE6EB50C7B537A9 - (int(np.float64(x).view(np.int64)) >> 1)
     return np.int64(bits).view(np.float64)
 
 
-INTRINSICS = {
-    "rows_to_lanes": rows_to_lanes,
-    "lanes_to_rows": lanes_to_rows,
-    "add_lanes_to_rows": add_lanes_to_rows,
-    "prefetch": prefetch,
-    "_rsqrt_seed": rsqrt_seed,
-}
+INTRINSICS = {f.__name__: f for f in (rows_to_lanes, lanes_to_rows, add_lanes_to_rows, prefetch, _rsqrt_seed)}

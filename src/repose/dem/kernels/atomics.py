@@ -45,18 +45,6 @@ def atomic_load(typingctx, array, index):
 
 
 @intrinsic
-def atomic_store(typingctx, array, index, value):
-    """Write an element of an int64 array that another thread may read."""
-
-    def generate(context, builder, sig, values):
-        value = context.cast(builder, values[2], sig.args[2], types.int64)
-        builder.store_atomic(value, _place(context, builder, sig, values), "seq_cst", 8)
-        return context.get_dummy_value()
-
-    return (types.void(array, index, value), generate) if _is_counter(array) else None
-
-
-@intrinsic
 def offer_processor(typingctx):
     """Let another thread of the machine run (POSIX sched_yield)."""
 
@@ -77,7 +65,7 @@ def wait_for_all(counters, threads):
         return
     this_round = atomic_load(counters, ROUND)
     if atomic_add(counters, ARRIVED, 1) == threads - 1:
-        atomic_store(counters, ARRIVED, 0)
+        atomic_add(counters, ARRIVED, -threads)
         atomic_add(counters, ROUND, 1)
         return
     looks = 0

@@ -8,13 +8,21 @@ import math
 
 from . import state as st
 from .body_tile import INVERSE_INERTIA, LOAD, OMEGA, PATH, ROWS, L
+from .geometry import matrix_times
 from .jit import inlined, kernel
+from .rows import write_vector
 from .state import ANGULAR_MOMENTUM, INVERSE_MOMENTS, PART, QUATERNION, SHAPE, SQUARES, alive
 
 SURE = 1.0 - 1e-12  # share of a budget that rounding leaves
 SLOWEST = 1e-150  # angular speed below which the direction of a rotation means nothing [rad/s]
 # With these steps the size of a resistance is 4e-8 off where the moments differ sixfold, 4e-4 for a factor of thirty.
 NEWTON_STEPS = 3
+
+
+@inlined
+def quaternion_of(c, k):
+    """Return the quaternion of lane k's body."""
+    return c[QUATERNION + k], c[QUATERNION + L + k], c[QUATERNION + 2 * L + k], c[QUATERNION + 3 * L + k]
 
 
 @inlined
@@ -29,15 +37,21 @@ def rotated_quaternion(qw, qx, qy, qz, ox, oy, oz, half):
 
 
 @inlined
+def turn_quaternion(c, k, ox, oy, oz, half, turns):
+    """Turn lane k's body by `rotated_quaternion`; one that does not turn keeps its quaternion to the bit."""
+    qw, qx, qy, qz = quaternion_of(c, k)
+    hw, hx, hy, hz = rotated_quaternion(qw, qx, qy, qz, ox, oy, oz, half)
+    c[QUATERNION + k] = hw if turns else qw
+    c[QUATERNION + L + k] = hx if turns else qx
+    c[QUATERNION + 2 * L + k] = hy if turns else qy
+    c[QUATERNION + 3 * L + k] = hz if turns else qz
+
+
+@inlined
 def rotated_diagonal(m, at, c, d, diagonal):
     """R diag(a1, a2, a3) R' of each lane's body as rows xx, xy, xz, yy, yz, zz; R of its quaternion."""
     for k in range(L):
-        qw, qx, qy, qz = (
-            c[QUATERNION + k],
-            c[QUATERNION + L + k],
-            c[QUATERNION + 2 * L + k],
-            c[QUATERNION + 3 * L + k],
-        )
+        qw, qx, qy, qz = quaternion_of(c, k)
         a1, a2, a3 = d[diagonal + k], d[diagonal + L + k], d[diagonal + 2 * L + k]
         xx = 1.0 - 2.0 * (qy * qy + qz * qz)
         xy = 2.0 * (qx * qy - qw * qz)
@@ -61,13 +75,13 @@ def inverse_inertia_times(m, k, x, y, z):
     """Inverse inertia of lane k's body (world) times a vector."""
     xx, xy, xz = m[INVERSE_INERTIA + k], m[INVERSE_INERTIA + L + k], m[INVERSE_INERTIA + 2 * L + k]
     yy, yz, zz = (m[INVERSE_INERTIA + 3 * L + k], m[INVERSE_INERTIA + 4 * L + k], m[INVERSE_INERTIA + 5 * L + k])
-    return xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z
+    return matrix_times(xx, xy, xz, yy, yz, zz, x, y, z)
 
 
 @inlined
 def into_body(c, k, x, y, z):
     """Return a vector of the world in the axes of lane k's body."""
-    qw, qx, qy, qz = (c[QUATERNION + k], c[QUATERNION + L + k], c[QUATERNION + 2 * L + k], c[QUATERNION + 3 * L + k])
+    qw, qx, qy, qz = quaternion_of(c, k)
     # twice the vector product with the quaternion's vector
     tx, ty, tz = 2.0 * (y * qz - z * qy), 2.0 * (z * qx - x * qz), 2.0 * (x * qy - y * qx)
     return x + qw * tx + ty * qz - tz * qy, y + qw * ty + tz * qx - tx * qz, z + qw * tz + tx * qy - ty * qx
@@ -76,7 +90,7 @@ def into_body(c, k, x, y, z):
 @inlined
 def into_world(c, k, x, y, z):
     """Return a vector of lane k's body in the axes of the world."""
-    qw, qx, qy, qz = (c[QUATERNION + k], c[QUATERNION + L + k], c[QUATERNION + 2 * L + k], c[QUATERNION + 3 * L + k])
+    qw, qx, qy, qz = quaternion_of(c, k)
     tx, ty, tz = 2.0 * (qy * z - qz * y), 2.0 * (qz * x - qx * z), 2.0 * (qx * y - qy * x)
     return x + qw * tx + qy * tz - qz * ty, y + qw * ty + qz * tx - qx * tz, z + qw * tz + qx * ty - qy * tx
 
@@ -100,9 +114,7 @@ def twist_lanes(m, c, dt):
         lx = c[ANGULAR_MOMENTUM + k] + dt * m[LOAD + 3 * L + k]
         ly = c[ANGULAR_MOMENTUM + L + k] + dt * m[LOAD + 4 * L + k]
         lz = c[ANGULAR_MOMENTUM + 2 * L + k] + dt * m[LOAD + 5 * L + k]
-        c[ANGULAR_MOMENTUM + k] = lx
-        c[ANGULAR_MOMENTUM + L + k] = ly
-        c[ANGULAR_MOMENTUM + 2 * L + k] = lz
+        write_vector(c, ANGULAR_MOMENTUM, k, lx, ly, lz)
         budget = SURE * dt * m[LOAD + st.ROLL * L + k]
         n += 1 if budget * budget < lx * lx + ly * ly + lz * lz else 0
     return n
@@ -167,13 +179,9 @@ def resist_lanes(m, c, dt):
         lx = lx - budget * x if turns else 0.0
         ly = ly - budget * y if turns else 0.0
         lz = lz - budget * z if turns else 0.0
-        c[ANGULAR_MOMENTUM + k] = lx
-        c[ANGULAR_MOMENTUM + L + k] = ly
-        c[ANGULAR_MOMENTUM + 2 * L + k] = lz
+        write_vector(c, ANGULAR_MOMENTUM, k, lx, ly, lz)
         ox, oy, oz = inverse_inertia_times(m, k, lx, ly, lz)
-        m[OMEGA + k] = ox
-        m[OMEGA + L + k] = oy
-        m[OMEGA + 2 * L + k] = oz
+        write_vector(m, OMEGA, k, ox, oy, oz)
     return n
 
 
@@ -199,14 +207,10 @@ def resist_in_frame(m, c, dt, fx, fy, fz):
         lx = lx - budget * x if turns else wx
         ly = ly - budget * y if turns else wy
         lz = lz - budget * z if turns else wz
-        c[ANGULAR_MOMENTUM + k] = lx
-        c[ANGULAR_MOMENTUM + L + k] = ly
-        c[ANGULAR_MOMENTUM + 2 * L + k] = lz
+        write_vector(c, ANGULAR_MOMENTUM, k, lx, ly, lz)
         ox, oy, oz = inverse_inertia_times(m, k, lx, ly, lz)
         stays = there & (not turns)
-        m[OMEGA + k] = fx if stays else ox
-        m[OMEGA + L + k] = fy if stays else oy
-        m[OMEGA + 2 * L + k] = fz if stays else oz
+        write_vector(m, OMEGA, k, fx if stays else ox, fy if stays else oy, fz if stays else oz)
 
 
 @kernel
@@ -222,27 +226,11 @@ def advance_orientation(m, c, dt):
         ox = alive(ox - 0.5 * dt * rx)
         oy = alive(oy - 0.5 * dt * ry)
         oz = alive(oz - 0.5 * dt * rz)
-        c[ANGULAR_MOMENTUM + k] = alive(lx)
-        c[ANGULAR_MOMENTUM + L + k] = alive(ly)
-        c[ANGULAR_MOMENTUM + 2 * L + k] = alive(lz)
-        m[OMEGA + k] = ox
-        m[OMEGA + L + k] = oy
-        m[OMEGA + 2 * L + k] = oz
+        write_vector(c, ANGULAR_MOMENTUM, k, alive(lx), alive(ly), alive(lz))
+        write_vector(m, OMEGA, k, ox, oy, oz)
         square = ox * ox + oy * oy + oz * oz
         m[PATH + k] += dt * c[st.RADIUS + k] * math.sqrt(square)
-        qw, qx, qy, qz = (
-            c[QUATERNION + k],
-            c[QUATERNION + L + k],
-            c[QUATERNION + 2 * L + k],
-            c[QUATERNION + 3 * L + k],
-        )
-        hw, hx, hy, hz = rotated_quaternion(qw, qx, qy, qz, ox, oy, oz, 0.5 * dt)
-        # a body that does not turn keeps its quaternion to the bit
-        turns = square > 0.0
-        c[QUATERNION + k] = hw if turns else qw
-        c[QUATERNION + L + k] = hx if turns else qx
-        c[QUATERNION + 2 * L + k] = hy if turns else qy
-        c[QUATERNION + 3 * L + k] = hz if turns else qz
+        turn_quaternion(c, k, ox, oy, oz, 0.5 * dt, square > 0.0)
 
 
 @kernel
@@ -286,14 +274,10 @@ def rotate_lanes(m, c, dt, parts, rests, fx, fy, fz):
         inertia_lanes(m, c)
     if framed:
         resist_in_frame(m, c, dt, fx, fy, fz)
-        advance_orientation(m, c, dt)
-        shape_lanes(m, c, parts)
-        share_lanes(m, c, dt, parts)
-        return True
-    if twisted == 0:
+    elif twisted == 0:
         stop_lanes(m, c)
         return False
-    if resist_lanes(m, c, dt) == 0:
+    elif resist_lanes(m, c, dt) == 0:
         return False
     advance_orientation(m, c, dt)
     shape_lanes(m, c, parts)
@@ -325,25 +309,11 @@ def turn_spheres(m, c, dt, fx, fy, fz):
         ly = alive(left * ly + moment * fy if there else 0.0)
         lz = alive(left * lz + moment * fz if there else 0.0)
         ox, oy, oz = alive(inverse * lx), alive(inverse * ly), alive(inverse * lz)
-        c[ANGULAR_MOMENTUM + k] = lx
-        c[ANGULAR_MOMENTUM + L + k] = ly
-        c[ANGULAR_MOMENTUM + 2 * L + k] = lz
-        m[OMEGA + k] = ox
-        m[OMEGA + L + k] = oy
-        m[OMEGA + 2 * L + k] = oz
+        write_vector(c, ANGULAR_MOMENTUM, k, lx, ly, lz)
+        write_vector(m, OMEGA, k, ox, oy, oz)
         rotates = ox * ox + oy * oy + oz * oz > 0.0
         n += 1 if rotates else 0
-        qw, qx, qy, qz = (
-            c[QUATERNION + k],
-            c[QUATERNION + L + k],
-            c[QUATERNION + 2 * L + k],
-            c[QUATERNION + 3 * L + k],
-        )
-        hw, hx, hy, hz = rotated_quaternion(qw, qx, qy, qz, ox, oy, oz, 0.5 * dt)
-        c[QUATERNION + k] = hw if rotates else qw
-        c[QUATERNION + L + k] = hx if rotates else qx
-        c[QUATERNION + 2 * L + k] = hy if rotates else qy
-        c[QUATERNION + 3 * L + k] = hz if rotates else qz
+        turn_quaternion(c, k, ox, oy, oz, 0.5 * dt, rotates)
         m[ROWS + st.SPHERE_RADIUS * L + k] = c[st.RADIUS + k]
     return n
 

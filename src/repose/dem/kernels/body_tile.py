@@ -1,9 +1,7 @@
 """Rows of the scratch tile in which one tile of bodies is moved."""
 
 from . import state as st
-from .state import LANES
-
-L = LANES  # short, for the index arithmetic
+from .rows import L
 
 # The columns of `rows` and of `load` (see `state`), then the results of the step.
 ROWS = 0

@@ -9,10 +9,8 @@ import math
 from . import state as st
 from . import tile as tl
 from .jit import inlined
-from .rows import Rows
-from .state import LANES, OFFSET, SHAPE
-
-L = LANES  # short, for the index arithmetic below
+from .rows import L, Rows, write_vector
+from .state import OFFSET, SHAPE
 
 N = st.NORMAL
 # Rows that a pair of spheres keeps: centres in their bodies' frames, radius of the first, sum of the radii, effective
@@ -47,9 +45,7 @@ def write_arms(t, c, body, centre, to):
         w, x = t[body + SHAPE * L + k], t[body + (SHAPE + 1) * L + k]
         y, z = t[body + (SHAPE + 2) * L + k], t[body + (SHAPE + 3) * L + k]
         px, py, pz = rotated_vector(w, x, y, z, c[centre + k], c[centre + L + k], c[centre + 2 * L + k])
-        t[to + k] = px
-        t[to + L + k] = py
-        t[to + 2 * L + k] = pz
+        write_vector(t, to, k, px, py, pz)
 
 
 @inlined
@@ -71,17 +67,11 @@ def sphere_pair_geometry(t, c):
         gap = distance - c[REACH + k]
         reach = c[RADIUS_A + k] + 0.5 * gap
         rx, ry, rz = ax + reach * nx, ay + reach * ny, az + reach * nz
-        c[N + k] = nx
-        c[N + L + k] = ny
-        c[N + 2 * L + k] = nz
+        write_vector(c, N, k, nx, ny, nz)
         t[tl.GAP + k] = gap
         t[tl.RADIUS + k] = c[CURVATURE + k]
-        t[tl.RA + k] = rx
-        t[tl.RA + L + k] = ry
-        t[tl.RA + 2 * L + k] = rz
-        t[tl.RB + k] = rx - dx
-        t[tl.RB + L + k] = ry - dy
-        t[tl.RB + 2 * L + k] = rz - dz
+        write_vector(t, tl.RA, k, rx, ry, rz)
+        write_vector(t, tl.RB, k, rx - dx, ry - dy, rz - dz)
 
 
 @inlined
@@ -96,10 +86,5 @@ def sphere_plane_geometry(t, c):
         f = c[OFFSET + k] - nx * x - ny * y - nz * z - radius
         reach = radius + 0.5 * f
         t[tl.RADIUS + k] = radius
-        t[tl.RA + k] = ax + reach * nx
-        t[tl.RA + L + k] = ay + reach * ny
-        t[tl.RA + 2 * L + k] = az + reach * nz
-        dx, dy, dz = x - c[st.MIDDLE + k], y - c[st.MIDDLE + L + k], z - c[st.MIDDLE + 2 * L + k]
-        across = dx * nx + dy * ny + dz * nz
-        on_disc = dx * dx + dy * dy + dz * dz - across * across <= c[st.RADIUS2 + k]
-        t[tl.GAP + k] = f if on_disc else tl.BEYOND
+        write_vector(t, tl.RA, k, ax + reach * nx, ay + reach * ny, az + reach * nz)
+        t[tl.GAP + k] = f if tl.is_on_disc(c, k, x, y, z, nx, ny, nz) else tl.BEYOND

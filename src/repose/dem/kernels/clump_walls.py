@@ -12,30 +12,21 @@ import numpy as np
 from . import clump_tile as ct
 from . import state as st
 from .clumps import clear_bit, is_set, set_bit
-from .features import FACE
-from .frames import into_frame, rotate_to_world, write_plane
+from .frames import contact_to_world, into_frame, write_plane
 from .jit import inlined, kernel
-from .meshes import deepest_near, hand_over, search_mesh, track
+from .meshes import follow_feature, search_mesh
+from .rows import L, lane_vector, write_vector
 from .sphere_search import PLACES_A, place_spheres
-from .state import LANES, MOST_SPHERES, SHAPE
-from .wall_contact import fill_contact, sphere_on_cone, sphere_on_ring
-from .walls import add_wall_contact, drop_wall_contact
-
-L = LANES
+from .state import MOST_SPHERES, SHAPE
+from .wall_contact import fill_contact
+from .walls import add_wall_contact, sphere_beyond
 
 
 @inlined
 def sphere_arm(row, tile, lane):
     """Vector from the centre of the body to that of its sphere, in world axes."""
-    return ct.rotated_vector(
-        row[SHAPE],
-        row[SHAPE + 1],
-        row[SHAPE + 2],
-        row[SHAPE + 3],
-        tile[ct.CENTRE + lane],
-        tile[ct.CENTRE + L + lane],
-        tile[ct.CENTRE + 2 * L + lane],
-    )
+    x, y, z = lane_vector(tile, ct.CENTRE, lane)
+    return ct.rotated_vector(row[SHAPE], row[SHAPE + 1], row[SHAPE + 2], row[SHAPE + 3], x, y, z)
 
 
 @inlined
@@ -49,20 +40,20 @@ def sphere_on_plane(x, y, z, radius, plane, out):
 
 
 @inlined
+def seen_place(walls, wall, x, y, z):
+    """Return a place in the frame of a curved wall or mesh."""
+    if walls.displaced[wall]:
+        frame = walls.frames[wall]
+        return into_frame(frame, x - frame[0], y - frame[1], z - frame[2])
+    return x, y, z
+
+
+@inlined
 def sphere_on_curved(walls, wall, x, y, z, radius, out):
     """Contact of a sphere with a cone or ring: fills `out` in world axes; returns its distance beyond the end [m]."""
-    displaced = walls.displaced[wall]
-    if displaced:
-        frame = walls.frames[wall]
-        x, y, z = into_frame(frame, x - frame[0], y - frame[1], z - frame[2])
-    n_cones = walls.cones.shape[0]
-    if wall < n_cones:
-        beyond = sphere_on_cone(x, y, z, radius, walls.cones[wall], out)
-    else:
-        beyond = sphere_on_ring(x, y, z, radius, walls.rings[wall - n_cones], out)
-    if displaced:
-        rotate_to_world(walls.frames[wall], out, 0)
-        rotate_to_world(walls.frames[wall], out, 5)
+    x, y, z = seen_place(walls, wall, x, y, z)
+    beyond = sphere_beyond(x, y, z, radius, walls, wall, out)
+    contact_to_world(walls, wall, out)
     return beyond
 
 
@@ -77,22 +68,24 @@ def write_sphere(contacts, clumps, k, i, sphere):
 
 
 @inlined
-def add_sphere(contacts, counts, slot, clumps, known, i, wall, sphere, out):
+def add_sphere(contacts, counts, slot, clumps, i, wall, sphere, out):
     """Append the contact of a sphere with a plane, cone or ring; returns its number, or -1 where there is no room."""
     k = add_wall_contact(contacts, counts, slot, i, wall, out)
     if k >= 0:
         contacts.feature[k] = sphere
         write_sphere(contacts, clumps, k, i, sphere)
-        set_bit(known[wall, i : i + 1], sphere)
+        set_bit(contacts.known[wall, i : i + 1], sphere)
     return k
 
 
 @inlined
-def drop_sphere(contacts, counts, slot, known, k, ghost):
-    """Remove the contact of a sphere with a plane, cone or ring."""
-    bit = np.uint64(1) << np.uint64(contacts.feature[k])
-    known[contacts.wall[k], contacts.body[k]] &= ~bit
-    drop_wall_contact(contacts, counts, slot, k, ghost)
+def forget_sphere(contacts, clumps, counts, slot, k):
+    """Note that the sphere of contact k, which is removed next, does not touch the wall."""
+    if slot == st.N_MESHED:
+        clumps.mesh_sphere[k] = clumps.mesh_sphere[counts[slot] - 1]
+    else:
+        bit = np.uint64(1) << np.uint64(contacts.feature[k])
+        contacts.known[contacts.wall[k], contacts.body[k]] &= ~bit
 
 
 @inlined
@@ -121,55 +114,43 @@ def touching(known, i):
 
 
 @inlined
-def sphere_slid_off(bodies, contacts, walls, clumps, k):
+def sphere_slid_off(bodies, contacts, walls, k):
     """Note that contact k of a sphere slid over the end of a cone or ring: the next wall takes it over."""
     i = contacts.body[k]
     for wall in range(contacts.limit.shape[0]):
-        past = clumps.curved_past[wall, i : i + 1]
+        past = contacts.past[wall, i : i + 1]
         if is_set(past, contacts.feature[k]):
             clear_bit(past, contacts.feature[k])
             contacts.limit[wall, i] = bodies.displacement[i] + walls.approach[st.WALL_PATH]
 
 
 @kernel
-def spheres_at_plane(bodies, flat, clumps, walls, counts, wall, i, s, out):
-    """Find the spheres of body i that begin to touch a plane; returns how far it may move before the next search."""
+def spheres_at_wall(bodies, contacts, slot, clumps, walls, counts, wall, i, s, out):
+    """Find the spheres of body i that begin to touch a plane, cone or ring, by the slot of its contacts in `counts`.
+
+    Returns how far the body may move before the next search.
+    """
     nearest = math.inf
+    held = touching(contacts.known, i) if slot == st.N_CURVED else np.uint64(0)
     for k in range(clumps.sizes[clumps.shape[i]]):
-        if is_set(clumps.flat_known[wall, i : i + 1], k):
+        if is_set(contacts.known[wall, i : i + 1], k):
             continue
         x, y, z = s[PLACES_A + k], s[PLACES_A + MOST_SPHERES + k], s[PLACES_A + 2 * MOST_SPHERES + k]
         radius = s[PLACES_A + 3 * MOST_SPHERES + k]
-        beyond = sphere_on_plane(x, y, z, radius, walls.planes[wall], out)
-        free = free_way(out[3], beyond, radius, clumps.flat_past[wall, i : i + 1], k, False)
-        if free > 0.0:
-            nearest = min(nearest, free)
-            continue
-        m = add_sphere(flat, counts, st.N_PLANE, clumps, clumps.flat_known, i, wall, k, out)
-        if m >= 0:
-            write_plane(flat.data[m // L], m % L, walls.planes[wall])
-    return nearest
-
-
-@kernel
-def spheres_at_curved(bodies, curved, clumps, walls, counts, wall, i, s, out):
-    """Find the spheres of body i that begin to touch a cone or ring, as `spheres_at_plane`."""
-    nearest = math.inf
-    held = touching(clumps.curved_known, i)
-    for k in range(clumps.sizes[clumps.shape[i]]):
-        if is_set(clumps.curved_known[wall, i : i + 1], k):
-            continue
-        x, y, z = s[PLACES_A + k], s[PLACES_A + MOST_SPHERES + k], s[PLACES_A + 2 * MOST_SPHERES + k]
-        radius = s[PLACES_A + 3 * MOST_SPHERES + k]
-        beyond = sphere_on_curved(walls, wall, x, y, z, radius, out)
-        past = clumps.curved_past[wall, i : i + 1]
+        if slot == st.N_CURVED:
+            beyond = sphere_on_curved(walls, wall, x, y, z, radius, out)
+        else:
+            beyond = sphere_on_plane(x, y, z, radius, walls.planes[wall], out)
+        past = contacts.past[wall, i : i + 1]
         if (held >> np.uint64(k)) & np.uint64(1) != np.uint64(0):
             clear_bit(past, k)  # the wall that the sphere touches hands it over
         free = free_way(out[3], beyond, radius, past, k, held != np.uint64(0))
         if free > 0.0:
             nearest = min(nearest, free)
             continue
-        add_sphere(curved, counts, st.N_CURVED, clumps, clumps.curved_known, i, wall, k, out)
+        m = add_sphere(contacts, counts, slot, clumps, i, wall, k, out)
+        if slot == st.N_PLANE and m >= 0:
+            write_plane(contacts.data[m // L], m % L, walls.planes[wall])
     return nearest
 
 
@@ -185,10 +166,7 @@ def place_clump(bodies, clumps, i, s):
 @inlined
 def sphere_row(walls, frame, x, y, z, radius, local):
     """Write the row of a sphere in a frame, in the form that `meshes` takes."""
-    if walls.displaced[frame]:
-        home = walls.frames[frame]
-        x, y, z = into_frame(home, x - home[0], y - home[1], z - home[2])
-    local[0], local[1], local[2] = x, y, z
+    local[0], local[1], local[2] = seen_place(walls, frame, x, y, z)
     square = radius * radius
     for c in range(st.PART):
         local[SHAPE + c] = 0.0
@@ -198,39 +176,26 @@ def sphere_row(walls, frame, x, y, z, radius, local):
 @inlined
 def by_sphere(meshed, clumps):
     """Return the contacts with meshes, with the numbers of spheres instead of those of bodies."""
-    return st.WallContacts(
-        clumps.mesh_sphere, meshed.wall, meshed.feature, meshed.data, meshed.limit, meshed.ended, meshed.deepest
-    )
+    m = meshed
+    return st.WallContacts(clumps.mesh_sphere, m.wall, m.feature, m.data, m.limit, m.ended, m.deepest, m.known, m.past)
 
 
 @inlined
 def follow_sphere(bodies, walls, meshes, meshed, clumps, n, k, end, out, other, local):
     """Track contact k of a sphere with a mesh through one step, as `meshes.follow_mesh`."""
     touches = by_sphere(meshed, clumps)
-    mesh = meshed.wall[k]
-    frame = walls.cones.shape[0] + walls.rings.shape[0] + mesh
+    frame = walls.cones.shape[0] + walls.rings.shape[0] + meshed.wall[k]
     tile, lane = meshed.data[k // L], k % L
     row = bodies.rows[meshed.body[k]]
     x, y, z = sphere_arm(row, tile, lane)
     radius = tile[ct.RADIUS + lane]
     sphere_row(walls, frame, row[0] + x, row[1] + y, row[2] + z, radius, local)
-    at = st.NORMAL + lane
-    nx, ny, nz = tile[at], tile[at + L], tile[at + 2 * L]
-    if walls.displaced[frame]:
-        nx, ny, nz = into_frame(walls.frames[frame], nx, ny, nz)
-    touching = track(local, 1, meshes, tile, lane, meshed.feature[k], nx, ny, nz, out) >= 0.0
-    if not touching:
-        touching = hand_over(local, 1, meshes, touches, n, k, radius, end, out, other)
-    if touching and out[3] < 0.0 and meshes.kind[meshed.feature[k]] == FACE:
-        deepest_near(local, 1, meshes, touches, k, out, other)
-    if walls.displaced[frame]:
-        rotate_to_world(walls.frames[frame], out, 0)
-        rotate_to_world(walls.frames[frame], out, 5)
+    lasts = follow_feature(local, radius, 1, walls, frame, meshes, touches, n, k, end, out, other)
     # from the body's centre, not the sphere's
     out[5] += x
     out[6] += y
     out[7] += z
-    return touching and out[3] <= end
+    return lasts
 
 
 @inlined
@@ -241,8 +206,7 @@ def spheres_at_mesh(bodies, meshed, clumps, walls, meshes, counts, mesh, i, s, o
     for k in range(n):
         if meshed.body[k] == i and meshed.wall[k] == mesh:
             follow_sphere(bodies, walls, meshes, meshed, clumps, n, k, 0.0, out, other, local)
-            for c in range(3):
-                meshed.data[k // L, st.NORMAL + c * L + k % L] = out[c]
+            write_vector(meshed.data[k // L], st.NORMAL, k % L, out[0], out[1], out[2])
     place_clump(bodies, clumps, i, s)
     frame = walls.cones.shape[0] + walls.rings.shape[0] + mesh
     nearest = math.inf

@@ -13,20 +13,16 @@ from . import clump_tile as ct
 from . import state as st
 from .jit import inlined, kernel
 from .lists import move_contact, put_contact
-from .neighbours import listed
-from .state import LANES, MOST_SPHERES
+from .neighbours import chain_partner, count_pair, listed, take_place, write_pair
+from .rows import L
+from .state import MOST_SPHERES
 
-L = LANES
 WORD = 64  # bits of a word of flags
 SLOTS = 16  # pairs of spheres that an entry watches, at most
 
 # spheres (S, 4, MOST_SPHERES): centres and radii of each shape's spheres; sizes (S,): how many. shape, scale (N,): of
-# each body. flat_known, curved_known (walls, N): which spheres of a body touch a wall, as bits; flat_past, curved_past:
-# which are past it. mesh_sphere: of each contact with a mesh, body * MOST_SPHERES + sphere. mesh_known (meshes, N): as
-# flat_known, written anew in every step.
-Clumps = namedtuple(
-    "Clumps", "spheres sizes shape scale flat_known curved_known flat_past curved_past mesh_sphere mesh_known"
-)
+# each body. mesh_sphere: of each contact with a mesh, body * MOST_SPHERES + sphere.
+Clumps = namedtuple("Clumps", "spheres sizes shape scale mesh_sphere")
 # Contacts: bodies first and second, entry; spheres (n, 2). Entries: bodies near_first and near_second (a hole
 # has those of the ghost), near_limit, number of contacts (live), their pairs of spheres (known, a bit each), the holes
 # (free). Of an entry's pairs of spheres that do not touch: the watched pairs (n, SLOTS, 2), their number (n_watched)
@@ -38,8 +34,8 @@ SpherePairs = namedtuple(
 )
 
 
-def new_clumps(shapes, shape, scale, walls, n_meshed):
-    """Return the spheres of shapes, and each body's shape and scale; walls: numbers of planes, curved walls, meshes."""
+def new_clumps(shapes, shape, scale, n_meshed):
+    """Return the spheres of shapes, and each body's shape and scale; n_meshed: room for contacts with meshes."""
     spheres = np.zeros((len(shapes), 4, MOST_SPHERES))
     for k, clump in enumerate(shapes):
         spheres[k, :, : len(clump.spheres_m)] = clump.spheres_m.T
@@ -48,65 +44,29 @@ def new_clumps(shapes, shape, scale, walls, n_meshed):
         sizes=np.array([len(clump.spheres_m) for clump in shapes]),
         shape=shape,
         scale=scale,
-        flat_known=np.zeros((walls[0], len(shape)), np.uint64),
-        curved_known=np.zeros((walls[1], len(shape)), np.uint64),
-        flat_past=np.zeros((walls[0], len(shape)), np.uint64),
-        curved_past=np.zeros((walls[1], len(shape)), np.uint64),
         mesh_sphere=np.zeros(n_meshed, np.uint32),
-        mesh_known=np.zeros((walls[2], len(shape)), np.uint64),
     )
-
-
-def with_room(clumps, n_meshed):
-    """Return the same with room for a number of contacts with meshes."""
-    if n_meshed == len(clumps.mesh_sphere):
-        return clumps
-    bigger = np.zeros(n_meshed, np.uint32)
-    bigger[: len(clumps.mesh_sphere)] = clumps.mesh_sphere
-    return clumps._replace(mesh_sphere=bigger)
 
 
 def new_sphere_pairs(n_contacts, n_entries, most, ghost, n_state):
     """Arrays for contacts of spheres and for entries of bodies of at most `most` spheres, as `state.new_pairs`."""
-    n_contacts = L * -(-n_contacts // L)
+    n_contacts = st.whole_tiles(n_contacts)
     data = st.new_contacts(n_contacts, ct.PAIR_STATE // L + n_state)
     return SpherePairs(
-        first=np.full(n_contacts, ghost, np.uint32),
-        second=np.full(n_contacts, ghost, np.uint32),
+        **st.each("first second", n_contacts, np.uint32, ghost),
         entry=np.zeros(n_contacts, np.uint32),
         spheres=np.zeros((n_contacts, 2), np.uint8),
         data=data,
         ended=np.zeros(n_contacts, np.int64),
         gap=np.zeros(n_contacts),
-        near_first=np.full(n_entries, ghost, np.uint32),
-        near_second=np.full(n_entries, ghost, np.uint32),
-        near_limit=np.full(n_entries, np.inf),
-        near_rest=np.full(n_entries, np.inf),
-        live=np.zeros(n_entries, np.int64),
+        **st.each("near_first near_second", n_entries, np.uint32, ghost),
+        **st.each("near_limit near_rest", n_entries, float, np.inf),
+        **st.each("live n_watched free", n_entries, np.int64),
         known=np.zeros((n_entries, -(-most * most // WORD)), np.uint64),
         watched=np.zeros((n_entries, SLOTS, 2), np.uint8),
         watched_limit=np.zeros((n_entries, SLOTS)),
-        n_watched=np.zeros(n_entries, np.int64),
-        free=np.zeros(n_entries, np.int64),
-        partner=np.zeros(2 * n_entries, np.int64),
-        link=np.zeros(2 * n_entries, np.int64),
+        **st.each("partner link", 2 * n_entries, np.int64),
     )
-
-
-def grown_sphere_pairs(old, counts, most, ghost, n_state):
-    """Return the same arrays with twice the room where a list is filling up; see `engine.has_room`."""
-    n, m = int(counts[st.N_PAIRS]), int(counts[st.N_NEAR])
-    contacts, entries = len(old.first), len(old.near_limit)
-    bigger = new_sphere_pairs(
-        contacts * (2 if n * 4 > contacts * 3 else 1), entries * (2 if m * 4 > entries * 3 else 1), most, ghost, n_state
-    )
-    for name in ("first", "second", "entry", "spheres"):
-        getattr(bigger, name)[:n] = getattr(old, name)[:n]
-    bigger.data[: len(old.data)] = old.data
-    limits = ("near_limit", "near_rest", "watched_limit")
-    for name in ("near_first", "near_second", *limits, "live", "known", "watched", "n_watched", "free"):
-        getattr(bigger, name)[:m] = getattr(old, name)[:m]
-    return bigger
 
 
 @inlined
@@ -148,13 +108,10 @@ def most_spheres(clumps):
 @inlined
 def add_sphere_contact(pairs, counts, clumps, entry, i, j, a, b):
     """Append the contact of sphere a of body i with sphere b of body j, with a relaxed spring."""
-    k = counts[st.N_PAIRS]
-    if k >= pairs.first.shape[0]:
-        counts[st.FULL] = 1
+    k = take_place(counts, st.N_PAIRS, pairs.first.shape[0])
+    if k < 0:
         return
-    counts[st.N_PAIRS] = k + 1
-    pairs.first[k] = i
-    pairs.second[k] = j
+    write_pair(pairs.first, pairs.second, k, i, j)
     pairs.entry[k] = entry
     pairs.spheres[k, 0] = a
     pairs.spheres[k, 1] = b
@@ -182,14 +139,12 @@ def drop_sphere_contact(pairs, counts, clumps, k, ghost):
     clear_bit(pairs.known[entry], a * most_spheres(clumps) + b)
     last = counts[st.N_PAIRS] - 1
     counts[st.N_PAIRS] = last
-    pairs.first[k] = pairs.first[last]
-    pairs.second[k] = pairs.second[last]
+    write_pair(pairs.first, pairs.second, k, pairs.first[last], pairs.second[last])
     pairs.entry[k] = pairs.entry[last]
     pairs.spheres[k, 0] = pairs.spheres[last, 0]
     pairs.spheres[k, 1] = pairs.spheres[last, 1]
     move_contact(pairs.data, last, k)
-    pairs.first[last] = ghost
-    pairs.second[last] = ghost
+    write_pair(pairs.first, pairs.second, last, ghost, ghost)
     # two ghosts are in the same place: without radii they do not overlap, without a law's state they do not cohere
     put_contact(pairs.data, last, 0.0, 0.0, 1.0)
 
@@ -201,25 +156,19 @@ def add_entry(pairs, counts, grid, i, j):
         counts[st.N_FREE] -= 1
         k = pairs.free[counts[st.N_FREE]]
     else:
-        k = counts[st.N_NEAR]
-        if k >= pairs.near_limit.shape[0]:
-            counts[st.FULL] = 1
-            return -1
-        counts[st.N_NEAR] = k + 1
-    grid.near[i] += 1
-    grid.near[j] += 1
-    pairs.near_first[k] = i
-    pairs.near_second[k] = j
+        k = take_place(counts, st.N_NEAR, pairs.near_limit.shape[0])
+        if k < 0:
+            return k
+    count_pair(grid.near, i, j, 1)
+    write_pair(pairs.near_first, pairs.near_second, k, i, j)
     return k
 
 
 @inlined
 def drop_entry(pairs, counts, grid, k, ghost):
     """Delete an entry without contacts, which leaves a hole."""
-    grid.near[pairs.near_first[k]] -= 1
-    grid.near[pairs.near_second[k]] -= 1
-    pairs.near_first[k] = ghost
-    pairs.near_second[k] = ghost
+    count_pair(grid.near, pairs.near_first[k], pairs.near_second[k], -1)
+    write_pair(pairs.near_first, pairs.near_second, k, ghost, ghost)
     pairs.near_limit[k] = math.inf
     pairs.free[counts[st.N_FREE]] = k
     counts[st.N_FREE] += 1
@@ -237,16 +186,8 @@ def chain_entries(pairs, counts, grid, ghost):
         k -= 1
         if i == ghost:
             continue
-        if grid.moved[i]:
-            pairs.partner[used] = j
-            pairs.link[used] = grid.chain[i]
-            grid.chain[i] = used
-            used += 1
-        if grid.moved[j]:
-            pairs.partner[used] = i
-            pairs.link[used] = grid.chain[j]
-            grid.chain[j] = used
-            used += 1
+        used = chain_partner(pairs, grid, used, i, j)
+        used = chain_partner(pairs, grid, used, j, i)
 
 
 @kernel

@@ -21,8 +21,7 @@ from . import state as st
 from . import tile as tl
 from .clumps import bits_set, set_bit
 from .jit import inlined
-
-L = tl.LANES
+from .rows import L
 
 
 @inlined
@@ -57,43 +56,21 @@ def mass_of_pairs(t, c, pairs, parts, clumps, base, lanes):
 
 
 @inlined
-def share_on_wall(t, touches, known, base, lanes):
-    """Divide the masses by the number of spheres on the wall; known (walls, N): a bit for each sphere that touches."""
-    for lane in range(lanes):
-        k = base + lane
-        t[tl.INVERSE_MASS + lane] *= bits_set(known[touches.wall[k], touches.body[k]])
-
-
-@inlined
-def mass_on_flat(t, c, flat, parts, clumps, base, lanes):
-    """Row INVERSE_MASS of a tile of contacts with planes."""
+def mass_on_wall(t, c, contacts, parts, clumps, base, lanes):
+    """Row INVERSE_MASS of a tile of contacts with walls; the spheres of a clump on one wall share its mass."""
     mobility(t, c, tl.A, tl.RA, parts, 0.0)
     if len(clumps) > 0:
-        share_on_wall(t, flat, clumps.flat_known, base, lanes)
+        for lane in range(lanes):
+            k = base + lane
+            t[tl.INVERSE_MASS + lane] *= bits_set(contacts.known[contacts.wall[k], contacts.body[k]])
 
 
 @inlined
-def mass_on_curved(t, c, curved, parts, clumps, base, lanes):
-    """Row INVERSE_MASS of a tile of contacts with cones, tubes and rings."""
-    mobility(t, c, tl.A, tl.RA, parts, 0.0)
-    if len(clumps) > 0:
-        share_on_wall(t, curved, clumps.curved_known, base, lanes)
-
-
-@inlined
-def mass_on_meshed(t, c, meshed, parts, clumps, base, lanes):
-    """Row INVERSE_MASS of a tile of contacts with meshes."""
-    mobility(t, c, tl.A, tl.RA, parts, 0.0)
-    if len(clumps) > 0:
-        share_on_wall(t, meshed, clumps.mesh_known, base, lanes)
-
-
-@inlined
-def spheres_on_meshes(meshed, clumps, n):
+def spheres_on_meshes(meshed, sphere, n):
     """Note which spheres of each body touch each mesh; a sphere may touch it in several places."""
-    known = clumps.mesh_known
+    known = meshed.known
     for k in range(n):
         known[meshed.wall[k], meshed.body[k]] = np.uint64(0)
     for k in range(n):
         i = np.int64(meshed.body[k])
-        set_bit(known[meshed.wall[k], i : i + 1], np.int64(clumps.mesh_sphere[k]) - st.MOST_SPHERES * i)
+        set_bit(known[meshed.wall[k], i : i + 1], np.int64(sphere[k]) - st.MOST_SPHERES * i)

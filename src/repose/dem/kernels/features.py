@@ -350,31 +350,26 @@ def put_in_cells(low, high, kind, data, lower, cell, shape, place, items):
 
 def join(parts, slide):
     """Return the features of several meshes as the kernels take them; slide: see `Meshes`."""
-    first = np.cumsum([0] + [len(p.kind) for p in parts])
-    rays = np.cumsum([0] + [len(p.rays) for p in parts])
-    normals = np.cumsum([0] + [len(p.normals) for p in parts])
-    near = np.cumsum([0] + [len(p.near) for p in parts])
-    begin = np.cumsum([0] + [len(p.begin) for p in parts])
-    items = np.cumsum([0] + [len(p.items) for p in parts])
+    begins = {name: np.cumsum([0, *(len(getattr(p, name)) for p in parts)]) for name in Part._fields}
 
-    def stack(arrays, shape, dtype=float):
-        return np.ascontiguousarray(np.concatenate([np.zeros((0, *shape), dtype), *arrays]), dtype)
+    def counted(name, of):
+        """Join numbers of the rows of another array, which count on from part to part."""
+        return np.concatenate([getattr(p, name) + begin for p, begin in zip(parts, begins[of], strict=False)])
 
-    spans = [p.span + np.where(p.kind == VERTEX, rays[m], near[m])[:, None] for m, p in enumerate(parts)]
+    spans = [
+        p.span + np.where(p.kind == VERTEX, begins["rays"][m], begins["near"][m])[:, None] for m, p in enumerate(parts)
+    ]
     return Meshes(
-        kind=stack([p.kind for p in parts], (), np.uint8),
-        data=stack([p.data for p in parts], (COLUMNS,)),
-        mesh=np.repeat(np.arange(len(parts)), np.diff(first)),
-        span=stack(spans, (2,), np.int64),
-        corners=stack([p.corners + normals[m] for m, p in enumerate(parts)], (2,), np.int64),
-        near=stack([p.near + first[m] for m, p in enumerate(parts)], (), np.int64),
-        rays=stack([p.rays for p in parts], (3,)),
-        normals=stack([p.normals for p in parts], (3,)),
-        box=stack([p.box[None] for p in parts], (7,)),
-        cells=stack([[[*p.cells, begin[m]]] for m, p in enumerate(parts)], (4,), np.int64),
-        begin=stack([p.begin + items[m] for m, p in enumerate(parts)], (), np.int64),
-        items=stack([p.items + first[m] for m, p in enumerate(parts)], (), np.int64),
-        seen=np.zeros(first[-1], np.int64),
+        **{name: np.concatenate([getattr(p, name) for p in parts]) for name in ("kind", "data", "rays", "normals")},
+        mesh=np.repeat(np.arange(len(parts)), np.diff(begins["kind"])),
+        span=np.concatenate(spans),
+        corners=counted("corners", "normals"),
+        near=counted("near", "kind"),
+        box=np.array([p.box for p in parts]),
+        cells=np.column_stack([[p.cells for p in parts], begins["begin"][:-1]]),
+        begin=counted("begin", "items"),
+        items=counted("items", "kind"),
+        seen=np.zeros(begins["kind"][-1], np.int64),
         stamp=np.zeros(1, np.int64),
         slide=np.array([slide]),
-    )  # fmt: skip
+    )

@@ -9,24 +9,15 @@ from ..laws.law import contact_forces, reach, rolling_resistance, surfaces
 from . import clump_tile as ct
 from . import state as st
 from . import tile as tl
-from .clump_walls import drop_sphere, follow_sphere, sphere_arm, sphere_on_curved, sphere_slid_off
+from .clump_walls import follow_sphere, forget_sphere, sphere_arm, sphere_on_curved, sphere_slid_off
 from .clumps import set_bit
-from .damped_mass import mass_of_pairs, mass_on_curved, mass_on_flat, mass_on_meshed, spheres_on_meshes
+from .damped_mass import mass_of_pairs, mass_on_wall, spheres_on_meshes
 from .frames import load_walls, surface_velocity
 from .jit import inlined, kernel
 from .meshes import follow_mesh
-from .simd import WIDTH, add_lanes_to_rows, prefetch, rows_to_lanes
+from .rows import L, write_vector
+from .simd import WIDTH, add_lanes_to_rows, gather, prefetch
 from .walls import SAME_AZIMUTH, angle_between, azimuth, drop_wall_contact, follow_wall, slid_off
-
-L = tl.LANES
-
-
-@inlined
-def gather(rows, index, base, t, at):
-    """Copy the rows of a tile's bodies into lanes."""
-    for k in range(0, L, WIDTH):
-        for column in range(0, rows.shape[1], WIDTH):
-            rows_to_lanes(rows, column, index, base + k, t, at + column * L + k, L)
 
 
 @inlined
@@ -87,55 +78,27 @@ def lane_laws(t, lane, physics, a, b):
 
 
 @inlined
-def apply_laws(t, c, physics, at):
-    """Compute forces and torques of each lane by the force laws, whose rows of `c` begin at place `at`."""
+def state_place(clumps, on_wall):
+    """Place of the force laws' first row in the tile of a contact."""
+    if len(clumps) == 0:
+        return st.WALL_STATE if on_wall else st.PAIR_STATE
+    return ct.WALL_STATE if on_wall else ct.PAIR_STATE
+
+
+@inlined
+def apply_laws(t, c, physics, clumps, on_wall):
+    """Compute forces and torques of each lane by the force laws."""
+    at = state_place(clumps, on_wall)
+    surfaces(physics.law, t, c, 0 if len(clumps) == 0 else 1, on_wall)
     contact_forces(physics.law, t, c, at, physics.dt)
     tl.torques(t)
     rolling_resistance(physics.rolling, t, c, at + physics.n_state * L, physics.dt)
 
 
 @inlined
-def pair_laws(t, contacts, physics, clumps):
-    """`apply_laws` to a tile of pairs."""
-    column = st.share_column(physics.parts) * L
-    for k in range(L):
-        t[tl.SHARE + k] = min(t[tl.A + column + k], t[tl.B + column + k])
-    if len(clumps) == 0:
-        surfaces(physics.law, t, contacts, 0, 0)
-        apply_laws(t, contacts, physics, st.PAIR_STATE)
-    else:
-        surfaces(physics.law, t, contacts, 1, 0)
-        apply_laws(t, contacts, physics, ct.PAIR_STATE)
-
-
-@inlined
-def wall_laws(t, contacts, physics, clumps):
-    """`apply_laws` to a tile of contacts with walls."""
-    column = st.share_column(physics.parts) * L
-    for k in range(L):
-        t[tl.SHARE + k] = t[tl.A + column + k]
-    if len(clumps) == 0:
-        surfaces(physics.law, t, contacts, 0, 1)
-        apply_laws(t, contacts, physics, st.WALL_STATE)
-    else:
-        surfaces(physics.law, t, contacts, 1, 1)
-        apply_laws(t, contacts, physics, ct.WALL_STATE)
-
-
-@inlined
-def pair_reach(contacts, physics, clumps, lane):
-    """Gap at which the contact of a pair ends."""
-    if len(clumps) == 0:
-        return reach(physics.law, contacts, st.PAIR_STATE, lane)
-    return reach(physics.law, contacts, ct.PAIR_STATE, lane)
-
-
-@inlined
-def wall_reach(contacts, physics, clumps, lane):
-    """Gap at which a contact with a wall ends."""
-    if len(clumps) == 0:
-        return reach(physics.law, contacts, st.WALL_STATE, lane)
-    return reach(physics.law, contacts, ct.WALL_STATE, lane)
+def reach_of(c, physics, clumps, on_wall, lane):
+    """Gap at which the contact of a lane ends."""
+    return reach(physics.law, c, state_place(clumps, on_wall), lane)
 
 
 @inlined
@@ -157,6 +120,7 @@ def pair_forces(bodies, pairs, clumps, counts, physics, t, share, begin, end):
     load = bodies.load[share]
     ended = 0
     fill_laws(t, physics, 0, 0)
+    share_column = st.share_column(physics.parts) * L
     large = bodies.load.shape[0] > 1
     for base in range(begin, n, L):
         contacts = pairs.data[base // L]
@@ -166,14 +130,16 @@ def pair_forces(bodies, pairs, clumps, counts, physics, t, share, begin, end):
             for lane in range(L):
                 k = base + lane
                 lane_laws(t, lane, physics, bodies.kind[pairs.first[k]], bodies.kind[pairs.second[k]])
-        gather(bodies.rows, pairs.first, base, t, tl.A)
-        gather(bodies.rows, pairs.second, base, t, tl.B)
+        gather(bodies.rows, bodies.rows.shape[1], pairs.first, base, t, tl.A)
+        gather(bodies.rows, bodies.rows.shape[1], pairs.second, base, t, tl.B)
         pair_geometry(t, contacts, physics.parts, clumps)
         mass_of_pairs(t, contacts, pairs, physics.parts, clumps, base, min(L, n - base))
-        pair_laws(t, contacts, physics, clumps)
+        for k in range(L):
+            t[tl.SHARE + k] = min(t[tl.A + share_column + k], t[tl.B + share_column + k])
+        apply_laws(t, contacts, physics, clumps, 0)
         if tl.open_lanes(t) > 0:
             for lane in range(min(L, n - base)):
-                if t[tl.GAP + lane] > pair_reach(contacts, physics, clumps, lane):
+                if t[tl.GAP + lane] > reach_of(contacts, physics, clumps, 0, lane):
                     mute_lane(t, lane)
                     pairs.gap[base + lane] = t[tl.GAP + lane]
                     pairs.ended[begin + ended] = base + lane
@@ -213,13 +179,9 @@ def wall_tile(bodies, contacts, walls, physics, first_wall, base, n, t):
             y = t[tl.A + L + lane] + t[tl.RA + L + lane]
             z = t[tl.A + 2 * L + lane] + t[tl.RA + 2 * L + lane]
             vx, vy, vz = surface_velocity(walls.motion[wall], x, y, z)
-        t[tl.B + st.VELOCITY * L + lane] = vx
-        t[tl.B + (st.VELOCITY + 1) * L + lane] = vy
-        t[tl.B + (st.VELOCITY + 2) * L + lane] = vz
+        write_vector(t, tl.B + st.VELOCITY * L, lane, vx, vy, vz)
         # for laws of rolling; the arm of a wall is zero, so its contact's velocity is that above
-        t[tl.B + st.ANGULAR_VELOCITY * L + lane] = ox
-        t[tl.B + (st.ANGULAR_VELOCITY + 1) * L + lane] = oy
-        t[tl.B + (st.ANGULAR_VELOCITY + 2) * L + lane] = oz
+        write_vector(t, tl.B + st.ANGULAR_VELOCITY * L, lane, ox, oy, oz)
 
 
 @inlined
@@ -233,29 +195,39 @@ def look_soon(bodies, contacts, walls, k, gap):
 
 
 @inlined
-def drop_flat(flat, clumps, counts, k, ghost):
-    """Remove contact k with a plane."""
-    if len(clumps) == 0:
-        drop_wall_contact(flat, counts, st.N_PLANE, k, ghost)
-    else:
-        drop_sphere(flat, counts, st.N_PLANE, clumps.flat_known, k, ghost)
+def wall_forces(bodies, contacts, clumps, walls, physics, first_wall, base, n, t):
+    """Compute the forces of a tile of contacts with walls whose geometry is known."""
+    c = contacts.data[base // L]
+    wall_tile(bodies, contacts, walls, physics, first_wall, base, n, t)
+    mass_on_wall(t, c, contacts, physics.parts, clumps, base, min(L, n - base))
+    column = st.share_column(physics.parts) * L
+    for k in range(L):
+        t[tl.SHARE + k] = t[tl.A + column + k]
+    apply_laws(t, c, physics, clumps, 1)
 
 
 @inlined
-def drop_curved(curved, clumps, counts, k, ghost):
-    """Remove contact k with a cone, tube or ring."""
-    if len(clumps) == 0:
-        drop_wall_contact(curved, counts, st.N_CURVED, k, ghost)
-    else:
-        drop_sphere(curved, counts, st.N_CURVED, clumps.curved_known, k, ghost)
+def add_wall_forces(bodies, contacts, walls, first_wall, base, n, t):
+    """Add the forces of a tile of contacts with walls to the loads of bodies and walls."""
+    load_walls(walls, first_wall, contacts, base, n, t)
+    scatter(bodies.load[0], contacts.body, base, t, tl.TO_A)
+    if bodies.load.shape[0] > 1:
+        mark_touched(bodies, 0, contacts.body, base)
 
 
 @inlined
-def drop_meshed(meshed, clumps, counts, k, ghost):
-    """Remove contact k with a mesh."""
+def drop_touch(contacts, clumps, counts, slot, k, ghost):
+    """Remove contact k with a wall."""
     if len(clumps) > 0:
-        clumps.mesh_sphere[k] = clumps.mesh_sphere[counts[st.N_MESHED] - 1]
-    drop_wall_contact(meshed, counts, st.N_MESHED, k, ghost)
+        forget_sphere(contacts, clumps, counts, slot, k)
+    drop_wall_contact(contacts, counts, slot, k, ghost)
+
+
+@inlined
+def drop_ended(contacts, clumps, counts, slot, ended, ghost):
+    """Remove the contacts with walls that ended, the last first."""
+    for e in range(ended - 1, -1, -1):
+        drop_touch(contacts, clumps, counts, slot, contacts.ended[e], ghost)
 
 
 @inlined
@@ -277,27 +249,21 @@ def plane_forces(bodies, flat, clumps, walls, counts, physics, t, ghost):
         contacts = flat.data[base // L]
         if large and base + L < n:
             fetch_bodies(bodies.rows, bodies.load[0], flat.body, base + L)
-        gather(bodies.rows, flat.body, base, t, tl.A)
+        gather(bodies.rows, bodies.rows.shape[1], flat.body, base, t, tl.A)
         plane_geometry(t, contacts, physics.parts, clumps)
-        wall_tile(bodies, flat, walls, physics, 0, base, n, t)
-        mass_on_flat(t, contacts, flat, physics.parts, clumps, base, min(L, n - base))
-        wall_laws(t, contacts, physics, clumps)
+        wall_forces(bodies, flat, clumps, walls, physics, 0, base, n, t)
         if tl.open_lanes(t) > 0:
             for lane in range(min(L, n - base)):
                 gap = t[tl.GAP + lane]
-                if gap > wall_reach(contacts, physics, clumps, lane):
+                if gap > reach_of(contacts, physics, clumps, 1, lane):
                     mute_lane(t, lane)
                     look_soon(bodies, flat, walls, base + lane, gap if gap < tl.BEYOND else 0.0)
                     if gap == tl.BEYOND:
                         past_edge(flat, clumps, base + lane)
                     flat.ended[ended] = base + lane
                     ended += 1
-        load_walls(walls, 0, flat, base, n, t)
-        scatter(bodies.load[0], flat.body, base, t, tl.TO_A)
-        if large:
-            mark_touched(bodies, 0, flat.body, base)
-    for e in range(ended - 1, -1, -1):
-        drop_flat(flat, clumps, counts, flat.ended[e], ghost)
+        add_wall_forces(bodies, flat, walls, 0, base, n, t)
+    drop_ended(flat, clumps, counts, st.N_PLANE, ended, ghost)
 
 
 @inlined
@@ -307,7 +273,7 @@ def past_edge(flat, clumps, k):
     if len(clumps) == 0:
         flat.deepest[wall, i] = 0.0
     else:
-        set_bit(clumps.flat_past[wall, i : i + 1], flat.feature[k])
+        set_bit(flat.past[wall, i : i + 1], flat.feature[k])
 
 
 @inlined
@@ -316,7 +282,7 @@ def over_end(bodies, curved, clumps, walls, n, k, depth):
     if len(clumps) == 0:
         slid_off(bodies, curved, n, k, depth)
     else:
-        sphere_slid_off(bodies, curved, walls, clumps, k)
+        sphere_slid_off(bodies, curved, walls, k)
 
 
 @inlined
@@ -333,9 +299,8 @@ def is_double(contacts, k):
 @inlined
 def write_lane(t, contacts, lane, out):
     """Write the geometry of one contact to its lane."""
-    for c in range(3):
-        contacts[tl.N + c * L + lane] = out[c]
-        t[tl.RA + c * L + lane] = out[5 + c]
+    write_vector(contacts, tl.N, lane, out[0], out[1], out[2])
+    write_vector(t, tl.RA, lane, out[5], out[6], out[7])
     t[tl.GAP + lane] = out[3]
     t[tl.RADIUS + lane] = out[4]
 
@@ -357,7 +322,7 @@ def curved_geometry(bodies, curved, clumps, walls, physics, t, lane, k, out, loc
         write_lane(t, contacts, lane, out)
         contacts[st.GAP + lane] = out[3]
         return (
-            out[3] > wall_reach(contacts, physics, clumps, lane)
+            out[3] > reach_of(contacts, physics, clumps, 1, lane)
             or not on_wall
             or (physics.parts != st.SPHERES and is_double(curved, k))
         )
@@ -369,19 +334,18 @@ def curved_geometry(bodies, curved, clumps, walls, physics, t, lane, k, out, loc
     out[6] += y
     out[7] += z
     write_lane(t, contacts, lane, out)
-    return out[3] > wall_reach(contacts, physics, clumps, lane) or beyond > 0.0
+    return out[3] > reach_of(contacts, physics, clumps, 1, lane) or beyond > 0.0
 
 
 @kernel
 def curved_forces(bodies, curved, clumps, walls, counts, physics, t, out, local, ghost):
     """Compute forces of all contacts with cones, tubes and rings."""
     n = counts[st.N_CURVED]
-    large = bodies.load.shape[0] > 1
     ended = 0
     for base in range(0, n, L):
         lanes = min(L, n - base)
         contacts = curved.data[base // L]
-        gather(bodies.rows, curved.body, base, t, tl.A)
+        gather(bodies.rows, bodies.rows.shape[1], curved.body, base, t, tl.A)
         close_lanes(t, lanes)
         for lane in range(lanes):
             k = base + lane
@@ -391,25 +355,19 @@ def curved_forces(bodies, curved, clumps, walls, counts, physics, t, out, local,
                 if t[tl.GAP + lane] <= 0.0:
                     over_end(bodies, curved, clumps, walls, n, k, -t[tl.GAP + lane])
                 t[tl.GAP + lane] = 1.0
-        wall_tile(bodies, curved, walls, physics, walls.planes.shape[0], base, n, t)
-        mass_on_curved(t, contacts, curved, physics.parts, clumps, base, lanes)
-        wall_laws(t, contacts, physics, clumps)
+        wall_forces(bodies, curved, clumps, walls, physics, walls.planes.shape[0], base, n, t)
         for lane in range(lanes):
-            if t[tl.GAP + lane] > wall_reach(contacts, physics, clumps, lane):
+            if t[tl.GAP + lane] > reach_of(contacts, physics, clumps, 1, lane):
                 mute_lane(t, lane)
                 look_soon(bodies, curved, walls, base + lane, 0.0)
-        load_walls(walls, walls.planes.shape[0], curved, base, n, t)
-        scatter(bodies.load[0], curved.body, base, t, tl.TO_A)
-        if large:
-            mark_touched(bodies, 0, curved.body, base)
-    for e in range(ended - 1, -1, -1):
-        drop_curved(curved, clumps, counts, curved.ended[e], ghost)
+        add_wall_forces(bodies, curved, walls, walls.planes.shape[0], base, n, t)
+    drop_ended(curved, clumps, counts, st.N_CURVED, ended, ghost)
 
 
 @inlined
 def mesh_geometry(bodies, meshed, clumps, walls, meshes, physics, n, k, out, other, local):
     """Write the geometry of contact k with a mesh to `out`; returns whether there is a contact."""
-    end = wall_reach(meshed.data[k // L], physics, clumps, k % L)
+    end = reach_of(meshed.data[k // L], physics, clumps, 1, k % L)
     if len(clumps) == 0:
         return follow_mesh(bodies, physics.parts, walls, meshes, meshed, n, k, end, out, other, local)
     return follow_sphere(bodies, walls, meshes, meshed, clumps, n, k, end, out, other, local)
@@ -419,15 +377,14 @@ def mesh_geometry(bodies, meshed, clumps, walls, meshes, physics, n, k, out, oth
 def mesh_forces(bodies, meshed, clumps, walls, meshes, counts, physics, t, out, other, local, ghost):
     """Compute forces of all contacts with meshes."""
     n = counts[st.N_MESHED]
-    large = bodies.load.shape[0] > 1
     first_wall = walls.planes.shape[0] + walls.cones.shape[0] + walls.rings.shape[0]
     ended = 0
     if len(clumps) > 0:
-        spheres_on_meshes(meshed, clumps, n)
+        spheres_on_meshes(meshed, clumps.mesh_sphere, n)
     for base in range(0, n, L):
         lanes = min(L, n - base)
         contacts = meshed.data[base // L]
-        gather(bodies.rows, meshed.body, base, t, tl.A)
+        gather(bodies.rows, bodies.rows.shape[1], meshed.body, base, t, tl.A)
         close_lanes(t, lanes)
         for lane in range(lanes):
             k = base + lane
@@ -438,16 +395,10 @@ def mesh_forces(bodies, meshed, clumps, walls, meshes, counts, physics, t, out, 
                 meshed.ended[ended] = k
                 ended += 1
                 t[tl.GAP + lane] = 1.0
-        wall_tile(bodies, meshed, walls, physics, first_wall, base, n, t)
-        mass_on_meshed(t, contacts, meshed, physics.parts, clumps, base, lanes)
-        wall_laws(t, contacts, physics, clumps)
+        wall_forces(bodies, meshed, clumps, walls, physics, first_wall, base, n, t)
         for lane in range(lanes):
-            if t[tl.GAP + lane] > wall_reach(contacts, physics, clumps, lane):
+            if t[tl.GAP + lane] > reach_of(contacts, physics, clumps, 1, lane):
                 mute_lane(t, lane)
                 meshed.limit[meshed.wall[base + lane], meshed.body[base + lane]] = -1.0
-        load_walls(walls, first_wall, meshed, base, n, t)
-        scatter(bodies.load[0], meshed.body, base, t, tl.TO_A)
-        if large:
-            mark_touched(bodies, 0, meshed.body, base)
-    for e in range(ended - 1, -1, -1):
-        drop_meshed(meshed, clumps, counts, meshed.ended[e], ghost)
+        add_wall_forces(bodies, meshed, walls, first_wall, base, n, t)
+    drop_ended(meshed, clumps, counts, st.N_MESHED, ended, ghost)

@@ -5,9 +5,8 @@ import math
 from . import state as st
 from . import tile as tl
 from .jit import inlined, kernel
+from .rows import L
 from .state import PART, POSITION, SHAPE, SPHERE_RADIUS, SPHERES
-
-L = st.LANES
 
 
 @inlined
@@ -34,6 +33,14 @@ def out_of_frame(frame, x, y, z):
 def rotate_to_world(frame, values, at):
     """Rotate three numbers of an array from a frame into the world, in place."""
     values[at], values[at + 1], values[at + 2] = out_of_frame(frame, values[at], values[at + 1], values[at + 2])
+
+
+@inlined
+def contact_to_world(walls, wall, out):
+    """Rotate normal and contact point of a contact from the frame of a curved wall or mesh into the world."""
+    if walls.displaced[wall]:
+        rotate_to_world(walls.frames[wall], out, 0)
+        rotate_to_world(walls.frames[wall], out, 5)
 
 
 @kernel

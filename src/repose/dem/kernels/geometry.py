@@ -22,14 +22,25 @@ def tangents(nx, ny, nz):
 
 
 @inlined
+def stepped(nx, ny, nz, s1, s2):
+    """Return a unit vector after a step in its tangent plane."""
+    ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
+    x, y, z = nx + s1 * ux + s2 * wx, ny + s1 * uy + s2 * wy, nz + s1 * uz + s2 * wz
+    inv = 1.0 / math.sqrt(x * x + y * y + z * z)
+    return x * inv, y * inv, z * inv
+
+
+@inlined
+def matrix_times(xx, xy, xz, yy, yz, zz, x, y, z):
+    """Multiply a symmetric matrix by a vector."""
+    return xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z
+
+
+@inlined
 def times_shape(row, part, x, y, z):
     """S_k times a vector."""
     s = SHAPE + PART * part
-    return (
-        row[s] * x + row[s + 1] * y + row[s + 2] * z,
-        row[s + 1] * x + row[s + 3] * y + row[s + 4] * z,
-        row[s + 2] * x + row[s + 4] * y + row[s + 5] * z,
-    )
+    return matrix_times(row[s], row[s + 1], row[s + 2], row[s + 3], row[s + 4], row[s + 5], x, y, z)
 
 
 @inlined
@@ -47,22 +58,12 @@ def extent(row, parts, nx, ny, nz):
 @inlined
 def part_terms(xx, xy, xz, yy, yz, zz, nx, ny, nz):
     """Support point S n / h of a part with the matrix S, and its curvature (S - x x') / h; h is the root of n.S n."""
-    x = xx * nx + xy * ny + xz * nz
-    y = xy * nx + yy * ny + yz * nz
-    z = xz * nx + yz * ny + zz * nz
+    x, y, z = matrix_times(xx, xy, xz, yy, yz, zz, nx, ny, nz)
     inv = rsqrt(nx * x + ny * y + nz * z)
     x, y, z = inv * x, inv * y, inv * z
-    return (
-        x,
-        y,
-        z,
-        inv * (xx - x * x),
-        inv * (xy - x * y),
-        inv * (xz - x * z),
-        inv * (yy - y * y),
-        inv * (yz - y * z),
-        inv * (zz - z * z),
-    )
+    xx, xy, xz = inv * (xx - x * x), inv * (xy - x * y), inv * (xz - x * z)
+    yy, yz, zz = inv * (yy - y * y), inv * (yz - y * z), inv * (zz - z * z)
+    return x, y, z, xx, xy, xz, yy, yz, zz
 
 
 @inlined

@@ -2,8 +2,7 @@
 
 from . import state as st
 from .jit import inlined
-
-L = st.LANES
+from .rows import L, write_vector
 
 
 @inlined
@@ -11,9 +10,7 @@ def put_contact(data, k, nx, ny, nz):
     """Begin contact k with a normal; all else that the geometry and the force laws keep is zero."""
     tile = data[k // L]
     lane = k % L
-    tile[st.NORMAL + lane] = nx
-    tile[st.NORMAL + L + lane] = ny
-    tile[st.NORMAL + 2 * L + lane] = nz
+    write_vector(tile, st.NORMAL, lane, nx, ny, nz)
     for row in range(st.PAIR_STATE, data.shape[1], L):
         tile[row + lane] = 0.0
 

@@ -10,9 +10,9 @@ import math
 
 from .contact import LONGEST_STEP
 from .features import EDGE, FACE, RADIUS_COLUMN, SIDES, STRICT
-from .geometry import extent, support_terms, tangents
+from .geometry import extent, stepped, support_terms, tangents
 from .jit import inlined, kernel
-from .wall_contact import effective_radius
+from .wall_contact import effective_radius, write_contact
 
 # A contact that is handed over may lie so far outside its new feature [m], or rounding could lose it between two.
 SLACK = 1e-8
@@ -47,17 +47,6 @@ def curvature(angle, radius):
     """Curvature of a rounded edge at an angle from the nearest face's normal: 0 there, 1 / radius from BLEND on."""
     x = min(max(angle, 0.0) / BLEND, 1.0)
     return x * x * (3.0 - 2.0 * x) / radius
-
-
-@inlined
-def write_contact(out, nx, ny, nz, gap, radius, h, x1, x2, ux, uy, uz, wx, wy, wz):
-    """Fill `out`: normal (3), gap, R*, contact point relative to the centre (3)."""
-    reach = h + 0.5 * gap
-    out[0], out[1], out[2] = nx, ny, nz
-    out[3], out[4] = gap, radius
-    out[5] = reach * nx + x1 * ux + x2 * wx
-    out[6] = reach * ny + x1 * uy + x2 * wy
-    out[7] = reach * nz + x1 * uz + x2 * wz
 
 
 @kernel
@@ -160,15 +149,6 @@ def vertex_terms(row, parts, vertex, nx, ny, nz):
     return level - vertex[RADIUS_COLUMN], s1, s2
 
 
-@inlined
-def stepped(nx, ny, nz, s1, s2):
-    """Return a unit vector after a step in its tangent plane."""
-    ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
-    x, y, z = nx + s1 * ux + s2 * wx, ny + s1 * uy + s2 * wy, nz + s1 * uz + s2 * wz
-    inv = 1.0 / math.sqrt(x * x + y * y + z * z)
-    return x * inv, y * inv, z * inv
-
-
 @kernel
 def vertex_contact(row, parts, meshes, feature, nx, ny, nz, out):
     """Contact with a vertex for a normal (already a maximum of f): fills `out`; returns the least sine inside.
@@ -246,21 +226,19 @@ def solve_feature(row, parts, meshes, feature, radius, out):
         inside = face_contact(row, parts, data, out)
         return 0.0, inside, max(out[3], -inside / (1.0 + meshes.slide[0]))
     x, y, z = data[0] - row[0], data[1] - row[1], data[2] - row[2]
-    if meshes.kind[feature] == EDGE:
+    of_edge = meshes.kind[feature] == EDGE
+    if of_edge:
         # distance of the centre from the edge
         s = min(max(-(x * data[3] + y * data[4] + z * data[5]), 0.0), data[6])
         x, y, z = x + s * data[3], y + s * data[4], z + s * data[5]
-        away = math.sqrt(x * x + y * y + z * z) - radius - data[RADIUS_COLUMN]
-        out[3] = away
-        if away > 0.0:
-            return 0.0, OUTSIDE, away
-        angle, inside, best = solve_edge(row, parts, data, out)
-        if inside == OUTSIDE:
-            out[3] = best
-        return angle, inside, best
     away = math.sqrt(x * x + y * y + z * z) - radius - data[RADIUS_COLUMN]
     out[3] = away
     if away > 0.0:
         return 0.0, OUTSIDE, away
+    if of_edge:
+        angle, inside, best = solve_edge(row, parts, data, out)
+        if inside == OUTSIDE:
+            out[3] = best
+        return angle, inside, best
     inside = solve_vertex(row, parts, meshes, feature, out)
     return 0.0, inside * radius, out[3]

@@ -7,20 +7,13 @@ import math
 
 from . import state as st
 from .features import EDGE, FACE
-from .frames import into_frame, rotate_to_world, row_in_frame
-from .geometry import extent
+from .frames import contact_to_world, into_frame, rotate_to_world
+from .geometry import extent, stepped
 from .jit import inlined, kernel
-from .mesh_contact import (
-    SLACK,
-    climb_edge,
-    edge_contact,
-    face_contact,
-    solve_feature,
-    stepped,
-    vertex_contact,
-    vertex_terms,
-)
-from .walls import DEEPEST_NEW, NEXT_LOOK_BEYOND, NEXT_LOOK_KNOWN, add_wall_contact
+from .mesh_contact import SLACK, climb_edge, edge_contact, face_contact, solve_feature, vertex_contact, vertex_terms
+from .neighbours import bounding_radius
+from .rows import lane_vector, write_vector
+from .walls import DEEPEST_NEW, NEXT_LOOK_BEYOND, NEXT_LOOK_KNOWN, add_wall_contact, seen_from
 
 # A search reaches this far beyond the body's box (share of its radius).
 MARGIN = 0.5
@@ -191,29 +184,32 @@ def deepest_near(row, parts, meshes, contacts, k, out, other):
 
 
 @inlined
-def follow_mesh(bodies, parts, walls, meshes, contacts, n, k, end, out, other, local):
-    """Track contact k with a mesh through one step; returns whether it lasts, with `out` in world axes."""
-    mesh, i = contacts.wall[k], contacts.body[k]
-    frame = walls.cones.shape[0] + walls.rings.shape[0] + mesh
+def follow_feature(row, radius, parts, walls, frame, meshes, contacts, n, k, end, out, other):
+    """Track contact k with a mesh through one step; returns whether it lasts, with `out` in world axes.
+
+    The row of the body, or of the sphere of one, is as seen from the frame of the mesh.
+    """
     tile, lane = contacts.data[k // st.LANES], k % st.LANES
-    row = bodies.rows[i]
-    at = st.NORMAL + lane
-    nx, ny, nz = tile[at], tile[at + st.LANES], tile[at + 2 * st.LANES]
+    nx, ny, nz = lane_vector(tile, st.NORMAL, lane)
     if walls.displaced[frame]:
-        row_in_frame(row, parts, walls.frames[frame], local)
-        row = local
         nx, ny, nz = into_frame(walls.frames[frame], nx, ny, nz)
-    inside = track(row, parts, meshes, tile, lane, contacts.feature[k], nx, ny, nz, out)
-    touching = inside >= 0.0
+    touching = track(row, parts, meshes, tile, lane, contacts.feature[k], nx, ny, nz, out) >= 0.0
     if not touching:
-        radius = bodies.motion[i // st.LANES, st.RADIUS + i % st.LANES]
         touching = hand_over(row, parts, meshes, contacts, n, k, radius, end, out, other)
     if touching and out[3] < 0.0 and meshes.kind[contacts.feature[k]] == FACE:
         deepest_near(row, parts, meshes, contacts, k, out, other)
-    if walls.displaced[frame]:
-        rotate_to_world(walls.frames[frame], out, 0)
-        rotate_to_world(walls.frames[frame], out, 5)
+    contact_to_world(walls, frame, out)
     return touching and out[3] <= end
+
+
+@inlined
+def follow_mesh(bodies, parts, walls, meshes, contacts, n, k, end, out, other, local):
+    """Track contact k of a smooth body with a mesh through one step, as `follow_feature`."""
+    i = contacts.body[k]
+    frame = walls.cones.shape[0] + walls.rings.shape[0] + contacts.wall[k]
+    row = seen_from(walls, frame, bodies.rows[i], parts, local)
+    radius = bounding_radius(bodies, i)
+    return follow_feature(row, radius, parts, walls, frame, meshes, contacts, n, k, end, out, other)
 
 
 @inlined
@@ -223,18 +219,13 @@ def bring_along(bodies, parts, walls, meshes, contacts, counts, mesh, i, out, ot
     for k in range(n):
         if contacts.body[k] == i and contacts.wall[k] == mesh:
             follow_mesh(bodies, parts, walls, meshes, contacts, n, k, 0.0, out, other, local)
-            for c in range(3):
-                contacts.data[k // st.LANES, st.NORMAL + c * st.LANES + k % st.LANES] = out[c]
+            write_vector(contacts.data[k // st.LANES], st.NORMAL, k % st.LANES, out[0], out[1], out[2])
 
 
 @inlined
 def body_at_mesh(bodies, meshed, walls, meshes, counts, parts, mesh, i, out, other, local):
     """Find new contacts of smooth body i with a mesh; returns how far it may move before the next search."""
     frame = walls.cones.shape[0] + walls.rings.shape[0] + mesh
-    radius = bodies.motion[i // st.LANES, st.RADIUS + i % st.LANES]
     bring_along(bodies, parts, walls, meshes, meshed, counts, mesh, i, out, other, local)
-    row = bodies.rows[i]
-    if walls.displaced[frame]:
-        row_in_frame(row, parts, walls.frames[frame], local)
-        row = local
-    return search_mesh(row, meshed, counts, parts, walls, meshes, mesh, i, radius, out)
+    row = seen_from(walls, frame, bodies.rows[i], parts, local)
+    return search_mesh(row, meshed, counts, parts, walls, meshes, mesh, i, bounding_radius(bodies, i), out)

@@ -15,11 +15,11 @@ from . import state as st
 from .contact import solve_gap
 from .jit import inlined, kernel
 from .lists import move_contact, put_contact
+from .rows import L
 
 # A proven gap above this share of the skin is good enough; below it the true gap is found.
 EARLY = 0.25
 TOLERANCE = 1e-4
-L = st.LANES
 
 
 @inlined
@@ -50,18 +50,24 @@ def unlink(grid, i):
     grid.cell[i] = -1
 
 
-@kernel
-def link(grid, bodies, i):
-    """Put body i into the cell of its position, and set the displacement at which its neighbours are found anew."""
-    x, y, z = bodies.rows[i, 0], bodies.rows[i, 1], bodies.rows[i, 2]
-    cell = cell_of(grid, x, y, z)
-    bodies.motion[i // L, st.RELIST + i % L] = bodies.displacement[i] + 0.5 * grid.lengths[st.SKIN]
+@inlined
+def put_in_cell(grid, i, cell):
+    """Put body i, which is in none, into a cell."""
     grid.cell[i] = cell
     grid.preceding[i] = -1
     grid.following[i] = grid.head[cell]
     if grid.head[cell] >= 0:
         grid.preceding[grid.head[cell]] = i
     grid.head[cell] = i
+
+
+@kernel
+def link(grid, bodies, i):
+    """Put body i into the cell of its position, and set the displacement at which its neighbours are found anew."""
+    x, y, z = bodies.rows[i, 0], bodies.rows[i, 1], bodies.rows[i, 2]
+    cell = cell_of(grid, x, y, z)
+    bodies.motion[i // L, st.RELIST + i % L] = bodies.displacement[i] + 0.5 * grid.lengths[st.SKIN]
+    put_in_cell(grid, i, cell)
 
 
 @inlined
@@ -74,14 +80,37 @@ def mark_moved(grid, counts, i):
 
 
 @inlined
+def count_pair(counter, i, j, by):
+    """Count a pair of bodies, or no longer."""
+    counter[i] += by
+    counter[j] += by
+
+
+@inlined
+def write_pair(first, second, k, i, j):
+    """Write two bodies to place k of a list."""
+    first[k] = i
+    second[k] = j
+
+
+@inlined
+def take_place(counts, slot, room):
+    """Take the next place of a list and return it, or -1 where there is no room."""
+    k = counts[slot]
+    if k >= room:
+        counts[st.FULL] = 1
+        return -1
+    counts[slot] = k + 1
+    return k
+
+
+@inlined
 def drop_near(pairs, counts, grid, k):
     """Remove near pair k; the last one takes its place."""
     last = counts[st.N_NEAR] - 1
     counts[st.N_NEAR] = last
-    grid.near[pairs.near_first[k]] -= 1
-    grid.near[pairs.near_second[k]] -= 1
-    pairs.near_first[k] = pairs.near_first[last]
-    pairs.near_second[k] = pairs.near_second[last]
+    count_pair(grid.near, pairs.near_first[k], pairs.near_second[k], -1)
+    write_pair(pairs.near_first, pairs.near_second, k, pairs.near_first[last], pairs.near_second[last])
     pairs.near_limit[k] = pairs.near_limit[last]
     pairs.near_check[k // st.BLOCK] = 0.0
     for c in range(3):
@@ -91,15 +120,11 @@ def drop_near(pairs, counts, grid, k):
 @inlined
 def add_near(pairs, counts, grid, i, j, limit, nx, ny, nz):
     """Append a near pair."""
-    k = counts[st.N_NEAR]
-    if k >= pairs.near_limit.shape[0]:
-        counts[st.FULL] = 1
+    k = take_place(counts, st.N_NEAR, pairs.near_limit.shape[0])
+    if k < 0:
         return
-    counts[st.N_NEAR] = k + 1
-    grid.near[i] += 1
-    grid.near[j] += 1
-    pairs.near_first[k] = i
-    pairs.near_second[k] = j
+    count_pair(grid.near, i, j, 1)
+    write_pair(pairs.near_first, pairs.near_second, k, i, j)
     pairs.near_limit[k] = limit
     pairs.near_check[k // st.BLOCK] = 0.0
     pairs.near_normal[k, 0] = nx
@@ -110,15 +135,11 @@ def add_near(pairs, counts, grid, i, j, limit, nx, ny, nz):
 @inlined
 def add_contact(pairs, counts, grid, i, j, normal):
     """Append a touching pair with a relaxed spring."""
-    k = counts[st.N_PAIRS]
-    if k >= pairs.first.shape[0]:
-        counts[st.FULL] = 1
+    k = take_place(counts, st.N_PAIRS, pairs.first.shape[0])
+    if k < 0:
         return
-    counts[st.N_PAIRS] = k + 1
-    grid.touching[i] += 1
-    grid.touching[j] += 1
-    pairs.first[k] = i
-    pairs.second[k] = j
+    count_pair(grid.touching, i, j, 1)
+    write_pair(pairs.first, pairs.second, k, i, j)
     put_contact(pairs.data, k, normal[0], normal[1], normal[2])
 
 
@@ -127,13 +148,22 @@ def drop_contact(pairs, counts, grid, k, ghost):
     """Remove touching pair k; the last one takes its place, body `ghost` that of the last."""
     last = counts[st.N_PAIRS] - 1
     counts[st.N_PAIRS] = last
-    grid.touching[pairs.first[k]] -= 1
-    grid.touching[pairs.second[k]] -= 1
-    pairs.first[k] = pairs.first[last]
-    pairs.second[k] = pairs.second[last]
+    count_pair(grid.touching, pairs.first[k], pairs.second[k], -1)
+    write_pair(pairs.first, pairs.second, k, pairs.first[last], pairs.second[last])
     move_contact(pairs.data, last, k)
-    pairs.first[last] = ghost
-    pairs.second[last] = ghost
+    write_pair(pairs.first, pairs.second, last, ghost, ghost)
+
+
+@inlined
+def near_gap(bodies, pairs, grid, parts, k, normal):
+    """Solve for the gap of near pair k from its last normal, which is updated; the new one is in `normal`, too."""
+    for c in range(3):
+        normal[c] = pairs.near_normal[k, c]
+    early = EARLY * grid.lengths[st.SKIN]
+    gap = solve_gap(bodies.rows, parts, pairs.near_first[k], pairs.near_second[k], normal, TOLERANCE, early)
+    for c in range(3):
+        pairs.near_normal[k, c] = normal[c]
+    return gap
 
 
 @inlined
@@ -141,16 +171,12 @@ def check_near(bodies, pairs, counts, grid, parts, k, normal):
     """Solve for the gap of near pair k, make it a contact or set a new limit; returns whether it stays in the list."""
     i = pairs.near_first[k]
     j = pairs.near_second[k]
-    for c in range(3):
-        normal[c] = pairs.near_normal[k, c]
-    gap = solve_gap(bodies.rows, parts, i, j, normal, TOLERANCE, EARLY * grid.lengths[st.SKIN])
+    gap = near_gap(bodies, pairs, grid, parts, k, normal)
     if gap <= 0.0:
         drop_near(pairs, counts, grid, k)
         add_contact(pairs, counts, grid, i, j, normal)
         return False
     pairs.near_limit[k] = bodies.displacement[i] + bodies.displacement[j] + gap
-    for c in range(3):
-        pairs.near_normal[k, c] = normal[c]
     return True
 
 
@@ -202,26 +228,28 @@ def drop_near_of_moved(pairs, counts, grid):
         k -= 1
 
 
+@inlined
+def chain_partner(pairs, grid, used, i, j):
+    """Chain j to the partners of i where the neighbours of i are found anew; returns the number of links used."""
+    if grid.moved[i]:
+        pairs.partner[used] = j
+        pairs.link[used] = grid.chain[i]
+        grid.chain[i] = used
+        used += 1
+    return used
+
+
 @kernel
 def chain_contacts(pairs, counts, grid):
     """Chain the touching partners of each body whose neighbours are found anew."""
-    moved = grid.moved
     left = listed(grid.touching, grid, counts)
     used = 0
     k = counts[st.N_PAIRS] - 1
     while used < left:
         i = pairs.first[np.uint64(k)]
         j = pairs.second[np.uint64(k)]
-        if moved[i]:
-            pairs.partner[used] = j
-            pairs.link[used] = grid.chain[i]
-            grid.chain[i] = used
-            used += 1
-        if moved[j]:
-            pairs.partner[used] = i
-            pairs.link[used] = grid.chain[j]
-            grid.chain[j] = used
-            used += 1
+        used = chain_partner(pairs, grid, used, i, j)
+        used = chain_partner(pairs, grid, used, j, i)
         k -= 1
 
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from . import state as st
 from .jit import kernel
-
-L = st.LANES
+from .neighbours import put_in_cell
+from .rows import L
 
 
 def morton(cell, shape):
@@ -28,23 +28,29 @@ def relink(grid, n):
     """Make the chains of the cells anew."""
     grid.head[:] = -1
     for i in range(n):
-        cell = grid.cell[i]
-        grid.following[i] = -1
-        grid.preceding[i] = -1
-        if cell >= 0:
-            after = grid.head[cell]
-            grid.following[i] = after
-            if after >= 0:
-                grid.preceding[after] = i
-            grid.head[cell] = i
+        if grid.cell[i] >= 0:
+            put_in_cell(grid, i, grid.cell[i])
 
 
-def _permute_lanes(tiles, order):
+def permute(order, *arrays):
+    """Permute the first rows of arrays."""
+    for array in arrays:
+        array[: len(order)] = array[: len(order)][order]
+
+
+def permute_lanes(order, tiles):
     """Permute the first lanes of an array of tiles (tiles, rows * L)."""
-    rows = tiles.shape[1] // L
-    flat = tiles.reshape(-1, rows, L).transpose(0, 2, 1).reshape(-1, rows)
-    flat[: len(order)] = flat[order]
-    tiles[:] = flat.reshape(-1, L, rows).transpose(0, 2, 1).reshape(tiles.shape)
+    lanes = st.contact_rows(tiles, tiles.size)
+    permute(order, lanes)
+    tiles[:] = lanes.reshape(len(tiles), L, -1).transpose(0, 2, 1).reshape(tiles.shape)
+
+
+def sort_by(bodies_of, arrays, *tiles):
+    """Sort lists of contacts, arrays and tiles, by a body of each (n,)."""
+    order = np.argsort(bodies_of, kind="stable")
+    permute(order, *arrays)
+    for data in tiles:
+        permute_lanes(order, data)
 
 
 def reorder(bodies, grid, pairs, flat, curved, meshed, counts):
@@ -53,15 +59,12 @@ def reorder(bodies, grid, pairs, flat, curved, meshed, counts):
     order = np.argsort(morton(grid.cell[:n], grid.shape), kind="stable")
     place = np.empty(n, np.int64)
     place[order] = np.arange(n)
-    for array in (
-        bodies.rows, bodies.displacement, bodies.wall_check, bodies.presence, bodies.passed, bodies.exit_time,
+    permute(
+        order, bodies.rows, bodies.displacement, bodies.wall_check, bodies.presence, bodies.passed, bodies.exit_time,
         bodies.kind, grid.cell, grid.moved, grid.touching, grid.near,
-    ):  # fmt: skip
-        array[:n] = array[:n][order]
-    for contacts in (flat, curved, meshed):
-        for array in (contacts.limit, contacts.deepest):
-            array[:, :n] = array[:, :n][:, order]
-    _permute_lanes(bodies.motion, order)
+    )  # fmt: skip
+    permute(order, *(array.T for contacts in (flat, curved, meshed) for array in (contacts.limit, contacts.deepest)))
+    permute_lanes(order, bodies.motion)
     bodies.resting[:] = 0
     bodies.wall_margin[:] = 0.0
     moved = int(counts[st.N_MOVED])
@@ -77,31 +80,11 @@ def reorder(bodies, grid, pairs, flat, curved, meshed, counts):
         (meshed.body, st.N_MESHED),
     ):
         numbers[: counts[used]] = place[numbers[: counts[used]]]
-    sort_contacts(pairs, int(counts[st.N_PAIRS]))
-    sort_plane_contacts(flat, int(counts[st.N_PLANE]))
-    sort_near(pairs, int(counts[st.N_NEAR]))
-    return order
-
-
-def sort_contacts(pairs, n):
-    """Sort the first n contacts by their bodies."""
-    order = np.argsort(np.minimum(pairs.first[:n], pairs.second[:n]), kind="stable")
-    for numbers in (pairs.first, pairs.second):
-        numbers[:n] = numbers[:n][order]
-    _permute_lanes(pairs.data, order)
-
-
-def sort_plane_contacts(flat, n):
-    """Sort the first n contacts with planes by their bodies."""
-    order = np.argsort(flat.body[:n], kind="stable")
-    for numbers in (flat.body, flat.wall, flat.feature):
-        numbers[:n] = numbers[:n][order]
-    _permute_lanes(flat.data, order)
-
-
-def sort_near(pairs, n):
-    """Sort the first n near pairs by their bodies."""
-    order = np.argsort(np.minimum(pairs.near_first[:n], pairs.near_second[:n]), kind="stable")
-    for array in (pairs.near_first, pairs.near_second, pairs.near_limit, pairs.near_normal):
-        array[:n] = array[:n][order]
+    # contacts in the order of their bodies
+    first, second = pairs.first[: counts[st.N_PAIRS]], pairs.second[: counts[st.N_PAIRS]]
+    sort_by(np.minimum(first, second), (pairs.first, pairs.second), pairs.data)
+    sort_by(flat.body[: counts[st.N_PLANE]], (flat.body, flat.wall, flat.feature), flat.data)
+    first, second = pairs.near_first[: counts[st.N_NEAR]], pairs.near_second[: counts[st.N_NEAR]]
+    sort_by(np.minimum(first, second), (pairs.near_first, pairs.near_second, pairs.near_limit, pairs.near_normal))
     pairs.near_check[:] = 0.0
+    return order

@@ -7,19 +7,19 @@ thread runs `advance_shared`.
 """
 
 import math
-import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
 from . import state as st
 from .atomics import wait_for_all
-from .contact import solve_gap
 from .engine import begin_step, has_room, wall_contacts_and_forces
 from .forces import pair_forces
 from .jit import inlined, kernel, kernel_without_gil
-from .neighbours import EARLY, TOLERANCE, add_contact, drop_near, next_due, retire_pairs
+from .neighbours import add_contact, drop_near, near_gap, next_due, retire_pairs
 from .renewal import renew
 from .rigid import act_on_events, integrate
+from .rows import L
 
 SHARES = 8
 FEWEST_BODIES = 4096  # smaller simulations have one share: they gain nothing from threads
@@ -28,7 +28,6 @@ CALM = 1e-3  # of the skin: paths of one step below which whole blocks of pairs 
 CHANGED, DUE = 0.0, -1.0  # of a block of near pairs, in place of the path at which it is checked
 UP_TO_NOW, LAST_STEP = 0, 1  # rows of `Grid.paths`
 STOP = 0  # place in `orders` that ends the run
-L = st.LANES
 
 
 @inlined
@@ -96,23 +95,16 @@ def note_paths(bodies, counts, grid):
 @inlined
 def look_at_block(bodies, pairs, grid, parts, begin, end, due, place, normal):
     """Find the near pairs begin to end that are due and touch, list them from `place` on and return their number."""
-    early = EARLY * grid.lengths[st.SKIN]
     first, second, limit = pairs.near_first, pairs.near_second, pairs.near_limit
     found = 0
     k = next_due(bodies.displacement, first, second, limit, begin, end)
     while k < end:
-        i = first[k]
-        j = second[k]
-        for c in range(3):
-            normal[c] = pairs.near_normal[k, c]
-        gap = solve_gap(bodies.rows, parts, i, j, normal, TOLERANCE, early)
-        for c in range(3):
-            pairs.near_normal[k, c] = normal[c]
+        gap = near_gap(bodies, pairs, grid, parts, k, normal)
         if gap <= 0.0:
             due[place + found] = k
             found += 1
         else:
-            limit[k] = bodies.displacement[i] + bodies.displacement[j] + gap
+            limit[k] = bodies.displacement[first[k]] + bodies.displacement[second[k]] + gap
         k = next_due(bodies.displacement, first, second, limit, k + 1, end)
     return found
 
@@ -216,15 +208,6 @@ def advance_shared(
 def run_threads(arrays, tiles, shared, steps):
     """Run `advance_shared` on as many threads as there are scratch tiles; returns the steps made."""
     threads = len(tiles[0])
-    made = np.zeros(threads, np.int64)
-
-    def work(thread):
-        made[thread] = advance_shared(*arrays, *tiles, shared, thread, steps)
-
-    others = [threading.Thread(target=work, args=(thread,)) for thread in range(1, threads)]
-    for other in others:
-        other.start()
-    work(0)
-    for other in others:
-        other.join()
-    return int(made[0])
+    with ThreadPoolExecutor(threads) as pool:
+        made = pool.map(lambda thread: advance_shared(*arrays, *tiles, shared, thread, steps), range(threads))
+    return next(made)

@@ -5,7 +5,7 @@
 
 from . import state as st
 from .clumps import chain_entries, drop_entries_of_gone
-from .forces import drop_curved, drop_flat, drop_meshed
+from .forces import drop_touch
 from .jit import inlined, kernel
 from .neighbours import chain_contacts, drop_contact, drop_near_of_moved, link, list_pair, unlink
 from .rigid import take_away
@@ -95,20 +95,22 @@ def drop_pairs_of_gone(bodies, pairs, clumps, counts, grid, ghost):
         drop_entries_of_gone(bodies, pairs, counts, grid, clumps, ghost)
 
 
+@inlined
+def drop_touches_of_gone(presence, contacts, clumps, counts, slot, ghost):
+    """Drop the contacts of bodies that are gone with walls of one kind."""
+    for k in range(counts[slot] - 1, -1, -1):
+        if presence[contacts.body[k]] != st.PRESENT:
+            drop_touch(contacts, clumps, counts, slot, k, ghost)
+
+
 @kernel
 def drop_gone(bodies, pairs, flat, curved, meshed, clumps, counts, grid, ghost):
     """Drop all contacts of the bodies that went below the floor in the last step."""
     presence = bodies.presence
     drop_pairs_of_gone(bodies, pairs, clumps, counts, grid, ghost)
-    for k in range(counts[st.N_PLANE] - 1, -1, -1):
-        if presence[flat.body[k]] != st.PRESENT:
-            drop_flat(flat, clumps, counts, k, ghost)
-    for k in range(counts[st.N_CURVED] - 1, -1, -1):
-        if presence[curved.body[k]] != st.PRESENT:
-            drop_curved(curved, clumps, counts, k, ghost)
-    for k in range(counts[st.N_MESHED] - 1, -1, -1):
-        if presence[meshed.body[k]] != st.PRESENT:
-            drop_meshed(meshed, clumps, counts, k, ghost)
+    drop_touches_of_gone(presence, flat, clumps, counts, st.N_PLANE, ghost)
+    drop_touches_of_gone(presence, curved, clumps, counts, st.N_CURVED, ghost)
+    drop_touches_of_gone(presence, meshed, clumps, counts, st.N_MESHED, ghost)
     for m in range(counts[st.N_MOVED]):
         if presence[grid.moved_list[m]] != st.PRESENT:
             take_away(bodies, grid.moved_list[m])

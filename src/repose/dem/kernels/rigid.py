@@ -7,7 +7,8 @@ from .body_rotation import rotate_lanes, rotate_spheres, shape_lanes
 from .body_tile import BEFORE, LOAD, MORE, PATH, ROWS, L
 from .jit import inlined, kernel
 from .neighbours import mark_moved
-from .simd import WIDTH, lanes_to_rows, prefetch, rows_to_lanes
+from .rows import add_vector, write_vector
+from .simd import WIDTH, gather, lanes_to_rows, prefetch
 from .state import ANGULAR_MOMENTUM, INVERSE_MOMENTS, PART, QUATERNION, RELIST, SHAPE, alive
 
 FELL, MOVED_ON, LOST = 1, 2, 4  # bits of an event
@@ -23,13 +24,9 @@ def move_lanes(m, gx, gy, gz, dt):
         vx = alive(m[ROWS + 3 * L + k] + kick * m[LOAD + k] + there * dt * gx)
         vy = alive(m[ROWS + 4 * L + k] + kick * m[LOAD + L + k] + there * dt * gy)
         vz = alive(m[ROWS + 5 * L + k] + kick * m[LOAD + 2 * L + k] + there * dt * gz)
-        m[ROWS + 3 * L + k] = vx
-        m[ROWS + 4 * L + k] = vy
-        m[ROWS + 5 * L + k] = vz
+        write_vector(m, ROWS + 3 * L, k, vx, vy, vz)
         m[BEFORE + k] = m[ROWS + 2 * L + k]
-        m[ROWS + k] += dt * vx
-        m[ROWS + L + k] += dt * vy
-        m[ROWS + 2 * L + k] += dt * vz
+        add_vector(m, ROWS, k, dt * vx, dt * vy, dt * vz)
         square = vx * vx + vy * vy + vz * vz
         m[PATH + k] = dt * math.sqrt(square)
 
@@ -98,8 +95,7 @@ def take_loads(bodies, tile, m):
         if bodies.touched[share, tile]:
             bodies.touched[share, tile] = 0
             load = bodies.load[share]
-            for k in range(0, L, WIDTH):
-                rows_to_lanes(load, 0, bodies.every, base + k, m, MORE + k, L)
+            gather(load, st.LOAD_COLUMNS, bodies.every, base, m, MORE)
             for k in range(st.LOAD_COLUMNS * L):
                 m[LOAD + k] += m[MORE + k]
             load[base : base + L] = 0.0
@@ -110,8 +106,7 @@ def take_only_load(bodies, tile, m):
     """Take a tile's loads, of which there is one share, and clear them."""
     base = tile * L
     load = bodies.load[0]
-    for k in range(0, L, WIDTH):
-        rows_to_lanes(load, 0, bodies.every, base + k, m, LOAD + k, L)
+    gather(load, st.LOAD_COLUMNS, bodies.every, base, m, LOAD)
     load[base : base + L] = 0.0
 
 
@@ -157,9 +152,7 @@ def integrate(bodies, counts, physics, m, begin, end):
         c = bodies.motion[tile]
         # of a tile in which nothing rotated, only the first eight columns are read and written
         read = WIDTH if bodies.resting[tile] else columns
-        for k in range(0, L, WIDTH):
-            for column in range(0, read, WIDTH):
-                rows_to_lanes(bodies.rows, column, bodies.every, base + k, m, ROWS + column * L + k, L)
+        gather(bodies.rows, read, bodies.every, base, m, ROWS)
         if shares > 1:
             fetch_next(bodies, tile)
             take_loads(bodies, tile, m)

@@ -1,6 +1,9 @@
-"""Places of the rows of a tile, given to the quantities one after another."""
+"""Places of the rows of a tile, given to the quantities one after another, and the vectors of a lane."""
+
+from .jit import inlined
 
 LANES = 32
+L = LANES
 
 
 class Rows:
@@ -23,3 +26,25 @@ class Rows:
     def count(self) -> int:
         """Number of rows given so far."""
         return (self.end - self.first) // LANES
+
+
+@inlined
+def lane_vector(tile, at, k):
+    """Return a lane's vector, whose first row begins at a place of a tile."""
+    return tile[at + k], tile[at + L + k], tile[at + 2 * L + k]
+
+
+@inlined
+def write_vector(tile, at, k, x, y, z):
+    """Write a lane's vector."""
+    tile[at + k] = x
+    tile[at + L + k] = y
+    tile[at + 2 * L + k] = z
+
+
+@inlined
+def add_vector(tile, at, k, x, y, z):
+    """Add to a lane's vector."""
+    tile[at + k] += x
+    tile[at + L + k] += y
+    tile[at + 2 * L + k] += z

@@ -15,6 +15,7 @@ from numba.extending import intrinsic
 
 from . import as_python
 from .jit import JIT_OFF, inlined
+from .rows import LANES
 
 WIDTH = 8  # numbers moved at once
 DOUBLE, INT64, INT32, BYTE = ir.DoubleType(), ir.IntType(64), ir.IntType(32), ir.IntType(8)
@@ -88,61 +89,48 @@ class _Call:
 
 def _checked(table, column, index, k, tile, at, stride):
     """Return the signature of an intrinsic, or None where the arguments do not fit."""
-    fits = (
-        isinstance(table, types.Array)
-        and table.dtype == types.float64
-        and isinstance(tile, types.Array)
-        and tile.dtype == types.float64
-        and isinstance(index, types.Array)
-        and isinstance(index.dtype, types.Integer)
-    )
+    fits = all(isinstance(array, types.Array) for array in (table, tile, index))
+    fits = fits and table.dtype == tile.dtype == types.float64 and isinstance(index.dtype, types.Integer)
     return types.void(table, column, index, k, tile, at, stride) if fits else None
 
 
-@intrinsic
-def rows_to_lanes(typingctx, table, column, index, k, tile, at, stride):
+def _moving(move):
+    """Make an intrinsic of (table, column, index, k, tile, at, stride) of the function that writes its code."""
+
+    def declare(typingctx, table, column, index, k, tile, at, stride):
+        def generate(context, builder, sig, values):
+            move(builder, _Call(context, builder, sig, values))
+            return context.get_dummy_value()
+
+        return _checked(table, column, index, k, tile, at, stride), generate
+
+    declare.__name__, declare.__doc__ = move.__name__, move.__doc__
+    return intrinsic(declare)
+
+
+@_moving
+def rows_to_lanes(builder, call):
     """tile[at + c * stride + l] = table[index[k + l], column + c] for c and l of 0..7."""
-    signature = _checked(table, column, index, k, tile, at, stride)
-
-    def generate(context, builder, sig, values):
-        call = _Call(context, builder, sig, values)
-        rows = [call.body(lane) for lane in range(WIDTH)]
-        for quantity, lanes in enumerate(_transposed(builder, rows)):
-            _store(builder, lanes, call.lanes(quantity))
-        return context.get_dummy_value()
-
-    return signature, generate
+    rows = [call.body(lane) for lane in range(WIDTH)]
+    for quantity, lanes in enumerate(_transposed(builder, rows)):
+        _store(builder, lanes, call.lanes(quantity))
 
 
-@intrinsic
-def lanes_to_rows(typingctx, table, column, index, k, tile, at, stride):
+@_moving
+def lanes_to_rows(builder, call):
     """table[index[k + l], column + c] = tile[at + c * stride + l] for c and l of 0..7."""
-    signature = _checked(table, column, index, k, tile, at, stride)
-
-    def generate(context, builder, sig, values):
-        call = _Call(context, builder, sig, values)
-        lanes = [call.lanes(quantity) for quantity in range(WIDTH)]
-        for lane, row in enumerate(_transposed(builder, lanes)):
-            _store(builder, row, call.body(lane))
-        return context.get_dummy_value()
-
-    return signature, generate
+    lanes = [call.lanes(quantity) for quantity in range(WIDTH)]
+    for lane, row in enumerate(_transposed(builder, lanes)):
+        _store(builder, row, call.body(lane))
 
 
-@intrinsic
-def add_lanes_to_rows(typingctx, table, column, index, k, tile, at, stride):
+@_moving
+def add_lanes_to_rows(builder, call):
     """table[index[k + l], column + c] += tile[at + c * stride + l], lane after lane (a body may come twice)."""
-    signature = _checked(table, column, index, k, tile, at, stride)
-
-    def generate(context, builder, sig, values):
-        call = _Call(context, builder, sig, values)
-        lanes = [call.lanes(quantity) for quantity in range(WIDTH)]
-        for lane, row in enumerate(_transposed(builder, lanes)):
-            place = call.body(lane)
-            _store(builder, builder.fadd(_load(builder, place), row), place)
-        return context.get_dummy_value()
-
-    return signature, generate
+    lanes = [call.lanes(quantity) for quantity in range(WIDTH)]
+    for lane, row in enumerate(_transposed(builder, lanes)):
+        place = call.body(lane)
+        _store(builder, builder.fadd(_load(builder, place), row), place)
 
 
 @intrinsic
@@ -175,6 +163,14 @@ def _rsqrt_seed(typingctx, x):
         return builder.bitcast(bits, DOUBLE)
 
     return types.float64(types.float64), generate
+
+
+@inlined
+def gather(rows, columns, index, base, t, at):
+    """Copy the first columns of the rows of a tile's bodies into lanes."""
+    for k in range(0, LANES, WIDTH):
+        for column in range(0, columns, WIDTH):
+            rows_to_lanes(rows, column, index, base + k, t, at + column * LANES + k, LANES)
 
 
 @inlined

@@ -135,22 +135,21 @@ def look_at_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, s):
 
 
 @inlined
+def sphere_place(bodies, clumps, i, k):
+    """Centre and radius of sphere k of body i, in the world."""
+    row, of, scale = bodies.rows[i], clumps.spheres[clumps.shape[i]], clumps.scale[i]
+    w, x, y, z = row[st.SHAPE], row[st.SHAPE + 1], row[st.SHAPE + 2], row[st.SHAPE + 3]
+    px, py, pz = ct.rotated_vector(w, x, y, z, of[0, k], of[1, k], of[2, k])
+    return row[0] + scale * px, row[1] + scale * py, row[2] + scale * pz, scale * of[3, k]
+
+
+@inlined
 def sphere_gap(bodies, clumps, i, j, a, b):
     """Gap between sphere a of body i and sphere b of body j."""
-    row, of = bodies.rows[i], clumps.spheres[clumps.shape[i]]
-    scale = clumps.scale[i]
-    w, x, y, z = row[st.SHAPE], row[st.SHAPE + 1], row[st.SHAPE + 2], row[st.SHAPE + 3]
-    ax, ay, az = ct.rotated_vector(w, x, y, z, of[0, a], of[1, a], of[2, a])
-    dx, dy, dz = row[0] + scale * ax, row[1] + scale * ay, row[2] + scale * az
-    reach = scale * of[3, a]
-    row, of = bodies.rows[j], clumps.spheres[clumps.shape[j]]
-    scale = clumps.scale[j]
-    w, x, y, z = row[st.SHAPE], row[st.SHAPE + 1], row[st.SHAPE + 2], row[st.SHAPE + 3]
-    bx, by, bz = ct.rotated_vector(w, x, y, z, of[0, b], of[1, b], of[2, b])
-    dx -= row[0] + scale * bx
-    dy -= row[1] + scale * by
-    dz -= row[2] + scale * bz
-    return math.sqrt(dx * dx + dy * dy + dz * dz) - (reach + scale * of[3, b])
+    ax, ay, az, radius_a = sphere_place(bodies, clumps, i, a)
+    bx, by, bz, radius_b = sphere_place(bodies, clumps, j, b)
+    dx, dy, dz = ax - bx, ay - by, az - bz
+    return math.sqrt(dx * dx + dy * dy + dz * dz) - (radius_a + radius_b)
 
 
 @inlined

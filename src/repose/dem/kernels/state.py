@@ -77,8 +77,9 @@ Pairs = namedtuple(
     "first second data near_first near_second near_limit near_normal near_check near_groups ended gap partner link",
 )
 # deepest (walls, N): largest overlap with which a contact of a smooth body may begin; infinite unless it is past the
-# wall.
-WallContacts = namedtuple("WallContacts", "body wall feature data limit ended deepest")
+# wall. Of clumps, known and past (walls, N): which spheres of a body touch a wall and which are past it, as bits; known
+# of meshes is written anew in every step. Of smooth bodies they are empty tuples.
+WallContacts = namedtuple("WallContacts", "body wall feature data limit ended deepest known past")
 Shared = namedtuple("Shared", "counters orders begins numbers due")
 # loads: force on each wall and torque about the origin, (walls, 6) where a user asks for them, else (0, 6).
 Walls = namedtuple("Walls", "planes cones rings frames displaced motion moves material approach loads")
@@ -141,6 +142,11 @@ def row_end(parts):
     return share_column(parts) + 1
 
 
+def each(names, shape, kind, value=0):
+    """Return an array of its own for each name, filled with a value."""
+    return {name: np.full(shape, value, kind) if value else np.zeros(shape, kind) for name in names.split()}
+
+
 def new_bodies(n, parts, shares=1):
     """Arrays for n bodies of up to `parts` parts, all absent; shares: number of shares of the loads, see `parallel`.
 
@@ -162,16 +168,12 @@ def new_bodies(n, parts, shares=1):
         motion=motion,
         displacement=zeros(padded),
         wall_check=np.full(padded, np.inf),
-        presence=np.zeros(padded, np.uint8),
-        passed=np.zeros(padded, np.uint8),
+        **each("presence passed kind event", padded, np.uint8),
         exit_time=np.full(padded, np.nan),
         every=np.arange(padded, dtype=np.uint32),
         resting=np.zeros(padded // LANES, np.uint8),
-        kind=np.zeros(padded, np.uint8),
-        event=np.zeros(padded, np.uint8),
         events=np.zeros(padded, np.int64),
-        longest=np.zeros(padded // LANES),
-        wall_margin=np.zeros(padded // LANES),
+        **each("longest wall_margin", padded // LANES, float),
     )
 
 
@@ -197,16 +199,10 @@ def new_grid(n, lower, upper, cell):
         shape[shape.argmax()] = np.ceil(0.5 * shape.max())
     shape = shape.astype(np.int64)
     return Grid(
-        cell=np.full(n, -1, np.int64),
-        following=np.full(n, -1, np.int64),
-        preceding=np.full(n, -1, np.int64),
+        **each("cell following preceding chain mark", n, np.int64, -1),
         head=np.full(int(shape.prod()), -1, np.int64),
         moved=np.zeros(n, np.uint8),
-        moved_list=np.zeros(n, np.int64),
-        chain=np.full(n, -1, np.int64),
-        mark=np.full(n, -1, np.int64),
-        touching=np.zeros(n, np.int64),
-        near=np.zeros(n, np.int64),
+        **each("moved_list touching near", n, np.int64),
         shape=shape,
         origin=lower.copy(),
         lengths=np.array([cell, 0.0, 0.0]),
@@ -227,44 +223,43 @@ def contact_rows(data, n):
     return data.reshape(-1, rows, LANES).transpose(0, 2, 1).reshape(-1, rows)[:n]
 
 
-def _whole_tiles(n):
+def whole_tiles(n):
+    """Round up a number of contacts to that of whole tiles."""
     return LANES * -(-n // LANES)
 
 
 def new_pairs(n_contacts, n_near, ghost, n_state):
     """Arrays for touching and near pairs; unused contacts have body `ghost`, and n_state rows are of the force laws."""
-    n_contacts = _whole_tiles(n_contacts)
+    n_contacts = whole_tiles(n_contacts)
     return Pairs(
-        first=np.full(n_contacts, ghost, np.uint32),
-        second=np.full(n_contacts, ghost, np.uint32),
+        **each("first second", n_contacts, np.uint32, ghost),
         data=new_contacts(n_contacts, PAIR_STATE // LANES + n_state),
-        near_first=np.zeros(n_near, np.uint32),
-        near_second=np.zeros(n_near, np.uint32),
+        **each("near_first near_second", n_near, np.uint32),
         near_limit=np.zeros(n_near),
         near_normal=np.zeros((n_near, 3)),
         near_check=np.zeros(n_near // BLOCK + 1),
         near_groups=np.zeros(n_near // BLOCK + 1, np.int64),
         ended=np.zeros(n_contacts, np.int64),
         gap=np.zeros(n_contacts),
-        partner=np.zeros(2 * n_contacts, np.int64),
-        link=np.zeros(2 * n_contacts, np.int64),
+        **each("partner link", 2 * n_contacts, np.int64),
     )
 
 
-def new_wall_contacts(n_contacts, n_walls, n_bodies, ghost, rows):
+def new_wall_contacts(n_contacts, n_walls, n_bodies, ghost, rows, of_clumps):
     """Arrays for contacts with walls of one kind; `limit` is the displacement at the next check.
 
     `feature` is the number of the feature of a mesh, or else of the sphere of a clump.
     """
-    n_contacts = _whole_tiles(n_contacts)
+    n_contacts = whole_tiles(n_contacts)
     data = new_contacts(n_contacts, rows)
     data[:, RADIUS2 : RADIUS2 + LANES] = np.inf
+    bits = each("known past", (n_walls, n_bodies), np.uint64) if of_clumps else {"known": (), "past": ()}
     return WallContacts(
         body=np.full(n_contacts, ghost, np.uint32),
-        wall=np.zeros(n_contacts, np.uint32),
-        feature=np.zeros(n_contacts, np.uint32),
+        **each("wall feature", n_contacts, np.uint32),
         data=data,
         limit=np.full((n_walls, n_bodies), -1.0),
         ended=np.zeros(n_contacts, np.int64),
         deepest=np.full((n_walls, n_bodies), np.inf),
+        **bits,
     )

@@ -10,11 +10,9 @@ import math
 from . import state as st
 from .geometry import area, part_terms
 from .jit import inlined
-from .rows import Rows
+from .rows import L, Rows, write_vector
 from .simd import rsqrt
-from .state import LANES, LOAD_COLUMNS, MOST_PARTS, NORMAL, OFFSET, PART, SHAPE
-
-L = LANES  # short, for the index arithmetic below
+from .state import LOAD_COLUMNS, MOST_PARTS, NORMAL, OFFSET, PART, SHAPE
 
 N = NORMAL  # row of the contact's own tile (see `state`)
 
@@ -84,12 +82,8 @@ def body_terms(t, shape, parts, k, nx, ny, nz):
 @inlined
 def write_matrix(t, at, k, xx, xy, xz, yy, yz, zz):
     """Write a symmetric matrix to six rows of a lane."""
-    t[at + k] = xx
-    t[at + L + k] = xy
-    t[at + 2 * L + k] = xz
-    t[at + 3 * L + k] = yy
-    t[at + 4 * L + k] = yz
-    t[at + 5 * L + k] = zz
+    write_vector(t, at, k, xx, xy, xz)
+    write_vector(t, at + 3 * L, k, yy, yz, zz)
 
 
 @inlined
@@ -98,9 +92,7 @@ def body_a(t, c, parts):
     for k in range(L):
         nx, ny, nz = c[N + k], c[N + L + k], c[N + 2 * L + k]
         x, y, z, xx, xy, xz, yy, yz, zz = body_terms(t, A + SHAPE * L, parts, k, nx, ny, nz)
-        t[SUPPORT + k] = x
-        t[SUPPORT + L + k] = y
-        t[SUPPORT + 2 * L + k] = z
+        write_vector(t, SUPPORT, k, x, y, z)
         write_matrix(t, CURVED, k, xx, xy, xz, yy, yz, zz)
         t[AREA_A + k] = area(xx, xy, xz, yy, yz, zz)
 
@@ -151,9 +143,7 @@ def newton_step(t, c):
         cut = LARGEST_TURN * rsqrt(sx * sx + sy * sy + sz * sz)
         cut = cut if cut < 1.0 else 1.0
         sx, sy, sz = cut * sx, cut * sy, cut * sz
-        t[STEP + k] = sx
-        t[STEP + L + k] = sy
-        t[STEP + 2 * L + k] = sz
+        write_vector(t, STEP, k, sx, sy, sz)
         t[GAP + k] = f + 0.5 * (x * sx + y * sy + z * sz)
 
 
@@ -165,9 +155,7 @@ def contact_points(t, c):
         mx, my, mz = c[N + k] + sx, c[N + L + k] + sy, c[N + 2 * L + k] + sz
         inv = rsqrt(mx * mx + my * my + mz * mz)
         mx, my, mz = inv * mx, inv * my, inv * mz
-        c[N + k] = mx
-        c[N + L + k] = my
-        c[N + 2 * L + k] = mz
+        write_vector(c, N, k, mx, my, mz)
         xx, xy, xz = t[CURVED + k], t[CURVED + L + k], t[CURVED + 2 * L + k]
         yy, yz, zz = t[CURVED + 3 * L + k], t[CURVED + 4 * L + k], t[CURVED + 5 * L + k]
         # the contact lies midway between the two support points
@@ -175,9 +163,7 @@ def contact_points(t, c):
         rx = t[SUPPORT + k] + xx * sx + xy * sy + xz * sz + half * mx
         ry = t[SUPPORT + L + k] + xy * sx + yy * sy + yz * sz + half * my
         rz = t[SUPPORT + 2 * L + k] + xz * sx + yz * sy + zz * sz + half * mz
-        t[RA + k] = rx
-        t[RA + L + k] = ry
-        t[RA + 2 * L + k] = rz
+        write_vector(t, RA, k, rx, ry, rz)
         t[RB + k] = rx + t[A + k] - t[B + k]
         t[RB + L + k] = ry + t[A + L + k] - t[B + L + k]
         t[RB + 2 * L + k] = rz + t[A + 2 * L + k] - t[B + 2 * L + k]
@@ -205,21 +191,15 @@ def sphere_pair_geometry(t, c):
         ny = inv * dy if apart else c[N + L + k]
         nz = inv * dz if apart else c[N + 2 * L + k]
         gap = inv * square - ra - rb
-        c[N + k] = nx
-        c[N + L + k] = ny
-        c[N + 2 * L + k] = nz
+        write_vector(c, N, k, nx, ny, nz)
         t[GAP + k] = gap
         t[RADIUS + k] = ra * rb / (ra + rb)
         t[AREA_A + k] = ra * ra
         t[AREA_B + k] = rb * rb
         reach = ra + 0.5 * gap
-        t[RA + k] = reach * nx
-        t[RA + L + k] = reach * ny
-        t[RA + 2 * L + k] = reach * nz
+        write_vector(t, RA, k, reach * nx, reach * ny, reach * nz)
         reach = -(rb + 0.5 * gap)
-        t[RB + k] = reach * nx
-        t[RB + L + k] = reach * ny
-        t[RB + 2 * L + k] = reach * nz
+        write_vector(t, RB, k, reach * nx, reach * ny, reach * nz)
 
 
 @inlined
@@ -247,10 +227,16 @@ def sphere_a(t, c):
     """Rows SUPPORT and AREA_A of spheres."""
     for k in range(L):
         radius = t[A + st.SPHERE_RADIUS * L + k]
-        t[SUPPORT + k] = radius * c[N + k]
-        t[SUPPORT + L + k] = radius * c[N + L + k]
-        t[SUPPORT + 2 * L + k] = radius * c[N + 2 * L + k]
+        write_vector(t, SUPPORT, k, radius * c[N + k], radius * c[N + L + k], radius * c[N + 2 * L + k])
         t[AREA_A + k] = radius * radius
+
+
+@inlined
+def is_on_disc(c, k, x, y, z, nx, ny, nz):
+    """Whether a place lies within the disc of a lane's plane, seen along its normal."""
+    dx, dy, dz = x - c[st.MIDDLE + k], y - c[st.MIDDLE + L + k], z - c[st.MIDDLE + 2 * L + k]
+    across = dx * nx + dy * ny + dz * nz
+    return dx * dx + dy * dy + dz * dz - across * across <= c[st.RADIUS2 + k]
 
 
 @inlined
@@ -274,14 +260,9 @@ def plane_geometry(t, c, parts):
         f = c[OFFSET + k] - nx * (t[A + k] + rx) - ny * (t[A + L + k] + ry) - nz * (t[A + 2 * L + k] + rz)
         rx, ry, rz = rx + 0.5 * f * nx, ry + 0.5 * f * ny, rz + 0.5 * f * nz
         t[RADIUS + k] = math.sqrt(t[AREA_A + k])
-        t[RA + k] = rx
-        t[RA + L + k] = ry
-        t[RA + 2 * L + k] = rz
-        dx = t[A + k] + rx - c[st.MIDDLE + k]
-        dy = t[A + L + k] + ry - c[st.MIDDLE + L + k]
-        dz = t[A + 2 * L + k] + rz - c[st.MIDDLE + 2 * L + k]
-        across = dx * nx + dy * ny + dz * nz
-        t[GAP + k] = f if dx * dx + dy * dy + dz * dz - across * across <= c[st.RADIUS2 + k] else BEYOND
+        write_vector(t, RA, k, rx, ry, rz)
+        x, y, z = t[A + k] + rx, t[A + L + k] + ry, t[A + 2 * L + k] + rz
+        t[GAP + k] = f if is_on_disc(c, k, x, y, z, nx, ny, nz) else BEYOND
 
 
 @inlined
@@ -291,16 +272,10 @@ def torques(t):
         fx, fy, fz = t[TO_A + k], t[TO_A + L + k], t[TO_A + 2 * L + k]
         rx, ry, rz = t[RA + k], t[RA + L + k], t[RA + 2 * L + k]
         sx, sy, sz = t[RB + k], t[RB + L + k], t[RB + 2 * L + k]
-        t[TO_A + 3 * L + k] = ry * fz - rz * fy
-        t[TO_A + 4 * L + k] = rz * fx - rx * fz
-        t[TO_A + 5 * L + k] = rx * fy - ry * fx
+        write_vector(t, TO_A + 3 * L, k, ry * fz - rz * fy, rz * fx - rx * fz, rx * fy - ry * fx)
         t[TO_A + st.DASHPOTS * L + k] = t[DASHPOT + k] * (rx * rx + ry * ry + rz * rz)
-        t[TO_B + k] = -fx
-        t[TO_B + L + k] = -fy
-        t[TO_B + 2 * L + k] = -fz
-        t[TO_B + 3 * L + k] = sz * fy - sy * fz
-        t[TO_B + 4 * L + k] = sx * fz - sz * fx
-        t[TO_B + 5 * L + k] = sy * fx - sx * fy
+        write_vector(t, TO_B, k, -fx, -fy, -fz)
+        write_vector(t, TO_B + 3 * L, k, sz * fy - sy * fz, sx * fz - sz * fx, sy * fx - sx * fy)
         t[TO_B + st.DASHPOTS * L + k] = t[DASHPOT + k] * (sx * sx + sy * sy + sz * sz)
 
 

@@ -29,6 +29,17 @@ def effective_radius(q11, q12, q22, k1, k2):
 
 
 @inlined
+def write_contact(out, nx, ny, nz, gap, radius, h, x1, x2, ux, uy, uz, wx, wy, wz):
+    """Fill `out`: normal (3), gap, R*, contact point relative to the centre (3)."""
+    reach = h + 0.5 * gap
+    out[0], out[1], out[2] = nx, ny, nz
+    out[3], out[4] = gap, radius
+    out[5] = reach * nx + x1 * ux + x2 * wx
+    out[6] = reach * ny + x1 * uy + x2 * wy
+    out[7] = reach * nz + x1 * uz + x2 * wz
+
+
+@inlined
 def cone_overlap(row, parts, cone, theta):
     """phi(theta), its first and second derivative, and the distance up the wall of the body's deepest point."""
     cos, sin = math.cos(theta), math.sin(theta)
@@ -70,12 +81,7 @@ def cone_contact(row, parts, cone, theta, out):
     wx, wy, wz = -mz * cos, -mz * sin, mr
     h, x1, x2, q11, q12, q22 = support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz)
     gap = cone[2] - (nx * row[0] + ny * row[1] + nz * row[2] + h)
-    reach = h + 0.5 * gap
-    out[0], out[1], out[2] = nx, ny, nz
-    out[3] = gap
-    out[5] = reach * nx + x1 * ux + x2 * wx
-    out[6] = reach * ny + x1 * uy + x2 * wy
-    out[7] = reach * nz + x1 * uz + x2 * wz
+    write_contact(out, nx, ny, nz, gap, 0.0, h, x1, x2, ux, uy, uz, wx, wy, wz)
     px = row[0] + out[5]
     py = row[1] + out[6]
     pz = row[2] + out[7]
@@ -155,14 +161,9 @@ def ring_contact(row, parts, ring, theta, nx, ny, nz, out):
     h, x1, x2, q11, q12, q22 = support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz)
     edge = ring[2]
     gap = nx * (ring[0] * cos - row[0]) + ny * (ring[0] * sin - row[1]) + nz * (ring[1] - row[2]) - h - edge
-    reach = h + 0.5 * gap
-    out[0], out[1], out[2] = nx, ny, nz
-    out[3] = gap
     outward = nx * cos + ny * sin
-    out[4] = effective_radius(q11, q12, q22, -outward / max(ring[0] - edge * outward, edge), 1.0 / edge)
-    out[5] = reach * nx + x1 * ux + x2 * wx
-    out[6] = reach * ny + x1 * uy + x2 * wy
-    out[7] = reach * nz + x1 * uz + x2 * wz
+    radius = effective_radius(q11, q12, q22, -outward / max(ring[0] - edge * outward, edge), 1.0 / edge)
+    write_contact(out, nx, ny, nz, gap, radius, h, x1, x2, ux, uy, uz, wx, wy, wz)
     return outward * ring[3] + nz * ring[4] >= 0.0 and outward * ring[5] + nz * ring[6] >= 0.0
 
 

@@ -7,12 +7,11 @@ empty in a simulation of smooth bodies, see `forces`.
 import math
 
 from . import state as st
-from .clump_walls import place_clump, spheres_at_curved, spheres_at_mesh, spheres_at_plane
+from .clump_walls import place_clump, spheres_at_mesh, spheres_at_wall
 from .jit import inlined, kernel
 from .meshes import body_at_mesh
+from .rows import L
 from .walls import search_curved, search_plane
-
-L = st.LANES
 
 
 @inlined
@@ -20,7 +19,7 @@ def find_on_plane(bodies, flat, clumps, walls, counts, parts, wall, i, scratch):
     """Find new contacts of body i with a plane; returns how far it may move before the next search."""
     if len(clumps) == 0:
         return search_plane(bodies, flat, counts, parts, walls.planes[wall], wall, i, scratch.out)
-    return spheres_at_plane(bodies, flat, clumps, walls, counts, wall, i, scratch.spheres, scratch.out)
+    return spheres_at_wall(bodies, flat, st.N_PLANE, clumps, walls, counts, wall, i, scratch.spheres, scratch.out)
 
 
 @inlined
@@ -30,7 +29,7 @@ def find_on_curved(bodies, curved, clumps, walls, counts, parts, wall, i, readin
         return search_curved(
             bodies, curved, walls, counts, parts, wall, i, reading, scratch.profile, scratch.out, scratch.local
         )
-    return spheres_at_curved(bodies, curved, clumps, walls, counts, wall, i, scratch.spheres, scratch.out)
+    return spheres_at_wall(bodies, curved, st.N_CURVED, clumps, walls, counts, wall, i, scratch.spheres, scratch.out)
 
 
 @kernel

@@ -11,10 +11,11 @@ import math
 import numpy as np
 
 from . import state as st
-from .frames import into_frame, rotate_to_world, row_in_frame, write_plane
+from .frames import contact_to_world, into_frame, rotate_to_world, row_in_frame, write_plane
 from .geometry import extent
 from .jit import inlined, kernel
 from .lists import move_contact, put_contact
+from .neighbours import take_place
 from .wall_contact import (
     climb_cone,
     cone_contact,
@@ -79,14 +80,11 @@ def known(contacts, last, body, wall, theta):
 @inlined
 def add_wall_contact(contacts, counts, slot, body, wall, out):
     """Append a contact with a relaxed spring; returns its number, or -1 where there is no room."""
-    k = counts[slot]
-    if k >= contacts.body.shape[0]:
-        counts[st.FULL] = 1
-        return -1
-    counts[slot] = k + 1
-    contacts.body[k] = body
-    contacts.wall[k] = wall
-    put_contact(contacts.data, k, out[0], out[1], out[2])
+    k = take_place(counts, slot, contacts.body.shape[0])
+    if k >= 0:
+        contacts.body[k] = body
+        contacts.wall[k] = wall
+        put_contact(contacts.data, k, out[0], out[1], out[2])
     return k
 
 
@@ -144,6 +142,8 @@ def slid_off(bodies, contacts, n, k, depth):
 @inlined
 def look_again(contacts, counts, walls, body, wall, theta, on_wall, radius, deepest, moved, out):
     """Add a contact that is found and new; returns how far the body may move before the next check."""
+    if out[3] > 0.0:
+        return out[3]
     if deepest < math.inf:
         deepest = max(deepest, overlap_elsewhere(contacts, counts[st.N_CURVED], body, wall))
     if not on_wall or out[3] < -min(DEEPEST_NEW * radius, deepest + moved):
@@ -176,11 +176,8 @@ def search_cone(row, contacts, counts, parts, walls, wall, i, radius, deepest, m
         # phi varies by less than (distance from the axis + reach) * step between starts
         theta = solve_cone(row, parts, cone, s * step)
         inside = cone_contact(row, parts, cone, theta, out)
-        if out[3] > 0.0:
-            nearest = min(nearest, out[3])
-        else:
-            free = look_again(contacts, counts, walls, i, wall, theta, inside, radius, deepest, moved, out)
-            nearest = min(nearest, free)
+        free = look_again(contacts, counts, walls, i, wall, theta, inside, radius, deepest, moved, out)
+        nearest = min(nearest, free)
     return nearest if nearest < 1e300 else 0.0
 
 
@@ -205,11 +202,8 @@ def search_ring(row, contacts, counts, parts, walls, wall, i, radius, deepest, m
         nx, ny, nz, _distance = towards_ring(row, ring, s)
         theta, nx, ny, nz = solve_ring(row, parts, ring, s * step, nx, ny, nz)
         exposed = ring_contact(row, parts, ring, theta, nx, ny, nz, out)
-        if out[3] > 0.0:
-            nearest = min(nearest, out[3])
-        else:
-            free = look_again(contacts, counts, walls, i, wall, theta, exposed, radius, deepest, moved, out)
-            nearest = min(nearest, free)
+        free = look_again(contacts, counts, walls, i, wall, theta, exposed, radius, deepest, moved, out)
+        nearest = min(nearest, free)
     return nearest if nearest < 1e300 else 0.0
 
 
@@ -246,13 +240,18 @@ def seen_from(walls, wall, row, parts, local):
 
 
 @inlined
-def sphere_on_wall(row, walls, wall, out):
-    """Contact of a sphere with a cone or ring in the wall's frame: fills `out`; returns whether it lies on the wall."""
-    x, y, z, radius = row[0], row[1], row[2], row[st.SPHERE_RADIUS]
+def sphere_beyond(x, y, z, radius, walls, wall, out):
+    """Contact of a sphere with a cone or ring in its frame: fills `out`; returns its distance beyond the end [m]."""
     n_cones = walls.cones.shape[0]
     if wall < n_cones:
-        return sphere_on_cone(x, y, z, radius, walls.cones[wall], out) <= 0.0
-    return sphere_on_ring(x, y, z, radius, walls.rings[wall - n_cones], out) <= 0.0
+        return sphere_on_cone(x, y, z, radius, walls.cones[wall], out)
+    return sphere_on_ring(x, y, z, radius, walls.rings[wall - n_cones], out)
+
+
+@inlined
+def sphere_on_wall(row, walls, wall, out):
+    """`sphere_beyond` of a body that is a sphere; returns whether it lies on the wall."""
+    return sphere_beyond(row[0], row[1], row[2], row[st.SPHERE_RADIUS], walls, wall, out) <= 0.0
 
 
 @inlined
@@ -303,7 +302,5 @@ def follow_wall(parts, body, walls, wall, contacts, lane, out, local):
             theta, nx, ny, nz, _f, _step = ring_newton(row, parts, ring, theta, nx, ny, nz)
         on_wall = ring_contact(row, parts, ring, theta, nx, ny, nz, out)
     contacts[st.AZIMUTH + lane] = theta
-    if walls.displaced[wall]:
-        rotate_to_world(walls.frames[wall], out, 0)
-        rotate_to_world(walls.frames[wall], out, 5)
+    contact_to_world(walls, wall, out)
     return on_wall

@@ -24,13 +24,11 @@ import numpy as np
 
 from ..kernels import state as st
 from ..kernels import tile as tl
-from ..kernels.rows import Rows
+from ..kernels.rows import L, Rows
 from ..materials import Contact, Material
 from . import epsd
 from .epsd import SPUN, TINY, levers, oppose, turning
 from .law import Law
-
-L = st.LANES
 
 ConstantTorque = namedtuple("ConstantTorque", "tension friction_limit")
 

@@ -35,7 +35,7 @@ from ..constants import PLASTICITY_RATIO, SURFACE_ENERGY
 from ..kernels import state as st
 from ..kernels import tile as tl
 from ..kernels.jit import inlined
-from ..kernels.rows import Rows
+from ..kernels.rows import L, Rows
 from ..materials import Contact, Material
 from . import hertz_mindlin
 from .hertz_mindlin import (
@@ -52,7 +52,6 @@ from .hertz_mindlin_rescaled import LAW as RESCALED
 from .law import ELASTIC, KEEP, Law
 from .tangential import add_forces, slip
 
-L = st.LANES
 TINY = 1e-300  # keeps unused lanes finite
 
 Eepa = namedtuple("Eepa", "tension friction_limit")

@@ -29,11 +29,10 @@ import numpy as np
 from ..kernels import state as st
 from ..kernels import tile as tl
 from ..kernels.jit import inlined
-from ..kernels.rows import Rows
+from ..kernels.rows import L, Rows, add_vector
 from ..materials import Contact, Material, effective_moduli
 from .law import Law
 
-L = st.LANES
 ETA = 0.3  # damping ratio of rolling (Ai et al. 2011)
 SPHERE, SPUN = 1.4, 0.4  # moments of a sphere about a point of its surface and about its centre over m r^2
 HERTZ_TWIST = 3.0 * math.pi / 16.0
@@ -89,12 +88,8 @@ def turning(t: np.ndarray, k: int, nx: float, ny: float, nz: float) -> tuple[flo
 @inlined
 def oppose(t: np.ndarray, k: int, x: float, y: float, z: float) -> None:
     """Apply a torque of a lane against A and along B, with no budget of rolling."""
-    t[tl.TO_A + 3 * L + k] -= x
-    t[tl.TO_A + 4 * L + k] -= y
-    t[tl.TO_A + 5 * L + k] -= z
-    t[tl.TO_B + 3 * L + k] += x
-    t[tl.TO_B + 4 * L + k] += y
-    t[tl.TO_B + 5 * L + k] += z
+    add_vector(t, tl.TO_A + 3 * L, k, -x, -y, -z)
+    add_vector(t, tl.TO_B + 3 * L, k, x, y, z)
     t[tl.TO_A + st.ROLL * L + k] = 0.0
     t[tl.TO_B + st.ROLL * L + k] = 0.0
 

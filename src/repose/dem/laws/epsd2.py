@@ -10,13 +10,13 @@ Iwashita and Oda, J. Eng. Mech. 124 (1998) 285. LIGGGHTS(R)-PUBLIC, rolling fric
 """
 
 from collections import namedtuple
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from .epsd import LAW as EPSD
-from .epsd import constants, resist
-from .law import Law
+from .epsd import resist
 
 Epsd2 = namedtuple("Epsd2", "tension friction_limit")
 
@@ -26,13 +26,10 @@ def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
     resist(t, c, at, dt, 1, 0.0)
 
 
-LAW = Law(
+LAW = replace(
+    EPSD,
     name="epsd2",
     options=Epsd2,
-    constants=constants,
-    n_constants=EPSD.n_constants,
-    n_rows=EPSD.n_rows,
-    n_state=EPSD.n_state,
     kernel=kernel,
     words={
         "rolling": "elastic-plastic spring against the rotation of one body relative to the other, without damping "

@@ -28,16 +28,13 @@ from typing import Any
 
 import numpy as np
 
-from ..kernels import state as st
 from ..kernels import tile as tl
 from ..kernels.jit import inlined
-from ..kernels.rows import Rows
+from ..kernels.rows import L, Rows
 from ..kernels.simd import rsqrt
 from ..materials import Contact, Material, effective_moduli
 from .law import Law
 from .tangential import add_forces, normal_forces, slip
-
-L = st.LANES
 
 HertzMindlin = namedtuple("HertzMindlin", "tension friction_limit")
 
@@ -110,15 +107,8 @@ def constants(a: Material, b: Material, contact: Contact, tension: str = "keep")
     """
     young, shear = effective_moduli(a, b)
     damping = 2.0 * math.sqrt(5.0 / 6.0) * damping_ratio(contact.restitution, tension)
-    return np.array(
-        [
-            4.0 / 3.0 * young,
-            8.0 * shear,
-            damping * math.sqrt(2.0 * young),
-            damping * math.sqrt(8.0 * shear),
-            contact.static_friction,
-        ]
-    )
+    normal, tangential = damping * math.sqrt(2.0 * young), damping * math.sqrt(8.0 * shear)
+    return np.array([4.0 / 3.0 * young, 8.0 * shear, normal, tangential, contact.static_friction])
 
 
 def contact_time(a: Material, b: Material, _contact: Contact, mass: float, radius: float, speed: float) -> float:

@@ -16,20 +16,17 @@ closed paths. Thornton, Cummins and Cleary, Powder Technol. 210 (2011) 189: the 
 """
 
 from collections import namedtuple
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from ..kernels import state as st
 from ..kernels import tile as tl
 from ..kernels.jit import inlined
-from ..kernels.rows import Rows
+from ..kernels.rows import L, Rows
 from .hertz_mindlin import LAW as HERTZ_MINDLIN
-from .hertz_mindlin import constants, contact_sizes, contact_time, oscillator, push
-from .law import Law
+from .hertz_mindlin import contact_sizes, push
 from .tangential import slip
-
-L = st.LANES
 
 HertzMindlinRescaled = namedtuple("HertzMindlinRescaled", "tension friction_limit")
 
@@ -58,12 +55,10 @@ def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
     push(t, c, at + SPRING, law.tension, law.friction_limit)
 
 
-LAW = Law(
+LAW = replace(
+    HERTZ_MINDLIN,
     name="hertz_mindlin_rescaled",
     options=HertzMindlinRescaled,
-    constants=constants,
-    n_constants=HERTZ_MINDLIN.n_constants,
-    n_rows=HERTZ_MINDLIN.n_rows,
     n_state=_state.count,
     kernel=kernel,
     words={
@@ -71,6 +66,4 @@ LAW = Law(
         "tangential": "Mindlin without slip, damped, its force kept on loading and lowered on unloading (LAMMPS: "
         "mindlin_rescale/force); Coulomb's limit mu_s times {limit}",
     },
-    contact_time=contact_time,
-    oscillator=oscillator,
 )

@@ -36,10 +36,9 @@ from typing import Any
 import numpy as np
 
 from ..constants import SURFACE_ENERGY
-from ..kernels import state as st
 from ..kernels import tile as tl
 from ..kernels.jit import inlined
-from ..kernels.rows import Rows
+from ..kernels.rows import L, Rows
 from ..kernels.simd import rsqrt
 from ..materials import Contact, Material, effective_moduli
 from . import hertz_mindlin
@@ -48,8 +47,6 @@ from .hertz_mindlin_rescaled import LAW as RESCALED
 from .hertz_mindlin_rescaled import keep_force
 from .law import Law
 from .tangential import add_forces, normal_forces, slip
-
-L = st.LANES
 
 Jkr = namedtuple("Jkr", "tension friction_limit")
 

@@ -98,10 +98,8 @@ class Law:
     def __post_init__(self) -> None:
         cache.add_source(self.kernel, self.reach, self.geometry)
         _KERNELS[self.options] = self.kernel
-        if self.reach is not None:
-            _REACHES[self.options] = self.reach
-        if self.geometry is not None:
-            _GEOMETRIES[self.options] = self.geometry
+        _REACHES[self.options] = self.reach or _no_reach
+        _GEOMETRIES[self.options] = self.geometry or _no_geometry
 
     def make_options(self, tension: str = "keep", friction_limit: str | None = None) -> Any:
         """Return the options that the kernel gets.
@@ -161,16 +159,6 @@ def rolling_resistance(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: floa
     _KERNELS[type(law)](law, t, c, at, dt)
 
 
-@overload(contact_forces, jit_options=_INLINED, strict=False)
-def _contact_forces(law, t, c, at, dt):
-    return _KERNELS.get(getattr(law, "instance_class", None))
-
-
-@overload(rolling_resistance, jit_options=_INLINED, strict=False)
-def _rolling_resistance(law, t, c, at, dt):
-    return _KERNELS.get(getattr(law, "instance_class", None))
-
-
 def _no_reach(law, c, at, k):
     return 0.0
 
@@ -181,19 +169,22 @@ def _no_geometry(law, t, c, of_spheres, on_wall):
 
 def reach(law: Any, c: np.ndarray, at: int, k: int) -> float:
     """Gap at which the contact of a lane ends [m]."""
-    return _REACHES.get(type(law), _no_reach)(law, c, at, k)
+    return _REACHES[type(law)](law, c, at, k)
 
 
 def surfaces(law: Any, t: np.ndarray, c: np.ndarray, of_spheres: int, on_wall: int) -> None:
     """Quantities of each lane's surfaces that a law needs besides R*."""
-    _GEOMETRIES.get(type(law), _no_geometry)(law, t, c, of_spheres, on_wall)
+    _GEOMETRIES[type(law)](law, t, c, of_spheres, on_wall)
 
 
-@overload(reach, jit_options=_INLINED, strict=False)
-def _reach(law, c, at, k):
-    return _REACHES.get(getattr(law, "instance_class", None), _no_reach)
+def _choose_in_kernels(called: Callable, functions: Mapping[Any, Callable]) -> None:
+    """Let numba put the function of a law in place of a call, by the type of the options."""
+    overload(called, jit_options=_INLINED, strict=False)(
+        lambda law, *_arguments: functions.get(getattr(law, "instance_class", None))
+    )
 
 
-@overload(surfaces, jit_options=_INLINED, strict=False)
-def _surfaces(law, t, c, of_spheres, on_wall):
-    return _GEOMETRIES.get(getattr(law, "instance_class", None), _no_geometry)
+_choose_in_kernels(contact_forces, _KERNELS)
+_choose_in_kernels(rolling_resistance, _KERNELS)
+_choose_in_kernels(reach, _REACHES)
+_choose_in_kernels(surfaces, _GEOMETRIES)

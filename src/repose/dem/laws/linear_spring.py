@@ -21,16 +21,14 @@ from typing import Any
 
 import numpy as np
 
-from ..kernels import state as st
 from ..kernels import tile as tl
-from ..kernels.rows import Rows
+from ..kernels.rows import L, Rows
 from ..kernels.simd import rsqrt
 from ..materials import Contact, Material, effective_moduli
 from .hertz_mindlin import damping_ratio
 from .law import Law
 from .tangential import add_forces, normal_forces, slip
 
-L = st.LANES
 SECANT = 0.01  # overlap over effective radius at which the spring is as stiff as Hertz's contact
 
 LinearSpring = namedtuple("LinearSpring", "tension friction_limit")

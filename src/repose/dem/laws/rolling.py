@@ -22,12 +22,10 @@ import numpy as np
 
 from ..kernels import state as st
 from ..kernels import tile as tl
-from ..kernels.rows import Rows
+from ..kernels.rows import L, Rows
 from ..kernels.simd import rsqrt
 from ..materials import Contact, Material
 from .law import Law
-
-L = st.LANES
 
 RollingBudget = namedtuple("RollingBudget", "tension friction_limit")
 

@@ -20,6 +20,7 @@ LIGGGHTS(R)-PUBLIC, cohesion model sjkr.
 
 import math
 from collections import namedtuple
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -29,16 +30,14 @@ from ..kernels import clump_tile as ct
 from ..kernels import state as st
 from ..kernels import tile as tl
 from ..kernels.jit import inlined
-from ..kernels.rows import Rows
+from ..kernels.rows import L, Rows, add_vector, lane_vector
 from ..materials import Contact, Material
 from . import hertz_mindlin
-from .hertz_mindlin import contact_sizes, contact_time, oscillator, push
+from .hertz_mindlin import contact_sizes, push
 from .hertz_mindlin_rescaled import LAST_CIRCLE, SPRING, keep_force
 from .hertz_mindlin_rescaled import LAW as RESCALED
-from .law import ENDS, LIMITS, Law
+from .law import ENDS, LIMITS
 from .tangential import slip
-
-L = st.LANES
 
 SimplifiedJkr = namedtuple("SimplifiedJkr", "tension friction_limit")
 
@@ -83,9 +82,8 @@ def pull(t: np.ndarray, c: np.ndarray) -> None:
         gap = t[tl.GAP + k]
         overlap = -gap if gap < 0.0 else 0.0
         force = t[DENSITY + k] * area(overlap, t[tl.RADIUS + k], t[INVERSE_SUM + k])
-        t[tl.TO_A + k] += force * c[st.NORMAL + k]
-        t[tl.TO_A + L + k] += force * c[st.NORMAL + L + k]
-        t[tl.TO_A + 2 * L + k] += force * c[st.NORMAL + 2 * L + k]
+        nx, ny, nz = lane_vector(c, st.NORMAL, k)
+        add_vector(t, tl.TO_A, k, force * nx, force * ny, force * nz)
 
 
 def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
@@ -97,13 +95,13 @@ def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
     pull(t, c)
 
 
-LAW = Law(
+LAW = replace(
+    RESCALED,
     name="sjkr",
     options=SimplifiedJkr,
     constants=constants,
     n_constants=hertz_mindlin.LAW.n_rows + 1,
     n_rows=_rows.count,
-    n_state=RESCALED.n_state,
     kernel=kernel,
     words={
         "normal": RESCALED.words["normal"] + ", less k times the area of contact (LIGGGHTS: sjkr)",
@@ -114,8 +112,6 @@ LAW = Law(
         "keep": ENDS["keep"],
         "release": "the force without cohesion never pulls; without cohesion the damping gives the restitution set",
     },
-    contact_time=contact_time,
-    oscillator=oscillator,
     asks=(COHESION_ENERGY_DENSITY,),
     geometry=geometry,
 )

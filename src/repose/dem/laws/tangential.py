@@ -23,10 +23,10 @@ import numpy as np
 from ..kernels import state as st
 from ..kernels import tile as tl
 from ..kernels.jit import inlined
+from ..kernels.rows import L, lane_vector, write_vector
 from ..kernels.simd import rsqrt
 from .law import ELASTIC, KEEP
 
-L = st.LANES
 N = st.NORMAL
 
 
@@ -53,16 +53,8 @@ def slip(t: np.ndarray, c: np.ndarray, spring: int, dt: float, reach: int = 0) -
         nx, ny, nz = c[N + k], c[N + L + k], c[N + 2 * L + k]
         rx, ry, rz = t[tl.RA + k], t[tl.RA + L + k], t[tl.RA + 2 * L + k]
         sx, sy, sz = t[tl.RB + k], t[tl.RB + L + k], t[tl.RB + 2 * L + k]
-        ox, oy, oz = (
-            t[tl.A + st.ANGULAR_VELOCITY * L + k],
-            t[tl.A + (st.ANGULAR_VELOCITY + 1) * L + k],
-            t[tl.A + (st.ANGULAR_VELOCITY + 2) * L + k],
-        )
-        px, py, pz = (
-            t[tl.B + st.ANGULAR_VELOCITY * L + k],
-            t[tl.B + (st.ANGULAR_VELOCITY + 1) * L + k],
-            t[tl.B + (st.ANGULAR_VELOCITY + 2) * L + k],
-        )
+        ox, oy, oz = lane_vector(t, tl.A + st.ANGULAR_VELOCITY * L, k)
+        px, py, pz = lane_vector(t, tl.B + st.ANGULAR_VELOCITY * L, k)
         vx = t[tl.A + 3 * L + k] - t[tl.B + 3 * L + k] + oy * rz - oz * ry - (py * sz - pz * sy)
         vy = t[tl.A + 4 * L + k] - t[tl.B + 4 * L + k] + oz * rx - ox * rz - (pz * sx - px * sz)
         vz = t[tl.A + 5 * L + k] - t[tl.B + 5 * L + k] + ox * ry - oy * rx - (px * sy - py * sx)
@@ -70,9 +62,7 @@ def slip(t: np.ndarray, c: np.ndarray, spring: int, dt: float, reach: int = 0) -
         vx -= vn * nx
         vy -= vn * ny
         vz -= vn * nz
-        t[tl.V + k] = vx
-        t[tl.V + L + k] = vy
-        t[tl.V + 2 * L + k] = vz
+        write_vector(t, tl.V, k, vx, vy, vz)
         t[tl.VN + k] = vn
         ex, ey, ez = c[spring + k], c[spring + L + k], c[spring + 2 * L + k]
         en = ex * nx + ey * ny + ez * nz
@@ -149,9 +139,7 @@ def add_forces(
     gx, gy, gz = stiffness * ex, stiffness * ey, stiffness * ez
     cut = cap * rsqrt(gx * gx + gy * gy + gz * gz)
     cut = cut if cut < 1.0 else 1.0
-    c[spring + k] = cut * ex
-    c[spring + L + k] = cut * ey
-    c[spring + 2 * L + k] = cut * ez
+    write_vector(c, spring, k, cut * ex, cut * ey, cut * ez)
     fx = cut * gx + damping * t[tl.V + k]
     fy = cut * gy + damping * t[tl.V + L + k]
     fz = cut * gz + damping * t[tl.V + 2 * L + k]
