@@ -12,10 +12,11 @@ import numpy as np
 from . import clump_tile as ct
 from . import state as st
 from .clumps import clear_bit, is_set, set_bit
-from .frames import contact_to_world, into_frame, write_plane
+from .features import FACE
+from .frames import contact_to_world, into_frame, rotate_to_world, write_plane
 from .jit import inlined, kernel
-from .meshes import follow_feature, search_mesh
-from .rows import L, lane_vector, write_vector
+from .meshes import deepest_near, hand_over, search_mesh, track
+from .rows import L, write_vector
 from .sphere_search import PLACES_A, place_spheres
 from .state import MOST_SPHERES, SHAPE
 from .wall_contact import fill_contact
@@ -25,8 +26,15 @@ from .walls import add_wall_contact, sphere_beyond
 @inlined
 def sphere_arm(row, tile, lane):
     """Vector from the centre of the body to that of its sphere, in world axes."""
-    x, y, z = lane_vector(tile, ct.CENTRE, lane)
-    return ct.rotated_vector(row[SHAPE], row[SHAPE + 1], row[SHAPE + 2], row[SHAPE + 3], x, y, z)
+    return ct.rotated_vector(
+        row[SHAPE],
+        row[SHAPE + 1],
+        row[SHAPE + 2],
+        row[SHAPE + 3],
+        tile[ct.CENTRE + lane],
+        tile[ct.CENTRE + L + lane],
+        tile[ct.CENTRE + 2 * L + lane],
+    )
 
 
 @inlined
@@ -166,7 +174,10 @@ def place_clump(bodies, clumps, i, s):
 @inlined
 def sphere_row(walls, frame, x, y, z, radius, local):
     """Write the row of a sphere in a frame, in the form that `meshes` takes."""
-    local[0], local[1], local[2] = seen_place(walls, frame, x, y, z)
+    if walls.displaced[frame]:
+        home = walls.frames[frame]
+        x, y, z = into_frame(home, x - home[0], y - home[1], z - home[2])
+    local[0], local[1], local[2] = x, y, z
     square = radius * radius
     for c in range(st.PART):
         local[SHAPE + c] = 0.0
@@ -184,18 +195,30 @@ def by_sphere(meshed, clumps):
 def follow_sphere(bodies, walls, meshes, meshed, clumps, n, k, end, out, other, local):
     """Track contact k of a sphere with a mesh through one step, as `meshes.follow_mesh`."""
     touches = by_sphere(meshed, clumps)
-    frame = walls.cones.shape[0] + walls.rings.shape[0] + meshed.wall[k]
+    mesh = meshed.wall[k]
+    frame = walls.cones.shape[0] + walls.rings.shape[0] + mesh
     tile, lane = meshed.data[k // L], k % L
     row = bodies.rows[meshed.body[k]]
     x, y, z = sphere_arm(row, tile, lane)
     radius = tile[ct.RADIUS + lane]
     sphere_row(walls, frame, row[0] + x, row[1] + y, row[2] + z, radius, local)
-    lasts = follow_feature(local, radius, 1, walls, frame, meshes, touches, n, k, end, out, other)
+    at = st.NORMAL + lane
+    nx, ny, nz = tile[at], tile[at + L], tile[at + 2 * L]
+    if walls.displaced[frame]:
+        nx, ny, nz = into_frame(walls.frames[frame], nx, ny, nz)
+    touching = track(local, 1, meshes, tile, lane, meshed.feature[k], nx, ny, nz, out) >= 0.0
+    if not touching:
+        touching = hand_over(local, 1, meshes, touches, n, k, radius, end, out, other)
+    if touching and out[3] < 0.0 and meshes.kind[meshed.feature[k]] == FACE:
+        deepest_near(local, 1, meshes, touches, k, out, other)
+    if walls.displaced[frame]:
+        rotate_to_world(walls.frames[frame], out, 0)
+        rotate_to_world(walls.frames[frame], out, 5)
     # from the body's centre, not the sphere's
     out[5] += x
     out[6] += y
     out[7] += z
-    return lasts
+    return touching and out[3] <= end
 
 
 @inlined
