@@ -1,16 +1,15 @@
 """Clumps, walls and simulations that the tests of clumps share."""
 
-import math
+from functools import partial
 
 import numpy as np
-from dem.common import DENSITY, GOJI, PVC
+from dem.common import BERRY, DENSITY, GOJI, PVC, simulation
 
 from repose.apparatus.funnel import Funnel
 from repose.dem import Clump, Cone, Contact, Shape, Simulation
 
 RADIUS = 0.006
 FUNNEL = Funnel(0.15, 0.032, 60.0, 0.0, 0.001, 0.1)
-BALL_MASS = DENSITY * 4.0 / 3.0 * math.pi * RADIUS**3
 # a bent body of five spheres of three sizes, none of them in its centre
 BENT = np.array(
     [
@@ -42,3 +41,6 @@ def scene(shapes, contact=None, walls=None, dt=1e-5, capacity=2, gravity=(0.0, 0
     materials = {"body": keywords.pop("body", GOJI), "wall": keywords.pop("wall", PVC)}
     keywords = {"lower": (-0.1, -0.1, -0.1), "upper": (0.1, 0.1, 0.2), "gravity_m_s2": gravity} | keywords
     return Simulation(shapes, materials, contacts, dt, capacity=capacity, walls=walls, **keywords)
+
+
+BODIES = {"berry": partial(simulation, BERRY), "clump": partial(scene, {"bent": bent()})}

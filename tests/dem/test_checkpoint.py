@@ -1,5 +1,7 @@
 """Checkpoints: the same bits as never having stopped, and clear words about files that cannot be gone on from."""
 
+import functools
+import itertools
 import json
 import os
 import subprocess
@@ -9,63 +11,92 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from dem.common import bits
+import trimesh
+from dem.clump_scenes import ball_of_one, bent
+from dem.common import GOJI, bits, mesh_of
 from refusals import input_error, not_refused
 
 from repose.core.errors import InputError
 from repose.dem import Contact, Cylinder, Material, Motion, Plane, Shape, Simulation
+from repose.dem.kernels import state as st
 
 
-def falling_berries():
-    """60 bodies of two shapes, sizes and materials above a floor that rises, in a tube; lists that have to grow."""
-    floor = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "steel", motion=Motion((0.0, 0.0, 0.5)))
-    walls = {"floor": floor, "tube": Cylinder((0, 0, -0.1), (0, 0, 1), 0.5, 0.04, "steel")}
-    shapes = {"berry": Shape.ellipsoid((0.0106, 0.0057, 0.0049), 840.0, "berry")}
-    shapes |= {"ball": Shape.sphere(0.006, 1200.0, "clay")}
-    materials = {"berry": Material(4.3e4, 0.32), "clay": Material(1e5, 0.3), "steel": Material(1e7, 0.3)}
-    pairs = [("berry", "berry"), ("berry", "clay"), ("clay", "clay"), ("berry", "steel"), ("clay", "steel")]
-    room = {"capacity": 61, "lower": (-0.04, -0.04, 0.0), "upper": (0.04, 0.04, 0.25), "floor_height_m": -0.05}
-    contacts = {pair: Contact(0.3, 0.5, 0.02) for pair in pairs}
-    simulation = Simulation(shapes, materials, contacts, 1e-4, walls=walls, largest_scale=1.2, **room)
+def falling(kind="berries", **laws):
+    """60 berries and balls above a floor that rises, in a tube; or 30 clumps, and a block that rises and turns.
+
+    They have two shapes, sizes and materials, and their lists have to grow.
+    """
+    clumps, rising = kind == "clumps", (0.0, 0.0, 0.5)
+    floor = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", motion=Motion(rising))
+    walls = {"floor": floor, "tube": Cylinder((0, 0, -0.1), (0, 0, 1), 0.5, 0.04, "wall")}
+    if clumps:
+        shapes = {"bent": bent(), "ball": ball_of_one(0.005, "clay")}
+        walls["block"] = mesh_of(trimesh.creation.box((0.02, 0.02, 0.02)), 1e-3, motion=Motion(rising, (0, 0, 20)))
+    else:
+        shapes = {"berry": Shape.ellipsoid((0.0106, 0.0057, 0.0049), 840.0, "body")}
+        shapes |= {"ball": Shape.sphere(0.006, 1200.0, "clay")}
+    materials = {"body": GOJI, "clay": Material(1e5, 0.3), "wall": Material(1e7, 0.3)}
+    constants = {"surface_energy_j_m2": 0.05} if laws else {}
+    pairs = itertools.combinations_with_replacement(materials, 2)
+    contacts = {pair: Contact(0.3, 0.5, 0.02, constants=constants) for pair in pairs if pair != ("wall", "wall")}
+    count, room = 30 if clumps else 60, {"lower": (-0.04, -0.04, 0.0), "upper": (0.04, 0.04, 0.25)}
+    room |= {"capacity": count + 1, "largest_scale": 1.2, "floor_height_m": -0.05}
+    simulation = Simulation(shapes, materials, contacts, 1e-4, walls=walls, **room, **laws)
     rng = np.random.default_rng(3)
-    for k in range(60):
+    for k in range(count):
         layer, place = divmod(k, 4)
         x, y = 0.016 * np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)][place])
-        place, turn, velocity = (x, y, 0.02 + 0.024 * layer), rng.normal(size=4), rng.normal(0, 0.2, 3)
-        name, scale = ("berry", "ball")[k % 3 == 0], rng.uniform(0.9, 1.2)
+        place, turn, velocity = (x, y, 0.024 + 0.024 * layer), rng.normal(size=4), rng.normal(0, 0.2, 3)
+        name, scale = [*shapes][k % 3 == 0], rng.uniform(0.9, 1.2)
         simulation.add(name, place, turn, velocity_m_s=velocity, scale=scale)
     return simulation
 
 
 @pytest.fixture(scope="module")
-def saved(tmp_path_factory):
-    """A checkpoint on the way, and the bits at the end of a run without a stop."""
-    path = tmp_path_factory.mktemp("checkpoint") / "half.npz"
-    simulation = falling_berries()
-    simulation.run_steps(1200)
-    simulation.save(path)
-    assert len(simulation.contacts()) > 10
-    simulation.run_steps(800)
-    return path, bits(simulation)
+def saved_of(tmp_path_factory):
+    """For a scene of `falling`: a checkpoint on the way, and the bits at the end of a run without a stop."""
+
+    @functools.cache
+    def save(kind, **laws):
+        path = tmp_path_factory.mktemp("checkpoint") / "half.npz"
+        simulation = falling(kind, **laws)
+        simulation.run_steps(1500)
+        simulation.save(path)
+        assert len(simulation.contacts()) > 10
+        if kind == "clumps":
+            assert simulation.counts[st.N_MESHED] > 0
+            assert simulation.counts[st.N_CURVED] > 0
+        simulation.run_steps(500)
+        return path, bits(simulation)
+
+    return save
 
 
-def test_going_on_from_a_checkpoint_gives_the_same_bits_also_in_a_fresh_process(saved):
-    path, expected = saved
+@pytest.fixture
+def saved(saved_of):
+    return saved_of("berries")
+
+
+COHESIVE = pytest.param("berries", {"contact_law": "jkr"}, id="cohesive", marks=pytest.mark.slow)
+
+
+@pytest.mark.parametrize(("kind", "laws"), [("berries", {}), ("clumps", {}), COHESIVE])
+def test_going_on_from_a_checkpoint_gives_the_same_bits_also_in_a_fresh_process(saved_of, kind, laws):
+    path, expected = saved_of(kind, **laws)
     simulation = Simulation.load(path)
-    assert simulation.steps == 1200
+    assert simulation.steps == 1500
     aligned = (simulation.bodies.rows, simulation.bodies.motion, simulation.pairs.data)
     assert all(array.ctypes.data % 64 == 0 for array in aligned)
-    simulation.run_steps(800)
+    simulation.run_steps(500)
     assert bits(simulation) == expected
     # and bodies can still be added, each with its shape
     simulation.add("ball", (0.0, 0.0, 0.4))
     assert simulation.shape_ids[-1] == 1
-    path, expected = saved
     code = (
         "import sys; sys.path[:0] = [sys.argv[2]]\n"
         "from dem.common import bits\n"
         "from repose.dem import Simulation\n"
-        "simulation = Simulation.load(sys.argv[1]); simulation.run_steps(800)\n"
+        "simulation = Simulation.load(sys.argv[1]); simulation.run_steps(500)\n"
         "sys.stdout.buffer.write(bits(simulation))\n"
     )
     tests = str(Path(__file__).parents[1])
@@ -73,25 +104,30 @@ def test_going_on_from_a_checkpoint_gives_the_same_bits_also_in_a_fresh_process(
     assert done.stdout == expected
 
 
-def test_lists_that_have_grown_are_saved_whole(saved, tmp_path, monkeypatch):
-    _path, expected = saved
-    monkeypatch.setattr("repose.dem.contact_lists.CONTACTS_PER_BODY", 0)
-    monkeypatch.setattr("repose.dem.contact_lists.NEAR_PER_BODY", -4)
-    simulation = falling_berries()
-    room = len(simulation.pairs.near_limit)
+@pytest.mark.parametrize(("kind", "room"), [
+    ("berries", {"CONTACTS_PER_BODY": 0, "NEAR_PER_BODY": -4}),
+    ("clumps", {"SPHERE_CONTACTS_PER_BODY": 1, "MOST_NEW": 0, "NEAR_PER_BODY": -7}),
+], ids=["berries", "clumps"])  # fmt: skip
+def test_lists_that_have_grown_are_saved_whole(saved_of, kind, room, tmp_path, monkeypatch):
+    _path, expected = saved_of(kind)
+    for name, number in room.items():
+        monkeypatch.setattr(f"repose.dem.contact_lists.{name}", number)
+    simulation = falling(kind)
+    before = len(simulation.pairs.first), len(simulation.pairs.near_limit)
     simulation.run_steps(1500)
-    assert len(simulation.pairs.near_limit) > room
+    assert len(simulation.pairs.near_limit) > before[1]
     simulation.save(tmp_path / "grown.npz")
     loaded = Simulation.load(tmp_path / "grown.npz")
     assert len(loaded.pairs.near_limit) == len(simulation.pairs.near_limit)
     assert loaded.pairs.data.ctypes.data % 64 == 0
     loaded.run_steps(500)
+    assert len(loaded.pairs.first) > before[0]
     assert bits(loaded) == expected
 
 
 def test_chunks_records_and_checkpoints_do_not_change_the_bits(saved, tmp_path):
     _path, expected = saved
-    simulation = falling_berries()
+    simulation = falling()
     times = []
     path = tmp_path / "on_the_way.npz"
     recorded = {"record": lambda s: times.append(s.time_s), "record_every_s": 0.03}
@@ -111,7 +147,7 @@ def test_an_interrupt_leaves_a_checkpoint_to_go_on_from(saved, tmp_path):
         if running.steps > 0:
             raise KeyboardInterrupt
 
-    simulation = falling_berries()
+    simulation = falling()
     with pytest.raises(KeyboardInterrupt):
         simulation.run(0.2, False, record=interrupt, record_every_s=0.06, checkpoint=path)
     loaded = Simulation.load(path)

@@ -5,27 +5,15 @@ import math
 
 import numpy as np
 import pytest
-import trimesh
-from dem.clump_scenes import BENT, BENT_INERTIA, CONE, FUNNEL, MASS, RADIUS, ball_of_one, bent, scene
-from dem.common import DENSITY, FLOOR, GOJI, PVC, angular_momentum, bits, energy_shares, mesh_of, random_direction
+from dem.clump_scenes import BENT, BENT_INERTIA, FUNNEL, MASS, RADIUS, ball_of_one, bent, scene
+from dem.common import DENSITY, FLOOR
+from dem.test_checkpoint import falling
 from oracles import rotation
 from refusals import not_refused
 
 from repose.apparatus.funnel import Funnel
-from repose.dem import (
-    Clump,
-    Contact,
-    Cylinder,
-    Motion,
-    Plane,
-    Recorder,
-    Shape,
-    Simulation,
-    random_quaternion,
-    write_vtk,
-)
+from repose.dem import Clump, Contact, Plane, Recorder, Shape, random_quaternion, write_vtk
 from repose.dem.kernels import state as st
-from repose.dem.kernels.clumps import new_sphere_pairs
 from repose.dem.tessellation import tessellate, triangulated_bodies
 
 TUBED = Funnel(0.15, 0.032, 60.0, 0.02, 0.001, 0.1)
@@ -96,113 +84,16 @@ def test_touching_spheres_are_those_of_all_pairs_at_every_moment(seed):
     assert seen > 1500
 
 
-def test_entries_are_used_again_and_lists_grow_and_momentum_stays_and_hits_create_no_energy():
-    runs = []
-    for shrink in (False, True):
-        s = cloud()
-        if shrink:
-            s.pairs = new_sphere_pairs(64, 40, 5, s.capacity, 3)
-        s.run_steps(1500)
-        holes, used = int(s.counts[st.N_FREE]), int(s.counts[st.N_NEAR])
-        listed = s.pairs.near_first[:used] < s.capacity
-        assert listed.sum() == used - holes
-        pairs = np.column_stack([s.pairs.near_first[:used], s.pairs.near_second[:used]])[listed]
-        assert len(np.unique(pairs, axis=0)) == len(pairs)
-        assert s.pairs.live[:used].sum() == s.counts[st.N_PAIRS]
-        bits = np.unpackbits(s.pairs.known[:used].view(np.uint8)).sum()
-        assert bits == s.counts[st.N_PAIRS]
-        runs.append(s.positions.tobytes())
-    assert len(s.pairs.near_limit) > 40
-    assert runs[0] == runs[1]
-    rng = np.random.default_rng(7)
-    hits = 0
-    for _ in range(250):
-        e, mu = rng.uniform(0.2, 0.6), rng.uniform(0.0, 0.8)
-        s = scene({"bent": bent()}, Contact(e, mu, 0.0), dt=2e-5)
-        way = random_direction(rng)
-        s.add("bent", 0.5 * 0.024 * way, random_quaternion(rng), -0.5 * way, 40.0 * rng.normal(size=3))
-        s.add("bent", -0.5 * 0.024 * way, random_quaternion(rng), 0.5 * way + 0.1 * rng.normal(size=3))
-        momentum = s.velocities.sum(axis=0)
-        spin = angular_momentum(s)
-        most, last = energy_shares(s, 25, 80)
-        assert most <= 1.0 + 1e-5
-        hits += last < 0.98
-        assert np.abs(s.velocities.sum(axis=0) - momentum).max() < 1e-14
-        assert np.abs(angular_momentum(s) - spin).max() < 1e-5 * np.abs(spin).max()
-    assert hits > 120
-
-
-@pytest.mark.parametrize("kind", ["cone", "rim", "plane", "mesh"])
-def test_hits_on_walls_create_no_energy(kind):
-    walls = {
-        "cone": {"cone": CONE},
-        "rim": FUNNEL.walls("wall"),
-        "plane": {"floor": FLOOR},
-        "mesh": {"cube": mesh_of(trimesh.creation.box((0.03, 0.03, 0.03)), 2e-3)},
-    }[kind]
-    height = {"cone": 0.05, "rim": FUNNEL.outlet_height_m + 0.032, "plane": 0.02, "mesh": 0.05}[kind]
-    rng = np.random.default_rng(8)
-    hits = 0
-    for _ in range(150):
-        s = scene({"bent": bent()}, Contact(rng.uniform(0.2, 0.5), rng.uniform(0.0, 0.8), 0.0), walls, dt=2e-5)
-        place = np.array([*rng.uniform(-0.006, 0.006, 2), height])
-        velocity = np.array([*rng.uniform(-0.4, 0.4, 2), -rng.uniform(0.4, 1.2)])
-        s.add("bent", place, random_quaternion(rng), velocity, 30.0 * rng.normal(size=3))
-        most, last = energy_shares(s, 25, 80)
-        assert most <= 1.0 + 1e-5
-        hits += last < 0.98
-    assert hits > 60
-
-
-@pytest.mark.parametrize("end", ["disc", "outlet", "inlet", "tube"])
-def test_hits_about_the_ends_of_walls_create_no_energy(end):
-    """From all sides: what overlaps a wall beyond its end, or from behind, is not thrown."""
-    rng = np.random.default_rng(41)
-    funnel = TUBED if end == "tube" else FUNNEL
-    walls, radius, height = {
-        "disc": ({"disc": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", 0.05)}, 0.05, 0.0),
-        "outlet": (funnel.walls("wall"), 0.016, funnel.outlet_height_m),
-        "tube": (funnel.walls("wall"), 0.016, funnel.outlet_height_m),
-        "inlet": ({"cone": funnel.walls("wall")["cone"]}, 0.075, funnel.inlet_height_m),
-    }[end]
-    hits = 0
-    for _ in range(80):
-        s = scene({"bent": bent()}, Contact(0.4, 0.5, 0.0), walls, dt=1e-4)
-        angle, direction = rng.uniform(0.0, 2.0 * math.pi), random_direction(rng)
-        place = np.array([radius * math.cos(angle), radius * math.sin(angle), height]) + 0.008 * rng.normal(size=3)
-        velocity = -rng.uniform(0.2, 1.2) * direction
-        s.add("bent", place + 0.03 * direction, random_quaternion(rng), velocity, 30.0 * rng.normal(size=3))
-        s.run_steps(1)
-        if s.counts[st.N_PLANE] + s.counts[st.N_CURVED]:
-            continue  # added touching
-        most, last = energy_shares(s, 10, 80)
-        assert most <= 1.0 + 1e-5
-        hits += last < 0.98
-    assert hits > 8
-
-
-def test_spheres_on_a_disc_are_those_of_a_slow_rule():
-    """A sphere's contact begins in front of the disc and over it, from a gap; it ends with a gap or beyond the edge."""
-    rng = np.random.default_rng(43)
-    seen = np.zeros(2, int)
-    for _ in range(25):
-        walls = {"disc": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", 0.05)}
-        s = scene({"bent": bent()}, Contact(0.4, 0.5, 0.0), walls, dt=1e-4, gravity=(0.0, 0.0, -9.81))
-        place = np.array([0.05 + rng.uniform(-0.025, 0.025), 0.0, rng.uniform(-0.004, 0.014)])
-        velocity = [rng.uniform(-0.5, 0.5), 0.0, rng.uniform(-0.2, 0.4)]
-        s.add("bent", place, random_quaternion(rng), velocity, 30.0 * rng.normal(size=3))
-        past, touching = np.zeros(5, bool), np.zeros(5, bool)
-        for _ in range(300):
-            x, y, z = (s.positions[0] + BENT[:, :3] @ rotation(s.quaternions[0]).T).T
-            clear, beyond = z > BENT[:, 3], np.hypot(x, y) > 0.05
-            # a contact that is there goes on behind the plane, too
-            past = ~clear & (past | beyond | (~touching & (z < 0.0)))
-            touching = ~clear & ~past
-            seen += touching.sum(), past.sum()
-            s.run_steps(1)
-            held = s.flat.feature[: s.counts[st.N_PLANE]]
-            assert sorted(held) == list(np.flatnonzero(touching))
-    assert seen.min() > 300
+def test_entries_are_used_again():
+    s = cloud()
+    s.run_steps(1500)
+    holes, used = int(s.counts[st.N_FREE]), int(s.counts[st.N_NEAR])
+    listed = s.pairs.near_first[:used] < s.capacity
+    assert listed.sum() == used - holes
+    pairs = np.column_stack([s.pairs.near_first[:used], s.pairs.near_second[:used]])[listed]
+    assert len(np.unique(pairs, axis=0)) == len(pairs)
+    assert s.pairs.live[:used].sum() == s.counts[st.N_PAIRS]
+    assert np.unpackbits(s.pairs.known[:used].view(np.uint8)).sum() == s.counts[st.N_PAIRS]
 
 
 @pytest.mark.parametrize("scale", [1.0, 1.3])
@@ -239,53 +130,6 @@ def test_clumps_pass_a_funnel():
     on_cone = wall == 0
     # a cone's normal points outwards at its azimuth; the body has moved on by a step
     assert np.allclose(np.arctan2(normal[on_cone, 1], normal[on_cone, 0]), azimuth[on_cone], atol=0.01)
-
-
-def pouring():
-    walls = {
-        "floor": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", motion=Motion((0.0, 0.0, 0.2))),
-        "tube": Cylinder((0, 0, -0.1), (0, 0, 1), 0.5, 0.04, "wall"),
-        "block": mesh_of(trimesh.creation.box((0.02, 0.02, 0.02)), 1e-3, motion=Motion((0, 0, 0.2), (0, 0, 20))),
-    }
-    laws = {pair: Contact(0.3, 0.5, 0.02) for pair in itertools.combinations_with_replacement(("body", "clay"), 2)}
-    laws |= {("body", "wall"): Contact(0.4, 0.5, 0.02), ("clay", "wall"): Contact(0.2, 0.5, 0.02)}
-    s = Simulation(
-        {"bent": bent(), "ball": ball_of_one(0.005, "clay")}, {"body": GOJI, "clay": GOJI, "wall": PVC}, laws, 5e-5,
-        capacity=31, lower=(-0.04, -0.04, 0.0), upper=(0.04, 0.04, 0.2), walls=walls, largest_scale=1.2,
-    )  # fmt: skip
-    rng = np.random.default_rng(3)
-    for k in range(30):
-        layer, place = divmod(k, 4)
-        x, y = 0.015 * np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)][place])
-        turn, scale = rng.normal(size=4), rng.uniform(0.9, 1.2)
-        s.add(("bent", "ball")[k % 3 == 0], (x, y, 0.03 + 0.022 * layer), turn, scale=scale)
-    return s
-
-
-def test_a_checkpoint_goes_on_with_the_same_bits_and_so_does_the_seed(tmp_path, monkeypatch):
-    s = pouring()
-    s.run_steps(2000)
-    assert s.counts[st.N_MESHED] > 0
-    assert s.counts[st.N_CURVED] > 0
-    assert len(s.contacts()) > 10
-    s.save(tmp_path / "half.npz")
-    s.run_steps(2000)
-    loaded = Simulation.load(tmp_path / "half.npz")
-    loaded.run_steps(2000)
-    assert bits(loaded) == bits(s)
-    # lists that have to grow on the way change nothing, and are saved whole
-    monkeypatch.setattr("repose.dem.contact_lists.SPHERE_CONTACTS_PER_BODY", 1)
-    monkeypatch.setattr("repose.dem.contact_lists.MOST_NEW", 0)
-    monkeypatch.setattr("repose.dem.contact_lists.NEAR_PER_BODY", -7)
-    grown = pouring()
-    room = len(grown.pairs.first), len(grown.pairs.near_limit)
-    grown.run_steps(3000)
-    assert len(grown.pairs.first) > room[0]
-    assert len(grown.pairs.near_limit) > room[1]
-    grown.save(tmp_path / "grown.npz")
-    loaded = Simulation.load(tmp_path / "grown.npz")
-    loaded.run_steps(1000)
-    assert bits(loaded) == bits(s)
 
 
 def test_clumps_below_the_floor_are_gone_and_wrong_ones_refused():
@@ -329,7 +173,7 @@ def test_pictures_files_and_frames_of_clumps(tmp_path):
     assert np.abs(clear.min(axis=1)).max() < 1e-12
     assert len(triangles) == len(tessellate(ball_of_one())[2])
     assert np.allclose(np.linalg.norm(normals, axis=1), 1.0)
-    s = pouring()
+    s = falling("clumps")
     recorder = Recorder()
     s.run(0.01, progress=False, record=recorder, record_every_s=0.005)
     assert recorder.frames()["position"].shape == (3, 30, 3)

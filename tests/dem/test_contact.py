@@ -46,6 +46,12 @@ def pair_tile(t, contacts, rows, first, second, parts, dt, law, rolling, load):
     scatter(load, second, 0, t, tl.TO_B)
 
 
+def empty_tile():
+    """A tile, its rows by lanes, what contacts keep, and that by lanes."""
+    t, contacts = st.zeros(ROWS * LANES), st.new_contacts(LANES, KEPT)[0]
+    return t, t.reshape(ROWS, LANES), contacts, contacts.reshape(KEPT, LANES)
+
+
 def parts_of(axes):
     """As `shapes.parts_of`, for a body with the moments of its axes."""
     return st.SPHERES if axes is SPHERE else len(axes)
@@ -135,9 +141,7 @@ def test_a_proven_gap_is_never_too_large_and_radii_are_those_of_hertz():
     bodies = [[np.zeros(3), (1, 0, 0, 0), np.zeros(3), np.zeros(3)] for _ in range(2)]
     bodies[1][0] = np.array([0.0, 0.0, 1.99 * radius])
     rows = engine_rows(bodies, sphere, 1e-3)
-    t = st.zeros(ROWS * LANES)
-    lanes = t.reshape(ROWS, LANES)
-    contacts = st.new_contacts(LANES, KEPT)[0]
+    t, lanes, contacts, _ = empty_tile()
     first = np.zeros(LANES, np.uint32)
     load = st.zeros(len(rows), st.LOAD_COLUMNS)
     laws = hertz_mindlin.LAW.make_options(), rolling_budget.LAW.make_options()
@@ -149,12 +153,9 @@ def test_a_proven_gap_is_never_too_large_and_radii_are_those_of_hertz():
 @pytest.mark.parametrize("axes", [BERRY, BARREL, SPHERE], ids=["ellipsoid", "two ellipsoids", "sphere"])
 @pytest.mark.parametrize("limit", ["elastic", "total"])
 @pytest.mark.parametrize("tension", ["release", "keep"])
-def test_a_tile_of_contacts_agrees_with_the_slow_law(axes, tension, limit):  # noqa: PLR0915
+def test_a_tile_of_contacts_agrees_with_the_slow_law(axes, tension, limit):
     rng = np.random.default_rng(9)
-    t = st.zeros(ROWS * LANES)
-    lanes = t.reshape(ROWS, LANES)
-    contacts = st.new_contacts(LANES, KEPT)[0]
-    kept = contacts.reshape(KEPT, LANES)
+    t, lanes, contacts, kept = empty_tile()
     contact = Contact(0.3, 0.55, 0.04)
     young, shear = effective_moduli(GOJI, GOJI)
     mass = 1.04e-3

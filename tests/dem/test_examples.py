@@ -5,18 +5,18 @@ import runpy
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
-from pathlib import Path
 
 import numpy as np
 import pytest
+from dem.test_vtk import among
 from PIL import Image
+from shared import ROOT
 
-from repose.dem import Cylinder, Plane, Recorder, Shape, Simulation
+from repose.dem import Cylinder, Plane, Recorder
 from repose.pictures.film import animate
 from repose.pictures.render import render_simulation
 from repose.pictures.scenery import setting_of
 
-ROOT = Path(__file__).parents[2]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 README = ROOT / "src" / "repose" / "dem" / "README.md"
 
@@ -55,16 +55,11 @@ def test_the_readme_the_picture_and_its_scale_are_those_of_the_box(box):
     # the panels close the box up to the top: normals point at its middle
     for panel in setting.panels:
         assert panel.normal @ (np.array([0.0, 0.0, 0.075]) - panel.corners_m.mean(axis=0)) > 0
-    old, _folder = box
-    shapes = {"berry": old.shapes["berry"], "ball": Shape.sphere(0.01, 840.0, "berry")}
-    made = {"shapes": shapes, "materials": old.materials, "time_step_s": 1e-4, "capacity": 1, "largest_scale": 2.0}
-    made |= {"contacts": {("berry", "berry"): old.contact_pairs["berry", "berry"]}}
-    made |= {"lower": (-0.05, -0.05, 0.0), "upper": (0.05, 0.05, 0.1)}
     sizes = []
     for shape, scale in (("ball", 1.0), ("ball", 2.0), ("berry", 1.0)):
-        simulation = Simulation(**made)
+        simulation = among({}, largest_scale=2.0)
         simulation.add(shape, (0.0, 0.0, 0.05), scale=scale)
-        frame = np.array([made["lower"], made["upper"]])
+        frame = np.array([(-0.03, -0.03, 0.02), (0.03, 0.03, 0.08)])
         picture = render_simulation(simulation, width=120, height=120, frame_m=frame).astype(int)
         sandy = picture[..., 0] > picture[..., 2] + 60  # the first shape; the second is blue
         sizes.append((picture.max(axis=-1) - picture.min(axis=-1) > 20).sum())
@@ -72,12 +67,9 @@ def test_the_readme_the_picture_and_its_scale_are_those_of_the_box(box):
     assert sizes[1] / sizes[0] == pytest.approx(4.0, rel=0.15)
 
 
-def test_any_simulation_becomes_an_animation(box, tmp_path):
-    old, _folder = box
-    walls = {"floor": Plane((0, 0, 0), (0, 0, 1), "steel"), "shell": Cylinder((0, 0, 0), (0, 0, 1), 0.1, 0.03, "steel")}
-    contacts = {pair: old.contact_pairs[pair] for pair in (("berry", "berry"), ("berry", "steel"))}
-    shapes, size = old.shapes, {"capacity": 1, "lower": (-0.03, -0.03, 0.0), "upper": (0.03, 0.03, 0.1)}
-    simulation = Simulation(shapes, old.materials, contacts, 1e-4, walls=walls, **size)
+def test_any_simulation_becomes_an_animation(tmp_path):
+    walls = {"floor": Plane((0, 0, 0), (0, 0, 1), "m"), "shell": Cylinder((0, 0, 0), (0, 0, 1), 0.1, 0.03, "m")}
+    simulation = among(walls, lower=(-0.03, -0.03, 0.0), upper=(0.03, 0.03, 0.1))
     simulation.add("berry", (0.0, 0.0, 0.08))
     frames = Recorder()
     simulation.run(0.08, progress=False, record=frames, record_every_s=0.02)

@@ -5,10 +5,11 @@ import itertools
 import numpy as np
 import pytest
 from dem.clump_scenes import BENT_INERTIA, MASS, scene
-from dem.common import BERRY, simulation
+from dem.common import simulation
 from dem.test_clumps import all_spheres, cloud
+from dem.test_parallel import falling
 
-from repose.dem import Clump, Contact, Plane, Shape, random_quaternion
+from repose.dem import Clump, Contact, Shape, random_quaternion
 from repose.dem.kernels import state as st
 from repose.dem.kernels.clumps import SLOTS
 from repose.dem.kernels.contact import solve_gap
@@ -29,20 +30,7 @@ def slow_contacts(s):
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_the_contact_list_is_that_of_all_pairs_at_every_moment(seed):
-    rng = np.random.default_rng(seed)
-    walls = {
-        "floor": Plane((0, 0, 0), (0, 0, 1), "wall"),
-        "right": Plane((0.04, 0, 0), (-1, 0, 0), "wall"),
-        "left": Plane((-0.04, 0, 0), (1, 0, 0), "wall"),
-    }
-    n = 60
-    s = simulation(
-        BERRY, Contact(0.3, 0.5, 0.05), walls=walls, gravity_m_s2=(0, 0, -9.81), dt=2e-4, capacity=n,
-        lower=(-0.05, -0.05, 0.0), upper=(0.05, 0.05, 0.2),
-    )  # fmt: skip
-    places = itertools.product((-0.025, 0.0, 0.025), (-0.025, 0.0, 0.025), np.arange(0.015, 0.18, 0.0225))
-    for place in itertools.islice(places, n):
-        s.add(np.array(place) + 5e-4 * rng.random(3), random_quaternion(rng), 0.3 * rng.normal(size=3))
+    s = falling(1, 60, seed, 0.3)
     seen = 0
     for _ in range(75):
         s.run_steps(23)
@@ -59,23 +47,7 @@ def test_the_contact_list_is_that_of_all_pairs_at_every_moment(seed):
     assert seen > 1000
 
 
-def test_lists_grow_and_memory_goes_with_the_grains_alone():
-    n = 125
-    runs = []
-    for shrink in (False, True):
-        s = simulation(BERRY, Contact(0.3, 0.5, 0.05), capacity=n, dt=1e-4)
-        rng = np.random.default_rng(5)
-        if shrink:
-            s.pairs = st.new_pairs(32, 100, n, 3)
-        for k, place in enumerate(itertools.product(np.arange(5) * 0.022 - 0.05, repeat=3)):
-            s.add(np.array(place), random_quaternion(rng), -0.8 * np.array(place) / 0.05)
-            if k % 10 == 9:
-                s.run_steps(1)
-        s.run_steps(400)
-        assert len(s.pairs.first) > 32
-        assert len(s.pairs.near_limit) > 100
-        runs.append(s.positions.copy())
-    assert np.array_equal(*runs)
+def test_memory_goes_with_the_grains_alone():
     # 10 um grains in a box of 2 m: cells all over the box would take 3 PiB
     n, radius = 40, 1e-5
     s = simulation(

@@ -2,7 +2,7 @@ import itertools
 
 import numpy as np
 import pytest
-from dem.common import BERRY, simulation
+from dem.common import BERRY, DOWN, FLOOR, simulation
 from refusals import not_refused
 
 from repose.dem import Contact, Plane, random_quaternion
@@ -13,19 +13,21 @@ from repose.dem.kernels.order import morton
 STEPS = 1200
 
 
-def falling(threads, **keywords):
-    walls = {"floor": Plane((0, 0, 0), (0, 0, 1), "wall")}
+def falling(threads, count=120, seed=4, speed_m_s=0.1):
+    """Berries above a floor between four walls."""
+    walls = {"floor": FLOOR}
     for name, place, normal in (("right", 0.04, -1), ("left", -0.04, 1)):
         walls[name] = Plane((place, 0, 0), (normal, 0, 0), "wall")
         walls[name + " too"] = Plane((0, place, 0), (0, normal, 0), "wall")
     s = simulation(
-        BERRY, Contact(0.3, 0.5, 0.05), walls=walls, gravity_m_s2=(0, 0, -9.81), dt=2e-4, capacity=120,
-        lower=(-0.05, -0.05, 0.0), upper=(0.05, 0.05, 0.3), threads=threads, **keywords,
+        BERRY, Contact(0.3, 0.5, 0.05), walls=walls, gravity_m_s2=DOWN, dt=2e-4, capacity=count, threads=threads,
+        lower=(-0.05, -0.05, 0.0), upper=(0.05, 0.05, 0.3),
     )  # fmt: skip
-    rng = np.random.default_rng(4)
+    rng = np.random.default_rng(seed)
     lattice = (-0.025, 0.0, 0.025)
-    for place in itertools.islice(itertools.product(np.arange(0.015, 0.4, 0.0225), lattice, lattice), 120):
-        s.add(np.array(place)[[1, 2, 0]] + 5e-4 * rng.random(3), random_quaternion(rng), 0.1 * rng.normal(size=3))
+    for place in itertools.islice(itertools.product(np.arange(0.015, 0.4, 0.0225), lattice, lattice), count):
+        start = np.array(place)[[1, 2, 0]] + 5e-4 * rng.random(3)
+        s.add(start, random_quaternion(rng), speed_m_s * rng.normal(size=3))
     return s
 
 
@@ -35,26 +37,17 @@ def small_is_shared(monkeypatch):
 
 
 @pytest.mark.slow
-def test_the_number_of_threads_changes_no_bit(small_is_shared):
+@pytest.mark.essential
+def test_neither_threads_nor_cuts_change_a_bit_and_shares_move_bodies_as_one_does(small_is_shared, monkeypatch):
     found = []
-    for threads in (1, 2, 3):
+    for threads, parts in ((1, [STEPS]), (2, [STEPS]), (3, [STEPS]), (2, [1, 499, 500, 7, STEPS - 1007])):
         s = falling(threads)
-        s.run_steps(STEPS)
+        for steps in parts:
+            s.run_steps(steps)
         found.append((s.positions.copy(), s.quaternions, s.contacts()))
     assert len(found[0][2]) > 100
     for other in found[1:]:
-        for one, two in zip(found[0], other, strict=True):
-            assert np.array_equal(one, two)
-
-
-@pytest.mark.slow
-@pytest.mark.essential
-def test_where_a_run_is_cut_changes_no_bit_and_shares_move_bodies_as_one_does(small_is_shared, monkeypatch):
-    whole, parts = falling(2), falling(2)
-    whole.run_steps(STEPS)
-    for steps in (1, 499, 500, 7, STEPS - 1007):
-        parts.run_steps(steps)
-    assert np.array_equal(whole.positions, parts.positions)
+        assert all(np.array_equal(one, two) for one, two in zip(found[0], other, strict=True))
     # over so few steps that rounding has not grown yet
     shared = falling(1)
     monkeypatch.setattr(parallel, "FEWEST_BODIES", 1000)

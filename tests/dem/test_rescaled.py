@@ -1,14 +1,16 @@
 """The tangential force that pressing keeps and unloading lowers: beside its increments, and along known paths."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from dem.clump_scenes import BENT, scene
-from dem.common import BERRY, DENSITY, GOJI, LANES, PVC, random_direction, tile_of
+from dem.clump_scenes import ball_of_one, bent, scene
+from dem.common import BERRY, GOJI, LANES, PVC, random_direction, tile_of
+from dem.test_epsd import berry, smooth
 from oracles import hertz_mindlin_rescaled as slow_law
 
-from repose.dem import Clump, Contact, Motion, Plane, Shape
+from repose.dem import Contact, Motion, Plane
 from repose.dem.kernels import state as st
 from repose.dem.kernels import tile as tl
 from repose.dem.laws import CONTACT_LAWS
@@ -62,28 +64,15 @@ def test_a_tile_of_contacts_on_random_paths_agrees_with_the_increments_of_the_fo
     assert min(slid, stuck, parted) > 200
 
 
-def sphere():
-    return Shape.ellipsoid((RADIUS,) * 3, HEAVY * DENSITY, "body")
-
-
-def berry():
-    return Shape.ellipsoid(BERRY[0], HEAVY * DENSITY, "body")
-
-
-def ball():
-    solid = sphere()
-    return Clump([[0.0, 0.0, 0.0, RADIUS]], solid.mass_kg, solid.inertia_kg_m2, "body")
-
-
-def bent():
-    return Clump(BENT, HEAVY * 1e-3, HEAVY * np.array([1.0e-8, 3.5e-8, 3.6e-8]), "body")
+def heavy(shape):
+    return replace(shape, mass_kg=HEAVY * shape.mass_kg, inertia_kg_m2=HEAVY * np.array(shape.inertia_kg_m2))
 
 
 # shape, R* and depth below the centre of the place that touches a floor; two spheres of the bent clump are the lowest
 SHAPES = [
-    pytest.param(sphere, RADIUS, RADIUS, id="sphere"),
+    pytest.param(smooth, RADIUS, RADIUS, id="sphere"),
     pytest.param(berry, BERRY[0, 0] * BERRY[0, 1] / BERRY[0, 2], BERRY[0, 2], id="berry"),
-    pytest.param(ball, RADIUS, RADIUS, id="clump of one", marks=pytest.mark.slow),
+    pytest.param(ball_of_one, RADIUS, RADIUS, id="clump of one", marks=pytest.mark.slow),
 ]
 
 
@@ -93,7 +82,7 @@ class Led:
     def __init__(self, shape, depth, contact=NO_SLIP, **laws):
         laws = {"contact_law": "hertz_mindlin_rescaled", "tension": "release"} | laws
         floor = Plane((0.0, 0.0, -depth - 1e-6), (0.0, 0.0, 1.0), "wall")
-        self.simulation = scene({"body": shape}, contact, {"floor": floor}, STEP, **laws)
+        self.simulation = scene({"body": heavy(shape)}, contact, {"floor": floor}, STEP, **laws)
         self.simulation.add("body", (0.0, 0.0, 0.0))
         self.work, self.force = 0.0, np.zeros(3)
 
@@ -137,8 +126,8 @@ def loop(led, forward):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("shape", "depth"), [
-    pytest.param(sphere, RADIUS, id="sphere"), pytest.param(berry, BERRY[0, 2], id="berry"),
-    pytest.param(ball, RADIUS, id="clump of one", marks=pytest.mark.slow),
+    pytest.param(smooth, RADIUS, id="sphere"), pytest.param(berry, BERRY[0, 2], id="berry"),
+    pytest.param(ball_of_one, RADIUS, id="clump of one", marks=pytest.mark.slow),
     pytest.param(bent, 4.5e-3, id="bent clump", marks=pytest.mark.slow),
 ])  # fmt: skip
 def test_a_closed_path_without_slip_gives_no_energy(shape, depth):

@@ -111,6 +111,11 @@ def test_surfaces_have_the_volume_of_the_bodies_and_walls_are_where_they_are_now
     np.testing.assert_allclose(np.hypot(points[2][:, 0], points[2][:, 1]), 0.03)
 
 
+def normals_of(points, triangles):
+    a, b, c = points[triangles].transpose(1, 0, 2)
+    return np.cross(b - a, c - a)
+
+
 def test_planes_end_at_each_other_and_walls_face_the_bodies():
     edge = RingEdge(0.02, 0.002, "m", ((0.0, 1.0), (0.0, 0.0)), origin_m=(0, 0, 0.05))
     walls = {
@@ -123,21 +128,19 @@ def test_planes_end_at_each_other_and_walls_face_the_bodies():
     points, triangles = found["floor"]
     assert points[:, 0].min() == pytest.approx(0.0, abs=1e-12)
     assert found["slope"][0][:, 0].max() == pytest.approx(0.0, abs=1e-12)
-    a, b, c = points[triangles].transpose(1, 0, 2)
-    assert np.cross(b - a, c - a)[0, 2] > 0
-    assert np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2 == pytest.approx(0.1 * 0.1)
+    normals = normals_of(points, triangles)
+    assert normals[0, 2] > 0
+    assert np.linalg.norm(normals, axis=1).sum() / 2 == pytest.approx(0.1 * 0.1)
     points, triangles = found["cone"]
-    a, b, c = points[triangles].transpose(1, 0, 2)
-    middle = (a + b + c) / 3
-    assert (np.sum(np.cross(b - a, c - a)[:, :2] * middle[:, :2], axis=1) < 0).all()
+    middle = points[triangles].mean(axis=1)
+    assert (np.sum(normals_of(points, triangles)[:, :2] * middle[:, :2], axis=1) < 0).all()
     # only the half of the edge that faces down is open to bodies
     points, triangles = found["edge"]
     tube = np.hypot(np.hypot(points[:, 0], points[:, 1]) - 0.02, points[:, 2] - 0.05)
     np.testing.assert_allclose(tube, 0.002)
     assert points[:, 2].min() == pytest.approx(0.048)
     assert points[:, 2].max() == pytest.approx(0.05, abs=1e-12)
-    a, b, c = points[triangles].transpose(1, 0, 2)
-    assert (np.cross(b - a, c - a)[:, 2] <= 1e-15).all()
+    assert (normals_of(points, triangles)[:, 2] <= 1e-15).all()
 
 
 def test_a_series_has_the_times_and_writes_walls_at_rest_once(tmp_path):

@@ -5,18 +5,17 @@ import math
 import shutil
 import subprocess
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from export.jobs import BALL, BERRY, CONFIG, THREE, job_of
+from shared import ROOT
 
 from repose import export
 from repose.config.study import Study
 from repose.particle import build
 
 pytestmark = pytest.mark.slow
-ROOT = Path(__file__).resolve().parents[2]
 RUNS = {
     "liggghts": (["liggghts", "-in", "in.pour"], "pile.dump"),
     "lammps": (["lmp", "-in", "in.pour"], "pile.dump"),

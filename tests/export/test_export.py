@@ -12,10 +12,10 @@ import pytest
 from export.jobs import BALL, BERRY, CONFIG, MM, SKEW, THREE, job_of
 from refusals import input_error
 from scipy.integrate import solve_ivp
+from shared import ROOT
 
 from repose import export
 from repose.chain import card
-from repose.cli import main
 from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
@@ -26,7 +26,6 @@ from repose.export.lammps import TSUJI, contact_keywords, damping_numbers
 from repose.export.laws import rolling_coefficient
 from repose.export.liggghts import LEAST_RESTITUTION, prime
 
-ROOT = Path(__file__).resolve().parents[2]
 DECK = {"liggghts": "in.pour", "lammps": "in.pour", "yade": "pour.py", "mercurydpm": "Pour.cpp"}
 SMOOTH = replace(THREE, kind="smooth", spheres_m=np.zeros((0, 4)), semi_axes_m=MM * np.array([[8.0, 5.5, 5.5]]))
 
@@ -82,13 +81,8 @@ def test_each_program_gets_the_numbers(job):
     moduli = [job.grains.effective_shear_pa, job.on_wall.effective_shear_pa]  # two thirds of 8 G* sqrt(R* delta) there
     assert [float(word) / 1.5 for word in shear] == pytest.approx(moduli)
     tree = ast.parse(export.PROGRAMS["yade"](job)["pour.py"])
-    values = {}
-    for node in tree.body:
-        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
-            try:
-                values[node.targets[0].id] = ast.literal_eval(node.value)
-            except ValueError:
-                continue
+    named = {ast.unparse(node.targets[0]): node.value for node in tree.body if isinstance(node, ast.Assign)}
+    values = {name: ast.literal_eval(named[name]) for name in ("SPHERES", "MASS", "RINGS")}
     assert np.array(values["SPHERES"]) == pytest.approx(job.particle.spheres_m)
     assert values["MASS"] == pytest.approx(job.particle.mass_kg)
     assert np.array(values["RINGS"]) == pytest.approx(surface.profile(job.surfaces))
@@ -170,7 +164,7 @@ def test_the_number_of_older_lammps_gives_the_same_damping(config, restitution):
 
 @pytest.mark.parametrize("particle", [THREE, SKEW], ids=["three", "skew"])
 def test_the_members_of_a_yade_clump_have_mass_centre_and_moments_of_the_body(config, particle):
-    job = make(config, ParameterSpace.of(config["parameters"]).centre, particle, BERRY)
+    job = job_of(config, particle)
     weights, own = yade.member_masses(job)
     masses, places = weights * job.particle.mass_kg, job.particle.spheres_m[:, :3]
     assert masses.sum() == pytest.approx(job.particle.mass_kg)
@@ -259,7 +253,7 @@ def test_the_funnel_is_the_simulated_one_and_the_lammps_cone_ends_where_it_does(
 
 def test_a_tube_stands_in_surface_and_deck(config):
     config = config | {"funnel": config["funnel"] | {"tube_length_mm": 20.0}}
-    job = make(config, ParameterSpace.of(config["parameters"]).centre, THREE, BERRY)
+    job = job_of(config, THREE)
     line = surface.profile(job.surfaces)
     inner = line[np.isclose(line[:, 0], 0.5 * job.surfaces.outlet_diameter_m)]
     assert np.ptp(inner[:, 1]) == pytest.approx(0.02)
@@ -336,37 +330,35 @@ def test_each_law_is_written_as_the_program_has_it_or_refused(config, program, p
             assert ("refuses cohesion" in str(no.value)) == ((program, law) == ("lammps", "jkr"))
 
 
-def test_the_verb_writes_a_deck(monkeypatch, tmp_path, capsys):
+# Words about the particle, whether the study's berry is a sphere, and what the deck holds.
+ASKED = {
+    "clump": (["--spheres", "5"], False, True),
+    "sphere": ([], True, False),
+    "one sphere": (["--spheres", "1"], True, False),
+    "clump of a spherical berry": (["--spheres", "2"], True, True),
+}
+
+
+@pytest.mark.parametrize(("words", "spherical", "is_clump"), ASKED.values(), ids=ASKED)
+def test_the_verb_writes_a_deck_of_clumps_or_spheres(monkeypatch, tmp_path, command, words, spherical, is_clump):
     asked = {}
 
     def berry_and_particle(study):
         asked.update(study.config["berry"])
-        return BERRY, THREE
+        axes = np.full((1, 3), 5 * MM) if spherical else SMOOTH.semi_axes_m
+        return BERRY, THREE if asked["particle"] == "multisphere" else replace(SMOOTH, semi_axes_m=axes)
 
     monkeypatch.setattr("repose.cli.berries.berry_and_particle", berry_and_particle)
-    words = ["export", "--to", "yade", "--config", CONFIG, "--set", "mus_gg=0.41", "--spheres", "5"]
-    assert main([*words, "--out", str(tmp_path / "deck")]) == 0
-    assert capsys.readouterr().out.strip() == str(tmp_path / "deck" / "pour.py")
-    assert "mu_s 0.41" in (tmp_path / "deck" / "pour.py").read_text()
-    assert (asked["particle"], asked["spheres"]) == ("multisphere", 5)
+    for program, name in (("liggghts", "in.pour"), ("yade", "pour.py")):
+        made = ["export", "--to", program, "--config", CONFIG, "--set", "mus_gg=0.41", *words, "--out", tmp_path]
+        assert command(*made).out.split()[0] == str(tmp_path / name)
+        assert "mu_s 0.41" in (tmp_path / name).read_text()
+    assert ("particletemplate/sphere" in (tmp_path / "in.pour").read_text()) is not is_clump
+    assert (tmp_path / "clump.txt").exists() is is_clump
+    assert not is_clump or asked["spheres"] == int(words[1])
 
 
-@pytest.mark.parametrize(("spheres", "radius"), [((), 5.0), (("--spheres", "1"), 5.0), (("--spheres", "2"), None)])
-def test_the_verb_exports_a_spherical_grain_as_spheres(monkeypatch, tmp_path, spheres, radius):
-    asked = []
-
-    def berry_and_particle(study):
-        asked.append(study.config["berry"]["particle"])
-        return BERRY, THREE if asked[-1] == "multisphere" else replace(SMOOTH, semi_axes_m=np.full((1, 3), 5 * MM))
-
-    monkeypatch.setattr("repose.cli.berries.berry_and_particle", berry_and_particle)
-    words = ["export", "--to", "liggghts", "--config", CONFIG, "--set", "mus_gg=0.41", *spheres]
-    assert main([*words, "--out", str(tmp_path)]) == 0
-    assert ("particletemplate/sphere" in (tmp_path / "in.pour").read_text()) == (radius is not None)
-    assert (tmp_path / "clump.txt").exists() == (radius is None)
-
-
-def test_a_card_brings_the_configuration_beside_it(monkeypatch, tmp_path, capsys):
+def test_a_card_brings_the_configuration_beside_it(monkeypatch, tmp_path, command):
     shown = json.loads((ROOT / "crops/cards/wheat.json").read_text())
     config = Study.load(CONFIG).config
     (tmp_path / "config.json").write_text(json.dumps(config))
@@ -377,17 +369,16 @@ def test_a_card_brings_the_configuration_beside_it(monkeypatch, tmp_path, capsys
     axes = dict(zip(("long_mm", "major_mm", "minor_mm"), shown["grain"]["mean_axes_mm"], strict=True))
     berry = axes | {key: shown["grain"][key] for key in card.GRAIN}
     monkeypatch.setattr("repose.cli.berries.berry_and_particle", lambda *_: (berry, THREE))
-    words = ["export", "--to", "edem", "--card", str(tmp_path / "card.json"), "--out", str(tmp_path / "deck")]
-    assert main(words) == 0
+    words = ["export", "--to", "edem", "--card", tmp_path / "card.json", "--out", tmp_path / "deck"]
+    command(*words)
     value = shown["parameters"]["mus_gg"]["value"]
     assert f"{value:.6g}" in (tmp_path / "deck" / "edem.md").read_text()
     berry["density_kg_m3"] = 841.0
-    assert main(words) == 2
-    assert "grain.density_kg_m3 is 1250.0; expected 841.0" in capsys.readouterr().err
+    assert "grain.density_kg_m3 is 1250.0; expected 841.0" in command(*words, status=2).err
 
 
 @pytest.mark.parametrize("spheres", [1, 6])
-def test_a_card_alone_is_enough_in_any_folder(tmp_path, monkeypatch, capsys, spheres):
+def test_a_card_alone_is_enough_in_any_folder(tmp_path, monkeypatch, command, spheres):
     """Its own laws, wall, grain and bench test; the time step is at most that of the study where the card has it."""
     monkeypatch.chdir(tmp_path)
     shown = json.loads((ROOT / "crops/cards/wheat.json").read_text())
@@ -396,7 +387,7 @@ def test_a_card_alone_is_enough_in_any_folder(tmp_path, monkeypatch, capsys, sph
     for step in (None, 1e-6):
         shown |= {} if step is None else {"simulation": {"time_step_s": step, "gravity_m_s2": 9.0}}
         Path("card.json").write_text(json.dumps(shown))
-        assert main([*words, "--out", f"deck {step}"]) == 0
+        assert "built-in goji" not in command(*words, "--out", f"deck {step}").err
         text = Path(f"deck {step}/in.pour").read_text()
         steps[step] = float(re.search(r"timestep +(\S+)", text)[1])
         assert f"nparticles {shown['tests'][0]['bench']['berries']} " in text
@@ -411,12 +402,10 @@ def test_a_card_alone_is_enough_in_any_folder(tmp_path, monkeypatch, capsys, sph
             assert moments == pytest.approx(solid, rel=0.01)
     assert steps[1e-6] == pytest.approx(0.5e-6 if spheres > 1 else 1e-6)
     assert steps[None] > 5 * steps[1e-6]
-    assert "built-in goji" not in capsys.readouterr().err
-    shown["laws"]["normal"] = "a law of another time"
-    Path("card.json").write_text(json.dumps(shown))
-    assert main([*words, "--out", "deck"]) == 2
-    assert "card.json: laws is 'a law of another time'; expected laws of this version" in capsys.readouterr().err
-    shown["tests"][0]["apparatus"] = "drum"
-    Path("card.json").write_text(json.dumps(shown))
-    assert main([*words, "--out", "deck"]) == 2
-    assert "expected the card of a study with piles of the funnel" in capsys.readouterr().err
+    for entry, key, value, said in (
+        (shown["laws"], "normal", "another law", "card.json: laws is 'another law'; expected laws of this version"),
+        (shown["tests"][0], "apparatus", "drum", "expected the card of a study with piles of the funnel"),
+    ):
+        entry[key] = value
+        Path("card.json").write_text(json.dumps(shown))
+        assert said in command(*words, "--out", "deck", status=2).err

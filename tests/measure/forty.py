@@ -13,12 +13,12 @@ from pathlib import Path
 import cv2
 import numba
 import numpy as np
-from PIL import Image
+import pinhole
+import sixty
 from scipy.ndimage import map_coordinates
 from scipy.spatial import cKDTree
 
 from repose.measure import photographs, sheet
-from repose.measure.drawing import overlay, overlay_of_refused
 from repose.measure.pile import measure_image
 from repose.measure.settings import MeasureSettings
 
@@ -178,11 +178,7 @@ class Scene:
     @property
     def turn(self) -> np.ndarray:
         """Right, down and ahead of the camera, which looks at the middle of sheet and heap."""
-        ahead = np.array([0.5 * (self.left + self.half), 0.0, 60.0]) - self.eye
-        ahead /= np.linalg.norm(ahead)
-        right = np.cross(ahead, [0, 0, 1.0]) / np.hypot(*ahead[:2])
-        down, c, s = np.cross(ahead, right), np.cos(np.radians(self.roll)), np.sin(np.radians(self.roll))
-        return np.array([c * right + s * down, c * down - s * right, ahead])
+        return pinhole.turn_of(self.eye, (0.5 * (self.left + self.half), 0.0, 60.0), -self.roll)
 
     def seen(self, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Columns and rows (N, 2) of places in the photograph, and how far ahead they lie (N,)."""
@@ -302,11 +298,8 @@ def photograph(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     page, (wide, tall), turn = sheet.drawing()[0], sheet.size_mm(), [np.cos(scene.yaw), np.sin(scene.yaw), 0]
     corners = np.array([scene.left, 0, 0]) + np.outer([0, 1, 1, 0], np.multiply(wide, turn))
     corners[:2, 2] = tall
-    rows, columns = page.shape
-    ends = np.array([[0, 0], [columns, 0], [columns, rows], [0, rows]], np.float32) - 0.5
-    on_page = cv2.getPerspectiveTransform(ends, scene.seen(corners)[0].astype(np.float32))
-    page = cv2.GaussianBlur(page, (0, 0), 0.5 * rows * scene.away / (tall * scene.focal)) * np.float32(0.75 / gain)
-    page, there = (cv2.warpPerspective(one, on_page, SIZE)[..., None] for one in (page, np.ones_like(page)))
+    page = cv2.GaussianBlur(page, (0, 0), 0.5 * len(page) * scene.away / (tall * scene.focal)) * np.float32(0.75 / gain)
+    page, there = pinhole.warped(page, scene.seen(corners)[0], SIZE)
     picture = (1 - there) * picture + page + 6 * there
     place, _ = scene.seen(scene.grains[0][: scene.number])
     first, end = ((ends + edge * scene.grain_px).astype(int) for ends, edge in ((place.min(0), -2), (place.max(0), 2)))
@@ -319,21 +312,12 @@ def photograph(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     return np.clip(np.rint(picture), 0, 255).astype(np.uint8), heap
 
 
-def drawn(scene: Scene, path: Path) -> Path:
-    """The file of the photograph, drawn if it is not there; half of the cameras state their focal length."""
-    if not path.exists():
-        about = Image.Exif()
-        if scene.stated:
-            about[0x8769] = {0xA405: round(36 * scene.focal / SIZE[0])}
-        Image.fromarray(photograph(scene)[0][..., ::-1]).save(path, exif=about, quality=92)
-    return path
-
-
 def outcome(scene: Scene, folder: Path) -> tuple[photographs.Photograph, tuple[float, float, float]]:
     """The photograph of a scene, measured, and the truth; what was found in it lies beside it."""
-    path, how = drawn(scene, folder / f"{scene.seed}.jpg"), MeasureSettings(berry_height_mm=scene.d)
+    how = MeasureSettings(berry_height_mm=scene.d)
+    # half of the cameras state their focal length
+    focal = scene.focal / SIZE[0] if scene.stated else None
+    path = sixty.saved(folder / f"{scene.seed}.jpg", lambda: photograph(scene)[0], focal, quality=92)
     found = photographs.measure_all([path], how, photographs.Scale())[0]
-    seen = found.measurement
-    shown = overlay(found.view, seen) if seen else overlay_of_refused(found.view, found.pile)
-    cv2.imwrite(str(folder / f"{scene.seed}_found.png"), shown)
+    sixty.show(found, path)
     return found, truth(scene, how)

@@ -1,4 +1,4 @@
-"""A second renderer of piles, with NumPy and OpenCV alone: a pinhole camera and ellipsoidal grains.
+"""A second renderer of piles, with NumPy, SciPy and OpenCV alone: a pinhole camera and ellipsoidal grains.
 
 It shares no code with the measurement; the picture of the printed sheet is its input. The truth of a scene is the top
 of the ellipses that grains are in a side view without perspective, and a least-squares line through each flank of it.
@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 LIGHT = np.array([-0.5, -0.6, 0.62]) / np.linalg.norm([-0.5, -0.6, 0.62])
 FINER = 2  # rays a pixel of the pile, each way
@@ -88,19 +89,9 @@ class Scene:
         strays = np.column_stack([away * np.cos(turn), away * np.sin(turn), np.full(self.loose, 0.45 * d)])
         self.strays = len(strays)
         centres = np.concatenate([centres, strays])
-        q = rng.normal(size=(len(centres), 4))
-        return centres, self._shapes(q, rng.normal(1, 0.06, len(centres)).clip(0.85, 1.15))
-
-    def _shapes(self, q, sizes):
-        w, x, y, z = (q / np.linalg.norm(q, axis=1, keepdims=True)).T
-        turn = np.array(
-            [
-                [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-                [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-            ]
-        ).transpose(2, 0, 1)
-        return turn * (0.5 * np.array(self.axes) * sizes[:, None])[:, None, :]
+        turn = Rotation.from_quat(rng.normal(size=(len(centres), 4)), scalar_first=True).as_matrix()
+        sizes = rng.normal(1, 0.06, len(centres)).clip(0.85, 1.15)
+        return centres, turn * (0.5 * np.array(self.axes) * sizes[:, None])[:, None, :]
 
     @property
     def grain_mm(self) -> float:
@@ -148,7 +139,8 @@ def photograph(scene: Scene, sheet: np.ndarray, sheet_mm: tuple[float, float]) -
     """The photograph (H, W, 3) uint8; `sheet` is a grey picture of the printed sheet, `sheet_mm` its sides."""
     rng = np.random.default_rng([scene.seed, 2])
     width, height = scene.size
-    eye, turn, middle = np.array(scene.eye), _turn(scene), np.array([width / 2 - 0.5, height / 2 - 0.5])
+    eye, middle = np.array(scene.eye), np.array([width / 2 - 0.5, height / 2 - 0.5])
+    turn = turn_of(eye, scene.aim, scene.roll)
     columns, rows = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
     ahead = np.stack([(columns - middle[0]) / scene.focal, (rows - middle[1]) / scene.focal, np.ones_like(rows)], -1)
     colour = _room(scene, rng, eye, (ahead @ turn.astype(np.float32)).astype(np.float32))
@@ -176,14 +168,22 @@ def _part(scene, eye, turn, middle):
     return (np.clip(edge, 0, scene.size).astype(int) for edge in (place.min(axis=0) - reach, place.max(axis=0) + reach))
 
 
-def _turn(scene):
+def turn_of(eye, aim, roll):
     """From the world to the camera: x right, y down, z ahead."""
-    ahead = np.array(scene.aim, float) - scene.eye
+    ahead = np.array(aim, float) - eye
     ahead /= np.linalg.norm(ahead)
     right = np.array([ahead[1], -ahead[0], 0]) / np.hypot(ahead[0], ahead[1])
     down = np.cross(ahead, right)
-    c, s = np.cos(np.radians(scene.roll)), np.sin(np.radians(scene.roll))
+    c, s = np.cos(np.radians(roll)), np.sin(np.radians(roll))
     return np.array([c * right - s * down, s * right + c * down, ahead])
+
+
+def warped(page, corners, size):
+    """A page as it lies in a picture of a size, by where its corners are there from the upper left; and its share."""
+    rows, columns = page.shape
+    edges = np.array([[0, 0], [columns, 0], [columns, rows], [0, rows]], np.float32) - 0.5
+    to_picture = cv2.getPerspectiveTransform(edges, corners.astype(np.float32))
+    return (cv2.warpPerspective(part, to_picture, size)[..., None] for part in (page, np.ones_like(page)))
 
 
 def _room(scene, rng, eye, rays):
@@ -219,14 +219,10 @@ def _paste(scene, sheet, sheet_mm, eye, turn, focal, middle, colour):
     corners = np.array([[0, 0, high], [wide, 0, high], [wide, 0, 0], [0, 0, 0]])
     seen = (corners + np.array([scene.left, 0, 0]) - eye) @ turn.T
     at = (focal * seen[:, :2] / seen[:, 2:] + middle).astype(np.float32)
-    rows, columns = sheet.shape
-    edges = np.array([[0, 0], [columns, 0], [columns, rows], [0, rows]], np.float32) - 0.5
-    reduce = max(1.0, rows / np.ptp(at[:, 1]))
+    reduce = max(1.0, len(sheet) / np.ptp(at[:, 1]))
     page = cv2.GaussianBlur(sheet, (0, 0), 0.5 * reduce).astype(np.float32)
-    shape = colour.shape[1::-1]
-    to_picture = cv2.getPerspectiveTransform(edges, at)
-    page, inside = (cv2.warpPerspective(part, to_picture, shape) for part in (page, np.ones_like(page)))
-    colour[:] = (1 - inside[..., None]) * colour + (0.9 * page + 8 * inside)[..., None]
+    page, inside = warped(page, at, colour.shape[1::-1])
+    colour[:] = (1 - inside) * colour + 0.9 * page + 8 * inside
 
 
 def _grains(scene, rng, eye, turn, focal, middle, colour):

@@ -102,19 +102,24 @@ class Scene:
         return 2 * float(np.prod(self.axes) ** (1 / 3))
 
 
-class Ellipsoid:
-    def __init__(self, axes_mm):
-        self.axes = 1e-3 * np.asarray(axes_mm)
+class Ellipsoids:
+    """Stand-in for a particle: the sum of co-axial ellipsoids' support functions, half axes (K, 3) in metres."""
+
+    def __init__(self, *half_axes_mm):
+        self.half_axes = np.array(half_axes_mm) * 1e-3
 
     def support_point(self, n):
-        scaled = n * self.axes
-        return self.axes * scaled / np.linalg.norm(scaled, axis=-1, keepdims=True)
+        total = np.zeros(np.shape(n))
+        for a in self.half_axes:
+            stretched = n * a
+            total += stretched * a / np.linalg.norm(stretched, axis=-1, keepdims=True)
+        return total
 
 
 def truth(scene, settings):
     """The pile's own silhouette, seen from where the camera stands, measured."""
     centres, quaternions, sizes = scene.grains
-    body = Ellipsoid(scene.axes)
+    body = Ellipsoids(scene.axes)
     azimuth = np.degrees(np.arctan2(scene.position[0], -scene.position[1]))
     image = silhouette(Grains(1e-3 * centres, quaternions, body, sizes), azimuth, 0.2)
     return pile.measure_image(image, 0.2, settings, base_row=image.shape[0] - 0.5)

@@ -3,6 +3,7 @@
 `pytest -n0 -m slow -s -k all_sixty` measures them and prints how many are measured, refused, and wrong in silence.
 """
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -98,21 +99,29 @@ def plain(one: Scene) -> bool:
     return bool(min(np.linalg.norm(grain - other) for other in behind) > SEEN)
 
 
-def drawn(one: Scene, path: Path, focal_stated: bool = False) -> Path:
-    """The file of the photograph, drawn if it is not there; its EXIF entry may state the focal length, as a phone's."""
+def saved(path: Path, make: Callable[[], np.ndarray], focal: float | None, **how: int) -> Path:
+    """The file of a photograph, drawn if it is not there; its EXIF entry may state the focal length (in its width)."""
     if not path.exists():
         about = Image.Exif()
-        if focal_stated:
-            about[0x8769] = {0xA405: round(36 * one.focal / max(one.size))}
-        picture = photograph(one, sheet.drawing()[0], sheet.size_mm())
-        Image.fromarray(picture[..., ::-1]).save(path, exif=about)
+        if focal:
+            about[0x8769] = {0xA405: round(36 * focal)}
+        Image.fromarray(make()[..., ::-1]).save(path, exif=about, **how)
     return path
+
+
+def show(found: photographs.Photograph, path: Path) -> None:
+    """Draw what was found in a photograph beside it."""
+    seen = found.measurement
+    shown = overlay(found.view, seen) if seen is not None else overlay_of_refused(found.view, found.pile)
+    cv2.imwrite(str(path.with_name(f"{path.stem}_found.png")), shown)
 
 
 def measured(one: Scene, path: Path, focal_stated: bool = False) -> photographs.Photograph:
     """The photograph, drawn if it is not there, and measured."""
     how = MeasureSettings(berry_height_mm=one.grain_mm)
-    return photographs.measure_all([drawn(one, path, focal_stated)], how, photographs.Scale())[0]
+    focal = one.focal / max(one.size) if focal_stated else None
+    path = saved(path, lambda: photograph(one, sheet.drawing()[0], sheet.size_mm()), focal)
+    return photographs.measure_all([path], how, photographs.Scale())[0]
 
 
 def outcome(number: int, folder: Path) -> Outcome:
@@ -123,8 +132,7 @@ def outcome(number: int, folder: Path) -> Outcome:
     if seen is not None:
         true = truth(one) if trouble(number) not in TROUBLE[2:] else Truth(np.nan, np.nan)
         missed = seen.aor_deg - true.angle, seen.height_mm - true.height
-    shown = overlay(found.view, seen) if seen is not None else overlay_of_refused(found.view, found.pile)
-    cv2.imwrite(str(folder / f"{number}_found.png"), shown)
+    show(found, folder / f"{number}.png")
     return Outcome(number, trouble(number), plain(one), found.refused, found.remarks, *missed)
 
 

@@ -2,20 +2,18 @@
 
 import json
 import zlib
-from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 from refusals import input_error
+from shared import ROOT
 
-from repose.cli import main
 from repose.config.study import Study
 from repose.core import files
 from repose.core.errors import InputError
 from repose.measure import photographs, pile
 
-ROOT = Path(__file__).parents[2]
 PILE = [(60, 299), (300, 140), (540, 299)]
 
 
@@ -26,39 +24,36 @@ def photograph(path, corners=PILE, background=220):
     return path.read_bytes()
 
 
-def measure(capsys, *words):
-    """Exit status and what stands on stderr; overlays and tables go to the folder out beside the picture."""
-    if "--out" not in words:
-        words = (*words, "--out", words[0].parent / "out")
-    try:
-        status = main(["measure", *map(str, words)])
-    except SystemExit as end:
-        status = end.code
-    return status, capsys.readouterr().err
+@pytest.fixture
+def measure(command):
+    """Runs `repose measure`, which prints a record; overlays and tables go to the folder out beside the picture."""
+
+    def run(*words, status=0):
+        own = () if "--out" in words else ("--out", words[0].parent / "out")
+        return command("measure", *words, *own, "--json", status=status)
+
+    return run
 
 
-def refused(capsys, *words):
-    """The message of a measurement that is refused."""
-    status, message = measure(capsys, *words)
-    assert status == 2
-    return message
+def first_of(printed):
+    return json.loads(printed.out)["photographs"][0]
 
 
-def test_a_photograph_is_measured_stays_and_is_not_replaced_by_its_overlay(tmp_path, capsys):
+def test_a_photograph_is_measured_stays_and_is_not_replaced_by_its_overlay(tmp_path, measure):
     before = photograph(tmp_path / "pile.png")
-    assert measure(capsys, tmp_path / "pile.png", "--mm-per-pixel", 0.3) == (0, "")
+    assert measure(tmp_path / "pile.png", "--mm-per-pixel", 0.3).err == ""
     assert (tmp_path / "pile.png").read_bytes() == before
     names = {"pile.png", "photographs.csv", "summary.csv", "targets.yaml"}
     assert names < {path.name for path in (tmp_path / "out").iterdir()}
-    assert measure(capsys, tmp_path / "pile.png", "--mm-per-pixel", 0.3) == (0, ""), "its own files are replaced"
+    assert measure(tmp_path / "pile.png", "--mm-per-pixel", 0.3).err == "", "its own files are replaced"
     photograph(tmp_path / "raw.png")
     files.write_image(tmp_path / "own.png", cv2.imread(str(tmp_path / "raw.png")))
     words = (tmp_path / "own.png", "--mm-per-pixel", 0.3, "--out", tmp_path)
-    assert "another folder than that of the photographs" in measure(capsys, *words)[1]
+    assert "another folder than that of the photographs" in measure(*words, status=2).err
 
 
 @pytest.mark.parametrize("there", ["picture", "link", "folder", "other"])
-def test_an_overlay_never_replaces_what_was_there(tmp_path, capsys, there):
+def test_an_overlay_never_replaces_what_was_there(tmp_path, measure, there):
     before = photograph(tmp_path / "pile.png")
     out = tmp_path if there == "picture" else tmp_path / "out"
     out.mkdir(exist_ok=True)
@@ -69,7 +64,7 @@ def test_an_overlay_never_replaces_what_was_there(tmp_path, capsys, there):
         place.mkdir()
     elif there == "other":
         photograph(place)
-    assert "expected a" in refused(capsys, tmp_path / "pile.png", "--mm-per-pixel", 0.3, "--out", out)
+    assert "expected a" in measure(tmp_path / "pile.png", "--mm-per-pixel", 0.3, "--out", out, status=2).err
     assert (tmp_path / "pile.png").read_bytes() == before
     assert there != "link" or place.is_symlink()
     assert there != "other" or place.read_bytes() == before
@@ -86,57 +81,47 @@ STRIPES = np.where(np.arange(600) // 60 % 2, 220, 90).astype(np.uint8) * np.ones
     ([(-200, 299), (300, 140), (800, 299)], 220, "sideways, or the background is not plain"),
     ([(300, 150), (300, 150)], 220, ""), (PILE, STRIPES, ""),
 ])  # fmt: skip
-def test_what_is_no_whole_pile_is_refused_and_shown(tmp_path, capsys, corners, background, reason):
+def test_what_is_no_whole_pile_is_refused_and_shown(tmp_path, measure, corners, background, reason):
     photograph(tmp_path / "pile.png", corners, background)
-    message = refused(capsys, tmp_path / "pile.png", "--mm-per-pixel", 0.3)
+    message = measure(tmp_path / "pile.png", "--mm-per-pixel", 0.3, status=2).err
     assert reason in message
     assert "out/pile.png shows the part taken for the pile" in message
     assert (tmp_path / "out/pile.png").is_file()
 
 
 @pytest.mark.parametrize("scale", ["1e9", "0", "-1", "nan", "inf", "1e-9"])
-def test_a_scale_that_no_camera_has_is_refused(tmp_path, capsys, scale):
+def test_a_scale_that_no_camera_has_is_refused(tmp_path, measure, scale):
     photograph(tmp_path / "pile.png")
-    message = refused(capsys, tmp_path / "pile.png", f"--mm-per-pixel={scale}")
+    message = measure(tmp_path / "pile.png", f"--mm-per-pixel={scale}", status=2).err
     assert "expected a number from 0.001 to 100" in message
     assert [path.name for path in tmp_path.iterdir()] == ["pile.png"]
 
 
-def measured(capsys, *words):
-    assert main(["measure", *map(str, words), "--out", str(words[0].parent / "out"), "--json"]) == 0
-    record = json.loads(capsys.readouterr().out)
-    return record, record["photographs"][0]
+COLOURED = "below its grains, with the colour of the background: a shadow"
+SHADOWS = [(40, 20, 60, 25, "a shadow at the foot")]  # the first of a grey pile, narrower than it
+SHADOWS += [((40, 40, 110), -beyond, tone, 18, COLOURED) for tone in (60, 130) for beyond in (-40, 0, 30)]
 
 
-def test_a_shadow_at_the_foot_is_refused_unless_the_plate_is_known(tmp_path, capsys):
-    picture = np.full((340, 600), 220, np.uint8)
-    cv2.fillPoly(picture, [np.array(PILE)], 40)
-    cv2.rectangle(picture, (80, 300), (520, 325), 60, -1)
-    (tmp_path / "pile.png").write_bytes(cv2.imencode(".png", picture)[1].tobytes())
-    words = (tmp_path / "pile.png", "--mm-per-pixel", "0.5")
-    assert "a shadow at the foot" in measure(capsys, *words)[1]
-    assert measured(capsys, *words, "--base-row", "299.5")[1]["height_mm"] == pytest.approx(80, abs=0.5)
-
-
-@pytest.mark.parametrize("tone", [60, 130])
-@pytest.mark.parametrize("beyond", [-40, 0, 30])
-def test_a_shadow_wider_than_the_pile_is_recognised_by_its_colour(tmp_path, capsys, tone, beyond):
+@pytest.mark.parametrize(("colour", "inset", "tone", "deep", "said"), SHADOWS)
+def test_a_shadow_below_the_pile_is_refused_unless_the_plate_is_known(
+    tmp_path, measure, colour, inset, tone, deep, said
+):
     picture = np.full((340, 600, 3), 220, np.uint8)
-    cv2.rectangle(picture, (60 - beyond, 300), (540 + beyond, 318), (tone, tone, tone), -1)
-    cv2.fillPoly(picture, [np.array(PILE)], (40, 40, 110))
+    cv2.rectangle(picture, (60 + inset, 300), (540 - inset, 300 + deep), (tone, tone, tone), -1)
+    cv2.fillPoly(picture, [np.array(PILE)], np.broadcast_to(colour, 3).tolist())
     (tmp_path / "pile.png").write_bytes(cv2.imencode(".png", picture)[1].tobytes())
     words = (tmp_path / "pile.png", "--mm-per-pixel", "0.5")
-    assert "below its grains, with the colour of the background: a shadow" in measure(capsys, *words)[1]
-    assert measured(capsys, *words, "--base-row", "299.5")[1]["height_mm"] == pytest.approx(80, abs=0.5)
+    assert said in measure(*words, status=2).err
+    assert first_of(measure(*words, "--base-row", "299.5"))["height_mm"] == pytest.approx(80, abs=0.5)
 
 
-def test_a_level_length_gives_the_scale_and_turns_the_photograph(tmp_path, capsys):
+def test_a_level_length_gives_the_scale_and_turns_the_photograph(tmp_path, measure):
     upright = np.full((400, 700), 220, np.uint8)
     cv2.fillPoly(upright, [np.array([(100, 300), (350, 140), (600, 300)])], 40)
     turn = cv2.getRotationMatrix2D((349.5, 199.5), 7.0, 1.0)  # rises to the right
     cv2.imwrite(str(tmp_path / "pile.png"), cv2.warpAffine(upright, turn, (700, 400), borderValue=220))
     ends = (turn @ [[100, 600], [300, 300], [1, 1]]).T.ravel()
-    _, values = measured(capsys, tmp_path / "pile.png", "--length", "250", *ends)
+    values = first_of(measure(tmp_path / "pile.png", "--length", "250", *ends))
     assert values["aor_deg"] == pytest.approx(np.degrees(np.arctan2(160, 250)), abs=0.3)
     assert values["left_deg"] == pytest.approx(values["right_deg"], abs=0.3)
     assert values["height_mm"] == pytest.approx(80, abs=0.7)
@@ -144,13 +129,13 @@ def test_a_level_length_gives_the_scale_and_turns_the_photograph(tmp_path, capsy
     assert photographs.level_length(10.0, 1.0, 1.0, 41.0, 1.0) == (0.25, 0.0)
 
 
-def test_the_mean_of_several_is_a_target_that_a_study_reads(tmp_path, capsys):
+def test_the_mean_of_several_is_a_target_that_a_study_reads(tmp_path, measure):
     heights = (140, 130, 150)
     for k, crest in enumerate(heights):
         photograph(tmp_path / f"p{k}.png", [(60, 299), (300, crest), (540, 299)])
     photograph(tmp_path / "p9.png", [(60, 20), (300, 180), (540, 20)])
     words = [tmp_path / f"p{k}.png" for k in (0, 1, 2, 9)]
-    record, _ = measured(capsys, *words, "--mm-per-pixel", "0.4", "--grain-mm", "8")
+    record = json.loads(measure(*words, "--mm-per-pixel", "0.4", "--grain-mm", "8").out)
     summary = {row["response"]: row for row in record["summary"]}
     truth = [0.4 * (299.5 - crest) for crest in heights]
     assert summary["height_mm"]["value"] == pytest.approx(np.mean(truth), abs=0.3)
@@ -164,42 +149,39 @@ def test_the_mean_of_several_is_a_target_that_a_study_reads(tmp_path, capsys):
     assert "# the line: whole side, columns\n" in (tmp_path / "out/targets.yaml").read_text()
 
 
-def test_one_photograph_gives_no_scatter(tmp_path, capsys):
+def test_one_photograph_gives_no_scatter(tmp_path, measure, command):
     photograph(tmp_path / "p.png", PILE)
-    record, _ = measured(capsys, tmp_path / "p.png", "--mm-per-pixel", "0.4", "--grain-mm", "8")
+    record = json.loads(measure(tmp_path / "p.png", "--mm-per-pixel", "0.4", "--grain-mm", "8").out)
     assert {row["sd"] for row in record["summary"]} == {None}
     with pytest.raises(InputError) as refused:
         Study.load(ROOT / "config/quick.yaml", tmp_path / "out/targets.yaml")
     for key in ("targets.0.sd is null", "targets.0.range is [null, null]", "targets.1.sd is null"):
         assert key in str(refused.value)
-    words = ["measure", str(tmp_path / "p.png"), "--mm-per-pixel", "0.4", "--out", str(tmp_path / "again")]
-    assert main(words) == 0
-    output = capsys.readouterr().out
+    output = command("measure", tmp_path / "p.png", "--mm-per-pixel", "0.4", "--out", tmp_path / "again").out
     assert "one pile gives no scatter" in output
     assert "mm, not known, 1" in output
 
 
-def test_a_photograph_of_many_pixels_is_reduced(tmp_path, capsys):
+def test_a_photograph_of_many_pixels_is_reduced(tmp_path, measure):
     picture = np.full((3000, 6000), 220, np.uint8)
     cv2.fillPoly(picture, [10 * np.array(PILE)], 40)
     cv2.imwrite(str(tmp_path / "pile.png"), picture)
-    _, values = measured(capsys, tmp_path / "pile.png", "--mm-per-pixel", "0.05")
+    values = first_of(measure(tmp_path / "pile.png", "--mm-per-pixel", "0.05"))
     assert values["height_mm"] == pytest.approx(79.5, abs=0.2)
     assert values["mm_per_pixel"] == pytest.approx(0.075)
 
 
-def test_one_bad_picture_is_named_and_does_not_stop_the_others(tmp_path, capsys):
+def test_one_bad_picture_is_named_and_does_not_stop_the_others(tmp_path, measure):
     photograph(tmp_path / "raw.png")
     tiny, heic, text = (tmp_path / name for name in ("tiny.png", "phone.heic", "notes.jpg"))
     files.write_image(tiny, np.zeros((3, 3, 3), np.uint8))
     heic.write_bytes(b"\0\0\0\x18ftypheic" + bytes(40))
     text.write_text("no picture")
     words = ("--mm-per-pixel", 0.3, "--out", tmp_path / "out")
-    status, message = measure(capsys, tmp_path / "raw.png", tiny, heic, text, *words)
-    assert status == 0
+    message = measure(tmp_path / "raw.png", tiny, heic, text, *words).err
     for name, words_of in (("tiny.png", "3 x 3 pixels"), ("phone.heic", "PNG or JPEG"), ("notes.jpg", "not a picture")):
         assert any(name in line and words_of in line for line in message.splitlines()), name
-    message = refused(capsys, tiny, heic, *words)
+    message = measure(tiny, heic, *words, status=2).err
     assert "tiny.png" in message
     assert "phone.heic" in message
 
@@ -216,7 +198,7 @@ def test_a_picture_of_too_many_pixels_or_one_that_cannot_be_written_is_an_error(
     input_error("suffix", files.write_image, tmp_path / "a.png", np.zeros((4, 4), np.uint8))
 
 
-def test_a_doubtful_picture_counts_only_if_it_is_asked_for(tmp_path, capsys):
+def test_a_doubtful_picture_counts_only_if_it_is_asked_for(tmp_path, measure, command):
     """The third has a level top."""
     for k, crest in enumerate((140, 130)):
         photograph(tmp_path / f"p{k}.png", [(60, 299), (300, crest), (540, 299)])
@@ -224,10 +206,10 @@ def test_a_doubtful_picture_counts_only_if_it_is_asked_for(tmp_path, capsys):
     words = [tmp_path / f"p{k}.png" for k in range(3)]
     options = ("--mm-per-pixel", "0.5", "--grain-mm", "6")
     for more, number in (((), 2), (("--doubtful",), 3)):
-        record, _ = measured(capsys, *words, *options, *more)
+        record = json.loads(measure(*words, *options, *more).out)
         assert "doubtful" in record["photographs"][2]["note"]
         assert {row["repetitions"] for row in record["summary"]} == {number}
         assert f"repetitions: {number}\n" in (tmp_path / "out/targets.yaml").read_text()
-    assert main(["measure", str(words[2]), *options, "--out", str(tmp_path / "out")]) == 0
-    assert "doubtful photographs: 1, not in the mean; --doubtful counts them" in capsys.readouterr().out
+    printed = command("measure", words[2], *options, "--out", tmp_path / "out").out
+    assert "doubtful photographs: 1, not in the mean; --doubtful counts them" in printed
     assert not (tmp_path / "out/targets.yaml").exists()

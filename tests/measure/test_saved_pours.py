@@ -3,13 +3,12 @@
 import copy
 import json
 import math
-from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 from refusals import input_error, not_refused
-from shared import check_all, target
+from shared import ROOT, check_all, target
 from test_simulated_piles import BERRY as PARTICLE
 from test_simulated_piles import cone_of_berries
 
@@ -22,7 +21,6 @@ from repose.measure import further_responses, pile, saved_piles, saved_pours
 from repose.measure.angles import DEFINITIONS, MEAN_KEYS, VIEW_KEYS
 from repose.particle.build import ellipsoid_mesh, fit_particle
 
-ROOT = Path(__file__).parents[2]
 CONFIG = Study.load(ROOT / "config/quick.yaml").config
 AXES = {"long_mm": 21.14, "major_mm": 11.37, "minor_mm": 9.88}
 BERRY_MM = math.prod(AXES.values()) ** (1 / 3)

@@ -5,6 +5,8 @@ import math
 import cv2
 import numpy as np
 import pytest
+from oracles import rotation
+from rendered import Ellipsoids
 
 from repose.measure import further_responses
 from repose.measure.angles import DEFINITIONS, MEAN_KEYS
@@ -13,20 +15,6 @@ from repose.measure.segmentation import of_silhouette, segment
 from repose.measure.silhouette import BACKGROUND_TONE, PILE_TONE, Grains, silhouette
 
 MM = 0.25
-
-
-class Ellipsoids:
-    """Stand-in for a particle: the sum of co-axial ellipsoids' support functions, half axes (K, 3) in metres."""
-
-    def __init__(self, *half_axes_mm):
-        self.half_axes = np.array(half_axes_mm) * 1e-3
-
-    def support_point(self, n):
-        total = np.zeros(np.shape(n))
-        for a in self.half_axes:
-            stretched = n * a
-            total += stretched * a / np.linalg.norm(stretched, axis=-1, keepdims=True)
-        return total
 
 
 BERRY = Ellipsoids([10.57, 5.685, 4.94])
@@ -55,9 +43,8 @@ def test_silhouette_equals_the_projection_of_a_cloud_of_surface_points(particle)
     normals = rng.normal(size=(60_000, 3))
     surface = particle.support_point(normals / np.linalg.norm(normals, axis=1, keepdims=True))
     cloud = np.zeros(image.shape, bool)
-    for c, (w, x, y, z) in zip(centres, q / np.linalg.norm(q, axis=1, keepdims=True), strict=True):
-        v = np.array([x, y, z])
-        points = c + surface + 2 * np.cross(v, np.cross(v, surface) + w * surface)
+    for c, turn in zip(centres, q / np.linalg.norm(q, axis=1, keepdims=True), strict=True):
+        points = c + surface @ rotation(turn).T
         u = points[:, 0] * math.cos(math.radians(azimuth)) + points[:, 1] * math.sin(math.radians(azimuth))
         row = np.floor(120 - points[:, 2] * 1e3 / mm).astype(int)
         column = np.floor((u - extent[0]) * 1e3 / mm).astype(int)
@@ -194,11 +181,13 @@ def test_offered_are_all_definitions_but_the_calibrated_one(definition):
     assert list(found) == [*others, *further_responses.MEASURED, "discharge_s"]
 
 
-def test_offered_is_what_is_no_target():
-    alone = further_responses.offered(("height_mm",), "secant")
-    assert "height_mm" not in alone
-    assert set(MEAN_KEYS.values()) < set(alone)  # all definitions, and none of them twice under the name aor_deg
-    assert "aor_deg" not in alone
-    both = further_responses.offered(("aor_deg", "aor_whole_deg", "packing_percent", "drum_slip_deg"), "flank")
-    assert both[:3] == ("height_mm", "aor_secant_deg", "aor_steepest_deg")
-    assert "packing_percent" not in both
+@pytest.mark.parametrize(("targets", "definition", "offered", "not_offered"), [
+    # all definitions, and none of them twice under the name aor_deg
+    (("height_mm",), "secant", {*MEAN_KEYS.values()}, {"height_mm", "aor_deg"}),
+    (("aor_deg", "aor_whole_deg", "packing_percent", "drum_slip_deg"), "flank",
+     {"height_mm", "aor_secant_deg", "aor_steepest_deg"}, {"aor_deg", "aor_whole_deg", "packing_percent"}),
+])  # fmt: skip
+def test_offered_is_what_is_no_target(targets, definition, offered, not_offered):
+    found = {*further_responses.offered(targets, definition)}
+    assert offered < found
+    assert not not_offered & found

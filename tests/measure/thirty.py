@@ -158,6 +158,18 @@ def picture(path):
     canvas.savefig(path, dpi=144)
 
 
+def report(draw, missed):
+    """Print what was refused and the row of a table; returns the errors of the others."""
+    for number, one in sorted(missed.items()):
+        if isinstance(one, str):
+            print(f"  {number}: {one}")
+    found = np.array([one for one in missed.values() if not isinstance(one, str)])
+    mean, sd, most = found.mean(0), found.std(0, ddof=1), np.abs(found).max(0)
+    cells = [f"{mean[k]:+.2f} ± {sd[k] / len(found) ** 0.5:.2f} | {most[k]:.2f}" for k in range(2)]
+    print(" | ".join(["", str(draw), str(len(found)), *cells, ""]).strip(), flush=True)
+    return found
+
+
 def main():
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("--draw", type=int, nargs="+", default=[])
@@ -167,14 +179,7 @@ def main():
         picture(asked.picture)
     for draw in asked.draw:
         with tempfile.TemporaryDirectory() as folder:
-            missed = errors(Path(folder), draw=draw)
-        for number, one in sorted(missed.items()):
-            if isinstance(one, str):
-                print(f"  {number}: {one}")
-        found = np.array([one for one in missed.values() if not isinstance(one, str)])
-        mean, sd, most = found.mean(0), found.std(0, ddof=1), np.abs(found).max(0)
-        cells = [f"{mean[k]:+.2f} ± {sd[k] / len(found) ** 0.5:.2f} | {most[k]:.2f}" for k in range(2)]
-        print(" | ".join(["", str(draw), str(len(found)), *cells, ""]).strip(), flush=True)
+            report(draw, errors(Path(folder), draw=draw))
 
 
 if __name__ == "__main__":

@@ -3,7 +3,6 @@
 import functools
 import json
 from itertools import combinations
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -12,6 +11,7 @@ from made_up import CONFIG, inputs_of, made_up_inputs, words, write_network
 from matplotlib.colors import to_rgb
 from PIL import Image
 from refusals import input_error, not_refused
+from shared import ROOT
 
 from repose.core.errors import InputError
 from repose.measure import pile, saved_pours
@@ -24,7 +24,6 @@ from repose.pictures.figures import berries, checks, plane, rotation, samples, s
 from repose.pictures.scenery import look_at
 
 LINE = "line fitted to the side from 30 to 80 % of the height"
-ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")

@@ -4,16 +4,14 @@ import csv
 import importlib
 import math
 import re
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from refusals import input_error, value_error
-from shared import TARGETS
+from shared import ROOT, TARGETS
 
 from repose import verification
-from repose.__main__ import main
 from repose.config.study import Study
 from repose.core import published
 from repose.core.runs import mean_and_error
@@ -41,10 +39,10 @@ def test_a_row_is_judged_by_its_tolerance(row, status):
 
 
 @pytest.mark.parametrize(("value", "status"), [(1.001, 0), (1.2, 1)])
-def test_the_verb_writes_a_table_and_reports_a_miss(value, status, monkeypatch, tmp_path, capsys):
+def test_the_verb_writes_a_table_and_reports_a_miss(value, status, monkeypatch, tmp_path, command):
     monkeypatch.setitem(verification.CASES, "one", case_of(close("length", "m", value, 1.0)))
-    assert main(["verify", "--case", "one", "--out", str(tmp_path)]) == status
-    assert ("length is 1.2" in capsys.readouterr().out) is bool(status)
+    printed = command("verify", "--case", "one", "--out", tmp_path, status=status).out
+    assert ("length is 1.2" in printed) is bool(status)
     (row,) = csv.DictReader((tmp_path / "verification.csv").open(encoding="utf-8"))
     assert (row["case"], float(row["result"]), float(row["tolerance"])) == ("one", value, 0.003)
     assert (row["status"] == MISSED) is bool(status)
@@ -54,11 +52,11 @@ def test_the_verb_writes_a_table_and_reports_a_miss(value, status, monkeypatch, 
     ("words", "tension", "law"),
     [([], "release", "hertz_mindlin_rescaled"), (["--config", "config/paper.yaml"], "keep", "hertz_mindlin")],
 )
-def test_the_verb_hands_the_laws_of_a_study_to_every_case(words, tension, law, monkeypatch, tmp_path):
+def test_the_verb_hands_the_laws_of_a_study_to_every_case(words, tension, law, monkeypatch, tmp_path, command):
     efforts = []
     case = case_of(close("length", "m", 1.0, 1.0))
     monkeypatch.setitem(verification.CASES, "one", lambda effort: (efforts.append(effort), case(effort))[1])
-    assert main(["verify", "--case", "one", "--out", str(tmp_path), *words]) == 0
+    command("verify", "--case", "one", "--out", tmp_path, *words)
     assert efforts[0].laws == {"tension": tension, "contact_law": law, "rolling_law": "budget"}
     input_error("chung1", verification.run, ["chung9"])
 
@@ -81,7 +79,6 @@ def test_the_reference_of_the_damped_law_has_the_restitution_it_is_for_and_euler
     value_error("first is 2", euler_solution, inertia, 2.0, 0.5, time)
 
 
-ROOT = Path(__file__).parents[2]
 CONFIG = Study.load(ROOT / "config/quick.yaml").config
 REPRESENTATIVE = dict(e_gg=0.203, mus_gg=0.642, mur_gg=0.037, e_gp=0.244, mus_gp=0.483, mur_gp=0.185)
 
