@@ -74,8 +74,8 @@ def test_a_sphere_rests_at_the_overlap_of_its_weight_and_a_rolling_one_stops():
     assert np.all(s.angular_velocities[0] == 0.0)
 
 
-@pytest.mark.parametrize(("kind", "tolerance"), [("berry", 1e-9), ("clump", 1e-5)])
-def test_impacts_keep_momentum_and_create_no_energy(kind, tolerance):
+@pytest.mark.parametrize(("kind", "spin_error", "gain"), [("berry", 1e-9, 1e-6), ("clump", 1e-5, 1e-5)])
+def test_impacts_keep_momentum_and_create_no_energy(kind, spin_error, gain):
     """The two forces of a contact act in one place, so they turn the whole by nothing."""
     rng, hits = np.random.default_rng(3), 0
     for _ in range(250):
@@ -86,10 +86,10 @@ def test_impacts_keep_momentum_and_create_no_energy(kind, tolerance):
         Simulation.add(s, *s.shapes, 0.024 * direction, random_quaternion(rng), velocity)
         momentum, angular = s.velocities.sum(axis=0), angular_momentum(s)
         most, last = energy_shares(s, 25, 80)
-        assert most <= 1.0 + 1e-5
+        assert most <= 1.0 + gain
         hits += last < 0.98
         assert np.abs(s.velocities.sum(axis=0) - momentum).max() < 1e-12
-        assert np.abs(angular_momentum(s) - angular).max() < tolerance * np.abs(angular).max()
+        assert np.abs(angular_momentum(s) - angular).max() < spin_error * np.abs(angular).max()
     assert hits > 120
 
 
