@@ -25,6 +25,7 @@ KINDS = {
     "tilted": ("tilted_drum", "angle_deg", "drum45_aor", 1.0),
     "discharge": ("discharge", "rate_g_s", "flow_gs", 3.0),  # per cent
 }
+OF_THEIRS = ["hash", "trial_dir", "drum_trial", "trial", "role"]  # columns that say where they keep a run
 DECISIVE = {"grain": "sphere", "walls": "cover"}  # of drums
 
 
@@ -32,7 +33,7 @@ def theirs(repository: str, test: str) -> pd.DataFrame:
     """Their results, by the number of the row."""
     call = ["git", "-C", repository, "show", f"{COMMIT}:{TABLES[test]}"]
     table = pd.read_csv(io.StringIO(subprocess.run(call, check=True, capture_output=True, text=True).stdout))
-    return table.set_axis(range(1, len(table) + 1)).rename_axis("row")
+    return table.set_axis(range(1, len(table) + 1)).rename_axis("row").drop(columns=OF_THEIRS, errors="ignore")
 
 
 def ours(kind: str) -> pd.DataFrame:
@@ -51,7 +52,7 @@ def ours(kind: str) -> pd.DataFrame:
 def compared(kind: str, repository: str) -> pd.DataFrame:
     """Both side by side, a line for each row that has two seeds here."""
     test, own, other, _ = KINDS[kind]
-    both = ours(kind).join(theirs(repository, test), rsuffix="_theirs")
+    both = ours(kind).merge(theirs(repository, test), on="row", suffixes=("", "_theirs"))
     both["difference"] = both[own] - both[other]
     if kind == "discharge":
         both["difference"] *= 100.0 / both[other]
@@ -82,8 +83,12 @@ def main() -> None:
     """Print the comparison and write its tables."""
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("repository", help="a clone of JoshuaMayo-vectr/DEM-calibration")
-    repository = parser.parse_args().repository
-    for kind in KINDS:
+    parser.add_argument(
+        "--kinds", nargs="+", choices=KINDS, default=list(KINDS), help="tables of the others stay unread"
+    )
+    asked = parser.parse_args()
+    repository = asked.repository
+    for kind in asked.kinds:
         if (PUBLISHED / f"predicted_{kind}.csv").is_file():
             both = compared(kind, repository)
             write_table(PUBLISHED / f"compared_{kind}.csv", both.reset_index())
