@@ -104,14 +104,18 @@ def test_help_loads_no_slow_library_and_the_module_ends_with_2_on_bad_input():
 
 @pytest.mark.slow
 @pytest.mark.essential
-def test_check_prints_the_number_of_pours(command):
-    out = command("check").out
+def test_check_prints_the_number_of_pours(command, tmp_path):
+    """The target is one that no pour of any processor has."""
+    text = (ROOT / "config/config.yaml").read_text()
+    steep = text.replace("value: 32.87", "value: 60").replace("range: [31.0, 34.0]", "range: [58.0, 62.0]")
+    (tmp_path / "steep.yaml").write_text(steep)
+    out = command("check", "--config", tmp_path / "steep.yaml").out
     assert "funnel.berries would" not in out
     lines = (
         "150 parameter sets x 6 seeds = 900 pours", "min on 2 cores", "time step: simulation.time_step_s is",
         "stiffness: the pile sinks by", "volume: 500 grains hold", "reach: ",
         "funnel: centre of the ranges: angle of repose ",
-        "aor_deg: WARNING: the target 32.87 is outside the single runs, ",
+        "aor_deg: WARNING: the target 60 is outside the single runs, ",
     )  # fmt: skip
     assert [line for line in lines if line not in out] == []
 
