@@ -7,13 +7,11 @@ side, and writes compared_KIND.csv there. README.md has the rules of the judgeme
 """
 
 import argparse
-import io
-import subprocess
 
 import numpy as np
 import pandas as pd
 from lifted_piles import PUBLISHED
-from parameters import COMMIT, TABLES
+from parameters import table_of
 from scipy import stats
 
 from repose.core.files import write_table
@@ -29,17 +27,10 @@ OF_THEIRS = ["hash", "trial_dir", "drum_trial", "trial", "role"]  # columns that
 DECISIVE = {"grain": "sphere", "walls": "cover"}  # of drums
 
 
-def theirs(repository: str, test: str) -> pd.DataFrame:
-    """Their results, by the number of the row."""
-    call = ["git", "-C", repository, "show", f"{COMMIT}:{TABLES[test]}"]
-    table = pd.read_csv(io.StringIO(subprocess.run(call, check=True, capture_output=True, text=True).stdout))
-    return table.set_axis(range(1, len(table) + 1)).rename_axis("row").drop(columns=OF_THEIRS, errors="ignore")
-
-
 def ours(kind: str) -> pd.DataFrame:
-    """Means over the seeds of each row at the modulus that decided, with the number of the seeds."""
+    """Means over the seeds of each row at the full modulus, which decided, with the number of the seeds."""
     table = pd.read_csv(PUBLISHED / f"predicted_{kind}.csv")
-    table = table[table["modulus"] == table["modulus"].max()]
+    table = table[table["modulus"] == 1.0]
     if "time_step_s" in table:
         table = table[np.isclose(table["time_step_s"], table["time_step_s"].max(), rtol=0.01)]
     for key, value in DECISIVE.items():
@@ -52,7 +43,9 @@ def ours(kind: str) -> pd.DataFrame:
 def compared(kind: str, repository: str) -> pd.DataFrame:
     """Both side by side, a line for each row that has two seeds here."""
     test, own, other, _ = KINDS[kind]
-    both = ours(kind).merge(theirs(repository, test), on="row", suffixes=("", "_theirs"))
+    both = ours(kind).merge(
+        table_of(repository, test).drop(columns=OF_THEIRS, errors="ignore"), on="row", suffixes=("", "_theirs")
+    )
     both["difference"] = both[own] - both[other]
     if kind == "discharge":
         both["difference"] *= 100.0 / both[other]

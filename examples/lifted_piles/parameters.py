@@ -23,14 +23,17 @@ TABLES = {
 }
 
 
+def table_of(repository: str, test: str, columns: list[str] | None = None) -> pd.DataFrame:
+    """Columns of a table of theirs, by default all, by the number of the row."""
+    call = ["git", "-C", repository, "show", f"{COMMIT}:{TABLES[test]}"]
+    text = subprocess.run(call, check=True, capture_output=True, text=True).stdout
+    table = pd.read_csv(io.StringIO(text), usecols=columns)
+    return table.set_axis(range(1, len(table) + 1)).rename_axis("row")
+
+
 def parameters(repository: str) -> pd.DataFrame:
     """Test, row and parameters of every row of the four tables; rows are numbered from 1."""
-    found = {}
-    for test, path in TABLES.items():
-        call = ["git", "-C", repository, "show", f"{COMMIT}:{path}"]
-        text = subprocess.run(call, check=True, capture_output=True, text=True).stdout
-        table = pd.read_csv(io.StringIO(text), usecols=COLUMNS)[COLUMNS]
-        found[test] = table.set_axis(range(1, len(table) + 1)).rename_axis("row")
+    found = {test: table_of(repository, test, COLUMNS)[COLUMNS] for test in TABLES}
     return pd.concat(found, names=["test"]).reset_index()
 
 
