@@ -74,7 +74,7 @@ def test_help_fits_a_screen_and_guesses_what_was_mistyped(command):
     def check():
         """Another function of the name of a verb."""
 
-    value_error("'check' is registered already", registry.verb("one more"), check)
+    value_error("'check' is registered already", registry.verb(), check)
 
 
 @pytest.mark.parametrize("commit", ["0123456789ab", None])

@@ -264,7 +264,7 @@ def test_other_particles_and_laws_are_refused_and_cohesion_and_rolling_are_writt
     centre = ParameterSpace.of(config["parameters"]).centre
     input_error("multisphere", make, config, centre, SMOOTH, BERRY)
     linear = config | {"simulation": config["simulation"] | {"contact_law": "linear_spring"}}
-    input_error("hertz_mindlin", make, linear, centre, THREE, BERRY)
+    input_error("hertz_mindlin", export.check_laws, make(linear, centre, THREE, BERRY), "yade")
     job = job_of(config, THREE, "jkr", gamma_gg=0.05, gamma_gp=0.02)
     table = export.PROGRAMS["edem"](job)["edem.md"]
     assert "Hertz-Mindlin with JKR" in table

@@ -247,16 +247,6 @@ def test_pictures_of_the_workflow_and_unreadable_pictures_and_wrong_arrays_are_r
             measure_image(bad, MM)
 
 
-WRONG = {"views": (0, 2.5), "mm_per_pixel": (0.0, math.nan), "fit_from": (-0.1, "crest"), "response": ("steep",)}
-WRONG |= {"fit_to": (0.15, 1.2, "berries"), "berry_height_mm": (0.0, "null"), "largest_pile_only": ("yes",)}
-WRONG |= {"flank": ("steepest",)}
-
-
-@pytest.mark.parametrize(("key", "value"), [(key, value) for key, values in WRONG.items() for value in values])
-def test_settings_out_of_range_name_the_key(key, value):
-    input_error(key, MeasureSettings, **{key: value})
-
-
 @pytest.mark.parametrize(("picture", "reason"), [
     (np.full((200, 300), 128, np.uint8), "nothing in the picture"),
     (toned(drawn(lambda u: np.where(np.abs(u) < 60, 3.0, 0.0), 80), 40, 220), "pixels high"),

@@ -196,6 +196,8 @@ class AnyCard(Part):
 
     def impossible(self) -> Faults:
         """Name each value that is allowed by itself and contradicts another: its key, it, and what is allowed."""
+        if (grain := getattr(self, "grain", ABSENT)) is not ABSENT:  # a field of both kinds of card
+            yield from grain.impossible()
         for name, row in self.parameters.items():
             held = row.low is None or row.at_bound or row.low <= row.value <= (row.high or 0)
             if (row.low is None) != (row.high is None) or (row.low or 0) > (row.high or 0):
@@ -251,7 +253,6 @@ class Card(AnyCard):
             for key, value in (("value", row.value), ("low", row.low), ("high", row.high)):
                 if value is not None and not least <= value <= most:
                     yield f"parameters.{name}.{key}", value, f"{least:g} to {most:g}"
-        yield from self.grain.impossible()
         yield from super().impossible()
 
 
@@ -263,11 +264,6 @@ class OtherCard(AnyCard):
         "that the simulator's means lie within 1 % and 2 % of all targets, and inside all ranges"
     )
     grain: Grain = absent("of that simulator, where its user adds it; then `repose card find` knows the card")
-
-    def impossible(self) -> Faults:
-        if self.grain is not ABSENT:
-            yield from self.grain.impossible()
-        yield from super().impossible()
 
 
 def check(card: Mapping[str, Any], source: object) -> None:

@@ -99,7 +99,6 @@ def design(space: ParameterSpace, section: DesignSettings) -> tuple[pd.DataFrame
     The free parameters fill their ranges evenly, also with a prior: the surrogate then holds for every value of the
     prior, which is applied in the search and in the posterior.
     """
-    space.check_searchable()
     d = space.dimensions
     designs = {name: points(section.samples, d, name, section.seed) for name in METHODS}
     return parameter_sets(designs[section.method], space), compare(designs)

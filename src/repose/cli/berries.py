@@ -9,10 +9,8 @@ from repose.config.study import Study
 if TYPE_CHECKING:
     from repose.particle.particle import Particle
 
-BERRY_AND_PARTICLE = (
-    Option("--berry", help="berry.json; made from the configuration if not given"),
-    Option("--particle", help="particle.json; made from the configuration if not given"),
-)
+MADE = "made from the configuration if not given"
+BERRY_AND_PARTICLE = Option("--berry", help=f"berry.json; {MADE}"), Option("--particle", help=f"particle.json; {MADE}")
 
 
 def berry_and_particle(

@@ -17,8 +17,6 @@ SUPPORT = Option("--dataset", help="dataset.csv; with it solutions beyond its sa
 
 
 @verb(
-    "collect all jobs in one table: responses with standard errors, failures with their reasons",
-    example="results/heaps --samples results/design/samples.csv --out results",
     out="results",
     options=[
         Option("jobs", nargs="+", help="JSON files that the verb measure_runs or heap wrote, or their folder"),
@@ -27,65 +25,69 @@ SUPPORT = Option("--dataset", help="dataset.csv; with it solutions beyond its sa
     ],
 )
 def dataset(args: argparse.Namespace, study: Study) -> None:
+    """Collect all jobs in one table: responses with standard errors, failures with their reasons.
+
+    example: results/heaps --samples results/design/samples.csv --out results
+    """
     from repose.chain import dataset
 
     jobs = job_files(args.jobs, args.samples)
     dataset.run(args.samples, jobs, study.targets, study.definitions, args.out, args.prefix)
 
 
-@verb(
-    "train the surrogate, by default the BP network with Bayesian regularisation",
-    example="--dataset results/dataset.csv --runs results/runs.csv",
-    out="results/network",
-    options=[DATASET, RUNS],
-)
+@verb(out="results/network", options=[DATASET, RUNS])
 def network(args: argparse.Namespace, study: Study) -> None:
+    """Train the surrogate, by default the BP network with Bayesian regularisation.
+
+    example: --dataset results/dataset.csv --runs results/runs.csv
+    """
     from repose.chain import train
 
     print(train.message(train.run(args.dataset, args.runs, study, args.out, args.config)))
 
 
-@verb(
-    "invert the network with the multi-island genetic algorithm (Eq. 11-12)",
-    example="--network results/network/network.json",
-    out="results/miga",
-    options=[NETWORK, SUPPORT],
-)
+@verb(out="results/miga", options=[NETWORK, SUPPORT])
 def miga(args: argparse.Namespace, study: Study) -> None:
+    """Invert the network with the multi-island genetic algorithm (Eq. 11-12).
+
+    example: --network results/network/network.json
+    """
     from repose.chain import invert
 
     published, support = study.published("table3.csv"), _support(args, study)
     print(invert.run(args.network, study, published, args.out, support, args.config)["message"])
 
 
-@verb(
-    "list the parameter sets to simulate again: the representative solution and others",
-    example="--feasible results/miga/feasible.csv",
-    out="results/validation",
-    options=[FEASIBLE],
-)
+@verb(out="results/validation", options=[FEASIBLE])
 def solutions(args: argparse.Namespace, study: Study) -> None:
+    """List the parameter sets to simulate again: the representative solution and others.
+
+    example: --feasible results/miga/feasible.csv
+    """
     from repose.chain import validate
 
     count, out = study.settings.validation.solutions, Path(args.out) / "solutions.csv"
     validate.write_solutions(args.feasible, study.parameters, study.targets, count, out)
 
 
-@verb("list the published parameter sets to simulate", example="--out results/validation", out="results/validation")
+@verb(out="results/validation")
 def published_solutions(args: argparse.Namespace, study: Study) -> None:
+    """List the published parameter sets to simulate.
+
+    example: --out results/validation
+    """
     from repose.chain import validate
 
     out = Path(args.out) / "published_solutions.csv"
     validate.write_published_solutions(_published(args, study), study.parameters.names, out)
 
 
-@verb(
-    "collect the runs of the published parameter sets in one table, with what was published of their piles",
-    example="results/validation/heaps/1??.json --out results",
-    out="results",
-    options=[Option("jobs", nargs="*", help="JSON files that measure_runs wrote, one for each set")],
-)
+@verb(out="results", options=[Option("jobs", nargs="*", help="JSON files that measure_runs wrote, one for each set")])
 def published_sets(args: argparse.Namespace, study: Study) -> None:
+    """Collect the runs of the published parameter sets in one table, with what was published of their piles.
+
+    example: results/validation/heaps/1??.json --out results
+    """
     from repose.chain import validate
     from repose.config import stands_on
     from repose.core import provenance
@@ -108,8 +110,6 @@ def _published(args: argparse.Namespace, study: Study) -> str:
 
 
 @verb(
-    "compare predicted and simulated responses of the study's and the published solutions (Table 4)",
-    example="results/validation/heaps/???.json",
     out="results/validation",
     options=[
         Option("jobs", nargs="+", help="JSON files that measure_runs wrote, one for each solution"),
@@ -118,6 +118,10 @@ def _published(args: argparse.Namespace, study: Study) -> str:
     ],
 )
 def validate(args: argparse.Namespace, study: Study) -> None:
+    """Compare predicted and simulated responses of the study's and the published solutions (Table 4).
+
+    example: results/validation/heaps/???.json
+    """
     from repose.chain import validate
     from repose.config import stands_on
     from repose.core.provenance import engine_hash

@@ -14,9 +14,6 @@ MIGA, VALIDATION = "results/miga/summary.json", "results/validation/representati
 
 
 @verb(
-    "show a material card, the answer of a study as one file, compare two, or check whether the targets are met: "
-    "status 0, or 3 where they are not met or this was not simulated; find the card of a similar grain",
-    example="show results/card.json",
     config=False,
     options=[
         Option("action", choices=tuple(FILES_OF), help="show FILE, compare FILE OTHER, check FILE, or find --like"),
@@ -27,6 +24,12 @@ MIGA, VALIDATION = "results/miga/summary.json", "results/validation/representati
     ],
 )
 def card(args: argparse.Namespace) -> int:
+    """Show a material card, the answer of a study as one file, compare two, or check whether the targets are met.
+
+    Status 0, or 3 where they are not met or this was not simulated; or find the card of a similar grain.
+
+    example: show results/card.json
+    """
     from repose.chain import card, card_library, card_text
 
     if len(args.cards) != FILES_OF[args.action]:
@@ -46,8 +49,6 @@ def card(args: argparse.Namespace) -> int:
 
 
 @verb(
-    "write the material card of a finished calibration",
-    example="--out results/card.json",
     out="results/card.json",
     options=[
         BERRY,
@@ -62,6 +63,10 @@ def card(args: argparse.Namespace) -> int:
     ],
 )
 def material_card(args: argparse.Namespace, study: Study) -> None:
+    """Write the material card of a finished calibration.
+
+    example: --out results/card.json
+    """
     from repose.chain import answer, card
 
     if (args.posterior is None) != (args.draws is None):

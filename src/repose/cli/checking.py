@@ -27,13 +27,12 @@ def _load_or_propose(args: argparse.Namespace) -> Study:
         raise
 
 
-@verb(
-    "check a configuration; print the longest time step, the softest grain and the cost of a run",
-    example="--config config/paper.yaml",
-    study=_load_or_propose,
-    options=[Option("--cores", type=int, default=2, help="cores of the run (2)")],
-)
+@verb(study=_load_or_propose, options=[Option("--cores", type=int, default=2, help="cores of the run (2)")])
 def check(args: argparse.Namespace, study: Study) -> None:
+    """Check a configuration; print the longest time step, the softest grain and the cost of a run.
+
+    example: --config config/paper.yaml
+    """
     if args.cores < 1:
         raise InputError("command line", "--cores", args.cores, "at least 1")
     from repose.config import check, computed, cost, loader
@@ -53,21 +52,21 @@ def check(args: argparse.Namespace, study: Study) -> None:
     for purpose, sets, seeds in work["pours"]:
         print(f"{purpose:>14}: {sets} parameter sets x {seeds} seeds = {sets * seeds} pours")
     minutes = work["total_s"] / args.cores / 60
-    print(
-        f"about {work['pour_s']:.2g} s per pour, {minutes:.0f} min on {args.cores} cores, as measured now: "
-        f"{1e9 * measured:.2g} ns for a time step of a grain on this machine"
-    )
+    as_now = f"as measured now: {1e9 * measured:.2g} ns for a time step of a grain on this machine"
+    print(f"about {work['pour_s']:.2g} s per pour, {minutes:.0f} min on {args.cores} cores, {as_now}")
 
 
 @verb(
-    "before any pour: the pours that the noise requires, and the probability of success by budget",
-    example="--config config/fast.yaml",
     study=_load_or_propose,
     options=[
         Option("--runs", help="runs.csv of earlier pours, for the noise (default: the runs of the study, if any)")
     ],
 )
 def plan(args: argparse.Namespace, study: Study) -> None:
+    """Before any pour: the pours that the noise requires, and the probability of success by budget.
+
+    example: --config config/fast.yaml
+    """
     from repose.config import check
     from repose.strategies import plan
 
@@ -81,10 +80,8 @@ def plan(args: argparse.Namespace, study: Study) -> None:
         source = f"measured in {path}" if result.measured else "assumed, as there are no runs yet"
         print(f"noise: a pour's {name} scatters by {percent:.2g} % of the target, {source}")
     for tolerance, needed in result.needed.items():
-        print(
-            f"the noise alone: {needed} pours at one parameter set, to know its means within {tolerance:g} % with "
-            f"probability {plan.CERTAINTY:g}"
-        )
+        known = f"to know its means within {tolerance:g} % with probability {plan.CERTAINTY:g}"
+        print(f"the noise alone: {needed} pours at one parameter set, {known}")
     print("probability that the answer of strategy: sequential lies within 1 % and 2 % of all targets:")
     print(f"{'pours':>7} {'1 %':>12} {'2 %':>12}")
     for row in result.budgets.to_dict("records"):

@@ -12,13 +12,12 @@ from repose.core.errors import InputError
 NO_PAGES = ("docs", "reference")  # the site's first page, and its list of modules
 
 
-@verb(
-    "print a page of the documentation; without a name, list the pages",
-    example="photographs",
-    config=False,
-    options=[Option("name", nargs="?", help="of the page; without it, all are listed")],
-)
+@verb(config=False, options=[Option("name", nargs="?", help="of the page; without it, all are listed")])
 def docs(args: argparse.Namespace) -> None:
+    """Print a page of the documentation; without a name, list the pages.
+
+    example: photographs
+    """
     known = pages()
     if args.name is None:
         width = max(map(len, known))

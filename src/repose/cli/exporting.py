@@ -20,8 +20,6 @@ SPHERES, MOST = 14, 64
 
 
 @verb(
-    "write the calibrated grain and its pour as a deck of another program, or as a table of its input fields",
-    example="--to yade --card results/card.json --config results/config.json --out results/export/yade",
     out="results/export",
     config=False,
     options=[
@@ -43,12 +41,18 @@ SPHERES, MOST = 14, 64
     ],
 )
 def export(args: argparse.Namespace) -> None:
+    """Write the calibrated grain and its pour as a deck of another program, or as a table of its input fields.
+
+    example: --to yade --card results/card.json --config results/config.json --out results/export/yade
+    """
     from repose.chain import card, card_study
     from repose.cli.berries import berry_and_particle
     from repose.export.job import is_sphere, make
 
     study = None if args.config is None else load(args)
-    _check_source(args)
+    if (args.card is not None) == (bool(args.set) or args.samples is not None):
+        allowed = "one source of the parameters: --card, --set or --samples"
+        raise InputError("command line", "export", args.card, allowed)
     of_card = None if args.card is None else card.read_own(args.card)
     if args.seed < 0:
         raise InputError("command line", "--seed", args.seed, "a whole number from 0")
@@ -95,11 +99,3 @@ def _with_clump(study: Study, spheres: int, source: str) -> Study:
     changed["simulation"]["time_step_s"] = min(steps)
     provenance.note_config(changed)
     return Study.of(changed, source)
-
-
-def _check_source(args: argparse.Namespace) -> None:
-    """Require one source of the six parameters: a card, or the options that name them."""
-    sets = bool(args.set) or args.samples is not None
-    if (args.card is not None) == sets:
-        allowed = "one source of the parameters: --card, --set or --samples"
-        raise InputError("command line", "export", args.card, allowed)

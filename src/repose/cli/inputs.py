@@ -12,8 +12,6 @@ from repose.core.files import write_bytes, write_table
 
 
 @verb(
-    "compute sphericity from sizes and moduli from compression tests (Eq. 1-4); or build a mesh from axes and mass",
-    example="--axes 6.6 5.6 4.5 --mass-g 0.11 --density 1250 --stl results/crop.stl",
     out="results/berry",
     study=None,  # a mesh from axes and density needs none
     options=[
@@ -27,6 +25,10 @@ from repose.core.files import write_bytes, write_table
     ],
 )
 def berry(args: argparse.Namespace) -> None:
+    """Compute sphericity from sizes and moduli from compression tests (Eq. 1-4); or build a mesh from axes and mass.
+
+    example: --axes 6.6 5.6 4.5 --mass-g 0.11 --density 1250 --stl results/crop.stl
+    """
     if args.axes or args.stl:
         _build(args)
     else:
@@ -53,13 +55,12 @@ def _build(args: argparse.Namespace) -> None:
     print(f"{args.stl}: {mesh.volume:.1f} mm3, {share:.3f} of the box around it, profile (1 - |t|^{m:.3g})^{k:.3g}")
 
 
-@verb(
-    "make mesh and particle of the grain, with volume, mass, inertia and deviation from the mesh",
-    example="--berry results/berry/berry.json",
-    out="results/berry",
-    options=[BERRY],
-)
+@verb(out="results/berry", options=[BERRY])
 def shape(args: argparse.Namespace, study: Study) -> None:
+    """Make mesh and particle of the grain, with volume, mass, inertia and deviation from the mesh.
+
+    example: --berry results/berry/berry.json
+    """
     from repose.particle import build
 
     grain = study.settings.berry
@@ -67,13 +68,12 @@ def shape(args: argparse.Namespace, study: Study) -> None:
     build.run(args.berry, grain.stl, args.out, kind=kind, mass_g=mass_g, spheres=spheres, surface=surface)
 
 
-@verb(
-    "make the Latin hypercube design of the contact parameters, or of your own simulator's parameters",
-    example="--out results/design",
-    out="results/design",
-    study=load_any_study,
-)
+@verb(out="results/design", study=load_any_study)
 def design(args: argparse.Namespace, study: Study) -> None:
+    """Make the Latin hypercube design of the contact parameters, or of your own simulator's parameters.
+
+    example: --out results/design
+    """
     from repose.chain import design
 
     if "simulator" not in study.config:

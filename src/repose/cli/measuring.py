@@ -26,8 +26,6 @@ SIZES = "sizes.csv"  # of a crop's folder
 
 
 @verb(
-    "measure the piles, the drum or the box in photographs",
-    example="*.jpg --square-mm 20 --out measured",
     out="measured",
     config=False,
     options=[
@@ -52,6 +50,10 @@ SIZES = "sizes.csv"  # of a crop's folder
     ],
 )
 def measure(args: argparse.Namespace) -> None:
+    """Measure the piles, the drum or the box in photographs.
+
+    example: *.jpg --square-mm 20 --out measured
+    """
     from repose.apparatus import bench_tests
     from repose.apparatus import photographs as of_apparatus
     from repose.core.files import write_image
@@ -90,10 +92,8 @@ def measure(args: argparse.Namespace) -> None:
         write_image(overlay, shown)
     allowed = "a pile with two flanks, seen from the side; {} shows the part taken for the pile"
     if all(photograph.measurement is None for photograph in results):
-        raise_together(
-            InputError(photograph.path, "pile", photograph.refused, allowed.format(overlay))
-            for photograph, overlay in zip(results, overlays, strict=True)
-        )
+        both = zip(results, overlays, strict=True)
+        raise_together(InputError(one.path, "pile", one.refused, allowed.format(overlay)) for one, overlay in both)
     made = tables(results, how, args.doubtful)
     write_tables(made, how, out, args.bench, of_pile[args.bench])
     print(json_text(as_record(made)) if args.json else describe(results, made, how, out))
@@ -173,13 +173,15 @@ def _settings(args: argparse.Namespace) -> "MeasureSettings":
 
 
 @verb(
-    "write the sheet (PDF, A4) for the scale, tilt and lens of a photograph",
-    example="--out sheet.pdf",
     out="sheet.pdf",
     config=False,
     options=[Option("--square-mm", type=float, default=20.0, help="side of a square, from 5 to 25 (20)")],
 )
 def marker(args: argparse.Namespace) -> None:
+    """Write the sheet (PDF, A4) for the scale, tilt and lens of a photograph.
+
+    example: --out sheet.pdf
+    """
     from repose.core.files import write_bytes
     from repose.measure import sheet
 
@@ -192,8 +194,6 @@ def marker(args: argparse.Namespace) -> None:
 
 
 @verb(
-    "draw the side view of a simulated pile, dark on light",
-    example="results/try/heap.npz --particle results/berry/particle.json",
     out="silhouette.png",
     options=[
         Option("heap", help=".npz file that the verb pour or heap wrote; its first seed is shown"),
@@ -202,6 +202,10 @@ def marker(args: argparse.Namespace) -> None:
     ],
 )
 def silhouette(args: argparse.Namespace, study: Study) -> None:
+    """Draw the side view of a simulated pile, dark on light.
+
+    example: results/try/heap.npz --particle results/berry/particle.json
+    """
     from repose.core.files import write_image
     from repose.measure.pile import MeasureSettings
     from repose.measure.saved_piles import side_view
@@ -216,8 +220,6 @@ def silhouette(args: argparse.Namespace, study: Study) -> None:
 
 
 @verb(
-    "measure the side view that the verb silhouette drew, as a photograph is measured",
-    example="silhouette.png --overlay overlay.png",
     out="measured.json",
     options=[
         Option("picture", help="file of the verb silhouette"),
@@ -226,6 +228,10 @@ def silhouette(args: argparse.Namespace, study: Study) -> None:
     ],
 )
 def measure_silhouette(args: argparse.Namespace, study: Study) -> None:
+    """Measure the side view that the verb silhouette drew, as a photograph is measured.
+
+    example: silhouette.png --overlay overlay.png
+    """
     from repose.core.files import write_image, write_json
     from repose.measure import drawing, pile
     from repose.particle.berry_files import read_berry

@@ -11,13 +11,12 @@ from repose.core.errors import InputError
 NAME = "NAME"
 
 
-@verb(
-    "make a folder for a crop of your own: a short configuration, a table of sizes, and what to do next",
-    example="wheat",
-    config=False,
-    options=[Option("name", help="of the crop, and of the folder that is made here")],
-)
+@verb(config=False, options=[Option("name", help="of the crop, and of the folder that is made here")])
 def new(args: argparse.Namespace) -> None:
+    """Make a folder for a crop of your own: a short configuration, a table of sizes, and what to do next.
+
+    example: wheat
+    """
     from repose.config import faults
     from repose.core.ledger import write_in_one_move
 

@@ -37,13 +37,15 @@ def _warn(words: str | None) -> None:
 
 
 @verb(
-    "own simulator: add a table of runs to the record of all runs",
-    example=f"new_runs.csv --config own.yaml --out {FOLDER}/runs.csv",
     out=f"{FOLDER}/runs.csv",
     study=_study,
     options=[Option("runs", help="CSV file, a row for each run: parameters and responses")],
 )
 def tell(args: argparse.Namespace, study: Study) -> None:
+    """Own simulator: add a table of runs to the record of all runs.
+
+    example: new_runs.csv --config own.yaml --out own/runs.csv
+    """
     from repose.config.record import add_runs
 
     table = add_runs(study, args.runs, args.out)
@@ -51,13 +53,15 @@ def tell(args: argparse.Namespace, study: Study) -> None:
 
 
 @verb(
-    "own simulator: list the runs to make next, or say that the answer is good enough",
-    example=f"--runs {FOLDER}/runs.csv --config own.yaml --out {FOLDER}/next.csv",
     out=f"{FOLDER}/next.csv",
     study=_study,
     options=[Option("--runs", default=f"{FOLDER}/runs.csv", help="the record; where it is missing, the start")],
 )
 def ask(args: argparse.Namespace, study: Study) -> None:
+    """Own simulator: list the runs to make next, or say that the answer is good enough.
+
+    example: --runs own/runs.csv --config own.yaml --out own/next.csv
+    """
     from repose.core.files import write_table
     from repose.strategies.base import Answer
     from repose.strategies.sequential.strategy import noise_from, observed_of
@@ -68,25 +72,21 @@ def ask(args: argparse.Namespace, study: Study) -> None:
         _warn(noise_from(study, observed_of(known, study.parameters, study.targets)[0]).warning)
     if "probability" in found.notes:
         settings: Any = study.settings  # with the section of the strategy
-        tolerance = settings.sequential.tolerance_percent
-        print(
-            f"{len(known)} runs; the best point lies within {tolerance:g} % of all targets "
-            f"with probability {found.notes['probability']:.2f}"
-        )
+        near = f"within {settings.sequential.tolerance_percent:g} % of all targets"
+        chance = found.notes["probability"]
+        print(f"{len(known)} runs; the best point lies {near} with probability {chance:.2f}")
     if isinstance(found, Answer):
         print(f"{args.out}: the answer. No more runs: {found.why}")
     else:
         print(f"{args.out}: {len(table)} runs to make next")
 
 
-@verb(
-    "own simulator: the parameters that meet the targets, from a table of runs of any simulator",
-    example=f"results.csv --config own.yaml --out {FOLDER}",
-    out=FOLDER,
-    study=_study,
-    options=[Option("runs", help="CSV file, a row for each run: parameters and responses")],
-)
+@verb(out=FOLDER, study=_study, options=[Option("runs", help="CSV file, a row for each run: parameters and responses")])
 def calibrate(args: argparse.Namespace, study: Study) -> None:
+    """Own simulator: the parameters that meet the targets, from a table of runs of any simulator.
+
+    example: results.csv --config own.yaml --out own
+    """
     from repose.strategies.runs import read_runs
     from repose.studies import calibration
 

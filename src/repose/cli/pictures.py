@@ -12,8 +12,6 @@ FILM, SMALL_FILM = 72, 20
 
 
 @verb(
-    "draw one figure from the files that it shows",
-    example="convergence --input history=results/miga/history.csv --out convergence.png",
     out="figure.png",
     options=[
         Option("name", help="name of the figure, such as figure13"),
@@ -21,14 +19,16 @@ FILM, SMALL_FILM = 72, 20
     ],
 )
 def figure(args: argparse.Namespace, study: Study) -> None:
+    """Draw one figure from the files that it shows.
+
+    example: convergence --input history=results/miga/history.csv --out convergence.png
+    """
     from repose.pictures import figures
 
     figures.draw(args.name, pairs(args.input, "--input"), args.out, study.config)
 
 
 @verb(
-    "make an animation of a pour or of a drum",
-    example="results/try/heap_trajectory_1.npz --particle results/berry/particle.json",
     out="pour.gif",
     options=[
         Option("trajectory", help=".npz file that `heap --trajectory` or `drum` wrote"),
@@ -37,6 +37,10 @@ def figure(args: argparse.Namespace, study: Study) -> None:
     ],
 )
 def film(args: argparse.Namespace, study: Study) -> None:
+    """Make an animation of a pour or of a drum.
+
+    example: results/try/heap_trajectory_1.npz --particle results/berry/particle.json
+    """
     from repose.particle.particle import Particle
     from repose.pictures import film, scenery
 
@@ -50,8 +54,6 @@ def film(args: argparse.Namespace, study: Study) -> None:
 
 
 @verb(
-    "write the report of a study, one page for a browser",
-    example="results/validation/heaps/001.json --input network=results/network/network.json --out report.html",
     out="report.html",
     options=[
         Option("jobs", nargs="*", help="measured runs of the answer, one .json file for each bench test"),
@@ -60,6 +62,10 @@ def film(args: argparse.Namespace, study: Study) -> None:
     ],
 )
 def report(args: argparse.Namespace, study: Study) -> None:
+    """Write the report of a study, one page for a browser.
+
+    example: results/validation/heaps/001.json --input network=results/network/network.json --out report.html
+    """
     from repose.pictures.report import page
 
     files, tables = pairs(args.input, "--input"), pairs(args.table, "--table")

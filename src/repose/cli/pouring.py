@@ -23,11 +23,8 @@ if TYPE_CHECKING:
 
 SIMULATION = (*PARAMETER_SET, SEED, *BERRY_AND_PARTICLE)
 APPARATUS = Option("--apparatus", default="funnel", metavar="NAME", help="bench test (funnel)")
-POUR = (
-    *SIMULATION,
-    *STUDY_SEEDS,
-    Option("--trajectory", type=float, metavar="S", help="also write positions every S seconds"),
-)
+TRAJECTORY = Option("--trajectory", type=float, metavar="S", help="also write positions every S seconds")
+POUR = (*SIMULATION, *STUDY_SEEDS, TRAJECTORY)
 KEEP = Option(
     "--keep-runs",
     action="store_true",
@@ -38,12 +35,12 @@ MEASURE = Option(
 )
 
 
-@verb(
-    "compile the engine for a study's particle, so that runs that start together do not each compile it",
-    example="--config config/quick.yaml",
-    options=[*BERRY_AND_PARTICLE, Option("--cores", type=int, default=1, help="compile on one core or on two (1)")],
-)
+@verb(options=[*BERRY_AND_PARTICLE, Option("--cores", type=int, default=1, help="compile on one core or on two (1)")])
 def warm_up(args: argparse.Namespace, study: Study) -> None:
+    """Compile the engine for a study's particle, so that runs that start together do not each compile it.
+
+    example: --config config/quick.yaml
+    """
     from repose.apparatus import warm_up
     from repose.dem.cache import folder
 
@@ -51,14 +48,12 @@ def warm_up(args: argparse.Namespace, study: Study) -> None:
     print(f"the engine was ready after {took_s:.1f} s; its compiled code is in {folder()}")
 
 
-@verb(
-    "run a bench test with one parameter set and one or more seeds; save the runs for measure_runs",
-    example="--apparatus funnel --set mus_gg=0.5 --seed 1 --out results/try",
-    out="results/try",
-    options=[APPARATUS, *POUR, KEEP, MEASURE],
-    runs="made",
-)
+@verb(out="results/try", options=[APPARATUS, *POUR, KEEP, MEASURE], runs="made")
 def pour(args: argparse.Namespace, study: Study) -> None:
+    """Run a bench test with one parameter set and one or more seeds; save the runs for measure_runs.
+
+    example: --apparatus funnel --set mus_gg=0.5 --seed 1 --out results/try
+    """
     from repose.apparatus import kept_runs
     from repose.apparatus.job import measured, pour_job
 
@@ -73,14 +68,12 @@ def pour(args: argparse.Namespace, study: Study) -> None:
                 kept_runs.write_measurement(pours, measured(job["scene"], pours))
 
 
-@verb(
-    "pour grains through the funnel and measure the pile: pour and measure_runs in one verb",
-    example="--set e_gg=0.3 --set mus_gg=0.5 --seed 1 --out results/try --json",
-    out="results/try",
-    options=[*POUR, JSON.but(help="print the result as JSON")],
-    runs="made",
-)
+@verb(out="results/try", options=[*POUR, JSON.but(help="print the result as JSON")], runs="made")
 def heap(args: argparse.Namespace, study: Study) -> None:
+    """Pour grains through the funnel and measure the pile: pour and measure_runs in one verb.
+
+    example: --set e_gg=0.3 --set mus_gg=0.5 --seed 1 --out results/try --json
+    """
     from repose.apparatus.job import measure_job, pour_job
 
     job = _job(args, study, "funnel")
@@ -128,8 +121,6 @@ def _job(args: argparse.Namespace, study: Study, apparatus: str) -> dict[str, An
 
 
 @verb(
-    "measure the saved runs of any bench test, without running it again",
-    example="results/try/heap.pours.json --out results/try",
     options=[
         Option(
             "pours",
@@ -144,6 +135,10 @@ def _job(args: argparse.Namespace, study: Study, apparatus: str) -> dict[str, An
     runs="measured",
 )
 def measure_runs(args: argparse.Namespace, study: Study) -> None:
+    """Measure the saved runs of any bench test, without running it again.
+
+    example: results/try/heap.pours.json --out results/try
+    """
     from repose.apparatus import bench_of
     from repose.apparatus.job import measure_job
     from repose.measure.saved_pours import POURS
@@ -154,14 +149,12 @@ def measure_runs(args: argparse.Namespace, study: Study) -> None:
         print("\n".join(f"{path}: {describe(run, bench_of(result).summary)}" for run in result["runs"]))
 
 
-@verb(
-    "fill a drum and turn it until the bed slips; save the runs for drum_tables, print the measurement",
-    example="--set mus_gg=0.5 --set mus_gp=0.6 --seed 1 --out results/try",
-    out="results/try",
-    options=[*SIMULATION, JSON.but(help="print the measured runs as JSON")],
-    runs="made",
-)
+@verb(out="results/try", options=[*SIMULATION, JSON.but(help="print the measured runs as JSON")], runs="made")
 def drum(args: argparse.Namespace, study: Study) -> None:
+    """Fill a drum and turn it until the bed slips; save the runs for drum_tables, print the measurement.
+
+    example: --set mus_gg=0.5 --set mus_gp=0.6 --seed 1 --out results/try
+    """
     from repose.apparatus import bench, drum_tables
 
     section(study.config, "drum")
@@ -171,12 +164,14 @@ def drum(args: argparse.Namespace, study: Study) -> None:
 
 
 @verb(
-    "measure the drum's runs and make tables: angles, first slip, slipping layer, with standard errors",
-    example="results/drum/drum_*.json --out results/drum",
     out="results/drum",
     options=[Option("runs", nargs="+", help="JSON files that the verb drum wrote"), *BERRY_AND_PARTICLE],
 )
 def drum_tables(args: argparse.Namespace, study: Study) -> None:
+    """Measure the drum's runs and make tables: angles, first slip, slipping layer, with standard errors.
+
+    example: results/drum/drum_*.json --out results/drum
+    """
     from repose.apparatus import drum_tables
 
     section(study.config, "drum")

@@ -1,8 +1,9 @@
-"""A verb of the command line: a function with a summary, an example and options."""
+"""A verb of the command line: a function with options, whose docstring is its help."""
 
 import argparse
 import textwrap
 from collections.abc import Callable, Sequence
+from inspect import cleandoc
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -10,6 +11,7 @@ from repose.config.study import Study
 from repose.core import places
 
 PROGRAM = "repose"
+Loader = Callable[[argparse.Namespace], Study] | None  # from the options of a verb; None: it takes no study
 
 
 class Option:
@@ -45,16 +47,20 @@ class Verb(NamedTuple):
     """A step that runs by name."""
 
     run: Callable  # takes the parsed options, and its study if it has one; may return an exit status
-    summary: str  # as in `verb`
-    example: str  # as in `verb`
     options: tuple  # of `Option`
-    study: Callable[[argparse.Namespace], Study] | None  # makes the study that the step takes
+    study: Loader  # makes the study that the step takes
     passes_on: bool = False  # unknown words go into the list `args.rest`
     runs: Literal["", "made", "measured"] = ""  # as in `repose.core.provenance.stage`
 
     @property
     def name(self) -> str:
         return self.run.__name__
+
+    @property
+    def words(self) -> tuple[str, str]:
+        """Summary and example, as the function's docstring has them."""
+        summary, _, example = cleandoc(self.run.__doc__ or "").partition("\n\nexample: ")
+        return " ".join(summary.split()), example
 
     def __call__(self, args: argparse.Namespace) -> int | None:
         """Do the step; return its exit status, None for 0."""
@@ -63,10 +69,11 @@ class Verb(NamedTuple):
 
     def add_to(self, subparsers: Any, before: str = "") -> None:
         """Add the verb's own parser; `before` are the words of a call between the program and the verb."""
+        summary, example = self.words
         parser = subparsers.add_parser(
             self.name,
-            description=textwrap.fill(f"{self.summary[0].upper()}{self.summary[1:]}.", 78),
-            epilog=" ".join(f"example: {PROGRAM} {before} {self.name} {self.example}".split()),
+            description=textwrap.fill(summary, 78),
+            epilog=" ".join(f"example: {PROGRAM} {before} {self.name} {example}".split()),
             formatter_class=argparse.RawDescriptionHelpFormatter,  # a wrapped example is no command
         )
         parser.set_defaults(verb=self.name)
@@ -83,20 +90,13 @@ VERBS: dict[str, Verb] = {}  # in the order in which their modules are imported
 
 
 def verb(
-    summary: str,
-    *,
-    example: str = "",
-    out: str | None = None,
-    config: bool = True,
-    study: Callable[[argparse.Namespace], Study] | None = load,
-    options: Sequence[Option] = (),
-    **more: Any,
+    *, out: str | None = None, config: bool = True, study: Loader = load, options: Sequence[Option] = (), **more: Any
 ) -> Callable[[Callable], Callable]:
     """Make a function the verb of the same name, as a decorator.
 
-    `summary` is one line of the help, without capital and full stop; `example` are the words after the name in a
-    call. `out` is the default of --out (None: no such option). `study` makes from the options the study that the
-    function gets; `more` are further fields of `Verb`. ValueError if another verb has the name.
+    Its docstring is the help: a summary, and after ``example:`` the words that follow the name in a call. `out` is the
+    default of --out (None: no such option). `study` makes from the options the study that the function gets; `more` are
+    further fields of `Verb`. ValueError if another verb has the name.
     """
     shared = [CONFIG] if config else []
     if out:
@@ -104,7 +104,7 @@ def verb(
         shared.append(Option("--out", default=out, help=f"{kind} to write ({out})", recorded=False))
 
     def add(run: Callable) -> Callable:
-        made = Verb(run, summary, example, (*shared, *options), study if config else None, **more)
+        made = Verb(run, (*shared, *options), study if config else None, **more)
         if VERBS.setdefault(made.name, made) is not made:
             raise ValueError(f"verb {made.name!r} is registered already")
         return run

@@ -22,9 +22,6 @@ HANDED_ON = ("configfile", "config", "cores", "jobs", "profile", "workflow_profi
 
 
 @verb(
-    "run the whole study here, or the named targets, which stand before the options; every further option goes to "
-    "snakemake (snakemake --help)",
-    example="uncertainty --cores 2 --configfile mine.yaml",
     config=False,
     passes_on=True,
     options=[
@@ -40,6 +37,12 @@ HANDED_ON = ("configfile", "config", "cores", "jobs", "profile", "workflow_profi
     ],
 )
 def run(args: argparse.Namespace) -> int:
+    """Run the whole study here, or the named targets, which stand before the options.
+
+    Every further option goes to snakemake (snakemake --help).
+
+    example: uncertainty --cores 2 --configfile mine.yaml
+    """
     try:
         from snakemake.cli import main
     except ImportError:

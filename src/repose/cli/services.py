@@ -15,12 +15,12 @@ if TYPE_CHECKING:
     from repose.verification.case import Row
 
 
-@verb(
-    "measure the speed: microseconds per step and seconds per pour, with a reference for the speed of the machine",
-    example="--json",
-    options=[JSON],
-)
+@verb(options=[JSON])
 def bench(args: argparse.Namespace, study: Study) -> None:
+    """Measure the speed: microseconds per step and seconds per pour, with a reference for the speed of the machine.
+
+    example: --json
+    """
     from repose.verification import speed
 
     of_published = published.representative(study.settings.validation.published, study.parameters.names)
@@ -29,8 +29,6 @@ def bench(args: argparse.Namespace, study: Study) -> None:
 
 
 @verb(
-    "run the simulator's verification suite: compare its results with known answers",
-    example="--out results/verification --case chung1",
     out="results/verification",
     options=[
         Option("--case", action="append", metavar="NAME", help="run this case; may be given several times"),
@@ -38,6 +36,10 @@ def bench(args: argparse.Namespace, study: Study) -> None:
     ],
 )
 def verify(args: argparse.Namespace, study: Study) -> int:
+    """Run the simulator's verification suite: compare its results with known answers.
+
+    example: --out results/verification --case chung1
+    """
     if args.hits < 1:
         raise InputError("command line", "--hits", args.hits, "at least 1")
 
@@ -60,13 +62,12 @@ def _case_line(name: str, rows: "list[Row]") -> str:
     return f"{name:>12}: {words}" + "".join(f"; {row.quantity} is {row.result:.6g}" for row in missed[:3])
 
 
-@verb(
-    "print the provenance of a result: stage, settings, engine, origin, seed, versions and processor",
-    example="results/dataset.csv",
-    config=False,
-    options=[Option("result", help="a file that a verb wrote"), JSON],
-)
+@verb(config=False, options=[Option("result", help="a file that a verb wrote"), JSON])
 def provenance(args: argparse.Namespace) -> None:
+    """Print the provenance of a result: stage, settings, engine, origin, seed, versions and processor.
+
+    example: results/dataset.csv
+    """
     from repose.core import attached
 
     if not Path(args.result).is_file():

@@ -45,11 +45,8 @@ def note_built_in_crop(*files: str) -> None:
 
     own = loader.own_crop_under(*files)
     if own is not None and not any("simulator" in loader.read(places.find(path)) for path in files):
-        print(
-            f"repose: note: this folder has no config.yaml; missing settings were taken from "
-            f"the built-in goji example, {own}",
-            file=sys.stderr,
-        )
+        words = f"missing settings were taken from the built-in goji example, {own}"
+        print(f"repose: note: this folder has no config.yaml; {words}", file=sys.stderr)
 
 
 def files_of(args: argparse.Namespace) -> Iterator[Path]:

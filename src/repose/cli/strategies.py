@@ -10,20 +10,20 @@ STRATEGY = Option("strategy", help="name of the strategy", recorded=False)
 
 
 @verb(
-    "list the samples that a strategy simulates after the batches so far, or those of its answer, and say why",
-    example=f"sequential {FOLDER}/batch_0 --out {FOLDER}/batch_1",
     out=f"{FOLDER}/batch_0",
     options=[STRATEGY, Option("batches", nargs="*", help="folders of all batches so far: dataset.csv and runs.csv")],
 )
 def propose(args: argparse.Namespace, study: Study) -> None:
+    """List the samples that a strategy simulates after the batches so far, or those of its answer, and say why.
+
+    example: sequential results/sequential/batch_0 --out results/sequential/batch_1
+    """
     from repose.strategies import batches
 
     print(batches.run_propose(args.strategy, study, args.batches, args.out, args.config)["why"])
 
 
 @verb(
-    "compare a strategy's simulated answer with its prediction and the targets, collect all batches",
-    example=f"sequential {FOLDER}/batch_0 {FOLDER}/batch_1",
     out=FOLDER,
     options=[
         STRATEGY,
@@ -31,6 +31,10 @@ def propose(args: argparse.Namespace, study: Study) -> None:
     ],
 )
 def conclude(args: argparse.Namespace, study: Study) -> None:
+    """Compare a strategy's simulated answer with its prediction and the targets, collect all batches.
+
+    example: sequential results/sequential/batch_0 results/sequential/batch_1
+    """
     from repose.strategies import batches
 
     for row in batches.run_conclude(args.strategy, study, args.batches, args.out).to_dict("records"):

@@ -7,7 +7,8 @@ from typing import NamedTuple
 from repose.apparatus import scene_size
 from repose.apparatus.funnel import NAME, PACKING, FunnelSettings
 from repose.apparatus.settings import CREEPING_LAWS, SceneSettings
-from repose.config.computed import Config, Grain, diameter_mm
+from repose.config.computed import Grain, diameter_mm
+from repose.config.keys import Config
 from repose.particle.particle import Particle
 
 # A softer grain shortens the pile; this share of the Height is far below the scatter of piles.
@@ -18,16 +19,14 @@ SLOPES_DEG = (15.0, 45.0)
 VOLUME_FACTOR = 1.5
 
 
-def of_funnel(
-    config: Config, grain: Grain, particle: Particle, longest_step_s: Callable[[Grain], float]
-) -> Iterator[str]:
+def of_funnel(config: Config, grain: Grain, particle: Particle, longest_s: Callable[[Grain], float]) -> Iterator[str]:
     """Yield hints on stiffness, volume and number of the grains before they are poured.
 
-    `longest_step_s(grain)` is the longest time step [s] for such grains.
+    `longest_s(grain)` is the longest time step [s] for such grains.
     """
     if (law := SceneSettings(config).simulation.rolling_law) in CREEPING_LAWS:
         yield f"rolling law: WARNING: {law} lets grains creep where a torque acts, so runs may end not_at_rest"
-    yield f"stiffness: {_softer(config, grain, longest_step_s)}"
+    yield f"stiffness: {_softer(config, grain, longest_s)}"
     sentence, fits = filling(config, particle.volume_m3)
     yield f"volume: {sentence}"
     height_mm, (funnel, _, _) = 1e3 * height_m(config, grain), _wanted(config)
@@ -38,19 +37,17 @@ def of_funnel(
     yield from scene_size.advice(config, diameter_mm(grain), height_mm, grains)
 
 
-def _softer(config: Config, grain: Grain, longest_step_s: Callable[[Grain], float]) -> str:
+def _softer(config: Config, grain: Grain, longest_s: Callable[[Grain], float]) -> str:
     """Describe the allowed reduction of the shear modulus, with its effect on the pile and on the time step."""
     step, modulus = SceneSettings(config).simulation.time_step_s, grain["shear_modulus_pa"]
     sinking, softest = softening(config, grain)
     now = f"the pile sinks by {100 * sinking:.2g} % of its Height under its own weight"
     if softest >= modulus:
         return f"{now}; berry.shear_modulus_pa, {modulus:.3g}, should not be lower"
-    longest = longest_step_s({**grain, "shear_modulus_pa": softest})
-    return (
-        f"{now}; with berry.shear_modulus_pa {softest:.3g} instead of {modulus:.3g} it sinks by "
-        f"{100 * LARGEST_SINKING:.2g} %, simulation.time_step_s may be {longest:.2g} s, and a run takes "
-        f"{step / longest:.2g} of the time"
-    )
+    longest = longest_s({**grain, "shear_modulus_pa": softest})
+    softer = f"berry.shear_modulus_pa {softest:.3g} instead of {modulus:.3g} it sinks by {100 * LARGEST_SINKING:.2g} %"
+    saved = f"simulation.time_step_s may be {longest:.2g} s, and a run takes {step / longest:.2g} of the time"
+    return f"{now}; with {softer}, {saved}"
 
 
 class Softening(NamedTuple):

@@ -81,10 +81,8 @@ class Call:
         paths = [path for path in (*chain, *batches) if os.path.exists(path)]
         outdated = stands_on.outdated(study.config, (path for path in paths if os.stat(path).st_mtime < born_s))
         if outdated and not {"--forceall", "-F"} & set(self.words):
-            print_fault(
-                f"{outdated[0]} and {len(outdated) - 1} more results were made with other settings or by another"
-                " engine, and the records of snakemake are lost: add --forceall"
-            )
+            others = "with other settings or by another engine, and the records of snakemake are lost: add --forceall"
+            print_fault(f"{outdated[0]} and {len(outdated) - 1} more results were made {others}")
             sys.exit(BAD_INPUT)
         if self.runs:
             self.lock = take_folder(folder)  # as long as the process lives

@@ -58,10 +58,9 @@ def about(study: Study) -> Iterator[str]:
     if particle.mesh_volume_m3:
         change = particle.volume_m3 / particle.mesh_volume_m3 - 1
         if abs(change) > LARGEST_VOLUME_CHANGE:
-            yield (
-                f"particle: WARNING: the volume of the {section.particle} is {100 * change:+.0f} % off the mesh's; "
-                "another berry.particle or berry.surface, or more berry.spheres, comes nearer"
-            )
+            nearer = "another berry.particle or berry.surface, or more berry.spheres, comes nearer"
+            off = f"the volume of the {section.particle} is {100 * change:+.0f} % off the mesh's"
+            yield f"particle: WARNING: {off}; {nearer}"
     if section.stl is not None and section.mass_g is not None:
         mass_g = 1e3 * particle.mass_kg
         yield f"mass: WARNING: berry.stl gives the mass, {mass_g:.3g} g; berry.mass_g is not used"
@@ -81,15 +80,11 @@ def of_targets(study: Study) -> Iterator[str]:
     for target in study.settings.targets:
         name, piles = target.response, target.repetitions
         if piles < FEWEST_PILES:
-            yield (
-                f"{name}: WARNING: repetitions is {piles}; fewer than {FEWEST_PILES} hardly show the scatter, "
-                "on which all intervals depend: measure more piles"
-            )
+            few = f"fewer than {FEWEST_PILES} hardly show the scatter, on which all intervals depend"
+            yield f"{name}: WARNING: repetitions is {piles}; {few}: measure more piles"
         if target.sd == 0:
-            yield (
-                f"{name}: WARNING: sd is 0, as if every pile were the same; the intervals are too narrow: give the "
-                "standard deviation of the measured piles"
-            )
+            narrow = "the intervals are too narrow: give the standard deviation of the measured piles"
+            yield f"{name}: WARNING: sd is 0, as if every pile were the same; {narrow}"
 
 
 def trials(study: Study, grain_step_s: float, waiting: Callable[[str], AbstractContextManager[None]]) -> Iterator[str]:
@@ -115,10 +110,8 @@ def trials(study: Study, grain_step_s: float, waiting: Callable[[str], AbstractC
         for target in (target for target in study.targets if target.response in own):
             low, high = (end(run[target.name] for run in good) for end in (min, max))
             if not low <= target.value <= high:
-                yield (
-                    f"{target.name}: WARNING: the target {target.value:g} is outside the single runs, {low:.4g} to "
-                    f"{high:.4g}: other ranges or another scene may be needed"
-                )
+                outside = f"the target {target.value:g} is outside the single runs, {low:.4g} to {high:.4g}"
+                yield f"{target.name}: WARNING: {outside}: other ranges or another scene may be needed"
 
 
 def costs(study: Study, budgets: Iterable[int], grain_step_s: float) -> Iterator[str]:

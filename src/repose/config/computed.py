@@ -3,13 +3,13 @@
 Only files that a user writes hold `auto`; files that a study writes hold the number.
 """
 
-import copy
 import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from repose.apparatus.funnel import PACKING
 from repose.config import typed
+from repose.config.keys import Config
 from repose.core.parameter_space import range_of
 from repose.core.parameters import PARAMETERS, named
 from repose.core.published import published_sets
@@ -26,7 +26,6 @@ REST_S = 1.5  # from the last grain on the pile until the pile rests
 # Shares (training, validation, test): only a network has validation samples.
 SPLIT_OF_NETWORK, SPLIT = (0.70, 0.15, 0.15), (0.85, 0.0, 0.15)
 
-Config = Mapping[str, Any]
 Grain = Mapping[str, Any]  # result of the verb `berry`
 
 
@@ -57,9 +56,7 @@ def to_compute(config: Config) -> list[Computed]:
 
 def filled(config: Config, setting: Computed, value: Any) -> dict[str, Any]:
     """Copy a configuration, with a number in place of its `auto`."""
-    copied = copy.deepcopy(dict(config))
-    copied[setting.section][setting.name] = value
-    return copied
+    return {**config, setting.section: {**config[setting.section], setting.name: value}}
 
 
 def longest_step(config: Config, particle: "Particle", mean: Grain) -> "Limit":

@@ -9,6 +9,7 @@ from repose.apparatus import bench
 from repose.apparatus.settings import SceneSettings
 from repose.config import typed
 from repose.config.contradictions import used_tests
+from repose.config.keys import Config
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import named
 from repose.core.published import to_simulate
@@ -29,7 +30,7 @@ SEEDS = ("seeds", "checks")  # endings of keys for the number of runs of a param
 Pours = Sequence[tuple[str, int, int]]
 
 
-def run_s(config: Mapping[str, Any], name: str, berry_step_s: float = SECONDS_A_BERRY_STEP) -> float:
+def run_s(config: Config, name: str, berry_step_s: float = SECONDS_A_BERRY_STEP) -> float:
     """Estimate the wall time of a run of a bench test on one core, without its measurement.
 
     `berry_step_s` is the cost of a step of one grain, from `measured_berry_step_s`.
@@ -43,7 +44,7 @@ def run_s(config: Mapping[str, Any], name: str, berry_step_s: float = SECONDS_A_
     return berry_step_s * grains * filled / settings.simulation.time_step_s
 
 
-def longest_job_s(config: Mapping[str, Any]) -> float:
+def longest_job_s(config: Config) -> float:
     """Estimate the wall time of the longest job of the funnel, the drum and the bench tests of the targets.
 
     A job is one parameter set with the most seeds of any section.
@@ -54,7 +55,7 @@ def longest_job_s(config: Mapping[str, Any]) -> float:
     return JOB_START_S + seeds * max(run_s(config, name) for name in names if name in config)
 
 
-def measured_berry_step_s(config: Mapping[str, Any], grain: Mapping[str, Any], particle: Particle) -> float:
+def measured_berry_step_s(config: Config, grain: Mapping[str, Any], particle: Particle) -> float:
     """Measure the time [s] of a step of one grain in a pile on a core of this machine, by pours of about a second.
 
     The time of other programs is left out. `grain` is the result of the verb `berry`. The first call on a machine
@@ -79,9 +80,7 @@ def measured_berry_step_s(config: Mapping[str, Any], grain: Mapping[str, Any], p
     return min(times_s)
 
 
-def work(
-    config: Mapping[str, Any], berry_step_s: float = SECONDS_A_BERRY_STEP, pours: Pours | None = None
-) -> dict[str, Any]:
+def work(config: Config, berry_step_s: float = SECONDS_A_BERRY_STEP, pours: Pours | None = None) -> dict[str, Any]:
     """Estimate the cost of a study: `pours` of the funnel, `pour_s` of one of them, `total_s` of the whole on one core.
 
     `pours` belong to another strategy than the published one; each set runs as often in every bench test of the
@@ -113,7 +112,7 @@ def work(
     return {"pours": pours, "pour_s": pour_s, "total_s": total_s}
 
 
-def job_s(config: Mapping[str, Any], name: str, runs: int) -> float:
+def job_s(config: Config, name: str, runs: int) -> float:
     """Estimate the wall time of a job of the workflow on one core, to compare jobs; without `runs` it only computes."""
     return JOB_START_S + (runs * run_s(config, name) if runs else 0.0)
 
@@ -129,7 +128,7 @@ SENTENCES = {
 }
 
 
-def costs(config: Mapping[str, Any]) -> dict[str, str]:
+def costs(config: Config) -> dict[str, str]:
     """Say what each study besides the calibration and the strategies costs: pours, and their time on one core.
 
     Work with the surrogate alone, seconds to minutes, is left out.
@@ -146,11 +145,9 @@ def costs(config: Mapping[str, Any]) -> dict[str, str]:
     published = to_simulate(validation.published, responses, named(settings.parameters.given))
     a_round = refine.seeds + refine.neighbours * refine.neighbour_seeds
     of_calibration = sum(sets * seeds for _, sets, seeds in of_all["pours"])
-    all_min = of_all["total_s"] / 60
     others = " and the other bench tests" if {test.name for test in used_tests(config)} != {"funnel"} else ""
-    texts = dict.fromkeys(SENTENCES, "no pours besides the calibration") | {
-        "calibration": f"{of_calibration} pours{others}, about {all_min:.0f} min on one core",
+    return dict.fromkeys(SENTENCES, "no pours besides the calibration") | {
+        "calibration": f"{of_calibration} pours{others}, about {of_all['total_s'] / 60:.0f} min on one core",
         "refined": f"at most {pours(refine.rounds * a_round)}",
         "published_sets": pours(len(published) * validation.seeds),
     }
-    return texts

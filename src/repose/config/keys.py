@@ -5,6 +5,8 @@ from typing import Any
 
 from repose.core.errors import InputError
 
+Config = Mapping[str, Any]
+
 
 class Origin:
     """The file of each dotted key; an entry of a list belongs to the file of the list, a missing key to `default`."""

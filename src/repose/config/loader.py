@@ -3,38 +3,36 @@
 import copy
 import functools
 import json
-import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from repose.config.keys import Origin
+from repose.config.keys import Config, Origin
 from repose.core import ledger, places
-from repose.core.files import write_text
+from repose.core.files import Path_, write_text
 from repose.core.parameters import FURTHER, PARAMETERS
 
 CROP = ("sizes", "density_kg_m3", "stl")  # keys of `berry` that define a crop
 COMMAND_LINE = "command line (--config)"
 WORKFLOW = "configuration"  # that a workflow around this one gives
-Contents = Sequence[tuple[str, Mapping[str, Any]]]  # of files
-Read = Callable[[str | os.PathLike], dict[str, Any]]
+Contents = Sequence[tuple[str, Config]]  # of files
+Layered = tuple[dict[str, Any], Origin]  # a configuration, and the file of each of its keys
+Read = Callable[[Path_], dict[str, Any]]
 EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
 RESOLVED = "config.json"  # in the folder of results
 # Replaced, not merged: a fixed parameter has no prior of another file.
 WHOLE = {f"parameters.{name}" for name in (*PARAMETERS, *FURTHER)}
 
 
-def read(path: str | os.PathLike) -> dict[str, Any]:
+def read(path: Path_) -> dict[str, Any]:
     """Call `repose.config.reading.read`; a job, which reads no YAML, does not load it."""
     from repose.config import reading
 
     return reading.read(path)
 
 
-def read_layers(
-    files: Sequence[str | os.PathLike], overrides: Mapping[str, Any] | None = None
-) -> tuple[dict[str, Any], Origin]:
+def read_layers(files: Sequence[Path_], overrides: Config | None = None) -> Layered:
     """Read files over the defaults, and note the file of each key; `overrides`, texts as YAML, lie over all.
 
     Values are not checked, and `auto` stays; a complete file needs no default.
@@ -50,9 +48,7 @@ def read_layers(
     return _over_each_other(layers(paths, read_once), overrides, read_once)
 
 
-def over_defaults(
-    given: Mapping[str, Any], files: Sequence[str | os.PathLike] = (), otherwise: str = COMMAND_LINE
-) -> tuple[dict[str, Any], Origin]:
+def over_defaults(given: Config, files: Sequence[Path_] = (), otherwise: str = COMMAND_LINE) -> Layered:
     """Lay what snakemake calls `config` over the defaults that it needs; a crop inherits nothing of another one.
 
     Its texts are read as YAML. A message names the last of the `files` that has a value, or else `otherwise`.
@@ -62,7 +58,7 @@ def over_defaults(
     read_once: Any = functools.cache(read)
     files = [places.find(path) for path in files]
     method, study = places.find(places.METHOD_CONFIG), places.configs()[-1]
-    below: list[str | os.PathLike] = [method]
+    below: list[Path_] = [method]
     if files or not _is_a_crop(given):
         below = layers((), read_once, *map(read_once, files), given)
     config, source = _over_each_other(below if lacks_keys(given) else (), read=read_once)
@@ -98,7 +94,7 @@ def _at(content: Any, name: str) -> Any:
     return content
 
 
-def layers(files: Sequence[str | os.PathLike], read: Read = read, *more: Mapping[str, Any]) -> list[str | os.PathLike]:
+def layers(files: Sequence[Path_], read: Read = read, *more: Config) -> list[Path_]:
     """List the defaults, then the given files of a configuration, each to be read over the one before it.
 
     The built-in crop is a default only if no other file, and none of `more`, defines a crop: no crop takes numbers of
@@ -111,7 +107,7 @@ def layers(files: Sequence[str | os.PathLike], read: Read = read, *more: Mapping
     return [*(others if any(map(_is_a_crop, contents)) else defaults), *files]
 
 
-def own_crop_under(*files: str | os.PathLike) -> Path | None:
+def own_crop_under(*files: Path_) -> Path | None:
     """Return the file of the built-in crop if a configuration uses it in a folder that has no configuration.
 
     None also if one of the files is in the same folder, and so is made for it.
@@ -127,7 +123,7 @@ def own_crop_under(*files: str | os.PathLike) -> Path | None:
     return own if own in (*paths, *layers(paths)) else None
 
 
-def _is_a_crop(config: Mapping[str, Any]) -> bool:
+def _is_a_crop(config: Config) -> bool:
     """Return whether a file defines a grain by a key that no default has: sizes, density or scan.
 
     A density that is a text comes from the command line, which changes one of the crop's numbers.
@@ -138,18 +134,15 @@ def _is_a_crop(config: Mapping[str, Any]) -> bool:
     return any(grain.get(key) for key in ("sizes", "stl")) or not isinstance(grain[CROP[1]], str)
 
 
-def _over_each_other(
-    files: Sequence[str | os.PathLike], overrides: Mapping[str, Any] | None = None, read: Read = read
-) -> tuple[dict[str, Any], Origin]:
+def _over_each_other(files: Sequence[Path_], overrides: Config | None = None, read: Read = read) -> Layered:
     """Lay the configurations of files and the overrides over each other; note the file of each key."""
     config: dict[str, Any] = {}
     origin: dict[str, str] = {}
     for path in files:
         _merge(config, read(path), origin, str(path))
     _merge(config, _values(overrides or {}), origin, COMMAND_LINE)
-    return _with_files_resolved(config), Origin(
-        origin, str(files[-1]) if files else "", str(places.find(places.METHOD_CONFIG))
-    )
+    default = str(files[-1]) if files else ""
+    return _with_files_resolved(config), Origin(origin, default, str(places.find(places.METHOD_CONFIG)))
 
 
 def _with_files_resolved(config: dict[str, Any]) -> dict[str, Any]:
@@ -164,7 +157,7 @@ def _with_files_resolved(config: dict[str, Any]) -> dict[str, Any]:
     return config
 
 
-def write_resolved(config: Mapping[str, Any], path: str | os.PathLike) -> None:
+def write_resolved(config: Config, path: Path_) -> None:
     """Write a configuration as JSON; an equal file stays untouched."""
     path = Path(path)
     text = json.dumps(config, indent=1) + "\n"
@@ -172,7 +165,7 @@ def write_resolved(config: Mapping[str, Any], path: str | os.PathLike) -> None:
         write_text(path, text)
 
 
-def is_resolved(*files: str | os.PathLike) -> bool:
+def is_resolved(*files: Path_) -> bool:
     """Return whether this is a single file that `write_resolved` wrote, unchanged since."""
     return len(files) == 1 and Path(files[0]).name == RESOLVED and ledger.is_own_file(files[0])
 
@@ -188,9 +181,7 @@ def _values(value: Any) -> Any:
     return parse(value, COMMAND_LINE) if isinstance(value, str) and value.strip() else value
 
 
-def _merge(
-    below: dict[str, Any], more: Mapping[str, Any], origin: dict[str, str], source: str, prefix: str = ""
-) -> None:
+def _merge(below: dict[str, Any], more: Config, origin: dict[str, str], source: str, prefix: str = "") -> None:
     """Put `more` over below by sections, and note in origin each key's file; sections in WHOLE are replaced."""
     for key, value in more.items():
         name = f"{prefix}{key}"

@@ -26,12 +26,10 @@ def unstable(config: Mapping[str, Any], particle: Particle, mean: Mapping[str, A
     """Yield (key, allowed values) of a time step that the engine would refuse; `mean` is the result of `berry`."""
     limit, sections = computed.longest_step(config, particle, mean), typed.sections(config)
     if sections.simulation.time_step_s > limit.time_step_s:
-        tested = sections.berry.shear_modulus_pa is None
-        # a modulus in another unit shortens the step: a reader sees it, and the file that it comes from
-        source = (
-            f"; the modulus of {sections.berry.compression} is {mean['elastic_modulus_pa']:.2g} Pa" if tested else ""
-        )
-        yield "simulation.time_step_s", limit.allowed + source
+        allowed = limit.allowed
+        if sections.berry.shear_modulus_pa is None:  # a modulus in another unit shortens the step: a reader sees it
+            allowed += f"; the modulus of {sections.berry.compression} is {mean['elastic_modulus_pa']:.2g} Pa"
+        yield "simulation.time_step_s", allowed
 
 
 class Making:
@@ -44,8 +42,8 @@ class Making:
         self.config, self.source = config, source
         self.faults: list[InputError] = []
         self.bad: set[str] = set()  # dotted keys with a fault
-        self.mean: dict[str, Any] | None = None
-        self.particle: Particle | None = None
+        self.mean: Any = None
+        self.particle: Any = None
         self.inputs_are_checked = False
 
     def complete(self, inputs: bool) -> None:
@@ -79,8 +77,6 @@ class Making:
             self._fit_together()
             raise_together(self.faults)
             self.inputs_are_checked = True
-        assert self.mean is not None
-        assert self.particle is not None
         return self.mean, self.particle
 
     @property

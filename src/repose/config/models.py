@@ -12,7 +12,7 @@ from functools import cache
 from importlib import import_module
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, ValidationInfo, create_model, field_validator
+from pydantic import AfterValidator, Field, create_model
 
 from repose.apparatus import bench, names
 from repose.apparatus.funnel import FunnelSettings
@@ -39,11 +39,8 @@ LABEL = "text of 1 to 60 characters, letters, digits, _ and -"
 Label = Annotated[str, Field(max_length=60, pattern=r"^[A-Za-z0-9_][A-Za-z0-9_-]*$", description=LABEL)]
 FOLDER = "a folder; letters, digits and . _ / -, without .., and no part begins with . or -"
 PART = r"[A-Za-z0-9_][A-Za-z0-9_.-]*"
-ResultsFolder = Annotated[
-    str,
-    Field(max_length=1000, pattern=rf"^/?{PART}(/{PART})*/?$", description=FOLDER),
-    AfterValidator(results_folder.apart),
-]
+_Folder = Annotated[str, Field(max_length=1000, pattern=rf"^/?{PART}(/{PART})*/?$", description=FOLDER)]
+ResultsFolder = Annotated[_Folder, AfterValidator(results_folder.apart)]
 Colour = Annotated[str, Field(pattern=r"^#[0-9a-fA-F]{6}$", description='a colour in quotes, as "#cca86b"')]
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 
@@ -156,16 +153,13 @@ class MeasureSection(Section):
     flank: Annotated[str, OneOf(lambda: FLANK_RULES)]
     smallest_window: float = Field(ge=0.1, le=1)
 
-    @field_validator("fit_to")
-    @classmethod
-    def _long_enough(cls, end: str | float, info: ValidationInfo) -> str | float:
+    def contradictions(self) -> Contradictions:
         """Refuse an upper end of the fitted part that leaves the part too short for a line."""
-        start = info.data.get("fit_from")
+        start, end = self.fit_from, self.fit_to
         if start == end == "berry":
-            refuse([("", "a number from 0.1 to 1, as measure.fit_from is berry")])
+            yield "fit_to", "a number from 0.1 to 1, as measure.fit_from is berry"
         if isinstance(start, float) and isinstance(end, float) and end < start + 0.1:
-            refuse([("", f"at least 0.1 above measure.fit_from, {start:g}")])
-        return end
+            yield "fit_to", f"at least 0.1 above measure.fit_from, {start:g}"
 
 
 class TargetSettings(Section):

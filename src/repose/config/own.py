@@ -28,8 +28,6 @@ from repose.surrogate.settings import NetworkSettings
 RESERVED = ("sample", "run", "status", "turn")  # columns of the table that are neither parameter nor response
 BENCH = "own"  # bench test of the responses
 OF_TARGETS = ("noise_sd", "definition")  # keys of targets that are collected
-SEEDS = 2  # runs of each sample
-SURROGATE = "gaussian_process"
 RANGE_PERCENT = 2.0  # of the value, to each side, where no range is given
 LARGEST = 1e12
 ANY_SIZE = parameter(-sys.float_info.max, sys.float_info.max)
@@ -52,25 +50,15 @@ class OwnTarget(Section):
     profile: OfProfile = ABSENT  # it is a score of this; `repose.config.profiles` writes it
 
     def contradictions(self) -> Contradictions:
-        """Refuse a target of 0, which has no relative tolerance."""
+        """Refuse a target of 0, which has no relative tolerance, a range apart from it, and a tiny noise."""
         if self.value == 0 and self.profile is None:
             yield "value", "not 0: tolerances are in percent of it"
-
-    @field_validator("range")
-    @classmethod
-    def _about_the_value(cls, ends: tuple[float, float], info: ValidationInfo) -> tuple[float, float]:
-        value = info.data.get("value", sum(ends) / 2)
-        if not ends[0] <= value <= ends[1] or ends[0] == ends[1]:
-            refuse([("", f"a pair [low, high] about the value, {value:g}")])
-        return ends
-
-    @field_validator("noise_sd")
-    @classmethod
-    def _not_tiny(cls, noise: float, info: ValidationInfo) -> float:
-        least = 1e-9 * abs(info.data.get("value", 0.0))
-        if noise < least:
-            refuse([("", f"at least {least:g}")])
-        return noise
+        low, high = self.range or (-math.inf, math.inf)
+        if not low <= self.value <= high or low == high:
+            yield "range", f"a pair [low, high] about the value, {self.value:g}"
+        least = 1e-9 * abs(self.value)
+        if self.noise_sd is not None and self.noise_sd < least:
+            yield "noise_sd", f"at least {least:g}"
 
 
 class OwnSequential(Section):
@@ -171,11 +159,8 @@ def settings_type(whole: type[OwnSettings] = OwnSettings) -> type[OwnSettings]:
     """Make the model with the section of each strategy but `sequential`, which has its own here."""
     from repose.strategies import names, strategy
 
-    others: dict[str, Any] = {
-        name: (strategy(name).settings, ABSENT)
-        for name in names()
-        if strategy(name).settings is not None and name not in OwnSettings.model_fields
-    }
+    sections = {name: strategy(name).settings for name in names() if name not in OwnSettings.model_fields}
+    others: dict[str, Any] = {name: (model, ABSENT) for name, model in sections.items() if model is not None}
     return create_model("OwnConfiguration", __base__=whole, **others)
 
 
@@ -195,7 +180,7 @@ def completed(content: Mapping[str, Any], source: object = "study") -> dict[str,
 
     defaults: dict[str, Any] = read(places.find(places.METHOD_CONFIG))
     defaults |= {"sequential": OwnSequential().model_dump(), "posterior": OwnPosterior().model_dump()}
-    given: dict[str, Any] = {"strategy": "sequential", "seeds": SEEDS, "surrogate": SURROGATE} | dict(content)
+    given: dict[str, Any] = {"strategy": "sequential", "seeds": 2, "surrogate": "gaussian_process"} | dict(content)
     given["targets"] = expanded_own(given.get("targets"), source)
     sections = [name for name in settings_type().model_fields if isinstance(defaults.get(name), Mapping)]
     for name in sections:

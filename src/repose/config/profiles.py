@@ -124,13 +124,8 @@ def _scores(measured: MeasuredProfile, profile: Profile, sd: float, more: dict[s
     half = (measured.within or 0.5 * (high - low)) / root
     kept = {"name": profile.name, "x": list(profile.x), "z": list(profile.z), "functions": profile.functions}
     for value in profile.scores(profile.z).tolist():
-        yield {
-            "value": value,
-            "sd": sd / root,
-            "repetitions": measured.repetitions,
-            "range": [value - half, value + half],
-            "profile": kept | more,
-        }
+        numbers = {"value": value, "sd": sd / root, "repetitions": measured.repetitions}
+        yield numbers | {"range": [value - half, value + half], "profile": kept | more}
 
 
 def _read(measured: MeasuredProfile, name: str) -> tuple[Profile, float]:

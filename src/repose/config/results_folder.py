@@ -60,11 +60,8 @@ def existing_results(results_dir: str) -> Contradictions:
 
 def pattern_of(outputs: Iterable[str]) -> re.Pattern[str]:
     """Make the pattern of the paths that rules write; their wildcards stand in braces."""
-    words = {
-        "runs": "|".join(map(run_folder, apparatus.names())),
-        "strategy": "|".join(name for name in strategies.names() if name != "published"),
-    }
-    words |= dict.fromkeys(NUMBERS, r"\d+")
+    words = dict.fromkeys(NUMBERS, r"\d+") | {"runs": "|".join(map(run_folder, apparatus.names()))}
+    words["strategy"] = "|".join(name for name in strategies.names() if name != "published")
 
     def regex(path: str) -> str:
         parts = re.split(WILDCARD, path)

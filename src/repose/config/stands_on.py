@@ -4,22 +4,20 @@ The workflow and the record of provenance take them from here.
 """
 
 import functools
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 from repose.apparatus import bench, bench_tests
 from repose.config import typed
+from repose.config.keys import Config
 from repose.config.models import named_files
 from repose.config.results_folder import run_folder
 from repose.core import attached
 from repose.core.provenance import engine_hash, hash_of, hash_of_file
 from repose.core.seeds import UNNAMED
 from repose.strategies import names, strategy
-
-Config = Mapping[str, Any]
-
 
 # Entries that are no keys: what `responses` gives, the hash of `scene`, the keys by which any bench test is measured.
 RESPONSES, SCENE, MEASURED_BY = "responses", "scene", "measured_by"
@@ -51,11 +49,8 @@ NAMES = ("label", "results_dir", "figures")
 
 def sections(config: Config, *names: str) -> dict[str, Any]:
     """Select sections of a configuration by name, single dotted keys (`design.seed`), or entries that are no keys."""
-    chosen = {
-        name: _in_order(functools.reduce(lambda part, key: part[key], name.split("."), config))
-        for name in names
-        if name not in (RESPONSES, SCENE, MEASURED_BY)
-    }
+    keys = (name for name in names if name not in (RESPONSES, SCENE, MEASURED_BY))
+    chosen = {name: _in_order(functools.reduce(lambda part, key: part[key], name.split("."), config)) for name in keys}
     chosen |= responses(config) if RESPONSES in names else {}
     chosen |= {SCENE: scene(config)} if SCENE in names else {}
     if MEASURED_BY in names:
@@ -143,9 +138,8 @@ def outdated(config: Config, paths: Iterable[str | PathLike]) -> list[str]:
         if record is None or record.get("seed") is None:  # of a stage that reads no configuration
             continue
         apparatus, name = record.get("apparatus"), record.get("strategy")
-        if apparatus not in (None, *config) or name not in (None, *names()):  # of what this study lacks
-            continue
-        if record["verb"] == "propose" and name is None:  # of a version that did not note it
+        is_known = apparatus in (None, *config) and name in (None, *names())
+        if not is_known or (record["verb"] == "propose" and name is None):  # of a version that did not note it
             continue
         # a stage by hand may have made the grain itself
         given = [settings_of(config, record["verb"], apparatus, made, name) for made in (False, True)]

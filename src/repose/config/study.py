@@ -1,7 +1,6 @@
 """The study: one object that is made once from its files, checked, with every number in place."""
 
 import json
-import os
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Self
 from repose.config import loader
 from repose.core import provenance
 from repose.core.errors import InputError
-from repose.core.files import json_text, read_json, write_json
+from repose.core.files import Path_, json_text, read_json, write_json
 from repose.core.published import beside
 from repose.core.responses import Definitions
 
@@ -77,7 +76,7 @@ class Study:
         targets: Mapping[str, Any],
         strategy: str = "sequential",
         seed: int = 0,
-        file: str | os.PathLike | None = None,
+        file: Path_ | None = None,
         simulator: str = "own simulator",
         label: str = "study",
         **sections: Any,
@@ -93,7 +92,7 @@ class Study:
             "label": label,
             "seed": seed,
             "strategy": strategy,
-            "parameters": {name: _listed(one) for name, one in parameters.items()},
+            "parameters": {name: list(one) if isinstance(one, tuple) else one for name, one in parameters.items()},
             "targets": expanded_own({name: _target(one) for name, one in targets.items()}, "study"),
             **sections,
         }
@@ -107,14 +106,14 @@ class Study:
         return f"<Study {self.settings.label}: {free} by {targets}, strategy {self.settings.strategy}>"
 
     @classmethod
-    def _of(cls, config: dict[str, Any], source: Any, file: str | os.PathLike | None = None) -> Self:
+    def _of(cls, config: dict[str, Any], source: Any, file: Path_ | None = None) -> Self:
         """Make a study without the arguments of `Study(...)`."""
         study = cls.__new__(cls)
         vars(study).update(config=config, _source=source, _file=file)
         return study
 
     @classmethod
-    def resume(cls, file: str | os.PathLike) -> "Study":
+    def resume(cls, file: Path_) -> "Study":
         """Resume the study with a simulator of your own that keeps its runs in a file.
 
         Parameters
@@ -134,7 +133,7 @@ class Study:
         return cls.own(_settings_of(file), file)
 
     @classmethod
-    def own(cls, content: str | os.PathLike | Mapping[str, Any], file: str | os.PathLike | None = None) -> "Study":
+    def own(cls, content: Path_ | Mapping[str, Any], file: Path_ | None = None) -> "Study":
         """Make the study of a configuration with the key `simulator` (docs/own_simulator.md).
 
         Parameters
@@ -162,9 +161,7 @@ class Study:
         return cls._of(completed(read(content), content), None, file)
 
     @classmethod
-    def load(
-        cls, *files: str | os.PathLike, overrides: Mapping[str, Any] | None = None, inputs: bool = False
-    ) -> "Study":
+    def load(cls, *files: Path_, overrides: Mapping[str, Any] | None = None, inputs: bool = False) -> "Study":
         """Load and check the study of configuration files, with each `auto` computed.
 
         Parameters
@@ -229,7 +226,7 @@ class Study:
         return study
 
     @classmethod
-    def of_results(cls, path: str | os.PathLike) -> "Study":
+    def of_results(cls, path: Path_) -> "Study":
         """Load the study of a folder of results, for a job.
 
         Parameters
@@ -297,12 +294,9 @@ class Study:
             return {}
         from repose.apparatus import bench_tests
 
-        found = {
-            response.name: response.settings(self.config)
-            for test in bench_tests()
-            if test.name in self.targets.apparatus
-            for response in (*test.responses, *test.target_responses(self.config))
-        }
+        tests = (test for test in bench_tests() if test.name in self.targets.apparatus)
+        responses = (one for test in tests for one in (*test.responses, *test.target_responses(self.config)))
+        found = {response.name: response.settings(self.config) for response in responses}
         for target in self.settings.targets:
             if target.profile is not None:
                 found[target.response] |= {"profile": target.profile.abscissae}
@@ -480,11 +474,6 @@ def _one_thread() -> AbstractContextManager[Any]:
     return threadpool_limits(limits=1, user_api="blas")
 
 
-def _listed(given: Any) -> Any:
-    """Write a parameter as a file has it: lists, not tuples."""
-    return list(given) if isinstance(given, tuple) else given
-
-
 def _target(given: Any) -> Any:
     """Write a target with the keys of a file."""
     if isinstance(given, Mapping):
@@ -496,11 +485,11 @@ def _target(given: Any) -> Any:
 
 def _check_path(name: str, path: Any) -> None:
     """Refuse what is no path."""
-    if not isinstance(path, str | os.PathLike):
+    if not isinstance(path, Path_):
         raise InputError("study", name, path, "the path of a file")
 
 
-def _settings_of(file: str | os.PathLike) -> Path:
+def _settings_of(file: Path_) -> Path:
     """Return the file of the settings beside a file of runs."""
     _check_path("file", file)
     if not Path(file).parent.is_dir():
@@ -510,7 +499,7 @@ def _settings_of(file: str | os.PathLike) -> Path:
     return Path(file).with_suffix(".json")
 
 
-def _keep_settings(given: Mapping[str, Any], file: str | os.PathLike) -> None:
+def _keep_settings(given: Mapping[str, Any], file: Path_) -> None:
     """Write the settings beside the file of runs; InputError if there are others."""
     from repose.config.reading import read
 

@@ -43,5 +43,4 @@ class _Sections:
 @cache
 def _type(model: type[Section], name: str) -> TypeAdapter[Any]:
     """Return what makes a section, or a key outside sections, typed."""
-    kind: Any = model.model_fields[name].annotation
-    return TypeAdapter(kind)
+    return TypeAdapter(model.model_fields[name].annotation)  # type: ignore[arg-type]

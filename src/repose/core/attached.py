@@ -14,8 +14,6 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from repose.core.ledger import write_whole
-
 KEY = "provenance"
 SIDECAR = ".provenance.json"
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -30,12 +28,6 @@ def plain_file(path: str | PathLike) -> Path:
     if path.exists() and not path.is_file() and not path.is_dir():
         raise OSError(errno.EINVAL, "a device or a pipe", str(path))
     return path
-
-
-def write_sidecar(path: str | PathLike, record: Mapping[str, Any]) -> None:
-    """Write the record of a file into its sidecar."""
-    text = json.dumps(record, indent=1) + "\n"
-    write_whole(f"{path}{SIDECAR}", lambda handle: handle.write(text.encode()))
 
 
 def in_png(content: bytes, record: Mapping[str, Any]) -> bytes:

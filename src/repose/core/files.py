@@ -38,7 +38,8 @@ def write_bytes(path: Path_, content: bytes) -> None:
         content = attached.in_png(content, record)
     write_whole(path, lambda handle: handle.write(content))
     if record and not inside:
-        attached.write_sidecar(path, record)
+        text = json.dumps(record, indent=1) + "\n"
+        write_whole(f"{path}{attached.SIDECAR}", lambda handle: handle.write(text.encode()))
 
 
 def write_json(path: Path_, content: Any, indent: int = 1) -> None:

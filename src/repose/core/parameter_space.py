@@ -1,14 +1,13 @@
 """The parameters of a study: ranges of the free parameters, fixed values, prior knowledge."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from repose.core.errors import InputError
-from repose.core.parameters import ALLOWED, PARAMETERS, check_value, named
+from repose.core.parameters import ALLOWED, PARAMETERS, named
 
 PRIOR_WIDTHS = 3.0  # standard deviations of a prior to each side, if no range is given
 
@@ -25,39 +24,21 @@ class ParameterSpace:
     names: tuple[str, ...] = PARAMETERS
 
     @classmethod
-    def of(
-        cls, section: Mapping[str, Any], source: object = "parameters", names: tuple[str, ...] | None = None
-    ) -> "ParameterSpace":
-        """Read the section `parameters`; without `names` it has the six and the law's own, in their limits."""
+    def of(cls, section: Mapping[str, Any], names: tuple[str, ...] | None = None) -> "ParameterSpace":
+        """Read the checked section `parameters`; without `names` it has the six and the law's own, in their limits."""
         limits = ALLOWED if names is None else {}
         names = named(section) if names is None else names
-        for name in section:
-            if name not in names:
-                known = ", ".join(names)
-                raise InputError(source, name, section[name], f"one of {known}")
         ranges, fixed, prior = {}, {}, {}
         for name in names:
-            if name not in section:
-                raise InputError(source, name, None, "a pair [low, high]")
             entry = section[name]
             if isinstance(entry, Mapping) and "fixed" in entry:
                 fixed[name] = float(entry["fixed"])
                 continue
-            ranges[name] = _checked_range(name, entry, source, limits)
+            ranges[name] = range_of(name, entry, limits)
             if isinstance(entry, Mapping) and "prior" in entry:
                 prior[name] = (float(entry["prior"]["mean"]), float(entry["prior"]["sd"]))
         low, high = (np.array([ends[k] for ends in ranges.values()]) for k in (0, 1))
         return cls(tuple(ranges), low, high, fixed, prior, names)
-
-    def check_searchable(self, source: object = "parameters") -> None:
-        """Raise InputError if nothing is free, or the contact law cannot take a value of the space."""
-        if not self.free:
-            raise InputError(source, "fixed", self.fixed, "at least one free parameter")
-        for name, low, high in zip(self.free, self.low.tolist(), self.high.tolist(), strict=True):
-            check_value(name, low, source, f"lower end of {name}")
-            check_value(name, high, source, f"upper end of {name}")
-        for name, value in self.fixed.items():
-            check_value(name, value, source, f"{name}.fixed")
 
     @property
     def dimensions(self) -> int:
@@ -67,11 +48,8 @@ class ParameterSpace:
     @property
     def centre(self) -> dict[str, float]:
         """Centre of each parameter's range, or its fixed value."""
-        middle = {
-            name: round((low + high) / 2, 12)
-            for name, low, high in zip(self.free, self.low.tolist(), self.high.tolist(), strict=True)
-        }
-        known = middle | self.fixed
+        ends = zip(self.free, self.low.tolist(), self.high.tolist(), strict=True)
+        known = {name: round((low + high) / 2, 12) for name, low, high in ends} | self.fixed
         return {name: known[name] for name in self.names}
 
     def values(self, unit: np.ndarray) -> np.ndarray:
@@ -95,22 +73,24 @@ class ParameterSpace:
     def log_prior(self, unit: np.ndarray) -> np.ndarray:
         """Compute the log prior density (n,), up to a constant, at points (n, d) in the unit cube; 0 without priors."""
         total = np.zeros(len(unit))
+        for k, low, high, mean, sd in self._priors():
+            total -= 0.5 * ((low + unit[:, k] * (high - low) - mean) / sd) ** 2
+        return total
+
+    def _priors(self) -> Iterator[tuple[Any, ...]]:
+        """Yield place, ends of the range, mean and standard deviation of each parameter with a prior."""
         for name, (mean, sd) in self.prior.items():
             k = self.free.index(name)
-            value = self.low[k] + unit[:, k] * (self.high[k] - self.low[k])
-            total -= 0.5 * ((value - mean) / sd) ** 2
-        return total
+            yield k, self.low[k], self.high[k], mean, sd
 
     def prior_cdf(self, unit: np.ndarray) -> np.ndarray:
         """Compute each prior's distribution function (n, d), 0 to 1, at points (n, d) in the unit cube."""
         from scipy import stats
 
         share = np.array(unit, dtype=float)
-        for name, (mean, sd) in self.prior.items():
-            k = self.free.index(name)
-            ends = (np.array([self.low[k], self.high[k]]) - mean) / sd
-            value = self.low[k] + share[:, k] * (self.high[k] - self.low[k])
-            share[:, k] = stats.truncnorm.cdf((value - mean) / sd, *ends)
+        for k, low, high, mean, sd in self._priors():
+            value = low + share[:, k] * (high - low)
+            share[:, k] = stats.truncnorm.cdf((value - mean) / sd, (low - mean) / sd, (high - mean) / sd)
         return share
 
     def from_prior(self, share: np.ndarray) -> np.ndarray:
@@ -118,11 +98,9 @@ class ParameterSpace:
         from scipy import stats
 
         unit = np.array(share, dtype=float)
-        for name, (mean, sd) in self.prior.items():
-            k = self.free.index(name)
-            ends = (np.array([self.low[k], self.high[k]]) - mean) / sd
-            value = mean + sd * stats.truncnorm.ppf(unit[:, k], *ends)
-            unit[:, k] = (value - self.low[k]) / (self.high[k] - self.low[k])
+        for k, low, high, mean, sd in self._priors():
+            value = mean + sd * stats.truncnorm.ppf(unit[:, k], (low - mean) / sd, (high - mean) / sd)
+            unit[:, k] = (value - low) / (high - low)
         return unit
 
 
@@ -138,15 +116,3 @@ def range_of(name: str, entry: Any, limits: Mapping[str, Any] = ALLOWED) -> tupl
     lowest, highest = limits.get(name, (-math.inf, math.inf))
     low, high = max(lowest, mean - PRIOR_WIDTHS * sd), min(highest, mean + PRIOR_WIDTHS * sd)
     return (float(low), float(high)) if math.isfinite(high) else (float(low), float(mean + PRIOR_WIDTHS * sd))
-
-
-def _checked_range(name: str, entry: Any, source: object, limits: Mapping[str, Any]) -> tuple[float, float]:
-    """Read the range of a parameter; InputError if it is invalid."""
-    allowed = "[low, high] with low < high, both finite numbers"
-    try:
-        low, high = range_of(name, entry, limits)
-    except (TypeError, ValueError, IndexError, KeyError):
-        raise InputError(source, name, entry, allowed) from None
-    if not (-math.inf < low < high < math.inf):
-        raise InputError(source, name, entry, allowed)
-    return low, high

@@ -81,11 +81,6 @@ class Profile:
         return float(np.linalg.norm(self.scores(self.z)))
 
     @property
-    def residual(self) -> float:
-        """Root mean square of the measured heights about the smooth profile."""
-        return float(np.sqrt(np.mean((np.array(self.z) - self.heights(self.scores(self.z))) ** 2)))
-
-    @property
     def whole(self) -> float:
         """Denominator of percents of a score: the height over the root of the number of scores.
 

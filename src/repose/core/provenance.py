@@ -98,7 +98,7 @@ def _record(running: _Stage) -> dict[str, Any]:
     if config is not None:
         config, seed = running.settings_of(config, running.about.get("apparatus")), config["design"]["seed"]
     settings = hash_of(config)
-    origins = sorted({record["origin"] if record else _content(path) for path, record in running.inputs})
+    origins = sorted({record["origin"] if record else hash_of_file(path) for path, record in running.inputs})
     origin = hash_of([running.about, settings, engine, origins])
     own = {"settings": settings, "engine": engine, "origin": origin, "seed": seed}
     return running.about | own | machine()
@@ -161,12 +161,6 @@ def machine() -> dict[str, str | None]:
         "python": platform.python_version(),
         **{name: _version(name) for name in ("numpy", "numba")},
     }
-
-
-@cache
-def _content(path: Path) -> str:
-    """Hash a file without a record."""
-    return hash_of_file(path)
 
 
 def _version(name: str) -> str | None:

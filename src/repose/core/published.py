@@ -1,12 +1,11 @@
 """Published tables for comparison with results."""
 
-import os
 from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from repose.core.errors import InputError
-from repose.core.files import read_table
+from repose.core.files import Path_, read_table
 from repose.core.parameter_sets import OF_SETS
 from repose.core.parameters import PARAMETERS
 from repose.core.responses import Response
@@ -24,18 +23,18 @@ STORED: tuple[str | Column, ...] = ("sample", "source", *PARAMETERS, "n_seeds", 
 STALE = "stale: simulated with another engine or scene than today's; `snakemake published_sets` pours the sets anew"
 
 
-def beside(path: str | os.PathLike | None, table: str) -> Path | None:
+def beside(path: Path_ | None, table: str) -> Path | None:
     """Find a table next to the published solutions: table1.csv (sizes) or table3.csv (intervals); None without it."""
     sibling = None if path is None else Path(path).with_name(table)
     return sibling if sibling and sibling.is_file() else None
 
 
-def tables(path: str | os.PathLike | None) -> list[Path]:
+def tables(path: Path_ | None) -> list[Path]:
     """List the table of published solutions, and `OTHERS` next to it; empty for None."""
     return [] if path is None else [Path(path), *filter(None, [beside(path, OTHERS)])]
 
 
-def read_sets(path: str | os.PathLike, names: Iterable[str] = PARAMETERS) -> "pd.DataFrame":
+def read_sets(path: Path_, names: Iterable[str] = PARAMETERS) -> "pd.DataFrame":
     """Read all published sets, with their parameters `names`; a set's `solution` is text."""
     import pandas as pd
 
@@ -43,12 +42,12 @@ def read_sets(path: str | os.PathLike, names: Iterable[str] = PARAMETERS) -> "pd
     return pd.concat(read, ignore_index=True)
 
 
-def _rows(path: str | os.PathLike | None) -> list[dict[str, Any]]:
+def _rows(path: Path_ | None) -> list[dict[str, Any]]:
     """Read and check the rows of all published tables."""
     return [row for table in tables(path) for row in read(table, (NAME, *OF_SETS), others=is_number).rows()]
 
 
-def representative(path: str | os.PathLike | None, names: Collection[str] = PARAMETERS) -> dict[str, float]:
+def representative(path: Path_ | None, names: Collection[str] = PARAMETERS) -> dict[str, float]:
     """Read the parameters `names` of the published representative solution; InputError if the table lacks one."""
     if path is None:
         raise InputError("configuration", "validation.published", None, "a table of published solutions")
@@ -59,16 +58,14 @@ def representative(path: str | os.PathLike | None, names: Collection[str] = PARA
     raise InputError(path, "solution", None, "a row 'representative'")
 
 
-def to_simulate(
-    path: str | os.PathLike | None, responses: Iterable[Response], names: Iterable[str] = PARAMETERS
-) -> list[str]:
+def to_simulate(path: Path_ | None, responses: Iterable[Response], names: Iterable[str] = PARAMETERS) -> list[str]:
     """Name the published sets, in their order; none of a table without a response or all parameters of the study."""
     rows = _rows(path)
     able = rows and set(names) <= set(rows[0]) and published_responses(rows[0], responses)
     return [row["solution"] for row in rows] if able else []
 
 
-def check_published(path: str | os.PathLike | None) -> None:
+def check_published(path: Path_ | None) -> None:
     """Raise InputError for a table of published solutions that cannot be simulated or compared; None passes."""
     for table in tables(path):
         rows = len(read(table, (NAME, *OF_SETS), others=is_number))
@@ -76,12 +73,12 @@ def check_published(path: str | os.PathLike | None) -> None:
             raise InputError(table, "rows", rows, f"1 to {MOST} solutions")
 
 
-def read_stored(path: str | os.PathLike) -> "pd.DataFrame":
+def read_stored(path: Path_) -> "pd.DataFrame":
     """Read the published sets as `snakemake published_sets` simulated them."""
     return read_table(path, STORED)
 
 
-def published_sets(path: str | os.PathLike | None) -> list[dict[str, float]]:
+def published_sets(path: Path_ | None) -> list[dict[str, float]]:
     """Read the parameter sets of a published table that passed `check_published`; empty for None."""
     return [{name: row[name] for name in PARAMETERS} for row in _rows(path)]
 

@@ -247,12 +247,8 @@ def _rows(path: Path_, lines: Sequence[str], separator: str, what: str) -> list[
 def _with_points(path: Path_, columns: dict[str, Sequence[str]], separator: str) -> dict[str, Sequence[str]]:
     """Write decimal commas as points; InputError where a comma may be one of thousands, or both signs occur."""
     texts = {name: cells for name, cells in columns.items() if not _is_plain(cells)}
-    commas = [
-        (k, name, cell)
-        for name, cells in texts.items()
-        for k, cell in enumerate(cells)
-        if DECIMAL_COMMA.fullmatch(cell)
-    ]
+    places = ((k, name, cell) for name, cells in texts.items() for k, cell in enumerate(cells))
+    commas = [place for place in places if DECIMAL_COMMA.fullmatch(place[2])]
     if commas and any(DECIMAL_POINT.fullmatch(cell) for cells in columns.values() for cell in cells):
         refuse(path, [(*commas[0], "one decimal sign in the whole table; other cells have a point")])
     if separator != ";" and commas and all(THOUSANDS.fullmatch(cell) for *_, cell in commas):

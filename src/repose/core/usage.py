@@ -8,6 +8,8 @@ import os
 import time
 from collections.abc import Iterable
 from contextlib import suppress
+from itertools import groupby
+from operator import attrgetter
 from pathlib import Path
 from typing import NamedTuple
 
@@ -71,10 +73,8 @@ def since(folder: str | os.PathLike, began_s: float) -> list[Used]:
 
 def correct_benchmarks(folder: str | os.PathLike, used: Iterable[Used]) -> None:
     """Put the processor time of the whole job into snakemake's benchmark of each job."""
-    by_log: dict[str, list[Used]] = {}
-    for one in used:
-        by_log.setdefault(one.log, []).append(one)
-    for log, processes in by_log.items():
+    of_log = attrgetter("log")
+    for log, processes in groupby(sorted(used, key=of_log), of_log):
         with suppress(ValueError, OSError):  # of no job, or it failed and has no benchmark
             below = Path(log).relative_to(Path(folder) / LOG[0]).with_suffix(BENCHMARK[1])
             path = Path(folder) / BENCHMARK[0] / below

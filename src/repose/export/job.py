@@ -122,9 +122,6 @@ def make(
             notes.append("the moment of inertia is 2/5 m R^2 of a sphere; the study's grain has that of its mesh")
     if not particle.is_clump:
         raise InputError("particle", "kind", particle.kind, "multisphere: other programs take spheres")
-    if simulation.contact_law == "linear_spring":
-        allowed = "hertz_mindlin or hertz_mindlin_rescaled; jkr or sjkr where the program has it"
-        raise InputError("configuration", "simulation.contact_law", simulation.contact_law, allowed)
     materials = materials_of(scene)
     mean_radius, lever = surface_means(particle.spheres_m)
     smallest = float(particle.spheres_m[:, 3].min())

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 
-from repose.apparatus.funnel import ConeLine
 from repose.export.job import Job, Pair
 from repose.export.laws import equivalent_restitution, rolling_coefficient, rolling_stiffness
 from repose.export.template import filled, head, numbers
@@ -23,7 +22,8 @@ def deck(job: Job) -> dict[str, str]:
     values = {"law_gg": law_gg, "law_gp": law_gp, "tube_radius": 0.5 * job.surfaces.outlet_diameter_m}
     values |= {"near": 2.0 * float(job.particle.spheres_m[:, 3].max()), "head": head(job, "# ", "lammps")}
     for end, place in (("low", cone.first), ("high", cone.last)):
-        values[f"cone_{end}_radius"], values[f"cone_{end}"] = _on_line(cone, place)
+        values[f"cone_{end}_radius"] = cone.offset * cone.normal_r + place * cone.up_r
+        values[f"cone_{end}"] = cone.offset * cone.normal_z + place * cone.up_z
     return {"in.pour": filled("lammps.in", job, **values, **damping_numbers(job)), "grain.mol": molecule(job)}
 
 
@@ -75,8 +75,3 @@ def molecule(job: Job) -> str:
     for name, words in columns.items():
         lines += ["", name, "", *(f"{k} {word}" for k, word in enumerate(words, start=1))]
     return "\n".join([*lines, ""])
-
-
-def _on_line(cone: ConeLine, place: float) -> tuple[float, float]:
-    """Return the point (r, z) at a place along the cone's line."""
-    return (cone.offset * cone.normal_r + place * cone.up_r, cone.offset * cone.normal_z + place * cone.up_z)

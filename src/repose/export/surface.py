@@ -44,10 +44,8 @@ def triangles(funnel: Funnel) -> np.ndarray:
     """Divide the funnel's surface into triangles (T, 3, 3): corners [m], counterclockwise seen from the axis."""
     line = profile(funnel)
     angles = 2.0 * math.pi * np.arange(AROUND) / AROUND
-    rings = np.stack(
-        [line[:, :1] * np.cos(angles), line[:, :1] * np.sin(angles), np.broadcast_to(line[:, 1:], (len(line), AROUND))],
-        axis=-1,
-    )
+    x, y = line[:, :1] * np.cos(angles), line[:, :1] * np.sin(angles)
+    rings = np.stack([x, y, np.broadcast_to(line[:, 1:], x.shape)], axis=-1)
     upper, lower = rings[:-1], rings[1:]
     next_upper, next_lower = np.roll(upper, -1, axis=1), np.roll(lower, -1, axis=1)
     first = np.stack([upper, next_upper, lower], axis=2)

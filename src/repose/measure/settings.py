@@ -6,14 +6,12 @@ from dataclasses import dataclass, replace
 from os import PathLike
 from typing import Any
 
-from repose.core.errors import InputError
-from repose.measure.angles import CALIBRATED_ANGLE, DEFINITIONS, MEAN_KEYS
-from repose.measure.profile_points import FLANK_RULES
+from repose.measure.angles import CALIBRATED_ANGLE, MEAN_KEYS
 
 
 @dataclass(frozen=True)
 class MeasureSettings:
-    """Settings of the measurement of a pile; InputError if a value is not allowed."""
+    """Settings of the measurement of a pile; `repose.config.models` checks those of a configuration."""
 
     views: int = 18  # side views, evenly over half a turn; the other half mirrors them
     mm_per_pixel: float = 0.25  # scale of the silhouettes
@@ -24,29 +22,6 @@ class MeasureSettings:
     largest_pile_only: bool = True  # False: loose grains count, too
     flank: str = "levels"  # rule for the points of a line, one of `FLANK_RULES`
     smallest_window: float = 0.333  # of `straightest`: share of a side's points
-
-    def __post_init__(self) -> None:
-        whole = isinstance(self.views, int) and not isinstance(self.views, bool)
-        start, end, height, window = self.fit_from, self.fit_to, self.berry_height_mm, self.smallest_window
-        if "berry" in (start, end):
-            fits = start != end and (end == "berry" or _between(0.1, end, 1))
-            ends = "from 0.1 to 1, or berry where fit_from is not"
-        else:
-            fits = isinstance(start, int | float) and _between(start + 0.1, end, 1)
-            ends = "berry, or at least fit_from + 0.1, at most 1"
-        for key, good, allowed in (
-            ("views", whole and 1 <= self.views <= 360, "a whole number from 1 to 360"),
-            ("largest_pile_only", isinstance(self.largest_pile_only, bool), "true or false"),
-            ("mm_per_pixel", _positive(self.mm_per_pixel), "a positive number"),
-            ("berry_height_mm", height is None or _positive(height), "a positive number or null"),
-            ("response", self.response in DEFINITIONS, f"one of {', '.join(DEFINITIONS)}"),
-            ("flank", self.flank in FLANK_RULES, f"one of {', '.join(FLANK_RULES)}"),
-            ("smallest_window", _positive(window) and _between(0.1, window, 1), "a number from 0.1 to 1"),
-            ("fit_from", start == "berry" or _between(0, start, 0.9), "berry, or from 0 to 0.9"),
-            ("fit_to", fits, ends),
-        ):
-            if not good:
-                raise InputError("measure", key, getattr(self, key), allowed)
 
     @classmethod
     def of(cls, section: Mapping[str, Any], berry: Mapping[str, Any]) -> "MeasureSettings":
@@ -84,14 +59,6 @@ def line_for(section: object, response: str) -> str:
     if response == CALIBRATED_ANGLE:
         return line_of(section)
     return next((line_of(section, name) for name, key in MEAN_KEYS.items() if key == response), "")
-
-
-def _positive(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and 0 < value < math.inf
-
-
-def _between(low: float, value: object, high: float) -> bool:
-    return isinstance(value, int | float) and low <= value <= high
 
 
 def mean_axes_mm(sizes_csv: str | PathLike) -> dict[str, float]:

@@ -142,10 +142,10 @@ def _encoded(pictures: Sequence[Image.Image], shown_ms: list[int], kind: str, ef
     options: dict[str, Any] = {"format": kind, "save_all": True, "duration": shown_ms, "loop": 0}
     content = io.BytesIO()
     if kind == "WEBP":
-        pictures[0].save(content, append_images=pictures[1:], quality=80 - 15 * effort, method=4, **options)
-        return content.getvalue()
-    # One palette for all frames, taken from the last one: parts at rest keep their colours.
-    palette = pictures[-1].quantize((128, 96, 64, 48, 32)[effort])
-    reduced = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
-    reduced[0].save(content, append_images=reduced[1:], optimize=False, disposal=1, **options)
+        options |= {"quality": 80 - 15 * effort, "method": 4}
+    else:  # One palette for all frames, taken from the last one: parts at rest keep their colours.
+        palette = pictures[-1].quantize((128, 96, 64, 48, 32)[effort])
+        pictures = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
+        options |= {"optimize": False, "disposal": 1}
+    pictures[0].save(content, append_images=pictures[1:], **options)
     return content.getvalue()

@@ -138,16 +138,14 @@ def outline(centres: np.ndarray, reach: float, walls: Sequence[Frustum], panels:
     return np.concatenate(points if panels else [*points, [[0.0, 0.0, 0.0]]])
 
 
-def setting_of(
-    simulation: Simulation, planes: np.ndarray | None = None, wall_frames: np.ndarray | None = None
-) -> Setting:
+def setting_of(simulation: Simulation, planes: np.ndarray | None = None, frames: np.ndarray | None = None) -> Setting:
     """Give the `Setting` of a simulation's walls, at present or at places of a recorded frame.
 
     A level endless plane below all others is the plate; planes end at the simulation's box; rounded edges are not
-    drawn. `planes` (P, 7) and `wall_frames` (C, 12) come from `repose.dem.Recorder`; None means the present.
+    drawn. `planes` (P, 7) and the walls' `frames` (C, 12) come from `repose.dem.Recorder`; None means the present.
     """
     planes = simulation.walls.planes if planes is None else planes
-    wall_frames = simulation.walls.frames if wall_frames is None else wall_frames
+    frames = simulation.walls.frames if frames is None else frames
     panels, plate, frusta = [], None, []
     for k, plane in enumerate(planes):
         others = planes[endless(planes) & (np.arange(len(planes)) != k)]
@@ -158,10 +156,10 @@ def setting_of(
         if len(corners) > 2:
             panels.append(Panel(corners))
     cones, meshes = simulation.wall_set.of(Cone), simulation.wall_set.of(Mesh)
-    for cone, frame in zip(cones, wall_frames, strict=False):
+    for cone, frame in zip(cones, frames, strict=False):
         (r_low, z_low), (r_high, z_high) = cone_circles(cone.line)
         frusta.append(Frustum(z_low, r_low, z_high, r_high, tuple(frame)))
-    for mesh, frame in zip(meshes, wall_frames[len(wall_frames) - len(meshes) :], strict=True):
+    for mesh, frame in zip(meshes, frames[len(frames) - len(meshes) :], strict=True):
         corners = in_world(np.asarray(frame, float), mesh.vertices_m)
         panels += [Panel(corners[face]) for face in mesh.faces]
     return Setting(plate, tuple(panels), tuple(frusta))

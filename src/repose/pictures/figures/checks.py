@@ -102,10 +102,9 @@ def _predicted_and_simulated(panel: Axes, table: pd.DataFrame, target: Target, m
     panel.errorbar(x + 0.12, simulated, error, **marks)
     look = {"xytext": (0, -9), "textcoords": "offset points", "ha": "center", "va": "top", "fontsize": 6.3}
     for place, before, after in zip(x, predicted, simulated, strict=True):
-        if not np.isfinite(after) or after == 0:
-            continue
-        off = 100 * abs((before - after) / after)
-        panel.annotate(f"{off:.1f}", (place, min(before, after)), color=style.GREY, **look)
+        if np.isfinite(after) and after != 0:
+            off = 100 * abs((before - after) / after)
+            panel.annotate(f"{off:.1f}", (place, min(before, after)), color=style.GREY, **look)
     panel.margins(y=0.25)
 
 

@@ -53,9 +53,8 @@ def planes(inputs: Inputs, study: Shown) -> Figure:
     """
     targets = plain(study.targets)
     simulated = [target.response.simulated for target in targets]
-    tables = {
-        key: read_table(inputs[key], ("status", *targets.names, *targets.errors)) for key in SAMPLES if key in inputs
-    }
+    columns = ("status", *targets.names, *targets.errors)
+    tables = {key: read_table(inputs[key], columns) for key in SAMPLES if key in inputs}
     good = {key: table[table["status"] == "ok"] for key, table in tables.items()}
     solutions = read_table(inputs["feasible"], ("feasible", *targets.predicted))
     checked = read_table(inputs["table4"], ("role", *targets.predicted, *simulated, *targets.errors))

@@ -31,7 +31,7 @@ class Drawn(NamedTuple):
     if_there: Mapping[str, str] = {}  # shown where they exist, and never made for the figure
     title: str = ""  # in Snakemake's report
     reads: tuple[str, ...] = ()  # sections or dotted keys of the configuration, besides `figures` and `small_run`
-    caption: str | Callable[[Shown], str] = ""
+    caption: str = ""
     when: "Callable[[Study], bool]" = lambda study: True  # whether a study has the figure
     folder: str = "figures"
     category: str = "Figures"
@@ -42,16 +42,14 @@ class Drawn(NamedTuple):
         return {**self.inputs, **self.optional, **self.if_there}
 
     def caption_of(self, config: Config) -> str:
-        """Fill the names in braces of the caption from a configuration, as `{miga[rounds]}`."""
-        return self.caption.format(**config) if isinstance(self.caption, str) else self.caption(Shown(config))
+        """Fill the names in braces of the caption: keys of a configuration, as `{miga[rounds]}`, and two numbers."""
+        return self.caption.format(**config, inputs=len(config["parameters"]), outputs=len(config["targets"]))
 
 
 FIGURES: dict[str, Drawn] = {}
 
 
-def figure(
-    name: str, title: str, inputs: Inputs, caption: str | Callable[[Shown], str] = "", **details: Any
-) -> Callable[[Draw], Draw]:
+def figure(name: str, title: str, inputs: Inputs, caption: str = "", **details: Any) -> Callable[[Draw], Draw]:
     """Register the decorated function as a figure; the last paragraph of its docstring is the caption by default.
 
     `details` are further fields of `Drawn`.

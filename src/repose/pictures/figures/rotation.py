@@ -26,25 +26,19 @@ TITLES = {
 }
 
 
-@figure(
-    "figure15",
-    "Figure 15",
-    {"states": "{states}", "particle": "berry/particle.json"},
-    lambda study: (
-        f"""
-    Figure 15. The bed in the drum before the rotation, before its first slip and after it, simulated
-    with the representative solution: side views along the axis; the green line is fitted to the middle
-    {100 * study.drum.fit_share:g} % of the upper edge. The pictures show the first of
-    {study.drum.seeds} run(s). Below them stands how far and how long the drum turned before the
-    slip. The paper shows pictures and gives no number to compare with.
-    """
-    ),
-    optional={"runs": "drum/runs.csv"},
-    reads=("drum", "measure.mm_per_pixel", "colour"),
-    when=has_drum,
-)
+STATES, RUNS = {"states": "{states}", "particle": "berry/particle.json"}, {"runs": "drum/runs.csv"}
+READS = ("drum", "measure.mm_per_pixel", "colour")
+
+
+@figure("figure15", "Figure 15", STATES, optional=RUNS, reads=READS, when=has_drum)
 def states(inputs: Inputs, study: Shown) -> Figure:
-    """Draw side views along the axis with the line fitted to the upper edge, a panel per state."""
+    """Draw side views along the axis with the line fitted to the upper edge, a panel per state.
+
+    Figure 15. The bed in the drum before the rotation, before its first slip and after it, simulated with the
+    representative solution: side views along the axis; the green line is fitted to the middle {drum[fit_share]:.3g} of
+    the upper edge. The pictures show the first of {drum[seeds]} run(s). Below them stands how far and how long the drum
+    turned before the slip. The paper shows pictures and gives no number to compare with.
+    """
     arrays = read_npz(inputs["states"], ("position_start", "quaternion_start"), "the states of a drum")
     particle = Particle.load(inputs["particle"])
     slipped = "position_before" in arrays
@@ -99,7 +93,7 @@ def _side_view(panel: Axes, arrays: Mapping[str, np.ndarray], state: str, partic
     return surface.angle_deg
 
 
-OVER_TIME = {"record": "drum/record.csv", "profile": "drum/profile.csv", "runs": "drum/runs.csv"}
+OVER_TIME = {"record": "drum/record.csv", "profile": "drum/profile.csv"} | RUNS
 
 
 @figure("drum", "The drum over time", OVER_TIME, reads=("drum",), when=has_drum)

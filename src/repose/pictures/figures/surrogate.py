@@ -22,6 +22,7 @@ from . import style
 from .registry import Inputs, Shown, figure
 
 ACTIVATIONS = {"tansig": "tanh", "purelin": "linear"}  # by the names that MATLAB has for them
+NETWORK = {"network": "network/network.json"}
 SPLITS = (
     ("train", style.BLUE, "o"),
     ("validation", style.ORANGE, "s"),
@@ -47,15 +48,7 @@ BELOW = (
 @figure(
     "figure10",
     "Figure 10",
-    {"network": "network/network.json"},
-    lambda study: (
-        f"""
-    Figure 10. The trained network: {len(study.space.names)} parameters in,
-    {study.network.hidden} hidden neurons, {len(study.targets)} response(s) out. The lines of
-    a parameter are as thick as its influence on what the network predicts (total Sobol index, as in
-    ``sensitivity/sobol.csv``), not as its weights: large weights can cancel.
-    """
-    ),
+    NETWORK,
     reads=("parameters", "design.seed"),
     when=lambda study: kind_of(study.settings.surrogate).is_network,
 )
@@ -63,6 +56,10 @@ def network_structure(inputs: Inputs, study: Shown) -> Figure:
     """Draw the best network; an input's lines are as thick as its influence, not its weights.
 
     Weights mislead: large ones cancel where two hidden neurons pull the same response in opposite directions.
+
+    Figure 10. The trained network: {inputs} parameters in, {network[hidden]} hidden neurons, {outputs} response(s) out.
+    The lines of a parameter are as thick as its influence on what the network predicts (total Sobol index, as in
+    ``sensitivity/sobol.csv``), not as its weights: large weights can cancel.
     """
     network = read_json(inputs["network"], ("inputs", "outputs", "W1", "W2"), "the file of a network")
     counts = (*np.atleast_2d(network["W1"]).T.shape, len(network["outputs"]))
@@ -135,7 +132,7 @@ def _column(x: float, count: int) -> np.ndarray:
 
 
 OF_FITS = {"predictions": "network/predictions.csv", "dataset": "dataset.csv"}
-NETWORK, FRESH = {"network": "network/network.json"}, {"fresh": "pool/fresh_dataset.csv"}
+FRESH = {"fresh": "pool/fresh_dataset.csv"}
 
 
 @figure("figure13", "Figure 13", OF_FITS, optional=NETWORK, if_there=FRESH, reads=("targets",))

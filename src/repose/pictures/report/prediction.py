@@ -34,13 +34,10 @@ def for_page(surrogate: Predictor, space: ParameterSpace, answer: np.ndarray) ->
     if is_whole(surrogate):
         members = surrogate.members_ if isinstance(surrogate, NetworkEnsemble) else [surrogate]
         contents = [member.to_dict() for member in members]
-        return {key: contents[0][key] for key in SHARED} | {
-            "kind": "network",
-            "members": [
-                {key: content[key] for key in OF_EACH} | {"root": packed(member.posterior_root_, "<f4")}
-                for member, content in zip(members, contents, strict=True)
-            ],
-        }
+        found = [{key: content[key] for key in OF_EACH} for content in contents]
+        for own, member in zip(found, members, strict=True):
+            own["root"] = packed(member.posterior_root_, "<f4")
+        return {key: contents[0][key] for key in SHARED} | {"kind": "network", "members": found}
     curves = {}
     for name, low, high in zip(space.free, space.low, space.high, strict=True):
         points = np.tile(np.asarray(answer, dtype=float), (CURVE_POINTS, 1))

@@ -42,8 +42,10 @@ def for_page(trajectory: str | os.PathLike[str], particle: Particle, section: "F
     turns = np.nan_to_num(np.roll(record["quaternion"][shown].astype(float), -1, axis=2))
     scales = record.get("scale")
     walls = [[1e3 * length for length in astuple(wall)[:4]] for wall in funnel_walls(section.funnel)]
+    points, normals, triangles = body(particle, MAX_TRIANGLES // max(count, 1))
+    shape = {"points": packed(points, "<f4"), "normals": packed(normals, "<f4"), "triangles": packed(triangles, "<u4")}
     return {
-        "body": _packed_body(*body(particle, MAX_TRIANGLES // max(count, 1))),
+        "body": shape,
         "count": count,
         "times_s": record["time_s"][shown].astype(float).round(3).tolist(),
         "low": low.tolist(),
@@ -99,8 +101,3 @@ def _spheres(spheres: np.ndarray, ball: trimesh.Trimesh) -> tuple[np.ndarray, np
     used, triangles = np.unique(seen, return_inverse=True)
     normals = np.tile(corners, (len(spheres), 1))
     return points.reshape(-1, 3)[used], normals[used], triangles.reshape(-1, 3)
-
-
-def _packed_body(points: np.ndarray, normals: np.ndarray, triangles: np.ndarray) -> dict[str, str]:
-    """Give points, normals and triangles as text."""
-    return {"points": packed(points, "<f4"), "normals": packed(normals, "<f4"), "triangles": packed(triangles, "<u4")}

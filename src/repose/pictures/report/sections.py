@@ -87,11 +87,9 @@ def _probability(study: Results) -> str:
     judged = "as the surrogate predicts; these parameters were not simulated again"
     if (runs := study.number("n_seeds")) is not None:
         judged = f"judged by {runs:.0f} new simulations with these parameters"
-    return f"With a probability of {share(chance)} {which} inside the target range, {judged}." + "".join(
-        f" Within {percent:g} % of the target{'s' if k > 1 else ''}: {share(within)}."
-        for percent, within in study.within.items()
-        if within is not None
-    )
+    near = ((percent, within) for percent, within in study.within.items() if within is not None)
+    nearer = (f" Within {percent:g} % of the target{'s' * (k > 1)}: {share(within)}." for percent, within in near)
+    return f"With a probability of {share(chance)} {which} inside the target range, {judged}.{''.join(nearer)}"
 
 
 def impossible(files: Mapping[str, str]) -> Iterator[str]:
