@@ -19,7 +19,7 @@ from repose.strategies.sequential import SequentialSettings
 from repose.strategies.sequential.advise import advise
 from repose.strategies.sequential.kriging import Observed
 from research.answers.emulated import Simulator, options
-from research.answers.hidden_truths import NOWHERE, goal_of
+from research.answers.hidden_truths import goal_of
 
 MISS = {"beyond": 0.0385, "far": 0.0909}
 KINDS = ("beyond", "edge", "inside", "far")
@@ -69,7 +69,7 @@ def campaign(simulator, names, aim, mean, section, space, random):
     data = simulator.pour(lhsdesign(section.start_samples, space.dimensions, rng=random), 2, random)
     while True:
         pours = 2 * len(data.unit)
-        advice = advise(data, NOWHERE, goal, section, pours, random)
+        advice = advise(data, goal, section, pours, random, None)
         own = goal.of_responses(simulator.mean(advice.answer[None]))[1][0]
         yield pours, advice.reach.probability, advice.stop, own, least
         if advice.stop:

@@ -156,7 +156,7 @@ def test_few_feasible_solutions_are_followed_by_the_nearest(tmp_path):
 def test_solutions_at_the_bounds_carry_a_warning(tmp_path):
     """Out of reach: every solution sits in a corner, with samples in the middle of the ranges alone."""
     network_json, table3 = write_inputs(tmp_path, 0.2)
-    support = Support(np.random.RandomState(1).uniform(0.5, 1.5, (60, 6)), np.zeros(6), np.full(6, 2.0))
+    support = Support(np.random.RandomState(1).uniform(0.5, 1.5, (60, 6)), np.zeros(6), np.full(6, 2.0), PARAMETERS)
     brief = SETTINGS.model_copy(update={"rounds": 5})
     summary = invert.run(network_json, study(settings=brief), table3, tmp_path, support)
     table = pd.read_csv(tmp_path / "feasible.csv")

@@ -73,7 +73,8 @@ def test_scores_are_defined_by_abscissae_and_share_and_percents_are_of_the_heigh
     target = study_of(quick, entry).targets[-1]
     assert abs(target.value) < 0.1 * target.whole
     assert target.off_percent(target.value + 0.02 * target.whole) == pytest.approx(2.0)
-    check = Check.of(target, target.value + 0.02 * target.whole, None, 4, "ok")
+    near = target.value + 0.02 * target.whole
+    check = Check.of(target, simulated=near, standard_error=None, runs=4, status="ok")
     assert check.distance.startswith("turning_profile_3_mm +2.0 %")
     goal = Goal.of(study_of(quick, entry).targets, 2.0, quick.parameters)
     np.testing.assert_allclose(goal.half[-3:], 0.02 * target.whole)

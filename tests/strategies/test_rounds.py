@@ -162,7 +162,7 @@ def test_samples_are_those_of_the_dataset_also_where_runs_failed(names, tmp_path
     assert (table["n_seeds"] == made["n_seeds"]).all()
     columns = ["sample", *PARAMETERS, *targets.names, *targets.errors]
     pd.testing.assert_frame_equal(table.loc[ok, columns], made.loc[ok, columns], check_dtype=False)
-    observed, failed = observed_of(data, SPACE, targets)
+    observed = observed_of(data, SPACE, targets)
     assert len(data) == 15
     np.testing.assert_allclose(SPACE.values(observed.unit), samples.loc[ok, list(PARAMETERS)])
-    np.testing.assert_allclose(SPACE.values(failed), samples.loc[~ok, list(PARAMETERS)])
+    np.testing.assert_allclose(SPACE.values(observed.failed), samples.loc[~ok, list(PARAMETERS)])

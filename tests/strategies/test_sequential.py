@@ -65,8 +65,8 @@ def observed(n=40, noise=0.5, targets=TARGETS, seed=1, space=SPACE):
 def advised(data, targets=TARGETS, failed=None, **changes):
     section = SequentialSettings.model_construct(**SECTION | changes)
     goal = Goal.of(targets, section.tolerance_percent, SPACE)
-    nowhere = np.empty((0, 6)) if failed is None else failed
-    return advise(data, nowhere, goal, section, 3 * len(data.unit), np.random.default_rng(1))
+    data = data if failed is None else data._replace(failed=failed)
+    return advise(data, goal, section, 3 * len(data.unit), np.random.default_rng(1), None)
 
 
 def test_the_answer_of_a_campaign_meets_the_targets_after_one_batch_and_another(done):
@@ -219,9 +219,9 @@ def test_a_budget_counts_failed_runs_and_bench_tests_are_independent(tmp_path):
     found = batches.run_propose("sequential", known, [tmp_path], tmp_path / "batch_1")
     assert found["pours"] == 24
     data = pd.read_csv(tmp_path / "dataset.csv")
-    seen, failed = observed_of(data_of(data, runs, TARGETS), SPACE, TARGETS)
+    seen = observed_of(data_of(data, runs, TARGETS), SPACE, TARGETS)
     assert seen.counts.tolist() == [1] + [2] * 10
-    assert SPACE.values(failed)[0] == pytest.approx(table.loc[2, list(PARAMETERS)].to_numpy(float))
+    assert SPACE.values(seen.failed)[0] == pytest.approx(table.loc[2, list(PARAMETERS)].to_numpy(float))
     write_poured(tmp_path, table, 0.5, seeds=1)
     few = "enough for an estimate of the noise"
     input_error(few, batches.run_propose, "sequential", known, [tmp_path], tmp_path / "batch_1")
@@ -232,7 +232,7 @@ def test_a_budget_counts_failed_runs_and_bench_tests_are_independent(tmp_path):
     runs = pd.DataFrame(
         {"sample": [1, 1, 2, 2, 1, 1, 2], "apparatus": ["funnel"] * 4 + ["drum"] * 3, "status": "ok"}
     ).assign(height_mm=[60, 61, 62, 63, *3 * [np.nan]], drum_slip_deg=[*4 * [np.nan], 40, 41, 42])
-    seen, _ = observed_of(data_of(data, runs, targets), SPACE, targets)
+    seen = observed_of(data_of(data, runs, targets), SPACE, targets)
     assert seen.values[0].tolist() == [[60, 40], [61, 41]]
     assert seen.counts.tolist() == [2, 1]
     section = {"start_samples": 8, "seeds": 1, "batch": 4, "most_runs": 20}

@@ -143,12 +143,12 @@ def test_runs_are_told_by_rows_fixed_parameters_and_replicates(study, table, tmp
     runs = checked_runs(study, table.drop(columns=["sample", "run"]))
     assert runs["sample"].tolist() == np.arange(1, 17).repeat(2).tolist()
     mixed = checked_runs(study, table.sample(frac=1, random_state=1))
-    assert observed(study, mixed)[0].counts.tolist() == [2] * 16
+    assert observed(study, mixed).counts.tolist() == [2] * 16
     failed = table.astype({"angle_deg": object}).assign(status="ok")
     failed.loc[:2, ["status", "angle_deg"]] = ["jammed", ""]
-    good, nowhere = observed(study, checked_runs(study, failed))
-    assert len(nowhere) == 1
-    assert good.counts.tolist() == [1] + [2] * 14
+    known = observed(study, checked_runs(study, failed))
+    assert len(known.failed) == 1
+    assert known.counts.tolist() == [1] + [2] * 14
     runs = checked_runs(study, table.drop(columns="restitution"))
     assert (runs["restitution"] == 0.4).all()
     new, record = tmp_path / "new.csv", tmp_path / "runs.csv"
@@ -160,7 +160,7 @@ def test_runs_are_told_by_rows_fixed_parameters_and_replicates(study, table, tmp
 
 
 def noise_of(study, table):
-    known = observed(study, checked_runs(study, table))[0]
+    known = observed(study, checked_runs(study, table))
     return noise.noise_of(known, study.targets.names, study.settings.noise_sd)
 
 

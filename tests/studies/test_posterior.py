@@ -269,17 +269,14 @@ def test_the_likelihood_is_a_normal_density_about_the_observation_and_its_misfit
     singular = TARGETS, correlated(1.0), np.zeros((2, 2))
     value_error("expected a positive definite matrix", likelihood.observation, *singular)
     targets = targets_of(aor_deg=30.0, height_mm=60.0, drum_slip_deg=40.0)
-    simulated = np.diag([1.0, 1.0, 1.0]) + 0.5 * np.eye(3)[[1, 0, 2]] * [[1], [1], [0]]
-    assert (likelihood.measured_correlation(targets, simulated, "simulated") == simulated).all()
-    found = likelihood.measured_correlation(targets, simulated, 0.3)
-    assert found.tolist() == [[1, 0.3, 0], [0.3, 1, 0], [0, 0, 1]]
+    assert targets.correlated(0.3).tolist() == [[1, 0.3, 0], [0.3, 1, 0], [0, 0, 1]]
     mean, covariance = likelihood.observation(TARGETS, correlated(0.3), np.diag([0.36, 1.44]))
     responses = np.array([[29.0, 62.0], [33.0, 55.0]])
     weights = np.array([[[0.5, 0.1], [0.1, 0.7]], [[2.0, 0.0], [0.0, 3.0]]])
-    found = likelihood.log_likelihood(responses, weights, mean, covariance)
+    found = likelihood.log_likelihood(responses, weights, (mean, covariance))
     for k in range(2):
         known = stats.multivariate_normal(responses[k], covariance + weights[k]).logpdf(mean)
         assert found[k] == pytest.approx(known)
     mean, covariance = likelihood.observation(TARGETS, np.eye(2), np.zeros((2, 2)))
-    found = likelihood.misfit(np.array([[32.0, 60.0], [31.0, 62.0]]), np.zeros((2, 2, 2)), mean, covariance)
+    found = likelihood.misfit(np.array([[32.0, 60.0], [31.0, 62.0]]), np.zeros((2, 2, 2)), (mean, covariance))
     assert found == {"squared_distance": pytest.approx(2), "p_value": pytest.approx(stats.chi2.sf(2, 2))}

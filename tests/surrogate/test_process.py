@@ -135,7 +135,7 @@ def test_distances_and_leverage_tell_what_few_samples_do_not_bear():
     assert support.largest_leverage == pytest.approx(hat.max())
     assert support.is_thin([[1.6, 1.6]]).all()
     points = np.random.default_rng(1).uniform(size=(20, 6))
-    support = Support(points, np.zeros(6), np.ones(6))
+    support = Support(points, np.zeros(6), np.ones(6), "abcdef")
     assert quadratic_terms(points).shape == (20, 28)
     assert support.leverage(points).tolist() == [0.0] * 20
 
@@ -156,7 +156,7 @@ def test_support_of_a_dataset_takes_usable_samples_and_no_fixed_parameter(tmp_pa
     table.to_csv(tmp_path / "dataset.csv", index=False)
     input_error("usable samples is 0", Support.of_dataset, tmp_path / "dataset.csv", space)
     few = r"points has shape \(3, 2\); expected at least two rows of 6"
-    value_error(few, Support, np.zeros((3, 2)), np.zeros(6), np.ones(6))
+    value_error(few, Support, np.zeros((3, 2)), np.zeros(6), np.ones(6), PARAMETERS)
     points = np.insert(grid(), 1, 0.3, axis=1)
     fixed = Support(points, [0, 0.3, 0], [1, 0.3, 1], ("a", "fixed", "b"))
     free = Support(grid(), [0, 0], [1, 1], NAMES)

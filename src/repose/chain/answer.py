@@ -58,21 +58,12 @@ class Check:
     line: str = ""  # of an angle of a pile, in words
 
     @classmethod
-    def of(
-        cls,
-        target: Target,
-        simulated: float | None,
-        standard_error: float | None,
-        runs: int,
-        status: str,
-        predicted: float | None = None,
-        line: str = "",
-    ) -> Self:
-        """Make the check of a target."""
+    def of(cls, target: Target, **simulated: Any) -> Self:
+        """Make the check of a target; the fields from `simulated` on come by name."""
         about = target.name, target.response.apparatus, target.response.unit
-        ends, whole = (target.low, target.high), None if target.profile is None else target.whole_value
-        measured = target.value, target.sd, target.repetitions
-        return cls(*about, *measured, *ends, simulated, standard_error, runs, status, whole, predicted, line)
+        measured = target.value, target.sd, target.repetitions, target.low, target.high
+        whole = None if target.profile is None else target.whole_value
+        return cls(*about, *measured, whole=whole, **simulated)
 
     def row(self) -> dict[str, Any]:
         """Return its entry in the material card, without the definition of the response."""
@@ -130,12 +121,10 @@ class Check:
         """The simulated mean, or else the predicted one, beside the measured mean."""
         known = known_response(self.response) is not None
         label = self.label[0].upper() + self.label[1:] if known else self.label
-        if self.line:
-            label += f" ({self.line})"
-        value = self.predicted if self.simulated is None else self.simulated
+        label += f" ({self.line})" if self.line else ""
+        value, word = (self.predicted, "predicted ") if self.simulated is None else (self.simulated, "")
         if value is None:
             return f"{label} without a number (measured {self.measured:.4g})"
-        word = "predicted " if self.simulated is None else ""
         off = round(100 * (value - self.measured) / (self.whole or abs(self.measured)), 1) + 0.0  # no -0.0
         number = f"{word}{value:.4g}{self._error} {self.unit}".rstrip()
         return f"{label} {number} (measured {self.measured:.4g}, {off:+.1f} %)"
@@ -190,9 +179,7 @@ class Result:
         """Why the targets are met or not, a sentence."""
         count = len(self.checks)
         ranges = ("the range", "both ranges", f"all {count} ranges")[min(count, 3) - 1]
-        found = "the answer is" if self.feasible else "the answer is not"
-        if self.out_of_reach:
-            found = "no parameter set is"
+        found = "no parameter set is" if self.out_of_reach else f"the answer is{'' if self.feasible else ' not'}"
         predicted = f"{found} predicted inside {ranges}"
         missed = " and ".join(check.miss for check in self.checks if check.met is False)
         inside = f"the simulated mean{' lies' if count == 1 else 's lie'} inside {ranges}"
@@ -211,10 +198,8 @@ class Result:
         lines += [f"  {name:7} {value:.4g}  {LABELS[name]}" for name, value in self.parameters.items()]
         lines.append("Simulated again with fresh seeds:")
         lines += [f"  {line}" for line in (*self.checks, nearness(self.checks), self._chance)]
-        lines.append(
-            f"Tables: {self.tables}; all solutions: {self.solutions}; "
-            f"after the whole study the report: {self.folder / REPORT}, and the material card: {self.folder / CARD}"
-        )
+        made = f"the report: {self.folder / REPORT}, and the material card: {self.folder / CARD}"
+        lines.append(f"Tables: {self.tables}; all solutions: {self.solutions}; after the whole study {made}")
         if self.why:
             lines.append(f"No more batches: {self.why}.")
         if not self.met:
@@ -230,9 +215,7 @@ class Result:
         return f"probability that all means are near their targets, by these runs alone: {shares}"
 
 
-def read(
-    study: Studied, summary_json: Path_, check_csv: Path_, solutions_csv: Path_, strategy: str | None = None
-) -> Result:
+def read(study: Studied, summary_json: Path_, check_csv: Path_, sets_csv: Path_, strategy: str | None = None) -> Result:
     """Read the result in the files of the verbs miga and validate, or of the check of another strategy.
 
     `strategy` is the one that found it, by default the study's.
@@ -254,7 +237,7 @@ def read(
         checks=tuple(_check(target, rows[target.name], line_for(settings.measure, target.name)) for target in targets),
         folder=Path(settings.results_dir),
         tables=Path(check_csv).parent,
-        solutions=Path(solutions_csv),
+        solutions=Path(sets_csv),
         advice=ADVICE.get(strategy or settings.strategy, MORE_POURS),
         why=summary.get("why", ""),
         out_of_reach=out_of_reach(summary),
@@ -288,9 +271,9 @@ def describe_probability(chance: Mapping[str, float]) -> str:
 
 def _check(target: Target, row: Mapping[str, Any], line: str) -> Check:
     """Read a row of representative.csv with its target."""
-    simulated, error = (_number(row, key) for key in ("simulated", "simulated_se"))
-    runs = int(_number(row, "n_seeds") or 0)
-    return Check.of(target, simulated, error, runs, row["status"], predicted=_number(row, "predicted"), line=line)
+    numbers = {key: _number(row, key) for key in ("simulated", "predicted")}
+    runs, error = int(_number(row, "n_seeds") or 0), _number(row, "simulated_se")
+    return Check.of(target, **numbers, standard_error=error, runs=runs, status=row["status"], line=line)
 
 
 def _number(row: Mapping[str, Any], key: str) -> float | None:

@@ -166,8 +166,9 @@ def _lines(measure: Section, name: str, row: Mapping[str, Any]) -> dict[str, Any
 
 def ends(space: ParameterSpace, feasible: "pd.DataFrame", posterior: "Tables | None") -> dict[str, Ends]:
     """Find the interval of each parameter; (None, None) for a fixed parameter."""
-    low, high = feasible[list(space.free)].min(), feasible[list(space.free)].max()
-    if posterior is not None:
+    if posterior is None:
+        low, high = feasible[list(space.free)].min(), feasible[list(space.free)].max()
+    else:
         table = posterior[0].set_index("parameter")
         low, high = table["credible_low"], table["credible_high"]
     free = {name: (float(low[name]), float(high[name])) for name in space.free}
@@ -224,33 +225,25 @@ def _made_by() -> dict[str, Any]:
 # --- written and read -----------------------------------------------------------------------------
 
 
-def run(study: Studied, answer: Result, files: Mapping[str, Path_ | None], out: Path_) -> dict[str, Any]:
-    """Write the card of a finished calibration (`make`) and return it."""
+def run(study: Studied, answer: Result, files: Mapping[str, Any], out: Path_) -> dict[str, Any]:
+    """Write the card of a finished calibration (`make`) and return it; optional ones of the files may be None."""
     from repose.particle.particle import Particle
 
     needed = (*SIZE_COLUMNS, "density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa", "n")
-    grain = read_berry(_path(files, "berry"), needed)
-    particle = Particle.load(_path(files, "particle"))
-    feasible = read_table(_path(files, "feasible"), study.parameters.names)
+    grain = read_berry(files["berry"], needed)
+    particle = Particle.load(files["particle"])
+    feasible = read_table(files["feasible"], study.parameters.names)
     posterior = row = None
-    if (table := files.get("posterior")) is not None:
-        intervals = read_table(table, ("parameter", "credible_low", "credible_high"))
-        posterior = (intervals, read_table(_path(files, "draws"), study.parameters.free))
-    if (table := files.get("table4")) is not None:
-        rows = read_table(table, ("role",))
+    if files["posterior"] is not None:
+        intervals = read_table(files["posterior"], ("parameter", "credible_low", "credible_high"))
+        posterior = (intervals, read_table(files["draws"], study.parameters.free))
+    if files["table4"] is not None:
+        rows = read_table(files["table4"], ("role",))
         row = rows[rows["role"] == "representative"].iloc[0].to_dict()
-    card = make(study, answer, grain, particle, feasible, posterior, files.get("dataset"), row)
+    card = make(study, answer, grain, particle, feasible, posterior, files["dataset"], row)
     check(card, out)
     write_json(out, card, indent=1)
     return card
-
-
-def _path(files: Mapping[str, Path_ | None], name: str) -> Path_:
-    """Return a path that must be given."""
-    path = files.get(name)
-    if path is None:
-        raise InputError("command line", f"--{name}", None, "the path of a file")
-    return path
 
 
 def read(path: Path_) -> dict[str, Any]:
@@ -281,9 +274,8 @@ def require_one_study(
     card: Mapping[str, Any], card_json: Path_, study: Studied, source: Path_, grain: Mapping[str, Any]
 ) -> None:
     """Raise InputError if card and configuration differ in label, grain, wall, contact laws or a bench test."""
-    axes = [grain[key] for key in SIZE_COLUMNS]
     settings = study.settings
-    expected = {"material": settings.label, "grain.mean_axes_mm": axes}
+    expected = {"material": settings.label, "grain.mean_axes_mm": [grain[key] for key in SIZE_COLUMNS]}
     expected |= {f"grain.{key}": grain[key] for key in GRAIN}
     expected |= {f"wall.{key}": getattr(settings.wall, key) for key in WALL}
     expected |= {f"laws.{key}": law for key, law in laws(settings.simulation).items()}

@@ -48,10 +48,8 @@ def _about(card: Mapping[str, Any]) -> Iterator[str]:
     grain = card["grain"]
     axes = " x ".join(f"{axis:.4g}" for axis in grain["mean_axes_mm"])
     spread = f", spread {100 * grain['relative_spread']:.2g} %" if grain["relative_spread"] else ""
-    yield (
-        f"grain: {axes} mm (mean of {grain['measured']}{spread}), {grain['shape']}, {grain['volume_mm3']:.4g} mm3, "
-        f"{grain['mass_g']:.4g} g"
-    )
+    size = f"{grain['volume_mm3']:.4g} mm3, {grain['mass_g']:.4g} g"
+    yield f"grain: {axes} mm (mean of {grain['measured']}{spread}), {grain['shape']}, {size}"
     yield f"  density {grain['density_kg_m3']:.4g} kg/m3, {_moduli(grain)}"
     yield f"wall: {_moduli(card['wall'])}"
     yield "contact laws:"
@@ -147,11 +145,9 @@ def _test_lines(test: Mapping[str, Any]) -> Iterator[str]:
     """Describe a test, and how its response is defined."""
     simulated = _mean(test["simulated"], test["standard_error"])
     simulated += "" if test["simulated"] is None else f" {test['unit']}"
-    yield (
-        f"{test['response']} ({test['apparatus']}): measured {test['measured']:.4g} (sd {test['sd']:.2g}, "
-        f"{test['repetitions']} repetitions), target {test['low']:g} to {test['high']:g}, simulated {simulated} "
-        f"(runs: {test['runs']}): {MET[test['met']]}"
-    )
+    measured = f"measured {test['measured']:.4g} (sd {test['sd']:.2g}, {test['repetitions']} repetitions)"
+    aimed = f"target {test['low']:g} to {test['high']:g}, simulated {simulated} (runs: {test['runs']})"
+    yield f"{test['response']} ({test['apparatus']}): {measured}, {aimed}: {MET[test['met']]}"
     off = _check(test).error_percent
     if off is not None:
         yield f"  predicted {test['predicted']:.4g}, {off:.1f} % off the simulated (the article's solutions: below 5 %)"

@@ -10,11 +10,10 @@ from repose.core.targets import Targets
 PERCENT = (1.0, 2.0)  # of the aims, reported with every answer
 DRAWS = 200_000
 SEED = 2026
+Runs = Mapping[str, Sequence[Mapping[str, Any]]]  # of a parameter set, by bench test
 
 
-def chance_of_meeting(
-    runs: Mapping[str, Sequence[Mapping[str, Any]]], targets: Targets, percent: float | None = None
-) -> dict[str, float | None]:
+def chance_of_meeting(runs: Runs, targets: Targets, percent: float | None = None) -> dict[str, float | None]:
     """Compute how probably the simulator's own mean meets the target, for each target and for `all` together.
 
     Without prior knowledge the mean, given n runs, has a multivariate t distribution about the runs' mean, with

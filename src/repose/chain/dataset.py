@@ -6,7 +6,8 @@ a reason, and the readers of the table leave them out.
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -29,18 +30,18 @@ RUN = ("seed", "status", "reason")
 ENDED = ("status", "reason", "n_seeds")
 ROUNDING = 1.01  # a measured restitution may lie a little above 1
 Job = Mapping[str, Any]
+Jobs = Mapping[str, Mapping[int, Job]]  # by bench test, then by sample
 
 
-def assemble(
-    samples: pd.DataFrame, jobs: Mapping[str, Mapping[int, Job]], targets: Targets
-) -> tuple[pd.DataFrame, pd.DataFrame]:
+def assemble(samples: pd.DataFrame, jobs: Jobs, targets: Targets) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Assemble dataset (a row for each sample, ok if so in every bench test) and single runs (a row for each run)."""
+    record = {name: recorded(name, targets) for name in targets.apparatus}
     summaries = [
-        _merged({name: summarise(jobs[name][sample]["runs"], name, targets) for name in targets.apparatus})
+        _merged({name: summarise_runs(jobs[name][sample]["runs"], columns) for name, columns in record.items()})
         for sample in samples["sample"]
     ]
     pairs = (name for pair in zip(targets.names, targets.errors, strict=True) for name in pair)
-    others = (name for bench in targets.apparatus for name in recorded(bench, targets).summary)
+    others = (name for columns in record.values() for name in columns.summary)
     means = pd.DataFrame(summaries, columns=list(dict.fromkeys((*ENDED, *pairs, *others))))
     dataset = pd.concat([samples[["sample", *named(samples)]].reset_index(drop=True), means], axis=1)
     return dataset, _all_runs(samples["sample"], jobs, targets)
@@ -49,11 +50,6 @@ def assemble(
 def recorded(apparatus: str, targets: Targets) -> Recorded:
     """List a bench test's columns in the tables: its targets, then the responses that it always records."""
     return bench(apparatus).recorded.beginning_with(tuple(target.name for target in _own(targets, apparatus)))
-
-
-def summarise(runs: Sequence[Mapping[str, Any]], apparatus: str, targets: Targets) -> dict[str, Any]:
-    """Summarise the runs of a sample in one bench test, targets first; see `repose.core.runs.summarise_runs`."""
-    return summarise_runs(runs, recorded(apparatus, targets))
 
 
 def counts(dataset: pd.DataFrame, runs: pd.DataFrame) -> dict[str, Any]:
@@ -70,27 +66,21 @@ def counts(dataset: pd.DataFrame, runs: pd.DataFrame) -> dict[str, Any]:
 
 
 def run(
-    samples_csv: Path_,
-    job_json_paths: Iterable[Path_],
-    targets: Targets,
-    definitions: Definitions,
-    out_dir: Path_,
-    prefix: str = "",
+    samples_csv: Path_, paths: Iterable[Path_], targets: Targets, definitions: Definitions, out: Path_, prefix: str = ""
 ) -> dict[str, Any]:
     """Write dataset.csv, runs.csv and dataset_summary.json; return the summary.
 
     It is `counts` with `definitions`, and `line`, the line whose slope is the angle of repose, in words.
     """
     samples = read_samples(samples_csv)
-    dataset, runs = assemble(samples, read_jobs(job_json_paths, samples, targets), targets)
+    dataset, runs = assemble(samples, read_jobs(paths, samples, targets), targets)
     summary = counts(dataset, runs) | {"definitions": definitions}
     if "measure.response" in (angle := definitions.get(CALIBRATED_ANGLE, {})):
         section = {key.rpartition(".")[2]: value for key, value in angle.items()}
         summary["line"] = line_of(MeasureSettings(**section))
-    out = Path(out_dir)
-    write_table(out / f"{prefix}dataset.csv", dataset)
-    write_table(out / f"{prefix}runs.csv", runs)
-    write_json(out / f"{prefix}dataset{SUMMARY}", summary)
+    for name, content in {"dataset.csv": dataset, "runs.csv": runs}.items():
+        write_table(Path(out) / f"{prefix}{name}", content)
+    write_json(Path(out) / f"{prefix}dataset{SUMMARY}", summary)
     return summary
 
 
@@ -166,26 +156,24 @@ def _own(targets: Targets, apparatus: str) -> tuple[Target, ...]:
 
 def _merged(summaries: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
     """Merge the summaries of a sample's bench tests, which come by name."""
-    first, *others = summaries.values()
-    if not others:
-        return first
+    if len(summaries) == 1:
+        return next(iter(summaries.values()))
     merged = {key: value for summary in summaries.values() for key, value in summary.items()}
-    merged["status"] = next((one["status"] for one in summaries.values() if one["status"] != "ok"), "ok")
     reasons = (f"{name}: {summary['reason']}" for name, summary in summaries.items() if summary["reason"])
-    merged["reason"] = "; ".join(reasons)
-    merged["n_seeds"] = min(summary["n_seeds"] for summary in summaries.values())
-    return merged
+    return merged | {
+        "status": next((one["status"] for one in summaries.values() if one["status"] != "ok"), "ok"),
+        "reason": "; ".join(reasons),
+        "n_seeds": min(summary["n_seeds"] for summary in summaries.values()),
+    }
 
 
-def _all_runs(samples: Iterable[int], jobs: Mapping[str, Mapping[int, Job]], targets: Targets) -> pd.DataFrame:
+def _all_runs(samples: Iterable[int], jobs: Jobs, targets: Targets) -> pd.DataFrame:
     """Make the table of single runs: sample after sample, bench test after bench test."""
     several = ["apparatus"] if len(targets.apparatus) > 1 else []
     others = (name for bench in targets.apparatus for name in recorded(bench, targets).single)
     columns = dict.fromkeys(("sample", *several, *RUN, *targets.names, *others))
+    pairs = product(samples, targets.apparatus)
     rows = [
-        {"sample": sample, "apparatus": name, **run}
-        for sample in samples
-        for name in targets.apparatus
-        for run in jobs[name][sample]["runs"]
+        {"sample": sample, "apparatus": name, **run} for sample, name in pairs for run in jobs[name][sample]["runs"]
     ]
     return pd.DataFrame(rows, columns=list(columns))

@@ -57,7 +57,6 @@ def phi_p(points: np.ndarray) -> float:
 
 def lhsdesign(n: int, d: int, rng: np.random.Generator) -> np.ndarray:
     """Draw random Latin hypercubes (n, d), and return the one with the largest minimum distance, as the paper does."""
-    _check_size(n, d)
     return max((random_lhs(n, d, rng) for _ in range(CANDIDATES)), key=minimum_distance)
 
 
@@ -69,7 +68,6 @@ def optimal_lhs(n: int, d: int, seed: int | list[int]) -> np.ndarray:
     """
     from repose.chain.exchange_search import evolve
 
-    _check_size(n, d)
     rng = np.random.default_rng(seed)
     best = lhsdesign(n, d, rng=rng)
     if n < 3 or d < 2:
@@ -99,8 +97,7 @@ def design(space: ParameterSpace, section: DesignSettings) -> tuple[pd.DataFrame
     The free parameters fill their ranges evenly, also with a prior: the surrogate then holds for every value of the
     prior, which is applied in the search and in the posterior.
     """
-    d = space.dimensions
-    designs = {name: points(section.samples, d, name, section.seed) for name in METHODS}
+    designs = {name: points(section.samples, space.dimensions, name, section.seed) for name in METHODS}
     return parameter_sets(designs[section.method], space), compare(designs)
 
 
@@ -125,11 +122,3 @@ def run(space: ParameterSpace, section: DesignSettings, out_dir: Path_) -> tuple
     write_table(Path(out_dir) / "samples.csv", table, float_format="%.10g")
     write_table(Path(out_dir) / "comparison.csv", comparison, float_format="%.6g")
     return table, comparison
-
-
-def _check_size(n: int, d: int) -> None:
-    """Raise ValueError unless there are two points and a column."""
-    if n < 2:
-        raise ValueError(f"n is {n}; a design has at least 2 points")
-    if d < 1:
-        raise ValueError(f"d is {d}; a design has at least 1 column")

@@ -33,18 +33,13 @@ class Inversion(NamedTuple):
     # parameters, predicted responses, objective (Eq. 11), violation, feasible, representative; with a support warning,
     # with priors prior_distance_sd
     solutions: pd.DataFrame
-    intervals: pd.DataFrame  # Table 3, beside the published intervals if there are any
+    intervals: pd.DataFrame  # Table 3
     history: pd.DataFrame  # a row for each round of the search
     summary: dict[str, Any]  # counts, the representative, its distances from ranges and targets, a message
 
 
 def invert(
-    surrogate: Surrogate,
-    space: ParameterSpace,
-    targets: Targets,
-    settings: MigaSettings,
-    published: pd.DataFrame | None = None,
-    support: Support | None = None,
+    model: Surrogate, space: ParameterSpace, targets: Targets, settings: MigaSettings, support: Support | None = None
 ) -> Inversion:
     """Search the free parameters for predicted responses that meet the targets.
 
@@ -55,7 +50,7 @@ def invert(
     for target in targets:
         if not target.low <= target.aim <= target.high:
             raise InputError("targets", target.name, target.aim, f"inside its range {[target.low, target.high]}")
-    respond, preference = on_free_parameters(surrogate, space), Preference.of(space)
+    respond, preference = on_free_parameters(model, space), Preference.of(space)
     objective = Objective(targets, preference.largest if preference else 0.0)
     archive, history, feasible_met = search(respond, objective, space.dimensions, settings, preference)
     evaluations = history[-1][HISTORY.index("evaluations")]
@@ -65,8 +60,8 @@ def invert(
         evaluations += history[-1][HISTORY.index("evaluations")]
 
     points = archive.points
-    if settings.answer == LEAST_LOSS and surrogate.knows_its_errors:
-        points = _behind(expected_loss.least(surrogate, space, targets), points, space, settings.distance)
+    if settings.answer == LEAST_LOSS and model.knows_its_errors:
+        points = _behind(expected_loss.least(model, space, targets), points, space, settings.distance)
     Y = respond(points)
     F, V = objective(Y)
     met, most = np.count_nonzero(V == 0), settings.solutions
@@ -87,7 +82,7 @@ def invert(
     shown = table[table["feasible"]] if n_feasible else table
     counts = {"n_feasible_met": feasible_met, "n_solutions": n_feasible, "evaluations": int(evaluations)}
     summary = _summary(table, space, targets, settings, counts)
-    return Inversion(table, intervals(shown, space, published), history, summary)
+    return Inversion(table, intervals(shown, space), history, summary)
 
 
 def run(
@@ -103,7 +98,10 @@ def run(
     surrogate = load(surrogate_json, targets.names)
     require_same_definitions(surrogate.definitions, surrogate_json, study.definitions, source)
     published = None if table3_csv is None else read_table(table3_csv, ("parameter", *INTERVAL))
-    inversion = invert(surrogate, study.parameters, targets, study.settings.miga, published, support)
+    inversion = invert(surrogate, study.parameters, targets, study.settings.miga, support)
+    if published is not None:
+        reference = published.set_index("parameter")[list(INTERVAL)].add_prefix("published_")
+        inversion = inversion._replace(intervals=inversion.intervals.join(reference, on="variable"))
     if surrogate.knows_its_errors:
         best = inversion.summary["representative"]
         inversion.summary["representative_judged"] = expected_loss.judged(surrogate, best, targets)
@@ -130,18 +128,13 @@ def on_free_parameters(surrogate: Surrogate, space: ParameterSpace) -> Callable[
     return respond_to_free
 
 
-def intervals(solutions: pd.DataFrame, space: ParameterSpace, published: pd.DataFrame | None = None) -> pd.DataFrame:
-    """Make Table 3: interval and dispersion (its width over the range's) of each parameter, and the published ones."""
+def intervals(solutions: pd.DataFrame, space: ParameterSpace) -> pd.DataFrame:
+    """Make Table 3: interval and dispersion (its width over the range's) of each parameter."""
     names = list(space.names)
     low, high = solutions[names].min().to_numpy(float), solutions[names].max().to_numpy(float)
     width = pd.Series(space.high - space.low, list(space.free)).reindex(names, fill_value=1.0).to_numpy()
     table = pd.DataFrame({"variable": names, "low": low, "high": high})
-    table["dispersion_percent"] = 100 * (high - low) / width
-    if published is not None:
-        reference = published.set_index("parameter").reindex(space.names)
-        for column in INTERVAL:
-            table[f"published_{column}"] = reference[column].to_numpy()
-    return table
+    return table.assign(dispersion_percent=100 * (high - low) / width)
 
 
 def message(responses: np.ndarray, targets: Targets, n_feasible: int, distance: float) -> str:
@@ -155,10 +148,8 @@ def message(responses: np.ndarray, targets: Targets, n_feasible: int, distance: 
     aims = targets.in_words([f"{target.aim:g}" for target in targets])
     off = f"{in_words(abs(responses - targets.aim))} from the target {aims}"
     if n_feasible:
-        return (
-            f"{n_feasible} distinct feasible solutions inside {ranges}, at least {distance:g} apart "
-            f"in normalised parameters; {best}, {off}."
-        )
+        apart = f"at least {distance:g} apart in normalised parameters"
+        return f"{n_feasible} distinct feasible solutions inside {ranges}, {apart}; {best}, {off}."
     beyond = in_words(_outside(responses, targets.low, targets.high))
     return f"All later stages use the nearest solutions: {best}, {beyond} outside the ranges {ranges}, {off}."
 

@@ -57,10 +57,8 @@ def _check_means(
             raise InputError(f"{runs_csv}, sample {sample}", "ok runs", int(n), allowed)
     usable = dataset[dataset["status"] == "ok"].set_index("sample")
     responses = ok[list(targets.names)]
-    for quantity, columns, of_runs in (
-        ("mean", targets.names, responses.mean()),
-        ("standard error", targets.errors, responses.sem()),
-    ):
+    quantities = {"mean": (targets.names, responses.mean()), "standard error": (targets.errors, responses.sem())}
+    for quantity, (columns, of_runs) in quantities.items():
         computed = of_runs.reindex(usable.index)
         for name, column in zip(targets.names, columns, strict=True):
             found, stated = computed[name].astype(float), usable[column].astype(float)

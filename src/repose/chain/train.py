@@ -148,10 +148,9 @@ def message(metrics: Mapping[str, Any]) -> str:
     if metrics["n_fitted"] == metrics["n_samples"]:
         lines.append(f"then fitted to all {metrics['n_fitted']} samples")
     if "starts" in metrics:
-        lines.append(
-            f"{metrics['converged_starts']} of {metrics['starts']} starts converged; the data determine "
-            f"{metrics['gamma']:.1f} of {metrics['n_weights']} weights of the kept network"
-        )
+        determined = f"{metrics['gamma']:.1f} of {metrics['n_weights']} weights of the kept network"
+        converged = f"{metrics['converged_starts']} of {metrics['starts']} starts converged"
+        lines.append(f"{converged}; the data determine {determined}")
     if "members" in metrics:
         lines.append(f"{metrics['members']} networks predict; their disagreement is part of the error")
     if metrics.get("at_cap"):

@@ -6,13 +6,13 @@ the representative solution |simulated - physical| / physical.
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from repose.chain.chance import PERCENT, chance_of_meeting
-from repose.chain.dataset import Job, assemble, read_jobs
+from repose.chain.answer import WITHIN
+from repose.chain.chance import Runs, chance_of_meeting
+from repose.chain.dataset import Jobs, assemble, read_jobs
 from repose.core.errors import InputError
 from repose.core.files import Path_, read_table, write_table
 from repose.core.parameter_sets import read_samples
@@ -52,9 +52,7 @@ def select_for_validation(solutions: pd.DataFrame, count: int, space: ParameterS
     return solutions.iloc[[*roles]].assign(role=[*roles.values()])
 
 
-def validate(
-    solutions: pd.DataFrame, jobs: Mapping[str, Mapping[int, Job]], targets: Targets, measure: object
-) -> dict[str, pd.DataFrame]:
+def validate(solutions: pd.DataFrame, jobs: Jobs, targets: Targets, measure: object) -> dict[str, pd.DataFrame]:
     """Put prediction, simulation and measurement side by side; `measure` is the configuration's section."""
     simulated = assemble(solutions, jobs, targets)[0].drop(columns=["sample", *named(solutions)])
     numbers = {*targets.names, *targets.errors, *ANGLES} & {*simulated}
@@ -100,7 +98,8 @@ def against_physical(row: pd.Series, targets: Targets, measure: object = None) -
     """
     rows = []
     for target in targets:
-        simulated, off = row[target.response.simulated], abs(row[target.response.simulated] - target.value)
+        simulated = row[target.response.simulated]
+        off = abs(simulated - target.value)
         own = {"response": target.name, "physical_mean": target.value, "physical_sd": target.sd}
         own |= {"predicted": row[target.response.predicted], "simulated": simulated}
         own |= {"simulated_se": row[target.response.error], "error_percent": 100 * off / target.whole_value}
@@ -109,22 +108,21 @@ def against_physical(row: pd.Series, targets: Targets, measure: object = None) -
     return pd.DataFrame(rows)
 
 
-def with_chances(
-    table: pd.DataFrame, runs: Mapping[str, Sequence[Mapping[str, Any]]], targets: Targets
-) -> pd.DataFrame:
+def with_chances(table: pd.DataFrame, runs: Runs, targets: Targets) -> pd.DataFrame:
     """Add to the table of `against_physical` the probabilities that all targets are met within 1 % and 2 %."""
-    chances = {f"within_{percent:g}_percent": chance_of_meeting(runs, targets, percent)["all"] for percent in PERCENT}
+    chances = {column: chance_of_meeting(runs, targets, percent)["all"] for percent, column in WITHIN.items()}
     return table.assign(**chances)
 
 
-def write_solutions(
-    feasible_csv: Path_, space: ParameterSpace, targets: Targets, count: int, out_csv: Path_
-) -> pd.DataFrame:
-    """Write the representative solution and `count` others, numbered from 1; InputError if there are too few."""
+def write_solutions(path: Path_, space: ParameterSpace, targets: Targets, count: int, out_csv: Path_) -> pd.DataFrame:
+    """Write the representative of the solutions in `path` and `count` others, numbered from 1.
+
+    InputError if there are too few.
+    """
     needed = ("solution", *space.names, *targets.predicted, "objective", "feasible", "representative")
-    feasible = read_table(feasible_csv, needed)
+    feasible = read_table(path, needed)
     if len(feasible) < count + 1:
-        raise InputError(feasible_csv, "solutions", len(feasible), f"at least {count + 1}")
+        raise InputError(path, "solutions", len(feasible), f"at least {count + 1}")
     own = select_for_validation(feasible, count, space).reset_index(drop=True)
     solutions = own.assign(sample=own.index + 1)[["sample", *space.names, *CHOSEN, *targets.predicted]]
     write_table(out_csv, solutions.astype({"solution": str}))
@@ -132,23 +130,17 @@ def write_solutions(
 
 
 def run(
-    solutions_csv: Path_,
-    job_json_paths: Iterable[Path_],
-    study: Studied,
-    published: pd.DataFrame,
-    out_dir: Path_,
-    support: Support | None = None,
+    path: Path_, jobs: Iterable[Path_], study: Studied, theirs: pd.DataFrame, out: Path_, support: Support | None = None
 ) -> dict[str, pd.DataFrame]:
-    """Write table4.csv and representative.csv (`validate`) and published.csv, the table `published`; return them."""
-    solutions = read_samples(solutions_csv, (*CHOSEN, *study.targets.predicted))
-    solutions["solution"] = solutions["solution"].astype(str)
-    jobs = read_jobs(job_json_paths, solutions, study.targets)
-    tables = validate(solutions, jobs, study.targets, study.settings.measure) | {"published": published}
+    """Write table4.csv and representative.csv (`validate`) and published.csv, the table `theirs`; return them."""
+    solutions = read_samples(path, (*CHOSEN, *study.targets.predicted)).astype({"solution": str})
+    found = read_jobs(jobs, solutions, study.targets)
+    tables = validate(solutions, found, study.targets, study.settings.measure) | {"published": theirs}
     for name, table in tables.items():
         if support is not None and name != "representative":
             parameters = table[list(named(table))].to_numpy(float)
             tables[name] = table.assign(warning=support.warnings(parameters) if len(parameters) else [])
-        write_table(Path(out_dir) / f"{name}.csv", tables[name])
+        write_table(Path(out) / f"{name}.csv", tables[name])
     return tables
 
 
@@ -169,11 +161,7 @@ def write_published_solutions(published_csv: Path_, names: Sequence[str], out_cs
 
 
 def write_published_sets(
-    published_csv: Path_,
-    job_json_paths: Iterable[Path_],
-    study: Studied,
-    simulated_by: Mapping[str, str | None],
-    out_csv: Path_,
+    published_csv: Path_, jobs: Iterable[Path_], study: Studied, simulated_by: Mapping[str, str | None], out_csv: Path_
 ) -> pd.DataFrame:
     """Write the published sets, what was published of their piles, and their means and standard errors here.
 
@@ -181,7 +169,7 @@ def write_published_sets(
     """
     targets, names = study.targets, study.parameters.names
     sets = _numbered(published_csv, names)
-    simulated = assemble(sets, read_jobs(job_json_paths, sets, targets), targets)[0]
+    simulated = assemble(sets, read_jobs(jobs, sets, targets), targets)[0]
     about = [name for name in ("solution", "source", "wall") if name in sets]
     table = sets[["sample", *about, *names]].assign(**{name: "" for name in ("source",) if name not in sets})
     for word in ("predicted", "simulated", "measured"):

@@ -69,7 +69,7 @@ def ask(args: argparse.Namespace, study: Study) -> None:
     table, found, known = study.ask(), study.proposal, study.runs
     write_table(args.out, table)
     if found.notes:  # it follows from runs
-        _warn(noise_from(study, observed_of(known, study.parameters, study.targets)[0]).warning)
+        _warn(noise_from(study, observed_of(known, study.parameters, study.targets)).warning)
     if "probability" in found.notes:
         settings: Any = study.settings  # with the section of the strategy
         near = f"within {settings.sequential.tolerance_percent:g} % of all targets"

@@ -4,6 +4,7 @@ The sum of squares of a term is partial: the gain of the residuals if this term 
 """
 
 import math
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -90,11 +91,8 @@ def limits(model: Model) -> dict[str, float]:
     """
     from scipy import stats
 
-    df = model.df
-    if not df:
-        return {"t": math.nan, "bonferroni": math.nan}
     tests = {"t": 1, "bonferroni": len(model.terms)}
-    return {name: float(stats.t.isf(ALPHA / 2 / count, df)) for name, count in tests.items()}
+    return {name: float(stats.t.isf(ALPHA / 2 / count, model.df or math.nan)) for name, count in tests.items()}
 
 
 def _mean(total: float, df: float) -> float:
@@ -107,10 +105,8 @@ def _ratio(above: float, below: float) -> float:
     return above / below if below else math.nan
 
 
-def _row(
-    source: str, total: float, df: int, error: float = math.nan, df_error: int = 0
-) -> tuple[str, float, int, float, float, float]:
-    """Make a row of the table, tested against a mean square."""
+def _row(source: str, total: float, df: int, error: float = math.nan, df_error: int = 0) -> tuple[Any, ...]:
+    """Make a row of the table, in the order of `COLUMNS`, tested against a mean square."""
     from scipy import stats
 
     mean = _mean(total, df)

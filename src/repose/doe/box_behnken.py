@@ -18,23 +18,16 @@ BLOCKS: dict[int, Sequence[Sequence[tuple[int, ...]]]] = {
     6: [[(1, 2, 4), (2, 3, 5), (3, 4, 6), (1, 4, 5), (2, 5, 6), (1, 3, 6)]],
     7: [[(4, 5, 6), (1, 6, 7), (2, 5, 7), (1, 2, 4), (3, 4, 7), (1, 3, 5), (2, 3, 6)]],
 }
-# Centre runs of the whole design, as printed.
-CENTRES = {3: 3, 4: 3, 5: 6, 6: 6, 7: 6}
 
 
-def box_behnken(factors: int, centres: int | None = None) -> np.ndarray:
+def box_behnken(factors: int, centres: int) -> np.ndarray:
     """Make a Box-Behnken design (n, factors) of -1, 0, 1 in standard order, one block after another.
 
     Box and Behnken, Some new three level designs for the study of quantitative variables, Technometrics 2 (1960)
-    455-475. Blocks with equally many of the `centres` are orthogonal; simulations may ignore the blocks.
+    455-475. Blocks with equally many of the `centres` are orthogonal; simulations may ignore the blocks. `factors` is 3
+    to 7; each block needs a centre run.
     """
-    if factors not in BLOCKS:
-        raise ValueError(f"{factors} factors; expected 3 to 7")
-    parts = BLOCKS[factors]
-    centres = CENTRES[factors] if centres is None else centres
-    if centres < len(parts):
-        raise ValueError(f"{centres} centre runs; expected at least {len(parts)}, one for each block")
-    rows = []
+    parts, rows = BLOCKS[factors], []
     for number, part in enumerate(parts, start=1):
         for together in part:
             signs = two_level(len(together))

@@ -4,13 +4,10 @@ import numpy as np
 
 from repose.doe.coding import two_level
 
-# Centre runs that give nearly the same precision at the centre as at distance 1 (Box and Hunter 1957). From five
-# factors on the factorial is the half fraction.
-CENTRES = {2: 5, 3: 6, 4: 7, 5: 6, 6: 9, 7: 14}
-HALF_FROM = 5
+HALF_FROM = 5  # factors, from which on the factorial is the half fraction
 
 
-def central_composite(factors: int, axial: str = "rotatable", centres: int | None = None) -> tuple[np.ndarray, float]:
+def central_composite(factors: int, axial: str, centres: int) -> tuple[np.ndarray, float]:
     """Make a central composite design (n, factors) in coded units, in standard order, and give its axial distance.
 
     `factors` is 2 to 7. For `axial` "rotatable" the distance is the fourth root of the number of factorial runs, so
@@ -18,13 +15,6 @@ def central_composite(factors: int, axial: str = "rotatable", centres: int | Non
     only three levels. Box and Hunter, Multi-factor experimental designs for exploring response surfaces, Ann. Math.
     Statist. 28 (1957) 195-241.
     """
-    if factors not in CENTRES:
-        raise ValueError(f"{factors} factors; expected 2 to 7")
-    if axial not in ("rotatable", "face_centred"):
-        raise ValueError(f"axial runs {axial!r}; expected rotatable, face_centred")
-    centres = CENTRES[factors] if centres is None else centres
-    if centres < 0:
-        raise ValueError(f"{centres} centre runs; expected 0 or more")
     corners = two_level(factors if factors < HALF_FROM else factors - 1)
     if factors >= HALF_FROM:
         corners = np.column_stack([corners, corners.prod(axis=1)])

@@ -1,9 +1,9 @@
 """Polynomial models of a response in coded factors, fitted by ordinary least squares."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import chain, combinations
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,19 +14,14 @@ ORDERS = ("linear", "interaction", "quadratic")
 
 def terms_of(factors: int, order: str) -> tuple[Term, ...]:
     """List the terms of a model but its constant: single factors, then products of two, then squares."""
-    if order not in ORDERS:
-        raise ValueError(f"order {order!r}; expected {', '.join(ORDERS)}")
-    groups: list[list[Term]] = [
-        [(k,) for k in range(factors)],
-        list(combinations(range(factors), 2)),
-        [(k, k) for k in range(factors)],
-    ]
-    return tuple(term for group in groups[: ORDERS.index(order) + 1] for term in group)
+    numbers = range(factors)
+    groups: list[Iterable[Term]] = [((k,) for k in numbers), combinations(numbers, 2), ((k, k) for k in numbers)]
+    return tuple(chain(*groups[: ORDERS.index(order) + 1]))
 
 
 def columns(coded: ArrayLike, terms: Sequence[Term]) -> np.ndarray:
     """Compute the terms (n, terms) at coded points (n, k)."""
-    coded = np.atleast_2d(np.asarray(coded, dtype=float))
+    coded = np.asarray(coded, dtype=float)
     return np.column_stack([coded[:, list(term)].prod(axis=1) for term in terms])
 
 
@@ -98,15 +93,10 @@ class Model:
 def fit(coded: ArrayLike, response: ArrayLike, factors: Sequence[str], order: str | Sequence[Term]) -> Model:
     """Fit a polynomial to runs (n, k) in coded units."""
     coded, response = np.asarray(coded, dtype=float), np.asarray(response, dtype=float)
-    if coded.ndim != 2 or coded.shape != (len(response), len(factors)):
-        raise ValueError(f"runs of shape {coded.shape}; expected {(len(response), len(factors))}")
-    if not (np.isfinite(coded).all() and np.isfinite(response).all()):
-        raise ValueError("a run or a response is not finite; expected finite numbers")
     terms = terms_of(len(factors), order) if isinstance(order, str) else tuple(order)
     matrix = np.hstack([np.ones((len(coded), 1)), columns(coded, terms)])
     rank = int(np.linalg.matrix_rank(matrix))
     if rank < matrix.shape[1]:
         raise ValueError(f"{len(coded)} runs determine {rank} coefficients; expected all {matrix.shape[1]}")
     inverse = np.linalg.pinv(matrix)
-    fitted = inverse @ response
-    return Model(tuple(factors), terms, coded, response, matrix, inverse @ inverse.T, fitted)
+    return Model(tuple(factors), terms, coded, response, matrix, inverse @ inverse.T, inverse @ response)

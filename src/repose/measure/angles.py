@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from repose.core.errors import NoFlankError
-from repose.measure.profile_points import MIN_LEVELS, outermost_crossing, points_between
+from repose.measure.profile_points import MIN_LEVELS, NO_FOOT, outermost_crossing, points_between
 
 if TYPE_CHECKING:
     from repose.measure.settings import MeasureSettings
@@ -160,9 +160,7 @@ def secant(profile: np.ndarray, berry: float) -> Line:
     if not 0 < berry < height:
         raise NoFlankError("the pile is not higher than one grain")
     if profile[0] >= berry:
-        raise NoFlankError(
-            "the pile runs out of the picture sideways, or the background is not plain: its foot is not seen"
-        )
+        raise NoFlankError(NO_FOOT)
     place = float(outermost_crossing(profile, np.array([berry]))[0])
     return Line(math.degrees(math.atan2(height, crest - place)), ((place, 0.0), (float(crest), height)))
 

@@ -61,15 +61,10 @@ def calibrate(views: Sequence[Seen], size: tuple[int, int], focal_px: float | No
     assumed = focal_px or PHONE_FOCAL * long_side
     found = _focal(views, assumed, size)
     guess = _matrix(found, size)
-    places = [np.column_stack([view.places_mm, np.zeros(len(view.places_mm))]).astype(np.float32) for view in views]
+    places = [view.flat_mm.astype(np.float32) for view in views]
     pixels = [view.pixels.astype(np.float32) for view in views]
-    shared = (
-        cv2.CALIB_USE_INTRINSIC_GUESS
-        | cv2.CALIB_FIX_PRINCIPAL_POINT
-        | cv2.CALIB_FIX_ASPECT_RATIO
-        | cv2.CALIB_ZERO_TANGENT_DIST
-        | cv2.CALIB_FIX_K3
-    )
+    shared = cv2.CALIB_USE_INTRINSIC_GUESS | cv2.CALIB_FIX_PRINCIPAL_POINT | cv2.CALIB_FIX_ASPECT_RATIO
+    shared |= cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K3
     for fixed in (0, cv2.CALIB_FIX_K2, cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2):
         try:
             _, matrix, lens, _, _, errors, *_ = cv2.calibrateCameraExtended(
@@ -106,22 +101,18 @@ def _matrix(focal: float, size: tuple[int, int]) -> np.ndarray:
 
 def _squares(views: Sequence[Seen], matrix: np.ndarray) -> float:
     """Sum the squared distances [px] between the corners and the corners of flat sheets, without distortion."""
-    total = 0.0
+    total, lens = 0.0, np.zeros(5)
     for view in views:
-        flat = np.column_stack([view.places_mm, np.zeros(len(view.places_mm))])
-        total += min(
-            float(((cv2.projectPoints(flat, *pose, matrix, np.zeros(5))[0][:, 0] - view.pixels) ** 2).sum())
-            for pose in _poses(flat, view.pixels, matrix, np.zeros(5))
-        )
+        seen = (cv2.projectPoints(view.flat_mm, *pose, matrix, lens)[0] for pose in _poses(view, matrix, lens))
+        total += min(float(((corners[:, 0] - view.pixels) ** 2).sum()) for corners in seen)
     return total
 
 
-def _poses(
-    flat: np.ndarray, pixels: np.ndarray, matrix: np.ndarray, lens: np.ndarray
-) -> list[tuple[np.ndarray, np.ndarray]]:
+def _poses(view: Seen, matrix: np.ndarray, lens: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
     """Find both poses (rotation, translation) of a flat sheet that its corners allow; from afar they are alike."""
-    found = cv2.solvePnPGeneric(flat, pixels, matrix, lens, flags=cv2.SOLVEPNP_IPPE)
-    return [cv2.solvePnPRefineLM(flat, pixels, matrix, lens, *pose) for pose in zip(*found[1:3], strict=True)]
+    known = view.flat_mm, view.pixels, matrix, lens
+    found = cv2.solvePnPGeneric(*known, flags=cv2.SOLVEPNP_IPPE)
+    return [cv2.solvePnPRefineLM(*known, *pose) for pose in zip(*found[1:3], strict=True)]
 
 
 class Pose:
@@ -129,20 +120,16 @@ class Pose:
 
     def __init__(self, camera: Camera, sheet: Seen, size: tuple[int, int]) -> None:
         self.camera, self.size, self.paper_mm = camera, size, size_mm(sheet.square_mm)
-        x, z = sheet.places_mm.T
-        world = np.column_stack([x, np.zeros_like(x), z])
         # The planar solver wants z = 0 on the sheet: solve in (x, z, -y), then turn.
-        flat = np.column_stack([x, z, np.zeros_like(x)])
-        intrinsic = camera.matrix, camera.lens
-        turn, self.shift = _poses(flat, sheet.pixels, *intrinsic)[0]  # the one that fits better
+        turn, self.shift = _poses(sheet, camera.matrix, camera.lens)[0]  # the one that fits better
         from_world = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
         self.turn = cv2.Rodrigues(turn)[0] @ from_world
         self.eye = (-self.turn.T @ self.shift).ravel()
+        world = np.insert(sheet.places_mm, 1, 0.0, axis=1)
         miss = np.sqrt(((self.pixels_of(world) - sheet.pixels) ** 2).sum(axis=1).mean())
         if miss > LARGEST_MISS * max(size):
-            raise NoFlankError(
-                f"the corners of the sheet lie {miss:.1f} pixels from those of a flat one: it is bent, or not sharp"
-            )
+            off = f"the corners of the sheet lie {miss:.1f} pixels from those of a flat one"
+            raise NoFlankError(f"{off}: it is bent, or not sharp")
 
     def pixels_of(self, world: np.ndarray) -> np.ndarray:
         """Column and row (..., 2) in the photograph of points of the world (..., 3) in mm."""
@@ -180,10 +167,8 @@ def side_view(
     origin = np.array([axis_mm or 0.0, 0.0, 0.0])
     right = np.array([1.0, 0, 0]) if axis_mm is None else pose.facing(axis_mm)
     if pose.tilt_deg > LARGEST_TILT_DEG or pose.eye[1] >= 0:
-        raise NoFlankError(
-            f"the camera is tilted by {pose.tilt_deg:.0f} degrees (180: upside down); "
-            f"{LARGEST_TILT_DEG:.0f} can be corrected"
-        )
+        tilted = f"the camera is tilted by {pose.tilt_deg:.0f} degrees (180: upside down)"
+        raise NoFlankError(f"{tilted}; {LARGEST_TILT_DEG:.0f} can be corrected")
     low, high, top = _extent(pose, origin, right)
     if part is not None:
         low, high, top = max(low, part[0]), min(high, part[1]), min(top, part[2])
@@ -204,8 +189,8 @@ def side_view(
     # The sheet stands in its own plane: mark the part of the view that it hides.
     wide, tall = pose.paper_mm
     edge = 0.02 * wide
-    left_right, low_high = (-edge, wide + edge), (-2 * edge, tall + edge)
-    corners = np.array([[left_right[i], 0, low_high[j]] for i, j in ((0, 0), (1, 0), (1, 1), (0, 1))])
+    left, beyond, bottom, top = -edge, wide + edge, -2 * edge, tall + edge
+    corners = np.array([[left, 0, bottom], [beyond, 0, bottom], [beyond, 0, top], [left, 0, top]])
     on_view = _meet(pose.eye, corners - pose.eye, origin, right)[1]
     polygon = np.column_stack([(on_view[:, 0] - low) / scale, base - on_view[:, 1] / scale])
     on_sheet = np.zeros(hidden.shape, np.uint8)

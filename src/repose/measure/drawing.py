@@ -57,9 +57,5 @@ def process_panels(
     pile = segment(image, settings.largest_pile_only, base_row)
     measurement = with_response(measure_segmented(pile, settings))
     binary = pile.mask * np.uint8(255)
-    return {
-        "grey": pile.grey,
-        "binary": binary,
-        "edge": cv2.Canny(binary, 50, 150),
-        "boundary": overlay(image, measurement),
-    }
+    edge = cv2.Canny(binary, 50, 150)
+    return {"grey": pile.grey, "binary": binary, "edge": edge, "boundary": overlay(image, measurement)}

@@ -12,6 +12,7 @@ Shi, J., Tomasi, C. (1994). Good features to track. Proc. IEEE Conf. Comput. Vis
 """
 
 import math
+from typing import Any
 
 import cv2
 import numpy as np
@@ -72,9 +73,7 @@ def find(view: SideView, by_roughness: bool = False) -> tuple[np.ndarray, bool]:
     return np.vstack([mask, np.zeros((len(view.image) - above, mask.shape[1]), np.uint8)]), beside
 
 
-def refine(
-    view: SideView, coarse: np.ndarray, berry_px: float, by_roughness: bool = False
-) -> tuple[Segmentation, float]:
+def refine(view: SideView, coarse: np.ndarray, berry_px: float, by_roughness: bool) -> tuple[Segmentation, float]:
     """Find the boundary of a pile in a finer view; `coarse` is its mask (H, W), accurate to half a grain.
 
     And the share, 0 to 1, of its upper boundary at which both sides hardly differ.
@@ -170,12 +169,9 @@ def shadow_below(image: np.ndarray, mask: np.ndarray) -> int:
 def features(image: np.ndarray) -> np.ndarray:
     """Two ratios of the channels and the brightness, as logarithms scaled to lie around 128: float32 (H, W, 3)."""
     blue, green, red = cv2.split(cv2.GaussianBlur(image, (0, 0), 0.8).astype(np.float32) + DARK)
-    parts = np.log(red / green), np.log(blue / green), np.log(red + green + blue)
-    gains = COLOUR_GAIN, COLOUR_GAIN, BRIGHTNESS_GAIN
-    middles = 0.0, 0.0, math.log(3 * 100.0)
-    return np.stack(
-        [128 + gain * (part - middle) for part, gain, middle in zip(parts, gains, middles, strict=True)], axis=-1
-    )
+    colours = (COLOUR_GAIN * np.log(channel / green) for channel in (red, blue))
+    brightness = BRIGHTNESS_GAIN * (np.log(red + green + blue) - math.log(3 * 100.0))
+    return 128 + np.stack([*colours, brightness], axis=-1)
 
 
 def _seen(view: SideView, above: int, grain_px: float | None, pile: np.ndarray | None = None) -> np.ndarray:
@@ -243,10 +239,8 @@ def _first_guess(difference: np.ndarray, rough: np.ndarray, hidden: np.ndarray) 
     """
     shown = np.where(hidden & ~hidden.all(axis=1, keepdims=True), np.nan, rough)
     usual = np.nanmedian(shown, axis=1, keepdims=True)  # of the row: an edge of the table is rough, too
-    size = np.sqrt(
-        (difference[..., :2] ** 2).sum(-1) + (0.5 * difference[..., 2]) ** 2 + np.maximum(rough - usual, 0) ** 2
-    )
-    size = np.where(hidden, 0, cv2.GaussianBlur(size, (0, 0), 1.5))
+    square = (difference[..., :2] ** 2).sum(-1) + (0.5 * difference[..., 2]) ** 2 + np.maximum(rough - usual, 0) ** 2
+    size = np.where(hidden, 0, cv2.GaussianBlur(np.sqrt(square), (0, 0), 1.5))
     level, _ = cv2.threshold(np.clip(size, 0, 255).astype(np.uint8), 0, 1, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
     # The plate may have more of the grains' colour than the wall has: then the foot needs a lower level.
     for lower in (level, level / 2, level / 4):
@@ -344,10 +338,9 @@ def _means(colours: np.ndarray, mask: np.ndarray, reach_px: float) -> list[np.nd
 def _about(colours: np.ndarray, part: np.ndarray, reach_px: float) -> np.ndarray:
     """Average the colours (H, W, N) of a part (H, W) about each pixel."""
     box = (2 * max(3, round(reach_px)) + 1,) * 2
-    weight, total = (
-        cv2.boxFilter(values, -1, box, normalize=False, borderType=cv2.BORDER_REPLICATE)
-        for values in (part.astype(np.float32), colours * part[..., None].astype(np.float32))
-    )
+    seen = part.astype(np.float32), colours * part[..., None].astype(np.float32)
+    how: Any = {"normalize": False, "borderType": cv2.BORDER_REPLICATE}
+    weight, total = (cv2.boxFilter(values, -1, box, **how) for values in seen)
     return total / np.maximum(weight, 1)[..., None]
 
 

@@ -16,7 +16,7 @@ loose_percent    share of the grains that does not touch the pile
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,6 +26,8 @@ from repose.core.responses import responses_of
 from repose.measure import pile
 from repose.measure.angles import CALIBRATED_ANGLE, MEAN_KEYS
 from repose.measure.profile_points import outermost_crossing
+from repose.measure.saved_pours import Arrays
+from repose.measure.settings import MeasureSettings
 from repose.measure.silhouette import Grains
 from repose.particle.particle import Particle
 
@@ -83,9 +85,7 @@ def of_scatter(centres_m: np.ndarray, in_pile: ArrayLike, on_plate_mm: float) ->
     return {"radius_90_mm": float(np.quantile(distance[there], HELD)), "loose_percent": float(loose)}
 
 
-def of_pour(
-    arrays: Mapping[str, np.ndarray], particle: Particle, settings: pile.MeasureSettings, plate_mm: float
-) -> dict[str, float]:
+def of_pour(arrays: Arrays, particle: Particle, settings: MeasureSettings, plate_mm: float) -> dict[str, float]:
     """All responses of `MEASURED` of one pour, by name."""
     settings = pile.with_berry_height(settings, particle)
     assert settings.berry_height_mm is not None

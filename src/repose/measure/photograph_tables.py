@@ -15,6 +15,7 @@ from repose.measure.settings import MeasureSettings, line_of
 
 MEANT = ("aor_deg", "height_mm")  # numbers that become targets
 LINE = ("response", "fit_from", "fit_to", "flank", "smallest_window")
+NO_SCATTER = "one pile gives no scatter: photograph more piles, or fill in sd and range in targets.yaml yourself"
 
 
 class Tables(NamedTuple):
@@ -66,11 +67,8 @@ def targets(made: Tables, how: MeasureSettings, bench: str, responses: Mapping[s
     """
     line = ", ".join(f"{key}: {getattr(how, key)}" for key in LINE)
     grain = "" if how.berry_height_mm is None else f", berry_height_mm: {how.berry_height_mm:.6g}"
-    lines = [
-        "# Measured on photographs; summary.csv lies beside it.",
-        f"measure: {{{line}{grain}}} # the line: {line_of(how)}",
-        "targets:",
-    ]
+    lines = ["# Measured on photographs; summary.csv lies beside it."]
+    lines += [f"measure: {{{line}{grain}}} # the line: {line_of(how)}", "targets:"]
     for row in made.summary[made.summary["response"].isin(list(responses))].itertuples():
         single = math.isnan(row.sd)
         low, high = range_about(row.value, row.sd, row.repetitions)
@@ -102,13 +100,10 @@ def describe(photographs: Sequence[Photograph], made: Tables, how: MeasureSettin
         if seen is None:
             text = f"refused: {photograph.refused}"
         else:
-            text = (
-                f"left {seen.angle.left_deg:.2f} deg, right {seen.angle.right_deg:.2f} deg, "
-                f"angle of repose {seen.aor_deg:.2f} deg, Height {seen.height_mm:.2f} mm"
-            )
-            for name, reason in seen.reasons.items():
-                text += f"; no {name}: {reason}"
-            text += "".join(f"; {doubt}" for doubt in photograph.doubts)
+            text = f"left {seen.angle.left_deg:.2f} deg, right {seen.angle.right_deg:.2f} deg, "
+            text += f"angle of repose {seen.aor_deg:.2f} deg, Height {seen.height_mm:.2f} mm"
+            missing = (f"no {name}: {reason}" for name, reason in seen.reasons.items())
+            text = "; ".join([text, *missing, *photograph.doubts])
         lines.append(f"{photograph.path.name:<{wide}}  {text}")
     by_name = made.summary.set_index("response")
     lines.append("mean, standard deviation, number of photographs:")
@@ -122,16 +117,13 @@ def describe(photographs: Sequence[Photograph], made: Tables, how: MeasureSettin
     grain = "not known" if how.berry_height_mm is None else f"{how.berry_height_mm:.2f} mm"
     lines.append(f"height of a grain: {grain}")
     if made.summary["sd"].isna().any():
-        lines.append(
-            "one pile gives no scatter: photograph more piles, or fill in sd and range in targets.yaml yourself"
-        )
+        lines.append(NO_SCATTER)
     lines += sorted({f"note: {photograph.note}" for photograph in photographs if photograph.note})
     doubtful = sum(bool(photograph.doubts) for photograph in photographs)
     if doubtful:
         counted = "the mean counts them" if made.doubtful else "not in the mean; --doubtful counts them"
         lines.append(f"doubtful photographs: {doubtful}, {counted}")
-    there = (
-        "no targets: no photograph counts" if made.summary.empty else f"the targets of a study: {out / 'targets.yaml'}"
-    )
+    targeted = f"the targets of a study: {out / 'targets.yaml'}"
+    there = "no targets: no photograph counts" if made.summary.empty else targeted
     lines.append(f"look at the overlays in {out}; {there}")
     return "\n".join(lines)

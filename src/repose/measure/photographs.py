@@ -27,6 +27,8 @@ FAINT_SHARE = 0.2
 LARGEST_DIFFERENCE_DEG = 10.0  # of the two sides
 USUAL_GRAINS = 8  # in the height of a pile, if the height of a grain is not known
 DOUBT = "doubtful"  # begins a doubt
+NO_SHEET = "the printed sheet is not seen; without one the scale is given by --mm-per-pixel or --length"
+FAINT = "the pile hardly differs from its background along its boundary: the background is not plain"
 LEAST_PX = 80  # pixels in the height of a pile: with fewer its angle changes by up to 1.5 degrees
 LOWEST_PILE = 1.5  # of a grain's height: below it is a layer
 LARGEST_RISE = 1.5, 0.12  # of a grain's and of the pile's height: of the outline, away from the crest
@@ -34,6 +36,9 @@ LARGEST_DROP = 2.0, 0.2  # likewise: of the outline within half a grain
 MEETING = 0.7, 1.3  # of the pile's height: where the lines of a cone's two flanks meet
 LOWEST_FOOT = 0.6  # of a grain's height: of the widest row over the lowest
 LARGEST_SHADOW = 0.3  # of a grain's height: rows below the grains with the background's colour
+
+Paths = Sequence[Path]
+Size = tuple[int, int]  # width and height of a photograph in pixels
 
 
 @dataclass(frozen=True)
@@ -83,7 +88,7 @@ def load(path: Path) -> tuple[np.ndarray, float]:
     return image, times
 
 
-def readable(paths: Sequence[Path]) -> tuple[list[Path], list[InputError]]:
+def readable(paths: Paths) -> tuple[list[Path], list[InputError]]:
     """Split photographs into those that can be read, and the faults of the others."""
     good, faults = [], []
     for path in paths:
@@ -95,13 +100,11 @@ def readable(paths: Sequence[Path]) -> tuple[list[Path], list[InputError]]:
     return good, faults
 
 
-def cameras(
-    paths: Sequence[Path], square_mm: float
-) -> tuple[dict[Path, sheet.Seen | None], dict[tuple[int, int], camera.Camera]]:
-    """Find the sheet in each photograph, None if not seen, and the camera of each size (width, height)."""
+def cameras(paths: Paths, square_mm: float) -> tuple[dict[Path, sheet.Seen | None], dict[Size, camera.Camera]]:
+    """Find the sheet in each photograph, None if not seen, and the camera of each size."""
     seen: dict[Path, sheet.Seen | None] = {}
-    of_size: dict[tuple[int, int], list[sheet.Seen]] = {}
-    focal: dict[tuple[int, int], float | None] = {}
+    of_size: dict[Size, list[sheet.Seen]] = {}
+    focal: dict[Size, float | None] = {}
     for path in paths:
         image, _ = load(path)
         size = image.shape[1], image.shape[0]
@@ -112,9 +115,7 @@ def cameras(
     return seen, {size: camera.calibrate(views, size, focal[size]) for size, views in of_size.items()}
 
 
-def measure_all(
-    paths: Sequence[Path], how: MeasureSettings, scale: Scale, lens: Sequence[Path] = ()
-) -> list[Photograph]:
+def measure_all(paths: Paths, how: MeasureSettings, scale: Scale, lens: Paths = ()) -> list[Photograph]:
     """Measure photographs; `lens` are photographs of the sheet alone, by the same camera."""
     if scale.mm_per_pixel is not None:
         return [measure_plain(path, how, scale) for path in paths]
@@ -128,9 +129,7 @@ def measure_all(
         photograph, where = Photograph(path, image), seen[path]
         results.append(photograph)
         if where is None:
-            photograph.refused = (
-                "the printed sheet is not seen; without one the scale is given by --mm-per-pixel or --length"
-            )
+            photograph.refused = NO_SHEET
             continue
         try:
             _measure_with_sheet(photograph, where, by_size[image.shape[1], image.shape[0]], how)
@@ -180,10 +179,9 @@ def _measure_seen(
     guess, grain_px = _onto(mask, coarse, fine, crest), grain / fine.mm_per_pixel
     photograph.pile, faint = finding.refine(fine, guess, grain_px, by_roughness)
     if abs(look_down) > camera.LARGEST_LOOK_DOWN_DEG:
-        raise NoFlankError(
-            f"the camera looks at the crest from {look_down:.0f} degrees above: the flanks look flatter; "
-            f"hold the lens as high as the crest, {camera.LARGEST_LOOK_DOWN_DEG:g} degrees are allowed"
-        )
+        above = f"the camera looks at the crest from {look_down:.0f} degrees above: the flanks look flatter"
+        remedy = f"hold the lens as high as the crest, {camera.LARGEST_LOOK_DOWN_DEG:g} degrees are allowed"
+        raise NoFlankError(f"{above}; {remedy}")
     _require_whole(photograph.pile.mask, fine.hidden)
     flat = _measured(photograph, how).angle
     away, eye = math.hypot(pose.eye[0] - crest, pose.eye[1]), pose.eye[2]
@@ -193,9 +191,7 @@ def _measure_seen(
     photograph.pile = replace(photograph.pile, beside=beside)
     doubts = _doubts(photograph.pile, measurement, grain, fine.mm_per_pixel)
     if faint > FAINT_SHARE:
-        raise finding.NotPlainError(
-            "the pile hardly differs from its background along its boundary: the background is not plain"
-        )
+        raise finding.NotPlainError(FAINT)
     if faint > FAINT_SHARE / 2:
         share = f"{100 * faint:.0f} % of its boundary"
         doubts.append(f"{DOUBT}: the pile hardly differs from its background along {share}")
@@ -230,10 +226,8 @@ def _measured(photograph: Photograph, how: MeasureSettings) -> Measurement:
     measurement = with_response(measure_segmented(photograph.pile, how))
     difference = abs(measurement.angle.left_deg - measurement.angle.right_deg)
     if difference > LARGEST_DIFFERENCE_DEG:
-        raise NoFlankError(
-            f"its two sides differ by {difference:.0f} degrees: no such pile, or the background is not plain; "
-            f"{LARGEST_DIFFERENCE_DEG:g} are allowed"
-        )
+        unlike = f"its two sides differ by {difference:.0f} degrees: no such pile, or the background is not plain"
+        raise NoFlankError(f"{unlike}; {LARGEST_DIFFERENCE_DEG:g} are allowed")
     return measurement
 
 
@@ -264,10 +258,9 @@ def _doubts(pile: Segmentation, measurement: Measurement, grain_mm: float, mm_pe
         # an error of a pixel at either end of the flank
         (_, low), (_, top) = measurement.angle.lines[0]
         angle = math.degrees(math.sin(2 * math.radians(measurement.aor_deg)) / abs(low - top))
-        doubts.append(
-            f"{DOUBT}: the photograph is too coarse: the pile is {pixels} pixels high, {LEAST_PX} are needed; "
-            f"the angle may be off by {angle:.1f} degrees, the Height by {2 * mm_per_pixel:.1f} mm"
-        )
+        coarse = f"the photograph is too coarse: the pile is {pixels} pixels high, {LEAST_PX} are needed"
+        off = f"the angle may be off by {angle:.1f} degrees, the Height by {2 * mm_per_pixel:.1f} mm"
+        doubts.append(f"{DOUBT}: {coarse}; {off}")
     return doubts
 
 
@@ -336,10 +329,8 @@ def _require_whole(mask: np.ndarray, hidden: np.ndarray) -> None:
 def _require_foot(image: np.ndarray, pile: Segmentation, how: MeasureSettings) -> None:
     """Raise NoFlankError if the base is not seen, or is a shadow or the near rim of a pile seen from above."""
     if pile.mask[-1].any():
-        raise NoFlankError(
-            "the pile runs out of the picture at the bottom: its foot is not seen; "
-            "give --base-row, the row of the plate"
-        )
+        below = "the pile runs out of the picture at the bottom: its foot is not seen"
+        raise NoFlankError(f"{below}; give --base-row, the row of the plate")
     widths = pile.mask.sum(axis=1, dtype=int)
     rows = np.flatnonzero(widths)
     widest = rows[np.flatnonzero(widths[rows] >= 0.99 * widths.max())[-1]]

@@ -66,11 +66,9 @@ def measure_segmented(pile: Segmentation, settings: MeasureSettings) -> Measurem
     measured, reasons = measure_sides(profile, crest, settings)
     angles = {}
     for name, (aor_deg, left, right) in measured.items():
-        lines = (
-            tuple((u, pile.base_row - z) for u, z in left.ends),
-            tuple((profile.size - 1 - u, pile.base_row - z) for u, z in right.ends),
-        )
-        angles[name] = Angle(left.angle_deg, right.angle_deg, aor_deg, lines)
+        on_left = tuple((u, pile.base_row - z) for u, z in left.ends)
+        on_right = tuple((profile.size - 1 - u, pile.base_row - z) for u, z in right.ends)
+        angles[name] = Angle(left.angle_deg, right.angle_deg, aor_deg, (on_left, on_right))
     return Measurement(
         response=settings.response,
         angles=angles,
@@ -122,15 +120,13 @@ def _check_header(path: Path) -> None:
 # --- a simulated pile -----------------------------------------------------------------------------
 
 
-def measure_pile(
-    grains: Grains, settings: MeasureSettings | None = None, members: np.ndarray | None = None
-) -> PileResult:
-    """Measure simulated bodies on the plate z = 0 from `settings.views` sides.
+def measure_pile(grains: Grains, how: MeasureSettings | None = None, members: np.ndarray | None = None) -> PileResult:
+    """Measure simulated bodies on the plate z = 0 from `how.views` sides.
 
     `members` marks the largest cluster in contact; None means the largest connected part of each silhouette, which may
     include a loose grain in front of the pile.
     """
-    settings = with_berry_height(settings or MeasureSettings(), grains.particle)
+    settings = with_berry_height(how or MeasureSettings(), grains.particle)
     height_m, views = pile_views(grains, settings, members)
     aor = {name: np.full(settings.views, np.nan) for name in DEFINITIONS}
     height = np.full(settings.views, np.nan)

@@ -20,6 +20,7 @@ import numpy as np
 from repose.core.errors import NoFlankError
 
 MIN_LEVELS = 12  # pixel rows in the band: fewer carry no angle
+NO_FOOT = "the pile runs out of the picture sideways, or the background is not plain: its foot is not seen"
 
 Points = tuple[np.ndarray, np.ndarray]
 
@@ -72,7 +73,5 @@ def points_between(profile: np.ndarray, low: float, high: float, rule: str) -> P
     if levels_between(low, high).size < MIN_LEVELS:
         raise NoFlankError(f"the flank is only {high - low:.0f} pixels high, {MIN_LEVELS} are needed")
     if profile[0] >= low:
-        raise NoFlankError(
-            "the pile runs out of the picture sideways, or the background is not plain: its foot is not seen"
-        )
+        raise NoFlankError(NO_FOOT)
     return FLANK_RULES[rule](profile, low, high)

@@ -43,10 +43,8 @@ class Measurement:
     def record(self) -> dict[str, float | None]:
         """List the response's two sides, the Height and every definition by name, to 0.001; None if not measured."""
         sides = {key: round(getattr(self.angle, key), 3) for key in ("left_deg", "right_deg", "aor_deg")}
-        angles = {
-            MEAN_KEYS[name]: round(self.angles[name].aor_deg, 3) if name in self.angles else None
-            for name in DEFINITIONS
-        }
+        angles: dict[str, float | None] = dict.fromkeys(MEAN_KEYS.values())
+        angles |= {MEAN_KEYS[name]: round(angle.aor_deg, 3) for name, angle in self.angles.items()}
         return sides | {"height_mm": round(self.height_mm, 3)} | angles
 
 

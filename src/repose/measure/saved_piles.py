@@ -1,6 +1,6 @@
 """Responses of a pile from the final positions of its grains."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -8,6 +8,8 @@ import numpy as np
 from repose.core.errors import NoFlankError
 from repose.measure import pile
 from repose.measure.angles import MEAN_KEYS
+from repose.measure.saved_pours import Arrays
+from repose.measure.settings import MeasureSettings
 from repose.measure.silhouette import Grains, silhouette
 
 if TYPE_CHECKING:
@@ -15,11 +17,7 @@ if TYPE_CHECKING:
 
 
 def pile_responses(
-    arrays: Mapping[str, np.ndarray],
-    particle: "Particle",
-    settings: pile.MeasureSettings,
-    plate_mm: float,
-    further: Sequence[str] = (),
+    arrays: Arrays, particle: "Particle", settings: MeasureSettings, plate_mm: float, further: Sequence[str] = ()
 ) -> tuple[dict[str, Any], dict[str, str]]:
     """Responses of a pile by name, and the reasons for missing ones."""
     responses: dict[str, Any] = {}
@@ -43,9 +41,7 @@ def pile_responses(
     return responses, reasons
 
 
-def side_view(
-    arrays: Mapping[str, np.ndarray], particle: "Particle", settings: pile.MeasureSettings, azimuth_deg: float = 0.0
-) -> np.ndarray:
+def side_view(arrays: Arrays, particle: "Particle", settings: MeasureSettings, azimuth_deg: float = 0.0) -> np.ndarray:
     """Silhouette (H, W) of a pour's pile, the plate at its lower border; `arrays` as in `pile_responses`."""
     grains = Grains.of(arrays, particle)
     shown = grains[arrays["in_pile"]] if settings.largest_pile_only else grains

@@ -16,6 +16,7 @@ POURS = ".pours.json"  # behind the stem of a job's files
 KINDS = ("position", "quaternion", "in_pile")
 COLUMNS = {"position": 3, "quaternion": 4}
 ONE_A_GRAIN = ("in_pile", "scale")
+Arrays = Mapping[str, np.ndarray]  # of a pour, by name
 WHAT = f"NAME{POURS} as the verb pour writes it"
 
 
@@ -44,9 +45,7 @@ def saved_positions(path: str | PathLike) -> dict[str, np.ndarray]:
     return read_npz(path, what="the .npz file that the verb pour wrote")
 
 
-def pour_arrays(
-    arrays: dict[str, np.ndarray], seed: object, source: object, kinds: Iterable[str] = KINDS
-) -> dict[str, np.ndarray]:
+def pour_arrays(arrays: Arrays, seed: object, source: object, kinds: Iterable[str] = KINDS) -> dict[str, np.ndarray]:
     """Arrays of one pour by name, from those with the keys NAME_SEED; InputError if one of `kinds` is unusable."""
     ending = f"_{seed}"
     selected = {key.removesuffix(ending): values for key, values in arrays.items() if key.endswith(ending)}
@@ -58,7 +57,7 @@ def pour_arrays(
     return selected
 
 
-def _check_grains(arrays: Mapping[str, np.ndarray], source: object, ending: str) -> None:
+def _check_grains(arrays: Arrays, source: object, ending: str) -> None:
     """Raise InputError for arrays of different numbers of grains, or with impossible values."""
     grains = arrays["position"].shape[-2:-1]
     for kind in filter(arrays.__contains__, (*COLUMNS, *ONE_A_GRAIN)):

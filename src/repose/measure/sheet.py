@@ -27,6 +27,11 @@ class Seen:
     pixels: np.ndarray  # (N, 2), column and row of the same corners
     square_mm: float = SQUARE_MM
 
+    @property
+    def flat_mm(self) -> np.ndarray:
+        """The corners in the plane of the sheet, (N, 3), with the third coordinate 0."""
+        return np.column_stack([self.places_mm, np.zeros(len(self.places_mm))])
+
 
 def size_mm(square_mm: float = SQUARE_MM) -> tuple[float, float]:
     """Width and height of the sheet, cut out; `square_mm` is the side of a square as printed."""
@@ -72,9 +77,8 @@ def pdf(square_mm: float = SQUARE_MM) -> bytes:
     axes: Any = figure.add_axes((0, 0, 1, 1))
     axes.axis("off")
     extent = (left, left + wide, bottom, bottom + high)
-    axes.imshow(
-        drawing(square_mm)[0], cmap="gray", vmin=0, vmax=255, extent=extent, interpolation="none", aspect="auto"
-    )
+    look: Any = {"cmap": "gray", "vmin": 0, "vmax": 255, "interpolation": "none", "aspect": "auto"}
+    axes.imshow(drawing(square_mm)[0], extent=extent, **look)
     axes.add_patch(Rectangle((left, bottom), wide, high, fill=False, linewidth=0.3, edgecolor="0.5"))
     axes.set(xlim=(0, PAGE_MM[0]), ylim=(0, PAGE_MM[1]))
     middle = PAGE_MM[0] / 2

@@ -4,7 +4,6 @@ Rows count downwards from the picture's top; a pixel's centre has whole coordina
 """
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -14,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from repose.core.errors import InputError
 from repose.dem.rotations import rotation_matrices
+from repose.measure.saved_pours import Arrays
 
 # Simulations run side by side, one a core: OpenCV's own threads would only compete with them.
 cv2.setNumThreads(1)
@@ -47,7 +47,7 @@ class Grains:
         self.scales = np.broadcast_to(np.asarray(self.scales, float), len(self.centres_m))
 
     @classmethod
-    def of(cls, arrays: Mapping[str, np.ndarray], particle: ConvexBody) -> "Grains":
+    def of(cls, arrays: Arrays, particle: ConvexBody) -> "Grains":
         """Give the grains of a pour from its arrays ``position``, ``quaternion`` and perhaps ``scale``."""
         return cls(arrays["position"], arrays["quaternion"], particle, arrays.get("scale", 1.0))
 

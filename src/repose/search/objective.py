@@ -17,6 +17,7 @@ from repose.core.targets import Targets
 from repose.search.miga import MIGA
 from repose.search.settings import MigaSettings
 
+Function = Callable[[np.ndarray], np.ndarray]
 PENALTY = 10.0
 PRIOR_WEIGHT = 0.01
 HISTORY = ("round", "generation", "evaluations", "best_objective", "mean_objective", "feasible_found")
@@ -139,19 +140,15 @@ def distinct(points: np.ndarray, fitness: np.ndarray, distance: float, most: int
 
 
 def search(
-    respond: Callable[[np.ndarray], np.ndarray],
-    objective: Objective,
-    dimensions: int,
-    settings: MigaSettings,
-    preference: Preference | None = None,
+    respond: Function, objective: Objective, inputs: int, settings: MigaSettings, preference: Preference | None = None
 ) -> tuple[Archive, list[tuple], int]:
     """Search with `MIGA`; return the archive, thinned; a row (`HISTORY`) per round; the number of feasible points met.
 
-    `respond` maps points (n, dimensions) in [-1, 1] to responses (n, k). The archive holds five times
+    `respond` maps points (n, inputs) in [-1, 1] to responses (n, k). The archive holds five times
     `solutions` points, since a point that is thinned away may lose its better neighbour later.
     """
-    miga = MIGA.of(dimensions, settings)
-    archive = Archive(dimensions, settings.distance, 5 * settings.solutions)
+    miga = MIGA.of(inputs, settings)
+    archive = Archive(inputs, settings.distance, 5 * settings.solutions)
     history, feasible_met = [], 0
     for round_ in range(1, settings.rounds + 1):
         seen = []

@@ -28,13 +28,9 @@ def content(best: Answer, study: Studied) -> dict[str, Any]:
         mean, covariance = best.model.predict(point)[0], best.model.covariance(point)[0]
         best = replace(best, mean=mean, covariance=covariance)
     feasible, message = verdict(best, targets, best.notes.get("note", ""))
-    return {
-        "feasible": feasible,
-        "message": message,
-        "predicted_error": best.error,
-        "solutions": solutions(best, feasible, study.parameters, targets),
-        "simulated": best.simulated,
-    }
+    table = solutions(best, feasible, study.parameters, targets)
+    found = {"feasible": feasible, "message": message, "predicted_error": best.error}
+    return found | {"solutions": table, "simulated": best.simulated}
 
 
 def write(found: Mapping[str, Any], checked: pd.DataFrame, study: Studied, out_dir: Path_) -> pd.DataFrame:

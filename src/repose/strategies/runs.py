@@ -16,6 +16,7 @@ from repose.strategies.base import Studied, strategy
 
 OK = "ok"
 Rows = Sequence[Mapping[str, Any]]
+Table = pd.DataFrame | Rows
 TURN = "turn"  # column of a record: with which proposal a run was told
 TURNS = Column(TURN, int, low=0, empty=True)
 OPTIONAL = ("status", TURN)
@@ -75,9 +76,7 @@ def rows_of(path: Path_) -> Rows:
     return read(path, [Column("status", str, needed=False)], "a CSV file of runs").rows()
 
 
-def checked_runs(
-    study: Studied, rows: pd.DataFrame | Rows, source: object = "runs", enough: bool = True
-) -> pd.DataFrame:
+def checked_runs(study: Studied, rows: Table, source: object = "runs", enough: bool = True) -> pd.DataFrame:
     """Check a table of runs; return ``sample``, ``status``, parameters and responses, with the turns as attribute.
 
     Columns of fixed parameters, ``sample``, ``run`` and ``status`` are optional. Rows with the same parameters are

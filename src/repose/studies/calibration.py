@@ -71,12 +71,10 @@ class Calibration(NamedTuple):
         """The material card, as `save` writes it."""
         study, draws = self.study, (self.posterior.parameters, self.posterior.draws)
         about = {"simulator": _simulator(study), "probability": self.probability}
-        tests: dict[str, dict[str, Any]] = {
-            name: {"definition": {"name": _definitions(study).get(name), "settings": {}}, "bench": None}
-            for name in study.targets.names
-        }
-        found = self.as_answer()
-        return card.assembled(about, tests, found, study.parameters, self.solutions, draws)
+        words, tests = _definitions(study), {}
+        for name in study.targets.names:
+            tests[name] = {"definition": {"name": words.get(name), "settings": {}}, "bench": None}
+        return card.assembled(about, tests, self.as_answer(), study.parameters, self.solutions, draws)
 
     def save(self, out_dir: Path_) -> None:
         """Write tables, summary and material card into a folder; docs/own_simulator.md lists the files."""
@@ -108,7 +106,7 @@ class Calibration(NamedTuple):
             feasible=self.summary["feasible"],
             message=self.summary["message"],
             checks=tuple(
-                Check.of(target, None, None, 0, NOT_AGAIN, predicted=mean)
+                Check.of(target, simulated=None, standard_error=None, runs=0, status=NOT_AGAIN, predicted=mean)
                 for target, mean in zip(self.study.targets, self.answer.mean.tolist(), strict=True)
             ),
             folder=Path(),
@@ -126,10 +124,8 @@ class Calibration(NamedTuple):
         for target, mean, error in zip(self.study.targets, best.mean, best.error, strict=True):
             unit = f" {target.response.unit}".rstrip()
             off = target.off_percent(mean)
-            lines.append(
-                f"  {target.name}: {mean:.4g} +- {error:.2g}{unit}, {off:+.2f} % off the target {target.aim:g}, "
-                f"range {target.low:g} to {target.high:g}{unit}"
-            )
+            aimed = f"{off:+.2f} % off the target {target.aim:g}, range {target.low:g} to {target.high:g}{unit}"
+            lines.append(f"  {target.name}: {mean:.4g} +- {error:.2g}{unit}, {aimed}")
         lines.append(f"Probability that the simulator's means there lie {describe_probability(self.probability)}.")
         return "\n".join(lines)
 
@@ -153,7 +149,7 @@ def calibrate(study: Studied, runs: pd.DataFrame, proposal: Batch | Answer | Non
     """
     space, targets, settings = study.parameters, study.targets, study.settings
     best = proposal if isinstance(proposal, Answer) else strategy(settings.strategy).answer(study, runs)
-    observed, _ = observed_of(runs, space, targets)
+    observed = observed_of(runs, space, targets)
     noise = noise_from(study, observed)
     model = best.model or SpaceKriging(Kriging(observed, noise.covariance), space)
     samples = _samples(study, runs)

@@ -27,12 +27,8 @@ DIFFERENCE = f"a finite number, at most {LARGEST:g} in size"
 MODEL = ("particle", "tension", "filling")
 
 
-def of_targets(
-    targets: Targets, runs: pd.DataFrame, percent: float, correlation: float, study: np.ndarray | None = None
-) -> np.ndarray:
-    """Compute the covariance S_d (k, k) of the discrepancies of a study's k targets."""
-    if study is not None:
-        return study
+def of_targets(targets: Targets, runs: pd.DataFrame, percent: float, correlation: float) -> np.ndarray:
+    """Compute the covariance S_d (k, k) of the stated discrepancies of a study's k targets."""
     means = runs.groupby("sample")[list(targets.names)].mean().to_numpy()
     sd = percent / 100 * np.array([target.whole_value for target in targets])
     return covariance([one.apparatus for one in targets.responses], sd, means, correlation)

@@ -20,7 +20,7 @@ from scipy.stats import qmc
 
 from repose.core.parameter_space import ParameterSpace
 from repose.core.targets import Targets
-from repose.studies.likelihood import log_likelihood
+from repose.studies.likelihood import Observed, log_likelihood
 from repose.studies.sampler import BINS, bits_of_shares
 from repose.surrogate.base import Surrogate
 
@@ -33,7 +33,6 @@ IMPLAUSIBLE = 3.0  # standard deviations (P94)
 CELLS = 16  # of each parameter in a projection on two
 REGION = ["x", "y", "x_quantile", "y_quantile", "least_implausibility", "share"]
 
-Observed = tuple[np.ndarray, np.ndarray]
 Observation = Callable[[float, float], Observed]
 """From size (percent) and correlation of a stated discrepancy to `repose.studies.likelihood.observation`."""
 
@@ -72,7 +71,7 @@ def curve(points: Points, targets: Targets, observed: Observation, shapes: Obser
 
 def _bits(points: Points, observation: Observed) -> dict[str, Any]:
     """Compute joint bits, effective points, and interval and bits of each parameter."""
-    log_weight = log_likelihood(points.predicted, points.covariance, *observation)
+    log_weight = log_likelihood(points.predicted, points.covariance, observation)
     weight = np.exp(log_weight - log_weight.max())
     weight /= weight.sum()
     row: dict[str, Any] = {"information_bits": joint_bits(weight), "effective_points": 1 / float(weight @ weight)}

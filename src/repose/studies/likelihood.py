@@ -24,8 +24,10 @@ from scipy import stats
 
 from repose.core.targets import Targets
 
+Observed = tuple[np.ndarray, np.ndarray]  # of `observation`
 
-def observation(targets: Targets, correlation: np.ndarray, discrepancy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+
+def observation(targets: Targets, correlation: np.ndarray, discrepancy: np.ndarray) -> Observed:
     """Return the physical means (k,) and the part S_y + S_d (k, k) of their covariance that no parameter changes."""
     correlation = np.asarray(correlation, dtype=float)
     if np.linalg.eigvalsh(correlation)[0] <= 0:
@@ -34,15 +36,9 @@ def observation(targets: Targets, correlation: np.ndarray, discrepancy: np.ndarr
     return targets.value, np.outer(error, error) * correlation + discrepancy
 
 
-def measured_correlation(targets: Targets, simulated: np.ndarray, stated: float | str) -> np.ndarray:
-    """Correlate the measured responses (k, k) as simulated runs are, or by a stated number within a bench test."""
-    return simulated if isinstance(stated, str) else targets.correlated(stated)
-
-
-def log_likelihood(
-    responses: np.ndarray, covariances: np.ndarray, mean: np.ndarray, covariance: np.ndarray
-) -> np.ndarray:
-    """Compute the log (n,) of the normal density N(mean; responses, covariance + covariances)."""
+def log_likelihood(responses: np.ndarray, covariances: np.ndarray, observed: Observed) -> np.ndarray:
+    """Compute the log (n,) of the normal density N(mean; responses, covariance + covariances) of `observed`."""
+    mean, covariance = observed
     total = covariance + covariances
     off = mean - responses
     distance = _squared_distance(off, total)
@@ -50,10 +46,9 @@ def log_likelihood(
     return -0.5 * (distance + log_det + off.shape[1] * math.log(2 * math.pi))
 
 
-def misfit(
-    responses: np.ndarray, covariances: np.ndarray, mean: np.ndarray, covariance: np.ndarray
-) -> dict[str, float]:
+def misfit(responses: np.ndarray, covariances: np.ndarray, observed: Observed) -> dict[str, float]:
     """Measure how far the best draw is from the measurements; arguments as for `log_likelihood`."""
+    mean, covariance = observed
     off = mean - responses
     best = float(_squared_distance(off, covariance + covariances).min())
     return {"squared_distance": best, "p_value": float(stats.chi2.sf(best, off.shape[1]))}

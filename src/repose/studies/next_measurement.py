@@ -98,9 +98,8 @@ def run(
 
 def message(table: pd.DataFrame) -> str:
     """Write the table in lines, most informative response first."""
-    lines = [
-        f"{row.response} ({row.apparatus}): {row.bits:.2f} bits ({row.bits_low:.2f} to {row.bits_high:.2f})"
-        f" by the mean of {row.repetitions}"
-        for row in table.itertuples()
-    ]
-    return "\n".join(["Information that one more response would add, in bits:", *lines])
+    lines = ["Information that one more response would add, in bits:"]
+    for row in table.itertuples():
+        bits = f"{row.bits:.2f} bits ({row.bits_low:.2f} to {row.bits_high:.2f})"
+        lines.append(f"{row.response} ({row.apparatus}): {bits} by the mean of {row.repetitions}")
+    return "\n".join(lines)

@@ -79,11 +79,8 @@ def noise_floor(runs: pd.DataFrame, targets: Targets) -> NoiseFloor:
         for label, icc in (("", components.icc), ("_low", components.icc_low), ("_high", components.icc_high)):
             table[f"{quantity}_reachable_r2{label}"] = icc / (icc + (1 - icc) / seeds)
         rows.append(_row(target, components, ok, own[own["status"] != "ok"]))
-    summary = {
-        "responses": {row["response"]: row for row in rows},
-        "correlation": correlation_record(within_correlation(runs, targets)[1]),
-        "confidence": CONFIDENCE,
-    }
+    by_response, pairs = {row["response"]: row for row in rows}, within_correlation(runs, targets)[1]
+    summary = {"responses": by_response, "correlation": correlation_record(pairs), "confidence": CONFIDENCE}
     return NoiseFloor(pd.DataFrame(rows), table, summary)
 
 

@@ -4,6 +4,7 @@ The prior is uniform on the range of each parameter, or normal and cut to the ra
 The likelihood is defined in `repose.studies.likelihood`; `repose.studies.sampler` draws from the posterior.
 """
 
+import contextlib
 import functools
 import math
 from collections.abc import Callable, Mapping
@@ -22,7 +23,7 @@ from repose.core.responses import derived
 from repose.core.targets import Targets
 from repose.strategies.base import Studied
 from repose.studies import discrepancy, implausibility, noise
-from repose.studies.likelihood import log_likelihood, measured_correlation, misfit, observation
+from repose.studies.likelihood import Observed, log_likelihood, misfit, observation
 from repose.studies.sampler import information_bits, joint_information_bits, sample, split_r_hat
 from repose.studies.settings import PosteriorSettings
 from repose.surrogate.base import Predictor, Surrogate
@@ -36,6 +37,8 @@ LARGEST_R_HAT, FEWEST_EFFECTIVE = 1.01, 400  # Vehtari et al. 2021, Bayesian Ana
 DETERMINED, UNDETERMINED = 1.0, 0.2
 WIDE = 0.75  # of the prior's width: a parameter of so wide an interval is not determined, whatever its bits
 MOSTLY = 0.5
+Observing = Callable[[np.ndarray], Observed]
+Pairs = dict[str, dict[str, float]]
 
 
 class Posterior(NamedTuple):
@@ -62,13 +65,13 @@ def infer(
     """
     space, targets, seed = study.parameters, study.targets, settings.seed
     observed, pairs = _observed(runs, targets, settings)
-    assumed = settings.discrepancy_percent, settings.discrepancy_correlation
-    unknown = discrepancy.of_targets(targets, runs, *assumed, shapes)
-    mean, covariance = observed(unknown)
+    stated = settings.discrepancy_percent, settings.discrepancy_correlation
+    unknown = discrepancy.of_targets(targets, runs, *stated) if shapes is None else shapes
+    measured = observed(unknown)
 
     def likelihood(unit: np.ndarray) -> np.ndarray:
         X = space.values(unit)
-        return log_likelihood(model.predict(X), model.covariance(X), mean, covariance)
+        return log_likelihood(model.predict(X), model.covariance(X), measured)
 
     def log_density(unit: np.ndarray) -> np.ndarray:
         return likelihood(unit) + space.log_prior(unit)
@@ -92,7 +95,7 @@ def infer(
         draws[derived(response.name, f"{model.name}_se")] = std[:, k]
     summary = {
         "correlation": noise.correlation_record(pairs),
-        "physical_se": np.sqrt(np.diag(covariance - unknown)).tolist(),
+        "physical_se": np.sqrt(np.diag(measured[1] - unknown)).tolist(),
         "discrepancy_sd": np.sqrt(np.diag(unknown)).tolist(),
         "discrepancy_of": "stated" if shapes is None else "shape study",
         f"{model.name}_se": np.sqrt((std**2).mean(axis=0)).tolist(),
@@ -100,7 +103,7 @@ def infer(
             name: {"mean": float(values.mean()), **_interval(values)}
             for name, values in zip(targets.names, Y.T, strict=True)
         },
-        "misfit": misfit(Y, model.covariance(X), mean, covariance),
+        "misfit": misfit(Y, model.covariance(X), measured),
         "information_bits": bits,
         "information_se_bits": error,
         "sum_of_marginals_bits": float(sum(table["information_bits"])),
@@ -151,24 +154,21 @@ def run(files: Mapping[str, Any], study: Studied, out_dir: Path_, source: object
     return result.summary
 
 
-def _observed(
-    runs: pd.DataFrame, targets: Targets, settings: PosteriorSettings
-) -> tuple[Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], dict[str, dict[str, float]]]:
+def _observed(runs: pd.DataFrame, targets: Targets, settings: PosteriorSettings) -> tuple[Observing, Pairs]:
     """Return a function from S_d to the physical means and their covariance, and the pairs of correlations."""
+    pairs: Pairs = {}
     stated = settings.measured_correlation
-    try:
-        simulated, pairs = noise.within_correlation(runs, targets)
-        if isinstance(stated, str):
-            _check_freedom(targets, pairs)
-    except ValueError:
-        if isinstance(stated, str):
-            raise
-        simulated, pairs = np.eye(len(targets)), {}  # a stated correlation needs no runs
-    correlation = measured_correlation(targets, simulated, stated)
+    if isinstance(stated, str):
+        correlation, pairs = noise.within_correlation(runs, targets)
+        _check_freedom(targets, pairs)
+    else:
+        correlation = targets.correlated(stated)
+        with contextlib.suppress(ValueError):  # a stated correlation needs no runs
+            pairs = noise.within_correlation(runs, targets)[1]
     return functools.partial(observation, targets, correlation), pairs
 
 
-def _check_freedom(targets: Targets, pairs: Mapping[str, Mapping[str, float]]) -> None:
+def _check_freedom(targets: Targets, pairs: Pairs) -> None:
     """Raise ValueError for a bench test with fewer repeated runs than a correlation of its responses needs.
 
     The matrix would be singular, or nearly so.
@@ -188,7 +188,7 @@ def _further_studies(
     observed, _ = _observed(runs, targets, settings)
     points = implausibility.Points(model, study.parameters)
 
-    def stated(percent: float, between: float) -> tuple[np.ndarray, np.ndarray]:
+    def stated(percent: float, between: float) -> Observed:
         return observed(discrepancy.of_targets(targets, runs, percent, between))
 
     of_shapes = None if shapes is None else observed(shapes)
@@ -220,20 +220,16 @@ def message(summary: Mapping[str, Any]) -> str:
     """Write statements, fit and convergence as text."""
     lines, fit = list(summary["statements"].values()), summary["misfit"]
     bits, error = summary["information_bits"], summary["information_se_bits"]
-    distance = math.sqrt(fit["squared_distance"])
-    lines.append(
-        f"together {bits:.2f} ± {error:.2f} bits; the best draw misses the targets by {distance:.2f} standard "
-        f"deviations (p = {fit['p_value']:.2g}); {100 * summary['thin_share']:.0f} % of the draws lie where samples "
-        "are thin"
-    )
+    misses = f"the best draw misses the targets by {math.sqrt(fit['squared_distance']):.2f} standard deviations"
+    thin = f"{100 * summary['thin_share']:.0f} % of the draws lie where samples are thin"
+    lines.append(f"together {bits:.2f} ± {error:.2f} bits; {misses} (p = {fit['p_value']:.2g}); {thin}")
     lines += summary.get("over_the_discrepancy", "").splitlines()
     if summary["thin_share"] > MOSTLY:
         lines.append("EXTRAPOLATED: most draws lie beyond the samples, where the surrogate is only a guess")
     if not summary["converged"]:
-        lines.append(
-            f"NOT CONVERGED: R-hat {summary['largest_r_hat']:.3f} (at most {LARGEST_R_HAT:g}), effective draws "
-            f"{summary['least_effective_draws']:.0f} (at least {FEWEST_EFFECTIVE}); raise posterior.steps"
-        )
+        apart = f"R-hat {summary['largest_r_hat']:.3f} (at most {LARGEST_R_HAT:g})"
+        few = f"effective draws {summary['least_effective_draws']:.0f} (at least {FEWEST_EFFECTIVE})"
+        lines.append(f"NOT CONVERGED: {apart}, {few}; raise posterior.steps")
     return "\n".join(lines)
 
 

@@ -6,15 +6,12 @@ several independent ensembles are drawn, and R-hat compares these.
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import optimize, stats
 
 from repose.core.parameter_space import ParameterSpace
-
-if TYPE_CHECKING:
-    import emcee
 
 ENSEMBLES = 4
 BURN_IN = 0.5  # share of the steps that is dropped
@@ -67,10 +64,8 @@ def sample(log_density: Density, dimensions: int, walkers: int, steps: int, seed
     return Chains(np.ascontiguousarray(whole[..., :-1]), whole[..., -1].copy(), time[:-1], float(time[-1]))
 
 
-def _ensemble(
-    walkers: int, dimensions: int, log_density: Density, random: np.random.RandomState
-) -> "emcee.EnsembleSampler":
-    """Make an ensemble of walkers, drawn with the state of a random generator."""
+def _ensemble(walkers: int, dimensions: int, log_density: Density, random: np.random.RandomState) -> Any:
+    """Make emcee's ensemble of walkers, drawn with the state of a random generator."""
     import emcee
 
     # not the snooker move: as of emcee 3.1.6 its acceptance has half the exponent, and draws are too narrow
@@ -109,9 +104,6 @@ def _start(log_density: Density, dimensions: int, random: np.random.RandomState)
 
 def split_r_hat(chains: np.ndarray) -> np.ndarray:
     """Compute R-hat (d,) of chains (m, n, d), each cut in two (Gelman et al. 2013, Bayesian Data Analysis, 11.4)."""
-    chains = np.asarray(chains, dtype=float)
-    if chains.ndim != 3 or chains.shape[1] < 4:
-        raise ValueError(f"chains has shape {chains.shape}; expected (chains, steps, dimensions), 4 steps or more")
     n = chains.shape[1] // 2
     halves = np.concatenate([chains[:, :n], chains[:, -n:]])
     within = halves.var(axis=1, ddof=1).mean(axis=0)  # W

@@ -31,10 +31,7 @@ Function = Callable[[np.ndarray], np.ndarray]
 def indices(
     function: Function, low: np.ndarray, high: np.ndarray, samples: int, resamples: int, seed: int
 ) -> dict[str, np.ndarray]:
-    """Compute first-order and total Sobol indices with intervals, each (outputs, d)."""
-    if samples < 2 or samples & (samples - 1):
-        raise ValueError(f"samples is {samples!r}; expected a power of two")
-    low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
+    """Compute first-order and total Sobol indices with intervals, each (outputs, d); `samples` is a power of two."""
     d = len(low)
     A, B = np.split(stats.qmc.Sobol(2 * d, rng=seed).random(samples), 2, axis=1)
     AB = np.repeat(A[None], d, axis=0)  # A with column i of B
@@ -64,7 +61,6 @@ def main_effects(
     function: Function, low: np.ndarray, high: np.ndarray, seed: int, points: int = EFFECT_POINTS
 ) -> tuple[np.ndarray, np.ndarray]:
     """Compute values (d, points) along each input, and mean outputs (d, points, outputs) over all other inputs."""
-    low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
     base = low + (high - low) * stats.qmc.Sobol(len(low), rng=seed).random(EFFECT_DRAWS)
     grid = np.linspace(low, high, points, axis=1)
     means = []

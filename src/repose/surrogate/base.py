@@ -27,6 +27,7 @@ from repose.core.responses import Definitions
 from repose.surrogate.settings import AS_PUBLISHED, NetworkSettings
 
 KEYS = {"surrogate": str, "inputs": list, "outputs": list}
+Names = Sequence[str]
 
 
 class Predictor(Protocol):
@@ -221,11 +222,7 @@ class Surrogate(ABC):
         return []
 
     def describe(
-        self,
-        inputs: Sequence[str],
-        outputs: Sequence[str],
-        definitions: Definitions | None = None,
-        samples: Sequence[int] = (),
+        self, inputs: Names, outputs: Names, definitions: Definitions | None = None, samples: Sequence[int] = ()
     ) -> Self:
         """Name the parameters, the responses and their definitions, and the samples of the fit.
 

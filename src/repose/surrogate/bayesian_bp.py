@@ -185,9 +185,8 @@ class BayesianBP(TrainingSettings, Surrogate):
         if not hasattr(self, "training_"):
             return content
         training = {"prior": self.prior, "alpha": np.asarray(self.alpha_).tolist(), "beta": self.beta_}
-        for key in ("noise_covariance", "inputs", "weight"):
-            training[key] = None if self.training_[key] is None else np.asarray(self.training_[key]).tolist()
-        return content | {"training": training}
+        data = {key: np.asarray(self.training_[key]).tolist() for key in ("noise_covariance", "inputs", "weight")}
+        return content | {"training": training | data}
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:

@@ -13,15 +13,11 @@ from typing import Any
 
 import numpy as np
 
+Each = float | np.ndarray  # of each class of weights, or of all
+
 
 def log_evidence(
-    alpha: float | np.ndarray,
-    beta: float,
-    Ed: float,
-    Ew: float | np.ndarray,
-    JJ: np.ndarray,
-    n: float,
-    classes: Sequence[Any] = (slice(None),),
+    alpha: Each, beta: float, Ed: float, Ew: Each, JJ: np.ndarray, n: float, classes: Sequence[Any] = (slice(None),)
 ) -> float:
     """Log p(D | alpha, beta) by Laplace's approximation at the most probable weights (M92); -inf if it is not a number.
 

@@ -95,11 +95,10 @@ class GaussianProcess(Combined, Surrogate):
 
     def to_dict(self) -> dict[str, Any]:
         """Collect the hyperparameters of the processes, and the samples."""
-        covariance = self.noise_covariance_
         return {
             "kernels": self._kernels(),
             "offset": self.offset_.tolist(),
-            "noise_covariance": None if covariance is None else np.asarray(covariance).tolist(),
+            "noise_covariance": np.asarray(self.noise_covariance_).tolist(),  # None of None
             "training": {key: value.tolist() for key, value in self.training_.items()},
         }
 

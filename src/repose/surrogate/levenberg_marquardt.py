@@ -24,6 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from repose.surrogate.evidence import log_evidence, of_each_weight
+from repose.surrogate.samples import Scatter
 from repose.surrogate.two_layer import jacobian, unpack, weight_classes
 
 STATISTICS = ("log_evidence", "gamma", "alpha", "beta", "mse", "epochs", "stop_reason", "decrement", "at_cap")
@@ -107,7 +108,7 @@ def train_start(
     root_weight: np.ndarray,
     n: float,
     settings: TrainingSettings,
-    pure_error: tuple[float, float] = (0.0, 0.0),
+    pure_error: Scatter = (0.0, 0.0),
 ) -> dict[str, Any]:
     """Train from the weights w (N,) (FH 1-4); x, t and `root_weight` have a row for each sample, x and t are scaled.
 

@@ -85,15 +85,11 @@ class Process:
 class SampleNoise(WhiteKernel):
     """Noise of variance noise_level / precision_i for sample i of the training data, noise_level for a new sample."""
 
-    def __init__(
-        self, noise_level: float = 1.0, noise_level_bounds: Any = (1e-5, 1e5), precision: ArrayLike = ()
-    ) -> None:
+    def __init__(self, noise_level: float, noise_level_bounds: Any, precision: ArrayLike) -> None:
         super().__init__(noise_level, noise_level_bounds)
         self.precision = precision
 
-    def __call__(
-        self, X: np.ndarray, Y: np.ndarray | None = None, eval_gradient: bool = False
-    ) -> np.ndarray | tuple[np.ndarray, np.ndarray]:
+    def __call__(self, X: np.ndarray, Y: np.ndarray | None = None, eval_gradient: bool = False) -> Any:
         """Compute the noise's covariance between the training samples X, or zeros between X and other points Y."""
         if Y is not None:
             return np.zeros((len(X), len(Y)))

@@ -78,12 +78,9 @@ class QuadraticSurface(Surrogate):
 
     def report(self) -> dict[str, Any]:
         """Report the number of terms, degrees of freedom, standard deviation of the residuals."""
-        samples, terms = len(self.training_["inputs"]), len(self.coefficients_)
-        return {
-            "n_terms": terms,
-            "degrees_of_freedom": samples - terms,
-            "residual_sd": np.sqrt(self._variances).tolist(),
-        }
+        terms = len(self.coefficients_)
+        freedom, spread = len(self.training_["inputs"]) - terms, np.sqrt(self._variances).tolist()
+        return {"n_terms": terms, "degrees_of_freedom": freedom, "residual_sd": spread}
 
     def to_dict(self) -> dict[str, Any]:
         """Collect the samples, from which the fit is computed again, and the coefficients for a reader."""

@@ -7,6 +7,8 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+Scatter = tuple[float, float]  # of replicates about their samples' means: sum of squares, degrees of freedom
+
 
 def independent_mixing(noise_covariance: ArrayLike | None, stretch: np.ndarray, precision: np.ndarray) -> np.ndarray:
     """Matrix (outputs, outputs) from scaled outputs to combinations with independent noises of one variance (A35).
@@ -50,9 +52,7 @@ class Combined:
         return roots.transpose(0, 2, 1) @ roots
 
 
-def pure_error(
-    noise_covariance: ArrayLike | None, freedom: float, stretch: np.ndarray, mixing: np.ndarray
-) -> tuple[float, float]:
+def pure_error(noise_covariance: ArrayLike | None, freedom: float, stretch: np.ndarray, mixing: np.ndarray) -> Scatter:
     """Compute the sum of squares and number of residuals of replicates about their samples' means, in mixed outputs.
 
     `noise_covariance`, of one value of precision 1, is in units of y; with `freedom` 0 it is known up to a factor

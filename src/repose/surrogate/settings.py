@@ -10,6 +10,8 @@ from repose.surrogate.two_layer import PRIORS
 
 PUBLISHED: dict[str, Any] = {"hidden": 12, "epochs": 1500, "goal": 1e-4, "starts": 20, "prior": "one", "seed": 2026}
 PUBLISHED |= {"split": (0.70, 0.15, 0.15), "replicates": False, "validation_noise": False}
+SHARES = "three shares (training, validation, test) that sum to 1"
+Shares = Annotated[tuple[Share, Share, Share], Field(strict=False, description=SHARES)]
 
 
 class NetworkSettings(Section):
@@ -18,12 +20,7 @@ class NetworkSettings(Section):
     hidden: int = Field(ge=1, le=100)  # neurons
     epochs: int = Field(ge=1, le=100000)  # most steps of a start
     goal: Share  # mean squared error of the scaled outputs at which training stops
-    split: OrAuto[
-        Annotated[
-            tuple[Share, Share, Share],
-            Field(strict=False, description="three shares (training, validation, test) that sum to 1"),
-        ]
-    ] = OF_OTHERS
+    split: OrAuto[Shares] = OF_OTHERS
     starts: int = Field(ge=1, le=1000)
     prior: Annotated[str, OneOf(lambda: PRIORS)]  # which weights share a regularisation
     replicates: bool  # the runs of each sample give the noise

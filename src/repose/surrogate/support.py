@@ -15,7 +15,6 @@ import numpy as np
 from repose.core.errors import InputError
 from repose.core.files import Path_, read_table
 from repose.core.parameter_space import ParameterSpace
-from repose.core.parameters import PARAMETERS
 
 BOUND_SHARE = 0.01
 DISTANCE_QUANTILE = 0.95
@@ -24,9 +23,7 @@ DISTANCE_QUANTILE = 0.95
 class Support:
     """The region that samples cover; a parameter whose low and high (d,) are equal is fixed and plays no part."""
 
-    def __init__(
-        self, points: np.ndarray, low: np.ndarray, high: np.ndarray, names: Sequence[str] = PARAMETERS
-    ) -> None:
+    def __init__(self, points: np.ndarray, low: np.ndarray, high: np.ndarray, names: Sequence[str]) -> None:
         from scipy.spatial import cKDTree
 
         points = np.asarray(points, dtype=float)
@@ -87,9 +84,8 @@ class Support:
         points = np.atleast_2d(np.asarray(points, dtype=float))
         ends = np.where(points < (self.low + self.high) / 2, "low", "high")
         texts = []
-        for at, end, distance, leverage in zip(
-            self.at_bounds(points), ends, self.distance(points), self.leverage(points), strict=True
-        ):
+        columns = self.at_bounds(points), ends, self.distance(points), self.leverage(points)
+        for at, end, distance, leverage in zip(*columns, strict=True):
             bounds = [f"{self.names[i]} {end[i]}" for i in np.flatnonzero(at)]
             parts = [f"at a bound: {', '.join(bounds)}"] if bounds else []
             if distance > self.farthest:

@@ -18,6 +18,7 @@ import numpy as np
 
 PRIORS = ("one", "layers", "inputs")
 ARRAYS = ("input_min", "input_max", "output_min", "output_max", "W1", "b1", "W2", "b2")
+Function = Callable[[np.ndarray], np.ndarray]
 
 
 def evaluate(network: Mapping[str, Any], X: np.ndarray) -> np.ndarray:
@@ -29,13 +30,10 @@ def evaluate(network: Mapping[str, Any], X: np.ndarray) -> np.ndarray:
     return a["output_min"] + (y - low) / (high - low) * width(a["output_min"], a["output_max"])
 
 
-def response_function(
-    network: Mapping[str, Any], low: np.ndarray, high: np.ndarray
-) -> Callable[[np.ndarray], np.ndarray]:
+def response_function(network: Mapping[str, Any], low: np.ndarray, high: np.ndarray) -> Function:
     """Make the same network a function of points in [-1, 1], which stand for `low` and `high`."""
     a = {key: np.asarray(network[key], dtype=float) for key in (*ARRAYS, "scaled_range")}
     bottom, top = a["scaled_range"]
-    low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
     per_unit = (top - bottom) / width(a["input_min"], a["input_max"])
     W1 = np.ascontiguousarray((a["W1"] * per_unit * (high - low) / 2).T)
     b1 = a["b1"] + a["W1"] @ (bottom + ((low + high) / 2 - a["input_min"]) * per_unit)
@@ -59,9 +57,7 @@ def nguyen_widrow(inputs: int, hidden: int, outputs: int, scaled_range: tuple[fl
     return np.concatenate([W1.ravel(), b1, random.uniform(-0.5, 0.5, outputs * (hidden + 1))])
 
 
-def unpack(
-    w: np.ndarray, inputs: int, hidden: int, outputs: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def unpack(w: np.ndarray, inputs: int, hidden: int, outputs: int) -> tuple[np.ndarray, ...]:
     """View W1, b1, W2, b2 of the weights by layer; of several networks, w (..., N), W1 is (..., hidden, inputs)."""
     first, second = hidden * inputs, hidden * (inputs + 1)
     W1, b1, W2, b2 = w[..., :first], w[..., first:second], w[..., second:-outputs], w[..., -outputs:]

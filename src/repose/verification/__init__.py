@@ -38,12 +38,12 @@ CASES = {
     "packing": packing.poured_packing,
 }
 
+Report = Callable[[str, list[Row]], Any]
+
 __all__ = ["CASES", "FULL", "Effort", "run", "write"]
 
 
-def run(
-    names: Iterable[str] | None = None, effort: Effort = FULL, report: Callable[[str, list[Row]], Any] | None = None
-) -> dict[str, list[Row]]:
+def run(names: Iterable[str] | None, effort: Effort = FULL, report: Report | None = None) -> dict[str, list[Row]]:
     """Run cases of the verification suite (by default all) and `report` each; InputError for an unknown name."""
     chosen = list(names or CASES)
     for name in chosen:

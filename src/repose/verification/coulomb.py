@@ -8,14 +8,23 @@ import numpy as np
 from repose.dem import Clump, Contact, Motion, Plane, Shape
 
 from .case import CLOSED, Effort, Rows, at_most, close, reported
-from .machine import BERRY_DENSITY, BERRY_M, ON_FLOOR, UP, before_impact, simulation_of, steps_of_impact
+from .machine import (
+    BERRY_DENSITY,
+    BERRY_M,
+    ON_FLOOR,
+    STEPS_PER_CONTACT,
+    UP,
+    Body,
+    before_impact,
+    simulation_of,
+    steps_of_impact,
+)
 from .oblique import sliding_impulse
 from .restitution import STIFFER, particles
 
 ASKED = (0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7, 0.9)
 FRICTION, NORMAL_M_S = 0.3, 0.5
 SLIDES = 10.0  # tangential velocity over the limit of sliding
-STEPS_PER_CONTACT = 1500
 
 # The path: overlap at the start of the slide, length of the slide, further overlap.
 LOW_M, SLIDE_M, DEEPER_M = 2e-4, 2e-4, 8e-4
@@ -24,7 +33,7 @@ SPRING_NOTE = "the spring S_t delta_t of the present stiffness gives energy; her
 HEAVY = 1e9  # density of an immovable body, over a berry's
 
 
-def lowest_under_centre(shape: Shape | Clump) -> np.ndarray:
+def lowest_under_centre(shape: Body) -> np.ndarray:
     """Find the quaternion (w, x, y, z) that puts the first point of contact with a floor under the centre of mass."""
     if not isinstance(shape, Clump):
         return np.array([1.0, 0.0, 0.0, 0.0])
@@ -37,10 +46,9 @@ def lowest_under_centre(shape: Shape | Clump) -> np.ndarray:
     return np.array([w, *xyz]) if w > 1e-9 else np.array([0.0, 1.0, 0.0, 0.0])
 
 
-def sliding_loss(shape: Shape | Clump, contact: Contact, **laws: Any) -> float:
+def sliding_loss(shape: Body, contact: Contact, **laws: Any) -> float:
     """Simulate the tangential velocity [m/s] that a body loses in a stiff impact on a floor with sliding throughout."""
-    room: dict[str, Any] = {"walls": ON_FLOOR} | laws
-    simulation, step = before_impact(shape, contact, NORMAL_M_S, STEPS_PER_CONTACT, STIFFER, **room)
+    simulation, step = before_impact(shape, contact, NORMAL_M_S, STEPS_PER_CONTACT, STIFFER, walls=ON_FLOOR, **laws)
     turn = lowest_under_centre(shape)
     reach = shape.bounding_radius_m if isinstance(shape, Clump) else float(shape.half_extents_m[2])
     along = SLIDES * 3.5 * sliding_impulse(contact, NORMAL_M_S)
@@ -64,9 +72,8 @@ def loop_work(forward: bool, **laws: Any) -> float:
     """Simulate the work [J] of a floor on an immovable body, over a closed path without slip."""
     shape = Shape.ellipsoid(BERRY_M, HEAVY * BERRY_DENSITY, "berry")
     contact = Contact(1.0, 100.0, 0.0)
-    top = BERRY_M[2]
-    walls = {"floor": Plane((0.0, 0.0, -top - 1e-6), UP, "wall")}
-    simulation = simulation_of(shape, contact, STEP_S, walls, **laws)
+    walls = {"floor": Plane((0.0, 0.0, -BERRY_M[2] - 1e-6), UP, "wall")}
+    simulation = simulation_of(shape, contact, STEP_S, walls=walls, **laws)
     simulation.add("body", (0.0, 0.0, 0.0))
     slide, press = (SLIDE_M, 0.0, 0.0), (0.0, 0.0, DEEPER_M)
     first = (slide, press) if forward else (press, slide)

@@ -145,11 +145,8 @@ def energy_of_hits(effort: Effort) -> Rows:
 
 def elastic_impacts(effort: Effort) -> Rows:
     """Measure the deviation from a conservative force: e = 1, no friction; pairs, spheres as a control, a funnel."""
-    bodies = {
-        "berries": (BERRY_M, STEP),
-        "berries, a fifth of the time step": (BERRY_M, STEP / 5),
-        "spheres": (SPHERE_M, STEP),
-    }
+    bodies = {"berries": (BERRY_M, STEP), "berries, a fifth of the time step": (BERRY_M, STEP / 5)}
+    bodies["spheres"] = SPHERE_M, STEP
     for name, (axes, step) in bodies.items():
         rng, final = np.random.default_rng(17), np.empty(0)
         while len(final) < effort.hits:

@@ -60,9 +60,7 @@ class Hertz:
         factor = 0.8 * math.sqrt(math.pi) * math.gamma(0.4) / math.gamma(0.9)
         return factor * self.overlap_m / self.speed
 
-    def history(
-        self, restitution: float, count: int = 400, tension: str = "keep"
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def history(self, restitution: float, count: int = 400, tension: str = "keep") -> tuple[np.ndarray, ...]:
         """Solve the damped impact (Tsuji 1992): time [s], overlap [m] and normal force [N], each (count,).
 
         m* d2(delta)/dt2 = -F, F = 4/3 E* sqrt(R*) delta^1.5 + 2 sqrt(5/6) b sqrt(S m*) d(delta)/dt,

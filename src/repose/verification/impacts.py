@@ -12,7 +12,7 @@ from repose.dem import Simulation
 
 from .case import CLOSED, DIGITISED, Effort, Rows, close
 from .hertz import Hertz, Solid, hertz_of_pair, hertz_on_plane
-from .machine import STEPS_PER_CONTACT, Ball, frictionless, impact, sphere_over_plane, spheres, steps_of_impact, track
+from .machine import STEPS_PER_CONTACT, frictionless, impact, sphere_over_plane, spheres, steps_of_impact, track
 
 GLASS = Solid("glass", 48e9, 0.20, 2800.0)
 LIMESTONE = Solid("limestone", 20e9, 0.25, 2500.0)
@@ -30,9 +30,9 @@ def pair_history(solid: Solid, radius_m: float, speed_m_s: float, **laws: Any) -
     """Simulate an elastic head-on impact of two equal spheres."""
     step = hertz_of_pair(solid, radius_m, speed_m_s).duration_s / STEPS_PER_CONTACT
     reach, half = radius_m + 2.0 * step * speed_m_s, 0.5 * speed_m_s
-    left = Ball(solid, radius_m, (-reach, 0.0, 0.0), (half, 0.0, 0.0))
-    right = Ball(solid, radius_m, (reach, 0.0, 0.0), (-half, 0.0, 0.0))
-    simulation = spheres(left, right, frictionless(), step, **laws)
+    simulation = spheres({"a": (solid, radius_m), "b": (solid, radius_m)}, frictionless(), step, **laws)
+    simulation.add("a", (-reach, 0.0, 0.0), velocity_m_s=(half, 0.0, 0.0))
+    simulation.add("b", (reach, 0.0, 0.0), velocity_m_s=(-half, 0.0, 0.0))
 
     def look() -> tuple[float, float]:
         x = simulation.positions[:, 0]
@@ -52,9 +52,7 @@ def plane_history(solid: Solid, radius_m: float, speed_m_s: float, restitution: 
     return _history(simulation, step, solid.sphere_mass(radius_m), steps, look)
 
 
-def _history(
-    simulation: Simulation, step: float, mass: float, steps: int, look: Callable[[], tuple[float, float]]
-) -> History:
+def _history(simulation: Simulation, step: float, mass: float, steps: int, look: Callable[[], Any]) -> History:
     """Find the time since the overlap began, overlap and m dv/dt in contact; `look` returns overlap and velocity."""
     overlap, speed = track(simulation, steps, 1, look).T
     # the force at the end of step k moves the velocity of step k + 1
@@ -65,16 +63,12 @@ def _history(
     return step * (inside - first + lead), overlap[inside], force[inside]
 
 
-def duration_of(time: np.ndarray, overlap: np.ndarray) -> float:
-    """Extrapolate the overlap at the last step in contact to zero with its last speed: the contact time [s]."""
-    step = time[1] - time[0]
-    return time[-1] + step * overlap[-1] / (overlap[-2] - overlap[-1])
-
-
 def _elastic(solid: Solid, hertz: Hertz, history: History, published: Sequence[float] = ()) -> Rows:
     """Compare an elastic impact with Hertz's solution, and with published numbers."""
     time, overlap, force = history
-    results = SCALES * (force.max(), overlap.max(), duration_of(time, overlap))
+    # the contact time: the overlap at the last step in contact goes on to zero with its last speed
+    duration = time[-1] + (time[1] - time[0]) * overlap[-1] / (overlap[-2] - overlap[-1])
+    results = SCALES * (force.max(), overlap.max(), duration)
     exact = SCALES * (hertz.force_n, hertz.overlap_m, hertz.duration_s)
     for references, source in ((exact, CLOSED), (published, DIGITISED)):
         for (name, unit), ours, reference in zip(QUANTITIES, results, references, strict=False):

@@ -1,7 +1,7 @@
 """Simulations that several cases share: impacts of spheres, and grains."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +20,8 @@ BERRY_M = (0.01057, 0.005685, 0.00494)
 BERRY_DENSITY = 840.47
 BERRY = Material(4.3e4, 0.32)
 PVC = Material(1.12e9, 0.4)
+Body = Shape | Clump
+Vector = Sequence[float]
 
 
 def smooth(radius_m: float, density_kg_m3: float, material: str) -> Shape:
@@ -29,26 +31,20 @@ def smooth(radius_m: float, density_kg_m3: float, material: str) -> Shape:
 
 
 def sphere_over_plane(
-    solid: Solid,
-    radius_m: float,
-    contact: Contact,
-    velocity_m_s: Sequence[float],
-    spin_rad_s: Sequence[float] = STILL,
-    **laws: Any,
+    solid: Solid, radius_m: float, contact: Contact, velocity_m_s: Vector, spin_rad_s: Vector = STILL, **laws: Any
 ) -> tuple[Simulation, int]:
     """Put a sphere just above a rigid plane, without gravity; return also the steps until it has surely left."""
     hertz = hertz_on_plane(solid, radius_m, abs(velocity_m_s[2]))
     step, box = hertz.duration_s / STEPS_PER_CONTACT, 4.0 * radius_m
     body, materials = smooth(radius_m, solid.density_kg_m3, "berry"), (solid.material, rigid(solid.material))
-    simulation = simulation_of(body, contact, step, ON_FLOOR, *materials, lower=3 * (-box,), upper=3 * (box,), **laws)
+    room: dict[str, Any] = {"walls": ON_FLOOR, "lower": 3 * (-box,), "upper": 3 * (box,)}
+    simulation = simulation_of(body, contact, step, *materials, **room, **laws)
     place = (0.0, 0.0, radius_m + 3.5 * step * hertz.speed)
     simulation.add("body", place, velocity_m_s=velocity_m_s, angular_velocity_rad_s=spin_rad_s)
     return simulation, steps_of_impact(contact.restitution, laws.get("tension", "keep"))
 
 
-def impact(
-    solid: Solid, radius_m: float, contact: Contact, *motion: Sequence[float], **laws: Any
-) -> tuple[np.ndarray, np.ndarray]:
+def impact(solid: Solid, radius_m: float, contact: Contact, *motion: Vector, **laws: Any) -> tuple[np.ndarray, ...]:
     """Simulate an impact on the rigid plane: velocity [m/s] and spin [rad/s] of the sphere after it, each (3,).
 
     `motion` is the velocity and, if it spins, the spin before.
@@ -63,22 +59,12 @@ def steps_of_impact(restitution: float, tension: str = "keep") -> int:
     return int(STEPS_PER_CONTACT * (1.3 + 1.5 * damping_ratio(restitution, tension)))
 
 
-class Ball(NamedTuple):
-    """A sphere in space."""
-
-    solid: Solid
-    radius_m: float
-    place_m: Sequence[float]
-    velocity_m_s: Sequence[float]
-    spin_rad_s: Sequence[float] = STILL
-
-
-def spheres(a: Ball, b: Ball, contact: Contact, step_s: float, **laws: Any) -> Simulation:
-    """Put two spheres into space, without gravity."""
-    balls, reach = {"a": a, "b": b}, 4.0 * max(a.radius_m, b.radius_m)
-    simulation = Simulation(
-        {name: smooth(ball.radius_m, ball.solid.density_kg_m3, name) for name, ball in balls.items()},
-        {name: ball.solid.material for name, ball in balls.items()},
+def spheres(balls: Mapping[str, tuple[Solid, float]], contact: Contact, step_s: float, **laws: Any) -> Simulation:
+    """Make an empty simulation of two spheres in space, without gravity: solid and radius [m] of "a" and "b"."""
+    reach = 4.0 * max(radius_m for _, radius_m in balls.values())
+    return Simulation(
+        {name: smooth(radius_m, solid.density_kg_m3, name) for name, (solid, radius_m) in balls.items()},
+        {name: solid.material for name, (solid, _) in balls.items()},
         {pair: contact for pair in (("a", "a"), ("a", "b"), ("b", "b"))},
         step_s,
         capacity=2,
@@ -87,33 +73,22 @@ def spheres(a: Ball, b: Ball, contact: Contact, step_s: float, **laws: Any) -> S
         gravity_m_s2=STILL,
         **laws,
     )
-    for name, ball in balls.items():
-        simulation.add(name, ball.place_m, velocity_m_s=ball.velocity_m_s, angular_velocity_rad_s=ball.spin_rad_s)
-    return simulation
 
 
 def simulation_of(
-    shape: Shape | Clump,
-    contact: Contact,
-    step_s: float,
-    walls: Mapping[str, Any] | None = None,
-    material: Material = BERRY,
-    wall: Material = PVC,
-    **keywords: Any,
+    shape: Body, contact: Contact, step_s: float, material: Material = BERRY, wall: Material = PVC, **keywords: Any
 ) -> Simulation:
-    """Make an empty simulation of bodies of one shape, "body", between walls; without gravity and for one body.
+    """Make an empty simulation of bodies of one shape, "body"; without walls and gravity, and for one body.
 
     The materials are named "berry" and "wall"; the box reaches 0.1 m to each side. `keywords` replace that.
     """
     room: dict[str, Any] = {"capacity": 1, "gravity_m_s2": STILL, "lower": (-0.1, -0.1, -0.1), "upper": (0.1, 0.1, 0.1)}
     contacts = {("berry", "berry"): contact, ("berry", "wall"): contact}
     shapes: Any = {"body": shape}
-    return Simulation(shapes, {"berry": material, "wall": wall}, contacts, step_s, walls=walls, **(room | keywords))
+    return Simulation(shapes, {"berry": material, "wall": wall}, contacts, step_s, **(room | keywords))
 
 
-def berry_simulation(
-    contact: Contact, step_s: float, axes: tuple[float, float, float] = BERRY_M, **keywords: Any
-) -> Simulation:
+def berry_simulation(contact: Contact, step_s: float, axes: Vector = BERRY_M, **keywords: Any) -> Simulation:
     """Make `simulation_of` grains, ellipsoids whose semi-axes in m are `axes`."""
     return simulation_of(Shape.ellipsoid(axes, BERRY_DENSITY, "berry"), contact, step_s, **keywords)
 
@@ -134,7 +109,7 @@ def box(west: float, east: float, south: float, north: float) -> dict[str, Plane
 
 
 def before_impact(
-    shape: Shape | Clump, contact: Contact, speed_m_s: float, steps: int, times: float, **keywords: Any
+    shape: Body, contact: Contact, speed_m_s: float, steps: int, times: float, **keywords: Any
 ) -> tuple[Simulation, float]:
     """Make `simulation_of` bodies whose fastest contact lasts so many time steps, and return also the step [s].
 

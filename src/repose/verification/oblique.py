@@ -32,6 +32,7 @@ EQUATION = "equation of the spring, solved in 20,000 steps"
 ARM_NOTE = "the lever arm is R - delta / 2, not R: the contact lies in the middle of the overlap"
 LAW = "mu times the limiting force times R - delta / 2, integrated by scipy over the impact"
 SLIDES = 1.25  # gross sliding: above this multiple of the limit of sliding
+Motion = tuple[float, float]  # tangential velocity [m/s] and spin [rad/s]
 
 
 def sliding_impulse(contact: Contact, normal_m_s: Any) -> Any:
@@ -52,9 +53,7 @@ def sliding_spin(contact: Contact, hertz: Hertz, tension: str) -> float:
     return 2.5 * trapezoid(push * (hertz.radius - 0.5 * overlap), time) / (hertz.mass * hertz.radius**2)
 
 
-def sliding_rows(
-    at: str, contact: Contact, hertz: Hertz, after: tuple[float, float], before: tuple[float, float], tension: str
-) -> Rows:
+def sliding_rows(at: str, contact: Contact, hertz: Hertz, after: Motion, before: Motion, tension: str) -> Rows:
     """Compare gross sliding: the change of velocity with rigid bodies, that of spin with the law and rigid bodies."""
     rigid = sliding_impulse(contact, hertz.speed)
     velocity, spin = after
@@ -93,15 +92,13 @@ def angles(effort: Effort) -> Rows:
 SPRINGS = ("hertz_mindlin", "hertz_mindlin_rescaled")
 
 
-def equation_of_hit(
-    solid: Solid, hertz: Hertz, contact: Contact, tangential_m_s: float, spring: str, tension: str
-) -> float:
+def equation_of_hit(solid: Solid, hertz: Hertz, contact: Contact, along: float, spring: str, tension: str) -> float:
     """Solve the equation of a hit on the rigid plane in small steps: the tangential velocity [m/s] after it."""
     young, shear = effective_moduli(solid.material, rigid(solid.material))
     damping = 2.0 * math.sqrt(5.0 / 6.0) * damping_ratio(contact.restitution, tension)
     mass, step = hertz.mass, hertz.duration_s / 20_000
-    overlap, approach, along, spun = 0.0, hertz.speed, tangential_m_s, 0.0
-    path = pull = before = 0.0
+    approach = hertz.speed
+    overlap = spun = path = pull = before = 0.0
     while True:
         circle = math.sqrt(hertz.radius * overlap)
         stiffness, surface = 8.0 * shear * circle, along + spun

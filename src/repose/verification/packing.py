@@ -49,15 +49,11 @@ def hexagonal_packing(effort: Effort) -> Rows:
     room: dict[str, Any] = {"capacity": rows_of * columns, "lower": (0.0, -0.02, 0.0), "upper": (width, 0.02, 0.12)}
     room |= {"material": STIFF, **under_gravity(box(0.0, width, -RADIUS, RADIUS))}
     simulation = simulation_of(shape, frictionless(0.3), STEP, **room, **effort.laws)
-    lattice = np.array(
-        [
-            ((2 * k + 1 + row % 2) * RADIUS, 0.0, RADIUS * (1.0 + math.sqrt(3.0) * row))
-            for row in range(rows_of)
-            for k in range(columns - row % 2)
-        ]
-    )
-    for place in lattice:
-        simulation.add("body", place)
+    for row in range(rows_of):
+        for k in range(columns - row % 2):
+            place = (2 * k + 1 + row % 2) * RADIUS, 0.0, RADIUS * (1.0 + math.sqrt(3.0) * row)
+            simulation.add("body", place)
+    lattice = simulation.positions.copy()
     simulation.run_steps(10000)
     settled = simulation.positions.copy()
     simulation.run_steps(10000)
@@ -74,11 +70,9 @@ def hexagonal_packing(effort: Effort) -> Rows:
 
 def poured_packing(effort: Effort) -> Rows:
     """Pour grains into boxes, with friction and without: solid fraction and coordination number of the cores."""
-    cases = (
-        ("mu 0.6", Contact(0.1, 0.6, 0.05), FRICTIONAL, SOURCES[0]),
-        ("frictionless", frictionless(0.1), SMOOTH, SOURCES[1]),
-    )
-    for name, contact, (fractions, numbers), source in cases:
+    rough = "mu 0.6", Contact(0.1, 0.6, 0.05), FRICTIONAL, SOURCES[0]
+    smooth = "frictionless", frictionless(0.1), SMOOTH, SOURCES[1]
+    for name, contact, (fractions, numbers), source in (rough, smooth):
         cores = [_core(*_pour(effort.berries, contact, 29 + box, effort.laws)) for box in range(BOXES)]
         fraction, number, energy = np.array(cores).T
         yield within(f"{name}: solid fraction of the core", "", fraction.mean(), *fractions, source)

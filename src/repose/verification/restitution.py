@@ -17,6 +17,7 @@ from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.random import Generator
 
 from repose.dem import Clump, Shape, Simulation, random_quaternion
 from repose.dem.rotations import rotation_matrices, rotation_matrix
@@ -24,7 +25,7 @@ from repose.particle.build import make_particle
 from repose.particle.mesh_from_axes import berry_mesh
 
 from .case import Effort, Row, Rows, close, reported
-from .machine import BERRY_DENSITY, BERRY_M, ON_FLOOR, UP, before_impact, frictionless, random_direction
+from .machine import BERRY_DENSITY, BERRY_M, ON_FLOOR, UP, Body, before_impact, frictionless, random_direction
 
 MASS_G = 1.25
 BARREL_M = ((7.399e-3, 0.94e-3, 0.94e-3), (3.171e-3, 4.745e-3, 4.0e-3))
@@ -107,9 +108,7 @@ def first_touch(
     return float(distance(_deepest(distance, direction)[None])[0])
 
 
-def nearest(
-    shape: Shape | Clump, turn_a: np.ndarray, turn_b: np.ndarray, between: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def nearest(shape: Body, turn_a: np.ndarray, turn_b: np.ndarray, between: np.ndarray) -> tuple[np.ndarray, ...]:
     """Find normal and place (3,) where two bodies that just touch do so, the place from the first centre [m].
 
     `between` (3,) is the way from the first centre to the second [m].
@@ -122,19 +121,18 @@ def nearest(
         normal = ways[i, j] / lengths[i, j]
         arm = a[i, :3] + a[i, 3] * normal
     else:
-        normal = _deepest(
-            lambda n: shape.support(n @ turn_a) + shape.support(-n @ turn_b) - n @ between,
-            between / np.linalg.norm(between),
-        )
+
+        def gap(n: np.ndarray) -> np.ndarray:
+            return shape.support(n @ turn_a) + shape.support(-n @ turn_b) - n @ between
+
+        normal = _deepest(gap, between / np.linalg.norm(between))
         arm = turn_a @ shape.support_point(normal @ turn_a)
     return normal, arm
 
 
-def hits(
-    shape: Shape | Clump, restitution: float, times: float, on_plane: bool, count: int, seed: int = 3, **keywords: Any
-) -> Hits:
+def hits(shape: Body, restitution: float, times: float, on_plane: bool, count: int, **keywords: Any) -> Hits:
     """Simulate restitution and contacts of `count` isolated hits of two bodies, or of a body and a plane."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(3)
     edge = SPACING_M * (count // LANE + 1)
     lower, upper = 3 * (-SPACING_M,), (edge, SPACING_M * LANE, SPACING_M)
     room: dict[str, Any] = {"capacity": 2 * count, "lower": lower, "upper": upper} | keywords
@@ -147,9 +145,7 @@ def hits(
     return _returned(simulation, on_plane)
 
 
-def _throw_pair(
-    simulation: Simulation, rng: np.random.Generator, shape: Shape | Clump, middle: np.ndarray, step: float
-) -> None:
+def _throw_pair(simulation: Simulation, rng: Generator, shape: Body, middle: np.ndarray, step: float) -> None:
     """Add two bodies that will touch after two steps, the second in motion."""
     speed = rng.uniform(*SPEEDS_M_S)
     turn_a, turn_b, direction = random_quaternion(rng), random_quaternion(rng), random_direction(rng)
@@ -162,9 +158,7 @@ def _throw_pair(
     simulation.add("body", place, turn_b, -speed * direction)
 
 
-def _throw_at_plane(
-    simulation: Simulation, rng: np.random.Generator, shape: Shape | Clump, middle: np.ndarray, step: float
-) -> None:
+def _throw_at_plane(simulation: Simulation, rng: Generator, shape: Body, middle: np.ndarray, step: float) -> None:
     """Add a body that will touch the plane after two steps."""
     speed, turn, direction = rng.uniform(*SPEEDS_M_S), random_quaternion(rng), random_direction(rng)
     while -direction @ UP < STEEPEST:

@@ -25,6 +25,9 @@ REFERENCE_LOOPS = 20_000
 REPEATS = 7
 ROUNDS = 3
 SETTLED_S = 1.0  # after the pour; only then is the pile settled, for a wide factory empties late
+Config = Mapping[str, Any]
+Numbers = Mapping[str, float]
+Times = tuple[float, float]  # of a step of the settled pile [us], and of the whole pour [s]
 
 
 @numba.njit
@@ -37,11 +40,7 @@ def reference_kernel(n: int) -> float:
 
 
 def run(
-    config: Mapping[str, Any],
-    particles: Mapping[str, Particle],
-    berry: Mapping[str, float],
-    parameters: Mapping[str, float],
-    seed: int = 1,
+    config: Config, particles: Mapping[str, Particle], berry: Numbers, parameters: Numbers, seed: int = 1
 ) -> dict[str, Any]:
     """Time whole pours and settled piles on one core, the particles in turn so that all have the same conditions.
 
@@ -72,13 +71,7 @@ def machine() -> dict[str, Any]:
     return {"processor": binding.get_host_cpu_name(), "vector_bits": bits}
 
 
-def timed_pour(
-    config: Mapping[str, Any],
-    parameters: Mapping[str, float],
-    seed: int,
-    particle: Particle,
-    berry: Mapping[str, float],
-) -> tuple[float, float]:
+def timed_pour(config: Config, parameters: Numbers, seed: int, particle: Particle, berry: Numbers) -> Times:
     """Time a step of the settled pile [us] and the whole pour [s] by the clock: two pours, both whole."""
     duration_s = SceneSettings(config).section("funnel", FunnelSettings).duration_s
     longer = _with(config, duration_s=duration_s + SETTLED_S)
@@ -87,12 +80,12 @@ def timed_pour(
     return longest.us_per_step, poured.wall_s
 
 
-def _with(config: Mapping[str, Any], **changes: float) -> dict[str, Any]:
+def _with(config: Config, **changes: float) -> dict[str, Any]:
     """Change keys of the funnel."""
     return {**config, "funnel": {**config["funnel"], **changes}}
 
 
-def summary(references: Sequence[float], pours: Mapping[str, Sequence[tuple[float, float]]]) -> dict[str, Any]:
+def summary(references: Sequence[float], pours: Mapping[str, Sequence[Times]]) -> dict[str, Any]:
     """Take medians and their ratios; `references` are in us, `pours` are results of `timed_pour` by particle.
 
     The keys are `reference_us` and `particles`, a list of `name`, `us_per_step`, `job_s` (wall time of a pour), `ratio`
@@ -110,16 +103,14 @@ def summary(references: Sequence[float], pours: Mapping[str, Sequence[tuple[floa
 
 def message(result: Mapping[str, Any]) -> str:
     """Write the table of `run` for a terminal."""
+    machine = f"{result['processor']}, vectors of {result['vector_bits']} bits"
+    pours = f"{result['berries']} berries, time step {result['time_step_s']:g} s, one core"
     lines = [
-        f"{result['berries']} berries, time step {result['time_step_s']:g} s, one core; "
-        f"reference kernel {result['reference_us']:.1f} us; "
-        f"{result['processor']}, vectors of {result['vector_bits']} bits",
+        f"{pours}; reference kernel {result['reference_us']:.1f} us; {machine}",
         "to kernel: compares machines of one type of processor only",
         f"{'particle':16} {'us a step':>10} {'to first':>9} {'to kernel':>10} {'pour, s':>8}",
     ]
     for row in result["particles"]:
-        lines.append(
-            f"{row['name']:16} {row['us_per_step']:10.1f} {row['to_first']:9.2f} "
-            f"{row['ratio']:10.3f} {row['job_s']:8.2f}"
-        )
+        steps = f"{row['us_per_step']:10.1f} {row['to_first']:9.2f} {row['ratio']:10.3f}"
+        lines.append(f"{row['name']:16} {steps} {row['job_s']:8.2f}")
     return "\n".join(lines)

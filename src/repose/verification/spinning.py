@@ -1,12 +1,13 @@
 """Impacts of spinning spheres: tests 6 to 8 of Chung & Ooi (2011), Granular Matter 13, 643-656; see also `oblique`."""
 
+from itertools import product
 from typing import Any
 
 from repose.dem import Contact
 
 from .case import Effort, Rows, close
 from .hertz import Solid, hertz_on_plane
-from .machine import STEPS_PER_CONTACT, STILL, Ball, impact, spheres, steps_of_impact
+from .machine import STEPS_PER_CONTACT, STILL, impact, spheres, steps_of_impact
 from .oblique import sliding_rows
 
 SOLIDS = (Solid("aluminium", 70e9, 0.33, 2700.0), Solid("nylon", 2.5e9, 0.40, 1000.0))
@@ -30,11 +31,14 @@ def _on_sphere(
     above 1 it is at rest.
     """
     other = Solid("other", factor * solid.elastic_modulus_pa, solid.poisson_ratio, factor * solid.density_kg_m3)
-    gap, rests = 1e-7, factor > 1.0
-    upper = Ball(solid, RADIUS, (0.0, 0.0, RADIUS + gap), (0.0, 0.0, -NORMAL), (0.0, spin, 0.0))
-    motion = (STILL, STILL) if rests else ((0.0, 0.0, NORMAL), (0.0, sense * spin, 0.0))
+    gap, velocity, turning = 1e-7, (0.0, 0.0, NORMAL), (0.0, sense * spin, 0.0)
+    if factor > 1.0:
+        velocity = turning = STILL
     step = 0.5 * hertz_on_plane(solid, RADIUS, NORMAL).duration_s / STEPS_PER_CONTACT
-    simulation = spheres(upper, Ball(other, radius, (0.0, 0.0, -radius - gap), *motion), CONTACT, step, **laws)
+    simulation = spheres({"a": (solid, RADIUS), "b": (other, radius)}, CONTACT, step, **laws)
+    down, turned = (0.0, 0.0, -NORMAL), (0.0, spin, 0.0)
+    simulation.add("a", (0.0, 0.0, RADIUS + gap), velocity_m_s=down, angular_velocity_rad_s=turned)
+    simulation.add("b", (0.0, 0.0, -radius - gap), velocity_m_s=velocity, angular_velocity_rad_s=turning)
     simulation.run_steps(2 * steps_of_impact(CONTACT.restitution, laws.get("tension", "keep")))
     return simulation.velocities[0, 0], simulation.angular_velocities[0, 1]
 
@@ -47,9 +51,8 @@ def _sliding_rows(solid: Solid, spin: float, after: tuple[float, float], effort:
 
 def plane_spins(effort: Effort) -> Rows:
     """Test 6: radius 0.1 m, 0.2 m/s, e 0.5, mu 0.4, spins 6 to 21 rad/s; aluminium and nylon."""
-    for solid in SOLIDS:
-        for spin in SLIDING:
-            yield from _sliding_rows(solid, spin, _on_plane(solid, spin, **effort.laws), effort)
+    for solid, spin in product(SOLIDS, SLIDING):
+        yield from _sliding_rows(solid, spin, _on_plane(solid, spin, **effort.laws), effort)
 
 
 def equal_spheres(effort: Effort) -> Rows:
@@ -70,10 +73,9 @@ def equal_spheres(effort: Effort) -> Rows:
 def unequal_spheres(effort: Effort) -> Rows:
     """Test 8: spheres of radii 0.1 and 0.5 m, the second 1000 times stiffer and denser: test 6 again."""
     source = "test 6, same simulator"
-    for solid in SOLIDS:
-        for spin in COMPARED:
-            at = f"{solid.name}, {spin:g} rad/s"
-            v, w = _on_sphere(solid, spin, radius=0.5, factor=1000.0, **effort.laws)
-            plane_v, plane_w = _on_plane(solid, spin, **effort.laws)
-            yield close(f"{at}: tangential velocity", "m/s", v, plane_v, source)
-            yield close(f"{at}: spin", "rad/s", w, plane_w, source, scale=max(abs(plane_w), spin))
+    for solid, spin in product(SOLIDS, COMPARED):
+        at = f"{solid.name}, {spin:g} rad/s"
+        v, w = _on_sphere(solid, spin, radius=0.5, factor=1000.0, **effort.laws)
+        plane_v, plane_w = _on_plane(solid, spin, **effort.laws)
+        yield close(f"{at}: tangential velocity", "m/s", v, plane_v, source)
+        yield close(f"{at}: spin", "rad/s", w, plane_w, source, scale=max(abs(plane_w), spin))

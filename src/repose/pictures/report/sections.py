@@ -105,9 +105,10 @@ def _checks(study: Results) -> Iterator[Check]:
     status = NOT_AGAIN if runs is None else text(study.row.get("status"))
     for target in study.targets:
         own = target.response
-        predicted, simulated, error = map(study.number, (own.predicted, own.simulated, own.error))
+        names = {"simulated": own.simulated, "standard_error": own.error, "predicted": own.predicted}
+        numbers = {field: study.number(name) for field, name in names.items()}
         line = line_for(study.shown.config.get("measure"), target.name)
-        yield Check.of(target, simulated, error, int(runs or 0), status, predicted=predicted, line=line)
+        yield Check.of(target, **numbers, runs=int(runs or 0), status=status, line=line)
 
 
 def _parameter_row(study: Results, k: int) -> list[Any]:

@@ -132,7 +132,7 @@ def _surrogate(files: Files, targets: Targets, space: ParameterSpace) -> Predict
         return None
     dataset = read_dataset(files["dataset"], targets)
     runs = read_runs(files["runs"], targets, dataset, files["dataset"])
-    observed, _ = observed_of(data_of(dataset, runs, targets), space, targets)
+    observed = observed_of(data_of(dataset, runs, targets), space, targets)
     return SpaceKriging(Kriging(observed), space)
 
 

@@ -41,14 +41,12 @@ def fitted(study: Studied, samples: pd.DataFrame, data: pd.DataFrame) -> tuple[T
     return training, Support.of(good, study.parameters)
 
 
-def answer_of(
-    study: Studied, model: Surrogate, inversion: Inversion, data: pd.DataFrame, why: str, seeds: int
-) -> Answer:
+def answer_of(study: Studied, model: Surrogate, found: Inversion, data: pd.DataFrame, why: str, seeds: int) -> Answer:
     """Answer with the representative solution of a search, and the other feasible ones."""
-    space, targets, found = study.parameters, study.targets, inversion.solutions
+    space, targets, solutions = study.parameters, study.targets, found.solutions
     names = list(space.names)
-    values = found.loc[0, names].to_numpy(float)
-    others = found[found["feasible"] & ~found["representative"]]
+    values = solutions.loc[0, names].to_numpy(float)
+    others = solutions[solutions["feasible"] & ~solutions["representative"]]
     mean, covariance = model.predict(values[None]), model.covariance(values[None])
     return Answer(
         values=values,
@@ -60,14 +58,13 @@ def answer_of(
         others=others[names].to_numpy(float),
         others_mean=others[list(targets.predicted)].to_numpy(float),
         model=model,
-        notes={"message": inversion.summary["message"]},
+        notes={"message": found.summary["message"]},
     )
 
 
 def probability_of(mean: np.ndarray, covariance: np.ndarray, targets: Targets) -> dict[str, float]:
     """Compute the probabilities that means (1, k) lie within 1 % and 2 % of all targets, and `inside` all ranges."""
-    reach = targets.whole / 100
-    ends = {
-        column: (targets.aim - percent * reach, targets.aim + percent * reach) for percent, column in WITHIN.items()
-    } | {"inside": (targets.low, targets.high)}
+    near = {column: percent * (targets.whole / 100) for percent, column in WITHIN.items()}
+    ends = {column: (targets.aim - reach, targets.aim + reach) for column, reach in near.items()}
+    ends["inside"] = targets.low, targets.high
     return {name: float(within(mean, covariance, *pair)[0]) for name, pair in ends.items()}

@@ -23,7 +23,7 @@ from repose.strategies.refined import RefineSettings
 
 OF_A_ROUND, FIRST_NEIGHBOUR = 1000, 101
 PROPOSAL, NEIGHBOUR = "proposal", "neighbour"
-OUTCOMES = ("within", "not within", "not precise", "no pile")
+Verdict = Mapping[str, Any]  # a row of `judge`
 
 
 def jobs(section: RefineSettings, round_: int) -> list[tuple[int, str, int]]:
@@ -43,7 +43,7 @@ def round_of(sample: int) -> int:
     return sample // OF_A_ROUND - 1
 
 
-def goes_on(verdict: Mapping[str, Any], before: Mapping[str, Any] | None = None) -> bool:
+def goes_on(verdict: Verdict, before: Verdict | None = None) -> bool:
     """Decide whether another round has something to gain: the bar is missed and there are new data to learn from.
 
     Where the targets are out of reach, the loop goes on as long as it comes nearer than the round `before`.
@@ -51,13 +51,13 @@ def goes_on(verdict: Mapping[str, Any], before: Mapping[str, Any] | None = None)
     return verdict["outcome"] != "within" and verdict["usable"] > 0 and not stuck(verdict, before)
 
 
-def stuck(verdict: Mapping[str, Any], before: Mapping[str, Any] | None) -> bool:
+def stuck(verdict: Verdict, before: Verdict | None) -> bool:
     """Decide whether a round with targets out of reach came no nearer than the round before."""
     return before is not None and verdict["out_of_reach"] and verdict["objective"] >= before["objective"]
 
 
 def judge(proposal: pd.DataFrame, runs: pd.DataFrame, study: Studied, round_: int) -> dict[str, Any]:
-    """Judge a round: return a row of batches.csv, with NaN for a missing number and an `outcome` of `OUTCOMES`.
+    """Judge a round: return a row of batches.csv, with NaN for a missing number.
 
     `objective` is Eq. 11 of the simulated means; `out_of_reach`: the prediction itself misses the bar.
     """
@@ -141,9 +141,7 @@ def _outcome(row: Mapping[str, Any], summary: Mapping[str, Any], study: Studied)
     return outcome, "" if outcome == "within" else "; ".join(words)
 
 
-def why_stopped(
-    verdict: Mapping[str, Any], limit: int, targets: Targets, before: Mapping[str, Any] | None = None
-) -> str:
+def why_stopped(verdict: Verdict, limit: int, targets: Targets, before: Verdict | None = None) -> str:
     """Say why the loop ends after a round.
 
     `verdict` is of the last round, `before` of the round before it; `limit` is the largest number of refits.
@@ -158,7 +156,7 @@ def why_stopped(
     return f"the limit of {limit} refits is reached, and {row} is {verdict['outcome']}: {verdict['reason']}"
 
 
-def claim(verdict: Mapping[str, Any], targets: Targets) -> str:
+def claim(verdict: Verdict, targets: Targets) -> str:
     """Say what is claimed for the proposal of the last round, from the round's own runs."""
     if verdict["outcome"] == "no pile":
         return "none: the proposal gives no pile"

@@ -73,10 +73,6 @@ class ResponseSurface(Strategy):
 
     def pours(self, section: ResponseSurfaceSettings, free: int) -> Pours:
         """Count the steps' pours; the screening may keep fewer parameters than `response_surface.most_factors`."""
-        steps = {
-            "screening": section.screening_runs + section.centres,
-            "ascent": section.steps + 1,
-            "surface": len(section.coded(min(section.most_factors, free))[0]),
-            "check": section.checks,
-        }
+        steps = {"screening": section.screening_runs + section.centres, "ascent": section.steps + 1}
+        steps |= {"surface": len(section.coded(min(section.most_factors, free))[0]), "check": section.checks}
         return tuple((name, sets, section.seeds) for name, sets in steps.items())

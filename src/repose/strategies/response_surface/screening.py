@@ -28,22 +28,20 @@ TABLES = {
 }
 
 
-def screened(
-    study: Studied, table: pd.DataFrame, dataset: pd.DataFrame, source: object = "dataset"
-) -> tuple[pd.DataFrame, dict[str, Any]]:
+def screened(study: Studied, table: pd.DataFrame, dataset: pd.DataFrame) -> tuple[pd.DataFrame, dict[str, Any]]:
     """Analyse the screening's samples: return the samples of the ascent, and tables, result and a message as notes.
 
-    InputError, which names `source`, if they show no way towards the targets.
+    InputError if they show no way towards the targets.
     """
     targets = study.targets
     corners, middle = corners_and_centre(table)
-    models = models_of(corners, dataset, targets, "linear", source)
-    centre = usable(middle, dataset, source)[list(targets.names)].mean()
+    models = models_of(corners, dataset, targets, "linear")
+    centre = usable(middle, dataset)[list(targets.names)].mean()
     kept = kept_factors(models, study.settings.response_surface)
     try:
         climb = path(models, centre.to_numpy(), kept, study)
     except ValueError as error:
-        raise InputError(source, "targets", str(error), "a way towards the targets") from None
+        raise InputError("runs", "targets", str(error), "a way towards the targets") from None
     dropped = [name for name in study.parameters.free if name not in kept]
     means = dict(zip(targets.names, (float(model.constant) for model in models), strict=True))
     result = {"kept": kept, "dropped": dropped, "centre": centre.to_dict(), "corners": means}
@@ -64,16 +62,14 @@ def corners_and_centre(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]
     return table[~at_centre], table[at_centre]
 
 
-def models_of(
-    table: pd.DataFrame, dataset: pd.DataFrame, targets: Targets, order: str, source: object = "dataset"
-) -> list[Model]:
-    """Fit a polynomial to each response of a step (`fit`); InputError, with `source`, for too few usable samples."""
-    runs, factors = usable(table, dataset, source), factors_of(table)
+def models_of(table: pd.DataFrame, dataset: pd.DataFrame, targets: Targets, order: str) -> list[Model]:
+    """Fit a polynomial to each response of a step (`fit`); InputError for too few usable samples."""
+    runs, factors = usable(table, dataset), factors_of(table)
     coded = runs[[CODED + name for name in factors]].to_numpy(float)
     try:
         return [fit(coded, runs[target.name].to_numpy(float), factors, order) for target in targets]
     except ValueError as error:
-        raise InputError(source, "samples that are ok", str(error), "enough for the model") from None
+        raise InputError("runs", "samples that are ok", str(error), "enough for the model") from None
 
 
 def analysis(step: str, models: list[Model], targets: Targets) -> dict[str, pd.DataFrame]:

@@ -33,19 +33,19 @@ def factors_of(table: pd.DataFrame) -> tuple[str, ...]:
     return tuple(name.removeprefix(CODED) for name in table if name.startswith(CODED))
 
 
-def usable(table: pd.DataFrame, dataset: pd.DataFrame, source: object = "dataset") -> pd.DataFrame:
+def usable(table: pd.DataFrame, dataset: pd.DataFrame) -> pd.DataFrame:
     """Select the samples of a step whose pours gave a pile, with their responses.
 
-    InputError if a sample is not in the dataset, or none is usable; `source` names the dataset in its message.
+    InputError if a sample is not in the dataset, or none is usable.
     """
     missing = sorted(set(table["sample"]) - set(dataset["sample"]))
     if missing:
-        raise InputError(source, "sample", missing, "all samples of the step")
+        raise InputError("runs", "sample", missing, "all samples of the step")
     coded = [name for name in table if name.startswith(CODED)]
     joined = table[["sample", *coded]].merge(dataset, on="sample")
     good = joined[joined["status"] == "ok"].reset_index(drop=True)
     if good.empty:
-        raise InputError(source, "status", sorted(set(dataset["status"])), "at least one sample that is ok")
+        raise InputError("runs", "status", sorted(set(dataset["status"])), "at least one sample that is ok")
     return good
 
 

@@ -24,7 +24,7 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
         return batch(table)
     targets = study.targets
     dataset = samples_of_runs(data, space, targets)
-    climb, found = screening.screened(study, table, dataset, "runs")
+    climb, found = screening.screened(study, table, dataset)
     notes |= found
     if _lacks(data, climb):
         return batch(climb)
@@ -35,11 +35,11 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
     notes |= {"path": points, "why": why}
     if _lacks(data, table):
         return batch(table)
-    models = screening.models_of(table, dataset, targets, "quadratic", "runs")
+    models = screening.models_of(table, dataset, targets, "quadratic")
     best = surface.best_point(models, targets)
     check = surface.check_samples(table, best, space, section.checks)
     notes |= screening.analysis("surface", models, targets) | {"surface": table}
-    notes |= surface.notes(models, best, check, space, targets)
+    notes |= surface.notes(models, best, check, study)
     if _lacks(data, check):
         return batch(check)
     others, predicted = surface.alternatives(models, table, study)
@@ -47,12 +47,12 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
     mean, covariance = best.predicted, np.diag(notes["predictions"]["standard_error"] ** 2)
     poured = dataset[dataset["sample"].isin(check["sample"])]
     notes |= {"check": surface.checked(notes["predictions"], poured), "summary": {"surfaces_meet_targets": best.met}}
+    screened = f"{section.screening_runs} runs of a Plackett-Burman design and {section.centres} of the centre"
+    models_of_it = "a quadratic model for each response, and its optimum"
     notes["steps"] = (
-        f"Screening: {section.screening_runs} runs of a Plackett-Burman design and "
-        f"{section.centres} of the centre; kept: {', '.join(notes['screening']['kept'])}.",
+        f"Screening: {screened}; kept: {', '.join(notes['screening']['kept'])}.",
         "Steepest ascent towards the targets, to the best point of the path.",
-        f"Surface: {len(table)} parameter sets about it ({section.surface}), a quadratic "
-        "model for each response, and its optimum.",
+        f"Surface: {len(table)} parameter sets about it ({section.surface}), {models_of_it}.",
     )
     return Answer(
         values=space.values(unit)[0],

@@ -88,21 +88,16 @@ def check_samples(table: pd.DataFrame, best: Optimum, space: ParameterSpace, cou
     return samples("check", space, unit, factors_of(table), np.repeat(best.coded[None], count, axis=0))
 
 
-def notes(
-    models: list[Model], best: Optimum, check: pd.DataFrame, space: ParameterSpace, targets: Targets
-) -> dict[str, Any]:
+def notes(models: list[Model], best: Optimum, check: pd.DataFrame, study: Studied) -> dict[str, Any]:
     """Collect predictions and parameters at the optimum, and the result in words; `check` has the samples of the check.
 
     `met` is whether the surfaces meet the targets.
     """
-    optimum = {
-        "parameters": check.loc[0, list(space.names)].astype(float).to_dict(),
-        "coded": dict(zip(models[0].factors, best.coded.tolist(), strict=True)),
-        "met": best.met,
-        "desirability": best.desirability,
-    }
-    why = f"the surfaces {'meet' if best.met else 'do not meet'} the targets: {optimum['parameters']}"
-    return {"predictions": predictions(models, best, targets, len(check)), "optimum": optimum, "why": why}
+    parameters = check.loc[0, list(study.parameters.names)].astype(float).to_dict()
+    coded = dict(zip(models[0].factors, best.coded.tolist(), strict=True))
+    optimum = {"parameters": parameters, "coded": coded, "met": best.met, "desirability": best.desirability}
+    why = f"the surfaces {'meet' if best.met else 'do not meet'} the targets: {parameters}"
+    return {"predictions": predictions(models, best, study.targets, len(check)), "optimum": optimum, "why": why}
 
 
 def predictions(models: list[Model], best: Optimum, targets: Targets, runs: int) -> pd.DataFrame:

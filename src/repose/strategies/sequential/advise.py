@@ -5,6 +5,7 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+from numpy.random import Generator
 
 from repose.chain.design import optimal_lhs
 from repose.core.parameter_space import ParameterSpace
@@ -27,6 +28,7 @@ SAME = 1e-9  # nearer points are one, in ranges
 LEAST_GAIN = 0.01  # a probability that cannot rise by more has reached the noise bound
 
 Score = Callable[[np.ndarray], np.ndarray]
+Scored = tuple[np.ndarray, np.ndarray]  # points (m, d) of the unit cube, and their scores (m,)
 
 
 class Advice(NamedTuple):
@@ -49,32 +51,26 @@ def start(space: ParameterSpace, section: SequentialSettings, seed: int) -> np.n
 
 
 def advise(
-    observed: Observed,
-    failed: np.ndarray,
-    goal: Goal,
-    section: SequentialSettings,
-    poured: int,
-    random: np.random.Generator,
-    noise: np.ndarray | None = None,
+    observed: Observed, goal: Goal, section: SequentialSettings, done: int, random: Generator, noise: np.ndarray | None
 ) -> Advice:
     """Choose the next batch, or the answer; ValueError as in `Kriging`.
 
-    A proposed point is never nearer to a failed sample (f, d) than to a good one. `poured` counts failed pours too.
+    A proposed point is never nearer to a failed sample than to a good one. `done` counts failed pours too.
     """
     model = Kriging(observed, noise)
-    points, scores = ranked(model, goal, observed.unit, failed, random)
+    points, scores = ranked(model, goal, observed, random)
     attainable = reach(model, goal, random.spawn(1)[0])
     answer = points[scores.argmax()]
     probability = _probability(model, goal, answer)
-    left = max(section.most_pours - poured, 0)
+    left = max(section.most_pours - done, 0)
     samples = min(section.batch, left // section.seeds)
     reachable = max(goal.reachable(model, points, left), probability)
     stop = None
     if probability >= section.probability:
         stop = "probability"
-    elif attainable.probability < OUT_OF_REACH and poured > section.start_samples * section.seeds:
+    elif attainable.probability < OUT_OF_REACH and done > section.start_samples * section.seeds:
         stop = "out_of_reach"
-        answer = nearest(model, goal, observed.unit, failed, points)
+        answer = nearest(model, goal, observed, points)
         probability = _probability(model, goal, answer)
     elif samples == 0:
         stop = "budget"
@@ -82,23 +78,23 @@ def advise(
         stop = "noise"
     batch = np.empty((0, len(answer)))
     if stop is None and attainable.probability < IN_DOUBT:
-        draws = _new(random.permutation(attainable.points), np.vstack([observed.unit, failed]))
-        batch = _soundest(draws, observed.unit, failed, -(-samples // 2))
+        draws = _new(random.permutation(attainable.points), observed.simulated)
+        batch = _soundest(draws, observed, -(-samples // 2))
     if stop is None and not len(batch):
-        batch = _around(answer, samples, goal, observed.unit, failed, random)
+        batch = _around(answer, samples, goal, observed, random)
     mean, covariance = model.predict(answer[None])
     error = np.sqrt(np.diagonal(covariance[0]))
     needed = goal.needed(model.noise, section.probability)
     return Advice(stop, batch, answer, probability, mean[0], error, reachable, needed, attainable)
 
 
-def nearest(model: Kriging, goal: Goal, good: np.ndarray, failed: np.ndarray, points: np.ndarray) -> np.ndarray:
+def nearest(model: Kriging, goal: Goal, observed: Observed, points: np.ndarray) -> np.ndarray:
     """Find the point (d,) of least expected deviation from the targets (Eq. 11 of the paper), without a prior."""
 
     def score(unit: np.ndarray) -> np.ndarray:
         return -goal.expected_deviation(*model.predict(unit))
 
-    points, scores = _refined(points, score, good, failed, np.random.default_rng(1))
+    points, scores = _refined(points, score, observed, np.random.default_rng(1))
     return points[scores.argmax()]
 
 
@@ -107,13 +103,11 @@ def _probability(model: Kriging, goal: Goal, point: np.ndarray) -> float:
     return float(goal.probability(*model.predict(point[None]))[0])
 
 
-def _refined(
-    points: np.ndarray, score: Score, good: np.ndarray, failed: np.ndarray, random: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray]:
+def _refined(points: np.ndarray, score: Score, observed: Observed, random: Generator) -> Scored:
     """Search ever nearer to the best of the points; return all with their scores, minus infinity for unsound ones."""
 
     def scored(unit: np.ndarray) -> np.ndarray:
-        return np.where(_is_sound(unit, good, failed), score(unit), -np.inf)
+        return np.where(observed.is_sound(unit), score(unit), -np.inf)
 
     scores = scored(points)
     for step in STEPS:
@@ -124,26 +118,23 @@ def _refined(
     return points, scores
 
 
-def ranked(
-    model: Kriging, goal: Goal, good: np.ndarray, failed: np.ndarray, random: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray]:
-    """Score points (m, d) over the ranges and ever nearer around the best of them; scores (m,) are of `Goal.score`.
+def ranked(model: Kriging, goal: Goal, observed: Observed, random: Generator) -> Scored:
+    """Score points over the ranges and ever nearer around the best of them by `Goal.score`.
 
-    The score is minus infinity where a failed sample (f, d) is nearer than a good one (n, d).
+    The score is minus infinity where a failed sample is nearer than a good one.
     """
     from scipy.stats import qmc
 
-    points = goal.space.from_prior(qmc.Sobol(good.shape[1], rng=random).random(CANDIDATES))
-    return _refined(points, partial(goal.score, model), good, failed, random)
+    points = goal.space.from_prior(qmc.Sobol(observed.unit.shape[1], rng=random).random(CANDIDATES))
+    return _refined(points, partial(goal.score, model), observed, random)
 
 
-def alternatives(
-    points: np.ndarray, scores: np.ndarray, model: Kriging, targets: Targets, section: MigaSettings
-) -> tuple[np.ndarray, np.ndarray]:
-    """Choose points (n, d) inside all ranges and apart from each other, the best first, with predictions (n, k).
+def alternatives(found: Scored, model: Kriging, targets: Targets, section: MigaSettings) -> Scored:
+    """Choose of the `ranked` points those inside all ranges and apart from each other, the best first.
 
-    `points` (m, d) and `scores` (m,) come from `ranked`.
+    Return them (n, d) with their predictions (n, k).
     """
+    points, scores = found
     mean = model.predict(points)[0]
     inside = ((mean >= targets.low) & (mean <= targets.high)).all(axis=1) & np.isfinite(scores)
     order = np.argsort(-scores, kind="stable")
@@ -152,18 +143,16 @@ def alternatives(
     return points[kept], mean[kept]
 
 
-def _around(
-    answer: np.ndarray, samples: int, goal: Goal, good: np.ndarray, failed: np.ndarray, random: np.random.Generator
-) -> np.ndarray:
+def _around(answer: np.ndarray, samples: int, goal: Goal, observed: Observed, random: Generator) -> np.ndarray:
     """Draw points about the answer, normal in shares of the prior: there slopes are learned with the mean."""
     share = goal.space.prior_cdf(answer[None])
     share = np.clip(share + SPREAD * random.standard_normal((AROUND * samples, len(answer))), 0, 1)
-    return _soundest(goal.space.from_prior(share), good, failed, samples)
+    return _soundest(goal.space.from_prior(share), observed, samples)
 
 
-def _soundest(points: np.ndarray, good: np.ndarray, failed: np.ndarray, count: int) -> np.ndarray:
+def _soundest(points: np.ndarray, observed: Observed, count: int) -> np.ndarray:
     """Select the first sound points, then the first others."""
-    return points[np.argsort(~_is_sound(points, good, failed), kind="stable")[:count]]
+    return points[np.argsort(~observed.is_sound(points), kind="stable")[:count]]
 
 
 def _new(points: np.ndarray, done: np.ndarray) -> np.ndarray:
@@ -172,12 +161,3 @@ def _new(points: np.ndarray, done: np.ndarray) -> np.ndarray:
 
     first = np.argmax(cdist(points, points) < SAME, axis=1) == np.arange(len(points))
     return points[first & (cdist(points, done) >= SAME).all(axis=1)]
-
-
-def _is_sound(unit: np.ndarray, good: np.ndarray, failed: np.ndarray) -> np.ndarray:
-    """Mark the points that lie no nearer to a failed sample than to a good one."""
-    from scipy.spatial.distance import cdist
-
-    if not len(failed):
-        return np.full(len(unit), True)
-    return cdist(unit, failed).min(axis=1) >= cdist(unit, good).min(axis=1)

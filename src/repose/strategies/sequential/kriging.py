@@ -44,6 +44,12 @@ class Observed(NamedTuple):
 
     unit: np.ndarray  # (n, d), free parameters in the unit cube
     values: np.ndarray  # (n, pours, k), NaN for a missing pour; every sample has at least one pour
+    failed: np.ndarray = np.empty((0, 0))  # (f, d), the samples without a good pour
+
+    @property
+    def simulated(self) -> np.ndarray:
+        """All samples, (n + f, d)."""
+        return np.vstack([self.unit, self.failed.reshape(-1, self.unit.shape[1])])
 
     @property
     def good(self) -> np.ndarray:
@@ -70,6 +76,14 @@ class Observed(NamedTuple):
     def freedom(self) -> int:
         """Degrees of freedom of the noise: good pours less samples."""
         return int(self.counts.sum() - len(self.unit))
+
+    def is_sound(self, unit: np.ndarray) -> np.ndarray:
+        """Mark the points (m, d) that lie no nearer to a failed sample than to a good one."""
+        from scipy.spatial.distance import cdist
+
+        if not len(self.failed):
+            return np.full(len(unit), True)
+        return cdist(unit, self.failed).min(axis=1) >= cdist(unit, self.unit).min(axis=1)
 
     def noise(self) -> np.ndarray:
         """Estimate the covariance (k, k) of a single pour about its sample's mean, from all samples.

@@ -31,12 +31,11 @@ class Noise(NamedTuple):
     @property
     def warning(self) -> str | None:
         """Warning for too few replicates; None if there are enough."""
-        deviations = [
-            f"{name} {sd:.2g} ({source})"
-            for (name, source), sd in zip(self.sources.items(), np.sqrt(np.diagonal(self.covariance)), strict=True)
-        ]
         if REPLICATES in self.sources.values():
             return None
+        sds = np.sqrt(np.diagonal(self.covariance))
+        sources = zip(self.sources.items(), sds, strict=True)
+        deviations = [f"{name} {sd:.2g} ({source})" for (name, source), sd in sources]
         return (
             "too few replicates for the noise of a run; taken as standard deviations: "
             f"{', '.join(deviations)}. Intervals and probabilities are as good as these "
@@ -45,7 +44,7 @@ class Noise(NamedTuple):
         )
 
 
-def noise_of(observed: Observed, names: Sequence[str], noise_sd: Mapping[str, float], source: object = "runs") -> Noise:
+def noise_of(observed: Observed, names: Sequence[str], noise_sd: Mapping[str, float]) -> Noise:
     """Find the noise of a single run from replicates, or from given standard deviations `noise_sd` and an estimate.
 
     Replicates that are all alike, of a simulator without random numbers or of rounded results, count as one run.
@@ -63,7 +62,7 @@ def noise_of(observed: Observed, names: Sequence[str], noise_sd: Mapping[str, fl
             f"at least {len(names) + 1}: replicates, rows with the same parameters, determine the noise; or "
             f"targets.NAME.noise_sd for each response; or at least {fewest} samples, for an estimate of it"
         )
-        raise InputError(source, "runs beyond the first of a sample", observed.freedom, allowed)
+        raise InputError("runs", "runs beyond the first of a sample", observed.freedom, allowed)
     sources = {name: GIVEN if name in noise_sd else ESTIMATED for name in names}
     variances = [
         noise_sd[name] ** 2 if name in noise_sd else nugget(observed.unit, observed.means[:, k], 1.0 / counts)

@@ -32,13 +32,14 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
     if data.empty:
         return _start(study, data)
     goal = _goal(study)
-    observed, failed = observed_of(data, space, study.targets)
+    observed = observed_of(data, space, study.targets)
     try:
         noise = known_noise(study, observed)
-        advice = advise(observed, failed, goal, section, len(data), _random(study, data), noise)
+        advice = advise(observed, goal, section, len(data), _random(study, data), noise)
     except (InputError, ValueError) as error:
-        if len(failed) and len(data) < section.most_pours:
-            few = f"{len(failed)} samples failed, and the others are too few for a model: a further start"
+        failed = len(observed.failed)
+        if failed and len(data) < section.most_pours:
+            few = f"{failed} samples failed, and the others are too few for a model: a further start"
             return _start(study, data, why=few)
         if isinstance(error, InputError):
             raise
@@ -60,13 +61,13 @@ def _start(study: Studied, data: pd.DataFrame, **notes: str) -> Batch:
 def answer(study: Studied, data: pd.DataFrame, point: np.ndarray | None = None, **about: Any) -> Answer:
     """Answer with the set that meets the targets most probably, or with a point (d,) of the unit cube."""
     space, targets, section = study.parameters, study.targets, study.settings.sequential
-    observed, failed = observed_of(data, space, targets)
+    observed = observed_of(data, space, targets)
     try:
         model = Kriging(observed, known_noise(study, observed))
     except ValueError as error:
         raise InputError("runs", "pours", str(error), "enough for an estimate of the noise") from None
-    points, scores = ranked(model, _goal(study), observed.unit, failed, _random(study, data))
-    others, predicted = alternatives(points, scores, model, targets, study.settings.miga)
+    points, scores = ranked(model, _goal(study), observed, _random(study, data))
+    others, predicted = alternatives((points, scores), model, targets, study.settings.miga)
     unit = (points[scores.argmax()] if point is None else point)[None]
     mean, covariance = model.predict(unit)
     goals = {column: Goal.of(targets, percent, space) for percent, column in WITHIN.items()}
@@ -86,8 +87,8 @@ def answer(study: Studied, data: pd.DataFrame, point: np.ndarray | None = None, 
     )
 
 
-def observed_of(data: pd.DataFrame, space: ParameterSpace, targets: Targets) -> tuple[Observed, np.ndarray]:
-    """Arrange samples with good runs as arrays; return also the failed samples (f, d) in the unit cube."""
+def observed_of(data: pd.DataFrame, space: ParameterSpace, targets: Targets) -> Observed:
+    """Arrange the samples and their runs as arrays."""
     names = list(targets.names)
     number, samples = pd.factorize(data["sample"])
     run = data[names].notna().any(axis=1).to_numpy()
@@ -98,7 +99,7 @@ def observed_of(data: pd.DataFrame, space: ParameterSpace, targets: Targets) -> 
     # as in `repose.core.runs.summarise_runs`: at least half of the runs of each bench test
     enough = (2 * np.isfinite(values).sum(axis=1) >= np.bincount(number)[:, None]).all(axis=1)
     good = np.isfinite(values).all(axis=2).any(axis=1) & enough
-    return Observed(unit[good], values[good]), unit[~good]
+    return Observed(unit[good], values[good], unit[~good])
 
 
 def noise_from(study: Studied, observed: Observed) -> Noise:
@@ -158,7 +159,5 @@ def _out_of_reach(notes: Mapping[str, Any], targets: Targets) -> str:
         mean, error = (notes["row"][f"{target.name}_{what}"] for what in ("mean", "error"))
         percent, scatter = 100 * (mean - target.aim) / target.whole, 100 * error / target.whole
         off.append(f"{percent:+.1f} ± {abs(scatter):.1f} % off the target of {target.response.symbol}")
-    return (
-        "The targets are probably out of reach: some parameter set meets them with probability "
-        f"{notes['in_reach']:.2f}. The answer is the nearest: {', '.join(off)}."
-    )
+    chance = f"some parameter set meets them with probability {notes['in_reach']:.2f}"
+    return f"The targets are probably out of reach: {chance}. The answer is the nearest: {', '.join(off)}."
