@@ -120,14 +120,11 @@ class Bounded:
         """Refuse grains that pass through each other or through walls."""
         simulation = self.simulation
         pairs, overlaps = simulation.overlaps()
-        self._refuse_deepest(
-            overlaps, simulation.scales[pairs].min(axis=1), lambda k: f"berries {pairs[k, 0]} and {pairs[k, 1]}"
-        )
+        scales = simulation.scales[pairs].min(axis=1)
+        self._refuse_deepest(overlaps, scales, lambda k: f"berries {pairs[k, 0]} and {pairs[k, 1]}")
         berries, walls, overlaps = simulation.wall_overlaps()
-        names = simulation.wall_set.names
-        self._refuse_deepest(
-            overlaps, simulation.scales[berries], lambda k: f"berry {berries[k]} and the wall {names[walls[k]]!r}"
-        )
+        scales, names = simulation.scales[berries], simulation.wall_set.names
+        self._refuse_deepest(overlaps, scales, lambda k: f"berry {berries[k]} and the wall {names[walls[k]]!r}")
 
     def _refuse_deepest(self, overlaps: np.ndarray, scales: np.ndarray, which: Callable[[int], str]) -> None:
         """Refuse overlaps too deep for grains of these scales; which(k): names of the overlapping bodies."""
@@ -136,10 +133,8 @@ class Bounded:
         share = overlaps / scales / self.thickness_m
         worst = int(np.argmax(share))
         if share[worst] > DEEPEST:
-            bound = f"at most {100 * DEEPEST:g} % of the smallest extent is a contact"
-            raise Unstable(
-                f"{which(worst)} overlap by {1e3 * overlaps[worst]:.3g} mm, {self._when('modulus')}; {bound}"
-            )
+            found = f"{which(worst)} overlap by {1e3 * overlaps[worst]:.3g} mm, {self._when('modulus')}"
+            raise Unstable(f"{found}; at most {100 * DEEPEST:g} % of the smallest extent is a contact")
 
     def _when(self, cure: str) -> str:
         """Tell the time and the remedy."""

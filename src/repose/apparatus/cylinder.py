@@ -226,7 +226,7 @@ class CylinderTest(BenchTest[CylinderSettings]):
         The cylinder is full when the grains above the rim would make a layer of a grain's length there: the heap in
         the collar is nearly level, so the rim is covered everywhere.
         """
-        section, centres, simulation = self.section(settings), ending.centres_m, settings.simulation
+        section, centres = self.section(settings), ending.centres_m
         vessel = Vessel.of(section)
         below = int(np.count_nonzero(centres[:, 2] < vessel.height_m))
         layer = math.ceil(below * ending.length_m / vessel.height_m)
@@ -234,7 +234,7 @@ class CylinderTest(BenchTest[CylinderSettings]):
         outside = np.any(np.hypot(*centres.T[:2]) >= vessel.radius_m) or np.any(centres[:, 2] <= 0.0)
         return stated(
             (outside, "lost", "a berry lies outside the cylinder"),
-            (ending.energy_j > simulation.rest_energy_j, *simulation.not_at_rest(ending.energy_j)),
+            settings.simulation.not_at_rest(ending.energy_j),
             (len(centres) - below < layer, "not_full", f"{poured}; a full cylinder has at least {layer} above it"),
         )
 

@@ -139,20 +139,18 @@ class DischargeTest(BenchTest[DischargeSettings]):
         exits = simulation.exit_times_s - opened_s
         late = int(np.isfinite(exits).sum()) - early
         discharge = Discharge(simulation.n_bodies, energy, early, late, unstable=trial.broken)
-        exit_s = np.where(np.isfinite(exits), exits, np.nan)
-        arrays = {"exit_s": exit_s, "scale": grains["scale"], **grains}
+        arrays = {"exit_s": np.where(np.isfinite(exits), exits, np.nan), "scale": grains["scale"], **grains}
         return self.ended(scene, discharge, arrays, trial.frames(), opened_s=opened_s, berries_out=late)
 
     def faults(self, ending: Discharge, settings: SceneSettings) -> Faults:
         """Judge a run before it is measured."""
-        section, simulation = self.section(settings), settings.simulation
+        section = self.section(settings)
         few = f"only {ending.filled} of {section.berries} berries find room in the funnel"
-        moving = simulation.not_at_rest(ending.rest_energy_j, " when the lid was taken away")
         left = section.berries - ending.late
         return stated(
             (ending.filled < section.berries, "not_filled", few),
             (ending.early, "lost", f"{ending.early} berries left the closed funnel"),
-            (ending.rest_energy_j > simulation.rest_energy_j, *moving),
+            settings.simulation.not_at_rest(ending.rest_energy_j, " when the lid was taken away"),
             (left > 0, "jammed", f"{left} berries are still in the funnel {section.longest_s:g} s after the opening"),
         )
 

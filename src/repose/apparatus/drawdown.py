@@ -196,29 +196,22 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
             trial.run_to(simulation.steps + every)
             trial.wait(trial.rests, simulation.steps + settings.steps(section.longest_s), every)
         centres, exits = simulation.positions, simulation.exit_times_s
-        over = (centres[:, 2] > box.gate) & (np.abs(centres[:, 0]) < 0.5 * box.half_slot)
-        drained = Drained(
-            filled=filled,
-            early=early,
-            held=bool(simulation.present.all() and box.holds(centres).all()),
-            over_slot=int(over.sum()),
-            energy_j=trial.energy_j(),
-            unstable=trial.broken,
-        )
+        over = int(np.sum((centres[:, 2] > box.gate) & (np.abs(centres[:, 0]) < 0.5 * box.half_slot)))
+        held, energy = bool(simulation.present.all() and box.holds(centres).all()), trial.energy_j()
+        drained = Drained(filled=filled, early=early, held=held, over_slot=over, energy_j=energy, unstable=trial.broken)
         in_pile = largest_cluster(simulation.contacts(), np.isfinite(exits))
         arrays = trial.grains() | {"exit_s": exits - opened_s, "in_pile": in_pile}
         return self.ended(scene, drained, arrays, trial.frames(walls=True))
 
     def faults(self, ending: Drained, settings: SceneSettings) -> Faults:
         """Judge a run before it is measured."""
-        section, simulation = self.section(settings), settings.simulation
+        section = self.section(settings)
         few = f"only {ending.filled} of {section.berries} berries find room above the gate"
         out = "a berry lies outside the box, or left the closed chamber"
-        moving = simulation.not_at_rest(ending.energy_j, f" {section.longest_s:g} s after the opening")
         return stated(
             (ending.filled < section.berries, "not_filled", few),
             (ending.early or not ending.held, "lost", out),
-            (not ending.energy_j <= simulation.rest_energy_j, *moving),
+            settings.simulation.not_at_rest(ending.energy_j, f" {section.longest_s:g} s after the opening"),
             (ending.over_slot, "jammed", f"{ending.over_slot} berries rest above the middle of the slot"),
         )
 

@@ -4,6 +4,7 @@ The axis is y, the origin lies on it half-way along. The drum turns about -y, wh
 slip is judged the drum stops, as in the experiment, and the bed comes to rest.
 """
 
+import contextlib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -166,10 +167,8 @@ class RotatingDrum(BenchTest[R]):
         """Return the angle of the surface in each of T frames [degrees]; NaN where the bed has no surface."""
         angles = np.full(len(position), math.nan)
         for k, (centres, turns) in enumerate(zip(position, quaternion, strict=True)):
-            try:
+            with contextlib.suppress(ValueError):
                 angles[k] = self.surface_of(centres, turns, scale, scene).angle_deg
-            except ValueError:
-                continue
         return angles
 
     def impossible_filling(self, settings: SceneSettings) -> Contradictions:
@@ -287,6 +286,11 @@ def _until_slip(watch: _Watch, section: DrumSettings, every: int) -> "bed.Slip |
     watch.began_s = simulation.time_s
     step_s = every * simulation.time_step_s
     report_s = section.report_s - watch.began_s
+
+    def first_slip() -> "bed.Slip | None":
+        record = watch.record()
+        return bed.find_slip(record["bed_deg"], record["energy_j"], section.slip_drop_deg, calm)
+
     set_rotation(simulation, section.angular_velocity_rad_s)
     watch.keep()
     slip, stopped_s = None, math.inf
@@ -298,16 +302,12 @@ def _until_slip(watch: _Watch, section: DrumSettings, every: int) -> "bed.Slip |
         if stopped_s == math.inf:
             if now >= section.longest_rotation_s - 0.5 * step_s:
                 break
-            record = watch.record()
-            slip = bed.find_slip(record["bed_deg"], record["energy_j"], section.slip_drop_deg, calm)
+            slip = first_slip()
             if slip is not None:
                 set_rotation(simulation, 0.0)
                 stopped_s = now
         watch.advance(every)
-    if slip is not None:
-        record = watch.record()
-        slip = bed.find_slip(record["bed_deg"], record["energy_j"], section.slip_drop_deg, calm)
-    return slip
+    return None if slip is None else first_slip()
 
 
 @register(NAME)
@@ -361,8 +361,7 @@ class DrumTest(RotatingDrum[DrumSettings]):
         assert isinstance(ending, Rotation)
         yield from super().faults(ending, settings)
         if ending.rest_energy_j > settings.simulation.rest_energy_j:
-            reason = f"kinetic energy {ending.rest_energy_j:.2e} J a berry when the rotation began"
-            yield "not_at_rest", reason
+            yield "not_at_rest", f"kinetic energy {ending.rest_energy_j:.2e} J a berry when the rotation began"
         if ending.slip is None:
             fall, last = self.section(settings).slip_drop_deg, ending.record["time_s"][-1]
             yield "no_slip", f"the bed's centre of mass never fell by {fall:g} degrees in {last:g} s"

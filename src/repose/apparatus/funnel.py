@@ -210,12 +210,9 @@ class FunnelSettings(Hopper):
 
 def narrow_openings(section: Section, name: str, sizes_mm: Mapping[str, float]) -> Contradictions:
     """Yield keys of openings that are at most as wide as a mean grain, whose size is given for each key."""
-    return stated(
-        *(
-            (getattr(section, key) <= size, f"{name}.{key}", f"above {size:.4g}, the size of a mean berry")
-            for key, size in sizes_mm.items()
-        )
-    )
+    for key, size in sizes_mm.items():
+        if getattr(section, key) <= size:
+            yield f"{name}.{key}", f"above {size:.4g}, the size of a mean berry"
 
 
 def impossible_surfaces(hopper: Hopper, name: str) -> Contradictions:
@@ -352,7 +349,7 @@ class FunnelTest(BenchTest[FunnelSettings]):
 
     def faults(self, ending: Pour, settings: SceneSettings) -> Faults:
         """Judge a pour before it is measured."""
-        section, simulation = self.section(settings), settings.simulation
+        section = self.section(settings)
         n, off, waiting = section.berries, ending.off_plate, section.berries - len(ending.centres_m)
         hanging = f"{ending.in_funnel} berries in the funnel and {waiting} not yet poured at the end"
         in_pile, there = int(ending.in_pile.sum()), int(ending.on_plate.sum())
@@ -364,7 +361,7 @@ class FunnelTest(BenchTest[FunnelSettings]):
         return stated(
             (ending.in_funnel or waiting > 0, "jammed", hanging),
             (off > LARGEST_LOSS * n, "left_plate", f"{off} of {n} berries left the plate"),
-            (energy > simulation.rest_energy_j, *simulation.not_at_rest(energy)),
+            settings.simulation.not_at_rest(energy),
             (moved_mm > most_mm, "not_at_rest", moved),
             (in_pile < max(FEWEST_IN_PILE, SMALLEST_PILE * there), "no_flank", apart),
         )
@@ -372,13 +369,9 @@ class FunnelTest(BenchTest[FunnelSettings]):
     def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
         """Pour once and judge the pour; status ``no_flank`` comes with the measurement."""
         poured = self.pour(scene, interval_s, progress)
-        numbers = {
-            "discharge_s": poured.discharge_s,
-            "berries_on_plate": int(poured.on_plate.sum()),
-            "berries_in_pile": int(poured.in_pile.sum()),
-            "berries_off_plate": poured.off_plate,
-            "kinetic_energy_J": poured.kinetic_energy_j,
-        }
+        on_plate, in_pile = int(poured.on_plate.sum()), int(poured.in_pile.sum())
+        numbers = {"discharge_s": poured.discharge_s, "berries_on_plate": on_plate, "berries_in_pile": in_pile}
+        numbers |= {"berries_off_plate": poured.off_plate, "kinetic_energy_J": poured.kinetic_energy_j}
         arrays = kept_grains(poured.centres_m, poured.quaternions, poured.scales, in_pile=poured.in_pile)
         return self.ended(scene, poured, arrays, poured.frames, **numbers)
 

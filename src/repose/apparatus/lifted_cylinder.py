@@ -202,22 +202,16 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
             grain_mm=1e3 * float(scene.particle.axes_m.max()),
             unstable=trial.broken,
         )
-        numbers = {
-            "berries": filled,
-            "filling_height_mm": filling_mm,
-            "lifted_mm": 1e3 * lifted_m,
-            "berries_in_pile": lifting.in_pile,
-            "berries_off_plate": lifting.off_plate,
-        }
+        numbers = {"berries": filled, "filling_height_mm": filling_mm, "lifted_mm": 1e3 * lifted_m}
+        numbers |= {"berries_in_pile": lifting.in_pile, "berries_off_plate": lifting.off_plate}
         return self.ended(scene, lifting, trial.grains(in_pile=in_pile), trial.frames(walls=True), **numbers)
 
     def faults(self, ending: Lifting, settings: SceneSettings) -> Faults:
         """Judge a run before it is measured."""
-        section, simulation = self.section(settings), settings.simulation
+        section = self.section(settings)
         grains, level, in_pile = section.berries or ending.filled, ending.filling_height_mm, ending.in_pile
         asked = section.filling_height_mm or level
         there, hanging, lost = grains - ending.off_plate, ending.in_tube, ending.off_plate
-        moving = simulation.not_at_rest(ending.energy_j, f" {section.settle_s:g} s after the lifting")
         off = not abs(level - asked) <= ending.grain_mm
         few = in_pile < SMALLEST_PILE * there
         return stated(
@@ -225,7 +219,7 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
             (off, "not_filled", f"the bed rests at {level:.4g} mm, not at {asked:g} mm"),
             (hanging, "jammed", f"{hanging} berries hang in the tube, which was lifted by its own length"),
             (lost > LARGEST_LOSS * grains, "left_plate", f"{lost} of {grains} berries left the plate"),
-            (not ending.energy_j <= simulation.rest_energy_j, *moving),
+            settings.simulation.not_at_rest(ending.energy_j, f" {section.settle_s:g} s after the lifting"),
             (few, "no_flank", f"only {in_pile} of {there} berries touch each other in the largest pile"),
         )
 

@@ -83,11 +83,7 @@ def of(config: Mapping[str, Any], particle: "Particle", dataset_csv: str | PathL
     grains = settings.section(funnel.NAME, funnel.FunnelSettings).berries
     piles = _Piles(grains, particle, replace(measure, berry_height_mm=grain_mm), targets["height_mm"].value)
     angles = {"aor_deg": measure.response} | {name: definition for definition, name in MEAN_KEYS.items()}
-    return {
-        name: piles.reach(targets[name], definition, dataset_csv)
-        for name, definition in angles.items()
-        if name in targets
-    }
+    return {name: piles.reach(targets[name], line, dataset_csv) for name, line in angles.items() if name in targets}
 
 
 def said(config: Mapping[str, Any], particle: "Particle", dataset_csv: str | PathLike | None) -> Iterator[str]:

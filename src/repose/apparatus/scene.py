@@ -31,16 +31,8 @@ def grain_simulation(scene: "Scene", capacity: int, **arguments: Any) -> "dem.Si
     if settings.time_step_s > limit.time_step_s:
         raise InputError("configuration", "simulation.time_step_s", settings.time_step_s, limit.allowed)
     shapes: Any = {"berry": scene.particle.dem_shape("berry")}
-    return dem.Simulation(
-        shapes,
-        materials_of(scene),
-        _contacts(scene.parameters),
-        settings.time_step_s,
-        capacity=capacity,
-        gravity_m_s2=(0.0, 0.0, -settings.gravity_m_s2),
-        **settings.laws,
-        **arguments,
-    )
+    arguments |= settings.laws | {"capacity": capacity, "gravity_m_s2": (0.0, 0.0, -settings.gravity_m_s2)}
+    return dem.Simulation(shapes, materials_of(scene), _contacts(scene.parameters), settings.time_step_s, **arguments)
 
 
 def longest_time_step(scene: "Scene") -> "time_steps.Limit":
@@ -51,14 +43,9 @@ def longest_time_step(scene: "Scene") -> "time_steps.Limit":
     from repose.particle import size_distribution
 
     settings, materials = scene.simulation, materials_of(scene)
-    contacts = time_steps.Scene(
-        CONTACT_LAWS[settings.contact_law],
-        settings.tension,
-        materials,
-        pairs_of(_contacts(scene.parameters), materials),
-        {"berry": scene.particle.dem_shape("berry")},
-        frozenset({"wall"}),
-    )
+    pairs, shapes = pairs_of(_contacts(scene.parameters), materials), {"berry": scene.particle.dem_shape("berry")}
+    law, walls = CONTACT_LAWS[settings.contact_law], frozenset({"wall"})
+    contacts = time_steps.Scene(law, settings.tension, materials, pairs, shapes, walls)
     smallest = size_distribution.smallest(scene.settings.size_distribution, scene.grain)
     return time_steps.longest(contacts, smallest_scale=smallest)
 

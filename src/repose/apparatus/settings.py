@@ -36,10 +36,10 @@ class SimulationSettings(Section):
         """The force laws, as `repose.dem.Simulation` takes them."""
         return {"tension": self.tension, "contact_law": self.contact_law, "rolling_law": self.rolling_law}
 
-    def not_at_rest(self, energy_j: float, when: str = "") -> tuple[str, str]:
-        """Make status and reason of a run that ends with this mean energy of a grain; when: further words."""
+    def not_at_rest(self, energy_j: float, when: str = "") -> tuple[bool, str, str]:
+        """Say whether a run of this mean energy of a grain is not at rest, and status and reason; when: more words."""
         moves = f"kinetic energy {energy_j:.2e} J a berry{when}"
-        return "not_at_rest", f"{moves}, more than {self.rest_energy_j:.0e}"
+        return not energy_j <= self.rest_energy_j, "not_at_rest", f"{moves}, more than {self.rest_energy_j:.0e}"
 
     def steps(self, seconds: float) -> int:
         """Count the time steps of a duration, to the nearest one."""

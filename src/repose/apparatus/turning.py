@@ -62,11 +62,6 @@ def speed_of(name: str) -> int:
     return 0 if found is None or found[1] is None else int(found[1]) - 1
 
 
-def further_name(speed: int) -> str:
-    """Return the name of the angle at a speed, from 0."""
-    return "turning_deg" if speed == 0 else f"turning_{speed + 1}_deg"
-
-
 @register(NAME)
 class TurningTest(drum.RotatingDrum[TurningSettings]):
     """A drum in steady turning."""
@@ -127,7 +122,8 @@ class TurningTest(drum.RotatingDrum[TurningSettings]):
         """Return the record with the mean angle at each speed, and the scores of profiles that are targets."""
         targets = scene.settings.targets_of(NAME)
         of_profiles = {one["response"]: one["profile"] for one in targets if "profile" in one}
-        angles = [further_name(k) for k in range(len(speeds(self.section(scene.settings))))]
+        further = range(2, len(speeds(self.section(scene.settings))) + 1)
+        angles = ["turning_deg", *(f"turning_{number}_deg" for number in further)]
         missing = dict.fromkeys((*angles, *of_profiles))
         if record["status"] != "ok":
             return {**record, **missing}

@@ -50,9 +50,8 @@ def source_hash() -> str:
 
 def folder() -> str:
     """Path of the cache folder of this source version, below NUMBA_CACHE_DIR or the user's cache folder."""
-    base = os.environ.get("NUMBA_CACHE_DIR") or os.path.join(
-        os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache"), "repose"
-    )
+    of_user = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
+    base = os.environ.get("NUMBA_CACHE_DIR") or os.path.join(of_user, "repose")
     return os.path.join(base, f"dem-{source_hash()}")
 
 

@@ -26,19 +26,14 @@ def _pairs_with_room(contacts: int, near: int, capacity: int, most_spheres: int,
     return cl.new_sphere_pairs(contacts, near, most_spheres, capacity, n_state)
 
 
-def new_wall_contacts(
-    capacity: int, n_walls: tuple[int, int, int], of_clumps: bool, n_state: int
-) -> tuple[Any, Any, Any]:
+def new_wall_contacts(capacity: int, n_walls: tuple[int, int, int], of_clumps: bool, n_state: int) -> list[Any]:
     """Make empty lists for contacts with planes, with cones and rings, and with meshes: `n_walls` has their numbers."""
     n_planes, _n_curved, n_meshes = n_walls
     spare = 64 * st.MOST_SPHERES if of_clumps else 64
     rows = (ct.WALL_STATE if of_clumps else st.WALL_STATE) // st.LANES + n_state
     most = n_planes * capacity + spare, capacity + spare, capacity + spare if n_meshes else 1
-    flat, curved, meshed = (
-        st.new_wall_contacts(room, walls, capacity, capacity, rows, of_clumps)
-        for room, walls in zip(most, n_walls, strict=True)
-    )
-    return flat, curved, meshed
+    kinds = zip(most, n_walls, strict=True)
+    return [st.new_wall_contacts(room, walls, capacity, capacity, rows, of_clumps) for room, walls in kinds]
 
 
 def grown_pairs(old: Any, counts: Any, capacity: int, most_spheres: int, n_state: int) -> Any:

@@ -1,6 +1,7 @@
 """Materials of a simulation by number, and the table of a force law's constants for each pair of them."""
 
 from collections.abc import Iterable, Mapping
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -38,10 +39,7 @@ def pairs_of(contacts: Mapping[tuple[str, str], Contact], materials: Mapping[str
 
 
 def number_materials(
-    shapes: Mapping[str, Shape] | Mapping[str, Clump],
-    of_walls: Iterable[str],
-    materials: Mapping[str, Material],
-    contacts: Pairs,
+    shapes: Mapping[str, Shape | Clump], of_walls: Iterable[str], materials: Mapping[str, Material], contacts: Pairs
 ) -> MaterialNumbers:
     """Give each material its number; ValueError for a missing material, or a missing contact of two that can meet."""
     names = list(dict.fromkeys(shape.material for shape in shapes.values()))
@@ -50,18 +48,15 @@ def number_materials(
     for name in names:
         if name not in materials:
             raise ValueError(f"material is {name!r}; expected {', '.join(materials)}")
-    for a in of_bodies:
-        for b in names:
-            if (a, b) not in contacts:
-                raise ValueError(
-                    f"contacts has no pair ({a!r}, {b!r}); every pair of materials that can meet needs one"
-                )
+    for a, b in product(of_bodies, names):
+        if (a, b) not in contacts:
+            raise ValueError(f"contacts has no pair ({a!r}, {b!r}); every pair of materials that can meet needs one")
     return MaterialNumbers(of_bodies, {name: k for k, name in enumerate(names)})
 
 
 def check_constants(law: Law, numbers: MaterialNumbers, contacts: Pairs) -> None:
     """Raise ValueError if a contact lacks a constant of the law, has another one, or has a wrong value."""
-    for pair in ((a, b) for a in numbers.of_bodies for b in numbers.of_all):
+    for pair in product(numbers.of_bodies, numbers.of_all):
         try:
             _check_constants_of(law, contacts[pair].constants)
         except ValueError as fault:

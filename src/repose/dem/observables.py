@@ -201,11 +201,9 @@ class Observables(World):
         offsets = _tangent_planes(self.walls, curved_wall, normals, azimuths)
         curved = self._beyond(on_curved, normals, offsets, self.curved.feature[: len(on_curved)])
         on_mesh, mesh, _, _, meshed = self.mesh_contacts()
-        return (
-            np.concatenate([on_plane, on_curved, on_mesh]).astype(np.int64),
-            np.concatenate([plane, n_planes + curved_wall, n_planes + n_curved + mesh]).astype(np.int64),
-            np.concatenate([flat, curved, meshed]),
-        )
+        bodies = np.concatenate([on_plane, on_curved, on_mesh]).astype(np.int64)
+        walls = np.concatenate([plane, n_planes + curved_wall, n_planes + n_curved + mesh]).astype(np.int64)
+        return bodies, walls, np.concatenate([flat, curved, meshed])
 
     def _beyond(self, bodies: np.ndarray, normals: np.ndarray, offsets: np.ndarray, spheres: np.ndarray) -> np.ndarray:
         """Measure how far bodies, or one sphere of each clump, reach (M,) beyond planes with these normals."""
@@ -258,10 +256,8 @@ class Observables(World):
         scratch = self._tiles[0].copy(), self._scratches[0].copy()
         physics = self.physics._replace(dt=0.0)
         add_wall_loads(*copies, walls, self.meshes, self.counts.copy(), physics, *scratch, len(self.grid.cell))
-        loads = {}
-        for name, load in zip(names, walls.loads, strict=True):
-            loads[name] = WallLoad(load[:3].copy(), load[3:] - np.cross(about, load[:3]))
-        return loads
+        found = zip(names, walls.loads, strict=True)
+        return {name: WallLoad(load[:3].copy(), load[3:] - np.cross(about, load[:3])) for name, load in found}
 
     def curved_contacts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Contacts with cones, tubes and rings.

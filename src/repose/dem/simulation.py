@@ -182,14 +182,9 @@ class Simulation(Observables):
         least, most = self._smallest_scales[shape], self.largest_scale
         allowed = f"at least {least:.3g}, or time_step_s is too long, at most largest_scale, {most:g}"
         number("scale", scale, allowed, lambda scale: least <= scale <= most)
-        body = Body(
-            kind,
-            vector("position_m", position_m),
-            direction("quaternion", quaternion, 4),
-            vector("velocity_m_s", velocity_m_s),
-            vector("angular_velocity_rad_s", angular_velocity_rad_s),
-            scale,
-        )
+        place, turn = vector("position_m", position_m), direction("quaternion", quaternion, 4)
+        velocity, spin = vector("velocity_m_s", velocity_m_s), vector("angular_velocity_rad_s", angular_velocity_rad_s)
+        body = Body(kind, place, turn, velocity, spin, scale)
         write_body(self.bodies, i, body, self.physics.parts, self._body_tiles[0])
         self._shape_ids[i] = list(self.shapes).index(shape)
         self._scales[i] = scale
@@ -266,8 +261,7 @@ class Simulation(Observables):
         shared = st.Shared(
             counters=np.zeros(BARRIER_SIZE, np.int64),
             orders=np.zeros(1, np.int64),
-            begins=np.zeros(parallel.SHARES, np.int64),
-            numbers=np.zeros(parallel.SHARES, np.int64),
+            **st.each("begins numbers", parallel.SHARES, np.int64),
             due=np.zeros(len(self.pairs.near_limit), np.int64),
         )
         tiles = (self._tiles, self._body_tiles, self._scratches)

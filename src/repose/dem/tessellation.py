@@ -21,9 +21,8 @@ def tessellate(body: Any, rings: int = 18, sectors: int = 36) -> tuple[np.ndarra
     any object with `support` and `support_point`. Of a clump only the surface that is visible from its centre of mass
     is made.
     """
-    polar, turn = np.meshgrid(
-        np.linspace(0, math.pi, rings + 1), np.linspace(0, 2 * math.pi, sectors, endpoint=False), indexing="ij"
-    )
+    latitudes, longitudes = np.linspace(0, math.pi, rings + 1), np.linspace(0, 2 * math.pi, sectors, endpoint=False)
+    polar, turn = np.meshgrid(latitudes, longitudes, indexing="ij")
     sphere = np.stack([np.cos(polar), np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn)], axis=-1)
     # Normals are spread evenly over the surface and not over the directions, so a slim body has well resolved tips.
     extent = np.array([body.support(axis) for axis in np.eye(3)])
@@ -174,9 +173,8 @@ def triangulated_walls(simulation: Any) -> dict[str, tuple[np.ndarray, np.ndarra
 
 def _all_spheres(clump: Clump, rings: int, sectors: int) -> tuple[np.ndarray, np.ndarray]:
     """Triangulate every sphere of a clump: points (V, 3) m, triangles (T, 3)."""
-    ball, _normals, triangles = tessellate(
-        Clump(np.array([[0.0, 0.0, 0.0, 1.0]]), 1.0, np.ones(3), "any"), rings, sectors
-    )
+    unit = Clump(np.array([[0.0, 0.0, 0.0, 1.0]]), 1.0, np.ones(3), "any")
+    ball, _normals, triangles = tessellate(unit, rings, sectors)
     points = clump.spheres_m[:, None, :3] + clump.spheres_m[:, None, 3:] * ball
     first = len(ball) * np.arange(len(points))
     return points.reshape(-1, 3), (first[:, None, None] + triangles).reshape(-1, 3)
@@ -211,8 +209,5 @@ def joined(
         points.append(corners)
         triangles.append(faces + n)
         n += len(corners)
-    return (
-        np.concatenate(points),
-        np.concatenate(triangles),
-        np.repeat(numbers, np.array([len(faces) for faces in triangles[1:]], int)),
-    )
+    counts = np.array([len(faces) for faces in triangles[1:]], int)
+    return np.concatenate(points), np.concatenate(triangles), np.repeat(numbers, counts)

@@ -136,9 +136,8 @@ class Cone:
         _check_common(self)
         m_r, m_z, _offset, first, last, e_r, e_z = vector("line", self.line, 7)
         if max(abs(math.hypot(m_r, m_z) - 1.0), abs(math.hypot(e_r, e_z) - 1.0)) > 1e-6 or not first < last:
-            raise ValueError(
-                f"line is {self.line!r}; expected unit vectors (m_r, m_z) and (e_r, e_z), first below last place"
-            )
+            allowed = "unit vectors (m_r, m_z) and (e_r, e_z), first below last place"
+            raise ValueError(f"line is {self.line!r}; expected {allowed}")
         frame_of(self)
 
     @classmethod
@@ -442,10 +441,9 @@ def wall_arrays(
     surfaces = [*planes, *cones, *rings, *meshes]
     flat = np.array([wall.row() for wall in planes]).reshape(-1, st.PLANE_COLUMNS)
     frames = np.array([frame_of(surface) for surface in (*cones, *rings, *meshes)]).reshape(-1, 12)
-    if old is not None:
-        flat, frames = old.planes.copy(), old.frames.copy()
     motion = np.array([surface.motion.row() for surface in surfaces]).reshape(-1, 9)
     if old is not None:
+        flat, frames = old.planes.copy(), old.frames.copy()
         # the pivots of the other walls stay where their motion has brought them
         others = np.arange(len(motion)) != changed
         motion[others] = old.motion[others]

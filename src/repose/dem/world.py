@@ -114,19 +114,17 @@ class World:
         self.grid.lengths[st.REACH :] = 2.0 * self.radius, skin
         self.walls = self._wall_arrays()
         surfaces = self.wall_set.of(Mesh)
-        slide = max(shape.slide for shape in self.shapes.values())
+        shapes = list(self.shapes.values())
+        slide = max(shape.slide for shape in shapes)
         self.meshes: Any = features.join([mesh.part for mesh in surfaces], slide) if surfaces else ()
         n_walls = len(self.walls.planes), len(self.walls.cones) + len(self.walls.rings), len(surfaces)
-        self._most_spheres = most_spheres(self.shapes.values())
+        self._most_spheres = most_spheres(shapes)
         self.pairs = contact_lists.new_pairs(self.capacity, self._most_spheres, self._n_state)
-        self.flat, self.curved, self.meshed = contact_lists.new_wall_contacts(
-            self.capacity, n_walls, self._of_clumps, self._n_state
-        )
+        of_walls = contact_lists.new_wall_contacts(self.capacity, n_walls, self._of_clumps, self._n_state)
+        self.flat, self.curved, self.meshed = of_walls
         self.clumps: Any = ()
         if self._of_clumps:
-            self.clumps = cl.new_clumps(
-                list(self.shapes.values()), self._shape_ids, self._scales, len(self.meshed.body)
-            )
+            self.clumps = cl.new_clumps(shapes, self._shape_ids, self._scales, len(self.meshed.body))
         self.counts = np.zeros(st.COUNTS, np.int64)
 
     @property

@@ -56,13 +56,8 @@ def shear_modulus(elastic_modulus_pa: float, poisson: float) -> float:
 
 def moduli(tests: pd.DataFrame) -> tuple[float, float, float]:
     """Compute E [Pa] and nu as means over compression tests (`read_compression`), and G [Pa] from both by Eq. 4."""
-    elastic = elastic_modulus(
-        tests["force_n"],
-        tests["length_1_mm"] * 1e-3,
-        tests["breadth_mm"] * 1e-3,
-        tests["width_1_mm"] * 1e-3,
-        tests["width_2_mm"] * 1e-3,
-    ).mean()
+    lengths_m = (1e-3 * tests[name] for name in ("length_1_mm", "breadth_mm", "width_1_mm", "width_2_mm"))
+    elastic = elastic_modulus(tests["force_n"], *lengths_m).mean()
     poisson = poisson_ratio(tests["length_1_mm"], tests["length_2_mm"], tests["width_1_mm"], tests["width_2_mm"]).mean()
     return float(elastic), float(poisson), float(shear_modulus(elastic, poisson))
 

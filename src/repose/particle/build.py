@@ -17,7 +17,7 @@ from repose.core.errors import InputError
 from repose.core.files import write_bytes, write_table
 from repose.dem.rotations import sphere_directions
 from repose.particle import mesh_from_axes, sphere_packing, support_fit
-from repose.particle.berry_files import read_berry
+from repose.particle.berry_files import SIZE_COLUMNS, read_berry
 from repose.particle.mesh import body_of, ellipsoid_mesh, load_mesh, mesh_of, mesh_support, stl_of
 from repose.particle.particle import KINDS, MM, Body, Particle, check_positive
 from repose.particle.settings import GrainSettings
@@ -29,7 +29,6 @@ OTHER_UNIT = 3.0  # a scan this many times as long as the mean of the sizes, or 
 VOLUME_TOLERANCE = 0.1
 DIRECTIONS = 2000
 MESH_FILE = "berry.stl"
-AXES = ("long_mm", "major_mm", "minor_mm")
 
 
 def fit_particle(
@@ -99,13 +98,8 @@ def make_particle(
 
 def _origin(body: Body, density_kg_m3: float, stl: str) -> dict[str, Any]:
     """List the properties of the mesh that a particle keeps."""
-    return {
-        "density_kg_m3": float(density_kg_m3),
-        "stl": str(stl),
-        "mesh_volume_m3": body.volume_m3,
-        "mesh_inertia_kg_m2": body.inertia_kg_m2,
-        "mesh_axes_m": body.axes_m,
-    }
+    of_mesh = {f"mesh_{name}": getattr(body, name) for name in ("volume_m3", "inertia_kg_m2", "axes_m")}
+    return {"density_kg_m3": float(density_kg_m3), "stl": str(stl), **of_mesh}
 
 
 def compare(particles: Mapping[str, Particle | InputError]) -> list[dict[str, Any]]:
@@ -139,7 +133,7 @@ def of_settings(grain: Mapping[str, Any], section: GrainSettings) -> Particle:
 
 def _stl(grain: Mapping[str, Any], stl: str | PathLike | None, mass_g: float | None) -> bytes:
     """Return the content of the mesh file: of the user's scan, or a mesh of the mean axes."""
-    axes_mm = [grain[name] for name in AXES]
+    axes_mm = [grain[name] for name in SIZE_COLUMNS]
     if stl is not None:
         scan = load_mesh(stl)
         longest, mean = float(scan.extents.max()), max(axes_mm)
@@ -169,7 +163,7 @@ def run(
     """
     import pandas as pd
 
-    grain = read_berry(berry_json, (*AXES, "density_kg_m3"))
+    grain = read_berry(berry_json, (*SIZE_COLUMNS, "density_kg_m3"))
     out = Path(out_dir)
     source, content = stl or out / MESH_FILE, _stl(grain, stl, mass_g)
     mesh = mesh_of(content, source)

@@ -56,8 +56,7 @@ def _read(file: Any, file_type: str | None, source: object) -> trimesh.Trimesh:
         mesh: Any = trimesh.load(file, file_type=file_type, force="mesh")
     except Exception as error:  # trimesh's readers raise whatever their parsers do
         raise InputError(source, "file", str(error), "a mesh that trimesh can read, such as an STL") from None
-    check_mesh(mesh, source)
-    return principal_pose(mesh)
+    return principal_pose(check_mesh(mesh, source))
 
 
 def stl_of(mesh: trimesh.Trimesh) -> bytes:
@@ -72,10 +71,10 @@ def mesh_of(stl: bytes, source: object) -> trimesh.Trimesh:
     return _read(BytesIO(stl), "stl", source)
 
 
-def check_mesh(mesh: trimesh.Trimesh, source: object) -> None:
-    """Raise InputError unless a mesh [mm] is one closed body, faces outwards, has a plausible size, is nearly convex.
+def check_mesh(mesh: trimesh.Trimesh, source: object) -> trimesh.Trimesh:
+    """Return a mesh [mm] that is one closed body, faces outwards, has a plausible size and is nearly convex.
 
-    Facets without an area, and some that are there twice, are taken out of it.
+    Any other is an InputError. Facets without an area, and some that are there twice, are taken out of it.
     """
     if len(mesh.faces) < 4:
         raise InputError(source, "faces", len(mesh.faces), "a closed surface of at least 4 faces")
@@ -88,9 +87,8 @@ def check_mesh(mesh: trimesh.Trimesh, source: object) -> None:
         raise InputError(source, "longest side in mm", longest, allowed)
     for good in (mesh.nondegenerate_faces(), mesh.unique_faces()):
         if 2 * good.sum() <= len(good):
-            raise InputError(
-                source, "facets with an area, each once", int(good.sum()), f"{len(good)}: is the body there twice?"
-            )
+            allowed = f"{len(good)}: is the body there twice?"
+            raise InputError(source, "facets with an area, each once", int(good.sum()), allowed)
         if not good.all():
             mesh.update_faces(good)
     if not mesh.is_watertight or not mesh.is_winding_consistent:
@@ -107,6 +105,7 @@ def check_mesh(mesh: trimesh.Trimesh, source: object) -> None:
         dents = f"at least {CONVEX_SHARE:g}; the particle is convex and cannot stand for dents this deep"
         allowed = dents if share < 1 else "at most 1; the surface crosses itself"
         raise InputError(source, "share of its convex hull that the mesh fills", round(share, 4), allowed)
+    return mesh
 
 
 def principal_pose(mesh: trimesh.Trimesh) -> trimesh.Trimesh:

@@ -51,10 +51,8 @@ def _mesh(
     half = np.asarray(axes_mm, float) / 2
     groove = 1 - depth_mm / half[2] * (1 - np.cos(wrinkles * turn)) / 2
     section = np.column_stack([half[1] * np.cos(turn), half[2] * np.sin(turn)]) * groove[:, None]
-    rings = [
-        np.column_stack([np.full(SECTORS, half[0] * place), size * section])
-        for place, size in zip(t[1:-1], r[1:-1], strict=True)
-    ]
+    inner = zip(half[0] * t[1:-1], r[1:-1], strict=True)
+    rings = [np.column_stack([np.full(SECTORS, place), size * section]) for place, size in inner]
     points = np.concatenate([*rings, [[-half[0], 0, 0], [half[0], 0, 0]]])
     here, after = np.arange(SECTORS), (np.arange(SECTORS) + 1) % SECTORS
     last = (len(rings) - 1) * SECTORS
@@ -90,9 +88,8 @@ def berry_mesh(
     if not 0 <= wrinkle_depth_mm <= deepest:
         raise InputError(source, "wrinkle_depth_mm", wrinkle_depth_mm, f"from 0 to {deepest:.3g}")
     if (wrinkles or wrinkle_depth_mm) and not (WRINKLES[0] <= wrinkles <= WRINKLES[1] and wrinkle_depth_mm):
-        raise InputError(
-            source, "wrinkles", wrinkles, f"{WRINKLES[0]} to {WRINKLES[1]}, together with wrinkle_depth_mm"
-        )
+        allowed = "{} to {}, together with wrinkle_depth_mm".format(*WRINKLES)
+        raise InputError(source, "wrinkles", wrinkles, allowed)
     details = (taper, wrinkles, wrinkle_depth_mm)
     volume = mass_g * 1e-3 / density_kg_m3 / MM**3
     low, high = (_mesh(axes, shape, *details).volume for shape in SHAPE_LIMITS)

@@ -17,12 +17,8 @@ STREAM = 1
 
 def of_sizes(diameters_mm: np.ndarray) -> tuple[float, float, float]:
     """Compute standard deviation, smallest and largest of measured equivalent diameters (N,), over their mean."""
-    mean = float(np.mean(diameters_mm))
-    return (
-        float(np.std(diameters_mm, ddof=1)) / mean,
-        float(min(diameters_mm)) / mean,
-        float(max(diameters_mm)) / mean,
-    )
+    mean, sd = float(np.mean(diameters_mm)), float(np.std(diameters_mm, ddof=1))
+    return sd / mean, float(min(diameters_mm)) / mean, float(max(diameters_mm)) / mean
 
 
 def of_range(maximum: float, minimum: float, mean: float) -> tuple[float, float, float]:

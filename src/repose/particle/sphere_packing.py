@@ -130,10 +130,8 @@ def surface_points(mesh: trimesh.Trimesh, count: int = SURFACE_POINTS) -> tuple[
 def _inside(mesh: trimesh.Trimesh, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Find candidate centres (N, 3) in a mesh, on a grid symmetric about the origin, and their depths (N,)."""
     spacing = np.cbrt(mesh.volume / CANDIDATES)
-    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
-    lines = [
-        spacing * np.arange(math.ceil(a / spacing), math.floor(b / spacing) + 1) for a, b in zip(low, high, strict=True)
-    ]
+    ends = zip(mesh.vertices.min(axis=0) / spacing, mesh.vertices.max(axis=0) / spacing, strict=True)
+    lines = [spacing * np.arange(math.ceil(first), math.floor(last) + 1) for first, last in ends]
     grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
     hull = mesh.convex_hull
     offsets = np.einsum("fi,fi->f", hull.face_normals, hull.triangles[:, 0])

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 FORMAT = 1
 ABOUT = "about"  # the array that holds the description
 WHOLE = "a whole file that Simulation.save wrote"
+OF_SIMULATION = ("capacity", "lower", "upper", "tension", "friction_limit", "largest_scale", "threads")  # its arguments
 OF_BODIES = ("limit", "deepest")  # arrays of wall contacts that have a place for each body and do not grow
 
 
@@ -112,8 +113,8 @@ def _aligned(values: np.ndarray) -> np.ndarray:
 
 def _description(simulation: "Simulation") -> dict[str, Any]:
     """Describe the arguments of a simulation, for JSON."""
-    physics = simulation.physics
-    walls = simulation.wall_set.surfaces
+    physics, walls = simulation.physics, simulation.wall_set.surfaces
+    arguments = {name: _plain(getattr(simulation, name)) for name in OF_SIMULATION}
     return {
         "format": FORMAT,
         "engine": source_hash(),
@@ -121,18 +122,12 @@ def _description(simulation: "Simulation") -> dict[str, Any]:
         "materials": {name: _plain(material) for name, material in simulation.materials.items()},
         "contacts": [[*pair, _plain(contact)] for pair, contact in simulation.contact_pairs.items()],
         "walls": {name: [type(wall).__name__, _plain(wall)] for name, wall in walls.items()},
-        "arguments": {
+        "arguments": arguments
+        | {
             "time_step_s": physics.dt,
-            "capacity": simulation.capacity,
-            "lower": _plain(simulation.lower),
-            "upper": _plain(simulation.upper),
             "gravity_m_s2": _plain(physics.gravity),
-            "tension": simulation.tension,
-            "friction_limit": simulation.friction_limit,
             "contact_law": simulation.contact_law.name,
             "rolling_law": simulation.rolling_law.name,
-            "largest_scale": simulation.largest_scale,
-            "threads": simulation.threads,
             "exit_height_m": physics.exit_height,
             "curved_walls_above_m": physics.curved_walls_above,
             "floor_height_m": physics.floor_height,

@@ -28,15 +28,10 @@ class Recorder:
         """
         there = simulation.present[:, None]
         self._shapes, self._scales = simulation.shape_ids.copy(), simulation.scales.copy()
-        self._frames.append(
-            (
-                simulation.time_s,
-                np.where(there, simulation.positions, np.nan).astype(np.float32),
-                np.where(there, simulation.quaternions, np.nan).astype(np.float32),
-                simulation.walls.planes.copy(),
-                simulation.walls.frames.copy(),
-            )
-        )
+        position = np.where(there, simulation.positions, np.nan).astype(np.float32)
+        quaternion = np.where(there, simulation.quaternions, np.nan).astype(np.float32)
+        walls = simulation.walls.planes.copy(), simulation.walls.frames.copy()
+        self._frames.append((simulation.time_s, position, quaternion, *walls))
 
     def __len__(self) -> int:
         """Count the frames that were kept."""

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 VTK_TYPES = {"f8": "Float64", "i8": "Int64", "i4": "Int32", "u1": "UInt8"}
 
-# Points, cells ("Verts" or "Polys", and the points of each), point data, cell data.
+# Points, cells ("Verts" or "Polys", and the points of each (M, corners)), point data, cell data.
 Content = tuple[np.ndarray, tuple[str, np.ndarray], dict[str, np.ndarray], dict[str, np.ndarray]]
 
 
@@ -54,9 +54,9 @@ def write_vtk(path: str | os.PathLike, simulation: "Simulation", content: str = 
     and place. The names of shapes and walls are in the field data.
     """
     path = _ending(path, ".vtp")
-    points, cells, point_data, cell_data = chosen("content", content, _CONTENT_OF)(simulation)
+    made = chosen("content", content, _CONTENT_OF)(simulation)
     names = {"wall_names": simulation.wall_set.surfaces} if content == "walls" else {"shape_names": simulation.shapes}
-    text = _poly_data(simulation.time_s, names, points, cells, point_data, cell_data)
+    text = _poly_data(simulation.time_s, names, made)
     write_whole(path, lambda handle: handle.write(text.encode()))
 
 
@@ -121,16 +121,9 @@ def _names_array(name: str, names: Sequence[str]) -> str:
     return f'<Array type="String" Name={quoteattr(name)} NumberOfTuples="{len(names)}" format="ascii">{codes}</Array>'
 
 
-def _poly_data(
-    time_s: float,
-    names: Mapping[str, Iterable[str]],
-    points: np.ndarray,
-    cells: tuple[str, np.ndarray],
-    point_data: Mapping[str, np.ndarray],
-    cell_data: Mapping[str, np.ndarray],
-) -> str:
-    """Write the text of a .vtp file; cells: "Verts" or "Polys" and the points of each (M, corners)."""
-    kind, corners = cells
+def _poly_data(time_s: float, names: Mapping[str, Iterable[str]], content: Content) -> str:
+    """Write the text of a .vtp file."""
+    points, (kind, corners), point_data, cell_data = content
     ends = corners.shape[1] * np.arange(1, len(corners) + 1)
     links = ("connectivity", corners.reshape(-1).astype(np.int64)), ("offsets", ends.astype(np.int64))
     piece = _element(

@@ -53,15 +53,9 @@ def rotated_diagonal(m, at, c, d, diagonal):
     for k in range(L):
         qw, qx, qy, qz = quaternion_of(c, k)
         a1, a2, a3 = d[diagonal + k], d[diagonal + L + k], d[diagonal + 2 * L + k]
-        xx = 1.0 - 2.0 * (qy * qy + qz * qz)
-        xy = 2.0 * (qx * qy - qw * qz)
-        xz = 2.0 * (qx * qz + qw * qy)
-        yx = 2.0 * (qx * qy + qw * qz)
-        yy = 1.0 - 2.0 * (qx * qx + qz * qz)
-        yz = 2.0 * (qy * qz - qw * qx)
-        zx = 2.0 * (qx * qz - qw * qy)
-        zy = 2.0 * (qy * qz + qw * qx)
-        zz = 1.0 - 2.0 * (qx * qx + qy * qy)
+        xx, xy, xz = 1.0 - 2.0 * (qy * qy + qz * qz), 2.0 * (qx * qy - qw * qz), 2.0 * (qx * qz + qw * qy)
+        yx, yy, yz = 2.0 * (qx * qy + qw * qz), 1.0 - 2.0 * (qx * qx + qz * qz), 2.0 * (qy * qz - qw * qx)
+        zx, zy, zz = 2.0 * (qx * qz - qw * qy), 2.0 * (qy * qz + qw * qx), 1.0 - 2.0 * (qx * qx + qy * qy)
         m[at + k] = a1 * xx * xx + a2 * xy * xy + a3 * xz * xz
         m[at + L + k] = a1 * xx * yx + a2 * xy * yy + a3 * xz * yz
         m[at + 2 * L + k] = a1 * xx * zx + a2 * xy * zy + a3 * xz * zz
@@ -195,9 +189,7 @@ def resist_in_frame(m, c, dt, fx, fy, fz):
         there = i1 > 0.0
         # angular momentum of a body that turns with the frame
         x, y, z = into_body(c, k, fx, fy, fz)
-        x = x / i1 if there else 0.0
-        y = y / i2 if there else 0.0
-        z = z / i3 if there else 0.0
+        x, y, z = x / i1 if there else 0.0, y / i2 if there else 0.0, z / i3 if there else 0.0
         wx, wy, wz = into_world(c, k, x, y, z)
         x, y, z = into_body(c, k, lx - wx, ly - wy, lz - wz)
         square = x * x + y * y + z * z
@@ -223,9 +215,7 @@ def advance_orientation(m, c, dt):
         lx, ly, lz = c[ANGULAR_MOMENTUM + k], c[ANGULAR_MOMENTUM + L + k], c[ANGULAR_MOMENTUM + 2 * L + k]
         ox, oy, oz = (m[OMEGA + k], m[OMEGA + L + k], m[OMEGA + 2 * L + k])
         rx, ry, rz = inverse_inertia_times(m, k, oy * lz - oz * ly, oz * lx - ox * lz, ox * ly - oy * lx)
-        ox = alive(ox - 0.5 * dt * rx)
-        oy = alive(oy - 0.5 * dt * ry)
-        oz = alive(oz - 0.5 * dt * rz)
+        ox, oy, oz = alive(ox - 0.5 * dt * rx), alive(oy - 0.5 * dt * ry), alive(oz - 0.5 * dt * rz)
         write_vector(c, ANGULAR_MOMENTUM, k, alive(lx), alive(ly), alive(lz))
         write_vector(m, OMEGA, k, ox, oy, oz)
         square = ox * ox + oy * oy + oz * oz

@@ -39,13 +39,8 @@ def new_clumps(shapes, shape, scale, n_meshed):
     spheres = np.zeros((len(shapes), 4, MOST_SPHERES))
     for k, clump in enumerate(shapes):
         spheres[k, :, : len(clump.spheres_m)] = clump.spheres_m.T
-    return Clumps(
-        spheres=spheres,
-        sizes=np.array([len(clump.spheres_m) for clump in shapes]),
-        shape=shape,
-        scale=scale,
-        mesh_sphere=np.zeros(n_meshed, np.uint32),
-    )
+    sizes = np.array([len(clump.spheres_m) for clump in shapes])
+    return Clumps(spheres, sizes, shape, scale, mesh_sphere=np.zeros(n_meshed, np.uint32))
 
 
 def new_sphere_pairs(n_contacts, n_entries, most, ghost, n_state):

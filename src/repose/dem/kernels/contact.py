@@ -43,9 +43,7 @@ def solve_gap(rows, parts, i, j, normal, tolerance, early):
     `tolerance` is the step [rad] at which the iteration stops; it also stops when a normal proves a gap above `early`
     [m] (a separating axis).
     """
-    dx = rows[j, 0] - rows[i, 0]
-    dy = rows[j, 1] - rows[i, 1]
-    dz = rows[j, 2] - rows[i, 2]
+    dx, dy, dz = rows[j, 0] - rows[i, 0], rows[j, 1] - rows[i, 1], rows[j, 2] - rows[i, 2]
     if parts == SPHERES:
         distance = math.sqrt(dx * dx + dy * dy + dz * dz)
         if distance > 0.0:
@@ -76,7 +74,5 @@ def solve_gap(rows, parts, i, j, normal, tolerance, early):
         nx, ny, nz = bx + sx, by + sy, bz + sz
         inv = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
         nx, ny, nz = inv * nx, inv * ny, inv * nz
-    normal[0] = bx
-    normal[1] = by
-    normal[2] = bz
+    normal[0], normal[1], normal[2] = bx, by, bz
     return best

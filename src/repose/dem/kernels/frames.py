@@ -47,9 +47,7 @@ def contact_to_world(walls, wall, out):
 def row_in_frame(row, parts, frame, local):
     """Position and shape of a body as seen from a frame, written to `local` (a row)."""
     x, y, z = into_frame(frame, row[0] - frame[0], row[1] - frame[1], row[2] - frame[2])
-    local[POSITION] = x
-    local[POSITION + 1] = y
-    local[POSITION + 2] = z
+    local[POSITION], local[POSITION + 1], local[POSITION + 2] = x, y, z
     if parts == SPHERES:
         local[SPHERE_RADIUS] = row[SPHERE_RADIUS]
     for part in range(parts):
@@ -104,9 +102,7 @@ def move_walls(walls, dt):
         x, y, z = rotated_about(angle, ux, uy, uz, place[0] - px, place[1] - py, place[2] - pz)
         for c in range(3):
             motion[6 + c] += dt * motion[c]
-        place[0] = motion[6] + x
-        place[1] = motion[7] + y
-        place[2] = motion[8] + z
+        place[0], place[1], place[2] = motion[6] + x, motion[7] + y, motion[8] + z
         if w < n_planes:
             place[3], place[4], place[5] = rotated_about(angle, ux, uy, uz, place[3], place[4], place[5])
         else:
@@ -151,9 +147,7 @@ def load_walls(walls, first_wall, contacts, base, n, t):
         x = t[tl.A + lane] + t[tl.RA + lane]
         y = t[tl.A + L + lane] + t[tl.RA + L + lane]
         z = t[tl.A + 2 * L + lane] + t[tl.RA + 2 * L + lane]
-        load[0] += fx
-        load[1] += fy
-        load[2] += fz
+        load[0], load[1], load[2] = load[0] + fx, load[1] + fy, load[2] + fz
         load[3] += y * fz - z * fy + t[tl.TO_B + 3 * L + lane]
         load[4] += z * fx - x * fz + t[tl.TO_B + 4 * L + lane]
         load[5] += x * fy - y * fx + t[tl.TO_B + 5 * L + lane]

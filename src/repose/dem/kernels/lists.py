@@ -8,8 +8,7 @@ from .rows import L, write_vector
 @inlined
 def put_contact(data, k, nx, ny, nz):
     """Begin contact k with a normal; all else that the geometry and the force laws keep is zero."""
-    tile = data[k // L]
-    lane = k % L
+    tile, lane = data[k // L], k % L
     write_vector(tile, st.NORMAL, lane, nx, ny, nz)
     for row in range(st.PAIR_STATE, data.shape[1], L):
         tile[row + lane] = 0.0

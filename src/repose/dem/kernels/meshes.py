@@ -138,8 +138,7 @@ def track(row, parts, meshes, contacts, lane, feature, nx, ny, nz, out):
 @kernel
 def hand_over(row, parts, meshes, contacts, n, k, radius, end, out, other):
     """Find the feature that a contact has moved to, with a gap up to `end`: fills `out`; returns whether one exists."""
-    mesh = contacts.wall[k]
-    old = contacts.feature[k]
+    mesh, old = contacts.wall[k], contacts.feature[k]
     reach = NEARBY * radius
     px, py, pz = row[0] + out[5], row[1] + out[6], row[2] + out[7]
     i0, i1 = cell_range(meshes, mesh, 0, px - reach, px + reach)

@@ -15,7 +15,7 @@ from . import state as st
 from .contact import solve_gap
 from .jit import inlined, kernel
 from .lists import move_contact, put_contact
-from .rows import L
+from .rows import L, lane_vector
 
 # A proven gap above this share of the skin is good enough; below it the true gap is found.
 EARLY = 0.25
@@ -39,8 +39,7 @@ def unlink(grid, i):
     cell = grid.cell[i]
     if cell < 0:
         return
-    before = grid.preceding[i]
-    after = grid.following[i]
+    before, after = grid.preceding[i], grid.following[i]
     if before >= 0:
         grid.following[before] = after
     else:
@@ -127,9 +126,7 @@ def add_near(pairs, counts, grid, i, j, limit, nx, ny, nz):
     write_pair(pairs.near_first, pairs.near_second, k, i, j)
     pairs.near_limit[k] = limit
     pairs.near_check[k // st.BLOCK] = 0.0
-    pairs.near_normal[k, 0] = nx
-    pairs.near_normal[k, 1] = ny
-    pairs.near_normal[k, 2] = nz
+    pairs.near_normal[k, 0], pairs.near_normal[k, 1], pairs.near_normal[k, 2] = nx, ny, nz
 
 
 @inlined
@@ -169,8 +166,7 @@ def near_gap(bodies, pairs, grid, parts, k, normal):
 @inlined
 def check_near(bodies, pairs, counts, grid, parts, k, normal):
     """Solve for the gap of near pair k, make it a contact or set a new limit; returns whether it stays in the list."""
-    i = pairs.near_first[k]
-    j = pairs.near_second[k]
+    i, j = pairs.near_first[k], pairs.near_second[k]
     gap = near_gap(bodies, pairs, grid, parts, k, normal)
     if gap <= 0.0:
         drop_near(pairs, counts, grid, k)
@@ -246,8 +242,7 @@ def chain_contacts(pairs, counts, grid):
     used = 0
     k = counts[st.N_PAIRS] - 1
     while used < left:
-        i = pairs.first[np.uint64(k)]
-        j = pairs.second[np.uint64(k)]
+        i, j = pairs.first[np.uint64(k)], pairs.second[np.uint64(k)]
         used = chain_partner(pairs, grid, used, i, j)
         used = chain_partner(pairs, grid, used, j, i)
         k -= 1
@@ -264,17 +259,13 @@ def list_pair(bodies, pairs, counts, grid, parts, a, b, normal):
     """List a pair anew: as touching, as near with its gap, or not at all where the gap is a skin or more."""
     rows = bodies.rows
     skin = grid.lengths[st.SKIN]
-    dx = rows[b, 0] - rows[a, 0]
-    dy = rows[b, 1] - rows[a, 1]
-    dz = rows[b, 2] - rows[a, 2]
+    dx, dy, dz = rows[b, 0] - rows[a, 0], rows[b, 1] - rows[a, 1], rows[b, 2] - rows[a, 2]
     square = dx * dx + dy * dy + dz * dz
     reach = bounding_radius(bodies, a) + bounding_radius(bodies, b) + skin
     if square >= reach * reach:
         return
     distance = math.sqrt(square)
-    normal[0] = dx / distance
-    normal[1] = dy / distance
-    normal[2] = dz / distance
+    normal[0], normal[1], normal[2] = dx / distance, dy / distance, dz / distance
     gap = solve_gap(rows, parts, a, b, normal, TOLERANCE, EARLY * skin)
     if gap <= 0.0:
         add_contact(pairs, counts, grid, a, b, normal)
@@ -288,10 +279,8 @@ def retire_pairs(bodies, pairs, counts, grid, begin, ended, ghost):
     """Move the pairs that parted to the list of near pairs, the last first."""
     for e in range(begin + ended - 1, begin - 1, -1):
         k = pairs.ended[e]
-        i = pairs.first[k]
-        j = pairs.second[k]
+        i, j = pairs.first[k], pairs.second[k]
         limit = bodies.displacement[i] + bodies.displacement[j] + pairs.gap[k]
-        tile = pairs.data[k // L]
-        n = st.NORMAL + k % L
-        add_near(pairs, counts, grid, i, j, limit, tile[n], tile[n + L], tile[n + 2 * L])
+        nx, ny, nz = lane_vector(pairs.data[k // L], st.NORMAL, k % L)
+        add_near(pairs, counts, grid, i, j, limit, nx, ny, nz)
         drop_contact(pairs, counts, grid, k, ghost)

@@ -70,15 +70,10 @@ def reorder(bodies, grid, pairs, flat, curved, meshed, counts):
     moved = int(counts[st.N_MOVED])
     grid.moved_list[:moved] = place[grid.moved_list[:moved]]
     relink(grid, n)
-    for numbers, used in (
-        (pairs.first, st.N_PAIRS),
-        (pairs.second, st.N_PAIRS),
-        (pairs.near_first, st.N_NEAR),
-        (pairs.near_second, st.N_NEAR),
-        (flat.body, st.N_PLANE),
-        (curved.body, st.N_CURVED),
-        (meshed.body, st.N_MESHED),
-    ):
+    of_pairs = (pairs.first, st.N_PAIRS), (pairs.second, st.N_PAIRS)
+    near = (pairs.near_first, st.N_NEAR), (pairs.near_second, st.N_NEAR)
+    on_walls = (flat.body, st.N_PLANE), (curved.body, st.N_CURVED), (meshed.body, st.N_MESHED)
+    for numbers, used in (*of_pairs, *near, *on_walls):
         numbers[: counts[used]] = place[numbers[: counts[used]]]
     # contacts in the order of their bodies
     first, second = pairs.first[: counts[st.N_PAIRS]], pairs.second[: counts[st.N_PAIRS]]

@@ -143,9 +143,7 @@ def update_near_shares(pairs, counts, grid, due, n_due, begins):
     for share in range(SHARES - 1, -1, -1):
         for e in range(begins[share] + n_due[share] - 1, begins[share] - 1, -1):
             k = due[e]
-            i = pairs.near_first[k]
-            j = pairs.near_second[k]
-            add_contact(pairs, counts, grid, i, j, pairs.near_normal[k])
+            add_contact(pairs, counts, grid, pairs.near_first[k], pairs.near_second[k], pairs.near_normal[k])
             drop_near(pairs, counts, grid, k)
 
 

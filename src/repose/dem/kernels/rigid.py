@@ -198,8 +198,7 @@ def place_shape(bodies, i, parts, m):
 def take_away(bodies, i):
     """Stop a body that is gone: without mass no force moves it."""
     for c in range(3):
-        bodies.rows[i, st.VELOCITY + c] = 0.0
-        bodies.rows[i, st.ANGULAR_VELOCITY + c] = 0.0
+        bodies.rows[i, st.VELOCITY + c] = bodies.rows[i, st.ANGULAR_VELOCITY + c] = 0.0
         bodies.motion[i // L, ANGULAR_MOMENTUM + c * L + i % L] = 0.0
     bodies.rows[i, st.INVERSE_MASS] = 0.0
     bodies.wall_check[i] = math.inf

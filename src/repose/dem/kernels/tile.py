@@ -180,9 +180,7 @@ def both_bodies(t, c, parts):
 def sphere_pair_geometry(t, c):
     """Compute the same for pairs of spheres, in closed form; where both centres coincide the last normal stays."""
     for k in range(L):
-        dx = t[B + k] - t[A + k]
-        dy = t[B + L + k] - t[A + L + k]
-        dz = t[B + 2 * L + k] - t[A + 2 * L + k]
+        dx, dy, dz = t[B + k] - t[A + k], t[B + L + k] - t[A + L + k], t[B + 2 * L + k] - t[A + 2 * L + k]
         ra, rb = t[A + st.SPHERE_RADIUS * L + k], t[B + st.SPHERE_RADIUS * L + k]
         square = dx * dx + dy * dy + dz * dz
         apart = square > NEAREST * NEAREST
@@ -194,8 +192,7 @@ def sphere_pair_geometry(t, c):
         write_vector(c, N, k, nx, ny, nz)
         t[GAP + k] = gap
         t[RADIUS + k] = ra * rb / (ra + rb)
-        t[AREA_A + k] = ra * ra
-        t[AREA_B + k] = rb * rb
+        t[AREA_A + k], t[AREA_B + k] = ra * ra, rb * rb
         reach = ra + 0.5 * gap
         write_vector(t, RA, k, reach * nx, reach * ny, reach * nz)
         reach = -(rb + 0.5 * gap)

@@ -82,9 +82,7 @@ def cone_contact(row, parts, cone, theta, out):
     h, x1, x2, q11, q12, q22 = support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz)
     gap = cone[2] - (nx * row[0] + ny * row[1] + nz * row[2] + h)
     write_contact(out, nx, ny, nz, gap, 0.0, h, x1, x2, ux, uy, uz, wx, wy, wz)
-    px = row[0] + out[5]
-    py = row[1] + out[6]
-    pz = row[2] + out[7]
+    px, py, pz = row[0] + out[5], row[1] + out[6], row[2] + out[7]
     across = max(cos * px + sin * py, 1e-6)
     # a cone curves towards the body with the radius across / m_r
     out[4] = effective_radius(q11, q12, q22, -mr / across, 0.0)
@@ -97,22 +95,17 @@ def ring_newton(row, parts, ring, theta, nx, ny, nz):
     """One Newton step for the distance to a circle: the new theta and n, the distance before, and the step's length."""
     cos, sin = math.cos(theta), math.sin(theta)
     radius = ring[0]
-    dx = radius * cos - row[0]
-    dy = radius * sin - row[1]
-    dz = ring[1] - row[2]
+    dx, dy, dz = radius * cos - row[0], radius * sin - row[1], ring[1] - row[2]
     ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
     h, x1, x2, q11, q12, q22 = support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz)
     f = nx * dx + ny * dy + nz * dz - h
-    g1 = dx * ux + dy * uy + dz * uz - x1
-    g2 = dx * wx + dy * wy + dz * wz - x2
+    g1, g2 = dx * ux + dy * uy + dz * uz - x1, dx * wx + dy * wy + dz * wz - x2
     # derivatives along the circle
     tx, ty = -radius * sin, radius * cos
     slope = nx * tx + ny * ty
     bend = -radius * (nx * cos + ny * sin)
-    c1 = ux * tx + uy * ty
-    c2 = wx * tx + wy * ty
-    a = q11 + f
-    c = q22 + f
+    c1, c2 = ux * tx + uy * ty, wx * tx + wy * ty
+    a, c = q11 + f, q22 + f
     trace = q11 + q22
     det = a * c - q12 * q12
     if not (a > 0.0 and c > 0.0 and det > 1e-3 * trace * trace):
@@ -120,23 +113,18 @@ def ring_newton(row, parts, ring, theta, nx, ny, nz):
         q12 = 0.0
         det = a * c
     # eliminate n: s = A^-1 (g + c dtheta), then the reduced equation for theta
-    k1 = (c * c1 - q12 * c2) / det
-    k2 = (a * c2 - q12 * c1) / det
+    k1, k2 = (c * c1 - q12 * c2) / det, (a * c2 - q12 * c1) / det
     reduced = bend + c1 * k1 + c2 * k2
     pull = slope + g1 * k1 + g2 * k2
     turn = -pull / reduced if reduced > 1e-7 else -math.copysign(0.05, pull)
     turn = min(max(turn, -0.2), 0.2)
-    g1 += c1 * turn
-    g2 += c2 * turn
-    s1 = (c * g1 - q12 * g2) / det
-    s2 = (a * g2 - q12 * g1) / det
+    g1, g2 = g1 + c1 * turn, g2 + c2 * turn
+    s1, s2 = (c * g1 - q12 * g2) / det, (a * g2 - q12 * g1) / det
     length = math.sqrt(s1 * s1 + s2 * s2)
     if length > LONGEST_STEP:
         s1 *= LONGEST_STEP / length
         s2 *= LONGEST_STEP / length
-    mx = nx + s1 * ux + s2 * wx
-    my = ny + s1 * uy + s2 * wy
-    mz = nz + s1 * uz + s2 * wz
+    mx, my, mz = nx + s1 * ux + s2 * wx, ny + s1 * uy + s2 * wy, nz + s1 * uz + s2 * wz
     inv = 1.0 / math.sqrt(mx * mx + my * my + mz * mz)
     return theta + turn, mx * inv, my * inv, mz * inv, f, abs(turn) + length
 
@@ -148,16 +136,10 @@ def ring_contact(row, parts, ring, theta, nx, ny, nz, out):
     # frame: u along the edge as far as it is tangent to the body, w across it
     ux, uy, uz = -sin, cos, 0.0
     un = ux * nx + uy * ny
-    ux -= un * nx
-    uy -= un * ny
-    uz -= un * nz
+    ux, uy, uz = ux - un * nx, uy - un * ny, uz - un * nz
     inv = 1.0 / math.sqrt(ux * ux + uy * uy + uz * uz)
-    ux *= inv
-    uy *= inv
-    uz *= inv
-    wx = ny * uz - nz * uy
-    wy = nz * ux - nx * uz
-    wz = nx * uy - ny * ux
+    ux, uy, uz = ux * inv, uy * inv, uz * inv
+    wx, wy, wz = ny * uz - nz * uy, nz * ux - nx * uz, nx * uy - ny * ux
     h, x1, x2, q11, q12, q22 = support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz)
     edge = ring[2]
     gap = nx * (ring[0] * cos - row[0]) + ny * (ring[0] * sin - row[1]) + nz * (ring[1] - row[2]) - h - edge

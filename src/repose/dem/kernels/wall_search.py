@@ -26,9 +26,7 @@ def find_on_plane(bodies, flat, clumps, walls, counts, parts, wall, i, scratch):
 def find_on_curved(bodies, curved, clumps, walls, counts, parts, wall, i, reading, scratch):
     """Find new contacts of body i with a cone, tube or ring; returns how far it may move before the next search."""
     if len(clumps) == 0:
-        return search_curved(
-            bodies, curved, walls, counts, parts, wall, i, reading, scratch.profile, scratch.out, scratch.local
-        )
+        return search_curved(bodies, curved, walls, counts, parts, wall, i, reading, scratch)
     return spheres_at_wall(bodies, curved, st.N_CURVED, clumps, walls, counts, wall, i, scratch.spheres, scratch.out)
 
 

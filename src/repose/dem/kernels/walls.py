@@ -43,9 +43,7 @@ NEXT_LOOK_KNOWN = 0.1
 @inlined
 def towards_ring(row, ring, start):
     """Return unit vector and distance from a body's centre to a point of a circle, number `start` of st.STARTS."""
-    dx = ring[0] * COSINES[start] - row[0]
-    dy = ring[0] * SINES[start] - row[1]
-    dz = ring[1] - row[2]
+    dx, dy, dz = ring[0] * COSINES[start] - row[0], ring[0] * SINES[start] - row[1], ring[1] - row[2]
     distance = math.sqrt(dx * dx + dy * dy + dz * dz)
     return dx / distance, dy / distance, dz / distance, distance
 
@@ -265,13 +263,14 @@ def search_sphere(row, contacts, counts, walls, wall, i, radius, deepest, moved,
 
 
 @inlined
-def search_curved(bodies, curved, walls, counts, parts, wall, i, reading, profile, out, local):
+def search_curved(bodies, curved, walls, counts, parts, wall, i, reading, scratch):
     """Find new contacts of smooth body i with a cone or ring; returns how far it may move before the next search."""
+    profile, out = scratch.profile, scratch.out
     radius = bodies.motion[i // st.LANES, st.RADIUS + i % st.LANES]
     # a body that is past a wall is searched whenever it moved by NEXT_LOOK_BEYOND
     deepest, moved = curved.deepest[wall, i], reading - curved.limit[wall, i] + NEXT_LOOK_BEYOND * radius
     curved.deepest[wall, i] = math.inf
-    row = seen_from(walls, wall, bodies.rows[i], parts, local)
+    row = seen_from(walls, wall, bodies.rows[i], parts, scratch.local)
     if parts == st.SPHERES:
         return search_sphere(row, curved, counts, walls, wall, i, radius, deepest, moved, out)
     if wall < walls.cones.shape[0]:
