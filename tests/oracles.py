@@ -7,8 +7,7 @@ from scipy.optimize import brentq, minimize
 def rotation(q):
     """Rotation matrix, body to world, of a unit quaternion (w, x, y, z), from its action on a vector."""
     w, v = q[0], np.asarray(q[1:])
-    columns = [e + 2.0 * np.cross(v, np.cross(v, e) + w * e) for e in np.eye(3)]
-    return np.array(columns).T
+    return np.array([e + 2.0 * np.cross(v, np.cross(v, e) + w * e) for e in np.eye(3)]).T
 
 
 def support_point(semi_axes, q, n):

@@ -16,10 +16,15 @@ def input_error(words: str, call: Callable[..., object], *arguments: Any, **keyw
     return caught.value
 
 
+def raised(error: type[BaseException], words: str | None, call: Callable[..., Any], *given: Any, **more: Any) -> None:
+    """Expect an error of this type as `input_error` does; without words whatever its message."""
+    with pytest.raises(error, match=words):
+        call(*given, **more)
+
+
 def value_error(words: str, call: Callable[..., object], *arguments: Any, **keywords: Any) -> None:
     """Expect a `ValueError` as `input_error` does."""
-    with pytest.raises(ValueError, match=words):
-        call(*arguments, **keywords)
+    raised(ValueError, words, call, *arguments, **keywords)
 
 
 def not_refused(call: Callable[[Any], object], cases: Iterable[tuple[Any, str]], error: type[Exception]) -> list[str]:

@@ -113,6 +113,17 @@ def write_jobs(table, folder, runs_of, names=PARAMETERS, **more):
     return paths
 
 
+def written(path, content):
+    """Write text or bytes; the path."""
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return path
+
+
+def says(text, *words):
+    """Expect each of these in a text."""
+    assert [one for one in words if one not in text] == []
+
+
 def at(config, key):
     """The value of a dotted key; the whole without one."""
     for part in filter(None, key.split(".")):

@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 from goji import AXES_MM, BERRY, PARTICLE, example, named, recommended
-from refusals import input_error, not_refused
+from refusals import input_error, not_refused, value_error
 from shared import ROOT
 
 from repose.apparatus import Scene, bench, bench_tests, names, register
@@ -52,8 +52,7 @@ def test_a_bench_test_is_found_by_name_with_its_responses_and_own_seeds(drop):
     assert responses.response("spread_mm").apparatus == "drop"
     assert responses.responses_of("drop") == drop.responses
     input_error(f"one of {', '.join(names())}", bench, "shaker")
-    with pytest.raises(ValueError, match="registered already"):
-        register("drop")(type(drop))
+    value_error("registered already", register("drop"), type(drop))
     for test in bench_tests():
         assert test.statuses[0] == "ok"
         assert test.settings.model_fields["seeds"].is_required()
@@ -70,11 +69,9 @@ def test_a_bench_test_is_found_by_name_with_its_responses_and_own_seeds(drop):
 def test_its_section_is_part_of_the_configuration(config):
     Study.of(config)
     assert Targets.of(config["targets"]).apparatus == ("funnel", "drop")
-    for key, value, allowed in (
-        ("berries", 0, "an integer from 1 to 20000"),
-        ("duration_s", 0.1, "the time of the fall"),
-        ("hight_mm", 3.0, "did you mean height_mm"),
-    ):
+    wrong = {"berries": (0, "an integer from 1 to 20000"), "duration_s": (0.1, "the time of the fall")}
+    wrong |= {"hight_mm": (3.0, "did you mean height_mm")}
+    for key, (value, allowed) in wrong.items():
         input_error(rf"drop\.{key}.*{allowed}", Study.of, config | {"drop": SECTION | {key: value}})
     del config["drop"]
     input_error(r"targets\.2\.apparatus is 'drop'; .*has a section", Study.of, config)
@@ -137,10 +134,8 @@ def test_its_job_pours_and_measures_and_another_job_is_refused(drop, config, tmp
     assert result["summary"]["spread_mm"] == pytest.approx(np.mean(spread))
     assert result["summary"]["spread_se_mm"] == pytest.approx(abs(spread[0] - spread[1]) / 2)
     path = tmp_path / "001.pours.json"
-    for name, status, message in (
-        ("shaker", "ok", "apparatus is 'shaker'"),
-        ("drop", "jammed", "status is 'jammed'; expected ok, unstable"),
-    ):
+    wrong = [("shaker", "ok", "apparatus is 'shaker'"), ("drop", "jammed", "status is 'jammed'; expected ok, unstable")]
+    for name, status, message in wrong:
         path.write_text(json.dumps({"apparatus": name, "pours": [{"seed": 1, "status": status}]}))
         input_error(message, measure_job, Scene.of(config, {}, BERRY, PARTICLE), path)
 
@@ -158,6 +153,5 @@ def test_responses_name_keys_that_define_them_and_limits_that_fit(config, one):
 @pytest.mark.parametrize("name", sorted(path.stem for path in EXAMPLES.glob("*.yaml")))
 def test_the_example_of_a_bench_test_is_measured_drawn_and_filmed(name, tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(EXAMPLES)
-    measured = loaded("run", EXAMPLES / "run.py").main(name, tmp_path, pictures=2, width=100)
-    assert measured["status"] == "ok"
+    assert loaded("run", EXAMPLES / "run.py").main(name, tmp_path, pictures=2, width=100)["status"] == "ok"
     assert {path.name for path in tmp_path.glob(f"{name}.*")} >= {f"{name}.png", f"{name}.gif"}

@@ -35,8 +35,7 @@ def noisy(picture):
 
 def grains(angle_deg, radius_m, count=60_000, seed=3):
     """Centres and turns of grains of 1 mm that fill a drum to 0.9 of its radius below a line of known angle."""
-    rng = np.random.default_rng(seed)
-    x, y, z = rng.uniform(-0.9 * radius_m, 0.9 * radius_m, (3, count))
+    x, y, z = np.random.default_rng(seed).uniform(-0.9 * radius_m, 0.9 * radius_m, (3, count))
     inside = (np.hypot(x, z) < 0.9 * radius_m) & (z < math.tan(math.radians(angle_deg)) * x)
     centres = np.column_stack([x, y, z])[inside]
     return centres, np.tile([1.0, 0.0, 0.0, 0.0], (len(centres), 1))
@@ -123,20 +122,14 @@ def test_what_cannot_be_measured_is_refused(tmp_path):
     config, file = recommended("turning"), tmp_path / "drum.png"
     write_image(file, np.full((1200, 1500, 3), EMPTY, np.uint8))
     inside = [1150.0, 610.0, 730.0, 190.0, 310.0, 610.0]
-    cases = [
-        (inside, "nothing in the picture differs"),
-        ([*inside[:4], 1000.0, 1190.0], "runs out of the picture"),
-        ([730.0, 610.0, 785.0, 610.0, 757.0, 662.0], "pixels wide"),
-    ]
+    cases = [(inside, "nothing in the picture differs"), ([*inside[:4], 1000.0, 1190.0], "runs out of the picture")]
+    cases += [([730.0, 610.0, 785.0, 610.0, 757.0, 662.0], "pixels wide")]
     for points, words in cases:
         (seen,) = photographs.measure_all([file], points, SceneSettings(config), "turning", HOW)
         assert words in seen.refused, points
-    for points, words in (
-        (inside[:4], "three points of the drum's inner rim"),
-        ([0, 0, 100, 0, 200, 0], "not on a line"),
-        ([0, 0, 10, 0, 0, 10], "at least 50 pixels apart"),
-        ([*inside[:5], math.nan], "three points of the drum's inner rim"),
-    ):
+    rim = "three points of the drum's inner rim"
+    cases = [(inside[:4], rim), ([*inside[:5], math.nan], rim), ([0, 0, 100, 0, 200, 0], "not on a line")]
+    for points, words in [*cases, ([0, 0, 10, 0, 0, 10], "at least 50 pixels apart")]:
         input_error(words, photographs.measure_all, [file], points, SceneSettings(config), "turning", HOW)
     box = [file], [900, 0, 100, 0], SceneSettings(example("drawdown")), "drawdown", HOW
     input_error("left and of the right lower inner corner", photographs.measure_all, *box)
@@ -156,15 +149,13 @@ def test_the_targets_are_those_of_the_bench_test(tmp_path, monkeypatch, command)
     targets = yaml.safe_load((tmp_path / "measured/targets.yaml").read_text())["targets"]
     assert [target["response"] for target in targets] == ["drawdown_above_deg", "drawdown_below_deg"]
     assert {target["apparatus"] for target in targets} == {"drawdown"}
-    assert targets[0]["value"] == pytest.approx(33.0, abs=0.5)
-    assert targets[0]["sd"] == pytest.approx(1.0, abs=0.2)
+    assert (targets[0]["value"], targets[0]["sd"]) == (pytest.approx(33.0, abs=0.5), pytest.approx(1.0, abs=0.2))
     assert len(pd.read_csv(tmp_path / "measured/photographs.csv")) == 3
     assert Study.of(config | {"targets": targets}).targets.names == ("drawdown_above_deg", "drawdown_below_deg")
-    for more, allowed in (
-        (["--lens", "box0.png"], "--lens is .*nothing with --bench drawdown"),
-        (["--mm-per-pixel", "0.2"], "--mm-per-pixel is 0.2; expected nothing with"),
-    ):
-        assert re.search(allowed, command(*words, "--points", *points, "--out", "other", *more, status=2).err)
+    wrong = {"--lens box0.png": "--lens is .*nothing with --bench drawdown"}
+    wrong |= {"--mm-per-pixel 0.2": "--mm-per-pixel is 0.2; expected nothing with"}
+    for more, allowed in wrong.items():
+        assert re.search(allowed, command(*words, "--points", *points, "--out", "other", *more.split(), status=2).err)
     (tmp_path / "without.json").write_text(json.dumps({k: v for k, v in config.items() if k != "drawdown"}))
     without = [word.replace("mine.json", "without.json") for word in words]
     assert "Traceback" not in command(*without, "--points", *points, "--out", "other", status=2).err

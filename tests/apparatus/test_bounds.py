@@ -5,6 +5,8 @@ import copy
 import numpy as np
 import pytest
 from goji import AXES_MM, BERRY, PARTICLE, ROOT
+from refusals import raised
+from shared import says
 
 from repose import dem
 from repose.apparatus import Scene, bench, scene
@@ -57,8 +59,7 @@ def test_what_a_fall_can_give_and_overlaps_of_clumps_stay_within_the_bounds():
     bounded.look()
     assert bounded.simulation.steps == 3 * EVERY
     mass = 1e-3
-    spheres = [[-4e-3, 0, 0, 3e-3], [4e-3, 0, 0, 3e-3]]
-    pair = dem.Clump(spheres, mass, [mass * 1e-5] * 3, "berry")
+    pair = dem.Clump([[-4e-3, 0, 0, 3e-3], [4e-3, 0, 0, 3e-3]], mass, [mass * 1e-5] * 3, "berry")
     simulation = simulated(pair, 1e-5, 2, gravity_m_s2=(0.0, 0.0, 0.0), largest_scale=1.5)
     simulation.add("berry", (0.0, 0.0, 0.0))
     # the second is turned by a right angle and 1.5 times as large: its lower sphere, 4.5 mm, meets the right one
@@ -70,22 +71,18 @@ def test_what_a_fall_can_give_and_overlaps_of_clumps_stay_within_the_bounds():
 
 def test_a_berry_beyond_its_bounds_and_energy_beyond_what_was_given_are_reported():
     fast, lost = three_berries(velocity_m_s=(0.0, 0.0, 900.0)), three_berries()
-    with pytest.raises(Unstable, match=r"berry 1 moves at 900 m/s, after 0 s: a shorter simulation\.time_step_s than"):
-        fast.look()
+    raised(Unstable, r"berry 1 moves at 900 m/s, after 0 s: a shorter simulation\.time_step_s than", fast.look)
     lost.simulation.positions[2] = np.nan
-    with pytest.raises(Unstable, match="berry 2 has no finite position"):
-        lost.look()
+    raised(Unstable, "berry 2 has no finite position", lost.look)
     bounded = three_berries()
     bounded.simulation.velocities[:] = (0.0, 0.0, np.sqrt(2 * 9.81 * 0.1 * 1.3))
-    with pytest.raises(Unstable, match=r"all berries together have .* J and were given"):
-        bounded.look()
+    raised(Unstable, r"all berries together have .* J and were given", bounded.look)
 
 
 def check_overlaps(bounded, broken, words):
     """Half of a ball's diameter, 10 mm, is the bound."""
     if broken:
-        with pytest.raises(Unstable, match=words):
-            bounded._look_at_overlaps()
+        raised(Unstable, words, bounded._look_at_overlaps)
     else:
         bounded._look_at_overlaps()
 
@@ -116,10 +113,8 @@ def test_a_run_that_explodes_is_unstable_and_says_what_to_do(name, monkeypatch):
     whole = config(3e-3)
     run = bench(name).run(Scene.of(whole, SET, BERRY, PARTICLE, 1))
     assert run.record["status"] == "unstable"
-    assert "after" in run.record["reason"]
-    assert "a shorter simulation.time_step_s than 0.003" in run.record["reason"]
-    measured = bench(name).measure(run.record, run.arrays, Scene.of(whole, {}, BERRY, PARTICLE))
-    assert measured["status"] == "unstable"
+    says(run.record["reason"], "after", "a shorter simulation.time_step_s than 0.003")
+    assert bench(name).measure(run.record, run.arrays, Scene.of(whole, {}, BERRY, PARTICLE))["status"] == "unstable"
 
 
 @pytest.mark.parametrize("name", ["funnel", "drum", "cylinder"])

@@ -47,16 +47,13 @@ def slopes(above_deg, below_deg):
     x, z = x.ravel(), z.ravel()
     wedge = (np.abs(x) > box.half_slot) & (z < math.tan(math.radians(above_deg)) * (np.abs(x) - box.half_slot))
     pile = z < 0.04 - math.tan(math.radians(below_deg)) * np.abs(x)
-    xs = np.concatenate([x[wedge], x[pile]])
-    zs = np.concatenate([z[wedge] + box.floor, z[pile]])
+    xs, zs = np.concatenate([x[wedge], x[pile]]), np.concatenate([z[wedge] + box.floor, z[pile]])
     stays = np.arange(len(xs)) < wedge.sum()
     return {
         "position": np.column_stack([xs, np.zeros_like(xs), zs]),
-        "quaternion": np.tile([1.0, 0.0, 0.0, 0.0], (len(xs), 1)),
-        "scale": np.full(len(xs), 0.1),
-        "exit_s": np.where(stays, np.nan, np.linspace(0.0, 2.0, len(xs))),
-        "in_pile": ~stays,
-    }
+        "quaternion": np.tile([1.0, 0.0, 0.0, 0.0], (len(xs), 1)), "scale": np.full(len(xs), 0.1),
+        "exit_s": np.where(stays, np.nan, np.linspace(0.0, 2.0, len(xs))), "in_pile": ~stays,
+    }  # fmt: skip
 
 
 def test_the_blocks_of_a_box_are_closed_and_as_large_as_their_corners_say():
@@ -86,5 +83,4 @@ def test_mass_is_conserved_the_slope_above_is_the_steeper_and_a_narrow_slot_jams
     more = angles[:, 0] - angles[:, 1]
     assert more.mean() > 3.0 * more.std(ddof=1) / 2.0
     record, _ = run_once(bench("drawdown"), Scene.of(config(**SMALL | {"slot_mm": 18.0}), SET, BEAD, SPHERE, 1))
-    assert record["status"] == "jammed"
-    assert record["drawdown_mass_g"] is None
+    assert (record["status"], record["drawdown_mass_g"]) == ("jammed", None)

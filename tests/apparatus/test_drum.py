@@ -70,8 +70,7 @@ def test_the_drum_has_the_dimensions_asked_for_and_berries_appear_clear_of_the_w
 def test_the_surface_of_a_bed_of_known_angle(angle_deg):
     seen = [surface(*half_filled(angle_deg, seed=s)) for s in range(4)]
     assert np.mean([surface.angle_deg for surface in seen]) == pytest.approx(angle_deg, abs=1.0)
-    ends = seen[0].line_m
-    assert np.ptp(ends[:, 0]) == pytest.approx(0.6 * np.ptp(seen[0].profile_m[:, 0]), abs=1e-3)
+    assert np.ptp(seen[0].line_m[:, 0]) == pytest.approx(0.6 * np.ptp(seen[0].profile_m[:, 0]), abs=1e-3)
 
 
 def test_the_edge_of_one_berry_is_its_outline_and_a_bed_that_is_carried_along_rests_in_the_drums_frame():
@@ -80,8 +79,7 @@ def test_the_edge_of_one_berry_is_its_outline_and_a_bed_that_is_carried_along_re
     a, c = PARTICLE.support(np.eye(3)[0]), PARTICLE.support(np.eye(3)[2])
     x = edge[:, 0] - 0.01
     inside = np.abs(x) < 0.8 * a
-    expected = -0.03 + c * np.sqrt(1 - (x[inside] / a) ** 2)
-    np.testing.assert_allclose(edge[inside, 1], expected, atol=1e-4)
+    np.testing.assert_allclose(edge[inside, 1], -0.03 + c * np.sqrt(1 - (x[inside] / a) ** 2), atol=1e-4)
     value_error("pixels wide", surface, np.zeros((0, 3)), np.zeros((0, 4)), 0.1)
     centres, quaternions = half_filled(0.0, 200)
     carried = turned(centres, 0.4)
@@ -134,10 +132,8 @@ def test_a_slip_without_a_surface_is_no_result(small_rotation, monkeypatch):
     assert TEST.status_of(slipped, SceneSettings(config(**SMALL))) == ("ok", "")
     monkeypatch.setattr(drum.DrumTest, "rotate", lambda *_: slipped)
     run = TEST.run(Scene.of(config(**SMALL), REPRESENTATIVE, BERRY, PARTICLE, 3))
-    measured = [
-        TEST.measure(run.record, run.arrays, Scene.of(seen, {}, BERRY, PARTICLE))
-        for seen in (config(**SMALL), config(**SMALL) | {"measure": {"mm_per_pixel": 50.0}})
-    ]
+    scenes = (config(**SMALL), config(**SMALL) | {"measure": {"mm_per_pixel": 50.0}})
+    measured = [TEST.measure(run.record, run.arrays, Scene.of(seen, {}, BERRY, PARTICLE)) for seen in scenes]
     assert [value["status"] for value in measured] == ["ok", "no_surface"]
     assert "50 mm a pixel (measure.mm_per_pixel)" in measured[1]["reason"]
     assert measured[1]["drum_slip_deg"] is None
@@ -158,8 +154,7 @@ def test_a_small_bed_turns_with_the_drum_whose_walls_hold_every_point(small_rota
     assert small_rotation.held
     from repose.dem.rotations import rotation_matrices
 
-    rng = np.random.default_rng(0)
-    directions = rng.normal(size=(400, 3))
+    directions = np.random.default_rng(0).normal(size=(400, 3))
     surface = PARTICLE.support_point(directions / np.linalg.norm(directions, axis=1, keepdims=True))
     turn = rotation_matrices(small_rotation.quaternions[-1])
     points = small_rotation.centres_m[-1][:, None, :] + np.einsum("nij,mj->nmi", turn, surface)
@@ -170,8 +165,7 @@ def test_a_small_bed_turns_with_the_drum_whose_walls_hold_every_point(small_rota
 
 def test_a_job_writes_what_tables_and_film_read(tmp_path):
     keys = SMALL | {"slip_drop_deg": 0.05, "angular_velocity_rad_s": 1.0, "longest_rotation_s": 2.0, "settle_s": 1.0}
-    results = drum_tables.run_job(Scene.of(config(**keys), REPRESENTATIVE, BERRY, PARTICLE), [3], tmp_path)
-    run = results[0]["run"]
+    run = drum_tables.run_job(Scene.of(config(**keys), REPRESENTATIVE, BERRY, PARTICLE), [3], tmp_path)[0]["run"]
     kept = json.loads((tmp_path / "drum_3.json").read_text())["run"]
     assert kept == {key: run[key] for key in kept}
     assert not any("surface" in key for key in kept)
@@ -182,8 +176,7 @@ def test_a_job_writes_what_tables_and_film_read(tmp_path):
     assert measured == run
     for name, state in (("slip", "before"), ("rest", "after")):
         assert measured[f"drum_{name}_deg"] == run[f"{state}_surface_deg"]
-    assert job["apparatus"] == "drum"
-    assert job["summary"]["drum_slip_deg"] == measured["drum_slip_deg"]
+    assert (job["apparatus"], job["summary"]["drum_slip_deg"]) == ("drum", measured["drum_slip_deg"])
     assert run["status"] == "ok", run["reason"]
     assert run["after_time_s"] > run["before_time_s"] > 0
     tables = drum_tables.run([tmp_path / "drum_3.json"], config(**keys), PARTICLE, tmp_path)

@@ -60,8 +60,7 @@ def test_a_blocked_factory_looks_at_all_places_and_random_berries_draw_as_ever()
             Counting.at_once += 1
             return super().places(numbers)
 
-    simulation = crowd(np.random.default_rng(1), 300)
-    assert free_place(np.random.default_rng(2), simulation, Counting(0.03, 0.2)) is None
+    assert free_place(np.random.default_rng(2), crowd(np.random.default_rng(1), 300), Counting(0.03, 0.2)) is None
     assert (Counting.single, Counting.at_once) == (1, 1)
     one, two = np.random.default_rng(7), np.random.default_rng(7)
     assert np.array_equal(random_orientation("random", one), random_quaternion(two))
@@ -77,5 +76,4 @@ def test_new_berries_lie_or_stand_as_configured(orientation, level):
     # what is left free is uniform: no direction is preferred
     other = rotations[:, :2, 0] if orientation == "lying" else rotations[:, :2, 1]
     assert np.all(np.abs(other.mean(axis=0)) < 4 * math.sqrt(0.5 / 300))
-    about = rotations[:, 2, 1]
-    assert np.var(about) == pytest.approx(0.5 * (1 - level), abs=0.1)
+    assert np.var(rotations[:, 2, 1]) == pytest.approx(0.5 * (1 - level), abs=0.1)

@@ -38,8 +38,7 @@ def test_a_sled_slides_and_a_sphere_rolls_at_the_angle_of_its_coefficient(fricti
 
 @pytest.mark.slow
 def test_a_sled_of_another_shape_slides_at_the_same_angle_and_a_sphere_that_cannot_roll_slides_or_stays():
-    found = on_plane(0.4, 0.1, PARTICLE)
-    assert found["slip_deg"] == pytest.approx(math.degrees(math.atan(0.4)), abs=0.01)
+    assert on_plane(0.4, 0.1, PARTICLE)["slip_deg"] == pytest.approx(math.degrees(math.atan(0.4)), abs=0.01)
     slides = on_plane(0.3, 0.5)
     assert (slides["status"], slides["roll_deg"]) == ("ok", None)  # the angle of rolling is no target
     own = config()
@@ -55,8 +54,7 @@ def test_a_sled_of_another_shape_slides_at_the_same_angle_and_a_sphere_that_cann
 
 
 def test_the_other_surface_is_of_the_berries_own_material():
-    own = config(surface="berry", tilting_deg_s=2.0)
-    check_angles(on_plane(0.3, 0.1, own=own, wall=(0.6, 0.3)), 0.3, 0.1, 0.1)
+    check_angles(on_plane(0.3, 0.1, own=config(surface="berry", tilting_deg_s=2.0), wall=(0.6, 0.3)), 0.3, 0.1, 0.1)
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.1, 0.3])
@@ -100,10 +98,8 @@ def test_the_beginning_is_where_the_root_of_the_speed_meets_zero_inside_the_boun
     columns = {"angle_deg": angle, "speed_m_s": (angle + 5.0) ** 2, "slide_m_s": 0.0 * angle}
     bodies = (inclined_plane.SLED, inclined_plane.SINGLE)
     arrays = {f"{what}_{name}": values for what in bodies for name, values in columns.items()}
-    record = {"seed": 1, "status": "ok", "reason": ""}
-    found = TEST.result(record, arrays, Scene.of(config(), {}, BEAD, SPHERE))
-    assert found["status"] == "out_of_bounds"
-    assert found["reason"] == "angle of slip is -5, outside 0 to 89 deg"
+    found = TEST.result({"seed": 1, "status": "ok", "reason": ""}, arrays, Scene.of(config(), {}, BEAD, SPHERE))
+    assert (found["status"], found["reason"]) == ("out_of_bounds", "angle of slip is -5, outside 0 to 89 deg")
     assert found["status"] in TEST.statuses
 
 
@@ -135,8 +131,7 @@ def test_a_film_shows_the_plane_tilting_and_the_berry_on_it_and_a_plane_that_til
     own = config(tilting_deg_s=10.0, steepest_deg=45.0)
     frames = bench("inclined_plane").run(Scene.of(own, values, BEAD, SPHERE, 1), interval_s=0.05).frames
     normal = -frames["planes"][:, 0, 3:6]
-    above = (frames["position"][:, 0] * normal).sum(axis=1)
-    assert np.ptp(above) < 1e-4
+    assert np.ptp((frames["position"][:, 0] * normal).sum(axis=1)) < 1e-4
     assert np.degrees(np.arctan2(normal[:, 0], normal[:, 2])) == pytest.approx(frames["tilt_deg"])
     assert frames["tilt_deg"][0] < 1.0
     assert frames["tilt_deg"][-1] > 16.0

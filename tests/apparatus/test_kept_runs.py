@@ -42,10 +42,8 @@ def pours():
         for path in folder.glob("001*.*"):  # as snakemake removes outputs
             path.unlink()
         test = SimpleNamespace(name="funnel", run=run)
-        with (
-            provenance.stage("pour", (), lambda one, _: stands_on.settings_of(one, "pour"), "funnel", "made"),
-            suppress(Stopped),
-        ):
+        stage = provenance.stage("pour", (), lambda one, _: stands_on.settings_of(one, "pour"), "funnel", "made")
+        with stage, suppress(Stopped):
             provenance.note_config(config)
             pour_job(test, Scene.of(config, parameters, {}, None), "001", seeds, folder, keeps_runs=keeps_runs)
         return ran

@@ -5,6 +5,7 @@ import copy
 import numpy as np
 import pytest
 from random_pours.pour import SCENES, sized
+from refusals import input_error
 from shared import ROOT, put
 
 from repose.apparatus import Scene, bench, names
@@ -82,7 +83,6 @@ def test_check_and_pour_and_engine_agree():
         lowest = {name: float(config["parameters"][name][0]) for name in PARAMETERS}
         limit = longest_time_step(Scene.of(config, lowest, berry, particle)).time_step_s
         smallest = size_distribution.smallest(config["berry"]["size_distribution"], berry)
-
         config["simulation"]["time_step_s"] = 0.9999 * limit
         assert not refused_by_check(config, particle, berry)
         assert not refused_by_pours(config, lowest, particle, berry)
@@ -90,7 +90,6 @@ def test_check_and_pour_and_engine_agree():
         simulation.add("berry", (0.0, 0.0, 0.0), scale=smallest)  # what a pour would do
         least_damped = lowest | {name: config["parameters"][name][1] for name in ("e_gg", "e_gp")}
         assert not refused_by_pours(config, least_damped, particle, berry)
-
         config["simulation"]["time_step_s"] = 1.0001 * limit
         assert refused_by_check(config, particle, berry)
         assert refused_by_pours(config, lowest, particle, berry)
@@ -107,8 +106,7 @@ def test_the_check_of_a_configuration_refuses_what_a_pour_would(changes, reason)
     config = copy.deepcopy(CONFIG)
     for key, value in changes.items():
         put(config, key, value)
-    with pytest.raises(InputError, match=rf"simulation\.time_step_s is .*{reason}"):
-        Study.of(config).check_inputs()
+    input_error(rf"simulation\.time_step_s is .*{reason}", Study.of(config).check_inputs)
 
 
 def test_a_published_set_of_low_restitution_counts_and_the_smallest_berry_is_one_that_can_be_drawn(tmp_path):

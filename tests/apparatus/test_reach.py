@@ -14,8 +14,7 @@ from repose.measure.angles import DEFINITIONS
 from repose.measure.settings import MeasureSettings
 from repose.particle.particle import Particle
 
-# 500 of these are 744 ml; the cone of 65.57 mm and 32.87 degrees holds 707 ml.
-BERRY_M3 = 1.25e-3 / 840.47
+BERRY_M3 = 1.25e-3 / 840.47  # 500 of these are 744 ml; the cone of 65.57 mm and 32.87 degrees holds 707 ml.
 STRAIGHT_PART = {"response": "flank", "fit_from": 0.3, "fit_to": 0.8, "flank": "levels"}
 MEASURED = {f"aor_{name}_deg": name for name in ("flank", "secant", "steepest", "whole")}
 WHOLE = {"response": "whole"}
@@ -37,8 +36,7 @@ def test_the_closed_cone_and_what_is_said_without_angle_and_height(config):
         slope = math.tan(math.radians(angle))
         volume = math.pi * 0.06557**3 / (3 * slope**2)
         assert reach.cone_tan(65.57, volume) == pytest.approx(slope)
-        bound = reach.steepest_deg("whole", 65.57, reach.DENSEST * volume)
-        assert bound == pytest.approx(angle)
+        assert reach.steepest_deg("whole", 65.57, reach.DENSEST * volume) == pytest.approx(angle)
     assert 1e6 * math.pi * 0.06557**3 / (3 * math.tan(math.radians(32.87)) ** 2) == pytest.approx(707, abs=0.5)
     angle, height = config["targets"]
     drum = {**angle, "response": "drum_slip_deg", "apparatus": "drum"}
@@ -71,8 +69,7 @@ def test_a_side_is_no_steeper_than_the_cone_of_its_mass_and_the_articles_pair_is
     assert "by the line 'whole side, columns': by mass alone at most 28.5 deg; piles of this" in whole.sentence
     straight = judged(config, STRAIGHT_PART)
     assert straight.possible
-    assert straight.bound_deg is None
-    assert straight.band.mean == pytest.approx(29.7, abs=0.5)
+    assert (straight.bound_deg, straight.band.mean) == (None, pytest.approx(29.7, abs=0.5))
     assert straight.sentence.startswith("a pile of 65.6 mm with 32.9 deg by the line 'flank, 30 to 80 %")
 
 
@@ -84,8 +81,7 @@ def test_the_edge_of_a_band_and_samples_that_stand_in_for_the_table(config, tmp_
         for sigmas, possible in ((1.95, True), (2.05, False)):
             angle["value"] = band.mean + side * sigmas * math.hypot(band.sd, error)
             assert judged(config, STRAIGHT_PART).possible is possible
-    rng = np.random.default_rng(2)
-    heights = rng.uniform(50, 80, 40)
+    heights = np.random.default_rng(2).uniform(50, 80, 40)
     angles = np.degrees(np.arctan(math.tan(math.radians(30)) * (heights / 65.57) ** 1.5))
     table = pd.DataFrame({"status": "ok", "aor_deg": angles, "height_mm": heights})
     failed = pd.DataFrame({"status": ["no_flank"], "aor_deg": [80.0], "height_mm": [10.0]})
@@ -133,10 +129,8 @@ def test_the_band_holds_for_grains_that_the_table_has_not(crop):
     for name, definition in MEASURED.items():
         carried = np.tan(np.radians(table[name])) * (height / table["height_mm"]) ** 1.5
         mean = float(np.degrees(np.arctan(carried)).mean())
-        targets = [
-            completed({"response": response, "value": float(value), "sd": 0.0, "repetitions": 1})
-            for response, value in ((name, mean), ("height_mm", height))
-        ]
+        entries = ({"response": name, "value": mean}, {"response": "height_mm", "value": float(height)})
+        targets = [completed(entry | {"sd": 0.0, "repetitions": 1}) for entry in entries]
         found = reach.of(config | {"targets": targets}, body)[name]
         assert found.possible, (definition, mean, found)
         assert ", not of this grain" in found.band.source

@@ -3,7 +3,7 @@
 import pandas as pd
 import pytest
 import yaml
-from shared import run_python
+from shared import run_python, written
 
 from repose.apparatus import funnel, scene_size
 from repose.config.check import about
@@ -23,8 +23,7 @@ def test_a_change_is_that_of_the_table_and_a_scaled_scene_keeps_its_proportions(
         found = scene_size.change(500, 125, name)
         column = own[f"aor_{name}_deg"]
         assert found.angle_deg == pytest.approx((column[125] - column[500]).mean())
-        back = scene_size.change(125, 500, name)
-        assert back.angle_deg == pytest.approx(-found.angle_deg)
+        assert scene_size.change(125, 500, name).angle_deg == pytest.approx(-found.angle_deg)
     heights = own["height_scaled_mm"]
     assert found.height == pytest.approx((heights[125] / heights[500]).mean())
     assert scene_size.change(300, 300, "flank") == (0.0, 1.0)
@@ -63,8 +62,7 @@ def test_a_large_scene_gets_a_smaller_one_inside_the_table(config):
     assert after["value"] / before["value"] == pytest.approx(share, rel=1e-3)
     assert keys["inlet_diameter_mm"] == pytest.approx(config["funnel"]["inlet_diameter_mm"] * length, rel=1e-3)
     Study.of({**config, "funnel": config["funnel"] | keys})
-    largest = max(scene_size.numbers())
-    _, smaller, *_ = scene_size.advice(config, 13.34, 65.0, 25 * largest)
+    _, smaller, *_ = scene_size.advice(config, 13.34, 65.0, 25 * max(scene_size.numbers()))
     assert "have not been compared" in smaller
 
 
@@ -92,8 +90,7 @@ def seeds(tmp_path):
 
 
 def lines_of(study, path):
-    path.write_text(yaml.safe_dump(study))
-    return list(about(Study.load(path, inputs=True)))
+    return list(about(Study.load(written(path, yaml.safe_dump(study)), inputs=True)))
 
 
 @pytest.mark.parametrize("response", ["flank", "secant"])
@@ -110,8 +107,7 @@ def test_fine_seeds_get_a_smaller_scene_that_the_check_calls_good(seeds, tmp_pat
 
 def test_more_grains_than_a_study_takes_are_refused_with_a_smaller_scene(seeds, tmp_path, command):
     seeds["funnel"]["berries"] = 250_000
-    path = tmp_path / "config.yaml"
-    path.write_text(yaml.safe_dump(seeds))
+    path = written(tmp_path / "config.yaml", yaml.safe_dump(seeds))
     for verb in ("check", "plan"):
         out, error = command(verb, "--config", path, status=2)
         assert "funnel.berries is 250000" in error

@@ -88,10 +88,8 @@ def test_speeds_have_their_times_angles_and_profiles_and_a_run_is_judged():
     names = ("turning_profile_mm", "turning_2_profile_mm")
     both = config(angular_velocity_rad_s=[0.8, 1.6]) | {"targets": [profile_target(name, 0.5) for name in names]}
     found = measured(arrays | {"speed": np.array([0, 1, 1])}, own=both)
-    for name, score, k in (
-        ("turning_deg", "turning_profile_2_mm", slice(0, 1)),
-        ("turning_2_deg", "turning_2_profile_2_mm", slice(1, 3)),
-    ):
+    for drum_name, k in (("turning", slice(0, 1)), ("turning_2", slice(1, 3))):
+        name, score = f"{drum_name}_deg", f"{drum_name}_profile_2_mm"
         part = {"position": position[k], "quaternion": quaternion[k], "scale": np.ones(400)}
         once = measured(part, own=config() | {"targets": [profile_target("turning_profile_mm", 0.5)]})
         assert (found[name], found[score]) == (once["turning_deg"], once["turning_profile_2_mm"])
@@ -115,17 +113,15 @@ def test_a_drum_goes_on_from_its_first_speed_friction_lifts_its_bed_and_tilting_
     def ran(own, values):
         return TEST.run(Scene.of(own, values, BERRY, PARTICLE, 1))
 
-    once = ran(config(**short), ROUGH)
-    twice = ran(config(**short, angular_velocity_rad_s=[0.8, 3.2]), ROUGH)
+    once, twice = ran(config(**short), ROUGH), ran(config(**short, angular_velocity_rad_s=[0.8, 3.2]), ROUGH)
     assert (once.record["status"], twice.record["status"]) == ("ok", "ok")
     assert "speed" not in once.arrays
     assert twice.arrays["speed"].tolist() == [0] * len(once.arrays["time_s"]) + [1] * len(once.arrays["time_s"])
     np.testing.assert_array_equal(twice.arrays["position"][: len(once.arrays["time_s"])], once.arrays["position"])
     faster = np.abs(np.diff(twice.arrays["position"], axis=0)).mean(axis=(1, 2))
     assert faster[-1] > 1.5 * faster[0]
-    rough, level = (
-        run_once(bench("turning"), Scene.of(config(**SMALL), wall, BERRY, PARTICLE, 1))[0] for wall in (ROUGH, SMOOTH)
-    )
+    scenes = (Scene.of(config(**SMALL), wall, BERRY, PARTICLE, 1) for wall in (ROUGH, SMOOTH))
+    rough, level = (run_once(bench("turning"), scene)[0] for scene in scenes)
     assert (rough["status"], level["status"]) == ("ok", "ok")
     assert abs(level["turning_deg"]) < 8.0  # a surface of 60 berries is lumpy
     assert rough["turning_deg"] > 15.0

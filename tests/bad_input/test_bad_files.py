@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 from refusals import input_error
-from shared import ROOT, check_all
+from shared import ROOT, check_all, written
 
 from repose.config import reading
 from repose.core import files, tables
@@ -21,8 +21,7 @@ SIZES = "long_mm,major_mm,minor_mm\n21,11,10\n22,12,11\n"
 
 def raises(read, path, content, *more):
     """The fault of a file with this content."""
-    path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    fault = input_error("; expected ", read, path, *more)
+    fault = input_error("; expected ", read, written(path, content), *more)
     assert str(path) in str(fault)
     return fault
 
@@ -33,8 +32,7 @@ def test_another_encoding_is_reported_and_a_mark_of_the_byte_order_is_fine(tmp_p
         raises(berry_files.read_sizes, tmp_path / "a.csv", table)
         for read in (files.read_table, tables.sheet, files.read_json):
             raises(read, tmp_path / "a.csv", table, ("long_mm",))
-    path = tmp_path / "a"
-    path.write_bytes(b"\xef\xbb\xbf" + SIZES.encode())
+    path = written(tmp_path / "a", b"\xef\xbb\xbf" + SIZES.encode())
     assert len(berry_files.read_sizes(path)) == len(files.read_table(path, ("long_mm",))) == 2
     assert tables.sheet(path).text["long_mm"][1] == "22"
     path.write_bytes(b'\xef\xbb\xbf{"a": 1}')
@@ -75,11 +73,9 @@ def test_a_simulation_needs_the_moduli_of_its_berry(refused, tmp_path, key):
 def test_a_file_that_was_cut(tmp_path):
     import trimesh
 
-    whole = {
-        "berry.json": (berry_files.read_berry, json.dumps(BERRY).encode()),
-        "particle.json": (Particle.load, json.dumps(PARTICLE).encode()),
-        "a.stl": (load_mesh, trimesh.creation.box((20.0, 11.0, 10.0)).export(file_type="stl")),
-    }
+    whole = {"berry.json": (berry_files.read_berry, json.dumps(BERRY).encode())}
+    whole |= {"particle.json": (Particle.load, json.dumps(PARTICLE).encode())}
+    whole |= {"a.stl": (load_mesh, trimesh.creation.box((20.0, 11.0, 10.0)).export(file_type="stl"))}
     rng = np.random.default_rng(1)
     files.write_npz(tmp_path / "a.npz", {"position_1": rng.normal(size=(50, 3))})
     files.write_image(tmp_path / "a.png", rng.integers(0, 255, (60, 60), dtype=np.uint8))
@@ -105,14 +101,12 @@ def test_a_reader_reads_any_bytes_and_text_or_reports_what_is_wrong(tmp_path):
         "a.json": (files.read_json, berry_files.read_berry, Particle.load), "a.npz": (files.read_npz,),
         "a.stl": (load_mesh,), "a.png": (read_image,), "a.yaml": (reading.read,),
     }  # fmt: skip
-
     text = st.text(alphabet='ab1.,;"\n\r \t-#é[]{}:&*!?|>%@`\x00\ufeff', max_size=60).map(str.encode)
 
     @settings(max_examples=240, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
     @given(content=st.one_of(st.binary(max_size=300), text), name=st.sampled_from(list(readers)))
     def check(content, name):
-        path = tmp_path / name
-        path.write_bytes(content)
+        path = written(tmp_path / name, content)
         for read in readers[name]:
             said = str(path)
             try:

@@ -60,13 +60,11 @@ BAD_VALUES = (
     *(["measure", "a.jpg", f"--{name}={value}"] for name in SCALES for value in NO_SCALES),
     *(["measure", "a.jpg", "--length", *value.split()] for value in LENGTHS),
     ["measure", "a.jpg", "--length", "100", "1", "1", "900", "1", "--mm-per-pixel=0.1"],
-    ["measure", "a.jpg", "--base-row=300"],
-    ["measure", "a.jpg", "--mm-per-pixel=0.1", "--lens", "b.jpg"],
+    ["measure", "a.jpg", "--base-row=300"], ["measure", "a.jpg", "--mm-per-pixel=0.1", "--lens", "b.jpg"],
     *(["measure"], ["measure", "a.jpg"], ["measure", "a.jpg", "b/a.jpg"], ["measure", "a.png", "--out=."]),
     *(["marker", f"--square-mm={value}"] for value in ("0", "-1", "4", "26", "nan", "x")),
-    ["marker", "--out=sheet.png"],
-    *([], ["no_such_verb"], ["--no-such-option"], ["Heap"], [""]),
-)
+    ["marker", "--out=sheet.png"], *([], ["no_such_verb"], ["--no-such-option"], ["Heap"], [""]),
+)  # fmt: skip
 CARD = ROOT / "crops/cards/wheat.json"
 # What these read has its own tests: any file has a provenance, and a report takes files by name.
 ELSEWHERE = ("run", "provenance", "report")

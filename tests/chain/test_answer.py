@@ -10,7 +10,7 @@ import pytest
 import shared
 from refusals import input_error
 from scipy import stats
-from shared import ROOT, studied, targets_of
+from shared import ROOT, says, studied, targets_of
 
 from repose import strategies
 from repose.chain import answer, expected_loss
@@ -19,9 +19,7 @@ from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
 
-TARGET = {
-    "response": "aor_deg", "apparatus": "funnel", "value": 32.0, "sd": 2.0, "repetitions": 10, "range": [31.0, 34.0],
-}  # fmt: skip
+TARGET = shared.target("aor_deg", 32.0, 2.0, 31.0, 34.0)
 INSIDE, OF_TWO = "the simulated means lie inside both ranges.", "predicted inside both ranges; "
 LOW = "he simulated angle of repose lies 1 deg below its range"
 HANDLER = re.search(r"^onsuccess:\n((?: {4}.*\n)+)", (ROOT / "workflow/Snakefile").read_text(), re.MULTILINE)
@@ -36,10 +34,9 @@ def study(folder, simulated, feasible=True):
     for name in ("miga", "validation"):
         (folder / name).mkdir()
     (folder / "miga/summary.json").write_text(json.dumps(summary))
-    (folder / "validation/representative.csv").write_text(
-        "response,simulated,simulated_se,n_seeds,status,within_1_percent,within_2_percent\n"
-        f"aor_deg,{simulated},0.25,16,ok,{'0.25,0.75' if simulated else ','}\n"
-    )
+    header = "response,simulated,simulated_se,n_seeds,status,within_1_percent,within_2_percent"
+    row = f"aor_deg,{simulated},0.25,16,ok,{'0.25,0.75' if simulated else ','}"
+    (folder / "validation/representative.csv").write_text(f"{header}\n{row}\n")
     return {"label": "wheat", "results_dir": str(folder), "targets": [TARGET]}
 
 
@@ -70,8 +67,7 @@ def test_the_margin_is_the_way_to_the_nearer_end_of_the_range(simulated, met, ma
     assert found.within == {1.0: 0.25, 2.0: 0.75}
     off = simulated - 32.0
     near = f"aor_deg {100 * off / 32:+.1f} +- 0.8 % ({abs(off) / 2:.2f} standard deviations of a repetition)"
-    assert f"Simulated less measured: {near}." in str(found)
-    assert "by these runs alone: within 1 %: 0.25, within 2 %: 0.75" in str(found)
+    says(str(found), f"Simulated less measured: {near}.", "by these runs alone: within 1 %: 0.25, within 2 %: 0.75")
 
 
 def test_a_prediction_outside_the_targets_is_no_answer_even_where_the_simulation_is_inside(tmp_path):
@@ -100,18 +96,14 @@ def test_failed_runs_have_no_number_and_a_study_that_has_not_run_is_reported(tmp
 
 def test_a_small_run_says_so_first(tmp_path):
     first = str(read(study(tmp_path, 32.0) | {"small_run": True})).splitlines()[0]
-    assert first == (
-        "wheat: a small run, its numbers are no calibration: targets met. "
-        "Angle of repose 32 +- 0.25 deg (measured 32, +0.0 %)."
-    )
+    said = "Angle of repose 32 +- 0.25 deg (measured 32, +0.0 %)."
+    assert first == f"wheat: a small run, its numbers are no calibration: targets met. {said}"
 
 
 def of_two(feasible=True, out_of_reach=False, angle=32.0, height=66.0, status="ok"):
-    checks = (
-        answer.Check("aor_deg", "funnel", "deg", 32.0, 2.0, 5, 31.0, 34.0, angle, None, 9, status, predicted=32.5),
-        answer.Check("my_mm", "own", "mm", 66.0, 2.0, 5, 64.0, 68.0, height, 0.5, 9, status),
-    )
-    return answer.Result("two", {}, feasible, "", checks, "", {}, out_of_reach=out_of_reach)
+    one = answer.Check("aor_deg", "funnel", "deg", 32.0, 2.0, 5, 31.0, 34.0, angle, None, 9, status, predicted=32.5)
+    other = answer.Check("my_mm", "own", "mm", 66.0, 2.0, 5, 64.0, 68.0, height, 0.5, 9, status)
+    return answer.Result("two", {}, feasible, "", (one, other), "", {}, out_of_reach=out_of_reach)
 
 
 @pytest.mark.parametrize(("given", "met", "reason"), [
@@ -131,10 +123,8 @@ def test_the_reason_says_which_response_misses_by_how_much(given, met, reason):
 
 def test_an_answer_that_was_not_simulated_has_its_prediction_in_the_first_line():
     found = of_two(angle=None, height=None, status=answer.NOT_AGAIN)
-    assert found.verdict.startswith(
-        "two: targets not checked yet. Angle of repose predicted 32.5 deg (measured 32, +1.6 %), "
-        "my_mm without a number (measured 66). "
-    )
+    said = "Angle of repose predicted 32.5 deg (measured 32, +1.6 %), my_mm without a number (measured 66). "
+    assert found.verdict.startswith(f"two: targets not checked yet. {said}")
 
 
 @pytest.mark.parametrize(("summary", "out_of_reach"), [
@@ -176,10 +166,8 @@ def test_the_mean_given_few_runs_and_chances_of_one_bench_test_and_of_two():
     chances = chance_of_meeting(runs, targets)
     expected = mean.cdf(63.0) - mean.cdf(57.0)
     assert chances == {"height_mm": pytest.approx(expected, abs=5e-3), "all": chances["height_mm"]}
-    near = mean.cdf(60.6) - mean.cdf(59.4)
-    assert chance_of_meeting(runs, targets, 1.0)["all"] == pytest.approx(near, abs=5e-3)
-    one = {"funnel": [runs["funnel"][0], jammed]}
-    assert chance_of_meeting(one, targets) == {"height_mm": None, "all": None}
+    assert chance_of_meeting(runs, targets, 1.0)["all"] == pytest.approx(mean.cdf(60.6) - mean.cdf(59.4), abs=5e-3)
+    assert chance_of_meeting({"funnel": [runs["funnel"][0], jammed]}, targets) == {"height_mm": None, "all": None}
     targets = Targets.of(shared.TARGETS)
     a = np.array([31.2, 33.0, 32.1, 34.3])
     chance = chance_of_meeting({"funnel": runs_of(np.column_stack([a, 2 * a]), targets.names)}, targets)
@@ -209,18 +197,15 @@ class Sure:
 
 def test_the_set_of_least_loss_is_surest_and_its_loss_the_mean_of_eq_11():
     found = expected_loss.least(Sure(), SPACE, TARGETS)
-    assert found[PARAMETERS[0]] == pytest.approx(0.65, abs=1e-3)
-    assert found[PARAMETERS[1]] == pytest.approx(0.7, abs=0.01)
+    assert (found[PARAMETERS[0]], found[PARAMETERS[1]]) == (pytest.approx(0.65, abs=1e-3), pytest.approx(0.7, abs=0.01))
     assert found["height_predicted_mm"] == pytest.approx(66.0, abs=0.02)
     assert found["predicted_se"]["height_mm"] == pytest.approx(1.0, abs=1e-3)
     assert found["expected_error_percent"] == pytest.approx(100 / 66, rel=1e-3)
-    one = 2 * stats.norm.cdf(0.66) - 1
-    assert found["within"]["1 %"] == pytest.approx(one, abs=1e-3)
+    assert found["within"]["1 %"] == pytest.approx(2 * stats.norm.cdf(0.66) - 1, abs=1e-3)
     assert found["within"]["2 %"] == pytest.approx(2 * stats.norm.cdf(1.32) - 1, abs=1e-3)
     space = ParameterSpace.of({name: [0.0, 0.5] for name in PARAMETERS} | {PARAMETERS[1]: {"fixed": 0.2}})
     found = expected_loss.least(Sure(), space, TARGETS)
-    assert found[PARAMETERS[1]] == 0.2
-    assert found[PARAMETERS[0]] == pytest.approx(0.5, abs=1e-3)
+    assert (found[PARAMETERS[1]], found[PARAMETERS[0]]) == (0.2, pytest.approx(0.5, abs=1e-3))
     prior = {"prior": {"mean": 0.2, "sd": 0.1}, "range": [0.0, 1.0]}
     space = ParameterSpace.of({name: [0.0, 1.0] for name in PARAMETERS} | {PARAMETERS[2]: prior})
     found = expected_loss.least(Sure(), space, TARGETS)

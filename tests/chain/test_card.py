@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from refusals import input_error, not_refused
-from shared import ROOT, TARGETS, settings_of, studied
+from shared import ROOT, TARGETS, says, settings_of, studied
 
 from repose.chain import answer, card, card_library, card_text
 from repose.chain.card import described
@@ -94,12 +94,10 @@ def test_a_card_has_the_intervals_of_the_sets_or_of_the_posterior(config, soluti
     assert "e_gp" not in made_card["correlations"]
     grain = made_card["grain"]
     assert grain["ellipsoids_mm"] == [[4.0, 2.0, 1.0]]
-    assert grain["volume_mm3"] == pytest.approx(4 / 3 * np.pi * 8, rel=1e-5)
-    assert grain["spheres_mm"] == []
+    assert (grain["volume_mm3"], grain["spheres_mm"]) == (pytest.approx(4 / 3 * np.pi * 8, rel=1e-5), [])
     free = [name for name in PARAMETERS if name not in FIXED]
     intervals = pd.DataFrame({"parameter": free, "credible_low": 0.21, "credible_high": 0.39})
-    draws = solutions.assign(mus_gg=solutions["mur_gg"])
-    made_card = made(config, solutions, (intervals, draws))
+    made_card = made(config, solutions, (intervals, solutions.assign(mus_gg=solutions["mur_gg"])))
     assert made_card["interval"] == card.POSTERIOR
     assert (made_card["parameters"]["e_gg"]["low"], made_card["parameters"]["e_gg"]["high"]) == (0.21, 0.39)
     assert made_card["correlations"]["mus_gg"]["mur_gg"] == 1.0
@@ -128,13 +126,11 @@ def test_an_interval_that_begins_at_a_bound_tells_it_on_card_and_in_words(config
     assert card.held(fixed, "e_gp", 0.3, None, None) == {"low": None, "high": None}
     free = [name for name in PARAMETERS if name not in FIXED]
     intervals = pd.DataFrame({"parameter": free, "credible_low": 0.45, "credible_high": 0.5})
-    values = {"e_gg": 0.1, "mus_gg": 0.47, "mus_gp": 0.44}
-    found = made(config, solutions, (intervals, solutions), values=values)
+    found = made(config, solutions, (intervals, solutions), values={"e_gg": 0.1, "mus_gg": 0.47, "mus_gp": 0.44})
     card.check(found, "card")
     rows = {name: {key: row[key] for key in row if key in HELD} for name, row in found["parameters"].items()}
     assert rows["e_gg"] == {"low": 0.45, "high": 0.5, "at_bound": "lower"}
-    assert rows["mus_gg"] == {"low": 0.45, "high": 0.5}
-    assert rows["mus_gp"] == {"low": 0.44, "high": 0.5, "widened": True}
+    assert (rows["mus_gg"], rows["mus_gp"]) == ({"low": 0.45, "high": 0.5}, {"low": 0.44, "high": 0.5, "widened": True})
     lines = (line for line in card_text.describe(found).splitlines() if line.startswith("  m") or "e_gg" in line)
     words = {line.split()[0]: line for line in lines}
     assert words["e_gg"].endswith("restitution, grain-grain; at the lower bound of the range")
@@ -184,8 +180,7 @@ def test_a_card_describes_the_laws_of_the_study(config):
 
 def test_each_test_gives_its_definition_and_how_the_bench_test_is_done(config, solutions):
     height = made(config, solutions)["tests"][0]
-    assert height["definition"]["name"] == "Height"
-    assert height["bench"]["berries"] == 500
+    assert (height["definition"]["name"], height["bench"]["berries"]) == ("Height", 500)
     assert height["bench"]["outlet_diameter_mm"] == 32.0
     assert "seeds" not in height["bench"]
     config["targets"] = [config["targets"][0] | {"response": "aor_deg", "value": 30.0, "range": [29.0, 31.0]}]
@@ -232,8 +227,7 @@ def test_an_angle_of_a_pile_has_its_line_and_the_same_piles_by_every_other(confi
     (tmp_path / "card.json").write_text(json.dumps(made_card))
     text = command("card", "show", tmp_path / "card.json").out
     flank = "every line, deg: flank, 30 to 80 % of the height, levels: 30 +- 0.5; "
-    assert f"{flank}secant, foot to crest: 31 +- 0.5; " in text
-    assert "whole side, columns: no number; " in text
+    says(text, f"{flank}secant, foot to crest: 31 +- 0.5; ", "whole side, columns: no number; ")
     assert "definitions" not in made(config | {"targets": [HEIGHT]}, solutions)["tests"][0]
 
 
@@ -376,8 +370,7 @@ def test_the_verb_writes_a_card_that_can_be_read(tmp_path, command):
 
 def test_a_card_holds_the_parameters_of_every_contact_law(config, solutions):
     """The schema's pattern and `core.parameters.FURTHER` name the same parameters."""
-    laws = {law for further in FURTHER.values() if further.needed for law in further.laws}
-    for law in laws:
+    for law in {law for further in FURTHER.values() if further.needed for law in further.laws}:
         names = of_law(law)
         config["simulation"]["contact_law"] = law
         own = config | {"parameters": config["parameters"] | {name: [0.0, 0.5] for name in names}}

@@ -75,8 +75,7 @@ def test_it_runs_from_sizes_to_card_at_small_size(name, tmp_path, monkeypatch, c
     shutil.copytree(CROPS / name, tmp_path, dirs_exist_ok=True, ignore=shutil.ignore_patterns("results", ".*"))
     monkeypatch.chdir(tmp_path)
     berries = {"rapeseed": 400}.get(name, 120)  # fewer seeds of 2 mm are no pile on this plate
-    small = SMALL | {"funnel": SMALL["funnel"] | {"berries": berries}}
-    config = Study.load(overrides=small, inputs=True).config
+    config = Study.load(overrides=SMALL | {"funnel": SMALL["funnel"] | {"berries": berries}}, inputs=True).config
     Study.of(config, name).check_inputs()
     loader.write_resolved(config, "results/config.json")
 

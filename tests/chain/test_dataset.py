@@ -50,22 +50,18 @@ def test_run_writes_tables_counts_and_the_line_of_the_angle(study):
         assert summary.get("line") == line
     summary = write(folder / "samples.csv", paths[::-1], folder / "out")
     table = pd.read_csv(folder / "out/dataset.csv")
-    assert list(table.columns) == ["sample", *PARAMETERS, *RECORDED.summary]
-    assert table["sample"].tolist() == [1, 2, 3]
-    assert table["status"].tolist() == ["ok", "ok", "jammed"]
-    assert table["n_seeds"].tolist() == [3, 2, 1]
+    assert (list(table.columns), table["sample"].tolist()) == (["sample", *PARAMETERS, *RECORDED.summary], [1, 2, 3])
+    assert (table["status"].tolist(), table["n_seeds"].tolist()) == (["ok", "ok", "jammed"], [3, 2, 1])
     assert table["height_mm"].tolist()[:2] == [60.0, 62.0]
     assert pd.isna(table["aor_deg"][2])
     assert table["reason"][2] == "2 of 3 runs jammed (stuck)"
     runs = pd.read_csv(folder / "out/runs.csv")
-    assert list(runs.columns) == ["sample", *dataset.RUN, *RECORDED.single]
-    assert len(runs) == 9
+    assert (list(runs.columns), len(runs)) == (["sample", *dataset.RUN, *RECORDED.single], 9)
     assert json.loads((folder / "out/dataset_summary.json").read_text()) == summary
     assert (summary["samples"], summary["ok"], summary["left_out"], summary["runs_ok"]) == (3, 2, 1, 6)
     assert dataset.read_definitions(folder / "out/dataset.csv") == (DEFINITIONS, folder / "out/dataset_summary.json")
     assert dataset.read_definitions(folder / "samples.csv")[0] == {}
-    assert summary["by_status"] == {"ok": 2, "jammed": 1}
-    assert summary["reasons"] == {"3": "2 of 3 runs jammed (stuck)"}
+    assert (summary["by_status"], summary["reasons"]) == ({"ok": 2, "jammed": 1}, {"3": "2 of 3 runs jammed (stuck)"})
     assert summary["text"] == "2 of 3 samples can be used; 1 left out: 1 jammed. 6 of 9 single runs are ok."
 
 
@@ -127,12 +123,9 @@ def test_bench_tests_of_one_sample_are_merged_and_a_job_that_is_missing_or_twice
     folder, paths, targets = several(study)
     dataset.run(folder / "samples.csv", paths, targets, {}, folder / "out")
     table = pd.read_csv(folder / "out/dataset.csv")
-    assert table.columns[7:16].tolist() == [
-        *("status", "reason", "n_seeds", "drum_slip_deg", "drum_slip_se_deg", "aor_deg", "aor_se_deg"),
-        *("height_mm", "height_se_mm"),
-    ]
-    assert table["drum_slip_deg"].tolist() == [31.5, 32.0, 32.5]
-    assert table["status"].tolist() == ["ok", "ok", "jammed"]
+    responses = ("drum_slip_deg", "drum_slip_se_deg", "aor_deg", "aor_se_deg", "height_mm", "height_se_mm")
+    assert table.columns[7:16].tolist() == ["status", "reason", "n_seeds", *responses]
+    assert (table["drum_slip_deg"].tolist(), table["status"].tolist()) == ([31.5, 32.0, 32.5], ["ok", "ok", "jammed"])
     assert table["n_seeds"].tolist() == [2, 1, 1]
     assert table["reason"][1].startswith("drum: 1 of 2 runs unstable; funnel: 1 of 3 runs no_flank")
     runs = pd.read_csv(folder / "out/runs.csv")
@@ -140,11 +133,10 @@ def test_bench_tests_of_one_sample_are_merged_and_a_job_that_is_missing_or_twice
     assert runs["apparatus"].tolist() == 3 * (2 * ["drum"] + 3 * ["funnel"])
     assert runs.loc[runs["apparatus"] == "drum", "aor_deg"].isna().all()
     assert runs.loc[(runs["apparatus"] == "drum"), "drum_slip_deg"].notna().all()
-    for jobs, wanted, words in (
-        (paths[:-1], targets, r"jobs of the drum: samples without a file is \[3\]"),
-        ([*paths, paths[-1]], targets, r"sample is 3; .*once; also in .*drum_003"),
-        (paths, TARGETS, r"apparatus is 'drum'; expected a bench test of the targets, funnel"),
-    ):
+    wrong = [(paths[:-1], targets, r"jobs of the drum: samples without a file is \[3\]")]
+    wrong += [([*paths, paths[-1]], targets, r"sample is 3; .*once; also in .*drum_003")]
+    wrong += [(paths, TARGETS, r"apparatus is 'drum'; expected a bench test of the targets, funnel")]
+    for jobs, wanted, words in wrong:
         input_error(words, dataset.run, folder / "samples.csv", jobs, wanted, {}, folder / "out")
 
 

@@ -71,10 +71,8 @@ def test_best_of_20_and_criteria_are_those_of_slow_twins_and_five_points_have_th
     points = design.random_lhs(12, 3, np.random.default_rng(2))
     assert design.minimum_distance(points) == pytest.approx(slow_minimum_distance(points))
     pairs = [(a, b) for i, a in enumerate(points) for b in points[:i]]
-    by_hand = sum(np.linalg.norm(a - b) ** -16.0 for a, b in pairs) ** (1 / 16)
-    assert design.phi_p(points) == pytest.approx(by_hand)
-    levels = np.floor(design.optimal_lhs(5, 2, seed=3) * 5)
-    assert slow_minimum_distance(levels) == pytest.approx(np.sqrt(5))
+    assert design.phi_p(points) == pytest.approx(sum(np.linalg.norm(a - b) ** -16.0 for a, b in pairs) ** (1 / 16))
+    assert slow_minimum_distance(np.floor(design.optimal_lhs(5, 2, seed=3) * 5)) == pytest.approx(np.sqrt(5))
     first, again, other = (design.optimal_lhs(8, 3, seed=seed) for seed in (7, 7, 8))
     np.testing.assert_array_equal(first, again)
     assert not np.array_equal(first, other)
@@ -86,8 +84,7 @@ def test_best_of_20_and_criteria_are_those_of_slow_twins_and_five_points_have_th
 def test_written_samples_are_still_stratified(tmp_path, method):
     design.run(ParameterSpace.of(RANGES), DesignSettings(samples=15, method=method, seed=2026), tmp_path)
     table = pd.read_csv(tmp_path / "samples.csv")
-    assert list(table.columns) == ["sample", *PARAMETERS]
-    assert list(table["sample"]) == list(range(1, 16))
+    assert (list(table.columns), list(table["sample"])) == (["sample", *PARAMETERS], list(range(1, 16)))
     unit = np.stack([(table[p] - RANGES[p][0]) / (RANGES[p][1] - RANGES[p][0]) for p in PARAMETERS], axis=1)
     assert strata_are_filled_once(unit)
     comparison = pd.read_csv(tmp_path / "comparison.csv").set_index("method")
@@ -101,8 +98,7 @@ def test_a_fixed_parameter_is_a_column_and_sizes_without_a_design_are_refused():
     section = RANGES | {"e_gp": {"fixed": 0.4}, "mus_gg": {"prior": {"mean": 0.5, "sd": 0.02}}}
     table, comparison = design.design(ParameterSpace.of(section), DesignSettings(samples=12, method="optimal", seed=1))
     assert table["e_gp"].tolist() == 12 * [0.4]
-    strata = np.floor(12 * (table["mus_gg"] - 0.44) / 0.12)
-    assert sorted(strata) == list(range(12))
+    assert sorted(np.floor(12 * (table["mus_gg"] - 0.44) / 0.12)) == list(range(12))
     assert comparison["samples"].tolist() == [12, 12, 12]
     value_error("at least 2", design.optimal_lhs, 1, 3, seed=1)
     value_error("at least 1", design.lhsdesign, 5, 0, None)

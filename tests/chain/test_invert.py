@@ -54,8 +54,7 @@ def write_inputs(folder, reach):
 def outcome(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp("miga")
     network_json, table3 = write_inputs(folder, request.param)
-    summary = invert.run(network_json, study(), table3, folder / "out")
-    return request.param == 2.0, summary, folder / "out"
+    return request.param == 2.0, invert.run(network_json, study(), table3, folder / "out"), folder / "out"
 
 
 def test_run_says_whether_the_box_was_reached_with_solutions_and_tables_beside_the_published(outcome, tmp_path):
@@ -67,8 +66,7 @@ def test_run_says_whether_the_box_was_reached_with_solutions_and_tables_beside_t
     solutions = pd.read_csv(out / "feasible.csv")
     assert summary["feasible"] is reachable
     assert (solutions["feasible"] == reachable).all()
-    assert len(solutions) == 30
-    assert solutions["representative"].tolist() == [True] + [False] * 29
+    assert (len(solutions), solutions["representative"].tolist()) == (30, [True] + [False] * 29)
     assert (summary["n_feasible_met"] > 0) is reachable
     if reachable:
         assert summary["box_distance"] == {"aor_deg": 0.0, "height_mm": 0.0}
@@ -91,8 +89,7 @@ def test_run_says_whether_the_box_was_reached_with_solutions_and_tables_beside_t
     assert intervals["variable"].tolist() == list(PARAMETERS)
     width = solutions["mus_gp"].max() - solutions["mus_gp"].min()
     row = intervals.set_index("variable").loc["mus_gp"]
-    assert row["dispersion_percent"] == pytest.approx(100 * width / 2)
-    assert row["published_dispersion_percent"] == 5.0
+    assert (row["dispersion_percent"], row["published_dispersion_percent"]) == (pytest.approx(100 * width / 2), 5.0)
     history = pd.read_csv(out / "history.csv")
     assert history["evaluations"].tolist() == [2000 * k for k in range(1, 41)]
     assert (np.diff(history["best_objective"]) <= 0).all()
@@ -105,8 +102,7 @@ def test_without_a_feasible_solution_the_least_objective_counts_and_not_the_edge
     content["W1"][0] = [0.0, 0.0, 0.0, 0.0, content["W1"][1][4], 0.0]
     content["W2"][0][0] = 0.5 * content["W2"][1][1]  # 28 + 0.5 x deg at 64 + x mm
     network_json.write_text(json.dumps(content))
-    wanted = targets(30.5, (29.5, 32.0), (64.0, 66.0))
-    summary = invert.run(network_json, study(wanted), table3, tmp_path / "out")
+    summary = invert.run(network_json, study(targets(30.5, (29.5, 32.0), (64.0, 66.0))), table3, tmp_path / "out")
     assert not summary["feasible"]
     assert summary["evaluations"] == 2 * 80_000
     best = summary["representative"]
@@ -119,7 +115,6 @@ class Sure:
     """AoR 28 + x4, Height 64 + x4; its error is least at x0 = 0.5."""
 
     inputs = ()
-
     knows_its_errors = True
 
     def predict(self, X):
@@ -145,8 +140,7 @@ def test_the_answer_is_the_set_of_least_expected_loss_or_of_least_objective(answ
 
 def test_few_feasible_solutions_are_followed_by_the_nearest(tmp_path):
     network_json, table3 = write_inputs(tmp_path, 2.0)
-    narrow = targets(32.0, (31.999, 34.0), (65.0, 68.0))
-    summary = invert.run(network_json, study(narrow), table3, tmp_path)
+    summary = invert.run(network_json, study(targets(32.0, (31.999, 34.0), (65.0, 68.0))), table3, tmp_path)
     solutions = pd.read_csv(tmp_path / "feasible.csv")
     assert len(solutions) == 10
     assert 0 < summary["n_solutions"] == solutions["feasible"].sum() < 10
@@ -173,13 +167,10 @@ def test_bad_tables_are_refused_and_a_study_without_published_intervals_has_its_
     input_error(r"table3.csv: column parameter", invert.run, network_json, study(), table3, tmp_path)
     network_json, table3 = write_inputs(tmp_path, 2.0)
     content = json.loads(network_json.read_text())
-    flank = {"aor_deg": {"measure.response": "flank"}}
-    network_json.write_text(json.dumps(content | {"definitions": flank}))
+    network_json.write_text(json.dumps(content | {"definitions": {"aor_deg": {"measure.response": "flank"}}}))
     secant = study(definitions={"aor_deg": {"measure.response": "secant"}})
-    for other, words in (
-        (secant, "definition of aor_deg is .*flank.*secant.*my.yaml"),
-        (study(Targets(TARGETS[:1])), "outputs is .*; expected the targets aor_deg"),
-    ):
+    one = study(Targets(TARGETS[:1])), "outputs is .*; expected the targets aor_deg"
+    for other, words in ((secant, "definition of aor_deg is .*flank.*secant.*my.yaml"), one):
         input_error(f"network.json: {words}", invert.run, network_json, other, table3, tmp_path, source="my.yaml")
     cloud = pd.DataFrame({name: [0.1, 0.3] for name in PARAMETERS})
     space = ParameterSpace(PARAMETERS[1:], np.zeros(5), np.full(5, 2.0), {"e_gg": 0.2})

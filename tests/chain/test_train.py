@@ -81,8 +81,7 @@ def test_run_writes_what_it_returns(tmp_path):
     assert 4 not in set(predictions["sample"])
     test = predictions[predictions["split"] == "test"]
     left, whole = test.aor_deg - test.aor_predicted_deg, test.aor_deg - test.aor_deg.mean()
-    by_hand = 1 - (left**2).sum() / (whole**2).sum()
-    assert metrics["test"]["aor_deg"]["r2"] == pytest.approx(by_hand)
+    assert metrics["test"]["aor_deg"]["r2"] == pytest.approx(1 - (left**2).sum() / (whole**2).sum())
     runs = pd.read_csv(paths[1]).merge(test[["sample", "height_predicted_mm"]], on="sample")
     assert len(runs) == 4 * metrics["n_test"]
     single = r2(runs["height_mm"].to_numpy(), runs["height_predicted_mm"].to_numpy())
@@ -94,17 +93,14 @@ def test_run_writes_what_it_returns(tmp_path):
 
 
 def test_a_run_with_replicates_knows_their_noise(tmp_path):
-    paths = write_tables(tmp_path)
-    metrics = train.run(*paths, study(but(replicates=True, prior="inputs")), tmp_path / "out")
+    metrics = train.run(*write_tables(tmp_path), study(but(replicates=True, prior="inputs")), tmp_path / "out")
     assert metrics["noise_freedom"] == 3 * metrics["n_train"]
     sd = np.sqrt(np.diagonal(metrics["noise_covariance"]))
-    known = np.concatenate([load(tmp_path / "out/network.json").noise_std_]) / sd
-    assert known == pytest.approx(1.0, abs=0.1)
+    assert np.concatenate([load(tmp_path / "out/network.json").noise_std_]) / sd == pytest.approx(1.0, abs=0.1)
     # of one seed there is none to correct for
     once = train.run(*write_tables(tmp_path, seeds=1), study(but(replicates=True)), tmp_path / "once")
     ways = once["r2_three_ways"]["aor_deg"]
-    assert ways["noise_corrected"] is None
-    assert ways["single_runs"] == pytest.approx(ways["sample_means"])
+    assert (ways["noise_corrected"], ways["single_runs"]) == (None, pytest.approx(ways["sample_means"]))
     assert once["noise_freedom"] is None
 
 
@@ -167,8 +163,7 @@ def test_definitions_are_kept_and_others_are_refused(tmp_path):
     files = (tmp_path / "out/network.json", tmp_path / "out/predictions.csv", dataset_csv)
     train.restore(*files)
     (tmp_path / "dataset_summary.json").write_text(json.dumps({"definitions": secant}))
-    wanted = r"dataset_summary\.json: definition of aor_deg is .*secant.*flank.*my\.yaml"
-    input_error(wanted, train.run, *arguments)
+    input_error(r"dataset_summary\.json: definition of aor_deg is .*secant.*flank.*my\.yaml", train.run, *arguments)
     input_error(r"network\.json: definition of aor_deg .*as in .*dataset_summary\.json", train.restore, *files)
     train.run(dataset_csv, runs_csv, study(but(starts=1)), tmp_path / "out")
     assert load(tmp_path / "out/network.json").definitions == secant
@@ -185,8 +180,7 @@ def test_the_split_is_reported_and_the_saved_model_knows_all_samples(tmp_path, n
     assert metrics["test"]["height_mm"]["rmse"] == pytest.approx(error)
     X = pd.read_csv(dataset_csv).set_index("sample").loc[test["sample"], list(PARAMETERS)].to_numpy()
     as_reported = np.allclose(saved.predict(X)[:, 1], test["height_predicted_mm"])
-    # the article's network is the one that was reported
-    assert as_reported == (name == "network")
+    assert as_reported == (name == "network")  # the article's network is the one that was reported
     assert metrics["n_fitted"] == len(saved.samples) == (metrics["n_train"] if name == "network" else 39)
     files = (out / "network.json", out / "predictions.csv", dataset_csv)
     train.restore(*files)
@@ -212,8 +206,7 @@ def test_a_parameter_of_the_law_is_an_input_and_noise_of_bench_tests_is_independ
     dataset.insert(7, "gamma_gg", np.linspace(0.0, 0.1, len(dataset)))
     dataset.to_csv(dataset_csv, index=False)
     train.run(dataset_csv, runs_csv, study(), tmp_path / "out")
-    model = load(tmp_path / "out/network.json")
-    assert model.inputs == (*PARAMETERS, "gamma_gg")
+    assert load(tmp_path / "out/network.json").inputs == (*PARAMETERS, "gamma_gg")
     assert train.restore(*(tmp_path / name for name in ("out/network.json", "out/predictions.csv", "dataset.csv")))
     dataset.assign(gamma_gg=-0.1).to_csv(dataset_csv, index=False)
     input_error(r"gamma_gg is -0\.1", train.run, dataset_csv, runs_csv, study(), tmp_path / "out")
@@ -226,10 +219,8 @@ def test_a_parameter_of_the_law_is_an_input_and_noise_of_bench_tests_is_independ
     targets = Targets.of([shared.TARGETS[0], shared.SLIP, shared.TARGETS[1]])
     found = train.Replicates.of(pd.concat([pours, turns]), samples, targets)
     covariance = found.noise_covariance
-    assert found.precision.tolist() == [4.0] * 400
-    assert found.noise_freedom == pytest.approx((2 * 1200 + 400) / 3)
+    assert (found.precision.tolist(), found.noise_freedom) == ([4.0] * 400, pytest.approx((2 * 1200 + 400) / 3))
     assert covariance[[0, 1, 2], [1, 0, 1]].tolist() == [0.0, 0.0, 0.0]
     assert covariance[::2, ::2] == pytest.approx(np.array([[1.0, 1.0], [1.0, 4.0]]), rel=0.15)
     assert covariance[1, 1] == pytest.approx(2 * 9.0, rel=0.15)  # means of two runs beside means of four
-    once = turns.drop_duplicates("sample")
-    assert train.Replicates.of(pd.concat([pours, once]), samples, targets) is None
+    assert train.Replicates.of(pd.concat([pours, turns.drop_duplicates("sample")]), samples, targets) is None

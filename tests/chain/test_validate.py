@@ -35,8 +35,7 @@ WIDE = ParameterSpace(PARAMETERS, np.zeros(6), np.full(6, 2.0))
 
 @pytest.fixture
 def study(tmp_path):
-    random = np.random.RandomState(1)
-    feasible = pd.DataFrame(random.uniform(0.3, 0.7, (12, 6)), columns=list(PARAMETERS))
+    feasible = pd.DataFrame(np.random.RandomState(1).uniform(0.3, 0.7, (12, 6)), columns=list(PARAMETERS))
     feasible.insert(0, "solution", np.arange(1, 13))
     feasible["aor_predicted_deg"], feasible["height_predicted_mm"] = 32.5, 66.0
     feasible["objective"], feasible["feasible"] = np.arange(12) / 100, True
@@ -88,22 +87,19 @@ def tables(folder, failed=(), support=None):
 def test_solutions_and_sets_of_other_works_follow_by_number(study):
     select(study)
     written = pd.read_csv(study / "v/solutions.csv")
-    assert written.columns[:7].tolist() == ["sample", *PARAMETERS]
-    assert written["sample"].tolist() == [1, 2, 3, 4, 5, 6]
+    assert (written.columns[:7].tolist(), written["sample"].tolist()) == (["sample", *PARAMETERS], [1, 2, 3, 4, 5, 6])
     assert written["role"].tolist() == ["representative"] + ["spread"] * 5
     assert written["solution"].is_unique
     theirs = validate.write_published_solutions(study / "published4.csv", PARAMETERS, study / "theirs.csv")
-    assert theirs["sample"].tolist() == [101, 102]
-    assert theirs.loc[1, "mus_gg"] == 0.642
+    assert (theirs["sample"].tolist(), theirs.loc[1, "mus_gg"]) == ([101, 102], 0.642)
     input_error(r"feasible.csv: solutions is 12; expected at least 21", select, study, count=20)
     row = "yu,someone,silicone rubber,.158,.454,.037,.195,.377,.063,31.27\n"
     (study / "others.csv").write_text(f"solution,source,wall,{','.join(PARAMETERS)},aor_measured_deg\n{row}")
     assert to_simulate(study / "published4.csv", TARGETS.responses) == ["22", "representative", "yu"]
     table = read_stored(stored(study))
     assert table["sample"].tolist() == [101, 102, 103]
-    assert table.loc[2, ["source", "wall", "mus_gp", "aor_published_measured_deg"]].tolist() == [
-        *("someone", "silicone rubber", 0.377, 31.27)
-    ]
+    names = ["source", "wall", "mus_gp", "aor_published_measured_deg"]
+    assert table.loc[2, names].tolist() == ["someone", "silicone rubber", 0.377, 31.27]
     assert table.loc[:1, "wall"].isna().all()
     assert table.loc[0, "height_published_simulated_mm"] == 65.63
     found = published(study / "published_sets.csv").iloc[2]
@@ -116,11 +112,9 @@ def test_table4_has_errors_as_published_and_every_definition_of_the_angle(study)
     table = found["table4"]
     assert len(table) == 6
     row = table.iloc[0]
-    assert row["aor_simulated_deg"] == pytest.approx(32.0)
-    assert row["aor_se_deg"] == pytest.approx(2 / np.sqrt(3))
+    assert (row["aor_simulated_deg"], row["aor_se_deg"]) == (pytest.approx(32.0), pytest.approx(2 / np.sqrt(3)))
     assert row["aor_error_percent"] == pytest.approx(100 * 0.5 / 32.0)  # 1.56, as theirs for 32.50 and 32.00
-    assert row["height_error_percent"] == pytest.approx(0.0)
-    assert row["n_seeds"] == 3
+    assert (row["height_error_percent"], row["n_seeds"]) == (pytest.approx(0.0), 3)
     pd.testing.assert_frame_equal(pd.read_csv(study / "v/table4.csv")[["sample"]], table[["sample"]])
     theirs = found["published"].set_index("solution")
     assert theirs.loc["22", "aor_published_simulated_deg"] == 32.0
@@ -168,8 +162,7 @@ def test_the_stored_sets_of_the_repository_are_of_todays_engine_and_scene():
     table, sets = read_stored(path), read_sets(config["validation"]["published"])
     assert table["solution"].tolist() == sets["solution"].tolist()
     np.testing.assert_allclose(table[list(PARAMETERS)], sets[list(PARAMETERS)])
-    assert set(table["engine"]) == {engine_hash()}
-    assert set(table["scene"]) == {stands_on.scene(config)}
+    assert (set(table["engine"]), set(table["scene"])) == ({engine_hash()}, {stands_on.scene(config)})
 
 
 def test_a_failed_or_missing_simulation_keeps_its_row_or_is_named(study):

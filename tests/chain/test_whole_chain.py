@@ -71,9 +71,7 @@ def whole_chain(out: Path, targets, space, surrogate="network", replicates=False
     jobs = pour(again, targets, out / "validation/jobs")
     theirs = validate.compared_with_published(None, study, {})
     tables = validate.run(out / "validation/solutions.csv", jobs, study, theirs, out / "validation", support)
-    return SimpleNamespace(
-        samples=samples, metrics=metrics, summary=summary, solutions=again, definitions=definitions, **tables
-    )
+    return SimpleNamespace(samples=samples, metrics=metrics, summary=summary, solutions=again, **tables)
 
 
 @pytest.mark.parametrize(
@@ -97,9 +95,7 @@ def test_the_chain_finds_parameter_sets_that_give_the_targets(tmp_path, names):
 
 
 def test_a_fixed_parameter_stays_and_a_measured_one_is_preferred(tmp_path):
-    targets = targets_of("height_mm")
-    space = ParameterSpace.of(RANGES | PRIORS)
-    found = whole_chain(tmp_path, targets, space)
+    found = whole_chain(tmp_path, targets_of("height_mm"), ParameterSpace.of(RANGES | PRIORS))
     assert (found.samples["e_gp"] == 0.3).all()
     assert found.samples["mus_gp"].max() > 0.75  # the design fills the whole range
     assert (found.solutions["e_gp"] == 0.3).all()
@@ -107,8 +103,7 @@ def test_a_fixed_parameter_stays_and_a_measured_one_is_preferred(tmp_path):
     assert feasible["feasible"].all()
     # rolling friction can make up for any wall friction; the prior says which of them
     assert abs(feasible["mus_gp"].iloc[0] - 0.5) < 0.02
-    distance = (feasible["mus_gp"] - 0.5).abs() / 0.02
-    np.testing.assert_allclose(feasible["prior_distance_sd"], distance, atol=1e-9)
+    np.testing.assert_allclose(feasible["prior_distance_sd"], (feasible["mus_gp"] - 0.5).abs() / 0.02, atol=1e-9)
     assert feasible["objective"].iloc[0] < 0.02
     row = pd.read_csv(tmp_path / "miga/intervals.csv").set_index("variable").loc["e_gp"]
     assert row.tolist() == [0.3, 0.3, 0.0]

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import pytest
 from refusals import value_error
-from shared import ROOT, check_all, run_python
+from shared import ROOT, check_all, run_python, written
 
 from repose.__main__ import main
 from repose.apparatus import job, kept_runs
@@ -31,9 +31,7 @@ def short_config(tmp_path):
     config = Study.load(ROOT / "config/quick.yaml").config
     config["funnel"] |= {"berries": 12, "duration_s": 1.5, "rest_motion_mm": 100}
     config["simulation"]["rest_energy_j"] = 1.0e-3
-    path = tmp_path / "short.json"
-    path.write_text(json.dumps(config))
-    return str(path)
+    return str(written(tmp_path / "short.json", json.dumps(config)))
 
 
 def error_of(command, *words):
@@ -57,8 +55,7 @@ def test_every_verb_explains_itself_with_an_example_that_parses(command, monkeyp
 
 def test_help_fits_a_screen_and_guesses_what_was_mistyped(command):
     out = command("--help").out
-    listed = [line.split()[0] for line in out.splitlines() if re.match(" {2}[a-z]", line)]
-    assert listed == list(TYPED)
+    assert [line.split()[0] for line in out.splitlines() if re.match(" {2}[a-z]", line)] == list(TYPED)
     assert len(TYPED) <= 25
     assert len(out.splitlines()) <= 45
     assert "example:" in out
@@ -91,10 +88,8 @@ def test_help_loads_no_slow_library_and_the_module_ends_with_2_on_bad_input():
     program = [sys.executable, "-m", "repose"]
     done = subprocess.run([*program, "check", "--config", "nowhere.yaml"], capture_output=True, text=True)
     assert done.returncode == 2
-    assert done.stderr == (
-        "repose: error: nowhere.yaml: file is 'No such file or directory'; "
-        "expected an existing YAML or JSON file that may be read\n"
-    )
+    said = "file is 'No such file or directory'; expected an existing YAML or JSON file that may be read"
+    assert done.stderr == f"repose: error: nowhere.yaml: {said}\n"
     read, write = os.pipe()
     os.close(read)
     done = subprocess.run([*program, "docs"], stdout=write, stderr=subprocess.PIPE, text=True)
@@ -148,14 +143,12 @@ def test_heap_refuses_bad_options_before_it_pours(command, tmp_path):
 def test_heap_pours_and_prints_its_record(short_config, tmp_path, command):
     words = ["heap", "--config", short_config, "--set", "e_gg=0.203", "--seed", "7", "--json"]
     record = json.loads(command(*words, "--trajectory", "0.1", "--out", tmp_path / "heap").out)
-    assert set(record["parameters"]) == set(PARAMETERS)
-    assert record["parameters"]["e_gg"] == 0.203
+    assert (set(record["parameters"]), record["parameters"]["e_gg"]) == (set(PARAMETERS), 0.203)
     assert record["parameters"]["mus_gg"] == pytest.approx(0.55)  # centre of its range
     assert (record["seed"], record["time_step_s"]) == (7, 4.9e-4)
     assert {"status", "aor_deg", "height_mm", "kinetic_energy_J"} <= set(record)
     assert record["berries_on_plate"] <= 12
-    written = json.loads((tmp_path / "heap" / "heap.json").read_text())
-    assert written["runs"][0]["seed"] == 7
+    assert json.loads((tmp_path / "heap" / "heap.json").read_text())["runs"][0]["seed"] == 7
     with np.load(tmp_path / "heap" / "heap.npz") as arrays:
         assert arrays["position_7"].shape == (12, 3)
     with np.load(tmp_path / "heap" / "heap_trajectory_7.npz") as frames:
@@ -187,9 +180,8 @@ def test_pour_and_measure_runs_are_heap_in_two_steps(short_config, tmp_path, com
 
 @pytest.fixture
 def samples(tmp_path):
-    path = tmp_path / "samples.csv"
-    path.write_text("sample," + ",".join(PARAMETERS) + "\n4,0.2,0.5,0.03,0.3,0.6,0.2\n")
-    return ["--samples", path]
+    table = f"sample,{','.join(PARAMETERS)}\n4,0.2,0.5,0.03,0.3,0.6,0.2\n"
+    return ["--samples", written(tmp_path / "samples.csv", table)]
 
 
 def test_a_pour_that_measures_leaves_its_measurement_to_measure_runs(
@@ -199,7 +191,6 @@ def test_a_pour_that_measures_leaves_its_measurement_to_measure_runs(
     command("stage", "pour", *samples, "--sample", "4", "--seed", "7", *words)
     result, kept = tmp_path / "heaps/004.json", tmp_path / "heaps/runs/004.json"
     assert not result.exists()
-
     anew, measured = [], job.measured
     monkeypatch.setattr(job, "measured", lambda *given: anew.append(given) or measured(*given))
 
@@ -226,8 +217,7 @@ def test_heap_takes_a_row_of_a_table_and_the_studys_seeds(short_config, samples,
     out = tmp_path / "heaps"
     words = ["heap", "--config", short_config, *samples, "--seeds", "2", "--out", out]
     record = json.loads(command(*words, "--sample", "4", "--json").out)
-    assert record["sample"] == 4
-    assert record["parameters"]["mus_gg"] == 0.5
+    assert (record["sample"], record["parameters"]["mus_gg"]) == (4, 0.5)
     assert len({run["seed"] for run in record["runs"]}) == 2
     assert (out / "004.json").is_file()
     assert "sample is 5" in error_of(command, *words, "--sample", "5")
@@ -240,8 +230,7 @@ def test_measure_prints_the_angles_of_a_drawn_pile_and_writes_the_overlay(tmp_pa
     picture = np.full((420, 900), 230, np.uint8)
     height = 200
     half = round(height / np.tan(np.radians(30)))
-    triangle = np.array([[450 - half, 399], [450 + half, 399], [450, 399 - height]])
-    cv2.fillPoly(picture, [triangle], 40)
+    cv2.fillPoly(picture, [np.array([[450 - half, 399], [450 + half, 399], [450, 399 - height]])], 40)
     path = tmp_path / "pile.png"
     cv2.imwrite(str(path), picture)
     words = ["measure", path, "--mm-per-pixel", "0.1", "--out", tmp_path / "out", "--json"]
@@ -308,8 +297,8 @@ def test_the_built_in_crop_is_reported_in_a_folder_without_a_configuration(
 
 def test_codes_of_a_terminal_in_texts_of_users_are_not_obeyed(tmp_path, command):
     shown = json.loads((ROOT / "crops/cards/wheat.json").read_text()) | {"reason": "\x1b[31mred\x07\u009b"}
-    (tmp_path / "card.json").write_text(json.dumps(shown))
-    out = command("card", "check", tmp_path / "card.json", status=0 if shown["met"] else 3).out
+    path = written(tmp_path / "card.json", json.dumps(shown))
+    out = command("card", "check", path, status=0 if shown["met"] else 3).out
     assert not {"\x1b", "\x07", "\u009b"} & set(out)
     assert "\\x1b[31mred\\x07\\x9b" in out
 

@@ -29,22 +29,18 @@ def test_words_become_those_of_snakemake(tmp_path, monkeypatch, given, command):
     for name in ("mine.yaml", "more.yaml"):
         (tmp_path / name).write_text("label: mine\n")
     cases = {
-        "": [*ALL, *SNAKEFILE],
-        **{words: ["--cores", "2", *SNAKEFILE] for words in ("--cores 2", "--cores=2", "-c2")},
+        "": [*ALL, *SNAKEFILE], **{words: ["--cores", "2", *SNAKEFILE] for words in ("--cores 2", "--cores=2", "-c2")},
         **{words: ["--cores", "2", *SNAKEFILE, "refined"] for words in ("refined -c 2", "--cores 2 refined")},
-        "-j 3": ["--jobs", "3", *SNAKEFILE],
-        "--profile mine": ["--profile", "mine", *SNAKEFILE],
+        "-j 3": ["--jobs", "3", *SNAKEFILE], "--profile mine": ["--profile", "mine", *SNAKEFILE],
         "berry --profile profiles/slurm -n": ["--profile", SLURM, *SNAKEFILE, "berry", "-n"],
         "-s mine.smk -c1": ["--cores", "1", "--snakefile", "mine.smk"],
         "-c1 --configfile config/quick.yaml": ["--configfile", QUICK, "--cores", "1", *SNAKEFILE],
         "-c1 --configfile=config/quick.yaml": ["--configfile", QUICK, "--cores", "1", *SNAKEFILE],
-        "uncertainty -c2 --configfile mine.yaml more.yaml -np": [
-            *("--configfile", "mine.yaml", "more.yaml", "--cores", "2", *SNAKEFILE, "uncertainty", "-np")
-        ],
-        "-n --config label=mine --configfile mine.yaml -- berry": [
-            *("--configfile", "mine.yaml", "--config", "label=mine", *ALL, *SNAKEFILE, "-n", "--", "berry")
-        ],
-    }
+    }  # fmt: skip
+    layers = ["--configfile", "mine.yaml", "more.yaml", "--cores", "2", *SNAKEFILE, "uncertainty", "-np"]
+    labelled = ["--configfile", "mine.yaml", "--config", "label=mine", *ALL, *SNAKEFILE, "-n", "--", "berry"]
+    cases |= {"uncertainty -c2 --configfile mine.yaml more.yaml -np": layers}
+    cases |= {"-n --config label=mine --configfile mine.yaml -- berry": labelled}
     for words, expected in cases.items():
         given.clear()
         command("run", *words.split())

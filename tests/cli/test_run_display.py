@@ -13,6 +13,8 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from refusals import raised
+from shared import says, written
 from snakemake_interface_logger_plugins.common import LogEvent
 
 from repose.cli import run_display
@@ -67,8 +69,7 @@ def test_without_a_terminal_stages_and_seldom_lines(handler, capsys, monkeypatch
     handler.emit(planned())
     handler.emit(job_info(7, "all", []))
     for number in (1, 2):
-        output = tmp_path / f"{number}.pours.json"
-        handler.emit(job_info(number, "pour", [output]))
+        handler.emit(job_info(number, "pour", [tmp_path / f"{number}.pours.json"]))
         for seed in (1, 2):
             (tmp_path / "runs").mkdir(exist_ok=True)
             (tmp_path / "runs" / f"{number}_{seed}.npz").touch()
@@ -112,8 +113,7 @@ def test_a_job_that_ctrl_c_ends_has_not_failed(handler, capsys, monkeypatch):
 
 
 def test_plain_snakemake_says_too_that_the_same_command_goes_on(handler, capsys):
-    with pytest.raises(KeyboardInterrupt):
-        signal.raise_signal(signal.SIGINT)
+    raised(KeyboardInterrupt, None, signal.raise_signal, signal.SIGINT)
     handler.close()
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     assert capsys.readouterr().err == "Stopped. What is finished stays; the same command goes on.\n"
@@ -203,8 +203,7 @@ def test_a_terminal_shows_bars_and_a_failure_with_its_log(naps):
     terminal = Terminal(naps, "--keep-going")
     assert terminal.ended()[0] == 1
     assert re.search(r"pour .*3 of 4", terminal.shown)
-    assert "pours a minute" in terminal.shown
-    assert "FAILED: Pouring 3 (rule pour); its log: 3.log" in terminal.shown
+    says(terminal.shown, "pours a minute", "FAILED: Pouring 3 (rule pour); its log: 3.log")
     assert "    emitted\r\n" in terminal.shown  # its log
     assert "the same command goes on" in terminal.shown
 
@@ -260,8 +259,7 @@ def test_nothing_is_reported_before_the_first_pour_is_made(plan, tmp_path):
     plan.start(8, Running("berry", "Sizes", BEGAN_S - 100, "berry.json"))
     plan.finish(8, BEGAN_S)
     plan.start(0, pour(0, tmp_path))
-    assert plan.pours_a_minute(BEGAN_S + 50) is None
-    assert plan.left_s(BEGAN_S + 50) is None
+    assert (plan.pours_a_minute(BEGAN_S + 50), plan.left_s(BEGAN_S + 50)) == (None, None)
 
 
 def test_rate_and_time_left_of_finished_jobs(plan, tmp_path):
@@ -272,8 +270,7 @@ def test_rate_and_time_left_of_finished_jobs(plan, tmp_path):
     for number in (0, 1):
         plan.finish(number, BEGAN_S + 40)
     # six pours in 40 s; two jobs at once, of which two more are left
-    assert plan.pours_a_minute(BEGAN_S + 40) == pytest.approx(9.0)
-    assert plan.left_s(BEGAN_S + 40) == pytest.approx(40.0)
+    assert (plan.pours_a_minute(BEGAN_S + 40), plan.left_s(BEGAN_S + 40)) == (pytest.approx(9.0), pytest.approx(40.0))
     assert plan.done["pour"] == 2
 
 
@@ -282,8 +279,7 @@ def test_a_job_counts_the_runs_that_it_has_kept_since_it_began(plan, tmp_path):
     kept(tmp_path, "001_2.npz", BEGAN_S + 10)
     kept(tmp_path, "0010_3.npz", BEGAN_S + 10)  # of another job
     plan.start(0, pour("001", tmp_path))
-    assert plan.pours_done == 1
-    assert plan.pours_a_minute(BEGAN_S + 60) == pytest.approx(1.0)
+    assert (plan.pours_done, plan.pours_a_minute(BEGAN_S + 60)) == (1, pytest.approx(1.0))
     plan.finish(0, BEGAN_S + 60)
     assert plan.pours_done == 1, "a run that was kept before is not poured again"
 
@@ -291,8 +287,7 @@ def test_a_job_counts_the_runs_that_it_has_kept_since_it_began(plan, tmp_path):
 def test_a_complete_job_counts_the_runs_that_it_has_timed(plan, tmp_path):
     (tmp_path / "timings").mkdir()
     for number, date_s in (("001", BEGAN_S + 50), ("002", BEGAN_S - 500)):
-        path = tmp_path / f"timings/{number}.json"
-        path.write_text('{"wall_s": {"7": 3.1, "8": 2.9}}')
+        path = written(tmp_path / f"timings/{number}.json", '{"wall_s": {"7": 3.1, "8": 2.9}}')
         os.utime(path, (date_s, date_s))
         plan.start(int(number), pour(number, tmp_path))
         plan.finish(int(number), BEGAN_S + 60)

@@ -51,8 +51,7 @@ def main():
     print("| samples per job | jobs | minutes | core hours | share that pours |\n|---|---|---|---|---|")
     for size in PER_JOB:
         cuts = np.arange(0, args.samples, size)
-        counts = np.diff([*cuts, args.samples])
-        jobs_s = np.add.reduceat(samples_s, cuts) + 2 * args.inner_s * counts
+        jobs_s = np.add.reduceat(samples_s, cuts) + 2 * args.inner_s * np.diff([*cuts, args.samples])
         whole_s = makespan_s(jobs_s, args.cores, args.start_s, args.submitted_per_s)
         used_s = jobs_s.sum() + args.start_s * len(jobs_s)
         print(f"| {size} | {len(jobs_s)} | {whole_s / 60:.1f} | {used_s / 3600:.1f} | {samples_s.sum() / used_s:.0%} |")

@@ -59,8 +59,7 @@ def test_grains_of_the_cones_volume_fill_it_and_a_height_alone_asks_for_a_slope(
         assert sentence.endswith(f"30 mm Height holds {1e6 * cone:.3g} ml")
         assert advice.needed_grains(config, GRAIN_M3) == math.ceil(0.6 * cone / GRAIN_M3)
     config["targets"] = config["targets"][:1]
-    slope = math.radians(25)
-    config["funnel"]["berries"] = round(0.6 * math.pi * 0.03**3 / (3 * math.tan(slope) ** 2) / GRAIN_M3)
+    config["funnel"]["berries"] = round(0.6 * math.pi * 0.03**3 / (3 * math.tan(math.radians(25)) ** 2) / GRAIN_M3)
     sentence, fits = advice.filling(config, GRAIN_M3)
     assert fits
     assert "a slope of 25 deg" in sentence

@@ -44,8 +44,7 @@ def test_what_is_left_out_is_computed_and_what_is_given_stays(folder, by_hand):
     assert not computed.to_compute(config)
     (folder / "more.yaml").write_text("measure: {mm_per_pixel: 0.3}\nnetwork: {split: [0.7, 0.1, 0.2]}\n")
     config = Study.load("more.yaml").config
-    assert config["measure"]["mm_per_pixel"] == 0.3
-    assert config["network"]["split"] == [0.7, 0.1, 0.2]
+    assert (config["measure"]["mm_per_pixel"], config["network"]["split"]) == (0.3, [0.7, 0.1, 0.2])
     (folder / "more.yaml").write_text("surrogate: network\n")  # it stops by samples of its own
     assert Study.load("more.yaml").config["network"]["split"] == [0.70, 0.15, 0.15]
 

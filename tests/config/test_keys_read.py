@@ -111,8 +111,7 @@ def keys_read(tmp_path_factory):
         note_attributes(patch, keys)
         # no result depends on these: files of other definitions are refused, and a rule has its tables as inputs
         patch.setattr(Response, "settings", lambda response, _: settings(response, config))
-        # the hash of the scene stands for its keys
-        patch.setattr(stands_on, "scene", lambda _: "")
+        patch.setattr(stands_on, "scene", lambda _: "")  # the hash of the scene stands for its keys
         published = config["validation"]["published"]
         patch.setattr(study.Study, "published", lambda _, table: beside(published, table))
         given = [f"--{key}={value}" for key, value in options.items()]

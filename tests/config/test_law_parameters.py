@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from refusals import input_error
+from shared import says
 
 from repose.apparatus.scene import _contacts
 from repose.apparatus.settings import SimulationSettings
@@ -39,8 +40,7 @@ def test_the_configuration_knows_the_laws_the_card_their_convention_and_twisting
         del config["simulation"][key]
         assert getattr(SimulationSettings.of(config), key) == default
     words = described_laws(study("jkr", **COHESION).settings.simulation)
-    assert "w = 2 gamma" in words["normal"]
-    assert "3 pi gamma R*" in words["normal"]
+    says(words["normal"], "w = 2 gamma", "3 pi gamma R*")
     for direction in ("tangential", "rolling"):
         assert "times the sum of the damped normal force and twice the pull-off force" in words[direction]
     assert "by more than the pull-off force" in words["end of an impact"]
@@ -59,11 +59,9 @@ def test_the_configuration_knows_the_laws_the_card_their_convention_and_twisting
 
 def test_a_law_adds_its_parameters_to_the_six_whose_tables_stay_as_they_were(tmp_path):
     space = study("jkr", **COHESION).parameters
-    assert space.names == (*PARAMETERS, "gamma_gg", "gamma_gp")
-    assert space.free == (*PARAMETERS, "gamma_gg")
+    assert (space.names, space.free) == ((*PARAMETERS, "gamma_gg", "gamma_gp"), (*PARAMETERS, "gamma_gg"))
     table = design(space, DesignSettings(samples=12, method="lhsdesign", seed=1))[0]
-    assert list(table) == ["sample", *space.names]
-    assert set(table["gamma_gp"]) == {0.02}
+    assert (list(table), set(table["gamma_gp"])) == (["sample", *space.names], {0.02})
     assert len(set(np.ceil(120.0 * table["gamma_gg"]))) == 12
     table.to_csv(tmp_path / "samples.csv", index=False)
     assert tuple(read_sample(tmp_path / "samples.csv", 3)) == space.names

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 from pydantic import ValidationError
-from refusals import input_error
-from shared import ROOT
+from refusals import input_error, raised
+from shared import ROOT, written
 
 import repose
 from repose.config import loader, reading
@@ -19,8 +19,7 @@ from repose.core import places
 
 @pytest.mark.parametrize("text", ["2e-4", "2.0e-4", "2E-4", "+2e-04", "0.0002", ".2e-3"])
 def test_numbers_may_be_written_in_any_way(tmp_path, text):
-    path = tmp_path / "my.yaml"
-    path.write_text(f"simulation: {{time_step_s: {text}}}\n")
+    path = written(tmp_path / "my.yaml", f"simulation: {{time_step_s: {text}}}\n")
     assert reading.read(path)["simulation"]["time_step_s"] == 2e-4
 
 
@@ -42,25 +41,22 @@ def test_files_that_are_no_configuration(tmp_path, text, message):
 
 
 def test_files_and_command_line_lie_over_each_other_for_verbs_and_workflow_alike(tmp_path):
-    mine = tmp_path / "mine.yaml"
-    mine.write_text("funnel: {seeds: 5, duration_s: 20}\nlabel: mine\n")
+    mine = written(tmp_path / "mine.yaml", "funnel: {seeds: 5, duration_s: 20}\nlabel: mine\n")
     config = Study.load(str(mine), overrides={"funnel": {"seeds": "6"}}, inputs=True).config
     assert (config["label"], config["funnel"]["seeds"], config["funnel"]["duration_s"]) == ("mine", 6, 20)
     assert config["funnel"]["berries"] == 500
     mine.write_text("funnel: {seeds: 5}\nparameters: {e_gg: {fixed: 0.3}}\n")
     assert Study.load(mine).config == Study.load(mine, inputs=True).config
     input_error("nowhere.yaml", Study.load, mine, tmp_path / "nowhere.yaml")
-    first, second = tmp_path / "first.yaml", tmp_path / "second.yaml"
-    first.write_text("parameters: {e_gg: {fixed: 0.3}}\n")
-    second.write_text("parameters: {e_gg: {prior: {mean: 0.3, sd: 0.01}}}\n")
+    first = written(tmp_path / "first.yaml", "parameters: {e_gg: {fixed: 0.3}}\n")
+    second = written(tmp_path / "second.yaml", "parameters: {e_gg: {prior: {mean: 0.3, sd: 0.01}}}\n")
     assert Study.load(first, second).config["parameters"]["e_gg"] == {"prior": {"mean": 0.3, "sd": 0.01}}
 
 
 def test_a_job_of_a_cluster_does_not_check_the_inputs_again(monkeypatch):
     monkeypatch.setattr("repose.config.making.Making._read_files", lambda _: pytest.fail("the inputs were checked"))
     assert Study.load().config["label"]
-    with pytest.raises(pytest.fail.Exception):
-        Study.load(inputs=True)
+    raised(pytest.fail.Exception, None, Study.load, inputs=True)
 
 
 def test_a_complete_file_and_the_built_in_crop_stand_in_for_the_folders_own(tmp_path, monkeypatch):
@@ -79,11 +75,8 @@ def test_a_complete_file_and_the_built_in_crop_stand_in_for_the_folders_own(tmp_
 
 def test_a_fault_names_the_file_it_came_from(tmp_path):
     mine = tmp_path / "mine.yaml"
-    for text, overrides in (
-        ("funnel: {seeds: 0}\n", {}),
-        ("label: mine\n", {"funnel": {"seeds": "0"}}),
-        ("targets: [{response: height_mm, value: null}]\n", {}),
-    ):
+    given = [("funnel: {seeds: 0}\n", {}), ("label: mine\n", {"funnel": {"seeds": "0"}})]
+    for text, overrides in (*given, ("targets: [{response: height_mm, value: null}]\n", {})):
         mine.write_text(text)
         error = input_error("expected", Study.load, str(mine), overrides=overrides, inputs=True)
         source = loader.COMMAND_LINE if overrides else str(mine)
@@ -112,8 +105,7 @@ def test_a_study_stands_beside_the_package_has_its_parts_and_stays_as_it_is(quic
     config = quick.config | {"network": {**quick.config["network"]}}
     del config["network"]["split"]
     assert Study.of(config).config["network"]["split"] == [0.70, 0.15, 0.15]
-    assert quick.parameters.dimensions == 6
-    assert quick.targets.names == ("aor_deg", "height_mm")
+    assert (quick.parameters.dimensions, quick.targets.names) == (6, ("aor_deg", "height_mm"))
     assert quick.folder.as_posix() == "results/quick"
     words = "e_gg, mus_gg, mur_gg, e_gp, mus_gp, mur_gp by aor_deg, height_mm, strategy published"
     assert repr(quick) == f"<Study quick: {words}>"

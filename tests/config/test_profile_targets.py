@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 from refusals import input_error
+from shared import written
 
 import repose
 from repose.chain.answer import Check
 from repose.config import stands_on
 from repose.config.study import Study
-from repose.core.errors import InputError
 from repose.strategies.sequential.goal import Goal
 
 TABLE = """# read off a picture
@@ -24,9 +24,7 @@ x_mm,low_mm,z_mm,sd_mm
 
 @pytest.fixture
 def table(tmp_path):
-    path = tmp_path / "surface.csv"
-    path.write_text(TABLE)
-    return path
+    return written(tmp_path / "surface.csv", TABLE)
 
 
 @pytest.fixture
@@ -54,18 +52,16 @@ def test_a_profile_becomes_a_target_for_each_score_with_its_errors(quick, entry)
     own = {key: value for key, value in entry.items() if key != "functions"}
     input_error("rows is 5; expected more than functions, 5", study_of, quick, own)
     own = study_of(quick, entry | {"sd": "sd_mm", "z": "low_mm"}).targets[-1]
-    assert own.sd == pytest.approx(1 / np.sqrt(3))
-    assert own.profile.x == (-20, -10, 0, 10, 20)
+    assert (own.sd, own.profile.x) == (pytest.approx(1 / np.sqrt(3)), (-20, -10, 0, 10, 20))
     number = {"response": "turning_profile_1_mm", "apparatus": "turning", "value": 1.0, "sd": 1.0}
-    with pytest.raises(InputError, match="turning_profile_mm with the file of its measured heights"):
-        study_of(quick, number | {"repetitions": 1, "range": [0.0, 2.0]})
+    number |= {"repetitions": 1, "range": [0.0, 2.0]}
+    input_error("turning_profile_mm with the file of its measured heights", study_of, quick, number)
 
 
 def test_scores_are_defined_by_abscissae_and_share_and_percents_are_of_the_height(quick, entry, table):
     before = study_of(quick, entry)
     table.write_text(TABLE.replace("16", "15"))
-    heights = study_of(quick, entry)
-    share = study_of(quick, entry | {"covered": 0.5})
+    heights, share = study_of(quick, entry), study_of(quick, entry | {"covered": 0.5})
     for what in (lambda s: s.definitions, lambda s: stands_on.settings_of(s.config, "measure_runs", "turning")):
         assert what(before) == what(heights)
         assert what(before) != what(share)
@@ -115,10 +111,8 @@ def test_a_study_with_a_simulator_of_the_users_own_calibrates_a_profile(table, t
     study = repose.Study(parameters, {"surface_mm": given}, sequential=section, **options)
     profile, random = study.targets.profiles["surface_mm"], np.random.default_rng(4)
     while not study.done:
-        rows = [
-            profile.columns(row.slope * np.array(profile.x) + row.height + 0.1 * random.normal(size=5))
-            for row in study.ask().itertuples()
-        ]
+        lines = (row.slope * np.array(profile.x) + row.height for row in study.ask().itertuples())
+        rows = [profile.columns(line + 0.1 * random.normal(size=5)) for line in lines]
         study.tell(study.ask().assign(**{name: [row[name] for row in rows] for name in profile.names}))
     slope, height = np.polyfit(profile.x, profile.z, 1)
     answer = study.answer()

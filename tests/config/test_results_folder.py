@@ -100,10 +100,8 @@ def test_a_run_stands_on_what_it_reads_in_any_order_and_not_on_its_measurement(c
         for section, key in (*of_measure, *measured_by, *own, *shared, ("design", "seed")):
             changed = put(copy.deepcopy(config), f"{section}.{key}", "another")
             is_measurement = (section, key) in (*of_measure, *measured_by)
-            assert (stands_on.pouring(changed, name) == stands_on.pouring(config, name)) is is_measurement, (
-                section,
-                key,
-            )
+            is_same = stands_on.pouring(changed, name) == stands_on.pouring(config, name)
+            assert is_same is is_measurement, (section, key)
             if is_measurement:
                 assert stands_on.measuring(changed, name) != stands_on.measuring(config, name)
                 assert stands_on.settings_of(changed, "next") != stands_on.settings_of(config, "next"), (section, key)

@@ -34,8 +34,7 @@ def test_shipped_configurations_pass_every_check_and_the_paper_has_the_published
         study.check_inputs()
     assert len({study.config["results_dir"] for study in studies}) == len(SHIPPED)
     config = Study.load("config/paper.yaml").config
-    assert config["simulation"]["time_step_s"] == 2.9256e-5
-    assert config["funnel"]["duration_s"] == 18
+    assert (config["simulation"]["time_step_s"], config["funnel"]["duration_s"]) == (2.9256e-5, 18)
     assert (config["design"]["method"], config["design"]["samples"], config["funnel"]["seeds"]) == ("lhsdesign", 150, 1)
     assert [target["aim"] for target in config["targets"]] == [32.5, 66.5]
 
@@ -65,12 +64,10 @@ def test_every_key_is_explained_known_and_computed_where_it_may_be_auto():
             figures = {"figures", "format", "dpi", "tilt_deg", "taps", "tap_mm"}
             filled = {"berries", "filling_height_mm"}  # one of the two
             assert optional <= {"contact_law", "rolling_law", *figures, *filled, *FURTHER, *computed, *others}
-    found = {
-        f"{name}.{key}"
-        for name in faults.schema()["properties"]
-        for key, one in faults.subschema([name]).get("properties", {}).items()
-        if one.get("default") == "auto"
-    }
+    found = set()
+    for name in faults.schema()["properties"]:
+        keys = faults.subschema([name]).get("properties", {})
+        found |= {f"{name}.{key}" for key, one in keys.items() if one.get("default") == "auto"}
     assert found == {setting.key for setting in COMPUTED}
 
 
@@ -164,11 +161,9 @@ def test_what_follows_from_a_wrong_or_mistyped_key_is_reported_once(config):
         wrong = config | {"targets": [first | {key: value}, *others]}
         assert input_error(re.escape(allowed), Study.of, wrong, "my.yaml").key == f"targets.0.{key}"
 
-    cases = [
-        ("value in other units", "value", 240.0, "from 1 to 89"),
-        ("a number of many digits", "value", 10**400, "a number from"),
-        ("a large scatter", "sd", 900.0, "so small that the mean with its standard error"),
-    ]
+    cases = [("value in other units", "value", 240.0, "from 1 to 89")]
+    cases += [("a number of many digits", "value", 10**400, "a number from")]
+    cases += [("a large scatter", "sd", 900.0, "so small that the mean with its standard error")]
     check_all(check_key, cases)
     ends = r"targets\.0\.range is \[88\.0.*, 89\.7.*\]; expected a pair \[low, high\] from 1"
     input_error(ends, Study.of, config | {"targets": [first | {"value": 88.9, "sd": 0.1}, *others]}, "my.yaml")
@@ -183,8 +178,7 @@ def test_noise_needs_replicates_of_every_bench_test_or_validation_samples(config
     kept = copy.deepcopy(config)
     config["network"]["replicates"] = True
     once = config | {"funnel": config["funnel"] | {"seeds": 1}}
-    allowed = r"funnel\.seeds is 1; expected at least 2, or network\.replicates: false"
-    input_error(allowed, Study.of, once)
+    input_error(r"funnel\.seeds is 1; expected at least 2, or network\.replicates: false", Study.of, once)
     config["drum"]["seeds"] = 1
     Study.of(config)
     config["targets"].append(config["targets"][0] | {"response": "drum_slip_deg", "apparatus": "drum"})

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import pandas as pd
 import pytest
-from refusals import input_error
+from refusals import input_error, raised
 
 from repose.core import files, ledger, places, tables
 from repose.core.lock import JOBS, joined_folder, take_folder
@@ -55,8 +55,7 @@ def test_a_table_is_written_as_pandas_writes_it_and_a_writer_that_fails_leaves_t
     assert (tmp_path / "ours.csv").read_bytes() == (tmp_path / "theirs.csv").read_bytes()
     path = tmp_path / "content.json"
     files.write_json(path, {"whole": True})
-    with pytest.raises(TypeError, match="object cannot be written as JSON"):
-        files.write_json(path, {"bad": object()})
+    raised(TypeError, "object cannot be written as JSON", files.write_json, path, {"bad": object()})
     assert files.read_json(path) == {"whole": True}
     picture = tmp_path / "picture.nothing", np.zeros((2, 2), np.uint8)
     input_error(r"suffix is '\.nothing'; expected the suffix of a picture", files.write_image, *picture)
@@ -83,11 +82,9 @@ def test_missing_parts_and_half_an_archive_are_reported_with_what_there_should_b
     missing = r"table\.csv: column height_mm is 'missing'; expected columns sample, height_mm; found: sample"
     input_error(missing, files.read_table, tmp_path / "table.csv", ("sample", "height_mm"))
     files.write_json(tmp_path / "a.json", {"runs": {}, "sample": 3})
-    for keys, message in (
-        (("sample", "time"), r"time is None; expected a key of a job"),
-        ({"runs": list}, r"runs is {}; expected a list in a job"),
-        ({"sample": (str, dict)}, r"sample is 3; expected a text or a mapping in a job"),
-    ):
+    wrong = [(("sample", "time"), r"time is None; expected a key of a job")]
+    wrong += [({"runs": list}, r"runs is {}; expected a list in a job")]
+    for keys, message in [*wrong, ({"sample": (str, dict)}, r"sample is 3; expected a text or a mapping in a job")]:
         input_error(message, files.read_json, tmp_path / "a.json", keys, "a job")
     (tmp_path / "list.json").write_text(json.dumps([1]))
     input_error(r"content is \[1\]; expected a job", files.read_json, tmp_path / "list.json", what="a job")
@@ -121,8 +118,7 @@ def test_a_file_system_without_locks_holds_and_refuses_nothing_and_other_faults_
 
     monkeypatch.setattr(fcntl, "flock", flock)
     if number == errno.EIO:
-        with pytest.raises(OSError, match=os.strerror(number)):
-            take_folder(tmp_path)
+        raised(OSError, os.strerror(number), take_folder, tmp_path)
         return
     first = take_folder(tmp_path)
     take_folder(tmp_path).close()
@@ -157,8 +153,7 @@ def test_the_folder_knows_its_files_and_a_full_disk_is_reported(folder):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     before = (folder / "a.json").read_bytes()
-    with pytest.raises(OSError, match=r"No space left on device: '.*a\.json'"):
-        ledger.write_whole(folder / "a.json", full)
+    raised(OSError, r"No space left on device: '.*a\.json'", ledger.write_whole, folder / "a.json", full)
     assert (folder / "a.json").read_bytes() == before
 
 

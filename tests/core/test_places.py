@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 from refusals import input_error
+from shared import written
 
 from repose.config import loader
 from repose.config.study import Study
@@ -32,8 +33,7 @@ def test_a_file_is_the_folders_own_or_the_programs_or_keeps_its_name(folder):
         assert (places.root() / name).exists()
     path.parent.mkdir()
     path.touch()
-    assert places.find("resources/berries.csv") == path
-    assert places.find("mine.csv") == Path("mine.csv")
+    assert (places.find("resources/berries.csv"), places.find("mine.csv")) == (path, Path("mine.csv"))
 
 
 def test_a_study_of_a_crop_lies_over_the_programs_which_it_replaces(folder):
@@ -56,13 +56,11 @@ def test_a_study_of_a_crop_lies_over_the_programs_which_it_replaces(folder):
 
 
 def test_a_given_file_lies_over_what_every_crop_or_the_folders_crop_shares(folder):
-    mine = folder / "wheat.yaml"
-    mine.write_text("label: wheat\nberry: {sizes: sizes.csv, density_kg_m3: 1250}\n")
+    mine = written(folder / "wheat.yaml", "label: wheat\nberry: {sizes: sizes.csv, density_kg_m3: 1250}\n")
     assert loader.layers([mine]) == [METHOD, mine]
     missing = {"parameters", "targets", "funnel.berries", "wall", "funnel.plate_diameter_mm"}
     assert missing <= faulty(str(mine), mine)
-    mine = folder / "mine.yaml"
-    mine.write_text("berry: {particle: ellipsoid, mass_g: null}\nfunnel: {seeds: 3}\n")
+    mine = written(folder / "mine.yaml", "berry: {particle: ellipsoid, mass_g: null}\nfunnel: {seeds: 3}\n")
     assert loader.layers([mine]) == [METHOD, CONFIG, mine]
     mine.write_text("berry: {density_kg_m3: 900}\n")
     assert loader.layers([CONFIG, mine]) == [METHOD, CONFIG, mine]  # the program's crop, asked for by name

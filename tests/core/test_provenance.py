@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from refusals import input_error
+from shared import written
 
 from repose.config import stands_on
 from repose.config.study import Study
@@ -86,10 +87,8 @@ def test_settings_are_those_that_the_stage_reads(tmp_path, verb, same, other):
 def test_a_berrys_sizes_count_by_their_content(tmp_path):
     sizes, hashes = tmp_path / "sizes.csv", []
     for folder, text in (("a", "1"), ("b", "1"), ("b", "2")):
-        sizes = tmp_path / f"{folder}.csv"
-        sizes.write_text(text)
-        config = changed(berry={"sizes": str(sizes)})
-        hashes.append(provenance.hash_of(stands_on.settings_of(config, "berry")))
+        sizes = written(tmp_path / f"{folder}.csv", text)
+        hashes.append(provenance.hash_of(stands_on.settings_of(changed(berry={"sizes": str(sizes)}), "berry")))
     assert hashes[0] == hashes[1] != hashes[2]
 
 
@@ -138,18 +137,17 @@ def test_the_datasets_piles_are_a_studys_own_while_its_settings_and_files_are_th
     run("berry", (), lambda: files.write_json(tmp_path / "berry/berry.json", {}))
     poured = pour(tmp_path / "heaps/001.pours.json")
 
-    def written(one=CONFIG):
+    def measured(one=CONFIG):
         run("measure_runs", [poured], lambda: files.write_json(piles, {"runs": []}), one, "funnel")
         run("dataset", [piles], lambda: files.write_table(table, pd.DataFrame({"x": [1]})))
 
-    written()
+    measured()
     assert stands_on.own_dataset(config) == table
     for section in ({"berry": {"density_kg_m3": 900.0}}, {"measure": {"views": 3}}, {"funnel": {"berries": 7}}):
-        other = {"results_dir": str(tmp_path)}
-        assert stands_on.own_dataset(changed(**section) | other) is None, section
-    written(changed(measure={"views": 3}))
+        assert stands_on.own_dataset(changed(**section) | {"results_dir": str(tmp_path)}) is None, section
+    measured(changed(measure={"views": 3}))
     assert stands_on.own_dataset(config) is None
-    written()
+    measured()
     os.utime(table, (0, 0))  # older than a pile
     assert stands_on.own_dataset(config) is None
     table.write_text("x")
@@ -170,9 +168,8 @@ def test_an_outdated_batch_and_what_a_study_no_longer_has(tmp_path):
 
 
 def test_the_processor_type_is_reported_with_what_stands_in_for_another(tmp_path, monkeypatch):
-    result = tmp_path / "cpuinfo"
-    result.write_text("processor\t: 0\ncpu family\t: 26\nmodel\t\t: 2\nmodel name\t: AMD EPYC\n\nprocessor\t: 1\n")
-    monkeypatch.setattr(provenance, "CPU_INFO", result)
+    told = "processor\t: 0\ncpu family\t: 26\nmodel\t\t: 2\nmodel name\t: AMD EPYC\n\nprocessor\t: 1\n"
+    monkeypatch.setattr(provenance, "CPU_INFO", written(tmp_path / "cpuinfo", told))
     for name in provenance.FORCED_TYPES:
         monkeypatch.delenv(name, raising=False)
     assert provenance._processor() == "AMD EPYC, family 26, model 2"

@@ -22,10 +22,8 @@ def test_targets_give_names_and_numbers_and_count_published_solutions(tmp_path):
     assert targets.names == ("drum_slip_deg", "aor_deg", "height_mm")
     assert targets.predicted == ("drum_slip_predicted_deg", "aor_predicted_deg", "height_predicted_mm")
     assert targets.errors == ("drum_slip_se_deg", "aor_se_deg", "height_se_mm")
-    assert targets.apparatus == ("drum", "funnel")
-    assert targets.weight.tolist() == [2.0, 1.0, 1.0]
-    assert targets.standard_error[0] == 0.5
-    assert targets.aim.tolist() == [40.0, 32.87, 65.57]
+    assert (targets.apparatus, targets.weight.tolist()) == (("drum", "funnel"), [2.0, 1.0, 1.0])
+    assert (targets.standard_error[0], targets.aim.tolist()) == (0.5, [40.0, 32.87, 65.57])
     targets = Targets.of([*shared.TARGETS, SLIP])
     assert Targets(targets[:1]).in_words(["32.9"]) == "32.9 deg"
     assert Targets(targets[:2]).in_words(["32.9", "66"]) == "32.9 deg and 66 mm"
@@ -68,8 +66,7 @@ def test_distances_of_profiles_are_those_of_scores_named_with_their_unit():
     profile = of(2.0 - 0.8 * X)
     off = profile.heights(0.01 * profile.whole * np.array([1, -1, 1, 1, -1]))
     assert np.sqrt(np.mean(off**2)) == pytest.approx(0.01 * profile.height)
-    names = ("surface_1_mm", "surface_2_mm", "surface_3_mm")
-    assert tuple(of(X, functions=3).columns(X)) == names
+    assert tuple(of(X, functions=3).columns(X)) == ("surface_1_mm", "surface_2_mm", "surface_3_mm")
 
 
 def test_fixed_parameters_and_the_range_of_a_prior():
@@ -79,13 +76,11 @@ def test_fixed_parameters_and_the_range_of_a_prior():
     values = space.values(unit)
     assert values[:, PARAMETERS.index("mus_gg")].tolist() == 4 * [0.55]
     np.testing.assert_allclose(space.unit(values), unit, atol=1e-12)
-    assert space.centre["mus_gg"] == 0.55
-    assert space.centre["mur_gp"] == 0.25
+    assert (space.centre["mus_gg"], space.centre["mur_gp"]) == (0.55, 0.25)
     space = ParameterSpace.of(RANGES | {"mus_gg": {"prior": {"mean": 0.05, "sd": 0.1}}})
     k = space.free.index("mus_gg")
     assert (space.low[k], space.high[k]) == pytest.approx((0.0, 0.35))
-    given = {"prior": {"mean": 0.3, "sd": 0.1}, "range": [0.2, 0.5]}
-    space = ParameterSpace.of(RANGES | {"mus_gg": given})
+    space = ParameterSpace.of(RANGES | {"mus_gg": {"prior": {"mean": 0.3, "sd": 0.1}, "range": [0.2, 0.5]}})
     assert (space.low[k], space.high[k]) == (0.2, 0.5)
     unit = np.full((2, 6), 0.5)
     unit[0, k] = 1 / 3  # the mean

@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import pytest
+from shared import written
 
 from repose.core import usage
 
@@ -36,8 +37,7 @@ def test_processes_note_their_time_and_those_outside_jobs_none(tmp_path, monkeyp
     assert 0.8 < one.cpu_s <= used_s
     assert str(os.getpid()) in one.ancestors.split()
     assert usage.since("results", one.ended_s + 1) == []
-    benchmark = tmp_path / "results/benchmarks/heaps/001.tsv"
-    benchmark.write_text("s\tmax_rss\tcpu_time\n1.5\t80.0\t0.2\n")
+    benchmark = written(tmp_path / "results/benchmarks/heaps/001.tsv", "s\tmax_rss\tcpu_time\n1.5\t80.0\t0.2\n")
     usage.correct_benchmarks("results", [one, one._replace(ended_s=one.ended_s - 60)])  # of an earlier attempt
     assert benchmark.read_text() == f"s\tmax_rss\tcpu_time\n1.5\t80.0\t{one.cpu_s:.2f}\n"
     (tmp_path / "benchmarks").mkdir()

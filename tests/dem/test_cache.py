@@ -61,8 +61,7 @@ def copied(tmp_path):
 def start(script, package, cache, **environment):
     paths = {"PYTHONPATH": str(package.parent), "NUMBA_CACHE_DIR": str(cache)}
     pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
-    command = [sys.executable, script]
-    return subprocess.Popen(command, env=os.environ | paths | environment, text=True, **pipes)
+    return subprocess.Popen([sys.executable, script], env=os.environ | paths | environment, text=True, **pipes)
 
 
 @pytest.fixture
@@ -121,8 +120,7 @@ def test_processes_that_start_together_compile_a_kernel_once(copied, tmp_path):
     package, script = copied("package"), tmp_path / "calling.py"
     script.write_text(SCRIPT)
     together = [start(script, package, tmp_path) for _ in range(3)]
-    out = sorted(process.communicate(timeout=120)[0].strip() for process in together)
-    assert out == [COMPILED, FOUND, FOUND]
+    assert sorted(process.communicate(timeout=120)[0].strip() for process in together) == [COMPILED, FOUND, FOUND]
 
 
 def test_nothing_waits_for_a_process_that_failed_to_compile(copied, tmp_path):

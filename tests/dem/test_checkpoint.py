@@ -14,7 +14,7 @@ import pytest
 import trimesh
 from dem.clump_scenes import ball_of_one, bent
 from dem.common import GOJI, bits, mesh_of
-from refusals import input_error, not_refused
+from refusals import input_error, not_refused, raised
 
 from repose.core.errors import InputError
 from repose.dem import Contact, Cylinder, Material, Motion, Plane, Shape, Simulation
@@ -64,8 +64,7 @@ def saved_of(tmp_path_factory):
         simulation.save(path)
         assert len(simulation.contacts()) > 10
         if kind == "clumps":
-            assert simulation.counts[st.N_MESHED] > 0
-            assert simulation.counts[st.N_CURVED] > 0
+            assert min(simulation.counts[st.N_MESHED], simulation.counts[st.N_CURVED]) > 0
         simulation.run_steps(500)
         return path, bits(simulation)
 
@@ -89,16 +88,10 @@ def test_going_on_from_a_checkpoint_gives_the_same_bits_also_in_a_fresh_process(
     assert all(array.ctypes.data % 64 == 0 for array in aligned)
     simulation.run_steps(500)
     assert bits(simulation) == expected
-    # and bodies can still be added, each with its shape
-    simulation.add("ball", (0.0, 0.0, 0.4))
+    simulation.add("ball", (0.0, 0.0, 0.4))  # and bodies can still be added, each with its shape
     assert simulation.shape_ids[-1] == 1
-    code = (
-        "import sys; sys.path[:0] = [sys.argv[2]]\n"
-        "from dem.common import bits\n"
-        "from repose.dem import Simulation\n"
-        "simulation = Simulation.load(sys.argv[1]); simulation.run_steps(500)\n"
-        "sys.stdout.buffer.write(bits(simulation))\n"
-    )
+    code = "import sys; sys.path[:0] = [sys.argv[2]]; from dem.common import bits; from repose.dem import Simulation\n"
+    code += "one = Simulation.load(sys.argv[1]); one.run_steps(500); sys.stdout.buffer.write(bits(one))\n"
     tests = str(Path(__file__).parents[1])
     done = subprocess.run([sys.executable, "-c", code, str(path), tests], capture_output=True, check=True)
     assert done.stdout == expected
@@ -148,8 +141,7 @@ def test_an_interrupt_leaves_a_checkpoint_to_go_on_from(saved, tmp_path):
             raise KeyboardInterrupt
 
     simulation = falling()
-    with pytest.raises(KeyboardInterrupt):
-        simulation.run(0.2, False, record=interrupt, record_every_s=0.06, checkpoint=path)
+    raised(KeyboardInterrupt, None, simulation.run, 0.2, False, record=interrupt, record_every_s=0.06, checkpoint=path)
     loaded = Simulation.load(path)
     assert loaded.steps == 600
     loaded.run_steps(1400)

@@ -48,11 +48,8 @@ def fast_contacts(s):
 
 
 def cloud(capacity=40, seed=2, **keywords):
-    walls = {
-        f"{axis}{side}": Plane(0.04 * side * np.eye(3)[axis], -side * np.eye(3)[axis], "wall")
-        for axis in range(3)
-        for side in (-1, 1)
-    }
+    outward = [side * axis for axis in np.eye(3) for side in (-1, 1)]
+    walls = {str(k): Plane(0.04 * n, -n, "wall") for k, n in enumerate(outward)}
     s = scene(
         {"bent": bent(), "pair": Clump(BENT[1:3] - BENT[1:3, :3].mean(0) @ np.eye(3, 4), MASS, BENT_INERTIA, "body")},
         walls=walls, dt=5e-5, capacity=capacity, largest_scale=1.1, **keywords,
@@ -107,8 +104,7 @@ def test_a_clump_at_rest_on_a_plate_weighs_what_it_weighs(scale):
     overlaps = np.maximum(radii - centres[:, 2], 0.0)
     stiffness = s.physics.law_constants[0, 1, 0]
     assert 2 <= np.sum(overlaps > 0.0) == s.counts[st.N_PLANE]
-    weight = MASS * scale**3 * 9.81
-    assert np.sum(stiffness * np.sqrt(radii) * overlaps**1.5) == pytest.approx(weight, rel=1e-6)
+    assert np.sum(stiffness * np.sqrt(radii) * overlaps**1.5) == pytest.approx(MASS * scale**3 * 9.81, rel=1e-6)
 
 
 def test_clumps_pass_a_funnel():

@@ -202,8 +202,7 @@ def test_spheres_of_sjkr_rest_where_hertz_carries_the_cohesion(kind):
         return 4.0 / 3.0 * young * math.sqrt(0.05) * overlap**1.5 - density * area
 
     contact = Contact(0.3, 0.0, 0.0, constants={COHESION_ENERGY_DENSITY.name: density})
-    expected = brentq(rest, 1e-5, 0.05)
-    assert settled_overlap(contact, "sjkr", "keep", kind) == pytest.approx(expected, rel=1e-4)
+    assert settled_overlap(contact, "sjkr", "keep", kind) == pytest.approx(brentq(rest, 1e-5, 0.05), rel=1e-4)
 
 
 GAMMA = 0.05
@@ -335,8 +334,7 @@ def test_a_pile_is_steeper_the_higher_the_surface_energy():
     """0.100, 0.141 and 0.189 with errors of 0.001, 0.004 and 0.007 on an Intel Xeon."""
     steepness = np.array([[lifted_pile(gamma, seed) for seed in range(6)] for gamma in (0.0, 0.02, 0.05)])
     error = steepness.std(axis=1, ddof=1) / math.sqrt(6)
-    rise = np.diff(steepness.mean(axis=1))
-    assert np.all(rise > 3.0 * np.hypot(error[1:], error[:-1]))
+    assert np.all(np.diff(steepness.mean(axis=1)) > 3.0 * np.hypot(error[1:], error[:-1]))
 
 
 def test_the_constants_of_each_law_are_known_and_asked_for_by_name():

@@ -87,8 +87,7 @@ def random_pair(rng, overlap_range):
 
 def at_gap(bodies, axes, direction, target):
     for _ in range(30):
-        d = bodies[1][0] - bodies[0][0]
-        gap, normal = slow_gap(axes, d, bodies[0][1], bodies[1][1], count=1500)
+        gap, normal = slow_gap(axes, bodies[1][0] - bodies[0][0], bodies[0][1], bodies[1][1], count=1500)
         if abs(gap - target) < 1e-10:
             break
         bodies[1][0] = bodies[1][0] + direction * (target - gap) / max(normal @ direction, 0.2)
@@ -109,8 +108,7 @@ def test_gather_and_scatter_are_plain_copies(columns):
     index = rng.integers(0, 40, LANES).astype(np.uint32)  # a body comes more than once
     t = st.zeros(ROWS * LANES)
     gather(rows, rows.shape[1], index, 0, t, tl.A)
-    lanes = t.reshape(ROWS, LANES)
-    assert np.array_equal(lanes[:columns], rows[index].T)
+    assert np.array_equal(t.reshape(ROWS, LANES)[:columns], rows[index].T)
     scatter(load, index, 0, t, tl.A)
     expected = np.zeros((40, 8))
     np.add.at(expected, index, rows[index][:, :8])
@@ -134,8 +132,7 @@ def test_a_proven_gap_is_never_too_large_and_radii_are_those_of_hertz():
     for _ in range(100):
         bodies, direction, target = random_pair(rng, (1e-4, 8e-3))
         true, _ = at_gap(bodies, BERRY, direction, target)
-        proven = solve_gap(engine_rows(bodies, BERRY, 1.0), 1, 0, 1, direction.copy(), 1e-9, 1e-3)
-        assert proven <= true + 1e-12
+        assert solve_gap(engine_rows(bodies, BERRY, 1.0), 1, 0, 1, direction.copy(), 1e-9, 1e-3) <= true + 1e-12
     radius = 0.005
     sphere = np.full((1, 3), radius)
     bodies = [[np.zeros(3), (1, 0, 0, 0), np.zeros(3), np.zeros(3)] for _ in range(2)]
@@ -168,8 +165,7 @@ def test_a_tile_of_contacts_agrees_with_the_slow_law(axes, tension, limit):
     for lane in range(LANES):
         bodies, direction, target = random_pair(rng, (-5e-4, 2e-4))
         slow, normal = at_gap(bodies, axes, direction, target)
-        # a normal as a time step leaves it: off by a few milliradians
-        start = normal + 2e-3 * random_direction(rng)
+        start = normal + 2e-3 * random_direction(rng)  # a normal as a time step leaves it: off by a few milliradians
         start /= np.linalg.norm(start)
         spring = 2e-5 * rng.normal(size=3)
         kept[0:3, lane], kept[3:6, lane] = start, spring
@@ -212,18 +208,15 @@ def test_a_tile_of_contacts_agrees_with_the_slow_law(axes, tension, limit):
         for body, sign, arm in zip(loads, (1.0, -1.0), (arm_a, arm_b), strict=True):
             assert np.allclose(body[0:3], sign * force, rtol=1e-9, atol=1e-12)
             assert np.allclose(body[3:6], np.cross(arm, sign * force), rtol=1e-9, atol=1e-14)
-            rolling = contact.rolling_friction * push * np.linalg.norm(arm)
-            assert body[st.ROLL] == pytest.approx(rolling, rel=1e-9)
+            assert body[st.ROLL] == pytest.approx(contact.rolling_friction * push * np.linalg.norm(arm), rel=1e-9)
         assert np.allclose(kept[3:6, lane], new_spring, rtol=1e-9, atol=1e-15)
 
 
 def test_a_glued_body_carries_another_and_stays():
-    gravity = (0.0, 0.0, -9.81)
-    s = simulation(np.full((1, 3), 0.006), Contact(0.3, 0.5, 0.1), dt=4e-5, gravity_m_s2=gravity)
+    s = simulation(np.full((1, 3), 0.006), Contact(0.3, 0.5, 0.1), dt=4e-5, gravity_m_s2=(0.0, 0.0, -9.81))
     s.glue(s.add((0.0, 0.0, 0.0), velocity_m_s=(0.5, 0.0, 0.0), angular_velocity_rad_s=(0.0, 3.0, 0.0)))
     s.add((0.0, 0.0, 0.0121))
     s.run_steps(5_000)
     assert np.array_equal(s.positions[0], np.zeros(3))
-    assert s.positions[1, 2] == pytest.approx(0.012, abs=3e-4)
-    assert s.masses_kg[0] == 0.0
+    assert (s.positions[1, 2], s.masses_kg[0]) == (pytest.approx(0.012, abs=3e-4), 0.0)
     value_error("body is 2; expected an index below 2", s.glue, 2)

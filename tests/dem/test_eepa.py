@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -21,8 +22,7 @@ DEEP = 2e-4
 
 
 def contact(plasticity, gamma=0.0, e=1.0, sliding=0.0):
-    constants = {PLASTICITY_RATIO.name: plasticity, SURFACE_ENERGY.name: gamma}
-    return Contact(e, sliding, 0.0, constants=constants)
+    return Contact(e, sliding, 0.0, constants={PLASTICITY_RATIO.name: plasticity, SURFACE_ENERGY.name: gamma})
 
 
 def forces_on(path, plasticity, gamma, **options):
@@ -77,8 +77,7 @@ def test_a_contact_that_is_loaded_again_goes_up_as_it_unloads_and_gives_no_energ
     plasticity = 0.5
     strongest, plastic, k2 = pull(plasticity, gamma)
     back = 0.6 * (plastic - strongest / k2) ** (2.0 / 3.0)
-    down = np.linspace(DEEP, back, 2000)
-    again = np.linspace(back, 1.2 * back, 200)[1:]
+    down, again = np.linspace(DEEP, back, 2000), np.linspace(back, 1.2 * back, 200)[1:]
     found = forces_on([*down, *again], plasticity, gamma)[1999:]
     line = found[0] + k2 * (again**1.5 - back**1.5)
     loading = line < K1 * again**1.5  # below the virgin branch
@@ -100,14 +99,11 @@ def test_without_plasticity_it_is_the_dry_law_and_its_step_that_of_unloading():
     tile, kept = tile_of(LAW, GOJI, contact(plasticity, gamma), RADIUS)
     meets = plastic - strongest / k2
     for overlap in np.linspace(DEEP, 0.0, 100)[:-1]:
-        force = normal_force(LAW, tile, kept, overlap)[0]
-        limit = force + strongest / meets * overlap**1.5
+        limit = normal_force(LAW, tile, kept, overlap)[0] + strongest / meets * overlap**1.5
         np.testing.assert_allclose(tile[tl.PUSH // LANES], limit, rtol=1e-9, atol=1e-12 * K1 * DEEP**1.5)
     assert limit == pytest.approx(0.0, abs=1e-9 * K1 * DEEP**1.5)
-    steps = [
-        simulation([[6e-3] * 3], contact=contact(plasticity), contact_law="eepa", dt=1e-6).longest_time_step()
-        for plasticity in (0.0, 0.75)
-    ]
+    scene = partial(simulation, [[6e-3] * 3], contact_law="eepa", dt=1e-6)
+    steps = [scene(contact=contact(plasticity)).longest_time_step() for plasticity in (0.0, 0.75)]
     assert steps[1] == pytest.approx(0.5 * steps[0])
 
 

@@ -13,6 +13,7 @@ from dem.clump_scenes import scene as scene_of
 from dem.common import BERRY, DENSITY, FLOOR, GOJI, PVC, angular_momentum, random_direction
 from oracles import epsd as slow_law
 from refusals import value_error
+from shared import says
 
 from repose.dem import Contact, Material, Motion, Plane, Shape, random_quaternion
 from repose.dem.kernels import state as st
@@ -209,8 +210,7 @@ def test_a_sphere_that_spins_on_a_floor_is_stopped_by_the_friction_of_its_circle
             assert s.angular_velocities[0, 2] == spin
             continue
         s.run_steps(round(1.5 * spin / slowed / 5e-5))
-        # the spring that is left swings out
-        s.run_steps(40000)
+        s.run_steps(40000)  # the spring that is left swings out
         assert abs(s.angular_velocities[0, 2]) < 1e-6
 
 
@@ -255,8 +255,7 @@ def warned(rolling=0.1, motion=TURNING, frame=False, **laws):
 
 def test_a_wall_that_turns_where_rolling_is_resisted_in_space_is_reported_once():
     (message,) = warned()
-    assert "rolling_frame_rad_s" in message
-    assert "epsd" in message
+    says(message, "rolling_frame_rad_s", "epsd")
 
 
 @pytest.mark.parametrize(

@@ -41,19 +41,15 @@ def test_the_readme_the_picture_and_its_scale_are_those_of_the_box(box):
     assert (positions[:, 2] > 0.004).all()
     assert positions[:, 2].max() < 0.08
     assert simulation.kinetic_energies().sum() < 1e-5
-    sets = list(ET.parse(folder / "box" / "box.pvd").getroot().iter("DataSet"))
-    assert len(sets) == 2 * 21
+    assert len(list(ET.parse(folder / "box" / "box.pvd").getroot().iter("DataSet"))) == 2 * 21
     simulation, _folder = box
     picture = render_simulation(simulation, width=160, height=120).astype(int)
     red = picture[..., 0] > picture[..., 2] + 40
     grey = ~red & (picture.max(axis=-1) < 215)
-    assert red.mean() > 0.05
-    assert grey.mean() > 0.05
+    assert min(red.mean(), grey.mean()) > 0.05
     setting = setting_of(simulation)
-    assert setting.plate_m is None
-    assert len(setting.panels) == 5
-    # the panels close the box up to the top: normals point at its middle
-    for panel in setting.panels:
+    assert (setting.plate_m, len(setting.panels)) == (None, 5)
+    for panel in setting.panels:  # the panels close the box up to the top: normals point at its middle
         assert panel.normal @ (np.array([0.0, 0.0, 0.075]) - panel.corners_m.mean(axis=0)) > 0
     sizes = []
     for shape, scale in (("ball", 1.0), ("ball", 2.0), ("berry", 1.0)):
@@ -75,8 +71,7 @@ def test_any_simulation_becomes_an_animation(tmp_path):
     simulation.run(0.08, progress=False, record=frames, record_every_s=0.02)
     animate(simulation, frames.frames(), tmp_path / "fall.gif", width=60, height=80)
     with Image.open(tmp_path / "fall.gif") as film:
-        assert film.n_frames == 5
-        assert film.size == (60, 80)
+        assert (film.n_frames, film.size) == (5, (60, 80))
     assert setting_of(simulation).plate_m == 0.0
     assert [(w.r_low_m, w.z_high_m) for w in setting_of(simulation).frusta] == [(0.03, 0.1)]
 
@@ -104,8 +99,7 @@ def test_a_scene_of_the_examples_runs(path, tmp_path, monkeypatch, capsys):
 
 
 def test_the_example_of_a_bench_test_runs():
-    # in a process of its own: it registers the bench test
-    arguments, said = SMALL["bench_test"]
+    arguments, said = SMALL["bench_test"]  # in a process of its own: it registers the bench test
     call = f"import runpy; runpy.run_path('examples/bench_test.py')['main'](**{arguments!r})"
     done = subprocess.run([sys.executable, "-c", call], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

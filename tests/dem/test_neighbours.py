@@ -48,8 +48,7 @@ def test_the_contact_list_is_that_of_all_pairs_at_every_moment(seed):
 
 
 def test_memory_goes_with_the_grains_alone():
-    # 10 um grains in a box of 2 m: cells all over the box would take 3 PiB
-    n, radius = 40, 1e-5
+    n, radius = 40, 1e-5  # 10 um grains in a box of 2 m: cells all over the box would take 3 PiB
     s = simulation(
         np.full((1, 3), radius), Contact(0.3, 0.5, 0.0), dt=1e-9, capacity=n,
         lower=(-1.0, -1.0, -1.0), upper=(1.0, 1.0, 1.0),
@@ -61,8 +60,7 @@ def test_memory_goes_with_the_grains_alone():
         corner = (-0.9, 0.0, 0.9, 3.0)[k % 4]
         s.add(corner + 1.5 * radius * rng.uniform(-1.0, 1.0, 3), (1, 0, 0, 0))
     s.run_steps(1)
-    found = {(i, j) for i, j, _gap in slow_contacts(s)}
-    assert len(found) > 40
+    assert len({(i, j) for i, j, _gap in slow_contacts(s)}) > 40
     assert {tuple(pair) for pair in s.contacts()} >= {(i, j) for i, j, gap in slow_contacts(s) if gap < -1e-9}
     axes = np.array([0.004, 0.004, 0.01])
     s = simulation_of(Shape.ellipsoid(axes, 800.0, "berry"), Contact(0.3, 0.5, 0.02), 1e-5, capacity=1000)

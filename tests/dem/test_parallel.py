@@ -48,8 +48,7 @@ def test_neither_threads_nor_cuts_change_a_bit_and_shares_move_bodies_as_one_doe
     assert len(found[0][2]) > 100
     for other in found[1:]:
         assert all(np.array_equal(one, two) for one, two in zip(found[0], other, strict=True))
-    # over so few steps that rounding has not grown yet
-    shared = falling(1)
+    shared = falling(1)  # over so few steps that rounding has not grown yet
     monkeypatch.setattr(parallel, "FEWEST_BODIES", 1000)
     plain = falling(1)
     for s in (shared, plain):
@@ -93,8 +92,7 @@ def test_new_numbers_change_nothing_that_users_see(small_is_shared):
 
     def seen():
         rows = st.contact_rows(s.pairs.data, len(s.contacts()))
-        places = s.bodies.rows[s.pairs.first[: len(rows)], :3]
-        springs = sorted(map(tuple, np.column_stack([places, rows])))
+        springs = sorted(map(tuple, np.column_stack([s.bodies.rows[s.pairs.first[: len(rows)], :3], rows])))
         return (s.positions, s.quaternions, s.angular_momenta, s.contacts(), s.kinetic_energies(), np.array(springs))
 
     before, numbers = seen(), s._inner.copy()

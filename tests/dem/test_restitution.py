@@ -71,8 +71,7 @@ def test_contacts_of_one_pair_share_the_damping(on):
     most = 0
     for _ in range(40):
         s = scene({"bent": bent()}, contact, walls, dt=1e-6)
-        # nearly parallel bodies, so that several spheres touch
-        tilt = np.array([1.0, *0.02 * rng.normal(size=3)])
+        tilt = np.array([1.0, *0.02 * rng.normal(size=3)])  # nearly parallel bodies, so that several spheres touch
         place = (0.0, 0.0, 0.0065) if on == "clump" else (0.01, 0.02, 0.0034)
         s.add("bent", place, tilt, rng.normal(size=3), 30.0 * rng.normal(size=3))
         if on == "clump":
@@ -85,8 +84,7 @@ def test_contacts_of_one_pair_share_the_damping(on):
             continue
         most = max(most, count)
         assert MASS * s.velocities[0] - momentum == pytest.approx(push, rel=1e-6, abs=1e-6 * np.abs(push).max())
-        turned = s.angular_momenta[0] - spin
-        assert turned == pytest.approx(twist, rel=1e-6, abs=1e-6 * np.abs(twist).max())
+        assert s.angular_momenta[0] - spin == pytest.approx(twist, rel=1e-6, abs=1e-6 * np.abs(twist).max())
     assert most >= 3
 
 

@@ -65,8 +65,7 @@ def test_rolling_resistance_of_a_tile_agrees_with_the_slow_law(framed):
     assert np.all(np.isfinite(c))
     assert np.all(np.isfinite(m[body_tile.OMEGA :][: 3 * LANES]))
     for lane, (momentum, inertia) in enumerate(expected[:-1]):
-        found = c[st.ANGULAR_MOMENTUM + lane :: LANES][:3]
-        assert np.allclose(found, momentum, rtol=0.0, atol=1e-12 * 1e-6)
+        assert np.allclose(c[st.ANGULAR_MOMENTUM + lane :: LANES][:3], momentum, rtol=0.0, atol=1e-12 * 1e-6)
         turning = m[body_tile.OMEGA + lane :: LANES][:3]
         assert np.allclose(turning, np.linalg.solve(inertia, momentum), rtol=0.0, atol=1e-10)
         if lane % 4 == 3:
@@ -99,6 +98,5 @@ def test_a_body_with_a_berrys_moments_lets_go_at_the_rolling_friction_in_any_ori
         azimuth = rng.uniform(0.0, 2.0 * math.pi)
         tilt = on_a_slope(mur, random_quaternion(rng), np.array([math.cos(azimuth), math.sin(azimuth)]))
         tilt(0.99 * mur, 8000)
-        # torque m g R sin(angle) against mu_r m g R cos(angle)
-        assert tilt(0.991 * mur, 4000) == 0.0
+        assert tilt(0.991 * mur, 4000) == 0.0  # torque m g R sin(angle) against mu_r m g R cos(angle)
         assert tilt(1.01 * mur, 8000) > 1e-4

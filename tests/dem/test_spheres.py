@@ -15,8 +15,7 @@ from repose.verification.machine import smooth
 
 def three(**keywords):
     """The same scene of a sphere, of a smooth body that is the sum of two half as large, and of a clump of one."""
-    sphere = Shape.sphere(RADIUS, DENSITY, "body")
-    shapes = sphere, smooth(RADIUS, DENSITY, "body"), ball_of_one()
+    shapes = Shape.sphere(RADIUS, DENSITY, "body"), smooth(RADIUS, DENSITY, "body"), ball_of_one()
     scenes = [scene({"body": shape}, **keywords) for shape in shapes]
     assert [s.physics.parts for s in scenes] == [st.SPHERES, 2, 0]
     return scenes

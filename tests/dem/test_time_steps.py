@@ -39,10 +39,7 @@ def swing(shape, overlap_m, step_s, restitution, tension, monkeypatch):
     """Largest distance from the middle, in the last of many steps, of a body that began 1 um off it, over 1 um."""
     monkeypatch.setattr(time_steps, "longest", lambda *_: time_steps.Limit(1.0, ""))
     reach, contact = RADIUS_M - overlap_m, Contact(restitution, 0.0, 0.0)
-    walls = {
-        "low": Plane((0.0, 0.0, -reach), (0.0, 0.0, 1.0), "wall"),
-        "high": Plane((0.0, 0.0, reach), (0.0, 0.0, -1.0), "wall"),
-    }
+    walls = {str(side): Plane((0.0, 0.0, side * reach), (0.0, 0.0, -side), "wall") for side in (-1.0, 1.0)}
     simulation = scene({"ball": shape}, contact, walls, step_s, 1, body=SOFT, wall=HARD, tension=tension)
     simulation.add("ball", (0.0, 0.0, 1e-6))
     simulation.run_steps(390)
@@ -83,8 +80,7 @@ def test_an_oscillator_of_the_damping_ratio_returns_the_restitution():
 
 
 def test_low_restitution_hard_walls_scale_and_flat_places_shorten_the_step():
-    overlap = 1e-4 * RADIUS_M
-    assert BALL.acting_together(overlap) == pytest.approx(1.0)
+    assert BALL.acting_together(1e-4 * RADIUS_M) == pytest.approx(1.0)
     assert row(15).acting_together(0.1 * RADIUS_M) == pytest.approx(15.0, rel=0.01)
     apart = Clump([[-1.0, 0, 0, 0.1], [1.0, 0, 0, 0.1]], 1.0, [1.0, 1.0, 1.0], "body")
     assert apart.acting_together(0.05) == pytest.approx(2.0, rel=0.02)  # seen from the side both touch
@@ -105,8 +101,7 @@ def test_low_restitution_hard_walls_scale_and_flat_places_shorten_the_step():
         assert scaled.time_step_s == pytest.approx(small.time_step_s, rel=1e-9)
         assert "smallest scale, 0.333" in scaled.reason
     a, b, c = 10e-3, 6e-3, 4e-3
-    ellipsoid = Shape.ellipsoid((a, b, c), 800.0, "body")
-    assert ellipsoid.flattest_radius_m == pytest.approx(a * b / c)
+    assert Shape.ellipsoid((a, b, c), 800.0, "body").flattest_radius_m == pytest.approx(a * b / c)
     assert CONVEX.flattest_radius_m == pytest.approx(RADIUS_M)
     for number in (1.23456e-4, 9.99999e-5, 2.5e-4, 3.0e-6):
         result = float(time_steps.Limit(number, "why").allowed.split(",")[0].removeprefix("at most "))
@@ -171,11 +166,8 @@ def held(planes, step_s=None, smooth=False):
     """A sphere that so many planes about the z axis press, and 0.98 of the longest step if none is given."""
     ball = (smooth_body if smooth else Shape.sphere)(RADIUS, 840.0, "body")
     angles = 2.0 * math.pi * np.arange(planes) / planes
-    normals = [(math.cos(angle), math.sin(angle), 0.0) for angle in angles]
-    walls = {
-        str(k): Plane(tuple((RADIUS - OVERLAP) * np.array(normal)), tuple(-x for x in normal), "wall")
-        for k, normal in enumerate(normals)
-    }
+    normals = np.array([(math.cos(angle), math.sin(angle), 0.0) for angle in angles])
+    walls = {str(k): Plane(tuple((RADIUS - OVERLAP) * n), tuple(-n), "wall") for k, n in enumerate(normals)}
     if step_s is None:
         step_s = 0.98 * scene({"ball": ball}, CONTACT, walls, 1e-6, **LAWS).longest_time_step()
     simulation = scene({"ball": ball}, CONTACT, walls, step_s, **LAWS)

@@ -7,22 +7,8 @@ import numpy as np
 import pytest
 from refusals import value_error
 
-from repose.dem import (
-    Cone,
-    Contact,
-    Cylinder,
-    Material,
-    Mesh,
-    Motion,
-    Plane,
-    Recorder,
-    RingEdge,
-    Shape,
-    Simulation,
-    VtkSeries,
-    rotation_matrix,
-    write_vtk,
-)
+from repose import dem
+from repose.dem import Cone, Contact, Material, Mesh, Plane, Shape, Simulation, write_vtk
 from repose.dem.tessellation import triangulated_walls
 from repose.pictures.scenery import setting_of
 
@@ -38,8 +24,8 @@ def among(walls, **keywords):
 
 def scene():
     walls = {
-        "tube": Cylinder((0, 0, 0), (0, 0, 1), 0.1, 0.04, "m"),
-        "floor": Plane((0, 0, 0.02), (0, 0, 1), "m", motion=Motion((0, 0, 0.5))),
+        "tube": dem.Cylinder((0, 0, 0), (0, 0, 1), 0.1, 0.04, "m"),
+        "floor": Plane((0, 0, 0.02), (0, 0, 1), "m", motion=dem.Motion((0, 0, 0.5))),
         "lid": Plane((0, 0, 0.15), (0, 0, -1), "m", radius_m=0.03),
     }
     simulation = among(walls, largest_scale=1.5, floor_height_m=-0.1)
@@ -56,8 +42,7 @@ def arrays(path):
     found = {"piece": root.find("PolyData/Piece").attrib}
     for element in root.iter("DataArray"):
         data = base64.b64decode(element.text)
-        size = int.from_bytes(data[:8], "little")
-        assert size == len(data) - 8
+        assert int.from_bytes(data[:8], "little") == len(data) - 8
         values = np.frombuffer(data[8:], NUMPY_TYPES[element.get("type")])
         columns = int(element.get("NumberOfComponents"))
         found[element.get("Name")] = values.reshape(-1, columns) if columns > 1 else values
@@ -71,8 +56,7 @@ def test_vtk_points_surfaces_and_walls_and_wrong_names(tmp_path):
     simulation = scene()
     write_vtk(tmp_path / "a.vtp", simulation)
     found, here = arrays(tmp_path / "a.vtp"), [0, 2]
-    assert found["piece"]["NumberOfVerts"] == "2"
-    assert found["TimeValue"] == [simulation.time_s]
+    assert (found["piece"]["NumberOfVerts"], found["TimeValue"]) == ("2", [simulation.time_s])
     assert found["shape_names"] == ["berry", "ball"]
     np.testing.assert_array_equal(found["id"], here)
     np.testing.assert_array_equal(found["shape"], [0, 1])
@@ -82,12 +66,12 @@ def test_vtk_points_surfaces_and_walls_and_wrong_names(tmp_path):
         np.testing.assert_array_equal(found[name], values[here])
     np.testing.assert_array_equal(found["angular_velocity"], simulation.angular_velocities[here])
     tensor = found["tensor"][0].reshape(3, 3)
-    turn = rotation_matrix(simulation.quaternions[0])
+    turn = dem.rotation_matrix(simulation.quaternions[0])
     np.testing.assert_allclose(turn.T @ tensor @ turn, np.diag([0.03, 0.018, 0.015]), atol=1e-12)
     value_error(r"path is .*expected a file that ends in \.vtp", write_vtk, tmp_path / "a.vtk", None)
     with pytest.raises(ValueError, match="content is 'bodies'; expected 'points', 'surfaces', 'walls'"):
         write_vtk(tmp_path / "a.vtp", None, "bodies")
-    value_error(r"expected a file that ends in \.pvd", VtkSeries, tmp_path / "a.vtp")
+    value_error(r"expected a file that ends in \.pvd", dem.VtkSeries, tmp_path / "a.vtp")
 
 
 def test_surfaces_have_the_volume_of_the_bodies_and_walls_are_where_they_are_now(tmp_path):
@@ -99,8 +83,7 @@ def test_surfaces_have_the_volume_of_the_bodies_and_walls_are_where_they_are_now
         a, b, c = found["position"][faces[found["id"] == body]].transpose(1, 0, 2)
         assert np.einsum("ij,ij->", a, np.cross(b, c)) / 6 == pytest.approx(volume, rel=0.12)
         assert np.einsum("ij,ij->", a, np.cross(b, c)) / 6 < volume
-    simulation = scene()
-    write_vtk(tmp_path / "a.vtp", simulation, "walls")
+    write_vtk(tmp_path / "a.vtp", scene(), "walls")
     found = arrays(tmp_path / "a.vtp")
     assert found["wall_names"] == ["tube", "floor", "lid"]
     faces = found["connectivity"].reshape(-1, 3)
@@ -117,13 +100,11 @@ def normals_of(points, triangles):
 
 
 def test_planes_end_at_each_other_and_walls_face_the_bodies():
-    edge = RingEdge(0.02, 0.002, "m", ((0.0, 1.0), (0.0, 0.0)), origin_m=(0, 0, 0.05))
+    edge = dem.RingEdge(0.02, 0.002, "m", ((0.0, 1.0), (0.0, 0.0)), origin_m=(0, 0, 0.05))
     walls = {
-        "slope": Plane((0, 0, 0), (1, 0, 1), "m"),
-        "floor": Plane((0, 0, 0), (0, 0, 1), "m"),
-        "cone": Cone.between((0, 0, 0.05), (0, 0, 1), 0.1, 0.01, 0.03, "m"),
-        "edge": edge,
-    }
+        "slope": Plane((0, 0, 0), (1, 0, 1), "m"), "floor": Plane((0, 0, 0), (0, 0, 1), "m"),
+        "cone": Cone.between((0, 0, 0.05), (0, 0, 1), 0.1, 0.01, 0.03, "m"), "edge": edge,
+    }  # fmt: skip
     found = triangulated_walls(among(walls, lower=(-0.1, -0.05, 0.0), upper=(0.1, 0.05, 0.2)))
     points, triangles = found["floor"]
     assert points[:, 0].min() == pytest.approx(0.0, abs=1e-12)
@@ -138,16 +119,15 @@ def test_planes_end_at_each_other_and_walls_face_the_bodies():
     points, triangles = found["edge"]
     tube = np.hypot(np.hypot(points[:, 0], points[:, 1]) - 0.02, points[:, 2] - 0.05)
     np.testing.assert_allclose(tube, 0.002)
-    assert points[:, 2].min() == pytest.approx(0.048)
-    assert points[:, 2].max() == pytest.approx(0.05, abs=1e-12)
+    assert (points[:, 2].min(), points[:, 2].max()) == (pytest.approx(0.048), pytest.approx(0.05, abs=1e-12))
     assert (normals_of(points, triangles)[:, 2] <= 1e-15).all()
 
 
 def test_a_series_has_the_times_and_writes_walls_at_rest_once(tmp_path):
     simulation = scene()
-    series, frames = VtkSeries(tmp_path / "run.pvd"), Recorder()
+    series, frames = dem.VtkSeries(tmp_path / "run.pvd"), dem.Recorder()
     simulation.run(0.002, progress=False, record=[series, frames], record_every_s=0.001)
-    simulation.set_motion("floor", Motion())
+    simulation.set_motion("floor", dem.Motion())
     simulation.run(0.002, progress=False, record=series, record_every_s=0.001)
     root = ET.parse(tmp_path / "run.pvd").getroot()
     sets = [s.attrib for s in root.iter("DataSet")]
@@ -166,7 +146,7 @@ def test_a_series_has_the_times_and_writes_walls_at_rest_once(tmp_path):
 def test_a_mesh_is_written_and_drawn_where_its_motion_has_brought_it(tmp_path):
     corners = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]], float)
     faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
-    simulation = among({"wedge": Mesh(corners, faces, "m", motion=Motion((1.0, 0.0, 0.0)))})
+    simulation = among({"wedge": Mesh(corners, faces, "m", motion=dem.Motion((1.0, 0.0, 0.0)))})
     simulation.add("ball", (0.0, 0.0, 0.4))
     simulation.run_steps(100)
     shift = np.array([0.01, 0.0, 0.0])

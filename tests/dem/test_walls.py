@@ -6,19 +6,9 @@ import math
 import numpy as np
 import pytest
 import trimesh
+from dem import common
 from dem.clump_scenes import BENT, BODIES, CONE, FUNNEL, bent, scene
-from dem.common import (
-    BARREL,
-    BERRY,
-    DOWN,
-    FLOOR,
-    angular_momentum,
-    energy_shares,
-    harmless_hits,
-    mesh_of,
-    random_direction,
-    simulation,
-)
+from dem.common import BARREL, BERRY, DOWN, FLOOR, angular_momentum, energy_shares, random_direction, simulation
 from oracles import circle_distance, cone_gap, rotation, support_point
 from refusals import value_error
 
@@ -67,8 +57,7 @@ def test_a_funnel_has_its_dimensions_and_holds_nothing_outside():
     s.add((0.0, 0.0, 0.02), (1, 0, 0, 0))
     s.add((0.08, 0.0, 0.02), (1, 0, 0, 0))
     s.run_steps(5000)
-    assert list(s.present) == [True, False]
-    assert s.positions[0, 2] == pytest.approx(0.0049, abs=2e-4)
+    assert (list(s.present), s.positions[0, 2]) == ([True, False], pytest.approx(0.0049, abs=2e-4))
 
 
 @pytest.mark.parametrize("wall", ["cone", "ring"])
@@ -112,7 +101,7 @@ THROWN = {
     "clump, cone": ({"cone": CONE}, 0.05, 150, 60),
     "clump, rim": (FUNNEL.walls("wall"), FUNNEL.outlet_height_m + 0.032, 150, 60),
     "clump, plane": ({"floor": FLOOR}, 0.02, 150, 60),
-    "clump, mesh": ({"cube": mesh_of(trimesh.creation.box((0.03, 0.03, 0.03)), 2e-3)}, 0.05, 150, 60),
+    "clump, mesh": ({"cube": common.mesh_of(trimesh.creation.box((0.03, 0.03, 0.03)), 2e-3)}, 0.05, 150, 60),
 }
 SLOW = [pytest.param(name, marks=pytest.mark.slow) if name.startswith("berry") else name for name in THROWN]
 
@@ -149,8 +138,7 @@ def test_no_berry_passes_through_the_cone():
             s.run_steps(10)
             x = s.positions[0]
             if x[2] > 0.115:
-                gap = cone_gap(BERRY, x, s.quaternions[0], cone[0], cone[1], cone[2], count=720)
-                deepest = min(deepest, gap)
+                deepest = min(deepest, cone_gap(BERRY, x, s.quaternions[0], cone[0], cone[1], cone[2], count=720))
         assert deepest > -2.5e-3
         assert s.positions[0, 2] < 0.12
 
@@ -170,7 +158,7 @@ def test_hits_about_the_edge_of_a_disc_create_no_energy(kind, from_side):
             direction[2] = abs(direction[2]) if from_side == "above" else -abs(direction[2])
         return DISC_M * out, direction
 
-    hits = harmless_hits(lambda: BODIES[kind](contact=LOSSY, walls=DISC, dt=1e-4), 23, 150, aim)
+    hits = common.harmless_hits(lambda: BODIES[kind](contact=LOSSY, walls=DISC, dt=1e-4), 23, 150, aim)
     # from below it goes through, and touches where it comes down again at most
     assert hits > (30 if from_side == "above" else 3 if from_side == "beside" else -1)
 
@@ -188,7 +176,7 @@ def test_hits_on_a_funnels_ends_from_outside_create_no_energy(funnel, kind, edge
         return 0.016 * out + [0.0, 0.0, funnel.outlet_height_m], direction
 
     walls = {name: wall for name, wall in funnel.walls("wall").items() if edges == "edges" or isinstance(wall, Cone)}
-    assert harmless_hits(lambda: BODIES[kind](contact=LOSSY, walls=walls, dt=1e-4, **ROOM), 29, 60, aim) > 2
+    assert common.harmless_hits(lambda: BODIES[kind](contact=LOSSY, walls=walls, dt=1e-4, **ROOM), 29, 60, aim) > 2
 
 
 @pytest.mark.parametrize("kind", BODIES)
@@ -318,16 +306,13 @@ def test_a_resting_pile_weighs_on_its_walls_what_it_weighs():
 def test_the_torque_on_a_turning_drum_balances_the_moment_of_the_bed_that_it_lifts():
     radius, width = 0.05, 0.04
     turning = Motion(angular_velocity_rad_s=(0.5, 0.0, 0.0))
-    drum = {
-        "shell": Cylinder((-width / 2, 0, 0), (1, 0, 0), width, radius, "wall", motion=turning),
-        "left": Plane((-width / 2, 0, 0), (1, 0, 0), "wall", motion=turning),
-        "right": Plane((width / 2, 0, 0), (-1, 0, 0), "wall", motion=turning),
-    }
+    drum = {"shell": Cylinder((-width / 2, 0, 0), (1, 0, 0), width, radius, "wall", motion=turning)}
+    for name, side in (("left", -1), ("right", 1)):
+        drum[name] = Plane((side * width / 2, 0, 0), (-side, 0, 0), "wall", motion=turning)
     places = itertools.product((-0.007, 0.007), (-0.02, 0.0, 0.02), (-0.03, -0.015, 0.0, 0.015))
     s = poured(drum, Contact(0.2, 0.7, 0.0), 18, places)
     s.run_steps(8000)
     weight = s.mass_kg * GRAVITY
-
     before, steps, torque, moment = angular_momentum(s)[0], 200, 0.0, 0.0
     for _ in range(steps):
         torque += sum(load.torque_n_m[0] for load in s.wall_loads().values()) / steps
@@ -428,10 +413,8 @@ def test_the_deepest_overlap_is_that_of_the_farthest_point(name, kind):
 def test_overlaps_with_a_mesh_and_with_a_moving_plane():
     radius = 0.006
     corners = [[-0.1, -0.1, 0.0], [0.2, -0.1, 0.0], [-0.1, 0.2, 0.0], [0.0, 0.0, -0.1]]
-    walls = {
-        "rising": Plane((0.0, 0.0, 0.0009), (0.0, 0.0, 1.0), "wall", motion=Motion((0.0, 0.0, 100.0))),
-        "solid": Mesh(corners, [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]], "wall"),
-    }
+    walls = {"rising": Plane((0.0, 0.0, 0.0009), (0.0, 0.0, 1.0), "wall", motion=Motion((0.0, 0.0, 100.0)))}
+    walls |= {"solid": Mesh(corners, [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]], "wall")}
     s = simulation([[radius] * 3], walls=walls, dt=1e-6)
     s.add((0.0, 0.0, radius - 1e-3))
     s.run_steps(1)

@@ -99,9 +99,8 @@ def script(page: str, entry: dict, everything: bool) -> str:
 
 def checkout(folder: Path) -> Path:
     """A copy of the checkout whose configuration is small."""
-    left = shutil.ignore_patterns(
-        ".git", ".venv", ".snakemake", ".*_cache", "__pycache__", "_build", "results", ".repose"
-    )
+    other = (".git", ".venv", ".snakemake", ".*_cache", "__pycache__")
+    left = shutil.ignore_patterns(*other, "_build", "results", ".repose")
     shutil.copytree(ROOT, folder, ignore=left)
     shutil.copytree(ROOT / "results/published", folder / "results/published")
     quick = Study.load(ROOT / "config/quick.yaml").config
@@ -115,11 +114,8 @@ def checkout(folder: Path) -> Path:
 def run(page: str, text: str, folder: Path) -> float:
     """Run a page's script; seconds that it took. SystemExit where a command fails."""
     began = time.perf_counter()
-    env = os.environ | {
-        "CHECKOUT": str(ROOT),
-        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
-        "PYTHONPATH": os.pathsep.join(map(str, (ROOT / "src", ROOT))),
-    }
+    env = os.environ | {"CHECKOUT": str(ROOT), "PYTHONPATH": os.pathsep.join(map(str, (ROOT / "src", ROOT)))}
+    env |= {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
     done = subprocess.run(["bash", "-c", text], cwd=folder, env=env, capture_output=True, text=True)
     if done.returncode:
         sys.exit(f"{page}: status {done.returncode}\n{done.stdout[-4000:]}\n{done.stderr[-4000:]}")

@@ -5,6 +5,7 @@ import re
 import commands
 import pytest
 import yaml
+from refusals import raised
 from shared import check_all, run_python
 
 TABLE = yaml.safe_load(commands.TABLE.read_text())
@@ -57,8 +58,7 @@ def test_the_quick_commands_run():
 
 
 def test_a_command_that_fails_is_named_with_its_page(tmp_path):
-    with pytest.raises(SystemExit, match=r"page\.md: status 3\d*"):
-        commands.run("page.md", "set -e\nexit 31", tmp_path)
+    raised(SystemExit, r"page\.md: status 3\d*", commands.run, "page.md", "set -e\nexit 31", tmp_path)
 
 
 def long_cells(page, text):

@@ -83,12 +83,10 @@ def test_the_misprint_statistics_and_coefficients_as_printed():
     assert [name for name, value in printed.items() if not agrees(found[name], value)] == []
     # the vignette's table: estimate, standard error, t, p; R rounds t to four digits before it prints three of them
     printed = {
-        "A": ("0.932541", "0.057699", "16.162", "0.0000008444"),
-        "B": ("0.577712", "0.057699", "10.012", "0.00002122"),
-        "A*B": ("0.125000", "0.081592", "1.532", "0.1694"),
-        "A^2": ("-1.308555", "0.060064", "21.786", "0.0000001083"),
+        "A": ("0.932541", "0.057699", "16.162", "0.0000008444"), "B": ("0.577712", "0.057699", "10.012", "0.00002122"),
+        "A*B": ("0.125000", "0.081592", "1.532", "0.1694"), "A^2": ("-1.308555", "0.060064", "21.786", "0.0000001083"),
         "B^2": ("-0.933442", "0.060064", "15.541", "0.000001104"),
-    }
+    }  # fmt: skip
     table = effects(model_of("chemical_reaction")).set_index("term")
     columns = ["coefficient", "standard_error", "t", "p"]
     for term, row in printed.items():
@@ -98,21 +96,17 @@ def test_the_misprint_statistics_and_coefficients_as_printed():
 
 
 def test_the_constant_and_pure_error_of_a_blocked_design_and_what_leaves_out_a_term_or_a_run():
-    # the vignette has 84.095427 for the first block and -4.457530 for the second
-    model = model_of("chemical_reaction")
+    model = model_of("chemical_reaction")  # the vignette has 84.095427 for the first block and -4.457530 for the second
     assert model.constant == pytest.approx(84.095427 - 4.457530 / 2, abs=1e-6)
     assert model.predict(np.zeros((1, 3)))[0] == pytest.approx(model.constant)
     assert pure_error(model_of("chemical_reaction"))[1] == 4, "two and two centre runs"
     runs = pd.read_csv(PRINTED / "chemical_reaction_runs.csv")
-    together = fit(runs[["A", "B"]], runs["response"], "AB", "quadratic")
-    assert pure_error(together)[1] == 5
+    assert pure_error(fit(runs[["A", "B"]], runs["response"], "AB", "quadratic"))[1] == 5
     model = model_of("viscosity")
     table = anova(model).set_index("source")
     for term, name in zip(model.terms, model.labels, strict=True):
-        fewer = [one for one in model.terms if one != term]
-        without = fit(model.coded, model.response, model.factors, fewer)
-        gain = without.residual - model.residual
-        assert table.loc[name, "sum_of_squares"] == pytest.approx(gain, rel=1e-9)
+        without = fit(model.coded, model.response, model.factors, [one for one in model.terms if one != term])
+        assert table.loc[name, "sum_of_squares"] == pytest.approx(without.residual - model.residual, rel=1e-9)
     model = model_of("chemical_process")
     total = 0.0
     for k in range(len(model.response)):
@@ -140,14 +134,11 @@ def test_four_runs_have_no_lack_of_fit_test_nothing_when_saturated_and_share_r2(
 
 
 def test_pareto_limits_the_error_of_a_mean_and_runs_that_determine_no_model():
-    # t distribution with 7 degrees of freedom: 2.365 at 5 % in any table
-    found = limits(model_of("chemical_process"))
+    found = limits(model_of("chemical_process"))  # t distribution with 7 degrees of freedom: 2.365 at 5 % in any table
     assert found["t"] == pytest.approx(2.3646, abs=1e-4)
-    # 5 terms: 1 % for each, 3.499 in any table
-    assert found["bonferroni"] == pytest.approx(3.4995, abs=1e-4)
+    assert found["bonferroni"] == pytest.approx(3.4995, abs=1e-4)  # 5 terms: 1 % for each, 3.499 in any table
     # the mean of n runs has the standard error s / sqrt(n)
-    coded = np.array([[-1.0], [1.0], [-1.0], [1.0]])
-    model = fit(coded, [1.0, 2.0, 1.4, 2.2], ["A"], "linear")
+    model = fit(np.array([[-1.0], [1.0], [-1.0], [1.0]]), [1.0, 2.0, 1.4, 2.2], ["A"], "linear")
     found = model.standard_error(np.zeros((1, 1)))[0]
     assert found == pytest.approx(statistics(model)["std_dev"] / 2)
     two = [[0.0], [1.0]]
@@ -164,10 +155,8 @@ def test_targets_are_met_at_the_foot_of_the_perpendicular_and_together():
     assert found.met
     assert found.coded == pytest.approx([6 / 25, 8 / 25, 0], abs=1e-6)
     assert found.desirability == pytest.approx(1, abs=1e-5)
-    models = [
-        surface(lambda a, b, c: 32 + 2 * a - b + 0.6 * a * b - 0.5 * c**2),
-        surface(lambda a, b, c: 65 + a + 3 * c + 0.8 * b**2),
-    ]
+    models = [surface(lambda a, b, c: 32 + 2 * a - b + 0.6 * a * b - 0.5 * c**2)]
+    models += [surface(lambda a, b, c: 65 + a + 3 * c + 0.8 * b**2)]
     found = optimum(models, [33.0, 66.0], [33.0, 66.0], [31, 64], [35, 68])
     assert found.met
     assert found.predicted == pytest.approx([33, 66], abs=1e-4)
@@ -181,9 +170,7 @@ def test_targets_are_met_at_the_foot_of_the_perpendicular_and_together():
 def test_an_optimum_out_of_reach_is_the_edge_and_weights_share_a_miss_and_desirability_is_a_tent():
     found = optimum([surface(lambda a, b, c: 10 + 3 * a + 4 * b)], [30], [30], [20], [40])
     assert not found.met
-    assert found.coded[:2] == pytest.approx([1, 1])
-    assert found.predicted[0] == pytest.approx(17)
-    assert found.desirability == 0
+    assert (found.coded[:2], found.predicted[0], found.desirability) == (pytest.approx([1, 1]), pytest.approx(17), 0)
     # 10 + 3 A cannot be 11 and 12 at once: with scales 1 and 1 it ends in the middle, with 1 and 2 nearer to the first
     plane = surface(lambda a, b, c: 10 + 3 * a)
     assert optimum([plane, plane], [11, 12], [1, 1], [0, 0], [20, 20]).predicted[0] == pytest.approx(11.5, abs=1e-4)

@@ -154,5 +154,4 @@ def test_one_response_is_climbed_and_several_descend_the_sum_of_their_squared_mi
         return (((missing - slopes @ x) / scale) ** 2).sum()
 
     steps = [np.array([np.cos(a), np.sin(a)]) * 1e-5 for a in np.linspace(0, 2 * np.pi, 3601)]
-    best = min(steps, key=misses) / 1e-5
-    assert towards(slopes, missing, scale) == pytest.approx(best, abs=2e-3)
+    assert towards(slopes, missing, scale) == pytest.approx(min(steps, key=misses) / 1e-5, abs=2e-3)

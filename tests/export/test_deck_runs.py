@@ -16,11 +16,9 @@ from repose.config.study import Study
 from repose.particle import build
 
 pytestmark = pytest.mark.slow
-RUNS = {
-    "liggghts": (["liggghts", "-in", "in.pour"], "pile.dump"),
-    "lammps": (["lmp", "-in", "in.pour"], "pile.dump"),
-    "yade": (["yade", "-n", "-x", "-j1", "pour.py"], "pile.csv"),
-}
+RUNS = {"liggghts": (["liggghts", "-in", "in.pour"], "pile.dump")}
+RUNS |= {"lammps": (["lmp", "-in", "in.pour"], "pile.dump")}
+RUNS |= {"yade": (["yade", "-n", "-x", "-j1", "pour.py"], "pile.csv")}
 
 
 @pytest.fixture(scope="module")
@@ -49,16 +47,14 @@ def ran(program, job, folder):
 
 def few(job, berries, **funnel):
     """The job with a few grains."""
-    changed = {"berries": berries, "rate_per_s": 50.0} | funnel
-    return replace(job, funnel=job.funnel.model_copy(update=changed))
+    return replace(job, funnel=job.funnel.model_copy(update={"berries": berries, "rate_per_s": 50.0} | funnel))
 
 
 def places(end, job):
     at = np.stack([end[axis] for axis in "xyz"], axis=1).reshape(-1, len(job.particle.spheres_m), 3)
     wanted = np.linalg.norm(job.particle.spheres_m[:, None, :3] - job.particle.spheres_m[None, :, :3], axis=2)
     for spheres in at:
-        apart = np.linalg.norm(spheres[:, None] - spheres[None], axis=2)
-        assert apart == pytest.approx(wanted, abs=1e-6)
+        assert np.linalg.norm(spheres[:, None] - spheres[None], axis=2) == pytest.approx(wanted, abs=1e-6)
     return at
 
 
@@ -98,8 +94,7 @@ def test_the_default_grain_is_poured_as_a_clump(config, program, law, tmp_path):
     grain = study.settings.berry.model_copy(update={"particle": "multisphere", "spheres": 14})
     job = job_of(config, build.of_settings(study.grain, grain), law, k_gg=3e3, k_gp=1e3)
     job = few(job, 3, duration_s=0.8)
-    end = ran(program, job, tmp_path)
-    at = places(end, job)
+    at = places(ran(program, job, tmp_path), job)
     assert len(at) == 3
     low = (at[:, :, 2] - job.particle.spheres_m[:, 3]).min()
     assert -5e-4 < low < 1e-5  # one lies on the plate, not in it
@@ -116,5 +111,4 @@ def test_a_grazing_impact_keeps_coulombs_law(config, program, monkeypatch):
     _, velocities = one_contact.theirs(program, job, case, 4e-5, {program: " ".join(command)})
     change = velocities[0] - case.velocities[0]
     # it slides nearly all the time, only first the spring winds up; and the plate only pushes
-    share = -change[1] / change[2] / job.on_wall.static_friction
-    assert 0.85 < share < 1.01
+    assert 0.85 < -change[1] / change[2] / job.on_wall.static_friction < 1.01

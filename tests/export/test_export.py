@@ -12,7 +12,7 @@ import pytest
 from export.jobs import BALL, BERRY, CONFIG, MM, SKEW, THREE, job_of
 from refusals import input_error
 from scipy.integrate import solve_ivp
-from shared import ROOT
+from shared import ROOT, says
 
 from repose import export
 from repose.chain import card
@@ -101,10 +101,8 @@ def test_no_deck_has_a_dashpot_along_the_tangent_and_the_plate_is_the_configured
     # where the program has one, Coulomb's limit does not hold it
     files = {program: export.PROGRAMS[program](job) for program in ("liggghts", "lammps", "yade")}
     laws = re.findall(r"model hertz .*", files["liggghts"]["in.pour"])
-    assert len(laws) == 3
-    assert all(law.endswith("tangential_damping off") for law in laws)
-    dashpots = re.findall(r"tangential mindlin\S* \S+ (\S+)", files["lammps"]["in.pour"])
-    assert dashpots == ["0"] * 3
+    assert [law.endswith("tangential_damping off") for law in laws] == [True] * 3
+    assert re.findall(r"tangential mindlin\S* \S+ (\S+)", files["lammps"]["in.pour"]) == ["0"] * 3
     assert "betas=by_pair(0.0, 0.0)" in files["yade"]["pour.py"]
     assert job.plate_radius_m == pytest.approx(0.5e-3 * config["funnel"]["plate_diameter_mm"])
     for program, name in DECK.items():
@@ -123,9 +121,8 @@ def test_the_deck_of_a_sphere_has_spheres_of_its_volume_and_step(config):
     assert of_sphere.particle.density_kg_m3 * volume == pytest.approx(of_sphere.particle.mass_kg) == BALL.mass_kg
     root = math.sqrt(BALL.mass_kg / volume / BERRY["shear_modulus_pa"])
     assert of_sphere.rayleigh_s == pytest.approx(math.pi * 5 * MM * root / (0.1631 * 0.32 + 0.8766))
-    assert of_sphere.particle.inertia_kg_m2 == pytest.approx(
-        np.full(3, 0.4 * of_sphere.particle.mass_kg * (5 * MM) ** 2)
-    )
+    of_ball = np.full(3, 0.4 * of_sphere.particle.mass_kg * (5 * MM) ** 2)
+    assert of_sphere.particle.inertia_kg_m2 == pytest.approx(of_ball)
     for program in DECK:
         text = "".join(export.PROGRAMS[program](of_sphere).values())
         assert not re.search(r"multisphere|rigid|clump\.txt|\.clump\(|ClumpParticle|each pair of spheres", text)
@@ -134,8 +131,7 @@ def test_the_deck_of_a_sphere_has_spheres_of_its_volume_and_step(config):
         assert re.search(r"multisphere|rigid|\.clump\(|ClumpParticle", deck)
     text = export.PROGRAMS["liggghts"](of_sphere)["in.pour"]
     assert re.search(r"particletemplate/sphere .* radius constant 0.005\n", text)
-    centre = ParameterSpace.of(config["parameters"]).centre
-    job = make(config, centre, SMOOTH, BERRY, one_sphere=True)
+    job = make(config, ParameterSpace.of(config["parameters"]).centre, SMOOTH, BERRY, one_sphere=True)
     volume = SMOOTH.mass_kg / SMOOTH.density_kg_m3
     assert 4 / 3 * math.pi * job.particle.spheres_m[0, 3] ** 3 == pytest.approx(volume)
     assert (job.is_sphere, job.particle.mass_kg) == (True, SMOOTH.mass_kg)
@@ -189,8 +185,7 @@ def rebound(ratio, limited):
         return state[0]
 
     parted.terminal, parted.direction = True, -1
-    end = solve_ivp(slopes, (0, 50), (1e-9, 1.0), events=parted, rtol=1e-8, atol=1e-12)
-    return -end.y[1, -1]
+    return -solve_ivp(slopes, (0, 50), (1e-9, 1.0), events=parted, rtol=1e-8, atol=1e-12).y[1, -1]
 
 
 @pytest.mark.parametrize(("tension", "limited"), [("keep", False), ("release", True)])
@@ -198,8 +193,7 @@ def rebound(ratio, limited):
 def test_the_equivalent_restitution_gives_the_calibrated_rebound(config, job, tension, limited, restitution):
     config = config | {"simulation": config["simulation"] | {"tension": tension}}
     values = ParameterSpace.of(config["parameters"]).centre | {"e_gp": restitution}
-    pair = make(config, values, THREE, BERRY).on_wall
-    typed = laws.equivalent_restitution(pair)
+    typed = laws.equivalent_restitution(make(config, values, THREE, BERRY).on_wall)
     # the formula of the other programs
     ratio = -math.log(typed) / math.hypot(math.log(typed), math.pi)
     assert rebound(ratio, limited) == pytest.approx(restitution, abs=1e-3)
@@ -236,8 +230,7 @@ def test_the_funnel_is_the_simulated_one_and_the_lammps_cone_ends_where_it_does(
     assert line[:, 0].min() == pytest.approx(0.5 * funnel.outlet_diameter_m)
     cone = funnel.cone_line()
     on_cone = np.abs(line @ [cone.normal_r, cone.normal_z] - cone.offset) < 1e-9
-    first = line[on_cone][-1]
-    assert first @ [cone.up_r, cone.up_z] == pytest.approx(cone.first)
+    assert line[on_cone][-1] @ [cone.up_r, cone.up_z] == pytest.approx(cone.first)
     corners = surface.triangles(funnel)
     areas = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     assert areas.min() > 0.0
@@ -255,8 +248,7 @@ def test_a_tube_stands_in_surface_and_deck(config):
     config = config | {"funnel": config["funnel"] | {"tube_length_mm": 20.0}}
     job = job_of(config, THREE)
     line = surface.profile(job.surfaces)
-    inner = line[np.isclose(line[:, 0], 0.5 * job.surfaces.outlet_diameter_m)]
-    assert np.ptp(inner[:, 1]) == pytest.approx(0.02)
+    assert np.ptp(line[np.isclose(line[:, 0], 0.5 * job.surfaces.outlet_diameter_m)][:, 1]) == pytest.approx(0.02)
     assert "region          tube cylinder" in export.PROGRAMS["lammps"](job)["in.pour"]
 
 
@@ -297,12 +289,10 @@ CONTACT = {
     ("yade", "hertz_mindlin_rescaled"): "stays as it is when the normal load changes; in the study it stays on",
     ("mercurydpm", "hertz_mindlin"): "HertzianViscoelasticMindlinRollingTorsionSpecies",
     ("mercurydpm", "hertz_mindlin_rescaled"): "grows and falls with the normal load; in the study it stays on",
-    ("edem", "hertz_mindlin"): "Hertz-Mindlin (no slip)",
-    ("edem", "hertz_mindlin_rescaled"): "Hertz-Mindlin (no slip)",
-    ("edem", "jkr"): "Hertz-Mindlin with JKR",
-    ("rocky", "hertz_mindlin"): "Mindlin-Deresiewicz",
+    ("edem", "hertz_mindlin"): "Hertz-Mindlin (no slip)", ("edem", "hertz_mindlin_rescaled"): "Hertz-Mindlin (no slip)",
+    ("edem", "jkr"): "Hertz-Mindlin with JKR", ("rocky", "hertz_mindlin"): "Mindlin-Deresiewicz",
     ("rocky", "hertz_mindlin_rescaled"): "Mindlin-Deresiewicz",
-}
+}  # fmt: skip
 ROLLING = {
     ("liggghts", "budget"): "rolling_friction epsd2 ", ("liggghts", "constant_torque"): "rolling_friction cdt ",
     ("liggghts", "epsd"): "rolling_friction epsd ", ("liggghts", "epsd2"): "rolling_friction epsd2 ",
@@ -332,11 +322,9 @@ def test_each_law_is_written_as_the_program_has_it_or_refused(config, program, p
 
 # Words about the particle, whether the study's berry is a sphere, and what the deck holds.
 ASKED = {
-    "clump": (["--spheres", "5"], False, True),
-    "sphere": ([], True, False),
-    "one sphere": (["--spheres", "1"], True, False),
-    "clump of a spherical berry": (["--spheres", "2"], True, True),
-}
+    "clump": (["--spheres", "5"], False, True), "sphere": ([], True, False),
+    "one sphere": (["--spheres", "1"], True, False), "clump of a spherical berry": (["--spheres", "2"], True, True),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("words", "spherical", "is_clump"), ASKED.values(), ids=ASKED)
@@ -391,8 +379,7 @@ def test_a_card_alone_is_enough_in_any_folder(tmp_path, monkeypatch, command, sp
         text = Path(f"deck {step}/in.pour").read_text()
         steps[step] = float(re.search(r"timestep +(\S+)", text)[1])
         assert f"nparticles {shown['tests'][0]['bench']['berries']} " in text
-        assert f"mu_s {shown['parameters']['mus_gg']['value']:.6g}" in text
-        assert f"gravity {9.0 if step else 9.81:g} " in text
+        says(text, f"mu_s {shown['parameters']['mus_gg']['value']:.6g}", f"gravity {9.0 if step else 9.81:g} ")
         assert "limitForce on" in text
         if spheres > 1:
             assert float(re.search(r" type 1 mass (\S+)", text)[1]) == pytest.approx(1e-3 * shown["grain"]["mass_g"])
@@ -402,10 +389,9 @@ def test_a_card_alone_is_enough_in_any_folder(tmp_path, monkeypatch, command, sp
             assert moments == pytest.approx(solid, rel=0.01)
     assert steps[1e-6] == pytest.approx(0.5e-6 if spheres > 1 else 1e-6)
     assert steps[None] > 5 * steps[1e-6]
-    for entry, key, value, said in (
-        (shown["laws"], "normal", "another law", "card.json: laws is 'another law'; expected laws of this version"),
-        (shown["tests"][0], "apparatus", "drum", "expected the card of a study with piles of the funnel"),
-    ):
+    law = "card.json: laws is 'another law'; expected laws of this version"
+    drum = (shown["tests"][0], "apparatus", "drum", "expected the card of a study with piles of the funnel")
+    for entry, key, value, said in ((shown["laws"], "normal", "another law", law), drum):
         entry[key] = value
         Path("card.json").write_text(json.dumps(shown))
         assert said in command(*words, "--out", "deck", status=2).err

@@ -61,8 +61,7 @@ def kills(place, finished, wanted, table, count, seed):
             moment = rng.randrange(MORE_FILES), rng.uniform(0.0, 1.0)
             killed = _kill(study, main, one, whom, *moment) if done < count else False
             status, now = forked.ended(main), study.finished()
-            # once a rule was forced, what stands on it is made anew, but no pour
-            loose = loose or bool(forced)
+            loose = loose or bool(forced)  # once a rule was forced, what stands on it is made anew, but no pour
             kept = {path: when for path, when in before.items() if "timings" in path.parts or not loose}
             again = study.made_again(kept)
             if killed:
@@ -148,11 +147,9 @@ def changes(place, finished, wanted, table):
     target = {"response": "height_mm", "apparatus": "funnel", "value": 60.0, "sd": 3.0}
     target |= {"repetitions": 5, "range": [55.0, 65.0]}
     for name, sections, poured in (
-        ("one seed more", {"funnel": {"seeds": 2}}, 12),
-        ("another target", {"targets": [target]}, 0),
-        ("another network", {"network": {"hidden": 3}}, 0),
-        ("another definition", {"measure": {"views": 3}}, 0),
-    ):
+        ("one seed more", {"funnel": {"seeds": 2}}, 12), ("another target", {"targets": [target]}, 0),
+        ("another network", {"network": {"hidden": 3}}, 0), ("another definition", {"measure": {"views": 3}}, 0),
+    ):  # fmt: skip
         fresh = Study(place / "fresh", jobs).prepared().configured(**sections)
         fresh.run()
         study = finished.copied_to(place / "changed").configured(**sections)
@@ -214,8 +211,7 @@ def main():
     words.add_argument("--real-pours", action="store_true", help="with the engine, which costs minutes more")
     given = words.parse_args()
     table = Table()
-    # a shell lets what runs in the background ignore it
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell lets what runs in the background ignore it
     forked.load_all()
     if not given.real_pours:
         forked.make_up_pours()

@@ -46,8 +46,7 @@ sys.exit(int(status) if status else 137)
 def load_all():
     """Import snakemake and every module of the program but those that only draw."""
     importlib.import_module("snakemake.cli")
-    package = importlib.import_module("repose")
-    for module in pkgutil.walk_packages(package.__path__, "repose."):
+    for module in pkgutil.walk_packages(importlib.import_module("repose").__path__, "repose."):
         if not module.name.startswith(("repose.pictures", "repose.verification", "repose.__main__")):
             importlib.import_module(module.name)
 
@@ -76,11 +75,9 @@ def made_up_pour(scene, interval_s=None, progress=None):
     record = {"seed": int(seed), "status": "ok", "reason": "", "discharge_s": 1.0, "berries_on_plate": 400}
     record |= {"berries_in_pile": 400, "berries_off_plate": 0, "kinetic_energy_J": 0.0}
     arrays = {
-        "position": position.astype(np.float32),
-        "quaternion": np.tile(np.float32([1.0, 0.0, 0.0, 0.0]), (400, 1)),
-        "in_pile": np.ones(400, bool),
-        "scale": np.ones(400, np.float32),
-    }
+        "position": position.astype(np.float32), "quaternion": np.tile(np.float32([1.0, 0.0, 0.0, 0.0]), (400, 1)),
+        "in_pile": np.ones(400, bool), "scale": np.ones(400, np.float32),
+    }  # fmt: skip
     return Run(record, arrays)
 
 
@@ -104,8 +101,7 @@ class Jobs:
 
     def running(self):
         with suppress(OSError):
-            found = Path(f"/proc/{self.process}/task/{self.process}/children").read_text()
-            return [int(one) for one in found.split()]
+            return list(map(int, Path(f"/proc/{self.process}/task/{self.process}/children").read_text().split()))
         return []
 
     def close(self):

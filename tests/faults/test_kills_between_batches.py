@@ -23,20 +23,17 @@ def test_a_kill_within_or_between_batches_loses_nothing(tmp_path, monkeypatch):
     forked.load_all()
     forked.make_up_pours(monkeypatch.setattr)
     with closing(forked.Jobs(tmp_path)) as jobs:
-        whole, killed = (
-            forked.Study(tmp_path / name, jobs, ["results/sequential/summary.json"])
-            .prepared()
-            .configured(strategy="sequential", sequential=SECTION, targets=[TARGET])
-            for name in ("whole", "killed")
-        )
+        made = ["results/sequential/summary.json"]
+        studies = (forked.Study(tmp_path / name, jobs, made).prepared() for name in ("whole", "killed"))
+        settings = {"strategy": "sequential", "sequential": SECTION, "targets": [TARGET]}
+        whole, killed = (study.configured(**settings) for study in studies)
         assert whole.run() == 0, whole.last_words()
         proposed, before = [], {}
         for moment in MOMENTS:
             proposed.append(killed_at(killed, moment))
             assert killed.made_again(before) == []
             before = killed.finished()
-        # each kill came where it was meant to: batches that were proposed by then
-        assert proposed == [1, 2, 2]
+        assert proposed == [1, 2, 2]  # each kill came where it was meant to: batches that were proposed by then
         assert killed.run() == 0, killed.last_words()
         assert killed.made_again(before) == []
         assert len(list((killed.folder / "results/sequential").glob("batch_*"))) == 4, "the last holds the answer"

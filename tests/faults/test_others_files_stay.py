@@ -92,11 +92,8 @@ def sandbox(tmp_path_factory):
 
 
 def tree(top):
-    return {
-        path: os.readlink(path) if path.is_symlink() else path.read_bytes()
-        for path in top.rglob("*")
-        if path.is_symlink() or path.is_file()
-    }
+    files = (path for path in top.rglob("*") if path.is_symlink() or path.is_file())
+    return {path: os.readlink(path) if path.is_symlink() else path.read_bytes() for path in files}
 
 
 @st.composite

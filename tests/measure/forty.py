@@ -232,8 +232,7 @@ def truth(scene: Scene, how: MeasureSettings, step: float = 0.2) -> tuple[float,
     tops = np.where(seen.any(axis=0), plate - seen.argmax(axis=0), 0)
     crest, at = int(tops.argmax()), np.arange(len(tops))
     sides = [np.flatnonzero((tops > 0) & part) for part in (at <= crest, at >= crest)]
-    slopes = [abs(np.polyfit(side, tops[side], 1)[0]) for side in sides]
-    own = float(np.degrees(np.arctan(slopes)).mean())
+    own = float(np.degrees(np.arctan([abs(np.polyfit(side, tops[side], 1)[0]) for side in sides])).mean())
     one = measure_image(np.where(seen, 40, 255).astype(np.uint8), step, how, base_row=plate - 0.5)
     return one.aor_deg, own, one.height_mm
 
@@ -315,8 +314,7 @@ def photograph(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 def outcome(scene: Scene, folder: Path) -> tuple[photographs.Photograph, tuple[float, float, float]]:
     """The photograph of a scene, measured, and the truth; what was found in it lies beside it."""
     how = MeasureSettings(berry_height_mm=scene.d)
-    # half of the cameras state their focal length
-    focal = scene.focal / SIZE[0] if scene.stated else None
+    focal = scene.focal / SIZE[0] if scene.stated else None  # half of the cameras state their focal length
     path = sixty.saved(folder / f"{scene.seed}.jpg", lambda: photograph(scene)[0], focal, quality=92)
     found = photographs.measure_all([path], how, photographs.Scale())[0]
     sixty.show(found, path)

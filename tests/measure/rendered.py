@@ -7,6 +7,7 @@ pile's own silhouette, orthographic and without anything else, measured like tha
 World: x right, y away from the camera, z up, in mm; the crest lies near x = y = 0, the plate at z = 0.
 """
 
+import itertools
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -81,8 +82,7 @@ class Scene:
         z = self.height * (1 - share) - inset * (1 - share) + inset * share - low
         points = np.column_stack([away * np.cos(turn), away * np.sin(turn), z])
         points = points[z >= 0.45 * big]
-        kept = _apart(points, 0.72 * big)
-        points = points[kept]
+        points = points[_apart(points, 0.72 * big)]
         quaternions = rng.normal(size=(len(points), 4))
         quaternions /= np.linalg.norm(quaternions, axis=1, keepdims=True)
         return points, quaternions, rng.normal(1.0, 0.06, len(points)).clip(0.8, 1.2)
@@ -141,8 +141,7 @@ def photograph(scene):
             _cast(scene, grains, inside, eye, rays, (camera, lens, turn), colour, depth)
     colour *= _light(scene, height, width)[..., None]
     colour = cv2.GaussianBlur(colour, (0, 0), 0.7)
-    noise = scene.rng.normal(0, 2.2, colour.shape)
-    image = np.clip(colour + noise, 0, 255).astype(np.uint8)
+    image = np.clip(colour + scene.rng.normal(0, 2.2, colour.shape), 0, 255).astype(np.uint8)
     return cv2.imdecode(cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 92])[1], cv2.IMREAD_COLOR)
 
 
@@ -151,13 +150,8 @@ def _apart(points, distance):
     kept, cells = [], {}
     for i, point in enumerate(points):
         cell = tuple((point // distance).astype(int))
-        near = [
-            j
-            for a in range(-1, 2)
-            for b in range(-1, 2)
-            for c in range(-1, 2)
-            for j in cells.get((cell[0] + a, cell[1] + b, cell[2] + c), ())
-        ]
+        around = itertools.product(*(range(place - 1, place + 2) for place in cell))
+        near = [j for one in around for j in cells.get(one, ())]
         if not near or ((points[near] - point) ** 2).sum(1).min() > distance**2:
             kept.append(i)
             cells.setdefault(cell, []).append(i)

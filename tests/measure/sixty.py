@@ -18,13 +18,10 @@ from repose.measure.settings import MeasureSettings
 
 NUMBER = 60
 GRAINS = {  # colour, blue first; axes [mm]
-    "goji": ((38, 44, 190), (19.0, 11.0, 10.0)),
-    "wheat": ((92, 150, 196), (6.6, 3.4, 3.0)),
-    "maize": ((40, 165, 225), (11.0, 8.5, 5.5)),
-    "rice": ((238, 240, 242), (6.8, 2.9, 2.3)),
-    "bean": ((30, 28, 32), (9.5, 6.8, 5.6)),
-    "pea": ((70, 170, 110), (7.6, 7.4, 7.2)),
-}
+    "goji": ((38, 44, 190), (19.0, 11.0, 10.0)), "wheat": ((92, 150, 196), (6.6, 3.4, 3.0)),
+    "maize": ((40, 165, 225), (11.0, 8.5, 5.5)), "rice": ((238, 240, 242), (6.8, 2.9, 2.3)),
+    "bean": ((30, 28, 32), (9.5, 6.8, 5.6)), "pea": ((70, 170, 110), (7.6, 7.4, 7.2)),
+}  # fmt: skip
 BACKGROUNDS = ((235, 236, 238), (28, 27, 26), (140, 142, 145), (170, 105, 55), (95, 140, 185), (95, 140, 80))
 TROUBLE = ("two heaps", "two that touch", "a layer", "a level top", "cut off", "no heap")
 SEEN = 10.0  # CIE 1976: from this difference of colours an eye sees the outline of a heap of grains
@@ -49,8 +46,7 @@ class Outcome(NamedTuple):
 
 def scene(number: int) -> Scene:
     rng = np.random.default_rng([2031, number])
-    crop = list(GRAINS)[number % len(GRAINS)]
-    colour, axes = GRAINS[crop]
+    colour, axes = GRAINS[list(GRAINS)[number % len(GRAINS)]]
     angle, height = rng.uniform(24, 36), rng.uniform(42, 65)
     heap = Heap(0.0, 0.0, height, angle, foot=rng.choice([0.0, 1.5]))
     half, left, right = heap.half, -heap.half - rng.uniform(160, 185), heap.half + rng.uniform(40, 70)

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from refusals import raised
 
 from repose.core.errors import NoFlankError
 from repose.measure import angles, profile_points
@@ -31,8 +32,7 @@ def trapezoid(slope, height, half_top):
 def two_slopes(lower, upper, knee, height):
     """One side that rises with `lower` up to the height `knee` and with `upper` above it."""
     below = knee + lower * np.arange(-math.ceil(knee / lower) - MARGIN, 0)
-    above = np.arange(0, (height - knee) / upper + 1e-9)
-    return np.maximum(np.concatenate([below, knee + upper * above]), 0.0)
+    return np.maximum(np.concatenate([below, knee + upper * np.arange(0, (height - knee) / upper + 1e-9)]), 0.0)
 
 
 def lumpy(slope, height, rng):
@@ -40,8 +40,7 @@ def lumpy(slope, height, rng):
     profile = cone(slope, height)
     u = np.arange(profile.size)
     for centre in rng.uniform(MARGIN, profile.size - 20, 40):
-        r = rng.uniform(8, 16)
-        chord = r**2 - (u - centre) ** 2
+        chord = rng.uniform(8, 16) ** 2 - (u - centre) ** 2
         top = np.interp(centre, u, cone(slope, height)) - 4 + np.sqrt(np.maximum(chord, 0.0))
         profile = np.where(chord > 0, np.maximum(profile, top), profile)
     profile[:MARGIN] = 0.0
@@ -53,11 +52,9 @@ def lumpy(slope, height, rng):
 def test_a_cone_has_its_slope_by_every_line(rule, slope):
     profile = cone(slope, 240.0)
     for line in (
-        angles.flank(profile, 24.0, 192.0, rule),
-        angles.steepest(profile, 24.0, 192.0, rule),
-        angles.whole(profile, rule),
-        angles.straightest(profile, 0.333, rule),
-    ):
+        angles.flank(profile, 24.0, 192.0, rule), angles.steepest(profile, 24.0, 192.0, rule),
+        angles.whole(profile, rule), angles.straightest(profile, 0.333, rule),
+    ):  # fmt: skip
         assert line.angle_deg == pytest.approx(degrees(slope), abs=1e-9)
         for u, z in line.ends:
             assert z == pytest.approx(240.0 - slope * (profile.size - 1 - u))
@@ -81,8 +78,7 @@ def test_the_secant_takes_the_whole_width_and_a_trapezoid_is_a_cone_to_the_flank
     profile = trapezoid(slope, height, half_top)
     assert angles.flank(profile, 20.0, 160.0).angle_deg == pytest.approx(degrees(slope))
     assert angles.steepest(profile, 20.0, 160.0).angle_deg == pytest.approx(degrees(slope))
-    secant = angles.secant(profile, 40.0)
-    assert secant.angle_deg == pytest.approx(degrees(height / (160.0 / slope + half_top)))
+    assert angles.secant(profile, 40.0).angle_deg == pytest.approx(degrees(height / (160.0 / slope + half_top)))
     # regression of z = min(s u, h) on u over [0, a + b], a = h / s: covariance over variance by integration
     a, b = height / slope, half_top
     total = a + b
@@ -157,8 +153,7 @@ def test_the_straightest_window_leaves_out_a_wavy_toe_and_a_flat_crest(rule):
     profile = trapezoid(slope, height, 60)
     toe = MARGIN + np.arange(60)
     profile[toe] = np.maximum(profile[toe] + 6 * np.sin(toe / 60 * 4 * math.pi), 1.5)
-    line = angles.straightest(profile, 0.25, rule)
-    assert line.angle_deg == pytest.approx(degrees(slope), abs=0.1)
+    assert angles.straightest(profile, 0.25, rule).angle_deg == pytest.approx(degrees(slope), abs=0.1)
     assert abs(angles.whole(profile, "columns").angle_deg - degrees(slope)) > 1
 
 
@@ -185,19 +180,14 @@ def test_sides_hold_every_definition_or_say_why_not():
     assert "12 are needed" in reasons["steepest"]
     wall = np.concatenate([np.zeros(MARGIN), np.full(60, 200.0)])
     for definition in (angles.flank, angles.steepest):
-        with pytest.raises(NoFlankError, match="a wall"):
-            definition(wall, 20.0, 160.0, "levels")
-    with pytest.raises(NoFlankError, match="not higher than one grain"):
-        angles.secant(cone(0.5, 40.0), 40.0)
+        raised(NoFlankError, "a wall", definition, wall, 20.0, 160.0, "levels")
+    raised(NoFlankError, "not higher than one grain", angles.secant, cone(0.5, 40.0), 40.0)
     cut = cone(0.5, 200.0)[150:]
     for definition in (
-        lambda: angles.flank(cut, 20.0, 160.0),
-        lambda: angles.secant(cut, 20.0),
-        lambda: angles.whole(cut),
+        lambda: angles.flank(cut, 20.0, 160.0), lambda: angles.secant(cut, 20.0), lambda: angles.whole(cut),
         lambda: angles.straightest(cut, 0.333),
-    ):
-        with pytest.raises(NoFlankError, match="foot is not seen"):
-            definition()
+    ):  # fmt: skip
+        raised(NoFlankError, "foot is not seen", definition)
 
 
 def test_windows_levels_and_lines_are_what_their_words_say():
@@ -205,15 +195,12 @@ def test_windows_levels_and_lines_are_what_their_words_say():
     distance = 2.0 * height + np.random.default_rng(1).normal(scale=3.0, size=30)
     slope = angles.window_slopes(distance, height, np.array([5.0]), np.array([20.0]))
     assert slope[0] == pytest.approx(np.polyfit(distance[5:21], height[5:21], 1)[0], rel=1e-9)
-    profile = np.array([0.0, 10.0, 20.0, 10.0, 20.0, 30.0])
-    middle, heights = profile_points.points_by_levels(profile, 14.5, 16.5)
+    middle, heights = profile_points.points_by_levels(np.array([0.0, 10.0, 20.0, 10.0, 20.0, 30.0]), 14.5, 16.5)
     assert heights.tolist() == [15.0, 16.0]
     np.testing.assert_allclose(middle, [0.5 * (1.5 + 3.5), 0.5 * (1.6 + 3.6)])
     section = vars(MeasureSettings(fit_from="berry", fit_to=0.8, flank="rows", smallest_window=0.25))
     assert {name: line_of(section, name) for name in angles.DEFINITIONS} == {
-        "flank": "flank, one grain to 80 % of the height, rows",
-        "secant": "secant, foot to crest",
+        "flank": "flank, one grain to 80 % of the height, rows", "secant": "secant, foot to crest",
         "steepest": "steepest half or more of the flank, one grain to 80 % of the height, rows",
-        "whole": "whole side, columns",
-        "straightest": "straightest window, at least 0.25 of the side, columns",
-    }
+        "whole": "whole side, columns", "straightest": "straightest window, at least 0.25 of the side, columns",
+    }  # fmt: skip

@@ -34,9 +34,8 @@ def test_few_of_the_forty(tmp_path):
 def test_all_forty(tmp_path):
     missed = errors(forty.JUDGED, tmp_path)
     off = np.array(list(missed.values()))
-    print(
-        missed, len(off), off.mean(axis=0), off.std(axis=0, ddof=1) / len(off) ** 0.5, np.abs(off).max(axis=0), sep="\n"
-    )
+    error = off.std(axis=0, ddof=1) / len(off) ** 0.5
+    print(missed, len(off), off.mean(axis=0), error, np.abs(off).max(axis=0), sep="\n")
     assert len(missed) >= 20
     assert abs(off[:, 0].mean()) < 0.2
     assert [seed for seed, (angle, _) in missed.items() if abs(angle) >= 1.0] == [HORIZON]

@@ -6,9 +6,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from refusals import input_error
+from refusals import input_error, raised
 
-from repose.core.errors import InputError
 from repose.measure import pile as piles
 from repose.measure.drawing import overlay, process_panels
 from repose.measure.pile import MeasureSettings, NoFlankError, read_image
@@ -129,14 +128,12 @@ def test_each_side_is_measured_by_itself():
     left, right = m.angle.lines
     axis = cover.shape[1] / 2 - 0.5
     for (below, above), slope in ((left, 20), (right, 38)):
-        run = HEIGHT_MM * 0.9 / math.tan(math.radians(slope)) / MM
-        assert abs(below[0] - axis) == pytest.approx(run, abs=1.5)
+        assert abs(below[0] - axis) == pytest.approx(HEIGHT_MM * 0.9 / math.tan(math.radians(slope)) / MM, abs=1.5)
         assert m.base_row - below[1] == pytest.approx(0.1 * m.height_mm / MM)
         assert m.base_row - above[1] == pytest.approx(0.8 * m.height_mm / MM)
 
 
-# Grey: dark on light, light on dark. Red fruit (BGR) on white, on black, and on a board of the very same
-# luminance.
+# Grey: dark on light, light on dark. Red fruit (BGR) on white, on black, and on a board of the very same luminance.
 TONES = [(40, 220), (210, 30), ((30, 30, 190), (225,) * 3), ((30, 30, 190), (15,) * 3), ((30, 30, 190), (77,) * 3)]
 
 
@@ -146,8 +143,7 @@ def test_tilted_light_noise_and_loose_berries_in_either_polarity(pile, backgroun
     for angle in ANGLES[::2]:
         half = half_width(angle)
         cover = drawn(lambda u, a=angle: shape(a, u), half, loose=[(half - 7, 5), (9 - half, 6)])
-        picture = tilted_noisy(toned(cover, pile, background), np.random.default_rng(angle))
-        m = measure_image(picture, MM)
+        m = measure_image(tilted_noisy(toned(cover, pile, background), np.random.default_rng(angle)), MM)
         assert m.aor_deg == pytest.approx(angle, abs=DISTURBED_DEG)
         assert m.height_mm == pytest.approx(HEIGHT_MM, abs=DISTURBED_MM)
         if background != (77, 77, 77):
@@ -162,8 +158,7 @@ def test_a_light_or_lumpy_pile_is_measured_as_it_is():
     assert (plain.pile_is, inverse.pile_is) == ("darker", "brighter")
     picture = toned(drawn(lambda u: rounded(30, u), half_width(30)), 40, 220)
     fine, coarse = measure_image(picture, 0.1), measure_image(picture, 0.4)
-    assert coarse.aor_deg == fine.aor_deg
-    assert coarse.height_mm == pytest.approx(4 * fine.height_mm)
+    assert (coarse.aor_deg, coarse.height_mm) == (fine.aor_deg, pytest.approx(4 * fine.height_mm))
     errors = {rule: [] for rule in FLANK_RULES}
     for angle in ANGLES:
         for cover in lumpy_piles(angle, 12):
@@ -201,21 +196,17 @@ def test_loose_berries_count_when_asked_for_and_a_narrow_mask_has_its_plate():
     mask = np.zeros((30, 100), bool)
     mask[:20, 40:60] = mask[20:] = True
     mask[15, 3:97] = True
-    assert plate_row(mask) == 19.5
-    assert plate_row(mask[16:]) == 3.5
-    assert plate_row(mask[17:]) is None
+    assert (plate_row(mask), plate_row(mask[16:]), plate_row(mask[17:])) == (19.5, 3.5, None)
 
 
 def test_the_base_is_the_given_one_or_a_plate_as_dark_as_the_pile_and_jpeg_round_trip(tmp_path):
     picture = toned(drawn(lambda u: triangle(30, u), half_width(30), below_mm=0), 40, 220)
-    on_plate = np.vstack([picture, np.full((50, picture.shape[1]), 40, np.uint8)])
-    m = measure_image(on_plate, MM)
+    m = measure_image(np.vstack([picture, np.full((50, picture.shape[1]), 40, np.uint8)]), MM)
     assert m.base_row == picture.shape[0] - 0.5
     assert (m.aor_deg, m.height_mm) == pytest.approx((30, HEIGHT_MM), abs=CLEAN_MM)
     picture = toned(drawn(lambda u: triangle(30, u), half_width(30), below_mm=4.0), 40, 220)
     found = measure_image(picture, MM)
-    raised = measure_image(picture, MM, base_row=found.base_row - 40)
-    assert raised.height_mm == pytest.approx(found.height_mm - 10)
+    assert measure_image(picture, MM, base_row=found.base_row - 40).height_mm == pytest.approx(found.height_mm - 10)
     input_error("base_row", measure_image, picture, MM, base_row=10_000)
     picture = toned(drawn(lambda u: rounded(33, u), half_width(33)), (30, 30, 190), (200, 205, 210))
     path = tmp_path / "pile.jpg"
@@ -243,8 +234,7 @@ def test_pictures_of_the_workflow_and_unreadable_pictures_and_wrong_arrays_are_r
         input_error(name, read_image, tmp_path / name)
     input_error("no such file", read_image, tmp_path / "missing.png")
     for bad in (np.zeros((50, 50)), np.zeros((50, 50, 4), np.uint8), np.zeros((5, 50), np.uint8)):
-        with pytest.raises(InputError):
-            measure_image(bad, MM)
+        input_error("", measure_image, bad, MM)
 
 
 @pytest.mark.parametrize(("picture", "reason"), [
@@ -254,5 +244,4 @@ def test_pictures_of_the_workflow_and_unreadable_pictures_and_wrong_arrays_are_r
     (toned(drawn(lambda u: np.where(np.abs(u) < 40, 60.0, 0.0), 80), 40, 220), "a wall"),
 ])  # fmt: skip
 def test_pictures_without_a_flank_say_why(picture, reason):
-    with pytest.raises(NoFlankError, match=reason):
-        measure_image(picture, MM)
+    raised(NoFlankError, reason, measure_image, picture, MM)

@@ -46,8 +46,7 @@ def views_of(lens, count, rng):
 
 def test_the_lens_and_the_angle_of_a_cone_seen_from_above():
     found = camera.calibrate(views_of((-0.12, 0.03), 8, np.random.default_rng(1)), (1600, 1200))
-    assert found.note == ""
-    assert found.matrix[0, 0] == pytest.approx(1300, rel=0.003)
+    assert (found.note, found.matrix[0, 0]) == ("", pytest.approx(1300, rel=0.003))
     away = np.array([0.2, 0.4, 0.55]) ** 2
     assert found.lens[0] * away + found.lens[1] * away**2 == pytest.approx(-0.12 * away + 0.03 * away**2, abs=0.002)
     places = views_of((0, 0), 1, np.random.default_rng(1))[0].places_mm
@@ -111,8 +110,7 @@ def test_what_floats_over_the_plate_or_in_a_deep_shadow_is_left_out(tmp_path):
     assert np.array_equal(finding._largest(finding._without_floating(mask, 6)), pile)
     cv2.circle(pile, (320, 88), 12, 1, -1)  # at the foot
     left = finding._largest(finding._without_touching(pile, 7))
-    assert left[:, 316:].sum() == 0
-    assert left[:, :290].sum() == pile[:, :290].sum()
+    assert (left[:, 316:].sum(), left[:, :290].sum()) == (0, pile[:, :290].sum())
 
 
 @pytest.mark.slow

@@ -60,8 +60,7 @@ def test_a_job_holds_every_response_of_every_run(saved):
     for run in (first, second):
         assert set(funnel.ALWAYS) <= set(run)
         assert run["aor_deg"] == run["aor_flank_deg"] == pytest.approx(30, abs=4)
-        assert run["height_view_mm"] == pytest.approx(run["height_mm"], abs=0.5)
-        assert run["discharge_s"] == 16.0
+        assert (run["height_view_mm"], run["discharge_s"]) == (pytest.approx(run["height_mm"], abs=0.5), 16.0)
     assert (jammed["status"], jammed["reason"]) == ("jammed", "9 berries in the funnel")
     assert [jammed[key] for key in funnel.ALWAYS] == [None] * len(funnel.ALWAYS)
     summary = result["summary"]
@@ -83,9 +82,7 @@ def test_a_definition_may_fail_as_the_response_or_a_target_and_only_then(saved):
     tall = {"berry_height_mm": 30.0}  # the cone is some 55 mm high: berry to 60 % is too thin a band for half
     keys = {"fit_from": "berry", "fit_to": 0.6, **tall}
     kept = measure_job(Scene.of(config(response="secant", **keys), {}, AXES, PARTICLE), saved)["runs"][0]
-    assert kept["status"] == "ok"
-    assert kept["aor_steepest_deg"] is None
-    assert kept["aor_steepest_view_deg"] is None
+    assert (kept["status"], kept["aor_steepest_deg"], kept["aor_steepest_view_deg"]) == ("ok", None, None)
     assert kept["aor_deg"] == kept["aor_secant_deg"]
     failed = measure_job(Scene.of(config(response="steepest", **keys), {}, AXES, PARTICLE), saved)
     run = failed["runs"][0]
@@ -128,8 +125,7 @@ def test_further_responses_are_measured_where_they_are_targets(saved):
     for name in ("packing_percent", "discharge_s"):
         unit = name.rsplit("_", 1)
         assert result["summary"][f"{unit[0]}_se_{unit[1]}"] is not None
-    kept = {key: first[key] for key in without["runs"][0]}
-    assert kept == without["runs"][0]
+    assert {key: first[key] for key in without["runs"][0]} == without["runs"][0]
 
 
 @pytest.mark.parametrize("fit_from", [0.1, "berry"])
@@ -139,8 +135,7 @@ def test_a_picture_of_a_simulated_pile_is_measured_as_its_first_view(saved, tmp_
     poured = saved_pours.first_pour(saved.with_name("007.npz"))
     run = funnel.FunnelTest().measure(one_pour(1), poured, Scene.of(config(fit_from=fit_from), {}, AXES, PARTICLE))
     view = saved_piles.side_view(poured, PARTICLE, settings)
-    on_plate = np.vstack([view, np.full((30, view.shape[1]), view.min(), np.uint8)])
-    cv2.imwrite(str(tmp_path / "photo.png"), on_plate)
+    cv2.imwrite(str(tmp_path / "photo.png"), np.vstack([view, np.full((30, view.shape[1]), view.min(), np.uint8)]))
     seen = pile.measure_image(pile.read_image(tmp_path / "photo.png"), settings.mm_per_pixel, settings)
     assert seen.height_mm == pytest.approx(run["height_view_mm"], abs=1e-9)
     for name in DEFINITIONS:
@@ -148,8 +143,7 @@ def test_a_picture_of_a_simulated_pile_is_measured_as_its_first_view(saved, tmp_
 
 
 def test_the_lines_of_the_overlay_are_those_of_the_response_and_a_given_height_of_the_berry_wins(saved):
-    given = pile.MeasureSettings.of(config(berry_height_mm=20.0)["measure"], AXES)
-    assert given.berry_height_mm == 20.0
+    assert pile.MeasureSettings.of(config(berry_height_mm=20.0)["measure"], AXES).berry_height_mm == 20.0
     assert pile.MeasureSettings.of(config()["measure"], {}).berry_height_mm is None
     poured = saved_pours.first_pour(saved.with_name("007.npz"))
     lines = set()
@@ -203,12 +197,9 @@ def test_impossible_records_and_grains_are_refused_and_those_of_a_spoiled_run_ar
         change(**keys)
         measure_job(Scene.of(config(), {}, AXES, PARTICLE), saved)
 
-    cases = (
-        ({"discharge_s": "long"}, "discharge_s is 'long'; expected a finite number, or null"),
-        ({"discharge_s": math.nan}, "discharge_s is nan"),
-        ({"reason": 3}, "reason is 3; expected text"),
-        ({"seed": 2}, "each seed once"),
-    )
+    cases = [({"discharge_s": "long"}, "discharge_s is 'long'; expected a finite number, or null")]
+    cases += [({"discharge_s": math.nan}, "discharge_s is nan"), ({"reason": 3}, "reason is 3; expected text")]
+    cases += [({"seed": 2}, "each seed once")]
     assert not_refused(measure, cases, InputError) == []
     del job["pours"][2]["reason"]
     measure({})

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 from oracles import rotation
+from refusals import raised
 from rendered import Ellipsoids
 
 from repose.measure import further_responses
@@ -51,8 +52,7 @@ def test_silhouette_equals_the_projection_of_a_cloud_of_surface_points(particle)
         cloud[row[row < 120], column[row < 120]] = True
     pile = image < 128
     ones = np.ones((3, 3), np.uint8)
-    # a point touches a pixel before the outline covers its centre: the two differ by the rim, and only
-    # outwards
+    # a point touches a pixel before the outline covers its centre: the two differ by the rim, and only outwards
     assert not (pile & ~cloud).any()
     assert not (cloud & (cv2.dilate(pile.astype(np.uint8), ones) == 0)).any()
 
@@ -77,20 +77,16 @@ def test_silhouettes_and_height_of_the_members_and_what_is_no_pile():
     with_stray = Grains(np.vstack([centres, stray]), np.vstack([q, rng.normal(size=(2, 4))]), BERRY)
     members = np.arange(502) < 500
     alone, masked = measure_pile(Grains(centres, q, BERRY)), measure_pile(with_stray, members=members)
-    assert masked.aor_deg == alone.aor_deg
-    assert masked.height_mm == alone.height_mm
+    assert (masked.aor_deg, masked.height_mm) == (alone.aor_deg, alone.height_mm)
     assert alone.aor[alone.response].shape == alone.view_height_mm.shape == (18,)
     assert alone.aor_deg == pytest.approx(alone.aor[alone.response].mean())
     assert np.abs(alone.view_height_mm - alone.height_mm).max() < MM
-    every = measure_pile(with_stray, MeasureSettings(largest_pile_only=False), members)
-    assert every.aor_deg < alone.aor_deg - 1
+    assert measure_pile(with_stray, MeasureSettings(largest_pile_only=False), members).aor_deg < alone.aor_deg - 1
     rng = np.random.default_rng(4)
     flat = np.column_stack([rng.uniform(-0.1, 0.1, (80, 2)), np.full(80, 0.005)])
     lying = Grains(flat, np.tile([1.0, 0, 0, 0], (80, 1)), BERRY)
-    with pytest.raises(NoFlankError, match="mm high"):
-        measure_pile(lying)
-    with pytest.raises(NoFlankError, match="no grain"):
-        measure_pile(lying, members=np.zeros(80, bool))
+    raised(NoFlankError, "mm high", measure_pile, lying)
+    raised(NoFlankError, "no grain", measure_pile, lying, members=np.zeros(80, bool))
     pile = cone_of_berries(25, np.random.default_rng(2))
     with pytest.raises(NoFlankError, match=r"by 1\d pixels of 5 mm \(measure.mm_per_pixel\); a flank needs 20 by 20"):
         measure_pile(Grains(*pile, BERRY), MeasureSettings(mm_per_pixel=5.0))
@@ -141,8 +137,7 @@ def test_slopes_widths_and_scatter_are_those_of_cones():
     volume = math.pi * base**2 * 60.0 / 3
     found = further_responses.of_profile([cone(angle)] * 3, MM_PER_PIXEL, 60.0, berry, 0.6 * volume)
     assert found["base_radius_mm"] == pytest.approx(base * (1 - berry / 60), abs=0.3)
-    assert found["lower_deg"] == pytest.approx(angle, abs=0.3)
-    assert found["upper_deg"] == pytest.approx(angle, abs=0.3)
+    assert (found["lower_deg"], found["upper_deg"]) == (pytest.approx(angle, abs=0.3), pytest.approx(angle, abs=0.3))
     assert found["packing_percent"] == pytest.approx(60, abs=0.5)
     profile = cone(31.0)
     hollow = profile**2 / profile.max()  # steep at the top, flat at the foot
@@ -170,8 +165,7 @@ def test_slopes_widths_and_scatter_are_those_of_cones():
     found = further_responses.of_scatter(centres, pile, 300.0)
     assert found["radius_90_mm"] == pytest.approx(np.quantile(np.arange(1, 101), 0.9))
     assert found["loose_percent"] == pytest.approx(5.0)
-    with pytest.raises(NoFlankError, match="no grain"):
-        further_responses.of_scatter(centres[101:], pile[101:], 300.0)
+    raised(NoFlankError, "no grain", further_responses.of_scatter, centres[101:], pile[101:], 300.0)
 
 
 @pytest.mark.parametrize("definition", DEFINITIONS)

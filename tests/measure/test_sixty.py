@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import rice
 import sixty
+from refusals import raised
 
 from repose.core.errors import NoFlankError
 from repose.measure import finding, photographs, sheet
@@ -15,8 +16,7 @@ from repose.measure.pile import measure_segmented
 from repose.measure.segmentation import Segmentation
 from repose.measure.settings import MeasureSettings
 
-# A heap, two that touch, black grains, a layer, white grains, a heap that is cut off.
-FEW = 1, 9, 10, 14, 15, 24
+FEW = 1, 9, 10, 14, 15, 24  # A heap, two that touch, black grains, a layer, white grains, a heap that is cut off.
 
 
 @pytest.mark.slow
@@ -73,8 +73,7 @@ def test_a_coarse_photograph_is_doubtful_and_one_sheet_gives_the_camera_of_a_zoo
     assert "too coarse" in coarse_one.remarks
     # A pixel at either end of a side of 34 degrees: sin(2 * 34) / 50.
     assert "the angle may be off by 1.1 degrees" in coarse_one.remarks
-    true = sixty.truth(coarse.scene(7, 50))
-    assert coarse_one.measurement.aor_deg == pytest.approx(true.angle, abs=1.5)
+    assert coarse_one.measurement.aor_deg == pytest.approx(sixty.truth(coarse.scene(7, 50)).angle, abs=1.5)
     assert "too coarse" not in fine_one.remarks
     focal = 9000.0
     places = np.array([(x, z) for x in np.arange(20, 130, 20.0) for z in np.arange(20, 180, 20.0)])
@@ -115,8 +114,7 @@ def test_a_second_heap_beside_it_is_doubtful(tmp_path):
     for foot, high, known in ((900, 60, True), (830, 15, False)):
         picture = np.full((400, 1000), 230, np.uint8)
         for left, right, top in ((100, 700, 150), (800, foot + 50, high)):
-            corners = [(left, 350), ((left + right) // 2, 350 - top), (right, 350)]
-            cv2.fillPoly(picture, [np.array(corners)], 40)
+            cv2.fillPoly(picture, [np.array([(left, 350), ((left + right) // 2, 350 - top), (right, 350)])], 40)
         file = tmp_path / f"{high}.png"
         cv2.imwrite(str(file), picture)
         how, scale = MeasureSettings(berry_height_mm=6.0), photographs.Scale(mm_per_pixel=0.5)
@@ -133,5 +131,4 @@ def test_a_doubt_is_printed_beside_its_photograph_and_a_layer_is_refused(tmp_pat
     assert "note: lens not corrected\n" in text
     how = MeasureSettings(mm_per_pixel=0.5, berry_height_mm=6.0)
     pile = outlined((100, 30), (500, 30))
-    with pytest.raises(NoFlankError, match="a layer, no pile"):
-        photographs._doubts(pile, measure_segmented(pile, how), 12.0, 0.5)
+    raised(NoFlankError, "a layer, no pile", photographs._doubts, pile, measure_segmented(pile, how), 12.0, 0.5)

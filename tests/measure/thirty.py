@@ -16,19 +16,11 @@ from repose.measure import photographs
 from repose.measure.drawing import overlay
 from repose.measure.settings import MeasureSettings
 
-PALETTE = {  # walls and plates, blue first
-    "white": (225, 228, 230),
-    "grey": (140, 142, 145),
-    "blue": (170, 105, 55),
-    "wood": (95, 140, 185),
-    "green": (95, 140, 80),
-    "black": (45, 45, 48),
-}
-CAMERAS = (  # size, focal length in widths, k1 and k2
-    ((1600, 1200), 0.80, (0.0, 0.0)),
-    ((1680, 1260), 0.95, (-0.12, 0.02)),
-    ((1520, 1140), 1.40, (0.08, -0.02)),
-)
+# Walls and plates, blue first.
+PALETTE = {"white": (225, 228, 230), "grey": (140, 142, 145), "blue": (170, 105, 55), "wood": (95, 140, 185)}
+PALETTE |= {"green": (95, 140, 80), "black": (45, 45, 48)}
+# Size, focal length in widths, k1 and k2.
+CAMERAS = [((1600, 1200), 0.80, (0.0, 0.0)), ((1680, 1260), 0.95, (-0.12, 0.02)), ((1520, 1140), 1.40, (0.08, -0.02))]
 
 
 def scenes(camera, draw=0):

@@ -92,9 +92,8 @@ def tests_of(path):
     """Test files that name a module, its own first."""
     room, dotted = path.relative_to(SOURCE).parts[0], ".".join(path.relative_to(SOURCE).with_suffix("").parts)
     parent, _, stem = dotted.rpartition(".")
-    named = re.compile(
-        rf"repose\.{re.escape(dotted)}\b|from repose\.{re.escape(parent)} import [^\n]*\b{stem}\b|\b{stem}\."
-    )
+    imported = rf"from repose\.{re.escape(parent)} import [^\n]*\b{stem}\b"
+    named = re.compile(rf"repose\.{re.escape(dotted)}\b|{imported}|\b{stem}\.")
     files = sorted((ROOT / "tests").rglob("test_*.py"))
     own = [file for file in files if file.name == f"test_{stem}.py"]
     others = [file for file in files if file not in own and named.search(file.read_text())]

@@ -116,9 +116,8 @@ def test_the_conda_recipe_needs_what_the_package_needs_and_the_pins_lie_in_the_r
     of_run = [line for line in EXTRAS["workflow"] if not line.startswith("repose-dem")]
     assert ranges(recipe["requirements"]["run_constraints"]) == ranges(of_run)
     about, project = recipe["about"], PROJECT["project"]
-    assert recipe["build"]["python"]["entry_points"] == [
-        f"{name} = {place}" for name, place in project["scripts"].items()
-    ]
+    scripts = [f"{name} = {place}" for name, place in project["scripts"].items()]
+    assert recipe["build"]["python"]["entry_points"] == scripts
     assert (about["summary"], about["license"]) == (project["description"], project["license"])
     for line in (line for line in TESTED if not line.startswith("repose-dem")):
         requirement = Requirement(line)
@@ -137,8 +136,7 @@ def test_version_and_date_are_those_of_the_newest_release_and_the_archive_says_w
     recipe = yaml.safe_load((ROOT / "conda/recipe.yaml").read_text())
     assert version == repose.__version__ == CITATION["version"] == ARCHIVE["version"] == recipe["context"]["version"]
     assert date == CITATION["date-released"] == ARCHIVE["publication_date"]
-    written = datetime.datetime.strptime(yaml.safe_load(FRONT)["date"], "%d %B %Y").date()
-    assert written.isoformat() == date
+    assert datetime.datetime.strptime(yaml.safe_load(FRONT)["date"], "%d %B %Y").date().isoformat() == date
     same = {"title": "title", "abstract": "description", "keywords": "keywords", "license": "license"}
     assert {there: CITATION[here] for here, there in same.items()} == {there: ARCHIVE[there] for there in same.values()}
     assert [creator["name"] for creator in ARCHIVE["creators"]] == AUTHORS
@@ -157,12 +155,10 @@ def test_the_paper_has_the_form_of_its_journal_with_references_and_pictures_that
         "Research impact statement", "AI usage disclosure", "References",
     ]  # fmt: skip
     assert 750 <= len(PAPER.split()) <= 1750
-    references = (ROOT / "paper.bib").read_text()
-    keys = re.findall(r"^@\w+\{(\w+),$", references, re.MULTILINE)
+    keys = re.findall(r"^@\w+\{(\w+),$", (ROOT / "paper.bib").read_text(), re.MULTILINE)
     assert sorted(keys) == sorted({*re.findall(r"@(\w+)", PAPER)})
     assert all((ROOT / path).is_file() for path in re.findall(r"!\[[^\]]*\]\(([^)]+)\)", PAPER))
-    known = CITATION["references"][0]["doi"]
-    assert re.findall(r"doi = \{([^}]+)\}", (ROOT / "paper.bib").read_text()) == [known]
+    assert re.findall(r"doi = \{([^}]+)\}", (ROOT / "paper.bib").read_text()) == [CITATION["references"][0]["doi"]]
 
 
 def test_what_the_owner_has_to_fill_in_is_where_the_page_on_releases_says():
@@ -171,6 +167,5 @@ def test_what_the_owner_has_to_fill_in_is_where_the_page_on_releases_says():
     kinds = [f"*.{kind}" for kind in ("md", "py", "toml", "cff", "yaml", "yml", "json", "txt", "smk")]
     listed = subprocess.run(["git", "ls-files", *kinds], cwd=ROOT, capture_output=True, text=True, check=True).stdout
     found = {path for path in listed.splitlines() if re.search(words, (ROOT / path).read_text(encoding="utf-8"))}
-    page = (ROOT / "docs/release.md").read_text()
-    told = set(re.findall(r"^\| `([^`]+)` \|", page, re.MULTILINE))
+    told = set(re.findall(r"^\| `([^`]+)` \|", (ROOT / "docs/release.md").read_text(), re.MULTILINE))
     assert found == told | {"docs/release.md", "tests/packaging/test_metadata.py", "tests/documents/commands.yaml"}

@@ -45,7 +45,6 @@ print(study.answer().parameters)
     found = without_extras(code)
     assert found.returncode == 0, found.stderr
     assert float(found.stdout.split(":")[1].strip("} \n")) == pytest.approx(0.4925, abs=0.01)
-
     verb = "from repose.__main__ import main; sys.exit(main())"
     assert without_extras(verb, "design", "--config", "own.yaml", "--out", "own").returncode == 0
     table = pd.read_csv("own/samples.csv")

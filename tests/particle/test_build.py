@@ -47,8 +47,7 @@ def test_ellipsoids_are_recognised_through_the_file_whatever_their_pose(tmp_path
     expected = particle.mass_kg / 5 * np.array([b * b + c * c, a * a + c * c, a * a + b * b])
     np.testing.assert_allclose(particle.inertia_kg_m2, expected)
     assert particle.bounding_radius_m == pytest.approx(a)
-    # The facets lie inside the ellipsoid.
-    assert 0.99 < particle.mesh_volume_m3 / particle.volume_m3 < 1
+    assert 0.99 < particle.mesh_volume_m3 / particle.volume_m3 < 1  # The facets lie inside the ellipsoid.
     assert 0 < particle.deviation_rms_m < particle.deviation_max_m < 2e-5
     path = saved(turned(build.ellipsoid_mesh([12.0, 12.0, 12.0])), tmp_path)
     particle = build.fit_particle(build.load_mesh(path), 1000.0)
@@ -92,8 +91,7 @@ def test_integrals_and_fit_of_a_barrel_are_those_of_its_dense_mesh(tmp_path):
     inertia = np.diag(mesh.moment_inertia) * 1e-15
     np.testing.assert_allclose(moments.sum() - moments, inertia, rtol=4e-3)
     particle = build.fit_particle(build.load_mesh(saved(turned(mesh), tmp_path)), 840.47)
-    assert particle.kind == "smooth"
-    assert len(particle.semi_axes_m) == 2
+    assert (particle.kind, len(particle.semi_axes_m)) == ("smooth", 2)
     np.testing.assert_allclose(particle.semi_axes_m, BARREL_M, atol=3e-5)
     assert particle.volume_m3 * 1e9 == pytest.approx(mesh.volume, rel=2e-3)
     assert particle.deviation_max_m < 2e-5
@@ -125,8 +123,7 @@ def test_support_is_what_the_mesh_says_and_the_support_of_unequal_spheres_is_the
 def test_bounding_radius_of_crossed_components_and_particle_file_round_trip(tmp_path):
     # Farthest point off the axes: brute force over the surface.
     axes = np.array([[8.0, 2.0, 1.0], [2.0, 7.0, 1.0]])
-    n = sphere_directions(200_000)
-    brute = np.linalg.norm(support_fit.support_point(axes, n), axis=1).max()
+    brute = np.linalg.norm(support_fit.support_point(axes, sphere_directions(200_000)), axis=1).max()
     assert support_fit.bounding_radius(axes) == pytest.approx(brute, rel=1e-4)
     assert support_fit.bounding_radius(axes) >= brute
     particle = build.fit_particle(principal_pose(barrel_mesh(4)), 840.47, stl="berry.stl")
@@ -189,19 +186,15 @@ def test_files_with_a_fault_are_mended_where_that_is_safe_else_the_cause_is_name
     facet, no_facet = binary[84:134], binary[84:108] + 2 * binary[108:120] + binary[132:134]
     count, once_more = (number.to_bytes(4, "little") for number in (len(whole.faces), len(whole.faces) + 1))
     good = [
-        binary,
-        binary + bytes(100),
-        *(binary[:80] + once_more + binary[84:] + other for other in (facet, no_facet)),
-    ]
+        binary, binary + bytes(100), *(binary[:80] + once_more + binary[84:] + other for other in (facet, no_facet)),
+    ]  # fmt: skip
     for content in (*good, text, text.rstrip()[: -len("endsolid")]):
         path.write_bytes(content)
         assert build.load_mesh(path).volume == pytest.approx(whole.volume, rel=1e-6), content[-60:]
     bad = [(binary[:-60], "facets is 1278; expected 1280"), (text[: len(text) // 2], "cut off|edges of one facet")]
     for content, words in (
-        *bad,
-        (binary[:80] + count + binary[84:100], "facets is 0"),
-        (b"", "facets is 0|no STL|faces is 0"),
-    ):
+        *bad, (binary[:80] + count + binary[84:100], "facets is 0"), (b"", "facets is 0|no STL|faces is 0"),
+    ):  # fmt: skip
         path.write_bytes(content)
         input_error(words, build.load_mesh, path)
 

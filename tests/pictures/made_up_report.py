@@ -31,7 +31,6 @@ def made_up_study(folder, targets, surrogate="network", fixed=(), runs=12):
     Y = found.value * (1 + (unit - 0.5) @ slopes + 0.005 * rng.normal(size=(60, len(found))))
     model = make(surrogate, NetworkSettings.of(SETTINGS)).describe(PARAMETERS, found.names).fit(X, Y)
     model.save(folder / "network.json")
-
     dataset = pd.DataFrame(X, columns=PARAMETERS).assign(sample=np.arange(1, 61), status="ok")
     dataset[list(found.names)], dataset[list(found.errors)] = Y, 0.4
     answer = np.array([ANSWER[name] for name in PARAMETERS])
@@ -46,11 +45,9 @@ def made_up_study(folder, targets, surrogate="network", fixed=(), runs=12):
     frames = {"dataset": dataset, "feasible": sets, "table4": table4, "posterior": posterior}
     for name, frame in frames.items():
         frame.to_csv(folder / f"{name}.csv", index=False)
-    texts = {
-        "metrics": {"test": {name: {"r2": 0.9, "rmse": 0.5} for name in found.names}},
-        "dataset_summary": {"text": "60 of 60 samples can be used."},
-        "summary": {"feasible": True, "message": "6 sets found."},
-    }
+    texts = {"metrics": {"test": {name: {"r2": 0.9, "rmse": 0.5} for name in found.names}}}
+    texts |= {"dataset_summary": {"text": "60 of 60 samples can be used."}}
+    texts |= {"summary": {"feasible": True, "message": "6 sets found."}}
     files = {name: folder / f"{name}.csv" for name in frames}
     files |= {name: folder / f"{name}.json" for name in ("network", *texts, "particle")}
     for bench, own in found.benches.items():

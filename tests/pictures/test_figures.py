@@ -11,7 +11,7 @@ from made_up import CONFIG, inputs_of, made_up_inputs, words, write_network
 from matplotlib.colors import to_rgb
 from PIL import Image
 from refusals import input_error, not_refused
-from shared import ROOT
+from shared import ROOT, says
 
 from repose.core.errors import InputError
 from repose.measure import pile, saved_pours
@@ -104,15 +104,13 @@ def test_figures_have_titles_captions_with_numbers_formats_and_their_fonts(input
         assert len(caption.split()) > 5, name
         assert not {"{", "}"} & set(caption), name
     network = figures.FIGURES["figure10"].caption_of(CONFIG)
-    assert f"{len(CONFIG['parameters'])} parameters in" in network
-    assert f"{CONFIG['network']['hidden']} hidden neurons" in network
+    says(network, f"{len(CONFIG['parameters'])} parameters in", f"{CONFIG['network']['hidden']} hidden neurons")
     given, config = (inputs_of("sobol", inputs), CONFIG | {"figures": {"format": ["png", "pdf", "svg"], "dpi": 90}})
-    for folder in ("first", "second"):
-        figures.draw("sobol", given, tmp_path / folder / "it.png", config)
-    files, again = (
-        {path.suffix: path.read_bytes() for path in (tmp_path / folder).iterdir() if path.stem == "it"}
-        for folder in ("first", "second")
-    )
+    found = []
+    for folder in (tmp_path / "first", tmp_path / "second"):
+        figures.draw("sobol", given, folder / "it.png", config)
+        found.append({path.suffix: path.read_bytes() for path in folder.iterdir() if path.stem == "it"})
+    files, again = found
     assert set(files) == {".png", ".pdf", ".svg"}
     assert again == files, "the same bytes in every run"
     assert size_of(tmp_path / "first/it.png")[0] == pytest.approx(style.PAGE * 90, abs=1)
@@ -144,8 +142,7 @@ def test_figures_say_what_a_reader_has_to_know(inputs, drawn, tmp_path, monkeypa
     with np.load(inputs["states"]) as file:
         kept = {key: file[key] for key in file if key.split("_")[1] in ("start", "report")}
     np.savez(changed["states"], **kept)
-    # residuals of 1 about values -3, -1, 1, 3: R2 = 1 - 4 / 20 and RMSE 1
-    value = np.array([-3.0, -1.0, 1.0, 3.0])
+    value = np.array([-3.0, -1.0, 1.0, 3.0])  # residuals of 1 about values -3, -1, 1, 3: R2 = 1 - 4 / 20 and RMSE 1
     table = pd.DataFrame({"sample": range(4), "split": "test", "aor_deg": value, "height_mm": value})
     table["aor_predicted_deg"] = table["height_predicted_mm"] = value + np.array([1, -1, 1, -1])
     table.to_csv(changed["predictions"], index=False)
@@ -179,19 +176,15 @@ def test_figures_say_what_a_reader_has_to_know(inputs, drawn, tmp_path, monkeypa
 
 
 def test_bad_names_are_named_and_the_approach_shows_bars_and_the_pile_its_definitions(inputs, tmp_path, drawn):
-    cases = [
-        (("figure99", {}), "figure99"),
-        (("figure02", {}), "sizes"),
-        (("figure02", {"sizes": inputs["sizes"], "sises": ""}), "sises"),
-        (("figure02", {"sizes": tmp_path / "nowhere.csv"}), "nowhere"),
-    ]
+    cases = [(("figure99", {}), "figure99"), (("figure02", {}), "sizes")]
+    cases += [(("figure02", {"sizes": inputs["sizes"], "sises": ""}), "sises")]
+    cases += [(("figure02", {"sizes": tmp_path / "nowhere.csv"}), "nowhere")]
     assert not not_refused(lambda case: figures.draw(*case, tmp_path / "x.png", CONFIG), cases, InputError)
     np.savez(tmp_path / "x.npz", other=np.zeros(3))
     input_error("position_SEED", saved_pours.first_pour, tmp_path / "x.npz")
     figure, _ = drawn("approach")
     text = words(figure)
-    assert "near enough, ±1 %" in text
-    assert "round 2 meets both targets" in text
+    says(text, "near enough, ±1 %", "round 2 meets both targets")
     simulated = next(line for line in figure.axes[0].get_lines() if line.get_marker() == "o")
     np.testing.assert_allclose(simulated.get_ydata(), [-4, np.nan, 0.5], atol=1e-9)
     ticks = [tick.get_text() for tick in drawn("figure02")[0].axes[0].get_yticklabels()]
@@ -205,7 +198,6 @@ def test_bad_names_are_named_and_the_approach_shows_bars_and_the_pile_its_defini
     assert "80 % of the height" in text
     assert "fit_" not in text
     assert figure.legends[0].get_window_extent().y1 < figure.axes[1].get_window_extent().y0
-
     labels = [text.get_text().split("°  ")[1] for text in figure.legends[0].get_texts()]
     assert labels[0] == f"flank: {LINE}, used"
     assert labels[1:] == [f"{name}: {style.line_in_words(CONFIG['measure'], name)}" for name in DEFINITIONS[1:]]

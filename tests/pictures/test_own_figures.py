@@ -53,9 +53,8 @@ def test_the_points_are_the_runs_and_the_box_is_the_range(answer, tmp_path):
         np.testing.assert_allclose(off, 100 * (means[name] / value - 1))
         assert (np.round(place)[:8] == 1).all(), "the start is the first batch"
         assert (np.diff(place) > 0).all()
-        assert points(panel, "predicted ± standard error")[:, 0] == pytest.approx(
-            [np.round(place[-1]) + 1, 100 * (mean / value - 1)]
-        )
+        predicted = [np.round(place[-1]) + 1, 100 * (mean / value - 1)]
+        assert points(panel, "predicted ± standard error")[:, 0] == pytest.approx(predicted)
 
 
 def test_the_report_has_the_figures_and_says_that_the_targets_are_predicted_to_be_met(answer, tmp_path):

@@ -65,13 +65,11 @@ def test_the_camera_holds_all_points_fills_the_picture_and_agrees_with_the_kerne
     assert (near > 0).all()
     assert -0.5 <= x.min() < x.max() - 500 <= 100.5
     assert -0.5 <= y.min() <= y.max() <= 400.5
-    ray = camera.rays()[123, 456]
-    column, row, _ = camera.project(camera.eye_m + 0.7 * ray)
+    column, row, _ = camera.project(camera.eye_m + 0.7 * camera.rays()[123, 456])
     assert (column, row) == (pytest.approx(456.5), pytest.approx(123.5))
     camera = look_at(np.eye(3), 60, 40, elevation_deg=20, azimuth_deg=35)
     place = np.empty(3)
-    lens = (camera.eye_m, camera.axes, camera.focal_px)
-    raster.place_of(lens, (camera.height, camera.width), 7, 31, 0.7, place)
+    raster.place_of((camera.eye_m, camera.axes, camera.focal_px), (camera.height, camera.width), 7, 31, 0.7, place)
     np.testing.assert_allclose(place, camera.eye_m + 0.7 * camera.rays()[7, 31])
     light = shading._light_axes(camera)
     np.testing.assert_allclose(light @ light.T, np.eye(3), atol=1e-12)
@@ -96,8 +94,7 @@ def test_balls_and_long_axes_are_seen_in_perspective_and_the_nearer_hides_the_fa
     centre, frame = np.array([[0.0, 0.0, 0.02]]), np.array([[-0.02, -0.02, 0.0], [0.02, 0.02, 0.04]])
     camera = look_at(frame, 400, 400, elevation_deg=0, azimuth_deg=0)
     picture = render_pile(centre, UPRIGHT, BALL, 0, 0, 400, 400, frame_m=frame)
-    distance = np.linalg.norm(camera.eye_m - centre[0])
-    radius_px = camera.focal_px * np.tan(np.arcsin(0.006 / distance))
+    radius_px = camera.focal_px * np.tan(np.arcsin(0.006 / np.linalg.norm(camera.eye_m - centre[0])))
     assert np.sqrt(reddish(picture).sum() / np.pi) == pytest.approx(radius_px, rel=0.02)
     centre, frame = np.array([[0.0, 0.0, 0.006]]), np.array([[-0.01, -0.01, 0.0], [0.01, 0.01, 0.012]])
     for colour, strongest in (("#20c020", 1), ("#2020c0", 2)):
@@ -113,8 +110,7 @@ def test_balls_and_long_axes_are_seen_in_perspective_and_the_nearer_hides_the_fa
     both = render_pile(centres, turns, BALL, 0, 0, 300, 180)
     frame = outline(centres, BALL.bounding_radius_m, [])
     ghost = np.where([[False], [True]], np.nan, centres)
-    alone = render_pile(ghost, turns, BALL, 0, 0, 300, 180, frame_m=frame)
-    assert reddish(both).sum() == reddish(alone).sum()
+    assert reddish(both).sum() == reddish(render_pile(ghost, turns, BALL, 0, 0, 300, 180, frame_m=frame)).sum()
     frame = np.array([[-0.02, -0.02, 0.0], [0.02, 0.02, 0.02]])
     eye = look_at(frame, 120, 80, elevation_deg=14, azimuth_deg=0).eye_m
     behind = np.array([[2 * eye[0], 0.0, 2 * eye[2]]])
@@ -126,19 +122,17 @@ def test_balls_and_long_axes_are_seen_in_perspective_and_the_nearer_hides_the_fa
 
 def test_the_plate_has_shadows_and_the_same_input_gives_the_same_picture():
     frame = np.array([[-0.04, -0.04, 0.0], [0.04, 0.04, 0.02]])
-    bare, shown = (
-        render_pile(np.array([centre]), UPRIGHT, BALL, 30, 0, 240, 160, frame_m=frame).astype(int)
-        for centre in ([np.nan] * 3, [0.0, 0.0, 0.006])
-    )
+    centres = np.array([[[np.nan] * 3], [[0.0, 0.0, 0.006]]])
+    seen = (render_pile(centre, UPRIGHT, BALL, 30, 0, 240, 160, frame_m=frame) for centre in centres)
+    bare, shown = (picture.astype(int) for picture in seen)
     darker = (bare - shown).sum(axis=-1) * ~reddish(shown)
     assert (darker > 60).sum() > 50
     assert (darker[:20] == 0).all()
     assert not reddish(bare).any()
     centre, frame = np.array([[0.0, 0.0, 0.03]]), np.array([[-0.04, -0.04, 0.0], [0.04, 0.04, 0.08]])
-    bare, dressed = (
-        render_pile(centre, UPRIGHT, BALL, 5, 0, 200, 200, walls=walls, frame_m=frame)
-        for walls in ([], [Frustum(0.0, 0.03, 0.06, 0.03)])
-    )
+    scenes = ([], [Frustum(0.0, 0.03, 0.06, 0.03)])
+    seen = (render_pile(centre, UPRIGHT, BALL, 5, 0, 200, 200, walls=walls, frame_m=frame) for walls in scenes)
+    bare, dressed = seen
     assert (bare != dressed).any(axis=-1).sum() > 5000
     # The berry behind the glass is still seen, a little paler.
     middle = tuple(np.argwhere(reddish(bare)).mean(axis=0).astype(int))
@@ -152,8 +146,7 @@ def test_the_plate_has_shadows_and_the_same_input_gives_the_same_picture():
     tube, cone = funnel_walls(HEAP)
     assert (tube.z_low_m, tube.z_high_m) == pytest.approx((0.1, 0.12))
     assert tube.r_low_m == tube.r_high_m == 0.016
-    assert cone.r_high_m == pytest.approx(0.075)
-    assert cone.z_low_m == pytest.approx(0.12)
+    assert (cone.r_high_m, cone.z_low_m) == (pytest.approx(0.075), pytest.approx(0.12))
     slope = (cone.z_high_m - cone.z_low_m) / (cone.r_high_m - cone.r_low_m)
     assert np.degrees(np.arctan(slope)) == pytest.approx(60)
     assert abs(cone.r_low_m - 0.016) < 0.001

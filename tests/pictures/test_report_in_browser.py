@@ -90,11 +90,8 @@ def reddish(colours):
 
 
 def move(tab, slider, value):
-    tab.evaluate(
-        """([id, value]) => { const slider = document.getElementById(id); slider.value = value;
-        slider.dispatchEvent(new Event("input")); }""",
-        [slider, value],
-    )
+    code = "slider = document.getElementById(id); slider.value = value; slider.dispatchEvent(new Event('input'));"
+    tab.evaluate(f"([id, value]) => {{ const {code} }}", [slider, value])
 
 
 def test_javascript_predicts_what_python_predicts_with_one_network_and_several(opened, folder):
@@ -226,8 +223,7 @@ def test_a_figure_opens_large_on_a_click_and_on_a_key_and_keys_turn_and_zoom_the
     assert not large.is_visible()
     for open_it in (button.click, lambda: button.press("Enter")):
         open_it()
-        natural = round(style.PAGE * style.DPI)
-        assert large.locator("img").bounding_box()["width"] == pytest.approx(natural, abs=2)
+        assert large.locator("img").bounding_box()["width"] == pytest.approx(round(style.PAGE * style.DPI), abs=2)
         opened.keyboard.press("Escape")
         assert not large.is_visible()
         assert opened.evaluate("document.activeElement.className") == "enlarge", "the focus is back"

@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 from made_up_report import made_up_study
 from refusals import input_error
-from shared import RANGES, TARGETS, target
+from shared import RANGES, TARGETS, says, target
 
 from repose import __version__
 from repose.core.parameters import PARAMETERS
@@ -83,8 +83,7 @@ def test_any_number_of_targets_and_fixed_parameters(targets, fixed, tmp_path):
     table4 = text[text.index("Table 4") :]
     assert all(f"simulated ({one.response.unit})" in table4 for one in Targets.of(targets))
     assert table4.count('data-head="role">spread') == 5
-    assert "The intervals are not settled" in text
-    assert "made &lt;up&gt; &amp; small" in text
+    says(text, "The intervals are not settled", "made &lt;up&gt; &amp; small")
     assert "e_gg: 0.2  #" in values["copy"]
     assert not re.search(r'(src|href)="(?!data:)', text), "no network"
 
@@ -99,15 +98,13 @@ def test_the_page_has_the_same_piles_by_other_lines_and_calls_stale_sets_so(tmp_
     text = written((config, jobs, files), tmp_path, {"Published": tmp_path / "sets.csv"})
     lines = text[text.index("The same piles by other lines") : text.index("<h3>Table 4")]
     for k, name in enumerate(MEAN_KEYS):
-        assert f"{line_of(config['measure'], name)}</td>" in lines
-        assert f"{30 + k} ± 0.25 deg" in lines
+        says(lines, f"{line_of(config['measure'], name)}</td>", f"{30 + k} ± 0.25 deg")
     assert lines.count("calibrated") == 1
     assert f"Published, {html.escape(STALE)}" in text
 
 
 def test_a_surrogate_that_is_no_network_is_shown_along_each_parameter(tmp_path):
-    study = made_up_study(tmp_path, TARGETS, "quadratic", fixed=("mur_gp",))
-    model = values_of(written(study, tmp_path))["model"]
+    model = values_of(written(made_up_study(tmp_path, TARGETS, "quadratic", fixed=("mur_gp",)), tmp_path))["model"]
     assert model["kind"] == "curves"
     assert "mur_gp" not in model["curves"]
     point = np.array([[0.4, 0.5, 0.04, 0.3, 0.6, 0.2]])  # the answer with e_gg at its upper end
@@ -117,20 +114,14 @@ def test_a_surrogate_that_is_no_network_is_shown_along_each_parameter(tmp_path):
     assert len(model["curves"]["e_gg"]["mean"]) == prediction.CURVE_POINTS
 
 
-NOT_MET = (
-    r"targets NOT met\.</b> Angle of repose .* No parameter set is predicted inside both ranges; "
-    r"the simulated means lie inside both ranges\. Nothing met\."
-)
-MET = (
-    r"<b>A small run, its numbers are no calibration: targets met\.</b> Angle of repose \(\S.*?\) \S+ ± \S+ deg "
-    r"\(measured \S+, \S+ %\), Height .*\. With a probability of more than 99 % both responses"
-)
+NOT_MET = r"targets NOT met\.</b> Angle of repose .* No parameter set is predicted inside both ranges; "
+NOT_MET += r"the simulated means lie inside both ranges\. Nothing met\."
+MET = r"<b>A small run, its numbers are no calibration: targets met\.</b> Angle of repose \(\S.*?\) \S+ ± \S+ deg "
+MET += r"\(measured \S+, \S+ %\), Height .*\. With a probability of more than 99 % both responses"
 JAMMED = {"sample": 1, "parameters": {}, "runs": [{"status": "jammed", "seed": 1}]}
-VERDICTS = [
-    ({"summary": {"feasible": False, "message": "Nothing met."}}, "bad", NOT_MET),
-    ({"job_funnel": JAMMED}, "fair", r"targets met\.</b> .* How probable this is, is unknown"),
-    ({}, "good", MET),
-]
+VERDICTS = [({"summary": {"feasible": False, "message": "Nothing met."}}, "bad", NOT_MET)]
+VERDICTS += [({"job_funnel": JAMMED}, "fair", r"targets met\.</b> .* How probable this is, is unknown")]
+VERDICTS += [({}, "good", MET)]
 
 
 @pytest.mark.parametrize(("change", "kind", "words"), VERDICTS)
@@ -181,11 +172,8 @@ def test_faults_name_the_input(tmp_path):
     config, jobs, files = made_up_study(tmp_path, TARGETS)
     (tmp_path / "photo.jpg").write_text("no picture")
     lacking = {name: files[name] for name in files if name != "table4"}
-    for given, said in (
-        (files | {"photo": "x"}, r"photo.*one of dataset"),
-        (lacking, "a report needs"),
-        (files | {"photograph": tmp_path / "photo.jpg"}, r"photo.jpg.*a PNG or JPEG"),
-    ):
+    cases = [(files | {"photo": "x"}, r"photo.*one of dataset"), (lacking, "a report needs")]
+    for given, said in [*cases, (files | {"photograph": tmp_path / "photo.jpg"}, r"photo.jpg.*a PNG or JPEG")]:
         input_error(said, written, (config, jobs, given), tmp_path)
 
 

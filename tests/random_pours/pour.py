@@ -145,11 +145,8 @@ def cohesion(rng, law, berry, mass_kg):
     found = {}
     for pair, reduced_m in (("gg", 0.5 * radius_m), ("gp", radius_m)):
         circle_m = math.sqrt(2.0 * reduced_m * overlap_m) if law == "eepa" else reduced_m
-        most = {
-            "gamma": most_n / (3.0 * math.pi * circle_m),
-            "k": (1.5 * most_n * (stiffness_pa / reduced_m) ** 2) ** (1 / 3) / math.pi,
-            "plas": 0.9,
-        }
+        most = {"gamma": most_n / (3.0 * math.pi * circle_m), "plas": 0.9}
+        most |= {"k": (1.5 * most_n * (stiffness_pa / reduced_m) ** 2) ** (1 / 3) / math.pi}
         for constant in OF_LAWS.get(law, ()):
             found[f"{constant.short}_{pair}"] = float(rng.uniform(0.0, most[constant.short]))
     return found
@@ -233,11 +230,9 @@ def _drawdown(rng, d, span_s, n):
 
 def _drop_test(rng, d, _span_s, _n):
     """A drop of a berry of length d [mm]."""
-    return {
-        "surface": str(rng.choice(["wall", "berry"])),
-        "height_mm": rng.uniform(1.0, 20.0) * d,
-        "orientation": str(rng.choice(["random", "lying", "upright"])),
-    }
+    surface, height_mm = str(rng.choice(["wall", "berry"])), rng.uniform(1.0, 20.0) * d
+    orientation = str(rng.choice(["random", "lying", "upright"]))
+    return {"surface": surface, "height_mm": height_mm, "orientation": orientation}
 
 
 def _inclined_plane(rng, _d, span_s, _n):
@@ -331,10 +326,8 @@ def main():
     mean = berries.of_files(section["sizes"], section["compression"], table1, section["density_kg_m3"])[1]
     ball = mean | dict.fromkeys(("major_mm", "minor_mm"), mean["long_mm"])
     means = {name: ball if name == "sphere" else mean for name in PARTICLES}
-    particles = {
-        name: build.of_settings(means[name], GrainSettings.model_construct(**section | own))
-        for name, own in PARTICLES.items()
-    }
+    settings = {name: GrainSettings.model_construct(**section | own) for name, own in PARTICLES.items()}
+    particles = {name: build.of_settings(means[name], own) for name, own in settings.items()}
     warnings.simplefilter("ignore", RuntimeWarning)  # what overflows in an explosion
     seen = [Seen()]
     Bounded.look = noting(seen)

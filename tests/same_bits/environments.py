@@ -100,11 +100,8 @@ def run(name, work, pythons):
 def results(folder):
     """Content of every result by name; without Python, versions and processor in its record."""
     top = folder / "results"
-    return {
-        str(path.relative_to(top)): _content(path)
-        for path in sorted(top.rglob("*"))
-        if path.is_file() and not path.name.startswith(".") and "timings" not in path.parts
-    }
+    files = (path for path in sorted(top.rglob("*")) if path.is_file() and not path.name.startswith("."))
+    return {str(path.relative_to(top)): _content(path) for path in files if "timings" not in path.parts}
 
 
 def _content(path):

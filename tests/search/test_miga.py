@@ -106,8 +106,7 @@ def test_islands_keep_apart_and_bad_settings_are_named():
     search._points = np.repeat([-0.9, 0.0, 0.9], 10)[:, None] + np.tile(np.linspace(-0.05, 0.05, 10), 3)[:, None]
     for generation in range(1, 12):
         search.tell(np.abs(search.ask()[:, 0] - 1.0))
-        spread = np.ptp(search.ask().reshape(3, 10), axis=1)
-        assert (spread <= 0.1 + 1e-12).all() == (generation < 10)
+        assert (np.ptp(search.ask().reshape(3, 10), axis=1) <= 0.1 + 1e-12).all() == (generation < 10)
     one, two = minimise(rastrigin, 4, 50)[0], minimise(rastrigin, 4, 50)[0]
     np.testing.assert_array_equal(one.ask(), two.ask())
     assert not np.array_equal(one.ask(), minimise(rastrigin, 4, 50, seed=1)[0].ask())

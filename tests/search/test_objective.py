@@ -24,8 +24,7 @@ def sphere(x):
 
 
 def test_objective_is_eq_11_and_its_target_eq_12_and_a_prior_counts_a_hundredth():
-    objective = objective_of((31, 64), (34, 69))
-    F, V = objective(np.array([[32.5, 66.5], [31.0, 69.0], [30.0, 70.0]]))
+    F, V = objective_of((31, 64), (34, 69))(np.array([[32.5, 66.5], [31.0, 69.0], [30.0, 70.0]]))
     np.testing.assert_allclose(F, [0, 1, 2.5 / 3 + 3.5 / 5], atol=1e-12)
     np.testing.assert_allclose(V, [0, 0, 1 / 3 + 1 / 5], atol=1e-12)
     F, _ = objective_of((31, 64), (34, 69), (32.87, 65.57))(np.array([[31.87, 66.57]]))
@@ -91,8 +90,7 @@ def test_thinning_against_its_slow_twin(most, distance):
     random = np.random.RandomState(5)
     points, fitness = random.uniform(-1, 1, (300, 3)), random.randint(0, 50, 300).astype(float)
     points[100:120] = points[:20]
-    fast = distinct(points, fitness, distance, most)
-    assert fast.tolist() == distinct_slowly(points, fitness, distance, most)
+    assert distinct(points, fitness, distance, most).tolist() == distinct_slowly(points, fitness, distance, most)
 
 
 def test_archive_is_bounded_distinct_sorted_holds_the_best_and_takes_more_than_its_buffer():

@@ -1,5 +1,7 @@
 """Stochastic kriging and the probability of a box, compared with slow and obvious versions of them."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from refusals import value_error
@@ -17,8 +19,7 @@ def poured(n=30, seeds=3, seed=1, noise=NOISE, d=2):
     random = np.random.default_rng(seed)
     unit = random.random((n, d))
     mean = np.column_stack([30 + 8 * unit[:, 0], 60 + 12 * unit[:, 0] - 9 * unit[:, 1] ** 2])
-    deviation = random.multivariate_normal(np.zeros(2), noise, size=(n, seeds))
-    return Observed(unit, mean[:, None] + deviation)
+    return Observed(unit, mean[:, None] + random.multivariate_normal(np.zeros(2), noise, size=(n, seeds)))
 
 
 @pytest.mark.parametrize("k", [1, 2, 3])
@@ -27,10 +28,8 @@ def test_probability_of_a_box(k):
     root = random.normal(size=(6, k, k))
     covariance = root @ root.transpose(0, 2, 1) + 0.3 * np.eye(k)
     mean, low, high = random.normal(size=(6, k)), np.full(k, -1.0), np.linspace(0.8, 1.4, k)
-    slow = [
-        multivariate_normal.cdf(high, one, c, abseps=1e-6, lower_limit=low, rng=random)
-        for one, c in zip(mean, covariance, strict=True)
-    ]
+    integral = partial(multivariate_normal.cdf, high, abseps=1e-6, lower_limit=low, rng=random)
+    slow = [integral(one, c) for one, c in zip(mean, covariance, strict=True)]
     assert within(mean, covariance, low, high) == pytest.approx(slow, abs=1e-12 if k == 1 else 2e-3)
 
 
@@ -52,13 +51,10 @@ def test_errors_are_those_of_all_the_responses_processes_and_of_the_others():
     columns = np.array([model.values.T, model.errors.T]).transpose(1, 0, 2)  # values and errors of each combination
     for i in range(12):
         rest = np.arange(12) != i
-        kept = [
-            [
-                Process(process.kernel, model.unit[rest], *column[:, rest], optimizer=None)
-                for process, column in zip(one, columns, strict=True)
-            ]
-            for one in model.sets
-        ]
+        kept = []
+        for one in model.sets:
+            pairs = zip(one, columns, strict=True)
+            kept.append([Process(p.kernel, model.unit[rest], *column[:, rest], optimizer=None) for p, column in pairs])
         moments = np.array([[process.moments(model.unit[i : i + 1]) for process in one] for one in kept])
         means, within = moments[..., 0].transpose(2, 0, 1)
         assert residuals[i] == pytest.approx(model.values[i] - means.mean(axis=0), rel=1e-6)
@@ -101,8 +97,7 @@ def test_bearings_of_a_factor_and_the_noise_of_samples():
         squares.append((mean - truth) ** 2 / np.diagonal(covariance, axis1=1, axis2=2))
     assert 0.45 < np.mean(squares) < 1.5
     observed = poured(n=3000, seeds=2)
-    assert observed.noise() == pytest.approx(NOISE, rel=0.08)
-    assert observed.freedom == 3000
+    assert (observed.noise(), observed.freedom) == (pytest.approx(NOISE, rel=0.08), 3000)
     observed = poured(n=40, seeds=4)
     mixed = observed.residuals @ Kriging(observed)._mixing
     own = (mixed**2).sum(axis=1) / 3
@@ -125,8 +120,7 @@ def test_95_percent_intervals_of_predictions_hold_95_percent_of_the_means_and_to
     inside = []
     for seed in range(40):
         mean, covariance = Kriging(poured(seed=seed)).predict(places)
-        error = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-        inside.append(np.abs(mean - truth) < norm.ppf(0.975) * error)
+        inside.append(np.abs(mean - truth) < norm.ppf(0.975) * np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)))
     assert np.mean(inside) == pytest.approx(0.95, abs=0.033)
     value_error("at least 3", Kriging, poured(seeds=1))
     value_error("at least 2", Kriging, poured(n=1, seeds=9))

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from refusals import input_error
 from scipy.stats import beta, norm
-from shared import ROOT
+from shared import ROOT, written
 from synthetic import TARGETS, study
 
 from repose.config import cost
@@ -84,17 +84,13 @@ def test_the_configured_strategy_is_in_the_table_and_no_pour_is_timed_before_the
         return 1e-7
 
     monkeypatch.setattr(cost, "measured_berry_step_s", timed)
-    path = tmp_path / "mine.yaml"
-    path.write_text(f"strategy: {strategy}\nresults_dir: {tmp_path}/results\n")
+    path = written(tmp_path / "mine.yaml", f"strategy: {strategy}\nresults_dir: {tmp_path}/results\n")
     lines = command("plan", "--config", path).out.splitlines()
     marked = [line.split() for line in lines if line.split()[0] == f"*{strategy}"]
     section, budgets = config["response_surface"], plan.chances(1, 5.0)["pours"]
     sets = section["screening_runs"] + section["steps"] + 1 + 24 + 2 * section["centres"] + section["checks"]
-    pours = {
-        "published": [sum(sets * seeds for _, sets, seeds in cost.work(config)["pours"])],
-        "response_surface": [sets * section["seeds"]],
-        "sequential": budgets.to_list(),
-    }
+    pours = {"response_surface": [sets * section["seeds"]], "sequential": budgets.to_list()}
+    pours |= {"published": [sum(sets * seeds for _, sets, seeds in cost.work(config)["pours"])]}
     assert [int(row[1]) for row in marked] == pours[strategy]
     assert lines[-1].startswith("* as configured")
 
@@ -103,9 +99,9 @@ def test_the_configured_strategy_is_in_the_table_and_no_pour_is_timed_before_the
 def test_a_strategy_that_does_not_fit_is_left_out(free, fitting, tmp_path, monkeypatch, command):
     monkeypatch.setattr(cost, "measured_berry_step_s", lambda *_: 1e-7)
     fixed = "".join(f"  {name}: {{fixed: 0.3}}\n" for name in PARAMETERS[free:])
-    path = tmp_path / "mine.yaml"
-    path.write_text(f"parameters:\n{fixed}results_dir: {tmp_path}/results\nmeasure: {{response: whole}}\n")
-    lines = [line.split() for line in command("plan", "--config", path).out.splitlines()]
+    text = f"parameters:\n{fixed}results_dir: {tmp_path}/results\nmeasure: {{response: whole}}\n"
+    out = command("plan", "--config", written(tmp_path / "mine.yaml", text)).out
+    lines = [line.split() for line in out.splitlines()]
     assert lines[0][:6] == ["reach:", "WARNING:", "500", "grains", "of", "1489"]
     assert (["response_surface"] in [line[:1] for line in lines]) == fitting
     assert (["response_surface:", "not", "with"] in [line[:3] for line in lines]) != fitting

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from shared import ROOT, studied, target
+from shared import ROOT, says, studied, target
 from synthetic import SPACE, TARGETS, configuration, responses
 from test_sequential import HEIGHT, SECTION, campaign
 
@@ -59,8 +59,7 @@ def of_files(folder, config):
 def test_the_message_the_sets_and_the_card_report_the_answer_of_the_strategy(study):
     folder, config = study
     found = of_files(folder, config)
-    summary = json.loads((folder / "summary.json").read_text())
-    assert dict(found.parameters) == pytest.approx(summary["answer"])
+    assert dict(found.parameters) == pytest.approx(json.loads((folder / "summary.json").read_text())["answer"])
     assert found.feasible
     assert found.checks[0].runs == SECTION["checks"]
     assert f"all solutions: {folder}/solutions.csv" in str(found)
@@ -72,14 +71,12 @@ def test_the_message_the_sets_and_the_card_report_the_answer_of_the_strategy(stu
     assert made["reason"].startswith("The simulated ")
     assert made["tests"][0]["runs"] == SECTION["checks"]
     assert [test["definition"]["name"] for test in made["tests"]] == ["angle, flank", "Height"]
-
     assert table["representative"].tolist() == [True] + [False] * (len(table) - 1)
     assert len(table) > 5
     for one in TARGETS:
         assert table[one.response.predicted].between(one.low, one.high).all()
     # and so does the simulator, within what a prediction of a few pours can be off: the ranges are 12 and 9 % wide
-    off = responses(table) / TARGETS.aim - 1
-    assert abs(off).max() < 0.12
+    assert abs(responses(table) / TARGETS.aim - 1).max() < 0.12
     unit = SPACE.unit(table[list(PARAMETERS)].to_numpy())
     assert len(separated(unit[1:], apart(99))) == len(unit) - 1
     assert separated(pd.DataFrame({"a": [0.0, 0.005, 0.3, 0.3, 0.5, 0.9]}).to_numpy(), apart(3)).tolist() == [0, 2, 4]
@@ -93,8 +90,7 @@ def test_a_target_out_of_reach_is_no_success(study, tmp_path):
     assert not found.feasible
     assert str(found).startswith("made_up: targets NOT met. Height ")
     assert "No parameter set is predicted inside the range; the simulated Height lies " in found.reason
-    assert "a larger sequential.most_pours" in str(found)
-    assert "probably out of reach" in str(found)
+    says(str(found), "a larger sequential.most_pours", "probably out of reach")
     assert json.loads((tmp_path / "summary.json").read_text())["stop"] == "out_of_reach"
     made = card.make(studied(config), found, BERRY, SPHERE, pd.read_csv(tmp_path / "solutions.csv"))
     card.check(made, "card")

@@ -52,8 +52,7 @@ def test_the_box_is_cut_and_added_samples_leave_the_split_as_it_was():
     np.testing.assert_allclose(ends["e_gp"], [0.892, 0.99])
     design = pd.DataFrame({"sample": np.arange(1, 41), "round": pd.array([pd.NA] * 40, dtype="Int64")})
     table = pd.concat([design, pd.DataFrame({"sample": [1001, 1002, 2001], "round": [0, 0, 1]})])
-    before = train.rows_of(design, [0.7, 0.15, 0.15], 3)
-    after = train.rows_of(table, [0.7, 0.15, 0.15], 3)
+    before, after = train.rows_of(design, [0.7, 0.15, 0.15], 3), train.rows_of(table, [0.7, 0.15, 0.15], 3)
     for name in ("validation", "test"):
         np.testing.assert_array_equal(after[name], before[name])
     np.testing.assert_array_equal(after["train"], [*before["train"], 40, 41, 42])
@@ -61,13 +60,11 @@ def test_the_box_is_cut_and_added_samples_leave_the_split_as_it_was():
 
 def test_the_proposal_is_the_representative_and_neighbours_that_keep_fixed_parameters():
     table = proposed()
-    own = table[table["role"] == "proposal"]
-    assert (own[list(PARAMETERS)].to_numpy() == list(MIDDLE.values())).all()
+    assert (table[table["role"] == "proposal"][list(PARAMETERS)].to_numpy() == list(MIDDLE.values())).all()
     near = table.loc[table["role"] == "neighbour", list(PARAMETERS)].to_numpy()
     unit = (near - LOW) / (HIGH - LOW) - 0.5
     assert (np.abs(unit) <= 0.1).all()
-    strata = np.sort(np.floor((unit + 0.1) / 0.05), axis=0)
-    assert (strata == np.arange(4)[:, None]).all(), "a Latin hypercube"
+    assert (np.sort(np.floor((unit + 0.1) / 0.05), axis=0) == np.arange(4)[:, None]).all(), "a Latin hypercube"
     assert (table[["aor_predicted_deg", "height_predicted_mm"]] == 30.0).all(axis=None)
     assert not np.allclose(near, proposed(1).loc[table["role"] == "neighbour", list(PARAMETERS)])
     pd.testing.assert_frame_equal(table, proposed())
@@ -75,8 +72,7 @@ def test_the_proposal_is_the_representative_and_neighbours_that_keep_fixed_param
     space = ParameterSpace.of(RANGES | {"e_gp": {"fixed": 0.5}, "mur_gp": {"fixed": 0.5}})
     table = proposed(space=space, targets=targets_of(drum_slip_deg=40.0))
     assert (table[["e_gp", "mur_gp"]] == 0.5).all(axis=None)
-    assert table["e_gg"].nunique() == 5
-    assert list(table.columns)[-2:] == ["drum_slip_predicted_deg", "warning"]
+    assert (table["e_gg"].nunique(), list(table.columns)[-2:]) == (5, ["drum_slip_predicted_deg", "warning"])
     table = proposed(table=solutions(warning="at a bound: e_gg low"))
     assert set(table.loc[table["role"] == "proposal", "warning"]) == {"at a bound: e_gg low"}
     assert set(table.loc[table["role"] == "neighbour", "warning"]) == {""}
@@ -92,8 +88,7 @@ def test_the_correction_meets_the_samples_of_the_box_on_average_by_their_seeds(n
     table = table.assign(**{name: [29.0 + k, 33.0 + k, 90.0] for k, name in enumerate(names)})
     table.loc[2, "e_gg"] = 0.9  # outside the box
     designed = table.head(1).assign(sample=1, round=np.nan, **{names[0]: 10.0})
-    failed = table.head(1).assign(sample=1004, status="jammed", **{names[0]: np.nan})
-    table = pd.concat([table, designed, failed])
+    table = pd.concat([table, designed, table.head(1).assign(sample=1004, status="jammed", **{names[0]: np.nan})])
     model, box = flat(*names), refine.search_box(SPACE, MIDDLE, 0.1)
     targets = targets_of(**dict.fromkeys(names, 30.0))
     corrected, offset, count = refine.corrected(model, table, box, targets)
@@ -107,8 +102,7 @@ def test_the_correction_meets_the_samples_of_the_box_on_average_by_their_seeds(n
 
 @pytest.mark.parametrize("name", names())
 def test_every_surrogate_can_be_corrected_and_is_saved_so(name, tmp_path):
-    random = np.random.default_rng(2)
-    X = LOW + random.random((60, 6)) * (HIGH - LOW)
+    X = LOW + np.random.default_rng(2).random((60, 6)) * (HIGH - LOW)
     model = make(name, STUDY.settings.network).describe(PARAMETERS, TARGETS.names)
     model.fit(X, np.column_stack([X[:, 0] + 30, 60 - X[:, 2]]))
     rows = [{"sample": 1001, **MIDDLE, "status": "ok", "n_seeds": 8, "round": 0}]
@@ -163,8 +157,7 @@ STUDY = Study(SPACE, TARGETS, CONFIG)
 
 
 def designed(simulator, out):
-    rng = np.random.default_rng(5)
-    table = pd.DataFrame(LOW + rng.random((60, 6)) * (HIGH - LOW), columns=list(PARAMETERS))
+    table = pd.DataFrame(LOW + np.random.default_rng(5).random((60, 6)) * (HIGH - LOW), columns=list(PARAMETERS))
     table.insert(0, "sample", np.arange(1, 61))
     table.to_csv(out / "samples.csv", index=False)
     jobs = simulator.pour(table.assign(seeds=6), "design", out / "heaps")
@@ -183,8 +176,7 @@ def closed(simulator, out, limit):
         folders.append(own)
         if not found["answer"]:
             table = pd.read_csv(own / "samples.csv")
-            jobs = simulator.pour(table, "refined", own / "heaps")
-            dataset.run(own / "samples.csv", jobs, TARGETS, {}, own)
+            dataset.run(own / "samples.csv", simulator.pour(table, "refined", own / "heaps"), TARGETS, {}, own)
     batches.run_conclude("refined", study, folders, out / "refined")
     return verdicts
 
@@ -197,8 +189,7 @@ def loop(tmp_path_factory):
 
 def test_the_loop_brings_a_wrong_network_to_the_target_with_fresh_seeds_and_says_what_happened(loop):
     out, simulator, verdicts = loop
-    assert verdicts[0]["outcome"] == "not within"
-    assert verdicts[-1]["outcome"] == "within"
+    assert (verdicts[0]["outcome"], verdicts[-1]["outcome"]) == ("not within", "within")
     wanted = TARGETS.aim
     off = [np.abs(simulator.mean(row) / wanted - 1).max() for row in verdicts]
     assert off[0] > 0.015, "the true mean, which the loop never sees"
@@ -212,8 +203,7 @@ def test_the_loop_brings_a_wrong_network_to_the_target_with_fresh_seeds_and_says
     assert summary["met"] is True
     assert "200 fresh seeds, in no fit before" in summary["claim"]
     points = pd.read_csv(out / "batch_1" / "samples.csv")
-    assert list(points["role"]) == 4 * ["proposal"] + 6 * ["neighbour"]
-    assert list(points["seeds"]) == 4 * [50] + 6 * [20]
+    assert (list(points["role"]), list(points["seeds"])) == (4 * ["proposal"] + 6 * ["neighbour"], 4 * [50] + 6 * [20])
     check = pd.read_csv(out / "check.csv")
     assert list(check["simulated"]) == pytest.approx([verdicts[-1][one.response.simulated] for one in TARGETS])
     assert list(check["predicted"]) == pytest.approx([verdicts[-1][name] for name in TARGETS.predicted])
@@ -226,8 +216,7 @@ def test_round_0_is_the_answer_of_the_chain_and_the_loop_of_a_study_is_that_of_t
     out = loop[0].parent
     train.run(out / "dataset.csv", out / "runs.csv", STUDY, out / "network")
     support = Support.of_dataset(out / "dataset.csv", SPACE)
-    network = out / "network" / "network.json"
-    invert.run(network, STUDY, None, out / "miga", support)
+    invert.run(out / "network" / "network.json", STUDY, None, out / "miga", support)
     notes = json.loads((out / "refined/batch_1/proposal.json").read_text())["notes"]
     for name, note in (("network/metrics.json", "fit"), ("miga/summary.json", "search")):
         whole = json.loads((out / name).read_text())
@@ -268,8 +257,7 @@ def test_runs_of_another_definition_or_numbers_are_refused(loop, tmp_path):
 
 
 def test_a_target_out_of_reach_ends_at_the_limit_and_the_answer_says_what_is_met(tmp_path, loop):
-    simulator = Simulator(lift=-15.0)
-    verdicts = closed(simulator, tmp_path, 1)
+    verdicts = closed(Simulator(lift=-15.0), tmp_path, 1)
     assert [row["outcome"] for row in verdicts] == ["not within"] * 2
     summary = json.loads((tmp_path / "refined" / "summary.json").read_text())
     assert summary["met"] is False

@@ -9,20 +9,7 @@ import synthetic
 from matplotlib.text import Text
 from refusals import input_error
 from shared import entries
-from synthetic import (
-    MATTER,
-    RANGES,
-    SECTION,
-    SETTINGS,
-    SPACE,
-    TARGETS,
-    configuration,
-    dataset,
-    responses,
-    runs_of,
-    write_poured,
-    write_tables,
-)
+from synthetic import MATTER, RANGES, SECTION, SETTINGS, SPACE, TARGETS, dataset, responses
 
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
@@ -42,7 +29,7 @@ def campaign(folder, noise, section=SECTION, space=SPACE, seed=1):
     steps, study = [folder / name for name in STEPS], synthetic.study(space=space, response_surface=section)
     for number, step in enumerate(steps):
         batches.run_propose("response_surface", study, steps[:number], step)
-        write_poured(step, pd.read_csv(step / "samples.csv"), noise, [seed, number], section["seeds"])
+        synthetic.write_poured(step, pd.read_csv(step / "samples.csv"), noise, [seed, number], section["seeds"])
     assert batches.run_propose("response_surface", study, steps, folder / "answer")["answer"]
     batches.run_conclude("response_surface", study, [*steps, folder / "answer"], folder)
     return pd.read_csv(folder / "check.csv")
@@ -87,8 +74,7 @@ def test_the_ascent_begins_at_the_centre_and_the_surface_lies_about_its_best_poi
     assert (path[still] == path.loc[0, still]).all(axis=None)
     coded = path[[f"coded_{name}" for name in kept]]
     assert np.abs(coded.to_numpy()).max() == pytest.approx(1), "the last step is at the edge of a range"
-    assert path["best"].sum() == 1
-    assert path.loc[path["best"], "error_percent"].iloc[0] == path["error_percent"].min()
+    assert (path["best"].sum(), path.loc[path["best"], "error_percent"].iloc[0]) == (1, path["error_percent"].min())
     path, table = (pd.read_csv(noisy[0] / name) for name in ("path.csv", "surface/samples.csv"))
     unit = SPACE.unit(table[list(PARAMETERS)].to_numpy(float))
     assert unit.min() > -1e-12
@@ -127,8 +113,7 @@ def about_the_centre(settings):
 def test_the_interval_of_the_check_holds_what_it_says():
     # a surface of second order is right here, so 95 % of the checks lie inside: 1000 of them, standard error 0.7 %
     table = about_the_centre(SETTINGS)
-    place = np.array([0.3, -0.2, 0.5])
-    best = Optimum(place, np.zeros(2), True, 1.0)
+    best = Optimum(np.array([0.3, -0.2, 0.5]), np.zeros(2), True, 1.0)
     check = surface.check_samples(table, best, SPACE, SETTINGS.checks)
     inside = []
     for k in range(500):
@@ -143,14 +128,12 @@ def test_axial_runs_of_a_central_composite_lie_at_the_reach(name):
     table = about_the_centre(SETTINGS.model_copy(update={"surface": name}))
     assert len(table) == 14 + SECTION["centres"]
     unit = SPACE.unit(table[list(PARAMETERS)].to_numpy(float))
-    k = SPACE.free.index(factors_of(table)[0])
-    assert np.ptp(unit[:, k]) == pytest.approx(2 * SECTION["reach"])
+    assert np.ptp(unit[:, SPACE.free.index(factors_of(table)[0])]) == pytest.approx(2 * SECTION["reach"])
 
 
 def bent(table):
     """A dataset of a response that the corners of the ranges underrate: 60 mm in their mean, 68 mm at the centre."""
-    unit = SPACE.unit(table[list(PARAMETERS)].to_numpy(float))
-    off = unit - 0.5
+    off = SPACE.unit(table[list(PARAMETERS)].to_numpy(float)) - 0.5
     height = 68 + 8 * off[:, 1] + 4 * off[:, 2] - 16 * (off[:, 4] ** 2 + off[:, 0] ** 2)
     found = table[["sample", *PARAMETERS]].assign(status="ok", reason="", n_seeds=3)
     return found.assign(height_mm=height, aor_deg=30.0)
@@ -158,7 +141,8 @@ def bent(table):
 
 @pytest.mark.parametrize(("aim", "sign"), [(64.0, -1), (72.0, 1)])
 def test_the_ascent_climbs_from_the_poured_centre_and_not_from_the_mean_of_the_corners(aim, sign):
-    targets = Targets.of([configuration(TARGETS, SPACE)["targets"][1] | {"value": aim, "range": [aim - 2, aim + 2]}])
+    height = synthetic.configuration(TARGETS, SPACE)["targets"][1]
+    targets = Targets.of([height | {"value": aim, "range": [aim - 2, aim + 2]}])
     study = synthetic.study(targets, response_surface=SECTION)
     found = ResponseSurface().propose(study, bent(screening.design(SPACE, SETTINGS)))
     assert found.notes["screening"]["centre"]["height_mm"] == pytest.approx(68.0)
@@ -172,29 +156,25 @@ def test_steps_share_no_sample_and_leave_out_those_that_gave_no_pile():
     data.loc[[0, 5], "status"] = "failed"
     data.loc[[0, 5], list(TARGETS.names)] = np.nan
     whole = screening.models_of(table, dataset(table), TARGETS, "linear")
-    fewer = screening.models_of(table, data, TARGETS, "linear")
-    assert len(fewer[0].response) == len(whole[0].response) - 2
+    assert len(screening.models_of(table, data, TARGETS, "linear")[0].response) == len(whole[0].response) - 2
     steps = [set(samples(step, SPACE, np.zeros((500, 6)), (), np.zeros((500, 0)))["sample"]) for step in STEPS]
     assert len(set().union(*steps)) == 2000
 
 
 def test_too_few_piles_are_reported_with_their_folder_and_figures(tmp_path, noisy):
     study, table = synthetic.study(response_surface=SECTION), screening.design(SPACE, SETTINGS)
-    runs = runs_of(table, 3, 0.0, 1)
+    runs = synthetic.runs_of(table, 3, 0.0, 1)
     runs.loc[runs["sample"].isin(table["sample"].iloc[3:12]), "status"] = "failed"
-    write_tables(tmp_path, table, runs)
+    synthetic.write_tables(tmp_path, table, runs)
     step = "response_surface", study, [tmp_path], tmp_path / "next"
     input_error(f"{tmp_path}: .*enough for the model", batches.run_propose, *step)
-    write_poured(tmp_path, table.iloc[:5])
+    synthetic.write_poured(tmp_path, table.iloc[:5])
     input_error("all samples of the step", batches.run_propose, *step)
     folder = noisy[0]
     surface_files = {name: str(folder / f"surface/{name}.csv") for name in ("samples", "dataset")}
-    drawings = [
-        (figures.pareto, {"effects": str(folder / "screening_effects.csv")}, 2),
-        (figures.pareto, {"effects": str(folder / "surface_effects.csv")}, 2),
-        (figures.perturbation, surface_files, 2),
-        (figures.contours, surface_files | {"optimum": str(folder / "optimum.json")}, None),
-    ]
+    effects = ({"effects": str(folder / f"{name}_effects.csv")} for name in ("screening", "surface"))
+    drawings = [*((figures.pareto, given, 2) for given in effects), (figures.perturbation, surface_files, 2)]
+    drawings += [(figures.contours, surface_files | {"optimum": str(folder / "optimum.json")}, None)]
     for function, inputs, panels in drawings:
         with style.applied():
             figure = function(inputs, CONFIG)

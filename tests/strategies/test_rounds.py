@@ -46,27 +46,21 @@ def test_a_round_is_cut_into_fresh_blocks_and_judged_by_both_bars():
     assert jobs[:3] == [(3001, "proposal", 8), (3002, "proposal", 8), (3003, "proposal", 4)]
     assert jobs[3:] == [(number, "neighbour", 3) for number in (3101, 3102, 3103, 3104)]
     assert [rounds.round_of(number) for number in (1001, 3104, 150)] == [0, 2, -1]
-    seeds = [
-        pour_seeds(2026, "refined", sample, count)
-        for round_ in range(4)
-        for sample, _, count in rounds.jobs(RefineSettings.model_construct(**SECTION), round_)
-    ]
+    jobs = chain.from_iterable(rounds.jobs(RefineSettings.model_construct(**SECTION), k) for k in range(4))
+    seeds = [pour_seeds(2026, "refined", sample, count) for sample, _, count in jobs]
     seeds.append(pour_seeds(2026, "validation", 1, 32))
     seeds += [pour_seeds(2026, "design", sample, 6) for sample in range(1, 151)]
     every = list(chain.from_iterable(seeds))
-    assert len(every) == 4 * 32 + 32 + 900
-    assert len(set(every)) == len(every)
+    assert (len(every), len(set(every))) == (4 * 32 + 32 + 900, len(every))
     row = judged(aor_deg=[30.1, 30.3, 30.2, 30.2], height_mm=[60.2, 59.8, 60.0, 60.0])
     assert (row["outcome"], row["reason"], row["n_seeds"]) == ("within", "", 4)
     assert row["aor_deviation_percent"] == pytest.approx(100 * 0.2 / 30)
     assert row["aor_se_deg"] == pytest.approx(np.std([30.1, 30.3, 30.2, 30.2], ddof=1) / 2)
     assert row["aor_deviation_se"] == pytest.approx(0.2 / row["aor_se_deg"])
     row = judged(aor_deg=[30.6, 31.0, 30.8, 30.8], height_mm=[58.8, 59.2, 59.0, 59.0])
-    assert row["outcome"] == "not within"
-    assert row["reason"] == (
-        "AoR 30.80 deg is 2.67 % (9.8 standard errors) above 30 deg; "
-        "Height 59.00 mm is 1.67 % (12.2 standard errors) below 60 mm"
-    )
+    why = "AoR 30.80 deg is 2.67 % (9.8 standard errors) above 30 deg; "
+    why += "Height 59.00 mm is 1.67 % (12.2 standard errors) below 60 mm"
+    assert (row["outcome"], row["reason"]) == ("not within", why)
     alone = judged(aor_deg=[30.6, 31.0, 30.8, 30.8], height_mm=[60.2, 59.8, 60.3, 60.3])
     assert alone["outcome"] == "not within"
     assert alone["reason"].endswith("Height 60.15 mm is 0.25 % (1.3 standard errors) above 60 mm, within 1 %")
@@ -77,22 +71,19 @@ def test_a_round_is_cut_into_fresh_blocks_and_judged_by_both_bars():
     assert single["outcome"] == "within", "a standard error of nought is below any"
     runs = runs_of([1001, 1002], aor_deg=30.0, height_mm=60.0).assign(status="jammed", reason="stuck")
     row = rounds.judge(proposed(TARGETS, 2), runs, study(TARGETS, refine=SECTION), 0)
-    assert row["outcome"] == "no pile"
-    assert row["reason"] == "jammed: 2 of 2 runs jammed (stuck)"
+    assert (row["outcome"], row["reason"]) == ("no pile", "jammed: 2 of 2 runs jammed (stuck)")
     assert np.isnan(row["aor_simulated_deg"])
 
 
 def test_one_target_and_four_of_two_bench_tests():
     row = judged(targets_of(drum_slip_deg=40.0), drum_slip_deg=[40.2, 40.2, 40.0, 40.0])
-    assert row["outcome"] == "within"
-    assert row["drum_slip_simulated_deg"] == pytest.approx(40.1)
+    assert (row["outcome"], row["drum_slip_simulated_deg"]) == ("within", pytest.approx(40.1))
     assert rounds.why_stopped(row, 4, targets_of(drum_slip_deg=40.0)) == "round 0 meets the target"
     assert rounds.claim(row, targets_of(drum_slip_deg=40.0)).startswith("slip 40.10 ± 0.06 deg (+0.25 %), mean")
     seven = study(FOUR, ParameterSpace.of(RANGES | {"gamma_gg": [0.0, 0.1]}), refine=SECTION)
     row = rounds.judge(proposed(FOUR, 4).assign(gamma_gg=0.05), of_two_bench_tests([40.0, 40.2, 44.0]), seven, 0)
     assert (row["poured"], row["n_seeds"], row["gamma_gg"]) == (7, 3, 0.05)
-    assert row["outcome"] == "not within"
-    assert row["base_radius_simulated_mm"] == pytest.approx(110)
+    assert (row["outcome"], row["base_radius_simulated_mm"]) == ("not within", pytest.approx(110))
     assert row["drum_slip_se_deg"] == pytest.approx(np.std([40.0, 40.2, 44.0], ddof=1) / np.sqrt(3))
     assert "slip 41.40 deg is 3.50 %" in row["reason"]
     failed = of_two_bench_tests([40.0, 40.2])
@@ -105,8 +96,7 @@ def test_one_target_and_four_of_two_bench_tests():
 def of_two_bench_tests(slip):
     """Runs of a proposal: four in the funnel, all on target, and one a value of slip in the drum."""
     funnel = runs_of([1001] * 4, aor_deg=30.0, height_mm=60.0, base_radius_mm=110.0).assign(apparatus="funnel")
-    drum = runs_of([1001] * len(slip), drum_slip_deg=slip).assign(apparatus="drum")
-    return pd.concat([funnel, drum])
+    return pd.concat([funnel, runs_of([1001] * len(slip), drum_slip_deg=slip).assign(apparatus="drum")])
 
 
 def test_the_loop_goes_on_while_it_learns_and_ends_out_of_reach():
@@ -119,8 +109,7 @@ def test_the_loop_goes_on_while_it_learns_and_ends_out_of_reach():
     empty = missed | {"outcome": "no pile", "usable": 0}
     assert not rounds.goes_on(empty)
     assert "no pile to learn from" in rounds.why_stopped(empty, 4, TARGETS)
-    reached = judged(aor_deg=[29.0, 29.1, 28.9], height_mm=[60.0, 60.2, 59.8])
-    assert not reached["out_of_reach"]
+    assert not judged(aor_deg=[29.0, 29.1, 28.9], height_mm=[60.0, 60.2, 59.8])["out_of_reach"]
     table = proposed(TARGETS, 3).assign(aor_predicted_deg=29.0)
     runs = runs_of([1001] * 3, aor_deg=[29.0, 29.1, 28.9], height_mm=[60.0, 60.2, 59.8])
     row = rounds.judge(table, runs, study(TARGETS, refine=SECTION), 1) | {"usable": 3}
@@ -137,10 +126,8 @@ def test_the_loop_goes_on_while_it_learns_and_ends_out_of_reach():
 @pytest.mark.parametrize("names", [("height_mm",), ("height_mm", "drum_slip_deg")])
 def test_samples_are_those_of_the_dataset_also_where_runs_failed(names, tmp_path):
     targets = targets_of(**dict.fromkeys(names, 60.0))
-    good = {
-        "height_mm": [(1, 1, 1), (1, 0, 1), (0, 0, 1), (1, 1, 1), (0, 0, 0)],
-        "drum_slip_deg": [(1, 1, 1), (1, 1, 0), (1, 1, 1), (0, 1, 0), (0, 0, 0)],
-    }
+    good = {"height_mm": [(1, 1, 1), (1, 0, 1), (0, 0, 1), (1, 1, 1), (0, 0, 0)]}
+    good |= {"drum_slip_deg": [(1, 1, 1), (1, 1, 0), (1, 1, 1), (0, 1, 0), (0, 0, 0)]}
     samples = pd.DataFrame(SPACE.values(np.random.default_rng(1).random((5, 6))), columns=list(PARAMETERS))
     samples.insert(0, "sample", range(1, 6))
     samples.to_csv(tmp_path / "samples.csv", index=False)

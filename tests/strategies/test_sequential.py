@@ -10,7 +10,7 @@ from matplotlib.text import Text
 from refusals import input_error
 from scipy.spatial.distance import cdist
 from scipy.stats import norm
-from shared import entries
+from shared import entries, says
 from synthetic import RANGES, SPACE, TARGETS, responses, runs_of, study, write_poured, write_tables
 
 from repose import Study
@@ -106,8 +106,7 @@ def test_one_target_a_fixed_parameter_and_a_prior_that_spreads_the_start(tmp_pat
     assert (strata == np.arange(12)[:, None]).all()
     values = ParameterSpace.of(RANGES | known).values(unit)[:, PARAMETERS.index("mus_gp")]
     assert values.std() == pytest.approx(0.02, rel=0.3)
-    space = ParameterSpace.of(RANGES | known | {"e_gg": {"fixed": 0.25}})
-    summary = campaign(tmp_path, HEIGHT, space)
+    summary = campaign(tmp_path, HEIGHT, ParameterSpace.of(RANGES | known | {"e_gg": {"fixed": 0.25}}))
     assert summary["answer"]["e_gg"] == 0.25
     # far from the prior's mean the density is small; five of its standard deviations are never worth it here
     assert abs(summary["answer"]["mus_gp"] - 0.6) < 0.1
@@ -117,8 +116,7 @@ def test_one_target_a_fixed_parameter_and_a_prior_that_spreads_the_start(tmp_pat
 
 def test_it_stops_where_the_budget_is_used_up_no_pour_helps_or_no_set_meets_the_targets():
     found = advised(observed(), probability=0.7, most_pours=999)
-    assert found.stop == "probability"
-    assert len(found.batch) == 0
+    assert (found.stop, len(found.batch)) == ("probability", 0)
     data = observed(noise=6.0)
     found = advised(data, probability=0.99, most_pours=121)
     assert found.stop == "budget", "one pour is left, and a sample takes two"
@@ -190,8 +188,7 @@ def test_further_pours_may_move_a_mean_by_three_standard_deviations_of_what_they
 def test_a_batch_lies_about_the_answer_and_away_from_failed_samples():
     goal = Goal.of(HEIGHT, 1.0, SPACE)
     sd = 0.045 * 65.28
-    exact = (norm.ppf(0.95) * sd / goal.half[0]) ** 2
-    assert goal.needed(np.array([[sd**2]]), 0.9) == int(np.ceil(exact)) == 55
+    assert goal.needed(np.array([[sd**2]]), 0.9) == int(np.ceil((norm.ppf(0.95) * sd / goal.half[0]) ** 2)) == 55
     data = observed(n=20, noise=4.0)
     found = advised(data, most_pours=999, probability=0.99, batch=100)
     inside = (found.answer > 0.3) & (found.answer < 0.7)
@@ -201,8 +198,7 @@ def test_a_batch_lies_about_the_answer_and_away_from_failed_samples():
     assert found.batch[:, inside].mean(axis=0) == pytest.approx(found.answer[inside], abs=0.03)
     assert found.batch[:, inside].std(axis=0) == pytest.approx(0.1, rel=0.22)
     data = observed(n=30, noise=4.0)
-    first = advised(data, most_pours=999, probability=0.99)
-    failed = first.batch[:1]
+    failed = advised(data, most_pours=999, probability=0.99).batch[:1]
     second = advised(data, failed=failed, most_pours=999, probability=0.99)
     for points in (second.batch, second.answer[None]):
         assert (cdist(points, failed)[:, 0] >= cdist(points, data.unit).min(axis=1)).all()
@@ -216,8 +212,7 @@ def test_a_budget_counts_failed_runs_and_bench_tests_are_independent(tmp_path):
     runs.loc[[0, 4, 5], "status"] = "jammed"
     runs.loc[[0, 4, 5], list(TARGETS.names)] = np.nan
     write_tables(tmp_path, table, runs)
-    found = batches.run_propose("sequential", known, [tmp_path], tmp_path / "batch_1")
-    assert found["pours"] == 24
+    assert batches.run_propose("sequential", known, [tmp_path], tmp_path / "batch_1")["pours"] == 24
     data = pd.read_csv(tmp_path / "dataset.csv")
     seen = observed_of(data_of(data, runs, TARGETS), SPACE, TARGETS)
     assert seen.counts.tolist() == [1] + [2] * 10
@@ -253,5 +248,4 @@ def test_figure(done, targets):
         figure = sequential(inputs, config)
         figure.canvas.draw()
     texts = " ".join(text.get_text() for text in figure.findobj(Text))
-    assert "All targets within 1 %" in texts
-    assert "asked for" in texts
+    says(texts, "All targets within 1 %", "asked for")

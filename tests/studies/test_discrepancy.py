@@ -43,16 +43,14 @@ def test_a_stated_discrepancy_and_the_spread_of_a_shape_study(tmp_path):
     targets = targets_of(aor_deg=30.0, height_mm=60.0, drum_slip_deg=40.0)
     found = discrepancy.of_targets(targets, design(1.0, 2.0), 10.0, 0.9)
     assert found == pytest.approx(np.array([[9, 16.2, 0], [16.2, 36, 0], [0, 0, 16]]))
-    opposite = discrepancy.of_targets(targets, design(1.0, -2.0), 10.0, 0.9)
-    assert opposite[0, 1] == pytest.approx(-16.2)
+    assert discrepancy.of_targets(targets, design(1.0, -2.0), 10.0, 0.9)[0, 1] == pytest.approx(-16.2)
     random = np.random.default_rng(1)
     known = np.array([[9.0, 12.0], [12.0, 25.0]])
     models = random.multivariate_normal([-3, 5], known, 4000) + random.normal(size=(4000, 2)) * [0.5, 2.0]
     far = random.normal(100, 50, (50, 2))
     path = combinations(tmp_path, np.vstack([models, far]), (0.5, 2.0), np.arange(4050) < 4000)
     result = discrepancy.of_shape_study(path, PILE)
-    assert result.models == pytest.approx(4000)
-    assert result.mean == pytest.approx([-3, 5], abs=0.2)
+    assert (result.models, result.mean) == (pytest.approx(4000), pytest.approx([-3, 5], abs=0.2))
     found = result.covariance
     assert np.sqrt(np.diag(found)) == pytest.approx([3, 5], rel=0.05)
     raw = known + np.diag([0.25, 4.0])
@@ -73,8 +71,7 @@ def test_a_model_counts_by_its_piles_and_a_study_that_says_too_little_is_refused
     spread = (((0 - mean) ** 2 + (2 - mean) ** 2) / 2 + share * (40 - mean) ** 2) / (1 + share)
     assert result.covariance[0, 0] == pytest.approx(spread / (1 - 1 / result.models))
     table = pd.read_csv(path)
-    twice = pd.concat([table, table])
-    twice.to_csv(path, index=False)
+    pd.concat([table, table]).to_csv(path, index=False)
     assert discrepancy.of_shape_study(path, PILE).models == pytest.approx(result.models)
     few = combinations(tmp_path, np.ones((6, 2)), eligible=[True] * 4 + [False] * 2)
     wanted = r"combinations.csv: eligible is '4.0 models.*'; expected at least 5"
@@ -123,8 +120,7 @@ def observed(targets):
     runs = pd.DataFrame({"sample": [1, 2, 3]} | {name: [1.0, 2.0, 3.0] for name in targets.names})
 
     def of(percent, between=0.0):
-        unknown = discrepancy.of_targets(targets, runs, percent, between)
-        return observation(targets, np.eye(len(targets)), unknown)
+        return observation(targets, np.eye(len(targets)), discrepancy.of_targets(targets, runs, percent, between))
 
     return of
 
@@ -166,8 +162,7 @@ def test_the_region_is_where_the_response_is_within_three_standard_deviations():
     targets = targets_of(height_mm=60.0)
     points = implausibility.Points(Linear(40.0), SPACE)
     mean, covariance = observed(targets)(2.0)
-    implausible = implausibility.implausibility(points, mean, covariance)
-    share, table = implausibility.region(points, implausible)
+    share, table = implausibility.region(points, implausibility.implausibility(points, mean, covariance))
     half = 3 * math.sqrt(covariance[0, 0]) / 40
     assert share == pytest.approx(2 * half, abs=0.002)
     assert len(table) == 15 * implausibility.CELLS**2
@@ -221,8 +216,7 @@ def test_tables_of_a_study_with_failed_pours_by_function_and_verb(tmp_path, comm
 
 
 def test_targets_without_correlation_and_too_few_runs(tmp_path):
-    one = targets_of(drum_slip_deg=40.0)
-    found = noise.noise_floor(made_up_runs(), one)
+    found = noise.noise_floor(made_up_runs(), targets_of(drum_slip_deg=40.0))
     reachable = [f"drum_slip_reachable_r2{end}" for end in ("", "_low", "_high")]
     assert list(found.seeds.columns) == ["seeds", "drum_slip_se_deg", "drum_slip_se_percent", *reachable]
     assert found.responses["sd_within"][0] == pytest.approx(3, rel=0.2)
@@ -235,8 +229,7 @@ def test_targets_without_correlation_and_too_few_runs(tmp_path):
     assert (np.linalg.eigvalsh(matrix) > 0).all()
     assert len(noise.noise_floor(made_up_runs(), FOUR).responses) == 4
     input_error(r"runs a sample is 1; expected 2 or more", noise.run, write_runs(tmp_path, 1), TWO, tmp_path / "out")
-    runs = made_up_runs(2, 4).query("apparatus == 'funnel'")
-    runs.to_csv(tmp_path / "runs.csv", index=False)
+    made_up_runs(2, 4).query("apparatus == 'funnel'").to_csv(tmp_path / "runs.csv", index=False)
     few = r"runs\.csv: runs is '2 degrees of freedom within samples"
     input_error(few, noise.run, tmp_path / "runs.csv", TWO, tmp_path / "out")
     input_error("4 sets or more with two runs", next_measurement.information, made_up(1.0, 1.0, sets=3), 10, 2.0)
@@ -275,10 +268,8 @@ def test_bits_by_hand_the_most_informative_first_and_plausible_sets(tmp_path):
     draws = pd.DataFrame(np.random.default_rng(1).random((50, 6)), columns=list(PARAMETERS))
     draws.to_csv(tmp_path / "draws.csv", index=False)
     samples = next_measurement.plausible_sets(tmp_path / "draws.csv", 3, tmp_path / "samples.csv")
-    assert list(samples.columns) == ["sample", *PARAMETERS]
-    assert len(samples) == next_measurement.SETS
-    written = pd.read_csv(tmp_path / "samples.csv")
-    for values in written[list(PARAMETERS)].to_numpy():
+    assert (list(samples.columns), len(samples)) == (["sample", *PARAMETERS], next_measurement.SETS)
+    for values in pd.read_csv(tmp_path / "samples.csv")[list(PARAMETERS)].to_numpy():
         assert np.isclose(draws.to_numpy(), values, rtol=1e-9).all(axis=1).sum() == 1
     draws[:3].to_csv(tmp_path / "draws.csv", index=False)
     files = tmp_path / "draws.csv", 3, tmp_path / "samples.csv"

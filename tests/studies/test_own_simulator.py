@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 import yaml
 from refusals import input_error
-from shared import ROOT, at, put
+from shared import ROOT, at, put, says
 
 from repose.chain import card
 from repose.config.record import add_runs
@@ -77,8 +77,7 @@ def test_the_start_repeats_its_samples_and_answers_in_the_products_of_a_run(stud
 
 @pytest.mark.slow
 def test_the_answer_meets_the_targets_inside_ranges_and_intervals_that_hold_it(found):
-    answer = pd.DataFrame([found.summary["representative"]])
-    exact = simulate(answer, noise=0.0).iloc[0]
+    exact = simulate(pd.DataFrame([found.summary["representative"]]), noise=0.0).iloc[0]
     for k, one in enumerate(found.study.targets):
         assert abs(exact[one.name] - one.aim) < 4 * found.answer.error[k]
     assert found.summary["feasible"]
@@ -119,8 +118,7 @@ def test_a_calibration_ends_well_whatever_its_answer(found, monkeypatch, tmp_pat
     assert "No parameter set is predicted inside both ranges; the answer was not simulated again." in first
     assert card.read(tmp_path / "card.json")["out_of_reach"] is True
     text = (tmp_path / "report.html").read_text()
-    assert "<b>Targets not checked yet.</b> angle_deg predicted " in text
-    assert "Other parameters" in text
+    says(text, "<b>Targets not checked yet.</b> angle_deg predicted ", "Other parameters")
 
 
 @pytest.mark.slow
@@ -171,8 +169,7 @@ def test_single_runs_give_a_rough_noise_and_correlations_need_more(study):
     true = 0.02 * np.sqrt((exact**2).mean().to_numpy())
     assert np.sqrt(np.diagonal(found.covariance)) == pytest.approx(true, rel=0.35)
     assert found.covariance[0, 1] == 0
-    assert "angle_deg 0." in found.warning
-    assert "Simulate some parameter sets twice" in found.warning
+    says(found.warning, "angle_deg 0.", "Simulate some parameter sets twice")
     needed = len(study.targets) + 2
     assert calibration.posterior_settings(study, needed - 1).measured_correlation == 0.0
     assert calibration.posterior_settings(study, needed).measured_correlation == "simulated"
@@ -196,8 +193,7 @@ def test_stated_noise_stands_in_for_replicates_and_not_beside_them(study, table)
     assert single.covariance[0, 0] == pytest.approx(0.49)
     assert single.sources == {"angle_deg": "noise_sd", "time_s": "estimated from single runs"}
     both = noise_of(known, table)
-    assert both.covariance == pytest.approx(noise_of(study, table).covariance)
-    assert both.warning is None
+    assert (both.covariance, both.warning) == (pytest.approx(noise_of(study, table).covariance), None)
 
 
 def test_too_few_single_runs_are_refused_with_the_ways_out(study, table):
@@ -312,5 +308,4 @@ def test_a_prior_moves_the_answer(table):
 def test_the_verbs_want_an_own_configuration(table, tmp_path, command):
     runs, *config = files_of(tmp_path, {"label": "wheat"}, table)
     for verb in (["ask"], ["tell", runs], ["calibrate", runs]):
-        said = command(*verb, *config, status=2).err
-        assert "simulator is None; expected the name of your simulator" in said
+        assert "simulator is None; expected the name of your simulator" in command(*verb, *config, status=2).err

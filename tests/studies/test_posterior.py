@@ -22,8 +22,7 @@ from repose.surrogate import names
 from repose.surrogate.bayesian_bp import BayesianBP
 from repose.surrogate.settings import NetworkSettings
 
-# standard errors of the means 1 deg and 2 mm
-TARGETS = targets_of(sd_percent=20 / 3, aor_deg=30.0, height_mm=60.0)
+TARGETS = targets_of(sd_percent=20 / 3, aor_deg=30.0, height_mm=60.0)  # standard errors of the means 1 deg and 2 mm
 UNIT = {name: [0.0, 1.0] for name in PARAMETERS}
 SETTINGS = {"shape_study": None, "discrepancy_percent": 2.0, "discrepancy_correlation": 0.0}
 SETTINGS |= {"measured_correlation": "simulated", "walkers": 24, "steps": 1000, "seed": 1}
@@ -41,10 +40,8 @@ def test_statements_and_a_reference_interval_by_its_share_of_the_prior():
     row |= {"width_ratio": 0.4}
     assert "e_gp is determined, 0.21 to 0.49" in posterior.statement(row)
     space = ParameterSpace.of(UNIT | {"mus_gg": [0.4, 0.8]})
-    k = space.free.index("mus_gg")
-    found = posterior._reference("other", space, k, np.array([0.4, 0.6, 0.8]), 0.5, 0.7)
-    assert found["other_prior_probability"] == pytest.approx(0.5)
-    assert found["other_probability"] == pytest.approx(1 / 3)
+    found = posterior._reference("other", space, space.free.index("mus_gg"), np.array([0.4, 0.6, 0.8]), 0.5, 0.7)
+    assert (found["other_prior_probability"], found["other_probability"]) == (pytest.approx(0.5), pytest.approx(1 / 3))
 
 
 # Any number of targets, priors and fixed parameters, on a surrogate with a closed form
@@ -88,8 +85,7 @@ def test_one_target_determines_one_parameter_and_correlations_need_their_runs():
     assert table.loc["mus_gp", "sd"] == pytest.approx(math.hypot(0.6, 0.1) / 12, rel=0.1)
     assert (table["information_bits"].drop("mus_gp") < 0.1).all()
     assert list(found.draws.columns) == [*PARAMETERS, "drum_slip_predicted_deg", "drum_slip_linear_se_deg"]
-    assert found.summary["correlation"] == {}
-    assert found.summary["linear_se"] == pytest.approx([0.1])
+    assert (found.summary["correlation"], found.summary["linear_se"]) == ({}, pytest.approx([0.1]))
 
 
 @pytest.mark.slow
@@ -100,8 +96,7 @@ def test_four_targets_of_two_bench_tests_determine_four_parameters():
     table = found.parameters.set_index("parameter")
     assert (table.loc[list(moved.values()), "information_bits"] > 1).all()
     assert (table.loc[["mus_gp", "mur_gp"], "information_bits"] < 0.1).all()
-    assert set(found.summary["predicted"]) == set(moved)
-    assert len(found.summary["correlation"]) == 3
+    assert (set(found.summary["predicted"]), len(found.summary["correlation"])) == (set(moved), 3)
 
 
 def test_a_prior_narrows_its_parameter_and_fixed_ones_are_not_sampled():
@@ -152,8 +147,7 @@ def test_sampler_and_weighted_points_have_the_bits_of_a_grid():
     """Six parameters move one response, and the box cuts the posterior: nothing in it is normal."""
     slopes = dict(zip(PARAMETERS, (5.0, 2.0, 5.0, -4.0, 0.5, -4.0), strict=True))
     targets = targets_of(sd_percent=9.0, drum_slip_deg=31.0)
-    sd = math.hypot(float(targets.standard_error[0]), 0.02 * 31, 0.1)
-    exact = bits_on_a_grid(slopes.values(), 31.0, sd)
+    exact = bits_on_a_grid(slopes.values(), 31.0, math.hypot(float(targets.standard_error[0]), 0.02 * 31, 0.1))
     found = inferred(targets, [slopes], discrepancy_percent=2.0, steps=2000).summary
     assert 0.003 < found["information_se_bits"] < 0.03
     assert found["information_bits"] == pytest.approx(exact, abs=3 * found["information_se_bits"])
@@ -164,8 +158,7 @@ def test_sampler_and_weighted_points_have_the_bits_of_a_grid():
         return observation(targets, np.eye(1), np.array([[(percent / 100 * 31.0) ** 2]]))
 
     curve = implausibility.curve(points, targets, observed)
-    own = curve.set_index("discrepancy_percent").loc[2.0, "information_bits"]
-    assert own == pytest.approx(exact, abs=0.01)
+    assert curve.set_index("discrepancy_percent").loc[2.0, "information_bits"] == pytest.approx(exact, abs=0.01)
 
 
 # From files
@@ -240,8 +233,7 @@ def test_other_responses_are_refused_and_a_restored_network_has_its_error_bars(s
     rows = train.split(60, [0.7, 0.15, 0.15], 1)["train"]
     X, Y = table[list(PARAMETERS)].to_numpy(), table[["aor_deg", "height_mm"]].to_numpy()
     metrics = json.loads(study["metrics"].read_text())
-    assert metrics["prior"] == "inputs"
-    assert len(metrics["alpha"]) == 8
+    assert (metrics["prior"], len(metrics["alpha"])) == ("inputs", 8)
     covariance = np.array(metrics["noise_covariance"])
     assert covariance == pytest.approx(np.diag([0.25, 1.0]), abs=0.25)
     trained = BayesianBP(hidden=3, epochs=200, goal=0.0, starts=3, seed=1, prior="inputs")
@@ -250,8 +242,7 @@ def test_other_responses_are_refused_and_a_restored_network_has_its_error_bars(s
     again = train.restore(*(study[key] for key in ("network", "predictions", "dataset")))
     for noise in (True, False):
         expected, found = (model.predict(X, return_std=True, noise=noise) for model in (trained, again))
-        assert found[0] == pytest.approx(expected[0], rel=1e-9)
-        assert found[1] == pytest.approx(expected[1], rel=1e-5)
+        assert (found[0], found[1]) == (pytest.approx(expected[0], rel=1e-9), pytest.approx(expected[1], rel=1e-5))
     covariance = again.covariance(X)
     assert np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)) == pytest.approx(found[1])
     assert (np.linalg.det(covariance) > 0).all()

@@ -60,8 +60,7 @@ def test_the_linear_posterior_has_its_closed_form_with_a_prior_too(linear):
         marginal = -0.5 * math.log2(2 * math.pi * math.e * known[k, k])
         effective = draws[:, k].size / chains.times[k]
         assert sampler.information_bits(draws[:, k], effective) == pytest.approx(marginal, abs=0.06)
-    random = np.random.default_rng(3)
-    draws = random.normal(0.55, 0.1 / math.sqrt(2), (20_000, 1))
+    draws = np.random.default_rng(3).normal(0.55, 0.1 / math.sqrt(2), (20_000, 1))
 
     def likelihood(u):
         return -0.5 * ((u[:, 0] - 0.6) / 0.1) ** 2
@@ -91,8 +90,7 @@ def test_chains_end_at_their_bounds_repeat_and_hold_no_walkers_without_weight():
     centres = np.array([[0.2, 0.3, 0.3], [0.75, 0.7, 0.6]])
 
     def log_density(theta):
-        distance = ((theta[:, None] - centres) ** 2).sum(axis=2)
-        return logsumexp(heights - 0.5 * distance / sds**2, axis=1)
+        return logsumexp(heights - 0.5 * ((theta[:, None] - centres) ** 2).sum(axis=2) / sds**2, axis=1)
 
     mass = np.exp(heights) * sds**3
     chains = sampler.sample(log_density, 3, 32, 1500, 5)
@@ -148,8 +146,7 @@ def test_ishigami_and_sums_have_their_indices_and_main_effects():
 
     found = sensitivity.indices(weigh, np.zeros(3), np.ones(3), 2048, 20, 1)
     known = np.array([[1, 4, 0], [0, 9, 16]]) / np.array([[5], [25]])
-    assert found["first"] == pytest.approx(known, abs=0.01)
-    assert found["total"] == pytest.approx(known, abs=0.01)
+    assert (found["first"], found["total"]) == (pytest.approx(known, abs=0.01), pytest.approx(known, abs=0.01))
     grid, means = sensitivity.main_effects(ishigami, LOW, HIGH, 3, points=9)
     assert grid.shape == (3, 9)
     assert means[1] == pytest.approx(7 * np.sin(grid[1]) ** 2, abs=0.05)
@@ -208,9 +205,7 @@ def test_faults_are_reported_with_the_file(tmp_path):
     flat.W1_ = 0 * flat.W1_
     flat.describe(PARAMETERS, targets.names).save(path)
     fixed = ParameterSpace.of({name: {"fixed": 0.5} for name in PARAMETERS})
-    for study, words in (
-        (study_of(targets), r"network\.json: surrogate is 'an output of the function does not vary"),
-        (study_of(targets_of(height_mm=60.0)), "outputs"),
-        (study_of(targets, fixed), "all fixed"),
-    ):
-        input_error(words, sensitivity.run, path, study, tmp_path)
+    flat = r"network\.json: surrogate is 'an output of the function does not vary"
+    input_error(flat, sensitivity.run, path, study_of(targets), tmp_path)
+    input_error("outputs", sensitivity.run, path, study_of(targets_of(height_mm=60.0)), tmp_path)
+    input_error("all fixed", sensitivity.run, path, study_of(targets, fixed), tmp_path)

@@ -159,16 +159,13 @@ def test_runs_made_before_count_at_once_where_no_run_of_the_turn_is_told(verbs):
 
 
 def test_what_is_wrong_is_told_by_its_name(tmp_path):
-    asked = study().ask()
-    good = results(asked)
+    good = results(study().ask())
     cases = [
-        (lambda: study().answer(), "runs is 0"),
-        (lambda: Study([1], {"y": (1.0, 0.1)}), "parameters is"),
+        (lambda: study().answer(), "runs is 0"), (lambda: Study([1], {"y": (1.0, 0.1)}), "parameters is"),
         (lambda: Study({"a": (0, 1)}, None), "targets is None"),
         (lambda: Study({"a\nb": (0, 1)}, {"y": (1.0, 0.1)}), "one line of text"),
         (lambda: Study({"turn": (0, 1)}, {"y": (1.0, 0.1)}), "none of sample, run, status, turn"),
-        (lambda: Study.of([1]), "a mapping of sections"),
-        (lambda: Study.load(None), "the path of a file"),
+        (lambda: Study.of([1]), "a mapping of sections"), (lambda: Study.load(None), "the path of a file"),
         (lambda: Study.resume(None), "the path of a file"),
         (lambda: study(tmp_path / "none/x.csv"), "a folder that is there"),
         (lambda: study().tell(None), "a pandas.DataFrame"),
@@ -176,18 +173,14 @@ def test_what_is_wrong_is_told_by_its_name(tmp_path):
         (lambda: study().tell(pd.concat([good, good[["a"]]], axis=1)), "each column once"),
         (lambda: study().tell(good.assign(sample=good["sample"] + 1000)), "one of the 16 runs"),
         (lambda: study().tell(good[:0]), "a row for each run"),
-    ]
+    ]  # fmt: skip
     assert not not_refused(lambda case: case(), cases, InputError)
 
 
 def test_a_study_needs_no_locks_of_the_system(tmp_path):
-    code = (
-        "import sys; sys.modules |= {'fcntl': None, 'resource': None}\n"
-        "from repose import Study\n"
-        "one = Study({'a': (0.0, 1.0)}, {'y': (1.0, 0.05)}, file='runs.csv')\n"
-        "asked = one.ask(); one.tell(asked.assign(y=2 * asked['a'] + 0.01 * asked['run']))\n"
-        "print(len(one.runs))"
-    )
+    code = "import sys; sys.modules |= {'fcntl': None, 'resource': None}; from repose import Study\n"
+    code += "one = Study({'a': (0.0, 1.0)}, {'y': (1.0, 0.05)}, file='runs.csv'); asked = one.ask()\n"
+    code += "one.tell(asked.assign(y=2 * asked['a'] + 0.01 * asked['run'])); print(len(one.runs))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path)
     assert done.stdout.strip() == "32"
     assert "no locks on this system" in done.stderr

@@ -108,8 +108,7 @@ def test_a_search_gets_the_same_responses(name, fitted):
     unit = np.random.default_rng(4).uniform(-1, 1, (50, 3))
     low, high = np.array([2.0, 2.5, 3.0]), np.array([3.0, 4.0, 3.5])
     respond = fitted[name].response_function(low, high)
-    expected = fitted[name].predict(low + (unit + 1) / 2 * (high - low))
-    assert respond(unit) == pytest.approx(expected, rel=1e-9)
+    assert respond(unit) == pytest.approx(fitted[name].predict(low + (unit + 1) / 2 * (high - low)), rel=1e-9)
 
 
 @every
@@ -123,8 +122,7 @@ def test_a_shift_moves_the_mean_alone_and_an_input_that_does_not_vary_has_no_eff
     assert fitted[name].predict(X) == pytest.approx(mean)
     moved.save(tmp_path / "moved.json")
     assert load(tmp_path / "moved.json").predict(X) == pytest.approx(mean + offset)
-    respond = moved.response_function(np.full(3, 2.0), np.full(3, 4.0))
-    assert respond(X - 3) == pytest.approx(mean + offset)
+    assert moved.response_function(np.full(3, 2.0), np.full(3, 4.0))(X - 3) == pytest.approx(mean + offset)
     X = points(60, 0)
     X[:, 2] = 3.0
     model = make(name, SETTINGS).fit(X, truth(X))
@@ -139,10 +137,9 @@ def test_a_sample_of_little_precision_hardly_counts(name):
     spoiled[7] += 15 * NOISE[:2]
     precision = np.ones(60)
     precision[7] = 1e-8
-    clean, weighed, taken = (
-        make(name, SETTINGS).fit(X, values, precision=weight).predict(X)
-        for values, weight in ((Y, None), (spoiled, precision), (spoiled, None))
-    )
+    given = ((Y, None), (spoiled, precision), (spoiled, None))
+    fits = (make(name, SETTINGS).fit(X, values, precision=weight) for values, weight in given)
+    clean, weighed, taken = (fit.predict(X) for fit in fits)
     assert (np.abs(weighed - clean).mean(axis=0) < 0.3 * np.abs(taken - clean).mean(axis=0)).all()
 
 
@@ -212,15 +209,11 @@ def test_load_names_what_is_wrong(tmp_path, fitted):
     fitted["quadratic"].save(tmp_path / "good.json")
     good = json.loads((tmp_path / "good.json").read_text())
     for change, text in (
-        ({"surrogate": "cubic"}, "surrogate is 'cubic'"),
-        ({"surrogate": "network"}, "input_min"),
-        ({"training": None}, "quadratic"),
-        ({"outputs": 3}, "outputs"),
-        ({"samples": ["a", "b"]}, "samples"),
-        ({"samples": [1, 1]}, "samples"),
-        ({"samples": [1.5]}, "samples"),
+        ({"surrogate": "cubic"}, "surrogate is 'cubic'"), ({"surrogate": "network"}, "input_min"),
+        ({"training": None}, "quadratic"), ({"outputs": 3}, "outputs"), ({"samples": ["a", "b"]}, "samples"),
+        ({"samples": [1, 1]}, "samples"), ({"samples": [1.5]}, "samples"),
         ({"samples": [math.inf]}, "numbers is 'not all finite'"),
-    ):
+    ):  # fmt: skip
         (tmp_path / "bad.json").write_text(json.dumps(good | change))
         input_error(text, load, tmp_path / "bad.json")
     fitted["network"].save(tmp_path / "network.json")

@@ -14,8 +14,7 @@ CORRELATED = np.array([[0.25, 0.475], [0.475, 1.0]])  # correlation 0.95
 
 def linear_features(x):
     """Nine fixed functions of two inputs: a model linear in as many weights as a 2-2-1 network has."""
-    a = np.random.RandomState(20).normal(size=(2, 9))
-    return np.sin(4 * x @ a + np.arange(9))
+    return np.sin(4 * x @ np.random.RandomState(20).normal(size=(2, 9)) + np.arange(9))
 
 
 def linear_jacobian(w, x, outputs):
@@ -37,8 +36,7 @@ def linear(monkeypatch):
     X = np.concatenate([[[0, 0], [1, 1]], random.uniform(0, 1, (50, 2))])
     y = linear_features(X) @ random.normal(size=9) + 0.3 * random.normal(size=52)
     y = (y - y.min()) / np.ptp(y)
-    model = BayesianBP(hidden=2, starts=1, goal=0.0, scaled_range=(0, 1))
-    return model.fit(X, y), X, y
+    return BayesianBP(hidden=2, starts=1, goal=0.0, scaled_range=(0, 1)).fit(X, y), X, y
 
 
 def test_on_a_linear_model_gamma_is_its_closed_form_and_all_else_that_of_bayesian_ridge(linear):
@@ -79,8 +77,7 @@ def test_error_bars_of_the_mean_are_those_of_networks_drawn_from_the_posterior(n
     ratio = np.std(drawn, axis=0) / (0.01 * std)
     assert ratio.mean() == pytest.approx(1.0, abs=0.03)
     assert np.abs(ratio - 1).max() < 0.1
-    total = model.predict(fresh, return_std=True)[1]
-    np.testing.assert_allclose(total**2, std**2 + model.noise_std_**2)
+    np.testing.assert_allclose(model.predict(fresh, return_std=True)[1] ** 2, std**2 + model.noise_std_**2)
     assert mean.shape == std.shape == (30, 2)
 
 
@@ -125,8 +122,7 @@ def test_means_of_replicates_are_the_single_runs_and_known_noise_is_kept():
     settings = levenberg_marquardt.TrainingSettings(80, 0.0, 0.005, 0.1, 10.0, 1e10, 1e-7, "inputs")
     single = train_start(w, x[owner], t, np.ones(t.shape), t.size, settings)
     scatter = float(np.sum((t - means[owner]) ** 2)), float(t.size - means.size)
-    root = np.sqrt(np.column_stack([runs, runs]))
-    pooled = train_start(w, x, means, root, means.size, settings, scatter)
+    pooled = train_start(w, x, means, np.sqrt(np.column_stack([runs, runs])), means.size, settings, scatter)
     for key in ("w", "alpha", "beta", "gamma", "log_evidence"):
         np.testing.assert_allclose(pooled[key], single[key], rtol=1e-5)
     assert pooled["epochs"] == single["epochs"]

@@ -65,8 +65,7 @@ def test_the_reference_of_the_damped_law_has_the_restitution_it_is_for_and_euler
     hertz = Hertz(mass=0.01, radius=0.005, young=25e9, speed=20.0)
     for e in (0.3, 1.0):
         time, overlap, force = hertz.history(e, 20_000)
-        left = np.trapezoid(force, time) / hertz.mass - hertz.speed
-        assert left == pytest.approx(e * hertz.speed, rel=1e-4)
+        assert np.trapezoid(force, time) / hertz.mass - hertz.speed == pytest.approx(e * hertz.speed, rel=1e-4)
     assert overlap.max() == pytest.approx(hertz.overlap_m, rel=1e-6)
     assert force.max() == pytest.approx(hertz.force_n, rel=1e-6)
     assert time[-1] == pytest.approx(hertz.duration_s, rel=1e-6)
@@ -125,8 +124,7 @@ def test_the_reference_kernel_does_every_step_and_the_solution_is_the_published_
 
 
 def test_a_step_beyond_the_limit_is_refused_with_the_limit_named(time_steps):
-    study = Study.load(ROOT / "config/quick.yaml")
-    rows = list(time_steps.rows(study, seeds=0, pairs=0))
+    rows = list(time_steps.rows(Study.load(ROOT / "config/quick.yaml"), seeds=0, pairs=0))
     assert [row[0] for row in rows if len(row) == 2] == [1e-3]
     # an eighth of 2.868 (m*^2 / (R* E*^2 v))^0.2 at 2 m/s, for spheres of radius 6.67 mm
     young = 1.1352e5 / (2.0 * (1.0 - 0.32**2))
@@ -136,8 +134,7 @@ def test_a_step_beyond_the_limit_is_refused_with_the_limit_named(time_steps):
         if len(row) == 2:
             named = float(re.search(r"expected above 0, at most ([-+.e\d]+)", row[1]).group(1))
             assert named == pytest.approx(limit, rel=2e-3)
-    finest = next(row for row in rows if row[1] == "restitution")
-    assert finest[2] == pytest.approx(0.2, rel=0.01)
+    assert next(row for row in rows if row[1] == "restitution")[2] == pytest.approx(0.2, rel=0.01)
 
 
 @pytest.mark.parametrize("names", [["aor_deg"], ["aor_deg", "height_mm", "base_radius_mm", "drum_slip_deg"]])

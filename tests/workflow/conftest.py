@@ -14,8 +14,7 @@ def project(tmp_path_factory):
 def finished(project):
     """The small study with twelve samples as if it were finished: every file is there, empty."""
     words = ("--configfile", "config/quick.yaml", "--config", "design={samples: 12}")
-    listed = snakemake(project, "-n", "--summary", *words, "--", "everything", "films")
-    for line in listed.stdout.splitlines()[1:]:
+    for line in snakemake(project, "-n", "--summary", *words, "--", "everything", "films").stdout.splitlines()[1:]:
         path = project / line.split("\t")[0]
         path.parent.mkdir(parents=True, exist_ok=True)
         path.touch()

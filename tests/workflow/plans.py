@@ -14,8 +14,7 @@ from shared import ROOT, target
 
 from repose.core import ledger
 
-# Targets from two bench tests.
-MIXED = [target(name, 40, 2, 38, 42, 5) for name in ("height_mm", "drum_slip_deg")]
+MIXED = [target(name, 40, 2, 38, 42, 5) for name in ("height_mm", "drum_slip_deg")]  # Targets from two bench tests.
 PROBE = """
 include: {snakefile!r}
 import json

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from plans import MIXED, as_ours, planned, snakemake
+from shared import says
 from synthetic import SPACE, write_poured
 from synthetic import Study as Given
 
@@ -48,11 +49,9 @@ def test_batches_follow_until_the_answer_and_a_kill_between_them_loses_nothing(s
     config |= {strategy: config[strategy] | SECTIONS[strategy]}
     study = Given(SPACE, Targets.of(config["targets"]), config)
     words = (*words, f"{strategy}={json.dumps(SECTIONS[strategy])}", "--", strategy)
-
     folders, sizes, found = [], [], {"answer": False}
     while not found["answer"]:
-        # everything before is kept: all that is planned is to read what was poured
-        jobs = planned(project, *words)
+        jobs = planned(project, *words)  # everything before is kept: all that is planned is to read what was poured
         assert not {"pour", "batch_pour"} & set(jobs), "none of the published method either"
         assert jobs["propose"] == 1
         folders.append(folder / f"batch_{len(folders)}")
@@ -100,8 +99,7 @@ def test_the_strategy_chooses_what_a_study_makes(strategy, project):
     mixed = ("--configfile", "config/quick.yaml", "mine.yaml", "--rerun-triggers", "mtime", "--", strategy)
     assert planned(project, *mixed)["batch_pour"] == 2 * SAMPLES[strategy][0]
     shown = snakemake(project, "-n", "-p", *mixed).stdout
-    assert "--apparatus drum " in shown
-    assert f"--purpose {strategy} " in shown
+    says(shown, "--apparatus drum ", f"--purpose {strategy} ")
     shutil.rmtree(first.parent)
 
 
@@ -161,8 +159,7 @@ class Probe(strategies.Strategy):
     name = "probe"
 
     def propose(self, study, data):
-        unit = np.full((3, study.parameters.dimensions), 0.5)
-        return strategies.Batch(samples_of(study.parameters, unit, 2, 1))
+        return strategies.Batch(samples_of(study.parameters, np.full((3, study.parameters.dimensions), 0.5), 2, 1))
 
 
 def test_a_strategy_of_a_file_of_its_own_is_run_by_the_same_rules(finished, monkeypatch):
@@ -176,6 +173,5 @@ def test_a_strategy_of_a_file_of_its_own_is_run_by_the_same_rules(finished, monk
     config = Study.load(project / "config/quick.yaml").config
     batches.run_propose("probe", Given(SPACE, Targets.of(config["targets"]), config), [], folder)
     assert planned(project, *words)["batch_pour"] == 3
-    shown = snakemake(project, "-n", "-p", *words).stdout
-    assert "--seeds 2 --purpose batches " in shown
+    assert "--seeds 2 --purpose batches " in snakemake(project, "-n", "-p", *words).stdout
     shutil.rmtree(folder.parent)

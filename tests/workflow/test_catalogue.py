@@ -8,6 +8,7 @@ import subprocess
 import pytest
 import yaml
 from plans import ROOT, planned, snakemake
+from shared import says
 
 from repose.config.study import Study
 
@@ -84,17 +85,14 @@ def test_a_module_computes_the_study_of_its_config_and_leaves_the_handlers_to_th
     assert "wheat_drum_run" not in done.stdout + done.stderr, "the goji berry's"
     done = snakemake(tmp_path, "--cores", "1", "wheat/berry/berry.json", "soybean/berry/berry.json", status=0)
     assert json.loads((tmp_path / "soybean/config.json").read_text())["label"] == "soybean"
-    assert "the outer workflow starts" in done.stdout
-    assert "the outer workflow ends" in done.stdout
+    says(done.stdout, "the outer workflow starts", "the outer workflow ends")
     resolved = json.loads((tmp_path / "wheat/config.json").read_text())
     (tmp_path / "alone").mkdir()
     monkeypatch.chdir(tmp_path / "alone")
     pathlib.Path("config.yaml").write_text(yaml.safe_dump(crop))
     assert resolved == Study.load("config.yaml").config
-    again = snakemake(tmp_path, "--cores", "1", "wheat/berry/berry.json")
-    assert "Nothing to be done" in again.stderr
-    # a fault names the configuration, as no file of the command line has it
-    crop["funnel"] = {"seads": 3}
+    assert "Nothing to be done" in snakemake(tmp_path, "--cores", "1", "wheat/berry/berry.json").stderr
+    crop["funnel"] = {"seads": 3}  # a fault names the configuration, as no file of the command line has it
     (tmp_path / "config/config.yaml").write_text(yaml.safe_dump(crops))
     wrong = snakemake(tmp_path, "-n", "wheat_all", status=2)
     assert "repose: error: configuration: funnel.seads is 3; expected a known key; did you mean seeds?" in wrong.stderr

@@ -22,15 +22,12 @@ def test_a_finished_study_is_reported_archived_planned_anew_and_forced(project):
         done = snakemake(project, *WORDS, *words, status=0)
         assert NOTHING in done.stdout + done.stderr, words
     done = snakemake(project, *WORDS, "--report", "report.html", status=0)
-    text = (project / "report.html").read_text()
-    assert "figure13" in text
+    assert "figure13" in (project / "report.html").read_text()
     assert "Traceback" not in done.stderr
     # an archive has what git knows
     for words in (
-        ("init", "-q"),
-        ("add", "-A"),
-        ("-c", "user.name=a", "-c", "user.email=a@b.c", "commit", "-q", "-m", "a"),
-    ):
+        ("init", "-q"), ("add", "-A"), ("-c", "user.name=a", "-c", "user.email=a@b.c", "commit", "-q", "-m", "a"),
+    ):  # fmt: skip
         subprocess.run(["git", *words], cwd=project, check=True)
     snakemake(project, *WORDS, "--archive", "study.tar.gz", status=0)
     with tarfile.open(project / "study.tar.gz") as archive:

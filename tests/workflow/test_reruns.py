@@ -32,7 +32,6 @@ def test_a_second_workflow_stops_with_one_message_before_it_writes(project):
     assert done.stderr.splitlines()[-1].startswith("repose: error: results/quick: workflow is 'process ")
     assert done.stderr.splitlines()[-1].endswith("; expected one at a time; wait until it has ended")
     assert {path.name for path in folder.iterdir()} == {".lock", ".jobs"}
-
     snakemake(project, TARGET, *QUICK, status=0)
     assert (folder / "config.json").exists()
 
@@ -115,17 +114,15 @@ def test_each_stage_can_be_forced_to_run_again(finished, stage):
 MEASURED = {"measure_runs", "measure_validation_runs"}
 # A file of each room; rules of the calibration that an edit of it plans, and rules that it does not plan.
 EDITED = {
-    "dem/simulation.py": (set(POURS), set()),
-    "apparatus/funnel.py": (set(POURS) | MEASURED, set()),
+    "dem/simulation.py": (set(POURS), set()), "apparatus/funnel.py": (set(POURS) | MEASURED, set()),
     "particle/particle.py": (set(POURS) | {"berry", "shape"}, set()),
     "measure/angles.py": (MEASURED | {"measure", "drum", "dataset"}, {"pour"}),
     "surrogate/two_layer.py": ({"network", "miga"}, {"pour", "dataset"}),
     "search/miga.py": ({"miga", "solutions", "validate"}, {"pour", "network"}),
-    "chain/invert.py": ({"miga"}, {"pour", "network"}),
-    "chain/card.py": ({"card", "page"}, {"miga", "dataset"}),
+    "chain/invert.py": ({"miga"}, {"pour", "network"}), "chain/card.py": ({"card", "page"}, {"miga", "dataset"}),
     "studies/posterior.py": ({"posterior_tables", "card"}, {"miga", "dataset"}),
     "pictures/render.py": ({"page", "draw_figure05"}, {"dataset", "card"}),
-}
+}  # fmt: skip
 NO_STAGES = ("strategies/base.py", "doe/model.py", "export/job.py", "verification/case.py")
 NO_STAGES += ("config/study.py", "cli/run.py", "core/files.py")
 EDITED |= dict.fromkeys(NO_STAGES, (set(), set()))

@@ -20,13 +20,11 @@ ODD = """my "bérries"; touch PWNED; 'x' $(touch PWNED) -rf #"""
 FIGURE = ("results/figures/figure02.png", "--cores", "1", "--snakefile")
 PARAMS = SimpleNamespace(caption="A caption.")  # of a figure: `@figure` says it, and tests/pictures hold it
 CAPTIONS = sorted((ROOT / "workflow" / "report").glob("*.rst"))
-# The rule `measure` says the one section of both.
-OTHERWISE = {"silhouette", "measure_silhouette"}
+OTHERWISE = {"silhouette", "measure_silhouette"}  # The rule `measure` says the one section of both.
 RUN = ("--cores 2", "-c2 -F --configfile mine.yaml", "-sSnakefile -c1", "--touch -c1")
 LOOK = ("-n", "-np", "--dry-run -c1", "--summary", "--rulegraph", "--mode remote -c1")
 FILES = [*RULES, *(ROOT / name for name in ("Snakefile", "workflow/Snakefile", "research/Snakefile"))]
-# Names that Snakemake documents: https://snakemake.readthedocs.io, Writing Workflows.
-DOCUMENTED = {"basedir"}
+DOCUMENTED = {"basedir"}  # Names that Snakemake documents: https://snakemake.readthedocs.io, Writing Workflows.
 # Of all rules, so that no user's file is taken for a result and removed. Snakemake documents no list of them (its
 # issues 13 and 792); one by hand would need each name again.
 KEPT = {"rules"}
@@ -108,12 +106,9 @@ def test_no_inside_is_used_and_functions_are_fewer_than_rules():
         imported |= set(re.findall(r"(?:from|import) (snakemake[\w.]*)", text))
     assert used - DOCUMENTED == KEPT
     assert imported == {"snakemake.utils"}
-    own = [path for path in FILES if "research" not in path.parts]
-    functions, rules = (
-        sum(len(re.findall(pattern, path.read_text(), re.MULTILINE)) for path in own)
-        for pattern in (r"^ *def ", r"^ *(?:rule|checkpoint|use rule)\b.*:$")
-    )
-    assert functions <= 25 < rules
+    own = "\n".join(path.read_text() for path in FILES if "research" not in path.parts)
+    rules = re.findall(r"^ *(?:rule|checkpoint|use rule)\b.*:$", own, re.MULTILINE)
+    assert len(re.findall(r"^ *def ", own, re.MULTILINE)) <= 25 < len(rules)
 
 
 def test_a_call_that_only_looks_takes_no_folder_and_configurations_are_no_targets(monkeypatch):

@@ -35,15 +35,13 @@ def test_the_workflow_runs_from_either_file_and_the_small_run_has_the_same_rules
     itself = planned(project, "--configfile", "config/quick.yaml", "-s", "workflow/Snakefile")
     itself["everything"] = itself.pop("all")
     assert small == itself
-    # its piles have no stored table beside them
-    assert set(small) == set(planned(project)) - {"draw_published"}
+    assert set(small) == set(planned(project)) - {"draw_published"}  # its piles have no stored table beside them
     assert (small["everything"], small["pour"], small["drum_run"]) == (1, 14, 2)
 
 
 def test_the_drum_alone_draws_no_funnel_and_samples_run_in_every_bench_test(project):
     for targets, folders in ((MIXED, ("heaps", "drum_runs")), (MIXED[1:], ("drum_runs",))):
-        mine = {"targets": targets, "posterior": {"shape_study": None}}
-        (project / "mine.yaml").write_text(json.dumps(mine))
+        (project / "mine.yaml").write_text(json.dumps({"targets": targets, "posterior": {"shape_study": None}}))
         words = ("--configfile", "config/quick.yaml", "mine.yaml", "--", "dataset")
         jobs = planned(project, *words)
         assert (jobs["pour"], jobs["measure_runs"]) == (14 * len(folders), len(folders))
@@ -90,9 +88,7 @@ def test_a_bad_value_ends_in_one_message_before_any_work(project, words, message
 def test_a_changed_key_reruns_what_depends_on_it_and_nothing_before(project):
     made = ("results/quick/design/samples.csv", "results/quick/berry/particle.json")
     snakemake(project, "--cores", "1", *made, "--configfile", "config/quick.yaml", status=0)
-    resolved = json.loads((project / "results/quick/config.json").read_text())
-    assert resolved["design"]["samples"] == 14
-
+    assert json.loads((project / "results/quick/config.json").read_text())["design"]["samples"] == 14
     words = ("results/quick/heaps/001.json", "--configfile", "config/quick.yaml")
     assert set(planned(project, *words)) == {"warm_up", "pour", "measure_runs", "total"}
     fewer = planned(project, *words, "--config", "design={samples: 25}")
@@ -129,8 +125,7 @@ def test_a_changed_measurement_measures_again_and_pours_nothing(finished, change
     # what the study would pour again because its solution has moved is left out here
     alone = (*POURS[1:], "measure_validation_runs", "validate", "drum", "film")
     targets = ("validate", "results/quick/drum/runs.csv", "film")
-    behind = planned(project, *words, change, "--allowed-rules", *alone, "--", *targets)
-    jobs = before | behind
+    jobs = before | planned(project, *words, change, "--allowed-rules", *alone, "--", *targets)
     made = {"dataset", "validate", "film", "total"} | ({"drum"} if "drum_run" in poured else set())
     assert set(jobs) - made == {*measured, *poured}
     for rule, count in (("pour", 12), ("measure_runs", 1), ("measure_validation_runs", 1)):
@@ -161,7 +156,6 @@ def test_the_published_sets_are_poured_on_request_and_shown_from_a_stored_table(
     jobs = planned(project, *words, *none)
     assert jobs["validation_pour"] == 3
     assert not {"published_solutions", "published_sets", "draw_published"} & set(jobs)
-
     columns = [*(getattr(one, "name", one) for one in STORED), "aor_flank_deg", "height_mm"]
     rows = [",".join(columns), ",".join(["101", *["0.3"] * (len(columns) - 1)])]
     (project / "stored.csv").write_text("\n".join(rows) + "\n")
