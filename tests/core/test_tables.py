@@ -3,6 +3,7 @@
 import functools
 import random
 import re
+import time
 
 import numpy as np
 from refusals import input_error
@@ -36,8 +37,33 @@ MODELS = "particle,tension,filling,eligible,distance,aor_difference_deg,aor_se_d
 MODELS += "".join(f"p{k},keep,open,{k < 7},0.{k}5,{k}.5,0.25\n" for k in range(8))
 PROFILE = "x_mm,z_mm\n" + "".join(f"{k}.5,{9 - k}.25\n" for k in range(8))
 NO_NUMBERS = ("1_0", "１２", "1:30", "0x10", "inf", "-inf", "1e999", "many", "1 2", "1.234,5", "2022-05-01")
-NO_RESULTS = ("#DIV/0!", "#N/A", "#VALUE!", "#REF!", "#NAME?", "#WERT!", "#NV")
+NO_RESULTS = (
+    "#DIV/0!",
+    "#VALORE!",
+    "#N/A",
+    "########",
+    "#value!",
+    "#REF!",
+    "#NAME?",
+    "#WERT!",
+    "#NV",
+    "#ДЕЛ/0!",
+    "#I/T",
+)
 SUMMARIES = ("Mean", "average", "SD", "Std. Dev.", "min", "MAX", "CV (%)", "n", "sum", "Total:", "Mittelwert", "Median")
+SUMMARIES += (
+    "Mean (n=20)",
+    "mean ± sd",
+    "Average size",
+    "Durchschnitt",
+    "95% CI",
+    "N=20",
+    "écart-type",
+    "Ø",
+    "平均",
+    "S.D.",
+)
+NAMES = ("Meander", "N1", "SE-12", "Max3", "sandy", "q12", "total 7")  # of grains
 
 
 def numbers(table):
@@ -178,6 +204,25 @@ def test_a_row_that_sums_up_others_is_refused_by_its_word(tmp_path):
     check_all(check, [(f"{r}, {word}, {k}", r, word, k) for r in READERS for word in SUMMARIES for k in (False, True)])
 
 
+def test_a_name_like_a_summary_is_a_row_and_a_row_is_no_comment(tmp_path):
+    path, header = tmp_path / "a.csv", "grain,long_mm,major_mm,minor_mm\n"
+    rows = "".join(f"{name},9.{k},8.{k},5\n" for k, name in enumerate(NAMES))
+    assert len(read_sizes(written(path, f"##########\n## by hand\n# a,b,c,d\n#note\n{header}{rows}"))) == len(NAMES)
+    for text, line in ((f"{header}{rows}#8,9,8,5\n", "#8,9,8,5"), (f"#{header}{rows}", f"#{header.strip()}")):
+        assert f"line is '{line}'; expected a row that begins without #" in fault("sizes", path, text)
+    written(path, b"PK\x03\x04" + bytes(40))
+    input_error("file is 'a workbook'; expected .*as CSV", read_sizes, path)
+
+
+def test_many_rows_with_decimal_commas_take_seconds(tmp_path):
+    path, began = (
+        written(tmp_path / "a.csv", "long_mm;major_mm;minor_mm\n" + "9,5;8,5;5,5\n" * 50_000),
+        time.process_time(),
+    )
+    assert len(read_sizes(path)) == 50_000
+    assert time.process_time() - began < 10.0  # a copy of the column for each cell took minutes
+
+
 def test_a_number_that_is_repeated_is_refused_with_both_rows(tmp_path):
     for reader, words in (
         ("compression", "row 3: test is 1.0; expected each test once; row 1 has it"),
@@ -258,8 +303,10 @@ def test_an_eligible_model_is_true_or_false_alone(tmp_path):
         assert f"row 8: eligible is '{cell}'; expected True or False" in message
     for old, new, words in (
         ("0.25\n", "-1000\n", "aor_se_deg is -1000.0; expected a number from 0"),
-        ("3.5,", "1e300,", "aor_difference_deg is 1e+300; expected a finite number, at most 1e+09"),
+        ("0.25\n", "1000.0\n", "aor_se_deg is 1000.0; expected at most 90 in size"),
+        ("3.5,", "-1000,", "aor_difference_deg is -1000.0; expected at most 90 in size"),
         ("0.35,", "-1,", "distance is -1.0; expected a number from 0"),
+        ("0.35,", "1e6,", "distance is 1000000.0; expected at most 30 in size"),
     ):
         assert words in fault("shape study", tmp_path / "a.csv", MODELS.replace(old, new))
 
@@ -285,6 +332,16 @@ def test_a_wrong_unit_is_told_with_its_file_and_the_likely_one(tmp_path):
     for unit, factor in (("kN", 1e-3), ("mN", 1e8)):
         words = rf"tests\.csv: force_n is .*; in {unit} instead of N\?"
         assert re.search(words, message(scaled(TESTS, factor, "force_n")))
+    for columns, factor, unit in (
+        (["force_n"], 1e3, "mN"), (["force_n"], 102.0, "gf"), (["force_n"], 1e-3, "kN"), (["breadth_mm"], 0.1, "cm"),
+        (["width_1_mm", "width_2_mm"], 0.1, "cm"),
+    ):  # fmt: skip
+        lines = TESTS.splitlines()
+        lines[2] = scaled(f"{lines[0]}\n{lines[2]}\n", factor, *columns).splitlines()[1]
+        words = rf"tests\.csv, row 2: {columns[0]} is .*of the median, .*; in {unit} instead of"
+        assert re.search(words, message("\n".join(lines)))
+    assert re.search("row 1: width_2_mm is .* at least half of it", message(scaled(TESTS, 0.1, "width_2_mm")))
+    assert re.search("row 1: length_2_mm is 20", message(scaled(TESTS, 0.9, "length_2_mm")))
     axes = cells(SIZES)[0]
     in_m = fault("sizes", sizes, scaled(SIZES, 1e-3, *axes))
     assert re.search(r"long_mm is 0\.0215.*; expected a median from 0\.5 to 2000", in_m)

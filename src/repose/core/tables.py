@@ -26,16 +26,16 @@ TABLE = "a CSV file"
 MOST_COUNTED = 10_000  # faults
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 SEPARATORS = ",;\t"
-# What spreadsheets write, in English and in other languages, into a cell whose formula failed.
-NO_RESULT = re.compile(
-    r"#[¡¿]?(DIV/0!|N/[ADV]|NV|(VALUE|WERT|VALEUR|VALOR|REF|BEZUG|NUM|ZAHL|NOMBRE|NULL|SPILL|CALC)!|(NAME|NOM|NOMBRE)\?)"
-)
+# What spreadsheets write, in any language, into a cell whose formula failed or whose number is too wide for it.
+NO_RESULT = re.compile(r"#([^\s,;]*[!?]|N/[ADV]|NV|I/T|GETTING_DATA|#+)")
 DECIMAL_COMMA, DECIMAL_POINT = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?"), re.compile(r"[+-]?\d*\.\d+([eE][+-]?\d+)?")
 THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")  # 1,234: may be a number of thousands
+# What begins or is the name of a row that sums up others.
 SUMMARY = re.compile(
-    "mean|average|avg|median|mode|sd|std|stdev|stddev|standarddeviation|sem?|standarderror|cv|var|variance|range|min|minimum|max|"
-    "maximum|n|count|sum|(sub|grand)?total|mittel|mittelwert|summe|gesamt|stabw|standardabweichung|anzahl|moyenne|somme|"
-    "ecarttype|promedio|media|suma"
+    r"((geo)?mean|average|avg|median|std|stdev|stddev|overall|summary|durchschnitt|mittelwert|stabw|moyenne|promedio|"
+    r"quartile|ø|σ|平均值?|均值|标准差)([\W\d_].*)?|(sd|s\.d|sem?|s\.e|cv|rsd|mw|n)( ?[(=%].*)?|mode|media|suma|q[1-4]|"
+    r"\d+ ?% ?(ci|confidence.*|percentile)|standard ?(deviation|error)|var|variance|range|min|minimum|max|maximum|"
+    "count|sum|(sub|grand)? ?total|mittel|summe|gesamt|standardabweichung|anzahl|somme|[eé]cart.?type"
 )
 NOTHING = frozenset(("", "nan", "na", "n/a", "null", "none", "<na>"))
 TRUTH = {"true": True, "false": False}
@@ -67,7 +67,7 @@ class Column:
     def allowed(self) -> str:
         """Say which cells are allowed."""
         if self.kind in (str, object):
-            return "a text: the formula of the spreadsheet has no result"
+            return "a cell with a result: the formula of the spreadsheet has none"
         words = "True or False" if self.kind is bool else self.words or self._by_range()
         return words + (", or nothing" if self.empty else "")
 
@@ -189,17 +189,26 @@ def check_columns(path: object, table: Iterable[str], columns: Iterable[str], wh
 
 
 def sheet(path: Path_, what: str = TABLE) -> Table:
-    """Read the cells of a table as text, without empty rows and columns; its lines that begin with # are comments."""
+    """Read the cells of a table as text, without empty rows and columns; its lines that begin with # are comments.
+
+    InputError for a comment that looks like a row: without a blank after its #, and with as many cells as the header.
+    """
     comments, lines = [], []
     for line in io.StringIO(_text(path, what), newline=""):
         begin = line.lstrip(' "')
-        is_comment = begin.startswith("#") and not NO_RESULT.match(begin)
+        is_comment = begin.startswith("#") and not re.match(NO_RESULT.pattern + r'"?\s*[,;\t]', begin)
         comments += [line] if is_comment else []
         lines.append("\n" if is_comment else line)
     first = next((k for k, line in enumerate(lines) if line.strip()), 0)
     separator = max(SEPARATORS, key=lines[first].count) if lines else ","
     if lines and (named := re.fullmatch(r'"?sep=(.)"?\s*', lines[first])):
         separator, lines[first] = named[1], "\n"
+    cells = lines[first].count(separator) if lines else 0
+    for line in comments:
+        if cells and line.count(separator) == cells and line.lstrip(' "')[1:2].strip():
+            raise InputError(
+                path, "line", line.strip(), "a row that begins without #, or a comment that begins with '# '"
+            )
     rows = _rows(path, lines, separator, what)
     if not rows:
         raise InputError(path, "rows", 0, what)
@@ -219,6 +228,8 @@ def _text(path: Path_, what: str) -> str:
     """Read the text of a file in UTF-8 or, with its mark, in UTF-16."""
     try:
         content = plain_file(path).read_bytes()
+        if content.startswith(b"PK"):
+            raise InputError(path, "file", "a workbook", f"{what}: save its sheet as CSV")
         text = content.decode("utf-16" if content.startswith(UTF_16) else "utf-8-sig")
     except OSError as error:
         raise InputError(path, "file", error.strerror, what) from error
@@ -253,7 +264,7 @@ def _with_points(path: Path_, columns: dict[str, Sequence[str]], separator: str)
         refuse(path, [(*commas[0], "one decimal sign in the whole table; other cells have a point")])
     if separator != ";" and commas and all(THOUSANDS.fullmatch(cell) for *_, cell in commas):
         refuse(path, [(*commas[0], "a number with a decimal point: this may be one of thousands")])
-    changed = {name: list(columns[name]) for _, name, _ in commas}
+    changed = {name: list(columns[name]) for name in {name for _, name, _ in commas}}
     for k, name, cell in commas:
         changed[name][k] = cell.replace(",", ".")
     return columns | changed
@@ -273,7 +284,7 @@ def _summaries(table: Table) -> Iterator[Fault]:
     for k, (name, cells) in enumerate(table.text.items()):
         may_say_so = (k == 0 or name not in table.words) and not _is_plain(cells)
         for row, cell in enumerate(cells if may_say_so else ()):
-            if cell[:1].isalpha() and row not in found and SUMMARY.fullmatch(re.sub("[^a-z]", "", cell.casefold())):
+            if row not in found and SUMMARY.fullmatch(cell.casefold().strip(" .:")):
                 found.add(row)
                 yield row, name, cell, "a row of its own measurement; leave out rows that sum up others"
 

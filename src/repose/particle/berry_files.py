@@ -16,6 +16,8 @@ SIZE_COLUMNS = ("long_mm", "major_mm", "minor_mm")
 COMPRESSION_COLUMNS = ("test", "force_n", "length_1_mm", "length_2_mm", "width_1_mm", "width_2_mm", "breadth_mm")
 LENGTHS_MM = (0.5, 2000.0)  # of a grain; one of 20 mm in metres or micrometres lies outside
 ALIKE = 5.0  # grains of one crop, and tested grains, differ by a smaller factor
+STIFF = 30.0  # so do their stresses over strains
+MOST_STRAIN = 0.5  # of the width in a compression test: more gives no elastic modulus
 WRITTEN = "the file of the verb berry"
 MODULI = ("shear_modulus_pa", "poisson_ratio")  # a simulation needs them
 # Quantities in it besides the axes.
@@ -35,11 +37,7 @@ def read_sizes(path: str | PathLike) -> "pd.DataFrame":
     larger = dict(zip(SIZE_COLUMNS[1:], SIZE_COLUMNS, strict=False))
     faults: list[Fault] = []
     for name, column in sizes.items():
-        ratio, near = column / middle[name], f"within a factor of {ALIKE:g} of the median, {middle[name]:g} mm"
-        faults += [
-            (row - 1, name, float(column[row]), f"{near}{other_unit('mm', ratio[row])}")
-            for row in sizes.index[(ratio > ALIKE) | (ratio < 1 / ALIKE)]
-        ]
+        faults += _unlike(column, "mm", column)
         other = larger.get(name, name)
         faults += [
             (row - 1, name, float(column[row]), f"at most {other} of the same berry, {sizes.at[row, other]:g}")
@@ -56,9 +54,19 @@ def read_compression(path: str | PathLike) -> "pd.DataFrame":
     axes L (length) and breadth; 1 is before, 2 after.
     """
     tests = _read_numbers(path, COMPRESSION_COLUMNS, 1, "compression test")
-    allowed = "less than width_1_mm of the same test, {:g}"
-    widths = enumerate(zip(tests["width_1_mm"].tolist(), tests["width_2_mm"].tolist(), strict=True))
-    refuse(path, ((k, "width_2_mm", after, allowed.format(before)) for k, (before, after) in widths if after >= before))
+    faults: list[Fault] = []
+    for k, (_, _, length_1, length_2, width_1, width_2, _) in enumerate(tests.itertuples(index=False)):
+        if not (1 - MOST_STRAIN) * width_1 <= width_2 < width_1:
+            least = f"less than width_1_mm of the same test, {width_1:g}, and at least half of it"
+            faults.append((k, "width_2_mm", width_2, least))
+        if not length_1 <= length_2 <= (1 + MOST_STRAIN) * length_1:
+            longer = f"at least length_1_mm of the same test, {length_1:g}, and at most half as much again"
+            faults.append((k, "length_2_mm", length_2, longer))
+    refuse(path, faults)
+    length, width, breadth = (tests[name] for name in ("length_1_mm", "width_1_mm", "breadth_mm"))
+    stiffness = tests["force_n"] / (1e-6 * length * breadth) / (1 - tests["width_2_mm"] / width)
+    faults = [fault for column in (length, width, breadth) for fault in _unlike(column, "mm", column)]
+    refuse(path, [*faults, *_unlike(stiffness, "N", tests["force_n"])])
     return tests
 
 
@@ -72,6 +80,15 @@ def read_berry(path: str | PathLike, needed: Iterable[str] = SIZE_COLUMNS) -> di
             allowed = "a positive number" if most is None else f"a number from 0 to {most:g}"
             raise InputError(path, key, value, f"{allowed} in {WRITTEN}")
     return berry
+
+
+def _unlike(found: "pd.Series", unit: str, column: "pd.Series") -> list[Fault]:
+    """Find rows whose quantity is far from its median; the fault is of the column, in a unit, from which it comes."""
+    middle, most = found.median(), ALIKE if unit == "mm" else STIFF
+    of = f"{middle:g} mm" if unit == "mm" else f"by the stress over strain, {middle:.3g} Pa"
+    odd = found.index[(found > most * middle) | (found < middle / most)]
+    near = f"within a factor of {most:g} of the median, {of}"
+    return [(k - 1, str(column.name), float(column[k]), f"{near}{other_unit(unit, found[k] / middle)}") for k in odd]
 
 
 def _read_numbers(path: str | PathLike, columns: Sequence[str], fewest: int, of: str) -> "pd.DataFrame":

@@ -19,11 +19,14 @@ import pandas as pd
 from repose.core.errors import InputError
 from repose.core.files import Path_, read_table
 from repose.core.responses import derived
-from repose.core.tables import Column
+from repose.core.tables import Column, refuse
 from repose.core.targets import LARGEST, Targets
 
 FEWEST_MODELS = 5
 DIFFERENCE = f"a finite number, at most {LARGEST:g} in size"
+# Of an eligible model: its distance in standard deviations, beyond which its weight is 0, and how many times the value
+# of a target a difference or an error may be.
+FARTHEST, LARGEST_SHARE = 30.0, 3.0
 MODEL = ("particle", "tension", "filling")
 
 
@@ -56,6 +59,12 @@ def of_shape_study(combinations_csv: Path_, targets: Targets) -> OfModels:
     declared += [Column(name, low=0.0, high=LARGEST, empty=True) for name in targets.errors]
     table = read_table(combinations_csv, declared, "a shape study of these targets (none: posterior.shape_study: null)")
     plausible = table[table["eligible"]].dropna(subset=["distance", *columns])
+    largest = [LARGEST_SHARE * abs(target.whole_value) for target in targets]
+    most = {"distance": FARTHEST} | dict(zip((*columns, *targets.errors), largest * 2, strict=True))
+    far = plausible[list(most)].abs().gt(pd.Series(most)).stack()
+    allowed = "at most {:g} in size of an eligible model"
+    odd = (place for place, is_far in far.items() if is_far)
+    refuse(combinations_csv, ((k, name, plausible.at[k, name], allowed.format(most[name])) for k, name in odd))
     weight = np.exp(-(plausible["distance"] ** 2) / 2)
     weight /= weight.sum()
     squares = (weight.groupby([plausible[key] for key in MODEL]).sum() ** 2).sum()
