@@ -29,6 +29,8 @@ def test_numbers_may_be_written_in_any_way(tmp_path, text):
     ("heap:\n\tseeds: 3\n", "line 2 .*valid YAML .indent by spaces, no tabs"), ("", "content is 'empty'"),
     ("# mine\nlabel lentil\n\nberry:\n  sizes: a.csv\n", "line 2 is 'label lentil'; expected KEY: VALUE"),
     ("berry:\n  sizes: a.csv\nlabel:lentil\n", "line 3 is 'label:lentil'; expected KEY: VALUE"),
+    *((f"label: a\nb: {text}\n", f"line 2: value is '{text}'; expected a plain number")
+      for text in ("0100", "8:20", "1:30.5", "3_2.5", "5_00", "0x10", "0b11", "-010")),
     # lines that are good, and an error below
     ("a: [1,\n2,\n3]\nb: {x: 1\n", "valid YAML"), ('a: "one\ntwo words"\nb: [\n', "valid YAML"),
     ("? a\n: 1\nhttp://x: 1\nb: [\n", "valid YAML"),

@@ -8,9 +8,12 @@ from typing import Any
 
 import yaml
 
+from repose.core.attached import plain_file
 from repose.core.errors import InputError
 
 KEY_AT_MARGIN = re.compile(r".+:(\s|$)|[\s#\[\]{}\"'%?!&*:|>-]|\.\.\.|$")
+# YAML 1.1 also takes 010 for 8, 1:30 for 90, 1_0 for 10 and 0x10 for 16.
+PLAIN_NUMBER = re.compile(r"[-+]?(0|[1-9]\d*)?(\.\d*)?([eE][-+]?\d+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
 MOST_CHARACTERS = 200_000  # of all values with their aliases replaced; paper.yaml has some 5,000
 
 
@@ -31,7 +34,17 @@ class StrictLoader(yaml.SafeLoader):
             seen.add(key)
         return super().construct_mapping(node, deep)
 
+    def construct_number(self, node: yaml.ScalarNode) -> int | float:
+        """Make the number of a node; called by PyYAML. InputError names the line of one that is no plain number."""
+        if not PLAIN_NUMBER.fullmatch(node.value):
+            line = f"{self.name}, line {node.start_mark.line + 1}"
+            raise InputError(line, "value", node.value, "a plain number, such as 90.5, or a text in quotes")
+        kind = self.construct_yaml_int if node.tag.endswith(":int") else self.construct_yaml_float
+        return kind(node)
 
+
+for _kind in ("int", "float"):
+    StrictLoader.add_constructor(f"tag:yaml.org,2002:{_kind}", StrictLoader.construct_number)
 StrictLoader.add_implicit_resolver(
     "tag:yaml.org,2002:float", re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"), list("-+.0123456789")
 )
@@ -41,7 +54,7 @@ def read(path: str | os.PathLike) -> dict[str, Any]:
     """Read the mapping in a YAML or JSON file, unchecked; InputError for a missing file, bad syntax or a key twice."""
     path = Path(path)
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = plain_file(path).read_text(encoding="utf-8-sig")
     except OSError as error:
         raise InputError(path, "file", error.strerror, "an existing YAML or JSON file that may be read") from None
     except UnicodeDecodeError:
