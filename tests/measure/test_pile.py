@@ -232,6 +232,13 @@ def test_pictures_of_the_workflow_and_unreadable_pictures_and_wrong_arrays_are_r
     for name, content in (("empty.png", b""), ("text.png", b"not a picture")):
         (tmp_path / name).write_bytes(content)
         input_error(name, read_image, tmp_path / name)
+    for bits in range(9, 17):  # a camera's, in the lower bits of 16
+        deep = np.random.default_rng(bits).integers(0, 256, (20, 30, 3), dtype=np.uint16)
+        deep[0, 0] = 255
+        cv2.imwrite(str(tmp_path / "deep.png"), deep << (bits - 8))
+        assert (read_image(tmp_path / "deep.png") == deep).all()
+    cv2.imwrite(str(tmp_path / "deep.hdr"), np.ones((20, 30, 3), np.float32))
+    input_error("of float32 numbers", read_image, tmp_path / "deep.hdr")
     input_error("no such file", read_image, tmp_path / "missing.png")
     for bad in (np.zeros((50, 50)), np.zeros((50, 50, 4), np.uint8), np.zeros((5, 50), np.uint8)):
         input_error("", measure_image, bad, MM)

@@ -82,14 +82,21 @@ def measure_segmented(pile: Segmentation, settings: MeasureSettings) -> Measurem
 
 
 def read_image(path: str | PathLike) -> np.ndarray:
-    """Read a picture file as (H, W, 3), BGR, turned upright by its EXIF entry."""
+    """Read a picture file as (H, W, 3), BGR, turned upright by its EXIF entry.
+
+    Of deeper pictures the upper eight of the bits that they use are read: a camera's 10 or 12 bits lie in 16.
+    """
     path = Path(path)
     if not path.is_file():
         raise InputError(path, "picture", "no such file", "an existing picture file (PNG, JPEG, TIFF, BMP)")
     _check_header(path)
     content, image = np.frombuffer(path.read_bytes(), dtype=np.uint8), None
     with contextlib.suppress(cv2.error):  # an empty file, or a header with more pixels than OpenCV accepts
-        image = cv2.imdecode(content, cv2.IMREAD_COLOR)
+        image = cv2.imdecode(content, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH)
+    if image is not None and image.dtype == np.uint16:
+        image = (image >> max(int(image.max()).bit_length() - 8, 0)).astype(np.uint8)
+    if image is not None and image.dtype != np.uint8:
+        raise InputError(path, "picture", f"of {image.dtype} numbers", "a picture of 8 to 16 bits a colour")
     if image is None:
         found = "not a picture" if content.size else "an empty file"
         raise InputError(path, "picture", found, "a picture file (PNG, JPEG, TIFF, BMP)")
