@@ -17,7 +17,7 @@ class YamlError(InputError):
 
     def __init__(self, source: object, key: str, value: object, allowed: str) -> None:
         super().__init__(source, key, value, allowed)
-        self.args = (f"{source}: {key} is {_in_yaml(value)}; expected {allowed}",)
+        self.args = (f"{source}: {key} is {_in_yaml(value)}; expected {self.allowed}",)
 
 
 class InputErrors(InputError):

@@ -1,5 +1,6 @@
 """The exception for a fault in a user's file."""
 
+import difflib
 import reprlib
 
 MOST_SHOWN = 400  # characters of a value in a message
@@ -17,8 +18,14 @@ def shown(value: object) -> str:
 
 
 class InputError(ValueError):
-    """A file, or an entry `key` of it, that cannot be used; the message names `value` and what is `allowed`."""
+    """A file, or an entry `key` of it, that cannot be used; the message names `value` and what is `allowed`.
+
+    Of several allowed names the one most like a text is guessed.
+    """
 
     def __init__(self, source: object, key: str, value: object, allowed: str) -> None:
+        names = allowed.removeprefix("one of ").replace(" or ", ", ").split(", ")
+        near = difflib.get_close_matches(value, names, 1) if isinstance(value, str) and len(names) > 1 else []
+        allowed += f"; did you mean {near[0]}?" if near else ""
         self.source, self.key, self.value, self.allowed = source, key, value, allowed
         super().__init__(f"{source}: {key} is {shown(value)}; expected {allowed}")
