@@ -73,7 +73,7 @@ def made(config, solutions, posterior=None, simulated=66.0, runs=32, within=0.5,
 
 
 def record_of_an_ellipsoid():
-    half = np.array([4.0, 2.0, 1.0]) * 1e-3
+    half = 5e-4 * np.array([21.14, 11.37, 9.88])
     volume = 4 / 3 * np.pi * half.prod()
     mass = 840.47 * volume
     inertia = mass / 5 * (np.sum(half**2) - half**2)
@@ -93,8 +93,8 @@ def test_a_card_has_the_intervals_of_the_sets_or_of_the_posterior(config, soluti
     assert parameters["e_gp"] | {"meaning": ""} == fixed
     assert "e_gp" not in made_card["correlations"]
     grain = made_card["grain"]
-    assert grain["ellipsoids_mm"] == [[4.0, 2.0, 1.0]]
-    assert (grain["volume_mm3"], grain["spheres_mm"]) == (pytest.approx(4 / 3 * np.pi * 8, rel=1e-5), [])
+    assert grain["ellipsoids_mm"] == [[10.57, 5.685, 4.94]]
+    assert (grain["volume_mm3"], grain["spheres_mm"]) == (pytest.approx(np.pi / 6 * 21.14 * 11.37 * 9.88, rel=1e-5), [])
     free = [name for name in PARAMETERS if name not in FIXED]
     intervals = pd.DataFrame({"parameter": free, "credible_low": 0.21, "credible_high": 0.39})
     made_card = made(config, solutions, (intervals, solutions.assign(mus_gg=solutions["mur_gg"])))
@@ -214,7 +214,7 @@ def test_a_card_says_whether_piles_can_have_its_angle_at_its_height(config, solu
 def test_an_angle_of_a_pile_has_its_line_and_the_same_piles_by_every_other(config, solutions, command, tmp_path):
     config["targets"] = [config["targets"][0] | {"response": "aor_deg", "value": 30.0, "range": [29.0, 31.0]}]
     config["measure"] |= {"response": "secant", "fit_from": 0.3, "fit_to": 0.8, "flank": "levels"}
-    check = answer.Check("aor_deg", "funnel", "deg", 30.0, 1.0, 10, 29.0, 31.0, 30.5, 0.4, 32, "ok")
+    check = answer.Check("aor_deg", "funnel", "deg", 30.0, 1.0, 10, 29.0, 31.0, 31.0, 0.4, 32, "ok")
     found = answer.Result("wheat", dict.fromkeys(config["parameters"], 0.3), True, "", (check,), Path(), {})
     row = {name: 30.0 + k for k, name in enumerate(MEAN_KEYS.values())}
     row |= {error_of(name): 0.5 for name in MEAN_KEYS.values()} | {"aor_whole_deg": math.nan}
@@ -268,15 +268,28 @@ def test_a_card_that_contradicts_itself_is_refused(config, solutions):
     row, names = whole["parameters"]["e_gg"], list(whole["correlations"])
     correlations = copy.deepcopy(whole["correlations"])
     correlations[names[0]][names[1]] += 0.1
-    tests = [copy.deepcopy(whole["tests"]) for _ in range(4)]
+    tests = [copy.deepcopy(whole["tests"]) for _ in range(7)]
     tests[0][0]["met"] = not tests[0][0]["met"]
     tests[1][0]["unit"] = "rad"
     tests[2][0]["low"] = tests[2][0]["high"] + 1
+    tests[3] += tests[3][:1]
+    tests[4][0]["runs"] = 0
+    tests[5][0] |= {"status": "failed", "met": True}
+    one = {"line": "mine", "simulated": 12.0, "standard_error": None}
+    tests[6][0] |= {"line": "mine", "definitions": {"flank": one}}
     bad = [
         ({"parameters": {"e_gg": {"value": row["high"] + 0.01}}}, r"e_gg\.value is .* in its interval"),
         ({"correlations": correlations}, f"{names[0]}.{names[1]} is"),
         ({"tests": tests[0]}, r"tests\.0\.met is"), ({"tests": tests[1]}, r"tests\.0\.unit is 'rad'; .* mm"),
         ({"tests": tests[2]}, r"tests\.0\.low is"), ({"met": not whole["met"]}, r"met is .* as its tests say"),
+        ({"tests": tests[3]}, f"tests.{len(tests[3]) - 1}.response is .* each response once"),
+        ({"tests": tests[4]}, r"tests\.0\.runs is 0; .* from 1"), ({"tests": tests[5]}, r"tests\.0\.status is 'failed'"),
+        ({"tests": tests[6]}, r"tests\.0\.definitions\.flank\.simulated is 12\.0; "),
+        ({"met": True, "out_of_reach": True}, "out_of_reach is True; .* false"),
+        ({"parameters": {"e_gg": {"given": "fixed"}}}, r"e_gg\.given is 'fixed'"),
+        *(({"grain": {"mean_axes_mm": axes}}, r"mean_axes_mm is \[.* those of its body, \[21\.14, 11\.37, 9\.88\]")
+          for axes in ([0.02114, 0.01137, 0.00988], [2.114, 1.137, 0.988], [11.37, 21.14, 9.88])),
+        ({"grain": {"ellipsoids_mm": [[105.7, 56.85, 49.4]]}}, r"those of its body, \[211\.4"),
         ({"grain": {"mass_g": 1000 * whole["grain"]["mass_g"]}}, "its density times its volume"),
         ({"grain": {"shear_modulus_pa": 43.0}}, r"2 G \(1 \+ nu\)"),
         ({"grain": {"shape": "multisphere"}}, "grain.shape"),

@@ -17,6 +17,7 @@ POSTERIOR: Final = "central 95 % of the posterior"
 RANGE: Final = "range of the parameter sets found"
 MISSING = "the key is missing"
 ROUNDING, UNLIKE = 1e-3, 0.01  # of a correlation; largest relative difference of a value from what others give
+UNLIKE_AXES = 0.25  # the same of the axes of a body that stands for the grain
 WORDS = {"missing": MISSING, "extra_forbidden": "a known key"}  # by the type of pydantic's error
 Faults = Iterator[tuple[str, Any, str]]  # key, value, what is allowed
 
@@ -77,6 +78,13 @@ class Grain(Wall):
         modulus = 2 * self.shear_modulus_pa * (1 + self.poisson_ratio)
         if abs(self.elastic_modulus_pa / modulus - 1) > UNLIKE:
             yield "grain.elastic_modulus_pa", self.elastic_modulus_pa, f"{modulus:.4g}, 2 G (1 + nu)"
+        if self.ellipsoids_mm:
+            extents = [2 * sum(axes) for axes in zip(*self.ellipsoids_mm, strict=True)]
+        else:
+            axes = ([(ball[k] - ball[3], ball[k] + ball[3]) for ball in self.spheres_mm] for k in range(3))
+            extents = [max(top for _, top in ends) - min(low for low, _ in ends) for ends in axes if ends]
+        if any(abs(extent / axis - 1) > UNLIKE_AXES for extent, axis in zip(extents, self.mean_axes_mm, strict=False)):
+            yield "grain.mean_axes_mm", self.mean_axes_mm, f"those of its body, {[float(f'{x:.4g}') for x in extents]}"
         parts = {"ellipsoid": self.ellipsoids_mm, "smooth": self.ellipsoids_mm, "multisphere": self.spheres_mm}
         if not parts[self.shape]:
             yield "grain.shape", self.shape, "ellipsoids_mm or spheres_mm of such a body"
@@ -200,6 +208,12 @@ class AnyCard(Part):
             yield from grain.impossible()
         for name, row in self.parameters.items():
             held = row.low is None or row.at_bound or row.low <= row.value <= (row.high or 0)
+            if (row.given == "fixed") != (row.low is None):
+                yield (
+                    f"parameters.{name}.given",
+                    row.given,
+                    "fixed, without low and high" if row.low is None else "calibrated",
+                )
             if (row.low is None) != (row.high is None) or (row.low or 0) > (row.high or 0):
                 yield f"parameters.{name}", [row.low, row.high], "low and high, or null for both"
             elif self.reason and not held:
@@ -221,8 +235,22 @@ class AnyCard(Part):
 
     def _contradicting_tests(self) -> Faults:
         """Name what contradicts itself in a test, or in the verdict on all."""
+        names = [test.response for test in self.tests]
         for k, test in enumerate(self.tests):
             known = named(test.response)
+            yield from (
+                (f"tests.{k}.{key}", getattr(test, key), allowed)
+                for wrong, key, allowed in (
+                    (test.response in names[:k], "response", "each response once"),
+                    (test.runs == 0 and test.simulated is not None, "runs", "from 1, as there is a simulated mean"),
+                    (test.met and test.status != OK, "status", f"{OK}, as the target is met"),
+                )
+                if wrong
+            )
+            for name, of_line in ({} if test.definitions is ABSENT else test.definitions).items():
+                if of_line.line == test.line and of_line.simulated != test.simulated:
+                    allowed = f"{test.simulated}, as of the test, whose line it is"
+                    yield f"tests.{k}.definitions.{name}.simulated", of_line.simulated, allowed
             if test.low > test.high:
                 yield f"tests.{k}.low", test.low, f"at most high, {test.high:g}"
             if known and known.apparatus == test.apparatus and known.unit != test.unit:
@@ -231,6 +259,8 @@ class AnyCard(Part):
             if test.met is not None and test.met != met:
                 allowed = f"{met}: simulated {test.simulated}, target {test.low:g} to {test.high:g}"
                 yield f"tests.{k}.met", test.met, allowed
+        if self.met and self.out_of_reach is True:
+            yield "out_of_reach", True, "false, as the targets are met"
         met = all(test.met for test in self.tests)
         if self.met is not None and self.met != met and not (met and self.out_of_reach is not False):
             yield "met", self.met, f"{met}, as its tests say"
@@ -272,15 +302,16 @@ def check(card: Mapping[str, Any], source: object) -> None:
     try:
         found = (OtherCard if "simulator" in card else Card).model_validate(card).impossible()
     except ValidationError as error:
-        found = map(_fault, error.errors(include_url=False))
+        found = faults_of(error)
     raise_together(InputError(source, key, value, f"{WHAT}: {words}") for key, value, words in found)
 
 
-def _fault(error: Any) -> tuple[str, Any, str]:
-    """Tell a fault by pydantic's error, whose path may end in types."""
-    words = WORDS.get(error["type"], error["msg"].removeprefix("Input should be "))
-    key = ".".join(str(step) for step in error["loc"] if step not in ("[key]", "float", "list", "dict"))
-    return key, None if error["type"] == "missing" else error["input"], words
+def faults_of(errors: ValidationError) -> Faults:
+    """Tell pydantic's errors, whose paths may end in types."""
+    for error in errors.errors(include_url=False):
+        words = WORDS.get(error["type"], error["msg"].removeprefix("Input should be "))
+        key = ".".join(str(step) for step in error["loc"] if step not in ("[key]", "float", "list", "dict"))
+        yield key, None if error["type"] == "missing" else error["input"], words
 
 
 def schema() -> dict[str, Any]:

@@ -6,10 +6,13 @@ from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from pydantic import ValidationError
 
+from repose.apparatus.funnel import FunnelSettings
 from repose.apparatus.settings import SimulationSettings
 from repose.chain.card import laws
-from repose.core.errors import InputError
+from repose.chain.card_model import faults_of
+from repose.core.errors import InputError, raise_together
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 
 if TYPE_CHECKING:
@@ -28,6 +31,10 @@ def configuration_of(card: Mapping[str, Any], source: object) -> dict[str, Any]:
     simulation |= {"rest_energy_j": REST_ENERGY_J, **_laws_of(card, source)}
     sizes = "measured" if card["grain"]["relative_spread"] else "none"
     config = {"label": card["material"], "berry": {"size_distribution": sizes}, "wall": dict(card["wall"])}
+    try:
+        FunnelSettings.model_validate(bench | {"seeds": 1})
+    except ValidationError as error:
+        raise_together(InputError(source, f"tests.bench.{key}", value, words) for key, value, words in faults_of(error))
     return config | {"simulation": simulation, "funnel": bench | {"seeds": 1}}
 
 
