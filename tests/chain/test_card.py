@@ -3,6 +3,7 @@
 import copy
 import json
 import math
+import re
 from pathlib import Path
 from types import MappingProxyType
 
@@ -283,7 +284,8 @@ def test_a_card_that_contradicts_itself_is_refused(config, solutions):
         ({"tests": tests[0]}, r"tests\.0\.met is"), ({"tests": tests[1]}, r"tests\.0\.unit is 'rad'; .* mm"),
         ({"tests": tests[2]}, r"tests\.0\.low is"), ({"met": not whole["met"]}, r"met is .* as its tests say"),
         ({"tests": tests[3]}, f"tests.{len(tests[3]) - 1}.response is .* each response once"),
-        ({"tests": tests[4]}, r"tests\.0\.runs is 0; .* from 1"), ({"tests": tests[5]}, r"tests\.0\.status is 'failed'"),
+        ({"tests": tests[4]}, r"tests\.0\.runs is 0; .* from 1"),
+        ({"tests": tests[5]}, r"tests\.0\.status is 'failed'"),
         ({"tests": tests[6]}, r"tests\.0\.definitions\.flank\.simulated is 12\.0; "),
         ({"met": True, "out_of_reach": True}, "out_of_reach is True; .* false"),
         ({"parameters": {"e_gg": {"given": "fixed"}}}, r"e_gg\.given is 'fixed'"),
@@ -307,6 +309,9 @@ def test_the_library_names_the_card_of_the_most_similar_grain_first(command):
         assert f"{name}.json" in first[0]
         assert first[0].endswith("; the same")
         assert "No card has a similar grain" not in first[-1]
+        assert re.search(
+            r"correlated: (\w+ and \w+ [+-]0\.\d\d(, )?){1,3}$", next(line for line in first if "as good" in line)
+        )
     sphere = [2 * grains["wheat"]["mean_axes_mm"][0]] * 3
     expected = math.sqrt(sum(math.log(a / sphere[0]) ** 2 for a in grains["wheat"]["mean_axes_mm"]) / 3)
     assert card_library.difference(grains["wheat"], sphere, None) == pytest.approx(expected)

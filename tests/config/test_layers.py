@@ -21,6 +21,8 @@ from repose.core import places
 def test_numbers_may_be_written_in_any_way(tmp_path, text):
     path = written(tmp_path / "my.yaml", f"simulation: {{time_step_s: {text}}}\n")
     assert reading.read(path)["simulation"]["time_step_s"] == 2e-4
+    written(path, f"one: &one {{a: {text}, b: 1}}\ntwo: {{<<: *one, b: 2}}\n")
+    assert reading.read(path)["two"] == {"a": 2e-4, "b": 2}
 
 
 @pytest.mark.parametrize(("text", "message"), [

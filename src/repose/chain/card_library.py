@@ -66,4 +66,9 @@ def _described(path: Path, one: Mapping[str, Any], far: float) -> Iterator[str]:
     for name, part in one["parameters"].items():
         family = "fixed" if part["low"] is None else f"{part['low']:.3g} to {part['high']:.3g}"
         yield f"  {name:7} {part['value']:<6.3g} {family}"
+    pairs = (
+        (abs(r), f"{a} and {b} {r:+.2f}") for a, row in one["correlations"].items() for b, r in row.items() if a < b
+    )
+    together = [words for size, words in sorted(pairs, reverse=True)[:3] if size > 0]
+    yield f"  answers as good are correlated: {', '.join(together) or 'not known'}"
     yield f"  to: {one['interval']}; targets {MET[one['met']]}; repose {made['version']}, engine {made['engine']}"

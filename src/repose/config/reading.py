@@ -24,6 +24,8 @@ class StrictLoader(yaml.SafeLoader):
         """Make the mapping of a node; called by PyYAML. InputError names the line of a key that stands twice."""
         seen = set()
         for key_node, _ in node.value:
+            if key_node.tag == "tag:yaml.org,2002:merge":  # <<, whose keys the others replace
+                continue
             key = self.construct_object(key_node, deep=deep)
             if not isinstance(key, str | int | float | bool | None):
                 line = f"{self.name}, line {key_node.start_mark.line + 1}"

@@ -5,7 +5,6 @@ outside. numba's own cache looks at the path of a kernel's file, and at no file 
 """
 
 import contextlib
-import fcntl
 import functools
 import hashlib
 import inspect
@@ -27,6 +26,12 @@ from numba.core.compiler import CompileResult
 from numba.core.runtime import rtsys
 from numba.core.serialize import dumps
 
+try:
+    import fcntl
+except ImportError:  # Windows: processes that need the same code at one time compile it each
+    fcntl = None  # type: ignore[assignment]
+
+TAKEN, FREE = (fcntl.LOCK_EX, fcntl.LOCK_UN) if fcntl else (0, 0)
 HOME = Path(__file__).parent
 _outside: dict[str, str] = {}  # sources of laws from other packages, by module and function
 
@@ -85,10 +90,10 @@ class KernelCache(NullCache):
         path = self._path(sig, target_context.codegen())
         stored = _read(path, sig)
         if stored is None:
-            _lock(path, fcntl.LOCK_EX)
+            _lock(path, TAKEN)
             stored = _read(path, sig)
             if stored is not None:
-                _lock(path, fcntl.LOCK_UN)
+                _lock(path, FREE)
         return stored and CompileResult._rebuild(target_context, *stored)
 
     def save_overload(self, sig: Any, data: Any) -> None:
@@ -100,7 +105,7 @@ class KernelCache(NullCache):
             data.library._shared_module = binding.parse_assembly(stub)
         if not data.library.has_dynamic_globals:
             _write(path, dumps((sig, data._reduce())))
-        _lock(path, fcntl.LOCK_UN)
+        _lock(path, FREE)
 
     def _path(self, signature: object, codegen: Any) -> str:
         """Name a file after all that the code depends on; not after the signature's pickle, which may vary."""
@@ -148,6 +153,8 @@ _locks: dict[str, IO[bytes]] = {}  # a file of each folder, whose bytes stand fo
 def _lock(path: str, kind: int) -> None:
     """Wait for the lock of a kernel, or give it back; where the folder has no locks there is none to wait for."""
     parent = os.path.dirname(path)
+    if fcntl is None:
+        return
     with contextlib.suppress(OSError):
         if parent not in _locks:
             os.makedirs(parent, exist_ok=True)
@@ -164,7 +171,7 @@ class _Failure(event.Listener):
     def on_end(self, event: Any) -> None:
         if sys.exception() is not None:
             for file in _locks.values():
-                fcntl.lockf(file, fcntl.LOCK_UN)
+                fcntl.lockf(file, FREE)
 
 
 event.register("numba:compile", _Failure())
