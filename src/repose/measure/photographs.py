@@ -329,8 +329,8 @@ def _require_whole(mask: np.ndarray, hidden: np.ndarray) -> None:
 def _require_foot(image: np.ndarray, pile: Segmentation, how: MeasureSettings) -> None:
     """Raise NoFlankError if the base is not seen, or is a shadow or the near rim of a pile seen from above."""
     if pile.mask[-1].any():
-        below = "the pile runs out of the picture at the bottom: its foot is not seen"
-        raise NoFlankError(f"{below}; give --base-row, the row of the plate")
+        unseen = "the pile runs out of the picture at the bottom: its foot is not seen"
+        raise NoFlankError(f"{unseen}; give --base-row, the row of the plate")
     widths = pile.mask.sum(axis=1, dtype=int)
     rows = np.flatnonzero(widths)
     widest = rows[np.flatnonzero(widths[rows] >= 0.99 * widths.max())[-1]]

@@ -94,7 +94,7 @@ def read_image(path: str | PathLike) -> np.ndarray:
     with contextlib.suppress(cv2.error):  # an empty file, or a header with more pixels than OpenCV accepts
         image = cv2.imdecode(content, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH)
     if image is not None and image.dtype == np.uint16:
-        image = (image >> max(int(image.max()).bit_length() - 8, 0)).astype(np.uint8)
+        image = np.right_shift(image, max(int(image.max()).bit_length() - 8, 0)).astype(np.uint8)
     if image is not None and image.dtype != np.uint8:
         raise InputError(path, "picture", f"of {image.dtype} numbers", "a picture of 8 to 16 bits a colour")
     if image is None:

@@ -1,7 +1,7 @@
 """The table of all runs of a study: the runs of a batch, the check of returned runs, and means by sample."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -16,7 +16,7 @@ from repose.strategies.base import Studied, strategy
 
 OK = "ok"
 Rows = Sequence[Mapping[str, Any]]
-Table = pd.DataFrame | Rows
+Table: TypeAlias = pd.DataFrame | Rows
 TURN = "turn"  # column of a record: with which proposal a run was told
 TURNS = Column(TURN, int, low=0, empty=True)
 OPTIONAL = ("status", TURN)
