@@ -319,8 +319,8 @@ def draw_figure(study: Study, checks: list[dict]) -> None:
         for panel, rpm in zip(page.subplots(1, len(RPM)), RPM, strict=True):
             profile = study.targets.profiles[f"surface_{rpm}rpm_mm"]
             lines = np.array([heights[rpm][np.isin(X_MM, profile.x)] for heights in checks])
-            simulated = figure.Line("simulated ± SD", lines.mean(axis=0), lines.std(axis=0, ddof=1))
-            figure.draw(panel, profile, TARGETS[profile.name]["sd"], (simulated,))
+            simulated = {"simulated ± SD": (lines.mean(axis=0), lines.std(axis=0, ddof=1))}
+            figure.draw(panel, profile, TARGETS[profile.name]["sd"], simulated)
             panel.set_title(f"{rpm} rpm")
         style.save(page, OUT / "surfaces.png", small_run=False)
 

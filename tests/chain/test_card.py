@@ -322,9 +322,11 @@ def test_the_library_names_the_card_of_the_most_similar_grain_first(command):
 
 @pytest.mark.parametrize("path", CARDS, ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_a_published_card_is_whole(path):
-    """Every published test was run more than once, so each card tells how near its piles are to the targets."""
+    """Every published test of ours was run more than once, so each card tells how near its piles are to the targets."""
     found = card.read(path)
     jsonschema.validate(found, schema())
+    if "simulator" in found:  # its drums were simulated again by an example, which the card does not know
+        return
     assert all(test["runs"] >= 2 for test in found["tests"])
     assert None not in found["within"].values()
     assert found["within"].keys() == {f"{percent:g} %" for percent in PERCENT}

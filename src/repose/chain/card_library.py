@@ -61,7 +61,7 @@ def _described(path: Path, one: Mapping[str, Any], far: float) -> Iterator[str]:
     for test in one["tests"]:
         line = test.get("line") or test["definition"]["name"]
         yield f"  {test['response']} {test['measured']:.4g} {test['unit']} ({line})"
-    for name, bench in {test["apparatus"]: test["bench"] or {} for test in one["tests"]}.items():
+    for name, bench in {test["apparatus"]: test["bench"] for test in one["tests"] if test["bench"]}.items():
         yield f"  {name}: {', '.join(f'{key} {value:g}' for key, value in bench.items() if key.endswith(SIZES))}"
     for name, part in one["parameters"].items():
         family = "fixed" if part["low"] is None else f"{part['low']:.3g} to {part['high']:.3g}"

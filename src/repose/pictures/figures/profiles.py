@@ -37,12 +37,12 @@ def profiles(inputs: Inputs, study: Shown) -> Figure:
         )
         half = np.sqrt(profile.basis**2 @ np.square(np.nan_to_num(error)))  # the errors of scores are independent
         lines = {"predicted": (profile.heights(predicted), 0.0), "simulated ± SE": (profile.heights(simulated), half)}
-        _draw(panel, profile, own[0].sd * np.sqrt(profile.functions), lines)
+        draw(panel, profile, own[0].sd * np.sqrt(profile.functions), lines)
     style.name_panels(panels)
     return figure
 
 
-def _draw(panel: Axes, profile: Profile, sd: float, lines: Mapping[str, tuple[np.ndarray, Any]]) -> None:
+def draw(panel: Axes, profile: Profile, sd: float, lines: Mapping[str, tuple[np.ndarray, Any]]) -> None:
     """Draw the measured heights with their standard deviation, and lines of heights with half the width of a band."""
     measured = {"fmt": "o", "ms": 3, "color": style.BLACK, "elinewidth": 0.8, "zorder": 3}
     panel.errorbar(profile.x, profile.z, yerr=sd, label="measured ± SD", **measured)
