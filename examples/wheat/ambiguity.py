@@ -104,7 +104,7 @@ def ran(study: Study, name: str, of: str, seed: int) -> dict:
         took = {"cpu_s": time.process_time() - began}
         if shown.test == "turning":  # whether the flow is steady
             frames = (run.arrays[key] for key in ("position", "quaternion", "scale"))
-            took["frames_deg"] = turning.TurningTest().surface_angles(*frames, scene).tolist()
+            took["frames_deg"] = turning.TurningTest().surface_angles(*frames, scene=scene).tolist()
         write_json(path, {"run": measured, **took})
         print(f"{name} {of} {seed}: {measured['status']} {measured[shown.response]}", flush=True)
     return read_json(path)
