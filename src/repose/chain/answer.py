@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from repose.chain.chance import PERCENT
-from repose.core.errors import InputError
+from repose.core.errors import require
 from repose.core.files import Path_, read_json
 from repose.core.parameters import LABELS, check_value, named
 from repose.core.responses import named as known_response
@@ -225,8 +225,7 @@ def read(study: Studied, summary_json: Path_, check_csv: Path_, sets_csv: Path_,
     rows = {row["response"]: row for row in table.rows()}
     targets, settings = study.targets, study.settings
     for name in targets.names:
-        if name not in rows:
-            raise InputError(check_csv, "response", sorted(rows), f"a row {name}, a target of the configuration")
+        require(name in rows, check_csv, "response", sorted(rows), f"a row {name}, a target of the configuration")
     values = summary["representative"]
     return Result(
         label=settings.label,

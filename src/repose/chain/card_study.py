@@ -12,7 +12,7 @@ from repose.apparatus.funnel import FunnelSettings
 from repose.apparatus.settings import SimulationSettings
 from repose.chain.card import laws
 from repose.chain.card_model import faults_of
-from repose.core.errors import InputError, raise_together
+from repose.core.errors import InputError, raise_together, require
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 
 if TYPE_CHECKING:
@@ -58,9 +58,8 @@ def particle_of(card: Mapping[str, Any], spheres: int | None, source: object) ->
 
     grain = card["grain"]
     sizes, balls = (1e-3 * np.array(grain[key], float) for key in ("ellipsoids_mm", "spheres_mm"))
-    if len(balls) > 1 and "inertia_kg_m2" not in grain:
-        allowed = "the moments of the clump, which cards of earlier versions lack; give --config, the study's own"
-        raise InputError(source, "grain.inertia_kg_m2", None, allowed)
+    allowed = "the moments of the clump, which cards of earlier versions lack; give --config, the study's own"
+    require(len(balls) <= 1 or "inertia_kg_m2" in grain, source, "grain.inertia_kg_m2", None, allowed)
     reach = np.linalg.norm(balls[:, :3], axis=1) + balls[:, 3] if len(balls) else sizes.sum(axis=0)
     mass_kg, volume_m3 = 1e-3 * grain["mass_g"], 1e-9 * grain["volume_mm3"]
     particle = Particle(

@@ -14,7 +14,7 @@ from typing import Any
 import pandas as pd
 
 from repose.apparatus import bench
-from repose.core.errors import InputError
+from repose.core.errors import InputError, require
 from repose.core.files import Path_, read_json, write_json, write_table
 from repose.core.parameter_sets import read_samples
 from repose.core.parameters import named
@@ -105,8 +105,7 @@ def read_jobs(paths: Iterable[Path_], samples: pd.DataFrame, targets: Targets) -
     for path in paths:
         job, apparatus = read_job(path, targets)
         sample = job["sample"]
-        if sample not in expected.index:
-            raise InputError(path, "sample", sample, "in the table")
+        require(sample in expected.index, path, "sample", sample, "in the table")
         if sample in jobs[apparatus]:
             allowed = f"a sample of the table, once; also in {source[apparatus, sample]}"
             raise InputError(path, "sample", sample, allowed)
@@ -118,8 +117,7 @@ def read_jobs(paths: Iterable[Path_], samples: pd.DataFrame, targets: Targets) -
         jobs[apparatus][sample], source[apparatus, sample] = job, path
     for name, by_sample in jobs.items():
         missing = [int(sample) for sample in expected.index if sample not in by_sample]
-        if missing:
-            raise InputError(f"jobs of the {name}", "samples without a file", missing, "one file a sample")
+        require(not missing, f"jobs of the {name}", "samples without a file", missing, "one file a sample")
     return jobs
 
 
@@ -129,8 +127,7 @@ def read_job(path: Path_, targets: Targets) -> tuple[Job, str]:
     apparatus = job.get("apparatus", UNNAMED)
     if apparatus not in targets.apparatus:
         raise InputError(path, "apparatus", apparatus, f"a bench test of the targets, {', '.join(targets.apparatus)}")
-    if not job["runs"]:
-        raise InputError(path, "runs", [], "at least one run")
+    require(job["runs"], path, "runs", [], "at least one run")
     statuses = bench(apparatus, path).statuses
     for i, run in enumerate(job["runs"]):
         if not isinstance(run, dict) or run.get("status") not in statuses:

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from repose.chain.dataset import read_summary
-from repose.core.errors import InputError
+from repose.core.errors import InputError, require
 from repose.core.files import Path_, read_table
 from repose.core.parameters import PARAMETERS, check_value, named
 from repose.core.targets import Targets
@@ -52,9 +52,8 @@ def _check_means(
     ok = runs[runs["status"] == "ok"].groupby("sample")
     count = ok.size().reindex(dataset["sample"], fill_value=0)
     for sample, n, n_seeds in zip(dataset["sample"], count, dataset["n_seeds"], strict=True):
-        if n != n_seeds:
-            allowed = f"{n_seeds:g}, the n_seeds of this sample in {dataset_csv}"
-            raise InputError(f"{runs_csv}, sample {sample}", "ok runs", int(n), allowed)
+        allowed = f"{n_seeds:g}, the n_seeds of this sample in {dataset_csv}"
+        require(n == n_seeds, f"{runs_csv}, sample {sample}", "ok runs", int(n), allowed)
     usable = dataset[dataset["status"] == "ok"].set_index("sample")
     responses = ok[list(targets.names)]
     quantities = {"mean": (targets.names, responses.mean()), "standard error": (targets.errors, responses.sem())}

@@ -10,7 +10,7 @@ import pandas as pd
 
 from repose.chain.dataset import read_definitions
 from repose.chain.tables import read_dataset, read_runs
-from repose.core.errors import InputError
+from repose.core.errors import InputError, require
 from repose.core.files import Path_, read_table, write_json, write_table
 from repose.core.parameters import PARAMETERS, named
 from repose.core.responses import Definitions, derived, require_same_definitions, response
@@ -171,8 +171,7 @@ def restore(surrogate_json: Path_, predictions_csv: Path_, dataset_csv: Path_) -
     usable = table[table["status"] == "ok"].set_index("sample")
     trained = predictions[(predictions["split"] == "train") | of_all]
     missing = sorted(set(trained["sample"]) - set(usable.index))
-    if missing or trained.empty:
-        raise InputError(predictions_csv, "samples", missing, f"usable samples of {dataset_csv}")
+    require(not missing and not trained.empty, predictions_csv, "samples", missing, f"usable samples of {dataset_csv}")
     X = usable.loc[trained["sample"], list(model.inputs or PARAMETERS)].to_numpy(float)
     if not np.allclose(model.predict(X), trained[predicted], rtol=1e-6):
         raise InputError(predictions_csv, "predictions", "others", f"those of {surrogate_json} on {dataset_csv}")
@@ -181,9 +180,8 @@ def restore(surrogate_json: Path_, predictions_csv: Path_, dataset_csv: Path_) -
 
 def require_targets(model: Surrogate, path: object, targets: Targets, definitions: Definitions, source: object) -> None:
     """Refuse a surrogate with other responses than the targets, in another order, or with other definitions of them."""
-    if model.outputs != targets.names:
-        allowed = f"the responses of the targets, {', '.join(targets.names)}"
-        raise InputError(path, "outputs", list(model.outputs), allowed)
+    allowed = f"the responses of the targets, {', '.join(targets.names)}"
+    require(model.outputs == targets.names, path, "outputs", list(model.outputs), allowed)
     require_same_definitions(model.definitions, path, definitions, source)
 
 

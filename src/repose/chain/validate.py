@@ -13,7 +13,7 @@ import pandas as pd
 from repose.chain.answer import WITHIN
 from repose.chain.chance import Runs, chance_of_meeting
 from repose.chain.dataset import Jobs, assemble, read_jobs
-from repose.core.errors import InputError
+from repose.core.errors import require
 from repose.core.files import Path_, read_table, write_table
 from repose.core.parameter_sets import read_samples
 from repose.core.parameter_space import ParameterSpace
@@ -121,8 +121,7 @@ def write_solutions(path: Path_, space: ParameterSpace, targets: Targets, count:
     """
     needed = ("solution", *space.names, *targets.predicted, "objective", "feasible", "representative")
     feasible = read_table(path, needed)
-    if len(feasible) < count + 1:
-        raise InputError(path, "solutions", len(feasible), f"at least {count + 1}")
+    require(len(feasible) > count, path, "solutions", len(feasible), f"at least {count + 1}")
     own = select_for_validation(feasible, count, space).reset_index(drop=True)
     solutions = own.assign(sample=own.index + 1)[["sample", *space.names, *CHOSEN, *targets.predicted]]
     write_table(out_csv, solutions.astype({"solution": str}))

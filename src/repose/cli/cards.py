@@ -2,7 +2,7 @@
 
 import argparse
 
-from repose.cli.options import BERRY, FEASIBLE
+from repose.cli.options import BERRY, FEASIBLE, require_option
 from repose.cli.registry import Option, verb
 from repose.config.study import Study
 from repose.core.errors import InputError
@@ -34,9 +34,8 @@ def card(args: argparse.Namespace) -> int:
 
     if len(args.cards) != FILES_OF[args.action]:
         raise InputError("command line", f"card {args.action}", args.cards, f"files: {FILES_OF[args.action]}")
-    if (args.action == "find") != (args.like is not None):
-        allowed = "the axes of the grain, such as 6x3x2.6" if args.action == "find" else "`card find` alone"
-        raise InputError("command line", "--like", args.like, allowed)
+    allowed = "the axes of the grain, such as 6x3x2.6" if args.action == "find" else "`card find` alone"
+    require_option((args.action == "find") == (args.like is not None), "--like", args.like, allowed)
     if args.action == "find":
         print("\n".join(card_library.found(card_library.axes_of(args.like), args.density)))
         return 0

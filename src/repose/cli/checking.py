@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Iterator
 
+from repose.cli.options import require_option
 from repose.cli.registry import Option, load, verb
 from repose.config.study import Study
 from repose.core.errors import InputError, InputErrors
@@ -33,8 +34,7 @@ def check(args: argparse.Namespace, study: Study) -> None:
 
     example: --config config/paper.yaml
     """
-    if args.cores < 1:
-        raise InputError("command line", "--cores", args.cores, "at least 1")
+    require_option(args.cores >= 1, "--cores", args.cores, "at least 1")
     from repose.config import check, computed, cost, loader
     from repose.config.keys import get
     from repose.strategies import cost as strategies

@@ -4,11 +4,11 @@ import argparse
 import copy
 from typing import TYPE_CHECKING
 
+from repose.cli.options import require_option
 from repose.cli.parameter_sets import PARAMETER_SET, parameters
 from repose.cli.registry import CONFIG, Option, load, verb
 from repose.config.study import Study
 from repose.core import provenance
-from repose.core.errors import InputError
 from repose.core.section import AUTO
 from repose.export import PROGRAMS, write
 
@@ -50,14 +50,11 @@ def export(args: argparse.Namespace) -> None:
     from repose.export.job import is_sphere, make
 
     study = None if args.config is None else load(args)
-    if (args.card is not None) == (bool(args.set) or args.samples is not None):
-        allowed = "one source of the parameters: --card, --set or --samples"
-        raise InputError("command line", "export", args.card, allowed)
+    allowed = "one source of the parameters: --card, --set or --samples"
+    require_option((args.card is None) == (bool(args.set) or args.samples is not None), "export", args.card, allowed)
     of_card = None if args.card is None else card.read_own(args.card)
-    if args.seed < 0:
-        raise InputError("command line", "--seed", args.seed, "a whole number from 0")
-    if args.spheres is not None and not 1 <= args.spheres <= MOST:
-        raise InputError("command line", "--spheres", args.spheres, f"from 1 to {MOST}")
+    require_option(args.seed >= 0, "--seed", args.seed, "a whole number from 0")
+    require_option(args.spheres is None or 1 <= args.spheres <= MOST, "--spheres", args.spheres, f"from 1 to {MOST}")
     if study is None:
         found = None if args.card is None else card.configuration_of_card(args.card)
         if found is not None or of_card is None:

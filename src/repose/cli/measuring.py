@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from repose.cli.options import BERRY, JSON
+from repose.cli.options import BERRY, JSON, require_option
 from repose.cli.registry import CONFIG, Option, load, verb
 from repose.config.keys import section
 from repose.config.study import Study
@@ -62,9 +62,8 @@ def measure(args: argparse.Namespace) -> None:
     from repose.measure.photograph_tables import as_record, describe, tables, write_tables
 
     of_pile = {bench.name: bench.photographed for bench in bench_tests() if bench.photographed}
-    if args.bench not in (*of_pile, *of_apparatus.RESPONSES):
-        allowed = "one of " + ", ".join((*of_pile, *of_apparatus.RESPONSES))
-        raise InputError("command line", "--bench", args.bench, allowed)
+    allowed = "one of " + ", ".join((*of_pile, *of_apparatus.RESPONSES))
+    require_option(args.bench in (*of_pile, *of_apparatus.RESPONSES), "--bench", args.bench, allowed)
     for name in ("points",) if args.bench in of_pile else ("lens", "mm_per_pixel", "length", "base_row"):
         if value := getattr(args, name):
             raise InputError("command line", f"--{name.replace('_', '-')}", value, f"nothing with --bench {args.bench}")
@@ -76,8 +75,7 @@ def measure(args: argparse.Namespace) -> None:
         print(f"repose: left out: {fault}", file=sys.stderr)
     overlays = [out / f"{path.stem}.png" for path in pictures]
     for path, overlay in zip(pictures, overlays, strict=True):
-        if overlays.count(overlay) > 1:
-            raise InputError("command line", "pictures", path.name, "photographs whose names differ")
+        require_option(overlays.count(overlay) == 1, "pictures", path.name, "photographs whose names differ")
         check_replaceable(overlay)
         if overlay.resolve() == path.resolve():
             raise InputError("command line", "--out", args.out, "another folder than that of the photographs")
@@ -132,11 +130,9 @@ def _scale(args: argparse.Namespace) -> "Scale":
     from repose.measure.photographs import LEAST_LENGTH_PX, MOST_LEVEL_DEG, Scale, level_length
 
     def number(option: str, value: float, low: float, high: float) -> None:
-        if not low <= value <= high:
-            raise InputError("command line", option, value, f"a number from {low:g} to {high:g}")
+        require_option(low <= value <= high, option, value, f"a number from {low:g} to {high:g}")
 
-    if args.mm_per_pixel is not None and args.length:
-        raise InputError("command line", "--length", args.length, "without --mm-per-pixel")
+    require_option(args.mm_per_pixel is None or not args.length, "--length", args.length, "without --mm-per-pixel")
     scale, level = args.mm_per_pixel, 0.0
     number("--square-mm", args.square_mm, 1, 1000)
     if args.length:
@@ -148,8 +144,7 @@ def _scale(args: argparse.Namespace) -> "Scale":
         scale, level = found
     if scale is not None:
         number("--length" if args.length else "--mm-per-pixel", scale, *SCALES)
-        if args.lens:
-            raise InputError("command line", "--lens", args.lens, "with the printed sheet as the scale")
+        require_option(not args.lens, "--lens", args.lens, "with the printed sheet as the scale")
     elif args.base_row is not None:
         raise InputError("command line", "--base-row", args.base_row, "with --mm-per-pixel or --length")
     return Scale(args.square_mm, scale, args.base_row, level)
@@ -185,10 +180,8 @@ def marker(args: argparse.Namespace) -> None:
     from repose.core.files import write_bytes
     from repose.measure import sheet
 
-    if not 5 <= args.square_mm <= 25:
-        raise InputError("command line", "--square-mm", args.square_mm, "a number from 5 to 25")
-    if Path(args.out).suffix.lower() != ".pdf":
-        raise InputError("command line", "--out", args.out, "a file that ends with .pdf")
+    require_option(5 <= args.square_mm <= 25, "--square-mm", args.square_mm, "a number from 5 to 25")
+    require_option(Path(args.out).suffix.lower() == ".pdf", "--out", args.out, "a file that ends with .pdf")
     write_bytes(args.out, sheet.pdf(args.square_mm))
     print(f"print {args.out} at 100 %, check its line of 100 mm, cut it out: `repose docs photographs`")
 
@@ -212,8 +205,7 @@ def silhouette(args: argparse.Namespace, study: Study) -> None:
     from repose.measure.saved_pours import first_pour
     from repose.particle.particle import Particle
 
-    if not math.isfinite(args.azimuth):
-        raise InputError("command line", "--azimuth", args.azimuth, "a finite angle")
+    require_option(math.isfinite(args.azimuth), "--azimuth", args.azimuth, "a finite angle")
     how = MeasureSettings(**dict(study.settings.measure))
     picture = side_view(first_pour(args.heap), Particle.load(args.particle), how, args.azimuth)
     write_image(args.out, picture)

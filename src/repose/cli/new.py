@@ -4,8 +4,8 @@ import argparse
 from operator import methodcaller
 from pathlib import Path
 
+from repose.cli.options import require_option
 from repose.cli.registry import Option, verb
-from repose.core.errors import InputError
 
 # Written into every file of the template in place of the crop's name.
 NAME = "NAME"
@@ -20,11 +20,9 @@ def new(args: argparse.Namespace) -> None:
     from repose.config import faults
     from repose.core.ledger import write_in_one_move
 
-    if not faults.is_valid("label", args.name):
-        raise InputError("command line", "new", args.name, faults.allowed("label"))
+    require_option(faults.is_valid("label", args.name), "new", args.name, faults.allowed("label"))
     folder = Path(args.name)
-    if folder.exists() or folder.is_symlink():
-        raise InputError("command line", "new", args.name, "a folder that is not there yet")
+    require_option(not folder.exists() and not folder.is_symlink(), "new", args.name, "a folder that is not there yet")
     template = Path(__file__).parents[1] / "config" / "new_crop"
     for path in sorted(template.rglob("*.*")):
         content = path.read_text(encoding="utf-8").replace(NAME, args.name).encode()

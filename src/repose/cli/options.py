@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 
 from repose.cli.registry import Option
-from repose.core.errors import InputError
+from repose.core.errors import require
 
 BERRY = Option("--berry", default="results/berry/berry.json", help="file of the verb berry")
 SAMPLES = Option("--samples", default="results/design/samples.csv", help="file of the verb design", recorded=False)
@@ -14,12 +14,16 @@ FEASIBLE = Option("--feasible", default="results/miga/feasible.csv", help="file 
 JSON = Option("--json", action="store_true", help="print as JSON")
 
 
+def require_option(holds: object, option: str, value: object, allowed: str) -> None:
+    """Raise InputError about the command line unless something holds."""
+    require(holds, "command line", option, value, allowed)
+
+
 def pairs(entries: Iterable[str], option: str) -> dict[str, str]:
     """Split the NAME=VALUE entries of an option; InputError for a bad entry or a name given twice."""
     values: dict[str, str] = {}
     for entry in entries:
         name, equals, value = entry.partition("=")
-        if not equals or not name or not value or name in values:
-            raise InputError("command line", option, entry, "NAME=VALUE, each name once")
+        require_option(equals and name and value and name not in values, option, entry, "NAME=VALUE, each name once")
         values[name] = value
     return values

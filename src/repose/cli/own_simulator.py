@@ -8,7 +8,7 @@ from typing import Any
 from repose.cli.registry import Option, load, verb
 from repose.config.study import Study
 from repose.core import places
-from repose.core.errors import InputError
+from repose.core.errors import require
 
 FOLDER = "own"
 
@@ -17,9 +17,8 @@ def _study(args: argparse.Namespace) -> Study:
     """Load the study of --config, for a simulator of the user's own; for the verb `ask` with the runs so far."""
     from repose.config.own import is_own
 
-    if not is_own(args.config):
-        allowed = "the name of your simulator, in a configuration as `repose docs own_simulator` shows"
-        raise InputError(args.config, "simulator", None, allowed)
+    allowed = "the name of your simulator, in a configuration as `repose docs own_simulator` shows"
+    require(is_own(args.config), args.config, "simulator", None, allowed)
     return Study.own(args.config, args.runs if args.verb == "ask" else None)
 
 

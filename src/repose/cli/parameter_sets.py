@@ -3,11 +3,11 @@
 from argparse import ArgumentTypeError, Namespace
 from collections.abc import Sequence
 
-from repose.cli.options import pairs
+from repose.cli.options import pairs, require_option
 from repose.cli.registry import Option
 from repose.config.study import Study
 from repose.core import seeds as streams
-from repose.core.errors import InputError
+from repose.core.errors import InputError, require
 from repose.core.parameter_sets import read_sample
 from repose.core.parameters import FURTHER, LABELS, PARAMETERS, check_value
 
@@ -58,16 +58,13 @@ def parameters(entries: Sequence[str], samples: str | None, sample: int | None, 
             raise InputError("command line", "--samples", samples, "together with --sample, without --set")
         found = read_sample(samples, sample)
         for name in found:
-            if name not in known:
-                allowed = "no such column: the study has no parameter of this name, or its laws lack it"
-                raise InputError(f"{samples}, sample {sample}", name, found[name], allowed)
+            allowed = "no such column: the study has no parameter of this name, or its laws lack it"
+            require(name in known, f"{samples}, sample {sample}", name, found[name], allowed)
         return found
-    if sample is not None:
-        raise InputError("command line", "--sample", sample, "together with --samples")
+    require_option(sample is None, "--sample", sample, "together with --samples")
     for name, value in chosen.items():
-        if name not in known:
-            listed = ", ".join(f"{key} ({LABELS[key]})" for key in known)
-            raise InputError("command line", f"--set {name}", value, f"a parameter of {listed}")
+        listed = ", ".join(f"{key} ({LABELS[key]})" for key in known)
+        require_option(name in known, f"--set {name}", value, f"a parameter of {listed}")
     values = {name: check_value(name, value, "command line") for name, value in chosen.items()}
     return study.parameters.centre | values
 
@@ -75,8 +72,7 @@ def parameters(entries: Sequence[str], samples: str | None, sample: int | None, 
 def run_seeds(seeds: list[int] | None) -> list[int]:
     """Return the seeds of --seed, without it seed 1; InputError unless they are distinct whole numbers from 0."""
     seeds = seeds or [1]
-    if min(seeds) < 0 or len(set(seeds)) < len(seeds):
-        raise InputError("command line", "--seed", seeds, "distinct whole numbers from 0")
+    require_option(min(seeds) >= 0 and len(set(seeds)) == len(seeds), "--seed", seeds, "distinct whole numbers from 0")
     return seeds
 
 

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from types import FrameType
 from typing import Any
 
+from repose.cli.options import require_option
 from repose.cli.registry import Option, verb
 from repose.cli.stages import note_built_in_crop
 from repose.core import places
@@ -55,8 +56,7 @@ def run(args: argparse.Namespace) -> int:
     for path in args.configfile:
         read(path)  # snakemake would answer a fault of these two options with a traceback
     for entry in args.config:
-        if "=" not in entry:
-            raise InputError("command line", "--config", entry, "KEY=VALUE; a target goes before the options")
+        require_option("=" in entry, "--config", entry, "KEY=VALUE; a target goes before the options")
     if args.list:
         from repose.config.check import catalogue
 

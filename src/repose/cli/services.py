@@ -5,7 +5,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from repose.cli.options import JSON
+from repose.cli.options import JSON, require_option
 from repose.cli.registry import Option, verb
 from repose.config.study import Study
 from repose.core import published
@@ -40,8 +40,7 @@ def verify(args: argparse.Namespace, study: Study) -> int:
 
     example: --out results/verification --case chung1
     """
-    if args.hits < 1:
-        raise InputError("command line", "--hits", args.hits, "at least 1")
+    require_option(args.hits >= 1, "--hits", args.hits, "at least 1")
 
     from repose import verification
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from repose.core.errors import InputError
+from repose.core.errors import require
 
 Config = Mapping[str, Any]
 
@@ -59,7 +59,6 @@ def get(config: Any, key: str) -> Any:
 
 def section(config: Mapping[str, Any], name: str) -> Mapping[str, Any]:
     """Return a section that may be absent; InputError if it is."""
-    if name not in config:
-        allowed = "a section of this name (`repose docs configuration`); a configuration may lack it"
-        raise InputError("configuration", name, None, allowed)
+    allowed = "a section of this name (`repose docs configuration`); a configuration may lack it"
+    require(name in config, "configuration", name, None, allowed)
     return config[name]

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from repose.config import faults
 from repose.core import places, tables
-from repose.core.errors import InputError, raise_together
+from repose.core.errors import InputError, raise_together, require
 from repose.core.profiles import Profile
 from repose.core.responses import derived, named
 from repose.core.section import ABSENT, Section
@@ -143,14 +143,11 @@ def _read(measured: MeasuredProfile, name: str) -> tuple[Profile, float]:
     words = "a finite number; empty heights only at the ends of a profile"
     tables.refuse(path, ((k, name, cells.text[name][k], words) for k, name in gaps))
     x, z, *sd = (numbers[column.name] for column in columns)
-    if len(x) <= measured.functions:
-        raise InputError(path, "rows", len(x), f"more than functions, {measured.functions}")
+    require(len(x) > measured.functions, path, "rows", len(x), f"more than functions, {measured.functions}")
     for k, (before, after) in enumerate(pairwise(x), start=first + 2):
-        if after <= before:
-            raise InputError(f"{path}, row {k}", measured.x, after, f"above the previous row's {before:g}")
+        require(after > before, f"{path}, row {k}", measured.x, after, f"above the previous row's {before:g}")
     profile = Profile(name, tuple(x), tuple(z), measured.functions)
-    if profile.height == 0:
-        raise InputError(path, measured.z, 0, "a height that is not 0: tolerances are in percent of it")
+    require(profile.height != 0, path, measured.z, 0, "a height that is not 0: tolerances are in percent of it")
     if not sd:
         return profile, float(measured.sd)
     return profile, math.sqrt(sum(one**2 for one in sd[0]) / len(sd[0]))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from repose.core.errors import InputError
+from repose.core.errors import InputError, require
 from repose.core.files import write_table
 from repose.core.lock import exclusive
 from repose.core.tables import Column, check, refuse
@@ -158,8 +158,7 @@ class Record:
         """Add parameters, numbers of the runs, statuses and turn to a table of all or some of the proposal's runs."""
         asked, names = self.asked, list(self.study.targets.names)
         missing = [name for name in names if name not in table]
-        if missing:
-            raise InputError(SOURCE, "columns", list(table), f"also {', '.join(missing)}")
+        require(not missing, SOURCE, "columns", list(table), f"also {', '.join(missing)}")
         if "run" not in table:
             first = asked.groupby("sample")["run"].min()
             number = table.groupby("sample").cumcount()
@@ -180,8 +179,7 @@ class Record:
         """Give numbers to runs of a table without any: rows with the same parameters are runs of one sample."""
         space = self.study.parameters
         missing = [name for name in (*space.free, *self.study.targets.names) if name not in table]
-        if missing:
-            raise InputError(SOURCE, "columns", list(table), f"sample; or also {', '.join(missing)}")
+        require(not missing, SOURCE, "columns", list(table), f"sample; or also {', '.join(missing)}")
         sets = {name: _numbers(table, name) if name in table else space.fixed[name] for name in space.names}
         found = pd.DataFrame(sets)
         rows = self._with_responses(found, table)
@@ -213,21 +211,19 @@ def _refuse_again(new: pd.DataFrame, data: pd.DataFrame, source: object) -> None
     """Refuse a good run without a number all of whose numbers are in the record."""
     names = [name for name in new if name != "sample"]
     known = set(_points(data, names))
+    allowed = "a run of its own: the record has all numbers of this row"
     for k, run in enumerate(_points(new, names), start=1):
-        if run in known:  # never a run that failed: its responses are NaN
-            allowed = "a run of its own: the record has all numbers of this row"
-            raise InputError(f"{source}, row {k}", "row", "there twice", allowed)
+        # a run that failed is never among them: its responses are NaN
+        require(run not in known, f"{source}, row {k}", "row", "there twice", allowed)
 
 
 def _checked_table(table: Any) -> pd.DataFrame:
     """Return a table with a plain index; InputError for anything else, or a column that is there twice."""
-    if not isinstance(table, pd.DataFrame):
-        raise InputError(SOURCE, "type", type(table).__name__, "a pandas.DataFrame")
+    require(isinstance(table, pd.DataFrame), SOURCE, "type", type(table).__name__, "a pandas.DataFrame")
     twice = table.columns[table.columns.duplicated()]
     if len(twice):
         raise InputError(SOURCE, "column", str(twice[0]), "each column once")
-    if table.empty:
-        raise InputError(SOURCE, "rows", 0, "a row for each run")
+    require(not table.empty, SOURCE, "rows", 0, "a row for each run")
     return table.reset_index(drop=True)
 
 

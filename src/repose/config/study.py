@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from repose.config import loader
 from repose.core import provenance
-from repose.core.errors import InputError
+from repose.core.errors import InputError, require
 from repose.core.files import Path_, json_text, read_json, write_json
 from repose.core.published import beside
 from repose.core.responses import Definitions
@@ -85,8 +85,7 @@ class Study:
         from repose.config.profiles import expanded_own
 
         for name, given in (("parameters", parameters), ("targets", targets)):
-            if not isinstance(given, Mapping):
-                raise InputError("study", name, given, f"a mapping from the names of {name}")
+            require(isinstance(given, Mapping), "study", name, given, f"a mapping from the names of {name}")
         given = {
             "simulator": simulator,
             "label": label,
@@ -217,8 +216,7 @@ class Study:
         """
         from repose.config.making import Making
 
-        if not isinstance(config, Mapping):
-            raise InputError(source, "configuration", config, "a mapping of sections")
+        require(isinstance(config, Mapping), source, "configuration", config, "a mapping of sections")
         making = Making(dict(config), source)
         making.complete(inputs)
         study = cls._of(making.config, source)
@@ -438,8 +436,7 @@ class Study:
             found = [dict(simulate(row)) for row in asked.to_dict("records")]
             names = list(self.targets.names)
             missing = [name for name in names if any(name not in row for row in found)]
-            if missing:
-                raise InputError("study", "simulate", "its result", f"a mapping with {', '.join(missing)}")
+            require(not missing, "study", "simulate", "its result", f"a mapping with {', '.join(missing)}")
             self.tell(asked.assign(**{name: [row[name] for row in found] for name in names}))
         return self.answer()
 
@@ -460,8 +457,7 @@ class Study:
         """
         from repose.studies.calibration import calibrate
 
-        if self.runs.empty:
-            raise InputError("study", "runs", 0, "results of the runs that `ask` gave: `tell` adds them")
+        require(not self.runs.empty, "study", "runs", 0, "results of the runs that `ask` gave: `tell` adds them")
         with _one_thread():
             return calibrate(self, self.runs, self.proposal)
 
@@ -485,17 +481,14 @@ def _target(given: Any) -> Any:
 
 def _check_path(name: str, path: Any) -> None:
     """Refuse what is no path."""
-    if not isinstance(path, Path_):
-        raise InputError("study", name, path, "the path of a file")
+    require(isinstance(path, Path_), "study", name, path, "the path of a file")
 
 
 def _settings_of(file: Path_) -> Path:
     """Return the file of the settings beside a file of runs."""
     _check_path("file", file)
-    if not Path(file).parent.is_dir():
-        raise InputError("study", "file", str(file), "a path in a folder that is there")
-    if Path(file).suffix != ".csv":
-        raise InputError("study", "file", str(file), "a path that ends in .csv")
+    require(Path(file).parent.is_dir(), "study", "file", str(file), "a path in a folder that is there")
+    require(Path(file).suffix == ".csv", "study", "file", str(file), "a path that ends in .csv")
     return Path(file).with_suffix(".json")
 
 

@@ -40,6 +40,12 @@ class NoFlankError(ValueError):
         super().__init__(reason)
 
 
+def require(holds: object, source: object, key: str, value: object, allowed: str) -> None:
+    """Raise InputError, as it takes them, unless something holds."""
+    if not holds:
+        raise InputError(source, key, value, allowed)
+
+
 def raise_together(faults: Iterable[InputError]) -> None:
     """Raise all faults, each once: a single one as itself, several as `InputErrors`; without faults do nothing."""
     distinct = list({str(fault): fault for fault in faults}.values())

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from repose.core import attached, provenance, tables
-from repose.core.errors import InputError
+from repose.core.errors import InputError, require
 from repose.core.ledger import write_whole
 from repose.core.tables import Column
 
@@ -81,8 +81,7 @@ def write_image(path: Path_, picture: "np.ndarray") -> None:
         done, content = cv2.imencode(suffix, picture)
     except cv2.error:
         done = False
-    if not done:
-        raise InputError(path, "suffix", suffix, "the suffix of a picture, as in .png")
+    require(done, path, "suffix", suffix, "the suffix of a picture, as in .png")
     write_bytes(path, content.tobytes())
 
 
@@ -101,8 +100,7 @@ def read_json(
         raise InputError(path, "file", error.strerror, what) from error
     except (*UNREADABLE, RecursionError) as error:
         raise InputError(path, "content", str(error), what) from error
-    if not isinstance(content, dict):
-        raise InputError(path, "content", content, what)
+    require(isinstance(content, dict), path, "content", content, what)
     content.pop(attached.KEY, None)
     for key in keys:
         kinds = keys[key] if isinstance(keys, Mapping) else object
@@ -123,8 +121,7 @@ def read_npz(path: Path_, keys: Iterable[str] = (), what: str = "an .npz file") 
     except (*UNREADABLE, TypeError, MemoryError) as error:  # TypeError: a plain .npy array, which cannot be closed
         raise InputError(path, "arrays", str(error), what) from error
     for key in keys:
-        if key not in arrays:
-            raise InputError(path, key, None, f"an array in {what}")
+        require(key in arrays, path, key, None, f"an array in {what}")
     return arrays
 
 

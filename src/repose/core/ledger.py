@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any
 
-from repose.core.errors import InputError
+from repose.core.errors import InputError, require
 from repose.dem.io.whole import write_whole as write_in_one_move
 
 LEDGER = ".repose"
@@ -61,8 +61,7 @@ def check_replaceable(path: str | os.PathLike) -> None:
     path = Path(path)
     if path.name in ("", "..", LEDGER) or not path.name.isprintable():
         raise InputError(path, "name", path.name, "a file name of printable characters")
-    if os.path.lexists(path) and not is_own_file(path):
-        raise InputError(path, "file", "there already", ALLOWED)
+    require(not os.path.lexists(path) or is_own_file(path), path, "file", "there already", ALLOWED)
 
 
 def is_own_file(path: str | os.PathLike) -> bool:
@@ -76,8 +75,7 @@ def is_own_file(path: str | os.PathLike) -> bool:
 
 def remove(path: str | os.PathLike) -> None:
     """Remove a file that this program wrote; InputError for any other, or if somebody changed it since."""
-    if not is_own_file(path):
-        raise InputError(path, "file", "there already", ALLOWED)
+    require(is_own_file(path), path, "file", "there already", ALLOWED)
     Path(path).unlink()
 
 

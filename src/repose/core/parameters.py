@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from repose.core.errors import InputError
+from repose.core.errors import InputError, require
 from repose.dem.constants import OF_LAWS, TWISTED_BY, TWISTING, Constant
 
 PARAMETERS = ("e_gg", "mus_gg", "mur_gg", "e_gp", "mus_gp", "mur_gp")
@@ -82,7 +82,6 @@ def check_value(name: str, value: object, source: object, key: str | None = None
     except (TypeError, ValueError):
         raise InputError(source, key, value, "a number") from None
     low, high = PHYSICAL_LIMITS[name]
-    if not low <= number <= high or math.isinf(number):
-        limit = f"{low:g} to {high:g}" if high < math.inf else f"a finite number of at least {low:g}"
-        raise InputError(source, key, number, limit)
+    limit = f"{low:g} to {high:g}" if high < math.inf else f"a finite number of at least {low:g}"
+    require(low <= number <= high and not math.isinf(number), source, key, number, limit)
     return number

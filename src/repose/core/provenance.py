@@ -21,7 +21,7 @@ from typing import Any, Literal
 
 from repose import __version__
 from repose.core import attached, places
-from repose.core.errors import InputError
+from repose.core.errors import InputError, require
 from repose.core.places import PACKAGE
 
 # A pour depends on the simulator, the bench tests and the grains.
@@ -118,9 +118,8 @@ def refuse_mixture(inputs: Iterable[tuple[Path, Mapping[str, Any] | None]]) -> N
         if "apparatus" in record:  # runs, which are rows of one table
             kind = (record["verb"], record["apparatus"])
             origin, where = origins.setdefault(kind, (record["origin"], path))
-            if origin != record["origin"]:
-                allowed = f"{origin}, as in {where}: runs of the same settings, berry and particle"
-                raise InputError(path, "provenance.origin", record["origin"], allowed)
+            allowed = f"{origin}, as in {where}: runs of the same settings, berry and particle"
+            require(origin == record["origin"], path, "provenance.origin", record["origin"], allowed)
 
 
 def hash_of(content: Any) -> str:

@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from repose.core.errors import InputError
+from repose.core.errors import InputError, require
 from repose.core.files import Path_, read_table
 from repose.core.parameter_sets import OF_SETS
 from repose.core.parameters import PARAMETERS
@@ -69,8 +69,7 @@ def check_published(path: Path_ | None) -> None:
     """Raise InputError for a table of published solutions that cannot be simulated or compared; None passes."""
     for table in tables(path):
         rows = len(read(table, (NAME, *OF_SETS), others=is_number))
-        if not 1 <= rows <= MOST:
-            raise InputError(table, "rows", rows, f"1 to {MOST} solutions")
+        require(1 <= rows <= MOST, table, "rows", rows, f"1 to {MOST} solutions")
 
 
 def read_stored(path: Path_) -> "pd.DataFrame":

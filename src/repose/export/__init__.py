@@ -10,7 +10,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from repose.core.errors import InputError
+from repose.core.errors import require
 from repose.core.files import write_text
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 
@@ -43,9 +43,8 @@ def check_laws(job: "Job", program: str) -> None:
         ("rolling_law", job.simulation.rolling_law, ROLLING_LAWS, ("budget",)),
     ):
         allowed = [*common, *(name for name in laws if name in FURTHER_LAWS.get(program, ()))]
-        if law not in allowed:
-            why = f" ({REASONS[program, law]})" if (program, law) in REASONS else ""
-            raise InputError("configuration", f"simulation.{key}", law, f"for {program} {' or '.join(allowed)}{why}")
+        why = f" ({REASONS[program, law]})" if (program, law) in REASONS else ""
+        require(law in allowed, "configuration", f"simulation.{key}", law, f"for {program} {' or '.join(allowed)}{why}")
 
 
 def write(job: "Job", program: str, folder: str | PathLike) -> list[Path]:

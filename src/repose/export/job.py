@@ -12,7 +12,7 @@ from repose.apparatus import Scene
 from repose.apparatus.funnel import Funnel, FunnelSettings
 from repose.apparatus.scene import longest_time_step, materials_of
 from repose.apparatus.settings import SceneSettings, SimulationSettings
-from repose.core.errors import InputError
+from repose.core.errors import require
 from repose.core.parameters import FURTHER
 from repose.dem.laws import hertz_mindlin
 from repose.dem.materials import effective_moduli
@@ -120,8 +120,7 @@ def make(
             notes.append(f"every grain is the sphere of its volume, radius {1e3 * particle.bounding_radius_m:.4g} mm")
         elif not np.allclose(own.inertia_kg_m2, particle.inertia_kg_m2, rtol=0.01):
             notes.append("the moment of inertia is 2/5 m R^2 of a sphere; the study's grain has that of its mesh")
-    if not particle.is_clump:
-        raise InputError("particle", "kind", particle.kind, "multisphere: other programs take spheres")
+    require(particle.is_clump, "particle", "kind", particle.kind, "multisphere: other programs take spheres")
     materials = materials_of(scene)
     mean_radius, lever = surface_means(particle.spheres_m)
     smallest = float(particle.spheres_m[:, 3].min())

@@ -12,7 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from repose.core.errors import InputError, NoFlankError
+from repose.core.errors import InputError, NoFlankError, require
 from repose.measure import camera, finding, sheet
 from repose.measure.pile import measure_segmented, profile_of, read_image, with_response
 from repose.measure.results import Measurement
@@ -121,8 +121,7 @@ def measure_all(paths: Paths, how: MeasureSettings, scale: Scale, lens: Paths = 
         return [measure_plain(path, how, scale) for path in paths]
     seen, by_size = cameras([*paths, *lens], scale.square_mm)
     for path in lens:
-        if seen[path] is None:
-            raise InputError(path, "sheet", "not seen", "a photograph that shows the printed sheet")
+        require(seen[path] is not None, path, "sheet", "not seen", "a photograph that shows the printed sheet")
     results = []
     for path in paths:
         image, _ = load(path)

@@ -19,7 +19,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from repose.core.errors import InputError, NoFlankError
+from repose.core.errors import InputError, NoFlankError, require
 from repose.measure.angles import DEFINITIONS, measure_sides
 from repose.measure.results import Angle, Measurement, PileResult
 from repose.measure.segmentation import SMALLEST, Segmentation, of_silhouette, require_upright, segment, upper_edge
@@ -87,8 +87,7 @@ def read_image(path: str | PathLike) -> np.ndarray:
     Of deeper pictures the upper eight of the bits that they use are read: a camera's 10 or 12 bits lie in 16.
     """
     path = Path(path)
-    if not path.is_file():
-        raise InputError(path, "picture", "no such file", "an existing picture file (PNG, JPEG, TIFF, BMP)")
+    require(path.is_file(), path, "picture", "no such file", "an existing picture file (PNG, JPEG, TIFF, BMP)")
     _check_header(path)
     content, image = np.frombuffer(path.read_bytes(), dtype=np.uint8), None
     with contextlib.suppress(cv2.error):  # an empty file, or a header with more pixels than OpenCV accepts

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from repose.core.errors import InputError
+from repose.core.errors import InputError, require
 from repose.core.files import read_json, read_npz
 
 POURS = ".pours.json"  # behind the stem of a job's files
@@ -29,14 +29,12 @@ def read_pours(path: str | PathLike) -> dict[str, Any]:
     for pour in pours:
         if not isinstance(pour, dict) or not isinstance(pour.get("status"), str) or "seed" not in pour:
             raise InputError(path, "pours", pour, "records with a seed and a status")
-        if not isinstance(pour.setdefault("reason", ""), str):
-            raise InputError(path, "reason", pour["reason"], "text")
+        require(isinstance(pour.setdefault("reason", ""), str), path, "reason", pour["reason"], "text")
         for key in pour.keys() - {"status", "reason"}:
             if pour[key] is not None and not (isinstance(pour[key], int | float) and math.isfinite(pour[key])):
                 raise InputError(path, key, pour[key], "a finite number, or null")
     seeds = [pour["seed"] for pour in pours]
-    if len(set(seeds)) < len(seeds):
-        raise InputError(path, "seed", seeds, "each seed once")
+    require(len(set(seeds)) == len(seeds), path, "seed", seeds, "each seed once")
     return job
 
 
@@ -50,8 +48,7 @@ def pour_arrays(arrays: Arrays, seed: object, source: object, kinds: Iterable[st
     ending = f"_{seed}"
     selected = {key.removesuffix(ending): values for key, values in arrays.items() if key.endswith(ending)}
     for kind in kinds:
-        if kind not in selected:
-            raise InputError(source, f"{kind}{ending}", None, "an array in the .npz file beside it")
+        require(kind in selected, source, f"{kind}{ending}", None, "an array in the .npz file beside it")
     if "position" in kinds:
         _check_grains(selected, source, ending)
     return selected
@@ -66,10 +63,8 @@ def _check_grains(arrays: Arrays, source: object, ending: str) -> None:
         if values.dtype.kind not in "bfiu" or values.shape[-len(shape) :] != shape or not grains:
             found = f"{values.dtype} {values.shape}"
             raise InputError(source, name, found, f"numbers {shape}, of as many grains as the other arrays")
-        if not np.isfinite(values).all():
-            raise InputError(source, name, "not finite", "finite numbers")
-        if kind == "quaternion" and not values.any(axis=-1).all():
-            raise InputError(source, name, "zero", "a rotation of each grain")
+        require(np.isfinite(values).all(), source, name, "not finite", "finite numbers")
+        require(kind != "quaternion" or values.any(axis=-1).all(), source, name, "zero", "a rotation of each grain")
         if kind == "scale" and not (values > 0).all():
             raise InputError(source, name, float(values.min()), "sizes above 0, in sizes of the mean grain")
 
@@ -78,8 +73,7 @@ def first_pour(path: str | PathLike) -> dict[str, np.ndarray]:
     """Read the arrays of the first seed in a job's .npz file, by name, such as ``position``."""
     arrays = saved_positions(path)
     seeds = [match.group(1) for key in arrays if (match := re.fullmatch(r"position_(.+)", key))]
-    if not seeds:
-        raise InputError(path, "arrays", sorted(arrays), "position_SEED, quaternion_SEED, in_pile_SEED")
+    require(seeds, path, "arrays", sorted(arrays), "position_SEED, quaternion_SEED, in_pile_SEED")
     return pour_arrays(arrays, seeds[0], path)
 
 

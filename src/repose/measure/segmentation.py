@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from repose.core.errors import InputError, NoFlankError
+from repose.core.errors import InputError, NoFlankError, require
 
 # Simulations run side by side, one a core: OpenCV's own threads would only compete with them.
 cv2.setNumThreads(1)
@@ -63,8 +63,7 @@ def segment(image: np.ndarray, largest_pile_only: bool = True, base_row: float |
     if base_row is None:
         base_row = plate_row(mask)
     if base_row is not None:
-        if not 0 < base_row <= mask.shape[0]:
-            raise InputError("picture", "base_row", base_row, f"above 0, at most {mask.shape[0]}")
+        require(0 < base_row <= mask.shape[0], "picture", "base_row", base_row, f"above 0, at most {mask.shape[0]}")
         mask[math.ceil(base_row) :] = 0
     beside = largest_pile_only and another_heap(mask)
     mask = pile_component(mask, largest_pile_only)
@@ -89,8 +88,7 @@ def of_silhouette(picture: np.ndarray, pile_tone: int, background: int, largest_
 def checked(image: np.ndarray) -> np.ndarray:
     """Give the picture as contiguous bytes, of one channel if its three are the same; InputError if it is unusable."""
     image = np.asarray(image)
-    if image.dtype != np.uint8:
-        raise InputError("picture", "pixel type", str(image.dtype), "uint8")
+    require(image.dtype == np.uint8, "picture", "pixel type", str(image.dtype), "uint8")
     if not (image.ndim == 2 or (image.ndim == 3 and image.shape[2] == 3)) or min(image.shape[:2]) < SMALLEST:
         allowed = f"(H, W) or (H, W, 3), at least {SMALLEST} by {SMALLEST} pixels"
         raise InputError("picture", "shape", image.shape, allowed)

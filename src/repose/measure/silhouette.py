@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
-from repose.core.errors import InputError
+from repose.core.errors import require
 from repose.dem.rotations import rotation_matrices
 from repose.measure.saved_pours import Arrays
 
@@ -114,9 +114,8 @@ def paint(polygons_m: np.ndarray, mm_per_pixel: float, extent: Extent) -> np.nda
     pixel_m = mm_per_pixel * 1e-3
     width = math.ceil((right_m - left_m) / pixel_m)
     height = math.ceil(top_m / pixel_m)
-    if width * height > MOST_PIXELS:
-        allowed = f"at most {MOST_PIXELS:g}: positions are in m, and a larger measure.mm_per_pixel needs fewer"
-        raise InputError("picture of the pile", "pixels", f"{width:g} x {height:g}", allowed)
+    allowed = f"at most {MOST_PIXELS:g}: positions are in m, and a larger measure.mm_per_pixel needs fewer"
+    require(width * height <= MOST_PIXELS, "picture of the pile", "pixels", f"{width:g} x {height:g}", allowed)
     image = np.full((height, width), BACKGROUND_TONE, dtype=np.uint8)
     pixels = np.empty_like(polygons_m)
     pixels[..., 0] = (polygons_m[..., 0] - left_m) / pixel_m - 0.5

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from PIL import Image
 
-from repose.core.errors import InputError
+from repose.core.errors import InputError, require
 from repose.core.files import Path_, read_npz, write_bytes
 from repose.dem import Simulation
 from repose.pictures.backdrop import DrumInside
@@ -60,8 +60,7 @@ def animate(
     and errors as of `animate_pour`.
     """
     out_path = _checked(out_path)
-    if not len(frames["time_s"]):
-        raise InputError(out_path, "frames", 0, "at least one recorded frame")
+    require(len(frames["time_s"]), out_path, "frames", 0, "at least one recorded frame")
     shapes, times = list(simulation.shapes.values()), frames["time_s"]
     if "planes" in frames:
         walls = zip(frames["planes"], frames["wall_frames"], strict=True)
@@ -115,8 +114,7 @@ def _scales(record: Mapping[str, np.ndarray]) -> np.ndarray:
 def _checked(out_path: Path_) -> Path:
     """Give the path; InputError for an ending that cannot be written."""
     out_path = Path(out_path)
-    if out_path.suffix.lower() not in FORMATS:
-        raise InputError(out_path, "ending", out_path.suffix, ".gif or .webp")
+    require(out_path.suffix.lower() in FORMATS, out_path, "ending", out_path.suffix, ".gif or .webp")
     return out_path
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 
-from repose.core.errors import InputError
+from repose.core.errors import InputError, require
 from repose.core.parameter_space import ParameterSpace
 from repose.core.section import Contradictions, Section
 from repose.core.studied import Studied
@@ -259,8 +259,7 @@ def strategy(name: str, source: object = "strategy") -> Strategy:
     InputError
         If no strategy has this name.
     """
-    if name not in _REGISTRY:
-        raise InputError(source, "strategy", name, f"one of {', '.join(_REGISTRY)}")
+    require(name in _REGISTRY, source, "strategy", name, f"one of {', '.join(_REGISTRY)}")
     return _REGISTRY[name]
 
 

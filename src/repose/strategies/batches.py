@@ -10,7 +10,7 @@ import pandas as pd
 
 from repose.chain.dataset import read_definitions
 from repose.chain.tables import read_dataset, read_runs
-from repose.core.errors import InputError
+from repose.core.errors import InputError, require
 from repose.core.files import Path_, read_json, write_json, write_table
 from repose.core.responses import require_same_definitions
 from repose.core.targets import Targets
@@ -50,14 +50,12 @@ def run_conclude(name: str, study: Studied, folders: Sequence[Path_], out_dir: P
     row for each proposal, dataset.csv and runs.csv of all batches, and the notes that `Strategy.files` names.
     """
     files, out = strategy(name).files, Path(out_dir)
-    if len(folders) < 2:
-        raise InputError(folders[0], "batches", 1, "the folders of all batches, that of the answer last")
+    require(len(folders) >= 2, folders[0], "batches", 1, "the folders of all batches, that of the answer last")
     keys = {"answer": bool, "why": str, "pours": int, "notes": dict}
     written = "output of repose stage propose"
     proposals = [read_json(Path(folder) / PROPOSAL, keys, written) for folder in folders[1:]]
     found = proposals[-1]
-    if not found["answer"]:
-        raise InputError(Path(folders[-1]) / PROPOSAL, "answer", False, "true in the last folder")
+    require(found["answer"], Path(folders[-1]) / PROPOSAL, "answer", False, "true in the last folder")
     dataset, runs = tables_of(folders[:-1], study.targets)
     simulated = runs["sample"].isin(found["simulated"])
     checked = runs[simulated] if simulated.any() else tables_of(folders[-1:], study.targets)[1]

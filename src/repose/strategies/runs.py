@@ -6,7 +6,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import pandas as pd
 
-from repose.core.errors import InputError
+from repose.core.errors import require
 from repose.core.files import Path_
 from repose.core.parameter_space import ParameterSpace
 from repose.core.runs import mean_and_error
@@ -86,8 +86,7 @@ def checked_runs(study: Studied, rows: Table, source: object = "runs", enough: b
     """
     if isinstance(rows, pd.DataFrame):
         rows = rows.to_dict("records")
-    if not rows:
-        raise InputError(source, "rows", 0, "a header and a row for each run")
+    require(rows, source, "rows", 0, "a header and a row for each run")
     space, names = study.parameters, study.targets.names
     rows = with_fixed(rows, space)
     check_columns(source, rows[0], (*space.names, *names))
@@ -107,9 +106,8 @@ def checked_runs(study: Studied, rows: Table, source: object = "runs", enough: b
     table.attrs[TURN] = np.nan_to_num(turns[TURN]).astype(int).tolist()
     _refuse_twice(table, rows, source)
     samples, fewest = table[table["status"] == OK]["sample"].nunique(), space.dimensions + 2
-    if enough and samples < fewest:
-        allowed = f"at least {fewest}, two more than the free parameters"
-        raise InputError(source, "samples with a good run", samples, allowed)
+    allowed = f"at least {fewest}, two more than the free parameters"
+    require(not enough or samples >= fewest, source, "samples with a good run", samples, allowed)
     return table
 
 

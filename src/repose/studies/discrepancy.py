@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from repose.core.errors import InputError
+from repose.core.errors import require
 from repose.core.files import Path_, read_table
 from repose.core.responses import derived
 from repose.core.tables import Column, refuse
@@ -69,9 +69,8 @@ def of_shape_study(combinations_csv: Path_, targets: Targets) -> OfModels:
     weight /= weight.sum()
     squares = (weight.groupby([plausible[key] for key in MODEL]).sum() ** 2).sum()
     models = 1 / squares if len(plausible) else 0.0
-    if models < FEWEST_MODELS:
-        found = f"{models:.1f} models by their weights"
-        raise InputError(combinations_csv, "eligible", found, f"at least {FEWEST_MODELS}")
+    found = f"{models:.1f} models by their weights"
+    require(models >= FEWEST_MODELS, combinations_csv, "eligible", found, f"at least {FEWEST_MODELS}")
     values, errors = (plausible[list(of)].to_numpy(float) for of in (columns, targets.errors))
     raw = np.atleast_2d(np.cov(values.T, aweights=weight, ddof=0)) / (1 - squares)
     noise = np.average(np.nan_to_num(errors) ** 2, axis=0, weights=weight)

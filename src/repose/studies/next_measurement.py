@@ -20,7 +20,7 @@ import pandas as pd
 
 from repose.apparatus import Scene, bench_of, bench_tests
 from repose.apparatus.job import measure_job
-from repose.core.errors import InputError
+from repose.core.errors import require
 from repose.core.files import Path_, read_table, write_table
 from repose.core.parameters import PARAMETERS, named
 from repose.core.responses import responses_of
@@ -42,8 +42,7 @@ FEWEST_SETS = 4  # that must have two runs with a response
 def plausible_sets(draws_csv: Path_, seed: int, out: Path_) -> pd.DataFrame:
     """Write and return `SETS` of the posterior's draws as samples; InputError if there are fewer."""
     draws = read_table(draws_csv, PARAMETERS)
-    if len(draws) < SETS:
-        raise InputError(draws_csv, "rows", len(draws), f"{SETS} or more")
+    require(len(draws) >= SETS, draws_csv, "rows", len(draws), f"{SETS} or more")
     rows = np.sort(np.random.default_rng(seed).choice(len(draws), SETS, replace=False))
     samples = draws.loc[rows, list(named(draws))].reset_index(drop=True)
     samples.insert(0, "sample", range(1, SETS + 1))
@@ -68,8 +67,7 @@ def information(runs: pd.DataFrame, repetitions: int, discrepancy_percent: float
         bits = 0.5 * np.log2(1 + parts.within * icc / (1 - icc) / error)
         spreads = np.sqrt(parts.between), np.sqrt(parts.within)
         rows.append((name, apparatus, parts.mean, *spreads, repetitions, *bits, parts.groups, parts.values))
-    if not rows:
-        raise InputError("next", "runs", len(runs), f"{FEWEST_SETS} sets or more with two runs of a response")
+    require(rows, "next", "runs", len(runs), f"{FEWEST_SETS} sets or more with two runs of a response")
     return pd.DataFrame(rows, columns=COLUMNS).sort_values("bits", ascending=False, kind="stable", ignore_index=True)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from repose.chain import train
-from repose.core.errors import InputError
+from repose.core.errors import InputError, require
 from repose.core.files import Path_, read_table, write_json, write_table
 from repose.core.parameter_space import ParameterSpace
 from repose.core.responses import derived
@@ -120,8 +120,7 @@ def infer(
 
 def require_free(space: ParameterSpace) -> None:
     """Refuse parameters that are all fixed."""
-    if not space.dimensions:
-        raise InputError("configuration", "parameters", "all fixed", "at least one range or prior")
+    require(space.dimensions, "configuration", "parameters", "all fixed", "at least one range or prior")
 
 
 def run(files: Mapping[str, Any], study: Studied, out_dir: Path_, source: object = "configuration") -> dict[str, Any]:

@@ -21,7 +21,7 @@ from typing import Any, ClassVar, Protocol, Self, TypedDict, TypeVar, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from repose.core.errors import InputError
+from repose.core.errors import InputError, require
 from repose.core.files import read_json, write_json
 from repose.core.responses import Definitions
 from repose.surrogate.settings import AS_PUBLISHED, NetworkSettings
@@ -365,6 +365,5 @@ def kind_of(name: str, source: object = "surrogate") -> type[Surrogate]:
     InputError
         If there is none.
     """
-    if name not in _known():
-        raise InputError(source, "surrogate", name, f"one of {', '.join(sorted(_REGISTRY))}")
+    require(name in _known(), source, "surrogate", name, f"one of {', '.join(sorted(_REGISTRY))}")
     return _REGISTRY[name]

@@ -12,7 +12,7 @@ from typing import Self
 
 import numpy as np
 
-from repose.core.errors import InputError
+from repose.core.errors import require
 from repose.core.files import Path_, read_table
 from repose.core.parameter_space import ParameterSpace
 
@@ -54,8 +54,7 @@ class Support:
         """Make the support of the usable samples of a study; InputError for a bad file, or fewer than two of them."""
         table = read_table(dataset_csv, ("sample", *space.names, "status"))
         usable = table[table["status"] == "ok"]
-        if len(usable) < 2:
-            raise InputError(dataset_csv, "usable samples", len(usable), "at least 2 with status ok")
+        require(len(usable) >= 2, dataset_csv, "usable samples", len(usable), "at least 2 with status ok")
         return cls.of(usable[list(space.names)].to_numpy(float), space)
 
     def at_bounds(self, points: np.ndarray) -> np.ndarray:

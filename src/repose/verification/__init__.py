@@ -7,7 +7,7 @@ from dataclasses import astuple, fields
 from pathlib import Path
 from typing import Any
 
-from repose.core.errors import InputError
+from repose.core.errors import require
 from repose.core.files import write_text
 
 from . import coulomb, energy, impacts, oblique, packing, resting, restitution, rolling, rotation, spinning
@@ -47,8 +47,7 @@ def run(names: Iterable[str] | None, effort: Effort = FULL, report: Report | Non
     """Run cases of the verification suite (by default all) and `report` each; InputError for an unknown name."""
     chosen = list(names or CASES)
     for name in chosen:
-        if name not in CASES:
-            raise InputError("command line", "--case", name, ", ".join(CASES))
+        require(name in CASES, "command line", "--case", name, ", ".join(CASES))
     results = {}
     for name in dict.fromkeys(chosen):
         results[name] = list(CASES[name](effort))

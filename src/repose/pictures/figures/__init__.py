@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from repose.core.errors import InputError
+from repose.core.errors import InputError, require
 
 from . import (  # noqa: F401  (registers the figures)
     berries,
@@ -33,14 +33,12 @@ def draw(name: str, inputs: Inputs, out_path: str | Path, config: Config, known:
 
     out_path, files = Path(out_path), FiguresSettings.model_validate(config.get("figures", {}))
     style.check_ending(out_path)
-    if name not in known:
-        raise InputError("figures", "name", name, ", ".join(known))
+    require(name in known, "figures", "name", name, ", ".join(known))
     needed, allowed = tuple(known[name].inputs), tuple(known[name].all_inputs)
     for key in [*needed, *inputs]:
         if key not in allowed or key not in inputs:
             raise InputError(f"figure {name}", "inputs", key, f"needs {needed}, may have {allowed}")
-        if not Path(inputs[key]).is_file():
-            raise InputError(f"figure {name}", key, str(inputs[key]), "an existing file")
+        require(Path(inputs[key]).is_file(), f"figure {name}", key, str(inputs[key]), "an existing file")
     further = [kind for kind in files.format if kind != "png"] if out_path.suffix == ".png" else []
     with style.applied():
         drawn = known[name].draw(inputs, config)

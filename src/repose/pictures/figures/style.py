@@ -18,7 +18,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 
 import repose.apparatus  # noqa: F401  (makes the responses of all bench tests known)
-from repose.core.errors import InputError
+from repose.core.errors import require
 from repose.core.files import Path_, write_bytes
 from repose.core.parameters import FURTHER, PAIRS, SYMBOLS
 from repose.core.responses import Response
@@ -240,8 +240,7 @@ def save(figure: Figure, out_path: Path_, small_run: bool, further: Sequence[str
 def check_ending(path: Path_) -> None:
     """Raise InputError for an ending that no figure has."""
     endings = [f".{kind}" for kind in UNDATED]
-    if Path(path).suffix not in endings:
-        raise InputError(path, "ending", Path(path).suffix, " or ".join(endings))
+    require(Path(path).suffix in endings, path, "ending", Path(path).suffix, " or ".join(endings))
 
 
 def encoded(figure: Figure, kind: str = "png", dpi: int = DPI) -> io.BytesIO:

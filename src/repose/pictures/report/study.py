@@ -15,7 +15,7 @@ from repose.chain.chance import PERCENT, chance_of_meeting
 from repose.chain.dataset import read_job
 from repose.chain.tables import read_dataset, read_runs
 from repose.core import attached, provenance
-from repose.core.errors import InputError
+from repose.core.errors import require
 from repose.core.files import read_json, read_table
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
@@ -83,8 +83,7 @@ def read(config: Config, jobs: Sequence[str], files: Files) -> Results:
     """Read the results of a study."""
     known = (*NEEDED, *TRAINED, *OPTIONAL, *PICTURES)
     for name in files:
-        if name not in known:
-            raise InputError("report", "--input", name, f"one of {', '.join(known)}")
+        require(name in known, "report", "--input", name, f"one of {', '.join(known)}")
     _require(files, NEEDED)
     summary = read_json(files["summary"], {"feasible": bool, "message": str})
     if "steps" not in summary:
@@ -93,8 +92,7 @@ def read(config: Config, jobs: Sequence[str], files: Files) -> Results:
     targets, runs = shown.targets, _runs(jobs, shown.targets)
     table4 = read_table(files["table4"], ("role", *PARAMETERS, *targets.predicted))
     rows = table4[table4["role"] == "representative"]
-    if rows.empty:
-        raise InputError(files["table4"], "role", None, "a row with the role representative")
+    require(not rows.empty, files["table4"], "role", None, "a row with the role representative")
     posterior = None
     if "posterior" in files:
         columns = ("parameter", "credible_low", "credible_high", "width_ratio", "r_hat")
@@ -120,8 +118,7 @@ def read(config: Config, jobs: Sequence[str], files: Files) -> Results:
 def _require(files: Files, names: tuple[str, ...]) -> None:
     """Raise InputError if any of these files is missing."""
     for name in names:
-        if name not in files:
-            raise InputError("report", "--input", None, f"{name}=PATH; a report needs {', '.join(names)}")
+        require(name in files, "report", "--input", None, f"{name}=PATH; a report needs {', '.join(names)}")
 
 
 def _surrogate(files: Files, targets: Targets, space: ParameterSpace) -> Predictor | None:

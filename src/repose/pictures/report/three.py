@@ -8,7 +8,7 @@ from zipfile import BadZipFile, ZipFile
 import trimesh
 from trimesh import resources
 
-from repose.core.errors import InputError
+from repose.core.errors import InputError, require
 
 VIEWER, PAGE = "templates/viewer.zip", "viewer.html.template"  # of trimesh
 # The library begins with its licence and ends as Rollup ends a module; TrackballControls and the viewer follow.
@@ -27,6 +27,5 @@ def library(names: Iterable[str]) -> str:
         raise InputError(f"trimesh {trimesh.__version__}", VIEWER, "no three.js", ALLOWED)
     script = found.group()
     missing = [name for name in names if not re.search(rf"\.{name}\b", script)]
-    if missing:
-        raise InputError(f"trimesh {trimesh.__version__}", VIEWER, f"no {', '.join(missing)}", ALLOWED)
+    require(not missing, f"trimesh {trimesh.__version__}", VIEWER, f"no {', '.join(missing)}", ALLOWED)
     return script

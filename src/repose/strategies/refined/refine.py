@@ -14,7 +14,7 @@ import pandas as pd
 
 from repose.chain import invert
 from repose.chain.design import lhsdesign
-from repose.core.errors import InputError
+from repose.core.errors import require
 from repose.core.parameter_space import ParameterSpace
 from repose.core.seeds import PURPOSES
 from repose.core.targets import Targets
@@ -68,8 +68,7 @@ def corrected(
     points = added[list(box.free)].to_numpy(float)
     slack = ROUNDING * (box.high - box.low)
     near = added[((points >= box.low - slack) & (points <= box.high + slack)).all(axis=1)]
-    if near.empty:
-        raise InputError("runs", "samples of the rounds", 0, "at least one that is ok, near the last proposal")
+    require(not near.empty, "runs", "samples of the rounds", 0, "at least one that is ok, near the last proposal")
     left = near[list(targets.names)].to_numpy(float) - model.predict(near[list(box.names)].to_numpy(float))
     offset = np.average(left, axis=0, weights=near["n_seeds"].to_numpy(float))
     return model.shifted(offset), offset, len(near)

@@ -9,7 +9,7 @@ import pandas as pd
 
 from repose.chain.invert import Inversion, invert
 from repose.chain.train import Training
-from repose.core.errors import InputError
+from repose.core.errors import require
 from repose.strategies.base import Answer, Batch, Studied
 from repose.strategies.published import strategy as published
 from repose.strategies.published.strategy import answer_of, fitted, probability_of
@@ -41,9 +41,8 @@ class Round(NamedTuple):
 def follow(study: Studied, data: pd.DataFrame, number: int) -> Round:
     """Make the round of a number from the runs of the design and of the rounds before it."""
     space, targets, settings = study.parameters, study.targets, study.settings
-    if settings.design.samples >= OF_A_ROUND:
-        allowed = f"below {OF_A_ROUND}, from where the samples of the rounds are numbered"
-        raise InputError("configuration", "design.samples", settings.design.samples, allowed)
+    allowed = f"below {OF_A_ROUND}, from where the samples of the rounds are numbered"
+    require(settings.design.samples < OF_A_ROUND, "configuration", "design.samples", settings.design.samples, allowed)
     data = data[data["sample"].map(round_of) < number]
     samples = samples_of_runs(data, space, targets)
     own = samples["sample"].map(round_of)

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from repose.chain.design import parameter_sets
-from repose.core.errors import InputError
+from repose.core.errors import InputError, require
 from repose.core.parameter_space import ParameterSpace
 from repose.core.targets import Targets
 
@@ -39,8 +39,7 @@ def usable(table: pd.DataFrame, dataset: pd.DataFrame) -> pd.DataFrame:
     InputError if a sample is not in the dataset, or none is usable.
     """
     missing = sorted(set(table["sample"]) - set(dataset["sample"]))
-    if missing:
-        raise InputError("runs", "sample", missing, "all samples of the step")
+    require(not missing, "runs", "sample", missing, "all samples of the step")
     coded = [name for name in table if name.startswith(CODED)]
     joined = table[["sample", *coded]].merge(dataset, on="sample")
     good = joined[joined["status"] == "ok"].reset_index(drop=True)
