@@ -60,9 +60,9 @@ class Check:
     @classmethod
     def of(cls, target: Target, **simulated: Any) -> Self:
         """Make the check of a target; the fields from `simulated` on come by name."""
-        about = target.name, target.response.apparatus, target.response.unit, target.value, target.sd
-        whole = None if target.profile is None else target.whole_value
-        return cls(*about, target.repetitions, target.low, target.high, whole=whole, **simulated)
+        about = target.name, target.response.apparatus, target.response.unit
+        simulated["whole"] = None if target.profile is None else target.whole_value
+        return cls(*about, target.value, target.sd, target.repetitions, target.low, target.high, **simulated)
 
     def row(self) -> dict[str, Any]:
         """Return its entry in the material card, without the definition of the response."""

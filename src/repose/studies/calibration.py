@@ -71,11 +71,9 @@ class Calibration(NamedTuple):
         """The material card, as `save` writes it."""
         study, draws = self.study, (self.posterior.parameters, self.posterior.draws)
         about = {"simulator": _simulator(study), "probability": self.probability}
-        words = _definitions(study)
-        tests: dict[str, Any] = {
-            name: {"definition": {"name": words.get(name), "settings": {}}, "bench": None}
-            for name in study.targets.names
-        }
+        words, tests = _definitions(study), dict[str, Any]()
+        for name in study.targets.names:
+            tests[name] = {"definition": {"name": words.get(name), "settings": {}}, "bench": None}
         return card.assembled(about, tests, self.as_answer(), study.parameters, self.solutions, draws)
 
     def save(self, out_dir: Path_) -> None:

@@ -36,9 +36,10 @@ def sphere_over_plane(
     """Put a sphere just above a rigid plane, without gravity; return also the steps until it has surely left."""
     hertz = hertz_on_plane(solid, radius_m, abs(velocity_m_s[2]))
     step, box = hertz.duration_s / STEPS_PER_CONTACT, 4.0 * radius_m
-    body, wall = smooth(radius_m, solid.density_kg_m3, "berry"), rigid(solid.material)
-    room: dict[str, Any] = {"walls": ON_FLOOR, "lower": 3 * (-box,), "upper": 3 * (box,)}
-    simulation = simulation_of(body, contact, step, solid.material, wall, **(room | laws))
+    body = smooth(radius_m, solid.density_kg_m3, "berry")
+    room: dict[str, Any] = {"material": solid.material, "wall": rigid(solid.material)}
+    room |= {"walls": ON_FLOOR, "lower": 3 * (-box,), "upper": 3 * (box,)}
+    simulation = simulation_of(body, contact, step, **room, **laws)
     place = (0.0, 0.0, radius_m + 3.5 * step * hertz.speed)
     simulation.add("body", place, velocity_m_s=velocity_m_s, angular_velocity_rad_s=spin_rad_s)
     return simulation, steps_of_impact(contact.restitution, laws.get("tension", "keep"))
