@@ -46,6 +46,12 @@ def require(holds: object, source: object, key: str, value: object, allowed: str
         raise InputError(source, key, value, allowed)
 
 
+def require_flank(holds: object, reason: str) -> None:
+    """Raise NoFlankError with a reason unless something holds."""
+    if not holds:
+        raise NoFlankError(reason)
+
+
 def raise_together(faults: Iterable[InputError]) -> None:
     """Raise all faults, each once: a single one as itself, several as `InputErrors`; without faults do nothing."""
     distinct = list({str(fault): fault for fault in faults}.values())

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from repose.core.errors import NoFlankError
+from repose.core.errors import NoFlankError, require_flank
 from repose.measure.profile_points import MIN_LEVELS, NO_FOOT, outermost_crossing, points_between
 
 if TYPE_CHECKING:
@@ -72,10 +72,8 @@ def steepest(profile: np.ndarray, low: float, high: float, rule: str = "columns"
     """
     distance, height = points_between(profile, low, high, rule)
     least = (high - low) / 2
-    if least < MIN_LEVELS:
-        raise NoFlankError(f"half of the flank is only {least:.0f} pixels high, {MIN_LEVELS} are needed")
-    if distance.size < MIN_LEVELS:
-        raise NoFlankError(WALL)
+    require_flank(least >= MIN_LEVELS, f"half of the flank is only {least:.0f} pixels high, {MIN_LEVELS} are needed")
+    require_flank(distance.size >= MIN_LEVELS, WALL)
     cut = np.arange(math.floor(least) + 1)  # off either end, pixel by pixel
     below, above = (cut[part] for part in np.nonzero(cut[:, None] + cut <= least))
     slopes = window_slopes(distance, height, low + below, high - above)
@@ -95,8 +93,7 @@ def straightest(profile: np.ndarray, smallest: float, rule: str = "columns") -> 
     distance, height = points_between(profile, FOOT, float(profile[-1]), rule)
     count = distance.size
     least = max(MIN_LEVELS, math.ceil(smallest * count))
-    if count < least:
-        raise NoFlankError(WALL)
+    require_flank(count >= least, WALL)
     places = np.linspace(0, count, min(count, WINDOW_STEPS) + 1).round().astype(int)
     first, last = (places[ends] for ends in np.nonzero(places - places[:, None] >= least))
     correlation = window_correlations(distance, height, first, last)
@@ -107,10 +104,8 @@ def straightest(profile: np.ndarray, smallest: float, rule: str = "columns") -> 
 
 def _best(windows: np.ndarray) -> int:
     """Find the window with the largest slope or correlation; NoFlankError where all are walls or none rises."""
-    if np.isnan(windows).all():
-        raise NoFlankError(WALL)
-    if not np.any(windows > 0):
-        raise NoFlankError("no stretch of the boundary rises towards the crest")
+    require_flank(not np.isnan(windows).all(), WALL)
+    require_flank(np.any(windows > 0), "no stretch of the boundary rises towards the crest")
     return int(np.nanargmax(windows))
 
 
@@ -144,11 +139,9 @@ def _moments(x: np.ndarray, z: np.ndarray, first: np.ndarray, last: np.ndarray) 
 def fitted(distance: np.ndarray, height: np.ndarray, low: float, high: float) -> Line:
     """Fit the line of height on distance, drawn from height `low` to height `high`."""
     spread = distance - distance.mean() if distance.size else distance
-    if distance.size < MIN_LEVELS or spread @ spread < distance.size * WALL_SD**2:
-        raise NoFlankError(WALL)
+    require_flank(distance.size >= MIN_LEVELS and spread @ spread >= distance.size * WALL_SD**2, WALL)
     slope = float(spread @ (height - height.mean()) / (spread @ spread))
-    if slope <= 0:
-        raise NoFlankError("the boundary does not rise towards the crest")
+    require_flank(slope > 0, "the boundary does not rise towards the crest")
     intercept = float(height.mean() - slope * distance.mean())
     below, above = (((z - intercept) / slope, z) for z in (low, high))
     return Line(math.degrees(math.atan(slope)), (below, above))
@@ -157,10 +150,8 @@ def fitted(distance: np.ndarray, height: np.ndarray, low: float, high: float) ->
 def secant(profile: np.ndarray, berry: float) -> Line:
     """One side of the definition "secant": from the outermost place one grain high, on the plate, to the crest."""
     crest, height = profile.size - 1, float(profile[-1])
-    if not 0 < berry < height:
-        raise NoFlankError("the pile is not higher than one grain")
-    if profile[0] >= berry:
-        raise NoFlankError(NO_FOOT)
+    require_flank(0 < berry < height, "the pile is not higher than one grain")
+    require_flank(profile[0] < berry, NO_FOOT)
     place = float(outermost_crossing(profile, np.array([berry]))[0])
     return Line(math.degrees(math.atan2(height, crest - place)), ((place, 0.0), (float(crest), height)))
 
@@ -191,8 +182,7 @@ def measure_sides(
     measured, reasons = {}, {}
     for name in definitions:
         try:
-            if math.isnan(grain) and name in by_grain:
-                raise NoFlankError("the grain's height is not known")
+            require_flank(not math.isnan(grain) or name not in by_grain, "the grain's height is not known")
             left, right = (line_of[name](side) for side in (profile[: crest + 1], profile[crest:][::-1]))
         except NoFlankError as error:
             reasons[name] = error.reason

@@ -21,7 +21,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from repose.core.errors import NoFlankError
+from repose.core.errors import require_flank
 from repose.core.responses import responses_of
 from repose.measure import pile
 from repose.measure.angles import CALIBRATED_ANGLE, MEAN_KEYS
@@ -61,8 +61,7 @@ def of_profile(
     profiles: Sequence[np.ndarray], mm_per_pixel: float, height_mm: float, berry_mm: float, berries_mm3: float
 ) -> dict[str, float]:
     """Measure the four responses of the mean silhouette by name; `berries_mm3` is the volume of all grains."""
-    if not HALF * height_mm > berry_mm:
-        raise NoFlankError(f"half of {height_mm:.1f} mm is not above a grain, {berry_mm:.1f} mm")
+    require_flank(HALF * height_mm > berry_mm, f"half of {height_mm:.1f} mm is not above a grain, {berry_mm:.1f} mm")
     marks = np.array([berry_mm, HALF * height_mm, UPPER * height_mm])
     base, half, upper = mean_half_width(profiles, mm_per_pixel, marks)
     step = height_mm / LEVELS
@@ -79,8 +78,7 @@ def of_scatter(centres_m: np.ndarray, in_pile: ArrayLike, on_plate_mm: float) ->
     """``radius_90_mm`` and ``loose_percent`` of the grains over the plate of radius `on_plate_mm`."""
     distance = 1e3 * np.hypot(centres_m[:, 0], centres_m[:, 1])
     there = (distance <= on_plate_mm) & (centres_m[:, 2] > 0)
-    if not there.any():
-        raise NoFlankError("no grain lies on the plate")
+    require_flank(there.any(), "no grain lies on the plate")
     loose = 100 * np.count_nonzero(there & ~np.asarray(in_pile, bool)) / np.count_nonzero(there)
     return {"radius_90_mm": float(np.quantile(distance[there], HELD)), "loose_percent": float(loose)}
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from repose.core.errors import InputError, NoFlankError, require
+from repose.core.errors import InputError, NoFlankError, require, require_flank
 from repose.measure import camera, finding, sheet
 from repose.measure.pile import measure_segmented, profile_of, read_image, with_response
 from repose.measure.results import Measurement
@@ -150,8 +150,7 @@ def _measure_with_sheet(photograph: Photograph, where: sheet.Seen, lens: camera.
         kept = replace(photograph)
         try:
             _measure_seen(photograph, image, pose, how, by_roughness=True)
-            if photograph.doubts:
-                raise NoFlankError("; ".join(photograph.doubts))
+            require_flank(not photograph.doubts, "; ".join(photograph.doubts))
         except NoFlankError:
             vars(photograph).update(vars(kept))
             raise by_colour from None
@@ -327,9 +326,8 @@ def _require_whole(mask: np.ndarray, hidden: np.ndarray) -> None:
 
 def _require_foot(image: np.ndarray, pile: Segmentation, how: MeasureSettings) -> None:
     """Raise NoFlankError if the base is not seen, or is a shadow or the near rim of a pile seen from above."""
-    if pile.mask[-1].any():
-        unseen = "the pile runs out of the picture at the bottom: its foot is not seen"
-        raise NoFlankError(f"{unseen}; give --base-row, the row of the plate")
+    cut = "the pile runs out of the picture at the bottom: its foot is not seen"
+    require_flank(not pile.mask[-1].any(), f"{cut}; give --base-row, the row of the plate")
     widths = pile.mask.sum(axis=1, dtype=int)
     rows = np.flatnonzero(widths)
     widest = rows[np.flatnonzero(widths[rows] >= 0.99 * widths.max())[-1]]

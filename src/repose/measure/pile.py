@@ -19,7 +19,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from repose.core.errors import InputError, NoFlankError, require
+from repose.core.errors import InputError, NoFlankError, require, require_flank
 from repose.measure.angles import DEFINITIONS, measure_sides
 from repose.measure.results import Angle, Measurement, PileResult
 from repose.measure.segmentation import SMALLEST, Segmentation, of_silhouette, require_upright, segment, upper_edge
@@ -153,8 +153,7 @@ def pile_views(
     """Height of the highest point in m, and an iterator over the views; arguments as in `measure_pile`."""
     if members is not None and settings.largest_pile_only:
         grains = grains[np.asarray(members, bool)]
-    if not len(grains.centres_m):
-        raise NoFlankError("no grain lies in the pile")
+    require_flank(len(grains.centres_m), "no grain lies in the pile")
     height_m = top_of(grains)
     assert settings.berry_height_mm is not None
     lowest_m = LOWEST_PILE_GRAINS * 1e-3 * settings.berry_height_mm

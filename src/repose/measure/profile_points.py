@@ -17,7 +17,7 @@ import math
 
 import numpy as np
 
-from repose.core.errors import NoFlankError
+from repose.core.errors import NoFlankError, require_flank
 
 MIN_LEVELS = 12  # pixel rows in the band: fewer carry no angle
 NO_FOOT = "the pile runs out of the picture sideways, or the background is not plain: its foot is not seen"
@@ -72,6 +72,5 @@ def points_between(profile: np.ndarray, low: float, high: float, rule: str) -> P
     """Points of one side inside a band, by a rule of `FLANK_RULES`: distances and heights in pixels."""
     if levels_between(low, high).size < MIN_LEVELS:
         raise NoFlankError(f"the flank is only {high - low:.0f} pixels high, {MIN_LEVELS} are needed")
-    if profile[0] >= low:
-        raise NoFlankError(NO_FOOT)
+    require_flank(profile[0] < low, NO_FOOT)
     return FLANK_RULES[rule](profile, low, high)

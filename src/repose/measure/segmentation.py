@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from repose.core.errors import InputError, NoFlankError, require
+from repose.core.errors import InputError, NoFlankError, require, require_flank
 
 # Simulations run side by side, one a core: OpenCV's own threads would only compete with them.
 cv2.setNumThreads(1)
@@ -145,8 +145,7 @@ def threshold(contrast: np.ndarray) -> tuple[float, np.ndarray]:
     Otsu, N. (1979). IEEE Trans. Syst. Man Cybern. 9, 62-66.
     """
     peak = float(contrast.max())
-    if peak < 8:
-        raise NoFlankError("nothing in the picture differs from its background")
+    require_flank(peak >= 8, "nothing in the picture differs from its background")
     scaled = cv2.convertScaleAbs(contrast, alpha=255.0 / peak)
     binary = cv2.threshold(scaled, 0, 1, cv2.THRESH_BINARY | cv2.THRESH_OTSU)[1]
     # Otsu's optimum lies half-way between the means of its two classes. Where the histogram has a gap every
@@ -172,8 +171,7 @@ def plate_row(mask: np.ndarray) -> float | None:
 def pile_component(mask: np.ndarray, largest_only: bool) -> np.ndarray:
     """Find the pile of a mask, with holes filled: the largest part, or all parts of at least 1 % of its area."""
     contours = _contours(mask)
-    if not contours:
-        raise NoFlankError("the picture shows no pile above its base")
+    require_flank(contours, "the picture shows no pile above its base")
     areas = np.array([cv2.contourArea(contour) for contour in contours])
     kept = [int(areas.argmax())] if largest_only else np.flatnonzero(areas >= 0.01 * areas.max()).tolist()
     filled = np.zeros_like(mask)
@@ -203,8 +201,7 @@ def require_upright(mask: np.ndarray) -> None:
 
     The centroid of a pile that widens downward lies below the middle of its height.
     """
-    if mask[0].any():
-        raise NoFlankError("the pile runs out of the picture at the top: its crest is not seen")
+    require_flank(not mask[0].any(), "the pile runs out of the picture at the top: its crest is not seen")
     rows = np.flatnonzero(mask.any(axis=1))
     centroid = np.average(np.arange(len(mask)), weights=mask.sum(axis=1, dtype=float))
     if (rows[-1] - centroid) > HIGHEST_CENTROID * (rows[-1] - rows[0]):
