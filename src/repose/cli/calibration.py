@@ -17,12 +17,10 @@ SUPPORT = Option("--dataset", help="dataset.csv; with it solutions beyond its sa
 
 
 @verb(
+    Option("jobs", nargs="+", help="JSON files that the verb measure_runs or heap wrote, or their folder"),
+    SAMPLES.but(help="the design"),
+    Option("--prefix", default="", help="put before the names of the tables"),
     out="results",
-    options=[
-        Option("jobs", nargs="+", help="JSON files that the verb measure_runs or heap wrote, or their folder"),
-        SAMPLES.but(help="the design"),
-        Option("--prefix", default="", help="put before the names of the tables"),
-    ],
 )
 def dataset(args: argparse.Namespace, study: Study) -> None:
     """Collect all jobs in one table: responses with standard errors, failures with their reasons.
@@ -35,7 +33,7 @@ def dataset(args: argparse.Namespace, study: Study) -> None:
     dataset.run(args.samples, jobs, study.targets, study.definitions, args.out, args.prefix)
 
 
-@verb(out="results/network", options=[DATASET, RUNS])
+@verb(DATASET, RUNS, out="results/network")
 def network(args: argparse.Namespace, study: Study) -> None:
     """Train the surrogate, by default the BP network with Bayesian regularisation.
 
@@ -46,7 +44,7 @@ def network(args: argparse.Namespace, study: Study) -> None:
     print(train.message(train.run(args.dataset, args.runs, study, args.out, args.config)))
 
 
-@verb(out="results/miga", options=[NETWORK, SUPPORT])
+@verb(NETWORK, SUPPORT, out="results/miga")
 def miga(args: argparse.Namespace, study: Study) -> None:
     """Invert the network with the multi-island genetic algorithm (Eq. 11-12).
 
@@ -58,7 +56,7 @@ def miga(args: argparse.Namespace, study: Study) -> None:
     print(invert.run(args.network, study, published, args.out, support, args.config)["message"])
 
 
-@verb(out="results/validation", options=[FEASIBLE])
+@verb(FEASIBLE, out="results/validation")
 def solutions(args: argparse.Namespace, study: Study) -> None:
     """List the parameter sets to simulate again: the representative solution and others.
 
@@ -82,7 +80,7 @@ def published_solutions(args: argparse.Namespace, study: Study) -> None:
     validate.write_published_solutions(_published(args, study), study.parameters.names, out)
 
 
-@verb(out="results", options=[Option("jobs", nargs="*", help="JSON files that measure_runs wrote, one for each set")])
+@verb(Option("jobs", nargs="*", help="JSON files that measure_runs wrote, one for each set"), out="results")
 def published_sets(args: argparse.Namespace, study: Study) -> None:
     """Collect the runs of the published parameter sets in one table, with what was published of their piles.
 
@@ -110,12 +108,10 @@ def _published(args: argparse.Namespace, study: Study) -> str:
 
 
 @verb(
+    Option("jobs", nargs="+", help="JSON files that measure_runs wrote, one for each solution"),
+    Option("--solutions", default="results/validation/solutions.csv", help="file of the verb solutions"),
+    SUPPORT,
     out="results/validation",
-    options=[
-        Option("jobs", nargs="+", help="JSON files that measure_runs wrote, one for each solution"),
-        Option("--solutions", default="results/validation/solutions.csv", help="file of the verb solutions"),
-        SUPPORT,
-    ],
 )
 def validate(args: argparse.Namespace, study: Study) -> None:
     """Compare predicted and simulated responses of the study's and the published solutions (Table 4).

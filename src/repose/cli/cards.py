@@ -14,14 +14,12 @@ MIGA, VALIDATION = "results/miga/summary.json", "results/validation/representati
 
 
 @verb(
+    Option("action", choices=tuple(FILES_OF), help="show FILE, compare FILE OTHER, check FILE, or find --like"),
+    # cards of different engines may be compared
+    Option("cards", nargs="*", help="card.json of a finished study", recorded=False),
+    Option("--like", metavar="6x3x2.6", help="find: full axes of the grain in mm, or the diameter of a sphere"),
+    Option("--density", type=float, metavar="KG_M3", help="find: density of the grain"),
     config=False,
-    options=[
-        Option("action", choices=tuple(FILES_OF), help="show FILE, compare FILE OTHER, check FILE, or find --like"),
-        # cards of different engines may be compared
-        Option("cards", nargs="*", help="card.json of a finished study", recorded=False),
-        Option("--like", metavar="6x3x2.6", help="find: full axes of the grain in mm, or the diameter of a sphere"),
-        Option("--density", type=float, metavar="KG_M3", help="find: density of the grain"),
-    ],
 )
 def card(args: argparse.Namespace) -> int:
     """Show a material card, the answer of a study as one file, compare two, or check whether the targets are met.
@@ -48,18 +46,16 @@ def card(args: argparse.Namespace) -> int:
 
 
 @verb(
+    BERRY,
+    Option("--particle", default="results/berry/particle.json", help="file of the verb shape"),
+    FEASIBLE,
+    Option("--summary", default=MIGA, help="file of the verb miga: the answer"),
+    Option("--representative", default=VALIDATION, help="file of the verb validate: the check of the answer"),
+    Option("--table4", help="table4.csv of the same verb: the piles by every definition of the angle"),
+    Option("--posterior", help="posterior.csv; with --draws its intervals and correlations stand in the card"),
+    Option("--draws", help="draws.csv of the same posterior"),
+    Option("--dataset", help="dataset.csv of the study's design: what angles its piles have"),
     out="results/card.json",
-    options=[
-        BERRY,
-        Option("--particle", default="results/berry/particle.json", help="file of the verb shape"),
-        FEASIBLE,
-        Option("--summary", default=MIGA, help="file of the verb miga: the answer"),
-        Option("--representative", default=VALIDATION, help="file of the verb validate: the check of the answer"),
-        Option("--table4", help="table4.csv of the same verb: the piles by every definition of the angle"),
-        Option("--posterior", help="posterior.csv; with --draws its intervals and correlations stand in the card"),
-        Option("--draws", help="draws.csv of the same posterior"),
-        Option("--dataset", help="dataset.csv of the study's design: what angles its piles have"),
-    ],
 )
 def material_card(args: argparse.Namespace, study: Study) -> None:
     """Write the material card of a finished calibration.

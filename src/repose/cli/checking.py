@@ -28,7 +28,7 @@ def _load_or_propose(args: argparse.Namespace) -> Study:
         raise
 
 
-@verb(study=_load_or_propose, options=[Option("--cores", type=int, default=2, help="cores of the run (2)")])
+@verb(Option("--cores", type=int, default=2, help="cores of the run (2)"), study=_load_or_propose)
 def check(args: argparse.Namespace, study: Study) -> None:
     """Check a configuration; print the longest time step, the softest grain and the cost of a run.
 
@@ -57,10 +57,8 @@ def check(args: argparse.Namespace, study: Study) -> None:
 
 
 @verb(
+    Option("--runs", help="runs.csv of earlier pours, for the noise (default: the runs of the study, if any)"),
     study=_load_or_propose,
-    options=[
-        Option("--runs", help="runs.csv of earlier pours, for the noise (default: the runs of the study, if any)")
-    ],
 )
 def plan(args: argparse.Namespace, study: Study) -> None:
     """Before any pour: the pours that the noise requires, and the probability of success by budget.

@@ -12,7 +12,7 @@ from repose.core.errors import InputError
 NO_PAGES = ("docs", "reference")  # the site's first page, and its list of modules
 
 
-@verb(config=False, options=[Option("name", nargs="?", help="of the page; without it, all are listed")])
+@verb(Option("name", nargs="?", help="of the page; without it, all are listed"), config=False)
 def docs(args: argparse.Namespace) -> None:
     """Print a page of the documentation; without a name, list the pages.
 

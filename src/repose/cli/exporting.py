@@ -20,25 +20,22 @@ SPHERES, MOST = 14, 64
 
 
 @verb(
+    CONFIG.but(
+        default=None, help="the study's configuration (default: config.json in the folder of the card, if it is there)"
+    ),
+    Option("--to", required=True, choices=PROGRAMS, help="the program"),
+    Option("--card", help="card.json of the finished study: its parameters"),
+    *PARAMETER_SET,
+    Option(
+        "--spheres",
+        type=int,
+        metavar="N",
+        help="spheres of the clump; 1: the sphere of the grain's volume (default: those of the study's clump, "
+        f"1 for a spherical grain, or {SPHERES})",
+    ),
+    Option("--seed", type=int, default=1, help="of the grains' places (1)"),
     out="results/export",
     config=False,
-    options=[
-        CONFIG.but(
-            default=None,
-            help="the study's configuration (default: config.json in the folder of the card, if it is there)",
-        ),
-        Option("--to", required=True, choices=PROGRAMS, help="the program"),
-        Option("--card", help="card.json of the finished study: its parameters"),
-        *PARAMETER_SET,
-        Option(
-            "--spheres",
-            type=int,
-            metavar="N",
-            help="spheres of the clump; 1: the sphere of the grain's volume (default: those of the study's clump, "
-            f"1 for a spherical grain, or {SPHERES})",
-        ),
-        Option("--seed", type=int, default=1, help="of the grains' places (1)"),
-    ],
 )
 def export(args: argparse.Namespace) -> None:
     """Write the calibrated grain and its pour as a deck of another program, or as a table of its input fields.

@@ -12,17 +12,15 @@ from repose.core.files import write_bytes, write_table
 
 
 @verb(
+    Option("--axes", type=float, nargs=3, metavar="MM", help="build a mesh instead: its three axes"),
+    Option("--stl", help="the mesh file to build; with --axes and --mass-g", recorded=False),
+    Option("--mass-g", type=float, help="mass of the grain to build in g; it determines how full the shape is"),
+    Option("--density", type=float, help="its density in kg/m3 (the configuration's)"),
+    Option("--taper", type=float, default=0.0, help="widening at one end, as a fraction of the width (0)"),
+    Option("--wrinkles", type=int, default=0, help="number of grooves along the grain (0)"),
+    Option("--wrinkle-depth-mm", type=float, default=0.0, help="depth of the grooves in mm (0)"),
     out="results/berry",
     study=None,  # a mesh from axes and density needs none
-    options=[
-        Option("--axes", type=float, nargs=3, metavar="MM", help="build a mesh instead: its three axes"),
-        Option("--stl", help="the mesh file to build; with --axes and --mass-g", recorded=False),
-        Option("--mass-g", type=float, help="mass of the grain to build in g; it determines how full the shape is"),
-        Option("--density", type=float, help="its density in kg/m3 (the configuration's)"),
-        Option("--taper", type=float, default=0.0, help="widening at one end, as a fraction of the width (0)"),
-        Option("--wrinkles", type=int, default=0, help="number of grooves along the grain (0)"),
-        Option("--wrinkle-depth-mm", type=float, default=0.0, help="depth of the grooves in mm (0)"),
-    ],
 )
 def berry(args: argparse.Namespace) -> None:
     """Compute sphericity from sizes and moduli from compression tests (Eq. 1-4); or build a mesh from axes and mass.
@@ -55,7 +53,7 @@ def _build(args: argparse.Namespace) -> None:
     print(f"{args.stl}: {mesh.volume:.1f} mm3, {share:.3f} of the box around it, profile (1 - |t|^{m:.3g})^{k:.3g}")
 
 
-@verb(out="results/berry", options=[BERRY])
+@verb(BERRY, out="results/berry")
 def shape(args: argparse.Namespace, study: Study) -> None:
     """Make mesh and particle of the grain, with volume, mass, inertia and deviation from the mesh.
 

@@ -26,28 +26,26 @@ SIZES = "sizes.csv"  # of a crop's folder
 
 
 @verb(
+    Option("pictures", nargs="+", help="side views of piles, one or many: PNG, JPEG, TIFF or BMP"),
+    Option("--square-mm", type=float, default=20.0, help="squares of the printed sheet, as measured (20)"),
+    Option("--lens", nargs="+", default=[], help="photographs of the sheet alone, by the same camera"),
+    Option("--mm-per-pixel", type=float, help="scale, where no sheet is in the photographs"),
+    Option(
+        "--length",
+        nargs=5,
+        type=float,
+        metavar=("MM", "X1", "Y1", "X2", "Y2"),
+        help="instead of the scale: a level length and the pixels of its ends, column and row",
+    ),
+    Option("--base-row", type=float, help="row of the plate in pixels from the top, without the sheet"),
+    Option("--grain-mm", type=float, help="height of a grain, for the secant (by --config or sizes.csv)"),
+    CONFIG.but(default=None, help=f"the study that the photographs are for; {LINE}"),
+    Option("--bench", default="funnel", help=f"bench test: {BENCHES} (funnel)"),
+    Option("--points", nargs="+", type=float, metavar="PX", help=f"column and row of {POINTS}"),
+    Option("--doubtful", action="store_true", help="doubtful photographs count in the mean and in the targets"),
+    JSON.but(help="print every number as JSON"),
     out="measured",
     config=False,
-    options=[
-        Option("pictures", nargs="+", help="side views of piles, one or many: PNG, JPEG, TIFF or BMP"),
-        Option("--square-mm", type=float, default=20.0, help="squares of the printed sheet, as measured (20)"),
-        Option("--lens", nargs="+", default=[], help="photographs of the sheet alone, by the same camera"),
-        Option("--mm-per-pixel", type=float, help="scale, where no sheet is in the photographs"),
-        Option(
-            "--length",
-            nargs=5,
-            type=float,
-            metavar=("MM", "X1", "Y1", "X2", "Y2"),
-            help="instead of the scale: a level length and the pixels of its ends, column and row",
-        ),
-        Option("--base-row", type=float, help="row of the plate in pixels from the top, without the sheet"),
-        Option("--grain-mm", type=float, help="height of a grain, for the secant (by --config or sizes.csv)"),
-        CONFIG.but(default=None, help=f"the study that the photographs are for; {LINE}"),
-        Option("--bench", default="funnel", help=f"bench test: {BENCHES} (funnel)"),
-        Option("--points", nargs="+", type=float, metavar="PX", help=f"column and row of {POINTS}"),
-        Option("--doubtful", action="store_true", help="doubtful photographs count in the mean and in the targets"),
-        JSON.but(help="print every number as JSON"),
-    ],
 )
 def measure(args: argparse.Namespace) -> None:
     """Measure the piles, the drum or the box in photographs.
@@ -168,9 +166,9 @@ def _settings(args: argparse.Namespace) -> "MeasureSettings":
 
 
 @verb(
+    Option("--square-mm", type=float, default=20.0, help="side of a square, from 5 to 25 (20)"),
     out="sheet.pdf",
     config=False,
-    options=[Option("--square-mm", type=float, default=20.0, help="side of a square, from 5 to 25 (20)")],
 )
 def marker(args: argparse.Namespace) -> None:
     """Write the sheet (PDF, A4) for the scale, tilt and lens of a photograph.
@@ -187,12 +185,10 @@ def marker(args: argparse.Namespace) -> None:
 
 
 @verb(
+    Option("heap", help=".npz file that the verb pour or heap wrote; its first seed is shown"),
+    Option("--particle", required=True, help="particle.json of that heap"),
+    Option("--azimuth", type=float, default=0.0, help="direction of view in degrees (0)"),
     out="silhouette.png",
-    options=[
-        Option("heap", help=".npz file that the verb pour or heap wrote; its first seed is shown"),
-        Option("--particle", required=True, help="particle.json of that heap"),
-        Option("--azimuth", type=float, default=0.0, help="direction of view in degrees (0)"),
-    ],
 )
 def silhouette(args: argparse.Namespace, study: Study) -> None:
     """Draw the side view of a simulated pile, dark on light.
@@ -212,12 +208,10 @@ def silhouette(args: argparse.Namespace, study: Study) -> None:
 
 
 @verb(
+    Option("picture", help="file of the verb silhouette"),
+    Option("--overlay", default="overlay.png", help="picture with the fitted lines (overlay.png)", recorded=False),
+    BERRY,
     out="measured.json",
-    options=[
-        Option("picture", help="file of the verb silhouette"),
-        Option("--overlay", default="overlay.png", help="picture with the fitted lines (overlay.png)", recorded=False),
-        BERRY,
-    ],
 )
 def measure_silhouette(args: argparse.Namespace, study: Study) -> None:
     """Measure the side view that the verb silhouette drew, as a photograph is measured.

@@ -11,7 +11,7 @@ from repose.cli.registry import Option, verb
 NAME = "NAME"
 
 
-@verb(config=False, options=[Option("name", help="of the crop, and of the folder that is made here")])
+@verb(Option("name", help="of the crop, and of the folder that is made here"), config=False)
 def new(args: argparse.Namespace) -> None:
     """Make a folder for a crop of your own: a short configuration, a table of sizes, and what to do next.
 

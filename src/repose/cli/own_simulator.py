@@ -36,9 +36,9 @@ def _warn(words: str | None) -> None:
 
 
 @verb(
+    Option("runs", help="CSV file, a row for each run: parameters and responses"),
     out=f"{FOLDER}/runs.csv",
     study=_study,
-    options=[Option("runs", help="CSV file, a row for each run: parameters and responses")],
 )
 def tell(args: argparse.Namespace, study: Study) -> None:
     """Own simulator: add a table of runs to the record of all runs.
@@ -52,9 +52,9 @@ def tell(args: argparse.Namespace, study: Study) -> None:
 
 
 @verb(
+    Option("--runs", default=f"{FOLDER}/runs.csv", help="the record; where it is missing, the start"),
     out=f"{FOLDER}/next.csv",
     study=_study,
-    options=[Option("--runs", default=f"{FOLDER}/runs.csv", help="the record; where it is missing, the start")],
 )
 def ask(args: argparse.Namespace, study: Study) -> None:
     """Own simulator: list the runs to make next, or say that the answer is good enough.
@@ -80,7 +80,7 @@ def ask(args: argparse.Namespace, study: Study) -> None:
         print(f"{args.out}: {len(table)} runs to make next")
 
 
-@verb(out=FOLDER, study=_study, options=[Option("runs", help="CSV file, a row for each run: parameters and responses")])
+@verb(Option("runs", help="CSV file, a row for each run: parameters and responses"), out=FOLDER, study=_study)
 def calibrate(args: argparse.Namespace, study: Study) -> None:
     """Own simulator: the parameters that meet the targets, from a table of runs of any simulator.
 

@@ -12,11 +12,9 @@ FILM, SMALL_FILM = 72, 20
 
 
 @verb(
+    Option("name", help="name of the figure, such as figure13"),
+    Option("--input", action="append", default=[], metavar="NAME=PATH", help="a file that it shows"),
     out="figure.png",
-    options=[
-        Option("name", help="name of the figure, such as figure13"),
-        Option("--input", action="append", default=[], metavar="NAME=PATH", help="a file that it shows"),
-    ],
 )
 def figure(args: argparse.Namespace, study: Study) -> None:
     """Draw one figure from the files that it shows.
@@ -29,12 +27,10 @@ def figure(args: argparse.Namespace, study: Study) -> None:
 
 
 @verb(
+    Option("trajectory", help=".npz file that `heap --trajectory` or `drum` wrote"),
+    Option("--particle", required=True, help="particle.json of that run"),
+    Option("--drum", action="store_true", help="the trajectory is a drum's"),
     out="pour.gif",
-    options=[
-        Option("trajectory", help=".npz file that `heap --trajectory` or `drum` wrote"),
-        Option("--particle", required=True, help="particle.json of that run"),
-        Option("--drum", action="store_true", help="the trajectory is a drum's"),
-    ],
 )
 def film(args: argparse.Namespace, study: Study) -> None:
     """Make an animation of a pour or of a drum.
@@ -54,12 +50,10 @@ def film(args: argparse.Namespace, study: Study) -> None:
 
 
 @verb(
+    Option("jobs", nargs="*", help="measured runs of the answer, one .json file for each bench test"),
+    Option("--input", action="append", default=[], metavar="NAME=PATH", help="a file of the study"),
+    Option("--table", action="append", default=[], metavar="TITLE=PATH", help="a table that the page shows"),
     out="report.html",
-    options=[
-        Option("jobs", nargs="*", help="measured runs of the answer, one .json file for each bench test"),
-        Option("--input", action="append", default=[], metavar="NAME=PATH", help="a file of the study"),
-        Option("--table", action="append", default=[], metavar="TITLE=PATH", help="a table that the page shows"),
-    ],
 )
 def report(args: argparse.Namespace, study: Study) -> None:
     """Write the report of a study, one page for a browser.

@@ -35,7 +35,7 @@ MEASURE = Option(
 )
 
 
-@verb(options=[*BERRY_AND_PARTICLE, Option("--cores", type=int, default=1, help="compile on one core or on two (1)")])
+@verb(*BERRY_AND_PARTICLE, Option("--cores", type=int, default=1, help="compile on one core or on two (1)"))
 def warm_up(args: argparse.Namespace, study: Study) -> None:
     """Compile the engine for a study's particle, so that runs that start together do not each compile it.
 
@@ -48,7 +48,7 @@ def warm_up(args: argparse.Namespace, study: Study) -> None:
     print(f"the engine was ready after {took_s:.1f} s; its compiled code is in {folder()}")
 
 
-@verb(out="results/try", options=[APPARATUS, *POUR, KEEP, MEASURE], runs="made")
+@verb(APPARATUS, *POUR, KEEP, MEASURE, out="results/try", runs="made")
 def pour(args: argparse.Namespace, study: Study) -> None:
     """Run a bench test with one parameter set and one or more seeds; save the runs for measure_runs.
 
@@ -68,7 +68,7 @@ def pour(args: argparse.Namespace, study: Study) -> None:
                 kept_runs.write_measurement(pours, measured(job["scene"], pours))
 
 
-@verb(out="results/try", options=[*POUR, JSON.but(help="print the result as JSON")], runs="made")
+@verb(*POUR, JSON.but(help="print the result as JSON"), out="results/try", runs="made")
 def heap(args: argparse.Namespace, study: Study) -> None:
     """Pour grains through the funnel and measure the pile: pour and measure_runs in one verb.
 
@@ -121,17 +121,15 @@ def _job(args: argparse.Namespace, study: Study, apparatus: str) -> dict[str, An
 
 
 @verb(
-    options=[
-        Option(
-            "pours",
-            nargs="+",
-            help="NAME.pours.json files of pour or heap, with NAME.npz in their folder; or a folder, of all --samples",
-        ),
-        SAMPLES.but(help="the samples of a folder"),
-        Option("--out", help="folder for NAME.json (the folder of the pours)", recorded=False),
-        *BERRY_AND_PARTICLE,
-        KEEP.but(help="keep each measurement with its runs, and take a kept one that is the same"),
-    ],
+    Option(
+        "pours",
+        nargs="+",
+        help="NAME.pours.json files of pour or heap, with NAME.npz in their folder; or a folder, of all --samples",
+    ),
+    SAMPLES.but(help="the samples of a folder"),
+    Option("--out", help="folder for NAME.json (the folder of the pours)", recorded=False),
+    *BERRY_AND_PARTICLE,
+    KEEP.but(help="keep each measurement with its runs, and take a kept one that is the same"),
     runs="measured",
 )
 def measure_runs(args: argparse.Namespace, study: Study) -> None:
@@ -149,7 +147,7 @@ def measure_runs(args: argparse.Namespace, study: Study) -> None:
         print("\n".join(f"{path}: {describe(run, bench_of(result).summary)}" for run in result["runs"]))
 
 
-@verb(out="results/try", options=[*SIMULATION, JSON.but(help="print the measured runs as JSON")], runs="made")
+@verb(*SIMULATION, JSON.but(help="print the measured runs as JSON"), out="results/try", runs="made")
 def drum(args: argparse.Namespace, study: Study) -> None:
     """Fill a drum and turn it until the bed slips; save the runs for drum_tables, print the measurement.
 
@@ -163,10 +161,7 @@ def drum(args: argparse.Namespace, study: Study) -> None:
     _print([result["run"] for result in results], bench("drum").summary, results if args.json else None)
 
 
-@verb(
-    out="results/drum",
-    options=[Option("runs", nargs="+", help="JSON files that the verb drum wrote"), *BERRY_AND_PARTICLE],
-)
+@verb(Option("runs", nargs="+", help="JSON files that the verb drum wrote"), *BERRY_AND_PARTICLE, out="results/drum")
 def drum_tables(args: argparse.Namespace, study: Study) -> None:
     """Measure the drum's runs and make tables: angles, first slip, slipping layer, with standard errors.
 

@@ -2,7 +2,7 @@
 
 import argparse
 import textwrap
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from inspect import cleandoc
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -90,7 +90,7 @@ VERBS: dict[str, Verb] = {}  # in the order in which their modules are imported
 
 
 def verb(
-    *, out: str | None = None, config: bool = True, study: Loader = load, options: Sequence[Option] = (), **more: Any
+    *options: Option, out: str | None = None, config: bool = True, study: Loader = load, **more: Any
 ) -> Callable[[Callable], Callable]:
     """Make a function the verb of the same name, as a decorator.
 

@@ -23,19 +23,17 @@ HANDED_ON = ("configfile", "config", "cores", "jobs", "profile", "workflow_profi
 
 
 @verb(
+    Option("--configfile", "--configfiles", metavar="FILE", help=f"configurations, {ORDER}", **SEVERAL),
+    Option("--config", "-C", metavar="KEY=VALUE", help="over the files", **SEVERAL),
+    Option("--cores", "-c", metavar="N", help="cores (all)"),
+    Option("--jobs", "-j", metavar="N", help="jobs at a time, on a cluster"),
+    Option("--profile", metavar="FOLDER", help="profile of snakemake, such as profiles/slurm"),
+    Option("--workflow-profile", metavar="FOLDER", help="in place of profiles/default"),
+    Option("--directory", "-d", metavar="FOLDER", help="folder to run in"),
+    Option("--snakefile", "-s", metavar="FILE", help="another workflow"),
+    Option("--list", action="store_true", help="name the studies with their cost"),
     config=False,
     passes_on=True,
-    options=[
-        Option("--configfile", "--configfiles", metavar="FILE", help=f"configurations, {ORDER}", **SEVERAL),
-        Option("--config", "-C", metavar="KEY=VALUE", help="over the files", **SEVERAL),
-        Option("--cores", "-c", metavar="N", help="cores (all)"),
-        Option("--jobs", "-j", metavar="N", help="jobs at a time, on a cluster"),
-        Option("--profile", metavar="FOLDER", help="profile of snakemake, such as profiles/slurm"),
-        Option("--workflow-profile", metavar="FOLDER", help="in place of profiles/default"),
-        Option("--directory", "-d", metavar="FOLDER", help="folder to run in"),
-        Option("--snakefile", "-s", metavar="FILE", help="another workflow"),
-        Option("--list", action="store_true", help="name the studies with their cost"),
-    ],
 )
 def run(args: argparse.Namespace) -> int:
     """Run the whole study here, or the named targets, which stand before the options.

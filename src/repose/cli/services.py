@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from repose.verification.case import Row
 
 
-@verb(options=[JSON])
+@verb(JSON)
 def bench(args: argparse.Namespace, study: Study) -> None:
     """Measure the speed: microseconds per step and seconds per pour, with a reference for the speed of the machine.
 
@@ -29,11 +29,9 @@ def bench(args: argparse.Namespace, study: Study) -> None:
 
 
 @verb(
+    Option("--case", action="append", metavar="NAME", help="run this case; may be given several times"),
+    Option("--hits", type=int, default=10_000, help="impacts of each kind in the energy cases (10000)"),
     out="results/verification",
-    options=[
-        Option("--case", action="append", metavar="NAME", help="run this case; may be given several times"),
-        Option("--hits", type=int, default=10_000, help="impacts of each kind in the energy cases (10000)"),
-    ],
 )
 def verify(args: argparse.Namespace, study: Study) -> int:
     """Run the simulator's verification suite: compare its results with known answers.
@@ -61,7 +59,7 @@ def _case_line(name: str, rows: "list[Row]") -> str:
     return f"{name:>12}: {words}" + "".join(f"; {row.quantity} is {row.result:.6g}" for row in missed[:3])
 
 
-@verb(config=False, options=[Option("result", help="a file that a verb wrote"), JSON])
+@verb(Option("result", help="a file that a verb wrote"), JSON, config=False)
 def provenance(args: argparse.Namespace) -> None:
     """Print the provenance of a result: stage, settings, engine, origin, seed, versions and processor.
 

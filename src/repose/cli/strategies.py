@@ -10,8 +10,9 @@ STRATEGY = Option("strategy", help="name of the strategy", recorded=False)
 
 
 @verb(
+    STRATEGY,
+    Option("batches", nargs="*", help="folders of all batches so far: dataset.csv and runs.csv"),
     out=f"{FOLDER}/batch_0",
-    options=[STRATEGY, Option("batches", nargs="*", help="folders of all batches so far: dataset.csv and runs.csv")],
 )
 def propose(args: argparse.Namespace, study: Study) -> None:
     """List the samples that a strategy simulates after the batches so far, or those of its answer, and say why.
@@ -24,11 +25,9 @@ def propose(args: argparse.Namespace, study: Study) -> None:
 
 
 @verb(
+    STRATEGY,
+    Option("batches", nargs="+", help="folders of all batches, and last of the answer, with its proposal.json"),
     out=FOLDER,
-    options=[
-        STRATEGY,
-        Option("batches", nargs="+", help="folders of all batches, and last of the answer, with its proposal.json"),
-    ],
 )
 def conclude(args: argparse.Namespace, study: Study) -> None:
     """Compare a strategy's simulated answer with its prediction and the targets, collect all batches.

@@ -11,7 +11,7 @@ PREDICTIONS = Option("--predictions", default="results/network/predictions.csv",
 POSTERIOR_FILES = (NETWORK, PREDICTIONS, DATASET, RUNS, FEASIBLE)
 
 
-@verb(out="results/noise", options=[RUNS])
+@verb(RUNS, out="results/noise")
 def noise(args: argparse.Namespace, study: Study) -> None:
     """Split the variance of the responses into within and between samples; print the gain of more seeds.
 
@@ -22,7 +22,7 @@ def noise(args: argparse.Namespace, study: Study) -> None:
     print(noise.message(noise.run(args.runs, study.targets, args.out), study.targets))
 
 
-@verb(out="results/posterior", options=POSTERIOR_FILES)
+@verb(*POSTERIOR_FILES, out="results/posterior")
 def posterior(args: argparse.Namespace, study: Study) -> None:
     """Sample the posterior of the free parameters; name the parameters that the measurements do not determine.
 
@@ -35,7 +35,7 @@ def posterior(args: argparse.Namespace, study: Study) -> None:
     print(posterior.message(posterior.run(files, study, args.out, args.config)))
 
 
-@verb(out="results/sensitivity", options=[NETWORK])
+@verb(NETWORK, out="results/sensitivity")
 def sensitivity(args: argparse.Namespace, study: Study) -> None:
     """Compute Sobol indices of the responses, with intervals, and main effects.
 
@@ -47,8 +47,8 @@ def sensitivity(args: argparse.Namespace, study: Study) -> None:
 
 
 @verb(
+    Option("--draws", default="results/posterior/draws.csv", help="file of the verb posterior"),
     out="results/next/samples.csv",
-    options=[Option("--draws", default="results/posterior/draws.csv", help="file of the verb posterior")],
 )
 def plausible(args: argparse.Namespace, study: Study) -> None:
     """Choose parameter sets of the posterior, to be run in all bench tests for the verb next.
@@ -61,11 +61,9 @@ def plausible(args: argparse.Namespace, study: Study) -> None:
 
 
 @verb(
+    Option("pours", nargs="+", help="NAME.pours.json files of the sets of the stage plausible"),
+    *BERRY_AND_PARTICLE,
     out="results/next",
-    options=[
-        Option("pours", nargs="+", help="NAME.pours.json files of the sets of the stage plausible"),
-        *BERRY_AND_PARTICLE,
-    ],
 )
 def next(args: argparse.Namespace, study: Study) -> None:
     """Rank further responses of saved runs by the information that each is expected to add.
