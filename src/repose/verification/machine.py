@@ -63,17 +63,11 @@ def steps_of_impact(restitution: float, tension: str = "keep") -> int:
 def spheres(balls: Mapping[str, tuple[Solid, float]], contact: Contact, step_s: float, **laws: Any) -> Simulation:
     """Make an empty simulation of two spheres in space, without gravity: solid and radius [m] of "a" and "b"."""
     reach = 4.0 * max(radius_m for _, radius_m in balls.values())
-    return Simulation(
-        {name: smooth(radius_m, solid.density_kg_m3, name) for name, (solid, radius_m) in balls.items()},
-        {name: solid.material for name, (solid, _) in balls.items()},
-        {pair: contact for pair in (("a", "a"), ("a", "b"), ("b", "b"))},
-        step_s,
-        capacity=2,
-        lower=3 * (-reach,),
-        upper=3 * (reach,),
-        gravity_m_s2=STILL,
-        **laws,
-    )
+    room: dict[str, Any] = {"capacity": 2, "gravity_m_s2": STILL, "lower": 3 * (-reach,), "upper": 3 * (reach,)}
+    contacts = dict.fromkeys((("a", "a"), ("a", "b"), ("b", "b")), contact)
+    shapes: Any = {name: smooth(radius_m, solid.density_kg_m3, name) for name, (solid, radius_m) in balls.items()}
+    materials = {name: solid.material for name, (solid, _) in balls.items()}
+    return Simulation(shapes, materials, contacts, step_s, **(room | laws))
 
 
 def simulation_of(
