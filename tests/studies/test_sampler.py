@@ -36,7 +36,7 @@ def linear():
     known = np.linalg.inv(A.T @ np.linalg.solve(covariance, A))
 
     def log_density(theta):
-        return log_likelihood(theta @ A.T + c, np.zeros((len(theta), 2, 2)), mean, covariance)
+        return log_likelihood(theta @ A.T + c, np.zeros((len(theta), 2, 2)), (mean, covariance))
 
     return log_density, sampler.sample(log_density, 2, 24, 1200, 3), truth, known
 

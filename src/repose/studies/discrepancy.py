@@ -64,7 +64,7 @@ def of_shape_study(combinations_csv: Path_, targets: Targets) -> OfModels:
     far = plausible[list(most)].abs().gt(pd.Series(most)).stack()
     allowed = "at most {:g} in size of an eligible model"
     odd = (place for place, is_far in far.items() if is_far)
-    refuse(combinations_csv, ((k, name, plausible.at[k, name], allowed.format(most[name])) for k, name in odd))
+    refuse(combinations_csv, ((k, name, float(plausible.at[k, name]), allowed.format(most[name])) for k, name in odd))
     weight = np.exp(-(plausible["distance"] ** 2) / 2)
     weight /= weight.sum()
     squares = (weight.groupby([plausible[key] for key in MODEL]).sum() ** 2).sum()
