@@ -1,6 +1,5 @@
 """The exception for a fault in a user's file."""
 
-import difflib
 import reprlib
 
 MOST_SHOWN = 400  # characters of a value in a message
@@ -24,8 +23,10 @@ class InputError(ValueError):
     """
 
     def __init__(self, source: object, key: str, value: object, allowed: str) -> None:
-        names = allowed.removeprefix("one of ").replace(" or ", ", ").split(", ")
-        near = difflib.get_close_matches(value, names, 1) if isinstance(value, str) and len(names) > 1 else []
-        allowed += f"; did you mean {near[0]}?" if near else ""
+        names = list(filter(str.isidentifier, allowed.removeprefix("one of ").replace(" or ", ", ").split(", ")))
+        if isinstance(value, str) and len(names) > 1:
+            from difflib import get_close_matches  # not by the processes that end well
+
+            allowed += "".join(f"; did you mean {name}?" for name in get_close_matches(value, names, 1))
         self.source, self.key, self.value, self.allowed = source, key, value, allowed
         super().__init__(f"{source}: {key} is {shown(value)}; expected {allowed}")

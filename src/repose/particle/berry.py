@@ -18,6 +18,7 @@ from repose.particle.particle import check_positive
 from repose.particle.settings import GrainSettings
 
 LOADED = {"length_1_mm": "long_mm", "width_1_mm": "minor_mm", "breadth_mm": "major_mm"}  # axes of the loaded berry
+STIFF = 30.0  # moduli of tested grains differ by a smaller factor
 MODULI_PA = (1e3, 1e12)  # elastic modulus of a jelly, and of what is stiffer than steel or diamond
 TABLE1 = ("dimension", "maximum", "minimum", "mean")
 STATISTICS = [Column(name, str if name == "dimension" else float) for name in TABLE1]
@@ -56,10 +57,15 @@ def shear_modulus(elastic_modulus_pa: float, poisson: float) -> float:
 
 def moduli(tests: pd.DataFrame) -> tuple[float, float, float]:
     """Compute E [Pa] and nu as means over compression tests (`read_compression`), and G [Pa] from both by Eq. 4."""
-    lengths_m = (1e-3 * tests[name] for name in ("length_1_mm", "breadth_mm", "width_1_mm", "width_2_mm"))
-    elastic = elastic_modulus(tests["force_n"], *lengths_m).mean()
+    elastic = _elastic_of(tests).mean()
     poisson = poisson_ratio(tests["length_1_mm"], tests["length_2_mm"], tests["width_1_mm"], tests["width_2_mm"]).mean()
     return float(elastic), float(poisson), float(shear_modulus(elastic, poisson))
+
+
+def _elastic_of(tests: pd.DataFrame) -> pd.Series:
+    """Compute E of each compression test [Pa]."""
+    lengths_m = (1e-3 * tests[name] for name in ("length_1_mm", "breadth_mm", "width_1_mm", "width_2_mm"))
+    return elastic_modulus(tests["force_n"], *lengths_m)
 
 
 def summarise(sizes: pd.DataFrame, published: pd.DataFrame) -> pd.DataFrame:
@@ -147,7 +153,12 @@ def _other_units(
             near = f"a median near that of {axis} in {sizes_csv}, {axis_mm:g} mm"
             yield InputError(tests_csv, name, found, f"{near}{unit}")
             return
-    modulus = moduli(tests)[0]
+    each = _elastic_of(tests)
+    middle, modulus = each.median(), float(each.mean())
+    for k in each.index[(each > STIFF * middle) | (each < middle / STIFF)]:
+        near = f"a modulus within a factor of {STIFF:g} of the median, {middle:.3g} Pa"
+        unit = other_unit("N", each[k] / middle)
+        yield InputError(f"{tests_csv}, row {k}", "force_n", float(tests.at[k, "force_n"]), f"{near}{unit}")
     if not MODULI_PA[0] <= modulus <= MODULI_PA[1]:
         unit = "kN" if modulus < MODULI_PA[0] else "mN"
         low, high = MODULI_PA

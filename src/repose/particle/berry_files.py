@@ -16,7 +16,6 @@ SIZE_COLUMNS = ("long_mm", "major_mm", "minor_mm")
 COMPRESSION_COLUMNS = ("test", "force_n", "length_1_mm", "length_2_mm", "width_1_mm", "width_2_mm", "breadth_mm")
 LENGTHS_MM = (0.5, 2000.0)  # of a grain; one of 20 mm in metres or micrometres lies outside
 ALIKE = 5.0  # grains of one crop, and tested grains, differ by a smaller factor
-STIFF = 30.0  # so do their stresses over strains
 MOST_STRAIN = 0.5  # of the width in a compression test: more gives no elastic modulus
 WRITTEN = "the file of the verb berry"
 MODULI = ("shear_modulus_pa", "poisson_ratio")  # a simulation needs them
@@ -37,7 +36,7 @@ def read_sizes(path: str | PathLike) -> "pd.DataFrame":
     larger = dict(zip(SIZE_COLUMNS[1:], SIZE_COLUMNS, strict=False))
     faults: list[Fault] = []
     for name, column in sizes.items():
-        faults += _unlike(column, "mm", column)
+        faults += _unlike(column)
         other = larger.get(name, name)
         faults += [
             (row - 1, name, float(column[row]), f"at most {other} of the same berry, {sizes.at[row, other]:g}")
@@ -63,10 +62,7 @@ def read_compression(path: str | PathLike) -> "pd.DataFrame":
             longer = f"at least length_1_mm of the same test, {length_1:g}, and at most half as much again"
             faults.append((k, "length_2_mm", length_2, longer))
     refuse(path, faults)
-    length, width, breadth = (tests[name] for name in ("length_1_mm", "width_1_mm", "breadth_mm"))
-    stiffness = tests["force_n"] / (1e-6 * length * breadth) / (1 - tests["width_2_mm"] / width)
-    faults = [fault for column in (length, width, breadth) for fault in _unlike(column, "mm", column)]
-    refuse(path, [*faults, *_unlike(stiffness, "N", tests["force_n"])])
+    refuse(path, [fault for name in ("length_1_mm", "width_1_mm", "breadth_mm") for fault in _unlike(tests[name])])
     return tests
 
 
@@ -82,13 +78,12 @@ def read_berry(path: str | PathLike, needed: Iterable[str] = SIZE_COLUMNS) -> di
     return berry
 
 
-def _unlike(found: "pd.Series", unit: str, column: "pd.Series") -> list[Fault]:
-    """Find rows whose quantity is far from its median; the fault is of the column, in a unit, from which it comes."""
-    middle, most = found.median(), ALIKE if unit == "mm" else STIFF
-    of = f"{middle:g} mm" if unit == "mm" else f"by the stress over strain, {middle:.3g} Pa"
-    odd = found.index[(found > most * middle) | (found < middle / most)]
-    near = f"within a factor of {most:g} of the median, {of}"
-    return [(k - 1, str(column.name), float(column[k]), f"{near}{other_unit(unit, found[k] / middle)}") for k in odd]
+def _unlike(column: "pd.Series") -> list[Fault]:
+    """Find lengths that are far from the median of their column."""
+    middle = column.median()
+    odd = column.index[(column > ALIKE * middle) | (column < middle / ALIKE)]
+    near = f"within a factor of {ALIKE:g} of the median, {middle:g} mm"
+    return [(k - 1, str(column.name), float(column[k]), f"{near}{other_unit('mm', column[k] / middle)}") for k in odd]
 
 
 def _read_numbers(path: str | PathLike, columns: Sequence[str], fewest: int, of: str) -> "pd.DataFrame":
