@@ -3,7 +3,6 @@
 The workflow and the record of provenance take them from here.
 """
 
-import csv
 import functools
 from collections.abc import Iterable
 from os import PathLike
@@ -22,10 +21,28 @@ from repose.strategies import names, strategy
 
 # Entries that are no keys: what `responses` gives, the hash of `scene`, the keys by which any bench test is measured.
 RESPONSES, SCENE, MEASURED_BY = "responses", "scene", "measured_by"
-# The keys that each stage reads. Each rule says these again; tests compare them with the rules, and with the keys that
-# the stages read.
-with Path(__file__).with_suffix(".csv").open(encoding="utf-8", newline="") as _table:
-    KEYS = {row["stage"]: tuple(row["reads"].split()) for row in csv.DictReader(_table)}
+# Each rule says these again; tests compare them with the rules, and with the keys that the stages read.
+KEYS = {
+    "berry": ("berry",),
+    "shape": ("berry",),
+    "design": ("parameters", "design"),
+    "dataset": (RESPONSES,),
+    "network": (RESPONSES, "surrogate", "network"),
+    "miga": ("parameters", "targets", "miga"),
+    "solutions": ("parameters", "targets", "validation.solutions"),
+    "published_solutions": ("parameters", "validation.published"),
+    "published_sets": (RESPONSES, "parameters", "validation.published", SCENE),
+    "validate": ("parameters", "targets", "measure", "validation.published_simulated", SCENE),
+    "silhouette": ("measure",),
+    "measure_silhouette": ("measure",),
+    "drum_tables": ("measure.mm_per_pixel", "drum"),
+    "noise": ("targets",),
+    "posterior": ("parameters", "targets", "posterior"),
+    "sensitivity": ("parameters", "targets", "sensitivity"),
+    "plausible": ("posterior.seed",),
+    "next": ("targets", "posterior.discrepancy_percent", "measure", MEASURED_BY),
+    "conclude": ("parameters", "targets", "measure"),
+}
 # Names of the study and its folder, and the files of figures: no result depends on them.
 NAMES = ("label", "results_dir", "figures")
 
