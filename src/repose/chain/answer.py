@@ -58,11 +58,21 @@ class Check:
     line: str = ""  # of an angle of a pile, in words
 
     @classmethod
-    def of(cls, target: Target, **simulated: Any) -> Self:
-        """Make the check of a target; the fields from `simulated` on come by name."""
+    def of(
+        cls,
+        target: Target,
+        simulated: float | None,
+        standard_error: float | None,
+        runs: int,
+        status: str,
+        predicted: float | None = None,
+        line: str = "",
+    ) -> Self:
+        """Make the check of a target."""
         about = target.name, target.response.apparatus, target.response.unit
-        simulated["whole"] = None if target.profile is None else target.whole_value
-        return cls(*about, target.value, target.sd, target.repetitions, target.low, target.high, **simulated)
+        ends, whole = (target.low, target.high), None if target.profile is None else target.whole_value
+        measured = target.value, target.sd, target.repetitions
+        return cls(*about, *measured, *ends, simulated, standard_error, runs, status, whole, predicted, line)
 
     def row(self) -> dict[str, Any]:
         """Return its entry in the material card, without the definition of the response."""
@@ -269,9 +279,9 @@ def describe_probability(chance: Mapping[str, float]) -> str:
 
 def _check(target: Target, row: Mapping[str, Any], line: str) -> Check:
     """Read a row of representative.csv with its target."""
-    numbers = {key: _number(row, key) for key in ("simulated", "predicted")}
-    runs, error = int(_number(row, "n_seeds") or 0), _number(row, "simulated_se")
-    return Check.of(target, **numbers, standard_error=error, runs=runs, status=row["status"], line=line)
+    simulated, error = (_number(row, key) for key in ("simulated", "simulated_se"))
+    runs = int(_number(row, "n_seeds") or 0)
+    return Check.of(target, simulated, error, runs, row["status"], predicted=_number(row, "predicted"), line=line)
 
 
 def _number(row: Mapping[str, Any], key: str) -> float | None:
