@@ -209,11 +209,8 @@ class AnyCard(Part):
         for name, row in self.parameters.items():
             held = row.low is None or row.at_bound or row.low <= row.value <= (row.high or 0)
             if (row.given == "fixed") != (row.low is None):
-                yield (
-                    f"parameters.{name}.given",
-                    row.given,
-                    "fixed, without low and high" if row.low is None else "calibrated",
-                )
+                allowed = "fixed, without low and high" if row.low is None else "calibrated"
+                yield f"parameters.{name}.given", row.given, allowed
             if (row.low is None) != (row.high is None) or (row.low or 0) > (row.high or 0):
                 yield f"parameters.{name}", [row.low, row.high], "low and high, or null for both"
             elif self.reason and not held:
@@ -238,15 +235,12 @@ class AnyCard(Part):
         names = [test.response for test in self.tests]
         for k, test in enumerate(self.tests):
             known = named(test.response)
-            yield from (
-                (f"tests.{k}.{key}", getattr(test, key), allowed)
-                for wrong, key, allowed in (
-                    (test.response in names[:k], "response", "each response once"),
-                    (test.runs == 0 and test.simulated is not None, "runs", "from 1, as there is a simulated mean"),
-                    (test.met and test.status != OK, "status", f"{OK}, as the target is met"),
-                )
-                if wrong
-            )
+            if test.response in names[:k]:
+                yield f"tests.{k}.response", test.response, "each response once"
+            if test.runs == 0 and test.simulated is not None:
+                yield f"tests.{k}.runs", 0, "from 1, as there is a simulated mean"
+            if test.met and test.status != OK:
+                yield f"tests.{k}.status", test.status, f"{OK}, as the target is met"
             for name, of_line in ({} if test.definitions is ABSENT else test.definitions).items():
                 if of_line.line == test.line and of_line.simulated != test.simulated:
                     allowed = f"{test.simulated}, as of the test, whose line it is"

@@ -31,11 +31,12 @@ def configuration_of(card: Mapping[str, Any], source: object) -> dict[str, Any]:
     simulation |= {"rest_energy_j": REST_ENERGY_J, **_laws_of(card, source)}
     sizes = "measured" if card["grain"]["relative_spread"] else "none"
     config = {"label": card["material"], "berry": {"size_distribution": sizes}, "wall": dict(card["wall"])}
+    funnel = bench | {"seeds": 1}
     try:
-        FunnelSettings.model_validate(bench | {"seeds": 1})
+        FunnelSettings.model_validate(funnel)
     except ValidationError as error:
         raise_together(InputError(source, f"tests.bench.{key}", value, words) for key, value, words in faults_of(error))
-    return config | {"simulation": simulation, "funnel": bench | {"seeds": 1}}
+    return config | {"simulation": simulation, "funnel": funnel}
 
 
 def _laws_of(card: Mapping[str, Any], source: object) -> dict[str, str]:
