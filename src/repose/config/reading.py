@@ -9,7 +9,7 @@ from typing import Any
 import yaml
 
 from repose.core.attached import plain_file
-from repose.core.errors import InputError
+from repose.core.errors import InputError, require
 
 KEY_AT_MARGIN = re.compile(r".+:(\s|$)|[\s#\[\]{}\"'%?!&*:|>-]|\.\.\.|$")
 # YAML 1.1 also takes 010 for 8, 1:30 for 90, 1_0 for 10 and 0x10 for 16.
@@ -27,20 +27,20 @@ class StrictLoader(yaml.SafeLoader):
             if key_node.tag == "tag:yaml.org,2002:merge":  # <<, whose keys the others replace
                 continue
             key = self.construct_object(key_node, deep=deep)
-            if not isinstance(key, str | int | float | bool | None):
-                line = f"{self.name}, line {key_node.start_mark.line + 1}"
-                raise InputError(line, "key", "a list or mapping", "text")
-            if key in seen:
-                line = f"{self.name}, line {key_node.start_mark.line + 1}"
-                raise InputError(line, str(key), "given again", "each key once")
+            good = isinstance(key, str | int | float | bool | None)
+            require(good, self.place_of(key_node), "key", "a list or mapping", "text")
+            require(key not in seen, self.place_of(key_node), str(key), "given again", "each key once")
             seen.add(key)
         return super().construct_mapping(node, deep)
 
+    def place_of(self, node: yaml.Node) -> str:
+        """Name file and line of a node."""
+        return f"{self.name}, line {node.start_mark.line + 1}"
+
     def construct_number(self, node: yaml.ScalarNode) -> int | float:
         """Make the number of a node; called by PyYAML. InputError names the line of one that is no plain number."""
-        if not PLAIN_NUMBER.fullmatch(node.value):
-            line = f"{self.name}, line {node.start_mark.line + 1}"
-            raise InputError(line, "value", node.value, "a plain number, such as 90.5, or a text in quotes")
+        allowed = "a plain number, such as 90.5, or a text in quotes"
+        require(PLAIN_NUMBER.fullmatch(node.value), self.place_of(node), "value", node.value, allowed)
         kind = self.construct_yaml_int if node.tag.endswith(":int") else self.construct_yaml_float
         return kind(node)
 
