@@ -116,3 +116,13 @@ def test_a_reader_reads_any_bytes_and_text_or_reports_what_is_wrong(tmp_path):
             assert str(path) in said
 
     check()
+
+
+@pytest.mark.parametrize(("value", "allowed", "guess"), [
+    ("sequental", "published or refined or sequential", "sequential"), ("figure1", "one of figure13, drum", "figure13"),
+    ("random1", "one of random, lying", "random"), ("text{1}", "text, without braces", ""), (3, "one of a3, b3", ""),
+    ("at least", "at least 1, or none", ""), ("xyzzy", "one of random, lying", ""), ("text{1}", "text", ""),
+])  # fmt: skip
+def test_a_wrong_name_has_a_guess_among_the_names_that_are_allowed(value, allowed, guess):
+    said = str(InputError("mine.yaml", "key", value, allowed))
+    assert said == f"mine.yaml: key is {value!r}; expected {allowed}{f'; did you mean {guess}?' if guess else ''}"

@@ -257,7 +257,6 @@ def test_measure_refuses_no_pile_and_a_locale_without_a_letter_does_no_harm(tmp_
     assert "nowhere.png" in error_of(command, "measure", "nowhere.png", *words)
 
     def provenance(_args):
-        """Print letters."""
         print("1 ± 0.1 µm")
 
     printed = io.BytesIO()

@@ -166,4 +166,4 @@ def _verbs_in_groups() -> str:
 def _listed(name: str) -> str:
     """Write a verb and the beginning of its summary in one line."""
     begin = VERBS[name].words[0].partition(";")[0].removesuffix(".")
-    return f"  {name:20} {textwrap.shorten(begin[0].lower() + begin[1:], 76, placeholder=' ...')}"
+    return f"  {name:20} {textwrap.shorten(begin[:1].lower() + begin[1:], 76, placeholder=' ...')}"
