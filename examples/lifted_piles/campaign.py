@@ -81,9 +81,9 @@ def numbers(judged: bool) -> list[int]:
 
 
 def other_jobs() -> Iterator[tuple]:
-    """The same of the other rows."""
+    """The same of the other rows; a row has both its seeds before the next one begins."""
     modulus = next(factor for factor in MODULI if good(factor))
-    yield from ((row, seed, modulus) for seed, row in itertools.product(SEEDS, numbers(judged=False)))
+    yield from ((row, seed, modulus) for row, seed in itertools.product(numbers(judged=False), SEEDS))
 
 
 def further_jobs() -> Iterator[tuple]:
