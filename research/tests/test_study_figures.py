@@ -198,7 +198,7 @@ def test_further_responses_are_in_order_of_what_they_add(inputs):
     assert [label.split("\n")[0] for label in labels] == [
         "pile and other bench tests",
         "all of the pile",
-        "loose berries",
+        "loose grains",
         "drum, slip",
     ]
     assert "S/N 1.5, R² 0.90" in labels[2]

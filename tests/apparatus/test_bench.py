@@ -85,7 +85,7 @@ IMPOSSIBLE = [
     ("turning", "rotate_from_s", 1.0, "above 1.798"), ("turning", "measure_until_s", 2.55, "at least 2.6"),
     ("turning", "wall_thickness_mm", 100.0, "below half of turning.outer_diameter_mm, 200"),
     ("turning", "factory_height_mm", 96.0, "between -95 and 95"), ("turning", "record_s", 0.0, "0.001 to 10"),
-    ("drawdown", "open_from_s", 1.4, "above 1.4975, when the last berry appears"),
+    ("drawdown", "open_from_s", 1.4, "above 1.4975, when the last grain appears"),
     ("drawdown", "slot_mm", 260.0, "below drawdown.width_mm, 260"),
     ("drawdown", "edge_radius_mm", 1.5, "at most a quarter of drawdown.floor_mm, 1"),
     ("drawdown", "drop_mm", 4.0, "above drawdown.floor_mm, 4"),

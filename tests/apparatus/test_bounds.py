@@ -71,12 +71,12 @@ def test_what_a_fall_can_give_and_overlaps_of_clumps_stay_within_the_bounds():
 
 def test_a_berry_beyond_its_bounds_and_energy_beyond_what_was_given_are_reported():
     fast, lost = three_berries(velocity_m_s=(0.0, 0.0, 900.0)), three_berries()
-    raised(Unstable, r"berry 1 moves at 900 m/s, after 0 s: a shorter simulation\.time_step_s than", fast.look)
+    raised(Unstable, r"grain 1 moves at 900 m/s, after 0 s: a shorter simulation\.time_step_s than", fast.look)
     lost.simulation.positions[2] = np.nan
-    raised(Unstable, "berry 2 has no finite position", lost.look)
+    raised(Unstable, "grain 2 has no finite position", lost.look)
     bounded = three_berries()
     bounded.simulation.velocities[:] = (0.0, 0.0, np.sqrt(2 * 9.81 * 0.1 * 1.3))
-    raised(Unstable, r"all berries together have .* J and were given", bounded.look)
+    raised(Unstable, r"all grains together have .* J and were given", bounded.look)
 
 
 def check_overlaps(bounded, broken, words):
@@ -95,7 +95,7 @@ def test_berries_that_pass_through_each_other_are_named(apart_mm, broken):
     assert pairs.tolist() == [[0, 1]]
     between = np.linalg.norm(bounded.simulation.positions[1] - bounded.simulation.positions[0])
     assert overlaps[0] == pytest.approx(1e-2 - between, abs=1e-12)
-    check_overlaps(bounded, broken, r"berries 0 and 1 overlap by 5\.43 mm.*a higher berry\.shear_modulus_pa")
+    check_overlaps(bounded, broken, r"grains 0 and 1 overlap by 5\.43 mm.*a higher berry\.shear_modulus_pa")
 
 
 @pytest.mark.parametrize(("height_mm", "broken"), [(0.5, False), (-0.5, True)])
@@ -103,7 +103,7 @@ def test_a_berry_that_passes_through_a_wall_is_named(height_mm, broken):
     bounded = three_berries(position_m=(0.05, 0.0, 5e-4))
     bounded.simulation.run_steps(1)
     bounded.simulation.positions[1, 2] = 1e-3 * height_mm  # pressed on, in contact as before
-    check_overlaps(bounded, broken, r"berry 1 and the wall 'plate' overlap by 5\.[345]\d* mm.*after 0\.0001 s")
+    check_overlaps(bounded, broken, r"grain 1 and the wall 'plate' overlap by 5\.[345]\d* mm.*after 0\.0001 s")
 
 
 @pytest.mark.parametrize("name", ["funnel", "drum", "cylinder"])

@@ -70,7 +70,7 @@ def test_a_filling_is_judged_sizes_count_by_mass_and_a_tap_lifts_a_berry_by_its_
     assert judged(full + np.array([0.02, 0, 0]))[0] == "lost"
     assert judged(full, unstable="why") == ("unstable", "why")
     own = config(**SMALL)
-    settings = SimulationSettings.of(own)
+    settings = SimulationSettings.model_validate(own["simulation"])
     simulation = TEST.build(Scene.of(own, SET, BERRY, PARTICLE))
     simulation.add("berry", (0.0, 0.0, 0.011))
     simulation.run(1.0, False)

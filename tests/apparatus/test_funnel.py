@@ -187,7 +187,7 @@ def test_frames_may_be_a_time_step_apart_and_a_pour_that_goes_on_after_its_pile_
 @pytest.mark.parametrize(("keys", "status", "reason"), [
     ({"outlet_diameter_mm": 14.0}, "jammed", "berries in the funnel"),
     ({"plate_diameter_mm": 40.0}, "left_plate", "left the plate"),
-    ({"duration_s": 1.25, "rest_window_s": 0.02}, "not_at_rest", "J a berry"), ({"berries": 4}, "no_flank", " "),
+    ({"duration_s": 1.25, "rest_window_s": 0.02}, "not_at_rest", "J a grain"), ({"berries": 4}, "no_flank", " "),
 ])  # fmt: skip
 def test_a_run_without_a_pile_has_a_status_and_a_reason(keys, status, reason):
     record, _ = run_once(bench("funnel"), of(small(**keys)))
@@ -223,7 +223,7 @@ def test_berries_that_lie_apart_are_no_pile(in_pile, on_plate, plain):
     apart = replace(plain, in_pile=np.arange(60) < in_pile, on_plate=np.arange(60) < on_plate)
     status, reason = TEST.status_of(apart, SceneSettings(small()))
     assert status == "no_flank"
-    assert f"{in_pile} of {on_plate} berries touch each other" in reason
+    assert f"{in_pile} of {on_plate} grains touch each other" in reason
 
 
 def test_a_job_writes_what_it_returns_and_largest_cluster_is_found(tmp_path):

@@ -51,7 +51,7 @@ def test_a_run_is_judged_and_a_tube_that_cannot_be_filled_or_lifted_is_refused()
     check_statuses(TEST, config(berries=300), GOOD, cases)
     levels = {79.9: "not_filled", 80.1: "ok", 99.9: "ok", 100.1: "not_filled", nan: "not_filled"}
     check_statuses(TEST, config(), GOOD, [(name, {"filling_height_mm": mm}) for mm, name in levels.items()])
-    cases = [("lift_from_s", 1.4, "above 1.495, when the last berry appears"), ("speed", 20.0, "a known key")]
+    cases = [("lift_from_s", 1.4, "above 1.495, when the last grain appears"), ("speed", 20.0, "a known key")]
     cases += [("plate_diameter_mm", 104.0, "above 104, the tube's outer diameter")]
     cases += [("lifting_mm_s", 0.0, "0.1 to 5000")]
     wrong = [({key: value}, rf"lifted_cylinder\.{key}.*{allowed}") for key, value, allowed in cases]

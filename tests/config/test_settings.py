@@ -252,8 +252,8 @@ def test_inputs_are_checked_against_the_berry_and_the_disc(config):
         ("posterior.shape_study", "nowhere.csv", "an existing file"), ("photograph", "nowhere.jpg", "an existing file"),
         ("photograph", "resources", "an existing file"), ("simulation.time_step_s", 8e-4, "1/8 of the contact time"),
         ("simulation.time_step_s", 1e-3, "at most 0.000716"),
-        ("funnel.outlet_diameter_mm", 9.0, "the size of a mean berry"),
-        ("funnel.factory_diameter_mm", 20.0, "the size of a mean berry"),
+        ("funnel.outlet_diameter_mm", 9.0, "the size of a mean grain"),
+        ("funnel.factory_diameter_mm", 20.0, "the size of a mean grain"),
     )  # fmt: skip
     check_all(check_message, [(f"{key} {value!r}", key, value, allowed) for key, value, allowed in bad])
 

@@ -17,7 +17,7 @@ REDUCED = Effort(hits=200, berries=200)
 # The laws of a study that names none of its own.
 METHOD = yaml.safe_load((Path(__file__).parents[2] / "config/method.yaml").read_text())
 DEFAULT = {"time_step_s": 1e-4} | {k: v for k, v in METHOD["simulation"].items() if k != "time_step_s"}
-LAWS = {"default": SimulationSettings.of({"simulation": DEFAULT}).laws}
+LAWS = {"default": SimulationSettings.model_validate(DEFAULT).laws}
 LAWS |= {"keep": {"tension": "keep", "contact_law": "hertz_mindlin", "rolling_law": "budget"}}
 # Cases of few hits, which run with the older laws too: friction limited by the elastic force, and S_t delta_t.
 CHEAP = ("chung3", "chung4", "chung5", "chung6", "rolling", "slope", "rest")

@@ -1,11 +1,12 @@
 """What runs again, and what does not: two workflows in one folder, an edited engine, lost files, changed targets."""
 
 import json
+import re
 import shutil
 
 import pandas as pd
 import pytest
-from plans import planned, snakemake
+from plans import ROOT, planned, snakemake
 from shared import target
 
 from repose.core import provenance
@@ -120,6 +121,8 @@ EDITED = {
     "surrogate/two_layer.py": ({"network", "miga"}, {"pour", "dataset"}),
     "search/miga.py": ({"miga", "solutions", "validate"}, {"pour", "network"}),
     "chain/invert.py": ({"miga"}, {"pour", "network"}), "chain/card.py": ({"card", "page"}, {"miga", "dataset"}),
+    "chain/expected_loss.py": ({"miga"}, {"pour", "network"}), "chain/card_model.py": ({"card"}, {"miga"}),
+    "pictures/report/report.css": ({"page"}, {"dataset", "card"}), "apparatus/drum_quantities.csv": ({"drum"}, set()),
     "studies/posterior.py": ({"posterior_tables", "card"}, {"miga", "dataset"}),
     "pictures/render.py": ({"page", "draw_figure05"}, {"dataset", "card"}),
 }  # fmt: skip
@@ -146,6 +149,19 @@ def test_an_edit_plans_what_stands_on_its_room(finished, tmp_path, monkeypatch):
         assert again or not jobs, name
         if "pour" in again:
             assert {rule: jobs[rule] for rule in POURS} == POURS, name
+
+
+def test_every_file_of_a_stage_belongs_to_a_room_that_a_rule_names():
+    calls = re.findall(r"room_hash\(([^)]*)\)", "".join(path.read_text() for path in ROOT.glob("workflow/**/*.smk")))
+    named = {*provenance.ENGINE, *re.findall(r'"([\w.]+)"', "".join(calls))}
+    rooms = {name.partition(".")[0] for name in named}
+    paths = [path for room in rooms for path in (provenance.PACKAGE / room).rglob("*.*")]
+    files = [path.relative_to(provenance.PACKAGE) for path in paths if path.suffix not in (".pyc", ".md")]
+    assert {path.suffix for path in files} <= set(provenance.SOURCES)
+    left = {str(path) for path in files if not {path.parts[0], ".".join(path.with_suffix("").parts)} & named}
+    # a package's own sentence, keys with their defaults (a rule names the keys), verbs without a rule
+    others = "__init__.py", "settings.py", "card_library.py", "card_study.py", "card_text.py", "card.schema.json"
+    assert left == {f"chain/{name}" for name in others}
 
 
 def test_a_changed_target_pours_the_new_solutions_alone_and_another_label_nothing(finished):

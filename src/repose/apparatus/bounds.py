@@ -101,7 +101,7 @@ class Bounded:
         if speed > self.fastest_m_s:
             motion = f"moves at {speed:.3g} m/s" if math.isfinite(speed) else "has no finite position or speed"
             bound = f"none here can be faster than {self.fastest_m_s:.3g} m/s"
-            raise Unstable(f"berry {fastest} {motion}, {self._when('time step')}; {bound}")
+            raise Unstable(f"grain {fastest} {motion}, {self._when('time step')}; {bound}")
 
     def _look_at_energy(self) -> None:
         """Refuse more energy than the grains were given."""
@@ -113,18 +113,18 @@ class Bounded:
         allowed = float(masses.sum()) * (self.gravity * self.fall_m + 0.5 * self.speed_m_s**2)
         if energy > (1.0 + GAIN) * allowed:
             most = int(np.flatnonzero(there)[np.argmax(energies)])
-            bound = f"all berries together have {energy:.3g} J and were given {allowed:.3g} J"
-            raise Unstable(f"berry {most} has {energies.max():.3g} J, {self._when('time step')}; {bound}")
+            bound = f"all grains together have {energy:.3g} J and were given {allowed:.3g} J"
+            raise Unstable(f"grain {most} has {energies.max():.3g} J, {self._when('time step')}; {bound}")
 
     def _look_at_overlaps(self) -> None:
         """Refuse grains that pass through each other or through walls."""
         simulation = self.simulation
         pairs, overlaps = simulation.overlaps()
         scales = simulation.scales[pairs].min(axis=1)
-        self._refuse_deepest(overlaps, scales, lambda k: f"berries {pairs[k, 0]} and {pairs[k, 1]}")
-        berries, walls, overlaps = simulation.wall_overlaps()
-        scales, names = simulation.scales[berries], simulation.wall_set.names
-        self._refuse_deepest(overlaps, scales, lambda k: f"berry {berries[k]} and the wall {names[walls[k]]!r}")
+        self._refuse_deepest(overlaps, scales, lambda k: f"grains {pairs[k, 0]} and {pairs[k, 1]}")
+        grains, walls, overlaps = simulation.wall_overlaps()
+        scales, names = simulation.scales[grains], simulation.wall_set.names
+        self._refuse_deepest(overlaps, scales, lambda k: f"grain {grains[k]} and the wall {names[walls[k]]!r}")
 
     def _refuse_deepest(self, overlaps: np.ndarray, scales: np.ndarray, which: Callable[[int], str]) -> None:
         """Refuse overlaps too deep for grains of these scales; which(k): names of the overlapping bodies."""

@@ -177,7 +177,7 @@ class CylinderTest(BenchTest[CylinderSettings]):
     required_arrays = ("position", "quaternion", "scale")
     summary = (
         "bulk density {bulk_density_kg_m3:.0f} kg/m3, in the core {core_density_kg_m3:.0f}, "
-        "{berries_in_cylinder} berries in the cylinder"
+        "{berries_in_cylinder} grains in the cylinder"
     )
 
     def world(self, scene: Scene, reach_m: float) -> dict[str, Any]:
@@ -230,10 +230,10 @@ class CylinderTest(BenchTest[CylinderSettings]):
         vessel = Vessel.of(section)
         below = int(np.count_nonzero(centres[:, 2] < vessel.height_m))
         layer = math.ceil(below * ending.length_m / vessel.height_m)
-        poured = f"{len(centres)} of {section.berries} berries poured, {below} of them below the rim"
+        poured = f"{len(centres)} of {section.berries} grains poured, {below} of them below the rim"
         outside = np.any(np.hypot(*centres.T[:2]) >= vessel.radius_m) or np.any(centres[:, 2] <= 0.0)
         return stated(
-            (outside, "lost", "a berry lies outside the cylinder"),
+            (outside, "lost", "a grain lies outside the cylinder"),
             settings.simulation.not_at_rest(ending.energy_j),
             (len(centres) - below < layer, "not_full", f"{poured}; a full cylinder has at least {layer} above it"),
         )
@@ -265,7 +265,7 @@ class CylinderTest(BenchTest[CylinderSettings]):
         is_tapped = any(one.get("response") == "tapped_density_kg_m3" for one in settings.targets_of(NAME))
         missing = is_tapped and not section.taps
         return stated(
-            (last >= section.duration_s, f"{NAME}.duration_s", f"above {last:g}: the last berry appears at {last:g} s"),
+            (last >= section.duration_s, f"{NAME}.duration_s", f"above {last:g}: the last grain appears at {last:g} s"),
             (section.core_margin_mm >= half, f"{NAME}.core_margin_mm", f"below {half:g}, or there is no core"),
             (missing, f"{NAME}.taps", "1 or more, for tapped_density_kg_m3 is a target"),
         )
@@ -274,4 +274,4 @@ class CylinderTest(BenchTest[CylinderSettings]):
         """Refuse a cylinder into which the mean grain does not fall in any orientation."""
         longest = max(axes_mm)
         narrow = self.section(settings).diameter_mm <= longest
-        return stated((narrow, f"{NAME}.diameter_mm", f"above {longest:.4g}, the length of a mean berry"))
+        return stated((narrow, f"{NAME}.diameter_mm", f"above {longest:.4g}, the length of a mean grain"))

@@ -145,13 +145,13 @@ class DischargeTest(BenchTest[DischargeSettings]):
     def faults(self, ending: Discharge, settings: SceneSettings) -> Faults:
         """Judge a run before it is measured."""
         section = self.section(settings)
-        few = f"only {ending.filled} of {section.berries} berries find room in the funnel"
+        few = f"only {ending.filled} of {section.berries} grains find room in the funnel"
         left = section.berries - ending.late
         return stated(
             (ending.filled < section.berries, "not_filled", few),
-            (ending.early, "lost", f"{ending.early} berries left the closed funnel"),
+            (ending.early, "lost", f"{ending.early} grains left the closed funnel"),
             settings.simulation.not_at_rest(ending.rest_energy_j, " when the lid was taken away"),
-            (left > 0, "jammed", f"{left} berries are still in the funnel {section.longest_s:g} s after the opening"),
+            (left > 0, "jammed", f"{left} grains are still in the funnel {section.longest_s:g} s after the opening"),
         )
 
     def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:

@@ -206,13 +206,13 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
     def faults(self, ending: Drained, settings: SceneSettings) -> Faults:
         """Judge a run before it is measured."""
         section = self.section(settings)
-        few = f"only {ending.filled} of {section.berries} berries find room above the gate"
-        out = "a berry lies outside the box, or left the closed chamber"
+        few = f"only {ending.filled} of {section.berries} grains find room above the gate"
+        out = "a grain lies outside the box, or left the closed chamber"
         return stated(
             (ending.filled < section.berries, "not_filled", few),
             (ending.early or not ending.held, "lost", out),
             settings.simulation.not_at_rest(ending.energy_j, f" {section.longest_s:g} s after the opening"),
-            (ending.over_slot, "jammed", f"{ending.over_slot} berries rest above the middle of the slot"),
+            (ending.over_slot, "jammed", f"{ending.over_slot} grains rest above the middle of the slot"),
         )
 
     def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:

@@ -149,7 +149,7 @@ class DropTest(BenchTest[DropTestSettings]):
 
     def faults(self, ending: Rebound, settings: SceneSettings) -> Faults:
         """Judge a run before it is measured."""
-        stays = f"the berry still touches the plate {HIT_S:g} s after it fell on it"
+        stays = f"the grain still touches the plate {HIT_S:g} s after it fell on it"
         return stated((not ending.left, "no_rebound", stays))
 
     def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:

@@ -77,7 +77,7 @@ class Drum:
         room = self.radius_m - berry_radius_m
         half_y = 0.5 * self.length_m - berry_radius_m
         if not (abs(height_m) < room and half_y > 0.0):
-            raise ValueError(f"height_m is {height_m!r}; expected below {room:.4g}, in a drum longer than a berry")
+            raise ValueError(f"height_m is {height_m!r}; expected below {room:.4g}, in a drum longer than a grain")
         return Strip(math.sqrt(room**2 - height_m**2), half_y, height_m)
 
     def holds(self, centres_m: np.ndarray) -> np.ndarray:
@@ -147,7 +147,7 @@ class RotatingDrum(BenchTest[R]):
 
     def faults(self, ending: Turned, settings: SceneSettings) -> Faults:
         """Judge a run before it is measured."""
-        return stated((not ending.held, "lost", "a berry is missing, or outside the drum"))
+        return stated((not ending.held, "lost", "a grain is missing, or outside the drum"))
 
     def surface_of(
         self, position: np.ndarray, quaternion: np.ndarray, scale: np.ndarray, scene: Scene
@@ -186,7 +186,7 @@ class RotatingDrum(BenchTest[R]):
 
     def misfits(self, settings: SceneSettings, axes_mm: Sequence[float]) -> Contradictions:
         """Refuse a drum in which a mean grain cannot lie across the axis at the factory's height."""
-        drum, long_mm, fits = self.section(settings), max(axes_mm), "so that a mean berry fits"
+        drum, long_mm, fits = self.section(settings), max(axes_mm), "so that a mean grain fits"
         highest = drum.outer_diameter_mm / 2 - drum.wall_thickness_mm - long_mm / 2
         room = f"between -{highest:.4g} and {highest:.4g}" if highest > 0 else "a wider drum"
         high = abs(drum.factory_height_mm) >= highest
@@ -361,7 +361,7 @@ class DrumTest(RotatingDrum[DrumSettings]):
         assert isinstance(ending, Rotation)
         yield from super().faults(ending, settings)
         if ending.rest_energy_j > settings.simulation.rest_energy_j:
-            yield "not_at_rest", f"kinetic energy {ending.rest_energy_j:.2e} J a berry when the rotation began"
+            yield "not_at_rest", f"kinetic energy {ending.rest_energy_j:.2e} J a grain when the rotation began"
         if ending.slip is None:
             fall, last = self.section(settings).slip_drop_deg, ending.record["time_s"][-1]
             yield "no_slip", f"the bed's centre of mass never fell by {fall:g} degrees in {last:g} s"

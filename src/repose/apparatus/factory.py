@@ -117,7 +117,7 @@ def too_early(section: "Poured", name: str, key: str) -> Iterator[tuple[str, str
     """Yield a key of a section if its time is not after the last grain's, with the allowed values."""
     last = last_berry_s(section)
     if last >= getattr(section, key):
-        yield f"{name}.{key}", f"above {last:g}, when the last berry appears"
+        yield f"{name}.{key}", f"above {last:g}, when the last grain appears"
 
 
 def fill(

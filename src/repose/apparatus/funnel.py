@@ -81,8 +81,8 @@ RESPONSES = (
     Response("lower_deg", "deg", "lower flank", "lower flank", NAME, 0.0, 89.0, (*SEEN, BERRY)),
     Response("upper_deg", "deg", "upper flank", "upper flank", NAME, 0.0, 89.0, (*SEEN, BERRY)),
     Response("packing_percent", "%", "packing", "packing", NAME, 0.0, 100.0, (*SEEN, BERRY)),
-    Response("radius_90_mm", "mm", "radius of 90 % of the berries", "radius of 90 %", NAME, 0.0, 1e4, PLATE),
-    Response("loose_percent", "%", "loose berries", "loose", NAME, 0.0, 100.0, PLATE),
+    Response("radius_90_mm", "mm", "radius of 90 % of the grains", "radius of 90 %", NAME, 0.0, 1e4, PLATE),
+    Response("loose_percent", "%", "loose grains", "loose", NAME, 0.0, 100.0, PLATE),
     Response("discharge_s", "s", "discharge time", "discharge", NAME, 0.0, 1e4),
 )
 # Measured on every pile beside the angle of repose and the Height; the other responses where they are targets.
@@ -212,7 +212,7 @@ def narrow_openings(section: Section, name: str, sizes_mm: Mapping[str, float]) 
     """Yield keys of openings that are at most as wide as a mean grain, whose size is given for each key."""
     for key, size in sizes_mm.items():
         if getattr(section, key) <= size:
-            yield f"{name}.{key}", f"above {size:.4g}, the size of a mean berry"
+            yield f"{name}.{key}", f"above {size:.4g}, the size of a mean grain"
 
 
 def impossible_surfaces(hopper: Hopper, name: str) -> Contradictions:
@@ -300,7 +300,7 @@ class FunnelTest(BenchTest[FunnelSettings]):
     statuses = ("ok", "jammed", "not_at_rest", "no_flank", "left_plate", "unstable")
     required_arrays = ("position", "quaternion", "in_pile")
     photographed: ClassVar = {"aor_deg": "aor_deg", "height_mm": "height_mm"}
-    summary = "angle of repose {aor_deg:.2f} deg, Height {height_mm:.1f} mm, {berries_on_plate} berries on the plate"
+    summary = "angle of repose {aor_deg:.2f} deg, Height {height_mm:.1f} mm, {berries_on_plate} grains on the plate"
 
     def world(self, scene: Scene, reach_m: float) -> dict[str, Any]:
         """Describe funnel and plate."""
@@ -351,16 +351,16 @@ class FunnelTest(BenchTest[FunnelSettings]):
         """Judge a pour before it is measured."""
         section = self.section(settings)
         n, off, waiting = section.berries, ending.off_plate, section.berries - len(ending.centres_m)
-        hanging = f"{ending.in_funnel} berries in the funnel and {waiting} not yet poured at the end"
+        hanging = f"{ending.in_funnel} grains in the funnel and {waiting} not yet poured at the end"
         in_pile, there = int(ending.in_pile.sum()), int(ending.on_plate.sum())
         energy, most_mm = ending.kinetic_energy_j / max(1, in_pile), section.rest_motion_mm
         moved_mm, window = 1e3 * ending.largest_motion_m, f"the last {section.rest_window_s:g} s"
         least = f"a pile has at least {FEWEST_IN_PILE} and {100 * SMALLEST_PILE:g} % of them"
-        apart = f"{in_pile} of {there} berries touch each other in the largest pile; {least}"
-        moved = f"a berry moved {moved_mm:.2f} mm in {window}, more than {most_mm:g}"
+        apart = f"{in_pile} of {there} grains touch each other in the largest pile; {least}"
+        moved = f"a grain moved {moved_mm:.2f} mm in {window}, more than {most_mm:g}"
         return stated(
             (ending.in_funnel or waiting > 0, "jammed", hanging),
-            (off > LARGEST_LOSS * n, "left_plate", f"{off} of {n} berries left the plate"),
+            (off > LARGEST_LOSS * n, "left_plate", f"{off} of {n} grains left the plate"),
             settings.simulation.not_at_rest(energy),
             (moved_mm > most_mm, "not_at_rest", moved),
             (in_pile < max(FEWEST_IN_PILE, SMALLEST_PILE * there), "no_flank", apart),
@@ -408,7 +408,7 @@ class FunnelTest(BenchTest[FunnelSettings]):
             (wide, "funnel.factory_diameter_mm", f"at most funnel.inlet_diameter_mm, {inlet:g}"),
             (small, "funnel.plate_diameter_mm", f"at least funnel.outlet_diameter_mm, {outlet:g}"),
             (window >= duration, "funnel.rest_window_s", f"below funnel.duration_s, {duration:g}"),
-            (last >= duration - window, "funnel.duration_s", f"{end}: the last berry appears at {last:g} s"),
+            (last >= duration - window, "funnel.duration_s", f"{end}: the last grain appears at {last:g} s"),
         )
 
     def misfits(self, settings: SceneSettings, axes_mm: Sequence[float]) -> Contradictions:

@@ -279,7 +279,7 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
             if angle[-1] >= steepest:
                 why[name] = f"the {what} stays up to {steepest:g} degrees"
             elif what == SINGLE and slide[-1] > SLIDING * speed[-1]:
-                why[name] = f"the berry slides at {angle[-1]:.1f} degrees and does not roll"
+                why[name] = f"the grain slides at {angle[-1]:.1f} degrees and does not roll"
             else:
                 measured[name] = beginning_deg(angle, speed)
                 why[name] = f"the {what} moves and stops, with no steady motion up to {angle[-1]:.1f} degrees"

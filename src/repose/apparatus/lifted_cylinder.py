@@ -124,7 +124,7 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         Response("lifted_aor_deg", "deg", "angle of repose, lifted cylinder", "AoR, lifted", NAME, 1.0, 89.0, ANGLE),
         Response("lifted_height_mm", "mm", "Height, lifted cylinder", "Height, lifted", NAME, 1.0, 2000.0, OUTLINE),
         Response("lifted_foot_mm", "mm", "foot radius, lifted cylinder", "foot, lifted", NAME, 0.0, 1e4, FOOT),
-        Response("lifted_loose_percent", "%", "loose berries, lifted cylinder", "loose, lifted", NAME, 0.0, 1e2, LOOSE),
+        Response("lifted_loose_percent", "%", "loose grains, lifted cylinder", "loose, lifted", NAME, 0.0, 1e2, LOOSE),
     )
     recorded = Recorded(
         tuple(OF_PILE), single=(*OF_PILE, "berries", "filling_height_mm", "lifted_mm", "berries_in_pile")
@@ -215,12 +215,12 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         off = not abs(level - asked) <= ending.grain_mm
         few = in_pile < SMALLEST_PILE * there
         return stated(
-            (ending.filled < grains, "not_filled", f"only {ending.filled} of {grains} berries find room in the tube"),
+            (ending.filled < grains, "not_filled", f"only {ending.filled} of {grains} grains find room in the tube"),
             (off, "not_filled", f"the bed rests at {level:.4g} mm, not at {asked:g} mm"),
-            (hanging, "jammed", f"{hanging} berries hang in the tube, which was lifted by its own length"),
-            (lost > LARGEST_LOSS * grains, "left_plate", f"{lost} of {grains} berries left the plate"),
+            (hanging, "jammed", f"{hanging} grains hang in the tube, which was lifted by its own length"),
+            (lost > LARGEST_LOSS * grains, "left_plate", f"{lost} of {grains} grains left the plate"),
             settings.simulation.not_at_rest(ending.energy_j, f" {section.settle_s:g} s after the lifting"),
-            (few, "no_flank", f"only {in_pile} of {there} berries touch each other in the largest pile"),
+            (few, "no_flank", f"only {in_pile} of {there} grains touch each other in the largest pile"),
         )
 
     def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
@@ -255,11 +255,11 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         if level is None:
             return
         if section.length_mm < (needed := level + axes_mm[0]):
-            yield (f"{NAME}.length_mm", f"at least {needed:.4g}, the filling height and the length of a mean berry")
+            yield (f"{NAME}.length_mm", f"at least {needed:.4g}, the filling height and the length of a mean grain")
         berry_m3 = math.pi / 6 * 1e-9 * math.prod(axes_mm)
         likely = LIKELY_PACKING * _without_gaps(section, berry_m3)
         if likely > MOST_BERRIES:
             highest = level * MOST_BERRIES / likely
-            yield f"{NAME}.filling_height_mm", f"below {highest:.4g}, which takes some {MOST_BERRIES} berries"
+            yield f"{NAME}.filling_height_mm", f"below {highest:.4g}, which takes some {MOST_BERRIES} grains"
         elif (last := likely / section.rate_per_s) >= section.lift_from_s:
-            yield (f"{NAME}.lift_from_s", f"above {last:.4g}, when the last of some {likely:.0f} berries appears")
+            yield (f"{NAME}.lift_from_s", f"above {last:.4g}, when the last of some {likely:.0f} grains appears")

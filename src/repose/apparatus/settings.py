@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 from pydantic import Field
 
@@ -23,13 +23,8 @@ class SimulationSettings(Section):
     gravity_m_s2: float = Field(ge=0.1, le=100)  # along -z
     tension: Literal["keep", "release"]  # how the normal force ends an impact
     rest_energy_j: float = Field(gt=0, le=1.0e-3)  # a bed is at rest when its mean energy of a grain is below this
-    contact_law: Annotated[str, OneOf(lambda: CONTACT_LAWS)] = "hertz_mindlin"
-    rolling_law: Annotated[str, OneOf(lambda: ROLLING_LAWS)] = "budget"
-
-    @classmethod
-    def of(cls, config: Mapping[str, Any]) -> Self:
-        """Read the section of a configuration."""
-        return cls.model_validate(config["simulation"])
+    contact_law: Annotated[str, OneOf(lambda: CONTACT_LAWS)]
+    rolling_law: Annotated[str, OneOf(lambda: ROLLING_LAWS)]
 
     @property
     def laws(self) -> dict[str, Any]:
@@ -38,7 +33,7 @@ class SimulationSettings(Section):
 
     def not_at_rest(self, energy_j: float, when: str = "") -> tuple[bool, str, str]:
         """Say whether a run of this mean energy of a grain is not at rest, and status and reason; when: more words."""
-        moves = f"kinetic energy {energy_j:.2e} J a berry{when}"
+        moves = f"kinetic energy {energy_j:.2e} J a grain{when}"
         return not energy_j <= self.rest_energy_j, "not_at_rest", f"{moves}, more than {self.rest_energy_j:.0e}"
 
     def steps(self, seconds: float) -> int:

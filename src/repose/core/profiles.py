@@ -82,7 +82,7 @@ class Profile:
 
     @property
     def whole(self) -> float:
-        """Denominator of percents of a score: the height over the root of the number of scores.
+        """What 100 % of a score means: the height over the root of the number of scores.
 
         If each score is off by at most p % of it, the smooth profiles are at most p % of the height apart.
         """

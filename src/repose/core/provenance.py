@@ -26,6 +26,7 @@ from repose.core.places import PACKAGE
 
 # A pour depends on the simulator, the bench tests and the grains.
 ENGINE = ("dem", "particle", "apparatus")
+SOURCES = (".py", ".yaml", ".csv", ".json", ".html", ".js", ".css", ".mplstyle")  # all that results depend on
 CPU_INFO = Path("/proc/cpuinfo")
 BUILT_FROM = "commit.txt"  # beside the program's other data; a build writes it
 # With these set, numba compiles and numpy calculates as on another type of processor, with other last bits.
@@ -118,7 +119,7 @@ def refuse_mixture(inputs: Iterable[tuple[Path, Mapping[str, Any] | None]]) -> N
         if "apparatus" in record:  # runs, which are rows of one table
             kind = (record["verb"], record["apparatus"])
             origin, where = origins.setdefault(kind, (record["origin"], path))
-            allowed = f"{origin}, as in {where}: runs of the same settings, berry and particle"
+            allowed = f"{origin}, as in {where}: runs of the same settings, grain and particle"
             require(origin == record["origin"], path, "provenance.origin", record["origin"], allowed)
 
 
@@ -139,7 +140,7 @@ def room_hash(*rooms: str) -> str:
     for room in rooms:
         place = PACKAGE.joinpath(*room.split("."))
         paths = sorted(place.rglob("*")) if place.is_dir() else [place.with_suffix(".py")]
-        for path in (path for path in paths if path.suffix in (".py", ".yaml")):
+        for path in (path for path in paths if path.suffix in SOURCES):
             digest.update(path.relative_to(PACKAGE).as_posix().encode())
             digest.update(path.read_bytes())
     return digest.hexdigest()[:16]

@@ -60,7 +60,7 @@ class Target:
 
     @property
     def whole(self) -> float:
-        """Denominator of percents of the aim: its size, or a share of its profile's, whose scores may be 0."""
+        """What 100 % means: the size of the aim, or for a score of a profile a share of the profile's height."""
         return abs(self.aim) if self.profile is None else self.profile.whole
 
     def off_percent(self, number: float) -> float:

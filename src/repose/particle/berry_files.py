@@ -39,7 +39,7 @@ def read_sizes(path: str | PathLike) -> "pd.DataFrame":
         faults += _unlike(column)
         other = larger.get(name, name)
         faults += [
-            (row - 1, name, float(column[row]), f"at most {other} of the same berry, {sizes.at[row, other]:g}")
+            (row - 1, name, float(column[row]), f"at most {other} of the same grain, {sizes.at[row, other]:g}")
             for row in sizes.index[column > sizes[other]]
         ]
     refuse(path, faults)

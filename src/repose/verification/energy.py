@@ -56,7 +56,7 @@ def cloud_momentum(effort: Effort) -> Rows:
     *drifts, left = track(simulation, 100, 20, changes).T
     for name, worst in zip(("momentum", "angular momentum"), np.max(drifts, axis=1), strict=True):
         yield close(f"{name}, largest drift over the sum of sizes", "", worst, 0.0, tolerance=1e-13, scale=1.0)
-    yield at_most("kinetic energy left", "", left[-1], 0.9, "the berries have collided")
+    yield at_most("kinetic energy left", "", left[-1], 0.9, "the grains have collided")
 
 
 Ratios = tuple[np.ndarray, np.ndarray]  # of each throw: the largest of ten energies, and the last, over that before
@@ -163,5 +163,5 @@ def elastic_impacts(effort: Effort) -> Rows:
         rng = np.random.default_rng([17, len(kind)])
         ends = np.concatenate([funnel_hits(rng, frictionless(), kind, **effort.laws)[1] for _ in range(effort.hits)])
         gain, share = 100.0 * (ends.max() - 1.0), 100.0 * float(np.mean(ends > MUCH))
-        yield reported(f"berries at the {kind}: largest gain of energy", "%", gain, WALL_NOTE)
-        yield reported(f"berries at the {kind}: throws that gain more than 5 %", "%", share, WALL_NOTE)
+        yield reported(f"grains at the {kind}: largest gain of energy", "%", gain, WALL_NOTE)
+        yield reported(f"grains at the {kind}: throws that gain more than 5 %", "%", share, WALL_NOTE)

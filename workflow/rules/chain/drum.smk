@@ -81,7 +81,7 @@ rule drum_film:
     params:
         config=CONFIG,
         code=room_hash("pictures"),
-        depends=sections("drum"),
+        depends=sections("drum", "colour", "small_run"),
     message:
         "Film of the drum"
     shell:

@@ -68,6 +68,7 @@ rule film:
     params:
         config=CONFIG,
         code=room_hash("pictures"),
+        depends=sections("funnel", "colour", "small_run"),
     message:
         "Film of the pour"
     shell:

@@ -19,7 +19,13 @@ rule miga:
         config=CONFIG,
         folder=folder,
         depends=reads("parameters", "targets", "miga"),
-        code=room_hash("chain.invert", "search", "surrogate"),
+        code=room_hash(
+            "chain.invert",
+            "chain.expected_loss",
+            "chain.chance",
+            "search",
+            "surrogate",
+        ),
     message:
         "Searching the parameters that give the target pile"
     shell:

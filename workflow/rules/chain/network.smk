@@ -18,7 +18,7 @@ rule network:
         config=CONFIG,
         folder=folder,
         depends=reads("responses", "surrogate", "network"),
-        code=room_hash("chain.train", "surrogate"),
+        code=room_hash("chain.train", "chain.tables", "surrogate"),
     message:
         "Training the surrogate"
     shell:

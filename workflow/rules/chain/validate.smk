@@ -146,7 +146,7 @@ rule validate:
             "validation.published_simulated",
             "scene",
         ),
-        code=room_hash("chain.validate", "chain.chance"),
+        code=room_hash("chain.validate", "chain.answer", "chain.chance"),
     message:
         "Predicted beside simulated and published"
     shell:
@@ -174,7 +174,7 @@ rule published_sets:
         config=CONFIG,
         folder=folder,
         depends=reads("responses", "parameters", "validation.published", "scene"),
-        code=room_hash("chain.validate"),
+        code=room_hash("chain.validate", "chain.dataset"),
     message:
         "The published parameter sets in this simulator: {output.table}"
     shell:

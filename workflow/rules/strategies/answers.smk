@@ -34,7 +34,9 @@ for name in BATCHED:
             config=CONFIG,
             folder=folder,
             depends=reads("parameters", "targets", "measure"),
-            code=room_hash("strategies", "chain.answer"),
+            code=room_hash(
+                "strategies", "chain.answer", "chain.chance", "chain.validate"
+            ),
             strategy=name,
             batches=lambda wildcards, input: list(
                 dict.fromkeys(

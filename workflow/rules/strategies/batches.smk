@@ -24,7 +24,17 @@ checkpoint propose:
         **needs(400, minutes=90),
     params:
         config=CONFIG,
-        code=room_hash("strategies", "surrogate", "search", "doe"),
+        code=room_hash(
+            "strategies",
+            "surrogate",
+            "search",
+            "doe",
+            "chain.design",
+            "chain.exchange_search",
+            "chain.train",
+            "chain.invert",
+            "chain.expected_loss",
+        ),
         folder=folder,
         batches=lambda wildcards: folders_of_batches(
             wildcards.strategy, int(wildcards.batch)

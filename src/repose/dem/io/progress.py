@@ -17,7 +17,7 @@ BAR_EVERY_S = 0.1
 def display(
     begin_s: float, end_s: float, time_step_s: float, progress: Any = None, label: str = ""
 ) -> Iterator[Callable[[float], Any]]:
-    """Show how far a run is; yield a callback that takes the simulated time [s].
+    """Show a progress bar; yield a callback that takes the simulated time [s].
 
     progress None: a bar where stderr is a terminal, else a line a minute. False: silence. Or a function of the
     simulated time. label: words before the numbers.

@@ -127,7 +127,7 @@ def add_sphere_contact(pairs, counts, clumps, entry, i, j, a, b):
 
 @inlined
 def drop_sphere_contact(pairs, counts, clumps, k, ghost):
-    """Remove contact k from its entry and the list; the last one takes its place, body `ghost` that of the last."""
+    """Remove contact k from its entry and the list by a swap with the last one, whose freed place points at `ghost`."""
     entry = pairs.entry[k]
     pairs.live[entry] -= 1
     a, b = np.int64(pairs.spheres[k, 0]), np.int64(pairs.spheres[k, 1])

@@ -307,7 +307,7 @@ def write_lane(t, contacts, lane, out):
 
 @inlined
 def close_lanes(t, lanes):
-    """Let the lanes after the first `lanes` touch nothing, whose geometry is that of another tile."""
+    """Open the unused lanes after the first `lanes`; they still hold another tile's geometry."""
     for lane in range(lanes, L):
         t[tl.GAP + lane] = 1.0
 

@@ -105,7 +105,7 @@ def take_place(counts, slot, room):
 
 @inlined
 def drop_near(pairs, counts, grid, k):
-    """Remove near pair k; the last one takes its place."""
+    """Remove near pair k by a swap with the last one."""
     last = counts[st.N_NEAR] - 1
     counts[st.N_NEAR] = last
     count_pair(grid.near, pairs.near_first[k], pairs.near_second[k], -1)
@@ -142,7 +142,7 @@ def add_contact(pairs, counts, grid, i, j, normal):
 
 @inlined
 def drop_contact(pairs, counts, grid, k, ghost):
-    """Remove touching pair k; the last one takes its place, body `ghost` that of the last."""
+    """Remove touching pair k by a swap with the last one, whose freed place points at `ghost`."""
     last = counts[st.N_PAIRS] - 1
     counts[st.N_PAIRS] = last
     count_pair(grid.touching, pairs.first[k], pairs.second[k], -1)

@@ -88,7 +88,7 @@ def add_wall_contact(contacts, counts, slot, body, wall, out):
 
 @inlined
 def drop_wall_contact(contacts, counts, slot, k, ghost):
-    """Remove contact k; the last one takes its place, body `ghost` that of the last."""
+    """Remove contact k by a swap with the last one, whose freed place points at `ghost`."""
     last = counts[slot] - 1
     counts[slot] = last
     contacts.body[k] = contacts.body[last]
