@@ -112,7 +112,7 @@ def predictions(kind: str) -> pd.DataFrame:
 def run_all() -> None:
     """Run what is missing until the budget is spent."""
     piles, others = (((lifted_piles, job) for job in some()) for some in (jobs, other_jobs))
-    for of, job in itertools.chain(piles, further_jobs(), others):
+    for of, job in itertools.chain(piles, others, further_jobs()):
         if any((folder / f"{of.name(*job)}.json").exists() for folder in (OUT, PUBLISHED)):
             continue
         if spent_h() >= BUDGET_H:
