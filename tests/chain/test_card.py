@@ -278,6 +278,7 @@ def test_a_card_that_contradicts_itself_is_refused(config, solutions):
     tests[5][0] |= {"status": "failed", "met": True}
     one = {"line": "mine", "simulated": 12.0, "standard_error": None}
     tests[6][0] |= {"line": "mine", "definitions": {"flank": one}}
+    volume = whole["grain"]["volume_mm3"]
     bad = [
         ({"parameters": {"e_gg": {"value": row["high"] + 0.01}}}, r"e_gg\.value is .* in its interval"),
         ({"correlations": correlations}, f"{names[0]}.{names[1]} is"),
@@ -293,7 +294,12 @@ def test_a_card_that_contradicts_itself_is_refused(config, solutions):
           for axes in ([0.02114, 0.01137, 0.00988], [2.114, 1.137, 0.988], [11.37, 21.14, 9.88])),
         ({"grain": {"ellipsoids_mm": [[105.7, 56.85, 49.4]]}}, r"those of its body, \[211\.4"),
         ({"grain": {"mass_g": 1000 * whole["grain"]["mass_g"]}}, "its density times its volume"),
-        ({"grain": {"shear_modulus_pa": 43.0}}, r"2 G \(1 \+ nu\)"),
+        ({"grain": {"shear_modulus_pa": 4300.0}}, r"2 G \(1 \+ nu\)"),
+        ({"grain": {"shear_modulus_pa": 43.0}}, "greater than or equal to 1000"),
+        ({"grain": {"density_kg_m3": 0.84047}}, "greater than or equal to 10"),
+        ({"grain": {"volume_mm3": 2 * volume, "mass_g": 2 * whole["grain"]["mass_g"]}}, r"grain\.volume_mm3"),
+        ({"grain": {"inertia_kg_m2": [1.0, 1.0, 1.0]}}, r"grain\.inertia_kg_m2 is 3\.0; .* as its axes have it"),
+        ({"wall": {"shear_modulus_pa": 1.0}}, "greater than or equal to 1000"),
         ({"grain": {"shape": "multisphere"}}, "grain.shape"),
         ({"grain": {"mean_axes_mm": [21.1, -11.4, 9.9]}}, r"mean_axes_mm\.1 is -11\.4"),
     ]  # fmt: skip

@@ -296,6 +296,9 @@ def test_the_built_in_crop_is_reported_in_a_folder_without_a_configuration(
 
 
 def test_codes_of_a_terminal_in_texts_of_users_are_not_obeyed(tmp_path, command):
+    (tmp_path / "runs.csv").write_text("mus\x1b[2J,angle_deg\n1,2\n")
+    fault = command("tell", tmp_path / "runs.csv", "--config", ROOT / "tests/bad_input/own.yaml", status=2).err
+    assert "\x1b" not in fault
     shown = json.loads((ROOT / "crops/cards/wheat.json").read_text()) | {"reason": "\x1b[31mred\x07\u009b"}
     path = written(tmp_path / "card.json", json.dumps(shown))
     out = command("card", "check", path, status=0 if shown["met"] else 3).out

@@ -26,6 +26,8 @@ def test_numbers_may_be_written_in_any_way(tmp_path, text):
 
 
 @pytest.mark.parametrize(("text", "message"), [
+    ("label: x\nyes: 3\n", "line 2: key is 'yes'; expected text"),
+    ("label: x\n2020-01-02: 3\n", "line 2: key is '2020-01-02'; expected text"),
     ("heap:\n  seeds: 3\n  seeds: 4\n", "line 3: seeds is 'given again'; expected each key once"),
     ("heap:\n  seeds: [3\n", "valid YAML"), ("- 3\n", "keys with values"), (None, "file is 'No such file"),
     ("heap:\n\tseeds: 3\n", "line 2 .*valid YAML .indent by spaces, no tabs"), ("", "content is 'empty'"),

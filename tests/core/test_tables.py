@@ -63,6 +63,20 @@ SUMMARIES += (
     "平均",
     "S.D.",
 )
+SUMMARIES += (
+    "St. Dev.",
+    "SE mean",
+    "Coefficient of variation",
+    "C.V.",
+    "Grand mean",
+    "Totals",
+    "IQR",
+    "50%",
+    "μ",
+    "x̄",
+    "±",
+)
+SUMMARIES += ("Média", "Desvio padrão", "Среднее", "gem.", "標準偏差")
 NAMES = ("Meander", "N1", "SE-12", "Max3", "sandy", "q12", "total 7")  # of grains
 
 
@@ -204,6 +218,13 @@ def test_a_row_that_sums_up_others_is_refused_by_its_word(tmp_path):
     check_all(check, [(f"{r}, {word}, {k}", r, word, k) for r in READERS for word in SUMMARIES for k in (False, True)])
 
 
+def test_a_column_that_says_something_of_each_run_is_no_summary(tmp_path):
+    path, column = tmp_path / "a.csv", tables.Column("b")
+    for words in (["Y", "Y", "N"], ["N", "Y", "Y"], ["mean"] * 3, ["true", "false", "true"]):
+        rows = "".join(f"{k},{k},{word}\n" for k, word in enumerate(words))
+        assert tables.read(written(path, f"a,b,said\n{rows}"), [column]).values["b"] == [0, 1, 2]
+
+
 def test_a_name_like_a_summary_is_a_row_and_a_row_is_no_comment(tmp_path):
     path, header = tmp_path / "a.csv", "grain,long_mm,major_mm,minor_mm\n"
     rows = "".join(f"{name},9.{k},8.{k},5\n" for k, name in enumerate(NAMES))
@@ -257,7 +278,7 @@ def test_commas_that_may_be_decimal_or_of_thousands_are_told(tmp_path):
         ('a,b\n1,2\n"3,4\n5,6\n', "line 3: cells is '\"3,4'; expected a CSV file: unexpected end of data"),
         ("", "rows is 0; expected a CSV file"),
         ("\n\n\n", "rows is 0; expected a CSV file"),
-        ("1,2\n", "column b is 'missing'; expected columns b; found: 1, 2"),
+        ("# b,c\n1,2\n", "header is '1, 2'; expected names of columns, in a line that does not begin with #"),
         ("a,b\n\0\0\n", "table is 'a byte of zero'; expected a CSV file in UTF-8"),
         ('{"a": 1}', "column b is 'missing'; expected columns b; found: {"),
         ("<table><tr><td>1</td></tr></table>", "column b is 'missing'; expected columns b; found: <table>"),

@@ -184,8 +184,14 @@ def test_files_with_a_fault_are_mended_where_that_is_safe_else_the_cause_is_name
     path, whole = tmp_path / "scan.stl", build.ellipsoid_mesh([20, 12, 9], 3)
     binary, text = whole.export(file_type="stl"), whole.export(file_type="stl_ascii").encode()
     facet, no_facet = binary[84:134], binary[84:108] + 2 * binary[108:120] + binary[132:134]
-    count, once_more = (number.to_bytes(4, "little") for number in (len(whole.faces), len(whole.faces) + 1))
+
+    def count_of(more):
+        return (len(whole.faces) + more).to_bytes(4, "little")
+
+    count, once_more = count_of(0), count_of(1)
+    flat = count_of(2) + binary[84:] + 2 * no_facet
     good = [
+        binary[:80] + flat, binary[:80] + count_of(2) + binary[84:] + facet + no_facet,
         binary, binary + bytes(100), *(binary[:80] + once_more + binary[84:] + other for other in (facet, no_facet)),
     ]  # fmt: skip
     for content in (*good, text, text.rstrip()[: -len("endsolid")]):

@@ -44,7 +44,9 @@ def study(tmp_path_factory):
     own |= {name: whole[name] for name in ("measure", "funnel")}
     config = configuration(TARGETS, SPACE, sequential=SECTION, **own)
     step = {"time_step_s": 1e-4, "gravity_m_s2": 9.81, "rest_energy_j": 1e-9}
-    return folder, config | {"simulation": step | {"tension": "keep"}}
+    return folder, config | {
+        "simulation": step | {"tension": "keep", "contact_law": "hertz_mindlin", "rolling_law": "budget"}
+    }
 
 
 def number(folder):

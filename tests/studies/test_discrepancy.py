@@ -73,6 +73,14 @@ def test_a_model_counts_by_its_piles_and_a_study_that_says_too_little_is_refused
     table = pd.read_csv(path)
     pd.concat([table, table]).to_csv(path, index=False)
     assert discrepancy.of_shape_study(path, PILE).models == pytest.approx(result.models)
+    noisy = pd.read_csv(path).assign(aor_se_deg=50.0)
+    noisy.to_csv(path, index=False)
+    input_error(
+        r"aor_difference_deg is 'of variance .*above 2.5e\+03, the mean square of the errors",
+        discrepancy.of_shape_study,
+        path,
+        PILE,
+    )
     few = combinations(tmp_path, np.ones((6, 2)), eligible=[True] * 4 + [False] * 2)
     wanted = r"combinations.csv: eligible is '4.0 models.*'; expected at least 5"
     input_error(wanted, discrepancy.of_shape_study, few, PILE)

@@ -11,7 +11,7 @@ from refusals import input_error
 from shared import ROOT, at, put, says
 
 from repose.chain import card
-from repose.config.record import add_runs
+from repose.config.record import Record
 from repose.config.study import Study
 from repose.strategies.runs import checked_runs
 from repose.strategies.sequential import noise
@@ -26,6 +26,12 @@ FREE = ["friction", "rolling"]
 
 def observed(study, runs):
     return observed_of(runs, study.parameters, study.targets)
+
+
+def added(study, new, file):
+    record = Record(study, file)
+    record.add_file(new)
+    return record.data
 
 
 def simulate(table, noise=0.01, seed=1):
@@ -127,7 +133,7 @@ def test_ask_and_tell_stop_with_an_answer_that_meets_the_targets(study, tmp_path
     following = study.ask()
     while not stop:
         simulate(following, seed=k).to_csv(tmp_path / "new.csv", index=False)
-        runs = add_runs(study, tmp_path / "new.csv", record)
+        runs = added(study, tmp_path / "new.csv", record)
         now = Study.own(CONTENT, record)
         following, stop, k = now.ask(), now.done, k + 1
     assert now.proposal.notes["stop"] == "probability"
@@ -147,12 +153,19 @@ def test_runs_are_told_by_rows_fixed_parameters_and_replicates(study, table, tmp
     known = observed(study, checked_runs(study, failed))
     assert len(known.failed) == 1
     assert known.counts.tolist() == [1] + [2] * 14
+    numbers = table.assign(status=np.where(table["run"] == 2, "unstable", "Success"))
+    numbers.loc[numbers["run"] == 2, "angle_deg"] = 0.0  # what the simulator wrote for a run that failed
+    runs = checked_runs(study, numbers)
+    assert runs.loc[runs["status"] != "ok", "angle_deg"].isna().all()
+    assert observed(study, runs).counts.tolist() == [1] * 16
+    for word in ("1", "0"):
+        input_error(f"row 1: status is '{word}'; expected ok, or", checked_runs, study, numbers.assign(status=word))
     runs = checked_runs(study, table.drop(columns="restitution"))
     assert (runs["restitution"] == 0.4).all()
     new, record = tmp_path / "new.csv", tmp_path / "runs.csv"
     for part in (table[:6], table[6:].drop(columns="restitution")):
         part.to_csv(new, index=False)
-        runs = add_runs(study, new, record)
+        runs = added(study, new, record)
     assert (runs["restitution"] == 0.4).all()
     assert len(runs) == len(table)
 

@@ -11,7 +11,7 @@ import yaml
 from refusals import input_error, not_refused
 
 from repose import Study
-from repose.config.record import add_runs
+from repose.config.record import Record
 from repose.core.errors import InputError
 
 QUICK = {"posterior": {"walkers": 32, "steps": 100}, "sequential": {"start_samples": 8, "tolerance_percent": 5.0}}
@@ -98,7 +98,7 @@ def test_the_verb_adds_rows_of_several_processes(tmp_path):
 
 
 def add_part(part, record):
-    add_runs(study(), part, record)
+    Record(study(), record).add_file(part)
 
 
 @pytest.fixture
@@ -153,6 +153,9 @@ def test_runs_made_before_count_at_once_where_no_run_of_the_turn_is_told(verbs):
     tell(made[3:40])
     asked = ask()
     assert not set(asked["a"]) & set(start["a"]), "a batch after these runs, not the start"
+    before = study()
+    before.tell(made)
+    input_error("there twice", before.tell, made[3:5])
     tell(noisy(asked)[:2])
     tell(made[40:])
     pd.testing.assert_frame_equal(ask(), asked[2:].reset_index(drop=True))
@@ -173,6 +176,9 @@ def test_what_is_wrong_is_told_by_its_name(tmp_path):
         (lambda: study().tell(pd.concat([good, good[["a"]]], axis=1)), "each column once"),
         (lambda: study().tell(good.assign(sample=good["sample"] + 1000)), "one of the 16 runs"),
         (lambda: study().tell(good[:0]), "a row for each run"),
+        (lambda: study().calibrate(3), "a function of a row"),
+        (lambda: study().calibrate(lambda row: 3.0), r"simulate is \[3.0.*a mapping with y, z"),
+        (lambda: study().calibrate(lambda row: None), "a mapping with y, z"),
     ]  # fmt: skip
     assert not not_refused(lambda case: case(), cases, InputError)
 

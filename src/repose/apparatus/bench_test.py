@@ -242,10 +242,6 @@ class BenchTest(ABC, Generic[S]):
                 return {"status": self.lacking.get(name, "no_flank"), "reason": reason}
         return {}
 
-    def recorded_for(self, config: Config) -> Recorded:
-        """Return the columns of its runs in the tables of a study, the targets first."""
-        return self.recorded.beginning_with(tuple(response.name for response in self.target_responses(config)))
-
     def result(self, record: Mapping[str, Any], arrays: Arrays, scene: Scene) -> dict[str, Any]:
         """Measure a run; a response outside its bounds is no result, and its run is not ``ok``."""
         measured = self.measure(record, arrays, scene)

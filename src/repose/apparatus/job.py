@@ -16,7 +16,7 @@ import numpy as np
 
 from repose.apparatus.bench_test import BenchTest, Run, Scene, bench_of
 from repose.apparatus.kept_runs import KeptRuns, read_measurement, write_measurement
-from repose.core.errors import InputError
+from repose.core.errors import require
 from repose.core.files import write_json, write_npz
 from repose.core.ledger import check_replaceable
 from repose.core.parameters import named
@@ -121,12 +121,12 @@ def measured(scene: Scene, path: Path) -> dict[str, Any]:
     test = bench_of(job, path)
     pours = job.pop("pours")
     for pour in pours:
-        if pour["status"] not in test.statuses:
-            raise InputError(path, "status", pour["status"], ", ".join(test.statuses))
+        require(pour["status"] in test.statuses, path, "status", pour["status"], ", ".join(test.statuses))
     arrays = saved_positions(positions_file(path))
     runs = []
     for pour in pours:
         needed = test.required_arrays if pour["status"] == "ok" else ()  # the arrays of a spoiled run may hold anything
         kept = pour_arrays(arrays, pour["seed"], path, needed)
         runs.append(test.result(pour, kept, scene))
-    return job | {"summary": summarise_runs(runs, test.recorded_for(scene.settings.config)), "runs": runs}
+    columns = test.recorded.beginning_with(tuple(one.name for one in test.target_responses(scene.settings.config)))
+    return job | {"summary": summarise_runs(runs, columns), "runs": runs}

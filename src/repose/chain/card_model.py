@@ -1,5 +1,6 @@
 """The content of a material card as a typed model, from which `card.schema.json` is made (`schema`)."""
 
+import math
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Final, Literal
 
@@ -47,7 +48,7 @@ class Part(Section):
 class Wall(Part):
     """The material of the walls."""
 
-    shear_modulus_pa: Positive
+    shear_modulus_pa: float = Field(ge=1e3, le=1e12)
     poisson_ratio: float = Field(ge=0, le=0.5)
 
 
@@ -56,8 +57,8 @@ class Grain(Wall):
 
     mean_axes_mm: Three = said("full axes, the longest first")
     measured: int = said("number of grains", ge=1)
-    relative_spread: float = said("standard deviation of the size over its mean; 0 where all are alike", ge=0)
-    density_kg_m3: Positive
+    relative_spread: float = said("standard deviation of the size over its mean; 0 where all are alike", ge=0, le=1)
+    density_kg_m3: float = Field(ge=10, le=25000)
     elastic_modulus_pa: Positive
     shape: Literal["ellipsoid", "smooth", "multisphere"]
     volume_mm3: Positive
@@ -85,6 +86,12 @@ class Grain(Wall):
             extents = [max(top for _, top in ends) - min(low for low, _ in ends) for ends in axes if ends]
         if any(abs(extent / axis - 1) > UNLIKE_AXES for extent, axis in zip(extents, self.mean_axes_mm, strict=False)):
             yield "grain.mean_axes_mm", self.mean_axes_mm, f"those of its body, {[float(f'{x:.4g}') for x in extents]}"
+        inertia = 1e-10 * self.mass_g * sum(axis**2 for axis in self.mean_axes_mm)  # the sum of the three, of full axes
+        sums = inertia if self.inertia_kg_m2 is ABSENT else sum(self.inertia_kg_m2)
+        of_axes = ("volume_mm3", self.volume_mm3, math.pi / 6 * math.prod(self.mean_axes_mm))
+        for key, value, likely in (of_axes, ("inertia_kg_m2", sums, inertia)):
+            if not 0.5 * likely < value < 1.9 * likely:
+                yield f"grain.{key}", value, f"some {likely:.3g}, as its axes have it"
         parts = {"ellipsoid": self.ellipsoids_mm, "smooth": self.ellipsoids_mm, "multisphere": self.spheres_mm}
         if not parts[self.shape]:
             yield "grain.shape", self.shape, "ellipsoids_mm or spheres_mm of such a body"

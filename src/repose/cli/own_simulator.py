@@ -45,10 +45,13 @@ def tell(args: argparse.Namespace, study: Study) -> None:
 
     example: new_runs.csv --config own.yaml --out own/runs.csv
     """
-    from repose.config.record import add_runs
+    from repose.config.record import Record
 
-    table = add_runs(study, args.runs, args.out)
-    print(f"{args.out}: {len(table)} runs of {table['sample'].nunique()} samples")
+    record = Record(study, args.out)
+    record.add_file(args.runs)
+    table = record.data
+    failed = f", {n} failed" if (n := (table["status"] != "ok").sum()) else ""
+    print(f"{args.out}: {len(table)} runs of {table['sample'].nunique()} samples{failed}")
 
 
 @verb(

@@ -96,11 +96,6 @@ def _mm_per_pixel(_config: Config, grain: Grain, _particle: "Particle") -> float
     return min(max(float(f"{diameter_mm(grain) / PIXELS_A_GRAIN:.2g}"), low), high)
 
 
-def _factory_height_mm(_config: Config, grain: Grain, _particle: "Particle") -> float:
-    """Choose a grain's width above the funnel."""
-    return float(f"{diameter_mm(grain):.2g}")
-
-
 def _factory_diameter_mm(config: Config, grain: Grain, _particle: "Particle") -> float:
     """Choose the inlet's disc less half a grain all around."""
     inlet = typed.sections(config).funnel.inlet_diameter_mm
@@ -139,7 +134,7 @@ def split_of(surrogate: str) -> list[float]:
 COMPUTED = (
     Computed("network", "split", ("surrogate",), lambda config, *_: split_of(typed.sections(config).surrogate)),
     Computed("measure", "mm_per_pixel", ("berry",), _mm_per_pixel),
-    Computed("funnel", "factory_height_mm", ("berry",), _factory_height_mm),
+    Computed("funnel", "factory_height_mm", ("berry",), lambda _, grain, __: float(f"{diameter_mm(grain):.2g}")),
     Computed("funnel", "factory_diameter_mm", ("berry", "funnel"), _factory_diameter_mm),
     Computed("funnel", "duration_s", ("berry", "funnel", "simulation"), _duration_s),
     Computed("simulation", "time_step_s", ("berry", "wall", "parameters", "validation", "simulation"), _time_step_s),

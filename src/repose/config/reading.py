@@ -27,8 +27,9 @@ class StrictLoader(yaml.SafeLoader):
             if key_node.tag == "tag:yaml.org,2002:merge":  # <<, whose keys the others replace
                 continue
             key = self.construct_object(key_node, deep=deep)
-            good = isinstance(key, str | int | float | bool | None)
-            require(good, self.place_of(key_node), "key", "a list or mapping", "text")
+            found = key_node.value if isinstance(key_node.value, str) else "a list or mapping"
+            good = isinstance(key, str | int | float | None) and not isinstance(key, bool)
+            require(good, self.place_of(key_node), "key", found, "text; put it in quotes if it is a name")
             require(key not in seen, self.place_of(key_node), str(key), "given again", "each key once")
             seen.add(key)
         return super().construct_mapping(node, deep)
@@ -62,9 +63,8 @@ def read(path: str | os.PathLike) -> dict[str, Any]:
     except UnicodeDecodeError:
         raise InputError(path, "file", "not text", "a YAML or JSON file in UTF-8") from None
     content = parse(text, str(path))
-    if not isinstance(content, dict):
-        allowed = "keys with values, as `repose new` writes them"
-        raise InputError(path, "content", "empty" if content is None else content, allowed)
+    found, allowed = "empty" if content is None else content, "keys with values, as `repose new` writes them"
+    require(isinstance(content, dict), path, "content", found, allowed)
     return content
 
 
@@ -78,9 +78,8 @@ def parse(text: str, name: str) -> Any:
         if node is None:
             return None
         characters = _characters(node, {})
-        if characters > MOST_CHARACTERS:
-            allowed = f"at most {MOST_CHARACTERS}"
-            raise InputError(name, "characters once every alias is replaced", characters, allowed)
+        few, allowed = characters <= MOST_CHARACTERS, f"at most {MOST_CHARACTERS}"
+        require(few, name, "characters once every alias is replaced", characters, allowed)
         return loader.construct_document(node)
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 0

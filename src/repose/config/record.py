@@ -183,6 +183,8 @@ class Record:
         sets = {name: _numbers(table, name) if name in table else space.fixed[name] for name in space.names}
         found = pd.DataFrame(sets)
         rows = self._with_responses(found, table)
+        if "run" not in table and len(self.data):
+            _refuse_again(rows[["status", *found, *self.study.targets.names]], self.data, SOURCE)
         numbered = self._numbered(rows.to_dict("records"), found)
         return pd.DataFrame(numbered).assign(**{TURN: self._turn[1]})
 
@@ -193,13 +195,6 @@ class Record:
         status = table["status"] if "status" in table else np.where(ok, OK, FAILED)
         responses = {name: table[name] for name in names}
         return found.assign(status=status, **responses, **{TURN: self._turn[1]})
-
-
-def add_runs(study: Studied, new: str | os.PathLike, file: str | os.PathLike) -> pd.DataFrame:
-    """Add the runs of a CSV file to a record, made if missing; return all of its runs, also too few for an answer."""
-    record = Record(study, file)
-    record.add_file(new)
-    return record.data
 
 
 def _points(table: pd.DataFrame, names: Sequence[str]) -> list[tuple[float, ...]]:
@@ -220,9 +215,8 @@ def _refuse_again(new: pd.DataFrame, data: pd.DataFrame, source: object) -> None
 def _checked_table(table: Any) -> pd.DataFrame:
     """Return a table with a plain index; InputError for anything else, or a column that is there twice."""
     require(isinstance(table, pd.DataFrame), SOURCE, "type", type(table).__name__, "a pandas.DataFrame")
-    twice = table.columns[table.columns.duplicated()]
-    if len(twice):
-        raise InputError(SOURCE, "column", str(twice[0]), "each column once")
+    twice = list(map(str, table.columns[table.columns.duplicated()]))
+    require(not twice, SOURCE, "column", ", ".join(twice[:1]), "each column once")
     require(not table.empty, SOURCE, "rows", 0, "a row for each run")
     return table.reset_index(drop=True)
 

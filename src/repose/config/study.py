@@ -433,10 +433,11 @@ class Study:
         """
         while not self.done:
             asked = self.ask()
-            found = [dict(simulate(row)) for row in asked.to_dict("records")]
             names = list(self.targets.names)
-            missing = [name for name in names if any(name not in row for row in found)]
-            require(not missing, "study", "simulate", "its result", f"a mapping with {', '.join(missing)}")
+            require(callable(simulate), "study", "simulate", simulate, "a function of a row of `ask`")
+            found = [simulate(row) for row in asked.to_dict("records")]
+            bad = [row for row in found if not isinstance(row, Mapping) or set(names) - set(row)]
+            require(not bad, "study", "simulate", bad[:1], f"a function that returns a mapping with {', '.join(names)}")
             self.tell(asked.assign(**{name: [row[name] for row in found] for name in names}))
         return self.answer()
 

@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import Any
 
 KEY = "provenance"
-SIDECAR = ".provenance.json"
 PNG = b"\x89PNG\r\n\x1a\n"
+SIDECAR = ".provenance.json"
 HEADER = 33  # bytes of a PNG's signature and first chunk
 # A flipped bit may turn on an archive's password or an unknown method, which is a RuntimeError.
-UNREADABLE = (*(OSError, EOFError, ValueError, KeyError, RuntimeError), *(zipfile.BadZipFile, zlib.error, struct.error))
+UNREADABLE = (OSError, EOFError, ValueError, KeyError, RuntimeError, SyntaxError, zipfile.BadZipFile, zlib.error)
 
 
 def plain_file(path: str | PathLike) -> Path:
@@ -65,9 +65,7 @@ def _from_npz(path: Path) -> Any:
 
 
 def _from_png(path: Path) -> Any:
-    content = path.read_bytes()
-    at = content.find(b"tEXt" + KEY.encode() + b"\0", HEADER, HEADER + 100)
-    if not content.startswith(PNG) or at < 0:
-        return None
-    length = struct.unpack(">I", content[at - 4 : at])[0]
-    return json.loads(content[at + 4 + len(KEY) + 1 : at + 4 + length])
+    from PIL import Image  # not by the processes that pour
+
+    with Image.open(path) as picture:
+        return json.loads(picture.info[KEY])

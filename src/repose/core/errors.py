@@ -62,7 +62,8 @@ def raise_together(faults: Iterable[InputError]) -> None:
 def print_fault(fault: object) -> None:
     """Print a fault of the input, an exception or its text, on stderr; one line for each fault."""
     for line in str(fault).splitlines():
-        print(f"repose: error: {line}", file=sys.stderr, flush=True)
+        safe = "".join(one if one.isprintable() else repr(one)[1:-1] for one in line)  # no escape code of a file
+        print(f"repose: error: {safe}", file=sys.stderr, flush=True)
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from repose.core.attached import plain_file
-from repose.core.errors import InputError, raise_together
+from repose.core.errors import InputError, raise_together, require
 from repose.core.parameters import LABELS, plain_number
 
 if TYPE_CHECKING:
@@ -32,10 +32,12 @@ DECIMAL_COMMA, DECIMAL_POINT = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?"), re.co
 THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")  # 1,234: may be a number of thousands
 # What begins or is the name of a row that sums up others.
 SUMMARY = re.compile(
-    r"((geo)?mean|average|avg|median|std|stdev|stddev|overall|summary|durchschnitt|mittelwert|stabw|moyenne|promedio|"
-    r"quartile|ø|σ|平均值?|均值|标准差)([\W\d_].*)?|(sd|s\.d|sem?|s\.e|cv|rsd|mw|n)( ?[(=%].*)?|mode|media|suma|q[1-4]|"
-    r"\d+ ?% ?(ci|confidence.*|percentile)|standard ?(deviation|error)|var|variance|range|min|minimum|max|maximum|"
-    "count|sum|(sub|grand)? ?total|mittel|summe|gesamt|standardabweichung|anzahl|somme|[eé]cart.?type"
+    r"((geo|grand)? ?mean|average|avg|median|std|st\.? ?d?dev|overall|summary|durchschnitt|mittelwert|stabw|moy(enne)?|"
+    r"promedio|gemiddelde|medelvärde|średnia|ortalama|keskiarvo|среднее|coefficient of variation|quartile|[øσμ±]|x̄|"
+    r"平均值?|均值|标准差|標準偏差)([\W\d_].*)?|(s\.?d|s\.?e|sem|c\.?v|rsd|mw|n)( ?[(=%].*)?|m[eé]dia|mode|suma|"
+    r"q[1-4]|iqr|rms|gem|se mean|\d+ ?%( ?(ci|confidence.*|percentile))?|standard ?(deviation|error)|var(iance)?|range|"
+    "m(in|ax)(imum)?|count|sum|(sub|grand)? ?totals?|mittel|summe|gesamt|standardabweichung|anzahl|somme|desv.*|"
+    "[eé]cart.?type"
 )
 NOTHING = frozenset(("", "nan", "na", "n/a", "null", "none", "<na>"))
 TRUTH = {"true": True, "false": False}
@@ -183,9 +185,9 @@ def check_columns(path: object, table: Iterable[str], columns: Iterable[str], wh
     """Raise InputError if a column is missing; `path` stands in the message."""
     columns = tuple(columns)
     for column in columns:
-        if column not in table:
-            needed = f"columns {', '.join(columns)}" + (f" of {what}" if what != TABLE else "")
-            raise InputError(path, f"column {column}", "missing", f"{needed}; found: {', '.join(map(str, table))}")
+        needed = f"columns {', '.join(columns)}" + (f" of {what}" if what != TABLE else "")
+        allowed = f"{needed}; found: {', '.join(map(str, table))}"
+        require(column in table, path, f"column {column}", "missing", allowed)
 
 
 def sheet(path: Path_, what: str = TABLE) -> Table:
@@ -204,15 +206,16 @@ def sheet(path: Path_, what: str = TABLE) -> Table:
     if lines and (named := re.fullmatch(r'"?sep=(.)"?\s*', lines[first])):
         separator, lines[first] = named[1], "\n"
     cells = lines[first].count(separator) if lines else 0
+    allowed = "a row that begins without #, or a comment that begins with '# '"
     for line in comments:
-        if cells and line.count(separator) == cells and line.lstrip(' "')[1:2].strip():
-            raise InputError(
-                path, "line", line.strip(), "a row that begins without #, or a comment that begins with '# '"
-            )
+        is_row = cells and line.count(separator) == cells and line.lstrip(' "')[1:2].strip()
+        require(not is_row, path, "line", line.strip(), allowed)
     rows = _rows(path, lines, separator, what)
-    if not rows:
-        raise InputError(path, "rows", 0, what)
+    require(rows, path, "rows", 0, what)
     header = rows.pop(0)
+    allowed = "names of columns, in a line that does not begin with #"
+    numbers = is_plain(header) and any(cell[:1].isdigit() for cell in header)
+    require(not numbers, path, "header", ", ".join(header), allowed)
     width = max((k for k, name in enumerate(header, start=1) if name), default=0)
     more = "; a decimal comma needs ; between the columns" if separator == "," else ""
     odd = ((k, len(row)) for k, row in enumerate(rows) if len(row) < width or any(row[width:]))
@@ -257,7 +260,7 @@ def _rows(path: Path_, lines: Sequence[str], separator: str, what: str) -> list[
 
 def _with_points(path: Path_, columns: dict[str, Sequence[str]], separator: str) -> dict[str, Sequence[str]]:
     """Write decimal commas as points; InputError where a comma may be one of thousands, or both signs occur."""
-    texts = {name: cells for name, cells in columns.items() if not _is_plain(cells)}
+    texts = {name: cells for name, cells in columns.items() if not is_plain(cells)}
     places = ((k, name, cell) for name, cells in texts.items() for k, cell in enumerate(cells))
     commas = [place for place in places if DECIMAL_COMMA.fullmatch(place[2])]
     if commas and any(DECIMAL_POINT.fullmatch(cell) for cells in columns.values() for cell in cells):
@@ -270,7 +273,7 @@ def _with_points(path: Path_, columns: dict[str, Sequence[str]], separator: str)
     return columns | changed
 
 
-def _is_plain(cells: Sequence[Any]) -> bool:
+def is_plain(cells: Sequence[Any]) -> bool:
     """Tell whether all cells are texts of digits, points, signs and exponents alone."""
     try:
         return DIGITS.issuperset("".join(cells))
@@ -282,17 +285,20 @@ def _summaries(table: Table) -> Iterator[Fault]:
     """Find rows that sum up others: their first cell says so, or one of a column that is not declared as text."""
     found = set()
     for k, (name, cells) in enumerate(table.text.items()):
-        may_say_so = (k == 0 or name not in table.words) and not _is_plain(cells)
-        for row, cell in enumerate(cells if may_say_so else ()):
-            if row not in found and SUMMARY.fullmatch(cell.casefold().strip(" .:")):
+        words = [] if (k and name in table.words) or is_plain(cells) else [one.casefold().strip(" .:") for one in cells]
+        kinds = {word for word in words if word}
+        of_runs = k and len(kinds) > 1 and max(map(len, kinds)) == 1  # such as Y and N
+        of_runs = of_runs or (k and words and SUMMARY.fullmatch(words[0]))  # such as the same method in each row
+        for row, word in enumerate(() if of_runs else words):
+            if row not in found and SUMMARY.fullmatch(word):
                 found.add(row)
-                yield row, name, cell, "a row of its own measurement; leave out rows that sum up others"
+                yield row, name, cells[row], "a row of its own measurement; leave out rows that sum up others"
 
 
 def _check_column(column: Column, cells: Sequence[Any], left_out: Collection[int]) -> tuple[list[Any], list[Fault]]:
     """Read the cells of a column, as `check` does."""
     faults: list[Fault] = []
-    values = _read_at_once(column, cells)
+    values = [] if left_out else _read_at_once(column, cells)
     for k, cell in enumerate(cells if len(values) < len(cells) else ()):
         try:
             values.append(math.nan if k in left_out else column.read(cell))
@@ -308,7 +314,7 @@ def _check_column(column: Column, cells: Sequence[Any], left_out: Collection[int
 
 def _read_at_once(column: Column, cells: Sequence[Any]) -> list[Any]:
     """Read a column of good plain numbers; empty where a look at each cell is needed."""
-    if column.kind not in (float, int) or not _is_plain(cells):
+    if column.kind not in (float, int) or not is_plain(cells):
         return []
     try:
         values: list[Any] = list(map(column.kind, cells))

@@ -10,7 +10,6 @@ docs/measurement.md.
 """
 
 import contextlib
-import warnings
 from collections.abc import Iterator
 from dataclasses import replace
 from os import PathLike
@@ -26,7 +25,7 @@ from repose.measure.segmentation import SMALLEST, Segmentation, of_silhouette, r
 from repose.measure.settings import MeasureSettings
 from repose.measure.silhouette import BACKGROUND_TONE, PILE_TONE, ConvexBody, Grains, frame, outlines, paint, top_of
 
-HEIC = (b"ftypheic", b"ftypheix", b"ftyphevc", b"ftypmif1")
+HEIC = tuple(b"ftyp" + brand for brand in (b"heic", b"heix", b"hevc", b"hevx", b"heim", b"heis", b"mif1", b"msf1"))
 FEWEST_PIXELS, MOST_PIXELS = 20, 200_000_000  # on a side; in all
 
 LOWEST_PILE_GRAINS = 1.5  # in equivalent diameters: 20 mm for the mean grain; below, a layer and not a pile
@@ -87,7 +86,8 @@ def read_image(path: str | PathLike) -> np.ndarray:
     Of deeper pictures the upper eight of the bits that they use are read: a camera's 10 or 12 bits lie in 16.
     """
     path = Path(path)
-    require(path.is_file(), path, "picture", "no such file", "an existing picture file (PNG, JPEG, TIFF, BMP)")
+    found = "a folder" if path.is_dir() else "no such file"
+    require(path.is_file(), path, "picture", found, "an existing picture file (PNG, JPEG, TIFF, BMP)")
     _check_header(path)
     content, image = np.frombuffer(path.read_bytes(), dtype=np.uint8), None
     with contextlib.suppress(cv2.error):  # an empty file, or a header with more pixels than OpenCV accepts
@@ -98,7 +98,7 @@ def read_image(path: str | PathLike) -> np.ndarray:
         raise InputError(path, "picture", f"of {image.dtype} numbers", "a picture of 8 to 16 bits a colour")
     if image is None:
         found = "not a picture" if content.size else "an empty file"
-        raise InputError(path, "picture", found, "a picture file (PNG, JPEG, TIFF, BMP)")
+        raise InputError(path, "picture", found, "a picture file (PNG, JPEG, TIFF, BMP), whole")
     return image
 
 
@@ -110,17 +110,16 @@ def _check_header(path: Path) -> None:
         if file.read(12)[4:] in HEIC:
             raise InputError(path, "picture", "HEIC", "PNG or JPEG; a phone exports it (`heif-convert a.heic a.jpg`)")
     allowed = f"at least {FEWEST_PIXELS} pixels each way, at most {MOST_PIXELS / 1e6:g} million in all"
+    before, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None  # Pillow's own limit is below a phone's picture
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # Pillow's own limit
-            with Image.open(path) as picture:
-                width, height = picture.size
-    except Image.DecompressionBombError:
-        raise InputError(path, "size", "far too many pixels", allowed) from None
+        with Image.open(path) as picture:
+            width, height = picture.size
     except (UnidentifiedImageError, OSError, SyntaxError, ValueError):
         return  # OpenCV says whether it is a picture
-    if min(width, height) < FEWEST_PIXELS or width * height > MOST_PIXELS:
-        raise InputError(path, "size", f"{width} x {height} pixels", allowed)
+    finally:
+        Image.MAX_IMAGE_PIXELS = before
+    good = min(width, height) >= FEWEST_PIXELS and width * height <= MOST_PIXELS
+    require(good, path, "size", f"{width} x {height} pixels", allowed)
 
 
 # --- a simulated pile -----------------------------------------------------------------------------

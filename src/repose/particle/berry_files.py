@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
-from repose.core.errors import InputError
+from repose.core.errors import InputError, require
 from repose.core.files import read_json
 from repose.core.tables import Column, Fault, other_unit, read, refuse
 
@@ -30,9 +30,9 @@ def read_sizes(path: str | PathLike) -> "pd.DataFrame":
     """Read the full axes of measured berries [mm]: `long_mm`, `major_mm`, `minor_mm`, a row for each berry."""
     sizes = _read_numbers(path, SIZE_COLUMNS, 2, "berries, or there is no standard deviation")
     middle = sizes.median()
-    if not LENGTHS_MM[0] <= middle["long_mm"] <= LENGTHS_MM[1]:
-        allowed = "a median from {:g} to {:g}: are the sizes in millimetres?".format(*LENGTHS_MM)
-        raise InputError(path, "long_mm", float(middle["long_mm"]), allowed)
+    (low, high), longest = LENGTHS_MM, float(middle["long_mm"])
+    allowed = f"a median from {low:g} to {high:g}: are the sizes in millimetres?"
+    require(low <= longest <= high, path, "long_mm", longest, allowed)
     larger = dict(zip(SIZE_COLUMNS[1:], SIZE_COLUMNS, strict=False))
     faults: list[Fault] = []
     for name, column in sizes.items():

@@ -10,7 +10,7 @@ import numpy as np
 import trimesh
 from numpy.typing import ArrayLike
 
-from repose.core.errors import InputError
+from repose.core.errors import InputError, require
 from repose.particle.berry_files import LENGTHS_MM
 from repose.particle.particle import MM, Body
 
@@ -28,8 +28,7 @@ def ellipsoid_mesh(axes_mm: ArrayLike, subdivisions: int = 4) -> trimesh.Trimesh
 def load_mesh(path: str | PathLike) -> trimesh.Trimesh:
     """Read a mesh [mm] that trimesh reads, such as STL; it comes in its principal pose and checked (`check_mesh`)."""
     path = Path(path)
-    if not path.is_file():
-        raise InputError(path, "file", None, "an existing mesh file, such as an STL in millimetres")
+    require(path.is_file(), path, "file", None, "an existing mesh file, such as an STL in millimetres")
     if path.suffix.lower() == ".stl":
         return mesh_of(_whole_stl(path.read_bytes(), path), path)
     return _read(path, None, path)
@@ -40,8 +39,7 @@ def _whole_stl(content: bytes, source: object) -> bytes:
     text = content.lower()
     if text.lstrip().startswith(b"solid") and b"facet" in text[:1000]:
         begun, ended = (len(re.findall(rb"(?m)^\s*" + word + rb"\b", text)) for word in (b"facet", b"endfacet"))
-        if begun != ended:
-            raise InputError(source, "facets", ended, f"{begun}, as many as begin: the file is cut off")
+        require(begun == ended, source, "facets", ended, f"{begun}, as many as begin: the file is cut off")
         return content if text.rstrip().splitlines()[-1].lstrip().startswith(b"endsolid") else content + b"\nendsolid\n"
     count = int.from_bytes(content[STL_HEADER - 4 : STL_HEADER], "little")
     if len(content) < STL_HEADER + STL_FACET * count:
@@ -76,19 +74,17 @@ def check_mesh(mesh: trimesh.Trimesh, source: object) -> trimesh.Trimesh:
 
     Any other is an InputError. Facets without an area, and some that are there twice, are taken out of it.
     """
-    if len(mesh.faces) < 4:
-        raise InputError(source, "faces", len(mesh.faces), "a closed surface of at least 4 faces")
-    if not np.isfinite(mesh.vertices).all():
-        raise InputError(source, "vertices", "not finite", "finite coordinates in millimetres")
+    require(len(mesh.faces) >= 4, source, "faces", len(mesh.faces), "a closed surface of at least 4 faces")
+    finite = np.isfinite(mesh.vertices).all()
+    require(finite, source, "vertices", "not finite", "finite coordinates in millimetres")
     longest = float(mesh.extents.max())
     low, high = LENGTHS_MM
-    if not low <= longest <= high:
-        allowed = f"from {low:g} to {high:g}: is the mesh in millimetres?"
-        raise InputError(source, "longest side in mm", longest, allowed)
-    for good in (mesh.nondegenerate_faces(), mesh.unique_faces()):
-        if 2 * good.sum() <= len(good):
-            allowed = f"{len(good)}: is the body there twice?"
-            raise InputError(source, "facets with an area, each once", int(good.sum()), allowed)
+    allowed = f"from {low:g} to {high:g}: is the mesh in millimetres?"
+    require(low <= longest <= high, source, "longest side in mm", longest, allowed)
+    for find in (mesh.nondegenerate_faces, mesh.unique_faces):
+        good = find()  # among the facets that the one before has left
+        several, allowed = 2 * good.sum() > len(good), f"{len(good)}: is the body there twice?"
+        require(several, source, "facets with an area, each once", int(good.sum()), allowed)
         if not good.all():
             mesh.update_faces(good)
     if not mesh.is_watertight or not mesh.is_winding_consistent:
@@ -96,11 +92,10 @@ def check_mesh(mesh: trimesh.Trimesh, source: object) -> trimesh.Trimesh:
         found = f"{(facets == 1).sum()} edges of one facet, {(facets > 2).sum()} of more than two"
         allowed = "a watertight surface with consistent faces: each edge belongs to two facets; close the holes first"
         raise InputError(source, "surface", found, allowed)
-    if mesh.body_count > 1:
-        raise InputError(source, "bodies", mesh.body_count, "1: the outer surface of one grain")
-    if mesh.volume <= 0:
-        raise InputError(source, "volume in mm3", float(mesh.volume), "positive; the faces must look outwards")
-    share = float(mesh.volume / mesh.convex_hull.volume)
+    require(mesh.body_count <= 1, source, "bodies", mesh.body_count, "1: the outer surface of one grain")
+    volume = float(mesh.volume)
+    require(volume > 0, source, "volume in mm3", volume, "positive; the faces must look outwards")
+    share = volume / float(mesh.convex_hull.volume)
     if not CONVEX_SHARE <= share <= 1 + 1e-6:
         dents = f"at least {CONVEX_SHARE:g}; the particle is convex and cannot stand for dents this deep"
         allowed = dents if share < 1 else "at most 1; the surface crosses itself"

@@ -10,16 +10,18 @@ from repose.core.errors import require
 from repose.core.files import Path_
 from repose.core.parameter_space import ParameterSpace
 from repose.core.runs import mean_and_error
-from repose.core.tables import Column, Fault, check, check_columns, read, refuse
+from repose.core.tables import Column, Fault, check, check_columns, is_plain, read, refuse
 from repose.core.targets import Targets
 from repose.strategies.base import Studied, strategy
 
-OK = "ok"
+# Words for a run that is good, the first one ours; a number such as 0 or 1 may mean either.
+GOOD = (OK := "ok", "success", "successful", "done", "finished", "completed", "converged", "true", "yes")
 Rows = Sequence[Mapping[str, Any]]
 Table: TypeAlias = pd.DataFrame | Rows
 TURN = "turn"  # column of a record: with which proposal a run was told
 TURNS = Column(TURN, int, low=0, empty=True)
 OPTIONAL = ("status", TURN)
+STATUS = "ok, or a word such as failed"
 RESPONSE = "a finite number; a run that failed has another `status` than ok"
 ROUNDED = 1e-6  # of a range: a table may have been rounded by a spreadsheet
 
@@ -92,13 +94,14 @@ def checked_runs(study: Studied, rows: Table, source: object = "runs", enough: b
     check_columns(source, rows[0], (*space.names, *names))
     cells = {name: [row.get(name) for row in rows] for name in (*space.names, *names, *OPTIONAL)}
     status = [str(cell or OK).strip() for cell in cells["status"]]
-    status = [OK if one.lower() == OK else one for one in status]
+    status = [OK if one.casefold() in GOOD else one for one in status]
+    unclear = [(k, "status", one, STATUS) for k, one in enumerate(status) if is_plain([one])]
     failed = {k for k, one in enumerate(status) if one != OK}
     ends = space.complete(np.array([space.low, space.high]))
     sets, faults = check(cells, map(_parameter, space.names, *ends.tolist()))
     responses, more = check(cells, [Column(name, words=RESPONSE) for name in names], failed)
     turns, others = check(cells, [TURNS])
-    refuse(source, [*faults, *more, *others])
+    refuse(source, [*faults, *more, *others, *unclear])
     table = pd.DataFrame({"status": status, **sets, **responses})
     parameters = list(space.names)
     table[parameters] = np.clip(table[parameters].to_numpy(float), *ends)  # undo the rounding of a spreadsheet
@@ -157,6 +160,6 @@ def _refuse_twice(table: pd.DataFrame, rows: Rows, source: object) -> None:
         if first != k and numbered:
             faults.append((k, "sample and run", list(key), f"each once; row {first + 1} has them, too"))
         elif first != k:
-            allowed = f"a run of its own: all numbers of this row stand in row {first + 1}"
+            allowed = f"a run of its own, or a column `run`: all numbers of this row stand in row {first + 1}"
             faults.append((k, "row", "there twice", allowed))
     refuse(source, faults)

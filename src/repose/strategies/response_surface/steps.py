@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from repose.chain.design import parameter_sets
-from repose.core.errors import InputError, require
+from repose.core.errors import require
 from repose.core.parameter_space import ParameterSpace
 from repose.core.targets import Targets
 
@@ -43,8 +43,7 @@ def usable(table: pd.DataFrame, dataset: pd.DataFrame) -> pd.DataFrame:
     coded = [name for name in table if name.startswith(CODED)]
     joined = table[["sample", *coded]].merge(dataset, on="sample")
     good = joined[joined["status"] == "ok"].reset_index(drop=True)
-    if good.empty:
-        raise InputError("runs", "status", sorted(set(dataset["status"])), "at least one sample that is ok")
+    require(not good.empty, "runs", "status", sorted(set(dataset["status"])), "at least one sample that is ok")
     return good
 
 
