@@ -194,6 +194,8 @@ def test_files_with_a_fault_are_mended_where_that_is_safe_else_the_cause_is_name
         binary[:80] + flat, binary[:80] + count_of(2) + binary[84:] + facet + no_facet,
         binary, binary + bytes(100), *(binary[:80] + once_more + binary[84:] + other for other in (facet, no_facet)),
     ]  # fmt: skip
+    good += [b"\xef\xbb\xbf" + text, text.replace(b"\n", b"\r"), text.replace(b"\n", b" " * 2000 + b"\n", 1)]
+    good += [b"solid of a facet".ljust(80) + binary[80:], b"solid K\xc3\xb6rper" + text[text.index(b"\n") :]]
     for content in (*good, text, text.rstrip()[: -len("endsolid")]):
         path.write_bytes(content)
         assert build.load_mesh(path).volume == pytest.approx(whole.volume, rel=1e-6), content[-60:]

@@ -36,15 +36,15 @@ def load_mesh(path: str | PathLike) -> trimesh.Trimesh:
 
 def _whole_stl(content: bytes, source: object) -> bytes:
     """Return an STL without bytes after its end, with a last `endsolid`; InputError if it is cut off."""
-    text = content.lower()
-    if text.lstrip().startswith(b"solid") and b"facet" in text[:1000]:
+    text = content.removeprefix(b"\xef\xbb\xbf").lower().replace(b"\r", b"\n")
+    if b"facet" in text and not re.search(rb"[\0-\x08\x0e-\x1f]", text[:1000]):
         begun, ended = (len(re.findall(rb"(?m)^\s*" + word + rb"\b", text)) for word in (b"facet", b"endfacet"))
         require(begun == ended, source, "facets", ended, f"{begun}, as many as begin: the file is cut off")
-        return content if text.rstrip().splitlines()[-1].lstrip().startswith(b"endsolid") else content + b"\nendsolid\n"
+        return text if text.rstrip().splitlines()[-1].lstrip().startswith(b"endsolid") else text + b"\nendsolid\n"
     count = int.from_bytes(content[STL_HEADER - 4 : STL_HEADER], "little")
-    if len(content) < STL_HEADER + STL_FACET * count:
-        facets = max(len(content) - STL_HEADER, 0) // STL_FACET
-        raise InputError(source, "facets", facets, f"{count}, as its header says: the file is cut off, or no STL")
+    facets = max(len(content) - STL_HEADER, 0) // STL_FACET
+    allowed = f"{count or 'some'}, as its header says: the file is cut off, or no STL"
+    require(facets >= max(count, 1), source, "facets", facets, allowed)
     return content[: STL_HEADER + STL_FACET * count]
 
 
