@@ -287,9 +287,9 @@ def _summaries(table: Table) -> Iterator[Fault]:
     for k, (name, cells) in enumerate(table.text.items()):
         words = [] if (k and name in table.words) or is_plain(cells) else [one.casefold().strip(" .:") for one in cells]
         kinds = {word for word in words if word}
-        of_runs = k and len(kinds) > 1 and max(map(len, kinds)) == 1  # such as Y and N
-        of_runs = of_runs or (k and words and SUMMARY.fullmatch(words[0]))  # such as the same method in each row
-        for row, word in enumerate(() if of_runs else words):
+        flags = len(kinds) > 1 and max(map(len, kinds)) == 1  # such as Y and N
+        of_runs = flags or (words and SUMMARY.fullmatch(words[0]))  # such as the same method in each row
+        for row, word in enumerate(() if k and of_runs else words):
             if row not in found and SUMMARY.fullmatch(word):
                 found.add(row)
                 yield row, name, cells[row], "a row of its own measurement; leave out rows that sum up others"
