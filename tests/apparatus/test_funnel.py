@@ -36,7 +36,9 @@ REFERENCES = {
     "flat corner": (FLAT, 6, 17.2, 1.6, 43.6, 3.3),
     "spheres": (REPRESENTATIVE, 6, 17.1, 1.3, 47.8, 3.2),
 }
-SEEDS = 8
+LINE = {"response": "flank", "fit_from": 0.1, "fit_to": 0.8, "flank": "columns"}
+# Spheres are quick: their Height is 50.9 +- 0.5 mm in 24 pours, 2.2 standard errors above the reference of six.
+SEEDS = dict.fromkeys(REFERENCES, 8) | {"spheres": 24}
 # Rows whose deviation is known. The other implementation damps by m* of whole bodies, this one by the mass at the
 # contact, so an ellipsoid that is hit off its centre returns more, and its pile is lower.
 KNOWN = {"centre": "8 pours give 21.75 degrees where 23.9 are given (5.2 standard errors), 40 pours 23.0 +- 0.3 (2.4)"}
@@ -44,7 +46,7 @@ SCRIPT = """
 import sys
 sys.path[:0] = [{tests!r}, {tests!r} + "/apparatus"]
 from test_funnel import *
-print(digest(funnel.pour(small(), named(CENTRE), 5, particle(), BERRY)))
+print(digest(TEST.pour(of(small()))))
 print(len(advance.stats.cache_misses))
 """
 
@@ -52,7 +54,7 @@ print(len(advance.stats.cache_misses))
 def config(**keys):
     """The published experiment as the reference values were made, with some keys of its funnel changed."""
     whole = Study.load(ROOT / "config/paper.yaml").config
-    changed = {"funnel": keys, "simulation": {"time_step_s": 2e-4}, "measure": {"views": 18}}
+    changed = {"funnel": keys, "simulation": {"time_step_s": 2e-4}, "measure": {"views": 18} | LINE}
     return whole | {section: whole[section] | values for section, values in changed.items()}
 
 
@@ -80,7 +82,7 @@ def one_run(task):
 
 @pytest.fixture(scope="module")
 def ensembles():
-    tasks = [(name, 1000 + seed) for name in REFERENCES for seed in range(SEEDS)]
+    tasks = [(name, 1000 + seed) for name in REFERENCES for seed in range(SEEDS[name])]
     found = {name: [] for name in REFERENCES}
     with ProcessPoolExecutor(max_workers=os.cpu_count()) as pool:
         for name, record in pool.map(one_run, tasks):
@@ -88,7 +90,7 @@ def ensembles():
             if record["status"] != "not_at_rest":
                 assert record["status"] == "ok", record
                 found[name].append((record["aor_deg"], record["height_mm"]))
-    assert all(len(values) >= SEEDS - 1 for values in found.values()), found
+    assert all(len(values) >= SEEDS[name] - 1 for name, values in found.items()), found
     return {name: np.array(values) for name, values in found.items()}
 
 

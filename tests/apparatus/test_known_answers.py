@@ -117,8 +117,10 @@ def emptied(kind, *runs):
         exits, top = np.sort(run["exit_s"]), run["position"][:, 2].max()
         ends.append(exits[-1])
         assert (run["berries_out"], len(exits), math.sqrt(2.0 * top / G) < ends[-1]) == (120, 120, True)
-        rate = 72 * grain(kind).mass_kg / (exits[95] - exits[23])
-        assert run["flow_g_s"] in (None, pytest.approx(1e3 * rate, rel=0.05))
+        # from the grain with which a fifth is out to that with which four fifths are; rounding may take the next one
+        rates = [(72 + b - a) * grain(kind).mass_kg / (exits[95 + b] - exits[23 + a]) for a in (0, 1) for b in (0, 1)]
+        rate = rates[0]
+        assert run["flow_g_s"] in (None, *(pytest.approx(1e3 * one, rel=1e-9) for one in rates))
         beverloo = 0.58 * 0.6 * RHO * math.sqrt(G) * (0.06 - 1.4 * 0.01) ** 2.5
         assert beverloo / 3.0 < rate < RHO * math.pi / 4 * 0.06**2 * math.sqrt(2.0 * G * top)
     assert ends[1] < ends[0]

@@ -46,6 +46,10 @@ def test_a_photograph_is_measured_stays_and_is_not_replaced_by_its_overlay(tmp_p
     names = {"pile.png", "photographs.csv", "summary.csv", "targets.yaml"}
     assert names < {path.name for path in (tmp_path / "out").iterdir()}
     assert measure(tmp_path / "pile.png", "--mm-per-pixel", 0.3).err == "", "its own files are replaced"
+    files.write_image(tmp_path / "low.png", cv2.imread(str(tmp_path / "pile.png"))[:200])
+    both = (tmp_path / "low.png", tmp_path / "pile.png", "--mm-per-pixel", 0.3)
+    low = json.loads(measure(*both, "--base-row", 210, "--json").out)["photographs"][0]
+    assert "base_row is 210.0; expected above 0, at most 200" in low["refused"]
     photograph(tmp_path / "raw.png")
     files.write_image(tmp_path / "own.png", cv2.imread(str(tmp_path / "raw.png")))
     words = (tmp_path / "own.png", "--mm-per-pixel", 0.3, "--out", tmp_path)

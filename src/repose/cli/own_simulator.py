@@ -49,9 +49,8 @@ def tell(args: argparse.Namespace, study: Study) -> None:
 
     record = Record(study, args.out)
     record.add_file(args.runs)
-    table = record.data
-    failed = f", {n} failed" if (n := (table["status"] != "ok").sum()) else ""
-    print(f"{args.out}: {len(table)} runs of {table['sample'].nunique()} samples{failed}")
+    failed = f", {n} failed" if (n := (record.data["status"] != "ok").sum()) else ""
+    print(f"{args.out}: {len(record.data)} runs of {record.data['sample'].nunique()} samples{failed}")
 
 
 @verb(

@@ -212,8 +212,8 @@ def measure_plain(path: Path, how: MeasureSettings, scale: Scale) -> Photograph:
         high = photograph.measurement.height_mm
         grain = how.berry_height_mm or high / USUAL_GRAINS
         photograph.doubts = _doubts(photograph.pile, photograph.measurement, grain, how.mm_per_pixel)
-    except NoFlankError as error:
-        photograph.measurement, photograph.refused = None, error.reason
+    except (NoFlankError, InputError) as error:  # such as a base below the picture
+        photograph.measurement, photograph.refused = None, str(error)
     return photograph
 
 

@@ -21,7 +21,6 @@ Table: TypeAlias = pd.DataFrame | Rows
 TURN = "turn"  # column of a record: with which proposal a run was told
 TURNS = Column(TURN, int, low=0, empty=True)
 OPTIONAL = ("status", TURN)
-STATUS = "ok, or a word such as failed"
 RESPONSE = "a finite number; a run that failed has another `status` than ok"
 ROUNDED = 1e-6  # of a range: a table may have been rounded by a spreadsheet
 
@@ -95,7 +94,7 @@ def checked_runs(study: Studied, rows: Table, source: object = "runs", enough: b
     cells = {name: [row.get(name) for row in rows] for name in (*space.names, *names, *OPTIONAL)}
     status = [str(cell or OK).strip() for cell in cells["status"]]
     status = [OK if one.casefold() in GOOD else one for one in status]
-    unclear = [(k, "status", one, STATUS) for k, one in enumerate(status) if is_plain([one])]
+    unclear = [(k, "status", one, "ok, or a word such as failed") for k, one in enumerate(status) if is_plain([one])]
     failed = {k for k, one in enumerate(status) if one != OK}
     ends = space.complete(np.array([space.low, space.high]))
     sets, faults = check(cells, map(_parameter, space.names, *ends.tolist()))

@@ -280,7 +280,7 @@ def past_edge(flat, clumps, k):
 def over_end(bodies, curved, clumps, walls, n, k, depth):
     """Note that contact k with a cone, tube or ring slid over the end of the wall with an overlap of `depth`."""
     if len(clumps) == 0:
-        slid_off(bodies, curved, n, k, depth)
+        slid_off(bodies, curved, walls, n, k, depth)
     else:
         sphere_slid_off(bodies, curved, walls, k)
 

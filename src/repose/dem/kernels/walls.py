@@ -121,16 +121,18 @@ def overlap_elsewhere(contacts, n, body, wall):
 
 
 @inlined
-def slid_off(bodies, contacts, n, k, depth):
+def slid_off(bodies, contacts, walls, n, k, depth):
     """Note that contact k with a curved wall slid over the wall's end with an overlap of `depth`.
 
-    The contact with the next wall begins with this overlap at most. Where the body touches another wall, it is not past
-    this wall.
+    The contact with the next wall begins with this overlap at most, so that wall is searched in the next step. Where
+    the body touches another wall, it is not past this wall.
     """
     wall, i = contacts.wall[k], contacts.body[k]
+    now = bodies.displacement[i] + walls.approach[st.WALL_PATH]
     for w in range(contacts.deepest.shape[0]):
-        if contacts.deepest[w, i] < depth:
-            contacts.deepest[w, i] = depth
+        contacts.deepest[w, i] = max(contacts.deepest[w, i], depth)
+        if w != wall:
+            contacts.limit[w, i] = min(contacts.limit[w, i], now)
     if not touches_others(contacts, n, i, k):
         contacts.deepest[wall, i] = depth
         # a second contact may have grown out of this one since the last search: the next search counts from there
