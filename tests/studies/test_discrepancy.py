@@ -76,10 +76,7 @@ def test_a_model_counts_by_its_piles_and_a_study_that_says_too_little_is_refused
     noisy = pd.read_csv(path).assign(aor_se_deg=50.0)
     noisy.to_csv(path, index=False)
     input_error(
-        r"aor_difference_deg is 'of variance .*above 2.5e\+03, the mean square of the errors",
-        discrepancy.of_shape_study,
-        path,
-        PILE,
+        r"aor_difference_deg is 'of variance .*above 2.5e\+03, of its errors", discrepancy.of_shape_study, path, PILE
     )
     few = combinations(tmp_path, np.ones((6, 2)), eligible=[True] * 4 + [False] * 2)
     wanted = r"combinations.csv: eligible is '4.0 models.*'; expected at least 5"

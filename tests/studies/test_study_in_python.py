@@ -43,6 +43,9 @@ def test_a_function_is_calibrated_and_a_start_that_fails_does_not_end_a_study(an
     answer.save(tmp_path)
     assert {"card.json", "summary.json", "samples.csv"} <= {path.name for path in tmp_path.iterdir()}
     assert answer.card["parameters"]["a"]["value"] == answer.parameters["a"]
+    for write in (answer.save, answer.report, answer.plot):
+        for path in (3, "", *((None,) if write != answer.plot else ())):
+            input_error("expected the path of a file", write, path)
     made = []
 
     def fails_first(row):

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Self
 from repose.config import loader
 from repose.core import provenance
 from repose.core.errors import InputError, require
-from repose.core.files import Path_, json_text, read_json, write_json
+from repose.core.files import Path_, json_text, path_of, read_json, write_json
 from repose.core.published import beside
 from repose.core.responses import Definitions
 
@@ -156,7 +156,7 @@ class Study:
 
         if isinstance(content, Mapping):
             return cls._of(completed(content), None, file)
-        _check_path("content", content)
+        path_of("content", content)
         return cls._of(completed(read(content), content), None, file)
 
     @classmethod
@@ -185,7 +185,7 @@ class Study:
             With all faults at once: for each the file, the key, the value and what is allowed.
         """
         for file in files:
-            _check_path("file", file)
+            path_of("file", file)
         if not overrides and not inputs and loader.is_resolved(*files):
             return cls.of_results(files[0])
         study = cls.of(*loader.read_layers(files, overrides), inputs=inputs)
@@ -480,17 +480,12 @@ def _target(given: Any) -> Any:
     return dict(zip(("value", "sd", "repetitions"), (*given, 1)[:3], strict=True))
 
 
-def _check_path(name: str, path: Any) -> None:
-    """Refuse what is no path."""
-    require(isinstance(path, Path_), "study", name, path, "the path of a file")
-
-
 def _settings_of(file: Path_) -> Path:
     """Return the file of the settings beside a file of runs."""
-    _check_path("file", file)
-    require(Path(file).parent.is_dir(), "study", "file", str(file), "a path in a folder that is there")
-    require(Path(file).suffix == ".csv", "study", "file", str(file), "a path that ends in .csv")
-    return Path(file).with_suffix(".json")
+    path = path_of("file", file)
+    require(path.parent.is_dir(), "study", "file", str(file), "a path in a folder that is there")
+    require(path.suffix == ".csv", "study", "file", str(file), "a path that ends in .csv")
+    return path.with_suffix(".json")
 
 
 def _keep_settings(given: Mapping[str, Any], file: Path_) -> None:

@@ -25,6 +25,12 @@ UNREADABLE = attached.UNREADABLE
 KINDS = {int: "an integer", float: "a number", str: "a text", list: "a list", dict: "a mapping"}
 
 
+def path_of(name: str, path: Any) -> Path:
+    """Return an argument as a path; InputError for what is none."""
+    require(isinstance(path, Path_) and str(path), "study", name, path, "the path of a file")
+    return Path(path)
+
+
 def write_text(path: Path_, text: str) -> None:
     """Write a text as UTF-8, in one move."""
     write_bytes(path, text.encode())

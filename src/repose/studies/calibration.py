@@ -11,7 +11,7 @@ import pandas as pd
 
 from repose.chain import card
 from repose.chain.answer import NOT_AGAIN, WITHIN, Check, Result, describe_probability, out_of_reach
-from repose.core.files import Path_, write_json, write_table
+from repose.core.files import Path_, path_of, write_json, write_table
 from repose.strategies import answer
 from repose.strategies.base import Answer, Batch, Studied, strategy
 from repose.strategies.runs import OK
@@ -78,7 +78,7 @@ class Calibration(NamedTuple):
 
     def save(self, out_dir: Path_) -> None:
         """Write tables, summary and material card into a folder; docs/own_simulator.md lists the files."""
-        out, made = Path(out_dir), self.card
+        out, made = path_of("out_dir", out_dir), self.card
         tables = {"samples": self.samples, "solutions": self.solutions}
         tables |= {"posterior": self.posterior.parameters, "draws": self.posterior.draws}
         for name, table in tables.items():
@@ -89,14 +89,14 @@ class Calibration(NamedTuple):
 
     def report(self, path: Path_) -> None:
         """Write the page to read, one HTML file; it takes the extra `pictures`."""
-        import_module("repose.pictures.report.own").write(self, Path(path))  # a room above this one
+        import_module("repose.pictures.report.own").write(self, path_of("path", path))  # a room above this one
 
     def plot(self, path: Path_ | None = None) -> Any:
         """Draw runs, their history, intervals and posterior as a matplotlib Figure, and write it to `path` if given.
 
         The path ends in .png, .pdf or .svg. It takes the extra `pictures`.
         """
-        return import_module("repose.pictures.figures.own").plot(self, path)
+        return import_module("repose.pictures.figures.own").plot(self, None if path is None else path_of("path", path))
 
     def as_answer(self) -> Result:
         """Put the answer in the form for the material card; it was not simulated again."""

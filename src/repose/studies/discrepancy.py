@@ -74,9 +74,8 @@ def of_shape_study(combinations_csv: Path_, targets: Targets) -> OfModels:
     values, errors = (plausible[list(of)].to_numpy(float) for of in (columns, targets.errors))
     raw = np.atleast_2d(np.cov(values.T, aweights=weight, ddof=0)) / (1 - squares)
     noise = np.average(np.nan_to_num(errors) ** 2, axis=0, weights=weight)
-    for name, variance, square in zip(columns, np.diag(raw), noise, strict=True):
-        words = f"of variance {variance:.3g}", f"above {square:.3g}, the mean square of the errors, which hides it"
-        require(variance > square, combinations_csv, name, *words)
+    for name, has, hidden in zip(columns, np.diag(raw), noise, strict=True):
+        require(has > hidden, combinations_csv, name, f"of variance {has:.3g}", f"above {hidden:.3g}, of its errors")
     spread = np.sqrt(np.diag(raw) - noise)
     covariance = raw / np.sqrt(np.outer(np.diag(raw), np.diag(raw))) * np.outer(spread, spread)
     return OfModels(np.average(values, axis=0, weights=weight), covariance, float(models))
