@@ -92,10 +92,12 @@ def ours(name, case, step_s):
 def theirs(name, job, case, step_s, commands):
     """Centres (N, 3) and their velocities after a case with an exported deck."""
     program, _ = one_pile.DECKS[name]
-    job = replace(job, gravity_m_s2=case.gravity, time_step_s=step_s, duration_s=case.seconds)
+    funnel = job.funnel.model_copy(update={"duration_s": case.seconds})
+    simulation = job.simulation.model_copy(update={"gravity_m_s2": case.gravity})
+    job = replace(job, simulation=simulation, funnel=funnel, time_step_s=step_s)
     table = one_pile.run_deck(name, job, commands, lambda text, folder: EDITS[program](text, job, case, folder))
     # the first sphere of a grain lies in its centre
-    first = table.iloc[:: len(job.spheres_m)]
+    first = table.iloc[:: len(job.particle.spheres_m)]
     return first[["x", "y", "z"]].to_numpy(), first[["vx", "vy", "vz"]].to_numpy()
 
 
@@ -109,14 +111,15 @@ def edit_liggghts(text, job, case, folder):
     lines = []
     for k, (place, turn, velocity) in enumerate(zip(case.places, case.turns, case.velocities, strict=True), 1):
         turned = Rotation.from_rotvec(turn).as_matrix()
-        spheres = np.column_stack([job.spheres_m[:, :3] @ turned.T, job.spheres_m[:, 3]])
+        spheres = np.column_stack([job.particle.spheres_m[:, :3] @ turned.T, job.particle.spheres_m[:, 3]])
         (folder / f"clump{k}.txt").write_text("".join(words(row) + "\n" for row in spheres))
-        moments = (turned @ np.diag(job.inertia_kg_m2) @ turned.T)[np.triu_indices(3)]
+        moments = (turned @ np.diag(job.particle.inertia_kg_m2) @ turned.T)[np.triu_indices(3)]
         low, high = np.array(place) - 2e-5, np.array(place) + 2e-5
         lines += [
             f"fix clump{k} all particletemplate/multisphere {(15485863, 15485867)[k - 1]} atom_type 1 "
-            f"density constant {job.density_kg_m3} nspheres {len(spheres)} ntry 200000 spheres file clump{k}.txt "
-            f"scale 1.0 type {k} mass {job.mass_kg:.9g} inertia_tensor {words(moments)} use_volume",
+            f"density constant {job.particle.density_kg_m3} nspheres {len(spheres)} ntry 200000 spheres "
+            f"file clump{k}.txt scale 1.0 type {k} mass {job.particle.mass_kg:.9g} "
+            f"inertia_tensor {words(moments)} use_volume",
             f"fix grains{k} all particledistribution/discrete {(32452843, 32452867)[k - 1]} 1 clump{k} 1.0",
             f"region at{k} block {words(np.column_stack([low, high]).ravel())} volume_limit 1e-16 units box",
             f"fix put{k} all insert/pack seed {(49979687, 49979693)[k - 1]} distributiontemplate grains{k} "
@@ -134,13 +137,13 @@ def edit_lammps(text, job, case, folder):
         angle = float(np.linalg.norm(turn))
         axis = np.array(turn) / angle if angle else np.array((0.0, 0.0, 1.0))
         turned = Rotation.from_rotvec(turn).as_matrix()
-        inertia = turned @ np.diag(job.inertia_kg_m2) @ turned.T
+        inertia = turned @ np.diag(job.particle.inertia_kg_m2) @ turned.T
         moments = (*inertia.diagonal(), inertia[0, 1], inertia[0, 2], inertia[1, 2])
         lines.append(
             f"create_atoms 0 single {words(place)} mol grain {7000 + k} rotate {words((math.degrees(angle), *axis))} "
             "units box"
         )
-        bodies.append(f"{k} {words((job.mass_kg, *place, *moments, *velocity, *ZERO))} 0 0 0")
+        bodies.append(f"{k} {words((job.particle.mass_kg, *place, *moments, *velocity, *ZERO))} 0 0 0")
     (folder / "bodies.txt").write_text("\n".join(bodies) + "\n")
     lines.append("fix move all rigid/small molecule infile bodies.txt gravity gravity")
     start, end = text.index("fix             move"), text.index("compute         energy")

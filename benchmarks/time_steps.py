@@ -17,7 +17,6 @@ import numpy as np
 
 from repose.apparatus import Scene, bench
 from repose.apparatus.job import run_once
-from repose.apparatus.settings import SimulationSettings
 from repose.config.study import Study
 from repose.core import published
 from repose.core.runs import mean_and_error
@@ -95,7 +94,7 @@ def runs_of(step_s, study, seeds):
 
 def rows(study, seeds, pairs):
     """Yield (time step, quantity, mean, standard error, number of values), or (time step, the refusal)."""
-    laws = SimulationSettings.of(study.config).laws
+    laws = study.settings.simulation.laws
     for step_s in TIME_STEPS_S:
         try:
             bounces, errors = restitutions(step_s, **laws), oblique_errors(step_s, **laws)

@@ -115,7 +115,7 @@ def test_the_deck_of_a_sphere_has_spheres_of_its_volume_and_step(config):
     of_clump, of_sphere, of_ellipsoid = (job_of(config, body) for body in (THREE, BALL, round_grain))
     step = config["simulation"]["time_step_s"]
     half = float(f"{0.5 * step:.2g}")
-    assert (of_clump.time_step_s, of_sphere.time_step_s, of_ellipsoid.time_step_s) == (half, step, step)
+    assert (of_clump.time_step_s, of_sphere.time_step_s, of_ellipsoid.time_step_s) == (half, half, half)
     assert of_sphere.particle.spheres_m == pytest.approx(np.array([[0.0, 0.0, 0.0, 5 * MM]]))
     volume = 4 / 3 * math.pi * (5 * MM) ** 3
     assert of_sphere.particle.density_kg_m3 * volume == pytest.approx(of_sphere.particle.mass_kg) == BALL.mass_kg
@@ -387,7 +387,7 @@ def test_a_card_alone_is_enough_in_any_folder(tmp_path, monkeypatch, command, sp
             a, b, c = 0.5e-3 * np.array(shown["grain"]["mean_axes_mm"])
             solid = 1e-3 * shown["grain"]["mass_g"] / 5 * np.array([b**2 + c**2, a**2 + c**2, a**2 + b**2])
             assert moments == pytest.approx(solid, rel=0.01)
-    assert steps[1e-6] == pytest.approx(0.5e-6 if spheres > 1 else 1e-6)
+    assert steps[1e-6] == pytest.approx(0.5e-6)
     assert steps[None] > 5 * steps[1e-6]
     law = "card.json: laws is 'another law'; expected laws of this version"
     drum = (shown["tests"][0], "apparatus", "drum", "expected the card of a study with piles of the funnel")
