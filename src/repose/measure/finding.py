@@ -142,11 +142,12 @@ def _without_penumbra(mask: np.ndarray, colours: np.ndarray, berry_px: float) ->
     reach = max(3, round(berry_px))
     disc = _disc(reach)
     core, around = cv2.erode(mask, disc, borderValue=1), 1 - cv2.dilate(mask, disc[::2, ::2])
-    pile, other = (_about(colours[..., :2], part, 2 * berry_px) for part in (core, around))
-    way = pile - other
+    pile, other = (_about(colours, part, 2 * berry_px) for part in (core, around))
+    way, beyond = (pile - other)[..., :2], colours - other
     far = (way * way).sum(-1)
-    share = ((colours[..., :2] - other) * way).sum(-1) / np.maximum(far, 1e-6)
+    share = (beyond[..., :2] * way).sum(-1) / np.maximum(far, 1e-6)
     shadow = (mask > 0) & (core == 0) & (far > ITS_OWN_COLOUR**2) & (share < 1 - PENUMBRA[0])
+    shadow &= -beyond[..., 2] < BRIGHTNESS_GAIN * SHADOW_DARKEST  # black grains have no colour
     flat = np.ones([max(3, round(share * berry_px)) for share in PENUMBRA[1:]], np.uint8)
     return np.where(cv2.morphologyEx(shadow.astype(np.uint8), cv2.MORPH_OPEN, flat) > 0, 0, mask).astype(np.uint8)
 
