@@ -123,8 +123,8 @@ def start(seed):
             x = across * np.arange(-columns, columns + 1)
             found += [(a, b, level) for a in x for b in y]
             level += across
-        found = np.array(found[: NUMBERS[kind]])
-        places.append(found + room * rng.uniform(-0.98, 0.98, found.shape))
+        grid = np.array(found[: NUMBERS[kind]])
+        places.append(grid + room * rng.uniform(-0.98, 0.98, grid.shape))
         level -= 0.5 * across - 0.5 * 2.1 * RADII_M[0] - RADII_M[0]
     return np.concatenate(places), np.repeat([1, 0], [NUMBERS[1], NUMBERS[0]])
 

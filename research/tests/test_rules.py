@@ -67,7 +67,10 @@ def test_a_bad_setting_ends_in_one_message_before_any_work(project):
         ("measurement_study", ("pour", "published_solutions", "measurement_study"), ("miga",)),
         ("second_responses", ("measure_responses", "second_responses_tables", "draw_second_responses"), ("miga",)),
         ("seeds_per_sample", ("design", "warm_up", "seeds_per_sample"), ("pour", "miga")),
-        ("compare_all", ("search_tables", "whole_tables", "comparison_table", "network"), ("miga",)),
+        pytest.param(
+            *("compare_all", ("search_tables", "whole_tables", "comparison_table", "network"), ("miga",)),
+            marks=pytest.mark.essential,  # the rules of most studies
+        ),
     ],
 )
 def test_each_study_plans_its_own_rules(project, target, own, others):
