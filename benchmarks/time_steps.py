@@ -17,6 +17,7 @@ import numpy as np
 
 from repose.apparatus import Scene, bench
 from repose.apparatus.job import run_once
+from repose.apparatus.settings import SimulationSettings
 from repose.config.study import Study
 from repose.core import published
 from repose.core.runs import mean_and_error
@@ -94,7 +95,7 @@ def runs_of(step_s, study, seeds):
 
 def rows(study, seeds, pairs):
     """Yield (time step, quantity, mean, standard error, number of values), or (time step, the refusal)."""
-    laws = study.settings.simulation.laws
+    laws = SimulationSettings.model_validate(study.config["simulation"]).laws
     for step_s in TIME_STEPS_S:
         try:
             bounces, errors = restitutions(step_s, **laws), oblique_errors(step_s, **laws)

@@ -67,7 +67,7 @@ def test_either_a_number_or_a_filling_height_is_asked_for_and_fits_the_tube():
         ({"lift_from_s": 1.0}, rf"{name}lift_from_s is 1.0; expected above 1\.\d+, when the last of some 3\d\d"),
     ]
     wide = {"diameter_mm": 1000.0, "plate_diameter_mm": 2000.0}
-    wrong += [(wide, rf"{name}filling_height_mm is 90.0; expected below \d+.*some 20000 berries")]
+    wrong += [(wide, rf"{name}filling_height_mm is 90.0; expected below \d+.*some 20000 grains")]
 
     def study(keys):
         Study.of(example("lifted_cylinder", **keys)).check_inputs()

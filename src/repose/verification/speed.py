@@ -104,7 +104,7 @@ def summary(references: Sequence[float], pours: Mapping[str, Sequence[Times]]) -
 def message(result: Mapping[str, Any]) -> str:
     """Write the table of `run` for a terminal."""
     machine = f"{result['processor']}, vectors of {result['vector_bits']} bits"
-    pours = f"{result['grains']} grains, time step {result['time_step_s']:g} s, one core"
+    pours = f"{result['berries']} grains, time step {result['time_step_s']:g} s, one core"
     lines = [
         f"{pours}; reference kernel {result['reference_us']:.1f} us; {machine}",
         "to kernel: compares machines of one type of processor only",
