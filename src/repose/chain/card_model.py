@@ -6,10 +6,12 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import ConfigDict, Field, JsonValue, TypeAdapter, ValidationError
 
+from repose.apparatus.settings import WallSettings
 from repose.core.errors import InputError, raise_together
 from repose.core.parameters import PARAMETERS, PHYSICAL_LIMITS
 from repose.core.responses import named
 from repose.core.section import ABSENT, OneOf, Section
+from repose.particle.settings import GrainSettings
 
 WHAT = "a material card"
 OK = "ok"
@@ -48,7 +50,7 @@ class Part(Section):
 class Wall(Part):
     """The material of the walls."""
 
-    shear_modulus_pa: float = Field(ge=1e3, le=1e12)
+    shear_modulus_pa: float = WallSettings.model_fields["shear_modulus_pa"]  # type: ignore[assignment]
     poisson_ratio: float = Field(ge=0, le=0.5)
 
 
@@ -58,7 +60,7 @@ class Grain(Wall):
     mean_axes_mm: Three = said("full axes, the longest first")
     measured: int = said("number of grains", ge=1)
     relative_spread: float = said("standard deviation of the size over its mean; 0 where all are alike", ge=0, le=1)
-    density_kg_m3: float = Field(ge=10, le=25000)
+    density_kg_m3: float = GrainSettings.model_fields["density_kg_m3"]  # type: ignore[assignment]
     elastic_modulus_pa: Positive
     shape: Literal["ellipsoid", "smooth", "multisphere"]
     volume_mm3: Positive

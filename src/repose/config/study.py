@@ -431,10 +431,10 @@ class Study:
         InputError
             If a response is missing or not a number.
         """
+        names = list(self.targets.names)
+        require(callable(simulate), "study", "simulate", simulate, "a function of a row of `ask`")
         while not self.done:
             asked = self.ask()
-            names = list(self.targets.names)
-            require(callable(simulate), "study", "simulate", simulate, "a function of a row of `ask`")
             found = [simulate(row) for row in asked.to_dict("records")]
             bad = [row for row in found if not isinstance(row, Mapping) or set(names) - set(row)]
             require(not bad, "study", "simulate", bad[:1], f"a function that returns a mapping with {', '.join(names)}")

@@ -184,9 +184,9 @@ def refuse(source: object, faults: Iterable[Fault]) -> None:
 def check_columns(path: object, table: Iterable[str], columns: Iterable[str], what: str = TABLE) -> None:
     """Raise InputError if a column is missing; `path` stands in the message."""
     columns = tuple(columns)
+    needed = f"columns {', '.join(columns)}" + (f" of {what}" if what != TABLE else "")
+    allowed = f"{needed}; found: {', '.join(map(str, table))}"
     for column in columns:
-        needed = f"columns {', '.join(columns)}" + (f" of {what}" if what != TABLE else "")
-        allowed = f"{needed}; found: {', '.join(map(str, table))}"
         require(column in table, path, f"column {column}", "missing", allowed)
 
 
