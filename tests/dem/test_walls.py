@@ -261,6 +261,27 @@ def test_nothing_leaks_where_walls_meet_exactly(scene):
         assert z.max() < height
 
 
+def test_a_sphere_pressed_to_and_fro_over_a_rounded_edge_keeps_its_contact():
+    """Where cone and edge meet, each must be found in the step after the other is lost; some of these fell through."""
+    rng, radius, slope = np.random.default_rng(3), 0.006, math.radians(20.0)
+    funnel, core = Funnel(0.13, 0.07, 20.0, 0.0, 0.001, 0.05), np.array([0.036, 0.05])
+    along, inwards = np.array([[math.cos(slope), math.sin(slope)], [-math.sin(slope), math.cos(slope)]])
+    for _ in range(200):
+        r, z = core + inwards * (0.001 + radius - rng.uniform(0.0, 3e-4)) + along * rng.uniform(-2e-5, 5e-5)
+        load, speed = rng.uniform(20.0, 150.0), rng.uniform(-0.05, 0.05)
+        walls = funnel.walls("wall")
+        s = simulation(np.full((1, 3), radius), Contact(0.3, 0.3, 0.0), walls=walls, dt=4e-4, capacity=1, **ROOM)
+        s.add((r, 0.0, z), velocity_m_s=(along[0] * speed, 0.0, along[1] * speed))
+        for _ in range(40):
+            s.physics.gravity[[0, 2]] = load * (rng.uniform(-1.0, 1.0) * along - inwards)
+            s.run_steps(int(rng.integers(1, 4)))
+            place = np.array([np.hypot(*s.positions[0, :2]), s.positions[0, 2]]) - core
+            if abs(place @ along) > 0.002:
+                break
+            deep = place @ inwards if place @ along > 0.0 else np.hypot(*place)
+            assert deep > 0.001 + 0.5 * radius
+
+
 GRAVITY = 9.81
 STEEP = {"floor": Plane((0, 0, 0), (0, 0, 1), "wall"), "right": Plane((0.03, 0, 0), (-1, 0, 0.2), "wall"),
          "left": Plane((-0.03, 0, 0), (1, 0, 0.2), "wall"), "front": Plane((0, 0.03, 0), (0, -1, 0), "wall"),
