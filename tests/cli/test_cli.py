@@ -118,7 +118,8 @@ def test_check_prints_the_number_of_pours(command, tmp_path):
 BAD_OPTIONS_OF_HEAP = (
     (["--set", "mus=0.5"], ["--set mus", "e_gg (restitution, grain-grain)"]),
     (["--set", "e_gg=2"], ["e_gg is 2.0", "0.01 to 1"]), (["--set", "e_gg=nan"], ["e_gg is nan"]),
-    (["--set", "mus_gg=-0.1"], ["mus_gg is -0.1", "at least 0"]), (["--set", "mus_gg=inf"], ["mus_gg is inf"]),
+    (["--set", "mus_gg=-0.1"], ["mus_gg is -0.1", "expected 0 to 10"]), (["--set", "mus_gg=25"], ["mus_gg is 25"]),
+    (["--set", "mus_gg=inf"], ["mus_gg is inf"]),
     (["--set", "mus_gg=rough"], ["mus_gg is 'rough'", "a number"]),
     (["--set", "mus_gg"], ["--set is 'mus_gg'", "NAME=VALUE"]),
     (["--set", "e_gg=0.2", "--set", "e_gg=0.3"], ["each name once"]), (["--seed", "-1"], ["--seed is [-1]"]),

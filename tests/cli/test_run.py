@@ -57,10 +57,11 @@ def test_a_target_that_nothing_makes_and_a_closed_terminal(tmp_path):
     finally:
         signal.signal(signal.SIGHUP, before)
     (tmp_path / "Snakefile").write_text("rule one:\n    output: 'one.txt'\n    shell: 'touch {output}'\n")
-    words = ["repose", "run", "nonsense", "-c1", "-s", "Snakefile", "--workflow-profile", "none", "--logger", "repose"]
+    words = ["repose", "run", "uncertanty", "-c1", "-sSnakefile", "--workflow-profile", "none", "--logger", "repose"]
     done = subprocess.run([sys.executable, "-m", *words], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 2
-    assert "repose: error: command line: target is 'nonsense'; expected a target" in done.stderr
+    assert "repose: error: command line: target is 'uncertanty'; expected a target" in done.stderr
+    assert "did you mean uncertainty?" in done.stderr
     assert "MissingRuleException" not in done.stderr
 
 

@@ -147,6 +147,20 @@ def test_the_verbs_keep_turns_as_python_does(verbs):
     pd.testing.assert_frame_equal(ask(), whole.ask())
 
 
+def test_numbers_of_runs_may_be_floats_as_where_pandas_joins_tables():
+    one, other, asked = study(), study(), study().ask()
+    one.tell(noisy(asked))
+    other.tell(noisy(asked).astype({"sample": float, "run": float}))
+    pd.testing.assert_frame_equal(one.ask(), other.ask())
+
+
+def test_a_spreadsheet_may_write_the_numbers_of_runs_as_decimals(verbs):
+    tell, ask = verbs
+    asked = ask()
+    tell(noisy(asked).astype({"sample": float, "run": float})[:5])
+    pd.testing.assert_frame_equal(ask(), asked[5:].reset_index(drop=True))
+
+
 def test_runs_made_before_count_at_once_where_no_run_of_the_turn_is_told(verbs):
     tell, ask = verbs
     start = ask()
@@ -179,6 +193,8 @@ def test_what_is_wrong_is_told_by_its_name(tmp_path):
         (lambda: study().tell(pd.concat([good, good[["a"]]], axis=1)), "each column once"),
         (lambda: study().tell(good.assign(sample=good["sample"] + 1000)), "one of the 16 runs"),
         (lambda: study().tell(good[:0]), "a row for each run"),
+        (lambda: study().tell(good.assign(z=5.0)), "z is 5.0; expected not the same in all 16 good runs"),
+        (lambda: study().tell(good.assign(z=1e300 * good["z"])), "row 1: z is .* below 1e100"),
         (lambda: study().calibrate(3), "a function of a row"),
         (lambda: study().calibrate(lambda row: 3.0), r"simulate is \[3.0.*a mapping with y, z"),
         (lambda: study().calibrate(lambda row: None), "a mapping with y, z"),

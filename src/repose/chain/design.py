@@ -105,8 +105,7 @@ def points(n: int, d: int, method: str, seed: int) -> np.ndarray:
     """Make the design (n, d) of a method: "random", "lhsdesign" or "optimal"."""
     if method == "optimal":
         return optimal_lhs(n, d, seed)
-    make = random_lhs if method == "random" else lhsdesign
-    return make(n, d, rng=np.random.default_rng(seed))
+    return (random_lhs if method == "random" else lhsdesign)(n, d, rng=np.random.default_rng(seed))
 
 
 def parameter_sets(points: np.ndarray, space: ParameterSpace, first: int = 1) -> pd.DataFrame:

@@ -81,8 +81,7 @@ def invert(
     history = pd.DataFrame(history, columns=list(HISTORY))
     shown = table[table["feasible"]] if n_feasible else table
     counts = {"n_feasible_met": feasible_met, "n_solutions": n_feasible, "evaluations": int(evaluations)}
-    summary = _summary(table, space, targets, settings, counts)
-    return Inversion(table, intervals(shown, space), history, summary)
+    return Inversion(table, intervals(shown, space), history, _summary(table, space, targets, settings, counts))
 
 
 def run(

@@ -1,13 +1,12 @@
 """The verb that shows the documentation, whose pages come with the program."""
 
 import argparse
-import difflib
 import sys
 from pathlib import Path
 
 from repose.cli.registry import PROGRAM, Option, verb
 from repose.core import places
-from repose.core.errors import InputError
+from repose.core.errors import InputError, did_you_mean
 
 NO_PAGES = ("docs", "reference")  # the site's first page, and its list of modules
 
@@ -24,9 +23,8 @@ def docs(args: argparse.Namespace) -> None:
         print(*(f"{name:{width}}  {title_of(path)}" for name, path in known.items()), sep="\n")
         return
     if args.name not in known:
-        near = difflib.get_close_matches(args.name, known, 1)
-        meant = f"; did you mean {near[0]}?" if near else ""
-        raise InputError("command line", "docs", args.name, f"a page that `{PROGRAM} docs` lists{meant}")
+        allowed = f"a page that `{PROGRAM} docs` lists{did_you_mean(args.name, known)}"
+        raise InputError("command line", "docs", args.name, allowed)
     text = known[args.name].read_text(encoding="utf-8")
     if not sys.stdout.isatty():
         print(text, end="")

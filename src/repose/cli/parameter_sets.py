@@ -65,8 +65,7 @@ def parameters(entries: Sequence[str], samples: str | None, sample: int | None, 
     for name, value in chosen.items():
         listed = ", ".join(f"{key} ({LABELS[key]})" for key in known)
         require_option(name in known, f"--set {name}", value, f"a parameter of {listed}")
-    values = {name: check_value(name, value, "command line") for name, value in chosen.items()}
-    return study.parameters.centre | values
+    return study.parameters.centre | {name: check_value(name, value, "command line") for name, value in chosen.items()}
 
 
 def run_seeds(seeds: list[int] | None) -> list[int]:

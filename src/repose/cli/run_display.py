@@ -28,7 +28,7 @@ from snakemake_interface_logger_plugins.base import LogHandlerBase
 from snakemake_interface_logger_plugins.common import LogEvent
 from snakemake_interface_logger_plugins.settings import OutputSettingsLoggerInterface
 
-from repose.core.errors import InputError
+from repose.core.errors import InputError, did_you_mean
 from repose.core.files import read_json
 from repose.measure.saved_pours import POURS
 
@@ -238,8 +238,11 @@ class LogHandler(LogHandlerBase):
         elif event == LogEvent.JOB_ERROR:
             yield from self._failed(fields)
         elif event == LogEvent.ERROR and fields.get("exception") == "MissingRuleException":
+            from repose.config.cost import SENTENCES  # slow to import
+
             missing = record.getMessage().split("No rule to produce ")[-1].split(" (if you")[0]
             allowed = "a target that `repose run --list` names, a rule, or a file of the study"
+            allowed += did_you_mean(missing, SENTENCES)
             FAULTS.append(f"{REFUSED}: {InputError('command line', 'target', missing, allowed)}")
             yield Text(FAULTS[-1])
         elif event == LogEvent.ERROR:

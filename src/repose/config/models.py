@@ -4,7 +4,6 @@ Every room brings its sections, such as `repose.search.settings`, and so do benc
 strategies; config/README.md explains the keys.
 """
 
-import difflib
 import math
 import sys
 from collections.abc import Mapping
@@ -19,6 +18,7 @@ from repose.apparatus.funnel import FunnelSettings
 from repose.apparatus.settings import SimulationSettings, WallSettings
 from repose.chain.settings import DesignSettings, ValidationSettings
 from repose.config import results_folder
+from repose.core.errors import did_you_mean
 from repose.core.parameter_space import PRIOR_WIDTHS
 from repose.core.parameters import ALLOWED, FURTHER, PARAMETERS
 from repose.core.profiles import OfProfile
@@ -71,9 +71,9 @@ def parameter(low: float, high: float) -> Any:
     def faults(given: Mapping[str, Any]) -> Contradictions:
         keys, prior = ("fixed", "prior", "range"), given.get("prior")
         unknown = [str(key) for key in given if key not in keys]
-        for key in unknown:
-            near = difflib.get_close_matches(key, keys, 1)
-            yield key, f"a known key; {f'did you mean {near[0]}?' if near else 'keys here: fixed, prior, range'}"
+        yield from (
+            (key, f"a known key{did_you_mean(key, keys) or '; keys here: fixed, prior, range'}") for key in unknown
+        )
         if "fixed" in given and len(given) > 1:
             yield "", "fixed alone, or prior with or without range"
         elif "fixed" in given and not is_within(given["fixed"]):

@@ -185,16 +185,14 @@ class Record:
         rows = self._with_responses(found, table)
         if "run" not in table and len(self.data):
             _refuse_again(rows[["status", *found, *self.study.targets.names]], self.data, SOURCE)
-        numbered = self._numbered(rows.to_dict("records"), found)
-        return pd.DataFrame(numbered).assign(**{TURN: self._turn[1]})
+        return pd.DataFrame(self._numbered(rows.to_dict("records"), found)).assign(**{TURN: self._turn[1]})
 
     def _with_responses(self, found: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
         """Add status, responses and turn to runs."""
         names = list(self.study.targets.names)
         ok = table[names].notna().all(axis=1)
         status = table["status"] if "status" in table else np.where(ok, OK, FAILED)
-        responses = {name: table[name] for name in names}
-        return found.assign(status=status, **responses, **{TURN: self._turn[1]})
+        return found.assign(status=status, **{name: table[name] for name in names}, **{TURN: self._turn[1]})
 
 
 def _points(table: pd.DataFrame, names: Sequence[str]) -> list[tuple[float, ...]]:
@@ -218,7 +216,9 @@ def _checked_table(table: Any) -> pd.DataFrame:
     twice = list(map(str, table.columns[table.columns.duplicated()]))
     require(not twice, SOURCE, "column", ", ".join(twice[:1]), "each column once")
     require(not table.empty, SOURCE, "rows", 0, "a row for each run")
-    return table.reset_index(drop=True)
+    # pandas makes whole numbers floats where it joins tables
+    numbers = {key: table[key].convert_dtypes() for key in ("sample", "run") if key in table}
+    return table.assign(**numbers).reset_index(drop=True)
 
 
 def _numbers(table: pd.DataFrame, name: str) -> np.ndarray:

@@ -1,5 +1,6 @@
 """The exceptions: faults of a user's input, and a pile without an angle."""
 
+import difflib
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -50,6 +51,11 @@ def require_flank(holds: object, reason: str) -> None:
     """Raise NoFlankError with a reason unless something holds."""
     if not holds:
         raise NoFlankError(reason)
+
+
+def did_you_mean(word: str, names: Iterable[str]) -> str:
+    """Ask whether the name most like a word was meant; empty where none is like it."""
+    return "".join(f"; did you mean {name}?" for name in difflib.get_close_matches(word, list(names), 1))
 
 
 def raise_together(faults: Iterable[InputError]) -> None:

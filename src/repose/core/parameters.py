@@ -1,6 +1,5 @@
 """The contact parameters that are calibrated, in the order every table uses: six, then the contact law's own."""
 
-import math
 import re
 from collections.abc import Iterable
 from typing import NamedTuple
@@ -11,11 +10,12 @@ from repose.dem.constants import OF_LAWS, TWISTED_BY, TWISTING, Constant
 PARAMETERS = ("e_gg", "mus_gg", "mur_gg", "e_gp", "mus_gp", "mur_gp")
 
 PAIRS = {"gg": "grain-grain", "gp": "grain-wall"}
-# Words, symbol, limits of the contact law itself, and what a configuration allows: its priors are cut to it.
+# Words, symbol, limits of any simulation (a larger friction is an angle in degrees), and what a configuration allows,
+# to which its priors are cut.
 _KINDS = {
     "e": ("restitution", "e_{", (0.01, 1.0), (0.01, 1.0)),
-    "mus": ("static friction", r"\mu_{s,", (0.0, math.inf), (0.0, 5.0)),
-    "mur": ("rolling friction", r"\mu_{r,", (0.0, math.inf), (0.0, 1.0)),
+    "mus": ("static friction", r"\mu_{s,", (0.0, 10.0), (0.0, 5.0)),
+    "mur": ("rolling friction", r"\mu_{r,", (0.0, 10.0), (0.0, 1.0)),
 }
 
 LABELS: dict[str, str] = {}
@@ -75,13 +75,12 @@ def plain_number(value: object) -> float:
 
 
 def check_value(name: str, value: object, source: object, key: str | None = None) -> float:
-    """Read a parameter's value, or its text, as a finite number within `PHYSICAL_LIMITS`; otherwise InputError."""
+    """Read a parameter's value, or its text, as a number within `PHYSICAL_LIMITS`; otherwise InputError."""
     key = name if key is None else key
     try:
         number = plain_number(value)
     except (TypeError, ValueError):
         raise InputError(source, key, value, "a number") from None
     low, high = PHYSICAL_LIMITS[name]
-    limit = f"{low:g} to {high:g}" if high < math.inf else f"a finite number of at least {low:g}"
-    require(low <= number <= high and not math.isinf(number), source, key, number, limit)
+    require(low <= number <= high, source, key, number, f"{low:g} to {high:g}")
     return number

@@ -198,5 +198,4 @@ def _processor() -> str:
     name = fields.get("model name") or platform.processor() or platform.machine()
     # a virtual machine may call several generations by one name
     numbers = [f"{key.rpartition(' ')[2]} {fields[key]}" for key in ("cpu family", "model") if key in fields]
-    forced = [f"{key}={os.environ[key]}" for key in FORCED_TYPES if os.environ.get(key)]
-    return ", ".join([name, *numbers, *forced])
+    return ", ".join([name, *numbers, *[f"{key}={os.environ[key]}" for key in FORCED_TYPES if os.environ.get(key)]])

@@ -38,8 +38,7 @@ def read_sets(path: Path_, names: Iterable[str] = PARAMETERS) -> "pd.DataFrame":
     """Read all published sets, with their parameters `names`; a set's `solution` is text."""
     import pandas as pd
 
-    read = [read_table(one, (NAME, *names)) for one in tables(path)]
-    return pd.concat(read, ignore_index=True)
+    return pd.concat([read_table(one, (NAME, *names)) for one in tables(path)], ignore_index=True)
 
 
 def _rows(path: Path_ | None) -> list[dict[str, Any]]:

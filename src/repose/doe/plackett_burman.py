@@ -22,5 +22,4 @@ def plackett_burman(factors: int, runs: int) -> np.ndarray:
     columns are the dummy factors from which the analysis estimates the error.
     """
     first = np.array([1.0 if sign == "+" else -1.0 for sign in GENERATORS[runs]])
-    rows = [np.roll(first, shift) for shift in range(runs - 1)]
-    return np.vstack([*rows, -np.ones(runs - 1)])[:, :factors]
+    return np.vstack([*(np.roll(first, shift) for shift in range(runs - 1)), -np.ones(runs - 1)])[:, :factors]

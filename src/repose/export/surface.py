@@ -27,8 +27,7 @@ def profile(funnel: Funnel) -> np.ndarray:
     tangent = 90.0 + math.degrees(slope)
     lip = arc(outlet, 180.0, 270.0)
     # without a tube one arc goes on where the other ends
-    points = [top, *arc(neck, tangent, 180.0), *(lip if funnel.tube_length_m else lip[1:])]
-    return _divided(np.array(points))
+    return _divided(np.array([top, *arc(neck, tangent, 180.0), *(lip if funnel.tube_length_m else lip[1:])]))
 
 
 def _divided(points: np.ndarray) -> np.ndarray:

@@ -104,8 +104,7 @@ def refine(view: SideView, coarse: np.ndarray, berry_px: float, by_roughness: bo
     columns = np.flatnonzero(mask.any(axis=0))
     top = mask.argmax(axis=0)[columns]
     difference = np.linalg.norm(way[top, columns] * (1 if by_roughness else EQUAL), axis=1)
-    faint = float((difference < FAINT).mean())
-    return Segmentation(grey, share, 0.5, mask, view.base_row, pile_is), faint
+    return Segmentation(grey, share, 0.5, mask, view.base_row, pile_is), float((difference < FAINT).mean())
 
 
 def _light(view: SideView, above: int) -> np.ndarray:

@@ -312,8 +312,7 @@ def _onto(mask: np.ndarray, coarse: camera.SideView, fine: camera.SideView, axis
     rows, columns = fine.image.shape[:2]
     x = (axis_mm + fine.left_mm + fine.mm_per_pixel * np.arange(columns) - coarse.left_mm) / coarse.mm_per_pixel
     y = coarse.base_row - (fine.base_row - np.arange(rows)) * fine.mm_per_pixel / coarse.mm_per_pixel
-    where = np.meshgrid(x.astype(np.float32), y.astype(np.float32))
-    return cv2.remap(mask, *where, cv2.INTER_NEAREST)
+    return cv2.remap(mask, *np.meshgrid(x.astype(np.float32), y.astype(np.float32)), cv2.INTER_NEAREST)
 
 
 def _require_whole(mask: np.ndarray, hidden: np.ndarray) -> None:

@@ -53,7 +53,8 @@ def _read(file: Any, file_type: str | None, source: object) -> trimesh.Trimesh:
     try:
         mesh: Any = trimesh.load(file, file_type=file_type, force="mesh")
     except Exception as error:  # trimesh's readers raise whatever their parsers do
-        raise InputError(source, "file", str(error), "a mesh that trimesh can read, such as an STL") from None
+        found = "in a format that is not read here" if isinstance(error, ImportError) else str(error)
+        raise InputError(source, "file", found, "a mesh that trimesh can read: save it as STL, in mm") from None
     return principal_pose(check_mesh(mesh, source))
 
 
@@ -89,8 +90,9 @@ def check_mesh(mesh: trimesh.Trimesh, source: object) -> trimesh.Trimesh:
             mesh.update_faces(good)
     if not mesh.is_watertight or not mesh.is_winding_consistent:
         facets = np.unique(mesh.edges_sorted, axis=0, return_counts=True)[1]
-        found = f"{(facets == 1).sum()} edges of one facet, {(facets > 2).sum()} of more than two"
-        allowed = "a watertight surface with consistent faces: each edge belongs to two facets; close the holes first"
+        turned = (np.unique(mesh.edges, axis=0, return_counts=True)[1] > 1).sum()  # along it both go the same way
+        found = f"{(facets == 1).sum()} edges of one facet, {(facets > 2).sum()} of more than two, {turned} turned over"
+        allowed = "a watertight surface: each edge belongs to two facets that look outwards; is the file whole?"
         raise InputError(source, "surface", found, allowed)
     require(mesh.body_count <= 1, source, "bodies", mesh.body_count, "1: the outer surface of one grain")
     volume = float(mesh.volume)

@@ -117,8 +117,7 @@ def look_at(
     centre = (seen.min(axis=0) + seen.max(axis=0)) / 2
     offset = seen - centre
     reach = margin * (np.abs(offset[:, :2]) * 2 / (width, height)).max(axis=1)
-    distance = np.max(reach * focal - offset[:, 2])
-    return Camera(centre @ axes + distance * back, axes, focal, width, height)
+    return Camera(centre @ axes + np.max(reach * focal - offset[:, 2]) * back, axes, focal, width, height)
 
 
 def boxes(centres: np.ndarray, reach: float) -> np.ndarray:

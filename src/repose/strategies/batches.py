@@ -78,8 +78,7 @@ def _batches(proposals: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
         {"batch": batch, "pours": found["pours"], **found["notes"].get("row", {}), "why": found["why"]}
         for batch, found in enumerate(proposals)
     ]
-    own = [rows[batch] for batch, found in enumerate(proposals) if "row" in found["notes"]]
-    return pd.DataFrame(own or rows)
+    return pd.DataFrame([rows[batch] for batch, found in enumerate(proposals) if "row" in found["notes"]] or rows)
 
 
 def _plain(value: Any) -> Any:

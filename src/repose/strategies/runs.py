@@ -1,5 +1,6 @@
 """The table of all runs of a study: the runs of a batch, the check of returned runs, and means by sample."""
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any, TypeAlias
 
@@ -18,10 +19,12 @@ from repose.strategies.base import Studied, strategy
 GOOD = (OK := "ok", "success", "successful", "done", "finished", "completed", "converged", "true", "yes")
 Rows = Sequence[Mapping[str, Any]]
 Table: TypeAlias = pd.DataFrame | Rows
+WHOLE = re.compile(r"^(\d+)\.0+$")  # a number that a program wrote as a decimal
 TURN = "turn"  # column of a record: with which proposal a run was told
 TURNS = Column(TURN, int, low=0, empty=True)
 OPTIONAL = ("status", TURN)
-RESPONSE = "a finite number; a run that failed has another `status` than ok"
+RESPONSE = "a finite number below 1e100; a run that failed has another `status` than ok"
+LARGEST = 1e100  # of a response: what is larger is no result
 ROUNDED = 1e-6  # of a range: a table may have been rounded by a spreadsheet
 
 
@@ -74,7 +77,8 @@ def read_runs(path: Path_, study: Studied) -> pd.DataFrame:
 
 def rows_of(path: Path_) -> Rows:
     """Read the rows of a CSV file of runs as text."""
-    return read(path, [Column("status", str, needed=False)], "a CSV file of runs").rows()
+    rows = read(path, [Column("status", str, needed=False)], "a CSV file of runs").rows()
+    return [row | {key: WHOLE.sub(r"\1", row[key]) for key in ("sample", "run") if key in row} for row in rows]
 
 
 def checked_runs(study: Studied, rows: Table, source: object = "runs", enough: bool = True) -> pd.DataFrame:
@@ -98,7 +102,7 @@ def checked_runs(study: Studied, rows: Table, source: object = "runs", enough: b
     failed = {k for k, one in enumerate(status) if one != OK}
     ends = space.complete(np.array([space.low, space.high]))
     sets, faults = check(cells, map(_parameter, space.names, *ends.tolist()))
-    responses, more = check(cells, [Column(name, words=RESPONSE) for name in names], failed)
+    responses, more = check(cells, [Column(name, float, -LARGEST, LARGEST, words=RESPONSE) for name in names], failed)
     turns, others = check(cells, [TURNS])
     refuse(source, [*faults, *more, *others, *unclear])
     table = pd.DataFrame({"status": status, **sets, **responses})
@@ -107,7 +111,11 @@ def checked_runs(study: Studied, rows: Table, source: object = "runs", enough: b
     table.insert(0, "sample", _numbers_of_samples(table[parameters], rows, study, source))
     table.attrs[TURN] = np.nan_to_num(turns[TURN]).astype(int).tolist()
     _refuse_twice(table, rows, source)
-    samples, fewest = table[table["status"] == OK]["sample"].nunique(), space.dimensions + 2
+    good = table[table["status"] == OK]
+    samples, fewest = good["sample"].nunique(), space.dimensions + 2
+    for name in names if samples >= fewest else ():
+        changes = good[name].min() < good[name].max()
+        require(changes, source, name, float(good[name].iloc[0]), f"not the same in all {len(good)} good runs")
     allowed = f"at least {fewest}, two more than the free parameters"
     require(not enough or samples >= fewest, source, "samples with a good run", samples, allowed)
     return table

@@ -71,8 +71,7 @@ def mix_outputs(w: np.ndarray, mixing: np.ndarray, hidden: int) -> np.ndarray:
     first = len(w) - outputs * (hidden + 1)
     W2 = w[first : len(w) - outputs].reshape(outputs, -1)
     b2 = w[len(w) - outputs :].reshape(outputs, -1)
-    tail = [(mixing.T @ part).reshape(-1, *w.shape[1:]) for part in (W2, b2)]
-    return np.concatenate([w[:first], *tail])
+    return np.concatenate([w[:first], *((mixing.T @ part).reshape(-1, *w.shape[1:]) for part in (W2, b2))])
 
 
 def weight_classes(prior: str, inputs: int, hidden: int, outputs: int) -> list[Any]:

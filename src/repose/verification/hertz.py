@@ -57,8 +57,7 @@ class Hertz:
     @property
     def duration_s(self) -> float:
         """Contact time in seconds: 2.9432 delta / v, the number being 4/5 sqrt(pi) Gamma(2/5) / Gamma(9/10)."""
-        factor = 0.8 * math.sqrt(math.pi) * math.gamma(0.4) / math.gamma(0.9)
-        return factor * self.overlap_m / self.speed
+        return 0.8 * math.sqrt(math.pi) * math.gamma(0.4) / math.gamma(0.9) * self.overlap_m / self.speed
 
     def history(self, restitution: float, count: int = 400, tension: str = "keep") -> tuple[np.ndarray, ...]:
         """Solve the damped impact (Tsuji 1992): time [s], overlap [m] and normal force [N], each (count,).

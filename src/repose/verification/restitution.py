@@ -232,5 +232,4 @@ def _row(quantity: str, values: np.ndarray, nominal: float, judged: bool) -> Row
     mean = float(np.nanmean(values))
     if not judged:
         return reported(quantity, "", mean, f"{note}; {SOFT_NOTE}", nominal, "asked for")
-    row = close(quantity, "", mean, nominal, "asked for", tolerance=STIFF_TOLERANCE, scale=1.0)
-    return replace(row, note=note)
+    return replace(close(quantity, "", mean, nominal, "asked for", tolerance=STIFF_TOLERANCE, scale=1.0), note=note)

@@ -60,8 +60,7 @@ def run(
             pours[name].append(timed_pour(config, parameters, seed, particle, berry))
     settings = SceneSettings(config)
     grains = settings.section("funnel", FunnelSettings).berries
-    of_pours = {"berries": grains, "time_step_s": settings.simulation.time_step_s}
-    return of_pours | machine() | summary(references, pours)
+    return {"berries": grains, "time_step_s": settings.simulation.time_step_s} | machine() | summary(references, pours)
 
 
 def machine() -> dict[str, Any]:

@@ -52,8 +52,7 @@ def parts(calibration: Calibration) -> dict[str, Part]:
 def shown(calibration: Calibration) -> Shown:
     """Give the study of a calibration as figures and report take it."""
     study = calibration.study
-    config = {"label": study.settings.label, "small_run": False}
-    return Shown(config, targets=study.targets, space=study.parameters)
+    return Shown({"label": study.settings.label, "small_run": False}, targets=study.targets, space=study.parameters)
 
 
 def _plane(calibration: Calibration, figure: FigureBase) -> None:

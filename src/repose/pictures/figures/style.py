@@ -182,8 +182,7 @@ def over_parameters(study: Shown, height: float) -> tuple[Figure, Iterator[tuple
     for panel, name in zip(panels[-1], free, strict=True):
         panel.set_xlabel(parameter_label(name), fontsize=8.5)
         panel.set_xlim(study.ranges[name])
-    places = product(targets, free)
-    return figure, ((panel, *place) for panel, place in zip(panels.flat, places, strict=True))
+    return figure, ((panel, *place) for panel, place in zip(panels.flat, product(targets, free), strict=True))
 
 
 def pairs_of_parameters(figure: FigureBase, study: Shown, room: float = 0.0) -> Iterator[tuple[Axes, str, str]]:

@@ -140,7 +140,8 @@ def _how_well_known(study: Results) -> str:
 def check(study: Results) -> str:
     """Write measured, predicted and simulated responses, and the pile."""
     head = ["response", "measured", "target range", "predicted", "simulated", "difference", "inside"]
-    rows = [_response_row(study, target) for target in study.targets]
+    head = head if study.number("n_seeds") else head[: head.index("simulated")]
+    rows = [_response_row(study, target)[: len(head)] for target in study.targets]
     trouble = text(study.row.get("reason"))
     parts = {"trouble": f'<p class="note">Of these simulations: {trouble}.</p>' if trouble else ""}
     parts |= {"lines": _lines(study), "pile": _pile(study), "table4": _table4(study)}

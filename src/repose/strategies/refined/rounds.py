@@ -85,8 +85,7 @@ def objective_of(jobs_of_round: Sequence[tuple[int, str, int]], runs: pd.DataFra
 
 def _objective(summary: Mapping[str, Any], targets: Targets) -> float:
     """Compute Eq. 11 for the means of a summary."""
-    means = np.array([[summary[name] for name in targets.names]])
-    return float(Objective(targets)(means)[0][0])
+    return float(Objective(targets)(np.array([[summary[name] for name in targets.names]]))[0][0])
 
 
 def _summary(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:

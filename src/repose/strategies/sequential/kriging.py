@@ -64,8 +64,7 @@ class Observed(NamedTuple):
     @property
     def means(self) -> np.ndarray:
         """Mean of each sample, (n, k)."""
-        kept = np.where(self.good[:, :, None], self.values, 0.0)
-        return kept.sum(axis=1) / self.counts[:, None]
+        return np.where(self.good[:, :, None], self.values, 0.0).sum(axis=1) / self.counts[:, None]
 
     @property
     def residuals(self) -> np.ndarray:
