@@ -46,7 +46,7 @@ def write(found: Mapping[str, Any], checked: pd.DataFrame, study: Studied, out_d
     check = _check(row, found["predicted_error"], targets) if own is None else pd.DataFrame(own)
     summary = {name: found[name] for name in ("feasible", "message", "why", "pours")}
     summary |= {"representative": best, "check_pours": pours, **notes.get("summary", {})}
-    summary["steps"] = [*notes.get("steps", ()), f"Check: the answer was poured {pours} more times."]
+    summary["steps"] = [*notes.get("steps", ()), f"Check: {pours} pours of the answer that were in no fit."]
     runs = {bench: of_bench(checked, bench).to_dict("records") for bench in targets.apparatus}
     measure = study.config.get("measure")
     physical = validate.against_physical(pd.Series(row), targets, measure)

@@ -54,11 +54,11 @@ def approach(inputs: Inputs, study: Shown) -> Figure:
             lower.set_ylabel("standard error\n(% of the target)")
     for panel in panels[-2:, 1:].ravel() if len(responses) % 2 else ():
         panel.axis("off")
-    panels[0, 0].legend(loc="best")
+    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=3)
     panels[1, 0].legend(loc="lower right")
     if "summary" in inputs:
         why = read_json(inputs["summary"], ("why",))["why"]
-        figure.suptitle(textwrap.fill(why, 110), fontsize=7.5, x=0.02, ha="left")
+        figure.suptitle(textwrap.fill(why, 60), fontsize=7.5, x=0.02, ha="left")
     return figure
 
 
@@ -77,4 +77,4 @@ def _deviations(
     for x, y, seeds in zip(place, simulated, rounds["n_seeds"], strict=True):
         if np.isfinite(y):
             panel.annotate(f"{seeds:g} seeds", (x + 0.06, y), (6, -7), **look)
-    panel.set_xlim(place[0] - 0.4, place[-1] + 0.4)
+    panel.set_xlim(place[0] - 0.4, place[-1] + 0.7)  # with the words at the last point
