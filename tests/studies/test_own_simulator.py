@@ -247,7 +247,10 @@ BAD = {
     ),
     "no response": (lambda table: table.drop(columns="time_s"), "column time_s is 'missing'"),
     "no number": (cell(3, "angle_deg", "steep"), "row 4: angle_deg is 'steep'; expected a finite number"),
-    "nan": (cell(3, "angle_deg", np.nan), "angle_deg is nan; expected a finite number below 1e100; a run that failed"),
+    "nan": (
+        cell(3, "angle_deg", np.nan),
+        "angle_deg is nan; expected a finite number within 1e100 of 0; a run that failed",
+    ),
     "empty": (cell(3, "rolling", ""), "row 4: rolling is ''; expected a number from"),
     "infinite": (cell(0, "time_s", np.inf), "row 1: time_s is inf"),
     "out of range": (cell(2, "friction", 0.9), "row 3: friction is 0.9; expected a number from 0.2 to 0.8, its range"),

@@ -218,6 +218,8 @@ def _checked_table(table: Any) -> pd.DataFrame:
     require(not table.empty, SOURCE, "rows", 0, "a row for each run")
     # pandas makes whole numbers floats where it joins tables
     numbers = {key: table[key].convert_dtypes() for key in ("sample", "run") if key in table}
+    for key, column in numbers.items():
+        require(column.notna().all(), SOURCE, key, "missing", "a number in each row, as `ask` gave it")
     return table.assign(**numbers).reset_index(drop=True)
 
 

@@ -11,6 +11,7 @@ import pandas as pd
 
 from repose.chain import card
 from repose.chain.answer import NOT_AGAIN, WITHIN, Check, Result, describe_probability, out_of_reach
+from repose.core.errors import require
 from repose.core.files import Path_, path_of, write_json, write_table
 from repose.strategies import answer
 from repose.strategies.base import Answer, Batch, Studied, strategy
@@ -148,6 +149,8 @@ def calibrate(study: Studied, runs: pd.DataFrame, proposal: Batch | Answer | Non
     `proposal` is the answer, it is the best that these runs give.
     """
     space, targets, settings = study.parameters, study.targets, study.settings
+    for name in targets.names:
+        require(runs[name].nunique() != 1, "runs", name, runs[name].max().item(), "results that differ: see its column")
     best = proposal if isinstance(proposal, Answer) else strategy(settings.strategy).answer(study, runs)
     observed = observed_of(runs, space, targets)
     noise = noise_from(study, observed)

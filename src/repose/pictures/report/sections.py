@@ -140,7 +140,7 @@ def _how_well_known(study: Results) -> str:
 def check(study: Results) -> str:
     """Write measured, predicted and simulated responses, and the pile."""
     head = ["response", "measured", "target range", "predicted", "simulated", "difference", "inside"]
-    head = head if study.number("n_seeds") else head[: head.index("simulated")]
+    head = head if study.number("n_seeds") is not None else head[: head.index("simulated")]
     rows = [_response_row(study, target)[: len(head)] for target in study.targets]
     trouble = text(study.row.get("reason"))
     parts = {"trouble": f'<p class="note">Of these simulations: {trouble}.</p>' if trouble else ""}
