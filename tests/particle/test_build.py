@@ -201,7 +201,11 @@ def test_files_with_a_fault_are_mended_where_that_is_safe_else_the_cause_is_name
         assert build.load_mesh(path).volume == pytest.approx(whole.volume, rel=1e-6), content[-60:]
     bad = [(binary[:-60], "facets is 1278; expected 1280"), (text[: len(text) // 2], "cut off|edges of one facet")]
     whole.faces[5] = whole.faces[5][::-1]
-    bad += [(whole.export(file_type="stl"), "0 of more than two, 3 turned over")]
+    bad += [(whole.export(file_type="stl"), "0 of more than two, 3 between facets of which one is turned over")]
+    boxes = trimesh.util.concatenate(
+        trimesh.creation.box([9] * 3), trimesh.creation.box([9] * 3).apply_translation([9, 9, 0])
+    )
+    bad += [(boxes.export(file_type="stl"), "1 of more than two, 0 between")]
     for name, words in (("scan.step", "not read here.* save it as STL"), ("scan.ply", "Not a ply file")):
         (tmp_path / name).write_text("ISO-10303-21;")
         input_error(words, build.load_mesh, tmp_path / name)

@@ -249,7 +249,7 @@ BAD = {
     "no number": (cell(3, "angle_deg", "steep"), "row 4: angle_deg is 'steep'; expected a finite number"),
     "nan": (
         cell(3, "angle_deg", np.nan),
-        "angle_deg is nan; expected a finite number within 1e100 of 0; a run that failed",
+        "row 4: angle_deg is nan; expected a finite number within 1e100 of 0; a run that failed",
     ),
     "empty": (cell(3, "rolling", ""), "row 4: rolling is ''; expected a number from"),
     "infinite": (cell(0, "time_s", np.inf), "row 1: time_s is inf"),

@@ -71,9 +71,8 @@ def parameter(low: float, high: float) -> Any:
     def faults(given: Mapping[str, Any]) -> Contradictions:
         keys, prior = ("fixed", "prior", "range"), given.get("prior")
         unknown = [str(key) for key in given if key not in keys]
-        yield from (
-            (key, f"a known key{did_you_mean(key, keys) or '; keys here: fixed, prior, range'}") for key in unknown
-        )
+        for key in unknown:
+            yield key, f"a known key{did_you_mean(key, keys) or '; keys here: fixed, prior, range'}"
         if "fixed" in given and len(given) > 1:
             yield "", "fixed alone, or prior with or without range"
         elif "fixed" in given and not is_within(given["fixed"]):

@@ -16,7 +16,18 @@ from repose.core.files import write_table
 from repose.core.lock import exclusive
 from repose.core.tables import Column, check, refuse
 from repose.strategies.base import Answer, Batch, Studied, strategy
-from repose.strategies.runs import OK, TURN, TURNS, checked_runs, next_number, rows_of, runs_of, with_fixed
+from repose.strategies.runs import (
+    NUMBERS,
+    OK,
+    TURN,
+    TURNS,
+    checked_runs,
+    next_number,
+    rows_of,
+    runs_of,
+    with_fixed,
+    without_point,
+)
 
 FAILED = "failed"
 SAME = 1e-6  # relative: a table may have been rounded by a spreadsheet
@@ -160,7 +171,7 @@ class Record:
         missing = [name for name in names if name not in table]
         require(not missing, SOURCE, "columns", list(table), f"also {', '.join(missing)}")
         if "run" not in table:
-            first = asked.groupby("sample")["run"].min()
+            first = asked.astype({"sample": str}).groupby("sample")["run"].min()
             number = table.groupby("sample").cumcount()
             table = table.assign(run=number + table["sample"].map(first).fillna(1).astype(int))
         wanted, given = (pd.MultiIndex.from_frame(one[["sample", "run"]].astype(str)) for one in (asked, table))
@@ -216,11 +227,10 @@ def _checked_table(table: Any) -> pd.DataFrame:
     twice = list(map(str, table.columns[table.columns.duplicated()]))
     require(not twice, SOURCE, "column", ", ".join(twice[:1]), "each column once")
     require(not table.empty, SOURCE, "rows", 0, "a row for each run")
-    # pandas makes whole numbers floats where it joins tables
-    numbers = {key: table[key].convert_dtypes() for key in ("sample", "run") if key in table}
+    numbers = {key: table[key] for key in NUMBERS if key in table}
     for key, column in numbers.items():
         require(column.notna().all(), SOURCE, key, "missing", "a number in each row, as `ask` gave it")
-    return table.assign(**numbers).reset_index(drop=True)
+    return table.assign(**{key: without_point(column) for key, column in numbers.items()}).reset_index(drop=True)
 
 
 def _numbers(table: pd.DataFrame, name: str) -> np.ndarray:

@@ -1,12 +1,12 @@
 """The exceptions: faults of a user's input, and a pile without an angle."""
 
-import difflib
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
 from repose.dem.errors import MOST_SHOWN, shown
 from repose.dem.errors import InputError as InputError  # handed on to every room
+from repose.dem.errors import did_you_mean as did_you_mean
 
 BAD_INPUT = 2  # exit status of a verb and of the workflow for a fault of the input
 
@@ -51,11 +51,6 @@ def require_flank(holds: object, reason: str) -> None:
     """Raise NoFlankError with a reason unless something holds."""
     if not holds:
         raise NoFlankError(reason)
-
-
-def did_you_mean(word: str, names: Iterable[str]) -> str:
-    """Ask whether the name most like a word was meant; empty where none is like it."""
-    return "".join(f"; did you mean {name}?" for name in difflib.get_close_matches(word, list(names), 1))
 
 
 def raise_together(faults: Iterable[InputError]) -> None:

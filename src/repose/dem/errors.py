@@ -1,6 +1,7 @@
 """The exception for a fault in a user's file."""
 
 import reprlib
+from collections.abc import Iterable
 
 MOST_SHOWN = 400  # characters of a value in a message
 
@@ -16,6 +17,13 @@ def shown(value: object) -> str:
     return text if len(text) <= MOST_SHOWN else f"{text[: MOST_SHOWN - 3]}..."
 
 
+def did_you_mean(word: str, names: Iterable[str]) -> str:
+    """Ask whether the name most like a word was meant; empty where none is like it."""
+    from difflib import get_close_matches  # not by the processes that end well
+
+    return "".join(f"; did you mean {name}?" for name in get_close_matches(word, list(names), 1))
+
+
 class InputError(ValueError):
     """A file, or an entry `key` of it, that cannot be used; the message names `value` and what is `allowed`.
 
@@ -25,8 +33,6 @@ class InputError(ValueError):
     def __init__(self, source: object, key: str, value: object, allowed: str) -> None:
         names = list(filter(str.isidentifier, allowed.removeprefix("one of ").replace(" or ", ", ").split(", ")))
         if isinstance(value, str) and len(names) > 1:
-            from difflib import get_close_matches  # not by the processes that end well
-
-            allowed += "".join(f"; did you mean {name}?" for name in get_close_matches(value, names, 1))
+            allowed += did_you_mean(value, names)
         self.source, self.key, self.value, self.allowed = source, key, value, allowed
         super().__init__(f"{source}: {key} is {shown(value)}; expected {allowed}")

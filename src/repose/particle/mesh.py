@@ -89,9 +89,11 @@ def check_mesh(mesh: trimesh.Trimesh, source: object) -> trimesh.Trimesh:
         if not good.all():
             mesh.update_faces(good)
     if not mesh.is_watertight or not mesh.is_winding_consistent:
-        facets = np.unique(mesh.edges_sorted, axis=0, return_counts=True)[1]
-        turned = (np.unique(mesh.edges, axis=0, return_counts=True)[1] > 1).sum()  # along it both go the same way
-        found = f"{(facets == 1).sum()} edges of one facet, {(facets > 2).sum()} of more than two, {turned} turned over"
+        _, edge, facets = np.unique(mesh.edges_sorted, axis=0, return_inverse=True, return_counts=True)
+        upwards = np.bincount(edge.ravel(), mesh.edges[:, 0] < mesh.edges[:, 1])
+        turned = ((facets == 2) & (upwards != 1)).sum()  # both facets go along it the same way
+        found = f"{(facets == 1).sum()} edges of one facet, {(facets > 2).sum()} of more than two"
+        found += f", {turned} between facets of which one is turned over"
         allowed = "a watertight surface: each edge belongs to two facets that look outwards; is the file whole?"
         raise InputError(source, "surface", found, allowed)
     require(mesh.body_count <= 1, source, "bodies", mesh.body_count, "1: the outer surface of one grain")

@@ -1,7 +1,7 @@
 """The table of all runs of a study: the runs of a batch, the check of returned runs, and means by sample."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -19,12 +19,12 @@ from repose.strategies.base import Studied, strategy
 GOOD = (OK := "ok", "success", "successful", "done", "finished", "completed", "converged", "true", "yes")
 Rows = Sequence[Mapping[str, Any]]
 Table: TypeAlias = pd.DataFrame | Rows
-WHOLE = re.compile(r"\d+\.0")  # a number that a program wrote as a decimal, as all of its column
+WHOLE = re.compile(r"\d+\.0")
+NUMBERS = ("sample", "run")
 TURN = "turn"  # column of a record: with which proposal a run was told
 TURNS = Column(TURN, int, low=0, empty=True)
 OPTIONAL = ("status", TURN)
 RESPONSE = "a finite number within 1e100 of 0; a run that failed has another `status` than ok"
-LARGEST = 1e100  # of a response: what is larger is no result
 ROUNDED = 1e-6  # of a range: a table may have been rounded by a spreadsheet
 
 
@@ -77,11 +77,15 @@ def read_runs(path: Path_, study: Studied) -> pd.DataFrame:
 
 def rows_of(path: Path_) -> Rows:
     """Read the rows of a CSV file of runs as text."""
-    rows = read(path, [Column("status", str, needed=False)], "a CSV file of runs").rows()
-    for key in ("sample", "run"):
-        whole = all(WHOLE.fullmatch(row.get(key, "")) for row in rows)
-        rows = [row | {key: row[key][:-2]} for row in rows] if whole else rows
-    return rows
+    table = read(path, [Column("status", str, needed=False)], "a CSV file of runs")
+    table.values |= {key: without_point(table.values[key]) for key in NUMBERS if key in table.values}
+    return table.rows()
+
+
+def without_point(cells: Iterable[Any]) -> list[str]:
+    """Write numbers of samples or runs as text, without the .0 that pandas and spreadsheets add to a whole column."""
+    texts = [str(cell).strip() for cell in cells]
+    return [text[:-2] for text in texts] if all(map(WHOLE.fullmatch, texts)) else texts
 
 
 def checked_runs(study: Studied, rows: Table, source: object = "runs", enough: bool = True) -> pd.DataFrame:
@@ -105,7 +109,7 @@ def checked_runs(study: Studied, rows: Table, source: object = "runs", enough: b
     failed = {k for k, one in enumerate(status) if one != OK}
     ends = space.complete(np.array([space.low, space.high]))
     sets, faults = check(cells, map(_parameter, space.names, *ends.tolist()))
-    responses, more = check(cells, [Column(name, float, -LARGEST, LARGEST, words=RESPONSE) for name in names], failed)
+    responses, more = check(cells, [Column(name, float, -1e100, 1e100, words=RESPONSE) for name in names], failed)
     turns, others = check(cells, [TURNS])
     refuse(source, [*faults, *more, *others, *unclear])
     table = pd.DataFrame({"status": status, **sets, **responses})
@@ -132,7 +136,7 @@ def _numbers_of_samples(sets: pd.DataFrame, rows: Rows, study: Studied, source: 
     numbers: Sequence[int] = pd.factorize(sets.apply(tuple, axis=1))[0] + 1
     if "sample" not in rows[0]:
         return numbers
-    reported, repeats = [str(row["sample"]).strip() for row in rows], strategy(study.settings.strategy).repeats_points
+    reported, repeats = without_point(row["sample"] for row in rows), strategy(study.settings.strategy).repeats_points
     first_of_name: dict[str, int] = {}
     first_of_set: dict[int, int] = {}
     faults: list[Fault] = []

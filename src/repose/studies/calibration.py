@@ -150,7 +150,8 @@ def calibrate(study: Studied, runs: pd.DataFrame, proposal: Batch | Answer | Non
     """
     space, targets, settings = study.parameters, study.targets, study.settings
     for name in targets.names:
-        require(runs[name].nunique() != 1, "runs", name, runs[name].max().item(), "results that differ: see its column")
+        allowed = f"results that differ; all {runs[name].count()} good runs have this one: is the right column read?"
+        require(runs[name].nunique() != 1, "runs", name, float(runs[name].max()), allowed)
     best = proposal if isinstance(proposal, Answer) else strategy(settings.strategy).answer(study, runs)
     observed = observed_of(runs, space, targets)
     noise = noise_from(study, observed)

@@ -129,7 +129,8 @@ def _surrogate(files: Files, targets: Targets, space: ParameterSpace) -> Predict
         return None
     dataset = read_dataset(files["dataset"], targets)
     runs = read_runs(files["runs"], targets, dataset, files["dataset"])
-    return SpaceKriging(Kriging(observed_of(data_of(dataset, runs, targets), space, targets)), space)
+    observed = observed_of(data_of(dataset, runs, targets), space, targets)
+    return SpaceKriging(Kriging(observed), space)
 
 
 def _runs(jobs: Sequence[str], targets: Targets) -> dict[str, list[Any]]:
