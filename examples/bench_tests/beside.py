@@ -33,7 +33,8 @@ def main():
         for response in responses:
             angles = [one[response] for one in measured if one.get(response) is not None]
             mean, error = mean_and_error(angles)
-            print(f"| {name} | `{response}` | {mean:.1f} ± {error or 0:.1f} | {len(angles)} |", flush=True)
+            shown = "no number" if mean is None else f"{mean:.1f} ± {error or 0:.1f}"
+            print(f"| {name} | `{response}` | {shown} | {len(angles)} |", flush=True)
 
 
 if __name__ == "__main__":
