@@ -2,6 +2,12 @@
 PUBLISHED_REPRESENTATIVE = dict(zip(PUBLISHED_NAMES, PUBLISHED_SOLUTIONS)).get(
     "representative", PUBLISHED_SOLUTIONS[-1]
 )
+# The rule that chooses a line judges by the measured pair of angle and Height.
+LINE_CHOICE = (
+    ("choice", "verdicts")
+    if {"aor_deg", "height_mm"} <= set(STUDY.targets.responses)
+    else ()
+)
 
 
 rule measurement_study:
@@ -14,13 +20,12 @@ rule measurement_study:
         berry=rules.berry.output.berry,
         particle=rules.shape.output.particle,
     output:
+        **{name: f"{RESULTS}/measurement_study/{name}.csv" for name in LINE_CHOICE},
         piles=f"{RESULTS}/measurement_study/piles.csv",
         noise=f"{RESULTS}/measurement_study/noise.csv",
         correlation=f"{RESULTS}/measurement_study/correlation.csv",
         pour_correlation=f"{RESULTS}/measurement_study/pour_correlation.csv",
         bias=f"{RESULTS}/measurement_study/bias.csv",
-        choice=f"{RESULTS}/measurement_study/choice.csv",
-        verdicts=f"{RESULTS}/measurement_study/verdicts.csv",
         loose_grain=f"{RESULTS}/measurement_study/loose_grain.csv",
     log:
         f"{RESULTS}/logs/measurement_study.log",
