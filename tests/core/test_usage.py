@@ -1,6 +1,7 @@
 """The processor time of jobs, compared with the system's own account of the process."""
 
 import os
+import shlex
 import subprocess
 import sys
 
@@ -44,3 +45,23 @@ def test_processes_note_their_time_and_those_outside_jobs_none(tmp_path, monkeyp
     usage.note(tmp_path)
     usage.correct_benchmarks(tmp_path, usage.since(tmp_path, 0))
     assert [path.name for path in (tmp_path / "benchmarks").iterdir()] == ["processes.csv"]
+
+
+AFTER_OTHERS = """
+import time
+from repose.config.call import Call
+from repose.core import usage
+took_s = time.time() - Call().began_s
+print(took_s, time.process_time())
+usage.note(".")
+"""
+
+
+def test_a_program_counts_no_command_that_its_shell_ran_before(tmp_path):
+    program = f"{shlex.quote(sys.executable)} -c {shlex.quote(AFTER_OTHERS)}"
+    for before in ("sleep 2", f"{program} > /dev/null; rm -r benchmarks"):
+        (tmp_path / "benchmarks").mkdir(exist_ok=True)
+        done = subprocess.run(["bash", "-c", f"({before}; {program})"], cwd=tmp_path, capture_output=True, text=True)
+        took_s, used_s = map(float, done.stdout.split())
+        assert took_s == pytest.approx(used_s, abs=0.3)
+        assert usage.since(tmp_path, 0)[-1].cpu_s == pytest.approx(used_s, abs=0.3)

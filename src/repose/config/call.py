@@ -12,7 +12,6 @@ import sys
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -46,16 +45,16 @@ class Call:
         # a job of a cluster starts a snakemake of its own, after the first one has checked everything
         self.is_first = "--mode" not in self.words
         self.runs = self.is_first and not any(map(LOOKS.match, self.words))
+        self.began_s = self._began_s()
 
-    @cached_property
-    def began_s(self) -> float:
-        """When this process began; a clock that was set since the system started moves psutil's answer by seconds."""
+    def _began_s(self) -> float:
+        """When this program began; a clock that was set since the system started moves psutil's answer by seconds."""
         import psutil
 
-        after_start_s = psutil.Process().create_time() - psutil.boot_time()
-        if not hasattr(time, "CLOCK_BOOTTIME"):  # Linux has it
-            return psutil.boot_time() + after_start_s
-        return time.time() - time.clock_gettime(time.CLOCK_BOOTTIME) + after_start_s
+        if usage.EARLIER_S:  # a shell began this process
+            return time.time() - time.process_time()
+        boot_s = time.time() - time.clock_gettime(getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC))
+        return boot_s + psutil.Process().create_time() - psutil.boot_time()
 
     def study(self, config: Mapping[str, Any]) -> Study:
         """Make the study of snakemake's `config`, with its files checked where jobs may follow."""
@@ -94,9 +93,8 @@ class Call:
 
     def made(self, path: str, folder: str) -> bool:
         """Return whether a job of this call made a file."""
-        if not usage.since(folder, self.began_s) or not os.path.exists(path):  # files are only touched
-            return False
-        return os.stat(path).st_mtime >= self.began_s
+        ran = usage.since(folder, self.began_s)  # or else files are only touched
+        return bool(ran) and os.path.exists(path) and os.stat(path).st_mtime >= self.began_s
 
     def _tell(self, folder: str) -> None:
         """Print the times of this call, if a job ran, and add them to the table of all calls."""

@@ -44,11 +44,20 @@ def note(folder: str | os.PathLike) -> None:
             handle.write(line if handle.tell() else f"{','.join(Used._fields)}\n{line}")
 
 
-def used_here_s() -> float:
-    """Add up the processor time of this process and of its children that have ended [s]."""
+def _ended_children_s() -> float:
+    """Add up the processor time of the children of this process that have ended [s]."""
     import resource  # Windows, where no workflow runs, has none
 
-    return sum(sum(resource.getrusage(who)[:2]) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])
+
+
+# Of the commands that a shell ran before it became this process [s].
+EARLIER_S = _ended_children_s() if os.name == "posix" else 0.0
+
+
+def used_here_s() -> float:
+    """Add up the processor time of this program and of its children that have ended [s]."""
+    return time.process_time() + _ended_children_s() - EARLIER_S
 
 
 def _log() -> str:
@@ -67,8 +76,7 @@ def since(folder: str | os.PathLike, began_s: float) -> list[Used]:
         return []
     with table.open(encoding="utf-8", newline="") as handle:
         rows = [row for row in csv.reader(handle) if len(row) == len(Used._fields)][1:]
-    used = [Used(float(ended), float(cpu), *others) for ended, cpu, *others in rows]
-    return [one for one in used if one.ended_s >= began_s]
+    return [Used(float(ended), float(cpu), *others) for ended, cpu, *others in rows if float(ended) >= began_s]
 
 
 def correct_benchmarks(folder: str | os.PathLike, used: Iterable[Used]) -> None:
@@ -76,8 +84,7 @@ def correct_benchmarks(folder: str | os.PathLike, used: Iterable[Used]) -> None:
     of_log = attrgetter("log")
     for log, processes in groupby(sorted(used, key=of_log), of_log):
         with suppress(ValueError, OSError):  # of no job, or it failed and has no benchmark
-            below = Path(log).relative_to(Path(folder) / LOG[0]).with_suffix(BENCHMARK[1])
-            path = Path(folder) / BENCHMARK[0] / below
+            path = Path(folder) / BENCHMARK[0] / Path(log).relative_to(Path(folder) / LOG[0]).with_suffix(BENCHMARK[1])
             *rows, last = path.read_text(encoding="utf-8").splitlines()
             names, values = rows[0].split("\t"), last.split("\t")
             began_s = path.stat().st_mtime - float(values[names.index("s")]) - LATE_S
