@@ -1,5 +1,6 @@
 """Runs of further bench tests over a design, beside those of the pile."""
 
+import math
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -50,7 +51,9 @@ def read_jobs(paths: Iterable[str | Path], samples: np.ndarray) -> dict[str, pd.
         for run in job["runs"]:
             try:
                 if run["status"] == "ok":
-                    own.append({"sample": job["sample"]} | {name: float(run[name]) for name in names})
+                    # a response that is no target here may lack in a good run
+                    numbers = {name: math.nan if run[name] is None else float(run[name]) for name in names}
+                    own.append({"sample": job["sample"]} | numbers)
             except (KeyError, TypeError, ValueError) as error:
                 raise InputError(path, "runs", str(error), JOB) from error
     return {name: pd.DataFrame(own) for name, own in rows.items()}

@@ -114,6 +114,7 @@ def data(tmp_path_factory):
     for k in range(90):
         flow = 500.0 + 400.0 * table["mus_gg"][k] + random.normal(0, 10.0, 2)
         own = [{"status": "ok", "flow_g_s": rate, "emptying_s": random.normal(1, 0.01)} for rate in flow]
+        own[0]["emptying_s"] = own[0]["emptying_s"] if k else None  # it is no target
         own.append({"status": "jammed", "flow_g_s": None, "emptying_s": None})
         (jobs / f"{k + 1:03d}.json").write_text(json.dumps({"apparatus": "discharge", "sample": k + 1, "runs": own}))
     (jobs / "001.pours.json").write_text("{}")  # beside every job
@@ -125,6 +126,7 @@ def data(tmp_path_factory):
 
 def test_jobs_of_further_bench_tests_come_beside_the_pile(data):
     assert data.known["flow_g_s"].row["runs"] == 180  # a jam is no run
+    assert data.known["emptying_s"].row["runs"] == 179
     assert data.known["flow_g_s"].row["sd_within"] == pytest.approx(10.0, rel=0.2)
     assert np.isfinite(data.known["flow_g_s"].mean).all()
 
