@@ -314,7 +314,8 @@ def judge(args, config):
 
 def pours_of(path, targets, keys):
     """Pours of a table, each with its responses."""
-    return read_table(path, (*keys, "seed", "status", "reason", *targets.names)).fillna({"reason": ""})
+    table = read_table(path, (*keys, "seed", "status", "reason", *targets.names))
+    return table.astype({"reason": object}).fillna({"reason": ""})
 
 
 def ok(runs):
@@ -336,7 +337,8 @@ def r2_of(found, fresh, names):
                 for name in names
             ]
             for row in found.to_dict("records")
-        ]
+        ],
+        dtype=float,  # NaN where the noise is as large as the spread of the points
     )
 
 

@@ -136,5 +136,6 @@ def verdict(
             for j, (name, of) in enumerate(quantities)
         ]
     )
-    largest = table[table["seeds"] != SEEDS[0]].groupby(["seeds", "quantity"])["upper"].max()
+    fewer = table[table["seeds"] != SEEDS[0]].groupby(["seeds", "quantity"])["upper"]
+    largest = fewer.agg(lambda bounds: bounds.max(skipna=False))  # what is unknown is not within its limit
     return choose({seeds: largest[seeds].to_dict() for seeds in SEEDS[1:]}), table

@@ -76,6 +76,8 @@ def test_a_worsening_of_known_size_is_found():
     assert judged(answers_of(0.1, random, 3000), random, r2)[0] == 2
     assert judged(answers_of(0.1, random, 3000), random, r2[:, [0, 2, 1]])[0] == 3
     assert judged(answers_of(1.2, random, 3000), random)[0] == 6
+    r2[:, :, 1] = np.nan  # of the second response nothing is known
+    assert judged(answers_of(0.1, random, 3000), random, r2)[0] == 6
 
 
 @pytest.mark.slow
