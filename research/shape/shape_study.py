@@ -15,6 +15,7 @@ from typing import Any
 import pandas as pd
 
 from repose.apparatus import Scene
+from repose.config.computed import advised_step_s, longest_step
 from repose.core import provenance
 from repose.core.errors import NoFlankError
 from repose.core.files import read_json, read_table, write_json, write_table
@@ -30,6 +31,7 @@ from research.shape.shape_cells import (
     SENSITIVITY,
     Config,
     cell_settings,
+    changed,
     compared_targets,
     parameter_sets,
     published_sets,
@@ -120,7 +122,6 @@ def run_cell(config: Config, cell: str, berry_json: str | Path, samples_csv: str
     from repose.particle import build
 
     kind, names, own = cell_settings(config, cell)
-    provenance.note_config(own)  # this cell does not depend on other cells' settings
     section, out = own["berry"], Path(out_dir)
     particle = build.run(
         berry_json,
@@ -132,6 +133,9 @@ def run_cell(config: Config, cell: str, berry_json: str | Path, samples_csv: str
         surface=section["surface"],
     )
     berry = read_berry(berry_json)
+    longest_s = advised_step_s(longest_step(own, particle, berry).time_step_s)  # the study's own particle may bear more
+    step = {"time_step_s": min(own["simulation"]["time_step_s"], longest_s)}
+    provenance.note_config(changed(own, "simulation", step))  # this cell does not depend on other cells' settings
     about = {
         "particle": names["particle"],
         "spheres": len(particle.spheres_m),
@@ -143,6 +147,7 @@ def run_cell(config: Config, cell: str, berry_json: str | Path, samples_csv: str
         "measured_axes_mm": [berry[key] for key in ("long_mm", "major_mm", "minor_mm")],
     }
     write_json(out / f"{cell}.json", about)
+    config = changed(config, "simulation", step)
     table = poured(config, cell, parameter_sets(own, samples_csv, kind), particle, berry, out / "runs")
     write_table(out / f"{cell}.csv", table)
 

@@ -14,6 +14,7 @@ from repose.apparatus.bench_test import Run
 from repose.config.study import Study
 from repose.core import provenance
 from repose.core.errors import InputError
+from repose.core.files import write_json
 from repose.core.seeds import pour_seeds
 from repose.core.targets import Targets
 from research import settings
@@ -177,6 +178,23 @@ def test_a_cell_that_was_killed_goes_on_and_pours_nothing_twice(config, tmp_path
     assert cell(shape_study={"bulk_seeds": seeds + 1, "fresh_seeds": 9}) == 2, "a further seed of each set"
     assert cell(network={"hidden": 3}) == 0
     assert cell(simulation={"gravity_m_s2": 1.62}) == 2 * seeds
+
+
+def test_a_cell_takes_no_longer_step_than_its_own_particle_bears(config, tmp_path, monkeypatch):
+    steps = []
+
+    def poured(config, *_):
+        steps.append(config["simulation"]["time_step_s"])
+        return pd.DataFrame({"height_mm": []})
+
+    monkeypatch.setattr(shape_study, "poured", poured)
+    write_json(tmp_path / "berry.json", Study.load("config/quick.yaml").grain)
+    for own_s in (1e-4, 9e-3):
+        config["simulation"]["time_step_s"] = own_s
+        with provenance.stage("shape_cell", (), depends_on):
+            shape_study.run_cell(config, "published-egg-keep-here", tmp_path / "berry.json", "", tmp_path)
+    assert steps[0] == 1e-4
+    assert 3e-4 < steps[1] < 1e-3
 
 
 # --- a whole study on made-up pours ----------------------------------------------------------------
