@@ -56,7 +56,9 @@ class Script:
             stage = f"{self.name}_{args.part}"
             folder = joined_folder(Path(args.config).parent)
             runs: Literal["", "made"] = "made" if args.simulates else ""
-            with folder, provenance.stage(stage, _files(args), args.depends_on, runs=runs):
+            # the cells of a study differ on purpose: each is a table of its own
+            cell = getattr(args, "cell", None)
+            with folder, provenance.stage(stage, _files(args), args.depends_on, runs=runs, apparatus=cell):
                 args.study = Study.load(args.config)
                 config = args.study.config
                 text = args.work(args, config | settings.of(config))

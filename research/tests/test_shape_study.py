@@ -12,14 +12,14 @@ from refusals import input_error
 
 from repose.apparatus.bench_test import Run
 from repose.config.study import Study
-from repose.core import provenance
+from repose.core import attached, provenance
 from repose.core.errors import InputError
-from repose.core.files import write_json
+from repose.core.files import write_json, write_table
 from repose.core.seeds import pour_seeds
 from repose.core.targets import Targets
 from research import settings
 from research.shape import shape_cells, shape_piles, shape_rule, shape_study, shape_tables
-from research.shape.__main__ import depends_on
+from research.shape.__main__ import depends_on, script
 from research.streams import STREAMS
 
 ROOT = Path(__file__).parents[2]
@@ -195,6 +195,22 @@ def test_a_cell_takes_no_longer_step_than_its_own_particle_bears(config, tmp_pat
             shape_study.run_cell(config, "published-egg-keep-here", tmp_path / "berry.json", "", tmp_path)
     assert steps[0] == 1e-4
     assert 3e-4 < steps[1] < 1e-3
+
+
+def test_cells_of_one_study_are_read_together_though_their_settings_differ(tmp_path, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    paths = [tmp_path / f"published-smooth-{tension}-open_cone.csv" for tension in ("keep", "release")]
+
+    def run_cell(config, cell, *_):
+        provenance.note_config(shape_cells.cell_settings(config, cell)[2])
+        write_table(tmp_path / f"{cell}.csv", pd.DataFrame({"height_mm": [60.0]}))
+
+    monkeypatch.setattr(shape_study, "run_cell", run_cell)
+    for path in paths:
+        script.run(["cell", "--cell", path.stem, "--config", "config/config.yaml", "--out", str(tmp_path)])
+    first, second = (attached.read(path) for path in paths)
+    assert first["origin"] != second["origin"]
+    provenance.refuse_mixture(zip(paths, (first, second), strict=True))
 
 
 # --- a whole study on made-up pours ----------------------------------------------------------------
