@@ -68,7 +68,7 @@ def with_jobs(data: Data, samples: np.ndarray, jobs: dict[str, pd.DataFrame], so
     known, runs = dict(data.known), [data.runs]
     for apparatus, table in jobs.items():
         for name in table.columns.drop("sample") if len(table) else ():
-            if name in known:
+            if name in known or table[name].isna().all():  # no run was asked for it
                 continue
             try:
                 known[name] = over_design(table[name].to_numpy(float), table["sample"].to_numpy(), samples)

@@ -127,6 +127,11 @@ def data(tmp_path_factory):
 def test_jobs_of_further_bench_tests_come_beside_the_pile(data):
     assert data.known["flow_g_s"].row["runs"] == 180  # a jam is no run
     assert data.known["emptying_s"].row["runs"] == 179
+    untapped = pd.DataFrame(
+        {"sample": [1, 1, 2], "bulk_density_kg_m3": [480.0, 500.0, 520.0], "tapped_density_kg_m3": np.nan}
+    )
+    found = further_runs.with_jobs(data, np.arange(1, 91), {"cylinder": untapped})
+    assert set(found.known) - set(data.known) == {"bulk_density_kg_m3"}
     assert data.known["flow_g_s"].row["sd_within"] == pytest.approx(10.0, rel=0.2)
     assert np.isfinite(data.known["flow_g_s"].mean).all()
 
