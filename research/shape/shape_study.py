@@ -134,8 +134,8 @@ def run_cell(config: Config, cell: str, berry_json: str | Path, samples_csv: str
     )
     berry = read_berry(berry_json)
     longest_s = advised_step_s(longest_step(own, particle, berry).time_step_s)  # the study's own particle may bear more
-    step = {"time_step_s": min(own["simulation"]["time_step_s"], longest_s)}
-    provenance.note_config(changed(own, "simulation", step))  # this cell does not depend on other cells' settings
+    config = changed(config, "simulation", {"time_step_s": min(own["simulation"]["time_step_s"], longest_s)})
+    provenance.note_config(cell_settings(config, cell)[2])  # this cell does not depend on other cells' settings
     about = {
         "particle": names["particle"],
         "spheres": len(particle.spheres_m),
@@ -147,7 +147,6 @@ def run_cell(config: Config, cell: str, berry_json: str | Path, samples_csv: str
         "measured_axes_mm": [berry[key] for key in ("long_mm", "major_mm", "minor_mm")],
     }
     write_json(out / f"{cell}.json", about)
-    config = changed(config, "simulation", step)
     table = poured(config, cell, parameter_sets(own, samples_csv, kind), particle, berry, out / "runs")
     write_table(out / f"{cell}.csv", table)
 
