@@ -46,13 +46,15 @@ def note(folder: str | os.PathLike) -> None:
 
 def _ended_children_s() -> float:
     """Add up the processor time of the children of this process that have ended [s]."""
-    import resource  # Windows, where no workflow runs, has none
+    with suppress(ImportError):  # Windows, where no workflow runs, has none
+        import resource
 
-    return sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])
+        return sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])
+    return 0.0
 
 
 # Of the commands that a shell ran before it became this process [s].
-EARLIER_S = _ended_children_s() if os.name == "posix" else 0.0
+EARLIER_S = _ended_children_s()
 
 
 def used_here_s() -> float:
@@ -62,11 +64,10 @@ def used_here_s() -> float:
 
 def _log() -> str:
     """Find the file that takes this process's errors, where the system names it; empty otherwise."""
-    try:
+    with suppress(OSError, ValueError):
         path = os.path.relpath(os.readlink("/proc/self/fd/2"))
-    except (OSError, ValueError):
-        return ""
-    return path if path.endswith(LOG[1]) and "," not in path else ""
+        return path if path.endswith(LOG[1]) and "," not in path else ""
+    return ""
 
 
 def since(folder: str | os.PathLike, began_s: float) -> list[Used]:
@@ -88,6 +89,5 @@ def correct_benchmarks(folder: str | os.PathLike, used: Iterable[Used]) -> None:
             *rows, last = path.read_text(encoding="utf-8").splitlines()
             names, values = rows[0].split("\t"), last.split("\t")
             began_s = path.stat().st_mtime - float(values[names.index("s")]) - LATE_S
-            cpu_s = sum(one.cpu_s for one in processes if one.ended_s >= began_s)
-            values[names.index("cpu_time")] = f"{cpu_s:.2f}"
+            values[names.index("cpu_time")] = f"{sum(one.cpu_s for one in processes if one.ended_s >= began_s):.2f}"
             path.write_text("\n".join([*rows, "\t".join(values)]) + "\n", encoding="utf-8")
