@@ -11,6 +11,7 @@ from refusals import input_error
 from shared import ROOT, at, put, says
 
 from repose.chain import card
+from repose.config.own import OwnPosterior, OwnSequential
 from repose.config.record import Record
 from repose.config.study import Study
 from repose.strategies.runs import checked_runs
@@ -18,7 +19,8 @@ from repose.strategies.sequential import noise
 from repose.strategies.sequential.strategy import observed_of
 from repose.studies import calibration
 
-DOC = re.search(r"```yaml\n(.*?)```", (ROOT / "docs/own_simulator.md").read_text(), re.DOTALL)
+PAGE = (ROOT / "docs/own_simulator.md").read_text()
+DOC = re.search(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
 CONTENT = yaml.safe_load(DOC[1]) | {"posterior": {"walkers": 32, "steps": 100}}
 SINGLE = CONTENT | {"sequential": {"start_samples": 32, "seeds": 1}}
 FREE = ["friction", "rolling"]
@@ -302,6 +304,13 @@ def changed(key, value):
 ])  # fmt: skip
 def test_a_bad_configuration_is_refused_by_name(key, value, words):
     input_error(words, Study.own, changed(key, value))
+
+
+@pytest.mark.parametrize(("name", "section"), [("sequential", OwnSequential), ("posterior", OwnPosterior)])
+def test_the_page_tells_the_defaults(name, section):
+    row = re.search(rf"^\| `{name}` \|.*$", PAGE, re.MULTILINE)[0]
+    told = {key: float(value) for key, value in re.findall(r"`(\w+)` \(([\d.]+)\)", row)}
+    assert told == {key: field.default for key, field in section.model_fields.items()}
 
 
 def test_all_faults_of_a_configuration_are_reported_at_once():
