@@ -1,6 +1,7 @@
 """The configuration: what is let through, and what one message says about the rest."""
 
 import copy
+import itertools
 import re
 
 import numpy as np
@@ -15,7 +16,22 @@ from repose.config.computed import COMPUTED
 from repose.config.study import Study
 from repose.core.parameters import FURTHER
 
+PAGE = (ROOT / "config/README.md").read_text()
 SHIPPED = ("config", "paper", "quick")
+
+
+def test_the_page_tells_the_ranges_that_are_allowed():
+    told = 0
+    for heading, body in re.findall(r"^## (.*?)$(.*?)(?=^##|\Z)", PAGE, re.MULTILINE | re.DOTALL):
+        for cell, ranges in re.findall(r"^\| (`[^|]*`) \|[^|]*\| ([^|]*) \|", body, re.MULTILINE):
+            keys, pairs = re.findall(r"`(\w+)`", cell), re.findall(r"(-?[\d.]+)(?:-| to )([\d.,]*\d)(?:, |$)", ranges)
+            for section, (k, key) in itertools.product(re.findall(r"`(\w+)`", heading), enumerate(keys)):
+                if pairs and key in faults.subschema([section]).get("properties", {}):
+                    low, high = pairs[min(k, len(pairs) - 1)]
+                    allowed = faults.allowed_by(faults.subschema([section, key]))
+                    assert f"from {low} to {high.replace(',', '')}" in allowed or "from" not in allowed, (section, key)
+                    told += "from" in allowed
+    assert told > 50
 
 
 @pytest.fixture(scope="module")
