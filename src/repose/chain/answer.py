@@ -231,8 +231,7 @@ def read(study: Studied, summary_json: Path_, check_csv: Path_, sets_csv: Path_,
     """
     keys = {"representative": dict, "feasible": bool, "message": str}
     summary = read_json(summary_json, keys, "the answer of a calibration; run it first")
-    table = read_cells(check_csv, COLUMNS, "a table of the verb validate")
-    rows = {row["response"]: row for row in table.rows()}
+    rows = {row["response"]: row for row in read_cells(check_csv, COLUMNS, "a table of the verb validate").rows()}
     targets, settings = study.targets, study.settings
     for name in targets.names:
         require(name in rows, check_csv, "response", sorted(rows), f"a row {name}, a target of the configuration")

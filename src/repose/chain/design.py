@@ -34,8 +34,7 @@ METHODS = {
 def random_lhs(n: int, d: int, rng: np.random.Generator) -> np.ndarray:
     """Draw a random Latin hypercube (n, d) in the unit cube: random pairing, random position in each stratum."""
     position = rng.uniform(EDGE_MARGIN, 1.0 - EDGE_MARGIN, (n, d))
-    stratum = np.stack([rng.permutation(n) for _ in range(d)], axis=1)
-    return (stratum + position) / n
+    return (np.stack([rng.permutation(n) for _ in range(d)], axis=1) + position) / n
 
 
 def minimum_distance(points: np.ndarray) -> float:

@@ -67,5 +67,4 @@ def material_card(args: argparse.Namespace, study: Study) -> None:
     if (args.posterior is None) != (args.draws is None):
         raise InputError("command line", "--posterior", args.posterior, "together with --draws")
     result = answer.read(study, args.summary, args.representative, args.feasible)
-    files = {name: getattr(args, name) for name in FILES}
-    card.run(study, result, files, args.out)
+    card.run(study, result, {name: getattr(args, name) for name in FILES}, args.out)

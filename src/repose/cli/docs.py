@@ -39,8 +39,7 @@ def docs(args: argparse.Namespace) -> None:
 
 def pages() -> dict[str, Path]:
     """Return every page by its name, in the order of their names; an index has the name of its folder."""
-    folder = places.root() / "docs"
-    found = [path for pattern in ("*.md", "[!_]*/*.md") for path in folder.glob(pattern)]
+    found = [path for pattern in ("*.md", "[!_]*/*.md") for path in (places.root() / "docs").glob(pattern)]
     names = {path.parent.name if path.stem == "index" else path.stem: path for path in found}
     names["configuration"] = places.root() / "config" / "README.md"
     names["library"] = places.PACKAGE / "dem" / "README.md"

@@ -65,8 +65,7 @@ def export(args: argparse.Namespace) -> None:
         grain, particle = berry_and_particle(study)
         spheres = spheres_of(particle)
         if spheres is not None and spheres > 1:
-            study = _with_clump(study, spheres, args.config)
-            grain, particle = berry_and_particle(study)
+            grain, particle = berry_and_particle(_with_clump(study, spheres, args.config))
         config = study.config
         if of_card is not None:
             card.require_one_study(of_card, args.card, study, args.config, grain)

@@ -118,8 +118,7 @@ def _measure_apparatus(
     made = photographs.tables(results, args.bench)
     write_tables(made, how, out, args.bench, {name: name for name in photographs.RESPONSES[args.bench]})
     if args.bench == "turning":
-        surface = photographs.profile(results, settings.section("turning", TurningSettings))
-        write_table(out / "profile.csv", surface)
+        write_table(out / "profile.csv", photographs.profile(results, settings.section("turning", TurningSettings)))
     print(json_text(as_record(made)) if args.json else photographs.describe(results, made, out))
 
 

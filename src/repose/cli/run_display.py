@@ -72,8 +72,7 @@ class Running:
         timed = job.parent / "timings" / f"{job.name}.json"  # written when all are made; then none is kept by itself
         if timed.is_file() and timed.stat().st_mtime >= self.began_s:
             return len(read_json(timed, ("wall_s",))["wall_s"])
-        kept = (job.parent / "runs").glob(f"{job.name}_*.npz")
-        return sum(path.stat().st_mtime >= self.began_s for path in kept)
+        return sum(path.stat().st_mtime >= self.began_s for path in (job.parent / "runs").glob(f"{job.name}_*.npz"))
 
     @property
     def refused(self) -> bool:

@@ -35,8 +35,7 @@ def recorded(args: argparse.Namespace, runs: Literal["", "made", "measured"] = "
         berry_is_made = hasattr(args, "particle") and args.particle is None
         return stands_on.settings_of(config, args.verb, apparatus, berry_is_made, strategy)
 
-    apparatus = getattr(args, "apparatus", None)
-    return provenance.stage(args.verb, files_of(args), settings_of, apparatus, runs, strategy)
+    return provenance.stage(args.verb, files_of(args), settings_of, getattr(args, "apparatus", None), runs, strategy)
 
 
 def note_built_in_crop(*files: str) -> None:

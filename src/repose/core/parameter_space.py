@@ -54,8 +54,7 @@ class ParameterSpace:
 
     def values(self, unit: np.ndarray) -> np.ndarray:
         """Turn points (n, d) in the unit cube into parameter sets (n, number of names)."""
-        unit = np.atleast_2d(np.asarray(unit, dtype=float))
-        return self.complete(self.low + unit * (self.high - self.low))
+        return self.complete(self.low + np.atleast_2d(np.asarray(unit, dtype=float)) * (self.high - self.low))
 
     def complete(self, values: np.ndarray) -> np.ndarray:
         """Turn values (n, d) of the free parameters into parameter sets (n, number of names)."""

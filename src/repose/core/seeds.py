@@ -33,5 +33,4 @@ def pour_seeds(study_seed: int, purpose: str | int, number: int, count: int, app
     named = apparatus == UNNAMED or purpose == OF_THE_DRUM
     own = [] if named else [zlib.crc32(apparatus.encode())]
     stream = purpose if isinstance(purpose, int) else PURPOSES[purpose]
-    state = np.random.SeedSequence([study_seed, stream, number, *own]).generate_state(count)
-    return [int(seed) for seed in state]
+    return [int(seed) for seed in np.random.SeedSequence([study_seed, stream, number, *own]).generate_state(count)]

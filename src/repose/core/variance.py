@@ -84,8 +84,7 @@ def variance_components(values: ArrayLike, groups: ArrayLike) -> Components:
     low, high = (float(within * (n - k) / stats.chi2.ppf(q, n - k)) for q in (1 - tail, tail))
     total = between + within
     icc = between / total if total > 0 else 0.0
-    mean_of_all = float(values.mean())
-    return Components(k, n, mean_of_all, within, low, high, between, icc, icc_low, icc_high, float(h))
+    return Components(k, n, float(values.mean()), within, low, high, between, icc, icc_low, icc_high, float(h))
 
 
 def within_covariance(values: ArrayLike, groups: ArrayLike) -> tuple[np.ndarray, int]:

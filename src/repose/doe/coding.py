@@ -5,5 +5,4 @@ import numpy as np
 
 def two_level(factors: int) -> np.ndarray:
     """Make the full factorial (2^factors, factors) of -1 and 1 in standard order: the first factor changes fastest."""
-    runs = np.arange(2**factors)
-    return np.column_stack([2.0 * (runs >> k & 1) - 1.0 for k in range(factors)])
+    return np.column_stack([2.0 * (np.arange(2**factors) >> k & 1) - 1.0 for k in range(factors)])

@@ -31,8 +31,7 @@ def desirability(predicted: ArrayLike, aims: ArrayLike, low: ArrayLike, high: Ar
     aims, low, high = (np.asarray(numbers, dtype=float) for numbers in (aims, low, high))
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.where(predicted < aims, (predicted - low) / (aims - low), (high - predicted) / (high - aims))
-    share = np.where(predicted == aims, 1.0, share)
-    return np.clip(share, 0.0, 1.0).prod(axis=1) ** (1.0 / len(aims))
+    return np.clip(np.where(predicted == aims, 1.0, share), 0.0, 1.0).prod(axis=1) ** (1.0 / len(aims))
 
 
 def optimum(models: Sequence[Model], aims: ArrayLike, scale: ArrayLike, low: ArrayLike, high: ArrayLike) -> Optimum:

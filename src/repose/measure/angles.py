@@ -76,8 +76,7 @@ def steepest(profile: np.ndarray, low: float, high: float, rule: str = "columns"
     require_flank(distance.size >= MIN_LEVELS, WALL)
     cut = np.arange(math.floor(least) + 1)  # off either end, pixel by pixel
     below, above = (cut[part] for part in np.nonzero(cut[:, None] + cut <= least))
-    slopes = window_slopes(distance, height, low + below, high - above)
-    best = _best(slopes)
+    best = _best(window_slopes(distance, height, low + below, high - above))
     start, end = float(low + below[best]), float(high - above[best])
     inside = (height >= start) & (height <= end)
     return fitted(distance[inside], height[inside], start, end)
@@ -96,8 +95,7 @@ def straightest(profile: np.ndarray, smallest: float, rule: str = "columns") -> 
     require_flank(count >= least, WALL)
     places = np.linspace(0, count, min(count, WINDOW_STEPS) + 1).round().astype(int)
     first, last = (places[ends] for ends in np.nonzero(places - places[:, None] >= least))
-    correlation = window_correlations(distance, height, first, last)
-    best = _best(correlation)
+    best = _best(window_correlations(distance, height, first, last))
     inside = slice(first[best], last[best])
     return fitted(distance[inside], height[inside], float(height[inside].min()), float(height[inside].max()))
 

@@ -101,8 +101,7 @@ def relative_energy(
     """Mean kinetic energy of a grain [J], translation and rotation, in a frame that turns about the origin."""
     particle: Any = grains.particle  # with mass and moments
     drift = velocities_m_s - np.cross(frame_rad_s, grains.centres_m)
-    turn = rotation_matrices(grains.quaternions)
-    spin = np.einsum("nij,ni->nj", turn, turning_rad_s - frame_rad_s)
+    spin = np.einsum("nij,ni->nj", rotation_matrices(grains.quaternions), turning_rad_s - frame_rad_s)
     energy = grains.scales**3 * particle.mass_kg * np.sum(drift**2, axis=1)
     energy += grains.scales**5 * (spin**2 @ particle.inertia_kg_m2)
     return 0.5 * float(energy.mean())

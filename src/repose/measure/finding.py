@@ -122,8 +122,7 @@ def _halfway(
     shade is like neither side. Also return the share of the pile (H, W) in each pixel.
     """
     reach = max(EDGE_PX, round(reach_px))
-    disc = _disc(reach)
-    near = free & (cv2.morphologyEx(mask, cv2.MORPH_GRADIENT, disc) > 0)
+    near = free & (cv2.morphologyEx(mask, cv2.MORPH_GRADIENT, _disc(reach)) > 0)
     for _ in range(ROUNDS):
         pile, other = _means(seen, mask, about_px)
         way = pile - other
@@ -138,8 +137,7 @@ def _without_penumbra(mask: np.ndarray, colours: np.ndarray, berry_px: float) ->
 
     Nothing is removed where pile and background have much the same ratios.
     """
-    reach = max(3, round(berry_px))
-    disc = _disc(reach)
+    disc = _disc(max(3, round(berry_px)))
     core, around = cv2.erode(mask, disc, borderValue=1), 1 - cv2.dilate(mask, disc[::2, ::2])
     pile, other = (_about(colours, part, 2 * berry_px) for part in (core, around))
     way, beyond = (pile - other)[..., :2], colours - other

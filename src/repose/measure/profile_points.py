@@ -43,8 +43,7 @@ def outermost_crossing(profile: np.ndarray, heights: np.ndarray) -> np.ndarray:
 
 def innermost_crossing(profile: np.ndarray, heights: np.ndarray) -> np.ndarray:
     """Column, between pixels, at which the profile last rises through each height, from the foot inwards."""
-    never_lower = np.minimum.accumulate(profile[::-1])[::-1]
-    return crossing(profile, np.searchsorted(never_lower, heights), heights)
+    return crossing(profile, np.searchsorted(np.minimum.accumulate(profile[::-1])[::-1], heights), heights)
 
 
 def points_by_levels(profile: np.ndarray, low: float, high: float) -> Points:

@@ -271,8 +271,7 @@ def weight_roots(networks: Sequence[BayesianBP], X: np.ndarray, weights: np.ndar
     if not all(network.knows_its_errors for network in networks):
         raise ValueError("the network was saved without its training data; it predicts without errors")
     first = networks[0]
-    x = scale(X, first.input_min_, first.input_max_, first.scaled_range)
-    J = jacobian(weights, x, len(first.b2_))[1]
+    J = jacobian(weights, scale(X, first.input_min_, first.input_max_, first.scaled_range), len(first.b2_))[1]
     for own, network in zip(J, networks, strict=True):
         rows = own.reshape(-1, own.shape[-1])
         rows[:] = rows @ network.posterior_root_  # one large product

@@ -43,8 +43,7 @@ class GaussianProcess(Combined, Surrogate):
         """
         X, Y, _, weight = checked_samples(X, Y, **noise)
         self._take(X, Y, weight, noise.get("noise_covariance"))
-        first = {"variance": 1.0, "lengths": np.ones(X.shape[1]), "noise_variance": FIRST_NOISE}
-        self._fit([first] * Y.shape[1])
+        self._fit([{"variance": 1.0, "lengths": np.ones(X.shape[1]), "noise_variance": FIRST_NOISE}] * Y.shape[1])
         return self
 
     def _take(self, X: np.ndarray, Y: np.ndarray, precision: np.ndarray, noise_covariance: ArrayLike | None) -> None:

@@ -127,5 +127,4 @@ def coordination(simulation: Simulation, side: float, top: float) -> float:
     """Average the touching neighbours of the grains in the core, `MARGIN` away from the walls and the top."""
     places = simulation.positions
     core = np.all((places > MARGIN) & (places < np.array([side, side, top]) - MARGIN), axis=1)
-    touching = np.bincount(simulation.contacts().ravel(), minlength=simulation.n_bodies)
-    return float(touching[core].mean())
+    return float(np.bincount(simulation.contacts().ravel(), minlength=simulation.n_bodies)[core].mean())

@@ -57,8 +57,7 @@ def particles() -> dict[str, Shape | Clump]:
     }
     mesh, _shape = berry_mesh(2e3 * np.array(BERRY_M), MASS_G, BERRY_DENSITY)
     for name, (spheres, surface) in CLUMPS.items():
-        particle = make_particle(mesh, BERRY_DENSITY, "multisphere", spheres, surface)
-        shapes[name] = particle.dem_shape("berry")
+        shapes[name] = make_particle(mesh, BERRY_DENSITY, "multisphere", spheres, surface).dem_shape("berry")
     return shapes
 
 

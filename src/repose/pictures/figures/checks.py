@@ -87,8 +87,7 @@ def _published_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -
             panel.errorbar(x - 0.12, measured, **THERE | {"mfc": style.ORANGE, "label": "published measurement"})
         for place in x[table[column].isna() & measured.isna()]:
             panel.text(place - 0.2, target.value, "not published", rotation=90, ha="center", va="center", fontsize=6.8)
-    error = table[response.error].fillna(0.0)
-    panel.errorbar(x + 0.12, table[response.simulated], error, **HERE)
+    panel.errorbar(x + 0.12, table[response.simulated], table[response.error].fillna(0.0), **HERE)
     panel.set(ylabel=style.response_label(response), xlabel="published solution (P)")
     panel.margins(y=0.15)
 

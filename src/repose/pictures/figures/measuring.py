@@ -43,8 +43,7 @@ def _view(panel: Axes, image: np.ndarray, settings: pile.MeasureSettings) -> pil
     height, width = image.shape
     crest = measured.top[0]
     extent = ((-0.5 - crest) * scale, (width - 0.5 - crest) * scale, 0, height * scale)
-    grey = np.where(image < 128, 205, 255).astype(np.uint8)
-    panel.imshow(grey, cmap="gray", vmin=0, vmax=255, extent=extent)
+    panel.imshow(np.where(image < 128, 205, 255).astype(np.uint8), cmap="gray", vmin=0, vmax=255, extent=extent)
     levels = [(settings.berry_height_mm or 0.0, "one grain")]
     ends = [end for end in (settings.fit_from, settings.fit_to) if not isinstance(end, str)]
     levels += [(end * measured.height_mm, f"{100 * end:.0f} % of the height") for end in ends]

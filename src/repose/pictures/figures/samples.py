@@ -46,8 +46,7 @@ def _compare_methods(figure: Figure, comparison: pd.DataFrame) -> None:
     panel = figure.add_axes((0.70, 0.70, 0.27, 0.10))
     panel.set_in_layout(False)
     names, distances = [METHODS[method] for method in comparison["method"]], comparison["min_distance"]
-    colours = [style.GREY, style.ORANGE, style.BLUE]
-    panel.barh(names, distances, color=colours[: len(names)], height=0.6)
+    panel.barh(names, distances, color=[style.GREY, style.ORANGE, style.BLUE][: len(names)], height=0.6)
     for y, value in enumerate(distances):
         panel.text(value, y, f" {value:.3f}", va="center", fontsize=7)
     panel.set(xlim=(0, 1.25 * distances.max()), xlabel="minimum distance in the unit cube (–)")

@@ -43,8 +43,7 @@ def content(study: Results) -> dict[str, Any]:
         "pour": None,
     }
     if "trajectory" in study.files:
-        particle = Particle.load(study.files["particle"])
-        pour = scene.for_page(study.files["trajectory"], particle, study.shown.funnel)
+        pour = scene.for_page(study.files["trajectory"], Particle.load(study.files["particle"]), study.shown.funnel)
         page["pour"] = pour | {"colour": study.shown.colour}
     return page
 

@@ -129,8 +129,7 @@ def _surrogate(files: Files, targets: Targets, space: ParameterSpace) -> Predict
         return None
     dataset = read_dataset(files["dataset"], targets)
     runs = read_runs(files["runs"], targets, dataset, files["dataset"])
-    observed = observed_of(data_of(dataset, runs, targets), space, targets)
-    return SpaceKriging(Kriging(observed), space)
+    return SpaceKriging(Kriging(observed_of(data_of(dataset, runs, targets), space, targets)), space)
 
 
 def _runs(jobs: Sequence[str], targets: Targets) -> dict[str, list[Any]]:

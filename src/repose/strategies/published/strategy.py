@@ -21,8 +21,7 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
         section = study.settings.design
         unit = design.points(section.samples, study.parameters.dimensions, section.method, section.seed)
         return Batch(samples_of(study.parameters, unit, seeds_of(study)))
-    samples = samples_of_runs(data, study.parameters, study.targets)
-    training, support = fitted(study, samples, data)
+    training, support = fitted(study, samples_of_runs(data, study.parameters, study.targets), data)
     inversion = invert(training.model, study.parameters, study.targets, study.settings.miga, support=support)
     why = "the batch is simulated: the search on its surrogate answers"
     return answer_of(study, training.model, inversion, data, why, seeds_of(study))

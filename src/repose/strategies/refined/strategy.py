@@ -52,8 +52,7 @@ def follow(study: Studied, data: pd.DataFrame, number: int) -> Round:
     if number == 0:
         inversion = invert(model, space, targets, settings.miga, support=support)
     else:
-        last = samples[own == number - 1].iloc[0]
-        centre = last[list(space.names)].astype(float).to_dict()
+        centre = samples[own == number - 1].iloc[0][list(space.names)].astype(float).to_dict()
         model, inversion = refine.search(model, samples, centre, study, support)
     return Round(training, model, inversion, refine.propose(inversion.solutions, model, study, number))
 

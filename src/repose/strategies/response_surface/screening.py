@@ -79,8 +79,7 @@ def analysis(step: str, models: list[Model], targets: Targets) -> dict[str, pd.D
     """
     tables: dict[str, pd.DataFrame] = {}
     for name, table_of in TABLES.items():
-        parts = dict(zip(targets.names, map(table_of, models), strict=True))
-        joined = pd.concat(parts, names=["response", None])
+        joined = pd.concat(dict(zip(targets.names, map(table_of, models), strict=True)), names=["response", None])
         tables[f"{step}_{name}"] = joined.reset_index("response").reset_index(drop=True)
     return tables
 

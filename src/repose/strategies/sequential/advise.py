@@ -78,8 +78,7 @@ def advise(
         stop = "noise"
     batch = np.empty((0, len(answer)))
     if stop is None and attainable.probability < IN_DOUBT:
-        draws = _new(random.permutation(attainable.points), observed.simulated)
-        batch = _soundest(draws, observed, -(-samples // 2))
+        batch = _soundest(_new(random.permutation(attainable.points), observed.simulated), observed, -(-samples // 2))
     if stop is None and not len(batch):
         batch = _around(answer, samples, goal, observed, random)
     mean, covariance = model.predict(answer[None])
