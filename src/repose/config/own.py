@@ -25,7 +25,8 @@ from repose.search.settings import MigaSettings
 from repose.strategies.refined import RefineSettings
 from repose.surrogate.settings import NetworkSettings
 
-RESERVED = ("sample", "run", "status", "turn")  # columns of the table that are neither parameter nor response
+# Columns of tables that are neither parameter nor response.
+RESERVED = ("sample", "run", "status", "turn", "runs", "seeds", "batch")
 BENCH = "own"  # bench test of the responses
 OF_TARGETS = ("noise_sd", "definition")  # keys of targets that are collected
 RANGE_PERCENT = 2.0  # of the value, to each side, where no range is given
@@ -117,8 +118,11 @@ class OwnSettings(Section):
     @field_validator("targets")
     @classmethod
     def _some(cls, targets: dict[str, OwnTarget], info: ValidationInfo) -> dict[str, OwnTarget]:
-        both = [name for name in targets if name in info.data.get("parameters", {})]
-        refuse([*_bad_columns(targets), *((name, "a name that is no parameter's") for name in both)])
+        parameters = info.data.get("parameters", {})
+        errors = {f"{name}_se" for name in targets}  # columns of standard errors
+        both = [name for name in targets if name in {*parameters, *errors} or f"{name}_se" in parameters]
+        allowed = "a name that is no parameter's, nor that of another with _se at its end"
+        refuse([*_bad_columns(targets), *((name, allowed) for name in both)])
         if not targets:
             refuse([("", "at least one response")])
         return targets

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from repose.core import ledger
 from repose.core.errors import InputError, require
 from repose.core.files import write_table
 from repose.core.lock import exclusive
@@ -44,13 +45,17 @@ class Record:
     def __init__(self, study: Studied, file: str | os.PathLike | None = None) -> None:
         self.study, self.file = study, None if file is None else Path(file)
         self._rows: list[dict[str, Any]] = []
+        self._proposals: dict[str, Batch | Answer] = {}  # after which runs; the last one alone
         self.data = pd.DataFrame()
-        self._read()
+        self.read()
 
-    def _read(self) -> None:
-        """Take the rows of the file."""
+    def read(self) -> None:
+        """Take the rows of the file, to which other processes may have added."""
         if self.file is not None and self.file.exists():
-            self._take(rows_of(self.file), self.file)
+            rows = rows_of(self.file)
+            if TURN not in rows[0] or self.file.is_symlink():  # no record, or one of an early version
+                ledger.check_replaceable(self.file)
+            self._take(rows, self.file)
 
     @property
     def proposal(self) -> Batch | Answer:
@@ -79,8 +84,12 @@ class Record:
 
     def _proposed(self, data: pd.DataFrame) -> Batch | Answer:
         """Ask the strategy what it proposes after runs."""
+        key = data.to_csv()
         try:
-            return strategy(self.study.settings.strategy).propose(self.study, data.reset_index(drop=True))
+            if key not in self._proposals:
+                propose = strategy(self.study.settings.strategy).propose
+                self._proposals = {key: propose(self.study, data.reset_index(drop=True))}
+            return self._proposals[key]
         except InputError as error:
             if self.file is None or error.source != "runs":
                 raise
@@ -102,12 +111,12 @@ class Record:
         """Add runs; `Study.tell` says what `table` holds."""
         table = _checked_table(table)
         with nullcontext() if self.file is None else exclusive(self.file):
-            self._read()
+            self.read()
             rows = self._made_before(table) if "sample" not in table else self._of_the_proposal(table)
+            if "run" not in table and len(self.data):
+                _refuse_again(rows.drop(columns=["sample", "run", TURN], errors="ignore"), self.data, SOURCE)
             numbered = [{key: _exact(value) for key, value in row.items()} for row in rows.to_dict("records")]
-            self._take([*self._rows, *numbered], SOURCE if self.file is None else self.file)
-            if self.file is not None:
-                write_table(self.file, pd.DataFrame(self._rows))
+            self._take([*self._rows, *numbered], SOURCE if self.file is None else self.file, write=True)
 
     def add_file(self, path: str | os.PathLike) -> None:
         """Add the runs of any CSV file; on an InputError the record stays as it was.
@@ -119,12 +128,11 @@ class Record:
         checked = checked_runs(self.study, rows, path, enough=False)
         self.file.parent.mkdir(parents=True, exist_ok=True)
         with exclusive(self.file):
-            self._read()
+            self.read()
             if "run" not in rows[0] and len(self.data):
                 _refuse_again(checked, self.data, path)
             numbered = self._numbered(rows, checked[list(self.study.parameters.names)])
-            self._take([*self._rows, *numbered], f"{self.file} with {path}")
-            write_table(self.file, pd.DataFrame(self._rows))
+            self._take([*self._rows, *numbered], f"{self.file} with {path}", write=True)
 
     def _numbered(self, rows: Sequence[Mapping[str, Any]], sets: pd.DataFrame) -> list[dict[str, Any]]:
         """Give rows of any table the sample, run and turn that were asked for; number the others on."""
@@ -158,11 +166,16 @@ class Record:
             for (sample, run), row, is_asked in zip(numbers, rows, own, strict=True)
         ]
 
-    def _take(self, rows: Sequence[Mapping[str, Any]], source: object) -> None:
-        """Check all rows together and keep them, with a sample and a run each."""
-        self.data = checked_runs(self.study, rows, source, enough=False)
-        numbers = self.data[["sample"]].assign(run=self.data.groupby("sample").cumcount() + 1).astype(str)
-        self._rows = [number | dict(row) for number, row in zip(numbers.to_dict("records"), rows, strict=True)]
+    def _take(self, new: Sequence[Mapping[str, Any]], source: object, write: bool = False) -> None:
+        """Check all rows together, `write` them to the file, and keep them, with a sample and a run each."""
+        data = checked_runs(self.study, new, source, enough=False)
+        numbers = data[["sample"]].assign(run=data.groupby("sample").cumcount() + 1).astype(str)
+        rows = [number | dict(row) for number, row in zip(numbers.to_dict("records"), new, strict=True)]
+        if write and self.file is not None:
+            if self.file.exists():  # a copy, or edited by a spreadsheet: its rows are among these
+                ledger.adopt(self.file)
+            write_table(self.file, pd.DataFrame(rows))
+        self.data, self._rows = data, rows
         self.__dict__.pop("_turn", None)
 
     def _of_the_proposal(self, table: pd.DataFrame) -> pd.DataFrame:
@@ -182,7 +195,7 @@ class Record:
         row = wanted.get_indexer(given)
         found = asked.iloc[row].reset_index(drop=True)
         for name in self.study.parameters.names:
-            if name in table and not np.allclose(_numbers(table, name), found[name], rtol=1e-6):
+            if name in table and not np.allclose(_numbers(table, name), found[name], rtol=SAME, atol=0):
                 raise InputError(SOURCE, name, "changed", "the parameters that `ask` gave, or no such column")
         return self._with_responses(found, table).sort_values(["sample", "run"], ignore_index=True)
 
@@ -194,15 +207,13 @@ class Record:
         sets = {name: _numbers(table, name) if name in table else space.fixed[name] for name in space.names}
         found = pd.DataFrame(sets)
         rows = self._with_responses(found, table)
-        if "run" not in table and len(self.data):
-            _refuse_again(rows[["status", *found, *self.study.targets.names]], self.data, SOURCE)
         return pd.DataFrame(self._numbered(rows.to_dict("records"), found)).assign(**{TURN: self._turn[1]})
 
     def _with_responses(self, found: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
         """Add status, responses and turn to runs."""
         names = list(self.study.targets.names)
-        ok = table[names].notna().all(axis=1)
-        status = table["status"] if "status" in table else np.where(ok, OK, FAILED)
+        status = pd.Series(np.where(table[names].notna().all(axis=1), OK, FAILED))
+        status = table["status"].astype(object).fillna(status) if "status" in table else status
         return found.assign(status=status, **{name: table[name] for name in names}, **{TURN: self._turn[1]})
 
 

@@ -91,10 +91,11 @@ class Study:
             "label": label,
             "seed": seed,
             "strategy": strategy,
-            "parameters": {name: list(one) if isinstance(one, tuple) else one for name, one in parameters.items()},
-            "targets": expanded_own({name: _target(one) for name, one in targets.items()}, "study"),
+            "parameters": parameters,
             **sections,
         }
+        given = _plain(given)
+        given["targets"] = expanded_own({name: _target(one) for name, one in _plain(targets).items()}, "study")
         config = completed(given)
         if file is not None:
             _keep_settings(given, file)
@@ -354,11 +355,17 @@ class Study:
         return self._making.checked_grain()
 
     @cached_property
-    def _record(self) -> "Record":
-        """The runs so far."""
+    def _own_record(self) -> "Record":
+        """The runs as this process knows them."""
         from repose.config.record import Record
 
         return Record(self, self._file)
+
+    @property
+    def _record(self) -> "Record":
+        """The runs so far, those of other processes among them."""
+        self._own_record.read()
+        return self._own_record
 
     @property
     def runs(self) -> "pd.DataFrame":
@@ -415,7 +422,7 @@ class Study:
         self._record.add(runs)
 
     def calibrate(self, simulate: Callable[[dict[str, Any]], Mapping[str, float]]) -> "Calibration":
-        """Simulate all that the strategy asks for, and return the answer.
+        """Simulate all that the strategy asks for, and return the answer; with a file each run is on the disk at once.
 
         Parameters
         ----------
@@ -434,11 +441,13 @@ class Study:
         names = list(self.targets.names)
         require(callable(simulate), "study", "simulate", simulate, "a function of a row of `ask`")
         while not self.done:
-            asked = self.ask()
-            found = [simulate(row) for row in asked.to_dict("records")]
-            bad = [row for row in found if not isinstance(row, Mapping) or set(names) - set(row)]
-            require(not bad, "study", "simulate", bad[:1], f"a function that returns a mapping with {', '.join(names)}")
-            self.tell(asked.assign(**{name: [row[name] for row in found] for name in names}))
+            for _, asked in self.ask().groupby(["sample", "run"], sort=False):
+                found = simulate(asked.to_dict("records")[0])
+                good = isinstance(found, Mapping) and set(names) <= set(found)
+                require(
+                    good, "study", "simulate", [found], f"a function that returns a mapping with {', '.join(names)}"
+                )
+                self.tell(asked.assign(**{name: found[name] for name in names}))
         return self.answer()
 
     def answer(self) -> "Calibration":
@@ -473,9 +482,7 @@ def _one_thread() -> AbstractContextManager[Any]:
 
 def _target(given: Any) -> Any:
     """Write a target with the keys of a file."""
-    if isinstance(given, Mapping):
-        return dict(given)
-    if not isinstance(given, list | tuple) or len(given) not in (2, 3):
+    if not isinstance(given, list) or len(given) not in (2, 3):
         return given
     return dict(zip(("value", "sd", "repetitions"), (*given, 1)[:3], strict=True))
 
@@ -501,3 +508,11 @@ def _keep_settings(given: Mapping[str, Any], file: Path_) -> None:
     off = sorted(key for key in {*known, *plain} if known.get(key) != plain.get(key))
     if off:
         raise InputError(path, off[0], known.get(off[0]), f"{plain.get(off[0])}, as asked for; or another file")
+
+
+def _plain(given: Any) -> Any:
+    """Write tuples, and numbers and arrays of numpy, as a file has them."""
+    given = given.tolist() if hasattr(given, "tolist") else given
+    if isinstance(given, Mapping):
+        return {key: _plain(one) for key, one in given.items()}
+    return [_plain(one) for one in given] if isinstance(given, list | tuple) else given

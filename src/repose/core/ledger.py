@@ -64,6 +64,11 @@ def check_replaceable(path: str | os.PathLike) -> None:
     require(not os.path.lexists(path) or is_own_file(path), path, "file", "there already", ALLOWED)
 
 
+def adopt(path: str | os.PathLike) -> None:
+    """Note a file whose whole content this program has read and writes again: a copy of its own, or an edited one."""
+    _note(Path(path), _hash(path))
+
+
 def is_own_file(path: str | os.PathLike) -> bool:
     """Tell whether this program wrote a file that nobody changed since; False for anything but a plain file."""
     path = Path(path)

@@ -8,6 +8,7 @@ import numpy as np
 from repose.measure.pile import Measurement, MeasureSettings, measure_segmented, with_response
 from repose.measure.segmentation import Segmentation, segment
 
+FAR = 1e6  # pixels: the ends of a nearly level line lie beyond what OpenCV draws
 RED, GREEN, YELLOW, BLUE = (40, 40, 230), (60, 170, 40), (0, 200, 255), (220, 120, 20)  # BGR
 
 
@@ -45,7 +46,7 @@ def _outlined(image: np.ndarray, contour: np.ndarray) -> tuple[np.ndarray, int]:
 
 def draw_line(picture: np.ndarray, start: tuple, end: tuple, colour: tuple, thickness: int) -> None:
     """Draw a smooth line between sub-pixel points (column, row) into the picture; colours are BGR."""
-    a, b = (tuple(round(256 * value) for value in point) for point in (start, end))
+    a, b = (tuple(round(256 * min(max(value, -FAR), FAR)) for value in point) for point in (start, end))
     cv2.line(picture, a, b, colour, thickness, cv2.LINE_AA, 8)
 
 

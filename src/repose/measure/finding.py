@@ -154,14 +154,29 @@ def shadow_below(image: np.ndarray, mask: np.ndarray) -> int:
 
     It is 0 for grains of the background's colour, as in a grey picture: shadow and grain look the same.
     """
-    every = max(1, max(mask.shape) // FINE_PX)
-    colours, mask = features(np.ascontiguousarray(image[::every, ::every])), mask[::every, ::every]
-    edge = max(2, mask.shape[1] // 20)  # a shadow may be wider than the pile
-    behind = np.median(np.hstack([colours[:, :edge], colours[:, -edge:]]), axis=1, keepdims=True)
-    shadow = _of_a_shadow(mask, colours - behind)
+    every, mask, difference = _against_sides(image, mask)
+    shadow = _of_a_shadow(mask, difference)
     rows = np.flatnonzero(mask.any(axis=1))
     grains = np.flatnonzero(2 * shadow[rows].sum(axis=1) < mask[rows].sum(axis=1, dtype=int))
     return every * int(rows.size - 1 - grains[-1]) if grains.size else 0
+
+
+def shadow_share(image: np.ndarray, mask: np.ndarray) -> float:
+    """Give the share of a pile of another colour that is one patch of the background's colour, but darker."""
+    _, mask, difference = _against_sides(image, mask)
+    patch = np.ones((max(5, len(mask) // 30),) * 2, np.uint8)
+    shadow = cv2.morphologyEx(_as_a_shadow(mask, difference).astype(np.uint8), cv2.MORPH_OPEN, patch)
+    coloured = (mask > 0) & (np.hypot(difference[..., 0], difference[..., 1]) >= ITS_OWN_COLOUR)
+    return float(shadow.sum(dtype=int) / mask.sum(dtype=int)) if coloured.sum() > 0.3 * mask.sum(dtype=int) else 0.0
+
+
+def _against_sides(image: np.ndarray, mask: np.ndarray) -> tuple[int, np.ndarray, np.ndarray]:
+    """Compare each row with its two ends in colour: every how manieth pixel, the mask and the difference there."""
+    every = max(1, max(mask.shape) // FINE_PX)
+    colours = features(np.ascontiguousarray(image[::every, ::every]))
+    edge = max(2, colours.shape[1] // 20)  # a shadow may be wider than the pile
+    behind = np.median(np.hstack([colours[:, :edge], colours[:, -edge:]]), axis=1, keepdims=True)
+    return every, mask[::every, ::every], colours - behind
 
 
 def features(image: np.ndarray) -> np.ndarray:
@@ -282,14 +297,19 @@ def _without_shadow(mask: np.ndarray, difference: np.ndarray, rough: np.ndarray)
 
 def _of_a_shadow(mask: np.ndarray, difference: np.ndarray) -> np.ndarray:
     """Mark pixels with the background's colour, but darker; none if the upper part of the pile is the same."""
-    distance = np.sqrt((difference[..., :2] ** 2).sum(-1))
-    darker = -difference[..., 2] / BRIGHTNESS_GAIN
-    shadow = (mask > 0) & (distance < ITS_OWN_COLOUR) & (darker > 0.08) & (darker < SHADOW_DARKEST)
+    shadow = _as_a_shadow(mask, difference)
     rows = np.flatnonzero(mask.any(axis=1))
     upper = slice(rows[0], rows[0] + (2 * rows.size) // 3) if rows.size else slice(0)
     if shadow[upper].sum() > 0.12 * mask[upper].sum():
         return np.zeros(mask.shape, bool)
     return shadow
+
+
+def _as_a_shadow(mask: np.ndarray, difference: np.ndarray) -> np.ndarray:
+    """Mark pixels with the background's colour, but darker."""
+    distance = np.sqrt((difference[..., :2] ** 2).sum(-1))
+    darker = -difference[..., 2] / BRIGHTNESS_GAIN
+    return (mask > 0) & (distance < ITS_OWN_COLOUR) & (darker > 0.08) & (darker < SHADOW_DARKEST)
 
 
 def _without_floating(mask: np.ndarray, gap_px: float) -> np.ndarray:

@@ -35,6 +35,10 @@ LARGEST_RISE = 1.5, 0.12  # of a grain's and of the pile's height: of the outlin
 LARGEST_DROP = 2.0, 0.2  # likewise: of the outline within half a grain
 MEETING = 0.7, 1.3  # of the pile's height: where the lines of a cone's two flanks meet
 LOWEST_FOOT = 0.6  # of a grain's height: of the widest row over the lowest
+UPRIGHT_PX = 12  # rows of an upright end of the foot: round grains have less than 0.75 of their height
+GOES_ON = 30  # tones between what lies below the pile's middle and beside it: no plate
+SHADOW_SHARE = 0.03  # of a pile of another colour than the background's
+BASE_ROW = "give --base-row, the row of the plate, or show the printed sheet"
 LARGEST_SHADOW = 0.3  # of a grain's height: rows below the grains with the background's colour
 
 Paths = Sequence[Path]
@@ -212,6 +216,8 @@ def measure_plain(path: Path, how: MeasureSettings, scale: Scale) -> Photograph:
         high = photograph.measurement.height_mm
         grain = how.berry_height_mm or high / USUAL_GRAINS
         photograph.doubts = _doubts(photograph.pile, photograph.measurement, grain, how.mm_per_pixel)
+        if base is None:
+            photograph.doubts += _doubts_of_the_base(image, photograph.pile, grain / how.mm_per_pixel)
     except (NoFlankError, InputError) as error:  # such as a base below the picture
         photograph.measurement, photograph.refused = None, str(error)
     return photograph
@@ -224,7 +230,7 @@ def _measured(photograph: Photograph, how: MeasureSettings) -> Measurement:
     measurement = with_response(measure_segmented(photograph.pile, how))
     difference = abs(measurement.angle.left_deg - measurement.angle.right_deg)
     if difference > LARGEST_DIFFERENCE_DEG:
-        unlike = f"its two sides differ by {difference:.0f} degrees: no such pile, or the background is not plain"
+        unlike = f"its two sides differ by {difference:.1f} degrees: no such pile, or the background is not plain"
         raise NoFlankError(f"{unlike}; {LARGEST_DIFFERENCE_DEG:g} are allowed")
     return measurement
 
@@ -338,8 +344,33 @@ def _require_foot(image: np.ndarray, pile: Segmentation, how: MeasureSettings) -
         if below > most * grain:
             raise NoFlankError(
                 f"its lowest row lies {below * how.mm_per_pixel:.1f} mm below its {place}: a shadow at the foot, or "
-                "the camera looks down on it; give --base-row, the row of the plate, or show the printed sheet"
+                f"the camera looks down on it or is rolled (--length makes a line level); {BASE_ROW}"
             )
+
+
+def _doubts_of_the_base(image: np.ndarray, pile: Segmentation, grain_px: float) -> list[str]:
+    """Write a sentence for each sign that the base or a flank, found without a sheet, is none of the pile's."""
+    rows = np.flatnonzero(pile.mask.any(axis=1))
+    left, right = pile.mask[rows].argmax(axis=1), pile.mask[rows, ::-1].argmax(axis=1)
+    upright = max(int((side <= side.min() + 2).sum()) for side in (left, right))
+    doubts = []
+    if upright > max(0.75 * grain_px, UPRIGHT_PX):
+        doubts.append(
+            f"{DOUBT}: an end of its foot is upright over {upright} pixels, as of a plate or a ruler: {BASE_ROW}"
+        )
+    first, seen = math.ceil(pile.base_row) + 2, image.reshape(*image.shape[:2], -1)
+    below = seen[first : first + max(4, round(grain_px))]
+    ends = np.concatenate([below[:, : left.min()], below[:, below.shape[1] - right.min() :]], axis=1)
+    if ends.size:
+        foot = np.flatnonzero(pile.mask[rows[0] + 2 * len(rows) // 3])
+        middle = slice(foot[len(foot) // 3], foot[2 * len(foot) // 3] + 1)
+        grains = seen[rows[len(rows) // 2] : rows[-1], middle]
+        grain, under, beside = (np.median(part, axis=(0, 1)) for part in (grains, below[:, middle], ends))
+        if np.abs(under - grain).max() < (off := np.abs(under - beside).max()) and off > GOES_ON:
+            doubts.append(f"{DOUBT}: below its base the picture has the pile's colour and no plate's: {BASE_ROW}")
+    if (share := finding.shadow_share(image, pile.mask)) > SHADOW_SHARE:
+        doubts.append(f"{DOUBT}: {100 * share:.0f} % of it is darker background, as of a shadow on what stands behind")
+    return doubts
 
 
 def _levelled(image: np.ndarray, level_deg: float, base_row: float | None) -> tuple[np.ndarray, float | None]:

@@ -25,6 +25,7 @@ TURN = "turn"  # column of a record: with which proposal a run was told
 TURNS = Column(TURN, int, low=0, empty=True)
 OPTIONAL = ("status", TURN)
 RESPONSE = "a finite number within 1e100 of 0; a run that failed has another `status` than ok"
+ALIKE = 1e-12  # least eigenvalue of the correlations of responses that follow from each other
 ROUNDED = 1e-6  # of a range: a table may have been rounded by a spreadsheet
 
 
@@ -42,6 +43,21 @@ def next_number(data: pd.DataFrame) -> int:
     """Return the number of the next sample."""
     numbers = pd.to_numeric(data["sample"], errors="coerce")
     return int(numbers.max()) + 1 if numbers.notna().all() else data["sample"].nunique() + 1
+
+
+def check_responses(data: pd.DataFrame, targets: Targets) -> None:
+    """Refuse a response that is the same in all good runs, and responses of which one follows from the others."""
+    names = list(targets.names)
+    for name in names:
+        count = data[name].count()
+        allowed = f"results that differ; all {count} good runs have this one: is the right column read?"
+        require(count < 2 or data[name].nunique() > 1, "runs", name, float(data[name].max()), allowed)
+    values = data[names].dropna()
+    if len(values) > len(names) + 1:
+        shares, axes = np.linalg.eigh(values.corr())
+        tied = [name for name, part in zip(names, axes[:, 0], strict=True) if abs(part) > ROUNDED]
+        allowed = "responses none of which follows from the others: leave one of them out"
+        require(shares[0] > ALIKE, "runs", "targets", ", ".join(tied), allowed)
 
 
 def samples_of_runs(data: pd.DataFrame, space: ParameterSpace, targets: Targets) -> pd.DataFrame:

@@ -15,7 +15,7 @@ from repose.core.errors import require
 from repose.core.files import Path_, path_of, write_json, write_table
 from repose.strategies import answer
 from repose.strategies.base import Answer, Batch, Studied, strategy
-from repose.strategies.runs import OK
+from repose.strategies.runs import OK, check_responses
 from repose.strategies.sequential.goal import Goal
 from repose.strategies.sequential.kriging import Kriging, SpaceKriging
 from repose.strategies.sequential.noise import REPLICATES
@@ -80,6 +80,7 @@ class Calibration(NamedTuple):
     def save(self, out_dir: Path_) -> None:
         """Write tables, summary and material card into a folder; docs/own_simulator.md lists the files."""
         out, made = path_of("out_dir", out_dir), self.card
+        require(not out.is_file(), out, "file", "there already", "a folder")
         tables = {"samples": self.samples, "solutions": self.solutions}
         tables |= {"posterior": self.posterior.parameters, "draws": self.posterior.draws}
         for name, table in tables.items():
@@ -149,9 +150,7 @@ def calibrate(study: Studied, runs: pd.DataFrame, proposal: Batch | Answer | Non
     `proposal` is the answer, it is the best that these runs give.
     """
     space, targets, settings = study.parameters, study.targets, study.settings
-    for name in targets.names:
-        allowed = f"results that differ; all {runs[name].count()} good runs have this one: is the right column read?"
-        require(runs[name].nunique() != 1, "runs", name, float(runs[name].max()), allowed)
+    check_responses(runs, targets)
     best = proposal if isinstance(proposal, Answer) else strategy(settings.strategy).answer(study, runs)
     observed = observed_of(runs, space, targets)
     noise = noise_from(study, observed)

@@ -12,7 +12,7 @@ from repose.core.parameter_space import ParameterSpace
 from repose.core.probability import within
 from repose.core.targets import Targets
 from repose.strategies.base import SO_FAR, Answer, Batch, Studied, samples_of
-from repose.strategies.runs import next_number
+from repose.strategies.runs import check_responses, next_number
 from repose.strategies.sequential.advise import Advice, advise, alternatives, ranked, start
 from repose.strategies.sequential.goal import Goal
 from repose.strategies.sequential.kriging import Kriging, Observed, SpaceKriging
@@ -37,13 +37,11 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
         noise = known_noise(study, observed)
         advice = advise(observed, goal, section, len(data), _random(study, data), noise)
     except (InputError, ValueError) as error:
-        failed = len(observed.failed)
-        if failed and len(data) < section.most_pours:
-            few = f"{failed} samples failed, and the others are too few for a model: a further start"
+        failed, good = len(observed.failed), len(observed.unit)
+        if len(data) < section.most_pours and (failed or good < section.start_samples):
+            few = f"{failed} samples failed, and the other {good} are too few for a model: a further start"
             return _start(study, data, why=few)
-        if isinstance(error, InputError):
-            raise
-        raise InputError("runs", "pours", str(error), "enough for an estimate of the noise") from None
+        raise _cause(error, data, study.targets) from None
     notes = _notes(advice, study)
     if advice.stop is None:
         return Batch(samples_of(space, advice.batch, section.seeds, next_number(data)), notes)
@@ -65,7 +63,7 @@ def answer(study: Studied, data: pd.DataFrame, point: np.ndarray | None = None, 
     try:
         model = Kriging(observed, known_noise(study, observed))
     except ValueError as error:
-        raise InputError("runs", "pours", str(error), "enough for an estimate of the noise") from None
+        raise _cause(error, data, targets) from None
     points, scores = ranked(model, _goal(study), observed, _random(study, data))
     others, predicted = alternatives((points, scores), model, targets, study.settings.miga)
     unit = (points[scores.argmax()] if point is None else point)[None]
@@ -85,6 +83,13 @@ def answer(study: Studied, data: pd.DataFrame, point: np.ndarray | None = None, 
         model=SpaceKriging(model, space),
         **{"why": SO_FAR} | about,
     )
+
+
+def _cause(error: ValueError, data: pd.DataFrame, targets: Targets) -> InputError:
+    """Say why there is no model."""
+    check_responses(data, targets)
+    few = InputError("runs", "pours", str(error), "enough for an estimate of the noise")
+    return error if isinstance(error, InputError) else few
 
 
 def observed_of(data: pd.DataFrame, space: ParameterSpace, targets: Targets) -> Observed:
