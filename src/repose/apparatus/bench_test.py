@@ -19,7 +19,7 @@ import numpy as np
 from repose.apparatus.scene import grain_simulation
 from repose.apparatus.settings import S, SceneSettings, SimulationSettings
 from repose.core import responses as core
-from repose.core.errors import InputError
+from repose.core.errors import require
 from repose.core.responses import Response
 from repose.core.runs import Recorded
 from repose.core.section import Contradictions
@@ -319,8 +319,7 @@ def bench(name: str, source: object = "apparatus") -> BenchTest[Any]:
     InputError
         If no bench test has this name.
     """
-    if name not in _REGISTRY:
-        raise InputError(source, "apparatus", name, f"one of {', '.join(_REGISTRY)}")
+    require(name in _REGISTRY, source, "apparatus", name, f"one of {', '.join(_REGISTRY)}")
     return _REGISTRY[name]
 
 

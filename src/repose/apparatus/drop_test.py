@@ -166,8 +166,7 @@ class DropTest(BenchTest[DropTestSettings]):
 
     def duration_s(self, settings: SceneSettings) -> float:
         """Return the longest simulated time: the fall, the hit, and a rebound to the height of the fall."""
-        fall = math.sqrt(2e-3 * self.section(settings).height_mm / settings.simulation.gravity_m_s2)
-        return 3.0 * fall + HIT_S
+        return 3.0 * math.sqrt(2e-3 * self.section(settings).height_mm / settings.simulation.gravity_m_s2) + HIT_S
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
         """Refuse a fall so short that it takes fewer than 100 time steps."""

@@ -136,8 +136,7 @@ class RotatingDrum(BenchTest[R]):
         """Make the drum for the grains of a seed within its bounds, and the place where they appear."""
         section = self.section(scene.settings)
         drum, trial = Drum.of(section), Trial(self.build, scene, section.berries, interval_s, progress)
-        fastest = float(np.max(section.angular_velocity_rad_s))
-        trial.bound(drum.radius_m, fastest * drum.radius_m)
+        trial.bound(drum.radius_m, float(np.max(section.angular_velocity_rad_s)) * drum.radius_m)
         return trial, drum.factory(1e-3 * section.factory_height_mm, trial.reach_m)
 
     def holds_all(self, trial: Trial) -> bool:

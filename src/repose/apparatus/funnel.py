@@ -180,8 +180,7 @@ class Funnel:
             walls["outlet"] = dem.RingEdge(self._core_m, edge, material, (up, (0.0, 0.0)), self.outlet_height_m)
             return walls
         radius, top = 0.5 * self.outlet_diameter_m, self.neck_height_m
-        tube = ConeLine(1.0, 0.0, radius, self.outlet_height_m, top, 0.0, 1.0)
-        walls["tube"] = dem.Cone(tube, material)
+        walls["tube"] = dem.Cone(ConeLine(1.0, 0.0, radius, self.outlet_height_m, top, 0.0, 1.0), material)
         walls["neck"] = dem.RingEdge(self._core_m, edge, material, (up, (0.0, -1.0)), top)
         walls["outlet"] = dem.RingEdge(self._core_m, edge, material, ((0.0, 1.0), (0.0, 0.0)), self.outlet_height_m)
         return walls

@@ -96,8 +96,7 @@ def layer(particle: "Particle", azimuth: float = 0.0) -> tuple[np.ndarray, np.nd
     ways = np.array([[2.0, 0.0, 0.0], [1.0, math.sqrt(3.0), 0.0], [1.0, -math.sqrt(3.0), 0.0]])
     normals = np.column_stack([ways[:, :2] / stretched[:2], np.zeros(3)])
     width = particle.support(normals @ rows) + particle.support(-normals @ rows)
-    needed = float((width / (ways * stretched * normals).sum(axis=1)).max())
-    places = APART * max(1.0, needed) * unit * stretched
+    places = APART * max(1.0, float((width / (ways * stretched * normals).sum(axis=1)).max())) * unit * stretched
     near = np.hypot(*places[:, :2].T) < REACHES * particle.bounding_radius_m
     turn = Rotation.from_euler("z", azimuth)
     quaternion = (turn * Rotation.from_matrix(rows)).as_quat(scalar_first=True)
@@ -107,8 +106,7 @@ def layer(particle: "Particle", azimuth: float = 0.0) -> tuple[np.ndarray, np.nd
 def held(parameters: Mapping[str, float], surface: str) -> dict[str, float]:
     """Make the parameters of a sled: it would roll at twice the slope at which it slides."""
     pair = "gp" if surface == "wall" else "gg"
-    rolling = max(parameters[f"mur_{pair}"], 2.0 * parameters[f"mus_{pair}"])
-    return {**parameters, f"mur_{pair}": rolling}
+    return {**parameters, f"mur_{pair}": max(parameters[f"mur_{pair}"], 2.0 * parameters[f"mus_{pair}"])}
 
 
 def _lay_down(trial: Trial, section: InclinedPlaneSettings) -> None:
@@ -169,8 +167,7 @@ def tilted(frames: Mapping[str, np.ndarray], section: InclinedPlaneSettings, las
     planes = np.array(frames["planes"], float)
     normal = np.column_stack([np.sin(angle), np.zeros_like(angle), np.cos(angle)])
     planes[:, 0, :3], planes[:, 0, 3:6] = planes[:, :1, 2] * normal, -normal
-    moved = {"position": position, "quaternion": quaternion, "planes": planes}
-    return {**frames, **moved, "tilt_deg": tilt}
+    return {**frames, "position": position, "quaternion": quaternion, "planes": planes, "tilt_deg": tilt}
 
 
 # --- measure --------------------------------------------------------------------------------------

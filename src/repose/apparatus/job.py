@@ -126,7 +126,6 @@ def measured(scene: Scene, path: Path) -> dict[str, Any]:
     runs = []
     for pour in pours:
         needed = test.required_arrays if pour["status"] == "ok" else ()  # the arrays of a spoiled run may hold anything
-        kept = pour_arrays(arrays, pour["seed"], path, needed)
-        runs.append(test.result(pour, kept, scene))
+        runs.append(test.result(pour, pour_arrays(arrays, pour["seed"], path, needed), scene))
     columns = test.recorded.beginning_with(tuple(one.name for one in test.target_responses(scene.settings.config)))
     return job | {"summary": summarise_runs(runs, columns), "runs": runs}

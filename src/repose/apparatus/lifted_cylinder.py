@@ -173,8 +173,7 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
             return simulation.present & (simulation.positions[:, 2] > lifted_m)
 
         def rests() -> bool:
-            energies = simulation.kinetic_energies()[simulation.present]
-            return bool(energies.mean() <= settings.rest_energy_j)
+            return bool(simulation.kinetic_energies()[simulation.present].mean() <= settings.rest_energy_j)
 
         # grains that hang in the tube are lifted with it
         with trial.bound(factory.height_m + length, speed).guard():

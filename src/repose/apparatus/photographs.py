@@ -18,7 +18,7 @@ from repose.apparatus.drawdown import Box, DrawdownSettings
 from repose.apparatus.drum import Drum
 from repose.apparatus.settings import Rotating, SceneSettings
 from repose.apparatus.turning import TurningSettings
-from repose.core.errors import InputError, NoFlankError
+from repose.core.errors import NoFlankError, require
 from repose.measure import bed, drawing
 from repose.measure.photograph_tables import Tables, mean_rows
 from repose.measure.photographs import load
@@ -141,8 +141,7 @@ def _checked_points(points_px: Sequence[float], bench: str) -> np.ndarray:
         good &= bench == "turning" or points[0, 0] <= points[1, 0]
     if good and bench == "turning" and abs(np.linalg.det(points[1:] - points[0])) < ON_A_LINE:
         good, allowed = False, "three points that are not on a line"
-    if not good:
-        raise InputError("command line", "--points", list(points_px), allowed)
+    require(good, "command line", "--points", list(points_px), allowed)
     return points
 
 

@@ -171,5 +171,4 @@ def largest_cluster(contacts: np.ndarray, allowed: np.ndarray) -> np.ndarray:
     kept = contacts[allowed[contacts[:, 0]] & allowed[contacts[:, 1]]] if len(contacts) else contacts
     graph = coo_array((np.ones(len(kept)), (kept[:, 0], kept[:, 1])), shape=(n, n))
     _, label = connected_components(graph, directed=False)
-    sizes = np.bincount(label[allowed])
-    return allowed & (label == sizes.argmax())
+    return allowed & (label == np.bincount(label[allowed]).argmax())

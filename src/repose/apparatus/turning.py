@@ -134,8 +134,7 @@ class TurningTest(drum.RotatingDrum[TurningSettings]):
             frames = position[number == k], quaternion[number == k], scale
             measured = self.surface_angles(*frames, scene)
             if not len(measured) or not np.isfinite(measured).all():
-                reason = drum.no_surface(scene)
-                return {**record, "status": "no_surface", "reason": reason, **missing}
+                return {**record, "status": "no_surface", "reason": drum.no_surface(scene), **missing}
             found[name] = float(measured.mean())
             own = {score: profile for score, profile in of_profiles.items() if speed_of(score) == k}
             found |= self._scores(own, frames, scene)

@@ -57,8 +57,7 @@ def least(surrogate: Surrogate, space: ParameterSpace, targets: Targets) -> dict
     # differences reach a step beyond the place
     bounds = [(STEP, 1 - STEP)] * space.dimensions
     ends = [minimize(with_gradient, place, jac=True, method="L-BFGS-B", bounds=bounds) for place in first]
-    best = min(ends, key=lambda end: end.fun)
-    X = space.values(best.x[None])
+    X = space.values(min(ends, key=lambda end: end.fun).x[None])
     values = dict(zip(space.names, X[0].tolist(), strict=True))
     predicted = dict(zip(targets.predicted, surrogate.predict(X)[0].tolist(), strict=True))
     return values | predicted | judged(surrogate, values, targets)

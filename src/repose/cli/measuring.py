@@ -202,8 +202,7 @@ def silhouette(args: argparse.Namespace, study: Study) -> None:
 
     require_option(math.isfinite(args.azimuth), "--azimuth", args.azimuth, "a finite angle")
     how = MeasureSettings(**dict(study.settings.measure))
-    picture = side_view(first_pour(args.heap), Particle.load(args.particle), how, args.azimuth)
-    write_image(args.out, picture)
+    write_image(args.out, side_view(first_pour(args.heap), Particle.load(args.particle), how, args.azimuth))
 
 
 @verb(

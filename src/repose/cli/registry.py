@@ -9,6 +9,7 @@ from typing import Any, Literal, NamedTuple
 
 from repose.config.study import Study
 from repose.core import places
+from repose.core.errors import InputError, require
 
 PROGRAM = "repose"
 Loader = Callable[[argparse.Namespace], Study] | None  # from the options of a verb; None: it takes no study
@@ -83,7 +84,14 @@ class Verb(NamedTuple):
 
 def load(args: argparse.Namespace, inputs: bool = False) -> Study:
     """Load the study of --config; with `inputs` check the files that it names."""
-    return Study.load(args.config, inputs=inputs)
+    try:
+        return Study.load(args.config, inputs=inputs)
+    except InputError:
+        from repose.config.own import is_own
+
+        allowed = f"a study of our own simulator: {args.verb} is no verb for yours, see `repose docs own_simulator`"
+        require(not Path(args.config).is_file() or not is_own(args.config), args.config, "simulator", "yours", allowed)
+        raise
 
 
 VERBS: dict[str, Verb] = {}  # in the order in which their modules are imported

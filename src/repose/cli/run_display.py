@@ -257,8 +257,7 @@ class LogHandler(LogHandlerBase):
             del self.progress.planned[rule]
             return
         message, log = fields["rule_msg"] or rule, ", ".join(fields["log"])
-        job = Running(rule, message, time.time(), str(fields["output"][0]), log)
-        self.progress.start(fields["jobid"], job)
+        self.progress.start(fields["jobid"], Running(rule, message, time.time(), str(fields["output"][0]), log))
         self.stage = rule
         if self.live is None and rule not in self.stages_printed:
             yield Text(f"{rule}: {message}")

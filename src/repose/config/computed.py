@@ -115,8 +115,7 @@ def _duration_s(config: Config, grain: Grain, particle: "Particle") -> float:
     running = 0.58 * bulk * math.sqrt(gravity) * max(opening, 0.0) ** 2.5 / particle.mass_kg
     rate = min(funnel.rate_per_s, running or math.inf)
     height = max(funnel.funnel.inlet_height_m, 0.0)  # a rule refuses an inlet below the outlet
-    fall = math.sqrt(2 * height / gravity)
-    return math.ceil(10 * (funnel.berries / rate + fall + REST_S)) / 10
+    return math.ceil(10 * (funnel.berries / rate + math.sqrt(2 * height / gravity) + REST_S)) / 10
 
 
 def _time_step_s(config: Config, grain: Grain, particle: "Particle") -> float:

@@ -192,8 +192,7 @@ class Record:
         if off:
             allowed = f"one of the {len(asked)} runs that `ask` gave, each once; a failed run has NaN as responses"
             raise InputError(SOURCE, "sample and run", list(off[0]), allowed)
-        row = wanted.get_indexer(given)
-        found = asked.iloc[row].reset_index(drop=True)
+        found = asked.iloc[wanted.get_indexer(given)].reset_index(drop=True)
         for name in self.study.parameters.names:
             if name in table and not np.allclose(_numbers(table, name), found[name], rtol=SAME, atol=0):
                 raise InputError(SOURCE, name, "changed", "the parameters that `ask` gave, or no such column")

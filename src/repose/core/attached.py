@@ -10,6 +10,7 @@ import struct
 import zipfile
 import zlib
 from collections.abc import Mapping
+from contextlib import suppress
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -67,8 +68,6 @@ def _from_npz(path: Path) -> Any:
 def _from_png(path: Path) -> Any:
     from PIL import Image  # not by the processes that pour
 
-    try:
-        with Image.open(path) as picture:
-            return json.loads(picture.info[KEY])
-    except Image.DecompressionBombError:  # larger than any of ours
-        return None
+    with suppress(Image.DecompressionBombError), Image.open(path) as picture:  # larger than any of ours
+        return json.loads(picture.info[KEY])
+    return None

@@ -54,8 +54,7 @@ class Profile:
         """The functions at the abscissae, (n, functions); the mean of a square is 1, of a product of two 0."""
         x = np.array(self.x)
         middle, half = 0.5 * (x[-1] + x[0]), 0.5 * (x[-1] - x[0])
-        powers = np.polynomial.legendre.legvander((x - middle) / half, self.functions - 1)
-        q, r = np.linalg.qr(powers)
+        q, r = np.linalg.qr(np.polynomial.legendre.legvander((x - middle) / half, self.functions - 1))
         return q * np.sign(np.diagonal(r)) * math.sqrt(len(x))
 
     def scores(self, heights: ArrayLike) -> np.ndarray:

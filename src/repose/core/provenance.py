@@ -101,8 +101,7 @@ def _record(running: _Stage) -> dict[str, Any]:
     settings = hash_of(config)
     origins = sorted({record["origin"] if record else hash_of_file(path) for path, record in running.inputs})
     origin = hash_of([running.about, settings, engine, origins])
-    own = {"settings": settings, "engine": engine, "origin": origin, "seed": seed}
-    return running.about | own | machine()
+    return running.about | {"settings": settings, "engine": engine, "origin": origin, "seed": seed} | machine()
 
 
 def refuse_mixture(inputs: Iterable[tuple[Path, Mapping[str, Any] | None]]) -> None:

@@ -231,15 +231,13 @@ def _text(path: Path_, what: str) -> str:
     """Read the text of a file in UTF-8 or, with its mark, in UTF-16."""
     try:
         content = plain_file(path).read_bytes()
-        if content.startswith(b"PK"):
-            raise InputError(path, "file", "a workbook", f"{what}: save its sheet as CSV")
+        require(not content.startswith(b"PK"), path, "file", "a workbook", f"{what}: save its sheet as CSV")
         text = content.decode("utf-16" if content.startswith(UTF_16) else "utf-8-sig")
     except OSError as error:
         raise InputError(path, "file", error.strerror, what) from error
     except UnicodeDecodeError as error:
         raise InputError(path, "table", str(error), f"{what} in UTF-8, or in UTF-16 with its mark") from error
-    if "\0" in text:
-        raise InputError(path, "table", "a byte of zero", f"{what} in UTF-8, or in UTF-16 with its mark")
+    require("\x00" not in text, path, "table", "a byte of zero", f"{what} in UTF-8, or in UTF-16 with its mark")
     return text
 
 

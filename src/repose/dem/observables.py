@@ -285,8 +285,7 @@ class Observables(World):
 
     def _sphere_azimuths(self, body: np.ndarray, wall: np.ndarray, centres: np.ndarray) -> np.ndarray:
         """Compute azimuths (M,) in the frames of curved walls for spheres with these centres (M, 3) in their bodies."""
-        turn = rotation_matrices(self.quaternions[body])
-        places = self.positions[body] + np.einsum("nij,nj->ni", turn, centres)
+        places = self.positions[body] + np.einsum("nij,nj->ni", rotation_matrices(self.quaternions[body]), centres)
         frames = self.walls.frames[wall]
         local = np.einsum("nji,nj->ni", frames[:, 3:].reshape(-1, 3, 3), places - frames[:, :3])
         return np.arctan2(local[:, 1], local[:, 0])

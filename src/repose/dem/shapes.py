@@ -163,8 +163,7 @@ class Shape(_Solid):
         ndarray (..., 3)
             The points [m].
         """
-        extents = np.sqrt(np.square(n) @ np.square(self.semi_axes_m).T)
-        return n * ((1.0 / extents) @ np.square(self.semi_axes_m))
+        return n * ((1.0 / np.sqrt(np.square(n) @ np.square(self.semi_axes_m).T)) @ np.square(self.semi_axes_m))
 
     @property
     def bounding_radius_m(self) -> float:
@@ -310,8 +309,7 @@ class Clump(_Solid):
         """
         extents = sphere_directions(DIRECTIONS) @ self.spheres_m[:, :3].T + self.spheres_m[:, 3]
         deep = np.clip(extents - extents.max(axis=1, keepdims=True) + overlap_m, 0.0, None)
-        shares = np.sqrt(deep / overlap_m * self.spheres_m[:, 3] / self.flattest_radius_m)
-        return float(shares.sum(axis=1).max())
+        return float(np.sqrt(deep / overlap_m * self.spheres_m[:, 3] / self.flattest_radius_m).sum(axis=1).max())
 
     @property
     def half_extents_m(self) -> np.ndarray:

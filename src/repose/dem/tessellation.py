@@ -25,8 +25,7 @@ def tessellate(body: Any, rings: int = 18, sectors: int = 36) -> tuple[np.ndarra
     polar, turn = np.meshgrid(latitudes, longitudes, indexing="ij")
     sphere = np.stack([np.cos(polar), np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn)], axis=-1)
     # Normals are spread evenly over the surface and not over the directions, so a slim body has well resolved tips.
-    extent = np.array([body.support(axis) for axis in np.eye(3)])
-    normals = (sphere / extent).reshape(-1, 3)
+    normals = (sphere / np.array([body.support(axis) for axis in np.eye(3)])).reshape(-1, 3)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     if isinstance(body, Clump):
         return *_seen_from_inside(body, normals), _grid_triangles(rings, sectors)
@@ -42,8 +41,7 @@ def _seen_from_inside(clump: Clump, rays: np.ndarray) -> tuple[np.ndarray, np.nd
     farthest = np.argmax(reach, axis=1)
     distance = np.maximum(reach[np.arange(len(rays)), farthest], 0.0)
     points = distance[:, None] * rays
-    normals = np.where(distance[:, None] > 0.0, (points - centres[farthest]) / radii[farthest, None], rays)
-    return points, normals
+    return points, np.where(distance[:, None] > 0.0, (points - centres[farthest]) / radii[farthest, None], rays)
 
 
 def _grid_triangles(rows: int, columns: int) -> np.ndarray:
@@ -136,8 +134,7 @@ def _edge_profile(ring: RingEdge) -> np.ndarray:
         # the contact normal runs from the body into the edge, against the outward one
         open_to &= -(np.cos(middle) * g_r + np.sin(middle) * g_z) >= -1e-12
     first = int(np.argmax(open_to & ~np.roll(open_to, 1)))
-    count = int(open_to.sum())
-    turn = angle[first] + 2.0 * math.pi * np.arange(count + 1) / TUBE_SECTORS
+    turn = angle[first] + 2.0 * math.pi * np.arange(int(open_to.sum()) + 1) / TUBE_SECTORS
     edge = ring.edge_radius_m
     return np.column_stack([ring.radius_m + edge * np.cos(turn), ring.height_m + edge * np.sin(turn)])
 

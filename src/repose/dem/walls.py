@@ -480,8 +480,7 @@ def _approach(surface: "Wall", axis: np.ndarray, place: np.ndarray, motion: np.n
     offset = place - pivot
     if isinstance(surface, Mesh):
         # vertices are in the mesh's frame: their distance from the pivot is at most reach plus offset
-        reach = np.linalg.norm(surface.vertices_m, axis=1).max()
-        return speed + rate * float(reach + np.linalg.norm(offset))
+        return speed + rate * float(np.linalg.norm(surface.vertices_m, axis=1).max() + np.linalg.norm(offset))
     aligned = abs(abs(axis @ turning) - rate) < 1e-12 * rate
     if aligned and np.linalg.norm(offset - (offset @ axis) * axis) < 1e-9 * size_m:
         return speed

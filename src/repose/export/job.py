@@ -124,8 +124,7 @@ def make(
     require(particle.is_clump, "particle", "kind", particle.kind, "multisphere: other programs take spheres")
     materials = materials_of(scene)
     mean_radius, lever = surface_means(particle.spheres_m)
-    smallest = float(particle.spheres_m[:, 3].min())
-    rayleigh = rayleigh_time_s(materials["berry"], particle.density_kg_m3, smallest)
+    rayleigh = rayleigh_time_s(materials["berry"], particle.density_kg_m3, float(particle.spheres_m[:, 3].min()))
     step = min(SHARE * min(longest_time_step(scene).time_step_s, simulation.time_step_s), RAYLEIGH_SHARE * rayleigh)
 
     def pair(suffix: str, other: str, effective_radius: float) -> Pair:

@@ -122,8 +122,7 @@ class Pose:
         self.camera, self.size, self.paper_mm = camera, size, size_mm(sheet.square_mm)
         # The planar solver wants z = 0 on the sheet: solve in (x, z, -y), then turn.
         turn, self.shift = _poses(sheet, camera.matrix, camera.lens)[0]  # the one that fits better
-        from_world = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
-        self.turn = cv2.Rodrigues(turn)[0] @ from_world
+        self.turn = cv2.Rodrigues(turn)[0] @ np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
         self.eye = (-self.turn.T @ self.shift).ravel()
         world = np.insert(sheet.places_mm, 1, 0.0, axis=1)
         miss = np.sqrt(((self.pixels_of(world) - sheet.pixels) ** 2).sum(axis=1).mean())

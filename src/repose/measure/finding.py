@@ -102,8 +102,7 @@ def refine(view: SideView, coarse: np.ndarray, berry_px: float, by_roughness: bo
     pile, other = _means(colours, mask, NEAR * berry_px)
     way = pile - other
     columns = np.flatnonzero(mask.any(axis=0))
-    top = mask.argmax(axis=0)[columns]
-    difference = np.linalg.norm(way[top, columns] * (1 if by_roughness else EQUAL), axis=1)
+    difference = np.linalg.norm(way[mask.argmax(axis=0)[columns], columns] * (1 if by_roughness else EQUAL), axis=1)
     return Segmentation(grey, share, 0.5, mask, view.base_row, pile_is), float((difference < FAINT).mean())
 
 
@@ -214,8 +213,7 @@ def _fill(colours: np.ndarray, hidden: np.ndarray) -> np.ndarray:
     columns = np.arange(hidden.shape[1])
     left = np.maximum.accumulate(np.where(hidden, -1, columns), axis=1)
     right = np.minimum.accumulate(np.where(hidden, 10**6, columns)[:, ::-1], axis=1)[:, ::-1]
-    to_left = np.where(left >= 0, columns - left, 10**6)
-    nearest = np.where(to_left <= right - columns, left, right)
+    nearest = np.where(np.where(left >= 0, columns - left, 10**6) <= right - columns, left, right)
     nearest = np.where((nearest >= 0) & (nearest < 10**6), nearest, columns)
     return np.take_along_axis(colours, nearest[..., None], axis=1)
 
@@ -329,8 +327,7 @@ def _without_touching(mask: np.ndarray, radius: int) -> np.ndarray:
     """Remove loose grains at the foot: low parts joined only by a neck narrower than two radii."""
     if radius < 1:
         return mask
-    disc = _disc(radius)
-    core = cv2.erode(cv2.copyMakeBorder(mask, 0, 2 * radius, 0, 0, cv2.BORDER_REPLICATE), disc)[: len(mask)]
+    core = cv2.erode(cv2.copyMakeBorder(mask, 0, 2 * radius, 0, 0, cv2.BORDER_REPLICATE), _disc(radius))[: len(mask)]
     count, labels, boxes, _ = cv2.connectedComponentsWithStats(core)
     rows = np.flatnonzero(mask.any(axis=1))
     if count < 3:

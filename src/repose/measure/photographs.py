@@ -213,8 +213,7 @@ def measure_plain(path: Path, how: MeasureSettings, scale: Scale) -> Photograph:
         if base is None:
             _require_foot(image, photograph.pile, how)
         photograph.measurement = _measured(photograph, how)
-        high = photograph.measurement.height_mm
-        grain = how.berry_height_mm or high / USUAL_GRAINS
+        grain = how.berry_height_mm or photograph.measurement.height_mm / USUAL_GRAINS
         photograph.doubts = _doubts(photograph.pile, photograph.measurement, grain, how.mm_per_pixel)
         if base is None:
             photograph.doubts += _doubts_of_the_base(image, photograph.pile, grain / how.mm_per_pixel)

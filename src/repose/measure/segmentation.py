@@ -55,8 +55,7 @@ def segment(image: np.ndarray, largest_pile_only: bool = True, base_row: float |
     contrast = two_tone_contrast(image) if image.ndim == 2 else None
     noisy = contrast is None
     if contrast is None:
-        smooth = cv2.GaussianBlur(cv2.medianBlur(image, 3), (0, 0), 1.0)
-        contrast = background_contrast(smooth)
+        contrast = background_contrast(cv2.GaussianBlur(cv2.medianBlur(image, 3), (0, 0), 1.0))
     level, mask = threshold(contrast)
     if noisy:
         mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from repose.core.errors import InputError, raise_together
+from repose.core.errors import InputError, raise_together, require
 from repose.core.files import read_table, write_json, write_table
 from repose.core.tables import Column, other_unit
 from repose.particle import size_distribution
@@ -137,8 +137,7 @@ def of_files(
 
 def _check_poisson(source: object, value: float) -> None:
     """Refuse an impossible Poisson's ratio."""
-    if not 0 <= value <= 0.5:
-        raise InputError(source, "poisson_ratio", value, "from 0 to 0.5")
+    require(0 <= value <= 0.5, source, "poisson_ratio", value, "from 0 to 0.5")
 
 
 def _other_units(

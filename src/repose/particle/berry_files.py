@@ -29,8 +29,7 @@ RECONSTRUCTION_MARK = "reconstruction"
 def read_sizes(path: str | PathLike) -> "pd.DataFrame":
     """Read the full axes of measured berries [mm]: `long_mm`, `major_mm`, `minor_mm`, a row for each berry."""
     sizes = _read_numbers(path, SIZE_COLUMNS, 2, "berries, or there is no standard deviation")
-    middle = sizes.median()
-    (low, high), longest = LENGTHS_MM, float(middle["long_mm"])
+    (low, high), longest = LENGTHS_MM, float(sizes.median()["long_mm"])
     allowed = f"a median from {low:g} to {high:g}: are the sizes in millimetres?"
     require(low <= longest <= high, path, "long_mm", longest, allowed)
     larger = dict(zip(SIZE_COLUMNS[1:], SIZE_COLUMNS, strict=False))
@@ -91,8 +90,7 @@ def _read_numbers(path: str | PathLike, columns: Sequence[str], fewest: int, of:
     import pandas as pd  # slow to import: where there is a table
 
     table = read(path, [Column(name, low=0.0, above=True, once=name == "test") for name in columns])
-    if len(table) < fewest:
-        raise InputError(path, "rows", len(table), f"at least {fewest} {of}")
+    require(len(table) >= fewest, path, "rows", len(table), f"at least {fewest} {of}")
     numbers = pd.DataFrame({name: table.values[name] for name in columns}, index=range(1, len(table) + 1))
     numbers.attrs["reconstruction"] = any(RECONSTRUCTION_MARK in line.lower() for line in table.comments)
     return numbers

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from repose.core.errors import InputError
+from repose.core.errors import InputError, require
 from repose.core.files import write_bytes, write_table
 from repose.dem.rotations import sphere_directions
 from repose.particle import mesh_from_axes, sphere_packing, support_fit
@@ -24,7 +24,8 @@ from repose.particle.settings import GrainSettings
 from repose.particle.support import support
 
 LARGEST_DEVIATION = 0.15
-OTHER_UNIT = 3.0  # a scan this many times as long as the mean of the sizes, or this part of it, has another unit
+SIDES = "shortest", "middle", "longest"
+LARGEST_RATIO = 1.8  # of a side of a scan to the mean of the sizes, or the other way round: else another unit or crop
 # Sharp edges cost a smooth body volume, and with it mass.
 VOLUME_TOLERANCE = 0.1
 DIRECTIONS = 2000
@@ -77,8 +78,7 @@ def make_particle(
     source: object = "mesh",
 ) -> Particle:
     """Make a particle of any of the `KINDS` from a mesh (mm, principal pose)."""
-    if kind not in KINDS:
-        raise InputError(source, "particle", kind, ", ".join(KINDS))
+    require(kind in KINDS, source, "particle", kind, ", ".join(KINDS))
     if kind != "multisphere":
         return fit_particle(mesh, density_kg_m3, stl, source, kind)
     check_positive(source, density_kg_m3=density_kg_m3)
@@ -136,10 +136,10 @@ def _stl(grain: Mapping[str, Any], stl: str | PathLike | None, mass_g: float | N
     axes_mm = [grain[name] for name in SIZE_COLUMNS]
     if stl is not None:
         scan = load_mesh(stl)
-        longest, mean = float(scan.extents.max()), max(axes_mm)
-        if not mean / OTHER_UNIT <= longest <= mean * OTHER_UNIT:
-            allowed = f"near {mean:.4g}, the mean length in the table of sizes: are both in millimetres?"
-            raise InputError(stl, "longest side in mm", round(longest, 4), allowed)
+        for side, extent, mean in zip(SIDES, sorted(scan.extents), sorted(axes_mm), strict=True):
+            allowed = f"near {mean:.4g}, its mean in the table of sizes: are both in millimetres, and of one crop?"
+            good = mean / LARGEST_RATIO <= extent <= mean * LARGEST_RATIO
+            require(good, stl, f"{side} side in mm", round(float(extent), 4), allowed)
         return stl_of(scan)
     if mass_g is None:
         return stl_of(ellipsoid_mesh(axes_mm))

@@ -15,6 +15,7 @@ from repose.particle.berry_files import LENGTHS_MM
 from repose.particle.particle import MM, Body
 
 CONVEX_SHARE = 0.95
+FLATTEST = 0.01  # shortest side over the longest
 STL_HEADER, STL_FACET = 84, 50  # bytes of a binary file
 
 
@@ -37,6 +38,8 @@ def load_mesh(path: str | PathLike) -> trimesh.Trimesh:
 def _whole_stl(content: bytes, source: object) -> bytes:
     """Return an STL without bytes after its end, with a last `endsolid`; InputError if it is cut off."""
     text = content.removeprefix(b"\xef\xbb\xbf").lower().replace(b"\r", b"\n")
+    commas, allowed = re.search(rb"vertex\s+[-+\d]+,\d\S*", text[:1000]), "numbers with a decimal point"
+    require(not commas, source, "numbers", commas and commas[0].decode(), allowed)
     if b"facet" in text and not re.search(rb"[\0-\x08\x0e-\x1f]", text[:1000]):
         begun, ended = (len(re.findall(rb"(?m)^\s*" + word + rb"\b", text)) for word in (b"facet", b"endfacet"))
         require(begun == ended, source, "facets", ended, f"{begun}, as many as begin: the file is cut off")
@@ -76,17 +79,22 @@ def check_mesh(mesh: trimesh.Trimesh, source: object) -> trimesh.Trimesh:
     Any other is an InputError. Facets without an area, and some that are there twice, are taken out of it.
     """
     require(len(mesh.faces) >= 4, source, "faces", len(mesh.faces), "a closed surface of at least 4 faces")
-    finite = np.isfinite(mesh.vertices).all()
-    require(finite, source, "vertices", "not finite", "finite coordinates in millimetres")
+    require(np.isfinite(mesh.vertices).all(), source, "vertices", "not finite", "finite coordinates in millimetres")
     longest = float(mesh.extents.max())
     low, high = LENGTHS_MM
     allowed = f"from {low:g} to {high:g}: is the mesh in millimetres?"
     require(low <= longest <= high, source, "longest side in mm", longest, allowed)
+    flat, allowed = (
+        float(mesh.extents.min()),
+        f"at least {FLATTEST:g} of the longest, {longest:.4g} mm: a body, no sheet",
+    )
+    require(flat >= FLATTEST * longest, source, "shortest side in mm", flat, allowed)
+    mesh.merge_vertices(merge_norm=True, merge_tex=True)  # several groups, or solids, may be one body
     for find in (mesh.nondegenerate_faces, mesh.unique_faces):
         good = find()  # among the facets that the one before has left
         several, allowed = 2 * good.sum() > len(good), f"{len(good)}: is the body there twice?"
         require(several, source, "facets with an area, each once", int(good.sum()), allowed)
-        if not good.all():
+        if not good.all() and not mesh.is_watertight:  # a needle may close a joint
             mesh.update_faces(good)
     if not mesh.is_watertight or not mesh.is_winding_consistent:
         _, edge, facets = np.unique(mesh.edges_sorted, axis=0, return_inverse=True, return_counts=True)
@@ -94,7 +102,9 @@ def check_mesh(mesh: trimesh.Trimesh, source: object) -> trimesh.Trimesh:
         turned = ((facets == 2) & (upwards != 1)).sum()  # both facets go along it the same way
         found = f"{(facets == 1).sum()} edges of one facet, {(facets > 2).sum()} of more than two"
         found += f", {turned} between facets of which one is turned over"
-        allowed = "a watertight surface: each edge belongs to two facets that look outwards; is the file whole?"
+        allowed = (
+            "a watertight surface: each edge belongs to two facets that look outwards; is the file whole, without NaN?"
+        )
         raise InputError(source, "surface", found, allowed)
     require(mesh.body_count <= 1, source, "bodies", mesh.body_count, "1: the outer surface of one grain")
     volume = float(mesh.volume)

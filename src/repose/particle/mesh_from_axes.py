@@ -13,7 +13,7 @@ import numpy as np
 import trimesh
 from scipy.optimize import brentq
 
-from repose.core.errors import InputError
+from repose.core.errors import InputError, require
 from repose.particle.particle import MM, check_positive
 
 # Shape numbers from the leanest to the fullest convex body: see `profile_exponents`.
@@ -31,8 +31,7 @@ def profile_exponents(shape: float) -> tuple[float, float]:
 def _profile(shape: float, taper: float) -> tuple[np.ndarray, np.ndarray]:
     """Place cross-sections evenly along the outline: places t and radii r (RINGS + 1,), the largest radius 1."""
     m, k = profile_exponents(shape)
-    angle = np.linspace(0, math.pi / 2, 4000)
-    t = np.cos(angle) ** (2 / m)
+    t = np.cos(np.linspace(0, math.pi / 2, 4000)) ** (2 / m)
     r = np.clip(1 - t**m, 0, None) ** k
     t, r = np.concatenate([-t, t[-2::-1]]), np.concatenate([r, r[-2::-1]])
     r = r * (1 + taper * t)
@@ -82,11 +81,9 @@ def berry_mesh(
     if not (axes.shape == (3,) and np.isfinite(axes).all() and axes[0] >= axes[1] >= axes[2] > 0):
         raise InputError(source, "axes", list(axes_mm), "three lengths in mm, the longest first")
     check_positive(source, mass_g=mass_g, density_kg_m3=density_kg_m3)
-    if not abs(taper) <= LARGEST_TAPER:
-        raise InputError(source, "taper", taper, f"from -{LARGEST_TAPER:g} to {LARGEST_TAPER:g}")
+    require(abs(taper) <= LARGEST_TAPER, source, "taper", taper, f"from -{LARGEST_TAPER:g} to {LARGEST_TAPER:g}")
     deepest = LARGEST_GROOVE * axes[2] / 2
-    if not 0 <= wrinkle_depth_mm <= deepest:
-        raise InputError(source, "wrinkle_depth_mm", wrinkle_depth_mm, f"from 0 to {deepest:.3g}")
+    require(0 <= wrinkle_depth_mm <= deepest, source, "wrinkle_depth_mm", wrinkle_depth_mm, f"from 0 to {deepest:.3g}")
     if (wrinkles or wrinkle_depth_mm) and not (WRINKLES[0] <= wrinkles <= WRINKLES[1] and wrinkle_depth_mm):
         allowed = "{} to {}, together with wrinkle_depth_mm".format(*WRINKLES)
         raise InputError(source, "wrinkles", wrinkles, allowed)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from repose import dem
-from repose.core.errors import InputError
+from repose.core.errors import InputError, require
 from repose.core.files import read_json, write_json
 from repose.particle import support
 
@@ -130,8 +130,7 @@ class Particle:
         kind = "a file of `repose stage shape`"
         keys = ("kind", "density_kg_m3", "stl", *(key for key, _ in FIELDS.values()))
         record = read_json(path, keys, kind)
-        if record["kind"] not in KINDS:
-            raise InputError(path, "kind", record["kind"], " or ".join(KINDS))
+        require(record["kind"] in KINDS, path, "kind", record["kind"], " or ".join(KINDS))
         shapes: dict[str, tuple[int, ...]] = {"semi_axes_mm": (-1, 3), "spheres_mm": (-1, 4)}
         shapes |= dict.fromkeys(("inertia_g_mm2", "mesh_inertia_g_mm2", "mesh_axes_mm"), (3,))
         for key in keys:
@@ -155,8 +154,7 @@ def _check_numbers(path: str | PathLike, key: str, value: object, shape: tuple[i
         raise wrong
     may_be_zero = key == "semi_axes_mm" or key.startswith("deviation")
     sizes = numbers[:, 3] if key == "spheres_mm" else numbers
-    if np.any(sizes < 0 if may_be_zero else sizes <= 0):
-        raise InputError(path, key, value, "sizes above 0")
+    require(not np.any(sizes < 0 if may_be_zero else sizes <= 0), path, key, value, "sizes above 0")
 
 
 # Names of the numbers in the file, and their units there.

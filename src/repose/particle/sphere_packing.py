@@ -19,7 +19,7 @@ import trimesh
 from scipy.spatial import cKDTree
 from scipy.stats import qmc
 
-from repose.core.errors import InputError
+from repose.core.errors import InputError, require
 from repose.dem.kernels.state import MOST_SPHERES
 from repose.particle.particle import MM, SURFACES
 
@@ -52,8 +52,7 @@ def pack(mesh: trimesh.Trimesh, count: int | str = 14, surface: str = "smooth", 
     if count != FEWEST and not (isinstance(count, int) and 1 <= count <= MOST_SPHERES):
         allowed = f"a whole number from 1 to {MOST_SPHERES} or {FEWEST}"
         raise InputError(source, "spheres", count, allowed)
-    if surface not in SURFACES:
-        raise InputError(source, "surface", surface, ", ".join(SURFACES))
+    require(surface in SURFACES, source, "surface", surface, ", ".join(SURFACES))
     filling = _Filling(mesh, surface)
     spheres = filling.grown(count) if isinstance(count, int) else filling.fewest(source)
     gaps = distances(spheres, filling.points)
@@ -145,8 +144,7 @@ def _inside(mesh: trimesh.Trimesh, points: np.ndarray) -> tuple[np.ndarray, np.n
 
 def distances(spheres: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Distances (N,) of points (N, 3) from the union of spheres (M, 4); negative inside, where the value is a bound."""
-    away = np.linalg.norm(points[:, None, :] - spheres[None, :, :3], axis=2)
-    return (away - spheres[:, 3]).min(axis=1)
+    return (np.linalg.norm(points[:, None, :] - spheres[None, :, :3], axis=2) - spheres[:, 3]).min(axis=1)
 
 
 def union_volume(spheres: np.ndarray, box: np.ndarray, count: int = VOLUME_POINTS) -> float:

@@ -44,8 +44,7 @@ def recognise_ellipsoid(vertices: np.ndarray, radius: float, n: np.ndarray, meas
     values, vectors = np.linalg.eigh(matrix / (1 + centre @ matrix @ centre))
     # Smallest eigenvalue first: the longest axis.
     axes = 1 / np.sqrt(values)
-    scaled = np.linalg.norm((x - centre) @ vectors / axes, axis=1)
-    off_surface = np.abs(scaled - 1).max() * axes.max()
+    off_surface = np.abs(np.linalg.norm((x - centre) @ vectors / axes, axis=1) - 1).max() * axes.max()
     coarseness = np.abs(support(radius * axes[None], n) - measured).max()
     if off_surface > ON_ELLIPSOID or coarseness > COARSEST_FACET * radius:
         return None
@@ -84,8 +83,7 @@ def _evened(n: np.ndarray, measured: np.ndarray, radius: float, semi_axes: np.nd
 
     bounds = np.log(AXIS_BOUNDS)
     logs = np.clip(np.log(semi_axes / radius).ravel(), *bounds)
-    fit = least_squares(residuals, logs, bounds=tuple(bounds), max_nfev=200)
-    return radius * np.exp(fit.x).reshape(-1, 3)
+    return radius * np.exp(least_squares(residuals, logs, bounds=tuple(bounds), max_nfev=200).x).reshape(-1, 3)
 
 
 def _starts(count: int, extents: np.ndarray, radius: float) -> list[np.ndarray]:
@@ -135,8 +133,7 @@ def _surface_quadrature(latitudes: int = 200, longitudes: int = 250) -> tuple[np
     azimuth = 0.5 * math.pi * (np.arange(longitudes) + 0.5) / longitudes
     ring = np.sqrt(1 - u**2)[:, None]
     n = np.stack(np.broadcast_arrays(u[:, None], ring * np.cos(azimuth), ring * np.sin(azimuth)), axis=-1)
-    weights = np.repeat(du * 4 * math.pi / longitudes, longitudes)
-    return n.reshape(-1, 3), weights
+    return n.reshape(-1, 3), np.repeat(du * 4 * math.pi / longitudes, longitudes)
 
 
 def volume_integrals(semi_axes: np.ndarray) -> tuple[float, np.ndarray]:

@@ -73,8 +73,7 @@ def _on_bodies(bodies: Bodies, part: np.ndarray, triangle: np.ndarray, weights: 
     """Give normals (M, 3) in the world of points on triangles of parts."""
     corners = bodies.triangles[triangle]
     share = np.column_stack([1 - weights.sum(axis=1), weights])
-    shape = bodies.shape_ids[part]
-    own = np.einsum("mk,mki->mi", share, bodies.normals[shape[:, None], corners])
+    own = np.einsum("mk,mki->mi", share, bodies.normals[bodies.shape_ids[part][:, None], corners])
     own /= np.linalg.norm(own, axis=1, keepdims=True)
     return np.einsum("mij,mj->mi", bodies.turn[part], own)
 

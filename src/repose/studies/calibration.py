@@ -158,8 +158,7 @@ def calibrate(study: Studied, runs: pd.DataFrame, proposal: Batch | Answer | Non
     samples = _samples(study, runs)
     support = Support.of(space.values(observed.unit), space)
     vary = REPLICATES in noise.sources.values()
-    section = posterior_settings(study, observed.freedom if vary else 0)
-    posterior = infer(model, support, runs, study, section, {})
+    posterior = infer(model, support, runs, study, posterior_settings(study, observed.freedom if vary else 0), {})
     feasible, message = answer.verdict(best, targets)
     goal = Goal.of(targets, settings.sequential.tolerance_percent, space)
     summary = {

@@ -100,6 +100,5 @@ def _signs(means: np.ndarray) -> np.ndarray:
         return np.ones(means.shape[1])
     spread = there.std(axis=0)
     scaled = (there - there.mean(axis=0)) / np.where(spread > 0, spread, 1.0)
-    loading = np.linalg.svd(scaled, full_matrices=False)[2][0]
-    signs = np.where(loading < 0, -1.0, 1.0)
+    signs = np.where(np.linalg.svd(scaled, full_matrices=False)[2][0] < 0, -1.0, 1.0)
     return signs * signs[0]

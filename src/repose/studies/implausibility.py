@@ -85,8 +85,7 @@ def _marginal(points: Points, k: int, weight: np.ndarray, effective: float) -> d
     space, quantile = points.space, points.quantile[:, k]
     name = space.free[k]
     order = np.argsort(quantile)
-    tails = np.array([(1 - CREDIBLE) / 2, (1 + CREDIBLE) / 2])
-    ends = np.interp(tails, np.cumsum(weight[order]), quantile[order])
+    ends = np.interp(np.array([(1 - CREDIBLE) / 2, (1 + CREDIBLE) / 2]), np.cumsum(weight[order]), quantile[order])
     edge = np.full((2, space.dimensions), 0.5)
     edge[:, k] = ends
     low, high = (space.low[k] + (space.high[k] - space.low[k]) * space.from_prior(edge)[:, k]).tolist()

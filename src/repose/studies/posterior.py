@@ -80,8 +80,7 @@ def infer(
     r_hat, effective = split_r_hat(chains.points), chains.log_density.size / chains.times
     unit = chains.points.reshape(-1, space.dimensions)
     # at random: draws at a regular distance in time may all be of one walker
-    rows = np.random.default_rng(seed).permutation(len(unit))[:DRAWS_KEPT]
-    kept = unit[np.sort(rows)]
+    kept = unit[np.sort(np.random.default_rng(seed).permutation(len(unit))[:DRAWS_KEPT])]
     drawn = chains.log_density.ravel() - space.log_prior(unit)
     bits, error = joint_information_bits(likelihood, drawn, drawn.size / chains.density_time, space, seed)
     about = {"r_hat": r_hat, "effective_draws": effective, "autocorrelation_steps": chains.times}
@@ -193,8 +192,7 @@ def _further_studies(
     of_shapes = None if shapes is None else observed(shapes)
     table = implausibility.curve(points, targets, stated, of_shapes)
     chosen = of_shapes or stated(settings.discrepancy_percent, settings.discrepancy_correlation)
-    excluded = implausibility.implausibility(points, *chosen)
-    share, projections = implausibility.region(points, excluded)
+    share, projections = implausibility.region(points, implausibility.implausibility(points, *chosen))
     write_table(out / "discrepancy.csv", table, float_format="%.6g")
     write_table(out / "region.csv", projections, float_format="%.6g")
     return {"not_implausible_share": share, "over_the_discrepancy": implausibility.message(table, share)}

@@ -42,8 +42,7 @@ def slip_to_roll(effort: Effort) -> Rows:
     yield close("R spin after slipping", "m/s", rim[-1], 5.0 / 7.0 * start)
     slowed = (speed[0] - speed[12]) / (time[12] - time[0])
     yield close("deceleration while slipping", "m/s2", slowed, friction * GRAVITY)
-    simulation = sphere_on_floor(Contact(0.3, 0.8, rolling), 0.3, 0.3 / RADIUS, **effort.laws)
-    t, v, _ = _track(simulation, 20000, 500)
+    t, v, _ = _track(sphere_on_floor(Contact(0.3, 0.8, rolling), 0.3, 0.3 / RADIUS, **effort.laws), 20000, 500)
     slope = 5.0 / 7.0 * rolling * GRAVITY
     yield close("deceleration by the rolling torque", "m/s2", (v[0] - v[-1]) / (t[-1] - t[0]), slope)
 

@@ -72,8 +72,7 @@ def machine() -> dict[str, Any]:
 
 def timed_pour(config: Config, parameters: Numbers, seed: int, particle: Particle, berry: Numbers) -> Times:
     """Time a step of the settled pile [us] and the whole pour [s] by the clock: two pours, both whole."""
-    duration_s = SceneSettings(config).section("funnel", FunnelSettings).duration_s
-    longer = _with(config, duration_s=duration_s + SETTLED_S)
+    longer = _with(config, duration_s=SceneSettings(config).section("funnel", FunnelSettings).duration_s + SETTLED_S)
     poured = FunnelTest().pour(Scene.of(config, parameters, berry, particle, seed))
     longest = FunnelTest().pour(Scene.of(longer, parameters, berry, particle, seed), until_rest=False)
     return longest.us_per_step, poured.wall_s

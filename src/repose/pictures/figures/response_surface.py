@@ -94,8 +94,7 @@ def _contour(panel: Axes, model: Model, target: Target, pair: tuple[int, int], p
     points[:, pair] = np.column_stack([across.ravel(), up.ravel()])
     values = model.predict(points).reshape(GRID, GRID)
     panel.contourf(across, up, values, levels=12, cmap="viridis", alpha=0.85)
-    lines = panel.contour(across, up, values, levels=6, colors="white", linewidths=0.5)
-    panel.clabel(lines, fontsize=6)
+    panel.clabel(panel.contour(across, up, values, levels=6, colors="white", linewidths=0.5), fontsize=6)
     if values.min() < target.aim < values.max():
         panel.contour(across, up, values, levels=[target.aim], colors=style.BLACK, linewidths=1.4)
     panel.plot(*point[[*pair]], "*", ms=8, mfc=style.ORANGE, mec=style.BLACK, mew=0.5)

@@ -170,8 +170,7 @@ def _prior_density(space: ParameterSpace, name: str) -> tuple[np.ndarray, np.nda
     """Give the values of a free parameter over its range, and the density of its prior there."""
     k, unit = space.free.index(name), np.linspace(0, 1, 201)
     value = space.low[k] + unit * (space.high[k] - space.low[k])
-    share = space.prior_cdf(np.repeat(unit[:, None], space.dimensions, axis=1))
-    return value, np.gradient(share[:, k], value)
+    return value, np.gradient(space.prior_cdf(np.repeat(unit[:, None], space.dimensions, axis=1))[:, k], value)
 
 
 def _pair(panel: Axes, draws: pd.DataFrame, across: str, down: str, ranges: Mapping[str, tuple[float, float]]) -> None:

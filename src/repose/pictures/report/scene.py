@@ -94,10 +94,7 @@ def _spheres(spheres: np.ndarray, ball: trimesh.Trimesh) -> tuple[np.ndarray, np
     """Give points, normals and triangles of the spheres (M, 4) that no other sphere contains."""
     corners = np.asarray(ball.vertices)
     points = spheres[:, None, :3] + spheres[:, None, 3:] * corners
-    distance = np.linalg.norm(points[:, :, None] - spheres[:, :3], axis=3)
-    hidden = (distance < spheres[:, 3] * (1 - 1e-9)).any(axis=2)
+    hidden = (np.linalg.norm(points[:, :, None] - spheres[:, :3], axis=3) < spheres[:, 3] * (1 - 1e-9)).any(axis=2)
     faces = (len(corners) * np.arange(len(spheres))[:, None, None] + ball.faces).reshape(-1, 3)
-    seen = faces[~hidden.ravel()[faces].all(axis=1)]
-    used, triangles = np.unique(seen, return_inverse=True)
-    normals = np.tile(corners, (len(spheres), 1))
-    return points.reshape(-1, 3)[used], normals[used], triangles.reshape(-1, 3)
+    used, triangles = np.unique(faces[~hidden.ravel()[faces].all(axis=1)], return_inverse=True)
+    return points.reshape(-1, 3)[used], np.tile(corners, (len(spheres), 1))[used], triangles.reshape(-1, 3)

@@ -74,8 +74,7 @@ def alternatives(models: list[Model], table: pd.DataFrame, study: Studied) -> tu
     coded = 2 * qmc.Sobol(len(models[0].factors), rng=settings.design.seed).random(POINTS) - 1
     predicted = np.column_stack([model.predict(coded) for model in models])
     inside = np.all((predicted >= targets.low) & (predicted <= targets.high), axis=1)
-    off = (((predicted - targets.aim) / scale_of(targets)) ** 2).sum(axis=1)
-    order = np.argsort(off, kind="stable")
+    order = np.argsort((((predicted - targets.aim) / scale_of(targets)) ** 2).sum(axis=1), kind="stable")
     order = order[inside[order]]
     unit = natural_unit(table, coded[order], space)
     kept = separated(unit, settings.miga)

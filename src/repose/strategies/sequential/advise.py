@@ -110,8 +110,7 @@ def _refined(points: np.ndarray, score: Score, observed: Observed, random: Gener
 
     scores = scored(points)
     for step in STEPS:
-        best = points[np.argsort(-scores)[:KEPT]]
-        near = np.repeat(best, AROUND, axis=0)
+        near = np.repeat(points[np.argsort(-scores)[:KEPT]], AROUND, axis=0)
         near = np.clip(near + step * random.standard_normal(near.shape), 0, 1)
         points, scores = np.vstack([points, near]), np.concatenate([scores, scored(near)])
     return points, scores

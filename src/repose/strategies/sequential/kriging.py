@@ -219,8 +219,7 @@ def _drawn(unit: np.ndarray, value: np.ndarray, error: np.ndarray) -> list[Any]:
 
     # as large as the means' variance beforehand: points have a variance of 1/12 in each parameter
     slope = math.sqrt(12 / d)
-    deviation = smooth(signal, np.full(d, math.exp(middle)), (BOUNDS, BOUNDS), SMOOTHNESS)
-    kernel = straight(slope) + deviation
+    kernel = straight(slope) + smooth(signal, np.full(d, math.exp(middle)), (BOUNDS, BOUNDS), SMOOTHNESS)
     best = Process(kernel, unit, value, error, optimizer=most_probable).kernel
     # nothing is less certain than the prior
     size, axes = np.linalg.eigh((curvature + curvature.T) / 2)

@@ -33,8 +33,7 @@ class Noise(NamedTuple):
         """Warning for too few replicates; None if there are enough."""
         if REPLICATES in self.sources.values():
             return None
-        sds = np.sqrt(np.diagonal(self.covariance))
-        sources = zip(self.sources.items(), sds, strict=True)
+        sources = zip(self.sources.items(), np.sqrt(np.diagonal(self.covariance)), strict=True)
         deviations = [f"{name} {sd:.2g} ({source})" for (name, source), sd in sources]
         return (
             "too few replicates for the noise of a run; taken as standard deviations: "

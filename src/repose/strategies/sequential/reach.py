@@ -38,8 +38,7 @@ def reach(model: Kriging, goal: Goal, random: np.random.Generator) -> Reach:
     """Estimate the probability that any parameter set meets the goal, and the least deviation of a set."""
     from scipy.stats import qmc
 
-    d = model.unit.shape[1]
-    wide = goal.space.from_prior(qmc.Sobol(d, rng=random).random(CANDIDATES))
+    wide = goal.space.from_prior(qmc.Sobol(model.unit.shape[1], rng=random).random(CANDIDATES))
     wide = np.vstack([wide, np.round(wide)])
     found = []
     for number in range(len(model.sets)):
