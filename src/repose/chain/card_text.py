@@ -58,18 +58,16 @@ def _about(card: Mapping[str, Any]) -> Iterator[str]:
 
 def compared(first: Mapping[str, Any], second: Mapping[str, Any]) -> str:
     """Write two cards side by side, with the differences that hinder a comparison of their parameters."""
-    names = [card["material"] for card in (first, second)]
-    rows = [["", *names]]
+    rows = [["", *(card["material"] for card in (first, second))]]
     for name in first["parameters"] | second["parameters"]:
         pair = [card["parameters"].get(name) for card in (first, second)]
         note = [_overlap_note(*pair)] if all(pair) else []
         rows.append([name, *(_value(value) if value else "-" for value in pair), *note])
     tests = [{test["response"]: test for test in card["tests"]} for card in (first, second)]
-    for name in tests[0] | tests[1]:
-        rows.append([name, *(_simulated(own.get(name)) for own in tests)])
-    for key in ("mean_axes_mm", "density_kg_m3", "shear_modulus_pa", "shape"):
-        if "simulator" not in first and "simulator" not in second:
-            rows.append([key, *(_plain(card["grain"][key]) for card in (first, second))])
+    rows += [[name, *(_simulated(own.get(name)) for own in tests)] for name in tests[0] | tests[1]]
+    if "simulator" not in first and "simulator" not in second:
+        keys = "mean_axes_mm", "density_kg_m3", "shear_modulus_pa", "shape"
+        rows += [[key, *(_plain(card["grain"][key]) for card in (first, second))] for key in keys]
     widths = [max(len(row[k]) for row in rows if k < len(row)) for k in range(3)]
     lines = ["  ".join(f"{cell:{width}}" for cell, width in zip(row, [*widths, 0], strict=False)) for row in rows]
     return "\n".join([*(line.rstrip() for line in lines), *_differences(first, second)])

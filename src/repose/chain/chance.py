@@ -42,7 +42,6 @@ def chance_of_meeting(runs: Runs, targets: Targets, percent: float | None = None
 def _means(values: np.ndarray, random: np.random.Generator) -> np.ndarray:
     """Draw the true mean (DRAWS, k), given runs (n, k)."""
     n, k = values.shape
-    covariance = np.cov(values, rowvar=False).reshape(k, k) / n
-    sizes, axes = np.linalg.eigh(covariance)  # also where it is singular
+    sizes, axes = np.linalg.eigh(np.cov(values, rowvar=False).reshape(k, k) / n)  # also where it is singular
     normal = random.normal(size=(DRAWS, k)) @ (axes * np.sqrt(np.maximum(sizes, 0.0))).T
     return values.mean(axis=0) + normal / np.sqrt(random.chisquare(n - 1, size=(DRAWS, 1)) / (n - 1))

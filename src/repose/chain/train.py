@@ -215,9 +215,9 @@ def error_covariance(errors: np.ndarray, targets: Targets, source: object) -> np
     noise is, so even a fit that has learned its noise by heart shows the correlation; the size is too large.
     """
     covariance = np.where(targets.same_bench, errors.T @ errors / max(len(errors), 1), 0.0)
-    if len(errors) <= len(targets) or not np.linalg.eigvalsh(covariance)[0] > 0:
-        allowed = f"more than {len(targets)}, with errors of full rank, or network.validation_noise: false"
-        raise InputError(source, "validation samples", len(errors), allowed)
+    allowed = f"more than {len(targets)}, with errors of full rank, or network.validation_noise: false"
+    enough = len(errors) > len(targets) and np.linalg.eigvalsh(covariance)[0] > 0
+    require(enough, source, "validation samples", len(errors), allowed)
     return covariance
 
 

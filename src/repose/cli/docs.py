@@ -6,7 +6,7 @@ from pathlib import Path
 
 from repose.cli.registry import PROGRAM, Option, verb
 from repose.core import places
-from repose.core.errors import InputError, did_you_mean
+from repose.core.errors import did_you_mean, require
 
 NO_PAGES = ("docs", "reference")  # the site's first page, and its list of modules
 
@@ -22,9 +22,8 @@ def docs(args: argparse.Namespace) -> None:
         width = max(map(len, known))
         print(*(f"{name:{width}}  {title_of(path)}" for name, path in known.items()), sep="\n")
         return
-    if args.name not in known:
-        allowed = f"a page that `{PROGRAM} docs` lists{did_you_mean(args.name, known)}"
-        raise InputError("command line", "docs", args.name, allowed)
+    allowed = f"a page that `{PROGRAM} docs` lists{did_you_mean(args.name, known)}"
+    require(args.name in known, "command line", "docs", args.name, allowed)
     text = known[args.name].read_text(encoding="utf-8")
     if not sys.stdout.isatty():
         print(text, end="")

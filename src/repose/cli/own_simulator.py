@@ -94,6 +94,7 @@ def calibrate(args: argparse.Namespace, study: Study) -> None:
     found = calibration.calibrate(study, read_runs(args.runs, study))
     found.save(args.out)
     print(found)
+    _warn(f"{failed} of {found.summary['runs']} runs failed" if (failed := found.summary["failed_runs"]) else None)
     _warn(found.summary["warning"])
     print(f"Tables and material card: {args.out}", flush=True)
     from repose.pictures.report import own  # last: an installation without pictures has all but the report

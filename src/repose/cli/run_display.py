@@ -149,8 +149,7 @@ class RunProgress:
 
     def _mean_s(self, rule: str) -> float:
         """Average the times of a rule's finished jobs, or else of the jobs of its kind, pouring or not."""
-        alike = [other for other in self.done if _pours(other) == _pours(rule)]
-        rules = [rule] if self.done[rule] else alike
+        rules = [rule] if self.done[rule] else [other for other in self.done if _pours(other) == _pours(rule)]
         return sum(self._took_s[one] for one in rules) / max(1, sum(self.done[one] for one in rules))
 
 

@@ -26,7 +26,7 @@ from repose.strategies.refined import RefineSettings
 from repose.surrogate.settings import NetworkSettings
 
 # Columns of tables that are neither parameter nor response.
-RESERVED = ("sample", "run", "status", "turn", "runs", "seeds", "batch")
+RESERVED = ("sample", "run", "status", "turn", "runs", "seeds", "batch", "reason", "n_seeds")
 BENCH = "own"  # bench test of the responses
 OF_TARGETS = ("noise_sd", "definition")  # keys of targets that are collected
 RANGE_PERCENT = 2.0  # of the value, to each side, where no range is given
@@ -119,8 +119,8 @@ class OwnSettings(Section):
     @classmethod
     def _some(cls, targets: dict[str, OwnTarget], info: ValidationInfo) -> dict[str, OwnTarget]:
         parameters = info.data.get("parameters", {})
-        errors = {f"{name}_se" for name in targets}  # columns of standard errors
-        both = [name for name in targets if name in {*parameters, *errors} or f"{name}_se" in parameters]
+        taken = {*parameters, *(f"{name}_se" for name in targets)}  # with the columns of standard errors
+        both = [name for name in targets if name in taken or f"{name}_se" in parameters]
         allowed = "a name that is no parameter's, nor that of another with _se at its end"
         refuse([*_bad_columns(targets), *((name, allowed) for name in both)])
         if not targets:

@@ -115,8 +115,7 @@ def _note(path: Path, digest: str) -> None:
     ledger, line = path.parent / LEDGER, f"{digest}  {path.name}"
     if line in _lines(path.parent):
         return
-    flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW
-    handle = os.open(ledger, flags, 0o666)
+    handle = os.open(ledger, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW, 0o666)
     try:
         # It begins with a new line, so that it is whole after a line that a full disk cut off.
         os.write(handle, os.fsencode(f"\n{line}\n"))

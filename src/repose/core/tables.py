@@ -9,6 +9,7 @@ import io
 import math
 import os
 import re
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -32,13 +33,15 @@ DECIMAL_COMMA, DECIMAL_POINT = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?"), re.co
 THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")  # 1,234: may be a number of thousands
 # What begins or is the name of a row that sums up others.
 SUMMARY = re.compile(
-    r"((geo|grand)? ?mean|average|avg|median|std|st\.? ?d?dev|overall|summary|durchschnitt|mittelwert|stabw|moy(enne)?|"
-    r"promedio|gemiddelde|medelvärde|średnia|ortalama|keskiarvo|среднее|coefficient of variation|quartile|[øσμ±]|x̄|"
-    r"平均值?|均值|标准差|標準偏差)([\W\d_].*)?|(s\.?d|s\.?e|sem|c\.?v|rsd|mw|n)( ?[(=%].*)?|m[eé]dia|mode|suma|"
-    r"q[1-4]|iqr|rms|gem|se mean|\d+ ?%( ?(ci|confidence.*|percentile))?|standard ?(deviation|error)|var(iance)?|range|"
-    "m(in|ax)(imum)?|count|sum|(sub|grand)? ?totals?|mittel|summe|gesamt|standardabweichung|anzahl|somme|desv.*|"
-    "[eé]cart.?type"
+    r"((geo\w*|grand|arithmetic|sample|weighted)? ?mean|average|avg|median|std|st\.? ?d?dev|overall|summary|moy(enne)?|"
+    r"durchschnitt|mittelwert|stabw|promedio|gemiddelde|medelvärde|średnia|ortalama|keskiarvo|среднее|průměr|medie|"
+    r"μέσος|coefficient of variation|quartile|[øσμ±]|x̄|平均值?|均值|标准差|標準偏差)([\W\d_].*)?|"
+    r"(s\.?d|s\.?e|sem|c\.?v|rsd|mw|n)( ?[(=%].*)?|m[eé]dia|mode|suma|q[1-4]|iqr|rms|gem|se mean|var(iance)?|range|"
+    r"\d+ ?%( ?(ci|confidence.*|percentile))?|standard ?(deviation|error)|m(in|ax)(imum)?|(sub|grand)? ?totals?|count|"
+    "sum|mittel|summe|gesamt|standardabweichung|anzahl|somme|desv.*|[eé]cart.?type"
 )
+# Of these some are names, too: of quarters, directions, people, shares.
+MAY_BE_NAMES = re.compile(r"n|se|m(ax|in)|mw|q[1-4]|\d+ ?%")
 NOTHING = frozenset(("", "nan", "na", "n/a", "null", "none", "<na>"))
 TRUTH = {"true": True, "false": False}
 DIGITS = frozenset("0123456789+-.eE")
@@ -152,7 +155,7 @@ def read(
     table, known = sheet(path, what), list(columns)
     declared = {column.name: column for column in known if isinstance(column, Column)}
     needed = [one if isinstance(one, str) else one.name for one in known if isinstance(one, str) or one.needed]
-    check_columns(path, table.text, needed, what)
+    check_columns(path, table.text, needed, what, declared)
     table.words = frozenset(name for name, column in declared.items() if column.kind is str)
     summaries = list(_summaries(table)) if declared else []
     for name in table.text:
@@ -181,19 +184,24 @@ def refuse(source: object, faults: Iterable[Fault]) -> None:
     raise_together(InputError(f"{source}, row {row + 1}", name, value, words) for row, name, value, words in first)
 
 
-def check_columns(path: object, table: Iterable[str], columns: Iterable[str], what: str = TABLE) -> None:
-    """Raise InputError if a column is missing; `path` stands in the message."""
+def check_columns(
+    path: object, table: Iterable[str], columns: Iterable[str], what: str = TABLE, optional: Collection[str] = ()
+) -> None:
+    """Raise InputError if a column is missing, or an optional one has capitals; `path` stands in the message."""
     columns = tuple(columns)
     needed = f"columns {', '.join(columns)}" + (f" of {what}" if what != TABLE else "")
     allowed = f"{needed}; found: {', '.join(map(str, table))}"
     for column in columns:
         require(column in table, path, f"column {column}", "missing", allowed)
+    for name in map(str, table):
+        good = name in {*columns, *optional} or name.casefold() not in optional or name.casefold() in table
+        require(good, path, "column", name, f"{name.casefold()}, without capitals")
 
 
 def sheet(path: Path_, what: str = TABLE) -> Table:
     """Read the cells of a table as text, without empty rows and columns; its lines that begin with # are comments.
 
-    InputError for a comment that looks like a row: without a blank after its #, and with as many cells as the header.
+    InputError for a comment that looks like a row, with as many cells as the header: numbers, or no blank after its #.
     """
     comments, lines = [], []
     for line in io.StringIO(_text(path, what), newline=""):
@@ -208,7 +216,8 @@ def sheet(path: Path_, what: str = TABLE) -> Table:
     cells = lines[first].count(separator) if lines else 0
     allowed = "a row that begins without #, or a comment that begins with '# '"
     for line in comments:
-        is_row = cells and line.count(separator) == cells and line.lstrip(' "')[1:2].strip()
+        numbers = all(re.fullmatch(r"\s*[-+.\deE]+\s*", cell) for cell in line.split(separator)[1:])
+        is_row = cells and line.count(separator) == cells and (numbers or line.lstrip(' "')[1:2].strip())
         require(not is_row, path, "line", line.strip(), allowed)
     rows = _rows(path, lines, separator, what)
     require(rows, path, "rows", 0, what)
@@ -217,9 +226,10 @@ def sheet(path: Path_, what: str = TABLE) -> Table:
     numbers = is_plain(header) and any(cell[:1].isdigit() for cell in header)
     require(not numbers, path, "header", ", ".join(header), allowed)
     width = max((k for k, name in enumerate(header, start=1) if name), default=0)
-    more = "; a decimal comma needs ; between the columns" if separator == "," else ""
+    allowed = f"{width}, as in {', '.join(header):.60}"
+    more = f"{allowed}; a decimal comma needs ; between the columns" if separator == "," else allowed
     odd = ((k, len(row)) for k, row in enumerate(rows) if len(row) < width or any(row[width:]))
-    refuse(path, ((k, "cells", n, f"{width}, as in the header{more if n > width else ''}") for k, n in odd))
+    refuse(path, ((k, "cells", n, more if n > width else allowed) for k, n in odd))
     columns = list(zip(*(row[:width] for row in rows), strict=True)) or [()] * width
     kept = [(name, column) for name, column in zip(header, columns, strict=False) if name or any(column)]
     names = [name for name, _ in kept]
@@ -231,7 +241,7 @@ def _text(path: Path_, what: str) -> str:
     """Read the text of a file in UTF-8 or, with its mark, in UTF-16."""
     try:
         content = plain_file(path).read_bytes()
-        require(not content.startswith(b"PK"), path, "file", "a workbook", f"{what}: save its sheet as CSV")
+        require(not content.startswith(b"PK\x03\x04"), path, "file", "a workbook", f"{what}: save its sheet as CSV")
         text = content.decode("utf-16" if content.startswith(UTF_16) else "utf-8-sig")
     except OSError as error:
         raise InputError(path, "file", error.strerror, what) from error
@@ -261,8 +271,9 @@ def _with_points(path: Path_, columns: dict[str, Sequence[str]], separator: str)
     texts = {name: cells for name, cells in columns.items() if not is_plain(cells)}
     places = ((k, name, cell) for name, cells in texts.items() for k, cell in enumerate(cells))
     commas = [place for place in places if DECIMAL_COMMA.fullmatch(place[2])]
-    if commas and any(DECIMAL_POINT.fullmatch(cell) for cells in columns.values() for cell in cells):
-        refuse(path, [(*commas[0], "one decimal sign in the whole table; other cells have a point")])
+    points = (f"{one} of {name}" for name, cells in columns.items() for one in cells if DECIMAL_POINT.fullmatch(one))
+    if commas and (point := next(points, "")):
+        refuse(path, [(*commas[0], f"one decimal sign in the whole table; {point} has a point")])
     if separator != ";" and commas and all(THOUSANDS.fullmatch(cell) for *_, cell in commas):
         refuse(path, [(*commas[0], "a number with a decimal point: this may be one of thousands")])
     changed = {name: list(columns[name]) for name in {name for _, name, _ in commas}}
@@ -287,8 +298,11 @@ def _summaries(table: Table) -> Iterator[Fault]:
         kinds = {word for word in words if word}
         flags = len(kinds) > 1 and max(map(len, kinds)) == 1  # such as Y and N
         of_runs = flags or (words and SUMMARY.fullmatch(words[0]))  # such as the same method in each row
+        counts = Counter(words)
         for row, word in enumerate(() if k and of_runs else words):
-            if row not in found and SUMMARY.fullmatch(word):
+            # a name stands in several rows, or has other rows below it
+            once = not MAY_BE_NAMES.fullmatch(word) or (counts[word] == 1 and all(map(SUMMARY.fullmatch, words[row:])))
+            if once and row not in found and SUMMARY.fullmatch(word):
                 found.add(row)
                 yield row, name, cells[row], "a row of its own measurement; leave out rows that sum up others"
 

@@ -36,8 +36,7 @@ def anova(model: Model) -> pd.DataFrame:
     pure, df_pure = pure_error(model)
     if df_pure:
         lack, df_lack = residual - pure, df_residual - df_pure
-        rows.append(_row("lack of fit", lack, df_lack, _mean(pure, df_pure), df_pure))
-        rows.append(_row("pure error", pure, df_pure))
+        rows += [_row("lack of fit", lack, df_lack, _mean(pure, df_pure), df_pure), _row("pure error", pure, df_pure)]
     rows.append(_row("total", total, len(model.response) - 1))
     return pd.DataFrame(rows, columns=list(COLUMNS))
 

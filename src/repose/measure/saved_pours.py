@@ -60,9 +60,9 @@ def _check_grains(arrays: Arrays, source: object, ending: str) -> None:
     for kind in filter(arrays.__contains__, (*COLUMNS, *ONE_A_GRAIN)):
         values, name = arrays[kind], f"{kind}{ending}"
         shape = (*grains, COLUMNS[kind]) if kind in COLUMNS else grains
-        if values.dtype.kind not in "bfiu" or values.shape[-len(shape) :] != shape or not grains:
-            found = f"{values.dtype} {values.shape}"
-            raise InputError(source, name, found, f"numbers {shape}, of as many grains as the other arrays")
+        found = f"{values.dtype} {values.shape}"
+        good = values.dtype.kind in "bfiu" and values.shape[-len(shape) :] == shape and grains
+        require(good, source, name, found, f"numbers {shape}, of as many grains as the other arrays")
         require(np.isfinite(values).all(), source, name, "not finite", "finite numbers")
         require(kind != "quaternion" or values.any(axis=-1).all(), source, name, "zero", "a rotation of each grain")
         if kind == "scale" and not (values > 0).all():

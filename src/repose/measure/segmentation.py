@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from repose.core.errors import InputError, NoFlankError, require, require_flank
+from repose.core.errors import NoFlankError, require, require_flank
 
 # Simulations run side by side, one a core: OpenCV's own threads would only compete with them.
 cv2.setNumThreads(1)
@@ -88,9 +88,9 @@ def checked(image: np.ndarray) -> np.ndarray:
     """Give the picture as contiguous bytes, of one channel if its three are the same; InputError if it is unusable."""
     image = np.asarray(image)
     require(image.dtype == np.uint8, "picture", "pixel type", str(image.dtype), "uint8")
-    if not (image.ndim == 2 or (image.ndim == 3 and image.shape[2] == 3)) or min(image.shape[:2]) < SMALLEST:
-        allowed = f"(H, W) or (H, W, 3), at least {SMALLEST} by {SMALLEST} pixels"
-        raise InputError("picture", "shape", image.shape, allowed)
+    allowed = f"(H, W) or (H, W, 3), at least {SMALLEST} by {SMALLEST} pixels"
+    picture = image.ndim == 2 or (image.ndim == 3 and image.shape[2] == 3)
+    require(picture and min(image.shape[:2]) >= SMALLEST, "picture", "shape", image.shape, allowed)
     if image.ndim == 3 and (image == image[..., :1]).all():
         image = image[..., 0]
     return np.ascontiguousarray(image)

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
-from repose.core.errors import InputError, require
+from repose.core.errors import require
 from repose.core.files import read_json
 from repose.core.tables import Column, Fault, other_unit, read, refuse
 
@@ -70,10 +70,10 @@ def read_berry(path: str | PathLike, needed: Iterable[str] = SIZE_COLUMNS) -> di
     berry = read_json(path, needed, WRITTEN)
     for key in (*needed, *(key for key in (*POSITIVE, *FROM_ZERO) if key in berry)):
         value, most = berry[key], FROM_ZERO.get(key)
-        good = type(value) in (int, float) and math.isfinite(value)
-        if not good or (value <= 0 if most is None else not 0 <= value <= most):
-            allowed = "a positive number" if most is None else f"a number from 0 to {most:g}"
-            raise InputError(path, key, value, f"{allowed} in {WRITTEN}")
+        good = type(value) in (int, float) and math.isfinite(value) and value >= 0
+        allowed = "a positive number" if most is None else f"a number from 0 to {most:g}"
+        good = good and (value > 0 if most is None else value <= most)
+        require(good, path, key, value, f"{allowed} in {WRITTEN}")
     return berry
 
 
@@ -89,7 +89,8 @@ def _read_numbers(path: str | PathLike, columns: Sequence[str], fewest: int, of:
     """Read a table with these columns of positive numbers, indexed by row number from 1."""
     import pandas as pd  # slow to import: where there is a table
 
-    table = read(path, [Column(name, low=0.0, above=True, once=name == "test") for name in columns])
+    label = Column("test", str, once=True)
+    table = read(path, [label if name == label.name else Column(name, low=0.0, above=True) for name in columns])
     require(len(table) >= fewest, path, "rows", len(table), f"at least {fewest} {of}")
     numbers = pd.DataFrame({name: table.values[name] for name in columns}, index=range(1, len(table) + 1))
     numbers.attrs["reconstruction"] = any(RECONSTRUCTION_MARK in line.lower() for line in table.comments)

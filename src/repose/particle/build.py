@@ -193,11 +193,10 @@ def _row(name: str, body: Particle | Body) -> dict[str, Any]:
 
 def _check_fit(relative_deviation: float, volume_ratio: float, tolerance: float, source: object) -> None:
     """Raise InputError if the fitted particle does not represent the mesh."""
-    if relative_deviation > LARGEST_DEVIATION:
-        key = "largest deviation of the particle over the mesh's mean radius"
-        allowed = f"at most {LARGEST_DEVIATION:g}: the particle is smooth and symmetric to three planes"
-        raise InputError(source, key, round(float(relative_deviation), 3), allowed)
-    if abs(volume_ratio - 1) > tolerance:
-        low, high = 1 - tolerance, 1 + tolerance
-        allowed = f"from {low:g} to {high:g}: the particle is smooth, without edges"
-        raise InputError(source, "volume of the particle over the mesh's", round(float(volume_ratio), 3), allowed)
+    key = "largest deviation of the particle over the mesh's mean radius"
+    allowed = f"at most {LARGEST_DEVIATION:g}: the particle is smooth and symmetric to three planes"
+    require(relative_deviation <= LARGEST_DEVIATION, source, key, round(float(relative_deviation), 3), allowed)
+    low, high = 1 - tolerance, 1 + tolerance
+    allowed = f"from {low:g} to {high:g}: the particle is smooth, without edges"
+    key, good = "volume of the particle over the mesh's", abs(volume_ratio - 1) <= tolerance
+    require(good, source, key, round(float(volume_ratio), 3), allowed)

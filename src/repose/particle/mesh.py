@@ -110,10 +110,10 @@ def check_mesh(mesh: trimesh.Trimesh, source: object) -> trimesh.Trimesh:
     volume = float(mesh.volume)
     require(volume > 0, source, "volume in mm3", volume, "positive; the faces must look outwards")
     share = volume / float(mesh.convex_hull.volume)
-    if not CONVEX_SHARE <= share <= 1 + 1e-6:
-        dents = f"at least {CONVEX_SHARE:g}; the particle is convex and cannot stand for dents this deep"
-        allowed = dents if share < 1 else "at most 1; the surface crosses itself"
-        raise InputError(source, "share of its convex hull that the mesh fills", round(share, 4), allowed)
+    dents = f"at least {CONVEX_SHARE:g}; the particle is convex and cannot stand for dents this deep"
+    allowed = dents if share < 1 else "at most 1; the surface crosses itself"
+    key = "share of its convex hull that the mesh fills"
+    require(CONVEX_SHARE <= share <= 1 + 1e-6, source, key, round(share, 4), allowed)
     return mesh
 
 

@@ -84,9 +84,9 @@ def berry_mesh(
     require(abs(taper) <= LARGEST_TAPER, source, "taper", taper, f"from -{LARGEST_TAPER:g} to {LARGEST_TAPER:g}")
     deepest = LARGEST_GROOVE * axes[2] / 2
     require(0 <= wrinkle_depth_mm <= deepest, source, "wrinkle_depth_mm", wrinkle_depth_mm, f"from 0 to {deepest:.3g}")
-    if (wrinkles or wrinkle_depth_mm) and not (WRINKLES[0] <= wrinkles <= WRINKLES[1] and wrinkle_depth_mm):
-        allowed = "{} to {}, together with wrinkle_depth_mm".format(*WRINKLES)
-        raise InputError(source, "wrinkles", wrinkles, allowed)
+    allowed = "{} to {}, together with wrinkle_depth_mm".format(*WRINKLES)
+    good = not (wrinkles or wrinkle_depth_mm) or (WRINKLES[0] <= wrinkles <= WRINKLES[1] and wrinkle_depth_mm)
+    require(good, source, "wrinkles", wrinkles, allowed)
     details = (taper, wrinkles, wrinkle_depth_mm)
     volume = mass_g * 1e-3 / density_kg_m3 / MM**3
     low, high = (_mesh(axes, shape, *details).volume for shape in SHAPE_LIMITS)

@@ -49,9 +49,9 @@ class Packing:
 
 def pack(mesh: trimesh.Trimesh, count: int | str = 14, surface: str = "smooth", source: object = "mesh") -> Packing:
     """Fill a mesh (mm, nearly convex, centred) with spheres."""
-    if count != FEWEST and not (isinstance(count, int) and 1 <= count <= MOST_SPHERES):
-        allowed = f"a whole number from 1 to {MOST_SPHERES} or {FEWEST}"
-        raise InputError(source, "spheres", count, allowed)
+    allowed = f"a whole number from 1 to {MOST_SPHERES} or {FEWEST}"
+    good = count == FEWEST or (isinstance(count, int) and 1 <= count <= MOST_SPHERES)
+    require(good, source, "spheres", count, allowed)
     require(surface in SURFACES, source, "surface", surface, ", ".join(SURFACES))
     filling = _Filling(mesh, surface)
     spheres = filling.grown(count) if isinstance(count, int) else filling.fewest(source)

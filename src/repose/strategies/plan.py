@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from repose.core.errors import InputError
+from repose.core.errors import require
 from repose.core.files import Path_, read_table
 from repose.core.runs import of_bench
 from repose.core.targets import Targets
@@ -87,9 +87,9 @@ def measured_noise(runs: pd.DataFrame, targets: Targets, source: object = "runs"
         rows = of_bench(runs, bench)
         ok = rows[(rows["status"] == "ok") & rows[names].notna().all(axis=1)]
         covariance, freedom = within_covariance(ok[names].to_numpy(float), ok["sample"])
-        if freedom <= len(own) or np.linalg.matrix_rank(covariance) < len(own):
-            allowed = f"at least {len(own) + 1} good runs beyond the first of a sample, not all alike"
-            raise InputError(source, "runs that determine the noise", freedom, allowed)
+        allowed = f"at least {len(own) + 1} good runs beyond the first of a sample, not all alike"
+        good = freedom > len(own) and np.linalg.matrix_rank(covariance) == len(own)
+        require(good, source, "runs that determine the noise", freedom, allowed)
         noise[np.ix_(own, own)] = covariance
     return noise
 

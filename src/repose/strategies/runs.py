@@ -15,14 +15,15 @@ from repose.core.tables import Column, Fault, check, check_columns, is_plain, re
 from repose.core.targets import Targets
 from repose.strategies.base import Studied, strategy
 
-# Words for a run that is good, the first one ours; a number such as 0 or 1 may mean either.
-GOOD = (OK := "ok", "success", "successful", "done", "finished", "completed", "converged", "true", "yes")
+OK = "ok"
+# Words for a run that is good; a number such as 0 or 1 may mean either.
+GOOD = (OK, "success", "successful", "done", "finished", "completed", "converged", "passed", "valid", "true", "yes")
 Rows = Sequence[Mapping[str, Any]]
 Table: TypeAlias = pd.DataFrame | Rows
 WHOLE = re.compile(r"\d+\.0")
 NUMBERS = ("sample", "run")
 TURN = "turn"  # column of a record: with which proposal a run was told
-TURNS = Column(TURN, int, low=0, empty=True)
+TURNS = Column(TURN, int, low=0, high=1e9, empty=True)
 OPTIONAL = ("status", TURN)
 RESPONSE = "a finite number within 1e100 of 0; a run that failed has another `status` than ok"
 ALIKE = 1e-12  # least eigenvalue of the correlations of responses that follow from each other
@@ -116,8 +117,8 @@ def checked_runs(study: Studied, rows: Table, source: object = "runs", enough: b
         rows = rows.to_dict("records")
     require(rows, source, "rows", 0, "a header and a row for each run")
     space, names = study.parameters, study.targets.names
+    check_columns(source, rows[0], (*space.free, *names), optional=(*OPTIONAL, *NUMBERS, *space.names))
     rows = with_fixed(rows, space)
-    check_columns(source, rows[0], (*space.names, *names))
     cells = {name: [row.get(name) for row in rows] for name in (*space.names, *names, *OPTIONAL)}
     status = [str(cell or OK).strip() for cell in cells["status"]]
     status = [OK if one.casefold() in GOOD else one for one in status]
@@ -136,6 +137,7 @@ def checked_runs(study: Studied, rows: Table, source: object = "runs", enough: b
     _refuse_twice(table, rows, source)
     samples, fewest = table[table["status"] == OK]["sample"].nunique(), space.dimensions + 2
     allowed = f"at least {fewest}, two more than the free parameters"
+    allowed += f"; runs with the status {', '.join(sorted({*status} - {OK})):.60} failed" if failed else ""
     require(not enough or samples >= fewest, source, "samples with a good run", samples, allowed)
     return table
 
@@ -165,8 +167,9 @@ def _numbers_of_samples(sets: pd.DataFrame, rows: Rows, study: Studied, source: 
             allowed = f"{reported[other]}, the sample of row {other + 1} with the same parameters"
             faults.append((k, "sample", name, allowed))
     refuse(source, faults)
-    digits = all(name.isdigit() for name in reported)
-    return [int(name) for name in reported] if digits else pd.factorize(pd.Series(reported))[0] + 1
+    digits = all(name.isdecimal() and len(name) < 10 for name in reported)
+    unlike = len({int(name) if digits else name for name in reported}) == len({*reported})  # 3 and 003 are two
+    return [int(name) for name in reported] if digits and unlike else pd.factorize(pd.Series(reported))[0] + 1
 
 
 def with_fixed(rows: Rows, space: ParameterSpace) -> list[dict[str, Any]]:

@@ -140,8 +140,7 @@ def _train(w: np.ndarray, data: _Data, n: float, settings: TrainingSettings) -> 
     """Train to the end; return the state there, the number of epochs, and the reason of the end."""
     # FH 0 sets alpha = 0, with which gamma is N and beta negative as soon as n < N; any small prior avoids it
     alpha, mu = np.full(len(data.classes), 0.01), max(settings.mu, SMALLEST_MU)
-    of_weight = of_each_weight(alpha, data.classes, w.size)
-    state = _State(_point(w, data), alpha, of_weight, 1.0, data.size)
+    state = _State(_point(w, data), alpha, of_each_weight(alpha, data.classes, w.size), 1.0, data.size)
     best, largest, since = None, -np.inf, 0
     epoch, reason = 0, "epochs"
     while epoch < settings.epochs:

@@ -51,8 +51,7 @@ def hexagonal_packing(effort: Effort) -> Rows:
     simulation = simulation_of(shape, frictionless(0.3), STEP, **room, **effort.laws)
     for row in range(rows_of):
         for k in range(columns - row % 2):
-            place = (2 * k + 1 + row % 2) * RADIUS, 0.0, RADIUS * (1.0 + math.sqrt(3.0) * row)
-            simulation.add("body", place)
+            simulation.add("body", ((2 * k + 1 + row % 2) * RADIUS, 0.0, RADIUS * (1.0 + math.sqrt(3.0) * row)))
     lattice = simulation.positions.copy()
     simulation.run_steps(10000)
     settled = simulation.positions.copy()

@@ -45,8 +45,7 @@ def noise_floor(inputs: Inputs, study: Shown) -> Figure:
     # a panel for each response, two in a row, and two panels over the seeds below them
     places = [[k, min(k + 1, len(targets) - 1)] for k in range(0, len(targets), 2)]
     figure = style.new_figure(style.PAGE, 2.15 + 2.45 * len(places))
-    heights = [1.15] * len(places) + [1]
-    *above, error, r2 = figure.subplot_mosaic([*places, [-2, -1]], height_ratios=heights).values()
+    *above, error, r2 = figure.subplot_mosaic([*places, [-2, -1]], height_ratios=[1.15] * len(places) + [1]).values()
     for k, (panel, target) in enumerate(zip(above, targets, strict=True)):
         ok = runs[(runs["status"] == "ok") & runs[target.name].notna()]
         _runs_by_mean(panel, ok, target.name, style.series(k)["color"])
@@ -237,8 +236,7 @@ def draw_intervals(panel: Axes, table: pd.DataFrame) -> None:
             x = (row.reindex(ends).dropna().astype(float).to_numpy() - low) / width
             named = label if k == 0 and len(x) else None
             panel.plot(x, [y + offset] * len(x), "-|", color=colour, lw=3, ms=7, label=named)
-        median = (row["median"] - low) / width
-        panel.plot([median], [y + 0.22], "o", ms=4.5, color="white", mec=style.BLUE, zorder=5)
+        panel.plot([(row["median"] - low) / width], [y + 0.22], "o", ms=4.5, color="white", mec=style.BLUE, zorder=5)
         if "answer" in row:
             label = "_" * bool(k) + "the answer"
             panel.plot([(row["answer"] - low) / width], [y], "D", label=label, **style.ANSWER)

@@ -29,8 +29,7 @@ def write_study(study: Results, tables: Mapping[str, "pd.DataFrame"], out_path: 
     """Write the report of a study in memory; `tables` are further tables by title."""
     parts = (sections.answer, sections.check, sections.other_parameters, sections.how_found)
     body = "\n".join([*(part(study) for part in parts), sections.all_tables(tables)])
-    title = f"Contact parameters: {study.shown.label}"
-    write_text(out_path, assembled(title, body, content(study)))
+    write_text(out_path, assembled(f"Contact parameters: {study.shown.label}", body, content(study)))
 
 
 def content(study: Results) -> dict[str, Any]:

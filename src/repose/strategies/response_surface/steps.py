@@ -40,8 +40,7 @@ def usable(table: pd.DataFrame, dataset: pd.DataFrame) -> pd.DataFrame:
     """
     missing = sorted(set(table["sample"]) - set(dataset["sample"]))
     require(not missing, "runs", "sample", missing, "all samples of the step")
-    coded = [name for name in table if name.startswith(CODED)]
-    joined = table[["sample", *coded]].merge(dataset, on="sample")
+    joined = table[["sample", *(name for name in table if name.startswith(CODED))]].merge(dataset, on="sample")
     good = joined[joined["status"] == "ok"].reset_index(drop=True)
     require(not good.empty, "runs", "status", sorted(set(dataset["status"])), "at least one sample that is ok")
     return good

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from repose.core.errors import InputError
+from repose.core.errors import require
 from repose.strategies.sequential.kriging import BOUNDS, SMOOTHNESS, Observed
 
 REPLICATES, GIVEN, ESTIMATED = "replicates", "noise_sd", "estimated from single runs"
@@ -56,12 +56,12 @@ def noise_of(observed: Observed, names: Sequence[str], noise_sd: Mapping[str, fl
         except ValueError:
             counts = np.ones_like(counts)
     fewest = RUNS_PER_PARAMETER * observed.unit.shape[1]
-    if set(names) - set(noise_sd) and len(observed.unit) < fewest:
-        allowed = (
-            f"at least {len(names) + 1}: replicates, rows with the same parameters, determine the noise; or "
-            f"targets.NAME.noise_sd for each response; or at least {fewest} samples, for an estimate of it"
-        )
-        raise InputError("runs", "runs beyond the first of a sample", observed.freedom, allowed)
+    allowed = (
+        f"at least {len(names) + 1}: replicates, rows with the same parameters, determine the noise; or "
+        f"targets.NAME.noise_sd for each response; or at least {fewest} samples, for an estimate of it"
+    )
+    good = set(names) <= set(noise_sd) or len(observed.unit) >= fewest
+    require(good, "runs", "runs beyond the first of a sample", observed.freedom, allowed)
     sources = {name: GIVEN if name in noise_sd else ESTIMATED for name in names}
     variances = [
         noise_sd[name] ** 2 if name in noise_sd else nugget(observed.unit, observed.means[:, k], 1.0 / counts)
