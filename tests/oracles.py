@@ -28,7 +28,6 @@ def sphere_points(count):
 
 def gap(semi_axes, d, qa, qb, count=4000):
     """Gap and normal of two bodies: the largest f(n) of a dense search, polished by a general optimiser."""
-
     turns = rotation(qa), rotation(qb)
 
     def f(n):

@@ -36,7 +36,6 @@ TARGETS = [target("aor_deg", 32.87, 2.20, 31.0, 34.0), target("height_mm", 65.57
 
 
 def entries(targets):
-    """Targets as a configuration has them."""
     return [target(one.name, one.value, one.sd, one.low, one.high, one.repetitions) for one in targets]
 
 
@@ -114,13 +113,11 @@ def write_jobs(table, folder, runs_of, names=PARAMETERS, **more):
 
 
 def written(path, content):
-    """Write text or bytes; the path."""
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
     return path
 
 
 def says(text, *words):
-    """Expect each of these in a text."""
     assert [one for one in words if one not in text] == []
 
 

@@ -25,7 +25,6 @@ TARGET = {"response": "spread_mm", "apparatus": "drop", "value": 30.0, "sd": 2.0
 
 
 def loaded(name, path):
-    """The module of a file."""
     spec = importlib.util.spec_from_file_location(name, path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)

@@ -146,8 +146,7 @@ def test_a_study_may_leave_out_taps_and_a_small_filling_has_both_densities():
     own["targets"] = [own["targets"][0] | {"response": "tapped_density_kg_m3", "apparatus": "cylinder"}]
     needed = [("cylinder.taps", "1 or more, for tapped_density_kg_m3 is a target")]
     assert list(TEST.contradictions(SceneSettings(own))) == needed
-    over = [ROOT / "config/config.yaml", ROOT / "examples/bench_tests/cylinder.yaml"]
-    study = Study.load(*over)
+    study = Study.load(*[ROOT / "config/config.yaml", ROOT / "examples/bench_tests/cylinder.yaml"])
     assert "cylinder.taps" not in study.definitions["tapped_density_kg_m3"]
     assert study.definitions["bulk_density_kg_m3"]["cylinder.height_mm"] == 150.0
     study.config["targets"][0] |= {"response": "tapped_density_kg_m3", "range": None}

@@ -59,7 +59,6 @@ def config(**keys):
 
 
 def of(whole, seed=5, values=CENTRE):
-    """A scene of the berry."""
     return Scene.of(whole, named(values), BERRY, particle(), seed)
 
 

@@ -20,7 +20,6 @@ SIZES = "long_mm,major_mm,minor_mm\n21,11,10\n22,12,11\n"
 
 
 def raises(read, path, content, *more):
-    """The fault of a file with this content."""
     fault = input_error("; expected ", read, written(path, content), *more)
     assert str(path) in str(fault)
     return fault

@@ -125,8 +125,7 @@ def test_what_options_are_not_there_or_cannot_take(refused):
 
 
 def test_cards_of_other_studies_or_simulators_and_arrays_of_another_kind_are_refused(refused, tmp_path):
-    words = ["export", "--to=edem", f"--card={CARD}"]
-    message = refused(*words, "--config=config/config.yaml")
+    message = refused(*["export", "--to=edem", f"--card={CARD}"], "--config=config/config.yaml")
     assert f"{CARD}: material is 'wheat'; expected recommended, as in config/config.yaml" in message
     for key in ("grain.density_kg_m3", "grain.shear_modulus_pa", "grain.mean_axes_mm", "wall.poisson_ratio"):
         assert key in message

@@ -112,8 +112,7 @@ def single_pours(signal):
     dataset = pd.DataFrame(0.5 + 0.4 * U, columns=PARAMETERS)
     dataset.insert(0, "sample", np.arange(1, 151))
     dataset[["aor_deg", "height_mm"]] = Y
-    errors = {"aor_se_deg": np.nan, "height_se_mm": np.nan}
-    dataset = dataset.assign(status="ok", **errors)
+    dataset = dataset.assign(status="ok", **{"aor_se_deg": np.nan, "height_se_mm": np.nan})
     return dataset, dataset[["sample", "status", "aor_deg", "height_mm"]].assign(seed=1)
 
 

@@ -48,13 +48,9 @@ def test_the_cost_is_that_of_the_least_disturbed_pour(monkeypatch):
     ranges: dict = dict.fromkeys(("e_gg", "e_gp"), (0.1, 0.5))
     ranges |= dict.fromkeys(("mus_gg", "mur_gg", "mus_gp", "mur_gp"), (0.1, 0.3))
     simulation = {
-        "time_step_s": 1e-5,
-        "gravity_m_s2": 9.81,
-        "tension": "release",
-        "contact_law": "hertz_mindlin",
-        "rolling_law": "budget",
-        "rest_energy_j": 1e-9,
-    }
+        "time_step_s": 1e-5, "gravity_m_s2": 9.81, "tension": "release", "contact_law": "hertz_mindlin",
+        "rolling_law": "budget", "rest_energy_j": 1e-9,
+    }  # fmt: skip
     whole = every_bench_test()
     config = whole | {"simulation": simulation, "funnel": whole["funnel"] | {"berries": grains}, "parameters": ranges}
     assert cost.measured_berry_step_s(config, {}, None) == pytest.approx(50e-6 / grains, rel=0.05)

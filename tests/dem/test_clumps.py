@@ -137,8 +137,7 @@ def test_clumps_below_the_floor_are_gone_and_wrong_ones_refused():
     gone = ~s.present
     assert 0 < gone.sum() < 6
     assert not np.isin(s.contacts(), np.flatnonzero(gone)).any()
-    used = int(s.counts[st.N_NEAR])
-    assert not np.isin(s.pairs.near_first[:used], np.flatnonzero(gone)).any()
+    assert not np.isin(s.pairs.near_first[: int(s.counts[st.N_NEAR])], np.flatnonzero(gone)).any()
     good = {"spheres_m": BENT, "mass_kg": MASS, "inertia_kg_m2": BENT_INERTIA, "material": "body"}
     cases = [
         ({"spheres_m": []}, r"spheres_m is \[\]; expected \(1 to 64, 4\) finite lengths"),

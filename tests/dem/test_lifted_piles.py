@@ -23,7 +23,6 @@ RADIUS_M = 0.00185
 
 
 def grains(centres_m, radii_m=RADIUS_M):
-    """Grains at rest."""
     radii = np.broadcast_to(radii_m, len(centres_m)).copy()
     return Grains(np.asarray(centres_m, float), radii, np.zeros(len(centres_m)))
 

@@ -14,7 +14,6 @@ STEPS = 1200
 
 
 def falling(threads, count=120, seed=4, speed_m_s=0.1):
-    """Berries above a floor between four walls."""
     walls = {"floor": FLOOR}
     for name, place, normal in (("right", 0.04, -1), ("left", -0.04, 1)):
         walls[name] = Plane((place, 0, 0), (normal, 0, 0), "wall")

@@ -100,8 +100,7 @@ def script(page: str, entry: dict, everything: bool) -> str:
 def checkout(folder: Path) -> Path:
     """A copy of the checkout whose configuration is small."""
     other = (".git", ".venv", ".snakemake", ".*_cache", "__pycache__")
-    left = shutil.ignore_patterns(*other, "_build", "results", ".repose")
-    shutil.copytree(ROOT, folder, ignore=left)
+    shutil.copytree(ROOT, folder, ignore=shutil.ignore_patterns(*other, "_build", "results", ".repose"))
     shutil.copytree(ROOT / "results/published", folder / "results/published")
     quick = Study.load(ROOT / "config/quick.yaml").config
     small = yaml.safe_load((ROOT / ".test/config/config.yaml").read_text())

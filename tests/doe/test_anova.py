@@ -141,8 +141,7 @@ def test_pareto_limits_the_error_of_a_mean_and_runs_that_determine_no_model():
     model = fit(np.array([[-1.0], [1.0], [-1.0], [1.0]]), [1.0, 2.0, 1.4, 2.2], ["A"], "linear")
     found = model.standard_error(np.zeros((1, 1)))[0]
     assert found == pytest.approx(statistics(model)["std_dev"] / 2)
-    two = [[0.0], [1.0]]
-    value_error("expected all 3", fit, two, [1.0, 2.0], ["A"], "quadratic")
+    value_error("expected all 3", fit, [[0.0], [1.0]], [1.0, 2.0], ["A"], "quadratic")
 
 
 def surface(of):

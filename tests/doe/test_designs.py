@@ -125,7 +125,6 @@ def test_a_face_centred_design_has_three_levels():
 
 
 def climbed(*slopes):
-    """The direction of one response."""
     return towards(np.array([slopes]), np.array([1.0]), np.array([1.0]))
 
 

@@ -47,7 +47,6 @@ def ran(program, job, folder):
 
 
 def few(job, berries, **funnel):
-    """The job with a few grains."""
     return replace(job, funnel=job.funnel.model_copy(update={"berries": berries, "rate_per_s": 50.0} | funnel))
 
 

@@ -6,6 +6,7 @@ import zlib
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 from refusals import input_error
 from shared import ROOT, says
 
@@ -15,6 +16,7 @@ from repose.core.errors import InputError
 from repose.measure import photographs, pile
 
 PILE = [(60, 299), (300, 140), (540, 299)]
+DOUBTS = {"plate": "upright over 40", "horizon": "no plate's", "shadow": "darker background", "frame": "falls by"}
 
 
 def photograph(path, corners=PILE, background=220):
@@ -54,6 +56,24 @@ def test_a_photograph_is_measured_stays_and_is_not_replaced_by_its_overlay(tmp_p
     files.write_image(tmp_path / "own.png", cv2.imread(str(tmp_path / "raw.png")))
     words = (tmp_path / "own.png", "--mm-per-pixel", 0.3, "--out", tmp_path)
     assert "another folder than that of the photographs" in measure(*words, status=2).err
+
+
+@pytest.mark.parametrize("seen", DOUBTS)
+def test_what_stands_beside_or_below_a_pile_is_doubted_without_a_sheet(seen, tmp_path, measure):
+    picture = np.full((420, 700, 3), (200, 190, 170), np.uint8)
+    if seen == "horizon":
+        picture[270:] = (120, 150, 120)
+    if seen == "shadow":
+        cv2.fillPoly(picture, [np.array([(350, 140), (660, 339), (350, 339)])], (120, 114, 102))
+    if seen == "plate":
+        picture[340:380, 40:660] = (40, 50, 140)
+    cv2.fillPoly(picture, [np.array([(100, 339), (350, 140), (600, 339)])], (40, 50, 140))
+    if seen == "frame":
+        picture[:, :30] = picture[:, -30:] = picture[:30] = picture[-30:] = 0
+    files.write_image(tmp_path / "a.png", picture)
+    assert DOUBTS[seen] in measure(tmp_path / "a.png", "--mm-per-pixel", 0.3).out
+    Image.new("L", (60, 60)).save(tmp_path / "a.tif", save_all=True, append_images=[Image.new("L", (60, 60))])
+    input_error("pages is 2; expected 1", pile.read_image, tmp_path / "a.tif")
 
 
 @pytest.mark.parametrize("there", ["picture", "link", "folder", "other"])

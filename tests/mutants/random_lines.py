@@ -103,7 +103,6 @@ def tests_of(path):
 
 
 def cloned(name):
-    """A clone of the last commit in a folder."""
     subprocess.run(["git", "clone", "-q", ROOT, name], check=True)
     return Path(name)
 

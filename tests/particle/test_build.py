@@ -174,6 +174,7 @@ def two(shift=0.0, scale=1.0):
     (lambda: trimesh.creation.torus(10, 3), "convex"), (lambda: trimesh.creation.annulus(3, 8, 10), "convex"),
     (holed, "3 edges of one facet"), (lambda: two(shift=0.5), "bodies is 2"), (lambda: two(shift=30.0), "bodies is 2"),
     (lambda: two(scale=0.4), "bodies is 2"), (lambda: two(), "is the body there twice"),
+    (lambda: build.ellipsoid_mesh([9, 8, 1e-6]), "shortest side in mm is"),
 ])  # fmt: skip
 def test_bad_meshes_are_refused_with_a_reason(tmp_path, mesh, words):
     path = saved(mesh(), tmp_path)
@@ -200,12 +201,20 @@ def test_files_with_a_fault_are_mended_where_that_is_safe_else_the_cause_is_name
         path.write_bytes(content)
         assert build.load_mesh(path).volume == pytest.approx(whole.volume, rel=1e-6), content[-60:]
     bad = [(binary[:-60], "facets is 1278; expected 1280"), (text[: len(text) // 2], "cut off|edges of one facet")]
+    (tmp_path / "halves.obj").write_text(whole.export(file_type="obj").replace("\nf ", "\ng b\nusemtl b\nf ", 700))
+    joint, (a, b, c), end = whole.copy(), whole.faces[7], len(whole.vertices)  # a needle closes a facet's split edge
+    joint.vertices = np.vstack([joint.vertices, joint.vertices[[a, b]].mean(axis=0)])
+    joint.faces = np.vstack([np.delete(whole.faces, 7, axis=0), [a, end, c], [end, b, c], [a, b, end]])
+    joint.export(tmp_path / "joint.ply")
+    for name in ("joint.ply", "halves.obj"):
+        assert build.load_mesh(tmp_path / name).volume == pytest.approx(whole.volume, rel=1e-6), name
     whole.faces[5] = whole.faces[5][::-1]
     bad += [(whole.export(file_type="stl"), "0 of more than two, 3 between facets of which one is turned over")]
     boxes = trimesh.util.concatenate(
         trimesh.creation.box([9] * 3), trimesh.creation.box([9] * 3).apply_translation([9, 9, 0])
     )
     bad += [(boxes.export(file_type="stl"), "1 of more than two, 0 between")]
+    bad += [(text.replace(b"vertex", b"vertex 1,5", 1), "numbers is 'vertex 1,5'; expected numbers with a")]
     for name, words in (("scan.step", "not read here.* save it as STL"), ("scan.ply", "Not a ply file")):
         (tmp_path / name).write_text("ISO-10303-21;")
         input_error(words, build.load_mesh, tmp_path / name)
@@ -224,8 +233,9 @@ def test_a_scan_in_another_unit_than_the_sizes_is_told(tmp_path):
         scan = saved(build.ellipsoid_mesh(axes_mm), tmp_path)
         return build.of_settings(grain, GrainSettings.model_construct(stl=str(scan), **how))
 
-    for scale, words in ((10.0, "longest side in mm is 200.0; expected near 20,"), (0.2, "is 4.0; expected near 20,")):
+    for scale, words in ((10.0, "shortest side in mm is 90.0; expected near 9,"), (0.5, "is 4.5; expected near 9,")):
         input_error(words, made, 20 * scale, 12 * scale, 9 * scale)
+    input_error("middle side in mm is 6.5; expected near 12,", made, 20, 6.5, 6)
     assert made(25.0, 12.0, 9.0).kind == "ellipsoid"
 
 

@@ -251,7 +251,6 @@ STILL = ("funnel", "cylinder", "drop_test")  # no wall of these moves
 
 
 def poured(number, default, mean, particles, seen):
-    """Row of one case."""
     apparatus, name, share, config, parameters, particle, berry = drawn(number, default, mean, particles)
     row = {
         "number": number, "apparatus": apparatus, "particle": name, "berries": config[apparatus].get("berries", 1),

@@ -18,7 +18,6 @@ SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("published", "se
 
 
 def study_of(responses):
-    """A study of one or two targets."""
     return study(Targets(TARGETS[-responses:]), funnel={"berries": 500})
 
 

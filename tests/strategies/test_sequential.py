@@ -247,5 +247,4 @@ def test_figure(done, targets):
     with style.applied():
         figure = sequential(inputs, config)
         figure.canvas.draw()
-    texts = " ".join(text.get_text() for text in figure.findobj(Text))
-    says(texts, "All targets within 1 %", "asked for")
+    says(" ".join(text.get_text() for text in figure.findobj(Text)), "All targets within 1 %", "asked for")

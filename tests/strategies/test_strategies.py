@@ -72,8 +72,7 @@ def test_the_answer_is_right_and_a_killed_study_goes_on_with_the_same_bytes(walk
     assert 0 <= found.probability["within_1_percent"] <= found.probability["within_2_percent"] <= 1
     assert found.why
     assert list(found.prediction.index) == ["angle_deg", "time"]
-    shown = found._repr_html_()
-    says(shown, "friction", "within 1 percent")
+    says(found._repr_html_(), "friction", "within 1 percent")
     study, asked, file = walked
     other = tmp_path / "study.csv"
     repose.Study(**STUDY, strategy=study.config["strategy"], file=other)

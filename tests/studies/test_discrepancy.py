@@ -73,8 +73,7 @@ def test_a_model_counts_by_its_piles_and_a_study_that_says_too_little_is_refused
     table = pd.read_csv(path)
     pd.concat([table, table]).to_csv(path, index=False)
     assert discrepancy.of_shape_study(path, PILE).models == pytest.approx(result.models)
-    noisy = pd.read_csv(path).assign(aor_se_deg=50.0)
-    noisy.to_csv(path, index=False)
+    pd.read_csv(path).assign(aor_se_deg=50.0).to_csv(path, index=False)
     input_error(
         r"aor_difference_deg is 'of variance .*above 2.5e\+03, of its errors", discrepancy.of_shape_study, path, PILE
     )

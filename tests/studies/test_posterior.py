@@ -42,6 +42,9 @@ def test_statements_and_a_reference_interval_by_its_share_of_the_prior():
     space = ParameterSpace.of(UNIT | {"mus_gg": [0.4, 0.8]})
     found = posterior._reference("other", space, space.free.index("mus_gg"), np.array([0.4, 0.6, 0.8]), 0.5, 0.7)
     assert (found["other_prior_probability"], found["other_probability"]) == (pytest.approx(0.5), pytest.approx(1 / 3))
+    space = ParameterSpace.of(UNIT | {"mus_gg": {"prior": {"mean": 0.6, "sd": 0.05}, "range": [0.4, 0.8]}})
+    found = posterior._reference("other", space, space.free.index("mus_gg"), np.array([0.5]), 0.6, 0.8)
+    assert found["other_prior_probability"] == pytest.approx(0.5)
 
 
 # Any number of targets, priors and fixed parameters, on a surrogate with a closed form

@@ -165,7 +165,6 @@ def test_bad_indices_are_refused_and_a_fixed_parameter_has_none():
 
 
 def study_of(targets, space=None):
-    """A study of these targets."""
     return Study(space or ParameterSpace.of(UNIT), targets, {"sensitivity": SECTION})
 
 

@@ -1,5 +1,6 @@
 """A study with a simulator of one's own in Python: parts of a turn, runs made before, failures, rounded results."""
 
+import shutil
 import subprocess
 import sys
 from concurrent.futures import ProcessPoolExecutor
@@ -8,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from refusals import input_error, not_refused
+from refusals import input_error, not_refused, value_error
 
 from repose import Study
 from repose.config.record import Record
@@ -74,6 +75,34 @@ def tell_part(file, rows):
     Study.resume(file).tell(results(asked))
 
 
+def test_each_run_of_a_function_is_kept_and_the_record_goes_on_anywhere(tmp_path):
+    def breaks(row):
+        if (row["sample"], row["run"]) == (5, 1):
+            raise KeyboardInterrupt
+        return simulate(row)
+
+    with pytest.raises(KeyboardInterrupt):
+        study(tmp_path / "runs.csv").calibrate(breaks)
+    moved = shutil.copytree(tmp_path, tmp_path / "moved", ignore=shutil.ignore_patterns(".repose")) / "runs.csv"
+    one, other = Study.resume(moved), Study.resume(moved)
+    assert len(one.runs) == 8
+    other.tell(results(other.ask()))
+    assert len(one.runs) == 16, "what another process told"
+    (tmp_path / "mine.csv").write_text("sample,a,b,y,z\n1,0.1,0.1,0.2,0.1\n")
+    input_error("file is 'there already'", study(tmp_path / "mine.csv").ask)
+
+
+def test_a_record_that_cannot_be_written_keeps_nothing(tmp_path, monkeypatch):
+    one = study(tmp_path / "runs.csv")
+    asked = one.ask()
+    monkeypatch.setattr("repose.config.record.write_table", lambda *_: int("full"))
+    value_error("invalid literal", one.tell, results(asked))
+    monkeypatch.undo()
+    one.tell(results(asked).assign(status=None).drop(columns="run")[::2])
+    assert one.runs["status"].tolist() == ["ok"] * 8
+    input_error("there twice", one.tell, results(asked).drop(columns="run")[::2])
+
+
 def test_what_is_left_of_a_turn_is_asked_for_also_after_runs_made_before(tmp_path):
     one = study(tmp_path / "runs.csv")
     asked = one.ask()
@@ -125,7 +154,6 @@ def verbs(tmp_path, command):
 
 
 def noisy(asked):
-    """Results with random numbers."""
     rows = asked.reset_index(drop=True)
     noise = np.random.default_rng(len(rows)).normal(0, 0.1, (2, len(rows)))
     return rows.assign(y=rows["a"] + rows["b"] + noise[0], z=rows["a"] + noise[1])
@@ -148,6 +176,7 @@ def test_the_verbs_keep_turns_as_python_does(verbs):
 
 
 def test_numbers_of_runs_may_be_floats_as_where_pandas_joins_tables():
+    assert Study({"a": np.array([0.0, 1.0])}, {"y": (np.float32(1), 0.1, np.int64(5))}, seed=np.int64(3)).parameters
     one, other, asked = study(), study(), study().ask()
     one.tell(noisy(asked))
     other.tell(noisy(asked).astype({"sample": float, "run": float}))
@@ -196,6 +225,9 @@ def test_what_is_wrong_is_told_by_its_name(tmp_path):
         (lambda: study().calibrate(lambda row: {"y": row["a"], "z": 5.0}), "z is 5.0; expected results that differ"),
         (lambda: study().tell(good.assign(sample=np.nan).drop(columns="run")), "sample is 'missing'"),
         (lambda: study().tell(good.assign(z=1e300 * good["z"])), "row 1: z is .* within 1e100 of 0"),
+        (lambda: study().calibrate(lambda row: {"y": row["a"], "z": 2 * row["a"]}), "targets is 'y, z'; .* none of"),
+        (lambda: Study({"y_se": (0, 1)}, {"y": (1.0, 0.1)}), "with _se at its end"),
+        (lambda: (c := Study({"c": (1e-10, 9e-10)}, {"y": (1.0, 0.1)})).tell(c.ask().assign(c=3e-10, y=1)), "'changed"),
         (lambda: study().calibrate(3), "a function of a row"),
         (lambda: study().calibrate(lambda row: 3.0), r"simulate is \[3.0.*a mapping with y, z"),
         (lambda: study().calibrate(lambda row: None), "a mapping with y, z"),

@@ -154,8 +154,7 @@ def test_support_of_a_dataset_takes_usable_samples_and_no_fixed_parameter(tmp_pa
     input_error("usable samples is 0", Support.of_dataset, tmp_path / "dataset.csv", space)
     few = r"points has shape \(3, 2\); expected at least two rows of 6"
     value_error(few, Support, np.zeros((3, 2)), np.zeros(6), np.ones(6), PARAMETERS)
-    points = np.insert(grid(), 1, 0.3, axis=1)
-    fixed = Support(points, [0, 0.3, 0], [1, 0.3, 1], ("a", "fixed", "b"))
+    fixed = Support(np.insert(grid(), 1, 0.3, axis=1), [0, 0.3, 0], [1, 0.3, 1], ("a", "fixed", "b"))
     free = Support(grid(), [0, 0], [1, 1], NAMES)
     asked = np.array([[0.45, 0.5], [0.005, 0.995], [0.45, 0.9]])
     assert fixed.warnings(np.insert(asked, 1, 0.3, axis=1)) == free.warnings(asked)

@@ -98,8 +98,7 @@ def test_the_strategy_chooses_what_a_study_makes(strategy, project):
     (project / "mine.yaml").write_text(json.dumps({"targets": MIXED, "posterior": {"shape_study": None}}))
     mixed = ("--configfile", "config/quick.yaml", "mine.yaml", "--rerun-triggers", "mtime", "--", strategy)
     assert planned(project, *mixed)["batch_pour"] == 2 * SAMPLES[strategy][0]
-    shown = snakemake(project, "-n", "-p", *mixed).stdout
-    says(shown, "--apparatus drum ", f"--purpose {strategy} ")
+    says(snakemake(project, "-n", "-p", *mixed).stdout, "--apparatus drum ", f"--purpose {strategy} ")
     shutil.rmtree(first.parent)
 
 
