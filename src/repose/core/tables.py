@@ -35,7 +35,7 @@ THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")  # 1,234: may be a number of 
 SUMMARY = re.compile(
     r"((geo\w*|grand|arithmetic|sample|weighted)? ?mean|average|avg|median|std|st\.? ?d?dev|overall|summary|moy(enne)?|"
     r"durchschnitt|mittelwert|stabw|promedio|gemiddelde|medelvärde|średnia|ortalama|keskiarvo|среднее|průměr|medie|"
-    r"μέσος|coefficient of variation|quartile|[øσμ±]|x̄|平均值?|均值|标准差|標準偏差)([\W\d_].*)?|"
+    r"μέσοσ|coefficient of variation|quartile|[øσμ±]|x̄|平均值?|均值|标准差|標準偏差)([\W\d_].*)?|"
     r"(s\.?d|s\.?e|sem|c\.?v|rsd|mw|n)( ?[(=%].*)?|m[eé]dia|mode|suma|q[1-4]|iqr|rms|gem|se mean|var(iance)?|range|"
     r"\d+ ?%( ?(ci|confidence.*|percentile))?|standard ?(deviation|error)|m(in|ax)(imum)?|(sub|grand)? ?totals?|count|"
     "sum|mittel|summe|gesamt|standardabweichung|anzahl|somme|desv.*|[eé]cart.?type"
