@@ -198,8 +198,15 @@ def test_a_spin_on_a_smooth_floor_is_slowed_by_the_rolling_friction(law):
 def test_a_sphere_that_spins_on_a_floor_is_stopped_by_the_friction_of_its_circle(shape):
     friction, spin = 0.5, 20.0
     mass, circle = shape().mass_kg, math.sqrt(RADIUS * sunk(shape().mass_kg))
-    for own, coefficient in ((None, 3.0 * math.pi / 16.0 * friction), (0.1, 0.1), (0.0, 0.0)):
-        s = on_floor(shape(), Contact(0.3, friction, 0.1, own), spin=(0.0, 0.0, spin), material=GOJI, dt=5e-5)
+    by_default = 3.0 * math.pi / 16.0 * friction
+    for own, coefficient, law in (
+        (None, by_default, "epsd"),
+        (0.1, 0.1, OTHERS[0]),
+        (0.1, 0.1, "epsd"),
+        (0, 0, "epsd"),
+    ):
+        contact, options = Contact(0.3, friction, 0.1, own), {"material": GOJI, "dt": 5e-5, "rolling_law": law}
+        s = on_floor(shape(), contact, spin=(0.0, 0.0, spin), **options)
         moment = 0.4 * mass * RADIUS**2
         slowed = coefficient * mass * GRAVITY * circle / moment
         s.run_steps(400)

@@ -26,14 +26,6 @@ def clump(goji):
     return build.make_particle(goji, 840.47, "multisphere", 14)
 
 
-def test_bumps_lie_as_far_apart_as_the_corners_of_a_cube():
-    corners = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
-    points = np.concatenate([corners, [[0.0, 0.0, 1.0], [0.9, 0.9, 0.9]]])
-    assert {tuple(one) for one in sphere_packing._bumps(points, np.zeros((10, 3)), 0.1, 8)[:, :3]} == {
-        *map(tuple, corners)
-    }
-
-
 def test_known_unions_volumes_and_moments():
     particle = build.make_particle(ellipsoid_mesh([10.0, 10.0, 10.0]), 1000.0, "multisphere", 14)
     np.testing.assert_allclose(particle.spheres_m, [[0, 0, 0, 5e-3]], atol=2e-5)

@@ -259,10 +259,7 @@ BAD = {
     "an id twice": (cell(2, "sample", 1), "row 3: sample is '1'; expected one set of parameters for each sample"),
     "two ids": (cell(1, "sample", 99), "row 2: sample is '99'; expected 1, the sample of row 1"),
     "a run twice": (cell(1, "run", 1), r"row 2: sample and run is \[1, '1'\]; expected each once"),
-    "a row twice": (
-        lambda table: pd.concat([table, table[:1]]).drop(columns="run"),
-        "row 33: row is 'there twice'; exp",
-    ),
+    "a row twice": (lambda table: pd.concat([table, table[:1]]).drop(columns="run"), "row 33: row is 'there twice'"),
 }
 
 
