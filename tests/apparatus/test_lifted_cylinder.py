@@ -54,6 +54,8 @@ def test_a_run_is_judged_and_a_tube_that_cannot_be_filled_or_lifted_is_refused()
     cases = [("lift_from_s", 1.4, "above 1.495, when the last grain appears"), ("speed", 20.0, "a known key")]
     cases += [("plate_diameter_mm", 104.0, "above 104, the tube's outer diameter")]
     cases += [("lifting_mm_s", 0.0, "0.1 to 5000")]
+    rim = TEST.world(Scene.of(config(), SET, BEAD, SPHERE, 1), 0.01)["walls"]["rim"]
+    assert rim.gates == ((0.0, 1.0), (0.0, 0.0)), "what looks down at it from above is in the tube's wall"
     wrong = [({key: value}, rf"lifted_cylinder\.{key}.*{allowed}") for key, value, allowed in cases]
     assert not not_refused(lambda keys: Study.of(config(berries=300, **keys)), wrong, InputError)
 

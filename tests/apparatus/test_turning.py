@@ -43,6 +43,7 @@ def test_what_the_angle_and_the_profile_of_a_turning_drum_are():
     assert single == pytest.approx([20.0, 30.0], abs=3.0)
     assert measured(arrays)["turning_deg"] == pytest.approx(np.mean(single), abs=1e-12)
     assert measured(arrays, "lost")["turning_deg"] is None
+    assert TEST.further_response("turning_2_deg").label == "drum, turning, speed 2"
     coarse = measured(arrays, own=config() | {"measure": {"mm_per_pixel": 60.0}})
     assert (coarse["status"], coarse["turning_deg"]) == ("no_surface", None)
     assert "60 mm a pixel" in coarse["reason"]

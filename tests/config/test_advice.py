@@ -82,7 +82,8 @@ def test_sentences_tell_what_a_softer_grain_brings(config):
     grain = SimpleNamespace(volume_m3=GRAIN_M3)
     stiffness, volume, grains, smaller, *_ = advice.of_funnel(config, berry, grain, longest_step_s)
     assert asked == [softest]
-    assert stiffness.startswith("stiffness: the pile sinks by")
+    sinking = 100 * advice.softening(config, berry)[0]
+    assert stiffness.startswith(f"stiffness: the pile sinks by {sinking:.2g} % of its Height")
     assert stiffness.endswith("a run takes 0.5 of the time")
     assert volume.startswith("volume: ")
     assert grains.startswith("grains: the pile is 7.5 grains high.")

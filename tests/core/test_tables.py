@@ -91,6 +91,9 @@ READERS = {
 }
 
 
+STRANGERS = READERS | {"b": ("", "b", lambda path: tables.read(path, [Column("b")]).values["b"])}
+
+
 def cells(text):
     return [line.split(",") for line in text.splitlines()]
 
@@ -137,7 +140,7 @@ def test_every_reader_reads_what_spreadsheets_write(tmp_path):
 
 
 def fault(reader, path, content):
-    return str(input_error(f"^{re.escape(str(path))}", READERS[reader][2], written(path, content)))
+    return str(input_error(f"^{re.escape(str(path))}", STRANGERS[reader][2], written(path, content)))
 
 
 def test_every_reader_names_row_and_column_of_what_is_no_number(tmp_path):
@@ -212,7 +215,7 @@ def test_a_strangers_table_is_read_or_refused_for_its_cause(case, tmp_path):
     if isinstance(expected, str):
         assert expected in fault(reader, path, text), name
     else:
-        assert len(READERS[reader][2](path)) == expected, name
+        assert len(STRANGERS[reader][2](path)) == expected, name
 
 
 def test_many_rows_with_decimal_commas_take_seconds(tmp_path):
@@ -243,25 +246,6 @@ def test_all_faults_of_a_table_are_told_at_once_up_to_thirty(tmp_path):
 
 def test_commas_that_may_be_decimal_or_of_thousands_are_told(tmp_path):
     path, column = tmp_path / "a.csv", Column("b")
-    for text, words in (
-        ("a\tb\n1\t1,234\n", "row 1: b is '1,234'; expected a number with a decimal point"),
-        ('a,b\n1,"1,234"\n', "row 1: b is '1,234'; expected a number with a decimal point"),
-        ("a;b\n1.5;1,5\n", "row 1: b is '1,5'; expected one decimal sign"),
-        ("a,b\n1,1,5\n", "row 1: cells is 3; expected 2, as in a, b; a decimal comma needs ;"),
-        ("a;b\n1;1,234,567\n", "row 1: b is '1,234,567'; expected a finite number"),
-        ("a;b\n1;1.234.567\n", "row 1: b is '1.234.567'; expected a finite number"),
-        ("a,b\n1,2\n3\n", "row 2: cells is 1; expected 2, as in a, b"),
-        ("a,b,b\n1,2,3\n", "header is 'b'; expected each column once"),
-        ("a,,\n1,2,3\n", "row 1: cells is 3; expected 1, as in a, , "),
-        ('a,b\n1,2\n"3,4\n5,6\n', "line 3: cells is '\"3,4'; expected a CSV file: unexpected end of data"),
-        ("", "rows is 0; expected a CSV file"),
-        ("\n\n\n", "rows is 0; expected a CSV file"),
-        ("# b,c\n1,2\n", "header is '1, 2'; expected names of columns, in a line that does not begin with #"),
-        ("a,b\n\0\0\n", "table is 'a byte of zero'; expected a CSV file in UTF-8"),
-        ('{"a": 1}', "column b is 'missing'; expected columns b; found: {"),
-        ("<table><tr><td>1</td></tr></table>", "column b is 'missing'; expected columns b; found: <table>"),
-    ):
-        input_error(re.escape(words), tables.read, written(path, text), [column])
     for reader in ("sizes", "compression", "published"):
         assert "rows is 0" in fault(reader, path, READERS[reader][0].splitlines()[0])
     assert tables.read(written(path, "a\tb\n0,5\t1,234\n"), [column]).values["b"] == [1.234]
@@ -300,14 +284,6 @@ def test_an_eligible_model_is_true_or_false_alone(tmp_path):
     for cell in ("no", "2", "", "0"):
         message = fault("shape study", tmp_path / "a.csv", MODELS.replace("False", cell))
         assert f"row 8: eligible is '{cell}'; expected True or False" in message
-    for old, new, words in (
-        ("0.25\n", "-1000\n", "aor_se_deg is -1000.0; expected a number from 0"),
-        ("0.25\n", "1000.0\n", "aor_se_deg is 1000.0; expected at most 90 in size"),
-        ("3.5,", "-1000,", "aor_difference_deg is -1000.0; expected at most 90 in size"),
-        ("0.35,", "-1,", "distance is -1.0; expected a number from 0"),
-        ("0.35,", "1e6,", "distance is 1000000.0; expected at most 30 in size"),
-    ):
-        assert words in fault("shape study", tmp_path / "a.csv", MODELS.replace(old, new))
 
 
 def test_a_wrong_unit_is_told_with_its_file_and_the_likely_one(tmp_path):

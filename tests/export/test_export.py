@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 from shared import ROOT, says
 
 from repose import export
-from repose.chain import card
+from repose.chain import card, card_study
 from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
@@ -123,6 +123,9 @@ def test_the_deck_of_a_sphere_has_spheres_of_its_volume_and_step(config):
     assert of_sphere.rayleigh_s == pytest.approx(math.pi * 5 * MM * root / (0.1631 * 0.32 + 0.8766))
     of_ball = np.full(3, 0.4 * of_sphere.particle.mass_kg * (5 * MM) ** 2)
     assert of_sphere.particle.inertia_kg_m2 == pytest.approx(of_ball)
+    grain = {"shape": "multisphere", "ellipsoids_mm": [], "spheres_mm": [[0, 0, 0, 5]], "density_kg_m3": 1000.0}
+    of_card = card_study.particle_of({"grain": grain | {"mass_g": 2.0, "volume_mm3": 2000.0}}, None, "old.json")
+    assert of_card.inertia_kg_m2 == pytest.approx(np.full(3, 0.4 * 2e-3 * 5e-3**2)), "cards of earlier versions"
     for program in DECK:
         text = "".join(export.PROGRAMS[program](of_sphere).values())
         assert not re.search(r"multisphere|rigid|clump\.txt|\.clump\(|ClumpParticle|each pair of spheres", text)

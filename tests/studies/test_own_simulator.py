@@ -170,6 +170,11 @@ def test_runs_are_told_by_rows_fixed_parameters_and_replicates(study, table, tmp
         runs = added(study, new, record)
     assert (runs["restitution"] == 0.4).all()
     assert len(runs) == len(table)
+    alike = simulate(study.ask(), noise=0.0)  # runs with numbers may have the same results
+    for run in (1, 2):
+        alike[alike["run"] == run].to_csv(new, index=False)
+        runs = added(study, new, tmp_path / "alike.csv")
+    assert len(runs) == len(alike)
 
 
 def noise_of(study, table):

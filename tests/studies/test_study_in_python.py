@@ -183,13 +183,6 @@ def test_numbers_of_runs_may_be_floats_as_where_pandas_joins_tables():
     pd.testing.assert_frame_equal(one.ask(), other.ask())
 
 
-def test_a_spreadsheet_may_write_the_numbers_of_runs_as_decimals(verbs):
-    tell, ask = verbs
-    asked = ask()
-    tell(noisy(asked).astype({"sample": float, "run": float})[:5])
-    pd.testing.assert_frame_equal(ask(), asked[5:].reset_index(drop=True))
-
-
 def test_runs_made_before_count_at_once_where_no_run_of_the_turn_is_told(verbs):
     tell, ask = verbs
     start = ask()
