@@ -70,4 +70,3 @@ def _from_png(path: Path) -> Any:
 
     with suppress(Image.DecompressionBombError), Image.open(path) as picture:  # larger than any of ours
         return json.loads(picture.info[KEY])
-    return None

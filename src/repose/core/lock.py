@@ -9,6 +9,7 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache, partial
 from pathlib import Path
 from typing import IO
 
@@ -63,12 +64,15 @@ def joined_folder(folder: str | os.PathLike) -> Iterator[None]:
             usage.note(folder)
 
 
+SAY_ONCE = cache(partial(print, file=sys.stderr))
+
+
 @contextmanager
 def exclusive(path: str | os.PathLike) -> Iterator[None]:
     """Hold a file against other processes of this program while it is read, changed and written."""
     with Path(path).with_name(f".{Path(path).name}.lock").open("a+", encoding="utf-8") as file:
         if not _flock(file, LOCK_EX):
-            print(f"repose: {path}: no locks on this system; one process at a time may add to it", file=sys.stderr)
+            SAY_ONCE(f"repose: {path}: no locks on this system; one process at a time may add to it")
         yield
 
 
