@@ -16,6 +16,7 @@ from repose.core.errors import InputError, require
 from repose.dem.io.whole import write_whole as write_in_one_move
 
 LEDGER = ".repose"
+AS_IT_IS = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)  # Windows has the second alone
 LINE = re.compile(r"[0-9a-f]{64}  ")
 CUT_OFF = re.compile(r"[0-9a-f]{0,64}|[0-9a-f]{64} .*")
 ALLOWED = "a new name, or a file that repose wrote and nobody changed since"
@@ -115,7 +116,7 @@ def _note(path: Path, digest: str) -> None:
     ledger, line = path.parent / LEDGER, f"{digest}  {path.name}"
     if line in _lines(path.parent):
         return
-    handle = os.open(ledger, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW, 0o666)
+    handle = os.open(ledger, os.O_WRONLY | os.O_APPEND | os.O_CREAT | AS_IT_IS, 0o666)
     try:
         # It begins with a new line, so that it is whole after a line that a full disk cut off.
         os.write(handle, os.fsencode(f"\n{line}\n"))

@@ -351,11 +351,10 @@ def _doubts_of_the_base(image: np.ndarray, pile: Segmentation, grain_px: float) 
     """Write a sentence for each sign that the base or a flank, found without a sheet, is none of the pile's."""
     rows = np.flatnonzero(pile.mask.any(axis=1))
     left, right = pile.mask[rows].argmax(axis=1), pile.mask[rows, ::-1].argmax(axis=1)
-    upright = max(int((side <= side.min() + 2).sum()) for side in (left, right))
     doubts = []
-    if upright > max(0.75 * grain_px, UPRIGHT_PX):
+    if (tall := max(int((side <= side.min() + 2).sum()) for side in (left, right))) > max(0.75 * grain_px, UPRIGHT_PX):
         doubts.append(
-            f"{DOUBT}: an end of its foot is upright over {upright} pixels, as of a plate or a ruler: {BASE_ROW}"
+            f"{DOUBT}: an end of its foot is upright over {tall} pixels, as of a plate or a ruler: {BASE_ROW}"
         )
     first, seen = math.ceil(pile.base_row) + 2, image.reshape(*image.shape[:2], -1)
     below = seen[first : first + max(4, round(grain_px))]
