@@ -89,7 +89,8 @@ def test_each_run_of_a_function_is_kept_and_the_record_goes_on_anywhere(tmp_path
     other.tell(results(other.ask()))
     assert len(one.runs) == 16, "what another process told"
     (tmp_path / "mine.csv").write_text("sample,a,b,y,z\n1,0.1,0.1,0.2,0.1\n")
-    input_error("file is 'there already'", study(tmp_path / "mine.csv").ask)
+    mine = study(tmp_path / "mine.csv")
+    input_error("file is 'there already'", mine.tell, results(mine.ask()))
 
 
 def test_a_record_that_cannot_be_written_keeps_nothing(tmp_path, monkeypatch):

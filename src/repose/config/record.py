@@ -45,6 +45,7 @@ class Record:
     def __init__(self, study: Studied, file: str | os.PathLike | None = None) -> None:
         self.study, self.file = study, None if file is None else Path(file)
         self._rows: list[dict[str, Any]] = []
+        self._is_record = False  # the file that was read, and no table of somebody else
         self._proposals: dict[str, Batch | Answer] = {}  # after which runs; the last one alone
         self.data = pd.DataFrame()
         self.read()
@@ -53,8 +54,7 @@ class Record:
         """Take the rows of the file, to which other processes may have added."""
         if self.file is not None and self.file.exists():
             rows = rows_of(self.file)
-            if TURN not in rows[0] or self.file.is_symlink():  # no record, or one of an early version
-                ledger.check_replaceable(self.file)
+            self._is_record = TURN in rows[0]
             self._take(rows, self.file)
 
     @property
@@ -172,7 +172,7 @@ class Record:
         numbers = data[["sample"]].assign(run=data.groupby("sample").cumcount() + 1).astype(str)
         rows = [number | dict(row) for number, row in zip(numbers.to_dict("records"), new, strict=True)]
         if write and self.file is not None:
-            if self.file.exists():  # a copy, or edited by a spreadsheet: its rows are among these
+            if self._is_record and self.file.exists():  # a copy, or edited by a spreadsheet: its rows are among these
                 ledger.adopt(self.file)
             write_table(self.file, pd.DataFrame(rows))
         self.data, self._rows = data, rows
