@@ -135,7 +135,7 @@ def _scale(args: argparse.Namespace) -> "Scale":
     if args.length:
         number("--length", args.length[0], 1, 1e5)
         if (found := level_length(*args.length)) is None:
-            allowed = f"ends {LEAST_LENGTH_PX} pixels apart, left one first, level within {MOST_LEVEL_DEG:g} degrees"
+            allowed = f"ends at least {LEAST_LENGTH_PX} pixels apart, left first, level to {MOST_LEVEL_DEG:g} degrees"
             raise InputError("command line", "--length", args.length, allowed)
         scale, level = found
     if scale is not None:

@@ -419,7 +419,7 @@ class Study:
         InputError
             If these are not runs that `ask` gave, or a number is not finite. Nothing is added then.
         """
-        self._record.add(runs)
+        self._own_record.add(runs)  # which reads the file under its lock
 
     def calibrate(self, simulate: Callable[[dict[str, Any]], Mapping[str, float]]) -> "Calibration":
         """Simulate all that the strategy asks for, and return the answer; with a file each run is on the disk at once.
