@@ -168,8 +168,8 @@ def _numbers_of_samples(sets: pd.DataFrame, rows: Rows, study: Studied, source: 
             faults.append((k, "sample", name, allowed))
     refuse(source, faults)
     digits = all(name.isdecimal() and len(name) < 10 for name in reported)
-    unlike = len({int(name) if digits else name for name in reported}) == len({*reported})  # 3 and 003 are two
-    return [int(name) for name in reported] if digits and unlike else pd.factorize(pd.Series(reported))[0] + 1
+    distinct = len({int(name) if digits else name for name in reported}) == len({*reported})  # 3 and 003 are two
+    return [int(name) for name in reported] if digits and distinct else pd.factorize(pd.Series(reported))[0] + 1
 
 
 def with_fixed(rows: Rows, space: ParameterSpace) -> list[dict[str, Any]]:
