@@ -78,7 +78,7 @@ def test_the_start_repeats_its_samples_and_answers_in_the_products_of_a_run(stud
     assert {test["bench"] for test in made["tests"]} == {None}
     assert set(made["parameters"]) == {"friction", "rolling", "restitution"}
     assert "not simulated again" in command("card", "show", tmp_path / "card.json").out
-    command("card", "compare", *2 * [tmp_path / "card.json"])
+    assert " predicted " in command("card", "compare", *2 * [tmp_path / "card.json"]).out
     for name in ("samples", "solutions", "posterior", "draws"):
         assert len(pd.read_csv(tmp_path / f"{name}.csv")) > 1
 

@@ -130,8 +130,8 @@ def _simulated(test: Mapping[str, Any] | None) -> str:
     """Write the simulated and the measured response."""
     if test is None:
         return "-"
-    simulated = "no number" if test["simulated"] is None else f"{test['simulated']:.4g}"
-    return f"{simulated} {test['unit']}, measured {test['measured']:.4g}"
+    known = f"predicted {_mean(test.get('predicted'), None)}" if test["met"] is None else _mean(test["simulated"], None)
+    return f"{known} {test['unit']}, measured {test['measured']:.4g}"
 
 
 def _check(test: Mapping[str, Any]) -> Check:

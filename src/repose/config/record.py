@@ -124,8 +124,8 @@ class Record:
         Runs that were not asked for count from the next turn on; those before the first run of a turn count at once.
         """
         assert self.file is not None
-        rows = with_fixed(rows_of(path), self.study.parameters)
-        checked = checked_runs(self.study, rows, path, enough=False)
+        checked = checked_runs(self.study, rows := rows_of(path), path, enough=False)
+        rows = with_fixed(rows, self.study.parameters)
         self.file.parent.mkdir(parents=True, exist_ok=True)
         with exclusive(self.file):
             self.read()
