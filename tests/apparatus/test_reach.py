@@ -55,8 +55,7 @@ def test_a_side_is_no_steeper_than_the_cone_of_its_mass_and_the_articles_pair_is
     r = (np.arange(4000) + 0.5) / 4000
     for _ in range(200):
         feet = np.append(rng.uniform(0.05, 1, 3), 1.0)
-        shares = rng.dirichlet(np.full(4, 0.5))
-        side = (shares[:, None] * np.maximum(1 - r / feet[:, None], 0)).sum(axis=0)
+        side = (rng.dirichlet(np.full(4, 0.5))[:, None] * np.maximum(1 - r / feet[:, None], 0)).sum(axis=0)
         volume = 2 * math.pi * (side * r).mean()
         assert -np.polyfit(r, side, 1)[0] <= math.sqrt(math.pi / (3 * volume)) * (1 + 1e-4)
     row, exact = reach.nearest_row(MeasureSettings(**config["measure"] | WHOLE), "whole", 0.2)

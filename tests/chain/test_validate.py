@@ -175,8 +175,7 @@ def test_a_failed_or_missing_simulation_keeps_its_row_or_is_named(study):
     theirs = result["published"].set_index("sample")
     assert theirs.loc[101, "status"] == "jammed"
     assert np.isnan(theirs.loc[101, "aor_difference_deg"])
-    random = np.random.RandomState(2)
-    support = Support(random.uniform(0.3, 0.7, (200, 6)), np.zeros(6), np.ones(6), PARAMETERS)
+    support = Support(np.random.RandomState(2).uniform(0.3, 0.7, (200, 6)), np.zeros(6), np.ones(6), PARAMETERS)
     plain, result = tables(study), tables(study, support=support)
     for name in ("table4", "published"):
         assert result[name].columns.tolist() == [*plain[name].columns, "warning"]

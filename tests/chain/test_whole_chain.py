@@ -105,8 +105,7 @@ def test_a_fixed_parameter_stays_and_a_measured_one_is_preferred(tmp_path):
     assert abs(feasible["mus_gp"].iloc[0] - 0.5) < 0.02
     np.testing.assert_allclose(feasible["prior_distance_sd"], (feasible["mus_gp"] - 0.5).abs() / 0.02, atol=1e-9)
     assert feasible["objective"].iloc[0] < 0.02
-    row = pd.read_csv(tmp_path / "miga/intervals.csv").set_index("variable").loc["e_gp"]
-    assert row.tolist() == [0.3, 0.3, 0.0]
+    assert pd.read_csv(tmp_path / "miga/intervals.csv").set_index("variable").loc["e_gp"].tolist() == [0.3, 0.3, 0.0]
 
 
 @pytest.mark.parametrize("name", ["gaussian_process", "quadratic"])

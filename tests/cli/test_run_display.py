@@ -287,8 +287,7 @@ def test_a_job_counts_the_runs_that_it_has_kept_since_it_began(plan, tmp_path):
 def test_a_complete_job_counts_the_runs_that_it_has_timed(plan, tmp_path):
     (tmp_path / "timings").mkdir()
     for number, date_s in (("001", BEGAN_S + 50), ("002", BEGAN_S - 500)):
-        path = written(tmp_path / f"timings/{number}.json", '{"wall_s": {"7": 3.1, "8": 2.9}}')
-        os.utime(path, (date_s, date_s))
+        os.utime(written(tmp_path / f"timings/{number}.json", '{"wall_s": {"7": 3.1, "8": 2.9}}'), (date_s, date_s))
         plan.start(int(number), pour(number, tmp_path))
         plan.finish(int(number), BEGAN_S + 60)
     assert plan.pours_done == 2

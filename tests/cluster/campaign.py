@@ -20,8 +20,7 @@ def makespan_s(jobs_s, cores, start_s, submitted_per_s):
     """Time until the last job has ended; jobs are submitted in their order at a constant rate."""
     free_s = [0.0] * min(cores, len(jobs_s))
     for number, takes_s in enumerate(jobs_s):
-        begins_s = max(heapq.heappop(free_s), number / submitted_per_s)
-        heapq.heappush(free_s, begins_s + start_s + takes_s)
+        heapq.heappush(free_s, max(heapq.heappop(free_s), number / submitted_per_s) + start_s + takes_s)
     return max(free_s)
 
 

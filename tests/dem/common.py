@@ -31,8 +31,7 @@ class OneShape(Simulation):
 def simulation(semi_axes=BERRY, contact=None, wall_contact=None, walls=None, dt=1e-5, capacity=2, **keywords):
     axes = np.atleast_2d(semi_axes)
     solid = Shape.ellipsoid(axes.sum(axis=0), DENSITY, "body")
-    corners = {"lower": (-0.1, -0.1, -0.1), "upper": (0.1, 0.1, 0.1)}
-    keywords = {"gravity_m_s2": (0.0, 0.0, 0.0)} | corners | keywords
+    keywords = {"gravity_m_s2": (0.0, 0.0, 0.0)} | {"lower": (-0.1, -0.1, -0.1), "upper": (0.1, 0.1, 0.1)} | keywords
     contact = contact or Contact(0.3, 0.5, 0.0)
     shapes = {"body": Shape(axes, solid.mass_kg, solid.inertia_kg_m2, "body")}
     contacts = {("body", "body"): contact, ("body", "wall"): wall_contact or contact}

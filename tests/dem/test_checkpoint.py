@@ -140,8 +140,7 @@ def test_an_interrupt_leaves_a_checkpoint_to_go_on_from(saved, tmp_path):
         if running.steps > 0:
             raise KeyboardInterrupt
 
-    simulation = falling()
-    raised(KeyboardInterrupt, None, simulation.run, 0.2, False, record=interrupt, record_every_s=0.06, checkpoint=path)
+    raised(KeyboardInterrupt, None, falling().run, 0.2, False, record=interrupt, record_every_s=0.06, checkpoint=path)
     loaded = Simulation.load(path)
     assert loaded.steps == 600
     loaded.run_steps(1400)

@@ -50,8 +50,7 @@ def test_a_pile_that_is_low_is_measured_and_its_rings_are_those_of_a_slow_twin()
     assert found["flat"]
     assert found["angle_deg"] == pytest.approx(8.0, abs=1.0)
     flying = grains(np.column_stack([low.centres_m[:50, :2], np.full(50, 0.05)]))._replace(speeds_m_s=np.ones(50))
-    both = Grains(*map(np.concatenate, zip(low, flying, strict=True)))
-    assert lifted_piles.angle(both) == {**found, "moving": 50}
+    assert lifted_piles.angle(Grains(*map(np.concatenate, zip(low, flying, strict=True)))) == {**found, "moving": 50}
     rng = np.random.default_rng(1)
     out, tops, width = 0.05 * np.sqrt(rng.random(900)), 0.03 * rng.random(900), 2.0 * RADIUS_M
     expected = []

@@ -45,9 +45,8 @@ def test_rolling_resistance_of_a_tile_agrees_with_the_slow_law(framed):
         q = random_quaternion(rng)
         inertia = rotation_matrix(q) @ np.diag(MOMENTS) @ rotation_matrix(q).T
         momentum = 1e-6 * rng.normal(size=3)
-        relative = np.linalg.norm(momentum - inertia @ frame)
         # shares of what would stop the body: none, some, nearly all, just more
-        budget = relative * (0.0, rng.uniform(), 0.9999, 1.0001)[lane % 4]
+        budget = np.linalg.norm(momentum - inertia @ frame) * (0.0, rng.uniform(), 0.9999, 1.0001)[lane % 4]
         c[st.QUATERNION + lane :: LANES][:4] = q
         c[st.INVERSE_MOMENTS + lane :: LANES][:3] = 1.0 / np.array(MOMENTS)
         c[st.ANGULAR_MOMENTUM + lane :: LANES][:3] = momentum

@@ -248,11 +248,14 @@ def test_the_funnel_is_the_simulated_one_and_the_lammps_cone_ends_where_it_does(
 
 
 def test_a_tube_stands_in_surface_and_deck(config):
-    config = config | {"funnel": config["funnel"] | {"tube_length_mm": 20.0}}
+    config = config | {"funnel": config["funnel"] | {"tube_length_mm": 20.0, "plate_diameter_mm": 80.0}}
     job = job_of(config, THREE)
     line = surface.profile(job.surfaces)
     assert np.ptp(line[np.isclose(line[:, 0], 0.5 * job.surfaces.outlet_diameter_m)][:, 1]) == pytest.approx(0.02)
-    assert "region          tube cylinder" in export.PROGRAMS["lammps"](job)["in.pour"]
+    deck = export.PROGRAMS["lammps"](job)["in.pour"]
+    assert "region          tube cylinder" in deck
+    half = float(re.search(r"domain block \S+ (\S+)", deck).group(1))  # the inlet is wider than the plate
+    assert half == pytest.approx(0.5 * job.surfaces.inlet_diameter_m + 4 * job.particle.bounding_radius_m, rel=1e-6)
 
 
 def test_other_particles_and_laws_are_refused_and_cohesion_and_rolling_are_written(config):

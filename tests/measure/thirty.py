@@ -122,8 +122,7 @@ BAD = (
 def measured(folder, scene, name="pile"):
     path = Path(folder) / f"{name}.png"
     cv2.imwrite(str(path), photograph(scene))
-    how = MeasureSettings(berry_height_mm=scene.berry_mm)
-    return photographs.measure_all([path], how, photographs.Scale())[0]
+    return photographs.measure_all([path], MeasureSettings(berry_height_mm=scene.berry_mm), photographs.Scale())[0]
 
 
 def picture(path):

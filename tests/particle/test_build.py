@@ -32,8 +32,7 @@ def saved(mesh, tmp_path):
 
 def barrel_mesh(subdivisions=5):
     n = trimesh.creation.icosphere(subdivisions=subdivisions).vertices
-    points = sum(n * s**2 / np.linalg.norm(n * s, axis=1)[:, None] for s in BARREL_M)
-    return trimesh.convex.convex_hull(points * 1e3)
+    return trimesh.convex.convex_hull(sum(n * s**2 / np.linalg.norm(n * s, axis=1)[:, None] for s in BARREL_M) * 1e3)
 
 
 def test_ellipsoids_are_recognised_through_the_file_whatever_their_pose(tmp_path):

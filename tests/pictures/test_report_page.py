@@ -72,8 +72,7 @@ def values_of(text):
     ("targets", "fixed"), [(TARGETS[:1], ()), (TARGETS, ("e_gg", "e_gp")), (MORE, ())], ids=["1", "2", "3"]
 )
 def test_any_number_of_targets_and_fixed_parameters(targets, fixed, tmp_path):
-    study = made_up_study(tmp_path, targets, fixed=fixed)
-    text = written(study, tmp_path, {"All samples": tmp_path / "dataset.csv"})
+    text = written(made_up_study(tmp_path, targets, fixed=fixed), tmp_path, {"All samples": tmp_path / "dataset.csv"})
     values = values_of(text)
     assert [target["name"] for target in values["targets"]] == [target["response"] for target in targets]
     assert [parameter["name"] for parameter in values["parameters"] if parameter["fixed"]] == list(fixed)

@@ -148,8 +148,7 @@ def test_ask_and_tell_stop_with_an_answer_that_meets_the_targets(study, tmp_path
 def test_runs_are_told_by_rows_fixed_parameters_and_replicates(study, table, tmp_path):
     runs = checked_runs(study, table.drop(columns=["sample", "run"]))
     assert runs["sample"].tolist() == np.arange(1, 17).repeat(2).tolist()
-    mixed = checked_runs(study, table.sample(frac=1, random_state=1))
-    assert observed(study, mixed).counts.tolist() == [2] * 16
+    assert observed(study, checked_runs(study, table.sample(frac=1, random_state=1))).counts.tolist() == [2] * 16
     failed = table.astype({"angle_deg": object}).assign(status="ok")
     failed.loc[:2, ["status", "angle_deg"]] = ["jammed", ""]
     known = observed(study, checked_runs(study, failed))
@@ -178,8 +177,7 @@ def test_runs_are_told_by_rows_fixed_parameters_and_replicates(study, table, tmp
 
 
 def noise_of(study, table):
-    known = observed(study, checked_runs(study, table))
-    return noise.noise_of(known, study.targets.names, study.settings.noise_sd)
+    return noise.noise_of(observed(study, checked_runs(study, table)), study.targets.names, study.settings.noise_sd)
 
 
 def test_single_runs_give_a_rough_noise_and_correlations_need_more(study):
@@ -323,8 +321,7 @@ def test_all_faults_of_a_configuration_are_reported_at_once():
 
 @pytest.mark.slow
 def test_a_prior_moves_the_answer(table):
-    content = changed("parameters.friction", {"prior": {"mean": 0.5, "sd": 0.01}, "range": [0.2, 0.8]})
-    study = Study.own(content)
+    study = Study.own(changed("parameters.friction", {"prior": {"mean": 0.5, "sd": 0.01}, "range": [0.2, 0.8]}))
     found = calibration.calibrate(study, checked_runs(study, table))
     assert found.summary["representative"]["friction"] < 0.58, "0.59 without it"
 

@@ -225,8 +225,7 @@ def test_other_responses_are_refused_and_a_restored_network_has_its_error_bars(s
     other = targets_of(height_mm=60.0, aor_deg=30.0)
     wanted = r"network\.json: outputs is .*the responses of the targets, height_mm"
     input_error(wanted, posterior.run, study, GIVEN._replace(targets=other), tmp_path)
-    network = json.loads(study["network"].read_text())
-    made_with = network | {"definitions": {"aor_deg": {"measure.response": "flank"}}}
+    made_with = json.loads(study["network"].read_text()) | {"definitions": {"aor_deg": {"measure.response": "flank"}}}
     (tmp_path / "network.json").write_text(json.dumps(made_with))
     files = study | {"network": tmp_path / "network.json"}
     other = GIVEN._replace(definitions={"aor_deg": {"measure.response": "secant"}})

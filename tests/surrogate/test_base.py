@@ -157,8 +157,7 @@ def test_correlated_noise_is_taken_and_what_is_no_covariance_is_refused(name):
 def test_correlated_noise_is_noticed_and_definitions_of_a_response_do_not_mix():
     random = np.random.default_rng(0)
     X = points(60, 0)
-    shared = random.normal(size=(60, 1))
-    Y = truth(X)[:, [0, 0]] + 0.2 * (0.95 * shared + 0.3 * random.normal(size=(60, 2)))
+    Y = truth(X)[:, [0, 0]] + 0.2 * (0.95 * random.normal(size=(60, 1)) + 0.3 * random.normal(size=(60, 2)))
     covariance = 0.04 * np.array([[1.0, 0.9], [0.9, 1.0]])
     found = make("gaussian_process", {}).fit(X, Y, noise_covariance=covariance).covariance(points(10, 1))
     assert (found[:, 0, 1] / np.sqrt(found[:, 0, 0] * found[:, 1, 1]) > 0.6).all()

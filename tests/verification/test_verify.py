@@ -97,8 +97,7 @@ def test_medians_are_set_beside_the_kernel_and_particles_are_poured_in_turn(monk
     assert found["particles"] == [dict(zip(names, row, strict=True)) for row in rows]
     table = speed.message(found | {"berries": 500, "time_step_s": 2e-4} | speed.machine()).splitlines()
     assert f"vectors of {speed.machine()['vector_bits']} bits" in table[0]
-    wanted = ["a 100.0 1.00 2.000 10.00", "b 250.0 2.50 5.000 30.00"]
-    assert [" ".join(line.split()) for line in table[3:]] == wanted
+    assert [" ".join(line.split()) for line in table[3:]] == ["a 100.0 1.00 2.000 10.00", "b 250.0 2.50 5.000 30.00"]
     asked = []
 
     def pour(config, parameters, seed, particle, berry):
