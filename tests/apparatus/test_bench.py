@@ -2,10 +2,12 @@
 
 import importlib.util
 import json
+import pprint
 
 import numpy as np
 import pytest
 from goji import AXES_MM, BERRY, PARTICLE, example, named, recommended
+from known import is_known
 from refusals import input_error, not_refused, value_error
 from shared import ROOT
 
@@ -19,6 +21,7 @@ from repose.core.seeds import pour_seeds
 from repose.core.targets import Targets
 
 EXAMPLES = ROOT / "examples/bench_tests"
+SHIPPED = names()
 SET = named((0.2, 0.6, 0.05, 0.2, 0.6, 0.2))
 SECTION = {"berries": 5, "rate_per_s": 20.0, "seeds": 2, "height_mm": 50.0, "duration_s": 0.6}
 TARGET = {"response": "spread_mm", "apparatus": "drop", "value": 30.0, "sd": 2.0, "repetitions": 5, "range": [25, 35]}
@@ -100,6 +103,14 @@ def configured(name, **keys):
     if not (EXAMPLES / f"{name}.yaml").exists() or name in ("cylinder", "discharge", "turning"):
         return recommended(name, **keys)
     return example(name, **({"time_step_s": 2.5e-4} if name == "drop_test" else {}) | keys)
+
+
+def test_the_scenes_of_all_bench_tests_are_known():
+    scenes = {}
+    for test in map(bench, SHIPPED):
+        scene = Scene.of(configured(test.name), SET, BERRY, PARTICLE, 1)
+        scenes[test.name] = test.world(scene, PARTICLE.bounding_radius_m) | {"ends_s": test.duration_s(scene.settings)}
+    is_known("scenes.txt", pprint.pformat(scenes, width=120, compact=True))
 
 
 def test_a_bench_test_that_cannot_run_is_refused():

@@ -71,6 +71,8 @@ def test_the_surface_of_a_bed_of_known_angle(angle_deg):
     seen = [surface(*half_filled(angle_deg, seed=s)) for s in range(4)]
     assert np.mean([surface.angle_deg for surface in seen]) == pytest.approx(angle_deg, abs=1.0)
     assert np.ptp(seen[0].line_m[:, 0]) == pytest.approx(0.6 * np.ptp(seen[0].profile_m[:, 0]), abs=1e-3)
+    x, z = seen[0].profile_m.T
+    assert seen[0].line_m[:, 1].mean() == pytest.approx(z[np.abs(x - x.mean()) < 0.2 * np.ptp(x)].mean(), abs=1e-3)
 
 
 def test_the_edge_of_one_berry_is_its_outline_and_a_bed_that_is_carried_along_rests_in_the_drums_frame():

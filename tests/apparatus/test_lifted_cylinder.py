@@ -54,8 +54,6 @@ def test_a_run_is_judged_and_a_tube_that_cannot_be_filled_or_lifted_is_refused()
     cases = [("lift_from_s", 1.4, "above 1.495, when the last grain appears"), ("speed", 20.0, "a known key")]
     cases += [("plate_diameter_mm", 104.0, "above 104, the tube's outer diameter")]
     cases += [("lifting_mm_s", 0.0, "0.1 to 5000")]
-    rim = TEST.world(Scene.of(config(), SET, BEAD, SPHERE, 1), 0.01)["walls"]["rim"]
-    assert rim.gates == ((0.0, 1.0), (0.0, 0.0)), "what looks down at it from above is in the tube's wall"
     wrong = [({key: value}, rf"lifted_cylinder\.{key}.*{allowed}") for key, value, allowed in cases]
     assert not not_refused(lambda keys: Study.of(config(berries=300, **keys)), wrong, InputError)
 
@@ -123,12 +121,10 @@ def test_the_bed_stands_as_high_as_was_asked_for_before_it_is_lifted(level_mm, m
     assert by_number["filling_height_mm"] == pytest.approx(level_mm, abs=5.0)
 
 
-def test_a_bed_that_cannot_come_to_rest_in_time_is_not_filled_and_the_plate_has_its_diameter():
+def test_a_bed_that_cannot_come_to_rest_in_time_is_not_filled():
     record, _ = lifted(1, filling_height_mm=90.0, lift_from_s=0.3)
     assert record["status"] == "not_filled"
     assert "not at 90 mm" in record["reason"]
-    tube = TEST.build(Scene.of(config(**TUBE, plate_diameter_mm=300.0), SET, BEAD, SPHERE))
-    assert tube.walls.planes[:, 6].tolist() == pytest.approx([0.15])
 
 
 def test_a_small_pile_is_measured_as_that_of_the_funnel_and_as_a_picture_of_it():

@@ -11,8 +11,9 @@ import jsonschema
 import numpy as np
 import pandas as pd
 import pytest
+from known import is_known
 from refusals import input_error, not_refused
-from shared import ROOT, TARGETS, says, settings_of, studied
+from shared import ROOT, TARGETS, settings_of, studied
 
 from repose.chain import answer, card, card_library, card_text
 from repose.chain.card import described
@@ -227,8 +228,7 @@ def test_an_angle_of_a_pile_has_its_line_and_the_same_piles_by_every_other(confi
         assert ("definitions" in made_card["tests"][0]) == (given is not None)
     (tmp_path / "card.json").write_text(json.dumps(made_card))
     text = command("card", "show", tmp_path / "card.json").out
-    flank = "every line, deg: flank, 30 to 80 % of the height, levels: 30 +- 0.5; "
-    says(text, f"{flank}secant, foot to crest: 31 +- 0.5; ", "whole side, columns: no number; ")
+    is_known("card.txt", text.rpartition("\n")[0].rpartition("\n")[0])  # without the versions
     assert "definitions" not in made(config | {"targets": [HEIGHT]}, solutions)["tests"][0]
 
 
@@ -364,11 +364,7 @@ def test_two_cards_side_by_side_tell_what_differs(config, solutions, tmp_path, c
     for name, content in (("one", one), ("other", other)):
         (tmp_path / f"{name}.json").write_text(json.dumps(content))
     lines = command("card", "compare", tmp_path / "one.json", tmp_path / "other.json").out.splitlines()
-    assert [line.split()[0] for line in lines if line.endswith("intervals apart")] == ["e_gg"]
-    assert any("Another law, end of an impact" in line for line in lines)
-    assert any("no number" in line for line in lines)
-    assert "Another funnel: outlet_diameter_mm 32 | 40." in lines
-    assert "height_mm is measured with other settings: views 18 | 6." in lines
+    is_known("cards.txt", "\n".join(lines))
     assert "Another simulator" not in card_text.compared(one, other)
     assert "Another simulator: repose | theirs." in card_text.compared(one, other | {"simulator": "theirs"})
     other["tests"][0]["definition"]["name"] = "angle, secant"

@@ -315,8 +315,7 @@ def test_a_resting_pile_weighs_on_its_walls_what_it_weighs():
     assert np.allclose(force, (0.0, 0.0, -weight), rtol=0.0, atol=1e-6 * weight)
     moment = np.cross(s.positions - about, (0.0, 0.0, -s.mass_kg * GRAVITY)).sum(axis=0)
     # rolling resistance holds bodies without a load on the walls: mu_r times the force times a berry's half length
-    torque = sum(load.torque_n_m for load in loads.values())
-    assert np.allclose(torque, moment, rtol=0.0, atol=0.05 * weight * 0.011)
+    assert np.allclose(sum(load.torque_n_m for load in loads.values()), moment, rtol=0.0, atol=0.05 * weight * 0.011)
     assert loads["right"].force_n[0] > 0.01 * weight
     for name, values in before.items():
         assert np.array_equal(values, getattr(s, name))

@@ -66,8 +66,7 @@ def runs_of(table, pours, noise, seed, names=TARGETS.names):
     """Single runs of samples with noise in percent, as the verb dataset writes them."""
     every = table.loc[table.index.repeat(pours)].reset_index(drop=True)
     values = pd.DataFrame(responses(every, noise, seed), columns=list(TARGETS.names))[list(names)]
-    runs = every[["sample"]].assign(seed=np.arange(len(every)), status="ok", reason="")
-    return pd.concat([runs, values], axis=1)
+    return pd.concat([every[["sample"]].assign(seed=np.arange(len(every)), status="ok", reason=""), values], axis=1)
 
 
 def write_tables(folder, table, runs, targets=TARGETS):

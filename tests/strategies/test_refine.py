@@ -160,8 +160,7 @@ def designed(simulator, out):
     table = pd.DataFrame(LOW + np.random.default_rng(5).random((60, 6)) * (HIGH - LOW), columns=list(PARAMETERS))
     table.insert(0, "sample", np.arange(1, 61))
     table.to_csv(out / "samples.csv", index=False)
-    jobs = simulator.pour(table.assign(seeds=6), "design", out / "heaps")
-    dataset.run(out / "samples.csv", jobs, TARGETS, {}, out)
+    dataset.run(out / "samples.csv", simulator.pour(table.assign(seeds=6), "design", out / "heaps"), TARGETS, {}, out)
 
 
 def closed(simulator, out, limit):

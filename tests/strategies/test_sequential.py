@@ -71,8 +71,7 @@ def advised(data, targets=TARGETS, failed=None, **changes):
 
 def test_the_answer_of_a_campaign_meets_the_targets_after_one_batch_and_another(done):
     folder, summary = done
-    answer = pd.DataFrame([summary["answer"]])
-    off = 100 * np.abs(responses(answer)[0] / TARGETS.aim - 1)
+    off = 100 * np.abs(responses(pd.DataFrame([summary["answer"]]))[0] / TARGETS.aim - 1)
     table = pd.read_csv(folder / "batches.csv")
     # within four of the errors of the last batch
     errors = [100 * table[f"{one.name}_error"].iloc[-1] / one.aim for one in TARGETS]
@@ -110,8 +109,7 @@ def test_one_target_a_fixed_parameter_and_a_prior_that_spreads_the_start(tmp_pat
     assert summary["answer"]["e_gg"] == 0.25
     # far from the prior's mean the density is small; five of its standard deviations are never worth it here
     assert abs(summary["answer"]["mus_gp"] - 0.6) < 0.1
-    poured = pd.concat([pd.read_csv(path) for path in tmp_path.glob("batch_*/dataset.csv")])
-    assert (poured["e_gg"] == 0.25).all()
+    assert (pd.concat([pd.read_csv(path) for path in tmp_path.glob("batch_*/dataset.csv")])["e_gg"] == 0.25).all()
 
 
 def test_it_stops_where_the_budget_is_used_up_no_pour_helps_or_no_set_meets_the_targets():

@@ -158,7 +158,6 @@ def test_bits_and_interval_by_hand_where_a_correlated_discrepancy_leaves_the_con
     assert (study["evidence"], stated["evidence"]) == ("shape study", "stated")
     found, known = (row.drop("evidence").astype(float).to_numpy() for row in (study, stated))
     assert found == pytest.approx(known)
-    assert "with the discrepancy of the shape study, 5 %:" in implausibility.message(table, 0.5)
 
 
 def test_the_region_is_where_the_response_is_within_three_standard_deviations():
@@ -175,7 +174,6 @@ def test_the_region_is_where_the_response_is_within_three_standard_deviations():
     assert (own.loc[far, "least_implausibility"] > 3).all()
     others = table[(table["x"] == PARAMETERS[2]) & (table["y"] == PARAMETERS[3])]
     assert others["share"].to_numpy() == pytest.approx(share, abs=0.15)
-    assert "not implausible" in implausibility.message(curve_of(Linear(40.0), targets)[1], share)
 
 
 def made_up_runs(seeds=4, samples=30):
@@ -209,7 +207,6 @@ def test_tables_of_a_study_with_failed_pours_by_function_and_verb(tmp_path, comm
     assert seeds["aor_reachable_r2"][0] == pytest.approx(row["icc"])
     assert seeds["aor_se_percent"][row["seeds_for_1_percent"] - 1] <= 1 < seeds["aor_se_percent"][0]
     assert json.loads((tmp_path / "out/noise.json").read_text()) == summary
-    assert "height_mm: sd 2." in noise.message(summary, TWO)
     # height is twice the angle plus noise of one: 2 / sqrt(5)
     assert summary["correlation"]["low"] < 2 / np.sqrt(5) < summary["correlation"]["high"]
     out = tmp_path / "verb"

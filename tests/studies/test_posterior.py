@@ -201,7 +201,6 @@ def test_a_study_determines_what_moves_its_responses_and_says_what_it_does_not(s
     others = ["e_gg", "mus_gg", "e_gp", "mur_gp"]
     assert (table.loc[others, "information_bits"] < 0.1).all()
     assert all(f"{name} is not determined" in posterior.message(summary) for name in others)
-    assert "; 100 % of the draws" in posterior.message(summary | {"thin_share": 1.0})
     assert table.loc["e_gg", "published_prior_probability"] == pytest.approx(0.2)
     assert table.loc["mus_gp", "published_probability"] > 0.8
     assert summary["misfit"]["p_value"] > 0.9

@@ -131,7 +131,7 @@ def _simulated(test: Mapping[str, Any] | None) -> str:
     if test is None:
         return "-"
     known = f"predicted {_mean(test.get('predicted'), None)}" if test["met"] is None else _mean(test["simulated"], None)
-    return f"{known} {test['unit']}, measured {test['measured']:.4g}"
+    return f"{known}, measured {test['measured']:.4g} {test['unit']}"
 
 
 def _check(test: Mapping[str, Any]) -> Check:

@@ -1,0 +1,19 @@
+"""Texts that change by intention alone lie in `known/`: `REPOSE_WRITE_KNOWN=1 pytest TEST` writes those of a test."""
+
+import os
+import re
+from pathlib import Path
+
+import numpy as np
+
+NUMBER = re.compile(r"(?<![\w.])[-+]?\d+\.?\d*(?:e[-+]?\d+)?", re.IGNORECASE)
+
+
+def is_known(name, text):
+    """Hold a text to a file: words exactly, numbers to 1e-5, since processors differ."""
+    path = Path(__file__).with_suffix("") / name
+    if "REPOSE_WRITE_KNOWN" in os.environ:
+        path.write_text(text)
+    one, other = (re.sub(r"[ \n]+", " ", each) for each in (text, path.read_text()))
+    assert NUMBER.sub("#", one) == NUMBER.sub("#", other)
+    np.testing.assert_allclose(*(list(map(float, NUMBER.findall(each))) for each in (one, other)), 1e-5, 1e-12)
