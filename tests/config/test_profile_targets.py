@@ -7,6 +7,7 @@ from shared import written
 
 import repose
 from repose.chain.answer import Check
+from repose.chain.card import described
 from repose.config import stands_on
 from repose.config.study import Study
 from repose.strategies.sequential.goal import Goal
@@ -49,6 +50,8 @@ def test_a_profile_becomes_a_target_for_each_score_with_its_errors(quick, entry)
     assert sum(target.sd**2 for target in own) == pytest.approx(1.2**2)
     assert sum((target.high - target.low) ** 2 for target in own) == pytest.approx((2 * 0.9) ** 2)
     assert {target.whole for target in own} == {profile.whole}
+    settings = [described(study, target.response, {})["definition"]["settings"] for target in study.targets]
+    assert [one.get("profile", {}).get("x") for one in settings] == [None] * (len(settings) - 3) + 3 * [[*profile.x]]
     own = {key: value for key, value in entry.items() if key != "functions"}
     input_error("rows is 5; expected more than functions, 5", study_of, quick, own)
     own = study_of(quick, entry | {"sd": "sd_mm", "z": "low_mm"}).targets[-1]

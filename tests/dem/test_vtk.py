@@ -47,8 +47,7 @@ def arrays(path):
         columns = int(element.get("NumberOfComponents"))
         found[element.get("Name")] = values.reshape(-1, columns) if columns > 1 else values
     for element in root.iter("Array"):
-        codes = bytes(int(code) for code in element.text.split())
-        found[element.get("Name")] = codes.decode().split("\0")[:-1]
+        found[element.get("Name")] = bytes(int(code) for code in element.text.split()).decode().split("\0")[:-1]
     return found
 
 

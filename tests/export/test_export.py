@@ -45,7 +45,6 @@ def job(config):
 def test_the_decks_of_a_clump_and_a_ball_are_known(config, program):
     decks = [export.PROGRAMS[program](job_of(config, particle)) for particle in (THREE, BALL)]
     texts = [text for deck in decks for name, text in deck.items() if not name.endswith(".stl")]
-    assert all(text for deck in decks for text in deck.values())
     is_known(f"{program}.txt", re.sub(r".*(version|commit).*", "", "\n".join(texts)))
 
 

@@ -83,8 +83,7 @@ def test_a_coarse_photograph_is_doubtful_and_one_sheet_gives_the_camera_of_a_zoo
     turn = np.array([0.02, -0.12, 0.05])
     pixels = cv2.projectPoints(flat, turn, np.array([0.0, 0, away]), matrix, np.zeros(5))[0][:, 0]
     seen = sheet.Seen(places, pixels + np.random.default_rng(1).normal(0, 0.03, pixels.shape))
-    found = calibrate([seen], (1000, 750))
-    assert np.linalg.norm(Pose(found, seen, (1000, 750)).eye) == pytest.approx(away, rel=0.4)
+    assert np.linalg.norm(Pose(calibrate([seen], (1000, 750)), seen, (1000, 750)).eye) == pytest.approx(away, rel=0.4)
 
 
 def outlined(*tops):
