@@ -82,7 +82,7 @@ def test_scores_are_defined_by_abscissae_and_share_and_percents_are_of_the_heigh
 @pytest.mark.parametrize(("change", "words"), [
     ({"z": "height_mm"}, r"surface.csv: column height_mm is 'missing'.*found: x_mm"),
     ({"sd": "error_mm"}, r"surface.csv: column error_mm is 'missing'"),
-    ({"file": "nowhere.csv"}, r"nowhere.csv: file.*a CSV file of a profile"),
+    ({"file": "nowhere.csv"}, r"targets.2.file is .nowhere.csv.; expected an existing CSV file"),
     ({"functions": 5}, r"surface.csv: rows is 5; expected more than functions, 5"),
     ({"functions": 12}, r"targets\.2\.functions is 12; expected an integer from 2 to 9"),
     ({"hight": 3}, r"targets\.2\.hight is 3; expected a known key"),

@@ -380,6 +380,9 @@ def test_a_card_alone_is_enough_in_any_folder(tmp_path, monkeypatch, command, sp
             solid = 1e-3 * shown["grain"]["mass_g"] / 5 * np.array([b**2 + c**2, a**2 + c**2, a**2 + b**2])
             assert moments == pytest.approx(solid, rel=0.01)
     assert steps[1e-6] == pytest.approx(0.5e-6)
+    goji = [*words[:4], ROOT / "results/published/recommended/card.json", *words[5:]]  # whose files lie elsewhere
+    assert "berry.sizes is 'resources/berries.csv'" in command(*goji, "--out", "goji").err
+    assert Path("goji/in.pour").exists()
     assert steps[None] > 5 * steps[1e-6]
     law = "card.json: laws is 'another law'; expected laws of this version"
     drum = (shown["tests"][0], "apparatus", "drum", "expected the card of a study with piles of the funnel")

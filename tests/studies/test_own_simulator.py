@@ -72,7 +72,7 @@ def test_the_start_repeats_its_samples_and_answers_in_the_products_of_a_run(stud
     assert card.read(tmp_path / "card.json")["simulator"] == "EDEM 2024"
     assert made["met"] is None
     assert made["reason"] == "The answer is predicted inside both ranges; the answer was not simulated again."
-    assert made["out_of_reach"] is False
+    assert (made["out_of_reach"], made["made_by"]["seed"]) == (False, study.settings.design.seed)
     for said in (str(found), command("card", "check", tmp_path / "card.json", status=3).out):
         assert said.startswith("rape_seed: targets not checked yet. angle_deg predicted ")
     assert {test["bench"] for test in made["tests"]} == {None}
@@ -278,6 +278,13 @@ def changed(key, value):
         section, _, last = key.rpartition(".")
         del (at(content, section) if section else content)[last]
     return content
+
+
+@pytest.mark.parametrize("strategy", ["sequential", "published"])
+def test_the_runs_of_a_sample_stand_at_the_top_or_in_the_section(strategy):
+    for given in ({"seeds": 5}, {"sequential": {"seeds": 5}}):
+        asked = Study.own(CONTENT | given | {"strategy": strategy}).ask()
+        assert set(asked.groupby("sample").size()) == {5}
 
 
 @pytest.mark.parametrize(("key", "value", "words"), [

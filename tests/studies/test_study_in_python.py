@@ -1,5 +1,6 @@
 """A study with a simulator of one's own in Python: parts of a turn, runs made before, failures, rounded results."""
 
+import math
 import shutil
 import subprocess
 import sys
@@ -223,6 +224,7 @@ def test_what_is_wrong_is_told_by_its_name(tmp_path):
         (lambda: Study({"y_se": (0, 1)}, {"y": (1.0, 0.1)}), "with _se at its end"),
         (lambda: (c := Study({"c": (1e-10, 9e-10)}, {"y": (1.0, 0.1)})).tell(c.ask().assign(c=3e-10, y=1)), "'changed"),
         (lambda: study().calibrate(3), "a function of a row"),
+        (lambda: study().calibrate(lambda row: {"y": math.nan, "z": 1.0}), "samples with a good run is 0; .* not fail"),
         (lambda: study().calibrate(lambda row: 3.0), r"simulate is \[3.0.*a mapping with y, z"),
         (lambda: study().calibrate(lambda row: None), "a mapping with y, z"),
     ]  # fmt: skip

@@ -8,9 +8,8 @@ from typing import Any
 
 from repose.chain import card
 from repose.chain.card_text import MET
-from repose.core.errors import InputError
+from repose.core.errors import InputError, require
 from repose.core.places import root
-from repose.particle.particle import check_positive
 
 GOJI = ("results/published/recommended/card.json", "results/published/fast/card.json")
 SIZES = ("berries", "inlet_diameter_mm", "outlet_diameter_mm", "outlet_height_mm", "plate_diameter_mm")  # of the rig
@@ -43,7 +42,8 @@ def difference(grain: Mapping[str, Any], axes_mm: Sequence[float], density_kg_m3
 
 def found(axes_mm: Sequence[float], density_kg_m3: float | None) -> Iterator[str]:
     """Describe the cards of the library, the one of the most similar grain first."""
-    check_positive("command line", density=density_kg_m3)
+    good = density_kg_m3 is None or 10 <= density_kg_m3 <= 25_000
+    require(good, "command line", "--density", density_kg_m3, "a number from 10 to 25000, in kg/m3")
     cards = library()
     far = {path: difference(one["grain"], axes_mm, density_kg_m3) for path, one in cards.items()}
     for path in sorted(far, key=lambda path: far[path]):

@@ -35,7 +35,8 @@ def describe(card: Mapping[str, Any]) -> str:
         chance = "unknown; it requires two good runs of each bench test" if value is None else f"{value:.2f}"
         lines.append(f"  all within {key}: probability {chance}")
     lines += [f"  {name}: {_settings(bench)}" for name, bench in _benches(card).items()]
-    made = ", ".join(f"{key} {card['made_by'][key]}" for key in ("commit", "configuration", "engine", "seed"))
+    keys = (key for key in ("commit", "configuration", "engine", "seed") if card["made_by"][key] is not None)
+    made = ", ".join(f"{key} {card['made_by'][key]}" for key in keys)
     return "\n".join([*lines, f"made by repose {card['made_by']['version']}, {made}"])
 
 

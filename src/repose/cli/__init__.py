@@ -47,6 +47,7 @@ def main(words: Sequence[str] | None = None) -> int:
 
     Status 0, 1 where a verification misses, 2 for faulty input, 3 where `card check` finds targets that are not met.
     """
+    sys.stdout = sys.stdout or io.StringIO()  # where it is closed
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # a locale that has no ± is no reason to end
     words = list(sys.argv[1:] if words is None else words)

@@ -34,6 +34,7 @@ def card(args: argparse.Namespace) -> int:
         raise InputError("command line", f"card {args.action}", args.cards, f"files: {FILES_OF[args.action]}")
     allowed = "the axes of the grain, such as 6x3x2.6" if args.action == "find" else "`card find` alone"
     require_option((args.action == "find") == (args.like is not None), "--like", args.like, allowed)
+    require_option(args.action == "find" or args.density is None, "--density", args.density, allowed)
     if args.action == "find":
         print("\n".join(card_library.found(card_library.axes_of(args.like), args.density)))
         return 0

@@ -8,11 +8,12 @@ import time
 from collections.abc import Iterator
 
 from repose.cli.options import require_option
-from repose.cli.registry import Option, load, verb
+from repose.cli.registry import CONFIG, Option, configs_of, load, verb
 from repose.config.study import Study
 from repose.core.errors import InputError, InputErrors
 
 TICK_S = 1.0
+FILES = CONFIG.but(nargs="+", default=[CONFIG.keywords["default"]], help=f"{CONFIG.keywords['help']}, or several")
 
 
 def _load_or_propose(args: argparse.Namespace) -> Study:
@@ -24,11 +25,11 @@ def _load_or_propose(args: argparse.Namespace) -> Study:
         if error.key == "funnel.berries" and isinstance(grains, int) and not isinstance(error, InputErrors):
             from repose.config.check import smaller_scene
 
-            print(*smaller_scene(args.config, grains), sep="\n")
+            sys.stdout.writelines(f"{line}\n" for line in smaller_scene(configs_of(args), grains))
         raise
 
 
-@verb(Option("--cores", type=int, default=2, help="cores of the run (2)"), study=_load_or_propose)
+@verb(Option("--cores", type=int, default=2, help="cores of the run (2)"), config=FILES, study=_load_or_propose)
 def check(args: argparse.Namespace, study: Study) -> None:
     """Check a configuration; print the longest time step, the softest grain and the cost of a run.
 
@@ -40,8 +41,8 @@ def check(args: argparse.Namespace, study: Study) -> None:
     from repose.strategies import cost as strategies
 
     config, settings = study.config, study.settings
-    print(f"{args.config}: {settings.label}, good; results go to {settings.results_dir}")
-    written, _ = loader.read_layers([args.config])
+    print(f"{', '.join(args.config)}: {settings.label}, good; results go to {settings.results_dir}")
+    written, _ = loader.read_layers(args.config)
     numbers = [f"{setting.key} {get(config, setting.key)}" for setting in computed.to_compute(written)]
     if numbers:
         print(f"computed, since they are auto or not given: {', '.join(numbers)}")
@@ -58,6 +59,7 @@ def check(args: argparse.Namespace, study: Study) -> None:
 
 @verb(
     Option("--runs", help="runs.csv of earlier pours, for the noise (default: the runs of the study, if any)"),
+    config=FILES,
     study=_load_or_propose,
 )
 def plan(args: argparse.Namespace, study: Study) -> None:

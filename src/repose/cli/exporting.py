@@ -2,6 +2,7 @@
 
 import argparse
 import copy
+import sys
 from typing import TYPE_CHECKING
 
 from repose.cli.options import require_option
@@ -9,6 +10,7 @@ from repose.cli.parameter_sets import PARAMETER_SET, parameters
 from repose.cli.registry import CONFIG, Option, load, verb
 from repose.config.study import Study
 from repose.core import provenance
+from repose.core.errors import InputError
 from repose.core.section import AUTO
 from repose.export import PROGRAMS, write
 
@@ -56,7 +58,14 @@ def export(args: argparse.Namespace) -> None:
         found = None if args.card is None else card.configuration_of_card(args.card)
         if found is not None or of_card is None:
             args.config = str(found or CONFIG.keywords["default"])
-            study = load(args)
+            try:
+                study = load(args)
+                _ = study.grain
+            except InputError as error:  # the study's files lie in another folder, or nowhere
+                if of_card is None:
+                    raise
+                study = args.config = None
+                print(f"repose: note: {error.args[0].splitlines()[0]}; the card alone makes the deck", file=sys.stderr)
 
     def spheres_of(particle: "Particle") -> int | None:
         return args.spheres or (None if particle.is_clump or is_sphere(particle) else SPHERES)

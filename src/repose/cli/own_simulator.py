@@ -18,7 +18,9 @@ def _study(args: argparse.Namespace) -> Study:
     from repose.config.own import is_own
 
     allowed = "the name of your simulator, in a configuration as `repose docs own_simulator` shows"
-    require(is_own(args.config), args.config, "simulator", None, allowed)
+    own, is_given = is_own(places.find(args.config)), "config" in vars(args).get("given", ())
+    require(own or is_given, "command line", "--config", None, allowed)
+    require(own, args.config, "simulator", None, allowed)
     return Study.own(args.config, args.runs if args.verb == "ask" else None)
 
 
@@ -88,9 +90,12 @@ def calibrate(args: argparse.Namespace, study: Study) -> None:
 
     example: results.csv --config own.yaml --out own
     """
+    from repose.core.ledger import check_replaceable
     from repose.strategies.runs import read_runs
     from repose.studies import calibration
 
+    for name in (*calibration.TABLES, *calibration.RECORDS, "report.html"):
+        check_replaceable(Path(args.out) / name)
     found = calibration.calibrate(study, read_runs(args.runs, study))
     found.save(args.out)
     print(found)

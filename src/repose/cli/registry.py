@@ -9,7 +9,6 @@ from typing import Any, Literal, NamedTuple
 
 from repose.config.study import Study
 from repose.core import places
-from repose.core.errors import InputError, require
 
 PROGRAM = "repose"
 Loader = Callable[[argparse.Namespace], Study] | None  # from the options of a verb; None: it takes no study
@@ -42,6 +41,18 @@ CONFIG = Option(
     help="YAML or JSON configuration (config/config.yaml)",
     recorded=False,
 )
+
+
+class Once(argparse.Action):
+    """An option whose second value would replace the first one in silence."""
+
+    def __call__(self, parser: Any, namespace: Any, values: Any, option_string: str | None = None) -> None:
+        """Take the value; called by argparse."""
+        given = vars(namespace).setdefault("given", set())
+        if self.dest in given:
+            raise argparse.ArgumentError(self, "given again; expected once")
+        given.add(self.dest)
+        setattr(namespace, self.dest, values)
 
 
 class Verb(NamedTuple):
@@ -79,26 +90,26 @@ class Verb(NamedTuple):
         )
         parser.set_defaults(verb=self.name)
         for option in self.options:
-            parser.add_argument(*option.names, **option.keywords)
+            once = {"action": Once} if option.names[0].startswith("-") else {}
+            parser.add_argument(*option.names, **(once | option.keywords))
+
+
+def configs_of(args: argparse.Namespace) -> list[str]:
+    """List the files of --config; some verbs take several, each over the one before."""
+    given = getattr(args, "config", None)
+    return given if isinstance(given, list) else [given] if given else []
 
 
 def load(args: argparse.Namespace, inputs: bool = False) -> Study:
     """Load the study of --config; with `inputs` check the files that it names."""
-    try:
-        return Study.load(args.config, inputs=inputs)
-    except InputError:
-        from repose.config.own import is_own
-
-        allowed = f"a study of our own simulator: {args.verb} is no verb for yours, see `repose docs own_simulator`"
-        require(not Path(args.config).is_file() or not is_own(args.config), args.config, "simulator", "yours", allowed)
-        raise
+    return Study.load(*configs_of(args), inputs=inputs)
 
 
 VERBS: dict[str, Verb] = {}  # in the order in which their modules are imported
 
 
 def verb(
-    *options: Option, out: str | None = None, config: bool = True, study: Loader = load, **more: Any
+    *options: Option, out: str | None = None, config: bool | Option = True, study: Loader = load, **more: Any
 ) -> Callable[[Callable], Callable]:
     """Make a function the verb of the same name, as a decorator.
 
@@ -106,7 +117,7 @@ def verb(
     default of --out (None: no such option). `study` makes from the options the study that the function gets; `more` are
     further fields of `Verb`. ValueError if another verb has the name.
     """
-    shared = [CONFIG] if config else []
+    shared = [config if isinstance(config, Option) else CONFIG] if config else []
     if out:
         kind = "file" if Path(out).suffix else "folder"
         shared.append(Option("--out", default=out, help=f"{kind} to write ({out})", recorded=False))

@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any, Literal
 
-from repose.cli.registry import VERBS
+from repose.cli.registry import VERBS, configs_of
 from repose.core import places, provenance
 from repose.core.lock import joined_folder
 from repose.core.parameter_sets import job_files
@@ -19,10 +19,11 @@ FOLDERS = {("dataset", "jobs"): ".json", ("measure_runs", "pours"): ".pours.json
 @contextmanager
 def stage(args: argparse.Namespace, runs: Literal["", "made", "measured"] = "") -> Iterator[None]:
     """Run a verb as a stage; where its configuration lies in a folder of results, hold the folder meanwhile."""
-    with joined_folder(Path(getattr(args, "config", None) or "").parent), recorded(args, runs):
+    files = configs_of(args)
+    with joined_folder(Path(*files[-1:]).parent), recorded(args, runs):
         yield
-    if getattr(args, "config", None) is not None:
-        note_built_in_crop(args.config)
+    if files:
+        note_built_in_crop(*files)
 
 
 def recorded(args: argparse.Namespace, runs: Literal["", "made", "measured"] = "") -> AbstractContextManager[None]:

@@ -33,13 +33,13 @@ TRIALS = {
 FAR = 1.5  # a time step that could be longer by this factor is worth a hint
 
 
-def smaller_scene(path: str, grains: int) -> Iterator[str]:
+def smaller_scene(files: Iterable[str], grains: int) -> Iterator[str]:
     """Propose a smaller scene for more grains than a study may have, if nothing else is wrong with it."""
     if grains <= MOST_BERRIES:
         return
     most = {"berries": MOST_BERRIES, **dict.fromkeys(scene_size.COMPUTED, "auto")}
     with contextlib.suppress(InputError):
-        study = Study.load(path, overrides={"funnel": most}, inputs=True)
+        study = Study.load(*files, overrides={"funnel": most}, inputs=True)
         height_mm = 1e3 * advice.height_m(study.config, study.grain)
         yield from scene_size.advice(study.config, computed.diameter_mm(study.grain), height_mm, grains)
 

@@ -150,6 +150,8 @@ class Making:
 
     def _compute(self, pending: Iterable[computed.Computed]) -> None:
         """Replace each `auto` by its number; a key whose number cannot be computed has a fault."""
+        from repose.config import faults
+
         for setting in pending:
             value = None
             if self._may_read(*setting.reads) and not (setting.needs_grain and self.particle is None):
@@ -158,6 +160,8 @@ class Making:
                 self.bad.add(setting.key)
             else:
                 self.config = computed.filled(self.config, setting, value)
+                wrong = (one for one in faults.check(self.config, self.source).faults if one.key == setting.key)
+                self._add((one.key, f"{one.allowed}; `auto` gives this number") for one in wrong)
 
     def _fit_together(self) -> None:
         """Check the grain against the bench tests and the time step."""

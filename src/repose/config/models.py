@@ -66,7 +66,7 @@ def parameter(low: float, high: float) -> Any:
     def is_pair(value: Any) -> bool:
         if not isinstance(value, list | tuple) or len(value) != 2 or not all(map(is_within, value)):
             return False
-        return bool(value[0] < value[1])
+        return bool(value[1] - value[0] > max(1e-30, 1e-9 * max(map(abs, value))))
 
     def faults(given: Mapping[str, Any]) -> Contradictions:
         keys, prior = ("fixed", "prior", "range"), given.get("prior")

@@ -2,7 +2,6 @@
 
 import math
 import os
-import sys
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from typing import Annotated, Any
@@ -31,7 +30,7 @@ BENCH = "own"  # bench test of the responses
 OF_TARGETS = ("noise_sd", "definition")  # keys of targets that are collected
 RANGE_PERCENT = 2.0  # of the value, to each side, where no range is given
 LARGEST = 1e12
-ANY_SIZE = parameter(-sys.float_info.max, sys.float_info.max)
+ANY_SIZE = parameter(-1e30, 1e30)
 
 Line = Annotated[str, Field(pattern=r"^[^\n]*\S[^\n]*$", description="text of one line")]
 Size = Annotated[float, Field(ge=0, le=LARGEST)]
@@ -183,8 +182,15 @@ def completed(content: Mapping[str, Any], source: object = "study") -> dict[str,
     from repose.strategies import cost
 
     defaults: dict[str, Any] = read(places.find(places.METHOD_CONFIG))
-    defaults |= {"sequential": OwnSequential().model_dump(), "posterior": OwnPosterior().model_dump()}
-    given: dict[str, Any] = {"strategy": "sequential", "seeds": 2, "surrogate": "gaussian_process"} | dict(content)
+    # the runs of a sample may stand at the top or there
+    given_seeds = (get(content, key) for key in ("seeds", "sequential.seeds"))
+    seeds = next((number for number in given_seeds if isinstance(number, int)), 2)
+    given: dict[str, Any] = {"strategy": "sequential", "seeds": seeds, "surrogate": "gaussian_process"} | dict(content)
+    defaults |= {"sequential": OwnSequential().model_dump() | {"seeds": seeds}}
+    defaults |= {"posterior": OwnPosterior().model_dump()}
+    named = {name: given[name] for name in ("parameters", "targets") if isinstance(given.get(name), Mapping)}
+    others = ((name, key) for name in named for key in named[name] if not isinstance(key, str))
+    raise_together(YamlError(str(source), name, key, "text as each name; put it in quotes") for name, key in others)
     given["targets"] = expanded_own(given.get("targets"), source)
     sections = [name for name in settings_type().model_fields if isinstance(defaults.get(name), Mapping)]
     for name in sections:

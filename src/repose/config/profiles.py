@@ -80,6 +80,8 @@ def expanded_own(targets: Any, source: Any) -> Any:
             continue
         measured = _checked({name: entry}, _Targets[OwnProfile], source)
         profile, sd = _read(measured, name)
+        both = [score for score in profile.names if score in targets or score in entries]
+        require(not both, source, f"targets.{name}", both, "a profile whose scores have names of no other target")
         more = {key: getattr(measured, key) for key in ("unit", "definition") if key in entry}
         if measured.noise_sd is not None:
             more["noise_sd"] = measured.noise_sd / math.sqrt(profile.functions)
@@ -96,7 +98,8 @@ def _is_profile(entry: Any) -> bool:
 def _checked(targets: Mapping[str, Any], model: type[_Targets[Measured]], source: Any) -> Measured:
     """Make an entry an instance of its model; InputError with all its faults."""
     raise_together(faults.check({"targets": targets}, source, model).faults)
-    (entry,) = model.model_validate({"targets": targets}).targets.values()
+    ((name, entry),) = model.model_validate({"targets": targets}).targets.items()
+    require(places.find(entry.file).is_file(), source, f"targets.{name}.file", entry.file, "an existing CSV file")
     return entry
 
 

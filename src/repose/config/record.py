@@ -54,7 +54,7 @@ class Record:
         """Take the rows of the file, to which other processes may have added."""
         if self.file is not None and self.file.exists():
             rows = rows_of(self.file)
-            self._is_record = TURN in rows[0]
+            self._is_record = bool(rows) and TURN in rows[0]
             self._take(rows, self.file)
 
     @property

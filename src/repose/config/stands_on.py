@@ -23,26 +23,19 @@ from repose.strategies import names, strategy
 RESPONSES, SCENE, MEASURED_BY = "responses", "scene", "measured_by"
 # Each rule says these again; tests compare them with the rules, and with the keys that the stages read.
 KEYS = {
-    "berry": ("berry",),
-    "shape": ("berry",),
-    "design": ("parameters", "design"),
-    "dataset": (RESPONSES,),
-    "network": (RESPONSES, "surrogate", "network"),
-    "miga": ("parameters", "targets", "miga"),
+    "berry": ("berry",), "shape": ("berry",), "design": ("parameters", "design"), "dataset": (RESPONSES,),
+    "network": (RESPONSES, "surrogate", "network"), "miga": ("parameters", "targets", "miga"),
     "solutions": ("parameters", "targets", "validation.solutions"),
     "published_solutions": ("parameters", "validation.published"),
     "published_sets": (RESPONSES, "parameters", "validation.published", SCENE),
     "validate": ("parameters", "targets", "measure", "validation.published_simulated", SCENE),
-    "silhouette": ("measure",),
-    "measure_silhouette": ("measure",),
-    "drum_tables": ("measure.mm_per_pixel", "drum"),
-    "noise": ("targets",),
-    "posterior": ("parameters", "targets", "posterior"),
-    "sensitivity": ("parameters", "targets", "sensitivity"),
+    "silhouette": ("measure",), "measure_silhouette": ("measure",),
+    "drum_tables": ("measure.mm_per_pixel", "drum"), "noise": ("targets",),
+    "posterior": ("parameters", "targets", "posterior"), "sensitivity": ("parameters", "targets", "sensitivity"),
     "plausible": ("posterior.seed",),
     "next": ("targets", "posterior.discrepancy_percent", "measure", MEASURED_BY),
     "conclude": ("parameters", "targets", "measure"),
-}
+}  # fmt: skip
 # Names of the study and its folder, and the files of figures: no result depends on them.
 NAMES = ("label", "results_dir", "figures")
 

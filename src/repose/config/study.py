@@ -189,7 +189,13 @@ class Study:
             path_of("file", file)
         if not overrides and not inputs and loader.is_resolved(*files):
             return cls.of_results(files[0])
-        study = cls.of(*loader.read_layers(files, overrides), inputs=inputs)
+        try:
+            study = cls.of(*loader.read_layers(files, overrides), inputs=inputs)
+        except InputError:
+            for file in (file for file in files if Path(file).is_file() and "simulator" in loader.read(file)):
+                allowed = "a study of our own simulator; for one of yours see `repose docs own_simulator`"
+                raise InputError(file, "simulator", "yours", allowed) from None
+            raise
         provenance.note_config(study.config)
         return study
 

@@ -18,7 +18,8 @@ class YamlError(InputError):
 
     def __init__(self, source: object, key: str, value: object, allowed: str) -> None:
         super().__init__(source, key, value, allowed)
-        self.args = (f"{source}: {key} is {_in_yaml(value)}; expected {self.allowed}",)
+        name = key if key.isprintable() else repr(key)
+        self.args = (f"{source}: {name} is {_in_yaml(value)}; expected {self.allowed}",)
 
 
 class InputErrors(InputError):

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from repose.core.errors import require
+from repose.core.files import RECORD as TURN
 from repose.core.files import Path_
 from repose.core.parameter_space import ParameterSpace
 from repose.core.runs import mean_and_error
@@ -22,7 +23,6 @@ Rows = Sequence[Mapping[str, Any]]
 Table: TypeAlias = pd.DataFrame | Rows
 WHOLE = re.compile(r"\d+\.0")
 NUMBERS = ("sample", "run")
-TURN = "turn"  # column of a record: with which proposal a run was told
 TURNS = Column(TURN, int, low=0, high=1e9, empty=True)
 OPTIONAL = ("status", TURN)
 RESPONSE = "a finite number within 1e100 of 0; a run that failed has another `status` than ok"

@@ -25,6 +25,10 @@ from repose.studies.settings import PosteriorSettings
 from repose.surrogate.base import Predictor
 from repose.surrogate.support import Support
 
+# Files of `save`.
+TABLES = ("samples.csv", "solutions.csv", "posterior.csv", "draws.csv")
+RECORDS = ("posterior.json", "summary.json", "card.json")
+
 
 class Calibration(NamedTuple):
     """Result of a calibration by the runs of the user's simulator."""
@@ -75,19 +79,19 @@ class Calibration(NamedTuple):
         words, tests = _definitions(study), dict[str, Any]()
         for name in study.targets.names:
             tests[name] = {"definition": {"name": words.get(name), "settings": {}}, "bench": None}
-        return card.assembled(about, tests, self.as_answer(), study.parameters, self.solutions, draws)
+        made = card.assembled(about, tests, self.as_answer(), study.parameters, self.solutions, draws)
+        return made | {"made_by": made["made_by"] | {"seed": study.settings.design.seed}}
 
     def save(self, out_dir: Path_) -> None:
         """Write tables, summary and material card into a folder; docs/own_simulator.md lists the files."""
         out, made = path_of("out_dir", out_dir), self.card
         require(not out.is_file(), out, "file", "there already", "a folder")
-        tables = {"samples": self.samples, "solutions": self.solutions}
-        tables |= {"posterior": self.posterior.parameters, "draws": self.posterior.draws}
-        for name, table in tables.items():
-            write_table(out / f"{name}.csv", table)
+        tables = (self.samples, self.solutions, self.posterior.parameters, self.posterior.draws)
+        for name, table in zip(TABLES, tables, strict=True):
+            write_table(out / name, table)
         card.check(made, out / "card.json")
-        for name, content in {"posterior": self.posterior.summary, "summary": self.summary, "card": made}.items():
-            write_json(out / f"{name}.json", content)
+        for name, content in zip(RECORDS, (self.posterior.summary, self.summary, made), strict=True):
+            write_json(out / name, content)
 
     def report(self, path: Path_) -> None:
         """Write the page to read, one HTML file; it takes the extra `pictures`."""

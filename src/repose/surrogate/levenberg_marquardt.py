@@ -121,19 +121,12 @@ def train_start(
     data = _Data(x, t, root_weight, n + pure_error[1], pure_error[0], classes, size)
     state, epochs, reason = _train(w, data, n, settings)
     return {
-        "w": state.at.w,
-        "JJ": state.at.JJ,
-        "alpha_of_weight": state.of_weight,
-        "log_evidence": state.evidence(data),
-        "gamma": float(state.gamma.sum()),
-        "alpha": float(state.alpha[0]) if settings.prior == "one" else state.alpha,
-        "beta": float(state.beta),
-        "mse": state.at.Ed / n,
-        "epochs": epochs,
-        "stop_reason": reason,
-        "decrement": state.decrement(),
+        "w": state.at.w, "JJ": state.at.JJ, "alpha_of_weight": state.of_weight,
+        "log_evidence": state.evidence(data), "gamma": float(state.gamma.sum()),
+        "alpha": float(state.alpha[0]) if settings.prior == "one" else state.alpha, "beta": float(state.beta),
+        "mse": state.at.Ed / n, "epochs": epochs, "stop_reason": reason, "decrement": state.decrement(),
         "at_cap": np.flatnonzero(state.alpha >= LARGEST_ALPHA).tolist(),
-    }
+    }  # fmt: skip
 
 
 def _train(w: np.ndarray, data: _Data, n: float, settings: TrainingSettings) -> tuple[_State, int, str]:

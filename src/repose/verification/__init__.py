@@ -15,28 +15,15 @@ from .case import FULL, Effort, Row
 
 # Every case by name: a function of an `Effort` that returns its rows.
 CASES = {
-    "chung1": impacts.two_spheres,
-    "chung2": impacts.sphere_on_plane,
-    "chung3": impacts.damped_impact,
-    "chung4": oblique.angles,
-    "chung5": oblique.tangential_speeds,
-    "chung6": spinning.plane_spins,
-    "chung7": spinning.equal_spheres,
-    "chung8": spinning.unequal_spheres,
-    "coulomb": coulomb.sliding_hits,
-    "loop": coulomb.closed_loop,
-    "rolling": rolling.slip_to_roll,
-    "slope": rolling.coulomb_slope,
-    "rest": resting.berry_at_rest,
-    "rocking": resting.rocking,
-    "rotation": rotation.free_rotation,
-    "momentum": energy.cloud_momentum,
-    "energy": energy.energy_of_hits,
-    "elastic": energy.elastic_impacts,
-    "restitution": restitution.restitution_of_hits,
-    "hexagonal": packing.hexagonal_packing,
+    "chung1": impacts.two_spheres, "chung2": impacts.sphere_on_plane, "chung3": impacts.damped_impact,
+    "chung4": oblique.angles, "chung5": oblique.tangential_speeds, "chung6": spinning.plane_spins,
+    "chung7": spinning.equal_spheres, "chung8": spinning.unequal_spheres, "coulomb": coulomb.sliding_hits,
+    "loop": coulomb.closed_loop, "rolling": rolling.slip_to_roll, "slope": rolling.coulomb_slope,
+    "rest": resting.berry_at_rest, "rocking": resting.rocking, "rotation": rotation.free_rotation,
+    "momentum": energy.cloud_momentum, "energy": energy.energy_of_hits, "elastic": energy.elastic_impacts,
+    "restitution": restitution.restitution_of_hits, "hexagonal": packing.hexagonal_packing,
     "packing": packing.poured_packing,
-}
+}  # fmt: skip
 
 Report = Callable[[str, list[Row]], Any]
 

@@ -20,20 +20,13 @@ def write(calibration: Calibration, out_path: str | os.PathLike[str]) -> None:
             draw(figure)
             files[name] = style.encoded(figure)
     shown = Results(
-        shown=own.shown(calibration),
-        row=calibration.solutions.iloc[0],
+        shown=own.shown(calibration), row=calibration.solutions.iloc[0],
         chance=dict.fromkeys(calibration.study.targets.names) | {"all": calibration.probability["inside"]},
         within={percent: calibration.probability[column] for percent, column in WITHIN.items()},
-        posterior=calibration.posterior.parameters.set_index("parameter"),
-        surrogate=calibration.model,
-        feasible=calibration.solutions,
-        table4=calibration.solutions[:1],
-        dataset=calibration.samples,
-        summary=calibration.summary,
-        date=date.today().isoformat(),
-        record=provenance.machine(),
-        files=files,
+        posterior=calibration.posterior.parameters.set_index("parameter"), surrogate=calibration.model,
+        feasible=calibration.solutions, table4=calibration.solutions[:1], dataset=calibration.samples,
+        summary=calibration.summary, date=date.today().isoformat(), record=provenance.machine(), files=files,
         captions=CAPTIONS["own"],
-    )
+    )  # fmt: skip
     tables = {"Simulated samples": calibration.samples, "Parameter sets found": calibration.solutions}
     page.write_study(shown, tables, out_path)

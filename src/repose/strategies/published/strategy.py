@@ -48,17 +48,12 @@ def answer_of(study: Studied, model: Surrogate, found: Inversion, data: pd.DataF
     others = solutions[solutions["feasible"] & ~solutions["representative"]]
     mean, covariance = model.predict(values[None]), model.covariance(values[None])
     return Answer(
-        values=values,
-        mean=mean[0],
-        covariance=covariance[0],
+        values=values, mean=mean[0], covariance=covariance[0],
         probability=probability_of(mean, covariance, targets),
-        samples=samples_of(space, space.unit(values), seeds, next_number(data)),
-        why=why,
-        others=others[names].to_numpy(float),
-        others_mean=others[list(targets.predicted)].to_numpy(float),
-        model=model,
-        notes={"message": found.summary["message"]},
-    )
+        samples=samples_of(space, space.unit(values), seeds, next_number(data)), why=why,
+        others=others[names].to_numpy(float), others_mean=others[list(targets.predicted)].to_numpy(float),
+        model=model, notes={"message": found.summary["message"]},
+    )  # fmt: skip
 
 
 def probability_of(mean: np.ndarray, covariance: np.ndarray, targets: Targets) -> dict[str, float]:

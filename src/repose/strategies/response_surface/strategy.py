@@ -55,17 +55,12 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
         f"Surface: {len(table)} parameter sets about it ({section.surface}), {models_of_it}.",
     )
     return Answer(
-        values=space.values(unit)[0],
-        mean=mean,
-        covariance=covariance,
+        values=space.values(unit)[0], mean=mean, covariance=covariance,
         probability=probability_of(mean[None], covariance[None], targets),
         samples=samples_of(space, unit, section.checks, next_number(data)),
-        why="the optimum of the surfaces is simulated",
-        others=others,
-        others_mean=predicted,
-        notes=notes,
+        why="the optimum of the surfaces is simulated", others=others, others_mean=predicted, notes=notes,
         simulated=tuple(check["sample"]),
-    )
+    )  # fmt: skip
 
 
 def _lacks(data: pd.DataFrame, table: pd.DataFrame) -> bool:

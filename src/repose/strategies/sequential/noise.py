@@ -50,6 +50,7 @@ def noise_of(observed: Observed, names: Sequence[str], noise_sd: Mapping[str, fl
     InputError if replicates, `noise_sd` and single runs are all too few.
     """
     counts = observed.counts
+    require(len(counts), "runs", "samples with a good run", 0, "runs that did not fail")
     if observed.freedom > len(names):
         try:
             return Noise(observed.noise(), dict.fromkeys(names, REPLICATES))

@@ -73,16 +73,11 @@ def answer(study: Studied, data: pd.DataFrame, point: np.ndarray | None = None, 
     # a simulator of the user's own has no key for the number of runs of the answer
     checks = getattr(section, "checks", section.seeds)
     return Answer(
-        values=space.values(unit)[0],
-        mean=mean[0],
-        covariance=covariance[0],
+        values=space.values(unit)[0], mean=mean[0], covariance=covariance[0],
         probability=probability | {"inside": float(within(mean, covariance, targets.low, targets.high)[0])},
-        samples=samples_of(space, unit, checks, next_number(data)),
-        others=space.values(others),
-        others_mean=predicted,
-        model=SpaceKriging(model, space),
-        **{"why": SO_FAR} | about,
-    )
+        samples=samples_of(space, unit, checks, next_number(data)), others=space.values(others),
+        others_mean=predicted, model=SpaceKriging(model, space), **{"why": SO_FAR} | about,
+    )  # fmt: skip
 
 
 def _cause(error: ValueError, data: pd.DataFrame, targets: Targets) -> InputError:
