@@ -6,8 +6,9 @@ import re
 
 import numpy as np
 import pytest
+from known import is_known
 from refusals import input_error
-from shared import ROOT, check_all, put
+from shared import ROOT, check_all, every_bench_test, put
 
 from repose import surrogate
 from repose.apparatus import names
@@ -32,6 +33,12 @@ def test_the_page_tells_the_ranges_that_are_allowed():
                     assert f"from {low} to {high.replace(',', '')}" in allowed or "from" not in allowed, (section, key)
                     told += "from" in allowed
     assert told > 50
+
+
+def test_what_every_key_takes_is_known():
+    sections = {name: one for name, one in every_bench_test().items() if isinstance(one, dict) and name != "parameters"}
+    keys = [f"{name}.{key}" for name, section in sections.items() for key in section]
+    is_known("keys.txt", "\n".join(f"{key}: {faults.allowed(key)}" for key in keys))
 
 
 @pytest.fixture(scope="module")
