@@ -173,7 +173,7 @@ def test_bad_tables_are_refused_and_a_study_without_published_intervals_has_its_
     for other, words in ((secant, "definition of aor_deg is .*flank.*secant.*my.yaml"), one):
         input_error(f"network.json: {words}", invert.run, network_json, other, table3, tmp_path, source="my.yaml")
     cloud = pd.DataFrame({name: [0.1, 0.3] for name in PARAMETERS})
-    space = ParameterSpace(PARAMETERS[1:], np.zeros(5), np.full(5, 2.0), {"e_gg": 0.2})
+    space = ParameterSpace(PARAMETERS[1:], np.full(5, -1.0), np.full(5, 1.0), {"e_gg": 0.2})
     table = invert.intervals(cloud.assign(e_gg=0.2), space)
     assert table.columns.tolist() == ["variable", "low", "high", "dispersion_percent"]
     assert table["dispersion_percent"].tolist() == pytest.approx([0.0] + 5 * [10.0])
