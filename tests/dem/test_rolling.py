@@ -61,14 +61,17 @@ def test_rolling_resistance_of_a_tile_agrees_with_the_slow_law(framed):
         body_rotation.resist_in_frame(m, c, dt, *frame)
     else:
         assert body_rotation.resist_lanes(m, c, dt) == LANES - stuck
-    assert np.all(np.isfinite(c))
-    assert np.all(np.isfinite(m[body_tile.OMEGA :][: 3 * LANES]))
+    assert np.all(np.isfinite([*c, *m[body_tile.OMEGA :][: 3 * LANES]]))
     for lane, (momentum, inertia) in enumerate(expected[:-1]):
         assert np.allclose(c[st.ANGULAR_MOMENTUM + lane :: LANES][:3], momentum, rtol=0.0, atol=1e-12 * 1e-6)
         turning = m[body_tile.OMEGA + lane :: LANES][:3]
         assert np.allclose(turning, np.linalg.solve(inertia, momentum), rtol=0.0, atol=1e-10)
         if lane % 4 == 3:
             assert np.array_equal(turning, frame)
+    for column in (3, 4, 5):  # torques about each axis, of the last lanes alone
+        m[body_tile.LOAD :][: 8 * LANES] = np.repeat(np.arange(8) == st.ROLL, LANES)
+        m[body_tile.LOAD + column * LANES :][20:LANES] = 2.0
+        assert body_rotation.might_turn(m, dt) == LANES - 20
 
 
 def on_a_slope(mur, orientation, downhill):

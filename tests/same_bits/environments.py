@@ -127,8 +127,7 @@ def spread_of(folder, plain):
             continue
         numbers = first.select_dtypes("number").columns
         spread, size = first[numbers].std(ddof=0).fillna(0.0), first[numbers].abs().max().fillna(0.0)
-        scale = spread.where(spread > 1e-12 * size, size).replace(0.0, 1.0)
-        apart = (first[numbers] - second[numbers]).abs() / scale
+        apart = (first[numbers] - second[numbers]).abs() / spread.where(spread > 1e-12 * size, size).replace(0.0, 1.0)
         found[name] = float(apart.max().max()) if len(numbers) and len(first) else 0.0
     return found
 

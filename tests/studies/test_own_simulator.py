@@ -283,8 +283,7 @@ def changed(key, value):
 @pytest.mark.parametrize("strategy", ["sequential", "published"])
 def test_the_runs_of_a_sample_stand_at_the_top_or_in_the_section(strategy):
     for given in ({"seeds": 5}, {"sequential": {"seeds": 5}}):
-        asked = Study.own(CONTENT | given | {"strategy": strategy}).ask()
-        assert set(asked.groupby("sample").size()) == {5}
+        assert set(Study.own(CONTENT | given | {"strategy": strategy}).ask().groupby("sample").size()) == {5}
 
 
 @pytest.mark.parametrize(("key", "value", "words"), [
