@@ -116,8 +116,7 @@ def test_planes_end_at_each_other_and_walls_face_the_bodies():
     assert (np.sum(normals_of(points, triangles)[:, :2] * middle[:, :2], axis=1) < 0).all()
     # only the half of the edge that faces down is open to bodies
     points, triangles = found["edge"]
-    tube = np.hypot(np.hypot(points[:, 0], points[:, 1]) - 0.02, points[:, 2] - 0.05)
-    np.testing.assert_allclose(tube, 0.002)
+    np.testing.assert_allclose(np.hypot(np.hypot(points[:, 0], points[:, 1]) - 0.02, points[:, 2] - 0.05), 0.002)
     assert (points[:, 2].min(), points[:, 2].max()) == (pytest.approx(0.048), pytest.approx(0.05, abs=1e-12))
     assert (normals_of(points, triangles)[:, 2] <= 1e-15).all()
 

@@ -185,8 +185,7 @@ def no_room(place, finished, wanted, table):
         finally:
             subprocess.run(["umount", results], check=True)
     study = Study(place / "memory", jobs, targets).prepared()
-    pages = int(Path(f"/proc/{jobs.process}/statm").read_text().split()[0])
-    limit = pages * resource.getpagesize() + 4_000_000
+    limit = int(Path(f"/proc/{jobs.process}/statm").read_text().split()[0]) * resource.getpagesize() + 4_000_000
     resource.prlimit(jobs.process, resource.RLIMIT_AS, (limit, resource.RLIM_INFINITY))
     status, before = study.run(), study.finished()
     resource.prlimit(jobs.process, resource.RLIMIT_AS, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))

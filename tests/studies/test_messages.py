@@ -15,9 +15,8 @@ def test_messages_are_known():
     def given(value):
         if value == "targets":
             return Targets.of(TARGETS)
-        if isinstance(value, list):
-            return pd.DataFrame(value) if isinstance(value[0], dict) else np.array(value)
-        return value
+        table = isinstance(value, list) and isinstance(value[0], dict)
+        return pd.DataFrame(value) if table else np.array(value) if isinstance(value, list) else value
 
     cases = yaml.safe_load((ROOT / "tests/known/messages.yaml").read_text())
     said = [import_module(case["module"]).message(*map(given, case["arguments"])) for case in cases]

@@ -89,7 +89,9 @@ def assembled(
     correlations = draws[list(space.free)].corr().fillna(0.0).round(4)
     given = dict.fromkeys(space.free, "calibrated") | dict.fromkeys(space.prior, "calibrated from a prior")
     return {
-        "card": 1, "material": answer.label, **about,
+        "card": 1,
+        "material": answer.label,
+        **about,
         "parameters": {
             name: {
                 "meaning": LABELS.get(name, name),
@@ -99,12 +101,16 @@ def assembled(
             }
             for name in space.names
         },
-        "interval": RANGE if posterior is None else POSTERIOR, "correlations": correlations.to_dict("index"),
-        "tests": [check.row() | dict(tests[check.response]) for check in answer.checks], "met": answer.met,
-        "out_of_reach": answer.out_of_reach, "reason": answer.reason,
+        "interval": RANGE if posterior is None else POSTERIOR,
+        "correlations": correlations.to_dict("index"),
+        "tests": [check.row() | dict(tests[check.response]) for check in answer.checks],
+        "met": answer.met,
+        "out_of_reach": answer.out_of_reach,
+        "reason": answer.reason,
         **({"small_run": True} if answer.small_run else {}),
-        "within": {f"{percent:g} %": chance for percent, chance in answer.within.items()}, "made_by": _made_by(),
-    }  # fmt: skip
+        "within": {f"{percent:g} %": chance for percent, chance in answer.within.items()},
+        "made_by": _made_by(),
+    }
 
 
 def laws(settings: SimulationSettings) -> dict[str, str]:

@@ -8,7 +8,7 @@ from typing import Any
 
 from repose.chain import card
 from repose.chain.card_text import MET
-from repose.core.errors import InputError, require
+from repose.core.errors import InputError
 from repose.core.places import root
 
 GOJI = ("results/published/recommended/card.json", "results/published/fast/card.json")
@@ -42,8 +42,6 @@ def difference(grain: Mapping[str, Any], axes_mm: Sequence[float], density_kg_m3
 
 def found(axes_mm: Sequence[float], density_kg_m3: float | None) -> Iterator[str]:
     """Describe the cards of the library, the one of the most similar grain first."""
-    good = density_kg_m3 is None or 10 <= density_kg_m3 <= 25_000
-    require(good, "command line", "--density", density_kg_m3, "a number from 10 to 25000, in kg/m3")
     cards = library()
     far = {path: difference(one["grain"], axes_mm, density_kg_m3) for path, one in cards.items()}
     for path in sorted(far, key=lambda path: far[path]):

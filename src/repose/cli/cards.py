@@ -29,6 +29,7 @@ def card(args: argparse.Namespace) -> int:
     example: show results/card.json
     """
     from repose.chain import card, card_library, card_text
+    from repose.config import faults
 
     if len(args.cards) != FILES_OF[args.action]:
         raise InputError("command line", f"card {args.action}", args.cards, f"files: {FILES_OF[args.action]}")
@@ -36,6 +37,9 @@ def card(args: argparse.Namespace) -> int:
     require_option((args.action == "find") == (args.like is not None), "--like", args.like, allowed)
     require_option(args.action == "find" or args.density is None, "--density", args.density, allowed)
     if args.action == "find":
+        bounds = faults.subschema(["berry", "density_kg_m3"])
+        good = args.density is None or bounds["minimum"] <= args.density <= bounds["maximum"]
+        require_option(good, "--density", args.density, f"{faults.allowed_by(bounds)}, in kg/m3")
         print("\n".join(card_library.found(card_library.axes_of(args.like), args.density)))
         return 0
     cards = [card.read(path) for path in args.cards]

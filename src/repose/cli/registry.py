@@ -114,8 +114,9 @@ def verb(
     """Make a function the verb of the same name, as a decorator.
 
     Its docstring is the help: a summary, and after ``example:`` the words that follow the name in a call. `out` is the
-    default of --out (None: no such option). `study` makes from the options the study that the function gets; `more` are
-    further fields of `Verb`. ValueError if another verb has the name.
+    default of --out (None: no such option); `config` is another option in place of `CONFIG`, or False. `study` makes
+    from the options the study that the function gets; `more` are further fields of `Verb`. ValueError if another verb
+    has the name.
     """
     shared = [config if isinstance(config, Option) else CONFIG] if config else []
     if out:

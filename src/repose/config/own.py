@@ -183,11 +183,10 @@ def completed(content: Mapping[str, Any], source: object = "study") -> dict[str,
 
     defaults: dict[str, Any] = read(places.find(places.METHOD_CONFIG))
     # the runs of a sample may stand at the top or there
-    given_seeds = (get(content, key) for key in ("seeds", "sequential.seeds"))
-    seeds = next((number for number in given_seeds if isinstance(number, int)), 2)
+    seeds = next(one for one in (get(content, "seeds"), get(content, "sequential.seeds"), 2) if isinstance(one, int))
     given: dict[str, Any] = {"strategy": "sequential", "seeds": seeds, "surrogate": "gaussian_process"} | dict(content)
-    defaults |= {"sequential": OwnSequential().model_dump() | {"seeds": seeds}}
-    defaults |= {"posterior": OwnPosterior().model_dump()}
+    sequential = OwnSequential().model_dump() | {"seeds": seeds}
+    defaults |= {"sequential": sequential, "posterior": OwnPosterior().model_dump()}
     named = {name: given[name] for name in ("parameters", "targets") if isinstance(given.get(name), Mapping)}
     others = ((name, key) for name in named for key in named[name] if not isinstance(key, str))
     raise_together(YamlError(str(source), name, key, "text as each name; put it in quotes") for name, key in others)

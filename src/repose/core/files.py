@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 Path_ = str | os.PathLike
 UNREADABLE = attached.UNREADABLE
-RECORD = "turn"  # column of a record of runs alone: with which proposal a run was told
+TURN = "turn"  # column of a record of runs alone: with which proposal a run was told
 KINDS = {int: "an integer", float: "a number", str: "a text", list: "a list", dict: "a mapping"}
 
 
@@ -65,9 +65,10 @@ def json_text(content: Any, indent: int = 1) -> str:
 
 def write_table(path: Path_, table: "pd.DataFrame", float_format: str | None = None, index: bool = False) -> None:
     """Write a table as CSV, in one move; `float_format` as in ``%.6g`` (None: all digits), `index` as first column."""
-    head = Path(path).read_bytes().partition(b"\n")[0] if RECORD not in table and Path(path).is_file() else b""
-    is_record = RECORD.encode() in head.strip().split(b",")
-    require(not is_record, path, "file", "a record of runs", "another name: the results in it would be lost")
+    if TURN not in table and Path(path).is_file():
+        with Path(path).open("rb") as there:
+            is_record = TURN.encode() in there.readline().strip().split(b",")
+        require(not is_record, path, "file", "a record of runs", "another name: the results in it would be lost")
     write_text(path, table.to_csv(index=index, float_format=float_format))
 
 

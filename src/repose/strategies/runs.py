@@ -8,8 +8,7 @@ import numpy as np
 import pandas as pd
 
 from repose.core.errors import require
-from repose.core.files import RECORD as TURN
-from repose.core.files import Path_
+from repose.core.files import TURN, Path_
 from repose.core.parameter_space import ParameterSpace
 from repose.core.runs import mean_and_error
 from repose.core.tables import Column, Fault, check, check_columns, is_plain, read, refuse
