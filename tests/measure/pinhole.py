@@ -219,8 +219,7 @@ def _paste(scene, sheet, sheet_mm, eye, turn, focal, middle, colour):
     corners = np.array([[0, 0, high], [wide, 0, high], [wide, 0, 0], [0, 0, 0]])
     seen = (corners + np.array([scene.left, 0, 0]) - eye) @ turn.T
     at = (focal * seen[:, :2] / seen[:, 2:] + middle).astype(np.float32)
-    reduce = max(1.0, len(sheet) / np.ptp(at[:, 1]))
-    page = cv2.GaussianBlur(sheet, (0, 0), 0.5 * reduce).astype(np.float32)
+    page = cv2.GaussianBlur(sheet, (0, 0), 0.5 * max(1.0, len(sheet) / np.ptp(at[:, 1]))).astype(np.float32)
     page, inside = warped(page, at, colour.shape[1::-1])
     colour[:] = (1 - inside) * colour + 0.9 * page + 8 * inside
 

@@ -231,9 +231,7 @@ def r2_noise_corrected(y: np.ndarray, predicted: np.ndarray, errors: np.ndarray)
     """
     noise = np.sum(errors**2)
     between = np.sum((y - np.mean(y)) ** 2) - (1 - 1 / len(y)) * noise
-    if not between > 0:
-        return None
-    return float(1 - (np.sum((y - predicted) ** 2) - noise) / between)
+    return float(1 - (np.sum((y - predicted) ** 2) - noise) / between) if between > 0 else None
 
 
 def _accuracy(Y: np.ndarray, P: np.ndarray, names: Sequence[str], rows: Mapping[str, np.ndarray]) -> dict[str, Any]:

@@ -15,13 +15,16 @@ FOLDER = "own"
 
 def _study(args: argparse.Namespace) -> Study:
     """Load the study of --config, for a simulator of the user's own; for the verb `ask` with the runs so far."""
-    from repose.config.own import is_own
+    from repose.config.own import is_own, unread
+    from repose.config.reading import read
 
     allowed = "the name of your simulator, in a configuration as `repose docs own_simulator` shows"
     own, is_given = is_own(places.find(args.config)), "config" in vars(args).get("given", ())
     require(own or is_given, "command line", "--config", None, allowed)
     require(own, args.config, "simulator", None, allowed)
-    return Study.own(args.config, args.runs if args.verb == "ask" else None)
+    study, other = Study.own(args.config, args.runs if args.verb == "ask" else None), unread(read(args.config))
+    _warn(f"{args.config}: the strategy {study.settings.strategy} does not read {', '.join(other)}" if other else None)
+    return study
 
 
 def load_any_study(args: argparse.Namespace) -> Study:
@@ -76,8 +79,7 @@ def ask(args: argparse.Namespace, study: Study) -> None:
     if "probability" in found.notes:
         settings: Any = study.settings  # with the section of the strategy
         near = f"within {settings.sequential.tolerance_percent:g} % of all targets"
-        chance = found.notes["probability"]
-        print(f"{len(known)} runs; the best point lies {near} with probability {chance:.2f}")
+        print(f"{len(known)} runs; the best point lies {near} with probability {found.notes['probability']:.2f}")
     if isinstance(found, Answer):
         print(f"{args.out}: the answer. No more runs: {found.why}")
     else:

@@ -106,9 +106,7 @@ def allowed_by(schema: Mapping[str, Any]) -> str:
         return f"{text} above {schema['exclusiveMinimum']:g} and up to {schema['maximum']:g}"
     if "minimum" in schema:
         return f"{text} from {_plain(schema['minimum'])} to {_plain(schema['maximum'])}"
-    if "maxLength" in schema:
-        return f"{text} of 1 to {schema['maxLength']} characters"
-    return text
+    return f"{text} of 1 to {schema['maxLength']} characters" if "maxLength" in schema else text
 
 
 def _plain(number: float) -> str:

@@ -28,6 +28,7 @@ from repose.surrogate.settings import NetworkSettings
 RESERVED = ("sample", "run", "status", "turn", "runs", "seeds", "batch", "reason", "n_seeds")
 BENCH = "own"  # bench test of the responses
 OF_TARGETS = ("noise_sd", "definition")  # keys of targets that are collected
+READ_BY_ALL = ("sequential.seeds", "sequential.tolerance_percent", "sequential.probability", "posterior")
 RANGE_PERCENT = 2.0  # of the value, to each side, where no range is given
 LARGEST = 1e12
 ANY_SIZE = parameter(-1e30, 1e30)
@@ -208,6 +209,16 @@ def completed(content: Mapping[str, Any], source: object = "study") -> dict[str,
         off = cost.contradictions(sections_of(config))
         raise_together(YamlError(str(source), key, get(config, key), allowed) for key, allowed in off)
     return config
+
+
+def unread(content: Mapping[str, Any]) -> list[str]:
+    """List the given keys of sections that neither the strategy of a checked configuration nor any answer reads."""
+    from repose.strategies import strategy
+
+    read_by = {*(strategy(content.get("strategy", "sequential")).reads or content), *READ_BY_ALL}
+    given = [name for name in settings_type().model_fields if isinstance(content.get(name), Mapping)]
+    keys = [f"{name}.{key}" for name in given for key in content[name]] + ["surrogate"] * ("surrogate" in content)
+    return [key for key in keys if not {key, key.partition(".")[0]} & read_by]
 
 
 def sections_of(config: Mapping[str, Any]) -> Any:

@@ -65,9 +65,7 @@ class Target:
 
     def off_percent(self, number: float) -> float:
         """Compute how far a number is from the aim, in percent."""
-        if self.profile is None:
-            return 100 * (number / self.aim - 1)
-        return 100 * (number - self.aim) / self.whole
+        return 100 * (number / self.aim - 1) if self.profile is None else 100 * (number - self.aim) / self.whole
 
     @property
     def whole_value(self) -> float:

@@ -27,9 +27,8 @@ def columns(coded: ArrayLike, terms: Sequence[Term]) -> np.ndarray:
 
 def label(term: Term, factors: Sequence[str]) -> str:
     """Name a term: ``A``, ``A*B``, ``A^2``."""
-    if len(term) == 2 and term[0] == term[1]:
-        return f"{factors[term[0]]}^2"
-    return "*".join(factors[k] for k in term)
+    is_square = len(term) == 2 and term[0] == term[1]
+    return f"{factors[term[0]]}^2" if is_square else "*".join(factors[k] for k in term)
 
 
 @dataclass(frozen=True)

@@ -298,9 +298,7 @@ def _of_a_shadow(mask: np.ndarray, difference: np.ndarray) -> np.ndarray:
     shadow = _as_a_shadow(mask, difference)
     rows = np.flatnonzero(mask.any(axis=1))
     upper = slice(rows[0], rows[0] + (2 * rows.size) // 3) if rows.size else slice(0)
-    if shadow[upper].sum() > 0.12 * mask[upper].sum():
-        return np.zeros(mask.shape, bool)
-    return shadow
+    return np.zeros(mask.shape, bool) if shadow[upper].sum() > 0.12 * mask[upper].sum() else shadow
 
 
 def _as_a_shadow(mask: np.ndarray, difference: np.ndarray) -> np.ndarray:
