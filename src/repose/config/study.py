@@ -194,7 +194,7 @@ class Study:
         except InputError:
             for file in (file for file in files if Path(file).is_file() and "simulator" in loader.read(file)):
                 allowed = "a study of our own simulator; for one of yours see `repose docs own_simulator`"
-                raise InputError(file, "simulator", "yours", allowed) from None
+                raise InputError(file, "simulator", loader.read(file)["simulator"], allowed) from None
             raise
         provenance.note_config(study.config)
         return study
