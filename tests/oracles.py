@@ -142,8 +142,7 @@ def cone_gap(semi_axes, centre, q, normal_r, normal_z, offset, count=20000):
     theta = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
     m = np.column_stack([normal_r * np.cos(theta), normal_r * np.sin(theta), np.full(count, normal_z)])
     t = m @ rotation(q)
-    h = sum(np.linalg.norm(a * t, axis=1) for a in np.atleast_2d(semi_axes))
-    return float((offset - m @ centre - h).min())
+    return float((offset - m @ centre - sum(np.linalg.norm(a * t, axis=1) for a in np.atleast_2d(semi_axes))).min())
 
 
 def circle_distance(semi_axes, centre, q, radius, height, count=720):

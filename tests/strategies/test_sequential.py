@@ -167,8 +167,7 @@ def test_pours_that_are_left_or_may_move_a_mean_and_the_expected_deviation():
     mean, covariance = model.predict(point[None])
     random = np.random.default_rng(3)
     for _ in range(30):
-        truth = random.multivariate_normal(mean[0], covariance[0])
-        pours = random.multivariate_normal(truth, model.noise / 40)
+        pours = random.multivariate_normal(random.multivariate_normal(mean[0], covariance[0]), model.noise / 40)
         rest = np.linalg.inv(np.linalg.inv(covariance[0]) + 40 * np.linalg.inv(model.noise))
         new = rest @ (np.linalg.solve(covariance[0], mean[0]) + 40 * np.linalg.solve(model.noise, pours))
         assert goal.probability(new[None], rest[None])[0] <= bound + 1e-9

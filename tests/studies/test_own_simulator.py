@@ -11,7 +11,7 @@ from refusals import input_error
 from shared import ROOT, at, put, says
 
 from repose.chain import card
-from repose.config.own import OwnPosterior, OwnSequential
+from repose.config.own import OwnPosterior, OwnSequential, unread
 from repose.config.record import Record
 from repose.config.study import Study
 from repose.strategies.runs import checked_runs
@@ -279,10 +279,10 @@ def changed(key, value):
     return content
 
 
-@pytest.mark.parametrize("strategy", ["sequential", "published"])
-def test_the_runs_of_a_sample_stand_at_the_top_or_in_the_section(strategy):
-    for given in ({"seeds": 5}, {"sequential": {"seeds": 5}}):
-        assert set(Study.own(CONTENT | given | {"strategy": strategy}).ask().groupby("sample").size()) == {5}
+@pytest.mark.parametrize(("strategy", "n"), [("sequential", 5), ("published", 9)])  # 9: beyond most_runs of the other
+def test_the_runs_of_a_sample_stand_at_the_top_or_in_the_section(strategy, n):
+    for given in ({"seeds": n}, {"sequential": {"seeds": n}}):
+        assert set(Study.own(CONTENT | given | {"strategy": strategy}).ask().groupby("sample").size()) == {n}
 
 
 @pytest.mark.parametrize(("key", "value", "words"), [
@@ -336,4 +336,6 @@ def test_the_verbs_want_an_own_configuration(table, tmp_path, command):
     for verb in (["ask"], ["tell", runs], ["calibrate", runs]):
         assert "simulator is None; expected the name of your simulator" in command(*verb, *config, status=2).err
     runs, *config = files_of(tmp_path, changed("design", {"samples": 90, "seed": 3}), table)
-    assert "sequential does not read design.samples\n" in command("ask", *config[:3], tmp_path / "next.csv").err
+    assert "does not read design.samples, design.seed\n" in command("ask", *config[:3], tmp_path / "next.csv").err
+    cases = yaml.safe_load((ROOT / "tests/studies/unread.yaml").read_text())
+    assert [unread(CONTENT | given) for given, _ in cases] == [keys for _, keys in cases]

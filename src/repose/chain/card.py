@@ -184,8 +184,7 @@ def held(space: ParameterSpace, name: str, value: float, low: float | None, high
     for side, bound in (("lower", lower), ("upper", upper)):
         if abs(value - bound) <= AT_BOUND * (upper - lower):
             return {"low": low, "high": high, "at_bound": side}
-    widened = {} if low <= value <= high else {"widened": True}
-    return {"low": min(low, value), "high": max(high, value), **widened}
+    return {"low": min(low, value), "high": max(high, value)} | ({} if low <= value <= high else {"widened": True})
 
 
 def with_remark(words: str, row: Mapping[str, Any]) -> str:

@@ -80,5 +80,5 @@ def particle_of(card: Mapping[str, Any], spheres: int | None, source: object) ->
     points, _, triangles = tessellate(particle, 48, 96)
     mesh = trimesh.Trimesh(1e3 * points, triangles)
     filled = build.make_particle(principal_pose(mesh), particle.density_kg_m3, "multisphere", spheres)
-    share = mass_kg / filled.mass_kg  # the mesh is a little smaller than the body
-    return replace(filled, mass_kg=mass_kg, inertia_kg_m2=share * filled.inertia_kg_m2)
+    # the mesh is a little smaller than the body
+    return replace(filled, mass_kg=mass_kg, inertia_kg_m2=mass_kg / filled.mass_kg * filled.inertia_kg_m2)

@@ -28,7 +28,14 @@ from repose.surrogate.settings import NetworkSettings
 RESERVED = ("sample", "run", "status", "turn", "runs", "seeds", "batch", "reason", "n_seeds")
 BENCH = "own"  # bench test of the responses
 OF_TARGETS = ("noise_sd", "definition")  # keys of targets that are collected
-READ_BY_ALL = ("sequential.seeds", "sequential.tolerance_percent", "sequential.probability", "posterior")
+SEARCH = ("miga.solutions", "miga.distance")
+TRAINING = ("network.split", "network.replicates", "network.validation_noise")  # of every surrogate
+DESIGNED = ("seeds", "design", "surrogate", "miga", *TRAINING)
+READ_BY = {
+    "sequential": ("seeds", "sequential", *SEARCH), "published": DESIGNED, "refined": (*DESIGNED, "refine"),
+    "response_surface": ("response_surface", *SEARCH),
+}  # fmt: skip
+READ_BY_ALL = ("parameters", "targets", "posterior", "sequential.tolerance_percent", "sequential.probability")
 RANGE_PERCENT = 2.0  # of the value, to each side, where no range is given
 LARGEST = 1e12
 ANY_SIZE = parameter(-1e30, 1e30)
@@ -72,11 +79,6 @@ class OwnSequential(Section):
     probability: float = Field(default=0.7, ge=0.05, le=0.99)
     most_runs: int = Field(default=120, ge=4, le=1_000_000)
 
-    def contradictions(self) -> Contradictions:
-        """Refuse a start beyond its budget."""
-        if self.start_samples * self.seeds > self.most_runs:
-            yield "most_runs", "at least sequential.start_samples times sequential.seeds"
-
 
 class OwnPosterior(Section):
     """The posterior of the parameters."""
@@ -106,6 +108,13 @@ class OwnSettings(Section):
     network: NetworkSettings
     miga: MigaSettings
     refine: RefineSettings
+
+    @field_validator("sequential")
+    @classmethod
+    def _within_budget(cls, own: OwnSequential, info: ValidationInfo) -> OwnSequential:
+        if info.data.get("strategy") == "sequential" and own.start_samples * own.seeds > own.most_runs:
+            refuse([("most_runs", "at least sequential.start_samples times sequential.seeds")])
+        return own
 
     @field_validator("parameters")
     @classmethod
@@ -212,13 +221,17 @@ def completed(content: Mapping[str, Any], source: object = "study") -> dict[str,
 
 
 def unread(content: Mapping[str, Any]) -> list[str]:
-    """List the given keys of sections that neither the strategy of a checked configuration nor any answer reads."""
-    from repose.strategies import strategy
-
-    read_by = {*(strategy(content.get("strategy", "sequential")).reads or content), *READ_BY_ALL}
+    """List the given keys of a checked configuration that neither its strategy nor any answer reads."""
+    name = content.get("strategy", "sequential")
+    read_by = {*READ_BY_ALL, *READ_BY.get(name, content)}
+    if "surrogate" in read_by and content.get("surrogate", "").startswith("network"):
+        read_by.add("network")
+    if get(content, "sequential.seeds") is not None and (name == "sequential" or "seeds" not in content):
+        read_by ^= {"seeds", "sequential.seeds"} if "seeds" in read_by else set()
     given = [name for name in settings_type().model_fields if isinstance(content.get(name), Mapping)]
-    keys = [f"{name}.{key}" for name in given for key in content[name]] + ["surrogate"] * ("surrogate" in content)
-    return [key for key in keys if not {key, key.partition(".")[0]} & read_by]
+    keys = [f"{name}.{key}" for name in given for key in content[name]] + [*({"seeds", "surrogate"} & {*content})]
+    # `seed` stands in place of each section's own
+    return sorted(key for key in keys if key.endswith(".seed") or not read_by & {key, key.partition(".")[0]})
 
 
 def sections_of(config: Mapping[str, Any]) -> Any:

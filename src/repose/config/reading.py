@@ -42,8 +42,7 @@ class StrictLoader(yaml.SafeLoader):
         """Make the number of a node; called by PyYAML. InputError names the line of one that is no plain number."""
         allowed = "a plain number, such as 90.5, or a text in quotes"
         require(PLAIN_NUMBER.fullmatch(node.value), self.place_of(node), "value", node.value, allowed)
-        kind = self.construct_yaml_int if node.tag.endswith(":int") else self.construct_yaml_float
-        return kind(node)
+        return (self.construct_yaml_int if node.tag.endswith(":int") else self.construct_yaml_float)(node)
 
 
 for _kind in ("int", "float"):

@@ -115,9 +115,7 @@ def response(name: str, source: object = "response") -> Response:
 
 def named(name: str) -> Response | None:
     """Find a response by its name, registered or made by a family of responses; None if there is none."""
-    if name in _REGISTRY:
-        return _REGISTRY[name]
-    return next(filter(None, (family(name) for family in _FAMILIES)), None)
+    return _REGISTRY.get(name) or next(filter(None, (family(name) for family in _FAMILIES)), None)
 
 
 def responses_of(apparatus: str) -> tuple[Response, ...]:

@@ -23,9 +23,7 @@ def equivalent_restitution(pair: Pair, least: float = 0.0) -> float:
     exp(-pi beta / sqrt(1 - beta^2)), 0 for beta from 1 on; never below `least`, the smallest value of the program.
     """
     beta = pair.damping_ratio
-    if beta >= 1.0:
-        return least
-    return max(least, math.exp(-math.pi * beta / math.sqrt(1.0 - beta * beta)))
+    return least if beta >= 1.0 else max(least, math.exp(-math.pi * beta / math.sqrt(1.0 - beta * beta)))
 
 
 def rolling_coefficient(job: Job, pair: Pair) -> float:

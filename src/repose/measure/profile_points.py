@@ -41,11 +41,15 @@ def outermost_crossing(profile: np.ndarray, heights: np.ndarray) -> np.ndarray:
     return crossing(profile, np.searchsorted(np.maximum.accumulate(profile), heights), heights)
 
 
+def innermost_crossing(profile: np.ndarray, heights: np.ndarray) -> np.ndarray:
+    """Column, between pixels, at which the profile last rises through each height, from the foot inwards."""
+    return crossing(profile, np.searchsorted(np.minimum.accumulate(profile[::-1])[::-1], heights), heights)
+
+
 def points_by_levels(profile: np.ndarray, low: float, high: float) -> Points:
     """Rule "levels": the middle of outermost and innermost crossing of each height."""
-    heights, rising = levels_between(low, high), np.minimum.accumulate(profile[::-1])[::-1]
-    innermost = crossing(profile, np.searchsorted(rising, heights), heights)  # where the profile last rises through it
-    return 0.5 * (outermost_crossing(profile, heights) + innermost), heights
+    heights = levels_between(low, high)
+    return 0.5 * (outermost_crossing(profile, heights) + innermost_crossing(profile, heights)), heights
 
 
 def points_by_rows(profile: np.ndarray, low: float, high: float) -> Points:

@@ -191,8 +191,7 @@ def another_heap(mask: np.ndarray) -> bool:
     _, tops, wide, high, areas = boxes.T
     k = int(areas.argmax())
     low = np.abs(tops + high - (tops[k] + high[k])) <= 0.1 * high[k]
-    heaps = low & (wide > high) & (high >= SECOND * high[k])
-    return bool(heaps.sum() > 1)
+    return bool((low & (wide > high) & (high >= SECOND * high[k])).sum() > 1)
 
 
 def require_upright(mask: np.ndarray) -> None:

@@ -78,8 +78,7 @@ class Process:
     def left_out(self) -> tuple[np.ndarray, np.ndarray]:
         """Predict means and variances (n,), without noise, of each value from all the others."""
         precision = linalg.cho_solve((self.root, True), np.eye(len(self.x))).diagonal()
-        variance = 1 / precision - self.errors
-        return self.values - self.weights / precision, np.maximum(variance, LEAST_VARIANCE)
+        return self.values - self.weights / precision, np.maximum(1 / precision - self.errors, LEAST_VARIANCE)
 
 
 class SampleNoise(WhiteKernel):

@@ -20,8 +20,7 @@ class BayesianBPRegressor(RegressorMixin, BayesianBP, BaseEstimator):  # noqa: D
 
     def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
         check_is_fitted(self)
-        X = validate_data(self, X, dtype=float, reset=False)
-        return super().predict(X, return_std, noise)
+        return super().predict(validate_data(self, X, dtype=float, reset=False), return_std, noise)
 
     def __sklearn_tags__(self) -> Tags:
         tags = super().__sklearn_tags__()

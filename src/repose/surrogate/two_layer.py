@@ -81,8 +81,7 @@ def weight_classes(prior: str, inputs: int, hidden: int, outputs: int) -> list[A
     w = np.arange(hidden * (inputs + 1) + outputs * (hidden + 1))
     first, second = hidden * inputs, hidden * (inputs + 1)
     W1 = w[:first].reshape(hidden, inputs)
-    input_weights = list(W1.T) if prior == "inputs" else [W1.ravel()]
-    return [*input_weights, w[first:second], w[second:]]
+    return [*(W1.T if prior == "inputs" else [W1.ravel()]), w[first:second], w[second:]]
 
 
 def class_names(prior: str, inputs: Sequence[Any]) -> list[str]:

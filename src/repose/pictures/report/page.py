@@ -49,10 +49,9 @@ def content(study: Results) -> dict[str, Any]:
 
 def for_copy(study: Results) -> str:
     """Write the parameters as lines of YAML."""
-    lines = [f"# {study.shown.label}: {sections.verdict(study)[1]}"]
-    for name, value in zip(study.space.names, study.answer.tolist(), strict=True):
-        lines.append(f"{name}: {value:.6g}  # {LABELS.get(name, name)}")
-    return "\n".join(lines) + "\n"
+    values = zip(study.space.names, study.answer.tolist(), strict=True)
+    lines = (f"{name}: {value:.6g}  # {LABELS.get(name, name)}\n" for name, value in values)
+    return f"# {study.shown.label}: {sections.verdict(study)[1]}\n{''.join(lines)}"
 
 
 def assembled(title: str, body: str, values: Mapping[str, Any]) -> str:

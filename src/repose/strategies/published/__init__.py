@@ -13,7 +13,6 @@ class Published(Strategy):
     """One batch, then the answer."""
 
     begins_with_design = True
-    reads = ("parameters", "targets", "design", "surrogate", "network", "miga")
 
     def propose(self, study: Studied, data: "pd.DataFrame") -> Batch | Answer:
         from repose.strategies.published import strategy
