@@ -205,14 +205,14 @@ def test_tables_of_a_study_with_failed_pours_by_function_and_verb(tmp_path, comm
     assert seeds["seeds"].tolist() == list(range(1, 65))
     assert seeds["aor_se_deg"][3] == pytest.approx(row["sd_within"] / 2)
     assert seeds["aor_reachable_r2"][0] == pytest.approx(row["icc"])
+    assert (100 * seeds["aor_se_deg"] / seeds["aor_se_percent"]).to_numpy() == pytest.approx(TWO[0].value)
     assert seeds["aor_se_percent"][row["seeds_for_1_percent"] - 1] <= 1 < seeds["aor_se_percent"][0]
     assert json.loads((tmp_path / "out/noise.json").read_text()) == summary
     # height is twice the angle plus noise of one: 2 / sqrt(5)
     assert summary["correlation"]["low"] < 2 / np.sqrt(5) < summary["correlation"]["high"]
-    out = tmp_path / "verb"
-    words = ["--runs", write_runs(tmp_path), "--config", "config/quick.yaml", "--out", out]
+    words = ["--runs", write_runs(tmp_path), "--config", "config/quick.yaml", "--out", tmp_path / "verb"]
     assert "height_mm: sd 2." in command("noise", *words).out
-    assert len(pd.read_csv(out / "seeds.csv")) == 64
+    assert len(pd.read_csv(tmp_path / "verb/seeds.csv")) == 64
 
 
 def test_targets_without_correlation_and_too_few_runs(tmp_path):
