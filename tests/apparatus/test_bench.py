@@ -110,6 +110,7 @@ def test_the_scenes_of_all_bench_tests_are_known():
     for test in map(bench, SHIPPED):
         scene = Scene.of(configured(test.name), SET, BERRY, PARTICLE, 1)
         scenes[test.name] = test.world(scene, PARTICLE.bounding_radius_m) | {"ends_s": test.duration_s(scene.settings)}
+        scenes[test.name] |= {one.name: (one.unit, one.low, one.high, one.definition) for one in test.responses}
     is_known("scenes.txt", pprint.pformat(scenes, width=120, compact=True))
 
 

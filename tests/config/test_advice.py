@@ -28,8 +28,7 @@ def column(modulus_pa, height_m, gravity, layers):
     d, young = 4e-3, modulus_pa / 0.75
     depths = [(k + 0.5) * height_m / layers for k in range(layers)]
     forces = [0.6 * 1300 * gravity * z * d**2 for z in depths]
-    overlaps = [(3 * force / (4 * young * math.sqrt(d / 4))) ** (2 / 3) for force in forces]
-    return sum(overlaps) / layers / d
+    return sum((3 * force / (4 * young * math.sqrt(d / 4))) ** (2 / 3) for force in forces) / layers / d
 
 
 def test_the_sinking_is_that_of_a_column_and_the_pile_the_cone_of_its_angle(config):
