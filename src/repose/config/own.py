@@ -224,8 +224,7 @@ def unread(content: Mapping[str, Any]) -> list[str]:
     """List the given keys of a checked configuration that neither its strategy nor any answer reads."""
     name = content.get("strategy", "sequential")
     read_by = {*READ_BY_ALL, *READ_BY.get(name, content)}
-    if "surrogate" in read_by and content.get("surrogate", "").startswith("network"):
-        read_by.add("network")
+    read_by |= {"network"} if "surrogate" in read_by and content.get("surrogate", "").startswith("network") else set()
     if get(content, "sequential.seeds") is not None and (name == "sequential" or "seeds" not in content):
         read_by ^= {"seeds", "sequential.seeds"} if "seeds" in read_by else set()
     given = [name for name in settings_type().model_fields if isinstance(content.get(name), Mapping)]

@@ -21,7 +21,8 @@ def terms_of(factors: int, order: str) -> tuple[Term, ...]:
 
 def columns(coded: ArrayLike, terms: Sequence[Term]) -> np.ndarray:
     """Compute the terms (n, terms) at coded points (n, k)."""
-    return np.column_stack([np.asarray(coded, dtype=float)[:, list(term)].prod(axis=1) for term in terms])
+    coded = np.asarray(coded, dtype=float)
+    return np.column_stack([coded[:, list(term)].prod(axis=1) for term in terms])
 
 
 def label(term: Term, factors: Sequence[str]) -> str:
