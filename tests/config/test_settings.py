@@ -1,7 +1,10 @@
 """The configuration: what is let through, and what one message says about the rest."""
 
 import copy
+import importlib
 import itertools
+import json
+import pkgutil
 import re
 
 import numpy as np
@@ -10,6 +13,7 @@ from known import is_known
 from refusals import input_error
 from shared import ROOT, check_all, every_bench_test, put
 
+import repose
 from repose import surrogate
 from repose.apparatus import names
 from repose.config import cost, faults, loader
@@ -17,6 +21,7 @@ from repose.config.computed import COMPUTED
 from repose.config.own import OwnPosterior, OwnSequential, OwnSettings
 from repose.config.study import Study
 from repose.core.parameters import FURTHER
+from repose.core.section import Section
 
 PAGE = (ROOT / "config/README.md").read_text()
 SHIPPED = ("config", "paper", "quick")
@@ -42,6 +47,18 @@ def test_what_every_key_takes_is_known():
     keys = [(model, [one, key]) for model, one, part in parts if isinstance(part, dict) for key in part]
     told = [f"{'.'.join(key)}: {faults.allowed_by(faults.subschema(key, model))}" for model, key in keys]
     is_known("keys.txt", "\n".join(told))
+
+
+def below(kind):
+    return [one for each in kind.__subclasses__() for one in (each, *below(each))]
+
+
+def test_the_limits_and_defaults_of_all_that_is_read_are_known():
+    modules = {one.name: importlib.import_module(one.name) for one in pkgutil.walk_packages(repose.__path__, "repose.")}
+    models = [each for each in below(Section) if getattr(modules.get(each.__module__), each.__name__, 0) is each]
+    parts = {each.__name__: each.model_json_schema().get("properties", {}) for each in models}
+    told = sorted(f"{one}.{key}: {json.dumps(field)}" for one, part in parts.items() for key, field in part.items())
+    is_known("limits.txt", re.sub(r'"(title|description)": "[^"]*",? ?', "", "\n".join(told)))
 
 
 @pytest.fixture(scope="module")

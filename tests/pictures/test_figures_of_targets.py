@@ -267,6 +267,8 @@ def test_the_region_has_its_parameters_on_the_right_axes(tmp_path):
     # what the first free parameter, with a prior, has below its median is excluded
     excluded = np.where(quantile[:, 0] < 0.5, 4.0, 1.0)
     share, table = implausibility.region(SimpleNamespace(quantile=quantile, space=space), excluded)
+    middles = (np.arange(implausibility.CELLS) + 0.5) / implausibility.CELLS
+    np.testing.assert_allclose([sorted(set(table[f"{axis}_quantile"])) for axis in "xy"], [middles, middles])
     inputs = {"region": tmp_path / "region.csv", "summary": tmp_path / "summary.json"}
     table.to_csv(inputs["region"], index=False)
     write_json(inputs["summary"], {"not_implausible_share": share})

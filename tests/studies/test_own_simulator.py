@@ -285,25 +285,7 @@ def test_the_runs_of_a_sample_stand_at_the_top_or_in_the_section(strategy, n):
         assert set(Study.own(CONTENT | given | {"strategy": strategy}).ask().groupby("sample").size()) == {n}
 
 
-@pytest.mark.parametrize(("key", "value", "words"), [
-    ("seed", None, "seed is null; expected an integer from 0 to 2147483647; the key is missing"),
-    ("seed", "one", "seed is 'one'; expected an integer"), ("colour", "red", "a known key; keys here: design, "),
-    ("parameters.friction", [0.8, 0.2], "low < high"),
-    ("parameters.run", [0.1, 0.2], "parameters.run is .*; expected another name"),
-    ("parameters", {"friction": {"fixed": 1}}, "at least one range or prior"),
-    ("parameters", {"friction": {"prior": {"mean": 0.5, "sd": 0.01}, "range": [0.6, 0.9]}}, "a range that meets"),
-    ("targets", {}, "at least one response"),
-    ("targets.friction", {"value": 1, "sd": 1, "repetitions": 3}, "a name that is no parameter's"),
-    ("targets.time_s.value", None, "targets.time_s.value is null"), ("targets.time_s.value", 0, "not 0"),
-    ("targets.time_s.sd", -1, "targets.time_s.sd is -1"), ("targets.time_s.repetitions", 1.5, "an integer from 1"),
-    ("targets.time_s.range", [5, 6], "about the value, 4"), ("targets.time_s.range", 5, r"a pair \[low, high\]"),
-    ("targets.time_s.colour", "red", "a known key"), ("targets.time_s.unit", 3, "text of one line"),
-    ("targets.time_s", 3, "a section with the keys value, sd, "), ("simulator", "", "text of one line"),
-    ("targets.time_s.noise_sd", 0, "targets.time_s.noise_sd is 0; expected a number above 0"),
-    ("sequential", {"seeds": 0}, "an integer from 1"), ("sequential", {"pours": 1}, "a known key"),
-    ("targets.time_s.noise_sd", 1e-12, "targets.time_s.noise_sd is 1e-12; expected at least 4e-09"),
-    ("sequential", {"most_runs": 31}, "at least sequential.start_samples times"),
-])  # fmt: skip
+@pytest.mark.parametrize(("key", "value", "words"), yaml.safe_load((ROOT / "tests/studies/refused.yaml").read_text()))
 def test_a_bad_configuration_is_refused_by_name(key, value, words):
     input_error(words, Study.own, changed(key, value))
 
