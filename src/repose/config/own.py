@@ -21,6 +21,7 @@ from repose.core.responses import Response
 from repose.core.section import ABSENT, AUTO, Contradictions, Section, Seed, refuse
 from repose.core.targets import Target, Targets
 from repose.search.settings import MigaSettings
+from repose.strategies import names, strategy
 from repose.strategies.refined import RefineSettings
 from repose.surrogate.settings import NetworkSettings
 
@@ -28,13 +29,8 @@ from repose.surrogate.settings import NetworkSettings
 RESERVED = ("sample", "run", "status", "turn", "runs", "seeds", "batch", "reason", "n_seeds")
 BENCH = "own"  # bench test of the responses
 OF_TARGETS = ("noise_sd", "definition")  # keys of targets that are collected
-SEARCH = ("miga.solutions", "miga.distance")
 TRAINING = ("network.split", "network.replicates", "network.validation_noise")  # of every surrogate
-DESIGNED = ("seeds", "design", "surrogate", "miga", *TRAINING)
-READ_BY = {
-    "sequential": ("seeds", "sequential", *SEARCH), "published": DESIGNED, "refined": (*DESIGNED, "refine"),
-    "response_surface": ("response_surface", *SEARCH),
-}  # fmt: skip
+DESIGNED = ("seeds", "design", "surrogate", "network", "miga", *TRAINING)  # what follows the article's design reads
 READ_BY_ALL = ("parameters", "targets", "posterior", "sequential.tolerance_percent", "sequential.probability")
 RANGE_PERCENT = 2.0  # of the value, to each side, where no range is given
 LARGEST = 1e12
@@ -170,8 +166,6 @@ class OwnStudySettings(OwnSettings):
 @cache
 def settings_type(whole: type[OwnSettings] = OwnSettings) -> type[OwnSettings]:
     """Make the model with the section of each strategy but `sequential`, which has its own here."""
-    from repose.strategies import names, strategy
-
     sections = {name: strategy(name).settings for name in names() if name not in OwnSettings.model_fields}
     others: dict[str, Any] = {name: (model, ABSENT) for name, model in sections.items() if model is not None}
     return create_model("OwnConfiguration", __base__=whole, **others)
@@ -223,8 +217,10 @@ def completed(content: Mapping[str, Any], source: object = "study") -> dict[str,
 def unread(content: Mapping[str, Any]) -> list[str]:
     """List the given keys of a checked configuration that neither its strategy nor any answer reads."""
     name = content.get("strategy", "sequential")
-    read_by = {*READ_BY_ALL, *READ_BY.get(name, content)}
-    read_by |= {"network"} if "surrogate" in read_by and content.get("surrogate", "").startswith("network") else set()
+    after, designed = strategy(name).reads, strategy(name).begins_with_design
+    read_by = {*READ_BY_ALL, *(DESIGNED if designed else ()), *(after or (() if designed else content))}
+    read_by -= {"network"} if designed and not content.get("surrogate", "").startswith("network") else set()
+    read_by |= {"seeds"} if "sequential" in read_by else set()
     if get(content, "sequential.seeds") is not None and (name == "sequential" or "seeds" not in content):
         read_by ^= {"seeds", "sequential.seeds"} if "seeds" in read_by else set()
     given = [name for name in settings_type().model_fields if isinstance(content.get(name), Mapping)]
