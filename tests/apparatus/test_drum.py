@@ -138,6 +138,9 @@ def test_a_slip_without_a_surface_is_no_result(small_rotation, monkeypatch):
     measured = [TEST.measure(run.record, run.arrays, Scene.of(seen, {}, BERRY, PARTICLE)) for seen in scenes]
     assert [value["status"] for value in measured] == ["ok", "no_surface"]
     assert "50 mm a pixel (measure.mm_per_pixel)" in measured[1]["reason"]
+    _, profile = TEST.measured_run(run.record, run.arrays, Scene.of(scenes[0], {}, BERRY, PARTICLE))
+    np.testing.assert_allclose(profile[:2, 0], [2.5, 7.5])  # mm, middles of drum.depth_bin_mm
+    np.testing.assert_allclose(profile[0, 1], measured[0]["surface_moved_mm"])
     assert measured[1]["drum_slip_deg"] is None
     assert "before_surface_deg" not in measured[1]
 

@@ -222,17 +222,24 @@ class Study:
         }
 
     def finished(self):
-        """Files of jobs that snakemake recorded as finished, kept runs, and the times that each new pour took."""
+        """Files of jobs that snakemake recorded as finished, single kept runs, and the times of new pours."""
         records = self.folder / ".snakemake"
         done, begun = ({path.name for path in (records / kind).glob("*")} for kind in ("metadata", "incomplete"))
         paths = {self.folder / base64.urlsafe_b64decode(name).decode() for name in done - begun}
-        paths |= {path for kept in ("runs/*.npz", "timings/*.json") for path in (self.folder / "results").rglob(kept)}
+        paths |= {path for kept in ("runs/*_*.npz", "timings/*.json") for path in (self.folder / "results").rglob(kept)}
         return {path: (path.stat().st_ino, path.stat().st_mtime_ns) for path in paths if path.exists()}
 
     def made_again(self, before):
-        """Of files that `finished` once gave, those that are not as they were."""
+        """Of files that `finished` once gave, those that are not as they were; a whole job replaces its runs."""
         now = self.finished()
-        return [path for path, when in before.items() if now.get(path) != when]
+
+        def was_poured_again(path):
+            name, _, seed = path.stem.rpartition("_")
+            times = path.parents[1] / "timings" / f"{name}.json"
+            return now.get(times) != before.get(times) and seed in json.loads(times.read_text())["wall_s"]
+
+        changed = [path for path, when in before.items() if now.get(path) != when]
+        return [path for path in changed if path in now or path.parent.name != "runs" or was_poured_again(path)]
 
     def last_words(self):
         """The last line that the workflow printed."""

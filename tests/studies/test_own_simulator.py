@@ -89,6 +89,7 @@ def test_the_answer_meets_the_targets_inside_ranges_and_intervals_that_hold_it(f
     for k, one in enumerate(found.study.targets):
         assert abs(exact[one.name] - one.aim) < 4 * found.answer.error[k]
     assert found.summary["feasible"]
+    assert found.summary["steps"][2].startswith("Answer: the set that lies within 1 % of all targets most probably; ")
     chance = found.probability
     assert 0.5 < chance["within_1_percent"] <= chance["within_2_percent"] <= 1
     # the ranges are 2 % of the values to each side, as none were given
