@@ -12,6 +12,7 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
+import yaml
 from refusals import value_error
 from shared import ROOT, check_all, run_python, written
 
@@ -115,30 +116,14 @@ def test_check_prints_the_number_of_pours(command, tmp_path):
     assert [line for line in lines if line not in out] == []
 
 
-BAD_OPTIONS_OF_HEAP = (
-    (["--set", "mus=0.5"], ["--set mus", "e_gg (restitution, grain-grain)"]),
-    (["--set", "e_gg=2"], ["e_gg is 2.0", "0.01 to 1"]), (["--set", "e_gg=nan"], ["e_gg is nan"]),
-    (["--set", "mus_gg=-0.1"], ["mus_gg is -0.1", "expected 0 to 10"]), (["--set", "mus_gg=25"], ["mus_gg is 25"]),
-    (["--set", "mus_gg=inf"], ["mus_gg is inf"]),
-    (["--set", "mus_gg=rough"], ["mus_gg is 'rough'", "a number"]),
-    (["--set", "mus_gg"], ["--set is 'mus_gg'", "NAME=VALUE"]),
-    (["--set", "e_gg=0.2", "--set", "e_gg=0.3"], ["each name once"]), (["--seed", "-1"], ["--seed is [-1]"]),
-    (["--seed", "1", "--seed", "1"], ["distinct"]), (["--seeds", "0"], ["--seeds is 0"]),
-    (["--sample", "3"], ["--sample is 3", "together with --samples"]),
-    (["--samples", "nowhere.csv", "--sample", "1"], ["nowhere.csv"]),
-    (["--samples", "resources/berries.csv", "--sample", "1"], ["berries.csv: column sample is 'missing'"]),
-    (["--trajectory", "0"], ["--trajectory is 0.0"]), (["--particle", "nowhere.json"], ["nowhere.json"]),
-    (["--berry", "nowhere.json"], ["nowhere.json"]),
-)  # fmt: skip
-
-
 def test_heap_refuses_bad_options_before_it_pours(command, tmp_path):
     def refused(words, parts):
         line = error_of(command, "heap", "--out", tmp_path / "heap", *words)
         assert all(part in line for part in parts), line
         assert not (tmp_path / "heap").exists()
 
-    check_all(refused, [(" ".join(words), words, parts) for words, parts in BAD_OPTIONS_OF_HEAP])
+    cases = yaml.safe_load(Path(__file__).with_name("heap.yaml").read_text())
+    check_all(refused, [(" ".join(words), words, parts) for words, parts in cases])
 
 
 def test_heap_pours_and_prints_its_record(short_config, tmp_path, command):

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import yaml
 from refusals import input_error
+from scipy import constants
 from shared import check_all, says, targets_of, written
 
 from repose.config.profiles import expanded_own
@@ -307,6 +308,10 @@ def test_a_wrong_unit_is_told_with_its_file_and_the_likely_one(tmp_path):
     for unit, factor in (("kN", 1e-3), ("mN", 1e8)):
         words = rf"tests\.csv: force_n is .*; in {unit} instead of N\?"
         assert re.search(words, message(scaled(TESTS, factor, "force_n")))
+    newtons = {"kN": 1e3, "kgf": constants.kgf, "gf": 1e-3 * constants.kgf, "mN": 1e-3}
+    millimetres = {"m": 1e3, "inches": 1e3 * constants.inch, "cm": 10.0, "um": 1e-3}
+    for unit, own in (("N", newtons), ("mm", millimetres)):
+        assert [tables.other_unit(unit, 0.5 / size).split()[2] for size in own.values()] == list(own)
     for columns, factor, unit in (
         (["force_n"], 1e3, "mN"), (["force_n"], 102.0, "gf"), (["force_n"], 1e-3, "kN"), (["breadth_mm"], 0.1, "cm"),
         (["width_1_mm", "width_2_mm"], 0.1, "cm"),
