@@ -162,9 +162,7 @@ def _test_lines(test: Mapping[str, Any]) -> Iterator[str]:
 
 def _mean(mean: float | None, error: float | None) -> str:
     """Write a mean with its standard error."""
-    if mean is None:
-        return "no number"
-    return f"{mean:.4g}" + ("" if error is None else f" +- {error:.2g}")
+    return "no number" if mean is None else f"{mean:.4g}" + ("" if error is None else f" +- {error:.2g}")
 
 
 def _settings(section: Mapping[str, Any]) -> str:

@@ -15,7 +15,7 @@ from repose.core import ledger
 from repose.core.errors import InputError, require
 from repose.core.files import write_table
 from repose.core.lock import exclusive
-from repose.core.tables import Column, check, refuse
+from repose.core.tables import Column, check, check_columns, refuse
 from repose.strategies.base import Answer, Batch, Studied, strategy
 from repose.strategies.runs import (
     NUMBERS,
@@ -237,6 +237,7 @@ def _checked_table(table: Any) -> pd.DataFrame:
     twice = list(map(str, table.columns[table.columns.duplicated()]))
     require(not twice, SOURCE, "column", ", ".join(twice[:1]), "each column once")
     require(not table.empty, SOURCE, "rows", 0, "a row for each run")
+    check_columns(SOURCE, table, (), optional=("status", *NUMBERS))
     numbers = {key: table[key] for key in NUMBERS if key in table}
     for key, column in numbers.items():
         require(column.notna().all(), SOURCE, key, "missing", "a number in each row, as `ask` gave it")

@@ -193,9 +193,9 @@ def check_columns(
     allowed = f"{needed}; found: {', '.join(map(str, table))}"
     for column in columns:
         require(column in table, path, f"column {column}", "missing", allowed)
-    for name in map(str, table):
-        good = name in {*columns, *optional} or name.casefold() not in optional or name.casefold() in table
-        require(good, path, "column", name, f"{name.casefold()}, without capitals")
+    for name, plain in ((one, one.strip().casefold()) for one in map(str, table)):
+        good = name in {*columns, *optional} or plain not in optional or plain in table
+        require(good, path, "column", name, f"{plain}, without capitals and blanks")
 
 
 def sheet(path: Path_, what: str = TABLE) -> Table:

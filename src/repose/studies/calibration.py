@@ -1,6 +1,5 @@
 """From the runs of any simulator to the answer with its certainty, its tables and its material card."""
 
-from collections.abc import Mapping
 from html import escape
 from importlib import import_module
 from pathlib import Path
@@ -186,7 +185,7 @@ def calibrate(study: Studied, runs: pd.DataFrame, proposal: Batch | Answer | Non
         },
         "warning": noise.warning,
         "definitions": _definitions(study),
-        "steps": _steps(study, runs, len(samples), model, best.probability, noise.warning),
+        "steps": _steps(study, runs, len(samples), model, best, noise.warning),
     }
     solutions = answer.solutions(best, feasible, space, targets)
     return Calibration(study, runs, samples, model, best, solutions, posterior, summary)
@@ -220,17 +219,16 @@ def _samples(study: Studied, runs: pd.DataFrame) -> pd.DataFrame:
 
 
 def _steps(
-    study: Studied, runs: pd.DataFrame, samples: int, model: Predictor, chance: Mapping[str, float], warning: str | None
+    study: Studied, runs: pd.DataFrame, samples: int, model: Predictor, best: Answer, warning: str | None
 ) -> list[str]:
     """Describe the way to the answer, in sentences."""
     settings, failed = study.settings, int((runs["status"] != OK).sum())
     name = model.name.replace("_", " ")
     known = " of the samples' means with their known errors" if model.name == "kriging" and warning is None else ""
-    one, two = chance["within_1_percent"], chance["within_2_percent"]
-    chosen = f"that of the strategy {settings.strategy}"
-    if settings.strategy == "sequential":
-        tolerance = settings.sequential.tolerance_percent
-        chosen = f"the set that lies within {tolerance:g} % of all targets most probably"
+    one, two = best.probability["within_1_percent"], best.probability["within_2_percent"]
+    likely = f"the set that lies within {settings.sequential.tolerance_percent:g} % of all targets most probably"
+    own = "the set that comes nearest to the targets" if "nearest" in best.why else likely
+    chosen = own if settings.strategy == "sequential" else f"that of the strategy {settings.strategy}"
     return [
         f"Simulation in {_simulator(study)}: {len(runs)} runs of {samples} parameter sets, {failed} failed.",
         f"Model: {name}{known}." if warning is None else f"Model: {name}. Warning: {warning}",

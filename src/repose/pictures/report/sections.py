@@ -30,9 +30,7 @@ def share(value: float | None) -> str:
     """Write a probability in words, no more precise than the runs allow; "unknown" for None."""
     if value is None:
         return "unknown"
-    if value > 0.995:
-        return "more than 99 %"
-    return "less than 1 %" if value < 0.005 else f"{100 * value:.0f} %"
+    return "more than 99 %" if value > 0.995 else "less than 1 %" if value < 0.005 else f"{100 * value:.0f} %"
 
 
 def answer(study: Results) -> str:

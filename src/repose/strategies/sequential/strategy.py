@@ -13,11 +13,12 @@ from repose.core.probability import within
 from repose.core.targets import Targets
 from repose.strategies.base import SO_FAR, Answer, Batch, Studied, samples_of
 from repose.strategies.runs import check_responses, next_number
-from repose.strategies.sequential.advise import Advice, advise, alternatives, ranked, start
+from repose.strategies.sequential.advise import Advice, advise, alternatives, nearest, ranked, start
 from repose.strategies.sequential.goal import Goal
 from repose.strategies.sequential.kriging import Kriging, Observed, SpaceKriging
 from repose.strategies.sequential.noise import Noise, noise_of
 
+NO_CHANCE = 1e-6  # of the most probable point: below it that is the least certain one, and the nearest is the answer
 WHY = {
     "probability": "the answer meets the targets with the requested probability",
     "out_of_reach": "probably no parameter set meets the targets: the answer is the nearest",
@@ -38,7 +39,9 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
         advice = advise(observed, goal, section, len(data), _random(study, data), noise)
     except (InputError, ValueError) as error:
         failed, good = len(observed.failed), len(observed.unit)
-        if len(data) < section.most_pours and (failed or good < section.start_samples):
+        if good >= 2 * failed:  # else what they share may be chance
+            check_responses(data, study.targets)
+        if good < section.start_samples and len(data) + section.seeds <= section.most_pours:
             few = f"{failed} samples failed, and the other {good} are too few for a model: a further start"
             return _start(study, data, why=few)
         raise _cause(error, data, study.targets) from None
@@ -53,11 +56,12 @@ def _start(study: Studied, data: pd.DataFrame, **notes: str) -> Batch:
     """Sample all over the ranges, at the beginning or where too few samples are good for a model."""
     space, section = study.parameters, study.settings.sequential
     unit = start(space, section, study.settings.design.seed + len(data))
+    unit = unit[: (section.most_pours - len(data)) // section.seeds]
     return Batch(samples_of(space, unit, section.seeds, 1 if data.empty else next_number(data)), notes)
 
 
 def answer(study: Studied, data: pd.DataFrame, point: np.ndarray | None = None, **about: Any) -> Answer:
-    """Answer with the set that meets the targets most probably, or with a point (d,) of the unit cube."""
+    """Answer with the set that meets the targets most probably, the nearest, or a point (d,) of the unit cube."""
     space, targets, section = study.parameters, study.targets, study.settings.sequential
     observed = observed_of(data, space, targets)
     try:
@@ -67,6 +71,8 @@ def answer(study: Studied, data: pd.DataFrame, point: np.ndarray | None = None, 
     points, scores = ranked(model, _goal(study), observed, _random(study, data))
     others, predicted = alternatives((points, scores), model, targets, study.settings.miga)
     unit = (points[scores.argmax()] if point is None else point)[None]
+    if point is None and _goal(study).probability(*model.predict(unit))[0] < NO_CHANCE:
+        unit, about = nearest(model, _goal(study), observed, points)[None], {"why": WHY["out_of_reach"]} | about
     mean, covariance = model.predict(unit)
     goals = {column: Goal.of(targets, percent, space) for percent, column in WITHIN.items()}
     probability = {column: float(goal.probability(mean, covariance)[0]) for column, goal in goals.items()}
@@ -133,8 +139,8 @@ def _notes(advice: Advice, study: Studied) -> dict[str, Any]:
     for name, mean, error in zip(study.targets.names, advice.mean, advice.error, strict=True):
         row |= {f"{name}_mean": float(mean), f"{name}_error": float(error)}
     why = WHY[advice.stop] if advice.stop else f"{len(advice.batch)} more samples are poured"
-    nearest = {"deviation": advice.reach.nearest, "error": advice.reach.error}
-    return {**state, "nearest": nearest, "answer": answer, "row": row | answer, "why": why}
+    least = {"deviation": advice.reach.nearest, "error": advice.reach.error}
+    return {**state, "nearest": least, "answer": answer, "row": row | answer, "why": why}
 
 
 def _end(notes: Mapping[str, Any], study: Studied, data: pd.DataFrame) -> dict[str, Any]:
