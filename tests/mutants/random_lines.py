@@ -30,7 +30,7 @@ SWAPPED = {
     ast.Lt: ">", ast.Gt: "<", ast.LtE: ">=", ast.GtE: "<=", ast.Eq: "!=", ast.NotEq: "==",
     ast.And: "or", ast.Or: "and",
 }  # fmt: skip
-SEED = 20261202  # write down the next one before it is drawn
+SEED = 20261203  # write down the next one before it is drawn
 LONGEST_S = 60  # of CPU time of the tests of a module; where they take longer without a mutant, its own file alone
 MOST_S = 300  # of CPU time of these; a mutant that takes longer is caught, too
 LOADED = ("numpy", "scipy.stats", "scipy.optimize", "scipy.spatial", "pandas", "cv2", "pytest", "xdist.scheduler")

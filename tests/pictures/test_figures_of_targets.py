@@ -255,6 +255,8 @@ def test_the_curve_over_the_discrepancy(tmp_path):
         text = " | ".join(result)
         assert sum(panel.axison for panel in figure.axes) == 1 + len(FREE)
         assert "assumed, independent between targets" in text
+        (spread,) = (line for line in figure.axes[0].lines if line.get_label().startswith("spread of the shape"))
+        assert spread.get_xydata().tolist() == [[13.0, 3.0 / 14.0]] * all_of_it
         for part in ("fewer than 400 effective points", "assumed, correlation 0.9"):
             assert (part in text) == all_of_it, part
         assert style.parameter_label("e_gg") not in text

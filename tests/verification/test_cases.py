@@ -9,7 +9,7 @@ import yaml
 
 from repose import verification
 from repose.apparatus.settings import SimulationSettings
-from repose.verification import energy
+from repose.verification import coulomb, energy
 from repose.verification.case import KNOWN, Effort
 from repose.verification.machine import frictionless
 
@@ -67,6 +67,12 @@ def test_equal_spins_of_sliding_hits_lose_what_rigid_bodies_lose(laws):
     assert len(rows) == 6
     for found in rows.values():
         assert found == pytest.approx(0.12, rel=3e-3)
+
+
+def test_a_closed_path_gains_what_the_tangential_springs_of_two_overlaps_differ_by():
+    """The spring grows while it is pressed, as after Mindlin without unloading: half of (k2 - k1) s^2 by hand."""
+    spring = 8 / (1.68 / 4.3e4 + 1.6 / 1.12e9) * np.sqrt(0.01057 * 0.005685 / 0.00494)
+    assert coulomb.loop_work(True) == pytest.approx(-0.5 * spring * (1e-3**0.5 - 2e-4**0.5) * 2e-4**2, rel=2e-3)
 
 
 def test_hits_of_soft_berries_lose_energy_at_a_low_restitution():
