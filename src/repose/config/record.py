@@ -253,6 +253,5 @@ def _numbers(table: pd.DataFrame, name: str) -> np.ndarray:
 
 def _exact(value: Any) -> str:
     """Write a cell as the file has it, with all digits; empty for NaN."""
-    if isinstance(value, float | np.floating):
-        return "" if np.isnan(value) else repr(float(value))
-    return str(value)
+    text = repr(float(value)) if isinstance(value, float | np.floating) else str(value)
+    return "" if text == "nan" else text

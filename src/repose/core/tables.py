@@ -33,15 +33,18 @@ DECIMAL_COMMA, DECIMAL_POINT = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?"), re.co
 THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")  # 1,234: may be a number of thousands
 # What begins or is the name of a row that sums up others.
 SUMMARY = re.compile(
-    r"((geo\w*|grand|arithmetic|sample|weighted)? ?mean|average|avg|median|std|st\.? ?d?dev|overall|summary|moy(enne)?|"
-    r"durchschnitt|mittelwert|stabw|promedio|gemiddelde|medelvärde|średnia|ortalama|keskiarvo|среднее|průměr|medie|"
-    r"μέσοσ|coefficient of variation|quartile|[øσμ±]|x̄|平均值?|均值|标准差|標準偏差)([\W\d_].*)?|"
-    r"(s\.?d|s\.?e|sem|c\.?v|rsd|mw|n)( ?[(=%].*)?|m[eé]dia|mode|suma|q[1-4]|iqr|rms|gem|se mean|var(iance)?|range|"
-    r"\d+ ?%( ?(ci|confidence.*|percentile))?|standard ?(deviation|error)|m(in|ax)(imum)?|(sub|grand)? ?totals?|count|"
-    "sum|mittel|summe|gesamt|standardabweichung|anzahl|somme|desv.*|[eé]cart.?type"
+    r"((geo\w*|grand|arithmetic|sample|weighted)? ?mean|average|av[eg]?|median|std|st(an)?d? ?dev|overall|summary|"
+    r"moy(enne)?|durchschn(itt)?|mittelw(ert)?|stabw|prom(edio)?|gemiddelde|medelvärde|średnia|ortalama|keskiarvo|"
+    r"среднее|průměr|medie|μέσοσ|coefficient of variation|quartile|[øσμ±]|x̄|平均[值値]?|均值|[标標][准準]偏?差|"
+    r"최[대소]값?|평균|표준편차)([\W\d_].*)?|(±?(sample )?sd|se|sem|co?v|rsd|mw|n)( ?[(=%].*)?|m[eé]dia|mode|suma|iqr|"
+    r"rms|gem|se mean|q[1-4]|varian[cz]e?|var|range|\d+ ?%( ?(ci|confidence.*|percentile))?|(sub|grand)? ?totals?|"
+    r"standard ?(dev(iation)?|error|fehler|abweichung)|count|最[大小]值?|stdevp?|m(in|ax)(imum)?|m[íiáa][nx]im[oa]|"
+    "span(nweite)?|(low|high|small|larg)est|valor medio|dev(iazione)? st.*|standaarddeviatie|keskihajonta|"
+    "sum|mittel|summe|gesamt|anzahl|somme|desv.*|[eé]cart.?type"
 )
-# Of these some are names, too: of quarters, directions, people, shares.
-MAY_BE_NAMES = re.compile(r"n|se|m(ax|in)|mw|q[1-4]|\d+ ?%")
+# Of these some are names, too: of quarters, directions, people, shares, heights.
+MAY_BE_NAMES = re.compile(r"n|se|av|m(ax|in)|mw|q[1-4]|\d+ ?%|mode|range|span|prom|(low|high|small|larg)est")
+BEHIND = re.compile(r"[ _]*(\(.*\)|\[.*\])|[ _]+(values?|of the \w+|in \w+)")  # the name of a statistic
 NOTHING = frozenset(("", "nan", "na", "n/a", "null", "none", "<na>"))
 TRUTH = {"true": True, "false": False}
 DIGITS = frozenset("0123456789+-.eE")
@@ -85,7 +88,7 @@ class Column:
 
     def read(self, cell: Any) -> Any:
         """Read a cell; ValueError for one that is not allowed."""
-        if isinstance(cell, str) and NO_RESULT.fullmatch(cell):
+        if isinstance(cell, str) and (NO_RESULT.fullmatch(cell) or not (cell or self.empty or self.kind is not str)):
             raise ValueError(cell)
         if self.kind in (str, object):
             return cell
@@ -131,7 +134,7 @@ class Table:
         buffer = io.StringIO()
         csv.writer(buffer).writerows([self.text, *zip(*self.text.values(), strict=True)])
         buffer.seek(0)
-        return pd.read_csv(buffer, converters=dict.fromkeys(self.words, str))
+        return pd.read_csv(buffer).assign(**{name: self.text[name] for name in self.words & {*self.text}})  # NA, too
 
 
 def is_number(column: str) -> bool:
@@ -216,9 +219,9 @@ def sheet(path: Path_, what: str = TABLE) -> Table:
     cells = lines[first].count(separator) if lines else 0
     allowed = "a row that begins without #, or a comment that begins with '# '"
     for line in comments:
-        numbers = all(re.fullmatch(r"\s*[-+.\deE]+\s*", cell) for cell in line.split(separator)[1:])
-        is_row = cells and line.count(separator) == cells and (numbers or line.lstrip(' "')[1:2].strip())
-        require(not is_row, path, "line", line.strip(), allowed)
+        rest, count = re.sub(r"[\s,;]", "", line.partition(separator)[2]), line.count(separator)
+        is_row = count >= cells if rest and is_plain(rest) else count == cells and line.lstrip(' "')[1:2].strip()
+        require(not (cells and is_row), path, "line", line.strip(), allowed)
     rows = _rows(path, lines, separator, what)
     require(rows, path, "rows", 0, what)
     header = rows.pop(0)
@@ -294,7 +297,8 @@ def _summaries(table: Table) -> Iterator[Fault]:
     """Find rows that sum up others: their first cell says so, or one of a column that is not declared as text."""
     found = set()
     for k, (name, cells) in enumerate(table.text.items()):
-        words = [] if (k and name in table.words) or is_plain(cells) else [one.casefold().strip(" .:") for one in cells]
+        told = (BEHIND.sub("", one.casefold().replace(".", "")).strip(" :") for one in cells)
+        words = [] if (k and name in table.words) or is_plain(cells) else list(told)
         kinds = {word for word in words if word}
         flags = len(kinds) > 1 and max(map(len, kinds)) == 1  # such as Y and N
         of_runs = flags or (words and SUMMARY.fullmatch(words[0]))  # such as the same method in each row

@@ -200,6 +200,4 @@ def _scatter_by_split(panel: Axes, table: pd.DataFrame, shown: Response) -> None
 
 def _share(r2: float | None) -> str:
     """Say R2 in words; an estimate without noise can pass 1."""
-    if r2 is None:
-        return "undefined"
-    return "≈ 1" if r2 > 1 else f"{r2:.3f}"
+    return "undefined" if r2 is None else "≈ 1" if r2 > 1 else f"{r2:.3f}"
