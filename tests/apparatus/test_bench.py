@@ -6,6 +6,7 @@ import pprint
 
 import numpy as np
 import pytest
+import yaml
 from goji import AXES_MM, BERRY, PARTICLE, example, named, recommended
 from known import is_known
 from refusals import input_error, not_refused, value_error
@@ -79,23 +80,7 @@ def test_its_section_is_part_of_the_configuration(config):
     input_error(r"targets\.2\.apparatus is 'drop'; .*has a section", Study.of, config)
 
 
-IMPOSSIBLE = [
-    ("cylinder", "duration_s", 8.0, "above 8.2475"), ("cylinder", "core_margin_mm", 90.0, "there is no core"),
-    ("cylinder", "berries", 0, "1 to 20000"), ("discharge", "open_from_s", 1.2, "above 1.2475"),
-    ("discharge", "outlet_diameter_mm", 150.0, "below discharge.inlet_diameter_mm, 150"),
-    ("discharge", "rim_radius_mm", 20.0, "at most 18.75"), ("discharge", "berries", 0, "1 to 20000"),
-    ("turning", "rotate_from_s", 1.0, "above 1.798"), ("turning", "measure_until_s", 2.55, "at least 2.6"),
-    ("turning", "wall_thickness_mm", 100.0, "below half of turning.outer_diameter_mm, 200"),
-    ("turning", "factory_height_mm", 96.0, "between -95 and 95"), ("turning", "record_s", 0.0, "0.001 to 10"),
-    ("drawdown", "open_from_s", 1.4, "above 1.4975, when the last grain appears"),
-    ("drawdown", "slot_mm", 260.0, "below drawdown.width_mm, 260"),
-    ("drawdown", "edge_radius_mm", 1.5, "at most a quarter of drawdown.floor_mm, 1"),
-    ("drawdown", "drop_mm", 4.0, "above drawdown.floor_mm, 4"),
-    ("drawdown", "lower_width_mm", 267.0, "at least 268, the upper chamber with its walls"),
-    ("drop_test", "height_mm", 2.0, r"at least 3\.07, or the fall takes fewer than 100"),
-    ("drop_test", "surface", "steel", "wall.*berry"), ("drop_test", "orientation", "flat", "lying"),
-    ("inclined_plane", "surface", "glass", "wall.*berry.*glued"), ("inclined_plane", "steepest_deg", 90.0, "1 to 89"),
-]  # fmt: skip
+IMPOSSIBLE = yaml.safe_load((ROOT / "tests/apparatus/impossible.yaml").read_text())
 
 
 def configured(name, **keys):

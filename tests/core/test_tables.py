@@ -197,6 +197,8 @@ def test_a_column_that_says_something_of_each_run_is_no_summary(tmp_path):
     for words in (["Y", "Y", "N"], ["N", "Y", "Y"], ["mean"] * 3, ["true", "false", "true"]):
         rows = "".join(f"{k},{k},{word}\n" for k, word in enumerate(words))
         assert tables.read(written(path, f"a,b,said\n{rows}"), [column]).values["b"] == [0, 1, 2]
+    words = tables.read(written(path, "b,said\n1,NA\n2,null\n"), [column, tables.Column("said", str)]).frame()["said"]
+    assert list(words) == ["NA", "null"]
 
 
 def test_a_name_like_a_summary_is_a_row_and_a_row_is_no_comment(tmp_path):

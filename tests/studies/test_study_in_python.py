@@ -56,6 +56,19 @@ def test_a_function_is_calibrated_and_a_start_that_fails_does_not_end_a_study(an
 
     assert study().calibrate(fails_first).parameters["b"] == pytest.approx(0.5, abs=0.06)
     input_error("a mapping with y, z", study().calibrate, lambda row: {})
+    one_fails = [{"y": np.nan}, {}]
+    says_why = "z is 0.0; expected results that differ; all [123]. good runs"
+    input_error(says_why, study().calibrate, lambda row: simulate(row) | {"z": 0.0} | one_fails[row["sample"] > 1])
+
+
+def test_where_no_set_meets_the_targets_the_nearest_is_the_answer_not_the_least_certain():
+    """By hand: t alone asks for .636, a for .733 and m for .5; what lies above .8 failed."""
+    targets = {"a": (31, 1, 1), "m": (50, 2, 3), "t": (3, 0.2, 10)}
+    far = Study({"mu": (0.1, 0.9)}, targets, seed=3, sequential={"seeds": 1}, posterior={"walkers": 32, "steps": 100})
+    x = far.ask()["mu"].where(lambda mu: mu <= 0.8)
+    table = far.ask().assign(a=(20 + 15 * x).round(1), m=(60 - 20 * x).round(), t=(2 + 2 * x**2 + 0.3 * x).round(2))
+    far.tell(table)
+    assert far.answer().parameters["mu"] == pytest.approx(0.636, abs=0.02)
 
 
 def test_any_part_of_a_turn_is_told_by_any_process_and_none_is_lost(tmp_path):
@@ -103,6 +116,7 @@ def test_a_record_that_cannot_be_written_keeps_nothing(tmp_path, monkeypatch):
     one.tell(results(asked).assign(status=None).drop(columns="run")[::2])
     assert one.runs["status"].tolist() == ["ok"] * 8
     input_error("there twice", one.tell, results(asked).drop(columns="run")[::2])
+    input_error("column is 'Status'; expected status", one.tell, results(asked).assign(Status="failed"))
 
 
 def test_what_is_left_of_a_turn_is_asked_for_also_after_runs_made_before(tmp_path):
