@@ -56,6 +56,7 @@ def test_a_photograph_is_measured_stays_and_is_not_replaced_by_its_overlay(tmp_p
     files.write_image(tmp_path / "own.png", cv2.imread(str(tmp_path / "raw.png")))
     words = (tmp_path / "own.png", "--mm-per-pixel", 0.3, "--out", tmp_path)
     assert "another folder than that of the photographs" in measure(*words, status=2).err
+    assert "raw.png'; expected each picture once" in measure(tmp_path / "raw.png", *both[1:], status=2).err
 
 
 @pytest.mark.parametrize("seen", DOUBTS)

@@ -196,10 +196,12 @@ def test_files_with_a_fault_are_mended_where_that_is_safe_else_the_cause_is_name
     ]  # fmt: skip
     good += [b"\xef\xbb\xbf" + text, text.replace(b"\n", b"\r"), text.replace(b"\n", b" " * 2000 + b"\n", 1)]
     good += [b"solid of a facet".ljust(80) + binary[80:], b"solid K\xc3\xb6rper" + text[text.index(b"\n") :]]
+    good += [text + behind for behind in (b"\x1a", b"\0\0\x1a", b"\nexported by X\n")]
     for content in (*good, text, text.rstrip()[: -len("endsolid")]):
         path.write_bytes(content)
         assert build.load_mesh(path).volume == pytest.approx(whole.volume, rel=1e-6), content[-60:]
-    bad = [(binary[:-60], "facets is 1278; expected 1280"), (text[: len(text) // 2], "cut off|edges of one facet")]
+    bad = [(binary + binary, "facets is 2561; expected 1280, as its header says: one body")]
+    bad += [(binary[:-60], "facets is 1278; expected 1280"), (text[: len(text) // 2], "cut off|edges of one facet")]
     (tmp_path / "halves.obj").write_text(whole.export(file_type="obj").replace("\nf ", "\ng b\nusemtl b\nf ", 700))
     joint, (a, b, c), end = whole.copy(), whole.faces[7], len(whole.vertices)  # a needle closes a facet's split edge
     joint.vertices = np.vstack([joint.vertices, joint.vertices[[a, b]].mean(axis=0)])

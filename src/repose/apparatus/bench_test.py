@@ -176,9 +176,8 @@ class BenchTest(ABC, Generic[S]):
 
     def status_of(self, ending: Ending, settings: SceneSettings) -> tuple[str, str]:
         """Judge a run before it is measured; the reason of ``ok`` is empty."""
-        if ending.unstable:
-            return "unstable", ending.unstable
-        return next(self.faults(ending, settings), ("ok", ""))
+        fault = ("unstable", ending.unstable) if ending.unstable else next(self.faults(ending, settings), None)
+        return fault or ("ok", "")
 
     def ended(
         self, scene: Scene, ending: Ending, arrays: dict[str, np.ndarray], frames: Any = None, **numbers: float

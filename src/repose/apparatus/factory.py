@@ -93,8 +93,7 @@ def random_orientation(orientation: str, rng: np.random.Generator) -> np.ndarray
     # about the long axis x, then for "upright" up, then about the vertical
     q = np.array([math.cos(about / 2), math.sin(about / 2), 0.0, 0.0])
     if orientation == "upright":
-        half = math.sqrt(0.5)
-        q = half * np.array([q[0], q[1], -q[0], q[1]])
+        q = math.sqrt(0.5) * np.array([q[0], q[1], -q[0], q[1]])
     c, s = math.cos(axis / 2), math.sin(axis / 2)
     w, x, y, z = q
     return np.array([c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w])

@@ -103,9 +103,7 @@ def steepest_deg(definition: str, height_mm: float, grains_m3: float) -> float |
     A side that falls ever less steeply outwards has, over equal steps of distance, no steeper regression line from foot
     to crest than the cone of its Height and volume. A line that sees less of the toe may be steeper.
     """
-    if definition != "whole":
-        return None
-    return math.degrees(math.atan(cone_tan(height_mm, grains_m3 / DENSEST)))
+    return None if definition != "whole" else math.degrees(math.atan(cone_tan(height_mm, grains_m3 / DENSEST)))
 
 
 def carried(angle_deg: "pd.Series", height_mm: "pd.Series", to_mm: float) -> "pd.Series":

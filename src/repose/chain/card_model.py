@@ -21,7 +21,7 @@ POSTERIOR: Final = "central 95 % of the posterior"
 RANGE: Final = "range of the parameter sets found"
 MISSING = "the key is missing"
 ROUNDING, UNLIKE = 1e-3, 0.01  # of a correlation; largest relative difference of a value from what others give
-UNLIKE_AXES = 0.25  # the same of the axes of a body that stands for the grain
+UNLIKE_AXES = {"ellipsoid": 0.01, "smooth": 0.1, "multisphere": 0.25}  # the same of the axes of a body for the grain
 WORDS = {"missing": MISSING, "extra_forbidden": "a known key"}  # by the type of pydantic's error
 Faults = Iterator[tuple[str, Any, str]]  # key, value, what is allowed
 
@@ -87,7 +87,8 @@ class Grain(Wall):
         else:
             axes = ([(ball[k] - ball[3], ball[k] + ball[3]) for ball in self.spheres_mm] for k in range(3))
             extents = [max(top for _, top in ends) - min(low for low, _ in ends) for ends in axes if ends]
-        if any(abs(extent / axis - 1) > UNLIKE_AXES for extent, axis in zip(extents, self.mean_axes_mm, strict=False)):
+        most = UNLIKE_AXES[self.shape]
+        if any(abs(extent / axis - 1) > most for extent, axis in zip(extents, self.mean_axes_mm, strict=False)):
             yield "grain.mean_axes_mm", self.mean_axes_mm, f"those of its body, {[float(f'{x:.4g}') for x in extents]}"
         inertia = 1e-10 * self.mass_g * sum(axis**2 for axis in self.mean_axes_mm)  # the sum of the three, of full axes
         sums = inertia if self.inertia_kg_m2 is ABSENT else sum(self.inertia_kg_m2)

@@ -12,6 +12,7 @@ from repose.config.keys import section
 from repose.config.study import Study
 from repose.core.errors import InputError, raise_together
 from repose.core.files import json_text
+from repose.core.provenance import hash_of_file
 
 if TYPE_CHECKING:
     from repose.measure.photographs import Scale
@@ -71,12 +72,13 @@ def measure(args: argparse.Namespace) -> None:
         raise_together(faults)
     for fault in faults:
         print(f"repose: left out: {fault}", file=sys.stderr)
-    overlays = [out / f"{path.stem}.png" for path in pictures]
-    for path, overlay in zip(pictures, overlays, strict=True):
+    overlays, contents = [out / f"{path.stem}.png" for path in pictures], list(map(hash_of_file, pictures))
+    for path, overlay, content in zip(pictures, overlays, contents, strict=True):
         require_option(overlays.count(overlay) == 1, "pictures", path.name, "photographs whose names differ")
+        require_option(contents.count(content) == 1, "pictures", path.name, "each picture once: this is a copy")
         check_replaceable(overlay)
-        if overlay.resolve() == path.resolve():
-            raise InputError("command line", "--out", args.out, "another folder than that of the photographs")
+        other = overlay.resolve() != path.resolve()
+        require_option(other, "--out", args.out, "another folder than that of the photographs")
     scale, how = _scale(args), _settings(args)
     if args.bench not in of_pile:
         _measure_apparatus(args, pictures, overlays, how)

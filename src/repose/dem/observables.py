@@ -134,9 +134,8 @@ class Observables(World):
         n = self.counts[st.N_PAIRS]
         pairs = self._outer[np.column_stack([self.pairs.first[:n], self.pairs.second[:n]])]
         pairs.sort(axis=1)
-        if self._of_clumps:  # of two clumps several spheres may touch
-            return np.unique(pairs, axis=0)
-        return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
+        # of two clumps several spheres may touch
+        return np.unique(pairs, axis=0) if self._of_clumps else pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
 
     def sphere_contacts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Spheres of two clumps that touch; empty for smooth bodies.

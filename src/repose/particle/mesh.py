@@ -43,11 +43,14 @@ def _whole_stl(content: bytes, source: object) -> bytes:
     if b"facet" in text and not re.search(rb"[\0-\x08\x0e-\x1f]", text[:1000]):
         begun, ended = (len(re.findall(rb"(?m)^\s*" + word + rb"\b", text)) for word in (b"facet", b"endfacet"))
         require(begun == ended, source, "facets", ended, f"{begun}, as many as begin: the file is cut off")
-        return text if text.rstrip().splitlines()[-1].lstrip().startswith(b"endsolid") else text + b"\nendsolid\n"
+        end = text.rfind(b"endsolid")  # of what stands behind it nothing belongs to the body
+        return text[: end if end > text.rfind(b"endfacet") else None] + b"\nendsolid\n"
     count = int.from_bytes(content[STL_HEADER - 4 : STL_HEADER], "little")
     facets = max(len(content) - STL_HEADER, 0) // STL_FACET
     allowed = f"{count or 'some'}, as its header says: the file is cut off, or no STL"
     require(facets >= max(count, 1), source, "facets", facets, allowed)
+    behind = content[STL_HEADER + STL_FACET * count :].strip(b"\0\t\r\n ")
+    require(len(behind) < STL_HEADER + STL_FACET, source, "facets", facets, f"{count}, as its header says: one body")
     return content[: STL_HEADER + STL_FACET * count]
 
 

@@ -46,9 +46,8 @@ def recognise_ellipsoid(vertices: np.ndarray, radius: float, n: np.ndarray, meas
     axes = 1 / np.sqrt(values)
     off_surface = np.abs(np.linalg.norm((x - centre) @ vectors / axes, axis=1) - 1).max() * axes.max()
     coarseness = np.abs(support(radius * axes[None], n) - measured).max()
-    if off_surface > ON_ELLIPSOID or coarseness > COARSEST_FACET * radius:
-        return None
-    return radius * axes[None]
+    fits = off_surface <= ON_ELLIPSOID and coarseness <= COARSEST_FACET * radius
+    return radius * axes[None] if fits else None
 
 
 def fit_components(

@@ -36,10 +36,10 @@ class Noise(NamedTuple):
         sources = zip(self.sources.items(), np.sqrt(np.diagonal(self.covariance)), strict=True)
         deviations = [f"{name} {sd:.2g} ({source})" for (name, source), sd in sources]
         return (
-            "too few replicates for the noise of a run; taken as standard deviations: "
+            "too few replicates that differ for the noise of a run; taken as standard deviations: "
             f"{', '.join(deviations)}. Intervals and probabilities are as good as these "
             "numbers, and the noise of two responses is taken as independent. "
-            "Simulate some parameter sets twice, or give targets.NAME.noise_sd."
+            "Simulate some parameter sets twice, with other random numbers, or give targets.NAME.noise_sd."
         )
 
 
