@@ -87,8 +87,7 @@ class Grain(Wall):
         else:
             axes = ([(ball[k] - ball[3], ball[k] + ball[3]) for ball in self.spheres_mm] for k in range(3))
             extents = [max(top for _, top in ends) - min(low for low, _ in ends) for ends in axes if ends]
-        most = UNLIKE_AXES[self.shape]
-        if any(abs(extent / axis - 1) > most for extent, axis in zip(extents, self.mean_axes_mm, strict=False)):
+        if any(abs(a / b - 1) > UNLIKE_AXES[self.shape] for a, b in zip(extents, self.mean_axes_mm, strict=False)):
             yield "grain.mean_axes_mm", self.mean_axes_mm, f"those of its body, {[float(f'{x:.4g}') for x in extents]}"
         inertia = 1e-10 * self.mass_g * sum(axis**2 for axis in self.mean_axes_mm)  # the sum of the three, of full axes
         sums = inertia if self.inertia_kg_m2 is ABSENT else sum(self.inertia_kg_m2)

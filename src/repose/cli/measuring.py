@@ -72,10 +72,10 @@ def measure(args: argparse.Namespace) -> None:
         raise_together(faults)
     for fault in faults:
         print(f"repose: left out: {fault}", file=sys.stderr)
-    overlays, contents = [out / f"{path.stem}.png" for path in pictures], list(map(hash_of_file, pictures))
-    for path, overlay, content in zip(pictures, overlays, contents, strict=True):
+    overlays, hashes = [out / f"{path.stem}.png" for path in pictures], list(map(hash_of_file, pictures))
+    for path, overlay, content in zip(pictures, overlays, hashes, strict=True):
         require_option(overlays.count(overlay) == 1, "pictures", path.name, "photographs whose names differ")
-        require_option(contents.count(content) == 1, "pictures", path.name, "each picture once: this is a copy")
+        require_option(hashes.count(content) == 1, "pictures", path.name, "each picture once: this is a copy")
         check_replaceable(overlay)
         other = overlay.resolve() != path.resolve()
         require_option(other, "--out", args.out, "another folder than that of the photographs")

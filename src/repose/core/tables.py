@@ -43,8 +43,9 @@ SUMMARY = re.compile(
     "sum|mittel|summe|gesamt|anzahl|somme|desv.*|[eé]cart.?type"
 )
 # Of these some are names, too: of quarters, directions, people, shares, heights.
-MAY_BE_NAMES = re.compile(r"n|se|av|m(ax|in)|mw|q[1-4]|\d+ ?%|mode|range|span|prom|(low|high|small|larg)est")
-BEHIND = re.compile(r"[ _]*(\(.*\)|\[.*\])|[ _]+(values?|of the \w+|in \w+)")  # the name of a statistic
+MAY_BE_NAMES = re.compile(r"n|se|av|m(ax|in)|mw|q[1-4]|\d+ ?%|span|prom|(low|high|small|larg)est")
+# What may stand behind the name of a statistic.
+BEHIND = re.compile(r"[ _]*(\(.*\)|\[.*\])|[ _]+(values?|of the \w+|in \w+)")
 NOTHING = frozenset(("", "nan", "na", "n/a", "null", "none", "<na>"))
 TRUTH = {"true": True, "false": False}
 DIGITS = frozenset("0123456789+-.eE")
@@ -88,7 +89,7 @@ class Column:
 
     def read(self, cell: Any) -> Any:
         """Read a cell; ValueError for one that is not allowed."""
-        if isinstance(cell, str) and (NO_RESULT.fullmatch(cell) or not (cell or self.empty or self.kind is not str)):
+        if isinstance(cell, str) and (NO_RESULT.fullmatch(cell) or (self.kind is str and not (cell or self.empty))):
             raise ValueError(cell)
         if self.kind in (str, object):
             return cell
@@ -219,9 +220,10 @@ def sheet(path: Path_, what: str = TABLE) -> Table:
     cells = lines[first].count(separator) if lines else 0
     allowed = "a row that begins without #, or a comment that begins with '# '"
     for line in comments:
-        rest, count = re.sub(r"[\s,;]", "", line.partition(separator)[2]), line.count(separator)
-        is_row = count >= cells if rest and is_plain(rest) else count == cells and line.lstrip(' "')[1:2].strip()
-        require(not (cells and is_row), path, "line", line.strip(), allowed)
+        counts = {line.count(separator), line.rstrip().rstrip(separator).count(separator)}
+        rest = re.sub(r"[\s,;]", "", line.partition(separator)[2])
+        is_row = cells and cells in counts and ((rest and is_plain(rest)) or line.lstrip(' "')[1:2].strip())
+        require(not is_row, path, "line", line.strip(), allowed)
     rows = _rows(path, lines, separator, what)
     require(rows, path, "rows", 0, what)
     header = rows.pop(0)

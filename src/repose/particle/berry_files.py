@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 SIZE_COLUMNS = ("long_mm", "major_mm", "minor_mm")
 COMPRESSION_COLUMNS = ("test", "force_n", "length_1_mm", "length_2_mm", "width_1_mm", "width_2_mm", "breadth_mm")
 LENGTHS_MM = (0.5, 2000.0)  # of a grain; one of 20 mm in metres or micrometres lies outside
-THINNEST = 0.12  # minor over major axis of a grain; below it one column is in cm
+THINNEST = 0.12  # minor over major axis of a grain; a column in cm gives 0.1 or less
 ALIKE = 5.0  # grains of one crop, and tested grains, differ by a smaller factor
 MOST_STRAIN = 0.5  # of the width in a compression test: more gives no elastic modulus
 WRITTEN = "the file of the verb berry"
@@ -30,10 +30,9 @@ RECONSTRUCTION_MARK = "reconstruction"
 def read_sizes(path: str | PathLike) -> "pd.DataFrame":
     """Read the full axes of measured berries [mm]: `long_mm`, `major_mm`, `minor_mm`, a row for each berry."""
     sizes = _read_numbers(path, SIZE_COLUMNS, 2, "berries, or there is no standard deviation")
-    (low, high), longest = LENGTHS_MM, float(sizes.median()["long_mm"])
+    (low, high), (longest, major, minor) = LENGTHS_MM, sizes.median().tolist()
     allowed = f"a median from {low:g} to {high:g}: are the sizes in millimetres?"
     require(low <= longest <= high, path, "long_mm", longest, allowed)
-    _, major, minor = sizes.median().tolist()
     allowed = f"a median of at least {THINNEST:g} of that of major_mm, {major:g}{other_unit('mm', minor / major)}"
     require(minor >= THINNEST * major, path, "minor_mm", minor, allowed)
     larger = dict(zip(SIZE_COLUMNS[1:], SIZE_COLUMNS, strict=False))

@@ -36,7 +36,7 @@ def load_mesh(path: str | PathLike) -> trimesh.Trimesh:
 
 
 def _whole_stl(content: bytes, source: object) -> bytes:
-    """Return an STL without bytes after its end, with a last `endsolid`; InputError if it is cut off."""
+    """Return an STL without what follows its end, with a last `endsolid`; InputError if cut off, or of two bodies."""
     text = content.removeprefix(b"\xef\xbb\xbf").lower().replace(b"\r", b"\n")
     commas, allowed = re.search(rb"vertex\s+[-+\d]+,\d\S*", text[:1000]), "numbers with a decimal point"
     require(not commas, source, "numbers", commas and commas[0].decode(), allowed)

@@ -93,7 +93,7 @@ def read_runs(path: Path_, study: Studied) -> pd.DataFrame:
 
 def rows_of(path: Path_) -> Rows:
     """Read the rows of a CSV file of runs as text."""
-    table = read(path, [Column("status", str, needed=False)], "a CSV file of runs")
+    table = read(path, [Column("status", str, needed=False, empty=True)], "a CSV file of runs")
     table.values |= {key: without_point(table.values[key]) for key in NUMBERS if key in table.values}
     return table.rows()
 

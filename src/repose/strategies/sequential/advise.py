@@ -25,6 +25,7 @@ SPREAD = 0.1  # of a batch about the answer, standard deviation in ranges
 # below the second, once pours have followed the start, the search ends.
 IN_DOUBT, OUT_OF_REACH = 0.8, 0.3
 SAME = 1e-9  # nearer points are one, in ranges
+NO_CHANCE = 1e-6  # of the most probable point: below it that is the least certain one, and the nearest is the answer
 LEAST_GAIN = 0.01  # a probability that cannot rise by more has reached the noise bound
 
 Score = Callable[[np.ndarray], np.ndarray]
@@ -36,7 +37,7 @@ class Advice(NamedTuple):
 
     stop: str | None  # "probability", "out_of_reach", "budget" or "noise"; None: the pours go on
     batch: np.ndarray  # (b, d), points to pour next, in the unit cube
-    answer: np.ndarray  # (d,), the most probable point, or the nearest if the targets are out of reach
+    answer: np.ndarray  # (d,), the most probable point; at the end the nearest, out of reach or without a chance
     probability: float  # that the answer meets the targets
     mean: np.ndarray  # (k,), predicted mean responses of the answer
     error: np.ndarray  # (k,), their standard errors
@@ -70,12 +71,13 @@ def advise(
         stop = "probability"
     elif attainable.probability < OUT_OF_REACH and done > section.start_samples * section.seeds:
         stop = "out_of_reach"
-        answer = nearest(model, goal, observed, points)
-        probability = _probability(model, goal, answer)
     elif samples == 0:
         stop = "budget"
     elif reachable < probability + LEAST_GAIN and attainable.probability >= OUT_OF_REACH:
         stop = "noise"
+    if stop == "out_of_reach" or (stop and probability < NO_CHANCE):
+        answer = nearest(model, goal, observed, points)
+        probability = _probability(model, goal, answer)
     batch = np.empty((0, len(answer)))
     if stop is None and attainable.probability < IN_DOUBT:
         batch = _soundest(_new(random.permutation(attainable.points), observed.simulated), observed, -(-samples // 2))

@@ -13,15 +13,15 @@ from repose.core.probability import within
 from repose.core.targets import Targets
 from repose.strategies.base import SO_FAR, Answer, Batch, Studied, samples_of
 from repose.strategies.runs import check_responses, next_number
-from repose.strategies.sequential.advise import Advice, advise, alternatives, nearest, ranked, start
+from repose.strategies.sequential.advise import NO_CHANCE, Advice, advise, alternatives, nearest, ranked, start
 from repose.strategies.sequential.goal import Goal
 from repose.strategies.sequential.kriging import Kriging, Observed, SpaceKriging
 from repose.strategies.sequential.noise import Noise, noise_of
 
-NO_CHANCE = 1e-6  # of the most probable point: below it that is the least certain one, and the nearest is the answer
+NEAREST = "the answer is the nearest"
 WHY = {
     "probability": "the answer meets the targets with the requested probability",
-    "out_of_reach": "probably no parameter set meets the targets: the answer is the nearest",
+    "out_of_reach": f"probably no parameter set meets the targets: {NEAREST}",
     "budget": "the budget of pours is used up",
     "noise": "the pours that are left cannot make the answer more probable: the noise is too large",
 }
@@ -48,8 +48,7 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
     notes = _notes(advice, study)
     if advice.stop is None:
         return Batch(samples_of(space, advice.batch, section.seeds, next_number(data)), notes)
-    point = advice.answer if advice.stop == "out_of_reach" else None
-    return answer(study, data, point, why=WHY[advice.stop], notes=notes | _end(notes, study, data))
+    return answer(study, data, advice.answer, why=notes["why"], notes=notes | _end(notes, study, data))
 
 
 def _start(study: Studied, data: pd.DataFrame, **notes: str) -> Batch:
@@ -68,11 +67,12 @@ def answer(study: Studied, data: pd.DataFrame, point: np.ndarray | None = None, 
         model = Kriging(observed, known_noise(study, observed))
     except ValueError as error:
         raise _cause(error, data, targets) from None
-    points, scores = ranked(model, _goal(study), observed, _random(study, data))
+    goal = _goal(study)
+    points, scores = ranked(model, goal, observed, _random(study, data))
     others, predicted = alternatives((points, scores), model, targets, study.settings.miga)
     unit = (points[scores.argmax()] if point is None else point)[None]
-    if point is None and _goal(study).probability(*model.predict(unit))[0] < NO_CHANCE:
-        unit, about = nearest(model, _goal(study), observed, points)[None], {"why": WHY["out_of_reach"]} | about
+    if point is None and goal.probability(*model.predict(unit))[0] < NO_CHANCE:
+        unit, about = nearest(model, goal, observed, points)[None], {"why": f"{SO_FAR}; {NEAREST}"} | about
     mean, covariance = model.predict(unit)
     goals = {column: Goal.of(targets, percent, space) for percent, column in WITHIN.items()}
     probability = {column: float(goal.probability(mean, covariance)[0]) for column, goal in goals.items()}
@@ -139,6 +139,7 @@ def _notes(advice: Advice, study: Studied) -> dict[str, Any]:
     for name, mean, error in zip(study.targets.names, advice.mean, advice.error, strict=True):
         row |= {f"{name}_mean": float(mean), f"{name}_error": float(error)}
     why = WHY[advice.stop] if advice.stop else f"{len(advice.batch)} more samples are poured"
+    why += f"; {NEAREST}" if advice.stop in ("budget", "noise") and advice.probability < NO_CHANCE else ""
     least = {"deviation": advice.reach.nearest, "error": advice.reach.error}
     return {**state, "nearest": least, "answer": answer, "row": row | answer, "why": why}
 
