@@ -17,10 +17,16 @@ class CommitHook(BuildHookInterface):
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         path = Path(self.root) / NAME
-        if not path.is_file() and (Path(self.root) / ".git").exists() and shutil.which("git"):
+        if (
+            not path.is_file()
+            and (Path(self.root) / ".git").exists()
+            and shutil.which("git")
+        ):
             words = ["git", "-C", self.root, "rev-parse", "--short=12", "HEAD"]
             self.made = tempfile.TemporaryDirectory()  # as long as the hook
             path = Path(self.made.name) / NAME
-            path.write_text(subprocess.run(words, capture_output=True, text=True).stdout)
+            path.write_text(
+                subprocess.run(words, capture_output=True, text=True).stdout
+            )
         if path.is_file() and version != "editable":
             build_data["force_include"][str(path)] = PLACES[self.target_name]

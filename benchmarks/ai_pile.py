@@ -32,12 +32,22 @@ def panel(x0, z0, x1, z1, material="wall"):
 
 def scene(law, seed, grains):
     """The grains above the closed hopper."""
-    rng, top = np.random.default_rng(seed), OUTLET_HEIGHT + (HALF_WIDTH - HALF_OUTLET) * np.tan(SLOPE)
+    rng, top = (
+        np.random.default_rng(seed),
+        OUTLET_HEIGHT + (HALF_WIDTH - HALF_OUTLET) * np.tan(SLOPE),
+    )
     stone = Material(4e6 / 2.98, 0.49)
     simulation = Simulation(
-        {name: Shape.sphere(0.5 * width, 1056.0, "grain") for name, width in zip("sl", WIDTHS_M, strict=True)},
+        {
+            name: Shape.sphere(0.5 * width, 1056.0, "grain")
+            for name, width in zip("sl", WIDTHS_M, strict=True)
+        },
         {"grain": stone, "wall": stone, "side": stone},
-        {("grain", "grain"): GRAIN, ("grain", "wall"): GRAIN, ("grain", "side"): SMOOTH},
+        {
+            ("grain", "grain"): GRAIN,
+            ("grain", "wall"): GRAIN,
+            ("grain", "side"): SMOOTH,
+        },
         3e-5,
         capacity=grains,
         lower=(-0.8, -DEPTH, 0.0),
@@ -50,7 +60,9 @@ def scene(law, seed, grains):
             "left": panel(-HALF_WIDTH, top, -HALF_OUTLET, OUTLET_HEIGHT),
             "upper_right": panel(HALF_WIDTH, top, HALF_WIDTH, 2.0, "side"),
             "upper_left": panel(-HALF_WIDTH, 2.0, -HALF_WIDTH, top, "side"),
-            "gate": panel(-HALF_OUTLET, OUTLET_HEIGHT, HALF_OUTLET, OUTLET_HEIGHT, "side"),
+            "gate": panel(
+                -HALF_OUTLET, OUTLET_HEIGHT, HALF_OUTLET, OUTLET_HEIGHT, "side"
+            ),
         },
         tension="release",
         contact_law="hertz_mindlin_rescaled",
@@ -58,7 +70,9 @@ def scene(law, seed, grains):
     )
     z, placed = OUTLET_HEIGHT + 0.01, 0
     while placed < grains:
-        reach = min(HALF_WIDTH, HALF_OUTLET + (z - OUTLET_HEIGHT) / np.tan(SLOPE)) - 0.012
+        reach = (
+            min(HALF_WIDTH, HALF_OUTLET + (z - OUTLET_HEIGHT) / np.tan(SLOPE)) - 0.012
+        )
         for x in np.arange(-reach, reach, 0.0092)[: grains - placed]:
             shape = "l" if rng.uniform() < LARGE_SHARE else "s"
             simulation.add(shape, (x + rng.uniform(-1e-4, 1e-4), 0.0, z))
@@ -88,7 +102,10 @@ def main():
     while simulation.time_s < chosen.until - 1e-9:
         simulation.run(min(1.0, chosen.until - simulation.time_s), False)
         energy = simulation.kinetic_energies().sum()
-        print(f"{simulation.time_s:6.2f} s  {height(simulation):.4f} m  {energy:.2e} J", flush=True)
+        print(
+            f"{simulation.time_s:6.2f} s  {height(simulation):.4f} m  {energy:.2e} J",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

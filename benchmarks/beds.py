@@ -5,7 +5,10 @@ import numpy as np
 from repose.dem import Contact, Material, Plane, Simulation
 
 MATERIALS = {"berry": Material(4.3e4, 0.32), "wall": Material(1.12e9, 0.4)}
-CONTACTS = {("berry", "berry"): Contact(0.2, 0.6, 0.04), ("berry", "wall"): Contact(0.25, 0.5, 0.18)}
+CONTACTS = {
+    ("berry", "berry"): Contact(0.2, 0.6, 0.04),
+    ("berry", "wall"): Contact(0.25, 0.5, 0.18),
+}
 DENSITY_KG_M3 = 840.47
 SEMI_AXES_M = np.array([0.02114, 0.01137, 0.00988]) / 2.0
 LAYERS = 12
@@ -22,7 +25,12 @@ def bed(shape, count, time_step_s, settle_steps, threads=1, seed=1, tension="kee
     side = side_m(count)
     columns = int(np.ceil(np.sqrt(count / LAYERS)))
     walls = {"floor": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall")}
-    for name, k, sign in (("left", 0, 1), ("right", 0, -1), ("front", 1, 1), ("back", 1, -1)):
+    for name, k, sign in (
+        ("left", 0, 1),
+        ("right", 0, -1),
+        ("front", 1, 1),
+        ("back", 1, -1),
+    ):
         normal, point = np.zeros(3), np.zeros(3)
         normal[k], point[k] = sign, 0.0 if sign > 0 else side
         walls[name] = Plane(point, normal, "wall")

@@ -26,7 +26,9 @@ def filled_ellipsoid(semi_axes_m, spheres, density_kg_m3, material):
     width = np.sqrt(1.0 - (x / a) ** 2)
     radius = 0.9 * c * width
     y = np.maximum(b * width - radius, 0.0)
-    rows = [np.column_stack([x, side * y, np.zeros_like(x), radius]) for side in (-1.0, 1.0)]
+    rows = [
+        np.column_stack([x, side * y, np.zeros_like(x), radius]) for side in (-1.0, 1.0)
+    ]
     solid = Shape.ellipsoid(semi_axes_m, density_kg_m3, material)
     return Clump(np.concatenate(rows), solid.mass_kg, solid.inertia_kg_m2, material)
 
@@ -39,21 +41,32 @@ def timed_us(simulation, steps):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--berries", type=int, default=500)
     parser.add_argument("--spheres", type=int, default=14)
     arguments = parser.parse_args()
     shapes = {
         "ellipsoids": Shape.ellipsoid(SEMI_AXES_M, DENSITY_KG_M3, "berry"),
-        "clumps": filled_ellipsoid(SEMI_AXES_M, arguments.spheres, DENSITY_KG_M3, "berry"),
+        "clumps": filled_ellipsoid(
+            SEMI_AXES_M, arguments.spheres, DENSITY_KG_M3, "berry"
+        ),
     }
-    beds = {name: bed(shape, arguments.berries, TIME_STEP_S, 10) for name, shape in shapes.items()}
-    falling = {name: timed_us(simulation, SETTLE_STEPS) for name, simulation in beds.items()}
+    beds = {
+        name: bed(shape, arguments.berries, TIME_STEP_S, 10)
+        for name, shape in shapes.items()
+    }
+    falling = {
+        name: timed_us(simulation, SETTLE_STEPS) for name, simulation in beds.items()
+    }
     times = {name: [] for name in beds}
     for _ in range(ROUNDS):
         for name, simulation in beds.items():
             times[name].append(timed_us(simulation, TIMED_STEPS))
-    print("bodies      falling us/step  settled us/step  pairs  sphere contacts  energy J")
+    print(
+        "bodies      falling us/step  settled us/step  pairs  sphere contacts  energy J"
+    )
     for name, simulation in beds.items():
         spheres = len(simulation.sphere_contacts()[0])
         print(

@@ -10,7 +10,15 @@ import time
 import numpy as np
 
 from repose.core.provenance import machine
-from repose.dem import Contact, Cylinder, Material, Plane, Shape, Simulation, random_quaternion
+from repose.dem import (
+    Contact,
+    Cylinder,
+    Material,
+    Plane,
+    Shape,
+    Simulation,
+    random_quaternion,
+)
 
 RUNS, STEPS = 9, 2000
 LAWS = {
@@ -22,7 +30,10 @@ LAWS = {
 
 def simulation(law):
     """500 berries of the mean axes above the floor of a cylinder."""
-    rng, contact = np.random.default_rng(1), Contact(0.25, 0.55, 0.045, constants=LAWS[law])
+    rng, contact = (
+        np.random.default_rng(1),
+        Contact(0.25, 0.55, 0.045, constants=LAWS[law]),
+    )
     berry = Shape.ellipsoid(np.array([0.02114, 0.01137, 0.00988]) / 2.0, 840.0, "berry")
     s = Simulation(
         {"berry": berry},
@@ -41,7 +52,11 @@ def simulation(law):
     )
     for number in range(500):
         angle = 0.4 * np.pi * number
-        place = 0.03 * np.cos(angle), 0.03 * np.sin(angle), 0.012 + 0.0225 * (number // 5)
+        place = (
+            0.03 * np.cos(angle),
+            0.03 * np.sin(angle),
+            0.012 + 0.0225 * (number // 5),
+        )
         s.add("berry", place, random_quaternion(rng))
     s.run(3.0, False)
     return s
@@ -60,7 +75,9 @@ def main():
     print(machine()["processor"])
     for law, times in took.items():
         ratio, contacts = np.array(times) / dry, len(scenes[law].contacts())
-        print(f"{law}: {contacts} contacts, {np.median(times):.1f} us a step, {np.median(ratio):.2f} times the dry one")
+        print(
+            f"{law}: {contacts} contacts, {np.median(times):.1f} us a step, {np.median(ratio):.2f} times the dry one"
+        )
 
 
 if __name__ == "__main__":

@@ -35,7 +35,9 @@ def sphere(dem):
 
 def ellipsoid(dem):
     """A berry as one ellipsoid."""
-    return dem.Shape.ellipsoid(np.array([0.02114, 0.01137, 0.00988]) / 2.0, GOJI_DENSITY, "body")
+    return dem.Shape.ellipsoid(
+        np.array([0.02114, 0.01137, 0.00988]) / 2.0, GOJI_DENSITY, "body"
+    )
 
 
 def sum_of(dem, axes):
@@ -85,14 +87,23 @@ def funnel(dem, tube=0.0):
     offset = math.sin(slope) * core - math.cos(slope) * height - edge
     foot_r, foot_z = offset * math.sin(slope), -offset * math.cos(slope)
     along = math.cos(slope) * core + math.sin(slope) * height
-    top = (0.06 - foot_r) / math.cos(slope) + math.cos(slope) * foot_r + math.sin(slope) * foot_z
+    top = (
+        (0.06 - foot_r) / math.cos(slope)
+        + math.cos(slope) * foot_r
+        + math.sin(slope) * foot_z
+    )
     up = (math.cos(slope), math.sin(slope))
     line = (math.sin(slope), -math.cos(slope), offset, along, top, *up)
-    walls = {"plate": dem.Plane((0, 0, 0), (0, 0, 1), "wall", 0.07), "cone": dem.Cone(line, "wall")}
+    walls = {
+        "plate": dem.Plane((0, 0, 0), (0, 0, 1), "wall", 0.07),
+        "cone": dem.Cone(line, "wall"),
+    }
     if tube:
         walls["tube"] = dem.Cone((1.0, 0.0, radius, outlet, height, 0.0, 1.0), "wall")
         walls["neck"] = dem.RingEdge(core, edge, "wall", (up, (0.0, -1.0)), height)
-        walls["outlet"] = dem.RingEdge(core, edge, "wall", ((0.0, 1.0), (0.0, 0.0)), outlet)
+        walls["outlet"] = dem.RingEdge(
+            core, edge, "wall", ((0.0, 1.0), (0.0, 0.0)), outlet
+        )
     else:
         walls["outlet"] = dem.RingEdge(core, edge, "wall", (up, (0.0, 0.0)), outlet)
     return walls
@@ -101,7 +112,12 @@ def funnel(dem, tube=0.0):
 def box(dem, half=0.05):
     """A floor and four walls."""
     walls = {"floor": dem.Plane((0, 0, 0), (0, 0, 1), "wall")}
-    for name, x, y in (("east", 1, 0), ("west", -1, 0), ("north", 0, 1), ("south", 0, -1)):
+    for name, x, y in (
+        ("east", 1, 0),
+        ("west", -1, 0),
+        ("north", 0, 1),
+        ("south", 0, -1),
+    ):
         walls[name] = dem.Plane((half * x, half * y, 0), (-x, -y, 0), "other")
     return walls
 
@@ -123,10 +139,21 @@ def drum(dem):
 
 def ramp(dem, motion=None):
     """Vertices and faces of a roof that stands on the floor, as a mesh wall."""
-    vertices = [(-0.03, -0.03, 0.0), (0.03, -0.03, 0.0), (0.03, 0.03, 0.0), (-0.03, 0.03, 0.0), (0, 0, 0.035)]
+    vertices = [
+        (-0.03, -0.03, 0.0),
+        (0.03, -0.03, 0.0),
+        (0.03, 0.03, 0.0),
+        (-0.03, 0.03, 0.0),
+        (0, 0, 0.035),
+    ]
     faces = [(0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)]
     keywords = {} if motion is None else {"motion": motion}
-    return {**box(dem), "roof": dem.Mesh(np.array(vertices), np.array(faces), "wall", 0.001, **keywords)}
+    return {
+        **box(dem),
+        "roof": dem.Mesh(
+            np.array(vertices), np.array(faces), "wall", 0.001, **keywords
+        ),
+    }
 
 
 # --- scenes ------------------------------------------------------------------------------------------------------
@@ -135,7 +162,16 @@ def ramp(dem, motion=None):
 class Scene:
     """One simulation: particles, walls and options, and how long it runs."""
 
-    def __init__(self, particles, walls, bodies=80, seconds=0.6, spread=0.03, first_m=0.03, **options):
+    def __init__(
+        self,
+        particles,
+        walls,
+        bodies=80,
+        seconds=0.6,
+        spread=0.03,
+        first_m=0.03,
+        **options,
+    ):
         self.particles = particles if isinstance(particles, tuple) else (particles,)
         self.walls, self.bodies, self.seconds = walls, bodies, seconds
         self.spread, self.first_m, self.options = spread, first_m, options
@@ -145,12 +181,19 @@ class Scene:
         options = dict(self.options)
         sizes, frame = options.pop("sizes", None), options.pop("frame", None)
         known = inspect.signature(dem.Simulation.__init__).parameters
-        options = {name if name in known else RENAMED[name]: value for name, value in options.items()}
+        options = {
+            name if name in known else RENAMED[name]: value
+            for name, value in options.items()
+        }
         half = max(0.08, self.spread)
         height = self.first_m + 0.03 * self.bodies
         simulation = dem.Simulation(
             {f"shape {k}": make(dem) for k, make in enumerate(self.particles)},
-            {"body": dem.Material(4.3e4, 0.32), "wall": dem.Material(1e6, 0.3), "other": dem.Material(1e5, 0.25)},
+            {
+                "body": dem.Material(4.3e4, 0.32),
+                "wall": dem.Material(1e6, 0.3),
+                "other": dem.Material(1e5, 0.25),
+            },
             {
                 ("body", "body"): dem.Contact(0.2, 0.64, 0.04),
                 ("body", "wall"): dem.Contact(0.25, 0.48, 0.18),
@@ -169,7 +212,9 @@ class Scene:
         pitch = 2.0 * self.spread / side
         for k in range(self.bodies):
             x, y = pitch * (np.array([k % side, k // side % side]) - 0.5 * (side - 1))
-            place = np.array([x, y, self.first_m + 0.023 * (k // side**2)]) + 1e-4 * rng.normal(size=3)
+            place = np.array(
+                [x, y, self.first_m + 0.023 * (k // side**2)]
+            ) + 1e-4 * rng.normal(size=3)
             simulation.add(
                 f"shape {k % len(self.particles)}",
                 place,
@@ -209,7 +254,12 @@ def moving_floor(dem, half=0.05):
     """A box whose floor rises and then sinks."""
     walls = box(dem, half)
     floor = walls.pop("floor")
-    moving = dem.Plane(floor.point_m, floor.normal, "wall", motion=dem.Motion(velocity_m_s=(0.0, 0.0, 0.05)))
+    moving = dem.Plane(
+        floor.point_m,
+        floor.normal,
+        "wall",
+        motion=dem.Motion(velocity_m_s=(0.0, 0.0, 0.05)),
+    )
     return {"moving": moving, **walls}
 
 
@@ -255,8 +305,12 @@ SCENES = {
     "mixed smooth": Scene((sphere, ellipsoid, sum_of_three), box, sizes=SMALL),
     "mixed clumps": Scene((smooth_clump, rough_clump), box, sizes=SMALL),
     "drum ellipsoid": Scene(ellipsoid, drum, bodies=30, spread=0.02, first_m=-0.03),
-    "drum clump, frame": Scene(smooth_clump, drum, 30, 0.6, 0.02, -0.03, frame=(0.0, 3.0, 0.0)),
-    "drum sum, frame": Scene(sum_of_two, drum, 30, 0.6, 0.02, -0.03, frame=(0.0, 3.0, 0.0)),
+    "drum clump, frame": Scene(
+        smooth_clump, drum, 30, 0.6, 0.02, -0.03, frame=(0.0, 3.0, 0.0)
+    ),
+    "drum sum, frame": Scene(
+        sum_of_two, drum, 30, 0.6, 0.02, -0.03, frame=(0.0, 3.0, 0.0)
+    ),
     "mesh sphere": Scene(sphere, ramp, first_m=0.05),
     "mesh ellipsoid": Scene(ellipsoid, ramp, first_m=0.05),
     "mesh clump": Scene(rough_clump, ramp, first_m=0.05),
@@ -311,9 +365,19 @@ def differences(one, two):
 
 def main():
     """Compare two checkouts; the exit code says whether they simulate the same."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("checkouts", nargs="*", type=Path, help="folders of two checkouts")
-    parser.add_argument("--scenes", nargs="+", default=list(SCENES), choices=list(SCENES), metavar="SCENE")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "checkouts", nargs="*", type=Path, help="folders of two checkouts"
+    )
+    parser.add_argument(
+        "--scenes",
+        nargs="+",
+        default=list(SCENES),
+        choices=list(SCENES),
+        metavar="SCENE",
+    )
     parser.add_argument("--write", type=Path, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.write is not None:
@@ -332,7 +396,9 @@ def main():
         if any([run.wait() for run in runs]):
             return 2
         failed = 0
-        print(f"{'scene':26} {'bodies':>6} {'pairs':>6} {'old, s':>7} {'new, s':>7}  result")
+        print(
+            f"{'scene':26} {'bodies':>6} {'pairs':>6} {'old, s':>7} {'new, s':>7}  result"
+        )
         for name in arguments.scenes:
             one, two = (np.load(folder / f"{name}.npz") for folder in folders)
             apart = differences(one, two)
@@ -341,7 +407,9 @@ def main():
                 f"{name:26} {int(one['present'].sum()):6} {len(one['pairs']):6} {one['wall_s']:7.2f} "
                 f"{two['wall_s']:7.2f}  {'same bits' if not apart else '; '.join(apart)}"
             )
-    print(f"{len(arguments.scenes) - failed} of {len(arguments.scenes)} scenes have the same bits")
+    print(
+        f"{len(arguments.scenes) - failed} of {len(arguments.scenes)} scenes have the same bits"
+    )
     return 1 if failed else 0
 
 

@@ -19,7 +19,13 @@ import numba
 import numpy as np
 from compare_checkouts import SCENES, STEP_S, Scene, environment_of, funnel
 
-PARTICLES = ("pour ellipsoid", "pour sum of two", "sizes sum of two", "pour smooth clump", "pour rough clump")
+PARTICLES = (
+    "pour ellipsoid",
+    "pour sum of two",
+    "sizes sum of two",
+    "pour smooth clump",
+    "pour rough clump",
+)
 POURED = {"bodies": 500, "seconds": 2.5, "spread": 0.036, "first_m": 0.15}
 PIECES, STEPS = 40, 150
 
@@ -48,7 +54,11 @@ def measure(names):
     found = {}
     for name in names:
         scene = SCENES[name]
-        options = {k: v for k, v in scene.options.items() if k in ("sizes", "floor_height_m", "curved_walls_above_m")}
+        options = {
+            k: v
+            for k, v in scene.options.items()
+            if k in ("sizes", "floor_height_m", "curved_walls_above_m")
+        }
         simulation = Scene(scene.particles, funnel, **POURED, **options).simulation(dem)
         simulation.run_steps(1)
         pour = seconds(simulation.run_steps, round(POURED["seconds"] / STEP_S))
@@ -62,20 +72,38 @@ def measure(names):
 
 def main():
     """Compare two checkouts and print a table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("checkouts", nargs="*", type=Path, help="folders of two checkouts")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "checkouts", nargs="*", type=Path, help="folders of two checkouts"
+    )
     parser.add_argument("--rounds", type=int, default=8)
-    parser.add_argument("--particles", nargs="+", default=list(PARTICLES), metavar="SCENE")
+    parser.add_argument(
+        "--particles", nargs="+", default=list(PARTICLES), metavar="SCENE"
+    )
     parser.add_argument("--measure", action="store_true", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.measure:
         print(json.dumps(measure(arguments.particles)))
         return
-    command = [sys.executable, __file__, "--measure", "--particles", *arguments.particles]
+    command = [
+        sys.executable,
+        __file__,
+        "--measure",
+        "--particles",
+        *arguments.particles,
+    ]
     runs = ([], [])
     for _ in range(arguments.rounds):
         for found, checkout in zip(runs, arguments.checkouts, strict=True):
-            done = subprocess.run(command, env=environment_of(checkout), check=True, capture_output=True, text=True)
+            done = subprocess.run(
+                command,
+                env=environment_of(checkout),
+                check=True,
+                capture_output=True,
+                text=True,
+            )
             found.append(json.loads(done.stdout.splitlines()[-1]))
     print(
         f"{'particle':20} {'old, us':>8} {'new, us':>8} {'least':>6} {'median of ratios to the kernel':>32} {'pour':>6}"

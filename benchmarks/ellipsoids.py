@@ -30,7 +30,9 @@ SETTLED_S, SETTLING_STEP_S, SEEDS = 0.6, 4e-5, range(1, 4)
 UPRIGHT, STILL = [[1.0, 0.0, 0.0, 0.0]], [[0.0, 0.0, 0.0]]
 
 
-def theirs(python: str, positions, quaternions, turning, steps, **changes) -> list[dict]:
+def theirs(
+    python: str, positions, quaternions, turning, steps, **changes
+) -> list[dict]:
     """States of peclet-dem after each number of steps."""
     scene = {
         "semi_axes_m": AXES_M.tolist(), "mass_kg": MASS_KG, "points": POINTS[0], "half_width_m": HALF_M, "top_m": TOP_M,
@@ -40,17 +42,36 @@ def theirs(python: str, positions, quaternions, turning, steps, **changes) -> li
         "steps": steps,
     }  # fmt: skip
     call, one = [python, str(PEER)], {**os.environ, "OMP_NUM_THREADS": "1"}
-    done = subprocess.run(call, input=json.dumps(scene | changes), capture_output=True, text=True, check=True, env=one)
-    return [{key: np.array(value) for key, value in state.items()} for state in json.loads(done.stdout)]
+    done = subprocess.run(
+        call,
+        input=json.dumps(scene | changes),
+        capture_output=True,
+        text=True,
+        check=True,
+        env=one,
+    )
+    return [
+        {key: np.array(value) for key, value in state.items()}
+        for state in json.loads(done.stdout)
+    ]
 
 
-def ours(positions, quaternions, turning, gravity: float = GRAVITY, step_s: float = STEP_S) -> Simulation:
+def ours(
+    positions, quaternions, turning, gravity: float = GRAVITY, step_s: float = STEP_S
+) -> Simulation:
     """The same scene here."""
-    sides = {side: Plane((HALF_M * x, HALF_M * y, 0.0), (-x, -y, 0.0), "grain") for side, x, y in SIDES}
+    sides = {
+        side: Plane((HALF_M * x, HALF_M * y, 0.0), (-x, -y, 0.0), "grain")
+        for side, x, y in SIDES
+    }
     simulation = Simulation(
         {"body": Shape.ellipsoid(AXES_M, DENSITY_KG_M3, "grain")},
         {"grain": Material(YOUNG_PA / (2.0 + 2.0 * POISSON), POISSON)},
-        {("grain", "grain"): Contact(RESTITUTION, FRICTION, 0.0, twisting_friction=0.0)},
+        {
+            ("grain", "grain"): Contact(
+                RESTITUTION, FRICTION, 0.0, twisting_friction=0.0
+            )
+        },
         step_s,
         capacity=len(positions),
         lower=(-HALF_M, -HALF_M, 0.0),
@@ -77,13 +98,21 @@ def momentum(quaternions, rates) -> np.ndarray:
 def energy(positions, velocities, quaternions, rates) -> tuple[float, float]:
     """Potential and kinetic energy of all bodies [J]."""
     spin = np.sum(momentum(quaternions, rates) * rates)
-    return MASS_KG * GRAVITY * float(np.sum(positions[:, 2])), 0.5 * float(MASS_KG * np.sum(velocities**2) + spin)
+    return MASS_KG * GRAVITY * float(np.sum(positions[:, 2])), 0.5 * float(
+        MASS_KG * np.sum(velocities**2) + spin
+    )
 
 
 def hertz_n(overlap_m: float) -> float:
     """Force of the ellipsoid that lies on a plane: Hertz's law with the mean radius of curvature."""
     effective_pa = YOUNG_PA / (1.0 - POISSON**2) / 2.0
-    return 4.0 / 3.0 * effective_pa * np.sqrt(AXES_M[0] * AXES_M[1] / AXES_M[2]) * overlap_m**1.5
+    return (
+        4.0
+        / 3.0
+        * effective_pa
+        * np.sqrt(AXES_M[0] * AXES_M[1] / AXES_M[2])
+        * overlap_m**1.5
+    )
 
 
 def free_rotation(python: str) -> None:
@@ -92,13 +121,19 @@ def free_rotation(python: str) -> None:
     there = theirs(python, place, UPRIGHT, rates, [40_000], gravity_m_s2=0.0)[0]
     here = ours(place, UPRIGHT, rates, gravity=0.0)
     here.run_steps(40_000)
-    before, energy_before = momentum(UPRIGHT, rates), np.sum(momentum(UPRIGHT, rates) * rates)
+    before, energy_before = (
+        momentum(UPRIGHT, rates),
+        np.sum(momentum(UPRIGHT, rates) * rates),
+    )
     for name, quaternions, after in (
         ("peclet-dem", there["quaternions"], there["angular_velocities_rad_s"]),
         ("repose", here.quaternions, here.angular_velocities),
     ):
         now = momentum(quaternions, after)
-        changed = np.linalg.norm(now - before) / np.linalg.norm(before), np.sum(now * after) / energy_before - 1.0
+        changed = (
+            np.linalg.norm(now - before) / np.linalg.norm(before),
+            np.sum(now * after) / energy_before - 1.0,
+        )
         print(f"| {name} | {100 * changed[0]:.2g} % | {100 * changed[1]:+.2g} % |")
 
 
@@ -112,14 +147,22 @@ def pressed(python: str) -> None:
         for points in POINTS:
             state = theirs(python, place, UPRIGHT, STILL, [1], points=points)[0]
             row.append(MASS_KG * (state["velocities_m_s"][0, 2] / STEP_S + GRAVITY))
-        print(f"| {1e6 * overlap:g} | {hertz_n(overlap):.4f} | " + " | ".join(f"{force:.4f}" for force in row) + " |")
+        print(
+            f"| {1e6 * overlap:g} | {hertz_n(overlap):.4f} | "
+            + " | ".join(f"{force:.4f}" for force in row)
+            + " |"
+        )
 
 
 def start(seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Places above the floor, and orientations."""
     rng = np.random.default_rng(seed)
-    grid = [(x, y, z) for z in range(5) for x, y in itertools.product((-1, 1), repeat=2)][:BODIES]
-    return np.array(grid) * (0.0108, 0.0108, 0.022) + (0.0, 0.0, 0.0125), rng.normal(size=(BODIES, 4))
+    grid = [
+        (x, y, z) for z in range(5) for x, y in itertools.product((-1, 1), repeat=2)
+    ][:BODIES]
+    return np.array(grid) * (0.0108, 0.0108, 0.022) + (0.0, 0.0, 0.0125), rng.normal(
+        size=(BODIES, 4)
+    )
 
 
 def settled(python: str) -> None:
@@ -135,17 +178,36 @@ def settled(python: str) -> None:
         began = time.process_time()
         here.run_steps(steps - 1)
         took = time.process_time() - began
-        there = theirs(python, places, quaternions, still, [steps], time_step_s=SETTLING_STEP_S)[0]
+        there = theirs(
+            python, places, quaternions, still, [steps], time_step_s=SETTLING_STEP_S
+        )[0]
         rows["repose"].append(
             (*energy(here.positions, here.velocities, here.quaternions, here.angular_velocities),
              np.max(here.positions[:, 2]), 1e6 * took / steps)
         )  # fmt: skip
-        state = [there[key] for key in ("positions_m", "velocities_m_s", "quaternions", "angular_velocities_rad_s")]
-        rows["peclet-dem"].append((*energy(*state), np.max(state[0][:, 2]), 1e6 * float(there["processor_s"]) / steps))
+        state = [
+            there[key]
+            for key in (
+                "positions_m",
+                "velocities_m_s",
+                "quaternions",
+                "angular_velocities_rad_s",
+            )
+        ]
+        rows["peclet-dem"].append(
+            (
+                *energy(*state),
+                np.max(state[0][:, 2]),
+                1e6 * float(there["processor_s"]) / steps,
+            )
+        )
         crossed(python, seed, here, there)
     for name, values in rows.items():
         table = np.array(values)
-        mean, error = table.mean(axis=0), table.std(axis=0, ddof=1) / np.sqrt(len(table))
+        mean, error = (
+            table.mean(axis=0),
+            table.std(axis=0, ddof=1) / np.sqrt(len(table)),
+        )
         print(f"| {name} | {1e3 * mean[0]:.3f} ± {1e3 * error[0]:.3f} | {np.median(table[:, 1]):.1e} "
               f"| {1e3 * mean[2]:.1f} ± {1e3 * error[2]:.1f} | {np.median(table[:, 3]):.0f} |")  # fmt: skip
     ratios = np.array(rows["peclet-dem"])[:, 3] / np.array(rows["repose"])[:, 3]
@@ -170,7 +232,8 @@ def crossed(python: str, seed: int, here: Simulation, there: dict) -> None:
         again.run_steps(1)
         other = theirs(python, places, quaternions, still, [1])[0]
         print(
-            f"| {seed}, {name} | {median(again.velocities):.2f} | {median(other['velocities_m_s']):.2f} |", flush=True
+            f"| {seed}, {name} | {median(again.velocities):.2f} | {median(other['velocities_m_s']):.2f} |",
+            flush=True,
         )
 
 
@@ -179,12 +242,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--python", required=True, help="a Python that has peclet-dem")
     parser.add_argument(
-        "--part", choices=("free", "pressed", "settled"), nargs="+", default=("free", "pressed", "settled")
+        "--part",
+        choices=("free", "pressed", "settled"),
+        nargs="+",
+        default=("free", "pressed", "settled"),
     )
     asked = parser.parse_args()
     for part in asked.part:
         print(f"\n{part}")
-        {"free": free_rotation, "pressed": pressed, "settled": settled}[part](asked.python)
+        {"free": free_rotation, "pressed": pressed, "settled": settled}[part](
+            asked.python
+        )
 
 
 if __name__ == "__main__":

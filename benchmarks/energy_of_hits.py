@@ -23,7 +23,9 @@ ROUNDING = 1e-5
 
 def cube():
     """The cube as a mesh wall."""
-    corners = np.array([(x, y, z) for x in (-HALF, HALF) for y in (-HALF, HALF) for z in (-HALF, HALF)])
+    corners = np.array(
+        [(x, y, z) for x in (-HALF, HALF) for y in (-HALF, HALF) for z in (-HALF, HALF)]
+    )
     faces = [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1)]
     faces += [(2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)]
     return dem.Mesh(corners, np.array(faces), "wall", 0.001)
@@ -34,14 +36,26 @@ def throw(rng, wall):
     bottom = FUNNEL.outlet_height_m
     if wall == "plate":
         velocity = [*rng.uniform(-0.5, 0.5, 2), -rng.uniform(0.2, 1.2)]
-        return {"plate": dem.Plane((0.0, 0.0, 0.0), UP, "wall")}, (0.0, 0.0, 0.013), velocity, 0.06
+        return (
+            {"plate": dem.Plane((0.0, 0.0, 0.0), UP, "wall")},
+            (0.0, 0.0, 0.013),
+            velocity,
+            0.06,
+        )
     if wall == "cone":
         velocity = [*rng.uniform(-1.2, 1.2, 2), -rng.uniform(0.24, 0.6)]
         return FUNNEL.walls("wall"), (0.0, 0.0, bottom + 0.06), velocity, 0.05
     if wall == "outlet":
         place = (*rng.uniform(-0.006, 0.006, 2), bottom + 0.028)
-        return FUNNEL.walls("wall"), place, [*rng.uniform(-0.5, 0.5, 2), -rng.uniform(0.6, 1.5)], 0.05
-    aim = np.array([HALF, HALF, rng.uniform(-0.8, 0.8) * HALF]) + 0.004 * rng.normal(size=3)
+        return (
+            FUNNEL.walls("wall"),
+            place,
+            [*rng.uniform(-0.5, 0.5, 2), -rng.uniform(0.6, 1.5)],
+            0.05,
+        )
+    aim = np.array([HALF, HALF, rng.uniform(-0.8, 0.8) * HALF]) + 0.004 * rng.normal(
+        size=3
+    )
     away = np.array([1.0, 1.0, 0.0]) + 0.5 * rng.normal(size=3)
     away /= np.linalg.norm(away)
     return {"cube": cube()}, aim + 0.035 * away, -rng.uniform(0.3, 1.2) * away, 0.09
@@ -63,10 +77,14 @@ def ratio(rng, wall, axes, contact, step):
         tension="release",
         friction_limit="total",
     )
-    simulation.add("body", place, dem.random_quaternion(rng), velocity, 30.0 * rng.normal(size=3))
+    simulation.add(
+        "body", place, dem.random_quaternion(rng), velocity, 30.0 * rng.normal(size=3)
+    )
     before, momentum = simulation.kinetic_energies()[0], simulation.velocities[0].copy()
     simulation.run_steps(round(seconds / step))
-    if len(simulation.wall_overlaps()[0]) or np.allclose(simulation.velocities[0], momentum, atol=1e-12):
+    if len(simulation.wall_overlaps()[0]) or np.allclose(
+        simulation.velocities[0], momentum, atol=1e-12
+    ):
         return None
     return simulation.kinetic_energies()[0] / before
 
@@ -90,8 +108,13 @@ def main():
                 if one is not None:
                     found.append(one)
             gain = 100.0 * (np.array(found) - 1.0)
-            shares = [100.0 * np.mean(gain > limit) for limit in (100.0 * ROUNDING, 5.0)]
-            print(f"{wall:7s} {e:.1f} {len(found):6d} {shares[0]:7.2f} {shares[1]:9.2f} {gain.max():+8.1f}", flush=True)
+            shares = [
+                100.0 * np.mean(gain > limit) for limit in (100.0 * ROUNDING, 5.0)
+            ]
+            print(
+                f"{wall:7s} {e:.1f} {len(found):6d} {shares[0]:7.2f} {shares[1]:9.2f} {gain.max():+8.1f}",
+                flush=True,
+            )
 
 
 if __name__ == "__main__":

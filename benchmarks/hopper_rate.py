@@ -35,13 +35,22 @@ def scene(seed, deep):
 
     def panel(x0, x1):
         x = np.array([x0, x1, x1, x0])
-        return Mesh(np.column_stack([x, y, 0 * x]), [[0, 1, 2], [0, 2, 3]], "wall", edge_radius_m=1e-4)
+        return Mesh(
+            np.column_stack([x, y, 0 * x]),
+            [[0, 1, 2], [0, 2, 3]],
+            "wall",
+            edge_radius_m=1e-4,
+        )
 
     material = Material(1e6 / 2.6, 0.3)
     simulation = Simulation(
         {"sphere": Shape.sphere(RADIUS_M, DENSITY_KG_M3, "glass")},
         {"glass": material, "wall": material, "side": material},
-        {("glass", "glass"): GLASS, ("glass", "wall"): WALL, ("glass", "side"): WALL if deep else SMOOTH},
+        {
+            ("glass", "glass"): GLASS,
+            ("glass", "wall"): WALL,
+            ("glass", "side"): WALL if deep else SMOOTH,
+        },
         3e-5,
         capacity=count,
         lower=(-HALF_WIDTH_M, 0.0, below),
@@ -88,7 +97,10 @@ def flow_g_s(seed, deep):
         left.append(float((simulation.positions[:, 2] < -RADIUS_M).sum()))
         simulation.run(EVERY_S, False)
     mass_g = 1e3 * DENSITY_KG_M3 * 4.0 / 3.0 * np.pi * RADIUS_M**3
-    print(f"seed {seed}: {simulation.n_bodies} spheres, {left[0]:.0f} to {left[-1]:.0f} have left", flush=True)
+    print(
+        f"seed {seed}: {simulation.n_bodies} spheres, {left[0]:.0f} to {left[-1]:.0f} have left",
+        flush=True,
+    )
     return np.polyfit(times, left, 1)[0] * mass_g / (TIMES_DEEP if deep else 1)
 
 
@@ -98,8 +110,12 @@ def main():
     options.add_argument("--seeds", type=int, default=4)
     options.add_argument("--deep", action="store_true")
     chosen = options.parse_args()
-    mean, error = mean_and_error([flow_g_s(seed, chosen.deep) for seed in range(1, chosen.seeds + 1)])
-    print(f"{mean:.1f} ± {error or np.nan:.1f} g/s; Anand et al. 81.8, Lethe with --deep 84.9")
+    mean, error = mean_and_error(
+        [flow_g_s(seed, chosen.deep) for seed in range(1, chosen.seeds + 1)]
+    )
+    print(
+        f"{mean:.1f} ± {error or np.nan:.1f} g/s; Anand et al. 81.8, Lethe with --deep 84.9"
+    )
 
 
 if __name__ == "__main__":

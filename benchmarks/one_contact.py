@@ -73,7 +73,9 @@ def ours(name, case, step_s):
         "gravity_m_s2": case.gravity,
         "time_step_s": step_s,
     }
-    values = one_pile.their_rolling(SET, job) if rolling == "spring" else one_pile.SETS[SET]
+    values = (
+        one_pile.their_rolling(SET, job) if rolling == "spring" else one_pile.SETS[SET]
+    )
     laws = one_pile.Limited.model_construct(**config["simulation"] | simulation)
     made = grain_simulation(
         Scene(SceneSettings(config, {"simulation": laws}), values, berry, particle),
@@ -82,7 +84,9 @@ def ours(name, case, step_s):
         lower=(-0.3, -0.3, 0.0),
         upper=(0.3, 0.3, 0.3),
     )
-    for place, turn, velocity in zip(case.places, case.turns, case.velocities, strict=True):
+    for place, turn, velocity in zip(
+        case.places, case.turns, case.velocities, strict=True
+    ):
         x, y, z, w = Rotation.from_rotvec(turn).as_quat()
         made.add("berry", place, (w, x, y, z), velocity)
     made.run_steps(round(case.seconds / step_s))
@@ -95,7 +99,12 @@ def theirs(name, job, case, step_s, commands):
     funnel = job.funnel.model_copy(update={"duration_s": case.seconds})
     simulation = job.simulation.model_copy(update={"gravity_m_s2": case.gravity})
     job = replace(job, simulation=simulation, funnel=funnel, time_step_s=step_s)
-    table = one_pile.run_deck(name, job, commands, lambda text, folder: EDITS[program](text, job, case, folder))
+    table = one_pile.run_deck(
+        name,
+        job,
+        commands,
+        lambda text, folder: EDITS[program](text, job, case, folder),
+    )
     # the first sphere of a grain lies in its centre
     first = table.iloc[:: len(job.particle.spheres_m)]
     return first[["x", "y", "z"]].to_numpy(), first[["vx", "vy", "vz"]].to_numpy()
@@ -109,11 +118,19 @@ def words(values):
 def edit_liggghts(text, job, case, folder):
     """The deck of LIGGGHTS with these grains in place of its pour."""
     lines = []
-    for k, (place, turn, velocity) in enumerate(zip(case.places, case.turns, case.velocities, strict=True), 1):
+    for k, (place, turn, velocity) in enumerate(
+        zip(case.places, case.turns, case.velocities, strict=True), 1
+    ):
         turned = Rotation.from_rotvec(turn).as_matrix()
-        spheres = np.column_stack([job.particle.spheres_m[:, :3] @ turned.T, job.particle.spheres_m[:, 3]])
-        (folder / f"clump{k}.txt").write_text("".join(words(row) + "\n" for row in spheres))
-        moments = (turned @ np.diag(job.particle.inertia_kg_m2) @ turned.T)[np.triu_indices(3)]
+        spheres = np.column_stack(
+            [job.particle.spheres_m[:, :3] @ turned.T, job.particle.spheres_m[:, 3]]
+        )
+        (folder / f"clump{k}.txt").write_text(
+            "".join(words(row) + "\n" for row in spheres)
+        )
+        moments = (turned @ np.diag(job.particle.inertia_kg_m2) @ turned.T)[
+            np.triu_indices(3)
+        ]
         low, high = np.array(place) - 2e-5, np.array(place) + 2e-5
         lines += [
             f"fix clump{k} all particletemplate/multisphere {(15485863, 15485867)[k - 1]} atom_type 1 "
@@ -133,7 +150,9 @@ def edit_liggghts(text, job, case, folder):
 def edit_lammps(text, job, case, folder):
     """The deck of LAMMPS with these grains in place of its pour."""
     lines, bodies = [], [f"{len(case.places)}"]
-    for k, (place, turn, velocity) in enumerate(zip(case.places, case.turns, case.velocities, strict=True), 1):
+    for k, (place, turn, velocity) in enumerate(
+        zip(case.places, case.turns, case.velocities, strict=True), 1
+    ):
         angle = float(np.linalg.norm(turn))
         axis = np.array(turn) / angle if angle else np.array((0.0, 0.0, 1.0))
         turned = Rotation.from_rotvec(turn).as_matrix()
@@ -143,20 +162,33 @@ def edit_lammps(text, job, case, folder):
             f"create_atoms 0 single {words(place)} mol grain {7000 + k} rotate {words((math.degrees(angle), *axis))} "
             "units box"
         )
-        bodies.append(f"{k} {words((job.particle.mass_kg, *place, *moments, *velocity, *ZERO))} 0 0 0")
+        bodies.append(
+            f"{k} {words((job.particle.mass_kg, *place, *moments, *velocity, *ZERO))} 0 0 0"
+        )
     (folder / "bodies.txt").write_text("\n".join(bodies) + "\n")
     lines.append("fix move all rigid/small molecule infile bodies.txt gravity gravity")
-    start, end = text.index("fix             move"), text.index("compute         energy")
+    start, end = (
+        text.index("fix             move"),
+        text.index("compute         energy"),
+    )
     return text[:start] + "\n".join(lines) + "\n" + text[end:]
 
 
 def edit_yade(text, job, case, folder):
     """The deck of YADE with these grains in place of its pour."""
     poses = [
-        (tuple(map(float, place)), Rotation.from_rotvec(turn).as_quat().tolist(), tuple(map(float, velocity)))
-        for place, turn, velocity in zip(case.places, case.turns, case.velocities, strict=True)
+        (
+            tuple(map(float, place)),
+            Rotation.from_rotvec(turn).as_quat().tolist(),
+            tuple(map(float, velocity)),
+        )
+        for place, turn, velocity in zip(
+            case.places, case.turns, case.velocities, strict=True
+        )
     ]
-    text = text.replace("clumps, members = [], []", f"clumps, members = [], []\nPOSES = {poses!r}")
+    text = text.replace(
+        "clumps, members = [], []", f"clumps, members = [], []\nPOSES = {poses!r}"
+    )
     text = text.replace(
         "    place = free_place() if len(clumps) < GRAINS else None\n    if place is None:\n        return\n"
         "    orientation = turned()\n",
@@ -167,7 +199,9 @@ def edit_yade(text, job, case, folder):
         "    # the damping of a contact takes",
         "    O.bodies[clumps[-1]].state.vel = Vector3(*velocity)\n    # the damping of a contact takes",
     )
-    text = text.replace('    PyRunner(iterPeriod=EVERY, command="pour()", initRun=True),\n', "")
+    text = text.replace(
+        '    PyRunner(iterPeriod=EVERY, command="pour()", initRun=True),\n', ""
+    )
     return text.replace("O.dt =", "for _ in POSES:\n    pour()\nO.dt =")
 
 
@@ -182,10 +216,14 @@ def result(case, centres, velocities):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("engines", nargs="*", default=[*one_pile.OURS, *one_pile.DECKS])
     parser.add_argument("--cases", nargs="*", default=list(CASES))
-    parser.add_argument("--step", type=float, default=one_pile.TIME_STEP_S, help="time step in s")
+    parser.add_argument(
+        "--step", type=float, default=one_pile.TIME_STEP_S, help="time step in s"
+    )
     parser.add_argument("--lmp", default="lmp", help="LAMMPS, with its path")
     arguments = parser.parse_args()
     commands, job = one_pile.commands_of(arguments.lmp), one_pile.study(SET)[3]

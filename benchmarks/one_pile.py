@@ -55,10 +55,22 @@ SETS = {
         "mus_gp": 0.6212,
         "mur_gp": 0.2692,
     },
-    "high": {"e_gg": 0.25, "mus_gg": 0.75, "mur_gg": 0.07, "e_gp": 0.35, "mus_gp": 0.8, "mur_gp": 0.3},
+    "high": {
+        "e_gg": 0.25,
+        "mus_gg": 0.75,
+        "mur_gg": 0.07,
+        "e_gp": 0.35,
+        "mus_gp": 0.8,
+        "mur_gp": 0.3,
+    },
 }
 # With the frictions of the others single spheres roll all over the plate.
-SETS["spheres"] = SETS["calibrated"] | {"mus_gg": 0.75, "mur_gg": 0.1, "mus_gp": 0.8, "mur_gp": 0.5}
+SETS["spheres"] = SETS["calibrated"] | {
+    "mus_gg": 0.75,
+    "mur_gg": 0.1,
+    "mus_gp": 0.8,
+    "mur_gp": 0.5,
+}
 SPHERES = {"calibrated": 3, "high": 3, "spheres": 1}  # of a grain
 GRAINS = {"calibrated": 120, "high": 120, "spheres": 100}
 # Not as in the default funnel: a wider outlet, in which no spheres jam, nearer to the plate.
@@ -85,7 +97,11 @@ DECKS = {name: (name, None) for name in PEERS} | {
 SECTION = "## One pile in several programs"
 # The line of the table's angles, whatever the study calibrates.
 LINE = {"response": "secant", "fit_from": 0.1, "fit_to": 0.8, "flank": "columns"}
-RESPONSES = {"aor_deg": "angle, secant deg", "aor_flank_deg": "angle, flank deg", "height_mm": "Height mm"}
+RESPONSES = {
+    "aor_deg": "angle, secant deg",
+    "aor_flank_deg": "angle, flank deg",
+    "height_mm": "Height mm",
+}
 
 
 @cache
@@ -104,11 +120,17 @@ def study(set_name):
     """Configuration, grain, particle, and what is exported, of a parameter set."""
     source = str(configs()[-1])
     config = Study.load(source).config
-    config["funnel"] |= {"berries": GRAINS[set_name], "rate_per_s": RATE_PER_S, "duration_s": DURATION_S}
+    config["funnel"] |= {
+        "berries": GRAINS[set_name],
+        "rate_per_s": RATE_PER_S,
+        "duration_s": DURATION_S,
+    }
     config["funnel"] |= FUNNEL.get(set_name, {})
     config["simulation"]["time_step_s"] = TIME_STEP_S
     berry, particle = grain(source, SPHERES[set_name])
-    job = replace(make(config, SETS[set_name], particle, berry), time_step_s=TIME_STEP_S)
+    job = replace(
+        make(config, SETS[set_name], particle, berry), time_step_s=TIME_STEP_S
+    )
     return config, berry, particle, job
 
 
@@ -131,7 +153,9 @@ def pour_ours(name, set_name, seed):
     values = their_rolling(set_name, job) if rolling == "spring" else SETS[set_name]
     settings = SceneSettings(config, {"simulation": simulation})
     poured = funnel.FunnelTest().pour(Scene(settings, values, berry, particle, seed))
-    turned = np.einsum("nij,mj->nmi", rotation_matrices(poured.quaternions), particle.spheres_m[:, :3])
+    turned = np.einsum(
+        "nij,mj->nmi", rotation_matrices(poured.quaternions), particle.spheres_m[:, :3]
+    )
     status = funnel.FunnelTest().status_of(poured, settings)[0]
     if status == "not_at_rest" and poured.kinetic_energy_j < REST_J * GRAINS[set_name]:
         status = "ok"
@@ -140,7 +164,10 @@ def pour_ours(name, set_name, seed):
 
 def their_rolling(set_name, job):
     """The parameters with the coefficients of rolling that the decks hold."""
-    rolling = {f"mur_{key}": rolling_coefficient(job, pair) for key, pair in (("gg", job.grains), ("gp", job.on_wall))}
+    rolling = {
+        f"mur_{key}": rolling_coefficient(job, pair)
+        for key, pair in (("gg", job.grains), ("gp", job.on_wall))
+    }
     return SETS[set_name] | rolling
 
 
@@ -161,7 +188,11 @@ def run_deck(name, job, commands, edit=lambda text, folder: text):
         text = edit(deck.read_text(), Path(folder))
         deck.write_text(re.sub(*change, text) if change else text)
         done = subprocess.run(
-            shlex.split(commands[program]), cwd=folder, capture_output=True, text=True, errors="replace"
+            shlex.split(commands[program]),
+            cwd=folder,
+            capture_output=True,
+            text=True,
+            errors="replace",
         )
         file = Path(folder) / ("pile.csv" if program == "yade" else "pile.dump")
         if not file.exists():
@@ -176,7 +207,9 @@ def pour_theirs(name, set_name, seed, commands):
     spheres = SPHERES[set_name]
     full = table.groupby("grain").filter(lambda rows: len(rows) == spheres)
     places = full[["x", "y", "z"]].to_numpy().reshape(-1, spheres, 3)
-    speeds = np.linalg.norm(full[["vx", "vy", "vz"]].to_numpy().reshape(-1, spheres, 3).mean(axis=1), axis=1)
+    speeds = np.linalg.norm(
+        full[["vx", "vy", "vz"]].to_numpy().reshape(-1, spheres, 3).mean(axis=1), axis=1
+    )
     moving = 0.5 * job.particle.mass_kg * np.mean(speeds**2)
     if len(places) < FEWEST_LEFT * GRAINS[set_name]:
         return places, "lost"
@@ -192,7 +225,9 @@ def read_pile(path, spheres):
     lines = path.read_text().splitlines()
     start = next(k for k, line in enumerate(lines) if line.startswith("ITEM: ATOMS"))
     columns = lines[start].split()[2:]
-    table = pd.DataFrame([line.split() for line in lines[start + 1 :]], columns=columns).astype(float)
+    table = pd.DataFrame(
+        [line.split() for line in lines[start + 1 :]], columns=columns
+    ).astype(float)
     table["grain"] = table["mol"] if "mol" in table else (table["id"] - 1) // spheres
     return table.sort_values(["grain", "id"], kind="stable")
 
@@ -202,7 +237,9 @@ def measured(places, config, berry, particle):
     radius = 0.5e-3 * config["funnel"]["plate_diameter_mm"]
     places = places[np.linalg.norm(places[:, :, :2].mean(axis=1), axis=1) < radius]
     body, radii = particle.spheres_m[:, :3], particle.spheres_m[:, 3]
-    centres, quaternions = zip(*(pose(body, spheres) for spheres in places), strict=True)
+    centres, quaternions = zip(
+        *(pose(body, spheres) for spheres in places), strict=True
+    )
     flat, owner = places.reshape(-1, 3), np.repeat(np.arange(len(places)), len(body))
     pairs = cKDTree(flat).query_pairs(2.0 * radii.max() + 1e-6, output_type="ndarray")
     reach = radii[pairs % len(body)].sum(axis=1) + 1e-6
@@ -215,8 +252,12 @@ def measured(places, config, berry, particle):
         "in_pile": scene.largest_cluster(contacts, np.ones(len(places), bool)),
     }
     settings = MeasureSettings.of(config["measure"] | LINE, berry)
-    found, _ = pile_responses(arrays, particle, settings, config["funnel"]["plate_diameter_mm"])
-    return {name: found.get(name) for name in RESPONSES} | {"in_pile": int(arrays["in_pile"].sum())}
+    found, _ = pile_responses(
+        arrays, particle, settings, config["funnel"]["plate_diameter_mm"]
+    )
+    return {name: found.get(name) for name in RESPONSES} | {
+        "in_pile": int(arrays["in_pile"].sum())
+    }
 
 
 def pose(body, spheres):
@@ -236,15 +277,31 @@ def pour(arguments, sets=("calibrated", "high")):
     for seed in range(1, arguments.seeds + 1):
         for name in arguments.engines:
             for set_name in sets:
-                file = arguments.work / f"{name}-{set_name}-{seed}.npz".replace(" ", "_")
+                file = arguments.work / f"{name}-{set_name}-{seed}.npz".replace(
+                    " ", "_"
+                )
                 if file.exists():
                     continue
                 if name in OURS:
                     places, status = pour_ours(name, set_name, seed)
                 else:
                     places, status = pour_theirs(name, set_name, seed, commands)
-                np.savez(file, places=places, engine=name, set=set_name, seed=seed, status=status)
-                print(name, set_name, seed, status, f"highest {1e3 * places[:, :, 2].max():.1f} mm", flush=True)
+                np.savez(
+                    file,
+                    places=places,
+                    engine=name,
+                    set=set_name,
+                    seed=seed,
+                    status=status,
+                )
+                print(
+                    name,
+                    set_name,
+                    seed,
+                    status,
+                    f"highest {1e3 * places[:, :, 2].max():.1f} mm",
+                    flush=True,
+                )
 
 
 def compared(runs):
@@ -252,13 +309,29 @@ def compared(runs):
     rows = []
     for (set_name, engine), group in runs.groupby(["set", "engine"], sort=False):
         good = group[group.status == "ok"]
-        row = {"set": set_name, "engine": engine, "runs": len(good), "failed": len(group) - len(good)}
+        row = {
+            "set": set_name,
+            "engine": engine,
+            "runs": len(good),
+            "failed": len(group) - len(good),
+        }
         for response in RESPONSES:
             mean, error = good[response].mean(), good[response].sem()
             row |= {response: mean, f"{response}_se": error}
-            for label, ours in (("z", "repose"), ("z_their_laws", "repose, all laws as theirs")):
-                other = runs[(runs.set == set_name) & (runs.engine == ours) & (runs.status == "ok")][response]
-                z = (mean - other.mean()) / np.hypot(error, other.sem()) if engine != ours else 0.0
+            for label, ours in (
+                ("z", "repose"),
+                ("z_their_laws", "repose, all laws as theirs"),
+            ):
+                other = runs[
+                    (runs.set == set_name)
+                    & (runs.engine == ours)
+                    & (runs.status == "ok")
+                ][response]
+                z = (
+                    (mean - other.mean()) / np.hypot(error, other.sem())
+                    if engine != ours
+                    else 0.0
+                )
                 row[f"{response}_{label}"] = z
         rows.append(row)
     return pd.DataFrame(rows)
@@ -277,10 +350,14 @@ def record_of(file):
 
 def runs_of(arguments, sets):
     """Runs of these sets as a table."""
-    files = [file for name in sets for file in sorted(arguments.work.glob(f"*-{name}-*.npz"))]
+    files = [
+        file for name in sets for file in sorted(arguments.work.glob(f"*-{name}-*.npz"))
+    ]
     records = [record_of(file) for file in files]
     order = [*OURS, *DECKS]
-    records.sort(key=lambda r: (sets.index(r["set"]), order.index(r["engine"]), r["seed"]))
+    records.sort(
+        key=lambda r: (sets.index(r["set"]), order.index(r["engine"]), r["seed"])
+    )
     return pd.DataFrame(records)
 
 
@@ -317,23 +394,31 @@ def markdown(rows):
     told = rows[["set", "engine", "runs", "failed"]].copy()
     for response, label in RESPONSES.items():
         told[label] = [
-            f"{mean:.1f} +- {error:.1f}" for mean, error in zip(rows[response], rows[f"{response}_se"], strict=True)
+            f"{mean:.1f} +- {error:.1f}"
+            for mean, error in zip(rows[response], rows[f"{response}_se"], strict=True)
         ]
         told[f"z, {label}"] = [
             f"{z:.1f} ({own:.1f})"
-            for z, own in zip(rows[f"{response}_z"], rows[f"{response}_z_their_laws"], strict=True)
+            for z, own in zip(
+                rows[f"{response}_z"], rows[f"{response}_z_their_laws"], strict=True
+            )
         ]
     return told.to_markdown(index=False)
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("action", choices=("spheres", "pour", "table"))
     parser.add_argument("engines", nargs="*", default=[*OURS, *DECKS])
     parser.add_argument("--seeds", type=int, default=SEEDS)
     parser.add_argument("--lmp", default="lmp", help="LAMMPS, with its path")
     parser.add_argument(
-        "--work", type=Path, default=Path(tempfile.gettempdir()) / "repose-one-pile", help="folder of the runs"
+        "--work",
+        type=Path,
+        default=Path(tempfile.gettempdir()) / "repose-one-pile",
+        help="folder of the runs",
     )
     arguments = parser.parse_args()
     os.environ.setdefault("OMP_NUM_THREADS", "1")

@@ -29,7 +29,9 @@ def contact_model(pile, young, poisson, pair):
 def build(pile, engine):
     """Particles, walls and contact laws."""
     # a wall's E and nu are taken for the particle's too: the E that gives the pair's E*
-    compliance = sum((1.0 - pile[f"poisson_{k}"] ** 2) / pile[f"young_{k}"] for k in "gp")
+    compliance = sum(
+        (1.0 - pile[f"poisson_{k}"] ** 2) / pile[f"young_{k}"] for k in "gp"
+    )
     wall_young = 2.0 * (1.0 - pile["poisson_g"] ** 2) / compliance
     wall = "granular " + contact_model(pile, wall_young, pile["poisson_g"], "gp")
     engine.commands_string(f"""
@@ -77,7 +79,14 @@ def main():
     if not math.isfinite(energy):
         raise ArithmeticError(f"kinetic energy is {energy}")
     print(
-        json.dumps({"us": times, "touching": last["c_touching"], "energy_j": energy, "version": str(engine.version())})
+        json.dumps(
+            {
+                "us": times,
+                "touching": last["c_touching"],
+                "energy_j": energy,
+                "version": str(engine.version()),
+            }
+        )
     )
 
 

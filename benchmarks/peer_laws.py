@@ -34,7 +34,9 @@ def undamped_tangent(a, b, contact, tension="keep"):
 def body_damping(law, t, c, at, dt):
     """Hertz and Mindlin's law; the masses of the two bodies damp each contact, along its normal only."""
     for k in range(L):
-        t[tl.INVERSE_MASS + k] = t[tl.A + st.INVERSE_MASS * L + k] + t[tl.B + st.INVERSE_MASS * L + k]
+        t[tl.INVERSE_MASS + k] = (
+            t[tl.A + st.INVERSE_MASS * L + k] + t[tl.B + st.INVERSE_MASS * L + k]
+        )
     hertz_mindlin.contact_sizes(t)
     slip(t, c, at + hertz_mindlin.SPRING, dt)
     hertz_mindlin.push(t, c, at + hertz_mindlin.SPRING, law.tension, law.friction_limit)
@@ -63,7 +65,11 @@ def rolling_spring(law, t, c, at, dt):
         most = t[FRICTION + k] * t[tl.PUSH + k] * radius
         cut = touching * min(1.0, most / math.sqrt(x * x + y * y + z * z + 1e-60))
         x, y, z = cut * x, cut * y, cut * z
-        c[at + k], c[at + L + k], c[at + 2 * L + k] = st.alive(x), st.alive(y), st.alive(z)
+        c[at + k], c[at + L + k], c[at + 2 * L + k] = (
+            st.alive(x),
+            st.alive(y),
+            st.alive(z),
+        )
         t[tl.TO_A + 3 * L + k] -= x
         t[tl.TO_A + 4 * L + k] -= y
         t[tl.TO_A + 5 * L + k] -= z

@@ -41,7 +41,11 @@ def lattice(low, high, cells):
     """Nodes of a grid, its origin and its spacing."""
     ends = [np.linspace(a, b, n) for a, b, n in zip(low, high, cells, strict=True)]
     nodes = np.stack(np.meshgrid(*ends, indexing="ij"), -1)
-    return nodes, tuple(map(float, low)), tuple(float(line[1] - line[0]) for line in ends)
+    return (
+        nodes,
+        tuple(map(float, low)),
+        tuple(float(line[1] - line[0]) for line in ends),
+    )
 
 
 def simulation(scene):
@@ -49,7 +53,9 @@ def simulation(scene):
     axes, places = np.array(scene["semi_axes_m"]), np.array(scene["positions_m"])
     largest = axes.max()
     sim = dem.Simulation(capacity=max(2, len(places)))
-    nodes, origin, spacing = lattice(-1.3 * axes - 0.2 * largest, 1.3 * axes + 0.2 * largest, (CELLS,) * 3)
+    nodes, origin, spacing = lattice(
+        -1.3 * axes - 0.2 * largest, 1.3 * axes + 0.2 * largest, (CELLS,) * 3
+    )
     field = distance(nodes.reshape(-1, 3), axes).reshape(nodes.shape[:3])
     moments = scene["mass_kg"] / 5.0 * (np.sum(axes**2) - axes**2)
     inverse = tuple(float(value) for value in scene["mass_kg"] / moments)
@@ -62,13 +68,22 @@ def simulation(scene):
         float(1.01 * largest),
     )
     half, top = scene["half_width_m"], scene["top_m"]
-    low, high = np.array([-half, -half, 0.0]) - 2.0 * largest, np.array([half, half, top]) + 2.0 * largest
+    low, high = (
+        np.array([-half, -half, 0.0]) - 2.0 * largest,
+        np.array([half, half, top]) + 2.0 * largest,
+    )
     sim.set_domain(tuple(map(float, low)), tuple(map(float, high)))
     sim.set_periodic(False, False, False)
     nodes, origin, spacing = lattice(low, high, (80, 80, 80))
     gaps = [nodes[..., 2], half - np.abs(nodes[..., 0]), half - np.abs(nodes[..., 1])]
     wall = np.min(gaps, axis=0)
-    sim.add_sdf_wall(np.asfortranarray(wall, np.float32), origin, spacing, scene["restitution"], scene["friction"])
+    sim.add_sdf_wall(
+        np.asfortranarray(wall, np.float32),
+        origin,
+        spacing,
+        scene["restitution"],
+        scene["friction"],
+    )
     sim.set_positions(places.astype(np.float32))
     sim.set_quaternions(np.array(scene["quaternions"], np.float32)[:, [1, 2, 3, 0]])
     sim.set_scales_uniform(1.0)
@@ -77,7 +92,9 @@ def simulation(scene):
     sim.set_velocities(np.zeros((len(places), 3), np.float32))
     sim.set_angular_velocities(np.array(scene["angular_velocities_rad_s"], np.float32))
     sim.set_gravity((0.0, 0.0, -scene["gravity_m_s2"]))
-    sim.set_material_params(restitution_normal=scene["restitution"], friction=scene["friction"])
+    sim.set_material_params(
+        restitution_normal=scene["restitution"], friction=scene["friction"]
+    )
     sim.set_hertz_material(0, scene["young_pa"], scene["poisson"])
     sim.set_dt(scene["time_step_s"])
     return sim

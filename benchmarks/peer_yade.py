@@ -28,17 +28,29 @@ def stamp():
 
 def by_pair(pile, name, scale=lambda value: value):
     """A coefficient of the pairs berry-berry (materials 0, 0) and berry-wall (0, 1)."""
-    return MatchMaker(matches=((0, 0, scale(pile[name + "_gg"])), (0, 1, scale(pile[name + "_gp"]))))
+    return MatchMaker(
+        matches=((0, 0, scale(pile[name + "_gg"])), (0, 1, scale(pile[name + "_gp"])))
+    )
 
 
 def build(pile):
     """Particles, walls and engines."""
-    berry = FrictMat(young=pile["young_g"], poisson=pile["poisson_g"], density=pile["density_kg_m3"])
+    berry = FrictMat(
+        young=pile["young_g"], poisson=pile["poisson_g"], density=pile["density_kg_m3"]
+    )
     wall = FrictMat(young=pile["young_p"], poisson=pile["poisson_p"])
     O.materials.append([berry, wall])
     radius = pile["radius_m"]
-    O.bodies.append([utils.sphere(center, radius, material=0) for center in pile["positions_m"]])
-    for axis, place, sense in ((2, 0.0, 1), (0, 0.0, 1), (0, pile["side_m"], -1), (1, 0.0, 1), (1, pile["side_m"], -1)):
+    O.bodies.append(
+        [utils.sphere(center, radius, material=0) for center in pile["positions_m"]]
+    )
+    for axis, place, sense in (
+        (2, 0.0, 1),
+        (0, 0.0, 1),
+        (0, pile["side_m"], -1),
+        (1, 0.0, 1),
+        (1, pile["side_m"], -1),
+    ):
         O.bodies.append(utils.wall(place, axis, sense=sense, material=1))
     physics = Ip2_FrictMat_FrictMat_MindlinPhys(
         en=by_pair(pile, "e"),
@@ -49,7 +61,9 @@ def build(pile):
     )
     O.engines = [
         ForceResetter(),
-        InsertionSortCollider([Bo1_Sphere_Aabb(), Bo1_Wall_Aabb()], verletDist=pile["skin_m"]),
+        InsertionSortCollider(
+            [Bo1_Sphere_Aabb(), Bo1_Wall_Aabb()], verletDist=pile["skin_m"]
+        ),
         InteractionLoop(
             [Ig2_Sphere_Sphere_ScGeom(), Ig2_Wall_Sphere_ScGeom()],
             [physics],
@@ -65,7 +79,8 @@ def build(pile):
 def touching(count):
     """Contacts of spheres with spheres, each counted at both."""
     return 2 * sum(
-        i.isReal and i.id1 < count and i.id2 < count and i.geom.penetrationDepth > 0.0 for i in O.interactions
+        i.isReal and i.id1 < count and i.id2 < count and i.geom.penetrationDepth > 0.0
+        for i in O.interactions
     )
 
 
@@ -75,7 +90,10 @@ def main():
     build(pile)
     O.run(pile["settle_steps"] + (pile["blocks"] + 1) * pile["block_steps"], True)
     last = stamps[-pile["blocks"] - 1 :]
-    times = [1e6 * (end - began) / pile["block_steps"] for began, end in itertools.pairwise(last)]
+    times = [
+        1e6 * (end - began) / pile["block_steps"]
+        for began, end in itertools.pairwise(last)
+    ]
     print(
         json.dumps(
             {

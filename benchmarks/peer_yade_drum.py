@@ -24,18 +24,30 @@ def build(drum):
     )
     O.materials.append(material)
     for place, radius, velocity, spin in zip(
-        drum["positions_m"], drum["radii_m"], drum["velocities_m_s"], drum["spins_rad_s"], strict=True
+        drum["positions_m"],
+        drum["radii_m"],
+        drum["velocities_m_s"],
+        drum["spins_rad_s"],
+        strict=True,
     ):
         state = O.bodies[O.bodies.append(utils.sphere(place, radius))].state
         state.vel, state.angVel = velocity, spin
         state.angMom = [state.inertia[k] * spin[k] for k in range(3)]
-    ids = O.bodies.append([utils.facet(corners, material=material) for corners in drum["triangles_m"]])
+    ids = O.bodies.append(
+        [utils.facet(corners, material=material) for corners in drum["triangles_m"]]
+    )
     O.engines = [
         ForceResetter(),
-        InsertionSortCollider([Bo1_Sphere_Aabb(), Bo1_Facet_Aabb()], verletDist=drum["skin_m"]),
+        InsertionSortCollider(
+            [Bo1_Sphere_Aabb(), Bo1_Facet_Aabb()], verletDist=drum["skin_m"]
+        ),
         InteractionLoop(
             [Ig2_Sphere_Sphere_ScGeom(), Ig2_Facet_Sphere_ScGeom()],
-            [Ip2_FrictMat_FrictMat_MindlinPhys(en=drum["restitution"], es=drum["restitution"])],
+            [
+                Ip2_FrictMat_FrictMat_MindlinPhys(
+                    en=drum["restitution"], es=drum["restitution"]
+                )
+            ],
             [Law2_ScGeom_MindlinPhys_Mindlin()],
         ),
         RotationEngine(
@@ -53,10 +65,14 @@ def build(drum):
 def state(count):
     """Contacts of spheres with spheres, each counted at both, and the kinetic energy of the spheres [J]."""
     touching = 2 * sum(
-        i.isReal and i.id1 < count and i.id2 < count and i.geom.penetrationDepth > 0.0 for i in O.interactions
+        i.isReal and i.id1 < count and i.id2 < count and i.geom.penetrationDepth > 0.0
+        for i in O.interactions
     )
     spheres = [O.bodies[k].state for k in range(count)]
-    energy = sum(s.mass * s.vel.squaredNorm() + s.inertia[0] * s.angVel.squaredNorm() for s in spheres)
+    energy = sum(
+        s.mass * s.vel.squaredNorm() + s.inertia[0] * s.angVel.squaredNorm()
+        for s in spheres
+    )
     return touching, 0.5 * energy
 
 
@@ -68,7 +84,9 @@ def main():
     for line in sys.stdin:
         word, *rest = line.split()
         if word == "run":
-            for _ in range(int(rest[0])):  # O.run(n, wait=True) looks only every 40 ms whether it is done
+            for _ in range(
+                int(rest[0])
+            ):  # O.run(n, wait=True) looks only every 40 ms whether it is done
                 O.step()
         elif word == "state":
             print("state", *state(len(drum["radii_m"])))

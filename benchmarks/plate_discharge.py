@@ -50,7 +50,10 @@ def scene(diameter_mm, friction, seed):
     rng, d = np.random.default_rng(seed), 1e-3 * diameter_mm
     contact = Contact(0.9, friction, TORQUE_MM / diameter_mm, twisting_friction=0.0)
     stone, y = Material(1e6 / 2.6, 0.3), (-0.05, DEPTH_M + 0.05)
-    plate = [(x, side, PLATE_M) for x, side in zip((-1, 1, 1, -1), (y[0], y[0], y[1], y[1]), strict=True)]
+    plate = [
+        (x, side, PLATE_M)
+        for x, side in zip((-1, 1, 1, -1), (y[0], y[0], y[1], y[1]), strict=True)
+    ]
     walls = {
         "floor": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall"),
         "front": Plane((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), "wall"),
@@ -60,7 +63,12 @@ def scene(diameter_mm, friction, seed):
         "plate": panel([(HALF_PLATE_M * x, side, z) for x, side, z in plate], "wall"),
     }
     for name, x in (("gate_left", -HALF_PLATE_M), ("gate_right", HALF_PLATE_M)):
-        corners = [(x, y[0], PLATE_M), (x, y[1], PLATE_M), (x, y[1], TOP_M), (x, y[0], TOP_M)]
+        corners = [
+            (x, y[0], PLATE_M),
+            (x, y[1], PLATE_M),
+            (x, y[1], TOP_M),
+            (x, y[0], TOP_M),
+        ]
         walls[name] = panel(corners, "wall")
     count = round(SPHERES_OF_10_MM * (10.0 / diameter_mm) ** 3)
     simulation = Simulation(
@@ -121,18 +129,29 @@ def main():
     options.add_argument("--until", type=float, default=6.75)
     options.add_argument("--cores", type=int, default=2)
     chosen = options.parse_args()
-    jobs = [(case, seed, chosen.until) for case in CASES.values() for seed in range(1, case[2] + 1)]
+    jobs = [
+        (case, seed, chosen.until)
+        for case in CASES.values()
+        for seed in range(1, case[2] + 1)
+    ]
     with ProcessPoolExecutor(chosen.cores) as pool:
         found = list(pool.map(run, jobs))
-    print("| case | spheres | runs | angle, deg | formula, deg |\n|---|---|---|---|---|")
+    print(
+        "| case | spheres | runs | angle, deg | formula, deg |\n|---|---|---|---|---|"
+    )
     means = {}
     for name, case in CASES.items():
-        angles = [value for (of, *_), value in zip(jobs, found, strict=True) if of == case]
+        angles = [
+            value for (of, *_), value in zip(jobs, found, strict=True) if of == case
+        ]
         mean, error = mean_and_error(angles)
         means[name] = mean
         count = round(SPHERES_OF_10_MM * (10.0 / case[0]) ** 3)
         shown = f"{mean:.2f} ± {error:.2f}" if error else f"{mean:.2f}"
-        print(f"| {name} | {count:,} | {len(angles)} | {shown} | {formula(*case[:2]):.2f} |", flush=True)
+        print(
+            f"| {name} | {count:,} | {len(angles)} | {shown} | {formula(*case[:2]):.2f} |",
+            flush=True,
+        )
     for what, k, names, expected in (
         ("diameter", 0, ("10 mm", "14 mm", "20 mm"), -0.2),
         ("friction", 1, ("14 mm, mu 0.1", "14 mm", "14 mm, mu 0.4"), 0.49),
@@ -141,7 +160,9 @@ def main():
               for (case, *_), value in zip(jobs, found, strict=True) if case == CASES[job_name]]  # fmt: skip
         x, y = np.array(of).T
         (slope, _), covariance = np.polyfit(x, np.log(y), 1, cov=True)
-        print(f"exponent of the {what}: {slope:.3f} ± {np.sqrt(covariance[0, 0]):.3f}; formula {expected:g}")
+        print(
+            f"exponent of the {what}: {slope:.3f} ± {np.sqrt(covariance[0, 0]):.3f}; formula {expected:g}"
+        )
 
 
 if __name__ == "__main__":

@@ -25,7 +25,14 @@ from repose.measure.saved_piles import pile_responses
 
 CONFIG = ("config/method.yaml", "config/config.yaml")
 RESPONSES = (
-    *("aor_flank_deg", "aor_secant_deg", "aor_steepest_deg", "aor_whole_deg", "aor_straightest_deg", "height_mm"),
+    *(
+        "aor_flank_deg",
+        "aor_secant_deg",
+        "aor_steepest_deg",
+        "aor_whole_deg",
+        "aor_straightest_deg",
+        "height_mm",
+    ),
     *("base_radius_mm", "packing_percent", "radius_90_mm", "loose_percent"),
 )
 KEPT = ("position", "quaternion", "in_pile", "scale")
@@ -36,8 +43,11 @@ def sets_of(study):
     space = ParameterSpace.of(study.config["parameters"])
     return {
         "lowest": space.centre | dict(zip(space.free, space.low.tolist(), strict=True)),
-        "representative": published.representative(study.config["validation"]["published"]),
-        "highest": space.centre | dict(zip(space.free, space.high.tolist(), strict=True)),
+        "representative": published.representative(
+            study.config["validation"]["published"]
+        ),
+        "highest": space.centre
+        | dict(zip(space.free, space.high.tolist(), strict=True)),
     }
 
 
@@ -46,7 +56,11 @@ def one(job):
     parameters, seed, config, particle, grain = job
     began = time.process_time()
     run = funnel.FunnelTest().run(Scene.of(config, parameters, grain, particle, seed))
-    return run.record["status"], time.process_time() - began, [run.arrays[name] for name in KEPT]
+    return (
+        run.record["status"],
+        time.process_time() - began,
+        [run.arrays[name] for name in KEPT],
+    )
 
 
 def pour(path, seeds, processes):
@@ -55,12 +69,24 @@ def pour(path, seeds, processes):
     common = study.config, study.particle, study.grain
     sets = sets_of(study)
     one((sets["lowest"], 1, *common))  # compiles the engine
-    jobs = [(values, seed, *common) for values in sets.values() for seed in range(1, seeds + 1)]
+    jobs = [
+        (values, seed, *common)
+        for values in sets.values()
+        for seed in range(1, seeds + 1)
+    ]
     with multiprocessing.get_context("fork").Pool(processes) as pool:
         runs = pool.map(one, jobs, chunksize=1)
-    arrays = {name: np.array([run[2][k] for run in runs]) for k, name in enumerate(KEPT)}
+    arrays = {
+        name: np.array([run[2][k] for run in runs]) for k, name in enumerate(KEPT)
+    }
     names = np.repeat(list(sets), seeds)
-    np.savez_compressed(path, set=names, status=[run[0] for run in runs], cpu_s=[run[1] for run in runs], **arrays)
+    np.savez_compressed(
+        path,
+        set=names,
+        status=[run[0] for run in runs],
+        cpu_s=[run[1] for run in runs],
+        **arrays,
+    )
 
 
 def measured(path, study):
@@ -74,7 +100,9 @@ def measured(path, study):
     for k in np.flatnonzero(stored["status"] == "ok"):
         pile = {name: values[k] for name, values in arrays.items()}
         found, _ = pile_responses(pile, study.particle, settings, plate_mm, further)
-        table[k] = [np.nan if found.get(name) is None else found[name] for name in RESPONSES]
+        table[k] = [
+            np.nan if found.get(name) is None else found[name] for name in RESPONSES
+        ]
     return stored["set"], stored["status"], stored["cpu_s"], table
 
 
@@ -83,9 +111,21 @@ def compare(before, after):
     study = Study.load(*CONFIG)
     sides = [measured(path, study) for path in (before, after)]
     sum_of_sets, degrees, largest = 0.0, 0, 0.0
-    print("set", "response", "before", "after", "difference", "standard error", "ratio", sep="\t")
+    print(
+        "set",
+        "response",
+        "before",
+        "after",
+        "difference",
+        "standard error",
+        "ratio",
+        sep="\t",
+    )
     for name in dict.fromkeys(sides[0][0].tolist()):
-        good = [table[(sets == name) & np.isfinite(table).all(axis=1)] for sets, _, _, table in sides]
+        good = [
+            table[(sets == name) & np.isfinite(table).all(axis=1)]
+            for sets, _, _, table in sides
+        ]
         means = [table.mean(axis=0) for table in good]
         covariance = sum(np.cov(table.T) / len(table) for table in good)
         shift, error = means[1] - means[0], np.sqrt(np.diag(covariance))
@@ -95,16 +135,26 @@ def compare(before, after):
         for k, response in enumerate(RESPONSES):
             row = (means[0][k], means[1][k], shift[k], error[k], shift[k] / error[k])
             print(name, response, *(f"{value:.3f}" for value in row), sep="\t")
-        for side, (sets, status, cpu_s, _) in zip(("before", "after"), sides, strict=True):
+        for side, (sets, status, cpu_s, _) in zip(
+            ("before", "after"), sides, strict=True
+        ):
             here = sets == name
-            counts = dict(zip(*np.unique(status[here], return_counts=True), strict=True))
-            print(f"{name}, {side}: {counts}, {np.median(cpu_s[here]):.2f} s of processor time, the median")
+            counts = dict(
+                zip(*np.unique(status[here], return_counts=True), strict=True)
+            )
+            print(
+                f"{name}, {side}: {counts}, {np.median(cpu_s[here]):.2f} s of processor time, the median"
+            )
     p = chi2.sf(sum_of_sets, degrees)
-    print(f"chi squared {sum_of_sets:.1f} with {degrees} degrees of freedom, p {p:.3f}; largest ratio {largest:.2f}")
+    print(
+        f"chi squared {sum_of_sets:.1f} with {degrees} degrees of freedom, p {p:.3f}; largest ratio {largest:.2f}"
+    )
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("step", choices=("pour", "compare"))
     parser.add_argument("files", nargs="+")
     parser.add_argument("--seeds", type=int, default=64)

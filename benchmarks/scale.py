@@ -30,7 +30,9 @@ def time_step_us(simulation):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--berries", type=int, nargs="+", default=[500, 5000, 50000])
     parser.add_argument("--threads", type=int, nargs="+", default=[1])
     arguments = parser.parse_args()
@@ -38,7 +40,9 @@ def main():
     first = None
     berry = Shape.ellipsoid(SEMI_AXES_M, DENSITY_KG_M3, "berry")
     for berries in arguments.berries:
-        simulation = bed(berry, berries, TIME_STEP_S, SETTLE_STEPS, arguments.threads[0])
+        simulation = bed(
+            berry, berries, TIME_STEP_S, SETTLE_STEPS, arguments.threads[0]
+        )
         for threads in arguments.threads:
             simulation.threads = threads
             us = time_step_us(simulation)

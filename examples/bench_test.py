@@ -70,15 +70,30 @@ class DropTest(BenchTest[DropSettings]):
             "upper": (0.2, 0.2, 1e-3 * section.height_mm + 4.0 * reach_m),
         }
 
-    def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
+    def run(
+        self,
+        scene: Scene,
+        interval_s: float | None = None,
+        progress: Progress | None = None,
+    ) -> Run:
         """Drop the grains one by one, and let them roll."""
         section = self.section(scene.settings)
         trial = Trial(self.build, scene, section.berries, interval_s, progress)
-        height_m, end = 1e-3 * section.height_mm, scene.simulation.steps(section.duration_s)
+        height_m, end = (
+            1e-3 * section.height_mm,
+            scene.simulation.steps(section.duration_s),
+        )
         with trial.bound(height_m).guard():
-            fill(trial, Disc(2.0 * scene.particle.bounding_radius_m, height_m), section, end)
+            fill(
+                trial,
+                Disc(2.0 * scene.particle.bounding_radius_m, height_m),
+                section,
+                end,
+            )
             trial.run_to(end)
-        return self.ended(scene, Ending(unstable=trial.broken), trial.grains(), trial.frames())
+        return self.ended(
+            scene, Ending(unstable=trial.broken), trial.grains(), trial.frames()
+        )
 
     def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
         """Measure the spread."""
@@ -94,7 +109,9 @@ class DropTest(BenchTest[DropSettings]):
         section = self.section(settings)
         fall_s = (2e-3 * section.height_mm / settings.simulation.gravity_m_s2) ** 0.5
         early = section.duration_s < fall_s
-        return stated((early, "drop.duration_s", f"at least {fall_s:.2g}, the time of the fall"))
+        return stated(
+            (early, "drop.duration_s", f"at least {fall_s:.2g}, the time of the fall")
+        )
 
 
 def main(berries: int = 20, duration_s: float = 2.0) -> None:
@@ -106,7 +123,13 @@ def main(berries: int = 20, duration_s: float = 2.0) -> None:
 
     config = Study.load("config/quick.yaml").config
     rate = 2.0 * berries / duration_s
-    config["drop"] = {"berries": berries, "rate_per_s": rate, "seeds": 1, "height_mm": 100.0, "duration_s": duration_s}
+    config["drop"] = {
+        "berries": berries,
+        "rate_per_s": rate,
+        "seeds": 1,
+        "height_mm": 100.0,
+        "duration_s": duration_s,
+    }
     config["targets"] = [
         {
             "response": "spread_mm",
@@ -120,8 +143,12 @@ def main(berries: int = 20, duration_s: float = 2.0) -> None:
     berry = {"shear_modulus_pa": 4.3e4, "poisson_ratio": 0.32}
     particle = fit_particle(ellipsoid_mesh([21.0, 11.4, 9.9]), density_kg_m3=840.0)
     for rolling in (0.0, 0.3):
-        parameters = dict(zip(PARAMETERS, (0.2, 0.6, rolling, 0.2, 0.6, rolling), strict=True))
-        measured, _ = run_once(bench(NAME), Scene.of(config, parameters, berry, particle, 1))
+        parameters = dict(
+            zip(PARAMETERS, (0.2, 0.6, rolling, 0.2, 0.6, rolling), strict=True)
+        )
+        measured, _ = run_once(
+            bench(NAME), Scene.of(config, parameters, berry, particle, 1)
+        )
         print(f"rolling friction {rolling}: {bench(NAME).summary.format(**measured)}")
 
 

@@ -30,8 +30,12 @@ def main(bodies=240, seconds=1.5):
         shapes={"berry": Shape.ellipsoid(BERRY, 840.0, "berry")},
         materials={"berry": Material(4.3e4, 0.32), "steel": Material(1e7, 0.3)},
         contacts={
-            ("berry", "berry"): Contact(restitution=0.2, static_friction=0.6, rolling_friction=0.03),
-            ("berry", "steel"): Contact(restitution=0.3, static_friction=0.4, rolling_friction=0.03),
+            ("berry", "berry"): Contact(
+                restitution=0.2, static_friction=0.6, rolling_friction=0.03
+            ),
+            ("berry", "steel"): Contact(
+                restitution=0.3, static_friction=0.4, rolling_friction=0.03
+            ),
         },
         time_step_s=1e-4,
         capacity=bodies,
@@ -40,18 +44,36 @@ def main(bodies=240, seconds=1.5):
         walls=walls,
     )
     rng = np.random.default_rng(1)
-    for k in range(bodies):  # loosely stacked at the top of the slope: 3 across, 8 along, 10 high
+    for k in range(
+        bodies
+    ):  # loosely stacked at the top of the slope: 3 across, 8 along, 10 high
         across, along, up = k % 3 - 1, k // 3 % 8, k // 24
-        place = (-0.38 + 0.022 * along) * DOWN + (0.012 + 0.021 * up) * NORMAL + np.array([0.0, 0.024 * across, 0.0])
+        place = (
+            (-0.38 + 0.022 * along) * DOWN
+            + (0.012 + 0.021 * up) * NORMAL
+            + np.array([0.0, 0.024 * across, 0.0])
+        )
         simulation.add("berry", place, rng.normal(size=4))
 
     frames = Recorder()
-    simulation.run(seconds, record=[frames, VtkSeries(OUT / "chute.pvd")], record_every_s=0.05)
+    simulation.run(
+        seconds, record=[frames, VtkSeries(OUT / "chute.pvd")], record_every_s=0.05
+    )
 
     view = {"elevation_deg": 16.0, "azimuth_deg": -62.0}
     Image.fromarray(render_simulation(simulation, **view)).save(OUT / "chute.png")
-    animate(simulation, frames.frames(), OUT / "chute.gif", pictures=24, width=400, height=240, **view)
-    print(f"{len(frames)} frames in {OUT}; the front is at {1e3 * simulation.positions[:, 0].max():.0f} mm")
+    animate(
+        simulation,
+        frames.frames(),
+        OUT / "chute.gif",
+        pictures=24,
+        width=400,
+        height=240,
+        **view,
+    )
+    print(
+        f"{len(frames)} frames in {OUT}; the front is at {1e3 * simulation.positions[:, 0].max():.0f} mm"
+    )
 
 
 if __name__ == "__main__":

@@ -27,7 +27,10 @@ class PointSet(NamedTuple):
     scrambling: int  # number of the scrambling of its Sobol sequence
 
 
-SETS = {"pool": PointSet("", "samples", 0), "fresh": PointSet("fresh_", "fresh_samples", 1)}
+SETS = {
+    "pool": PointSet("", "samples", 0),
+    "fresh": PointSet("fresh_", "fresh_samples", 1),
+}
 
 
 def sobol(n: int, d: int, seed: int | list[int]) -> np.ndarray:
@@ -36,18 +39,28 @@ def sobol(n: int, d: int, seed: int | list[int]) -> np.ndarray:
     return sequence.random_base2(math.ceil(math.log2(n)))[:n]
 
 
-def points_of(name: str, space: ParameterSpace, settings: Mapping[str, Any]) -> pd.DataFrame:
+def points_of(
+    name: str, space: ParameterSpace, settings: Mapping[str, Any]
+) -> pd.DataFrame:
     """Points of a set of `SETS`: ``sample`` from 1, and the six parameters; `settings` is the section `pool`."""
     chosen = SETS[name]
-    unit = sobol(settings[chosen.size], space.dimensions, [settings["seed"], chosen.scrambling])
+    unit = sobol(
+        settings[chosen.size], space.dimensions, [settings["seed"], chosen.scrambling]
+    )
     return design.parameter_sets(unit, space)
 
 
-def run(space: ParameterSpace, settings: Mapping[str, Any], out_dir: str | Path) -> dict[str, pd.DataFrame]:
+def run(
+    space: ParameterSpace, settings: Mapping[str, Any], out_dir: str | Path
+) -> dict[str, pd.DataFrame]:
     """Write samples.csv and fresh_samples.csv; return both tables by set."""
     tables = {name: points_of(name, space, settings) for name in SETS}
     for name, table in tables.items():
-        write_table(Path(out_dir) / f"{SETS[name].prefix}samples.csv", table, float_format="%.10g")
+        write_table(
+            Path(out_dir) / f"{SETS[name].prefix}samples.csv",
+            table,
+            float_format="%.10g",
+        )
     return tables
 
 

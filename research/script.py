@@ -14,7 +14,15 @@ from repose.core.lock import joined_folder
 from research import settings
 
 Option = tuple[tuple[str, ...], dict[str, Any]]
-NOT_READ = ("config", "out", "samples", "part", "work", "depends_on", "simulates")  # options that name no input
+NOT_READ = (
+    "config",
+    "out",
+    "samples",
+    "part",
+    "work",
+    "depends_on",
+    "simulates",
+)  # options that name no input
 
 
 def option(*names: str, **keywords: Any) -> Option:
@@ -27,11 +35,18 @@ class Script:
 
     def __init__(self, name: str, text: str | None) -> None:
         self.name = name
-        self.parser = argparse.ArgumentParser(prog=f"python -m research.{name}", description=text)
+        self.parser = argparse.ArgumentParser(
+            prog=f"python -m research.{name}", description=text
+        )
         self.parts = self.parser.add_subparsers(required=True, dest="part")
 
     def part(
-        self, name: str, out: str, *options: Option, depends_on: Callable | None = None, simulates: bool = False
+        self,
+        name: str,
+        out: str,
+        *options: Option,
+        depends_on: Callable | None = None,
+        simulates: bool = False,
     ) -> Callable[[Callable], Callable]:
         """Decorate a function that gets the options with `study`, and both configurations in one, and returns a text.
 
@@ -39,12 +54,18 @@ class Script:
         """
 
         def add(work):
-            parser = self.parts.add_parser(name, description=work.__doc__, help=work.__doc__)
+            parser = self.parts.add_parser(
+                name, description=work.__doc__, help=work.__doc__
+            )
             parser.add_argument("--config", default=str(places.configs()[-1]))
-            parser.add_argument("--out", default=out, help=f"file or folder to write ({out})")
+            parser.add_argument(
+                "--out", default=out, help=f"file or folder to write ({out})"
+            )
             for flags, keywords in options:
                 parser.add_argument(*flags, **keywords)
-            parser.set_defaults(work=work, depends_on=depends_on or _settings, simulates=simulates)
+            parser.set_defaults(
+                work=work, depends_on=depends_on or _settings, simulates=simulates
+            )
             return work
 
         return add
@@ -58,7 +79,12 @@ class Script:
             runs: Literal["", "made"] = "made" if args.simulates else ""
             # the cells of a study differ on purpose: each is a table of its own
             cell = getattr(args, "cell", None)
-            with folder, provenance.stage(stage, _files(args), args.depends_on, runs=runs, apparatus=cell):
+            with (
+                folder,
+                provenance.stage(
+                    stage, _files(args), args.depends_on, runs=runs, apparatus=cell
+                ),
+            ):
                 args.study = Study.load(args.config)
                 config = args.study.config
                 text = args.work(args, config | settings.of(config))

@@ -10,11 +10,30 @@ from repose.core.errors import InputError, YamlError, raise_together
 
 HERE = Path(__file__).parent
 OWN = Path("research.yaml")  # of the working folder
-SECTIONS = ("pool", "compare_search", "compare_whole", "shape_study", "second_responses", "joint_targets")
+SECTIONS = (
+    "pool",
+    "compare_search",
+    "compare_whole",
+    "shape_study",
+    "second_responses",
+    "joint_targets",
+)
 # Sections of variants: the last file's replaces the others; the study checks each with the schema of what it changes.
-VARIANTS = tuple(f"shape_study.{key}" for key in ("particles", "fillings", "sensitivities"))
-FREE_NAMES = (*VARIANTS, "second_responses.minutes", "second_responses.smallest_discrepancy")
-TYPES = {int: "an integer", float: "a number", str: "text", list: "a list", dict: "a section"}
+VARIANTS = tuple(
+    f"shape_study.{key}" for key in ("particles", "fillings", "sensitivities")
+)
+FREE_NAMES = (
+    *VARIANTS,
+    "second_responses.minutes",
+    "second_responses.smallest_discrepancy",
+)
+TYPES = {
+    int: "an integer",
+    float: "a number",
+    str: "text",
+    list: "a list",
+    dict: "a section",
+}
 
 
 def of(config: Mapping[str, Any]) -> dict[str, Any]:
@@ -23,9 +42,14 @@ def of(config: Mapping[str, Any]) -> dict[str, Any]:
     An InputError names all keys that are unknown and all values that have another type than the default.
     """
     settings, known = read(HERE / "config.yaml"), read(HERE / "config.yaml")
-    files = [*([HERE / "quick.yaml"] if config["small_run"] else []), *([OWN] if OWN.is_file() else [])]
+    files = [
+        *([HERE / "quick.yaml"] if config["small_run"] else []),
+        *([OWN] if OWN.is_file() else []),
+    ]
     given = [(str(path), read(path)) for path in files]
-    raise_together(fault for path, more in given for fault in _faults(more, known, path))
+    raise_together(
+        fault for path, more in given for fault in _faults(more, known, path)
+    )
     for _, more in given:
         _lay_over(settings, more)
     return settings
@@ -41,13 +65,17 @@ def _lay_over(settings, more, prefix=""):
             settings[key] = value
 
 
-def _faults(given: Any, known: Any, source: str, prefix: str = "") -> Iterator[InputError]:
+def _faults(
+    given: Any, known: Any, source: str, prefix: str = ""
+) -> Iterator[InputError]:
     """Unknown keys, and values of another type than the default's."""
     for key, value in given.items():
         name = f"{prefix}{key}"
         if key not in known and prefix[:-1] not in FREE_NAMES:
             near = get_close_matches(str(key), known, 1)
-            hint = f"did you mean {near[0]}?" if near else f"keys here: {', '.join(known)}"
+            hint = (
+                f"did you mean {near[0]}?" if near else f"keys here: {', '.join(known)}"
+            )
             yield YamlError(source, name, value, f"a known key; {hint}")
             continue
         like = known.get(key, next(iter(known.values())))
@@ -61,5 +89,7 @@ def _faults(given: Any, known: Any, source: str, prefix: str = "") -> Iterator[I
 def _alike(value, like):
     """Whether a value has the type of a default; an integer is a number, too."""
     if isinstance(like, list) and isinstance(value, list):
-        return all(_alike(item, like[0]) if like else isinstance(item, str) for item in value)
+        return all(
+            _alike(item, like[0]) if like else isinstance(item, str) for item in value
+        )
     return type(value) is type(like) or (type(value) is int and type(like) is float)

@@ -17,15 +17,44 @@ from repose.core.ledger import write_whole
 
 # Folders of a study; those of `research` and of its strategies are among them.
 FOLDERS = (
-    *("berry", "design", "network", "miga", "validation", "measure", "drum", "film", "figures"),
-    *("noise", "posterior", "sensitivity", "next", "pool", "comparison", "responses", "measurement_study"),
+    *(
+        "berry",
+        "design",
+        "network",
+        "miga",
+        "validation",
+        "measure",
+        "drum",
+        "film",
+        "figures",
+    ),
+    *(
+        "noise",
+        "posterior",
+        "sensitivity",
+        "next",
+        "pool",
+        "comparison",
+        "responses",
+        "measurement_study",
+    ),
     *("joint_targets", "seeds_per_sample", "shape"),
 )
-OWN = {*FOLDERS, *strategies.names()} - {"published"}  # whose results have the names of the method
-SUFFIXES = (".csv", ".json", ".png", ".gif", ".html")  # tables and pictures, without positions and meshes
+OWN = {*FOLDERS, *strategies.names()} - {
+    "published"
+}  # whose results have the names of the method
+SUFFIXES = (
+    ".csv",
+    ".json",
+    ".png",
+    ".gif",
+    ".html",
+)  # tables and pictures, without positions and meshes
 LARGEST_FILE = 5_000_000  # bytes
 CONFIG, CARD = "config.json", "card.json"  # what a study begins and ends with
-OTHERS = re.compile(r"drum_\d+\.json|.*\.provenance\.json")  # runs of the drum; records follow their results
+OTHERS = re.compile(
+    r"drum_\d+\.json|.*\.provenance\.json"
+)  # runs of the drum; records follow their results
 MANIFEST = "snapshot.txt"  # in a snapshot: its files, one a line
 
 
@@ -34,12 +63,16 @@ def take(results_dir: str | Path, out: str | Path) -> list[Path]:
     source, out = Path(results_dir), Path(out)
     files = _kept(source)
     sidecars = (path.with_name(f"{path.name}{SIDECAR}") for path in files)
-    files = list(dict.fromkeys([*files, *(path for path in sidecars if path.is_file())]))
+    files = list(
+        dict.fromkeys([*files, *(path for path in sidecars if path.is_file())])
+    )
     if not (source / CARD).is_file():
         raise InputError(source, CARD, "missing", "a finished study")
     for path in files:
         if path.stat().st_size > LARGEST_FILE:
-            raise InputError(path, "size", path.stat().st_size, f"at most {LARGEST_FILE} bytes")
+            raise InputError(
+                path, "size", path.stat().st_size, f"at most {LARGEST_FILE} bytes"
+            )
     earlier = _earlier(out)
     names = [path.relative_to(source).as_posix() for path in files]
     _write(out / MANIFEST, _lines({*names, *earlier}))
@@ -57,7 +90,11 @@ def _kept(source: Path) -> list[Path]:
     found = []
     for folder, below, names in os.walk(source):
         known = set(below) if Path(folder) != source else OWN.intersection(below)
-        below[:] = sorted(name for name in known if name not in left_out and not Path(folder, name, CONFIG).is_file())
+        below[:] = sorted(
+            name
+            for name in known
+            if name not in left_out and not Path(folder, name, CONFIG).is_file()
+        )
         found += [Path(folder, name) for name in names if Path(name).suffix in SUFFIXES]
     return sorted(path for path in found if not OTHERS.fullmatch(path.name))
 
@@ -69,11 +106,19 @@ def _earlier(out: Path) -> set[str]:
     if not out.is_dir():
         raise InputError(out, "folder", "a file", "a folder")
     manifest = out / MANIFEST
-    names = set(manifest.read_text(encoding="utf-8").splitlines()) if ledger.is_own_file(manifest) else set()
+    names = (
+        set(manifest.read_text(encoding="utf-8").splitlines())
+        if ledger.is_own_file(manifest)
+        else set()
+    )
     for path in sorted(out.rglob("*")):
         name = path.relative_to(out).as_posix()
         own = name in {*names, MANIFEST} and ledger.is_own_file(path)
-        if not own and path.name != ledger.LEDGER and (path.is_symlink() or not path.is_dir()):
+        if (
+            not own
+            and path.name != ledger.LEDGER
+            and (path.is_symlink() or not path.is_dir())
+        ):
             allowed = "a new folder, or an earlier snapshot and no other file"
             raise InputError(out, "content", name, allowed)
     return {name for name in names if (out / name).is_file()}
@@ -91,9 +136,13 @@ def _write(path: Path, content: bytes) -> None:
 
 def main() -> None:
     """Take the snapshot that the command line asks for, and print its files."""
-    parser = argparse.ArgumentParser(prog="python -m research.snapshot", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m research.snapshot", description=__doc__
+    )
     parser.add_argument("results", help="folder of the finished study")
-    parser.add_argument("--out", required=True, help="folder of the snapshot, as results/published/mine")
+    parser.add_argument(
+        "--out", required=True, help="folder of the snapshot, as results/published/mine"
+    )
     args = parser.parse_args()
     try:
         print(*take(args.results, args.out), sep="\n")

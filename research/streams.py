@@ -14,4 +14,6 @@ STREAMS = {
 }
 
 if set(STREAMS.values()) & set(PURPOSES.values()):
-    raise ValueError("a stream of research is one of the package; expected numbers that no other purpose has")
+    raise ValueError(
+        "a stream of research is one of the package; expected numbers that no other purpose has"
+    )

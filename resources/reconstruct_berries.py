@@ -36,7 +36,9 @@ def normal_axis(maximum, minimum, mean):
     total = round(100 * mean * BERRIES)
 
     def inner(shift):
-        return np.clip(100 * mean + shift + spread * scores[1:-1], ends[0] + 1, ends[1] - 1)
+        return np.clip(
+            100 * mean + shift + spread * scores[1:-1], ends[0] + 1, ends[1] - 1
+        )
 
     shift = brentq(lambda s: inner(s).sum() + ends.sum() - total, -500, 500)
     values = np.concatenate([[ends[0]], np.rint(inner(shift)), [ends[1]]]).astype(int)
@@ -51,7 +53,9 @@ def derived(sizes):
     """(maximum, minimum, mean) of equivalent diameter in mm, then of sphericity in percent."""
     diameter = np.cbrt(sizes.prod(axis=1)) / 100
     percent = 1e4 * diameter / sizes[:, 0]
-    return np.array([f(x) for x in (diameter, percent) for f in (np.max, np.min, np.mean)])
+    return np.array(
+        [f(x) for x in (diameter, percent) for f in (np.max, np.min, np.mean)]
+    )
 
 
 def pair_axes(axes, target, rng):
@@ -77,7 +81,11 @@ def pair_axes(axes, target, rng):
         if 2 * step > STEPS and rng.random() < 0.5:
             after = before + rng.integers(1, 6) * np.array([1, -1])
             ends = lowest[column], highest[column]
-            fixed = np.isin(before, ends).any() or after.min() <= ends[0] or after.max() >= ends[1]
+            fixed = (
+                np.isin(before, ends).any()
+                or after.min() <= ends[0]
+                or after.max() >= ends[1]
+            )
         else:
             after, fixed = before[::-1].copy(), False
         sizes[pair, column] = after
@@ -95,8 +103,16 @@ def pair_axes(axes, target, rng):
 def reconstruct_sizes(table1, rng):
     """Fifty berries, (50, 3) in hundredths of a millimetre."""
     table1 = table1.set_index("dimension")
-    axes = np.stack([normal_axis(*table1.loc[name, ["maximum", "minimum", "mean"]]) for name in SIZE_COLUMNS], axis=1)
-    target = table1.loc[["equivalent_diameter_mm", "sphericity_percent"], ["maximum", "minimum", "mean"]]
+    axes = np.stack(
+        [
+            normal_axis(*table1.loc[name, ["maximum", "minimum", "mean"]])
+            for name in SIZE_COLUMNS
+        ],
+        axis=1,
+    )
+    target = table1.loc[
+        ["equivalent_diameter_mm", "sphericity_percent"], ["maximum", "minimum", "mean"]
+    ]
     sizes = pair_axes(axes, target.to_numpy(dtype=float).ravel(), rng)
     return rng.permutation(sizes)
 
@@ -112,9 +128,13 @@ def reconstruct_compression(sizes_mm, rng):
     # The last test's length sets the mean of nu as near as the 0.01 mm grid allows.
     measured = poisson_ratio(length, length_2, width, width_2)
     nu_last = 6 * POISSON_RATIO - measured[:-1].sum()
-    length_2[-1] = np.round(length[-1] * (1 + nu_last * (1 - width_2[-1] / width[-1])), 2)
+    length_2[-1] = np.round(
+        length[-1] * (1 + nu_last * (1 - width_2[-1] / width[-1])), 2
+    )
     elastic = ELASTIC_MODULUS_PA * (1 + rng.normal(0, 0.08, 6))
-    per_newton = elastic_modulus(1.0, length * 1e-3, breadth * 1e-3, width * 1e-3, width_2 * 1e-3)
+    per_newton = elastic_modulus(
+        1.0, length * 1e-3, breadth * 1e-3, width * 1e-3, width_2 * 1e-3
+    )
     force = np.round(elastic / per_newton, 4)
     elastic_last = 6 * ELASTIC_MODULUS_PA - (force * per_newton)[:-1].sum()
     force[-1] = np.round(elastic_last / per_newton[-1], 4)
@@ -133,14 +153,18 @@ def reconstruct_compression(sizes_mm, rng):
 def main():
     """Write both files beside this one."""
     rng = np.random.default_rng(SEED)
-    sizes_mm = reconstruct_sizes(pd.read_csv(HERE / "published" / "table1.csv"), rng) / 100
+    sizes_mm = (
+        reconstruct_sizes(pd.read_csv(HERE / "published" / "table1.csv"), rng) / 100
+    )
     with (HERE / "berries.csv").open("w") as file:
         file.write(
             "# reconstruction: these 50 berries were not measured. reconstruct_berries.py made them so that\n"
             "# maximum, minimum and mean of the three axes equal the published Table 1 and equivalent\n"
             "# diameter and sphericity come as close to it as they can. Put your own measurements here.\n"
         )
-        pd.DataFrame(sizes_mm, columns=list(SIZE_COLUMNS)).to_csv(file, index=False, float_format="%.2f")
+        pd.DataFrame(sizes_mm, columns=list(SIZE_COLUMNS)).to_csv(
+            file, index=False, float_format="%.2f"
+        )
     with (HERE / "compression.csv").open("w") as file:
         file.write(
             "# reconstruction: these six tests were not measured. reconstruct_berries.py made them so that\n"

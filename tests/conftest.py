@@ -94,7 +94,10 @@ def command(capsys):
 # changes. So the tests that call them are one group, which comes first as it is the largest; those of
 # `repose.verification` come late, as their files are small, and find the kernels in numba's cache. Photographs are the
 # other worker's.
-GROUPS = {"photographs": ("tests/measure/",), "kernels": ("tests/dem/", "tests/apparatus/", "tests/cli/")}
+GROUPS = {
+    "photographs": ("tests/measure/",),
+    "kernels": ("tests/dem/", "tests/apparatus/", "tests/cli/"),
+}
 
 
 @pytest.hookimpl(hookwrapper=True)
@@ -107,7 +110,9 @@ def pytest_collection():
 
 def pytest_ignore_collect(collection_path, config):
     """Leave out files whose tests are all slow where no slow test runs; None: what pytest would do."""
-    if config.option.markexpr == "not slow" and collection_path.name.startswith("test_"):
+    if config.option.markexpr == "not slow" and collection_path.name.startswith(
+        "test_"
+    ):
         return True if ALL_SLOW.search(collection_path.read_text()) else None
     return None
 
@@ -117,7 +122,9 @@ class ByKernels(LoadScopeScheduling):
 
     def _split_scope(self, nodeid):
         path = nodeid.split("::")[0]
-        return next((name for name, places in GROUPS.items() if path.startswith(places)), path)
+        return next(
+            (name for name, places in GROUPS.items() if path.startswith(places)), path
+        )
 
 
 @pytest.hookimpl(optionalhook=True)

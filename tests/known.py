@@ -16,4 +16,6 @@ def is_known(name, text):
         path.write_text(text)
     one, other = (re.sub(r"[ \n]+", " ", each) for each in (text, path.read_text()))
     assert NUMBER.sub("#", one) == NUMBER.sub("#", other)
-    np.testing.assert_allclose(*(list(map(float, NUMBER.findall(each))) for each in (one, other)), 1e-5, 1e-12)
+    np.testing.assert_allclose(
+        *(list(map(float, NUMBER.findall(each))) for each in (one, other)), 1e-5, 1e-12
+    )

@@ -5,8 +5,22 @@ import numpy as np
 
 def known_function(U):
     """Two smooth responses of six inputs in [-1, 1], as strong and as curved as a pile's."""
-    aor = 23 + 2.2 * U[:, 4] + 2.2 * U[:, 2] - 1.2 * U[:, 0] + 0.6 * U[:, 2] * U[:, 4] - 0.8 * U[:, 4] ** 2
-    height = 61 + 4.7 * U[:, 4] + 4.7 * U[:, 2] - 3.5 * U[:, 0] + 1.5 * U[:, 2] * U[:, 4] + np.sin(2 * U[:, 0])
+    aor = (
+        23
+        + 2.2 * U[:, 4]
+        + 2.2 * U[:, 2]
+        - 1.2 * U[:, 0]
+        + 0.6 * U[:, 2] * U[:, 4]
+        - 0.8 * U[:, 4] ** 2
+    )
+    height = (
+        61
+        + 4.7 * U[:, 4]
+        + 4.7 * U[:, 2]
+        - 3.5 * U[:, 0]
+        + 1.5 * U[:, 2] * U[:, 4]
+        + np.sin(2 * U[:, 0])
+    )
     return np.column_stack([aor, height])
 
 

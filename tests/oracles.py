@@ -7,14 +7,18 @@ from scipy.optimize import brentq, minimize
 def rotation(q):
     """Rotation matrix, body to world, of a unit quaternion (w, x, y, z), from its action on a vector."""
     w, v = q[0], np.asarray(q[1:])
-    return np.array([e + 2.0 * np.cross(v, np.cross(v, e) + w * e) for e in np.eye(3)]).T
+    return np.array(
+        [e + 2.0 * np.cross(v, np.cross(v, e) + w * e) for e in np.eye(3)]
+    ).T
 
 
 def support_point(semi_axes, q, n):
     """Touching point of a sum of ellipsoids in a world direction, relative to the centre."""
     turn = rotation(q)
     m = turn.T @ n
-    return turn @ sum(a * a * m / np.linalg.norm(a * m) for a in np.atleast_2d(semi_axes))
+    return turn @ sum(
+        a * a * m / np.linalg.norm(a * m) for a in np.atleast_2d(semi_axes)
+    )
 
 
 def sphere_points(count):
@@ -31,12 +35,21 @@ def gap(semi_axes, d, qa, qb, count=4000):
     turns = rotation(qa), rotation(qb)
 
     def f(n):
-        return n @ d - sum(np.linalg.norm(a * (n @ turn), axis=-1) for a in np.atleast_2d(semi_axes) for turn in turns)
+        return n @ d - sum(
+            np.linalg.norm(a * (n @ turn), axis=-1)
+            for a in np.atleast_2d(semi_axes)
+            for turn in turns
+        )
 
     n = sphere_points(count)
     start = n[f(n).argmax()]
     # lengths of about a millimetre: scaled so that the optimiser's tolerances mean something
-    found = minimize(lambda x: -1e3 * f(x / np.linalg.norm(x)), start, method="BFGS", options={"gtol": 1e-12})
+    found = minimize(
+        lambda x: -1e3 * f(x / np.linalg.norm(x)),
+        start,
+        method="BFGS",
+        options={"gtol": 1e-12},
+    )
     best = found.x / np.linalg.norm(found.x)
     return f(best), best
 
@@ -62,7 +75,9 @@ def hertz_mindlin(law, overlap, radius, n, v, spring, dt, tension, limit, share=
     stiffness_n = 2.0 * young * np.sqrt(radius * overlap)
     stiffness_t = 8.0 * shear * np.sqrt(radius * overlap)
     elastic = 4.0 / 3.0 * young * np.sqrt(radius) * overlap**1.5
-    normal = elastic + 2.0 * np.sqrt(5.0 / 6.0) * beta * np.sqrt(stiffness_n * mass) * vn
+    normal = (
+        elastic + 2.0 * np.sqrt(5.0 / 6.0) * beta * np.sqrt(stiffness_n * mass) * vn
+    )
     limiting = elastic if limit == "elastic" else abs(normal)
     if normal < 0.0 and not tension:
         normal = limiting = 0.0
@@ -72,10 +87,16 @@ def hertz_mindlin(law, overlap, radius, n, v, spring, dt, tension, limit, share=
     if pull > cap:
         spring = spring * cap / pull
     dashpot = share * 2.0 * np.sqrt(5.0 / 6.0) * beta * np.sqrt(stiffness_t * mass)
-    return -normal * n - shortened(spring * stiffness_t + dashpot * vt, cap), spring, limiting
+    return (
+        -normal * n - shortened(spring * stiffness_t + dashpot * vt, cap),
+        spring,
+        limiting,
+    )
 
 
-def hertz_mindlin_rescaled(law, overlap, radius, n, v, pull, before, dt, tension, limit, share=1.0):
+def hertz_mindlin_rescaled(
+    law, overlap, radius, n, v, pull, before, dt, tension, limit, share=1.0
+):
     """Force on body A, the spring's new share of it, the force that limits friction, the radius of the contact circle.
 
     As `hertz_mindlin`, but the spring is a force on A, `pull`, which grows by -S_t v_t dt; where the circle is smaller
@@ -86,7 +107,10 @@ def hertz_mindlin_rescaled(law, overlap, radius, n, v, pull, before, dt, tension
     vn = v @ n
     vt = v - vn * n
     elastic = 4.0 / 3.0 * young * circle * overlap
-    normal = elastic + 2.0 * np.sqrt(5.0 / 6.0) * beta * np.sqrt(2.0 * young * circle * mass) * vn
+    normal = (
+        elastic
+        + 2.0 * np.sqrt(5.0 / 6.0) * beta * np.sqrt(2.0 * young * circle * mass) * vn
+    )
     limiting = elastic if limit == "elastic" else abs(normal)
     if normal < 0.0 and not tension:
         normal = limiting = 0.0
@@ -94,8 +118,20 @@ def hertz_mindlin_rescaled(law, overlap, radius, n, v, pull, before, dt, tension
     if circle < before:
         pull = pull * circle / before
     pull = shortened(pull - 8.0 * shear * circle * vt * dt, friction * limiting)
-    damped = share * 2.0 * np.sqrt(5.0 / 6.0) * beta * np.sqrt(8.0 * shear * circle * mass) * vt
-    return -normal * n + shortened(pull - damped, friction * limiting), pull, limiting, circle
+    damped = (
+        share
+        * 2.0
+        * np.sqrt(5.0 / 6.0)
+        * beta
+        * np.sqrt(8.0 * shear * circle * mass)
+        * vt
+    )
+    return (
+        -normal * n + shortened(pull - damped, friction * limiting),
+        pull,
+        limiting,
+        circle,
+    )
 
 
 def shortened(vector, most):
@@ -113,14 +149,22 @@ def epsd(law, circle, n, arms, masses, spin, push, rolled, twisted, dt):
     across = spin - (spin @ n) * n
     lever = 1.0 / sum(1.0 / arm for arm in arms)
     stiffness = 2.25 * 2.0 * young * circle * (rolling * lever) ** 2
-    mobility = sum(1.0 / (m * arm**2) for m, arm in zip(masses, arms, strict=True) if np.isfinite(m))
+    mobility = sum(
+        1.0 / (m * arm**2)
+        for m, arm in zip(masses, arms, strict=True)
+        if np.isfinite(m)
+    )
     limit = rolling * push * lever
     rolled = shortened(rolled - (rolled @ n) * n + stiffness * across * dt, limit)
-    torque = shortened(rolled + 0.6 * np.sqrt(1.4 / mobility * stiffness) * across, limit)
+    torque = shortened(
+        rolled + 0.6 * np.sqrt(1.4 / mobility * stiffness) * across, limit
+    )
     stiffness = 8.0 * shear * circle * circle**2 / 2.0
     limit = twisting * push * circle
     twisted = np.clip(twisted + stiffness * (spin @ n) * dt, -limit, limit)
-    about = np.clip(twisted + 0.6 * np.sqrt(0.4 / mobility * stiffness) * (spin @ n), -limit, limit)
+    about = np.clip(
+        twisted + 0.6 * np.sqrt(0.4 / mobility * stiffness) * (spin @ n), -limit, limit
+    )
     return -torque - about * n, rolled, twisted
 
 
@@ -130,19 +174,35 @@ def jkr_force(young, work, radius, overlap):
     def overlap_of(a):
         return a**2 / radius - np.sqrt(2.0 * np.pi * work * a / young)
 
-    least = (np.pi * work * radius**2 / (8.0 * young)) ** (1.0 / 3.0)  # where d overlap / da = 0
+    least = (np.pi * work * radius**2 / (8.0 * young)) ** (
+        1.0 / 3.0
+    )  # where d overlap / da = 0
     if overlap < overlap_of(least):
         return None
-    a = brentq(lambda a: overlap_of(a) - overlap, least, 100.0 * least + 2.0 * np.sqrt(radius * abs(overlap)))
-    return 4.0 * young * a**3 / (3.0 * radius) - np.sqrt(8.0 * np.pi * work * young * a**3)
+    a = brentq(
+        lambda a: overlap_of(a) - overlap,
+        least,
+        100.0 * least + 2.0 * np.sqrt(radius * abs(overlap)),
+    )
+    return 4.0 * young * a**3 / (3.0 * radius) - np.sqrt(
+        8.0 * np.pi * work * young * a**3
+    )
 
 
 def cone_gap(semi_axes, centre, q, normal_r, normal_z, offset, count=20000):
     """Gap of a body inside a cone: the least distance to any of its half-spaces, by a dense search."""
     theta = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
-    m = np.column_stack([normal_r * np.cos(theta), normal_r * np.sin(theta), np.full(count, normal_z)])
+    m = np.column_stack(
+        [normal_r * np.cos(theta), normal_r * np.sin(theta), np.full(count, normal_z)]
+    )
     t = m @ rotation(q)
-    return float((offset - m @ centre - sum(np.linalg.norm(a * t, axis=1) for a in np.atleast_2d(semi_axes))).min())
+    return float(
+        (
+            offset
+            - m @ centre
+            - sum(np.linalg.norm(a * t, axis=1) for a in np.atleast_2d(semi_axes))
+        ).min()
+    )
 
 
 def circle_distance(semi_axes, centre, q, radius, height, count=720):
@@ -150,12 +210,20 @@ def circle_distance(semi_axes, centre, q, radius, height, count=720):
     turn, axes = rotation(q), np.atleast_2d(semi_axes)[0]
 
     def distances(theta):
-        circle = np.column_stack([radius * np.cos(theta), radius * np.sin(theta), np.full(len(theta), height)])
+        circle = np.column_stack(
+            [
+                radius * np.cos(theta),
+                radius * np.sin(theta),
+                np.full(len(theta), height),
+            ]
+        )
         return _points_to_ellipsoid((circle - centre) @ turn, axes)[0]
 
     theta = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
     nearest = theta[distances(theta).argmin()]
-    return float(distances(nearest + np.linspace(-1.0, 1.0, 401) * 2.0 * np.pi / count).min())
+    return float(
+        distances(nearest + np.linspace(-1.0, 1.0, 401) * 2.0 * np.pi / count).min()
+    )
 
 
 def mesh_distance(semi_axes, centre, q, vertices, faces, spacing):
@@ -200,7 +268,10 @@ def _finest(triangle, u, v, axes, width):
     a, b, c = triangle
     for _ in range(14):
         n = np.linspace(-width, width, 11)
-        du, dv = (w.ravel() for w in np.meshgrid(n / np.linalg.norm(b - a), n / np.linalg.norm(c - a)))
+        du, dv = (
+            w.ravel()
+            for w in np.meshgrid(n / np.linalg.norm(b - a), n / np.linalg.norm(c - a))
+        )
         us, vs = np.clip(u + du, 0.0, 1.0), np.clip(v + dv, 0.0, 1.0)
         over = np.maximum(us + vs - 1.0, 0.0)
         us = np.maximum(us - 0.5 * over, 0.0)

@@ -9,25 +9,39 @@ import pytest
 from repose.core.errors import InputError
 
 
-def input_error(words: str, call: Callable[..., object], *arguments: Any, **keywords: Any) -> InputError:
+def input_error(
+    words: str, call: Callable[..., object], *arguments: Any, **keywords: Any
+) -> InputError:
     """Expect an `InputError` whose message has these words, a pattern, from a call with these arguments."""
     with pytest.raises(InputError, match=words) as caught:
         call(*arguments, **keywords)
     return caught.value
 
 
-def raised(error: type[BaseException], words: str | None, call: Callable[..., Any], *given: Any, **more: Any) -> None:
+def raised(
+    error: type[BaseException],
+    words: str | None,
+    call: Callable[..., Any],
+    *given: Any,
+    **more: Any,
+) -> None:
     """Expect an error of this type as `input_error` does; without words whatever its message."""
     with pytest.raises(error, match=words):
         call(*given, **more)
 
 
-def value_error(words: str, call: Callable[..., object], *arguments: Any, **keywords: Any) -> None:
+def value_error(
+    words: str, call: Callable[..., object], *arguments: Any, **keywords: Any
+) -> None:
     """Expect a `ValueError` as `input_error` does."""
     raised(ValueError, words, call, *arguments, **keywords)
 
 
-def not_refused(call: Callable[[Any], object], cases: Iterable[tuple[Any, str]], error: type[Exception]) -> list[str]:
+def not_refused(
+    call: Callable[[Any], object],
+    cases: Iterable[tuple[Any, str]],
+    error: type[Exception],
+) -> list[str]:
     """Of (case, pattern of the message), those that `call(case)` takes, or refuses with another message."""
     found = []
     for case, words in cases:

@@ -28,15 +28,26 @@ RANGES = {
 
 def target(response, value, sd, low, high, repetitions=10, **more):
     """An entry of a configuration's targets."""
-    own = {"response": response, "apparatus": responses.response(response).apparatus, "value": value, "sd": sd}
+    own = {
+        "response": response,
+        "apparatus": responses.response(response).apparatus,
+        "value": value,
+        "sd": sd,
+    }
     return own | {"repetitions": repetitions, "range": [low, high]} | more
 
 
-TARGETS = [target("aor_deg", 32.87, 2.20, 31.0, 34.0), target("height_mm", 65.57, 4.10, 64.0, 69.0)]
+TARGETS = [
+    target("aor_deg", 32.87, 2.20, 31.0, 34.0),
+    target("height_mm", 65.57, 4.10, 64.0, 69.0),
+]
 
 
 def entries(targets):
-    return [target(one.name, one.value, one.sd, one.low, one.high, one.repetitions) for one in targets]
+    return [
+        target(one.name, one.value, one.sd, one.low, one.high, one.repetitions)
+        for one in targets
+    ]
 
 
 MIGA = {
@@ -51,8 +62,16 @@ def settings_of(config):
     fields, sections = models.settings_type().model_fields, {}
     for name, value in config.items():
         kind = fields[name].annotation if name in fields else None
-        if isinstance(value, dict) and isinstance(kind, type) and issubclass(kind, Section):
-            value = NetworkSettings.of(value) if name == "network" else kind.model_construct(**value)
+        if (
+            isinstance(value, dict)
+            and isinstance(kind, type)
+            and issubclass(kind, Section)
+        ):
+            value = (
+                NetworkSettings.of(value)
+                if name == "network"
+                else kind.model_construct(**value)
+            )
         if name == "targets":
             value = [models.TargetSettings.model_construct(**one) for one in value]
         sections[name] = value
@@ -61,16 +80,37 @@ def settings_of(config):
 
 def studied(config, **more):
     """A study of a small configuration, unchecked."""
-    config = {"label": "made_up", "strategy": "published", "small_run": False, "measure": None} | config | more
-    space, targets = ParameterSpace.of(config.get("parameters", RANGES)), Targets.of(config["targets"])
-    return SimpleNamespace(config=config, settings=settings_of(config), parameters=space, targets=targets)
+    config = (
+        {
+            "label": "made_up",
+            "strategy": "published",
+            "small_run": False,
+            "measure": None,
+        }
+        | config
+        | more
+    )
+    space, targets = (
+        ParameterSpace.of(config.get("parameters", RANGES)),
+        Targets.of(config["targets"]),
+    )
+    return SimpleNamespace(
+        config=config, settings=settings_of(config), parameters=space, targets=targets
+    )
 
 
-def study_of(targets, space=None, definitions=(), measure=None, surrogate="network", **sections):
+def study_of(
+    targets, space=None, definitions=(), measure=None, surrogate="network", **sections
+):
     """A study of targets, with some sections of its settings."""
     how = None if measure is None else SimpleNamespace(**measure)
     settings = SimpleNamespace(surrogate=surrogate, measure=how, **sections)
-    return SimpleNamespace(targets=targets, parameters=space, definitions=dict(definitions), settings=settings)
+    return SimpleNamespace(
+        targets=targets,
+        parameters=space,
+        definitions=dict(definitions),
+        settings=settings,
+    )
 
 
 @functools.cache
@@ -83,8 +123,13 @@ def every_bench_test():
 
 def targets_of(sd_percent=5.0, **values):
     """Targets of these values by the names of their responses, all measured four times."""
-    own = {name: (value, sd_percent / 100 * value, 0.95 * value, 1.05 * value) for name, value in values.items()}
-    return Targets.of([target(name, *numbers, repetitions=4) for name, numbers in own.items()])
+    own = {
+        name: (value, sd_percent / 100 * value, 0.95 * value, 1.05 * value)
+        for name, value in values.items()
+    }
+    return Targets.of(
+        [target(name, *numbers, repetitions=4) for name, numbers in own.items()]
+    )
 
 
 def one_run(seed, status="ok", aor=22.0, height=60.0, reason=""):
@@ -106,7 +151,11 @@ def write_jobs(table, folder, runs_of, names=PARAMETERS, **more):
     folder.mkdir(parents=True, exist_ok=True)
     paths = []
     for row in table.to_dict("records"):
-        job = {"sample": row["sample"], "parameters": {name: row[name] for name in names}, "runs": [*runs_of(row)]}
+        job = {
+            "sample": row["sample"],
+            "parameters": {name: row[name] for name in names},
+            "runs": [*runs_of(row)],
+        }
         paths.append(folder / f"{more.get('apparatus', '')}{row['sample']:03}.json")
         paths[-1].write_text(json.dumps(job | more))
     return paths
@@ -136,7 +185,9 @@ def put(config, key, value):
 
 def run_python(*words, **how):
     """Run `python WORDS` in a process of its own, which must succeed; what it prints."""
-    done = subprocess.run([sys.executable, *map(str, words)], capture_output=True, text=True, **how)
+    done = subprocess.run(
+        [sys.executable, *map(str, words)], capture_output=True, text=True, **how
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 

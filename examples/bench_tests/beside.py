@@ -31,7 +31,9 @@ def main():
         for seed in SEEDS:
             measured += [run_once(test, study.scene(values, seed))[0]]
         for response in responses:
-            angles = [one[response] for one in measured if one.get(response) is not None]
+            angles = [
+                one[response] for one in measured if one.get(response) is not None
+            ]
             mean, error = mean_and_error(angles)
             shown = "no number" if mean is None else f"{mean:.1f} ± {error or 0:.1f}"
             print(f"| {name} | `{response}` | {shown} | {len(angles)} |", flush=True)

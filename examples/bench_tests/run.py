@@ -45,7 +45,12 @@ def main(name, out="results/examples", pictures=48, width=420):
     simulation = test.build(scene)
     if name == "turning":  # its caps are endless planes; the picture has discs
         simulation.walls.planes[:, 6] = Drum.of(test.section(scene.settings)).radius_m
-    view = {"elevation_deg": elevation, "azimuth_deg": azimuth, "width": width, "colour": config["colour"]}
+    view = {
+        "elevation_deg": elevation,
+        "azimuth_deg": azimuth,
+        "width": width,
+        "colour": config["colour"],
+    }
     film.animate(simulation, frames, out / f"{name}.gif", pictures, **view)
     return measured
 

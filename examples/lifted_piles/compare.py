@@ -23,7 +23,13 @@ KINDS = {
     "tilted": ("tilted_drum", "angle_deg", "drum45_aor", 1.0),
     "discharge": ("discharge", "rate_g_s", "flow_gs", 3.0),  # per cent
 }
-OF_THEIRS = ["hash", "trial_dir", "drum_trial", "trial", "role"]  # columns that say where they keep a run
+OF_THEIRS = [
+    "hash",
+    "trial_dir",
+    "drum_trial",
+    "trial",
+    "role",
+]  # columns that say where they keep a run
 DECISIVE = {"grain": "sphere", "walls": "cover"}  # of drums
 
 
@@ -32,25 +38,37 @@ def ours(kind: str) -> pd.DataFrame:
     table = pd.read_csv(PUBLISHED / f"predicted_{kind}.csv")
     table = table[table["modulus"] == 1.0]
     if "time_step_s" in table:
-        table = table[np.isclose(table["time_step_s"], table["time_step_s"].max(), rtol=0.01)]
+        table = table[
+            np.isclose(table["time_step_s"], table["time_step_s"].max(), rtol=0.01)
+        ]
     for key, value in DECISIVE.items():
         table = table[table[key] == value] if key in table else table
-    numbers = [key for key in ("angle_deg", "rings_angle_deg", "density_kg_m3", "rate_g_s") if key in table]
+    numbers = [
+        key
+        for key in ("angle_deg", "rings_angle_deg", "density_kg_m3", "rate_g_s")
+        if key in table
+    ]
     rows = table.groupby("row")
-    return rows[numbers].mean().assign(seeds=rows.size(), seeds_sd=rows[numbers[0]].std())
+    return (
+        rows[numbers].mean().assign(seeds=rows.size(), seeds_sd=rows[numbers[0]].std())
+    )
 
 
 def compared(kind: str, repository: str) -> pd.DataFrame:
     """Both side by side, a line for each row that has two seeds here."""
     test, own, other, _ = KINDS[kind]
     both = ours(kind).merge(
-        table_of(repository, test).drop(columns=OF_THEIRS, errors="ignore"), on="row", suffixes=("", "_theirs")
+        table_of(repository, test).drop(columns=OF_THEIRS, errors="ignore"),
+        on="row",
+        suffixes=("", "_theirs"),
     )
     both["difference"] = both[own] - both[other]
     if kind == "discharge":
         both["difference"] *= 100.0 / both[other]
     if kind == "row":
-        both["density_percent"] = 100.0 * (both["density_kg_m3"] / both["bulk_density"] - 1.0)
+        both["density_percent"] = 100.0 * (
+            both["density_kg_m3"] / both["bulk_density"] - 1.0
+        )
     return both[both["seeds"] > 1].dropna(subset=["difference"])
 
 
@@ -65,19 +83,29 @@ def judged(kind: str, both: pd.DataFrame) -> str:
     ]
     if len(both) > 2:
         line = stats.linregress(both[other], both[own])
-        words.append(f"slope of ours on theirs {line.slope:.3f} +- {line.stderr:.3f}, correlation {line.rvalue:.3f}")
+        words.append(
+            f"slope of ours on theirs {line.slope:.3f} +- {line.stderr:.3f}, correlation {line.rvalue:.3f}"
+        )
     if "density_percent" in both:
         density = both["density_percent"]
-        words.append(f"density {density.mean():+.2f} +- {density.std() / np.sqrt(len(density)):.2f} %")
+        words.append(
+            f"density {density.mean():+.2f} +- {density.std() / np.sqrt(len(density)):.2f} %"
+        )
     return "; ".join(words)
 
 
 def main() -> None:
     """Print the comparison and write its tables."""
     parser = argparse.ArgumentParser(description=main.__doc__)
-    parser.add_argument("repository", help="a clone of JoshuaMayo-vectr/DEM-calibration")
     parser.add_argument(
-        "--kinds", nargs="+", choices=KINDS, default=list(KINDS), help="tables of the others stay unread"
+        "repository", help="a clone of JoshuaMayo-vectr/DEM-calibration"
+    )
+    parser.add_argument(
+        "--kinds",
+        nargs="+",
+        choices=KINDS,
+        default=list(KINDS),
+        help="tables of the others stay unread",
     )
     asked = parser.parse_args()
     repository = asked.repository

@@ -38,7 +38,17 @@ from lifted_piles import (
 )
 
 from repose.core.files import read_json, write_json
-from repose.dem import Contact, Cylinder, Material, Mesh, Motion, Plane, RingEdge, Shape, Simulation
+from repose.dem import (
+    Contact,
+    Cylinder,
+    Material,
+    Mesh,
+    Motion,
+    Plane,
+    RingEdge,
+    Shape,
+    Simulation,
+)
 
 HOLE_M, PLATE_M = 0.011, 0.046  # radii
 PLUG_M, PLUG_HEIGHT_M, PLUG_M_S, DRAWN_S = 0.0135, 0.0008, 0.5, 0.09
@@ -51,7 +61,10 @@ def plate() -> Mesh:
     turn = np.arange(TUBE_PANELS) * (2.0 * math.pi / TUBE_PANELS)
     circle = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(TUBE_PANELS)])
     inner, outer = np.arange(TUBE_PANELS), TUBE_PANELS + np.arange(TUBE_PANELS)
-    faces = [[inner, outer, np.roll(outer, -1)], [inner, np.roll(outer, -1), np.roll(inner, -1)]]
+    faces = [
+        [inner, outer, np.roll(outer, -1)],
+        [inner, np.roll(outer, -1), np.roll(inner, -1)],
+    ]
     return Mesh(
         np.vstack([HOLE_M * circle, PLATE_M * circle]),
         np.concatenate([np.transpose(one) for one in faces]),
@@ -60,26 +73,39 @@ def plate() -> Mesh:
     )
 
 
-def closed(contents: Contents, seed: int, modulus: float = 1.0, grains: int = sum(NUMBERS)) -> Simulation:
+def closed(
+    contents: Contents, seed: int, modulus: float = 1.0, grains: int = sum(NUMBERS)
+) -> Simulation:
     """The grains in the air over the closed hole."""
     sizes_mm, largest_m = diameters_mm(grains), 1e-3 * DIAMETERS_MM.max()
 
     def empty(step_s: float) -> Simulation:
         return Simulation(
             shapes={"grain": Shape.sphere(0.5 * largest_m, DENSITY_KG_M3, "wheat")},
-            materials={"wheat": Material(modulus * YOUNG_PA / (2.0 + 2.0 * POISSON), POISSON)},
+            materials={
+                "wheat": Material(modulus * YOUNG_PA / (2.0 + 2.0 * POISSON), POISSON)
+            },
             contacts={
-                ("wheat", "wheat"): Contact(contents.rest, contents.fric, contents.rollfric, twisting_friction=0.0)
+                ("wheat", "wheat"): Contact(
+                    contents.rest,
+                    contents.fric,
+                    contents.rollfric,
+                    twisting_friction=0.0,
+                )
             },
             time_step_s=step_s,
             capacity=grains,
             lower=(-TUBE_RADIUS_M, -TUBE_RADIUS_M, COUNTED_M),
             upper=(TUBE_RADIUS_M, TUBE_RADIUS_M, TUBE_LENGTH_M),
             walls={
-                "tube": Cylinder((0.0, 0.0, TUBE_GAP_M), UP, TUBE_LENGTH_M, tube_radius_m(), "wheat"),
+                "tube": Cylinder(
+                    (0.0, 0.0, TUBE_GAP_M), UP, TUBE_LENGTH_M, tube_radius_m(), "wheat"
+                ),
                 "plate": plate(),
                 "plug": Plane((0.0, 0.0, PLUG_HEIGHT_M), UP, "wheat", PLUG_M - EDGE_M),
-                "plug_edge": RingEdge(PLUG_M - EDGE_M, EDGE_M, "wheat", height_m=PLUG_HEIGHT_M - EDGE_M),
+                "plug_edge": RingEdge(
+                    PLUG_M - EDGE_M, EDGE_M, "wheat", height_m=PLUG_HEIGHT_M - EDGE_M
+                ),
             },
             contact_law="hertz_mindlin",
             rolling_law="epsd2",
@@ -92,8 +118,15 @@ def closed(contents: Contents, seed: int, modulus: float = 1.0, grains: int = su
     scale = sizes_mm.min() / DIAMETERS_MM.max()
     simulation = empty(STEP_SHARE * scale * empty(1e-7).longest_time_step())
     region = (FILLED_M[0], LOWEST_M, FILLED_M[2])
-    for size_mm, centre in zip(sizes_mm, places_m(5e-4 * sizes_mm, seed, region), strict=True):
-        simulation.add("grain", centre, velocity_m_s=(0.0, 0.0, -FALLING_M_S), scale=size_mm / DIAMETERS_MM.max())
+    for size_mm, centre in zip(
+        sizes_mm, places_m(5e-4 * sizes_mm, seed, region), strict=True
+    ):
+        simulation.add(
+            "grain",
+            centre,
+            velocity_m_s=(0.0, 0.0, -FALLING_M_S),
+            scale=size_mm / DIAMETERS_MM.max(),
+        )
     return simulation
 
 
@@ -104,14 +137,18 @@ def opened(simulation: Simulation) -> np.ndarray:
         for part in ("plug", "plug_edge"):
             simulation.set_motion(part, Motion((0.0, 0.0, -speed_m_s)))
         simulation.run(seconds, progress=False)
-    return np.where(np.isfinite(simulation.exit_times_s), simulation.exit_times_s, math.inf)
+    return np.where(
+        np.isfinite(simulation.exit_times_s), simulation.exit_times_s, math.inf
+    )
 
 
 def rate_g_s(left_s: np.ndarray, masses_g: np.ndarray, until_s: float) -> float:
     """Slope of the mass that has left over time, between 20 and 80 % of all that leaves, sampled every 8 ms."""
     times = np.arange(0.0, until_s + 0.5 * SAMPLE_S, SAMPLE_S)
     order = np.argsort(left_s, kind="stable")
-    gone = np.concatenate([[0.0], np.cumsum(masses_g[order])])[np.searchsorted(left_s[order], times, side="right")]
+    gone = np.concatenate([[0.0], np.cumsum(masses_g[order])])[
+        np.searchsorted(left_s[order], times, side="right")
+    ]
     inside = (gone >= WINDOW[0] * gone[-1]) & (gone <= WINDOW[1] * gone[-1])
     if inside.sum() < 5:
         inside = gone > 0.0
@@ -120,7 +157,11 @@ def rate_g_s(left_s: np.ndarray, masses_g: np.ndarray, until_s: float) -> float:
 
 def rows() -> pd.DataFrame:
     """The parameters of the discharges, by the number of their row."""
-    return pd.read_csv(HERE / "parameters.csv").query("test == 'discharge'").set_index("row")
+    return (
+        pd.read_csv(HERE / "parameters.csv")
+        .query("test == 'discharge'")
+        .set_index("row")
+    )
 
 
 def name(row: int, seed: int, modulus: float) -> str:
@@ -134,10 +175,19 @@ def one(row: int, seed: int, modulus: float) -> dict:
     for kept in (path, PUBLISHED / path.name):
         if kept.exists():
             return read_json(kept)
-    contents, began = Contents(*rows().loc[row, list(Contents._fields)]), time.process_time()
+    contents, began = (
+        Contents(*rows().loc[row, list(Contents._fields)]),
+        time.process_time(),
+    )
     simulation = closed(contents, seed, modulus)
     left_s = opened(simulation)
-    masses_g = 1e3 * DENSITY_KG_M3 * math.pi / 6.0 * (1e-3 * DIAMETERS_MM.max() * simulation.scales) ** 3
+    masses_g = (
+        1e3
+        * DENSITY_KG_M3
+        * math.pi
+        / 6.0
+        * (1e-3 * DIAMETERS_MM.max() * simulation.scales) ** 3
+    )
     record = {"row": row, "seed": seed, "modulus": modulus, **contents._asdict()}
     record |= {
         "rate_g_s": rate_g_s(left_s, masses_g, SETTLED_S + FLOWING_S),
@@ -156,7 +206,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("row", type=int)
     parser.add_argument("seed", type=int)
-    parser.add_argument("--modulus", type=float, default=1.0, metavar="FACTOR", help="over the modulus of the decks")
+    parser.add_argument(
+        "--modulus",
+        type=float,
+        default=1.0,
+        metavar="FACTOR",
+        help="over the modulus of the decks",
+    )
     asked = parser.parse_args()
     for key, value in one(asked.row, asked.seed, asked.modulus).items():
         print(f"{key}: {value}", flush=True)

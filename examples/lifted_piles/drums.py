@@ -41,7 +41,10 @@ from repose.dem import Contact, Material, Motion, Shape, Simulation
 from repose.dem.rotations import random_quaternion
 
 DRUM = Drum(radius_m=0.075, length_m=0.025)
-COVER = (0.36, 0.29)  # static and rolling friction of covers, and of all of the tilted drum
+COVER = (
+    0.36,
+    0.29,
+)  # static and rolling friction of covers, and of all of the tilted drum
 GRAINS, PERIOD_S = 4600, 12.0
 REGION_M = (0.0735, 0.011)  # radius and half length that take the grains
 FILLED_S, REFILLED_S, TRIES = 0.8, 0.1, 50
@@ -51,13 +54,17 @@ SLAB_M = (-0.0135, -0.0051)  # the grains at the lower cover of the tilted drum
 FEWEST_BINS = 4
 # Walls of the tilted drum: the first are theirs. The covers of the last do not turn.
 WALLS = ("cover", "smooth", "grains", "standing")
-WHEAT_MM = np.array([6.75, 3.26, 2.77])  # axes of wheat (crops/wheat), here of the volume of the sphere
+WHEAT_MM = np.array(
+    [6.75, 3.26, 2.77]
+)  # axes of wheat (crops/wheat), here of the volume of the sphere
 MOST_REFILLS = 60  # long grains need more room where they are thrown in
 
 
 def of_shape(grain: str, radius_m: float) -> np.ndarray:
     """Semi-axes (3,) of a grain with the volume of a sphere [m]."""
-    return radius_m * (WHEAT_MM / np.prod(WHEAT_MM) ** (1 / 3) if grain == "wheat" else np.ones(3))
+    return radius_m * (
+        WHEAT_MM / np.prod(WHEAT_MM) ** (1 / 3) if grain == "wheat" else np.ones(3)
+    )
 
 
 def drum(
@@ -70,11 +77,16 @@ def drum(
     wall: str = WALLS[0],
 ) -> Simulation:
     """The drum, filled in steps of 0.1 s and at rest."""
-    axes_m, rng = of_shape(grain, 5e-4 * DIAMETERS_MM.max()), np.random.default_rng(seed)
+    axes_m, rng = (
+        of_shape(grain, 5e-4 * DIAMETERS_MM.max()),
+        np.random.default_rng(seed),
+    )
     shape = Shape.sphere(axes_m[0], DENSITY_KG_M3, "wheat")
     if grain == "wheat":
         shape = Shape.ellipsoid(axes_m, DENSITY_KG_M3, "wheat")
-    friction = {"smooth": (0.0, 0.0), "grains": (contents.fric, contents.rollfric)}.get(wall, COVER)
+    friction = {"smooth": (0.0, 0.0), "grains": (contents.fric, contents.rollfric)}.get(
+        wall, COVER
+    )
     walls = DRUM.walls("cover")
     if not tilted:
         walls |= {"shell": DRUM.walls("wheat")["shell"]}
@@ -87,8 +99,15 @@ def drum(
             shapes={"grain": shape},
             materials={"wheat": material, "cover": material},
             contacts={
-                ("wheat", "wheat"): Contact(contents.rest, contents.fric, contents.rollfric, twisting_friction=0.0),
-                ("wheat", "cover"): Contact(contents.rest, *friction, twisting_friction=0.0),
+                ("wheat", "wheat"): Contact(
+                    contents.rest,
+                    contents.fric,
+                    contents.rollfric,
+                    twisting_friction=0.0,
+                ),
+                ("wheat", "cover"): Contact(
+                    contents.rest, *friction, twisting_friction=0.0
+                ),
             },
             time_step_s=step_s,
             capacity=grains,
@@ -110,9 +129,13 @@ def drum(
         missing = grains - simulation.n_bodies
         if refill >= refills and not missing:
             break
-        sizes_mm = np.sort(rng.choice(DIAMETERS_MM, missing, p=np.array(NUMBERS) / sum(NUMBERS)))[::-1]
+        sizes_mm = np.sort(
+            rng.choice(DIAMETERS_MM, missing, p=np.array(NUMBERS) / sum(NUMBERS))
+        )[::-1]
         before = Grains.of(simulation)
-        for size_mm, centre in thrown(before.centres_m, longest * before.radii_m, longest * sizes_mm, rng):
+        for size_mm, centre in thrown(
+            before.centres_m, longest * before.radii_m, longest * sizes_mm, rng
+        ):
             scale, turn = size_mm / longest / DIAMETERS_MM.max(), (1.0, 0.0, 0.0, 0.0)
             if grain == "wheat":
                 turn = random_quaternion(rng)
@@ -131,18 +154,32 @@ def seen(simulation: Simulation, grain: str) -> Grains:
     return now
 
 
-def thrown(centres_m: np.ndarray, radii_m: np.ndarray, sizes_mm: np.ndarray, rng: np.random.Generator) -> list[tuple]:
+def thrown(
+    centres_m: np.ndarray,
+    radii_m: np.ndarray,
+    sizes_mm: np.ndarray,
+    rng: np.random.Generator,
+) -> list[tuple]:
     """Sizes and centres of those of the spheres that find room among others, each with 50 tries."""
     found: list[tuple] = []
     for size_mm in sizes_mm:
         r = 5e-4 * size_mm
         out, turn, along = rng.random((3, TRIES))
         out, turn = (REGION_M[0] - r) * np.sqrt(out), 2.0 * math.pi * turn
-        places = np.column_stack([out * np.cos(turn), (REGION_M[1] - r) * (2.0 * along - 1.0), out * np.sin(turn)])
+        places = np.column_stack(
+            [
+                out * np.cos(turn),
+                (REGION_M[1] - r) * (2.0 * along - 1.0),
+                out * np.sin(turn),
+            ]
+        )
         free = np.flatnonzero((cdist(places, centres_m) > radii_m + r).all(axis=1))
         if len(free):
             found.append((size_mm, places[free[0]]))
-            centres_m, radii_m = np.vstack([centres_m, places[free[0]]]), np.append(radii_m, r)
+            centres_m, radii_m = (
+                np.vstack([centres_m, places[free[0]]]),
+                np.append(radii_m, r),
+            )
     return found
 
 
@@ -150,7 +187,9 @@ def frame_angle(grains: Grains, tilted: bool = False) -> float:
     """Angle of the surface of one frame [deg], along the drum's axis; of a tilted drum at its lower cover."""
     along = grains.centres_m[:, 1]
     if tilted:
-        grains = Grains(*(values[(along >= SLAB_M[0]) & (along <= SLAB_M[1])] for values in grains))
+        grains = Grains(
+            *(values[(along >= SLAB_M[0]) & (along <= SLAB_M[1])] for values in grains)
+        )
     width, tops, x = grains.median_m, grains.tops_m, grains.centres_m[:, 0]
     middles, heights = rings(x - x.min(), tops, width)
     middles = middles + x.min()
@@ -164,18 +203,27 @@ def frame_angle(grains: Grains, tilted: bool = False) -> float:
     if FEWEST_BINS <= near.sum() < chord.sum():
         line = line_of(middles[near], heights[near])
     for _ in range(ROUNDS):
-        shell = (x >= low) & (x <= high) & (np.abs(tops - np.polyval(line, x)) <= SHELL * width)
+        shell = (
+            (x >= low)
+            & (x <= high)
+            & (np.abs(tops - np.polyval(line, x)) <= SHELL * width)
+        )
         if shell.sum() < FEWEST_IN_SHELL:
             break
         line = line_of(x[shell], tops[shell])
     return math.degrees(math.atan(abs(line[0])))
 
 
-def turned(simulation: Simulation, tilted: bool, grain: str = "sphere", wall: str = WALLS[0]) -> list[float]:
+def turned(
+    simulation: Simulation, tilted: bool, grain: str = "sphere", wall: str = WALLS[0]
+) -> list[float]:
     """Turn the drum and its covers, and measure the frames after the start."""
     for part in DRUM.walls("cover"):
         if part == "shell" or wall != "standing":
-            simulation.set_motion(part, Motion(angular_velocity_rad_s=(0.0, 2.0 * math.pi / PERIOD_S, 0.0)))
+            simulation.set_motion(
+                part,
+                Motion(angular_velocity_rad_s=(0.0, 2.0 * math.pi / PERIOD_S, 0.0)),
+            )
     simulation.run(SPUN_S[tilted], progress=False)
     angles = [frame_angle(seen(simulation, grain), tilted)]
     while len(angles) < FRAMES[tilted]:
@@ -187,25 +235,53 @@ def turned(simulation: Simulation, tilted: bool, grain: str = "sphere", wall: st
 def rows(tilted: bool) -> pd.DataFrame:
     """The parameters of the drums, by the number of their row."""
     table = pd.read_csv(HERE / "parameters.csv")
-    return table[table["test"] == ("tilted_drum" if tilted else "drum")].set_index("row")
+    return table[table["test"] == ("tilted_drum" if tilted else "drum")].set_index(
+        "row"
+    )
 
 
-def name(row: int, seed: int, modulus: float, tilted: bool, grain: str = "sphere", wall: str = WALLS[0]) -> str:
+def name(
+    row: int,
+    seed: int,
+    modulus: float,
+    tilted: bool,
+    grain: str = "sphere",
+    wall: str = WALLS[0],
+) -> str:
     """Name of a drum's file."""
     other = "" if (grain, wall) == ("sphere", WALLS[0]) else f"_{grain}_{wall}"
-    return f"{'tilted' if tilted else 'drum'}_{row}_seed_{seed}_modulus_{modulus:g}{other}"
+    return (
+        f"{'tilted' if tilted else 'drum'}_{row}_seed_{seed}_modulus_{modulus:g}{other}"
+    )
 
 
-def one(row: int, seed: int, modulus: float, tilted: bool, grain: str = "sphere", wall: str = WALLS[0]) -> dict:
+def one(
+    row: int,
+    seed: int,
+    modulus: float,
+    tilted: bool,
+    grain: str = "sphere",
+    wall: str = WALLS[0],
+) -> dict:
     """Run and measure a drum, or read the file that has it."""
     path = OUT / f"{name(row, seed, modulus, tilted, grain, wall)}.json"
     for kept in (path, PUBLISHED / path.name):
         if kept.exists():
             return read_json(kept)
-    contents, began = Contents(*rows(tilted).loc[row, list(Contents._fields)]), time.process_time()
+    contents, began = (
+        Contents(*rows(tilted).loc[row, list(Contents._fields)]),
+        time.process_time(),
+    )
     simulation = drum(contents, seed, tilted, modulus, grain=grain, wall=wall)
     angles = turned(simulation, tilted, grain, wall)
-    record = {"row": row, "seed": seed, "modulus": modulus, "grain": grain, "walls": wall, **contents._asdict()}
+    record = {
+        "row": row,
+        "seed": seed,
+        "modulus": modulus,
+        "grain": grain,
+        "walls": wall,
+        **contents._asdict(),
+    }
     record |= {
         "angle_deg": float(np.mean(angles)),
         "frames_sd_deg": float(np.std(angles, ddof=1)),
@@ -226,12 +302,32 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("row", type=int)
     parser.add_argument("seed", type=int)
-    parser.add_argument("--tilted", action="store_true", help="by 45 degrees, all walls as the covers")
-    parser.add_argument("--modulus", type=float, default=1.0, metavar="FACTOR", help="over the modulus of the decks")
-    parser.add_argument("--grain", choices=("sphere", "wheat"), default="sphere", help="wheat: an ellipsoid")
-    parser.add_argument("--walls", choices=WALLS, default=WALLS[0], help="friction of the tilted drum's walls")
+    parser.add_argument(
+        "--tilted", action="store_true", help="by 45 degrees, all walls as the covers"
+    )
+    parser.add_argument(
+        "--modulus",
+        type=float,
+        default=1.0,
+        metavar="FACTOR",
+        help="over the modulus of the decks",
+    )
+    parser.add_argument(
+        "--grain",
+        choices=("sphere", "wheat"),
+        default="sphere",
+        help="wheat: an ellipsoid",
+    )
+    parser.add_argument(
+        "--walls",
+        choices=WALLS,
+        default=WALLS[0],
+        help="friction of the tilted drum's walls",
+    )
     asked = parser.parse_args()
-    for key, value in one(asked.row, asked.seed, asked.modulus, asked.tilted, asked.grain, asked.walls).items():
+    for key, value in one(
+        asked.row, asked.seed, asked.modulus, asked.tilted, asked.grain, asked.walls
+    ).items():
         print(f"{key}: {value}", flush=True)
 
 

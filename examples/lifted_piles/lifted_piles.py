@@ -17,7 +17,16 @@ import pandas as pd
 from scipy.spatial.distance import cdist
 
 from repose.core.files import read_json, write_json, write_npz
-from repose.dem import Contact, Cylinder, Material, Motion, Plane, RingEdge, Shape, Simulation
+from repose.dem import (
+    Contact,
+    Cylinder,
+    Material,
+    Motion,
+    Plane,
+    RingEdge,
+    Shape,
+    Simulation,
+)
 
 HERE, OUT = Path(__file__).parent, Path("results/examples/lifted_piles")
 PUBLISHED = Path("results/published/lifted_piles")  # piles of an earlier run
@@ -30,7 +39,11 @@ NUMBERS = (1263, 1961, 776)  # of 4,000, from the shares by mass .25, .50, .25
 DENSITY_KG_M3, YOUNG_PA, POISSON = 1400.0, 1e7, 0.25
 TUBE_RADIUS_M, TUBE_LENGTH_M, TUBE_GAP_M, TUBE_PANELS = 0.040, 0.100, 0.0005, 48
 SIDE_M = 0.13  # half the distance of the side walls
-FILLED_M = (0.0375, 0.003, 0.085)  # radius, lowest and highest point of the cylinder that takes the grains
+FILLED_M = (
+    0.0375,
+    0.003,
+    0.085,
+)  # radius, lowest and highest point of the cylinder that takes the grains
 FALLING_M_S = 0.3
 SETTLED_S, LIFTED_M, LIFTING_M_S, RELAXED_S = 0.4, 0.055, 0.010, 0.4
 
@@ -60,16 +73,24 @@ def diameters_mm(grains: int = sum(NUMBERS)) -> np.ndarray:
     return np.repeat(DIAMETERS_MM[::-1], np.diff(ends, prepend=0))
 
 
-def places_m(radii_m: np.ndarray, seed: int, filled_m: tuple[float, float, float] = FILLED_M) -> np.ndarray:
+def places_m(
+    radii_m: np.ndarray, seed: int, filled_m: tuple[float, float, float] = FILLED_M
+) -> np.ndarray:
     """Centres of spheres thrown into the cylinder one after another, each where it overlaps no earlier one."""
     rng, (radius, low, high) = np.random.default_rng(seed), filled_m
     centres, done = np.empty((len(radii_m), 3)), 0
     while done < len(radii_m):
         r, before = radii_m[done], done
         out, turn, up = rng.random((3, THROWN))
-        out, turn, up = (radius - r) * np.sqrt(out), 2.0 * math.pi * turn, low + r + (high - low - 2.0 * r) * up
+        out, turn, up = (
+            (radius - r) * np.sqrt(out),
+            2.0 * math.pi * turn,
+            low + r + (high - low - 2.0 * r) * up,
+        )
         thrown = np.column_stack([out * np.cos(turn), out * np.sin(turn), up])
-        for centre in thrown[(cdist(thrown, centres[:done]) > radii_m[:done] + r).all(axis=1)]:
+        for centre in thrown[
+            (cdist(thrown, centres[:done]) > radii_m[:done] + r).all(axis=1)
+        ]:
             if done == len(radii_m) or radii_m[done] < r:
                 break
             if (np.linalg.norm(centres[before:done] - centre, axis=1) > 2.0 * r).all():
@@ -85,12 +106,19 @@ def tube_radius_m() -> float:
 
 
 def filled(
-    contents: Contents, seed: int, modulus: float = 1.0, time_step_s: float | None = None, grains: int = sum(NUMBERS)
+    contents: Contents,
+    seed: int,
+    modulus: float = 1.0,
+    time_step_s: float | None = None,
+    grains: int = sum(NUMBERS),
 ) -> Simulation:
     """The grains in the air inside the standing tube; modulus: over that of the decks."""
     sizes_mm = diameters_mm(grains)
     largest_m, tube = 1e-3 * DIAMETERS_MM.max(), tube_radius_m()
-    sides = {side: Plane((x * SIDE_M, y * SIDE_M, 0.0), (-x, -y, 0.0), "wheat") for side, x, y in SIDES}
+    sides = {
+        side: Plane((x * SIDE_M, y * SIDE_M, 0.0), (-x, -y, 0.0), "wheat")
+        for side, x, y in SIDES
+    }
     grain = Material(modulus * YOUNG_PA / (2.0 + 2.0 * POISSON), POISSON)
 
     def empty(step_s: float) -> Simulation:
@@ -98,7 +126,12 @@ def filled(
             shapes={"grain": Shape.sphere(0.5 * largest_m, DENSITY_KG_M3, "wheat")},
             materials={"wheat": grain},
             contacts={
-                ("wheat", "wheat"): Contact(contents.rest, contents.fric, contents.rollfric, twisting_friction=0.0)
+                ("wheat", "wheat"): Contact(
+                    contents.rest,
+                    contents.fric,
+                    contents.rollfric,
+                    twisting_friction=0.0,
+                )
             },
             time_step_s=step_s,
             capacity=len(sizes_mm),
@@ -106,8 +139,16 @@ def filled(
             upper=(SIDE_M, SIDE_M, TUBE_LENGTH_M),
             walls={
                 "floor": Plane((0.0, 0.0, 0.0), UP, "wheat"),
-                "tube": Cylinder((0.0, 0.0, TUBE_GAP_M + EDGE_M), UP, TUBE_LENGTH_M, tube, "wheat"),
-                "rim": RingEdge(tube + EDGE_M, EDGE_M, "wheat", ((0.0, 1.0), (0.0, 0.0)), TUBE_GAP_M + EDGE_M),
+                "tube": Cylinder(
+                    (0.0, 0.0, TUBE_GAP_M + EDGE_M), UP, TUBE_LENGTH_M, tube, "wheat"
+                ),
+                "rim": RingEdge(
+                    tube + EDGE_M,
+                    EDGE_M,
+                    "wheat",
+                    ((0.0, 1.0), (0.0, 0.0)),
+                    TUBE_GAP_M + EDGE_M,
+                ),
                 **sides,
             },
             contact_law="hertz_mindlin",
@@ -121,7 +162,12 @@ def filled(
         time_step_s = STEP_SHARE * scale * empty(1e-7).longest_time_step()
     simulation = empty(time_step_s)
     for size_mm, centre in zip(sizes_mm, places_m(5e-4 * sizes_mm, seed), strict=True):
-        simulation.add("grain", centre, velocity_m_s=(0.0, 0.0, -FALLING_M_S), scale=size_mm / DIAMETERS_MM.max())
+        simulation.add(
+            "grain",
+            centre,
+            velocity_m_s=(0.0, 0.0, -FALLING_M_S),
+            scale=size_mm / DIAMETERS_MM.max(),
+        )
     return simulation
 
 
@@ -136,7 +182,11 @@ class Grains(NamedTuple):
     def of(cls, simulation: Simulation) -> "Grains":
         """Those of a simulation, as they are now."""
         radii = 5e-4 * DIAMETERS_MM.max() * simulation.scales
-        return cls(simulation.positions.copy(), radii, np.linalg.norm(simulation.velocities, axis=1))
+        return cls(
+            simulation.positions.copy(),
+            radii,
+            np.linalg.norm(simulation.velocities, axis=1),
+        )
 
     def slower_than(self, speed_m_s: float) -> "Grains":
         """Only those that hardly move."""
@@ -178,7 +228,10 @@ def lifted(simulation: Simulation) -> tuple[Grains, Grains, int]:
 
 # --- measure --------------------------------------------------------------------------------------
 
-REST_M_S, SETTLED_M_S = 0.010, 0.050  # faster grains are left out of the angle, of the density
+REST_M_S, SETTLED_M_S = (
+    0.010,
+    0.050,
+)  # faster grains are left out of the angle, of the density
 FEWEST = 4  # grains in a ring, and tops that hold its height
 REACH, SHELL = 1.5, 0.75  # in diameters: how far below, half thickness of the shell
 WINDOW = (0.2, 0.8)
@@ -187,7 +240,9 @@ TRIMMED = 2.5  # standard deviations
 ROUNDS, FEWEST_IN_SHELL = 3, 10
 
 
-def rings(out_m: np.ndarray, tops_m: np.ndarray, width_m: float) -> tuple[np.ndarray, np.ndarray]:
+def rings(
+    out_m: np.ndarray, tops_m: np.ndarray, width_m: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Radius and height of the surface in rings about the axis, each as wide as a grain.
 
     The height is the highest top that is one of four within one and a half diameters, and the highest of the four.
@@ -198,7 +253,9 @@ def rings(out_m: np.ndarray, tops_m: np.ndarray, width_m: float) -> tuple[np.nda
         tops = np.sort(tops_m[ring == number])
         if len(tops) < FEWEST:
             continue
-        below = np.arange(1, len(tops) + 1) - np.searchsorted(tops, tops - REACH * width_m, side="right")
+        below = np.arange(1, len(tops) + 1) - np.searchsorted(
+            tops, tops - REACH * width_m, side="right"
+        )
         held = tops[below >= FEWEST]
         middles.append((number + 0.5) * width_m)
         heights.append(held[-1] if len(held) else np.median(tops))
@@ -230,7 +287,11 @@ def angle(grains: Grains) -> dict:
     low, high = WINDOW[0] * max(peak, line[1]), WINDOW[1] * peak
     for _ in range(ROUNDS):
         on_line = np.polyval(line, out)
-        inside = (out >= WINDOW[0] * foot) & (out <= WINDOW[1] * foot) if flat else (on_line >= low) & (on_line <= high)
+        inside = (
+            (out >= WINDOW[0] * foot) & (out <= WINDOW[1] * foot)
+            if flat
+            else (on_line >= low) & (on_line <= high)
+        )
         shell = inside & (np.abs(tops - on_line) <= SHELL * width)
         if shell.sum() < FEWEST_IN_SHELL:
             line, count = first, int(flank.sum())
@@ -258,14 +319,25 @@ def density(grains: Grains) -> dict:
     The cross-section is that of a round tube of 80 mm.
     """
     grains = grains.slower_than(SETTLED_M_S)
-    masses, heights = DENSITY_KG_M3 * 4.0 / 3.0 * math.pi * grains.radii_m**3, grains.centres_m[:, 2]
-    level, edge, area = float(np.quantile(grains.tops_m, 0.99)), 2.0 * grains.median_m, math.pi * TUBE_RADIUS_M**2
+    masses, heights = (
+        DENSITY_KG_M3 * 4.0 / 3.0 * math.pi * grains.radii_m**3,
+        grains.centres_m[:, 2],
+    )
+    level, edge, area = (
+        float(np.quantile(grains.tops_m, 0.99)),
+        2.0 * grains.median_m,
+        math.pi * TUBE_RADIUS_M**2,
+    )
     whole = masses.sum() / (area * level)
     slab = math.nan
     if level - 2.0 * edge >= grains.median_m:
         inside = (heights >= edge) & (heights <= level - edge)
         slab = masses[inside].sum() / (area * (level - 2.0 * edge))
-    return {"density_kg_m3": whole if math.isnan(slab) else slab, "whole_density_kg_m3": whole, "level_mm": 1e3 * level}
+    return {
+        "density_kg_m3": whole if math.isnan(slab) else slab,
+        "whole_density_kg_m3": whole,
+        "level_mm": 1e3 * level,
+    }
 
 
 # --- a pile in its file ---------------------------------------------------------------------------
@@ -288,10 +360,20 @@ def one(row: int, seed: int, modulus: float, time_step_s: float | None = None) -
     for kept in (path, PUBLISHED / path.name):
         if kept.exists():
             return read_json(kept)
-    contents, began = Contents(*rows().loc[row, list(Contents._fields)]), time.process_time()
+    contents, began = (
+        Contents(*rows().loc[row, list(Contents._fields)]),
+        time.process_time(),
+    )
     simulation = filled(contents, seed, modulus, time_step_s)
     settled, final, behind = lifted(simulation)
-    record = {"row": row, "seed": seed, "modulus": modulus, **contents._asdict(), **angle(final), **density(settled)}
+    record = {
+        "row": row,
+        "seed": seed,
+        "modulus": modulus,
+        **contents._asdict(),
+        **angle(final),
+        **density(settled),
+    }
     record |= {
         "grains": simulation.n_bodies,
         "gone": int((~simulation.present).sum()),
@@ -318,10 +400,24 @@ def main() -> None:
     words = commands.add_parser("pile", help="a row of parameters.csv, and a seed")
     words.add_argument("row", type=int)
     words.add_argument("seed", type=int)
-    words.add_argument("--modulus", type=float, default=1.0, metavar="FACTOR", help="over the modulus of the decks")
-    words.add_argument("--time-step", type=float, default=None, metavar="SECONDS", help="8e-6 is that of the decks")
+    words.add_argument(
+        "--modulus",
+        type=float,
+        default=1.0,
+        metavar="FACTOR",
+        help="over the modulus of the decks",
+    )
+    words.add_argument(
+        "--time-step",
+        type=float,
+        default=None,
+        metavar="SECONDS",
+        help="8e-6 is that of the decks",
+    )
     asked = parser.parse_args()
-    for key, value in one(asked.row, asked.seed, asked.modulus, asked.time_step).items():
+    for key, value in one(
+        asked.row, asked.seed, asked.modulus, asked.time_step
+    ).items():
         print(f"{key}: {value}", flush=True)
 
 

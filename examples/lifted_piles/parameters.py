@@ -23,7 +23,9 @@ TABLES = {
 }
 
 
-def table_of(repository: str, test: str, columns: list[str] | None = None) -> pd.DataFrame:
+def table_of(
+    repository: str, test: str, columns: list[str] | None = None
+) -> pd.DataFrame:
     """Columns of a table of theirs, by default all, by the number of the row."""
     call = ["git", "-C", repository, "show", f"{COMMIT}:{TABLES[test]}"]
     text = subprocess.run(call, check=True, capture_output=True, text=True).stdout
@@ -40,8 +42,12 @@ def parameters(repository: str) -> pd.DataFrame:
 def main() -> None:
     """Write parameters.csv."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("repository", help="a clone of JoshuaMayo-vectr/DEM-calibration")
-    parameters(parser.parse_args().repository).to_csv(Path(__file__).with_name("parameters.csv"), index=False)
+    parser.add_argument(
+        "repository", help="a clone of JoshuaMayo-vectr/DEM-calibration"
+    )
+    parameters(parser.parse_args().repository).to_csv(
+        Path(__file__).with_name("parameters.csv"), index=False
+    )
 
 
 if __name__ == "__main__":

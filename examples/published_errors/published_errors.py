@@ -38,7 +38,9 @@ FURTHER = {
 }
 ELSEWHERE = {
     "lifted tube, 4,000 spheres (LIGGGHTS)": 2.1,  # JoshuaMayo-vectr/DEM-calibration
-    "ten measured piles of goji berries, one view": 100.0 * 2.2 / 32.87,  # doi:10.3390/agriculture16182012
+    "ten measured piles of goji berries, one view": 100.0
+    * 2.2
+    / 32.87,  # doi:10.3390/agriculture16182012
 }
 DRAWN = {
     "lifted tube, 4,000 spheres (LIGGGHTS)": style.GREEN,
@@ -47,9 +49,14 @@ DRAWN = {
 }
 
 
-def within(error_percent: float, scatter_percent: float, bias_percent: float = 0.0) -> float:
+def within(
+    error_percent: float, scatter_percent: float, bias_percent: float = 0.0
+) -> float:
     """Probability that one pour lies within an error of the target, where the mean is off by a bias."""
-    low, high = (norm.cdf((end - bias_percent) / scatter_percent) for end in (-error_percent, error_percent))
+    low, high = (
+        norm.cdf((end - bias_percent) / scatter_percent)
+        for end in (-error_percent, error_percent)
+    )
     return float(high - low)
 
 
@@ -58,9 +65,14 @@ def tries(error_percent: float, scatter_percent: float) -> float:
     return math.log(0.5) / math.log1p(-within(error_percent, scatter_percent))
 
 
-def pours_needed(claim_percent: float, scatter_percent: float, certainty: float = CERTAINTY) -> int:
+def pours_needed(
+    claim_percent: float, scatter_percent: float, certainty: float = CERTAINTY
+) -> int:
     """How many pours have a mean that lies within the claim of the true mean with a certainty."""
-    return math.ceil((norm.ppf(0.5 + 0.5 * certainty) * scatter_percent / claim_percent) ** 2 * (1.0 - 1e-12))
+    return math.ceil(
+        (norm.ppf(0.5 + 0.5 * certainty) * scatter_percent / claim_percent) ** 2
+        * (1.0 - 1e-12)
+    )
 
 
 def scatter_of(errors_percent: np.ndarray) -> tuple[float, float, float]:
@@ -78,13 +90,19 @@ def scatters() -> pd.Series:
         parts = variance_components(there[column], there["sample"])
         found[words] = 100.0 * math.sqrt(parts.within) / parts.mean
     others = pd.read_csv(OTHERS).set_index("response")
-    found |= {words: 100.0 * others["sd_within"][name] / others["mean"][name] for name, words in FURTHER.items()}
+    found |= {
+        words: 100.0 * others["sd_within"][name] / others["mean"][name]
+        for name, words in FURTHER.items()
+    }
     return pd.Series(found | ELSEWHERE)
 
 
 def by_error(errors: pd.DataFrame, of: pd.Series) -> pd.DataFrame:
     """Probability of each published error from a single pour of each rig that is drawn, and of all of them together."""
-    table = pd.DataFrame({rig: [within(e, of[rig]) for e in errors["error_percent"]] for rig in DRAWN}, errors["id"])
+    table = pd.DataFrame(
+        {rig: [within(e, of[rig]) for e in errors["error_percent"]] for rig in DRAWN},
+        errors["id"],
+    )
     table.loc["all of them"] = table.prod()
     return table
 
@@ -95,17 +113,52 @@ def draw(errors: pd.DataFrame, of: pd.Series) -> None:
     left, right = figure.subplots(1, 2)
     axis = np.linspace(0.01, 3.0, 200)
     for rig, colour in DRAWN.items():
-        left.plot(axis, [within(e, of[rig]) for e in axis], color=colour, label=f"{rig}: {of[rig]:.1f} %")
-    left.plot(errors["error_percent"], np.zeros(len(errors)), "|", color=style.BLACK, ms=9, label="published errors")
-    left.set(xlabel="error, %", ylabel="probability that a pour is within", ylim=(-0.02, 1.0), xlim=(0.0, 3.0))
+        left.plot(
+            axis,
+            [within(e, of[rig]) for e in axis],
+            color=colour,
+            label=f"{rig}: {of[rig]:.1f} %",
+        )
+    left.plot(
+        errors["error_percent"],
+        np.zeros(len(errors)),
+        "|",
+        color=style.BLACK,
+        ms=9,
+        label="published errors",
+    )
+    left.set(
+        xlabel="error, %",
+        ylabel="probability that a pour is within",
+        ylim=(-0.02, 1.0),
+        xlim=(0.0, 3.0),
+    )
     left.legend(loc="upper left")
     scatter = np.linspace(0.5, 13.0, 200)
     for claim, line in ((1.0, "-"), (2.0, "--")):
         needed = (norm.ppf(0.5 + 0.5 * CERTAINTY) * scatter / claim) ** 2
-        right.plot(scatter, needed, line, color=style.GREY, label=f"mean within {claim:g} %, {CERTAINTY:.0%} certain")
+        right.plot(
+            scatter,
+            needed,
+            line,
+            color=style.GREY,
+            label=f"mean within {claim:g} %, {CERTAINTY:.0%} certain",
+        )
     for rig, value in of.items():
-        right.plot(value, pours_needed(CLAIM_PERCENT, value), "o", ms=3.5, color=DRAWN.get(rig, style.BLACK))
-    right.set(xlabel="scatter of one pour, %", ylabel="pours", yscale="log", ylim=(1.0, 600.0), xlim=(0.0, 13.0))
+        right.plot(
+            value,
+            pours_needed(CLAIM_PERCENT, value),
+            "o",
+            ms=3.5,
+            color=DRAWN.get(rig, style.BLACK),
+        )
+    right.set(
+        xlabel="scatter of one pour, %",
+        ylabel="pours",
+        yscale="log",
+        ylim=(1.0, 600.0),
+        xlim=(0.0, 13.0),
+    )
     right.legend(loc="lower right")
     style.save(figure, OUT / "published_errors.png", small_run=False)
 
@@ -113,12 +166,19 @@ def draw(errors: pd.DataFrame, of: pd.Series) -> None:
 def main() -> None:
     """Print the tables and draw the figure."""
     errors, of = pd.read_csv(HERE / "errors.csv"), scatters()
-    print("probability that a single pour is as near to its target, its mean being exact")
+    print(
+        "probability that a single pour is as near to its target, its mean being exact"
+    )
     print(by_error(errors, of).to_string(float_format="{:.2g}".format))
     found, low, high = scatter_of(errors["error_percent"])
     print(f"\nscatter that such errors have: {found:.2f} %, {low:.2f} to {high:.2f}")
-    print(f"\npours for a mean within {CLAIM_PERCENT:g} %, {CERTAINTY:.0%} certain, and tries for one within it")
-    rows = {rig: (s, pours_needed(CLAIM_PERCENT, s), tries(CLAIM_PERCENT, s)) for rig, s in of.items()}
+    print(
+        f"\npours for a mean within {CLAIM_PERCENT:g} %, {CERTAINTY:.0%} certain, and tries for one within it"
+    )
+    rows = {
+        rig: (s, pours_needed(CLAIM_PERCENT, s), tries(CLAIM_PERCENT, s))
+        for rig, s in of.items()
+    }
     table = pd.DataFrame(rows, ["scatter %", "pours", "tries"]).T
     print(table.round({"scatter %": 1, "pours": 0, "tries": 1}).to_string())
     with style.applied():

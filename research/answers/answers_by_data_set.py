@@ -51,30 +51,49 @@ FEWEST_SETS = 3
 
 def read(folder, names, prefix=""):
     """Pours of a folder by sample."""
-    return points.read(folder / f"{prefix}dataset.csv", folder / f"{prefix}runs.csv", names)
+    return points.read(
+        folder / f"{prefix}dataset.csv", folder / f"{prefix}runs.csv", names
+    )
 
 
 def merged(sets):
     """All pours of several sets, those of one parameter set together."""
     every = points.joined(sets)
     X, place = np.unique(every.X, axis=0, return_inverse=True)
-    rows = [every.values[place.ravel() == k].reshape(-1, every.responses) for k in range(len(X))]
+    rows = [
+        every.values[place.ravel() == k].reshape(-1, every.responses)
+        for k in range(len(X))
+    ]
     most = max(map(len, rows))
-    return Points(X, np.array([np.pad(runs, ((0, most - len(runs)), (0, 0)), constant_values=np.nan) for runs in rows]))
+    return Points(
+        X,
+        np.array(
+            [
+                np.pad(runs, ((0, most - len(runs)), (0, 0)), constant_values=np.nan)
+                for runs in rows
+            ]
+        ),
+    )
 
 
 def cut(design, pool):
     """Eight data sets of disjoint pours, and for each all other pours of design and pool."""
     every = points.joined([design, pool])
     quarter = np.concatenate(
-        [np.random.default_rng(k).permutation(len(part.X)) % 4 for k, part in enumerate((design, pool))]
+        [
+            np.random.default_rng(k).permutation(len(part.X)) % 4
+            for k, part in enumerate((design, pool))
+        ]
     )
     for k in range(4):
         for pair in (slice(0, 2), slice(2, 4)):
             own = np.zeros(every.values.shape[:2], dtype=bool)
             own[quarter == k, pair] = True
             yield tuple(
-                Points(every.X, np.where(kept[:, :, None], every.values, np.nan))._with_runs() for kept in (own, ~own)
+                Points(
+                    every.X, np.where(kept[:, :, None], every.values, np.nan)
+                )._with_runs()
+                for kept in (own, ~own)
             )
 
 
@@ -86,14 +105,23 @@ def data_sets(args, names):
         for k, (own, others) in enumerate(cut(design, pool)):
             yield f"part {k + 1}", own, [others, fresh], fresh
         return
-    wholes = {"design": design, "pool": pool} | {run.name: read(run, names) for run in args.runs}
+    wholes = {"design": design, "pool": pool} | {
+        run.name: read(run, names) for run in args.runs
+    }
     for name, own in wholes.items():
-        yield name, own, [other for key, other in wholes.items() if key != name] + [fresh], fresh
+        yield (
+            name,
+            own,
+            [other for key, other in wholes.items() if key != name] + [fresh],
+            fresh,
+        )
 
 
 def process(samples):
     """A Gaussian process of pours."""
-    return make("gaussian_process").fit(samples.X, samples.means(), **samples.replicates())
+    return make("gaussian_process").fit(
+        samples.X, samples.means(), **samples.replicates()
+    )
 
 
 def aims(judge, space, count):
@@ -137,12 +165,22 @@ def answers(model, judge, names, values, space):
         X = np.array([[found[parameter] for parameter in PARAMETERS]])
         truth, unsure = judge.predict(X), judge.covariance(X)
         off = 100 * (truth[0] / aim - 1)
-        row = {"target": number, "off": off[0], "off_2": off[-1], "judge_se": 100 * np.sqrt(unsure[0, 0, 0]) / aim[0]}
+        row = {
+            "target": number,
+            "off": off[0],
+            "off_2": off[-1],
+            "judge_se": 100 * np.sqrt(unsure[0, 0, 0]) / aim[0],
+        }
         row["judge_se_2"] = 100 * np.sqrt(unsure[0, -1, -1]) / aim[-1]
         for percent in PERCENT:
             reach = percent / 100 * aim
-            chance = within(model.predict(X), model.covariance(X) + unsure, aim - reach, aim + reach)[0]
-            row |= {f"told_{percent:g}": found["within"][f"{percent:g} %"], f"stated_{percent:g}": chance}
+            chance = within(
+                model.predict(X), model.covariance(X) + unsure, aim - reach, aim + reach
+            )[0]
+            row |= {
+                f"told_{percent:g}": found["within"][f"{percent:g} %"],
+                f"stated_{percent:g}": chance,
+            }
             row[f"met_{percent:g}"] = bool((np.abs(off) <= percent).all())
         yield row
 
@@ -168,9 +206,21 @@ def run(args, study):
                 began = time.process_time()
                 model = fit(name, own, space, targets_at(names, values[0]), config)
                 cost = time.process_time() - began
-                about = {"surrogate": name, "responses": responses, "set": set_name, "samples": len(own.X)}
-                about |= {"pours": int(own.counts().sum()), "fit_s": cost, "z_fresh": at_fresh_points(model, fresh)}
-                rows += [about | answer for answer in answers(model, judge, names, values, space)]
+                about = {
+                    "surrogate": name,
+                    "responses": responses,
+                    "set": set_name,
+                    "samples": len(own.X),
+                }
+                about |= {
+                    "pours": int(own.counts().sum()),
+                    "fit_s": cost,
+                    "z_fresh": at_fresh_points(model, fresh),
+                }
+                rows += [
+                    about | answer
+                    for answer in answers(model, judge, names, values, space)
+                ]
                 pd.DataFrame(rows).to_csv(args.out, index=False, float_format="%.5g")
     return pd.DataFrame(rows)
 
@@ -178,7 +228,11 @@ def run(args, study):
 def by_sets(table, values):
     """Mean of values, and its standard error by the scatter of data sets."""
     mean, count = np.mean(values), len(values)
-    sums = pd.Series(np.asarray(values, dtype=float) - mean).groupby(table["set"].to_numpy()).sum()
+    sums = (
+        pd.Series(np.asarray(values, dtype=float) - mean)
+        .groupby(table["set"].to_numpy())
+        .sum()
+    )
     sets = len(sums)
     return mean, np.sqrt(sets / max(sets - 1, 1) * (sums**2).sum()) / count
 
@@ -186,17 +240,29 @@ def by_sets(table, values):
 def summary(table):
     """The table of errors."""
     shares = (f"within {percent:g} % | stated, reported" for percent in PERCENT)
-    heads = ["responses", "surrogate", "sets of samples, pours", "mean error %", "rms %", "judge's own error %"]
+    heads = [
+        "responses",
+        "surrogate",
+        "sets of samples, pours",
+        "mean error %",
+        "rms %",
+        "judge's own error %",
+    ]
     yield "| " + " | ".join([*heads, *shares, "fresh z", "fit s"]) + " |"
     yield "|---" * 12 + "|"
     for (responses, name), own in table.groupby(["responses", "surrogate"], sort=False):
         errors = ["off", "off_2"][:responses]
-        mean = "; ".join("{:+.2f} ± {:.2f}".format(*by_sets(own, own[key])) for key in errors)
+        mean = "; ".join(
+            "{:+.2f} ± {:.2f}".format(*by_sets(own, own[key])) for key in errors
+        )
         rms = []
         for key in errors:
             square, error = by_sets(own, own[key] ** 2)
             rms.append(f"{square**0.5:.2f} ± {error / 2 / square**0.5:.2f}")
-        judge = "; ".join(f"{np.sqrt(np.mean(own[key.replace('off', 'judge_se')] ** 2)):.2f}" for key in errors)
+        judge = "; ".join(
+            f"{np.sqrt(np.mean(own[key.replace('off', 'judge_se')] ** 2)):.2f}"
+            for key in errors
+        )
         shares = []
         for percent in PERCENT:
             met, error = by_sets(own, own[f"met_{percent:g}"])
@@ -225,16 +291,31 @@ def reliability(table):
     yield "|---" * 8 + "|"
     for name, own in table.groupby("surrogate", sort=False):
         parts = [
-            pd.DataFrame({"set": own["set"], "stated": own[f"stated_{percent:g}"], "met": own[f"met_{percent:g}"]})
+            pd.DataFrame(
+                {
+                    "set": own["set"],
+                    "stated": own[f"stated_{percent:g}"],
+                    "met": own[f"met_{percent:g}"],
+                }
+            )
             for percent in PERCENT
         ]
         every = pd.concat(parts, ignore_index=True)
-        for place, part in every.groupby(pd.cut(every["stated"], CLASSES, include_lowest=True), observed=True):
-            difference, error = by_sets(part, part["met"].astype(float) - part["stated"])
+        for place, part in every.groupby(
+            pd.cut(every["stated"], CLASSES, include_lowest=True), observed=True
+        ):
+            difference, error = by_sets(
+                part, part["met"].astype(float) - part["stated"]
+            )
             # where all sets achieve 1.00 their scatter has no information
-            error = max(error, np.sqrt((part["stated"] * (1 - part["stated"])).sum()) / len(part))
+            error = max(
+                error,
+                np.sqrt((part["stated"] * (1 - part["stated"])).sum()) / len(part),
+            )
             counts = part["set"].nunique() >= FEWEST_SETS
-            agrees = ("yes" if abs(difference) <= 2 * error else "no") if counts else "few"
+            agrees = (
+                ("yes" if abs(difference) <= 2 * error else "no") if counts else "few"
+            )
             cells = [
                 name,
                 place,
@@ -243,16 +324,30 @@ def reliability(table):
                 f"{part['stated'].mean():.2f}",
                 f"{part['met'].mean():.2f}",
             ]
-            yield "| " + " | ".join(map(str, [*cells, f"{difference:+.2f} ± {error:.2f}", agrees])) + " |"
+            yield (
+                "| "
+                + " | ".join(
+                    map(str, [*cells, f"{difference:+.2f} ± {error:.2f}", agrees])
+                )
+                + " |"
+            )
 
 
 def differences(table):
     """Root mean square error of all answers, each response by itself, and how much more it is than the default's."""
     keys = ["surrogate", "responses", "set"]
-    square = table.assign(square=(table["off"] ** 2 + table["off_2"] ** 2) / 2).groupby(keys)["square"].mean()
+    square = (
+        table.assign(square=(table["off"] ** 2 + table["off_2"] ** 2) / 2)
+        .groupby(keys)["square"]
+        .mean()
+    )
     default = square[square.index.get_level_values("surrogate") == "network_ensemble"]
     for name, own in square.groupby(level="surrogate", sort=False):
-        both = pd.concat([own.droplevel("surrogate"), default.droplevel("surrogate")], axis=1, join="inner")
+        both = pd.concat(
+            [own.droplevel("surrogate"), default.droplevel("surrogate")],
+            axis=1,
+            join="inner",
+        )
         first, second = both.groupby("set").mean().to_numpy().T
         more = (first - second) / (np.sqrt(first.mean()) + np.sqrt(second.mean()))
         beside = f"{more.mean():+.3f} ± {more.std(ddof=1) / np.sqrt(len(more)):.3f} over {len(more)} sets"
@@ -260,26 +355,52 @@ def differences(table):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--folder", type=Path, default=Path("results/published/height_alone"))
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--folder", type=Path, default=Path("results/published/height_alone")
+    )
     parser.add_argument("--config", default="config/config.yaml")
     parser.add_argument("--sets", choices=["parts", "whole"], default="parts")
     parser.add_argument(
-        "--runs", type=Path, nargs="*", default=[], help="folders with dataset.csv and runs.csv of further runs"
+        "--runs",
+        type=Path,
+        nargs="*",
+        default=[],
+        help="folders with dataset.csv and runs.csv of further runs",
     )
-    parser.add_argument("--angle", default="aor_secant_deg", help="column of the second response")
-    parser.add_argument("--responses", type=int, nargs="+", choices=[1, 2], default=[1, 2])
     parser.add_argument(
-        "--surrogates", nargs="+", default=["network_ensemble", "gaussian_process", *surrogate_candidates.NAMES]
+        "--angle", default="aor_secant_deg", help="column of the second response"
+    )
+    parser.add_argument(
+        "--responses", type=int, nargs="+", choices=[1, 2], default=[1, 2]
+    )
+    parser.add_argument(
+        "--surrogates",
+        nargs="+",
+        default=["network_ensemble", "gaussian_process", *surrogate_candidates.NAMES],
     )
     parser.add_argument("--targets", type=int, default=15)
-    parser.add_argument("--read", type=Path, nargs="*", help="tables of earlier runs, instead of fitting")
-    parser.add_argument("--out", type=Path, default=Path("answers.csv"), help="CSV file with a row for each answer")
+    parser.add_argument(
+        "--read",
+        type=Path,
+        nargs="*",
+        help="tables of earlier runs, instead of fitting",
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("answers.csv"),
+        help="CSV file with a row for each answer",
+    )
     args = parser.parse_args()
     if args.read:
         tables = [pd.read_csv(path) for path in args.read]
         for path, one in zip(args.read, tables, strict=True):
-            one["set"] = f"{path.stem}, " + one["set"]  # equal names in two files are two data sets
+            one["set"] = (
+                f"{path.stem}, " + one["set"]
+            )  # equal names in two files are two data sets
         table = pd.concat(tables, ignore_index=True)
     else:
         table = run(args, Study.load(args.config))

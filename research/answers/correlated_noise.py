@@ -28,10 +28,21 @@ def trial(prior, used, X, Y, errors, covariance, order):
     """R2 of each response on the test samples, and gamma."""
     train, test = np.split(order, [int(TRAINING_SHARE * len(X))])
     precision = weights_from_errors(errors[train])
-    settings = {"hidden": 12, "starts": STARTS, "epochs": EPOCHS, "goal": 0.0, "prior": prior}
+    settings = {
+        "hidden": 12,
+        "starts": STARTS,
+        "epochs": EPOCHS,
+        "goal": 0.0,
+        "prior": prior,
+    }
     model = make("network", NetworkSettings.of(settings))
     if used:
-        model.fit(X[train], Y[train], precision=precision.mean(axis=1), noise_covariance=covariance)
+        model.fit(
+            X[train],
+            Y[train],
+            precision=precision.mean(axis=1),
+            noise_covariance=covariance,
+        )
     else:
         model.fit(X[train], Y[train], precision=precision)
     P = model.predict(X[test])
@@ -41,29 +52,63 @@ def trial(prior, used, X, Y, errors, covariance, order):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--dataset", required=True, help="dataset.csv of a study")
-    parser.add_argument("--runs", required=True, help="runs.csv of the same study, two seeds a sample or more")
-    parser.add_argument("--config", default="config/config.yaml", help="its targets are taken (%(default)s)")
+    parser.add_argument(
+        "--runs",
+        required=True,
+        help="runs.csv of the same study, two seeds a sample or more",
+    )
+    parser.add_argument(
+        "--config",
+        default="config/config.yaml",
+        help="its targets are taken (%(default)s)",
+    )
     parser.add_argument("--splits", type=int, default=8)
     parser.add_argument("--out", help="markdown file to write the table to")
     args = parser.parse_args()
     targets = Study.load(args.config).targets
-    table, runs = (pd.read_csv(path).query("status == 'ok'") for path in (args.dataset, args.runs))
+    table, runs = (
+        pd.read_csv(path).query("status == 'ok'") for path in (args.dataset, args.runs)
+    )
     X, Y = table[list(PARAMETERS)].to_numpy(), table[list(targets.names)].to_numpy()
     errors = table[list(targets.errors)].to_numpy()
     covariance, _ = within_covariance(runs[list(targets.names)], runs["sample"])
     sd = np.sqrt(np.diag(covariance))
     print(f"correlations of the noises\n{np.round(covariance / np.outer(sd, sd), 2)}\n")
-    titles = ("prior", "covariance", *(f"R2 {target.response.symbol}" for target in targets), "gamma")
+    titles = (
+        "prior",
+        "covariance",
+        *(f"R2 {target.response.symbol}" for target in targets),
+        "gamma",
+    )
     lines = ["| " + " | ".join(titles) + " |", "|" + "---|" * len(titles)]
     for prior in ("one", "inputs"):
         for used in (False, True):
             rows = [
-                trial(prior, used, X, Y, errors, covariance, np.random.RandomState(k).permutation(len(X)))
+                trial(
+                    prior,
+                    used,
+                    X,
+                    Y,
+                    errors,
+                    covariance,
+                    np.random.RandomState(k).permutation(len(X)),
+                )
                 for k in range(args.splits)
             ]
-            mean, error = np.mean(rows, axis=0), np.std(rows, axis=0, ddof=1) / np.sqrt(args.splits)
-            cells = [f"{m:.3f} ± {e:.3f}" for m, e in zip(mean[:-1], error[:-1], strict=True)]
-            lines.append("| " + " | ".join([prior, "used" if used else "not used", *cells, f"{mean[-1]:.0f}"]) + " |")
+            mean, error = (
+                np.mean(rows, axis=0),
+                np.std(rows, axis=0, ddof=1) / np.sqrt(args.splits),
+            )
+            cells = [
+                f"{m:.3f} ± {e:.3f}" for m, e in zip(mean[:-1], error[:-1], strict=True)
+            ]
+            lines.append(
+                "| "
+                + " | ".join(
+                    [prior, "used" if used else "not used", *cells, f"{mean[-1]:.0f}"]
+                )
+                + " |"
+            )
     print("\n".join(lines))
     if args.out:
         Path(args.out).write_text("\n".join(lines) + "\n")

@@ -30,8 +30,12 @@ EMULATORS = ("process", "networks", *RIPPLE, "two_minima")
 
 def options(doc: str, out: str | Path) -> argparse.ArgumentParser:
     """The options of every benchmark with emulated pours; `doc` is its text of help."""
-    parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--pool", type=Path, default=Path("results/published/height_alone/pool"))
+    parser = argparse.ArgumentParser(
+        description=doc, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--pool", type=Path, default=Path("results/published/height_alone/pool")
+    )
     parser.add_argument("--config", default="config/config.yaml")
     parser.add_argument("--responses", nargs="+", default=["height_mm"])
     parser.add_argument("--out", type=Path, default=Path(out))
@@ -41,17 +45,34 @@ def options(doc: str, out: str | Path) -> argparse.ArgumentParser:
 class Simulator:
     """The emulated simulator, with random numbers of its own for each use."""
 
-    def __init__(self, folder, names, config, emulator="process", noise_percent=plan.NOISE_PERCENT):
+    def __init__(
+        self,
+        folder,
+        names,
+        config,
+        emulator="process",
+        noise_percent=plan.NOISE_PERCENT,
+    ):
         """`noise_percent` of a pour; `plan.NOISE_PERCENT` is as in the pool."""
-        self.times, space = noise_percent / plan.NOISE_PERCENT, ParameterSpace.of(config["parameters"])
+        self.times, space = (
+            noise_percent / plan.NOISE_PERCENT,
+            ParameterSpace.of(config["parameters"]),
+        )
         read = [
-            points.read(folder / f"{part}dataset.csv", folder / f"{part}runs.csv", names) for part in ("", "fresh_")
+            points.read(
+                folder / f"{part}dataset.csv", folder / f"{part}runs.csv", names
+            )
+            for part in ("", "fresh_")
         ]
-        poured = points.joined([simulated._replace(X=space.unit(simulated.X)) for simulated in read])
+        poured = points.joined(
+            [simulated._replace(X=space.unit(simulated.X)) for simulated in read]
+        )
         covariance = poured.covariance()
         errors = np.sqrt(np.diagonal(covariance) / poured.counts()[:, None])
         if emulator == "networks":
-            networks = configured_network(poured, config["network"] | {"surrogate": "network_ensemble"}, 1)
+            networks = configured_network(
+                poured, config["network"] | {"surrogate": "network_ensemble"}, 1
+            )
             self.mean = lambda unit: networks(unit)[0]
         else:
             self.mean = with_process(poured, errors, covariance, _matern, 1).mean
@@ -62,7 +83,11 @@ class Simulator:
         self.noise = scaling_noise(poured, covariance)
 
     def pour(self, unit, pours, random):
-        return Observed(unit, self.mean(unit)[:, None] + self.times * self.noise.draw(unit, pours, random))
+        return Observed(
+            unit,
+            self.mean(unit)[:, None]
+            + self.times * self.noise.draw(unit, pours, random),
+        )
 
 
 def _matern(d):

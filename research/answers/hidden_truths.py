@@ -39,7 +39,15 @@ from research.comparison.models import configured_network
 from research.comparison.proposals import local_search
 
 BUDGETS = (80, 120)
-GRID = (32, 48, 64, 80, 96, 112, 120)  # pours after which `repose plan` prints the probabilities
+GRID = (
+    32,
+    48,
+    64,
+    80,
+    96,
+    112,
+    120,
+)  # pours after which `repose plan` prints the probabilities
 TABLE = Path("research/answers/hidden_truths.csv")
 TOLERANCE = 1.0  # percent
 NETWORK = {"starts": 5, "epochs": 300}  # fewer than config.yaml's, for time
@@ -59,7 +67,9 @@ def goal_of(names, aims, space):
 
 def sequential(simulator, goal, config, random, most_pours):
     """Answers after each batch: pours, point, probability, and why it stopped."""
-    section = SequentialSettings(**config["sequential"] | {"most_pours": most_pours, "probability": 0.99})
+    section = SequentialSettings(
+        **config["sequential"] | {"most_pours": most_pours, "probability": 0.99}
+    )
     first = lhsdesign(section.start_samples, goal.space.dimensions, rng=random)
     data = simulator.pour(first, section.seeds, random)
     while True:
@@ -69,19 +79,25 @@ def sequential(simulator, goal, config, random, most_pours):
         if advice.stop:
             return
         new = simulator.pour(advice.batch, section.seeds, random)
-        data = Observed(np.vstack([data.unit, new.unit]), np.concatenate([data.values, new.values]))
+        data = Observed(
+            np.vstack([data.unit, new.unit]), np.concatenate([data.values, new.values])
+        )
 
 
 def of_the_strategy(simulator, goal, targets, config, random, budgets):
     """Answers of the sequential strategy."""
-    for pours, answer, probability, _ in sequential(simulator, goal, config, random, max(budgets)):
+    for pours, answer, probability, _ in sequential(
+        simulator, goal, config, random, max(budgets)
+    ):
         yield pours, answer, probability
 
 
 def kriging(simulator, goal, targets, config, random, budgets):
     """Answer of the same model from one hypercube."""
     for budget in budgets:
-        data = simulator.pour(lhsdesign(budget // 2, goal.space.dimensions, rng=random), 2, random)
+        data = simulator.pour(
+            lhsdesign(budget // 2, goal.space.dimensions, rng=random), 2, random
+        )
         model = Kriging(data)
         found, scores = ranked(model, goal, data, random)
         answer = found[scores.argmax()]
@@ -92,14 +108,25 @@ def network(simulator, goal, targets, config, random, budgets):
     """Answer of the published chain in small."""
     settings = config["network"] | NETWORK
     for budget in budgets:
-        data = simulator.pour(lhsdesign(budget // 4, goal.space.dimensions, rng=random), 4, random)
-        model = configured_network(points.Points(*data), settings, int(random.integers(2**31)))
+        data = simulator.pour(
+            lhsdesign(budget // 4, goal.space.dimensions, rng=random), 4, random
+        )
+        model = configured_network(
+            points.Points(*data), settings, int(random.integers(2**31))
+        )
         objective = Objective(targets)
-        answer, _ = local_search(lambda x, of=model: of(x)[0], objective, goal.space.dimensions, 5, random)
+        answer, _ = local_search(
+            lambda x, of=model: of(x)[0], objective, goal.space.dimensions, 5, random
+        )
         yield budget, answer, np.nan
 
 
-METHODS = {"sequential": of_the_strategy, "GP on one hypercube": kriging, "published chain": network, **rivals.METHODS}
+METHODS = {
+    "sequential": of_the_strategy,
+    "GP on one hypercube": kriging,
+    "published chain": network,
+    **rivals.METHODS,
+}
 
 
 def of_truth(number, simulator, names, space, config, methods, noise):
@@ -109,8 +136,12 @@ def of_truth(number, simulator, names, space, config, methods, noise):
     targets, goal = goal_of(names, aims, space)
     rows = []
     for method in methods:
-        random = np.random.default_rng([FIRST_SEED, number, list(METHODS).index(method)])
-        for pours, answer, probability in METHODS[method](simulator, goal, targets, config, random, BUDGETS):
+        random = np.random.default_rng(
+            [FIRST_SEED, number, list(METHODS).index(method)]
+        )
+        for pours, answer, probability in METHODS[method](
+            simulator, goal, targets, config, random, BUDGETS
+        ):
             error = 100 * np.abs(simulator.mean(answer[None])[0] / aims - 1).max()
             rows.append((len(names), method, number, noise, pours, error, probability))
     return rows
@@ -119,20 +150,31 @@ def of_truth(number, simulator, names, space, config, methods, noise):
 def summary(table):
     """Errors by method and budget, and how far the stated probabilities are right at a stop, at the pool's noise."""
     table = table[table["noise_percent"] == plan.NOISE_PERCENT]
-    lines = ["| responses | method | pours | truths | median worst error | 90th percentile | within 1 % | within 2 % |"]
+    lines = [
+        "| responses | method | pours | truths | median worst error | 90th percentile | within 1 % | within 2 % |"
+    ]
     lines.append("|---|---|---|---|---|---|---|---|")
-    for (k, method, pours), rows in table.groupby(["responses", "method", "pours"], sort=False):
+    for (k, method, pours), rows in table.groupby(
+        ["responses", "method", "pours"], sort=False
+    ):
         if pours in BUDGETS:
             error = rows["error_percent"]
             lines.append(
                 f"| {k} | {method} | {pours} | {len(rows)} | {error.median():.2f} % | {error.quantile(0.9):.2f} %"
                 f" | {(error < 1).mean():.2f} | {(error < 2).mean():.2f} |"
             )
-    lines += ["", "| responses | stop at | runs that stop | right | pours, median |", "|---|---|---|---|---|"]
+    lines += [
+        "",
+        "| responses | stop at | runs that stop | right | pours, median |",
+        "|---|---|---|---|---|",
+    ]
     for k, rows in table[table["method"] == "sequential"].groupby("responses"):
         for level in (0.5, 0.6, 0.7, 0.8, 0.9):
             first = rows[rows["probability"] >= level].groupby("truth").first()
-            right, pours = (first["error_percent"] < TOLERANCE).mean(), first["pours"].median()
+            right, pours = (
+                (first["error_percent"] < TOLERANCE).mean(),
+                first["pours"].median(),
+            )
             stopped = f"{len(first)} of {rows['truth'].nunique()}"
             lines.append(f"| {k} | {level} | {stopped} | {right:.2f} | {pours:.0f} |")
     return "\n".join(lines)
@@ -148,32 +190,67 @@ def success(table):
     for (k, noise), own in rows.groupby(["responses", "noise_percent"]):
         for pours in GRID:
             error = own[own["pours"] <= pours].groupby("truth")["error_percent"].last()
-            found.append((k, noise, pours, len(error), (error < 1).mean(), (error < 2).mean()))
+            found.append(
+                (k, noise, pours, len(error), (error < 1).mean(), (error < 2).mean())
+            )
     shares = [f"within_{percent:g}_percent" for percent in plan.TOLERANCES]
-    return pd.DataFrame(found, columns=["responses", "noise_percent", "pours", "truths", *shares])
+    return pd.DataFrame(
+        found, columns=["responses", "noise_percent", "pours", "truths", *shares]
+    )
 
 
 def main():
     parser = options(__doc__, TABLE)
     parser.add_argument("--emulator", choices=EMULATORS, default="process")
-    parser.add_argument("--truths", type=int, nargs=2, default=[0, 40], metavar=("FROM", "TO"))
-    parser.add_argument("--noise-percent", type=float, default=plan.NOISE_PERCENT, help="of a pour; 5: as in the pool")
+    parser.add_argument(
+        "--truths", type=int, nargs=2, default=[0, 40], metavar=("FROM", "TO")
+    )
+    parser.add_argument(
+        "--noise-percent",
+        type=float,
+        default=plan.NOISE_PERCENT,
+        help="of a pour; 5: as in the pool",
+    )
     parser.add_argument("--methods", nargs="+", choices=METHODS, default=list(METHODS))
     args = parser.parse_args()
     if args.emulator != "process" and args.out == TABLE:
-        parser.error(f"--emulator {args.emulator}: --out is the table of the Gaussian process; expected another file")
+        parser.error(
+            f"--emulator {args.emulator}: --out is the table of the Gaussian process; expected another file"
+        )
 
-    columns = ["responses", "method", "truth", "noise_percent", "pours", "error_percent", "probability"]
-    table = pd.read_csv(args.out) if args.out.exists() else pd.DataFrame(columns=columns)
+    columns = [
+        "responses",
+        "method",
+        "truth",
+        "noise_percent",
+        "pours",
+        "error_percent",
+        "probability",
+    ]
+    table = (
+        pd.read_csv(args.out) if args.out.exists() else pd.DataFrame(columns=columns)
+    )
     study = Study.load(args.config)
     config, space = study.config, study.parameters
-    simulator = Simulator(args.pool, args.responses, config, args.emulator, args.noise_percent)
+    simulator = Simulator(
+        args.pool, args.responses, config, args.emulator, args.noise_percent
+    )
     for number in range(*args.truths):
         same = (table["truth"] == number) & (table["responses"] == len(args.responses))
         done = table[same & (table["noise_percent"] == args.noise_percent)]["method"]
         methods = [method for method in args.methods if method not in set(done)]
-        rows = of_truth(number, simulator, args.responses, space, config, methods, args.noise_percent)
-        table = pd.concat([table, pd.DataFrame(rows, columns=columns)], ignore_index=True)
+        rows = of_truth(
+            number,
+            simulator,
+            args.responses,
+            space,
+            config,
+            methods,
+            args.noise_percent,
+        )
+        table = pd.concat(
+            [table, pd.DataFrame(rows, columns=columns)], ignore_index=True
+        )
         table.to_csv(args.out, index=False, float_format="%.4g")
     if args.out == TABLE:  # what `repose plan` reads belongs to the table that is kept
         success(table).to_csv(plan.SUCCESS, index=False, float_format="%.4f")

@@ -173,11 +173,15 @@ def evolution(problem, seed):
 def pygmo_islands(problem, seed):
     """Five populations in one thread, since pygmo's islands cannot share an objective written in Python."""
     task = pygmo.problem(problem)
-    populations = [pygmo.population(task, POPULATION, seed=1000 * seed + i) for i in range(ISLANDS)]
+    populations = [
+        pygmo.population(task, POPULATION, seed=1000 * seed + i) for i in range(ISLANDS)
+    ]
     for round_ in range(ROUNDS):
         evolve = pygmo.algorithm(pygmo.sga(gen=GENERATIONS, seed=1000 * seed + round_))
         populations = [evolve.evolve(population) for population in populations]
-        best = [(population.champion_x, population.champion_f) for population in populations]
+        best = [
+            (population.champion_x, population.champion_f) for population in populations
+        ]
         for i, population in enumerate(populations):
             population.set_xf(population.worst_idx(), *best[i - 1])
     return min(population.champion_f[0] for population in populations)
@@ -197,7 +201,9 @@ def variant(name):
 
 def outcome(search, name, dimensions, seeds):
     """Successes and median best value, as a cell of the table."""
-    best = np.array([search(Problem(name, dimensions, seed), seed) for seed in range(seeds)])
+    best = np.array(
+        [search(Problem(name, dimensions, seed), seed) for seed in range(seeds)]
+    )
     return f"{np.count_nonzero(best < NEAR)} ({np.median(best):.0e})"
 
 
@@ -215,7 +221,11 @@ def peers(seeds):
     if pygmo:
         searches["pygmo sga islands"] = pygmo_islands
     rows = (
-        (name, str(d), *(outcome(search, name, d, seeds) for search in searches.values()))
+        (
+            name,
+            str(d),
+            *(outcome(search, name, d, seeds) for search in searches.values()),
+        )
         for name in PROBLEMS
         for d in DIMENSIONS
     )
@@ -223,7 +233,10 @@ def peers(seeds):
 
 
 def ablation(seeds, dimensions=6):
-    rows = ((v, *(outcome(variant(v), name, dimensions, seeds) for name in PROBLEMS)) for v in VARIANTS)
+    rows = (
+        (v, *(outcome(variant(v), name, dimensions, seeds) for name in PROBLEMS))
+        for v in VARIANTS
+    )
     return table((f"operators ({dimensions} dimensions)", *PROBLEMS), rows)
 
 
@@ -236,21 +249,29 @@ def published_run():
     )
     respond = model.response_function(np.full(6, -1.0), np.full(6, 1.0))
     start = time.perf_counter()
-    result = islands_ga(lambda x: np.abs(respond(x)).sum(axis=1), [(-1, 1)] * 6, rounds=870)
+    result = islands_ga(
+        lambda x: np.abs(respond(x)).sum(axis=1), [(-1, 1)] * 6, rounds=870
+    )
     seconds = time.perf_counter() - start
     points = random.uniform(-1, 1, (ISLANDS * POPULATION, 6))
     start = time.perf_counter()
     for _ in range(result.nit):
         respond(points)
     alone = time.perf_counter() - start
-    print(f"{result.nfev} evaluations: {seconds:.2f} s, of which the network {alone:.2f} s")
+    print(
+        f"{result.nfev} evaluations: {seconds:.2f} s, of which the network {alone:.2f} s"
+    )
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seeds", type=int, default=20, help="searches of each kind (default 20)")
+    parser.add_argument(
+        "--seeds", type=int, default=20, help="searches of each kind (default 20)"
+    )
     parser.add_argument("--out", help="markdown file to write the tables to")
-    parser.add_argument("--published", action="store_true", help="only time the published run")
+    parser.add_argument(
+        "--published", action="store_true", help="only time the published run"
+    )
     args = parser.parse_args()
     published_run()
     if args.published:

@@ -25,7 +25,9 @@ SMALL = {"discharge": {"berries": 300}, "turning": DRUM, "drum": DRUM}
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--out", type=Path, default=Path("results/joint"))
     parser.add_argument("--samples", type=int, default=110)
     parser.add_argument("--seeds", type=int, default=2)
@@ -41,18 +43,40 @@ def main():
     # all over the design, as the workflow takes them
     last = args.samples - 1
     chosen = [samples[k * (len(samples) - 1) // last] for k in range(args.samples)]
-    berry = {name: HEIGHT_ALONE / f"berry/{name}.json" for name in ("berry", "particle")}
+    berry = {
+        name: HEIGHT_ALONE / f"berry/{name}.json" for name in ("berry", "particle")
+    }
     seeds = {"purpose": STREAMS["joint_targets"], "seeds": args.seeds}
     for sample in chosen:
         for name in SMALL:
             job = args.out / f"{name}_runs/{sample:03d}.json"
             if not job.exists():
-                inputs = {"samples": design, "sample": sample, **seeds, **berry, "config": of_study}
+                inputs = {
+                    "samples": design,
+                    "sample": sample,
+                    **seeds,
+                    **berry,
+                    "config": of_study,
+                }
                 verb("pour", apparatus=name, **inputs, out=job.parent)
-                verb("measure_runs", job.with_suffix(".pours.json"), config=of_study, **berry, out=job.parent)
-    tables = {"runs": HEIGHT_ALONE / "responses/runs.csv", "dataset": HEIGHT_ALONE / "dataset.csv"}
+                verb(
+                    "measure_runs",
+                    job.with_suffix(".pours.json"),
+                    config=of_study,
+                    **berry,
+                    out=job.parent,
+                )
+    tables = {
+        "runs": HEIGHT_ALONE / "responses/runs.csv",
+        "dataset": HEIGHT_ALONE / "dataset.csv",
+    }
     given = [text for key, value in tables.items() for text in (f"--{key}", str(value))]
-    given += ["--jobs", *(str(args.out / f"{name}_runs") for name in SMALL), "--config", str(of_study)]
+    given += [
+        "--jobs",
+        *(str(args.out / f"{name}_runs") for name in SMALL),
+        "--config",
+        str(of_study),
+    ]
     script.run(["joint", *given, "--out", str(args.out)])
     script.run(["second", *given, "--out", str(args.out / "responses")])
 

@@ -33,12 +33,19 @@ def dense(simulator, d):
     unit = random.random((12000, d))
     unit = np.vstack([unit, np.unique(np.round(unit[:2000]), axis=0)])
     mean = simulator.mean(unit)
-    for towards in np.vstack([np.eye(mean.shape[1]), random.standard_normal((4, mean.shape[1]))]):
+    for towards in np.vstack(
+        [np.eye(mean.shape[1]), random.standard_normal((4, mean.shape[1]))]
+    ):
         for along in (towards, -towards):
             for step in (0.1, 0.03):
-                best = unit[np.argsort(-(mean / mean.mean(axis=0)) @ along)[:20]].repeat(20, axis=0)
+                best = unit[
+                    np.argsort(-(mean / mean.mean(axis=0)) @ along)[:20]
+                ].repeat(20, axis=0)
                 near = np.clip(best + step * random.standard_normal(best.shape), 0, 1)
-                unit, mean = np.vstack([unit, near]), np.vstack([mean, simulator.mean(near)])
+                unit, mean = (
+                    np.vstack([unit, near]),
+                    np.vstack([mean, simulator.mean(near)]),
+                )
     return unit, mean
 
 
@@ -66,7 +73,9 @@ def campaign(simulator, names, aim, mean, section, space, random):
     """Rows of one campaign."""
     _, goal = goal_of(names, aim, space)
     least = goal.of_responses(mean)[1].min()
-    data = simulator.pour(lhsdesign(section.start_samples, space.dimensions, rng=random), 2, random)
+    data = simulator.pour(
+        lhsdesign(section.start_samples, space.dimensions, rng=random), 2, random
+    )
     while True:
         pours = 2 * len(data.unit)
         advice = advise(data, goal, section, pours, random, None)
@@ -75,7 +84,9 @@ def campaign(simulator, names, aim, mean, section, space, random):
         if advice.stop:
             return
         new = simulator.pour(advice.batch, 2, random)
-        data = Observed(np.vstack([data.unit, new.unit]), np.concatenate([data.values, new.values]))
+        data = Observed(
+            np.vstack([data.unit, new.unit]), np.concatenate([data.values, new.values])
+        )
 
 
 def summary(table):
@@ -84,22 +95,42 @@ def summary(table):
     yield f"| responses | target | campaigns | {heads} | Eq. 11 above the least, median |"
     yield f"|{'---|' * (len(LOOKS) + 4)}"
     for (k, kind), rows in table.groupby(["responses", "kind"]):
-        stopped, count = rows[rows["stop"] == "out_of_reach"], rows["campaign"].nunique()
-        shares = " | ".join(f"{(stopped['pours'] <= pours).sum() / count:.2f}" for pours in LOOKS)
+        stopped, count = (
+            rows[rows["stop"] == "out_of_reach"],
+            rows["campaign"].nunique(),
+        )
+        shares = " | ".join(
+            f"{(stopped['pours'] <= pours).sum() / count:.2f}" for pours in LOOKS
+        )
         yield f"| {k} | {kind} | {count} | {shares} | {(stopped['F'] - stopped['F_least']).median():.2f} |"
 
 
 def main():
     parser = options(__doc__, "research/answers/out_of_reach.csv")
-    parser.add_argument("--campaigns", type=int, nargs=2, default=[1000, 1050], metavar=("FROM", "TO"))
+    parser.add_argument(
+        "--campaigns", type=int, nargs=2, default=[1000, 1050], metavar=("FROM", "TO")
+    )
     args = parser.parse_args()
     study = Study.load(args.config)
     config, space = study.config, study.parameters
-    section = SequentialSettings(**config["sequential"] | {"most_pours": max(LOOKS), "probability": 0.99})
+    section = SequentialSettings(
+        **config["sequential"] | {"most_pours": max(LOOKS), "probability": 0.99}
+    )
     simulator = Simulator(args.pool, args.responses, config)
     mean = dense(simulator, space.dimensions)[1]
-    columns = ["kind", "responses", "campaign", "pours", "in_reach", "stop", "F", "F_least"]
-    table = pd.read_csv(args.out) if args.out.exists() else pd.DataFrame(columns=columns)
+    columns = [
+        "kind",
+        "responses",
+        "campaign",
+        "pours",
+        "in_reach",
+        "stop",
+        "F",
+        "F_least",
+    ]
+    table = (
+        pd.read_csv(args.out) if args.out.exists() else pd.DataFrame(columns=columns)
+    )
     k = len(args.responses)
     for number in range(*args.campaigns):
         for kind in (*KINDS, "default") if k > 1 else KINDS:
@@ -109,8 +140,12 @@ def main():
                 else aims(kind, mean, np.random.default_rng([77, number, k]))
             )
             random = np.random.default_rng([5, number, k])
-            rows = campaign(simulator, args.responses, aim, mean, section, space, random)
-            new = pd.DataFrame([(kind, k, number, *row) for row in rows], columns=columns)
+            rows = campaign(
+                simulator, args.responses, aim, mean, section, space, random
+            )
+            new = pd.DataFrame(
+                [(kind, k, number, *row) for row in rows], columns=columns
+            )
             table = pd.concat([table, new], ignore_index=True)
             table.to_csv(args.out, index=False, float_format="%.4g")
     print(*summary(table), sep="\n")

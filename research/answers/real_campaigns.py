@@ -44,7 +44,11 @@ CAMPAIGNS = 5
 
 def verb(name, *words, **options):
     """Run a stage of the workflow; its options by name."""
-    given = [text for key, value in options.items() for text in (f"--{key.replace('_', '-')}", str(value))]
+    given = [
+        text
+        for key, value in options.items()
+        for text in (f"--{key.replace('_', '-')}", str(value))
+    ]
     if repose(["stage", name, *map(str, words), *given]):
         raise SystemExit(f"{name} failed")
 
@@ -58,7 +62,9 @@ class Campaign:
         for section, keys in changes.items():
             config[section] = config[section] | keys if isinstance(keys, dict) else keys
         loader.write_resolved(config, self.config)
-        self.berry = {name: HEIGHT_ALONE / f"berry/{name}.json" for name in ("berry", "particle")}
+        self.berry = {
+            name: HEIGHT_ALONE / f"berry/{name}.json" for name in ("berry", "particle")
+        }
 
     def verb(self, name, *words, **options):
         """Run a verb with this configuration."""
@@ -81,13 +87,25 @@ class Campaign:
     def pour(self, folder, purpose):
         """Pour and measure the samples of a batch with their seeds; write their dataset."""
         jobs, samples = [], folder / "samples.csv"
-        for sample, seeds in pd.read_csv(samples)[["sample", "seeds"]].itertuples(index=False):
+        for sample, seeds in pd.read_csv(samples)[["sample", "seeds"]].itertuples(
+            index=False
+        ):
             job = folder / f"heaps/{sample:03d}.json"
             jobs.append(job)
             if not job.exists():
-                of_job = {"samples": samples, "sample": sample, "purpose": purpose, "seeds": seeds}
+                of_job = {
+                    "samples": samples,
+                    "sample": sample,
+                    "purpose": purpose,
+                    "seeds": seeds,
+                }
                 self.verb("pour", **of_job, **self.berry, out=job.parent)
-                self.verb("measure_runs", job.with_suffix(".pours.json"), **self.berry, out=job.parent)
+                self.verb(
+                    "measure_runs",
+                    job.with_suffix(".pours.json"),
+                    **self.berry,
+                    out=job.parent,
+                )
         self.verb("dataset", *jobs, samples=samples, out=folder)
 
 
@@ -110,7 +128,11 @@ def sequential(folder, number):
     """A campaign of the sequential strategy; a row of the table."""
     heights = pd.read_csv(HEIGHT_ALONE / "pool/dataset.csv")["height_mm"]
     value = round(float(heights.quantile(QUANTILES[number])), 2)
-    changes = {"targets": target(value), "design": {"seed": 4000 + number}, "sequential": {"checks": CHECKS}}
+    changes = {
+        "targets": target(value),
+        "design": {"seed": 4000 + number},
+        "sequential": {"checks": CHECKS},
+    }
     campaign = Campaign(folder, changes)
     advice = campaign.batches("sequential")
     found = pd.read_csv(folder / "answer/check.csv").iloc[0]
@@ -139,10 +161,18 @@ def refine(folder, number):
     campaign = Campaign(folder, {"design": {"seed": 5000 + number}, "refine": section})
     for name in ("dataset", "runs"):
         table = pd.read_csv(HEIGHT_ALONE / f"{name}.csv")
-        table[(table["sample"] - 1) % CAMPAIGNS == number].to_csv(folder / f"{name}.csv", index=False)
-    summary = dataset.counts(*(pd.read_csv(folder / f"{name}.csv") for name in ("dataset", "runs")))
-    definitions = json.loads((HEIGHT_ALONE / "dataset_summary.json").read_text())["definitions"]
-    (folder / "dataset_summary.json").write_text(json.dumps(summary | {"definitions": definitions}))
+        table[(table["sample"] - 1) % CAMPAIGNS == number].to_csv(
+            folder / f"{name}.csv", index=False
+        )
+    summary = dataset.counts(
+        *(pd.read_csv(folder / f"{name}.csv") for name in ("dataset", "runs"))
+    )
+    definitions = json.loads((HEIGHT_ALONE / "dataset_summary.json").read_text())[
+        "definitions"
+    ]
+    (folder / "dataset_summary.json").write_text(
+        json.dumps(summary | {"definitions": definitions})
+    )
     campaign.batches("refined", [folder])
     others = ["batch", "pours", "reason", "warning", "usable", "why"]
     table = pd.read_csv(folder / "answer/batches.csv").drop(columns=others)
@@ -156,11 +186,15 @@ def collect(folder, kind):
     file = {"sequential": "answer/check.csv", "refine": "answer/batches.csv"}[kind]
     answers = [path.parent / file for path in tables]
     with provenance.stage(f"{kind}_campaigns", answers, lambda config, _: config):
-        write_table(folder / f"{kind}.csv", pd.concat([read_table(path) for path in tables]))
+        write_table(
+            folder / f"{kind}.csv", pd.concat([read_table(path) for path in tables])
+        )
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("kind", choices=("sequential", "refine"))
     parser.add_argument("--out", type=Path, default=Path("results/real"))
     parser.add_argument("--campaigns", type=int, nargs="*", default=range(CAMPAIGNS))
@@ -172,7 +206,12 @@ def main():
         found = {"sequential": sequential, "refine": refine}[args.kind](folder, number)
         table = pd.DataFrame(found if isinstance(found, list) else [found])
         write_table(folder / "campaign.csv", table, float_format="%.5g")
-        print(table.to_string(), f"{time.process_time() - began:.0f} s of CPU", sep="\n", flush=True)
+        print(
+            table.to_string(),
+            f"{time.process_time() - began:.0f} s of CPU",
+            sep="\n",
+            flush=True,
+        )
     collect(args.out, args.kind)
 
 

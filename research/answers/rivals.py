@@ -26,7 +26,11 @@ import numpy as np
 from cmaes import CMA
 
 from repose.core.parameters import PARAMETERS
-from repose.strategies.response_surface import ResponseSurfaceSettings, screening, surface
+from repose.strategies.response_surface import (
+    ResponseSurfaceSettings,
+    screening,
+    surface,
+)
 
 GRAINLEARNING_SAMPLES = 40
 TRIAL_POURS = 2  # of Optuna
@@ -41,11 +45,15 @@ def cma(simulator, goal, targets, config, random, budgets):
     """Answer of CMA-ES."""
     d = goal.space.dimensions
     bounds = np.tile([0.0, 1.0], (d, 1))
-    optimizer = CMA(np.full(d, 0.5), 0.3, bounds=bounds, seed=int(random.integers(2**31)))
+    optimizer = CMA(
+        np.full(d, 0.5), 0.3, bounds=bounds, seed=int(random.integers(2**31))
+    )
     trials = []
     for pour in range(1, max(budgets) + 1):
         point = optimizer.ask()
-        trials.append((point, misses(simulator.pour(point[None], 1, random).values[0], goal)))
+        trials.append(
+            (point, misses(simulator.pour(point[None], 1, random).values[0], goal))
+        )
         if len(trials) == optimizer.population_size:
             optimizer.tell(trials)
             trials = []
@@ -100,9 +108,15 @@ def grainlearning(simulator, goal, targets, config, random, budgets):
             "obs_data": [[aim] for aim in goal.aim],
         }
     )
-    mixture = {"max_num_components": 2, "covariance_type": "full", "random_state": int(random.integers(2**31))}
+    mixture = {
+        "max_num_components": 2,
+        "covariance_type": "full",
+        "random_state": int(random.integers(2**31)),
+    }
     weights = {"ess_target": 0.3, "scale_cov_with_max": True}
-    study = IterativeBayesianFilter.from_dict({"Bayes_filter": weights, "sampling": mixture})
+    study = IterativeBayesianFilter.from_dict(
+        {"Bayes_filter": weights, "sampling": mixture}
+    )
     study.initialize(system)
     for pours in range(GRAINLEARNING_SAMPLES, max(budgets) + 1, GRAINLEARNING_SAMPLES):
         system.param_data = study.param_data_list[-1]
@@ -116,22 +130,35 @@ def grainlearning(simulator, goal, targets, config, random, budgets):
 def response_surface(simulator, goal, targets, config, random, budgets):
     """Answer of `strategy: response_surface`: screening, steepest ascent, Box-Behnken design."""
     for budget, seeds in zip(sorted(budgets), (2, 3), strict=True):
-        space, section = goal.space, ResponseSurfaceSettings(**config["response_surface"] | {"most_factors": 3})
-        study = SimpleNamespace(parameters=space, targets=targets, settings=SimpleNamespace(response_surface=section))
+        space, section = (
+            goal.space,
+            ResponseSurfaceSettings(**config["response_surface"] | {"most_factors": 3}),
+        )
+        study = SimpleNamespace(
+            parameters=space,
+            targets=targets,
+            settings=SimpleNamespace(response_surface=section),
+        )
 
         def poured(table, seeds=seeds, space=space):
             unit = space.unit(table[list(PARAMETERS)].to_numpy(float))
             means = simulator.pour(unit, seeds, random).means
-            return table[["sample", *PARAMETERS]].assign(status="ok", **dict(zip(targets.names, means.T, strict=True)))
+            return table[["sample", *PARAMETERS]].assign(
+                status="ok", **dict(zip(targets.names, means.T, strict=True))
+            )
 
         first = screening.design(space, section)
         corners, middle = screening.corners_and_centre(first)
         data = poured(first)
         models = screening.models_of(corners, data, targets, "linear")
-        centre = data.loc[middle.index, list(targets.names)].to_numpy(float).mean(axis=0)
+        centre = (
+            data.loc[middle.index, list(targets.names)].to_numpy(float).mean(axis=0)
+        )
         kept = screening.kept_factors(models, section)
         path = screening.path(models, centre, kept, study)
-        second = surface.design(surface.walked(path, poured(path), targets), space, section)
+        second = surface.design(
+            surface.walked(path, poured(path), targets), space, section
+        )
         models = screening.models_of(second, poured(second), targets, "quadratic")
         best = surface.best_point(models, targets)
         total = seeds * sum(len(table) for table in (first, path, second))

@@ -39,12 +39,20 @@ def weights_from_errors(errors):
 
 def trial(training, fresh):
     """Share of the explainable variance by model and way of weighing."""
-    weights = weights_from_errors(training.known_errors())[:, 0], training.counts().astype(float), None
+    weights = (
+        weights_from_errors(training.known_errors())[:, 0],
+        training.counts().astype(float),
+        None,
+    )
     found = {}
     for way, weight in zip(WAYS, weights, strict=True):
         for model in (make(name, NetworkSettings.of(NETWORK)) for name in MODELS):
-            mean = model.fit(training.X, training.means(), precision=weight).predict(fresh.X)
-            accuracy = scores.accuracy(fresh.means()[:, 0], fresh.known_errors()[:, 0], mean[:, 0])
+            mean = model.fit(training.X, training.means(), precision=weight).predict(
+                fresh.X
+            )
+            accuracy = scores.accuracy(
+                fresh.means()[:, 0], fresh.known_errors()[:, 0], mean[:, 0]
+            )
             found[model.name, way] = accuracy["explainable"]
     return found
 
@@ -54,13 +62,18 @@ def compared(files, response):
     main_design, pool, fresh = points.read_sets(files, [response])
     random = np.random.default_rng(5)
     sets = {
-        f"pool, {count}": [pool.take(random.choice(len(pool.X), count, replace=False)) for _ in range(draws)]
+        f"pool, {count}": [
+            pool.take(random.choice(len(pool.X), count, replace=False))
+            for _ in range(draws)
+        ]
         for count, draws in DRAWS.items()
     } | {f"main design, {len(main_design.X)}": [main_design]}
     for name, drawn in sets.items():
         trials = [trial(sample, fresh) for sample in drawn]
         for model in MODELS:
-            share = {way: np.array([trial[model, way] for trial in trials]) for way in WAYS}
+            share = {
+                way: np.array([trial[model, way] for trial in trials]) for way in WAYS
+            }
             gain, error = scores.mean_and_error(share["errors"] - share["runs"])
             means = {way: share[way].mean() for way in WAYS}
             row = {"trained_on": name, "draws": len(drawn), "model": model} | means
@@ -68,16 +81,31 @@ def compared(files, response):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument(
-        "--results", type=Path, default=Path("results/published/height_alone"), help="folder of a study with its pool"
+        "--results",
+        type=Path,
+        default=Path("results/published/height_alone"),
+        help="folder of a study with its pool",
     )
     parser.add_argument("--response", default="height_mm")
-    parser.add_argument("--out", required=True, help="CSV file with a row for each training set and model")
+    parser.add_argument(
+        "--out",
+        required=True,
+        help="CSV file with a row for each training set and model",
+    )
     args = parser.parse_args()
     parts = (("main", ""), ("pool", "pool/"), ("fresh", "pool/fresh_"))
-    files = {f"{k}_{t}": args.results / f"{at}{t}.csv" for k, at in parts for t in ("dataset", "runs")}
-    with provenance.stage("sample_weights", list(files.values()), lambda config, _: config):
+    files = {
+        f"{k}_{t}": args.results / f"{at}{t}.csv"
+        for k, at in parts
+        for t in ("dataset", "runs")
+    }
+    with provenance.stage(
+        "sample_weights", list(files.values()), lambda config, _: config
+    ):
         table = pd.DataFrame(compared(files, args.response))
         write_table(args.out, table, float_format="%.4f")
     print(table.to_string(index=False, float_format="%.3f"))

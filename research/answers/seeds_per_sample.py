@@ -42,9 +42,18 @@ EVERY_S = 2.0  # a table is written at most so often
 POOL_SEEDS, DATA_SETS, FRESH_SEEDS, ANSWER_SEEDS = 16, 64, 16, 6
 
 script = Script("answers.seeds_per_sample", __doc__)
-PROCESSES = option("--processes", type=int, default=2, help="that work at the same time (2)")
-MINUTES = option("--minutes", type=float, default=np.inf, help="after which no further run begins")
-POOL = option("--pool-seeds", type=int, default=POOL_SEEDS, help=f"pours of each sample ({POOL_SEEDS})")
+PROCESSES = option(
+    "--processes", type=int, default=2, help="that work at the same time (2)"
+)
+MINUTES = option(
+    "--minutes", type=float, default=np.inf, help="after which no further run begins"
+)
+POOL = option(
+    "--pool-seeds",
+    type=int,
+    default=POOL_SEEDS,
+    help=f"pours of each sample ({POOL_SEEDS})",
+)
 DESIGN = option("--design", default=SAMPLES, help=f"the design ({SAMPLES})")
 
 
@@ -69,7 +78,9 @@ class Rows:
             now, then = provenance.current(), attached.read(self.path)
             if then is None or now is None or then["origin"] != now["origin"]:
                 allowed = "the same settings, engine and tables as now, or another place for this file"
-                raise InputError(path, "provenance.origin", then and then["origin"], allowed)
+                raise InputError(
+                    path, "provenance.origin", then and then["origin"], allowed
+                )
             self.add(read_table(path, keys).to_dict("records"))
 
     def add(self, rows):
@@ -77,7 +88,11 @@ class Rows:
 
     def complete(self, tasks, work, processes, minutes):
         """Do the tasks, mappings with the keys, that have no row yet; the table."""
-        missing = [task for task in tasks if tuple(task[key] for key in self.keys) not in self.rows]
+        missing = [
+            task
+            for task in tasks
+            if tuple(task[key] for key in self.keys) not in self.rows
+        ]
         for row in worked(work, missing, processes, minutes):
             self.add([row])
             if time.monotonic() > self.written + EVERY_S:
@@ -120,7 +135,11 @@ def _do(task):
 
 def seeds_of(study_seed, stream, number, count):
     """Seeds of this study alone; the first ones are the same for any larger count."""
-    return np.random.SeedSequence([study_seed, stream, *number]).generate_state(count).tolist()
+    return (
+        np.random.SeedSequence([study_seed, stream, *number])
+        .generate_state(count)
+        .tolist()
+    )
 
 
 def pouring(study, keys, X):
@@ -131,7 +150,11 @@ def pouring(study, keys, X):
         values = dict(zip(study.parameters.names, X[task["row"]].tolist(), strict=True))
         run, _ = run_once(test, study.scene(values, task["seed"]))
         kept = {key: task[key] for key in (*keys, "seed")} | {"status": run["status"]}
-        return kept | {"reason": run.get("reason") or ""} | {name: run.get(name, np.nan) for name in names}
+        return (
+            kept
+            | {"reason": run.get("reason") or ""}
+            | {name: run.get(name, np.nan) for name in names}
+        )
 
     return pour
 
@@ -144,35 +167,55 @@ def poured(args, keys, places, X, seeds):
         for row, (place, own) in enumerate(zip(places, seeds, strict=True))
     ]
     keys = (*keys, "pour")
-    table = Rows(args.out, keys).complete(tasks, pouring(args.study, keys, X), args.processes, args.minutes)
+    table = Rows(args.out, keys).complete(
+        tasks, pouring(args.study, keys, X), args.processes, args.minutes
+    )
     return f"{len(table)} of {len(tasks)} pours, {(table['status'] == 'ok').sum()} of them ok"
 
 
 def design_of(args):
     samples = read_samples(args.design)
-    return [{"sample": k} for k in samples["sample"]], samples[list(args.study.parameters.names)].to_numpy(float)
+    return [{"sample": k} for k in samples["sample"]], samples[
+        list(args.study.parameters.names)
+    ].to_numpy(float)
 
 
 def fresh_of(study, config):
     fresh = pool.points_of("fresh", study.parameters, config["pool"])
-    return [{"sample": k} for k in fresh["sample"]], fresh[list(study.parameters.names)].to_numpy(float)
+    return [{"sample": k} for k in fresh["sample"]], fresh[
+        list(study.parameters.names)
+    ].to_numpy(float)
 
 
 @script.part(
-    "pour_pool", f"{OUT}/pool.csv", DESIGN, POOL, PROCESSES, MINUTES, depends_on=runs_depend_on, simulates=True
+    "pour_pool",
+    f"{OUT}/pool.csv",
+    DESIGN,
+    POOL,
+    PROCESSES,
+    MINUTES,
+    depends_on=runs_depend_on,
+    simulates=True,
 )
 def pour_pool(args, config):
     """Pour the design many times."""
     places, X = design_of(args)
     seed = config["design"]["seed"]
-    seeds = [seeds_of(seed, OF_POOL, [place["sample"]], args.pool_seeds) for place in places]
+    seeds = [
+        seeds_of(seed, OF_POOL, [place["sample"]], args.pool_seeds) for place in places
+    ]
     return poured(args, ["sample"], places, X, seeds)
 
 
 @script.part(
     "pour_fresh",
     f"{OUT}/fresh.csv",
-    option("--fresh-seeds", type=int, default=FRESH_SEEDS, help=f"pours of each point ({FRESH_SEEDS})"),
+    option(
+        "--fresh-seeds",
+        type=int,
+        default=FRESH_SEEDS,
+        help=f"pours of each point ({FRESH_SEEDS})",
+    ),
     PROCESSES,
     MINUTES,
     depends_on=runs_depend_on,
@@ -182,7 +225,10 @@ def pour_fresh(args, config):
     """Pour the fresh points of the pool of comparisons, which no fit sees."""
     places, X = fresh_of(args.study, config)
     seed = config["design"]["seed"]
-    seeds = [pour_seeds(seed, STREAMS["fresh"], place["sample"], args.fresh_seeds) for place in places]
+    seeds = [
+        pour_seeds(seed, STREAMS["fresh"], place["sample"], args.fresh_seeds)
+        for place in places
+    ]
     return poured(args, ["sample"], places, X, seeds)
 
 
@@ -192,7 +238,12 @@ def pour_fresh(args, config):
     DESIGN,
     table_of("pool"),
     POOL,
-    option("--data-sets", type=int, default=DATA_SETS, help=f"of each number of seeds ({DATA_SETS})"),
+    option(
+        "--data-sets",
+        type=int,
+        default=DATA_SETS,
+        help=f"of each number of seeds ({DATA_SETS})",
+    ),
     PROCESSES,
     MINUTES,
 )
@@ -200,7 +251,9 @@ def answers(args, config):
     """Fit and invert every data set as the study does it."""
     runs = pours_of(args.pool, args.study.targets, ["sample", "pour"])
     places, _ = design_of(args)
-    wanted = {(place["sample"], pour) for place in places for pour in range(args.pool_seeds)}
+    wanted = {
+        (place["sample"], pour) for place in places for pour in range(args.pool_seeds)
+    }
     found = {(row["sample"], row["pour"]): row for row in runs.to_dict("records")}
     if len(wanted - set(found)) or args.pool_seeds <= SEEDS[0]:
         allowed = f"{args.pool_seeds} pours, more than {SEEDS[0]}, of each of {len(places)} samples"
@@ -208,9 +261,20 @@ def answers(args, config):
     table = Rows(args.out, ["data_set", "seeds"])
     others = {row["pool_seeds"] for row in table.rows.values()} - {args.pool_seeds}
     if others:
-        raise InputError(args.out, "pool_seeds", others.pop(), f"{args.pool_seeds}, as --pool-seeds says")
-    tasks = [{"data_set": k, "seeds": seeds} for k in range(args.data_sets) for seeds in SEEDS]
-    table = table.complete(tasks, fitting(args, config, found), args.processes, args.minutes)
+        raise InputError(
+            args.out,
+            "pool_seeds",
+            others.pop(),
+            f"{args.pool_seeds}, as --pool-seeds says",
+        )
+    tasks = [
+        {"data_set": k, "seeds": seeds}
+        for k in range(args.data_sets)
+        for seeds in SEEDS
+    ]
+    table = table.complete(
+        tasks, fitting(args, config, found), args.processes, args.minutes
+    )
     return f"{len(table)} of {len(tasks)} answers"
 
 
@@ -221,13 +285,20 @@ def fitting(args, config, pours):
 
     def fit(task):
         number, seeds = task["data_set"], task["seeds"]
-        chosen = seeds_rule.drawn(number, len(samples), args.pool_seeds, OF_DRAWS)[:, :seeds]
+        chosen = seeds_rule.drawn(number, len(samples), args.pool_seeds, OF_DRAWS)[
+            :, :seeds
+        ]
         jobs = {
             sample: {"runs": [pours[sample, pour] for pour in own]}
-            for sample, own in zip(samples["sample"].tolist(), chosen.tolist(), strict=True)
+            for sample, own in zip(
+                samples["sample"].tolist(), chosen.tolist(), strict=True
+            )
         }
         own = study.settings
-        section, search = (one.model_copy(update={"seed": one.seed + number}) for one in (own.network, own.miga))
+        section, search = (
+            one.model_copy(update={"seed": one.seed + number})
+            for one in (own.network, own.miga)
+        )
         tables = dataset.assemble(samples, {BENCH: jobs}, targets)
         learned = train.train(*tables, targets, section, surrogate=own.surrogate)
         found = invert.invert(learned.model, study.parameters, targets, search).summary
@@ -237,7 +308,13 @@ def fitting(args, config, pours):
             for name, value in zip(targets.names, row, strict=True)
         }
         about = {"pool_seeds": args.pool_seeds, "samples": learned.metrics["n_samples"]}
-        return task | about | found["representative"] | {"feasible": found["feasible"]} | predicted
+        return (
+            task
+            | about
+            | found["representative"]
+            | {"feasible": found["feasible"]}
+            | predicted
+        )
 
     return fit
 
@@ -251,7 +328,12 @@ def fresh_column(name, sample):
     "pour_answers",
     f"{OUT}/answer_pours.csv",
     table_of("answers"),
-    option("--answer-seeds", type=int, default=ANSWER_SEEDS, help=f"pours of each answer ({ANSWER_SEEDS})"),
+    option(
+        "--answer-seeds",
+        type=int,
+        default=ANSWER_SEEDS,
+        help=f"pours of each answer ({ANSWER_SEEDS})",
+    ),
     PROCESSES,
     MINUTES,
     depends_on=runs_depend_on,
@@ -262,19 +344,32 @@ def pour_answers(args, config):
     keys, names = ["data_set", "seeds"], list(args.study.parameters.names)
     found = read_table(args.answers, (*keys, *names))
     places, seed = found[keys].to_dict("records"), config["design"]["seed"]
-    seeds = [seeds_of(seed, OF_ANSWERS, [place["data_set"], place["seeds"]], args.answer_seeds) for place in places]
+    seeds = [
+        seeds_of(
+            seed, OF_ANSWERS, [place["data_set"], place["seeds"]], args.answer_seeds
+        )
+        for place in places
+    ]
     return poured(args, keys, places, found[names].to_numpy(float), seeds)
 
 
-@script.part("judge", OUT, table_of("answers"), table_of("fresh"), table_of("answer_pours"))
+@script.part(
+    "judge", OUT, table_of("answers"), table_of("fresh"), table_of("answer_pours")
+)
 def judge(args, config):
     """Judge all answers by real pours; choose by the rule."""
     targets, keys, study = args.study.targets, ["data_set", "seeds"], args.study
     names, parameters = list(targets.names), list(study.parameters.names)
-    found = read_table(args.answers, (*keys, "pool_seeds", *parameters)).set_index(keys).sort_index()
+    found = (
+        read_table(args.answers, (*keys, "pool_seeds", *parameters))
+        .set_index(keys)
+        .sort_index()
+    )
     sets = [k for k, own in found.groupby(level=0) if len(own) == len(SEEDS)]
     if len(sets) < seeds_rule.FEWEST_SETS:
-        allowed = f"at least {seeds_rule.FEWEST_SETS} with an answer of each of {SEEDS} seeds"
+        allowed = (
+            f"at least {seeds_rule.FEWEST_SETS} with an answer of each of {SEEDS} seeds"
+        )
         raise InputError(args.answers, "data sets", len(sets), allowed)
     found = found.loc[[(k, seeds) for k in sets for seeds in SEEDS]]
     fresh = ok(pours_of(args.fresh, targets, ["sample"]))
@@ -305,7 +400,9 @@ def judge(args, config):
         "answer_pours": len(pours),
         "fresh_pours": len(fresh),
         "noise_sd": dict(zip(names, np.sqrt(np.diagonal(real.noise)), strict=True)),
-        "judge_error": dict(zip(names, np.sqrt(means.var(axis=0).mean(axis=0)), strict=True)),
+        "judge_error": dict(
+            zip(names, np.sqrt(means.var(axis=0).mean(axis=0)), strict=True)
+        ),
     }
     write_table(f"{args.out}/verdict.csv", table, float_format="%.4g")
     write_json(f"{args.out}/verdict.json", about)
@@ -345,10 +442,16 @@ def r2_of(found, fresh, names):
 def plain_errors(values, own, answers, noise, targets):
     """Rms errors by each answer's own pours alone, the mean square less the noise's, and standard errors of these."""
     counts = np.bincount(own, minlength=len(answers)).astype(float)
-    means = np.column_stack([np.bincount(own, column, len(answers)) for column in values.to_numpy(float).T])
+    means = np.column_stack(
+        [np.bincount(own, column, len(answers)) for column in values.to_numpy(float).T]
+    )
     with np.errstate(invalid="ignore", divide="ignore"):
         means /= counts[:, None]
-        square = 1e4 * ((means - targets.aim) ** 2 - np.diagonal(noise) / counts[:, None]) / targets.whole**2
+        square = (
+            1e4
+            * ((means - targets.aim) ** 2 - np.diagonal(noise) / counts[:, None])
+            / targets.whole**2
+        )
     rows = []
     for seeds in SEEDS:
         chosen = square[(answers.get_level_values("seeds") == seeds) & (counts > 0)]
@@ -356,7 +459,9 @@ def plain_errors(values, own, answers, noise, targets):
             rms = np.sign(column.mean()) * np.sqrt(abs(column.mean()))
             error = column.std(ddof=1) / np.sqrt(len(column)) / (2 * abs(rms))
             rows.append((seeds, "rms_percent", name, rms, error))
-    return pd.DataFrame(rows, columns=["seeds", "quantity", "response", "plain", "plain_se"])
+    return pd.DataFrame(
+        rows, columns=["seeds", "quantity", "response", "plain", "plain_se"]
+    )
 
 
 if __name__ == "__main__":

@@ -31,7 +31,11 @@ from repose.search.objective import Objective
 from repose.surrogate import make
 
 SEEDS = (6, 3, 2)  # of each sample; the others are compared with the first
-LIMITS = {"eq11": 0.15, "r2": 0.02, "rms_percent": 0.2}  # of the worsening of the answers, see `choose`
+LIMITS = {
+    "eq11": 0.15,
+    "r2": 0.02,
+    "rms_percent": 0.2,
+}  # of the worsening of the answers, see `choose`
 LEVEL = 0.95
 RESAMPLINGS = 4000
 SECOND_ORDER = 0.14  # see `in_common`
@@ -43,7 +47,11 @@ def choose(upper: Mapping[int, Mapping[str, float]]) -> int:
 
     `upper` holds for each other number of seeds the largest bound over the responses of each quantity.
     """
-    met = [seeds for seeds, bounds in upper.items() if all(bounds[name] <= limit for name, limit in LIMITS.items())]
+    met = [
+        seeds
+        for seeds, bounds in upper.items()
+        if all(bounds[name] <= limit for name, limit in LIMITS.items())
+    ]
     return min(met, default=SEEDS[0])
 
 
@@ -73,17 +81,25 @@ class Judge:
         self.noise, _ = within_covariance(values, group)
         poured, row = np.unique(group, return_inverse=True)
         counts = np.bincount(row).astype(float)
-        means = np.column_stack([np.bincount(row, column) / counts for column in values.T])
-        self.process = make("gaussian_process").fit(X[poured], means, precision=counts, noise_covariance=self.noise)
+        means = np.column_stack(
+            [np.bincount(row, column) / counts for column in values.T]
+        )
+        self.process = make("gaussian_process").fit(
+            X[poured], means, precision=counts, noise_covariance=self.noise
+        )
 
-    def draw(self, X: np.ndarray, count: int, random: np.random.Generator) -> np.ndarray:
+    def draw(
+        self, X: np.ndarray, count: int, random: np.random.Generator
+    ) -> np.ndarray:
         """Draws (count, m, k) of the mean responses at all parameter sets X (m, d) together."""
         x, columns = self.process._scaled(X), []
         for one in self.process.processes_:
             between = one.kernel(x, one.x)
             solved = linalg.solve_triangular(one.root, between.T, lower=True)
             value, vector = np.linalg.eigh(one.kernel(x) - solved.T @ solved)
-            normal = random.standard_normal((count, len(x))) * np.sqrt(np.maximum(value, 0))
+            normal = random.standard_normal((count, len(x))) * np.sqrt(
+                np.maximum(value, 0)
+            )
             columns.append(between @ one.weights + normal @ vector.T)
         return self.process.unmixed(np.stack(columns, axis=-1)) + self.process.offset_
 
@@ -95,7 +111,11 @@ def of_answers(means, targets):
 
 
 def verdict(
-    r2: np.ndarray, means: np.ndarray, targets, pool_seeds: int, random: np.random.Generator
+    r2: np.ndarray,
+    means: np.ndarray,
+    targets,
+    pool_seeds: int,
+    random: np.random.Generator,
 ) -> tuple[int, pd.DataFrame]:
     """The choice, and a row for each number of seeds, quantity and response.
 
@@ -107,7 +127,13 @@ def verdict(
     again = random.integers(sets, size=(draws, sets))
     row = np.arange(draws)[:, None]
     # each (3, quantities) and (draws, 3, quantities), all the worse the larger
-    value = np.column_stack([objective.mean(axis=(0, 1)), 1 - r2.mean(axis=0), np.sqrt((error**2).mean(axis=(0, 1)))])
+    value = np.column_stack(
+        [
+            objective.mean(axis=(0, 1)),
+            1 - r2.mean(axis=0),
+            np.sqrt((error**2).mean(axis=(0, 1))),
+        ]
+    )
     resampled = np.concatenate(
         [
             objective[row, again].mean(axis=1)[:, :, None],
@@ -120,7 +146,10 @@ def verdict(
     factor = np.sqrt(1 + in_common(pool_seeds) * sets)
     reach = np.quantile(resampled - resampled[:, :1], LEVEL, axis=0) - worse
     upper = worse + factor * reach
-    quantities = [("eq11", "all"), *((name, of) for name in ("r2", "rms_percent") for of in targets.names)]
+    quantities = [
+        ("eq11", "all"),
+        *((name, of) for name in ("r2", "rms_percent") for of in targets.names),
+    ]
     table = pd.DataFrame(
         [
             {
@@ -137,5 +166,7 @@ def verdict(
         ]
     )
     fewer = table[table["seeds"] != SEEDS[0]].groupby(["seeds", "quantity"])["upper"]
-    largest = fewer.agg(lambda bounds: bounds.max(skipna=False))  # what is unknown is not within its limit
+    largest = fewer.agg(
+        lambda bounds: bounds.max(skipna=False)
+    )  # what is unknown is not within its limit
     return choose({seeds: largest[seeds].to_dict() for seeds in SEEDS[1:]}), table

@@ -42,18 +42,31 @@ def ways(X, Y, rows, starts, repeats=None):
     settings = NETWORK | {"starts": starts}
 
     def fitted(**noise):
-        return make("network", NetworkSettings.of(settings)).fit(X[train], Y[train], **noise)
+        return make("network", NetworkSettings.of(settings)).fit(
+            X[train], Y[train], **noise
+        )
 
     first = fitted()
     yield "evidence", first.predict
-    rated = [first.of_start(k) for k, end in enumerate(first.ends_) if end["decrement"] < CONVERGED]
+    rated = [
+        first.of_start(k)
+        for k, end in enumerate(first.ends_)
+        if end["decrement"] < CONVERGED
+    ]
     scale = Y[train].std(axis=0)
     yield (
         "by_error",
-        min(rated or [first], key=lambda model: np.sum(((Y[unseen] - model.predict(X[unseen])) / scale) ** 2)).predict,
+        min(
+            rated or [first],
+            key=lambda model: np.sum(
+                ((Y[unseen] - model.predict(X[unseen])) / scale) ** 2
+            ),
+        ).predict,
     )
     both = np.concatenate([train, unseen])
-    stopped = EarlyStoppingBP(starts=starts, held_back=SHARES[1] / (SHARES[0] + SHARES[1]))
+    stopped = EarlyStoppingBP(
+        starts=starts, held_back=SHARES[1] / (SHARES[0] + SHARES[1])
+    )
     yield "early_stop", stopped.fit(X[both], Y[both]).predict
     errors = Y[unseen] - first.predict(X[unseen])
     yield "validation", fitted(noise_covariance=errors.T @ errors / len(errors)).predict
@@ -61,7 +74,9 @@ def ways(X, Y, rows, starts, repeats=None):
         noise = repeats.replicates()
         del noise["precision"]
         yield "repeats", fitted(**noise).predict
-    plane = np.linalg.lstsq(np.column_stack([np.ones(len(train)), X[train]]), Y[train], rcond=None)[0]
+    plane = np.linalg.lstsq(
+        np.column_stack([np.ones(len(train)), X[train]]), Y[train], rcond=None
+    )[0]
     yield "linear", lambda fresh: np.column_stack([np.ones(len(fresh)), fresh]) @ plane
 
 
@@ -77,7 +92,10 @@ def at_fresh_points(sets, names, splits, starts):
         repeats = pool.take(drawn, REPEATS)
         for way, predict in ways(X, Y, split(len(X), SHARES, k), starts, repeats):
             P = predict(fresh.X)
-            found = [scores.accuracy(means[:, j], errors[:, j], P[:, j])["explainable"] for j in range(len(names))]
+            found = [
+                scores.accuracy(means[:, j], errors[:, j], P[:, j])["explainable"]
+                for j in range(len(names))
+            ]
             yield {"split": k, "way": way} | dict(zip(names, found, strict=True))
 
 
@@ -88,7 +106,10 @@ def at_test_samples(single, names, splits, starts):
         rows = split(len(X), SHARES, k)
         for way, predict in ways(X, Y, rows, starts):
             P, test = predict(X[rows["test"]]), Y[rows["test"]]
-            yield ({"split": k, "way": way} | {name: r2(test[:, j], P[:, j]) for j, name in enumerate(names)})
+            yield (
+                {"split": k, "way": way}
+                | {name: r2(test[:, j], P[:, j]) for j, name in enumerate(names)}
+            )
 
 
 def reachable(main, names):
@@ -99,7 +120,9 @@ def reachable(main, names):
     correlation = covariance[0, 1] / np.sqrt(noise[0] * noise[1])
     print(f"correlation of the noises {correlation:.2f}")
     for name, s, n in zip(names, signal, noise, strict=True):
-        limits = ", ".join(f"{s / (s + n / pours):.2f} at {pours}" for pours in (1, 6, 20))
+        limits = ", ".join(
+            f"{s / (s + n / pours):.2f} at {pours}" for pours in (1, 6, 20)
+        )
         needed = n / s * 0.94 / 0.06
         print(
             f"{name}: noise {n**0.5:.2f}, signal {s**0.5:.2f}; a perfect model has R2 {limits} pours a sample; "
@@ -108,13 +131,25 @@ def reachable(main, names):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--results", type=Path, default=Path("results/published/recommended"))
-    parser.add_argument("--own", type=Path, help="folder of a study of single pours, as results/published/paper")
-    parser.add_argument("--responses", nargs=2, default=["aor_secant_view_deg", "height_view_mm"])
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--results", type=Path, default=Path("results/published/recommended")
+    )
+    parser.add_argument(
+        "--own",
+        type=Path,
+        help="folder of a study of single pours, as results/published/paper",
+    )
+    parser.add_argument(
+        "--responses", nargs=2, default=["aor_secant_view_deg", "height_view_mm"]
+    )
     parser.add_argument("--splits", type=int, default=20)
     parser.add_argument("--starts", type=int, default=20)
-    parser.add_argument("--out", required=True, help="CSV file with a row for each split and way")
+    parser.add_argument(
+        "--out", required=True, help="CSV file with a row for each split and way"
+    )
     args = parser.parse_args()
     names = args.responses
     if args.own:
@@ -122,13 +157,21 @@ def main():
         rows = at_test_samples(single, names, args.splits, args.starts)
     else:
         parts = (("main", ""), ("pool", "pool/"), ("fresh", "pool/fresh_"))
-        files = {f"{k}_{t}": args.results / f"{at}{t}.csv" for k, at in parts for t in ("dataset", "runs")}
+        files = {
+            f"{k}_{t}": args.results / f"{at}{t}.csv"
+            for k, at in parts
+            for t in ("dataset", "runs")
+        }
         sets = points.read_sets(files, names)
         reachable(sets[0], names)
         rows = at_fresh_points(sets, names, args.splits, args.starts)
     table = pd.DataFrame(rows)
     write_table(args.out, table, float_format="%.4f")
-    print(table.groupby("way", sort=False)[names].agg(["mean", "sem", "min"]).to_string(float_format="%.3f"))
+    print(
+        table.groupby("way", sort=False)[names]
+        .agg(["mean", "sem", "min"])
+        .to_string(float_format="%.3f")
+    )
 
 
 if __name__ == "__main__":

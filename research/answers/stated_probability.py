@@ -34,16 +34,31 @@ CELLS = (
     ("process", 2, 7.5),
     ("deep_ripple", 1, 2.5),
 )
-COLUMNS = [*("emulator", "responses", "noise_percent", "truth", "pours", "probability", "error_percent", "stop")]
+COLUMNS = [
+    *(
+        "emulator",
+        "responses",
+        "noise_percent",
+        "truth",
+        "pours",
+        "probability",
+        "error_percent",
+        "stop",
+    )
+]
 CLASSES, FEWEST, ERRORS = 5, 10, 2
 
 
 def campaign(simulator, names, number, config, space):
     """Rows of the answers for one hidden set: pours, stated probability, true error in percent, why it stopped."""
-    aims = simulator.mean(np.random.default_rng([FIRST_SEED, number]).random((1, space.dimensions)))[0]
+    aims = simulator.mean(
+        np.random.default_rng([FIRST_SEED, number]).random((1, space.dimensions))
+    )[0]
     _, goal = goal_of(names, aims, space)
     random = np.random.default_rng([FIRST_SEED, number, 1])
-    for pours, answer, probability, stop in sequential(simulator, goal, config, random, MOST_POURS):
+    for pours, answer, probability, stop in sequential(
+        simulator, goal, config, random, MOST_POURS
+    ):
         error = 100 * np.abs(simulator.mean(answer[None])[0] / aims - 1).max()
         yield pours, probability, error, stop
 
@@ -55,16 +70,22 @@ def classes(table):
         right=table["error_percent"] < TOLERANCE,
         class_=(table["probability"] * CLASSES).astype(int).clip(upper=CLASSES - 1),
     )
-    for key, own in table.groupby(["emulator", "responses", "noise_percent", "class_"], sort=False):
+    for key, own in table.groupby(
+        ["emulator", "responses", "noise_percent", "class_"], sort=False
+    ):
         by_truth = own.groupby("truth")[["probability", "right"]].mean()
         stated, right = by_truth.mean()
         count = len(by_truth)
-        sd = (by_truth["right"] - by_truth["probability"]).std() if count > 1 else np.nan
+        sd = (
+            (by_truth["right"] - by_truth["probability"]).std() if count > 1 else np.nan
+        )
         error = np.fmax(sd, np.sqrt(stated * (1 - stated))) / np.sqrt(count)
         agrees = abs(right - stated) <= ERRORS * error if count >= FEWEST else None
         rows.append((*key, count, stated, right, error, agrees))
     columns = ["emulator", "responses", "noise_percent", "class_"]
-    found = pd.DataFrame(rows, columns=[*columns, "campaigns", "stated", "right", "error", "agrees"])
+    found = pd.DataFrame(
+        rows, columns=[*columns, "campaigns", "stated", "right", "error", "agrees"]
+    )
     return found.sort_values(["responses", "noise_percent", "emulator", "class_"])
 
 
@@ -83,18 +104,24 @@ def summary(found):
 
 def main():
     parser = options(__doc__, "research/answers/stated_probability.csv")
-    parser.add_argument("--truths", type=int, nargs=2, default=[0, 100], metavar=("FROM", "TO"))
+    parser.add_argument(
+        "--truths", type=int, nargs=2, default=[0, 100], metavar=("FROM", "TO")
+    )
     args = parser.parse_args()
     study = Study.load(args.config)
     config = study.config
-    table = pd.read_csv(args.out) if args.out.exists() else pd.DataFrame(columns=COLUMNS)
+    table = (
+        pd.read_csv(args.out) if args.out.exists() else pd.DataFrame(columns=COLUMNS)
+    )
     done = set(table[COLUMNS[:4]].itertuples(index=False, name=None))
     for cell in CELLS:
         simulator = Simulator(args.pool, RESPONSES[cell[1]], config, cell[0], cell[2])
         for number in range(*args.truths):
             if (*cell, number) in done:
                 continue
-            rows = campaign(simulator, RESPONSES[cell[1]], number, config, study.parameters)
+            rows = campaign(
+                simulator, RESPONSES[cell[1]], number, config, study.parameters
+            )
             new = pd.DataFrame([(*cell, number, *row) for row in rows], columns=COLUMNS)
             table = pd.concat([table, new], ignore_index=True) if len(table) else new
             table.to_csv(args.out, index=False, float_format="%.4g")

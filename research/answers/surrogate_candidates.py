@@ -65,7 +65,10 @@ class NetworkResampled(Candidate):
         for k in range(REFITS):
             count = np.bincount(random.integers(len(X), size=len(X)), minlength=len(X))
             network = make(
-                "network", NetworkSettings.of(self.settings | {"starts": 1, "seed": self.settings["seed"] + k})
+                "network",
+                NetworkSettings.of(
+                    self.settings | {"starts": 1, "seed": self.settings["seed"] + k}
+                ),
             )
             self.members.append(network.fit(X, Y, count, **noise))
         return self
@@ -87,8 +90,12 @@ class NetworkProcess(Candidate):
     """Networks and a process of their residuals."""
 
     def fit(self, X, Y, **noise):
-        self.network = make("network_ensemble", NetworkSettings.of(self.settings)).fit(X, Y, **noise)
-        self.process = make("gaussian_process").fit(X, np.asarray(Y) - self.network.predict(X), **noise)
+        self.network = make("network_ensemble", NetworkSettings.of(self.settings)).fit(
+            X, Y, **noise
+        )
+        self.process = make("gaussian_process").fit(
+            X, np.asarray(Y) - self.network.predict(X), **noise
+        )
         return self
 
     def predict(self, X, return_std=False, noise=True):
@@ -136,23 +143,38 @@ class Kriging(Candidate):
         mixing = np.eye(k)
         if noise_covariance is not None:
             mixing = np.linalg.inv(np.linalg.cholesky(noise_covariance)).T
-            mixing = mixing @ np.linalg.eigh(np.atleast_2d(np.cov((Y @ mixing).T, aweights=precision[:, 0])))[1]
+            mixing = (
+                mixing
+                @ np.linalg.eigh(
+                    np.atleast_2d(np.cov((Y @ mixing).T, aweights=precision[:, 0]))
+                )[1]
+            )
         values = Y @ mixing
-        self.middle, self.scale = values.mean(axis=0), np.maximum(values.std(axis=0), 1e-12)
+        self.middle, self.scale = (
+            values.mean(axis=0),
+            np.maximum(values.std(axis=0), 1e-12),
+        )
         self.unmixing = np.linalg.inv(mixing)
         self.draws = []
         for c in range(k):
             known = (1 / self.scale[c] ** 2, noise_freedom) if noise_freedom else None
-            value, weight = (values[:, c] - self.middle[c]) / self.scale[c], 1 / precision[:, c]
+            value, weight = (
+                (values[:, c] - self.middle[c]) / self.scale[c],
+                1 / precision[:, c],
+            )
             thetas = self.drawn(value, weight, known)
-            self.draws.append([(theta, *self.conditioned(theta, value, weight)) for theta in thetas])
+            self.draws.append(
+                [(theta, *self.conditioned(theta, value, weight)) for theta in thetas]
+            )
         return self
 
     def drawn(self, value, weight, known):
         """Logarithms of variance, lengths and noise."""
         d = self.x.shape[1]
         squares = (self.x[:, None] - self.x[None]) ** 2
-        mean = np.array([0.0] + [LENGTH_LOG_MEAN + 0.5 * np.log(d)] * d + [NOISE_LOG_MEAN])
+        mean = np.array(
+            [0.0] + [LENGTH_LOG_MEAN + 0.5 * np.log(d)] * d + [NOISE_LOG_MEAN]
+        )
         sd = np.array([VARIANCE_LOG_SD] + [LENGTH_LOG_SD] * d + [NOISE_LOG_SD])
 
         def loss(theta):
@@ -165,10 +187,14 @@ class Kriging(Candidate):
             alpha = inverse @ value
             inner = inverse - np.outer(alpha, alpha)
             off = (theta - mean) / sd
-            found = 0.5 * value @ alpha + np.log(np.diagonal(root)).sum() + 0.5 * off @ off
+            found = (
+                0.5 * value @ alpha + np.log(np.diagonal(root)).sum() + 0.5 * off @ off
+            )
             gradient = off / sd
             gradient[0] += 0.5 * signal * (inner * correlation).sum()
-            gradient[1:-1] += 0.5 * signal * np.einsum("ij,ijk->k", inner * slope, scaled)
+            gradient[1:-1] += (
+                0.5 * signal * np.einsum("ij,ijk->k", inner * slope, scaled)
+            )
             gradient[-1] += 0.5 * noise * np.diagonal(inner) @ weight
             if known:
                 variance, freedom = known
@@ -178,18 +204,34 @@ class Kriging(Candidate):
 
         ends = []
         for length in FIRST_LENGTHS:
-            start = np.array([0.0] + [np.log(length)] * d + [np.log(known[0]) if known else NOISE_LOG_MEAN])
+            start = np.array(
+                [0.0]
+                + [np.log(length)] * d
+                + [np.log(known[0]) if known else NOISE_LOG_MEAN]
+            )
             ends.append(
-                optimize.minimize(loss, start, jac=True, method="L-BFGS-B", bounds=[(-LIMIT, LIMIT)] * len(start))
+                optimize.minimize(
+                    loss,
+                    start,
+                    jac=True,
+                    method="L-BFGS-B",
+                    bounds=[(-LIMIT, LIMIT)] * len(start),
+                )
             )
         best = min(ends, key=lambda end: end.fun).x
         curvature = np.array(
-            [(loss(best + step)[1] - loss(best - step)[1]) / (2 * STEP) for step in STEP * np.eye(len(best))]
+            [
+                (loss(best + step)[1] - loss(best - step)[1]) / (2 * STEP)
+                for step in STEP * np.eye(len(best))
+            ]
         )
         size, axes = np.linalg.eigh((curvature + curvature.T) / 2)
         root = axes / np.sqrt(np.maximum(size, LENGTH_LOG_SD**-2))
         normal = np.random.default_rng(1).standard_normal((HALF_DRAWS, len(best)))
-        return [np.clip(best + root @ z, -LIMIT, LIMIT) for z in np.vstack([normal, -normal])]
+        return [
+            np.clip(best + root @ z, -LIMIT, LIMIT)
+            for z in np.vstack([normal, -normal])
+        ]
 
     def between(self, theta, first, second):
         a, b = first / np.exp(theta[1:-1]), second / np.exp(theta[1:-1])
@@ -199,7 +241,9 @@ class Kriging(Candidate):
     def conditioned(self, theta, value, weight):
         K = self.between(theta, self.x, self.x) + np.diag(np.exp(theta[-1]) * weight)
         root = linalg.cholesky(K, lower=True)
-        return linalg.cho_solve((root, True), value), linalg.solve_triangular(root, np.eye(len(K)), lower=True)
+        return linalg.cho_solve((root, True), value), linalg.solve_triangular(
+            root, np.eye(len(K)), lower=True
+        )
 
     def moments(self, X):
         x = (checked_points(X, len(self.low)) - self.low) / self.span
@@ -209,9 +253,18 @@ class Kriging(Candidate):
             for theta, alpha, inverse_root in draws:
                 between = self.between(theta, x, self.x)
                 m.append(between @ alpha)
-                v.append(np.maximum(1.0 + np.exp(theta[0]) - ((between @ inverse_root.T) ** 2).sum(axis=1), 1e-12))
+                v.append(
+                    np.maximum(
+                        1.0
+                        + np.exp(theta[0])
+                        - ((between @ inverse_root.T) ** 2).sum(axis=1),
+                        1e-12,
+                    )
+                )
             means.append(np.mean(m, axis=0) * self.scale[k] + self.middle[k])
-            variances.append((np.mean(v, axis=0) + np.var(m, axis=0)) * self.scale[k] ** 2)
+            variances.append(
+                (np.mean(v, axis=0) + np.var(m, axis=0)) * self.scale[k] ** 2
+            )
         return np.column_stack(means), np.column_stack(variances)
 
     def predict(self, X, return_std=False, noise=True):
@@ -229,4 +282,11 @@ class KrigingSmooth(Kriging):
     covariance_of = staticmethod(squared_exponential)
 
 
-NAMES = ("network_of_part", "network_resampled", "network_process", "process_of_part", "kriging", "kriging_smooth")
+NAMES = (
+    "network_of_part",
+    "network_resampled",
+    "network_process",
+    "process_of_part",
+    "kriging",
+    "kriging_smooth",
+)

@@ -17,7 +17,12 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from sklearn.datasets import load_diabetes, make_friedman1, make_friedman2, make_friedman3
+from sklearn.datasets import (
+    load_diabetes,
+    make_friedman1,
+    make_friedman2,
+    make_friedman3,
+)
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
@@ -42,9 +47,15 @@ def diabetes(seed):
 
 
 PROBLEMS = {
-    "Friedman 1": lambda seed: make_friedman1(TRAINING + FRESH, noise=1.0, random_state=seed),
-    "Friedman 2": lambda seed: make_friedman2(TRAINING + FRESH, noise=125.0, random_state=seed),
-    "Friedman 3": lambda seed: make_friedman3(TRAINING + FRESH, noise=0.1, random_state=seed),
+    "Friedman 1": lambda seed: make_friedman1(
+        TRAINING + FRESH, noise=1.0, random_state=seed
+    ),
+    "Friedman 2": lambda seed: make_friedman2(
+        TRAINING + FRESH, noise=125.0, random_state=seed
+    ),
+    "Friedman 3": lambda seed: make_friedman3(
+        TRAINING + FRESH, noise=0.1, random_state=seed
+    ),
     "diabetes": diabetes,
 }
 
@@ -70,8 +81,12 @@ def network(prior):
 
 def gaussian_process(inputs):
     """A length for each input and the noise by maximum likelihood, from three starts."""
-    kernel = ConstantKernel(1.0, (1e-3, 1e4)) * RBF(np.ones(inputs), (1e-2, 1e4)) + WhiteKernel(0.1)
-    process = GaussianProcessRegressor(kernel, normalize_y=True, n_restarts_optimizer=2, random_state=0)
+    kernel = ConstantKernel(1.0, (1e-3, 1e4)) * RBF(
+        np.ones(inputs), (1e-2, 1e4)
+    ) + WhiteKernel(0.1)
+    process = GaussianProcessRegressor(
+        kernel, normalize_y=True, n_restarts_optimizer=2, random_state=0
+    )
     return make_pipeline(StandardScaler(), process)
 
 
@@ -79,8 +94,13 @@ class TunedMLP:
     """Size and decay by five-fold cross-validation, scaled inputs and response."""
 
     def __init__(self, inputs):
-        grid = {"mlpregressor__hidden_layer_sizes": [(6,), (12,), (30,)], "mlpregressor__alpha": [0.01, 0.1, 1.0, 10.0]}
-        mlp = MLPRegressor(solver="lbfgs", activation="tanh", max_iter=400, random_state=0)
+        grid = {
+            "mlpregressor__hidden_layer_sizes": [(6,), (12,), (30,)],
+            "mlpregressor__alpha": [0.01, 0.1, 1.0, 10.0],
+        }
+        mlp = MLPRegressor(
+            solver="lbfgs", activation="tanh", max_iter=400, random_state=0
+        )
         self.search = GridSearchCV(make_pipeline(StandardScaler(), mlp), grid, cv=5)
 
     def fit(self, X, y):
@@ -130,7 +150,10 @@ def rows(problems, splits):
                 name,
                 with_error(values[:, 0]),
                 "" if name == REFERENCE else with_error(less, sign="+"),
-                *("" if np.isnan(share) else f"{100 * share:.0f} %" for share in mean[1:3]),
+                *(
+                    "" if np.isnan(share) else f"{100 * share:.0f} %"
+                    for share in mean[1:3]
+                ),
                 f"{mean[3]:.1f}",
             )
 
@@ -142,13 +165,32 @@ def with_error(values, sign=""):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--splits", type=int, default=10, help="training sets of each problem (default 10)")
-    parser.add_argument("--dataset", help="dataset.csv of a study, instead of the public problems")
-    parser.add_argument("--config", default="config/config.yaml", help="its targets are taken (%(default)s)")
+    parser.add_argument(
+        "--splits",
+        type=int,
+        default=10,
+        help="training sets of each problem (default 10)",
+    )
+    parser.add_argument(
+        "--dataset", help="dataset.csv of a study, instead of the public problems"
+    )
+    parser.add_argument(
+        "--config",
+        default="config/config.yaml",
+        help="its targets are taken (%(default)s)",
+    )
     parser.add_argument("--out", help="markdown file to write the table to")
     args = parser.parse_args()
     warnings.simplefilter("ignore", ConvergenceWarning)
-    titles = ("problem", "model", "R2", "R2 less the first's", "within 1 std", "within 2 std", "fit s")
+    titles = (
+        "problem",
+        "model",
+        "R2",
+        "R2 less the first's",
+        "within 1 std",
+        "within 2 std",
+        "fit s",
+    )
     lines = ["| " + " | ".join(titles) + " |", "|" + "---|" * len(titles)]
     print(*lines, sep="\n")
     problems = PROBLEMS

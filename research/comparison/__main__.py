@@ -1,6 +1,14 @@
 """Each part of the method beside its alternatives, at equal budgets; `pool` has the pours."""
 
-from research.comparison import accuracy, points, sampling, search, summary, surrogates, whole
+from research.comparison import (
+    accuracy,
+    points,
+    sampling,
+    search,
+    summary,
+    surrogates,
+    whole,
+)
 from research.script import Script, option
 
 OUT = "results/comparison"
@@ -17,19 +25,26 @@ script = Script("comparison", __doc__)
 
 def files(paths):
     """Make an option for each file, with its default path."""
-    return [option(f"--{name.replace('_', '-')}", default=path) for name, path in paths.items()]
+    return [
+        option(f"--{name.replace('_', '-')}", default=path)
+        for name, path in paths.items()
+    ]
 
 
 def pool_of(args):
     """Read main design, pool and fresh points, and the names of their responses."""
     names = args.study.targets.names
-    return points.read_sets({name: getattr(args, name) for name in POOL_FILES}, names), names
+    return points.read_sets(
+        {name: getattr(args, name) for name in POOL_FILES}, names
+    ), names
 
 
 def network_of(config):
     """Return the settings of the configured network, or of one where the surrogate is another."""
     kind = config["surrogate"]
-    return config["network"] | {"surrogate": kind if kind.startswith("network") else "network"}
+    return config["network"] | {
+        "surrogate": kind if kind.startswith("network") else "network"
+    }
 
 
 @script.part("accuracy", OUT, *files(POOL_FILES))
@@ -56,7 +71,9 @@ def compare_sampling(args, config):
 def compare_search(args, config):
     """Compare searches on the trained network: evaluations, and which solutions they find."""
     targets, space = args.study.targets, args.study.parameters
-    table = search.run(args.network, space, targets, config["compare_search"], config["miga"], args.out)
+    table = search.run(
+        args.network, space, targets, config["compare_search"], config["miga"], args.out
+    )
     return search.message(table)
 
 
@@ -64,16 +81,26 @@ def compare_search(args, config):
     "whole",
     OUT,
     option("--dataset", nargs="+", default=["results/dataset.csv"]),
-    option("--runs", nargs="+", default=["results/runs.csv"], help="of each dataset, in the same order"),
+    option(
+        "--runs",
+        nargs="+",
+        default=["results/runs.csv"],
+        help="of each dataset, in the same order",
+    ),
 )
 def compare_whole(args, config):
     """Compare the method with a response surface and a local search, for equal numbers of simulations."""
     targets, space = args.study.targets, args.study.parameters
     settings = config["compare_whole"]
-    settings |= {"network": network_of(config) | {key: settings[key] for key in ("starts", "epochs")}}
+    settings |= {
+        "network": network_of(config)
+        | {key: settings[key] for key in ("starts", "epochs")}
+    }
     settings |= {"miga": config["miga"] | {"rounds": settings["rounds"]}}
     samples = whole.read_samples(args.dataset, args.runs, space, targets.names)
-    return whole.message(whole.run(samples, space, targets, settings, args.out), targets)
+    return whole.message(
+        whole.run(samples, space, targets, settings, args.out), targets
+    )
 
 
 @script.part("all", OUT, *files(COMPARED))

@@ -12,11 +12,16 @@ from repose.core.files import write_table
 from research.comparison import models, scores
 from research.comparison.points import Points, joined
 
-BARS = {"r2": 0.94, "explainable": 0.95}  # a network below them is no surrogate to search on
+BARS = {
+    "r2": 0.94,
+    "explainable": 0.95,
+}  # a network below them is no surrogate to search on
 SHARES = (0.25, 0.5, 1.0)  # of the pool's points
 
 
-def table_of(sets: Sequence[Points], names: Sequence[str], settings: Mapping[str, Any]) -> pd.DataFrame:
+def table_of(
+    sets: Sequence[Points], names: Sequence[str], settings: Mapping[str, Any]
+) -> pd.DataFrame:
     """Accuracy of the network, a row for each training set and response.
 
     `sets` are the main design, the pool and the fresh points, as `points.read_sets` returns them; `settings` is the
@@ -30,14 +35,21 @@ def table_of(sets: Sequence[Points], names: Sequence[str], settings: Mapping[str
     return pd.DataFrame(rows)
 
 
-def run(sets: Sequence[Points], names: Sequence[str], settings: Mapping[str, Any], out_dir: str | Path) -> pd.DataFrame:
+def run(
+    sets: Sequence[Points],
+    names: Sequence[str],
+    settings: Mapping[str, Any],
+    out_dir: str | Path,
+) -> pd.DataFrame:
     """Write accuracy.csv; return the table."""
     table = table_of(sets, names, settings)
     write_table(Path(out_dir) / "accuracy.csv", table, float_format="%.6g")
     return table
 
 
-def training_sets(main: Points, pool: Points, settings: Mapping[str, Any]) -> Iterator[tuple[str, Points]]:
+def training_sets(
+    main: Points, pool: Points, settings: Mapping[str, Any]
+) -> Iterator[tuple[str, Points]]:
     """Training sets of the network, each with its name for the table.
 
     First the main design's training samples as the chain splits it. Then all of the main design, and leading parts of
@@ -52,7 +64,10 @@ def training_sets(main: Points, pool: Points, settings: Mapping[str, Any]) -> It
         for seeds in _doublings(pool.values.shape[1]):
             yield "pool", pool.take(rows, seeds)
     both = min(main.values.shape[1], pool.values.shape[1])
-    yield "main design and pool", joined([main.take(slice(None), both), pool.take(slice(None), both)])
+    yield (
+        "main design and pool",
+        joined([main.take(slice(None), both), pool.take(slice(None), both)]),
+    )
 
 
 def message(table: pd.DataFrame) -> str:

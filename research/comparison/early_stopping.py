@@ -47,10 +47,16 @@ class EarlyStoppingBP:
         held, used = np.split(order, [max(1, round(self.held_back * len(x)))])
         found = []
         for k in range(self.starts):
-            w = nguyen_widrow(x.shape[1], self.hidden, t.shape[1], SCALED_RANGE, (self.seed, k))
+            w = nguyen_widrow(
+                x.shape[1], self.hidden, t.shape[1], SCALED_RANGE, (self.seed, k)
+            )
             found.append(self._train(w, (x[used], t[used]), (x[held], t[held])))
         w, self.held_back_error_, self.epochs_ = min(found, key=lambda end: end[1])
-        weights = zip(("W1", "b1", "W2", "b2"), unpack(w, x.shape[1], self.hidden, t.shape[1]), strict=True)
+        weights = zip(
+            ("W1", "b1", "W2", "b2"),
+            unpack(w, x.shape[1], self.hidden, t.shape[1]),
+            strict=True,
+        )
         self.network_ = ends | dict(weights) | {"scaled_range": SCALED_RANGE}
         return self
 
@@ -62,7 +68,13 @@ class EarlyStoppingBP:
         """One start: (weights of least held-back error, that error, epochs)."""
         unit_weight = np.ones((1, used[1].shape[1]))
         e, J = linearise(w, *used, unit_weight)
-        square, best, best_error, waited, epoch = e @ e, w, _mean_square(w, held, unit_weight), 0, 0
+        square, best, best_error, waited, epoch = (
+            e @ e,
+            w,
+            _mean_square(w, held, unit_weight),
+            0,
+            0,
+        )
         while epoch < self.epochs and waited < self.patience:
             JJ, gradient = J.T @ J, J.T @ e
             while mu <= mu_max:

@@ -49,7 +49,9 @@ class EvenNoise(NamedTuple):
 class ScalingNoise(NamedTuple):
     """Normal noise with the same correlation everywhere and a size that varies with the parameters."""
 
-    log_variance: np.ndarray  # (1 + d, k), log of a run's variance, linear in x: constant and slopes
+    log_variance: (
+        np.ndarray
+    )  # (1 + d, k), log of a run's variance, linear in x: constant and slopes
     correlation: np.ndarray  # (k, k), of the responses of a run
     low: np.ndarray  # (d,), lower end of the box that scales x
     width: np.ndarray  # (d,), of this box
@@ -82,7 +84,9 @@ class Emulator(NamedTuple):
         return Points(X, self.mean(X)[:, None] + self.noise.draw(X, seeds, rng))
 
 
-def chosen_by_cross_validation(points: Points, settings: Mapping[str, Any], seed: int) -> Emulator:
+def chosen_by_cross_validation(
+    points: Points, settings: Mapping[str, Any], seed: int
+) -> Emulator:
     """Fit an emulator to some points: the better of `CANDIDATES`, with noise that scales.
 
     `settings` is the section `network`; `seed` is for the folds and the network. ValueError if the runs do not
@@ -90,8 +94,12 @@ def chosen_by_cross_validation(points: Points, settings: Mapping[str, Any], seed
     """
     covariance = points.covariance()
     if covariance is None:
-        raise ValueError("too few points have two runs or more; expected some, for the noise")
-    parts = np.array_split(np.random.default_rng(seed).permutation(len(points.X)), FOLDS)
+        raise ValueError(
+            "too few points have two runs or more; expected some, for the noise"
+        )
+    parts = np.array_split(
+        np.random.default_rng(seed).permutation(len(points.X)), FOLDS
+    )
     shares = {}
     for name, model in CANDIDATES.items():
 
@@ -106,7 +114,11 @@ def chosen_by_cross_validation(points: Points, settings: Mapping[str, Any], seed
 
 
 def with_process(
-    points: Points, errors: np.ndarray, covariance: np.ndarray, kernel: Callable[[int], Any], seed: int
+    points: Points,
+    errors: np.ndarray,
+    covariance: np.ndarray,
+    kernel: Callable[[int], Any],
+    seed: int,
 ) -> Emulator:
     """Fit an emulator: a Gaussian process for each response on means with known errors, even noise.
 
@@ -115,7 +127,11 @@ def with_process(
     is fitted to at most `MOST_FOR_SCALES` points, and held in the cross-validation.
     """
     rows = np.random.default_rng(seed).permutation(len(points.X))
-    means, scaled, parts = (points.means(), rows[:MOST_FOR_SCALES], [rows[fold::FOLDS] for fold in range(FOLDS)])
+    means, scaled, parts = (
+        points.means(),
+        rows[:MOST_FOR_SCALES],
+        [rows[fold::FOLDS] for fold in range(FOLDS)],
+    )
     processes, shares = [], []
     for k in range(points.responses):
         x, y, error = points.X, means[:, k], errors[:, k]
@@ -125,16 +141,24 @@ def with_process(
         predicted = np.empty(len(y))
         for part in parts:
             rest = np.setdiff1d(rows, part)
-            predicted[part] = _process(x[rest], y[rest], error[rest], fitted, fit=False).predict(x[part])
+            predicted[part] = _process(
+                x[rest], y[rest], error[rest], fitted, fit=False
+            ).predict(x[part])
         shares.append(r2_noise_corrected(y, predicted, error))
 
     def mean(X):
-        return np.column_stack([process.predict(np.atleast_2d(X)) for process in processes])
+        return np.column_stack(
+            [process.predict(np.atleast_2d(X)) for process in processes]
+        )
 
-    return Emulator(mean, EvenNoise(covariance), "Gaussian process", np.array(shares, float))
+    return Emulator(
+        mean, EvenNoise(covariance), "Gaussian process", np.array(shares, float)
+    )
 
 
-def left_out(points: Points, fit: Callable[[Points], Predict], parts: Sequence[np.ndarray]) -> np.ndarray:
+def left_out(
+    points: Points, fit: Callable[[Points], Predict], parts: Sequence[np.ndarray]
+) -> np.ndarray:
     """Predictions (n, k) for the points of each part by a fit to all the others.
 
     `fit` returns a function from X (n, d) to responses (n, k). `parts` hold numbers of points; each point is in one
@@ -147,7 +171,9 @@ def left_out(points: Points, fit: Callable[[Points], Predict], parts: Sequence[n
     return predicted
 
 
-def explainable(means: np.ndarray, predicted: np.ndarray, errors: np.ndarray) -> np.ndarray:
+def explainable(
+    means: np.ndarray, predicted: np.ndarray, errors: np.ndarray
+) -> np.ndarray:
     """Share (k,) of the explainable variance in predictions; see `repose.chain.train.r2_noise_corrected`.
 
     All arrays are (n, k); `errors` are standard errors of the means. NaN where the noise explains all of the variance,
@@ -163,7 +189,9 @@ def scaling_noise(points: Points, covariance: np.ndarray) -> ScalingNoise:
     width = points.X.max(axis=0) - low
     width = np.where(width > 0, width, 1.0)  # a parameter that is fixed
     std = np.sqrt(np.outer(np.diagonal(covariance), np.diagonal(covariance)))
-    return ScalingNoise(_log_variance((points.X - low) / width, points), covariance / std, low, width)
+    return ScalingNoise(
+        _log_variance((points.X - low) / width, points), covariance / std, low, width
+    )
 
 
 def _mean_of(predict):
@@ -177,7 +205,10 @@ def _process(x, y, error, kernel, fit):
     from sklearn.gaussian_process import GaussianProcessRegressor
 
     model = GaussianProcessRegressor(
-        kernel, alpha=(error / y.std()) ** 2, normalize_y=True, optimizer="fmin_l_bfgs_b" if fit else None
+        kernel,
+        alpha=(error / y.std()) ** 2,
+        normalize_y=True,
+        optimizer="fmin_l_bfgs_b" if fit else None,
     )
     with warnings.catch_warnings():
         # a length at its upper bound is a parameter without effect, which is no fault
@@ -205,5 +236,7 @@ def _log_variance(x, points):
             regression = GammaRegressor(alpha=1e-4, max_iter=1000).fit(
                 x[several], np.maximum(variance / scale, 1e-6), sample_weight=freedom
             )
-        coefficients.append([regression.intercept_ + math.log(scale), *regression.coef_])
+        coefficients.append(
+            [regression.intercept_ + math.log(scale), *regression.coef_]
+        )
     return np.array(coefficients).T

@@ -27,7 +27,11 @@ PUBLISHED = {"surrogate": "network", "prior": "one", "goal": 1e-4, "replicates":
 
 def configured_network(points: Points, settings: Settings, seed: int) -> Predict:
     """Train the network as the main chain does, with the noise from the points' own runs."""
-    kind = "network_ensemble" if settings.get("surrogate") == "network_ensemble" else "network"
+    kind = (
+        "network_ensemble"
+        if settings.get("surrogate") == "network_ensemble"
+        else "network"
+    )
     noise = points.replicates() if settings["replicates"] else {}
     network = make(kind, NetworkSettings.of({**settings, "seed": seed}))
     return _of_the_mean(network.fit(points.X, points.means(), **noise))
@@ -78,7 +82,9 @@ def random_forest(points: Points, settings: Settings, seed: int) -> Predict:
     """Random forest of `TREES` trees; no standard deviation."""
     from sklearn.ensemble import RandomForestRegressor
 
-    forest = RandomForestRegressor(TREES, min_samples_leaf=2, max_features=0.5, random_state=seed)
+    forest = RandomForestRegressor(
+        TREES, min_samples_leaf=2, max_features=0.5, random_state=seed
+    )
     means = points.means()
     forest.fit(points.X, means if means.shape[1] > 1 else means[:, 0])
     return lambda X: (forest.predict(X).reshape(len(X), -1), None)
@@ -90,7 +96,11 @@ def gradient_boosting(points: Points, settings: Settings, seed: int) -> Predict:
 
     boosts = [
         GradientBoostingRegressor(
-            n_estimators=ROUNDS, learning_rate=0.05, max_depth=3, subsample=0.5, random_state=seed
+            n_estimators=ROUNDS,
+            learning_rate=0.05,
+            max_depth=3,
+            subsample=0.5,
+            random_state=seed,
         ).fit(points.X, y)
         for y in points.means().T
     ]

@@ -18,7 +18,9 @@ class Points(NamedTuple):
     """Points of a design with their runs."""
 
     X: np.ndarray  # (points, d), parameters or places in their ranges
-    values: np.ndarray  # (points, seeds, k), NaN where a run failed; a good run at every point
+    values: (
+        np.ndarray
+    )  # (points, seeds, k), NaN where a run failed; a good run at every point
 
     @property
     def responses(self) -> int:
@@ -47,8 +49,14 @@ class Points(NamedTuple):
     def known_errors(self) -> np.ndarray:
         """Like `errors`; for single runs from the noise of all points, or 0 where `covariance` is None."""
         covariance, errors = self.covariance(), self.errors()
-        pooled = np.zeros(self.responses) if covariance is None else np.sqrt(np.diagonal(covariance))
-        return np.where(np.isfinite(errors), errors, pooled / np.sqrt(self.counts())[:, None])
+        pooled = (
+            np.zeros(self.responses)
+            if covariance is None
+            else np.sqrt(np.diagonal(covariance))
+        )
+        return np.where(
+            np.isfinite(errors), errors, pooled / np.sqrt(self.counts())[:, None]
+        )
 
     def covariance(self) -> np.ndarray | None:
         """Covariance (k, k) of a single run about the mean of its point; None where the runs do not determine it."""
@@ -63,20 +71,30 @@ class Points(NamedTuple):
         if covariance is None:
             return {}
         freedom = float(np.maximum(counts - 1, 0).sum())
-        return {"precision": counts, "noise_covariance": covariance, "noise_freedom": freedom}
+        return {
+            "precision": counts,
+            "noise_covariance": covariance,
+            "noise_freedom": freedom,
+        }
 
     def simulations(self) -> int:
         """Count the runs, failed ones included."""
         return self.values.shape[0] * self.values.shape[1]
 
-    def take(self, rows: np.ndarray | Sequence[int] | slice, seeds: int | None = None) -> "Points":
+    def take(
+        self, rows: np.ndarray | Sequence[int] | slice, seeds: int | None = None
+    ) -> "Points":
         """Take some points with the first `seeds` runs (None: all); points without a good run in them are left out."""
         return Points(self.X[rows], self.values[rows, :seeds])._with_runs()
 
     def with_seeds_drawn(self, seeds: int, rng: np.random.Generator) -> "Points":
         """Take the points with `seeds` runs of each drawn at random; points without a good run are left out."""
-        order = rng.permuted(np.tile(np.arange(self.values.shape[1]), (len(self.X), 1)), axis=1)[:, :seeds]
-        return Points(self.X, np.take_along_axis(self.values, order[:, :, None], axis=1))._with_runs()
+        order = rng.permuted(
+            np.tile(np.arange(self.values.shape[1]), (len(self.X), 1)), axis=1
+        )[:, :seeds]
+        return Points(
+            self.X, np.take_along_axis(self.values, order[:, :, None], axis=1)
+        )._with_runs()
 
     def _with_runs(self):
         """Keep the points that have a good run."""
@@ -88,7 +106,11 @@ def joined(sets: Sequence[Points]) -> Points:
     """All points of several sets; where a set has fewer runs than another, NaN fills the gap."""
     seeds = max(points.values.shape[1] for points in sets)
     padded = [
-        np.pad(points.values, ((0, 0), (0, seeds - points.values.shape[1]), (0, 0)), constant_values=np.nan)
+        np.pad(
+            points.values,
+            ((0, 0), (0, seeds - points.values.shape[1]), (0, 0)),
+            constant_values=np.nan,
+        )
         for points in sets
     ]
     return Points(np.concatenate([points.X for points in sets]), np.concatenate(padded))
@@ -100,7 +122,9 @@ def read_sets(files: Mapping[str, str | Path], names: Sequence[str]) -> list[Poi
     `files` holds the paths ``main_dataset``, ``main_runs``, ``pool_dataset``, ``pool_runs``, ``fresh_dataset`` and
     ``fresh_runs``.
     """
-    return [read(files[f"{name}_dataset"], files[f"{name}_runs"], names) for name in SETS]
+    return [
+        read(files[f"{name}_dataset"], files[f"{name}_runs"], names) for name in SETS
+    ]
 
 
 def read(dataset_csv: str | Path, runs_csv: str | Path, names: Sequence[str]) -> Points:
@@ -115,16 +139,28 @@ def read(dataset_csv: str | Path, runs_csv: str | Path, names: Sequence[str]) ->
     usable = dataset[dataset["status"] == "ok"].reset_index(drop=True)
     runs = runs[runs["sample"].isin(usable["sample"])]
     if usable.empty or runs.empty:
-        raise InputError(dataset_csv, "usable samples", 0, "some with status ok, with their runs")
-    place = runs.groupby(["sample", *(["apparatus"] if "apparatus" in runs else [])]).cumcount().to_numpy()
+        raise InputError(
+            dataset_csv, "usable samples", 0, "some with status ok, with their runs"
+        )
+    place = (
+        runs.groupby(["sample", *(["apparatus"] if "apparatus" in runs else [])])
+        .cumcount()
+        .to_numpy()
+    )
     row = usable.set_index("sample").index.get_indexer(runs["sample"])
     values = np.full((len(usable), place.max() + 1, len(names)), np.nan)
     responses = runs[list(names)].to_numpy(float, copy=True)
     responses[runs["status"].to_numpy() != "ok"] = np.nan
     for test in runs["apparatus"].unique() if "apparatus" in runs else [None]:
-        own = np.ones(len(runs), bool) if test is None else (runs["apparatus"] == test).to_numpy()
+        own = (
+            np.ones(len(runs), bool)
+            if test is None
+            else (runs["apparatus"] == test).to_numpy()
+        )
         cell = row[own], place[own]
-        values[cell] = np.where(np.isfinite(responses[own]), responses[own], values[cell])
+        values[cell] = np.where(
+            np.isfinite(responses[own]), responses[own], values[cell]
+        )
     found = Points(usable[list(PARAMETERS)].to_numpy(float), values)
     without = usable.loc[found.counts() == 0, "sample"]
     if len(without):

@@ -30,7 +30,14 @@ from repose.surrogate.settings import NetworkSettings
 from repose.surrogate.support import quadratic_terms
 from research.comparison.points import Points
 
-METHODS = ("best_sample", "linear", "quadratic", "network", "network_miga", "network_all")
+METHODS = (
+    "best_sample",
+    "linear",
+    "quadratic",
+    "network",
+    "network_miga",
+    "network_all",
+)
 NEARER = 1e-4
 RIDGES = np.geomspace(1e-4, 1e2, 13)
 Model = Callable[[np.ndarray], np.ndarray]
@@ -44,19 +51,31 @@ def surface(unit: np.ndarray, means: np.ndarray, terms: Model) -> Model:
     """
     from sklearn.linear_model import RidgeCV
 
-    models = [RidgeCV(RIDGES, fit_intercept=False).fit(terms(unit), y - y.mean()) for y in means.T]
-    return lambda x: np.column_stack([m.predict(terms(np.atleast_2d(x))) for m in models]) + means.mean(axis=0)
+    models = [
+        RidgeCV(RIDGES, fit_intercept=False).fit(terms(unit), y - y.mean())
+        for y in means.T
+    ]
+    return lambda x: (
+        np.column_stack([m.predict(terms(np.atleast_2d(x))) for m in models])
+        + means.mean(axis=0)
+    )
 
 
 def plane(unit: np.ndarray, means: np.ndarray) -> Model:
     """Fit a plane by least squares; arguments and result as for `surface`."""
     X = np.column_stack([np.ones(len(unit)), unit])
     found = np.linalg.lstsq(X, means, rcond=None)[0]
-    return lambda x: np.column_stack([np.ones(len(np.atleast_2d(x))), np.atleast_2d(x)]) @ found
+    return lambda x: (
+        np.column_stack([np.ones(len(np.atleast_2d(x))), np.atleast_2d(x)]) @ found
+    )
 
 
 def local_search(
-    respond: Model, objective: Objective, dimensions: int, starts: int, random: np.random.Generator
+    respond: Model,
+    objective: Objective,
+    dimensions: int,
+    starts: int,
+    random: np.random.Generator,
 ) -> tuple[np.ndarray, int]:
     """Search by SLSQP, a local method, on the squared deviations from the targets.
 
@@ -72,17 +91,26 @@ def local_search(
         return float(off @ off)
 
     best: Any = None
-    for start in [np.full(dimensions, 0.5), *random.uniform(size=(starts - 1, dimensions))]:
+    for start in [
+        np.full(dimensions, 0.5),
+        *random.uniform(size=(starts - 1, dimensions)),
+    ]:
         # tighter than its default, which ends far from the minimum of a squared deviation
         found = optimize.minimize(
-            deviation, start, method="SLSQP", bounds=[(0, 1)] * dimensions, options={"ftol": 1e-12}
+            deviation,
+            start,
+            method="SLSQP",
+            bounds=[(0, 1)] * dimensions,
+            options={"ftol": 1e-12},
         )
         if best is None or found.fun < best.fun - NEARER:
             best = found
     return np.clip(best.x, 0, 1), evaluations
 
 
-def tables_of(samples: Points, space: ParameterSpace, targets: Targets) -> tuple[pd.DataFrame, pd.DataFrame]:
+def tables_of(
+    samples: Points, space: ParameterSpace, targets: Targets
+) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Put the samples into the two tables of the dataset stage: samples with means and errors, and their good runs.
 
     `samples.X` (n, d) are places in the ranges; the responses are those of the targets, in their order.
@@ -100,14 +128,25 @@ def tables_of(samples: Points, space: ParameterSpace, targets: Targets) -> tuple
     return table, runs
 
 
-def study_surrogate(samples: Points, space: ParameterSpace, targets: Targets, settings: Mapping[str, Any]) -> Surrogate:
+def study_surrogate(
+    samples: Points,
+    space: ParameterSpace,
+    targets: Targets,
+    settings: Mapping[str, Any],
+) -> Surrogate:
     """Train the surrogate as the study does on these samples; `settings` is the section `network`."""
     kind, own = settings.get("surrogate", "network"), NetworkSettings.of(settings)
-    return train.train(*tables_of(samples, space, targets), targets, own, surrogate=kind).model
+    return train.train(
+        *tables_of(samples, space, targets), targets, own, surrogate=kind
+    ).model
 
 
 def proposed(
-    samples: Points, space: ParameterSpace, targets: Targets, settings: Mapping[str, Any], random: np.random.Generator
+    samples: Points,
+    space: ParameterSpace,
+    targets: Targets,
+    settings: Mapping[str, Any],
+    random: np.random.Generator,
 ) -> dict[str, tuple[np.ndarray, int]]:
     """Find the proposal of each method: place in the ranges (d,), from 0 to 1, and number of evaluations of the model.
 
@@ -119,7 +158,11 @@ def proposed(
     F, V = objective(means)
     found = {"best_sample": (samples.X[objective.fitness(F, V).argmin()], 0)}
     surrogate = study_surrogate(samples, space, targets, section)
-    everything = make(section.get("surrogate", "network"), NetworkSettings.of(section), "network.surrogate")
+    everything = make(
+        section.get("surrogate", "network"),
+        NetworkSettings.of(section),
+        "network.surrogate",
+    )
     noise = samples.replicates() if section.get("replicates", False) else {}
     models = {
         "linear": plane(samples.X, means),
@@ -128,8 +171,12 @@ def proposed(
         "network_all": everything.fit(samples.X, means, **noise).predict,
     }
     for name, model in models.items():
-        found[name] = local_search(model, objective, space.dimensions, settings["local_starts"], random)
-    islands = MigaSettings.model_construct(**{**settings["miga"], "seed": int(random.integers(2**31))})
+        found[name] = local_search(
+            model, objective, space.dimensions, settings["local_starts"], random
+        )
+    islands = MigaSettings.model_construct(
+        **{**settings["miga"], "seed": int(random.integers(2**31))}
+    )
     respond = on_free_parameters(surrogate, space)
     archive, history, _ = search(respond, objective, space.dimensions, islands)
     found["network_miga"] = ((archive.points[0] + 1) / 2, history[-1][2])

@@ -24,18 +24,33 @@ class Region:
     list. Fewer than `FEWEST_FEASIBLE` feasible points raise ValueError.
     """
 
-    def __init__(self, respond: Respond, objective: Objective, points: int, listed: int, dimensions: int, seed: int):
+    def __init__(
+        self,
+        respond: Respond,
+        objective: Objective,
+        points: int,
+        listed: int,
+        dimensions: int,
+        seed: int,
+    ):
         unit = 2 * stats.qmc.Sobol(dimensions, rng=seed).random(points) - 1
         _, V = objective(respond(unit))
         self.points = unit[V == 0]
         self.share = len(self.points) / points
         if len(self.points) < FEWEST_FEASIBLE:
-            raise ValueError(f"{len(self.points)} of {points} points are feasible; expected at least {FEWEST_FEASIBLE}")
+            raise ValueError(
+                f"{len(self.points)} of {points} points are feasible; expected at least {FEWEST_FEASIBLE}"
+            )
         self.cloud = self.points[:CLOUD]
         self.volume = _volume(self.points)
         random = np.random.default_rng(seed)
-        self.lists = [random.choice(self.points, min(listed, len(self.points)), replace=False) for _ in range(LISTS)]
-        self.reach = float(np.median([cKDTree(points).query(self.cloud)[0] for points in self.lists]))
+        self.lists = [
+            random.choice(self.points, min(listed, len(self.points)), replace=False)
+            for _ in range(LISTS)
+        ]
+        self.reach = float(
+            np.median([cKDTree(points).query(self.cloud)[0] for points in self.lists])
+        )
 
     def spread(self, points: np.ndarray) -> dict[str, float]:
         """Spread of feasible points (n, d) in [-1, 1]; all NaN with fewer than two points.
@@ -45,12 +60,16 @@ class Region:
         (dispersion of Table 3). ``volume`` is the root of the determinant of their covariance over the region's.
         """
         if len(points) < 2:
-            return dict.fromkeys(("pairwise_distance", "coverage", "width", "volume"), math.nan)
+            return dict.fromkeys(
+                ("pairwise_distance", "coverage", "width", "volume"), math.nan
+            )
         covered = cKDTree(points).query(self.cloud)[0] <= self.reach
         return {
             "pairwise_distance": float(pdist(points).mean()),
             "coverage": float(covered.mean()),
-            "width": float((np.ptp(points, axis=0) / np.ptp(self.points, axis=0)).mean()),
+            "width": float(
+                (np.ptp(points, axis=0) / np.ptp(self.points, axis=0)).mean()
+            ),
             "volume": _volume(points) / self.volume,
         }
 

@@ -30,7 +30,10 @@ REPETITION_STARTS = 4  # of the network, at most
 LARGEST_PROCESS = 500  # points of a Gaussian process, whose time grows with their cube
 TRADES = (1, 2, 4, 8)  # seeds per point, at the main design's number of simulations
 JUDGED_AT = 1024  # points of a Sobol sequence
-FITS = {name: models.MODELS[name] for name in ("network", "Gaussian process", "quadratic surface")}
+FITS = {
+    name: models.MODELS[name]
+    for name in ("network", "Gaussian process", "quadratic surface")
+}
 # Generators of the factorial part: each further factor is the product of these free factors (MM09).
 GENERATORS = {0: (), 1: ((0, 1, 2, 3, 4),), 2: ((0, 1, 2), (1, 2, 3))}
 
@@ -46,7 +49,9 @@ def central_composite(n: int, d: int = COMPOSITE_DIMENSIONS) -> np.ndarray:
     6, or n below 29.
     """
     if d != COMPOSITE_DIMENSIONS or n < 29:
-        raise ValueError(f"n is {n}, d {d}; expected at least 29 points in 6 dimensions")
+        raise ValueError(
+            f"n is {n}, d {d}; expected at least 29 points in 6 dimensions"
+        )
     fraction = next(k for k in GENERATORS if 2 ** (d - k) + 2 * d + 1 <= n)
     free = d - fraction
     corners = 1 - 2.0 * ((np.arange(2**free)[:, None] >> np.arange(free)) & 1)
@@ -59,8 +64,12 @@ def central_composite(n: int, d: int = COMPOSITE_DIMENSIONS) -> np.ndarray:
 
 Design = Callable[[int, int, Any], np.ndarray]  # of a size, dimensions and a seed
 DESIGNS: dict[str, Design] = {
-    "random Latin hypercube": lambda n, d, seed: design.random_lhs(n, d, np.random.default_rng(seed)),
-    "best of 20 Latin hypercubes": lambda n, d, seed: design.lhsdesign(n, d, rng=np.random.default_rng(seed)),
+    "random Latin hypercube": lambda n, d, seed: design.random_lhs(
+        n, d, np.random.default_rng(seed)
+    ),
+    "best of 20 Latin hypercubes": lambda n, d, seed: design.lhsdesign(
+        n, d, rng=np.random.default_rng(seed)
+    ),
     "optimal Latin hypercube": lambda n, d, seed: design.optimal_lhs(n, d, seed),
     "Sobol sequence": lambda n, d, seed: sobol(n, d, seed),
     "central composite": lambda n, d, seed: central_composite(n, d),
@@ -69,7 +78,11 @@ DESIGNS: dict[str, Design] = {
 
 def designs_for(d: int) -> dict[str, Design]:
     """Designs that exist in d dimensions, by name: functions of a size, d and a seed."""
-    return {name: make for name, make in DESIGNS.items() if name != "central composite" or d == COMPOSITE_DIMENSIONS}
+    return {
+        name: make
+        for name, make in DESIGNS.items()
+        if name != "central composite" or d == COMPOSITE_DIMENSIONS
+    }
 
 
 class Case(NamedTuple):
@@ -78,7 +91,9 @@ class Case(NamedTuple):
     stand_in: emulator.Emulator
     space: ParameterSpace
     names: Sequence[str]  # responses, (k,)
-    settings: Mapping[str, Any]  # section `network`, with at most `REPETITION_STARTS` starts
+    settings: Mapping[
+        str, Any
+    ]  # section `network`, with at most `REPETITION_STARTS` starts
     seed: int  # of the repetitions
 
 
@@ -99,7 +114,11 @@ def table_of(
     settings = {**settings, "starts": min(settings["starts"], REPETITION_STARTS)}
     stand_in = emulator.chosen_by_cross_validation(pool, settings, seed)
     case = Case(stand_in, space, names, settings, seed)
-    rows = [*_designs(case, seeds), *_trades(case, seeds), *_real(main, pool, fresh, names, settings, seed)]
+    rows = [
+        *_designs(case, seeds),
+        *_trades(case, seeds),
+        *_real(main, pool, fresh, names, settings, seed),
+    ]
     return pd.DataFrame(rows), _emulator_summary(stand_in, pool, names)
 
 
@@ -125,8 +144,12 @@ def _emulator_summary(stand_in, pool, names):
     return {
         "mean": stand_in.name,
         "explainable": dict(zip(names, stand_in.explainable.tolist(), strict=True)),
-        "noise_correlation": float(correlation[0, 1]) if len(names) == 2 else correlation.tolist(),
-        "noise_std": dict(zip(names, stand_in.noise.std(pool.X).mean(axis=0).tolist(), strict=True)),
+        "noise_correlation": float(correlation[0, 1])
+        if len(names) == 2
+        else correlation.tolist(),
+        "noise_std": dict(
+            zip(names, stand_in.noise.std(pool.X).mean(axis=0).tolist(), strict=True)
+        ),
     }
 
 
@@ -135,8 +158,12 @@ def _designs(case, seeds):
     d = case.space.dimensions
     for samples in SAMPLES:
         for name, make in designs_for(d).items():
-            units = [make(samples, d, [case.seed, samples, k]) for k in range(REPETITIONS)]
-            yield from _emulated(case, {"comparison": "designs", "design": name}, units, seeds)
+            units = [
+                make(samples, d, [case.seed, samples, k]) for k in range(REPETITIONS)
+            ]
+            yield from _emulated(
+                case, {"comparison": "designs", "design": name}, units, seeds
+            )
 
 
 def _trades(case, seeds):
@@ -145,7 +172,10 @@ def _trades(case, seeds):
     for each in TRADES:
         samples = total // each
         about = {"comparison": "points against seeds", "design": "Sobol sequence"}
-        units = [sobol(samples, case.space.dimensions, [case.seed, 9, k]) for k in range(REPETITIONS)]
+        units = [
+            sobol(samples, case.space.dimensions, [case.seed, 9, k])
+            for k in range(REPETITIONS)
+        ]
         yield from _emulated(case, about, units, each)
 
 
@@ -159,11 +189,19 @@ def _emulated(case, about, units, seeds):
         sample = case.stand_in.pour(case.space.values(unit), seeds, rng)
         for name in FITS:
             predict = _fitted(name, sample, case.settings, case.seed + k)
-            found[name].append(None if predict is None else _on_truth(truth, predict(X)[0]))
-    sizes = {"points": len(units[0]), "seeds": seeds, "simulations": len(units[0]) * seeds}
+            found[name].append(
+                None if predict is None else _on_truth(truth, predict(X)[0])
+            )
+    sizes = {
+        "points": len(units[0]),
+        "seeds": seeds,
+        "simulations": len(units[0]) * seeds,
+    }
     for name, scored in found.items():
         if None not in scored:
-            yield from _rows(about | {"data": "emulated", "fit": name} | sizes, case.names, scored)
+            yield from _rows(
+                about | {"data": "emulated", "fit": name} | sizes, case.names, scored
+            )
 
 
 def _real(main, pool, fresh, names, settings, seed):
@@ -173,7 +211,11 @@ def _real(main, pool, fresh, names, settings, seed):
     """
     every = pool.values.shape[1]
     cases = [("designs", "main design", [main])]
-    cases += [("designs", "Sobol sequence", [pool.take(np.arange(n))]) for n in SAMPLES if n < len(pool.X)]
+    cases += [
+        ("designs", "Sobol sequence", [pool.take(np.arange(n))])
+        for n in SAMPLES
+        if n < len(pool.X)
+    ]
     rng = np.random.default_rng([seed, 6])
     for seeds in (s for s in TRADES if s <= every):
         draws = []
@@ -182,13 +224,25 @@ def _real(main, pool, fresh, names, settings, seed):
             draws.append(pool.take(rows).with_seeds_drawn(seeds, rng))
         cases.append(("points against seeds", "parts of the pool", draws))
     for comparison, name, sets in cases:
-        sizes = {"points": len(sets[0].X), "seeds": sets[0].values.shape[1], "simulations": sets[0].simulations()}
+        sizes = {
+            "points": len(sets[0].X),
+            "seeds": sets[0].values.shape[1],
+            "simulations": sets[0].simulations(),
+        }
         for fit_name in FITS:
-            predicted = [_fitted(fit_name, points, settings, seed + k) for k, points in enumerate(sets)]
+            predicted = [
+                _fitted(fit_name, points, settings, seed + k)
+                for k, points in enumerate(sets)
+            ]
             if None in predicted:
                 continue
             scored = [_on_fresh(fresh, predict(fresh.X)[0]) for predict in predicted]
-            case = {"comparison": comparison, "design": name, "data": "real", "fit": fit_name}
+            case = {
+                "comparison": comparison,
+                "design": name,
+                "data": "real",
+                "fit": fit_name,
+            }
             yield from _rows(case | sizes, names, scored)
 
 
@@ -218,5 +272,7 @@ def _rows(case, names, scored):
     for k, response in enumerate(names):
         row = case | {"response": response, "repetitions": len(scored)}
         for key in ("explainable", "rmse"):
-            row[key], row[f"{key}_se"] = scores.mean_and_error([score[k][key] for score in scored])
+            row[key], row[f"{key}_se"] = scores.mean_and_error(
+                [score[k][key] for score in scored]
+            )
         yield row

@@ -17,7 +17,9 @@ from repose.surrogate.accuracy import r2
 LEVELS = (0.5, 0.9)
 
 
-def accuracy(means: np.ndarray, errors: np.ndarray, predicted: np.ndarray) -> dict[str, Any]:
+def accuracy(
+    means: np.ndarray, errors: np.ndarray, predicted: np.ndarray
+) -> dict[str, Any]:
     """R2, explainable share and root mean squared error of one response at m points.
 
     `errors` are standard errors of the means. ``reachable_r2`` is the R2 of the noise-free means themselves, None where
@@ -29,7 +31,9 @@ def accuracy(means: np.ndarray, errors: np.ndarray, predicted: np.ndarray) -> di
         "r2": r2(means, predicted),
         "explainable": r2_noise_corrected(means, predicted, errors),
         "reachable_r2": float(1 - noise / total) if total > 0 else None,
-        "rmse": math.sqrt(max(0.0, (np.sum((means - predicted) ** 2) - noise) / len(means))),
+        "rmse": math.sqrt(
+            max(0.0, (np.sum((means - predicted) ** 2) - noise) / len(means))
+        ),
     }
 
 
@@ -56,8 +60,14 @@ def bootstrap(
     between = total - (1 - 1 / m) * noise
     good = (total > 0) & (between > 0)
     tails = [(1 - confidence) / 2, (1 + confidence) / 2]
-    found = {"r2": 1 - square[good] / total[good], "explainable": 1 - (square - noise)[good] / between[good]}
-    return {name: tuple(map(float, np.quantile(values, tails))) for name, values in found.items()}
+    found = {
+        "r2": 1 - square[good] / total[good],
+        "explainable": 1 - (square - noise)[good] / between[good],
+    }
+    return {
+        name: tuple(map(float, np.quantile(values, tails)))
+        for name, values in found.items()
+    }
 
 
 def on_runs(values: np.ndarray, predicted: np.ndarray) -> float | None:
@@ -76,12 +86,16 @@ def on_few_seeds(values: np.ndarray, predicted: np.ndarray, seeds: int) -> float
         return None
     grouped = values[:, : groups * seeds].reshape(len(values), groups, seeds)
     counts = np.isfinite(grouped).sum(axis=2)
-    means = np.where(counts > 0, np.nansum(grouped, axis=2) / np.maximum(counts, 1), np.nan)
+    means = np.where(
+        counts > 0, np.nansum(grouped, axis=2) / np.maximum(counts, 1), np.nan
+    )
     found = [r2(y[np.isfinite(y)], predicted[np.isfinite(y)]) for y in means.T]
     return float(np.mean(np.array(found, dtype=float)))
 
 
-def calibration(means: np.ndarray, errors: np.ndarray, predicted: np.ndarray, std: np.ndarray) -> dict[str, float]:
+def calibration(
+    means: np.ndarray, errors: np.ndarray, predicted: np.ndarray, std: np.ndarray
+) -> dict[str, float]:
     """Coverage of the error bars of one response.
 
     ``coverage_50`` and ``coverage_90`` are shares of the means inside the intervals of `LEVELS`;
@@ -90,7 +104,10 @@ def calibration(means: np.ndarray, errors: np.ndarray, predicted: np.ndarray, st
     """
     z = (means - predicted) / np.sqrt(std**2 + errors**2)
     covered = {
-        f"coverage_{100 * level:.0f}": float(np.mean(np.abs(z) <= stats.norm.ppf((1 + level) / 2))) for level in LEVELS
+        f"coverage_{100 * level:.0f}": float(
+            np.mean(np.abs(z) <= stats.norm.ppf((1 + level) / 2))
+        )
+        for level in LEVELS
     }
     return covered | {"standardised_square": float(np.mean(z**2))}
 

@@ -31,7 +31,12 @@ REFERENCE = "feasible region"
 
 
 def judged(
-    log: Log, region: Region, tolerance: float, solutions: int, distance: float, seed: int
+    log: Log,
+    region: Region,
+    tolerance: float,
+    solutions: int,
+    distance: float,
+    seed: int,
 ) -> tuple[dict[str, float], np.ndarray]:
     """Numbers of one search by name, and its best point (d,) in [-1, 1].
 
@@ -40,7 +45,9 @@ def judged(
     """
     fitness, feasible = log.fitness, log.fitness <= log.objective.infeasible
     found, values = log.points[feasible], fitness[feasible]
-    kept = distinct(found, values, distance, solutions) if len(found) else np.zeros(0, int)
+    kept = (
+        distinct(found, values, distance, solutions) if len(found) else np.zeros(0, int)
+    )
     chosen = np.random.default_rng(seed).permutation(len(found))[:solutions]
     row = {
         "best": float(fitness.min()),
@@ -72,7 +79,11 @@ def curve(fitness: np.ndarray, at: np.ndarray) -> np.ndarray:
 
 
 def compared(
-    respond: Respond, dimensions: int, objective: Objective, settings: Mapping[str, Any], section: Mapping[str, Any]
+    respond: Respond,
+    dimensions: int,
+    objective: Objective,
+    settings: Mapping[str, Any],
+    section: Mapping[str, Any],
 ) -> dict[str, pd.DataFrame]:
     """All searches, several times each.
 
@@ -81,16 +92,26 @@ def compared(
     evaluations), ``search_methods``, ``search_runs``, and ``timings``, the only table that another run changes.
     ValueError if hardly a point of the ranges is feasible.
     """
-    solutions, distance, seed = section["solutions"], section["distance"], settings["seed"]
-    region = Region(respond, objective, settings["region_points"], solutions, dimensions, seed)
+    solutions, distance, seed = (
+        section["solutions"],
+        section["distance"],
+        settings["seed"],
+    )
+    region = Region(
+        respond, objective, settings["region_points"], solutions, dimensions, seed
+    )
     rows, curves, took = [], [], []
     bests: dict[str, list] = {}
     for name, (search, own) in searches(section).items():
         evaluations = own or settings["evaluations"]
         at, courses, bests[name] = checkpoints(evaluations), [], []
         for k in range(settings["repetitions"]):
-            log, seconds = logged(search, respond, objective, evaluations, dimensions, seed + k)
-            row, best = judged(log, region, settings["tolerance"], solutions, distance, seed)
+            log, seconds = logged(
+                search, respond, objective, evaluations, dimensions, seed + k
+            )
+            row, best = judged(
+                log, region, settings["tolerance"], solutions, distance, seed
+            )
             about = {"method": name, "repetition": k, "evaluations": evaluations}
             rows.append({**about, **row})
             took.append({**about, "seconds": seconds})
@@ -123,7 +144,9 @@ def run(
     try:
         tables = compared(respond, space.dimensions, objective, settings, section)
     except ValueError as error:
-        raise InputError(network_json, "feasible region", str(error), "a target within its reach") from None
+        raise InputError(
+            network_json, "feasible region", str(error), "a target within its reach"
+        ) from None
     write_table(Path(out_dir) / "timings" / "search.csv", tables.pop("timings"))
     for name, table in tables.items():
         write_table(Path(out_dir) / f"{name}.csv", table)
@@ -156,13 +179,19 @@ def _methods(runs, bests, region):
         row["evaluations"] = int(group["evaluations"].iloc[0])
         for key in group.columns[3:]:
             values = group[key].dropna().to_numpy(float)
-            found = scores.mean_and_error(values) if len(values) else (math.nan, math.nan)
+            found = (
+                scores.mean_and_error(values) if len(values) else (math.nan, math.nan)
+            )
             row[key], row[f"{key}_se"] = found
         # whether other seeds give the same answer
         row["between_seeds_distance"] = float(pdist(np.array(bests[name])).mean())
         rows.append(row)
     spreads = pd.DataFrame([region.spread(points) for points in region.lists])
-    row = {"method": REFERENCE, "repetitions": len(spreads), "feasible_share": region.share}
+    row = {
+        "method": REFERENCE,
+        "repetitions": len(spreads),
+        "feasible_share": region.share,
+    }
     for key in spreads:
         mean, error = scores.mean_and_error(spreads[key])
         row[f"listed_{key}"] = row[f"met_{key}"] = mean
@@ -176,7 +205,9 @@ def message(methods: pd.DataFrame) -> str:
     lines = []
     for row in methods.itertuples():
         if row.method == REFERENCE:
-            lines.append(f"{row.method}: {100 * row.feasible_share:.1f} % of the ranges")
+            lines.append(
+                f"{row.method}: {100 * row.feasible_share:.1f} % of the ranges"
+            )
             continue
         lines.append(
             f"{row.method}: {row.reached:.0f} of {row.repetitions} reach the tolerance, after "

@@ -41,7 +41,9 @@ class Log:
     calls.
     """
 
-    def __init__(self, respond: Respond, objective: Objective, evaluations: int, dimensions: int):
+    def __init__(
+        self, respond: Respond, objective: Objective, evaluations: int, dimensions: int
+    ):
         self.respond, self.objective, self.dimensions = respond, objective, dimensions
         self._points = np.empty((evaluations, dimensions))
         self._fitness = np.empty(evaluations)
@@ -77,7 +79,9 @@ class Log:
 
     def _residuals_at(self, x):
         """Residuals of a point that was counted already."""
-        return (self.respond(np.asarray(x)[None])[0] - self.objective.target) / self.objective.width
+        return (
+            self.respond(np.asarray(x)[None])[0] - self.objective.target
+        ) / self.objective.width
 
     def _residuals(self, points):
         """Deviations of points, which are counted."""
@@ -126,7 +130,13 @@ def dual_annealing(log: Log, seed: int) -> None:
     """Dual annealing of scipy."""
     for restart in range(10**6):
         random = np.random.default_rng([seed, restart])
-        optimize.dual_annealing(log.of_one, [(-1, 1)] * log.dimensions, maxiter=10**6, maxfun=1e12, rng=random)
+        optimize.dual_annealing(
+            log.of_one,
+            [(-1, 1)] * log.dimensions,
+            maxiter=10**6,
+            maxfun=1e12,
+            rng=random,
+        )
 
 
 def cma_es(log: Log, seed: int) -> None:
@@ -136,7 +146,10 @@ def cma_es(log: Log, seed: int) -> None:
     bounds = np.tile([-1.0, 1.0], (log.dimensions, 1))
     for restart in range(10**6):
         random = np.random.default_rng([seed, restart])
-        start, stream = random.uniform(-1, 1, log.dimensions), int(random.integers(2**31))
+        start, stream = (
+            random.uniform(-1, 1, log.dimensions),
+            int(random.integers(2**31)),
+        )
         search = CMA(mean=start, sigma=0.5, bounds=bounds, seed=stream)
         while not search.should_stop():
             asked = np.array([search.ask() for _ in range(search.population_size)])
@@ -158,7 +171,14 @@ def uniform(log: Log, seed: int) -> None:
         log(random.uniform(-1, 1, (2000, log.dimensions)))
 
 
-OPERATORS = ("islands", "population", "generations", "tournament", "mutation_probability", "mutation_amplitude")
+OPERATORS = (
+    "islands",
+    "population",
+    "generations",
+    "tournament",
+    "mutation_probability",
+    "mutation_amplitude",
+)
 SEARCHES: dict[str, Search] = {
     "differential_evolution": differential_evolution,
     "dual_annealing": dual_annealing,
@@ -174,7 +194,10 @@ def searches(section: Mapping[str, Any]) -> dict[str, tuple[Search, int | None]]
     `section` is `miga` of the configuration.
     """
     own = {key: section[key] for key in OPERATORS}
-    alone = own | {"islands": 1, "population": section["islands"] * section["population"]}
+    alone = own | {
+        "islands": 1,
+        "population": section["islands"] * section["population"],
+    }
     whole = section["rounds"] * section["generations"] * alone["population"]
     found: dict[str, tuple[Search, int | None]] = {
         "miga": (partial(miga, **own), None),
@@ -185,7 +208,12 @@ def searches(section: Mapping[str, Any]) -> dict[str, tuple[Search, int | None]]
 
 
 def logged(
-    search: Search, respond: Respond, objective: Objective, evaluations: int, dimensions: int, seed: int
+    search: Search,
+    respond: Respond,
+    objective: Objective,
+    evaluations: int,
+    dimensions: int,
+    seed: int,
 ) -> tuple[Log, float]:
     """One search with all its evaluations used, and its time [s]; arguments as for `Log`."""
     log, began = Log(respond, objective, evaluations, dimensions), time.perf_counter()

@@ -42,14 +42,28 @@ def table_of(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 
 def read(files: Mapping[str, str | Path]) -> dict[str, pd.DataFrame]:
     """Read the tables ``sampling``, ``surrogates``, ``search`` and ``whole``, from files of the same names."""
-    sizes = ("points", "seeds", "simulations", "response", "repetitions", *_with_errors(SHARES))
-    sampling = read_table(files["sampling"], ("comparison", "design", "data", "fit", *sizes))
-    off = _with_errors([derived(name, "off") for name in dict.fromkeys(sampling["response"])])
+    sizes = (
+        "points",
+        "seeds",
+        "simulations",
+        "response",
+        "repetitions",
+        *_with_errors(SHARES),
+    )
+    sampling = read_table(
+        files["sampling"], ("comparison", "design", "data", "fit", *sizes)
+    )
+    off = _with_errors(
+        [derived(name, "off") for name in dict.fromkeys(sampling["response"])]
+    )
     whole = ("data", "samples", "method", "simulations", "repetitions", *off)
     return {
         "sampling": sampling,
         "surrogates": read_table(files["surrogates"], ("model", "training", *sizes)),
-        "search": read_table(files["search"], ("method", "evaluations", "repetitions", *_with_errors(SEARCH))),
+        "search": read_table(
+            files["search"],
+            ("method", "evaluations", "repetitions", *_with_errors(SEARCH)),
+        ),
         "whole": read_table(files["whole"], whole),
     }
 
@@ -78,7 +92,9 @@ def _surrogates(table: pd.DataFrame) -> Iterator[dict[str, Any]]:
 def _search(table: pd.DataFrame) -> Iterator[dict[str, Any]]:
     """Rows of the comparison of searches; the feasible region itself has none."""
     for row in table.dropna(subset="evaluations").to_dict("records"):
-        yield from _measured(row, SEARCH, part="search", choice=row["method"], data="network")
+        yield from _measured(
+            row, SEARCH, part="search", choice=row["method"], data="network"
+        )
 
 
 def _whole(table: pd.DataFrame, responses: tuple[str, ...]) -> Iterator[dict[str, Any]]:
@@ -86,7 +102,9 @@ def _whole(table: pd.DataFrame, responses: tuple[str, ...]) -> Iterator[dict[str
     for row in table.to_dict("records"):
         about = {"part": "whole", "choice": row["method"], "points": row["samples"]}
         for response in responses:
-            for found in _measured(row, (derived(response, "off"),), **about, response=response):
+            for found in _measured(
+                row, (derived(response, "off"),), **about, response=response
+            ):
                 yield found | {"measure": "off"}
 
 
@@ -98,5 +116,9 @@ def _with_errors(measures):
 def _measured(row, measures, **about):
     """Rows of the joint table from a row of another table: their common columns, then each measure."""
     for measure in measures:
-        value = {"measure": measure, "value": row[measure], "standard_error": row[f"{measure}_se"]}
+        value = {
+            "measure": measure,
+            "value": row[measure],
+            "standard_error": row[f"{measure}_se"],
+        }
         yield {key: row[key] for key in COLUMNS if key in row} | about | value

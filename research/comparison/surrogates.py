@@ -12,13 +12,27 @@ from research.comparison import scores
 from research.comparison.models import MODELS
 from research.comparison.points import Points
 
-BUDGETS = (30, 60, 110, 220)  # points drawn from the pool, which must have at least twice as many
+BUDGETS = (
+    30,
+    60,
+    110,
+    220,
+)  # points drawn from the pool, which must have at least twice as many
 REPETITIONS = 12
 REPETITION_STARTS = 8  # of the networks, at most: there are hundreds of fits
-MEASURES = ("r2", "explainable", "rmse", "coverage_50", "coverage_90", "standardised_square")
+MEASURES = (
+    "r2",
+    "explainable",
+    "rmse",
+    "coverage_50",
+    "coverage_90",
+    "standardised_square",
+)
 
 
-def table_of(sets: Sequence[Points], names: Sequence[str], settings: Mapping[str, Any], seed: int) -> pd.DataFrame:
+def table_of(
+    sets: Sequence[Points], names: Sequence[str], settings: Mapping[str, Any], seed: int
+) -> pd.DataFrame:
     """Each model at each budget, mean and standard error over the training sets.
 
     Rows of one training set (the main design, the whole pool) have no standard error. `sets` are as `points.read_sets`
@@ -29,14 +43,21 @@ def table_of(sets: Sequence[Points], names: Sequence[str], settings: Mapping[str
     rows = []
     for source, drawn in training_sets(main, pool, seed):
         for name, fit in MODELS.items():
-            found = [judged(fit(points, settings, seed + k), fresh) for k, points in enumerate(drawn)]
+            found = [
+                judged(fit(points, settings, seed + k), fresh)
+                for k, points in enumerate(drawn)
+            ]
             if None not in found:
                 rows.extend(_rows(source, name, names, drawn, found))
     return pd.DataFrame(rows)
 
 
 def run(
-    sets: Sequence[Points], names: Sequence[str], settings: Mapping[str, Any], seed: int, out_dir: str | Path
+    sets: Sequence[Points],
+    names: Sequence[str],
+    settings: Mapping[str, Any],
+    seed: int,
+    out_dir: str | Path,
 ) -> pd.DataFrame:
     """Write surrogates.csv; return the table."""
     table = table_of(sets, names, settings, seed)
@@ -44,7 +65,9 @@ def run(
     return table
 
 
-def training_sets(main: Points, pool: Points, seed: int) -> Iterator[tuple[str, list[Points]]]:
+def training_sets(
+    main: Points, pool: Points, seed: int
+) -> Iterator[tuple[str, list[Points]]]:
     """Random parts of the pool at each budget, then the whole pool and the main design.
 
     Each comes as its source, for the table, and a list of sets.
@@ -52,7 +75,10 @@ def training_sets(main: Points, pool: Points, seed: int) -> Iterator[tuple[str, 
     rng = np.random.default_rng([seed, 1])
     for count in BUDGETS:
         if 2 * count <= len(pool.X):
-            draws = [rng.choice(len(pool.X), count, replace=False) for _ in range(REPETITIONS)]
+            draws = [
+                rng.choice(len(pool.X), count, replace=False)
+                for _ in range(REPETITIONS)
+            ]
             yield "pool", [pool.take(rows) for rows in draws]
     yield "pool", [pool]
     yield "main design", [main]
@@ -70,7 +96,9 @@ def judged(predict: Callable | None, fresh: Points) -> list[dict[str, Any]] | No
     for k in range(fresh.responses):
         score = scores.accuracy(means[:, k], errors[:, k], mean[:, k])
         if std is not None:
-            score |= scores.calibration(means[:, k], errors[:, k], mean[:, k], std[:, k])
+            score |= scores.calibration(
+                means[:, k], errors[:, k], mean[:, k], std[:, k]
+            )
         found.append(score)
     return found
 
@@ -88,5 +116,7 @@ def _rows(source, name, names, sets, found):
             "repetitions": len(sets),
         }
         for key in MEASURES:
-            row[key], row[f"{key}_se"] = scores.mean_and_error([score[k].get(key, np.nan) for score in found])
+            row[key], row[f"{key}_se"] = scores.mean_and_error(
+                [score[k].get(key, np.nan) for score in found]
+            )
         yield row

@@ -43,7 +43,10 @@ class Samples(NamedTuple):
     @property
     def errors(self) -> np.ndarray:
         """Standard errors (n, k) of the means, by the scatter over all samples."""
-        return np.sqrt(np.diagonal(self.covariance)) / np.sqrt(self.points.counts())[:, None]
+        return (
+            np.sqrt(np.diagonal(self.covariance))
+            / np.sqrt(self.points.counts())[:, None]
+        )
 
     @property
     def seeds(self) -> int:
@@ -58,7 +61,9 @@ def samples_of(points: Points) -> Samples:
     """
     good = points.good()
     values, number = points.values[good], np.nonzero(good)[0]
-    within = [variance.variance_components(column, number).within for column in values.T]
+    within = [
+        variance.variance_components(column, number).within for column in values.T
+    ]
     correlation = np.eye(len(within))
     for i, j in zip(*np.triu_indices(len(within), 1), strict=True):
         pair = variance.residual_correlation(values[:, i], values[:, j], number)[0]
@@ -68,34 +73,50 @@ def samples_of(points: Points) -> Samples:
 
 
 def read_samples(
-    datasets: Sequence[str | Path], runs: Sequence[str | Path], space: ParameterSpace, names: Sequence[str]
+    datasets: Sequence[str | Path],
+    runs: Sequence[str | Path],
+    space: ParameterSpace,
+    names: Sequence[str],
 ) -> Samples:
     """Read samples of files that the verb dataset wrote, in pairs.
 
     InputError if a file is bad, the numbers of files differ, or too few samples have two runs.
     """
     if len(datasets) != len(runs):
-        raise InputError("command line", "runs", len(runs), f"as many files as datasets, {len(datasets)}")
+        raise InputError(
+            "command line",
+            "runs",
+            len(runs),
+            f"as many files as datasets, {len(datasets)}",
+        )
     points = joined([read(*pair, names) for pair in zip(datasets, runs, strict=True)])
     try:
         return samples_of(points._replace(X=space.unit(points.X)))
     except ValueError as error:
-        raise InputError(runs[0], "runs", str(error), "two or more of most samples") from None
+        raise InputError(
+            runs[0], "runs", str(error), "two or more of most samples"
+        ) from None
 
 
 def matern(inputs: int) -> Any:
     """Kernel of the truth: Matern 5/2 with a length for each input."""
     from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
-    return ConstantKernel(1.0, (1e-2, 1e3)) * Matern(np.ones(inputs), (0.1, 30.0), nu=2.5)
+    return ConstantKernel(1.0, (1e-2, 1e3)) * Matern(
+        np.ones(inputs), (0.1, 30.0), nu=2.5
+    )
 
 
 def truth_of(samples: Samples, seed: int) -> Emulator:
     """Fit the emulator of all samples, the judge of proposals; `seed` draws points of the kernel fit and folds."""
-    return with_process(samples.points, samples.errors, samples.covariance, matern, seed)
+    return with_process(
+        samples.points, samples.errors, samples.covariance, matern, seed
+    )
 
 
-def emulated(samples: Samples, truth: Emulator, count: int, random: np.random.Generator) -> Points:
+def emulated(
+    samples: Samples, truth: Emulator, count: int, random: np.random.Generator
+) -> Points:
     """Draw a new Latin hypercube of `count` samples whose runs scatter about the truth as real ones do.
 
     Each has as many runs as `samples` have on average.
@@ -106,7 +127,10 @@ def emulated(samples: Samples, truth: Emulator, count: int, random: np.random.Ge
 
 
 def compared(
-    samples: Samples, space: ParameterSpace, targets: Targets, settings: Mapping[str, Any]
+    samples: Samples,
+    space: ParameterSpace,
+    targets: Targets,
+    settings: Mapping[str, Any],
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """All methods on real and emulated data: means with standard errors over the repetitions, and every proposal.
 
@@ -120,9 +144,13 @@ def compared(
             for kind in ("real", "emulated"):
                 if kind == "real" and count >= available:
                     continue
-                random = np.random.default_rng([settings["seed"], count, repetition, kind == "real"])
+                random = np.random.default_rng(
+                    [settings["seed"], count, repetition, kind == "real"]
+                )
                 if kind == "real":
-                    data = samples.points.take(random.choice(available, count, replace=False))
+                    data = samples.points.take(
+                        random.choice(available, count, replace=False)
+                    )
                 else:
                     data = emulated(samples, truth, count, random)
                 about = {"data": kind, "samples": count, "repetition": repetition}
@@ -132,7 +160,11 @@ def compared(
 
 
 def run(
-    samples: Samples, space: ParameterSpace, targets: Targets, settings: Mapping[str, Any], out_dir: str | Path
+    samples: Samples,
+    space: ParameterSpace,
+    targets: Targets,
+    settings: Mapping[str, Any],
+    out_dir: str | Path,
 ) -> pd.DataFrame:
     """Write whole.csv and whole_proposals.csv; return the first."""
     table, proposals = compared(samples, space, targets, settings)
@@ -147,7 +179,10 @@ def _rows(about, data, truth, space, targets, settings, random):
     objective = Objective(targets)
     for name, (place, evaluations) in found.items():
         row = {key: about[key] for key in ("data", "samples")} | {"method": name}
-        row |= {"repetition": about["repetition"], "simulations": int(data.counts().sum())}
+        row |= {
+            "repetition": about["repetition"],
+            "simulations": int(data.counts().sum()),
+        }
         row |= {"evaluations": evaluations}
         row |= dict(zip(PARAMETERS, space.values(place)[0], strict=True))
         yield row | _judged(truth.mean(place), objective, targets)
@@ -159,7 +194,10 @@ def _judged(responses, objective, targets):
     off = np.abs(responses[0] - objective.target)
     return {
         **dict(zip(targets.names, responses[0], strict=True)),
-        **{derived(name, "off"): value for name, value in zip(targets.names, off, strict=True)},
+        **{
+            derived(name, "off"): value
+            for name, value in zip(targets.names, off, strict=True)
+        },
         "objective": F[0],
         "inside": bool(V[0] == 0),
     }
@@ -168,10 +206,21 @@ def _judged(responses, objective, targets):
 def _table(proposals, truth, targets, available):
     """Means with standard errors over the repetitions."""
     rows = []
-    for (kind, count, method), group in proposals.groupby(["data", "samples", "method"], sort=False):
-        row = {"data": kind, "samples": count, "method": method, "repetitions": len(group)}
+    for (kind, count, method), group in proposals.groupby(
+        ["data", "samples", "method"], sort=False
+    ):
+        row = {
+            "data": kind,
+            "samples": count,
+            "method": method,
+            "repetitions": len(group),
+        }
         row |= {key: group[key].mean() for key in ("simulations", "evaluations")}
-        for key in (*(derived(name, "off") for name in targets.names), "objective", "inside"):
+        for key in (
+            *(derived(name, "off") for name in targets.names),
+            "objective",
+            "inside",
+        ):
             row[key], row[f"{key}_se"] = scores.mean_and_error(group[key])
         rows.append(row)
     table = pd.DataFrame(rows)
@@ -189,6 +238,10 @@ def message(table: pd.DataFrame, targets: Targets) -> str:
             parts = []
             for response in targets.responses:
                 off = derived(response.name, "off")
-                parts.append(f"{response.symbol} {row[off]:.2f} ± {row[f'{off}_se']:.2f} {response.unit}".rstrip())
-            lines.append(f"{kind}, {row['samples']} samples, {row['method']}: off by {', '.join(parts)}")
+                parts.append(
+                    f"{response.symbol} {row[off]:.2f} ± {row[f'{off}_se']:.2f} {response.unit}".rstrip()
+                )
+            lines.append(
+                f"{kind}, {row['samples']} samples, {row['method']}: off by {', '.join(parts)}"
+            )
     return "\n".join(lines)

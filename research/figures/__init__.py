@@ -14,7 +14,8 @@ FIGURES = {
     "whole": Drawn(inversion.whole, _named("whole")),
     "shape_study": Drawn(representations.study, _named("combinations", "sets")),
     "second_responses": Drawn(
-        second_look.what_to_measure_next, _named("responses", "information", "narrowing", "ways")
+        second_look.what_to_measure_next,
+        _named("responses", "information", "narrowing", "ways"),
     ),
     "accuracy": Drawn(comparison.accuracy, _named("accuracy")),
     "surrogates": Drawn(comparison.surrogates, _named("surrogates")),

@@ -9,7 +9,16 @@ from matplotlib.figure import Figure
 from repose.core.files import read_table
 from repose.pictures.figures import style
 
-COLOURS = (style.BLUE, style.SKY, style.RED, style.GREEN, style.ORANGE, style.PURPLE, style.GREY, style.BLACK)
+COLOURS = (
+    style.BLUE,
+    style.SKY,
+    style.RED,
+    style.GREEN,
+    style.ORANGE,
+    style.PURPLE,
+    style.GREY,
+    style.BLACK,
+)
 MARKERS = "osD^vP*X"
 LEAST_MISSED = 0.003  # of the explainable variance; an unbiased share may exceed one
 
@@ -19,12 +28,30 @@ def accuracy(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
 
     Input: ``accuracy`` of the script comparison.
     """
-    keys = ("r2", "r2_low", "r2_high", "r2_bar", "explainable", "explainable_low", "explainable_high")
-    columns = ("training", "simulations", "seeds", "response", "reachable_r2", *keys, "explainable_bar")
+    keys = (
+        "r2",
+        "r2_low",
+        "r2_high",
+        "r2_bar",
+        "explainable",
+        "explainable_low",
+        "explainable_high",
+    )
+    columns = (
+        "training",
+        "simulations",
+        "seeds",
+        "response",
+        "reachable_r2",
+        *keys,
+        "explainable_bar",
+    )
     table = read_table(inputs["accuracy"], columns)
     responses = style.targets_of(config).responses
     figure = style.new_figure(style.PAGE, 4.4)
-    panels = figure.subplots(2, len(responses), sharex=True, sharey="row", squeeze=False)
+    panels = figure.subplots(
+        2, len(responses), sharex=True, sharey="row", squeeze=False
+    )
     for column, response in zip(panels.T, responses, strict=True):
         rows = table[table["response"] == response.name]
         for panel, key in zip(column, ("r2", "explainable"), strict=True):
@@ -40,7 +67,9 @@ def accuracy(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
             label="most that the noise lets any model reach",
         )
         column[1].set_xlabel("simulations trained on")
-    for panel, words in zip(panels[:, 0], ("R²", "share of the explainable\nvariance"), strict=True):
+    for panel, words in zip(
+        panels[:, 0], ("R²", "share of the explainable\nvariance"), strict=True
+    ):
         panel.set_ylabel(words)
     _legend_below(figure, panels[0, 0])
     return figure
@@ -51,11 +80,27 @@ def _with_intervals(panel, rows, key):
     sources = list(dict.fromkeys(rows["training"]))
     for k, source in enumerate(sources):
         of = rows[rows["training"] == source]
-        bars = np.abs(of[[f"{key}_low", f"{key}_high"]].to_numpy().T - of[key].to_numpy())
-        place = of["simulations"] * 1.04 ** (k - len(sources) / 2)  # so that no bar hides another
-        look = {"color": COLOURS[k], "marker": MARKERS[k], "ms": 4, "ls": "none", "lw": 0.8}
+        bars = np.abs(
+            of[[f"{key}_low", f"{key}_high"]].to_numpy().T - of[key].to_numpy()
+        )
+        place = of["simulations"] * 1.04 ** (
+            k - len(sources) / 2
+        )  # so that no bar hides another
+        look = {
+            "color": COLOURS[k],
+            "marker": MARKERS[k],
+            "ms": 4,
+            "ls": "none",
+            "lw": 0.8,
+        }
         panel.errorbar(place, of[key], yerr=bars, label=source, **look)
-    panel.axhline(rows[f"{key}_bar"].iloc[0], color=style.BLACK, ls="--", lw=0.8, label="asked for")
+    panel.axhline(
+        rows[f"{key}_bar"].iloc[0],
+        color=style.BLACK,
+        ls="--",
+        lw=0.8,
+        label="asked for",
+    )
     panel.set_xscale("log")
 
 
@@ -65,20 +110,40 @@ def surrogates(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     Input: ``surrogates`` of the script comparison.
     """
     table = read_table(
-        inputs["surrogates"], ("model", "training", "simulations", "response", "explainable", "explainable_se")
+        inputs["surrogates"],
+        (
+            "model",
+            "training",
+            "simulations",
+            "response",
+            "explainable",
+            "explainable_se",
+        ),
     )
     responses = style.targets_of(config).responses
     figure = style.new_figure(style.PAGE, 3.5)
     panels = figure.subplots(1, len(responses), sharey=True, squeeze=False)[0]
     for panel, response in zip(panels, responses, strict=True):
         for k, model in enumerate(dict.fromkeys(table["model"])):
-            rows = table[(table["model"] == model) & (table["response"] == response.name)]
+            rows = table[
+                (table["model"] == model) & (table["response"] == response.name)
+            ]
             drawn = rows[rows["training"] == "pool"].sort_values("simulations")
             look = {"color": COLOURS[k], "marker": MARKERS[k], "ms": 4}
             _missed(panel, drawn["simulations"], drawn, label=model, **look)
             main = rows[rows["training"] != "pool"]
-            _missed(panel, main["simulations"] * 1.1, main, mfc="none", **look | {"ls": "none"})
-        panel.set(title=response.symbol, xscale="log", xlabel="simulations (open marks: main design)")
+            _missed(
+                panel,
+                main["simulations"] * 1.1,
+                main,
+                mfc="none",
+                **look | {"ls": "none"},
+            )
+        panel.set(
+            title=response.symbol,
+            xscale="log",
+            xlabel="simulations (open marks: main design)",
+        )
         _plain_ticks(panel, table.loc[table["training"] == "pool", "simulations"])
     _missed_axes(panels)
     _legend_below(figure, panels[0])
@@ -97,9 +162,16 @@ def sampling(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     responses = style.targets_of(config).responses
     figure = style.new_figure(style.PAGE, 5.8)
     halves = figure.subfigures(2, 1)
-    panels = np.array([half.subplots(1, len(responses), sharey=True, squeeze=False)[0] for half in halves])
+    panels = np.array(
+        [
+            half.subplots(1, len(responses), sharey=True, squeeze=False)[0]
+            for half in halves
+        ]
+    )
     for column, response in zip(panels.T, responses, strict=True):
-        _lines(column[0], designs[designs["response"] == response.name], "design", "points")
+        _lines(
+            column[0], designs[designs["response"] == response.name], "design", "points"
+        )
         _lines(column[1], trades[trades["response"] == response.name], "fit", "seeds")
         column[0].set(title=response.symbol)
         column[1].set(xlabel="seeds per point, at the same number of simulations")
@@ -112,7 +184,9 @@ def sampling(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
 def _lines(panel, rows, kind, size):
     """Draw a line for each kind, emulated or real, over a size; a kind keeps its colour."""
     looks = {name: k for k, name in enumerate(dict.fromkeys(rows[kind]))}
-    for place, (name, data) in enumerate(dict.fromkeys(zip(rows[kind], rows["data"], strict=True))):
+    for place, (name, data) in enumerate(
+        dict.fromkeys(zip(rows[kind], rows["data"], strict=True))
+    ):
         k = looks[name]
         of = rows[(rows[kind] == name) & (rows["data"] == data)].sort_values(size)
         _missed(
@@ -144,7 +218,10 @@ def _missed_axes(panels):
     for panel in panels:
         panel.set_yscale("log")
         panel.set_yticks(shares / 100, [f"{share}" for share in shares])
-    least, most = min(panel.dataLim.y0 for panel in panels), max(panel.dataLim.y1 for panel in panels)
+    least, most = (
+        min(panel.dataLim.y0 for panel in panels),
+        max(panel.dataLim.y1 for panel in panels),
+    )
     panels[0].set_ylim(min(1.0, 1.25 * most), max(LEAST_MISSED, 0.8 * least))
     for panel in panels:
         panel.minorticks_off()
@@ -152,14 +229,20 @@ def _missed_axes(panels):
 
 def _legend_below(figure, panel):
     """Put the panel's legend below all panels, where it hides nothing."""
-    figure.legend(*panel.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    figure.legend(
+        *panel.get_legend_handles_labels(), loc="outside lower center", ncols=3
+    )
 
 
 def _plain_ticks(panel, values):
     """Plain numbers on a logarithmic axis, at most six of them."""
     ticks = np.unique(values)
-    ticks = ticks[np.append(True, ticks[1:] > 1.15 * ticks[:-1])]  # their numbers would overlap
-    ticks = ticks[np.linspace(0, len(ticks) - 1, min(6, len(ticks))).round().astype(int)]
+    ticks = ticks[
+        np.append(True, ticks[1:] > 1.15 * ticks[:-1])
+    ]  # their numbers would overlap
+    ticks = ticks[
+        np.linspace(0, len(ticks) - 1, min(6, len(ticks))).round().astype(int)
+    ]
     panel.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
     panel.minorticks_off()
     panel.grid(True)

@@ -40,15 +40,23 @@ def searches(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
 
     Inputs: ``curves`` and ``methods`` of the script comparison.
     """
-    curves = read_table(inputs["curves"], ("method", "evaluations", "log10_mean", "log10_se"))
-    methods = read_table(inputs["methods"], ("method", "reached", "repetitions")).set_index("method")
+    curves = read_table(
+        inputs["curves"], ("method", "evaluations", "log10_mean", "log10_se")
+    )
+    methods = read_table(
+        inputs["methods"], ("method", "reached", "repetitions")
+    ).set_index("method")
     figure = style.new_figure(style.PAGE, 3.5)
     course, soon, spread = figure.subplots(1, 3, width_ratios=[1.9, 1, 1])
     _course(course, curves, config["compare_search"]["tolerance"])
     course.set_title("a", fontweight="bold")
     _to_tolerance(soon, methods)
     _coverage(spread, methods)
-    named = [one for panel in (course, spread) for one in zip(*panel.get_legend_handles_labels(), strict=True)]
+    named = [
+        one
+        for panel in (course, spread)
+        for one in zip(*panel.get_legend_handles_labels(), strict=True)
+    ]
     figure.legend(*zip(*named, strict=True), loc="outside lower center", ncols=4)
     return figure
 
@@ -58,21 +66,36 @@ def _course(panel: Axes, curves: pd.DataFrame, tolerance: float) -> None:
     for name, (label, colour) in SEARCHES.items():
         rows = curves[curves["method"] == name]
         if name == "miga_whole":  # continues after the end of the others
-            rows = rows[rows["evaluations"] >= curves.loc[curves["method"] == "miga", "evaluations"].max()]
+            rows = rows[
+                rows["evaluations"]
+                >= curves.loc[curves["method"] == "miga", "evaluations"].max()
+            ]
         line = "--" if name == "miga_whole" else "-"
         middle, error = rows["log10_mean"], rows["log10_se"]
         panel.plot(rows["evaluations"], 10**middle, line, color=colour, label=label)
         ends = 10 ** (middle - error), 10 ** (middle + error)
         panel.fill_between(rows["evaluations"], *ends, color=colour, alpha=0.2, lw=0)
     panel.axhline(tolerance, color=style.BLACK, lw=0.7, ls=":")
-    panel.set(xscale="log", yscale="log", xlabel="evaluations of the network", ylabel="best objective F (–)")
-    words = {"fontsize": 6.3, "ha": "right", "va": "bottom", "transform": panel.get_yaxis_transform()}
+    panel.set(
+        xscale="log",
+        yscale="log",
+        xlabel="evaluations of the network",
+        ylabel="best objective F (–)",
+    )
+    words = {
+        "fontsize": 6.3,
+        "ha": "right",
+        "va": "bottom",
+        "transform": panel.get_yaxis_transform(),
+    }
     panel.text(0.99, tolerance * 1.2, f"tolerance {tolerance:g}", **words)
 
 
 def _to_tolerance(panel: Axes, methods: pd.DataFrame) -> None:
     """Draw the evaluations until each search meets the tolerance; pale if some of its runs did not."""
-    names = [name for name in SEARCHES if name in methods.index and name != "miga_whole"]
+    names = [
+        name for name in SEARCHES if name in methods.index and name != "miga_whole"
+    ]
     place = np.arange(len(names))[::-1]
     for y, name in zip(place, names, strict=True):
         row, (_, colour) = methods.loc[name], SEARCHES[name]
@@ -80,7 +103,13 @@ def _to_tolerance(panel: Axes, methods: pd.DataFrame) -> None:
         if reached:
             # if some runs failed, the mean over the others is too low
             alpha = 1.0 if reached == int(row["repetitions"]) else 0.4
-            panel.barh(y, row["evaluations_to_tolerance"], color=colour, height=0.7, alpha=alpha)
+            panel.barh(
+                y,
+                row["evaluations_to_tolerance"],
+                color=colour,
+                height=0.7,
+                alpha=alpha,
+            )
             panel.errorbar(
                 row["evaluations_to_tolerance"],
                 y,
@@ -91,10 +120,14 @@ def _to_tolerance(panel: Axes, methods: pd.DataFrame) -> None:
             )
         of = int(row["repetitions"])
         if reached < of:
-            panel.text(12, y, f"{reached} of {of} runs", fontsize=6, va="center", ha="left")
+            panel.text(
+                12, y, f"{reached} of {of} runs", fontsize=6, va="center", ha="left"
+            )
     panel.set_yticks(place, [SEARCHES[name][0] for name in names], fontsize=6.3)
     panel.set(xscale="log", xlim=(10, None), xlabel="evaluations to tolerance")
-    if not (methods.loc[names, "reached"] > 0).any():  # without a bar the axes have no ends of their own
+    if not (
+        methods.loc[names, "reached"] > 0
+    ).any():  # without a bar the axes have no ends of their own
         panel.set(xlim=(10, 1e5), ylim=(-0.6, len(names) - 0.4))
     panel.set_title("b", fontweight="bold")
 
@@ -111,12 +144,24 @@ def _coverage(panel: Axes, methods: pd.DataFrame) -> None:
         errors = 100 * methods.loc[names, f"{key}_coverage_se"].to_numpy()
         colours = [SEARCHES[name][1] for name in names]
         panel.barh(place + offset, values, 0.38, color=colours, alpha=alpha)
-        panel.errorbar(values, place + offset, xerr=errors, fmt="none", ecolor=style.BLACK, lw=0.7)
+        panel.errorbar(
+            values, place + offset, xerr=errors, fmt="none", ecolor=style.BLACK, lw=0.7
+        )
         panel.barh([np.nan], [np.nan], color=style.BLACK, alpha=alpha, label=label)
     full = 100 * methods.loc[REGION, "listed_coverage"]
-    panel.axvline(full, color=style.BLACK, lw=0.8, ls=":", label="c: as many random feasible points")
-    panel.set_yticks(place, [SEARCHES[name][0].replace(", ", ",\n") for name in names], fontsize=6)
-    panel.set(xlabel="region covered (%)", xlim=(0, None), ylim=(-0.6, len(names) - 0.4))
+    panel.axvline(
+        full,
+        color=style.BLACK,
+        lw=0.8,
+        ls=":",
+        label="c: as many random feasible points",
+    )
+    panel.set_yticks(
+        place, [SEARCHES[name][0].replace(", ", ",\n") for name in names], fontsize=6
+    )
+    panel.set(
+        xlabel="region covered (%)", xlim=(0, None), ylim=(-0.6, len(names) - 0.4)
+    )
     panel.set_title("c", fontweight="bold")
 
 
@@ -131,7 +176,9 @@ def whole(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     table = read_table(inputs["whole"], ("data", "method", "simulations", *columns))
     kinds = [kind for kind in KINDS if kind in set(table["data"])]
     figure = style.new_figure(style.PAGE, 0.8 + 1.8 * len(responses))
-    panels = figure.subplots(len(responses), len(kinds), sharex=True, sharey="row", squeeze=False)
+    panels = figure.subplots(
+        len(responses), len(kinds), sharex=True, sharey="row", squeeze=False
+    )
     for row, response, key in zip(panels, responses, off, strict=True):
         for panel, kind in zip(row, kinds, strict=True):
             _off_the_target(panel, table[table["data"] == kind], key)
@@ -139,7 +186,9 @@ def whole(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     for k, kind in enumerate(kinds):
         panels[0, k].set_title(f"{style.letter(k)}   {KINDS[kind]}", fontweight="bold")
         panels[-1, k].set_xlabel("simulations spent")
-    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    figure.legend(
+        *panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3
+    )
     return figure
 
 
@@ -147,8 +196,17 @@ def _off_the_target(panel: Axes, table: pd.DataFrame, key: str) -> None:
     """Draw a line for each method with one standard error over its repetitions."""
     for name, (text, colour, mark, line) in WHOLE.items():
         rows = table[table["method"] == name]
-        look = {"color": colour, "marker": mark, "ms": 3.5, "ls": line, "capsize": 2, "lw": 1}
-        panel.errorbar(rows["simulations"], rows[key], yerr=rows[f"{key}_se"], label=text, **look)
+        look = {
+            "color": colour,
+            "marker": mark,
+            "ms": 3.5,
+            "ls": line,
+            "capsize": 2,
+            "lw": 1,
+        }
+        panel.errorbar(
+            rows["simulations"], rows[key], yerr=rows[f"{key}_se"], label=text, **look
+        )
     panel.grid(True, axis="y")
     panel.set_ylim(0, None)
 

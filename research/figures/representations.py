@@ -30,10 +30,16 @@ def study(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     columns = ("particle", "tension", "filling", "definition", "distance")
     combinations = read_table(inputs["combinations"], columns)
     sets = read_table(inputs["sets"], ("kind", "definition", "set"))
-    shown = [target for target in style.targets_of(config) if derived(target.name, "difference") in combinations][:2]
+    shown = [
+        target
+        for target in style.targets_of(config)
+        if derived(target.name, "difference") in combinations
+    ][:2]
     published = _published(sets, shown)
     study = config["shape_study"]
-    particles, tensions, fillings = (list(study[key]) for key in ("particles", "tensions", "fillings"))
+    particles, tensions, fillings = (
+        list(study[key]) for key in ("particles", "tensions", "fillings")
+    )
     looks = {
         (particle, tension, filling): {
             "color": COLOURS[i % len(COLOURS)],
@@ -50,7 +56,9 @@ def study(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
         rows = combinations[combinations["definition"] == definition]
         _one_definition(panel, rows, shown, published, looks)
         panel.set_title(definition.replace("_", ", by "), fontsize=9)
-    labels = [f"{target.response.label} ({target.response.unit})" for target in shown] + ["distance (–)"]
+    labels = [
+        f"{target.response.label} ({target.response.unit})" for target in shown
+    ] + ["distance (–)"]
     for panel in panels[-1]:
         panel.set_xlabel(labels[0])
     for panel in panels[:, 0]:
@@ -60,7 +68,11 @@ def study(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
 
 
 def _one_definition(
-    panel: Axes, rows: pd.DataFrame, shown: list[Target], published: pd.DataFrame, looks: Mapping
+    panel: Axes,
+    rows: pd.DataFrame,
+    shown: list[Target],
+    published: pd.DataFrame,
+    looks: Mapping,
 ) -> None:
     """Draw the combinations of one definition of the angle, the published piles and the ranges of the targets."""
     _ranges(panel, shown)
@@ -68,7 +80,10 @@ def _one_definition(
         across, up = (published[target.name] for target in shown)
         panel.scatter(across, up, marker="+", s=40, color="k", linewidths=1, zorder=5)
     for row in rows.to_dict("records"):
-        place = [published[target.name].mean() + row[derived(target.name, "difference")] for target in shown]
+        place = [
+            published[target.name].mean() + row[derived(target.name, "difference")]
+            for target in shown
+        ]
         errors = [2 * row[target.response.error] for target in shown]
         if len(shown) == 1:
             place, errors = [*place, row["distance"]], [*errors, 0.0]
@@ -86,7 +101,12 @@ def _one_definition(
 def _published(sets: pd.DataFrame, shown: list[Target]) -> pd.DataFrame:
     """Return the published values of each set: the value found less the difference."""
     published = sets[sets["kind"] == "published"].drop_duplicates("set")
-    return pd.DataFrame({t.name: published[t.name] - published[derived(t.name, "difference")] for t in shown})
+    return pd.DataFrame(
+        {
+            t.name: published[t.name] - published[derived(t.name, "difference")]
+            for t in shown
+        }
+    )
 
 
 def _ranges(panel: Axes, shown: list[Target]) -> None:
@@ -100,13 +120,24 @@ def _ranges(panel: Axes, shown: list[Target]) -> None:
     panel.add_patch(Rectangle((across.low, up.low), *size, **look))
 
 
-def _legend(figure: Figure, particles: list[str], tensions: list[str], fillings: list[str]) -> None:
+def _legend(
+    figure: Figure, particles: list[str], tensions: list[str], fillings: list[str]
+) -> None:
     """Legend: colours of the particles, marks of the fillings, fill of a mark for each tension."""
     grey = {"color": "0.4", "marker": "o", "linestyle": "none"}
     groups = {
-        "particle": [(name, {"color": colour}) for name, colour in zip(particles, COLOURS, strict=False)],
-        "filling": [(name, {"marker": marker}) for name, marker in zip(fillings, MARKERS, strict=False)],
-        "tension": [(name, {"fillstyle": fill}) for name, fill in zip(tensions, FILLS, strict=False)],
+        "particle": [
+            (name, {"color": colour})
+            for name, colour in zip(particles, COLOURS, strict=False)
+        ],
+        "filling": [
+            (name, {"marker": marker})
+            for name, marker in zip(fillings, MARKERS, strict=False)
+        ],
+        "tension": [
+            (name, {"fillstyle": fill})
+            for name, fill in zip(tensions, FILLS, strict=False)
+        ],
         "article": [
             ("published_piles", {"color": "k", "marker": "+"}),
             ("target_ranges", {"color": "0.85", "marker": "s"}),
@@ -116,6 +147,16 @@ def _legend(figure: Figure, particles: list[str], tensions: list[str], fillings:
     handles = []
     for group, members in groups.items():
         looks = [(f"{group}:", {"marker": ""}), *members]
-        looks += [("", {"marker": ""})] * (-len(looks) % rows)  # a column for each group
-        handles += [Line2D([], [], label=name.replace("_", " "), **grey | look) for name, look in looks]
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles) // rows, fontsize=7)
+        looks += [("", {"marker": ""})] * (
+            -len(looks) % rows
+        )  # a column for each group
+        handles += [
+            Line2D([], [], label=name.replace("_", " "), **grey | look)
+            for name, look in looks
+        ]
+    figure.legend(
+        handles=handles,
+        loc="outside lower center",
+        ncols=len(handles) // rows,
+        fontsize=7,
+    )

@@ -16,25 +16,40 @@ TOGETHER = {WHOLE_PILE: "all of the pile", EVERYTHING: EVERYTHING}
 COLOURS = (style.BLUE, style.SKY)
 
 
-def what_to_measure_next(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
+def what_to_measure_next(
+    inputs: Mapping[str, str], config: Mapping[str, Any]
+) -> Figure:
     """Bits that each response adds to the targets, the width of each parameter's interval, and bits a minute of work.
 
     Every panel shows an exact simulator and one with a discrepancy. Inputs: ``responses``, ``information``,
     ``narrowing`` and ``ways`` of the script responses.
     """
     base_name = base_label(style.targets_of(config).responses)
-    information = read_table(inputs["information"], ("discrepancy_percent", "set", "gain_bits"))
-    narrowing = read_table(inputs["narrowing"], ("discrepancy_percent", "set", "parameter", "over_base"))
-    known = read_table(inputs["responses"], ("response", "signal_to_noise", "r2")).set_index("response")
+    information = read_table(
+        inputs["information"], ("discrepancy_percent", "set", "gain_bits")
+    )
+    narrowing = read_table(
+        inputs["narrowing"], ("discrepancy_percent", "set", "parameter", "over_base")
+    )
+    known = read_table(
+        inputs["responses"], ("response", "signal_to_noise", "r2")
+    ).set_index("response")
     percents = sorted(information["discrepancy_percent"].unique())
-    first = information[information["discrepancy_percent"] == percents[0]].set_index("set")
+    first = information[information["discrepancy_percent"] == percents[0]].set_index(
+        "set"
+    )
     single = [name for name in first.index if name in known.index]
     order = sorted(single, key=lambda name: first.loc[name, "gain_bits"])
     order = [*[name for name in TOGETHER if name in first.index][::-1], *order]
-    ways = read_table(inputs["ways"], ("discrepancy_percent", "way", "minutes", "bits_a_minute"))
+    ways = read_table(
+        inputs["ways"], ("discrepancy_percent", "way", "minutes", "bits_a_minute")
+    )
     figure = style.new_figure(style.PAGE, 1.6 + 0.45 * (len(order) + 1))
     places = figure.add_gridspec(2, 2, height_ratios=(1.2, 1))
-    bars, work, widths = (figure.add_subplot(place) for place in (places[0, 0], places[0, 1], places[1, :]))
+    bars, work, widths = (
+        figure.add_subplot(place)
+        for place in (places[0, 0], places[0, 1], places[1, :])
+    )
     _bars(bars, information, order, percents, known)
     bars.set_xlabel(f"bits gained beside {base_name}")
     _work(work, ways, percents)
@@ -64,7 +79,9 @@ def _work(panel, ways, percents):
         rows = ways[ways["discrepancy_percent"] == percent].set_index("way").loc[order]
         y = place + height * ((len(percents) - 1) / 2 - k)
         panel.barh(y, rows["bits_a_minute"], height, color=COLOURS[k])
-    labels = [f"{WAYS.get(way, way)}\n{last.loc[way, 'minutes']:g} min" for way in order]
+    labels = [
+        f"{WAYS.get(way, way)}\n{last.loc[way, 'minutes']:g} min" for way in order
+    ]
     panel.set_yticks(place, labels, fontsize=6.3, linespacing=1.05)
     panel.set_xlabel("bits a minute of work")
     panel.set_title("b", fontweight="bold")
@@ -75,11 +92,21 @@ def _bars(panel, information, order, percents, known):
     place = np.arange(len(order))
     height = 0.8 / len(percents)
     for k, percent in enumerate(percents):
-        rows = information[information["discrepancy_percent"] == percent].set_index("set").loc[order]
+        rows = (
+            information[information["discrepancy_percent"] == percent]
+            .set_index("set")
+            .loc[order]
+        )
         y = place + height * ((len(percents) - 1) / 2 - k)
         panel.barh(y, rows["gain_bits"], height, color=COLOURS[k], label=_case(percent))
         panel.errorbar(
-            rows["gain_bits"], y, xerr=rows["gain_se_bits"], fmt="none", ecolor=style.BLACK, lw=0.7, capsize=1.5
+            rows["gain_bits"],
+            y,
+            xerr=rows["gain_se_bits"],
+            fmt="none",
+            ecolor=style.BLACK,
+            lw=0.7,
+            capsize=1.5,
         )
     panel.axvline(0, color=style.BLACK, lw=0.6)
     names = []
@@ -89,7 +116,9 @@ def _bars(panel, information, order, percents, known):
             text += f"\nS/N {known.loc[name, 'signal_to_noise']:.1f}, R² {known.loc[name, 'r2']:.2f}"
         names.append(text)
     panel.set_yticks(place, names, fontsize=6.3, linespacing=1.05)
-    panel.figure.legend(*panel.get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    panel.figure.legend(
+        *panel.get_legend_handles_labels(), loc="outside lower center", ncols=2
+    )
     panel.set_title("a", fontweight="bold")
 
 
@@ -102,12 +131,16 @@ def _map(panel, narrowing, order, base, percents):
     rows, each = [*order, base], len(percents)
     columns = [(name, percent) for name in parameters for percent in percents]
     tables = narrowing.pivot(
-        index="set", columns=["parameter", "discrepancy_percent"], values=["over_base", "width_ratio"]
+        index="set",
+        columns=["parameter", "discrepancy_percent"],
+        values=["over_base", "width_ratio"],
     )
     ratio = tables["over_base"].loc[rows, columns].to_numpy(float)
     shown = ratio.copy()
     shown[-1] = tables["width_ratio"].loc[base, columns]
-    panel.imshow(ratio, cmap="YlGnBu_r", vmin=0.3, vmax=1.0, aspect="auto", origin="lower")
+    panel.imshow(
+        ratio, cmap="YlGnBu_r", vmin=0.3, vmax=1.0, aspect="auto", origin="lower"
+    )
     for i, j in np.ndindex(shown.shape):
         panel.text(
             j,
@@ -122,10 +155,14 @@ def _map(panel, narrowing, order, base, percents):
     for k in range(1, len(parameters)):
         panel.axvline(each * k - 0.5, color="white", lw=3)
     symbols = [f"\n{SYMBOLS[name]}" for name in parameters]
-    panel.set_xticks(each * np.arange(len(parameters)) + (each - 1) / 2, symbols, fontsize=7.5)
+    panel.set_xticks(
+        each * np.arange(len(parameters)) + (each - 1) / 2, symbols, fontsize=7.5
+    )
     cases = [_short(percent) for _, percent in columns]
     panel.set_xticks(range(len(columns)), cases, fontsize=6, minor=True)
     labels = [TOGETHER.get(name) or response(name).label for name in order]
-    panel.set_yticks(range(len(rows)), [*labels, f"{base} alone,\nover the prior"], fontsize=6)
+    panel.set_yticks(
+        range(len(rows)), [*labels, f"{base} alone,\nover the prior"], fontsize=6
+    )
     panel.tick_params(which="both", length=0)
     panel.set_title(f"c   95 % interval over that of {base} alone", fontweight="bold")

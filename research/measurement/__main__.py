@@ -8,7 +8,12 @@ from repose.core.targets import Targets
 from repose.measure import pile
 from repose.particle.berry_files import read_berry
 from repose.particle.particle import Particle
-from research.measurement import line_choice, line_slopes, loose_grain, measurement_study
+from research.measurement import (
+    line_choice,
+    line_slopes,
+    loose_grain,
+    measurement_study,
+)
 from research.script import Script, option
 
 script = Script("measurement", __doc__)
@@ -21,26 +26,50 @@ GRAIN = (
 @script.part(
     "lines",
     "results/measurement_study",
-    option("heaps", nargs="+", help=".npz files of the design's pours, NAME.pours.json beside them"),
+    option(
+        "heaps",
+        nargs="+",
+        help=".npz files of the design's pours, NAME.pours.json beside them",
+    ),
     option("--representative", help=".npz file of one parameter set with more pours"),
-    option("--shapes", type=int, default=8, help="piles of each known shape and angle (8)"),
+    option(
+        "--shapes", type=int, default=8, help="piles of each known shape and angle (8)"
+    ),
     *GRAIN,
 )
 def lines(args, config):
     """Compare the lines on saved piles and on known shapes; choose one by the rule."""
     if args.shapes < 1:
         raise InputError("command line", "--shapes", args.shapes, "at least 1")
-    particle, berry, section = Particle.load(args.particle), read_berry(args.berry), config["measure"]
-    tables = measurement_study.run(args.heaps, args.representative, particle, section, berry, args.out, args.shapes)
+    particle, berry, section = (
+        Particle.load(args.particle),
+        read_berry(args.berry),
+        config["measure"],
+    )
+    tables = measurement_study.run(
+        args.heaps, args.representative, particle, section, berry, args.out, args.shapes
+    )
     piles = tables.pop("piles")
-    told = [table.round(2).to_string(index="measured" not in table) for table in tables.values()]
+    told = [
+        table.round(2).to_string(index="measured" not in table)
+        for table in tables.values()
+    ]
     by_name = {target.name: target for target in Targets.of(config["targets"])}
     if {"aor_deg", "height_mm"} <= set(by_name):
         published = config["validation"]["published"]
         needed = ("aor_simulated_deg", "height_simulated_mm")
-        pairs = read_table(published, needed).dropna(subset=needed) if published else pd.DataFrame()
+        pairs = (
+            read_table(published, needed).dropna(subset=needed)
+            if published
+            else pd.DataFrame()
+        )
         facts = line_choice.facts(
-            piles, tables["noise"], tables["bias"], by_name["aor_deg"], by_name["height_mm"], pairs.to_dict("records")
+            piles,
+            tables["noise"],
+            tables["bias"],
+            by_name["aor_deg"],
+            by_name["height_mm"],
+            pairs.to_dict("records"),
         )
         verdicts = line_choice.verdicts(facts)
         write_table(f"{args.out}/choice.csv", facts)
@@ -64,7 +93,9 @@ def loose(args, config):
     """Move one grain to the foot or onto the crest of saved piles; see how far each line's angle goes."""
     particle = Particle.load(args.particle)
     settings = pile.MeasureSettings.of(config["measure"], read_berry(args.berry))
-    table = loose_grain.shifts(args.heaps, particle, pile.with_berry_height(settings, particle))
+    table = loose_grain.shifts(
+        args.heaps, particle, pile.with_berry_height(settings, particle)
+    )
     write_table(args.out, table)
     return table.round(2).to_string(index=False)
 
@@ -72,13 +103,19 @@ def loose(args, config):
 @script.part(
     "line_slopes",
     "results/measurement_study/line_slopes.csv",
-    option("heaps", nargs="+", help=".npz files of the design's pours, NAME.pours.json beside them"),
+    option(
+        "heaps",
+        nargs="+",
+        help=".npz files of the design's pours, NAME.pours.json beside them",
+    ),
     *GRAIN,
 )
 def slopes(args, config):
     """Every line's angle on saved piles beside the cone of their Height: src/repose/apparatus/line_slopes.csv."""
     particle, berry = Particle.load(args.particle), read_berry(args.berry)
-    return line_slopes.run(args.heaps, particle, config, berry, args.out).to_string(index=False)
+    return line_slopes.run(args.heaps, particle, config, berry, args.out).to_string(
+        index=False
+    )
 
 
 if __name__ == "__main__":

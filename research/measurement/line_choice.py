@@ -69,7 +69,10 @@ def facts(
         at = carried(means[name], means["Height"], height.value)
         mean, sd = float(np.nanmean(at)), float(np.nanstd(at, ddof=1))
         others = [
-            row["aor_simulated_deg"] - np.nanmean(carried(means[name], means["Height"], row["height_simulated_mm"]))
+            row["aor_simulated_deg"]
+            - np.nanmean(
+                carried(means[name], means["Height"], row["height_simulated_mm"])
+            )
             for row in published
         ]
         within = float(noise.loc[name, "within_view"])
@@ -85,12 +88,20 @@ def facts(
                 "scatter_p": scatter_p(angle.sd, angle.repetitions, within),
                 "bias_filled": bias.loc[name, "filled_bias"],
                 "bias_strewn": bias.loc[name, "strewn_bias"],
-                "bias": (abs(bias.loc[name, "filled_bias"]) + abs(bias.loc[name, "strewn_bias"])) / 2,
+                "bias": (
+                    abs(bias.loc[name, "filled_bias"])
+                    + abs(bias.loc[name, "strewn_bias"])
+                )
+                / 2,
                 "ratio": noise.loc[name, "ratio"],
                 "ratio_view": noise.loc[name, "ratio_view"],
-                "other_simulator_less_band": float(np.mean(others)) if others else np.nan,
+                "other_simulator_less_band": float(np.mean(others))
+                if others
+                else np.nan,
                 "in_box": int((box & means[name].between(angle.low, angle.high)).sum()),
-                "within_5_percent": int((near & ((means[name] / angle.value - 1).abs() <= NEAR)).sum()),
+                "within_5_percent": int(
+                    (near & ((means[name] / angle.value - 1).abs() <= NEAR)).sum()
+                ),
             }
         )
     return pd.DataFrame(rows)
@@ -100,7 +111,9 @@ def chosen(
     table: pd.DataFrame, farthest_sd: float = FARTHEST_SD, least_p: float = LEAST_P
 ) -> tuple[str | None, list[str]]:
     """Choose a line of `facts` by the rule, None if no line passes; also returns the lines that pass 1 and 2."""
-    passed = table[(table["off_sd"].abs() <= farthest_sd) & (table["scatter_p"] >= least_p)]
+    passed = table[
+        (table["off_sd"].abs() <= farthest_sd) & (table["scatter_p"] >= least_p)
+    ]
     if passed.empty:
         return None, []
     alike = passed[passed["bias"] <= passed["bias"].min() + ALIKE_DEG]
@@ -113,7 +126,14 @@ def verdicts(table: pd.DataFrame) -> pd.DataFrame:
     for sd in OTHER_SD:
         for p in OTHER_P:
             line, passed = chosen(table, sd, p)
-            rows.append({"farthest_sd": sd, "least_p": p, "chosen": line or "none", "passed": "; ".join(passed)})
+            rows.append(
+                {
+                    "farthest_sd": sd,
+                    "least_p": p,
+                    "chosen": line or "none",
+                    "passed": "; ".join(passed),
+                }
+            )
     return pd.DataFrame(rows)
 
 

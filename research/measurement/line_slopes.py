@@ -33,7 +33,8 @@ SETTINGS: list[dict[str, Any]] = [
 def lines() -> dict[str, dict[str, Any]]:
     """Every line of the table by its words: the definition and the settings that it reads."""
     return {
-        line_of(one, definition): {"definition": definition} | {key: one[key] for key in READ[definition]}
+        line_of(one, definition): {"definition": definition}
+        | {key: one[key] for key in READ[definition]}
         for definition in DEFINITIONS
         for one in SETTINGS
     }
@@ -47,20 +48,32 @@ def run(
     out: str | PathLike,
 ) -> pd.DataFrame:
     """Write and return the table of the samples in `heaps`: ``NAME.npz``, with ``NAME.pours.json`` beside each."""
-    settings = pile.with_berry_height(pile.MeasureSettings.of(config["measure"], berry), particle)
-    samples = pd.DataFrame(filter(None, (sample(path, particle, settings) for path in heaps)))
+    settings = pile.with_berry_height(
+        pile.MeasureSettings.of(config["measure"], berry), particle
+    )
+    samples = pd.DataFrame(
+        filter(None, (sample(path, particle, settings) for path in heaps))
+    )
     if len(samples) < 2:
-        raise InputError("command line", "heaps", len(samples), "piles of two samples or more")
-    table = ratios(samples, config["funnel"]["berries"] * particle.volume_m3 / funnel.PACKING)
+        raise InputError(
+            "command line", "heaps", len(samples), "piles of two samples or more"
+        )
+    table = ratios(
+        samples, config["funnel"]["berries"] * particle.volume_m3 / funnel.PACKING
+    )
     write_table(out, table, float_format="%.4g")
     return table
 
 
-def sample(npz: str | PathLike, particle: Particle, settings: pile.MeasureSettings) -> dict[str, float]:
+def sample(
+    npz: str | PathLike, particle: Particle, settings: pile.MeasureSettings
+) -> dict[str, float]:
     """Means of a sample's good pours: ``Height`` [mm] and each line [deg]; empty if there are none."""
     npz = Path(npz)
     arrays, found = saved_pours.saved_positions(npz), []
-    for record in saved_pours.read_pours(npz.with_name(npz.stem + saved_pours.POURS))["pours"]:
+    for record in saved_pours.read_pours(npz.with_name(npz.stem + saved_pours.POURS))[
+        "pours"
+    ]:
         if record["status"] == "ok":
             poured = saved_pours.pour_arrays(arrays, record["seed"], npz)
             try:
@@ -70,9 +83,13 @@ def sample(npz: str | PathLike, particle: Particle, settings: pile.MeasureSettin
     return pd.DataFrame(found).mean().to_dict() if found else {}
 
 
-def measured(poured: Mapping[str, np.ndarray], particle: Particle, settings: pile.MeasureSettings) -> dict[str, float]:
+def measured(
+    poured: Mapping[str, np.ndarray], particle: Particle, settings: pile.MeasureSettings
+) -> dict[str, float]:
     """Height [mm] of one pile and each line [deg], the mean of the views."""
-    height_m, views = pile.pile_views(Grains.of(poured, particle), settings, poured.get("in_pile"))
+    height_m, views = pile.pile_views(
+        Grains.of(poured, particle), settings, poured.get("in_pile")
+    )
     rows = []
     for view in views:
         profile, crest = pile.profile_of(view)
@@ -92,5 +109,12 @@ def ratios(samples: pd.DataFrame, volume_m3: float) -> pd.DataFrame:
         ratio = np.tan(np.radians(samples[line])) / cones
         numbers = {"mean": ratio.mean(), "sd": ratio.std(), "largest": ratio.max()}
         rows.append(keys | {"samples": int(ratio.count())} | numbers)
-    columns = ["definition", "flank", "fit_from", "fit_to", "smallest_window", "samples"]
+    columns = [
+        "definition",
+        "flank",
+        "fit_from",
+        "fit_to",
+        "smallest_window",
+        "samples",
+    ]
     return pd.DataFrame(rows)[[*columns, "mean", "sd", "largest"]]

@@ -14,10 +14,15 @@ from research.measurement.measurement_study import VARIANTS, variants_of
 
 DIRECTIONS_DEG = (0.0, 90.0, 180.0, 270.0)
 # Attitude of the grain: the quaternion that turns its longest axis, x of the body, out of the horizontal.
-ATTITUDES = {"lies": (1.0, 0.0, 0.0, 0.0), "stands": (math.sqrt(0.5), 0.0, -math.sqrt(0.5), 0.0)}
+ATTITUDES = {
+    "lies": (1.0, 0.0, 0.0, 0.0),
+    "stands": (math.sqrt(0.5), 0.0, -math.sqrt(0.5), 0.0),
+}
 
 
-def shifts(heaps: Sequence[str | Path], particle: Particle, settings: pile.MeasureSettings) -> pd.DataFrame:
+def shifts(
+    heaps: Sequence[str | Path], particle: Particle, settings: pile.MeasureSettings
+) -> pd.DataFrame:
     """Mean shift of each line's angle [deg] by one grain, with its standard error over piles and directions.
 
     A row for each line, place (``foot``, ``crest``) and attitude (``lies``, ``stands``). `heaps` are .npz files of the
@@ -30,7 +35,12 @@ def shifts(heaps: Sequence[str | Path], particle: Particle, settings: pile.Measu
         for place, attitude, more in grains_beside(poured, particle):
             after = variants_of(more, particle, settings)
             rows += [
-                {"line": name, "place": place, "grain": attitude, "shift": after[name] - before[name]}
+                {
+                    "line": name,
+                    "place": place,
+                    "grain": attitude,
+                    "shift": after[name] - before[name],
+                }
                 for name in VARIANTS
             ]
     table = pd.DataFrame(rows).groupby(["line", "place", "grain"], sort=False)["shift"]
@@ -42,7 +52,9 @@ def grains_beside(
 ) -> Iterator[tuple[str, str, dict[str, np.ndarray]]]:
     """Yield the pile with one grain more: place, attitude and arrays, for each direction at foot and crest."""
     members = np.asarray(poured["in_pile"], bool)
-    centres, quaternions = (np.asarray(poured[key], float)[members] for key in ("position", "quaternion"))
+    centres, quaternions = (
+        np.asarray(poured[key], float)[members] for key in ("position", "quaternion")
+    )
     top = int(centres[:, 2].argmax())
     for attitude, quaternion in ATTITUDES.items():
         turned = np.array([quaternion])
@@ -51,17 +63,30 @@ def grains_beside(
             outwards = np.array([math.cos(azimuth), math.sin(azimuth), 0.0])
             aside = np.array([-outwards[1], outwards[0], 0.0])
             # of the grains that the new one would touch on its way in, the farthest
-            width = reach(particle, turned, aside)[0] + reach(particle, quaternions, aside)
+            width = reach(particle, turned, aside)[0] + reach(
+                particle, quaternions, aside
+            )
             in_the_way = np.abs(centres @ aside) < width
-            edge = (centres @ outwards + reach(particle, quaternions, outwards))[in_the_way].max()
-            place = (edge + reach(particle, turned, outwards)[0]) * outwards + [0.0, 0.0, up]
+            edge = (centres @ outwards + reach(particle, quaternions, outwards))[
+                in_the_way
+            ].max()
+            place = (edge + reach(particle, turned, outwards)[0]) * outwards + [
+                0.0,
+                0.0,
+                up,
+            ]
             yield "foot", attitude, _with(centres, quaternions, place, quaternion)
-        height = centres[top, 2] + reach(particle, quaternions[top : top + 1], np.array([0.0, 0.0, 1.0]))[0]
+        height = (
+            centres[top, 2]
+            + reach(particle, quaternions[top : top + 1], np.array([0.0, 0.0, 1.0]))[0]
+        )
         place = np.array([*centres[top, :2], height + up])
         yield "crest", attitude, _with(centres, quaternions, place, quaternion)
 
 
-def reach(particle: Particle, quaternions: np.ndarray, direction: np.ndarray) -> np.ndarray:
+def reach(
+    particle: Particle, quaternions: np.ndarray, direction: np.ndarray
+) -> np.ndarray:
     """Distance (N,) [m] from the centre of each body to its tangent plane in a direction of space."""
     in_body = Rotation.from_quat(quaternions, scalar_first=True).inv().apply(direction)
     return (particle.support_point(in_body) * in_body).sum(axis=1)

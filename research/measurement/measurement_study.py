@@ -29,14 +29,23 @@ WINDOWS = {"1/2": 1 / 2, "1/3": 1 / 3, "1/4": 1 / 4}
 
 def _lines() -> dict[str, tuple[dict[str, Any], str]]:
     """Every line by its name in the tables: changes of the configuration's measurement, and the definition."""
-    lines: dict[str, tuple[dict[str, Any], str]] = {"whole": ({}, "whole"), "secant": ({}, "secant")}
+    lines: dict[str, tuple[dict[str, Any], str]] = {
+        "whole": ({}, "whole"),
+        "secant": ({}, "secant"),
+    }
     for low, high in BANDS:
         for rule in POINTS:
             name = f"flank {100 * low:.0f}-{100 * high:.0f} %, {rule}"
             lines[name] = ({"fit_from": low, "fit_to": high, "flank": rule}, "flank")
-    lines["steepest 10-80 %, columns"] = ({"fit_from": 0.1, "fit_to": 0.8, "flank": "columns"}, "steepest")
+    lines["steepest 10-80 %, columns"] = (
+        {"fit_from": 0.1, "fit_to": 0.8, "flank": "columns"},
+        "steepest",
+    )
     for share, smallest in WINDOWS.items():
-        lines[f"straightest, at least {share}"] = ({"smallest_window": smallest}, "straightest")
+        lines[f"straightest, at least {share}"] = (
+            {"smallest_window": smallest},
+            "straightest",
+        )
     return lines
 
 
@@ -49,7 +58,11 @@ SHAPE_SEED = 1
 
 
 def tables_of(
-    piles: pd.DataFrame, fixed: pd.DataFrame, particle: Particle, settings: pile.MeasureSettings, shapes: int = 8
+    piles: pd.DataFrame,
+    fixed: pd.DataFrame,
+    particle: Particle,
+    settings: pile.MeasureSettings,
+    shapes: int = 8,
 ) -> dict[str, pd.DataFrame]:
     """Make the tables ``noise``, ``correlation``, ``pour_correlation`` and ``bias``.
 
@@ -80,12 +93,19 @@ def run(
     `berry` the result of the verb berry. InputError with fewer than two jobs.
     """
     if len(heaps) < 2:
-        raise InputError("command line", "heaps", len(heaps), "at least two jobs of the design")
+        raise InputError(
+            "command line", "heaps", len(heaps), "at least two jobs of the design"
+        )
     settings = pile.with_berry_height(pile.MeasureSettings.of(section, berry), particle)
-    piles = pd.concat([measured_piles(path, particle, settings) for path in heaps], ignore_index=True)
+    piles = pd.concat(
+        [measured_piles(path, particle, settings) for path in heaps], ignore_index=True
+    )
     fixed = measured_piles(representative or heaps[0], particle, settings)
     tables = tables_of(piles, fixed, particle, settings, shapes)
-    write_table(Path(out_dir) / "piles.csv", pd.concat([piles, fixed]) if representative else piles)
+    write_table(
+        Path(out_dir) / "piles.csv",
+        pd.concat([piles, fixed]) if representative else piles,
+    )
     for name, table in tables.items():
         write_table(Path(out_dir) / f"{name}.csv", table, index=name == "correlation")
     return tables | {"piles": piles}
@@ -94,7 +114,9 @@ def run(
 # --- the piles of a study -------------------------------------------------------------------------
 
 
-def measured_piles(npz: str | Path, particle: Particle, settings: pile.MeasureSettings) -> pd.DataFrame:
+def measured_piles(
+    npz: str | Path, particle: Particle, settings: pile.MeasureSettings
+) -> pd.DataFrame:
     """Measurements of the good pours of a job's .npz file: ``sample``, ``seed``, ``Height`` and every variant.
 
     A variant is the mean of all views; with " (view)" behind its name it is that of the first view.
@@ -124,7 +146,9 @@ def variants_of(
     over the views, or of the first view with " (view)" behind the name; NaN where a variant cannot be measured in half
     of the views. NoFlankError if there is no pile.
     """
-    height_m, views = pile.pile_views(Grains.of(poured, particle), settings, poured.get("in_pile"))
+    height_m, views = pile.pile_views(
+        Grains.of(poured, particle), settings, poured.get("in_pile")
+    )
     angles, heights = [], []
     for view in views:
         profile, crest = pile.profile_of(view)
@@ -136,14 +160,18 @@ def variants_of(
     return found | {f"{name} (view)": angles[name][0] for name in VARIANTS}
 
 
-def variants_of_profile(profile: np.ndarray, crest: int, settings: pile.MeasureSettings) -> dict[str, float]:
+def variants_of_profile(
+    profile: np.ndarray, crest: int, settings: pile.MeasureSettings
+) -> dict[str, float]:
     """Every variant [deg] on one profile; NaN where it cannot be measured.
 
     `profile` (W,) is the height of the upper edge in pixels, `crest` the column of the crest.
     """
     found = {}
     for name, (changed, definition) in VARIANTS.items():
-        measured, _ = measure_sides(profile, crest, replace(settings, **changed), (definition,))
+        measured, _ = measure_sides(
+            profile, crest, replace(settings, **changed), (definition,)
+        )
         found[name] = measured[definition][0] if definition in measured else math.nan
     return found
 
@@ -157,12 +185,20 @@ def noise_table(piles: pd.DataFrame, fixed: pd.DataFrame) -> pd.DataFrame:
     """
     rows = []
     for name in ("Height", *VARIANTS):
-        row = {"measured": name, "piles": int(piles[name].notna().sum()), "mean": piles[name].mean()}
+        row = {
+            "measured": name,
+            "piles": int(piles[name].notna().sum()),
+            "mean": piles[name].mean(),
+        }
         row |= {"published_mean": fixed[name].mean(), "published_sd": fixed[name].std()}
         for view in ("", " (view)"):
             within, between = spreads(piles, name + view)
             end = "_view" if view else ""
-            row |= {f"within{end}": within, f"between{end}": between, f"ratio{end}": between / within}
+            row |= {
+                f"within{end}": within,
+                f"between{end}": between,
+                f"ratio{end}": between / within,
+            }
         rows.append(row)
     return pd.DataFrame(rows)
 
@@ -190,7 +226,9 @@ def correlation_table(piles: pd.DataFrame) -> pd.DataFrame:
 # --- known shapes ---------------------------------------------------------------------------------
 
 
-def bias_table(particle: Particle, settings: pile.MeasureSettings, shapes: int) -> pd.DataFrame:
+def bias_table(
+    particle: Particle, settings: pile.MeasureSettings, shapes: int
+) -> pd.DataFrame:
     """Bias of every variant over piles of every angle: mean and root mean square of its errors [deg].
 
     `shapes` is the number of filled cones of each angle; the strewn triangles are four times as many.
@@ -200,7 +238,9 @@ def bias_table(particle: Particle, settings: pile.MeasureSettings, shapes: int) 
         rng = np.random.default_rng([SHAPE_SEED, angle])
         for _ in range(shapes):
             centres, quaternions = filled_cone(angle, particle, rng)
-            found = variants_of({"position": centres, "quaternion": quaternions}, particle, settings)
+            found = variants_of(
+                {"position": centres, "quaternion": quaternions}, particle, settings
+            )
             errors["filled"].append({name: found[name] - angle for name in VARIANTS})
         for _ in range(4 * shapes):
             profile = strewn_triangle(angle, rng, settings.mm_per_pixel)
@@ -215,7 +255,10 @@ def bias_table(particle: Particle, settings: pile.MeasureSettings, shapes: int) 
 
 
 def filled_cone(
-    angle_deg: float, particle: Particle, rng: np.random.Generator, berries: int = CONE_BERRIES
+    angle_deg: float,
+    particle: Particle,
+    rng: np.random.Generator,
+    berries: int = CONE_BERRIES,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Random berries that fill a cone: centres (N, 3) [m] and quaternions (N, 4).
 
@@ -227,12 +270,16 @@ def filled_cone(
     centres = np.empty((0, 3))
     while len(centres) < berries:
         point = rng.uniform([-1, -1, reach / height], 1, (4000, 3)) * half
-        over = np.hypot(point[:, 0], point[:, 1]) * math.sin(a) + point[:, 2] * math.cos(a)
+        over = np.hypot(point[:, 0], point[:, 1]) * math.sin(a) + point[
+            :, 2
+        ] * math.cos(a)
         centres = np.concatenate([centres, point[over < height * math.cos(a) - reach]])
     return centres[:berries], rng.normal(size=(berries, 4))
 
 
-def strewn_triangle(angle_deg: float, rng: np.random.Generator, mm_per_pixel: float) -> np.ndarray:
+def strewn_triangle(
+    angle_deg: float, rng: np.random.Generator, mm_per_pixel: float
+) -> np.ndarray:
     """Profile (W,) in pixels of a triangle of 62 mm with discs strewn along both flanks.
 
     The discs are 10 to 20 mm wide, and their tops scatter 4 mm about the flank.
@@ -240,15 +287,23 @@ def strewn_triangle(angle_deg: float, rng: np.random.Generator, mm_per_pixel: fl
     a = math.radians(angle_deg)
     half = CONE_HEIGHT_MM / math.tan(a) + 25
     u = (np.arange(round(2 * half / mm_per_pixel)) + 0.5) * mm_per_pixel - half
-    profile = np.maximum(CONE_HEIGHT_MM - 8 / math.cos(a) - np.abs(u) * math.tan(a), 0.0)
+    profile = np.maximum(
+        CONE_HEIGHT_MM - 8 / math.cos(a) - np.abs(u) * math.tan(a), 0.0
+    )
     for side in (-1, 1):
         along = rng.uniform(0, 8)
         while along < CONE_HEIGHT_MM / math.sin(a):
             r = rng.uniform(*DISC_RADII_MM)
             depth = r + rng.uniform(-4, 4)
-            centre = side * (CONE_HEIGHT_MM / math.tan(a) - along * math.cos(a) - depth * math.sin(a))
+            centre = side * (
+                CONE_HEIGHT_MM / math.tan(a) - along * math.cos(a) - depth * math.sin(a)
+            )
             chord = r**2 - (u - centre) ** 2
-            top = along * math.sin(a) - depth * math.cos(a) + np.sqrt(np.maximum(chord, 0.0))
+            top = (
+                along * math.sin(a)
+                - depth * math.cos(a)
+                + np.sqrt(np.maximum(chord, 0.0))
+            )
             profile = np.where(chord > 0, np.maximum(profile, top), profile)
             along += r * rng.uniform(1.2, 2.2)
     return profile / mm_per_pixel

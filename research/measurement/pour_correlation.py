@@ -31,6 +31,8 @@ def correlations(piles: pd.DataFrame, lines: Iterable[str]) -> pd.DataFrame:
             known = piles.dropna(subset=columns)
             if len(known) - known["sample"].nunique() < FEWEST:
                 continue
-            found = residual_correlation(known[columns[0]], known[columns[1]], known["sample"])
+            found = residual_correlation(
+                known[columns[0]], known[columns[1]], known["sample"]
+            )
             rows.append(dict(zip(COLUMNS, (definition, views, *found), strict=True)))
     return pd.DataFrame(rows, columns=list(COLUMNS))

@@ -24,7 +24,11 @@ from research.responses import (
 from research.script import Script, option
 
 PILES = (
-    option("pours", nargs="+", help="NAME.pours.json files of the design's pours, NAME.npz beside them"),
+    option(
+        "pours",
+        nargs="+",
+        help="NAME.pours.json files of the design's pours, NAME.npz beside them",
+    ),
     option("--runs", default="results/runs.csv"),
     option("--berry", default="results/berry/berry.json"),
     option("--particle", default="results/berry/particle.json"),
@@ -33,7 +37,12 @@ DATASET = option("--dataset", default="results/dataset.csv")
 OVER_DESIGN = (
     option("--runs", default="results/responses/runs.csv", help="of the part measure"),
     DATASET,
-    option("--jobs", nargs="+", default=[], help="folders of measured runs of other bench tests, same design"),
+    option(
+        "--jobs",
+        nargs="+",
+        default=[],
+        help="folders of measured runs of other bench tests, same design",
+    ),
 )
 SHARE = option(
     "--discrepancy",
@@ -66,7 +75,13 @@ def effects(args, config):
     runs = read_table(args.runs, ("sample", "status", *names))
     samples = read_table(args.dataset, ("sample", *PARAMETERS))
     both = [
-        linear_effects.effects(samples, runs[runs["status"] == "ok"], args.study.parameters, names, at_equal)
+        linear_effects.effects(
+            samples,
+            runs[runs["status"] == "ok"],
+            args.study.parameters,
+            names,
+            at_equal,
+        )
         for at_equal in ("", "packing_percent")
     ]
     table = pd.concat(both, ignore_index=True)
@@ -77,10 +92,14 @@ def effects(args, config):
 @script.part("second", "results/responses", *OVER_DESIGN, SHARE)
 def second(args, config):
     """Tell how much each further response narrows the posterior of the parameters."""
-    settings = config["second_responses"] | {key: config["network"][key] for key in ("hidden", "epochs")}
+    settings = config["second_responses"] | {
+        key: config["network"][key] for key in ("hidden", "epochs")
+    }
     settings |= {"discrepancy_percent": config["posterior"]["discrepancy_percent"]}
     targets, space, data = _over_design(args, config)
-    settings["discrepancies"] = dict(_share(share, data.known) for share in args.discrepancy)
+    settings["discrepancies"] = dict(
+        _share(share, data.known) for share in args.discrepancy
+    )
     return second_responses.run(data, targets, space, settings, args.out)
 
 
@@ -109,27 +128,40 @@ def profile(args, config):
     table = table[table["sample"].isin(runs["sample"])]
     X, samples = table[list(PARAMETERS)].to_numpy(float), table["sample"].to_numpy()
     targets, space = args.study.targets, args.study.parameters
-    return profiles.run(X, samples, runs, len(levels), targets, space, settings, args.out)
+    return profiles.run(
+        X, samples, runs, len(levels), targets, space, settings, args.out
+    )
 
 
 def _over_design(args, config):
     """Targets, ranges, and the responses over the samples of the design."""
     targets, space = args.study.targets, args.study.parameters
     definition = config["measure"]["response"]
-    return targets, space, further_runs.read(args.runs, args.dataset, targets, definition, args.jobs)
+    return (
+        targets,
+        space,
+        further_runs.read(args.runs, args.dataset, targets, definition, args.jobs),
+    )
 
 
 def _share(entry, known):
     """Read the discrepancy of one response, by its name; InputError for another response or number."""
     name, _, text = entry.partition("=")
     if name not in known:
-        raise InputError("command line", f"--discrepancy {name}", text, f"a response of {', '.join(known)}")
+        raise InputError(
+            "command line",
+            f"--discrepancy {name}",
+            text,
+            f"a response of {', '.join(known)}",
+        )
     try:
         percent = float(text)
     except ValueError:
         percent = math.nan
     if not 0 <= percent <= 100:
-        raise InputError("command line", f"--discrepancy {name}", text, "a number from 0 to 100")
+        raise InputError(
+            "command line", f"--discrepancy {name}", text, "a number from 0 to 100"
+        )
     return name, percent
 
 

@@ -27,7 +27,9 @@ def fitted(X: np.ndarray, known: Known, settings: Mapping[str, Any]) -> Predict:
     X (samples, 6) are parameters; `settings` holds ``surrogate``, its name, and the settings of that surrogate.
     """
     there = np.isfinite(known.mean)
-    model = make(settings["surrogate"], NetworkSettings.of(settings)).fit(X[there], known.mean[there][:, None])
+    model = make(settings["surrogate"], NetworkSettings.of(settings)).fit(
+        X[there], known.mean[there][:, None]
+    )
     return lambda points: model.predict(points)[:, 0]
 
 
@@ -37,14 +39,22 @@ class Surrogates(NamedTuple):
     names: tuple[str, ...]
     predict: Predict  # parameter sets (n, 6) to all responses (n, k)
     fold: np.ndarray  # (samples,), the fold that leaves each sample out
-    without: list[Predict]  # for each fold `predict` by surrogates that have not seen its samples
+    without: list[
+        Predict
+    ]  # for each fold `predict` by surrogates that have not seen its samples
     correlation: np.ndarray  # (k, k), of the noise from run to run
-    covariance: np.ndarray  # (k, k), S_s of the surrogates' own errors, by cross-validation
-    r2: dict[str, float]  # of each response that was tried, by cross-validation on the means
+    covariance: (
+        np.ndarray
+    )  # (k, k), S_s of the surrogates' own errors, by cross-validation
+    r2: dict[
+        str, float
+    ]  # of each response that was tried, by cross-validation on the means
     left_out: list[str]  # responses with too little signal, or too bad a surrogate
 
     @classmethod
-    def of(cls, data: Data, base: Sequence[str], settings: Mapping[str, Any]) -> "Surrogates":
+    def of(
+        cls, data: Data, base: Sequence[str], settings: Mapping[str, Any]
+    ) -> "Surrogates":
         """Surrogates of all responses with enough signal; those of `base` are kept in any case.
 
         `settings` holds ``surrogate``, ``folds``, ``seed`` and the settings of that surrogate.
@@ -72,7 +82,9 @@ class Surrogates(NamedTuple):
             names=names,
             predict=_together(whole),
             fold=fold,
-            without=[_together([models[name][k] for name in names]) for k in range(folds)],
+            without=[
+                _together([models[name][k] for name in names]) for k in range(folds)
+            ],
             correlation=correlation,
             covariance=surrogate_covariance(residuals, errors, correlation),
             r2=r2,

@@ -12,7 +12,10 @@ from repose.studies import discrepancy
 
 
 def sizes(
-    names: Sequence[str], means: np.ndarray, percent: Mapping[str, float] | float, smallest: Mapping[str, float]
+    names: Sequence[str],
+    means: np.ndarray,
+    percent: Mapping[str, float] | float,
+    smallest: Mapping[str, float],
 ) -> np.ndarray:
     """Compute the standard deviations (k,) of discrepancies: `percent` of the mean, at least `smallest` of the unit."""
     discrepancies = []
@@ -23,6 +26,10 @@ def sizes(
     return np.array(discrepancies)
 
 
-def covariance(names: Sequence[str], sd: np.ndarray, means: np.ndarray, correlation: float) -> np.ndarray:
+def covariance(
+    names: Sequence[str], sd: np.ndarray, means: np.ndarray, correlation: float
+) -> np.ndarray:
     """Compute the covariance S_d (k, k) of the discrepancies of registered responses."""
-    return discrepancy.covariance([response(name).apparatus for name in names], sd, means, correlation)
+    return discrepancy.covariance(
+        [response(name).apparatus for name in names], sd, means, correlation
+    )

@@ -26,14 +26,23 @@ def jobs_in(folders: Iterable[str | Path]) -> list[Path]:
     """
     found: list[Path] = []
     for folder in folders:
-        own = sorted(path for path in Path(folder).glob("*.json") if path.stem.isdigit())
+        own = sorted(
+            path for path in Path(folder).glob("*.json") if path.stem.isdigit()
+        )
         if not own:
-            raise InputError(folder, "jobs", 0, "a folder with NUMBER.json files of the verb measure_runs")
+            raise InputError(
+                folder,
+                "jobs",
+                0,
+                "a folder with NUMBER.json files of the verb measure_runs",
+            )
         found += own
     return found
 
 
-def read_jobs(paths: Iterable[str | Path], samples: np.ndarray) -> dict[str, pd.DataFrame]:
+def read_jobs(
+    paths: Iterable[str | Path], samples: np.ndarray
+) -> dict[str, pd.DataFrame]:
     """Good runs of each further bench test, by its name: ``sample`` and its responses.
 
     `samples` are numbers of the design's usable samples. InputError if a file is bad, of the pile, or of another
@@ -43,23 +52,38 @@ def read_jobs(paths: Iterable[str | Path], samples: np.ndarray) -> dict[str, pd.
     for path in paths:
         job = read_json(path, {"sample": int, "apparatus": str, "runs": list}, JOB)
         if job["apparatus"] == further_responses.BENCH:
-            raise InputError(path, "apparatus", job["apparatus"], "another bench test than that of the pile")
+            raise InputError(
+                path,
+                "apparatus",
+                job["apparatus"],
+                "another bench test than that of the pile",
+            )
         if job["sample"] not in samples:
-            raise InputError(path, "sample", job["sample"], "a usable sample of the design")
+            raise InputError(
+                path, "sample", job["sample"], "a usable sample of the design"
+            )
         names = [response.name for response in bench(job["apparatus"], path).responses]
         own = rows.setdefault(job["apparatus"], [])
         for run in job["runs"]:
             try:
                 if run["status"] == "ok":
                     # a response that is no target here may lack in a good run
-                    numbers = {name: math.nan if run[name] is None else float(run[name]) for name in names}
+                    numbers = {
+                        name: math.nan if run[name] is None else float(run[name])
+                        for name in names
+                    }
                     own.append({"sample": job["sample"]} | numbers)
             except (KeyError, TypeError, ValueError) as error:
                 raise InputError(path, "runs", str(error), JOB) from error
     return {name: pd.DataFrame(own) for name, own in rows.items()}
 
 
-def with_jobs(data: Data, samples: np.ndarray, jobs: dict[str, pd.DataFrame], source: object = "runs") -> Data:
+def with_jobs(
+    data: Data,
+    samples: np.ndarray,
+    jobs: dict[str, pd.DataFrame],
+    source: object = "runs",
+) -> Data:
     """Add the responses of further bench tests; a response that the data have already stays as it is.
 
     `samples` (m,) are the numbers of the data's samples in their order; `jobs` come from `read_jobs`. InputError, which
@@ -71,16 +95,24 @@ def with_jobs(data: Data, samples: np.ndarray, jobs: dict[str, pd.DataFrame], so
             if name in known or table[name].isna().all():  # no run was asked for it
                 continue
             try:
-                known[name] = over_design(table[name].to_numpy(float), table["sample"].to_numpy(), samples)
+                known[name] = over_design(
+                    table[name].to_numpy(float), table["sample"].to_numpy(), samples
+                )
             except ValueError as error:
                 allowed = f"two or more good runs of most samples in the bench test {apparatus}"
-                raise InputError(source, response(name).name, str(error), allowed) from None
+                raise InputError(
+                    source, response(name).name, str(error), allowed
+                ) from None
         runs.append(table)
     return Data(data.X, known, pd.concat(runs, ignore_index=True))
 
 
 def read(
-    runs_csv: str | Path, dataset_csv: str | Path, targets: Targets, definition: str, folders: Iterable[str | Path] = ()
+    runs_csv: str | Path,
+    dataset_csv: str | Path,
+    targets: Targets,
+    definition: str,
+    folders: Iterable[str | Path] = (),
 ) -> Data:
     """Responses of the pile, and of other bench tests that were run with samples of the same design.
 

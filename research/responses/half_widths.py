@@ -33,10 +33,14 @@ def of_pours(
                 continue
             saved = saved_pours.pour_arrays(arrays, record["seed"], path)
             try:
-                _, views = pile.pile_views(Grains.of(saved, particle), settings, saved["in_pile"])
+                _, views = pile.pile_views(
+                    Grains.of(saved, particle), settings, saved["in_pile"]
+                )
             except NoFlankError:
                 continue
             profiles = [pile.profile_of(view)[0] for view in views]
-            widths = further_responses.mean_half_width(profiles, settings.mm_per_pixel, levels_mm)
+            widths = further_responses.mean_half_width(
+                profiles, settings.mm_per_pixel, levels_mm
+            )
             rows.append([job["sample"], record["seed"], *widths])
     return pd.DataFrame(rows, columns=["sample", "seed", *range(len(levels_mm))])

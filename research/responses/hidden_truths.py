@@ -14,7 +14,12 @@ import pandas as pd
 
 from repose.core.parameter_space import ParameterSpace
 from research.responses.design_surrogates import Surrogates
-from research.responses.observables import Tests, direct, discrepancy_of, with_parameters
+from research.responses.observables import (
+    Tests,
+    direct,
+    discrepancy_of,
+    with_parameters,
+)
 from research.responses.plausible import prior_points
 from research.responses.responses_over_design import Data
 
@@ -53,14 +58,30 @@ def coverage(
             noise = np.outer(errors[row], errors[row]) * surrogates.correlation
             covariance[:k, :k] = noise + surrogates.covariance + spread
             observed = np.concatenate([means[row], place[tested]])
-            observed[:k] += random.multivariate_normal(np.zeros(k), spread, method="eigh")
-            observed[k:] += random.normal(size=len(tested)) * np.sqrt(np.diag(covariance)[k:])
+            observed[:k] += random.multivariate_normal(
+                np.zeros(k), spread, method="eigh"
+            )
+            observed[k:] += random.normal(size=len(tested)) * np.sqrt(
+                np.diag(covariance)[k:]
+            )
             for label, chosen in sets.items():
-                columns = [column for column in tests.of(chosen) if np.isfinite(observed[column])]
+                columns = [
+                    column
+                    for column in tests.of(chosen)
+                    if np.isfinite(observed[column])
+                ]
                 weight = prior.weights(observed, columns, covariance)
                 low, high = prior.intervals(weight)
-                held[label].append(((low <= place) & (place <= high), high - low, 1 / (weight**2).sum()))
-    return pd.DataFrame([row for label, own in held.items() for row in _rows(label, own, space.free)])
+                held[label].append(
+                    (
+                        (low <= place) & (place <= high),
+                        high - low,
+                        1 / (weight**2).sum(),
+                    )
+                )
+    return pd.DataFrame(
+        [row for label, own in held.items() for row in _rows(label, own, space.free)]
+    )
 
 
 def _drawn(random, samples, count):
@@ -71,7 +92,9 @@ def _drawn(random, samples, count):
 
 def _rows(label, own, free):
     """Rows of one set."""
-    inside, width, effective = (np.array(part, float) for part in zip(*own, strict=True))
+    inside, width, effective = (
+        np.array(part, float) for part in zip(*own, strict=True)
+    )
     count = len(inside)
     about = {"truths": count, "median_effective_points": np.median(effective)}
     rows = [

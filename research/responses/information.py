@@ -44,7 +44,9 @@ def _normal_priors(space):
         k = space.free.index(name)
         width = space.high[k] - space.low[k]
         middle, scale = (mean - space.low[k]) / width, sd / width
-        found[name] = stats.truncnorm(-middle / scale, (1 - middle) / scale, middle, scale)
+        found[name] = stats.truncnorm(
+            -middle / scale, (1 - middle) / scale, middle, scale
+        )
     return found
 
 
@@ -69,7 +71,9 @@ class Prior:
         self.bin = np.minimum((quantile * BINS).astype(int), BINS - 1)
         self.order = np.argsort(self.place, axis=0)
 
-    def weights(self, observed: np.ndarray, columns: Sequence[int], covariance: np.ndarray) -> np.ndarray:
+    def weights(
+        self, observed: np.ndarray, columns: Sequence[int], covariance: np.ndarray
+    ) -> np.ndarray:
         """Posterior probability (n,) of each point; arguments as for `posterior`."""
         return Likelihood(self, columns, covariance).weights(observed)
 
@@ -82,7 +86,9 @@ class Prior:
         """
         return self.summary(self.weights(observed, columns, covariance))
 
-    def summary(self, weight: np.ndarray) -> tuple[float, np.ndarray, np.ndarray, float]:
+    def summary(
+        self, weight: np.ndarray
+    ) -> tuple[float, np.ndarray, np.ndarray, float]:
         """Information in weighted points: bits, bits and widths (d,) of the parameters, effective number of points.
 
         `weight` (n,) is the posterior probability of each point. Bits are Kullback-Leibler divergences from the prior:
@@ -121,14 +127,20 @@ class Likelihood:
 
     def weights(self, observed: np.ndarray) -> np.ndarray:
         """Posterior probability (n,) of each point; `observed` (k,) are all responses."""
-        off = self.predicted - np.linalg.solve(self.root, observed[self.columns])[:, None]
+        off = (
+            self.predicted - np.linalg.solve(self.root, observed[self.columns])[:, None]
+        )
         log_weight = -0.5 * np.einsum("kn,kn->n", off, off)
         weight = np.exp(log_weight - log_weight.max())
         return weight / weight.sum()
 
 
 def averaged(
-    prior: Prior, truths: np.ndarray, errors: np.ndarray, columns: Sequence[int], covariance: np.ndarray
+    prior: Prior,
+    truths: np.ndarray,
+    errors: np.ndarray,
+    columns: Sequence[int],
+    covariance: np.ndarray,
 ) -> dict[str, Any]:
     """Information in some responses: means over plausible truths, with their standard errors.
 
@@ -137,12 +149,17 @@ def averaged(
     ``widths_se``, each (d,); ``effective``, the least effective number of points; ``all``, the joint bits (t,) of every
     truth.
     """
-    root, likelihood = np.linalg.cholesky(covariance), Likelihood(prior, columns, covariance)
+    root, likelihood = (
+        np.linalg.cholesky(covariance),
+        Likelihood(prior, columns, covariance),
+    )
     found = [
         prior.summary(likelihood.weights(prior.predicted[row] + root @ error))
         for row, error in zip(truths, errors, strict=True)
     ]
-    joint, bits, widths, effective = (np.array([outcome[i] for outcome in found]) for i in range(4))
+    joint, bits, widths, effective = (
+        np.array([outcome[i] for outcome in found]) for i in range(4)
+    )
     count = math.sqrt(len(truths))
     return {
         "bits": joint.mean(),
@@ -183,7 +200,14 @@ def in_order(
     while left:
         tried = {name: bits([*columns, names.index(name)]) for name in left}
         best = max(left, key=lambda name: tried[name])
-        rows.append({"place": len(rows) + 1, "response": best, "bits": tried[best], "gain_bits": tried[best] - before})
+        rows.append(
+            {
+                "place": len(rows) + 1,
+                "response": best,
+                "bits": tried[best],
+                "gain_bits": tried[best] - before,
+            }
+        )
         before = tried[best]
         columns.append(names.index(best))
         left.remove(best)

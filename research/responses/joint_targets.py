@@ -25,15 +25,29 @@ from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
 from research.responses import hidden_truths, information, second_responses
 from research.responses.design_surrogates import Surrogates
-from research.responses.observables import PILE, direct, discrepancy_of, tests_of, with_parameters
-from research.responses.plausible import measured_covariance, plausible_truths, prior_points
+from research.responses.observables import (
+    PILE,
+    direct,
+    discrepancy_of,
+    tests_of,
+    with_parameters,
+)
+from research.responses.plausible import (
+    measured_covariance,
+    plausible_truths,
+    prior_points,
+)
 from research.responses.responses_over_design import Data
 
 VERIFIED = 12  # sets for importance sampling, beside single tests and pairs
-NORMAL_WIDTH = float(np.diff(stats.norm.interval(information.CREDIBLE))[0])  # in standard deviations
+NORMAL_WIDTH = float(
+    np.diff(stats.norm.interval(information.CREDIBLE))[0]
+)  # in standard deviations
 
 
-def approximate_widths(prior: information.Prior, columns: Sequence[int], covariance: np.ndarray) -> np.ndarray:
+def approximate_widths(
+    prior: information.Prior, columns: Sequence[int], covariance: np.ndarray
+) -> np.ndarray:
     """Widths (d,) of the 95 % intervals in the normal approximation with a linear model.
 
     They are in places, and at most those of the prior. `columns` are the observed numbers; `covariance` (k, k) is of
@@ -43,7 +57,9 @@ def approximate_widths(prior: information.Prior, columns: Sequence[int], covaria
     slopes = np.linalg.lstsq(design, prior.predicted[:, columns], rcond=None)[0][1:]
     gained = slopes @ np.linalg.solve(covariance[np.ix_(columns, columns)], slopes.T)
     known = np.diag(1.0 / prior.place.var(axis=0))
-    return np.minimum(NORMAL_WIDTH * np.sqrt(np.diag(np.linalg.inv(known + gained))), prior.widths)
+    return np.minimum(
+        NORMAL_WIDTH * np.sqrt(np.diag(np.linalg.inv(known + gained))), prior.widths
+    )
 
 
 def merit(widths: np.ndarray, parameters: int) -> float:
@@ -65,20 +81,40 @@ def study(
     prior = prior_points(space, settings, surrogates.predict)
     truths, normal = plausible_truths(prior.predicted, names, targets, settings)
     error = measured_covariance(data, names, surrogates.correlation, targets)
-    tests = tests_of(names, error + surrogates.covariance + discrepancy_of(data, names, settings), space, settings)
+    tests = tests_of(
+        names,
+        error + surrogates.covariance + discrepancy_of(data, names, settings),
+        space,
+        settings,
+    )
     tested = [k for k, name in enumerate(space.free) if direct(name) in tests.columns]
     with_parameters(prior, tested)
-    more = np.random.default_rng(settings["seed"] + 1).normal(size=(len(truths), len(tested)))
+    more = np.random.default_rng(settings["seed"] + 1).normal(
+        size=(len(truths), len(tested))
+    )
     normal = np.hstack([normal, more])
 
     def information_of(chosen):
-        return information.averaged(prior, truths, normal, tests.of(chosen), tests.covariance)
+        return information.averaged(
+            prior, truths, normal, tests.of(chosen), tests.covariance
+        )
 
     count, wide = settings["parameters"], settings["width_percent"] / 100
-    base = information.averaged(prior, truths, normal, [names.index(name) for name in targets.names], tests.covariance)
-    singles = [_row(space, prior, tests, (name,), information_of((name,)), count, wide) for name in tests.columns]
+    base = information.averaged(
+        prior,
+        truths,
+        normal,
+        [names.index(name) for name in targets.names],
+        tests.covariance,
+    )
+    singles = [
+        _row(space, prior, tests, (name,), information_of((name,)), count, wide)
+        for name in tests.columns
+    ]
     for row, name in zip(singles, tests.columns, strict=True):
-        columns = sorted({*tests.of((name,)), *(names.index(name) for name in targets.names)})
+        columns = sorted(
+            {*tests.of((name,)), *(names.index(name) for name in targets.names)}
+        )
         beside = information.averaged(prior, truths, normal, columns, tests.covariance)
         gain = beside["all"] - base["all"]
         row["gain_bits"] = gain.mean()
@@ -88,10 +124,18 @@ def study(
         _row(space, prior, tests, pair, information_of(pair), count, wide)
         for pair in itertools.combinations(tests.columns, 2)
     ]
-    ranked = sorted(_sets(tests, settings["most_tests"]), key=lambda chosen: _score(prior, tests, chosen, count))
-    sets = [_row(space, prior, tests, choice, information_of(choice), count, wide) for choice in ranked[:VERIFIED]]
+    ranked = sorted(
+        _sets(tests, settings["most_tests"]),
+        key=lambda chosen: _score(prior, tests, chosen, count),
+    )
+    sets = [
+        _row(space, prior, tests, choice, information_of(choice), count, wide)
+        for choice in ranked[:VERIFIED]
+    ]
     everything = tuple(tests.columns)
-    sets.append(_row(space, prior, tests, everything, information_of(everything), count, wide))
+    sets.append(
+        _row(space, prior, tests, everything, information_of(everything), count, wide)
+    )
     frames = {
         "tests": _sorted(singles, "bits", False),
         "pairs": _sorted(pairs, "bits", False),
@@ -119,7 +163,9 @@ def study(
         "discrepancy_percent": settings["discrepancy_percent"],
         "discrepancy_correlation": settings["discrepancy_correlation"],
         "sets": sum(1 for _ in _sets(tests, settings["most_tests"])),
-        "least_effective_points": float(min(frames[table]["effective_points"].min() for table in ("tests", "sets"))),
+        "least_effective_points": float(
+            min(frames[table]["effective_points"].min() for table in ("tests", "sets"))
+        ),
     }
     return frames, summary
 
@@ -141,19 +187,33 @@ def _row(space, prior, tests, chosen, found, count, wide):
     approximate = approximate_widths(prior, tests.of(chosen), tests.covariance)
     minutes = sum(tests.minutes[name] for name in chosen)
     row = {"set": " + ".join(chosen), "tests": len(chosen), "minutes": minutes}
-    row |= {"bits": found["bits"], "bits_se": found["bits_se"], "bits_a_minute": found["bits"] / minutes}
-    row |= {"merit": merit(widths, count), "merit_approximate": merit(approximate, count)}
+    row |= {
+        "bits": found["bits"],
+        "bits_se": found["bits_se"],
+        "bits_a_minute": found["bits"] / minutes,
+    }
+    row |= {
+        "merit": merit(widths, count),
+        "merit_approximate": merit(approximate, count),
+    }
     row["narrow"] = int((widths < wide).sum())
-    row |= {f"width_{name}": width for name, width in zip(space.free, widths, strict=True)}
+    row |= {
+        f"width_{name}": width for name, width in zip(space.free, widths, strict=True)
+    }
     errors = found["widths_se"] * prior.widths
-    row |= {f"width_se_{name}": error for name, error in zip(space.free, errors, strict=True)}
+    row |= {
+        f"width_se_{name}": error
+        for name, error in zip(space.free, errors, strict=True)
+    }
     return row | {"effective_points": found["effective"]}
 
 
 def _sorted(rows, column, ascending):
     """Sort a table by a column."""
     table = pd.DataFrame(rows)
-    return table.sort_values(column, ascending=ascending, kind="stable").reset_index(drop=True)
+    return table.sort_values(column, ascending=ascending, kind="stable").reset_index(
+        drop=True
+    )
 
 
 def message(tables: Mapping[str, pd.DataFrame], summary: Mapping[str, Any]) -> str:
@@ -162,10 +222,17 @@ def message(tables: Mapping[str, pd.DataFrame], summary: Mapping[str, Any]) -> s
         f"{row.set}: {row.bits:.2f} ± {row.bits_se:.2f} bits, {row.gain_bits:.2f} beside the targets"
         for row in tables["tests"].itertuples()
     ]
-    pair, best = tables["pairs"].iloc[0], tables["sets"].set_index("set").loc[summary["best"]]
-    lines.append(f"the most informative pair: {pair['set']}, {pair['bits']:.2f} ± {pair['bits_se']:.2f} bits")
+    pair, best = (
+        tables["pairs"].iloc[0],
+        tables["sets"].set_index("set").loc[summary["best"]],
+    )
+    lines.append(
+        f"the most informative pair: {pair['set']}, {pair['bits']:.2f} ± {pair['bits_se']:.2f} bits"
+    )
     widths = ", ".join(
-        f"{name} {100 * best[f'width_{name}']:.0f} %" for name in PARAMETERS if f"width_{name}" in best.index
+        f"{name} {100 * best[f'width_{name}']:.0f} %"
+        for name in PARAMETERS
+        if f"width_{name}" in best.index
     )
     goal = f"{summary['parameters']} intervals below {summary['width_percent']:g} % of their ranges"
     outcome = "brings" if summary["met"] else "no set of so few tests brings"
@@ -183,7 +250,13 @@ def message(tables: Mapping[str, pd.DataFrame], summary: Mapping[str, Any]) -> s
     return "\n".join(lines)
 
 
-def run(data: Data, targets: Targets, space: ParameterSpace, settings: Mapping[str, Any], out_dir: str | Path) -> str:
+def run(
+    data: Data,
+    targets: Targets,
+    space: ParameterSpace,
+    settings: Mapping[str, Any],
+    out_dir: str | Path,
+) -> str:
     """Write tests.csv, pairs.csv, sets.csv, coverage.csv and joint.json; return the message."""
     tables, summary = study(data, targets, space, settings)
     for name, table in tables.items():

@@ -33,7 +33,10 @@ def direct(name: str) -> str:
 
 
 def tests_of(
-    names: Sequence[str], of_responses: np.ndarray, space: ParameterSpace, settings: Mapping[str, Any]
+    names: Sequence[str],
+    of_responses: np.ndarray,
+    space: ParameterSpace,
+    settings: Mapping[str, Any],
 ) -> Tests:
     """The bench tests of some responses and the direct tests of the free parameters.
 
@@ -44,7 +47,9 @@ def tests_of(
     columns: dict[str, list[int]] = {}
     for k, name in enumerate(names):
         test = response(name).apparatus
-        columns.setdefault(PILE if test == further_responses.BENCH else test, []).append(k)
+        columns.setdefault(
+            PILE if test == further_responses.BENCH else test, []
+        ).append(k)
     minutes = {test: minutes_of(test, settings["minutes"]) for test in columns}
     variances: list[float] = []
     for k, name in enumerate(space.free):
@@ -65,12 +70,18 @@ def with_parameters(prior: information.Prior, tested: Sequence[int]) -> None:
     prior.predicted = np.hstack([prior.predicted, prior.place[:, list(tested)]])
 
 
-def discrepancy_of(data: Data, names: Sequence[str], settings: Mapping[str, Any]) -> np.ndarray:
+def discrepancy_of(
+    data: Data, names: Sequence[str], settings: Mapping[str, Any]
+) -> np.ndarray:
     """Covariance S_d (k, k) of the discrepancies of some responses.
 
     `settings` holds ``discrepancy_percent``, ``discrepancy_correlation`` and ``smallest_discrepancy``.
     """
     means = np.array([data.known[name].row["mean"] for name in names])
-    sd = discrepancies.sizes(names, means, settings["discrepancy_percent"], settings["smallest_discrepancy"])
+    sd = discrepancies.sizes(
+        names, means, settings["discrepancy_percent"], settings["smallest_discrepancy"]
+    )
     over_design = np.column_stack([data.known[name].mean for name in names])
-    return discrepancies.covariance(names, sd, over_design, settings["discrepancy_correlation"])
+    return discrepancies.covariance(
+        names, sd, over_design, settings["discrepancy_correlation"]
+    )

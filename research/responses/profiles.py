@@ -25,7 +25,12 @@ from repose.core.targets import Targets
 from research.responses import discrepancies, information
 from research.responses.design_surrogates import NOISY, WORST_R2, Predict, fitted
 from research.responses.plausible import plausible_truths, prior_points
-from research.responses.responses_over_design import Known, cross_validated_r2, over_design, surrogate_covariance
+from research.responses.responses_over_design import (
+    Known,
+    cross_validated_r2,
+    over_design,
+    surrogate_covariance,
+)
 
 SPACING_MM = 3.0  # between two heights; half a berry's smallest radius
 MOST_COMPONENTS = 8
@@ -38,7 +43,9 @@ def levels_mm(highest_mm: float) -> np.ndarray:
     return SPACING_MM * np.arange(1, max(2, int(highest_mm / SPACING_MM)) + 1)
 
 
-def principal(means: np.ndarray, most: int = MOST_COMPONENTS) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def principal(
+    means: np.ndarray, most: int = MOST_COMPONENTS
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Principal components of profiles (samples, levels): centre (levels,), directions, shares of the variance.
 
     The directions (levels, components) have length 1 and are orthogonal; at most `most` components are kept.
@@ -64,26 +71,39 @@ def study(
     ``second_responses`` and ``joint_targets``. InputError if fewer points of the prior than ``truths`` meet the
     targets.
     """
-    own = [name for name in dict.fromkeys((*TWO_NUMBERS, *targets.names)) if name in runs]
+    own = [
+        name for name in dict.fromkeys((*TWO_NUMBERS, *targets.names)) if name in runs
+    ]
     widths = runs[list(range(levels))].to_numpy(float)
     means = pd.DataFrame(widths).groupby(runs["sample"].to_numpy()).mean().to_numpy()
     centre, directions, share = principal(means)
-    values = np.column_stack([runs[own].to_numpy(float), (widths - centre) @ directions])
-    known = [over_design(column, runs["sample"].to_numpy(), samples) for column in values.T]
+    values = np.column_stack(
+        [runs[own].to_numpy(float), (widths - centre) @ directions]
+    )
+    known = [
+        over_design(column, runs["sample"].to_numpy(), samples) for column in values.T
+    ]
     predict, off, r2 = _surrogates(X, known, settings)
     kept = [
         k
         for k, column in enumerate(known)
-        if k < len(own) or (column.row["signal_to_noise"] >= NOISY and r2[k] >= WORST_R2)
+        if k < len(own)
+        or (column.row["signal_to_noise"] >= NOISY and r2[k] >= WORST_R2)
     ]
     names = [*own, *(f"component_{k + 1}" for k in range(directions.shape[1]))]
     correlation = _noise(values, runs["sample"])[np.ix_(kept, kept)]
     within = np.array([known[k].row["sd_within"] for k in kept])
-    measured = np.outer(within, within) * correlation / min(target.repetitions for target in targets)
+    measured = (
+        np.outer(within, within)
+        * correlation
+        / min(target.repetitions for target in targets)
+    )
     errors = np.column_stack([known[k].error for k in kept])
     error = measured + surrogate_covariance(off[:, kept], errors, correlation)
     prior = prior_points(space, settings, lambda points: predict(points)[:, kept])
-    truths, normal = plausible_truths(prior.predicted, [names[k] for k in kept], targets, settings)
+    truths, normal = plausible_truths(
+        prior.predicted, [names[k] for k in kept], targets, settings
+    )
     place = {names[k]: row for row, k in enumerate(kept)}
     components = [place[name] for name in place if name.startswith("component")]
     two = [place[name] for name in own if name in TWO_NUMBERS]
@@ -91,8 +111,12 @@ def study(
     sets |= {"both numbers": two, PROFILE: components, BOTH: [*two, *components]}
     rows = []
     for percent in (0.0, float(settings["discrepancy_percent"])):
-        for correlated in (0.0, settings["discrepancy_correlation"]) if percent else (0.0,):
-            spread = _discrepancy(percent, correlated, centre, directions, own, known, settings)
+        for correlated in (
+            (0.0, settings["discrepancy_correlation"]) if percent else (0.0,)
+        ):
+            spread = _discrepancy(
+                percent, correlated, centre, directions, own, known, settings
+            )
             covariance = error + spread[np.ix_(kept, kept)]
             by_set = {
                 label: information.averaged(prior, truths, normal, columns, covariance)
@@ -100,25 +124,49 @@ def study(
             }
             for label, found in by_set.items():
                 gain = found["all"] - by_set["both numbers"]["all"]
-                row = {"discrepancy_percent": percent, "discrepancy_correlation": correlated, "set": label}
-                row |= {"bits": found["bits"], "bits_se": found["bits_se"], "gain_bits": gain.mean()}
+                row = {
+                    "discrepancy_percent": percent,
+                    "discrepancy_correlation": correlated,
+                    "set": label,
+                }
+                row |= {
+                    "bits": found["bits"],
+                    "bits_se": found["bits_se"],
+                    "gain_bits": gain.mean(),
+                }
                 row["gain_se_bits"] = gain.std(ddof=1) / np.sqrt(len(gain))
                 widest = found["widths"] * prior.widths
-                row |= {f"width_{name}": width for name, width in zip(space.free, widest, strict=True)}
+                row |= {
+                    f"width_{name}": width
+                    for name, width in zip(space.free, widest, strict=True)
+                }
                 rows.append(row | {"effective_points": found["effective"]})
     table = [
-        {"number": name, "variance_share": part, "kept": k in kept, "r2": r2[k]} | known[k].row
-        for k, (name, part) in enumerate(zip(names, [*[np.nan] * len(own), *share], strict=True))
+        {"number": name, "variance_share": part, "kept": k in kept, "r2": r2[k]}
+        | known[k].row
+        for k, (name, part) in enumerate(
+            zip(names, [*[np.nan] * len(own), *share], strict=True)
+        )
     ]
-    summary = {"samples": len(X), "levels": levels, "components": len(components), "truths": len(truths)}
-    return {"components": pd.DataFrame(table), "information": pd.DataFrame(rows)}, summary
+    summary = {
+        "samples": len(X),
+        "levels": levels,
+        "components": len(components),
+        "truths": len(truths),
+    }
+    return {
+        "components": pd.DataFrame(table),
+        "information": pd.DataFrame(rows),
+    }, summary
 
 
 def _surrogates(
     X: np.ndarray, known: list[Known], settings: Mapping[str, Any]
 ) -> tuple[Predict, np.ndarray, list[float]]:
     """All surrogates as one function, their residuals on unseen samples (samples, k), and their R2."""
-    fold = np.random.default_rng(settings["seed"]).permutation(len(X)) % settings["folds"]
+    fold = (
+        np.random.default_rng(settings["seed"]).permutation(len(X)) % settings["folds"]
+    )
     models, off, r2 = [], [], []
     for column in known:
         predicted = np.full(len(X), np.nan)
@@ -129,7 +177,11 @@ def _surrogates(
         off.append(predicted - column.mean)
         r2.append(cross_validated_r2(column, predicted))
         models.append(fitted(X, column, settings))
-    return lambda points: np.column_stack([model(points) for model in models]), np.column_stack(off), r2
+    return (
+        lambda points: np.column_stack([model(points) for model in models]),
+        np.column_stack(off),
+        r2,
+    )
 
 
 def _noise(values, sample):
@@ -151,7 +203,9 @@ def _discrepancy(percent, correlated, centre, directions, own, known, settings):
     over = np.column_stack([column.mean for column in known[: len(own)]])
     k = len(own) + directions.shape[1]
     found = np.zeros((k, k))
-    found[: len(own), : len(own)] = discrepancies.covariance(own, size, over, correlated)
+    found[: len(own), : len(own)] = discrepancies.covariance(
+        own, size, over, correlated
+    )
     found[len(own) :, len(own) :] = directions.T @ of_widths @ directions
     return found
 

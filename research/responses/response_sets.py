@@ -8,8 +8,19 @@ from repose.measure import further_responses
 
 WHOLE_PILE, EVERYTHING = "whole pile", "pile and other bench tests"
 # How an experimenter gets the further responses of a pile; those of another bench test come together.
-ABOVE, LOOSE, PACKING, STOPWATCH, PROFILE = "above", "loose", "packing", "stopwatch", "profile"
-OF_THE_PILE = {"radius_90_mm": ABOVE, "loose_percent": LOOSE, "packing_percent": PACKING, "discharge_s": STOPWATCH}
+ABOVE, LOOSE, PACKING, STOPWATCH, PROFILE = (
+    "above",
+    "loose",
+    "packing",
+    "stopwatch",
+    "profile",
+)
+OF_THE_PILE = {
+    "radius_90_mm": ABOVE,
+    "loose_percent": LOOSE,
+    "packing_percent": PACKING,
+    "discharge_s": STOPWATCH,
+}
 WAYS = {
     PROFILE: "profile, same photographs",
     ABOVE: "picture from above",
@@ -29,7 +40,9 @@ def base_label(responses: Sequence[Response]) -> str:
     return " and ".join(filter(None, [", ".join(symbols[:-1]), symbols[-1]]))
 
 
-def sets_of(names: Sequence[str], responses: Sequence[Response]) -> dict[str, tuple[str, ...]]:
+def sets_of(
+    names: Sequence[str], responses: Sequence[Response]
+) -> dict[str, tuple[str, ...]]:
     """List sets of responses by label; `names` are all modelled responses, `responses` those of the targets.
 
     The first target alone (where there are several), the targets, and the targets with each further response. Then the
@@ -63,7 +76,9 @@ def ways_of(names: Sequence[str], base: Sequence[str]) -> dict[str, tuple[str, .
     for name in names:
         if name not in base:
             of_pile = source_of(name) == "pile"
-            way = OF_THE_PILE.get(name, PROFILE) if of_pile else response(name).apparatus
+            way = (
+                OF_THE_PILE.get(name, PROFILE) if of_pile else response(name).apparatus
+            )
             found.setdefault(way, []).append(name)
     return {way: tuple(own) for way, own in found.items()}
 
@@ -75,5 +90,7 @@ def minutes_of(way: str, minutes: Mapping[str, float]) -> float:
     """
     if way not in minutes:
         allowed = f"minutes of work for {way}, beside {', '.join(minutes)}"
-        raise InputError("configuration", "second_responses.minutes", list(minutes), allowed)
+        raise InputError(
+            "configuration", "second_responses.minutes", list(minutes), allowed
+        )
     return float(minutes[way])

@@ -27,7 +27,9 @@ class Known(NamedTuple):
 
     mean: np.ndarray  # (samples,), NaN where the sample has no run
     error: np.ndarray  # (samples,), standard error of the mean
-    row: dict[str, Any]  # mean, sd_within, sd_between, signal_to_noise, icc, samples, runs
+    row: dict[
+        str, Any
+    ]  # mean, sd_within, sd_between, signal_to_noise, icc, samples, runs
 
 
 class Data(NamedTuple):
@@ -70,10 +72,16 @@ def _means(values, groups, samples, within):
     count = np.array([np.count_nonzero(groups == sample) for sample in samples])
     total = np.array([values[groups == sample].sum() for sample in samples])
     mean = np.where(count > 0, total / np.maximum(count, 1), np.nan)
-    return mean, np.where(count > 0, np.sqrt(within / np.maximum(count, 1)), np.nan), count
+    return (
+        mean,
+        np.where(count > 0, np.sqrt(within / np.maximum(count, 1)), np.nan),
+        count,
+    )
 
 
-def read(runs_csv: str | Path, dataset_csv: str | Path, targets: Targets, definition: str) -> Data:
+def read(
+    runs_csv: str | Path, dataset_csv: str | Path, targets: Targets, definition: str
+) -> Data:
     """Read the study's data, of the pile alone.
 
     `runs_csv` is of `saved_piles.run`, `definition` is `measure.response`. InputError if fewer than 12 samples
@@ -82,15 +90,25 @@ def read(runs_csv: str | Path, dataset_csv: str | Path, targets: Targets, defini
     table = read_table(dataset_csv, ("sample", *PARAMETERS, "status"))
     table = table[table["status"] == "ok"]
     if len(table) < FEWEST_SAMPLES:
-        raise InputError(dataset_csv, "usable samples", len(table), f"at least {FEWEST_SAMPLES} with status ok")
+        raise InputError(
+            dataset_csv,
+            "usable samples",
+            len(table),
+            f"at least {FEWEST_SAMPLES} with status ok",
+        )
     names = (*targets.names, *further_responses.offered(targets.names, definition))
     runs = read_table(runs_csv, ("sample", "seed", "status", *names))
     runs = runs[(runs["status"] == "ok") & runs["sample"].isin(table["sample"])]
     samples, groups = table["sample"].to_numpy(), runs["sample"].to_numpy()
     try:
-        known = {name: over_design(runs[name].to_numpy(float), groups, samples) for name in names}
+        known = {
+            name: over_design(runs[name].to_numpy(float), groups, samples)
+            for name in names
+        }
     except ValueError as error:
-        raise InputError(runs_csv, "runs", str(error), "two or more of most samples") from None
+        raise InputError(
+            runs_csv, "runs", str(error), "two or more of most samples"
+        ) from None
     return Data(table[list(PARAMETERS)].to_numpy(float), known, runs)
 
 
@@ -102,7 +120,9 @@ def noise_correlation(runs: pd.DataFrame, names: Sequence[str]) -> np.ndarray:
     """
     found = np.eye(len(names))
     for test in dict.fromkeys(response(name).apparatus for name in names):
-        own = [name for name in names if name in runs and response(name).apparatus == test]
+        own = [
+            name for name in names if name in runs and response(name).apparatus == test
+        ]
         if not own:
             continue
         table = runs[["sample", *own]].dropna()
@@ -138,7 +158,10 @@ def left_out(X: np.ndarray, known: Known, settings: Mapping[str, Any]) -> np.nda
     `settings` are as in `trained`, with ``folds``.
     """
     there = np.flatnonzero(np.isfinite(known.mean))
-    fold = np.random.RandomState(settings["seed"]).permutation(len(there)) % settings["folds"]
+    fold = (
+        np.random.RandomState(settings["seed"]).permutation(len(there))
+        % settings["folds"]
+    )
     predicted = np.full(len(known.mean), np.nan)
     for k in range(settings["folds"]):
         mean = np.full(len(known.mean), np.nan)
@@ -155,7 +178,9 @@ def cross_validated_r2(known: Known, predicted: np.ndarray) -> float:
     return math.nan if found is None else found
 
 
-def surrogate_covariance(residuals: np.ndarray, errors: np.ndarray, correlation: np.ndarray) -> np.ndarray:
+def surrogate_covariance(
+    residuals: np.ndarray, errors: np.ndarray, correlation: np.ndarray
+) -> np.ndarray:
     """Covariance S_s (k, k) of the surrogates' own errors.
 
     The covariance of the residuals less the noise of the means, made positive definite. Two responses are compared over

@@ -37,14 +37,21 @@ def of_pours(
     return found
 
 
-def joined(runs: pd.DataFrame, found: Mapping[tuple[int, int], Mapping[str, float]]) -> pd.DataFrame:
+def joined(
+    runs: pd.DataFrame, found: Mapping[tuple[int, int], Mapping[str, float]]
+) -> pd.DataFrame:
     """Add the columns of `MEASURED` to the table of runs, NaN for runs without a result.
 
     `runs` has ``sample``, ``seed`` and, with several bench tests, ``apparatus``; `found` comes from `of_pours`.
     """
     keys = runs[["sample", "seed"]].itertuples(index=False, name=None)
-    of_run = [found.get(key, {}) if own else {} for key, own in zip(keys, _of_the_pile(runs), strict=True)]
-    return runs.assign(**{name: [run.get(name, math.nan) for run in of_run] for name in MEASURED})
+    of_run = [
+        found.get(key, {}) if own else {}
+        for key, own in zip(keys, _of_the_pile(runs), strict=True)
+    ]
+    return runs.assign(
+        **{name: [run.get(name, math.nan) for run in of_run] for name in MEASURED}
+    )
 
 
 def run(
@@ -62,16 +69,28 @@ def run(
     """
     targets = [target["response"] for target in config["targets"]]
     known = (*targets, *offered(targets, config["measure"]["response"]))
-    known = ("sample", "seed", "status", *(name for name in known if name not in MEASURED))
+    known = (
+        "sample",
+        "seed",
+        "status",
+        *(name for name in known if name not in MEASURED),
+    )
     runs = read_table(runs_csv, known)
     runs = runs[[column for column in runs if column in (*known, "apparatus")]]
     poured = (runs["status"] == "ok") & _of_the_pile(runs)
     good = set(map(tuple, runs.loc[poured, ["sample", "seed"]].to_numpy()))
     settings = pile.MeasureSettings.of(config["measure"], berry)
-    found = of_pours(pours_json, good, particle, settings, config["funnel"]["plate_diameter_mm"])
+    found = of_pours(
+        pours_json, good, particle, settings, config["funnel"]["plate_diameter_mm"]
+    )
     missing = sorted(good - set(found))
     if missing:
-        raise InputError(runs_csv, "runs without a pour", missing[:3], "runs of the pours that are given")
+        raise InputError(
+            runs_csv,
+            "runs without a pour",
+            missing[:3],
+            "runs of the pours that are given",
+        )
     table = joined(runs, found)
     write_table(out_csv, table)
     return table
@@ -79,7 +98,11 @@ def run(
 
 def _of_the_pile(runs):
     """Mark each run of the funnel; all runs if there is only one bench test."""
-    return runs["apparatus"] == BENCH if "apparatus" in runs else pd.Series(True, index=runs.index)
+    return (
+        runs["apparatus"] == BENCH
+        if "apparatus" in runs
+        else pd.Series(True, index=runs.index)
+    )
 
 
 def _or_nothing(saved, particle, settings, plate_mm):

@@ -44,8 +44,18 @@ from repose.core.parameter_space import ParameterSpace
 from repose.core.responses import response
 from repose.core.targets import Targets
 from research.responses import discrepancies, information
-from research.responses.plausible import measured_covariance, plausible_truths, prior_points
-from research.responses.response_sets import base_label, minutes_of, sets_of, source_of, ways_of
+from research.responses.plausible import (
+    measured_covariance,
+    plausible_truths,
+    prior_points,
+)
+from research.responses.response_sets import (
+    base_label,
+    minutes_of,
+    sets_of,
+    source_of,
+    ways_of,
+)
 from research.responses.responses_over_design import (
     Data,
     cross_validated_r2,
@@ -58,14 +68,24 @@ from research.responses.responses_over_design import (
 NOISY = 0.5  # a response with less signal than this share of its noise is not modelled
 WORST_R2 = 0.2  # nor is a response whose surrogate explains less, as after few runs of the drum
 FEWEST_EFFECTIVE = 30
-WAYS_COLUMNS = ("discrepancy_percent", "way", "responses", "minutes", "gain_bits", "gain_se_bits", "bits_a_minute")
+WAYS_COLUMNS = (
+    "discrepancy_percent",
+    "way",
+    "responses",
+    "minutes",
+    "gain_bits",
+    "gain_se_bits",
+    "bits_a_minute",
+)
 
 
 class Modelled(NamedTuple):
     """The responses that have a surrogate; k is their number."""
 
     names: list[str]
-    predicted: dict[str, np.ndarray]  # cross-validated (samples,), of every response that was tried
+    predicted: dict[
+        str, np.ndarray
+    ]  # cross-validated (samples,), of every response that was tried
     correlation: np.ndarray  # (k, k), of the noise from run to run
     surrogate: np.ndarray  # (k, k), S_s
 
@@ -83,12 +103,26 @@ def study(
     model = modelled(data, targets.names, settings)
     prior = prior_of(data, model.names, space, settings)
     truths, normal = plausible_truths(prior.predicted, model.names, targets, settings)
-    tables: dict[str, list] = {"information": [], "narrowing": [], "order": [], "ways": []}
-    sets, base_set, least = sets_of(model.names, targets.responses), base_label(targets.responses), math.inf
+    tables: dict[str, list] = {
+        "information": [],
+        "narrowing": [],
+        "order": [],
+        "ways": [],
+    }
+    sets, base_set, least = (
+        sets_of(model.names, targets.responses),
+        base_label(targets.responses),
+        math.inf,
+    )
     own = dict(settings.get("discrepancies", {}))
-    cases: dict[float, dict[str, float]] = {0.0: {}, float(settings["discrepancy_percent"]): own}
+    cases: dict[float, dict[str, float]] = {
+        0.0: {},
+        float(settings["discrepancy_percent"]): own,
+    }
     for percent, apart in cases.items():
-        covariance = observed_covariance(data, model, targets, percent, apart, settings["smallest_discrepancy"])
+        covariance = observed_covariance(
+            data, model, targets, percent, apart, settings["smallest_discrepancy"]
+        )
         base = None
         for label, chosen in sets.items():
             columns = [model.names.index(name) for name in chosen]
@@ -100,11 +134,16 @@ def study(
         for way, responses in ways_of(model.names, targets.names).items():
             columns = [model.names.index(name) for name in (*targets.names, *responses)]
             found = information.averaged(prior, truths, normal, columns, covariance)
-            tables["ways"].append(_way(percent, way, responses, found, base, settings["minutes"]))
-        rows = information.in_order(prior, truths, normal, model.names, targets.names, covariance)
+            tables["ways"].append(
+                _way(percent, way, responses, found, base, settings["minutes"])
+            )
+        rows = information.in_order(
+            prior, truths, normal, model.names, targets.names, covariance
+        )
         tables["order"] += [{"discrepancy_percent": percent, **row} for row in rows]
     rows = [
-        _row(name, response, model.predicted.get(name), name in model.names) for name, response in data.known.items()
+        _row(name, response, model.predicted.get(name), name in model.names)
+        for name, response in data.known.items()
     ]
     summary = {
         "samples": len(data.X),
@@ -115,7 +154,9 @@ def study(
         "modelled": model.names,
         "noise_correlation": model.correlation.round(3).tolist(),
     } | ({"discrepancies": own} if own else {})
-    frames = {"responses": pd.DataFrame(rows)} | {name: pd.DataFrame(table) for name, table in tables.items()}
+    frames = {"responses": pd.DataFrame(rows)} | {
+        name: pd.DataFrame(table) for name, table in tables.items()
+    }
     if not tables["ways"]:  # every response is a target
         frames["ways"] = pd.DataFrame(columns=list(WAYS_COLUMNS))
     return frames, summary
@@ -124,19 +165,38 @@ def study(
 def modelled(data: Data, base: Sequence[str], settings: Mapping[str, Any]) -> Modelled:
     """Responses with enough signal and a good enough surrogate; those of `base`, the targets, are always kept."""
     known = data.known
-    names = [name for name in known if name in base or known[name].row["signal_to_noise"] >= NOISY]
+    names = [
+        name
+        for name in known
+        if name in base or known[name].row["signal_to_noise"] >= NOISY
+    ]
     predicted = {name: left_out(data.X, known[name], settings) for name in names}
-    names = [name for name in names if name in base or cross_validated_r2(known[name], predicted[name]) >= WORST_R2]
+    names = [
+        name
+        for name in names
+        if name in base or cross_validated_r2(known[name], predicted[name]) >= WORST_R2
+    ]
     correlation = noise_correlation(data.runs, names)
     residuals = np.column_stack([predicted[name] - known[name].mean for name in names])
     errors = np.column_stack([known[name].error for name in names])
-    return Modelled(names, predicted, correlation, surrogate_covariance(residuals, errors, correlation))
+    return Modelled(
+        names,
+        predicted,
+        correlation,
+        surrogate_covariance(residuals, errors, correlation),
+    )
 
 
-def prior_of(data: Data, names: Sequence[str], space: ParameterSpace, settings: Mapping[str, Any]) -> information.Prior:
+def prior_of(
+    data: Data, names: Sequence[str], space: ParameterSpace, settings: Mapping[str, Any]
+) -> information.Prior:
     """Draw a Sobol sequence over the prior, with the predictions there of networks trained on all samples."""
     models = [trained(data.X, data.known[name], settings) for name in names]
-    return prior_points(space, settings, lambda points: np.column_stack([model.predict(points) for model in models]))
+    return prior_points(
+        space,
+        settings,
+        lambda points: np.column_stack([model.predict(points) for model in models]),
+    )
 
 
 def observed_covariance(
@@ -163,14 +223,18 @@ def message(tables: Mapping[str, pd.DataFrame], summary: Mapping[str, Any]) -> s
     """Put the next measurement to make in words."""
     rows = tables["information"]
     rows = rows[rows["discrepancy_percent"] == rows["discrepancy_percent"].iloc[0]]
-    single = rows[rows["set"].isin(summary["modelled"])].sort_values("gain_bits", ascending=False, kind="stable")
+    single = rows[rows["set"].isin(summary["modelled"])].sort_values(
+        "gain_bits", ascending=False, kind="stable"
+    )
     lines = [
         f"{response(row.set).label}: {row.gain_bits:.2f} ± {row.gain_se_bits:.2f} bits more"
         for row in single.itertuples()
     ]
     if summary["left_out"]:
         names = ", ".join(response(name).label for name in summary["left_out"])
-        lines.append(f"left out, too little signal or too few runs for a surrogate: {names}")
+        lines.append(
+            f"left out, too little signal or too few runs for a surrogate: {names}"
+        )
     if summary["least_effective_points"] < FEWEST_EFFECTIVE:
         lines.append(
             f"FEW POINTS: a posterior rests on {summary['least_effective_points']:.0f} of the prior's points; raise "
@@ -182,21 +246,37 @@ def message(tables: Mapping[str, pd.DataFrame], summary: Mapping[str, Any]) -> s
 def _row(name, known, predicted, is_modelled):
     """Make the row of responses.csv of one response."""
     row = {"response": name, "source": source_of(name), **known.row}
-    row |= {"modelled": is_modelled, "r2": None, "r2_noise_corrected": None, "rmse": None}
+    row |= {
+        "modelled": is_modelled,
+        "r2": None,
+        "r2_noise_corrected": None,
+        "rmse": None,
+    }
     if predicted is not None:
         there = np.isfinite(predicted)
         y, p, error = known.mean[there], predicted[there], known.error[there]
-        row |= {"r2": cross_validated_r2(known, predicted), "r2_noise_corrected": r2_noise_corrected(y, p, error)}
+        row |= {
+            "r2": cross_validated_r2(known, predicted),
+            "r2_noise_corrected": r2_noise_corrected(y, p, error),
+        }
         row["rmse"] = float(np.sqrt(np.mean((y - p) ** 2)))
     return row
 
 
 def _information(percent, label, found, base):
     """Make the row of information.csv of one set."""
-    row = {"discrepancy_percent": percent, "set": label, "bits": found["bits"], "bits_se": found["bits_se"]}
+    row = {
+        "discrepancy_percent": percent,
+        "set": label,
+        "bits": found["bits"],
+        "bits_se": found["bits_se"],
+    }
     if base is not None:
         gain = found["all"] - base["all"]
-        row |= {"gain_bits": gain.mean(), "gain_se_bits": gain.std(ddof=1) / math.sqrt(len(gain))}
+        row |= {
+            "gain_bits": gain.mean(),
+            "gain_se_bits": gain.std(ddof=1) / math.sqrt(len(gain)),
+        }
         row["mean_width"] = float(found["widths"].mean())
     return row | {"least_effective_points": found["effective"]}
 
@@ -204,8 +284,16 @@ def _information(percent, label, found, base):
 def _way(percent, way, responses, found, base, minutes):
     """Make the row of ways.csv of one way to get further responses."""
     gain, work = found["all"] - base["all"], minutes_of(way, minutes)
-    row = {"discrepancy_percent": percent, "way": way, "responses": " ".join(responses), "minutes": work}
-    row |= {"gain_bits": gain.mean(), "gain_se_bits": gain.std(ddof=1) / math.sqrt(len(gain))}
+    row = {
+        "discrepancy_percent": percent,
+        "way": way,
+        "responses": " ".join(responses),
+        "minutes": work,
+    }
+    row |= {
+        "gain_bits": gain.mean(),
+        "gain_se_bits": gain.std(ddof=1) / math.sqrt(len(gain)),
+    }
     return row | {"bits_a_minute": gain.mean() / work}
 
 
@@ -216,12 +304,20 @@ def _narrowing(percent, label, found, base, free):
         row = {"discrepancy_percent": percent, "set": label, "parameter": name}
         row |= {"bits": found["parameter_bits"][k], "width_ratio": found["widths"][k]}
         row["width_ratio_se"] = found["widths_se"][k]
-        row["over_base"] = found["widths"][k] / base["widths"][k] if base is not None else None
+        row["over_base"] = (
+            found["widths"][k] / base["widths"][k] if base is not None else None
+        )
         rows.append(row)
     return rows
 
 
-def run(data: Data, targets: Targets, space: ParameterSpace, settings: Mapping[str, Any], out_dir: str | Path) -> str:
+def run(
+    data: Data,
+    targets: Targets,
+    space: ParameterSpace,
+    settings: Mapping[str, Any],
+    out_dir: str | Path,
+) -> str:
     """Write responses.csv, information.csv, narrowing.csv, ways.csv, order.csv and responses.json; return the message.
 
     `data` come from `further_runs.read`.

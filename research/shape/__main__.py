@@ -13,14 +13,24 @@ script = Script("shape", __doc__)
 def depends_on(config, apparatus):
     """List the settings that a cell depends on; `config` is its own, without other cells' settings."""
     found = stands_on.pouring(config) | stands_on.pouring(config, "cylinder")
-    found |= stands_on.sections(config, "measure", "targets") | stands_on.measuring(config, "cylinder")
-    return found | stands_on.settings_of(config, "berry") | stands_on.settings_of(config, "published_solutions")
+    found |= stands_on.sections(config, "measure", "targets") | stands_on.measuring(
+        config, "cylinder"
+    )
+    return (
+        found
+        | stands_on.settings_of(config, "berry")
+        | stands_on.settings_of(config, "published_solutions")
+    )
 
 
 @script.part(
     "cell",
     f"{OUT}/cells",
-    option("--cell", required=True, help="KIND-PARTICLE-TENSION-FILLING of the section shape_study"),
+    option(
+        "--cell",
+        required=True,
+        help="KIND-PARTICLE-TENSION-FILLING of the section shape_study",
+    ),
     option("--berry", default="results/berry/berry.json"),
     option("--samples", default="results/design/samples.csv"),
     depends_on=depends_on,
@@ -38,7 +48,12 @@ def selection(args, config):
     shape_study.run_selection(config, args.cells, args.out)
 
 
-@script.part("verdict", OUT, CELLS, option("--finalists", required=True, help="of the part selection"))
+@script.part(
+    "verdict",
+    OUT,
+    CELLS,
+    option("--finalists", required=True, help="of the part selection"),
+)
 def verdict(args, config):
     """Judge the finalists by their fresh pours and choose one."""
     shape_study.run_verdict(config, args.cells, args.finalists, args.out)

@@ -43,8 +43,13 @@ def first_cells(config: Config) -> list[str]:
         everywhere = particle in study["all_fillings_of"]
         fillings = study["fillings"] if everywhere else study["main_fillings"]
         for tension in study["tensions"]:
-            names += [f"published-{particle}-{tension}-{filling}" for filling in fillings]
-    return names + [f"bulk-{particle}-{study['tensions'][0]}-{CYLINDER}" for particle in study["particles"]]
+            names += [
+                f"published-{particle}-{tension}-{filling}" for filling in fillings
+            ]
+    return names + [
+        f"bulk-{particle}-{study['tensions'][0]}-{CYLINDER}"
+        for particle in study["particles"]
+    ]
 
 
 def second_cells(config: Config, finalists: pd.DataFrame) -> list[str]:
@@ -53,28 +58,52 @@ def second_cells(config: Config, finalists: pd.DataFrame) -> list[str]:
     `finalists` has the columns `shape_rule.CELL`.
     """
     study = config["shape_study"]
-    cells = ["-".join(row) for row in finalists[CELL].drop_duplicates().itertuples(index=False, name=None)]
+    cells = [
+        "-".join(row)
+        for row in finalists[CELL].drop_duplicates().itertuples(index=False, name=None)
+    ]
     names = [f"fresh-{cell}" for cell in dict.fromkeys([*cells, study["reference"]])]
     names += [f"design-{cell}" for cell in cells]
-    return names + [f"{name}-{cell}" for cell in cells[:1] for name in study["sensitivities"]]
+    return names + [
+        f"{name}-{cell}" for cell in cells[:1] for name in study["sensitivities"]
+    ]
 
 
 def check(config: Config, source: str = "configuration") -> None:
     """Check every particle, filling and sensitivity of the study; an InputError names `source`."""
     study = config["shape_study"]
-    for key, section in (("main_fillings", "fillings"), ("all_fillings_of", "particles")):
+    for key, section in (
+        ("main_fillings", "fillings"),
+        ("all_fillings_of", "particles"),
+    ):
         for name in study[key]:
             if name not in study[section]:
                 allowed = "some of " + ", ".join(study[section])
                 raise InputError(source, f"shape_study.{key}", name, allowed)
     for kind in set(KINDS) & set(study["sensitivities"]):
-        raise InputError(source, "shape_study.sensitivities", kind, "names besides " + ", ".join(KINDS))
+        raise InputError(
+            source,
+            "shape_study.sensitivities",
+            kind,
+            "names besides " + ", ".join(KINDS),
+        )
     if not _is_cell(config, f"fresh-{study['reference']}"):
-        raise InputError(source, "shape_study.reference", study["reference"], "PARTICLE-TENSION-FILLING")
+        raise InputError(
+            source,
+            "shape_study.reference",
+            study["reference"],
+            "PARTICLE-TENSION-FILLING",
+        )
     plain = {key: value for key, value in config.items() if key not in SECTIONS}
-    for section, part in (("particles", "berry"), ("fillings", "funnel"), ("sensitivities", "funnel")):
+    for section, part in (
+        ("particles", "berry"),
+        ("fillings", "funnel"),
+        ("sensitivities", "funnel"),
+    ):
         for name, changes in study[section].items():
-            Study.of(changed(plain, part, changes), f"{source}, shape_study.{section}.{name}")
+            Study.of(
+                changed(plain, part, changes), f"{source}, shape_study.{section}.{name}"
+            )
 
 
 def changed(config: Config, section: str, changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -91,12 +120,26 @@ def compared_targets(config: Config) -> list[Target]:
     """
     path = config["validation"]["published"]
     if path is None:
-        raise InputError("configuration", "validation.published", None, "the table of published solutions")
-    pile = [target for target in Targets.of(config["targets"]) if target.response.apparatus == BENCH]
+        raise InputError(
+            "configuration",
+            "validation.published",
+            None,
+            "the table of published solutions",
+        )
+    pile = [
+        target
+        for target in Targets.of(config["targets"])
+        if target.response.apparatus == BENCH
+    ]
     columns = read_table(path, ("solution", *PARAMETERS))
     there = published_responses(columns, [target.response for target in pile])
     if not there:
-        raise InputError(path, "columns", list(columns), "some target's predicted and simulated values")
+        raise InputError(
+            path,
+            "columns",
+            list(columns),
+            "some target's predicted and simulated values",
+        )
     return [target for target in pile if target.response in there]
 
 
@@ -106,7 +149,9 @@ def parameter_sets(config: Config, samples_csv: str | Path, kind: str) -> pd.Dat
     `samples_csv` is the table of the design's samples.
     """
     if kind == "design":
-        table = read_table(samples_csv, ("sample", *PARAMETERS)).head(config["shape_study"]["design_samples"])
+        table = read_table(samples_csv, ("sample", *PARAMETERS)).head(
+            config["shape_study"]["design_samples"]
+        )
         return table.rename(columns={"sample": "set"})[["set", *PARAMETERS]]
     table = published_sets(config)
     return table if kind in ("published", "fresh") else table.tail(1)
@@ -119,7 +164,9 @@ def published_sets(config: Config) -> pd.DataFrame:
     """
     targets = compared_targets(config)
     simulated = [target.response.simulated for target in targets]
-    table = read_table(config["validation"]["published"], ("solution", *PARAMETERS, *simulated))
+    table = read_table(
+        config["validation"]["published"], ("solution", *PARAMETERS, *simulated)
+    )
     table = table.rename(columns={"solution": "set"})
     table["set"] = table["set"].astype(str)
     for column, target in zip(simulated, targets, strict=True):
@@ -143,7 +190,9 @@ def _is_cell(config, cell):
     )
 
 
-def cell_settings(config: Config, cell: str) -> tuple[str, dict[str, str], dict[str, Any]]:
+def cell_settings(
+    config: Config, cell: str
+) -> tuple[str, dict[str, str], dict[str, Any]]:
     """Kind of a cell KIND-PARTICLE-TENSION-FILLING, its names by `shape_rule.CELL`, and its configuration.
 
     InputError if there is no such cell.
@@ -163,8 +212,13 @@ def cell_settings(config: Config, cell: str) -> tuple[str, dict[str, str], dict[
 def dependencies(config: Config, cell: str) -> dict[str, Any]:
     """List the settings on which the pours and measurements of a cell depend."""
     kind, _, own = cell_settings(config, cell)
-    seeds = [KINDS.get(kind, SENSITIVITY)[0], *(["design_samples"] if kind == "design" else [])]
-    found = {key: own["shape_study"][key] for key in seeds} | {"seed": own["design"]["seed"]}
+    seeds = [
+        KINDS.get(kind, SENSITIVITY)[0],
+        *(["design_samples"] if kind == "design" else []),
+    ]
+    found = {key: own["shape_study"][key] for key in seeds} | {
+        "seed": own["design"]["seed"]
+    }
     bench_test = CYLINDER if kind == "bulk" else BENCH
     section = {key: value for key, value in own[bench_test].items() if key != "seeds"}
     kept = ("berry", "wall", "simulation", "measure", "targets")

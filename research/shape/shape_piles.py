@@ -43,12 +43,21 @@ def measured(
     profiles = []
     for view in views:
         profiles.append(pile.profile_of(view)[0])
-        seen = {rule: pile.measure_segmented(view, replace(settings, flank=rule)).angles for rule in FLANKS}
+        seen = {
+            rule: pile.measure_segmented(view, replace(settings, flank=rule)).angles
+            for rule in FLANKS
+        }
         for name in COLUMNS:
             rule = name.removeprefix("flank_")
-            of_rule, definition = (seen[rule], "flank") if rule in seen else (seen[settings.flank], name)
-            angles[name].append(of_rule[definition].aor_deg if definition in of_rule else math.nan)
-    found: dict[str, float | None] = {COLUMNS[name]: _mean(values) for name, values in angles.items()}
+            of_rule, definition = (
+                (seen[rule], "flank") if rule in seen else (seen[settings.flank], name)
+            )
+            angles[name].append(
+                of_rule[definition].aor_deg if definition in of_rule else math.nan
+            )
+    found: dict[str, float | None] = {
+        COLUMNS[name]: _mean(values) for name, values in angles.items()
+    }
     assert settings.berry_height_mm is not None
     lengths_mm = settings.mm_per_pixel, 1e3 * height_m, settings.berry_height_mm
     masses = particle.mass_kg * grains.scales[members] ** 3
@@ -76,7 +85,9 @@ def core_density(
         return None
     levels = (np.arange(LEVELS) + 0.5) * top / LEVELS
     radii = mean_half_width(profiles, mm_per_pixel, levels + berry_mm)
-    volume_mm3 = math.pi * float((_weight(levels, berry_mm) * radii**2).sum()) * top / LEVELS
+    volume_mm3 = (
+        math.pi * float((_weight(levels, berry_mm) * radii**2).sum()) * top / LEVELS
+    )
     x, y, z = 1e3 * np.asarray(centres_m).T
     away = np.hypot(x - x.mean(), y - y.mean())
     inside = (z < top) & (away < np.interp(z, levels, radii))

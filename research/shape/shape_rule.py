@@ -58,7 +58,9 @@ def sha256() -> str:
     return hashlib.sha256(Path(__file__).read_bytes()).hexdigest()
 
 
-def particle_row(about: Mapping[str, Any], mass_g: float, density_kg_m3: float) -> dict[str, Any]:
+def particle_row(
+    about: Mapping[str, Any], mass_g: float, density_kg_m3: float
+) -> dict[str, Any]:
     """Compare a particle with the measured berry, and say whether it is one (1).
 
     Parameters
@@ -76,7 +78,11 @@ def particle_row(about: Mapping[str, Any], mass_g: float, density_kg_m3: float) 
     off_axes = float(np.abs(axes / measured - 1).max())
     off_mass = abs(about["mass_g"] / mass_g - 1)
     off_volume = about["volume_mm3"] / (1e6 * mass_g / density_kg_m3) - 1
-    near = off_axes <= NEAR_AXES and off_mass <= NEAR_MASS and abs(off_volume) <= NEAR_VOLUME
+    near = (
+        off_axes <= NEAR_AXES
+        and off_mass <= NEAR_MASS
+        and abs(off_volume) <= NEAR_VOLUME
+    )
     return {
         "particle": about["particle"],
         "spheres": about["spheres"],
@@ -129,7 +135,9 @@ def finalists(combinations: pd.DataFrame, particles: pd.DataFrame) -> pd.DataFra
     nearest = eligible.drop_duplicates(CELL).head(FINALISTS).assign(role="finalist")
     release = eligible[eligible["tension"] == PHYSICAL_TENSION]
     # idxmin takes the first of equals: size distributions change no shape
-    there = particles[particles["particle"].isin(release["particle"])].set_index("particle")
+    there = particles[particles["particle"].isin(release["particle"])].set_index(
+        "particle"
+    )
     truest = None if there.empty else there["deviation_rms_mm"].idxmin()
     physical = release[release["particle"] == truest].head(1).assign(role="physical")
     effective = ordered[ordered["distance"].notna()].head(1).assign(role="effective")
@@ -188,10 +196,15 @@ def reached(means: pd.DataFrame, angle: Target, height: Target) -> dict[str, Any
     slope, offset = np.polyfit(known["height"], known["angle"], 1)
     at = float(slope * height.value + offset)
     inside = known["height"].min() <= height.value <= known["height"].max()
-    return {"angle_at_height": at, "reached": bool(inside and abs(at - angle.value) <= angle.sd)}
+    return {
+        "angle_at_height": at,
+        "reached": bool(inside and abs(at - angle.value) <= angle.sd),
+    }
 
 
-def choice(rows: Sequence[Mapping[str, Any]], definitions: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def choice(
+    rows: Sequence[Mapping[str, Any]], definitions: Sequence[Mapping[str, Any]]
+) -> dict[str, Any]:
     """Say what the study chooses (6, 7, 8).
 
     Parameters

@@ -71,7 +71,9 @@ def poured(
     columns = shape_tables.run_columns(compared_targets(config))
     rows = []
     for number, row in enumerate(sets.to_dict("records")):
-        for seed in pour_seeds(own["design"]["seed"], STREAMS[purpose], number, own["shape_study"][key]):
+        for seed in pour_seeds(
+            own["design"]["seed"], STREAMS[purpose], number, own["shape_study"][key]
+        ):
             path = kept / f"{cell}_{number}_{seed}.npz" if kept else None
             record = _one_pour(own, kind, row, seed, particle, berry, path)
             about = {"kind": kind, **names, "set": row["set"]}
@@ -86,15 +88,24 @@ def _one_pour(config, kind, parameters, seed, particle, berry, path):
     test = bench(CYLINDER if kind == "bulk" else BENCH)
     run = _kept_run(test, config, parameters, seed, particle, berry, path)
     if kind == "bulk":
-        return test.measure(run.record, run.arrays, Scene.of(config, {}, berry, particle))
+        return test.measure(
+            run.record, run.arrays, Scene.of(config, {}, berry, particle)
+        )
     if run.record["status"] != "ok":
         return run.record
     measured = {}
-    if {target.name for target in compared_targets(config)} - {CALIBRATED_ANGLE, "height_mm"}:
-        measured = test.measure(run.record, run.arrays, Scene.of(config, {}, berry, particle))
+    if {target.name for target in compared_targets(config)} - {
+        CALIBRATED_ANGLE,
+        "height_mm",
+    }:
+        measured = test.measure(
+            run.record, run.arrays, Scene.of(config, {}, berry, particle)
+        )
     try:
         settings = MeasureSettings.of(config["measure"], berry)
-        return run.record | measured | shape_piles.measured(run.arrays, particle, settings)
+        return (
+            run.record | measured | shape_piles.measured(run.arrays, particle, settings)
+        )
     except NoFlankError as error:
         return run.record | {"status": "no_flank", "reason": error.reason}
 
@@ -114,7 +125,13 @@ def _kept_run(test, config, parameters, seed, particle, berry, path):
     return run
 
 
-def run_cell(config: Config, cell: str, berry_json: str | Path, samples_csv: str | Path, out_dir: str | Path) -> None:
+def run_cell(
+    config: Config,
+    cell: str,
+    berry_json: str | Path,
+    samples_csv: str | Path,
+    out_dir: str | Path,
+) -> None:
     """Pour and measure one cell; write OUT/CELL.csv of its pours and OUT/CELL.json of its particle.
 
     `samples_csv` is the design. InputError if the study has no such cell.
@@ -133,9 +150,17 @@ def run_cell(config: Config, cell: str, berry_json: str | Path, samples_csv: str
         surface=section["surface"],
     )
     berry = read_berry(berry_json)
-    longest_s = advised_step_s(longest_step(own, particle, berry).time_step_s)  # the study's own particle may bear more
-    config = changed(config, "simulation", {"time_step_s": min(own["simulation"]["time_step_s"], longest_s)})
-    provenance.note_config(cell_settings(config, cell)[2])  # this cell does not depend on other cells' settings
+    longest_s = advised_step_s(
+        longest_step(own, particle, berry).time_step_s
+    )  # the study's own particle may bear more
+    config = changed(
+        config,
+        "simulation",
+        {"time_step_s": min(own["simulation"]["time_step_s"], longest_s)},
+    )
+    provenance.note_config(
+        cell_settings(config, cell)[2]
+    )  # this cell does not depend on other cells' settings
     about = {
         "particle": names["particle"],
         "spheres": len(particle.spheres_m),
@@ -147,7 +172,14 @@ def run_cell(config: Config, cell: str, berry_json: str | Path, samples_csv: str
         "measured_axes_mm": [berry[key] for key in ("long_mm", "major_mm", "minor_mm")],
     }
     write_json(out / f"{cell}.json", about)
-    table = poured(config, cell, parameter_sets(own, samples_csv, kind), particle, berry, out / "runs")
+    table = poured(
+        config,
+        cell,
+        parameter_sets(own, samples_csv, kind),
+        particle,
+        berry,
+        out / "runs",
+    )
     write_table(out / f"{cell}.csv", table)
 
 
@@ -156,14 +188,22 @@ def read_cells(config: Config, cell_csvs: Iterable[str | Path]) -> shape_tables.
     targets, paths = compared_targets(config), [Path(path) for path in cell_csvs]
     columns = shape_tables.run_columns(targets)
     runs = pd.concat([read_table(path, columns) for path in paths], ignore_index=True)
-    about = [read_json(path.with_suffix(".json"), ABOUT, "a file of the part cell") for path in paths]
+    about = [
+        read_json(path.with_suffix(".json"), ABOUT, "a file of the part cell")
+        for path in paths
+    ]
     listed = list(config["shape_study"]["particles"])
     about.sort(key=lambda entry: listed.index(entry["particle"]))
-    measured = config["shape_study"]["measured_mass_g"], config["berry"]["density_kg_m3"]
+    measured = (
+        config["shape_study"]["measured_mass_g"],
+        config["berry"]["density_kg_m3"],
+    )
     return shape_tables.Study(runs, about, published_sets(config), targets, *measured)
 
 
-def run_selection(config: Config, cell_csvs: Iterable[str | Path], out_dir: str | Path) -> None:
+def run_selection(
+    config: Config, cell_csvs: Iterable[str | Path], out_dir: str | Path
+) -> None:
     """Write particles.csv, piles.csv, sets.csv, combinations.csv and finalists.csv.
 
     `cell_csvs` are those of the first cells.
@@ -173,7 +213,10 @@ def run_selection(config: Config, cell_csvs: Iterable[str | Path], out_dir: str 
 
 
 def run_verdict(
-    config: Config, cell_csvs: Iterable[str | Path], finalists_csv: str | Path, out_dir: str | Path
+    config: Config,
+    cell_csvs: Iterable[str | Path],
+    finalists_csv: str | Path,
+    out_dir: str | Path,
 ) -> dict[str, Any]:
     """Write fresh.csv, fresh_sets.csv, noise.csv and choice.json; return the choice.
 

@@ -18,7 +18,15 @@ from research.shape.shape_piles import COLUMNS, DENSITY
 from research.shape.shape_rule import CELL, COMBINATION
 
 BULK = ("bulk_density_kg_m3", "core_density_kg_m3")
-NOISE_COLUMNS = (*CELL, "response", "signal", "noise", "signal_to_noise", "standard_error", "sets")
+NOISE_COLUMNS = (
+    *CELL,
+    "response",
+    "signal",
+    "noise",
+    "signal_to_noise",
+    "standard_error",
+    "sets",
+)
 
 
 def run_columns(targets: Iterable[Target]) -> tuple[str, ...]:
@@ -50,9 +58,17 @@ class Study:
         density_kg_m3: float,
     ) -> None:
         self.runs = runs.assign(set=runs["set"].astype(str))
-        self.published, self.targets, self.density = published, list(targets), density_kg_m3
-        rows = [shape_rule.particle_row(about, mass_g, density_kg_m3) for about in abouts]
-        self.particles = pd.DataFrame(rows).drop_duplicates("particle", ignore_index=True)
+        self.published, self.targets, self.density = (
+            published,
+            list(targets),
+            density_kg_m3,
+        )
+        rows = [
+            shape_rule.particle_row(about, mass_g, density_kg_m3) for about in abouts
+        ]
+        self.particles = pd.DataFrame(rows).drop_duplicates(
+            "particle", ignore_index=True
+        )
 
     def of(self, kind: str) -> pd.DataFrame:
         """Pours of a kind: one of `shape_cells.KINDS`, or the name of a sensitivity."""
@@ -62,39 +78,64 @@ class Study:
         """Tables of the first pours: ``particles``, ``piles``, ``sets``, ``combinations``, ``finalists``."""
         piles = pile_table(self.of("published"), self.of("bulk"), self.density)
         sets = set_table(self.of("published"), self.published, self.targets)
-        combinations = judged(combination_table(sets, self.targets), piles, self.particles)
+        combinations = judged(
+            combination_table(sets, self.targets), piles, self.particles
+        )
         finalists = shape_rule.finalists(combinations, self.particles)
-        tables = {"particles": self.particles, "piles": piles, "sets": sets, "combinations": combinations}
+        tables = {
+            "particles": self.particles,
+            "piles": piles,
+            "sets": sets,
+            "combinations": combinations,
+        }
         return tables | {"finalists": finalists}
 
-    def verdict(self, finalists: pd.DataFrame) -> tuple[dict[str, pd.DataFrame], dict[str, Any]]:
+    def verdict(
+        self, finalists: pd.DataFrame
+    ) -> tuple[dict[str, pd.DataFrame], dict[str, Any]]:
         """Tables of the fresh pours, ``fresh``, ``fresh_sets`` and ``noise``, and the choice.
 
         `finalists` is the table of `selection`.
         """
         noise = noise_table(self.of("design"), self.targets)
-        sets = set_table(self.runs[self.runs["kind"] != "design"], self.published, self.targets)
+        sets = set_table(
+            self.runs[self.runs["kind"] != "design"], self.published, self.targets
+        )
         sets = sets[~sets["kind"].isin(["published", "bulk"])]
-        fresh = with_signal(combination_table(sets[sets["kind"] == "fresh"], self.targets), noise, self.targets)
-        fresh["meets"] = [shape_rule.meets(row, self.targets) for row in fresh.to_dict("records")]
+        fresh = with_signal(
+            combination_table(sets[sets["kind"] == "fresh"], self.targets),
+            noise,
+            self.targets,
+        )
+        fresh["meets"] = [
+            shape_rule.meets(row, self.targets) for row in fresh.to_dict("records")
+        ]
         fresh = fresh.merge(self._reached(fresh), on=COMBINATION, how="left")
         selected = finalists[[*COMBINATION, "role", "distance"]]
         selected = selected.rename(columns={"distance": "selection_distance"})
         rows = selected.merge(fresh, on=COMBINATION, how="left")
-        choice = shape_rule.choice(rows.to_dict("records"), self._definitions(rows, fresh))
+        choice = shape_rule.choice(
+            rows.to_dict("records"), self._definitions(rows, fresh)
+        )
         choice["rule_sha256"] = shape_rule.sha256()
         return {"fresh": fresh, "fresh_sets": sets, "noise": noise}, choice
 
     def _reached(self, fresh):
         """For each fresh combination: whether its definition can reach the physical pile."""
-        angle = next((target for target in self.targets if target.name == CALIBRATED_ANGLE), None)
-        height = next((target for target in self.targets if target.name != CALIBRATED_ANGLE), None)
+        angle = next(
+            (target for target in self.targets if target.name == CALIBRATED_ANGLE), None
+        )
+        height = next(
+            (target for target in self.targets if target.name != CALIBRATED_ANGLE), None
+        )
         rows = []
         for row in fresh[COMBINATION].to_dict("records"):
             found = {"angle_at_height": math.nan, "reached": False}
             if angle is not None and height is not None:
                 design = self.of("design")
-                own = design[np.logical_and.reduce([design[key] == row[key] for key in CELL])]
+                own = design[
+                    np.logical_and.reduce([design[key] == row[key] for key in CELL])
+                ]
                 names = {COLUMNS[row["definition"]]: "angle", height.name: "height"}
                 means = own.groupby("set")[list(names)].mean().rename(columns=names)
                 found = shape_rule.reached(means, angle, height)
@@ -112,7 +153,9 @@ class Study:
         return order.merge(fresh, on=COMBINATION).to_dict("records")
 
 
-def pile_table(piles: pd.DataFrame, bulk: pd.DataFrame, density_kg_m3: float) -> pd.DataFrame:
+def pile_table(
+    piles: pd.DataFrame, bulk: pd.DataFrame, density_kg_m3: float
+) -> pd.DataFrame:
     """Share of pours that made a pile, packing inside the piles, and bulk density in the measuring cylinder.
 
     A row for each cell; the cylinder's numbers are those of its particle. `piles` are pours of the funnel, `bulk` of
@@ -121,8 +164,14 @@ def pile_table(piles: pd.DataFrame, bulk: pd.DataFrame, density_kg_m3: float) ->
     rows = []
     for key, group in piles.groupby(CELL, sort=False):
         density, error = _mean(group[DENSITY])
-        row = dict(zip(CELL, key, strict=True)) | {DENSITY: density, "packing": density / density_kg_m3}
-        row |= {"packing_se": error / density_kg_m3, "share_of_piles": float((group["status"] == "ok").mean())}
+        row = dict(zip(CELL, key, strict=True)) | {
+            DENSITY: density,
+            "packing": density / density_kg_m3,
+        }
+        row |= {
+            "packing_se": error / density_kg_m3,
+            "share_of_piles": float((group["status"] == "ok").mean()),
+        }
         poured = bulk[bulk["particle"] == key[0]]
         for column in BULK:
             row[column] = float(poured[column].mean())
@@ -131,22 +180,36 @@ def pile_table(piles: pd.DataFrame, bulk: pd.DataFrame, density_kg_m3: float) ->
     return pd.DataFrame(rows)
 
 
-def set_table(runs: pd.DataFrame, published: pd.DataFrame, targets: Sequence[Target]) -> pd.DataFrame:
+def set_table(
+    runs: pd.DataFrame, published: pd.DataFrame, targets: Sequence[Target]
+) -> pd.DataFrame:
     """Mean, standard error and difference from the published pile of each cell, definition and parameter set."""
     rows, pairs = [], published.set_index("set")
-    for key, group in runs[runs["set"].isin(pairs.index)].groupby(["kind", *CELL, "set"], sort=False):
+    for key, group in runs[runs["set"].isin(pairs.index)].groupby(
+        ["kind", *CELL, "set"], sort=False
+    ):
         about = dict(zip(["kind", *CELL, "set"], key, strict=True))
         for definition in COLUMNS:
             row = about | {"definition": definition}
             for target in targets:
-                row[target.name], row[target.response.error] = _mean(group[measured_as(target, definition)])
+                row[target.name], row[target.response.error] = _mean(
+                    group[measured_as(target, definition)]
+                )
             for target in targets:
-                difference = row[target.name] - pairs.at[about["set"], target.response.simulated]
+                difference = (
+                    row[target.name] - pairs.at[about["set"], target.response.simulated]
+                )
                 row[derived(target.name, "difference")] = difference
             row |= {"n_ok": int((group["status"] == "ok").sum()), "n": len(group)}
             rows.append(row)
-    numbers = [name for target in targets for name in (target.name, target.response.error, _off(target))]
-    return pd.DataFrame(rows, columns=["kind", *CELL, "set", "definition", *numbers, "n_ok", "n"])
+    numbers = [
+        name
+        for target in targets
+        for name in (target.name, target.response.error, _off(target))
+    ]
+    return pd.DataFrame(
+        rows, columns=["kind", *CELL, "set", "definition", *numbers, "n_ok", "n"]
+    )
 
 
 def _off(target):
@@ -170,39 +233,65 @@ def combination_table(sets: pd.DataFrame, targets: Sequence[Target]) -> pd.DataF
             difference = group[_off(target)]
             row[difference.name] = difference.mean()
             squares = group[target.response.error] ** 2
-            row[target.response.error] = math.sqrt(squares.fillna(squares.mean()).sum()) / count
+            row[target.response.error] = (
+                math.sqrt(squares.fillna(squares.mean()).sum()) / count
+            )
             off = off + (difference / target.sd) ** 2
             within = within & (difference.abs() <= target.sd)
-        row |= {"sets_within": int(within.sum()), "sets": count, "distance": math.sqrt(off.mean(skipna=False))}
+        row |= {
+            "sets_within": int(within.sum()),
+            "sets": count,
+            "distance": math.sqrt(off.mean(skipna=False)),
+        }
         rows.append(row)
-    numbers = [name for target in targets for name in (_off(target), target.response.error)]
-    table = pd.DataFrame(rows, columns=[*COMBINATION, *numbers, "sets_within", "sets", "distance"])
+    numbers = [
+        name for target in targets for name in (_off(target), target.response.error)
+    ]
+    table = pd.DataFrame(
+        rows, columns=[*COMBINATION, *numbers, "sets_within", "sets", "distance"]
+    )
     return table.sort_values("distance", ignore_index=True, kind="stable")
 
 
-def judged(combinations: pd.DataFrame, piles: pd.DataFrame, particles: pd.DataFrame) -> pd.DataFrame:
+def judged(
+    combinations: pd.DataFrame, piles: pd.DataFrame, particles: pd.DataFrame
+) -> pd.DataFrame:
     """Judge combinations by the rule's criteria of particle and pile, those that fulfil them first."""
     wanted = ["packing", "packing_se", "share_of_piles"]
     table = combinations.merge(piles[[*CELL, *wanted]], on=CELL, how="left")
-    table = table.merge(particles[["particle", "measured_berry"]], on="particle", how="left")
+    table = table.merge(
+        particles[["particle", "measured_berry"]], on="particle", how="left"
+    )
     pairs = table[["packing", "packing_se"]].itertuples(index=False, name=None)
-    table["packs_like_a_fruit"] = [shape_rule.packs_like_a_fruit(*pair) for pair in pairs]
+    table["packs_like_a_fruit"] = [
+        shape_rule.packs_like_a_fruit(*pair) for pair in pairs
+    ]
     flows = table["share_of_piles"] >= shape_rule.LEAST_SHARE_OF_PILES
     fulfils = table["measured_berry"] & table["packs_like_a_fruit"] & flows
     table["eligible"] = fulfils & table["distance"].notna()
-    return table.sort_values(["eligible", "distance"], ascending=[False, True], ignore_index=True)
+    return table.sort_values(
+        ["eligible", "distance"], ascending=[False, True], ignore_index=True
+    )
 
 
-def with_signal(combinations: pd.DataFrame, noise: pd.DataFrame, targets: Sequence[Target]) -> pd.DataFrame:
+def with_signal(
+    combinations: pd.DataFrame, noise: pd.DataFrame, targets: Sequence[Target]
+) -> pd.DataFrame:
     """Add the signal-to-noise ratio of their angle to combinations.
 
     It is that of the first target, where the angle is no target.
     """
     with_angle = any(target.name == CALIBRATED_ANGLE for target in targets)
-    judged_by = combinations["definition"] if with_angle else targets[0].response.quantity
+    judged_by = (
+        combinations["definition"] if with_angle else targets[0].response.quantity
+    )
     columns = {"standard_error": "signal_to_noise_se"}
-    ratios = noise.rename(columns=columns)[[*CELL, "response", "signal_to_noise", "signal_to_noise_se"]]
-    table = combinations.assign(response=judged_by).merge(ratios, on=[*CELL, "response"], how="left")
+    ratios = noise.rename(columns=columns)[
+        [*CELL, "response", "signal_to_noise", "signal_to_noise_se"]
+    ]
+    table = combinations.assign(response=judged_by).merge(
+        ratios, on=[*CELL, "response"], how="left"
+    )
     return table.drop(columns="response")
 
 
@@ -218,8 +307,14 @@ def noise_table(runs: pd.DataFrame, targets: Sequence[Target]) -> pd.DataFrame:
     rows = []
     for key, group in runs.groupby(CELL, sort=False):
         for response, column in columns.items():
-            by_set = [rows[column].dropna().to_numpy() for _, rows in group.groupby("set")]
-            moments = [(values.var(ddof=1), values.mean(), len(values)) for values in by_set if len(values) > 1]
+            by_set = [
+                rows[column].dropna().to_numpy() for _, rows in group.groupby("set")
+            ]
+            moments = [
+                (values.var(ddof=1), values.mean(), len(values))
+                for values in by_set
+                if len(values) > 1
+            ]
             sets = np.array(moments).reshape(-1, 3)
             signal, noise = _signal_and_noise(sets)
             left_out = [_ratio(np.delete(sets, k, axis=0)) for k in range(len(sets))]
@@ -249,4 +344,6 @@ def _mean(values):
     """Mean and standard error without missing values; the error of a single value is NaN."""
     values = values.dropna().astype(float)
     mean = float(values.mean()) if len(values) else math.nan
-    return mean, float(values.std(ddof=1) / math.sqrt(len(values))) if len(values) > 1 else math.nan
+    return mean, float(values.std(ddof=1) / math.sqrt(len(values))) if len(
+        values
+    ) > 1 else math.nan

@@ -11,27 +11,48 @@ from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.pictures import figures
 from repose.surrogate.support import quadratic_terms
-from research.comparison import accuracy, emulator, models, points, sampling, scores, surrogates
+from research.comparison import (
+    accuracy,
+    emulator,
+    models,
+    points,
+    sampling,
+    scores,
+    surrogates,
+)
 from research.comparison.early_stopping import EarlyStoppingBP
 from research.figures import FIGURES
 
 RESPONSES = ("aor_deg", "height_mm")
 SPACE = ParameterSpace.of(dict.fromkeys(PARAMETERS, (0.0, 1.0)))
-NETWORK = {"hidden": 3, "epochs": 60, "goal": 0.0, "split": [0.7, 0.15, 0.15], "starts": 2, "seed": 1}
+NETWORK = {
+    "hidden": 3,
+    "epochs": 60,
+    "goal": 0.0,
+    "split": [0.7, 0.15, 0.15],
+    "starts": 2,
+    "seed": 1,
+}
 NETWORK |= {"surrogate": "network_ensemble", "prior": "inputs", "replicates": True}
 
 
 def truth(X):
     """A quadratic of two inputs and a straight line."""
-    return np.column_stack([30 + 8 * X[:, 0] - 6 * X[:, 1] ** 2, 60 + 10 * X[:, 0] + 5 * X[:, 2]])
+    return np.column_stack(
+        [30 + 8 * X[:, 0] - 6 * X[:, 1] ** 2, 60 + 10 * X[:, 0] + 5 * X[:, 2]]
+    )
 
 
 def poured(count, seeds, seed, correlation=0.9):
     """Points with correlated noise of 1 and 2, three times as large at one end of the first input."""
     rng = np.random.default_rng(seed)
     X = rng.uniform(size=(count, 6))
-    noise = rng.multivariate_normal([0, 0], [[1, 2 * correlation], [2 * correlation, 4]], (count, seeds))
-    return points.Points(X, truth(X)[:, None] + noise * np.exp(np.log(3) * X[:, 0])[:, None, None])
+    noise = rng.multivariate_normal(
+        [0, 0], [[1, 2 * correlation], [2 * correlation, 4]], (count, seeds)
+    )
+    return points.Points(
+        X, truth(X)[:, None] + noise * np.exp(np.log(3) * X[:, 0])[:, None, None]
+    )
 
 
 def test_explainable_share_and_rmse_are_those_of_the_means_without_noise():
@@ -48,8 +69,12 @@ def test_explainable_share_and_rmse_are_those_of_the_means_without_noise():
     table = pd.DataFrame(found).mean()
     assert table["explainable"] == pytest.approx(share, abs=0.002)
     assert table["r2"] < share - 0.005
-    assert table["rmse"] == pytest.approx(np.sqrt(np.mean((y - predicted) ** 2)), rel=0.01)
-    assert table["reachable_r2"] == pytest.approx(np.var(y) / (np.var(y) + np.mean(sd**2) / 6), abs=0.002)
+    assert table["rmse"] == pytest.approx(
+        np.sqrt(np.mean((y - predicted) ** 2)), rel=0.01
+    )
+    assert table["reachable_r2"] == pytest.approx(
+        np.var(y) / (np.var(y) + np.mean(sd**2) / 6), abs=0.002
+    )
 
 
 def test_bootstrap_intervals_hold_the_true_r2():
@@ -58,7 +83,9 @@ def test_bootstrap_intervals_hold_the_true_r2():
     held = 0
     for k in range(150):
         p = rng.standard_normal(80)
-        low, high = scores.bootstrap(p + rng.standard_normal(80), np.zeros(80), p, 300, k)["r2"]
+        low, high = scores.bootstrap(
+            p + rng.standard_normal(80), np.zeros(80), p, 300, k
+        )["r2"]
         held += low < 0.5 < high
     assert 0.88 < held / 150 < 0.99
     y = np.arange(9.0)
@@ -70,18 +97,27 @@ def test_calibration_of_right_and_of_too_small_error_bars():
     rng = np.random.default_rng(3)
     y, errors = rng.standard_normal(20_000) * 0.5, np.full(20_000, 0.3)
     right = scores.calibration(y, errors, np.zeros(20_000), np.full(20_000, 0.4))
-    assert (right["coverage_50"], right["coverage_90"]) == pytest.approx((0.5, 0.9), abs=0.015)
+    assert (right["coverage_50"], right["coverage_90"]) == pytest.approx(
+        (0.5, 0.9), abs=0.015
+    )
     assert right["standardised_square"] == pytest.approx(1, abs=0.03)
     bold = scores.calibration(y, 0 * errors, np.zeros(20_000), np.full(20_000, 0.25))
     assert bold["standardised_square"] == pytest.approx(4, rel=0.03)
-    assert bold["coverage_90"] == pytest.approx(2 * stats.norm.cdf(1.645 / 2) - 1, abs=0.01)
+    assert bold["coverage_90"] == pytest.approx(
+        2 * stats.norm.cdf(1.645 / 2) - 1, abs=0.01
+    )
 
 
 def test_r2_on_means_of_few_seeds_lies_between_single_runs_and_all():
     data = poured(60, 8, 4)
     p = truth(data.X)[:, 0]
-    single, few = scores.on_runs(data.values[:, :, 0], p), scores.on_few_seeds(data.values[:, :, 0], p, 4)
-    assert single < few < scores.accuracy(data.means()[:, 0], data.errors()[:, 0], p)["r2"]
+    single, few = (
+        scores.on_runs(data.values[:, :, 0], p),
+        scores.on_few_seeds(data.values[:, :, 0], p, 4),
+    )
+    assert (
+        single < few < scores.accuracy(data.means()[:, 0], data.errors()[:, 0], p)["r2"]
+    )
     assert scores.on_few_seeds(data.values[:, :, 0], p, 9) is None
 
 
@@ -112,7 +148,13 @@ def test_points_read_back_without_what_failed(tmp_path):
     np.testing.assert_allclose(found.means()[1], data.values[2, 1:].mean(axis=0))
     # of the third point the first run failed: with one seed it is gone
     assert len(found.take([0, 1, 2], seeds=1).X) == 2
-    input_error(PARAMETERS[0], points.read, tmp_path / "runs.csv", tmp_path / "runs.csv", RESPONSES)
+    input_error(
+        PARAMETERS[0],
+        points.read,
+        tmp_path / "runs.csv",
+        tmp_path / "runs.csv",
+        RESPONSES,
+    )
 
 
 def test_points_of_one_response_read_back_as_those_of_two(tmp_path):
@@ -120,7 +162,9 @@ def test_points_of_one_response_read_back_as_those_of_two(tmp_path):
     write(tmp_path, "", poured(12, 3, 1))
     files = tmp_path / "dataset.csv", tmp_path / "runs.csv"
     both = points.read(*files, RESPONSES)
-    np.testing.assert_array_equal(points.read(*files, RESPONSES[1:]).values, both.values[:, :, 1:])
+    np.testing.assert_array_equal(
+        points.read(*files, RESPONSES[1:]).values, both.values[:, :, 1:]
+    )
 
 
 def test_runs_drawn_are_runs_of_the_same_point():
@@ -139,7 +183,9 @@ def test_designs_have_the_points_asked_for_inside_the_cube(name):
     assert unit.max() <= 1
 
 
-@pytest.mark.parametrize(("n", "corners"), [(30, 16), (45, 32), (60, 32), (77, 64), (100, 64)])
+@pytest.mark.parametrize(
+    ("n", "corners"), [(30, 16), (45, 32), (60, 32), (77, 64), (100, 64)]
+)
 def test_central_composite_designs_are_balanced_and_orthogonal(n, corners):
     unit = sampling.central_composite(n)
     size = corners + 13
@@ -149,7 +195,9 @@ def test_central_composite_designs_are_balanced_and_orthogonal(n, corners):
     assert (np.abs(x).sum(axis=1) == 6).sum() == corners
     np.testing.assert_array_equal(x.T @ x, (corners + 2) * np.eye(6))
     # a fraction of 16 corners cannot separate all products of two, the others can
-    assert np.linalg.matrix_rank(quadratic_terms(unit[:size])) == (28 if corners > 16 else 20)
+    assert np.linalg.matrix_rank(quadratic_terms(unit[:size])) == (
+        28 if corners > 16 else 20
+    )
     np.testing.assert_array_equal(unit[size:], unit[: n - size])
 
 
@@ -191,7 +239,9 @@ def test_early_stopping_learns_and_stops_before_the_noise():
 def test_emulator_has_the_mean_and_the_noise_that_it_was_fitted_to(monkeypatch):
     monkeypatch.setattr(emulator, "CANDIDATES", {"quadratic": models.quadratic_surface})
     fitted = emulator.chosen_by_cross_validation(poured(200, 6, 12), NETWORK, 1)
-    assert fitted.noise.correlation == pytest.approx(np.array([[1, 0.9], [0.9, 1]]), abs=0.02)
+    assert fitted.noise.correlation == pytest.approx(
+        np.array([[1, 0.9], [0.9, 1]]), abs=0.02
+    )
     X = np.random.default_rng(13).uniform(size=(100, 6))
     expected = np.array([1, 2]) * np.exp(np.log(3) * X[:, :1])
     np.testing.assert_allclose(fitted.noise.std(X), expected, rtol=0.35)
@@ -205,9 +255,17 @@ def test_emulator_has_the_mean_and_the_noise_that_it_was_fitted_to(monkeypatch):
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
     folder = tmp_path_factory.mktemp("study")
-    for name, piles in (("main_", poured(30, 4, 1)), ("pool_", poured(40, 2, 2)), ("fresh_", poured(10, 8, 3))):
+    for name, piles in (
+        ("main_", poured(30, 4, 1)),
+        ("pool_", poured(40, 2, 2)),
+        ("fresh_", poured(10, 8, 3)),
+    ):
         write(folder, name, piles)
-    return {f"{a}_{b}": folder / f"{a}_{b}.csv" for a in ("main", "pool", "fresh") for b in ("dataset", "runs")}
+    return {
+        f"{a}_{b}": folder / f"{a}_{b}.csv"
+        for a in ("main", "pool", "fresh")
+        for b in ("dataset", "runs")
+    }
 
 
 @pytest.fixture(scope="module")
@@ -263,7 +321,9 @@ def test_sampling_says_what_is_emulated_and_what_is_real(tables):
     designs = table[(table["comparison"] == "designs") & (table["data"] == "emulated")]
     assert set(designs["design"]) == set(sampling.DESIGNS)
     assert (designs["simulations"] == 60).all()
-    trades = table[(table["comparison"] == "points against seeds") & (table["data"] == "emulated")]
+    trades = table[
+        (table["comparison"] == "points against seeds") & (table["data"] == "emulated")
+    ]
     assert set(trades["simulations"]) == {60}
     assert (tables[0] / "emulator.json").is_file()
 
@@ -272,7 +332,13 @@ def test_sampling_says_what_is_emulated_and_what_is_real(tables):
 @pytest.mark.parametrize("name", ["accuracy", "surrogates", "sampling"])
 def test_each_comparison_can_be_drawn(tables, name, tmp_path):
     config = Study.load("config/quick.yaml").config
-    figures.draw(name, {name: str(tables[0] / f"{name}.csv")}, tmp_path / "a.png", config, FIGURES)
+    figures.draw(
+        name,
+        {name: str(tables[0] / f"{name}.csv")},
+        tmp_path / "a.png",
+        config,
+        FIGURES,
+    )
     assert (tmp_path / "a.png").stat().st_size > 10_000
 
 
@@ -282,7 +348,9 @@ def of_many(count, seeds, k, seed):
     X = rng.uniform(size=(count, 6))
     root = np.linalg.cholesky(0.5 + 0.5 * np.eye(k))
     noise = rng.normal(size=(count, seeds, k)) @ root.T
-    return points.Points(X, 50 + 10 * (X[:, :k] - X[:, 1 : k + 1] ** 2)[:, None] + noise)
+    return points.Points(
+        X, 50 + 10 * (X[:, :k] - X[:, 1 : k + 1] ** 2)[:, None] + noise
+    )
 
 
 @pytest.mark.slow
@@ -290,7 +358,12 @@ def of_many(count, seeds, k, seed):
 def test_comparisons_take_any_number_of_responses(k, monkeypatch, tmp_path):
     names = ("drum_slip_deg", "packing_percent", "height_mm", "discharge_s")[:k]
     sets = [of_many(30, 4, k, 1), of_many(40, 4, k, 2), of_many(10, 8, k, 3)]
-    names_of_quick = ("quadratic surface", "network", "random forest", "gradient boosting")
+    names_of_quick = (
+        "quadratic surface",
+        "network",
+        "random forest",
+        "gradient boosting",
+    )
     quick = {name: models.MODELS[name] for name in names_of_quick}
     monkeypatch.setattr(models, "TREES", 5)
     monkeypatch.setattr(models, "ROUNDS", 5)
@@ -307,17 +380,34 @@ def test_comparisons_take_any_number_of_responses(k, monkeypatch, tmp_path):
         "sampling": sampling.run(sets, names, SPACE, NETWORK, 2, 1, tmp_path),
     }
     config = {
-        "targets": [{"response": name, "value": 50, "sd": 1, "repetitions": 4, "range": [45, 55]} for name in names]
+        "targets": [
+            {
+                "response": name,
+                "value": 50,
+                "sd": 1,
+                "repetitions": 4,
+                "range": [45, 55],
+            }
+            for name in names
+        ]
     }
     for name, table in tables.items():
         assert tuple(dict.fromkeys(table["response"])) == names
-        figures.draw(name, {name: str(tmp_path / f"{name}.csv")}, tmp_path / f"{name}.png", config, FIGURES)
+        figures.draw(
+            name,
+            {name: str(tmp_path / f"{name}.csv")},
+            tmp_path / f"{name}.png",
+            config,
+            FIGURES,
+        )
 
 
 @pytest.mark.parametrize("k", [1, 3])
 def test_noise_that_scales_has_its_correlation_and_size(k):
     correlation = 0.6 + 0.4 * np.eye(k)
-    slopes = np.log(4) * np.eye(7, k, -1)  # each response's variance grows with a parameter of its own
+    slopes = np.log(4) * np.eye(
+        7, k, -1
+    )  # each response's variance grows with a parameter of its own
     noise = emulator.ScalingNoise(slopes, correlation, np.zeros(6), np.ones(6))
     X = np.zeros((1, 6))
     X[0, 0] = 1.0
@@ -339,13 +429,27 @@ def test_designs_in_five_dimensions_leave_out_the_composite():
 
 
 def test_runs_of_several_bench_tests_make_one_point(tmp_path):
-    table = pd.DataFrame([dict.fromkeys(PARAMETERS, 0.5) | {"sample": 1, "status": "ok"}])
+    table = pd.DataFrame(
+        [dict.fromkeys(PARAMETERS, 0.5) | {"sample": 1, "status": "ok"}]
+    )
     table.to_csv(tmp_path / "dataset.csv", index=False)
-    rows = [("funnel", "ok", 30.0, None), ("funnel", "ok", 32.0, None), ("funnel", "jammed", None, None)]
-    rows += [("drum", "ok", None, 45.0), ("drum", "ok", None, 47.0), ("drum", "ok", None, 46.0)]
-    runs = pd.DataFrame(rows, columns=["apparatus", "status", "aor_deg", "drum_slip_deg"]).assign(sample=1)
+    rows = [
+        ("funnel", "ok", 30.0, None),
+        ("funnel", "ok", 32.0, None),
+        ("funnel", "jammed", None, None),
+    ]
+    rows += [
+        ("drum", "ok", None, 45.0),
+        ("drum", "ok", None, 47.0),
+        ("drum", "ok", None, 46.0),
+    ]
+    runs = pd.DataFrame(
+        rows, columns=["apparatus", "status", "aor_deg", "drum_slip_deg"]
+    ).assign(sample=1)
     runs.to_csv(tmp_path / "runs.csv", index=False)
-    found = points.read(tmp_path / "dataset.csv", tmp_path / "runs.csv", ("aor_deg", "drum_slip_deg"))
+    found = points.read(
+        tmp_path / "dataset.csv", tmp_path / "runs.csv", ("aor_deg", "drum_slip_deg")
+    )
     assert found.counts().tolist() == [2]
     assert found.means().tolist() == [[31.0, 46.0]]
     assert found.values[0, :2].tolist() == [[30.0, 45.0], [32.0, 47.0]]

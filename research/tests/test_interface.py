@@ -19,7 +19,11 @@ def modules_taken():
                     names = [name if is_module(name) else node.module for name in names]
                 else:
                     continue
-                yield from ((name, path.relative_to(ROOT)) for name in names if name.split(".")[0] == "repose")
+                yield from (
+                    (name, path.relative_to(ROOT))
+                    for name in names
+                    if name.split(".")[0] == "repose"
+                )
 
 
 def is_module(name):
@@ -28,10 +32,20 @@ def is_module(name):
 
 
 def test_every_module_taken_is_documented_or_listed_with_its_reason():
-    documented = re.findall(r"automodule:: (\S+)", (ROOT / "docs/reference.md").read_text())
-    listed = re.findall(r"`(repose\.[\w.]+)`(?=[^|\n]*\|[^|\n]*\|$)", (ROOT / "research/README.md").read_text(), re.M)
+    documented = re.findall(
+        r"automodule:: (\S+)", (ROOT / "docs/reference.md").read_text()
+    )
+    listed = re.findall(
+        r"`(repose\.[\w.]+)`(?=[^|\n]*\|[^|\n]*\|$)",
+        (ROOT / "research/README.md").read_text(),
+        re.M,
+    )
     taken = dict(modules_taken())
-    private = {name: path for name, path in taken.items() if name not in {"repose", *documented}}
+    private = {
+        name: path
+        for name, path in taken.items()
+        if name not in {"repose", *documented}
+    }
     found = [
         f"{path}: {name}"
         for name, path in private.items()

@@ -24,7 +24,17 @@ from research.responses import (
 )
 
 SPACE = ParameterSpace.of(dict.fromkeys(PARAMETERS, (0.0, 2.0)))
-TARGETS = Targets.of([{"response": "height_mm", "value": 60.0, "sd": 1.0, "repetitions": 4, "range": [55.0, 65.0]}])
+TARGETS = Targets.of(
+    [
+        {
+            "response": "height_mm",
+            "value": 60.0,
+            "sd": 1.0,
+            "repetitions": 4,
+            "range": [55.0, 65.0],
+        }
+    ]
+)
 DIRECT = {"e_gp": {"sd": 0.1, "minutes": 30.0}, "mus_gp": {"sd": 0.1, "minutes": 60.0}}
 SETTINGS = {
     "points": 2**13,
@@ -45,10 +55,17 @@ SETTINGS = {
 
 
 def test_a_small_response_has_the_smallest_discrepancy():
-    names, means = ("loose_percent", "height_mm", "radius_90_mm"), np.array([5.0, 60.0, -100.0])
+    names, means = (
+        ("loose_percent", "height_mm", "radius_90_mm"),
+        np.array([5.0, 60.0, -100.0]),
+    )
     found = discrepancies.sizes(names, means, 2.0, {"%": 1.0, "mm": 1.5})
-    assert found == pytest.approx([1.0, 1.5, 2.0])  # 0.1 % points and 1.2 mm would be less
-    assert discrepancies.sizes(names, means, 0.0, {"%": 1.0}) == pytest.approx(0.0)  # an exact simulator
+    assert found == pytest.approx(
+        [1.0, 1.5, 2.0]
+    )  # 0.1 % points and 1.2 mm would be less
+    assert discrepancies.sizes(names, means, 0.0, {"%": 1.0}) == pytest.approx(
+        0.0
+    )  # an exact simulator
     own = {"loose_percent": 40.0, "height_mm": 2.0, "radius_90_mm": 0.0}
     assert discrepancies.sizes(names, means, own, {}) == pytest.approx([2.0, 1.2, 0.0])
 
@@ -60,15 +77,21 @@ def test_discrepancies_are_correlated_in_a_bench_test_with_the_signs_of_the_desi
     means[2, 2] = np.nan  # not all samples are run in every bench test
     sd = np.array([1.0, 2.0, 3.0, 4.0])
     found = discrepancies.covariance(names, sd, means, 0.9)
-    expected = np.array([[1, -1.8, 0, 3.6], [-1.8, 4, 0, -7.2], [0, 0, 9, 0], [3.6, -7.2, 0, 16]])
+    expected = np.array(
+        [[1, -1.8, 0, 3.6], [-1.8, 4, 0, -7.2], [0, 0, 9, 0], [3.6, -7.2, 0, 16]]
+    )
     assert found == pytest.approx(expected)
-    assert discrepancies.covariance(names, sd, means, 0.0) == pytest.approx(np.diag(sd**2))
+    assert discrepancies.covariance(names, sd, means, 0.0) == pytest.approx(
+        np.diag(sd**2)
+    )
 
 
 def test_a_direct_test_has_the_information_of_a_normal_posterior():
     tests = observables.tests_of(["height_mm"], np.eye(1), SPACE, SETTINGS)
     assert tests.columns == {"pile": [0], "direct e_gp": [1], "direct mus_gp": [2]}
-    assert np.diag(tests.covariance) == pytest.approx([1.0, 0.05**2, 0.05**2])  # places in a range of 2
+    assert np.diag(tests.covariance) == pytest.approx(
+        [1.0, 0.05**2, 0.05**2]
+    )  # places in a range of 2
     unit = stats.qmc.Sobol(6, rng=1).random(2**15)
     prior = information.Prior(unit, np.zeros((len(unit), 1)))
     observables.with_parameters(prior, [3, 4])
@@ -76,13 +99,17 @@ def test_a_direct_test_has_the_information_of_a_normal_posterior():
     bits = prior.posterior(observed, tests.of(("direct e_gp",)), tests.covariance)[0]
     bits_of_one = -0.5 * math.log2(2 * math.pi * math.e * 0.05**2)
     assert bits == pytest.approx(bits_of_one, abs=0.02)
-    both = prior.posterior(observed, tests.of(("direct e_gp", "direct mus_gp")), tests.covariance)[0]
+    both = prior.posterior(
+        observed, tests.of(("direct e_gp", "direct mus_gp")), tests.covariance
+    )[0]
     assert both == pytest.approx(2 * bits_of_one, abs=0.05)
 
 
 def test_widths_of_a_linear_model_are_those_of_its_normal_posterior():
     unit = stats.qmc.Sobol(6, rng=1).random(2**14)
-    prior = information.Prior(unit, np.column_stack([unit[:, 0], unit[:, 1] + unit[:, 2]]))
+    prior = information.Prior(
+        unit, np.column_stack([unit[:, 0], unit[:, 1] + unit[:, 2]])
+    )
     covariance = np.diag([0.05, 0.05]) ** 2
     found = joint_targets.approximate_widths(prior, [0], covariance)
     # the prior of a place has the variance 1 / 12
@@ -104,7 +131,9 @@ def data(tmp_path_factory):
     table["status"] = "ok"
     table.to_csv(folder / "dataset.csv", index=False)
     place = table.loc[table.index.repeat(3), list(PARAMETERS)].to_numpy()
-    runs = pd.DataFrame({"sample": np.repeat(table["sample"], 3), "seed": 1, "status": "ok"})
+    runs = pd.DataFrame(
+        {"sample": np.repeat(table["sample"], 3), "seed": 1, "status": "ok"}
+    )
     for name in further_responses.offered((), "secant"):
         runs[name] = 50 + random.normal(0, 1, 270)
     runs["height_mm"] = 50 + 10 * place[:, 0] + random.normal(0, 1.0, 270)
@@ -113,12 +142,19 @@ def data(tmp_path_factory):
     jobs.mkdir()
     for k in range(90):
         flow = 500.0 + 400.0 * table["mus_gg"][k] + random.normal(0, 10.0, 2)
-        own = [{"status": "ok", "flow_g_s": rate, "emptying_s": random.normal(1, 0.01)} for rate in flow]
+        own = [
+            {"status": "ok", "flow_g_s": rate, "emptying_s": random.normal(1, 0.01)}
+            for rate in flow
+        ]
         own[0]["emptying_s"] = own[0]["emptying_s"] if k else None  # it is no target
         own.append({"status": "jammed", "flow_g_s": None, "emptying_s": None})
-        (jobs / f"{k + 1:03d}.json").write_text(json.dumps({"apparatus": "discharge", "sample": k + 1, "runs": own}))
+        (jobs / f"{k + 1:03d}.json").write_text(
+            json.dumps({"apparatus": "discharge", "sample": k + 1, "runs": own})
+        )
     (jobs / "001.pours.json").write_text("{}")  # beside every job
-    whole = responses_over_design.read(folder / "runs.csv", folder / "dataset.csv", TARGETS, "secant")
+    whole = responses_over_design.read(
+        folder / "runs.csv", folder / "dataset.csv", TARGETS, "secant"
+    )
     samples = table["sample"].to_numpy()
     found = further_runs.read_jobs(further_runs.jobs_in([jobs]), samples)
     return further_runs.with_jobs(whole, samples, found)
@@ -128,7 +164,11 @@ def test_jobs_of_further_bench_tests_come_beside_the_pile(data):
     assert data.known["flow_g_s"].row["runs"] == 180  # a jam is no run
     assert data.known["emptying_s"].row["runs"] == 179
     untapped = pd.DataFrame(
-        {"sample": [1, 1, 2], "bulk_density_kg_m3": [480.0, 500.0, 520.0], "tapped_density_kg_m3": np.nan}
+        {
+            "sample": [1, 1, 2],
+            "bulk_density_kg_m3": [480.0, 500.0, 520.0],
+            "tapped_density_kg_m3": np.nan,
+        }
     )
     found = further_runs.with_jobs(data, np.arange(1, 91), {"cylinder": untapped})
     assert set(found.known) - set(data.known) == {"bulk_density_kg_m3"}
@@ -143,10 +183,17 @@ def test_the_study_finds_which_tests_narrow_which_parameters(data, tmp_path):
     tests = pd.read_csv(tmp_path / "tests.csv").set_index("set")
     assert tests.filter(regex="^width_[em]").loc["pile"].idxmin() == "width_e_gg"
     assert tests.filter(regex="^width_[em]").loc["discharge"].idxmin() == "width_mus_gg"
-    assert tests.loc["direct e_gp", "bits"] == pytest.approx(tests.loc["direct mus_gp", "bits"], abs=0.3)
-    assert tests.loc["pile", "gain_bits"] == pytest.approx(0.0, abs=1e-9)  # it is the target
+    assert tests.loc["direct e_gp", "bits"] == pytest.approx(
+        tests.loc["direct mus_gp", "bits"], abs=0.3
+    )
+    assert tests.loc["pile", "gain_bits"] == pytest.approx(
+        0.0, abs=1e-9
+    )  # it is the target
     # half the work for the same bits
-    ratio = tests.loc["direct e_gp", "bits_a_minute"] / tests.loc["direct mus_gp", "bits_a_minute"]
+    ratio = (
+        tests.loc["direct e_gp", "bits_a_minute"]
+        / tests.loc["direct mus_gp", "bits_a_minute"]
+    )
     assert ratio == pytest.approx(2.0, rel=0.2)
     pairs = pd.read_csv(tmp_path / "pairs.csv").set_index("set")
     assert len(pairs) == 6
@@ -160,8 +207,18 @@ def test_the_study_finds_which_tests_narrow_which_parameters(data, tmp_path):
 
 def test_intervals_hold_the_hidden_truths_of_a_model_that_is_right(data, tmp_path):
     wide = {"e_gp": {"sd": 0.4, "minutes": 30.0}}
-    joint_targets.run(data, TARGETS, SPACE, SETTINGS | {"points": 2**14, "direct_tests": wide}, tmp_path)
-    coverage = pd.read_csv(tmp_path / "coverage.csv").query("parameter == 'all'").set_index("set")
+    joint_targets.run(
+        data,
+        TARGETS,
+        SPACE,
+        SETTINGS | {"points": 2**14, "direct_tests": wide},
+        tmp_path,
+    )
+    coverage = (
+        pd.read_csv(tmp_path / "coverage.csv")
+        .query("parameter == 'all'")
+        .set_index("set")
+    )
     assert (coverage["truths"] == 90).all()
     assert coverage["median_effective_points"].min() > 50
     assert coverage["coverage"].to_numpy() == pytest.approx(0.95, abs=0.03)
@@ -170,7 +227,13 @@ def test_intervals_hold_the_hidden_truths_of_a_model_that_is_right(data, tmp_pat
 def test_too_few_points_are_reported(data, tmp_path):
     """A posterior that rests on a handful of points has intervals that are too narrow."""
     sharp = {name: {"sd": 0.03, "minutes": 30.0} for name in PARAMETERS}
-    output = joint_targets.run(data, TARGETS, SPACE, SETTINGS | {"direct_tests": sharp, "most_tests": 1}, tmp_path)
+    output = joint_targets.run(
+        data,
+        TARGETS,
+        SPACE,
+        SETTINGS | {"direct_tests": sharp, "most_tests": 1},
+        tmp_path,
+    )
     assert "FEW POINTS" in output
     assert "too narrow" in output
 
@@ -179,9 +242,23 @@ def test_bad_jobs_are_refused(tmp_path):
     input_error(r"NUMBER\.json", further_runs.jobs_in, [tmp_path])
     pile = tmp_path / "001.json"
     pile.write_text(json.dumps({"apparatus": "funnel", "sample": 1, "runs": []}))
-    input_error("another bench test than that of the pile", further_runs.read_jobs, [pile], np.array([1]))
+    input_error(
+        "another bench test than that of the pile",
+        further_runs.read_jobs,
+        [pile],
+        np.array([1]),
+    )
     other = tmp_path / "007.json"
     other.write_text(json.dumps({"apparatus": "turning", "sample": 7, "runs": []}))
-    input_error("a usable sample of the design", further_runs.read_jobs, [other], np.array([1]))
-    other.write_text(json.dumps({"apparatus": "turning", "sample": 7, "runs": [{"status": "ok"}]}))
-    input_error("measured by the verb measure_runs", further_runs.read_jobs, [other], np.array([7]))
+    input_error(
+        "a usable sample of the design", further_runs.read_jobs, [other], np.array([1])
+    )
+    other.write_text(
+        json.dumps({"apparatus": "turning", "sample": 7, "runs": [{"status": "ok"}]})
+    )
+    input_error(
+        "measured by the verb measure_runs",
+        further_runs.read_jobs,
+        [other],
+        np.array([7]),
+    )

@@ -11,9 +11,29 @@ from repose.core.targets import Targets
 from research.responses import profiles
 
 SPACE = ParameterSpace.of(dict.fromkeys(PARAMETERS, (0.0, 1.0)))
-TARGETS = Targets.of([{"response": "height_mm", "value": 60.0, "sd": 1.0, "repetitions": 4, "range": [55.0, 65.0]}])
-SETTINGS = {"points": 2**13, "truths": 5, "folds": 2, "seed": 1, "surrogate": "quadratic"}
-SETTINGS |= {"discrepancy_percent": 2.0, "discrepancy_correlation": 0.9, "smallest_discrepancy": {"mm": 0.5}}
+TARGETS = Targets.of(
+    [
+        {
+            "response": "height_mm",
+            "value": 60.0,
+            "sd": 1.0,
+            "repetitions": 4,
+            "range": [55.0, 65.0],
+        }
+    ]
+)
+SETTINGS = {
+    "points": 2**13,
+    "truths": 5,
+    "folds": 2,
+    "seed": 1,
+    "surrogate": "quadratic",
+}
+SETTINGS |= {
+    "discrepancy_percent": 2.0,
+    "discrepancy_correlation": 0.9,
+    "smallest_discrepancy": {"mm": 0.5},
+}
 
 
 def test_profiles_that_vary_in_two_ways_have_two_components():
@@ -44,18 +64,27 @@ def test_a_profile_adds_information_to_two_numbers(tmp_path):
     def noise(size):
         return random.normal(0, size, 240)
 
-    runs = pd.DataFrame({"sample": sample, "aor_deg": 30 + 10 * place[:, 0] + noise(0.3)})
+    runs = pd.DataFrame(
+        {"sample": sample, "aor_deg": 30 + 10 * place[:, 0] + noise(0.3)}
+    )
     runs["height_mm"] = 50 + 20 * place[:, 0] + noise(0.6)
     for level in range(levels):
         which = 0 if level < levels // 2 else 1
         runs[level] = 60 - 5 * level + 8 * place[:, which] + noise(0.3)
-    output = profiles.run(X, np.arange(80), runs, levels, TARGETS, SPACE, SETTINGS, tmp_path)
+    output = profiles.run(
+        X, np.arange(80), runs, levels, TARGETS, SPACE, SETTINGS, tmp_path
+    )
     assert "2 components of the profile have a surrogate" in output
     table = pd.read_csv(tmp_path / "information.csv").set_index(
         ["discrepancy_percent", "discrepancy_correlation", "set"]
     )
     exact = table.loc[0.0, 0.0]
-    assert exact.loc["profile", "width_mus_gg"] < 0.3 < 0.9 < exact.loc["both numbers", "width_mus_gg"]
+    assert (
+        exact.loc["profile", "width_mus_gg"]
+        < 0.3
+        < 0.9
+        < exact.loc["both numbers", "width_mus_gg"]
+    )
     assert exact.loc["profile and both numbers", "gain_bits"] > 1.0
     # a discrepancy takes bits away, and one that all heights share takes fewer of what differs between them
     for correlation in (0.0, 0.9):

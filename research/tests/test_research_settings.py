@@ -9,12 +9,22 @@ from research import settings
 LARGE, SMALL = {"small_run": False}, {"small_run": True}
 
 
-def test_a_small_run_has_small_settings_and_the_working_folder_has_the_last_word(tmp_path, monkeypatch):
+def test_a_small_run_has_small_settings_and_the_working_folder_has_the_last_word(
+    tmp_path, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
     assert settings.of(LARGE)["pool"]["samples"] == 220
-    (tmp_path / "research.yaml").write_text("pool: {seeds: 7}\ncompare_search: {tolerance: 1}\n")
+    (tmp_path / "research.yaml").write_text(
+        "pool: {seeds: 7}\ncompare_search: {tolerance: 1}\n"
+    )
     found = settings.of(SMALL)
-    assert found["pool"] | {"seed": 0} == {"samples": 24, "seeds": 7, "fresh_samples": 6, "fresh_seeds": 2, "seed": 0}
+    assert found["pool"] | {"seed": 0} == {
+        "samples": 24,
+        "seeds": 7,
+        "fresh_samples": 6,
+        "fresh_seeds": 2,
+        "seed": 0,
+    }
     assert found["compare_search"]["tolerance"] == 1
 
 
@@ -48,9 +58,13 @@ def test_the_effective_model_is_the_reference_of_no_berry(monkeypatch):
     assert config["simulation"]["tension"] == "keep"
 
 
-def test_named_parts_of_the_shape_study_replace_those_of_the_default(tmp_path, monkeypatch):
+def test_named_parts_of_the_shape_study_replace_those_of_the_default(
+    tmp_path, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "research.yaml").write_text("shape_study: {sensitivities: {slow: {rate_per_s: 20.0}}}")
+    (tmp_path / "research.yaml").write_text(
+        "shape_study: {sensitivities: {slow: {rate_per_s: 20.0}}}"
+    )
     study = settings.of(LARGE)["shape_study"]
     assert study["sensitivities"] == {"slow": {"rate_per_s": 20.0}}
     assert len(study["fillings"]) > 1
@@ -59,7 +73,9 @@ def test_named_parts_of_the_shape_study_replace_those_of_the_default(tmp_path, m
 def test_free_names_have_values_of_the_same_type(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     own = tmp_path / "research.yaml"
-    own.write_text("second_responses: {minutes: {plate: 7.5, drum: ten}}\nshape_study: {fillings: {here: 3}}")
+    own.write_text(
+        "second_responses: {minutes: {plate: 7.5, drum: ten}}\nshape_study: {fillings: {here: 3}}"
+    )
     with pytest.raises(InputError) as caught:
         settings.of(LARGE)
     keys = [fault.key for fault in caught.value.faults]

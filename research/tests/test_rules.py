@@ -56,19 +56,42 @@ def test_a_bad_setting_ends_in_one_message_before_any_work(project):
     done = snakemake(project, "pool", "-n", *RULES)
     (project / "research.yaml").unlink()
     assert done.returncode == 2
-    assert "repose: error: research.yaml: pool.sead is 5; expected a known key; did you mean seed?" in done.stderr
+    assert (
+        "repose: error: research.yaml: pool.sead is 5; expected a known key; did you mean seed?"
+        in done.stderr
+    )
 
 
 @pytest.mark.parametrize(
     ("target", "own", "others"),
     [
-        ("compare", ("compare_accuracy", "draw_accuracy", "compare_sampling", "dataset"), ("network", "miga")),
+        (
+            "compare",
+            ("compare_accuracy", "draw_accuracy", "compare_sampling", "dataset"),
+            ("network", "miga"),
+        ),
         ("shape_study", ("shape_cell", "shape_selection"), ("pour",)),
-        ("measurement_study", ("pour", "published_solutions", "measurement_study"), ("miga",)),
-        ("second_responses", ("measure_responses", "second_responses_tables", "draw_second_responses"), ("miga",)),
-        ("seeds_per_sample", ("design", "warm_up", "seeds_per_sample"), ("pour", "miga")),
+        (
+            "measurement_study",
+            ("pour", "published_solutions", "measurement_study"),
+            ("miga",),
+        ),
+        (
+            "second_responses",
+            ("measure_responses", "second_responses_tables", "draw_second_responses"),
+            ("miga",),
+        ),
+        (
+            "seeds_per_sample",
+            ("design", "warm_up", "seeds_per_sample"),
+            ("pour", "miga"),
+        ),
         pytest.param(
-            *("compare_all", ("search_tables", "whole_tables", "comparison_table", "network"), ("miga",)),
+            *(
+                "compare_all",
+                ("search_tables", "whole_tables", "comparison_table", "network"),
+                ("miga",),
+            ),
             marks=pytest.mark.essential,  # the rules of most studies
         ),
     ],
@@ -92,11 +115,16 @@ def test_joint_targets_run_every_further_bench_test_on_a_part_of_the_design(proj
 def test_the_shape_study_is_checked_when_it_is_asked_for(project):
     given = ("--config", "funnel={inlet_diameter_mm: 60, factory_diameter_mm: 50}")
     done = snakemake(project, "shape_study", "-n", *RULES, *given, status=2)
-    assert "shape_study.fillings.open_cone: funnel.factory_diameter_mm is 150.0" in done.stderr
+    assert (
+        "shape_study.fillings.open_cone: funnel.factory_diameter_mm is 150.0"
+        in done.stderr
+    )
 
 
 def test_every_caption_is_used_and_can_be_filled_in():
-    rules = "".join(path.read_text() for path in (ROOT / "research/rules").glob("*.smk"))
+    rules = "".join(
+        path.read_text() for path in (ROOT / "research/rules").glob("*.smk")
+    )
     config = Study.load(ROOT / "config/config.yaml").config
     config |= settings.of(config)
     words = jinja2.Environment(undefined=jinja2.StrictUndefined, autoescape=False)
@@ -104,6 +132,8 @@ def test_every_caption_is_used_and_can_be_filled_in():
     assert captions
     for path in captions:
         assert re.search(rf"\b{path.stem}\b", rules), path.name
-        text = words.from_string(path.read_text()).render(snakemake=SimpleNamespace(config=config))
+        text = words.from_string(path.read_text()).render(
+            snakemake=SimpleNamespace(config=config)
+        )
         assert text.strip(), path.name
         assert "{" not in text, path.name

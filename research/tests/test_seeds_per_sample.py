@@ -19,13 +19,17 @@ FIXED = {"e_gg": 0.25, "e_gp": 0.35, "mus_gp": 0.6, "mur_gp": 0.2}
 
 
 @pytest.mark.parametrize(
-    ("two", "three", "chosen"), [(0.0, 0.0, 2), (1e-9, -1.0, 3), (1e-9, 1e-9, 6), (np.nan, np.nan, 6)]
+    ("two", "three", "chosen"),
+    [(0.0, 0.0, 2), (1e-9, -1.0, 3), (1e-9, 1e-9, 6), (np.nan, np.nan, 6)],
 )
 def test_the_fewest_seeds_whose_bounds_are_all_within_their_limits(two, three, chosen):
     """A bound may be as large as its limit; any one above it, or unknown, is one too many."""
     for broken in LIMITS:
         bounds = {
-            seeds: {name: limit + beyond * (name == broken) for name, limit in LIMITS.items()}
+            seeds: {
+                name: limit + beyond * (name == broken)
+                for name, limit in LIMITS.items()
+            }
             for seeds, beyond in ((3, three), (2, two))
         }
         assert seeds_rule.choose(bounds) == chosen
@@ -35,14 +39,20 @@ def test_data_sets_of_one_order_share_no_pour_and_each_is_as_it_was():
     first, second, third = (seeds_rule.drawn(number, 50, 16, 1) for number in range(3))
     for one, other in zip(first, second, strict=True):
         assert len({*one, *other}) == 12
-    shared_pours = [len({*one} & {*other}) for one, other in zip(first, third, strict=True)]
+    shared_pours = [
+        len({*one} & {*other}) for one, other in zip(first, third, strict=True)
+    ]
     assert 1 < np.mean(shared_pours) < 3.5  # 6 * 6 / 16
     assert np.array_equal(seeds_rule.drawn(1, 50, 16, 1), second)
     assert np.unique(np.vstack([first, second])).tolist() == list(range(16))
 
 
 def test_the_streams_are_of_no_other_purpose():
-    own = {value for name, value in vars(seeds_per_sample).items() if name.startswith("OF_")}
+    own = {
+        value
+        for name, value in vars(seeds_per_sample).items()
+        if name.startswith("OF_")
+    }
     assert len(own) == 4
     assert not own & {*PURPOSES.values(), *STREAMS.values()}
 
@@ -57,7 +67,9 @@ def answers_of(error, random, data_sets):
 def judged(error, random, r2=None, pool_seeds=16, draws=100):
     means = TARGETS.aim * (1 + error / 100)
     r2 = np.full(error.shape, 0.95) if r2 is None else r2
-    return seeds_rule.verdict(r2, np.broadcast_to(means, (draws, *means.shape)), TARGETS, pool_seeds, random)
+    return seeds_rule.verdict(
+        r2, np.broadcast_to(means, (draws, *means.shape)), TARGETS, pool_seeds, random
+    )
 
 
 def test_a_worsening_of_known_size_is_found():
@@ -70,7 +82,9 @@ def test_a_worsening_of_known_size_is_found():
     folded = 0.0025 * np.sqrt(2 / np.pi) * (1 / widths).sum()
     objective = table[table["quantity"] == "eq11"].set_index("seeds")
     assert objective.loc[6, "value"] == pytest.approx(folded, rel=0.05)
-    assert objective.loc[3, "worse"] == pytest.approx(folded * (np.sqrt(2) - 1), rel=0.1)
+    assert objective.loc[3, "worse"] == pytest.approx(
+        folded * (np.sqrt(2) - 1), rel=0.1
+    )
     assert chosen == 3
     r2 = np.full((3000, 3, 2), 0.95) - np.array([0, 0.03, 0.01])[:, None]
     assert judged(answers_of(0.1, random, 3000), random, r2)[0] == 2
@@ -84,7 +98,13 @@ def test_a_worsening_of_known_size_is_found():
 @pytest.mark.parametrize("common", [0.0, 0.7])
 def test_a_bound_is_below_what_is_true_in_one_study_of_twenty_at_most(common):
     """Each study has a pool of its own, of which all its data sets are drawn; all answers have the error `common`."""
-    random, samples, pool_seeds, studies, sets = np.random.default_rng(2), 40, 16, 150, 64
+    random, samples, pool_seeds, studies, sets = (
+        np.random.default_rng(2),
+        40,
+        16,
+        150,
+        64,
+    )
     weight = random.standard_normal(samples)
     weight *= 0.8 * np.sqrt(6) / np.linalg.norm(weight)
     true = np.sqrt(common**2 + 0.8**2 * 6 / np.array(SEEDS))
@@ -95,9 +115,13 @@ def test_a_bound_is_below_what_is_true_in_one_study_of_twenty_at_most(common):
         for number in range(sets):
             order = seeds_rule.drawn(number, samples, pool_seeds, study)
             own = np.take_along_axis(noise, order[:, :, None], axis=1)
-            error[number] = [common + weight @ own[:, :seeds].mean(axis=1) for seeds in SEEDS]
+            error[number] = [
+                common + weight @ own[:, :seeds].mean(axis=1) for seeds in SEEDS
+            ]
         _, table = judged(error, random, draws=200)
-        upper = table[table["quantity"] == "rms_percent"].groupby("seeds")["upper"].first()
+        upper = (
+            table[table["quantity"] == "rms_percent"].groupby("seeds")["upper"].first()
+        )
         missed += [upper[seeds] < true[i] - true[0] for i, seeds in ((1, 3), (2, 2))]
     assert (missed / studies < 0.08).all(), missed
     assert missed.sum() > 0, "a bound so wide that it says nothing"
@@ -110,10 +134,14 @@ def test_the_judge_draws_the_true_means_with_its_own_error():
         X = random.random((60, 2))
         true = np.column_stack([30 + 4 * X[:, 0] + X[:, 1] ** 2, 60 - 5 * X[:, 1]])
         group = np.repeat(np.arange(60), 4)
-        values = true[group] + random.multivariate_normal([0, 0], [[4, 1.5], [1.5, 6]], 240)
+        values = true[group] + random.multivariate_normal(
+            [0, 0], [[4, 1.5], [1.5, 6]], 240
+        )
         real = seeds_rule.Judge(X, values, group)
         means = real.draw(X, 200, random)
-        squares.append((((means.mean(axis=0) - true) / means.std(axis=0)) ** 2).mean(axis=0))
+        squares.append(
+            (((means.mean(axis=0) - true) / means.std(axis=0)) ** 2).mean(axis=0)
+        )
     assert np.sqrt(np.mean(squares, axis=0)) == pytest.approx([1, 1], abs=0.4)
     assert real.noise == pytest.approx(np.array([[4, 1.5], [1.5, 6]]), abs=1.5)
     # neighbours have their errors in common
@@ -129,10 +157,17 @@ def cheap(study, keys, X):
         random = np.random.default_rng(task["seed"])
         noise = random.multivariate_normal([0, 0], [[5, 3], [3, 9]])
         u, v = unit[task["row"]]
-        responses = {"aor_deg": 29 + 6 * u + 2 * v + noise[0], "height_mm": 60 + 4 * u + 8 * v + noise[1]}
+        responses = {
+            "aor_deg": 29 + 6 * u + 2 * v + noise[0],
+            "height_mm": 60 + 4 * u + 8 * v + noise[1],
+        }
         kept = {key: task[key] for key in (*keys, "seed")}
         if random.random() < 0.02:
-            return kept | {"status": "not_at_rest", "reason": "trembles"} | dict.fromkeys(responses, np.nan)
+            return (
+                kept
+                | {"status": "not_at_rest", "reason": "trembles"}
+                | dict.fromkeys(responses, np.nan)
+            )
         return kept | {"status": "ok", "reason": ""} | responses
 
     return pour
@@ -151,16 +186,30 @@ def study(tmp_path, monkeypatch):
     config.write_text(json.dumps(section))
     random = np.random.default_rng(5)
     table = pd.DataFrame(FIXED, index=range(1, 31))
-    table["mus_gg"], table["mur_gg"] = random.uniform(0.35, 0.75, 30), random.uniform(0.02, 0.07, 30)
+    table["mus_gg"], table["mur_gg"] = (
+        random.uniform(0.35, 0.75, 30),
+        random.uniform(0.02, 0.07, 30),
+    )
     table.to_csv(design, index_label="sample")
-    files = {name: str(tmp_path / f"{name}.csv") for name in ("pool", "fresh", "answers", "answer_pours")}
+    files = {
+        name: str(tmp_path / f"{name}.csv")
+        for name in ("pool", "fresh", "answers", "answer_pours")
+    }
 
     def run(part, out, *words):
-        seeds_per_sample.script.run([part, "--config", str(config), "--out", str(tmp_path / out), *words])
+        seeds_per_sample.script.run(
+            [part, "--config", str(config), "--out", str(tmp_path / out), *words]
+        )
         path = tmp_path / out
-        return pd.read_csv(path) if path.is_file() else json.loads((path / "verdict.json").read_text())
+        return (
+            pd.read_csv(path)
+            if path.is_file()
+            else json.loads((path / "verdict.json").read_text())
+        )
 
-    return SimpleNamespace(run=run, design=["--design", str(design)], files=files, config=config)
+    return SimpleNamespace(
+        run=run, design=["--design", str(design)], files=files, config=config
+    )
 
 
 @pytest.mark.slow
@@ -180,12 +229,24 @@ def test_the_steps_lead_to_a_verdict_and_go_on_where_they_were_stopped(study, ca
     fits = [*pool, "--pool", study.files["pool"]]
     assert len(study.run("answers", "answers.csv", *fits, "--data-sets", "2")) == 6
     found = study.run("answers", "answers.csv", *fits, "--data-sets", "8")
-    assert found.groupby("seeds")["data_set"].apply(list).to_dict() == {seeds: list(range(8)) for seeds in SEEDS}
+    assert found.groupby("seeds")["data_set"].apply(list).to_dict() == {
+        seeds: list(range(8)) for seeds in SEEDS
+    }
     assert found["mus_gg"].nunique() == 24
     given = ["--answers", study.files["answers"]]
-    assert len(study.run("pour_answers", "answer_pours.csv", *given, "--answer-seeds", "3")) == 72
+    assert (
+        len(
+            study.run("pour_answers", "answer_pours.csv", *given, "--answer-seeds", "3")
+        )
+        == 72
+    )
 
-    given += ["--fresh", study.files["fresh"], "--answer-pours", study.files["answer_pours"]]
+    given += [
+        "--fresh",
+        study.files["fresh"],
+        "--answer-pours",
+        study.files["answer_pours"],
+    ]
     summary = study.run("judge", ".", *given)
     table = pd.read_csv(study.config.parent / "verdict.csv")
     assert summary["chosen"] in SEEDS

@@ -18,7 +18,13 @@ from repose.core.files import write_json, write_table
 from repose.core.seeds import pour_seeds
 from repose.core.targets import Targets
 from research import settings
-from research.shape import shape_cells, shape_piles, shape_rule, shape_study, shape_tables
+from research.shape import (
+    shape_cells,
+    shape_piles,
+    shape_rule,
+    shape_study,
+    shape_tables,
+)
 from research.shape.__main__ import depends_on, script
 from research.streams import STREAMS
 
@@ -34,7 +40,10 @@ def config(monkeypatch):
     config = Study.load("config/quick.yaml").config
     config = copy.deepcopy(config | settings.of(config))
     config["shape_study"] |= {
-        "particles": {"egg": {"particle": "smooth"}, "clump": {"particle": "multisphere"}},
+        "particles": {
+            "egg": {"particle": "smooth"},
+            "clump": {"particle": "multisphere"},
+        },
         "tensions": ["keep", "release"],
         "fillings": {"here": {}, "there": {"cone_angle_deg": 70.0}},
         "main_fillings": ["here"],
@@ -44,7 +53,9 @@ def config(monkeypatch):
     return config
 
 
-def test_first_cells_are_the_combinations_and_a_cylinder_for_each_particle_and_tension(config):
+def test_first_cells_are_the_combinations_and_a_cylinder_for_each_particle_and_tension(
+    config,
+):
     assert shape_cells.first_cells(config) == [
         "published-egg-keep-here",
         "published-egg-keep-there",
@@ -57,8 +68,14 @@ def test_first_cells_are_the_combinations_and_a_cylinder_for_each_particle_and_t
     ]
 
 
-def test_second_cells_are_the_finalists_the_reference_and_sensitivities_of_the_first(config):
-    rows = [("egg", "keep", "there"), ("egg", "keep", "there"), ("clump", "keep", "here")]
+def test_second_cells_are_the_finalists_the_reference_and_sensitivities_of_the_first(
+    config,
+):
+    rows = [
+        ("egg", "keep", "there"),
+        ("egg", "keep", "there"),
+        ("clump", "keep", "here"),
+    ]
     finalists = pd.DataFrame(rows, columns=shape_rule.CELL)
     names = shape_cells.second_cells(config, finalists)
     assert names == [
@@ -73,19 +90,26 @@ def test_second_cells_are_the_finalists_the_reference_and_sensitivities_of_the_f
 
 
 def test_a_cell_changes_the_sections_it_names_and_nothing_else(config):
-    kind, names, own = shape_cells.cell_settings(config, "published-clump-release-there")
+    kind, names, own = shape_cells.cell_settings(
+        config, "published-clump-release-there"
+    )
     assert kind == "published"
     assert names == {"particle": "clump", "tension": "release", "filling": "there"}
     assert own["berry"] == config["berry"] | {"particle": "multisphere"}
     assert own["funnel"] == config["funnel"] | {"cone_angle_deg": 70.0}
     assert own["simulation"] == config["simulation"] | {"tension": "release"}
     changed = ("berry", "funnel", "simulation")
-    assert {k: v for k, v in own.items() if k not in changed} == {k: v for k, v in config.items() if k not in changed}
+    assert {k: v for k, v in own.items() if k not in changed} == {
+        k: v for k, v in config.items() if k not in changed
+    }
 
 
 def test_a_sensitivity_changes_its_filling(config):
     *_, own = shape_cells.cell_settings(config, "outlet_150_mm-egg-keep-there")
-    assert own["funnel"] == config["funnel"] | {"cone_angle_deg": 70.0, "outlet_height_mm": 150.0}
+    assert own["funnel"] == config["funnel"] | {
+        "cone_angle_deg": 70.0,
+        "outlet_height_mm": 150.0,
+    }
 
 
 def test_a_cell_depends_on_its_own_bench_test(config):
@@ -100,7 +124,10 @@ def test_a_cell_depends_on_its_own_bench_test(config):
 def test_no_two_kinds_of_pours_share_a_seed():
     kinds = [*shape_cells.KINDS.values(), shape_cells.SENSITIVITY]
     seeds = [
-        seed for _, purpose in kinds for number in range(40) for seed in pour_seeds(2026, STREAMS[purpose], number, 40)
+        seed
+        for _, purpose in kinds
+        for number in range(40)
+        for seed in pour_seeds(2026, STREAMS[purpose], number, 40)
     ]
     assert len(set(seeds)) == len(seeds)
 
@@ -127,7 +154,11 @@ def test_an_invalid_variant_is_refused_by_name(config, section, changes, key):
         ("main_fillings", ["nowhere"], "some of here, there"),
         ("all_fillings_of", ["brick"], "some of egg, clump"),
         ("reference", "brick-keep-here", "PARTICLE-TENSION-FILLING"),
-        ("sensitivities", {"fresh": {}}, "names besides published, bulk, fresh, design"),
+        (
+            "sensitivities",
+            {"fresh": {}},
+            "names besides published, bulk, fresh, design",
+        ),
     ],
 )
 def test_names_that_the_study_lacks_are_refused(config, key, value, allowed):
@@ -135,19 +166,25 @@ def test_names_that_the_study_lacks_are_refused(config, key, value, allowed):
     input_error(allowed, shape_cells.check, config)
 
 
-@pytest.mark.parametrize("name", ["published-egg-keep", "bulk-egg-keep-here", "fresh-egg-cut-here"])
+@pytest.mark.parametrize(
+    "name", ["published-egg-keep", "bulk-egg-keep-here", "fresh-egg-cut-here"]
+)
 def test_an_unknown_cell_is_refused(config, name):
     input_error("--cell", shape_cells.cell_settings, config, name)
 
 
-def test_published_sets_end_with_the_representative_that_stands_for_the_physical_pile(config):
+def test_published_sets_end_with_the_representative_that_stands_for_the_physical_pile(
+    config,
+):
     table = shape_cells.published_sets(config)
     assert table["set"].tolist() == ["22", "15", "56", "84", "2", "representative"]
     assert table.iloc[-1][PUBLISHED_PAIR].tolist() == [32.87, 65.57]
     assert table.iloc[0][PUBLISHED_PAIR].tolist() == [32.00, 65.63]
 
 
-def test_a_cell_that_was_killed_goes_on_and_pours_nothing_twice(config, tmp_path, monkeypatch):
+def test_a_cell_that_was_killed_goes_on_and_pours_nothing_twice(
+    config, tmp_path, monkeypatch
+):
     ran = []
 
     def run(scene, *_):
@@ -165,7 +202,9 @@ def test_a_cell_that_was_killed_goes_on_and_pours_nothing_twice(config, tmp_path
 
     def cell(**changes):
         ran.clear()
-        settings = config | {name: config[name] | keys for name, keys in changes.items()}
+        settings = config | {
+            name: config[name] | keys for name, keys in changes.items()
+        }
         name = "bulk-egg-keep-cylinder"
         with provenance.stage("shape_cell", (), depends_on, runs="made"):
             provenance.note_config(shape_cells.cell_settings(settings, name)[2])
@@ -175,12 +214,16 @@ def test_a_cell_that_was_killed_goes_on_and_pours_nothing_twice(config, tmp_path
     seeds = config["shape_study"]["bulk_seeds"]
     assert cell() == 2 * seeds
     assert cell() == 0
-    assert cell(shape_study={"bulk_seeds": seeds + 1, "fresh_seeds": 9}) == 2, "a further seed of each set"
+    assert cell(shape_study={"bulk_seeds": seeds + 1, "fresh_seeds": 9}) == 2, (
+        "a further seed of each set"
+    )
     assert cell(network={"hidden": 3}) == 0
     assert cell(simulation={"gravity_m_s2": 1.62}) == 2 * seeds
 
 
-def test_a_cell_takes_no_longer_step_than_its_own_particle_bears(config, tmp_path, monkeypatch):
+def test_a_cell_takes_no_longer_step_than_its_own_particle_bears(
+    config, tmp_path, monkeypatch
+):
     steps = []
 
     def poured(config, *_):
@@ -192,14 +235,21 @@ def test_a_cell_takes_no_longer_step_than_its_own_particle_bears(config, tmp_pat
     for own_s in (1e-4, 9e-3):
         config["simulation"]["time_step_s"] = own_s
         with provenance.stage("shape_cell", (), depends_on):
-            shape_study.run_cell(config, "published-egg-keep-here", tmp_path / "berry.json", "", tmp_path)
+            shape_study.run_cell(
+                config, "published-egg-keep-here", tmp_path / "berry.json", "", tmp_path
+            )
     assert steps[0] == 1e-4
     assert 3e-4 < steps[1] < 1e-3
 
 
-def test_cells_of_one_study_are_read_together_though_their_settings_differ(tmp_path, monkeypatch):
+def test_cells_of_one_study_are_read_together_though_their_settings_differ(
+    tmp_path, monkeypatch
+):
     monkeypatch.chdir(ROOT)
-    paths = [tmp_path / f"published-smooth-{tension}-open_cone.csv" for tension in ("keep", "release")]
+    paths = [
+        tmp_path / f"published-smooth-{tension}-open_cone.csv"
+        for tension in ("keep", "release")
+    ]
 
     def run_cell(config, cell, *_):
         provenance.note_config(shape_cells.cell_settings(config, cell)[2])
@@ -207,7 +257,17 @@ def test_cells_of_one_study_are_read_together_though_their_settings_differ(tmp_p
 
     monkeypatch.setattr(shape_study, "run_cell", run_cell)
     for path in paths:
-        script.run(["cell", "--cell", path.stem, "--config", "config/config.yaml", "--out", str(tmp_path)])
+        script.run(
+            [
+                "cell",
+                "--cell",
+                path.stem,
+                "--config",
+                "config/config.yaml",
+                "--out",
+                str(tmp_path),
+            ]
+        )
     first, second = (attached.read(path) for path in paths)
     assert first["origin"] != second["origin"]
     provenance.refuse_mixture(zip(paths, (first, second), strict=True))
@@ -223,11 +283,18 @@ def write_cell(folder, kind, cell, rows, density=510.0, **particle):
     records = []
     for name, seed, angle, height in rows:
         about = {"kind": kind, **where, "set": name, "seed": seed, "height_mm": height}
-        about |= dict.fromkeys(shape_piles.COLUMNS.values(), 10.0) | dict.fromkeys(shape_tables.BULK, density)
+        about |= dict.fromkeys(shape_piles.COLUMNS.values(), 10.0) | dict.fromkeys(
+            shape_tables.BULK, density
+        )
         about |= {"aor_secant_deg": angle, shape_piles.DENSITY: density + seed}
         records.append(about | {"status": "ok" if angle is not None else "jammed"})
     pd.DataFrame(records).to_csv(path, index=False)
-    about = {"particle": where["particle"], "spheres": 0, "axes_mm": [21.0, 11.0, 10.0], "mass_g": 1.25}
+    about = {
+        "particle": where["particle"],
+        "spheres": 0,
+        "axes_mm": [21.0, 11.0, 10.0],
+        "mass_g": 1.25,
+    }
     about |= {"volume_mm3": 1487.0, "deviation_rms_mm": 0.1, "deviation_max_mm": 0.2}
     about |= {"measured_axes_mm": [21.0, 11.0, 10.0]} | particle
     path.with_suffix(".json").write_text(json.dumps(about))
@@ -248,7 +315,12 @@ def a_design(signal, noise, sets=16, seeds=4, angle=30.0):
     rng = np.random.default_rng(3)
     steps = signal * np.linspace(-1.6, 1.6, sets)
     return [
-        (k, seed, angle + steps[k] + noise * rng.normal(), 65.0 + steps[k] + noise * rng.normal())
+        (
+            k,
+            seed,
+            angle + steps[k] + noise * rng.normal(),
+            65.0 + steps[k] + noise * rng.normal(),
+        )
         for k in range(sets)
         for seed in range(seeds)
     ]
@@ -257,34 +329,71 @@ def a_design(signal, noise, sets=16, seeds=4, angle=30.0):
 @pytest.fixture
 def selected(config, tmp_path):
     """Tables of a selection: a clump without volume that is nearest, then the egg, rough and truest particles."""
-    config["shape_study"]["particles"] = {name: {"particle": "smooth"} for name in ("hollow", "egg", "light", "fine")}
+    config["shape_study"]["particles"] = {
+        name: {"particle": "smooth"} for name in ("hollow", "egg", "light", "fine")
+    }
     files = [
-        write_cell(tmp_path, "published", "hollow-keep-here", piles(config, 0, 0), volume_mm3=1052.0),
-        write_cell(tmp_path, "published", "light-keep-here", piles(config, 0, 0), density=400.0),
+        write_cell(
+            tmp_path,
+            "published",
+            "hollow-keep-here",
+            piles(config, 0, 0),
+            volume_mm3=1052.0,
+        ),
+        write_cell(
+            tmp_path, "published", "light-keep-here", piles(config, 0, 0), density=400.0
+        ),
         write_cell(tmp_path, "published", "egg-keep-here", piles(config, 2.20, 4.10)),
         write_cell(tmp_path, "published", "egg-keep-there", piles(config, 1.10, 0.0)),
         write_cell(tmp_path, "published", "egg-cut-there", piles(config, -4.4, 0.0)),
         write_cell(tmp_path, "published", "egg-release-here", piles(config, -4.4, 4.1)),
-        write_cell(tmp_path, "published", "egg-release-there", piles(config, -6.6, 0.0)),
-        write_cell(tmp_path, "published", "fine-keep-here", piles(config, 6.6, 0.0), deviation_rms_mm=0.05),
-        write_cell(tmp_path, "published", "fine-release-here", piles(config, 8.8, 0.0), deviation_rms_mm=0.05),
-        write_cell(tmp_path, "bulk", "egg-keep-cylinder", piles(config, 0, 0)[:2], density=520.0),
+        write_cell(
+            tmp_path, "published", "egg-release-there", piles(config, -6.6, 0.0)
+        ),
+        write_cell(
+            tmp_path,
+            "published",
+            "fine-keep-here",
+            piles(config, 6.6, 0.0),
+            deviation_rms_mm=0.05,
+        ),
+        write_cell(
+            tmp_path,
+            "published",
+            "fine-release-here",
+            piles(config, 8.8, 0.0),
+            deviation_rms_mm=0.05,
+        ),
+        write_cell(
+            tmp_path,
+            "bulk",
+            "egg-keep-cylinder",
+            piles(config, 0, 0)[:2],
+            density=520.0,
+        ),
     ]
     shape_study.run_selection(config, files, tmp_path)
     return config, tmp_path, files
 
 
-def test_finalists_are_the_four_nearest_cells_of_right_particles_and_the_most_physical_one(selected):
+def test_finalists_are_the_four_nearest_cells_of_right_particles_and_the_most_physical_one(
+    selected,
+):
     _, folder, _ = selected
     table = pd.read_csv(folder / "combinations.csv")
     secant = table.query("definition == 'secant'").set_index(shape_rule.CELL)
-    assert secant.at[("egg", "keep", "here"), "distance"] == pytest.approx(math.sqrt(2), rel=1e-5)
+    assert secant.at[("egg", "keep", "here"), "distance"] == pytest.approx(
+        math.sqrt(2), rel=1e-5
+    )
     assert secant.at[("egg", "keep", "there"), "distance"] == pytest.approx(0.5)
     # four seeds of +-0.5: sd sqrt(1/3), and six independent sets
     assert secant.at[("egg", "keep", "here"), "aor_se_deg"] == pytest.approx(
         math.sqrt(1 / 3) / 2 / math.sqrt(6), rel=1e-5
     )
-    for particle, why in (("hollow", "measured_berry"), ("light", "packs_like_a_fruit")):
+    for particle, why in (
+        ("hollow", "measured_berry"),
+        ("light", "packs_like_a_fruit"),
+    ):
         row = secant.loc[(particle, "keep", "here")]
         assert not row[why]
         assert not row["eligible"]
@@ -303,33 +412,59 @@ def test_finalists_are_the_four_nearest_cells_of_right_particles_and_the_most_ph
 def verdict(selected, first_off, signal=2.0, angle=32.0):
     """The choice, where the first finalist's fresh piles are off by `first_off`, and all others by far."""
     config, folder, files = selected
-    cells = ["egg-keep-there", "egg-keep-here", "egg-cut-there", "egg-release-here", "fine-release-here"]
+    cells = [
+        "egg-keep-there",
+        "egg-keep-here",
+        "egg-cut-there",
+        "egg-release-here",
+        "fine-release-here",
+    ]
     cells.append("hollow-keep-here")
     files = list(files)
     for cell in cells:
         about = {"deviation_rms_mm": 0.05} if cell.startswith("fine") else {}
         about |= {"volume_mm3": 1052.0} if cell.startswith("hollow") else {}
         off = {cells[0]: first_off, cells[-1]: 0.0}.get(cell, 5.0)
-        files.append(write_cell(folder, "fresh", cell, piles(config, off, off), **about))
-        files.append(write_cell(folder, "design", cell, a_design(signal, 1.0, angle=angle), **about))
+        files.append(
+            write_cell(folder, "fresh", cell, piles(config, off, off), **about)
+        )
+        files.append(
+            write_cell(
+                folder, "design", cell, a_design(signal, 1.0, angle=angle), **about
+            )
+        )
     return shape_study.run_verdict(config, files, folder / "finalists.csv", folder)
 
 
 def test_the_first_finalist_that_meets_the_published_piles_is_chosen(selected):
     choice = verdict(selected, 2.0)
     assert choice["meets_the_published_piles"]
-    assert [choice["chosen"][key] for key in shape_rule.COMBINATION] == ["egg", "keep", "there", "secant"]
+    assert [choice["chosen"][key] for key in shape_rule.COMBINATION] == [
+        "egg",
+        "keep",
+        "there",
+        "secant",
+    ]
     assert choice["effective"]["particle"] == "hollow"
     assert choice["effective"]["meets"]
     assert choice["rule_sha256"] == shape_rule.sha256()
     assert json.loads((selected[1] / "choice.json").read_text()) == choice
 
 
-@pytest.mark.parametrize(("first_off", "signal", "angle", "reached"), [(2.3, 2.0, 32.0, True), (0.0, 0.1, 36.0, False)])
-def test_without_a_near_finalist_the_most_physical_one_is_chosen(selected, first_off, signal, angle, reached):
+@pytest.mark.parametrize(
+    ("first_off", "signal", "angle", "reached"),
+    [(2.3, 2.0, 32.0, True), (0.0, 0.1, 36.0, False)],
+)
+def test_without_a_near_finalist_the_most_physical_one_is_chosen(
+    selected, first_off, signal, angle, reached
+):
     choice = verdict(selected, first_off, signal, angle)
     assert not choice["meets_the_published_piles"]
-    assert [choice["chosen"][key] for key in shape_rule.CELL] == ["fine", "release", "here"]
+    assert [choice["chosen"][key] for key in shape_rule.CELL] == [
+        "fine",
+        "release",
+        "here",
+    ]
     assert choice["angle_is_a_target"] == reached
     if reached:
         # the design passes through 32.57 degrees at the physical pile's 65.57 mm
@@ -338,13 +473,20 @@ def test_without_a_near_finalist_the_most_physical_one_is_chosen(selected, first
 
 
 def test_a_failed_pour_leaves_the_others_of_its_set(config, tmp_path):
-    rows = [(*row[:2], None, None) if row[:2] == ("22", 0) else row for row in piles(config, 1.0, 0.0, seeds=2)]
+    rows = [
+        (*row[:2], None, None) if row[:2] == ("22", 0) else row
+        for row in piles(config, 1.0, 0.0, seeds=2)
+    ]
     files = [
         write_cell(tmp_path, "published", "egg-keep-here", rows),
         write_cell(tmp_path, "bulk", "egg-keep-cylinder", rows[2:3]),
     ]
     shape_study.run_selection(config, files, tmp_path)
-    secant = pd.read_csv(tmp_path / "combinations.csv").query("definition == 'secant'").iloc[0]
+    secant = (
+        pd.read_csv(tmp_path / "combinations.csv")
+        .query("definition == 'secant'")
+        .iloc[0]
+    )
     # the other pour of the set is half a degree and half a millimetre beside the mean
     assert secant["aor_difference_deg"] == pytest.approx(1.0 + 0.5 / 6, rel=1e-5)
     assert secant["height_difference_mm"] == pytest.approx(-0.5 / 6, rel=1e-4)
@@ -380,7 +522,9 @@ def test_signal_and_noise_of_a_known_model(signal, noise):
     table = shape_tables.noise_table(runs, TARGETS).set_index("response")
     found = table.loc["secant"]
     assert found["noise"] == pytest.approx(noise, rel=0.06)
-    assert found["signal_to_noise"] == pytest.approx(signal / noise, abs=4 * found["standard_error"])
+    assert found["signal_to_noise"] == pytest.approx(
+        signal / noise, abs=4 * found["standard_error"]
+    )
     assert 0 < found["standard_error"] < 0.15 * max(1.0, signal / noise)
     assert table.loc["height", "signal"] < 0.5 * noise
 
@@ -391,16 +535,25 @@ def fourth(name, value):
 
 def test_a_single_target_is_compared_alone(config):
     config["targets"] = [HEIGHT]
-    assert [target.name for target in shape_cells.compared_targets(config)] == ["height_mm"]
+    assert [target.name for target in shape_cells.compared_targets(config)] == [
+        "height_mm"
+    ]
     assert shape_cells.published_sets(config).columns[-1] == "height_simulated_mm"
 
 
 def test_targets_that_nobody_published_are_left_out(config):
     config["targets"] = [ANGLE, fourth("packing_percent", 60.0), HEIGHT]
     config["targets"] += [fourth("drum_slip_deg", 45.0) | {"apparatus": "drum"}]
-    assert [target.name for target in shape_cells.compared_targets(config)] == ["aor_deg", "height_mm"]
+    assert [target.name for target in shape_cells.compared_targets(config)] == [
+        "aor_deg",
+        "height_mm",
+    ]
     config["targets"] = config["targets"][1:2]
-    input_error("some target's predicted and simulated values", shape_cells.compared_targets, config)
+    input_error(
+        "some target's predicted and simulated values",
+        shape_cells.compared_targets,
+        config,
+    )
 
 
 def test_a_study_without_published_solutions_is_refused(config):

@@ -47,7 +47,9 @@ def test_tables_and_figures_are_kept_and_pours_are_not(tmp_path):
     assert (out / "dataset.csv").read_text() == "dataset.csv"
 
 
-def test_the_command_prints_what_it_copied_and_refuses_an_unfinished_study(tmp_path, monkeypatch, capsys):
+def test_the_command_prints_what_it_copied_and_refuses_an_unfinished_study(
+    tmp_path, monkeypatch, capsys
+):
     results, out = study(tmp_path), tmp_path / "published"
     monkeypatch.setattr("sys.argv", ["snapshot", str(results), "--out", str(out)])
     snapshot.main()
@@ -68,7 +70,9 @@ def test_a_snapshot_replaces_an_earlier_one_whole(tmp_path):
     assert (out / "dataset.csv").read_text() == "another study"
 
 
-@pytest.mark.parametrize("where", ["results", ".", "thesis", "results/berry", "results/validation", "a_file"])
+@pytest.mark.parametrize(
+    "where", ["results", ".", "thesis", "results/berry", "results/validation", "a_file"]
+)
 def test_a_folder_that_no_snapshot_made_is_left_as_it_is(tmp_path, where):
     results = study(tmp_path)
     write_text(results / "berry/berry.json", "{}")
@@ -86,7 +90,9 @@ def test_a_file_that_somebody_added_or_changed_keeps_an_earlier_snapshot(tmp_pat
     for name in ("notes.txt", "dataset.csv"):
         (out / name).write_text("mine")
         before = content(tmp_path)
-        input_error(f"content is '{name}'; expected a new folder", snapshot.take, results, out)
+        input_error(
+            f"content is '{name}'; expected a new folder", snapshot.take, results, out
+        )
         assert content(tmp_path) == before
         (out / name).unlink()
 
@@ -104,7 +110,12 @@ def test_a_study_in_a_folder_of_another_is_no_part_of_its_snapshot(tmp_path):
     results, out = study(tmp_path), tmp_path / "published"
     own = [path.relative_to(out) for path in snapshot.take(results, out)]
     for name in ("fast", "published/fast", "sequential", "paper"):
-        for part in ("config.json", "dataset.csv", "sequential/dataset.csv", "refined/batch_2/dataset.csv"):
+        for part in (
+            "config.json",
+            "dataset.csv",
+            "sequential/dataset.csv",
+            "refined/batch_2/dataset.csv",
+        ):
             write_text(results / name / part, "{}")
     for name in ("published/refined/batch_2/dataset.csv", "copies/batch_1/dataset.csv"):
         write_text(results / name, "in no study")

@@ -27,7 +27,11 @@ NAMES = ("aor_deg", "height_mm")
 
 def objective_of(low, high):
     low, high = np.array(low), np.array(high)
-    return Objective(SimpleNamespace(low=low, high=high, aim=(low + high) / 2, weight=np.ones(len(low))))
+    return Objective(
+        SimpleNamespace(
+            low=low, high=high, aim=(low + high) / 2, weight=np.ones(len(low))
+        )
+    )
 
 
 OBJECTIVE = objective_of([28.0, 55.0], [32.0, 65.0])
@@ -37,7 +41,9 @@ def responses(unit):
     """AoR and Height of places in the ranges: linear with a little curvature, both 30 and 60 at the centre."""
     bent = (unit[:, 4] - 0.5) ** 2
     aor = 30 + 12 * (unit[:, 0] - 0.5) + 8 * (unit[:, 1] - 0.5) + 4 * bent
-    return np.column_stack([aor, 60 + 30 * (unit[:, 2] - 0.5) - 10 * (unit[:, 3] - 0.5)])
+    return np.column_stack(
+        [aor, 60 + 30 * (unit[:, 2] - 0.5) - 10 * (unit[:, 3] - 0.5)]
+    )
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +51,9 @@ def files(tmp_path_factory):
     folder = tmp_path_factory.mktemp("data")
     random = np.random.default_rng(4)
     unit = random.uniform(size=(60, 6))
-    scatter = random.multivariate_normal([0, 0], [[0.25, 0.4], [0.4, 1.0]], size=(60, 4))
+    scatter = random.multivariate_normal(
+        [0, 0], [[0.25, 0.4], [0.4, 1.0]], size=(60, 4)
+    )
     values = responses(unit)[:, None] + scatter
     table = pd.DataFrame(LOW + 2 * unit, columns=list(PARAMETERS))
     table.insert(0, "sample", np.arange(1, 61))
@@ -59,36 +67,56 @@ def files(tmp_path_factory):
 
 
 def one_study(files):
-    return whole.read_samples([files / "dataset.csv"], [files / "runs.csv"], SPACE, NAMES)
+    return whole.read_samples(
+        [files / "dataset.csv"], [files / "runs.csv"], SPACE, NAMES
+    )
 
 
 @pytest.mark.slow
-def test_the_script_writes_tables_with_a_record_and_the_figure_is_drawn(files, tmp_path):
+def test_the_script_writes_tables_with_a_record_and_the_figure_is_drawn(
+    files, tmp_path
+):
     given = ["--config", "config/quick.yaml", "--dataset", str(files / "dataset.csv")]
     given += ["--runs", str(files / "runs.csv"), "--out", str(tmp_path)]
     script.run(["whole", *given])
     assert attached.read(tmp_path / "whole.csv")["verb"] == "comparison_whole"
-    shown = ["whole", "--config", "config/quick.yaml", "--input", f"whole={tmp_path / 'whole.csv'}"]
+    shown = [
+        "whole",
+        "--config",
+        "config/quick.yaml",
+        "--input",
+        f"whole={tmp_path / 'whole.csv'}",
+    ]
     draw.run(["draw", *shown, "--out", str(tmp_path / "whole.png")])
     assert (tmp_path / "whole.png").stat().st_size > 10_000
 
 
 def test_samples_join_datasets_and_know_the_scatter_of_a_pour(files):
-    samples = whole.read_samples([files / "dataset.csv"] * 2, [files / "runs.csv"] * 2, SPACE, NAMES)
+    samples = whole.read_samples(
+        [files / "dataset.csv"] * 2, [files / "runs.csv"] * 2, SPACE, NAMES
+    )
     assert len(samples.points.X) == 120
     assert samples.seeds == 4
-    assert samples.covariance == pytest.approx(np.array([[0.25, 0.4], [0.4, 1.0]]), rel=0.2)
+    assert samples.covariance == pytest.approx(
+        np.array([[0.25, 0.4], [0.4, 1.0]]), rel=0.2
+    )
     assert samples.errors[0] == pytest.approx(np.sqrt(np.diag(samples.covariance) / 4))
     assert samples.points.X.max() <= 1
     with pytest.raises(InputError, match="as many files as datasets, 2"):
-        whole.read_samples([files / "dataset.csv"] * 2, [files / "runs.csv"], SPACE, NAMES)
+        whole.read_samples(
+            [files / "dataset.csv"] * 2, [files / "runs.csv"], SPACE, NAMES
+        )
 
 
 def test_a_usable_sample_without_runs_is_named(files, tmp_path):
     runs = pd.read_csv(files / "runs.csv")
     runs[runs["sample"] != 7].to_csv(tmp_path / "runs.csv", index=False)
-    with pytest.raises(InputError, match="sample is 7; expected runs of each usable sample"):
-        whole.read_samples([files / "dataset.csv"], [tmp_path / "runs.csv"], SPACE, NAMES)
+    with pytest.raises(
+        InputError, match="sample is 7; expected runs of each usable sample"
+    ):
+        whole.read_samples(
+            [files / "dataset.csv"], [tmp_path / "runs.csv"], SPACE, NAMES
+        )
 
 
 def test_truth_is_what_the_samples_came_from(files):
@@ -111,23 +139,58 @@ def test_surfaces_are_exact_on_their_own_kind_and_local_search_inverts_them():
     plane = proposals.plane(unit, responses(unit)[:, 1:])
     assert plane(fresh) == pytest.approx(responses(fresh)[:, 1:], abs=1e-9)
     goal = objective_of([32.0, 60.0], [36.0, 70.0])
-    place, evaluations = proposals.local_search(responses, goal, 6, 3, np.random.default_rng(1))
+    place, evaluations = proposals.local_search(
+        responses, goal, 6, 3, np.random.default_rng(1)
+    )
     assert responses(place[None])[0] == pytest.approx([34, 65], abs=1e-3)
     assert 10 < evaluations < 1000
-    nearest, _ = proposals.local_search(responses, OBJECTIVE, 6, 3, np.random.default_rng(1))
-    assert nearest == pytest.approx(np.full(6, 0.5), abs=1e-6)  # the centre meets its target and is kept
+    nearest, _ = proposals.local_search(
+        responses, OBJECTIVE, 6, 3, np.random.default_rng(1)
+    )
+    assert nearest == pytest.approx(
+        np.full(6, 0.5), abs=1e-6
+    )  # the centre meets its target and is kept
 
 
 def target(name, value, half):
-    return {"response": name, "value": value, "sd": 1.0, "repetitions": 4, "range": [value - half, value + half]}
+    return {
+        "response": name,
+        "value": value,
+        "sd": 1.0,
+        "repetitions": 4,
+        "range": [value - half, value + half],
+    }
 
 
 def small(samples, repetitions=2):
-    network = {"hidden": 3, "epochs": 60, "goal": 0.0, "starts": 2, "seed": 1, "prior": "inputs"}
+    network = {
+        "hidden": 3,
+        "epochs": 60,
+        "goal": 0.0,
+        "starts": 2,
+        "seed": 1,
+        "prior": "inputs",
+    }
     network |= {"split": [0.7, 0.15, 0.15], "replicates": True}
-    search = {"islands": 2, "population": 20, "rounds": 5, "generations": 10, "tournament": 3}
-    search |= {"mutation_probability": 0.05, "mutation_amplitude": 0.1, "solutions": 10, "distance": 0.02}
-    settings = {"samples": samples, "repetitions": repetitions, "local_starts": 2, "seed": 1}
+    search = {
+        "islands": 2,
+        "population": 20,
+        "rounds": 5,
+        "generations": 10,
+        "tournament": 3,
+    }
+    search |= {
+        "mutation_probability": 0.05,
+        "mutation_amplitude": 0.1,
+        "solutions": 10,
+        "distance": 0.02,
+    }
+    settings = {
+        "samples": samples,
+        "repetitions": repetitions,
+        "local_starts": 2,
+        "seed": 1,
+    }
     return settings | {"network": network, "miga": search | {"seed": 1}}
 
 
@@ -135,11 +198,17 @@ def test_small_study_judges_every_method_by_the_truth(files, tmp_path):
     targets = Targets.of([target("aor_deg", 31.0, 2.0), target("height_mm", 62.0, 5.0)])
     table = whole.run(one_study(files), SPACE, targets, small([40, 60]), tmp_path)
     # all 60 samples are no random subset
-    assert set(zip(table["data"], table["samples"], strict=True)) == {("real", 40), ("emulated", 40), ("emulated", 60)}
+    assert set(zip(table["data"], table["samples"], strict=True)) == {
+        ("real", 40),
+        ("emulated", 40),
+        ("emulated", 60),
+    }
     assert set(table["method"]) == set(proposals.METHODS)
     proposed = pd.read_csv(tmp_path / "whole_proposals.csv")
     at = (proposed[list(PARAMETERS)].to_numpy() - LOW) / 2
-    assert proposed[["aor_deg", "height_mm"]].to_numpy() == pytest.approx(responses(at), abs=2.5)
+    assert proposed[["aor_deg", "height_mm"]].to_numpy() == pytest.approx(
+        responses(at), abs=2.5
+    )
     quadratic = table[table["method"] == "quadratic"]
     assert (quadratic["aor_off_deg"] < 0.6).all()
     assert (table.loc[table["method"] == "best_sample", "evaluations"] == 0).all()
@@ -147,7 +216,10 @@ def test_small_study_judges_every_method_by_the_truth(files, tmp_path):
     assert "quadratic" in whole.message(table, targets)
 
 
-@pytest.mark.parametrize("names", [["height_mm"], ["aor_deg", "height_mm", "packing_percent", "drum_slip_deg"]])
+@pytest.mark.parametrize(
+    "names",
+    [["height_mm"], ["aor_deg", "height_mm", "packing_percent", "drum_slip_deg"]],
+)
 def test_any_number_of_targets(names):
     """Each response follows a parameter of its own; one parameter is fixed."""
     k, rng = len(names), np.random.default_rng(3)
@@ -158,7 +230,9 @@ def test_any_number_of_targets(names):
     samples = whole.samples_of(Points(unit, values))
     assert samples.covariance == pytest.approx(0.25 * np.eye(k), abs=0.12)
     targets = Targets.of([target(name, 52.0, 1.0) for name in names])
-    table, proposed = whole.compared(samples, space, targets, small([40], repetitions=2))
+    table, proposed = whole.compared(
+        samples, space, targets, small([40], repetitions=2)
+    )
     off = [derived(name, "off") for name in names]
     assert (table.loc[table["method"] == "linear", off] < 0.6).all(axis=None)
     assert (proposed["mur_gp"] == 0.2).all()

@@ -18,5 +18,7 @@ if __name__ == "__main__":
         signal.signal(signal.SIGINT, signal.SIG_DFL)
         status = main()
         sys.stderr.flush()
-        os._exit(status)  # Python's own end frees every object of every library first, which takes .1 s
+        os._exit(
+            status
+        )  # Python's own end frees every object of every library first, which takes .1 s
     sys.exit(main())

@@ -11,7 +11,11 @@ from repose.particle.build import ellipsoid_mesh, fit_particle
 
 AXES_MM = (21.14, 11.37, 9.88)
 DENSITY_KG_M3 = 840.47
-BERRY = {"shear_modulus_pa": 4.3e4, "poisson_ratio": 0.32, "density_kg_m3": DENSITY_KG_M3}
+BERRY = {
+    "shear_modulus_pa": 4.3e4,
+    "poisson_ratio": 0.32,
+    "density_kg_m3": DENSITY_KG_M3,
+}
 
 
 def particle(axes_mm=AXES_MM, density_kg_m3=DENSITY_KG_M3):
@@ -37,7 +41,10 @@ def example(name, time_step_s=1.5e-4, **keys):
 
 def check_statuses(test, config, good, cases):
     """Hold the statuses of changed runs, by the changes, against those expected."""
-    found = [test.status_of(replace(good, **changes), SceneSettings(config))[0] for _, changes in cases]
+    found = [
+        test.status_of(replace(good, **changes), SceneSettings(config))[0]
+        for _, changes in cases
+    ]
     assert found == [status for status, _ in cases]
 
 

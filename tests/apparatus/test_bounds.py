@@ -21,8 +21,19 @@ CUBE = {"lower": (-0.1, -0.1, -0.1), "upper": (0.1, 0.1, 0.1)}
 SET = dict.fromkeys(PARAMETERS, 0.3)
 SMALL = {
     "funnel": {"berries": 12, "duration_s": 3.0},
-    "drum": {"berries": 12, "length_mm": 40.0, "rotate_from_s": 1.0, "report_s": 2.0, "longest_rotation_s": 2.0},
-    "cylinder": {"berries": 12, "duration_s": 2.0, "diameter_mm": 60.0, "height_mm": 60.0},
+    "drum": {
+        "berries": 12,
+        "length_mm": 40.0,
+        "rotate_from_s": 1.0,
+        "report_s": 2.0,
+        "longest_rotation_s": 2.0,
+    },
+    "cylinder": {
+        "berries": 12,
+        "duration_s": 2.0,
+        "diameter_mm": 60.0,
+        "height_mm": 60.0,
+    },
 }
 
 
@@ -37,7 +48,9 @@ def config(step_s=2e-4):
 def simulated(shape, step_s, capacity, **keywords):
     laws = {("berry", "berry"): dem.Contact(0.3, 0.5, 0.1)}
     materials = {"berry": dem.Material(4.3e4, 0.32)}
-    return dem.Simulation({"berry": shape}, materials, laws, step_s, capacity=capacity, **CUBE | keywords)
+    return dem.Simulation(
+        {"berry": shape}, materials, laws, step_s, capacity=capacity, **CUBE | keywords
+    )
 
 
 def three_berries(**of_second):
@@ -59,11 +72,17 @@ def test_what_a_fall_can_give_and_overlaps_of_clumps_stay_within_the_bounds():
     bounded.look()
     assert bounded.simulation.steps == 3 * EVERY
     mass = 1e-3
-    pair = dem.Clump([[-4e-3, 0, 0, 3e-3], [4e-3, 0, 0, 3e-3]], mass, [mass * 1e-5] * 3, "berry")
-    simulation = simulated(pair, 1e-5, 2, gravity_m_s2=(0.0, 0.0, 0.0), largest_scale=1.5)
+    pair = dem.Clump(
+        [[-4e-3, 0, 0, 3e-3], [4e-3, 0, 0, 3e-3]], mass, [mass * 1e-5] * 3, "berry"
+    )
+    simulation = simulated(
+        pair, 1e-5, 2, gravity_m_s2=(0.0, 0.0, 0.0), largest_scale=1.5
+    )
     simulation.add("berry", (0.0, 0.0, 0.0))
     # the second is turned by a right angle and 1.5 times as large: its lower sphere, 4.5 mm, meets the right one
-    simulation.add("berry", (4e-3, 0.0, 13e-3), (np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0), scale=1.5)
+    simulation.add(
+        "berry", (4e-3, 0.0, 13e-3), (np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0), scale=1.5
+    )
     simulation.run_steps(1)
     _, overlaps = simulation.overlaps()
     assert overlaps == pytest.approx([7.5e-3 - 7e-3], abs=1e-7)
@@ -71,7 +90,11 @@ def test_what_a_fall_can_give_and_overlaps_of_clumps_stay_within_the_bounds():
 
 def test_a_berry_beyond_its_bounds_and_energy_beyond_what_was_given_are_reported():
     fast, lost = three_berries(velocity_m_s=(0.0, 0.0, 900.0)), three_berries()
-    raised(Unstable, r"grain 1 moves at 900 m/s, after 0 s: a shorter simulation\.time_step_s than", fast.look)
+    raised(
+        Unstable,
+        r"grain 1 moves at 900 m/s, after 0 s: a shorter simulation\.time_step_s than",
+        fast.look,
+    )
     lost.simulation.positions[2] = np.nan
     raised(Unstable, "grain 2 has no finite position", lost.look)
     bounded = three_berries()
@@ -93,28 +116,47 @@ def test_berries_that_pass_through_each_other_are_named(apart_mm, broken):
     bounded.simulation.run_steps(1)
     pairs, overlaps = bounded.simulation.overlaps()
     assert pairs.tolist() == [[0, 1]]
-    between = np.linalg.norm(bounded.simulation.positions[1] - bounded.simulation.positions[0])
+    between = np.linalg.norm(
+        bounded.simulation.positions[1] - bounded.simulation.positions[0]
+    )
     assert overlaps[0] == pytest.approx(1e-2 - between, abs=1e-12)
-    check_overlaps(bounded, broken, r"grains 0 and 1 overlap by 5\.43 mm.*a higher berry\.shear_modulus_pa")
+    check_overlaps(
+        bounded,
+        broken,
+        r"grains 0 and 1 overlap by 5\.43 mm.*a higher berry\.shear_modulus_pa",
+    )
 
 
 @pytest.mark.parametrize(("height_mm", "broken"), [(0.5, False), (-0.5, True)])
 def test_a_berry_that_passes_through_a_wall_is_named(height_mm, broken):
     bounded = three_berries(position_m=(0.05, 0.0, 5e-4))
     bounded.simulation.run_steps(1)
-    bounded.simulation.positions[1, 2] = 1e-3 * height_mm  # pressed on, in contact as before
-    check_overlaps(bounded, broken, r"grain 1 and the wall 'plate' overlap by 5\.[345]\d* mm.*after 0\.0001 s")
+    bounded.simulation.positions[1, 2] = (
+        1e-3 * height_mm
+    )  # pressed on, in contact as before
+    check_overlaps(
+        bounded,
+        broken,
+        r"grain 1 and the wall 'plate' overlap by 5\.[345]\d* mm.*after 0\.0001 s",
+    )
 
 
 @pytest.mark.parametrize("name", ["funnel", "drum", "cylinder"])
 def test_a_run_that_explodes_is_unstable_and_says_what_to_do(name, monkeypatch):
-    monkeypatch.setattr(scene, "longest_time_step", lambda *_: time_steps.Limit(1.0, ""))
+    monkeypatch.setattr(
+        scene, "longest_time_step", lambda *_: time_steps.Limit(1.0, "")
+    )
     monkeypatch.setattr(time_steps, "longest", lambda *_: time_steps.Limit(1.0, ""))
     whole = config(3e-3)
     run = bench(name).run(Scene.of(whole, SET, BERRY, PARTICLE, 1))
     assert run.record["status"] == "unstable"
     says(run.record["reason"], "after", "a shorter simulation.time_step_s than 0.003")
-    assert bench(name).measure(run.record, run.arrays, Scene.of(whole, {}, BERRY, PARTICLE))["status"] == "unstable"
+    assert (
+        bench(name).measure(
+            run.record, run.arrays, Scene.of(whole, {}, BERRY, PARTICLE)
+        )["status"]
+        == "unstable"
+    )
 
 
 @pytest.mark.parametrize("name", ["funnel", "drum", "cylinder"])

@@ -14,8 +14,20 @@ from repose.apparatus.settings import SceneSettings
 
 BOX = drawdown.DrawdownTest()
 SET = named((0.3, 0.4, 0.05, 0.3, 0.4, 0.05))
-SMALL = {"berries": 550, "rate_per_s": 600.0, "open_from_s": 1.5, "longest_s": 4.0, "width_mm": 160.0}
-SMALL |= {"depth_mm": 60.0, "height_mm": 140.0, "slot_mm": 60.0, "lower_width_mm": 360.0, "drop_mm": 120.0}
+SMALL = {
+    "berries": 550,
+    "rate_per_s": 600.0,
+    "open_from_s": 1.5,
+    "longest_s": 4.0,
+    "width_mm": 160.0,
+}
+SMALL |= {
+    "depth_mm": 60.0,
+    "height_mm": 140.0,
+    "slot_mm": 60.0,
+    "lower_width_mm": 360.0,
+    "drop_mm": 120.0,
+}
 GOOD = drawdown.Drained(filled=600, early=0, held=True, over_slot=0, energy_j=1e-12)
 config = partial(example, "drawdown")
 
@@ -33,9 +45,18 @@ def test_a_run_of_a_box_is_judged_and_both_of_its_slopes_are_measured():
     assert found["drawdown_above_deg"] == pytest.approx(33.0, abs=0.5)
     assert found["drawdown_below_deg"] == pytest.approx(24.0, abs=0.5)
     below = int(arrays["in_pile"].sum())
-    assert found["drawdown_mass_g"] == pytest.approx(below * SPHERE.mass_kg)  # 0.1^3 kg are g
-    few = SMALL | {"berries": 12, "rate_per_s": 200.0, "open_from_s": 0.4, "longest_s": 1.0}
-    record, run = run_once(bench("drawdown"), Scene.of(config(**few), SET, BEAD, SPHERE, 1))
+    assert found["drawdown_mass_g"] == pytest.approx(
+        below * SPHERE.mass_kg
+    )  # 0.1^3 kg are g
+    few = SMALL | {
+        "berries": 12,
+        "rate_per_s": 200.0,
+        "open_from_s": 0.4,
+        "longest_s": 1.0,
+    }
+    record, run = run_once(
+        bench("drawdown"), Scene.of(config(**few), SET, BEAD, SPHERE, 1)
+    )
     assert record["status"] in ("ok", "no_flank"), record["reason"]
     assert np.isfinite(run.arrays["exit_s"]).any()
 
@@ -43,11 +64,18 @@ def test_a_run_of_a_box_is_judged_and_both_of_its_slopes_are_measured():
 def slopes(above_deg, below_deg):
     """Centres of small spheres that fill two wedges above and a pile below, of these slopes, 0.5 mm apart."""
     box = drawdown.Box.of(BOX.section(SceneSettings(config())))
-    x, z = np.meshgrid(np.arange(-0.13, 0.13, 5e-4), np.arange(5e-4, 0.1, 5e-4), indexing="ij")
+    x, z = np.meshgrid(
+        np.arange(-0.13, 0.13, 5e-4), np.arange(5e-4, 0.1, 5e-4), indexing="ij"
+    )
     x, z = x.ravel(), z.ravel()
-    wedge = (np.abs(x) > box.half_slot) & (z < math.tan(math.radians(above_deg)) * (np.abs(x) - box.half_slot))
+    wedge = (np.abs(x) > box.half_slot) & (
+        z < math.tan(math.radians(above_deg)) * (np.abs(x) - box.half_slot)
+    )
     pile = z < 0.04 - math.tan(math.radians(below_deg)) * np.abs(x)
-    xs, zs = np.concatenate([x[wedge], x[pile]]), np.concatenate([z[wedge] + box.floor, z[pile]])
+    xs, zs = (
+        np.concatenate([x[wedge], x[pile]]),
+        np.concatenate([z[wedge] + box.floor, z[pile]]),
+    )
     stays = np.arange(len(xs)) < wedge.sum()
     return {
         "position": np.column_stack([xs, np.zeros_like(xs), zs]),
@@ -68,12 +96,17 @@ def test_the_blocks_of_a_box_are_closed_and_as_large_as_their_corners_say():
 
 @pytest.mark.slow
 def test_mass_is_conserved_the_slope_above_is_the_steeper_and_a_narrow_slot_jams():
-    runs = [run_once(bench("drawdown"), Scene.of(config(**SMALL), SET, BEAD, SPHERE, seed)) for seed in (1, 2, 3, 4)]
+    runs = [
+        run_once(bench("drawdown"), Scene.of(config(**SMALL), SET, BEAD, SPHERE, seed))
+        for seed in (1, 2, 3, 4)
+    ]
     for record, run in runs:
         assert record["status"] == "ok", record["reason"]
         stays = ~np.isfinite(run.arrays["exit_s"])
         assert record["berries_below"] + stays.sum() == 550
-        assert record["drawdown_mass_g"] == pytest.approx(1e3 * SPHERE.mass_kg * (550 - stays.sum()))
+        assert record["drawdown_mass_g"] == pytest.approx(
+            1e3 * SPHERE.mass_kg * (550 - stays.sum())
+        )
         floor_m = 1e-3 * SMALL["drop_mm"]
         assert (run.arrays["position"][stays, 2] > floor_m).all()
         assert (run.arrays["position"][~stays, 2] < floor_m).all()
@@ -82,5 +115,8 @@ def test_mass_is_conserved_the_slope_above_is_the_steeper_and_a_narrow_slot_jams
     angles = np.array([[record[name] for name in names] for record, _ in runs])
     more = angles[:, 0] - angles[:, 1]
     assert more.mean() > 3.0 * more.std(ddof=1) / 2.0
-    record, _ = run_once(bench("drawdown"), Scene.of(config(**SMALL | {"slot_mm": 18.0}), SET, BEAD, SPHERE, 1))
+    record, _ = run_once(
+        bench("drawdown"),
+        Scene.of(config(**SMALL | {"slot_mm": 18.0}), SET, BEAD, SPHERE, 1),
+    )
     assert (record["status"], record["drawdown_mass_g"]) == ("jammed", None)

@@ -6,7 +6,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from repose.apparatus.factory import PLACES_TRIED, Disc, Strip, free_place, random_orientation
+from repose.apparatus.factory import (
+    PLACES_TRIED,
+    Disc,
+    Strip,
+    free_place,
+    random_orientation,
+)
 from repose.dem.rotations import random_quaternion, rotation_matrices
 
 FACTORIES = [Disc(0.03, 0.2), Strip(0.04, 0.02, 0.2)]
@@ -34,7 +40,10 @@ def test_the_place_is_the_first_free_one_and_no_other_is_drawn(factory, berries)
     for seed in range(30):
         simulation = crowd(np.random.default_rng([seed, berries]), berries)
         slow, fast = np.random.default_rng(seed), np.random.default_rng(seed)
-        expected, place = slow_place(slow, simulation, factory), free_place(fast, simulation, factory)
+        expected, place = (
+            slow_place(slow, simulation, factory),
+            free_place(fast, simulation, factory),
+        )
         assert np.array_equal(place, expected)
         assert slow.random() == fast.random()
         found += place is not None
@@ -45,7 +54,9 @@ def test_the_place_is_the_first_free_one_and_no_other_is_drawn(factory, berries)
 def test_all_points_at_once_are_the_single_ones(factory):
     numbers = np.random.default_rng(3).random((50, 2))
     single = [factory.place(*pair) for pair in numbers]
-    assert factory.places(numbers) == pytest.approx(np.array(single), rel=1e-12, abs=1e-15)
+    assert factory.places(numbers) == pytest.approx(
+        np.array(single), rel=1e-12, abs=1e-15
+    )
 
 
 def test_a_blocked_factory_looks_at_all_places_and_random_berries_draw_as_ever():
@@ -60,7 +71,14 @@ def test_a_blocked_factory_looks_at_all_places_and_random_berries_draw_as_ever()
             Counting.at_once += 1
             return super().places(numbers)
 
-    assert free_place(np.random.default_rng(2), crowd(np.random.default_rng(1), 300), Counting(0.03, 0.2)) is None
+    assert (
+        free_place(
+            np.random.default_rng(2),
+            crowd(np.random.default_rng(1), 300),
+            Counting(0.03, 0.2),
+        )
+        is None
+    )
     assert (Counting.single, Counting.at_once) == (1, 1)
     one, two = np.random.default_rng(7), np.random.default_rng(7)
     assert np.array_equal(random_orientation("random", one), random_quaternion(two))

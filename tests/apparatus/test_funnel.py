@@ -41,7 +41,9 @@ LINE = {"response": "flank", "fit_from": 0.1, "fit_to": 0.8, "flank": "columns"}
 SEEDS = dict.fromkeys(REFERENCES, 8) | {"spheres": 24}
 # Rows whose deviation is known. The other implementation damps by m* of whole bodies, this one by the mass at the
 # contact, so an ellipsoid that is hit off its centre returns more, and its pile is lower.
-KNOWN = {"centre": "8 pours give 21.75 degrees where 23.9 are given (5.2 standard errors), 40 pours 23.0 +- 0.3 (2.4)"}
+KNOWN = {
+    "centre": "8 pours give 21.75 degrees where 23.9 are given (5.2 standard errors), 40 pours 23.0 +- 0.3 (2.4)"
+}
 SCRIPT = """
 import sys
 sys.path[:0] = [{tests!r}, {tests!r} + "/apparatus"]
@@ -54,8 +56,14 @@ print(len(advance.stats.cache_misses))
 def config(**keys):
     """The published experiment as the reference values were made, with some keys of its funnel changed."""
     whole = Study.load(ROOT / "config/paper.yaml").config
-    changed = {"funnel": keys, "simulation": {"time_step_s": 2e-4}, "measure": {"views": 18} | LINE}
-    return whole | {section: whole[section] | values for section, values in changed.items()}
+    changed = {
+        "funnel": keys,
+        "simulation": {"time_step_s": 2e-4},
+        "measure": {"views": 18} | LINE,
+    }
+    return whole | {
+        section: whole[section] | values for section, values in changed.items()
+    }
 
 
 def of(whole, seed=5, values=CENTRE):
@@ -75,7 +83,10 @@ def one_run(task):
     axes = np.full(3, np.prod(AXES_MM) ** (1.0 / 3.0)) if name == "spheres" else AXES_MM
     whole = config()
     settings = SceneSettings(whole, {"simulation": LimitedByAll(**whole["simulation"])})
-    record, _ = run_once(bench("funnel"), Scene(settings, named(REFERENCES[name][0]), BERRY, particle(axes), seed))
+    record, _ = run_once(
+        bench("funnel"),
+        Scene(settings, named(REFERENCES[name][0]), BERRY, particle(axes), seed),
+    )
     return name, record
 
 
@@ -96,7 +107,12 @@ def ensembles():
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(name, marks=pytest.mark.xfail(reason=KNOWN[name]) if name in KNOWN else ()) for name in REFERENCES],
+    [
+        pytest.param(
+            name, marks=pytest.mark.xfail(reason=KNOWN[name]) if name in KNOWN else ()
+        )
+        for name in REFERENCES
+    ],
 )
 def test_ensembles_agree_with_the_reference_values(ensembles, name):
     _, n, aor, aor_sd, height, height_sd = REFERENCES[name]
@@ -117,18 +133,28 @@ def heap():
 
 
 def digest(poured):
-    return hashlib.sha256(poured.centres_m.tobytes() + poured.quaternions.tobytes()).hexdigest()
+    return hashlib.sha256(
+        poured.centres_m.tobytes() + poured.quaternions.tobytes()
+    ).hexdigest()
 
 
 def in_a_new_process(**environment):
     command = [sys.executable, "-c", SCRIPT.format(tests=str(ROOT / "tests"))]
-    done = subprocess.run(command, env=os.environ | environment, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        command,
+        env=os.environ | environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     found, compiled = done.stdout.split()
     return found, int(compiled)
 
 
 @pytest.mark.slow
-def test_code_compiled_or_cached_gives_the_same_bits_and_springs_may_be_linear(tmp_path, monkeypatch):
+def test_code_compiled_or_cached_gives_the_same_bits_and_springs_may_be_linear(
+    tmp_path, monkeypatch
+):
     whole = small()
     whole["simulation"]["contact_law"] = "linear_spring"
     poured = TEST.pour(of(whole))
@@ -163,7 +189,9 @@ def filmed():
     return TEST.pour(of(small()), interval_s=0.01)
 
 
-def test_a_trajectory_has_its_frames_and_changes_nothing_and_another_seed_does(plain, filmed):
+def test_a_trajectory_has_its_frames_and_changes_nothing_and_another_seed_does(
+    plain, filmed
+):
     assert digest(plain) == digest(filmed)
     assert digest(plain) != digest(TEST.pour(of(small(), 6)))
     assert 100 < len(filmed.frames["time_s"]) <= 300  # a pour ends when its pile rests
@@ -172,7 +200,9 @@ def test_a_trajectory_has_its_frames_and_changes_nothing_and_another_seed_does(p
     assert np.allclose(filmed.frames["position"][-1], filmed.centres_m, atol=1e-6)
 
 
-def test_frames_may_be_a_time_step_apart_and_a_pour_that_goes_on_after_its_pile_rests_changes_nothing(filmed):
+def test_frames_may_be_a_time_step_apart_and_a_pour_that_goes_on_after_its_pile_rests_changes_nothing(
+    filmed,
+):
     made = TEST.build(Scene.of(small(), named(CENTRE), BERRY, particle()))
     made.add("berry", (0.0, 0.0, 0.05))
     film = scene.Trial(lambda *_: made, of(small()), 1, made.time_step_s)
@@ -206,22 +236,36 @@ def of_last_positions(heights_m, exits_s, radius_m=0.005):
         contacts=lambda: np.column_stack([np.arange(n - 1), np.arange(1, n)]), kinetic_energies=lambda: np.zeros(n),
     )  # fmt: skip
     known = {"unstable": "", "frames": None, "wall_s": 1.0, "us_per_step": 1.0}
-    return funnel._judge(simulation, SimpleNamespace(outlet_height_m=0.1), None, **known)
+    return funnel._judge(
+        simulation, SimpleNamespace(outlet_height_m=0.1), None, **known
+    )
 
 
 def test_a_pour_is_judged_by_its_last_positions():
     """A grain that hangs in the outlet has its centre less than a radius below the rim."""
-    poured = of_last_positions([0.01, 0.094, 0.096, 0.2, -1.0], [2.0, 3.5, 5.0, math.nan, 2.5])
+    poured = of_last_positions(
+        [0.01, 0.094, 0.096, 0.2, -1.0], [2.0, 3.5, 5.0, math.nan, 2.5]
+    )
     assert (poured.in_funnel, poured.off_plate) == (2, 1)
-    assert (poured.on_plate.tolist(), poured.discharge_s) == ([True, True, False, False, False], 3.0)
-    for lost, status in ((6, "ok"), (7, "left_plate")):  # a tenth of the grains may leave the plate
+    assert (poured.on_plate.tolist(), poured.discharge_s) == (
+        [True, True, False, False, False],
+        3.0,
+    )
+    for lost, status in (
+        (6, "ok"),
+        (7, "left_plate"),
+    ):  # a tenth of the grains may leave the plate
         poured = of_last_positions([0.01] * (60 - lost) + [-1.0] * lost, [1.0] * 60)
         assert TEST.status_of(poured, SceneSettings(small()))[0] == status, lost
 
 
-@pytest.mark.parametrize(("in_pile", "on_plate"), [(3, 57), (2, 15), (1, 1), (9, 9), (28, 57), (0, 60)])
+@pytest.mark.parametrize(
+    ("in_pile", "on_plate"), [(3, 57), (2, 15), (1, 1), (9, 9), (28, 57), (0, 60)]
+)
 def test_berries_that_lie_apart_are_no_pile(in_pile, on_plate, plain):
-    apart = replace(plain, in_pile=np.arange(60) < in_pile, on_plate=np.arange(60) < on_plate)
+    apart = replace(
+        plain, in_pile=np.arange(60) < in_pile, on_plate=np.arange(60) < on_plate
+    )
     status, reason = TEST.status_of(apart, SceneSettings(small()))
     assert status == "no_flank"
     assert f"{in_pile} of {on_plate} grains touch each other" in reason
@@ -237,7 +281,10 @@ def test_a_job_writes_what_it_returns_and_largest_cluster_is_found(tmp_path):
     assert not list(tmp_path.glob("*.part"))
     contacts = np.array([[0, 1], [1, 2], [3, 4], [5, 6]])
     allowed = np.array([True, True, True, True, True, True, False, True])
-    assert list(scene.largest_cluster(contacts, allowed)) == [True, True, True] + [False] * 5
+    assert (
+        list(scene.largest_cluster(contacts, allowed))
+        == [True, True, True] + [False] * 5
+    )
     assert not scene.largest_cluster(contacts, np.zeros(8, bool)).any()
 
 
@@ -248,7 +295,9 @@ def test_a_pile_rests_on_the_plate_is_measured_as_piles_are_and_keeps_its_sizes(
     assert record["berries_on_plate"] == 120
     assert 1.8 < record["discharge_s"] < 2.2
     settings = pile.MeasureSettings.of(heap()["measure"], BERRY)
-    again = pile.measure_pile(Grains.of(run.arrays, particle()), settings, run.arrays["in_pile"])
+    again = pile.measure_pile(
+        Grains.of(run.arrays, particle()), settings, run.arrays["in_pile"]
+    )
     assert {key: record[key] for key in again.record()} == again.record()
     settings = small()
     settings["berry"] = settings["berry"] | {"size_distribution": "measured"}

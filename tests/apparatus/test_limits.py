@@ -25,16 +25,34 @@ PARTICLES = {
     "ellipsoid": {"particle": "ellipsoid", "mass_g": None},
     "smooth": {"particle": "smooth", "mass_g": 1.25},
     "spheres": {"particle": "multisphere", "mass_g": 1.25, "spheres": 8},
-    "rough": {"particle": "multisphere", "mass_g": 1.25, "spheres": 16, "surface": "rough"},
+    "rough": {
+        "particle": "multisphere",
+        "mass_g": 1.25,
+        "spheres": 16,
+        "surface": "rough",
+    },
     "many": {"particle": "multisphere", "mass_g": 1.25, "spheres": 40},
 }
-MANY = {"berry.particle": "multisphere", "berry.spheres": 40, "simulation.tension": "release"}
-HARD = {"berry.shear_modulus_pa": 1e9, "berry.poisson_ratio": 0.3, "validation.published": None}
+MANY = {
+    "berry.particle": "multisphere",
+    "berry.spheres": 40,
+    "simulation.tension": "release",
+}
+HARD = {
+    "berry.shear_modulus_pa": 1e9,
+    "berry.poisson_ratio": 0.3,
+    "validation.published": None,
+}
 STIFF = {"parameters.e_gg": [0.5, 0.9], "parameters.e_gp": [0.5, 0.9]}
 
 
 def particle_of(name):
-    return build.of_settings(BERRY, GrainSettings.model_construct(**CONFIG["berry"] | {"stl": None} | PARTICLES[name]))
+    return build.of_settings(
+        BERRY,
+        GrainSettings.model_construct(
+            **CONFIG["berry"] | {"stl": None} | PARTICLES[name]
+        ),
+    )
 
 
 def case(rng, particles):
@@ -53,8 +71,14 @@ def case(rng, particles):
 
 
 def refused_by_check(config, particle, berry):
-    berry = berry | {"elastic_modulus_pa": 2 * berry["shear_modulus_pa"] * (1 + berry["poisson_ratio"])}
-    return [key for key, _ in making.unstable(config, particle, berry)] == ["simulation.time_step_s"]
+    berry = berry | {
+        "elastic_modulus_pa": 2
+        * berry["shear_modulus_pa"]
+        * (1 + berry["poisson_ratio"])
+    }
+    return [key for key, _ in making.unstable(config, particle, berry)] == [
+        "simulation.time_step_s"
+    ]
 
 
 def refused_by_pours(config, parameters, particle, berry):
@@ -82,13 +106,17 @@ def test_check_and_pour_and_engine_agree():
         config, berry, particle = case(rng, particles)
         lowest = {name: float(config["parameters"][name][0]) for name in PARAMETERS}
         limit = longest_time_step(Scene.of(config, lowest, berry, particle)).time_step_s
-        smallest = size_distribution.smallest(config["berry"]["size_distribution"], berry)
+        smallest = size_distribution.smallest(
+            config["berry"]["size_distribution"], berry
+        )
         config["simulation"]["time_step_s"] = 0.9999 * limit
         assert not refused_by_check(config, particle, berry)
         assert not refused_by_pours(config, lowest, particle, berry)
         simulation = bench("funnel").build(Scene.of(config, lowest, berry, particle))
         simulation.add("berry", (0.0, 0.0, 0.0), scale=smallest)  # what a pour would do
-        least_damped = lowest | {name: config["parameters"][name][1] for name in ("e_gg", "e_gp")}
+        least_damped = lowest | {
+            name: config["parameters"][name][1] for name in ("e_gg", "e_gp")
+        }
         assert not refused_by_pours(config, least_damped, particle, berry)
         config["simulation"]["time_step_s"] = 1.0001 * limit
         assert refused_by_check(config, particle, berry)
@@ -106,20 +134,30 @@ def test_the_check_of_a_configuration_refuses_what_a_pour_would(changes, reason)
     config = copy.deepcopy(CONFIG)
     for key, value in changes.items():
         put(config, key, value)
-    input_error(rf"simulation\.time_step_s is .*{reason}", Study.of(config).check_inputs)
+    input_error(
+        rf"simulation\.time_step_s is .*{reason}", Study.of(config).check_inputs
+    )
 
 
-def test_a_published_set_of_low_restitution_counts_and_the_smallest_berry_is_one_that_can_be_drawn(tmp_path):
+def test_a_published_set_of_low_restitution_counts_and_the_smallest_berry_is_one_that_can_be_drawn(
+    tmp_path,
+):
     config = copy.deepcopy(CONFIG)
     config["simulation"] |= {"time_step_s": 3.0e-4, "tension": "release"}
     config["validation"]["published"] = None
     berry, many = BERRY | {"shear_modulus_pa": 4.3e4}, particle_of("many")
     assert not refused_by_check(config, many, berry)
     table = tmp_path / "published.csv"
-    table.write_text("solution,e_gg,mus_gg,mur_gg,e_gp,mus_gp,mur_gp\n1,0.02,0.5,0.05,0.02,0.5,0.2\n")
+    table.write_text(
+        "solution,e_gg,mus_gg,mur_gg,e_gp,mus_gp,mur_gp\n1,0.02,0.5,0.05,0.02,0.5,0.2\n"
+    )
     config["validation"]["published"] = str(table)
     assert refused_by_check(config, many, berry)
     spread = {"scale_sd": 0.1, "scale_low": 0.8, "scale_high": 1.2}
     least = size_distribution.smallest("measured", spread)
-    assert least <= size_distribution.of_pour("measured", spread, 1, 2000)[0].min() < 1.02 * least
+    assert (
+        least
+        <= size_distribution.of_pour("measured", spread, 1, 2000)[0].min()
+        < 1.02 * least
+    )
     assert size_distribution.smallest("none", {}) == 1.0

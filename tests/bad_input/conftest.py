@@ -12,7 +12,10 @@ one_parser = functools.cache(cli.parser)  # making it takes longer than most ref
 
 
 def content(folder):
-    return {path: path.read_bytes() if path.is_file() else None for path in sorted(folder.rglob("*"))}
+    return {
+        path: path.read_bytes() if path.is_file() else None
+        for path in sorted(folder.rglob("*"))
+    }
 
 
 @pytest.fixture
@@ -28,7 +31,9 @@ def refused(tmp_path, monkeypatch, command):
         assert "Traceback" not in output
         lines = [line for line in output.splitlines() if "error: " in line]
         assert lines, output
-        if not output.startswith("usage: "):  # argparse shows the usage before its sentence
+        if not output.startswith(
+            "usage: "
+        ):  # argparse shows the usage before its sentence
             assert len(lines) == len(output.splitlines()), output
             for line in lines:
                 assert re.match(SENTENCE, line, re.DOTALL), line

@@ -32,14 +32,22 @@ def test_another_encoding_is_reported_and_a_mark_of_the_byte_order_is_fine(tmp_p
         for read in (files.read_table, tables.sheet, files.read_json):
             raises(read, tmp_path / "a.csv", table, ("long_mm",))
     path = written(tmp_path / "a", b"\xef\xbb\xbf" + SIZES.encode())
-    assert len(berry_files.read_sizes(path)) == len(files.read_table(path, ("long_mm",))) == 2
+    assert (
+        len(berry_files.read_sizes(path))
+        == len(files.read_table(path, ("long_mm",)))
+        == 2
+    )
     assert tables.sheet(path).text["long_mm"][1] == "22"
     path.write_bytes(b'\xef\xbb\xbf{"a": 1}')
     assert files.read_json(path) == {"a": 1}
 
 
-BERRY = json.loads((ROOT / "results/published/recommended/berry/berry.json").read_text())
-PARTICLE = json.loads((ROOT / "results/published/recommended/berry/particle.json").read_text())
+BERRY = json.loads(
+    (ROOT / "results/published/recommended/berry/berry.json").read_text()
+)
+PARTICLE = json.loads(
+    (ROOT / "results/published/recommended/berry/particle.json").read_text()
+)
 for about in BERRY, PARTICLE:
     about.pop("provenance")  # where it comes from, not what it is
 BAD = ("text", None, [], {}, math.nan, math.inf, -1, 0, True, [1], "1")
@@ -50,15 +58,33 @@ def test_every_key_of_a_berry_and_a_particle_is_checked(tmp_path):
         assert raises(read, tmp_path / "a.json", json.dumps(record)).key == key
 
     keys = (*berry_files.SIZE_COLUMNS, "density_kg_m3", "shear_modulus_pa")
-    berry = [(berry_files.read_berry, BERRY | {key: value}, key) for key in keys for value in BAD]
-    others = [(key, value) for key in berry_files.FROM_ZERO for value in BAD if value != 0]
-    berry += [(berry_files.read_berry, BERRY | {key: value}, key) for key, value in others]
+    berry = [
+        (berry_files.read_berry, BERRY | {key: value}, key)
+        for key in keys
+        for value in BAD
+    ]
+    others = [
+        (key, value) for key in berry_files.FROM_ZERO for value in BAD if value != 0
+    ]
+    berry += [
+        (berry_files.read_berry, BERRY | {key: value}, key) for key, value in others
+    ]
     numbers = [key for key in PARTICLE if key not in ("kind", "stl")]
     bad = ("text", {}, math.nan, -1, [1, "a"], [[1]], [math.inf] * 3, True)
-    particle = [(Particle.load, PARTICLE | {key: value}, key) for key in numbers for value in bad]
-    without = [(Particle.load, {name: PARTICLE[name] for name in PARTICLE if name != key}, key) for key in PARTICLE]
+    particle = [
+        (Particle.load, PARTICLE | {key: value}, key)
+        for key in numbers
+        for value in bad
+    ]
+    without = [
+        (Particle.load, {name: PARTICLE[name] for name in PARTICLE if name != key}, key)
+        for key in PARTICLE
+    ]
     cases = berry + particle + without
-    named = [(f"{case[0].__name__} {case[2]} {case[1].get(case[2], 'missing')!r}", *case) for case in cases]
+    named = [
+        (f"{case[0].__name__} {case[2]} {case[1].get(case[2], 'missing')!r}", *case)
+        for case in cases
+    ]
     check_all(check, named)
 
 
@@ -74,10 +100,17 @@ def test_a_file_that_was_cut(tmp_path):
 
     whole = {"berry.json": (berry_files.read_berry, json.dumps(BERRY).encode())}
     whole |= {"particle.json": (Particle.load, json.dumps(PARTICLE).encode())}
-    whole |= {"a.stl": (load_mesh, trimesh.creation.box((20.0, 11.0, 10.0)).export(file_type="stl"))}
+    whole |= {
+        "a.stl": (
+            load_mesh,
+            trimesh.creation.box((20.0, 11.0, 10.0)).export(file_type="stl"),
+        )
+    }
     rng = np.random.default_rng(1)
     files.write_npz(tmp_path / "a.npz", {"position_1": rng.normal(size=(50, 3))})
-    files.write_image(tmp_path / "a.png", rng.integers(0, 255, (60, 60), dtype=np.uint8))
+    files.write_image(
+        tmp_path / "a.png", rng.integers(0, 255, (60, 60), dtype=np.uint8)
+    )
     for name, read in (("a.npz", files.read_npz), ("a.png", read_image)):
         whole[name] = (read, (tmp_path / name).read_bytes())
 
@@ -88,7 +121,9 @@ def test_a_file_that_was_cut(tmp_path):
         raises(read, tmp_path / name, content[: int(share * len(content))])
 
     shares = (0.0, 0.01, 0.2, 0.5, 0.9, 0.99)
-    check_all(check, [(f"{name} {share}", name, share) for name in whole for share in shares])
+    check_all(
+        check, [(f"{name} {share}", name, share) for name in whole for share in shares]
+    )
 
 
 def test_a_reader_reads_any_bytes_and_text_or_reports_what_is_wrong(tmp_path):
@@ -100,10 +135,20 @@ def test_a_reader_reads_any_bytes_and_text_or_reports_what_is_wrong(tmp_path):
         "a.json": (files.read_json, berry_files.read_berry, Particle.load), "a.npz": (files.read_npz,),
         "a.stl": (load_mesh,), "a.png": (read_image,), "a.yaml": (reading.read,),
     }  # fmt: skip
-    text = st.text(alphabet='ab1.,;"\n\r \t-#é[]{}:&*!?|>%@`\x00\ufeff', max_size=60).map(str.encode)
+    text = st.text(
+        alphabet='ab1.,;"\n\r \t-#é[]{}:&*!?|>%@`\x00\ufeff', max_size=60
+    ).map(str.encode)
 
-    @settings(max_examples=240, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
-    @given(content=st.one_of(st.binary(max_size=300), text), name=st.sampled_from(list(readers)))
+    @settings(
+        max_examples=240,
+        deadline=None,
+        suppress_health_check=list(HealthCheck),
+        derandomize=True,
+    )
+    @given(
+        content=st.one_of(st.binary(max_size=300), text),
+        name=st.sampled_from(list(readers)),
+    )
     def check(content, name):
         path = written(tmp_path / name, content)
         for read in readers[name]:
@@ -122,6 +167,11 @@ def test_a_reader_reads_any_bytes_and_text_or_reports_what_is_wrong(tmp_path):
     ("random1", "one of random, lying", "random"), ("text{1}", "text, without braces", ""), (3, "one of a3, b3", ""),
     ("at least", "at least 1, or none", ""), ("xyzzy", "one of random, lying", ""), ("text{1}", "text", ""),
 ])  # fmt: skip
-def test_a_wrong_name_has_a_guess_among_the_names_that_are_allowed(value, allowed, guess):
+def test_a_wrong_name_has_a_guess_among_the_names_that_are_allowed(
+    value, allowed, guess
+):
     said = str(InputError("mine.yaml", "key", value, allowed))
-    assert said == f"mine.yaml: key is {value!r}; expected {allowed}{f'; did you mean {guess}?' if guess else ''}"
+    assert (
+        said
+        == f"mine.yaml: key is {value!r}; expected {allowed}{f'; did you mean {guess}?' if guess else ''}"
+    )

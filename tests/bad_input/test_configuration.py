@@ -19,7 +19,9 @@ NULL, AUTO = {"type": "null"}, {"const": "auto", "type": "string"}
 
 
 def good():
-    return copy.deepcopy(every_bench_test()) | {"figures": {"format": ["png", "pdf"], "dpi": 300}}
+    return copy.deepcopy(every_bench_test()) | {
+        "figures": {"format": ["png", "pdf"], "dpi": 300}
+    }
 
 
 def resolved(schema):
@@ -30,7 +32,9 @@ def resolved(schema):
     if len(others) != 1:
         return schema
     found = resolved(others[0])
-    return found | {"type": [found["type"], "null"]} if NULL in schema["anyOf"] else found
+    return (
+        found | {"type": [found["type"], "null"]} if NULL in schema["anyOf"] else found
+    )
 
 
 def entries(schema, prefix=""):
@@ -45,10 +49,15 @@ def entries(schema, prefix=""):
 def leaves():
     """Entries with values, so neither sections nor those of the research, which have any keys; and keys of a target."""
     found = {
-        key: one for key, one in entries(faults.schema()) if "properties" not in one and one.get("type") != "object"
+        key: one
+        for key, one in entries(faults.schema())
+        if "properties" not in one and one.get("type") != "object"
     }
     of_target = resolved(found["targets"]["items"])["properties"]
-    return [*found.items(), *((f"targets.0.{key}", resolved(schema)) for key, schema in of_target.items())]
+    return [
+        *found.items(),
+        *((f"targets.0.{key}", resolved(schema)) for key, schema in of_target.items()),
+    ]
 
 
 def sections():
@@ -64,7 +73,12 @@ def bad_values(schema):
     if "null" not in kinds:
         yield "nothing", None
     if {"number", "integer"} & set(kinds) and "enum" not in schema:
-        yield from (("text", "many"), ("not a number", math.nan), ("infinite", math.inf), ("true", True))
+        yield from (
+            ("text", "many"),
+            ("not a number", math.nan),
+            ("infinite", math.inf),
+            ("true", True),
+        )
         low = schema.get("minimum", schema.get("exclusiveMinimum"))
         yield "too small", low - 1
         yield "too large", schema["maximum"] + 1
@@ -75,13 +89,30 @@ def bad_values(schema):
     elif "boolean" in kinds:
         yield from (("text", "yes"), ("a number", 1))
     elif "string" in kinds or "enum" in schema:
-        yield from (("a number", 3.5), ("empty", ""), ("true", True), ("a line", "a\nb"))
+        yield from (
+            ("a number", 3.5),
+            ("empty", ""),
+            ("true", True),
+            ("a line", "a\nb"),
+        )
         if "enum" in schema:
-            yield from (("no choice of it", "something else"), ("capitals", str(schema["enum"][0]).upper() + "X"))
+            yield from (
+                ("no choice of it", "something else"),
+                ("capitals", str(schema["enum"][0]).upper() + "X"),
+            )
     else:
-        yield from (("text", "something else"), ("empty", []), ("not a number", math.nan), ("negative", -1))
+        yield from (
+            ("text", "something else"),
+            ("empty", []),
+            ("not a number", math.nan),
+            ("negative", -1),
+        )
         if "anyOf" in schema or "array" in kinds:
-            yield from (("infinite", math.inf), ("texts", ["a", "b"]), ("pairs of nothing", [None, None]))
+            yield from (
+                ("infinite", math.inf),
+                ("texts", ["a", "b"]),
+                ("pairs of nothing", [None, None]),
+            )
 
 
 def faults_of(config):
@@ -97,7 +128,11 @@ def test_every_key_refuses_what_it_cannot_take():
         for key, value in keys.items():
             put(config, key, value)
         faults = faults_of(config)
-        missed = [key for key in keys if not any(f"{fault}.".startswith(f"{key}.") for fault in faults)]
+        missed = [
+            key
+            for key in keys
+            if not any(f"{fault}.".startswith(f"{key}.") for fault in faults)
+        ]
         assert not missed
 
     kinds = {}
@@ -105,14 +140,22 @@ def test_every_key_refuses_what_it_cannot_take():
         for wrong, value in bad_values(schema):
             if not (key.startswith("targets.0.") and wrong in ("empty", "a line")):
                 # a list that is replaced has no entries of its own to break
-                kinds.setdefault(f"{wrong} (targets)" if key == "targets" else wrong, {})[key] = value
+                kinds.setdefault(
+                    f"{wrong} (targets)" if key == "targets" else wrong, {}
+                )[key] = value
     check_all(check_reported, [(wrong, keys) for wrong, keys in kinds.items()])
 
 
 OPTIONAL = (
     *("simulation.contact_law", "simulation.rolling_law"),
     *("lifted_cylinder.berries", "lifted_cylinder.filling_height_mm"),
-    *("figures.format", "figures.dpi", "turning.tilt_deg", "cylinder.taps", "cylinder.tap_mm"),
+    *(
+        "figures.format",
+        "figures.dpi",
+        "turning.tilt_deg",
+        "cylinder.taps",
+        "cylinder.tap_mm",
+    ),
     *(f"parameters.{name}" for name in FURTHER),
     *(setting.key for setting in COMPUTED),
 )
@@ -125,7 +168,11 @@ def test_every_missing_key_is_reported():
         del at(config, section)[last]
         assert "the key is missing" in faults_of(config)[key].allowed
 
-    required = [key for key, _ in leaves() if not key.startswith("targets.") and key not in OPTIONAL]
+    required = [
+        key
+        for key, _ in leaves()
+        if not key.startswith("targets.") and key not in OPTIONAL
+    ]
     required += [name for name in sections() if name in faults.schema()["required"]]
     check_all(missing, [(key, key) for key in required])
 
@@ -139,17 +186,31 @@ def test_an_unknown_key_is_reported_in_every_section():
 
     places = ("", *sections(), "targets.0")
     extras = ("no_such_key", "", "seeds ", 3)
-    check_all(unknown, [(f"{place} {extra!r}", place, extra) for place in places for extra in extras])
+    check_all(
+        unknown,
+        [(f"{place} {extra!r}", place, extra) for place in places for extra in extras],
+    )
 
 
 def test_every_section_is_a_mapping_and_all_faults_and_contradictions_are_reported_at_once():
     def refused(section, value):
         assert section in faults_of(put(good(), section, value))
 
-    cases = [(section, value) for section in sections() for value in (None, [], "text", 3)]
-    check_all(refused, [(f"{section} {value!r}", section, value) for section, value in cases])
+    cases = [
+        (section, value) for section in sections() for value in (None, [], "text", 3)
+    ]
+    check_all(
+        refused, [(f"{section} {value!r}", section, value) for section, value in cases]
+    )
     config = good()
-    keys = ("funnel.seeds", "simulation.gravity_m_s2", "label", "miga.islands", "targets.0.sd", "drum.no_such_key")
+    keys = (
+        "funnel.seeds",
+        "simulation.gravity_m_s2",
+        "label",
+        "miga.islands",
+        "targets.0.sd",
+        "drum.no_such_key",
+    )
     for key in keys:
         put(config, key, -1)
     del config["sensitivity"]["seed"]
@@ -159,28 +220,80 @@ def test_every_section_is_a_mapping_and_all_faults_and_contradictions_are_report
     config["miga"]["tournament"] = 900
     config["network"]["split"] = [0.5, 0.1, 0.1]
     messages = faults_of(config)
-    assert {"funnel.outlet_diameter_mm", "funnel.rest_window_s", "miga.tournament", "network.split"} <= set(messages)
+    assert {
+        "funnel.outlet_diameter_mm",
+        "funnel.rest_window_s",
+        "miga.tournament",
+        "network.split",
+    } <= set(messages)
 
 
 NO_CONFIGURATIONS = (
     # no mapping
-    *(b"", b"\n", b"# only a comment\n", b"null\n", b"3\n", b"- 1\n", b"text\n", b"[1, 2]\n", b"label: ! \n"),
+    *(
+        b"",
+        b"\n",
+        b"# only a comment\n",
+        b"null\n",
+        b"3\n",
+        b"- 1\n",
+        b"text\n",
+        b"[1, 2]\n",
+        b"label: ! \n",
+    ),
     # bytes that are no text
-    *(b"label: mine\0\n", b"label: \x01\n", b"\xff\xfe", "label: mine\n".encode("utf-16"), b"label: \xe9\n"),
+    *(
+        b"label: mine\0\n",
+        b"label: \x01\n",
+        b"\xff\xfe",
+        "label: mine\n".encode("utf-16"),
+        b"label: \xe9\n",
+    ),
     # keys that are no text, or there twice
-    *(b"? [a, b]\n: 1\n", b"? {a: 1}\n: 1\n", b"{a, b}: 1\n", b"label: mine\nlabel: yours\n"),
+    *(
+        b"? [a, b]\n: 1\n",
+        b"? {a: 1}\n: 1\n",
+        b"{a, b}: 1\n",
+        b"label: mine\nlabel: yours\n",
+    ),
     *(b"funnel: {seeds: 2, seeds: 3}\n", b"<<: 3\n", b"<<: {a: 1}\n"),
     # no YAML
-    *(b"'a': 'b': 'c'\n", b"funnel:\n\tseeds: 2\n", b"funnel: [\n", b"funnel: {\n", b"label: 'a\n"),
-    *(b"label: &a [*a]\n", b"label: *nothing\n", b'{"label": "mine"', b'{"label" "mine"}'),
+    *(
+        b"'a': 'b': 'c'\n",
+        b"funnel:\n\tseeds: 2\n",
+        b"funnel: [\n",
+        b"funnel: {\n",
+        b"label: 'a\n",
+    ),
+    *(
+        b"label: &a [*a]\n",
+        b"label: *nothing\n",
+        b'{"label": "mine"',
+        b'{"label" "mine"}',
+    ),
     *(b"--- a: 1\n--- b: 2\n", b"---\na: 1\n---\nb: 2\n", b"%YAML 9\n---\na: 1\n"),
     *(b"[" * 1200, b"{a: " * 1200, b"a: " * 100),
     # values of another kind
-    *(b"funnel: seeds\n", b"funnel: {seeds}\n", b"funnel: {seeds: 0x}\n", b"label: 1:30\n"),
+    *(
+        b"funnel: seeds\n",
+        b"funnel: {seeds}\n",
+        b"funnel: {seeds: 0x}\n",
+        b"label: 1:30\n",
+    ),
     b"label: 2026-13-45\n",
     # tags
-    *(b"!!python/object:os.system x\n", b"a: !!python/name:os.system\n", b"a: !!binary x\n"),
-    *(b"a: !!int x\n", b"a: !!int ''\n", b"a: !!float ''\n", b"a: !!bool x\n", b"a: !!null x\n"),
+    *(
+        b"!!python/object:os.system x\n",
+        b"a: !!python/name:os.system\n",
+        b"a: !!binary x\n",
+    ),
+    *(
+        b"a: !!int x\n",
+        b"a: !!int ''\n",
+        b"a: !!float ''\n",
+        b"a: !!bool x\n",
+        b"a: !!null x\n",
+    ),
     *(b"a: !!timestamp x\n", b"a: !!set [1]\n", b"a: !!omap x\n"),
 )
 
@@ -193,21 +306,40 @@ def test_text_that_is_no_configuration(refused, tmp_path):
     check_all(check, [(text[:40], text) for text in NO_CONFIGURATIONS])
 
 
-@pytest.mark.parametrize("text", [b"null: 3\n", b"~: 3\n", b"1.5: 3\n", b"funnel: {null: 3}\n", b"funnel: {1.5: 3}\n"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        b"null: 3\n",
+        b"~: 3\n",
+        b"1.5: 3\n",
+        b"funnel: {null: 3}\n",
+        b"funnel: {1.5: 3}\n",
+    ],
+)
 def test_a_key_that_is_no_text_is_answered(text, tmp_path):
     (tmp_path / "odd.yaml").write_bytes(text)
-    input_error(r"odd\.yaml: (funnel\.)?(None|1\.5) is 3; expected a known key", Study.load, tmp_path / "odd.yaml")
+    input_error(
+        r"odd\.yaml: (funnel\.)?(None|1\.5) is 3; expected a known key",
+        Study.load,
+        tmp_path / "odd.yaml",
+    )
 
 
-def test_aliases_that_multiply_end_in_a_short_message_at_once_and_plain_ones_are_fine(refused, tmp_path):
+def test_aliases_that_multiply_end_in_a_short_message_at_once_and_plain_ones_are_fine(
+    refused, tmp_path
+):
     for levels in (4, 5, 6, 9, 60):  # each list holds the one before nine times
         lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x]"]
-        lines += [f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]" for k in range(1, levels)]
+        lines += [
+            f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]" for k in range(1, levels)
+        ]
         (tmp_path / "mine.yaml").write_text("\n".join(lines))
         message = refused("check", "--config", "mine.yaml")
         assert len(message) < 10_000, levels
         assert ("every alias is replaced" in message) == (levels > 5), levels
-    assert parse("a: &a {b: [1, 2]}\nc: [*a, *a]", "mine.yaml")["c"] == [{"b": [1, 2]}] * 2
+    assert (
+        parse("a: &a {b: [1, 2]}\nc: [*a, *a]", "mine.yaml")["c"] == [{"b": [1, 2]}] * 2
+    )
 
 
 def test_a_message_shows_a_large_value_in_part_and_a_small_one_as_it_is():
@@ -217,9 +349,18 @@ def test_a_message_shows_a_large_value_in_part_and_a_small_one_as_it_is():
     for value in (nested, ["x" * 9] * 10**5, {"a": nested}, "x" * 10**6, 10**4000):
         for kind in (InputError, YamlError):
             assert len(str(kind("mine.yaml", "key", value, "a number"))) < 600
-    for value in ("text", 1.5, None, [31, 34], {"b": [1, 2], "a": 2.5}, [[1, 2], [3, 4]]):
+    for value in (
+        "text",
+        1.5,
+        None,
+        [31, 34],
+        {"b": [1, 2], "a": 2.5},
+        [[1, 2], [3, 4]],
+    ):
         message = str(InputError("mine.yaml", "key", value, "a number"))
-        shown = message.removeprefix("mine.yaml: key is ").removesuffix("; expected a number")
+        shown = message.removeprefix("mine.yaml: key is ").removesuffix(
+            "; expected a number"
+        )
         assert ast.literal_eval(shown) == value
 
 

@@ -35,8 +35,20 @@ def files_of(verb):
     for option in verb.options:
         name, keywords = option.names[0], option.keywords
         key = name.lstrip("-").replace("-", "_")
-        plain = keywords.get("type") is None and "action" not in keywords and "choices" not in keywords
-        if plain and key not in (*WRITES, "name", "title", "cell", "prefix", "configfile", "apparatus"):
+        plain = (
+            keywords.get("type") is None
+            and "action" not in keywords
+            and "choices" not in keywords
+        )
+        if plain and key not in (
+            *WRITES,
+            "name",
+            "title",
+            "cell",
+            "prefix",
+            "configfile",
+            "apparatus",
+        ):
             yield name, keywords
 
 
@@ -48,14 +60,22 @@ def call_of(name, path, every=True):
             words.append(str(path))
         elif every or keywords.get("required"):
             words.append(f"{option}={path}")
-    return words + [f"--input={key}={path}" for key in INPUTS_OF_A_FIGURE if name == "figure"]
+    return words + [
+        f"--input={key}={path}" for key in INPUTS_OF_A_FIGURE if name == "figure"
+    ]
 
 
-READING = sorted(name for name, verb in VERBS.items() if name not in ELSEWHERE and any(files_of(verb)))
+READING = sorted(
+    name
+    for name, verb in VERBS.items()
+    if name not in ELSEWHERE and any(files_of(verb))
+)
 
 
 def test_verbs_refuse_files_and_configurations_that_they_cannot_read(refused, tmp_path):
-    garbage = {kind: tmp_path / f"{kind}.json" for kind in ("missing", "folder", *GARBAGE)}
+    garbage = {
+        kind: tmp_path / f"{kind}.json" for kind in ("missing", "folder", *GARBAGE)
+    }
     garbage["folder"].mkdir()
     for kind, content in GARBAGE.items():
         garbage[kind].write_bytes(content)
@@ -63,29 +83,54 @@ def test_verbs_refuse_files_and_configurations_that_they_cannot_read(refused, tm
     def check(name, path):
         assert path.stem in refused(*call_of(name, path))
 
-    cases = [(f"{name} {kind}", name, path) for name in READING for kind, path in garbage.items()]
-    check_all(check, [case for case in cases if case[0] != "ask missing"])  # without a record it gives the start
+    cases = [
+        (f"{name} {kind}", name, path)
+        for name in READING
+        for kind, path in garbage.items()
+    ]
+    check_all(
+        check, [case for case in cases if case[0] != "ask missing"]
+    )  # without a record it gives the start
 
     def check(name, config):
-        words = [word for word in call_of(name, "some_file", every=False) if word != OWN]
+        words = [
+            word for word in call_of(name, "some_file", every=False) if word != OWN
+        ]
         message = refused(*words, f"--config={config}")
         assert config.stem in message or "some_file" in message
 
     del garbage["header"]  # a line of text, which YAML takes for a value
-    del garbage["deep"]  # every verb reads it by the same function, see test_configuration.py
-    check_all(check, [(f"{name} {kind}", name, path) for name in WITH_CONFIG for kind, path in garbage.items()])
+    del garbage[
+        "deep"
+    ]  # every verb reads it by the same function, see test_configuration.py
+    check_all(
+        check,
+        [
+            (f"{name} {kind}", name, path)
+            for name in WITH_CONFIG
+            for kind, path in garbage.items()
+        ],
+    )
 
 
-WITH_CONFIG = sorted(name for name, verb in VERBS.items() if any("--config" in option.names for option in verb.options))
+WITH_CONFIG = sorted(
+    name
+    for name, verb in VERBS.items()
+    if any("--config" in option.names for option in verb.options)
+)
 
 
 def test_what_options_are_not_there_or_cannot_take(refused):
     def check(name):
-        assert "--no-such-option" in refused(*call_of(name, "some_file", every=False), "--no-such-option")
+        assert "--no-such-option" in refused(
+            *call_of(name, "some_file", every=False), "--no-such-option"
+        )
 
     check_all(check, [(name, name) for name in sorted(set(VERBS) - {"run"})])
     bad = yaml.safe_load(Path(__file__).with_name("words.yaml").read_text())
-    check_all(lambda words: refused(*words), [(" ".join(words), words) for words in bad])
+    check_all(
+        lambda words: refused(*words), [(" ".join(words), words) for words in bad]
+    )
 
 
 def test_what_strangers_wrote_is_refused(refused, tmp_path):
@@ -99,17 +144,37 @@ def test_what_strangers_wrote_is_refused(refused, tmp_path):
     check_all(check, [(case["says"], case) for case in cases])
 
 
-def test_cards_of_other_studies_or_simulators_and_arrays_of_another_kind_are_refused(refused, tmp_path):
-    message = refused(*["export", "--to=edem", f"--card={CARD}"], "--config=config/config.yaml")
-    assert f"{CARD}: material is 'wheat'; expected recommended, as in config/config.yaml" in message
-    for key in ("grain.density_kg_m3", "grain.shear_modulus_pa", "grain.mean_axes_mm", "wall.poisson_ratio"):
+def test_cards_of_other_studies_or_simulators_and_arrays_of_another_kind_are_refused(
+    refused, tmp_path
+):
+    message = refused(
+        *["export", "--to=edem", f"--card={CARD}"], "--config=config/config.yaml"
+    )
+    assert (
+        f"{CARD}: material is 'wheat'; expected recommended, as in config/config.yaml"
+        in message
+    )
+    for key in (
+        "grain.density_kg_m3",
+        "grain.shear_modulus_pa",
+        "grain.mean_axes_mm",
+        "wall.poisson_ratio",
+    ):
         assert key in message
     card = json.loads(CARD.read_text())
-    keep = {key: value for key, value in card.items() if key not in ("grain", "wall", "laws")}
+    keep = {
+        key: value
+        for key, value in card.items()
+        if key not in ("grain", "wall", "laws")
+    }
     chance = {"within_1_percent": 0.5, "within_2_percent": 0.5, "inside": 0.5}
-    (tmp_path / "card.json").write_text(json.dumps(keep | {"simulator": "EDEM", "probability": chance}))
+    (tmp_path / "card.json").write_text(
+        json.dumps(keep | {"simulator": "EDEM", "probability": chance})
+    )
     assert "simulator is 'EDEM'" in refused("export", "--to=edem", "--card=card.json")
     np.savez(tmp_path / "a.npz", x=np.ones(3))
-    (tmp_path / "a.pours.json").write_text(json.dumps({"pours": [{"seed": 1, "status": "ok"}], "sample": 1}))
+    (tmp_path / "a.pours.json").write_text(
+        json.dumps({"pours": [{"seed": 1, "status": "ok"}], "sample": 1})
+    )
     berry = [f"--{name}={BERRY / name}.json" for name in ("berry", "particle")]
     assert "position_1" in refused("stage", "measure_runs", "a.pours.json", *berry)

@@ -20,9 +20,16 @@ from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
 
 TARGET = shared.target("aor_deg", 32.0, 2.0, 31.0, 34.0)
-INSIDE, OF_TWO = "the simulated means lie inside both ranges.", "predicted inside both ranges; "
+INSIDE, OF_TWO = (
+    "the simulated means lie inside both ranges.",
+    "predicted inside both ranges; ",
+)
 LOW = "he simulated angle of repose lies 1 deg below its range"
-HANDLER = re.search(r"^onsuccess:\n((?: {4}.*\n)+)", (ROOT / "workflow/Snakefile").read_text(), re.MULTILINE)
+HANDLER = re.search(
+    r"^onsuccess:\n((?: {4}.*\n)+)",
+    (ROOT / "workflow/Snakefile").read_text(),
+    re.MULTILINE,
+)
 SPACE = ParameterSpace.of({name: [0.0, 1.0] for name in PARAMETERS})
 TARGETS = targets_of(height_mm=66.0)
 
@@ -42,13 +49,18 @@ def study(folder, simulated, feasible=True):
 
 def read(config):
     names = ("miga/summary.json", "validation/representative.csv", "miga/feasible.csv")
-    return answer.read(studied(config), *(f"{config['results_dir']}/{name}" for name in names))
+    return answer.read(
+        studied(config), *(f"{config['results_dir']}/{name}" for name in names)
+    )
 
 
 @pytest.mark.parametrize(
-    ("simulated", "met", "margin"), [(33.5, True, 0.5), (31.25, True, 0.25), (30.0, False, -1.0), (36.0, False, -2.0)]
+    ("simulated", "met", "margin"),
+    [(33.5, True, 0.5), (31.25, True, 0.25), (30.0, False, -1.0), (36.0, False, -2.0)],
 )
-def test_the_margin_is_the_way_to_the_nearer_end_of_the_range(simulated, met, margin, tmp_path):
+def test_the_margin_is_the_way_to_the_nearer_end_of_the_range(
+    simulated, met, margin, tmp_path
+):
     found = read(study(tmp_path, simulated))
     assert found.met is met
     assert found.checks[0].margin == margin
@@ -59,22 +71,39 @@ def test_the_margin_is_the_way_to_the_nearer_end_of_the_range(simulated, met, ma
     numbers = f"Angle of repose {simulated:g} +- 0.25 deg (measured 32, {off:+.1f} %)."
     side = "below" if simulated < 31.0 else "above"
     missed = f" The simulated angle of repose lies {-margin:g} deg {side} its range."
-    assert lines[:2] == [f"{said}. {numbers}{'' if met else missed}", "The calibrated parameters:"]
-    assert found.reason == "The simulated mean lies inside the range." if met else missed[1:]
-    assert lines[-1].startswith("Tables: " if met else "What helps: `repose run refined`")
+    assert lines[:2] == [
+        f"{said}. {numbers}{'' if met else missed}",
+        "The calibrated parameters:",
+    ]
+    assert (
+        found.reason == "The simulated mean lies inside the range."
+        if met
+        else missed[1:]
+    )
+    assert lines[-1].startswith(
+        "Tables: " if met else "What helps: `repose run refined`"
+    )
     assert str(found).count(said) == 1
     assert all(name in str(found) for name in PARAMETERS)
     assert found.within == {1.0: 0.25, 2.0: 0.75}
     off = simulated - 32.0
     near = f"aor_deg {100 * off / 32:+.1f} +- 0.8 % ({abs(off) / 2:.2f} standard deviations of a repetition)"
-    says(str(found), f"Simulated less measured: {near}.", "by these runs alone: within 1 %: 0.25, within 2 %: 0.75")
+    says(
+        str(found),
+        f"Simulated less measured: {near}.",
+        "by these runs alone: within 1 %: 0.25, within 2 %: 0.75",
+    )
 
 
-def test_a_prediction_outside_the_targets_is_no_answer_even_where_the_simulation_is_inside(tmp_path):
+def test_a_prediction_outside_the_targets_is_no_answer_even_where_the_simulation_is_inside(
+    tmp_path,
+):
     found = read(study(tmp_path, 32.5, feasible=False))
     assert not found.met
     lines = str(found).splitlines()
-    assert lines[0].startswith("wheat: targets NOT met. Angle of repose 32.5 +- 0.25 deg")
+    assert lines[0].startswith(
+        "wheat: targets NOT met. Angle of repose 32.5 +- 0.25 deg"
+    )
     reason = " No parameter set is predicted inside the range; the simulated mean lies inside the range."
     assert lines[0].endswith(reason)
     assert lines[1:3] == ["The search: nothing met.", "The nearest parameters:"]
@@ -88,22 +117,49 @@ def test_failed_runs_have_no_number_and_a_study_that_has_not_run_is_reported(tmp
     assert np.isnan(found.checks[0].margin)
     assert "no number" in str(found)
     reason = "The angle of repose has no number, as its runs ended ok."
-    assert found.verdict.endswith(f"Angle of repose without a number (measured 32). {reason}")
+    assert found.verdict.endswith(
+        f"Angle of repose without a number (measured 32). {reason}"
+    )
     assert found.within == {1.0: None, 2.0: None}
     assert "the distance of the means from their targets is unknown" in str(found)
-    input_error(r"summary\.json", read, {"label": "wheat", "results_dir": str(tmp_path / "no"), "targets": [TARGET]})
+    input_error(
+        r"summary\.json",
+        read,
+        {"label": "wheat", "results_dir": str(tmp_path / "no"), "targets": [TARGET]},
+    )
 
 
 def test_a_small_run_says_so_first(tmp_path):
     first = str(read(study(tmp_path, 32.0) | {"small_run": True})).splitlines()[0]
     said = "Angle of repose 32 +- 0.25 deg (measured 32, +0.0 %)."
-    assert first == f"wheat: a small run, its numbers are no calibration: targets met. {said}"
+    assert (
+        first
+        == f"wheat: a small run, its numbers are no calibration: targets met. {said}"
+    )
 
 
 def of_two(feasible=True, out_of_reach=False, angle=32.0, height=66.0, status="ok"):
-    one = answer.Check("aor_deg", "funnel", "deg", 32.0, 2.0, 5, 31.0, 34.0, angle, None, 9, status, predicted=32.5)
-    other = answer.Check("my_mm", "own", "mm", 66.0, 2.0, 5, 64.0, 68.0, height, 0.5, 9, status)
-    return answer.Result("two", {}, feasible, "", (one, other), "", {}, out_of_reach=out_of_reach)
+    one = answer.Check(
+        "aor_deg",
+        "funnel",
+        "deg",
+        32.0,
+        2.0,
+        5,
+        31.0,
+        34.0,
+        angle,
+        None,
+        9,
+        status,
+        predicted=32.5,
+    )
+    other = answer.Check(
+        "my_mm", "own", "mm", 66.0, 2.0, 5, 64.0, 68.0, height, 0.5, 9, status
+    )
+    return answer.Result(
+        "two", {}, feasible, "", (one, other), "", {}, out_of_reach=out_of_reach
+    )
 
 
 @pytest.mark.parametrize(("given", "met", "reason"), [
@@ -142,19 +198,31 @@ def test_a_finished_run_of_each_strategy_prints_the_verdict_first_and_ends_well(
     strategy, simulated, feasible, tmp_path, capsys
 ):
     """The handler of the workflow; a SystemExit in it would be the status of the run."""
-    names = {"summary": "miga/summary.json", "representative": "validation/representative.csv"}
+    names = {
+        "summary": "miga/summary.json",
+        "representative": "validation/representative.csv",
+    }
     files = {name: tmp_path / path for name, path in names.items()}
-    made = SimpleNamespace(rule="conclude", feasible="solutions.csv", table4="t4.csv", **files)
+    made = SimpleNamespace(
+        rule="conclude", feasible="solutions.csv", table4="t4.csv", **files
+    )
     known = {"answers": answer, "ANSWERS": {strategy: made}, "RESULTS": str(tmp_path)}
     known |= {"STUDY": studied(study(tmp_path, simulated, feasible))}
-    known |= {"CALL": SimpleNamespace(made=lambda path, results: (path, results) == ("t4.csv", str(tmp_path)))}
+    known |= {
+        "CALL": SimpleNamespace(
+            made=lambda path, results: (path, results) == ("t4.csv", str(tmp_path))
+        )
+    }
     exec(textwrap.dedent(HANDLER[1]), known)
     met = "met" if feasible and simulated == 32.0 else "NOT met"
     assert capsys.readouterr().out.startswith(f"wheat: targets {met}. Angle of repose ")
 
 
 def runs_of(values, names):
-    return [dict(zip(names, row, strict=True)) | {"status": "ok"} for row in np.asarray(values, float).tolist()]
+    return [
+        dict(zip(names, row, strict=True)) | {"status": "ok"}
+        for row in np.asarray(values, float).tolist()
+    ]
 
 
 def test_the_mean_given_few_runs_and_chances_of_one_bench_test_and_of_two():
@@ -165,13 +233,25 @@ def test_the_mean_given_few_runs_and_chances_of_one_bench_test_and_of_two():
     mean = stats.t(2, loc=np.mean(values), scale=np.std(values, ddof=1) / np.sqrt(3))
     chances = chance_of_meeting(runs, targets)
     expected = mean.cdf(63.0) - mean.cdf(57.0)
-    assert chances == {"height_mm": pytest.approx(expected, abs=5e-3), "all": chances["height_mm"]}
-    assert chance_of_meeting(runs, targets, 1.0)["all"] == pytest.approx(mean.cdf(60.6) - mean.cdf(59.4), abs=5e-3)
-    assert chance_of_meeting({"funnel": [runs["funnel"][0], jammed]}, targets) == {"height_mm": None, "all": None}
+    assert chances == {
+        "height_mm": pytest.approx(expected, abs=5e-3),
+        "all": chances["height_mm"],
+    }
+    assert chance_of_meeting(runs, targets, 1.0)["all"] == pytest.approx(
+        mean.cdf(60.6) - mean.cdf(59.4), abs=5e-3
+    )
+    assert chance_of_meeting({"funnel": [runs["funnel"][0], jammed]}, targets) == {
+        "height_mm": None,
+        "all": None,
+    }
     targets = Targets.of(shared.TARGETS)
     a = np.array([31.2, 33.0, 32.1, 34.3])
-    chance = chance_of_meeting({"funnel": runs_of(np.column_stack([a, 2 * a]), targets.names)}, targets)
-    assert chance["all"] == pytest.approx(min(chance["aor_deg"], chance["height_mm"]), abs=0.06)
+    chance = chance_of_meeting(
+        {"funnel": runs_of(np.column_stack([a, 2 * a]), targets.names)}, targets
+    )
+    assert chance["all"] == pytest.approx(
+        min(chance["aor_deg"], chance["height_mm"]), abs=0.06
+    )
     assert chance["all"] <= min(chance["aor_deg"], chance["height_mm"])
     targets = targets_of(aor_deg=33.0, drum_slip_deg=44.0)
     rng = np.random.default_rng(0)
@@ -197,17 +277,31 @@ class Sure:
 
 def test_the_set_of_least_loss_is_surest_and_its_loss_the_mean_of_eq_11():
     found = expected_loss.least(Sure(), SPACE, TARGETS)
-    assert (found[PARAMETERS[0]], found[PARAMETERS[1]]) == (pytest.approx(0.65, abs=1e-3), pytest.approx(0.7, abs=0.01))
+    assert (found[PARAMETERS[0]], found[PARAMETERS[1]]) == (
+        pytest.approx(0.65, abs=1e-3),
+        pytest.approx(0.7, abs=0.01),
+    )
     assert found["height_predicted_mm"] == pytest.approx(66.0, abs=0.02)
     assert found["predicted_se"]["height_mm"] == pytest.approx(1.0, abs=1e-3)
     assert found["expected_error_percent"] == pytest.approx(100 / 66, rel=1e-3)
-    assert found["within"]["1 %"] == pytest.approx(2 * stats.norm.cdf(0.66) - 1, abs=1e-3)
-    assert found["within"]["2 %"] == pytest.approx(2 * stats.norm.cdf(1.32) - 1, abs=1e-3)
-    space = ParameterSpace.of({name: [0.0, 0.5] for name in PARAMETERS} | {PARAMETERS[1]: {"fixed": 0.2}})
+    assert found["within"]["1 %"] == pytest.approx(
+        2 * stats.norm.cdf(0.66) - 1, abs=1e-3
+    )
+    assert found["within"]["2 %"] == pytest.approx(
+        2 * stats.norm.cdf(1.32) - 1, abs=1e-3
+    )
+    space = ParameterSpace.of(
+        {name: [0.0, 0.5] for name in PARAMETERS} | {PARAMETERS[1]: {"fixed": 0.2}}
+    )
     found = expected_loss.least(Sure(), space, TARGETS)
-    assert (found[PARAMETERS[1]], found[PARAMETERS[0]]) == (0.2, pytest.approx(0.5, abs=1e-3))
+    assert (found[PARAMETERS[1]], found[PARAMETERS[0]]) == (
+        0.2,
+        pytest.approx(0.5, abs=1e-3),
+    )
     prior = {"prior": {"mean": 0.2, "sd": 0.1}, "range": [0.0, 1.0]}
-    space = ParameterSpace.of({name: [0.0, 1.0] for name in PARAMETERS} | {PARAMETERS[2]: prior})
+    space = ParameterSpace.of(
+        {name: [0.0, 1.0] for name in PARAMETERS} | {PARAMETERS[2]: prior}
+    )
     found = expected_loss.least(Sure(), space, TARGETS)
     assert found[PARAMETERS[2]] == pytest.approx(0.2, abs=0.01)
     assert found["height_predicted_mm"] == pytest.approx(66.0, abs=0.02)

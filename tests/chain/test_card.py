@@ -33,8 +33,15 @@ STUDY = ROOT / "results/published/recommended"
 HEIGHT = TARGETS[1]
 FIXED = {"e_gp": {"fixed": 0.3}}
 HELD = {"low", "high", "at_bound", "widened"}
-SPACE = ParameterSpace.of({name: [0.2, 0.7] if name == "mus_gg" else [0.1, 0.5] for name in PARAMETERS})
-CARDS = sorted([*(ROOT / "results/published").rglob("card.json"), *(ROOT / "crops/cards").glob("*.json")])
+SPACE = ParameterSpace.of(
+    {name: [0.2, 0.7] if name == "mus_gg" else [0.1, 0.5] for name in PARAMETERS}
+)
+CARDS = sorted(
+    [
+        *(ROOT / "results/published").rglob("card.json"),
+        *(ROOT / "crops/cards").glob("*.json"),
+    ]
+)
 ABOVE = "The simulated Height lies 11 mm above its range."
 MISSED = f"targets NOT met. Height 80 +- 0.4 mm (measured 65.57, +22.0 %). {ABOVE}"
 SMALL = "wheat: a small run, its numbers are no calibration: "
@@ -44,7 +51,9 @@ SMALL = "wheat: a small run, its numbers are no calibration: "
 def config():
     found = copy.deepcopy(Study.load("config/config.yaml").config)
     found["parameters"] |= FIXED
-    found["targets"] = [target for target in found["targets"] if target["response"] == "height_mm"]
+    found["targets"] = [
+        target for target in found["targets"] if target["response"] == "height_mm"
+    ]
     return found
 
 
@@ -57,7 +66,16 @@ def solutions():
     return table
 
 
-def made(config, solutions, posterior=None, simulated=66.0, runs=32, within=0.5, values=MappingProxyType({}), **known):
+def made(
+    config,
+    solutions,
+    posterior=None,
+    simulated=66.0,
+    runs=32,
+    within=0.5,
+    values=MappingProxyType({}),
+    **known,
+):
     checks = tuple(
         answer.Check(
             *(target["response"], "funnel", response(target["response"]).unit),
@@ -67,8 +85,20 @@ def made(config, solutions, posterior=None, simulated=66.0, runs=32, within=0.5,
         )
         for target in config["targets"]
     )
-    values = {name: 0.3 if name in FIXED else solutions[name].mean() for name in config["parameters"]} | values
-    found = answer.Result("wheat", values, True, "", checks, Path("results"), {1.0: 0.25, 2.0: within}, **known)
+    values = {
+        name: 0.3 if name in FIXED else solutions[name].mean()
+        for name in config["parameters"]
+    } | values
+    found = answer.Result(
+        "wheat",
+        values,
+        True,
+        "",
+        checks,
+        Path("results"),
+        {1.0: 0.25, 2.0: within},
+        **known,
+    )
     berry = read_berry(STUDY / "berry/berry.json")
     particle = Particle.of_record(record_of_an_ellipsoid())
     return card.make(studied(config), found, berry, particle, solutions, posterior)
@@ -79,7 +109,9 @@ def record_of_an_ellipsoid():
     volume = 4 / 3 * np.pi * half.prod()
     mass = 840.47 * volume
     inertia = mass / 5 * (np.sum(half**2) - half**2)
-    return Particle("ellipsoid", half[None], 840.47, volume, mass, inertia, half.max(), 0.0, 0.0).record()
+    return Particle(
+        "ellipsoid", half[None], 840.47, volume, mass, inertia, half.max(), 0.0, 0.0
+    ).record()
 
 
 def test_a_card_has_the_intervals_of_the_sets_or_of_the_posterior(config, solutions):
@@ -96,12 +128,22 @@ def test_a_card_has_the_intervals_of_the_sets_or_of_the_posterior(config, soluti
     assert "e_gp" not in made_card["correlations"]
     grain = made_card["grain"]
     assert grain["ellipsoids_mm"] == [[10.57, 5.685, 4.94]]
-    assert (grain["volume_mm3"], grain["spheres_mm"]) == (pytest.approx(np.pi / 6 * 21.14 * 11.37 * 9.88, rel=1e-5), [])
+    assert (grain["volume_mm3"], grain["spheres_mm"]) == (
+        pytest.approx(np.pi / 6 * 21.14 * 11.37 * 9.88, rel=1e-5),
+        [],
+    )
     free = [name for name in PARAMETERS if name not in FIXED]
-    intervals = pd.DataFrame({"parameter": free, "credible_low": 0.21, "credible_high": 0.39})
-    made_card = made(config, solutions, (intervals, solutions.assign(mus_gg=solutions["mur_gg"])))
+    intervals = pd.DataFrame(
+        {"parameter": free, "credible_low": 0.21, "credible_high": 0.39}
+    )
+    made_card = made(
+        config, solutions, (intervals, solutions.assign(mus_gg=solutions["mur_gg"]))
+    )
     assert made_card["interval"] == card.POSTERIOR
-    assert (made_card["parameters"]["e_gg"]["low"], made_card["parameters"]["e_gg"]["high"]) == (0.21, 0.39)
+    assert (
+        made_card["parameters"]["e_gg"]["low"],
+        made_card["parameters"]["e_gg"]["high"],
+    ) == (0.21, 0.39)
     assert made_card["correlations"]["mus_gg"]["mur_gg"] == 1.0
 
 
@@ -122,20 +164,47 @@ def test_an_interval_holds_the_answer_or_tells_the_bound(value, expected, words)
     assert card.with_remark("friction", found) == words
 
 
-def test_an_interval_that_begins_at_a_bound_tells_it_on_card_and_in_words(config, solutions):
-    assert card.held(SPACE, "mus_gg", 0.2, 0.2, 0.6) == {"low": 0.2, "high": 0.6, "at_bound": "lower"}
-    fixed = ParameterSpace.of({name: {"fixed": 0.3} if name == "e_gp" else [0.1, 0.5] for name in PARAMETERS})
+def test_an_interval_that_begins_at_a_bound_tells_it_on_card_and_in_words(
+    config, solutions
+):
+    assert card.held(SPACE, "mus_gg", 0.2, 0.2, 0.6) == {
+        "low": 0.2,
+        "high": 0.6,
+        "at_bound": "lower",
+    }
+    fixed = ParameterSpace.of(
+        {name: {"fixed": 0.3} if name == "e_gp" else [0.1, 0.5] for name in PARAMETERS}
+    )
     assert card.held(fixed, "e_gp", 0.3, None, None) == {"low": None, "high": None}
     free = [name for name in PARAMETERS if name not in FIXED]
-    intervals = pd.DataFrame({"parameter": free, "credible_low": 0.45, "credible_high": 0.5})
-    found = made(config, solutions, (intervals, solutions), values={"e_gg": 0.1, "mus_gg": 0.47, "mus_gp": 0.44})
+    intervals = pd.DataFrame(
+        {"parameter": free, "credible_low": 0.45, "credible_high": 0.5}
+    )
+    found = made(
+        config,
+        solutions,
+        (intervals, solutions),
+        values={"e_gg": 0.1, "mus_gg": 0.47, "mus_gp": 0.44},
+    )
     card.check(found, "card")
-    rows = {name: {key: row[key] for key in row if key in HELD} for name, row in found["parameters"].items()}
+    rows = {
+        name: {key: row[key] for key in row if key in HELD}
+        for name, row in found["parameters"].items()
+    }
     assert rows["e_gg"] == {"low": 0.45, "high": 0.5, "at_bound": "lower"}
-    assert (rows["mus_gg"], rows["mus_gp"]) == ({"low": 0.45, "high": 0.5}, {"low": 0.44, "high": 0.5, "widened": True})
-    lines = (line for line in card_text.describe(found).splitlines() if line.startswith("  m") or "e_gg" in line)
+    assert (rows["mus_gg"], rows["mus_gp"]) == (
+        {"low": 0.45, "high": 0.5},
+        {"low": 0.44, "high": 0.5, "widened": True},
+    )
+    lines = (
+        line
+        for line in card_text.describe(found).splitlines()
+        if line.startswith("  m") or "e_gg" in line
+    )
     words = {line.split()[0]: line for line in lines}
-    assert words["e_gg"].endswith("restitution, grain-grain; at the lower bound of the range")
+    assert words["e_gg"].endswith(
+        "restitution, grain-grain; at the lower bound of the range"
+    )
     assert words["mus_gp"].endswith("; interval widened to hold the answer")
     assert words["mus_gg"].endswith("static friction, grain-grain")
 
@@ -161,7 +230,10 @@ def test_a_script_asks_the_card_whether_the_targets_are_met(
 
 
 def test_a_card_of_before_the_reason_is_read_and_judged(tmp_path, command):
-    said = [command("card", "check", path, status=0 if card.read(path)["met"] else 3).out for path in CARDS]
+    said = [
+        command("card", "check", path, status=0 if card.read(path)["met"] else 3).out
+        for path in CARDS
+    ]
     assert "which gave no reason" in "".join(said)
     (tmp_path / "bad.json").write_text("{}")
     for path in (tmp_path / "bad.json", tmp_path / "none.json"):
@@ -177,21 +249,34 @@ def test_a_card_describes_the_laws_of_the_study(config):
     other = card.laws(settings_of(config).simulation)
     assert other["normal"].startswith("linear spring")
     assert "mu_r times the elastic part of the normal force" in other["rolling"]
-    assert set(result) == set(other) == {"normal", "tangential", "rolling", "end of an impact"}
+    assert (
+        set(result)
+        == set(other)
+        == {"normal", "tangential", "rolling", "end of an impact"}
+    )
 
 
-def test_each_test_gives_its_definition_and_how_the_bench_test_is_done(config, solutions):
+def test_each_test_gives_its_definition_and_how_the_bench_test_is_done(
+    config, solutions
+):
     height = made(config, solutions)["tests"][0]
     assert (height["definition"]["name"], height["bench"]["berries"]) == ("Height", 500)
     assert height["bench"]["outlet_diameter_mm"] == 32.0
     assert "seeds" not in height["bench"]
-    config["targets"] = [config["targets"][0] | {"response": "aor_deg", "value": 30.0, "range": [29.0, 31.0]}]
+    config["targets"] = [
+        config["targets"][0]
+        | {"response": "aor_deg", "value": 30.0, "range": [29.0, 31.0]}
+    ]
     config["measure"] |= {"response": "flank", "fit_from": 0.2}
-    angle = described(studied(config), response("aor_deg"), read_berry(STUDY / "berry/berry.json"))["definition"]
+    angle = described(
+        studied(config), response("aor_deg"), read_berry(STUDY / "berry/berry.json")
+    )["definition"]
     assert angle["name"] == "angle, flank"
     assert (angle["settings"]["fit_from"], angle["settings"]["fit_to"]) == (0.2, 0.8)
     # Eq. 1 of the mean axes, where the configuration has no height of a grain
-    assert angle["settings"]["berry_height_mm"] == pytest.approx((21.14 * 11.37 * 9.88) ** (1 / 3), rel=1e-3)
+    assert angle["settings"]["berry_height_mm"] == pytest.approx(
+        (21.14 * 11.37 * 9.88) ** (1 / 3), rel=1e-3
+    )
     config["measure"]["response"] = "secant"
     secant = described(studied(config), response("aor_deg"), {})["definition"]
     assert secant["name"] == "angle, secant"
@@ -200,7 +285,11 @@ def test_each_test_gives_its_definition_and_how_the_bench_test_is_done(config, s
 
 def test_a_card_says_whether_piles_can_have_its_angle_at_its_height(config, solutions):
     assert all("reach" not in test for test in made(config, solutions)["tests"])
-    angle = config["targets"][0] | {"response": "aor_deg", "value": 60.0, "range": [59.0, 61.0]}
+    angle = config["targets"][0] | {
+        "response": "aor_deg",
+        "value": 60.0,
+        "range": [59.0, 61.0],
+    }
     height = config["targets"][0]
     config["targets"] = [angle]
     assert "reach" not in made(config, solutions)["tests"][0]
@@ -213,30 +302,66 @@ def test_a_card_says_whether_piles_can_have_its_angle_at_its_height(config, solu
     card.check(found, "card")
 
 
-def test_an_angle_of_a_pile_has_its_line_and_the_same_piles_by_every_other(config, solutions, command, tmp_path):
-    config["targets"] = [config["targets"][0] | {"response": "aor_deg", "value": 30.0, "range": [29.0, 31.0]}]
-    config["measure"] |= {"response": "secant", "fit_from": 0.3, "fit_to": 0.8, "flank": "levels"}
-    check = answer.Check("aor_deg", "funnel", "deg", 30.0, 1.0, 10, 29.0, 31.0, 31.0, 0.4, 32, "ok")
-    found = answer.Result("wheat", dict.fromkeys(config["parameters"], 0.3), True, "", (check,), Path(), {})
+def test_an_angle_of_a_pile_has_its_line_and_the_same_piles_by_every_other(
+    config, solutions, command, tmp_path
+):
+    config["targets"] = [
+        config["targets"][0]
+        | {"response": "aor_deg", "value": 30.0, "range": [29.0, 31.0]}
+    ]
+    config["measure"] |= {
+        "response": "secant",
+        "fit_from": 0.3,
+        "fit_to": 0.8,
+        "flank": "levels",
+    }
+    check = answer.Check(
+        "aor_deg", "funnel", "deg", 30.0, 1.0, 10, 29.0, 31.0, 31.0, 0.4, 32, "ok"
+    )
+    found = answer.Result(
+        "wheat",
+        dict.fromkeys(config["parameters"], 0.3),
+        True,
+        "",
+        (check,),
+        Path(),
+        {},
+    )
     row = {name: 30.0 + k for k, name in enumerate(MEAN_KEYS.values())}
-    row |= {error_of(name): 0.5 for name in MEAN_KEYS.values()} | {"aor_whole_deg": math.nan}
-    berry, particle = read_berry(STUDY / "berry/berry.json"), Particle.of_record(record_of_an_ellipsoid())
+    row |= {error_of(name): 0.5 for name in MEAN_KEYS.values()} | {
+        "aor_whole_deg": math.nan
+    }
+    berry, particle = (
+        read_berry(STUDY / "berry/berry.json"),
+        Particle.of_record(record_of_an_ellipsoid()),
+    )
     for given in (None, row):
-        made_card = card.make(studied(config), found, berry, particle, solutions, row=given)
+        made_card = card.make(
+            studied(config), found, berry, particle, solutions, row=given
+        )
         card.check(made_card, "card")
         assert made_card["tests"][0]["line"] == "secant, foot to crest"
         assert ("definitions" in made_card["tests"][0]) == (given is not None)
     (tmp_path / "card.json").write_text(json.dumps(made_card))
     text = command("card", "show", tmp_path / "card.json").out
-    is_known("card.txt", text.rpartition("\n")[0].rpartition("\n")[0])  # without the versions
-    assert "definitions" not in made(config | {"targets": [HEIGHT]}, solutions)["tests"][0]
+    is_known(
+        "card.txt", text.rpartition("\n")[0].rpartition("\n")[0]
+    )  # without the versions
+    assert (
+        "definitions" not in made(config | {"targets": [HEIGHT]}, solutions)["tests"][0]
+    )
 
 
 def test_an_invalid_card_is_refused_with_every_fault(config, solutions):
     bad = made(config, solutions)
     bad["grain"]["density_kg_m3"] = -1
     del bad["laws"]
-    fault = input_error("laws is None; expected a material card: the key is missing", card.check, bad, "mine.json")
+    fault = input_error(
+        "laws is None; expected a material card: the key is missing",
+        card.check,
+        bad,
+        "mine.json",
+    )
     assert "grain.density_kg_m3 is -1" in str(fault)
 
     def check(change):
@@ -246,18 +371,32 @@ def test_an_invalid_card_is_refused_with_every_fault(config, solutions):
         parameters = made(config, solutions)["parameters"]
         return {"parameters": parameters | {name: parameters[name] | keys}}
 
-    bad = [(of("e_gg", value=value), r"e_gg\.value is .*; expected .* 0\.01 to 1") for value in (0.0, -0.5, 5)]
-    bad += [(of("mus_gg", value=value), r"mus_gg\.value is .* a finite number") for value in (math.nan, math.inf)]
-    bad += [(of("mus_gg", low=0.5, high=high), "low and high, or null for both") for high in (None, 0.4)]
+    bad = [
+        (of("e_gg", value=value), r"e_gg\.value is .*; expected .* 0\.01 to 1")
+        for value in (0.0, -0.5, 5)
+    ]
+    bad += [
+        (of("mus_gg", value=value), r"mus_gg\.value is .* a finite number")
+        for value in (math.nan, math.inf)
+    ]
+    bad += [
+        (of("mus_gg", low=0.5, high=high), "low and high, or null for both")
+        for high in (None, 0.4)
+    ]
     bad += [({"correlations": {"mus_gg": {}, "mur_gg": {}}}, "correlations.mus_gg")]
     assert not_refused(check, bad, InputError) == []
     card.check(made(config, solutions, runs=1, within=None), "card")
     wanted = r"mine: within\.2 % is None; expected .* as each test has 2 runs"
-    input_error(wanted, card.check, made(config, solutions, runs=2, within=None), "mine")
+    input_error(
+        wanted, card.check, made(config, solutions, runs=2, within=None), "mine"
+    )
 
 
 def over(whole, change):
-    return whole | {key: over(whole[key], value) if isinstance(value, dict) else value for key, value in change.items()}
+    return whole | {
+        key: over(whole[key], value) if isinstance(value, dict) else value
+        for key, value in change.items()
+    }
 
 
 def test_a_card_that_contradicts_itself_is_refused(config, solutions):
@@ -270,7 +409,9 @@ def test_a_card_that_contradicts_itself_is_refused(config, solutions):
         return {"parameters": {"e_gg": {"value": value} | keys}}
 
     row, names = whole["parameters"]["e_gg"], list(whole["correlations"])
-    opposed = {one: {other: 1.0 if one == other else -0.9 for other in names} for one in names}
+    opposed = {
+        one: {other: 1.0 if one == other else -0.9 for other in names} for one in names
+    }
     correlations = copy.deepcopy(whole["correlations"])
     correlations[names[0]][names[1]] += 0.1
     tests = [copy.deepcopy(whole["tests"]) for _ in range(7)]
@@ -317,30 +458,44 @@ def test_a_card_that_contradicts_itself_is_refused(config, solutions):
 
 
 def test_the_library_names_the_card_of_the_most_similar_grain_first(command):
-    grains = {path.stem: card.read(path)["grain"] for path in sorted((ROOT / "crops/cards").glob("*.json"))}
+    grains = {
+        path.stem: card.read(path)["grain"]
+        for path in sorted((ROOT / "crops/cards").glob("*.json"))
+    }
     for name, grain in grains.items():
         like = "x".join(f"{axis:g}" for axis in reversed(grain["mean_axes_mm"]))
-        first = command("card", "find", "--like", like, "--density", f"{grain['density_kg_m3']:g}").out.splitlines()
+        first = command(
+            "card", "find", "--like", like, "--density", f"{grain['density_kg_m3']:g}"
+        ).out.splitlines()
         assert f"{name}.json" in first[0]
         assert first[0].endswith("; the same")
         assert "No card has a similar grain" not in first[-1]
         assert re.search(
-            r"correlated: (\w+ and \w+ [+-]0\.\d\d(, )?){1,3}$", next(line for line in first if "as good" in line)
+            r"correlated: (\w+ and \w+ [+-]0\.\d\d(, )?){1,3}$",
+            next(line for line in first if "as good" in line),
         )
     sphere = [2 * grains["wheat"]["mean_axes_mm"][0]] * 3
-    expected = math.sqrt(sum(math.log(a / sphere[0]) ** 2 for a in grains["wheat"]["mean_axes_mm"]) / 3)
-    assert card_library.difference(grains["wheat"], sphere, None) == pytest.approx(expected)
+    expected = math.sqrt(
+        sum(math.log(a / sphere[0]) ** 2 for a in grains["wheat"]["mean_axes_mm"]) / 3
+    )
+    assert card_library.difference(grains["wheat"], sphere, None) == pytest.approx(
+        expected
+    )
     assert "No card has a similar grain" in command("card", "find", "--like", "200").out
     for words in ("6x3", "0x1x2", "axbxc", "6x3x2.6x", ""):
         input_error("three full axes in mm", card_library.axes_of, words)
 
 
-@pytest.mark.parametrize("path", CARDS, ids=lambda path: path.relative_to(ROOT).as_posix())
+@pytest.mark.parametrize(
+    "path", CARDS, ids=lambda path: path.relative_to(ROOT).as_posix()
+)
 def test_a_published_card_is_whole(path):
     """Every published test of ours was run more than once, so each card tells how near its piles are to the targets."""
     found = card.read(path)
     jsonschema.validate(found, schema())
-    if "simulator" in found:  # its drums were simulated again by an example, which the card does not know
+    if (
+        "simulator" in found
+    ):  # its drums were simulated again by an example, which the card does not know
         return
     assert all(test["runs"] >= 2 for test in found["tests"])
     assert None not in found["within"].values()
@@ -348,12 +503,21 @@ def test_a_published_card_is_whole(path):
 
 
 def test_the_published_schema_is_the_models_and_checks_of_before_are_refused(tmp_path):
-    assert json.loads((ROOT / "src/repose/chain/card.schema.json").read_text()) == schema()
+    assert (
+        json.loads((ROOT / "src/repose/chain/card.schema.json").read_text()) == schema()
+    )
     table = pd.read_csv(STUDY / "validation/representative.csv")
-    table.drop(columns=["within_1_percent", "within_2_percent"]).to_csv(tmp_path / "old.csv", index=False)
+    table.drop(columns=["within_1_percent", "within_2_percent"]).to_csv(
+        tmp_path / "old.csv", index=False
+    )
     config = Study.load("config/config.yaml").config
     files = STUDY / "miga/summary.json", tmp_path / "old.csv", "feasible.csv"
-    input_error(r"old\.csv: column within_1_percent is 'missing'", answer.read, studied(config), *files)
+    input_error(
+        r"old\.csv: column within_1_percent is 'missing'",
+        answer.read,
+        studied(config),
+        *files,
+    )
 
 
 def test_two_cards_side_by_side_tell_what_differs(config, solutions, tmp_path, command):
@@ -364,16 +528,25 @@ def test_two_cards_side_by_side_tell_what_differs(config, solutions, tmp_path, c
     other = made(config, solutions.assign(e_gg=solutions["e_gg"] + 0.5), simulated=None)
     for name, content in (("one", one), ("other", other)):
         (tmp_path / f"{name}.json").write_text(json.dumps(content))
-    lines = command("card", "compare", tmp_path / "one.json", tmp_path / "other.json").out.splitlines()
+    lines = command(
+        "card", "compare", tmp_path / "one.json", tmp_path / "other.json"
+    ).out.splitlines()
     is_known("cards.txt", "\n".join(lines))
     assert "Another simulator" not in card_text.compared(one, other)
-    assert "Another simulator: repose | theirs." in card_text.compared(one, other | {"simulator": "theirs"})
+    assert "Another simulator: repose | theirs." in card_text.compared(
+        one, other | {"simulator": "theirs"}
+    )
     other["tests"][0]["definition"]["name"] = "angle, secant"
-    assert any("Another definition of height_mm" in line for line in card_text.compared(one, other).splitlines())
+    assert any(
+        "Another definition of height_mm" in line
+        for line in card_text.compared(one, other).splitlines()
+    )
 
 
 def test_a_card_in_words_gives_answer_and_tests(config, solutions, tmp_path, command):
-    (tmp_path / "card.json").write_text(json.dumps(made(config, solutions, simulated=80.0, runs=1, within=None)))
+    (tmp_path / "card.json").write_text(
+        json.dumps(made(config, solutions, simulated=80.0, runs=1, within=None))
+    )
     text = command("card", "show", tmp_path / "card.json").out
     words = (
         "wheat; targets NOT met", "mus_gg, mur_gg -1.00", "Simulated less measured: height_mm ", "fixed",
@@ -388,24 +561,40 @@ def test_a_card_in_words_gives_answer_and_tests(config, solutions, tmp_path, com
 def test_the_verb_writes_a_card_that_can_be_read(tmp_path, command):
     particle, out = tmp_path / "particle.json", tmp_path / "card.json"
     particle.write_text(json.dumps(record_of_an_ellipsoid()))
-    files = {"config": "config.json", "berry": "berry/berry.json", "feasible": "miga/feasible.csv"}
-    files |= {"summary": "miga/summary.json", "representative": "validation/representative.csv"}
+    files = {
+        "config": "config.json",
+        "berry": "berry/berry.json",
+        "feasible": "miga/feasible.csv",
+    }
+    files |= {
+        "summary": "miga/summary.json",
+        "representative": "validation/representative.csv",
+    }
     words = [f"--{name}={STUDY / path}" for name, path in files.items()]
     command("stage", "material_card", *words, f"--particle={particle}", f"--out={out}")
     found = card.read(out)
     summary = json.loads((STUDY / "miga/summary.json").read_text())
-    assert all(found["parameters"][name]["value"] == summary["representative"][name] for name in PARAMETERS)
+    assert all(
+        found["parameters"][name]["value"] == summary["representative"][name]
+        for name in PARAMETERS
+    )
     assert found["made_by"]["configuration"] is not None
     assert found["tests"]
 
 
 def test_a_card_holds_the_parameters_of_every_contact_law(config, solutions):
     """The schema's pattern and `core.parameters.FURTHER` name the same parameters."""
-    for law in {law for further in FURTHER.values() if further.needed for law in further.laws}:
+    for law in {
+        law for further in FURTHER.values() if further.needed for law in further.laws
+    }:
         names = of_law(law)
         config["simulation"]["contact_law"] = law
-        own = config | {"parameters": config["parameters"] | {name: [0.0, 0.5] for name in names}}
-        result = made(own, solutions.assign(**{name: solutions["e_gg"] for name in names}))
+        own = config | {
+            "parameters": config["parameters"] | {name: [0.0, 0.5] for name in names}
+        }
+        result = made(
+            own, solutions.assign(**{name: solutions["e_gg"] for name in names})
+        )
         card.check(result, "card")
         assert tuple(result["parameters"]) == (*PARAMETERS, *names)
         assert all(LABELS[name] in card_text.describe(result) for name in names)

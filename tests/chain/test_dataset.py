@@ -28,14 +28,26 @@ STUDY = ROOT / "results/published/recommended"
 @pytest.fixture
 def study(tmp_path):
     """Three samples with their heap jobs: ok, one of three failed, all but one failed."""
-    samples = pd.DataFrame([(i, *VALUES) for i in (1, 2, 3)], columns=["sample", *PARAMETERS])
+    samples = pd.DataFrame(
+        [(i, *VALUES) for i in (1, 2, 3)], columns=["sample", *PARAMETERS]
+    )
     samples.to_csv(tmp_path / "samples.csv", index=False)
     runs = {
         1: [one_run(1, aor=20.0), one_run(2, aor=22.0), one_run(3, aor=27.0)],
-        2: [one_run(1), one_run(2, "no_flank", reason="too few points"), one_run(3, height=64.0)],
-        3: [one_run(1), one_run(2, "jammed", reason="stuck"), one_run(3, "jammed", reason="stuck")],
+        2: [
+            one_run(1),
+            one_run(2, "no_flank", reason="too few points"),
+            one_run(3, height=64.0),
+        ],
+        3: [
+            one_run(1),
+            one_run(2, "jammed", reason="stuck"),
+            one_run(3, "jammed", reason="stuck"),
+        ],
     }
-    return tmp_path, shared.write_jobs(samples, tmp_path, lambda row: runs[row["sample"]])
+    return tmp_path, shared.write_jobs(
+        samples, tmp_path, lambda row: runs[row["sample"]]
+    )
 
 
 def write(samples, paths, out):
@@ -44,26 +56,62 @@ def write(samples, paths, out):
 
 def test_run_writes_tables_counts_and_the_line_of_the_angle(study):
     folder, paths = study
-    angle = {"measure.response": "flank", "measure.flank": "levels", "measure.fit_from": 0.3}
-    for definitions in ({"aor_deg": angle | {"measure.fit_to": 0.7, "measure.views": 6}}, {"height_mm": {}}):
-        summary = dataset.run(folder / "samples.csv", paths, TARGETS, definitions, folder / "out")
-        line = "flank, 30 to 70 % of the height, levels" if "aor_deg" in definitions else None
+    angle = {
+        "measure.response": "flank",
+        "measure.flank": "levels",
+        "measure.fit_from": 0.3,
+    }
+    for definitions in (
+        {"aor_deg": angle | {"measure.fit_to": 0.7, "measure.views": 6}},
+        {"height_mm": {}},
+    ):
+        summary = dataset.run(
+            folder / "samples.csv", paths, TARGETS, definitions, folder / "out"
+        )
+        line = (
+            "flank, 30 to 70 % of the height, levels"
+            if "aor_deg" in definitions
+            else None
+        )
         assert summary.get("line") == line
     summary = write(folder / "samples.csv", paths[::-1], folder / "out")
     table = pd.read_csv(folder / "out/dataset.csv")
-    assert (list(table.columns), table["sample"].tolist()) == (["sample", *PARAMETERS, *RECORDED.summary], [1, 2, 3])
-    assert (table["status"].tolist(), table["n_seeds"].tolist()) == (["ok", "ok", "jammed"], [3, 2, 1])
+    assert (list(table.columns), table["sample"].tolist()) == (
+        ["sample", *PARAMETERS, *RECORDED.summary],
+        [1, 2, 3],
+    )
+    assert (table["status"].tolist(), table["n_seeds"].tolist()) == (
+        ["ok", "ok", "jammed"],
+        [3, 2, 1],
+    )
     assert table["height_mm"].tolist()[:2] == [60.0, 62.0]
     assert pd.isna(table["aor_deg"][2])
     assert table["reason"][2] == "2 of 3 runs jammed (stuck)"
     runs = pd.read_csv(folder / "out/runs.csv")
-    assert (list(runs.columns), len(runs)) == (["sample", *dataset.RUN, *RECORDED.single], 9)
+    assert (list(runs.columns), len(runs)) == (
+        ["sample", *dataset.RUN, *RECORDED.single],
+        9,
+    )
     assert json.loads((folder / "out/dataset_summary.json").read_text()) == summary
-    assert (summary["samples"], summary["ok"], summary["left_out"], summary["runs_ok"]) == (3, 2, 1, 6)
-    assert dataset.read_definitions(folder / "out/dataset.csv") == (DEFINITIONS, folder / "out/dataset_summary.json")
+    assert (
+        summary["samples"],
+        summary["ok"],
+        summary["left_out"],
+        summary["runs_ok"],
+    ) == (3, 2, 1, 6)
+    assert dataset.read_definitions(folder / "out/dataset.csv") == (
+        DEFINITIONS,
+        folder / "out/dataset_summary.json",
+    )
     assert dataset.read_definitions(folder / "samples.csv")[0] == {}
-    assert (summary["by_status"], summary["reasons"]) == ({"ok": 2, "jammed": 1}, {"3": "2 of 3 runs jammed (stuck)"})
-    assert summary["text"] == "2 of 3 samples can be used; 1 left out: 1 jammed. 6 of 9 single runs are ok."
+    assert (summary["by_status"], summary["reasons"]) == (
+        {"ok": 2, "jammed": 1},
+        {"3": "2 of 3 runs jammed (stuck)"},
+    )
+    assert (
+        summary["text"]
+        == "2 of 3 samples can be used; 1 left out: 1 jammed. 6 of 9 single runs are ok."
+    )
 
 
 def edit(path, change):
@@ -98,9 +146,23 @@ def test_missing_corrupt_and_bad_tables_are_named(study):
     samples.drop(columns="mur_gp").to_csv(folder / "short.csv", index=False)
     input_error(r"short.csv: column mur_gp", write, folder / "short.csv", paths, folder)
     pd.concat([samples, samples]).to_csv(folder / "twice.csv", index=False)
-    input_error(r"twice.csv, row 4: sample is 1; expected each sample once", write, folder / "twice.csv", paths, folder)
-    input_error(r"samples without a file is \[2\]", write, folder / "samples.csv", [paths[0], paths[2]], folder)
-    input_error(r"absent.json", write, folder / "samples.csv", [folder / "absent.json"], folder)
+    input_error(
+        r"twice.csv, row 4: sample is 1; expected each sample once",
+        write,
+        folder / "twice.csv",
+        paths,
+        folder,
+    )
+    input_error(
+        r"samples without a file is \[2\]",
+        write,
+        folder / "samples.csv",
+        [paths[0], paths[2]],
+        folder,
+    )
+    input_error(
+        r"absent.json", write, folder / "samples.csv", [folder / "absent.json"], folder
+    )
     paths[0].write_text(paths[0].read_text()[:50])
     input_error(r"001.json", write, folder / "samples.csv", paths, folder)
 
@@ -110,8 +172,13 @@ def several(study):
     folder, paths = study
     more = []
     for number in (1, 2, 3):
-        job = json.loads((folder / f"{number:03}.json").read_text()) | {"apparatus": "drum"}
-        job["runs"] = [shared.good_run(1, drum_slip_deg=30.0 + number), shared.good_run(2, drum_slip_deg=32.0)]
+        job = json.loads((folder / f"{number:03}.json").read_text()) | {
+            "apparatus": "drum"
+        }
+        job["runs"] = [
+            shared.good_run(1, drum_slip_deg=30.0 + number),
+            shared.good_run(2, drum_slip_deg=32.0),
+        ]
         job["runs"][1]["status"] = "ok" if number != 2 else "unstable"
         more.append(folder / f"drum_{number:03}.json")
         more[-1].write_text(json.dumps(job))
@@ -120,25 +187,51 @@ def several(study):
     return folder, paths + more, Targets.of([shared.SLIP, *shared.TARGETS])
 
 
-def test_bench_tests_of_one_sample_are_merged_and_a_job_that_is_missing_or_twice_is_named(study):
+def test_bench_tests_of_one_sample_are_merged_and_a_job_that_is_missing_or_twice_is_named(
+    study,
+):
     folder, paths, targets = several(study)
     dataset.run(folder / "samples.csv", paths, targets, {}, folder / "out")
     table = pd.read_csv(folder / "out/dataset.csv")
-    responses = ("drum_slip_deg", "drum_slip_se_deg", "aor_deg", "aor_se_deg", "height_mm", "height_se_mm")
+    responses = (
+        "drum_slip_deg",
+        "drum_slip_se_deg",
+        "aor_deg",
+        "aor_se_deg",
+        "height_mm",
+        "height_se_mm",
+    )
     assert table.columns[7:16].tolist() == ["status", "reason", "n_seeds", *responses]
-    assert (table["drum_slip_deg"].tolist(), table["status"].tolist()) == ([31.5, 32.0, 32.5], ["ok", "ok", "jammed"])
+    assert (table["drum_slip_deg"].tolist(), table["status"].tolist()) == (
+        [31.5, 32.0, 32.5],
+        ["ok", "ok", "jammed"],
+    )
     assert table["n_seeds"].tolist() == [2, 1, 1]
-    assert table["reason"][1].startswith("drum: 1 of 2 runs unstable; funnel: 1 of 3 runs no_flank")
+    assert table["reason"][1].startswith(
+        "drum: 1 of 2 runs unstable; funnel: 1 of 3 runs no_flank"
+    )
     runs = pd.read_csv(folder / "out/runs.csv")
     assert runs.columns[:2].tolist() == ["sample", "apparatus"]
     assert runs["apparatus"].tolist() == 3 * (2 * ["drum"] + 3 * ["funnel"])
     assert runs.loc[runs["apparatus"] == "drum", "aor_deg"].isna().all()
     assert runs.loc[(runs["apparatus"] == "drum"), "drum_slip_deg"].notna().all()
-    wrong = [(paths[:-1], targets, r"jobs of the drum: samples without a file is \[3\]")]
-    wrong += [([*paths, paths[-1]], targets, r"sample is 3; .*once; also in .*drum_003")]
-    wrong += [(paths, TARGETS, r"apparatus is 'drum'; expected a bench test of the targets, funnel")]
+    wrong = [
+        (paths[:-1], targets, r"jobs of the drum: samples without a file is \[3\]")
+    ]
+    wrong += [
+        ([*paths, paths[-1]], targets, r"sample is 3; .*once; also in .*drum_003")
+    ]
+    wrong += [
+        (
+            paths,
+            TARGETS,
+            r"apparatus is 'drum'; expected a bench test of the targets, funnel",
+        )
+    ]
     for jobs, wanted, words in wrong:
-        input_error(words, dataset.run, folder / "samples.csv", jobs, wanted, {}, folder / "out")
+        input_error(
+            words, dataset.run, folder / "samples.csv", jobs, wanted, {}, folder / "out"
+        )
 
 
 def test_a_folder_stands_for_the_file_of_every_sample_in_it(tmp_path):
@@ -146,7 +239,11 @@ def test_a_folder_stands_for_the_file_of_every_sample_in_it(tmp_path):
     (tmp_path / "samples.csv").write_text("sample,e_gg\n1,0.3\n10000,0.3\n")
     words = [str(tmp_path / "heaps"), "other/001.json"]
     names = [str(path) for path in job_files(words, tmp_path / "samples.csv")]
-    assert names == [f"{tmp_path}/heaps/001.json", f"{tmp_path}/heaps/10000.json", "other/001.json"]
+    assert names == [
+        f"{tmp_path}/heaps/001.json",
+        f"{tmp_path}/heaps/10000.json",
+        "other/001.json",
+    ]
     assert [str(path) for path in job_files(["a.json"], "no/table.csv")] == ["a.json"]
 
 
@@ -159,7 +256,9 @@ def tables(tmp_path):
 
 def read(tables):
     dataset = read_dataset(tables / "dataset.csv", TARGETS)
-    return dataset, read_runs(tables / "runs.csv", TARGETS, dataset, tables / "dataset.csv")
+    return dataset, read_runs(
+        tables / "runs.csv", TARGETS, dataset, tables / "dataset.csv"
+    )
 
 
 def test_a_whole_study_is_read_and_runs_twice_lost_or_of_another_are_refused(tables):

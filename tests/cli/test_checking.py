@@ -22,8 +22,13 @@ NOTHING_GIVEN = Namespace(grain_mm=None, config=None)
 
 def test_a_time_step_far_below_the_longest_is_reported_with_the_saved_time():
     limit = Limit(4.09e-5, "as a pile has it")
-    for step_s, hint in ((4.0e-6, "; with 3.2e-05 a run takes 0.12 of the time"), (3.0e-5, "")):
-        assert check.about_step(step_s, limit).endswith(f"at most 4.09e-05, as a pile has it{hint}")
+    for step_s, hint in (
+        (4.0e-6, "; with 3.2e-05 a run takes 0.12 of the time"),
+        (3.0e-5, ""),
+    ):
+        assert check.about_step(step_s, limit).endswith(
+            f"at most 4.09e-05, as a pile has it{hint}"
+        )
 
 
 @pytest.mark.parametrize("longest_s", [1.0e-3, 3.3e-5, 9.99e-7, 2.0e-6 / 0.8])
@@ -43,7 +48,9 @@ def test_the_cost_is_that_of_the_least_disturbed_pour(monkeypatch):
         return SimpleNamespace(us_per_step=next(took))
 
     monkeypatch.setattr("repose.apparatus.funnel.FunnelTest.pour", pour)
-    monkeypatch.setattr(time, "process_time", time.perf_counter)  # all of the time is its own
+    monkeypatch.setattr(
+        time, "process_time", time.perf_counter
+    )  # all of the time is its own
     grains = cost.FEWEST_TIMED
     ranges: dict = dict.fromkeys(("e_gg", "e_gp"), (0.1, 0.5))
     ranges |= dict.fromkeys(("mus_gg", "mur_gg", "mus_gp", "mur_gp"), (0.1, 0.3))
@@ -52,11 +59,19 @@ def test_the_cost_is_that_of_the_least_disturbed_pour(monkeypatch):
         "rolling_law": "budget", "rest_energy_j": 1e-9,
     }  # fmt: skip
     whole = every_bench_test()
-    config = whole | {"simulation": simulation, "funnel": whole["funnel"] | {"berries": grains}, "parameters": ranges}
-    assert cost.measured_berry_step_s(config, {}, None) == pytest.approx(50e-6 / grains, rel=0.05)
+    config = whole | {
+        "simulation": simulation,
+        "funnel": whole["funnel"] | {"berries": grains},
+        "parameters": ranges,
+    }
+    assert cost.measured_berry_step_s(config, {}, None) == pytest.approx(
+        50e-6 / grains, rel=0.05
+    )
 
 
-def test_a_terminal_shows_the_seconds_of_the_compilation_and_a_log_gets_one_line(capsys, monkeypatch):
+def test_a_terminal_shows_the_seconds_of_the_compilation_and_a_log_gets_one_line(
+    capsys, monkeypatch
+):
     with checking.elapsed_seconds_shown("compiling"):
         pass
     assert capsys.readouterr().err == "compiling\n"
@@ -67,24 +82,43 @@ def test_a_terminal_shows_the_seconds_of_the_compilation_and_a_log_gets_one_line
     assert "\rcompiling; 0 s" in capsys.readouterr().err
 
 
-def test_in_a_crops_folder_it_is_that_of_the_sizes_which_need_a_grain(tmp_path, monkeypatch):
+def test_in_a_crops_folder_it_is_that_of_the_sizes_which_need_a_grain(
+    tmp_path, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
     assert _settings(NOTHING_GIVEN).berry_height_mm is None
-    (tmp_path / "sizes.csv").write_text("long_mm,major_mm,minor_mm\n9,4,3\n7,4,1\n")  # means 8, 4, 2
+    (tmp_path / "sizes.csv").write_text(
+        "long_mm,major_mm,minor_mm\n9,4,3\n7,4,1\n"
+    )  # means 8, 4, 2
     assert _settings(NOTHING_GIVEN).berry_height_mm == pytest.approx(4.0)
     assert _settings(NOTHING_GIVEN).response == "whole"
     assert _settings(Namespace(grain_mm=5.0, config=None)).berry_height_mm == 5.0
     (tmp_path / "sizes.csv").write_text("long_mm,major_mm,minor_mm\n")
-    input_error(r"sizes\.csv: rows is 0; expected at least 2 berries", _settings, NOTHING_GIVEN)
+    input_error(
+        r"sizes\.csv: rows is 0; expected at least 2 berries", _settings, NOTHING_GIVEN
+    )
     assert _settings(Namespace(grain_mm=5.0, config=None)).berry_height_mm == 5.0
 
 
 def test_files_are_those_of_inputs_by_name_and_none_that_a_step_writes(tmp_path):
     for name in ("a.csv", "b=1.json", "dataset.csv"):
         (tmp_path / name).write_text("")
-    words = [["figure", "figure05", f"--input=heap={tmp_path / 'a.csv'}", f"--out={tmp_path / 'b=1.json'}"]]
-    words += [["sensitivity", f"--network={tmp_path / 'b=1.json'}"], ["stage", "propose", "refined", str(tmp_path)]]
-    named = [[path.name for path in stages.files_of(parser().parse_args(given))] for given in words]
+    words = [
+        [
+            "figure",
+            "figure05",
+            f"--input=heap={tmp_path / 'a.csv'}",
+            f"--out={tmp_path / 'b=1.json'}",
+        ]
+    ]
+    words += [
+        ["sensitivity", f"--network={tmp_path / 'b=1.json'}"],
+        ["stage", "propose", "refined", str(tmp_path)],
+    ]
+    named = [
+        [path.name for path in stages.files_of(parser().parse_args(given))]
+        for given in words
+    ]
     assert named == [["a.csv"], ["b=1.json"], ["dataset.csv"]]
     # the samples of the next step, from an earlier run, were once an input of the step that writes them
     (tmp_path / "samples.csv").write_text("")
@@ -94,27 +128,42 @@ def test_files_are_those_of_inputs_by_name_and_none_that_a_step_writes(tmp_path)
 
 @pytest.mark.parametrize("name", ["config", "out"])
 def test_no_verb_takes_its_folder_or_its_configuration_for_an_input(name):
-    found = [option for verb in VERBS.values() for option in verb.options if option.attribute == name]
+    found = [
+        option
+        for verb in VERBS.values()
+        for option in verb.options
+        if option.attribute == name
+    ]
     assert len(found) > 5
     assert not any(option.recorded for option in found)
 
 
 @pytest.mark.parametrize(("side", "status"), [(5, 0), (25, 0), (4.9, 2), (25.5, 2)])
 def test_a_sheet_has_squares_of_5_to_25_mm(tmp_path, side, status, command):
-    command("marker", "--square-mm", side, "--out", tmp_path / "sheet.pdf", status=status)
+    command(
+        "marker", "--square-mm", side, "--out", tmp_path / "sheet.pdf", status=status
+    )
 
 
 def messages():
     """Every text of the program that is no docstring, with its file."""
     for path in places.PACKAGE.rglob("*.py"):
         tree = ast.parse(path.read_text())
-        alone = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+        alone = {
+            id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)
+        }
         for node in ast.walk(tree):
-            if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in alone:
+            if (
+                isinstance(node, ast.Constant)
+                and isinstance(node.value, str)
+                and id(node) not in alone
+            ):
                 yield path.relative_to(places.PACKAGE), node.value
 
 
-def test_the_pages_are_listed_printed_and_guessed_and_messages_name_pages_that_a_wheel_has(command):
+def test_the_pages_are_listed_printed_and_guessed_and_messages_name_pages_that_a_wheel_has(
+    command,
+):
     listed = dict(line.split(maxsplit=1) for line in command("docs").out.splitlines())
     assert listed["photographs"] == "Photographs of piles"
     assert {"configuration", "library", "own_crop", "crops", "start"} <= set(listed)
@@ -123,9 +172,19 @@ def test_the_pages_are_listed_printed_and_guessed_and_messages_name_pages_that_a
     said = "docs is 'fotographs'; expected a page that `repose docs` lists; did you mean photographs?"
     assert said in command("docs", "fotographs", status=2).err
     files = [*(places.PACKAGE / "config" / "new_crop").rglob("*.*")]
-    files += [path for folder in ("config", "profiles") for path in (places.root() / folder).rglob("*.yaml")]
+    files += [
+        path
+        for folder in ("config", "profiles")
+        for path in (places.root() / folder).rglob("*.yaml")
+    ]
     texts = [*messages(), *((path.name, path.read_text()) for path in files)]
-    named = {name for _, text in texts for name in re.findall(r"`repose docs (\w+)`", text)}
-    assert {"photographs", "sequential", "own_simulator", "configuration"} <= named <= set(docs.pages())
+    named = {
+        name for _, text in texts for name in re.findall(r"`repose docs (\w+)`", text)
+    }
+    assert (
+        {"photographs", "sequential", "own_simulator", "configuration"}
+        <= named
+        <= set(docs.pages())
+    )
     elsewhere = re.compile(r"(?<!research/)\b(docs|config|tests)/[\w/]+\.md\b")
     assert [path for path, text in texts if elsewhere.search(text)] == []

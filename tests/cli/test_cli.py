@@ -47,7 +47,9 @@ def test_every_verb_explains_itself_with_an_example_that_parses(command, monkeyp
     for verb in VERBS:
         call = ["stage", verb] if verb in STAGES else [verb]
         text = " ".join(command(*call, "--help").out.split())
-        words = text.split(f"example: repose {' '.join(call)}")[1].replace("'", "").split()
+        words = (
+            text.split(f"example: repose {' '.join(call)}")[1].replace("'", "").split()
+        )
         args, rest = one_parser.parse_known_args([*call, *words])
         if args.verb != verb or (rest and not VERBS[verb].passes_on):
             silent.append(verb)
@@ -56,13 +58,19 @@ def test_every_verb_explains_itself_with_an_example_that_parses(command, monkeyp
 
 def test_help_fits_a_screen_and_guesses_what_was_mistyped(command):
     out = command("--help").out
-    assert [line.split()[0] for line in out.splitlines() if re.match(" {2}[a-z]", line)] == list(TYPED)
+    assert [
+        line.split()[0] for line in out.splitlines() if re.match(" {2}[a-z]", line)
+    ] == list(TYPED)
     assert len(TYPED) <= 25
     assert len(out.splitlines()) <= 45
     assert "example:" in out
-    stages = re.findall("^ {2}([a-z_]+) {2,}", command("stage", "--help").out, re.MULTILINE)
+    stages = re.findall(
+        "^ {2}([a-z_]+) {2,}", command("stage", "--help").out, re.MULTILINE
+    )
     assert stages[-len(STAGES) :] == list(STAGES)
-    assert not [name for names in GROUPS.values() for name in names if name not in VERBS]
+    assert not [
+        name for names in GROUPS.values() for name in names if name not in VERBS
+    ]
     assert "did you mean measure?" in error_of(command, "mesure")
     assert "did you mean dataset?" in error_of(command, "stage", "datset")
     assert "did you mean stage dataset?" in error_of(command, "datset")
@@ -87,13 +95,17 @@ def test_help_loads_no_slow_library_and_the_module_ends_with_2_on_bad_input():
     code += "print('loaded:', *({'numba', 'scipy', 'pandas', 'cv2', 'matplotlib'} & set(sys.modules)))"
     assert run_python("-c", code).splitlines()[-1] == "loaded:"
     program = [sys.executable, "-m", "repose"]
-    done = subprocess.run([*program, "check", "--config", "nowhere.yaml"], capture_output=True, text=True)
+    done = subprocess.run(
+        [*program, "check", "--config", "nowhere.yaml"], capture_output=True, text=True
+    )
     assert done.returncode == 2
     said = "file is 'No such file or directory'; expected an existing YAML or JSON file that may be read"
     assert done.stderr == f"repose: error: nowhere.yaml: {said}\n"
     read, write = os.pipe()
     os.close(read)
-    done = subprocess.run([*program, "docs"], stdout=write, stderr=subprocess.PIPE, text=True)
+    done = subprocess.run(
+        [*program, "docs"], stdout=write, stderr=subprocess.PIPE, text=True
+    )
     os.close(write)
     assert (done.returncode, done.stderr) == (0, "")
 
@@ -103,7 +115,9 @@ def test_help_loads_no_slow_library_and_the_module_ends_with_2_on_bad_input():
 def test_check_prints_the_number_of_pours(command, tmp_path):
     """The target is one that no pour of any processor has."""
     text = (ROOT / "config/config.yaml").read_text()
-    steep = text.replace("value: 32.87", "value: 60").replace("range: [31.0, 34.0]", "range: [58.0, 62.0]")
+    steep = text.replace("value: 32.87", "value: 60").replace(
+        "range: [31.0, 34.0]", "range: [58.0, 62.0]"
+    )
     (tmp_path / "steep.yaml").write_text(steep)
     out = command("check", "--config", tmp_path / "steep.yaml").out
     assert "funnel.berries would" not in out
@@ -127,25 +141,47 @@ def test_heap_refuses_bad_options_before_it_pours(command, tmp_path):
 
 
 def test_heap_pours_and_prints_its_record(short_config, tmp_path, command):
-    words = ["heap", "--config", short_config, "--set", "e_gg=0.203", "--seed", "7", "--json"]
-    record = json.loads(command(*words, "--trajectory", "0.1", "--out", tmp_path / "heap").out)
-    assert (set(record["parameters"]), record["parameters"]["e_gg"]) == (set(PARAMETERS), 0.203)
+    words = [
+        "heap",
+        "--config",
+        short_config,
+        "--set",
+        "e_gg=0.203",
+        "--seed",
+        "7",
+        "--json",
+    ]
+    record = json.loads(
+        command(*words, "--trajectory", "0.1", "--out", tmp_path / "heap").out
+    )
+    assert (set(record["parameters"]), record["parameters"]["e_gg"]) == (
+        set(PARAMETERS),
+        0.203,
+    )
     assert record["parameters"]["mus_gg"] == pytest.approx(0.55)  # centre of its range
     assert (record["seed"], record["time_step_s"]) == (7, 4.9e-4)
     assert {"status", "aor_deg", "height_mm", "kinetic_energy_J"} <= set(record)
     assert record["berries_on_plate"] <= 12
-    assert json.loads((tmp_path / "heap" / "heap.json").read_text())["runs"][0]["seed"] == 7
+    assert (
+        json.loads((tmp_path / "heap" / "heap.json").read_text())["runs"][0]["seed"]
+        == 7
+    )
     with np.load(tmp_path / "heap" / "heap.npz") as arrays:
         assert arrays["position_7"].shape == (12, 3)
     with np.load(tmp_path / "heap" / "heap_trajectory_7.npz") as frames:
         assert frames["position"].shape[1:] == (12, 3)
-        assert 5 < len(frames["position"]) <= 15  # 1.5 s at most; a pour ends when its pile rests
+        assert (
+            5 < len(frames["position"]) <= 15
+        )  # 1.5 s at most; a pour ends when its pile rests
 
 
 def test_warm_up_compiles_what_a_pour_needs(short_config, tmp_path, command):
     words = ["--config", short_config]
     output = command("stage", "warm_up", *words).out
-    assert re.match(r"the engine was ready after [0-9.]+ s; its compiled code is in \S+/dem-\w{16}$", output.strip())
+    assert re.match(
+        r"the engine was ready after [0-9.]+ s; its compiled code is in \S+/dem-\w{16}$",
+        output.strip(),
+    )
     compiled = list(advance.signatures)
     command("stage", "pour", *words, "--seed", "7", "--out", tmp_path)
     assert advance.signatures == compiled
@@ -155,10 +191,15 @@ def test_pour_and_measure_runs_are_heap_in_two_steps(short_config, tmp_path, com
     words, out = ["--config", short_config, "--seed", "7"], tmp_path / "measured"
     pours = tmp_path / "steps" / "heap.pours.json"
     command("heap", *words, "--out", tmp_path / "whole")
-    assert command("stage", "pour", *words, "--out", pours.parent).out.splitlines()[-1] == str(pours)
+    assert command("stage", "pour", *words, "--out", pours.parent).out.splitlines()[
+        -1
+    ] == str(pours)
     assert not (tmp_path / "steps" / "heap.json").exists()
     command("stage", "measure_runs", pours, "--config", short_config, "--out", out)
-    whole, steps = (json.loads((folder / "heap.json").read_text()) for folder in (tmp_path / "whole", out))
+    whole, steps = (
+        json.loads((folder / "heap.json").read_text())
+        for folder in (tmp_path / "whole", out)
+    )
     settings = [job.pop("provenance")["settings"] for job in (whole, steps)]
     assert len(set(settings)) == 2, "the one pours and measures, the other measures"
     assert steps == whole
@@ -173,20 +214,39 @@ def samples(tmp_path):
 def test_a_pour_that_measures_leaves_its_measurement_to_measure_runs(
     short_config, samples, tmp_path, monkeypatch, command
 ):
-    words = ["--config", short_config, "--out", tmp_path / "heaps", "--keep-runs", "--measure"]
+    words = [
+        "--config",
+        short_config,
+        "--out",
+        tmp_path / "heaps",
+        "--keep-runs",
+        "--measure",
+    ]
     command("stage", "pour", *samples, "--sample", "4", "--seed", "7", *words)
     result, kept = tmp_path / "heaps/004.json", tmp_path / "heaps/runs/004.json"
     assert not result.exists()
     anew, measured = [], job.measured
-    monkeypatch.setattr(job, "measured", lambda *given: anew.append(given) or measured(*given))
+    monkeypatch.setattr(
+        job, "measured", lambda *given: anew.append(given) or measured(*given)
+    )
 
     def measure(*words, config=short_config):
         anew.clear()
-        command("stage", "measure_runs", tmp_path / "heaps", *samples, "--config", config, *words)
+        command(
+            "stage",
+            "measure_runs",
+            tmp_path / "heaps",
+            *samples,
+            "--config",
+            config,
+            *words,
+        )
         return len(anew), result.read_bytes()
 
     _, right = measure()
-    assert measure("--keep-runs") == (0, right), "as measured by the process that poured"
+    assert measure("--keep-runs") == (0, right), (
+        "as measured by the process that poured"
+    )
     other = json.loads(Path(short_config).read_text())
     other["measure"]["views"] = 4
     (tmp_path / "other.json").write_text(json.dumps(other))
@@ -199,7 +259,9 @@ def test_a_pour_that_measures_leaves_its_measurement_to_measure_runs(
     assert measure("--keep-runs") == (1, right), "somebody changed it"
 
 
-def test_heap_takes_a_row_of_a_table_and_the_studys_seeds(short_config, samples, tmp_path, command):
+def test_heap_takes_a_row_of_a_table_and_the_studys_seeds(
+    short_config, samples, tmp_path, command
+):
     out = tmp_path / "heaps"
     words = ["heap", "--config", short_config, *samples, "--seeds", "2", "--out", out]
     record = json.loads(command(*words, "--sample", "4", "--json").out)
@@ -209,33 +271,55 @@ def test_heap_takes_a_row_of_a_table_and_the_studys_seeds(short_config, samples,
     assert "sample is 5" in error_of(command, *words, "--sample", "5")
     header, row = samples[1].read_text().splitlines()
     samples[1].write_text(f"{header},gamma_gg\n{row},0.2\n")
-    assert "gamma_gg is 0.2; expected no such column" in error_of(command, *words, "--sample", "4")
+    assert "gamma_gg is 0.2; expected no such column" in error_of(
+        command, *words, "--sample", "4"
+    )
 
 
-def test_measure_prints_the_angles_of_a_drawn_pile_and_writes_the_overlay(tmp_path, command):
+def test_measure_prints_the_angles_of_a_drawn_pile_and_writes_the_overlay(
+    tmp_path, command
+):
     picture = np.full((420, 900), 230, np.uint8)
     height = 200
     half = round(height / np.tan(np.radians(30)))
-    cv2.fillPoly(picture, [np.array([[450 - half, 399], [450 + half, 399], [450, 399 - height]])], 40)
+    cv2.fillPoly(
+        picture,
+        [np.array([[450 - half, 399], [450 + half, 399], [450, 399 - height]])],
+        40,
+    )
     path = tmp_path / "pile.png"
     cv2.imwrite(str(path), picture)
-    words = ["measure", path, "--mm-per-pixel", "0.1", "--out", tmp_path / "out", "--json"]
+    words = [
+        "measure",
+        path,
+        "--mm-per-pixel",
+        "0.1",
+        "--out",
+        tmp_path / "out",
+        "--json",
+    ]
     record = json.loads(command(*words).out)
     assert {"photographs", "summary", "provenance"} == set(record)
     (values,) = record["photographs"]
-    assert {"left_deg", "right_deg", "aor_deg", "height_mm", *MEAN_KEYS.values()} < set(values)
+    assert {"left_deg", "right_deg", "aor_deg", "height_mm", *MEAN_KEYS.values()} < set(
+        values
+    )
     # outside a study the line runs from foot to crest
     assert values["aor_deg"] == values["aor_whole_deg"] == pytest.approx(30, abs=0.5)
     assert values["aor_secant_deg"] is None, "the height of a grain is not known"
     assert values["height_mm"] == pytest.approx(20, abs=0.3)
     assert (tmp_path / "out/pile.png").is_file()
-    (values,) = json.loads(command(*words, "--config", "config/config.yaml").out)["photographs"]
+    (values,) = json.loads(command(*words, "--config", "config/config.yaml").out)[
+        "photographs"
+    ]
     # a study has its own definition and grain, 13.34 mm: tan(secant) = tan(30 deg) 20 / (20 - 13.34)
     assert values["aor_secant_deg"] == pytest.approx(60.0, abs=0.6)
     assert values["aor_deg"] == values["aor_flank_deg"] == pytest.approx(30.0, abs=0.5)
 
 
-def test_measure_refuses_no_pile_and_a_locale_without_a_letter_does_no_harm(tmp_path, command, monkeypatch):
+def test_measure_refuses_no_pile_and_a_locale_without_a_letter_does_no_harm(
+    tmp_path, command, monkeypatch
+):
     path = tmp_path / "empty.png"
     cv2.imwrite(str(path), np.full((200, 300), 200, np.uint8))
     words = ("--mm-per-pixel", "0.1", "--out", tmp_path / "out")
@@ -246,16 +330,32 @@ def test_measure_refuses_no_pile_and_a_locale_without_a_letter_does_no_harm(tmp_
         print("1 ± 0.1 µm")
 
     printed = io.BytesIO()
-    monkeypatch.setitem(VERBS, "provenance", VERBS["provenance"]._replace(run=provenance))
+    monkeypatch.setitem(
+        VERBS, "provenance", VERBS["provenance"]._replace(run=provenance)
+    )
     monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(printed, encoding="ascii"))
     assert main(["provenance", "a_file"]) == 0
     assert printed.getvalue() == rb"1 \xb1 0.1 \xb5m" + b"\n"
 
 
-@pytest.mark.parametrize(("sd", "piles", "warned"), [(0, 10, "sd is 0"), (1.0, 2, "repetitions is 2"), (1.0, 3, None)])
+@pytest.mark.parametrize(
+    ("sd", "piles", "warned"),
+    [(0, 10, "sd is 0"), (1.0, 2, "repetitions is 2"), (1.0, 3, None)],
+)
 def test_check_warns_of_piles_that_tell_no_scatter(sd, piles, warned):
-    target = {"response": "aor_deg", "apparatus": "funnel", "sd": sd, "repetitions": piles}
-    lines = list(check.of_targets(SimpleNamespace(settings=SimpleNamespace(targets=[SimpleNamespace(**target)]))))
+    target = {
+        "response": "aor_deg",
+        "apparatus": "funnel",
+        "sd": sd,
+        "repetitions": piles,
+    }
+    lines = list(
+        check.of_targets(
+            SimpleNamespace(
+                settings=SimpleNamespace(targets=[SimpleNamespace(**target)])
+            )
+        )
+    )
     assert len(lines) == (warned is not None)
     if warned:
         assert f"aor_deg: WARNING: {warned}" in lines[0]
@@ -283,9 +383,17 @@ def test_the_built_in_crop_is_reported_in_a_folder_without_a_configuration(
 
 def test_codes_of_a_terminal_in_texts_of_users_are_not_obeyed(tmp_path, command):
     (tmp_path / "runs.csv").write_text("mus\x1b[2J,angle_deg\n1,2\n")
-    fault = command("tell", tmp_path / "runs.csv", "--config", ROOT / "tests/bad_input/own.yaml", status=2).err
+    fault = command(
+        "tell",
+        tmp_path / "runs.csv",
+        "--config",
+        ROOT / "tests/bad_input/own.yaml",
+        status=2,
+    ).err
     assert "\x1b" not in fault
-    shown = json.loads((ROOT / "crops/cards/wheat.json").read_text()) | {"reason": "\x1b[31mred\x07\u009b"}
+    shown = json.loads((ROOT / "crops/cards/wheat.json").read_text()) | {
+        "reason": "\x1b[31mred\x07\u009b"
+    }
     path = written(tmp_path / "card.json", json.dumps(shown))
     out = command("card", "check", path, status=0 if shown["met"] else 3).out
     assert not {"\x1b", "\x07", "\u009b"} & set(out)
@@ -295,4 +403,6 @@ def test_codes_of_a_terminal_in_texts_of_users_are_not_obeyed(tmp_path, command)
 @pytest.mark.parametrize("out", ["", "/", "/tmp/.."])
 def test_a_verb_does_not_write_to_the_root(out, command):
     said = command("marker", "--out", out, status=2).err
-    assert f"command line: --out is {out!r}; expected the path of a file or folder" in said
+    assert (
+        f"command line: --out is {out!r}; expected the path of a file or folder" in said
+    )

@@ -46,14 +46,24 @@ def filled(folder):
     (folder / "sizes.csv").write_text((folder / "sizes.csv").read_text() + SIZES)
 
 
-def test_it_holds_what_a_user_needs_and_lists_studies_before_it_is_complete(folder, command):
-    found = {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
+def test_it_holds_what_a_user_needs_and_lists_studies_before_it_is_complete(
+    folder, command
+):
+    found = {
+        str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()
+    }
     assert found == {"README.md", "config.yaml", "sizes.csv", "photographs/README.md"}
-    assert not any("NAME" in path.read_text() for path in folder.rglob("*.*") if path.is_file())
+    assert not any(
+        "NAME" in path.read_text() for path in folder.rglob("*.*") if path.is_file()
+    )
     output = command("run", "--list")
     assert output.err == ""
     assert "once config.yaml is complete" in output.out
-    named = {line.split()[0] for line in output.out.splitlines() if line.startswith("  ") and line[2] != " "}
+    named = {
+        line.split()[0]
+        for line in output.out.splitlines()
+        if line.startswith("  ") and line[2] != " "
+    }
     assert {"calibration", "sequential", "uncertainty"} <= named
 
 
@@ -61,7 +71,11 @@ def test_an_empty_folder_names_every_number_that_is_missing(folder, refused):
     """Nothing is made up: the template holds no measurement. All of it is reported at once, as YAML has it."""
     output = refused()
     for key in re.findall(r"(\w+): null", Path("config.yaml").read_text()):
-        assert re.search(rf"^repose: error: config\.yaml: [a-z0-9.]+\.{key} is \[?null", output, re.MULTILINE), key
+        assert re.search(
+            rf"^repose: error: config\.yaml: [a-z0-9.]+\.{key} is \[?null",
+            output,
+            re.MULTILINE,
+        ), key
     moduli = "expected a number; or a table of compression tests in berry.compression"
     for key in ("berry.poisson_ratio", "berry.shear_modulus_pa"):
         assert f"config.yaml: {key} is null; {moduli}" in output
@@ -73,7 +87,9 @@ def test_an_empty_folder_names_every_number_that_is_missing(folder, refused):
 def test_a_modulus_that_is_left_out_is_missing_in_the_users_file(folder, refused, key):
     filled(folder)
     text = (folder / "config.yaml").read_text()
-    (folder / "config.yaml").write_text(re.sub(rf"^  {key}:.*\n", "", text, count=1, flags=re.MULTILINE))
+    (folder / "config.yaml").write_text(
+        re.sub(rf"^  {key}:.*\n", "", text, count=1, flags=re.MULTILINE)
+    )
     assert f"repose: error: config.yaml: berry.{key} is null" in refused()
 
 
@@ -95,14 +111,24 @@ def test_a_folder_that_exists_is_left_alone(folder, monkeypatch, command):
 
 def test_inlet_and_outlet_the_other_way_round_are_named(folder):
     filled(folder)
-    text = (folder / "config.yaml").read_text().replace("inlet_diameter_mm: 80.0", "inlet_diameter_mm: 25.0")
+    text = (
+        (folder / "config.yaml")
+        .read_text()
+        .replace("inlet_diameter_mm: 80.0", "inlet_diameter_mm: 25.0")
+    )
     text = text.replace("outlet_diameter_mm: 25.0", "outlet_diameter_mm: 80.0")
     (folder / "config.yaml").write_text(text)
-    input_error(r"outlet_diameter_mm is 80\.0; expected .*below funnel\.inlet_diameter_mm", Study.load, "config.yaml")
+    input_error(
+        r"outlet_diameter_mm is 80\.0; expected .*below funnel\.inlet_diameter_mm",
+        Study.load,
+        "config.yaml",
+    )
 
 
 @pytest.mark.parametrize("name", ["12", "null", "yes", "1e5", "MY_NAME", "2024-13-45"])
-def test_a_name_that_yaml_takes_for_something_else_stays_a_name(tmp_path, monkeypatch, name, command):
+def test_a_name_that_yaml_takes_for_something_else_stays_a_name(
+    tmp_path, monkeypatch, name, command
+):
     monkeypatch.chdir(tmp_path)
     command("new", name)
     assert read(tmp_path / name / "config.yaml")["label"] == name
@@ -112,13 +138,23 @@ def test_its_configuration_is_one_of_wheat_alone_with_known_and_explained_keys(f
     filled(folder)
     config = Study.load("config.yaml").config
     assert (config["label"], config["berry"]["sizes"]) == ("wheat", "sizes.csv")
-    assert (config["validation"]["published"], config["berry"]["compression"]) == (None, None)
+    assert (config["validation"]["published"], config["berry"]["compression"]) == (
+        None,
+        None,
+    )
     assert not {"drum", "cylinder"} & set(config)
     assert [target["response"] for target in config["targets"]] == ["height_mm"]
-    assert (config["design"]["samples"], config["network"]["split"]) == (30, [0.85, 0.0, 0.15])
+    assert (config["design"]["samples"], config["network"]["split"]) == (
+        30,
+        [0.85, 0.0, 0.15],
+    )
     text = (folder / "config.yaml").read_text()
-    assert len([line for line in text.splitlines() if re.match(r"\s*[^#\s]", line)]) <= 31
-    assert set(yaml.safe_load(text)) <= set(Study.load(places.root() / places.DEFAULT_CONFIG).config)
+    assert (
+        len([line for line in text.splitlines() if re.match(r"\s*[^#\s]", line)]) <= 31
+    )
+    assert set(yaml.safe_load(text)) <= set(
+        Study.load(places.root() / places.DEFAULT_CONFIG).config
+    )
     (folder / "more.yaml").write_text("funnel: {speed: 1}")
     input_error("a known key", Study.load, "config.yaml", "more.yaml")
 

@@ -13,7 +13,9 @@ from repose.core import places
 
 SNAKEFILE = ["--snakefile", str(places.root() / "Snakefile")]
 ALL, WRONG = ["--cores", "all"], "command line: --config is"
-QUICK, SLURM = (str(places.root() / name) for name in ("config/quick.yaml", "profiles/slurm"))
+QUICK, SLURM = (
+    str(places.root() / name) for name in ("config/quick.yaml", "profiles/slurm")
+)
 
 
 @pytest.fixture
@@ -37,8 +39,27 @@ def test_words_become_those_of_snakemake(tmp_path, monkeypatch, given, command):
         "-c1 --configfile config/quick.yaml": ["--configfile", QUICK, "--cores", "1", *SNAKEFILE],
         "-c1 --configfile=config/quick.yaml": ["--configfile", QUICK, "--cores", "1", *SNAKEFILE],
     }  # fmt: skip
-    layers = ["--configfile", "mine.yaml", "more.yaml", "--cores", "2", *SNAKEFILE, "uncertainty", "-np"]
-    labelled = ["--configfile", "mine.yaml", "--config", "label=mine", *ALL, *SNAKEFILE, "-n", "--", "berry"]
+    layers = [
+        "--configfile",
+        "mine.yaml",
+        "more.yaml",
+        "--cores",
+        "2",
+        *SNAKEFILE,
+        "uncertainty",
+        "-np",
+    ]
+    labelled = [
+        "--configfile",
+        "mine.yaml",
+        "--config",
+        "label=mine",
+        *ALL,
+        *SNAKEFILE,
+        "-n",
+        "--",
+        "berry",
+    ]
     cases |= {"uncertainty -c2 --configfile mine.yaml more.yaml -np": layers}
     cases |= {"-n --config label=mine --configfile mine.yaml -- berry": labelled}
     for words, expected in cases.items():
@@ -52,15 +73,35 @@ def test_a_target_that_nothing_makes_and_a_closed_terminal(tmp_path):
     try:
         with run._as_interrupts([]):
             assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
-            assert signal.getsignal(signal.SIGTERM) not in (signal.SIG_DFL, signal.SIG_IGN)
+            assert signal.getsignal(signal.SIGTERM) not in (
+                signal.SIG_DFL,
+                signal.SIG_IGN,
+            )
         assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
     finally:
         signal.signal(signal.SIGHUP, before)
-    (tmp_path / "Snakefile").write_text("rule one:\n    output: 'one.txt'\n    shell: 'touch {output}'\n")
-    words = ["repose", "run", "uncertanty", "-c1", "-sSnakefile", "--workflow-profile", "none", "--logger", "repose"]
-    done = subprocess.run([sys.executable, "-m", *words], cwd=tmp_path, capture_output=True, text=True)
+    (tmp_path / "Snakefile").write_text(
+        "rule one:\n    output: 'one.txt'\n    shell: 'touch {output}'\n"
+    )
+    words = [
+        "repose",
+        "run",
+        "uncertanty",
+        "-c1",
+        "-sSnakefile",
+        "--workflow-profile",
+        "none",
+        "--logger",
+        "repose",
+    ]
+    done = subprocess.run(
+        [sys.executable, "-m", *words], cwd=tmp_path, capture_output=True, text=True
+    )
     assert done.returncode == 2
-    assert "repose: error: command line: target is 'uncertanty'; expected a target" in done.stderr
+    assert (
+        "repose: error: command line: target is 'uncertanty'; expected a target"
+        in done.stderr
+    )
     assert "did you mean uncertainty?" in done.stderr
     assert "MissingRuleException" not in done.stderr
 
@@ -82,22 +123,39 @@ def test_ctrl_c_ends_with_the_sentence_that_says_how_to_go_on_and_another_end_ke
 
     monkeypatch.setattr("snakemake.cli.main", ended)
     before = signal.getsignal(signal.SIGINT)
-    said = command("run", "uncertainty", "--cores", "2", status=130 if interrupted else 1).err
-    assert ("the same command goes on: repose run uncertainty --cores 2" in said) is ("Stopped" in said) is interrupted
+    said = command(
+        "run", "uncertainty", "--cores", "2", status=130 if interrupted else 1
+    ).err
+    assert (
+        ("the same command goes on: repose run uncertainty --cores 2" in said)
+        is ("Stopped" in said)
+        is interrupted
+    )
     assert signal.getsignal(signal.SIGINT) is before
 
 
-def test_the_list_names_targets_with_their_cost_and_strategies_that_cannot_be(command, monkeypatch):
+def test_the_list_names_targets_with_their_cost_and_strategies_that_cannot_be(
+    command, monkeypatch
+):
     out = command("run", "--list", "--configfile", "config/quick.yaml").out
-    rules = "".join(path.read_text() for path in (places.root() / "workflow").rglob("*.smk"))
-    named = [line.split()[0] for line in out.splitlines() if line.startswith("  ") and line[2] != " "]
+    rules = "".join(
+        path.read_text() for path in (places.root() / "workflow").rglob("*.smk")
+    )
+    named = [
+        line.split()[0]
+        for line in out.splitlines()
+        if line.startswith("  ") and line[2] != " "
+    ]
     assert "calibration" in named
     of_strategies = set(strategies.names())  # a rule for each, by its name
     assert all(f"rule {name}:" in rules or name in of_strategies for name in named)
     assert "Studies of quick" in out
     assert {"response_surface", "sequential", "uncertainty"} <= set(named)
     monkeypatch.chdir(places.root() / "crops/wheat")
-    assert "not with this configuration: response_surface.surface; expected " in command("run", "--list").out
+    assert (
+        "not with this configuration: response_surface.surface; expected "
+        in command("run", "--list").out
+    )
 
 
 @pytest.mark.parametrize(("words", "message"), [
@@ -106,14 +164,25 @@ def test_the_list_names_targets_with_their_cost_and_strategies_that_cannot_be(co
     (["--config", "label"], f"{WRONG} 'label'; expected KEY=VALUE"),
     (["--config", "label=a", "uncertainty"], f"{WRONG} 'uncertainty'; expected KEY=VALUE; a target goes before"),
 ])  # fmt: skip
-def test_words_that_snakemake_would_answer_with_a_traceback_are_refused(words, message, tmp_path, monkeypatch, command):
+def test_words_that_snakemake_would_answer_with_a_traceback_are_refused(
+    words, message, tmp_path, monkeypatch, command
+):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "bad.yaml").write_text("a: [")
-    monkeypatch.setattr("snakemake.cli.main", lambda _words: pytest.fail("snakemake was called"))
+    monkeypatch.setattr(
+        "snakemake.cli.main", lambda _words: pytest.fail("snakemake was called")
+    )
     assert f"repose: error: {message}" in command("run", *words, status=2).err
 
 
-def test_help_shows_the_options_and_other_verbs_refuse_words_that_they_do_not_know(command):
+def test_help_shows_the_options_and_other_verbs_refuse_words_that_they_do_not_know(
+    command,
+):
     shown = command("run", "--help").out
-    assert all(option in shown for option in ("--configfile", "--config", "--cores", "--list"))
-    assert "unrecognized arguments: --speed 3" in command("check", "--speed", "3", status=2).err
+    assert all(
+        option in shown for option in ("--configfile", "--config", "--cores", "--list")
+    )
+    assert (
+        "unrecognized arguments: --speed 3"
+        in command("check", "--speed", "3", status=2).err
+    )

@@ -11,16 +11,28 @@ SNAKEFILE = Path(__file__).parents[2] / "workflow" / "Snakefile"
 
 
 def test_one_core_takes_all_jobs_one_after_another_and_enough_cores_take_the_longest_job():
-    assert campaign.makespan_s([10.0] * 4, cores=1, start_s=5.0, submitted_per_s=1e9) == pytest.approx(60.0)
-    assert campaign.makespan_s([10.0, 30.0, 20.0], cores=3, start_s=5.0, submitted_per_s=1e9) == pytest.approx(35.0)
+    assert campaign.makespan_s(
+        [10.0] * 4, cores=1, start_s=5.0, submitted_per_s=1e9
+    ) == pytest.approx(60.0)
+    assert campaign.makespan_s(
+        [10.0, 30.0, 20.0], cores=3, start_s=5.0, submitted_per_s=1e9
+    ) == pytest.approx(35.0)
 
 
-def test_submitting_takes_its_time_and_local_rules_and_other_jobs_are_no_cluster_jobs(tmp_path):
-    assert campaign.makespan_s([1.0] * 100, cores=100, start_s=0.0, submitted_per_s=2.0) == pytest.approx(50.5)
+def test_submitting_takes_its_time_and_local_rules_and_other_jobs_are_no_cluster_jobs(
+    tmp_path,
+):
+    assert campaign.makespan_s(
+        [1.0] * 100, cores=100, start_s=0.0, submitted_per_s=2.0
+    ) == pytest.approx(50.5)
     for name, seconds in (("001", 12.5), ("001_measured", 2.5)):
-        (tmp_path / f"{name}.tsv").write_text(f"s\tmax_rss\tcpu_time\n99.0\t100\t{seconds}\n")
+        (tmp_path / f"{name}.tsv").write_text(
+            f"s\tmax_rss\tcpu_time\n99.0\t100\t{seconds}\n"
+        )
     assert campaign.measured_s(tmp_path) == [15.0]
-    listed = re.findall(r"^ *localrules:\n((?: +\w+,\n)+)", SNAKEFILE.read_text(), re.MULTILINE)
+    listed = re.findall(
+        r"^ *localrules:\n((?: +\w+,\n)+)", SNAKEFILE.read_text(), re.MULTILINE
+    )
     assert len(listed) == 2
     assert set(re.findall(r"\w+", "".join(listed))) == overhead.LOCAL
     for name in ("heaps/001", "berry"):
@@ -28,5 +40,8 @@ def test_submitting_takes_its_time_and_local_rules_and_other_jobs_are_no_cluster
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text("s\tmax_rss\n4.0\t1\n")
     assert overhead.benchmarks_s(tmp_path) == [4.0]
-    lines = ["COMPLETED 2026-01-01T00:00:00 2026-01-01T00:00:09", "FAILED 2026-01-01T00:00:00 2026-01-01T00:00:05"]
+    lines = [
+        "COMPLETED 2026-01-01T00:00:00 2026-01-01T00:00:09",
+        "FAILED 2026-01-01T00:00:00 2026-01-01T00:00:05",
+    ]
     assert overhead.slurm_s(lines) == [9.0]

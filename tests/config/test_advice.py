@@ -10,7 +10,13 @@ import shared
 from repose.config import advice, cost, typed
 from repose.strategies import cost as strategies
 
-SPHERE = {"long_mm": 4.0, "major_mm": 4.0, "minor_mm": 4.0, "density_kg_m3": 1300.0, "poisson_ratio": 0.25}
+SPHERE = {
+    "long_mm": 4.0,
+    "major_mm": 4.0,
+    "minor_mm": 4.0,
+    "density_kg_m3": 1300.0,
+    "poisson_ratio": 0.25,
+}
 GRAIN_M3 = math.pi / 6 * 4e-3**3
 
 
@@ -28,7 +34,11 @@ def column(modulus_pa, height_m, gravity, layers):
     d, young = 4e-3, modulus_pa / 0.75
     depths = [(k + 0.5) * height_m / layers for k in range(layers)]
     forces = [0.6 * 1300 * gravity * z * d**2 for z in depths]
-    return sum((3 * force / (4 * young * math.sqrt(d / 4))) ** (2 / 3) for force in forces) / layers / d
+    return (
+        sum((3 * force / (4 * young * math.sqrt(d / 4))) ** (2 / 3) for force in forces)
+        / layers
+        / d
+    )
 
 
 def test_the_sinking_is_that_of_a_column_and_the_pile_the_cone_of_its_angle(config):
@@ -40,7 +50,10 @@ def test_the_sinking_is_that_of_a_column_and_the_pile_the_cone_of_its_angle(conf
     assert again.sinking == pytest.approx(advice.LARGEST_SINKING)
     config["targets"] = [target("aor_deg", 30.0)]
     height = advice.height_m(config, SPHERE)
-    assert f"a cone of 30 deg and {1e3 * height:.3g} mm Height" in advice.filling(config, GRAIN_M3)[0]
+    assert (
+        f"a cone of 30 deg and {1e3 * height:.3g} mm Height"
+        in advice.filling(config, GRAIN_M3)[0]
+    )
     config["targets"] = [target("aor_deg", 45.0)]
     assert advice.height_m(config, SPHERE) == pytest.approx(height * 3 ** (1 / 3))
     config["targets"] = []
@@ -56,9 +69,13 @@ def test_grains_of_the_cones_volume_fill_it_and_a_height_alone_asks_for_a_slope(
         sentence, fits = advice.filling(config, GRAIN_M3)
         assert not fits
         assert sentence.endswith(f"30 mm Height holds {1e6 * cone:.3g} ml")
-        assert advice.needed_grains(config, GRAIN_M3) == math.ceil(0.6 * cone / GRAIN_M3)
+        assert advice.needed_grains(config, GRAIN_M3) == math.ceil(
+            0.6 * cone / GRAIN_M3
+        )
     config["targets"] = config["targets"][:1]
-    config["funnel"]["berries"] = round(0.6 * math.pi * 0.03**3 / (3 * math.tan(math.radians(25)) ** 2) / GRAIN_M3)
+    config["funnel"]["berries"] = round(
+        0.6 * math.pi * 0.03**3 / (3 * math.tan(math.radians(25)) ** 2) / GRAIN_M3
+    )
     sentence, fits = advice.filling(config, GRAIN_M3)
     assert fits
     assert "a slope of 25 deg" in sentence
@@ -79,35 +96,61 @@ def test_sentences_tell_what_a_softer_grain_brings(config):
         return 2.0 * config["simulation"]["time_step_s"]
 
     grain = SimpleNamespace(volume_m3=GRAIN_M3)
-    stiffness, volume, grains, smaller, *_ = advice.of_funnel(config, berry, grain, longest_step_s)
+    stiffness, volume, grains, smaller, *_ = advice.of_funnel(
+        config, berry, grain, longest_step_s
+    )
     assert asked == [softest]
     sinking = 100 * advice.softening(config, berry)[0]
-    assert stiffness.startswith(f"stiffness: the pile sinks by {sinking:.2g} % of its Height")
+    assert stiffness.startswith(
+        f"stiffness: the pile sinks by {sinking:.2g} % of its Height"
+    )
     assert stiffness.endswith("a run takes 0.5 of the time")
     assert volume.startswith("volume: ")
     assert grains.startswith("grains: the pile is 7.5 grains high.")
     assert f"of the time of {advice.needed_grains(config, GRAIN_M3)};" in smaller
 
 
-def test_time_goes_with_the_slowest_bench_test_and_each_strategy_has_its_own_pours(config):
+def test_time_goes_with_the_slowest_bench_test_and_each_strategy_has_its_own_pours(
+    config,
+):
     first, second = copy.deepcopy(config), copy.deepcopy(config)
-    config["response_surface"] |= {"screening_runs": 12, "steps": 5, "most_factors": 3, "centres": 5, "checks": 8}
+    config["response_surface"] |= {
+        "screening_runs": 12,
+        "steps": 5,
+        "most_factors": 3,
+        "centres": 5,
+        "checks": 8,
+    }
     config["response_surface"] |= {"surface": "box_behnken", "seeds": 3}
     assert strategies.pours(typed.sections(config)) is None
     config["strategy"] = "response_surface"
     pours = strategies.pours(typed.sections(config))
     # 12 runs and 5 centres; 12 edges of the cube and 5 centres
-    assert pours == (("screening", 17, 3), ("ascent", 6, 3), ("surface", 17, 3), ("check", 8, 3))
+    assert pours == (
+        ("screening", 17, 3),
+        ("ascent", 6, 3),
+        ("surface", 17, 3),
+        ("check", 8, 3),
+    )
     work = cost.work(config, 1e-7, pours)
-    assert work["total_s"] == pytest.approx(48 * cost.JOB_START_S + 144 * work["pour_s"])
+    assert work["total_s"] == pytest.approx(
+        48 * cost.JOB_START_S + 144 * work["pour_s"]
+    )
     config["strategy"] = "sequential"
     config["sequential"] |= {"most_pours": 120, "seeds": 3}
     assert strategies.pours(typed.sections(config)) == (("at most", 40, 3),)
     del config["drum"]
     config["design"]["samples"], config["funnel"]["seeds"] = 30, 4
-    config["validation"] |= {"published": None, "solutions": 1, "seeds": 8, "representative_seeds": 16}
+    config["validation"] |= {
+        "published": None,
+        "solutions": 1,
+        "seeds": 8,
+        "representative_seeds": 16,
+    }
     work = cost.work(config, 1e-7)
-    assert work["total_s"] == pytest.approx(cost.REST_S + 32 * cost.JOB_START_S + 144 * work["pour_s"])
+    assert work["total_s"] == pytest.approx(
+        cost.REST_S + 32 * cost.JOB_START_S + 144 * work["pour_s"]
+    )
     config = first
     config["refine"]["seeds"] = 100
     slowest = max(cost.run_s(config, name) for name in ("funnel", "drum"))
@@ -117,7 +160,9 @@ def test_time_goes_with_the_slowest_bench_test_and_each_strategy_has_its_own_pou
     config["funnel"] |= {"berries": 100, "rate_per_s": 10.0, "duration_s": 10.0}
     config["simulation"]["time_step_s"] = 1e-4
     assert cost.run_s(config, "funnel", 1e-7) == pytest.approx(100 * 5.0 / 1e-4 * 1e-7)
-    assert cost.run_s(config, "funnel", 3e-7) == pytest.approx(3 * cost.run_s(config, "funnel", 1e-7))
+    assert cost.run_s(config, "funnel", 3e-7) == pytest.approx(
+        3 * cost.run_s(config, "funnel", 1e-7)
+    )
     config = second
     config["simulation"]["time_step_s"] = 2.5e-4
     work = cost.work(config)
@@ -129,4 +174,6 @@ def test_time_goes_with_the_slowest_bench_test_and_each_strategy_has_its_own_pou
     config["simulation"]["time_step_s"] *= 2
     config["targets"].append(shared.target("drum_slip_deg", 40, 1, 35, 45))
     runs = (150 + 1 + 5) * config["drum"]["seeds"]
-    assert cost.work(config)["total_s"] > work["total_s"] + runs * cost.run_s(config, "drum")
+    assert cost.work(config)["total_s"] > work["total_s"] + runs * cost.run_s(
+        config, "drum"
+    )

@@ -39,20 +39,31 @@ def test_what_is_left_out_is_computed_and_what_is_given_stays(folder, by_hand):
     config = Study.load(inputs=True).config
     assert config == Study.load("config.yaml").config == json.loads(json.dumps(config))
     assert config["network"]["split"] == by_hand["network"]["split"]
-    found, known = ({key: at(one, key) for key in KEYS[1:]} for one in (config, by_hand))
+    found, known = (
+        {key: at(one, key) for key in KEYS[1:]} for one in (config, by_hand)
+    )
     assert found == pytest.approx(known, 0.35)
     assert not computed.to_compute(config)
-    (folder / "more.yaml").write_text("measure: {mm_per_pixel: 0.3}\nnetwork: {split: [0.7, 0.1, 0.2]}\n")
+    (folder / "more.yaml").write_text(
+        "measure: {mm_per_pixel: 0.3}\nnetwork: {split: [0.7, 0.1, 0.2]}\n"
+    )
     config = Study.load("more.yaml").config
-    assert (config["measure"]["mm_per_pixel"], config["network"]["split"]) == (0.3, [0.7, 0.1, 0.2])
-    (folder / "more.yaml").write_text("surrogate: network\n")  # it stops by samples of its own
+    assert (config["measure"]["mm_per_pixel"], config["network"]["split"]) == (
+        0.3,
+        [0.7, 0.1, 0.2],
+    )
+    (folder / "more.yaml").write_text(
+        "surrogate: network\n"
+    )  # it stops by samples of its own
     assert Study.load("more.yaml").config["network"]["split"] == [0.70, 0.15, 0.15]
 
 
 def test_the_time_step_is_eight_tenths_of_the_longest(folder):
     step = Study.load("config.yaml").config["simulation"]["time_step_s"]
     (folder / "more.yaml").write_text("simulation: {time_step_s: 1.0e-2}")
-    fault = input_error(r"simulation\.time_step_s is 0\.01", Study.load, "more.yaml", inputs=True)
+    fault = input_error(
+        r"simulation\.time_step_s is 0\.01", Study.load, "more.yaml", inputs=True
+    )
     longest = float(fault.allowed.removeprefix("at most ").split(",")[0])
     assert 0.75 * longest < step <= 0.8 * longest
     assert step == float(f"{step:.2g}")
@@ -65,21 +76,34 @@ def test_the_time_step_is_eight_tenths_of_the_longest(folder):
     (1e4, 0.60 + 0.13 + 1.5),
 ])  # fmt: skip
 def test_a_pour_lasts_until_the_grains_lie(folder, rate_per_s, lasts_s):
-    config = Study.load("config.yaml", overrides={"funnel": {"rate_per_s": rate_per_s}}).config
+    config = Study.load(
+        "config.yaml", overrides={"funnel": {"rate_per_s": rate_per_s}}
+    ).config
     assert config["funnel"]["duration_s"] == pytest.approx(lasts_s + 0.05, abs=0.06)
 
 
-def test_another_word_or_number_is_refused_and_a_study_has_numbers(by_hand, monkeypatch):
+def test_another_word_or_number_is_refused_and_a_study_has_numbers(
+    by_hand, monkeypatch
+):
     def refused(key, value):
-        fault = input_error("expected auto, or ", Study.of, put(copy.deepcopy(by_hand), key, value), "mine.yaml")
+        fault = input_error(
+            "expected auto, or ",
+            Study.of,
+            put(copy.deepcopy(by_hand), key, value),
+            "mine.yaml",
+        )
         assert fault.key == key
 
     values = (-1, "automatic", None, True, [], float("inf"))
-    check_all(refused, [(f"{key} {value!r}", key, value) for key in KEYS for value in values])
+    check_all(
+        refused, [(f"{key} {value!r}", key, value) for key in KEYS for value in values]
+    )
     monkeypatch.chdir(CROPS / "soybean")
     for key in KEYS:
         config = put(copy.deepcopy(by_hand), key, "auto")
-        assert at(Study.of(config).config, key) == pytest.approx(at(by_hand, key), rel=0.35), key
+        assert at(Study.of(config).config, key) == pytest.approx(
+            at(by_hand, key), rel=0.35
+        ), key
 
 
 def test_a_number_that_cannot_be_computed_is_reported_with_its_cause(folder):

@@ -24,7 +24,11 @@ from repose.strategies import strategy
 pytestmark = [pytest.mark.slow, pytest.mark.essential]  # every stage is run once
 
 NOT_RUN = {"next"}  # it needs runs of four sets in a further bench test
-SEVERAL = ("sequential", "response_surface", "refined")  # strategies; here each proposes by a stage of its name
+SEVERAL = (
+    "sequential",
+    "response_surface",
+    "refined",
+)  # strategies; here each proposes by a stage of its name
 LISTED = stands_on.KEYS | {name: strategy(name).reads for name in SEVERAL}
 SECTIONS = typed.sections
 SMALL = {
@@ -72,34 +76,58 @@ class NotedOutside(Noted):
 def note_attributes(patch, keys):
     """Note also the keys that are read as attributes of typed sections, wherever these were made."""
     plain, fields = BaseModel.__getattribute__, models.settings_type().model_fields
-    kinds = {name: field.annotation for name, field in fields.items() if isinstance(field.annotation, type)}
-    sections = {kind: f"{name}." for name, kind in kinds.items() if issubclass(kind, Section)}
+    kinds = {
+        name: field.annotation
+        for name, field in fields.items()
+        if isinstance(field.annotation, type)
+    }
+    sections = {
+        kind: f"{name}." for name, kind in kinds.items() if issubclass(kind, Section)
+    }
 
     def noting(section, name):
         value, kind = plain(section, name), type(section)
         # `dict` of a section, and its copies, read `__dict__`
-        read = kind.model_fields if name == "__dict__" else (name,) if name in kind.model_fields else ()
+        read = (
+            kind.model_fields
+            if name == "__dict__"
+            else (name,)
+            if name in kind.model_fields
+            else ()
+        )
         if kind in sections:
             keys.update(f"{sections[kind]}{key}" for key in read)
         return value
 
     patch.setattr(Section, "__getattribute__", noting)
     patch.setattr(
-        typed, "sections", lambda config, *more: SECTIONS(NotedOutside(getattr(config, "plain", config), keys), *more)
+        typed,
+        "sections",
+        lambda config, *more: SECTIONS(
+            NotedOutside(getattr(config, "plain", config), keys), *more
+        ),
     )
-    patch.setattr(section, "refuse", lambda _: None)  # a check of all keys is no use of them
+    patch.setattr(
+        section, "refuse", lambda _: None
+    )  # a check of all keys is no use of them
 
 
 def entry_of(key, listed):
     """The entry that lists a dotted key: it or its section; without one the key."""
-    entries = (key, key.partition(".")[0], stands_on.RESPONSES if key == "targets" else key)
+    entries = (
+        key,
+        key.partition(".")[0],
+        stands_on.RESPONSES if key == "targets" else key,
+    )
     return next((entry for entry in entries if entry in listed), key)
 
 
 @pytest.fixture(scope="module")
 def keys_read(tmp_path_factory):
     folder, patch = tmp_path_factory.mktemp("keys"), pytest.MonkeyPatch()
-    config = study.Study.load("config/config.yaml", "config/quick.yaml", overrides=SMALL).config
+    config = study.Study.load(
+        "config/config.yaml", "config/quick.yaml", overrides=SMALL
+    ).config
     config["results_dir"] = str(folder)
     loader.write_resolved(config, folder / "config.json")
     found, settings = {}, Response.settings
@@ -110,10 +138,16 @@ def keys_read(tmp_path_factory):
         patch.setattr(study, "read_json", lambda path, what: Noted(config, keys))
         note_attributes(patch, keys)
         # no result depends on these: files of other definitions are refused, and a rule has its tables as inputs
-        patch.setattr(Response, "settings", lambda response, _: settings(response, config))
-        patch.setattr(stands_on, "scene", lambda _: "")  # the hash of the scene stands for its keys
+        patch.setattr(
+            Response, "settings", lambda response, _: settings(response, config)
+        )
+        patch.setattr(
+            stands_on, "scene", lambda _: ""
+        )  # the hash of the scene stands for its keys
         published = config["validation"]["published"]
-        patch.setattr(study.Study, "published", lambda _, table: beside(published, table))
+        patch.setattr(
+            study.Study, "published", lambda _, table: beside(published, table)
+        )
         given = [f"--{key}={value}" for key, value in options.items()]
         name = [verb] if verb in TYPED else ["stage", verb]
         given.append(f"--config={folder / 'config.json'}")
@@ -135,7 +169,10 @@ def measured(table, folder):
     first, second = (iter(responses(table, 2.0, seed).tolist()) for seed in range(2))
 
     def runs_of(_row):
-        return [good_run(k, aor_deg=aor, height_mm=mm) for k, (aor, mm) in enumerate((next(first), next(second)))]
+        return [
+            good_run(k, aor_deg=aor, height_mm=mm)
+            for k, (aor, mm) in enumerate((next(first), next(second)))
+        ]
 
     return write_jobs(table, folder, runs_of)
 
@@ -152,13 +189,21 @@ def chain(run, at):
     run("miga", **network, dataset=at / "dataset.csv", out=at / "miga")
     run("solutions", feasible=at / "miga/feasible.csv", out=at / "validation")
     run("published_solutions", out=at / "validation")
-    jobs = measured(pd.read_csv(at / "validation/published_solutions.csv"), at / "validation/published")
+    jobs = measured(
+        pd.read_csv(at / "validation/published_solutions.csv"),
+        at / "validation/published",
+    )
     run("published_sets", *jobs, out=at)
-    jobs = measured(pd.read_csv(at / "validation/solutions.csv"), at / "validation/heaps")
+    jobs = measured(
+        pd.read_csv(at / "validation/solutions.csv"), at / "validation/heaps"
+    )
     own = {"solutions": at / "validation/solutions.csv", "dataset": at / "dataset.csv"}
     run("validate", *jobs, **own, out=at / "validation")
     run("noise", runs=at / "runs.csv", out=at / "noise")
-    found = {"predictions": at / "network/predictions.csv", "feasible": at / "miga/feasible.csv"}
+    found = {
+        "predictions": at / "network/predictions.csv",
+        "feasible": at / "miga/feasible.csv",
+    }
     run("posterior", **network, **tables, **found, out=at / "posterior")
     run("sensitivity", **network, out=at / "sensitivity")
     run("plausible", draws=at / "posterior/draws.csv", out=at / "next/samples.csv")
@@ -176,7 +221,9 @@ def strategies(run, poured, at):
     poured(batch / "samples.csv", at / "far")  # whose piles are out of reach
     for table in ("dataset", "runs"):
         far = pd.read_csv(at / f"far/{table}.csv")
-        far.assign(height_mm=far["height_mm"] + 40.0).to_csv(at / f"far/{table}.csv", index=False)
+        far.assign(height_mm=far["height_mm"] + 40.0).to_csv(
+            at / f"far/{table}.csv", index=False
+        )
     run("propose", "sequential", at / "far", out=at / "far/batch_1")
 
 
@@ -187,16 +234,35 @@ def is_answer(folder):
 
 def pictures(run, at):
     centres, turned = cone_of_berries(30.0, np.random.default_rng(1), 200)
-    np.savez(at / "001.npz", position_1=centres, quaternion_1=turned, in_pile_1=np.full(200, True))
+    np.savez(
+        at / "001.npz",
+        position_1=centres,
+        quaternion_1=turned,
+        in_pile_1=np.full(200, True),
+    )
     PARTICLE.save(at / "particle.json")
     (at / "berry.json").write_text((at / "berry/berry.json").read_text())
-    run("silhouette", at / "001.npz", particle=at / "particle.json", out=at / "side.png")
+    run(
+        "silhouette", at / "001.npz", particle=at / "particle.json", out=at / "side.png"
+    )
     grain = {"berry": at / "berry.json"}
-    run("measure_silhouette", at / "side.png", **grain, overlay=at / "over.png", out=at / "side.json")
-    slipped = saved(at, 1, 30.0, status="ok", before_turned_deg=1.0, after_turned_deg=3.0)
+    run(
+        "measure_silhouette",
+        at / "side.png",
+        **grain,
+        overlay=at / "over.png",
+        out=at / "side.json",
+    )
+    slipped = saved(
+        at, 1, 30.0, status="ok", before_turned_deg=1.0, after_turned_deg=3.0
+    )
     with np.load(at / "drum_1.npz") as kept:
         arrays = dict(kept)
-    arrays |= {f"{key}_{state}": arrays[key][0] for key in ("position", "quaternion") for state in ("before", "after")}
+    arrays |= {
+        f"{key}_{state}": arrays[key][0]
+        for key in ("position", "quaternion")
+        for state in ("before", "after")
+    }
     np.savez(at / "drum_1.npz", **arrays)
     run("drum_tables", slipped, **grain, particle=at / "particle.json", out=at / "drum")
 

@@ -26,7 +26,9 @@ OF_SJKR = {"k_gg": [0.0, 1e4], "k_gp": {"fixed": 0.0}}
 
 def study(contact_law, rolling_law="budget", **parameters):
     laws = {"contact_law": contact_law, "rolling_law": rolling_law}
-    return Study.load("config/config.yaml", overrides={"simulation": laws, "parameters": parameters})
+    return Study.load(
+        "config/config.yaml", overrides={"simulation": laws, "parameters": parameters}
+    )
 
 
 def test_the_configuration_knows_the_laws_the_card_their_convention_and_twisting_its_laws():
@@ -39,11 +41,19 @@ def test_the_configuration_knows_the_laws_the_card_their_convention_and_twisting
     words = described_laws(study("jkr", **COHESION).settings.simulation)
     says(words["normal"], "w = 2 gamma", "3 pi gamma R*")
     for direction in ("tangential", "rolling"):
-        assert "times the sum of the damped normal force and twice the pull-off force" in words[direction]
+        assert (
+            "times the sum of the damped normal force and twice the pull-off force"
+            in words[direction]
+        )
     assert "by more than the pull-off force" in words["end of an impact"]
     words = described_laws(study("sjkr", **OF_SJKR).settings.simulation)
-    assert "mu_s times the size of the damped normal force without cohesion" in words["tangential"]
-    assert words["end of an impact"].startswith("the force without cohesion never pulls")
+    assert (
+        "mu_s times the size of the damped normal force without cohesion"
+        in words["tangential"]
+    )
+    assert words["end of an impact"].startswith(
+        "the force without cohesion never pulls"
+    )
     space = study("hertz_mindlin", "epsd", mut_gp=[0.0, 0.5]).parameters
     assert space.free == (*PARAMETERS, "mut_gp")
     contacts = _contacts(space.centre)
@@ -56,13 +66,18 @@ def test_the_configuration_knows_the_laws_the_card_their_convention_and_twisting
 
 def test_a_law_adds_its_parameters_to_the_six_whose_tables_stay_as_they_were(tmp_path):
     space = study("jkr", **COHESION).parameters
-    assert (space.names, space.free) == ((*PARAMETERS, "gamma_gg", "gamma_gp"), (*PARAMETERS, "gamma_gg"))
+    assert (space.names, space.free) == (
+        (*PARAMETERS, "gamma_gg", "gamma_gp"),
+        (*PARAMETERS, "gamma_gg"),
+    )
     table = design(space, DesignSettings(samples=12, method="lhsdesign", seed=1))[0]
     assert (list(table), set(table["gamma_gp"])) == (["sample", *space.names], {0.02})
     assert len(set(np.ceil(120.0 * table["gamma_gg"]))) == 12
     table.to_csv(tmp_path / "samples.csv", index=False)
     assert tuple(read_sample(tmp_path / "samples.csv", 3)) == space.names
-    np.testing.assert_allclose(space.values(space.unit(table[list(space.names)])), table[list(space.names)])
+    np.testing.assert_allclose(
+        space.values(space.unit(table[list(space.names)])), table[list(space.names)]
+    )
     contacts = _contacts(space.centre)
     assert contacts["berry", "berry"].constants == {"surface_energy_j_m2": 0.05}
     assert contacts["berry", "wall"].constants == {"surface_energy_j_m2": 0.02}

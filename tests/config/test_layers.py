@@ -17,7 +17,9 @@ from repose.config.study import Study
 from repose.core import places
 
 
-@pytest.mark.parametrize("text", ["2e-4", "2.0e-4", "2E-4", "+2e-04", "0.0002", ".2e-3"])
+@pytest.mark.parametrize(
+    "text", ["2e-4", "2.0e-4", "2E-4", "+2e-04", "0.0002", ".2e-3"]
+)
 def test_numbers_may_be_written_in_any_way(tmp_path, text):
     path = written(tmp_path / "my.yaml", f"simulation: {{time_step_s: {text}}}\n")
     assert reading.read(path)["simulation"]["time_step_s"] == 2e-4
@@ -46,26 +48,45 @@ def test_files_that_are_no_configuration(tmp_path, text, message):
     input_error(f"my.yaml(.|\n)*{message}", reading.read, path)
 
 
-def test_files_and_command_line_lie_over_each_other_for_verbs_and_workflow_alike(tmp_path):
-    mine = written(tmp_path / "mine.yaml", "funnel: {seeds: 5, duration_s: 20}\nlabel: mine\n")
-    config = Study.load(str(mine), overrides={"funnel": {"seeds": "6"}}, inputs=True).config
-    assert (config["label"], config["funnel"]["seeds"], config["funnel"]["duration_s"]) == ("mine", 6, 20)
+def test_files_and_command_line_lie_over_each_other_for_verbs_and_workflow_alike(
+    tmp_path,
+):
+    mine = written(
+        tmp_path / "mine.yaml", "funnel: {seeds: 5, duration_s: 20}\nlabel: mine\n"
+    )
+    config = Study.load(
+        str(mine), overrides={"funnel": {"seeds": "6"}}, inputs=True
+    ).config
+    assert (
+        config["label"],
+        config["funnel"]["seeds"],
+        config["funnel"]["duration_s"],
+    ) == ("mine", 6, 20)
     assert config["funnel"]["berries"] == 500
     mine.write_text("funnel: {seeds: 5}\nparameters: {e_gg: {fixed: 0.3}}\n")
     assert Study.load(mine).config == Study.load(mine, inputs=True).config
     input_error("nowhere.yaml", Study.load, mine, tmp_path / "nowhere.yaml")
     first = written(tmp_path / "first.yaml", "parameters: {e_gg: {fixed: 0.3}}\n")
-    second = written(tmp_path / "second.yaml", "parameters: {e_gg: {prior: {mean: 0.3, sd: 0.01}}}\n")
-    assert Study.load(first, second).config["parameters"]["e_gg"] == {"prior": {"mean": 0.3, "sd": 0.01}}
+    second = written(
+        tmp_path / "second.yaml", "parameters: {e_gg: {prior: {mean: 0.3, sd: 0.01}}}\n"
+    )
+    assert Study.load(first, second).config["parameters"]["e_gg"] == {
+        "prior": {"mean": 0.3, "sd": 0.01}
+    }
 
 
 def test_a_job_of_a_cluster_does_not_check_the_inputs_again(monkeypatch):
-    monkeypatch.setattr("repose.config.making.Making._read_files", lambda _: pytest.fail("the inputs were checked"))
+    monkeypatch.setattr(
+        "repose.config.making.Making._read_files",
+        lambda _: pytest.fail("the inputs were checked"),
+    )
     assert Study.load().config["label"]
     raised(pytest.fail.Exception, None, Study.load, inputs=True)
 
 
-def test_a_complete_file_and_the_built_in_crop_stand_in_for_the_folders_own(tmp_path, monkeypatch):
+def test_a_complete_file_and_the_built_in_crop_stand_in_for_the_folders_own(
+    tmp_path, monkeypatch
+):
     path = tmp_path / "results" / "config.json"
     config = Study.load(inputs=True).config
     loader.write_resolved(config, path)
@@ -81,21 +102,35 @@ def test_a_complete_file_and_the_built_in_crop_stand_in_for_the_folders_own(tmp_
 
 def test_a_fault_names_the_file_it_came_from(tmp_path):
     mine = tmp_path / "mine.yaml"
-    given = [("funnel: {seeds: 0}\n", {}), ("label: mine\n", {"funnel": {"seeds": "0"}})]
-    for text, overrides in (*given, ("targets: [{response: height_mm, value: null}]\n", {})):
+    given = [
+        ("funnel: {seeds: 0}\n", {}),
+        ("label: mine\n", {"funnel": {"seeds": "0"}}),
+    ]
+    for text, overrides in (
+        *given,
+        ("targets: [{response: height_mm, value: null}]\n", {}),
+    ):
         mine.write_text(text)
-        error = input_error("expected", Study.load, str(mine), overrides=overrides, inputs=True)
+        error = input_error(
+            "expected", Study.load, str(mine), overrides=overrides, inputs=True
+        )
         source = loader.COMMAND_LINE if overrides else str(mine)
         assert {fault.source for fault in getattr(error, "faults", [error])} == {source}
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "examples/bench_tests").glob("*.yaml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path",
+    sorted((ROOT / "examples/bench_tests").glob("*.yaml")),
+    ids=lambda path: path.stem,
+)
 def test_an_example_of_a_bench_test_goes_over_the_default(path):
     assert Study.load(ROOT / "config/config.yaml", path).particle is not None
 
 
 def test_a_key_of_a_section_with_a_fault_is_not_used():
-    of_section, of_key = (SimpleNamespace(bad={bad}) for bad in ("funnel", "funnel.seeds"))
+    of_section, of_key = (
+        SimpleNamespace(bad={bad}) for bad in ("funnel", "funnel.seeds")
+    )
     assert not Making._may_use(of_section, "funnel.seeds")
     assert not Making._may_use(of_key, "funnel.seeds")
     assert Making._may_use(of_key, "funnel.berries")
@@ -111,7 +146,10 @@ def test_a_study_stands_beside_the_package_has_its_parts_and_stays_as_it_is(quic
     config = quick.config | {"network": {**quick.config["network"]}}
     del config["network"]["split"]
     assert Study.of(config).config["network"]["split"] == [0.70, 0.15, 0.15]
-    assert (quick.parameters.dimensions, quick.targets.names) == (6, ("aor_deg", "height_mm"))
+    assert (quick.parameters.dimensions, quick.targets.names) == (
+        6,
+        ("aor_deg", "height_mm"),
+    )
     assert quick.folder.as_posix() == "results/quick"
     words = "e_gg, mus_gg, mur_gg, e_gp, mus_gp, mur_gp by aor_deg, height_mm, strategy published"
     assert repr(quick) == f"<Study quick: {words}>"
@@ -120,10 +158,14 @@ def test_a_study_stands_beside_the_package_has_its_parts_and_stays_as_it_is(quic
     assert quick.grain["density_kg_m3"] == 840.47
 
 
-def test_a_job_reads_what_was_checked_and_checks_it_only_if_somebody_changed_it(quick, tmp_path):
+def test_a_job_reads_what_was_checked_and_checks_it_only_if_somebody_changed_it(
+    quick, tmp_path
+):
     path = tmp_path / "config.json"
     wrong = quick.config | {"surrogate": "cubic"}
-    loader.write_resolved(wrong, path)  # no study writes that: it shows that nothing is checked
+    loader.write_resolved(
+        wrong, path
+    )  # no study writes that: it shows that nothing is checked
     assert Study.load(path).config == wrong
     path.write_text(json.dumps(wrong))
     input_error(r"config\.json: surrogate is 'cubic'", Study.load, path)
@@ -138,5 +180,16 @@ def test_what_stands_on_a_fault_is_not_reported_beside_it(quick):
         "simulation": quick.config["simulation"] | {"time_step_s": "auto"},
         "miga": quick.config["miga"] | {"tournament": 900},
     }
-    found = {fault.key for fault in input_error("expected", Study.of, config, "mine.yaml", inputs=True).faults}
-    assert found == {"funnel.seeds", "miga.tournament", "berry.sizes", "berry.stl", "validation.published"}
+    found = {
+        fault.key
+        for fault in input_error(
+            "expected", Study.of, config, "mine.yaml", inputs=True
+        ).faults
+    }
+    assert found == {
+        "funnel.seeds",
+        "miga.tournament",
+        "berry.sizes",
+        "berry.stl",
+        "validation.published",
+    }

@@ -31,7 +31,13 @@ def table(tmp_path):
 @pytest.fixture
 def entry(table):
     profile = {"response": "turning_profile_mm", "file": str(table)}
-    return profile | {"sd": 1.2, "repetitions": 4, "functions": 3, "within": 0.9, "covered": 0.2}
+    return profile | {
+        "sd": 1.2,
+        "repetitions": 4,
+        "functions": 3,
+        "within": 0.9,
+        "covered": 0.2,
+    }
 
 
 def study_of(quick, entry):
@@ -41,31 +47,60 @@ def study_of(quick, entry):
 def test_a_profile_becomes_a_target_for_each_score_with_its_errors(quick, entry):
     study = study_of(quick, entry)
     own = [target for target in study.targets if target.profile is not None]
-    assert [target.name for target in own] == [f"turning_profile_{k}_mm" for k in (1, 2, 3)]
+    assert [target.name for target in own] == [
+        f"turning_profile_{k}_mm" for k in (1, 2, 3)
+    ]
     profile = own[0].profile
     assert profile.x == (-30, -20, -10, 0, 10)  # the last height is empty
-    np.testing.assert_allclose([target.value for target in own], profile.scores(profile.z))
+    np.testing.assert_allclose(
+        [target.value for target in own], profile.scores(profile.z)
+    )
     assert [target.weight for target in own] == pytest.approx([1 / 3] * 3)
     # errors and ranges of the scores add up to those of the heights
     assert sum(target.sd**2 for target in own) == pytest.approx(1.2**2)
-    assert sum((target.high - target.low) ** 2 for target in own) == pytest.approx((2 * 0.9) ** 2)
+    assert sum((target.high - target.low) ** 2 for target in own) == pytest.approx(
+        (2 * 0.9) ** 2
+    )
     assert {target.whole for target in own} == {profile.whole}
-    settings = [described(study, target.response, {})["definition"]["settings"] for target in study.targets]
-    assert [one.get("profile", {}).get("x") for one in settings] == [None] * (len(settings) - 3) + 3 * [[*profile.x]]
+    settings = [
+        described(study, target.response, {})["definition"]["settings"]
+        for target in study.targets
+    ]
+    assert [one.get("profile", {}).get("x") for one in settings] == [None] * (
+        len(settings) - 3
+    ) + 3 * [[*profile.x]]
     own = {key: value for key, value in entry.items() if key != "functions"}
     input_error("rows is 5; expected more than functions, 5", study_of, quick, own)
     own = study_of(quick, entry | {"sd": "sd_mm", "z": "low_mm"}).targets[-1]
-    assert (own.sd, own.profile.x) == (pytest.approx(1 / np.sqrt(3)), (-20, -10, 0, 10, 20))
-    number = {"response": "turning_profile_1_mm", "apparatus": "turning", "value": 1.0, "sd": 1.0}
+    assert (own.sd, own.profile.x) == (
+        pytest.approx(1 / np.sqrt(3)),
+        (-20, -10, 0, 10, 20),
+    )
+    number = {
+        "response": "turning_profile_1_mm",
+        "apparatus": "turning",
+        "value": 1.0,
+        "sd": 1.0,
+    }
     number |= {"repetitions": 1, "range": [0.0, 2.0]}
-    input_error("turning_profile_mm with the file of its measured heights", study_of, quick, number)
+    input_error(
+        "turning_profile_mm with the file of its measured heights",
+        study_of,
+        quick,
+        number,
+    )
 
 
-def test_scores_are_defined_by_abscissae_and_share_and_percents_are_of_the_height(quick, entry, table):
+def test_scores_are_defined_by_abscissae_and_share_and_percents_are_of_the_height(
+    quick, entry, table
+):
     before = study_of(quick, entry)
     table.write_text(TABLE.replace("16", "15"))
     heights, share = study_of(quick, entry), study_of(quick, entry | {"covered": 0.5})
-    for what in (lambda s: s.definitions, lambda s: stands_on.settings_of(s.config, "measure_runs", "turning")):
+    for what in (
+        lambda s: s.definitions,
+        lambda s: stands_on.settings_of(s.config, "measure_runs", "turning"),
+    ):
         assert what(before) == what(heights)
         assert what(before) != what(share)
     assert before.targets[-1].value != heights.targets[-1].value
@@ -105,21 +140,54 @@ def test_a_wrong_table_is_refused(quick, entry, table, old, new, words):
 
 
 @pytest.mark.slow
-def test_a_study_with_a_simulator_of_the_users_own_calibrates_a_profile(table, tmp_path):
-    given = {"file": str(table), "sd": 0.2, "repetitions": 1, "functions": 3, "unit": "mm", "noise_sd": 0.1}
-    options = {"seed": 3, "file": tmp_path / "runs.csv", "posterior": {"walkers": 32, "steps": 200}}
-    section = {"start_samples": 8, "seeds": 1, "batch": 2, "most_runs": 16, "tolerance_percent": 3.0}
+def test_a_study_with_a_simulator_of_the_users_own_calibrates_a_profile(
+    table, tmp_path
+):
+    given = {
+        "file": str(table),
+        "sd": 0.2,
+        "repetitions": 1,
+        "functions": 3,
+        "unit": "mm",
+        "noise_sd": 0.1,
+    }
+    options = {
+        "seed": 3,
+        "file": tmp_path / "runs.csv",
+        "posterior": {"walkers": 32, "steps": 200},
+    }
+    section = {
+        "start_samples": 8,
+        "seeds": 1,
+        "batch": 2,
+        "most_runs": 16,
+        "tolerance_percent": 3.0,
+    }
     parameters = {"slope": (-1.2, -0.4), "height": (-4.0, 4.0)}
-    study = repose.Study(parameters, {"surface_mm": given}, sequential=section, **options)
+    study = repose.Study(
+        parameters, {"surface_mm": given}, sequential=section, **options
+    )
     profile, random = study.targets.profiles["surface_mm"], np.random.default_rng(4)
     while not study.done:
-        lines = (row.slope * np.array(profile.x) + row.height for row in study.ask().itertuples())
+        lines = (
+            row.slope * np.array(profile.x) + row.height
+            for row in study.ask().itertuples()
+        )
         rows = [profile.columns(line + 0.1 * random.normal(size=5)) for line in lines]
-        study.tell(study.ask().assign(**{name: [row[name] for row in rows] for name in profile.names}))
+        study.tell(
+            study.ask().assign(
+                **{name: [row[name] for row in rows] for name in profile.names}
+            )
+        )
     slope, height = np.polyfit(profile.x, profile.z, 1)
     answer = study.answer()
-    assert answer.parameters == {"slope": pytest.approx(slope, abs=0.03), "height": pytest.approx(height, abs=0.3)}
-    low, high = answer.posterior.parameters[["credible_low", "credible_high"]].to_numpy().T
+    assert answer.parameters == {
+        "slope": pytest.approx(slope, abs=0.03),
+        "height": pytest.approx(height, abs=0.3),
+    }
+    low, high = (
+        answer.posterior.parameters[["credible_low", "credible_high"]].to_numpy().T
+    )
     assert (low < [slope, height]).all()
     assert (high > [slope, height]).all()
     table.unlink()  # the settings beside the runs hold the heights

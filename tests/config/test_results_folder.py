@@ -14,22 +14,54 @@ from repose.core.files import write_json, write_text
 
 
 def test_the_wildcards_of_outputs_stand_for_what_rules_write():
-    outputs = ["r/{runs}/{sample}.json", r"r/{strategy,a|b}/batch_{batch,\d{1,4}}/a.csv"]
+    outputs = [
+        "r/{runs}/{sample}.json",
+        r"r/{strategy,a|b}/batch_{batch,\d{1,4}}/a.csv",
+    ]
     ours = results_folder.pattern_of(outputs).fullmatch
-    assert all(map(ours, ("r/heaps/001.json", "r/drum_runs/012.json", "r/refined/batch_1/a.csv")))
-    assert not any(map(ours, ("r/heaps/a.json", "r/network/001.json", "r/published/batch_1/a.csv", "s/heaps/001.json")))
+    assert all(
+        map(
+            ours,
+            ("r/heaps/001.json", "r/drum_runs/012.json", "r/refined/batch_1/a.csv"),
+        )
+    )
+    assert not any(
+        map(
+            ours,
+            (
+                "r/heaps/a.json",
+                "r/network/001.json",
+                "r/published/batch_1/a.csv",
+                "s/heaps/001.json",
+            ),
+        )
+    )
 
 
 NOT_A_STUDYS = (
     *("/", ".", "..", "./", "~", "results/..", "results/../src", "/etc/../src"),
     *(".git", ".snakemake", "results/.git", "-rf", "results/-rf"),
     *("src", "src/repose", "examples", "tests/mine", "results/published"),
-    *("a b", "a;b", "a\nb", "results\n", "$HOME", "{a}", "*", "", "a//b", "a'b", "a" * 1001),
+    *(
+        "a b",
+        "a;b",
+        "a\nb",
+        "results\n",
+        "$HOME",
+        "{a}",
+        "*",
+        "",
+        "a//b",
+        "a'b",
+        "a" * 1001,
+    ),
     *(str(ROOT), str(ROOT / "src"), str(ROOT.parent), str(Path.home())),
 )
 
 
-def test_a_folder_that_is_not_a_studys_own_or_around_the_working_one_is_refused(config, tmp_path, monkeypatch):
+def test_a_folder_that_is_not_a_studys_own_or_around_the_working_one_is_refused(
+    config, tmp_path, monkeypatch
+):
     def refused(folder):
         config["results_dir"] = folder
         input_error(r"results_dir is .*; expected a folder", Study.of, config)
@@ -44,7 +76,9 @@ def test_a_folder_that_is_not_a_studys_own_or_around_the_working_one_is_refused(
     Study.of(config)
 
 
-def test_a_folder_with_somebodys_files_is_refused_and_a_studys_is_taken(config, tmp_path):
+def test_a_folder_with_somebodys_files_is_refused_and_a_studys_is_taken(
+    config, tmp_path
+):
     config["results_dir"] = str(tmp_path / "data")
     config["berry"] |= {"sizes": str(ROOT / "resources/berries.csv")}
     Study.of(config).check_inputs()
@@ -54,7 +88,9 @@ def test_a_folder_with_somebodys_files_is_refused_and_a_studys_is_taken(config, 
 
     def check():
         folder = config["results_dir"]
-        results_folder.check_no_foreign_files(folder, [f"{folder}/figures/{{name}}.svg"])
+        results_folder.check_no_foreign_files(
+            folder, [f"{folder}/figures/{{name}}.svg"]
+        )
 
     input_error("there is figures, which no study of repose wrote", check)
     write_json(tmp_path / "data/config.json", config)
@@ -62,53 +98,107 @@ def test_a_folder_with_somebodys_files_is_refused_and_a_studys_is_taken(config, 
     (tmp_path / "link").symlink_to(tmp_path / "nothing")
     for way in ("data/figures/figure02.png/results", "link", "link/results"):
         config["results_dir"] = str(tmp_path / way)
-        input_error("a file, or a link to nothing, is in its way", Study.of(config).check_inputs)
+        input_error(
+            "a file, or a link to nothing, is in its way", Study.of(config).check_inputs
+        )
 
 
-def test_a_changed_result_and_somebodys_file_in_the_place_of_a_result_are_reported_at_once(tmp_path):
+def test_a_changed_result_and_somebodys_file_in_the_place_of_a_result_are_reported_at_once(
+    tmp_path,
+):
     study = tmp_path / "study"
     for name in ("dataset.csv", "design/samples.csv"):
         write_text(study / name, "1\n")
-    mine = [study / name for name in ("report.html", "network/network.json", "network/notes.txt", "logs/berry.log")]
+    mine = [
+        study / name
+        for name in (
+            "report.html",
+            "network/network.json",
+            "network/notes.txt",
+            "logs/berry.log",
+        )
+    ]
     for path in mine:
         path.parent.mkdir(exist_ok=True)
         path.write_text("mine")
     (study / "runs.csv").touch()
-    results = ("dataset.csv", "design/samples.csv", "report.html", "network/network.json", "logs/berry.log", "runs.csv")
+    results = (
+        "dataset.csv",
+        "design/samples.csv",
+        "report.html",
+        "network/network.json",
+        "logs/berry.log",
+        "runs.csv",
+    )
 
     def reported():
         files = str(study), [f"{study}/{name}" for name in results]
-        said = str(input_error("expected", results_folder.check_no_foreign_files, *files))
-        return [line.removeprefix(f"{study}/").partition(" is ")[0] for line in said.splitlines()]
+        said = str(
+            input_error("expected", results_folder.check_no_foreign_files, *files)
+        )
+        return [
+            line.removeprefix(f"{study}/").partition(" is ")[0]
+            for line in said.splitlines()
+        ]
 
     assert reported() == ["network/network.json: file", "report.html: file"]
     (study / "dataset.csv").write_text("2\n")
-    assert reported() == ["dataset.csv: content", "network/network.json: file", "report.html: file"]
+    assert reported() == [
+        "dataset.csv: content",
+        "network/network.json: file",
+        "report.html: file",
+    ]
     assert all(path.read_text() == "mine" for path in mine)
 
 
 def turned(value):
-    return {key: turned(value[key]) for key in reversed(value)} if isinstance(value, dict) else value
+    return (
+        {key: turned(value[key]) for key in reversed(value)}
+        if isinstance(value, dict)
+        else value
+    )
 
 
 def test_a_run_stands_on_what_it_reads_in_any_order_and_not_on_its_measurement(config):
     def check(name):
         measured_by = [(name, key) for key in bench(name).measured_by]
         of_measure = [("measure", key) for key in config["measure"]]
-        own = [(name, key) for key in config[name] if key != "seeds" and (name, key) not in measured_by]
-        shared = [(section, key) for section in ("wall", "simulation") for key in config[section]]
-        for section, key in (*of_measure, *measured_by, *own, *shared, ("design", "seed")):
+        own = [
+            (name, key)
+            for key in config[name]
+            if key != "seeds" and (name, key) not in measured_by
+        ]
+        shared = [
+            (section, key)
+            for section in ("wall", "simulation")
+            for key in config[section]
+        ]
+        for section, key in (
+            *of_measure,
+            *measured_by,
+            *own,
+            *shared,
+            ("design", "seed"),
+        ):
             changed = put(copy.deepcopy(config), f"{section}.{key}", "another")
             is_measurement = (section, key) in (*of_measure, *measured_by)
-            is_same = stands_on.pouring(changed, name) == stands_on.pouring(config, name)
+            is_same = stands_on.pouring(changed, name) == stands_on.pouring(
+                config, name
+            )
             assert is_same is is_measurement, (section, key)
             if is_measurement:
-                assert stands_on.measuring(changed, name) != stands_on.measuring(config, name)
-                assert stands_on.settings_of(changed, "next") != stands_on.settings_of(config, "next"), (section, key)
+                assert stands_on.measuring(changed, name) != stands_on.measuring(
+                    config, name
+                )
+                assert stands_on.settings_of(changed, "next") != stands_on.settings_of(
+                    config, "next"
+                ), (section, key)
         other = turned(config)
         for what in (stands_on.pouring, stands_on.measuring):
             assert str(what(other, name)) == str(what(config, name))
-        assert str(stands_on.sections(other, "berry", "miga")) == str(stands_on.sections(config, "berry", "miga"))
+        assert str(stands_on.sections(other, "berry", "miga")) == str(
+            stands_on.sections(config, "berry", "miga")
+        )
 
     check_all(check, [(name, name) for name in names() if name in config])
 
@@ -123,12 +213,19 @@ def test_keys_of_a_bench_test_define_what_its_targets_are():
     other["drum"]["fit_share"] /= 2
     assert Study.of(other).definitions == study.definitions
     other["targets"][1] |= {"response": "drum_slip_deg", "apparatus": "drum"}
-    assert Study.of(other).definitions["drum_slip_deg"]["drum.fit_share"] == other["drum"]["fit_share"]
+    assert (
+        Study.of(other).definitions["drum_slip_deg"]["drum.fit_share"]
+        == other["drum"]["fit_share"]
+    )
 
 
-def test_results_stand_on_the_content_of_named_files_and_not_on_figures(config, tmp_path):
+def test_results_stand_on_the_content_of_named_files_and_not_on_figures(
+    config, tmp_path
+):
     for verb in ("material_card", "network", "report"):
-        settings = stands_on.settings_of(config | {"figures": {"format": ["png", "pdf"]}}, verb)
+        settings = stands_on.settings_of(
+            config | {"figures": {"format": ["png", "pdf"]}}, verb
+        )
         assert settings == stands_on.settings_of(config, verb)
 
     def of(key, name, content):

@@ -29,23 +29,53 @@ SHIPPED = ("config", "paper", "quick")
 
 def test_the_page_tells_the_ranges_that_are_allowed():
     told = 0
-    for heading, body in re.findall(r"^## (.*?)$(.*?)(?=^##|\Z)", PAGE, re.MULTILINE | re.DOTALL):
-        for cell, ranges in re.findall(r"^\| (`[^|]*`) \|[^|]*\| ([^|]*) \|", body, re.MULTILINE):
-            keys, pairs = re.findall(r"`(\w+)`", cell), re.findall(r"(-?[\d.]+)(?:-| to )([\d.,]*\d)(?:, |$)", ranges)
-            for section, (k, key) in itertools.product(re.findall(r"`(\w+)`", heading), enumerate(keys)):
+    for heading, body in re.findall(
+        r"^## (.*?)$(.*?)(?=^##|\Z)", PAGE, re.MULTILINE | re.DOTALL
+    ):
+        for cell, ranges in re.findall(
+            r"^\| (`[^|]*`) \|[^|]*\| ([^|]*) \|", body, re.MULTILINE
+        ):
+            keys, pairs = (
+                re.findall(r"`(\w+)`", cell),
+                re.findall(r"(-?[\d.]+)(?:-| to )([\d.,]*\d)(?:, |$)", ranges),
+            )
+            for section, (k, key) in itertools.product(
+                re.findall(r"`(\w+)`", heading), enumerate(keys)
+            ):
                 if pairs and key in faults.subschema([section]).get("properties", {}):
                     low, high = pairs[min(k, len(pairs) - 1)]
                     allowed = faults.allowed_by(faults.subschema([section, key]))
-                    assert f"from {low} to {high.replace(',', '')}" in allowed or "from" not in allowed, (section, key)
+                    assert (
+                        f"from {low} to {high.replace(',', '')}" in allowed
+                        or "from" not in allowed
+                    ), (section, key)
                     told += "from" in allowed
     assert told > 50
 
 
 def test_what_every_key_takes_is_known():
-    own = OwnSettings, {"sequential": OwnSequential.model_fields, "posterior": OwnPosterior.model_fields}
-    parts = [(model, one, part) for model, whole in ((None, every_bench_test()), own) for one, part in whole.items()]
-    keys = [(model, [one, key]) for model, one, part in parts if isinstance(part, dict) for key in part]
-    told = [f"{'.'.join(key)}: {faults.allowed_by(faults.subschema(key, model))}" for model, key in keys]
+    own = (
+        OwnSettings,
+        {
+            "sequential": OwnSequential.model_fields,
+            "posterior": OwnPosterior.model_fields,
+        },
+    )
+    parts = [
+        (model, one, part)
+        for model, whole in ((None, every_bench_test()), own)
+        for one, part in whole.items()
+    ]
+    keys = [
+        (model, [one, key])
+        for model, one, part in parts
+        if isinstance(part, dict)
+        for key in part
+    ]
+    told = [
+        f"{'.'.join(key)}: {faults.allowed_by(faults.subschema(key, model))}"
+        for model, key in keys
+    ]
     is_known("keys.txt", "\n".join(told))
 
 
@@ -54,11 +84,26 @@ def below(kind):
 
 
 def test_the_limits_and_defaults_of_all_that_is_read_are_known():
-    modules = {one.name: importlib.import_module(one.name) for one in pkgutil.walk_packages(repose.__path__, "repose.")}
-    models = [each for each in below(Section) if getattr(modules.get(each.__module__), each.__name__, 0) is each]
-    parts = {each.__name__: each.model_json_schema().get("properties", {}) for each in models}
-    told = sorted(f"{one}.{key}: {json.dumps(field)}" for one, part in parts.items() for key, field in part.items())
-    is_known("limits.txt", re.sub(r'"(title|description)": "[^"]*",? ?', "", "\n".join(told)))
+    modules = {
+        one.name: importlib.import_module(one.name)
+        for one in pkgutil.walk_packages(repose.__path__, "repose.")
+    }
+    models = [
+        each
+        for each in below(Section)
+        if getattr(modules.get(each.__module__), each.__name__, 0) is each
+    ]
+    parts = {
+        each.__name__: each.model_json_schema().get("properties", {}) for each in models
+    }
+    told = sorted(
+        f"{one}.{key}: {json.dumps(field)}"
+        for one, part in parts.items()
+        for key, field in part.items()
+    )
+    is_known(
+        "limits.txt", re.sub(r'"(title|description)": "[^"]*",? ?', "", "\n".join(told))
+    )
 
 
 @pytest.fixture(scope="module")
@@ -77,17 +122,33 @@ def test_shipped_configurations_pass_every_check_and_the_paper_has_the_published
         study.check_inputs()
     assert len({study.config["results_dir"] for study in studies}) == len(SHIPPED)
     config = Study.load("config/paper.yaml").config
-    assert (config["simulation"]["time_step_s"], config["funnel"]["duration_s"]) == (2.9256e-5, 18)
-    assert (config["design"]["method"], config["design"]["samples"], config["funnel"]["seeds"]) == ("lhsdesign", 150, 1)
+    assert (config["simulation"]["time_step_s"], config["funnel"]["duration_s"]) == (
+        2.9256e-5,
+        18,
+    )
+    assert (
+        config["design"]["method"],
+        config["design"]["samples"],
+        config["funnel"]["seeds"],
+    ) == ("lhsdesign", 150, 1)
     assert [target["aim"] for target in config["targets"]] == [32.5, 66.5]
 
 
 def test_a_target_may_leave_out_its_bench_test_and_its_range(config):
     short = {"value": 40.0, "sd": 3.0, "repetitions": 9}
-    config["targets"] = [{"response": "drum_slip_deg"} | short, {"response": "height_mm"} | short | {"sd": 0.3}]
+    config["targets"] = [
+        {"response": "drum_slip_deg"} | short,
+        {"response": "height_mm"} | short | {"sd": 0.3},
+    ]
     slip, height = Study.of(config).config["targets"]
-    assert (slip["apparatus"], slip["range"]) == ("drum", [39.0, 41.0])  # a standard error to each side
-    assert (height["apparatus"], height["range"]) == ("funnel", [39.6, 40.4])  # at least 1 %
+    assert (slip["apparatus"], slip["range"]) == (
+        "drum",
+        [39.0, 41.0],
+    )  # a standard error to each side
+    assert (height["apparatus"], height["range"]) == (
+        "funnel",
+        [39.6, 40.4],
+    )  # at least 1 %
     config["targets"] = [{"response": "weight_g"} | short]
     input_error("responses of funnel", Study.of, config)
 
@@ -96,21 +157,37 @@ def test_every_key_is_explained_known_and_computed_where_it_may_be_auto():
     explained = (ROOT / "config" / "README.md").read_text()
     for name in Study.load().config:
         assert f"`{name}`" in explained
-        assert all(f"`{key}`" in explained for key in faults.subschema([name]).get("properties", ())), name
+        assert all(
+            f"`{key}`" in explained
+            for key in faults.subschema([name]).get("properties", ())
+        ), name
     schema = faults.schema()
     others = {*names(), "joint_targets", "shape_study"} - {"funnel"}
     computed = {setting.key.partition(".")[2] for setting in COMPUTED}
-    for section in [schema, *map(faults.subschema, [[name] for name in schema["properties"]])]:
+    for section in [
+        schema,
+        *map(faults.subschema, [[name] for name in schema["properties"]]),
+    ]:
         if "properties" in section:
             assert section["additionalProperties"] is False
             optional = set(section["properties"]) - set(section.get("required", ()))
             figures = {"figures", "format", "dpi", "tilt_deg", "taps", "tap_mm"}
             filled = {"berries", "filling_height_mm"}  # one of the two
-            assert optional <= {"contact_law", "rolling_law", *figures, *filled, *FURTHER, *computed, *others}
+            assert optional <= {
+                "contact_law",
+                "rolling_law",
+                *figures,
+                *filled,
+                *FURTHER,
+                *computed,
+                *others,
+            }
     found = set()
     for name in faults.schema()["properties"]:
         keys = faults.subschema([name]).get("properties", {})
-        found |= {f"{name}.{key}" for key, one in keys.items() if one.get("default") == "auto"}
+        found |= {
+            f"{name}.{key}" for key, one in keys.items() if one.get("default") == "auto"
+        }
     assert found == {setting.key for setting in COMPUTED}
 
 
@@ -158,10 +235,21 @@ BAD_VALUES = (
 
 def test_a_bad_value_is_reported_with_file_key_value_and_what_is_allowed(config):
     def check_message(key, value, allowed):
-        fault = input_error(re.escape(allowed), Study.of, put(copy.deepcopy(config), key, value), "my.yaml")
+        fault = input_error(
+            re.escape(allowed),
+            Study.of,
+            put(copy.deepcopy(config), key, value),
+            "my.yaml",
+        )
         assert (fault.source, fault.key, fault.value) == ("my.yaml", key, value)
 
-    check_all(check_message, [(f"{key} {value!r}", key, value, allowed) for key, value, allowed in BAD_VALUES])
+    check_all(
+        check_message,
+        [
+            (f"{key} {value!r}", key, value, allowed)
+            for key, value, allowed in BAD_VALUES
+        ],
+    )
 
 
 KNOWN = (
@@ -169,14 +257,24 @@ KNOWN = (
     ({"fixed": "0,5"}, "fixed", "a number from 0.01 to 1"),
     ({"fix": 0.5}, "fix", "a known key; did you mean fixed?"),
     ({"prior": {"mean": 0.2}}, "prior", "a section with the keys mean and sd"),
-    ({"prior": {"mean": -0.2, "sd": 0.1}}, "prior", "a mean that is a number from 0.01 to 1"),
+    (
+        {"prior": {"mean": -0.2, "sd": 0.1}},
+        "prior",
+        "a mean that is a number from 0.01 to 1",
+    ),
     ({"prior": {"mean": 0.2, "sd": 0}}, "prior", "an sd above 0 and up to 1"),
-    ({"prior": {"mean": True, "sd": 0.1}}, "prior", "a mean that is a number from 0.01 to 1"),
+    (
+        {"prior": {"mean": True, "sd": 0.1}},
+        "prior",
+        "a mean that is a number from 0.01 to 1",
+    ),
 )
 
 
 @pytest.mark.parametrize(("given", "key", "allowed"), KNOWN)
-def test_a_fixed_value_and_a_prior_are_reported_by_their_own_keys(config, given, key, allowed):
+def test_a_fixed_value_and_a_prior_are_reported_by_their_own_keys(
+    config, given, key, allowed
+):
     config["parameters"]["e_gg"] = given
     fault = input_error(re.escape(allowed), Study.of, config, "my.yaml")
     assert (fault.key, fault.value) == (f"parameters.e_gg.{key}", given[key])
@@ -191,40 +289,75 @@ def test_a_prior_may_be_narrow_ends_at_the_largest_friction_and_meets_its_range(
     space = Study.of(config).parameters
     ends = dict(zip(space.free, space.high, strict=True))
     assert (ends["mus_gg"], ends["mur_gg"]) == (5.0, 1.0)
-    known = config["parameters"]["mus_gg"] = {"prior": {"mean": 0.5, "sd": 0.01}, "range": [0.52, 0.9]}
+    known = config["parameters"]["mus_gg"] = {
+        "prior": {"mean": 0.5, "sd": 0.01},
+        "range": [0.52, 0.9],
+    }
     assert Study.of(config).parameters.prior["mus_gg"] == (0.5, 0.01)
     known["range"] = [0.57, 0.9]
-    input_error(r"parameters\.mus_gg is .*; expected a range that meets 0\.47 to 0\.53", Study.of, config)
+    input_error(
+        r"parameters\.mus_gg is .*; expected a range that meets 0\.47 to 0\.53",
+        Study.of,
+        config,
+    )
 
 
 def test_what_follows_from_a_wrong_or_mistyped_key_is_reported_once(config):
-    first, *others = ({key: value for key, value in target.items() if key != "range"} for target in config["targets"])
+    first, *others = (
+        {key: value for key, value in target.items() if key != "range"}
+        for target in config["targets"]
+    )
 
     def check_key(key, value, allowed):
         wrong = config | {"targets": [first | {key: value}, *others]}
-        assert input_error(re.escape(allowed), Study.of, wrong, "my.yaml").key == f"targets.0.{key}"
+        assert (
+            input_error(re.escape(allowed), Study.of, wrong, "my.yaml").key
+            == f"targets.0.{key}"
+        )
 
     cases = [("value in other units", "value", 240.0, "from 1 to 89")]
     cases += [("a number of many digits", "value", 10**400, "a number from")]
-    cases += [("a large scatter", "sd", 900.0, "so small that the mean with its standard error")]
+    cases += [
+        (
+            "a large scatter",
+            "sd",
+            900.0,
+            "so small that the mean with its standard error",
+        )
+    ]
     check_all(check_key, cases)
     ends = r"targets\.0\.range is \[88\.0.*, 89\.7.*\]; expected a pair \[low, high\] from 1"
-    input_error(ends, Study.of, config | {"targets": [first | {"value": 88.9, "sd": 0.1}, *others]}, "my.yaml")
+    input_error(
+        ends,
+        Study.of,
+        config | {"targets": [first | {"value": 88.9, "sd": 0.1}, *others]},
+        "my.yaml",
+    )
     wrong = config | {"refin": config["refine"]}
     del wrong["refine"]
-    input_error(r"^my.yaml: refin is \{.*did you mean refine\?$", Study.of, wrong, "my.yaml")
+    input_error(
+        r"^my.yaml: refin is \{.*did you mean refine\?$", Study.of, wrong, "my.yaml"
+    )
     config["funnel"]["seads"] = config["funnel"].pop("seeds")
-    input_error(r"funnel\.seads is 6; .*did you mean seeds", Study.of, config, "my.yaml")
+    input_error(
+        r"funnel\.seads is 6; .*did you mean seeds", Study.of, config, "my.yaml"
+    )
 
 
 def test_noise_needs_replicates_of_every_bench_test_or_validation_samples(config):
     kept = copy.deepcopy(config)
     config["network"]["replicates"] = True
     once = config | {"funnel": config["funnel"] | {"seeds": 1}}
-    input_error(r"funnel\.seeds is 1; expected at least 2, or network\.replicates: false", Study.of, once)
+    input_error(
+        r"funnel\.seeds is 1; expected at least 2, or network\.replicates: false",
+        Study.of,
+        once,
+    )
     config["drum"]["seeds"] = 1
     Study.of(config)
-    config["targets"].append(config["targets"][0] | {"response": "drum_slip_deg", "apparatus": "drum"})
+    config["targets"].append(
+        config["targets"][0] | {"response": "drum_slip_deg", "apparatus": "drum"}
+    )
     input_error(r"drum\.seeds is 1; expected at least 2", Study.of, config)
     config = kept
     network = config["network"] | {"validation_noise": True}
@@ -233,8 +366,15 @@ def test_noise_needs_replicates_of_every_bench_test_or_validation_samples(config
     network |= {"replicates": False, "split": [0.7, 0.15, 0.15]}
     Study.of(config | {"network": network})
     for split, samples in (([0.85, 0.0, 0.15], 150), ([0.7, 0.15, 0.15], 14)):
-        study = config | {"network": network | {"split": split}, "design": config["design"] | {"samples": samples}}
-        input_error(r"network\.split is .*leaves more than 2 validation samples, or", Study.of, study)
+        study = config | {
+            "network": network | {"split": split},
+            "design": config["design"] | {"samples": samples},
+        }
+        input_error(
+            r"network\.split is .*leaves more than 2 validation samples, or",
+            Study.of,
+            study,
+        )
 
 
 def test_a_quadratic_surface_needs_more_samples_than_terms(config):
@@ -255,29 +395,46 @@ MISFITS = (
     ("response_surface.most_factors", 2, "at least 3 where surface is box_behnken"),
     ("response_surface.centres", 2, "at least 3 where surface is box_behnken"),
     ("sequential.seeds", 1, "at least 2: the noise comes from pours of one sample"),
-    ("sequential.most_pours", 15, "at least sequential.start_samples times sequential.seeds"),
+    (
+        "sequential.most_pours",
+        15,
+        "at least sequential.start_samples times sequential.seeds",
+    ),
 )
 
 
 def test_a_strategy_that_cannot_run_with_its_section_is_refused(quick):
     def check_message(key, value, allowed):
-        config = put(copy.deepcopy(quick.config) | {"strategy": key.partition(".")[0]}, key, value)
+        config = put(
+            copy.deepcopy(quick.config) | {"strategy": key.partition(".")[0]},
+            key,
+            value,
+        )
         if allowed is None:
             Study.of(config)
         else:
             assert input_error(re.escape(allowed), Study.of, config).key == key
 
-    check_all(check_message, [(f"{key} {value}", key, value, allowed) for key, value, allowed in MISFITS])
+    check_all(
+        check_message,
+        [(f"{key} {value}", key, value, allowed) for key, value, allowed in MISFITS],
+    )
 
 
 def test_a_proposal_is_cut_into_a_hundred_blocks_at_most(config):
     config["refine"] |= {"seeds": 801, "block": 8}
-    input_error(r"refine\.block is 8; expected at least refine.seeds / 100", Study.of, config)
+    input_error(
+        r"refine\.block is 8; expected at least refine.seeds / 100", Study.of, config
+    )
 
 
 def test_a_study_may_do_without_compression_tests_and_published_solutions(config):
     config["berry"] |= {"compression": None, "poisson_ratio": 0.3}
-    input_error(r"berry\.shear_modulus_pa is null; .* compression tests in berry\.compression", Study.of, config)
+    input_error(
+        r"berry\.shear_modulus_pa is null; .* compression tests in berry\.compression",
+        Study.of,
+        config,
+    )
     config["berry"]["shear_modulus_pa"] = 4e4
     Study.of(config).check_inputs()
     config["validation"]["published"] = None
@@ -288,7 +445,12 @@ def test_a_study_may_do_without_compression_tests_and_published_solutions(config
 def test_inputs_are_checked_against_the_berry_and_the_disc(config):
     def check_message(key, value, allowed):
         changed = put(copy.deepcopy(config), key, value)
-        assert input_error(re.escape(allowed), Study.of(changed, "my.yaml").check_inputs).key == key
+        assert (
+            input_error(
+                re.escape(allowed), Study.of(changed, "my.yaml").check_inputs
+            ).key
+            == key
+        )
 
     bad = (
         ("berry.sizes", "nowhere.csv", "an existing file"), ("validation.published", "nowhere.csv", "an existing file"),
@@ -298,15 +460,26 @@ def test_inputs_are_checked_against_the_berry_and_the_disc(config):
         ("funnel.outlet_diameter_mm", 9.0, "the size of a mean grain"),
         ("funnel.factory_diameter_mm", 20.0, "the size of a mean grain"),
     )  # fmt: skip
-    check_all(check_message, [(f"{key} {value!r}", key, value, allowed) for key, value, allowed in bad])
+    check_all(
+        check_message,
+        [(f"{key} {value!r}", key, value, allowed) for key, value, allowed in bad],
+    )
 
 
 def test_the_named_tables_and_pictures_are_read_before_any_work(config):
     sizes, forces = "resources/berries.csv", "resources/compression.csv"
     for section, changed, words in (
         ("berry", {"sizes": forces}, r"compression\.csv: column long_mm is 'missing'"),
-        ("validation", {"published": sizes}, r"berries\.csv: column solution is 'missing'; expected columns solution"),
-        ("posterior", {"shape_study": sizes}, r"berries\.csv: column particle is 'missing'"),
+        (
+            "validation",
+            {"published": sizes},
+            r"berries\.csv: column solution is 'missing'; expected columns solution",
+        ),
+        (
+            "posterior",
+            {"shape_study": sizes},
+            r"berries\.csv: column particle is 'missing'",
+        ),
         ("photograph", sizes, r"berries\.csv: picture is 'not a picture'"),
     ):
         changed = config[section] | changed if isinstance(changed, dict) else changed

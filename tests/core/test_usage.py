@@ -38,13 +38,22 @@ def test_processes_note_their_time_and_those_outside_jobs_none(tmp_path, monkeyp
     assert 0.8 < one.cpu_s <= used_s
     assert str(os.getpid()) in one.ancestors.split()
     assert usage.since("results", one.ended_s + 1) == []
-    benchmark = written(tmp_path / "results/benchmarks/heaps/001.tsv", "s\tmax_rss\tcpu_time\n1.5\t80.0\t0.2\n")
-    usage.correct_benchmarks("results", [one, one._replace(ended_s=one.ended_s - 60)])  # of an earlier attempt
-    assert benchmark.read_text() == f"s\tmax_rss\tcpu_time\n1.5\t80.0\t{one.cpu_s:.2f}\n"
+    benchmark = written(
+        tmp_path / "results/benchmarks/heaps/001.tsv",
+        "s\tmax_rss\tcpu_time\n1.5\t80.0\t0.2\n",
+    )
+    usage.correct_benchmarks(
+        "results", [one, one._replace(ended_s=one.ended_s - 60)]
+    )  # of an earlier attempt
+    assert (
+        benchmark.read_text() == f"s\tmax_rss\tcpu_time\n1.5\t80.0\t{one.cpu_s:.2f}\n"
+    )
     (tmp_path / "benchmarks").mkdir()
     usage.note(tmp_path)
     usage.correct_benchmarks(tmp_path, usage.since(tmp_path, 0))
-    assert [path.name for path in (tmp_path / "benchmarks").iterdir()] == ["processes.csv"]
+    assert [path.name for path in (tmp_path / "benchmarks").iterdir()] == [
+        "processes.csv"
+    ]
 
 
 AFTER_OTHERS = """
@@ -61,7 +70,12 @@ def test_a_program_counts_no_command_that_its_shell_ran_before(tmp_path):
     program = f"{shlex.quote(sys.executable)} -c {shlex.quote(AFTER_OTHERS)}"
     for before in ("sleep 2", f"{program} > /dev/null; rm -r benchmarks"):
         (tmp_path / "benchmarks").mkdir(exist_ok=True)
-        done = subprocess.run(["bash", "-c", f"({before}; {program})"], cwd=tmp_path, capture_output=True, text=True)
+        done = subprocess.run(
+            ["bash", "-c", f"({before}; {program})"],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+        )
         took_s, used_s = map(float, done.stdout.split())
         assert took_s == pytest.approx(used_s, abs=0.3)
         assert usage.since(tmp_path, 0)[-1].cpu_s == pytest.approx(used_s, abs=0.3)

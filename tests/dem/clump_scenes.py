@@ -31,16 +31,38 @@ def bent(material="body"):
 
 def ball_of_one(radius=RADIUS, material="body", density=DENSITY):
     solid = Shape.sphere(radius, density, material)
-    return Clump([[0.0, 0.0, 0.0, radius]], solid.mass_kg, solid.inertia_kg_m2, material)
+    return Clump(
+        [[0.0, 0.0, 0.0, radius]], solid.mass_kg, solid.inertia_kg_m2, material
+    )
 
 
-def scene(shapes, contact=None, walls=None, dt=1e-5, capacity=2, gravity=(0.0, 0.0, 0.0), **keywords):
+def scene(
+    shapes,
+    contact=None,
+    walls=None,
+    dt=1e-5,
+    capacity=2,
+    gravity=(0.0, 0.0, 0.0),
+    **keywords,
+):
     """Bodies of the material `body` and walls of the material `wall`; `on_wall` is their contact with these."""
     contact = contact or Contact(0.3, 0.5, 0.02)
-    contacts = {("body", "body"): contact, ("body", "wall"): keywords.pop("on_wall", None) or contact}
+    contacts = {
+        ("body", "body"): contact,
+        ("body", "wall"): keywords.pop("on_wall", None) or contact,
+    }
     materials = {"body": keywords.pop("body", GOJI), "wall": keywords.pop("wall", PVC)}
-    keywords = {"lower": (-0.1, -0.1, -0.1), "upper": (0.1, 0.1, 0.2), "gravity_m_s2": gravity} | keywords
-    return Simulation(shapes, materials, contacts, dt, capacity=capacity, walls=walls, **keywords)
+    keywords = {
+        "lower": (-0.1, -0.1, -0.1),
+        "upper": (0.1, 0.1, 0.2),
+        "gravity_m_s2": gravity,
+    } | keywords
+    return Simulation(
+        shapes, materials, contacts, dt, capacity=capacity, walls=walls, **keywords
+    )
 
 
-BODIES = {"berry": partial(simulation, BERRY), "clump": partial(scene, {"bent": bent()})}
+BODIES = {
+    "berry": partial(simulation, BERRY),
+    "clump": partial(scene, {"bent": bent()}),
+}

@@ -4,7 +4,15 @@ import math
 
 import numpy as np
 
-from repose.dem import Contact, Material, Mesh, Plane, Shape, Simulation, random_quaternion
+from repose.dem import (
+    Contact,
+    Material,
+    Mesh,
+    Plane,
+    Shape,
+    Simulation,
+    random_quaternion,
+)
 from repose.dem.kernels import clump_tile as ct
 from repose.dem.kernels import state as st
 from repose.dem.kernels import tile as tl
@@ -28,32 +36,58 @@ class OneShape(Simulation):
         return super().add("body", *arguments, **keywords)
 
 
-def simulation(semi_axes=BERRY, contact=None, wall_contact=None, walls=None, dt=1e-5, capacity=2, **keywords):
+def simulation(
+    semi_axes=BERRY,
+    contact=None,
+    wall_contact=None,
+    walls=None,
+    dt=1e-5,
+    capacity=2,
+    **keywords,
+):
     axes = np.atleast_2d(semi_axes)
     solid = Shape.ellipsoid(axes.sum(axis=0), DENSITY, "body")
-    keywords = {"gravity_m_s2": (0.0, 0.0, 0.0)} | {"lower": (-0.1, -0.1, -0.1), "upper": (0.1, 0.1, 0.1)} | keywords
+    keywords = (
+        {"gravity_m_s2": (0.0, 0.0, 0.0)}
+        | {"lower": (-0.1, -0.1, -0.1), "upper": (0.1, 0.1, 0.1)}
+        | keywords
+    )
     contact = contact or Contact(0.3, 0.5, 0.0)
     shapes = {"body": Shape(axes, solid.mass_kg, solid.inertia_kg_m2, "body")}
     contacts = {("body", "body"): contact, ("body", "wall"): wall_contact or contact}
-    return OneShape(shapes, {"body": GOJI, "wall": PVC}, contacts, dt, capacity=capacity, walls=walls, **keywords)
+    return OneShape(
+        shapes,
+        {"body": GOJI, "wall": PVC},
+        contacts,
+        dt,
+        capacity=capacity,
+        walls=walls,
+        **keywords,
+    )
 
 
 def head_on(e, speed=0.5, dt=2e-6, contact=None, **keywords):
-    s = simulation(np.full((1, 3), 0.006), contact or Contact(e, 0.0, 0.0), dt=dt, **keywords)
+    s = simulation(
+        np.full((1, 3), 0.006), contact or Contact(e, 0.0, 0.0), dt=dt, **keywords
+    )
     s.add((-0.00601, 0.0, 0.0), (1, 0, 0, 0), (speed, 0.0, 0.0))
     s.add((0.00601, 0.0, 0.0), (1, 0, 0, 0), (-speed, 0.0, 0.0))
     return s
 
 
 def mesh_of(solid, radius, **keywords):
-    return Mesh(np.array(solid.vertices), np.array(solid.faces), "wall", radius, **keywords)
+    return Mesh(
+        np.array(solid.vertices), np.array(solid.faces), "wall", radius, **keywords
+    )
 
 
 def tile_of(law, material, contact, radius, mass=1e-3, tension="keep"):
     """A tile of equal contacts of two bodies at rest, normals along z, and what they keep."""
     tile = np.zeros((tl.LAW_ROW + law.n_rows, LANES))
     kept = np.zeros((ct.PAIR_STATE // LANES + law.n_state, LANES))
-    tile[tl.LAW_ROW :][: law.n_constants] = law.constants(material, material, contact, tension)[:, None]
+    tile[tl.LAW_ROW :][: law.n_constants] = law.constants(
+        material, material, contact, tension
+    )[:, None]
     tile[tl.INVERSE_MASS // LANES], tile[tl.RADIUS // LANES] = 1.0 / mass, radius
     kept[2] = 1.0
     return tile, kept
@@ -72,7 +106,9 @@ def random_direction(rng):
 
 
 def angular_momentum(s):
-    return (np.cross(s.positions, s.masses_kg[:, None] * s.velocities) + s.angular_momenta).sum(axis=0)
+    return (
+        np.cross(s.positions, s.masses_kg[:, None] * s.velocities) + s.angular_momenta
+    ).sum(axis=0)
 
 
 def energy_shares(s, rounds, steps):
@@ -93,7 +129,11 @@ def harmless_hits(make, seed, count, aim):
     hits = 0
     for _ in range(count):
         s, angle = make(), rng.uniform(0.0, 2.0 * math.pi)
-        place, direction = aim(rng, np.array([math.cos(angle), math.sin(angle), 0.0]), random_direction(rng))
+        place, direction = aim(
+            rng,
+            np.array([math.cos(angle), math.sin(angle), 0.0]),
+            random_direction(rng),
+        )
         direction = direction / np.linalg.norm(direction)
         start = place + 0.008 * rng.normal(size=3) + 0.03 * direction
         turn, velocity = random_quaternion(rng), -rng.uniform(0.2, 1.2) * direction
@@ -108,5 +148,13 @@ def harmless_hits(make, seed, count, aim):
 
 
 def bits(s):
-    values = (s.positions, s.quaternions, s.velocities, s.angular_momenta, s.walls.planes, s.walls.frames, s.contacts())
+    values = (
+        s.positions,
+        s.quaternions,
+        s.velocities,
+        s.angular_momenta,
+        s.walls.planes,
+        s.walls.frames,
+        s.contacts(),
+    )
     return b"".join(np.ascontiguousarray(v).tobytes() for v in values)

@@ -31,7 +31,10 @@ def _few_steps_without_the_compiler():
     if not JIT_OFF:
         yield
         return
-    with pytest.MonkeyPatch.context() as patch, np.errstate(divide="ignore", invalid="ignore"):
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        np.errstate(divide="ignore", invalid="ignore"),
+    ):
         patch.setattr(Simulation, "_advance", _advance_few)
         yield
 

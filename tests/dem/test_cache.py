@@ -11,7 +11,10 @@ import pytest
 import repose
 from repose.dem.kernels.jit import JIT_OFF
 
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(JIT_OFF, reason="there is no compiled code")]
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(JIT_OFF, reason="there is no compiled code"),
+]
 
 # Calls a kernel that calls another; prints how often code of both was found, how often it was not, and whether what
 # numba needs to compile was loaded.
@@ -43,7 +46,10 @@ except TypingError:
     print("failed", flush=True)
 sys.stdin.read()
 """
-COMPILED, FOUND = "0 0 1 1 True", "1 0 0 0 False"  # of found code no other kernel is needed
+COMPILED, FOUND = (
+    "0 0 1 1 True",
+    "1 0 0 0 False",
+)  # of found code no other kernel is needed
 
 
 @pytest.fixture
@@ -51,7 +57,9 @@ def copied(tmp_path):
     def copy(name):
         home = Path(repose.__file__).parent
         package = tmp_path / name / "repose"
-        shutil.copytree(home / "dem", package / "dem", ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(
+            home / "dem", package / "dem", ignore=shutil.ignore_patterns("__pycache__")
+        )
         shutil.copy(home / "__init__.py", package)
         return package
 
@@ -61,7 +69,12 @@ def copied(tmp_path):
 def start(script, package, cache, **environment):
     paths = {"PYTHONPATH": str(package.parent), "NUMBA_CACHE_DIR": str(cache)}
     pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
-    return subprocess.Popen([sys.executable, script], env=os.environ | paths | environment, text=True, **pipes)
+    return subprocess.Popen(
+        [sys.executable, script],
+        env=os.environ | paths | environment,
+        text=True,
+        **pipes,
+    )
 
 
 @pytest.fixture
@@ -78,7 +91,9 @@ def run(tmp_path):
     return run
 
 
-def test_the_same_sources_at_another_path_compile_nothing_and_edited_ones_do(copied, run, tmp_path):
+def test_the_same_sources_at_another_path_compile_nothing_and_edited_ones_do(
+    copied, run, tmp_path
+):
     first, second = copied("first"), copied("second")
     assert run(first, tmp_path / "cache") == (COMPILED, "")
     assert run(second, tmp_path / "cache") == (FOUND, "")
@@ -89,10 +104,15 @@ def test_the_same_sources_at_another_path_compile_nothing_and_edited_ones_do(cop
     assert run(first, tmp_path / "cache") == (FOUND, "")
 
 
-def test_a_kernel_is_compiled_anew_for_another_processor_or_in_part(copied, run, tmp_path):
+def test_a_kernel_is_compiled_anew_for_another_processor_or_in_part(
+    copied, run, tmp_path
+):
     package = copied("package")
     assert run(package, tmp_path) == (COMPILED, "")
-    assert run(package, tmp_path, NUMBA_CPU_NAME="generic", NUMBA_CPU_FEATURES="") == (COMPILED, "")
+    assert run(package, tmp_path, NUMBA_CPU_NAME="generic", NUMBA_CPU_FEATURES="") == (
+        COMPILED,
+        "",
+    )
     assert run(package, tmp_path) == (FOUND, "")
     package, cache = copied("other"), tmp_path / "cache"
     run(package, cache)
@@ -102,7 +122,9 @@ def test_a_kernel_is_compiled_anew_for_another_processor_or_in_part(copied, run,
     assert run(package, cache) == (FOUND, "")
 
 
-def test_a_folder_that_cannot_be_written_is_read_and_one_warning_says_that_nothing_is_kept(copied, run, tmp_path):
+def test_a_folder_that_cannot_be_written_is_read_and_one_warning_says_that_nothing_is_kept(
+    copied, run, tmp_path
+):
     package, cache = copied("package"), tmp_path / "cache"
     run(package, cache)
     next(cache.glob("*/locks")).unlink()
@@ -120,7 +142,9 @@ def test_processes_that_start_together_compile_a_kernel_once(copied, tmp_path):
     package, script = copied("package"), tmp_path / "calling.py"
     script.write_text(SCRIPT)
     together = [start(script, package, tmp_path) for _ in range(3)]
-    assert sorted(process.communicate(timeout=120)[0].strip() for process in together) == [COMPILED, FOUND, FOUND]
+    assert sorted(
+        process.communicate(timeout=120)[0].strip() for process in together
+    ) == [COMPILED, FOUND, FOUND]
 
 
 def test_nothing_waits_for_a_process_that_failed_to_compile(copied, tmp_path):

@@ -28,25 +28,45 @@ def falling(kind="berries", **laws):
     """
     clumps, rising = kind == "clumps", (0.0, 0.0, 0.5)
     floor = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", motion=Motion(rising))
-    walls = {"floor": floor, "tube": Cylinder((0, 0, -0.1), (0, 0, 1), 0.5, 0.04, "wall")}
+    walls = {
+        "floor": floor,
+        "tube": Cylinder((0, 0, -0.1), (0, 0, 1), 0.5, 0.04, "wall"),
+    }
     if clumps:
         shapes = {"bent": bent(), "ball": ball_of_one(0.005, "clay")}
-        walls["block"] = mesh_of(trimesh.creation.box((0.02, 0.02, 0.02)), 1e-3, motion=Motion(rising, (0, 0, 20)))
+        walls["block"] = mesh_of(
+            trimesh.creation.box((0.02, 0.02, 0.02)),
+            1e-3,
+            motion=Motion(rising, (0, 0, 20)),
+        )
     else:
         shapes = {"berry": Shape.ellipsoid((0.0106, 0.0057, 0.0049), 840.0, "body")}
         shapes |= {"ball": Shape.sphere(0.006, 1200.0, "clay")}
     materials = {"body": GOJI, "clay": Material(1e5, 0.3), "wall": Material(1e7, 0.3)}
     constants = {"surface_energy_j_m2": 0.05} if laws else {}
     pairs = itertools.combinations_with_replacement(materials, 2)
-    contacts = {pair: Contact(0.3, 0.5, 0.02, constants=constants) for pair in pairs if pair != ("wall", "wall")}
-    count, room = 30 if clumps else 60, {"lower": (-0.04, -0.04, 0.0), "upper": (0.04, 0.04, 0.25)}
+    contacts = {
+        pair: Contact(0.3, 0.5, 0.02, constants=constants)
+        for pair in pairs
+        if pair != ("wall", "wall")
+    }
+    count, room = (
+        30 if clumps else 60,
+        {"lower": (-0.04, -0.04, 0.0), "upper": (0.04, 0.04, 0.25)},
+    )
     room |= {"capacity": count + 1, "largest_scale": 1.2, "floor_height_m": -0.05}
-    simulation = Simulation(shapes, materials, contacts, 1e-4, walls=walls, **room, **laws)
+    simulation = Simulation(
+        shapes, materials, contacts, 1e-4, walls=walls, **room, **laws
+    )
     rng = np.random.default_rng(3)
     for k in range(count):
         layer, place = divmod(k, 4)
         x, y = 0.016 * np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)][place])
-        place, turn, velocity = (x, y, 0.024 + 0.024 * layer), rng.normal(size=4), rng.normal(0, 0.2, 3)
+        place, turn, velocity = (
+            (x, y, 0.024 + 0.024 * layer),
+            rng.normal(size=4),
+            rng.normal(0, 0.2, 3),
+        )
         name, scale = [*shapes][k % 3 == 0], rng.uniform(0.9, 1.2)
         simulation.add(name, place, turn, velocity_m_s=velocity, scale=scale)
     return simulation
@@ -64,7 +84,9 @@ def saved_of(tmp_path_factory):
         simulation.save(path)
         assert len(simulation.contacts()) > 10
         if kind == "clumps":
-            assert min(simulation.counts[st.N_MESHED], simulation.counts[st.N_CURVED]) > 0
+            assert (
+                min(simulation.counts[st.N_MESHED], simulation.counts[st.N_CURVED]) > 0
+            )
         simulation.run_steps(500)
         return path, bits(simulation)
 
@@ -76,11 +98,15 @@ def saved(saved_of):
     return saved_of("berries")
 
 
-COHESIVE = pytest.param("berries", {"contact_law": "jkr"}, id="cohesive", marks=pytest.mark.slow)
+COHESIVE = pytest.param(
+    "berries", {"contact_law": "jkr"}, id="cohesive", marks=pytest.mark.slow
+)
 
 
 @pytest.mark.parametrize(("kind", "laws"), [("berries", {}), ("clumps", {}), COHESIVE])
-def test_going_on_from_a_checkpoint_gives_the_same_bits_also_in_a_fresh_process(saved_of, kind, laws):
+def test_going_on_from_a_checkpoint_gives_the_same_bits_also_in_a_fresh_process(
+    saved_of, kind, laws
+):
     path, expected = saved_of(kind, **laws)
     simulation = Simulation.load(path)
     assert simulation.steps == 1500
@@ -88,12 +114,16 @@ def test_going_on_from_a_checkpoint_gives_the_same_bits_also_in_a_fresh_process(
     assert all(array.ctypes.data % 64 == 0 for array in aligned)
     simulation.run_steps(500)
     assert bits(simulation) == expected
-    simulation.add("ball", (0.0, 0.0, 0.4))  # and bodies can still be added, each with its shape
+    simulation.add(
+        "ball", (0.0, 0.0, 0.4)
+    )  # and bodies can still be added, each with its shape
     assert simulation.shape_ids[-1] == 1
     code = "import sys; sys.path[:0] = [sys.argv[2]]; from dem.common import bits; from repose.dem import Simulation\n"
     code += "one = Simulation.load(sys.argv[1]); one.run_steps(500); sys.stdout.buffer.write(bits(one))\n"
     tests = str(Path(__file__).parents[1])
-    done = subprocess.run([sys.executable, "-c", code, str(path), tests], capture_output=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(path), tests], capture_output=True, check=True
+    )
     assert done.stdout == expected
 
 
@@ -101,7 +131,9 @@ def test_going_on_from_a_checkpoint_gives_the_same_bits_also_in_a_fresh_process(
     ("berries", {"CONTACTS_PER_BODY": 0, "NEAR_PER_BODY": -4}),
     ("clumps", {"SPHERE_CONTACTS_PER_BODY": 1, "MOST_NEW": 0, "NEAR_PER_BODY": -7}),
 ], ids=["berries", "clumps"])  # fmt: skip
-def test_lists_that_have_grown_are_saved_whole(saved_of, kind, room, tmp_path, monkeypatch):
+def test_lists_that_have_grown_are_saved_whole(
+    saved_of, kind, room, tmp_path, monkeypatch
+):
     _path, expected = saved_of(kind)
     for name, number in room.items():
         monkeypatch.setattr(f"repose.dem.contact_lists.{name}", number)
@@ -140,7 +172,16 @@ def test_an_interrupt_leaves_a_checkpoint_to_go_on_from(saved, tmp_path):
         if running.steps > 0:
             raise KeyboardInterrupt
 
-    raised(KeyboardInterrupt, None, falling().run, 0.2, False, record=interrupt, record_every_s=0.06, checkpoint=path)
+    raised(
+        KeyboardInterrupt,
+        None,
+        falling().run,
+        0.2,
+        False,
+        record=interrupt,
+        record_every_s=0.06,
+        checkpoint=path,
+    )
     loaded = Simulation.load(path)
     assert loaded.steps == 600
     loaded.run_steps(1400)
@@ -159,7 +200,9 @@ def rewritten(path, target, **changes):
     return target
 
 
-def test_the_file_holds_no_pickle_a_readable_description_and_no_flipped_bit(saved, tmp_path):
+def test_the_file_holds_no_pickle_a_readable_description_and_no_flipped_bit(
+    saved, tmp_path
+):
     with np.load(saved[0], allow_pickle=False) as store:
         about = json.loads(store["about"].tobytes())
         assert all(store[name].dtype != object for name in store.files)
@@ -183,11 +226,23 @@ def test_a_file_that_cannot_be_gone_on_from_is_named(saved, tmp_path):
 
     cases = [
         (lambda path, to: to, "file is None; expected an existing checkpoint"),
-        (lambda path, to: to.write_bytes(path.read_bytes()[:-900]), "checkpoint is .*a whole file"),
-        (lambda path, to: to.write_bytes(b"no archive at all"), "checkpoint is .*a whole file"),
+        (
+            lambda path, to: to.write_bytes(path.read_bytes()[:-900]),
+            "checkpoint is .*a whole file",
+        ),
+        (
+            lambda path, to: to.write_bytes(b"no archive at all"),
+            "checkpoint is .*a whole file",
+        ),
         (lambda path, to: rewritten(path, to, format=99), "format is 99; expected 1"),
-        (lambda path, to: rewritten(path, to, engine="0123"), "engine sources is '0123'; expected '"),
+        (
+            lambda path, to: rewritten(path, to, engine="0123"),
+            "engine sources is '0123'; expected '",
+        ),
         (lambda path, to: rewritten(path, to, walls={}), "content is .*a whole file"),
     ]
-    wrong = [((k, damage), rf"bad_{k}\.npz.*{words}") for k, (damage, words) in enumerate(cases)]
+    wrong = [
+        ((k, damage), rf"bad_{k}\.npz.*{words}")
+        for k, (damage, words) in enumerate(cases)
+    ]
     assert not not_refused(load, wrong, InputError)

@@ -5,14 +5,31 @@ import math
 
 import numpy as np
 import pytest
-from dem.clump_scenes import BENT, BENT_INERTIA, FUNNEL, MASS, RADIUS, ball_of_one, bent, scene
+from dem.clump_scenes import (
+    BENT,
+    BENT_INERTIA,
+    FUNNEL,
+    MASS,
+    RADIUS,
+    ball_of_one,
+    bent,
+    scene,
+)
 from dem.common import DENSITY, FLOOR
 from dem.test_checkpoint import falling
 from oracles import rotation
 from refusals import not_refused
 
 from repose.apparatus.funnel import Funnel
-from repose.dem import Clump, Contact, Plane, Recorder, Shape, random_quaternion, write_vtk
+from repose.dem import (
+    Clump,
+    Contact,
+    Plane,
+    Recorder,
+    Shape,
+    random_quaternion,
+    write_vtk,
+)
 from repose.dem.kernels import state as st
 from repose.dem.tessellation import tessellate, triangulated_bodies
 
@@ -35,7 +52,11 @@ def all_spheres(s):
 def slow_contacts(s):
     """Gaps of all pairs of spheres of different bodies: (i, j, a, b) to gap, of those below 2 mm."""
     centres, radii, bodies, numbers = all_spheres(s)
-    gaps = np.linalg.norm(centres[:, None] - centres[None], axis=2) - radii[:, None] - radii[None]
+    gaps = (
+        np.linalg.norm(centres[:, None] - centres[None], axis=2)
+        - radii[:, None]
+        - radii[None]
+    )
     near = np.argwhere((gaps < 2e-3) & (bodies[:, None] < bodies[None]))
     return {(bodies[p], bodies[q], numbers[p], numbers[q]): gaps[p, q] for p, q in near}
 
@@ -55,7 +76,9 @@ def cloud(capacity=40, seed=2, **keywords):
         walls=walls, dt=5e-5, capacity=capacity, largest_scale=1.1, **keywords,
     )  # fmt: skip
     rng = np.random.default_rng(seed)
-    places = itertools.product((-0.03, -0.01, 0.01, 0.03), (-0.026, 0.0, 0.026), (-0.03, -0.01, 0.01, 0.03))
+    places = itertools.product(
+        (-0.03, -0.01, 0.01, 0.03), (-0.026, 0.0, 0.026), (-0.03, -0.01, 0.01, 0.03)
+    )
     for k, place in enumerate(itertools.islice(places, capacity)):
         place = np.array(place)
         s.add(
@@ -87,16 +110,27 @@ def test_entries_are_used_again():
     holes, used = int(s.counts[st.N_FREE]), int(s.counts[st.N_NEAR])
     listed = s.pairs.near_first[:used] < s.capacity
     assert listed.sum() == used - holes
-    pairs = np.column_stack([s.pairs.near_first[:used], s.pairs.near_second[:used]])[listed]
+    pairs = np.column_stack([s.pairs.near_first[:used], s.pairs.near_second[:used]])[
+        listed
+    ]
     assert len(np.unique(pairs, axis=0)) == len(pairs)
     assert s.pairs.live[:used].sum() == s.counts[st.N_PAIRS]
-    assert np.unpackbits(s.pairs.known[:used].view(np.uint8)).sum() == s.counts[st.N_PAIRS]
+    assert (
+        np.unpackbits(s.pairs.known[:used].view(np.uint8)).sum() == s.counts[st.N_PAIRS]
+    )
 
 
 @pytest.mark.parametrize("scale", [1.0, 1.3])
 def test_a_clump_at_rest_on_a_plate_weighs_what_it_weighs(scale):
     contact = Contact(0.2, 0.5, 0.02)
-    s = scene({"bent": bent()}, contact, {"floor": FLOOR}, 5e-5, gravity=(0, 0, -9.81), largest_scale=1.3)
+    s = scene(
+        {"bent": bent()},
+        contact,
+        {"floor": FLOOR},
+        5e-5,
+        gravity=(0, 0, -9.81),
+        largest_scale=1.3,
+    )
     s.add("bent", (0.0, 0.0, 0.012), (1.0, 0.3, 0.1, 0.0), scale=scale)
     s.run_steps(30000)
     assert s.kinetic_energies()[0] < 1e-15
@@ -104,7 +138,9 @@ def test_a_clump_at_rest_on_a_plate_weighs_what_it_weighs(scale):
     overlaps = np.maximum(radii - centres[:, 2], 0.0)
     stiffness = s.physics.law_constants[0, 1, 0]
     assert 2 <= np.sum(overlaps > 0.0) == s.counts[st.N_PLANE]
-    assert np.sum(stiffness * np.sqrt(radii) * overlaps**1.5) == pytest.approx(MASS * scale**3 * 9.81, rel=1e-6)
+    assert np.sum(stiffness * np.sqrt(radii) * overlaps**1.5) == pytest.approx(
+        MASS * scale**3 * 9.81, rel=1e-6
+    )
 
 
 def test_clumps_pass_a_funnel():
@@ -114,7 +150,11 @@ def test_clumps_pass_a_funnel():
     rng = np.random.default_rng(5)
     touched = set()
     for k in range(40):
-        s.add("bent", (*rng.uniform(-0.02, 0.02, 2), 0.17 + 0.005 * k), random_quaternion(rng))
+        s.add(
+            "bent",
+            (*rng.uniform(-0.02, 0.02, 2), 0.17 + 0.005 * k),
+            random_quaternion(rng),
+        )
         for _ in range(15):  # a hit on the edge is over in some tens of steps
             s.run_steps(20)
             touched |= set(s.curved_contacts()[1])
@@ -125,7 +165,9 @@ def test_clumps_pass_a_funnel():
     assert np.all(np.abs(np.linalg.norm(normal, axis=1) - 1.0) < 1e-12)
     on_cone = wall == 0
     # a cone's normal points outwards at its azimuth; the body has moved on by a step
-    assert np.allclose(np.arctan2(normal[on_cone, 1], normal[on_cone, 0]), azimuth[on_cone], atol=0.01)
+    assert np.allclose(
+        np.arctan2(normal[on_cone, 1], normal[on_cone, 0]), azimuth[on_cone], atol=0.01
+    )
 
 
 def test_clumps_below_the_floor_are_gone_and_wrong_ones_refused():
@@ -137,12 +179,25 @@ def test_clumps_below_the_floor_are_gone_and_wrong_ones_refused():
     gone = ~s.present
     assert 0 < gone.sum() < 6
     assert not np.isin(s.contacts(), np.flatnonzero(gone)).any()
-    assert not np.isin(s.pairs.near_first[: int(s.counts[st.N_NEAR])], np.flatnonzero(gone)).any()
-    good = {"spheres_m": BENT, "mass_kg": MASS, "inertia_kg_m2": BENT_INERTIA, "material": "body"}
+    assert not np.isin(
+        s.pairs.near_first[: int(s.counts[st.N_NEAR])], np.flatnonzero(gone)
+    ).any()
+    good = {
+        "spheres_m": BENT,
+        "mass_kg": MASS,
+        "inertia_kg_m2": BENT_INERTIA,
+        "material": "body",
+    }
     cases = [
-        ({"spheres_m": []}, r"spheres_m is \[\]; expected \(1 to 64, 4\) finite lengths"),
+        (
+            {"spheres_m": []},
+            r"spheres_m is \[\]; expected \(1 to 64, 4\) finite lengths",
+        ),
         ({"spheres_m": [[0, 0, 0]]}, "spheres_m is .*expected"),
-        ({"spheres_m": [[0, 0, 0, 0.0]]}, "spheres_m is .*the last of each row above 0"),
+        (
+            {"spheres_m": [[0, 0, 0, 0.0]]},
+            "spheres_m is .*the last of each row above 0",
+        ),
         ({"spheres_m": [[0, 0, math.nan, 1.0]]}, "spheres_m is .*expected"),
         ({"spheres_m": np.ones((65, 4))}, r"expected \(1 to 64, 4\)"),
         ({"spheres_m": "round"}, "spheres_m is 'round'"),
@@ -150,8 +205,13 @@ def test_clumps_below_the_floor_are_gone_and_wrong_ones_refused():
         ({"inertia_kg_m2": (1.0, 1.0, 3.0)}, "inertia_kg_m2 is .*each at most the sum"),
         ({"material": ""}, "material is ''; expected a name"),
     ]
-    assert not not_refused(lambda changes: Clump(**{**good, **changes}), cases, ValueError)
-    with pytest.raises(ValueError, match=r"shapes has 'a': Clump, 'b': Shape; expected all of them a Shape or all"):
+    assert not not_refused(
+        lambda changes: Clump(**{**good, **changes}), cases, ValueError
+    )
+    with pytest.raises(
+        ValueError,
+        match=r"shapes has 'a': Clump, 'b': Shape; expected all of them a Shape or all",
+    ):
         scene({"a": bent(), "b": Shape.sphere(RADIUS, DENSITY, "body")})
     clump = bent()
     assert clump.bounding_radius_m == pytest.approx(math.hypot(8.0, 1.5) * 1e-3 + 3e-3)

@@ -6,7 +6,18 @@ import numpy as np
 import pytest
 from dem.clump_scenes import CONE, ball_of_one, bent
 from dem.clump_scenes import scene as scene_of
-from dem.common import DENSITY, DOWN, FLOOR, GOJI, LANES, PVC, angular_momentum, normal_force, simulation, tile_of
+from dem.common import (
+    DENSITY,
+    DOWN,
+    FLOOR,
+    GOJI,
+    LANES,
+    PVC,
+    angular_momentum,
+    normal_force,
+    simulation,
+    tile_of,
+)
 from dem.test_epsd import GRAVITY, on_floor, smooth
 from dem.test_epsd import scene as rolling_scene
 from oracles import jkr_force
@@ -36,18 +47,27 @@ def test_jkr_pulls_as_in_lammps_and_without_energy_is_the_dry_law():
     force = normal_force(law, *tile_of(law, LAMMPS, coherent(0.1), 0.005), 1e-18)
     np.testing.assert_allclose(force, -4.1888e-3, rtol=1e-5)
     np.testing.assert_allclose(force, -8.0 / 3.0 * math.pi * 0.1 * 0.005, rtol=1e-9)
-    assert jkr.pull_off_force(coherent(0.1), 0.005) == pytest.approx(3.0 * math.pi * 0.1 * 0.005)
+    assert jkr.pull_off_force(coherent(0.1), 0.005) == pytest.approx(
+        3.0 * math.pi * 0.1 * 0.005
+    )
     compare_with_the_dry_law("jkr", coherent(0.0, 0.4, 0.5), 3e-4, 1e-18)
     # 7.09 (w^5 R*^4 / E*^2)^(1/3): 0.663 pi w A^2 by the integral of the force from s = 1 to parting.
     law, gamma, radius = CONTACT_LAWS["jkr"], 0.05, 3e-3
     tile, kept = tile_of(law, GOJI, coherent(gamma), radius)
     young, _ = effective_moduli(GOJI, GOJI)
-    path = np.concatenate([np.linspace(1e-18, 3e-4, 2001), np.linspace(3e-4, -3e-4, 40001)])
+    path = np.concatenate(
+        [np.linspace(1e-18, 3e-4, 2001), np.linspace(3e-4, -3e-4, 40001)]
+    )
     forces = np.array([normal_force(law, tile, kept, overlap)[0] for overlap in path])
     ended = 2002 + np.flatnonzero(forces[2002:] == 0.0)[0]
-    work, known = np.trapezoid(forces[:ended], path[:ended]), sticking_energy(2.0 * gamma, radius, young)
+    work, known = (
+        np.trapezoid(forces[:ended], path[:ended]),
+        sticking_energy(2.0 * gamma, radius, young),
+    )
     assert work == pytest.approx(known, rel=3e-3)
-    assert 7.09 * ((2.0 * gamma) ** 5 * radius**4 / young**2) ** (1.0 / 3.0) == pytest.approx(known, rel=1e-3)
+    assert 7.09 * ((2.0 * gamma) ** 5 * radius**4 / young**2) ** (
+        1.0 / 3.0
+    ) == pytest.approx(known, rel=1e-3)
 
 
 @pytest.mark.parametrize("gamma", [1e-9, 0.05, 20.0])
@@ -56,7 +76,11 @@ def test_jkr_on_a_path_to_and_fro_agrees_with_a_search_for_the_circle(gamma):
     tile, kept = tile_of(law, GOJI, coherent(gamma), 3e-3)
     unit = (4.0 * math.pi * gamma * 3e-3**2 / young) ** (2.0 / 3.0) / 3e-3
     deepest, parting, strongest, ends = 3e-4 + 2.0 * unit, -0.4725 * unit, 0.0, 0
-    path = (*np.linspace(1e-9, deepest, 40), *np.linspace(deepest, 1.1 * parting, 400), 1.2 * parting)
+    path = (
+        *np.linspace(1e-9, deepest, 40),
+        *np.linspace(deepest, 1.1 * parting, 400),
+        1.2 * parting,
+    )
     for step, overlap in enumerate(path):
         radius = 3e-3 * (1.0 + 1e-5 * step)
         tile[tl.RADIUS // LANES] = radius
@@ -68,17 +92,24 @@ def test_jkr_on_a_path_to_and_fro_agrees_with_a_search_for_the_circle(gamma):
             assert kept[(st.PAIR_STATE + jkr.REACH) // LANES, 0] < -overlap
         else:
             strongest = min(strongest, expected / (3.0 * math.pi * gamma * radius))
-            np.testing.assert_allclose(force, expected, rtol=1e-6, atol=1e-8 * gamma * radius)
+            np.testing.assert_allclose(
+                force, expected, rtol=1e-6, atol=1e-8 * gamma * radius
+            )
     assert ends > 0
     assert gamma < 1e-6 or strongest == pytest.approx(-1.0, abs=2e-3)
 
 
 def compare_with_the_dry_law(name, own, deep, atol):
     forces = []
-    for law, contact in ((name, own), ("hertz_mindlin_rescaled", Contact(0.4, 0.5, 0.0))):
+    for law, contact in (
+        (name, own),
+        ("hertz_mindlin_rescaled", Contact(0.4, 0.5, 0.0)),
+    ):
         law = CONTACT_LAWS[law]
         tile, kept = tile_of(law, GOJI, contact, 3e-3)
-        tile[tl.A // LANES + st.VELOCITY :][:3] = np.random.default_rng(4).normal(size=(3, LANES))
+        tile[tl.A // LANES + st.VELOCITY :][:3] = np.random.default_rng(4).normal(
+            size=(3, LANES)
+        )
         for overlap in deep * (0.3 + np.sin(np.arange(30) / 4.0)):
             normal_force(law, tile, kept, overlap, dt=1e-5)
             forces.append(tile[tl.TO_A // LANES :][:3].copy())
@@ -105,17 +136,35 @@ def test_area_of_sjkr_is_that_of_liggghts(radii, of_spheres):
     kept[ct.REACH // LANES] = a + b
     young, _ = effective_moduli(GOJI, GOJI)
     for overlap in (1e-5, 2e-4, 1e-3):
-        law.geometry(law.make_options(), tile.ravel(), kept.ravel(), of_spheres, int(b == math.inf))
+        law.geometry(
+            law.make_options(),
+            tile.ravel(),
+            kept.ravel(),
+            of_spheres,
+            int(b == math.inf),
+        )
         force = normal_force(law, tile, kept, overlap, ct.PAIR_STATE)
         r = a - overlap if b == math.inf else a + b - overlap
         area = math.pi * (a**2 - r**2)
         if b != math.inf:
-            area = -math.pi / 4.0 * (r - a - b) * (r + a - b) * (r - a + b) * (r + a + b) / r**2
+            area = (
+                -math.pi
+                / 4.0
+                * (r - a - b)
+                * (r + a - b)
+                * (r - a + b)
+                * (r + a + b)
+                / r**2
+            )
         hertz = 4.0 / 3.0 * young * math.sqrt(reduced) * overlap**1.5
         np.testing.assert_allclose(force, hertz - density * area, rtol=1e-9)
     assert normal_force(law, tile, kept, -1e-9, ct.PAIR_STATE)[0] == 0.0
     # unused lanes hold a body that lies on itself
-    assert np.isfinite(normal_force(law, tile, kept, 2.0 * a if b == math.inf else a + b, ct.PAIR_STATE)).all()
+    assert np.isfinite(
+        normal_force(
+            law, tile, kept, 2.0 * a if b == math.inf else a + b, ct.PAIR_STATE
+        )
+    ).all()
 
 
 @pytest.mark.slow
@@ -124,13 +173,24 @@ def test_area_of_sjkr_is_that_of_liggghts(radii, of_spheres):
 def test_spin_on_a_floor_is_slowed_by_load_and_adhesion(law, contact_law):
     """By mu_t (m g + 3 pi w R) a0 over 0.4 m R^2: the limit holds twice the pull-off force, and the circle is JKR's."""
     gamma, twisting = 0.05 if contact_law == "jkr" else 0.0, 0.5
-    contact = Contact(0.2, 0.4, 0.1, twisting, constants={SURFACE_ENERGY.name: gamma} if gamma else {})
-    keywords = {"contact_law": contact_law, "rolling_law": law, "spin": (0.0, 0.0, 150.0), "material": GOJI}
+    contact = Contact(
+        0.2, 0.4, 0.1, twisting, constants={SURFACE_ENERGY.name: gamma} if gamma else {}
+    )
+    keywords = {
+        "contact_law": contact_law,
+        "rolling_law": law,
+        "spin": (0.0, 0.0, 150.0),
+        "material": GOJI,
+    }
     s = on_floor(smooth(), contact, dt=2e-5, **keywords)
     s.run_steps(4000)
     radius, mass = s.radius, s.shapes["body"].mass_kg
     overlap = radius - s.positions[0, 2]
-    circle = jkr.circle_radius(GOJI, PVC, contact, radius, overlap) if gamma else math.sqrt(radius * overlap)
+    circle = (
+        jkr.circle_radius(GOJI, PVC, contact, radius, overlap)
+        if gamma
+        else math.sqrt(radius * overlap)
+    )
     before = s.angular_velocities[0, 2]
     s.run_steps(2000)
     limit = mass * GRAVITY + 3.0 * math.pi * 2.0 * gamma * radius
@@ -144,9 +204,22 @@ def test_spin_on_a_floor_is_slowed_by_load_and_adhesion(law, contact_law):
 @pytest.mark.parametrize("law", ["constant_torque", "epsd", "epsd2"])
 def test_two_that_part_across_a_gap_keep_their_angular_momentum(law):
     contact = Contact(0.5, 0.5, 0.3, constants={SURFACE_ENERGY.name: 1.0})
-    s = rolling_scene(smooth(), contact, dt=2e-6, gravity=(0.0, 0.0, 0.0), contact_law="jkr", rolling_law=law)
+    s = rolling_scene(
+        smooth(),
+        contact,
+        dt=2e-6,
+        gravity=(0.0, 0.0, 0.0),
+        contact_law="jkr",
+        rolling_law=law,
+    )
     s.add("body", (0.0, 0.0, 0.0), angular_velocity_rad_s=(3.0, 1.0, 2.0))
-    s.add("body", (0.0, 0.0, 2.0 * s.radius - 1e-5), (1, 0, 0, 0), (0.0, 0.02, 2.0), (-2.0, 1.0, -3.0))
+    s.add(
+        "body",
+        (0.0, 0.0, 2.0 * s.radius - 1e-5),
+        (1, 0, 0, 0),
+        (0.0, 0.02, 2.0),
+        (-2.0, 1.0, -3.0),
+    )
     before, gaps, spins = angular_momentum(s), [], []
     for _ in range(400):
         s.run_steps(2)
@@ -170,13 +243,24 @@ def solid(kind, radius=RADIUS, density=DENSITY):
 
 
 def scene(shape, contact, material=GOJI, **keywords):
-    keywords = {"contact_law": "jkr", "lower": (-0.2, -0.2, -0.2), "upper": (0.2, 0.2, 0.2)} | keywords
+    keywords = {
+        "contact_law": "jkr",
+        "lower": (-0.2, -0.2, -0.2),
+        "upper": (0.2, 0.2, 0.2),
+    } | keywords
     return scene_of({"body": shape}, contact, body=material, **keywords)
 
 
 def settled_overlap(contact, law, tension, kind):
     """Overlap at rest of two spheres of Lethe's test: 0.2 m wide, 1e5 Pa, 0.3."""
-    s = scene(solid(kind, 0.1, 1000.0), contact, Material(1e5 / 2.6, 0.3), dt=2e-4, contact_law=law, tension=tension)
+    s = scene(
+        solid(kind, 0.1, 1000.0),
+        contact,
+        Material(1e5 / 2.6, 0.3),
+        dt=2e-4,
+        contact_law=law,
+        tension=tension,
+    )
     s.add("body", (-0.0999, 0.0, 0.0))
     s.add("body", (0.0999, 0.0, 0.0))
     s.run_steps(30000)
@@ -188,13 +272,18 @@ def settled_overlap(contact, law, tension, kind):
 @pytest.mark.parametrize("kind", KINDS)
 def test_spheres_at_rest_overlap_as_in_the_test_of_lethe(kind):
     for tension in ("keep", "release"):
-        assert settled_overlap(coherent(50.0, 0.3), "jkr", tension, kind) == pytest.approx(0.010703, rel=1e-4)
+        assert settled_overlap(
+            coherent(50.0, 0.3), "jkr", tension, kind
+        ) == pytest.approx(0.010703, rel=1e-4)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_spheres_of_sjkr_rest_where_hertz_carries_the_cohesion(kind):
-    density, (young, _) = 2000.0, effective_moduli(Material(1e5 / 2.6, 0.3), Material(1e5 / 2.6, 0.3))
+    density, (young, _) = (
+        2000.0,
+        effective_moduli(Material(1e5 / 2.6, 0.3), Material(1e5 / 2.6, 0.3)),
+    )
 
     def rest(overlap):
         r = 0.2 - overlap
@@ -202,7 +291,9 @@ def test_spheres_of_sjkr_rest_where_hertz_carries_the_cohesion(kind):
         return 4.0 / 3.0 * young * math.sqrt(0.05) * overlap**1.5 - density * area
 
     contact = Contact(0.3, 0.0, 0.0, constants={COHESION_ENERGY_DENSITY.name: density})
-    assert settled_overlap(contact, "sjkr", "keep", kind) == pytest.approx(brentq(rest, 1e-5, 0.05), rel=1e-4)
+    assert settled_overlap(contact, "sjkr", "keep", kind) == pytest.approx(
+        brentq(rest, 1e-5, 0.05), rel=1e-4
+    )
 
 
 GAMMA = 0.05
@@ -218,11 +309,19 @@ def walls():
     mesh = Mesh(corners, [[0, 1, 2], [0, 2, 3]], "wall", edge_radius_m=0.001)
     yield "mesh", mesh, RADIUS, (0.011, 0.003, 0.0), down
     hollow = RADIUS / math.sqrt(1.0 - RADIUS / TUBE)
-    yield ("tube", Cylinder((0.0, 0.0, -0.1), (0.0, 0.0, 1.0), 0.2, TUBE, "wall"), hollow, (TUBE, 0.0, 0.0), out)
+    yield (
+        "tube",
+        Cylinder((0.0, 0.0, -0.1), (0.0, 0.0, 1.0), 0.2, TUBE, "wall"),
+        hollow,
+        (TUBE, 0.0, 0.0),
+        out,
+    )
     hollow = RADIUS / math.sqrt(1.0 - RADIUS * slant[0] / 0.043)
     cone = Cone.between((0.0, 0.0, 0.03), (0.0, 0.0, 1.0), 0.09, 0.016, 0.07, "wall")
     yield "cone", cone, hollow, (0.043, 0.0, 0.075), slant
-    bent = 1.0 / math.sqrt((1.0 / RADIUS + 1.0 / EDGE) * (1.0 / RADIUS - 1.0 / (CORE - EDGE)))
+    bent = 1.0 / math.sqrt(
+        (1.0 / RADIUS + 1.0 / EDGE) * (1.0 / RADIUS - 1.0 / (CORE - EDGE))
+    )
     yield "ring", RingEdge(CORE, EDGE, "wall"), bent, (CORE - EDGE, 0.0, 0.0), out
 
 
@@ -253,7 +352,9 @@ def hit(kind, wall, share):
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("wall", [None, *WALLS])
-def test_a_hit_below_the_sticking_speed_sticks_and_one_above_it_leaves_without_the_work_of_a_cycle(kind, wall):
+def test_a_hit_below_the_sticking_speed_sticks_and_one_above_it_leaves_without_the_work_of_a_cycle(
+    kind, wall
+):
     assert hit(kind, wall, 0.9)[1] == 1
     left, contacts = hit(kind, wall, 2.0)
     assert contacts == 0
@@ -309,19 +410,32 @@ def test_a_place_that_no_contact_uses_keeps_nothing_of_an_earlier_one(kind):
     """Such places belong to a body of their own, which stays where it is: it is the walls' side of contacts, too."""
     shape, at = (bent(), ct) if kind == "clump" else (smooth(), st)
     walls, contact = {"floor": FLOOR, "cone": CONE}, coherent(0.05, 0.5, 0.5, 0.05)
-    s = scene_of({"body": shape}, contact, walls, 1e-4, 9, (0.0, 0.0, -GRAVITY), contact_law="jkr")
+    s = scene_of(
+        {"body": shape},
+        contact,
+        walls,
+        1e-4,
+        9,
+        (0.0, 0.0, -GRAVITY),
+        contact_law="jkr",
+    )
     for k in range(9):
         s.add("body", (0.025 * (k % 3 - 1), 0.025 * (k // 3 - 1), 0.08 + 0.004 * k))
     left = 0
     lists = [("curved", at.WALL_STATE, st.N_CURVED)]
     # the smooth body of unused places touches itself and planes, with finite forces that move nothing
     if kind == "clump":
-        lists += [("flat", at.WALL_STATE, st.N_PLANE), ("pairs", at.PAIR_STATE, st.N_PAIRS)]
+        lists += [
+            ("flat", at.WALL_STATE, st.N_PLANE),
+            ("pairs", at.PAIR_STATE, st.N_PAIRS),
+        ]
     for _ in range(60):
         s.run_steps(50)
         for name, begin, number in lists:
             data, used = getattr(s, name).data, s.counts[number]
-            kept = data.reshape(len(data), -1, LANES)[:, begin // LANES :].transpose(0, 2, 1)
+            kept = data.reshape(len(data), -1, LANES)[:, begin // LANES :].transpose(
+                0, 2, 1
+            )
             assert not kept.reshape(-1, kept.shape[2])[used:].any(), (name, s.steps)
             left = max(left, used)
         assert not s.bodies.rows[s.capacity, :6].any()
@@ -332,21 +446,42 @@ def test_a_place_that_no_contact_uses_keeps_nothing_of_an_earlier_one(kind):
 @pytest.mark.slow
 def test_a_pile_is_steeper_the_higher_the_surface_energy():
     """0.100, 0.141 and 0.189 with errors of 0.001, 0.004 and 0.007 on an Intel Xeon."""
-    steepness = np.array([[lifted_pile(gamma, seed) for seed in range(6)] for gamma in (0.0, 0.02, 0.05)])
+    steepness = np.array(
+        [[lifted_pile(gamma, seed) for seed in range(6)] for gamma in (0.0, 0.02, 0.05)]
+    )
     error = steepness.std(axis=1, ddof=1) / math.sqrt(6)
-    assert np.all(np.diff(steepness.mean(axis=1)) > 3.0 * np.hypot(error[1:], error[:-1]))
+    assert np.all(
+        np.diff(steepness.mean(axis=1)) > 3.0 * np.hypot(error[1:], error[:-1])
+    )
 
 
 def test_the_constants_of_each_law_are_known_and_asked_for_by_name():
     for name, law in CONTACT_LAWS.items():
         assert OF_LAWS.get(name, ()) == law.asks
-    with pytest.raises(ValueError, match=r"'jkr' needs constants\['surface_energy_j_m2'\], the surface energy in J/m2"):
+    with pytest.raises(
+        ValueError,
+        match=r"'jkr' needs constants\['surface_energy_j_m2'\], the surface energy in J/m2",
+    ):
         simulation(contact=Contact(0.3, 0.5, 0.0), contact_law="jkr")
-    with pytest.raises(ValueError, match=r"'sjkr' needs constants\['cohesion_energy_density_j_m3'\]"):
+    with pytest.raises(
+        ValueError, match=r"'sjkr' needs constants\['cohesion_energy_density_j_m3'\]"
+    ):
         simulation(contact=coherent(0.1), contact_law="sjkr")
-    with pytest.raises(ValueError, match=r"surface_energy_j_m2 is no constant of .* 'hertz_mindlin'; expected none"):
+    with pytest.raises(
+        ValueError,
+        match=r"surface_energy_j_m2 is no constant of .* 'hertz_mindlin'; expected none",
+    ):
         simulation(contact=coherent(0.1))
     for wrong in (-0.1, math.inf, "much", None):
-        with pytest.raises(ValueError, match=r"surface_energy_j_m2 is .*; expected 0 or more J/m2"):
+        with pytest.raises(
+            ValueError, match=r"surface_energy_j_m2 is .*; expected 0 or more J/m2"
+        ):
             simulation(contact=coherent(wrong), contact_law="jkr")
-    value_error(r"constants is \[\]; expected name: number", Contact, 0.3, 0.5, 0.0, constants=[])
+    value_error(
+        r"constants is \[\]; expected name: number",
+        Contact,
+        0.3,
+        0.5,
+        0.0,
+        constants=[],
+    )

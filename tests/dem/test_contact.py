@@ -60,7 +60,9 @@ def parts_of(axes):
 def engine_rows(bodies, axes, mass, moments=MOMENTS):
     """The engine's rows of bodies given as (position, quaternion, velocity, angular velocity)."""
     rows = st.new_bodies(len(bodies), parts_of(axes)).rows
-    for row, (position, quaternion, velocity, turning) in zip(rows, bodies, strict=False):
+    for row, (position, quaternion, velocity, turning) in zip(
+        rows, bodies, strict=False
+    ):
         row[st.POSITION : st.POSITION + 3] = position
         row[st.VELOCITY : st.VELOCITY + 3] = velocity
         row[st.ANGULAR_VELOCITY : st.ANGULAR_VELOCITY + 3] = turning
@@ -69,7 +71,9 @@ def engine_rows(bodies, axes, mass, moments=MOMENTS):
             row[st.SPHERE_RADIUS] = axes[0, 0]
             continue
         turn = rotation_matrix(quaternion)
-        row[st.INVERSE_INERTIA : st.INVERSE_INERTIA + 6] = (turn @ np.diag(1.0 / moments) @ turn.T)[UPPER]
+        row[st.INVERSE_INERTIA : st.INVERSE_INERTIA + 6] = (
+            turn @ np.diag(1.0 / moments) @ turn.T
+        )[UPPER]
         for k, part in enumerate(axes):
             matrix = turn @ np.diag(part**2) @ turn.T
             row[st.SHAPE + 6 * k : st.SHAPE + 6 * k + 6] = matrix[UPPER]
@@ -78,7 +82,10 @@ def engine_rows(bodies, axes, mass, moments=MOMENTS):
 
 def random_pair(rng, overlap_range):
     """Two berries at a random distance around touching."""
-    bodies = [[None, random_quaternion(rng), rng.normal(size=3), 30.0 * rng.normal(size=3)] for _ in range(2)]
+    bodies = [
+        [None, random_quaternion(rng), rng.normal(size=3), 30.0 * rng.normal(size=3)]
+        for _ in range(2)
+    ]
     direction = random_direction(rng)
     bodies[0][0] = rng.normal(size=3)
     bodies[1][0] = bodies[0][0] + direction * 0.02
@@ -87,10 +94,14 @@ def random_pair(rng, overlap_range):
 
 def at_gap(bodies, axes, direction, target):
     for _ in range(30):
-        gap, normal = slow_gap(axes, bodies[1][0] - bodies[0][0], bodies[0][1], bodies[1][1], count=1500)
+        gap, normal = slow_gap(
+            axes, bodies[1][0] - bodies[0][0], bodies[0][1], bodies[1][1], count=1500
+        )
         if abs(gap - target) < 1e-10:
             break
-        bodies[1][0] = bodies[1][0] + direction * (target - gap) / max(normal @ direction, 0.2)
+        bodies[1][0] = bodies[1][0] + direction * (target - gap) / max(
+            normal @ direction, 0.2
+        )
     return gap, normal
 
 
@@ -115,14 +126,18 @@ def test_gather_and_scatter_are_plain_copies(columns):
     assert np.array_equal(load, expected)
 
 
-@pytest.mark.parametrize("axes", [BERRY, BARREL, SPHERE], ids=["ellipsoid", "two ellipsoids", "sphere"])
+@pytest.mark.parametrize(
+    "axes", [BERRY, BARREL, SPHERE], ids=["ellipsoid", "two ellipsoids", "sphere"]
+)
 def test_gap_and_normal_agree_with_a_dense_search(axes):
     rng = np.random.default_rng(7)
     for _ in range(60):
         bodies, direction, target = random_pair(rng, (-6e-4, 2e-3))
         slow, slow_normal = at_gap(bodies, axes, direction, target)
         normal = direction.copy()
-        fast = solve_gap(engine_rows(bodies, axes, 1.0), parts_of(axes), 0, 1, normal, 1e-9, np.inf)
+        fast = solve_gap(
+            engine_rows(bodies, axes, 1.0), parts_of(axes), 0, 1, normal, 1e-9, np.inf
+        )
         assert fast == pytest.approx(slow, abs=1e-10)
         assert np.linalg.norm(normal - slow_normal) < 2e-5
 
@@ -132,7 +147,12 @@ def test_a_proven_gap_is_never_too_large_and_radii_are_those_of_hertz():
     for _ in range(100):
         bodies, direction, target = random_pair(rng, (1e-4, 8e-3))
         true, _ = at_gap(bodies, BERRY, direction, target)
-        assert solve_gap(engine_rows(bodies, BERRY, 1.0), 1, 0, 1, direction.copy(), 1e-9, 1e-3) <= true + 1e-12
+        assert (
+            solve_gap(
+                engine_rows(bodies, BERRY, 1.0), 1, 0, 1, direction.copy(), 1e-9, 1e-3
+            )
+            <= true + 1e-12
+        )
     radius = 0.005
     sphere = np.full((1, 3), radius)
     bodies = [[np.zeros(3), (1, 0, 0, 0), np.zeros(3), np.zeros(3)] for _ in range(2)]
@@ -147,7 +167,9 @@ def test_a_proven_gap_is_never_too_large_and_radii_are_those_of_hertz():
     assert np.allclose(lanes[tl.GAP // LANES], -0.01 * radius, rtol=1e-9)
 
 
-@pytest.mark.parametrize("axes", [BERRY, BARREL, SPHERE], ids=["ellipsoid", "two ellipsoids", "sphere"])
+@pytest.mark.parametrize(
+    "axes", [BERRY, BARREL, SPHERE], ids=["ellipsoid", "two ellipsoids", "sphere"]
+)
 @pytest.mark.parametrize("limit", ["elastic", "total"])
 @pytest.mark.parametrize("tension", ["release", "keep"])
 def test_a_tile_of_contacts_agrees_with_the_slow_law(axes, tension, limit):
@@ -159,13 +181,17 @@ def test_a_tile_of_contacts_agrees_with_the_slow_law(axes, tension, limit):
     beta = damping_ratio(contact.restitution)
     tl.fill_constants(t, tl.LAW, hertz_mindlin.constants(GOJI, GOJI, contact))
     tl.fill_constants(t, tl.ROLLING, rolling_budget.constants(GOJI, GOJI, contact))
-    laws = tuple(law.LAW.make_options(tension, limit) for law in (hertz_mindlin, rolling_budget))
+    laws = tuple(
+        law.LAW.make_options(tension, limit) for law in (hertz_mindlin, rolling_budget)
+    )
     dt = 2e-4
     everybody, cases = [], []
     for lane in range(LANES):
         bodies, direction, target = random_pair(rng, (-5e-4, 2e-4))
         slow, normal = at_gap(bodies, axes, direction, target)
-        start = normal + 2e-3 * random_direction(rng)  # a normal as a time step leaves it: off by a few milliradians
+        start = normal + 2e-3 * random_direction(
+            rng
+        )  # a normal as a time step leaves it: off by a few milliradians
         start /= np.linalg.norm(start)
         spring = 2e-5 * rng.normal(size=3)
         kept[0:3, lane], kept[3:6, lane] = start, spring
@@ -176,7 +202,9 @@ def test_a_tile_of_contacts_agrees_with_the_slow_law(axes, tension, limit):
     rows[: 2 * LANES, st.share_column(parts_of(axes))] = shares.ravel()
     load = st.zeros(len(rows), st.LOAD_COLUMNS)
     first = np.arange(0, 2 * LANES, 2, dtype=np.uint32)
-    pair_tile(t, contacts, rows, first, first + np.uint32(1), parts_of(axes), dt, *laws, load)
+    pair_tile(
+        t, contacts, rows, first, first + np.uint32(1), parts_of(axes), dt, *laws, load
+    )
 
     def row(start, lane, count=3):
         begin = start // LANES
@@ -198,23 +226,50 @@ def test_a_tile_of_contacts_agrees_with_the_slow_law(axes, tension, limit):
             assert np.all(kept[3:6, lane] == 0.0)
             continue
         # the slow law on the tile's own geometry: what is tested here is the force
-        inertias = [rotation_matrix(q) @ np.diag(MOMENTS) @ rotation_matrix(q).T for q in (q_a, q_b)]
-        touching = [(mass, inertia, arm) for inertia, arm in zip(inertias, (arm_a, arm_b), strict=True)]
-        slow_law = young, shear, mass_at_contact(touching, kept[0:3, lane]), beta, contact.static_friction
+        inertias = [
+            rotation_matrix(q) @ np.diag(MOMENTS) @ rotation_matrix(q).T
+            for q in (q_a, q_b)
+        ]
+        touching = [
+            (mass, inertia, arm)
+            for inertia, arm in zip(inertias, (arm_a, arm_b), strict=True)
+        ]
+        slow_law = (
+            young,
+            shear,
+            mass_at_contact(touching, kept[0:3, lane]),
+            beta,
+            contact.static_friction,
+        )
         force, new_spring, push = slow_hertz_mindlin(
             slow_law, -row(tl.GAP, lane, 1)[0], row(tl.RADIUS, lane, 1)[0],
             kept[0:3, lane], velocity, spring, dt, tension == "keep", limit, shares[lane].min(),
         )  # fmt: skip
         for body, sign, arm in zip(loads, (1.0, -1.0), (arm_a, arm_b), strict=True):
             assert np.allclose(body[0:3], sign * force, rtol=1e-9, atol=1e-12)
-            assert np.allclose(body[3:6], np.cross(arm, sign * force), rtol=1e-9, atol=1e-14)
-            assert body[st.ROLL] == pytest.approx(contact.rolling_friction * push * np.linalg.norm(arm), rel=1e-9)
+            assert np.allclose(
+                body[3:6], np.cross(arm, sign * force), rtol=1e-9, atol=1e-14
+            )
+            assert body[st.ROLL] == pytest.approx(
+                contact.rolling_friction * push * np.linalg.norm(arm), rel=1e-9
+            )
         assert np.allclose(kept[3:6, lane], new_spring, rtol=1e-9, atol=1e-15)
 
 
 def test_a_glued_body_carries_another_and_stays():
-    s = simulation(np.full((1, 3), 0.006), Contact(0.3, 0.5, 0.1), dt=4e-5, gravity_m_s2=(0.0, 0.0, -9.81))
-    s.glue(s.add((0.0, 0.0, 0.0), velocity_m_s=(0.5, 0.0, 0.0), angular_velocity_rad_s=(0.0, 3.0, 0.0)))
+    s = simulation(
+        np.full((1, 3), 0.006),
+        Contact(0.3, 0.5, 0.1),
+        dt=4e-5,
+        gravity_m_s2=(0.0, 0.0, -9.81),
+    )
+    s.glue(
+        s.add(
+            (0.0, 0.0, 0.0),
+            velocity_m_s=(0.5, 0.0, 0.0),
+            angular_velocity_rad_s=(0.0, 3.0, 0.0),
+        )
+    )
     s.add((0.0, 0.0, 0.0121))
     s.run_steps(5_000)
     assert np.array_equal(s.positions[0], np.zeros(3))

@@ -10,7 +10,15 @@ import numpy as np
 import pytest
 from dem.clump_scenes import ball_of_one, bent
 from dem.clump_scenes import scene as scene_of
-from dem.common import BERRY, DENSITY, FLOOR, GOJI, PVC, angular_momentum, random_direction
+from dem.common import (
+    BERRY,
+    DENSITY,
+    FLOOR,
+    GOJI,
+    PVC,
+    angular_momentum,
+    random_direction,
+)
 from oracles import epsd as slow_law
 from refusals import value_error
 from shared import says
@@ -27,25 +35,42 @@ STIFF = Material(1e3 * GOJI.shear_modulus_pa, GOJI.poisson_ratio)
 
 
 @pytest.mark.parametrize("wall", [False, True])
-def test_a_tile_of_contacts_on_random_paths_agrees_with_the_increments_of_the_torque(wall):
+def test_a_tile_of_contacts_on_random_paths_agrees_with_the_increments_of_the_torque(
+    wall,
+):
     rng, dt, steps = np.random.default_rng(12), 1e-4, 120
     contact = Contact(0.4, 0.5, 0.1, 0.2)
     tile, kept = np.zeros((tl.LAW_ROW, LANES)), np.zeros((3 + LAW.n_state, LANES))
-    tile[tl.ROLLING // LANES :][: LAW.n_constants] = LAW.constants(GOJI, GOJI, contact)[:, None]
-    law = contact.rolling_friction, contact.twisting_friction, *effective_moduli(GOJI, GOJI)
+    tile[tl.ROLLING // LANES :][: LAW.n_constants] = LAW.constants(GOJI, GOJI, contact)[
+        :, None
+    ]
+    law = (
+        contact.rolling_friction,
+        contact.twisting_friction,
+        *effective_moduli(GOJI, GOJI),
+    )
     masses, options = rng.uniform(0.5e-3, 2e-3, (2, LANES)), LAW.make_options("release")
     tile[tl.A // LANES + st.INVERSE_MASS] = 1.0 / masses[0]
     if wall:
         masses[1] = np.inf
     tile[tl.B // LANES + st.INVERSE_MASS] = 1.0 / masses[1]
     normal = np.array([random_direction(rng) for _ in range(LANES)])
-    rolled, twisted, count = np.zeros((LANES, 3)), np.zeros(LANES), np.zeros((2, 2), int)
+    rolled, twisted, count = (
+        np.zeros((LANES, 3)),
+        np.zeros(LANES),
+        np.zeros((2, 2), int),
+    )
     for step in range(steps):
         overlap = 3e-4 * (0.7 + np.sin(np.arange(LANES) + step / 9.0))
-        push = np.where(overlap > 0.0, rng.uniform(0.0, 0.005, LANES) * (step % 11 > 0), 0.0)
+        push = np.where(
+            overlap > 0.0, rng.uniform(0.0, 0.005, LANES) * (step % 11 > 0), 0.0
+        )
         normal += 2e-3 * rng.normal(size=normal.shape)
         normal /= np.linalg.norm(normal, axis=1)[:, None]
-        turning, arms = 40.0 * rng.normal(size=(2, LANES, 3)), 5e-3 * rng.normal(size=(2, LANES, 3))
+        turning, arms = (
+            40.0 * rng.normal(size=(2, LANES, 3)),
+            5e-3 * rng.normal(size=(2, LANES, 3)),
+        )
         if wall:
             arms[1] = 0.0
         circle = np.sqrt(3e-3 * np.maximum(overlap, 0.0))
@@ -61,7 +86,12 @@ def test_a_tile_of_contacts_on_random_paths_agrees_with_the_increments_of_the_to
         kept[:3] = normal.T
         LAW.kernel(options, tile.ravel(), kept.ravel(), st.NORMAL + 3 * LANES, dt)
         torque = (tile[tl.TO_A // LANES + 3 :][:3] - before[0]).T
-        assert np.allclose(tile[tl.TO_B // LANES + 3 :][:3] - before[1], -torque.T, rtol=0.0, atol=1e-15)
+        assert np.allclose(
+            tile[tl.TO_B // LANES + 3 :][:3] - before[1],
+            -torque.T,
+            rtol=0.0,
+            atol=1e-15,
+        )
         for k in range(LANES):
             if overlap[k] <= 0.0:
                 rolled[k], twisted[k] = 0.0, 0.0
@@ -76,8 +106,20 @@ def test_a_tile_of_contacts_on_random_paths_agrees_with_the_increments_of_the_to
             )  # fmt: skip
             assert np.allclose(torque[k], expected, rtol=1e-9, atol=1e-15)
             lever = 1.0 / np.sum(1.0 / lengths)
-            count[0, int(np.linalg.norm(rolled[k]) > 0.999 * contact.rolling_friction * push[k] * lever)] += 1
-            count[1, int(abs(twisted[k]) > 0.999 * 0.2 * push[k] * math.sqrt(3e-3 * overlap[k]))] += 1
+            count[
+                0,
+                int(
+                    np.linalg.norm(rolled[k])
+                    > 0.999 * contact.rolling_friction * push[k] * lever
+                ),
+            ] += 1
+            count[
+                1,
+                int(
+                    abs(twisted[k])
+                    > 0.999 * 0.2 * push[k] * math.sqrt(3e-3 * overlap[k])
+                ),
+            ] += 1
     assert count.min() > 200
 
 
@@ -86,7 +128,9 @@ def test_twisting_is_limited_as_a_sliding_hertz_contact_unless_a_coefficient_is_
     r = (np.arange(100000) + 0.5) / 100000
     pressure = np.sqrt(1.0 - r**2)
     mean = np.sum(pressure * r * r) / np.sum(pressure * r)
-    assert LAW.constants(GOJI, GOJI, Contact(0.4, 0.5, 0.1))[1] == pytest.approx(0.5 * mean, rel=1e-6)
+    assert LAW.constants(GOJI, GOJI, Contact(0.4, 0.5, 0.1))[1] == pytest.approx(
+        0.5 * mean, rel=1e-6
+    )
     assert LAW.constants(GOJI, GOJI, Contact(0.4, 0.5, 0.1, 0.07))[1] == 0.07
     assert LAW.constants(GOJI, GOJI, Contact(0.4, 0.5, 0.1, 0.0))[1] == 0.0
     value_error("twisting_friction is -1", Contact, 0.4, 0.5, 0.1, -1)
@@ -104,9 +148,24 @@ BODIES = [smooth, ball_of_one]
 OTHERS = ["constant_torque", "epsd2"]  # laws that turn bodies against each other, too
 
 
-def scene(shape, contact, walls=None, material=GOJI, dt=1e-5, capacity=2, gravity=(0.0, 0.0, -GRAVITY), **laws):
-    laws = {"contact_law": "hertz_mindlin_rescaled", "tension": "release", "rolling_law": "epsd"} | laws
-    return scene_of({"body": shape}, contact, walls, dt, capacity, gravity, body=material, **laws)
+def scene(
+    shape,
+    contact,
+    walls=None,
+    material=GOJI,
+    dt=1e-5,
+    capacity=2,
+    gravity=(0.0, 0.0, -GRAVITY),
+    **laws,
+):
+    laws = {
+        "contact_law": "hertz_mindlin_rescaled",
+        "tension": "release",
+        "rolling_law": "epsd",
+    } | laws
+    return scene_of(
+        {"body": shape}, contact, walls, dt, capacity, gravity, body=material, **laws
+    )
 
 
 def sunk(mass, material=GOJI):
@@ -115,9 +174,23 @@ def sunk(mass, material=GOJI):
     return (mass * GRAVITY / (4.0 / 3.0 * young * math.sqrt(RADIUS))) ** (2.0 / 3.0)
 
 
-def on_floor(shape, contact, slope=0.0, spin=(0.0, 0.0, 0.0), velocity=(0.0, 0.0, 0.0), material=STIFF, **keywords):
+def on_floor(
+    shape,
+    contact,
+    slope=0.0,
+    spin=(0.0, 0.0, 0.0),
+    velocity=(0.0, 0.0, 0.0),
+    material=STIFF,
+    **keywords,
+):
     s = scene(shape, contact, {"floor": FLOOR}, material, **keywords)
-    s.add("body", (0.0, 0.0, RADIUS - sunk(shape.mass_kg, material)), (1, 0, 0, 0), velocity, spin)
+    s.add(
+        "body",
+        (0.0, 0.0, RADIUS - sunk(shape.mass_kg, material)),
+        (1, 0, 0, 0),
+        velocity,
+        spin,
+    )
     angle = math.atan(slope)
     s.physics.gravity[:] = GRAVITY * math.sin(angle), 0.0, -GRAVITY * math.cos(angle)
     return s
@@ -125,10 +198,23 @@ def on_floor(shape, contact, slope=0.0, spin=(0.0, 0.0, 0.0), velocity=(0.0, 0.0
 
 def lost_in_a_meeting(shape, law, rng):
     """Share of their angular momentum that two bodies lose which spin and meet; they lose energy."""
-    s = scene(shape, Contact(0.3, 0.5, 0.2), dt=5e-5, gravity=(0.0, 0.0, 0.0), rolling_law=law)
+    s = scene(
+        shape, Contact(0.3, 0.5, 0.2), dt=5e-5, gravity=(0.0, 0.0, 0.0), rolling_law=law
+    )
     direction = random_direction(rng)
-    s.add("body", (0, 0, 0), random_quaternion(rng), angular_velocity_rad_s=40.0 * rng.normal(size=3))
-    s.add("body", 0.0215 * direction, random_quaternion(rng), -direction, 40.0 * rng.normal(size=3))
+    s.add(
+        "body",
+        (0, 0, 0),
+        random_quaternion(rng),
+        angular_velocity_rad_s=40.0 * rng.normal(size=3),
+    )
+    s.add(
+        "body",
+        0.0215 * direction,
+        random_quaternion(rng),
+        -direction,
+        40.0 * rng.normal(size=3),
+    )
     before, energy = angular_momentum(s), s.kinetic_energies().sum()
     s.run_steps(1500)
     assert s.kinetic_energies().sum() < 0.95 * energy
@@ -136,7 +222,10 @@ def lost_in_a_meeting(shape, law, rng):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("shape", "law"), [(berry, "epsd"), (bent, "epsd"), *((berry, law) for law in OTHERS)])
+@pytest.mark.parametrize(
+    ("shape", "law"),
+    [(berry, "epsd"), (bent, "epsd"), *((berry, law) for law in OTHERS)],
+)
 def test_bodies_that_spin_and_meet_keep_their_angular_momentum(shape, law):
     rng = np.random.default_rng(5)
     assert max(lost_in_a_meeting(shape(), law, rng) for _ in range(8)) < 1e-9
@@ -144,19 +233,29 @@ def test_bodies_that_spin_and_meet_keep_their_angular_momentum(shape, law):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("shape", "law"), [*((shape, "epsd") for shape in BODIES), *((smooth, law) for law in OTHERS)])
-def test_a_sphere_is_held_on_a_slope_below_the_rolling_friction_and_rolls_above_it(shape, law):
+@pytest.mark.parametrize(
+    ("shape", "law"),
+    [*((shape, "epsd") for shape in BODIES), *((smooth, law) for law in OTHERS)],
+)
+def test_a_sphere_is_held_on_a_slope_below_the_rolling_friction_and_rolls_above_it(
+    shape, law
+):
     rolling = 0.1
     s = on_floor(shape(), Contact(0.2, 2.0, rolling), rolling_law=law)
     for slope in np.linspace(0.0, 0.098 if law == "epsd" else 0.05, 50):
-        s.physics.gravity[:] = np.array([slope, 0.0, -1.0]) * GRAVITY / math.hypot(1.0, slope)
+        s.physics.gravity[:] = (
+            np.array([slope, 0.0, -1.0]) * GRAVITY / math.hypot(1.0, slope)
+        )
         s.run_steps(400)
     s.run_steps(20000)
     place = s.positions[0, 0]
     s.run_steps(20000)
     # the spring of epsd2 swings about its place; the constant torque resists only what already rolls
     free = 0.5 * 5.0 / 7.0 * GRAVITY * 0.05 * 0.2**2
-    assert abs(s.positions[0, 0] - place) < {"epsd": 1e-9, "epsd2": 1e-5, "constant_torque": 1e-3 * free}[law]
+    assert (
+        abs(s.positions[0, 0] - place)
+        < {"epsd": 1e-9, "epsd2": 1e-5, "constant_torque": 1e-3 * free}[law]
+    )
     assert law != "epsd" or abs(s.velocities[0, 0]) < 1e-9
     slope = 0.15
     s = on_floor(shape(), Contact(0.2, 2.0, rolling), slope, rolling_law=law)
@@ -172,11 +271,18 @@ def test_a_sphere_is_held_on_a_slope_below_the_rolling_friction_and_rolls_above_
 @pytest.mark.parametrize("shape", BODIES)
 def test_a_rolling_sphere_is_slowed_by_the_rolling_friction_and_stops(shape):
     rolling = 0.05
-    s = on_floor(shape(), Contact(0.3, 0.8, rolling), spin=(0.0, 0.3 / RADIUS, 0.0), velocity=(0.3, 0.0, 0.0))
+    s = on_floor(
+        shape(),
+        Contact(0.3, 0.8, rolling),
+        spin=(0.0, 0.3 / RADIUS, 0.0),
+        velocity=(0.3, 0.0, 0.0),
+    )
     s.run_steps(2000)
     before = s.velocities[0, 0]
     s.run_steps(20000)
-    assert (before - s.velocities[0, 0]) / 0.2 == pytest.approx(5.0 / 7.0 * rolling * GRAVITY, rel=5e-3)
+    assert (before - s.velocities[0, 0]) / 0.2 == pytest.approx(
+        5.0 / 7.0 * rolling * GRAVITY, rel=5e-3
+    )
     s.run_steps(200000)
     assert abs(s.velocities[0, 0]) < 1e-9
     assert np.abs(s.angular_velocities).max() < 1e-7
@@ -187,7 +293,9 @@ def test_a_rolling_sphere_is_slowed_by_the_rolling_friction_and_stops(shape):
 def test_a_spin_on_a_smooth_floor_is_slowed_by_the_rolling_friction(law):
     """omega_0 - 5 mu_r g t / (2 R): the torque mu_r m g R over the moment 0.4 m R^2."""
     rolling, began = 0.1, 200.0
-    s = on_floor(smooth(), Contact(0.2, 0.0, rolling), spin=(began, 0.0, 0.0), rolling_law=law)
+    s = on_floor(
+        smooth(), Contact(0.2, 0.0, rolling), spin=(began, 0.0, 0.0), rolling_law=law
+    )
     s.run_steps(5000)
     expected = began - 2.5 * rolling * GRAVITY / RADIUS * 5000 * s.time_step_s
     assert s.angular_velocities[0, 0] == pytest.approx(expected, rel=1e-3)
@@ -205,14 +313,19 @@ def test_a_sphere_that_spins_on_a_floor_is_stopped_by_the_friction_of_its_circle
         (0.1, 0.1, "epsd"),
         (0, 0, "epsd"),
     ):
-        contact, options = Contact(0.3, friction, 0.1, own), {"material": GOJI, "dt": 5e-5, "rolling_law": law}
+        contact, options = (
+            Contact(0.3, friction, 0.1, own),
+            {"material": GOJI, "dt": 5e-5, "rolling_law": law},
+        )
         s = on_floor(shape(), contact, spin=(0.0, 0.0, spin), **options)
         moment = 0.4 * mass * RADIUS**2
         slowed = coefficient * mass * GRAVITY * circle / moment
         s.run_steps(400)
         before = s.angular_velocities[0, 2]
         s.run_steps(200)
-        assert before - s.angular_velocities[0, 2] == pytest.approx(0.01 * slowed, rel=5e-3, abs=1e-12)
+        assert before - s.angular_velocities[0, 2] == pytest.approx(
+            0.01 * slowed, rel=5e-3, abs=1e-12
+        )
         if coefficient == 0.0:
             assert s.angular_velocities[0, 2] == spin
             continue
@@ -233,7 +346,9 @@ def test_a_wall_that_turns_takes_a_sphere_along_and_bears_the_couple_of_a_spin(s
     # what the floor has turned it by, it has turned the floor by
     s.run_steps(1)
     assert np.abs(s.wall_loads()["plate"].torque_n_m).max() < 1e-9
-    s = on_floor(shape(), Contact(0.3, 0.5, 0.1), spin=(0.0, 0.0, 20.0), material=GOJI, dt=5e-5)
+    s = on_floor(
+        shape(), Contact(0.3, 0.5, 0.1), spin=(0.0, 0.0, 20.0), material=GOJI, dt=5e-5
+    )
     s.run_steps(400)
     before = s.angular_momenta[0, 2]
     torque = s.wall_loads()["floor"].torque_n_m[2]
@@ -247,12 +362,19 @@ TURNING = Motion(angular_velocity_rad_s=(0.0, 0.0, 1.0))
 
 def warned(rolling=0.1, motion=TURNING, frame=False, **laws):
     floor = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", motion=motion)
-    s = scene(smooth(), Contact(0.3, 0.5, rolling), {"floor": floor}, **({"rolling_law": "budget"} | laws))
+    s = scene(
+        smooth(),
+        Contact(0.3, 0.5, rolling),
+        {"floor": floor},
+        **({"rolling_law": "budget"} | laws),
+    )
     if frame:
         s.rolling_frame_rad_s[:] = 0.0, 0.0, 1.0
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        s.run_steps(1)  # may compile, after which Python no longer knows what it has warned of
+        s.run_steps(
+            1
+        )  # may compile, after which Python no longer knows what it has warned of
     with warnings.catch_warnings(record=True) as found:
         warnings.simplefilter("default")
         for _ in range(2):

@@ -35,13 +35,20 @@ def box(tmp_path_factory):
 
 def test_the_readme_the_picture_and_its_scale_are_those_of_the_box(box):
     simulation, folder = box
-    assert simulation.time_s == simulation.steps * simulation.time_step_s == pytest.approx(1.0)
+    assert (
+        simulation.time_s
+        == simulation.steps * simulation.time_step_s
+        == pytest.approx(1.0)
+    )
     positions = simulation.positions
     assert (np.abs(positions[:, :2]) < 0.05).all()
     assert (positions[:, 2] > 0.004).all()
     assert positions[:, 2].max() < 0.08
     assert simulation.kinetic_energies().sum() < 1e-5
-    assert len(list(ET.parse(folder / "box" / "box.pvd").getroot().iter("DataSet"))) == 2 * 21
+    assert (
+        len(list(ET.parse(folder / "box" / "box.pvd").getroot().iter("DataSet")))
+        == 2 * 21
+    )
     simulation, _folder = box
     picture = render_simulation(simulation, width=160, height=120).astype(int)
     red = picture[..., 0] > picture[..., 2] + 40
@@ -49,22 +56,34 @@ def test_the_readme_the_picture_and_its_scale_are_those_of_the_box(box):
     assert min(red.mean(), grey.mean()) > 0.05
     setting = setting_of(simulation)
     assert (setting.plate_m, len(setting.panels)) == (None, 5)
-    for panel in setting.panels:  # the panels close the box up to the top: normals point at its middle
-        assert panel.normal @ (np.array([0.0, 0.0, 0.075]) - panel.corners_m.mean(axis=0)) > 0
+    for panel in (
+        setting.panels
+    ):  # the panels close the box up to the top: normals point at its middle
+        assert (
+            panel.normal @ (np.array([0.0, 0.0, 0.075]) - panel.corners_m.mean(axis=0))
+            > 0
+        )
     sizes = []
     for shape, scale in (("ball", 1.0), ("ball", 2.0), ("berry", 1.0)):
         simulation = among({}, largest_scale=2.0)
         simulation.add(shape, (0.0, 0.0, 0.05), scale=scale)
         frame = np.array([(-0.03, -0.03, 0.02), (0.03, 0.03, 0.08)])
-        picture = render_simulation(simulation, width=120, height=120, frame_m=frame).astype(int)
-        sandy = picture[..., 0] > picture[..., 2] + 60  # the first shape; the second is blue
+        picture = render_simulation(
+            simulation, width=120, height=120, frame_m=frame
+        ).astype(int)
+        sandy = (
+            picture[..., 0] > picture[..., 2] + 60
+        )  # the first shape; the second is blue
         sizes.append((picture.max(axis=-1) - picture.min(axis=-1) > 20).sum())
         assert sandy.any() == (shape == "berry")
     assert sizes[1] / sizes[0] == pytest.approx(4.0, rel=0.15)
 
 
 def test_any_simulation_becomes_an_animation(tmp_path):
-    walls = {"floor": Plane((0, 0, 0), (0, 0, 1), "m"), "shell": Cylinder((0, 0, 0), (0, 0, 1), 0.1, 0.03, "m")}
+    walls = {
+        "floor": Plane((0, 0, 0), (0, 0, 1), "m"),
+        "shell": Cylinder((0, 0, 0), (0, 0, 1), 0.1, 0.03, "m"),
+    }
     simulation = among(walls, lower=(-0.03, -0.03, 0.0), upper=(0.03, 0.03, 0.1))
     simulation.add("berry", (0.0, 0.0, 0.08))
     frames = Recorder()
@@ -73,19 +92,35 @@ def test_any_simulation_becomes_an_animation(tmp_path):
     with Image.open(tmp_path / "fall.gif") as film:
         assert (film.n_frames, film.size) == (5, (60, 80))
     assert setting_of(simulation).plate_m == 0.0
-    assert [(w.r_low_m, w.z_high_m) for w in setting_of(simulation).frusta] == [(0.03, 0.1)]
+    assert [(w.r_low_m, w.z_high_m) for w in setting_of(simulation).frusta] == [
+        (0.03, 0.1)
+    ]
 
 
 # Arguments that make each example small, and what it then says.
 SMALL = {
-    "chute": ({"bodies": 24, "seconds": 0.1}, r"3 frames in .*; the front is at -\d+ mm"),
-    "mixed_bed": ({"bodies": 48, "seconds": 0.3}, r"[1-9]\d* contacts, \d+ % of them between .*"),
-    "size_distribution": ({"layers": 3, "seconds": 0.1}, r"scales 0\.\d+ to 1\.\d+, mean \d\.\d+; .*"),
-    "bench_test": ({"berries": 3, "duration_s": 0.4}, r"(rolling friction 0\.\d: spread \d+\.\d mm\s?){2}"),
+    "chute": (
+        {"bodies": 24, "seconds": 0.1},
+        r"3 frames in .*; the front is at -\d+ mm",
+    ),
+    "mixed_bed": (
+        {"bodies": 48, "seconds": 0.3},
+        r"[1-9]\d* contacts, \d+ % of them between .*",
+    ),
+    "size_distribution": (
+        {"layers": 3, "seconds": 0.1},
+        r"scales 0\.\d+ to 1\.\d+, mean \d\.\d+; .*",
+    ),
+    "bench_test": (
+        {"berries": 3, "duration_s": 0.4},
+        r"(rolling friction 0\.\d: spread \d+\.\d mm\s?){2}",
+    ),
 }
 
 
-@pytest.mark.parametrize("path", [p for p in EXAMPLES if p.stem != "bench_test"], ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path", [p for p in EXAMPLES if p.stem != "bench_test"], ids=lambda path: path.stem
+)
 def test_a_scene_of_the_examples_runs(path, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     arguments, said = SMALL[path.stem]
@@ -99,8 +134,12 @@ def test_a_scene_of_the_examples_runs(path, tmp_path, monkeypatch, capsys):
 
 
 def test_the_example_of_a_bench_test_runs():
-    arguments, said = SMALL["bench_test"]  # in a process of its own: it registers the bench test
+    arguments, said = SMALL[
+        "bench_test"
+    ]  # in a process of its own: it registers the bench test
     call = f"import runpy; runpy.run_path('examples/bench_test.py')['main'](**{arguments!r})"
-    done = subprocess.run([sys.executable, "-c", call], cwd=ROOT, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", call], cwd=ROOT, capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stderr
     assert re.fullmatch(said, done.stdout.strip())

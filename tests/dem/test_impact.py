@@ -5,7 +5,16 @@ import math
 import numpy as np
 import pytest
 from dem.clump_scenes import BODIES, scene
-from dem.common import BERRY, FLOOR, GOJI, angular_momentum, energy_shares, head_on, random_direction, simulation
+from dem.common import (
+    BERRY,
+    FLOOR,
+    GOJI,
+    angular_momentum,
+    energy_shares,
+    head_on,
+    random_direction,
+    simulation,
+)
 from dem.test_epsd import RADIUS, smooth, sunk
 from dem.test_epsd import on_floor as resting
 from scipy.integrate import solve_ivp
@@ -19,11 +28,16 @@ LINEAR = [("linear_spring", speed, e) for speed in (0.1, 1.0) for e in (0.2, 0.6
 
 
 @pytest.mark.parametrize("tension", ["keep", "release"])
-@pytest.mark.parametrize(("law", "speed", "e"), [*LAWS, *(pytest.param(*of, marks=pytest.mark.slow) for of in LINEAR)])
+@pytest.mark.parametrize(
+    ("law", "speed", "e"),
+    [*LAWS, *(pytest.param(*of, marks=pytest.mark.slow) for of in LINEAR)],
+)
 def test_spheres_part_with_the_restitution_asked_for(law, speed, e, tension):
     s = head_on(e, speed, tension=tension, contact_law=law)
     s.run_steps(40000)
-    assert s.velocities[1, 0] - s.velocities[0, 0] == pytest.approx(2.0 * e * speed, rel=5e-3)
+    assert s.velocities[1, 0] - s.velocities[0, 0] == pytest.approx(
+        2.0 * e * speed, rel=5e-3
+    )
 
 
 def test_damping_of_a_released_contact_against_its_differential_equation():
@@ -32,14 +46,22 @@ def test_damping_of_a_released_contact_against_its_differential_equation():
         b = damping_ratio(e, "release")
 
         def force(_t, state, b=b):
-            return max(state[0], 0.0) ** 1.5 + math.sqrt(5.0) * b * max(state[0], 0.0) ** 0.25 * state[1]
+            return (
+                max(state[0], 0.0) ** 1.5
+                + math.sqrt(5.0) * b * max(state[0], 0.0) ** 0.25 * state[1]
+            )
 
         def vanishes(t, state, b=b):
             return max(state[0], 0.0) ** 1.25 + math.sqrt(5.0) * b * state[1]
 
         vanishes.terminal, vanishes.direction = True, -1
         options = {"events": vanishes, "rtol": 1e-10, "atol": 1e-12}
-        found = solve_ivp(lambda t, state: (state[1], -force(t, state)), (0.0, 500.0), (0.0, 1.0), **options)
+        found = solve_ivp(
+            lambda t, state: (state[1], -force(t, state)),
+            (0.0, 500.0),
+            (0.0, 1.0),
+            **options,
+        )
         assert -found.y[1, -1] == pytest.approx(e, rel=1e-4)
 
 
@@ -58,7 +80,13 @@ def test_restitution_where_tension_is_cut_and_at_the_recommended_time_step():
     assert np.mean(found) == pytest.approx(0.19, abs=0.012)
 
 
-PLAIN = {"contact_law": "hertz_mindlin", "rolling_law": "budget", "tension": "keep", "material": GOJI, "dt": 2e-5}
+PLAIN = {
+    "contact_law": "hertz_mindlin",
+    "rolling_law": "budget",
+    "tension": "keep",
+    "material": GOJI,
+    "dt": 2e-5,
+}
 
 
 def test_a_sphere_rests_at_the_overlap_of_its_weight_and_a_rolling_one_stops():
@@ -67,28 +95,50 @@ def test_a_sphere_rests_at_the_overlap_of_its_weight_and_a_rolling_one_stops():
     assert s.positions[0, 2] == pytest.approx(RADIUS - sunk(smooth().mass_kg), rel=1e-6)
     assert s.kinetic_energies()[0] < 1e-20
     # its deceleration is a case of `repose verify`
-    s = resting(smooth(), Contact(0.3, 0.8, 0.05), 0.0, (0.0, 0.3 / RADIUS, 0.0), (0.3, 0.0, 0.0), **PLAIN)
+    s = resting(
+        smooth(),
+        Contact(0.3, 0.8, 0.05),
+        0.0,
+        (0.0, 0.3 / RADIUS, 0.0),
+        (0.3, 0.0, 0.0),
+        **PLAIN,
+    )
     s.run_steps(66000)
     assert abs(s.velocities[0, 0]) < 1e-9
     assert np.all(s.angular_velocities[0] == 0.0)
 
 
-@pytest.mark.parametrize(("kind", "spin_error", "gain"), [("berry", 1e-9, 1e-6), ("clump", 1e-5, 1e-5)])
+@pytest.mark.parametrize(
+    ("kind", "spin_error", "gain"), [("berry", 1e-9, 1e-6), ("clump", 1e-5, 1e-5)]
+)
 def test_impacts_keep_momentum_and_create_no_energy(kind, spin_error, gain):
     """The two forces of a contact act in one place, so they turn the whole by nothing."""
     rng, hits = np.random.default_rng(3), 0
     for _ in range(250):
-        s = BODIES[kind](contact=Contact(rng.uniform(0.1, 0.6), rng.uniform(0.0, 0.8), 0.0), dt=2e-5)
+        s = BODIES[kind](
+            contact=Contact(rng.uniform(0.1, 0.6), rng.uniform(0.0, 0.8), 0.0), dt=2e-5
+        )
         direction, spin = random_direction(rng), 40.0 * rng.normal(size=3)
         velocity = -direction + 0.3 * rng.normal(size=3)
-        Simulation.add(s, *s.shapes, (0.0, 0.0, 0.0), random_quaternion(rng), angular_velocity_rad_s=spin)
-        Simulation.add(s, *s.shapes, 0.024 * direction, random_quaternion(rng), velocity)
+        Simulation.add(
+            s,
+            *s.shapes,
+            (0.0, 0.0, 0.0),
+            random_quaternion(rng),
+            angular_velocity_rad_s=spin,
+        )
+        Simulation.add(
+            s, *s.shapes, 0.024 * direction, random_quaternion(rng), velocity
+        )
         momentum, angular = s.velocities.sum(axis=0), angular_momentum(s)
         most, last = energy_shares(s, 25, 80)
         assert most <= 1.0 + gain
         hits += last < 0.98
         assert np.abs(s.velocities.sum(axis=0) - momentum).max() < 1e-12
-        assert np.abs(angular_momentum(s) - angular).max() < spin_error * np.abs(angular).max()
+        assert (
+            np.abs(angular_momentum(s) - angular).max()
+            < spin_error * np.abs(angular).max()
+        )
     assert hits > 120
 
 
@@ -100,13 +150,26 @@ def test_a_free_rotation_keeps_its_momentum_and_energy():
     assert np.array_equal(s.angular_momenta[0], momentum)
     assert s.kinetic_energies()[0] == pytest.approx(energy, rel=2e-4)
     assert np.linalg.norm(s.quaternions[0]) == pytest.approx(1.0, abs=1e-12)
-    assert Shape.sphere(1.0, 3.0 / (4.0 * math.pi), "x").inertia_kg_m2 == pytest.approx([0.4, 0.4, 0.4])
+    assert Shape.sphere(1.0, 3.0 / (4.0 * math.pi), "x").inertia_kg_m2 == pytest.approx(
+        [0.4, 0.4, 0.4]
+    )
 
 
-def on_floor(radius, density, materials, contact, dt, height, velocity=(0.0, 0.0, 0.0), gravity=(0.0, 0.0, 0.0)):
+def on_floor(
+    radius,
+    density,
+    materials,
+    contact,
+    dt,
+    height,
+    velocity=(0.0, 0.0, 0.0),
+    gravity=(0.0, 0.0, 0.0),
+):
     laws = {"contact_law": "hertz_mindlin_rescaled", "tension": "keep"}
     sphere = Shape.sphere(radius, density, "body")
-    s = scene({"body": sphere}, contact, {"floor": FLOOR}, dt, 1, gravity, **materials, **laws)
+    s = scene(
+        {"body": sphere}, contact, {"floor": FLOOR}, dt, 1, gravity, **materials, **laws
+    )
     s.add("body", (0.0, 0.0, height), velocity_m_s=velocity)
     return s
 
@@ -131,7 +194,9 @@ def test_an_oblique_hit_leaves_as_in_the_unit_test_of_lammps():
     assert np.linalg.norm(s.angular_velocities[0]) == pytest.approx(544.22, rel=3e-3)
 
 
-STEEL = material(210e9, 0.2)  # of the plate (Dosta et al., Comput. Phys. Commun. 296 (2024) 109066)
+STEEL = material(
+    210e9, 0.2
+)  # of the plate (Dosta et al., Comput. Phys. Commun. 296 (2024) 109066)
 
 
 def test_two_benchmarks_of_dosta_and_others_on_a_steel_plate():

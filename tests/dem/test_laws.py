@@ -25,7 +25,9 @@ def test_a_linear_spring_touches_for_half_a_period_and_overlaps_by_its_amplitude
     s = head_on(e, speed, dt, **LINEAR)
     young, _ = effective_moduli(GOJI, GOJI)
     mass, radius, b = 0.5 * s.mass_kg, 0.003, damping_ratio(e)
-    natural = math.sqrt(4.0 / 3.0 * young * math.sqrt(linear_spring.SECANT) * radius / mass)
+    natural = math.sqrt(
+        4.0 / 3.0 * young * math.sqrt(linear_spring.SECANT) * radius / mass
+    )
     damped = natural * math.sqrt(1.0 - b * b)
     deepest, steps = 0.0, 0
     for _ in range(20000):
@@ -36,29 +38,49 @@ def test_a_linear_spring_touches_for_half_a_period_and_overlaps_by_its_amplitude
             break
     assert steps * dt == pytest.approx(math.pi / damped, rel=2e-3)
     quarter = math.atan(math.sqrt(1.0 - b * b) / b) / damped
-    expected = 2.0 * speed / damped * math.exp(-b * natural * quarter) * math.sin(damped * quarter)
+    expected = (
+        2.0
+        * speed
+        / damped
+        * math.exp(-b * natural * quarter)
+        * math.sin(damped * quarter)
+    )
     assert deepest == pytest.approx(expected, rel=2e-3)
 
 
 def test_laws_are_chosen_by_name():
     for laws in (CONTACT_LAWS, ROLLING_LAWS):
         assert all(law.name == name for name, law in laws.items())
-    value_error("contact_law is 'hooke'; expected 'hertz_mindlin', 'hertz_", simulation, contact_law="hooke")
-    with pytest.raises(ValueError, match="rolling_law is None; expected 'budget', 'constant_torque', 'epsd', 'epsd2'"):
+    value_error(
+        "contact_law is 'hooke'; expected 'hertz_mindlin', 'hertz_",
+        simulation,
+        contact_law="hooke",
+    )
+    with pytest.raises(
+        ValueError,
+        match="rolling_law is None; expected 'budget', 'constant_torque', 'epsd', 'epsd2'",
+    ):
         simulation(rolling_law=None)
     # a linear spring has a time step of its own
-    assert head_on(0.5, **LINEAR).longest_time_step() != simulation(SPHERE).longest_time_step()
+    assert (
+        head_on(0.5, **LINEAR).longest_time_step()
+        != simulation(SPHERE).longest_time_step()
+    )
 
 
 def test_a_linear_spring_is_as_stiff_as_hertz_at_its_secant_and_swings_half_a_period():
     radius, mass, law = 3e-3, 1e-3, linear_spring.LAW
     overlap = linear_spring.SECANT * radius
-    hertz = 4.0 / 3.0 * effective_moduli(GOJI, GOJI)[0] * math.sqrt(radius) * overlap**1.5
+    hertz = (
+        4.0 / 3.0 * effective_moduli(GOJI, GOJI)[0] * math.sqrt(radius) * overlap**1.5
+    )
     tile, kept = tile_of(law, GOJI, Contact(0.5, 0.3, 0.0), radius, mass)
     normal_force(law, tile, kept, overlap, dt=1e-6)
     np.testing.assert_allclose(tile[tl.PUSH // LANES], hertz, rtol=1e-12)
     half_a_period = math.pi * math.sqrt(mass * overlap / hertz)
-    lasts = linear_spring.contact_time(GOJI, GOJI, Contact(1.0, 0.0, 0.0), mass, radius, 1.0)
+    lasts = linear_spring.contact_time(
+        GOJI, GOJI, Contact(1.0, 0.0, 0.0), mass, radius, 1.0
+    )
     assert lasts == pytest.approx(half_a_period)
 
 
@@ -66,10 +88,18 @@ def test_a_linear_spring_is_as_stiff_as_hertz_at_its_secant_and_swings_half_a_pe
 @pytest.mark.parametrize("law", list(CONTACT_LAWS.values()), ids=list(CONTACT_LAWS))
 def test_a_contact_beyond_the_edge_of_a_disc_has_no_force(law, tension):
     """The linear spring gave 0 times infinity there, and where a contact may pull, berries lost their places."""
-    contact = Contact(0.5, 0.3, 0.0, constants={constant.name: 0.1 for constant in law.asks})
+    contact = Contact(
+        0.5, 0.3, 0.0, constants={constant.name: 0.1 for constant in law.asks}
+    )
     tile, kept = tile_of(law, GOJI, contact, 3e-3, tension=tension)
     tile[tl.GAP // LANES], tile[tl.A // LANES + 5], kept[2] = tl.BEYOND, -0.1, -1.0
-    law.kernel(law.make_options(tension=tension), tile.ravel(), kept.ravel(), st.PAIR_STATE, 1e-6)
+    law.kernel(
+        law.make_options(tension=tension),
+        tile.ravel(),
+        kept.ravel(),
+        st.PAIR_STATE,
+        1e-6,
+    )
     np.testing.assert_array_equal(tile[tl.TO_A // LANES :][:3], 0.0)
     np.testing.assert_array_equal(tile[tl.PUSH // LANES], 0.0)
 
@@ -84,8 +114,17 @@ def test_effective_moduli_and_the_duration_of_an_impact_by_hand():
     stiffness = 4.0 / 3.0 * effective_moduli(GOJI, GOJI)[0] * math.sqrt(radius)
     deepest = (1.25 * mass * speed**2 / stiffness) ** 0.4
     angle = (np.arange(200000) + 0.5) * (0.5 * math.pi / 200000)
-    duration = 2.0 * deepest / speed * 0.8 * np.sum(np.sin(angle) ** -0.2) * (angle[1] - angle[0])
-    lasts = hertz_mindlin.contact_time(GOJI, GOJI, Contact(1.0, 0.0, 0.0), mass, radius, speed)
+    duration = (
+        2.0
+        * deepest
+        / speed
+        * 0.8
+        * np.sum(np.sin(angle) ** -0.2)
+        * (angle[1] - angle[0])
+    )
+    lasts = hertz_mindlin.contact_time(
+        GOJI, GOJI, Contact(1.0, 0.0, 0.0), mass, radius, speed
+    )
     assert lasts == pytest.approx(duration, rel=1e-3)
 
 
@@ -116,7 +155,9 @@ def test_a_law_from_outside_has_compiled_code_of_its_own(tmp_path):
     for edit, factor in (("", 2), ("\n# another kernel\n", 2), ("", 3)):
         script.write_text(OUTSIDE + edit)
         helper.write_text(f"def doubled(t):\n    return {factor} * t\n")
-        run = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True)
+        run = subprocess.run(
+            [sys.executable, script], capture_output=True, text=True, check=True
+        )
         folders += [run.stdout.split()]
     assert len({before for before, _ in folders}) == 1
     assert len({after for _, after in folders}) == 3

@@ -16,8 +16,12 @@ from lifted_piles import Contents, Grains
 
 from repose.dem.rotations import rotation_matrix
 
-spec = importlib.util.spec_from_file_location("campaign_of_piles", Path(drums.__file__).with_name("campaign.py"))
-campaign = importlib.util.module_from_spec(spec)  # tests/faults has a module `campaign`, too
+spec = importlib.util.spec_from_file_location(
+    "campaign_of_piles", Path(drums.__file__).with_name("campaign.py")
+)
+campaign = importlib.util.module_from_spec(
+    spec
+)  # tests/faults has a module `campaign`, too
 spec.loader.exec_module(campaign)
 RADIUS_M = 0.00185
 
@@ -33,7 +37,9 @@ def cone(degrees, count=6000, height_m=0.04):
     x, y = rng.uniform(-height_m / slope, height_m / slope, (2, 40 * count))
     tops = rng.uniform(0.0, height_m, x.size)
     inside = tops < height_m - slope * np.hypot(x, y)
-    return grains(np.column_stack([x + 0.01, y - 0.02, tops - RADIUS_M])[inside][:count])
+    return grains(
+        np.column_stack([x + 0.01, y - 0.02, tops - RADIUS_M])[inside][:count]
+    )
 
 
 @pytest.mark.parametrize("degrees", [15.0, 25.0, 35.0])
@@ -49,24 +55,53 @@ def test_a_pile_that_is_low_is_measured_and_its_rings_are_those_of_a_slow_twin()
     found = lifted_piles.angle(low)
     assert found["flat"]
     assert found["angle_deg"] == pytest.approx(8.0, abs=1.0)
-    flying = grains(np.column_stack([low.centres_m[:50, :2], np.full(50, 0.05)]))._replace(speeds_m_s=np.ones(50))
-    assert lifted_piles.angle(Grains(*map(np.concatenate, zip(low, flying, strict=True)))) == {**found, "moving": 50}
+    flying = grains(
+        np.column_stack([low.centres_m[:50, :2], np.full(50, 0.05)])
+    )._replace(speeds_m_s=np.ones(50))
+    assert lifted_piles.angle(
+        Grains(*map(np.concatenate, zip(low, flying, strict=True)))
+    ) == {**found, "moving": 50}
     rng = np.random.default_rng(1)
-    out, tops, width = 0.05 * np.sqrt(rng.random(900)), 0.03 * rng.random(900), 2.0 * RADIUS_M
+    out, tops, width = (
+        0.05 * np.sqrt(rng.random(900)),
+        0.03 * rng.random(900),
+        2.0 * RADIUS_M,
+    )
     expected = []
     for number in range(int(np.ceil(out.max() / width))):
-        here = [top for r, top in zip(out, tops, strict=True) if number * width <= r < (number + 1) * width]
-        held = [top for top in here if sum(top - 1.5 * width < other <= top for other in here) >= 4]
+        here = [
+            top
+            for r, top in zip(out, tops, strict=True)
+            if number * width <= r < (number + 1) * width
+        ]
+        held = [
+            top
+            for top in here
+            if sum(top - 1.5 * width < other <= top for other in here) >= 4
+        ]
         if len(here) >= 4:
-            expected.append(((number + 0.5) * width, max(held, default=np.median(here))))
-    np.testing.assert_allclose(np.transpose(lifted_piles.rings(out, tops, width)), expected)
+            expected.append(
+                ((number + 0.5) * width, max(held, default=np.median(here)))
+            )
+    np.testing.assert_allclose(
+        np.transpose(lifted_piles.rings(out, tops, width)), expected
+    )
     rng, share = np.random.default_rng(2), 0.6
     volume = np.pi * lifted_piles.TUBE_RADIUS_M**2 * 0.06
     count = round(share * volume / (4.0 / 3.0 * np.pi * RADIUS_M**3))
-    out, turn = lifted_piles.TUBE_RADIUS_M * np.sqrt(rng.random(count)), 2.0 * np.pi * rng.random(count)
-    bed = grains(np.column_stack([out * np.cos(turn), out * np.sin(turn), rng.uniform(0.0, 0.06, count)]))
+    out, turn = (
+        lifted_piles.TUBE_RADIUS_M * np.sqrt(rng.random(count)),
+        2.0 * np.pi * rng.random(count),
+    )
+    bed = grains(
+        np.column_stack(
+            [out * np.cos(turn), out * np.sin(turn), rng.uniform(0.0, 0.06, count)]
+        )
+    )
     found = lifted_piles.density(bed)
-    assert found["density_kg_m3"] == pytest.approx(share * lifted_piles.DENSITY_KG_M3, rel=0.03)
+    assert found["density_kg_m3"] == pytest.approx(
+        share * lifted_piles.DENSITY_KG_M3, rel=0.03
+    )
     assert found["level_mm"] == pytest.approx(60.0 + 1e3 * RADIUS_M, abs=1.0)
 
 
@@ -98,7 +133,12 @@ def test_a_small_pile_is_lifted_and_rests(monkeypatch):
 def test_only_numbers_and_parameters_of_rows_were_taken():
     table = pd.read_csv(lifted_piles.HERE / "parameters.csv")
     assert list(table.columns) == ["test", "row", "fric", "rollfric", "rest"]
-    assert table.groupby("test").size().to_dict() == {"pile": 45, "drum": 9, "discharge": 9, "tilted_drum": 3}
+    assert table.groupby("test").size().to_dict() == {
+        "pile": 45,
+        "drum": 9,
+        "discharge": 9,
+        "tilted_drum": 3,
+    }
     within = table[["fric", "rollfric", "rest"]]
     assert ((within >= [0.2, 0.0, 0.3]) & (within <= [0.6, 0.25, 0.7])).all(axis=None)
 
@@ -110,7 +150,12 @@ def test_the_campaign_takes_the_softest_modulus_that_changes_little(monkeypatch)
         def means(row, modulus):
             softer = modulus < 1.0
             angle = 20.0 + (shift_deg[row == 43] * softer if modulus == 0.01 else 0.0)
-            return pd.Series({"angle_deg": angle, "density_kg_m3": 800.0 * (1.0 + of_density * (modulus == 0.01))})
+            return pd.Series(
+                {
+                    "angle_deg": angle,
+                    "density_kg_m3": 800.0 * (1.0 + of_density * (modulus == 0.01)),
+                }
+            )
 
         monkeypatch.setattr(campaign, "means", means)
         order = [*campaign.jobs(), *campaign.other_jobs()]
@@ -120,7 +165,12 @@ def test_the_campaign_takes_the_softest_modulus_that_changes_little(monkeypatch)
         return order[-1][2]
 
     assert modulus_of((0.4, 0.9), 0.004) == 0.01
-    assert modulus_of((0.6, 0.6), 0.0) == modulus_of((0.0, 1.1), 0.0) == modulus_of((0.0, 0.0), 0.006) == 0.1
+    assert (
+        modulus_of((0.6, 0.6), 0.0)
+        == modulus_of((0.0, 1.1), 0.0)
+        == modulus_of((0.0, 0.0), 0.006)
+        == 0.1
+    )
 
 
 @pytest.mark.parametrize("tilted", [False, True])
@@ -128,27 +178,43 @@ def test_the_angle_of_a_bed_in_the_drum_is_found(tilted):
     rng, slope = np.random.default_rng(4), -np.tan(np.radians(35.0))
     x, z = rng.uniform(-0.07, 0.07, (2, 60_000))
     y = rng.uniform(-0.012, 0.012, x.size)
-    rises = 0.5 * y if tilted else 0.0  # the bed of a tilted drum is not level along its axis
+    rises = (
+        0.5 * y if tilted else 0.0
+    )  # the bed of a tilted drum is not level along its axis
     inside = (z < slope * x + rises) & (np.hypot(x, z) < 0.072)
     bed = grains(np.column_stack([x, y, z - RADIUS_M])[inside])
     assert drums.frame_angle(bed, tilted) == pytest.approx(35.0, abs=0.6)
 
 
-@pytest.mark.parametrize(("grain", "wall"), [("sphere", "cover"), ("wheat", "standing")])
-def test_a_small_drum_is_filled_among_the_grains_that_lie_there_and_turns(monkeypatch, grain, wall):
+@pytest.mark.parametrize(
+    ("grain", "wall"), [("sphere", "cover"), ("wheat", "standing")]
+)
+def test_a_small_drum_is_filled_among_the_grains_that_lie_there_and_turns(
+    monkeypatch, grain, wall
+):
     monkeypatch.setattr(drums, "SPUN_S", {False: 0.1, True: 0.1})
     monkeypatch.setattr(drums, "FRAMES", {False: 2, True: 2})
     monkeypatch.setattr(drums, "REGION_M", (0.02, 0.011))
-    simulation = drums.drum(Contents(0.4, 0.1, 0.5), 1, False, 0.01, grains=250, grain=grain, wall=wall)
+    simulation = drums.drum(
+        Contents(0.4, 0.1, 0.5), 1, False, 0.01, grains=250, grain=grain, wall=wall
+    )
     assert 200 < simulation.n_bodies <= 250
     assert drums.DRUM.holds(simulation.positions).all()
     assert len(drums.turned(simulation, False, grain, wall)) == 2
     assert simulation.angular_velocities[:, 1].mean() != 0.0
     rays = np.random.default_rng(2).normal(size=(20_000, 3))
-    surface = rays / np.linalg.norm(rays, axis=1)[:, None] * drums.of_shape(grain, 0.002)
+    surface = (
+        rays / np.linalg.norm(rays, axis=1)[:, None] * drums.of_shape(grain, 0.002)
+    )
     for k, top in enumerate(drums.seen(simulation, grain).tops_m[:9]):
-        turned = simulation.scales[k] * surface @ rotation_matrix(simulation.quaternions[k]).T
-        assert top == pytest.approx(simulation.positions[k, 2] + turned[:, 2].max(), abs=2e-5)
+        turned = (
+            simulation.scales[k]
+            * surface
+            @ rotation_matrix(simulation.quaternions[k]).T
+        )
+        assert top == pytest.approx(
+            simulation.positions[k, 2] + turned[:, 2].max(), abs=2e-5
+        )
 
 
 def test_a_grain_is_thrown_where_it_overlaps_no_other():
@@ -164,11 +230,15 @@ def test_a_grain_is_thrown_where_it_overlaps_no_other():
 
 
 def test_the_rate_is_the_slope_of_the_mass_that_left_in_the_middle():
-    left_s = np.concatenate([0.5 + np.arange(1000) / 2000.0, np.full(50, np.inf)])  # 2,000 a second
+    left_s = np.concatenate(
+        [0.5 + np.arange(1000) / 2000.0, np.full(50, np.inf)]
+    )  # 2,000 a second
     masses_g = np.full(1050, 0.04)
     assert discharges.rate_g_s(left_s, masses_g, 1.8) == pytest.approx(80.0, rel=0.005)
     slow_end = np.concatenate([left_s[:900], left_s[899] + 0.01 * np.arange(1, 151)])
-    assert discharges.rate_g_s(slow_end[:1000], masses_g[:1000], 1.8) == pytest.approx(80.0, rel=0.02)
+    assert discharges.rate_g_s(slow_end[:1000], masses_g[:1000], 1.8) == pytest.approx(
+        80.0, rel=0.02
+    )
 
 
 def test_grains_rest_over_the_plug_and_run_out_when_it_is_drawn(monkeypatch):

@@ -26,9 +26,14 @@ def sheet(cells, size, slope=0.0, seed=None):
         inner = (np.abs(x) < 0.49 * size) & (np.abs(y) < 0.49 * size)
         x, y = (v + inner * np.random.default_rng(seed + k).uniform(-0.3, 0.3, len(v)) * size / cells
                 for k, v in enumerate((x, y)))  # fmt: skip
-    i, j = (v.ravel() for v in np.meshgrid(np.arange(cells), np.arange(cells), indexing="ij"))
+    i, j = (
+        v.ravel()
+        for v in np.meshgrid(np.arange(cells), np.arange(cells), indexing="ij")
+    )
     a, b = i * (cells + 1) + j, (i + 1) * (cells + 1) + j
-    faces = np.vstack([np.column_stack([a, b, b + 1]), np.column_stack([a, b + 1, a + 1])])
+    faces = np.vstack(
+        [np.column_stack([a, b, b + 1]), np.column_stack([a, b + 1, a + 1])]
+    )
     return np.column_stack([x, y, slope * x]), faces
 
 
@@ -39,9 +44,13 @@ def counts(mesh):
 def l_shape(inset=0.0):
     """An L of 40 mm and 30 mm height; inset: how deep its faces lie below those of the whole [m]."""
     x0, x1, x2 = inset, 0.02 - inset, 0.04 - inset
-    outline = np.array([[x0, x0], [x2, x0], [x2, x1], [x1, x1], [x1, x2], [x0, x2], [x0, x1]])
+    outline = np.array(
+        [[x0, x0], [x2, x0], [x2, x1], [x1, x1], [x1, x2], [x0, x2], [x0, x1]]
+    )
     triangles = np.array([[0, 1, 3], [1, 2, 3], [0, 3, 6], [6, 3, 4], [6, 4, 5]])
-    solid = trimesh.creation.extrude_triangulation(outline, triangles, height=0.03 - 2.0 * inset)
+    solid = trimesh.creation.extrude_triangulation(
+        outline, triangles, height=0.03 - 2.0 * inset
+    )
     return solid.apply_translation((0.0, 0.0, inset))
 
 
@@ -52,13 +61,21 @@ def cube(inset=0.0):
 def test_features_are_faces_convex_edges_and_corners_tangent_to_the_faces():
     assert counts(box(0.02, 0.02, 0.02)) == [12, 12, 8]
     # the same however finely it is cut, but for the pieces of its edges
-    assert counts(mesh_of(trimesh.creation.box((0.02, 0.02, 0.02)).subdivide().subdivide(), RADIUS)) == [192, 48, 8]
+    assert counts(
+        mesh_of(
+            trimesh.creation.box((0.02, 0.02, 0.02)).subdivide().subdivide(), RADIUS
+        )
+    ) == [192, 48, 8]
     # 6 upright edges less the concave one, less that in the middle of a side; 2 x 7 around top and bottom
     assert counts(mesh_of(l_shape(), RADIUS)) == [len(l_shape().faces), 5 + 14, 10]
     cells = 7
     vertices, faces = sheet(cells, 0.2, slope=0.3, seed=5)
     mesh = Mesh(vertices, faces, "wall", RADIUS)
-    assert counts(mesh) == [2 * cells * cells, 4 * cells, 4]  # edges of the border and its four corners
+    assert counts(mesh) == [
+        2 * cells * cells,
+        4 * cells,
+        4,
+    ]  # edges of the border and its four corners
     normals = mesh.part.data[mesh.part.kind == FACE, :4]
     assert np.all(normals == normals[0])
     part = box(0.02, 0.02, 0.02).part
@@ -74,10 +91,15 @@ def place_near(rng, solid, q):
     """A random place about a solid where a body of this orientation nearly touches it."""
     samples = trimesh.sample.sample_surface(solid, 1500, seed=rng.integers(1 << 31))[0]
     middle, half = solid.bounds.mean(axis=0), 0.5 * np.ptp(solid.bounds, axis=0)
-    target, direction = (middle + half * rng.choice([-1.0, -1.0, -1.0, 0.3, 1.0, 1.0, 1.0], 3), random_direction(rng))
+    target, direction = (
+        middle + half * rng.choice([-1.0, -1.0, -1.0, 0.3, 1.0, 1.0, 1.0], 3),
+        random_direction(rng),
+    )
     for out in np.linspace(0.06, 0.0, 150):
         place = target + out * direction
-        if np.any(np.linalg.norm((samples - place) @ rotation(q) / LONG[0], axis=1) < 1.0):
+        if np.any(
+            np.linalg.norm((samples - place) @ rotation(q) / LONG[0], axis=1) < 1.0
+        ):
             return place + rng.uniform(-5e-4, 5e-4) * direction
     return target + 0.08 * direction
 
@@ -92,7 +114,9 @@ def test_gaps_and_normals_are_those_of_a_dense_search(solid):
     for _ in range(150):
         q = random_quaternion(rng)
         place = place_near(rng, solid(), q)
-        distance, n = mesh_distance(LONG, place, q, np.array(inner.vertices), inner.faces, 1e-3)
+        distance, n = mesh_distance(
+            LONG, place, q, np.array(inner.vertices), inner.faces, 1e-3
+        )
         if distance == 0.0 or abs(distance - RADIUS) < 1e-7:
             continue
         s = simulation(LONG, walls={"mesh": mesh}, dt=1e-5)
@@ -114,20 +138,42 @@ def test_a_bowl_and_a_plane_of_faces_move_a_berry_as_smooth_ones():
     vertices, faces = sheet(40, 0.3, seed=3)
     tracks = []
     for floor in (FLOOR, Mesh(vertices, faces, "wall", RADIUS)):
-        s = simulation(LONG, Contact(0.3, 0.4, 0.05), walls={"floor": floor}, gravity_m_s2=DOWN, dt=1e-4)
-        s.add((-0.05, 0.02, 0.008), (0.9, 0.3, 0.2, 0.1), (0.5, -0.1, 0.0), (3.0, 20.0, 10.0))
+        s = simulation(
+            LONG,
+            Contact(0.3, 0.4, 0.05),
+            walls={"floor": floor},
+            gravity_m_s2=DOWN,
+            dt=1e-4,
+        )
+        s.add(
+            (-0.05, 0.02, 0.008),
+            (0.9, 0.3, 0.2, 0.1),
+            (0.5, -0.1, 0.0),
+            (3.0, 20.0, 10.0),
+        )
         track = []
         for _ in range(50):
             s.run_steps(100)
-            track.append(np.concatenate([s.positions[0], s.quaternions[0], s.velocities[0]]))
+            track.append(
+                np.concatenate([s.positions[0], s.quaternions[0], s.velocities[0]])
+            )
         tracks.append(np.array(track))
-    assert np.ptp(tracks[0][:, 0]) > 0.03  # it crosses many triangles, with its tangential spring
+    assert (
+        np.ptp(tracks[0][:, 0]) > 0.03
+    )  # it crosses many triangles, with its tangential spring
     assert np.abs(tracks[1] - tracks[0]).max() < 1e-9
     solid = trimesh.creation.icosphere(subdivisions=3, radius=0.06)
     solid.invert()
     bowl, rng = mesh_of(solid, RADIUS), np.random.default_rng(51)
     for _ in range(10):
-        s = simulation(LONG, Contact(0.3, 0.4, 0.0), walls={"bowl": bowl}, dt=5e-5, capacity=1, gravity_m_s2=DOWN)
+        s = simulation(
+            LONG,
+            Contact(0.3, 0.4, 0.0),
+            walls={"bowl": bowl},
+            dt=5e-5,
+            capacity=1,
+            gravity_m_s2=DOWN,
+        )
         s.add((0.0, 0.0, 0.0), random_quaternion(rng), 0.5 * rng.normal(size=3))
         weight = s.mass_kg * 9.81
         first = s.kinetic_energies()[0] + 0.06 * weight
@@ -155,7 +201,9 @@ def test_random_hits_of_a_cube_create_no_energy():
         place = target + 0.04 * direction
         if np.abs(place).max() < 0.015 + 0.0125:
             continue
-        s.add(place, random_quaternion(rng), -speed * direction, 30.0 * rng.normal(size=3))
+        s.add(
+            place, random_quaternion(rng), -speed * direction, 30.0 * rng.normal(size=3)
+        )
         energy = s.kinetic_energies()[0]
         for _ in range(20):
             s.run_steps(int(0.08 / speed / 5e-5 / 20))
@@ -169,7 +217,9 @@ def test_random_hits_of_a_cube_create_no_energy():
 
 @pytest.mark.parametrize("end", [(0.04, 0.0), (0.03, 0.03)], ids=["edge", "corner"])
 def test_overlap_and_force_pass_continuously_from_face_to_edge_and_corner(end):
-    s = simulation(LONG, Contact(1.0, 0.0, 0.0), walls={"cube": box(0.06, 0.06, 0.06)}, dt=1e-6)
+    s = simulation(
+        LONG, Contact(1.0, 0.0, 0.0), walls={"cube": box(0.06, 0.06, 0.06)}, dt=1e-6
+    )
     s.add((0.0, 0.0, 0.0), (0.9, 0.3, 0.2, 0.1))
     forces, overlaps = [], []
     for share in np.linspace(0.0, 1.0, 8001):
@@ -198,7 +248,10 @@ def test_a_box_of_inward_faces_holds_its_berries():
     )  # fmt: skip
     places = np.array([-0.026, 0.0, 0.026])
     for k in range(50):
-        s.add((places[k % 3], places[k // 3 % 3], -0.085 + 0.028 * (k // 9)), random_quaternion(rng))
+        s.add(
+            (places[k % 3], places[k // 3 % 3], -0.085 + 0.028 * (k // 9)),
+            random_quaternion(rng),
+        )
     s.run_steps(8000)
     assert s.present.all()
     assert np.abs(s.positions[:, :2]).max() < 0.04
@@ -210,7 +263,9 @@ def test_a_box_of_inward_faces_holds_its_berries():
 
 def test_a_moving_plate_pushes_a_berry_and_a_turntable_carries_it():
     plate = box(0.01, 0.05, 0.05, motion=Motion(velocity_m_s=(0.2, 0.0, 0.0)))
-    s = simulation(LONG, Contact(0.3, 0.5, 0.0), walls={"plate": plate}, dt=2e-5, capacity=1)
+    s = simulation(
+        LONG, Contact(0.3, 0.5, 0.0), walls={"plate": plate}, dt=2e-5, capacity=1
+    )
     s.add((0.02, 0.0, 0.0), (1, 0, 0, 0))
     s.run_steps(1000)
     assert s.velocities[0, 0] == 0.0
@@ -220,18 +275,31 @@ def test_a_moving_plate_pushes_a_berry_and_a_turntable_carries_it():
     s.physics.gravity[0] = -1.0  # against a headwind it stays on the plate
     s.run_steps(60000)
     assert s.velocities[0, 0] == pytest.approx(0.2, rel=1e-6)
-    assert s.positions[0, 0] == pytest.approx(0.005 + 0.2 * s.time_s + LONG[0, 0], abs=1e-4)
+    assert s.positions[0, 0] == pytest.approx(
+        0.005 + 0.2 * s.time_s + LONG[0, 0], abs=1e-4
+    )
     vertices, faces = sheet(16, 0.16, seed=8)
     rate = 1.5
-    table = Mesh(vertices, faces, "wall", RADIUS, Motion(angular_velocity_rad_s=(0.0, 0.0, rate)))
-    s = simulation(LONG, Contact(0.3, 0.8, 0.0), walls={"table": table}, dt=1e-4, capacity=1, gravity_m_s2=DOWN)
+    table = Mesh(
+        vertices, faces, "wall", RADIUS, Motion(angular_velocity_rad_s=(0.0, 0.0, rate))
+    )
+    s = simulation(
+        LONG,
+        Contact(0.3, 0.8, 0.0),
+        walls={"table": table},
+        dt=1e-4,
+        capacity=1,
+        gravity_m_s2=DOWN,
+    )
     q = (math.cos(0.25 * math.pi), 0.0, 0.0, math.sin(0.25 * math.pi))
     s.add((0.0, 0.03, 0.00487), q, (-0.03 * rate, 0.0, 0.0), (0.0, 0.0, rate))
     s.run_steps(10000)
     x, y, _ = s.positions[0]
     angle = rate * s.time_s
     assert math.hypot(x, y) == pytest.approx(0.03, rel=0.1)
-    assert math.atan2(-x, y) % (2.0 * math.pi) == pytest.approx(angle % (2.0 * math.pi), abs=0.1)
+    assert math.atan2(-x, y) % (2.0 * math.pi) == pytest.approx(
+        angle % (2.0 * math.pi), abs=0.1
+    )
 
 
 def test_a_mesh_from_a_file_is_the_mesh_and_what_makes_no_sense_is_refused(tmp_path):
@@ -243,15 +311,39 @@ def test_a_mesh_from_a_file_is_the_mesh_and_what_makes_no_sense_is_refused(tmp_p
     (vertices, faces), no = sheet(2, 0.1), tmp_path / "no.stl"
     trimesh.creation.box((1.0, 1.0, 1.0)).export(tmp_path / "cube.stl")
     cases = [
-        (lambda: Mesh(vertices[:, :2], faces, "wall"), r"vertices_m is (?s:.*)expected \(V, 3\) finite"),
-        (lambda: Mesh(vertices, np.vstack([faces, [[0, 1, 9]]]), "wall"), "faces has 0 to 9; expected 0 to 8"),
-        (lambda: Mesh(vertices, faces.astype(float), "wall"), r"faces is (?s:.*)\(F, 3\) whole numbers"),
-        (lambda: Mesh(vertices, faces, "wall", 0.0), r"edge_radius_m is 0\.0; expected above 0"),
-        (lambda: box(0.02, 0.02, 0.02, radius=0.02), r"edge_radius_m is 0\.02; expected below 0\.00999"),
+        (
+            lambda: Mesh(vertices[:, :2], faces, "wall"),
+            r"vertices_m is (?s:.*)expected \(V, 3\) finite",
+        ),
+        (
+            lambda: Mesh(vertices, np.vstack([faces, [[0, 1, 9]]]), "wall"),
+            "faces has 0 to 9; expected 0 to 8",
+        ),
+        (
+            lambda: Mesh(vertices, faces.astype(float), "wall"),
+            r"faces is (?s:.*)\(F, 3\) whole numbers",
+        ),
+        (
+            lambda: Mesh(vertices, faces, "wall", 0.0),
+            r"edge_radius_m is 0\.0; expected above 0",
+        ),
+        (
+            lambda: box(0.02, 0.02, 0.02, radius=0.02),
+            r"edge_radius_m is 0\.02; expected below 0\.00999",
+        ),
         (lambda: Mesh(vertices, [[0, 1, 2]], "wall"), "a triangle without area"),
-        (lambda: Mesh(vertices, np.vstack([faces, [[0, 4, 2]]]), "wall"), r"one side of edge \[0, 4\]"),
+        (
+            lambda: Mesh(vertices, np.vstack([faces, [[0, 4, 2]]]), "wall"),
+            r"one side of edge \[0, 4\]",
+        ),
         (lambda: Mesh.from_stl(no, "wall", scale=0), "scale is 0; expected above 0"),
-        (lambda: Mesh.from_stl(no, "wall"), r"no\.stl: file is .*expected a mesh that trimesh can read"),
-        (lambda: Mesh.from_stl(tmp_path / "cube.stl", "wall", edge_radius_m=2.0), r"cube\.stl: edge_radius_m is"),
+        (
+            lambda: Mesh.from_stl(no, "wall"),
+            r"no\.stl: file is .*expected a mesh that trimesh can read",
+        ),
+        (
+            lambda: Mesh.from_stl(tmp_path / "cube.stl", "wall", edge_radius_m=2.0),
+            r"cube\.stl: edge_radius_m is",
+        ),
     ]
     assert not not_refused(lambda make: make(), cases, ValueError)

@@ -22,7 +22,9 @@ def slow_contacts(s):
         d = s.positions[j] - s.positions[i]
         distance = np.linalg.norm(d)
         if distance < 2.0 * s.radius:
-            gap = solve_gap(s.bodies.rows, s.physics.parts, i, j, d / distance, 1e-10, np.inf)
+            gap = solve_gap(
+                s.bodies.rows, s.physics.parts, i, j, d / distance, 1e-10, np.inf
+            )
             if gap < 0.0:
                 found.append((i, j, gap))
     return found
@@ -40,14 +42,30 @@ def test_the_contact_list_is_that_of_all_pairs_at_every_moment(seed):
         for pair in fast ^ set(slow):
             i, j = pair
             d = s.positions[j] - s.positions[i]
-            assert abs(solve_gap(s.bodies.rows, s.physics.parts, i, j, d / np.linalg.norm(d), 1e-10, np.inf)) < 6e-4
+            assert (
+                abs(
+                    solve_gap(
+                        s.bodies.rows,
+                        s.physics.parts,
+                        i,
+                        j,
+                        d / np.linalg.norm(d),
+                        1e-10,
+                        np.inf,
+                    )
+                )
+                < 6e-4
+            )
         assert len(s.contacts()) == len(fast)
         seen += len(slow)
     assert seen > 1000
 
 
 def test_memory_goes_with_the_grains_alone():
-    n, radius = 40, 1e-5  # 10 um grains in a box of 2 m: cells all over the box would take 3 PiB
+    n, radius = (
+        40,
+        1e-5,
+    )  # 10 um grains in a box of 2 m: cells all over the box would take 3 PiB
     s = simulation(
         np.full((1, 3), radius), Contact(0.3, 0.5, 0.0), dt=1e-9, capacity=n,
         lower=(-1.0, -1.0, -1.0), upper=(1.0, 1.0, 1.0),
@@ -56,12 +74,22 @@ def test_memory_goes_with_the_grains_alone():
     rng = np.random.default_rng(3)
     for k in range(n):
         # in clusters far apart, some of them outside of the box
-        s.add((-0.9, 0.0, 0.9, 3.0)[k % 4] + 1.5 * radius * rng.uniform(-1.0, 1.0, 3), (1, 0, 0, 0))
+        s.add(
+            (-0.9, 0.0, 0.9, 3.0)[k % 4] + 1.5 * radius * rng.uniform(-1.0, 1.0, 3),
+            (1, 0, 0, 0),
+        )
     s.run_steps(1)
     assert len({(i, j) for i, j, _gap in slow_contacts(s)}) > 40
-    assert {tuple(pair) for pair in s.contacts()} >= {(i, j) for i, j, gap in slow_contacts(s) if gap < -1e-9}
+    assert {tuple(pair) for pair in s.contacts()} >= {
+        (i, j) for i, j, gap in slow_contacts(s) if gap < -1e-9
+    }
     axes = np.array([0.004, 0.004, 0.01])
-    s = simulation_of(Shape.ellipsoid(axes, 800.0, "berry"), Contact(0.3, 0.5, 0.02), 1e-5, capacity=1000)
+    s = simulation_of(
+        Shape.ellipsoid(axes, 800.0, "berry"),
+        Contact(0.3, 0.5, 0.02),
+        1e-5,
+        capacity=1000,
+    )
     for place in np.indices((10, 10, 10)).reshape(3, -1).T:
         s.add("body", 2.001 * axes * (place - 4.5))
     s.run_steps(1)
@@ -88,11 +116,23 @@ def entries(s):
         if i == s.capacity:
             continue
         a, b = np.flatnonzero(bodies == i), np.flatnonzero(bodies == j)
-        gaps = np.linalg.norm(centres[a][:, None] - centres[b], axis=2) - radii[a][:, None] - radii[b]
+        gaps = (
+            np.linalg.norm(centres[a][:, None] - centres[b], axis=2)
+            - radii[a][:, None]
+            - radii[b]
+        )
         contacts = s.pairs.entry[: s.counts[st.N_PAIRS]] == k
-        touching = [tuple(pair) for pair in s.pairs.spheres[: s.counts[st.N_PAIRS]][contacts]]
+        touching = [
+            tuple(pair) for pair in s.pairs.spheres[: s.counts[st.N_PAIRS]][contacts]
+        ]
         watched = [tuple(pair) for pair in s.pairs.watched[k, : s.pairs.n_watched[k]]]
-        yield k, s.bodies.displacement[i] + s.bodies.displacement[j], gaps, touching, watched
+        yield (
+            k,
+            s.bodies.displacement[i] + s.bodies.displacement[j],
+            gaps,
+            touching,
+            watched,
+        )
 
 
 def check_limits(s):
@@ -101,11 +141,16 @@ def check_limits(s):
     for k, total, gaps, touching, watched in entries(s):
         assert len(set(watched) | set(touching)) == len(watched) + len(touching)
         limits = s.pairs.watched_limit[k, : len(watched)]
-        assert all(gaps[pair] >= limit - total - 1e-12 for pair, limit in zip(watched, limits, strict=True))
+        assert all(
+            gaps[pair] >= limit - total - 1e-12
+            for pair, limit in zip(watched, limits, strict=True)
+        )
         for pair in [*watched, *touching]:
             gaps[pair] = np.inf
         assert gaps.min() >= s.pairs.near_rest[k] - total - 1e-12
-        assert s.pairs.near_limit[k] <= min(s.pairs.near_rest[k], limits.min(initial=np.inf))
+        assert s.pairs.near_limit[k] <= min(
+            s.pairs.near_rest[k], limits.min(initial=np.inf)
+        )
         seen += len(watched), len(touching)
     return seen
 
@@ -125,11 +170,23 @@ def test_no_pair_of_spheres_comes_nearer_than_its_limit_says_and_one_that_ends_i
         for k, total, gaps, touching, watched in entries(s):
             before[k] = set(touching)
             # watch further pairs, up to the last slot
-            for pair in zip(*np.unravel_index(np.argsort(gaps, axis=None), gaps.shape), strict=True):
+            for pair in zip(
+                *np.unravel_index(np.argsort(gaps, axis=None), gaps.shape), strict=True
+            ):
                 n = s.pairs.n_watched[k]
-                if n < SLOTS and gaps[pair] > 0.0 and pair not in watched and pair not in touching:
-                    s.pairs.watched[k, n], s.pairs.watched_limit[k, n] = pair, total + gaps[pair]
-                    s.pairs.near_limit[k] = min(s.pairs.near_limit[k], total + gaps[pair])
+                if (
+                    n < SLOTS
+                    and gaps[pair] > 0.0
+                    and pair not in watched
+                    and pair not in touching
+                ):
+                    s.pairs.watched[k, n], s.pairs.watched_limit[k, n] = (
+                        pair,
+                        total + gaps[pair],
+                    )
+                    s.pairs.near_limit[k] = min(
+                        s.pairs.near_limit[k], total + gaps[pair]
+                    )
                     s.pairs.n_watched[k] += 1
         s.run_steps(10)
         check_limits(s)
@@ -139,9 +196,20 @@ def test_no_pair_of_spheres_comes_nearer_than_its_limit_says_and_one_that_ends_i
 
 
 def rubbing():
-    s = scene({"rough": Clump(ROUGH, MASS, BENT_INERTIA, "body")}, Contact(0.2, 0.2, 0.0), dt=5e-5, capacity=27)
+    s = scene(
+        {"rough": Clump(ROUGH, MASS, BENT_INERTIA, "body")},
+        Contact(0.2, 0.2, 0.0),
+        dt=5e-5,
+        capacity=27,
+    )
     rng = np.random.default_rng(5)
     for place in itertools.product((-0.025, 0.0, 0.025), repeat=3):
         place = np.array(place)
-        s.add("rough", place, random_quaternion(rng), -20.0 * place, 30.0 * rng.normal(size=3))
+        s.add(
+            "rough",
+            place,
+            random_quaternion(rng),
+            -20.0 * place,
+            30.0 * rng.normal(size=3),
+        )
     return s

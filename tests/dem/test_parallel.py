@@ -24,7 +24,9 @@ def falling(threads, count=120, seed=4, speed_m_s=0.1):
     )  # fmt: skip
     rng = np.random.default_rng(seed)
     lattice = (-0.025, 0.0, 0.025)
-    for place in itertools.islice(itertools.product(np.arange(0.015, 0.4, 0.0225), lattice, lattice), count):
+    for place in itertools.islice(
+        itertools.product(np.arange(0.015, 0.4, 0.0225), lattice, lattice), count
+    ):
         start = np.array(place)[[1, 2, 0]] + 5e-4 * rng.random(3)
         s.add(start, random_quaternion(rng), speed_m_s * rng.normal(size=3))
     return s
@@ -37,16 +39,25 @@ def small_is_shared(monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.essential
-def test_neither_threads_nor_cuts_change_a_bit_and_shares_move_bodies_as_one_does(small_is_shared, monkeypatch):
+def test_neither_threads_nor_cuts_change_a_bit_and_shares_move_bodies_as_one_does(
+    small_is_shared, monkeypatch
+):
     found = []
-    for threads, parts in ((1, [STEPS]), (2, [STEPS]), (3, [STEPS]), (2, [1, 499, 500, 7, STEPS - 1007])):
+    for threads, parts in (
+        (1, [STEPS]),
+        (2, [STEPS]),
+        (3, [STEPS]),
+        (2, [1, 499, 500, 7, STEPS - 1007]),
+    ):
         s = falling(threads)
         for steps in parts:
             s.run_steps(steps)
         found.append((s.positions.copy(), s.quaternions, s.contacts()))
     assert len(found[0][2]) > 100
     for other in found[1:]:
-        assert all(np.array_equal(one, two) for one, two in zip(found[0], other, strict=True))
+        assert all(
+            np.array_equal(one, two) for one, two in zip(found[0], other, strict=True)
+        )
     shared = falling(1)  # over so few steps that rounding has not grown yet
     monkeypatch.setattr(parallel, "FEWEST_BODIES", 1000)
     plain = falling(1)
@@ -61,9 +72,18 @@ def test_neither_threads_nor_cuts_change_a_bit_and_shares_move_bodies_as_one_doe
 def test_pairs_that_are_left_alone_still_meet_in_time(small_is_shared, monkeypatch):
     # a lattice that creeps together so slowly that its pairs are left alone for most of the steps
     def creeping():
-        s = simulation(BERRY, Contact(0.3, 0.5, 0.05), dt=2e-4, capacity=64, lower=(-0.2,) * 3, upper=(0.2,) * 3)
+        s = simulation(
+            BERRY,
+            Contact(0.3, 0.5, 0.05),
+            dt=2e-4,
+            capacity=64,
+            lower=(-0.2,) * 3,
+            upper=(0.2,) * 3,
+        )
         for x, y, z in itertools.product((-0.033, -0.011, 0.011, 0.033), repeat=3):
-            s.add((x, 0.55 * y, 0.5 * z), velocity_m_s=(-0.08 * x, -0.08 * y, -0.08 * z))
+            s.add(
+                (x, 0.55 * y, 0.5 * z), velocity_m_s=(-0.08 * x, -0.08 * y, -0.08 * z)
+            )
         return s
 
     met = []
@@ -74,7 +94,9 @@ def test_pairs_that_are_left_alone_still_meet_in_time(small_is_shared, monkeypat
         for _ in range(100):
             s.run_steps(50)
             found.append(s.contacts())
-            path = parallel.paths_of(s.grid.paths[parallel.UP_TO_NOW], s.pairs.near_groups[0])
+            path = parallel.paths_of(
+                s.grid.paths[parallel.UP_TO_NOW], s.pairs.near_groups[0]
+            )
             left_alone += int(path < s.pairs.near_check[0])
         met.append(found)
         assert (left_alone > 50) == (fewest == 1)
@@ -91,8 +113,20 @@ def test_new_numbers_change_nothing_that_users_see(small_is_shared):
 
     def seen():
         rows = st.contact_rows(s.pairs.data, len(s.contacts()))
-        springs = sorted(map(tuple, np.column_stack([s.bodies.rows[s.pairs.first[: len(rows)], :3], rows])))
-        return (s.positions, s.quaternions, s.angular_momenta, s.contacts(), s.kinetic_energies(), np.array(springs))
+        springs = sorted(
+            map(
+                tuple,
+                np.column_stack([s.bodies.rows[s.pairs.first[: len(rows)], :3], rows]),
+            )
+        )
+        return (
+            s.positions,
+            s.quaternions,
+            s.angular_momenta,
+            s.contacts(),
+            s.kinetic_energies(),
+            np.array(springs),
+        )
 
     before, numbers = seen(), s._inner.copy()
     s._renumber()
@@ -106,5 +140,7 @@ def test_morton_numbers_of_a_small_grid_and_wrong_numbers_of_threads():
     cells = np.arange(16)
     x, y, z = cells // 8, cells // 4 % 2, cells % 4
     assert np.array_equal(morton(cells, shape), x + 2 * y + 4 * (z % 2) + 32 * (z // 2))
-    wrong = [(threads, f"threads is {threads}; expected 1 to 8") for threads in (0, 9, 1.5)]
+    wrong = [
+        (threads, f"threads is {threads}; expected 1 to 8") for threads in (0, 9, 1.5)
+    ]
     assert not not_refused(falling, wrong, ValueError)

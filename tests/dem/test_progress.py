@@ -13,7 +13,9 @@ class Terminal(io.StringIO):
         return True
 
 
-def test_a_log_gets_a_line_a_minute_and_a_terminal_a_bar_with_the_time_left(monkeypatch, capsys):
+def test_a_log_gets_a_line_a_minute_and_a_terminal_a_bar_with_the_time_left(
+    monkeypatch, capsys
+):
     now = [0.0]
     monkeypatch.setattr(progress.time, "perf_counter", lambda: now[0])
     with progress.display(0.0, 10.0, 1e-3, label="seed 7") as report:
@@ -22,7 +24,10 @@ def test_a_log_gets_a_line_a_minute_and_a_terminal_a_bar_with_the_time_left(monk
             report(0.02 * k)
     lines = capsys.readouterr().err.splitlines()
     said = (("1.200", "07:20"), ("2.400", "06:20"))
-    assert lines == [f"seed 7 {made}/10.000 s, 0.02 s/s, 20 steps/s, {left} left" for made, left in said]
+    assert lines == [
+        f"seed 7 {made}/10.000 s, 0.02 s/s, 20 steps/s, {left} left"
+        for made, left in said
+    ]
     screen = Terminal()
     monkeypatch.setattr("sys.stderr", screen)
     monkeypatch.setenv("COLUMNS", "120")
@@ -32,7 +37,11 @@ def test_a_log_gets_a_line_a_minute_and_a_terminal_a_bar_with_the_time_left(monk
     text = re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", screen.getvalue())
     assert re.search(r"2\.000/3\.000 s, .* s/s, \d+ steps/s, \d\d:\d\d left", text)
     assert "━" in text
-    assert [progress.clock(s) for s in (0.4, 59.6, 3723)] == ["00:00", "01:00", "1:02:03"]
+    assert [progress.clock(s) for s in (0.4, 59.6, 3723)] == [
+        "00:00",
+        "01:00",
+        "1:02:03",
+    ]
 
 
 @pytest.mark.parametrize("choice", [None, False])

@@ -23,13 +23,22 @@ STEP, SPEED = 5e-5, 0.01
 NO_SLIP = Contact(1.0, 100.0, 0.0)
 
 
-@pytest.mark.parametrize(("tension", "limit"), [("keep", "elastic"), ("release", "total"), ("cut", "total")])
-def test_a_tile_of_contacts_on_random_paths_agrees_with_the_increments_of_the_force(tension, limit):
+@pytest.mark.parametrize(
+    ("tension", "limit"), [("keep", "elastic"), ("release", "total"), ("cut", "total")]
+)
+def test_a_tile_of_contacts_on_random_paths_agrees_with_the_increments_of_the_force(
+    tension, limit
+):
     rng, dt, steps, mass = np.random.default_rng(11), 1e-4, 120, 1.1e-3
     contact = Contact(0.4, 0.5, 0.0)
     tile, kept = tile_of(LAW, GOJI, contact, 3e-3, mass, tension)
     shares = tile[tl.SHARE // LANES] = rng.uniform(0.2, 1.0, LANES)
-    law = (*effective_moduli(GOJI, GOJI), mass, damping_ratio(contact.restitution, tension), contact.static_friction)
+    law = (
+        *effective_moduli(GOJI, GOJI),
+        mass,
+        damping_ratio(contact.restitution, tension),
+        contact.static_friction,
+    )
     options = LAW.make_options(tension)
     normal = np.array([random_direction(rng) for _ in range(LANES)])
     phase, period = rng.uniform(0.0, 6.0, LANES), rng.uniform(20.0, 90.0, LANES)
@@ -65,14 +74,22 @@ def test_a_tile_of_contacts_on_random_paths_agrees_with_the_increments_of_the_fo
 
 
 def heavy(shape):
-    return replace(shape, mass_kg=HEAVY * shape.mass_kg, inertia_kg_m2=HEAVY * np.array(shape.inertia_kg_m2))
+    return replace(
+        shape,
+        mass_kg=HEAVY * shape.mass_kg,
+        inertia_kg_m2=HEAVY * np.array(shape.inertia_kg_m2),
+    )
 
 
 # shape, R* and depth below the centre of the place that touches a floor; two spheres of the bent clump are the lowest
 SHAPES = [
     pytest.param(smooth, RADIUS, RADIUS, id="sphere"),
-    pytest.param(berry, BERRY[0, 0] * BERRY[0, 1] / BERRY[0, 2], BERRY[0, 2], id="berry"),
-    pytest.param(ball_of_one, RADIUS, RADIUS, id="clump of one", marks=pytest.mark.slow),
+    pytest.param(
+        berry, BERRY[0, 0] * BERRY[0, 1] / BERRY[0, 2], BERRY[0, 2], id="berry"
+    ),
+    pytest.param(
+        ball_of_one, RADIUS, RADIUS, id="clump of one", marks=pytest.mark.slow
+    ),
 ]
 
 
@@ -82,7 +99,9 @@ class Led:
     def __init__(self, shape, depth, contact=NO_SLIP, **laws):
         laws = {"contact_law": "hertz_mindlin_rescaled", "tension": "release"} | laws
         floor = Plane((0.0, 0.0, -depth - 1e-6), (0.0, 0.0, 1.0), "wall")
-        self.simulation = scene({"body": heavy(shape)}, contact, {"floor": floor}, STEP, **laws)
+        self.simulation = scene(
+            {"body": heavy(shape)}, contact, {"floor": floor}, STEP, **laws
+        )
         self.simulation.add("body", (0.0, 0.0, 0.0))
         self.work, self.force = 0.0, np.zeros(3)
 
@@ -99,16 +118,22 @@ class Led:
 
 
 @pytest.mark.parametrize(("shape", "radius", "depth"), SHAPES)
-def test_an_unloading_lowers_the_force_with_the_circle_and_an_end_takes_it_all(shape, radius, depth):
+def test_an_unloading_lowers_the_force_with_the_circle_and_an_end_takes_it_all(
+    shape, radius, depth
+):
     led, (_, shear) = Led(shape(), depth), effective_moduli(GOJI, PVC)
     circle = np.sqrt(radius * np.array([2e-4, 8e-4, 5e-4]))
     assert led.leg(0.0, 2e-4 + 1e-6)[0] == 0.0
     slid = led.leg(1e-4, 0.0)[0]
     assert slid == pytest.approx(8.0 * shear * circle[0] * 1e-4, rel=1e-3)
     assert led.leg(0.0, 6e-4)[0] == pytest.approx(slid, rel=1e-4)
-    assert led.leg(0.0, -3e-4)[0] == pytest.approx(slid * circle[2] / circle[1], rel=1e-3)
+    assert led.leg(0.0, -3e-4)[0] == pytest.approx(
+        slid * circle[2] / circle[1], rel=1e-3
+    )
     # pressed again it stays where the unloading left it
-    assert led.leg(0.0, 3e-4)[0] == pytest.approx(slid * circle[2] / circle[1], rel=1e-3)
+    assert led.leg(0.0, 3e-4)[0] == pytest.approx(
+        slid * circle[2] / circle[1], rel=1e-3
+    )
     led = Led(shape(), depth)
     led.leg(0.0, 4e-4 + 1e-6)
     slid = led.leg(1e-4, 0.0)[0]
@@ -119,7 +144,12 @@ def test_an_unloading_lowers_the_force_with_the_circle_and_an_end_takes_it_all(s
 def loop(led, forward):
     """Energy that comes out of a closed path: slide and press, or press and slide, and back [J]."""
     legs = [(2e-4, 0.0), (0.0, 8e-4)][:: 1 if forward else -1]
-    for x, z in [(0.0, 2e-4 + 1e-6), *legs, *((-x, -z) for x, z in legs), (0.0, -2e-4 - 1e-6)]:
+    for x, z in [
+        (0.0, 2e-4 + 1e-6),
+        *legs,
+        *((-x, -z) for x, z in legs),
+        (0.0, -2e-4 - 1e-6),
+    ]:
         led.leg(x, z)
     return -led.work
 
@@ -135,4 +165,7 @@ def test_a_closed_path_without_slip_gives_no_energy(shape, depth):
         assert loop(Led(shape(), depth), forward) < 2e-8
     # the spring of the present stiffness gives a microjoule one way or the other: the path does tell
     laws = {"contact_law": "hertz_mindlin", "tension": "keep"}
-    assert max(loop(Led(shape(), depth, **laws), forward) for forward in (True, False)) > 1e-6
+    assert (
+        max(loop(Led(shape(), depth, **laws), forward) for forward in (True, False))
+        > 1e-6
+    )

@@ -27,7 +27,9 @@ def slow_step(s, i, others, contact):
         found = []
         for x, y, z, r in spheres:
             centre = np.array([x, y, z])
-            if isinstance(other, np.ndarray):  # outward normal of a plane through the origin
+            if isinstance(
+                other, np.ndarray
+            ):  # outward normal of a plane through the origin
                 gap = centre @ other - r
                 found.append((gap, -other, r, centre + (r + 0.5 * gap) * -other))
                 continue
@@ -38,16 +40,28 @@ def slow_step(s, i, others, contact):
                 found.append((gap, n, r * p / (r + p), centre + (r + 0.5 * gap) * n))
         found = [place for place in found if place[0] < 0.0]
         count += len(found)
-        young, shear = effective_moduli(GOJI, PVC if isinstance(other, np.ndarray) else GOJI)
+        young, shear = effective_moduli(
+            GOJI, PVC if isinstance(other, np.ndarray) else GOJI
+        )
         for gap, n, radius, point in found:
             touching = [(mass, inertia, point - place)]
             v = velocity + np.cross(spin, point - place)
             if not isinstance(other, np.ndarray):
-                _spheres, mass_b, inertia_b, place_b, velocity_b, spin_b = body_of(s, other)
+                _spheres, mass_b, inertia_b, place_b, velocity_b, spin_b = body_of(
+                    s, other
+                )
                 touching.append((mass_b, inertia_b, point - place_b))
                 v = v - velocity_b - np.cross(spin_b, point - place_b)
-            law = young, shear, mass_at_contact(touching, n) / len(found), beta, contact.static_friction
-            push, *_rest = slow_hertz_mindlin(law, -gap, radius, n, v, np.zeros(3), dt, True, "elastic")
+            law = (
+                young,
+                shear,
+                mass_at_contact(touching, n) / len(found),
+                beta,
+                contact.static_friction,
+            )
+            push, *_rest = slow_hertz_mindlin(
+                law, -gap, radius, n, v, np.zeros(3), dt, True, "elastic"
+            )
             force, torque = force + push, torque + np.cross(point - place, push)
     return count, dt * force, dt * torque
 
@@ -67,24 +81,44 @@ def test_contacts_of_one_pair_share_the_damping(on):
     """The first step of two clumps, or a clump and a wall, that overlap in several places, beside the law in words."""
     rng, contact = np.random.default_rng(12), Contact(0.2, 0.5, 0.0)
     block = trimesh.creation.box((0.2, 0.2, 0.02)).apply_translation((0.0, 0.0, -0.01))
-    walls = {"clump": None, "plane": {"floor": FLOOR}, "mesh": {"block": mesh_of(block, 1e-3)}}[on]
+    walls = {
+        "clump": None,
+        "plane": {"floor": FLOOR},
+        "mesh": {"block": mesh_of(block, 1e-3)},
+    }[on]
     most = 0
     for _ in range(40):
         s = scene({"bent": bent()}, contact, walls, dt=1e-6)
-        tilt = np.array([1.0, *0.02 * rng.normal(size=3)])  # nearly parallel bodies, so that several spheres touch
+        tilt = np.array(
+            [1.0, *0.02 * rng.normal(size=3)]
+        )  # nearly parallel bodies, so that several spheres touch
         place = (0.0, 0.0, 0.0065) if on == "clump" else (0.01, 0.02, 0.0034)
         s.add("bent", place, tilt, rng.normal(size=3), 30.0 * rng.normal(size=3))
         if on == "clump":
-            s.add("bent", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), rng.normal(size=3), 30.0 * rng.normal(size=3))
+            s.add(
+                "bent",
+                (0.0, 0.0, 0.0),
+                (1.0, 0.0, 0.0, 0.0),
+                rng.normal(size=3),
+                30.0 * rng.normal(size=3),
+            )
         momentum, spin = MASS * s.velocities[0], s.angular_momenta[0]
-        count, push, twist = slow_step(s, 0, [1 if on == "clump" else np.array([0.0, 0.0, 1.0])], contact)
+        count, push, twist = slow_step(
+            s, 0, [1 if on == "clump" else np.array([0.0, 0.0, 1.0])], contact
+        )
         s.run_steps(1)
         found = {"clump": st.N_PAIRS, "plane": st.N_PLANE, "mesh": st.N_MESHED}[on]
-        if s.counts[found] < count:  # a sphere that is already deep in a mesh came from its inside
+        if (
+            s.counts[found] < count
+        ):  # a sphere that is already deep in a mesh came from its inside
             continue
         most = max(most, count)
-        assert MASS * s.velocities[0] - momentum == pytest.approx(push, rel=1e-6, abs=1e-6 * np.abs(push).max())
-        assert s.angular_momenta[0] - spin == pytest.approx(twist, rel=1e-6, abs=1e-6 * np.abs(twist).max())
+        assert MASS * s.velocities[0] - momentum == pytest.approx(
+            push, rel=1e-6, abs=1e-6 * np.abs(push).max()
+        )
+        assert s.angular_momenta[0] - spin == pytest.approx(
+            twist, rel=1e-6, abs=1e-6 * np.abs(twist).max()
+        )
     assert most >= 3
 
 
@@ -93,10 +127,14 @@ def test_contacts_of_one_pair_share_the_damping(on):
     ("ellipsoid", "hertz_mindlin"), ("rough clump", "hertz_mindlin"),
     pytest.param("ellipsoid", "linear_spring", marks=pytest.mark.slow),
 ])  # fmt: skip
-def test_a_stiff_hit_returns_its_restitution_wherever_it_is_hit(name, tension, contact_law):
+def test_a_stiff_hit_returns_its_restitution_wherever_it_is_hit(
+    name, tension, contact_law
+):
     for on_plane in (False, True):
         for e in (0.2, 0.7):
             laws = {"contact_law": contact_law, "tension": tension}
-            found = hits(particles()[name], e, STIFFER, on_plane, 12, **laws).restitution
+            found = hits(
+                particles()[name], e, STIFFER, on_plane, 12, **laws
+            ).restitution
             assert np.median(np.abs(found - e)) < 0.01
             assert np.mean(found) == pytest.approx(e, abs=0.02)

@@ -8,7 +8,15 @@ from dem.clump_scenes import scene
 from dem.common import DOWN, FLOOR
 from dem.test_epsd import berry
 
-from repose.dem import Clump, Contact, Material, Plane, Shape, random_quaternion, time_steps
+from repose.dem import (
+    Clump,
+    Contact,
+    Material,
+    Plane,
+    Shape,
+    random_quaternion,
+    time_steps,
+)
 from repose.dem.contact_table import pairs_of
 from repose.dem.kernels import state as st
 from repose.dem.laws import CONTACT_LAWS, hertz_mindlin, linear_spring
@@ -18,7 +26,9 @@ from repose.verification.machine import smooth as smooth_body
 
 SOFT, HARD = Material(4.3e4, 0.32), Material(1.12e9, 0.4)
 RADIUS_M, MASS_KG = 5e-3, 5e-4
-BALL = Clump([[0.0, 0.0, 0.0, RADIUS_M]], MASS_KG, [0.4 * MASS_KG * RADIUS_M**2] * 3, "body")
+BALL = Clump(
+    [[0.0, 0.0, 0.0, RADIUS_M]], MASS_KG, [0.4 * MASS_KG * RADIUS_M**2] * 3, "body"
+)
 CONVEX = Shape([[RADIUS_M] * 3], MASS_KG, [0.4 * MASS_KG * RADIUS_M**2] * 3, "body")
 
 
@@ -31,16 +41,37 @@ def row(number):
 def study(restitution=0.3, tension="keep", law="hertz_mindlin", shape=BALL):
     materials = {"body": SOFT, "wall": HARD}
     contact = Contact(restitution, 0.0, 0.0)
-    contacts = pairs_of({("body", "body"): contact, ("body", "wall"): contact}, materials)
-    return time_steps.Scene(CONTACT_LAWS[law], tension, materials, contacts, {"ball": shape}, frozenset({"wall"}))
+    contacts = pairs_of(
+        {("body", "body"): contact, ("body", "wall"): contact}, materials
+    )
+    return time_steps.Scene(
+        CONTACT_LAWS[law],
+        tension,
+        materials,
+        contacts,
+        {"ball": shape},
+        frozenset({"wall"}),
+    )
 
 
 def swing(shape, overlap_m, step_s, restitution, tension, monkeypatch):
     """Largest distance from the middle, in the last of many steps, of a body that began 1 um off it, over 1 um."""
     monkeypatch.setattr(time_steps, "longest", lambda *_: time_steps.Limit(1.0, ""))
     reach, contact = RADIUS_M - overlap_m, Contact(restitution, 0.0, 0.0)
-    walls = {str(side): Plane((0.0, 0.0, side * reach), (0.0, 0.0, -side), "wall") for side in (-1.0, 1.0)}
-    simulation = scene({"ball": shape}, contact, walls, step_s, 1, body=SOFT, wall=HARD, tension=tension)
+    walls = {
+        str(side): Plane((0.0, 0.0, side * reach), (0.0, 0.0, -side), "wall")
+        for side in (-1.0, 1.0)
+    }
+    simulation = scene(
+        {"ball": shape},
+        contact,
+        walls,
+        step_s,
+        1,
+        body=SOFT,
+        wall=HARD,
+        tension=tension,
+    )
     simulation.add("ball", (0.0, 0.0, 1e-6))
     simulation.run_steps(390)
     away = 0.0
@@ -51,60 +82,108 @@ def swing(shape, overlap_m, step_s, restitution, tension, monkeypatch):
 
 
 @pytest.mark.parametrize("shape", [BALL, CONVEX], ids=["clump", "smooth"])
-@pytest.mark.parametrize(("restitution", "tension"), [(0.05, "release"), (0.3, "keep"), (0.9, "keep")])
-def test_a_pressed_body_is_stable_up_to_the_limit_and_not_beyond(shape, restitution, tension, monkeypatch):
+@pytest.mark.parametrize(
+    ("restitution", "tension"), [(0.05, "release"), (0.3, "keep"), (0.9, "keep")]
+)
+def test_a_pressed_body_is_stable_up_to_the_limit_and_not_beyond(
+    shape, restitution, tension, monkeypatch
+):
     overlap = 0.1 * RADIUS_M
-    limit = time_steps.pressed(study(restitution, tension, shape=shape), shape, "wall", overlap_m=overlap)
-    below = swing(shape, overlap, 0.97 * limit.time_step_s, restitution, tension, monkeypatch)
-    beyond = swing(shape, overlap, 1.03 * limit.time_step_s, restitution, tension, monkeypatch)
+    limit = time_steps.pressed(
+        study(restitution, tension, shape=shape), shape, "wall", overlap_m=overlap
+    )
+    below = swing(
+        shape, overlap, 0.97 * limit.time_step_s, restitution, tension, monkeypatch
+    )
+    beyond = swing(
+        shape, overlap, 1.03 * limit.time_step_s, restitution, tension, monkeypatch
+    )
     assert below < 0.01
     assert beyond > 10.0
 
 
-@pytest.mark.parametrize(("law", "module"), [("hertz_mindlin", hertz_mindlin), ("linear_spring", linear_spring)])
+@pytest.mark.parametrize(
+    ("law", "module"),
+    [("hertz_mindlin", hertz_mindlin), ("linear_spring", linear_spring)],
+)
 def test_the_stiffness_is_the_slope_of_the_force(law, module):
     contact, radius, overlap, h = Contact(0.4, 0.0, 0.0), 3e-3, 2e-4, 1e-9
     stiffness, _ = module.oscillator(SOFT, HARD, contact, "keep", radius, overlap)
     first = module.constants(SOFT, HARD, contact)[0]
 
     def force(delta):
-        return first * (math.sqrt(radius * delta) * delta if law == "hertz_mindlin" else radius * delta)
+        return first * (
+            math.sqrt(radius * delta) * delta
+            if law == "hertz_mindlin"
+            else radius * delta
+        )
 
-    assert stiffness == pytest.approx((force(overlap + h) - force(overlap - h)) / (2 * h), rel=1e-6)
+    assert stiffness == pytest.approx(
+        (force(overlap + h) - force(overlap - h)) / (2 * h), rel=1e-6
+    )
 
 
 def test_an_oscillator_of_the_damping_ratio_returns_the_restitution():
     """A linear contact that may pull: exp(-pi z / sqrt(1 - z^2)) is the speed after half a period over that before."""
-    _, z = linear_spring.oscillator(SOFT, HARD, Contact(0.4, 0.0, 0.0), "keep", 3e-3, 1e-4)
-    assert math.exp(-math.pi * z / math.sqrt(1.0 - z * z)) == pytest.approx(0.4, rel=1e-9)
+    _, z = linear_spring.oscillator(
+        SOFT, HARD, Contact(0.4, 0.0, 0.0), "keep", 3e-3, 1e-4
+    )
+    assert math.exp(-math.pi * z / math.sqrt(1.0 - z * z)) == pytest.approx(
+        0.4, rel=1e-9
+    )
 
 
 def test_low_restitution_hard_walls_scale_and_flat_places_shorten_the_step():
     assert BALL.acting_together(1e-4 * RADIUS_M) == pytest.approx(1.0)
     assert row(15).acting_together(0.1 * RADIUS_M) == pytest.approx(15.0, rel=0.01)
     apart = Clump([[-1.0, 0, 0, 0.1], [1.0, 0, 0, 0.1]], 1.0, [1.0, 1.0, 1.0], "body")
-    assert apart.acting_together(0.05) == pytest.approx(2.0, rel=0.02)  # seen from the side both touch
-    one, many = (time_steps.pressed(study(0.9, shape=s), s, "wall", overlap_m=5e-4) for s in (row(1), row(15)))
-    assert many.time_step_s == pytest.approx(one.time_step_s / math.sqrt(15.0), rel=0.02)
+    assert apart.acting_together(0.05) == pytest.approx(
+        2.0, rel=0.02
+    )  # seen from the side both touch
+    one, many = (
+        time_steps.pressed(study(0.9, shape=s), s, "wall", overlap_m=5e-4)
+        for s in (row(1), row(15))
+    )
+    assert many.time_step_s == pytest.approx(
+        one.time_step_s / math.sqrt(15.0), rel=0.02
+    )
     assert "15.0 spheres" in many.reason
     many = row(40)
-    free, damped = (time_steps.longest(study(e, "release", shape=many)).time_step_s for e in (0.9, 0.05))
+    free, damped = (
+        time_steps.longest(study(e, "release", shape=many)).time_step_s
+        for e in (0.9, 0.05)
+    )
     assert damped < 0.5 * free
     between = time_steps.pressed(study(0.3), BALL, "body", of_body=True).time_step_s
     assert time_steps.pressed(study(0.3), BALL, "wall").time_step_s < between
     for number in (1, 40):
         shape = row(number)
-        grown = Clump(3.0 * shape.spheres_m, 27.0 * shape.mass_kg, 243.0 * shape.inertia_kg_m2, "body")
-        small, large = (time_steps.longest(study(0.05, "release", shape=s)) for s in (shape, grown))
+        grown = Clump(
+            3.0 * shape.spheres_m,
+            27.0 * shape.mass_kg,
+            243.0 * shape.inertia_kg_m2,
+            "body",
+        )
+        small, large = (
+            time_steps.longest(study(0.05, "release", shape=s)) for s in (shape, grown)
+        )
         assert large.time_step_s == pytest.approx(3.0 * small.time_step_s, rel=1e-9)
-        scaled = time_steps.longest(study(0.05, "release", shape=grown), smallest_scale=1.0 / 3.0)
+        scaled = time_steps.longest(
+            study(0.05, "release", shape=grown), smallest_scale=1.0 / 3.0
+        )
         assert scaled.time_step_s == pytest.approx(small.time_step_s, rel=1e-9)
         assert "smallest scale, 0.333" in scaled.reason
     a, b, c = 10e-3, 6e-3, 4e-3
-    assert Shape.ellipsoid((a, b, c), 800.0, "body").flattest_radius_m == pytest.approx(a * b / c)
+    assert Shape.ellipsoid((a, b, c), 800.0, "body").flattest_radius_m == pytest.approx(
+        a * b / c
+    )
     assert CONVEX.flattest_radius_m == pytest.approx(RADIUS_M)
     for number in (1.23456e-4, 9.99999e-5, 2.5e-4, 3.0e-6):
-        result = float(time_steps.Limit(number, "why").allowed.split(",")[0].removeprefix("at most "))
+        result = float(
+            time_steps.Limit(number, "why")
+            .allowed.split(",")[0]
+            .removeprefix("at most ")
+        )
         assert 0.99 * number < result <= number * (1 + 1e-12)
 
 
@@ -114,22 +193,37 @@ SMALLEST = np.finfo(float).tiny  # smaller numbers are denormal
 def clump():
     x = np.linspace(-6e-3, 6e-3, 5)
     solid = berry()
-    return Clump(np.column_stack([x, 0 * x, 0 * x, np.full(5, 4.5e-3)]), solid.mass_kg, solid.inertia_kg_m2, "body")
+    return Clump(
+        np.column_stack([x, 0 * x, 0 * x, np.full(5, 4.5e-3)]),
+        solid.mass_kg,
+        solid.inertia_kg_m2,
+        "body",
+    )
 
 
-EPSD = {"contact_law": "hertz_mindlin_rescaled", "tension": "release", "rolling_law": "epsd"}
+EPSD = {
+    "contact_law": "hertz_mindlin_rescaled",
+    "tension": "release",
+    "rolling_law": "epsd",
+}
 
 
 def left_alone(shape, seconds, **laws):
     room = {"capacity": 24, "gravity": DOWN, "lower": (-0.1, -0.1, 0.0)}
-    s = scene({"body": shape}, Contact(0.3, 0.5, 0.05), {"floor": FLOOR}, 2e-4, **room, **laws)
+    s = scene(
+        {"body": shape}, Contact(0.3, 0.5, 0.05), {"floor": FLOOR}, 2e-4, **room, **laws
+    )
     rng = np.random.default_rng(1)
     for k in range(16):
         x, y = 0.012 * (np.array([k % 2, k // 2 % 2]) - 0.5)
         s.add("body", (x, y, 0.012 + 0.012 * (k // 4)), random_quaternion(rng))
     for k in range(8):
         turn = 0.25 * np.pi * k
-        s.add("body", (0.09 * np.cos(turn), 0.09 * np.sin(turn), 0.012), random_quaternion(rng))
+        s.add(
+            "body",
+            (0.09 * np.cos(turn), 0.09 * np.sin(turn), 0.012),
+            random_quaternion(rng),
+        )
     s.run_steps(round(seconds / 2e-4))
     return s
 
@@ -139,7 +233,13 @@ def denormal(array):
     return int(((size > 0.0) & (size < SMALLEST)).sum())
 
 
-@pytest.mark.parametrize("laws", [pytest.param({}, id="budget"), pytest.param(EPSD, id="epsd", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "laws",
+    [
+        pytest.param({}, id="budget"),
+        pytest.param(EPSD, id="epsd", marks=pytest.mark.slow),
+    ],
+)
 @pytest.mark.parametrize("shape", [berry, clump])
 def test_a_pile_left_alone_has_no_denormal_number(shape, laws):
     """After ten seconds; with `epsd` after a minute more, in which it stays where it is."""
@@ -159,7 +259,12 @@ def test_a_pile_left_alone_has_no_denormal_number(shape, laws):
 
 RADIUS, OVERLAP = 6e-3, 1e-4
 CONTACT = Contact(0.1, 5.0, 0.0)
-LAWS = {"tension": "release", "contact_law": "hertz_mindlin_rescaled", "body": SOFT, "wall": HARD}
+LAWS = {
+    "tension": "release",
+    "contact_law": "hertz_mindlin_rescaled",
+    "body": SOFT,
+    "wall": HARD,
+}
 
 
 def held(planes, step_s=None, smooth=False):
@@ -167,9 +272,15 @@ def held(planes, step_s=None, smooth=False):
     ball = (smooth_body if smooth else Shape.sphere)(RADIUS, 840.0, "body")
     angles = 2.0 * math.pi * np.arange(planes) / planes
     normals = np.array([(math.cos(angle), math.sin(angle), 0.0) for angle in angles])
-    walls = {str(k): Plane(tuple((RADIUS - OVERLAP) * n), tuple(-n), "wall") for k, n in enumerate(normals)}
+    walls = {
+        str(k): Plane(tuple((RADIUS - OVERLAP) * n), tuple(-n), "wall")
+        for k, n in enumerate(normals)
+    }
     if step_s is None:
-        step_s = 0.98 * scene({"ball": ball}, CONTACT, walls, 1e-6, **LAWS).longest_time_step()
+        step_s = (
+            0.98
+            * scene({"ball": ball}, CONTACT, walls, 1e-6, **LAWS).longest_time_step()
+        )
     simulation = scene({"ball": ball}, CONTACT, walls, step_s, **LAWS)
     simulation.add("ball", (0.0, 0.0, 0.0), angular_velocity_rad_s=(0.0, 0.0, 1.0))
     return simulation
@@ -193,7 +304,9 @@ def test_the_share_is_that_of_the_equation(planes, smooth):
         simulation = held(planes, step_s, smooth)
         simulation.run_steps(1)
         share = simulation.bodies.rows[0, st.share_column(simulation.physics.parts)]
-        assert share == pytest.approx(1.0 / max(1.0, excess(simulation, planes)), rel=1e-6)
+        assert share == pytest.approx(
+            1.0 / max(1.0, excess(simulation, planes)), rel=1e-6
+        )
         assert (share == 1.0) == (step_s is not None)
 
 

@@ -8,7 +8,16 @@ import pytest
 from refusals import value_error
 
 from repose import dem
-from repose.dem import Cone, Contact, Material, Mesh, Plane, Shape, Simulation, write_vtk
+from repose.dem import (
+    Cone,
+    Contact,
+    Material,
+    Mesh,
+    Plane,
+    Shape,
+    Simulation,
+    write_vtk,
+)
 from repose.dem.tessellation import triangulated_walls
 from repose.pictures.scenery import setting_of
 
@@ -16,10 +25,20 @@ NUMPY_TYPES = {"Float64": "<f8", "Int64": "<i8", "Int32": "<i4"}
 
 
 def among(walls, **keywords):
-    shapes = {"berry": Shape.ellipsoid((0.01, 0.006, 0.005), 840.0, "m"), "ball": Shape.sphere(0.006, 840.0, "m")}
+    shapes = {
+        "berry": Shape.ellipsoid((0.01, 0.006, 0.005), 840.0, "m"),
+        "ball": Shape.sphere(0.006, 840.0, "m"),
+    }
     room = {"capacity": 3, "lower": (-0.05, -0.05, 0.0), "upper": (0.05, 0.05, 0.2)}
     contacts = {("m", "m"): Contact(0.3, 0.5, 0.02)}
-    return Simulation(shapes, {"m": Material(4.3e4, 0.32)}, contacts, 1e-4, walls=walls, **room | keywords)
+    return Simulation(
+        shapes,
+        {"m": Material(4.3e4, 0.32)},
+        contacts,
+        1e-4,
+        walls=walls,
+        **room | keywords,
+    )
 
 
 def scene():
@@ -29,7 +48,9 @@ def scene():
         "lid": Plane((0, 0, 0.15), (0, 0, -1), "m", radius_m=0.03),
     }
     simulation = among(walls, largest_scale=1.5, floor_height_m=-0.1)
-    simulation.add("berry", (0.0, 0.01, 0.1), (1, 2, 3, 4), (0.1, 0.2, 0.3), (1, 2, 3), scale=1.5)
+    simulation.add(
+        "berry", (0.0, 0.01, 0.1), (1, 2, 3, 4), (0.1, 0.2, 0.3), (1, 2, 3), scale=1.5
+    )
     simulation.add("ball", (1.0, 1.0, -0.2))
     simulation.add("ball", (0.01, -0.02, 0.09))
     simulation.run_steps(3)
@@ -45,9 +66,13 @@ def arrays(path):
         assert int.from_bytes(data[:8], "little") == len(data) - 8
         values = np.frombuffer(data[8:], NUMPY_TYPES[element.get("type")])
         columns = int(element.get("NumberOfComponents"))
-        found[element.get("Name")] = values.reshape(-1, columns) if columns > 1 else values
+        found[element.get("Name")] = (
+            values.reshape(-1, columns) if columns > 1 else values
+        )
     for element in root.iter("Array"):
-        found[element.get("Name")] = bytes(int(code) for code in element.text.split()).decode().split("\0")[:-1]
+        found[element.get("Name")] = (
+            bytes(int(code) for code in element.text.split()).decode().split("\0")[:-1]
+        )
     return found
 
 
@@ -55,7 +80,10 @@ def test_vtk_points_surfaces_and_walls_and_wrong_names(tmp_path):
     simulation = scene()
     write_vtk(tmp_path / "a.vtp", simulation)
     found, here = arrays(tmp_path / "a.vtp"), [0, 2]
-    assert (found["piece"]["NumberOfVerts"], found["TimeValue"]) == ("2", [simulation.time_s])
+    assert (found["piece"]["NumberOfVerts"], found["TimeValue"]) == (
+        "2",
+        [simulation.time_s],
+    )
     assert found["shape_names"] == ["berry", "ball"]
     np.testing.assert_array_equal(found["id"], here)
     np.testing.assert_array_equal(found["shape"], [0, 1])
@@ -63,24 +91,44 @@ def test_vtk_points_surfaces_and_walls_and_wrong_names(tmp_path):
     for name in ("position", "quaternion", "velocity"):
         values = getattr(simulation, {"velocity": "velocities"}.get(name, name + "s"))
         np.testing.assert_array_equal(found[name], values[here])
-    np.testing.assert_array_equal(found["angular_velocity"], simulation.angular_velocities[here])
+    np.testing.assert_array_equal(
+        found["angular_velocity"], simulation.angular_velocities[here]
+    )
     tensor = found["tensor"][0].reshape(3, 3)
     turn = dem.rotation_matrix(simulation.quaternions[0])
-    np.testing.assert_allclose(turn.T @ tensor @ turn, np.diag([0.03, 0.018, 0.015]), atol=1e-12)
-    value_error(r"path is .*expected a file that ends in \.vtp", write_vtk, tmp_path / "a.vtk", None)
-    with pytest.raises(ValueError, match="content is 'bodies'; expected 'points', 'surfaces', 'walls'"):
+    np.testing.assert_allclose(
+        turn.T @ tensor @ turn, np.diag([0.03, 0.018, 0.015]), atol=1e-12
+    )
+    value_error(
+        r"path is .*expected a file that ends in \.vtp",
+        write_vtk,
+        tmp_path / "a.vtk",
+        None,
+    )
+    with pytest.raises(
+        ValueError, match="content is 'bodies'; expected 'points', 'surfaces', 'walls'"
+    ):
         write_vtk(tmp_path / "a.vtp", None, "bodies")
-    value_error(r"expected a file that ends in \.pvd", dem.VtkSeries, tmp_path / "a.vtp")
+    value_error(
+        r"expected a file that ends in \.pvd", dem.VtkSeries, tmp_path / "a.vtp"
+    )
 
 
-def test_surfaces_have_the_volume_of_the_bodies_and_walls_are_where_they_are_now(tmp_path):
+def test_surfaces_have_the_volume_of_the_bodies_and_walls_are_where_they_are_now(
+    tmp_path,
+):
     write_vtk(tmp_path / "a.vtp", scene(), "surfaces")
     found = arrays(tmp_path / "a.vtp")
     faces = found["connectivity"].reshape(-1, 3)
     np.testing.assert_array_equal(found["offsets"], 3 * np.arange(1, len(faces) + 1))
-    for body, volume in ((0, 1.5**3 * 4 / 3 * np.pi * 3e-7), (2, 4 / 3 * np.pi * 0.006**3)):
+    for body, volume in (
+        (0, 1.5**3 * 4 / 3 * np.pi * 3e-7),
+        (2, 4 / 3 * np.pi * 0.006**3),
+    ):
         a, b, c = found["position"][faces[found["id"] == body]].transpose(1, 0, 2)
-        assert np.einsum("ij,ij->", a, np.cross(b, c)) / 6 == pytest.approx(volume, rel=0.12)
+        assert np.einsum("ij,ij->", a, np.cross(b, c)) / 6 == pytest.approx(
+            volume, rel=0.12
+        )
         assert np.einsum("ij,ij->", a, np.cross(b, c)) / 6 < volume
     write_vtk(tmp_path / "a.vtp", scene(), "walls")
     found = arrays(tmp_path / "a.vtp")
@@ -99,12 +147,16 @@ def normals_of(points, triangles):
 
 
 def test_planes_end_at_each_other_and_walls_face_the_bodies():
-    edge = dem.RingEdge(0.02, 0.002, "m", ((0.0, 1.0), (0.0, 0.0)), origin_m=(0, 0, 0.05))
+    edge = dem.RingEdge(
+        0.02, 0.002, "m", ((0.0, 1.0), (0.0, 0.0)), origin_m=(0, 0, 0.05)
+    )
     walls = {
         "slope": Plane((0, 0, 0), (1, 0, 1), "m"), "floor": Plane((0, 0, 0), (0, 0, 1), "m"),
         "cone": Cone.between((0, 0, 0.05), (0, 0, 1), 0.1, 0.01, 0.03, "m"), "edge": edge,
     }  # fmt: skip
-    found = triangulated_walls(among(walls, lower=(-0.1, -0.05, 0.0), upper=(0.1, 0.05, 0.2)))
+    found = triangulated_walls(
+        among(walls, lower=(-0.1, -0.05, 0.0), upper=(0.1, 0.05, 0.2))
+    )
     points, triangles = found["floor"]
     assert points[:, 0].min() == pytest.approx(0.0, abs=1e-12)
     assert found["slope"][0][:, 0].max() == pytest.approx(0.0, abs=1e-12)
@@ -113,11 +165,19 @@ def test_planes_end_at_each_other_and_walls_face_the_bodies():
     assert np.linalg.norm(normals, axis=1).sum() / 2 == pytest.approx(0.1 * 0.1)
     points, triangles = found["cone"]
     middle = points[triangles].mean(axis=1)
-    assert (np.sum(normals_of(points, triangles)[:, :2] * middle[:, :2], axis=1) < 0).all()
+    assert (
+        np.sum(normals_of(points, triangles)[:, :2] * middle[:, :2], axis=1) < 0
+    ).all()
     # only the half of the edge that faces down is open to bodies
     points, triangles = found["edge"]
-    np.testing.assert_allclose(np.hypot(np.hypot(points[:, 0], points[:, 1]) - 0.02, points[:, 2] - 0.05), 0.002)
-    assert (points[:, 2].min(), points[:, 2].max()) == (pytest.approx(0.048), pytest.approx(0.05, abs=1e-12))
+    np.testing.assert_allclose(
+        np.hypot(np.hypot(points[:, 0], points[:, 1]) - 0.02, points[:, 2] - 0.05),
+        0.002,
+    )
+    assert (points[:, 2].min(), points[:, 2].max()) == (
+        pytest.approx(0.048),
+        pytest.approx(0.05, abs=1e-12),
+    )
     assert (normals_of(points, triangles)[:, 2] <= 1e-15).all()
 
 
@@ -144,7 +204,9 @@ def test_a_series_has_the_times_and_writes_walls_at_rest_once(tmp_path):
 def test_a_mesh_is_written_and_drawn_where_its_motion_has_brought_it(tmp_path):
     corners = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]], float)
     faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
-    simulation = among({"wedge": Mesh(corners, faces, "m", motion=dem.Motion((1.0, 0.0, 0.0)))})
+    simulation = among(
+        {"wedge": Mesh(corners, faces, "m", motion=dem.Motion((1.0, 0.0, 0.0)))}
+    )
     simulation.add("ball", (0.0, 0.0, 0.4))
     simulation.run_steps(100)
     shift = np.array([0.01, 0.0, 0.0])

@@ -8,12 +8,31 @@ import pytest
 import trimesh
 from dem import common
 from dem.clump_scenes import BENT, BODIES, CONE, FUNNEL, bent, scene
-from dem.common import BARREL, BERRY, DOWN, FLOOR, angular_momentum, energy_shares, random_direction, simulation
+from dem.common import (
+    BARREL,
+    BERRY,
+    DOWN,
+    FLOOR,
+    angular_momentum,
+    energy_shares,
+    random_direction,
+    simulation,
+)
 from oracles import circle_distance, cone_gap, rotation, support_point
 from refusals import value_error
 
 from repose.apparatus.funnel import Funnel
-from repose.dem import Cone, Contact, Cylinder, Mesh, Motion, Plane, RingEdge, Simulation, random_quaternion
+from repose.dem import (
+    Cone,
+    Contact,
+    Cylinder,
+    Mesh,
+    Motion,
+    Plane,
+    RingEdge,
+    Simulation,
+    random_quaternion,
+)
 from repose.dem.contact_lists import grown_wall_contacts
 from repose.dem.kernels import state as st
 from repose.dem.kernels.order import reorder
@@ -24,9 +43,17 @@ ROOM = {"lower": (-0.1, -0.1, 0.0), "upper": (0.1, 0.1, 0.3)}
 LOSSY = Contact(0.4, 0.5, 0.0)
 
 
-def funnel_simulation(contact, funnel=FUNNEL, gravity=(0.0, 0.0, 0.0), dt=2e-5, **keywords):
-    keywords |= {"exit_height_m": 0.1, "curved_walls_above_m": 0.099, "gravity_m_s2": gravity} | ROOM
-    return simulation(BERRY, contact, contact, funnel.walls("wall"), dt, capacity=1, **keywords)
+def funnel_simulation(
+    contact, funnel=FUNNEL, gravity=(0.0, 0.0, 0.0), dt=2e-5, **keywords
+):
+    keywords |= {
+        "exit_height_m": 0.1,
+        "curved_walls_above_m": 0.099,
+        "gravity_m_s2": gravity,
+    } | ROOM
+    return simulation(
+        BERRY, contact, contact, funnel.walls("wall"), dt, capacity=1, **keywords
+    )
 
 
 def test_a_funnel_has_its_dimensions_and_holds_nothing_outside():
@@ -45,7 +72,9 @@ def test_a_funnel_has_its_dimensions_and_holds_nothing_outside():
     ring = FUNNEL.walls("wall")["outlet"].row()
     assert math.hypot(ring[0] - low_r, ring[1] - low_z) == pytest.approx(0.001)
     assert ring[0] - 0.001 == pytest.approx(0.016)
-    assert (top_z - low_z) / (top_r - low_r) == pytest.approx(math.tan(math.radians(60.0)))
+    assert (top_z - low_z) / (top_r - low_r) == pytest.approx(
+        math.tan(math.radians(60.0))
+    )
     for radius, height in ((0.06, 0.11), (0.03, 0.08), (0.0, 0.08)):
         s = funnel_simulation(Contact(0.3, 0.5, 0.1))
         s.add((radius, 0.0, height), (1, 0, 0, 0))
@@ -53,16 +82,29 @@ def test_a_funnel_has_its_dimensions_and_holds_nothing_outside():
         assert s.counts[st.N_CURVED] == 0
         assert np.all(s.velocities == 0.0)
     walls = {"disc": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", radius_m=0.05)}
-    s = simulation(BERRY, Contact(0.3, 0.5, 0.3), walls=walls, gravity_m_s2=DOWN, dt=1e-4, floor_height_m=-0.05)
+    s = simulation(
+        BERRY,
+        Contact(0.3, 0.5, 0.3),
+        walls=walls,
+        gravity_m_s2=DOWN,
+        dt=1e-4,
+        floor_height_m=-0.05,
+    )
     s.add((0.0, 0.0, 0.02), (1, 0, 0, 0))
     s.add((0.08, 0.0, 0.02), (1, 0, 0, 0))
     s.run_steps(5000)
-    assert (list(s.present), s.positions[0, 2]) == ([True, False], pytest.approx(0.0049, abs=2e-4))
+    assert (list(s.present), s.positions[0, 2]) == (
+        [True, False],
+        pytest.approx(0.0049, abs=2e-4),
+    )
 
 
 @pytest.mark.parametrize("wall", ["cone", "ring"])
 def test_contacts_of_a_funnel_are_found_where_a_dense_search_finds_them(wall):
-    rng, row = np.random.default_rng(11), FUNNEL.walls("wall")["cone" if wall == "cone" else "outlet"].row()
+    rng, row = (
+        np.random.default_rng(11),
+        FUNNEL.walls("wall")["cone" if wall == "cone" else "outlet"].row(),
+    )
     checked = touched = 0
     for _ in range(400 if wall == "cone" else 150):
         q = random_quaternion(rng)
@@ -72,7 +114,9 @@ def test_contacts_of_a_funnel_are_found_where_a_dense_search_finds_them(wall):
             place = np.array([r * math.cos(angle), r * math.sin(angle), z])
             slow = cone_gap(BERRY, place, q, *row[:3])
         else:
-            place = np.array([rng.uniform(0.004, 0.013), 0.0, rng.uniform(0.092, 0.104)])
+            place = np.array(
+                [rng.uniform(0.004, 0.013), 0.0, rng.uniform(0.092, 0.104)]
+            )
             slow = circle_distance(BERRY, place, q, row[0], row[1], count=360) - row[2]
         if not -8e-4 < slow < 8e-4 or abs(slow) < 1e-6:
             continue
@@ -86,7 +130,9 @@ def test_contacts_of_a_funnel_are_found_where_a_dense_search_finds_them(wall):
             assert normals[here, 2] == pytest.approx(row[1])
         else:
             assert not (slow > 0.0 and here.any())
-            outward = normals[here, 0] * np.cos(azimuths[here]) + normals[here, 1] * np.sin(azimuths[here])
+            outward = normals[here, 0] * np.cos(azimuths[here]) + normals[
+                here, 1
+            ] * np.sin(azimuths[here])
             assert (outward * row[3] + normals[here, 2] * row[4] >= 0.0).all()
         checked += slow > 0.0 or here.any()
         touched += here.sum()
@@ -97,13 +143,26 @@ def test_contacts_of_a_funnel_are_found_where_a_dense_search_finds_them(wall):
 # from where bodies are thrown down, how many, and how many hit at least
 THROWN = {
     "berry, rim": (FUNNEL.walls("wall"), FUNNEL.outlet_height_m + 0.032, 700, 150),
-    "berry, rim of a tube": (TUBED.walls("wall"), TUBED.outlet_height_m + TUBED.tube_length_m + 0.032, 700, 150),
+    "berry, rim of a tube": (
+        TUBED.walls("wall"),
+        TUBED.outlet_height_m + TUBED.tube_length_m + 0.032,
+        700,
+        150,
+    ),
     "clump, cone": ({"cone": CONE}, 0.05, 150, 60),
     "clump, rim": (FUNNEL.walls("wall"), FUNNEL.outlet_height_m + 0.032, 150, 60),
     "clump, plane": ({"floor": FLOOR}, 0.02, 150, 60),
-    "clump, mesh": ({"cube": common.mesh_of(trimesh.creation.box((0.03, 0.03, 0.03)), 2e-3)}, 0.05, 150, 60),
+    "clump, mesh": (
+        {"cube": common.mesh_of(trimesh.creation.box((0.03, 0.03, 0.03)), 2e-3)},
+        0.05,
+        150,
+        60,
+    ),
 }
-SLOW = [pytest.param(name, marks=pytest.mark.slow) if name.startswith("berry") else name for name in THROWN]
+SLOW = [
+    pytest.param(name, marks=pytest.mark.slow) if name.startswith("berry") else name
+    for name in THROWN
+]
 
 
 @pytest.mark.parametrize("name", SLOW)
@@ -117,7 +176,14 @@ def test_hits_on_walls_from_above_create_no_energy(name):
         s = BODIES[kind](contact=contact, walls=walls, dt=2e-5, **ROOM)
         place = np.array([*rng.uniform(-0.006, 0.006, 2), height])
         velocity = np.array([*rng.uniform(-0.5, 0.5, 2), -rng.uniform(0.4, 1.5)])
-        Simulation.add(s, *s.shapes, place, random_quaternion(rng), velocity, 30.0 * rng.normal(size=3))
+        Simulation.add(
+            s,
+            *s.shapes,
+            place,
+            random_quaternion(rng),
+            velocity,
+            30.0 * rng.normal(size=3),
+        )
         # a contact that is still loaded holds energy, so only a rise above the start tells
         most, last = energy_shares(s, 25, 120)
         assert most <= 1.0 + 1e-5
@@ -130,7 +196,9 @@ def test_no_berry_passes_through_the_cone():
     rng = np.random.default_rng(14)
     cone = FUNNEL.walls("wall")["cone"].row()
     for _ in range(100):
-        s = funnel_simulation(Contact(0.3, 0.5, 0.05), gravity=(0.0, 0.0, -9.81), dt=2e-4)
+        s = funnel_simulation(
+            Contact(0.3, 0.5, 0.05), gravity=(0.0, 0.0, -9.81), dt=2e-4
+        )
         r, angle = 0.06 * math.sqrt(rng.random()), rng.uniform(0, 2 * math.pi)
         s.add((r * math.cos(angle), r * math.sin(angle), 0.215), random_quaternion(rng))
         deepest = 0.0
@@ -138,7 +206,12 @@ def test_no_berry_passes_through_the_cone():
             s.run_steps(10)
             x = s.positions[0]
             if x[2] > 0.115:
-                deepest = min(deepest, cone_gap(BERRY, x, s.quaternions[0], cone[0], cone[1], cone[2], count=720))
+                deepest = min(
+                    deepest,
+                    cone_gap(
+                        BERRY, x, s.quaternions[0], cone[0], cone[1], cone[2], count=720
+                    ),
+                )
         assert deepest > -2.5e-3
         assert s.positions[0, 2] < 0.12
 
@@ -155,10 +228,14 @@ def test_hits_about_the_edge_of_a_disc_create_no_energy(kind, from_side):
         if from_side == "beside":
             direction = out + np.array([0.0, 0.0, rng.uniform(-0.5, 0.5)])
         else:
-            direction[2] = abs(direction[2]) if from_side == "above" else -abs(direction[2])
+            direction[2] = (
+                abs(direction[2]) if from_side == "above" else -abs(direction[2])
+            )
         return DISC_M * out, direction
 
-    hits = common.harmless_hits(lambda: BODIES[kind](contact=LOSSY, walls=DISC, dt=1e-4), 23, 150, aim)
+    hits = common.harmless_hits(
+        lambda: BODIES[kind](contact=LOSSY, walls=DISC, dt=1e-4), 23, 150, aim
+    )
     # from below it goes through, and touches where it comes down again at most
     assert hits > (30 if from_side == "above" else 3 if from_side == "beside" else -1)
 
@@ -175,8 +252,20 @@ def test_hits_on_a_funnels_ends_from_outside_create_no_energy(funnel, kind, edge
         direction[2] = -abs(direction[2])
         return 0.016 * out + [0.0, 0.0, funnel.outlet_height_m], direction
 
-    walls = {name: wall for name, wall in funnel.walls("wall").items() if edges == "edges" or isinstance(wall, Cone)}
-    assert common.harmless_hits(lambda: BODIES[kind](contact=LOSSY, walls=walls, dt=1e-4, **ROOM), 29, 60, aim) > 2
+    walls = {
+        name: wall
+        for name, wall in funnel.walls("wall").items()
+        if edges == "edges" or isinstance(wall, Cone)
+    }
+    assert (
+        common.harmless_hits(
+            lambda: BODIES[kind](contact=LOSSY, walls=walls, dt=1e-4, **ROOM),
+            29,
+            60,
+            aim,
+        )
+        > 2
+    )
 
 
 @pytest.mark.parametrize("kind", BODIES)
@@ -186,8 +275,13 @@ def test_contacts_with_a_disc_are_those_of_a_slow_rule(kind):
     seen = np.zeros(2, int)
     for _ in range(25):
         s = BODIES[kind](contact=LOSSY, walls=DISC, dt=1e-4, gravity_m_s2=DOWN)
-        place = np.array([DISC_M + rng.uniform(-0.025, 0.025), 0.0, rng.uniform(-0.004, 0.014)])
-        turn, velocity = random_quaternion(rng), [rng.uniform(-0.5, 0.5), 0.0, rng.uniform(-0.2, 0.4)]
+        place = np.array(
+            [DISC_M + rng.uniform(-0.025, 0.025), 0.0, rng.uniform(-0.004, 0.014)]
+        )
+        turn, velocity = (
+            random_quaternion(rng),
+            [rng.uniform(-0.5, 0.5), 0.0, rng.uniform(-0.2, 0.4)],
+        )
         Simulation.add(s, *s.shapes, place, turn, velocity, 30.0 * rng.normal(size=3))
         past, touching = np.zeros(1, bool), np.zeros(1, bool)
         for _ in range(400):
@@ -196,7 +290,9 @@ def test_contacts_with_a_disc_are_those_of_a_slow_rule(kind):
                 lowest = centres - np.outer(BENT[:, 3], [0.0, 0.0, 1.0])
             else:
                 centres = s.positions[:1].copy()
-                lowest = centres + support_point(BERRY, s.quaternions[0], np.array([0.0, 0.0, -1.0]))
+                lowest = centres + support_point(
+                    BERRY, s.quaternions[0], np.array([0.0, 0.0, -1.0])
+                )
             begins_past = (np.hypot(*centres.T[:2]) > DISC_M) | (centres[:, 2] < 0.0)
             # a contact that is there goes on behind the plane, too
             past = past | (np.hypot(*lowest.T[:2]) > DISC_M) | (~touching & begins_past)
@@ -204,21 +300,34 @@ def test_contacts_with_a_disc_are_those_of_a_slow_rule(kind):
             touching = (lowest[:, 2] <= 0.0) & ~past
             seen += touching.sum(), past.sum()
             s.run_steps(1)
-            assert sorted(s.flat.feature[: s.counts[st.N_PLANE]]) == list(np.flatnonzero(touching))
+            assert sorted(s.flat.feature[: s.counts[st.N_PLANE]]) == list(
+                np.flatnonzero(touching)
+            )
     assert seen.min() > 200
 
 
-def test_a_berry_past_a_disc_stays_past_it_also_from_a_file_and_in_a_new_order(tmp_path):
+def test_a_berry_past_a_disc_stays_past_it_also_from_a_file_and_in_a_new_order(
+    tmp_path,
+):
     s = simulation(BERRY, Contact(0.4, 0.5, 0.0), walls=DISC, dt=1e-4, capacity=1)
     s.add((DISC_M + 0.02, 0.0, 0.001), velocity_m_s=(-0.5, 0.0, 0.0))
     s.run_steps(1000)
-    assert s.velocities[0] == pytest.approx((-0.5, 0.0, 0.0), abs=1e-9)  # through, level with the disc
+    assert s.velocities[0] == pytest.approx(
+        (-0.5, 0.0, 0.0), abs=1e-9
+    )  # through, level with the disc
     s.bodies.rows[0, st.VELOCITY : st.VELOCITY + 3] = 0.0, 0.0, 0.5
     s.run_steps(400)
     s.bodies.rows[0, st.VELOCITY : st.VELOCITY + 3] = 0.0, 0.0, -0.5
     s.run_steps(1000)
     assert s.velocities[0, 2] > 0.1
-    s = simulation(BERRY, Contact(0.4, 0.5, 0.3), walls=DISC, dt=1e-4, capacity=1, gravity_m_s2=(0, 0, -9.81))
+    s = simulation(
+        BERRY,
+        Contact(0.4, 0.5, 0.3),
+        walls=DISC,
+        dt=1e-4,
+        capacity=1,
+        gravity_m_s2=(0, 0, -9.81),
+    )
     s.add((0.0, 0.0, 0.0045))
     s.run_steps(3000)
     assert s.positions[0, 2] == pytest.approx(0.0049, abs=2e-4)
@@ -233,7 +342,9 @@ def test_a_berry_past_a_disc_stays_past_it_also_from_a_file_and_in_a_new_order(t
     assert again.velocities[0] == pytest.approx((-0.5, 0.0, 0.0), abs=1e-9)
     order = reorder(s.bodies, s.grid, s.pairs, s.flat, s.curved, s.meshed, s.counts)
     assert list(s.flat.deepest[0, :2]) == [[0.0, math.inf][k] for k in order]
-    assert list(grown_wall_contacts(s.flat, len(s.flat.body), 2).deepest[0, :2]) == list(s.flat.deepest[0, :2])
+    assert list(
+        grown_wall_contacts(s.flat, len(s.flat.body), 2).deepest[0, :2]
+    ) == list(s.flat.deepest[0, :2])
 
 
 @pytest.mark.parametrize("scene", ["drum", "hopper"])
@@ -249,7 +360,10 @@ def test_nothing_leaks_where_walls_meet_exactly(scene):
         walls["lid"] = Plane((0.0, 0.0, height), (0.0, 0.0, -1.0), "wall")
     s = simulation(BERRY, Contact(0.3, 0.5, 0.0), walls=walls, dt=2e-4, capacity=8)
     for k in range(8):
-        s.add((0.014 * (k % 2) - 0.007, 0.0, 0.007 + 0.011 * (k // 2)), (1.0, 0.0, 0.0, 1.0))
+        s.add(
+            (0.014 * (k % 2) - 0.007, 0.0, 0.007 + 0.011 * (k // 2)),
+            (1.0, 0.0, 0.0, 1.0),
+        )
     s.run_steps(200)
     for _ in range(60):
         # shaken twice as hard as by their weight, in changing directions
@@ -265,15 +379,30 @@ def test_a_sphere_pressed_to_and_fro_over_a_rounded_edge_keeps_its_contact():
     """Where cone and edge meet, each must be found in the step after the other is lost; some of these fell through."""
     rng, radius, slope = np.random.default_rng(3), 0.006, math.radians(20.0)
     funnel, core = Funnel(0.13, 0.07, 20.0, 0.0, 0.001, 0.05), np.array([0.036, 0.05])
-    along, inwards = np.array([[math.cos(slope), math.sin(slope)], [-math.sin(slope), math.cos(slope)]])
+    along, inwards = np.array(
+        [[math.cos(slope), math.sin(slope)], [-math.sin(slope), math.cos(slope)]]
+    )
     for _ in range(200):
-        r, z = core + inwards * (0.001 + radius - rng.uniform(0.0, 3e-4)) + along * rng.uniform(-2e-5, 5e-5)
+        r, z = (
+            core
+            + inwards * (0.001 + radius - rng.uniform(0.0, 3e-4))
+            + along * rng.uniform(-2e-5, 5e-5)
+        )
         load, speed = rng.uniform(20.0, 150.0), rng.uniform(-0.05, 0.05)
         walls = funnel.walls("wall")
-        s = simulation(np.full((1, 3), radius), Contact(0.3, 0.3, 0.0), walls=walls, dt=4e-4, capacity=1, **ROOM)
+        s = simulation(
+            np.full((1, 3), radius),
+            Contact(0.3, 0.3, 0.0),
+            walls=walls,
+            dt=4e-4,
+            capacity=1,
+            **ROOM,
+        )
         s.add((r, 0.0, z), velocity_m_s=(along[0] * speed, 0.0, along[1] * speed))
         for _ in range(40):
-            s.physics.gravity[[0, 2]] = load * (rng.uniform(-1.0, 1.0) * along - inwards)
+            s.physics.gravity[[0, 2]] = load * (
+                rng.uniform(-1.0, 1.0) * along - inwards
+            )
             s.run_steps(int(rng.integers(1, 4)))
             place = np.array([np.hypot(*s.positions[0, :2]), s.positions[0, 2]]) - core
             if abs(place @ along) > 0.002:
@@ -301,12 +430,17 @@ def poured(walls, contact, count, lattice, **keywords):
 
 @pytest.mark.slow
 def test_a_resting_pile_weighs_on_its_walls_what_it_weighs():
-    places = itertools.product((-0.012, 0.012), (-0.012, 0.012), np.arange(0.012, 0.3, 0.0225))
+    places = itertools.product(
+        (-0.012, 0.012), (-0.012, 0.012), np.arange(0.012, 0.3, 0.0225)
+    )
     s = poured(STEEP, Contact(0.2, 0.5, 0.05), 24, places)
     assert all(np.all(load.force_n == 0.0) for load in s.wall_loads().values())
     s.run_steps(20000)
     assert s.kinetic_energies().max() < 1e-16
-    before = {name: np.array(getattr(s, name)) for name in ("positions", "velocities", "quaternions")}
+    before = {
+        name: np.array(getattr(s, name))
+        for name in ("positions", "velocities", "quaternions")
+    }
     about = np.array([0.1, -0.2, 0.3])
     loads = s.wall_loads(about)
     assert list(loads) == list(STEEP)
@@ -315,7 +449,12 @@ def test_a_resting_pile_weighs_on_its_walls_what_it_weighs():
     assert np.allclose(force, (0.0, 0.0, -weight), rtol=0.0, atol=1e-6 * weight)
     moment = np.cross(s.positions - about, (0.0, 0.0, -s.mass_kg * GRAVITY)).sum(axis=0)
     # rolling resistance holds bodies without a load on the walls: mu_r times the force times a berry's half length
-    assert np.allclose(sum(load.torque_n_m for load in loads.values()), moment, rtol=0.0, atol=0.05 * weight * 0.011)
+    assert np.allclose(
+        sum(load.torque_n_m for load in loads.values()),
+        moment,
+        rtol=0.0,
+        atol=0.05 * weight * 0.011,
+    )
     assert loads["right"].force_n[0] > 0.01 * weight
     for name, values in before.items():
         assert np.array_equal(values, getattr(s, name))
@@ -326,10 +465,18 @@ def test_a_resting_pile_weighs_on_its_walls_what_it_weighs():
 def test_the_torque_on_a_turning_drum_balances_the_moment_of_the_bed_that_it_lifts():
     radius, width = 0.05, 0.04
     turning = Motion(angular_velocity_rad_s=(0.5, 0.0, 0.0))
-    drum = {"shell": Cylinder((-width / 2, 0, 0), (1, 0, 0), width, radius, "wall", motion=turning)}
+    drum = {
+        "shell": Cylinder(
+            (-width / 2, 0, 0), (1, 0, 0), width, radius, "wall", motion=turning
+        )
+    }
     for name, side in (("left", -1), ("right", 1)):
-        drum[name] = Plane((side * width / 2, 0, 0), (-side, 0, 0), "wall", motion=turning)
-    places = itertools.product((-0.007, 0.007), (-0.02, 0.0, 0.02), (-0.03, -0.015, 0.0, 0.015))
+        drum[name] = Plane(
+            (side * width / 2, 0, 0), (-side, 0, 0), "wall", motion=turning
+        )
+    places = itertools.product(
+        (-0.007, 0.007), (-0.02, 0.0, 0.02), (-0.03, -0.015, 0.0, 0.015)
+    )
     s = poured(drum, Contact(0.2, 0.7, 0.0), 18, places)
     s.run_steps(8000)
     weight = s.mass_kg * GRAVITY
@@ -380,8 +527,18 @@ SIDE = np.cross(TILT, [0.0, 1.0, 0.0]) / np.linalg.norm(np.cross(TILT, [0.0, 1.0
 # the wall, how far points are beyond it, a point of it, and the direction into it there
 WALLS = {
     "plane": (SHEET, beyond_plane, np.array(SHEET.point_m), -TILT),
-    "shell": (SHELL, beyond_shell, np.array([0.0, 0.03, -0.04]), np.array([0.0, 0.6, -0.8])),
-    "slope": (SLOPE, beyond_slope, np.array([0.01, 0.0, 0.02]) + 0.025 * TILT + 0.033 * SIDE, SIDE),
+    "shell": (
+        SHELL,
+        beyond_shell,
+        np.array([0.0, 0.03, -0.04]),
+        np.array([0.0, 0.6, -0.8]),
+    ),
+    "slope": (
+        SLOPE,
+        beyond_slope,
+        np.array([0.01, 0.0, 0.02]) + 0.025 * TILT + 0.033 * SIDE,
+        SIDE,
+    ),
     "edge": (EDGE, within_edge, np.array([0.0, 0.0, 0.02]) + 0.03 * SIDE, SIDE),
 }
 DEEP_M, SCALE, BALL_M = 5e-4, 1.2, 6e-3
@@ -399,7 +556,10 @@ def farthest(kind, turn, beyond, place):
         elif kind == "sphere":
             points = BALL_M * normals
         else:
-            points = sum(axes**2 * normals / np.linalg.norm(axes * normals, axis=1)[:, None] for axes in BARREL)
+            points = sum(
+                axes**2 * normals / np.linalg.norm(axes * normals, axis=1)[:, None]
+                for axes in BARREL
+            )
         depths = beyond(place + SCALE * points @ turn.T)
         best, width = normals[depths.argmax() % len(normals)], 0.5 * width
     return depths.max()
@@ -409,19 +569,30 @@ def farthest(kind, turn, beyond, place):
 @pytest.mark.parametrize("name", WALLS)
 def test_the_deepest_overlap_is_that_of_the_farthest_point(name, kind):
     wall, beyond, place, into = WALLS[name]
-    far = Plane((0.0, 0.0, -9.0), (0.0, 0.0, 1.0), "wall")  # the numbers of curved walls begin after it
-    options = {"walls": {name: wall} if name == "plane" else {"far": far, name: wall}, "dt": 1e-9}
+    far = Plane(
+        (0.0, 0.0, -9.0), (0.0, 0.0, 1.0), "wall"
+    )  # the numbers of curved walls begin after it
+    options = {
+        "walls": {name: wall} if name == "plane" else {"far": far, name: wall},
+        "dt": 1e-9,
+    }
     rng = np.random.default_rng(1)
     for _ in range(4):
         turned = random_quaternion(rng)
         turn, here = rotation_matrices(turned[None])[0], place - 0.008 * into
-        while abs((depth := farthest(kind, turn, beyond, here)) - DEEP_M) > 0.2 * DEEP_M:
+        while (
+            abs((depth := farthest(kind, turn, beyond, here)) - DEEP_M) > 0.2 * DEEP_M
+        ):
             here = here + (DEEP_M - depth) * into
         if kind == "clump":
             s = scene({"body": bent()}, largest_scale=SCALE, **options)
             s.add("body", here, turned, scale=SCALE)
         else:
-            s = simulation([[BALL_M] * 3] if kind == "sphere" else BARREL, largest_scale=SCALE, **options)
+            s = simulation(
+                [[BALL_M] * 3] if kind == "sphere" else BARREL,
+                largest_scale=SCALE,
+                **options,
+            )
             s.add(here, turned, scale=SCALE)
         s.run_steps(1)
         bodies, walls, overlaps = s.wall_overlaps()
@@ -433,8 +604,17 @@ def test_the_deepest_overlap_is_that_of_the_farthest_point(name, kind):
 def test_overlaps_with_a_mesh_and_with_a_moving_plane():
     radius = 0.006
     corners = [[-0.1, -0.1, 0.0], [0.2, -0.1, 0.0], [-0.1, 0.2, 0.0], [0.0, 0.0, -0.1]]
-    walls = {"rising": Plane((0.0, 0.0, 0.0009), (0.0, 0.0, 1.0), "wall", motion=Motion((0.0, 0.0, 100.0)))}
-    walls |= {"solid": Mesh(corners, [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]], "wall")}
+    walls = {
+        "rising": Plane(
+            (0.0, 0.0, 0.0009),
+            (0.0, 0.0, 1.0),
+            "wall",
+            motion=Motion((0.0, 0.0, 100.0)),
+        )
+    }
+    walls |= {
+        "solid": Mesh(corners, [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]], "wall")
+    }
     s = simulation([[radius] * 3], walls=walls, dt=1e-6)
     s.add((0.0, 0.0, radius - 1e-3))
     s.run_steps(1)

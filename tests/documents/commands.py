@@ -27,16 +27,46 @@ from repose.config.study import Study
 ROOT = Path(__file__).parents[2]
 TABLE = Path(__file__).with_name("commands.yaml")
 PROGRAMS = (
-    *("repose", "python", "python3", "snakemake", "snakedeploy", "pytest", "pip", "cp", "cd", "mkdir", "export"),
+    *(
+        "repose",
+        "python",
+        "python3",
+        "snakemake",
+        "snakedeploy",
+        "pytest",
+        "pip",
+        "cp",
+        "cd",
+        "mkdir",
+        "export",
+    ),
     *("docker", "apptainer", "apt-get", "tests/cluster/run.sh", "npm", "npx"),
 )
-FOLDERS = ("benchmarks", "config", "crops", "docs", "examples", "research", "src", "tests")
+FOLDERS = (
+    "benchmarks",
+    "config",
+    "crops",
+    "docs",
+    "examples",
+    "research",
+    "src",
+    "tests",
+)
 DOCUMENTS = ("*.md", "resources/*.md", *(f"{folder}/**/*.md" for folder in FOLDERS))
 INDENTED = re.compile(r"^ {4,}(\S.*)$")
 ASKS = "repose card check "  # its status 3 says that the targets are not met, as those of a small run may be
 SAVED = re.compile(r"[Ss]ave this as `([^`]+)`")
 # Sections of config/quick.yaml that make the studies small; .test/config/config.yaml makes the calibration small.
-STUDIES = ("posterior", "sensitivity", "refine", "response_surface", "sequential", "cylinder", "discharge", "turning")
+STUDIES = (
+    "posterior",
+    "sensitivity",
+    "refine",
+    "response_surface",
+    "sequential",
+    "cylinder",
+    "discharge",
+    "turning",
+)
 
 
 def pages() -> list[str]:
@@ -87,9 +117,14 @@ def script(page: str, entry: dict, everything: bool) -> str:
         if what == "heading":
             lines += ['cd "$page"'] if entry.get("sections") == "apart" else []
         elif what != "command":
-            lines.append(f"mkdir -p {Path(what).parent}; cat > {what} <<'END_OF_FILE'\n{text}END_OF_FILE")
+            lines.append(
+                f"mkdir -p {Path(what).parent}; cat > {what} <<'END_OF_FILE'\n{text}END_OF_FILE"
+            )
         elif kind(entry, text) in chosen:
-            lines += [f"echo {shlex.quote('+ ' + text)}", f"{text} || test $? -eq 3" if text.startswith(ASKS) else text]
+            lines += [
+                f"echo {shlex.quote('+ ' + text)}",
+                f"{text} || test $? -eq 3" if text.startswith(ASKS) else text,
+            ]
             commands += 1
     if not commands:
         return ""
@@ -100,13 +135,19 @@ def script(page: str, entry: dict, everything: bool) -> str:
 def checkout(folder: Path) -> Path:
     """A copy of the checkout whose configuration is small."""
     other = (".git", ".venv", ".snakemake", ".*_cache", "__pycache__")
-    shutil.copytree(ROOT, folder, ignore=shutil.ignore_patterns(*other, "_build", "results", ".repose"))
+    shutil.copytree(
+        ROOT,
+        folder,
+        ignore=shutil.ignore_patterns(*other, "_build", "results", ".repose"),
+    )
     shutil.copytree(ROOT / "results/published", folder / "results/published")
     quick = Study.load(ROOT / "config/quick.yaml").config
     small = yaml.safe_load((ROOT / ".test/config/config.yaml").read_text())
     content = {name: quick[name] for name in STUDIES} | small
     content["funnel"]["seeds"] = 2  # the studies take the noise from runs of one sample
-    content["validation"]["published"] = quick["validation"]["published"]  # and pour the published solutions
+    content["validation"]["published"] = quick["validation"][
+        "published"
+    ]  # and pour the published solutions
     (folder / "config/config.yaml").write_text(yaml.safe_dump(content))
     return folder
 
@@ -114,25 +155,47 @@ def checkout(folder: Path) -> Path:
 def run(page: str, text: str, folder: Path) -> float:
     """Run a page's script; seconds that it took. SystemExit where a command fails."""
     began = time.perf_counter()
-    env = os.environ | {"CHECKOUT": str(ROOT), "PYTHONPATH": os.pathsep.join(map(str, (ROOT / "src", ROOT)))}
+    env = os.environ | {
+        "CHECKOUT": str(ROOT),
+        "PYTHONPATH": os.pathsep.join(map(str, (ROOT / "src", ROOT))),
+    }
     env |= {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
-    done = subprocess.run(["bash", "-c", text], cwd=folder, env=env, capture_output=True, text=True)
+    done = subprocess.run(
+        ["bash", "-c", text], cwd=folder, env=env, capture_output=True, text=True
+    )
     if done.returncode:
-        sys.exit(f"{page}: status {done.returncode}\n{done.stdout[-4000:]}\n{done.stderr[-4000:]}")
+        sys.exit(
+            f"{page}: status {done.returncode}\n{done.stdout[-4000:]}\n{done.stderr[-4000:]}"
+        )
     return time.perf_counter() - began
 
 
 def main() -> None:
     words = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    words.add_argument("pages", nargs="*", metavar="PAGE", help="such as docs/howto.md (all of the table)")
-    words.add_argument("--all", action="store_true", help="not the quick commands alone")
-    words.add_argument("--draw", action="store_true", help="with --all: put the pictures of a page where it shows them")
+    words.add_argument(
+        "pages",
+        nargs="*",
+        metavar="PAGE",
+        help="such as docs/howto.md (all of the table)",
+    )
+    words.add_argument(
+        "--all", action="store_true", help="not the quick commands alone"
+    )
+    words.add_argument(
+        "--draw",
+        action="store_true",
+        help="with --all: put the pictures of a page where it shows them",
+    )
     args = words.parse_args()
     table = yaml.safe_load(TABLE.read_text())
     with tempfile.TemporaryDirectory() as place:
         shared = None
         for number, (page, entry) in enumerate(table.items()):
-            text = script(page, entry, args.all) if not args.pages or page in args.pages else ""
+            text = (
+                script(page, entry, args.all)
+                if not args.pages or page in args.pages
+                else ""
+            )
             if not text:
                 continue
             if entry.get("in") == "checkout":
@@ -141,7 +204,9 @@ def main() -> None:
                 folder = Path(place) / str(number)
                 folder.mkdir()
             print(f"{page}: {run(page, text, folder):.0f} s", flush=True)
-            for shown, made in (entry.get("pictures") or {}).items() if args.all else ():
+            for shown, made in (
+                (entry.get("pictures") or {}).items() if args.all else ()
+            ):
                 if args.draw:
                     shutil.copy(folder / made, ROOT / shown)
                 elif not (folder / made).is_file():

@@ -27,7 +27,11 @@ one
 
 
 def commands_of(page):
-    return {text for what, text in commands.steps((commands.ROOT / page).read_text()) if what == "command"}
+    return {
+        text
+        for what, text in commands.steps((commands.ROOT / page).read_text())
+        if what == "command"
+    }
 
 
 def test_the_table_holds_the_commands_of_every_page():
@@ -36,7 +40,11 @@ def test_the_table_holds_the_commands_of_every_page():
         assert sorted(known) == sorted(commands_of(page))
 
     check_all(same, [(page, page) for page in sorted({*commands.pages(), *TABLE})])
-    assert all(reason for entry in TABLE.values() for reason in (entry.get("left_out") or {}).values())
+    assert all(
+        reason
+        for entry in TABLE.values()
+        for reason in (entry.get("left_out") or {}).values()
+    )
 
 
 def test_files_commands_and_pictures_of_a_page_come_in_their_order():
@@ -45,10 +53,17 @@ def test_files_commands_and_pictures_of_a_page_come_in_their_order():
     for page, entry in TABLE.items():
         if "pictures" in entry:
             folder = (commands.ROOT / page).parent
-            shown = re.findall(r"!\[[^]]*\]\(([^)]+)\)", (commands.ROOT / page).read_text())
-            paths = {str(folder.joinpath(target).resolve().relative_to(commands.ROOT)) for target in shown}
+            shown = re.findall(
+                r"!\[[^]]*\]\(([^)]+)\)", (commands.ROOT / page).read_text()
+            )
+            paths = {
+                str(folder.joinpath(target).resolve().relative_to(commands.ROOT))
+                for target in shown
+            }
             assert paths == set(entry["pictures"]), page
-            assert [path for path in paths if not (commands.ROOT / path).is_file()] == [], page
+            assert [
+                path for path in paths if not (commands.ROOT / path).is_file()
+            ] == [], page
 
 
 @pytest.mark.essential
@@ -58,7 +73,14 @@ def test_the_quick_commands_run():
 
 
 def test_a_command_that_fails_is_named_with_its_page(tmp_path):
-    raised(SystemExit, r"page\.md: status 3\d*", commands.run, "page.md", "set -e\nexit 31", tmp_path)
+    raised(
+        SystemExit,
+        r"page\.md: status 3\d*",
+        commands.run,
+        "page.md",
+        "set -e\nexit 31",
+        tmp_path,
+    )
 
 
 def long_cells(page, text):
@@ -72,8 +94,14 @@ def long_cells(page, text):
 
 
 def test_no_cell_of_a_table_has_more_than_20_words():
-    pages = [page for page in commands.pages() if not page.startswith("tests/")]  # those tables are results
-    found = [cell for page in pages for cell in long_cells(page, (commands.ROOT / page).read_text())]
+    pages = [
+        page for page in commands.pages() if not page.startswith("tests/")
+    ]  # those tables are results
+    found = [
+        cell
+        for page in pages
+        for cell in long_cells(page, (commands.ROOT / page).read_text())
+    ]
     assert not found, "\n".join(found)
     line = f"| a | {'word ' * 21}|"
     assert len(list(long_cells("page", line))) == 1

@@ -37,7 +37,9 @@ TWELVE_RUNS = """
 
 
 def test_twelve_runs_are_as_printed_and_take_six_factors():
-    printed = np.array([[1.0 if sign == "+" else -1.0 for sign in row] for row in TWELVE_RUNS.split()])
+    printed = np.array(
+        [[1.0 if sign == "+" else -1.0 for sign in row] for row in TWELVE_RUNS.split()]
+    )
     design = plackett_burman(11, 12)
     assert np.array_equal(design[:11], printed[:11].T)
     assert np.array_equal(design[11], printed[11])
@@ -61,18 +63,27 @@ def blocks_of(factors, centres=None):
 
 def test_three_factors_are_as_printed_and_centre_runs_spread_over_blocks():
     # Myers and Montgomery, Example 7.5, in standard order
-    printed = np.loadtxt(PRINTED / "viscosity_runs.csv", delimiter=",", skiprows=1)[:, :3]
+    printed = np.loadtxt(PRINTED / "viscosity_runs.csv", delimiter=",", skiprows=1)[
+        :, :3
+    ]
     assert np.array_equal(box_behnken(3, 3), printed)
     design, blocks = blocks_of(4, centres=5)
     assert len(design) == 29
-    assert [(design[blocks == number] == 0).all(axis=1).sum() for number in (1, 2, 3)] == [2, 2, 1]
+    assert [
+        (design[blocks == number] == 0).all(axis=1).sum() for number in (1, 2, 3)
+    ] == [2, 2, 1]
 
 
-@pytest.mark.parametrize(("factors", "runs", "blocks"), [(3, 15, 1), (4, 27, 3), (5, 46, 2), (6, 54, 1), (7, 62, 1)])
+@pytest.mark.parametrize(
+    ("factors", "runs", "blocks"),
+    [(3, 15, 1), (4, 27, 3), (5, 46, 2), (6, 54, 1), (7, 62, 1)],
+)
 def test_box_behnken_has_the_printed_number_of_runs(factors, runs, blocks):
     design, numbers = blocks_of(factors)
     assert design.shape == (runs, factors)
-    assert np.unique(numbers, return_counts=True)[1].tolist() == [runs // blocks] * blocks
+    assert (
+        np.unique(numbers, return_counts=True)[1].tolist() == [runs // blocks] * blocks
+    )
     assert set(np.unique(design)) == {-1, 0, 1}
 
 
@@ -80,25 +91,40 @@ def test_box_behnken_has_the_printed_number_of_runs(factors, runs, blocks):
 def test_box_behnken_is_balanced(factors):
     design, blocks = blocks_of(factors)
     sets = [block for part in BLOCKS[factors] for block in part]
-    assert len({sum(k in block for block in sets) for k in range(1, factors + 1)}) == 1, "each factor equally often"
+    assert (
+        len({sum(k in block for block in sets) for k in range(1, factors + 1)}) == 1
+    ), "each factor equally often"
     if factors < 6:
         pairs = {pair for block in sets for pair in combinations(block, 2)}
         assert len(pairs) == len(sets) == factors * (factors - 1) // 2, "each pair once"
     values = columns(design, terms_of(factors, "quadratic"))
     matrix = np.column_stack([np.ones(len(design)), values])
-    assert np.linalg.matrix_rank(matrix) == matrix.shape[1], "the quadratic model is determined"
+    assert np.linalg.matrix_rank(matrix) == matrix.shape[1], (
+        "the quadratic model is determined"
+    )
     # orthogonal blocks (Box and Hunter 1957): every term has the same mean in each of them
-    means = np.array([values[blocks == number].mean(axis=0) for number in np.unique(blocks)])
+    means = np.array(
+        [values[blocks == number].mean(axis=0) for number in np.unique(blocks)]
+    )
     assert np.allclose(means, means[0])
 
 
 @pytest.mark.parametrize(
     ("factors", "alpha", "runs"),
-    [(2, 1.414, 13), (3, 1.682, 20), (4, 2.0, 31), (5, 2.0, 32), (6, 2.378, 53), (7, 2.828, 92)],
+    [
+        (2, 1.414, 13),
+        (3, 1.682, 20),
+        (4, 2.0, 31),
+        (5, 2.0, 32),
+        (6, 2.378, 53),
+        (7, 2.828, 92),
+    ],
 )
 def test_rotatable_designs_as_printed(factors, alpha, runs):
     # Box and Hunter 1957; Cochran and Cox, Table 8A
-    design, distance = central_composite(factors, "rotatable", ROTATABLE_CENTRES[factors])
+    design, distance = central_composite(
+        factors, "rotatable", ROTATABLE_CENTRES[factors]
+    )
     assert len(design) == runs
     assert distance == pytest.approx(alpha, abs=5e-4)
 
@@ -121,7 +147,9 @@ def test_a_face_centred_design_has_three_levels():
     assert alpha == 1.0
     assert design.shape == (16, 3)
     assert set(np.unique(design)) == {-1, 0, 1}
-    assert design[:3].tolist() == [[-1, -1, -1], [1, -1, -1], [-1, 1, -1]], "standard order"
+    assert design[:3].tolist() == [[-1, -1, -1], [1, -1, -1], [-1, 1, -1]], (
+        "standard order"
+    )
 
 
 def climbed(*slopes):
@@ -147,10 +175,18 @@ def test_one_response_is_climbed_and_several_descend_the_sum_of_their_squared_mi
     assert up == pytest.approx(slope[0] / np.linalg.norm(slope))
     assert towards(slope, np.array([-3.0]), np.array([40.0])) == pytest.approx(-up)
     value_error("other than 0", climbed, 0.0, 0.0)
-    slopes, missing, scale = np.array([[1.0, 0.5], [-0.2, 0.8]]), np.array([2.0, 1.0]), np.array([30.0, 65.0])
+    slopes, missing, scale = (
+        np.array([[1.0, 0.5], [-0.2, 0.8]]),
+        np.array([2.0, 1.0]),
+        np.array([30.0, 65.0]),
+    )
 
     def misses(x):
         return (((missing - slopes @ x) / scale) ** 2).sum()
 
-    steps = [np.array([np.cos(a), np.sin(a)]) * 1e-5 for a in np.linspace(0, 2 * np.pi, 3601)]
-    assert towards(slopes, missing, scale) == pytest.approx(min(steps, key=misses) / 1e-5, abs=2e-3)
+    steps = [
+        np.array([np.cos(a), np.sin(a)]) * 1e-5 for a in np.linspace(0, 2 * np.pi, 3601)
+    ]
+    assert towards(slopes, missing, scale) == pytest.approx(
+        min(steps, key=misses) / 1e-5, abs=2e-3
+    )

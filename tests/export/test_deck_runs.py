@@ -37,24 +37,45 @@ def installed(program):
 def ran(program, job, folder):
     command, result = installed(program), RUNS[program][1]
     export.write(job, program, folder)
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, errors="replace", timeout=500)
+    done = subprocess.run(
+        command,
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        errors="replace",
+        timeout=500,
+    )
     assert (folder / result).exists(), done.stdout[-600:] + done.stderr[-600:]
     lines = (folder / result).read_text().splitlines()
     start = next(k for k, line in enumerate(lines) if "radius" in line)
     columns = lines[start].replace(",", " ").replace("ITEM: ATOMS", "").split()
-    rows = np.array([line.replace(",", " ").split() for line in lines[start + 1 :]], float)
+    rows = np.array(
+        [line.replace(",", " ").split() for line in lines[start + 1 :]], float
+    )
     return dict(zip(columns, rows.T, strict=True))
 
 
 def few(job, berries, **funnel):
-    return replace(job, funnel=job.funnel.model_copy(update={"berries": berries, "rate_per_s": 50.0} | funnel))
+    return replace(
+        job,
+        funnel=job.funnel.model_copy(
+            update={"berries": berries, "rate_per_s": 50.0} | funnel
+        ),
+    )
 
 
 def places(end, job):
-    at = np.stack([end[axis] for axis in "xyz"], axis=1).reshape(-1, len(job.particle.spheres_m), 3)
-    wanted = np.linalg.norm(job.particle.spheres_m[:, None, :3] - job.particle.spheres_m[None, :, :3], axis=2)
+    at = np.stack([end[axis] for axis in "xyz"], axis=1).reshape(
+        -1, len(job.particle.spheres_m), 3
+    )
+    wanted = np.linalg.norm(
+        job.particle.spheres_m[:, None, :3] - job.particle.spheres_m[None, :, :3],
+        axis=2,
+    )
     for spheres in at:
-        assert np.linalg.norm(spheres[:, None] - spheres[None], axis=2) == pytest.approx(wanted, abs=1e-6)
+        assert np.linalg.norm(
+            spheres[:, None] - spheres[None], axis=2
+        ) == pytest.approx(wanted, abs=1e-6)
     return at
 
 
@@ -67,16 +88,25 @@ def test_grains_fall_freely_and_stay_rigid(config, program, particle, tmp_path):
     assert len(at) == 2
     assert end["radius"] == pytest.approx(np.tile(job.particle.spheres_m[:, 3], 2))
     fallen = job.factory_height_m - at.mean(axis=1)[:, 2].min()
-    assert fallen == pytest.approx(0.5 * job.simulation.gravity_m_s2 * job.funnel.duration_s**2, abs=5e-4)
+    assert fallen == pytest.approx(
+        0.5 * job.simulation.gravity_m_s2 * job.funnel.duration_s**2, abs=5e-4
+    )
 
 
-@pytest.mark.parametrize(("program", "law"), [*((name, "hertz_mindlin") for name in RUNS), ("liggghts", "sjkr")])
-def test_a_sphere_rebounds_with_the_calibrated_restitution(config, program, law, tmp_path):
+@pytest.mark.parametrize(
+    ("program", "law"),
+    [*((name, "hertz_mindlin") for name in RUNS), ("liggghts", "sjkr")],
+)
+def test_a_sphere_rebounds_with_the_calibrated_restitution(
+    config, program, law, tmp_path
+):
     stiff = BERRY | {"shear_modulus_pa": 4e6}  # an impact is short and shallow
     job = job_of(config, BALL, law, berry=stiff, e_gp=0.5, k_gg=2e5, k_gp=2e5)
     fall, gravity = job.factory_height_m - 0.005, job.simulation.gravity_m_s2
     seconds = 1.25 * math.sqrt(2.0 * fall / gravity)  # on its way up again
-    end = ran(program, few(job, 1, factory_diameter_mm=12.0, duration_s=seconds), tmp_path)
+    end = ran(
+        program, few(job, 1, factory_diameter_mm=12.0, duration_s=seconds), tmp_path
+    )
     height = end["z"][0] - 0.005 + end["vz"][0] ** 2 / (2.0 * gravity)
     restitution = math.sqrt(height / fall)
     if law == "sjkr":
@@ -86,12 +116,15 @@ def test_a_sphere_rebounds_with_the_calibrated_restitution(config, program, law,
 
 
 @pytest.mark.parametrize(
-    ("program", "law"), [*((name, "hertz_mindlin_rescaled") for name in RUNS), ("liggghts", "sjkr")]
+    ("program", "law"),
+    [*((name, "hertz_mindlin_rescaled") for name in RUNS), ("liggghts", "sjkr")],
 )
 def test_the_default_grain_is_poured_as_a_clump(config, program, law, tmp_path):
     installed(program)  # before the spheres are packed
     study = Study.load(CONFIG)
-    grain = study.settings.berry.model_copy(update={"particle": "multisphere", "spheres": 14})
+    grain = study.settings.berry.model_copy(
+        update={"particle": "multisphere", "spheres": 14}
+    )
     job = job_of(config, build.of_settings(study.grain, grain), law, k_gg=3e3, k_gp=1e3)
     job = few(job, 3, duration_s=0.8)
     at = places(ran(program, job, tmp_path), job)
@@ -109,7 +142,9 @@ def test_a_grazing_impact_keeps_coulombs_law(config, program, monkeypatch):
     CONTACT_LAWS.pop("body_damping", None)  # of the benchmarks; no other test knows it
     case = one_contact.CASES["grazes the plate, across"]
     job = job_of(config, THREE)
-    _, velocities = one_contact.theirs(program, job, case, 4e-5, {program: " ".join(command)})
+    _, velocities = one_contact.theirs(
+        program, job, case, 4e-5, {program: " ".join(command)}
+    )
     change = velocities[0] - case.velocities[0]
     # it slides nearly all the time, only first the spring winds up; and the plate only pushes
     assert 0.85 < -change[1] / change[2] / job.on_wall.static_friction < 1.01

@@ -27,8 +27,18 @@ from repose.export.lammps import TSUJI, contact_keywords, damping_numbers
 from repose.export.laws import rolling_coefficient
 from repose.export.liggghts import LEAST_RESTITUTION, prime
 
-DECK = {"liggghts": "in.pour", "lammps": "in.pour", "yade": "pour.py", "mercurydpm": "Pour.cpp"}
-SMOOTH = replace(THREE, kind="smooth", spheres_m=np.zeros((0, 4)), semi_axes_m=MM * np.array([[8.0, 5.5, 5.5]]))
+DECK = {
+    "liggghts": "in.pour",
+    "lammps": "in.pour",
+    "yade": "pour.py",
+    "mercurydpm": "Pour.cpp",
+}
+SMOOTH = replace(
+    THREE,
+    kind="smooth",
+    spheres_m=np.zeros((0, 4)),
+    semi_axes_m=MM * np.array([[8.0, 5.5, 5.5]]),
+)
 
 
 @pytest.fixture(scope="module")
@@ -38,37 +48,66 @@ def config():
 
 @pytest.fixture(scope="module")
 def job(config):
-    return make(config, ParameterSpace.of(config["parameters"]).centre, THREE, BERRY, seed=3)
+    return make(
+        config, ParameterSpace.of(config["parameters"]).centre, THREE, BERRY, seed=3
+    )
 
 
 @pytest.mark.parametrize("program", export.PROGRAMS)
 def test_the_decks_of_a_clump_and_a_ball_are_known(config, program):
-    decks = [export.PROGRAMS[program](job_of(config, particle)) for particle in (THREE, BALL)]
-    texts = [text for deck in decks for name, text in deck.items() if not name.endswith(".stl")]
+    decks = [
+        export.PROGRAMS[program](job_of(config, particle)) for particle in (THREE, BALL)
+    ]
+    texts = [
+        text
+        for deck in decks
+        for name, text in deck.items()
+        if not name.endswith(".stl")
+    ]
     is_known(f"{program}.txt", re.sub(r".*(version|commit).*", "", "\n".join(texts)))
 
 
 def test_each_program_gets_the_numbers(job):
     deck = export.PROGRAMS["liggghts"](job)["in.pour"]
-    friction = re.search(r"coefficientFriction peratomtypepair 2 (.*)", deck).group(1).split()
+    friction = (
+        re.search(r"coefficientFriction peratomtypepair 2 (.*)", deck).group(1).split()
+    )
     frictions = [job.grains.static_friction, job.on_wall.static_friction]
     assert [float(word) for word in friction[:2]] == pytest.approx(frictions)
-    steps, step = (int(re.search(r"\nrun +(\d+)", deck).group(1)), float(re.search(r"timestep +(\S+)", deck).group(1)))
+    steps, step = (
+        int(re.search(r"\nrun +(\d+)", deck).group(1)),
+        float(re.search(r"timestep +(\S+)", deck).group(1)),
+    )
     assert steps * step == pytest.approx(job.funnel.duration_s, rel=1e-3)
     # two surfaces of this E and nu have the pair's E*; the tangential stiffness is 8 G*
     words = contact_keywords(job, job.on_wall).split()
     young, poisson = float(words[1]), float(words[3])
-    assert young / (2 * (1 - poisson**2)) == pytest.approx(job.on_wall.effective_young_pa)
+    assert young / (2 * (1 - poisson**2)) == pytest.approx(
+        job.on_wall.effective_young_pa
+    )
     assert float(words[6]) == pytest.approx(8 * job.on_wall.effective_shear_pa)
     spring, dashpot = map(float, words[words.index("sds") + 1 :][:2])
-    assert dashpot == pytest.approx(0.5 * math.sqrt(spring * job.particle.mass_kg))  # half of the critical one
+    assert dashpot == pytest.approx(
+        0.5 * math.sqrt(spring * job.particle.mass_kg)
+    )  # half of the critical one
     driver = export.PROGRAMS["mercurydpm"](job)["Pour.cpp"]
-    shear = re.search(r"setEffectiveShearModulus\(grains \? (\S+) : (\S+)\)", driver).groups()
-    moduli = [job.grains.effective_shear_pa, job.on_wall.effective_shear_pa]  # two thirds of 8 G* sqrt(R* delta) there
+    shear = re.search(
+        r"setEffectiveShearModulus\(grains \? (\S+) : (\S+)\)", driver
+    ).groups()
+    moduli = [
+        job.grains.effective_shear_pa,
+        job.on_wall.effective_shear_pa,
+    ]  # two thirds of 8 G* sqrt(R* delta) there
     assert [float(word) / 1.5 for word in shear] == pytest.approx(moduli)
     tree = ast.parse(export.PROGRAMS["yade"](job)["pour.py"])
-    named = {ast.unparse(node.targets[0]): node.value for node in tree.body if isinstance(node, ast.Assign)}
-    values = {name: ast.literal_eval(named[name]) for name in ("SPHERES", "MASS", "RINGS")}
+    named = {
+        ast.unparse(node.targets[0]): node.value
+        for node in tree.body
+        if isinstance(node, ast.Assign)
+    }
+    values = {
+        name: ast.literal_eval(named[name]) for name in ("SPHERES", "MASS", "RINGS")
+    }
     assert np.array(values["SPHERES"]) == pytest.approx(job.particle.spheres_m)
     assert values["MASS"] == pytest.approx(job.particle.mass_kg)
     assert np.array(values["RINGS"]) == pytest.approx(surface.profile(job.surfaces))
@@ -79,59 +118,110 @@ def test_liggghts_primes_and_takes_the_facets_around_the_funnel_as_one_face(job)
     assert len(set(primes)) == 200
     assert min(primes) > 10000
     assert all(all(p % k for k in range(2, 200)) for p in primes)
-    angle = re.search(r"curvature (\S+) curvature_tolerant yes", export.PROGRAMS["liggghts"](job)["in.pour"]).group(1)
+    angle = re.search(
+        r"curvature (\S+) curvature_tolerant yes",
+        export.PROGRAMS["liggghts"](job)["in.pour"],
+    ).group(1)
     assert 360 / surface.AROUND < float(angle) < surface.ARC_DEG / 2
 
 
-def test_no_deck_has_a_dashpot_along_the_tangent_and_the_plate_is_the_configured_one(job, config):
+def test_no_deck_has_a_dashpot_along_the_tangent_and_the_plate_is_the_configured_one(
+    job, config
+):
     # where the program has one, Coulomb's limit does not hold it
-    files = {program: export.PROGRAMS[program](job) for program in ("liggghts", "lammps", "yade")}
+    files = {
+        program: export.PROGRAMS[program](job)
+        for program in ("liggghts", "lammps", "yade")
+    }
     laws = re.findall(r"model hertz .*", files["liggghts"]["in.pour"])
     assert [law.endswith("tangential_damping off") for law in laws] == [True] * 3
-    assert re.findall(r"tangential mindlin\S* \S+ (\S+)", files["lammps"]["in.pour"]) == ["0"] * 3
+    assert (
+        re.findall(r"tangential mindlin\S* \S+ (\S+)", files["lammps"]["in.pour"])
+        == ["0"] * 3
+    )
     assert "betas=by_pair(0.0, 0.0)" in files["yade"]["pour.py"]
-    assert job.plate_radius_m == pytest.approx(0.5e-3 * config["funnel"]["plate_diameter_mm"])
+    assert job.plate_radius_m == pytest.approx(
+        0.5e-3 * config["funnel"]["plate_diameter_mm"]
+    )
     for program, name in DECK.items():
         if program != "yade":  # its plate is a box under all of the scene
-            assert f"{job.plate_radius_m:.6g}" in export.PROGRAMS[program](job)[name], program
+            assert f"{job.plate_radius_m:.6g}" in export.PROGRAMS[program](job)[name], (
+                program
+            )
 
 
 def test_the_deck_of_a_sphere_has_spheres_of_its_volume_and_step(config):
     round_grain = replace(SMOOTH, kind="ellipsoid", semi_axes_m=np.full((1, 3), 5 * MM))
-    of_clump, of_sphere, of_ellipsoid = (job_of(config, body) for body in (THREE, BALL, round_grain))
+    of_clump, of_sphere, of_ellipsoid = (
+        job_of(config, body) for body in (THREE, BALL, round_grain)
+    )
     step = config["simulation"]["time_step_s"]
     half = float(f"{0.5 * step:.2g}")
-    assert (of_clump.time_step_s, of_sphere.time_step_s, of_ellipsoid.time_step_s) == (half, half, half)
-    assert of_sphere.particle.spheres_m == pytest.approx(np.array([[0.0, 0.0, 0.0, 5 * MM]]))
+    assert (of_clump.time_step_s, of_sphere.time_step_s, of_ellipsoid.time_step_s) == (
+        half,
+        half,
+        half,
+    )
+    assert of_sphere.particle.spheres_m == pytest.approx(
+        np.array([[0.0, 0.0, 0.0, 5 * MM]])
+    )
     volume = 4 / 3 * math.pi * (5 * MM) ** 3
-    assert of_sphere.particle.density_kg_m3 * volume == pytest.approx(of_sphere.particle.mass_kg) == BALL.mass_kg
+    assert (
+        of_sphere.particle.density_kg_m3 * volume
+        == pytest.approx(of_sphere.particle.mass_kg)
+        == BALL.mass_kg
+    )
     root = math.sqrt(BALL.mass_kg / volume / BERRY["shear_modulus_pa"])
-    assert of_sphere.rayleigh_s == pytest.approx(math.pi * 5 * MM * root / (0.1631 * 0.32 + 0.8766))
+    assert of_sphere.rayleigh_s == pytest.approx(
+        math.pi * 5 * MM * root / (0.1631 * 0.32 + 0.8766)
+    )
     of_ball = np.full(3, 0.4 * of_sphere.particle.mass_kg * (5 * MM) ** 2)
     assert of_sphere.particle.inertia_kg_m2 == pytest.approx(of_ball)
-    grain = {"shape": "multisphere", "ellipsoids_mm": [], "spheres_mm": [[0, 0, 0, 5]], "density_kg_m3": 1000.0}
-    of_card = card_study.particle_of({"grain": grain | {"mass_g": 2.0, "volume_mm3": 2000.0}}, None, "old.json")
-    assert of_card.inertia_kg_m2 == pytest.approx(np.full(3, 0.4 * 2e-3 * 5e-3**2)), "cards of earlier versions"
+    grain = {
+        "shape": "multisphere",
+        "ellipsoids_mm": [],
+        "spheres_mm": [[0, 0, 0, 5]],
+        "density_kg_m3": 1000.0,
+    }
+    of_card = card_study.particle_of(
+        {"grain": grain | {"mass_g": 2.0, "volume_mm3": 2000.0}}, None, "old.json"
+    )
+    assert of_card.inertia_kg_m2 == pytest.approx(np.full(3, 0.4 * 2e-3 * 5e-3**2)), (
+        "cards of earlier versions"
+    )
     for program in DECK:
         text = "".join(export.PROGRAMS[program](of_sphere).values())
-        assert not re.search(r"multisphere|rigid|clump\.txt|\.clump\(|ClumpParticle|each pair of spheres", text)
+        assert not re.search(
+            r"multisphere|rigid|clump\.txt|\.clump\(|ClumpParticle|each pair of spheres",
+            text,
+        )
         assert "the study's grain has that of its mesh" in text
         deck = export.PROGRAMS[program](of_clump)[DECK[program]]
         assert re.search(r"multisphere|rigid|\.clump\(|ClumpParticle", deck)
     text = export.PROGRAMS["liggghts"](of_sphere)["in.pour"]
     assert re.search(r"particletemplate/sphere .* radius constant 0.005\n", text)
-    job = make(config, ParameterSpace.of(config["parameters"]).centre, SMOOTH, BERRY, one_sphere=True)
+    job = make(
+        config,
+        ParameterSpace.of(config["parameters"]).centre,
+        SMOOTH,
+        BERRY,
+        one_sphere=True,
+    )
     volume = SMOOTH.mass_kg / SMOOTH.density_kg_m3
     assert 4 / 3 * math.pi * job.particle.spheres_m[0, 3] ** 3 == pytest.approx(volume)
     assert (job.is_sphere, job.particle.mass_kg) == (True, SMOOTH.mass_kg)
     assert job.particle.density_kg_m3 == pytest.approx(840.47)
     for deck in export.PROGRAMS.values():
-        assert "every grain is the sphere of its volume, radius 7.0" in next(iter(deck(job).values()))
+        assert "every grain is the sphere of its volume, radius 7.0" in next(
+            iter(deck(job).values())
+        )
 
 
 def test_a_deck_begins_with_its_versions_and_the_page_has_them(job):
     page = (ROOT / "docs" / "export.md").read_text()
-    for program, name in zip(DECK, ("LIGGGHTS", "LAMMPS", "YADE", "MercuryDPM"), strict=True):
+    for program, name in zip(
+        DECK, ("LIGGGHTS", "LAMMPS", "YADE", "MercuryDPM"), strict=True
+    ):
         first = next(iter(export.PROGRAMS[program](job).values())).splitlines()[0]
         row = next(line for line in page.splitlines() if line.startswith(f"| {name}"))
         assert name in first
@@ -143,12 +233,16 @@ def test_a_deck_begins_with_its_versions_and_the_page_has_them(job):
 def test_the_number_of_older_lammps_gives_the_same_damping(config, restitution):
     job = job_of(config, THREE, e_gg=restitution)
     number = damping_numbers(job)["tsuji_gg"]
-    assert np.polyval(TSUJI, number) == pytest.approx(math.sqrt(5) * job.grains.damping_ratio, abs=1e-9)
+    assert np.polyval(TSUJI, number) == pytest.approx(
+        math.sqrt(5) * job.grains.damping_ratio, abs=1e-9
+    )
     assert number < 1.01
 
 
 @pytest.mark.parametrize("particle", [THREE, SKEW], ids=["three", "skew"])
-def test_the_members_of_a_yade_clump_have_mass_centre_and_moments_of_the_body(config, particle):
+def test_the_members_of_a_yade_clump_have_mass_centre_and_moments_of_the_body(
+    config, particle
+):
     job = job_of(config, particle)
     weights, own = yade.member_masses(job)
     masses, places = weights * job.particle.mass_kg, job.particle.spheres_m[:, :3]
@@ -174,12 +268,16 @@ def rebound(ratio, limited):
         return state[0]
 
     parted.terminal, parted.direction = True, -1
-    return -solve_ivp(slopes, (0, 50), (1e-9, 1.0), events=parted, rtol=1e-8, atol=1e-12).y[1, -1]
+    return -solve_ivp(
+        slopes, (0, 50), (1e-9, 1.0), events=parted, rtol=1e-8, atol=1e-12
+    ).y[1, -1]
 
 
 @pytest.mark.parametrize(("tension", "limited"), [("keep", False), ("release", True)])
 @pytest.mark.parametrize("restitution", [0.35, 0.7])
-def test_the_equivalent_restitution_gives_the_calibrated_rebound(config, job, tension, limited, restitution):
+def test_the_equivalent_restitution_gives_the_calibrated_rebound(
+    config, job, tension, limited, restitution
+):
     config = config | {"simulation": config["simulation"] | {"tension": tension}}
     values = ParameterSpace.of(config["parameters"]).centre | {"e_gp": restitution}
     typed = laws.equivalent_restitution(make(config, values, THREE, BERRY).on_wall)
@@ -191,42 +289,72 @@ def test_the_equivalent_restitution_gives_the_calibrated_rebound(config, job, te
 
 def test_a_damping_that_liggghts_cannot_take_is_reported(job):
     strong = replace(job, grains=replace(job.grains, damping_ratio=1.2))
-    assert laws.equivalent_restitution(strong.grains, LEAST_RESTITUTION) == LEAST_RESTITUTION
+    assert (
+        laws.equivalent_restitution(strong.grains, LEAST_RESTITUTION)
+        == LEAST_RESTITUTION
+    )
     assert LEAST_RESTITUTION > 0.05  # the program asks for more than that
-    assert "stronger than coefficientRestitution" in export.PROGRAMS["liggghts"](strong)["in.pour"]
+    assert (
+        "stronger than coefficientRestitution"
+        in export.PROGRAMS["liggghts"](strong)["in.pour"]
+    )
 
 
 def test_a_sphere_rolls_with_the_calibrated_coefficient_on_a_wall(job):
     radius, lever = surface_means(np.array([[0.0, 0.0, 0.0, 0.005]]))
     assert (radius, lever) == pytest.approx((0.005, 0.005))
-    sphere = replace(job, lever_m=lever, on_wall=replace(job.on_wall, effective_radius_m=radius))
-    assert laws.rolling_coefficient(sphere, sphere.on_wall) == pytest.approx(job.on_wall.rolling_friction)
-    longer = replace(sphere, lever_m=2 * lever)  # the same torque needs twice the coefficient
-    assert laws.rolling_coefficient(longer, longer.on_wall) == pytest.approx(2 * job.on_wall.rolling_friction)
+    sphere = replace(
+        job, lever_m=lever, on_wall=replace(job.on_wall, effective_radius_m=radius)
+    )
+    assert laws.rolling_coefficient(sphere, sphere.on_wall) == pytest.approx(
+        job.on_wall.rolling_friction
+    )
+    longer = replace(
+        sphere, lever_m=2 * lever
+    )  # the same torque needs twice the coefficient
+    assert laws.rolling_coefficient(longer, longer.on_wall) == pytest.approx(
+        2 * job.on_wall.rolling_friction
+    )
 
 
 def test_free_surface_of_two_spheres_that_overlap():
     # of each sphere a cap of height R / 2 is hidden
-    radius, lever = surface_means(np.array([[-0.5, 0.0, 0.0, 1.0], [0.5, 0.0, 0.0, 1.0]]), 20000)
-    outwards = np.linspace(-0.5, 1.0, 200001)  # places on a sphere are even along its axis
+    radius, lever = surface_means(
+        np.array([[-0.5, 0.0, 0.0, 1.0], [0.5, 0.0, 0.0, 1.0]]), 20000
+    )
+    outwards = np.linspace(
+        -0.5, 1.0, 200001
+    )  # places on a sphere are even along its axis
     assert radius == pytest.approx(1.0)
     assert lever == pytest.approx(np.sqrt(1.25 + outwards).mean(), rel=1e-3)
 
 
 def test_the_funnel_is_the_simulated_one_and_the_lammps_cone_ends_where_it_does(job):
     line, funnel = surface.profile(job.surfaces), job.surfaces
-    assert line[0] == pytest.approx([0.5 * funnel.inlet_diameter_m, funnel.inlet_height_m])
+    assert line[0] == pytest.approx(
+        [0.5 * funnel.inlet_diameter_m, funnel.inlet_height_m]
+    )
     assert line[:, 0].min() == pytest.approx(0.5 * funnel.outlet_diameter_m)
     cone = funnel.cone_line()
     on_cone = np.abs(line @ [cone.normal_r, cone.normal_z] - cone.offset) < 1e-9
     assert line[on_cone][-1] @ [cone.up_r, cone.up_z] == pytest.approx(cone.first)
     corners = surface.triangles(funnel)
-    areas = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    areas = 0.5 * np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
     assert areas.min() > 0.0
-    lengths, middles = np.linalg.norm(np.diff(line, axis=0), axis=1), 0.5 * (line[1:, 0] + line[:-1, 0])
-    around = 2 * surface.AROUND * math.sin(math.pi / surface.AROUND)  # of the polygon whose corners lie on a circle
+    lengths, middles = (
+        np.linalg.norm(np.diff(line, axis=0), axis=1),
+        0.5 * (line[1:, 0] + line[:-1, 0]),
+    )
+    around = (
+        2 * surface.AROUND * math.sin(math.pi / surface.AROUND)
+    )  # of the polygon whose corners lie on a circle
     assert areas.sum() == pytest.approx(around * (lengths * middles).sum(), rel=1e-3)
-    deck, line = export.PROGRAMS["lammps"](job)["in.pour"], surface.profile(job.surfaces)
+    deck, line = (
+        export.PROGRAMS["lammps"](job)["in.pour"],
+        surface.profile(job.surfaces),
+    )
     (ends,) = re.findall(r"region\s+\S+ cone z 0 0 (\S+) (\S+) (\S+) (\S+)", deck)
     low_radius, high_radius, low, high = map(float, ends)
     assert [high_radius, high] == pytest.approx(line[0], rel=1e-6)
@@ -234,40 +362,73 @@ def test_the_funnel_is_the_simulated_one_and_the_lammps_cone_ends_where_it_does(
 
 
 def test_a_tube_stands_in_surface_and_deck(config):
-    config = config | {"funnel": config["funnel"] | {"tube_length_mm": 20.0, "plate_diameter_mm": 80.0}}
+    config = config | {
+        "funnel": config["funnel"] | {"tube_length_mm": 20.0, "plate_diameter_mm": 80.0}
+    }
     job = job_of(config, THREE)
     line = surface.profile(job.surfaces)
-    assert np.ptp(line[np.isclose(line[:, 0], 0.5 * job.surfaces.outlet_diameter_m)][:, 1]) == pytest.approx(0.02)
+    assert np.ptp(
+        line[np.isclose(line[:, 0], 0.5 * job.surfaces.outlet_diameter_m)][:, 1]
+    ) == pytest.approx(0.02)
     deck = export.PROGRAMS["lammps"](job)["in.pour"]
     assert "region          tube cylinder" in deck
-    half = float(re.search(r"domain block \S+ (\S+)", deck).group(1))  # the inlet is wider than the plate
-    assert half == pytest.approx(0.5 * job.surfaces.inlet_diameter_m + 4 * job.particle.bounding_radius_m, rel=1e-6)
+    half = float(
+        re.search(r"domain block \S+ (\S+)", deck).group(1)
+    )  # the inlet is wider than the plate
+    assert half == pytest.approx(
+        0.5 * job.surfaces.inlet_diameter_m + 4 * job.particle.bounding_radius_m,
+        rel=1e-6,
+    )
 
 
-def test_other_particles_and_laws_are_refused_and_cohesion_and_rolling_are_written(config):
+def test_other_particles_and_laws_are_refused_and_cohesion_and_rolling_are_written(
+    config,
+):
     centre = ParameterSpace.of(config["parameters"]).centre
     input_error("multisphere", make, config, centre, SMOOTH, BERRY)
-    linear = config | {"simulation": config["simulation"] | {"contact_law": "linear_spring"}}
-    input_error("hertz_mindlin", export.check_laws, make(linear, centre, THREE, BERRY), "yade")
+    linear = config | {
+        "simulation": config["simulation"] | {"contact_law": "linear_spring"}
+    }
+    input_error(
+        "hertz_mindlin", export.check_laws, make(linear, centre, THREE, BERRY), "yade"
+    )
     job = job_of(config, THREE, "jkr", gamma_gg=0.05, gamma_gp=0.02)
     table = export.PROGRAMS["edem"](job)["edem.md"]
     assert "Hertz-Mindlin with JKR" in table
     assert re.findall(r"Surface Energy .* \| (\S+) J/m2", table) == ["0.1", "0.04"]
-    deck = export.PROGRAMS["liggghts"](job_of(config, THREE, "sjkr", k_gg=3e4, k_gp=1e4))["in.pour"]
+    deck = export.PROGRAMS["liggghts"](
+        job_of(config, THREE, "sjkr", k_gg=3e4, k_gp=1e4)
+    )["in.pour"]
     assert "cohesionEnergyDensity peratomtypepair 2 30000 10000 10000 10000" in deck
-    assert len(re.findall("model hertz tangential history cohesion sjkr rolling_friction epsd2", deck)) == 3
+    assert (
+        len(
+            re.findall(
+                "model hertz tangential history cohesion sjkr rolling_friction epsd2",
+                deck,
+            )
+        )
+        == 3
+    )
     assert "cohesion energy density 30000 J/m3 between grains" in deck
     budget = job_of(config, THREE, "hertz_mindlin")
     for law, name in (("constant_torque", "cdt"), ("epsd", "epsd"), ("epsd2", "epsd2")):
         job = job_of(config, THREE, "hertz_mindlin", law)
         deck = export.PROGRAMS["liggghts"](job)["in.pour"]
         assert len(re.findall(rf"rolling_friction {name} ", deck)) == 3
-        damping = re.findall(r"coefficientRollingViscousDamping peratomtypepair 2 (.*)", deck)
+        damping = re.findall(
+            r"coefficientRollingViscousDamping peratomtypepair 2 (.*)", deck
+        )
         assert damping == (["0.3 0.3 0.3 0.3"] if law == "epsd" else [])
-        assert ("two spheres, with a constant torque" in deck) == (law == "constant_torque")
+        assert ("two spheres, with a constant torque" in deck) == (
+            law == "constant_torque"
+        )
         # the lever of two grains is half of one grain's, that on a wall is the same
-        assert rolling_coefficient(job, job.grains) == 0.5 * rolling_coefficient(budget, budget.grains)
-        assert rolling_coefficient(job, job.on_wall) == rolling_coefficient(budget, budget.on_wall)
+        assert rolling_coefficient(job, job.grains) == 0.5 * rolling_coefficient(
+            budget, budget.grains
+        )
+        assert rolling_coefficient(job, job.on_wall) == rolling_coefficient(
+            budget, budget.on_wall
+        )
 
 
 # What stands for a law in the deck of each program. A pair of program and law that is not here is refused.
@@ -298,18 +459,38 @@ ROLLING = {
 
 @pytest.mark.parametrize("particle", [THREE, BALL], ids=["clump", "sphere"])
 @pytest.mark.parametrize("program", export.PROGRAMS)
-def test_each_law_is_written_as_the_program_has_it_or_refused(config, program, particle, tmp_path):
-    constants = {"gamma_gg": 0.05, "gamma_gp": 0.02, "k_gg": 1e4, "k_gp": 1e4, "plas_gg": 0.5, "plas_gp": 0.5}
+def test_each_law_is_written_as_the_program_has_it_or_refused(
+    config, program, particle, tmp_path
+):
+    constants = {
+        "gamma_gg": 0.05,
+        "gamma_gp": 0.02,
+        "k_gg": 1e4,
+        "k_gp": 1e4,
+        "plas_gg": 0.5,
+        "plas_gp": 0.5,
+    }
     laws_of = [(("contact_law", law, CONTACT), (law, "budget")) for law in CONTACT_LAWS]
-    laws_of += [(("rolling_law", law, ROLLING), ("hertz_mindlin", law)) for law in ROLLING_LAWS]
+    laws_of += [
+        (("rolling_law", law, ROLLING), ("hertz_mindlin", law)) for law in ROLLING_LAWS
+    ]
     for (key, law, written), pair in laws_of:
         if (program, law) in written:
-            deck = export.write(job_of(config, particle, *pair, **constants), program, tmp_path)[0]
+            deck = export.write(
+                job_of(config, particle, *pair, **constants), program, tmp_path
+            )[0]
             assert written[program, law] in deck.read_text()
         else:
-            with pytest.raises(InputError, match=rf"simulation.{key} is '{law}'; expected .*hertz|budget") as no:
-                export.write(job_of(config, particle, *pair, **constants), program, tmp_path)
-            assert ("refuses cohesion" in str(no.value)) == ((program, law) == ("lammps", "jkr"))
+            with pytest.raises(
+                InputError,
+                match=rf"simulation.{key} is '{law}'; expected .*hertz|budget",
+            ) as no:
+                export.write(
+                    job_of(config, particle, *pair, **constants), program, tmp_path
+                )
+            assert ("refuses cohesion" in str(no.value)) == (
+                (program, law) == ("lammps", "jkr")
+            )
 
 
 # Words about the particle, whether the study's berry is a sphere, and what the deck holds.
@@ -320,20 +501,37 @@ ASKED = {
 
 
 @pytest.mark.parametrize(("words", "spherical", "is_clump"), ASKED.values(), ids=ASKED)
-def test_the_verb_writes_a_deck_of_clumps_or_spheres(monkeypatch, tmp_path, command, words, spherical, is_clump):
+def test_the_verb_writes_a_deck_of_clumps_or_spheres(
+    monkeypatch, tmp_path, command, words, spherical, is_clump
+):
     asked = {}
 
     def berry_and_particle(study):
         asked.update(study.config["berry"])
         axes = np.full((1, 3), 5 * MM) if spherical else SMOOTH.semi_axes_m
-        return BERRY, THREE if asked["particle"] == "multisphere" else replace(SMOOTH, semi_axes_m=axes)
+        return BERRY, THREE if asked["particle"] == "multisphere" else replace(
+            SMOOTH, semi_axes_m=axes
+        )
 
     monkeypatch.setattr("repose.cli.berries.berry_and_particle", berry_and_particle)
     for program, name in (("liggghts", "in.pour"), ("yade", "pour.py")):
-        made = ["export", "--to", program, "--config", CONFIG, "--set", "mus_gg=0.41", *words, "--out", tmp_path]
+        made = [
+            "export",
+            "--to",
+            program,
+            "--config",
+            CONFIG,
+            "--set",
+            "mus_gg=0.41",
+            *words,
+            "--out",
+            tmp_path,
+        ]
         assert command(*made).out.split()[0] == str(tmp_path / name)
         assert "mu_s 0.41" in (tmp_path / name).read_text()
-    assert ("particletemplate/sphere" in (tmp_path / "in.pour").read_text()) is not is_clump
+    assert (
+        "particletemplate/sphere" in (tmp_path / "in.pour").read_text()
+    ) is not is_clump
     assert (tmp_path / "clump.txt").exists() is is_clump
     assert not is_clump or asked["spheres"] == int(words[1])
 
@@ -343,18 +541,40 @@ def test_a_card_brings_the_configuration_beside_it(monkeypatch, tmp_path, comman
     config = Study.load(CONFIG).config
     (tmp_path / "config.json").write_text(json.dumps(config))
     wall = {key: config["wall"][key] for key in card.WALL}
-    shown |= {"material": config["label"], "wall": wall, "laws": card.laws(Study.load(CONFIG).settings.simulation)}
+    shown |= {
+        "material": config["label"],
+        "wall": wall,
+        "laws": card.laws(Study.load(CONFIG).settings.simulation),
+    }
     shown["tests"][0]["bench"] = config["funnel"]
     (tmp_path / "card.json").write_text(json.dumps(shown))
-    axes = dict(zip(("long_mm", "major_mm", "minor_mm"), shown["grain"]["mean_axes_mm"], strict=True))
+    axes = dict(
+        zip(
+            ("long_mm", "major_mm", "minor_mm"),
+            shown["grain"]["mean_axes_mm"],
+            strict=True,
+        )
+    )
     berry = axes | {key: shown["grain"][key] for key in card.GRAIN}
-    monkeypatch.setattr("repose.cli.berries.berry_and_particle", lambda *_: (berry, THREE))
-    words = ["export", "--to", "edem", "--card", tmp_path / "card.json", "--out", tmp_path / "deck"]
+    monkeypatch.setattr(
+        "repose.cli.berries.berry_and_particle", lambda *_: (berry, THREE)
+    )
+    words = [
+        "export",
+        "--to",
+        "edem",
+        "--card",
+        tmp_path / "card.json",
+        "--out",
+        tmp_path / "deck",
+    ]
     command(*words)
     value = shown["parameters"]["mus_gg"]["value"]
     assert f"{value:.6g}" in (tmp_path / "deck" / "edem.md").read_text()
     berry["density_kg_m3"] = 841.0
-    assert "grain.density_kg_m3 is 1250.0; expected 841.0" in command(*words, status=2).err
+    assert (
+        "grain.density_kg_m3 is 1250.0; expected 841.0" in command(*words, status=2).err
+    )
 
 
 @pytest.mark.parametrize("spheres", [1, 6])
@@ -362,31 +582,73 @@ def test_a_card_alone_is_enough_in_any_folder(tmp_path, monkeypatch, command, sp
     """Its own laws, wall, grain and bench test; the time step is at most that of the study where the card has it."""
     monkeypatch.chdir(tmp_path)
     shown = json.loads((ROOT / "crops/cards/wheat.json").read_text())
-    words = ["export", "--to", "liggghts", "--card", "card.json", "--spheres", str(spheres)]
+    words = [
+        "export",
+        "--to",
+        "liggghts",
+        "--card",
+        "card.json",
+        "--spheres",
+        str(spheres),
+    ]
     steps = {}
     for step in (None, 1e-6):
-        shown |= {} if step is None else {"simulation": {"time_step_s": step, "gravity_m_s2": 9.0}}
+        shown |= (
+            {}
+            if step is None
+            else {"simulation": {"time_step_s": step, "gravity_m_s2": 9.0}}
+        )
         Path("card.json").write_text(json.dumps(shown))
         assert "built-in goji" not in command(*words, "--out", f"deck {step}").err
         text = Path(f"deck {step}/in.pour").read_text()
         steps[step] = float(re.search(r"timestep +(\S+)", text)[1])
         assert f"nparticles {shown['tests'][0]['bench']['berries']} " in text
-        says(text, f"mu_s {shown['parameters']['mus_gg']['value']:.6g}", f"gravity {9.0 if step else 9.81:g} ")
+        says(
+            text,
+            f"mu_s {shown['parameters']['mus_gg']['value']:.6g}",
+            f"gravity {9.0 if step else 9.81:g} ",
+        )
         assert "limitForce on" in text
         if spheres > 1:
-            assert float(re.search(r" type 1 mass (\S+)", text)[1]) == pytest.approx(1e-3 * shown["grain"]["mass_g"])
-            moments = [float(word) for word in re.search(r"inertia_tensor (\S+) 0 0 (\S+) 0 (\S+)", text).groups()]
+            assert float(re.search(r" type 1 mass (\S+)", text)[1]) == pytest.approx(
+                1e-3 * shown["grain"]["mass_g"]
+            )
+            moments = [
+                float(word)
+                for word in re.search(
+                    r"inertia_tensor (\S+) 0 0 (\S+) 0 (\S+)", text
+                ).groups()
+            ]
             a, b, c = 0.5e-3 * np.array(shown["grain"]["mean_axes_mm"])
-            solid = 1e-3 * shown["grain"]["mass_g"] / 5 * np.array([b**2 + c**2, a**2 + c**2, a**2 + b**2])
+            solid = (
+                1e-3
+                * shown["grain"]["mass_g"]
+                / 5
+                * np.array([b**2 + c**2, a**2 + c**2, a**2 + b**2])
+            )
             assert moments == pytest.approx(solid, rel=0.01)
     assert steps[1e-6] == pytest.approx(0.5e-6)
-    goji = [*words[:4], ROOT / "results/published/recommended/card.json", *words[5:]]  # whose files lie elsewhere
-    assert "berry.sizes is 'resources/berries.csv'" in command(*goji, "--out", "goji").err
+    goji = [
+        *words[:4],
+        ROOT / "results/published/recommended/card.json",
+        *words[5:],
+    ]  # whose files lie elsewhere
+    assert (
+        "berry.sizes is 'resources/berries.csv'" in command(*goji, "--out", "goji").err
+    )
     assert Path("goji/in.pour").exists()
     assert steps[None] > 5 * steps[1e-6]
     law = "card.json: laws is 'another law'; expected laws of this version"
-    drum = (shown["tests"][0], "apparatus", "drum", "expected the card of a study with piles of the funnel")
-    for entry, key, value, said in ((shown["laws"], "normal", "another law", law), drum):
+    drum = (
+        shown["tests"][0],
+        "apparatus",
+        "drum",
+        "expected the card of a study with piles of the funnel",
+    )
+    for entry, key, value, said in (
+        (shown["laws"], "normal", "another law", law),
+        drum,
+    ):
         entry[key] = value
         Path("card.json").write_text(json.dumps(shown))
         assert said in command(*words, "--out", "deck", status=2).err

@@ -12,34 +12,66 @@ from repose.apparatus.job import run_once
 from repose.cli import main
 from repose.config.study import Study
 
-VESSEL = {"berries": 60, "rate_per_s": 200.0, "duration_s": 1.2, "diameter_mm": 60.0, "height_mm": 30.0}
+VESSEL = {
+    "berries": 60,
+    "rate_per_s": 200.0,
+    "duration_s": 1.2,
+    "diameter_mm": 60.0,
+    "height_mm": 30.0,
+}
 VESSEL |= {"collar_mm": 80.0, "core_margin_mm": 2.0, "speed_m_s": 0.5, "seeds": 1}
 
 
 @pytest.mark.slow
-def test_a_scan_of_a_bumpy_body_is_poured_and_exported_with_its_mass_volume_and_axes(tmp_path):
+def test_a_scan_of_a_bumpy_body_is_poured_and_exported_with_its_mass_volume_and_axes(
+    tmp_path,
+):
     scan = trimesh.creation.icosphere(subdivisions=4, radius=0.5)
-    scan.vertices *= 1.0 + 0.06 * np.sin(9.0 * scan.vertices).prod(axis=1, keepdims=True)  # bumps
+    scan.vertices *= 1.0 + 0.06 * np.sin(9.0 * scan.vertices).prod(
+        axis=1, keepdims=True
+    )  # bumps
     scan.apply_scale([21.0, 13.0, 10.0])
     moments, axes = np.linalg.eigh(scan.moment_inertia)
     volume, extents = scan.volume, np.ptp(scan.vertices @ axes, axis=0)
-    scan.apply_transform(trimesh.transformations.euler_matrix(0.5, 1.1, 2.3)).apply_translation([40.0, -7.0, 3.0])
+    scan.apply_transform(
+        trimesh.transformations.euler_matrix(0.5, 1.1, 2.3)
+    ).apply_translation([40.0, -7.0, 3.0])
     scan.export(tmp_path / "scan.stl")
-    berry = {"stl": str(tmp_path / "scan.stl"), "particle": "multisphere", "spheres": 24, "density_kg_m3": 900.0}
-    own = {"berry": berry, "cylinder": VESSEL, "simulation": {"time_step_s": "auto"}, "validation": {"published": None}}
+    berry = {
+        "stl": str(tmp_path / "scan.stl"),
+        "particle": "multisphere",
+        "spheres": 24,
+        "density_kg_m3": 900.0,
+    }
+    own = {
+        "berry": berry,
+        "cylinder": VESSEL,
+        "simulation": {"time_step_s": "auto"},
+        "validation": {"published": None},
+    }
     (tmp_path / "own.yaml").write_text(yaml.safe_dump(own))
     study = Study.load("config/config.yaml", tmp_path / "own.yaml")
     record, run = run_once(bench("cylinder"), study.scene(study.parameters.centre, 1))
     lie, vessel = (run.arrays["position"][:, 2] < 0.03).sum(), np.pi * 30.0**2 * 30.0
-    assert record["bulk_density_kg_m3"] == pytest.approx(lie * 900.0 * volume / vessel, rel=1e-4), record["reason"]
+    assert record["bulk_density_kg_m3"] == pytest.approx(
+        lie * 900.0 * volume / vessel, rel=1e-4
+    ), record["reason"]
     (tmp_path / "own.yaml").write_text(yaml.safe_dump(study.config))
     words = f"export --to lammps --set mus_gg=0.5 --config {tmp_path / 'own.yaml'} --out {tmp_path}"
     main(words.split())
     text = (tmp_path / "grain.mol").read_text()
-    mass, inertia = (np.fromstring(re.search(f"(.*) {name}", text)[1], sep=" ") for name in ("mass", "inertia"))
+    mass, inertia = (
+        np.fromstring(re.search(f"(.*) {name}", text)[1], sep=" ")
+        for name in ("mass", "inertia")
+    )
     assert mass == pytest.approx(9e-7 * volume, rel=1e-4)
-    assert inertia == pytest.approx([*(9e-13 * moments), 0.0, 0.0, 0.0], rel=1e-4, abs=1e-15)
-    parts = (re.search(rf"{name}\n\n(.*?)\n\n", text, re.DOTALL)[1] for name in ("Coords", "Diameters"))
+    assert inertia == pytest.approx(
+        [*(9e-13 * moments), 0.0, 0.0, 0.0], rel=1e-4, abs=1e-15
+    )
+    parts = (
+        re.search(rf"{name}\n\n(.*?)\n\n", text, re.DOTALL)[1]
+        for name in ("Coords", "Diameters")
+    )
     centres, twice = (1e3 * np.loadtxt(part.splitlines())[:, 1:] for part in parts)
     low, high = (centres - twice / 2).min(axis=0), (centres + twice / 2).max(axis=0)
     assert high - low == pytest.approx(extents, rel=0.05)

@@ -23,25 +23,59 @@ from forked import TARGETS, Study, compared
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
 VICTIMS = ("the workflow", "a job", "all")
-MORE_FILES = 25  # a kill comes after fewer: kills fall on all stages, on a busy machine, too
+MORE_FILES = (
+    25  # a kill comes after fewer: kills fall on all stages, on a busy machine, too
+)
 FORCED = ("design", "pour", "measure_runs", "network", "solutions")
 # A file of each kind for truncation and flipped bits; the last three are the program's and snakemake's own.
 DAMAGED = (
-    *("results/design/samples.csv", "results/dataset.csv", "results/berry/particle.json"),
-    *("results/heaps/003.npz", "results/heaps/004.pours.json", "results/heaps/005.json"),
-    *("results/network/network.json", "results/validation/solutions.csv", "results/measure/overlay.png"),
-    *("results/heaps/runs", "results/config.json", "results/heaps/.repose", ".snakemake/metadata"),
+    *(
+        "results/design/samples.csv",
+        "results/dataset.csv",
+        "results/berry/particle.json",
+    ),
+    *(
+        "results/heaps/003.npz",
+        "results/heaps/004.pours.json",
+        "results/heaps/005.json",
+    ),
+    *(
+        "results/network/network.json",
+        "results/validation/solutions.csv",
+        "results/measure/overlay.png",
+    ),
+    *(
+        "results/heaps/runs",
+        "results/config.json",
+        "results/heaps/.repose",
+        ".snakemake/metadata",
+    ),
 )
 LOST = (
-    *("results/design/samples.csv", "results/heaps/003.npz", "results/heaps/004.pours.json"),
+    *(
+        "results/design/samples.csv",
+        "results/heaps/003.npz",
+        "results/heaps/004.pours.json",
+    ),
     *("results/heaps/005.json", "results/dataset.csv", "results/network/network.json"),
-    *("results/validation/heaps/001.npz", "results/validation", "results/heaps", ".snakemake"),
+    *(
+        "results/validation/heaps/001.npz",
+        "results/validation",
+        "results/heaps",
+        ".snakemake",
+    ),
 )
 
 
 class Table(list):
     def add(self, fault, place, then, same, again):
-        row = (fault, place, then, "yes" if same else "**no**", "none" if not again else f"**{len(again)}**")
+        row = (
+            fault,
+            place,
+            then,
+            "yes" if same else "**no**",
+            "none" if not again else f"**{len(again)}**",
+        )
         self.append(row)
         print(" | ".join(row), *map(str, list(again)[:5]), flush=True)
 
@@ -52,7 +86,9 @@ def kills(place, finished, wanted, table, count, seed):
     done = number = 0
     while done < count:
         number += 1
-        study = Study(place / f"killed_{number}", finished.jobs, finished.targets).prepared()
+        study = Study(
+            place / f"killed_{number}", finished.jobs, finished.targets
+        ).prepared()
         rows, status, before, loose = [], 1, {}, False
         while status and len(rows) < 15:
             forced = (FORCED[rng.randrange(len(FORCED))],) if rng.random() < 0.3 else ()
@@ -61,12 +97,20 @@ def kills(place, finished, wanted, table, count, seed):
             moment = rng.randrange(MORE_FILES), rng.uniform(0.0, 1.0)
             killed = _kill(study, main, one, whom, *moment) if done < count else False
             status, now = forked.ended(main), study.finished()
-            loose = loose or bool(forced)  # once a rule was forced, what stands on it is made anew, but no pour
-            kept = {path: when for path, when in before.items() if "timings" in path.parts or not loose}
+            loose = loose or bool(
+                forced
+            )  # once a rule was forced, what stands on it is made anew, but no pour
+            kept = {
+                path: when
+                for path, when in before.items()
+                if "timings" in path.parts or not loose
+            }
             again = study.made_again(kept)
             if killed:
                 done += 1
-                where = f"{whom}, {len(now)} files finished" + (f", --forcerun {forced[0]}" if forced else "")
+                where = f"{whom}, {len(now)} files finished" + (
+                    f", --forcerun {forced[0]}" if forced else ""
+                )
                 rows.append((signal.Signals(one).name, where, str(status), again))
                 status = 1
             elif again:
@@ -96,7 +140,9 @@ def _kill(study, main, one, whom, more, after_s):
             break
         time.sleep(0.01)
     hit = False
-    for process in {"the workflow": [main], "a job": jobs[:1], "all": [main, *jobs]}[whom]:
+    for process in {"the workflow": [main], "a job": jobs[:1], "all": [main, *jobs]}[
+        whom
+    ]:
         with suppress(ProcessLookupError):  # it has ended just now
             os.kill(process, one)
             hit = True
@@ -105,7 +151,11 @@ def _kill(study, main, one, whom, more, after_s):
 
 def damages(place, finished, wanted, table):
     """Files of a finished study that are cut, flipped or lost."""
-    for way, names in (("half of it lost", DAMAGED), ("a bit flipped", DAMAGED), ("lost", LOST)):
+    for way, names in (
+        ("half of it lost", DAMAGED),
+        ("a bit flipped", DAMAGED),
+        ("lost", LOST),
+    ):
         for name in names:
             study = finished.copied_to(place / "damaged")
             path = study.folder / name
@@ -129,8 +179,16 @@ def damages(place, finished, wanted, table):
 
 def _repoured(study, finished, damaged):
     top, now = study.folder / "results", study.pours()
-    design = {path: when for path, when in finished.pours().items() if path.parts[0] == "heaps"}
-    return [path for path, when in design.items() if top / path != damaged and now.get(path) != when]
+    design = {
+        path: when
+        for path, when in finished.pours().items()
+        if path.parts[0] == "heaps"
+    }
+    return [
+        path
+        for path, when in design.items()
+        if top / path != damaged and now.get(path) != when
+    ]
 
 
 def changes(place, finished, wanted, table):
@@ -143,7 +201,13 @@ def changes(place, finished, wanted, table):
     second = Study(study.folder, jobs).configured(simulation={"gravity_m_s2": 1.62})
     second.log = Path(f"{study.folder}_second.log")
     statuses = f"{second.run()}; the first {forked.ended(first)}"
-    table.add("a second workflow meanwhile", second.last_words(), statuses, compared(study, wanted), [])
+    table.add(
+        "a second workflow meanwhile",
+        second.last_words(),
+        statuses,
+        compared(study, wanted),
+        [],
+    )
     target = {"response": "height_mm", "apparatus": "funnel", "value": 60.0, "sd": 3.0}
     target |= {"repetitions": 5, "range": [55.0, 65.0]}
     for name, sections, poured in (
@@ -158,7 +222,13 @@ def changes(place, finished, wanted, table):
         again = [path for path in before if after.get(path) != before[path]]
         new = {path for path in set(after) - set(before) if path.parts[0] == "heaps"}
         same = compared(study, fresh.results()) and len(new) == poured
-        table.add(name, f"{len(new)} new pours of the design, {poured} wanted", str(status), same, again)
+        table.add(
+            name,
+            f"{len(new)} new pours of the design, {poured} wanted",
+            str(status),
+            same,
+            again,
+        )
         for folder in (fresh, study):
             shutil.rmtree(folder.folder)
 
@@ -175,7 +245,15 @@ def no_room(place, finished, wanted, table):
         try:
             status, before = study.run(), study.finished()
             _mount("-o", "remount,size=500m", results)
-            _again(study, wanted, table, f"disk full at {share:.0%}", "results", status, before)
+            _again(
+                study,
+                wanted,
+                table,
+                f"disk full at {share:.0%}",
+                "results",
+                status,
+                before,
+            )
             if number == 1:
                 _mount("-o", "remount,ro", results)
                 status, said = study.run("network"), study.last_words()
@@ -185,10 +263,18 @@ def no_room(place, finished, wanted, table):
         finally:
             subprocess.run(["umount", results], check=True)
     study = Study(place / "memory", jobs, targets).prepared()
-    limit = int(Path(f"/proc/{jobs.process}/statm").read_text().split()[0]) * resource.getpagesize() + 4_000_000
+    limit = (
+        int(Path(f"/proc/{jobs.process}/statm").read_text().split()[0])
+        * resource.getpagesize()
+        + 4_000_000
+    )
     resource.prlimit(jobs.process, resource.RLIMIT_AS, (limit, resource.RLIM_INFINITY))
     status, before = study.run(), study.finished()
-    resource.prlimit(jobs.process, resource.RLIMIT_AS, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
+    resource.prlimit(
+        jobs.process,
+        resource.RLIMIT_AS,
+        (resource.RLIM_INFINITY, resource.RLIM_INFINITY),
+    )
     _again(study, wanted, table, "4 MB of memory left", "jobs", status, before)
 
 
@@ -198,7 +284,13 @@ def _mount(*words):
 
 def _again(study, wanted, table, fault, place, status, before):
     """Give the same command again, whose status with the fault is known, and what was finished before."""
-    table.add(fault, place, f"{status}, then {study.run()}", compared(study, wanted), study.made_again(before))
+    table.add(
+        fault,
+        place,
+        f"{status}, then {study.run()}",
+        compared(study, wanted),
+        study.made_again(before),
+    )
 
 
 def main():
@@ -206,11 +298,21 @@ def main():
     words.add_argument("--kills", type=int, default=40)
     words.add_argument("--seed", type=int, default=1)
     words.add_argument("--only", choices=("kills", "damages", "changes", "no_room"))
-    words.add_argument("--out", default=Path(__file__).with_name("table.md"), help="table of what happened")
-    words.add_argument("--real-pours", action="store_true", help="with the engine, which costs minutes more")
+    words.add_argument(
+        "--out",
+        default=Path(__file__).with_name("table.md"),
+        help="table of what happened",
+    )
+    words.add_argument(
+        "--real-pours",
+        action="store_true",
+        help="with the engine, which costs minutes more",
+    )
     given = words.parse_args()
     table = Table()
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell lets what runs in the background ignore it
+    signal.signal(
+        signal.SIGINT, signal.default_int_handler
+    )  # a shell lets what runs in the background ignore it
     forked.load_all()
     if not given.real_pours:
         forked.make_up_pours()
@@ -221,8 +323,14 @@ def main():
             if finished.run():
                 sys.exit(finished.log.read_text())
             took, wanted = time.monotonic() - began, finished.results()
-            names = sorted(str(path.relative_to(finished.folder)) for path in finished.finished())
-            mine = (name for name in names if "/runs/" not in name and "/timings/" not in name)
+            names = sorted(
+                str(path.relative_to(finished.folder)) for path in finished.finished()
+            )
+            mine = (
+                name
+                for name in names
+                if "/runs/" not in name and "/timings/" not in name
+            )
             finished.targets = (*TARGETS, *mine)
             print(f"undisturbed: {took:.1f} s, {len(wanted)} files", flush=True)
             for part in (damages, changes, no_room):

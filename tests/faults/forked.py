@@ -26,7 +26,15 @@ import numpy as np
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 ROOT = Path(__file__).parents[2]
-COMMAND = ("--cores", "1", "--quiet", "rules", "--configfile", "config/quick.yaml", "tiny.yaml")
+COMMAND = (
+    "--cores",
+    "1",
+    "--quiet",
+    "rules",
+    "--configfile",
+    "config/quick.yaml",
+    "tiny.yaml",
+)
 TARGETS = ("validate", "measure")
 PARTS = ("Snakefile", "config", "profiles", "resources", "workflow")
 # In these an equal run has others: how long jobs took and what they printed. Names with a dot are locks and ledgers;
@@ -46,8 +54,12 @@ sys.exit(int(status) if status else 137)
 def load_all():
     """Import snakemake and every module of the program but those that only draw."""
     importlib.import_module("snakemake.cli")
-    for module in pkgutil.walk_packages(importlib.import_module("repose").__path__, "repose."):
-        if not module.name.startswith(("repose.pictures", "repose.verification", "repose.__main__")):
+    for module in pkgutil.walk_packages(
+        importlib.import_module("repose").__path__, "repose."
+    ):
+        if not module.name.startswith(
+            ("repose.pictures", "repose.verification", "repose.__main__")
+        ):
             importlib.import_module(module.name)
 
 
@@ -67,12 +79,25 @@ def made_up_pour(scene, interval_s=None, progress=None):
     time.sleep(0.1)
     parameters, seed = scene.parameters, scene.seed
     rng = np.random.default_rng(seed)
-    slope = 0.2 + 0.4 * sum(parameters[name] for name in PARAMETERS) / len(PARAMETERS) + 0.01 * rng.normal()
+    slope = (
+        0.2
+        + 0.4 * sum(parameters[name] for name in PARAMETERS) / len(PARAMETERS)
+        + 0.01 * rng.normal()
+    )
     share, turn = rng.uniform(size=400) ** (1 / 3), rng.uniform(0.0, 2.0 * np.pi, 400)
     radius = np.sqrt(rng.uniform(size=400)) * share * 0.1
     top = slope * 0.1
-    position = np.stack([radius * np.cos(turn), radius * np.sin(turn), top * (1.0 - share) + 0.005], axis=1)
-    record = {"seed": int(seed), "status": "ok", "reason": "", "discharge_s": 1.0, "berries_on_plate": 400}
+    position = np.stack(
+        [radius * np.cos(turn), radius * np.sin(turn), top * (1.0 - share) + 0.005],
+        axis=1,
+    )
+    record = {
+        "seed": int(seed),
+        "status": "ok",
+        "reason": "",
+        "discharge_s": 1.0,
+        "berries_on_plate": 400,
+    }
     record |= {"berries_in_pile": 400, "berries_off_plate": 0, "kinetic_energy_J": 0.0}
     arrays = {
         "position": position.astype(np.float32), "quaternion": np.tile(np.float32([1.0, 0.0, 0.0, 0.0]), (400, 1)),
@@ -101,7 +126,14 @@ class Jobs:
 
     def running(self):
         with suppress(OSError):
-            return list(map(int, Path(f"/proc/{self.process}/task/{self.process}/children").read_text().split()))
+            return list(
+                map(
+                    int,
+                    Path(f"/proc/{self.process}/task/{self.process}/children")
+                    .read_text()
+                    .split(),
+                )
+            )
         return []
 
     def close(self):
@@ -149,7 +181,9 @@ def start(folder, words, out, err, python=sys.executable):
     try:
         atexit._clear()  # what this process does at its end
         _become(folder, 0, out, err)
-        os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT / "src"), os.environ.get("PYTHONPATH")]))
+        os.environ["PYTHONPATH"] = os.pathsep.join(
+            filter(None, [str(ROOT / "src"), os.environ.get("PYTHONPATH")])
+        )
         sys.executable, sys.argv = str(python), ["snakemake", "--nocolor", *words]
         importlib.import_module("snakemake.cli").main(sys.argv[1:])
         status = 0
@@ -183,7 +217,9 @@ def copied(folder):
     for part in PARTS:
         source, place = ROOT / part, folder / part
         place.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copytree(source, place) if source.is_dir() else shutil.copy(source, place)
+        shutil.copytree(source, place) if source.is_dir() else shutil.copy(
+            source, place
+        )
     return folder
 
 
@@ -206,7 +242,9 @@ class Study:
         words = ("--forcerun", *forced) if forced else ()
         words = (*words, *COMMAND, *self.more, "--", *self.targets)
         with self.log.open("wb") as log:
-            return start(self.folder, words, log.fileno(), log.fileno(), self.jobs.bin / "python")
+            return start(
+                self.folder, words, log.fileno(), log.fileno(), self.jobs.bin / "python"
+            )
 
     def run(self, *forced):
         """Run the workflow to its end; its exit status."""
@@ -217,17 +255,33 @@ class Study:
         return {
             str(path.relative_to(top)): path.read_bytes()
             for path in sorted(top.rglob("*"))
-            if path.is_file() and path.suffix != ".part" and not {*APART} & {*path.parts}
+            if path.is_file()
+            and path.suffix != ".part"
+            and not {*APART} & {*path.parts}
             if not path.name.startswith(".")
         }
 
     def finished(self):
         """Files of jobs that snakemake recorded as finished, single kept runs, and the times of new pours."""
         records = self.folder / ".snakemake"
-        done, begun = ({path.name for path in (records / kind).glob("*")} for kind in ("metadata", "incomplete"))
-        paths = {self.folder / base64.urlsafe_b64decode(name).decode() for name in done - begun}
-        paths |= {path for kept in ("runs/*_*.npz", "timings/*.json") for path in (self.folder / "results").rglob(kept)}
-        return {path: (path.stat().st_ino, path.stat().st_mtime_ns) for path in paths if path.exists()}
+        done, begun = (
+            {path.name for path in (records / kind).glob("*")}
+            for kind in ("metadata", "incomplete")
+        )
+        paths = {
+            self.folder / base64.urlsafe_b64decode(name).decode()
+            for name in done - begun
+        }
+        paths |= {
+            path
+            for kept in ("runs/*_*.npz", "timings/*.json")
+            for path in (self.folder / "results").rglob(kept)
+        }
+        return {
+            path: (path.stat().st_ino, path.stat().st_mtime_ns)
+            for path in paths
+            if path.exists()
+        }
 
     def made_again(self, before):
         """Of files that `finished` once gave, those that are not as they were; a whole job replaces its runs."""
@@ -236,19 +290,36 @@ class Study:
         def was_poured_again(path):
             name, _, seed = path.stem.rpartition("_")
             times = path.parents[1] / "timings" / f"{name}.json"
-            return now.get(times) != before.get(times) and seed in json.loads(times.read_text())["wall_s"]
+            return (
+                now.get(times) != before.get(times)
+                and seed in json.loads(times.read_text())["wall_s"]
+            )
 
         changed = [path for path, when in before.items() if now.get(path) != when]
-        return [path for path in changed if path in now or path.parent.name != "runs" or was_poured_again(path)]
+        return [
+            path
+            for path in changed
+            if path in now or path.parent.name != "runs" or was_poured_again(path)
+        ]
 
     def last_words(self):
         """The last line that the workflow printed."""
-        lines = [line for line in self.log.read_text(errors="replace").splitlines() if line.strip()]
+        lines = [
+            line
+            for line in self.log.read_text(errors="replace").splitlines()
+            if line.strip()
+        ]
         return lines[-1] if lines else ""
 
     def remove_what_it_named(self):
-        named = re.findall(r"^repose: error: (\S+): ", self.log.read_text(errors="replace"), re.MULTILINE)
-        found = [self.folder / name for name in set(named) if (self.folder / name).is_file()]
+        named = re.findall(
+            r"^repose: error: (\S+): ",
+            self.log.read_text(errors="replace"),
+            re.MULTILINE,
+        )
+        found = [
+            self.folder / name for name in set(named) if (self.folder / name).is_file()
+        ]
         for path in found:
             path.unlink()
         return len(found)
@@ -261,13 +332,22 @@ class Study:
 
     def pours(self):
         top = self.folder / "results"
-        return {path.relative_to(top): path.stat().st_mtime_ns for path in top.rglob("runs/*.npz")}
+        return {
+            path.relative_to(top): path.stat().st_mtime_ns
+            for path in top.rglob("runs/*.npz")
+        }
 
 
 def compared(study, wanted):
     found = study.results()
     for name in sorted(set(found) | set(wanted)):
         if found.get(name) != wanted.get(name):
-            state = "lost" if name not in found else "new" if name not in wanted else "other bytes"
+            state = (
+                "lost"
+                if name not in found
+                else "new"
+                if name not in wanted
+                else "other bytes"
+            )
             print(f"    {name}: {state}", flush=True)
     return found == wanted

@@ -25,11 +25,43 @@ pytestmark = pytest.mark.slow
 # Left out is `run`, which passes its words on to snakemake, whose jobs are the other verbs, and writes nothing. All
 # pours, turns of the drum and cases of `verify` are made up.
 LEFT_OUT = {"run"}
-FOLDERS = ("", "results", "results/berry", "results/design", "results/validation", "results/pool", "thesis")
+FOLDERS = (
+    "",
+    "results",
+    "results/berry",
+    "results/design",
+    "results/validation",
+    "results/pool",
+    "thesis",
+)
 NAMES = (
-    *("berry.json", "berry.stl", "summary.csv", "particle.json", "particles.csv", "samples.csv", "table4.csv"),
-    *("comparison.csv", "dataset.csv", "runs.csv", "dataset_summary.json", "fresh_samples.csv", "config.json"),
-    *("figure.png", "table.html", "silhouette.png", "pile.png", "snapshot.txt", "rounds.csv", "o ü.png", "heap.npz"),
+    *(
+        "berry.json",
+        "berry.stl",
+        "summary.csv",
+        "particle.json",
+        "particles.csv",
+        "samples.csv",
+        "table4.csv",
+    ),
+    *(
+        "comparison.csv",
+        "dataset.csv",
+        "runs.csv",
+        "dataset_summary.json",
+        "fresh_samples.csv",
+        "config.json",
+    ),
+    *(
+        "figure.png",
+        "table.html",
+        "silhouette.png",
+        "pile.png",
+        "snapshot.txt",
+        "rounds.csv",
+        "o ü.png",
+        "heap.npz",
+    ),
     *("heap.pours.json", "heap.json"),
 )
 GOOD = {
@@ -39,7 +71,20 @@ GOOD = {
 }  # fmt: skip
 READ = ("config", "input", "berry", "particle")
 OUT = st.one_of(
-    st.sampled_from([*filter(None, FOLDERS), "..", ".", "new", "new/folder", "new.png", "-rf", "", "a b", "link"]),
+    st.sampled_from(
+        [
+            *filter(None, FOLDERS),
+            "..",
+            ".",
+            "new",
+            "new/folder",
+            "new.png",
+            "-rf",
+            "",
+            "a b",
+            "link",
+        ]
+    ),
     st.builds(os.path.join, st.sampled_from(FOLDERS), st.sampled_from(NAMES)),
     st.text(alphabet="ab.é '\"{};$*\n", min_size=1, max_size=6),
 )
@@ -47,7 +92,12 @@ OUT = st.one_of(
 
 def made_up_turn(_test, scene, **_):
     """A drum that lost its berries: nothing to measure."""
-    record = {"seed": scene.seed, "status": "lost", "reason": "made up", "rotation_from_s": 1.0}
+    record = {
+        "seed": scene.seed,
+        "status": "lost",
+        "reason": "made up",
+        "rotation_from_s": 1.0,
+    }
     return Run(record, {}, {"time_s": np.zeros(1)})
 
 
@@ -65,7 +115,9 @@ def sandbox(tmp_path_factory):
     inputs = work / "in"
     inputs.mkdir()
     picture = np.full((120, 300), 230, np.uint8)
-    cv2.fillPoly(picture, [np.array([[40, 119], [150, 40], [260, 119]])], 40)  # a triangle on a plain background
+    cv2.fillPoly(
+        picture, [np.array([[40, 119], [150, 40], [260, 119]])], 40
+    )  # a triangle on a plain background
     cv2.imwrite(str(inputs / "pile.png"), picture)
     shutil.copy(ROOT / "resources/berries.csv", inputs)
     for name in ("validation/table4.csv", "dataset.csv"):
@@ -93,7 +145,10 @@ def sandbox(tmp_path_factory):
 
 def tree(top):
     files = (path for path in top.rglob("*") if path.is_symlink() or path.is_file())
-    return {path: os.readlink(path) if path.is_symlink() else path.read_bytes() for path in files}
+    return {
+        path: os.readlink(path) if path.is_symlink() else path.read_bytes()
+        for path in files
+    }
 
 
 @st.composite
@@ -112,18 +167,29 @@ def calls(draw):
         elif key == "mm_per_pixel":
             words += ["--mm-per-pixel=0.3"] if good else []
         elif key == "axes":
-            words += ["--axes", "17", "11", "9", "--mass-g", "1.0"] if draw(st.booleans()) else []
+            words += (
+                ["--axes", "17", "11", "9", "--mass-g", "1.0"]
+                if draw(st.booleans())
+                else []
+            )
         elif not name.startswith("-") or keywords.get("required") or key in READ:
             value = GOOD.get(key, "in/berries.csv") if good else draw(OUT)
             words += [f"{name}={value}"] if name.startswith("-") else [value]
     return words
 
 
-@settings(max_examples=80, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
+@settings(
+    max_examples=80,
+    deadline=None,
+    suppress_health_check=list(HealthCheck),
+    derandomize=True,
+)
 @given(words=calls())
 def test_a_verb_leaves_the_files_of_others(sandbox, monkeypatch, words):
     before = tree(sandbox)
-    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(b"what another program prints")))
+    monkeypatch.setattr(
+        "sys.stdin", io.TextIOWrapper(io.BytesIO(b"what another program prints"))
+    )
     try:
         status = main(words)
     except SystemExit as end:
@@ -136,11 +202,19 @@ def test_a_verb_leaves_the_files_of_others(sandbox, monkeypatch, words):
 
 
 @pytest.mark.parametrize(
-    "words", [*(["drum", "--seed=1"], ["verify"], ["heap", "--seed=1"]), ["film", GOOD["trajectory"], "--drum"]]
+    "words",
+    [
+        *(["drum", "--seed=1"], ["verify"], ["heap", "--seed=1"]),
+        ["film", GOOD["trajectory"], "--drum"],
+    ],
 )
-def test_what_is_made_up_ends_well_and_somebodys_file_in_its_place_stays(sandbox, words):
+def test_what_is_made_up_ends_well_and_somebodys_file_in_its_place_stays(
+    sandbox, words
+):
     name, before = words[0], tree(sandbox)
-    read = {option.names[0][2:] for option in VERBS[name].options} & {*READ} - {"config"}
+    read = {option.names[0][2:] for option in VERBS[name].options} & {*READ} - {
+        "config"
+    }
     words = [*words, *(f"--{key}={GOOD[key]}" for key in sorted(read))]
     words += ["--config=in/config.json"] if name != "verify" else []
     place = "made_up/a.gif" if name == "film" else "made_up"
@@ -158,7 +232,12 @@ def test_what_is_made_up_ends_well_and_somebodys_file_in_its_place_stays(sandbox
         path.unlink()
 
 
-@settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
+@settings(
+    max_examples=100,
+    deadline=None,
+    suppress_health_check=list(HealthCheck),
+    derandomize=True,
+)
 @given(label=st.text(max_size=70), folder=st.one_of(OUT, st.text(max_size=30)))
 def test_a_label_and_a_folder_of_results_lead_nowhere_else(sandbox, label, folder):
     before = tree(sandbox)
@@ -171,8 +250,15 @@ def test_a_label_and_a_folder_of_results_lead_nowhere_else(sandbox, label, folde
         pass
     else:
         snapshot = Path("results/published") / label
-        assert snapshot.parent.resolve() == Path("results/published").resolve() == snapshot.resolve().parent
+        assert (
+            snapshot.parent.resolve()
+            == Path("results/published").resolve()
+            == snapshot.resolve().parent
+        )
         place = Path(folder).resolve()
         assert not Path.cwd().is_relative_to(place)
-        assert not any(place.is_relative_to(Path(own).resolve()) for own in (".git", ".snakemake", "src"))
+        assert not any(
+            place.is_relative_to(Path(own).resolve())
+            for own in (".git", ".snakemake", "src")
+        )
     assert tree(sandbox) == before

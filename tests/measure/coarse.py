@@ -24,24 +24,45 @@ def scene(number: int, high_px: float) -> Scene:
     high = one.heaps[0].height
     focal = high_px * AWAY / high
     width = 8 * round(one.size[0] * focal / one.focal * -one.eye[1] / AWAY / 8)
-    return replace(one, eye=(0.0, -AWAY, 0.9 * high), focal=focal, size=(width, 3 * width // 4))
+    return replace(
+        one, eye=(0.0, -AWAY, 0.9 * high), focal=focal, size=(width, 3 * width // 4)
+    )
 
 
 def measured(number: int, high_px: float, folder: Path) -> photographs.Photograph:
     """The photograph of such a heap, measured; its EXIF entry states the focal length."""
-    return sixty.measured(scene(number, high_px), folder / f"{number}_{high_px}.png", focal_stated=True)
+    return sixty.measured(
+        scene(number, high_px), folder / f"{number}_{high_px}.png", focal_stated=True
+    )
 
 
 def rows(numbers: list[int], folder: Path) -> list[str]:
     """A table row for each resolution: number measured, and what differs from the finest photograph of the heap."""
     lines = []
-    finest = {number: measured(number, HIGH[-1], folder).measurement for number in numbers}
+    finest = {
+        number: measured(number, HIGH[-1], folder).measurement for number in numbers
+    }
     for high in HIGH[:-1]:
         found = {number: measured(number, high, folder) for number in numbers}
-        seen = {number: one.measurement for number, one in found.items() if one.measurement}
-        colours = [number for number in seen if any("hardly differs" in doubt for doubt in found[number].doubts)]
-        both = [(seen[k], fine) for k, fine in finest.items() if fine and k in seen and k not in colours]
-        off = np.array([(one.aor_deg - fine.aor_deg, one.height_mm - fine.height_mm) for one, fine in both])
+        seen = {
+            number: one.measurement for number, one in found.items() if one.measurement
+        }
+        colours = [
+            number
+            for number in seen
+            if any("hardly differs" in doubt for doubt in found[number].doubts)
+        ]
+        both = [
+            (seen[k], fine)
+            for k, fine in finest.items()
+            if fine and k in seen and k not in colours
+        ]
+        off = np.array(
+            [
+                (one.aor_deg - fine.aor_deg, one.height_mm - fine.height_mm)
+                for one, fine in both
+            ]
+        )
         most = np.abs(off).max(axis=0)
         lines.append(
             f"| {high} | {len(seen)} | {len(colours)} | {off[:, 0].mean():+.2f} | {most[0]:.2f} | "
@@ -52,7 +73,11 @@ def rows(numbers: list[int], folder: Path) -> list[str]:
 
 def main() -> None:
     argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
-    numbers = [n for n in range(sixty.NUMBER) if not sixty.trouble(n) and sixty.plain(sixty.scene(n))][:COUNT]
+    numbers = [
+        n
+        for n in range(sixty.NUMBER)
+        if not sixty.trouble(n) and sixty.plain(sixty.scene(n))
+    ][:COUNT]
     with tempfile.TemporaryDirectory() as folder:
         print(*rows(numbers, Path(folder)), sep="\n")
 

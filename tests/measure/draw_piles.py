@@ -16,20 +16,48 @@ from rendered import CROPS, Scene, photograph
 
 from repose.cli import main as repose
 
-HIDDEN = {"e_gg": 0.5, "mus_gg": 0.5, "mur_gg": 0.08, "e_gp": 0.5, "mus_gp": 0.8, "mur_gp": 0.3}
-NO_TARGET = {"response": "height_mm", "value": 50.0, "sd": 1.0, "repetitions": 5, "range": [1.0, 99.0]}
+HIDDEN = {
+    "e_gg": 0.5,
+    "mus_gg": 0.5,
+    "mur_gg": 0.08,
+    "e_gp": 0.5,
+    "mus_gp": 0.8,
+    "mur_gp": 0.3,
+}
+NO_TARGET = {
+    "response": "height_mm",
+    "value": 50.0,
+    "sd": 1.0,
+    "repetitions": 5,
+    "range": [1.0, 99.0],
+}
 FIRST_SEED = 2001
 TABLE, WALL = (140, 142, 145), (170, 105, 55)  # blue first
 
 
 def pour(config: str, count: int) -> tuple[dict, np.lib.npyio.NpzFile]:
-    crop = yaml.safe_load(Path(config).read_text()) | {"targets": [NO_TARGET], "photograph": None}
+    crop = yaml.safe_load(Path(config).read_text()) | {
+        "targets": [NO_TARGET],
+        "photograph": None,
+    }
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "hidden.yaml"
         path.write_text(yaml.safe_dump(crop))
         words = [f"--set={name}={value}" for name, value in HIDDEN.items()]
         words += [f"--seed={seed}" for seed in range(FIRST_SEED, FIRST_SEED + count)]
-        status = repose(["stage", "pour", "--apparatus", "funnel", "--config", str(path), *words, "--out", folder])
+        status = repose(
+            [
+                "stage",
+                "pour",
+                "--apparatus",
+                "funnel",
+                "--config",
+                str(path),
+                *words,
+                "--out",
+                folder,
+            ]
+        )
         if status:
             raise SystemExit(status)
         record = json.loads((Path(folder) / "heap.pours.json").read_text())
@@ -51,13 +79,19 @@ def scene(crop: str, arrays: dict, number: int) -> Scene:
         aim=(0.5 * (half + 60 + left), 0, 50), rotation=(0.0, 0.0, rng.uniform(-4, 4)), size=(1280, 960),
         focal=0.9 * 1280, uneven=rng.uniform(0, 0.4), sheet_left=left,
     )  # fmt: skip
-    made.__dict__["grains"] = centres, arrays[f"quaternion_{seed}"][kept], np.ones(len(centres))
+    made.__dict__["grains"] = (
+        centres,
+        arrays[f"quaternion_{seed}"][kept],
+        np.ones(len(centres)),
+    )
     return made
 
 
 def main() -> None:
     words = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    words.add_argument("--crop", choices=CROPS, default="pea", help="its colour and axes (pea)")
+    words.add_argument(
+        "--crop", choices=CROPS, default="pea", help="its colour and axes (pea)"
+    )
     words.add_argument("--config", default="config.yaml")
     words.add_argument("--count", type=int, default=5)
     words.add_argument("--out", default="photographs")
@@ -67,7 +101,9 @@ def main() -> None:
     out.mkdir(parents=True, exist_ok=True)
     for number in range(1, args.count + 1):
         picture = photograph(scene(args.crop, arrays, number))
-        cv2.imwrite(str(out / f"pile_{number}.jpg"), picture, [cv2.IMWRITE_JPEG_QUALITY, 90])
+        cv2.imwrite(
+            str(out / f"pile_{number}.jpg"), picture, [cv2.IMWRITE_JPEG_QUALITY, 90]
+        )
         print(f"{out}/pile_{number}.jpg")
 
 

@@ -44,7 +44,11 @@ RANGES = {  # uniform
     "yaw": (-0.05, 0.05),  # rad, of the sheet
     "wall_at": (120.0, 400.0),  # mm behind the axis
 }
-MOST, LEAST, LEAST_HIGH_PX = 2000, 500, 115.0  # grains; a coarser heap gets more of them
+MOST, LEAST, LEAST_HIGH_PX = (
+    2000,
+    500,
+    115.0,
+)  # grains; a coarser heap gets more of them
 PACKED = 0.58  # share of the cone that grains fill
 STRAYS = (0, 4, 10)  # loose grains on the plate
 GRAINS = {  # colour, blue first
@@ -59,7 +63,9 @@ SURFACES = {  # kind and two colours between which it varies
 }  # fmt: skip
 LEAST_DIFFERENCE = 18.0  # CIE 1976, of the lit and of the shaded grain from a surface: an eye sees the outline
 LAMPS, SKIES, MAP_MM = 16, 16, 0.5
-TONE_CURVE = 2.2  # colours here are those of a picture; light is mixed before a camera bends it
+TONE_CURVE = (
+    2.2  # colours here are those of a picture; light is mixed before a camera bends it
+)
 
 
 @numba.njit(cache=True)
@@ -93,8 +99,18 @@ def lit(at, normal, lamps, frames, maps, left, step):
             a, b, c = lamps[k]
             shine = a * normal[i, 0] + b * normal[i, 1] + c * normal[i, 2]
             if shine > 0:
-                u = (frames[k, 0, 0] * x + frames[k, 0, 1] * y + frames[k, 0, 2] * z - left) / step
-                v = (frames[k, 1, 0] * x + frames[k, 1, 1] * y + frames[k, 1, 2] * z - left) / step
+                u = (
+                    frames[k, 0, 0] * x
+                    + frames[k, 0, 1] * y
+                    + frames[k, 0, 2] * z
+                    - left
+                ) / step
+                v = (
+                    frames[k, 1, 0] * x
+                    + frames[k, 1, 1] * y
+                    + frames[k, 1, 2] * z
+                    - left
+                ) / step
                 inside = 0 <= u < maps.shape[2] and 0 <= v < maps.shape[1]
                 if not inside or maps[k, int(v), int(u)] < a * x + b * y + c * z + 0.25:
                     light[i] += shine
@@ -111,8 +127,12 @@ class Scene:
             setattr(self, name, float(rng.uniform(*ends)))
         self.d = self.grain_px * self.away / self.focal  # height of a grain
         slope = np.tan(np.radians(self.angle))
-        lowest = (LEAST_HIGH_PX / self.grain_px) ** 3 * 2 * PACKED / slope**2  # number of grains of such a cone
-        self.number = int(np.exp(rng.uniform(np.log(np.clip(lowest, LEAST, MOST)), np.log(MOST))))
+        lowest = (
+            (LEAST_HIGH_PX / self.grain_px) ** 3 * 2 * PACKED / slope**2
+        )  # number of grains of such a cone
+        self.number = int(
+            np.exp(rng.uniform(np.log(np.clip(lowest, LEAST, MOST)), np.log(MOST)))
+        )
         self.grain, self.plate, self.wall = self._colours(rng)
         self.strays, self.stated = int(rng.choice(STRAYS)), bool(rng.integers(2))
         self.__dict__.update(change)
@@ -124,9 +144,19 @@ class Scene:
         while True:
             names = rng.choice(list(GRAINS)), *rng.choice(list(SURFACES), 2)
             rows = [[share * np.array(GRAINS[names[0]]) for share in (0.9, 0.6)]]
-            rows += [[np.array(colour) for colour in SURFACES[name][1:]] for name in names[1:]]
+            rows += [
+                [np.array(colour) for colour in SURFACES[name][1:]]
+                for name in names[1:]
+            ]
             lab = cv2.cvtColor(np.array(rows, np.float32) / 255, cv2.COLOR_BGR2Lab)
-            if min(np.linalg.norm(a - b) for a in lab[0] for b in lab[1:].reshape(-1, 3)) > LEAST_DIFFERENCE:
+            if (
+                min(
+                    np.linalg.norm(a - b)
+                    for a in lab[0]
+                    for b in lab[1:].reshape(-1, 3)
+                )
+                > LEAST_DIFFERENCE
+            ):
                 return names
 
     @cached_property
@@ -134,10 +164,19 @@ class Scene:
         """Centres (N, 3), matrices to the unit sphere (N, 3, 3), and how many of them are the heap."""
         rng = np.random.default_rng([self.seed, 1])
         radius, slope = 0.5 * self.d, self.high / self.half
-        turn, share = rng.uniform(0, 2 * np.pi, self.number), np.cbrt(rng.uniform(0, 1, self.number))
+        turn, share = (
+            rng.uniform(0, 2 * np.pi, self.number),
+            np.cbrt(rng.uniform(0, 1, self.number)),
+        )
         away = self.half * share * np.sqrt(rng.uniform(0, 1, self.number))
-        at = np.column_stack([away * np.cos(turn), away * np.sin(turn), self.high * (1 - share)])
-        inset = self.high - radius * np.hypot(1, slope) + rng.normal(0, 0.2 * radius, self.number)
+        at = np.column_stack(
+            [away * np.cos(turn), away * np.sin(turn), self.high * (1 - share)]
+        )
+        inset = (
+            self.high
+            - radius * np.hypot(1, slope)
+            + rng.normal(0, 0.2 * radius, self.number)
+        )
         for _ in range(150):
             a, b = cKDTree(at).query_pairs(self.d, output_type="ndarray").T
             way = at[a] - at[b]
@@ -146,14 +185,27 @@ class Scene:
             np.add.at(at, a, push)
             np.add.at(at, b, -push)
             at[:, 2] = np.maximum(at[:, 2] - 0.02 * radius, 0.9 * radius)
-            out = np.maximum(at[:, 2] + slope * np.hypot(at[:, 0], at[:, 1]) - inset, 0) / (1 + slope**2)
-            outward = at[:, :2] / np.maximum(np.hypot(at[:, 0], at[:, 1]), 1e-9)[:, None]
-            at -= out[:, None] * np.column_stack([slope * outward, np.ones(self.number)])
+            out = np.maximum(
+                at[:, 2] + slope * np.hypot(at[:, 0], at[:, 1]) - inset, 0
+            ) / (1 + slope**2)
+            outward = (
+                at[:, :2] / np.maximum(np.hypot(at[:, 0], at[:, 1]), 1e-9)[:, None]
+            )
+            at -= out[:, None] * np.column_stack(
+                [slope * outward, np.ones(self.number)]
+            )
             at[:, 2] = np.maximum(at[:, 2], 0.9 * radius)
-        turn, far = rng.uniform(0, 2 * np.pi, self.strays), rng.uniform(1.2, 1.6, self.strays) * self.half + self.d
-        loose = np.column_stack([far * np.cos(turn), far * np.sin(turn), np.full(self.strays, 0.9 * radius)])
+        turn, far = (
+            rng.uniform(0, 2 * np.pi, self.strays),
+            rng.uniform(1.2, 1.6, self.strays) * self.half + self.d,
+        )
+        loose = np.column_stack(
+            [far * np.cos(turn), far * np.sin(turn), np.full(self.strays, 0.9 * radius)]
+        )
         at = np.concatenate([at, loose])
-        axes = np.column_stack([np.ones((len(at), 2)), np.full(len(at), self.flat)]) * self.flat ** (-1 / 3)
+        axes = np.column_stack(
+            [np.ones((len(at), 2)), np.full(len(at), self.flat)]
+        ) * self.flat ** (-1 / 3)
         axes[:, 1] *= rng.uniform(0.9, 1.0, len(at))
         axes *= radius * rng.normal(1, 0.05, (len(at), 1)).clip(0.85, 1.15)
         q, _ = np.linalg.qr(rng.normal(size=(len(at), 3, 3)))
@@ -173,27 +225,42 @@ class Scene:
     def eye(self) -> np.ndarray:
         """Place of the lens."""
         across = 0.5 * (self.left + self.half) + self.aside
-        return np.array([across, -self.away, self.high + np.tan(np.radians(self.above)) * np.hypot(across, self.away)])
+        return np.array(
+            [
+                across,
+                -self.away,
+                self.high
+                + np.tan(np.radians(self.above)) * np.hypot(across, self.away),
+            ]
+        )
 
     @property
     def turn(self) -> np.ndarray:
         """Right, down and ahead of the camera, which looks at the middle of sheet and heap."""
-        return pinhole.turn_of(self.eye, (0.5 * (self.left + self.half), 0.0, 60.0), -self.roll)
+        return pinhole.turn_of(
+            self.eye, (0.5 * (self.left + self.half), 0.0, 60.0), -self.roll
+        )
 
     def seen(self, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Columns and rows (N, 2) of places in the photograph, and how far ahead they lie (N,)."""
         ahead = (at - self.eye) @ self.turn.T
-        return self.focal * ahead[:, :2] / ahead[:, 2:] + 0.5 * np.array(SIZE) - 0.5, ahead[:, 2]
+        return self.focal * ahead[:, :2] / ahead[:, 2:] + 0.5 * np.array(
+            SIZE
+        ) - 0.5, ahead[:, 2]
 
     def light(self, at: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """Light (N,) on points: lamps in a cone about one direction, and lamps all over the sky."""
         rng = np.random.default_rng([self.seed, 3])
         turn, high = np.radians([self.lamp_turn, self.lamp_high])
-        middle = np.array([np.cos(turn) * np.cos(high), np.sin(turn) * np.cos(high), np.sin(high)])
+        middle = np.array(
+            [np.cos(turn) * np.cos(high), np.sin(turn) * np.cos(high), np.sin(high)]
+        )
         spread = rng.normal(size=(LAMPS, 3))
         spread *= (
             np.tan(np.radians(self.lamp_wide))
-            * (rng.uniform(0, 1, LAMPS) ** (1 / 3) / np.linalg.norm(spread, axis=1))[:, None]
+            * (rng.uniform(0, 1, LAMPS) ** (1 / 3) / np.linalg.norm(spread, axis=1))[
+                :, None
+            ]
         )
         sky = rng.normal(size=(SKIES, 3))
         sky[:, 2] = np.abs(sky[:, 2]) + 0.3
@@ -201,30 +268,65 @@ class Scene:
         for lamps, share in ((middle + spread, 1 - self.sky), (sky, self.sky)):
             lamps /= np.linalg.norm(lamps, axis=1, keepdims=True)
             seen = [self.parallel(-lamp, MAP_MM, len(self.grains[0])) for lamp in lamps]
-            maps, frames = np.stack([-one[0] for one in seen]), np.stack([one[1] for one in seen])
-            total = total + share * lit(at, normal, lamps, frames, maps, seen[0][2], MAP_MM) / lamps[:, 2].sum()
+            maps, frames = (
+                np.stack([-one[0] for one in seen]),
+                np.stack([one[1] for one in seen]),
+            )
+            total = (
+                total
+                + share
+                * lit(at, normal, lamps, frames, maps, seen[0][2], MAP_MM)
+                / lamps[:, 2].sum()
+            )
         return total.astype(np.float32)
 
-    def parallel(self, ahead: np.ndarray, step: float, kept: int) -> tuple[np.ndarray, np.ndarray, float]:
+    def parallel(
+        self, ahead: np.ndarray, step: float, kept: int
+    ) -> tuple[np.ndarray, np.ndarray, float]:
         """Depth (H, W) of grains along parallel rays, `step` mm apart, their frame, and the first place."""
         centres, to_unit, _ = self.grains
         right = np.cross(ahead, [0, 0, 1.0]) / np.hypot(*ahead[:2])
-        frame, left = np.array([right, np.cross(ahead, right)]), -(1.7 * self.half + 4 * self.d)
+        frame, left = (
+            np.array([right, np.cross(ahead, right)]),
+            -(1.7 * self.half + 4 * self.d),
+        )
         depth = np.full((int(-2 * left / step),) * 2, np.inf)
-        rays = np.array([left * frame.sum(axis=0), *(step * frame)]), np.array([ahead, 0 * ahead, 0 * ahead])
+        rays = (
+            np.array([left * frame.sum(axis=0), *(step * frame)]),
+            np.array([ahead, 0 * ahead, 0 * ahead]),
+        )
         middle = (centres[:kept] @ frame.T - left) / step
         which = np.full(depth.shape, -1)
-        cast(*rays, boxes(middle, 0.8 * self.d / step, depth), centres[:kept], to_unit[:kept], depth, which)
+        cast(
+            *rays,
+            boxes(middle, 0.8 * self.d / step, depth),
+            centres[:kept],
+            to_unit[:kept],
+            depth,
+            which,
+        )
         return depth, frame, left
 
 
-def boxes(middle: np.ndarray, reach: np.ndarray | float, picture: np.ndarray) -> np.ndarray:
+def boxes(
+    middle: np.ndarray, reach: np.ndarray | float, picture: np.ndarray
+) -> np.ndarray:
     """First and end of the columns and of the rows (N, 4) in which grains can be."""
-    ends = middle[:, :, None] + np.multiply.outer(reach, [-1, 1]).reshape(-1, 1, 2) + [0, 1]
-    return np.clip(ends, 0, np.array(picture.shape[1::-1])[:, None]).astype(np.int64).reshape(-1, 4)
+    ends = (
+        middle[:, :, None]
+        + np.multiply.outer(reach, [-1, 1]).reshape(-1, 1, 2)
+        + [0, 1]
+    )
+    return (
+        np.clip(ends, 0, np.array(picture.shape[1::-1])[:, None])
+        .astype(np.int64)
+        .reshape(-1, 4)
+    )
 
 
-def truth(scene: Scene, how: MeasureSettings, step: float = 0.2) -> tuple[float, float, float]:
+def truth(
+    scene: Scene, how: MeasureSettings, step: float = 0.2
+) -> tuple[float, float, float]:
     """Angle by the program's own measurement of the side view without perspective, by a fit of our own, and Height."""
     depth, _, left = scene.parallel(scene.facing, step, scene.grains[2])
     plate = round(-left / step)
@@ -232,29 +334,51 @@ def truth(scene: Scene, how: MeasureSettings, step: float = 0.2) -> tuple[float,
     tops = np.where(seen.any(axis=0), plate - seen.argmax(axis=0), 0)
     crest, at = int(tops.argmax()), np.arange(len(tops))
     sides = [np.flatnonzero((tops > 0) & part) for part in (at <= crest, at >= crest)]
-    own = float(np.degrees(np.arctan([abs(np.polyfit(side, tops[side], 1)[0]) for side in sides])).mean())
-    one = measure_image(np.where(seen, 40, 255).astype(np.uint8), step, how, base_row=plate - 0.5)
+    own = float(
+        np.degrees(
+            np.arctan([abs(np.polyfit(side, tops[side], 1)[0]) for side in sides])
+        ).mean()
+    )
+    one = measure_image(
+        np.where(seen, 40, 255).astype(np.uint8), step, how, base_row=plate - 0.5
+    )
     return one.aor_deg, own, one.height_mm
 
 
-def surface(scene: Scene, name: str, u: np.ndarray, v: np.ndarray, key: int) -> np.ndarray:
+def surface(
+    scene: Scene, name: str, u: np.ndarray, v: np.ndarray, key: int
+) -> np.ndarray:
     """Colours (N, 3) of paper, wood or cloth at places in mm."""
     rng = np.random.default_rng([scene.seed, key])
     kind, first, second = SURFACES[name]
     turn = rng.uniform(0, np.pi)
     x, y = np.cos(turn) * u + np.sin(turn) * v, np.cos(turn) * v - np.sin(turn) * u
     broad, long, fine = (  # between -1 and 1, over lattices without ends
-        map_coordinates(rng.uniform(-1, 1, (97, 89)).astype(np.float32), (x / a, y / b), order=1, mode="grid-wrap")
+        map_coordinates(
+            rng.uniform(-1, 1, (97, 89)).astype(np.float32),
+            (x / a, y / b),
+            order=1,
+            mode="grid-wrap",
+        )
         for a, b in ((60, 40), (40, 6), (12, 0.8))
     )
     if kind == "wood":
-        share, tone = 0.5 + 0.5 * np.sin(y / 4 + 4 * broad + long), 1 + scene.texture * (0.08 * long + 0.07 * fine)
+        share, tone = (
+            0.5 + 0.5 * np.sin(y / 4 + 4 * broad + long),
+            1 + scene.texture * (0.08 * long + 0.07 * fine),
+        )
     elif kind == "cloth":
         weave = np.sin(2 * np.pi * x / 1.6) * np.sin(2 * np.pi * y / 1.6)
-        share, tone = 0.5 + 0.5 * fine, 1 + scene.texture * (0.12 * weave + 0.08 * broad)
+        share, tone = (
+            0.5 + 0.5 * fine,
+            1 + scene.texture * (0.12 * weave + 0.08 * broad),
+        )
     else:
         share, tone = 0.5 + 0.5 * broad, 1 + 0.01 * long
-    return light_of(np.array(first) + share[:, None] * np.subtract(second, first)) * tone[:, None]
+    return (
+        light_of(np.array(first) + share[:, None] * np.subtract(second, first))
+        * tone[:, None]
+    )
 
 
 def light_of(tones: np.ndarray) -> np.ndarray:
@@ -262,60 +386,109 @@ def light_of(tones: np.ndarray) -> np.ndarray:
     return 255 * (np.asarray(tones) / 255) ** TONE_CURVE
 
 
-def traced(scene: Scene, first: np.ndarray, step: float, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def traced(
+    scene: Scene, first: np.ndarray, step: float, size: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Light (H, W, 3) that comes along rays `step` pixels apart from pixel `first`, and which grain shows."""
     eye, turn, still = scene.eye, scene.turn, np.zeros(3)
     across = (first - 0.5 * np.array(SIZE) + 0.5) / scene.focal
     way = np.array([turn[2] + across @ turn[:2], *(step / scene.focal * turn[:2])])
     columns, rows = np.meshgrid(*map(np.arange, size))
     rays = way[0] + columns[..., None] * way[1] + rows[..., None] * way[2]
-    to_plate, to_wall = -eye[2] / np.minimum(rays[..., 2], -1e-9), (scene.wall_at - eye[1]) / rays[..., 1]
+    to_plate, to_wall = (
+        -eye[2] / np.minimum(rays[..., 2], -1e-9),
+        (scene.wall_at - eye[1]) / rays[..., 1],
+    )
     depth, which = np.minimum(to_plate, to_wall), np.where(to_plate < to_wall, -1, -2)
     centres, to_unit, _ = scene.grains
     place, far = scene.seen(centres)
-    parts = boxes((place - first) / step, 0.9 * scene.d * scene.focal / far / step, depth)
+    parts = boxes(
+        (place - first) / step, 0.9 * scene.d * scene.focal / far / step, depth
+    )
     cast(np.array([eye, still, still]), way, parts, centres, to_unit, depth, which)
     at, which = (eye + depth[..., None] * rays).reshape(-1, 3), which.ravel()
-    normal, colour = np.array([[0, -1.0, 0], [0, 0, 1.0]])[np.minimum(which, -1) + 2], np.empty(at.shape)
+    normal, colour = (
+        np.array([[0, -1.0, 0], [0, 0, 1.0]])[np.minimum(which, -1) + 2],
+        np.empty(at.shape),
+    )
     for code, name, axes in ((-1, scene.plate, [0, 1]), (-2, scene.wall, [0, 2])):
-        colour[which == code] = surface(scene, name, *at[which == code][:, axes].T, 3 - code)
+        colour[which == code] = surface(
+            scene, name, *at[which == code][:, axes].T, 3 - code
+        )
     rng, on = np.random.default_rng([scene.seed, 6]), which >= 0
-    own = light_of(GRAINS[scene.grain]) * rng.normal(1, (0.09,) + 3 * (0.03,), (len(centres), 4))[:, 1:]
+    own = (
+        light_of(GRAINS[scene.grain])
+        * rng.normal(1, (0.09,) + 3 * (0.03,), (len(centres), 4))[:, 1:]
+    )
     local = np.einsum("nij,nj->ni", to_unit[which[on]], at[on] - centres[which[on]])
-    colour[on] = own[which[on]] * (1 + 0.08 * np.sin(5 * local[:, :1] + 4 * local[:, 1:2]))
+    colour[on] = own[which[on]] * (
+        1 + 0.08 * np.sin(5 * local[:, :1] + 4 * local[:, 1:2])
+    )
     normal[on] = np.einsum("nij,ni->nj", to_unit[which[on]], local)
     normal[on] /= np.linalg.norm(normal[on], axis=1, keepdims=True)
     shape = size[::-1]
-    return (colour * scene.light(at, normal)[:, None]).reshape(*shape, 3).astype(np.float32), which.reshape(shape)
+    return (colour * scene.light(at, normal)[:, None]).reshape(*shape, 3).astype(
+        np.float32
+    ), which.reshape(shape)
 
 
 def photograph(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     """The photograph (H, W, 3) uint8, blue first, and the share of each pixel that shows the heap."""
     rng = np.random.default_rng([scene.seed, 2])
     picture, _ = traced(scene, np.zeros(2), 1, np.array(SIZE))
-    gain = min(light_of(scene.exposed) / picture.mean(), 240 / np.quantile(picture[::9, ::9], 0.995))
-    page, (wide, tall), turn = sheet.drawing()[0], sheet.size_mm(), [np.cos(scene.yaw), np.sin(scene.yaw), 0]
-    corners = np.array([scene.left, 0, 0]) + np.outer([0, 1, 1, 0], np.multiply(wide, turn))
+    gain = min(
+        light_of(scene.exposed) / picture.mean(),
+        240 / np.quantile(picture[::9, ::9], 0.995),
+    )
+    page, (wide, tall), turn = (
+        sheet.drawing()[0],
+        sheet.size_mm(),
+        [np.cos(scene.yaw), np.sin(scene.yaw), 0],
+    )
+    corners = np.array([scene.left, 0, 0]) + np.outer(
+        [0, 1, 1, 0], np.multiply(wide, turn)
+    )
     corners[:2, 2] = tall
-    page = cv2.GaussianBlur(page, (0, 0), 0.5 * len(page) * scene.away / (tall * scene.focal)) * np.float32(0.75 / gain)
+    page = cv2.GaussianBlur(
+        page, (0, 0), 0.5 * len(page) * scene.away / (tall * scene.focal)
+    ) * np.float32(0.75 / gain)
     page, there = pinhole.warped(page, scene.seen(corners)[0], SIZE)
     picture = (1 - there) * picture + page + 6 * there
     place, _ = scene.seen(scene.grains[0][: scene.number])
-    first, end = ((ends + edge * scene.grain_px).astype(int) for ends, edge in ((place.min(0), -2), (place.max(0), 2)))
-    fine, which = traced(scene, first - 0.5 + 0.5 / FINER, 1 / FINER, FINER * (end - first))
-    heap, window = np.zeros(SIZE[::-1], np.float32), np.s_[first[1] : end[1], first[0] : end[0]]
-    for whole, part in ((picture, fine), (heap, np.float32((which >= 0) & (which < scene.number)))):
+    first, end = (
+        (ends + edge * scene.grain_px).astype(int)
+        for ends, edge in ((place.min(0), -2), (place.max(0), 2))
+    )
+    fine, which = traced(
+        scene, first - 0.5 + 0.5 / FINER, 1 / FINER, FINER * (end - first)
+    )
+    heap, window = (
+        np.zeros(SIZE[::-1], np.float32),
+        np.s_[first[1] : end[1], first[0] : end[0]],
+    )
+    for whole, part in (
+        (picture, fine),
+        (heap, np.float32((which >= 0) & (which < scene.number))),
+    ):
         whole[window] = cv2.resize(part, end - first, interpolation=cv2.INTER_AREA)
     light = cv2.GaussianBlur(gain * picture, (0, 0), scene.blur)
-    picture = 255 * (np.maximum(light, 0) / 255) ** (1 / TONE_CURVE) + rng.normal(0, scene.noise, picture.shape)
+    picture = 255 * (np.maximum(light, 0) / 255) ** (1 / TONE_CURVE) + rng.normal(
+        0, scene.noise, picture.shape
+    )
     return np.clip(np.rint(picture), 0, 255).astype(np.uint8), heap
 
 
-def outcome(scene: Scene, folder: Path) -> tuple[photographs.Photograph, tuple[float, float, float]]:
+def outcome(
+    scene: Scene, folder: Path
+) -> tuple[photographs.Photograph, tuple[float, float, float]]:
     """The photograph of a scene, measured, and the truth; what was found in it lies beside it."""
     how = MeasureSettings(berry_height_mm=scene.d)
-    focal = scene.focal / SIZE[0] if scene.stated else None  # half of the cameras state their focal length
-    path = sixty.saved(folder / f"{scene.seed}.jpg", lambda: photograph(scene)[0], focal, quality=92)
+    focal = (
+        scene.focal / SIZE[0] if scene.stated else None
+    )  # half of the cameras state their focal length
+    path = sixty.saved(
+        folder / f"{scene.seed}.jpg", lambda: photograph(scene)[0], focal, quality=92
+    )
     found = photographs.measure_all([path], how, photographs.Scale())[0]
     sixty.show(found, path)
     return found, truth(scene, how)

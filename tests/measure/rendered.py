@@ -77,7 +77,11 @@ class Scene:
         turn = rng.uniform(0, 2 * np.pi, count)
         share = np.sqrt(rng.uniform(0, 1, count))
         low = rng.uniform(0, 1.6 * big, count)  # below the surface
-        bent = 1 + 0.04 * np.cos(turn - rng.uniform(0, 6)) + 0.03 * np.cos(2 * turn - rng.uniform(0, 6))
+        bent = (
+            1
+            + 0.04 * np.cos(turn - rng.uniform(0, 6))
+            + 0.03 * np.cos(2 * turn - rng.uniform(0, 6))
+        )
         away = share * (radius - inset) * bent
         z = self.height * (1 - share) - inset * (1 - share) + inset * share - low
         points = np.column_stack([away * np.cos(turn), away * np.sin(turn), z])
@@ -91,8 +95,18 @@ class Scene:
     def loose_grains(self):
         rng = np.random.default_rng([self.seed, 2])
         turn = rng.uniform(0, 2 * np.pi, self.loose)
-        away = self.height / np.tan(np.radians(self.angle)) * rng.uniform(1.15, 1.6, self.loose)
-        points = np.column_stack([away * np.cos(turn), away * np.sin(turn), np.full(self.loose, self.axes[2])])
+        away = (
+            self.height
+            / np.tan(np.radians(self.angle))
+            * rng.uniform(1.15, 1.6, self.loose)
+        )
+        points = np.column_stack(
+            [
+                away * np.cos(turn),
+                away * np.sin(turn),
+                np.full(self.loose, self.axes[2]),
+            ]
+        )
         half = rng.uniform(0, np.pi, self.loose) / 2
         flat = np.column_stack([np.cos(half), 0 * half, 0 * half, np.sin(half)])
         return points, flat, rng.normal(1.0, 0.06, self.loose).clip(0.8, 1.2)
@@ -127,11 +141,19 @@ def truth(scene, settings):
 
 def photograph(scene):
     width, height = scene.size
-    camera = np.array([[scene.focal, 0, width / 2 - 0.5], [0, scene.focal, height / 2 - 0.5], [0, 0, 1.0]])
+    camera = np.array(
+        [
+            [scene.focal, 0, width / 2 - 0.5],
+            [0, scene.focal, height / 2 - 0.5],
+            [0, 0, 1.0],
+        ]
+    )
     lens = np.array([*scene.distortion, 0, 0, 0], float)
     turn = _camera_rotation(scene)
     eye = np.array(scene.position, float)
-    columns, rows = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
+    columns, rows = np.meshgrid(
+        np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32)
+    )
     pixels = np.stack([columns, rows], -1).reshape(-1, 1, 2)
     ahead = cv2.undistortPoints(pixels, camera, lens).reshape(height, width, 2)
     rays = np.concatenate([ahead, np.ones((height, width, 1))], -1) @ turn
@@ -141,8 +163,12 @@ def photograph(scene):
             _cast(scene, grains, inside, eye, rays, (camera, lens, turn), colour, depth)
     colour *= _light(scene, height, width)[..., None]
     colour = cv2.GaussianBlur(colour, (0, 0), 0.7)
-    image = np.clip(colour + scene.rng.normal(0, 2.2, colour.shape), 0, 255).astype(np.uint8)
-    return cv2.imdecode(cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 92])[1], cv2.IMREAD_COLOR)
+    image = np.clip(colour + scene.rng.normal(0, 2.2, colour.shape), 0, 255).astype(
+        np.uint8
+    )
+    return cv2.imdecode(
+        cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 92])[1], cv2.IMREAD_COLOR
+    )
 
 
 def _apart(points, distance):
@@ -165,14 +191,21 @@ def _camera_rotation(scene):
     right = np.cross(ahead, [0, 0, 1.0])
     right /= np.linalg.norm(right)
     level = np.array([right, np.cross(ahead, right), ahead])
-    about = [cv2.Rodrigues(np.array(v, float))[0] for v in ([pitch, 0, 0], [0, yaw, 0], [0, 0, roll])]
+    about = [
+        cv2.Rodrigues(np.array(v, float))[0]
+        for v in ([pitch, 0, 0], [0, yaw, 0], [0, 0, roll])
+    ]
     return about[2] @ about[0] @ about[1] @ level
 
 
 def _noise(rng, shape, scale):
     """Smooth noise of standard deviation 1."""
-    small = rng.normal(size=(max(2, int(shape[0] / scale)), max(2, int(shape[1] / scale))))
-    big = cv2.resize(small.astype(np.float32), shape[::-1], interpolation=cv2.INTER_CUBIC)
+    small = rng.normal(
+        size=(max(2, int(shape[0] / scale)), max(2, int(shape[1] / scale)))
+    )
+    big = cv2.resize(
+        small.astype(np.float32), shape[::-1], interpolation=cv2.INTER_CUBIC
+    )
     return big / big.std()
 
 
@@ -183,10 +216,16 @@ def _surface(scene, base, key):
     tone = np.zeros(shape, np.float32)
     if scene.texture == "cloth":
         x = np.arange(GROUND_MM)
-        tone += 0.05 * (np.sin(x / 1.1)[:, None] + np.sin(x / 1.3)[None, :]) + 0.04 * _noise(rng, shape, 60)
+        tone += 0.05 * (
+            np.sin(x / 1.1)[:, None] + np.sin(x / 1.3)[None, :]
+        ) + 0.04 * _noise(rng, shape, 60)
     elif scene.texture == "wood":
         wave = _noise(rng, shape, 120) * 6 + np.arange(GROUND_MM)[:, None] / 7
-        tone += 0.07 * np.sin(wave) + 0.05 * np.sin(3.1 * wave) + 0.02 * _noise(rng, shape, 3)
+        tone += (
+            0.07 * np.sin(wave)
+            + 0.05 * np.sin(3.1 * wave)
+            + 0.02 * _noise(rng, shape, 3)
+        )
         tone[::140] -= 0.3
     elif scene.texture == "speckle":
         tone += 0.07 * _noise(rng, shape, 2) + 0.05 * _noise(rng, shape, 9)
@@ -217,9 +256,27 @@ def _room(scene, eye, rays):
         page, mm = sheet.drawing(20.0, 8)
         turn = np.radians(scene.sheet_yaw)
         along = np.array([np.cos(turn), np.sin(turn), 0])
-        _stand(page, mm, np.array([scene.sheet_left, 0, 0]), along, eye, rays, colour, depth)
+        _stand(
+            page,
+            mm,
+            np.array([scene.sheet_left, 0, 0]),
+            along,
+            eye,
+            rays,
+            colour,
+            depth,
+        )
     if scene.ruler == "standing":
-        _stand(_ruler(200), 4, np.array([165.0, 20.0, 0]), np.array([1.0, 0, 0]), eye, rays, colour, depth)
+        _stand(
+            _ruler(200),
+            4,
+            np.array([165.0, 20.0, 0]),
+            np.array([1.0, 0, 0]),
+            eye,
+            rays,
+            colour,
+            depth,
+        )
     return colour, depth
 
 
@@ -229,8 +286,20 @@ def _stand(page, per_mm, corner, along, eye, rays, colour, depth):
     to_page = ((corner - eye) @ normal) / (rays @ normal)
     at = eye + to_page[..., None] * rays - corner
     u, v = (at @ along) * per_mm, page.shape[0] - at[..., 2] * per_mm
-    inside = (u >= 0) & (u < page.shape[1]) & (v >= 0) & (v < page.shape[0]) & (to_page > 0) & (to_page < depth)
-    seen = cv2.remap(cv2.GaussianBlur(page, (0, 0), 1.2), np.float32(u - 0.5), np.float32(v - 0.5), cv2.INTER_LINEAR)
+    inside = (
+        (u >= 0)
+        & (u < page.shape[1])
+        & (v >= 0)
+        & (v < page.shape[0])
+        & (to_page > 0)
+        & (to_page < depth)
+    )
+    seen = cv2.remap(
+        cv2.GaussianBlur(page, (0, 0), 1.2),
+        np.float32(u - 0.5),
+        np.float32(v - 0.5),
+        cv2.INTER_LINEAR,
+    )
     colour[inside] = 0.93 * seen[inside] + 5
     depth[inside] = to_page[inside]
 
@@ -240,10 +309,24 @@ def _ruler(long_mm):
     picture = np.full((4 * long_mm, 4 * 28, 3), (90, 200, 230), np.uint8)
     for mm in range(long_mm):
         wide = 60 if mm % 10 == 0 else 40 if mm % 5 == 0 else 24
-        cv2.line(picture, (0, 4 * (long_mm - mm)), (wide, 4 * (long_mm - mm)), (20, 20, 20), 1)
+        cv2.line(
+            picture,
+            (0, 4 * (long_mm - mm)),
+            (wide, 4 * (long_mm - mm)),
+            (20, 20, 20),
+            1,
+        )
         if mm % 10 == 0 and mm:
             place = (62, 4 * (long_mm - mm) + 8)
-            cv2.putText(picture, str(mm // 10), place, cv2.FONT_HERSHEY_SIMPLEX, 0.8, (20, 20, 20), 2)
+            cv2.putText(
+                picture,
+                str(mm // 10),
+                place,
+                cv2.FONT_HERSHEY_SIMPLEX,
+                0.8,
+                (20, 20, 20),
+                2,
+            )
     return picture
 
 
@@ -255,7 +338,13 @@ def _ground_light(scene):
             for (x, y, z), size in zip(centres, sizes, strict=True):
                 fall = -LIGHT[:2] / LIGHT[2] * z
                 radius = max(1, round(size * scene.berry_mm / 2))
-                cv2.circle(shade, (round(half + x + fall[0]), round(half + y + fall[1])), radius, 1, -1)
+                cv2.circle(
+                    shade,
+                    (round(half + x + fall[0]), round(half + y + fall[1])),
+                    radius,
+                    1,
+                    -1,
+                )
     wide, close = cv2.GaussianBlur(shade, (0, 0), 6), cv2.GaussianBlur(shade, (0, 0), 2)
     return 1 - scene.shadow * (0.5 * wide + 0.5 * close)
 
@@ -265,7 +354,11 @@ def _cast(scene, grains, inside, eye, rays, camera, colour, depth):
     matrix, lens, turn = camera
     centres, quaternions, sizes = grains
     if inside:  # grains of the far side that the near side hides cost time only
-        deep = scene.height - np.tan(np.radians(scene.angle)) * np.abs(centres[:, 0]) - centres[:, 2]
+        deep = (
+            scene.height
+            - np.tan(np.radians(scene.angle)) * np.abs(centres[:, 0])
+            - centres[:, 2]
+        )
         seen = (centres[:, 1] < 0) | (deep < 2.5 * scene.berry_mm)
         centres, quaternions, sizes = centres[seen], quaternions[seen], sizes[seen]
     rng = np.random.default_rng([scene.seed, 5])
@@ -276,10 +369,15 @@ def _cast(scene, grains, inside, eye, rays, camera, colour, depth):
         own = albedo * rng.normal(1, 0.10) * rng.normal(1, 0.03, 3)
         axes = scene.axes * size
         ahead = turn @ (centre - eye)
-        place = cv2.projectPoints(ahead[None], np.zeros(3), np.zeros(3), matrix, lens)[0].ravel()
+        place = cv2.projectPoints(ahead[None], np.zeros(3), np.zeros(3), matrix, lens)[
+            0
+        ].ravel()
         reach = int(matrix[0, 0] * axes.max() / ahead[2] * 1.2 + 3)
         left, top = (int(p) - reach for p in place)
-        window = np.s_[max(top, 0) : max(top + 2 * reach, 0), max(left, 0) : max(left + 2 * reach, 0)]
+        window = np.s_[
+            max(top, 0) : max(top + 2 * reach, 0),
+            max(left, 0) : max(left + 2 * reach, 0),
+        ]
         ray = rays[window]
         if not ray.size:
             continue
@@ -295,8 +393,14 @@ def _cast(scene, grains, inside, eye, rays, camera, colour, depth):
         normal = at @ to_unit
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         world = eye + t[hit][:, None] * ray[hit]
-        deep = scene.height - steep * np.hypot(world[:, 0], world[:, 1]) - world[:, 2] if inside else 0 * at[:, 0]
-        open_sky = np.clip(1.05 - deep / (1.3 * scene.berry_mm), 0.12, 1) * (0.75 + 0.25 * normal[:, 2])
+        deep = (
+            scene.height - steep * np.hypot(world[:, 0], world[:, 1]) - world[:, 2]
+            if inside
+            else 0 * at[:, 0]
+        )
+        open_sky = np.clip(1.05 - deep / (1.3 * scene.berry_mm), 0.12, 1) * (
+            0.75 + 0.25 * normal[:, 2]
+        )
         lit = np.maximum(normal @ LIGHT, 0)
         waves = 0.10 * np.sin(7 * at[:, 0] + 5 * at[:, 1]) * np.cos(6 * at[:, 2])
         grain_texture = 1 + waves - 0.25 * (np.abs(at[:, 1]) < 0.08)
@@ -310,7 +414,12 @@ def _light(scene, height, width):
     """Light over the picture: uneven, and a hand's soft shadow that comes in from one side."""
     y, x = np.mgrid[-1 : 1 : height * 1j, -1 : 1 : width * 1j]
     turn = np.random.default_rng([scene.seed, 6]).uniform(0, 2 * np.pi)
-    light = 1 - scene.uneven * (0.5 + 0.35 * (x * np.cos(turn) + y * np.sin(turn)) + 0.15 * (x * x + y * y) - 0.15)
+    light = 1 - scene.uneven * (
+        0.5
+        + 0.35 * (x * np.cos(turn) + y * np.sin(turn))
+        + 0.15 * (x * x + y * y)
+        - 0.15
+    )
     if scene.hand:
         shade = np.zeros((height, width), np.float32)
         w, h = width, height

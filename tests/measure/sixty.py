@@ -22,8 +22,22 @@ GRAINS = {  # colour, blue first; axes [mm]
     "maize": ((40, 165, 225), (11.0, 8.5, 5.5)), "rice": ((238, 240, 242), (6.8, 2.9, 2.3)),
     "bean": ((30, 28, 32), (9.5, 6.8, 5.6)), "pea": ((70, 170, 110), (7.6, 7.4, 7.2)),
 }  # fmt: skip
-BACKGROUNDS = ((235, 236, 238), (28, 27, 26), (140, 142, 145), (170, 105, 55), (95, 140, 185), (95, 140, 80))
-TROUBLE = ("two heaps", "two that touch", "a layer", "a level top", "cut off", "no heap")
+BACKGROUNDS = (
+    (235, 236, 238),
+    (28, 27, 26),
+    (140, 142, 145),
+    (170, 105, 55),
+    (95, 140, 185),
+    (95, 140, 80),
+)
+TROUBLE = (
+    "two heaps",
+    "two that touch",
+    "a layer",
+    "a level top",
+    "cut off",
+    "no heap",
+)
 SEEN = 10.0  # CIE 1976: from this difference of colours an eye sees the outline of a heap of grains
 WRONG = 2.0, 3.0  # degrees, mm
 
@@ -49,7 +63,11 @@ def scene(number: int) -> Scene:
     colour, axes = GRAINS[list(GRAINS)[number % len(GRAINS)]]
     angle, height = rng.uniform(24, 36), rng.uniform(42, 65)
     heap = Heap(0.0, 0.0, height, angle, foot=rng.choice([0.0, 1.5]))
-    half, left, right = heap.half, -heap.half - rng.uniform(160, 185), heap.half + rng.uniform(40, 70)
+    half, left, right = (
+        heap.half,
+        -heap.half - rng.uniform(160, 185),
+        heap.half + rng.uniform(40, 70),
+    )
     away = float(np.exp(rng.uniform(np.log(450), np.log(5000))))
     middle = 0.5 * (left - 20 + right)
     heaps: tuple = (heap,)
@@ -90,12 +108,16 @@ def trouble(number: int) -> str:
 
 def plain(one: Scene) -> bool:
     """Whether an eye sees the outline of the pile: grains differ from wall and table."""
-    colours = np.array([[0.8 * np.array(one.colour), one.wall, one.plate]], np.float32) / 255
+    colours = (
+        np.array([[0.8 * np.array(one.colour), one.wall, one.plate]], np.float32) / 255
+    )
     grain, *behind = cv2.cvtColor(colours, cv2.COLOR_BGR2Lab)[0]
     return bool(min(np.linalg.norm(grain - other) for other in behind) > SEEN)
 
 
-def saved(path: Path, make: Callable[[], np.ndarray], focal: float | None, **how: int) -> Path:
+def saved(
+    path: Path, make: Callable[[], np.ndarray], focal: float | None, **how: int
+) -> Path:
     """The file of a photograph, drawn if it is not there; its EXIF entry may state the focal length (in its width)."""
     if not path.exists():
         about = Image.Exif()
@@ -108,15 +130,23 @@ def saved(path: Path, make: Callable[[], np.ndarray], focal: float | None, **how
 def show(found: photographs.Photograph, path: Path) -> None:
     """Draw what was found in a photograph beside it."""
     seen = found.measurement
-    shown = overlay(found.view, seen) if seen is not None else overlay_of_refused(found.view, found.pile)
+    shown = (
+        overlay(found.view, seen)
+        if seen is not None
+        else overlay_of_refused(found.view, found.pile)
+    )
     cv2.imwrite(str(path.with_name(f"{path.stem}_found.png")), shown)
 
 
-def measured(one: Scene, path: Path, focal_stated: bool = False) -> photographs.Photograph:
+def measured(
+    one: Scene, path: Path, focal_stated: bool = False
+) -> photographs.Photograph:
     """The photograph, drawn if it is not there, and measured."""
     how = MeasureSettings(berry_height_mm=one.grain_mm)
     focal = one.focal / max(one.size) if focal_stated else None
-    path = saved(path, lambda: photograph(one, sheet.drawing()[0], sheet.size_mm()), focal)
+    path = saved(
+        path, lambda: photograph(one, sheet.drawing()[0], sheet.size_mm()), focal
+    )
     return photographs.measure_all([path], how, photographs.Scale())[0]
 
 
@@ -126,10 +156,14 @@ def outcome(number: int, folder: Path) -> Outcome:
     found = measured(one, folder / f"{number}.png")
     seen, missed = found.measurement, (np.nan, np.nan)
     if seen is not None:
-        true = truth(one) if trouble(number) not in TROUBLE[2:] else Truth(np.nan, np.nan)
+        true = (
+            truth(one) if trouble(number) not in TROUBLE[2:] else Truth(np.nan, np.nan)
+        )
         missed = seen.aor_deg - true.angle, seen.height_mm - true.height
     show(found, folder / f"{number}.png")
-    return Outcome(number, trouble(number), plain(one), found.refused, found.remarks, *missed)
+    return Outcome(
+        number, trouble(number), plain(one), found.refused, found.remarks, *missed
+    )
 
 
 def from_a_distance(away: float, eye: float = 25.0, seed: int = 1) -> Scene:
@@ -141,7 +175,9 @@ def from_a_distance(away: float, eye: float = 25.0, seed: int = 1) -> Scene:
 
 
 def silent(made: list[Outcome]) -> list[int]:
-    return [one.number for one in made if one.wrong and photographs.DOUBT not in one.note]
+    return [
+        one.number for one in made if one.wrong and photographs.DOUBT not in one.note
+    ]
 
 
 def lost(made: list[Outcome]) -> list[int]:

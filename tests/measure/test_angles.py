@@ -21,7 +21,9 @@ def degrees(slope):
 
 def cone(slope, height):
     """One side of a triangle, foot to crest, whose crest lies on a column."""
-    return np.maximum(height - slope * np.arange(math.ceil(height / slope) + MARGIN)[::-1], 0.0)
+    return np.maximum(
+        height - slope * np.arange(math.ceil(height / slope) + MARGIN)[::-1], 0.0
+    )
 
 
 def trapezoid(slope, height, half_top):
@@ -32,7 +34,12 @@ def trapezoid(slope, height, half_top):
 def two_slopes(lower, upper, knee, height):
     """One side that rises with `lower` up to the height `knee` and with `upper` above it."""
     below = knee + lower * np.arange(-math.ceil(knee / lower) - MARGIN, 0)
-    return np.maximum(np.concatenate([below, knee + upper * np.arange(0, (height - knee) / upper + 1e-9)]), 0.0)
+    return np.maximum(
+        np.concatenate(
+            [below, knee + upper * np.arange(0, (height - knee) / upper + 1e-9)]
+        ),
+        0.0,
+    )
 
 
 def lumpy(slope, height, rng):
@@ -41,7 +48,11 @@ def lumpy(slope, height, rng):
     u = np.arange(profile.size)
     for centre in rng.uniform(MARGIN, profile.size - 20, 40):
         chord = rng.uniform(8, 16) ** 2 - (u - centre) ** 2
-        top = np.interp(centre, u, cone(slope, height)) - 4 + np.sqrt(np.maximum(chord, 0.0))
+        top = (
+            np.interp(centre, u, cone(slope, height))
+            - 4
+            + np.sqrt(np.maximum(chord, 0.0))
+        )
         profile = np.where(chord > 0, np.maximum(profile, top), profile)
     profile[:MARGIN] = 0.0
     return np.minimum(profile, height)
@@ -62,7 +73,9 @@ def test_a_cone_has_its_slope_by_every_line(rule, slope):
 
 @pytest.mark.parametrize("slope", [0.3, 0.6, 1.0])
 @pytest.mark.parametrize("berry", [20.0, 53.4])
-def test_the_secant_of_a_cone_is_steeper_by_the_height_over_what_stands_above_the_berry(slope, berry):
+def test_the_secant_of_a_cone_is_steeper_by_the_height_over_what_stands_above_the_berry(
+    slope, berry
+):
     height = 240.0
     line = angles.secant(cone(slope, height), berry)
     assert line.angle_deg == pytest.approx(degrees(slope * height / (height - berry)))
@@ -72,13 +85,19 @@ def test_the_secant_of_a_cone_is_steeper_by_the_height_over_what_stands_above_th
 def test_the_secant_takes_the_whole_width_and_a_trapezoid_is_a_cone_to_the_flank():
     left, right = (angles.secant(cone(slope, 240.0), 48.0) for slope in (0.4, 0.8))
     width = 192.0 / 0.4 + 192.0 / 0.8
-    assert angles.secant_of_pile(left, right) == pytest.approx(degrees(2 * 240.0 / width))
+    assert angles.secant_of_pile(left, right) == pytest.approx(
+        degrees(2 * 240.0 / width)
+    )
     assert angles.secant_of_pile(left, right) < (left.angle_deg + right.angle_deg) / 2
     slope, height, half_top = 0.5, 200.0, 120
     profile = trapezoid(slope, height, half_top)
     assert angles.flank(profile, 20.0, 160.0).angle_deg == pytest.approx(degrees(slope))
-    assert angles.steepest(profile, 20.0, 160.0).angle_deg == pytest.approx(degrees(slope))
-    assert angles.secant(profile, 40.0).angle_deg == pytest.approx(degrees(height / (160.0 / slope + half_top)))
+    assert angles.steepest(profile, 20.0, 160.0).angle_deg == pytest.approx(
+        degrees(slope)
+    )
+    assert angles.secant(profile, 40.0).angle_deg == pytest.approx(
+        degrees(height / (160.0 / slope + half_top))
+    )
     # regression of z = min(s u, h) on u over [0, a + b], a = h / s: covariance over variance by integration
     a, b = height / slope, half_top
     total = a + b
@@ -94,7 +113,11 @@ def test_the_steepest_stretch_is_the_steeper_part_of_a_bent_flank(rule):
     steep = angles.steepest(profile, 24.0, 216.0, rule)
     assert steep.angle_deg == pytest.approx(degrees(0.8), abs=1e-6)
     assert steep.ends[0][1] >= 119.0
-    assert degrees(0.4) < angles.flank(profile, 24.0, 216.0, rule).angle_deg < steep.angle_deg
+    assert (
+        degrees(0.4)
+        < angles.flank(profile, 24.0, 216.0, rule).angle_deg
+        < steep.angle_deg
+    )
 
 
 def slow_steepest(profile, low, high, rule):
@@ -104,7 +127,10 @@ def slow_steepest(profile, low, high, rule):
     for below in range(math.floor(least) + 1):
         for above in range(math.floor(least - below) + 1):
             inside = (z >= low + below) & (z <= high - above)
-            if inside.sum() >= profile_points.MIN_LEVELS and u[inside].std() >= angles.WALL_SD:
+            if (
+                inside.sum() >= profile_points.MIN_LEVELS
+                and u[inside].std() >= angles.WALL_SD
+            ):
                 best = max(best, np.polyfit(u[inside], z[inside], 1)[0])
     return degrees(best)
 
@@ -117,19 +143,30 @@ def test_no_flank_is_steeper_than_its_steepest_stretch(rule, band):
     for _ in range(40):
         profile = lumpy(rng.uniform(0.3, 0.9), 120.0, rng)
         low, high = (share * profile[-1] for share in band)
-        steep, line = (definition(profile, low, high, rule) for definition in (angles.steepest, angles.flank))
+        steep, line = (
+            definition(profile, low, high, rule)
+            for definition in (angles.steepest, angles.flank)
+        )
         assert steep.angle_deg >= line.angle_deg - 1e-9
 
 
 def slow_straightest(profile, smallest, rule):
     """Every window by itself, with numpy's own correlation and regression."""
     u, z = profile_points.FLANK_RULES[rule](profile, angles.FOOT, profile[-1])
-    places = np.unique(np.linspace(0, u.size, min(u.size, angles.WINDOW_STEPS) + 1).round().astype(int))
+    places = np.unique(
+        np.linspace(0, u.size, min(u.size, angles.WINDOW_STEPS) + 1).round().astype(int)
+    )
     best, slope = -math.inf, math.nan
     for first in places:
-        for last in places[places - first >= max(profile_points.MIN_LEVELS, smallest * u.size)]:
+        for last in places[
+            places - first >= max(profile_points.MIN_LEVELS, smallest * u.size)
+        ]:
             x, y = u[first:last], z[first:last]
-            if x.std() >= angles.WALL_SD and y.std() > 0 and np.corrcoef(x, y)[0, 1] > best + 1e-12:
+            if (
+                x.std() >= angles.WALL_SD
+                and y.std() > 0
+                and np.corrcoef(x, y)[0, 1] > best + 1e-12
+            ):
                 best, slope = np.corrcoef(x, y)[0, 1], np.polyfit(x, y, 1)[0]
     return degrees(slope)
 
@@ -143,7 +180,9 @@ def test_windows_of_lumpy_flanks_equal_a_slow_search(fast, slow, height, of, rul
     rng = np.random.default_rng(11)
     for slope in (0.35, 0.6, 0.9):
         profile = lumpy(slope, height, rng)
-        assert fast(profile, *of, rule).angle_deg == pytest.approx(slow(profile, *of, rule), abs=1e-6)
+        assert fast(profile, *of, rule).angle_deg == pytest.approx(
+            slow(profile, *of, rule), abs=1e-6
+        )
 
 
 @pytest.mark.parametrize("rule", RULES)
@@ -153,7 +192,9 @@ def test_the_straightest_window_leaves_out_a_wavy_toe_and_a_flat_crest(rule):
     profile = trapezoid(slope, height, 60)
     toe = MARGIN + np.arange(60)
     profile[toe] = np.maximum(profile[toe] + 6 * np.sin(toe / 60 * 4 * math.pi), 1.5)
-    assert angles.straightest(profile, 0.25, rule).angle_deg == pytest.approx(degrees(slope), abs=0.1)
+    assert angles.straightest(profile, 0.25, rule).angle_deg == pytest.approx(
+        degrees(slope), abs=0.1
+    )
     assert abs(angles.whole(profile, "columns").angle_deg - degrees(slope)) > 1
 
 
@@ -164,24 +205,38 @@ def both_sides(left, right):
 
 def test_sides_hold_every_definition_or_say_why_not():
     profile, crest = both_sides(cone(0.4, 200.0), cone(0.8, 200.0))
-    how = MeasureSettings(fit_from="berry", fit_to=0.9, flank="columns", berry_height_mm=50.0, mm_per_pixel=1.0)
+    how = MeasureSettings(
+        fit_from="berry",
+        fit_to=0.9,
+        flank="columns",
+        berry_height_mm=50.0,
+        mm_per_pixel=1.0,
+    )
     measured, reasons = angles.measure_sides(profile, crest, how)
     assert tuple(measured) == angles.DEFINITIONS
     assert not reasons
     mean, left, right = measured["flank"]
-    assert (left.angle_deg, right.angle_deg) == pytest.approx((degrees(0.4), degrees(0.8)))
+    assert (left.angle_deg, right.angle_deg) == pytest.approx(
+        (degrees(0.4), degrees(0.8))
+    )
     assert mean == pytest.approx((degrees(0.4) + degrees(0.8)) / 2)
     assert (left.ends[0][1], left.ends[1][1]) == (50.0, 180.0)
-    unknown, reasons = angles.measure_sides(profile, crest, replace(how, berry_height_mm=None))
+    unknown, reasons = angles.measure_sides(
+        profile, crest, replace(how, berry_height_mm=None)
+    )
     assert tuple(unknown) == ("whole", "straightest")
     assert set(reasons) == {"flank", "secant", "steepest"}
-    low, reasons = angles.measure_sides(profile, crest, replace(how, fit_from=0.1, fit_to=0.2))
+    low, reasons = angles.measure_sides(
+        profile, crest, replace(how, fit_from=0.1, fit_to=0.2)
+    )
     assert "steepest" not in low
     assert "12 are needed" in reasons["steepest"]
     wall = np.concatenate([np.zeros(MARGIN), np.full(60, 200.0)])
     for definition in (angles.flank, angles.steepest):
         raised(NoFlankError, "a wall", definition, wall, 20.0, 160.0, "levels")
-    raised(NoFlankError, "not higher than one grain", angles.secant, cone(0.5, 40.0), 40.0)
+    raised(
+        NoFlankError, "not higher than one grain", angles.secant, cone(0.5, 40.0), 40.0
+    )
     cut = cone(0.5, 200.0)[150:]
     for definition in (
         lambda: angles.flank(cut, 20.0, 160.0), lambda: angles.secant(cut, 20.0), lambda: angles.whole(cut),
@@ -194,11 +249,19 @@ def test_windows_levels_and_lines_are_what_their_words_say():
     height = np.arange(30.0)
     distance = 2.0 * height + np.random.default_rng(1).normal(scale=3.0, size=30)
     slope = angles.window_slopes(distance, height, np.array([5.0]), np.array([20.0]))
-    assert slope[0] == pytest.approx(np.polyfit(distance[5:21], height[5:21], 1)[0], rel=1e-9)
-    middle, heights = profile_points.points_by_levels(np.array([0.0, 10.0, 20.0, 10.0, 20.0, 30.0]), 14.5, 16.5)
+    assert slope[0] == pytest.approx(
+        np.polyfit(distance[5:21], height[5:21], 1)[0], rel=1e-9
+    )
+    middle, heights = profile_points.points_by_levels(
+        np.array([0.0, 10.0, 20.0, 10.0, 20.0, 30.0]), 14.5, 16.5
+    )
     assert heights.tolist() == [15.0, 16.0]
     np.testing.assert_allclose(middle, [0.5 * (1.5 + 3.5), 0.5 * (1.6 + 3.6)])
-    section = vars(MeasureSettings(fit_from="berry", fit_to=0.8, flank="rows", smallest_window=0.25))
+    section = vars(
+        MeasureSettings(
+            fit_from="berry", fit_to=0.8, flank="rows", smallest_window=0.25
+        )
+    )
     assert {name: line_of(section, name) for name in angles.DEFINITIONS} == {
         "flank": "flank, one grain to 80 % of the height, rows", "secant": "secant, foot to crest",
         "steepest": "steepest half or more of the flank, one grain to 80 % of the height, rows",

@@ -18,7 +18,10 @@ def errors(seeds, folder):
         found, (true, own, high) = forty.outcome(forty.Scene(seed), folder)
         assert own == pytest.approx(true, abs=0.1), "a fit of our own"
         if found.measurement is not None and not found.doubts:
-            missed[seed] = found.measurement.aor_deg - true, found.measurement.height_mm - high
+            missed[seed] = (
+                found.measurement.aor_deg - true,
+                found.measurement.height_mm - high,
+            )
     return missed
 
 
@@ -38,7 +41,9 @@ def test_all_forty(tmp_path):
     print(missed, len(off), off.mean(axis=0), error, np.abs(off).max(axis=0), sep="\n")
     assert len(missed) >= 20
     assert abs(off[:, 0].mean()) < 0.2
-    assert [seed for seed, (angle, _) in missed.items() if abs(angle) >= 1.0] == [HORIZON]
+    assert [seed for seed, (angle, _) in missed.items() if abs(angle) >= 1.0] == [
+        HORIZON
+    ]
     assert abs(missed[HORIZON][0]) < 1.2
 
 
@@ -46,7 +51,9 @@ def test_the_truth_of_a_drawing_is_its_side_view_without_perspective():
     """The highest point of ellipsoids is known without a picture."""
     scene = forty.Scene(1, number=200)
     centres, to_unit, number = scene.grains
-    reach = np.linalg.norm(np.linalg.inv(to_unit)[:, 2], axis=1)  # of an ellipsoid along z
+    reach = np.linalg.norm(
+        np.linalg.inv(to_unit)[:, 2], axis=1
+    )  # of an ellipsoid along z
     angle, own, high = forty.truth(scene, MeasureSettings(berry_height_mm=scene.d))
     assert high == pytest.approx((centres[:number, 2] + reach[:number]).max(), abs=0.3)
     assert own == pytest.approx(angle, abs=0.1)

@@ -16,11 +16,20 @@ from repose.core.errors import InputError
 from repose.measure import photographs, pile
 
 PILE = [(60, 299), (300, 140), (540, 299)]
-DOUBTS = {"plate": "upright over 40", "horizon": "no plate's", "shadow": "darker background", "frame": "falls by"}
+DOUBTS = {
+    "plate": "upright over 40",
+    "horizon": "no plate's",
+    "shadow": "darker background",
+    "frame": "falls by",
+}
 
 
 def photograph(path, corners=PILE, background=220):
-    picture = np.full((320, 600), background, np.uint8) if np.isscalar(background) else background.copy()
+    picture = (
+        np.full((320, 600), background, np.uint8)
+        if np.isscalar(background)
+        else background.copy()
+    )
     cv2.fillPoly(picture, [np.array(corners)], 40)
     path.write_bytes(cv2.imencode(".png", picture)[1].tobytes())
     return path.read_bytes()
@@ -41,39 +50,58 @@ def first_of(printed):
     return json.loads(printed.out)["photographs"][0]
 
 
-def test_a_photograph_is_measured_stays_and_is_not_replaced_by_its_overlay(tmp_path, measure):
+def test_a_photograph_is_measured_stays_and_is_not_replaced_by_its_overlay(
+    tmp_path, measure
+):
     before = photograph(tmp_path / "pile.png")
     assert measure(tmp_path / "pile.png", "--mm-per-pixel", 0.3).err == ""
     assert (tmp_path / "pile.png").read_bytes() == before
     names = {"pile.png", "photographs.csv", "summary.csv", "targets.yaml"}
     assert names < {path.name for path in (tmp_path / "out").iterdir()}
-    assert measure(tmp_path / "pile.png", "--mm-per-pixel", 0.3).err == "", "its own files are replaced"
-    files.write_image(tmp_path / "low.png", cv2.imread(str(tmp_path / "pile.png"))[:200])
+    assert measure(tmp_path / "pile.png", "--mm-per-pixel", 0.3).err == "", (
+        "its own files are replaced"
+    )
+    files.write_image(
+        tmp_path / "low.png", cv2.imread(str(tmp_path / "pile.png"))[:200]
+    )
     both = (tmp_path / "low.png", tmp_path / "pile.png", "--mm-per-pixel", 0.3)
     low = json.loads(measure(*both, "--base-row", 210, "--json").out)["photographs"][0]
     assert "base_row is 210.0; expected above 0, at most 200" in low["refused"]
     photograph(tmp_path / "raw.png")
     files.write_image(tmp_path / "own.png", cv2.imread(str(tmp_path / "raw.png")))
     words = (tmp_path / "own.png", "--mm-per-pixel", 0.3, "--out", tmp_path)
-    assert "another folder than that of the photographs" in measure(*words, status=2).err
-    assert "raw.png'; expected each picture once" in measure(tmp_path / "raw.png", *both[1:], status=2).err
+    assert (
+        "another folder than that of the photographs" in measure(*words, status=2).err
+    )
+    assert (
+        "raw.png'; expected each picture once"
+        in measure(tmp_path / "raw.png", *both[1:], status=2).err
+    )
 
 
 @pytest.mark.parametrize("seen", DOUBTS)
-def test_what_stands_beside_or_below_a_pile_is_doubted_without_a_sheet(seen, tmp_path, measure):
+def test_what_stands_beside_or_below_a_pile_is_doubted_without_a_sheet(
+    seen, tmp_path, measure
+):
     picture = np.full((420, 700, 3), (200, 190, 170), np.uint8)
     if seen == "horizon":
         picture[270:] = (120, 150, 120)
     if seen == "shadow":
-        cv2.fillPoly(picture, [np.array([(350, 140), (660, 339), (350, 339)])], (120, 114, 102))
+        cv2.fillPoly(
+            picture, [np.array([(350, 140), (660, 339), (350, 339)])], (120, 114, 102)
+        )
     if seen == "plate":
         picture[340:380, 40:660] = (40, 50, 140)
-    cv2.fillPoly(picture, [np.array([(100, 339), (350, 140), (600, 339)])], (40, 50, 140))
+    cv2.fillPoly(
+        picture, [np.array([(100, 339), (350, 140), (600, 339)])], (40, 50, 140)
+    )
     if seen == "frame":
         picture[:, :30] = picture[:, -30:] = picture[:30] = picture[-30:] = 0
     files.write_image(tmp_path / "a.png", picture)
     assert DOUBTS[seen] in measure(tmp_path / "a.png", "--mm-per-pixel", 0.3).out
-    Image.new("L", (60, 60)).save(tmp_path / "a.tif", save_all=True, append_images=[Image.new("L", (60, 60))])
+    Image.new("L", (60, 60)).save(
+        tmp_path / "a.tif", save_all=True, append_images=[Image.new("L", (60, 60))]
+    )
     input_error("pages is 2; expected 1", pile.read_image, tmp_path / "a.tif")
 
 
@@ -89,13 +117,20 @@ def test_an_overlay_never_replaces_what_was_there(tmp_path, measure, there):
         place.mkdir()
     elif there == "other":
         photograph(place)
-    assert "expected a" in measure(tmp_path / "pile.png", "--mm-per-pixel", 0.3, "--out", out, status=2).err
+    assert (
+        "expected a"
+        in measure(
+            tmp_path / "pile.png", "--mm-per-pixel", 0.3, "--out", out, status=2
+        ).err
+    )
     assert (tmp_path / "pile.png").read_bytes() == before
     assert there != "link" or place.is_symlink()
     assert there != "other" or place.read_bytes() == before
 
 
-STRIPES = np.where(np.arange(600) // 60 % 2, 220, 90).astype(np.uint8) * np.ones((320, 1), np.uint8)
+STRIPES = np.where(np.arange(600) // 60 % 2, 220, 90).astype(np.uint8) * np.ones(
+    (320, 1), np.uint8
+)
 
 
 @pytest.mark.parametrize(("corners", "background", "reason"), [
@@ -106,7 +141,9 @@ STRIPES = np.where(np.arange(600) // 60 % 2, 220, 90).astype(np.uint8) * np.ones
     ([(-200, 299), (300, 140), (800, 299)], 220, "sideways, or the background is not plain"),
     ([(300, 150), (300, 150)], 220, ""), (PILE, STRIPES, ""),
 ])  # fmt: skip
-def test_what_is_no_whole_pile_is_refused_and_shown(tmp_path, measure, corners, background, reason):
+def test_what_is_no_whole_pile_is_refused_and_shown(
+    tmp_path, measure, corners, background, reason
+):
     photograph(tmp_path / "pile.png", corners, background)
     message = measure(tmp_path / "pile.png", "--mm-per-pixel", 0.3, status=2).err
     assert reason in message
@@ -123,8 +160,14 @@ def test_a_scale_that_no_camera_has_is_refused(tmp_path, measure, scale):
 
 
 COLOURED = "below its grains, with the colour of the background: a shadow"
-SHADOWS = [(40, 20, 60, 25, "a shadow at the foot")]  # the first of a grey pile, narrower than it
-SHADOWS += [((40, 40, 110), -beyond, tone, 18, COLOURED) for tone in (60, 130) for beyond in (-40, 0, 30)]
+SHADOWS = [
+    (40, 20, 60, 25, "a shadow at the foot")
+]  # the first of a grey pile, narrower than it
+SHADOWS += [
+    ((40, 40, 110), -beyond, tone, 18, COLOURED)
+    for tone in (60, 130)
+    for beyond in (-40, 0, 30)
+]
 
 
 @pytest.mark.parametrize(("colour", "inset", "tone", "deep", "said"), SHADOWS)
@@ -132,24 +175,34 @@ def test_a_shadow_below_the_pile_is_refused_unless_the_plate_is_known(
     tmp_path, measure, colour, inset, tone, deep, said
 ):
     picture = np.full((340, 600, 3), 220, np.uint8)
-    cv2.rectangle(picture, (60 + inset, 300), (540 - inset, 300 + deep), (tone, tone, tone), -1)
+    cv2.rectangle(
+        picture, (60 + inset, 300), (540 - inset, 300 + deep), (tone, tone, tone), -1
+    )
     cv2.fillPoly(picture, [np.array(PILE)], np.broadcast_to(colour, 3).tolist())
     (tmp_path / "pile.png").write_bytes(cv2.imencode(".png", picture)[1].tobytes())
     words = (tmp_path / "pile.png", "--mm-per-pixel", "0.5")
     assert said in measure(*words, status=2).err
-    assert first_of(measure(*words, "--base-row", "299.5"))["height_mm"] == pytest.approx(80, abs=0.5)
+    assert first_of(measure(*words, "--base-row", "299.5"))[
+        "height_mm"
+    ] == pytest.approx(80, abs=0.5)
 
 
 def test_a_level_length_gives_the_scale_and_turns_the_photograph(tmp_path, measure):
     upright = np.full((400, 700), 220, np.uint8)
     cv2.fillPoly(upright, [np.array([(100, 300), (350, 140), (600, 300)])], 40)
     turn = cv2.getRotationMatrix2D((349.5, 199.5), 7.0, 1.0)  # rises to the right
-    cv2.imwrite(str(tmp_path / "pile.png"), cv2.warpAffine(upright, turn, (700, 400), borderValue=220))
+    cv2.imwrite(
+        str(tmp_path / "pile.png"),
+        cv2.warpAffine(upright, turn, (700, 400), borderValue=220),
+    )
     ends = (turn @ [[100, 600], [300, 300], [1, 1]]).T.ravel()
     values = first_of(measure(tmp_path / "pile.png", "--length", "250", *ends))
     assert values["aor_deg"] == pytest.approx(np.degrees(np.arctan2(160, 250)), abs=0.3)
     assert values["left_deg"] == pytest.approx(values["right_deg"], abs=0.3)
-    assert (values["height_mm"], values["mm_per_pixel"]) == (pytest.approx(80, abs=0.7), pytest.approx(0.5, abs=1e-3))
+    assert (values["height_mm"], values["mm_per_pixel"]) == (
+        pytest.approx(80, abs=0.7),
+        pytest.approx(0.5, abs=1e-3),
+    )
     assert photographs.level_length(10.0, 1.0, 1.0, 41.0, 1.0) == (0.25, 0.0)
 
 
@@ -166,22 +219,46 @@ def test_the_mean_of_several_is_a_target_that_a_study_reads(tmp_path, measure):
     assert summary["height_mm"]["sd"] == pytest.approx(np.std(truth, ddof=1), abs=0.05)
     assert summary["height_mm"]["repetitions"] == 3
     assert "upside down" in record["photographs"][3]["refused"]
-    config = Study.load(ROOT / "config/quick.yaml", tmp_path / "out/targets.yaml").config
-    assert [target["response"] for target in config["targets"]] == ["aor_deg", "height_mm"]
+    config = Study.load(
+        ROOT / "config/quick.yaml", tmp_path / "out/targets.yaml"
+    ).config
+    assert [target["response"] for target in config["targets"]] == [
+        "aor_deg",
+        "height_mm",
+    ]
     assert config["targets"][1]["value"] == summary["height_mm"]["value"]
-    assert (config["measure"]["response"], config["measure"]["berry_height_mm"]) == ("whole", 8)
-    assert "# the line: whole side, columns\n" in (tmp_path / "out/targets.yaml").read_text()
+    assert (config["measure"]["response"], config["measure"]["berry_height_mm"]) == (
+        "whole",
+        8,
+    )
+    assert (
+        "# the line: whole side, columns\n"
+        in (tmp_path / "out/targets.yaml").read_text()
+    )
 
 
 def test_one_photograph_gives_no_scatter(tmp_path, measure, command):
     photograph(tmp_path / "p.png", PILE)
-    record = json.loads(measure(tmp_path / "p.png", "--mm-per-pixel", "0.4", "--grain-mm", "8").out)
+    record = json.loads(
+        measure(tmp_path / "p.png", "--mm-per-pixel", "0.4", "--grain-mm", "8").out
+    )
     assert {row["sd"] for row in record["summary"]} == {None}
     with pytest.raises(InputError) as refused:
         Study.load(ROOT / "config/quick.yaml", tmp_path / "out/targets.yaml")
-    for key in ("targets.0.sd is null", "targets.0.range is [null, null]", "targets.1.sd is null"):
+    for key in (
+        "targets.0.sd is null",
+        "targets.0.range is [null, null]",
+        "targets.1.sd is null",
+    ):
         assert key in str(refused.value)
-    output = command("measure", tmp_path / "p.png", "--mm-per-pixel", "0.4", "--out", tmp_path / "again").out
+    output = command(
+        "measure",
+        tmp_path / "p.png",
+        "--mm-per-pixel",
+        "0.4",
+        "--out",
+        tmp_path / "again",
+    ).out
     says(output, "one pile gives no scatter", "mm, not known, 1")
 
 
@@ -190,31 +267,52 @@ def test_a_photograph_of_many_pixels_is_reduced(tmp_path, measure):
     cv2.fillPoly(picture, [10 * np.array(PILE)], 40)
     cv2.imwrite(str(tmp_path / "pile.png"), picture)
     values = first_of(measure(tmp_path / "pile.png", "--mm-per-pixel", "0.05"))
-    assert (values["height_mm"], values["mm_per_pixel"]) == (pytest.approx(79.5, abs=0.2), pytest.approx(0.075))
+    assert (values["height_mm"], values["mm_per_pixel"]) == (
+        pytest.approx(79.5, abs=0.2),
+        pytest.approx(0.075),
+    )
 
 
 def test_one_bad_picture_is_named_and_does_not_stop_the_others(tmp_path, measure):
     photograph(tmp_path / "raw.png")
-    tiny, heic, text = (tmp_path / name for name in ("tiny.png", "phone.heic", "notes.jpg"))
+    tiny, heic, text = (
+        tmp_path / name for name in ("tiny.png", "phone.heic", "notes.jpg")
+    )
     files.write_image(tiny, np.zeros((3, 3, 3), np.uint8))
     heic.write_bytes(b"\0\0\0\x18ftypheic" + bytes(40))
     text.write_text("no picture")
     words = ("--mm-per-pixel", 0.3, "--out", tmp_path / "out")
     message = measure(tmp_path / "raw.png", tiny, heic, text, *words).err
-    for name, words_of in (("tiny.png", "3 x 3 pixels"), ("phone.heic", "PNG or JPEG"), ("notes.jpg", "not a picture")):
-        assert any(name in line and words_of in line for line in message.splitlines()), name
+    for name, words_of in (
+        ("tiny.png", "3 x 3 pixels"),
+        ("phone.heic", "PNG or JPEG"),
+        ("notes.jpg", "not a picture"),
+    ):
+        assert any(
+            name in line and words_of in line for line in message.splitlines()
+        ), name
     message = measure(tiny, heic, *words, status=2).err
     says(message, "tiny.png", "phone.heic")
 
 
-def test_a_picture_of_too_many_pixels_or_one_that_cannot_be_written_is_an_error(tmp_path, monkeypatch):
-    header = bytearray(cv2.imencode(".png", np.zeros((8, 30_000), np.uint8))[1].tobytes())
+def test_a_picture_of_too_many_pixels_or_one_that_cannot_be_written_is_an_error(
+    tmp_path, monkeypatch
+):
+    header = bytearray(
+        cv2.imencode(".png", np.zeros((8, 30_000), np.uint8))[1].tobytes()
+    )
     header[20:24] = (30_000).to_bytes(4, "big")  # as if it had as many rows
     header[29:33] = zlib.crc32(bytes(header[12:29])).to_bytes(4, "big")
     (tmp_path / "huge.png").write_bytes(bytes(header))
-    input_error(r"huge.png: size is .*at most 200 million", pile.read_image, tmp_path / "huge.png")
+    input_error(
+        r"huge.png: size is .*at most 200 million",
+        pile.read_image,
+        tmp_path / "huge.png",
+    )
     monkeypatch.setattr(cv2, "imencode", lambda *_: (False, None))
-    input_error("suffix", files.write_image, tmp_path / "a.png", np.zeros((4, 4), np.uint8))
+    input_error(
+        "suffix", files.write_image, tmp_path / "a.png", np.zeros((4, 4), np.uint8)
+    )
 
 
 def test_a_doubtful_picture_counts_only_if_it_is_asked_for(tmp_path, measure, command):

@@ -37,7 +37,11 @@ def rounded(angle, u, height=HEIGHT_MM, radius=15.0):
     a = math.radians(angle)
     cap = height - radius + np.sqrt(np.maximum(radius**2 - u**2, 0.0))
     apex = height - radius + radius / math.cos(a)
-    return np.where(np.abs(u) < radius * math.sin(a), cap, np.maximum(apex - np.abs(u) * math.tan(a), 0.0))
+    return np.where(
+        np.abs(u) < radius * math.sin(a),
+        cap,
+        np.maximum(apex - np.abs(u) * math.tan(a), 0.0),
+    )
 
 
 def lumpy(angle, u, rng, height=HEIGHT_MM, radii=(5.0, 10.0)):
@@ -49,15 +53,28 @@ def lumpy(angle, u, rng, height=HEIGHT_MM, radii=(5.0, 10.0)):
         while along < height / math.sin(a):
             r = rng.uniform(*radii)
             depth = r + rng.uniform(-4, 4)
-            centre_u = side * (height / math.tan(a) - along * math.cos(a) - depth * math.sin(a))
+            centre_u = side * (
+                height / math.tan(a) - along * math.cos(a) - depth * math.sin(a)
+            )
             centre_z = along * math.sin(a) - depth * math.cos(a)
             chord = r**2 - (u - centre_u) ** 2
-            z = np.maximum(z, np.where(chord > 0, centre_z + np.sqrt(np.maximum(chord, 0)), 0.0))
+            z = np.maximum(
+                z, np.where(chord > 0, centre_z + np.sqrt(np.maximum(chord, 0)), 0.0)
+            )
             along += r * rng.uniform(1.2, 2.2)
     return z
 
 
-def drawn(profile, half_mm, top_mm=HEIGHT_MM + 15, below_mm=4.0, mm=MM, loose=(), binary=False, sub=8):
+def drawn(
+    profile,
+    half_mm,
+    top_mm=HEIGHT_MM + 15,
+    below_mm=4.0,
+    mm=MM,
+    loose=(),
+    binary=False,
+    sub=8,
+):
     """Coverage (0 to 1) of each pixel by what lies under `profile(u)` and by loose discs (u, radius) on the plate."""
     columns, rows = round(2 * half_mm / mm), round((top_mm + below_mm) / mm)
     u = ((np.arange(columns * sub) + 0.5) / sub - columns / 2) * mm
@@ -70,14 +87,18 @@ def drawn(profile, half_mm, top_mm=HEIGHT_MM + 15, below_mm=4.0, mm=MM, loose=()
     low = top_mm - (np.arange(rows)[:, None] + 1) * mm
     cover = np.zeros((rows, columns))
     for bottom, top in layers:
-        piece = np.clip(np.minimum(top, low + mm) - np.maximum(bottom, low), 0.0, None) / mm
+        piece = (
+            np.clip(np.minimum(top, low + mm) - np.maximum(bottom, low), 0.0, None) / mm
+        )
         cover = np.maximum(cover, piece.reshape(rows, columns, sub).mean(axis=2))
     return (cover >= 0.5).astype(float) if binary else cover
 
 
 def toned(cover, pile, background):
     cover = cover[..., None] if np.ndim(pile) else cover
-    return np.rint(np.add(background, cover * np.subtract(pile, background))).astype(np.uint8)
+    return np.rint(np.add(background, cover * np.subtract(pile, background))).astype(
+        np.uint8
+    )
 
 
 def half_width(angle):
@@ -89,7 +110,9 @@ def tilted_noisy(picture, rng, tilt=60, noise=8):
     rows, columns = picture.shape[:2]
     slope = np.add.outer(np.linspace(0, 0.4, rows), np.linspace(0, 0.6, columns)) * tilt
     slope = slope[..., None] if picture.ndim == 3 else slope
-    return np.clip(picture - slope + rng.normal(0, noise, picture.shape), 0, 255).astype(np.uint8)
+    return np.clip(
+        picture - slope + rng.normal(0, noise, picture.shape), 0, 255
+    ).astype(np.uint8)
 
 
 def lumpy_piles(angle, count):
@@ -97,7 +120,12 @@ def lumpy_piles(angle, count):
     rng = np.random.default_rng(angle)
     half = half_width(angle)
     for _ in range(count):
-        yield drawn(lambda u: lumpy(angle, u, rng), half, loose=[(8 - half, 5), (half - 8, 6)], sub=2)
+        yield drawn(
+            lambda u: lumpy(angle, u, rng),
+            half,
+            loose=[(8 - half, 5), (half - 8, 6)],
+            sub=2,
+        )
 
 
 # Measured by the tests below: largest error of any clean pile 0.012 degrees and 0.22 mm (the tip of a sharp
@@ -112,42 +140,71 @@ LUMPY_DEG, LUMPY_MOVED_DEG = 1.0, 0.2
 @pytest.mark.parametrize("shape", [triangle, rounded])
 @pytest.mark.parametrize("binary", [True, False])
 @pytest.mark.parametrize("angle", ANGLES)
-def test_clean_pile_is_measured_to_a_fraction_of_a_degree_and_a_pixel(shape, binary, angle):
+def test_clean_pile_is_measured_to_a_fraction_of_a_degree_and_a_pixel(
+    shape, binary, angle
+):
     for height in (52.3, 60.1):
-        cover = drawn(lambda u, h=height: shape(angle, u, h), half_width(angle), binary=binary)
+        cover = drawn(
+            lambda u, h=height: shape(angle, u, h), half_width(angle), binary=binary
+        )
         m = measure_image(toned(cover, 40, 220), MM)
-        assert (m.angle.left_deg, m.angle.right_deg) == pytest.approx((angle, angle), abs=CLEAN_DEG)
+        assert (m.angle.left_deg, m.angle.right_deg) == pytest.approx(
+            (angle, angle), abs=CLEAN_DEG
+        )
         assert m.aor_deg == pytest.approx((m.angle.left_deg + m.angle.right_deg) / 2)
         assert m.height_mm == pytest.approx(height, abs=CLEAN_MM)
 
 
 def test_each_side_is_measured_by_itself():
-    cover = drawn(lambda u: np.where(u < 0, triangle(20, u), triangle(38, u)), half_width(20))
+    cover = drawn(
+        lambda u: np.where(u < 0, triangle(20, u), triangle(38, u)), half_width(20)
+    )
     m = measure_image(toned(cover, 40, 220), MM)
-    assert (m.angle.left_deg, m.angle.right_deg) == pytest.approx((20, 38), abs=CLEAN_DEG)
+    assert (m.angle.left_deg, m.angle.right_deg) == pytest.approx(
+        (20, 38), abs=CLEAN_DEG
+    )
     left, right = m.angle.lines
     axis = cover.shape[1] / 2 - 0.5
     for (below, above), slope in ((left, 20), (right, 38)):
-        assert abs(below[0] - axis) == pytest.approx(HEIGHT_MM * 0.9 / math.tan(math.radians(slope)) / MM, abs=1.5)
+        assert abs(below[0] - axis) == pytest.approx(
+            HEIGHT_MM * 0.9 / math.tan(math.radians(slope)) / MM, abs=1.5
+        )
         assert m.base_row - below[1] == pytest.approx(0.1 * m.height_mm / MM)
         assert m.base_row - above[1] == pytest.approx(0.8 * m.height_mm / MM)
 
 
 # Grey: dark on light, light on dark. Red fruit (BGR) on white, on black, and on a board of the very same luminance.
-TONES = [(40, 220), (210, 30), ((30, 30, 190), (225,) * 3), ((30, 30, 190), (15,) * 3), ((30, 30, 190), (77,) * 3)]
+TONES = [
+    (40, 220),
+    (210, 30),
+    ((30, 30, 190), (225,) * 3),
+    ((30, 30, 190), (15,) * 3),
+    ((30, 30, 190), (77,) * 3),
+]
 
 
 @pytest.mark.parametrize(("pile", "background"), TONES)
-@pytest.mark.parametrize("shape", [pytest.param(triangle, marks=pytest.mark.slow), rounded])
-def test_tilted_light_noise_and_loose_berries_in_either_polarity(pile, background, shape):
+@pytest.mark.parametrize(
+    "shape", [pytest.param(triangle, marks=pytest.mark.slow), rounded]
+)
+def test_tilted_light_noise_and_loose_berries_in_either_polarity(
+    pile, background, shape
+):
     for angle in ANGLES[::2]:
         half = half_width(angle)
-        cover = drawn(lambda u, a=angle: shape(a, u), half, loose=[(half - 7, 5), (9 - half, 6)])
-        m = measure_image(tilted_noisy(toned(cover, pile, background), np.random.default_rng(angle)), MM)
+        cover = drawn(
+            lambda u, a=angle: shape(a, u), half, loose=[(half - 7, 5), (9 - half, 6)]
+        )
+        m = measure_image(
+            tilted_noisy(toned(cover, pile, background), np.random.default_rng(angle)),
+            MM,
+        )
         assert m.aor_deg == pytest.approx(angle, abs=DISTURBED_DEG)
         assert m.height_mm == pytest.approx(HEIGHT_MM, abs=DISTURBED_MM)
         if background != (77, 77, 77):
-            assert m.pile_is == ("darker" if np.mean(pile) < np.mean(background) else "brighter")
+            assert m.pile_is == (
+                "darker" if np.mean(pile) < np.mean(background) else "brighter"
+            )
 
 
 def test_a_light_or_lumpy_pile_is_measured_as_it_is():
@@ -158,13 +215,19 @@ def test_a_light_or_lumpy_pile_is_measured_as_it_is():
     assert (plain.pile_is, inverse.pile_is) == ("darker", "brighter")
     picture = toned(drawn(lambda u: rounded(30, u), half_width(30)), 40, 220)
     fine, coarse = measure_image(picture, 0.1), measure_image(picture, 0.4)
-    assert (coarse.aor_deg, coarse.height_mm) == (fine.aor_deg, pytest.approx(4 * fine.height_mm))
+    assert (coarse.aor_deg, coarse.height_mm) == (
+        fine.aor_deg,
+        pytest.approx(4 * fine.height_mm),
+    )
     errors = {rule: [] for rule in FLANK_RULES}
     for angle in ANGLES:
         for cover in lumpy_piles(angle, 12):
             picture = toned(cover >= 0.5, 60, 200)
             for rule, values in errors.items():
-                values.append(measure_image(picture, MM, replace(FLANK, flank=rule)).aor_deg - angle)
+                values.append(
+                    measure_image(picture, MM, replace(FLANK, flank=rule)).aor_deg
+                    - angle
+                )
     bias = {rule: abs(np.mean(values)) for rule, values in errors.items()}
     assert bias["levels"] < LUMPY_DEG
     assert bias["levels"] < bias["rows"] < bias["columns"]
@@ -173,18 +236,28 @@ def test_a_light_or_lumpy_pile_is_measured_as_it_is():
         for cover in lumpy_piles(angle, 2):
             picture = toned(cover, 60, 200)
             disturbed = tilted_noisy(picture, np.random.default_rng(angle))
-            moved.append(measure_image(disturbed, MM).aor_deg - measure_image(picture, MM).aor_deg)
+            moved.append(
+                measure_image(disturbed, MM).aor_deg
+                - measure_image(picture, MM).aor_deg
+            )
     assert np.abs(moved).max() < LUMPY_MOVED_DEG
 
 
 def test_loose_berries_count_when_asked_for_and_a_narrow_mask_has_its_plate():
     half = half_width(30)
-    picture = toned(drawn(lambda u: triangle(30, u), half, loose=[(half - 11, 8)]), 40, 220)
-    alone, together = (measure_image(picture, MM), measure_image(picture, MM, replace(FLANK, largest_pile_only=False)))
+    picture = toned(
+        drawn(lambda u: triangle(30, u), half, loose=[(half - 11, 8)]), 40, 220
+    )
+    alone, together = (
+        measure_image(picture, MM),
+        measure_image(picture, MM, replace(FLANK, largest_pile_only=False)),
+    )
     assert alone.angle.right_deg == pytest.approx(30, abs=CLEAN_DEG)
     assert together.angle.right_deg < 29
     assert together.angle.left_deg == pytest.approx(30, abs=CLEAN_DEG)
-    picture = toned(drawn(lambda u: triangle(30, u), half_width(30)), (30, 30, 190), (245, 245, 245))
+    picture = toned(
+        drawn(lambda u: triangle(30, u), half_width(30)), (30, 30, 190), (245, 245, 245)
+    )
     rng = np.random.default_rng(3)
     rows, columns = picture.shape[:2]
     for _ in range(60):
@@ -196,51 +269,83 @@ def test_loose_berries_count_when_asked_for_and_a_narrow_mask_has_its_plate():
     mask = np.zeros((30, 100), bool)
     mask[:20, 40:60] = mask[20:] = True
     mask[15, 3:97] = True
-    assert (plate_row(mask), plate_row(mask[16:]), plate_row(mask[17:])) == (19.5, 3.5, None)
+    assert (plate_row(mask), plate_row(mask[16:]), plate_row(mask[17:])) == (
+        19.5,
+        3.5,
+        None,
+    )
 
 
-def test_the_base_is_the_given_one_or_a_plate_as_dark_as_the_pile_and_jpeg_round_trip(tmp_path):
-    picture = toned(drawn(lambda u: triangle(30, u), half_width(30), below_mm=0), 40, 220)
-    m = measure_image(np.vstack([picture, np.full((50, picture.shape[1]), 40, np.uint8)]), MM)
+def test_the_base_is_the_given_one_or_a_plate_as_dark_as_the_pile_and_jpeg_round_trip(
+    tmp_path,
+):
+    picture = toned(
+        drawn(lambda u: triangle(30, u), half_width(30), below_mm=0), 40, 220
+    )
+    m = measure_image(
+        np.vstack([picture, np.full((50, picture.shape[1]), 40, np.uint8)]), MM
+    )
     assert m.base_row == picture.shape[0] - 0.5
     assert (m.aor_deg, m.height_mm) == pytest.approx((30, HEIGHT_MM), abs=CLEAN_MM)
-    picture = toned(drawn(lambda u: triangle(30, u), half_width(30), below_mm=4.0), 40, 220)
+    picture = toned(
+        drawn(lambda u: triangle(30, u), half_width(30), below_mm=4.0), 40, 220
+    )
     found = measure_image(picture, MM)
-    assert measure_image(picture, MM, base_row=found.base_row - 40).height_mm == pytest.approx(found.height_mm - 10)
+    assert measure_image(
+        picture, MM, base_row=found.base_row - 40
+    ).height_mm == pytest.approx(found.height_mm - 10)
     input_error("base_row", measure_image, picture, MM, base_row=10_000)
-    picture = toned(drawn(lambda u: rounded(33, u), half_width(33)), (30, 30, 190), (200, 205, 210))
+    picture = toned(
+        drawn(lambda u: rounded(33, u), half_width(33)), (30, 30, 190), (200, 205, 210)
+    )
     path = tmp_path / "pile.jpg"
-    cv2.imwrite(str(path), tilted_noisy(picture, np.random.default_rng(1)), [cv2.IMWRITE_JPEG_QUALITY, 85])
+    cv2.imwrite(
+        str(path),
+        tilted_noisy(picture, np.random.default_rng(1)),
+        [cv2.IMWRITE_JPEG_QUALITY, 85],
+    )
     m = measure_image(read_image(path), MM)
     assert m.aor_deg == pytest.approx(33, abs=DISTURBED_DEG)
     assert m.height_mm == pytest.approx(HEIGHT_MM, abs=DISTURBED_MM)
 
 
-def test_pictures_of_the_workflow_and_unreadable_pictures_and_wrong_arrays_are_refused(tmp_path):
+def test_pictures_of_the_workflow_and_unreadable_pictures_and_wrong_arrays_are_refused(
+    tmp_path,
+):
     picture = toned(drawn(lambda u: triangle(30, u), half_width(30)), 40, 220)
     panels = process_panels(picture, MM, FLANK)
     assert list(panels) == ["grey", "binary", "edge", "boundary"]
     assert np.array_equal(panels["grey"], picture)
-    assert set(np.unique(panels["binary"])) == set(np.unique(panels["edge"])) == {0, 255}
+    assert (
+        set(np.unique(panels["binary"])) == set(np.unique(panels["edge"])) == {0, 255}
+    )
     m = measure_image(picture, MM)
     final = panels["boundary"]
     assert np.array_equal(final, overlay(picture, m))
     left, right = (np.mean(line, axis=0).round().astype(int) for line in m.angle.lines)
     assert final[left[1], left[0]].argmax() == 2  # red left line, BGR
     assert final[right[1], right[0]].argmax() == 1  # green right line
-    assert np.array_equal(picture, toned(drawn(lambda u: triangle(30, u), half_width(30)), 40, 220))
+    assert np.array_equal(
+        picture, toned(drawn(lambda u: triangle(30, u), half_width(30)), 40, 220)
+    )
     for name, content in (("empty.png", b""), ("text.png", b"not a picture")):
         (tmp_path / name).write_bytes(content)
         input_error(name, read_image, tmp_path / name)
     for bits in range(9, 17):  # a camera's, in the lower bits of 16
-        deep = np.random.default_rng(bits).integers(0, 256, (20, 30, 3), dtype=np.uint16)
+        deep = np.random.default_rng(bits).integers(
+            0, 256, (20, 30, 3), dtype=np.uint16
+        )
         deep[0, 0] = 255
         cv2.imwrite(str(tmp_path / "deep.png"), deep << (bits - 8))
         assert (read_image(tmp_path / "deep.png") == deep).all()
     cv2.imwrite(str(tmp_path / "deep.hdr"), np.ones((20, 30, 3), np.float32))
     input_error("of float32 numbers", read_image, tmp_path / "deep.hdr")
     input_error("no such file", read_image, tmp_path / "missing.png")
-    for bad in (np.zeros((50, 50)), np.zeros((50, 50, 4), np.uint8), np.zeros((5, 50), np.uint8)):
+    for bad in (
+        np.zeros((50, 50)),
+        np.zeros((50, 50, 4), np.uint8),
+        np.zeros((5, 50), np.uint8),
+    ):
         input_error("", measure_image, bad, MM)
 
 

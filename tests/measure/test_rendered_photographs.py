@@ -18,7 +18,9 @@ from repose.measure.settings import MeasureSettings
 
 def test_the_sheet_is_printed_in_its_size_and_found_by_its_corners(tmp_path):
     picture, per_mm = sheet.drawing(20.0, 8)
-    seen = sheet.find(cv2.copyMakeBorder(picture, 50, 50, 50, 50, cv2.BORDER_CONSTANT, value=200))
+    seen = sheet.find(
+        cv2.copyMakeBorder(picture, 50, 50, 50, 50, cv2.BORDER_CONSTANT, value=200)
+    )
     assert len(seen.places_mm) == (sheet.COLUMNS - 1) * (sheet.ROWS - 1)
     x, z = seen.places_mm.T
     drawn = np.column_stack([50 + x * per_mm, 50 + picture.shape[0] - z * per_mm]) - 0.5
@@ -26,33 +28,58 @@ def test_the_sheet_is_printed_in_its_size_and_found_by_its_corners(tmp_path):
     assert main(["marker", "--out", str(tmp_path / "sheet.pdf")]) == 0
     content = (tmp_path / "sheet.pdf").read_bytes()
     assert content.startswith(b"%PDF")
-    width, height = (float(number) for number in content.split(b"/MediaBox [ 0 0 ")[1].split(b"]")[0].split())
-    assert (width, height) == pytest.approx((210 / 25.4 * 72, 297 / 25.4 * 72), abs=0.01)
+    width, height = (
+        float(number)
+        for number in content.split(b"/MediaBox [ 0 0 ")[1].split(b"]")[0].split()
+    )
+    assert (width, height) == pytest.approx(
+        (210 / 25.4 * 72, 297 / 25.4 * 72), abs=0.01
+    )
     assert sheet.size_mm(20.0) == (140.0, 180.0)
 
 
 def views_of(lens, count, rng):
     """The corners of the sheet as a known camera shows them, in all parts of its picture."""
     matrix = np.array([[1300.0, 0, 799.5], [0, 1300, 599.5], [0, 0, 1]])
-    places = np.array([(x, z) for x in np.arange(20, 130, 20.0) for z in np.arange(20, 180, 20.0)])
-    flat = np.column_stack([places[:, 0] - 70, 90 - places[:, 1], np.zeros(len(places))])
+    places = np.array(
+        [(x, z) for x in np.arange(20, 130, 20.0) for z in np.arange(20, 180, 20.0)]
+    )
+    flat = np.column_stack(
+        [places[:, 0] - 70, 90 - places[:, 1], np.zeros(len(places))]
+    )
     seen = []
     for _ in range(count):
-        turn, shift = rng.uniform(-0.4, 0.4, 3), np.array([*rng.uniform(-150, 150, 2), rng.uniform(400, 600)])
-        pixels = cv2.projectPoints(flat, turn, shift, matrix, np.array([*lens, 0, 0, 0.0]))[0][:, 0]
+        turn, shift = (
+            rng.uniform(-0.4, 0.4, 3),
+            np.array([*rng.uniform(-150, 150, 2), rng.uniform(400, 600)]),
+        )
+        pixels = cv2.projectPoints(
+            flat, turn, shift, matrix, np.array([*lens, 0, 0, 0.0])
+        )[0][:, 0]
         seen.append(sheet.Seen(places, pixels + rng.normal(0, 0.1, pixels.shape)))
     return seen
 
 
 def test_the_lens_and_the_angle_of_a_cone_seen_from_above():
-    found = camera.calibrate(views_of((-0.12, 0.03), 8, np.random.default_rng(1)), (1600, 1200))
+    found = camera.calibrate(
+        views_of((-0.12, 0.03), 8, np.random.default_rng(1)), (1600, 1200)
+    )
     assert (found.note, found.matrix[0, 0]) == ("", pytest.approx(1300, rel=0.003))
     away = np.array([0.2, 0.4, 0.55]) ** 2
-    assert found.lens[0] * away + found.lens[1] * away**2 == pytest.approx(-0.12 * away + 0.03 * away**2, abs=0.002)
+    assert found.lens[0] * away + found.lens[1] * away**2 == pytest.approx(
+        -0.12 * away + 0.03 * away**2, abs=0.002
+    )
     places = views_of((0, 0), 1, np.random.default_rng(1))[0].places_mm
-    pixels = 700 + 2.0 * places * [1, -1] + np.random.default_rng(2).normal(0, 0.1, places.shape)
+    pixels = (
+        700
+        + 2.0 * places * [1, -1]
+        + np.random.default_rng(2).normal(0, 0.1, places.shape)
+    )
     found = camera.calibrate([sheet.Seen(places, pixels)], (1600, 1200), 1111.0)
-    assert "focal length as the camera states it: the sheet is seen in too few places" in found.note
+    assert (
+        "focal length as the camera states it: the sheet is seen in too few places"
+        in found.note
+    )
     assert found.matrix[0, 0] == 1111.0
     assert not found.lens.any()
 
@@ -75,17 +102,30 @@ def test_a_cone_seen_from_above_or_below_gets_its_angle_and_its_foot_back(above,
     mask = np.zeros((702, 3001), np.uint8)
     cv2.fillPoly(mask, [hull], 1, shift=4)
     mask[701:] = 0
-    pile = Segmentation(255 * mask, mask.astype(np.float32), 0.5, mask, base, "brighter")
+    pile = Segmentation(
+        255 * mask, mask.astype(np.float32), 0.5, mask, base, "brighter"
+    )
     one = photographs.Photograph(Path(), mask, pile, facts={"mm_per_pixel": px})
     how = MeasureSettings(berry_height_mm=6.0)
     flat = photographs._measured(one, how)
     assert (flat.aor_deg < 30.9) == (above != 0)
-    photographs.seen_level(one, axis, 500 / px, eye[2] / px, (flat.angle.left_deg, flat.angle.right_deg), height / px)
+    photographs.seen_level(
+        one,
+        axis,
+        500 / px,
+        eye[2] / px,
+        (flat.angle.left_deg, flat.angle.right_deg),
+        height / px,
+    )
     level = photographs._measured(one, how)
-    assert [level.angle.left_deg, level.angle.right_deg] == pytest.approx([31.0, 31.0], abs=0.1)
+    assert [level.angle.left_deg, level.angle.right_deg] == pytest.approx(
+        [31.0, 31.0], abs=0.1
+    )
     assert level.height_mm == pytest.approx(height, abs=px)
     columns = np.flatnonzero(one.pile.mask.any(axis=0)) - axis
-    assert [-columns[0] * px, columns[-1] * px] == pytest.approx([radius, radius], abs=lost)
+    assert [-columns[0] * px, columns[-1] * px] == pytest.approx(
+        [radius, radius], abs=lost
+    )
 
 
 @pytest.mark.parametrize(("change", "reason"), [
@@ -100,7 +140,10 @@ def test_what_cannot_be_measured_is_refused_with_its_reason(tmp_path, change, re
 
 
 def test_what_floats_over_the_plate_or_in_a_deep_shadow_is_left_out(tmp_path):
-    light, deep = (measured(tmp_path, Scene(**SMALL | {"shadow": shadow})).measurement for shadow in (0.0, 0.7))
+    light, deep = (
+        measured(tmp_path, Scene(**SMALL | {"shadow": shadow})).measurement
+        for shadow in (0.0, 0.7)
+    )
     assert deep.height_mm == pytest.approx(light.height_mm, abs=0.1)
     assert deep.aor_deg == pytest.approx(light.aor_deg, abs=0.5)
     mask = np.zeros((100, 400), np.uint8)
@@ -111,9 +154,16 @@ def test_what_floats_over_the_plate_or_in_a_deep_shadow_is_left_out(tmp_path):
     cv2.circle(pile, (320, 88), 12, 1, -1)  # at the foot
     left = finding._largest(finding._without_touching(pile, 7))
     assert (left[:, 316:].sum(), left[:, :290].sum()) == (0, pile[:, :290].sum())
-    mask[5:35, 20:24], mask[40:52, 360:364] = 1, 1  # a post that hides what is behind it, and a speck of its shape
+    mask[5:35, 20:24], mask[40:52, 360:364] = (
+        1,
+        1,
+    )  # a post that hides what is behind it, and a speck of its shape
     standing, posts = finding._standing(mask)
-    assert (standing[:, 100:301].sum(), posts[:, :30].sum(), posts[:, 30:].sum()) == (standing.sum(), 120, 0)
+    assert (standing[:, 100:301].sum(), posts[:, :30].sum(), posts[:, 30:].sum()) == (
+        standing.sum(),
+        120,
+        0,
+    )
 
 
 @pytest.mark.slow

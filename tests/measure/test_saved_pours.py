@@ -33,7 +33,13 @@ def config(**keys):
 
 
 def one_pour(seed, status="ok", reason=""):
-    return {"seed": seed, "status": status, "reason": reason, "discharge_s": 16.0, "berries_on_plate": 500}
+    return {
+        "seed": seed,
+        "status": status,
+        "reason": reason,
+        "discharge_s": 16.0,
+        "berries_on_plate": 500,
+    }
 
 
 @pytest.fixture
@@ -42,11 +48,22 @@ def saved(tmp_path):
     arrays = {}
     for seed in (1, 2, 3):
         centres, q = cone_of_berries(30, np.random.default_rng(seed))
-        arrays |= {f"position_{seed}": centres.astype(np.float32), f"quaternion_{seed}": q.astype(np.float32)}
+        arrays |= {
+            f"position_{seed}": centres.astype(np.float32),
+            f"quaternion_{seed}": q.astype(np.float32),
+        }
         arrays[f"in_pile_{seed}"] = np.ones(len(centres), bool)
     np.savez(tmp_path / "007.npz", **arrays)
-    job = {"sample": 7, "parameters": dict.fromkeys(PARAMETERS, 0.2), "time_step_s": 2e-4}
-    job["pours"] = [one_pour(1), one_pour(2), one_pour(3, "jammed", "9 berries in the funnel")]
+    job = {
+        "sample": 7,
+        "parameters": dict.fromkeys(PARAMETERS, 0.2),
+        "time_step_s": 2e-4,
+    }
+    job["pours"] = [
+        one_pour(1),
+        one_pour(2),
+        one_pour(3, "jammed", "9 berries in the funnel"),
+    ]
     (tmp_path / "007.pours.json").write_text(json.dumps(job))
     return tmp_path / "007.pours.json"
 
@@ -60,31 +77,50 @@ def test_a_job_holds_every_response_of_every_run(saved):
     for run in (first, second):
         assert set(funnel.ALWAYS) <= set(run)
         assert run["aor_deg"] == run["aor_flank_deg"] == pytest.approx(30, abs=4)
-        assert (run["height_view_mm"], run["discharge_s"]) == (pytest.approx(run["height_mm"], abs=0.5), 16.0)
+        assert (run["height_view_mm"], run["discharge_s"]) == (
+            pytest.approx(run["height_mm"], abs=0.5),
+            16.0,
+        )
     assert (jammed["status"], jammed["reason"]) == ("jammed", "9 berries in the funnel")
     assert [jammed[key] for key in funnel.ALWAYS] == [None] * len(funnel.ALWAYS)
     summary = result["summary"]
     for key in ("aor_secant_deg", "aor_steepest_view_deg", "height_view_mm"):
         mean, half = (first[key] + second[key]) / 2, abs(first[key] - second[key]) / 2
         name, unit = key.rsplit("_", 1)
-        assert (summary[key], summary[f"{name}_se_{unit}"]) == pytest.approx((mean, half))
+        assert (summary[key], summary[f"{name}_se_{unit}"]) == pytest.approx(
+            (mean, half)
+        )
 
 
 @pytest.mark.parametrize("name", DEFINITIONS)
 def test_another_response_measures_the_same_piles_again(saved, name):
     before = measure_job(Scene.of(config(), {}, AXES, PARTICLE), saved)["runs"][0]
-    after = measure_job(Scene.of(config(response=name), {}, AXES, PARTICLE), saved)["runs"][0]
+    after = measure_job(Scene.of(config(response=name), {}, AXES, PARTICLE), saved)[
+        "runs"
+    ][0]
     assert after["aor_deg"] == before[MEAN_KEYS[name]]
-    assert {k: v for k, v in after.items() if k != "aor_deg"} == {k: v for k, v in before.items() if k != "aor_deg"}
+    assert {k: v for k, v in after.items() if k != "aor_deg"} == {
+        k: v for k, v in before.items() if k != "aor_deg"
+    }
 
 
 def test_a_definition_may_fail_as_the_response_or_a_target_and_only_then(saved):
-    tall = {"berry_height_mm": 30.0}  # the cone is some 55 mm high: berry to 60 % is too thin a band for half
+    tall = {
+        "berry_height_mm": 30.0
+    }  # the cone is some 55 mm high: berry to 60 % is too thin a band for half
     keys = {"fit_from": "berry", "fit_to": 0.6, **tall}
-    kept = measure_job(Scene.of(config(response="secant", **keys), {}, AXES, PARTICLE), saved)["runs"][0]
-    assert (kept["status"], kept["aor_steepest_deg"], kept["aor_steepest_view_deg"]) == ("ok", None, None)
+    kept = measure_job(
+        Scene.of(config(response="secant", **keys), {}, AXES, PARTICLE), saved
+    )["runs"][0]
+    assert (
+        kept["status"],
+        kept["aor_steepest_deg"],
+        kept["aor_steepest_view_deg"],
+    ) == ("ok", None, None)
     assert kept["aor_deg"] == kept["aor_secant_deg"]
-    failed = measure_job(Scene.of(config(response="steepest", **keys), {}, AXES, PARTICLE), saved)
+    failed = measure_job(
+        Scene.of(config(response="steepest", **keys), {}, AXES, PARTICLE), saved
+    )
     run = failed["runs"][0]
     assert (run["status"], run["aor_deg"]) == ("no_flank", None)
     assert "12 are needed" in run["reason"]
@@ -94,14 +130,29 @@ def test_a_definition_may_fail_as_the_response_or_a_target_and_only_then(saved):
     arrays = dict(np.load(path))
     arrays["position_1"][:, 2] = 0.005  # a layer and no pile
     np.savez(path, **arrays)
-    flat = measure_job(Scene.of(targeted("aor_deg"), {}, AXES, PARTICLE), saved)["runs"][0]
+    flat = measure_job(Scene.of(targeted("aor_deg"), {}, AXES, PARTICLE), saved)[
+        "runs"
+    ][0]
     assert (flat["status"], flat["aor_deg"]) == ("no_flank", None)
     assert "mm high" in flat["reason"]
-    timed = measure_job(Scene.of(targeted("discharge_s"), {}, AXES, PARTICLE), saved)["runs"][0]
-    assert (timed["status"], timed["aor_deg"], timed["discharge_s"]) == ("ok", None, 16.0)
+    timed = measure_job(Scene.of(targeted("discharge_s"), {}, AXES, PARTICLE), saved)[
+        "runs"
+    ][0]
+    assert (timed["status"], timed["aor_deg"], timed["discharge_s"]) == (
+        "ok",
+        None,
+        16.0,
+    )
 
 
-FURTHER = ("radius_90_mm", "base_radius_mm", "packing_percent", "loose_percent", "lower_deg", "upper_deg")
+FURTHER = (
+    "radius_90_mm",
+    "base_radius_mm",
+    "packing_percent",
+    "loose_percent",
+    "lower_deg",
+    "upper_deg",
+)
 
 
 def targeted(*names):
@@ -109,7 +160,9 @@ def targeted(*names):
 
 
 def test_further_responses_are_measured_where_they_are_targets(saved):
-    whole_berry = fit_particle(ellipsoid_mesh([0.95 * axis for axis in AXES.values()]), 840.0)
+    whole_berry = fit_particle(
+        ellipsoid_mesh([0.95 * axis for axis in AXES.values()]), 840.0
+    )
     without = measure_job(Scene.of(config(), {}, AXES, whole_berry), saved)
     assert not set(FURTHER) & set(without["runs"][0])
     assert not set(FURTHER) & set(without["summary"])
@@ -120,7 +173,9 @@ def test_further_responses_are_measured_where_they_are_targets(saved):
     poured = saved_pours.first_pour(saved.with_name("007.npz"))
     expected = further_responses.of_pour(poured, whole_berry, settings, plate)
     first, _, jammed = result["runs"]
-    assert {name: first[name] for name in FURTHER} == {name: expected[name] for name in FURTHER}
+    assert {name: first[name] for name in FURTHER} == {
+        name: expected[name] for name in FURTHER
+    }
     assert [jammed[name] for name in FURTHER] == [None] * len(FURTHER)
     for name in ("packing_percent", "discharge_s"):
         unit = name.rsplit("_", 1)
@@ -129,31 +184,55 @@ def test_further_responses_are_measured_where_they_are_targets(saved):
 
 
 @pytest.mark.parametrize("fit_from", [0.1, "berry"])
-def test_a_picture_of_a_simulated_pile_is_measured_as_its_first_view(saved, tmp_path, fit_from):
+def test_a_picture_of_a_simulated_pile_is_measured_as_its_first_view(
+    saved, tmp_path, fit_from
+):
     settings = pile.MeasureSettings.of(config(fit_from=fit_from)["measure"], AXES)
     assert settings.berry_height_mm == pytest.approx(BERRY_MM)
     poured = saved_pours.first_pour(saved.with_name("007.npz"))
-    run = funnel.FunnelTest().measure(one_pour(1), poured, Scene.of(config(fit_from=fit_from), {}, AXES, PARTICLE))
+    run = funnel.FunnelTest().measure(
+        one_pour(1), poured, Scene.of(config(fit_from=fit_from), {}, AXES, PARTICLE)
+    )
     view = saved_piles.side_view(poured, PARTICLE, settings)
-    cv2.imwrite(str(tmp_path / "photo.png"), np.vstack([view, np.full((30, view.shape[1]), view.min(), np.uint8)]))
-    seen = pile.measure_image(pile.read_image(tmp_path / "photo.png"), settings.mm_per_pixel, settings)
+    cv2.imwrite(
+        str(tmp_path / "photo.png"),
+        np.vstack([view, np.full((30, view.shape[1]), view.min(), np.uint8)]),
+    )
+    seen = pile.measure_image(
+        pile.read_image(tmp_path / "photo.png"), settings.mm_per_pixel, settings
+    )
     assert seen.height_mm == pytest.approx(run["height_view_mm"], abs=1e-9)
     for name in DEFINITIONS:
-        assert seen.angles[name].aor_deg == pytest.approx(run[VIEW_KEYS[name]], abs=1e-9), name
+        assert seen.angles[name].aor_deg == pytest.approx(
+            run[VIEW_KEYS[name]], abs=1e-9
+        ), name
 
 
-def test_the_lines_of_the_overlay_are_those_of_the_response_and_a_given_height_of_the_berry_wins(saved):
-    assert pile.MeasureSettings.of(config(berry_height_mm=20.0)["measure"], AXES).berry_height_mm == 20.0
+def test_the_lines_of_the_overlay_are_those_of_the_response_and_a_given_height_of_the_berry_wins(
+    saved,
+):
+    assert (
+        pile.MeasureSettings.of(
+            config(berry_height_mm=20.0)["measure"], AXES
+        ).berry_height_mm
+        == 20.0
+    )
     assert pile.MeasureSettings.of(config()["measure"], {}).berry_height_mm is None
     poured = saved_pours.first_pour(saved.with_name("007.npz"))
     lines = set()
     for name in DEFINITIONS:
         settings = pile.MeasureSettings.of(config(response=name)["measure"], AXES)
-        seen = pile.measure_image(saved_piles.side_view(poured, PARTICLE, settings), 0.25, settings).angle
+        seen = pile.measure_image(
+            saved_piles.side_view(poured, PARTICLE, settings), 0.25, settings
+        ).angle
         lines.add(seen.lines)
-        for line, sign, angle in zip(seen.lines, (1, -1), (seen.left_deg, seen.right_deg), strict=True):
+        for line, sign, angle in zip(
+            seen.lines, (1, -1), (seen.left_deg, seen.right_deg), strict=True
+        ):
             (u0, row0), (u1, row1) = line
-            assert math.degrees(math.atan2(row0 - row1, sign * (u1 - u0))) == pytest.approx(angle)
+            assert math.degrees(
+                math.atan2(row0 - row1, sign * (u1 - u0))
+            ) == pytest.approx(angle)
     assert len(lines) == len(DEFINITIONS)
 
 
@@ -172,40 +251,76 @@ def test_files_that_are_no_pours_are_named(saved, name, content, message):
 
 
 def of_grains(name, change):
-    return f"{name}_1", lambda arrays: arrays | {f"{name}_1": change(arrays[f"{name}_1"])}
+    return (
+        f"{name}_1",
+        lambda arrays: arrays | {f"{name}_1": change(arrays[f"{name}_1"])},
+    )
 
 
 IMPOSSIBLE = (
-    (*of_grains("position", lambda values: np.where(np.arange(len(values))[:, None] == 3, np.nan, values)), "finite"),
-    (*of_grains("position", lambda values: values[:10]), "of as many grains as the other arrays"),
+    (
+        *of_grains(
+            "position",
+            lambda values: np.where(
+                np.arange(len(values))[:, None] == 3, np.nan, values
+            ),
+        ),
+        "finite",
+    ),
+    (
+        *of_grains("position", lambda values: values[:10]),
+        "of as many grains as the other arrays",
+    ),
     (*of_grains("position", lambda values: values[:, :2]), r"numbers \(\d+, 3\)"),
     (*of_grains("position", lambda values: values.astype(str)), "numbers"),
     (*of_grains("quaternion", np.zeros_like), "a rotation of each grain"),
     (*of_grains("in_pile", lambda values: values[:-1]), "of as many grains"),
-    ("scale_1", lambda arrays: arrays | {"scale_1": np.full(len(arrays["in_pile_1"]), -1.0)}, "sizes above 0"),
-    ("position_1 in mm", lambda arrays: arrays | {"position_1": 1e6 * arrays["position_1"]}, "positions are in m"),
+    (
+        "scale_1",
+        lambda arrays: arrays | {"scale_1": np.full(len(arrays["in_pile_1"]), -1.0)},
+        "sizes above 0",
+    ),
+    (
+        "position_1 in mm",
+        lambda arrays: arrays | {"position_1": 1e6 * arrays["position_1"]},
+        "positions are in m",
+    ),
 )
 
 
-def test_impossible_records_and_grains_are_refused_and_those_of_a_spoiled_run_are_not_read(saved):
+def test_impossible_records_and_grains_are_refused_and_those_of_a_spoiled_run_are_not_read(
+    saved,
+):
     job = json.loads(saved.read_text())
 
     def change(**keys):
-        saved.write_text(json.dumps(job | {"pours": [job["pours"][0] | keys, *job["pours"][1:]]}))
+        saved.write_text(
+            json.dumps(job | {"pours": [job["pours"][0] | keys, *job["pours"][1:]]})
+        )
 
     def measure(keys):
         change(**keys)
         measure_job(Scene.of(config(), {}, AXES, PARTICLE), saved)
 
-    cases = [({"discharge_s": "long"}, "discharge_s is 'long'; expected a finite number, or null")]
-    cases += [({"discharge_s": math.nan}, "discharge_s is nan"), ({"reason": 3}, "reason is 3; expected text")]
+    cases = [
+        (
+            {"discharge_s": "long"},
+            "discharge_s is 'long'; expected a finite number, or null",
+        )
+    ]
+    cases += [
+        ({"discharge_s": math.nan}, "discharge_s is nan"),
+        ({"reason": 3}, "reason is 3; expected text"),
+    ]
     cases += [({"seed": 2}, "each seed once")]
     assert not_refused(measure, cases, InputError) == []
     del job["pours"][2]["reason"]
     measure({})
     path = saved.with_name("007.npz")
     whole = dict(np.load(path))
-    np.savez(path, **whole | {"position_3": np.nan * whole["position_3"]})  # the run that jammed
+    np.savez(
+        path, **whole | {"position_3": np.nan * whole["position_3"]}
+    )  # the run that jammed
     measure_job(Scene.of(config(), {}, AXES, PARTICLE), saved)
 
     def check(change, words):

@@ -27,7 +27,11 @@ def cone_of_berries(angle, rng, berries=500, height_m=0.062):
     a, reach = math.radians(angle), 0.0066
     centres = np.empty((0, 3))
     while len(centres) < berries:
-        p = rng.uniform([-1, -1, 0.11], [1, 1, 1], (4000, 3)) * height_m / [math.tan(a), math.tan(a), 1]
+        p = (
+            rng.uniform([-1, -1, 0.11], [1, 1, 1], (4000, 3))
+            * height_m
+            / [math.tan(a), math.tan(a), 1]
+        )
         over = np.hypot(p[:, 0], p[:, 1]) * math.sin(a) + p[:, 2] * math.cos(a)
         centres = np.concatenate([centres, p[over < height_m * math.cos(a) - reach]])
     return centres[:berries], rng.normal(size=(berries, 4))
@@ -42,11 +46,17 @@ def test_silhouette_equals_the_projection_of_a_cloud_of_surface_points(particle)
     image = silhouette(Grains(centres, q, particle), azimuth, mm, extent)
     assert image.shape == (120, 200)
     normals = rng.normal(size=(60_000, 3))
-    surface = particle.support_point(normals / np.linalg.norm(normals, axis=1, keepdims=True))
+    surface = particle.support_point(
+        normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    )
     cloud = np.zeros(image.shape, bool)
-    for c, turn in zip(centres, q / np.linalg.norm(q, axis=1, keepdims=True), strict=True):
+    for c, turn in zip(
+        centres, q / np.linalg.norm(q, axis=1, keepdims=True), strict=True
+    ):
         points = c + surface @ rotation(turn).T
-        u = points[:, 0] * math.cos(math.radians(azimuth)) + points[:, 1] * math.sin(math.radians(azimuth))
+        u = points[:, 0] * math.cos(math.radians(azimuth)) + points[:, 1] * math.sin(
+            math.radians(azimuth)
+        )
         row = np.floor(120 - points[:, 2] * 1e3 / mm).astype(int)
         column = np.floor((u - extent[0]) * 1e3 / mm).astype(int)
         cloud[row[row < 120], column[row < 120]] = True
@@ -68,38 +78,59 @@ def test_silhouettes_and_height_of_the_members_and_what_is_no_pile():
     centres = np.array([[0.03, 0.0, 0.01], [0.0, 0.0, 0.02]])
     q = np.array([[0.5, 0.5, 0.1, 0.7], [1.0, 0, 0, 0]])
     extent = (-0.06, 0.06, 0.04)
-    front, back = (silhouette(Grains(centres, q, BERRY), a, MM, extent) for a in (0.0, 180.0))
+    front, back = (
+        silhouette(Grains(centres, q, BERRY), a, MM, extent) for a in (0.0, 180.0)
+    )
     assert (front < 128).any(axis=0).nonzero()[0].max() > 300
     assert np.mean(front[:, ::-1] != back) < 2e-3
     rng = np.random.default_rng(2)
     centres, q = cone_of_berries(25, rng)
     stray = np.array([[0.2, 0.0, 0.01], [-0.2, 0.1, 0.01]])
-    with_stray = Grains(np.vstack([centres, stray]), np.vstack([q, rng.normal(size=(2, 4))]), BERRY)
+    with_stray = Grains(
+        np.vstack([centres, stray]), np.vstack([q, rng.normal(size=(2, 4))]), BERRY
+    )
     members = np.arange(502) < 500
-    alone, masked = measure_pile(Grains(centres, q, BERRY)), measure_pile(with_stray, members=members)
+    alone, masked = (
+        measure_pile(Grains(centres, q, BERRY)),
+        measure_pile(with_stray, members=members),
+    )
     assert (masked.aor_deg, masked.height_mm) == (alone.aor_deg, alone.height_mm)
     assert alone.aor[alone.response].shape == alone.view_height_mm.shape == (18,)
     assert alone.aor_deg == pytest.approx(alone.aor[alone.response].mean())
     assert np.abs(alone.view_height_mm - alone.height_mm).max() < MM
-    assert measure_pile(with_stray, MeasureSettings(largest_pile_only=False), members).aor_deg < alone.aor_deg - 1
+    assert (
+        measure_pile(
+            with_stray, MeasureSettings(largest_pile_only=False), members
+        ).aor_deg
+        < alone.aor_deg - 1
+    )
     rng = np.random.default_rng(4)
     flat = np.column_stack([rng.uniform(-0.1, 0.1, (80, 2)), np.full(80, 0.005)])
     lying = Grains(flat, np.tile([1.0, 0, 0, 0], (80, 1)), BERRY)
     raised(NoFlankError, "mm high", measure_pile, lying)
     raised(NoFlankError, "no grain", measure_pile, lying, members=np.zeros(80, bool))
     pile = cone_of_berries(25, np.random.default_rng(2))
-    with pytest.raises(NoFlankError, match=r"by 1\d pixels of 5 mm \(measure.mm_per_pixel\); a flank needs 20 by 20"):
+    with pytest.raises(
+        NoFlankError,
+        match=r"by 1\d pixels of 5 mm \(measure.mm_per_pixel\); a flank needs 20 by 20",
+    ):
         measure_pile(Grains(*pile, BERRY), MeasureSettings(mm_per_pixel=5.0))
 
 
 @pytest.mark.parametrize("largest_only", [True, False])
-def test_a_silhouette_is_split_as_any_picture_of_its_tones_to_the_last_bit(largest_only):
+def test_a_silhouette_is_split_as_any_picture_of_its_tones_to_the_last_bit(
+    largest_only,
+):
     centres, q = cone_of_berries(30, np.random.default_rng(3), 250)
     centres[::10, 0] += 0.12  # berries beside the pile, and gaps in it
     image = silhouette(Grains(centres, q, BERRY), mm_per_pixel=MM)
     known = of_silhouette(image, PILE_TONE, BACKGROUND_TONE, largest_only)
     found = segment(image, largest_only, base_row=image.shape[0] - 0.5)
-    assert (known.level, known.base_row, known.pile_is) == (found.level, found.base_row, found.pile_is)
+    assert (known.level, known.base_row, known.pile_is) == (
+        found.level,
+        found.base_row,
+        found.pile_is,
+    )
     for name in ("grey", "contrast", "mask"):
         assert getattr(known, name).dtype == getattr(found, name).dtype
         np.testing.assert_array_equal(getattr(known, name), getattr(found, name))
@@ -128,32 +159,49 @@ def cone(slope_deg, height_mm=60.0, foot_mm=10.0):
     half = height_mm / math.tan(math.radians(slope_deg)) / MM_PER_PIXEL
     columns = np.arange(math.ceil(2 * half) + 2 * round(foot_mm / MM_PER_PIXEL))
     middle = (len(columns) - 1) / 2
-    return np.maximum(0, height_mm / MM_PER_PIXEL * (1 - np.abs(columns - middle) / half))
+    return np.maximum(
+        0, height_mm / MM_PER_PIXEL * (1 - np.abs(columns - middle) / half)
+    )
 
 
 def test_slopes_widths_and_scatter_are_those_of_cones():
     angle, berry = 31.0, 12.0
     base = 60.0 / math.tan(math.radians(angle))
     volume = math.pi * base**2 * 60.0 / 3
-    found = further_responses.of_profile([cone(angle)] * 3, MM_PER_PIXEL, 60.0, berry, 0.6 * volume)
+    found = further_responses.of_profile(
+        [cone(angle)] * 3, MM_PER_PIXEL, 60.0, berry, 0.6 * volume
+    )
     assert found["base_radius_mm"] == pytest.approx(base * (1 - berry / 60), abs=0.3)
-    assert (found["lower_deg"], found["upper_deg"]) == (pytest.approx(angle, abs=0.3), pytest.approx(angle, abs=0.3))
+    assert (found["lower_deg"], found["upper_deg"]) == (
+        pytest.approx(angle, abs=0.3),
+        pytest.approx(angle, abs=0.3),
+    )
     assert found["packing_percent"] == pytest.approx(60, abs=0.5)
     profile = cone(31.0)
     hollow = profile**2 / profile.max()  # steep at the top, flat at the foot
     found = further_responses.of_profile([hollow], MM_PER_PIXEL, 60.0, 12.0, 1e5)
     # z = H (1 - r / R)^2
-    base, half, upper = (60 / math.tan(math.radians(31)) * (1 - math.sqrt(z)) for z in (0.2, 0.5, 0.8))
-    assert found["lower_deg"] == pytest.approx(math.degrees(math.atan(18 / (base - half))), abs=0.4)
-    assert found["upper_deg"] == pytest.approx(math.degrees(math.atan(18 / (half - upper))), abs=0.8)
+    base, half, upper = (
+        60 / math.tan(math.radians(31)) * (1 - math.sqrt(z)) for z in (0.2, 0.5, 0.8)
+    )
+    assert found["lower_deg"] == pytest.approx(
+        math.degrees(math.atan(18 / (base - half))), abs=0.4
+    )
+    assert found["upper_deg"] == pytest.approx(
+        math.degrees(math.atan(18 / (half - upper))), abs=0.8
+    )
     assert found["upper_deg"] > found["lower_deg"] + 5
     wide, low = cone(31.0), cone(31.0, height_mm=20.0)
     level = np.array([10.0, 40.0])
     one = further_responses.mean_half_width([wide], MM_PER_PIXEL, level)
     both = further_responses.mean_half_width([wide, low], MM_PER_PIXEL, level)
-    assert one == pytest.approx([50 / math.tan(math.radians(31)), 20 / math.tan(math.radians(31))], abs=0.3)
+    assert one == pytest.approx(
+        [50 / math.tan(math.radians(31)), 20 / math.tan(math.radians(31))], abs=0.3
+    )
     assert both[1] == pytest.approx(one[1] / 2)
-    with pytest.raises(NoFlankError, match=r"half of 20.0 mm is not above a grain, 12.0 mm"):
+    with pytest.raises(
+        NoFlankError, match=r"half of 20.0 mm is not above a grain, 12.0 mm"
+    ):
         further_responses.of_profile([low], MM_PER_PIXEL, 20.0, 12.0, 1.0)
     centres = np.zeros((102, 3))
     centres[:, 0] = 1e-3 * np.arange(1, 103)
@@ -165,7 +213,14 @@ def test_slopes_widths_and_scatter_are_those_of_cones():
     found = further_responses.of_scatter(centres, pile, 300.0)
     assert found["radius_90_mm"] == pytest.approx(np.quantile(np.arange(1, 101), 0.9))
     assert found["loose_percent"] == pytest.approx(5.0)
-    raised(NoFlankError, "no grain", further_responses.of_scatter, centres[101:], pile[101:], 300.0)
+    raised(
+        NoFlankError,
+        "no grain",
+        further_responses.of_scatter,
+        centres[101:],
+        pile[101:],
+        300.0,
+    )
 
 
 @pytest.mark.parametrize("definition", DEFINITIONS)

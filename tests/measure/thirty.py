@@ -17,10 +17,19 @@ from repose.measure.drawing import overlay
 from repose.measure.settings import MeasureSettings
 
 # Walls and plates, blue first.
-PALETTE = {"white": (225, 228, 230), "grey": (140, 142, 145), "blue": (170, 105, 55), "wood": (95, 140, 185)}
+PALETTE = {
+    "white": (225, 228, 230),
+    "grey": (140, 142, 145),
+    "blue": (170, 105, 55),
+    "wood": (95, 140, 185),
+}
 PALETTE |= {"green": (95, 140, 80), "black": (45, 45, 48)}
 # Size, focal length in widths, k1 and k2.
-CAMERAS = [((1600, 1200), 0.80, (0.0, 0.0)), ((1680, 1260), 0.95, (-0.12, 0.02)), ((1520, 1140), 1.40, (0.08, -0.02))]
+CAMERAS = [
+    ((1600, 1200), 0.80, (0.0, 0.0)),
+    ((1680, 1260), 0.95, (-0.12, 0.02)),
+    ((1520, 1140), 1.40, (0.08, -0.02)),
+]
 
 
 def scenes(camera, draw=0):
@@ -83,53 +92,98 @@ def errors(folder, kept=range(30), of_the_sheet=8, draw=0):
     for camera in range(3):
         chosen = [scene for scene in scenes(camera, draw) if scene.seed % 1000 in kept]
         alone = sheet_alone(camera)[:of_the_sheet] if chosen else []
-        paths = {scene.seed: folder / f"{scene.seed}.png" for scene in (*chosen, *alone)}
+        paths = {
+            scene.seed: folder / f"{scene.seed}.png" for scene in (*chosen, *alone)
+        }
         for scene in (*chosen, *alone):
             cv2.imwrite(str(paths[scene.seed]), photograph(scene))
         for crop in sorted({scene.crop for scene in chosen}):
             same = [scene for scene in chosen if scene.crop == crop]
             how = MeasureSettings(berry_height_mm=same[0].berry_mm)
-            own, of_sheet = ([paths[one.seed] for one in some] for some in (same, alone))
+            own, of_sheet = (
+                [paths[one.seed] for one in some] for some in (same, alone)
+            )
             found = photographs.measure_all(own, how, photographs.Scale(), of_sheet)
             for scene, one in zip(same, found, strict=True):
                 true, seen = truth(scene, how), one.measurement
-                off = (seen.aor_deg - true.aor_deg, seen.height_mm - true.height_mm) if seen else one.refused
+                off = (
+                    (seen.aor_deg - true.aor_deg, seen.height_mm - true.height_mm)
+                    if seen
+                    else one.refused
+                )
                 missed[scene.seed % 1000] = off
     return missed
 
 
 # A scene that is drawn in a second, and what goes wrong.
-SMALL = {"seed": 5, "crop": "pea", "angle": 28.0, "height": 40.0, "size": (1000, 750), "focal": 950.0}
-SMALL |= {"position": (0.0, -520.0, 45.0), "aim": (-60.0, 0.0, 50.0), "sheet_left": -240.0}
+SMALL = {
+    "seed": 5,
+    "crop": "pea",
+    "angle": 28.0,
+    "height": 40.0,
+    "size": (1000, 750),
+    "focal": 950.0,
+}
+SMALL |= {
+    "position": (0.0, -520.0, 45.0),
+    "aim": (-60.0, 0.0, 50.0),
+    "sheet_left": -240.0,
+}
 SMALL |= {"wall": PALETTE["white"], "ground": PALETTE["blue"]}
-TILTED = {"rotation": (0.0, 0.0, 14.0), "crop": "goji", "height": 55.0, "wall": PALETTE["green"], "angle": 33.0}
-TILTED |= {"position": (0.0, -680.0, 60.0), "sheet_left": -280.0, "aim": (-80.0, 0.0, 50.0)}
-CLOTH = {"crop": "maize", "texture": "cloth", "ground": PALETTE["black"], "loose": 12, "uneven": 0.4}
+TILTED = {
+    "rotation": (0.0, 0.0, 14.0),
+    "crop": "goji",
+    "height": 55.0,
+    "wall": PALETTE["green"],
+    "angle": 33.0,
+}
+TILTED |= {
+    "position": (0.0, -680.0, 60.0),
+    "sheet_left": -280.0,
+    "aim": (-80.0, 0.0, 50.0),
+}
+CLOTH = {
+    "crop": "maize",
+    "texture": "cloth",
+    "ground": PALETTE["black"],
+    "loose": 12,
+    "uneven": 0.4,
+}
 GOOD = (
     ({}, "a plain wall"),
     (TILTED, "tilted by 14°"),
     (CLOTH | {"ruler": "standing"}, "cloth, loose grains, a ruler"),
-    ({"crop": "wheat", "hand": 0.45, "shadow": 0.5, "wall": PALETTE["grey"]}, "the shadow of a hand"),
+    (
+        {"crop": "wheat", "hand": 0.45, "shadow": 0.5, "wall": PALETTE["grey"]},
+        "the shadow of a hand",
+    ),
 )
 BAD = (
     ({"aim": (-170.0, 0.0, 50.0), "focal": 1500.0}, "runs out of the picture"),
     ({"sheet_left": -130.0}, "the sheet hides a part"),
     ({"position": (0.0, -520.0, 190.0)}, "the crest from 17 degrees above"),
-    ({"wall": (60, 150, 95), "ground": (60, 150, 95), "texture": "speckle"}, "background is not plain"),
+    (
+        {"wall": (60, 150, 95), "ground": (60, 150, 95), "texture": "speckle"},
+        "background is not plain",
+    ),
 )
 
 
 def measured(folder, scene, name="pile"):
     path = Path(folder) / f"{name}.png"
     cv2.imwrite(str(path), photograph(scene))
-    return photographs.measure_all([path], MeasureSettings(berry_height_mm=scene.berry_mm), photographs.Scale())[0]
+    return photographs.measure_all(
+        [path], MeasureSettings(berry_height_mm=scene.berry_mm), photographs.Scale()
+    )[0]
 
 
 def picture(path):
     """Draw four photographs that are measured, what was found in them, and four that are refused."""
     import matplotlib.pyplot as plt
 
-    canvas, axes = plt.subplots(3, 4, figsize=(7.5, 4.3), height_ratios=(3, 1.4, 3), layout="constrained")
+    canvas, axes = plt.subplots(
+        3, 4, figsize=(7.5, 4.3), height_ratios=(3, 1.4, 3), layout="constrained"
+    )
     with tempfile.TemporaryDirectory() as folder:
         for column, (change, title) in enumerate(GOOD):
             one = measured(folder, Scene(**SMALL | change))
@@ -137,7 +191,9 @@ def picture(path):
             axes[0, column].set_title(title, fontsize=8)
             axes[1, column].imshow(overlay(one.view, one.measurement)[..., ::-1])
             found = one.measurement
-            axes[1, column].set_title(f"{found.aor_deg:.1f}°, Height {found.height_mm:.1f} mm", fontsize=8)
+            axes[1, column].set_title(
+                f"{found.aor_deg:.1f}°, Height {found.height_mm:.1f} mm", fontsize=8
+            )
         for column, (change, reason) in enumerate(BAD):
             one = measured(folder, Scene(**SMALL | change))
             axes[2, column].imshow(cv2.imread(str(one.path))[..., ::-1])
@@ -156,7 +212,10 @@ def report(draw, missed):
             print(f"  {number}: {one}")
     found = np.array([one for one in missed.values() if not isinstance(one, str)])
     mean, sd, most = found.mean(0), found.std(0, ddof=1), np.abs(found).max(0)
-    cells = [f"{mean[k]:+.2f} ± {sd[k] / len(found) ** 0.5:.2f} | {most[k]:.2f}" for k in range(2)]
+    cells = [
+        f"{mean[k]:+.2f} ± {sd[k] / len(found) ** 0.5:.2f} | {most[k]:.2f}"
+        for k in range(2)
+    ]
     print(" | ".join(["", str(draw), str(len(found)), *cells, ""]).strip(), flush=True)
     return found
 

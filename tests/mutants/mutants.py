@@ -37,7 +37,9 @@ def main():
             content = path.read_text()
             for old, new, *why in group["mutants"]:
                 if content.count(old) != 1:
-                    sys.exit(f"{path}: {old!r} stands there {content.count(old)} times; it must be once")
+                    sys.exit(
+                        f"{path}: {old!r} stands there {content.count(old)} times; it must be once"
+                    )
                 path.write_text(content.replace(old, new))
                 status, _ = tested(folder, group["tests"], False, MOST_S)
                 path.write_text(content)

@@ -33,7 +33,16 @@ SWAPPED = {
 SEED = 20261203  # write down the next one before it is drawn
 LONGEST_S = 60  # of CPU time of the tests of a module; where they take longer without a mutant, its own file alone
 MOST_S = 300  # of CPU time of these; a mutant that takes longer is caught, too
-LOADED = ("numpy", "scipy.stats", "scipy.optimize", "scipy.spatial", "pandas", "cv2", "pytest", "xdist.scheduler")
+LOADED = (
+    "numpy",
+    "scipy.stats",
+    "scipy.optimize",
+    "scipy.spatial",
+    "pandas",
+    "cv2",
+    "pytest",
+    "xdist.scheduler",
+)
 PYTEST = ("-p", "no:cacheprovider", "-o", "addopts=", "-m", "not slow", "-x", "-q")
 NO_TEST = 5  # status of pytest
 
@@ -44,7 +53,9 @@ def places(path):
     starts = np.cumsum([0, *(len(line) for line in text.splitlines(keepends=True))])
 
     def span(node):
-        return starts[node.lineno - 1] + node.col_offset, starts[node.end_lineno - 1] + node.end_col_offset
+        return starts[node.lineno - 1] + node.col_offset, starts[
+            node.end_lineno - 1
+        ] + node.end_col_offset
 
     def between(left, right, operator):
         begin, end = span(left)[1], span(right)[0]
@@ -53,26 +64,45 @@ def places(path):
             yield begin + found.start(), begin + found.end(), SWAPPED[type(operator)]
 
     tree = ast.parse(text)
-    typed = [getattr(node, name, None) for node in ast.walk(tree) for name in ("annotation", "returns")]
-    skipped = {id(inner) for part in typed if part for inner in ast.walk(part)}  # no run reads annotations
+    typed = [
+        getattr(node, name, None)
+        for node in ast.walk(tree)
+        for name in ("annotation", "returns")
+    ]
+    skipped = {
+        id(inner) for part in typed if part for inner in ast.walk(part)
+    }  # no run reads annotations
     for node in ast.walk(tree):
         if id(node) in skipped:
             continue
-        if isinstance(node, ast.BinOp) and not isinstance(node.left, ast.JoinedStr | ast.Constant):
+        if isinstance(node, ast.BinOp) and not isinstance(
+            node.left, ast.JoinedStr | ast.Constant
+        ):
             yield from between(node.left, node.right, node.op)
         elif isinstance(node, ast.Compare):
             yield from between(node.left, node.comparators[0], node.ops[0])
         elif isinstance(node, ast.BoolOp):
             yield from between(node.values[0], node.values[1], node.op)
         elif isinstance(node, ast.Constant) and type(node.value) in (int, float):
-            value = node.value + 1 if isinstance(node.value, int) else 2 * node.value or 1.0
+            value = (
+                node.value + 1 if isinstance(node.value, int) else 2 * node.value or 1.0
+            )
             yield (*span(node), repr(value))
 
 
 def drawn(number, seed):
     random = np.random.default_rng(seed)
-    rooms = sorted(path for path in SOURCE.iterdir() if path.is_dir() and any(path.rglob("*.py")))
-    found = {room: [(path, place) for path in sorted(room.rglob("*.py")) for place in places(path)] for room in rooms}
+    rooms = sorted(
+        path for path in SOURCE.iterdir() if path.is_dir() and any(path.rglob("*.py"))
+    )
+    found = {
+        room: [
+            (path, place)
+            for path in sorted(room.rglob("*.py"))
+            for place in places(path)
+        ]
+        for room in rooms
+    }
     chosen = []
     for k in range(number):
         every = found[rooms[k % len(rooms)]]
@@ -90,13 +120,18 @@ def written(path, rows, where, how=""):
 
 def tests_of(path):
     """Test files that name a module, its own first."""
-    room, dotted = path.relative_to(SOURCE).parts[0], ".".join(path.relative_to(SOURCE).with_suffix("").parts)
+    room, dotted = (
+        path.relative_to(SOURCE).parts[0],
+        ".".join(path.relative_to(SOURCE).with_suffix("").parts),
+    )
     parent, _, stem = dotted.rpartition(".")
     imported = rf"from repose\.{re.escape(parent)} import [^\n]*\b{stem}\b"
     named = re.compile(rf"repose\.{re.escape(dotted)}\b|{imported}|\b{stem}\.")
     files = sorted((ROOT / "tests").rglob("test_*.py"))
     own = [file for file in files if file.name == f"test_{stem}.py"]
-    others = [file for file in files if file not in own and named.search(file.read_text())]
+    others = [
+        file for file in files if file not in own and named.search(file.read_text())
+    ]
     others.sort(key=lambda file: file.relative_to(ROOT / "tests").parts[0] != room)
     chosen = own + others or [ROOT / "tests" / room]
     return [str(file.relative_to(ROOT)) for file in chosen], len(own)
@@ -118,7 +153,10 @@ def tested(folder, tests, compiled, most_s):
                 os.dup2(out.fileno(), number)
             sys.dont_write_bytecode = True
             sys.path[:0] = [f"{folder}/src", str(folder)]
-            os.environ |= {"PYTHONPATH": f"{folder}/src:{folder}", "PYTHONDONTWRITEBYTECODE": "1"}
+            os.environ |= {
+                "PYTHONPATH": f"{folder}/src:{folder}",
+                "PYTHONDONTWRITEBYTECODE": "1",
+            }
             os.environ |= {} if compiled else {"NUMBA_DISABLE_JIT": "1"}
             status = 1
             try:
@@ -143,7 +181,10 @@ def found(folder, path, wrong):
         where.write_bytes(text)
         if status in (0, NO_TEST):
             return False
-        guilty = re.findall(r"^(?:FAILED|ERROR) (.*?)(?: - .*)?$", said, re.MULTILINE)[:1] or tests
+        guilty = (
+            re.findall(r"^(?:FAILED|ERROR) (.*?)(?: - .*)?$", said, re.MULTILINE)[:1]
+            or tests
+        )
         clean, _ = tested(folder, guilty, compiled, most_s)
         if clean > 0:
             raise SystemExit(f"{' '.join(guilty)} fail without any mutant")
@@ -169,9 +210,14 @@ def main():
             text = path.read_bytes()
             wrong = text[:start] + new.encode() + text[end:]
             number = text[:start].count(b"\n")
-            before, after = (content.splitlines()[number].decode().strip() for content in (text, wrong))
+            before, after = (
+                content.splitlines()[number].decode().strip()
+                for content in (text, wrong)
+            )
             how = "caught" if found(folder, path, wrong) else "**survived**"
-            rows.append(f"| {path.relative_to(SOURCE)} {number + 1} | `{before}` | `{after}` | {how} |")
+            rows.append(
+                f"| {path.relative_to(SOURCE)} {number + 1} | `{before}` | `{after}` | {how} |"
+            )
             print(rows[-1], flush=True)
     written(HERE / "random_lines.md", rows, "place", f", seed {arguments.seed}")
 

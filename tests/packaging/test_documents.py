@@ -8,7 +8,12 @@ from shared import ROOT, run_python
 
 pytestmark = pytest.mark.slow
 
-DOCUMENTS = ("CONTRIBUTING.md", "docs/start.md", "docs/notebook.md", "docs/reference.md")
+DOCUMENTS = (
+    "CONTRIBUTING.md",
+    "docs/start.md",
+    "docs/notebook.md",
+    "docs/reference.md",
+)
 
 
 def sections(document, between="\n"):
@@ -16,13 +21,21 @@ def sections(document, between="\n"):
     parts = re.split(r"^#+ (.+)$", (ROOT / document).read_text(), flags=re.MULTILINE)
     found = {}
     for heading, text in zip(parts[1::2], parts[2::2], strict=True):
-        blocks = re.findall(r"^```(?:python|{code-cell} ipython3)\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+        blocks = re.findall(
+            r"^```(?:python|{code-cell} ipython3)\n(.*?)^```$",
+            text,
+            re.MULTILINE | re.DOTALL,
+        )
         if blocks:
             found[heading] = between.join(blocks)
     return found
 
 
-EXAMPLES = {f"{document}: {heading}": code for document in DOCUMENTS for heading, code in sections(document).items()}
+EXAMPLES = {
+    f"{document}: {heading}": code
+    for document in DOCUMENTS
+    for heading, code in sections(document).items()
+}
 
 
 @pytest.mark.parametrize("what", ["contact law", "response", "surrogate", "strategy"])
@@ -52,10 +65,26 @@ def file_to_add(what):
 def test_the_file_to_add_passes_the_checks_of_style(what):
     file = file_to_add(what)
     for words in (["check"], ["format", "--check"]):
-        run_python("-m", "ruff", *words, "--stdin-filename", PLACES[what], "-", cwd=ROOT, input=file)
+        run_python(
+            "-m",
+            "ruff",
+            *words,
+            "--stdin-filename",
+            PLACES[what],
+            "-",
+            cwd=ROOT,
+            input=file,
+        )
 
 
 def test_the_files_to_add_have_types(tmp_path):
     for what, place in PLACES.items():
         (tmp_path / Path(place).name).write_text(file_to_add(what))
-    run_python("-m", "mypy", "--config-file", "pyproject.toml", *tmp_path.glob("*.py"), cwd=ROOT)
+    run_python(
+        "-m",
+        "mypy",
+        "--config-file",
+        "pyproject.toml",
+        *tmp_path.glob("*.py"),
+        cwd=ROOT,
+    )

@@ -19,13 +19,30 @@ def test_tests_of_the_same_kernels_run_on_one_worker(tmp_path):
     for name in FILES:
         path = tmp_path / "tests" / f"{name}.py"
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text("import time\n\n" + "".join(f"def test_{k}(): time.sleep(0.05)\n" for k in range(6)))
+        path.write_text(
+            "import time\n\n"
+            + "".join(f"def test_{k}(): time.sleep(0.05)\n" for k in range(6))
+        )
     shutil.copy(TESTS / "conftest.py", tmp_path / "tests")
-    words = ["-v", "-n", "2", "--dist", "loadscope", "-p", "no:cacheprovider", "--rootdir", "."]
+    words = [
+        "-v",
+        "-n",
+        "2",
+        "--dist",
+        "loadscope",
+        "-p",
+        "no:cacheprovider",
+        "--rootdir",
+        ".",
+    ]
     printed, workers = run_python("-m", "pytest", *words, cwd=tmp_path), {}
-    for worker, name in re.findall(r"^\[(gw\d)\].* tests/(\S+)\.py::", printed, re.MULTILINE):
+    for worker, name in re.findall(
+        r"^\[(gw\d)\].* tests/(\S+)\.py::", printed, re.MULTILINE
+    ):
         workers.setdefault(name, set()).add(worker)
     assert set(workers) == set(FILES)
     assert all(len(found) == 1 for found in workers.values())
     assert workers["apparatus/test_a"] == workers["cli/test_c"] == workers["dem/test_b"]
-    assert workers["dem/test_b"] != workers["measure/test_g"] == workers["measure/test_h"]
+    assert (
+        workers["dem/test_b"] != workers["measure/test_g"] == workers["measure/test_h"]
+    )

@@ -20,10 +20,27 @@ from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 DEPENDENCIES = PROJECT["project"]["dependencies"]
 EXTRAS = PROJECT["project"]["optional-dependencies"]
-PARTS = [line for name in ("simulator", "pictures") for line in EXTRAS[name] if "[" not in line]
-TESTED = [*DEPENDENCIES, *PARTS, *EXTRAS["workflow"], *EXTRAS["research"], *EXTRAS["test"]]
-PINS = [line for line in (ROOT / "environment.txt").read_text().splitlines() if not line.startswith(("#", "-e"))]
-LOCK = re.sub(r"^#.*\n", "", (ROOT / "environment.lock").read_text(), flags=re.MULTILINE)
+PARTS = [
+    line
+    for name in ("simulator", "pictures")
+    for line in EXTRAS[name]
+    if "[" not in line
+]
+TESTED = [
+    *DEPENDENCIES,
+    *PARTS,
+    *EXTRAS["workflow"],
+    *EXTRAS["research"],
+    *EXTRAS["test"],
+]
+PINS = [
+    line
+    for line in (ROOT / "environment.txt").read_text().splitlines()
+    if not line.startswith(("#", "-e"))
+]
+LOCK = re.sub(
+    r"^#.*\n", "", (ROOT / "environment.lock").read_text(), flags=re.MULTILINE
+)
 # What the extra `workflow` is for: `repose run`, and what is written for calls of snakemake.
 RUN = {"cli/run.py", "cli/run_display.py", "config/call.py", "core/usage.py"}
 CITATION = yaml.safe_load((ROOT / "CITATION.cff").read_text())
@@ -35,7 +52,9 @@ FRONT, PAPER = (ROOT / "paper.md").read_text().removeprefix("---\n").split("\n--
 
 
 def names(requirements):
-    return {re.match(r"[\w.-]+", line).group().lower() for line in requirements} - {"repose-dem"}
+    return {re.match(r"[\w.-]+", line).group().lower() for line in requirements} - {
+        "repose-dem"
+    }
 
 
 def imported(paths):
@@ -47,8 +66,14 @@ def imported(paths):
             elif isinstance(node, ast.ImportFrom) and not node.level:
                 found.add(node.module.partition(".")[0])
     homes = metadata.packages_distributions()
-    theirs = found - sys.stdlib_module_names - {path.name for path in (ROOT / "src").iterdir()}
-    return {name.lower().replace("_", "-") for module in theirs for name in homes[module]}
+    theirs = (
+        found
+        - sys.stdlib_module_names
+        - {path.name for path in (ROOT / "src").iterdir()}
+    )
+    return {
+        name.lower().replace("_", "-") for module in theirs for name in homes[module]
+    }
 
 
 def test_every_dependency_is_imported_declared_in_a_range_and_pinned():
@@ -74,36 +99,69 @@ def test_lock_file_wheel_and_source_distribution_hold_what_they_should():
     assert "://" not in LOCK
     targets = PROJECT["tool"]["hatch"]["build"]["targets"]
     wheel, sdist = targets["wheel"], targets["sdist"]
-    assert wheel["sources"] == {"src": "", "docs": "repose/data/docs"}  # `repose docs` reads them
+    assert wheel["sources"] == {
+        "src": "",
+        "docs": "repose/data/docs",
+    }  # `repose docs` reads them
     included = wheel["force-include"]
-    cards = {"crops/cards", *(f"results/published/{name}/card.json" for name in ("fast", "recommended"))}
-    assert set(included) == {"Snakefile", "config", "profiles", "resources", "workflow"} | cards
+    cards = {
+        "crops/cards",
+        *(f"results/published/{name}/card.json" for name in ("fast", "recommended")),
+    }
+    assert (
+        set(included)
+        == {"Snakefile", "config", "profiles", "resources", "workflow"} | cards
+    )
     for source, place in included.items():
         assert (ROOT / source).exists()
         assert place == f"repose/data/{source}"
     assert (ROOT / "src" / "repose" / "py.typed").is_file()
     needed = {*included, "src", *PROJECT["project"]["license-files"]}
-    needed |= {"docs", "hatch_build.py"}  # pages of `repose docs`, and the commit of `repose --version`
-    assert set(sdist["only-include"]) == needed | {"CHANGELOG.md", "CITATION.cff", "README.md"}
+    needed |= {
+        "docs",
+        "hatch_build.py",
+    }  # pages of `repose docs`, and the commit of `repose --version`
+    assert set(sdist["only-include"]) == needed | {
+        "CHANGELOG.md",
+        "CITATION.cff",
+        "README.md",
+    }
 
 
 def test_the_index_shows_the_readme_and_hosted_checks_run_each_python():
     assert PROJECT["project"]["dynamic"] == ["readme", "version"]
     shown = PROJECT["tool"]["hatch"]["metadata"]["hooks"]["fancy-pypi-readme"]
-    text = "".join((ROOT / fragment["path"]).read_text() for fragment in shown["fragments"])
+    text = "".join(
+        (ROOT / fragment["path"]).read_text() for fragment in shown["fragments"]
+    )
     for change in shown["substitutions"]:
         text = re.sub(change["pattern"], change["replacement"], text)
     assert re.findall(r"!?\[[^\]]*\]\((?!https?:)[^)]*\)", text) == []
     assert text.count("\n## ") == (ROOT / "README.md").read_text().count("\n## ")
-    numbers = [line.rpartition(" ")[2] for line in PROJECT["project"]["classifiers"] if ":: Python ::" in line]
-    job = yaml.safe_load((ROOT / ".github/workflows/ci.yml").read_text())["jobs"]["checks"]
-    assert job["strategy"]["matrix"]["python"] == [number for number in numbers if "." in number]
-    assert PROJECT["project"]["requires-python"] == f">={job['strategy']['matrix']['python'][0]}"
+    numbers = [
+        line.rpartition(" ")[2]
+        for line in PROJECT["project"]["classifiers"]
+        if ":: Python ::" in line
+    ]
+    job = yaml.safe_load((ROOT / ".github/workflows/ci.yml").read_text())["jobs"][
+        "checks"
+    ]
+    assert job["strategy"]["matrix"]["python"] == [
+        number for number in numbers if "." in number
+    ]
+    assert (
+        PROJECT["project"]["requires-python"]
+        == f">={job['strategy']['matrix']['python'][0]}"
+    )
     assert job["steps"][-1] == {"run": ".ci/run"}
 
 
 def test_the_conda_recipe_needs_what_the_package_needs_and_the_pins_lie_in_the_ranges_of_the_wheel():
-    others = {"matplotlib-base": "matplotlib", "py-opencv": "opencv-python-headless", "snakemake-minimal": "snakemake"}
+    others = {
+        "matplotlib-base": "matplotlib",
+        "py-opencv": "opencv-python-headless",
+        "snakemake-minimal": "snakemake",
+    }
     recipe = yaml.safe_load((ROOT / "conda/recipe.yaml").read_text())
 
     def ranges(lines):
@@ -111,14 +169,21 @@ def test_the_conda_recipe_needs_what_the_package_needs_and_the_pins_lie_in_the_r
         return {others.get(one.name, one.name).lower(): one.specifier for one in found}
 
     python = f"python {PROJECT['project']['requires-python']}"
-    assert ranges(recipe["requirements"]["run"]) == ranges([python, *DEPENDENCIES, *PARTS])
-    assert ranges(recipe["requirements"]["host"]) == ranges([python, "pip", *PROJECT["build-system"]["requires"]])
+    assert ranges(recipe["requirements"]["run"]) == ranges(
+        [python, *DEPENDENCIES, *PARTS]
+    )
+    assert ranges(recipe["requirements"]["host"]) == ranges(
+        [python, "pip", *PROJECT["build-system"]["requires"]]
+    )
     of_run = [line for line in EXTRAS["workflow"] if not line.startswith("repose-dem")]
     assert ranges(recipe["requirements"]["run_constraints"]) == ranges(of_run)
     about, project = recipe["about"], PROJECT["project"]
     scripts = [f"{name} = {place}" for name, place in project["scripts"].items()]
     assert recipe["build"]["python"]["entry_points"] == scripts
-    assert (about["summary"], about["license"]) == (project["description"], project["license"])
+    assert (about["summary"], about["license"]) == (
+        project["description"],
+        project["license"],
+    )
     for line in (line for line in TESTED if not line.startswith("repose-dem")):
         requirement = Requirement(line)
         assert metadata.version(requirement.name) in requirement.specifier
@@ -126,28 +191,56 @@ def test_the_conda_recipe_needs_what_the_package_needs_and_the_pins_lie_in_the_r
 
 def test_the_reference_shows_each_public_name_of_the_engine_and_each_law():
     homes = {f"repose.dem.{home}" for home in dem._HOME.values()}
-    homes |= {law.kernel.__module__ for law in (*CONTACT_LAWS.values(), *ROLLING_LAWS.values())}
+    homes |= {
+        law.kernel.__module__
+        for law in (*CONTACT_LAWS.values(), *ROLLING_LAWS.values())
+    }
     assert not homes - SHOWN, homes - SHOWN
 
 
 def test_version_and_date_are_those_of_the_newest_release_and_the_archive_says_what_the_citation_says():
     changelog = (ROOT / "CHANGELOG.md").read_text()
-    version, date = re.search(r"^## \[(\d[\d.]*)\] - ([\d-]+)$", changelog, re.MULTILINE).groups()
+    version, date = re.search(
+        r"^## \[(\d[\d.]*)\] - ([\d-]+)$", changelog, re.MULTILINE
+    ).groups()
     recipe = yaml.safe_load((ROOT / "conda/recipe.yaml").read_text())
-    assert version == repose.__version__ == CITATION["version"] == ARCHIVE["version"] == recipe["context"]["version"]
+    assert (
+        version
+        == repose.__version__
+        == CITATION["version"]
+        == ARCHIVE["version"]
+        == recipe["context"]["version"]
+    )
     assert date == CITATION["date-released"] == ARCHIVE["publication_date"]
-    assert datetime.datetime.strptime(yaml.safe_load(FRONT)["date"], "%d %B %Y").date().isoformat() == date
-    same = {"title": "title", "abstract": "description", "keywords": "keywords", "license": "license"}
-    assert {there: CITATION[here] for here, there in same.items()} == {there: ARCHIVE[there] for there in same.values()}
+    assert (
+        datetime.datetime.strptime(yaml.safe_load(FRONT)["date"], "%d %B %Y")
+        .date()
+        .isoformat()
+        == date
+    )
+    same = {
+        "title": "title",
+        "abstract": "description",
+        "keywords": "keywords",
+        "license": "license",
+    }
+    assert {there: CITATION[here] for here, there in same.items()} == {
+        there: ARCHIVE[there] for there in same.values()
+    }
     assert [creator["name"] for creator in ARCHIVE["creators"]] == AUTHORS
     cited = [reference["doi"] for reference in CITATION["references"]]
-    assert [related["identifier"] for related in ARCHIVE["related_identifiers"]] == cited
+    assert [
+        related["identifier"] for related in ARCHIVE["related_identifiers"]
+    ] == cited
     assert ARCHIVE["upload_type"] == CITATION["type"]
 
 
 def test_the_paper_has_the_form_of_its_journal_with_references_and_pictures_that_are_there():
     front = yaml.safe_load(FRONT)
-    assert (front["title"], [author["name"] for author in front["authors"]]) == (CITATION["title"], AUTHORS)
+    assert (front["title"], [author["name"] for author in front["authors"]]) == (
+        CITATION["title"],
+        AUTHORS,
+    )
     assert {*CITATION["keywords"]} <= {*front["tags"]}
     assert front["bibliography"] == "paper.bib"
     assert re.findall(r"^# (.+)$", PAPER, re.MULTILINE) == [
@@ -157,15 +250,45 @@ def test_the_paper_has_the_form_of_its_journal_with_references_and_pictures_that
     assert 750 <= len(PAPER.split()) <= 1750
     keys = re.findall(r"^@\w+\{(\w+),$", (ROOT / "paper.bib").read_text(), re.MULTILINE)
     assert sorted(keys) == sorted({*re.findall(r"@(\w+)", PAPER)})
-    assert all((ROOT / path).is_file() for path in re.findall(r"!\[[^\]]*\]\(([^)]+)\)", PAPER))
-    assert re.findall(r"doi = \{([^}]+)\}", (ROOT / "paper.bib").read_text()) == [CITATION["references"][0]["doi"]]
+    assert all(
+        (ROOT / path).is_file() for path in re.findall(r"!\[[^\]]*\]\(([^)]+)\)", PAPER)
+    )
+    assert re.findall(r"doi = \{([^}]+)\}", (ROOT / "paper.bib").read_text()) == [
+        CITATION["references"][0]["doi"]
+    ]
 
 
 def test_what_the_owner_has_to_fill_in_is_where_the_page_on_releases_says():
     """No other file that git knows has the words of something that is still to come."""
-    words = "To fill in once they exist|OWNER/REPOSITORY|TO" + "DO|FIX" + "ME|example" + r"\.(com|org)"
-    kinds = [f"*.{kind}" for kind in ("md", "py", "toml", "cff", "yaml", "yml", "json", "txt", "smk")]
-    listed = subprocess.run(["git", "ls-files", *kinds], cwd=ROOT, capture_output=True, text=True, check=True).stdout
-    found = {path for path in listed.splitlines() if re.search(words, (ROOT / path).read_text(encoding="utf-8"))}
-    told = set(re.findall(r"^\| `([^`]+)` \|", (ROOT / "docs/release.md").read_text(), re.MULTILINE))
-    assert found == told | {"docs/release.md", "tests/packaging/test_metadata.py", "tests/documents/commands.yaml"}
+    words = (
+        "To fill in once they exist|OWNER/REPOSITORY|TO"
+        + "DO|FIX"
+        + "ME|example"
+        + r"\.(com|org)"
+    )
+    kinds = [
+        f"*.{kind}"
+        for kind in ("md", "py", "toml", "cff", "yaml", "yml", "json", "txt", "smk")
+    ]
+    listed = subprocess.run(
+        ["git", "ls-files", *kinds],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
+    found = {
+        path
+        for path in listed.splitlines()
+        if re.search(words, (ROOT / path).read_text(encoding="utf-8"))
+    }
+    told = set(
+        re.findall(
+            r"^\| `([^`]+)` \|", (ROOT / "docs/release.md").read_text(), re.MULTILINE
+        )
+    )
+    assert found == told | {
+        "docs/release.md",
+        "tests/packaging/test_metadata.py",
+        "tests/documents/commands.yaml",
+    }

@@ -17,11 +17,15 @@ targets: {angle_deg: {value: 30, sd: 1, repetitions: 5}}
 sequential: {start_samples: 6, seeds: 2}
 posterior: {walkers: 32, steps: 100}
 """
-WITHOUT = f"import sys; sys.modules |= dict.fromkeys({(*EXTRAS, 'snakemake', 'psutil')}); "
+WITHOUT = (
+    f"import sys; sys.modules |= dict.fromkeys({(*EXTRAS, 'snakemake', 'psutil')}); "
+)
 
 
 def without_extras(code, *words):
-    return subprocess.run([sys.executable, "-c", WITHOUT + code, *words], capture_output=True, text=True)
+    return subprocess.run(
+        [sys.executable, "-c", WITHOUT + code, *words], capture_output=True, text=True
+    )
 
 
 @pytest.mark.slow
@@ -44,12 +48,25 @@ print(study.answer().parameters)
 """
     found = without_extras(code)
     assert found.returncode == 0, found.stderr
-    assert float(found.stdout.split(":")[1].strip("} \n")) == pytest.approx(0.4925, abs=0.01)
+    assert float(found.stdout.split(":")[1].strip("} \n")) == pytest.approx(
+        0.4925, abs=0.01
+    )
     verb = "from repose.__main__ import main; sys.exit(main())"
-    assert without_extras(verb, "design", "--config", "own.yaml", "--out", "own").returncode == 0
+    assert (
+        without_extras(
+            verb, "design", "--config", "own.yaml", "--out", "own"
+        ).returncode
+        == 0
+    )
     table = pd.read_csv("own/samples.csv")
-    table.assign(angle_deg=20 + 20 * table["friction"] + 0.1 * table["run"]).to_csv("runs.csv", index=False)
-    done = without_extras(verb, "calibrate", "runs.csv", "--config", "own.yaml", "--out", "own")
+    table.assign(angle_deg=20 + 20 * table["friction"] + 0.1 * table["run"]).to_csv(
+        "runs.csv", index=False
+    )
+    done = without_extras(
+        verb, "calibrate", "runs.csv", "--config", "own.yaml", "--out", "own"
+    )
     assert (tmp_path / "own/card.json").is_file(), done.stderr
     assert done.returncode == 2, "the report needs libraries of an extra"
-    assert done.stderr.splitlines()[-1].endswith("expected `pip install 'repose-dem[workflow]'`, which has all")
+    assert done.stderr.splitlines()[-1].endswith(
+        "expected `pip install 'repose-dem[workflow]'`, which has all"
+    )

@@ -18,7 +18,9 @@ BERRY = {"shear_modulus_pa": 4.3e4, "poisson_ratio": 0.32}
 
 @pytest.fixture(scope="module")
 def goji():
-    return principal_pose(mesh_from_axes.berry_mesh((21.14, 11.37, 9.88), 1.25, 840.47)[0])
+    return principal_pose(
+        mesh_from_axes.berry_mesh((21.14, 11.37, 9.88), 1.25, 840.47)[0]
+    )
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +29,9 @@ def clump(goji):
 
 
 def test_known_unions_volumes_and_moments():
-    particle = build.make_particle(ellipsoid_mesh([10.0, 10.0, 10.0]), 1000.0, "multisphere", 14)
+    particle = build.make_particle(
+        ellipsoid_mesh([10.0, 10.0, 10.0]), 1000.0, "multisphere", 14
+    )
     np.testing.assert_allclose(particle.spheres_m, [[0, 0, 0, 5e-3]], atol=2e-5)
     assert particle.mass_kg == pytest.approx(4 / 3 * math.pi * 5e-3**3 * 1000, rel=0.01)
     spheres = np.array([[-0.5, 0, 0, 1.0], [0.5, 0, 0, 1.0]])
@@ -45,7 +49,10 @@ def test_a_filled_berry_has_the_meshs_mass_and_rough_ones_have_bumps(goji, clump
     body = body_of(goji, 840.47)
     assert clump.mass_kg == pytest.approx(1.25e-3, rel=1e-6)
     np.testing.assert_allclose(clump.inertia_kg_m2, body.inertia_kg_m2)
-    assert (clump.volume_m3, len(clump.spheres_m)) == (pytest.approx(body.volume_m3, rel=3e-3), 14)
+    assert (clump.volume_m3, len(clump.spheres_m)) == (
+        pytest.approx(body.volume_m3, rel=3e-3),
+        14,
+    )
     assert clump.deviation_max_m < 0.5e-3
     assert clump.deviation_rms_m < 0.15e-3
     np.testing.assert_allclose(clump.axes_m * 1e3, (21.14, 11.37, 9.88), rtol=0.05)
@@ -65,7 +72,9 @@ def test_a_filled_berry_has_the_meshs_mass_and_rough_ones_have_bumps(goji, clump
     np.testing.assert_allclose(full.spheres_m[:, :3], rough.spheres_m[:, :3])
 
 
-@pytest.mark.parametrize("surface", ["smooth", pytest.param("rough_full", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "surface", ["smooth", pytest.param("rough_full", marks=pytest.mark.slow)]
+)
 def test_the_fewest_spheres_are_near_volume_and_minor_axis(goji, surface):
     particle = build.make_particle(goji, 840.47, "multisphere", "fewest", surface)
     count = len(particle.spheres_m)
@@ -86,11 +95,17 @@ def test_the_volume_of_a_union_with_sixteen_times_the_points(goji):
     box = np.stack([goji.vertices.min(axis=0), goji.vertices.max(axis=0)])
     for surface in ("smooth", "rough"):
         spheres = 1e3 * sphere_packing.pack(goji, 40, surface).spheres_m
-        more = sphere_packing.union_volume(spheres, box, 16 * sphere_packing.VOLUME_POINTS)
-        assert sphere_packing.union_volume(spheres, box) == pytest.approx(more, rel=2e-3)
+        more = sphere_packing.union_volume(
+            spheres, box, 16 * sphere_packing.VOLUME_POINTS
+        )
+        assert sphere_packing.union_volume(spheres, box) == pytest.approx(
+            more, rel=2e-3
+        )
 
 
-def test_what_cannot_be_packed_is_refused_and_a_clump_keeps_its_numbers(goji, clump, tmp_path):
+def test_what_cannot_be_packed_is_refused_and_a_clump_keeps_its_numbers(
+    goji, clump, tmp_path
+):
     for keys in ({"count": 0}, {"count": 65}, {"surface": "furry"}):
         input_error(r"spheres|surface", sphere_packing.pack, goji, **keys)
     never = "no union of 14 to 60 rough spheres is within 2% of the mesh's volume"
@@ -100,16 +115,26 @@ def test_what_cannot_be_packed_is_refused_and_a_clump_keeps_its_numbers(goji, cl
     assert again.kind == "multisphere"
     np.testing.assert_allclose(again.spheres_m, clump.spheres_m, rtol=1e-11)
     assert again.semi_axes_m.shape == (0, 3)
-    np.testing.assert_allclose(again.mesh.inertia_kg_m2, clump.mesh_inertia_kg_m2, rtol=1e-11)
-    rows = build.compare({"multisphere": clump, "smooth": InputError("berry.stl", "share", 0.8, "0.95")})
+    np.testing.assert_allclose(
+        again.mesh.inertia_kg_m2, clump.mesh_inertia_kg_m2, rtol=1e-11
+    )
+    rows = build.compare(
+        {"multisphere": clump, "smooth": InputError("berry.stl", "share", 0.8, "0.95")}
+    )
     assert [row["body"] for row in rows] == ["mesh", "multisphere", "smooth"]
     assert rows[0]["mass_g"] == pytest.approx(1.25)
     assert "berry.stl" in rows[2]["refused"]
 
 
-def test_outlines_and_top_of_clumps_against_a_cloud_of_points_and_scales_move_convex_outlines_too(clump):
+def test_outlines_and_top_of_clumps_against_a_cloud_of_points_and_scales_move_convex_outlines_too(
+    clump,
+):
     rng = np.random.default_rng(5)
-    centres, turns, scales = rng.normal(0, 0.02, (4, 3)), rng.normal(size=(4, 4)), rng.uniform(0.8, 1.2, 4)
+    centres, turns, scales = (
+        rng.normal(0, 0.02, (4, 3)),
+        rng.normal(size=(4, 4)),
+        rng.uniform(0.8, 1.2, 4),
+    )
     grains = silhouette.Grains(centres, turns, clump, scales)
     polygons = silhouette.outlines(grains, [0.0, 70.0])
     assert polygons.shape == (2, 4 * 14, 64, 2)
@@ -117,7 +142,9 @@ def test_outlines_and_top_of_clumps_against_a_cloud_of_points_and_scales_move_co
     n /= np.linalg.norm(n, axis=1, keepdims=True)
     tops = []
     for k, turn in enumerate(rotation_matrices(turns)):
-        cloud = (clump.spheres_m[:, None, :3] + clump.spheres_m[:, None, 3:] * n).reshape(-1, 3)
+        cloud = (
+            clump.spheres_m[:, None, :3] + clump.spheres_m[:, None, 3:] * n
+        ).reshape(-1, 3)
         cloud = centres[k] + scales[k] * cloud @ turn.T
         tops.append(cloud[:, 2].max())
         for view, azimuth in enumerate(np.radians([0.0, 70.0])):
@@ -127,7 +154,13 @@ def test_outlines_and_top_of_clumps_against_a_cloud_of_points_and_scales_move_co
             assert own[..., 0].max() == pytest.approx(u.max(), abs=3e-5)
             assert own[..., 1].max() == pytest.approx(cloud[:, 2].max(), abs=3e-5)
     assert silhouette.top_of(grains) == pytest.approx(max(tops), abs=1e-5)
-    ball = Particle("ellipsoid", np.full((1, 3), 5e-3), 1.0, 0.0, 0.0, np.zeros(3), 5e-3, 0.0, 0.0)
-    grains = silhouette.Grains(np.zeros((2, 3)), np.tile([1.0, 0, 0, 0], (2, 1)), ball, [1.0, 2.0])
+    ball = Particle(
+        "ellipsoid", np.full((1, 3), 5e-3), 1.0, 0.0, 0.0, np.zeros(3), 5e-3, 0.0, 0.0
+    )
+    grains = silhouette.Grains(
+        np.zeros((2, 3)), np.tile([1.0, 0, 0, 0], (2, 1)), ball, [1.0, 2.0]
+    )
     polygons = silhouette.outlines(grains, [0.0], 1e-3)
-    np.testing.assert_allclose(np.linalg.norm(polygons[0], axis=-1), [[4e-3] * 64, [9e-3] * 64])
+    np.testing.assert_allclose(
+        np.linalg.norm(polygons[0], axis=-1), [[4e-3] * 64, [9e-3] * 64]
+    )

@@ -22,12 +22,25 @@ from repose.surrogate.settings import NetworkSettings
 
 pytestmark = [pytest.mark.slow, pytest.mark.essential]
 
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+CHROMIUM = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))),
+    None,
+)
 if CHROMIUM is None:
-    pytest.skip("no Chromium on this machine (Debian: apt-get install chromium)", allow_module_level=True)
-playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    pytest.skip(
+        "no Chromium on this machine (Debian: apt-get install chromium)",
+        allow_module_level=True,
+    )
+playwright = pytest.importorskip(
+    "playwright.sync_api", reason="playwright is not installed"
+)
 # 3-D without a graphics card; root has no sandbox.
-OPTIONS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+OPTIONS = [
+    "--no-sandbox",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+]
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +55,13 @@ def browser():
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("report")
     config, jobs, files = made_up_study(folder, TARGETS, fixed=("e_gp",))
-    page.write(config, jobs, files | pictures(folder), {"All samples": folder / "dataset.csv"}, folder / "report.html")
+    page.write(
+        config,
+        jobs,
+        files | pictures(folder),
+        {"All samples": folder / "dataset.csv"},
+        folder / "report.html",
+    )
     return folder
 
 
@@ -50,7 +69,9 @@ def pictures(folder):
     """A photograph of 800 x 600 pixels, and a figure as wide as a page."""
     Image.new("RGB", (800, 600), "#777").save(folder / "photograph.jpg")
     with style.applied():
-        style.save(style.new_figure(style.PAGE, 3.0), folder / "plane.png", small_run=False)
+        style.save(
+            style.new_figure(style.PAGE, 3.0), folder / "plane.png", small_run=False
+        )
     return {"photograph": folder / "photograph.jpg", "plane": folder / "plane.png"}
 
 
@@ -63,11 +84,23 @@ def opened(browser, folder):
 @contextmanager
 def page_in(browser, folder, width=1280, height=720, **options):
     """A tab with the report of a folder; it complains of nothing."""
-    with browser.new_context(viewport={"width": width, "height": height}, **options) as context:
+    with browser.new_context(
+        viewport={"width": width, "height": height}, **options
+    ) as context:
         tab, complaints = context.new_page(), []
-        tab.on("console", lambda message: complaints.append(message.text) if message.type == "error" else None)
+        tab.on(
+            "console",
+            lambda message: (
+                complaints.append(message.text) if message.type == "error" else None
+            ),
+        )
         tab.on("pageerror", lambda error: complaints.append(str(error)))
-        tab.on("request", lambda sent: complaints.append(sent.url) if sent.url.startswith("http") else None)
+        tab.on(
+            "request",
+            lambda sent: (
+                complaints.append(sent.url) if sent.url.startswith("http") else None
+            ),
+        )
         tab.goto((folder / "report.html").as_uri())
         yield tab
         assert complaints == []
@@ -94,24 +127,42 @@ def move(tab, slider, value):
     tab.evaluate(f"([id, value]) => {{ const {code} }}", [slider, value])
 
 
-def test_javascript_predicts_what_python_predicts_with_one_network_and_several(opened, folder):
+def test_javascript_predicts_what_python_predicts_with_one_network_and_several(
+    opened, folder
+):
     model = load(folder / "network.json")
 
     def compare(found, model, X):
         mean, std = model.predict(X, return_std=True, noise=False)
         np.testing.assert_allclose([one["mean"] for one in found], mean, rtol=1e-6)
-        np.testing.assert_allclose([one["std"] for one in found], std, rtol=1e-4)  # the page has single precision
+        np.testing.assert_allclose(
+            [one["std"] for one in found], std, rtol=1e-4
+        )  # the page has single precision
 
-    X = np.random.default_rng(2).uniform(0.02, 0.8, (40, len(PARAMETERS)))  # within and beyond the samples
-    compare(opened.evaluate("X => X.map(networkPredictor(content.model))", X.tolist()), model, X)
+    X = np.random.default_rng(2).uniform(
+        0.02, 0.8, (40, len(PARAMETERS))
+    )  # within and beyond the samples
+    compare(
+        opened.evaluate("X => X.map(networkPredictor(content.model))", X.tolist()),
+        model,
+        X,
+    )
     random = np.random.default_rng(3)
     X = random.uniform(size=(40, len(PARAMETERS)))
-    Y = np.column_stack([X[:, 0] + X[:, 1] ** 2, X[:, 2]]) + random.normal(0, 0.1, (40, 2))
-    settings = NetworkSettings.of({"hidden": 3, "starts": 4, "epochs": 100, "goal": 0.0})
+    Y = np.column_stack([X[:, 0] + X[:, 1] ** 2, X[:, 2]]) + random.normal(
+        0, 0.1, (40, 2)
+    )
+    settings = NetworkSettings.of(
+        {"hidden": 3, "starts": 4, "epochs": 100, "goal": 0.0}
+    )
     model = make("network_ensemble", settings).fit(X, Y)
     assert len(model.members_) > 1
-    content = prediction.for_page(model, ParameterSpace.of({name: [0.0, 1.0] for name in PARAMETERS}), X[0])
-    found = opened.evaluate("([model, X]) => X.map(networkPredictor(model))", [content, X[:10].tolist()])
+    content = prediction.for_page(
+        model, ParameterSpace.of({name: [0.0, 1.0] for name in PARAMETERS}), X[0]
+    )
+    found = opened.evaluate(
+        "([model, X]) => X.map(networkPredictor(model))", [content, X[:10].tolist()]
+    )
     compare(found, model, X[:10])
 
 
@@ -132,7 +183,9 @@ def test_the_pile_is_drawn_turns_and_falls(opened):
     assert opened.text_content("#clock") == "1.0 s"
     assert (falling != turned).any(axis=1).mean() > 0.02
     move(opened, "time", 8)
-    assert reddish(pixels(opened)) > reddish(falling), "half of the bodies were not there yet"
+    assert reddish(pixels(opened)) > reddish(falling), (
+        "half of the bodies were not there yet"
+    )
 
 
 def test_a_slider_moves_the_prediction_and_back(opened, folder):
@@ -141,7 +194,9 @@ def test_a_slider_moves_the_prediction_and_back(opened, folder):
     move(opened, "slide-mus_gg", 0.75)
     moved = opened.text_content("#predicted-aor_deg")
     point = np.array([[(ANSWER | {"mus_gg": 0.75})[name] for name in PARAMETERS]])
-    mean, std = load(folder / "network.json").predict(point, return_std=True, noise=False)
+    mean, std = load(folder / "network.json").predict(
+        point, return_std=True, noise=False
+    )
     numbers = [float(number) for number in re.findall(r"\d+\.?\d*", moved)]
     assert numbers == pytest.approx([mean[0, 0], 1.96 * std[0, 0]], rel=0.05)
     assert numbers[0] == pytest.approx(mean[0, 0], rel=1e-3)
@@ -170,15 +225,27 @@ def test_a_phone_shows_all_without_scrolling_sideways(browser, folder):
     with page_in(browser, folder, 360, 740, is_mobile=True) as tab:
         assert tab.evaluate("document.documentElement.scrollWidth") == 360
         figure = tab.locator(".pictures img").bounding_box()["width"]
-        assert figure > 96 * style.PAGE, "it scrolls: its text is as large as on paper, or larger"
+        assert figure > 96 * style.PAGE, (
+            "it scrolls: its text is as large as on paper, or larger"
+        )
         assert reddish(pixels(tab)) > 50
         values = tab.locator("table.answer td:nth-child(3)")
-        assert all(values.nth(k).bounding_box()["x"] < 360 for k in range(len(PARAMETERS)))
+        assert all(
+            values.nth(k).bounding_box()["x"] < 360 for k in range(len(PARAMETERS))
+        )
 
 
 def test_print_is_one_page_with_the_answer_targets_table_4_and_the_pile(opened):
     opened.emulate_media(media="print")
-    shown = (".verdict", "#origin", "table.answer", "table.check", "table.sets", "#pile", ".pair img")
+    shown = (
+        ".verdict",
+        "#origin",
+        "table.answer",
+        "table.check",
+        "table.sets",
+        "#pile",
+        ".pair img",
+    )
     for part in (*shown, "#copy", "#play", "#sliders", "details", ".pictures"):
         assert opened.locator(part).first.is_visible() is (part in shown), part
     opened.emulate_media(media="null", color_scheme="dark")
@@ -190,8 +257,13 @@ def test_print_is_one_page_with_the_answer_targets_table_4_and_the_pile(opened):
 def test_many_targets_and_sets_are_printed_on_one_page(browser, tmp_path):
     config, jobs, files = made_up_study(tmp_path, MORE)
     table4 = pd.read_csv(files["table4"])
-    pd.concat([table4, table4[1:]]).to_csv(files["table4"], index=False)  # the most that `validation` allows
-    message = {"feasible": False, "message": 5 * "Nothing met in these ranges, and something else, too. "}
+    pd.concat([table4, table4[1:]]).to_csv(
+        files["table4"], index=False
+    )  # the most that `validation` allows
+    message = {
+        "feasible": False,
+        "message": 5 * "Nothing met in these ranges, and something else, too. ",
+    }
     files["summary"].write_text(json.dumps(message))
     page.write(config, jobs, files | pictures(tmp_path), {}, tmp_path / "report.html")
     with page_in(browser, tmp_path) as tab:
@@ -199,13 +271,17 @@ def test_many_targets_and_sets_are_printed_on_one_page(browser, tmp_path):
     assert len(re.findall(rb"/Type\s*/Page\b", paper)) == 1
 
 
-def test_a_figure_opens_large_on_a_click_and_on_a_key_and_keys_turn_and_zoom_the_pile(opened):
+def test_a_figure_opens_large_on_a_click_and_on_a_key_and_keys_turn_and_zoom_the_pile(
+    opened,
+):
     pile = opened.locator("#pile")
     assert "Arrow keys turn it" in pile.get_attribute("aria-label")
     opened.keyboard.press("Tab")
     while opened.evaluate("document.activeElement.id") != "pile":
         opened.keyboard.press("Tab")
-    assert pile.evaluate("it => getComputedStyle(it).outlineStyle") == "solid", "the focus is seen"
+    assert pile.evaluate("it => getComputedStyle(it).outlineStyle") == "solid", (
+        "the focus is seen"
+    )
     start = pixels(opened)
     for key in ("ArrowLeft", "ArrowUp"):
         before = pixels(opened)
@@ -219,19 +295,27 @@ def test_a_figure_opens_large_on_a_click_and_on_a_key_and_keys_turn_and_zoom_the
     opened.keyboard.press("0")
     np.testing.assert_array_equal(pixels(opened), start)
     button, large = opened.locator(".pictures button.enlarge"), opened.locator("#large")
-    assert button.get_attribute("aria-label").startswith("Open large: All simulated samples")
+    assert button.get_attribute("aria-label").startswith(
+        "Open large: All simulated samples"
+    )
     assert not large.is_visible()
     for open_it in (button.click, lambda: button.press("Enter")):
         open_it()
-        assert large.locator("img").bounding_box()["width"] == pytest.approx(round(style.PAGE * style.DPI), abs=2)
+        assert large.locator("img").bounding_box()["width"] == pytest.approx(
+            round(style.PAGE * style.DPI), abs=2
+        )
         opened.keyboard.press("Escape")
         assert not large.is_visible()
-        assert opened.evaluate("document.activeElement.className") == "enlarge", "the focus is back"
+        assert opened.evaluate("document.activeElement.className") == "enlarge", (
+            "the focus is back"
+        )
 
 
 def test_dark_is_dark_and_figures_stay_on_white(opened):
     def lightness(place, of="backgroundColor"):
-        colour = opened.locator(place).first.evaluate("(it, of) => getComputedStyle(it)[of]", of)
+        colour = opened.locator(place).first.evaluate(
+            "(it, of) => getComputedStyle(it)[of]", of
+        )
         return sum(map(int, re.findall(r"\d+", colour)[:3])) / 3
 
     for scheme in ("light", "dark"):
@@ -246,17 +330,25 @@ def test_dark_is_dark_and_figures_stay_on_white(opened):
 def test_the_pile_is_beside_the_photograph_and_below_it_on_a_phone(browser, folder):
     for width, beside in ((1400, True), (800, True), (400, False)):
         with page_in(browser, folder, width, 740) as tab:
-            pile, photograph = (tab.locator(it).bounding_box() for it in ("#pile", ".pair img"))
+            pile, photograph = (
+                tab.locator(it).bounding_box() for it in ("#pile", ".pair img")
+            )
             assert (photograph["x"] >= pile["x"] + pile["width"]) is beside
             assert (photograph["y"] >= pile["y"] + pile["height"]) is not beside
 
 
 def test_a_surrogate_of_curves_moves_one_parameter_at_a_time(browser, tmp_path):
-    page.write(*made_up_study(tmp_path, TARGETS[:1], "quadratic"), {}, tmp_path / "report.html")
+    page.write(
+        *made_up_study(tmp_path, TARGETS[:1], "quadratic"), {}, tmp_path / "report.html"
+    )
     with page_in(browser, tmp_path) as tab:
         move(tab, "slide-mus_gg", 0.75)
         move(tab, "slide-e_gg", 0.4)
-        assert float(tab.input_value("#slide-mus_gg")) == pytest.approx(ANSWER["mus_gg"])
+        assert float(tab.input_value("#slide-mus_gg")) == pytest.approx(
+            ANSWER["mus_gg"]
+        )
         point = np.array([[(ANSWER | {"e_gg": 0.4})[name] for name in PARAMETERS]])
         mean = load(tmp_path / "network.json").predict(point)
-        assert float(tab.text_content("#predicted-aor_deg").split()[0]) == pytest.approx(mean[0, 0], rel=1e-3)
+        assert float(
+            tab.text_content("#predicted-aor_deg").split()[0]
+        ) == pytest.approx(mean[0, 0], rel=1e-3)

@@ -43,9 +43,34 @@ FALLS = 40  # time of a pour, over that of a fall by a berry's length
 MANY, MANY_SHARE = 300, 0.01
 LONGEST_S = 60.0
 COLUMNS = [
-    *("number", "apparatus", "particle", "berries", "long_mm", "shear_modulus_pa", "e_gg", "e_gp"),
-    *("contact_law", "rolling_law", "tension", "gravity_m_s2", "time_step_s", "share_of_limit", "steps", "status"),
-    *("cpu_s", "energy_over_given", "speed_over_fall", "overlap_over_extent", "wall_overlap_over_extent", "reason"),
+    *(
+        "number",
+        "apparatus",
+        "particle",
+        "berries",
+        "long_mm",
+        "shear_modulus_pa",
+        "e_gg",
+        "e_gp",
+    ),
+    *(
+        "contact_law",
+        "rolling_law",
+        "tension",
+        "gravity_m_s2",
+        "time_step_s",
+        "share_of_limit",
+        "steps",
+        "status",
+    ),
+    *(
+        "cpu_s",
+        "energy_over_given",
+        "speed_over_fall",
+        "overlap_over_extent",
+        "wall_overlap_over_extent",
+        "reason",
+    ),
 ]
 
 
@@ -69,15 +94,21 @@ class Seen:
             return
         masses, there = s.masses_kg, s.present
         heights = s.positions[there, 2] - bounded.lowest_m
-        energy = s.kinetic_energies().sum() + bounded.gravity * np.sum(masses[there] * heights)
-        given = masses.sum() * (bounded.gravity * bounded.fall_m + 0.5 * bounded.speed_m_s**2)
+        energy = s.kinetic_energies().sum() + bounded.gravity * np.sum(
+            masses[there] * heights
+        )
+        given = masses.sum() * (
+            bounded.gravity * bounded.fall_m + 0.5 * bounded.speed_m_s**2
+        )
         fall = math.sqrt(2.0 * bounded.gravity * bounded.fall_m) + bounded.speed_m_s
         pairs, overlaps = s.overlaps()
         shares = overlaps / s.scales[pairs].min(axis=1) / bounded.thickness_m
         bodies, _, overlaps = s.wall_overlaps()
         of_walls = overlaps / s.scales[bodies] / bounded.thickness_m
         self.energy = max(self.energy, float(energy / given) if given > 0.0 else 0.0)
-        self.speed = max(self.speed, float(np.sqrt(np.square(s.velocities).sum(axis=1).max())) / fall)
+        self.speed = max(
+            self.speed, float(np.sqrt(np.square(s.velocities).sum(axis=1).max())) / fall
+        )
         self.overlap = max(self.overlap, float(shares.max(initial=0.0)))
         self.wall_overlap = max(self.wall_overlap, float(of_walls.max(initial=0.0)))
 
@@ -94,7 +125,13 @@ def noting(seen):
 
 def sized(particle, factor):
     record = particle.record()
-    powers = {"semi_axes_mm": 1, "spheres_mm": 1, "bounding_radius_mm": 1, "mass_g": 3, "volume_mm3": 3}
+    powers = {
+        "semi_axes_mm": 1,
+        "spheres_mm": 1,
+        "bounding_radius_mm": 1,
+        "mass_g": 3,
+        "volume_mm3": 3,
+    }
     for key, power in (powers | {"inertia_g_mm2": 5}).items():
         record[key] = (np.array(record[key]) * factor**power).tolist()
     return type(particle).of_record(record)
@@ -106,18 +143,26 @@ def drawn(number, default, mean, particles):
     apparatus, name = str(rng.choice(list(SCENES))), str(rng.choice(list(PARTICLES)))
     long_mm = float(10 ** rng.uniform(math.log10(0.5), math.log10(50.0)))
     factor = long_mm / mean["long_mm"]
-    berry = dict(mean) | {key: factor * mean[key] for key in ("long_mm", "major_mm", "minor_mm")}
+    berry = dict(mean) | {
+        key: factor * mean[key] for key in ("long_mm", "major_mm", "minor_mm")
+    }
     if name == "sphere":
         berry |= dict.fromkeys(("major_mm", "minor_mm"), long_mm)
     berry["shear_modulus_pa"] = float(10 ** rng.uniform(4.0, 9.0))
-    parameters = {key: float(rng.uniform(0.0, HIGHEST.get(key, 1.0))) for key in PARAMETERS}
+    parameters = {
+        key: float(rng.uniform(0.0, HIGHEST.get(key, 1.0))) for key in PARAMETERS
+    }
     parameters |= {key: float(rng.uniform(0.05, 0.95)) for key in ("e_gg", "e_gp")}
     config["simulation"]["tension"] = str(rng.choice(["keep", "release"]))
     config["simulation"]["contact_law"] = str(rng.choice(list(CONTACT_LAWS)))
     config["simulation"]["rolling_law"] = str(rng.choice(list(ROLLING_LAWS)))
-    config["berry"]["size_distribution"] = PARTICLES[name].get("size_distribution", "none")
+    config["berry"]["size_distribution"] = PARTICLES[name].get(
+        "size_distribution", "none"
+    )
     particle = sized(particles[name], factor)
-    parameters |= cohesion(rng, config["simulation"]["contact_law"], berry, particle.mass_kg)
+    parameters |= cohesion(
+        rng, config["simulation"]["contact_law"], berry, particle.mass_kg
+    )
     limit = longest_time_step(Scene.of(config, parameters, berry, particle))
     share = float(rng.choice([1.0, rng.uniform(0.3, 1.0)]))
     config["simulation"]["time_step_s"] = step_s = share * limit.time_step_s
@@ -128,27 +173,48 @@ def drawn(number, default, mean, particles):
     gravity = 9.81 * min(10.0, max(1.0, (falls * tau_s / room_s) ** 2))
     tau_s *= math.sqrt(9.81 / gravity)
     span_s = falls * tau_s if many else min(falls * tau_s, room_s)
-    number_of = MANY if many else min(int(rng.integers(20, 61)), max(20, round(1.5 * span_s / tau_s)))
+    number_of = (
+        MANY
+        if many
+        else min(int(rng.integers(20, 61)), max(20, round(1.5 * span_s / tau_s)))
+    )
     config["simulation"]["gravity_m_s2"] = gravity
     # the energy of a berry that falls by a ten thousandth of its length
-    config["simulation"]["rest_energy_j"] = min(1e-3, 1e-4 * gravity * particle.mass_kg * 1e-3 * long_mm)
-    config[apparatus] = config.get(apparatus, {}) | SCENES[apparatus](rng, long_mm, span_s, number_of)
-    config["measure"] |= {"views": 2, "mm_per_pixel": float(rng.uniform(0.02, 0.1) * long_mm)}
+    config["simulation"]["rest_energy_j"] = min(
+        1e-3, 1e-4 * gravity * particle.mass_kg * 1e-3 * long_mm
+    )
+    config[apparatus] = config.get(apparatus, {}) | SCENES[apparatus](
+        rng, long_mm, span_s, number_of
+    )
+    config["measure"] |= {
+        "views": 2,
+        "mm_per_pixel": float(rng.uniform(0.02, 0.1) * long_mm),
+    }
     return apparatus, name, share, config, parameters, particle, berry
 
 
 def cohesion(rng, law, berry, mass_kg):
     """Constants of a law by parameter, so that spheres of the minor axis pull with up to about 3 of their weights."""
-    radius_m, stiffness_pa, most_n = (0.5e-3 * berry["minor_mm"], 1.5 * berry["shear_modulus_pa"], 3 * 9.81 * mass_kg)
+    radius_m, stiffness_pa, most_n = (
+        0.5e-3 * berry["minor_mm"],
+        1.5 * berry["shear_modulus_pa"],
+        3 * 9.81 * mass_kg,
+    )
     # about that of a weight, with E* = G / (1 - nu)
     overlap_m = (0.25 * most_n / (stiffness_pa * math.sqrt(0.5 * radius_m))) ** (2 / 3)
     found = {}
     for pair, reduced_m in (("gg", 0.5 * radius_m), ("gp", radius_m)):
-        circle_m = math.sqrt(2.0 * reduced_m * overlap_m) if law == "eepa" else reduced_m
+        circle_m = (
+            math.sqrt(2.0 * reduced_m * overlap_m) if law == "eepa" else reduced_m
+        )
         most = {"gamma": most_n / (3.0 * math.pi * circle_m), "plas": 0.9}
-        most |= {"k": (1.5 * most_n * (stiffness_pa / reduced_m) ** 2) ** (1 / 3) / math.pi}
+        most |= {
+            "k": (1.5 * most_n * (stiffness_pa / reduced_m) ** 2) ** (1 / 3) / math.pi
+        }
         for constant in OF_LAWS.get(law, ()):
-            found[f"{constant.short}_{pair}"] = float(rng.uniform(0.0, most[constant.short]))
+            found[f"{constant.short}_{pair}"] = float(
+                rng.uniform(0.0, most[constant.short])
+            )
     return found
 
 
@@ -238,7 +304,11 @@ def _drop_test(rng, d, _span_s, _n):
 def _inclined_plane(rng, _d, span_s, _n):
     """A plane that is tilted as fast as is allowed, for about ten spans of time or less; by 2 degrees at least."""
     steepest = max(2.0, min(rng.uniform(20.0, 60.0), 100.0 * span_s))
-    tilting = {"tilting_deg_s": min(20.0, 2.0 * steepest), "steepest_deg": steepest, "settle_s": 0.1 * span_s}
+    tilting = {
+        "tilting_deg_s": min(20.0, 2.0 * steepest),
+        "steepest_deg": steepest,
+        "settle_s": 0.1 * span_s,
+    }
     return {"surface": str(rng.choice(["wall", "berry", "glued"]))} | tilting
 
 
@@ -251,7 +321,9 @@ STILL = ("funnel", "cylinder", "drop_test")  # no wall of these moves
 
 
 def poured(number, default, mean, particles, seen):
-    apparatus, name, share, config, parameters, particle, berry = drawn(number, default, mean, particles)
+    apparatus, name, share, config, parameters, particle, berry = drawn(
+        number, default, mean, particles
+    )
     row = {
         "number": number, "apparatus": apparatus, "particle": name, "berries": config[apparatus].get("berries", 1),
         "long_mm": f"{berry['long_mm']:.4g}", "shear_modulus_pa": f"{berry['shear_modulus_pa']:.3g}",
@@ -263,14 +335,19 @@ def poured(number, default, mean, particles, seen):
     test = bench(apparatus)
     # the section as it is: a scene for small grains may be smaller than a configuration's may be
     drawn_section = {apparatus: test.settings.model_construct(**config[apparatus])}
-    scene = Scene(SceneSettings(config, drawn_section), parameters, berry, particle, number)
+    scene = Scene(
+        SceneSettings(config, drawn_section), parameters, berry, particle, number
+    )
     axes = [berry[key] for key in ("long_mm", "major_mm", "minor_mm")]
     faults = [*test.contradictions(scene.settings), *test.misfits(scene.settings, axes)]
     one = {"parameters": {name: {"fixed": value} for name, value in parameters.items()}}
     one["validation"] = config["validation"] | {"published": None}
     faults += making.unstable(config | one, particle, berry)
     if faults:
-        return row | {"status": "refused", "reason": "; ".join(f"{key}: {allowed}" for key, allowed in faults)}
+        return row | {
+            "status": "refused",
+            "reason": "; ".join(f"{key}: {allowed}" for key, allowed in faults),
+        }
     seen.append(Seen())
     began = time.process_time()
     try:
@@ -295,8 +372,18 @@ def violation(row):
         return row["status"]
     if row["status"] in ("refused", "unstable"):
         return ""
-    shares = [float(row[name]) for name in ("speed_over_fall", "overlap_over_extent", "wall_overlap_over_extent")]
-    if not all(share <= bound for share, bound in zip(shares, (FASTEST, DEEPEST, DEEPEST), strict=True)):
+    shares = [
+        float(row[name])
+        for name in (
+            "speed_over_fall",
+            "overlap_over_extent",
+            "wall_overlap_over_extent",
+        )
+    ]
+    if not all(
+        share <= bound
+        for share, bound in zip(shares, (FASTEST, DEEPEST, DEEPEST), strict=True)
+    ):
         return "exploded, and not called unstable"
     if row["apparatus"] in STILL and not float(row["energy_over_given"]) <= 1.0:
         return "energy gained"
@@ -308,7 +395,11 @@ def counted(table):
     place = [table["apparatus"], table["particle"]]
     ends = pd.crosstab(place, table["status"], margins=True)
     violations = (table["violation"] != "").groupby(place).sum()
-    largest = table.groupby(place)[COLUMNS[COLUMNS.index("cpu_s") : -1]].max().add_prefix("largest ")
+    largest = (
+        table.groupby(place)[COLUMNS[COLUMNS.index("cpu_s") : -1]]
+        .max()
+        .add_prefix("largest ")
+    )
     return ends.join(violations).join(largest)
 
 
@@ -316,21 +407,33 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=2000, help="cases 0 to COUNT - 1")
     parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--out", default=Path(__file__).with_name("pours.csv"), type=Path)
+    parser.add_argument(
+        "--out", default=Path(__file__).with_name("pours.csv"), type=Path
+    )
     args = parser.parse_args()
     done = set(pd.read_csv(args.out)["number"]) if args.out.is_file() else set()
     config = Study.load("config/config.yaml").config
     section = config["berry"]
     table1 = "resources/published/table1.csv"
-    mean = berries.of_files(section["sizes"], section["compression"], table1, section["density_kg_m3"])[1]
+    mean = berries.of_files(
+        section["sizes"], section["compression"], table1, section["density_kg_m3"]
+    )[1]
     ball = mean | dict.fromkeys(("major_mm", "minor_mm"), mean["long_mm"])
     means = {name: ball if name == "sphere" else mean for name in PARTICLES}
-    settings = {name: GrainSettings.model_construct(**section | own) for name, own in PARTICLES.items()}
-    particles = {name: build.of_settings(means[name], own) for name, own in settings.items()}
+    settings = {
+        name: GrainSettings.model_construct(**section | own)
+        for name, own in PARTICLES.items()
+    }
+    particles = {
+        name: build.of_settings(means[name], own) for name, own in settings.items()
+    }
     warnings.simplefilter("ignore", RuntimeWarning)  # what overflows in an explosion
     seen = [Seen()]
     Bounded.look = noting(seen)
-    with args.out.open("a", newline="") as table, contextlib.suppress(KeyboardInterrupt):
+    with (
+        args.out.open("a", newline="") as table,
+        contextlib.suppress(KeyboardInterrupt),
+    ):
         writer = csv.DictWriter(table, COLUMNS, lineterminator="\n")
         if not done:
             writer.writeheader()

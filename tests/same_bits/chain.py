@@ -19,7 +19,9 @@ def verbs(samples):
     yield "berry --out results/berry"
     yield "shape --berry results/berry/berry.json --out results/berry"
     yield "design --out results/design"
-    yield from poured("results/heaps", "results/design/samples.csv", "design", samples, 2)
+    yield from poured(
+        "results/heaps", "results/design/samples.csv", "design", samples, 2
+    )
     yield "dataset results/heaps --samples results/design/samples.csv --out results"
     yield "network --dataset results/dataset.csv --runs results/runs.csv --out results/network"
     yield "miga --network results/network/network.json --dataset results/dataset.csv --out results/miga"
@@ -52,7 +54,9 @@ def poured(folder, table, purpose, count, seeds):
 
 
 def main():
-    config = Study.load(ROOT / "config/quick.yaml", Path(__file__).with_name("tiny.yaml")).config
+    config = Study.load(
+        ROOT / "config/quick.yaml", Path(__file__).with_name("tiny.yaml")
+    ).config
     write_json("results/config.json", config)
     for line in verbs(config["design"]["samples"]):
         status = cli.main([*words(line), "--config", "results/config.json"])

@@ -54,7 +54,10 @@ class Environment:
 
 ASCII = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
 AWAY = {"TZ": "Pacific/Kiritimati"}
-HASH, THREADS = {"PYTHONHASHSEED": "7"}, {"OPENBLAS_NUM_THREADS": "2", "OMP_NUM_THREADS": "2"}
+HASH, THREADS = (
+    {"PYTHONHASHSEED": "7"},
+    {"OPENBLAS_NUM_THREADS": "2", "OMP_NUM_THREADS": "2"},
+)
 ODD = "my 'stüdy' {x} -rf"
 ENVIRONMENTS = {
     PLAIN: Environment("a folder, the caller's environment"),
@@ -63,15 +66,28 @@ ENVIRONMENTS = {
     "time_zone": Environment("time zone Pacific/Kiritimati", AWAY),
     "hash_seed": Environment("another hash seed of Python", HASH),
     "threads": Environment("two threads of linear algebra", THREADS),
-    "folder": Environment("a folder with blanks, quotes, braces and umlauts", folder=ODD),
+    "folder": Environment(
+        "a folder with blanks, quotes, braces and umlauts", folder=ODD
+    ),
     "read_only": Environment("HOME and source read-only", read_only=True),
-    "all_at_once": Environment("the six lines above at once", ASCII | AWAY | HASH | THREADS, ODD, read_only=True),
+    "all_at_once": Environment(
+        "the six lines above at once",
+        ASCII | AWAY | HASH | THREADS,
+        ODD,
+        read_only=True,
+    ),
     "cold": Environment("kernels compiled anew", cold=True),
     "python3.12": Environment("Python 3.12", cold=True, python="3.12"),
     "python3.13": Environment("Python 3.13", cold=True, python="3.13"),
-    "blas_haswell": Environment("OPENBLAS_CORETYPE=Haswell", {"OPENBLAS_CORETYPE": "Haswell"}, type=True),
-    "blas_nehalem": Environment("OPENBLAS_CORETYPE=Nehalem", {"OPENBLAS_CORETYPE": "Nehalem"}, type=True),
-    "numba_generic": Environment("NUMBA_CPU_NAME=generic", {"NUMBA_CPU_NAME": "generic"}, cold=True, type=True),
+    "blas_haswell": Environment(
+        "OPENBLAS_CORETYPE=Haswell", {"OPENBLAS_CORETYPE": "Haswell"}, type=True
+    ),
+    "blas_nehalem": Environment(
+        "OPENBLAS_CORETYPE=Nehalem", {"OPENBLAS_CORETYPE": "Nehalem"}, type=True
+    ),
+    "numba_generic": Environment(
+        "NUMBA_CPU_NAME=generic", {"NUMBA_CPU_NAME": "generic"}, cold=True, type=True
+    ),
 }
 
 
@@ -90,9 +106,19 @@ def run(name, work, pythons):
         variables["NUMBA_CACHE_DIR"] = str(work / name / "kernels")
     command = [python, str(HERE / "chain.py")]
     if own.read_only:
-        command = ["unshare", "-m", "bash", "-c", UNSHARED.format(root=ROOT), "bash", *command]
+        command = [
+            "unshare",
+            "-m",
+            "bash",
+            "-c",
+            UNSHARED.format(root=ROOT),
+            "bash",
+            *command,
+        ]
     with (work / name / "log.txt").open("wb") as log:
-        status = subprocess.run(command, cwd=folder, env=variables, stdout=log, stderr=log).returncode
+        status = subprocess.run(
+            command, cwd=folder, env=variables, stdout=log, stderr=log
+        ).returncode
     done.write_text(f"{status}\n")
     return status
 
@@ -100,15 +126,27 @@ def run(name, work, pythons):
 def results(folder):
     """Content of every result by name; without Python, versions and processor in its record."""
     top = folder / "results"
-    files = (path for path in sorted(top.rglob("*")) if path.is_file() and not path.name.startswith("."))
-    return {str(path.relative_to(top)): _content(path) for path in files if "timings" not in path.parts}
+    files = (
+        path
+        for path in sorted(top.rglob("*"))
+        if path.is_file() and not path.name.startswith(".")
+    )
+    return {
+        str(path.relative_to(top)): _content(path)
+        for path in files
+        if "timings" not in path.parts
+    }
 
 
 def _content(path):
     """The bytes of a file; of an archive those of its arrays, of a picture those of its pixels."""
     if path.suffix == ".npz":
         with np.load(path) as arrays:
-            return {name: MACHINE.sub(b"", arrays[name].tobytes()) for name in arrays if name != "provenance"}
+            return {
+                name: MACHINE.sub(b"", arrays[name].tobytes())
+                for name in arrays
+                if name != "provenance"
+            }
     if path.suffix == ".png":
         import cv2
 
@@ -126,15 +164,23 @@ def spread_of(folder, plain):
             found[name] = np.inf
             continue
         numbers = first.select_dtypes("number").columns
-        spread, size = first[numbers].std(ddof=0).fillna(0.0), first[numbers].abs().max().fillna(0.0)
-        apart = (first[numbers] - second[numbers]).abs() / spread.where(spread > 1e-12 * size, size).replace(0.0, 1.0)
+        spread, size = (
+            first[numbers].std(ddof=0).fillna(0.0),
+            first[numbers].abs().max().fillna(0.0),
+        )
+        apart = (first[numbers] - second[numbers]).abs() / spread.where(
+            spread > 1e-12 * size, size
+        ).replace(0.0, 1.0)
         found[name] = float(apart.max().max()) if len(numbers) and len(first) else 0.0
     return found
 
 
 def ensembles(folder, plain):
     """Mean difference of all runs and its standard error, for each response."""
-    first, second = (pd.read_csv(top / "results/runs.csv")[["aor_deg", "height_mm"]] for top in (plain, folder))
+    first, second = (
+        pd.read_csv(top / "results/runs.csv")[["aor_deg", "height_mm"]]
+        for top in (plain, folder)
+    )
     apart = second - first
     return {name: (apart[name].mean(), apart[name].sem()) for name in apart}
 
@@ -145,18 +191,26 @@ def row(name, work, status):
         return f"| {own.what} | {'not run' if status is None else f'**ended with {status}**'} | | |"
     plain, folder = work / PLAIN / ENVIRONMENTS[PLAIN].folder, work / name / own.folder
     wanted, found = results(plain), results(folder)
-    other = sorted(file for file in set(wanted) | set(found) if wanted.get(file) != found.get(file))
+    other = sorted(
+        file for file in set(wanted) | set(found) if wanted.get(file) != found.get(file)
+    )
     same = f"{len(wanted) - len(other)} of {len(wanted)}"
     if not other:
         return f"| {own.what} | {same} | | |"
     if not own.type:
         return f"| {own.what} | **{same}** | {', '.join(other[:8])} | |"
-    if any(file.endswith(".npz") for file in other):  # the pours themselves: two draws of one ensemble
+    if any(
+        file.endswith(".npz") for file in other
+    ):  # the pours themselves: two draws of one ensemble
         means = ensembles(folder, plain)
-        words = ", ".join(f"{name} {mean:+.2f} ± {error:.2f}" for name, (mean, error) in means.items())
+        words = ", ".join(
+            f"{name} {mean:+.2f} ± {error:.2f}" for name, (mean, error) in means.items()
+        )
         good = all(abs(mean) <= LARGEST_SCORE * error for mean, error in means.values())
         return f"| {own.what} | {same if good else f'**{same}**'} | pours, and what stands on them | {words} |"
-    apart = {file: share for file, share in spread_of(folder, plain).items() if share > 0.0}
+    apart = {
+        file: share for file, share in spread_of(folder, plain).items() if share > 0.0
+    }
     words = ", ".join(f"{file} {share:.1e}" for file, share in apart.items())
     good = max(apart.values(), default=0.0) <= LARGEST_APART
     return f"| {own.what} | {same if good else f'**{same}**'} | {words} | |"
@@ -165,13 +219,22 @@ def row(name, work, status):
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*", help="environments; all without any")
-    parser.add_argument("--work", type=Path, help="folder of the studies; what ran there is not run again")
-    parser.add_argument("--python", nargs="*", default=[], help="other Pythons, as 3.12=/path/to/python")
+    parser.add_argument(
+        "--work",
+        type=Path,
+        help="folder of the studies; what ran there is not run again",
+    )
+    parser.add_argument(
+        "--python", nargs="*", default=[], help="other Pythons, as 3.12=/path/to/python"
+    )
     args = parser.parse_args()
     work = (args.work or Path(tempfile.mkdtemp())).absolute()
     pythons = dict(python.split("=", 1) for python in args.python)
     names = args.names or list(ENVIRONMENTS)
-    statuses = {name: run(name, work, pythons) for name in (PLAIN, *(name for name in names if name != PLAIN))}
+    statuses = {
+        name: run(name, work, pythons)
+        for name in (PLAIN, *(name for name in names if name != PLAIN))
+    }
     lines = [
         "| environment | same files | others; of a table the largest difference over the spread of its column |"
         " mean difference of all runs and its standard error |",

@@ -36,7 +36,17 @@ def himmelblau(x):
 def test_corners_and_minima_are_found_and_the_best_never_worsens():
     search, _ = minimise(lambda x: -x.sum(axis=1), 6, 300)
     np.testing.assert_allclose(search.best, 1.0, atol=1e-12)
-    minima = np.array([[3, 2], [-2.805118, 3.131312], [-3.779310, -3.283186], [3.584428, -1.848126]]) / 5
+    minima = (
+        np.array(
+            [
+                [3, 2],
+                [-2.805118, 3.131312],
+                [-3.779310, -3.283186],
+                [3.584428, -1.848126],
+            ]
+        )
+        / 5
+    )
     found = set()
     for seed in range(20):
         search, _ = minimise(himmelblau, 2, 200, seed=seed)
@@ -50,7 +60,9 @@ def test_corners_and_minima_are_found_and_the_best_never_worsens():
     for _ in range(60):
         points = search.ask()
         fitness = rastrigin(points)
-        tops = points.reshape(5, 40, 6)[np.arange(5), fitness.reshape(5, 40).argmin(axis=1)]
+        tops = points.reshape(5, 40, 6)[
+            np.arange(5), fitness.reshape(5, 40).argmin(axis=1)
+        ]
         search.tell(fitness)
         after = search.ask().reshape(5, 40, 6)[:, 0]
         if search.generation % 10:
@@ -76,7 +88,9 @@ def test_the_first_population_fills_the_box_and_children_lie_between_their_paren
             ab, ac = parents - a, child - a
             cross = np.abs(ab[:, 0] * ac[1] - ab[:, 1] * ac[0])
             along = (ab @ ac) / np.maximum((ab**2).sum(axis=1), 1e-300)
-            segment |= bool(((cross < 1e-12) & (along > -1e-9) & (along < 1 + 1e-9)).any())
+            segment |= bool(
+                ((cross < 1e-12) & (along > -1e-9) & (along < 1 + 1e-9)).any()
+            )
         assert segment
 
 
@@ -95,7 +109,9 @@ def test_tournament_mutation_and_migration_are_as_published():
     search = MIGA(1, islands=4, population=3)
     moved, its_fitness = migrate(points, fitness, search._ranked(fitness))
     expected = points.copy()
-    expected[[3, 8, 10, 0]] = points[[1, 5, 7, 9]]  # worst of the next island, best of this one
+    expected[[3, 8, 10, 0]] = points[
+        [1, 5, 7, 9]
+    ]  # worst of the next island, best of this one
     np.testing.assert_array_equal(moved, expected)
     np.testing.assert_array_equal(its_fitness, fitness[expected[:, 0].astype(int)])
 
@@ -103,17 +119,27 @@ def test_tournament_mutation_and_migration_are_as_published():
 def test_islands_keep_apart_and_bad_settings_are_named():
     # With no mutation an island cannot leave the convex hull of its own first individuals.
     search = MIGA(1, islands=3, population=10, generations=10, mutation_probability=0.0)
-    search._points = np.repeat([-0.9, 0.0, 0.9], 10)[:, None] + np.tile(np.linspace(-0.05, 0.05, 10), 3)[:, None]
+    search._points = (
+        np.repeat([-0.9, 0.0, 0.9], 10)[:, None]
+        + np.tile(np.linspace(-0.05, 0.05, 10), 3)[:, None]
+    )
     for generation in range(1, 12):
         search.tell(np.abs(search.ask()[:, 0] - 1.0))
-        assert (np.ptp(search.ask().reshape(3, 10), axis=1) <= 0.1 + 1e-12).all() == (generation < 10)
+        assert (np.ptp(search.ask().reshape(3, 10), axis=1) <= 0.1 + 1e-12).all() == (
+            generation < 10
+        )
     one, two = minimise(rastrigin, 4, 50)[0], minimise(rastrigin, 4, 50)[0]
     np.testing.assert_array_equal(one.ask(), two.ask())
     assert not np.array_equal(one.ask(), minimise(rastrigin, 4, 50, seed=1)[0].ask())
     wrong = [("population", 1, "at least 2"), ("tournament", 0, "at least 1")]
-    wrong += [("mutation_amplitude", -0.1, "at least 0"), ("mutation_probability", 1.5, "0 to 1")]
+    wrong += [
+        ("mutation_amplitude", -0.1, "at least 0"),
+        ("mutation_probability", 1.5, "0 to 1"),
+    ]
     for setting, value, allowed in wrong:
-        value_error(f"{setting} is {value}; expected {allowed}", MIGA, 6, **{setting: value})
+        value_error(
+            f"{setting} is {value}; expected {allowed}", MIGA, 6, **{setting: value}
+        )
 
 
 def bowl(x):
@@ -128,7 +154,9 @@ def test_islands_ga_finds_the_minimum_and_ends_at_its_target():
         return bowl(x)
 
     result = islands_ga(watched, BOX, rounds=40, seed=1)
-    np.testing.assert_allclose((result.x - LOWEST) / np.ptp(BOX, axis=1), 0.0, atol=3e-3)
+    np.testing.assert_allclose(
+        (result.x - LOWEST) / np.ptp(BOX, axis=1), 0.0, atol=3e-3
+    )
     assert result.fun == bowl(result.x[None])[0] < 1e-5
     assert (result.nfev, result.nit, result.success) == (80_000, 400, None)
     asked = np.concatenate(asked)
@@ -142,15 +170,22 @@ def test_islands_ga_finds_the_minimum_and_ends_at_its_target():
     assert result.nfev == 200 * result.nit < 100_000
     assert result.history[-1] == result.fun <= 1e-3 < result.history[-2]
     assert islands_ga(bowl, BOX, rounds=1, target=-1.0).success is False
-    result = islands_ga(lambda x: np.where(x[:, 0] > 0.2, x[:, 0], np.inf), [(-1, 1)], rounds=20)
+    result = islands_ga(
+        lambda x: np.where(x[:, 0] > 0.2, x[:, 0], np.inf), [(-1, 1)], rounds=20
+    )
     assert result.fun == pytest.approx(0.2, abs=5e-3)
 
 
 @pytest.mark.parametrize("dimensions", [2, 6])
 def test_islands_ga_succeeds_from_every_seed_on_easy_functions(dimensions):
     for seed in range(5):
-        for function, target in ((sphere, 1e-5), (rastrigin, 1e-4 if dimensions == 2 else 0.01)):
-            assert islands_ga(function, [(-1, 1)] * dimensions, target=target, seed=seed).success
+        for function, target in (
+            (sphere, 1e-5),
+            (rastrigin, 1e-4 if dimensions == 2 else 0.01),
+        ):
+            assert islands_ga(
+                function, [(-1, 1)] * dimensions, target=target, seed=seed
+            ).success
 
 
 @pytest.mark.parametrize(("function", "bounds", "settings", "fault"), [

@@ -17,7 +17,9 @@ class Linear:
 
     def __init__(self, outputs, slopes, error=0.0):
         self.outputs, self.error = tuple(outputs), error
-        self.slopes = np.array([[slope.get(name, 0.0) for slope in slopes] for name in PARAMETERS])
+        self.slopes = np.array(
+            [[slope.get(name, 0.0) for slope in slopes] for name in PARAMETERS]
+        )
         self.constant = 30.0 - self.slopes.sum(axis=0) / 2
 
     def predict(self, X, return_std=False, noise=True):
@@ -25,7 +27,10 @@ class Linear:
         return (Y, np.full(Y.shape, self.error)) if return_std else Y
 
     def covariance(self, X):
-        return np.broadcast_to(self.error**2 * np.eye(len(self.outputs)), (len(X), *2 * (len(self.outputs),)))
+        return np.broadcast_to(
+            self.error**2 * np.eye(len(self.outputs)),
+            (len(X), *2 * (len(self.outputs),)),
+        )
 
     def shifted(self, offset):
         moved = copy.copy(self)

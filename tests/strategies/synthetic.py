@@ -15,10 +15,24 @@ from repose.strategies.response_surface import ResponseSurfaceSettings
 
 SPACE = ParameterSpace.of(RANGES)
 # What `responses` gives at mus_gg 0.61, mur_gg 0.05, mus_gp 0.68.
-TARGETS = Targets.of([target("aor_deg", 33.89, 2.0, 32, 36), target("height_mm", 65.28, 4.0, 62, 68)])
-SECTION = {"seeds": 3, "screening_runs": 12, "significance": 0.05, "most_factors": 4, "steps": 5}
+TARGETS = Targets.of(
+    [target("aor_deg", 33.89, 2.0, 32, 36), target("height_mm", 65.28, 4.0, 62, 68)]
+)
+SECTION = {
+    "seeds": 3,
+    "screening_runs": 12,
+    "significance": 0.05,
+    "most_factors": 4,
+    "steps": 5,
+}
 SECTION |= {"surface": "box_behnken", "centres": 5, "reach": 0.25, "checks": 8}
-REFINE = {"seeds": 20, "block": 8, "neighbours": 4, "neighbour_seeds": 3, "tolerance_percent": 1.0}
+REFINE = {
+    "seeds": 20,
+    "block": 8,
+    "neighbours": 4,
+    "neighbour_seeds": 3,
+    "tolerance_percent": 1.0,
+}
 REFINE |= {"standard_error_percent": 0.7}
 SETTINGS = ResponseSurfaceSettings(**SECTION)
 MATTER = {"mus_gg", "mur_gg", "mus_gp"}
@@ -36,19 +50,33 @@ class Study(NamedTuple):
 
 
 def study(targets=None, space=None, **sections):
-    targets, space = TARGETS if targets is None else targets, SPACE if space is None else space
+    targets, space = (
+        TARGETS if targets is None else targets,
+        SPACE if space is None else space,
+    )
     return Study(space, targets, configuration(targets, space, **sections))
 
 
 def configuration(targets, space, **sections):
     parameters = {name: {"fixed": value} for name, value in space.fixed.items()}
-    for name, low, high in zip(space.free, space.low.tolist(), space.high.tolist(), strict=True):
+    for name, low, high in zip(
+        space.free, space.low.tolist(), space.high.tolist(), strict=True
+    ):
         parameters[name] = [low, high]
         if name in space.prior:
             mean, sd = space.prior[name]
             parameters[name] = {"range": [low, high], "prior": {"mean": mean, "sd": sd}}
-    own = {"label": "made_up", "results_dir": "results", "small_run": False, "design": {"seed": 1}}
-    own |= {"targets": entries(targets), "parameters": parameters, "miga": {"solutions": 20, "distance": 0.02}}
+    own = {
+        "label": "made_up",
+        "results_dir": "results",
+        "small_run": False,
+        "design": {"seed": 1},
+    }
+    own |= {
+        "targets": entries(targets),
+        "parameters": parameters,
+        "miga": {"solutions": 20, "distance": 0.02},
+    }
     return own | sections
 
 
@@ -56,17 +84,36 @@ def responses(table, noise=0.0, seed=1):
     """Angle and Height of parameter sets, with noise in percent: friction and rolling friction set both."""
     unit = SPACE.unit(table[list(PARAMETERS)].to_numpy(float))
     friction, rolling, plate = unit[:, 1], unit[:, 2], unit[:, 4]
-    angle = 24 + 7 * friction + 8 * rolling - 2.5 * rolling**2 + 1.5 * plate + friction * rolling
+    angle = (
+        24
+        + 7 * friction
+        + 8 * rolling
+        - 2.5 * rolling**2
+        + 1.5 * plate
+        + friction * rolling
+    )
     height = 50 + 11 * friction + 9 * rolling + 6 * plate - 3 * plate**2
     values = np.column_stack([angle, height])
-    return values * (1 + noise / 100 * np.random.default_rng(seed).normal(size=values.shape))
+    return values * (
+        1 + noise / 100 * np.random.default_rng(seed).normal(size=values.shape)
+    )
 
 
 def runs_of(table, pours, noise, seed, names=TARGETS.names):
     """Single runs of samples with noise in percent, as the verb dataset writes them."""
     every = table.loc[table.index.repeat(pours)].reset_index(drop=True)
-    values = pd.DataFrame(responses(every, noise, seed), columns=list(TARGETS.names))[list(names)]
-    return pd.concat([every[["sample"]].assign(seed=np.arange(len(every)), status="ok", reason=""), values], axis=1)
+    values = pd.DataFrame(responses(every, noise, seed), columns=list(TARGETS.names))[
+        list(names)
+    ]
+    return pd.concat(
+        [
+            every[["sample"]].assign(
+                seed=np.arange(len(every)), status="ok", reason=""
+            ),
+            values,
+        ],
+        axis=1,
+    )
 
 
 def write_tables(folder, table, runs, targets=TARGETS):
@@ -78,7 +125,9 @@ def write_tables(folder, table, runs, targets=TARGETS):
     data["status"] = np.where(data["n_seeds"] > 0, "ok", "jammed")
     for one in targets:
         data[one.name] = grouped[one.name].mean().reindex(table["sample"]).to_numpy()
-        data[one.response.error] = grouped[one.name].sem().reindex(table["sample"]).to_numpy()
+        data[one.response.error] = (
+            grouped[one.name].sem().reindex(table["sample"]).to_numpy()
+        )
     data.to_csv(folder / "dataset.csv", index=False)
     runs.to_csv(folder / "runs.csv", index=False)
 

@@ -23,11 +23,32 @@ from repose.search.settings import MigaSettings
 from repose.strategies import answer as written
 from repose.strategies.answer import separated
 
-SPHERE = Particle("ellipsoid", np.full((1, 3), 4e-3), 1000.0, 2.7e-7, 2.7e-4, [1e-9] * 3, 4e-3, 0.0, 0.0)
-BERRY = {"long_mm": 8.0, "major_mm": 8.0, "minor_mm": 8.0, "n": 20, "density_kg_m3": 1000.0}
+SPHERE = Particle(
+    "ellipsoid",
+    np.full((1, 3), 4e-3),
+    1000.0,
+    2.7e-7,
+    2.7e-4,
+    [1e-9] * 3,
+    4e-3,
+    0.0,
+    0.0,
+)
+BERRY = {
+    "long_mm": 8.0,
+    "major_mm": 8.0,
+    "minor_mm": 8.0,
+    "n": 20,
+    "density_kg_m3": 1000.0,
+}
 FILES = {"dataset": "dataset.csv", "runs": "runs.csv", "feasible": "solutions.csv"}
 FILES |= {"summary": "summary.json", "table4": "table4.csv"}
-BERRY |= {"elastic_modulus_pa": 1e6, "shear_modulus_pa": 4e5, "poisson_ratio": 0.25, "scale_sd": 0.0}
+BERRY |= {
+    "elastic_modulus_pa": 1e6,
+    "shear_modulus_pa": 4e5,
+    "poisson_ratio": 0.25,
+    "scale_sd": 0.0,
+}
 
 
 def apart(solutions):
@@ -39,13 +60,17 @@ def apart(solutions):
 def study(tmp_path_factory):
     folder = tmp_path_factory.mktemp("answer")
     campaign(folder)
-    own = {"wall": {"shear_modulus_pa": 1e9, "poisson_ratio": 0.3}, "berry": {"size_distribution": "none"}}
+    own = {
+        "wall": {"shear_modulus_pa": 1e9, "poisson_ratio": 0.3},
+        "berry": {"size_distribution": "none"},
+    }
     whole = Study.load(ROOT / "config/config.yaml").config
     own |= {name: whole[name] for name in ("measure", "funnel")}
     config = configuration(TARGETS, SPACE, sequential=SECTION, **own)
     step = {"time_step_s": 1e-4, "gravity_m_s2": 9.81, "rest_energy_j": 1e-9}
     return folder, config | {
-        "simulation": step | {"tension": "keep", "contact_law": "hertz_mindlin", "rolling_law": "budget"}
+        "simulation": step
+        | {"tension": "keep", "contact_law": "hertz_mindlin", "rolling_law": "budget"}
     }
 
 
@@ -55,13 +80,17 @@ def number(folder):
 
 def of_files(folder, config):
     names = ("summary.json", "representative.csv", "solutions.csv")
-    return answer.read(studied(config, strategy="sequential"), *(folder / name for name in names))
+    return answer.read(
+        studied(config, strategy="sequential"), *(folder / name for name in names)
+    )
 
 
 def test_the_message_the_sets_and_the_card_report_the_answer_of_the_strategy(study):
     folder, config = study
     found = of_files(folder, config)
-    assert dict(found.parameters) == pytest.approx(json.loads((folder / "summary.json").read_text())["answer"])
+    assert dict(found.parameters) == pytest.approx(
+        json.loads((folder / "summary.json").read_text())["answer"]
+    )
     assert found.feasible
     assert found.checks[0].runs == SECTION["checks"]
     assert f"all solutions: {folder}/solutions.csv" in str(found)
@@ -72,7 +101,10 @@ def test_the_message_the_sets_and_the_card_report_the_answer_of_the_strategy(stu
     assert made["out_of_reach"] is False
     assert made["reason"].startswith("The simulated ")
     assert made["tests"][0]["runs"] == SECTION["checks"]
-    assert [test["definition"]["name"] for test in made["tests"]] == ["angle, flank", "Height"]
+    assert [test["definition"]["name"] for test in made["tests"]] == [
+        "angle, flank",
+        "Height",
+    ]
     assert table["representative"].tolist() == [True] + [False] * (len(table) - 1)
     assert len(table) > 5
     for one in TARGETS:
@@ -81,7 +113,9 @@ def test_the_message_the_sets_and_the_card_report_the_answer_of_the_strategy(stu
     assert abs(responses(table) / TARGETS.aim - 1).max() < 0.12
     unit = SPACE.unit(table[list(PARAMETERS)].to_numpy())
     assert len(separated(unit[1:], apart(99))) == len(unit) - 1
-    assert separated(pd.DataFrame({"a": [0.0, 0.005, 0.3, 0.3, 0.5, 0.9]}).to_numpy(), apart(3)).tolist() == [0, 2, 4]
+    assert separated(
+        pd.DataFrame({"a": [0.0, 0.005, 0.3, 0.3, 0.5, 0.9]}).to_numpy(), apart(3)
+    ).tolist() == [0, 2, 4]
 
 
 def test_a_target_out_of_reach_is_no_success(study, tmp_path):
@@ -91,10 +125,15 @@ def test_a_target_out_of_reach_is_no_success(study, tmp_path):
     found = of_files(tmp_path, config)
     assert not found.feasible
     assert str(found).startswith("made_up: targets NOT met. Height ")
-    assert "No parameter set is predicted inside the range; the simulated Height lies " in found.reason
+    assert (
+        "No parameter set is predicted inside the range; the simulated Height lies "
+        in found.reason
+    )
     says(str(found), "a larger sequential.most_pours", "probably out of reach")
     assert json.loads((tmp_path / "summary.json").read_text())["stop"] == "out_of_reach"
-    made = card.make(studied(config), found, BERRY, SPHERE, pd.read_csv(tmp_path / "solutions.csv"))
+    made = card.make(
+        studied(config), found, BERRY, SPHERE, pd.read_csv(tmp_path / "solutions.csv")
+    )
     card.check(made, "card")
     assert made["out_of_reach"] is True
     assert made["met"] is False
@@ -103,7 +142,11 @@ def test_a_target_out_of_reach_is_no_success(study, tmp_path):
 def test_the_report_of_a_strategy_has_the_answer_sliders_and_how_it_went(study):
     folder, config = study
     files = {name: folder / path for name, path in FILES.items()}
-    runs = pd.read_csv(sorted(folder.glob("batch_*"), key=number)[-1] / "runs.csv").assign(reason="").to_dict("records")
+    runs = (
+        pd.read_csv(sorted(folder.glob("batch_*"), key=number)[-1] / "runs.csv")
+        .assign(reason="")
+        .to_dict("records")
+    )
     job = {"parameters": {}, "sample": 1, "runs": runs, "apparatus": "funnel"}
     (folder / "job.json").write_text(json.dumps(job))
     page.write(config, [folder / "job.json"], files, {}, folder / "report.html")
@@ -119,23 +162,43 @@ def test_the_report_of_a_strategy_has_the_answer_sliders_and_how_it_went(study):
 
 
 @pytest.mark.slow
-def test_the_verbs_that_the_rules_call_write_card_and_report(tmp_path, monkeypatch, command):
+def test_the_verbs_that_the_rules_call_write_card_and_report(
+    tmp_path, monkeypatch, command
+):
     monkeypatch.chdir(tmp_path)
     campaign(tmp_path, HEIGHT)
     config = Study.load("config/quick.yaml").config
     wanted = configuration(HEIGHT, SPACE)
-    config |= {"targets": wanted["targets"], "parameters": wanted["parameters"], "strategy": "sequential"}
+    config |= {
+        "targets": wanted["targets"],
+        "parameters": wanted["parameters"],
+        "strategy": "sequential",
+    }
     config["sequential"] = SECTION
     Path("config.json").write_text(json.dumps(config))
     batches = map(str, sorted(tmp_path.glob("batch_*"), key=number))
     own = ["--config=config.json"]
     command("stage", "conclude", "sequential", *batches, *own, "--out=.")
-    answered = ["--feasible=solutions.csv", "--summary=summary.json", "--representative=representative.csv"]
-    grain = [f"--{name}={ROOT / 'results/published/recommended/berry' / name}.json" for name in ("berry", "particle")]
+    answered = [
+        "--feasible=solutions.csv",
+        "--summary=summary.json",
+        "--representative=representative.csv",
+    ]
+    grain = [
+        f"--{name}={ROOT / 'results/published/recommended/berry' / name}.json"
+        for name in ("berry", "particle")
+    ]
     command("stage", "material_card", *own, *grain, *answered, "--out=card.json")
     assert card.read("card.json")["met"] is True
     words = [f"--input={name}={path}" for name, path in FILES.items()]
-    command("stage", "report", *own, *words, "--table=Batches=batches.csv", "--out=report.html")
+    command(
+        "stage",
+        "report",
+        *own,
+        *words,
+        "--table=Batches=batches.csv",
+        "--out=report.html",
+    )
     assert "Batches" in Path("report.html").read_text()
 
 
@@ -146,12 +209,23 @@ def test_the_answer_has_its_piles_by_every_definition_of_the_angle(tmp_path):
     best = dict.fromkeys(PARAMETERS, 0.3) | dict.fromkeys(TARGETS.predicted, 31.0)
     found = dict(notes={}, solutions=[best], predicted_error=[0.1] * len(TARGETS))
     found |= dict(feasible=True, message="", why="", pours=12)
-    measure = Study.load(ROOT / "config/config.yaml").config["measure"] | {"response": "secant"}
-    study = SimpleNamespace(targets=TARGETS, parameters=SPACE, config={"measure": measure})
+    measure = Study.load(ROOT / "config/config.yaml").config["measure"] | {
+        "response": "secant"
+    }
+    study = SimpleNamespace(
+        targets=TARGETS, parameters=SPACE, config={"measure": measure}
+    )
     written.write(found, runs, study, tmp_path)
     (row,) = pd.read_csv(tmp_path / "table4.csv").to_dict("records")
     for name in MEAN_KEYS.values():
         assert (row[name], row[error_of(name)]) == pytest.approx((32.0, 2 / np.sqrt(3)))
     assert row["line"] == "secant, foot to crest"
-    lines = pd.read_csv(tmp_path / "representative.csv").set_index("response")["line"].fillna("")
-    assert lines.to_dict() == {name: "secant, foot to crest" if name == "aor_deg" else "" for name in TARGETS.names}
+    lines = (
+        pd.read_csv(tmp_path / "representative.csv")
+        .set_index("response")["line"]
+        .fillna("")
+    )
+    assert lines.to_dict() == {
+        name: "secant, foot to crest" if name == "aor_deg" else ""
+        for name in TARGETS.names
+    }

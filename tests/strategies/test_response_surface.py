@@ -9,7 +9,16 @@ import synthetic
 from matplotlib.text import Text
 from refusals import input_error
 from shared import entries
-from synthetic import MATTER, RANGES, SECTION, SETTINGS, SPACE, TARGETS, dataset, responses
+from synthetic import (
+    MATTER,
+    RANGES,
+    SECTION,
+    SETTINGS,
+    SPACE,
+    TARGETS,
+    dataset,
+    responses,
+)
 
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
@@ -26,11 +35,22 @@ CONFIG = {"targets": entries(TARGETS), "parameters": RANGES}
 
 def campaign(folder, noise, section=SECTION, space=SPACE, seed=1):
     """All steps on files, in folders of their names; the table of the check."""
-    steps, study = [folder / name for name in STEPS], synthetic.study(space=space, response_surface=section)
+    steps, study = (
+        [folder / name for name in STEPS],
+        synthetic.study(space=space, response_surface=section),
+    )
     for number, step in enumerate(steps):
         batches.run_propose("response_surface", study, steps[:number], step)
-        synthetic.write_poured(step, pd.read_csv(step / "samples.csv"), noise, [seed, number], section["seeds"])
-    assert batches.run_propose("response_surface", study, steps, folder / "answer")["answer"]
+        synthetic.write_poured(
+            step,
+            pd.read_csv(step / "samples.csv"),
+            noise,
+            [seed, number],
+            section["seeds"],
+        )
+    assert batches.run_propose("response_surface", study, steps, folder / "answer")[
+        "answer"
+    ]
     batches.run_conclude("response_surface", study, [*steps, folder / "answer"], folder)
     return pd.read_csv(folder / "check.csv")
 
@@ -42,10 +62,14 @@ def noisy(tmp_path_factory):
 
 
 @pytest.mark.parametrize("name", ["box_behnken", "rotatable"])
-def test_without_noise_the_optimum_is_the_target_and_a_fixed_parameter_is_no_factor(name, tmp_path):
+def test_without_noise_the_optimum_is_the_target_and_a_fixed_parameter_is_no_factor(
+    name, tmp_path
+):
     # a surface of second order is the simulator itself inside its design
     space = ParameterSpace.of(RANGES | {"e_gg": {"fixed": 0.25}})
-    check = campaign(tmp_path, 0.0, SECTION | {"surface": name, "most_factors": 3}, space)
+    check = campaign(
+        tmp_path, 0.0, SECTION | {"surface": name, "most_factors": 3}, space
+    )
     assert check["deviation_percent"].abs().max() < 1e-3
     assert json.loads((tmp_path / "optimum.json").read_text())["met"]
     for step in STEPS:
@@ -62,20 +86,38 @@ def test_the_screening_finds_the_parameters_that_matter(noisy):
     table = screening.design(SPACE, SETTINGS)
     models = screening.models_of(table, dataset(table, 0.1), TARGETS, "linear")
     none = {"significance": 1e-30}
-    for changes, count in ((none, 3), (none | {"surface": "rotatable"}, 2), ({"significance": 0.999999}, 4)):
-        assert len(screening.kept_factors(models, SETTINGS.model_copy(update=changes))) == count
+    for changes, count in (
+        (none, 3),
+        (none | {"surface": "rotatable"}, 2),
+        ({"significance": 0.999999}, 4),
+    ):
+        assert (
+            len(screening.kept_factors(models, SETTINGS.model_copy(update=changes)))
+            == count
+        )
 
 
-def test_the_ascent_begins_at_the_centre_and_the_surface_lies_about_its_best_point(noisy):
+def test_the_ascent_begins_at_the_centre_and_the_surface_lies_about_its_best_point(
+    noisy,
+):
     path = pd.read_csv(noisy[0] / "path.csv")
     kept = factors_of(path)
-    assert path.loc[0, list(PARAMETERS)].to_numpy(float) == pytest.approx(list(SPACE.centre.values()))
+    assert path.loc[0, list(PARAMETERS)].to_numpy(float) == pytest.approx(
+        list(SPACE.centre.values())
+    )
     still = [name for name in PARAMETERS if name not in kept]
     assert (path[still] == path.loc[0, still]).all(axis=None)
     coded = path[[f"coded_{name}" for name in kept]]
-    assert np.abs(coded.to_numpy()).max() == pytest.approx(1), "the last step is at the edge of a range"
-    assert (path["best"].sum(), path.loc[path["best"], "error_percent"].iloc[0]) == (1, path["error_percent"].min())
-    path, table = (pd.read_csv(noisy[0] / name) for name in ("path.csv", "surface/samples.csv"))
+    assert np.abs(coded.to_numpy()).max() == pytest.approx(1), (
+        "the last step is at the edge of a range"
+    )
+    assert (path["best"].sum(), path.loc[path["best"], "error_percent"].iloc[0]) == (
+        1,
+        path["error_percent"].min(),
+    )
+    path, table = (
+        pd.read_csv(noisy[0] / name) for name in ("path.csv", "surface/samples.csv")
+    )
     unit = SPACE.unit(table[list(PARAMETERS)].to_numpy(float))
     assert unit.min() > -1e-12
     assert unit.max() < 1 + 1e-12
@@ -91,21 +133,32 @@ def test_the_check_is_the_optimum_again_in_coded_and_natural_units(noisy):
     table = pd.read_csv(folder / "check/samples.csv")
     optimum = json.loads((folder / "optimum.json").read_text())
     assert len(table) == SECTION["checks"]
-    assert (table[list(PARAMETERS)].to_numpy() == np.array(list(optimum["parameters"].values()))).all()
+    assert (
+        table[list(PARAMETERS)].to_numpy()
+        == np.array(list(optimum["parameters"].values()))
+    ).all()
     assert check["simulated"].to_numpy() == pytest.approx(responses(table)[0], rel=0.01)
     summary = json.loads((folder / "summary.json").read_text())
-    assert summary["pours"] == 3 * sum(len(pd.read_csv(folder / name / "samples.csv")) for name in STEPS)
+    assert summary["pours"] == 3 * sum(
+        len(pd.read_csv(folder / name / "samples.csv")) for name in STEPS
+    )
     table = pd.read_csv(noisy[0] / "surface/samples.csv")
     for k in (0, 7, len(table) - 1):
-        coded = table.loc[k, [f"coded_{name}" for name in factors_of(table)]].to_numpy(float)
+        coded = table.loc[k, [f"coded_{name}" for name in factors_of(table)]].to_numpy(
+            float
+        )
         unit = surface.natural_unit(table, coded, SPACE)
-        assert SPACE.values(unit)[0] == pytest.approx(table.loc[k, list(PARAMETERS)].to_numpy(float))
+        assert SPACE.values(unit)[0] == pytest.approx(
+            table.loc[k, list(PARAMETERS)].to_numpy(float)
+        )
 
 
 def about_the_centre(settings):
     """The design of a surface in the factors that matter, about the centre of the ranges."""
     points = pd.DataFrame({"error_percent": [1.0], "best": [True]})
-    points = points.assign(**SPACE.centre, **{f"coded_{name}": 0.0 for name in sorted(MATTER)})
+    points = points.assign(
+        **SPACE.centre, **{f"coded_{name}": 0.0 for name in sorted(MATTER)}
+    )
     return surface.design(points, SPACE, settings)
 
 
@@ -117,9 +170,13 @@ def test_the_interval_of_the_check_holds_what_it_says():
     check = surface.check_samples(table, best, SPACE, SETTINGS.checks)
     inside = []
     for k in range(500):
-        models = screening.models_of(table, dataset(table, 0.5, [k, 0]), TARGETS, "quadratic")
+        models = screening.models_of(
+            table, dataset(table, 0.5, [k, 0]), TARGETS, "quadratic"
+        )
         predicted = surface.predictions(models, best, TARGETS, SECTION["checks"])
-        inside.append(surface.checked(predicted, dataset(check, 0.5, [k, 1]))["as_predicted"])
+        inside.append(
+            surface.checked(predicted, dataset(check, 0.5, [k, 1]))["as_predicted"]
+        )
     assert np.mean(inside) == pytest.approx(0.95, abs=0.021)
 
 
@@ -128,7 +185,9 @@ def test_axial_runs_of_a_central_composite_lie_at_the_reach(name):
     table = about_the_centre(SETTINGS.model_copy(update={"surface": name}))
     assert len(table) == 14 + SECTION["centres"]
     unit = SPACE.unit(table[list(PARAMETERS)].to_numpy(float))
-    assert np.ptp(unit[:, SPACE.free.index(factors_of(table)[0])]) == pytest.approx(2 * SECTION["reach"])
+    assert np.ptp(unit[:, SPACE.free.index(factors_of(table)[0])]) == pytest.approx(
+        2 * SECTION["reach"]
+    )
 
 
 def bent(table):
@@ -140,7 +199,9 @@ def bent(table):
 
 
 @pytest.mark.parametrize(("aim", "sign"), [(64.0, -1), (72.0, 1)])
-def test_the_ascent_climbs_from_the_poured_centre_and_not_from_the_mean_of_the_corners(aim, sign):
+def test_the_ascent_climbs_from_the_poured_centre_and_not_from_the_mean_of_the_corners(
+    aim, sign
+):
     height = synthetic.configuration(TARGETS, SPACE)["targets"][1]
     targets = Targets.of([height | {"value": aim, "range": [aim - 2, aim + 2]}])
     study = synthetic.study(targets, response_surface=SECTION)
@@ -156,13 +217,22 @@ def test_steps_share_no_sample_and_leave_out_those_that_gave_no_pile():
     data.loc[[0, 5], "status"] = "failed"
     data.loc[[0, 5], list(TARGETS.names)] = np.nan
     whole = screening.models_of(table, dataset(table), TARGETS, "linear")
-    assert len(screening.models_of(table, data, TARGETS, "linear")[0].response) == len(whole[0].response) - 2
-    steps = [set(samples(step, SPACE, np.zeros((500, 6)), (), np.zeros((500, 0)))["sample"]) for step in STEPS]
+    assert (
+        len(screening.models_of(table, data, TARGETS, "linear")[0].response)
+        == len(whole[0].response) - 2
+    )
+    steps = [
+        set(samples(step, SPACE, np.zeros((500, 6)), (), np.zeros((500, 0)))["sample"])
+        for step in STEPS
+    ]
     assert len(set().union(*steps)) == 2000
 
 
 def test_too_few_piles_are_reported_with_their_folder_and_figures(tmp_path, noisy):
-    study, table = synthetic.study(response_surface=SECTION), screening.design(SPACE, SETTINGS)
+    study, table = (
+        synthetic.study(response_surface=SECTION),
+        screening.design(SPACE, SETTINGS),
+    )
     runs = synthetic.runs_of(table, 3, 0.0, 1)
     runs.loc[runs["sample"].isin(table["sample"].iloc[3:12]), "status"] = "failed"
     synthetic.write_tables(tmp_path, table, runs)
@@ -171,10 +241,24 @@ def test_too_few_piles_are_reported_with_their_folder_and_figures(tmp_path, nois
     synthetic.write_poured(tmp_path, table.iloc[:5])
     input_error("all samples of the step", batches.run_propose, *step)
     folder = noisy[0]
-    surface_files = {name: str(folder / f"surface/{name}.csv") for name in ("samples", "dataset")}
-    effects = ({"effects": str(folder / f"{name}_effects.csv")} for name in ("screening", "surface"))
-    drawings = [*((figures.pareto, given, 2) for given in effects), (figures.perturbation, surface_files, 2)]
-    drawings += [(figures.contours, surface_files | {"optimum": str(folder / "optimum.json")}, None)]
+    surface_files = {
+        name: str(folder / f"surface/{name}.csv") for name in ("samples", "dataset")
+    }
+    effects = (
+        {"effects": str(folder / f"{name}_effects.csv")}
+        for name in ("screening", "surface")
+    )
+    drawings = [
+        *((figures.pareto, given, 2) for given in effects),
+        (figures.perturbation, surface_files, 2),
+    ]
+    drawings += [
+        (
+            figures.contours,
+            surface_files | {"optimum": str(folder / "optimum.json")},
+            None,
+        )
+    ]
     for function, inputs, panels in drawings:
         with style.applied():
             figure = function(inputs, CONFIG)
@@ -196,5 +280,9 @@ def test_the_loop_of_a_study_is_that_of_the_files(noisy):
     found = ResponseSurface().propose(study, data)
     assert isinstance(found, Answer)
     solution = pd.read_csv(noisy[0] / "solutions.csv").iloc[0]
-    np.testing.assert_allclose(found.values, solution[list(PARAMETERS)].to_numpy(float), rtol=1e-6)
-    np.testing.assert_allclose(found.mean, solution[list(TARGETS.predicted)].to_numpy(float), rtol=1e-6)
+    np.testing.assert_allclose(
+        found.values, solution[list(PARAMETERS)].to_numpy(float), rtol=1e-6
+    )
+    np.testing.assert_allclose(
+        found.mean, solution[list(TARGETS.predicted)].to_numpy(float), rtol=1e-6
+    )

@@ -25,9 +25,19 @@ STUDY = {
 
 def simulate(samples, noise=0.005):
     friction, rolling = samples["friction"], samples["rolling"]
-    exact = np.column_stack([18 + 18 * friction + 40 * rolling - 6 * friction**2, 3 + 2 * friction - 2 * rolling])
-    drawn = [np.random.default_rng(run).normal(size=2) for run in samples[["sample", "run"]].to_numpy()]
-    found = pd.DataFrame(exact * (1 + noise * np.array(drawn)), columns=["angle_deg", "time"])
+    exact = np.column_stack(
+        [
+            18 + 18 * friction + 40 * rolling - 6 * friction**2,
+            3 + 2 * friction - 2 * rolling,
+        ]
+    )
+    drawn = [
+        np.random.default_rng(run).normal(size=2)
+        for run in samples[["sample", "run"]].to_numpy()
+    ]
+    found = pd.DataFrame(
+        exact * (1 + noise * np.array(drawn)), columns=["angle_deg", "time"]
+    )
     return found.assign(sample=samples["sample"], run=samples["run"])
 
 
@@ -47,12 +57,20 @@ def walked(request, tmp_path_factory):
 
 
 def test_strategies_are_known_and_an_answer_takes_one_thread(tmp_path, monkeypatch):
-    assert {"published", "refined", "response_surface", "sequential"} <= set(strategies.names())
-    input_error("strategy is 'brute'; expected one of published, ", strategies.strategy, "brute")
+    assert {"published", "refined", "response_surface", "sequential"} <= set(
+        strategies.names()
+    )
+    input_error(
+        "strategy is 'brute'; expected one of published, ", strategies.strategy, "brute"
+    )
     seen = set()
 
     def calibrate(*_):
-        seen.update(pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas")
+        seen.update(
+            pool["num_threads"]
+            for pool in threadpool_info()
+            if pool["user_api"] == "blas"
+        )
 
     monkeypatch.setattr("repose.studies.calibration.calibrate", calibrate)
     study = repose.Study(**STUDY, file=tmp_path / "study.csv")
@@ -63,13 +81,20 @@ def test_strategies_are_known_and_an_answer_takes_one_thread(tmp_path, monkeypat
 
 
 @pytest.mark.slow
-def test_the_answer_is_right_and_a_killed_study_goes_on_with_the_same_bytes(walked, tmp_path):
+def test_the_answer_is_right_and_a_killed_study_goes_on_with_the_same_bytes(
+    walked, tmp_path
+):
     study, _, _ = walked
     found = study.answer()
     answer = pd.DataFrame([found.parameters | {"sample": 1, "run": 1}])
     off = simulate(answer, noise=0.0)[["angle_deg", "time"]].iloc[0] / [30.0, 4.0] - 1
     assert abs(off).max() < 0.03
-    assert 0 <= found.probability["within_1_percent"] <= found.probability["within_2_percent"] <= 1
+    assert (
+        0
+        <= found.probability["within_1_percent"]
+        <= found.probability["within_2_percent"]
+        <= 1
+    )
     assert found.why
     assert list(found.prediction.index) == ["angle_deg", "time"]
     says(found._repr_html_(), "friction", "within 1 percent")
@@ -89,7 +114,9 @@ def test_the_answer_is_right_and_a_killed_study_goes_on_with_the_same_bytes(walk
 def test_returned_runs_must_be_those_of_ask(tmp_path):
     study = repose.Study(**STUDY, file=tmp_path / "study.csv")
     returned = simulate(study.ask())
-    another = r"sample and run is \['99', '1'\]; expected one of the 24 runs that `ask` gave"
+    another = (
+        r"sample and run is \['99', '1'\]; expected one of the 24 runs that `ask` gave"
+    )
     input_error(another, study.tell, returned.assign(sample=99))
     input_error("also time", study.tell, returned.drop(columns="time"))
     input_error("friction is 'changed'", study.tell, returned.assign(friction=0.5))
@@ -98,7 +125,12 @@ def test_returned_runs_must_be_those_of_ask(tmp_path):
     assert not (tmp_path / "study.csv").exists()
     study.tell(returned.assign(time=returned["time"].mask(returned["sample"] == 3)))
     assert (study.runs["status"] != "ok").sum() == 2
-    input_error("seed is 1; expected 2, as asked for", repose.Study, **STUDY | {"seed": 2}, file=tmp_path / "study.csv")
+    input_error(
+        "seed is 1; expected 2, as asked for",
+        repose.Study,
+        **STUDY | {"seed": 2},
+        file=tmp_path / "study.csv",
+    )
 
 
 @pytest.mark.parametrize(("changes", "words"), [
@@ -116,15 +148,25 @@ def test_bad_settings_are_refused_by_name(changes, words):
 
 @pytest.mark.slow
 def test_a_study_of_our_bench_tests_is_the_same_loop():
-    changes = {"strategy": "sequential", "sequential": {"start_samples": 16, "most_pours": 48, "seeds": 2}}
+    changes = {
+        "strategy": "sequential",
+        "sequential": {"start_samples": 16, "most_pours": 48, "seeds": 2},
+    }
     changes |= {"posterior": {"walkers": 32, "steps": 100}, "targets": entries(TARGETS)}
     study, k = repose.Study.load("config/quick.yaml", overrides=changes), 0
     while not study.done:
         asked, k = study.ask(), k + 1
-        study.tell(asked.assign(**dict(zip(TARGETS.names, responses(asked, 0.5, k).T, strict=True))))
+        study.tell(
+            asked.assign(
+                **dict(zip(TARGETS.names, responses(asked, 0.5, k).T, strict=True))
+            )
+        )
     found = study.answer()
     assert len(study.runs) <= 48
-    assert abs(responses(pd.DataFrame([found.parameters]))[0] / TARGETS.aim - 1).max() < 0.03
+    assert (
+        abs(responses(pd.DataFrame([found.parameters]))[0] / TARGETS.aim - 1).max()
+        < 0.03
+    )
 
 
 @pytest.mark.essential
@@ -133,15 +175,29 @@ def test_the_loop_as_a_user_writes_it():
     random = np.random.default_rng(1)
 
     def simulate(samples):
-        angle = 20 + 12 * samples["mus_gg"] + 60 * samples["mur_gg"] + 0.3 * random.normal(size=len(samples))
+        angle = (
+            20
+            + 12 * samples["mus_gg"]
+            + 60 * samples["mur_gg"]
+            + 0.3 * random.normal(size=len(samples))
+        )
         angle[random.random(len(samples)) < 0.1] = np.nan  # runs that failed
         return pd.DataFrame({"sample": samples["sample"], "aor_deg": angle})
 
-    ranges, targets = {"mus_gg": (0.35, 0.75), "mur_gg": (0.02, 0.2)}, {"aor_deg": (32.87, 2.20)}
-    study = repose.Study(parameters=ranges, targets=targets, strategy="sequential", seed=1)
+    ranges, targets = (
+        {"mus_gg": (0.35, 0.75), "mur_gg": (0.02, 0.2)},
+        {"aor_deg": (32.87, 2.20)},
+    )
+    study = repose.Study(
+        parameters=ranges, targets=targets, strategy="sequential", seed=1
+    )
     while not study.done:
         samples = study.ask()  # DataFrame: sample, parameters
-        study.tell(simulate(samples))  # DataFrame: sample, responses; NaN is a run that failed
+        study.tell(
+            simulate(samples)
+        )  # DataFrame: sample, responses; NaN is a run that failed
     answer = study.answer()
-    assert 20 + 12 * answer.parameters["mus_gg"] + 60 * answer.parameters["mur_gg"] == pytest.approx(32.87, abs=0.5)
+    assert 20 + 12 * answer.parameters["mus_gg"] + 60 * answer.parameters[
+        "mur_gg"
+    ] == pytest.approx(32.87, abs=0.5)
     assert "mus_gg" in answer._repr_html_()

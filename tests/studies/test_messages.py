@@ -16,8 +16,17 @@ def test_messages_are_known():
         if value == "targets":
             return Targets.of(TARGETS)
         table = isinstance(value, list) and isinstance(value[0], dict)
-        return pd.DataFrame(value) if table else np.array(value) if isinstance(value, list) else value
+        return (
+            pd.DataFrame(value)
+            if table
+            else np.array(value)
+            if isinstance(value, list)
+            else value
+        )
 
     cases = yaml.safe_load((ROOT / "tests/known/messages.yaml").read_text())
-    said = [import_module(case["module"]).message(*map(given, case["arguments"])) for case in cases]
+    said = [
+        import_module(case["module"]).message(*map(given, case["arguments"]))
+        for case in cases
+    ]
     is_known("messages.txt", "\n\n".join(said) + "\n")

@@ -16,11 +16,20 @@ from repose import Study
 from repose.config.record import Record
 from repose.core.errors import InputError
 
-QUICK = {"posterior": {"walkers": 32, "steps": 100}, "sequential": {"start_samples": 8, "tolerance_percent": 5.0}}
+QUICK = {
+    "posterior": {"walkers": 32, "steps": 100},
+    "sequential": {"start_samples": 8, "tolerance_percent": 5.0},
+}
 
 
 def study(file=None, **keys):
-    return Study({"a": (0.0, 1.0), "b": (0.0, 1.0)}, {"y": (1.0, 0.05), "z": (0.5, 0.05)}, file=file, **QUICK, **keys)
+    return Study(
+        {"a": (0.0, 1.0), "b": (0.0, 1.0)},
+        {"y": (1.0, 0.05), "z": (0.5, 0.05)},
+        file=file,
+        **QUICK,
+        **keys,
+    )
 
 
 def simulate(row):
@@ -30,7 +39,9 @@ def simulate(row):
 
 def results(asked):
     asked = asked.reset_index(drop=True)
-    return asked.assign(**pd.DataFrame([simulate(row) for row in asked.to_dict("records")]))
+    return asked.assign(
+        **pd.DataFrame([simulate(row) for row in asked.to_dict("records")])
+    )
 
 
 @pytest.fixture(scope="module")
@@ -38,12 +49,18 @@ def answer():
     return study().calibrate(simulate)
 
 
-def test_a_function_is_calibrated_and_a_start_that_fails_does_not_end_a_study(answer, tmp_path):
+def test_a_function_is_calibrated_and_a_start_that_fails_does_not_end_a_study(
+    answer, tmp_path
+):
     assert answer.parameters["a"] == pytest.approx(0.5, abs=0.06)
-    assert answer.parameters["a"] + answer.parameters["b"] == pytest.approx(1.0, abs=0.02)
+    assert answer.parameters["a"] + answer.parameters["b"] == pytest.approx(
+        1.0, abs=0.02
+    )
     assert 8 <= len(repr(answer).splitlines()) <= 12
     answer.save(tmp_path)
-    assert {"card.json", "summary.json", "samples.csv"} <= {path.name for path in tmp_path.iterdir()}
+    assert {"card.json", "summary.json", "samples.csv"} <= {
+        path.name for path in tmp_path.iterdir()
+    }
     assert answer.card["parameters"]["a"]["value"] == answer.parameters["a"]
     for write in (answer.save, answer.report, answer.plot):
         for path in (3, "", *((None,) if write != answer.plot else ())):
@@ -54,19 +71,35 @@ def test_a_function_is_calibrated_and_a_start_that_fails_does_not_end_a_study(an
         made.append(row)
         return dict.fromkeys("yz", np.nan) if len(made) <= 16 else simulate(row)
 
-    assert study().calibrate(fails_first).parameters["b"] == pytest.approx(0.5, abs=0.06)
+    assert study().calibrate(fails_first).parameters["b"] == pytest.approx(
+        0.5, abs=0.06
+    )
     input_error("a mapping with y, z", study().calibrate, lambda row: {})
     one_fails = [{"y": np.nan}, {}]
     says_why = "z is 0.0; expected results that differ; all [123]. good runs"
-    input_error(says_why, study().calibrate, lambda row: simulate(row) | {"z": 0.0} | one_fails[row["sample"] > 1])
+    input_error(
+        says_why,
+        study().calibrate,
+        lambda row: simulate(row) | {"z": 0.0} | one_fails[row["sample"] > 1],
+    )
 
 
 def test_where_no_set_meets_the_targets_the_nearest_is_the_answer_not_the_least_certain():
     """By hand: t alone asks for .636, a for .733 and m for .5; what lies above .8 failed."""
     targets = {"a": (31, 1, 1), "m": (50, 2, 3), "t": (3, 0.2, 10)}
-    far = Study({"mu": (0.1, 0.9)}, targets, seed=3, sequential={"seeds": 1}, posterior={"walkers": 32, "steps": 100})
+    far = Study(
+        {"mu": (0.1, 0.9)},
+        targets,
+        seed=3,
+        sequential={"seeds": 1},
+        posterior={"walkers": 32, "steps": 100},
+    )
     x = far.ask()["mu"].where(lambda mu: mu <= 0.8)
-    table = far.ask().assign(a=(20 + 15 * x).round(1), m=(60 - 20 * x).round(), t=(2 + 2 * x**2 + 0.3 * x).round(2))
+    table = far.ask().assign(
+        a=(20 + 15 * x).round(1),
+        m=(60 - 20 * x).round(),
+        t=(2 + 2 * x**2 + 0.3 * x).round(2),
+    )
     far.tell(table)
     assert far.answer().parameters["mu"] == pytest.approx(0.636, abs=0.02)
 
@@ -79,7 +112,10 @@ def test_any_part_of_a_turn_is_told_by_any_process_and_none_is_lost(tmp_path):
     with ProcessPoolExecutor(2) as pool:
         list(pool.map(tell_part, files, np.array_split(np.arange(len(asked)), 4)))
     parts = Study.resume(tmp_path / "parts.csv")
-    both = [one.runs.sort_values(["sample", "y"], ignore_index=True) for one in (whole, parts)]
+    both = [
+        one.runs.sort_values(["sample", "y"], ignore_index=True)
+        for one in (whole, parts)
+    ]
     pd.testing.assert_frame_equal(*both)
     pd.testing.assert_frame_equal(whole.ask(), parts.ask())
 
@@ -97,7 +133,12 @@ def test_each_run_of_a_function_is_kept_and_the_record_goes_on_anywhere(tmp_path
 
     with pytest.raises(KeyboardInterrupt):
         study(tmp_path / "runs.csv").calibrate(breaks)
-    moved = shutil.copytree(tmp_path, tmp_path / "moved", ignore=shutil.ignore_patterns(".repose")) / "runs.csv"
+    moved = (
+        shutil.copytree(
+            tmp_path, tmp_path / "moved", ignore=shutil.ignore_patterns(".repose")
+        )
+        / "runs.csv"
+    )
     one, other = Study.resume(moved), Study.resume(moved)
     assert len(one.runs) == 8
     other.tell(results(other.ask()))
@@ -116,7 +157,11 @@ def test_a_record_that_cannot_be_written_keeps_nothing(tmp_path, monkeypatch):
     one.tell(results(asked).assign(status=None).drop(columns="run")[::2])
     assert one.runs["status"].tolist() == ["ok"] * 8
     input_error("there twice", one.tell, results(asked).drop(columns="run")[::2])
-    input_error("column is 'Status'; expected status", one.tell, results(asked).assign(Status="failed"))
+    input_error(
+        "column is 'Status'; expected status",
+        one.tell,
+        results(asked).assign(Status="failed"),
+    )
 
 
 def test_what_is_left_of_a_turn_is_asked_for_also_after_runs_made_before(tmp_path):
@@ -134,7 +179,9 @@ def test_what_is_left_of_a_turn_is_asked_for_also_after_runs_made_before(tmp_pat
 
 
 def test_the_verb_adds_rows_of_several_processes(tmp_path):
-    rows = results(pd.DataFrame(np.random.default_rng(1).random((24, 2)), columns=["a", "b"]))
+    rows = results(
+        pd.DataFrame(np.random.default_rng(1).random((24, 2)), columns=["a", "b"])
+    )
     parts = []
     for k in range(8):
         parts.append(tmp_path / f"{k}.csv")
@@ -154,13 +201,20 @@ def verbs(tmp_path, command):
     """The verbs tell and ask of the study in a folder: add a table, return the runs to make next."""
     content = {"simulator": "own simulator", "label": "study", "seed": 0, **QUICK}
     content |= {"parameters": {key: [0.0, 1.0] for key in "ab"}}
-    content |= {"targets": {name: {"value": v, "sd": 0.05, "repetitions": 1} for name, v in (("y", 1.0), ("z", 0.5))}}
+    content |= {
+        "targets": {
+            name: {"value": v, "sd": 0.05, "repetitions": 1}
+            for name, v in (("y", 1.0), ("z", 0.5))
+        }
+    }
     (tmp_path / "own.yaml").write_text(yaml.safe_dump(content))
     config, record = ["--config", tmp_path / "own.yaml"], tmp_path / "record.csv"
 
     def tell(table, status=0):
         table.to_csv(tmp_path / "part.csv", index=False)
-        return command("tell", tmp_path / "part.csv", *config, "--out", record, status=status).err
+        return command(
+            "tell", tmp_path / "part.csv", *config, "--out", record, status=status
+        ).err
 
     def ask():
         command("ask", "--runs", record, *config, "--out", tmp_path / "next.csv")
@@ -192,7 +246,11 @@ def test_the_verbs_keep_turns_as_python_does(verbs):
 
 
 def test_numbers_of_runs_may_be_floats_as_where_pandas_joins_tables():
-    assert Study({"a": np.array([0.0, 1.0])}, {"y": (np.float32(1), 0.1, np.int64(5))}, seed=np.int64(3)).parameters
+    assert Study(
+        {"a": np.array([0.0, 1.0])},
+        {"y": (np.float32(1), 0.1, np.int64(5))},
+        seed=np.int64(3),
+    ).parameters
     one, other, asked = study(), study(), study().ask()
     one.tell(noisy(asked))
     other.tell(noisy(asked).astype({"sample": float, "run": float}))
@@ -207,7 +265,9 @@ def test_runs_made_before_count_at_once_where_no_run_of_the_turn_is_told(verbs):
     tell(made[:3])
     tell(made[3:40])
     asked = ask()
-    assert not set(asked["a"]) & set(start["a"]), "a batch after these runs, not the start"
+    assert not set(asked["a"]) & set(start["a"]), (
+        "a batch after these runs, not the start"
+    )
     before = study()
     before.tell(made)
     input_error("there twice", before.tell, made[3:5])
@@ -251,6 +311,12 @@ def test_a_study_needs_no_locks_of_the_system(tmp_path):
     code += "one = Study({'a': (0.0, 1.0)}, {'y': (1.0, 0.05)}, file='runs.csv'); asked = one.ask()\n"
     code += "from repose import dem; dem.Shape.sphere(0.005, 1000.0, 'a').half_extents_m.sum()\n"
     code += "one.tell(asked.assign(y=2 * asked['a'] + 0.01 * asked['run'])); print(len(one.runs))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path)
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=tmp_path,
+    )
     assert done.stdout.strip() == "32"
     assert "no locks on this system" in done.stderr

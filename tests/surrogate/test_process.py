@@ -19,7 +19,9 @@ from repose.surrogate.support import Support, quadratic_terms
 
 KERNEL = smooth(2.0, [0.4, 0.9])
 NAMES = ("a", "b")
-SETTINGS = NetworkSettings.of({"hidden": 3, "starts": 5, "epochs": 200, "goal": 0.0, "seed": 1, "prior": "inputs"})
+SETTINGS = NetworkSettings.of(
+    {"hidden": 3, "starts": 5, "epochs": 200, "goal": 0.0, "seed": 1, "prior": "inputs"}
+)
 COVARIANCE = np.array([[0.25, 0.3], [0.3, 1.0]])
 
 
@@ -38,20 +40,32 @@ def noise_of(request):
 
 def test_moments_are_those_of_the_conditional_distribution(noise_of):
     random = np.random.default_rng(1)
-    x, new, precision = random.random((9, 2)), random.random((5, 2)), random.uniform(1, 4, 9)
+    x, new, precision = (
+        random.random((9, 2)),
+        random.random((5, 2)),
+        random.uniform(1, 4, 9),
+    )
     values = random.normal(size=9)
     process = Process(KERNEL, x, values, **noise_of(precision))
-    gain = covariance(new, x) @ np.linalg.inv(covariance(x, x) + np.diag(0.3 / precision))
+    gain = covariance(new, x) @ np.linalg.inv(
+        covariance(x, x) + np.diag(0.3 / precision)
+    )
     mean, variance = process.moments(new)
     assert mean == pytest.approx(gain @ values)
     assert process.mean(new) == pytest.approx(mean)
     assert variance == pytest.approx(2 - (gain * covariance(new, x)).sum(axis=1))
     random = np.random.default_rng(2)
-    x, precision, values = random.random((9, 2)), random.uniform(1, 4, 9), random.normal(size=9)
+    x, precision, values = (
+        random.random((9, 2)),
+        random.uniform(1, 4, 9),
+        random.normal(size=9),
+    )
     means, variances = Process(KERNEL, x, values, **noise_of(precision)).left_out()
     for i in range(9):
         rest = np.arange(9) != i
-        mean, variance = Process(KERNEL, x[rest], values[rest], **noise_of(precision[rest])).moments(x[i : i + 1])
+        mean, variance = Process(
+            KERNEL, x[rest], values[rest], **noise_of(precision[rest])
+        ).moments(x[i : i + 1])
         assert means[i] == pytest.approx(mean[0], rel=1e-6)
         assert variances[i] == pytest.approx(variance[0], rel=1e-6)
 
@@ -61,21 +75,37 @@ def test_a_covariance_is_that_of_the_textbook_and_one_network_is_that_network(fi
     a, b = random.random((4, 2)), random.random((5, 2))
     r = np.sqrt(5 * (((a[:, None] - b) / [0.4, 0.9]) ** 2).sum(axis=2))
     assert KERNEL(a, b) == pytest.approx(covariance(a, b))
-    assert smooth(2.0, [0.4, 0.9], smoothness=2.5)(a, b) == pytest.approx(2 * (1 + r + r**2 / 3) * np.exp(-r))
+    assert smooth(2.0, [0.4, 0.9], smoothness=2.5)(a, b) == pytest.approx(
+        2 * (1 + r + r**2 / 3) * np.exp(-r)
+    )
     assert straight(3.0)(a, b) == pytest.approx(1 + 9 * a @ b.T)
     _, _, X, Y = fitted
     settings = SETTINGS.model_copy(update={"starts": 1})
-    one, alone = NetworkEnsemble.of(settings).fit(X, Y), BayesianBP.of(settings).fit(X, Y)
+    one, alone = (
+        NetworkEnsemble.of(settings).fit(X, Y),
+        BayesianBP.of(settings).fit(X, Y),
+    )
     assert one.predict(X) == pytest.approx(alone.predict(X), rel=1e-12)
     assert one.covariance(X) == pytest.approx(alone.covariance(X))
-    assert one.predict(X, return_std=True)[1] == pytest.approx(alone.predict(X, return_std=True)[1])
+    assert one.predict(X, return_std=True)[1] == pytest.approx(
+        alone.predict(X, return_std=True)[1]
+    )
 
 
 @pytest.fixture(scope="module")
 def fitted():
     X, Y = noisy_data(40, 3)
-    noise = {"precision": np.full(40, 2.0), "noise_covariance": COVARIANCE, "noise_freedom": 40.0}
-    return NetworkEnsemble.of(SETTINGS).fit(X, Y, **noise), BayesianBP.of(SETTINGS).fit(X, Y, **noise), X, Y
+    noise = {
+        "precision": np.full(40, 2.0),
+        "noise_covariance": COVARIANCE,
+        "noise_freedom": 40.0,
+    }
+    return (
+        NetworkEnsemble.of(SETTINGS).fit(X, Y, **noise),
+        BayesianBP.of(SETTINGS).fit(X, Y, **noise),
+        X,
+        Y,
+    )
 
 
 def test_the_mixture_is_that_of_loops_over_converged_starts(fitted, monkeypatch):
@@ -89,18 +119,31 @@ def test_the_mixture_is_that_of_loops_over_converged_starts(fitted, monkeypatch)
         for one in networks:
             m = one.predict(fresh[i : i + 1])[0]
             first += m / len(networks)
-            second += (one.covariance(fresh[i : i + 1])[0] + np.outer(m, m)) / len(networks)
+            second += (one.covariance(fresh[i : i + 1])[0] + np.outer(m, m)) / len(
+                networks
+            )
         assert mean[i] == pytest.approx(first)
         assert covariance[i] == pytest.approx(second - np.outer(first, first), rel=1e-5)
-    own = np.mean([np.diagonal(network.covariance(fresh), axis1=1, axis2=2) for network in networks], axis=0)
+    own = np.mean(
+        [
+            np.diagonal(network.covariance(fresh), axis1=1, axis2=2)
+            for network in networks
+        ],
+        axis=0,
+    )
     assert (model.predict(fresh, return_std=True, noise=False)[1] ** 2 > own).all()
     model, best, X, Y = fitted
     assert model.members_[0].best_start_ == best.best_start_
     monkeypatch.setattr(network_ensemble, "NATS", 3.0)
     few = NetworkEnsemble.of(SETTINGS).fit(X, Y)
     starts = few.members_[0].starts_
-    largest = max(start["log_evidence"] for start in starts if start["decrement"] < CONVERGED)
-    near = [start["log_evidence"] > largest - 3 and start["decrement"] < CONVERGED for start in starts]
+    largest = max(
+        start["log_evidence"] for start in starts if start["decrement"] < CONVERGED
+    )
+    near = [
+        start["log_evidence"] > largest - 3 and start["decrement"] < CONVERGED
+        for start in starts
+    ]
     assert [row["member"] for row in few.start_rows()] == near
     assert few.report()["members"] == sum(near)
 
@@ -116,7 +159,9 @@ def test_distances_and_leverage_tell_what_few_samples_do_not_bear():
     assert support.farthest == pytest.approx(0.1)
     assert support.distance([[0.2, 0.25], [0.7, 0.85]]) == pytest.approx([0.05, 0.15])
     assert support.is_thin([[0.45, 0.45], [0.7, 0.85]]).tolist() == [False, True]
-    inside, bound, near, far = support.warnings([[0.45, 0.5], [0.005, 0.995], [0.012, 0.5], [0.45, 0.9]])
+    inside, bound, near, far = support.warnings(
+        [[0.45, 0.5], [0.005, 0.995], [0.012, 0.5], [0.45, 0.9]]
+    )
     assert inside == ""
     assert bound.startswith("at a bound: a low, b high; nearest sample")
     assert "bound" not in near
@@ -138,7 +183,9 @@ def test_distances_and_leverage_tell_what_few_samples_do_not_bear():
 
 
 def test_support_of_a_dataset_takes_usable_samples_and_no_fixed_parameter(tmp_path):
-    table = pd.DataFrame(np.random.default_rng(1).uniform(size=(40, 6)), columns=list(PARAMETERS))
+    table = pd.DataFrame(
+        np.random.default_rng(1).uniform(size=(40, 6)), columns=list(PARAMETERS)
+    )
     table["sample"], table["status"] = np.arange(40), "ok"
     table.loc[0, "status"] = "jammed"
     table.to_csv(tmp_path / "dataset.csv", index=False)
@@ -148,15 +195,26 @@ def test_support_of_a_dataset_takes_usable_samples_and_no_fixed_parameter(tmp_pa
     assert support.distance(first)[0] > 0
     assert support.distance(first)[1] == 0
     cohesive = ParameterSpace.of(dict.fromkeys([*PARAMETERS, "gamma_gg"], (0.0, 1.0)))
-    input_error("column gamma_gg is 'missing'", Support.of_dataset, tmp_path / "dataset.csv", cohesive)
+    input_error(
+        "column gamma_gg is 'missing'",
+        Support.of_dataset,
+        tmp_path / "dataset.csv",
+        cohesive,
+    )
     table["status"] = "jammed"
     table.to_csv(tmp_path / "dataset.csv", index=False)
-    input_error("usable samples is 0", Support.of_dataset, tmp_path / "dataset.csv", space)
+    input_error(
+        "usable samples is 0", Support.of_dataset, tmp_path / "dataset.csv", space
+    )
     few = r"points has shape \(3, 2\); expected at least two rows of 6"
     value_error(few, Support, np.zeros((3, 2)), np.zeros(6), np.ones(6), PARAMETERS)
-    fixed = Support(np.insert(grid(), 1, 0.3, axis=1), [0, 0.3, 0], [1, 0.3, 1], ("a", "fixed", "b"))
+    fixed = Support(
+        np.insert(grid(), 1, 0.3, axis=1), [0, 0.3, 0], [1, 0.3, 1], ("a", "fixed", "b")
+    )
     free = Support(grid(), [0, 0], [1, 1], NAMES)
     asked = np.array([[0.45, 0.5], [0.005, 0.995], [0.45, 0.9]])
     assert fixed.warnings(np.insert(asked, 1, 0.3, axis=1)) == free.warnings(asked)
-    assert fixed.at_bounds(np.insert(asked, 1, 0.3, axis=1))[:, 1].tolist() == [False] * 3
+    assert (
+        fixed.at_bounds(np.insert(asked, 1, 0.3, axis=1))[:, 1].tolist() == [False] * 3
+    )
     assert fixed.largest_leverage == free.largest_leverage

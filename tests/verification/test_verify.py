@@ -39,25 +39,46 @@ def test_a_row_is_judged_by_its_tolerance(row, status):
 
 
 @pytest.mark.parametrize(("value", "status"), [(1.001, 0), (1.2, 1)])
-def test_the_verb_writes_a_table_and_reports_a_miss(value, status, monkeypatch, tmp_path, command):
-    monkeypatch.setitem(verification.CASES, "one", case_of(close("length", "m", value, 1.0)))
+def test_the_verb_writes_a_table_and_reports_a_miss(
+    value, status, monkeypatch, tmp_path, command
+):
+    monkeypatch.setitem(
+        verification.CASES, "one", case_of(close("length", "m", value, 1.0))
+    )
     printed = command("verify", "--case", "one", "--out", tmp_path, status=status).out
     assert ("length is 1.2" in printed) is bool(status)
     (row,) = csv.DictReader((tmp_path / "verification.csv").open(encoding="utf-8"))
-    assert (row["case"], float(row["result"]), float(row["tolerance"])) == ("one", value, 0.003)
+    assert (row["case"], float(row["result"]), float(row["tolerance"])) == (
+        "one",
+        value,
+        0.003,
+    )
     assert (row["status"] == MISSED) is bool(status)
 
 
 @pytest.mark.parametrize(
     ("words", "tension", "law"),
-    [([], "release", "hertz_mindlin_rescaled"), (["--config", "config/paper.yaml"], "keep", "hertz_mindlin")],
+    [
+        ([], "release", "hertz_mindlin_rescaled"),
+        (["--config", "config/paper.yaml"], "keep", "hertz_mindlin"),
+    ],
 )
-def test_the_verb_hands_the_laws_of_a_study_to_every_case(words, tension, law, monkeypatch, tmp_path, command):
+def test_the_verb_hands_the_laws_of_a_study_to_every_case(
+    words, tension, law, monkeypatch, tmp_path, command
+):
     efforts = []
     case = case_of(close("length", "m", 1.0, 1.0))
-    monkeypatch.setitem(verification.CASES, "one", lambda effort: (efforts.append(effort), case(effort))[1])
+    monkeypatch.setitem(
+        verification.CASES,
+        "one",
+        lambda effort: (efforts.append(effort), case(effort))[1],
+    )
     command("verify", "--case", "one", "--out", tmp_path, *words)
-    assert efforts[0].laws == {"tension": tension, "contact_law": law, "rolling_law": "budget"}
+    assert efforts[0].laws == {
+        "tension": tension,
+        "contact_law": law,
+        "rolling_law": "budget",
+    }
     input_error("chung1", verification.run, ["chung9"])
 
 
@@ -65,7 +86,9 @@ def test_the_reference_of_the_damped_law_has_the_restitution_it_is_for_and_euler
     hertz = Hertz(mass=0.01, radius=0.005, young=25e9, speed=20.0)
     for e in (0.3, 1.0):
         time, overlap, force = hertz.history(e, 20_000)
-        assert np.trapezoid(force, time) / hertz.mass - hertz.speed == pytest.approx(e * hertz.speed, rel=1e-4)
+        assert np.trapezoid(force, time) / hertz.mass - hertz.speed == pytest.approx(
+            e * hertz.speed, rel=1e-4
+        )
     assert overlap.max() == pytest.approx(hertz.overlap_m, rel=1e-6)
     assert force.max() == pytest.approx(hertz.force_n, rel=1e-6)
     assert time[-1] == pytest.approx(hertz.duration_s, rel=1e-6)
@@ -79,7 +102,9 @@ def test_the_reference_of_the_damped_law_has_the_restitution_it_is_for_and_euler
 
 
 CONFIG = Study.load(ROOT / "config/quick.yaml").config
-REPRESENTATIVE = dict(e_gg=0.203, mus_gg=0.642, mur_gg=0.037, e_gp=0.244, mus_gp=0.483, mur_gp=0.185)
+REPRESENTATIVE = dict(
+    e_gg=0.203, mus_gg=0.642, mur_gg=0.037, e_gp=0.244, mus_gp=0.483, mur_gp=0.185
+)
 
 
 @pytest.fixture
@@ -88,16 +113,29 @@ def time_steps(monkeypatch):
     return importlib.import_module("time_steps")
 
 
-def test_medians_are_set_beside_the_kernel_and_particles_are_poured_in_turn(monkeypatch):
-    pours = {"a": [(80.0, 9.0), (100.0, 12.0), (300.0, 10.0)], "b": [(250.0, 30.0), (20.0, 31.0), (251.0, 5.0)]}
+def test_medians_are_set_beside_the_kernel_and_particles_are_poured_in_turn(
+    monkeypatch,
+):
+    pours = {
+        "a": [(80.0, 9.0), (100.0, 12.0), (300.0, 10.0)],
+        "b": [(250.0, 30.0), (20.0, 31.0), (251.0, 5.0)],
+    }
     found = speed.summary([40.0, 700.0, 50.0], pours)
     assert found["reference_us"] == 50.0
-    names, rows = ("name", "us_per_step", "job_s", "ratio", "to_first"), [("a", 100.0, 10.0, 2.0, 1.0)]
+    names, rows = (
+        ("name", "us_per_step", "job_s", "ratio", "to_first"),
+        [("a", 100.0, 10.0, 2.0, 1.0)],
+    )
     rows.append(("b", 250.0, 30.0, 5.0, 2.5))
     assert found["particles"] == [dict(zip(names, row, strict=True)) for row in rows]
-    table = speed.message(found | {"berries": 500, "time_step_s": 2e-4} | speed.machine()).splitlines()
+    table = speed.message(
+        found | {"berries": 500, "time_step_s": 2e-4} | speed.machine()
+    ).splitlines()
     assert f"vectors of {speed.machine()['vector_bits']} bits" in table[0]
-    assert [" ".join(line.split()) for line in table[3:]] == ["a 100.0 1.00 2.000 10.00", "b 250.0 2.50 5.000 30.00"]
+    assert [" ".join(line.split()) for line in table[3:]] == [
+        "a 100.0 1.00 2.000 10.00",
+        "b 250.0 2.50 5.000 30.00",
+    ]
     asked = []
 
     def pour(config, parameters, seed, particle, berry):
@@ -107,8 +145,14 @@ def test_medians_are_set_beside_the_kernel_and_particles_are_poured_in_turn(monk
 
     monkeypatch.setattr(speed, "timed_pour", pour)
     found = speed.run(CONFIG, {"a": "A", "b": "B"}, "berry", REPRESENTATIVE)
-    assert asked == [("A", 2), ("B", 2)] + 3 * [("A", CONFIG["funnel"]["berries"]), ("B", CONFIG["funnel"]["berries"])]
-    assert (found["berries"], found["time_step_s"]) == (CONFIG["funnel"]["berries"], 4.9e-4)
+    assert asked == [("A", 2), ("B", 2)] + 3 * [
+        ("A", CONFIG["funnel"]["berries"]),
+        ("B", CONFIG["funnel"]["berries"]),
+    ]
+    assert (found["berries"], found["time_step_s"]) == (
+        CONFIG["funnel"]["berries"],
+        4.9e-4,
+    )
     assert [row["to_first"] for row in found["particles"]] == [1.0, 2.5]
 
 
@@ -119,11 +163,18 @@ def test_the_reference_kernel_does_every_step_and_the_solution_is_the_published_
     assert speed.reference_kernel(500) == pytest.approx(x, rel=1e-12)
     path = "resources/published/table4.csv"
     assert published.representative(path) == REPRESENTATIVE
-    input_error("column gamma_gg is 'missing'", published.representative, path, (*REPRESENTATIVE, "gamma_gg"))
+    input_error(
+        "column gamma_gg is 'missing'",
+        published.representative,
+        path,
+        (*REPRESENTATIVE, "gamma_gg"),
+    )
 
 
 def test_a_step_beyond_the_limit_is_refused_with_the_limit_named(time_steps):
-    rows = list(time_steps.rows(Study.load(ROOT / "config/quick.yaml"), seeds=0, pairs=0))
+    rows = list(
+        time_steps.rows(Study.load(ROOT / "config/quick.yaml"), seeds=0, pairs=0)
+    )
     assert [row[0] for row in rows if len(row) == 2] == [1e-3]
     # an eighth of 2.868 (m*^2 / (R* E*^2 v))^0.2 at 2 m/s, for spheres of radius 6.67 mm
     young = 1.1352e5 / (2.0 * (1.0 - 0.32**2))
@@ -131,21 +182,49 @@ def test_a_step_beyond_the_limit_is_refused_with_the_limit_named(time_steps):
     limit = 2.868 * (mass**2 / (0.003335 * young**2 * 2.0)) ** 0.2 / 8.0
     for row in rows:
         if len(row) == 2:
-            named = float(re.search(r"expected above 0, at most ([-+.e\d]+)", row[1]).group(1))
+            named = float(
+                re.search(r"expected above 0, at most ([-+.e\d]+)", row[1]).group(1)
+            )
             assert named == pytest.approx(limit, rel=2e-3)
-    assert next(row for row in rows if row[1] == "restitution")[2] == pytest.approx(0.2, rel=0.01)
+    assert next(row for row in rows if row[1] == "restitution")[2] == pytest.approx(
+        0.2, rel=0.01
+    )
 
 
-@pytest.mark.parametrize("names", [["aor_deg"], ["aor_deg", "height_mm", "base_radius_mm", "drum_slip_deg"]])
-def test_piles_are_compared_by_the_targets_of_the_configuration(names, time_steps, monkeypatch):
-    record = {"status": "ok", "aor_deg": 30.0, "height_mm": 60.0, "base_radius_mm": 110.0}
-    pours = [record, {name: value + 2 if name != "status" else value for name, value in record.items()}]
+@pytest.mark.parametrize(
+    "names", [["aor_deg"], ["aor_deg", "height_mm", "base_radius_mm", "drum_slip_deg"]]
+)
+def test_piles_are_compared_by_the_targets_of_the_configuration(
+    names, time_steps, monkeypatch
+):
+    record = {
+        "status": "ok",
+        "aor_deg": 30.0,
+        "height_mm": 60.0,
+        "base_radius_mm": 110.0,
+    }
+    pours = [
+        record,
+        {
+            name: value + 2 if name != "status" else value
+            for name, value in record.items()
+        },
+    ]
     monkeypatch.setattr(time_steps, "TIME_STEPS_S", (2e-4,))
-    monkeypatch.setattr(time_steps, "runs_of", lambda step_s, study, seeds: pours[:seeds])
+    monkeypatch.setattr(
+        time_steps, "runs_of", lambda step_s, study, seeds: pours[:seeds]
+    )
     monkeypatch.setattr(time_steps, "restitutions", lambda step_s, **laws: [0.2, 0.2])
-    monkeypatch.setattr(time_steps, "oblique_errors", lambda step_s, **laws: {"sticks": 0.1, "slides": 0.2})
+    monkeypatch.setattr(
+        time_steps,
+        "oblique_errors",
+        lambda step_s, **laws: {"sticks": 0.1, "slides": 0.2},
+    )
     config = CONFIG | {"targets": [TARGETS[0] | {"response": name} for name in names]}
-    found = {row[1]: row[2:] for row in time_steps.rows(SimpleNamespace(config=config), seeds=2, pairs=0)}
+    found = {
+        row[1]: row[2:]
+        for row in time_steps.rows(SimpleNamespace(config=config), seeds=2, pairs=0)
+    }
     assert set(found) == {"restitution", "error of hits that stick, slide", *names}
     assert found["aor_deg"] == (31.0, pytest.approx(1.0), 2)
     assert found.get("drum_slip_deg") in (None, (*mean_and_error([]), 0))

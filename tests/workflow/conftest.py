@@ -14,10 +14,23 @@ def project(tmp_path_factory):
 def finished(project):
     """The small study with twelve samples as if it were finished: every file is there, empty."""
     words = ("--configfile", "config/quick.yaml", "--config", "design={samples: 12}")
-    for line in snakemake(project, "-n", "--summary", *words, "--", "everything", "films").stdout.splitlines()[1:]:
+    for line in snakemake(
+        project, "-n", "--summary", *words, "--", "everything", "films"
+    ).stdout.splitlines()[1:]:
         path = project / line.split("\t")[0]
         path.parent.mkdir(parents=True, exist_ok=True)
         path.touch()
     (project / "results/quick" / LEDGER).touch()  # the folder of a study
-    snakemake(project, "--touch", "--forceall", "--cores", "1", *words, "--", "everything", "films", status=0)
+    snakemake(
+        project,
+        "--touch",
+        "--forceall",
+        "--cores",
+        "1",
+        *words,
+        "--",
+        "everything",
+        "films",
+        status=0,
+    )
     return project, words

@@ -14,7 +14,9 @@ from shared import ROOT, target
 
 from repose.core import ledger
 
-MIXED = [target(name, 40, 2, 38, 42, 5) for name in ("height_mm", "drum_slip_deg")]  # Targets from two bench tests.
+MIXED = [
+    target(name, 40, 2, 38, 42, 5) for name in ("height_mm", "drum_slip_deg")
+]  # Targets from two bench tests.
 PROBE = """
 include: {snakefile!r}
 import json
@@ -32,7 +34,9 @@ class Done(NamedTuple):
     stdout: str
     stderr: str
     took_s: float
-    used_s: float  # processor time of snakemake and all its children, which it waits for
+    used_s: (
+        float  # processor time of snakemake and all its children, which it waits for
+    )
 
 
 def as_ours(folder):
@@ -41,7 +45,9 @@ def as_ours(folder):
         if path.is_file() and path.name != ledger.LEDGER:
             content, times = path.read_bytes(), path.stat()
             path.unlink()
-            ledger.write_whole(path, lambda handle, content=content: handle.write(content))
+            ledger.write_whole(
+                path, lambda handle, content=content: handle.write(content)
+            )
             os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
 
 
@@ -51,12 +57,16 @@ def snakemake(project, *words, status=None):
         importlib.import_module(module)
     began_s = time.perf_counter()
     with TemporaryFile() as out, TemporaryFile() as err:
-        _, ended, used = os.wait4(forked.start(project, words, out.fileno(), err.fileno()), 0)
+        _, ended, used = os.wait4(
+            forked.start(project, words, out.fileno(), err.fileno()), 0
+        )
         took_s, texts = time.perf_counter() - began_s, []
         for file in (out, err):
             file.seek(0)
             texts.append(file.read().decode())
-    done = Done(os.waitstatus_to_exitcode(ended), *texts, took_s, used.ru_utime + used.ru_stime)
+    done = Done(
+        os.waitstatus_to_exitcode(ended), *texts, took_s, used.ru_utime + used.ru_stime
+    )
     assert status in (None, done.returncode), done.stderr
     return done
 
@@ -71,5 +81,17 @@ def declared(tmp_path):
     """What rules declare: the paths of their benchmarks, and memory [MB] and time [min] of the first two attempts."""
     probe = tmp_path / "probe.smk"
     probe.write_text(PROBE.format(snakefile=str(ROOT / "workflow/Snakefile")))
-    done = snakemake(ROOT, "--list-rules", "-s", str(probe), "--configfile", "config/quick.yaml", status=0)
-    return [SimpleNamespace(**json.loads(line)) for line in done.stdout.splitlines() if line.startswith("{")]
+    done = snakemake(
+        ROOT,
+        "--list-rules",
+        "-s",
+        str(probe),
+        "--configfile",
+        "config/quick.yaml",
+        status=0,
+    )
+    return [
+        SimpleNamespace(**json.loads(line))
+        for line in done.stdout.splitlines()
+        if line.startswith("{")
+    ]

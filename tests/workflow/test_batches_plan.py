@@ -26,7 +26,12 @@ SAMPLES = {"sequential": [8, 2, 2, 1], "response_surface": [8 + 3, 2 + 1, 12 + 3
 SECTIONS = {"sequential": {"probability": 0.99}, "response_surface": {}}
 END = {"conclude_refined", "draw_approach", "refined", "total"}
 ROUND = {"propose", "batch_pour", "measure_batch_runs", "batch_dataset"} | END
-JOBS = {1001: 2, 1002: 2, 1101: 2, 1102: 2}  # two blocks of the proposal and two neighbours, with their seeds
+JOBS = {
+    1001: 2,
+    1002: 2,
+    1101: 2,
+    1102: 2,
+}  # two blocks of the proposal and two neighbours, with their seeds
 
 
 def poured(folder, seed):
@@ -42,7 +47,9 @@ def poured(folder, seed):
 
 
 @pytest.mark.parametrize("strategy", list(SAMPLES))
-def test_batches_follow_until_the_answer_and_a_kill_between_them_loses_nothing(strategy, finished):
+def test_batches_follow_until_the_answer_and_a_kill_between_them_loses_nothing(
+    strategy, finished
+):
     project, words = finished
     folder = project / "results/quick" / strategy
     config = Study.load(project / "config/quick.yaml").config
@@ -51,8 +58,12 @@ def test_batches_follow_until_the_answer_and_a_kill_between_them_loses_nothing(s
     words = (*words, f"{strategy}={json.dumps(SECTIONS[strategy])}", "--", strategy)
     folders, sizes, found = [], [], {"answer": False}
     while not found["answer"]:
-        jobs = planned(project, *words)  # everything before is kept: all that is planned is to read what was poured
-        assert not {"pour", "batch_pour"} & set(jobs), "none of the published method either"
+        jobs = planned(
+            project, *words
+        )  # everything before is kept: all that is planned is to read what was poured
+        assert not {"pour", "batch_pour"} & set(jobs), (
+            "none of the published method either"
+        )
         assert jobs["propose"] == 1
         folders.append(folder / f"batch_{len(folders)}")
         found = batches.run_propose(strategy, study, folders[:-1], folders[-1])
@@ -69,7 +80,9 @@ def test_batches_follow_until_the_answer_and_a_kill_between_them_loses_nothing(s
     assert f"conclude_{strategy}" in jobs
     next((folders[0] / "heaps").glob("*.npz")).unlink()
     lost = planned(project, *words)["batch_pour"]
-    assert lost == 1 + sum(sizes[1:]), "a lost file is made again, then what follows from it"
+    assert lost == 1 + sum(sizes[1:]), (
+        "a lost file is made again, then what follows from it"
+    )
     shutil.rmtree(folder)
 
 
@@ -81,60 +94,128 @@ def test_the_strategy_chooses_what_a_study_makes(strategy, project):
     jobs = planned(project, *words)
     assert jobs["propose"] == 1
     assert not {"pour", "network", "miga", "drum_run"} & set(jobs)
-    assert {"page", "card", "strategy_trajectory"} <= set(jobs), "what every calibration ends with"
-    snakemake(project, "--cores", "1", *words, "--", str((first / "samples.csv").relative_to(project)), status=0)
+    assert {"page", "card", "strategy_trajectory"} <= set(jobs), (
+        "what every calibration ends with"
+    )
+    snakemake(
+        project,
+        "--cores",
+        "1",
+        *words,
+        "--",
+        str((first / "samples.csv").relative_to(project)),
+        status=0,
+    )
     assert planned(project, *words)["batch_pour"] == SAMPLES[strategy][0]
     # the times of a job are no output: snakemake never has a record of them
-    made_by = {"verb": "pour", "apparatus": "funnel", "seed": 1, "settings": "", "origin": "", "engine": ""}
+    made_by = {
+        "verb": "pour",
+        "apparatus": "funnel",
+        "seed": 1,
+        "settings": "",
+        "origin": "",
+        "engine": "",
+    }
     write_text(first / "heaps/timings/001.json", json.dumps({"provenance": made_by}))
     assert planned(project, *words)["batch_pour"] == SAMPLES[strategy][0]
     records = (project / ".snakemake").rename(project / "lost")
     other = snakemake(project, "-n", *words, f"{strategy}={{checks: 3}}", status=2)
-    assert f"{strategy}/batch_0/proposal.json and 0 more results were made with other settings" in other.stderr
+    assert (
+        f"{strategy}/batch_0/proposal.json and 0 more results were made with other settings"
+        in other.stderr
+    )
     shutil.rmtree(project / ".snakemake", ignore_errors=True)
     records.rename(project / ".snakemake")
-    assert not {"propose", "batch_pour"} & set(planned(project, "--configfile", "config/quick.yaml"))
+    assert not {"propose", "batch_pour"} & set(
+        planned(project, "--configfile", "config/quick.yaml")
+    )
     # all bench tests of the targets are run, with seeds of the strategy's own
-    (project / "mine.yaml").write_text(json.dumps({"targets": MIXED, "posterior": {"shape_study": None}}))
-    mixed = ("--configfile", "config/quick.yaml", "mine.yaml", "--rerun-triggers", "mtime", "--", strategy)
+    (project / "mine.yaml").write_text(
+        json.dumps({"targets": MIXED, "posterior": {"shape_study": None}})
+    )
+    mixed = (
+        "--configfile",
+        "config/quick.yaml",
+        "mine.yaml",
+        "--rerun-triggers",
+        "mtime",
+        "--",
+        strategy,
+    )
     assert planned(project, *mixed)["batch_pour"] == 2 * SAMPLES[strategy][0]
-    says(snakemake(project, "-n", "-p", *mixed).stdout, "--apparatus drum ", f"--purpose {strategy} ")
+    says(
+        snakemake(project, "-n", "-p", *mixed).stdout,
+        "--apparatus drum ",
+        f"--purpose {strategy} ",
+    )
     shutil.rmtree(first.parent)
 
 
 def test_a_misfit_is_reported_before_any_work(project):
-    words = ("--configfile", "config/quick.yaml", "--config", "strategy=response_surface")
-    done = snakemake(project, "-n", "--quiet", "all", *words, "response_surface={centres: 2}")
+    words = (
+        "--configfile",
+        "config/quick.yaml",
+        "--config",
+        "strategy=response_surface",
+    )
+    done = snakemake(
+        project, "-n", "--quiet", "all", *words, "response_surface={centres: 2}"
+    )
     assert done.returncode != 0
-    assert "centres is 2; expected at least 3 where surface is box_behnken" in done.stderr
+    assert (
+        "centres is 2; expected at least 3 where surface is box_behnken" in done.stderr
+    )
 
 
 def proposed(folder, answer=False):
     rows = "".join(f"{sample},{seeds}\n" for sample, seeds in JOBS.items())
     write_text(folder / "samples.csv", f"sample,seeds\n{rows}")
     simulated = [1001, 1002] if answer else []
-    write_text(folder / "proposal.json", json.dumps({"answer": answer, "simulated": simulated}))
+    write_text(
+        folder / "proposal.json", json.dumps({"answer": answer, "simulated": simulated})
+    )
 
 
 def test_bench_tests_of_the_targets_are_run_by_rounds_until_the_answer(finished):
     project, words = finished
-    (project / "mine.yaml").write_text(json.dumps({"targets": MIXED, "posterior": {"shape_study": None}}))
-    words = (*words[:2], "mine.yaml", *words[2:], "--rerun-triggers", "mtime", "--", "refined")
+    (project / "mine.yaml").write_text(
+        json.dumps({"targets": MIXED, "posterior": {"shape_study": None}})
+    )
+    words = (
+        *words[:2],
+        "mine.yaml",
+        *words[2:],
+        "--rerun-triggers",
+        "mtime",
+        "--",
+        "refined",
+    )
     folder = project / "results/quick/refined"
     proposed(folder / "batch_1")
     jobs = planned(project, *words)
-    assert (jobs["batch_pour"], jobs["measure_batch_runs"]) == (8, 8), "four jobs in each bench test"
+    assert (jobs["batch_pour"], jobs["measure_batch_runs"]) == (8, 8), (
+        "four jobs in each bench test"
+    )
     shown = snakemake(project, "-n", "-p", *words).stdout
     for runs, name in (("heaps", "funnel"), ("drum_runs", "drum")):
         out = f"results/quick/refined/batch_1/{runs}"
-        poured = [line for line in shown.splitlines() if f"--out {out} " in line and "stage pour" in line]
+        poured = [
+            line
+            for line in shown.splitlines()
+            if f"--out {out} " in line and "stage pour" in line
+        ]
         assert len(poured) == 4
-        assert all(f"--apparatus {name} " in line and "--purpose refined " in line for line in poured)
+        assert all(
+            f"--apparatus {name} " in line and "--purpose refined " in line
+            for line in poured
+        )
         assert all("--seeds 2 " in line for line in poured)
     shutil.rmtree(folder)
     project, words = finished
     words = (*words, "--", "refined")
-    assert set(planned(project, *words)) == {"propose", *END}, "until round 0 is proposed no other is planned"
+    assert set(planned(project, *words)) == {"propose", *END}, (
+        "until round 0 is proposed no other is planned"
+    )
     assert not (ROUND - {"total"}) & set(planned(project, *words[:-2], "--forceall"))
     folder = project / "results/quick/refined/batch_1"
     proposed(folder)
@@ -142,7 +223,9 @@ def test_bench_tests_of_the_targets_are_run_by_rounds_until_the_answer(finished)
     assert set(jobs) == ROUND
     assert jobs["batch_pour"] == jobs["measure_batch_runs"] == 4
     (folder / "heaps").mkdir()
-    heaps = [f"heaps/{job}.{kind}" for job in JOBS for kind in ("pours.json", "npz", "json")]
+    heaps = [
+        f"heaps/{job}.{kind}" for job in JOBS for kind in ("pours.json", "npz", "json")
+    ]
     for name in (*heaps, "dataset.csv", "runs.csv", "dataset_summary.json"):
         (folder / name).touch()
     as_ours(folder)
@@ -158,10 +241,16 @@ class Probe(strategies.Strategy):
     name = "probe"
 
     def propose(self, study, data):
-        return strategies.Batch(samples_of(study.parameters, np.full((3, study.parameters.dimensions), 0.5), 2, 1))
+        return strategies.Batch(
+            samples_of(
+                study.parameters, np.full((3, study.parameters.dimensions), 0.5), 2, 1
+            )
+        )
 
 
-def test_a_strategy_of_a_file_of_its_own_is_run_by_the_same_rules(finished, monkeypatch):
+def test_a_strategy_of_a_file_of_its_own_is_run_by_the_same_rules(
+    finished, monkeypatch
+):
     monkeypatch.setitem(base._REGISTRY, "probe", Probe())
     project, words = finished
     words = (*words, "strategy=probe")
@@ -170,7 +259,11 @@ def test_a_strategy_of_a_file_of_its_own_is_run_by_the_same_rules(finished, monk
     assert not {"pour", "network"} & set(jobs)
     folder = project / "results/quick/probe/batch_0"
     config = Study.load(project / "config/quick.yaml").config
-    batches.run_propose("probe", Given(SPACE, Targets.of(config["targets"]), config), [], folder)
+    batches.run_propose(
+        "probe", Given(SPACE, Targets.of(config["targets"]), config), [], folder
+    )
     assert planned(project, *words)["batch_pour"] == 3
-    assert "--seeds 2 --purpose batches " in snakemake(project, "-n", "-p", *words).stdout
+    assert (
+        "--seeds 2 --purpose batches " in snakemake(project, "-n", "-p", *words).stdout
+    )
     shutil.rmtree(folder.parent)

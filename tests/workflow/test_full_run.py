@@ -7,7 +7,15 @@ import tarfile
 import pytest
 from plans import ROOT, snakemake
 
-WORDS = ("--cores", "2", "--quiet", "rules", "--configfile", "config/quick.yaml", "tiny.yaml")
+WORDS = (
+    "--cores",
+    "2",
+    "--quiet",
+    "rules",
+    "--configfile",
+    "config/quick.yaml",
+    "tiny.yaml",
+)
 NOTHING = "Nothing to be done"
 
 
@@ -15,10 +23,24 @@ NOTHING = "Nothing to be done"
 def test_a_finished_study_is_reported_archived_planned_anew_and_forced(project):
     shutil.copy(ROOT / "tests/faults/tiny.yaml", project)
     snakemake(project, *WORDS, "--notemp", status=0)
-    before = {path: path.read_bytes() for path in (project / "results").rglob("*.csv") if "timings" not in path.name}
-    before = {path: content for path, content in before.items() if "benchmarks" not in path.parts}
-    assert {"dataset.csv", "table4.csv", "feasible.csv"} <= {path.name for path in before}
-    for words in (("--rerun-triggers", "mtime"), ("--profile", "profiles/default"), ("--cores", "64")):
+    before = {
+        path: path.read_bytes()
+        for path in (project / "results").rglob("*.csv")
+        if "timings" not in path.name
+    }
+    before = {
+        path: content
+        for path, content in before.items()
+        if "benchmarks" not in path.parts
+    }
+    assert {"dataset.csv", "table4.csv", "feasible.csv"} <= {
+        path.name for path in before
+    }
+    for words in (
+        ("--rerun-triggers", "mtime"),
+        ("--profile", "profiles/default"),
+        ("--cores", "64"),
+    ):
         done = snakemake(project, *WORDS, *words, status=0)
         assert NOTHING in done.stdout + done.stderr, words
     done = snakemake(project, *WORDS, "--report", "report.html", status=0)
@@ -31,7 +53,12 @@ def test_a_finished_study_is_reported_archived_planned_anew_and_forced(project):
         subprocess.run(["git", *words], cwd=project, check=True)
     snakemake(project, *WORDS, "--archive", "study.tar.gz", status=0)
     with tarfile.open(project / "study.tar.gz") as archive:
-        wanted = {"Snakefile", "workflow/Snakefile", "config/quick.yaml", "resources/berries.csv"}
+        wanted = {
+            "Snakefile",
+            "workflow/Snakefile",
+            "config/quick.yaml",
+            "resources/berries.csv",
+        }
         assert wanted <= set(archive.getnames())
     for stage in ("pour", "dataset", "network", "miga", "validate", "drum"):
         done = snakemake(project, *WORDS, "--forcerun", stage, status=0)

@@ -46,14 +46,18 @@ def test_the_design_is_a_latin_hypercube(config):
     assert list(samples["sample"]) == list(range(1, count + 1))
     for name in PARAMETERS:
         low, high = config["parameters"][name]
-        assert sorted(np.floor((samples[name] - low) / (high - low) * count).astype(int)) == list(range(count))
+        assert sorted(
+            np.floor((samples[name] - low) / (high - low) * count).astype(int)
+        ) == list(range(count))
 
 
 def test_every_response_is_of_all_berries_and_piles_are_piles(config, dataset):
     berries = config["funnel"]["berries"]
     for sample in dataset["sample"]:
         job = json.loads((RESULTS / "heaps" / f"{sample:03d}.json").read_text())
-        seeds = pour_seeds(config["design"]["seed"], "design", sample, config["funnel"]["seeds"])
+        seeds = pour_seeds(
+            config["design"]["seed"], "design", sample, config["funnel"]["seeds"]
+        )
         assert [run["seed"] for run in job["runs"]] == seeds
         with np.load(RESULTS / "heaps" / f"{sample:03d}.npz") as arrays:
             for seed in seeds:
@@ -66,19 +70,40 @@ def test_every_response_is_of_all_berries_and_piles_are_piles(config, dataset):
     assert good["aor_deg"].between(10 - 3 * error, 40 + 3 * error).all()
     assert good["height_mm"].between(25, 110).all()
     poured_s = config["funnel"]["berries"] / config["funnel"]["rate_per_s"]
-    assert good["discharge_s"].between(0.85 * poured_s, config["funnel"]["duration_s"]).all()
+    assert (
+        good["discharge_s"]
+        .between(0.85 * poured_s, config["funnel"]["duration_s"])
+        .all()
+    )
     assert good["aor_deg"].std() > 0.5
-    friction = good["mur_gg"] / good["mur_gg"].mean() + good["mus_gp"] / good["mus_gp"].mean()
+    friction = (
+        good["mur_gg"] / good["mur_gg"].mean() + good["mus_gp"] / good["mus_gp"].mean()
+    )
     assert np.corrcoef(friction, good["height_mm"])[0, 1] > 0
 
 
 def test_the_network_predicts_from_its_file_and_a_picture_was_measured(dataset):
     network = load(RESULTS / "network" / "network.json")
     predictions = pd.read_csv(RESULTS / "network" / "predictions.csv")
-    X = dataset.set_index("sample").loc[predictions["sample"], list(PARAMETERS)].to_numpy()
-    np.testing.assert_allclose(network.predict(X), predictions[["aor_final_deg", "height_final_mm"]], rtol=1e-6)
+    X = (
+        dataset.set_index("sample")
+        .loc[predictions["sample"], list(PARAMETERS)]
+        .to_numpy()
+    )
+    np.testing.assert_allclose(
+        network.predict(X), predictions[["aor_final_deg", "height_final_mm"]], rtol=1e-6
+    )
     metrics = json.loads((RESULTS / "network" / "metrics.json").read_text())
-    assert {"train", "validation", "test", "gamma", "alpha", "beta", "epochs", "stop_reason"} <= set(metrics)
+    assert {
+        "train",
+        "validation",
+        "test",
+        "gamma",
+        "alpha",
+        "beta",
+        "epochs",
+        "stop_reason",
+    } <= set(metrics)
     measured = json.loads((RESULTS / "measure" / "measured.json").read_text())
     # the secant of a lopsided pile is no mean of its sides, yet lies between them
     low, high = sorted((measured["left_deg"], measured["right_deg"]))
@@ -96,21 +121,31 @@ def test_the_search_is_printed_simulated_and_the_drum_slips(config):
     for name in PARAMETERS:
         low, high = config["parameters"][name]
         assert feasible[name].between(low - 1e-9, high + 1e-9).all()
-    assert set(pd.read_csv(RESULTS / "miga" / "intervals.csv")["variable"]) == set(PARAMETERS)
+    assert set(pd.read_csv(RESULTS / "miga" / "intervals.csv")["variable"]) == set(
+        PARAMETERS
+    )
     table4 = pd.read_csv(RESULTS / "validation" / "table4.csv")
     published = pd.read_csv(RESULTS / "validation" / "published.csv")
     assert len(table4) == config["validation"]["solutions"] + 1
     assert published.empty == (config["validation"]["published_simulated"] is None)
     good = table4[table4["status"] == "ok"]
     assert len(good)
-    error = 100 * (good["aor_predicted_deg"] - good["aor_simulated_deg"]).abs() / good["aor_simulated_deg"]
+    error = (
+        100
+        * (good["aor_predicted_deg"] - good["aor_simulated_deg"]).abs()
+        / good["aor_simulated_deg"]
+    )
     np.testing.assert_allclose(good["aor_error_percent"], error, rtol=1e-6)
     runs = pd.read_csv(RESULTS / "drum" / "runs.csv")
-    assert sorted(runs["seed"]) == sorted(pour_seeds(config["design"]["seed"], "drum", 1, config["drum"]["seeds"]))
+    assert sorted(runs["seed"]) == sorted(
+        pour_seeds(config["design"]["seed"], "drum", 1, config["drum"]["seeds"])
+    )
     assert (runs["status"] == "ok").all()
     assert runs["before_surface_deg"].between(25, 65).all()
     assert (runs["bed_drop_deg"] > config["drum"]["slip_drop_deg"]).all()
-    turned = np.degrees(config["drum"]["angular_velocity_rad_s"]) * runs["before_time_s"]
+    turned = (
+        np.degrees(config["drum"]["angular_velocity_rad_s"]) * runs["before_time_s"]
+    )
     np.testing.assert_allclose(runs["before_turned_deg"], turned, rtol=1e-6)
     assert (RESULTS / "drum" / "drum.gif").stat().st_size < 4_000_000
 
@@ -124,12 +159,26 @@ def test_figures_show_something(name):
 
 def test_a_report_states_the_answer_and_jobs_declare_enough(tmp_path):
     text = (RESULTS / "report.html").read_text()
-    says(text, "<b>A small run, its numbers are no calibration: targets ", 'class="verdict')
+    says(
+        text,
+        "<b>A small run, its numbers are no calibration: targets ",
+        'class="verdict',
+    )
     assert "Three.js Authors" in text, "the pile in 3-D"
     assert len(text) < 5_000_000
     left = ("logs", "benchmarks")
-    paths = [path for path in RESULTS.rglob("*") if path.is_file() and not set(left) & set(path.parts)]
-    ours = [path for path in paths if path.name.startswith(".") or not path.stat().st_size or ledger.is_own_file(path)]
+    paths = [
+        path
+        for path in RESULTS.rglob("*")
+        if path.is_file() and not set(left) & set(path.parts)
+    ]
+    ours = [
+        path
+        for path in paths
+        if path.name.startswith(".")
+        or not path.stat().st_size
+        or ledger.is_own_file(path)
+    ]
     assert len(ours) > 150
     # snakemake writes its own report, where one was asked for
     assert {path.name for path in set(paths) - set(ours)} <= {"figures.html"}
@@ -141,7 +190,10 @@ def test_a_report_states_the_answer_and_jobs_declare_enough(tmp_path):
         took = pd.read_csv(path, sep="\t").iloc[-1]
         seen += len(found)
         for rule in found:
-            if 1.2 * took["max_rss"] > rule.memory_mb[0] or took["s"] > 60 * rule.minutes[0]:
+            if (
+                1.2 * took["max_rss"] > rule.memory_mb[0]
+                or took["s"] > 60 * rule.minutes[0]
+            ):
                 short.append(f"{rule}: took {took['max_rss']} MB and {took['s']} s")
     assert seen > 50
     assert not short

@@ -29,32 +29,54 @@ STAGES = {
 def test_a_second_workflow_stops_with_one_message_before_it_writes(project):
     folder = project / "results" / "quick"
     with take_folder(folder):
-        done = snakemake(project, TARGET, *QUICK, "--config", "simulation={gravity_m_s2: 1.62}", status=2)
-    assert done.stderr.splitlines()[-1].startswith("repose: error: results/quick: workflow is 'process ")
-    assert done.stderr.splitlines()[-1].endswith("; expected one at a time; wait until it has ended")
+        done = snakemake(
+            project,
+            TARGET,
+            *QUICK,
+            "--config",
+            "simulation={gravity_m_s2: 1.62}",
+            status=2,
+        )
+    assert done.stderr.splitlines()[-1].startswith(
+        "repose: error: results/quick: workflow is 'process "
+    )
+    assert done.stderr.splitlines()[-1].endswith(
+        "; expected one at a time; wait until it has ended"
+    )
     assert {path.name for path in folder.iterdir()} == {".lock", ".jobs"}
     snakemake(project, TARGET, *QUICK, status=0)
     assert (folder / "config.json").exists()
 
 
-def test_a_run_tells_the_processor_time_of_all_its_processes_and_keeps_that_of_earlier_runs(project):
+def test_a_run_tells_the_processor_time_of_all_its_processes_and_keeps_that_of_earlier_runs(
+    project,
+):
     done = [snakemake(project, TARGET, *QUICK, "--forceall") for _ in range(2)]
     calls = pd.read_csv(project / "results/quick/benchmarks/calls.csv")
-    assert calls["cpu_s"].tolist()[-2:] == pytest.approx([call.used_s for call in done], rel=0.03, abs=0.1)
-    assert calls["wall_s"].tolist()[-2:] == pytest.approx([call.took_s for call in done], rel=0.1, abs=1.5)
+    assert calls["cpu_s"].tolist()[-2:] == pytest.approx(
+        [call.used_s for call in done], rel=0.03, abs=0.1
+    )
+    assert calls["wall_s"].tolist()[-2:] == pytest.approx(
+        [call.took_s for call in done], rel=0.1, abs=1.5
+    )
     sums = [f"{calls[column].sum() / 60:.1f} min" for column in ("wall_s", "cpu_s")]
     told = f"; all {len(calls)} calls: {sums[0]} by the clock, {sums[1]} of processor time ("
     assert told in done[-1].stderr.splitlines()[-1]
 
 
-def test_where_snakemakes_records_are_lost_those_of_the_results_tell_what_to_make_again(project):
+def test_where_snakemakes_records_are_lost_those_of_the_results_tell_what_to_make_again(
+    project,
+):
     words = (TARGET, *QUICK)
     snakemake(project, *words, status=0)
     shutil.rmtree(project / ".snakemake")
     before = (project / TARGET).read_text()
     result = "repose: error: results/quick/design/samples.csv and 1 more results were made with other settings"
     assert result not in snakemake(project, "-n", *words).stderr
-    assert result not in snakemake(project, "-n", *words, "--config", "funnel={seeds: 3}").stderr
+    assert (
+        result
+        not in snakemake(project, "-n", *words, "--config", "funnel={seeds: 3}").stderr
+    )
     changed = (*words, "--config", "design={seed: 5}")
     assert result in snakemake(project, "-n", *changed).stderr
     snakemake(project, *changed, status=2)
@@ -70,7 +92,10 @@ def test_a_start_says_once_what_its_piles_cannot_be_and_a_dry_run_nothing(projec
     assert "reach: " not in snakemake(project, "-n", *words).stderr
     done = snakemake(project, *words, status=0)
     assert done.stderr.count("reach: ") == done.stderr.count(line) == 1
-    drum = {"targets": [target("drum_slip_deg", 44, 2, 40, 48, 5)], "posterior": {"shape_study": None}}
+    drum = {
+        "targets": [target("drum_slip_deg", 44, 2, 40, 48, 5)],
+        "posterior": {"shape_study": None},
+    }
     (project / "mine.json").write_text(json.dumps(drum))
     done = snakemake(project, TARGET, *QUICK, "mine.json", "--forceall", status=0)
     assert "reach: " not in done.stderr
@@ -85,7 +110,10 @@ def test_a_result_that_was_damaged_and_somebodys_file_stop_the_workflow(project)
     path.write_text(good.replace("1", "2", 1))
     for more in ((), ("-n",)):
         done = snakemake(project, *words, *more, status=2)
-        assert f"repose: error: {TARGET}: content is 'something else'; expected " in done.stderr
+        assert (
+            f"repose: error: {TARGET}: content is 'something else'; expected "
+            in done.stderr
+        )
     path.unlink()
     snakemake(project, *words, status=0)
     assert path.read_text() == good
@@ -126,7 +154,12 @@ EDITED = {
     "studies/posterior.py": ({"posterior_tables", "card"}, {"miga", "dataset"}),
     "pictures/render.py": ({"page", "draw_figure05"}, {"dataset", "card"}),
 }  # fmt: skip
-NO_STAGES = ("strategies/base.py", "doe/model.py", "export/job.py", "verification/case.py")
+NO_STAGES = (
+    "strategies/base.py",
+    "doe/model.py",
+    "export/job.py",
+    "verification/case.py",
+)
 NO_STAGES += ("config/study.py", "cli/run.py", "core/files.py")
 EDITED |= dict.fromkeys(NO_STAGES, (set(), set()))
 
@@ -135,8 +168,12 @@ EDITED |= dict.fromkeys(NO_STAGES, (set(), set()))
 def test_an_edit_plans_what_stands_on_its_room(finished, tmp_path, monkeypatch):
     project, words = finished
     copy = tmp_path / "repose"
-    shutil.copytree(provenance.PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__", "data"))
-    assert {path.name for path in copy.iterdir() if path.is_dir()} == {name.partition("/")[0] for name in EDITED}
+    shutil.copytree(
+        provenance.PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__", "data")
+    )
+    assert {path.name for path in copy.iterdir() if path.is_dir()} == {
+        name.partition("/")[0] for name in EDITED
+    }
     monkeypatch.setattr(provenance, "PACKAGE", copy)
     provenance.room_hash.cache_clear()  # each fork fills its own
     for name, (again, not_again) in EDITED.items():
@@ -152,24 +189,48 @@ def test_an_edit_plans_what_stands_on_its_room(finished, tmp_path, monkeypatch):
 
 
 def test_every_file_of_a_stage_belongs_to_a_room_that_a_rule_names():
-    calls = re.findall(r"room_hash\(([^)]*)\)", "".join(path.read_text() for path in ROOT.glob("workflow/**/*.smk")))
+    calls = re.findall(
+        r"room_hash\(([^)]*)\)",
+        "".join(path.read_text() for path in ROOT.glob("workflow/**/*.smk")),
+    )
     named = {*provenance.ENGINE, *re.findall(r'"([\w.]+)"', "".join(calls))}
     rooms = {name.partition(".")[0] for name in named}
-    paths = [path for room in rooms for path in (provenance.PACKAGE / room).rglob("*.*")]
-    files = [path.relative_to(provenance.PACKAGE) for path in paths if path.suffix not in (".pyc", ".md")]
+    paths = [
+        path for room in rooms for path in (provenance.PACKAGE / room).rglob("*.*")
+    ]
+    files = [
+        path.relative_to(provenance.PACKAGE)
+        for path in paths
+        if path.suffix not in (".pyc", ".md")
+    ]
     assert {path.suffix for path in files} <= set(provenance.SOURCES)
-    left = {str(path) for path in files if not {path.parts[0], ".".join(path.with_suffix("").parts)} & named}
+    left = {
+        str(path)
+        for path in files
+        if not {path.parts[0], ".".join(path.with_suffix("").parts)} & named
+    }
     # a package's own sentence, keys with their defaults (a rule names the keys), verbs without a rule
-    others = "__init__.py", "settings.py", "card_library.py", "card_study.py", "card_text.py", "card.schema.json"
+    others = (
+        "__init__.py",
+        "settings.py",
+        "card_library.py",
+        "card_study.py",
+        "card_text.py",
+        "card.schema.json",
+    )
     assert left == {f"chain/{name}" for name in others}
 
 
-def test_a_changed_target_pours_the_new_solutions_alone_and_another_label_nothing(finished):
+def test_a_changed_target_pours_the_new_solutions_alone_and_another_label_nothing(
+    finished,
+):
     project, words = finished
     config = json.loads((project / "results/quick/config.json").read_text())
     config["targets"][0]["value"] += 1
     (project / "target.json").write_text(json.dumps({"targets": config["targets"]}))
-    jobs = planned(project, *words[:2], "target.json", *words[2:], "--", "calibration", "films")
+    jobs = planned(
+        project, *words[:2], "target.json", *words[2:], "--", "calibration", "films"
+    )
     assert "pour" not in jobs
     assert (jobs["validation_pour"], jobs["trajectory"], jobs["drum_run"]) == (3, 1, 2)
     assert planned(project, *words, "label=other", "--", "calibration") == {}
@@ -194,7 +255,11 @@ def test_a_job_that_refuses_its_input_ends_the_workflow_as_the_verb_ends(finishe
     project, words = finished
     made = "results/quick/validation/solutions.csv"
     # of snakemake; `repose run` ends as the verb
-    done = snakemake(project, "--cores", "1", *words, "--forcerun", "solutions", "--", made, status=1)
-    last, times = (line.strip() for line in done.stderr.splitlines()[-2:])  # of the job's log, indented
+    done = snakemake(
+        project, "--cores", "1", *words, "--forcerun", "solutions", "--", made, status=1
+    )
+    last, times = (
+        line.strip() for line in done.stderr.splitlines()[-2:]
+    )  # of the job's log, indented
     assert times.startswith("time: ")
     assert last.startswith("repose: error: results/quick/miga/feasible.csv: ")

@@ -15,16 +15,33 @@ from repose.config.study import Study
 from repose.core import usage
 
 SHELL = re.compile(r"^( *)shell:\n((?:\1 +.*\n)+)", re.MULTILINE)
-RULES = [path for folder in ("workflow", "research") for path in sorted((ROOT / folder).rglob("*.smk"))]
+RULES = [
+    path
+    for folder in ("workflow", "research")
+    for path in sorted((ROOT / folder).rglob("*.smk"))
+]
 ODD = """my "bérries"; touch PWNED; 'x' $(touch PWNED) -rf #"""
 FIGURE = ("results/figures/figure02.png", "--cores", "1", "--snakefile")
-PARAMS = SimpleNamespace(caption="A caption.")  # of a figure: `@figure` says it, and tests/pictures hold it
+PARAMS = SimpleNamespace(
+    caption="A caption."
+)  # of a figure: `@figure` says it, and tests/pictures hold it
 CAPTIONS = sorted((ROOT / "workflow" / "report").glob("*.rst"))
-OTHERWISE = {"silhouette", "measure_silhouette"}  # The rule `measure` says the one section of both.
+OTHERWISE = {
+    "silhouette",
+    "measure_silhouette",
+}  # The rule `measure` says the one section of both.
 RUN = ("--cores 2", "-c2 -F --configfile mine.yaml", "-sSnakefile -c1", "--touch -c1")
 LOOK = ("-n", "-np", "--dry-run -c1", "--summary", "--rulegraph", "--mode remote -c1")
-FILES = [*RULES, *(ROOT / name for name in ("Snakefile", "workflow/Snakefile", "research/Snakefile"))]
-DOCUMENTED = {"basedir"}  # Names that Snakemake documents: https://snakemake.readthedocs.io, Writing Workflows.
+FILES = [
+    *RULES,
+    *(
+        ROOT / name
+        for name in ("Snakefile", "workflow/Snakefile", "research/Snakefile")
+    ),
+]
+DOCUMENTED = {
+    "basedir"
+}  # Names that Snakemake documents: https://snakemake.readthedocs.io, Writing Workflows.
 # Of all rules, so that no user's file is taken for a result and removed. Snakemake documents no list of them (its
 # issues 13 and 792); one by hand would need each name again.
 KEPT = {"rules"}
@@ -40,16 +57,30 @@ rule one:
 
 
 def test_every_placeholder_is_quoted_and_no_caption_left_over():
-    commands = [(path.name, command[2]) for path in RULES for command in SHELL.finditer(path.read_text())]
-    placeholders = [(name, one) for name, text in commands for one in re.findall(r"\{[^}]*\}", text)]
+    commands = [
+        (path.name, command[2])
+        for path in RULES
+        for command in SHELL.finditer(path.read_text())
+    ]
+    placeholders = [
+        (name, one) for name, text in commands for one in re.findall(r"\{[^}]*\}", text)
+    ]
     assert len(placeholders) > 200
     assert [one for one in placeholders if not one[1].endswith(":q}")] == []
-    redirected = {(name, one) for name, text in commands for one in re.findall(r">+ *([^\s\")&]+)", text)}
+    redirected = {
+        (name, one)
+        for name, text in commands
+        for one in re.findall(r">+ *([^\s\")&]+)", text)
+    }
     assert len(redirected) > 20
     assert {one for _, one in redirected} == {"{log:q}"}, redirected
-    text = "".join(path.read_text() for path in (ROOT / "workflow" / "rules").rglob("*.smk"))
+    text = "".join(
+        path.read_text() for path in (ROOT / "workflow" / "rules").rglob("*.smk")
+    )
     text += (ROOT / "workflow" / "Snakefile").read_text()
-    assert {path.stem for path in CAPTIONS} == set(re.findall(r"report/(\w+)\.rst", text))
+    assert {path.stem for path in CAPTIONS} == set(
+        re.findall(r"report/(\w+)\.rst", text)
+    )
 
 
 @pytest.mark.essential
@@ -60,8 +91,18 @@ def test_paths_with_blanks_quotes_and_a_command_in_them_are_one_path_each(tmp_pa
     folder.mkdir()
     shutil.copy(ROOT / "resources/berries.csv", folder / ODD)
     config = f"{{config}} {ODD}.yaml"
-    (folder / config).write_text(f"berry: {{sizes: '{ODD.replace(chr(39), chr(39) * 2)}'}}\n")
-    snakemake(folder, *FIGURE, f"{ROOT}/Snakefile", "--configfile", f"{ROOT}/config/config.yaml", config, status=0)
+    (folder / config).write_text(
+        f"berry: {{sizes: '{ODD.replace(chr(39), chr(39) * 2)}'}}\n"
+    )
+    snakemake(
+        folder,
+        *FIGURE,
+        f"{ROOT}/Snakefile",
+        "--configfile",
+        f"{ROOT}/config/config.yaml",
+        config,
+        status=0,
+    )
     assert (folder / "results/figures/figure02.png").is_file()
     assert not list(tmp_path.rglob("PWNED"))
 
@@ -80,7 +121,9 @@ def test_every_caption_can_be_filled_in(name, monkeypatch):
     config = Study.load(f"config/{name}.yaml").config
     words = jinja2.Environment(undefined=jinja2.StrictUndefined, autoescape=False)
     for path in CAPTIONS:
-        text = words.from_string(path.read_text()).render(snakemake=SimpleNamespace(config=config, params=PARAMS))
+        text = words.from_string(path.read_text()).render(
+            snakemake=SimpleNamespace(config=config, params=PARAMS)
+        )
         assert text.strip(), path.name
         assert "{" not in text, path.name
 
@@ -95,7 +138,9 @@ def test_the_keys_of_each_rule_are_those_of_its_stage():
             for stage in re.findall(r"python -m repose (?:stage )?(\w+)", rule):
                 for words in re.findall(r"depends=reads\(([^)]*)\)", rule):
                     said[stage] = tuple(re.findall(r'"([^"]+)"', words))
-    assert said == {stage: keys for stage, keys in stands_on.KEYS.items() if stage not in OTHERWISE}
+    assert said == {
+        stage: keys for stage, keys in stands_on.KEYS.items() if stage not in OTHERWISE
+    }
 
 
 def test_no_inside_is_used_and_functions_are_fewer_than_rules():
@@ -111,25 +156,45 @@ def test_no_inside_is_used_and_functions_are_fewer_than_rules():
     assert len(re.findall(r"^ *def ", own, re.MULTILINE)) <= 25 < len(rules)
 
 
-def test_a_call_that_only_looks_takes_no_folder_and_configurations_are_no_targets(monkeypatch):
+def test_a_call_that_only_looks_takes_no_folder_and_configurations_are_no_targets(
+    monkeypatch,
+):
     for words in (*RUN, *LOOK):
         monkeypatch.setattr("sys.argv", ["snakemake", *words.split()])
         assert Call().runs == (words in RUN), words
-    words = ["results/card.json", "--configfile", "mine.yaml", "more.json", "page", "--cores", "2"]
+    words = [
+        "results/card.json",
+        "--configfile",
+        "mine.yaml",
+        "more.json",
+        "page",
+        "--cores",
+        "2",
+    ]
     assert configfiles(words) == ["mine.yaml", "more.json"]
     assert configfiles(["--configfile=mine.yaml", "-n"]) == ["mine.yaml"]
 
 
 @pytest.mark.slow
-def test_the_profile_looks_seldom_and_a_benchmark_has_the_time_of_the_whole_job(tmp_path, project):
-    (line,) = (ROOT / "profiles/default/config.yaml").read_text().split("max-jobs-per-timespan: ")[1:]
+def test_the_profile_looks_seldom_and_a_benchmark_has_the_time_of_the_whole_job(
+    tmp_path, project
+):
+    (line,) = (
+        (ROOT / "profiles/default/config.yaml")
+        .read_text()
+        .split("max-jobs-per-timespan: ")[1:]
+    )
     (tmp_path / "Snakefile").write_text(NAPS)
     looks = []
     for words in ((), ("--max-jobs-per-timespan", line.split()[0])):
-        done = snakemake(tmp_path, "--cores", "1", "--verbose", "--forceall", *words, status=0)
+        done = snakemake(
+            tmp_path, "--cores", "1", "--verbose", "--forceall", *words, status=0
+        )
         looks.append(done.stderr.count("Resources before job selection"))
     assert 9 <= looks[1] < 0.7 * looks[0]
-    done = snakemake(project, "results/quick/design/samples.csv", *QUICK, "--forceall", status=0)
+    done = snakemake(
+        project, "results/quick/design/samples.csv", *QUICK, "--forceall", status=0
+    )
     (process,) = usage.since(project / "results/quick", 0)
     table = pd.read_csv(project / "results/quick/benchmarks/design.tsv", sep="\t")
     assert process.log == "results/quick/logs/design.log"

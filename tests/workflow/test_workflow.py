@@ -12,7 +12,17 @@ from repose.core.published import STORED
 pytestmark = pytest.mark.slow
 
 STAGES = (
-    *("berry", "shape", "design", "pour", "measure_runs", "dataset", "network", "miga", "solutions"),
+    *(
+        "berry",
+        "shape",
+        "design",
+        "pour",
+        "measure_runs",
+        "dataset",
+        "network",
+        "miga",
+        "solutions",
+    ),
     *("validation_pour", "measure_validation_runs", "validate"),
     *("measure", "draw_convergence", "posterior_tables", "page"),
     *("drum_run", "drum", "draw_drum"),
@@ -30,18 +40,29 @@ def test_the_recommended_study_has_every_stage_and_one_job_a_sample(project):
     assert not (project / "results").exists(), "a dry run writes nothing"
 
 
-def test_the_workflow_runs_from_either_file_and_the_small_run_has_the_same_rules(project):
+def test_the_workflow_runs_from_either_file_and_the_small_run_has_the_same_rules(
+    project,
+):
     small = planned(project, "--configfile", "config/quick.yaml")
-    itself = planned(project, "--configfile", "config/quick.yaml", "-s", "workflow/Snakefile")
+    itself = planned(
+        project, "--configfile", "config/quick.yaml", "-s", "workflow/Snakefile"
+    )
     itself["everything"] = itself.pop("all")
     assert small == itself
-    assert set(small) == set(planned(project)) - {"draw_published"}  # its piles have no stored table beside them
+    assert set(small) == set(planned(project)) - {
+        "draw_published"
+    }  # its piles have no stored table beside them
     assert (small["everything"], small["pour"], small["drum_run"]) == (1, 14, 2)
 
 
 def test_the_drum_alone_draws_no_funnel_and_samples_run_in_every_bench_test(project):
-    for targets, folders in ((MIXED, ("heaps", "drum_runs")), (MIXED[1:], ("drum_runs",))):
-        (project / "mine.yaml").write_text(json.dumps({"targets": targets, "posterior": {"shape_study": None}}))
+    for targets, folders in (
+        (MIXED, ("heaps", "drum_runs")),
+        (MIXED[1:], ("drum_runs",)),
+    ):
+        (project / "mine.yaml").write_text(
+            json.dumps({"targets": targets, "posterior": {"shape_study": None}})
+        )
         words = ("--configfile", "config/quick.yaml", "mine.yaml", "--", "dataset")
         jobs = planned(project, *words)
         assert (jobs["pour"], jobs["measure_runs"]) == (14 * len(folders), len(folders))
@@ -51,14 +72,29 @@ def test_the_drum_alone_draws_no_funnel_and_samples_run_in_every_bench_test(proj
         assert shown.count(f"measure_runs results/quick/{folder} --samples ") == 1
         assert "--apparatus drum" in shown
     slip = target("drum_slip_deg", 44.0, 2.0, 40.0, 48.0, 5)
-    drum = {"targets": [slip], "surrogate": "gaussian_process", "posterior": {"shape_study": None}}
+    drum = {
+        "targets": [slip],
+        "surrogate": "gaussian_process",
+        "posterior": {"shape_study": None},
+    }
     (project / "drum.json").write_text(json.dumps(drum))
     # Other tests leave results in the study's own folder.
-    nowhere = ("--config", "results_dir=results/nowhere", "validation={published_simulated: null}")
+    nowhere = (
+        "--config",
+        "results_dir=results/nowhere",
+        "validation={published_simulated: null}",
+    )
     both = planned(project, "--configfile", "config/quick.yaml", *nowhere)
     alone = planned(project, "--configfile", "config/quick.yaml", "drum.json", *nowhere)
     assert set(both) - set(alone) == {
-        *("draw_figure05", "draw_figure06", "draw_figure08", "draw_definitions", "measure", "trajectory"),
+        *(
+            "draw_figure05",
+            "draw_figure06",
+            "draw_figure08",
+            "draw_definitions",
+            "measure",
+            "trajectory",
+        ),
         "draw_plane",  # one target
         "draw_figure10",  # a Gaussian process has no nodes
     }
@@ -81,32 +117,66 @@ def test_a_bad_value_ends_in_one_message_before_any_work(project, words, message
     done = snakemake(project, "--cores", "1", *words)
     assert done.returncode != 0
     assert done.stdout == ""
-    assert [line for line in done.stderr.splitlines() if "profile" not in line] == [f"repose: error: {message}"]
+    assert [line for line in done.stderr.splitlines() if "profile" not in line] == [
+        f"repose: error: {message}"
+    ]
     assert not (project / "results").exists()
 
 
 def test_a_changed_key_reruns_what_depends_on_it_and_nothing_before(project):
     made = ("results/quick/design/samples.csv", "results/quick/berry/particle.json")
-    snakemake(project, "--cores", "1", *made, "--configfile", "config/quick.yaml", status=0)
-    assert json.loads((project / "results/quick/config.json").read_text())["design"]["samples"] == 14
+    snakemake(
+        project, "--cores", "1", *made, "--configfile", "config/quick.yaml", status=0
+    )
+    assert (
+        json.loads((project / "results/quick/config.json").read_text())["design"][
+            "samples"
+        ]
+        == 14
+    )
     words = ("results/quick/heaps/001.json", "--configfile", "config/quick.yaml")
     assert set(planned(project, *words)) == {"warm_up", "pour", "measure_runs", "total"}
     fewer = planned(project, *words, "--config", "design={samples: 25}")
     assert set(fewer) == {"design", "warm_up", "pour", "measure_runs", "total"}
     heavier = planned(project, *words, "--config", "berry={density_kg_m3: 900}")
-    assert set(heavier) == {"berry", "shape", "warm_up", "pour", "measure_runs", "total"}
+    assert set(heavier) == {
+        "berry",
+        "shape",
+        "warm_up",
+        "pour",
+        "measure_runs",
+        "total",
+    }
 
 
 @pytest.mark.essential
-def test_the_figures_have_the_configured_formats_and_are_drawn_again_for_others(project):
+def test_the_figures_have_the_configured_formats_and_are_drawn_again_for_others(
+    project,
+):
     snakemake(project, "--cores", "1", "results/figures/figure02.png", status=0)
-    assert [path.suffix for path in (project / "results/figures").glob("figure02*")] == [".png"]
+    assert [
+        path.suffix for path in (project / "results/figures").glob("figure02*")
+    ] == [".png"]
     assert "draw_figure02" not in planned(project, "figures")
     for change in ("dpi: 90", "format: [png, svg]"):
-        assert planned(project, "figures", "--config", f"figures={{{change}}}")["draw_figure02"] == 1
-    words = ("figures", "posterior", "response_surface", "--config", "figures={format: [png, svg, pdf]}")
+        assert (
+            planned(project, "figures", "--config", f"figures={{{change}}}")[
+                "draw_figure02"
+            ]
+            == 1
+        )
+    words = (
+        "figures",
+        "posterior",
+        "response_surface",
+        "--config",
+        "figures={format: [png, svg, pdf]}",
+    )
     listed = snakemake(project, "-n", "--summary", *words).stdout
-    files = {suffix: set(re.findall(rf"^(\S+)\.{suffix}\t.*draw_", listed, re.M)) for suffix in FORMATS}
+    files = {
+        suffix: set(re.findall(rf"^(\S+)\.{suffix}\t.*draw_", listed, re.M))
+        for suffix in FORMATS
+    }
     assert len(files["png"]) > 24, "every figure"
     assert files["png"] == files["svg"] == files["pdf"]
 
@@ -119,52 +189,102 @@ def test_the_figures_have_the_configured_formats_and_are_drawn_again_for_others(
     ("network={hidden: 4}", (), ()),
     ("validation={seeds: 3, representative_seeds: 3}", ("measure_validation_runs",), ("validation_pour",)),
 ])  # fmt: skip
-def test_a_changed_measurement_measures_again_and_pours_nothing(finished, change, measured, poured):
+def test_a_changed_measurement_measures_again_and_pours_nothing(
+    finished, change, measured, poured
+):
     project, words = finished
     before = planned(project, *words, change, "--", "dataset")
     # what the study would pour again because its solution has moved is left out here
     alone = (*POURS[1:], "measure_validation_runs", "validate", "drum", "film")
     targets = ("validate", "results/quick/drum/runs.csv", "film")
-    jobs = before | planned(project, *words, change, "--allowed-rules", *alone, "--", *targets)
-    made = {"dataset", "validate", "film", "total"} | ({"drum"} if "drum_run" in poured else set())
+    jobs = before | planned(
+        project, *words, change, "--allowed-rules", *alone, "--", *targets
+    )
+    made = {"dataset", "validate", "film", "total"} | (
+        {"drum"} if "drum_run" in poured else set()
+    )
     assert set(jobs) - made == {*measured, *poured}
-    for rule, count in (("pour", 12), ("measure_runs", 1), ("measure_validation_runs", 1)):
+    for rule, count in (
+        ("pour", 12),
+        ("measure_runs", 1),
+        ("measure_validation_runs", 1),
+    ):
         assert jobs.get(rule, count) == count
 
 
-def test_an_engine_compiled_again_is_no_reason_to_pour_again_and_uncertainty_is_a_target_of_its_own(finished):
+def test_an_engine_compiled_again_is_no_reason_to_pour_again_and_uncertainty_is_a_target_of_its_own(
+    finished,
+):
     project, words = finished
     for targets in (("calibration",), ("drum", "film")):
-        assert planned(project, *words, "--forcerun", "warm_up", "--", *targets)["total"] == 1
-    own = ("noise_tables", "sensitivity_tables")  # the posterior's tables belong to every study
-    drawn = ("draw_noise", "draw_corner", "draw_intervals", "draw_discrepancy", "draw_sobol")
+        assert (
+            planned(project, *words, "--forcerun", "warm_up", "--", *targets)["total"]
+            == 1
+        )
+    own = (
+        "noise_tables",
+        "sensitivity_tables",
+    )  # the posterior's tables belong to every study
+    drawn = (
+        "draw_noise",
+        "draw_corner",
+        "draw_intervals",
+        "draw_discrepancy",
+        "draw_sobol",
+    )
     drawn = (*drawn, "draw_main_effects", "draw_region")
     # of the finished study only empty files are there, so nothing before the tables has to run
-    assert set(planned(project, *words, "--", "uncertainty")) == {*own, *drawn, "uncertainty", "total"}
+    assert set(planned(project, *words, "--", "uncertainty")) == {
+        *own,
+        *drawn,
+        "uncertainty",
+        "total",
+    }
     assert not {*own, *drawn} & set(planned(project, *words, "--forceall"))
 
 
 @pytest.mark.essential
-def test_the_published_sets_are_poured_on_request_and_shown_from_a_stored_table(project):
+def test_the_published_sets_are_poured_on_request_and_shown_from_a_stored_table(
+    project,
+):
     none = ("validation={published_simulated: null}",)
-    words = ("--configfile", "config/quick.yaml", "--config", "results_dir=results/other")
+    words = (
+        "--configfile",
+        "config/quick.yaml",
+        "--config",
+        "results_dir=results/other",
+    )
     jobs = planned(project, *words, *none, "--", "published_sets")
-    made = {"validation_pour": 7, "measure_published_runs": 1, "published_solutions": 1, "published_sets": 1}
+    made = {
+        "validation_pour": 7,
+        "measure_published_runs": 1,
+        "published_solutions": 1,
+        "published_sets": 1,
+    }
     assert made.items() <= jobs.items()
     assert "pour" not in jobs
     jobs = planned(project, *words, *none)
     assert jobs["validation_pour"] == 3
     assert not {"published_solutions", "published_sets", "draw_published"} & set(jobs)
-    columns = [*(getattr(one, "name", one) for one in STORED), "aor_flank_deg", "height_mm"]
+    columns = [
+        *(getattr(one, "name", one) for one in STORED),
+        "aor_flank_deg",
+        "height_mm",
+    ]
     rows = [",".join(columns), ",".join(["101", *["0.3"] * (len(columns) - 1)])]
     (project / "stored.csv").write_text("\n".join(rows) + "\n")
-    stored = ("validation={published_simulated: stored.csv}", "measure={response: flank}")
+    stored = (
+        "validation={published_simulated: stored.csv}",
+        "measure={response: flank}",
+    )
     shown = planned(project, *words, *stored)
     assert set(shown) - set(jobs) == {"draw_published"}
     assert shown["validation_pour"] == 3
 
 
-def test_every_job_declares_memory_and_time_and_more_of_both_when_it_is_tried_again(tmp_path):
+def test_every_job_declares_memory_and_time_and_more_of_both_when_it_is_tried_again(
+    tmp_path,
+):
     rules = declared(tmp_path)
     assert len(rules) > 60
     for rule in rules:

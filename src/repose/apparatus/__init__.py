@@ -7,6 +7,24 @@ pictures; these are loaded when a bench test runs.
 # The line that registers each bench test, in the order in which they are listed.
 from repose.apparatus import funnel, drum, cylinder, discharge, turning  # noqa: F401, isort: skip
 from repose.apparatus import lifted_cylinder, inclined_plane, drop_test, drawdown  # noqa: F401, isort: skip
-from repose.apparatus.bench_test import BenchTest, Run, Scene, bench, bench_of, bench_tests, names, register
+from repose.apparatus.bench_test import (
+    BenchTest,
+    Run,
+    Scene,
+    bench,
+    bench_of,
+    bench_tests,
+    names,
+    register,
+)
 
-__all__ = ["BenchTest", "Run", "Scene", "bench", "bench_of", "bench_tests", "names", "register"]
+__all__ = [
+    "BenchTest",
+    "Run",
+    "Scene",
+    "bench",
+    "bench_of",
+    "bench_tests",
+    "names",
+    "register",
+]

@@ -63,7 +63,12 @@ class Scene:
 
     @classmethod
     def of(
-        cls, config: Config, parameters: Mapping[str, float], grain: Grain, particle: "Particle", seed: int = 0
+        cls,
+        config: Config,
+        parameters: Mapping[str, float],
+        grain: Grain,
+        particle: "Particle",
+        seed: int = 0,
     ) -> Self:
         """Make the scene of a configuration."""
         return cls(SceneSettings(config), parameters, grain, particle, seed)
@@ -164,10 +169,17 @@ class BenchTest(ABC, Generic[S]):
     def build(self, scene: Scene, largest_scale: float = 1.0) -> "dem.Simulation":
         """Make the empty simulation, with room for grains of a largest relative size."""
         reach_m = largest_scale * scene.particle.bounding_radius_m
-        return grain_simulation(scene, largest_scale=largest_scale, **self.world(scene, reach_m))
+        return grain_simulation(
+            scene, largest_scale=largest_scale, **self.world(scene, reach_m)
+        )
 
     @abstractmethod
-    def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
+    def run(
+        self,
+        scene: Scene,
+        interval_s: float | None = None,
+        progress: Progress | None = None,
+    ) -> Run:
         """Run once; `interval_s` asks for frames, `progress` is called with the simulated time [s]."""
 
     def faults(self, ending: Any, settings: SceneSettings) -> Faults:
@@ -176,22 +188,40 @@ class BenchTest(ABC, Generic[S]):
 
     def status_of(self, ending: Ending, settings: SceneSettings) -> tuple[str, str]:
         """Judge a run before it is measured; the reason of ``ok`` is empty."""
-        fault = ("unstable", ending.unstable) if ending.unstable else next(self.faults(ending, settings), None)
+        fault = (
+            ("unstable", ending.unstable)
+            if ending.unstable
+            else next(self.faults(ending, settings), None)
+        )
         return fault or ("ok", "")
 
     def ended(
-        self, scene: Scene, ending: Ending, arrays: dict[str, np.ndarray], frames: Any = None, **numbers: float
+        self,
+        scene: Scene,
+        ending: Ending,
+        arrays: dict[str, np.ndarray],
+        frames: Any = None,
+        **numbers: float,
     ) -> Run:
         """Judge a run and make its record; a number that is not finite becomes None."""
         status, reason = self.status_of(ending, scene.settings)
-        known = {key: value if math.isfinite(value) else None for key, value in numbers.items()}
-        return Run({"seed": int(scene.seed), "status": status, "reason": reason, **known}, arrays, frames)
+        known = {
+            key: value if math.isfinite(value) else None
+            for key, value in numbers.items()
+        }
+        return Run(
+            {"seed": int(scene.seed), "status": status, "reason": reason, **known},
+            arrays,
+            frames,
+        )
 
     def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
         """Measure an ``ok`` run: its responses and `numbers`, None where one cannot be measured; see `assess`."""
         raise NotImplementedError
 
-    def measure(self, record: Mapping[str, Any], arrays: Arrays, scene: Scene) -> dict[str, Any]:
+    def measure(
+        self, record: Mapping[str, Any], arrays: Arrays, scene: Scene
+    ) -> dict[str, Any]:
         """Measure a run: its record with every response that is a target; None where it cannot be measured."""
         if record["status"] == "ok":
             return {**record, **self.values(arrays, scene)}
@@ -205,7 +235,9 @@ class BenchTest(ABC, Generic[S]):
         """Yield (dotted key, what is allowed) where values do not go together."""
         return iter(())
 
-    def misfits(self, settings: SceneSettings, axes_mm: Sequence[float]) -> Contradictions:
+    def misfits(
+        self, settings: SceneSettings, axes_mm: Sequence[float]
+    ) -> Contradictions:
         """Yield the same where the test does not fit the mean grain, whose axes [mm] are given, the longest first."""
         return iter(())
 
@@ -228,7 +260,10 @@ class BenchTest(ABC, Generic[S]):
         return tuple(core.response(target["response"]) for target in targets)
 
     def assess(
-        self, measured: Mapping[str, Any], settings: SceneSettings, reasons: Mapping[str, str]
+        self,
+        measured: Mapping[str, Any],
+        settings: SceneSettings,
+        reasons: Mapping[str, str],
     ) -> dict[str, str]:
         """Return ``status`` and ``reason`` by the first target that a measured run lacks; empty if it lacks none.
 
@@ -241,15 +276,21 @@ class BenchTest(ABC, Generic[S]):
                 return {"status": self.lacking.get(name, "no_flank"), "reason": reason}
         return {}
 
-    def result(self, record: Mapping[str, Any], arrays: Arrays, scene: Scene) -> dict[str, Any]:
+    def result(
+        self, record: Mapping[str, Any], arrays: Arrays, scene: Scene
+    ) -> dict[str, Any]:
         """Measure a run; a response outside its bounds is no result, and its run is not ``ok``."""
         measured = self.measure(record, arrays, scene)
         if measured["status"] != "ok":
             return measured
-        for response in dict.fromkeys((*self.responses, *self.target_responses(scene.settings.config))):
+        for response in dict.fromkeys(
+            (*self.responses, *self.target_responses(scene.settings.config))
+        ):
             value = response.of(measured)
             if value is not None and not response.low <= value <= response.high:
-                bounds = f"{response.low:g} to {response.high:g} {response.unit}".rstrip()
+                bounds = (
+                    f"{response.low:g} to {response.high:g} {response.unit}".rstrip()
+                )
                 reason = f"{response.label} is {value:.4g}, outside {bounds}"
                 return measured | {"status": OUT_OF_BOUNDS, "reason": reason}
         return measured
@@ -285,8 +326,14 @@ def register(name: str) -> Callable[[T], T]:
         kind.name, kind.statuses = name, (*kind.statuses, OUT_OF_BOUNDS)
         test = kind()
         if not hasattr(kind, "recorded"):
-            kind.recorded = Recorded(test.response_names, single=(*test.response_names, *test.numbers))
-        family = None if kind.further_response is BenchTest.further_response else test.further_response
+            kind.recorded = Recorded(
+                test.response_names, single=(*test.response_names, *test.numbers)
+            )
+        family = (
+            None
+            if kind.further_response is BenchTest.further_response
+            else test.further_response
+        )
         core.register(*test.responses, family=family)
         _REGISTRY[name] = test
         return kind
@@ -318,7 +365,9 @@ def bench(name: str, source: object = "apparatus") -> BenchTest[Any]:
     InputError
         If no bench test has this name.
     """
-    require(name in _REGISTRY, source, "apparatus", name, f"one of {', '.join(_REGISTRY)}")
+    require(
+        name in _REGISTRY, source, "apparatus", name, f"one of {', '.join(_REGISTRY)}"
+    )
     return _REGISTRY[name]
 
 

@@ -45,7 +45,9 @@ class Bounded:
     or a wall is given; the scene is its box up to `top_m`.
     """
 
-    def __init__(self, simulation: "dem.Simulation", top_m: float, speed_m_s: float = 0.0) -> None:
+    def __init__(
+        self, simulation: "dem.Simulation", top_m: float, speed_m_s: float = 0.0
+    ) -> None:
         self.simulation, self.speed_m_s = simulation, speed_m_s
         gravity = np.asarray(simulation.physics.gravity)
         self.gravity = float(np.linalg.norm(gravity))
@@ -55,8 +57,12 @@ class Bounded:
         lower[2] = min(lower[2], floor if math.isfinite(floor) else math.inf)
         self.lowest_m, highest_m = np.sort(self.up * [lower, upper], axis=0).sum(axis=1)
         self.fall_m = float(highest_m - self.lowest_m)
-        self.fastest_m_s = FASTEST * (math.sqrt(2.0 * self.gravity * self.fall_m) + speed_m_s)
-        self.thickness_m = 2.0 * min(float(shape.half_extents_m.min()) for shape in simulation.shapes.values())
+        self.fastest_m_s = FASTEST * (
+            math.sqrt(2.0 * self.gravity * self.fall_m) + speed_m_s
+        )
+        self.thickness_m = 2.0 * min(
+            float(shape.half_extents_m.min()) for shape in simulation.shapes.values()
+        )
         self.looked = 0
         self.broken = ""
 
@@ -94,13 +100,21 @@ class Bounded:
         """Refuse a position that is not finite, and a speed that no fall gives."""
         simulation = self.simulation
         squares = np.square(simulation.velocities).sum(axis=1)
-        squares[~np.isfinite(squares) | ~np.isfinite(simulation.positions).all(axis=1)] = np.inf
+        squares[
+            ~np.isfinite(squares) | ~np.isfinite(simulation.positions).all(axis=1)
+        ] = np.inf
         fastest = int(np.argmax(squares))
         speed = math.sqrt(squares[fastest])
         if speed > self.fastest_m_s:
-            motion = f"moves at {speed:.3g} m/s" if math.isfinite(speed) else "has no finite position or speed"
+            motion = (
+                f"moves at {speed:.3g} m/s"
+                if math.isfinite(speed)
+                else "has no finite position or speed"
+            )
             bound = f"none here can be faster than {self.fastest_m_s:.3g} m/s"
-            raise Unstable(f"grain {fastest} {motion}, {self._when('time step')}; {bound}")
+            raise Unstable(
+                f"grain {fastest} {motion}, {self._when('time step')}; {bound}"
+            )
 
     def _look_at_energy(self) -> None:
         """Refuse more energy than the grains were given."""
@@ -109,23 +123,35 @@ class Bounded:
         masses = simulation.masses_kg[there]
         heights = simulation.positions[there] @ self.up - self.lowest_m
         energy = float(energies.sum() + self.gravity * np.sum(masses * heights))
-        allowed = float(masses.sum()) * (self.gravity * self.fall_m + 0.5 * self.speed_m_s**2)
+        allowed = float(masses.sum()) * (
+            self.gravity * self.fall_m + 0.5 * self.speed_m_s**2
+        )
         if energy > (1.0 + GAIN) * allowed:
             most = int(np.flatnonzero(there)[np.argmax(energies)])
             bound = f"all grains together have {energy:.3g} J and were given {allowed:.3g} J"
-            raise Unstable(f"grain {most} has {energies.max():.3g} J, {self._when('time step')}; {bound}")
+            raise Unstable(
+                f"grain {most} has {energies.max():.3g} J, {self._when('time step')}; {bound}"
+            )
 
     def _look_at_overlaps(self) -> None:
         """Refuse grains that pass through each other or through walls."""
         simulation = self.simulation
         pairs, overlaps = simulation.overlaps()
         scales = simulation.scales[pairs].min(axis=1)
-        self._refuse_deepest(overlaps, scales, lambda k: f"grains {pairs[k, 0]} and {pairs[k, 1]}")
+        self._refuse_deepest(
+            overlaps, scales, lambda k: f"grains {pairs[k, 0]} and {pairs[k, 1]}"
+        )
         grains, walls, overlaps = simulation.wall_overlaps()
         scales, names = simulation.scales[grains], simulation.wall_set.names
-        self._refuse_deepest(overlaps, scales, lambda k: f"grain {grains[k]} and the wall {names[walls[k]]!r}")
+        self._refuse_deepest(
+            overlaps,
+            scales,
+            lambda k: f"grain {grains[k]} and the wall {names[walls[k]]!r}",
+        )
 
-    def _refuse_deepest(self, overlaps: np.ndarray, scales: np.ndarray, which: Callable[[int], str]) -> None:
+    def _refuse_deepest(
+        self, overlaps: np.ndarray, scales: np.ndarray, which: Callable[[int], str]
+    ) -> None:
         """Refuse overlaps too deep for grains of these scales; which(k): names of the overlapping bodies."""
         if not len(overlaps):
             return
@@ -133,7 +159,9 @@ class Bounded:
         worst = int(np.argmax(share))
         if share[worst] > DEEPEST:
             found = f"{which(worst)} overlap by {1e3 * overlaps[worst]:.3g} mm, {self._when('modulus')}"
-            raise Unstable(f"{found}; at most {100 * DEEPEST:g} % of the smallest extent is a contact")
+            raise Unstable(
+                f"{found}; at most {100 * DEEPEST:g} % of the smallest extent is a contact"
+            )
 
     def _when(self, cure: str) -> str:
         """Tell the time and the remedy."""

@@ -90,11 +90,16 @@ class Vessel:
         return self.height_m + self.collar_m
 
     def density_kg_m3(
-        self, masses_kg: np.ndarray, shares: np.ndarray | Sequence[float], margin_m: float = 0.0
+        self,
+        masses_kg: np.ndarray,
+        shares: np.ndarray | Sequence[float],
+        margin_m: float = 0.0,
     ) -> float:
         """Mass of the shares (N,) of grains in the cylinder, `margin_m` off wall, floor and rim, over its volume."""
         radius, height = self.radius_m - margin_m, self.height_m - 2.0 * margin_m
-        return float(np.asarray(masses_kg) @ np.asarray(shares, float)) / (math.pi * radius**2 * height)
+        return float(np.asarray(masses_kg) @ np.asarray(shares, float)) / (
+            math.pi * radius**2 * height
+        )
 
     def inside(self, centres_m: np.ndarray, margin_m: float = 0.0) -> np.ndarray:
         """Mask of the centres that lie in the cylinder, at least `margin_m` away from wall, floor and rim."""
@@ -102,14 +107,18 @@ class Vessel:
         between = (z > margin_m) & (z < self.height_m - margin_m)
         return between & (np.hypot(x, y) < self.radius_m - margin_m)
 
-    def shares_inside(self, arrays: Mapping[str, np.ndarray], particle: "Particle", margin_m: float) -> np.ndarray:
+    def shares_inside(
+        self, arrays: Mapping[str, np.ndarray], particle: "Particle", margin_m: float
+    ) -> np.ndarray:
         """Share of each grain's volume that lies in the cylinder, `margin_m` away from wall, floor and rim.
 
         Counted over `POINTS` points of the body: the share of a grain that is cut is off by 0.003 (rms), the
         density of a core by less than 1e-3 of itself. `arrays` holds ``position``, ``quaternion`` and ``scale`` of
         a run.
         """
-        places, quaternions = (np.asarray(arrays[name], float) for name in ("position", "quaternion"))
+        places, quaternions = (
+            np.asarray(arrays[name], float) for name in ("position", "quaternion")
+        )
         points = points_of(particle)
         shares = np.empty(len(places))
         for k, (place, scale) in enumerate(zip(places, arrays["scale"], strict=True)):
@@ -121,13 +130,18 @@ class Vessel:
 def points_of(particle: "Particle") -> np.ndarray:
     """Points (POINTS, 3) [m] spread evenly over the volume of a body, in its own frame."""
     low, extent = -particle.support(-np.eye(3)), particle.axes_m
-    ratios = 1.2207440846057596 ** -np.arange(1.0, 4.0)  # a Kronecker sequence: powers of the root of x^4 = x + 1
+    ratios = 1.2207440846057596 ** -np.arange(
+        1.0, 4.0
+    )  # a Kronecker sequence: powers of the root of x^4 = x + 1
     points = low + extent * (np.outer(np.arange(1.0, 4 * POINTS), ratios) % 1.0)
     if particle.is_clump:
         centres, radii = particle.spheres_m[:, :3], particle.spheres_m[:, 3]
         inside = (np.linalg.norm(points[:, None] - centres, axis=2) < radii).any(axis=1)
     else:
-        turn, height = np.arange(1000.0) * math.pi * (3.0 - math.sqrt(5.0)), np.linspace(-0.999, 0.999, 1000)
+        turn, height = (
+            np.arange(1000.0) * math.pi * (3.0 - math.sqrt(5.0)),
+            np.linspace(-0.999, 0.999, 1000),
+        )
         ring = np.sqrt(1.0 - height**2)
         rays = np.column_stack([ring * np.cos(turn), ring * np.sin(turn), height])
         inside = (points @ rays.T < particle.support(rays)).all(axis=1)
@@ -135,12 +149,17 @@ def points_of(particle: "Particle") -> np.ndarray:
 
 
 def tap(
-    simulation: "dem.Simulation", settings: SimulationSettings, height_m: float, run_to: Callable[[int], object]
+    simulation: "dem.Simulation",
+    settings: SimulationSettings,
+    height_m: float,
+    run_to: Callable[[int], object],
 ) -> None:
     """Let the cylinder fall from a height, and its grains rest: seen from it they jump up by that height."""
     gravity, kept = simulation.physics.gravity, simulation.physics.gravity.copy()
     speed, lasts_s = _of_a_tap(settings.gravity_m_s2, height_m)
-    gravity[2] += speed / settings.time_step_s  # in one step the speed of the fall, to all at once
+    gravity[2] += (
+        speed / settings.time_step_s
+    )  # in one step the speed of the fall, to all at once
     run_to(simulation.steps + 1)
     gravity[:] = kept
     run_to(simulation.steps + settings.steps(lasts_s))
@@ -167,9 +186,36 @@ class CylinderTest(BenchTest[CylinderSettings]):
 
     settings = CylinderSettings
     responses = (
-        Response("bulk_density_kg_m3", "kg/m3", "bulk density", "bulk density", NAME, 0.0, 25000.0, VESSEL),
-        Response("core_density_kg_m3", "kg/m3", "bulk density of the core", "core density", NAME, 0.0, 25000.0, CORE),
-        Response("tapped_density_kg_m3", "kg/m3", "tapped density", "tapped density", NAME, 0.0, 25000.0, TAPPED),
+        Response(
+            "bulk_density_kg_m3",
+            "kg/m3",
+            "bulk density",
+            "bulk density",
+            NAME,
+            0.0,
+            25000.0,
+            VESSEL,
+        ),
+        Response(
+            "core_density_kg_m3",
+            "kg/m3",
+            "bulk density of the core",
+            "core density",
+            NAME,
+            0.0,
+            25000.0,
+            CORE,
+        ),
+        Response(
+            "tapped_density_kg_m3",
+            "kg/m3",
+            "tapped density",
+            "tapped density",
+            NAME,
+            0.0,
+            25000.0,
+            TAPPED,
+        ),
     )
     numbers = ("berries_in_cylinder",)
     statuses = ("ok", "unstable", "lost", "not_at_rest", "not_full")
@@ -193,7 +239,12 @@ class CylinderTest(BenchTest[CylinderSettings]):
             "upper": (shell_m, shell_m, wall_m),
         }
 
-    def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
+    def run(
+        self,
+        scene: Scene,
+        interval_s: float | None = None,
+        progress: Progress | None = None,
+    ) -> Run:
         """Fill the cylinder, let the grains rest, and tap it.
 
         The arrays are ``position``, ``quaternion`` and ``scale``, and with taps the positions after them, ``tapped``.
@@ -204,10 +255,20 @@ class CylinderTest(BenchTest[CylinderSettings]):
         length_m = float(scene.particle.axes_m.max())
 
         def filling() -> Filling:
-            return Filling(trial.simulation.positions.copy(), trial.energy_j(), length_m, unstable=trial.broken)
+            return Filling(
+                trial.simulation.positions.copy(),
+                trial.energy_j(),
+                length_m,
+                unstable=trial.broken,
+            )
 
         with trial.bound(vessel.top_m, section.speed_m_s).guard():
-            fill(trial, Disc(vessel.radius_m - trial.reach_m, vessel.top_m), section, last_step)
+            fill(
+                trial,
+                Disc(vessel.radius_m - trial.reach_m, vessel.top_m),
+                section,
+                last_step,
+            )
             trial.run_to(last_step)
         filled = ending = filling()
         arrays = trial.grains()
@@ -217,7 +278,10 @@ class CylinderTest(BenchTest[CylinderSettings]):
                     tap(trial.simulation, settings, 1e-3 * section.tap_mm, trial.run_to)
             ending = filling()
             arrays["tapped"] = ending.centres_m.astype(np.float32)
-        numbers = {"berries_poured": len(filled.centres_m), "kinetic_energy_J": filled.energy_j}
+        numbers = {
+            "berries_poured": len(filled.centres_m),
+            "kinetic_energy_J": filled.energy_j,
+        }
         return self.ended(scene, ending, arrays, trial.frames(), **numbers)
 
     def faults(self, ending: Filling, settings: SceneSettings) -> Faults:
@@ -231,20 +295,36 @@ class CylinderTest(BenchTest[CylinderSettings]):
         below = int(np.count_nonzero(centres[:, 2] < vessel.height_m))
         layer = math.ceil(below * ending.length_m / vessel.height_m)
         poured = f"{len(centres)} of {section.berries} grains poured, {below} of them below the rim"
-        outside = np.any(np.hypot(*centres.T[:2]) >= vessel.radius_m) or np.any(centres[:, 2] <= 0.0)
+        outside = np.any(np.hypot(*centres.T[:2]) >= vessel.radius_m) or np.any(
+            centres[:, 2] <= 0.0
+        )
         return stated(
             (outside, "lost", "a grain lies outside the cylinder"),
             settings.simulation.not_at_rest(ending.energy_j),
-            (len(centres) - below < layer, "not_full", f"{poured}; a full cylinder has at least {layer} above it"),
+            (
+                len(centres) - below < layer,
+                "not_full",
+                f"{poured}; a full cylinder has at least {layer} above it",
+            ),
         )
 
     def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
         """Measure the densities."""
-        section, centres = self.section(scene.settings), np.asarray(arrays["position"], float)
+        section, centres = (
+            self.section(scene.settings),
+            np.asarray(arrays["position"], float),
+        )
         vessel, margin = Vessel.of(section), 1e-3 * section.core_margin_mm
         masses = scene.particle.mass_kg * np.asarray(arrays["scale"], float) ** 3
-        shares, inside = vessel.shares_inside(arrays, scene.particle, margin), vessel.inside(centres)
-        tapped = vessel.density_kg_m3(masses, vessel.inside(arrays["tapped"])) if "tapped" in arrays else None
+        shares, inside = (
+            vessel.shares_inside(arrays, scene.particle, margin),
+            vessel.inside(centres),
+        )
+        tapped = (
+            vessel.density_kg_m3(masses, vessel.inside(arrays["tapped"]))
+            if "tapped" in arrays
+            else None
+        )
         return {
             "bulk_density_kg_m3": vessel.density_kg_m3(masses, inside),
             "core_density_kg_m3": vessel.density_kg_m3(masses, shares, margin),
@@ -262,16 +342,39 @@ class CylinderTest(BenchTest[CylinderSettings]):
         """Yield keys of a cylinder that cannot be filled or has no core, with what is allowed."""
         section, last = self.section(settings), last_berry_s(self.section(settings))
         half = min(section.diameter_mm, section.height_mm) / 2
-        is_tapped = any(one.get("response") == "tapped_density_kg_m3" for one in settings.targets_of(NAME))
+        is_tapped = any(
+            one.get("response") == "tapped_density_kg_m3"
+            for one in settings.targets_of(NAME)
+        )
         missing = is_tapped and not section.taps
         return stated(
-            (last >= section.duration_s, f"{NAME}.duration_s", f"above {last:g}: the last grain appears at {last:g} s"),
-            (section.core_margin_mm >= half, f"{NAME}.core_margin_mm", f"below {half:g}, or there is no core"),
-            (missing, f"{NAME}.taps", "1 or more, for tapped_density_kg_m3 is a target"),
+            (
+                last >= section.duration_s,
+                f"{NAME}.duration_s",
+                f"above {last:g}: the last grain appears at {last:g} s",
+            ),
+            (
+                section.core_margin_mm >= half,
+                f"{NAME}.core_margin_mm",
+                f"below {half:g}, or there is no core",
+            ),
+            (
+                missing,
+                f"{NAME}.taps",
+                "1 or more, for tapped_density_kg_m3 is a target",
+            ),
         )
 
-    def misfits(self, settings: SceneSettings, axes_mm: Sequence[float]) -> Contradictions:
+    def misfits(
+        self, settings: SceneSettings, axes_mm: Sequence[float]
+    ) -> Contradictions:
         """Refuse a cylinder into which the mean grain does not fall in any orientation."""
         longest = max(axes_mm)
         narrow = self.section(settings).diameter_mm <= longest
-        return stated((narrow, f"{NAME}.diameter_mm", f"above {longest:.4g}, the length of a mean grain"))
+        return stated(
+            (
+                narrow,
+                f"{NAME}.diameter_mm",
+                f"above {longest:.4g}, the length of a mean grain",
+            )
+        )

@@ -46,7 +46,13 @@ FROM_SHARE, TO_SHARE = 0.2, 0.8
 
 VESSEL = tuple(
     f"{NAME}.{key}"
-    for key in ("berries", "inlet_diameter_mm", "outlet_diameter_mm", "cone_angle_deg", "tube_length_mm")
+    for key in (
+        "berries",
+        "inlet_diameter_mm",
+        "outlet_diameter_mm",
+        "cone_angle_deg",
+        "tube_length_mm",
+    )
 )
 
 # --- section of the configuration -----------------------------------------------------------------
@@ -93,7 +99,9 @@ class DischargeTest(BenchTest[DischargeSettings]):
     settings = DischargeSettings
     responses = (
         Response("emptying_s", "s", "time to empty", "time", NAME, 0.0, 1e4, VESSEL),
-        Response("flow_g_s", "g/s", "rate of discharge", "rate", NAME, 0.0, 1e6, VESSEL),
+        Response(
+            "flow_g_s", "g/s", "rate of discharge", "rate", NAME, 0.0, 1e6, VESSEL
+        ),
     )
     statuses = ("ok", "unstable", "lost", "not_filled", "not_at_rest", "jammed")
     required_arrays = ("exit_s", "scale")
@@ -103,7 +111,11 @@ class DischargeTest(BenchTest[DischargeSettings]):
         """Describe the closed funnel."""
         section = self.section(scene.settings)
         funnel, top = _funnel(section)
-        radius, inlet, up = 0.5 * funnel.inlet_diameter_m, (0.0, 0.0, funnel.inlet_height_m), (0.0, 0.0, 1.0)
+        radius, inlet, up = (
+            0.5 * funnel.inlet_diameter_m,
+            (0.0, 0.0, funnel.inlet_height_m),
+            (0.0, 0.0, 1.0),
+        )
         lid = dem.Plane((0.0, 0.0, 0.0), up, "wall", 0.5 * funnel.outlet_diameter_m)
         collar = dem.Cylinder(inlet, up, top - inlet[2] + 2.0 * reach_m, radius, "wall")
         return {
@@ -116,7 +128,12 @@ class DischargeTest(BenchTest[DischargeSettings]):
             "floor_height_m": FLOOR_M,
         }
 
-    def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
+    def run(
+        self,
+        scene: Scene,
+        interval_s: float | None = None,
+        progress: Progress | None = None,
+    ) -> Run:
         """Fill the closed funnel, let the grains rest, open it, and wait until it is empty.
 
         The arrays are ``exit_s`` (N,), when each grain left after the opening [s], NaN where it did not; ``scale``
@@ -130,35 +147,67 @@ class DischargeTest(BenchTest[DischargeSettings]):
         opened_s, energy, early, closed = math.nan, math.nan, 0, None
         with trial.bound(top, max(LID_M_S, section.speed_m_s)).guard():
             fill_and_rest(trial, factory, section, section.open_from_s, every)
-            opened_s, energy, closed = simulation.time_s, trial.energy_j(), trial.grains()
+            opened_s, energy, closed = (
+                simulation.time_s,
+                trial.energy_j(),
+                trial.grains(),
+            )
             early = int(np.isfinite(simulation.exit_times_s).sum())
             simulation.set_motion("lid", dem.Motion(velocity_m_s=(0.0, 0.0, -LID_M_S)))
             last = simulation.steps + settings.steps(section.longest_s)
-            trial.wait(lambda: bool(np.isfinite(simulation.exit_times_s).all()), last, every)
+            trial.wait(
+                lambda: bool(np.isfinite(simulation.exit_times_s).all()), last, every
+            )
         grains = closed or trial.grains()
         exits = simulation.exit_times_s - opened_s
         late = int(np.isfinite(exits).sum()) - early
-        discharge = Discharge(simulation.n_bodies, energy, early, late, unstable=trial.broken)
-        arrays = {"exit_s": np.where(np.isfinite(exits), exits, np.nan), "scale": grains["scale"], **grains}
-        return self.ended(scene, discharge, arrays, trial.frames(), opened_s=opened_s, berries_out=late)
+        discharge = Discharge(
+            simulation.n_bodies, energy, early, late, unstable=trial.broken
+        )
+        arrays = {
+            "exit_s": np.where(np.isfinite(exits), exits, np.nan),
+            "scale": grains["scale"],
+            **grains,
+        }
+        return self.ended(
+            scene,
+            discharge,
+            arrays,
+            trial.frames(),
+            opened_s=opened_s,
+            berries_out=late,
+        )
 
     def faults(self, ending: Discharge, settings: SceneSettings) -> Faults:
         """Judge a run before it is measured."""
         section = self.section(settings)
-        few = f"only {ending.filled} of {section.berries} grains find room in the funnel"
+        few = (
+            f"only {ending.filled} of {section.berries} grains find room in the funnel"
+        )
         left = section.berries - ending.late
         return stated(
             (ending.filled < section.berries, "not_filled", few),
             (ending.early, "lost", f"{ending.early} grains left the closed funnel"),
-            settings.simulation.not_at_rest(ending.rest_energy_j, " when the lid was taken away"),
-            (left > 0, "jammed", f"{left} grains are still in the funnel {section.longest_s:g} s after the opening"),
+            settings.simulation.not_at_rest(
+                ending.rest_energy_j, " when the lid was taken away"
+            ),
+            (
+                left > 0,
+                "jammed",
+                f"{left} grains are still in the funnel {section.longest_s:g} s after the opening",
+            ),
         )
 
     def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
         """Measure time and rate."""
         exits = np.asarray(arrays["exit_s"], float)
-        rate = rate_kg_s(exits, scene.particle.mass_kg * np.asarray(arrays["scale"], float) ** 3)
-        return {"emptying_s": float(exits.max()), "flow_g_s": None if math.isnan(rate) else 1e3 * rate}
+        rate = rate_kg_s(
+            exits, scene.particle.mass_kg * np.asarray(arrays["scale"], float) ** 3
+        )
+        return {
+            "emptying_s": float(exits.max()),
+            "flow_g_s": None if math.isnan(rate) else 1e3 * rate,
+        }
 
     def duration_s(self, settings: SceneSettings) -> float:
         """Return the longest simulated time of a run [s]."""
@@ -171,7 +220,9 @@ class DischargeTest(BenchTest[DischargeSettings]):
         yield from impossible_surfaces(section, NAME)
         yield from too_early(section, NAME, "open_from_s")
 
-    def misfits(self, settings: SceneSettings, axes_mm: Sequence[float]) -> Contradictions:
+    def misfits(
+        self, settings: SceneSettings, axes_mm: Sequence[float]
+    ) -> Contradictions:
         """Yield keys of openings that are too narrow for the mean grain, with what is allowed."""
         sizes = {"outlet_diameter_mm": axes_mm[2], "inlet_diameter_mm": axes_mm[0]}
         return narrow_openings(self.section(settings), NAME, sizes)

@@ -40,11 +40,28 @@ from repose.core.responses import Response
 NAME = "drawdown"
 LOOK_S = 0.05  # simulated time between two looks whether the grains rest
 HALVES = ("width", "depth", "slot", "lower_width")  # keys whose halves a `Box` has
-FACES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))  # of a block
+FACES = (
+    (0, 1, 3, 2),
+    (4, 6, 7, 5),
+    (0, 4, 5, 1),
+    (2, 3, 7, 6),
+    (0, 2, 6, 4),
+    (1, 5, 7, 3),
+)  # of a block
 
 # --- responses ------------------------------------------------------------------------------------
 
-BOX = tuple(f"{NAME}.{key}" for key in ("berries", "width_mm", "depth_mm", "slot_mm", "lower_width_mm", "drop_mm"))
+BOX = tuple(
+    f"{NAME}.{key}"
+    for key in (
+        "berries",
+        "width_mm",
+        "depth_mm",
+        "slot_mm",
+        "lower_width_mm",
+        "drop_mm",
+    )
+)
 SEEN = (*BOX, "measure.mm_per_pixel", *CALIBRATED)
 
 # --- section of the configuration -----------------------------------------------------------------
@@ -83,16 +100,22 @@ class Box:
     @classmethod
     def of(cls, section: DrawdownSettings) -> "Box":
         """Make the box of a section of the configuration."""
-        width, depth, slot, lower = (0.5e-3 * getattr(section, f"{key}_mm") for key in HALVES)
+        width, depth, slot, lower = (
+            0.5e-3 * getattr(section, f"{key}_mm") for key in HALVES
+        )
         drop, thickness = 1e-3 * section.drop_mm, 1e-3 * section.floor_mm
-        return cls(width, depth, slot, lower, drop, thickness, drop + 1e-3 * section.height_mm)
+        return cls(
+            width, depth, slot, lower, drop, thickness, drop + 1e-3 * section.height_mm
+        )
 
     @property
     def gate(self) -> float:
         """Height of the gate's upper side, the lower side of the floor."""
         return self.floor - self.thickness
 
-    def walls(self, edge_radius_m: float, room_m: float) -> "dict[str, dem.Plane | dem.Mesh]":
+    def walls(
+        self, edge_radius_m: float, room_m: float
+    ) -> "dict[str, dem.Plane | dem.Mesh]":
         """All walls by name; the upper ones are `room_m` higher than the chamber."""
         y, t = self.half_depth + 2.0 * self.thickness, self.thickness
         walls: dict[str, dem.Plane | dem.Mesh] = {
@@ -101,13 +124,21 @@ class Box:
             "back": dem.Plane((0.0, self.half_depth, 0.0), (0.0, -1.0, 0.0), "wall"),
         }
         for name, side in (("left", -1.0), ("right", 1.0)):
-            walls[f"lower_{name}"] = dem.Plane((side * self.half_lower, 0.0, 0.0), (-side, 0.0, 0.0), "wall")
+            walls[f"lower_{name}"] = dem.Plane(
+                (side * self.half_lower, 0.0, 0.0), (-side, 0.0, 0.0), "wall"
+            )
             floor = side * self.half_slot, side * (self.half_width + t)
             wall = side * self.half_width, side * (self.half_width + t)
-            walls[f"{name}_floor"] = _block(floor, (-y, y), (self.gate, self.floor), edge_radius_m)
-            walls[f"{name}_wall"] = _block(wall, (-y, y), (self.gate, self.top + room_m), edge_radius_m)
+            walls[f"{name}_floor"] = _block(
+                floor, (-y, y), (self.gate, self.floor), edge_radius_m
+            )
+            walls[f"{name}_wall"] = _block(
+                wall, (-y, y), (self.gate, self.top + room_m), edge_radius_m
+            )
         across = (-self.half_slot - t, self.half_slot + t)
-        walls["gate"] = _block(across, (-y, y), (self.gate - t, self.gate), edge_radius_m)
+        walls["gate"] = _block(
+            across, (-y, y), (self.gate - t, self.gate), edge_radius_m
+        )
         return walls
 
     def holds(self, centres_m: np.ndarray) -> np.ndarray:
@@ -116,9 +147,13 @@ class Box:
         return (np.abs(x) < self.half_lower) & (np.abs(y) < self.half_depth) & (z > 0.0)
 
 
-def _block(x: Sequence[float], y: Sequence[float], z: Sequence[float], edge_radius_m: float) -> "dem.Mesh":
+def _block(
+    x: Sequence[float], y: Sequence[float], z: Sequence[float], edge_radius_m: float
+) -> "dem.Mesh":
     """Make a rectangular block as a wall of triangles, between two places along each axis."""
-    corners = np.array([(a, b, c) for a in sorted(x) for b in sorted(y) for c in sorted(z)])
+    corners = np.array(
+        [(a, b, c) for a in sorted(x) for b in sorted(y) for c in sorted(z)]
+    )
     faces = [triangle for a, b, c, d in FACES for triangle in ((a, b, c), (a, c, d))]
     return dem.Mesh(corners, np.array(faces), "wall", edge_radius_m)
 
@@ -147,13 +182,50 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
 
     settings = DrawdownSettings
     responses = (
-        Response("drawdown_above_deg", "deg", "drawdown, angle above", "above", NAME, 1.0, 89.0, SEEN),
-        Response("drawdown_below_deg", "deg", "drawdown, angle below", "below", NAME, 1.0, 89.0, SEEN),
-        Response("drawdown_mass_g", "g", "drawdown, mass below", "mass below", NAME, 0.0, 1e7, BOX),
-        Response("drawdown_flow_g_s", "g/s", "drawdown, rate", "rate", NAME, 0.0, 1e6, BOX),
+        Response(
+            "drawdown_above_deg",
+            "deg",
+            "drawdown, angle above",
+            "above",
+            NAME,
+            1.0,
+            89.0,
+            SEEN,
+        ),
+        Response(
+            "drawdown_below_deg",
+            "deg",
+            "drawdown, angle below",
+            "below",
+            NAME,
+            1.0,
+            89.0,
+            SEEN,
+        ),
+        Response(
+            "drawdown_mass_g",
+            "g",
+            "drawdown, mass below",
+            "mass below",
+            NAME,
+            0.0,
+            1e7,
+            BOX,
+        ),
+        Response(
+            "drawdown_flow_g_s", "g/s", "drawdown, rate", "rate", NAME, 0.0, 1e6, BOX
+        ),
     )
     numbers = ("berries_below",)
-    statuses = ("ok", "unstable", "not_filled", "lost", "not_at_rest", "jammed", "no_flank")
+    statuses = (
+        "ok",
+        "unstable",
+        "not_filled",
+        "lost",
+        "not_at_rest",
+        "jammed",
+        "no_flank",
+    )
     required_arrays = ("position", "quaternion", "scale", "exit_s", "in_pile")
     summary = (
         "{drawdown_above_deg:.1f} deg above, {drawdown_below_deg:.1f} deg below, "
@@ -172,7 +244,12 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
             "exit_height_m": box.gate,
         }
 
-    def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
+    def run(
+        self,
+        scene: Scene,
+        interval_s: float | None = None,
+        progress: Progress | None = None,
+    ) -> Run:
         """Fill the upper chamber, let the grains rest, open the gate, and let what stays and what fell rest.
 
         The arrays are ``position`` (N, 3), ``quaternion`` (N, 4) and ``scale`` (N,) at the end, ``exit_s`` (N,), when
@@ -194,11 +271,28 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
             trial.run_to(simulation.steps + settings.steps(box.floor / LID_M_S))
             simulation.set_motion("gate", dem.Motion())
             trial.run_to(simulation.steps + every)
-            trial.wait(trial.rests, simulation.steps + settings.steps(section.longest_s), every)
+            trial.wait(
+                trial.rests, simulation.steps + settings.steps(section.longest_s), every
+            )
         centres, exits = simulation.positions, simulation.exit_times_s
-        over = int(np.sum((centres[:, 2] > box.gate) & (np.abs(centres[:, 0]) < 0.5 * box.half_slot)))
-        held, energy = bool(simulation.present.all() and box.holds(centres).all()), trial.energy_j()
-        drained = Drained(filled=filled, early=early, held=held, over_slot=over, energy_j=energy, unstable=trial.broken)
+        over = int(
+            np.sum(
+                (centres[:, 2] > box.gate)
+                & (np.abs(centres[:, 0]) < 0.5 * box.half_slot)
+            )
+        )
+        held, energy = (
+            bool(simulation.present.all() and box.holds(centres).all()),
+            trial.energy_j(),
+        )
+        drained = Drained(
+            filled=filled,
+            early=early,
+            held=held,
+            over_slot=over,
+            energy_j=energy,
+            unstable=trial.broken,
+        )
         in_pile = largest_cluster(simulation.contacts(), np.isfinite(exits))
         arrays = trial.grains() | {"exit_s": exits - opened_s, "in_pile": in_pile}
         return self.ended(scene, drained, arrays, trial.frames(walls=True))
@@ -206,13 +300,21 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
     def faults(self, ending: Drained, settings: SceneSettings) -> Faults:
         """Judge a run before it is measured."""
         section = self.section(settings)
-        few = f"only {ending.filled} of {section.berries} grains find room above the gate"
+        few = (
+            f"only {ending.filled} of {section.berries} grains find room above the gate"
+        )
         out = "a grain lies outside the box, or left the closed chamber"
         return stated(
             (ending.filled < section.berries, "not_filled", few),
             (ending.early or not ending.held, "lost", out),
-            settings.simulation.not_at_rest(ending.energy_j, f" {section.longest_s:g} s after the opening"),
-            (ending.over_slot, "jammed", f"{ending.over_slot} grains rest above the middle of the slot"),
+            settings.simulation.not_at_rest(
+                ending.energy_j, f" {section.longest_s:g} s after the opening"
+            ),
+            (
+                ending.over_slot,
+                "jammed",
+                f"{ending.over_slot} grains rest above the middle of the slot",
+            ),
         )
 
     def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
@@ -222,16 +324,25 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
 
         box, particle = Box.of(self.section(scene.settings)), scene.particle
         settings = replace(scene.measure, views=1)
-        centres, scales = (np.asarray(arrays[key], float) for key in ("position", "scale"))
-        exits, masses = np.asarray(arrays["exit_s"], float), particle.mass_kg * scales**3
+        centres, scales = (
+            np.asarray(arrays[key], float) for key in ("position", "scale")
+        )
+        exits, masses = (
+            np.asarray(arrays["exit_s"], float),
+            particle.mass_kg * scales**3,
+        )
         left = np.isfinite(exits)
         rate = rate_kg_s(exits[left], masses[left]) if left.any() else np.nan
-        measured: dict[str, Any] = dict.fromkeys((*self.response_names, *self.numbers)) | {
+        measured: dict[str, Any] = dict.fromkeys(
+            (*self.response_names, *self.numbers)
+        ) | {
             "berries_below": int(left.sum()),
             "drawdown_mass_g": 1e3 * float(masses[left].sum()),
             "drawdown_flow_g_s": 1e3 * rate if np.isfinite(rate) else None,
         }
-        pile = np.asarray(arrays["in_pile"], bool) if settings.largest_pile_only else left
+        pile = (
+            np.asarray(arrays["in_pile"], bool) if settings.largest_pile_only else left
+        )
         # both wedges, though they need not touch
         apart = replace(settings, largest_pile_only=False)
         parts = {
@@ -259,13 +370,29 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         wide, drop, lower = width + 2 * floor, section.drop_mm, section.lower_width_mm
         yield from too_early(section, NAME, "open_from_s")
         yield from stated(
-            (section.slot_mm >= width, f"{NAME}.slot_mm", f"below {NAME}.width_mm, {width:g}"),
-            (4 * edge > floor, f"{NAME}.edge_radius_mm", f"at most a quarter of {NAME}.floor_mm, {floor / 4:g}"),
+            (
+                section.slot_mm >= width,
+                f"{NAME}.slot_mm",
+                f"below {NAME}.width_mm, {width:g}",
+            ),
+            (
+                4 * edge > floor,
+                f"{NAME}.edge_radius_mm",
+                f"at most a quarter of {NAME}.floor_mm, {floor / 4:g}",
+            ),
             (drop <= floor, f"{NAME}.drop_mm", f"above {NAME}.floor_mm, {floor:g}"),
-            (lower < wide, f"{NAME}.lower_width_mm", f"at least {wide:g}, the upper chamber with its walls"),
+            (
+                lower < wide,
+                f"{NAME}.lower_width_mm",
+                f"at least {wide:g}, the upper chamber with its walls",
+            ),
         )
 
-    def misfits(self, settings: SceneSettings, axes_mm: Sequence[float]) -> Contradictions:
+    def misfits(
+        self, settings: SceneSettings, axes_mm: Sequence[float]
+    ) -> Contradictions:
         """Yield keys of a box that is too narrow for the mean grain, with what is allowed."""
         sizes = dict.fromkeys(("depth_mm", "width_mm", "height_mm"), axes_mm[0])
-        return narrow_openings(self.section(settings), NAME, {"slot_mm": axes_mm[2]} | sizes)
+        return narrow_openings(
+            self.section(settings), NAME, {"slot_mm": axes_mm[2]} | sizes
+        )

@@ -63,7 +63,11 @@ class _Follow:
     """Follows a grain above a plate: step by step where it may touch, in longer strides while it flies."""
 
     def __init__(self, trial: Trial) -> None:
-        self.trial, self.simulation, self.settings = trial, trial.simulation, trial.scene.simulation
+        self.trial, self.simulation, self.settings = (
+            trial,
+            trial.simulation,
+            trial.scene.simulation,
+        )
         self.reach_m = float(trial.scales[0]) * trial.scene.particle.bounding_radius_m
 
     def touches(self) -> bool:
@@ -94,7 +98,11 @@ class _Follow:
         """Time steps in half of the time until the ball around the grain reaches the plate."""
         gravity, up = self.settings.gravity_m_s2, self.simulation.velocities[0, 2]
         above = max(self.simulation.positions[0, 2] - self.reach_m, 0.0)
-        until_s = (up + math.sqrt(up**2 + 2.0 * gravity * above)) / gravity if above > 0.0 else 0.0
+        until_s = (
+            (up + math.sqrt(up**2 + 2.0 * gravity * above)) / gravity
+            if above > 0.0
+            else 0.0
+        )
         return max(1, self.settings.steps(min(LOOK_S, 0.5 * until_s)))
 
 
@@ -111,8 +119,26 @@ class DropTest(BenchTest[DropTestSettings]):
 
     settings = DropTestSettings
     responses = (
-        Response("height_restitution", "", "restitution, by height", "e, height", NAME, 0.0, 1.0, FALL),
-        Response("sound_restitution", "", "restitution, by sound", "e, sound", NAME, 0.0, 1.0, FALL),
+        Response(
+            "height_restitution",
+            "",
+            "restitution, by height",
+            "e, height",
+            NAME,
+            0.0,
+            1.0,
+            FALL,
+        ),
+        Response(
+            "sound_restitution",
+            "",
+            "restitution, by sound",
+            "e, sound",
+            NAME,
+            0.0,
+            1.0,
+            FALL,
+        ),
     )
     numbers = ("rebound_height_mm", "flight_s")
     statuses = ("ok", "unstable", "no_rebound")
@@ -124,18 +150,28 @@ class DropTest(BenchTest[DropTestSettings]):
         section, half = self.section(scene.settings), 4.0 * reach_m
         return {
             "capacity": 1,
-            "walls": {"plate": dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), section.surface)},
+            "walls": {
+                "plate": dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), section.surface)
+            },
             "lower": (-half, -half, 0.0),
             "upper": (half, half, 1e-3 * section.height_mm + 2.0 * reach_m),
         }
 
-    def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
+    def run(
+        self,
+        scene: Scene,
+        interval_s: float | None = None,
+        progress: Progress | None = None,
+    ) -> Run:
         """Drop one grain and follow it until it touches the plate for the second time.
 
         The arrays are ``time_s`` (T,) and ``height_m`` (T,), of its centre, from when the grain leaves the plate until
         it touches it again, and ``drop_m``, the height of its fall.
         """
-        section, trial = self.section(scene.settings), Trial(self.build, scene, 1, interval_s, progress)
+        section, trial = (
+            self.section(scene.settings),
+            Trial(self.build, scene, 1, interval_s, progress),
+        )
         height, follow = 1e-3 * section.height_mm, _Follow(trial)
         add_above(trial, section.orientation, height)
         rows: list[tuple[float, float]] = []
@@ -145,7 +181,12 @@ class DropTest(BenchTest[DropTestSettings]):
                 rows = follow.fly()
         times, heights = np.array(rows).reshape(-1, 2).T
         arrays = {"time_s": times, "height_m": heights, "drop_m": np.array([height])}
-        return self.ended(scene, Rebound(bool(rows), unstable=trial.broken), arrays, trial.frames(walls=True))
+        return self.ended(
+            scene,
+            Rebound(bool(rows), unstable=trial.broken),
+            arrays,
+            trial.frames(walls=True),
+        )
 
     def faults(self, ending: Rebound, settings: SceneSettings) -> Faults:
         """Judge a run before it is measured."""
@@ -154,23 +195,43 @@ class DropTest(BenchTest[DropTestSettings]):
 
     def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
         """Measure both restitutions."""
-        time_s, height_m = np.asarray(arrays["time_s"], float), np.asarray(arrays["height_m"], float)
+        time_s, height_m = (
+            np.asarray(arrays["time_s"], float),
+            np.asarray(arrays["height_m"], float),
+        )
         drop, gravity = float(arrays["drop_m"][0]), scene.simulation.gravity_m_s2
-        rebound, flight = float(height_m.max() - height_m[0]), float(time_s[-1] - time_s[0])
+        rebound, flight = (
+            float(height_m.max() - height_m[0]),
+            float(time_s[-1] - time_s[0]),
+        )
         return {
             "height_restitution": math.sqrt(rebound / drop),
-            "sound_restitution": 0.5 * gravity * flight / math.sqrt(2.0 * gravity * drop),
+            "sound_restitution": 0.5
+            * gravity
+            * flight
+            / math.sqrt(2.0 * gravity * drop),
             "rebound_height_mm": 1e3 * rebound,
             "flight_s": flight,
         }
 
     def duration_s(self, settings: SceneSettings) -> float:
         """Return the longest simulated time: the fall, the hit, and a rebound to the height of the fall."""
-        return 3.0 * math.sqrt(2e-3 * self.section(settings).height_mm / settings.simulation.gravity_m_s2) + HIT_S
+        return (
+            3.0
+            * math.sqrt(
+                2e-3
+                * self.section(settings).height_mm
+                / settings.simulation.gravity_m_s2
+            )
+            + HIT_S
+        )
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
         """Refuse a fall so short that it takes fewer than 100 time steps."""
         simulation = settings.simulation
         least = 0.5e3 * simulation.gravity_m_s2 * (100 * simulation.time_step_s) ** 2
         if self.section(settings).height_mm < least:
-            yield f"{NAME}.height_mm", f"at least {least:.3g}, or the fall takes fewer than 100 time steps"
+            yield (
+                f"{NAME}.height_mm",
+                f"at least {least:.3g}, or the fall takes fewer than 100 time steps",
+            )

@@ -44,7 +44,9 @@ STATES = ("start", "report", "before", "after")
 
 # Keys that define the surface of the bed, and a slip.
 SEEN = ("measure.mm_per_pixel", "drum.fit_share", "drum.slip_drop_deg")
-BEFORE, AFTER = (methodcaller("get", f"{when}_surface_deg") for when in ("before", "after"))
+BEFORE, AFTER = (
+    methodcaller("get", f"{when}_surface_deg") for when in ("before", "after")
+)
 
 # --- the vessel ---------------------------------------------------------------------------------
 
@@ -67,7 +69,9 @@ class Drum:
         half = 0.5 * self.length_m
         ends = ((0.0, -half, 0.0), (0.0, half, 0.0))
         return {
-            "shell": dem.Cylinder(ends[0], (0.0, 1.0, 0.0), self.length_m, self.radius_m, material),
+            "shell": dem.Cylinder(
+                ends[0], (0.0, 1.0, 0.0), self.length_m, self.radius_m, material
+            ),
             "near_cap": dem.Plane(ends[0], (0.0, 1.0, 0.0), material),
             "far_cap": dem.Plane(ends[1], (0.0, -1.0, 0.0), material),
         }
@@ -77,7 +81,9 @@ class Drum:
         room = self.radius_m - berry_radius_m
         half_y = 0.5 * self.length_m - berry_radius_m
         if not (abs(height_m) < room and half_y > 0.0):
-            raise ValueError(f"height_m is {height_m!r}; expected below {room:.4g}, in a drum longer than a grain")
+            raise ValueError(
+                f"height_m is {height_m!r}; expected below {room:.4g}, in a drum longer than a grain"
+            )
         return Strip(math.sqrt(room**2 - height_m**2), half_y, height_m)
 
     def holds(self, centres_m: np.ndarray) -> np.ndarray:
@@ -120,7 +126,12 @@ class RotatingDrum(BenchTest[R]):
         section = self.section(scene.settings)
         drum = Drum.of(section)
         half = np.array([drum.radius_m, 0.5 * drum.length_m, drum.radius_m])
-        return {"capacity": section.berries, "walls": drum.walls("wall"), "lower": -half, "upper": half}
+        return {
+            "capacity": section.berries,
+            "walls": drum.walls("wall"),
+            "lower": -half,
+            "upper": half,
+        }
 
     def build(self, scene: Scene, largest_scale: float = 1.0) -> "dem.Simulation":
         """Make the empty drum; tilted, it is low at positive y."""
@@ -131,25 +142,41 @@ class RotatingDrum(BenchTest[R]):
         return simulation
 
     def empty_drum(
-        self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None
+        self,
+        scene: Scene,
+        interval_s: float | None = None,
+        progress: Progress | None = None,
     ) -> tuple[Trial, Strip]:
         """Make the drum for the grains of a seed within its bounds, and the place where they appear."""
         section = self.section(scene.settings)
-        drum, trial = Drum.of(section), Trial(self.build, scene, section.berries, interval_s, progress)
-        trial.bound(drum.radius_m, float(np.max(section.angular_velocity_rad_s)) * drum.radius_m)
+        drum, trial = (
+            Drum.of(section),
+            Trial(self.build, scene, section.berries, interval_s, progress),
+        )
+        trial.bound(
+            drum.radius_m, float(np.max(section.angular_velocity_rad_s)) * drum.radius_m
+        )
         return trial, drum.factory(1e-3 * section.factory_height_mm, trial.reach_m)
 
     def holds_all(self, trial: Trial) -> bool:
         """Whether all grains are there, and inside the drum."""
         simulation, drum = trial.simulation, Drum.of(self.section(trial.scene.settings))
-        return simulation.n_bodies == simulation.capacity and bool(drum.holds(simulation.positions).all())
+        return simulation.n_bodies == simulation.capacity and bool(
+            drum.holds(simulation.positions).all()
+        )
 
     def faults(self, ending: Turned, settings: SceneSettings) -> Faults:
         """Judge a run before it is measured."""
-        return stated((not ending.held, "lost", "a grain is missing, or outside the drum"))
+        return stated(
+            (not ending.held, "lost", "a grain is missing, or outside the drum")
+        )
 
     def surface_of(
-        self, position: np.ndarray, quaternion: np.ndarray, scale: np.ndarray, scene: Scene
+        self,
+        position: np.ndarray,
+        quaternion: np.ndarray,
+        scale: np.ndarray,
+        scene: Scene,
     ) -> "bed.Surface":
         """Return the surface of a bed of N grains; ValueError if it has none."""
         from repose.measure import bed
@@ -157,11 +184,17 @@ class RotatingDrum(BenchTest[R]):
 
         section = self.section(scene.settings)
         radius, pixel = Drum.of(section).radius_m, scene.settings.mm_per_pixel
-        filled = bed.side_view(Grains(position, quaternion, scene.particle, scale), radius, pixel)
+        filled = bed.side_view(
+            Grains(position, quaternion, scene.particle, scale), radius, pixel
+        )
         return bed.surface_of(filled, radius, pixel, section.fit_share)
 
     def surface_angles(
-        self, position: np.ndarray, quaternion: np.ndarray, scale: np.ndarray, scene: Scene
+        self,
+        position: np.ndarray,
+        quaternion: np.ndarray,
+        scale: np.ndarray,
+        scene: Scene,
     ) -> np.ndarray:
         """Return the angle of the surface in each of T frames [degrees]; NaN where the bed has no surface."""
         angles = np.full(len(position), math.nan)
@@ -172,25 +205,56 @@ class RotatingDrum(BenchTest[R]):
 
     def impossible_filling(self, settings: SceneSettings) -> Contradictions:
         """Refuse a drum that has no room, turns too early or is recorded too finely."""
-        drum, step_s, key = self.section(settings), settings.simulation.time_step_s, self.name
-        wide, radius = drum.outer_diameter_mm, drum.outer_diameter_mm / 2 - drum.wall_thickness_mm
+        drum, step_s, key = (
+            self.section(settings),
+            settings.simulation.time_step_s,
+            self.name,
+        )
+        wide, radius = (
+            drum.outer_diameter_mm,
+            drum.outer_diameter_mm / 2 - drum.wall_thickness_mm,
+        )
         outside = abs(drum.factory_height_mm) >= radius > 0
         yield from stated(
-            (radius <= 0, f"{key}.wall_thickness_mm", f"below half of {key}.outer_diameter_mm, {wide:g}"),
-            (outside, f"{key}.factory_height_mm", f"inside the drum, between -{radius:g} and {radius:g}"),
+            (
+                radius <= 0,
+                f"{key}.wall_thickness_mm",
+                f"below half of {key}.outer_diameter_mm, {wide:g}",
+            ),
+            (
+                outside,
+                f"{key}.factory_height_mm",
+                f"inside the drum, between -{radius:g} and {radius:g}",
+            ),
         )
         yield from too_early(drum, key, "rotate_from_s")
         fine = drum.record_s < step_s
-        yield from stated((fine, f"{key}.record_s", f"at least simulation.time_step_s, {step_s:g}"))
+        yield from stated(
+            (fine, f"{key}.record_s", f"at least simulation.time_step_s, {step_s:g}")
+        )
 
-    def misfits(self, settings: SceneSettings, axes_mm: Sequence[float]) -> Contradictions:
+    def misfits(
+        self, settings: SceneSettings, axes_mm: Sequence[float]
+    ) -> Contradictions:
         """Refuse a drum in which a mean grain cannot lie across the axis at the factory's height."""
-        drum, long_mm, fits = self.section(settings), max(axes_mm), "so that a mean grain fits"
+        drum, long_mm, fits = (
+            self.section(settings),
+            max(axes_mm),
+            "so that a mean grain fits",
+        )
         highest = drum.outer_diameter_mm / 2 - drum.wall_thickness_mm - long_mm / 2
-        room = f"between -{highest:.4g} and {highest:.4g}" if highest > 0 else "a wider drum"
+        room = (
+            f"between -{highest:.4g} and {highest:.4g}"
+            if highest > 0
+            else "a wider drum"
+        )
         high = abs(drum.factory_height_mm) >= highest
         return stated(
-            (drum.length_mm <= long_mm, f"{self.name}.length_mm", f"above {long_mm:.4g}, {fits}"),
+            (
+                drum.length_mm <= long_mm,
+                f"{self.name}.length_mm",
+                f"above {long_mm:.4g}, {fits}",
+            ),
             (high, f"{self.name}.factory_height_mm", f"{room}, {fits}"),
         )
 
@@ -246,7 +310,11 @@ class _Watch:
     """Keeps the record of a drum that turns."""
 
     def __init__(self, trial: Trial) -> None:
-        self.trial, self.simulation, self.particle = trial, trial.simulation, trial.scene.particle
+        self.trial, self.simulation, self.particle = (
+            trial,
+            trial.simulation,
+            trial.scene.particle,
+        )
         self.began_s = self.turned_rad = 0.0
         self.rows: list[_Row] = []
         self.centres: list[np.ndarray] = []
@@ -261,7 +329,9 @@ class _Watch:
         self.centres.append(s.positions.copy())
         self.quaternions.append(s.quaternions)
         grains = Grains(s.positions, s.quaternions, self.particle, s.scales)
-        energy = bed.relative_energy(grains, s.velocities, s.angular_velocities, s.rolling_frame_rad_s)
+        energy = bed.relative_energy(
+            grains, s.velocities, s.angular_velocities, s.rolling_frame_rad_s
+        )
         time_s = s.time_s - self.began_s
         turned_deg, bed_deg = math.degrees(self.turned_rad), bed.bed_angle(s.positions)
         self.rows.append(_Row(time_s, turned_deg, bed_deg, energy))
@@ -269,7 +339,9 @@ class _Watch:
     def advance(self, steps: int) -> None:
         """Run, turn and keep."""
         self.trial.run_to(self.simulation.steps + steps)
-        self.turned_rad -= steps * self.simulation.time_step_s * self.simulation.rolling_frame_rad_s[1]
+        self.turned_rad -= (
+            steps * self.simulation.time_step_s * self.simulation.rolling_frame_rad_s[1]
+        )
         self.keep()
 
     def record(self) -> dict[str, np.ndarray]:
@@ -288,7 +360,9 @@ def _until_slip(watch: _Watch, section: DrumSettings, every: int) -> "bed.Slip |
 
     def first_slip() -> "bed.Slip | None":
         record = watch.record()
-        return bed.find_slip(record["bed_deg"], record["energy_j"], section.slip_drop_deg, calm)
+        return bed.find_slip(
+            record["bed_deg"], record["energy_j"], section.slip_drop_deg, calm
+        )
 
     set_rotation(simulation, section.angular_velocity_rad_s)
     watch.keep()
@@ -296,7 +370,9 @@ def _until_slip(watch: _Watch, section: DrumSettings, every: int) -> "bed.Slip |
     while math.isfinite(watch.rows[-1].energy_j):
         now, energy = watch.rows[-1].time_s, watch.rows[-1].energy_j
         rests = now > stopped_s and energy < calm
-        if (rests or now >= stopped_s + section.settle_s) and now >= report_s - 0.5 * step_s:
+        if (
+            rests or now >= stopped_s + section.settle_s
+        ) and now >= report_s - 0.5 * step_s:
             break
         if stopped_s == math.inf:
             if now >= section.longest_rotation_s - 0.5 * step_s:
@@ -315,8 +391,28 @@ class DrumTest(RotatingDrum[DrumSettings]):
 
     settings = DrumSettings
     responses = (
-        Response("drum_slip_deg", "deg", "drum, slip", "slip", NAME, -90.0, 90.0, SEEN, BEFORE),
-        Response("drum_rest_deg", "deg", "drum, after the slip", "rest", NAME, -90.0, 90.0, SEEN, AFTER),
+        Response(
+            "drum_slip_deg",
+            "deg",
+            "drum, slip",
+            "slip",
+            NAME,
+            -90.0,
+            90.0,
+            SEEN,
+            BEFORE,
+        ),
+        Response(
+            "drum_rest_deg",
+            "deg",
+            "drum, after the slip",
+            "rest",
+            NAME,
+            -90.0,
+            90.0,
+            SEEN,
+            AFTER,
+        ),
     )
     statuses = ("ok", "unstable", "lost", "not_at_rest", "no_slip", "no_surface")
     measured_by = ("fit_share", "depth_bin_mm")
@@ -340,7 +436,9 @@ class DrumTest(RotatingDrum[DrumSettings]):
             trial.bounded.look()
             rest_energy = trial.energy_j()
             slip = _until_slip(watch, section, every)
-        record = watch.record() if watch.rows else {name: np.zeros(0) for name in RECORD}
+        record = (
+            watch.record() if watch.rows else {name: np.zeros(0) for name in RECORD}
+        )
         late = np.abs(watch.began_s + record["time_s"] - section.report_s)
         return Rotation(
             record=record,
@@ -360,12 +458,26 @@ class DrumTest(RotatingDrum[DrumSettings]):
         assert isinstance(ending, Rotation)
         yield from super().faults(ending, settings)
         if ending.rest_energy_j > settings.simulation.rest_energy_j:
-            yield "not_at_rest", f"kinetic energy {ending.rest_energy_j:.2e} J a grain when the rotation began"
+            yield (
+                "not_at_rest",
+                f"kinetic energy {ending.rest_energy_j:.2e} J a grain when the rotation began",
+            )
         if ending.slip is None:
-            fall, last = self.section(settings).slip_drop_deg, ending.record["time_s"][-1]
-            yield "no_slip", f"the bed's centre of mass never fell by {fall:g} degrees in {last:g} s"
+            fall, last = (
+                self.section(settings).slip_drop_deg,
+                ending.record["time_s"][-1],
+            )
+            yield (
+                "no_slip",
+                f"the bed's centre of mass never fell by {fall:g} degrees in {last:g} s",
+            )
 
-    def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
+    def run(
+        self,
+        scene: Scene,
+        interval_s: float | None = None,
+        progress: Progress | None = None,
+    ) -> Run:
         """Fill and turn once; with `interval_s` the frames are at the times of the record.
 
         The arrays are the columns of the record and the states: ``position_STATE`` (N, 3) [m], ``quaternion_STATE``
@@ -375,16 +487,29 @@ class DrumTest(RotatingDrum[DrumSettings]):
         position, quaternion = rotation.centres_m, rotation.quaternions
         arrays = {"scale": rotation.scales, **rotation.record}
         for state, row in rotation.rows().items() if len(position) else ():
-            arrays |= {f"position_{state}": position[row], f"quaternion_{state}": quaternion[row]}
+            arrays |= {
+                f"position_{state}": position[row],
+                f"quaternion_{state}": quaternion[row],
+            }
             arrays[f"turned_{state}_deg"] = rotation.record["turned_deg"][row]
-        frames = None if interval_s is None else {"position": position, "quaternion": quaternion, **arrays}
-        run = self.ended(scene, rotation, arrays, frames, rotation_from_s=rotation.rotation_from_s)
+        frames = (
+            None
+            if interval_s is None
+            else {"position": position, "quaternion": quaternion, **arrays}
+        )
+        run = self.ended(
+            scene, rotation, arrays, frames, rotation_from_s=rotation.rotation_from_s
+        )
         record = run.record
         if record["status"] in ("ok", "no_slip"):
             for state, row in rotation.rows().items():
-                record |= {f"{state}_{key}": float(rotation.record[key][row]) for key in RECORD}
+                record |= {
+                    f"{state}_{key}": float(rotation.record[key][row]) for key in RECORD
+                }
         if record["status"] == "ok" and rotation.slip is not None:
-            energy = rotation.record["energy_j"][rotation.slip.begins : rotation.slip.ends + 1]
+            energy = rotation.record["energy_j"][
+                rotation.slip.begins : rotation.slip.ends + 1
+            ]
             record |= {
                 "bed_drop_deg": record["before_bed_deg"] - record["after_bed_deg"],
                 "slip_duration_s": record["after_time_s"] - record["before_time_s"],
@@ -406,25 +531,41 @@ class DrumTest(RotatingDrum[DrumSettings]):
             return measured, profile
         states = STATES if record["status"] == "ok" else STATES[:2]
         kinds = ("position", "quaternion")
-        position, quaternion = (np.array([arrays[f"{kind}_{state}"] for state in states]) for kind in kinds)
+        position, quaternion = (
+            np.array([arrays[f"{kind}_{state}"] for state in states]) for kind in kinds
+        )
         angles = self.surface_angles(position, quaternion, arrays["scale"], scene)
         for state, angle in zip(states, angles, strict=True):
-            measured[f"{state}_surface_deg"] = float(angle) if math.isfinite(angle) else None
+            measured[f"{state}_surface_deg"] = (
+                float(angle) if math.isfinite(angle) else None
+            )
         if record["status"] == "no_slip":
             return measured, profile
         if not np.isfinite(angles[2:]).all():
-            judged = {"seed": record["seed"], "status": "no_surface", "reason": no_surface(scene)}
+            judged = {
+                "seed": record["seed"],
+                "status": "no_surface",
+                "reason": no_surface(scene),
+            }
             return judged | {"rotation_from_s": record["rotation_from_s"]}, profile
         numbers, profile = self._of_slip(record, arrays, scene)
-        return measured | {"surface_drop_deg": float(angles[2] - angles[3])} | numbers, profile
+        return measured | {
+            "surface_drop_deg": float(angles[2] - angles[3])
+        } | numbers, profile
 
-    def _of_slip(self, record: Mapping[str, Any], arrays: Arrays, scene: Scene) -> tuple[dict[str, Any], np.ndarray]:
+    def _of_slip(
+        self, record: Mapping[str, Any], arrays: Arrays, scene: Scene
+    ) -> tuple[dict[str, Any], np.ndarray]:
         """Measure the motion in the slip; None where no grain lies under the part of the surface that is fitted."""
         from repose.measure import bed
 
         centres = arrays["position_before"], arrays["position_after"]
-        before = self.surface_of(centres[0], arrays["quaternion_before"], arrays["scale"], scene)
-        turned_rad = math.radians(record["after_turned_deg"] - record["before_turned_deg"])
+        before = self.surface_of(
+            centres[0], arrays["quaternion_before"], arrays["scale"], scene
+        )
+        turned_rad = math.radians(
+            record["after_turned_deg"] - record["before_turned_deg"]
+        )
         depth, moved = bed.slip_displacement(*centres, turned_rad, before)
         bin_m = 1e-3 * self.section(scene.settings).depth_bin_mm
         profile = bed.depth_profile(depth, moved, bin_m) * (1e3, 1e3, 1e3, 1.0)
@@ -435,11 +576,16 @@ class DrumTest(RotatingDrum[DrumSettings]):
         }
         return numbers, profile
 
-    def measure(self, record: Mapping[str, Any], arrays: Arrays, scene: Scene) -> dict[str, Any]:
+    def measure(
+        self, record: Mapping[str, Any], arrays: Arrays, scene: Scene
+    ) -> dict[str, Any]:
         """Return the result of `measured_run`, with the responses under their public names."""
         measured, _ = self.measured_run(record, arrays, scene)
         ok = measured["status"] == "ok"
-        return measured | {response.name: response.of(measured) if ok else None for response in self.responses}
+        return measured | {
+            response.name: response.of(measured) if ok else None
+            for response in self.responses
+        }
 
     def duration_s(self, settings: SceneSettings) -> float:
         """Return the longest simulated time of a run [s]."""
@@ -451,4 +597,6 @@ class DrumTest(RotatingDrum[DrumSettings]):
         yield from self.impossible_filling(settings)
         section = self.section(settings)
         begin, early = section.rotate_from_s, section.report_s < section.rotate_from_s
-        yield from stated((early, f"{NAME}.report_s", f"at least {NAME}.rotate_from_s, {begin:g}"))
+        yield from stated(
+            (early, f"{NAME}.report_s", f"at least {NAME}.rotate_from_s, {begin:g}")
+        )

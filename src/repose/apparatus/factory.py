@@ -19,7 +19,9 @@ PLACES_TRIED = 200
 Random = np.random.Generator | None
 Rests = Callable[[], bool] | None
 LIKELY_PACKING = 0.6  # share of a bed that is solid
-ALMOST = 1.0 - 1e-9  # of a square of a distance: the last digits of `Disc.places` are not sure
+ALMOST = (
+    1.0 - 1e-9
+)  # of a square of a distance: the last digits of `Disc.places` are not sure
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,9 @@ class Disc:
     def places(self, numbers: np.ndarray) -> np.ndarray:
         """Compute all points (N, 3) of numbers (N, 2) at once [m]; their last digits may be others."""
         r, angle = self.radius_m * np.sqrt(numbers[:, 0]), 2.0 * math.pi * numbers[:, 1]
-        return np.column_stack([r * np.cos(angle), r * np.sin(angle), np.full(len(r), self.height_m)])
+        return np.column_stack(
+            [r * np.cos(angle), r * np.sin(angle), np.full(len(r), self.height_m)]
+        )
 
 
 @dataclass(frozen=True)
@@ -50,31 +54,43 @@ class Strip:
 
     def place(self, first: float, second: float) -> tuple[float, float, float]:
         """Compute the point [m] of two numbers, as `Disc.place`."""
-        return self.half_x_m * (2.0 * first - 1.0), self.half_y_m * (2.0 * second - 1.0), self.height_m
+        return (
+            self.half_x_m * (2.0 * first - 1.0),
+            self.half_y_m * (2.0 * second - 1.0),
+            self.height_m,
+        )
 
     def places(self, numbers: np.ndarray) -> np.ndarray:
         """Compute points (N, 3) as `Disc.places`."""
         x, y = 2.0 * numbers.T - 1.0
-        return np.column_stack([self.half_x_m * x, self.half_y_m * y, np.full(len(x), self.height_m)])
+        return np.column_stack(
+            [self.half_x_m * x, self.half_y_m * y, np.full(len(x), self.height_m)]
+        )
 
 
 Factory = Disc | Strip  # horizontal areas in which grains appear
 
 
-def free_place(rng: np.random.Generator, simulation: "Simulation", factory: Factory) -> np.ndarray | None:
+def free_place(
+    rng: np.random.Generator, simulation: "Simulation", factory: Factory
+) -> np.ndarray | None:
     """Find a random point (3,) of a factory [m] where a new grain cannot touch another; None if there is none."""
     place = np.array(factory.place(*rng.random(2)))
     others, reach = simulation.positions, 2.0 * simulation.radius
     others = others[simulation.present & (others[:, 2] > factory.height_m - reach)]
 
     def is_free(place: np.ndarray) -> bool:
-        return not len(others) or bool(np.sum((others - place) ** 2, axis=1).min() > reach * reach)
+        return not len(others) or bool(
+            np.sum((others - place) ** 2, axis=1).min() > reach * reach
+        )
 
     if is_free(place):
         return place
     before = rng.bit_generator.state
     numbers = rng.random((PLACES_TRIED - 1, 2))
-    away = np.sum((factory.places(numbers)[:, None, :] - others) ** 2, axis=2).min(axis=1)
+    away = np.sum((factory.places(numbers)[:, None, :] - others) ** 2, axis=2).min(
+        axis=1
+    )
     for k in np.flatnonzero(away > ALMOST * reach * reach).tolist():
         place = np.array(factory.place(*numbers[k].tolist()))
         if is_free(place):
@@ -101,7 +117,10 @@ def random_orientation(orientation: str, rng: np.random.Generator) -> np.ndarray
 
 def add_above(trial: "Trial", orientation: str, height_m: float = 0.0) -> None:
     """Add the grain of a trial on the z axis in a random orientation of a kind, its lowest point at a height."""
-    turn, scale = random_orientation(orientation, np.random.default_rng(trial.scene.seed)), float(trial.scales[0])
+    turn, scale = (
+        random_orientation(orientation, np.random.default_rng(trial.scene.seed)),
+        float(trial.scales[0]),
+    )
     down = rotation_matrix(turn).T @ np.array([0.0, 0.0, -1.0])
     depth = scale * float(trial.scene.particle.support_point(down[None])[0] @ down)
     trial.simulation.add("berry", (0.0, 0.0, height_m + depth), turn, scale=scale)
@@ -120,7 +139,12 @@ def too_early(section: "Poured", name: str, key: str) -> Iterator[tuple[str, str
 
 
 def fill(
-    trial: "Trial", factory: Factory, section: "Poured", last_step: int, grains: int | None = None, rng: Random = None
+    trial: "Trial",
+    factory: Factory,
+    section: "Poured",
+    last_step: int,
+    grains: int | None = None,
+    rng: Random = None,
 ) -> None:
     """Add grains one by one, the first at once, each where it touches none, up to a time step.
 
@@ -129,7 +153,10 @@ def fill(
     """
     simulation = trial.simulation
     rng = np.random.default_rng(trial.scene.seed) if rng is None else rng
-    orientation, down = getattr(section, "orientation", "random"), (0.0, 0.0, -getattr(section, "speed_m_s", 0.0))
+    orientation, down = (
+        getattr(section, "orientation", "random"),
+        (0.0, 0.0, -getattr(section, "speed_m_s", 0.0)),
+    )
     first, began = simulation.n_bodies, simulation.steps
     for k in range(section.berries if grains is None else grains):
         due = began + round(k / section.rate_per_s / simulation.time_step_s)
@@ -147,7 +174,12 @@ def fill(
 
 
 def fill_and_rest(
-    trial: "Trial", factory: Factory, section: "Poured", from_s: float, every: int, rests: Rests = None
+    trial: "Trial",
+    factory: Factory,
+    section: "Poured",
+    from_s: float,
+    every: int,
+    rests: Rests = None,
 ) -> None:
     """Fill a scene and advance to a time; then look every few steps whether it `rests`, at most twice as long.
 
@@ -156,19 +188,35 @@ def fill_and_rest(
     by the packing of those that rest the others.
     """
     simulation, most, rests = trial.simulation, len(trial.scales), rests or trial.rests
-    first, latest = (round(seconds / simulation.time_step_s) for seconds in (from_s, 2.0 * from_s))
+    first, latest = (
+        round(seconds / simulation.time_step_s) for seconds in (from_s, 2.0 * from_s)
+    )
     level_mm = getattr(section, "filling_height_mm", None)
     if level_mm is None:
         fill(trial, factory, section, latest)
     else:
-        rng, gravity = np.random.default_rng(trial.scene.seed), float(np.linalg.norm(simulation.physics.gravity))
-        fall = math.ceil(math.sqrt(2.0 * factory.height_m / gravity) / simulation.time_step_s)
+        rng, gravity = (
+            np.random.default_rng(trial.scene.seed),
+            float(np.linalg.norm(simulation.physics.gravity)),
+        )
+        fall = math.ceil(
+            math.sqrt(2.0 * factory.height_m / gravity) / simulation.time_step_s
+        )
         missing = max(1, round(0.5 * LIKELY_PACKING * most))
         while missing > 0 and simulation.steps < latest and simulation.n_bodies < most:
-            fill(trial, factory, section, latest, min(missing, most - simulation.n_bodies), rng)
+            fill(
+                trial,
+                factory,
+                section,
+                latest,
+                min(missing, most - simulation.n_bodies),
+                rng,
+            )
             trial.run_to(min(latest, simulation.steps + fall))
             trial.wait(rests, latest, every)
-            missing = round(simulation.n_bodies * (1e-3 * level_mm / level_m(simulation) - 1.0))
+            missing = round(
+                simulation.n_bodies * (1e-3 * level_mm / level_m(simulation) - 1.0)
+            )
     trial.run_to(first)
     trial.wait(rests, latest, every)
 

@@ -59,7 +59,10 @@ SLIDING = 0.5  # of the speed: a grain whose lowest point is faster than this sl
 # --- responses ------------------------------------------------------------------------------------
 
 SURFACE = (f"{NAME}.surface",)
-LACKING = {"slip_deg": "no_slip", "roll_deg": "no_roll"}  # status of a run that lacks a target
+LACKING = {
+    "slip_deg": "no_slip",
+    "roll_deg": "no_roll",
+}  # status of a run that lacks a target
 
 # --- section of the configuration -----------------------------------------------------------------
 
@@ -77,7 +80,9 @@ class InclinedPlaneSettings(Section):
 # --- build and run --------------------------------------------------------------------------------
 
 
-def layer(particle: "Particle", azimuth: float = 0.0) -> tuple[np.ndarray, np.ndarray, float]:
+def layer(
+    particle: "Particle", azimuth: float = 0.0
+) -> tuple[np.ndarray, np.ndarray, float]:
     """Lay grains flat in a close layer: centres (N, 3) about a pocket, their orientation, half their height.
 
     It is the close layer of spheres, stretched as the grain is, and as far apart as a shape needs that is no ellipsoid.
@@ -90,13 +95,22 @@ def layer(particle: "Particle", azimuth: float = 0.0) -> tuple[np.ndarray, np.nd
     rows[2] *= np.linalg.det(rows)
     n = math.ceil(REACHES)
     i, j = (part.ravel() for part in np.meshgrid(*2 * [np.arange(-2 * n, 2 * n + 1)]))
-    unit = np.column_stack([2.0 * i + j - 1.0, math.sqrt(3.0) * j - 1.0 / math.sqrt(3.0), 0.0 * i])
+    unit = np.column_stack(
+        [2.0 * i + j - 1.0, math.sqrt(3.0) * j - 1.0 / math.sqrt(3.0), 0.0 * i]
+    )
     stretched = np.array([*half[axes][:2], 0.0])
     # planes between a grain and its neighbours, by which ellipsoids touch
-    ways = np.array([[2.0, 0.0, 0.0], [1.0, math.sqrt(3.0), 0.0], [1.0, -math.sqrt(3.0), 0.0]])
+    ways = np.array(
+        [[2.0, 0.0, 0.0], [1.0, math.sqrt(3.0), 0.0], [1.0, -math.sqrt(3.0), 0.0]]
+    )
     normals = np.column_stack([ways[:, :2] / stretched[:2], np.zeros(3)])
     width = particle.support(normals @ rows) + particle.support(-normals @ rows)
-    places = APART * max(1.0, float((width / (ways * stretched * normals).sum(axis=1)).max())) * unit * stretched
+    places = (
+        APART
+        * max(1.0, float((width / (ways * stretched * normals).sum(axis=1)).max()))
+        * unit
+        * stretched
+    )
     near = np.hypot(*places[:, :2].T) < REACHES * particle.bounding_radius_m
     turn = Rotation.from_euler("z", azimuth)
     quaternion = (turn * Rotation.from_matrix(rows)).as_quat(scalar_first=True)
@@ -106,13 +120,20 @@ def layer(particle: "Particle", azimuth: float = 0.0) -> tuple[np.ndarray, np.nd
 def held(parameters: Mapping[str, float], surface: str) -> dict[str, float]:
     """Make the parameters of a sled: it would roll at twice the slope at which it slides."""
     pair = "gp" if surface == "wall" else "gg"
-    return {**parameters, f"mur_{pair}": max(parameters[f"mur_{pair}"], 2.0 * parameters[f"mus_{pair}"])}
+    return {
+        **parameters,
+        f"mur_{pair}": max(parameters[f"mur_{pair}"], 2.0 * parameters[f"mus_{pair}"]),
+    }
 
 
 def _lay_down(trial: Trial, section: InclinedPlaneSettings) -> None:
     """Lay a grain on the level plane, its long axis level in a random direction, and let it rest."""
     settings, particle = trial.scene.simulation, trial.scene.particle
-    height = float(min(particle.dem_shape("berry").half_extents_m)) if section.surface == "glued" else 0.0
+    height = (
+        float(min(particle.dem_shape("berry").half_extents_m))
+        if section.surface == "glued"
+        else 0.0
+    )
     add_above(trial, "lying", height)
     every = settings.steps(0.01)
     trial.run_to(every)
@@ -121,7 +142,10 @@ def _lay_down(trial: Trial, section: InclinedPlaneSettings) -> None:
 
 def _rests(trial: Trial) -> bool:
     """Whether the free grain, the last one, rests."""
-    return not trial.simulation.kinetic_energies()[-1] > trial.scene.simulation.rest_energy_j
+    return (
+        not trial.simulation.kinetic_energies()[-1]
+        > trial.scene.simulation.rest_energy_j
+    )
 
 
 def azimuth_of(seed: int) -> float:
@@ -129,19 +153,30 @@ def azimuth_of(seed: int) -> float:
     return float(np.random.default_rng([seed, 1]).uniform(0.0, 2.0 * math.pi))
 
 
-def _tilt(trial: Trial, section: InclinedPlaneSettings) -> list[tuple[float, float, float]]:
+def _tilt(
+    trial: Trial, section: InclinedPlaneSettings
+) -> list[tuple[float, float, float]]:
     """Turn gravity until the grain has moved or the plane is steepest; rows of `COLUMNS`, none if it does not rest."""
     simulation, settings = trial.simulation, trial.scene.simulation
     if not _rests(trial):
         return []
     rows, began = [], simulation.positions[-1].copy()
-    far = FAR * 2.0 * float(min(simulation.shapes["berry"].half_extents_m)) * simulation.scales[-1]
+    far = (
+        FAR
+        * 2.0
+        * float(min(simulation.shapes["berry"].half_extents_m))
+        * simulation.scales[-1]
+    )
     every, start = max(1, settings.steps(LOOK_S)), simulation.steps
     while True:
-        angle_deg = section.tilting_deg_s * (simulation.steps - start) * settings.time_step_s
+        angle_deg = (
+            section.tilting_deg_s * (simulation.steps - start) * settings.time_step_s
+        )
         angle = math.radians(angle_deg)
         place, speed = simulation.positions[-1], simulation.velocities[-1]
-        lowest = speed + np.cross(simulation.angular_velocities[-1], (0.0, 0.0, -place[2]))
+        lowest = speed + np.cross(
+            simulation.angular_velocities[-1], (0.0, 0.0, -place[2])
+        )
         slide = 0.0 if section.surface == "glued" else float(np.hypot(*lowest[:2]))
         rows.append((angle_deg, float(np.linalg.norm(speed)), slide))
         if np.hypot(*(place - began)[:2]) > far or angle_deg >= section.steepest_deg:
@@ -151,7 +186,9 @@ def _tilt(trial: Trial, section: InclinedPlaneSettings) -> list[tuple[float, flo
         trial.run_to(simulation.steps + every)
 
 
-def tilted(frames: Mapping[str, np.ndarray], section: InclinedPlaneSettings, last_deg: float) -> dict[str, np.ndarray]:
+def tilted(
+    frames: Mapping[str, np.ndarray], section: InclinedPlaneSettings, last_deg: float
+) -> dict[str, np.ndarray]:
     """Turn frames into the laboratory's, where the plane tilts; add ``tilt_deg`` (T,)."""
     times = np.asarray(frames["time_s"])
     tilt = last_deg + section.tilting_deg_s * (times - times.max(initial=0.0))
@@ -163,11 +200,19 @@ def tilted(frames: Mapping[str, np.ndarray], section: InclinedPlaneSettings, las
     # a rotation by the angle about +y, which lowers +x
     c, s = np.cos(half)[:, None], np.sin(half)[:, None]
     qw, qx, qy, qz = np.moveaxis(np.asarray(frames["quaternion"], float), -1, 0)
-    quaternion = np.stack([c * qw - s * qy, c * qx + s * qz, c * qy + s * qw, c * qz - s * qx], axis=-1)
+    quaternion = np.stack(
+        [c * qw - s * qy, c * qx + s * qz, c * qy + s * qw, c * qz - s * qx], axis=-1
+    )
     planes = np.array(frames["planes"], float)
     normal = np.column_stack([np.sin(angle), np.zeros_like(angle), np.cos(angle)])
     planes[:, 0, :3], planes[:, 0, 3:6] = planes[:, :1, 2] * normal, -normal
-    return {**frames, "position": position, "quaternion": quaternion, "planes": planes, "tilt_deg": tilt}
+    return {
+        **frames,
+        "position": position,
+        "quaternion": quaternion,
+        "planes": planes,
+        "tilt_deg": tilt,
+    }
 
 
 # --- measure --------------------------------------------------------------------------------------
@@ -197,13 +242,17 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
     settings = InclinedPlaneSettings
     responses = (
         Response("slip_deg", "deg", "angle of slip", "slip", NAME, 0.0, 89.0, SURFACE),
-        Response("roll_deg", "deg", "angle of rolling", "roll", NAME, 0.0, 89.0, SURFACE),
+        Response(
+            "roll_deg", "deg", "angle of rolling", "roll", NAME, 0.0, 89.0, SURFACE
+        ),
     )
     numbers = ("motion",)
     lacking = LACKING
     recorded = Recorded(means=tuple(LACKING), single=tuple(LACKING))
     statuses = ("ok", "unstable", "not_at_rest", "no_slip", "no_roll")
-    required_arrays = tuple(f"{what}_{column}" for what in (SLED, SINGLE) for column in COLUMNS)
+    required_arrays = tuple(
+        f"{what}_{column}" for what in (SLED, SINGLE) for column in COLUMNS
+    )
     summary = "{motion}"
 
     def world(self, scene: Scene, reach_m: float) -> dict[str, Any]:
@@ -213,19 +262,25 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
         material = "berry" if section.surface == "berry" else "wall"
         return {
             "capacity": len(places) + 1,
-            "walls": {"plane": dem.Plane((0.0, 0.0, -depth), (0.0, 0.0, 1.0), material)},
+            "walls": {
+                "plane": dem.Plane((0.0, 0.0, -depth), (0.0, 0.0, 1.0), material)
+            },
             # pictures draw the plane as far as the box reaches, also when it is tilted
             "lower": (-half, -half, -half),
             "upper": (half, half, half),
         }
 
-    def glued(self, scene: Scene, azimuth: float = 0.0) -> tuple[np.ndarray, np.ndarray, float]:
+    def glued(
+        self, scene: Scene, azimuth: float = 0.0
+    ) -> tuple[np.ndarray, np.ndarray, float]:
         """Return the `layer` on the plane; no grain where nothing is glued."""
         if self.section(scene.settings).surface == "glued":
             return layer(scene.particle, azimuth)
         return np.empty((0, 3)), np.array([1.0, 0.0, 0.0, 0.0]), 0.0
 
-    def build(self, scene: Scene, largest_scale: float = 1.0, azimuth: float = 0.0) -> "dem.Simulation":
+    def build(
+        self, scene: Scene, largest_scale: float = 1.0, azimuth: float = 0.0
+    ) -> "dem.Simulation":
         """Make the plane without a free grain, level; `azimuth` [rad] turns its layer."""
         simulation = super().build(scene, largest_scale)
         places, turn, _ = self.glued(scene, azimuth)
@@ -233,7 +288,12 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
             simulation.glue(simulation.add("berry", place, turn))
         return simulation
 
-    def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
+    def run(
+        self,
+        scene: Scene,
+        interval_s: float | None = None,
+        progress: Progress | None = None,
+    ) -> Run:
         """Lay down a sled and tilt the plane until it slides, then do the same with a grain that can roll.
 
         The arrays are, for each of them, ``WHAT_angle_deg`` (T,), ``WHAT_speed_m_s`` (T,) and ``WHAT_slide_m_s`` (T,),
@@ -244,20 +304,33 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
         frames = None
         turned = partial(self.build, azimuth=azimuth_of(scene.seed))
         for what in (SLED, SINGLE):
-            values = held(scene.parameters, section.surface) if what == SLED else scene.parameters
+            values = (
+                held(scene.parameters, section.surface)
+                if what == SLED
+                else scene.parameters
+            )
             film_s = interval_s if what == SINGLE else None
-            trial = Trial(turned, replace(scene, parameters=values), 1, film_s, progress)
+            trial = Trial(
+                turned, replace(scene, parameters=values), 1, film_s, progress
+            )
             rows: list[tuple[float, float, float]] = []
             with trial.bound(4.0 * trial.reach_m).guard():
                 _lay_down(trial, section)
                 rows = _tilt(trial, section)
             if trial.broken or not rows:
-                ending = Tilted(what, unstable=trial.broken and f"{what}: {trial.broken}")
+                ending = Tilted(
+                    what, unstable=trial.broken and f"{what}: {trial.broken}"
+                )
             columns = np.array(rows).reshape(-1, 3).T
-            arrays |= {f"{what}_{name}": column for name, column in zip(COLUMNS, columns, strict=True)}
+            arrays |= {
+                f"{what}_{name}": column
+                for name, column in zip(COLUMNS, columns, strict=True)
+            }
             frames = trial.frames(walls=True)
         if frames is not None:
-            frames = tilted(frames, section, float(arrays[f"{SINGLE}_angle_deg"].max(initial=0.0)))
+            frames = tilted(
+                frames, section, float(arrays[f"{SINGLE}_angle_deg"].max(initial=0.0))
+            )
         return self.ended(scene, ending, arrays, frames)
 
     def faults(self, ending: Tilted, settings: SceneSettings) -> Faults:
@@ -272,16 +345,24 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
         steepest = self.section(scene.settings).steepest_deg
         why = {}
         for name, what in zip(LACKING, (SLED, SINGLE), strict=True):
-            angle, speed, slide = (np.asarray(arrays[f"{what}_{column}"], float) for column in COLUMNS)
+            angle, speed, slide = (
+                np.asarray(arrays[f"{what}_{column}"], float) for column in COLUMNS
+            )
             if angle[-1] >= steepest:
                 why[name] = f"the {what} stays up to {steepest:g} degrees"
             elif what == SINGLE and slide[-1] > SLIDING * speed[-1]:
-                why[name] = f"the grain slides at {angle[-1]:.1f} degrees and does not roll"
+                why[name] = (
+                    f"the grain slides at {angle[-1]:.1f} degrees and does not roll"
+                )
             else:
                 measured[name] = beginning_deg(angle, speed)
-                why[name] = f"the {what} moves and stops, with no steady motion up to {angle[-1]:.1f} degrees"
+                why[name] = (
+                    f"the {what} moves and stops, with no steady motion up to {angle[-1]:.1f} degrees"
+                )
                 if measured[name] is not None:
-                    why[name] = f"the {what} begins to move at {measured[name]:.2f} degrees"
+                    why[name] = (
+                        f"the {what} begins to move at {measured[name]:.2f} degrees"
+                    )
         measured["motion"] = "; ".join(why.values())
         return {**self.assess(measured, scene.settings, why), **measured}
 
@@ -297,5 +378,9 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
         fastest, key = section.steepest_deg / (100 * LOOK_S), f"{NAME}.tilting_deg_s"
         return stated(
             (law in CREEPING_LAWS, "simulation.rolling_law", holding),
-            (section.tilting_deg_s > fastest, key, f"at most {fastest:g}, or the angle has too few steps"),
+            (
+                section.tilting_deg_s > fastest,
+                key,
+                f"at most {fastest:g}, or the angle has too few steps",
+            ),
         )

@@ -22,7 +22,13 @@ from repose.core.ledger import check_replaceable
 from repose.core.parameters import named
 from repose.core.runs import summarise_runs
 from repose.core.seeds import UNNAMED
-from repose.measure.saved_pours import POURS, positions_file, pour_arrays, read_pours, saved_positions
+from repose.measure.saved_pours import (
+    POURS,
+    positions_file,
+    pour_arrays,
+    read_pours,
+    saved_positions,
+)
 
 Progress = Callable[[int], AbstractContextManager[Callable[[float], object] | None]]
 
@@ -61,7 +67,9 @@ def pour_job(
     """
     out = Path(out_dir)
     seeds = list(seeds)
-    films = [f"{name}_trajectory_{seed}.npz" for seed in seeds if interval_s is not None]
+    films = [
+        f"{name}_trajectory_{seed}.npz" for seed in seeds if interval_s is not None
+    ]
     for file in (f"{name}.npz", f"{name}{POURS}", *films):
         check_replaceable(out / file)  # not after minutes of pouring
     records: list[dict[str, Any]] = []
@@ -98,7 +106,10 @@ def write_timings(folder: Path, name: str, took_s: Mapping[str, float]) -> None:
 
 
 def measure_job(
-    scene: Scene, pours_json: str | PathLike, out_dir: str | PathLike | None = None, keeps_runs: bool = False
+    scene: Scene,
+    pours_json: str | PathLike,
+    out_dir: str | PathLike | None = None,
+    keeps_runs: bool = False,
 ) -> dict[str, Any]:
     """Measure the runs of a saved job, write NAME.json, by default beside the pours, and return its content.
 
@@ -121,11 +132,23 @@ def measured(scene: Scene, path: Path) -> dict[str, Any]:
     test = bench_of(job, path)
     pours = job.pop("pours")
     for pour in pours:
-        require(pour["status"] in test.statuses, path, "status", pour["status"], ", ".join(test.statuses))
+        require(
+            pour["status"] in test.statuses,
+            path,
+            "status",
+            pour["status"],
+            ", ".join(test.statuses),
+        )
     arrays = saved_positions(positions_file(path))
     runs = []
     for pour in pours:
-        needed = test.required_arrays if pour["status"] == "ok" else ()  # the arrays of a spoiled run may hold anything
-        runs.append(test.result(pour, pour_arrays(arrays, pour["seed"], path, needed), scene))
-    columns = test.recorded.beginning_with(tuple(one.name for one in test.target_responses(scene.settings.config)))
+        needed = (
+            test.required_arrays if pour["status"] == "ok" else ()
+        )  # the arrays of a spoiled run may hold anything
+        runs.append(
+            test.result(pour, pour_arrays(arrays, pour["seed"], path, needed), scene)
+        )
+    columns = test.recorded.beginning_with(
+        tuple(one.name for one in test.target_responses(scene.settings.config))
+    )
     return job | {"summary": summarise_runs(runs, columns), "runs": runs}

@@ -24,7 +24,13 @@ from repose.measure.saved_pours import POURS, positions_file, pour_arrays, read_
 
 FOLDER = "runs"
 ABOUT = "about"  # name of the array that holds job and record as JSON
-MEASURING = ("dem", "apparatus", "measure", "particle", "core")  # rooms whose code may change a measurement
+MEASURING = (
+    "dem",
+    "apparatus",
+    "measure",
+    "particle",
+    "core",
+)  # rooms whose code may change a measurement
 
 
 def write(path: Path, about: Mapping[str, Any], run: Run) -> None:
@@ -74,12 +80,17 @@ class KeptRuns:
         records = job.pop("pours")
         if job != self.about:
             return {}
-        return {one["seed"]: Run(one, pour_arrays(arrays, one["seed"], pours, ())) for one in records}
+        return {
+            one["seed"]: Run(one, pour_arrays(arrays, one["seed"], pours, ()))
+            for one in records
+        }
 
     def join(self, seeds: list[int]) -> None:
         """Let the files of the complete job, which hold the runs of these seeds, take the place of the single runs."""
         if self._complete.keys() <= set(seeds) and all(
-            ledger.link(self.job.with_name(f"{self.job.name}{ending}"), self._kept(ending))
+            ledger.link(
+                self.job.with_name(f"{self.job.name}{ending}"), self._kept(ending)
+            )
             for ending in (".npz", POURS)
         ):
             for path in (self._kept(f"_{seed}.npz") for seed in seeds):
@@ -95,7 +106,10 @@ def _is_current(path: Path) -> bool:
 
 def _measurement_of(pours: Path) -> tuple[Path, dict[str, str]]:
     """Say where the measurement of a job is kept, and hash what it depends on besides its record."""
-    files = {path.name: provenance.hash_of_file(path) for path in (pours, positions_file(pours))}
+    files = {
+        path.name: provenance.hash_of_file(path)
+        for path in (pours, positions_file(pours))
+    }
     kept = pours.parent / FOLDER / f"{pours.name.removesuffix(POURS)}.json"
     return kept, files | {"code": provenance.room_hash(*MEASURING)}
 

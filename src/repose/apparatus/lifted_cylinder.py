@@ -33,8 +33,21 @@ from repose.apparatus.bench_test import (
     register,
     stated,
 )
-from repose.apparatus.factory import LIKELY_PACKING, Disc, fill_and_rest, level_m, too_early
-from repose.apparatus.funnel import BERRY, CALIBRATED, LARGEST_LOSS, SEEN, SMALLEST_PILE, narrow_openings
+from repose.apparatus.factory import (
+    LIKELY_PACKING,
+    Disc,
+    fill_and_rest,
+    level_m,
+    too_early,
+)
+from repose.apparatus.funnel import (
+    BERRY,
+    CALIBRATED,
+    LARGEST_LOSS,
+    SEEN,
+    SMALLEST_PILE,
+    narrow_openings,
+)
 from repose.apparatus.scene import Trial, largest_cluster
 from repose.apparatus.settings import Poured, SceneSettings
 from repose.core.responses import Response
@@ -51,7 +64,10 @@ LOOK_S = 0.05  # simulated time between two looks whether the grains rest, or ha
 
 # --- responses ------------------------------------------------------------------------------------
 
-LIFT = tuple(f"{NAME}.{key}" for key in ("berries", "filling_height_mm", "diameter_mm", "lifting_mm_s"))
+LIFT = tuple(
+    f"{NAME}.{key}"
+    for key in ("berries", "filling_height_mm", "diameter_mm", "lifting_mm_s")
+)
 OUTLINE, LOOSE = (*LIFT, *SEEN), (*LIFT, f"{NAME}.plate_diameter_mm")
 ANGLE, FOOT = (*OUTLINE, *CALIBRATED), (*OUTLINE, BERRY)
 # Names of the same numbers in the measurement of a pile.
@@ -77,7 +93,10 @@ class LiftedCylinderSettings(Poured):
     def contradictions(self) -> Contradictions:
         """Neither or both of the two keys that say how much is filled in."""
         if self.berries is self.filling_height_mm is ABSENT:
-            yield "filling_height_mm", f"1 to 5000, or berries, 1 to {MOST_BERRIES}, in its place"
+            yield (
+                "filling_height_mm",
+                f"1 to 5000, or berries, 1 to {MOST_BERRIES}, in its place",
+            )
         elif ABSENT not in (self.berries, self.filling_height_mm):
             yield "filling_height_mm", "nothing: berries gives the level already"
 
@@ -121,17 +140,71 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
 
     settings = LiftedCylinderSettings
     responses = (
-        Response("lifted_aor_deg", "deg", "angle of repose, lifted cylinder", "AoR, lifted", NAME, 1.0, 89.0, ANGLE),
-        Response("lifted_height_mm", "mm", "Height, lifted cylinder", "Height, lifted", NAME, 1.0, 2000.0, OUTLINE),
-        Response("lifted_foot_mm", "mm", "foot radius, lifted cylinder", "foot, lifted", NAME, 0.0, 1e4, FOOT),
-        Response("lifted_loose_percent", "%", "loose grains, lifted cylinder", "loose, lifted", NAME, 0.0, 1e2, LOOSE),
+        Response(
+            "lifted_aor_deg",
+            "deg",
+            "angle of repose, lifted cylinder",
+            "AoR, lifted",
+            NAME,
+            1.0,
+            89.0,
+            ANGLE,
+        ),
+        Response(
+            "lifted_height_mm",
+            "mm",
+            "Height, lifted cylinder",
+            "Height, lifted",
+            NAME,
+            1.0,
+            2000.0,
+            OUTLINE,
+        ),
+        Response(
+            "lifted_foot_mm",
+            "mm",
+            "foot radius, lifted cylinder",
+            "foot, lifted",
+            NAME,
+            0.0,
+            1e4,
+            FOOT,
+        ),
+        Response(
+            "lifted_loose_percent",
+            "%",
+            "loose grains, lifted cylinder",
+            "loose, lifted",
+            NAME,
+            0.0,
+            1e2,
+            LOOSE,
+        ),
     )
     recorded = Recorded(
-        tuple(OF_PILE), single=(*OF_PILE, "berries", "filling_height_mm", "lifted_mm", "berries_in_pile")
+        tuple(OF_PILE),
+        single=(
+            *OF_PILE,
+            "berries",
+            "filling_height_mm",
+            "lifted_mm",
+            "berries_in_pile",
+        ),
     )
-    statuses = ("ok", "unstable", "not_filled", "jammed", "left_plate", "not_at_rest", "no_flank")
+    statuses = (
+        "ok",
+        "unstable",
+        "not_filled",
+        "jammed",
+        "left_plate",
+        "not_at_rest",
+        "no_flank",
+    )
     required_arrays = ("position", "quaternion", "in_pile")
-    photographed: ClassVar = {"aor_deg": "lifted_aor_deg", "height_mm": "lifted_height_mm"}
+    photographed: ClassVar = {
+        "aor_deg": "lifted_aor_deg",
+        "height_mm": "lifted_height_mm",
+    }
     summary = (
         "angle of repose {lifted_aor_deg:.2f} deg, Height {lifted_height_mm:.1f} mm, "
         "foot radius {lifted_foot_mm:.1f} mm, {lifted_loose_percent:.1f} % loose"
@@ -141,39 +214,58 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         """Describe the tube on its plate."""
         section = self.section(scene.settings)
         radius, length = 1e-3 * (0.5 * section.diameter_mm), 1e-3 * section.length_mm
-        edge, plate = 1e-3 * section.rim_radius_mm, 1e-3 * (0.5 * section.plate_diameter_mm)
+        edge, plate = (
+            1e-3 * section.rim_radius_mm,
+            1e-3 * (0.5 * section.plate_diameter_mm),
+        )
         half, up = plate + 2.0 * reach_m, (0.0, 0.0, 1.0)
         return {
             "capacity": room_for(section, scene.particle),
             "walls": {
                 "plate": dem.Plane((0.0, 0.0, 0.0), up, "wall", plate),
-                "tube": dem.Cylinder((0.0, 0.0, edge), up, length + 2.0 * reach_m, radius, "wall"),
+                "tube": dem.Cylinder(
+                    (0.0, 0.0, edge), up, length + 2.0 * reach_m, radius, "wall"
+                ),
                 # its lowest point touches the plate; what is outside the tube's wall is the wall's
-                "rim": dem.RingEdge(radius + edge, edge, "wall", ((0.0, 1.0), (0.0, 0.0)), edge),
+                "rim": dem.RingEdge(
+                    radius + edge, edge, "wall", ((0.0, 1.0), (0.0, 0.0)), edge
+                ),
             },
             "lower": (-half, -half, 0.0),
             "upper": (half, half, length + 4.0 * reach_m),
             "floor_height_m": FLOOR_M,
         }
 
-    def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
+    def run(
+        self,
+        scene: Scene,
+        interval_s: float | None = None,
+        progress: Progress | None = None,
+    ) -> Run:
         """Fill the tube, let the grains rest, lift it until none is left in it, and let the pile rest.
 
         The arrays are ``position``, ``quaternion``, ``in_pile`` and ``scale``, as of a pour of the funnel. The tube is
         lifted by at most its own length.
         """
         section, settings = self.section(scene.settings), scene.simulation
-        trial = Trial(self.build, scene, room_for(section, scene.particle), interval_s, progress)
+        trial = Trial(
+            self.build, scene, room_for(section, scene.particle), interval_s, progress
+        )
         simulation, every = trial.simulation, max(1, settings.steps(LOOK_S))
         length, speed = 1e-3 * section.length_mm, 1e-3 * section.lifting_mm_s
-        factory = Disc(0.5e-3 * section.diameter_mm - trial.reach_m, length + trial.reach_m)
+        factory = Disc(
+            0.5e-3 * section.diameter_mm - trial.reach_m, length + trial.reach_m
+        )
         filled, filling_mm, lifted_m = 0, math.nan, 0.0
 
         def in_tube() -> np.ndarray:
             return simulation.present & (simulation.positions[:, 2] > lifted_m)
 
         def rests() -> bool:
-            return bool(simulation.kinetic_energies()[simulation.present].mean() <= settings.rest_energy_j)
+            return bool(
+                simulation.kinetic_energies()[simulation.present].mean()
+                <= settings.rest_energy_j
+            )
 
         # grains that hang in the tube are lifted with it
         with trial.bound(factory.height_m + length, speed).guard():
@@ -186,7 +278,9 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
                 trial.run_to(min(last, simulation.steps + every))
                 lifted_m = speed * (simulation.time_s - began_s)
             _move(simulation, 0.0)
-            trial.wait(rests, simulation.steps + settings.steps(section.settle_s), every)
+            trial.wait(
+                rests, simulation.steps + settings.steps(section.settle_s), every
+            )
         hanging = in_tube()
         on_plate = simulation.present & (simulation.positions[:, 2] > 0.0) & ~hanging
         in_pile = largest_cluster(simulation.contacts(), on_plate)
@@ -201,41 +295,95 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
             grain_mm=1e3 * float(scene.particle.axes_m.max()),
             unstable=trial.broken,
         )
-        numbers = {"berries": filled, "filling_height_mm": filling_mm, "lifted_mm": 1e3 * lifted_m}
-        numbers |= {"berries_in_pile": lifting.in_pile, "berries_off_plate": lifting.off_plate}
-        return self.ended(scene, lifting, trial.grains(in_pile=in_pile), trial.frames(walls=True), **numbers)
+        numbers = {
+            "berries": filled,
+            "filling_height_mm": filling_mm,
+            "lifted_mm": 1e3 * lifted_m,
+        }
+        numbers |= {
+            "berries_in_pile": lifting.in_pile,
+            "berries_off_plate": lifting.off_plate,
+        }
+        return self.ended(
+            scene,
+            lifting,
+            trial.grains(in_pile=in_pile),
+            trial.frames(walls=True),
+            **numbers,
+        )
 
     def faults(self, ending: Lifting, settings: SceneSettings) -> Faults:
         """Judge a run before it is measured."""
         section = self.section(settings)
-        grains, level, in_pile = section.berries or ending.filled, ending.filling_height_mm, ending.in_pile
+        grains, level, in_pile = (
+            section.berries or ending.filled,
+            ending.filling_height_mm,
+            ending.in_pile,
+        )
         asked = section.filling_height_mm or level
-        there, hanging, lost = grains - ending.off_plate, ending.in_tube, ending.off_plate
+        there, hanging, lost = (
+            grains - ending.off_plate,
+            ending.in_tube,
+            ending.off_plate,
+        )
         off = not abs(level - asked) <= ending.grain_mm
         few = in_pile < SMALLEST_PILE * there
         return stated(
-            (ending.filled < grains, "not_filled", f"only {ending.filled} of {grains} grains find room in the tube"),
-            (off, "not_filled", f"the bed rests at {level:.4g} mm, not at {asked:g} mm"),
-            (hanging, "jammed", f"{hanging} grains hang in the tube, which was lifted by its own length"),
-            (lost > LARGEST_LOSS * grains, "left_plate", f"{lost} of {grains} grains left the plate"),
-            settings.simulation.not_at_rest(ending.energy_j, f" {section.settle_s:g} s after the lifting"),
-            (few, "no_flank", f"only {in_pile} of {there} grains touch each other in the largest pile"),
+            (
+                ending.filled < grains,
+                "not_filled",
+                f"only {ending.filled} of {grains} grains find room in the tube",
+            ),
+            (
+                off,
+                "not_filled",
+                f"the bed rests at {level:.4g} mm, not at {asked:g} mm",
+            ),
+            (
+                hanging,
+                "jammed",
+                f"{hanging} grains hang in the tube, which was lifted by its own length",
+            ),
+            (
+                lost > LARGEST_LOSS * grains,
+                "left_plate",
+                f"{lost} of {grains} grains left the plate",
+            ),
+            settings.simulation.not_at_rest(
+                ending.energy_j, f" {section.settle_s:g} s after the lifting"
+            ),
+            (
+                few,
+                "no_flank",
+                f"only {in_pile} of {there} grains touch each other in the largest pile",
+            ),
         )
 
     def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
         """Measure the pile."""
         from repose.measure.saved_piles import pile_responses
 
-        plate_mm, more = self.section(scene.settings).plate_diameter_mm, ("base_radius_mm", "loose_percent")
-        of_pile, reasons = pile_responses(arrays, scene.particle, scene.measure, plate_mm, more)
+        plate_mm, more = (
+            self.section(scene.settings).plate_diameter_mm,
+            ("base_radius_mm", "loose_percent"),
+        )
+        of_pile, reasons = pile_responses(
+            arrays, scene.particle, scene.measure, plate_mm, more
+        )
         measured = {name: of_pile.get(other) for name, other in OF_PILE.items()}
-        reasons = {name: reasons[other] for name, other in OF_PILE.items() if other in reasons}
+        reasons = {
+            name: reasons[other] for name, other in OF_PILE.items() if other in reasons
+        }
         return {**self.assess(measured, scene.settings, reasons), **measured}
 
     def duration_s(self, settings: SceneSettings) -> float:
         """Return the longest simulated time: filling, lifting by the tube's length, and rest."""
         section = self.section(settings)
-        return 2.0 * section.lift_from_s + section.length_mm / section.lifting_mm_s + section.settle_s
+        return (
+            2.0 * section.lift_from_s
+            + section.length_mm / section.lifting_mm_s
+            + section.settle_s
+        )
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
         """Refuse a tube that cannot be filled before it is lifted, or is as wide as the plate."""
@@ -244,21 +392,37 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
             yield from too_early(section, NAME, "lift_from_s")
         wide = section.diameter_mm + 4 * section.rim_radius_mm
         if section.plate_diameter_mm <= wide:
-            yield f"{NAME}.plate_diameter_mm", f"above {wide:g}, the tube's outer diameter"
+            yield (
+                f"{NAME}.plate_diameter_mm",
+                f"above {wide:g}, the tube's outer diameter",
+            )
 
-    def misfits(self, settings: SceneSettings, axes_mm: Sequence[float]) -> Contradictions:
+    def misfits(
+        self, settings: SceneSettings, axes_mm: Sequence[float]
+    ) -> Contradictions:
         """Refuse a tube that is too narrow for the mean grain, or takes too many of them."""
         section = self.section(settings)
-        yield from narrow_openings(section, NAME, {"diameter_mm": axes_mm[0], "length_mm": axes_mm[0]})
+        yield from narrow_openings(
+            section, NAME, {"diameter_mm": axes_mm[0], "length_mm": axes_mm[0]}
+        )
         level = section.filling_height_mm
         if level is None:
             return
         if section.length_mm < (needed := level + axes_mm[0]):
-            yield (f"{NAME}.length_mm", f"at least {needed:.4g}, the filling height and the length of a mean grain")
+            yield (
+                f"{NAME}.length_mm",
+                f"at least {needed:.4g}, the filling height and the length of a mean grain",
+            )
         berry_m3 = math.pi / 6 * 1e-9 * math.prod(axes_mm)
         likely = LIKELY_PACKING * _without_gaps(section, berry_m3)
         if likely > MOST_BERRIES:
             highest = level * MOST_BERRIES / likely
-            yield f"{NAME}.filling_height_mm", f"below {highest:.4g}, which takes some {MOST_BERRIES} grains"
+            yield (
+                f"{NAME}.filling_height_mm",
+                f"below {highest:.4g}, which takes some {MOST_BERRIES} grains",
+            )
         elif (last := likely / section.rate_per_s) >= section.lift_from_s:
-            yield (f"{NAME}.lift_from_s", f"above {last:.4g}, when the last of some {likely:.0f} grains appears")
+            yield (
+                f"{NAME}.lift_from_s",
+                f"above {last:.4g}, when the last of some {likely:.0f} grains appears",
+            )

@@ -20,7 +20,9 @@ Progress = Callable[[float], object] | None
 Build = Callable[["Scene", float], "dem.Simulation"]
 
 
-def grain_simulation(scene: "Scene", capacity: int, **arguments: Any) -> "dem.Simulation":
+def grain_simulation(
+    scene: "Scene", capacity: int, **arguments: Any
+) -> "dem.Simulation":
     """Make an empty simulation of grains among walls of the material ``wall``.
 
     `arguments` holds walls, lower, upper and other arguments of `repose.dem.Simulation`; InputError for too long a
@@ -29,10 +31,24 @@ def grain_simulation(scene: "Scene", capacity: int, **arguments: Any) -> "dem.Si
     settings = scene.simulation
     limit = longest_time_step(scene)
     if settings.time_step_s > limit.time_step_s:
-        raise InputError("configuration", "simulation.time_step_s", settings.time_step_s, limit.allowed)
+        raise InputError(
+            "configuration",
+            "simulation.time_step_s",
+            settings.time_step_s,
+            limit.allowed,
+        )
     shapes: Any = {"berry": scene.particle.dem_shape("berry")}
-    arguments |= settings.laws | {"capacity": capacity, "gravity_m_s2": (0.0, 0.0, -settings.gravity_m_s2)}
-    return dem.Simulation(shapes, materials_of(scene), _contacts(scene.parameters), settings.time_step_s, **arguments)
+    arguments |= settings.laws | {
+        "capacity": capacity,
+        "gravity_m_s2": (0.0, 0.0, -settings.gravity_m_s2),
+    }
+    return dem.Simulation(
+        shapes,
+        materials_of(scene),
+        _contacts(scene.parameters),
+        settings.time_step_s,
+        **arguments,
+    )
 
 
 def longest_time_step(scene: "Scene") -> "time_steps.Limit":
@@ -43,7 +59,10 @@ def longest_time_step(scene: "Scene") -> "time_steps.Limit":
     from repose.particle import size_distribution
 
     settings, materials = scene.simulation, materials_of(scene)
-    pairs, shapes = pairs_of(_contacts(scene.parameters), materials), {"berry": scene.particle.dem_shape("berry")}
+    pairs, shapes = (
+        pairs_of(_contacts(scene.parameters), materials),
+        {"berry": scene.particle.dem_shape("berry")},
+    )
     law, walls = CONTACT_LAWS[settings.contact_law], frozenset({"wall"})
     contacts = time_steps.Scene(law, settings.tension, materials, pairs, shapes, walls)
     smallest = size_distribution.smallest(scene.settings.size_distribution, scene.grain)
@@ -64,11 +83,17 @@ def _contacts(parameters: Mapping[str, float]) -> "dict[tuple[str, str], dem.Con
     contacts = {}
     for pair, names in (("gg", ("berry", "berry")), ("gp", ("berry", "wall"))):
         further = {
-            of.constant.name: parameters[name] for name, of in FURTHER.items() if of.pair == pair and name in parameters
+            of.constant.name: parameters[name]
+            for name, of in FURTHER.items()
+            if of.pair == pair and name in parameters
         }
-        restitution, static, rolling = (parameters[f"{kind}_{pair}"] for kind in ("e", "mus", "mur"))
+        restitution, static, rolling = (
+            parameters[f"{kind}_{pair}"] for kind in ("e", "mus", "mur")
+        )
         twisting = further.pop(TWISTING.name, None)
-        contacts[names] = dem.Contact(restitution, static, rolling, twisting, constants=further)
+        contacts[names] = dem.Contact(
+            restitution, static, rolling, twisting, constants=further
+        )
     return contacts
 
 
@@ -81,15 +106,28 @@ class Trial:
     bounded: Bounded
 
     def __init__(
-        self, build: Build, scene: "Scene", grains: int, interval_s: float | None = None, progress: Progress = None
+        self,
+        build: Build,
+        scene: "Scene",
+        grains: int,
+        interval_s: float | None = None,
+        progress: Progress = None,
     ) -> None:
         from repose.particle.size_distribution import of_pour
 
         self.scene, self.progress = scene, progress
-        self.scales, largest = of_pour(scene.settings.size_distribution, scene.grain, scene.seed, grains)
-        self.reach_m = largest * scene.particle.bounding_radius_m  # of the largest grain
+        self.scales, largest = of_pour(
+            scene.settings.size_distribution, scene.grain, scene.seed, grains
+        )
+        self.reach_m = (
+            largest * scene.particle.bounding_radius_m
+        )  # of the largest grain
         self.simulation = build(scene, largest)
-        self.every = None if interval_s is None else max(1, round(interval_s / self.simulation.time_step_s))
+        self.every = (
+            None
+            if interval_s is None
+            else max(1, round(interval_s / self.simulation.time_step_s))
+        )
         self.recorder = None if interval_s is None else dem.Recorder()
 
     def bound(self, top_m: float, speed_m_s: float = 0.0) -> Bounded:
@@ -106,10 +144,18 @@ class Trial:
         """Advance to a time step, unless it has passed; `Unstable` if a bound is broken."""
         now = self.simulation.steps
         while now < step:
-            stop = step if self.every is None else min(step, (now // self.every + 1) * self.every)
+            stop = (
+                step
+                if self.every is None
+                else min(step, (now // self.every + 1) * self.every)
+            )
             self.bounded.run_to(stop)
             now = stop
-            if self.recorder is not None and self.every is not None and now % self.every == 0:
+            if (
+                self.recorder is not None
+                and self.every is not None
+                and now % self.every == 0
+            ):
                 self.recorder(self.simulation)
         if self.progress is not None:
             self.progress(self.simulation.time_s)
@@ -149,14 +195,22 @@ class Trial:
     def grains(self, **further: np.ndarray) -> dict[str, np.ndarray]:
         """Keep the grains as they are, see `kept_grains`."""
         simulation = self.simulation
-        return kept_grains(simulation.positions, simulation.quaternions, simulation.scales, **further)
+        return kept_grains(
+            simulation.positions, simulation.quaternions, simulation.scales, **further
+        )
 
 
 def kept_grains(
-    position: np.ndarray, quaternion: np.ndarray, scale: np.ndarray, **further: np.ndarray
+    position: np.ndarray,
+    quaternion: np.ndarray,
+    scale: np.ndarray,
+    **further: np.ndarray,
 ) -> dict[str, np.ndarray]:
     """Name the arrays of grains, and further ones as they are; in single precision: 0.03 um at the edge of a plate."""
-    bodies = {"position": position.astype(np.float32), "quaternion": quaternion.astype(np.float32)}
+    bodies = {
+        "position": position.astype(np.float32),
+        "quaternion": quaternion.astype(np.float32),
+    }
     return {**bodies, **further, "scale": scale.astype(np.float32)}
 
 
@@ -168,7 +222,11 @@ def largest_cluster(contacts: np.ndarray, allowed: np.ndarray) -> np.ndarray:
     n = len(allowed)
     if not n or not allowed.any():
         return np.zeros(n, bool)
-    kept = contacts[allowed[contacts[:, 0]] & allowed[contacts[:, 1]]] if len(contacts) else contacts
+    kept = (
+        contacts[allowed[contacts[:, 0]] & allowed[contacts[:, 1]]]
+        if len(contacts)
+        else contacts
+    )
     graph = coo_array((np.ones(len(kept)), (kept[:, 0], kept[:, 1])), shape=(n, n))
     _, label = connected_components(graph, directed=False)
     return allowed & (label == np.bincount(label[allowed]).argmax())

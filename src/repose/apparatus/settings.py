@@ -13,7 +13,9 @@ if TYPE_CHECKING:
     from repose.measure.settings import MeasureSettings
 
 S = TypeVar("S", bound=Section)
-CREEPING_LAWS = ("constant_torque",)  # rolling laws that hold no body still where a torque acts on it
+CREEPING_LAWS = (
+    "constant_torque",
+)  # rolling laws that hold no body still where a torque acts on it
 
 
 class SimulationSettings(Section):
@@ -22,19 +24,29 @@ class SimulationSettings(Section):
     time_step_s: OrAuto[Annotated[float, Field(ge=1.0e-7, le=1.0e-2)]] = OF_OTHERS
     gravity_m_s2: float = Field(ge=0.1, le=100)  # along -z
     tension: Literal["keep", "release"]  # how the normal force ends an impact
-    rest_energy_j: float = Field(gt=0, le=1.0e-3)  # a bed is at rest when its mean energy of a grain is below this
+    rest_energy_j: float = Field(
+        gt=0, le=1.0e-3
+    )  # a bed is at rest when its mean energy of a grain is below this
     contact_law: Annotated[str, OneOf(lambda: CONTACT_LAWS)]
     rolling_law: Annotated[str, OneOf(lambda: ROLLING_LAWS)]
 
     @property
     def laws(self) -> dict[str, Any]:
         """The force laws, as `repose.dem.Simulation` takes them."""
-        return {"tension": self.tension, "contact_law": self.contact_law, "rolling_law": self.rolling_law}
+        return {
+            "tension": self.tension,
+            "contact_law": self.contact_law,
+            "rolling_law": self.rolling_law,
+        }
 
     def not_at_rest(self, energy_j: float, when: str = "") -> tuple[bool, str, str]:
         """Say whether a run of this mean energy of a grain is not at rest, and status and reason; when: more words."""
         moves = f"kinetic energy {energy_j:.2e} J a grain{when}"
-        return not energy_j <= self.rest_energy_j, "not_at_rest", f"{moves}, more than {self.rest_energy_j:.0e}"
+        return (
+            not energy_j <= self.rest_energy_j,
+            "not_at_rest",
+            f"{moves}, more than {self.rest_energy_j:.0e}",
+        )
 
     def steps(self, seconds: float) -> int:
         """Count the time steps of a duration, to the nearest one."""
@@ -92,7 +104,11 @@ class SceneSettings:
         """Targets of a bench test; targets whose form is wrong are left out, for their own check refuses them."""
         given = self.config.get("targets")
         listed = given if isinstance(given, list | tuple) else ()
-        return [one for one in listed if isinstance(one, Mapping) and one.get("apparatus") == bench_test]
+        return [
+            one
+            for one in listed
+            if isinstance(one, Mapping) and one.get("apparatus") == bench_test
+        ]
 
 
 class Poured(Section):

@@ -15,14 +15,24 @@ import numpy as np
 from pydantic import Field
 
 from repose.apparatus import drum
-from repose.apparatus.bench_test import Arrays, Contradictions, Progress, Run, Scene, register
+from repose.apparatus.bench_test import (
+    Arrays,
+    Contradictions,
+    Progress,
+    Run,
+    Scene,
+    register,
+)
 from repose.apparatus.factory import fill
 from repose.apparatus.settings import Rotating, SceneSettings
 from repose.core.profiles import Profile
 from repose.core.responses import Response
 
 NAME = "turning"
-SEEN = ("measure.mm_per_pixel", *(f"{NAME}.{key}" for key in ("angular_velocity_rad_s", "fit_share")))
+SEEN = (
+    "measure.mm_per_pixel",
+    *(f"{NAME}.{key}" for key in ("angular_velocity_rad_s", "fit_share")),
+)
 MOST_SPEEDS = 9  # a name of a response has one digit for it
 NAMED = re.compile(r"turning(?:_([2-9]))?(?:_deg|_profile(?:_([1-9]))?_mm)")
 
@@ -32,7 +42,9 @@ PER_SPEED = ("angular_velocity_rad_s", "measure_from_s", "measure_until_s")
 
 def _one_each(low: float, high: float) -> Any:
     """Describe the allowed values: a number, or a list with a number for each speed."""
-    return Field(description=f"a number from {low:g} to {high:g}, or a list of one for each speed")
+    return Field(
+        description=f"a number from {low:g} to {high:g}, or a list of one for each speed"
+    )
 
 
 Speed = Annotated[float, Field(ge=1.0e-4, le=10)]
@@ -44,7 +56,9 @@ _list = Field(strict=False, min_length=1, max_length=MOST_SPEEDS)
 class TurningSettings(Rotating):
     """The section `turning` of the configuration; config/README.md explains its keys."""
 
-    angular_velocity_rad_s: Speed | Annotated[tuple[Speed, ...], _list] = _one_each(1.0e-4, 10)  # type: ignore[assignment]
+    angular_velocity_rad_s: Speed | Annotated[tuple[Speed, ...], _list] = _one_each(
+        1.0e-4, 10
+    )  # type: ignore[assignment]
     measure_from_s: From | Annotated[tuple[From, ...], _list] = _one_each(0, 600)
     measure_until_s: Until | Annotated[tuple[Until, ...], _list] = _one_each(0.1, 600)
     tilt_deg: float = Field(default=0.0, ge=0, le=45)
@@ -53,7 +67,11 @@ class TurningSettings(Rotating):
 def speeds(section: TurningSettings) -> list[tuple[float, float, float]]:
     """Return for each speed the angular velocity [rad/s], and the times between which the surface is measured [s]."""
     rows = [np.atleast_1d(getattr(section, key)).tolist() for key in PER_SPEED]
-    return list(zip(*(row * len(rows[0]) if len(row) == 1 else row for row in rows), strict=True))
+    return list(
+        zip(
+            *(row * len(rows[0]) if len(row) == 1 else row for row in rows), strict=True
+        )
+    )
 
 
 def speed_of(name: str) -> int:
@@ -67,7 +85,11 @@ class TurningTest(drum.RotatingDrum[TurningSettings]):
     """A drum in steady turning."""
 
     settings = TurningSettings
-    responses = (Response("turning_deg", "deg", "drum, turning", "turning", NAME, -90.0, 90.0, SEEN),)
+    responses = (
+        Response(
+            "turning_deg", "deg", "drum, turning", "turning", NAME, -90.0, 90.0, SEEN
+        ),
+    )
     statuses = ("ok", "unstable", "lost", "no_surface")
     measured_by = ("fit_share",)
     required_arrays = ("position", "quaternion", "scale")
@@ -78,15 +100,41 @@ class TurningTest(drum.RotatingDrum[TurningSettings]):
         found = NAMED.fullmatch(name)
         if found is None or (found[2] is None and name.endswith("_mm")):
             return None
-        words, symbol = ("", "") if found[1] is None else (f", speed {found[1]}", f" {found[1]}")
+        words, symbol = (
+            ("", "") if found[1] is None else (f", speed {found[1]}", f" {found[1]}")
+        )
         if found[2] is None:
-            return Response(name, "deg", f"drum, turning{words}", f"turning{symbol}", NAME, -90.0, 90.0, SEEN)
+            return Response(
+                name,
+                "deg",
+                f"drum, turning{words}",
+                f"turning{symbol}",
+                NAME,
+                -90.0,
+                90.0,
+                SEEN,
+            )
         label = f"drum, turning{words}, profile, score {found[2]}"
         profile = name.replace(f"_profile_{found[2]}_", "_profile_")
         seen = tuple(key for key in SEEN if key != f"{NAME}.fit_share")
-        return Response(name, "mm", label, f"profile{symbol} {found[2]}", NAME, -np.inf, np.inf, seen, profile=profile)
+        return Response(
+            name,
+            "mm",
+            label,
+            f"profile{symbol} {found[2]}",
+            NAME,
+            -np.inf,
+            np.inf,
+            seen,
+            profile=profile,
+        )
 
-    def run(self, scene: Scene, interval_s: float | None = None, progress: Progress | None = None) -> Run:
+    def run(
+        self,
+        scene: Scene,
+        interval_s: float | None = None,
+        progress: Progress | None = None,
+    ) -> Run:
         """Fill the drum, turn it at each speed, and keep the bed while the flow is steady.
 
         The arrays are ``time_s`` (T,), from the beginning of the rotation at a speed, not before
@@ -96,7 +144,12 @@ class TurningTest(drum.RotatingDrum[TurningSettings]):
         section, settings = self.section(scene.settings), scene.simulation
         trial, factory = self.empty_drum(scene, interval_s, progress)
         simulation = trial.simulation
-        kept: dict[str, list[Any]] = {"time_s": [], "position": [], "quaternion": [], "speed": []}
+        kept: dict[str, list[Any]] = {
+            "time_s": [],
+            "position": [],
+            "quaternion": [],
+            "speed": [],
+        }
         with trial.bounded.guard():
             begin = settings.steps(section.rotate_from_s)
             fill(trial, factory, section, begin)
@@ -112,36 +165,61 @@ class TurningTest(drum.RotatingDrum[TurningSettings]):
                         for key, values in kept.items():
                             values.append(row[key])
                 begin = simulation.steps
-        arrays = {key: np.array(kept[key]) for key in ("time_s", "position", "quaternion")}
+        arrays = {
+            key: np.array(kept[key]) for key in ("time_s", "position", "quaternion")
+        }
         arrays["scale"] = simulation.scales.astype(np.float32)
         if len(speeds(section)) > 1:
             arrays["speed"] = np.array(kept["speed"])
-        return self.ended(scene, drum.Turned(self.holds_all(trial), unstable=trial.broken), arrays, trial.frames())
+        return self.ended(
+            scene,
+            drum.Turned(self.holds_all(trial), unstable=trial.broken),
+            arrays,
+            trial.frames(),
+        )
 
-    def measure(self, record: Mapping[str, Any], arrays: Arrays, scene: Scene) -> dict[str, Any]:
+    def measure(
+        self, record: Mapping[str, Any], arrays: Arrays, scene: Scene
+    ) -> dict[str, Any]:
         """Return the record with the mean angle at each speed, and the scores of profiles that are targets."""
         targets = scene.settings.targets_of(NAME)
-        of_profiles = {one["response"]: one["profile"] for one in targets if "profile" in one}
+        of_profiles = {
+            one["response"]: one["profile"] for one in targets if "profile" in one
+        }
         further = range(2, len(speeds(self.section(scene.settings))) + 1)
         angles = ["turning_deg", *(f"turning_{number}_deg" for number in further)]
         missing = dict.fromkeys((*angles, *of_profiles))
         if record["status"] != "ok":
             return {**record, **missing}
-        position, quaternion, scale = (np.asarray(arrays[key], float) for key in self.required_arrays)
+        position, quaternion, scale = (
+            np.asarray(arrays[key], float) for key in self.required_arrays
+        )
         number = arrays.get("speed", np.zeros(len(position), int))
         found: dict[str, float] = {}
         for k, name in enumerate(angles):
             frames = position[number == k], quaternion[number == k], scale
             measured = self.surface_angles(*frames, scene)
             if not len(measured) or not np.isfinite(measured).all():
-                return {**record, "status": "no_surface", "reason": drum.no_surface(scene), **missing}
+                return {
+                    **record,
+                    "status": "no_surface",
+                    "reason": drum.no_surface(scene),
+                    **missing,
+                }
             found[name] = float(measured.mean())
-            own = {score: profile for score, profile in of_profiles.items() if speed_of(score) == k}
+            own = {
+                score: profile
+                for score, profile in of_profiles.items()
+                if speed_of(score) == k
+            }
             found |= self._scores(own, frames, scene)
         return {**record, **found}
 
     def _scores(
-        self, profiles: Mapping[str, Mapping[str, Any]], frames: tuple[np.ndarray, ...], scene: Scene
+        self,
+        profiles: Mapping[str, Mapping[str, Any]],
+        frames: tuple[np.ndarray, ...],
+        scene: Scene,
     ) -> dict[str, float]:
         """Return scores of the mean surface of frames by their names; `profiles` has the profile of each."""
         from repose.measure import bed
@@ -150,13 +228,21 @@ class TurningTest(drum.RotatingDrum[TurningSettings]):
         if not profiles:
             return {}
         position, quaternion, scale = frames
-        radius, pixel = drum.Drum.of(self.section(scene.settings)).radius_m, scene.settings.mm_per_pixel
-        grains = (Grains(*frame, scene.particle, scale) for frame in zip(position, quaternion, strict=True))
+        radius, pixel = (
+            drum.Drum.of(self.section(scene.settings)).radius_m,
+            scene.settings.mm_per_pixel,
+        )
+        grains = (
+            Grains(*frame, scene.particle, scale)
+            for frame in zip(position, quaternion, strict=True)
+        )
         occupied = bed.occupied_share(grains, radius, pixel)
         found = {}
         for name, kept in profiles.items():
             x_m = 1e-3 * np.array(kept["x"])
-            heights = 1e3 * bed.surface_heights(occupied, kept["covered"], x_m, radius, pixel)
+            heights = 1e3 * bed.surface_heights(
+                occupied, kept["covered"], x_m, radius, pixel
+            )
             found[name] = Profile.of(kept).columns(heights)[name]
         return found
 
@@ -178,13 +264,24 @@ class TurningTest(drum.RotatingDrum[TurningSettings]):
         for _, begin, end in speeds(section):
             earliest = begin + section.record_s
             if end < earliest:
-                yield f"{NAME}.measure_until_s", f"at least {earliest:g}, or there is nothing to measure"
+                yield (
+                    f"{NAME}.measure_until_s",
+                    f"at least {earliest:g}, or there is nothing to measure",
+                )
         radius_mm = 1e3 * drum.Drum.of(section).radius_m
         targets = settings.config.get("targets")
-        for k, target in enumerate(targets if isinstance(targets, list) else ()):  # they are checked elsewhere
+        for k, target in enumerate(
+            targets if isinstance(targets, list) else ()
+        ):  # they are checked elsewhere
             if not isinstance(target, Mapping) or target.get("apparatus") != NAME:
                 continue
             if speed_of(target["response"]) >= count:
-                yield f"targets.{k}.response", f"a response of one of {count} speeds ({NAME}.{PER_SPEED[0]})"
+                yield (
+                    f"targets.{k}.response",
+                    f"a response of one of {count} speeds ({NAME}.{PER_SPEED[0]})",
+                )
             if max(map(abs, target.get("profile", {}).get("x", [0.0]))) >= radius_mm:
-                yield f"targets.{k}.profile.x", f"inside the drum, between -{radius_mm:g} and {radius_mm:g}"
+                yield (
+                    f"targets.{k}.profile.x",
+                    f"inside the drum, between -{radius_mm:g} and {radius_mm:g}",
+                )

@@ -16,7 +16,8 @@ def warm_up(scene: Scene, cores: int = 1) -> float:
     names = Targets.of(scene.settings.config["targets"]).apparatus
     simulations = [bench(name).build(scene) for name in names]
     helper = multiprocessing.get_context("fork").Process(
-        target=lambda: [simulation.wall_loads() for simulation in simulations], daemon=True
+        target=lambda: [simulation.wall_loads() for simulation in simulations],
+        daemon=True,
     )
     if cores > 1:
         helper.start()

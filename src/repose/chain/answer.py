@@ -29,7 +29,10 @@ WITHIN = {percent: f"within_{percent:g}_percent" for percent in PERCENT}
 # A table of an older version lacks the columns of these probabilities; an answer from it would lack them.
 COLUMNS = (
     *(Column(name, str) for name in ("response", "status")),
-    *(Column(name, empty=True) for name in ("simulated", "simulated_se", "n_seeds", *WITHIN.values())),
+    *(
+        Column(name, empty=True)
+        for name in ("simulated", "simulated_se", "n_seeds", *WITHIN.values())
+    ),
     Column("predicted", empty=True, needed=False),
 )
 REPORT = "report.html"
@@ -70,14 +73,40 @@ class Check:
     ) -> Self:
         """Make the check of a target."""
         about = target.name, target.response.apparatus, target.response.unit
-        ends, whole = (target.low, target.high), None if target.profile is None else target.whole_value
+        ends, whole = (
+            (target.low, target.high),
+            None if target.profile is None else target.whole_value,
+        )
         measured = target.value, target.sd, target.repetitions
-        return cls(*about, *measured, *ends, simulated, standard_error, runs, status, whole, predicted, line)
+        return cls(
+            *about,
+            *measured,
+            *ends,
+            simulated,
+            standard_error,
+            runs,
+            status,
+            whole,
+            predicted,
+            line,
+        )
 
     def row(self) -> dict[str, Any]:
         """Return its entry in the material card, without the definition of the response."""
-        given = (name for name in ("whole", "predicted") if getattr(self, name) is not None)
-        names = ["response", "apparatus", "unit", "measured", "sd", "repetitions", "low", "high", *given]
+        given = (
+            name for name in ("whole", "predicted") if getattr(self, name) is not None
+        )
+        names = [
+            "response",
+            "apparatus",
+            "unit",
+            "measured",
+            "sd",
+            "repetitions",
+            "low",
+            "high",
+            *given,
+        ]
         names += ["simulated", "standard_error", "runs", "status", "met"]
         return {name: getattr(self, name) for name in names}
 
@@ -104,16 +133,31 @@ class Check:
     @property
     def margin(self) -> float:
         """Distance to the nearer end of the range: positive inside, negative outside, NaN without a number."""
-        return math.nan if self.simulated is None else min(self.simulated - self.low, self.high - self.simulated)
+        return (
+            math.nan
+            if self.simulated is None
+            else min(self.simulated - self.low, self.high - self.simulated)
+        )
 
     @property
     def distance(self) -> str:
         """Difference of the simulated from the measured mean, in percent and in standard deviations."""
         if self.simulated is None:
             return f"{self.response} unknown"
-        off, percent = self.simulated - self.measured, 100 / (self.whole or abs(self.measured))
-        error = "" if self.standard_error is None else f" +- {percent * self.standard_error:.1f}"
-        spread = f" ({abs(off) / self.sd:.2f} standard deviations of a repetition)" if self.sd > 0 else ""
+        off, percent = (
+            self.simulated - self.measured,
+            100 / (self.whole or abs(self.measured)),
+        )
+        error = (
+            ""
+            if self.standard_error is None
+            else f" +- {percent * self.standard_error:.1f}"
+        )
+        spread = (
+            f" ({abs(off) / self.sd:.2f} standard deviations of a repetition)"
+            if self.sd > 0
+            else ""
+        )
         return f"{self.response} {round(percent * off, 1) + 0.0:+.1f}{error} %{spread}"
 
     @property
@@ -131,10 +175,17 @@ class Check:
         known = known_response(self.response) is not None
         label = self.label[0].upper() + self.label[1:] if known else self.label
         label += f" ({self.line})" if self.line else ""
-        value, word = (self.predicted, "predicted ") if self.simulated is None else (self.simulated, "")
+        value, word = (
+            (self.predicted, "predicted ")
+            if self.simulated is None
+            else (self.simulated, "")
+        )
         if value is None:
             return f"{label} without a number (measured {self.measured:.4g})"
-        off = round(100 * (value - self.measured) / (self.whole or abs(self.measured)), 1) + 0.0  # no -0.0
+        off = (
+            round(100 * (value - self.measured) / (self.whole or abs(self.measured)), 1)
+            + 0.0
+        )  # no -0.0
         number = f"{word}{value:.4g}{self._error} {self.unit}".rstrip()
         return f"{label} {number} (measured {self.measured:.4g}, {off:+.1f} %)"
 
@@ -188,12 +239,24 @@ class Result:
         """Why the targets are met or not, a sentence."""
         count = len(self.checks)
         ranges = ("the range", "both ranges", f"all {count} ranges")[min(count, 3) - 1]
-        found = "no parameter set is" if self.out_of_reach else f"the answer is{'' if self.feasible else ' not'}"
+        found = (
+            "no parameter set is"
+            if self.out_of_reach
+            else f"the answer is{'' if self.feasible else ' not'}"
+        )
         predicted = f"{found} predicted inside {ranges}"
         missed = " and ".join(check.miss for check in self.checks if check.met is False)
-        inside = f"the simulated mean{' lies' if count == 1 else 's lie'} inside {ranges}"
-        simulated = f"the answer was {NOT_AGAIN}" if self.met is None else missed or inside
-        sentence = simulated if self.feasible and self.met is not None else f"{predicted}; {simulated}"
+        inside = (
+            f"the simulated mean{' lies' if count == 1 else 's lie'} inside {ranges}"
+        )
+        simulated = (
+            f"the answer was {NOT_AGAIN}" if self.met is None else missed or inside
+        )
+        sentence = (
+            simulated
+            if self.feasible and self.met is not None
+            else f"{predicted}; {simulated}"
+        )
         return f"{sentence[0].upper()}{sentence[1:]}."
 
     @property
@@ -202,17 +265,30 @@ class Result:
         return f"{self.label}: {in_one_line(self.met, self.checks, self.reason, self.small_run)}"
 
     def __str__(self) -> str:
-        head = "The calibrated parameters" if self.feasible else f"{self.message}\nThe nearest parameters"
+        head = (
+            "The calibrated parameters"
+            if self.feasible
+            else f"{self.message}\nThe nearest parameters"
+        )
         lines = [self.verdict, f"{head}:"]
-        lines += [f"  {name:7} {value:.4g}  {LABELS[name]}" for name, value in self.parameters.items()]
+        lines += [
+            f"  {name:7} {value:.4g}  {LABELS[name]}"
+            for name, value in self.parameters.items()
+        ]
         lines.append("Simulated again with fresh seeds:")
-        lines += [f"  {line}" for line in (*self.checks, nearness(self.checks), self._chance)]
+        lines += [
+            f"  {line}" for line in (*self.checks, nearness(self.checks), self._chance)
+        ]
         made = f"the report: {self.folder / REPORT}, and the material card: {self.folder / CARD}"
-        lines.append(f"Tables: {self.tables}; all solutions: {self.solutions}; after the whole study {made}")
+        lines.append(
+            f"Tables: {self.tables}; all solutions: {self.solutions}; after the whole study {made}"
+        )
         if self.why:
             lines.append(f"No more batches: {self.why}.")
         if not self.met:
-            lines.append(f"What helps: {'' if self.feasible else 'wider parameters or targets; '}{self.advice}.")
+            lines.append(
+                f"What helps: {'' if self.feasible else 'wider parameters or targets; '}{self.advice}."
+            )
         return "\n".join(lines)
 
     @property
@@ -220,28 +296,52 @@ class Result:
         """The probability that all means are near their targets."""
         if None in self.within.values():
             return "the distance of the means from their targets is unknown"
-        shares = ", ".join(f"within {percent:g} %: {value:.2f}" for percent, value in self.within.items())
+        shares = ", ".join(
+            f"within {percent:g} %: {value:.2f}"
+            for percent, value in self.within.items()
+        )
         return f"probability that all means are near their targets, by these runs alone: {shares}"
 
 
-def read(study: Studied, summary_json: Path_, check_csv: Path_, sets_csv: Path_, strategy: str | None = None) -> Result:
+def read(
+    study: Studied,
+    summary_json: Path_,
+    check_csv: Path_,
+    sets_csv: Path_,
+    strategy: str | None = None,
+) -> Result:
     """Read the result in the files of the verbs miga and validate, or of the check of another strategy.
 
     `strategy` is the one that found it, by default the study's.
     """
     keys = {"representative": dict, "feasible": bool, "message": str}
     summary = read_json(summary_json, keys, "the answer of a calibration; run it first")
-    rows = {row["response"]: row for row in read_cells(check_csv, COLUMNS, "a table of the verb validate").rows()}
+    rows = {
+        row["response"]: row
+        for row in read_cells(check_csv, COLUMNS, "a table of the verb validate").rows()
+    }
     targets, settings = study.targets, study.settings
     for name in targets.names:
-        require(name in rows, check_csv, "response", sorted(rows), f"a row {name}, a target of the configuration")
+        require(
+            name in rows,
+            check_csv,
+            "response",
+            sorted(rows),
+            f"a row {name}, a target of the configuration",
+        )
     values = summary["representative"]
     return Result(
         label=settings.label,
-        parameters={name: float(check_value(name, values.get(name), summary_json)) for name in named(values)},
+        parameters={
+            name: float(check_value(name, values.get(name), summary_json))
+            for name in named(values)
+        },
         feasible=summary["feasible"],
         message=summary["message"],
-        checks=tuple(_check(target, rows[target.name], line_for(settings.measure, target.name)) for target in targets),
+        checks=tuple(
+            _check(target, rows[target.name], line_for(settings.measure, target.name))
+            for target in targets
+        ),
         folder=Path(settings.results_dir),
         tables=Path(check_csv).parent,
         solutions=Path(sets_csv),
@@ -249,16 +349,24 @@ def read(study: Studied, summary_json: Path_, check_csv: Path_, sets_csv: Path_,
         why=summary.get("why", ""),
         out_of_reach=out_of_reach(summary),
         small_run=settings.small_run,
-        within={percent: _number(rows[targets.names[0]], column) for percent, column in WITHIN.items()},
+        within={
+            percent: _number(rows[targets.names[0]], column)
+            for percent, column in WITHIN.items()
+        },
     )
 
 
 def out_of_reach(summary: Mapping[str, Any]) -> bool:
     """Tell whether no parameter set is predicted to meet the targets, which a strategy with a `stop` judges itself."""
-    return not summary["feasible"] and summary.get("stop", "out_of_reach") == "out_of_reach"
+    return (
+        not summary["feasible"]
+        and summary.get("stop", "out_of_reach") == "out_of_reach"
+    )
 
 
-def in_one_line(met: bool | None, checks: Iterable[Check], reason: str, small_run: bool = False) -> str:
+def in_one_line(
+    met: bool | None, checks: Iterable[Check], reason: str, small_run: bool = False
+) -> str:
     """Write the verdict with its numbers; where the targets are not met, with the reason."""
     small = "a small run, its numbers are no calibration: " if small_run else ""
     numbers = ", ".join(check.numbers for check in checks)
@@ -280,7 +388,15 @@ def _check(target: Target, row: Mapping[str, Any], line: str) -> Check:
     """Read a row of representative.csv with its target."""
     simulated, error = (_number(row, key) for key in ("simulated", "simulated_se"))
     runs = int(_number(row, "n_seeds") or 0)
-    return Check.of(target, simulated, error, runs, row["status"], predicted=_number(row, "predicted"), line=line)
+    return Check.of(
+        target,
+        simulated,
+        error,
+        runs,
+        row["status"],
+        predicted=_number(row, "predicted"),
+        line=line,
+    )
 
 
 def _number(row: Mapping[str, Any], key: str) -> float | None:

@@ -67,7 +67,8 @@ def make(
         "simulation": {key: getattr(settings.simulation, key) for key in SIMULATION},
     }
     tests = {
-        target.name: described(study, target.response, grain) | _lines(settings.measure, target.name, row or {})
+        target.name: described(study, target.response, grain)
+        | _lines(settings.measure, target.name, row or {})
         for target in study.targets
     }
     for name, found in reach.of(study.config, particle, dataset_csv).items():
@@ -87,7 +88,9 @@ def assembled(
     draws = feasible if posterior is None else posterior[1]
     between = ends(space, feasible, posterior)
     correlations = draws[list(space.free)].corr().fillna(0.0).round(4)
-    given = dict.fromkeys(space.free, "calibrated") | dict.fromkeys(space.prior, "calibrated from a prior")
+    given = dict.fromkeys(space.free, "calibrated") | dict.fromkeys(
+        space.prior, "calibrated from a prior"
+    )
     return {
         "card": 1,
         "material": answer.label,
@@ -108,7 +111,9 @@ def assembled(
         "out_of_reach": answer.out_of_reach,
         "reason": answer.reason,
         **({"small_run": True} if answer.small_run else {}),
-        "within": {f"{percent:g} %": chance for percent, chance in answer.within.items()},
+        "within": {
+            f"{percent:g} %": chance for percent, chance in answer.within.items()
+        },
         "made_by": _made_by(),
     }
 
@@ -121,30 +126,47 @@ def laws(settings: SimulationSettings) -> dict[str, str]:
     contact = CONTACT_LAWS[settings.contact_law]
     limit = contact.limits[COULOMB[settings.tension]]
     words = {**contact.words, **ROLLING_LAWS[settings.rolling_law].words}
-    sentences = {direction: text.format(limit=limit) for direction, text in words.items()}
+    sentences = {
+        direction: text.format(limit=limit) for direction, text in words.items()
+    }
     return sentences | {"end of an impact": contact.ends[settings.tension]}
 
 
-def described(study: Studied, response: Response, grain: Mapping[str, Any]) -> dict[str, Any]:
+def described(
+    study: Studied, response: Response, grain: Mapping[str, Any]
+) -> dict[str, Any]:
     """Describe a response by its definition and its bench test's settings, with the units in the keys."""
     from repose.measure.settings import MeasureSettings
 
     test, measure = bench(response.apparatus), study.settings.measure
     section, others = study.config[test.name], ("seeds", *test.measured_by)
-    profiles = (one.profile for one in study.settings.targets if one.response == response.name)
+    profiles = (
+        one.profile for one in study.settings.targets if one.response == response.name
+    )
     profile = next(profiles, None)
     if CHOSEN in response.definition:
         own = {other.name: other for other in test.responses}
         response = own.get(derived(response.name, measure.response), response)
-    settings = {key.rpartition(".")[2]: value for key, value in response.settings(study.config).items()}
+    settings = {
+        key.rpartition(".")[2]: value
+        for key, value in response.settings(study.config).items()
+    }
     if BERRY_HEIGHT in settings:
         height = MeasureSettings.of(dict(measure), grain).berry_height_mm
         settings[BERRY_HEIGHT] = None if height is None else float(f"{height:.6g}")
     if profile is not None:
-        settings["profile"] = {"x": list(profile.x), "functions": profile.functions, "covered": profile.covered}
+        settings["profile"] = {
+            "x": list(profile.x),
+            "functions": profile.functions,
+            "covered": profile.covered,
+        }
     return {
         "definition": {"name": response.label, "settings": settings},
-        "bench": {key: section[key] for key in test.settings.model_fields if key in section and key not in others},
+        "bench": {
+            key: section[key]
+            for key in test.settings.model_fields
+            if key in section and key not in others
+        },
     }
 
 
@@ -160,11 +182,16 @@ def _lines(measure: Section, name: str, row: Mapping[str, Any]) -> dict[str, Any
     for definition, column in MEAN_KEYS.items():
         numbers = {"simulated": row[column], "standard_error": row[error_of(column)]}
         found[definition] = {"line": line_of(measure, definition)}
-        found[definition] |= {key: None if math.isnan(value) else float(value) for key, value in numbers.items()}
+        found[definition] |= {
+            key: None if math.isnan(value) else float(value)
+            for key, value in numbers.items()
+        }
     return {"line": line, "definitions": found}
 
 
-def ends(space: ParameterSpace, feasible: "pd.DataFrame", posterior: "Tables | None") -> dict[str, Ends]:
+def ends(
+    space: ParameterSpace, feasible: "pd.DataFrame", posterior: "Tables | None"
+) -> dict[str, Ends]:
     """Find the interval of each parameter; (None, None) for a fixed parameter."""
     if posterior is None:
         low, high = feasible[list(space.free)].min(), feasible[list(space.free)].max()
@@ -175,7 +202,13 @@ def ends(space: ParameterSpace, feasible: "pd.DataFrame", posterior: "Tables | N
     return {name: free.get(name, (None, None)) for name in space.names}
 
 
-def held(space: ParameterSpace, name: str, value: float, low: float | None, high: float | None) -> dict[str, Any]:
+def held(
+    space: ParameterSpace,
+    name: str,
+    value: float,
+    low: float | None,
+    high: float | None,
+) -> dict[str, Any]:
     """Widen a parameter's interval to hold its value, unless that lies at a bound of what was searched."""
     if name not in space.free or low is None or high is None:
         return {"low": None, "high": None}
@@ -184,17 +217,23 @@ def held(space: ParameterSpace, name: str, value: float, low: float | None, high
     for side, bound in (("lower", lower), ("upper", upper)):
         if abs(value - bound) <= AT_BOUND * (upper - lower):
             return {"low": low, "high": high, "at_bound": side}
-    return {"low": min(low, value), "high": max(high, value)} | ({} if low <= value <= high else {"widened": True})
+    return {"low": min(low, value), "high": max(high, value)} | (
+        {} if low <= value <= high else {"widened": True}
+    )
 
 
 def with_remark(words: str, row: Mapping[str, Any]) -> str:
     """Add to words on a parameter what `held` says of its interval."""
     if "at_bound" in row:
         return f"{words}; at the {row['at_bound']} bound of the range"
-    return f"{words}; interval widened to hold the answer" if "widened" in row else words
+    return (
+        f"{words}; interval widened to hold the answer" if "widened" in row else words
+    )
 
 
-def _grain(alike: bool, grain: Mapping[str, Any], particle: "Particle") -> dict[str, Any]:
+def _grain(
+    alike: bool, grain: Mapping[str, Any], particle: "Particle"
+) -> dict[str, Any]:
     """Describe the grain as simulated; `alike` where all have the mean size."""
     return {
         "mean_axes_mm": [grain[key] for key in SIZE_COLUMNS],
@@ -205,7 +244,9 @@ def _grain(alike: bool, grain: Mapping[str, Any], particle: "Particle") -> dict[
         "volume_mm3": _rounded(1e9 * particle.volume_m3),
         "mass_g": _rounded(1e3 * particle.mass_kg),
         "inertia_kg_m2": [_rounded(float(x)) for x in particle.inertia_kg_m2],
-        "ellipsoids_mm": [[_rounded(1e3 * x) for x in row] for row in particle.semi_axes_m],
+        "ellipsoids_mm": [
+            [_rounded(1e3 * x) for x in row] for row in particle.semi_axes_m
+        ],
         "spheres_mm": [[_rounded(1e3 * x) for x in row] for row in particle.spheres_m],
     }
 
@@ -217,29 +258,47 @@ def _rounded(value: float) -> float:
 
 def _made_by() -> dict[str, Any]:
     """Name the version, configuration, engine and seed that made the card."""
-    record, keys = provenance.current() or provenance.machine(), {"version": "repose", "configuration": "settings"}
-    return {name: record.get(keys.get(name, name)) for name in ("version", "commit", "configuration", "engine", "seed")}
+    record, keys = (
+        provenance.current() or provenance.machine(),
+        {"version": "repose", "configuration": "settings"},
+    )
+    return {
+        name: record.get(keys.get(name, name))
+        for name in ("version", "commit", "configuration", "engine", "seed")
+    }
 
 
 # --- written and read -----------------------------------------------------------------------------
 
 
-def run(study: Studied, answer: Result, files: Mapping[str, Any], out: Path_) -> dict[str, Any]:
+def run(
+    study: Studied, answer: Result, files: Mapping[str, Any], out: Path_
+) -> dict[str, Any]:
     """Write the card of a finished calibration (`make`) and return it; optional ones of the files may be None."""
     from repose.particle.particle import Particle
 
-    needed = (*SIZE_COLUMNS, "density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa", "n")
+    needed = (
+        *SIZE_COLUMNS,
+        "density_kg_m3",
+        "elastic_modulus_pa",
+        "shear_modulus_pa",
+        "n",
+    )
     grain = read_berry(files["berry"], needed)
     particle = Particle.load(files["particle"])
     feasible = read_table(files["feasible"], study.parameters.names)
     posterior = row = None
     if files["posterior"] is not None:
-        intervals = read_table(files["posterior"], ("parameter", "credible_low", "credible_high"))
+        intervals = read_table(
+            files["posterior"], ("parameter", "credible_low", "credible_high")
+        )
         posterior = (intervals, read_table(files["draws"], study.parameters.free))
     if files["table4"] is not None:
         rows = read_table(files["table4"], ("role",))
         row = rows[rows["role"] == "representative"].iloc[0].to_dict()
-    card = make(study, answer, grain, particle, feasible, posterior, files["dataset"], row)
+    card = make(
+        study, answer, grain, particle, feasible, posterior, files["dataset"], row
+    )
     check(card, out)
     write_json(out, card, indent=1)
     return card
@@ -259,7 +318,12 @@ def read_own(card_json: Path_) -> dict[str, Any]:
     """Read the card of a study that this program simulated; the card of another simulator raises InputError."""
     card = read(card_json)
     if "simulator" in card:
-        raise InputError(card_json, "simulator", card["simulator"], "the card of a study that repose simulated")
+        raise InputError(
+            card_json,
+            "simulator",
+            card["simulator"],
+            "the card of a study that repose simulated",
+        )
     return card
 
 
@@ -270,16 +334,27 @@ def configuration_of_card(card_json: Path_) -> Path | None:
 
 
 def require_one_study(
-    card: Mapping[str, Any], card_json: Path_, study: Studied, source: Path_, grain: Mapping[str, Any]
+    card: Mapping[str, Any],
+    card_json: Path_,
+    study: Studied,
+    source: Path_,
+    grain: Mapping[str, Any],
 ) -> None:
     """Raise InputError if card and configuration differ in label, grain, wall, contact laws or a bench test."""
     settings = study.settings
-    expected = {"material": settings.label, "grain.mean_axes_mm": [grain[key] for key in SIZE_COLUMNS]}
+    expected = {
+        "material": settings.label,
+        "grain.mean_axes_mm": [grain[key] for key in SIZE_COLUMNS],
+    }
     expected |= {f"grain.{key}": grain[key] for key in GRAIN}
     expected |= {f"wall.{key}": getattr(settings.wall, key) for key in WALL}
     expected |= {f"laws.{key}": law for key, law in laws(settings.simulation).items()}
     mine = {"material": card["material"]}
-    mine |= {f"{part}.{key}": value for part in ("grain", "wall", "laws") for key, value in card[part].items()}
+    mine |= {
+        f"{part}.{key}": value
+        for part in ("grain", "wall", "laws")
+        for key, value in card[part].items()
+    }
     for test in card["tests"]:
         name = test["apparatus"]
         section = study.config.get(name, {})

@@ -12,7 +12,13 @@ from repose.core.errors import InputError
 from repose.core.places import root
 
 GOJI = ("results/published/recommended/card.json", "results/published/fast/card.json")
-SIZES = ("berries", "inlet_diameter_mm", "outlet_diameter_mm", "outlet_height_mm", "plate_diameter_mm")  # of the rig
+SIZES = (
+    "berries",
+    "inlet_diameter_mm",
+    "outlet_diameter_mm",
+    "outlet_height_mm",
+    "plate_diameter_mm",
+)  # of the rig
 SAME = 0.005
 FAR = 0.3  # largest logarithm of a ratio that still is a similar grain: axes or density differ by a third
 
@@ -28,22 +34,34 @@ def axes_of(words: str) -> list[float]:
     parts = [part.strip() for part in re.split("[x*]", words.lower())]
     axes = [float(part) for part in parts if re.fullmatch(r"\d*\.?\d+", part)]
     if len(parts) not in (1, 3) or len(axes) != len(parts) or min(axes) <= 0:
-        raise InputError("command line", "--like", words, "three full axes in mm, such as 6x3x2.6, or one diameter")
+        raise InputError(
+            "command line",
+            "--like",
+            words,
+            "three full axes in mm, such as 6x3x2.6, or one diameter",
+        )
     return sorted(axes * (3 // len(axes)), reverse=True)
 
 
-def difference(grain: Mapping[str, Any], axes_mm: Sequence[float], density_kg_m3: float | None) -> float:
+def difference(
+    grain: Mapping[str, Any], axes_mm: Sequence[float], density_kg_m3: float | None
+) -> float:
     """Compute the root mean square of the logarithms of the ratios of axes and density."""
     pairs = [*zip(sorted(grain["mean_axes_mm"], reverse=True), axes_mm, strict=True)]
     if density_kg_m3 is not None:
         pairs.append((grain["density_kg_m3"], density_kg_m3))
-    return math.sqrt(sum(math.log(own / other) ** 2 for own, other in pairs) / len(pairs))
+    return math.sqrt(
+        sum(math.log(own / other) ** 2 for own, other in pairs) / len(pairs)
+    )
 
 
 def found(axes_mm: Sequence[float], density_kg_m3: float | None) -> Iterator[str]:
     """Describe the cards of the library, the one of the most similar grain first."""
     cards = library()
-    far = {path: difference(one["grain"], axes_mm, density_kg_m3) for path, one in cards.items()}
+    far = {
+        path: difference(one["grain"], axes_mm, density_kg_m3)
+        for path, one in cards.items()
+    }
     for path in sorted(far, key=lambda path: far[path]):
         yield from _described(path, cards[path], far[path])
     if min(far.values(), default=math.inf) > FAR:
@@ -59,13 +77,22 @@ def _described(path: Path, one: Mapping[str, Any], far: float) -> Iterator[str]:
     for test in one["tests"]:
         line = test.get("line") or test["definition"]["name"]
         yield f"  {test['response']} {test['measured']:.4g} {test['unit']} ({line})"
-    for name, bench in {test["apparatus"]: test["bench"] for test in one["tests"] if test["bench"]}.items():
+    for name, bench in {
+        test["apparatus"]: test["bench"] for test in one["tests"] if test["bench"]
+    }.items():
         yield f"  {name}: {', '.join(f'{key} {value:g}' for key, value in bench.items() if key.endswith(SIZES))}"
     for name, part in one["parameters"].items():
-        family = "fixed" if part["low"] is None else f"{part['low']:.3g} to {part['high']:.3g}"
+        family = (
+            "fixed"
+            if part["low"] is None
+            else f"{part['low']:.3g} to {part['high']:.3g}"
+        )
         yield f"  {name:7} {part['value']:<6.3g} {family}"
     pairs = (
-        (abs(r), f"{a} and {b} {r:+.2f}") for a, row in one["correlations"].items() for b, r in row.items() if a < b
+        (abs(r), f"{a} and {b} {r:+.2f}")
+        for a, row in one["correlations"].items()
+        for b, r in row.items()
+        if a < b
     )
     together = [words for size, words in sorted(pairs, reverse=True)[:3] if size > 0]
     yield f"  answers as good are correlated: {', '.join(together) or 'not known'}"

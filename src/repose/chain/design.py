@@ -84,19 +84,30 @@ def compare(designs: Mapping[str, np.ndarray]) -> pd.DataFrame:
 
     columns = ("method", "samples", "min_distance", "phi_p", "centred_discrepancy")
     rows = [
-        (method, len(points), minimum_distance(points), phi_p(points), qmc.discrepancy(points, method="CD"))
+        (
+            method,
+            len(points),
+            minimum_distance(points),
+            phi_p(points),
+            qmc.discrepancy(points, method="CD"),
+        )
         for method, points in designs.items()
     ]
     return pd.DataFrame(rows, columns=columns)
 
 
-def design(space: ParameterSpace, section: DesignSettings) -> tuple[pd.DataFrame, pd.DataFrame]:
+def design(
+    space: ParameterSpace, section: DesignSettings
+) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Choose the parameter sets of a study; return them with the table of `compare`.
 
     The free parameters fill their ranges evenly, also with a prior: the surrogate then holds for every value of the
     prior, which is applied in the search and in the posterior.
     """
-    designs = {name: points(section.samples, space.dimensions, name, section.seed) for name in METHODS}
+    designs = {
+        name: points(section.samples, space.dimensions, name, section.seed)
+        for name in METHODS
+    }
     return parameter_sets(designs[section.method], space), compare(designs)
 
 
@@ -104,17 +115,23 @@ def points(n: int, d: int, method: str, seed: int) -> np.ndarray:
     """Make the design (n, d) of a method: "random", "lhsdesign" or "optimal"."""
     if method == "optimal":
         return optimal_lhs(n, d, seed)
-    return (random_lhs if method == "random" else lhsdesign)(n, d, rng=np.random.default_rng(seed))
+    return (random_lhs if method == "random" else lhsdesign)(
+        n, d, rng=np.random.default_rng(seed)
+    )
 
 
-def parameter_sets(points: np.ndarray, space: ParameterSpace, first: int = 1) -> pd.DataFrame:
+def parameter_sets(
+    points: np.ndarray, space: ParameterSpace, first: int = 1
+) -> pd.DataFrame:
     """Turn points (n, d) of the unit cube into a table: `sample` from `first`, and the parameters."""
     table = pd.DataFrame(space.values(points), columns=list(space.names))
     table.insert(0, "sample", np.arange(first, first + len(table)))
     return table
 
 
-def run(space: ParameterSpace, section: DesignSettings, out_dir: Path_) -> tuple[pd.DataFrame, pd.DataFrame]:
+def run(
+    space: ParameterSpace, section: DesignSettings, out_dir: Path_
+) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Write samples.csv and comparison.csv; return both tables (`design`)."""
     table, comparison = design(space, section)
     write_table(Path(out_dir) / "samples.csv", table, float_format="%.10g")

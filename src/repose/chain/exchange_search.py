@@ -57,7 +57,12 @@ class Pairs:
 
 
 def _next_threshold(
-    threshold: float, better: bool, accepted: int, improved: int, inner: int, warming: bool
+    threshold: float,
+    better: bool,
+    accepted: int,
+    improved: int,
+    inner: int,
+    warming: bool,
 ) -> tuple[float, bool]:
     """Choose the threshold of the next round, and whether it is being raised: Jin et al. 2005, section 3.2.
 
@@ -78,7 +83,9 @@ def _next_threshold(
 
 
 @np.errstate(divide="ignore", over="ignore", invalid="ignore")
-def evolve(start: np.ndarray, doublings: int, rounds: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+def evolve(
+    start: np.ndarray, doublings: int, rounds: int, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
     """Improve a design by enhanced stochastic evolution on `repose.chain.design.phi_p`, p = 2^(doublings + 1).
 
     Each round goes through the columns, takes the best of a few random exchanges and accepts it against a random share
@@ -115,5 +122,7 @@ def evolve(start: np.ndarray, doublings: int, rounds: int, rng: np.random.Genera
         phi = total**exponent
         if smallest > widest:
             widest, widest_points = smallest, pairs.points.copy()
-        threshold, warming = _next_threshold(threshold, best_phi < phi_before, accepted, improved, inner, warming)
+        threshold, warming = _next_threshold(
+            threshold, best_phi < phi_before, accepted, improved, inner, warming
+        )
     return best_points, widest_points

@@ -31,11 +31,15 @@ def expected_loss(surrogate: Surrogate, X: np.ndarray, targets: Targets) -> np.n
     off = surrogate.predict(X) - targets.aim
     z = np.abs(off) / np.maximum(error, TINY)
     # the mean of a folded normal
-    size = error * np.sqrt(2 / np.pi) * np.exp(-0.5 * z**2) + np.abs(off) * erf(z / np.sqrt(2))
+    size = error * np.sqrt(2 / np.pi) * np.exp(-0.5 * z**2) + np.abs(off) * erf(
+        z / np.sqrt(2)
+    )
     return size @ (targets.weight / (targets.high - targets.low))
 
 
-def least(surrogate: Surrogate, space: ParameterSpace, targets: Targets) -> dict[str, Any]:
+def least(
+    surrogate: Surrogate, space: ParameterSpace, targets: Targets
+) -> dict[str, Any]:
     """Find the parameter set of least expected loss, with the entries of `judged`; of equals the nearest to priors."""
     from scipy.optimize import minimize
     from scipy.stats import qmc
@@ -56,14 +60,21 @@ def least(surrogate: Surrogate, space: ParameterSpace, targets: Targets) -> dict
     first = points[np.argsort(loss(points))[:DESCENTS]]
     # differences reach a step beyond the place
     bounds = [(STEP, 1 - STEP)] * space.dimensions
-    ends = [minimize(with_gradient, place, jac=True, method="L-BFGS-B", bounds=bounds) for place in first]
+    ends = [
+        minimize(with_gradient, place, jac=True, method="L-BFGS-B", bounds=bounds)
+        for place in first
+    ]
     X = space.values(min(ends, key=lambda end: end.fun).x[None])
     values = dict(zip(space.names, X[0].tolist(), strict=True))
-    predicted = dict(zip(targets.predicted, surrogate.predict(X)[0].tolist(), strict=True))
+    predicted = dict(
+        zip(targets.predicted, surrogate.predict(X)[0].tolist(), strict=True)
+    )
     return values | predicted | judged(surrogate, values, targets)
 
 
-def judged(surrogate: Surrogate, parameters: Mapping[str, float], targets: Targets) -> dict[str, Any]:
+def judged(
+    surrogate: Surrogate, parameters: Mapping[str, float], targets: Targets
+) -> dict[str, Any]:
     """Judge a parameter set by the errors and probabilities of the surrogate.
 
     `predicted_se`: standard errors of the predicted means by response; `expected_error_percent`: root of the expected
@@ -75,9 +86,15 @@ def judged(surrogate: Surrogate, parameters: Mapping[str, float], targets: Targe
     square = ((mean[0] - aim) ** 2 + error**2) / targets.whole**2
     return {
         "predicted_se": dict(zip(targets.names, error.tolist(), strict=True)),
-        "expected_error_percent": float(100 * np.sqrt(np.average(square, weights=targets.weight))),
+        "expected_error_percent": float(
+            100 * np.sqrt(np.average(square, weights=targets.weight))
+        ),
         "within": {
-            f"{percent:g} %": float(within(mean, covariance, aim - percent * reach, aim + percent * reach)[0])
+            f"{percent:g} %": float(
+                within(mean, covariance, aim - percent * reach, aim + percent * reach)[
+                    0
+                ]
+            )
             for percent in PERCENT
         },
     }

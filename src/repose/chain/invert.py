@@ -23,7 +23,9 @@ from repose.surrogate.base import Surrogate, load
 from repose.surrogate.support import Support
 
 LEAST_LOSS = "least_expected_loss"  # of `miga.answer`
-FEWEST_ROWS = 10  # of the solutions, so that validation always has points to choose from
+FEWEST_ROWS = (
+    10  # of the solutions, so that validation always has points to choose from
+)
 INTERVAL = ("low", "high", "dispersion_percent")
 
 
@@ -35,11 +37,17 @@ class Inversion(NamedTuple):
     solutions: pd.DataFrame
     intervals: pd.DataFrame  # Table 3
     history: pd.DataFrame  # a row for each round of the search
-    summary: dict[str, Any]  # counts, the representative, its distances from ranges and targets, a message
+    summary: dict[
+        str, Any
+    ]  # counts, the representative, its distances from ranges and targets, a message
 
 
 def invert(
-    model: Surrogate, space: ParameterSpace, targets: Targets, settings: MigaSettings, support: Support | None = None
+    model: Surrogate,
+    space: ParameterSpace,
+    targets: Targets,
+    settings: MigaSettings,
+    support: Support | None = None,
 ) -> Inversion:
     """Search the free parameters for predicted responses that meet the targets.
 
@@ -49,19 +57,32 @@ def invert(
     """
     for target in targets:
         if not target.low <= target.aim <= target.high:
-            raise InputError("targets", target.name, target.aim, f"inside its range {[target.low, target.high]}")
+            raise InputError(
+                "targets",
+                target.name,
+                target.aim,
+                f"inside its range {[target.low, target.high]}",
+            )
     respond, preference = on_free_parameters(model, space), Preference.of(space)
     objective = Objective(targets, preference.largest if preference else 0.0)
-    archive, history, feasible_met = search(respond, objective, space.dimensions, settings, preference)
+    archive, history, feasible_met = search(
+        respond, objective, space.dimensions, settings, preference
+    )
     evaluations = history[-1][HISTORY.index("evaluations")]
-    if not feasible_met:  # then the nearest to the targets, not to the edge of empty ranges
+    if (
+        not feasible_met
+    ):  # then the nearest to the targets, not to the edge of empty ranges
         objective = Objective(targets, constrained=False)
-        archive, history, _ = search(respond, objective, space.dimensions, settings, preference)
+        archive, history, _ = search(
+            respond, objective, space.dimensions, settings, preference
+        )
         evaluations += history[-1][HISTORY.index("evaluations")]
 
     points = archive.points
     if settings.answer == LEAST_LOSS and model.knows_its_errors:
-        points = _behind(expected_loss.least(model, space, targets), points, space, settings.distance)
+        points = _behind(
+            expected_loss.least(model, space, targets), points, space, settings.distance
+        )
     Y = respond(points)
     F, V = objective(Y)
     met, most = np.count_nonzero(V == 0), settings.solutions
@@ -80,8 +101,17 @@ def invert(
         table["warning"] = support.warnings(table[list(space.names)].to_numpy(float))
     history = pd.DataFrame(history, columns=list(HISTORY))
     shown = table[table["feasible"]] if n_feasible else table
-    counts = {"n_feasible_met": feasible_met, "n_solutions": n_feasible, "evaluations": int(evaluations)}
-    return Inversion(table, intervals(shown, space), history, _summary(table, space, targets, settings, counts))
+    counts = {
+        "n_feasible_met": feasible_met,
+        "n_solutions": n_feasible,
+        "evaluations": int(evaluations),
+    }
+    return Inversion(
+        table,
+        intervals(shown, space),
+        history,
+        _summary(table, space, targets, settings, counts),
+    )
 
 
 def run(
@@ -95,15 +125,27 @@ def run(
     """Invert a saved surrogate; write feasible.csv, intervals.csv, history.csv and summary.json; return the summary."""
     targets = study.targets
     surrogate = load(surrogate_json, targets.names)
-    require_same_definitions(surrogate.definitions, surrogate_json, study.definitions, source)
-    published = None if table3_csv is None else read_table(table3_csv, ("parameter", *INTERVAL))
-    inversion = invert(surrogate, study.parameters, targets, study.settings.miga, support)
+    require_same_definitions(
+        surrogate.definitions, surrogate_json, study.definitions, source
+    )
+    published = (
+        None if table3_csv is None else read_table(table3_csv, ("parameter", *INTERVAL))
+    )
+    inversion = invert(
+        surrogate, study.parameters, targets, study.settings.miga, support
+    )
     if published is not None:
-        reference = published.set_index("parameter")[list(INTERVAL)].add_prefix("published_")
-        inversion = inversion._replace(intervals=inversion.intervals.join(reference, on="variable"))
+        reference = published.set_index("parameter")[list(INTERVAL)].add_prefix(
+            "published_"
+        )
+        inversion = inversion._replace(
+            intervals=inversion.intervals.join(reference, on="variable")
+        )
     if surrogate.knows_its_errors:
         best = inversion.summary["representative"]
-        inversion.summary["representative_judged"] = expected_loss.judged(surrogate, best, targets)
+        inversion.summary["representative_judged"] = expected_loss.judged(
+            surrogate, best, targets
+        )
     out = Path(out_dir)
     write_table(out / "feasible.csv", inversion.solutions)
     write_table(out / "intervals.csv", inversion.intervals)
@@ -112,15 +154,21 @@ def run(
     return inversion.summary
 
 
-def on_free_parameters(surrogate: Surrogate, space: ParameterSpace) -> Callable[[np.ndarray], np.ndarray]:
+def on_free_parameters(
+    surrogate: Surrogate, space: ParameterSpace
+) -> Callable[[np.ndarray], np.ndarray]:
     """Make the surrogate a function of the free parameters: points (n, d) in [-1, 1] to responses (n, k)."""
-    respond = surrogate.response_function(space.complete(space.low)[0], space.complete(space.high)[0])
+    respond = surrogate.response_function(
+        space.complete(space.low)[0], space.complete(space.high)[0]
+    )
     if space.dimensions == len(space.names):
         return respond
     columns = [space.names.index(name) for name in space.free]
 
     def respond_to_free(points: np.ndarray) -> np.ndarray:
-        every = np.zeros((len(points), len(space.names)))  # both ends of a fixed parameter are its value
+        every = np.zeros(
+            (len(points), len(space.names))
+        )  # both ends of a fixed parameter are its value
         every[:, columns] = points
         return respond(every)
 
@@ -130,13 +178,22 @@ def on_free_parameters(surrogate: Surrogate, space: ParameterSpace) -> Callable[
 def intervals(solutions: pd.DataFrame, space: ParameterSpace) -> pd.DataFrame:
     """Make Table 3: interval and dispersion (its width over the range's) of each parameter."""
     names = list(space.names)
-    low, high = solutions[names].min().to_numpy(float), solutions[names].max().to_numpy(float)
-    width = pd.Series(space.high - space.low, list(space.free)).reindex(names, fill_value=1.0).to_numpy()
+    low, high = (
+        solutions[names].min().to_numpy(float),
+        solutions[names].max().to_numpy(float),
+    )
+    width = (
+        pd.Series(space.high - space.low, list(space.free))
+        .reindex(names, fill_value=1.0)
+        .to_numpy()
+    )
     table = pd.DataFrame({"variable": names, "low": low, "high": high})
     return table.assign(dispersion_percent=100 * (high - low) / width)
 
 
-def message(responses: np.ndarray, targets: Targets, n_feasible: int, distance: float) -> str:
+def message(
+    responses: np.ndarray, targets: Targets, n_feasible: int, distance: float
+) -> str:
     """Write the result of the search as text, from the responses (k,) of the representative."""
 
     def in_words(values: Iterable[float]) -> str:
@@ -154,27 +211,44 @@ def message(responses: np.ndarray, targets: Targets, n_feasible: int, distance: 
 
 
 def _summary(
-    table: pd.DataFrame, space: ParameterSpace, targets: Targets, settings: MigaSettings, counts: dict[str, int]
+    table: pd.DataFrame,
+    space: ParameterSpace,
+    targets: Targets,
+    settings: MigaSettings,
+    counts: dict[str, int],
 ) -> dict[str, Any]:
     """Make the content of summary.json."""
     best = table.iloc[0]
     responses = best[list(targets.predicted)].to_numpy(float)
-    box, off = _outside(responses, targets.low, targets.high), _outside(responses, targets.aim, targets.aim)
+    box, off = (
+        _outside(responses, targets.low, targets.high),
+        _outside(responses, targets.aim, targets.aim),
+    )
     summary: dict[str, Any] = {
         "feasible": counts["n_solutions"] > 0,
         **counts,
         "distance": settings.distance,
-        "representative": {name: float(best[name]) for name in (*space.names, *targets.predicted, "objective")},
+        "representative": {
+            name: float(best[name])
+            for name in (*space.names, *targets.predicted, "objective")
+        },
         "box_distance": dict(zip(targets.names, box, strict=True)),
         "target_distance": dict(zip(targets.names, off, strict=True)),
-        "message": message(responses, targets, counts["n_solutions"], settings.distance),
+        "message": message(
+            responses, targets, counts["n_solutions"], settings.distance
+        ),
     }
     if "warning" in table and best["warning"]:
         summary["message"] += f" Beyond the samples: {best['warning']}."
     return summary
 
 
-def _behind(first: Mapping[str, float], points: np.ndarray, space: ParameterSpace, distance: float) -> np.ndarray:
+def _behind(
+    first: Mapping[str, float],
+    points: np.ndarray,
+    space: ParameterSpace,
+    distance: float,
+) -> np.ndarray:
     """Put the set `first` before the points (n, d) that are not too near to it; the best point always stays."""
     place = 2 * space.unit(np.array([[first[name] for name in space.names]])) - 1
     far = np.linalg.norm(points - place, axis=1) >= distance
@@ -184,4 +258,7 @@ def _behind(first: Mapping[str, float], points: np.ndarray, space: ParameterSpac
 
 def _outside(responses: np.ndarray, low: np.ndarray, high: np.ndarray) -> list[float]:
     """Measure how far each response (k,) is from the range low to high; 0 inside."""
-    return [float(value) for value in np.maximum(np.maximum(low - responses, responses - high), 0.0)]
+    return [
+        float(value)
+        for value in np.maximum(np.maximum(low - responses, responses - high), 0.0)
+    ]

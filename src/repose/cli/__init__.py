@@ -39,7 +39,14 @@ TYPED = tuple(name for names in GROUPS.values() for name in names)
 STAGES = tuple(name for name in VERBS if name not in TYPED)
 STAGE = "stage"
 CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")  # but tab and new line
-EXTRAS = ("cv2", "llvmlite", "matplotlib", "numba", "PIL", "trimesh")  # libraries that only some verbs need
+EXTRAS = (
+    "cv2",
+    "llvmlite",
+    "matplotlib",
+    "numba",
+    "PIL",
+    "trimesh",
+)  # libraries that only some verbs need
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -49,7 +56,9 @@ def main(words: Sequence[str] | None = None) -> int:
     """
     sys.stdout = sys.stdout or io.StringIO()  # where it is closed
     if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="backslashreplace")  # a locale that has no ± is no reason to end
+        sys.stdout.reconfigure(
+            errors="backslashreplace"
+        )  # a locale that has no ± is no reason to end
     words = list(sys.argv[1:] if words is None else words)
     unknown = _unknown(words)
     if unknown is not None:
@@ -63,20 +72,28 @@ def main(words: Sequence[str] | None = None) -> int:
         parser().error(f"unrecognized arguments: {' '.join(rest)}")
     try:
         _check_out(args)
-        with redirect_stdout(Printable(sys.stdout)), nullcontext() if verb.passes_on else stage(args, verb.runs):
+        with (
+            redirect_stdout(Printable(sys.stdout)),
+            nullcontext() if verb.passes_on else stage(args, verb.runs),
+        ):
             status = verb(args) or 0
         sys.stdout.flush()
         return status
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] not in EXTRAS:
             raise
-        print_fault(f"{error.name} is not installed: expected `pip install 'repose-dem[workflow]'`, which has all")
+        print_fault(
+            f"{error.name} is not installed: expected `pip install 'repose-dem[workflow]'`, which has all"
+        )
         return BAD_INPUT
     except BrokenPipeError:
         # Python flushes stdout once more when it ends; with the null device that cannot fail.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except (InputError, OSError) as error:  # the system's message names file and reason: no space, read-only, ...
+    except (
+        InputError,
+        OSError,
+    ) as error:  # the system's message names file and reason: no space, read-only, ...
         print_fault(error)
         return BAD_INPUT
 
@@ -92,15 +109,21 @@ class Printable:
 
     def write(self, text: str) -> int:
         """Write a text."""
-        self.stream.write(CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode(), text))
+        self.stream.write(
+            CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+        )
         return len(text)
 
 
 def _check_out(args: argparse.Namespace) -> None:
     """Refuse to write to the root of the system, or to a path without a name."""
     out = getattr(args, "out", None)
-    if out is not None and (not out or Path(out).resolve() == Path(out).resolve().parent):
-        raise InputError("command line", "--out", out, "the path of a file or folder to write")
+    if out is not None and (
+        not out or Path(out).resolve() == Path(out).resolve().parent
+    ):
+        raise InputError(
+            "command line", "--out", out, "the path of a file or folder to write"
+        )
 
 
 def parser() -> argparse.ArgumentParser:
@@ -115,7 +138,9 @@ def parser() -> argparse.ArgumentParser:
     )
     top.add_argument("-h", "--help", action="help", help=argparse.SUPPRESS)
     top.add_argument("--version", action=_Version, nargs=0, help=argparse.SUPPRESS)
-    verbs = top.add_subparsers(prog=PROGRAM, metavar="VERB", required=True, help=argparse.SUPPRESS)
+    verbs = top.add_subparsers(
+        prog=PROGRAM, metavar="VERB", required=True, help=argparse.SUPPRESS
+    )
     for name in TYPED:
         VERBS[name].add_to(verbs)
     stages = verbs.add_parser(
@@ -142,12 +167,17 @@ class _Version(argparse.Action):
 
 def _unknown(words: list[str]) -> str | None:
     """Say in a sentence that a verb or stage does not exist, with the nearest name; None if it exists."""
-    place, known = ("stage", STAGES) if words[:1] == [STAGE] else ("verb", (*TYPED, STAGE))
+    place, known = (
+        ("stage", STAGES) if words[:1] == [STAGE] else ("verb", (*TYPED, STAGE))
+    )
     name = words[1:2] if place == "stage" else words[:1]
     if not name or name[0].startswith("-") or name[0] in known:
         return None
     near = difflib.get_close_matches(name[0], (*known, *STAGES), 1)
-    hint = "".join(f"; did you mean {guess if guess in known else f'{STAGE} {guess}'}?" for guess in near)
+    hint = "".join(
+        f"; did you mean {guess if guess in known else f'{STAGE} {guess}'}?"
+        for guess in near
+    )
     listed = f"{PROGRAM} {STAGE} --help" if place == "stage" else f"{PROGRAM} --help"
     return f"unknown {place} {name[0]!r}: expected one of those that `{listed}` lists{hint}"
 

@@ -10,18 +10,27 @@ if TYPE_CHECKING:
     from repose.particle.particle import Particle
 
 MADE = "made from the configuration if not given"
-BERRY_AND_PARTICLE = Option("--berry", help=f"berry.json; {MADE}"), Option("--particle", help=f"particle.json; {MADE}")
+BERRY_AND_PARTICLE = (
+    Option("--berry", help=f"berry.json; {MADE}"),
+    Option("--particle", help=f"particle.json; {MADE}"),
+)
 
 
 def berry_and_particle(
-    study: Study, berry_json: str | PathLike | None = None, particle_json: str | PathLike | None = None
+    study: Study,
+    berry_json: str | PathLike | None = None,
+    particle_json: str | PathLike | None = None,
 ) -> "tuple[dict[str, Any], Particle]":
     """Return the grain as in berry.json and its particle, each from its file or else from the study."""
     from repose.particle import berry_files
     from repose.particle.particle import Particle
 
     needed = (*berry_files.SIZE_COLUMNS, *berry_files.MODULI)
-    of_berry = study.grain if berry_json is None else berry_files.read_berry(berry_json, needed)
+    of_berry = (
+        study.grain
+        if berry_json is None
+        else berry_files.read_berry(berry_json, needed)
+    )
     if particle_json is not None:
         return of_berry, Particle.load(particle_json)
     if berry_json is None:

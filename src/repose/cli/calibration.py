@@ -13,11 +13,18 @@ from repose.core.parameter_sets import job_files
 if TYPE_CHECKING:
     from repose.surrogate.support import Support
 
-SUPPORT = Option("--dataset", help="dataset.csv; with it solutions beyond its samples carry a warning")
+SUPPORT = Option(
+    "--dataset",
+    help="dataset.csv; with it solutions beyond its samples carry a warning",
+)
 
 
 @verb(
-    Option("jobs", nargs="+", help="JSON files that the verb measure_runs or heap wrote, or their folder"),
+    Option(
+        "jobs",
+        nargs="+",
+        help="JSON files that the verb measure_runs or heap wrote, or their folder",
+    ),
     SAMPLES.but(help="the design"),
     Option("--prefix", default="", help="put before the names of the tables"),
     out="results",
@@ -30,7 +37,9 @@ def dataset(args: argparse.Namespace, study: Study) -> None:
     from repose.chain import dataset
 
     jobs = job_files(args.jobs, args.samples)
-    dataset.run(args.samples, jobs, study.targets, study.definitions, args.out, args.prefix)
+    dataset.run(
+        args.samples, jobs, study.targets, study.definitions, args.out, args.prefix
+    )
 
 
 @verb(DATASET, RUNS, out="results/network")
@@ -41,7 +50,9 @@ def network(args: argparse.Namespace, study: Study) -> None:
     """
     from repose.chain import train
 
-    print(train.message(train.run(args.dataset, args.runs, study, args.out, args.config)))
+    print(
+        train.message(train.run(args.dataset, args.runs, study, args.out, args.config))
+    )
 
 
 @verb(NETWORK, SUPPORT, out="results/miga")
@@ -53,7 +64,11 @@ def miga(args: argparse.Namespace, study: Study) -> None:
     from repose.chain import invert
 
     published, support = study.published("table3.csv"), _support(args, study)
-    print(invert.run(args.network, study, published, args.out, support, args.config)["message"])
+    print(
+        invert.run(args.network, study, published, args.out, support, args.config)[
+            "message"
+        ]
+    )
 
 
 @verb(FEASIBLE, out="results/validation")
@@ -77,10 +92,17 @@ def published_solutions(args: argparse.Namespace, study: Study) -> None:
     from repose.chain import validate
 
     out = Path(args.out) / "published_solutions.csv"
-    validate.write_published_solutions(_published(args, study), study.parameters.names, out)
+    validate.write_published_solutions(
+        _published(args, study), study.parameters.names, out
+    )
 
 
-@verb(Option("jobs", nargs="*", help="JSON files that measure_runs wrote, one for each set"), out="results")
+@verb(
+    Option(
+        "jobs", nargs="*", help="JSON files that measure_runs wrote, one for each set"
+    ),
+    out="results",
+)
 def published_sets(args: argparse.Namespace, study: Study) -> None:
     """Collect the runs of the published parameter sets in one table, with what was published of their piles.
 
@@ -91,10 +113,20 @@ def published_sets(args: argparse.Namespace, study: Study) -> None:
     from repose.core import provenance
 
     jobs = [Path(job) for job in args.jobs]
-    outdated = stands_on.outdated(study.config, [*jobs, *(job.with_suffix(".pours.json") for job in jobs)])
+    outdated = stands_on.outdated(
+        study.config, [*jobs, *(job.with_suffix(".pours.json") for job in jobs)]
+    )
     if outdated:
-        raise InputError(outdated[0], "provenance", "another", f"runs by this engine as {args.config} asks for")
-    by = {"engine": (provenance.current() or {}).get("engine"), "scene": stands_on.scene(study.config)}
+        raise InputError(
+            outdated[0],
+            "provenance",
+            "another",
+            f"runs by this engine as {args.config} asks for",
+        )
+    by = {
+        "engine": (provenance.current() or {}).get("engine"),
+        "scene": stands_on.scene(study.config),
+    }
     out = Path(args.out) / "published_sets.csv"
     validate.write_published_sets(_published(args, study), args.jobs, study, by, out)
 
@@ -103,13 +135,23 @@ def _published(args: argparse.Namespace, study: Study) -> str:
     """Return the table of published solutions; InputError without one."""
     published = study.settings.validation.published
     if published is None:
-        raise InputError(args.config, "validation.published", None, "a table of published solutions")
+        raise InputError(
+            args.config, "validation.published", None, "a table of published solutions"
+        )
     return published
 
 
 @verb(
-    Option("jobs", nargs="+", help="JSON files that measure_runs wrote, one for each solution"),
-    Option("--solutions", default="results/validation/solutions.csv", help="file of the verb solutions"),
+    Option(
+        "jobs",
+        nargs="+",
+        help="JSON files that measure_runs wrote, one for each solution",
+    ),
+    Option(
+        "--solutions",
+        default="results/validation/solutions.csv",
+        help="file of the verb solutions",
+    ),
     SUPPORT,
     out="results/validation",
 )
@@ -123,8 +165,12 @@ def validate(args: argparse.Namespace, study: Study) -> None:
     from repose.core.provenance import engine_hash
 
     by = {"engine": engine_hash(), "scene": stands_on.scene(study.config)}
-    published = validate.compared_with_published(study.settings.validation.published_simulated, study, by)
-    validate.run(args.solutions, args.jobs, study, published, args.out, _support(args, study))
+    published = validate.compared_with_published(
+        study.settings.validation.published_simulated, study, by
+    )
+    validate.run(
+        args.solutions, args.jobs, study, published, args.out, _support(args, study)
+    )
 
 
 def _support(args: argparse.Namespace, study: Study) -> "Support | None":

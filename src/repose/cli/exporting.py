@@ -23,7 +23,8 @@ SPHERES, MOST = 14, 64
 
 @verb(
     CONFIG.but(
-        default=None, help="the study's configuration (default: config.json in the folder of the card, if it is there)"
+        default=None,
+        help="the study's configuration (default: config.json in the folder of the card, if it is there)",
     ),
     Option("--to", required=True, choices=PROGRAMS, help="the program"),
     Option("--card", help="card.json of the finished study: its parameters"),
@@ -50,10 +51,20 @@ def export(args: argparse.Namespace) -> None:
 
     study = None if args.config is None else load(args)
     allowed = "one source of the parameters: --card, --set or --samples"
-    require_option((args.card is None) == (bool(args.set) or args.samples is not None), "export", args.card, allowed)
+    require_option(
+        (args.card is None) == (bool(args.set) or args.samples is not None),
+        "export",
+        args.card,
+        allowed,
+    )
     of_card = None if args.card is None else card.read_own(args.card)
     require_option(args.seed >= 0, "--seed", args.seed, "a whole number from 0")
-    require_option(args.spheres is None or 1 <= args.spheres <= MOST, "--spheres", args.spheres, f"from 1 to {MOST}")
+    require_option(
+        args.spheres is None or 1 <= args.spheres <= MOST,
+        "--spheres",
+        args.spheres,
+        f"from 1 to {MOST}",
+    )
     if study is None:
         found = None if args.card is None else card.configuration_of_card(args.card)
         if found is not None or of_card is None:
@@ -61,25 +72,37 @@ def export(args: argparse.Namespace) -> None:
             try:
                 study = load(args)
                 _ = study.grain
-            except InputError as error:  # the study's files lie in another folder, or nowhere
+            except (
+                InputError
+            ) as error:  # the study's files lie in another folder, or nowhere
                 if of_card is None:
                     raise
                 study = args.config = None
-                print(f"repose: note: {error.args[0].splitlines()[0]}; the card alone makes the deck", file=sys.stderr)
+                print(
+                    f"repose: note: {error.args[0].splitlines()[0]}; the card alone makes the deck",
+                    file=sys.stderr,
+                )
 
     def spheres_of(particle: "Particle") -> int | None:
-        return args.spheres or (None if particle.is_clump or is_sphere(particle) else SPHERES)
+        return args.spheres or (
+            None if particle.is_clump or is_sphere(particle) else SPHERES
+        )
 
     if study is not None:
         grain, particle = berry_and_particle(study)
         spheres = spheres_of(particle)
         if spheres is not None and spheres > 1:
-            grain, particle = berry_and_particle(_with_clump(study, spheres, args.config))
+            grain, particle = berry_and_particle(
+                _with_clump(study, spheres, args.config)
+            )
         config = study.config
         if of_card is not None:
             card.require_one_study(of_card, args.card, study, args.config, grain)
     elif of_card is not None:
-        config, grain = card_study.configuration_of(of_card, args.card), of_card["grain"]
+        config, grain = (
+            card_study.configuration_of(of_card, args.card),
+            of_card["grain"],
+        )
         spheres = spheres_of(card_study.particle_of(of_card, None, args.card))
         particle = card_study.particle_of(of_card, spheres, args.card)
     if of_card is not None:
@@ -95,9 +118,18 @@ def export(args: argparse.Namespace) -> None:
 def _with_clump(study: Study, spheres: int, source: str) -> Study:
     """Give a study a clump as its particle; its time step may have to be shorter than that of a smooth body."""
     changed = copy.deepcopy(study.config)
-    changed["berry"] |= {"particle": "multisphere", "spheres": spheres, "surface": "smooth"}
-    changed["simulation"]["time_step_s"] = AUTO  # spheres at one place add up in stiffness
-    steps = [one.settings.simulation.time_step_s for one in (study, Study.of(changed, source))]
+    changed["berry"] |= {
+        "particle": "multisphere",
+        "spheres": spheres,
+        "surface": "smooth",
+    }
+    changed["simulation"]["time_step_s"] = (
+        AUTO  # spheres at one place add up in stiffness
+    )
+    steps = [
+        one.settings.simulation.time_step_s
+        for one in (study, Study.of(changed, source))
+    ]
     changed["simulation"]["time_step_s"] = min(steps)
     provenance.note_config(changed)
     return Study.of(changed, source)

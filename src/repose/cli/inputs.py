@@ -12,13 +12,37 @@ from repose.core.files import write_bytes, write_table
 
 
 @verb(
-    Option("--axes", type=float, nargs=3, metavar="MM", help="build a mesh instead: its three axes"),
-    Option("--stl", help="the mesh file to build; with --axes and --mass-g", recorded=False),
-    Option("--mass-g", type=float, help="mass of the grain to build in g; it determines how full the shape is"),
+    Option(
+        "--axes",
+        type=float,
+        nargs=3,
+        metavar="MM",
+        help="build a mesh instead: its three axes",
+    ),
+    Option(
+        "--stl", help="the mesh file to build; with --axes and --mass-g", recorded=False
+    ),
+    Option(
+        "--mass-g",
+        type=float,
+        help="mass of the grain to build in g; it determines how full the shape is",
+    ),
     Option("--density", type=float, help="its density in kg/m3 (the configuration's)"),
-    Option("--taper", type=float, default=0.0, help="widening at one end, as a fraction of the width (0)"),
-    Option("--wrinkles", type=int, default=0, help="number of grooves along the grain (0)"),
-    Option("--wrinkle-depth-mm", type=float, default=0.0, help="depth of the grooves in mm (0)"),
+    Option(
+        "--taper",
+        type=float,
+        default=0.0,
+        help="widening at one end, as a fraction of the width (0)",
+    ),
+    Option(
+        "--wrinkles", type=int, default=0, help="number of grooves along the grain (0)"
+    ),
+    Option(
+        "--wrinkle-depth-mm",
+        type=float,
+        default=0.0,
+        help="depth of the grooves in mm (0)",
+    ),
     out="results/berry",
     study=None,  # a mesh from axes and density needs none
 )
@@ -41,16 +65,29 @@ def _build(args: argparse.Namespace) -> None:
     from repose.particle import mesh_from_axes
 
     if not (args.axes and args.stl and args.mass_g):
-        raise InputError("command line", "berry --axes", args.axes, "together with --mass-g and --stl")
-    density = load(args).settings.berry.density_kg_m3 if args.density is None else args.density
+        raise InputError(
+            "command line",
+            "berry --axes",
+            args.axes,
+            "together with --mass-g and --stl",
+        )
+    density = (
+        load(args).settings.berry.density_kg_m3
+        if args.density is None
+        else args.density
+    )
     details = (args.taper, args.wrinkles, args.wrinkle_depth_mm)
-    mesh, number = mesh_from_axes.berry_mesh(args.axes, args.mass_g, density, *details, source="command line")
+    mesh, number = mesh_from_axes.berry_mesh(
+        args.axes, args.mass_g, density, *details, source="command line"
+    )
     stl = mesh.export(file_type="stl")
     assert isinstance(stl, bytes)
     write_bytes(args.stl, stl)
     share = mesh.volume / (args.axes[0] * args.axes[1] * args.axes[2])
     m, k = mesh_from_axes.profile_exponents(number)
-    print(f"{args.stl}: {mesh.volume:.1f} mm3, {share:.3f} of the box around it, profile (1 - |t|^{m:.3g})^{k:.3g}")
+    print(
+        f"{args.stl}: {mesh.volume:.1f} mm3, {share:.3f} of the box around it, profile (1 - |t|^{m:.3g})^{k:.3g}"
+    )
 
 
 @verb(BERRY, out="results/berry")
@@ -62,8 +99,21 @@ def shape(args: argparse.Namespace, study: Study) -> None:
     from repose.particle import build
 
     grain = study.settings.berry
-    kind, mass_g, spheres, surface = grain.particle, grain.mass_g, grain.spheres, grain.surface
-    build.run(args.berry, grain.stl, args.out, kind=kind, mass_g=mass_g, spheres=spheres, surface=surface)
+    kind, mass_g, spheres, surface = (
+        grain.particle,
+        grain.mass_g,
+        grain.spheres,
+        grain.surface,
+    )
+    build.run(
+        args.berry,
+        grain.stl,
+        args.out,
+        kind=kind,
+        mass_g=mass_g,
+        spheres=spheres,
+        surface=surface,
+    )
 
 
 @verb(out="results/design", study=load_any_study)
@@ -79,4 +129,6 @@ def design(args: argparse.Namespace, study: Study) -> None:
         return
     table, path = study.ask(), Path(args.out) / "samples.csv"
     write_table(path, table)
-    print(f"{path}: {len(table)} runs of {table['sample'].nunique()} samples to simulate")
+    print(
+        f"{path}: {len(table)} runs of {table['sample'].nunique()} samples to simulate"
+    )

@@ -27,10 +27,26 @@ SIZES = "sizes.csv"  # of a crop's folder
 
 
 @verb(
-    Option("pictures", nargs="+", help="side views of piles, one or many: PNG, JPEG, TIFF or BMP"),
-    Option("--square-mm", type=float, default=20.0, help="squares of the printed sheet, as measured (20)"),
-    Option("--lens", nargs="+", default=[], help="photographs of the sheet alone, by the same camera"),
-    Option("--mm-per-pixel", type=float, help="scale, where no sheet is in the photographs"),
+    Option(
+        "pictures",
+        nargs="+",
+        help="side views of piles, one or many: PNG, JPEG, TIFF or BMP",
+    ),
+    Option(
+        "--square-mm",
+        type=float,
+        default=20.0,
+        help="squares of the printed sheet, as measured (20)",
+    ),
+    Option(
+        "--lens",
+        nargs="+",
+        default=[],
+        help="photographs of the sheet alone, by the same camera",
+    ),
+    Option(
+        "--mm-per-pixel", type=float, help="scale, where no sheet is in the photographs"
+    ),
     Option(
         "--length",
         nargs=5,
@@ -38,12 +54,30 @@ SIZES = "sizes.csv"  # of a crop's folder
         metavar=("MM", "X1", "Y1", "X2", "Y2"),
         help="instead of the scale: a level length and the pixels of its ends, column and row",
     ),
-    Option("--base-row", type=float, help="row of the plate in pixels from the top, without the sheet"),
-    Option("--grain-mm", type=float, help="height of a grain, for the secant (by --config or sizes.csv)"),
+    Option(
+        "--base-row",
+        type=float,
+        help="row of the plate in pixels from the top, without the sheet",
+    ),
+    Option(
+        "--grain-mm",
+        type=float,
+        help="height of a grain, for the secant (by --config or sizes.csv)",
+    ),
     CONFIG.but(default=None, help=f"the study that the photographs are for; {LINE}"),
     Option("--bench", default="funnel", help=f"bench test: {BENCHES} (funnel)"),
-    Option("--points", nargs="+", type=float, metavar="PX", help=f"column and row of {POINTS}"),
-    Option("--doubtful", action="store_true", help="doubtful photographs count in the mean and in the targets"),
+    Option(
+        "--points",
+        nargs="+",
+        type=float,
+        metavar="PX",
+        help=f"column and row of {POINTS}",
+    ),
+    Option(
+        "--doubtful",
+        action="store_true",
+        help="doubtful photographs count in the mean and in the targets",
+    ),
     JSON.but(help="print every number as JSON"),
     out="measured",
     config=False,
@@ -58,47 +92,97 @@ def measure(args: argparse.Namespace) -> None:
     from repose.core.files import write_image
     from repose.core.ledger import check_replaceable
     from repose.measure import drawing, photographs
-    from repose.measure.photograph_tables import as_record, describe, tables, write_tables
+    from repose.measure.photograph_tables import (
+        as_record,
+        describe,
+        tables,
+        write_tables,
+    )
 
-    of_pile = {bench.name: bench.photographed for bench in bench_tests() if bench.photographed}
+    of_pile = {
+        bench.name: bench.photographed for bench in bench_tests() if bench.photographed
+    }
     allowed = "one of " + ", ".join((*of_pile, *of_apparatus.RESPONSES))
-    require_option(args.bench in (*of_pile, *of_apparatus.RESPONSES), "--bench", args.bench, allowed)
-    for name in ("points",) if args.bench in of_pile else ("lens", "mm_per_pixel", "length", "base_row"):
+    require_option(
+        args.bench in (*of_pile, *of_apparatus.RESPONSES),
+        "--bench",
+        args.bench,
+        allowed,
+    )
+    for name in (
+        ("points",)
+        if args.bench in of_pile
+        else ("lens", "mm_per_pixel", "length", "base_row")
+    ):
         if value := getattr(args, name):
-            raise InputError("command line", f"--{name.replace('_', '-')}", value, f"nothing with --bench {args.bench}")
+            raise InputError(
+                "command line",
+                f"--{name.replace('_', '-')}",
+                value,
+                f"nothing with --bench {args.bench}",
+            )
     out = Path(args.out)
     pictures, faults = photographs.readable([Path(name) for name in args.pictures])
     if not pictures:
         raise_together(faults)
     for fault in faults:
         print(f"repose: left out: {fault}", file=sys.stderr)
-    overlays, hashes = [out / f"{path.stem}.png" for path in pictures], list(map(hash_of_file, pictures))
+    overlays, hashes = (
+        [out / f"{path.stem}.png" for path in pictures],
+        list(map(hash_of_file, pictures)),
+    )
     for path, overlay, content in zip(pictures, overlays, hashes, strict=True):
-        require_option(overlays.count(overlay) == 1, "pictures", path.name, "photographs whose names differ")
-        require_option(hashes.count(content) == 1, "pictures", path.name, "each picture once: this is a copy")
+        require_option(
+            overlays.count(overlay) == 1,
+            "pictures",
+            path.name,
+            "photographs whose names differ",
+        )
+        require_option(
+            hashes.count(content) == 1,
+            "pictures",
+            path.name,
+            "each picture once: this is a copy",
+        )
         check_replaceable(overlay)
         other = overlay.resolve() != path.resolve()
-        require_option(other, "--out", args.out, "another folder than that of the photographs")
+        require_option(
+            other, "--out", args.out, "another folder than that of the photographs"
+        )
     scale, how = _scale(args), _settings(args)
     if args.bench not in of_pile:
         _measure_apparatus(args, pictures, overlays, how)
         return
-    results = photographs.measure_all(pictures, how, scale, [Path(name) for name in args.lens])
+    results = photographs.measure_all(
+        pictures, how, scale, [Path(name) for name in args.lens]
+    )
     for photograph, overlay in zip(results, overlays, strict=True):
         view, pile, measured = photograph.view, photograph.pile, photograph.measurement
-        shown = drawing.overlay_of_refused(view, pile) if measured is None else drawing.overlay(view, measured)
+        shown = (
+            drawing.overlay_of_refused(view, pile)
+            if measured is None
+            else drawing.overlay(view, measured)
+        )
         write_image(overlay, shown)
     allowed = "a pile with two flanks, seen from the side; {} shows the part taken for the pile"
     if all(photograph.measurement is None for photograph in results):
         both = zip(results, overlays, strict=True)
-        raise_together(InputError(one.path, "pile", one.refused, allowed.format(overlay)) for one, overlay in both)
+        raise_together(
+            InputError(one.path, "pile", one.refused, allowed.format(overlay))
+            for one, overlay in both
+        )
     made = tables(results, how, args.doubtful)
     write_tables(made, how, out, args.bench, of_pile[args.bench])
-    print(json_text(as_record(made)) if args.json else describe(results, made, how, out))
+    print(
+        json_text(as_record(made)) if args.json else describe(results, made, how, out)
+    )
 
 
 def _measure_apparatus(
-    args: argparse.Namespace, pictures: list[Path], overlays: list[Path], how: "MeasureSettings"
+    args: argparse.Namespace,
+    pictures: list[Path],
+    overlays: list[Path],
+    how: "MeasureSettings",
 ) -> None:
     """Measure photographs of a drum or of a box."""
     from repose.apparatus import photographs
@@ -108,30 +192,64 @@ def _measure_apparatus(
     from repose.measure.photograph_tables import as_record, write_tables
 
     if args.config is None:
-        raise InputError("command line", "--config", None, f"a study, whose section {args.bench} has the measures")
+        raise InputError(
+            "command line",
+            "--config",
+            None,
+            f"a study, whose section {args.bench} has the measures",
+        )
     settings, out = SceneSettings(load(args).config), Path(args.out)
     section(settings.config, args.bench)
-    results = photographs.measure_all(pictures, args.points or (), settings, args.bench, how)
+    results = photographs.measure_all(
+        pictures, args.points or (), settings, args.bench, how
+    )
     for seen, overlay in zip(results, overlays, strict=True):
         write_image(overlay, photographs.stacked(seen.views))
     if all(seen.refused for seen in results):
         allowed = "a bed with a surface that differs from its background"
-        raise_together(InputError(seen.path, args.bench, seen.refused, allowed) for seen in results)
+        raise_together(
+            InputError(seen.path, args.bench, seen.refused, allowed) for seen in results
+        )
     made = photographs.tables(results, args.bench)
-    write_tables(made, how, out, args.bench, {name: name for name in photographs.RESPONSES[args.bench]})
+    write_tables(
+        made,
+        how,
+        out,
+        args.bench,
+        {name: name for name in photographs.RESPONSES[args.bench]},
+    )
     if args.bench == "turning":
-        write_table(out / "profile.csv", photographs.profile(results, settings.section("turning", TurningSettings)))
-    print(json_text(as_record(made)) if args.json else photographs.describe(results, made, out))
+        write_table(
+            out / "profile.csv",
+            photographs.profile(results, settings.section("turning", TurningSettings)),
+        )
+    print(
+        json_text(as_record(made))
+        if args.json
+        else photographs.describe(results, made, out)
+    )
 
 
 def _scale(args: argparse.Namespace) -> "Scale":
     """Read the scale from the command line."""
-    from repose.measure.photographs import LEAST_LENGTH_PX, MOST_LEVEL_DEG, Scale, level_length
+    from repose.measure.photographs import (
+        LEAST_LENGTH_PX,
+        MOST_LEVEL_DEG,
+        Scale,
+        level_length,
+    )
 
     def number(option: str, value: float, low: float, high: float) -> None:
-        require_option(low <= value <= high, option, value, f"a number from {low:g} to {high:g}")
+        require_option(
+            low <= value <= high, option, value, f"a number from {low:g} to {high:g}"
+        )
 
-    require_option(args.mm_per_pixel is None or not args.length, "--length", args.length, "without --mm-per-pixel")
+    require_option(
+        args.mm_per_pixel is None or not args.length,
+        "--length",
+        args.length,
+        "without --mm-per-pixel",
+    )
     scale, level = args.mm_per_pixel, 0.0
     number("--square-mm", args.square_mm, 1, 1000)
     if args.length:
@@ -142,9 +260,16 @@ def _scale(args: argparse.Namespace) -> "Scale":
         scale, level = found
     if scale is not None:
         number("--length" if args.length else "--mm-per-pixel", scale, *SCALES)
-        require_option(not args.lens, "--lens", args.lens, "with the printed sheet as the scale")
+        require_option(
+            not args.lens, "--lens", args.lens, "with the printed sheet as the scale"
+        )
     elif args.base_row is not None:
-        raise InputError("command line", "--base-row", args.base_row, "with --mm-per-pixel or --length")
+        raise InputError(
+            "command line",
+            "--base-row",
+            args.base_row,
+            "with --mm-per-pixel or --length",
+        )
     return Scale(args.square_mm, scale, args.base_row, level)
 
 
@@ -153,7 +278,9 @@ def _settings(args: argparse.Namespace) -> "MeasureSettings":
     from repose.measure.settings import MeasureSettings, mean_axes_mm
 
     if args.grain_mm is not None and not 0.1 <= args.grain_mm <= 1000:
-        raise InputError("command line", "--grain-mm", args.grain_mm, "a number from 0.1 to 1000")
+        raise InputError(
+            "command line", "--grain-mm", args.grain_mm, "a number from 0.1 to 1000"
+        )
     section: dict[str, Any] = {"berry_height_mm": None}
     sizes_csv = SIZES if Path(SIZES).is_file() else None
     if args.config is not None:
@@ -161,12 +288,21 @@ def _settings(args: argparse.Namespace) -> "MeasureSettings":
         section, sizes_csv = dict(settings.measure), settings.berry.sizes
     if args.grain_mm is not None:
         section["berry_height_mm"] = args.grain_mm
-    grain = {} if section["berry_height_mm"] is not None or sizes_csv is None else mean_axes_mm(sizes_csv)
+    grain = (
+        {}
+        if section["berry_height_mm"] is not None or sizes_csv is None
+        else mean_axes_mm(sizes_csv)
+    )
     return MeasureSettings.of(section, grain)
 
 
 @verb(
-    Option("--square-mm", type=float, default=20.0, help="side of a square, from 5 to 25 (20)"),
+    Option(
+        "--square-mm",
+        type=float,
+        default=20.0,
+        help="side of a square, from 5 to 25 (20)",
+    ),
     out="sheet.pdf",
     config=False,
 )
@@ -178,16 +314,33 @@ def marker(args: argparse.Namespace) -> None:
     from repose.core.files import write_bytes
     from repose.measure import sheet
 
-    require_option(5 <= args.square_mm <= 25, "--square-mm", args.square_mm, "a number from 5 to 25")
-    require_option(Path(args.out).suffix.lower() == ".pdf", "--out", args.out, "a file that ends with .pdf")
+    require_option(
+        5 <= args.square_mm <= 25,
+        "--square-mm",
+        args.square_mm,
+        "a number from 5 to 25",
+    )
+    require_option(
+        Path(args.out).suffix.lower() == ".pdf",
+        "--out",
+        args.out,
+        "a file that ends with .pdf",
+    )
     write_bytes(args.out, sheet.pdf(args.square_mm))
-    print(f"print {args.out} at 100 %, check its line of 100 mm, cut it out: `repose docs photographs`")
+    print(
+        f"print {args.out} at 100 %, check its line of 100 mm, cut it out: `repose docs photographs`"
+    )
 
 
 @verb(
-    Option("heap", help=".npz file that the verb pour or heap wrote; its first seed is shown"),
+    Option(
+        "heap",
+        help=".npz file that the verb pour or heap wrote; its first seed is shown",
+    ),
     Option("--particle", required=True, help="particle.json of that heap"),
-    Option("--azimuth", type=float, default=0.0, help="direction of view in degrees (0)"),
+    Option(
+        "--azimuth", type=float, default=0.0, help="direction of view in degrees (0)"
+    ),
     out="silhouette.png",
 )
 def silhouette(args: argparse.Namespace, study: Study) -> None:
@@ -201,14 +354,26 @@ def silhouette(args: argparse.Namespace, study: Study) -> None:
     from repose.measure.saved_pours import first_pour
     from repose.particle.particle import Particle
 
-    require_option(math.isfinite(args.azimuth), "--azimuth", args.azimuth, "a finite angle")
+    require_option(
+        math.isfinite(args.azimuth), "--azimuth", args.azimuth, "a finite angle"
+    )
     how = MeasureSettings(**dict(study.settings.measure))
-    write_image(args.out, side_view(first_pour(args.heap), Particle.load(args.particle), how, args.azimuth))
+    write_image(
+        args.out,
+        side_view(
+            first_pour(args.heap), Particle.load(args.particle), how, args.azimuth
+        ),
+    )
 
 
 @verb(
     Option("picture", help="file of the verb silhouette"),
-    Option("--overlay", default="overlay.png", help="picture with the fitted lines (overlay.png)", recorded=False),
+    Option(
+        "--overlay",
+        default="overlay.png",
+        help="picture with the fitted lines (overlay.png)",
+        recorded=False,
+    ),
     BERRY,
     out="measured.json",
 )
@@ -226,6 +391,11 @@ def measure_silhouette(args: argparse.Namespace, study: Study) -> None:
     try:
         measured = pile.measure_image(image, how.mm_per_pixel, how)
     except pile.NoFlankError as error:
-        raise InputError(args.picture, "pile", str(error), "a pile with two flanks, seen from the side") from None
+        raise InputError(
+            args.picture,
+            "pile",
+            str(error),
+            "a pile with two flanks, seen from the side",
+        ) from None
     write_image(args.overlay, drawing.overlay(image, measured))
     write_json(args.out, measured.record())

@@ -11,7 +11,10 @@ from repose.cli.registry import Option, verb
 NAME = "NAME"
 
 
-@verb(Option("name", help="of the crop, and of the folder that is made here"), config=False)
+@verb(
+    Option("name", help="of the crop, and of the folder that is made here"),
+    config=False,
+)
 def new(args: argparse.Namespace) -> None:
     """Make a folder for a crop of your own: a short configuration, a table of sizes, and what to do next.
 
@@ -20,13 +23,22 @@ def new(args: argparse.Namespace) -> None:
     from repose.config import faults
     from repose.core.ledger import write_in_one_move
 
-    require_option(faults.is_valid("label", args.name), "new", args.name, faults.allowed("label"))
+    require_option(
+        faults.is_valid("label", args.name), "new", args.name, faults.allowed("label")
+    )
     folder = Path(args.name)
-    require_option(not folder.exists() and not folder.is_symlink(), "new", args.name, "a folder that is not there yet")
+    require_option(
+        not folder.exists() and not folder.is_symlink(),
+        "new",
+        args.name,
+        "a folder that is not there yet",
+    )
     template = Path(__file__).parents[1] / "config" / "new_crop"
     for path in sorted(template.rglob("*.*")):
         content = path.read_text(encoding="utf-8").replace(NAME, args.name).encode()
         out = folder / path.relative_to(template)
         out.parent.mkdir(parents=True, exist_ok=True)
         write_in_one_move(out, methodcaller("write", content))
-    print(f"{folder}: made. What to do next is in {folder / 'README.md'}; begin with {folder / 'sizes.csv'}.")
+    print(
+        f"{folder}: made. What to do next is in {folder / 'README.md'}; begin with {folder / 'sizes.csv'}."
+    )

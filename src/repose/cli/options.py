@@ -5,12 +5,27 @@ from collections.abc import Iterable
 from repose.cli.registry import Option
 from repose.core.errors import require
 
-BERRY = Option("--berry", default="results/berry/berry.json", help="file of the verb berry")
-SAMPLES = Option("--samples", default="results/design/samples.csv", help="file of the verb design", recorded=False)
-DATASET = Option("--dataset", default="results/dataset.csv", help="file of the verb dataset")
-RUNS = Option("--runs", default="results/runs.csv", help="file of the verb dataset: single runs")
-NETWORK = Option("--network", default="results/network/network.json", help="file of the verb network")
-FEASIBLE = Option("--feasible", default="results/miga/feasible.csv", help="file of the verb miga")
+BERRY = Option(
+    "--berry", default="results/berry/berry.json", help="file of the verb berry"
+)
+SAMPLES = Option(
+    "--samples",
+    default="results/design/samples.csv",
+    help="file of the verb design",
+    recorded=False,
+)
+DATASET = Option(
+    "--dataset", default="results/dataset.csv", help="file of the verb dataset"
+)
+RUNS = Option(
+    "--runs", default="results/runs.csv", help="file of the verb dataset: single runs"
+)
+NETWORK = Option(
+    "--network", default="results/network/network.json", help="file of the verb network"
+)
+FEASIBLE = Option(
+    "--feasible", default="results/miga/feasible.csv", help="file of the verb miga"
+)
 JSON = Option("--json", action="store_true", help="print as JSON")
 
 
@@ -24,6 +39,11 @@ def pairs(entries: Iterable[str], option: str) -> dict[str, str]:
     values: dict[str, str] = {}
     for entry in entries:
         name, equals, value = entry.partition("=")
-        require_option(equals and name and value and name not in values, option, entry, "NAME=VALUE, each name once")
+        require_option(
+            equals and name and value and name not in values,
+            option,
+            entry,
+            "NAME=VALUE, each name once",
+        )
         values[name] = value
     return values

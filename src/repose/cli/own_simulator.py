@@ -19,11 +19,21 @@ def _study(args: argparse.Namespace) -> Study:
     from repose.config.reading import read
 
     allowed = "the name of your simulator, in a configuration as `repose docs own_simulator` shows"
-    own, is_given = is_own(places.find(args.config)), "config" in vars(args).get("given", ())
+    own, is_given = (
+        is_own(places.find(args.config)),
+        "config" in vars(args).get("given", ()),
+    )
     require(own or is_given, "command line", "--config", None, allowed)
     require(own, args.config, "simulator", None, allowed)
-    study, other = Study.own(args.config, args.runs if args.verb == "ask" else None), unread(read(args.config))
-    _warn(f"{args.config}: the strategy {study.settings.strategy} does not read {', '.join(other)}" if other else None)
+    study, other = (
+        Study.own(args.config, args.runs if args.verb == "ask" else None),
+        unread(read(args.config)),
+    )
+    _warn(
+        f"{args.config}: the strategy {study.settings.strategy} does not read {', '.join(other)}"
+        if other
+        else None
+    )
     return study
 
 
@@ -55,11 +65,17 @@ def tell(args: argparse.Namespace, study: Study) -> None:
     record = Record(study, args.out)
     record.add_file(args.runs)
     failed = f", {n} failed" if (n := (record.data["status"] != "ok").sum()) else ""
-    print(f"{args.out}: {len(record.data)} runs of {record.data['sample'].nunique()} samples{failed}")
+    print(
+        f"{args.out}: {len(record.data)} runs of {record.data['sample'].nunique()} samples{failed}"
+    )
 
 
 @verb(
-    Option("--runs", default=f"{FOLDER}/runs.csv", help="the record; where it is missing, the start"),
+    Option(
+        "--runs",
+        default=f"{FOLDER}/runs.csv",
+        help="the record; where it is missing, the start",
+    ),
     out=f"{FOLDER}/next.csv",
     study=_study,
 )
@@ -75,18 +91,28 @@ def ask(args: argparse.Namespace, study: Study) -> None:
     table, found, known = study.ask(), study.proposal, study.runs
     write_table(args.out, table)
     if found.notes:  # it follows from runs
-        _warn(noise_from(study, observed_of(known, study.parameters, study.targets)).warning)
+        _warn(
+            noise_from(
+                study, observed_of(known, study.parameters, study.targets)
+            ).warning
+        )
     if "probability" in found.notes:
         settings: Any = study.settings  # with the section of the strategy
         near = f"within {settings.sequential.tolerance_percent:g} % of all targets"
-        print(f"{len(known)} runs; the best point lies {near} with probability {found.notes['probability']:.2f}")
+        print(
+            f"{len(known)} runs; the best point lies {near} with probability {found.notes['probability']:.2f}"
+        )
     if isinstance(found, Answer):
         print(f"{args.out}: the answer. No more runs: {found.why}")
     else:
         print(f"{args.out}: {len(table)} runs to make next")
 
 
-@verb(Option("runs", help="CSV file, a row for each run: parameters and responses"), out=FOLDER, study=_study)
+@verb(
+    Option("runs", help="CSV file, a row for each run: parameters and responses"),
+    out=FOLDER,
+    study=_study,
+)
 def calibrate(args: argparse.Namespace, study: Study) -> None:
     """Own simulator: the parameters that meet the targets, from a table of runs of any simulator.
 
@@ -101,10 +127,16 @@ def calibrate(args: argparse.Namespace, study: Study) -> None:
     found = calibration.calibrate(study, read_runs(args.runs, study))
     found.save(args.out)
     print(found)
-    _warn(f"{failed} of {found.summary['runs']} runs failed" if (failed := found.summary["failed_runs"]) else None)
+    _warn(
+        f"{failed} of {found.summary['runs']} runs failed"
+        if (failed := found.summary["failed_runs"])
+        else None
+    )
     _warn(found.summary["warning"])
     print(f"Tables and material card: {args.out}", flush=True)
-    from repose.pictures.report import own  # last: an installation without pictures has all but the report
+    from repose.pictures.report import (
+        own,
+    )  # last: an installation without pictures has all but the report
 
     own.write(found, Path(args.out) / "report.html")
     print(f"Report: {Path(args.out) / 'report.html'}")

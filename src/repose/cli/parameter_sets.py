@@ -22,8 +22,16 @@ PARAMETER_SET = (
         "a parameter without --set takes the centre of its range",
     ),
     # the parameter set is written into the results themselves
-    Option("--samples", help="CSV with a column sample and a column per parameter, instead of --set", recorded=False),
-    Option("--sample", type=int, help="number in the column sample; the files are named by it"),
+    Option(
+        "--samples",
+        help="CSV with a column sample and a column per parameter, instead of --set",
+        recorded=False,
+    ),
+    Option(
+        "--sample",
+        type=int,
+        help="number in the column sample; the files are named by it",
+    ),
 )
 
 
@@ -32,13 +40,25 @@ def _purpose(word: str) -> str | int:
     if word in streams.PURPOSES:
         return word
     if not word.isdecimal():
-        raise ArgumentTypeError(f"invalid choice: {word!r} (choose from {', '.join(streams.PURPOSES)})")
+        raise ArgumentTypeError(
+            f"invalid choice: {word!r} (choose from {', '.join(streams.PURPOSES)})"
+        )
     return int(word)
 
 
-SEED = Option("--seed", type=int, action="append", help="seed of a run (1); may be given several times")
+SEED = Option(
+    "--seed",
+    type=int,
+    action="append",
+    help="seed of a run (1); may be given several times",
+)
 STUDY_SEEDS = (
-    Option("--seeds", type=int, metavar="N", help="the study's own first N seeds of this sample, instead of --seed"),
+    Option(
+        "--seeds",
+        type=int,
+        metavar="N",
+        help="the study's own first N seeds of this sample, instead of --seed",
+    ),
     Option(
         "--purpose",
         type=_purpose,
@@ -49,36 +69,63 @@ STUDY_SEEDS = (
 )
 
 
-def parameters(entries: Sequence[str], samples: str | None, sample: int | None, study: Study) -> dict[str, float]:
+def parameters(
+    entries: Sequence[str], samples: str | None, sample: int | None, study: Study
+) -> dict[str, float]:
     """Read the parameters by name from --set or a row of --samples; one not set has the centre of its range."""
     known = study.parameters.names
     chosen = pairs(entries, "--set")
     if samples:
         if chosen or sample is None:
-            raise InputError("command line", "--samples", samples, "together with --sample, without --set")
+            raise InputError(
+                "command line",
+                "--samples",
+                samples,
+                "together with --sample, without --set",
+            )
         found = read_sample(samples, sample)
         for name in found:
             allowed = "no such column: the study has no parameter of this name, or its laws lack it"
-            require(name in known, f"{samples}, sample {sample}", name, found[name], allowed)
+            require(
+                name in known, f"{samples}, sample {sample}", name, found[name], allowed
+            )
         return found
     require_option(sample is None, "--sample", sample, "together with --samples")
     for name, value in chosen.items():
         listed = ", ".join(f"{key} ({LABELS[key]})" for key in known)
-        require_option(name in known, f"--set {name}", value, f"a parameter of {listed}")
-    return study.parameters.centre | {name: check_value(name, value, "command line") for name, value in chosen.items()}
+        require_option(
+            name in known, f"--set {name}", value, f"a parameter of {listed}"
+        )
+    return study.parameters.centre | {
+        name: check_value(name, value, "command line") for name, value in chosen.items()
+    }
 
 
 def run_seeds(seeds: list[int] | None) -> list[int]:
     """Return the seeds of --seed, without it seed 1; InputError unless they are distinct whole numbers from 0."""
     seeds = seeds or [1]
-    require_option(min(seeds) >= 0 and len(set(seeds)) == len(seeds), "--seed", seeds, "distinct whole numbers from 0")
+    require_option(
+        min(seeds) >= 0 and len(set(seeds)) == len(seeds),
+        "--seed",
+        seeds,
+        "distinct whole numbers from 0",
+    )
     return seeds
 
 
-def pour_seeds(args: Namespace, study_seed: int, apparatus: str = streams.UNNAMED) -> list[int]:
+def pour_seeds(
+    args: Namespace, study_seed: int, apparatus: str = streams.UNNAMED
+) -> list[int]:
     """Return the seeds of --seed, or the study's own by --seeds, for the purpose and sample of `args`."""
     if args.seeds is None:
         return run_seeds(args.seed)
     if args.seed or not 1 <= args.seeds <= MOST_SEEDS:
-        raise InputError("command line", "--seeds", args.seeds, f"from 1 to {MOST_SEEDS}, without --seed")
-    return streams.pour_seeds(study_seed, args.purpose, args.sample or 0, args.seeds, apparatus)
+        raise InputError(
+            "command line",
+            "--seeds",
+            args.seeds,
+            f"from 1 to {MOST_SEEDS}, without --seed",
+        )
+    return streams.pour_seeds(
+        study_seed, args.purpose, args.sample or 0, args.seeds, apparatus
+    )

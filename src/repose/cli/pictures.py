@@ -13,7 +13,13 @@ FILM, SMALL_FILM = 72, 20
 
 @verb(
     Option("name", help="name of the figure, such as figure13"),
-    Option("--input", action="append", default=[], metavar="NAME=PATH", help="a file that it shows"),
+    Option(
+        "--input",
+        action="append",
+        default=[],
+        metavar="NAME=PATH",
+        help="a file that it shows",
+    ),
     out="figure.png",
 )
 def figure(args: argparse.Namespace, study: Study) -> None:
@@ -42,7 +48,10 @@ def film(args: argparse.Namespace, study: Study) -> None:
 
     settings: Any = study.settings
     files = args.trajectory, Particle.load(args.particle), args.out
-    look = {"frames": SMALL_FILM if settings.small_run else FILM, "colour": settings.colour}
+    look = {
+        "frames": SMALL_FILM if settings.small_run else FILM,
+        "colour": settings.colour,
+    }
     if args.drum:
         film.animate_drum(*files, settings.drum, **look)
     else:
@@ -50,9 +59,25 @@ def film(args: argparse.Namespace, study: Study) -> None:
 
 
 @verb(
-    Option("jobs", nargs="*", help="measured runs of the answer, one .json file for each bench test"),
-    Option("--input", action="append", default=[], metavar="NAME=PATH", help="a file of the study"),
-    Option("--table", action="append", default=[], metavar="TITLE=PATH", help="a table that the page shows"),
+    Option(
+        "jobs",
+        nargs="*",
+        help="measured runs of the answer, one .json file for each bench test",
+    ),
+    Option(
+        "--input",
+        action="append",
+        default=[],
+        metavar="NAME=PATH",
+        help="a file of the study",
+    ),
+    Option(
+        "--table",
+        action="append",
+        default=[],
+        metavar="TITLE=PATH",
+        help="a table that the page shows",
+    ),
     out="report.html",
 )
 def report(args: argparse.Namespace, study: Study) -> None:

@@ -6,7 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle
 from repose.cli.options import JSON, SAMPLES
-from repose.cli.parameter_sets import PARAMETER_SET, SEED, STUDY_SEEDS, parameters, pour_seeds, run_seeds
+from repose.cli.parameter_sets import (
+    PARAMETER_SET,
+    SEED,
+    STUDY_SEEDS,
+    parameters,
+    pour_seeds,
+    run_seeds,
+)
 from repose.cli.registry import Option, verb
 from repose.cli.stages import recorded
 from repose.config.keys import section
@@ -22,8 +29,12 @@ if TYPE_CHECKING:
 
 
 SIMULATION = (*PARAMETER_SET, SEED, *BERRY_AND_PARTICLE)
-APPARATUS = Option("--apparatus", default="funnel", metavar="NAME", help="bench test (funnel)")
-TRAJECTORY = Option("--trajectory", type=float, metavar="S", help="also write positions every S seconds")
+APPARATUS = Option(
+    "--apparatus", default="funnel", metavar="NAME", help="bench test (funnel)"
+)
+TRAJECTORY = Option(
+    "--trajectory", type=float, metavar="S", help="also write positions every S seconds"
+)
 POUR = (*SIMULATION, *STUDY_SEEDS, TRAJECTORY)
 KEEP = Option(
     "--keep-runs",
@@ -31,11 +42,16 @@ KEEP = Option(
     help="keep each run in OUT/runs; a kept run with the same settings is not run again",
 )
 MEASURE = Option(
-    "--measure", action="store_true", help="also measure the runs, and keep that for measure_runs --keep-runs"
+    "--measure",
+    action="store_true",
+    help="also measure the runs, and keep that for measure_runs --keep-runs",
 )
 
 
-@verb(*BERRY_AND_PARTICLE, Option("--cores", type=int, default=1, help="compile on one core or on two (1)"))
+@verb(
+    *BERRY_AND_PARTICLE,
+    Option("--cores", type=int, default=1, help="compile on one core or on two (1)"),
+)
 def warm_up(args: argparse.Namespace, study: Study) -> None:
     """Compile the engine for a study's particle, so that runs that start together do not each compile it.
 
@@ -45,7 +61,9 @@ def warm_up(args: argparse.Namespace, study: Study) -> None:
     from repose.dem.cache import folder
 
     took_s = warm_up.warm_up(_scene(args, study, study.parameters.centre), args.cores)
-    print(f"the engine was ready after {took_s:.1f} s; its compiled code is in {folder()}")
+    print(
+        f"the engine was ready after {took_s:.1f} s; its compiled code is in {folder()}"
+    )
 
 
 @verb(APPARATUS, *POUR, KEEP, MEASURE, out="results/try", runs="made")
@@ -61,7 +79,9 @@ def pour(args: argparse.Namespace, study: Study) -> None:
     pours = pour_job(**job, keeps_runs=args.keep_runs)
     print(pours)
     if args.measure:
-        as_measured = argparse.Namespace(**(vars(args) | {"verb": "measure_runs", "pours": [str(pours)]}))
+        as_measured = argparse.Namespace(
+            **(vars(args) | {"verb": "measure_runs", "pours": [str(pours)]})
+        )
         with recorded(as_measured, "measured"):
             provenance.note_config(study.config)
             if kept_runs.read_measurement(pours) is None:
@@ -79,21 +99,34 @@ def heap(args: argparse.Namespace, study: Study) -> None:
     job = _job(args, study, "funnel")
     result = measure_job(job["scene"], pour_job(**job))
     if args.json and len(result["runs"]) == 1:
-        print(json_text({key: result[key] for key in ("parameters", "time_step_s")} | result["runs"][0]))
+        print(
+            json_text(
+                {key: result[key] for key in ("parameters", "time_step_s")}
+                | result["runs"][0]
+            )
+        )
     else:
         _print(result["runs"], job["test"].summary, result if args.json else None)
 
 
 def _print(runs: Iterable[Mapping[str, Any]], template: str, content: Any) -> None:
     """Print measured runs as text, or `content` as JSON."""
-    print("\n".join(describe(run, template) for run in runs) if content is None else json_text(content))
+    print(
+        "\n".join(describe(run, template) for run in runs)
+        if content is None
+        else json_text(content)
+    )
 
 
-def _scene(args: argparse.Namespace, study: Study, values: Mapping[str, float]) -> "Scene":
+def _scene(
+    args: argparse.Namespace, study: Study, values: Mapping[str, float]
+) -> "Scene":
     """Make the scene of these parameters, with the grain and the particle of the options."""
     from repose.apparatus import Scene
 
-    return Scene.of(study.config, values, *berry_and_particle(study, args.berry, args.particle))
+    return Scene.of(
+        study.config, values, *berry_and_particle(study, args.berry, args.particle)
+    )
 
 
 def _job(args: argparse.Namespace, study: Study, apparatus: str) -> dict[str, Any]:
@@ -106,13 +139,23 @@ def _job(args: argparse.Namespace, study: Study, apparatus: str) -> dict[str, An
     section(study.config, apparatus)
     values = parameters(args.set, args.samples, args.sample, study)
     seeds = pour_seeds(args, study.settings.design.seed, apparatus)
-    step, end = study.settings.simulation.time_step_s, test.duration_s(SceneSettings(study.config))
+    step, end = (
+        study.settings.simulation.time_step_s,
+        test.duration_s(SceneSettings(study.config)),
+    )
     if args.trajectory is not None and not step <= args.trajectory <= end:
-        raise InputError("command line", "--trajectory", args.trajectory, f"from {step:g} to {end:g} s")
+        raise InputError(
+            "command line",
+            "--trajectory",
+            args.trajectory,
+            f"from {step:g} to {end:g} s",
+        )
     return {
         "test": test,
         "scene": _scene(args, study, values),
-        "name": f"{args.sample:03d}" if args.sample is not None else ("heap" if apparatus == "funnel" else apparatus),
+        "name": f"{args.sample:03d}"
+        if args.sample is not None
+        else ("heap" if apparatus == "funnel" else apparatus),
         "seeds": seeds,
         "out_dir": args.out,
         "interval_s": args.trajectory,
@@ -127,9 +170,13 @@ def _job(args: argparse.Namespace, study: Study, apparatus: str) -> dict[str, An
         help="NAME.pours.json files of pour or heap, with NAME.npz in their folder; or a folder, of all --samples",
     ),
     SAMPLES.but(help="the samples of a folder"),
-    Option("--out", help="folder for NAME.json (the folder of the pours)", recorded=False),
+    Option(
+        "--out", help="folder for NAME.json (the folder of the pours)", recorded=False
+    ),
     *BERRY_AND_PARTICLE,
-    KEEP.but(help="keep each measurement with its runs, and take a kept one that is the same"),
+    KEEP.but(
+        help="keep each measurement with its runs, and take a kept one that is the same"
+    ),
     runs="measured",
 )
 def measure_runs(args: argparse.Namespace, study: Study) -> None:
@@ -144,10 +191,20 @@ def measure_runs(args: argparse.Namespace, study: Study) -> None:
     scene = _scene(args, study, {})
     for path in job_files(args.pours, args.samples, POURS):
         result = measure_job(scene, path, args.out, args.keep_runs)
-        print("\n".join(f"{path}: {describe(run, bench_of(result).summary)}" for run in result["runs"]))
+        print(
+            "\n".join(
+                f"{path}: {describe(run, bench_of(result).summary)}"
+                for run in result["runs"]
+            )
+        )
 
 
-@verb(*SIMULATION, JSON.but(help="print the measured runs as JSON"), out="results/try", runs="made")
+@verb(
+    *SIMULATION,
+    JSON.but(help="print the measured runs as JSON"),
+    out="results/try",
+    runs="made",
+)
 def drum(args: argparse.Namespace, study: Study) -> None:
     """Fill a drum and turn it until the bed slips; save the runs for drum_tables, print the measurement.
 
@@ -158,10 +215,18 @@ def drum(args: argparse.Namespace, study: Study) -> None:
     section(study.config, "drum")
     scene = _scene(args, study, parameters(args.set, args.samples, args.sample, study))
     results = drum_tables.run_job(scene, run_seeds(args.seed), args.out)
-    _print([result["run"] for result in results], bench("drum").summary, results if args.json else None)
+    _print(
+        [result["run"] for result in results],
+        bench("drum").summary,
+        results if args.json else None,
+    )
 
 
-@verb(Option("runs", nargs="+", help="JSON files that the verb drum wrote"), *BERRY_AND_PARTICLE, out="results/drum")
+@verb(
+    Option("runs", nargs="+", help="JSON files that the verb drum wrote"),
+    *BERRY_AND_PARTICLE,
+    out="results/drum",
+)
 def drum_tables(args: argparse.Namespace, study: Study) -> None:
     """Measure the drum's runs and make tables: angles, first slip, slipping layer, with standard errors.
 

@@ -11,7 +11,9 @@ from repose.config.study import Study
 from repose.core import places
 
 PROGRAM = "repose"
-Loader = Callable[[argparse.Namespace], Study] | None  # from the options of a verb; None: it takes no study
+Loader = (
+    Callable[[argparse.Namespace], Study] | None
+)  # from the options of a verb; None: it takes no study
 
 
 class Option:
@@ -46,7 +48,9 @@ CONFIG = Option(
 class Once(argparse.Action):
     """An option whose second value would replace the first one in silence."""
 
-    def __call__(self, parser: Any, namespace: Any, values: Any, option_string: str | None = None) -> None:
+    def __call__(
+        self, parser: Any, namespace: Any, values: Any, option_string: str | None = None
+    ) -> None:
         """Take the value; called by argparse."""
         given = vars(namespace).setdefault("given", set())
         if self.dest in given:
@@ -71,12 +75,16 @@ class Verb(NamedTuple):
     @property
     def words(self) -> tuple[str, str]:
         """Summary and example, as the function's docstring has them."""
-        summary, _, example = cleandoc(self.run.__doc__ or "").partition("\n\nexample: ")
+        summary, _, example = cleandoc(self.run.__doc__ or "").partition(
+            "\n\nexample: "
+        )
         return " ".join(summary.split()), example
 
     def __call__(self, args: argparse.Namespace) -> int | None:
         """Do the step; return its exit status, None for 0."""
-        status: int | None = self.run(args) if self.study is None else self.run(args, self.study(args))
+        status: int | None = (
+            self.run(args) if self.study is None else self.run(args, self.study(args))
+        )
         return status
 
     def add_to(self, subparsers: Any, before: str = "") -> None:
@@ -85,7 +93,9 @@ class Verb(NamedTuple):
         parser = subparsers.add_parser(
             self.name,
             description=textwrap.fill(summary, 78),
-            epilog=" ".join(f"example: {PROGRAM} {before} {self.name} {example}".split()),
+            epilog=" ".join(
+                f"example: {PROGRAM} {before} {self.name} {example}".split()
+            ),
             formatter_class=argparse.RawDescriptionHelpFormatter,  # a wrapped example is no command
         )
         parser.set_defaults(verb=self.name)
@@ -109,7 +119,11 @@ VERBS: dict[str, Verb] = {}  # in the order in which their modules are imported
 
 
 def verb(
-    *options: Option, out: str | None = None, config: bool | Option = True, study: Loader = load, **more: Any
+    *options: Option,
+    out: str | None = None,
+    config: bool | Option = True,
+    study: Loader = load,
+    **more: Any,
 ) -> Callable[[Callable], Callable]:
     """Make a function the verb of the same name, as a decorator.
 
@@ -121,7 +135,11 @@ def verb(
     shared = [config if isinstance(config, Option) else CONFIG] if config else []
     if out:
         kind = "file" if Path(out).suffix else "folder"
-        shared.append(Option("--out", default=out, help=f"{kind} to write ({out})", recorded=False))
+        shared.append(
+            Option(
+                "--out", default=out, help=f"{kind} to write ({out})", recorded=False
+            )
+        )
 
     def add(run: Callable) -> Callable:
         made = Verb(run, (*shared, *options), study if config else None, **more)

@@ -17,17 +17,41 @@ from repose.cli.stages import note_built_in_crop
 from repose.core import places
 from repose.core.errors import BAD_INPUT, InputError
 
-SEVERAL: dict[str, Any] = {"nargs": "+", "action": "extend", "default": [], "recorded": False}
+SEVERAL: dict[str, Any] = {
+    "nargs": "+",
+    "action": "extend",
+    "default": [],
+    "recorded": False,
+}
 ORDER = "each over the one before it; one of the program's own needs no copy"
-HANDED_ON = ("configfile", "config", "cores", "jobs", "profile", "workflow_profile", "directory", "snakefile")
+HANDED_ON = (
+    "configfile",
+    "config",
+    "cores",
+    "jobs",
+    "profile",
+    "workflow_profile",
+    "directory",
+    "snakefile",
+)
 
 
 @verb(
-    Option("--configfile", "--configfiles", metavar="FILE", help=f"configurations, {ORDER}", **SEVERAL),
+    Option(
+        "--configfile",
+        "--configfiles",
+        metavar="FILE",
+        help=f"configurations, {ORDER}",
+        **SEVERAL,
+    ),
     Option("--config", "-C", metavar="KEY=VALUE", help="over the files", **SEVERAL),
     Option("--cores", "-c", metavar="N", help="cores (all)"),
     Option("--jobs", "-j", metavar="N", help="jobs at a time, on a cluster"),
-    Option("--profile", metavar="FOLDER", help="profile of snakemake, such as profiles/slurm"),
+    Option(
+        "--profile",
+        metavar="FOLDER",
+        help="profile of snakemake, such as profiles/slurm",
+    ),
     Option("--workflow-profile", metavar="FOLDER", help="in place of profiles/default"),
     Option("--directory", "-d", metavar="FOLDER", help="folder to run in"),
     Option("--snakefile", "-s", metavar="FILE", help="another workflow"),
@@ -52,19 +76,30 @@ def run(args: argparse.Namespace) -> int:
 
     args.configfile = [str(places.find(path)) for path in args.configfile]
     for path in args.configfile:
-        read(path)  # snakemake would answer a fault of these two options with a traceback
+        read(
+            path
+        )  # snakemake would answer a fault of these two options with a traceback
     for entry in args.config:
-        require_option("=" in entry, "--config", entry, "KEY=VALUE; a target goes before the options")
+        require_option(
+            "=" in entry,
+            "--config",
+            entry,
+            "KEY=VALUE; a target goes before the options",
+        )
     if args.list:
         from repose.config.check import catalogue
 
         print(catalogue(args.configfile))
         return 0
     if not os.access(".", os.W_OK) and args.directory is None:
-        raise InputError("command line", "folder", os.getcwd(), "a folder into which you may write")
+        raise InputError(
+            "command line", "folder", os.getcwd(), "a folder into which you may write"
+        )
     note_built_in_crop(*args.configfile)
     try:
-        return uninterrupted(main, snakemake_arguments(args), shlex.join(["repose", *args.words]))
+        return uninterrupted(
+            main, snakemake_arguments(args), shlex.join(["repose", *args.words])
+        )
     except SystemExit:
         if not FAULTS:
             raise
@@ -74,18 +109,33 @@ def run(args: argparse.Namespace) -> int:
 def snakemake_arguments(args: argparse.Namespace) -> list[str]:
     """Make snakemake's command line: this program's workflow and profile, all cores where no option says it."""
     profiles = {name: getattr(args, name) for name in ("profile", "workflow_profile")}
-    found = {name: str(places.find(path)) for name, path in profiles.items() if path is not None}
-    given = {**vars(args), **found, "snakefile": args.snakefile or str(places.root() / "Snakefile")}
+    found = {
+        name: str(places.find(path))
+        for name, path in profiles.items()
+        if path is not None
+    }
+    given = {
+        **vars(args),
+        **found,
+        "snakefile": args.snakefile or str(places.root() / "Snakefile"),
+    }
     if not (args.cores or args.jobs or found):
         given["cores"] = "all"
     words = []
-    for name in HANDED_ON:  # the last takes one value: a target that follows is none of a list
+    for (
+        name
+    ) in HANDED_ON:  # the last takes one value: a target that follows is none of a list
         if value := given[name]:
-            words += [f"--{name.replace('_', '-')}", *([value] if isinstance(value, str) else value)]
+            words += [
+                f"--{name.replace('_', '-')}",
+                *([value] if isinstance(value, str) else value),
+            ]
     return words + args.rest
 
 
-def uninterrupted(main: Callable[[list[str]], object], words: list[str], again: str) -> int:
+def uninterrupted(
+    main: Callable[[list[str]], object], words: list[str], again: str
+) -> int:
     """Run snakemake's `main`; where Ctrl-C or a signal ends it, print in one sentence how to go on."""
     ended_by: list[int] = []
 
@@ -105,7 +155,10 @@ def uninterrupted(main: Callable[[list[str]], object], words: list[str], again: 
         if not ended_by:
             raise
         with contextlib.suppress(OSError):  # the terminal is closed
-            print(f"\nStopped. What is finished stays; the same command goes on: {again}", file=sys.stderr)
+            print(
+                f"\nStopped. What is finished stays; the same command goes on: {again}",
+                file=sys.stderr,
+            )
         raise SystemExit(128 + ended_by[0]) from end
     finally:
         signal.signal(signal.SIGINT, earlier)
@@ -116,7 +169,11 @@ def uninterrupted(main: Callable[[list[str]], object], words: list[str], again: 
 @contextlib.contextmanager
 def _as_interrupts(ended_by: list[int]) -> Iterator[None]:
     """Turn the end of a job by a cluster and a closed terminal into Ctrl-C; snakemake handles the first otherwise."""
-    ends = [n for n in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(n) is not signal.SIG_IGN]  # nohup
+    ends = [
+        n
+        for n in (signal.SIGTERM, signal.SIGHUP)
+        if signal.getsignal(n) is not signal.SIG_IGN
+    ]  # nohup
     read, write = os.pipe()
     os.set_blocking(write, False)
 

@@ -46,7 +46,9 @@ CHATTER = re.compile(
     "|Terminating processes on user request|Touching output file|Using shell|Will exit after finishing|host:"
 )
 REFUSED = "repose: error"  # begins the last line of a job whose input was at fault
-FAULTS: list[str] = []  # of the input, where they alone ended the run: `repose run` then ends as the verbs do
+FAULTS: list[
+    str
+] = []  # of the input, where they alone ended the run: `repose run` then ends as the verbs do
 # A job's failure is reported by the job's own event.
 REPORTED_BY_THE_JOB = ("CalledProcessError", "RuleException", "SpawnedJobError")
 SUMMED_UP = "At least one job did not complete successfully."
@@ -69,15 +71,22 @@ class Running:
         if not self.output.endswith(POURS):
             return 0
         job = Path(self.output.removesuffix(POURS))
-        timed = job.parent / "timings" / f"{job.name}.json"  # written when all are made; then none is kept by itself
+        timed = (
+            job.parent / "timings" / f"{job.name}.json"
+        )  # written when all are made; then none is kept by itself
         if timed.is_file() and timed.stat().st_mtime >= self.began_s:
             return len(read_json(timed, ("wall_s",))["wall_s"])
-        return sum(path.stat().st_mtime >= self.began_s for path in (job.parent / "runs").glob(f"{job.name}_*.npz"))
+        return sum(
+            path.stat().st_mtime >= self.began_s
+            for path in (job.parent / "runs").glob(f"{job.name}_*.npz")
+        )
 
     @property
     def refused(self) -> bool:
         """Whether it ended with a fault of its input."""
-        return self.log != "" and last_lines(Path(self.log))[-1].startswith(f"{REFUSED}: ")
+        return self.log != "" and last_lines(Path(self.log))[-1].startswith(
+            f"{REFUSED}: "
+        )
 
     def __str__(self) -> str:
         return f"{self.message}; its log: {self.log}" if self.log else self.message
@@ -95,7 +104,9 @@ class RunProgress:
     planned: Counter[str] = field(default_factory=Counter)  # jobs of each rule
     done: Counter[str] = field(default_factory=Counter)  # the same
     running: dict[int, Running] = field(default_factory=dict)  # by the job's number
-    failed: dict[int, Running] = field(default_factory=dict)  # by the job's number, until it begins again
+    failed: dict[int, Running] = field(
+        default_factory=dict
+    )  # by the job's number, until it begins again
     # wall time of the finished jobs of each rule
     _took_s: dict[str, float] = field(default_factory=lambda: defaultdict(float))
     _made: int = 0  # runs of a bench test by finished jobs
@@ -133,24 +144,41 @@ class RunProgress:
     def pours_a_minute(self, now_s: float) -> float | None:
         """Compute the rate since the first pour began; None before the first is made."""
         took_s = now_s - (self._first_pour_s or now_s)
-        return 60 * self.pours_done / took_s if self.pours_done and took_s >= SHORTEST_RATE_S else None
+        return (
+            60 * self.pours_done / took_s
+            if self.pours_done and took_s >= SHORTEST_RATE_S
+            else None
+        )
 
     def left_s(self, now_s: float) -> float | None:
         """Estimate how long the planned jobs still take, as many at once as so far; None before that is possible."""
         pouring = [rule for rule in self.planned if _pours(rule)]
         took_s = now_s - (self._began_s or now_s)
-        if not self.done or took_s < SHORTEST_RATE_S or (pouring and not any(self.done[rule] for rule in pouring)):
+        if (
+            not self.done
+            or took_s < SHORTEST_RATE_S
+            or (pouring and not any(self.done[rule] for rule in pouring))
+        ):
             return None
         elapsed = [(job.rule, now_s - job.began_s) for job in self.running.values()]
         busy_s = sum(self._took_s.values()) + sum(s for _, s in elapsed)
-        left_s = sum((self.planned[rule] - self.done[rule]) * self._mean_s(rule) for rule in self.planned)
+        left_s = sum(
+            (self.planned[rule] - self.done[rule]) * self._mean_s(rule)
+            for rule in self.planned
+        )
         left_s -= sum(min(s, self._mean_s(rule)) for rule, s in elapsed)
         return left_s * took_s / busy_s
 
     def _mean_s(self, rule: str) -> float:
         """Average the times of a rule's finished jobs, or else of the jobs of its kind, pouring or not."""
-        rules = [rule] if self.done[rule] else [other for other in self.done if _pours(other) == _pours(rule)]
-        return sum(self._took_s[one] for one in rules) / max(1, sum(self.done[one] for one in rules))
+        rules = (
+            [rule]
+            if self.done[rule]
+            else [other for other in self.done if _pours(other) == _pours(rule)]
+        )
+        return sum(self._took_s[one] for one in rules) / max(
+            1, sum(self.done[one] for one in rules)
+        )
 
 
 class LogHandler(LogHandlerBase):
@@ -176,8 +204,13 @@ class LogHandler(LogHandlerBase):
         self.act_on_ctrl_c = signal.getsignal(signal.SIGINT)
         self.raises = logging.raiseExceptions
         if self.plain is None:
-            logging.raiseExceptions = False  # no tracebacks of snakemake's log where the disk is full
-            if callable(self.act_on_ctrl_c) and threading.current_thread() is threading.main_thread():
+            logging.raiseExceptions = (
+                False  # no tracebacks of snakemake's log where the disk is full
+            )
+            if (
+                callable(self.act_on_ctrl_c)
+                and threading.current_thread() is threading.main_thread()
+            ):
                 signal.signal(signal.SIGINT, self._interrupt)
 
     def _interrupt(self, number: int, frame: FrameType | None) -> None:
@@ -206,11 +239,19 @@ class LogHandler(LogHandlerBase):
         if self.live is not None:
             self.live.stop()
             self.live = None
-        if self.interrupted.is_set() and self.act_on_ctrl_c is signal.default_int_handler:  # not `repose run`
-            self.console.print("Stopped. What is finished stays; the same command goes on.")
+        if (
+            self.interrupted.is_set()
+            and self.act_on_ctrl_c is signal.default_int_handler
+        ):  # not `repose run`
+            self.console.print(
+                "Stopped. What is finished stays; the same command goes on."
+            )
             self.interrupted.clear()  # closed twice
         jobs, self.progress.failed = self.progress.failed.values(), {}
-        failed, refused = ([job for job in jobs if job.refused is of_input] for of_input in (False, True))
+        failed, refused = (
+            [job for job in jobs if job.refused is of_input]
+            for of_input in (False, True)
+        )
         for job in failed:
             self.console.print(Text(f"failed: {job}", style="red"))
         if failed:
@@ -227,7 +268,9 @@ class LogHandler(LogHandlerBase):
         """Take an event; yield the lines to print."""
         event, fields = getattr(record, "event", None), record.__dict__
         if event == LogEvent.RUN_INFO:
-            self.progress.planned.update({k: n for k, n in fields["stats"].items() if k != "total"})
+            self.progress.planned.update(
+                {k: n for k, n in fields["stats"].items() if k != "total"}
+            )
         elif event == LogEvent.JOB_INFO:
             yield from self._started(fields)
         elif event == LogEvent.JOB_FINISHED:
@@ -235,19 +278,34 @@ class LogHandler(LogHandlerBase):
             yield from self._line()
         elif event == LogEvent.JOB_ERROR:
             yield from self._failed(fields)
-        elif event == LogEvent.ERROR and fields.get("exception") == "MissingRuleException":
+        elif (
+            event == LogEvent.ERROR
+            and fields.get("exception") == "MissingRuleException"
+        ):
             from repose.config.cost import SENTENCES  # slow to import
 
-            missing = record.getMessage().split("No rule to produce ")[-1].split(" (if you")[0]
+            missing = (
+                record.getMessage()
+                .split("No rule to produce ")[-1]
+                .split(" (if you")[0]
+            )
             allowed = "a target that `repose run --list` names, a rule, or a file of the study"
             allowed += did_you_mean(missing, SENTENCES)
-            FAULTS.append(f"{REFUSED}: {InputError('command line', 'target', missing, allowed)}")
+            FAULTS.append(
+                f"{REFUSED}: {InputError('command line', 'target', missing, allowed)}"
+            )
             yield Text(FAULTS[-1])
         elif event == LogEvent.ERROR:
-            if fields.get("exception") not in REPORTED_BY_THE_JOB and SUMMED_UP not in record.getMessage():
+            if (
+                fields.get("exception") not in REPORTED_BY_THE_JOB
+                and SUMMED_UP not in record.getMessage()
+            ):
                 yield Text(record.getMessage(), style="red")
         elif event is None and record.msg and not CHATTER.match(str(record.msg)):
-            yield Text(record.getMessage(), style="yellow" if record.levelno > logging.INFO else "")
+            yield Text(
+                record.getMessage(),
+                style="yellow" if record.levelno > logging.INFO else "",
+            )
 
     def _started(self, fields: Mapping[str, Any]) -> Iterator[Text]:
         """Note that a job begins; without bars print the first of a stage."""
@@ -256,7 +314,10 @@ class LogHandler(LogHandlerBase):
             del self.progress.planned[rule]
             return
         message, log = fields["rule_msg"] or rule, ", ".join(fields["log"])
-        self.progress.start(fields["jobid"], Running(rule, message, time.time(), str(fields["output"][0]), log))
+        self.progress.start(
+            fields["jobid"],
+            Running(rule, message, time.time(), str(fields["output"][0]), log),
+        )
         self.stage = rule
         if self.live is None and rule not in self.stages_printed:
             yield Text(f"{rule}: {message}")
@@ -264,23 +325,42 @@ class LogHandler(LogHandlerBase):
 
     def _failed(self, fields: Mapping[str, Any]) -> Iterator[Text]:
         """Note that a job has failed: print it, and the end of its log."""
-        if self.interrupted.wait(INTERRUPT_S) or (job := self.progress.fail(fields["jobid"])) is None:
+        if (
+            self.interrupted.wait(INTERRUPT_S)
+            or (job := self.progress.fail(fields["jobid"])) is None
+        ):
             return
-        yield Text(f"FAILED: {job.message} (rule {job.rule})" + str(job).removeprefix(job.message), style="bold red")
+        yield Text(
+            f"FAILED: {job.message} (rule {job.rule})"
+            + str(job).removeprefix(job.message),
+            style="bold red",
+        )
         for log in fields["log"]:
             yield from (Text(f"    {line}") for line in last_lines(Path(log)))
 
     def _begin(self) -> None:
         """Show the bars, where there is a terminal."""
         if self.console.is_terminal and self.live is None and self.progress.planned:
-            how: dict[str, Any] = {"refresh_per_second": REFRESH_PER_S, "redirect_stdout": sys.stdout.isatty()}
-            self.live = Live(get_renderable=self._drawn, console=self.console, vertical_overflow="crop", **how)
+            how: dict[str, Any] = {
+                "refresh_per_second": REFRESH_PER_S,
+                "redirect_stdout": sys.stdout.isatty(),
+            }
+            self.live = Live(
+                get_renderable=self._drawn,
+                console=self.console,
+                vertical_overflow="crop",
+                **how,
+            )
             self.live.start()
 
     def _line(self) -> Iterator[Text]:
         """Report the progress of the run, now and then where there are no bars."""
         now = time.time()
-        if self.live is None and self.progress.planned and now - self.last_line_s >= LINE_EVERY_S:
+        if (
+            self.live is None
+            and self.progress.planned
+            and now - self.last_line_s >= LINE_EVERY_S
+        ):
             self.last_line_s = now
             done, planned = self.progress.done, self.progress.planned
             stages = (job.rule for job in self.progress.running.values())
@@ -308,15 +388,33 @@ class LogHandler(LogHandlerBase):
             planned, done = self.progress.planned, self.progress.done
             jobs = list(self.progress.running.values())
             stages = dict.fromkeys([self.stage, *(job.rule for job in jobs)])
-            rows = [(rule.replace("_", " "), done[rule], planned[rule]) for rule in stages if rule]
+            rows = [
+                (rule.replace("_", " "), done[rule], planned[rule])
+                for rule in stages
+                if rule
+            ]
             table = Table.grid(padding=(0, 2))
             for name, made, total in (*rows, ("all", done.total(), planned.total())):
-                table.add_row(name, ProgressBar(total=total, completed=made, width=BAR_WIDTH), f"{made} of {total}")
-            running = "; ".join(f"{job.message} ({now - job.began_s:.0f} s)" for job in jobs)
+                table.add_row(
+                    name,
+                    ProgressBar(total=total, completed=made, width=BAR_WIDTH),
+                    f"{made} of {total}",
+                )
+            running = "; ".join(
+                f"{job.message} ({now - job.began_s:.0f} s)" for job in jobs
+            )
             return Group(
                 table,
-                Text(", ".join(self._facts(now)), style="bold red" if self.progress.failed else "bold"),
-                Text(running and f"now: {running}", style="dim", overflow="ellipsis", no_wrap=True),
+                Text(
+                    ", ".join(self._facts(now)),
+                    style="bold red" if self.progress.failed else "bold",
+                ),
+                Text(
+                    running and f"now: {running}",
+                    style="dim",
+                    overflow="ellipsis",
+                    no_wrap=True,
+                ),
             )
 
 
@@ -338,7 +436,11 @@ def rough_time(seconds: float) -> str:
     minutes = round(seconds / 60)
     if 1 <= minutes < 90:
         return f"about {minutes} min"
-    return f"about {minutes // 60} h {minutes % 60} min" if minutes else "less than a minute"
+    return (
+        f"about {minutes // 60} h {minutes % 60} min"
+        if minutes
+        else "less than a minute"
+    )
 
 
 def last_lines(path: Path) -> list[str]:

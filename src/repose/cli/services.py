@@ -23,14 +23,31 @@ def bench(args: argparse.Namespace, study: Study) -> None:
     """
     from repose.verification import speed
 
-    of_published = published.representative(study.settings.validation.published, study.parameters.names)
-    result = speed.run(study.config, {study.settings.berry.particle: study.particle}, study.grain, of_published)
+    of_published = published.representative(
+        study.settings.validation.published, study.parameters.names
+    )
+    result = speed.run(
+        study.config,
+        {study.settings.berry.particle: study.particle},
+        study.grain,
+        of_published,
+    )
     print(json.dumps(result, indent=1) if args.json else speed.message(result))
 
 
 @verb(
-    Option("--case", action="append", metavar="NAME", help="run this case; may be given several times"),
-    Option("--hits", type=int, default=10_000, help="impacts of each kind in the energy cases (10000)"),
+    Option(
+        "--case",
+        action="append",
+        metavar="NAME",
+        help="run this case; may be given several times",
+    ),
+    Option(
+        "--hits",
+        type=int,
+        default=10_000,
+        help="impacts of each kind in the energy cases (10000)",
+    ),
     out="results/verification",
 )
 def verify(args: argparse.Namespace, study: Study) -> int:
@@ -45,7 +62,9 @@ def verify(args: argparse.Namespace, study: Study) -> int:
     laws = study.settings.simulation.laws
     print("laws: " + ", ".join(laws.values()), flush=True)
     effort = verification.Effort(hits=args.hits, laws=laws)
-    results = verification.run(args.case, effort, lambda name, rows: print(_case_line(name, rows), flush=True))
+    results = verification.run(
+        args.case, effort, lambda name, rows: print(_case_line(name, rows), flush=True)
+    )
     table = Path(args.out) / "verification.csv"
     verification.write(results, table)
     print(table)
@@ -55,8 +74,14 @@ def verify(args: argparse.Namespace, study: Study) -> int:
 def _case_line(name: str, rows: "list[Row]") -> str:
     """Write a case as a line of text."""
     missed = [row for row in rows if not row.passed]
-    words = f"{len(missed)} of {len(rows)} numbers miss" if missed else f"{len(rows)} numbers, good"
-    return f"{name:>12}: {words}" + "".join(f"; {row.quantity} is {row.result:.6g}" for row in missed[:3])
+    words = (
+        f"{len(missed)} of {len(rows)} numbers miss"
+        if missed
+        else f"{len(rows)} numbers, good"
+    )
+    return f"{name:>12}: {words}" + "".join(
+        f"; {row.quantity} is {row.result:.6g}" for row in missed[:3]
+    )
 
 
 @verb(Option("result", help="a file that a verb wrote"), JSON, config=False)
@@ -71,7 +96,9 @@ def provenance(args: argparse.Namespace) -> None:
         raise FileNotFoundError(f"{args.result}: no such file")
     record = attached.read(args.result)
     if record is None:
-        raise InputError(args.result, "provenance", None, "a result that a verb of repose wrote")
+        raise InputError(
+            args.result, "provenance", None, "a result that a verb of repose wrote"
+        )
     width = max(map(len, record))
     lines = (f"{key:<{width}}  {value}" for key, value in record.items())
     print(json.dumps(record, indent=1) if args.json else "\n".join(lines))

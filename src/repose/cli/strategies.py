@@ -11,7 +11,11 @@ STRATEGY = Option("strategy", help="name of the strategy", recorded=False)
 
 @verb(
     STRATEGY,
-    Option("batches", nargs="*", help="folders of all batches so far: dataset.csv and runs.csv"),
+    Option(
+        "batches",
+        nargs="*",
+        help="folders of all batches so far: dataset.csv and runs.csv",
+    ),
     out=f"{FOLDER}/batch_0",
 )
 def propose(args: argparse.Namespace, study: Study) -> None:
@@ -21,12 +25,20 @@ def propose(args: argparse.Namespace, study: Study) -> None:
     """
     from repose.strategies import batches
 
-    print(batches.run_propose(args.strategy, study, args.batches, args.out, args.config)["why"])
+    print(
+        batches.run_propose(args.strategy, study, args.batches, args.out, args.config)[
+            "why"
+        ]
+    )
 
 
 @verb(
     STRATEGY,
-    Option("batches", nargs="+", help="folders of all batches, and last of the answer, with its proposal.json"),
+    Option(
+        "batches",
+        nargs="+",
+        help="folders of all batches, and last of the answer, with its proposal.json",
+    ),
     out=FOLDER,
 )
 def conclude(args: argparse.Namespace, study: Study) -> None:
@@ -36,5 +48,9 @@ def conclude(args: argparse.Namespace, study: Study) -> None:
     """
     from repose.strategies import batches
 
-    for row in batches.run_conclude(args.strategy, study, args.batches, args.out).to_dict("records"):
-        print(f"{row['response']}: {row['simulated']:.2f}, {row['deviation_percent']:+.2f} % off the target")
+    for row in batches.run_conclude(
+        args.strategy, study, args.batches, args.out
+    ).to_dict("records"):
+        print(
+            f"{row['response']}: {row['simulated']:.2f}, {row['deviation_percent']:+.2f} % off the target"
+        )

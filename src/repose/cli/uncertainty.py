@@ -7,7 +7,11 @@ from repose.cli.options import DATASET, FEASIBLE, NETWORK, RUNS
 from repose.cli.registry import Option, verb
 from repose.config.study import Study
 
-PREDICTIONS = Option("--predictions", default="results/network/predictions.csv", help="file of the verb network")
+PREDICTIONS = Option(
+    "--predictions",
+    default="results/network/predictions.csv",
+    help="file of the verb network",
+)
 POSTERIOR_FILES = (NETWORK, PREDICTIONS, DATASET, RUNS, FEASIBLE)
 
 
@@ -31,7 +35,9 @@ def posterior(args: argparse.Namespace, study: Study) -> None:
     from repose.studies import posterior
 
     names = (option.attribute for option in POSTERIOR_FILES)
-    files = {name: getattr(args, name) for name in names} | {"table3": study.published("table3.csv")}
+    files = {name: getattr(args, name) for name in names} | {
+        "table3": study.published("table3.csv")
+    }
     print(posterior.message(posterior.run(files, study, args.out, args.config)))
 
 
@@ -43,11 +49,17 @@ def sensitivity(args: argparse.Namespace, study: Study) -> None:
     """
     from repose.studies import sensitivity
 
-    print(sensitivity.message(sensitivity.run(args.network, study, args.out, args.config)))
+    print(
+        sensitivity.message(sensitivity.run(args.network, study, args.out, args.config))
+    )
 
 
 @verb(
-    Option("--draws", default="results/posterior/draws.csv", help="file of the verb posterior"),
+    Option(
+        "--draws",
+        default="results/posterior/draws.csv",
+        help="file of the verb posterior",
+    ),
     out="results/next/samples.csv",
 )
 def plausible(args: argparse.Namespace, study: Study) -> None:
@@ -61,7 +73,11 @@ def plausible(args: argparse.Namespace, study: Study) -> None:
 
 
 @verb(
-    Option("pours", nargs="+", help="NAME.pours.json files of the sets of the stage plausible"),
+    Option(
+        "pours",
+        nargs="+",
+        help="NAME.pours.json files of the sets of the stage plausible",
+    ),
     *BERRY_AND_PARTICLE,
     out="results/next",
 )
@@ -73,4 +89,8 @@ def next(args: argparse.Namespace, study: Study) -> None:
     from repose.studies import next_measurement
 
     grain, particle = berry_and_particle(study, args.berry, args.particle)
-    print(next_measurement.message(next_measurement.run(args.pours, study, particle, grain, args.out)))
+    print(
+        next_measurement.message(
+            next_measurement.run(args.pours, study, particle, grain, args.out)
+        )
+    )

@@ -19,7 +19,12 @@ SLOPES_DEG = (15.0, 45.0)
 VOLUME_FACTOR = 1.5
 
 
-def of_funnel(config: Config, grain: Grain, particle: Particle, longest_s: Callable[[Grain], float]) -> Iterator[str]:
+def of_funnel(
+    config: Config,
+    grain: Grain,
+    particle: Particle,
+    longest_s: Callable[[Grain], float],
+) -> Iterator[str]:
     """Yield hints on stiffness, volume and number of the grains before they are poured.
 
     `longest_s(grain)` is the longest time step [s] for such grains.
@@ -33,13 +38,18 @@ def of_funnel(config: Config, grain: Grain, particle: Particle, longest_s: Calla
     outlet_mm = funnel.outlet_height_mm
     if height_mm > outlet_mm:
         yield f"funnel: WARNING: a pile of {height_mm:.3g} mm reaches the outlet at {outlet_mm:g} mm and stops the flow"
-    grains = max(funnel.berries, 0 if fits else needed_grains(config, particle.volume_m3))
+    grains = max(
+        funnel.berries, 0 if fits else needed_grains(config, particle.volume_m3)
+    )
     yield from scene_size.advice(config, diameter_mm(grain), height_mm, grains)
 
 
 def _softer(config: Config, grain: Grain, longest_s: Callable[[Grain], float]) -> str:
     """Describe the allowed reduction of the shear modulus, with its effect on the pile and on the time step."""
-    step, modulus = SceneSettings(config).simulation.time_step_s, grain["shear_modulus_pa"]
+    step, modulus = (
+        SceneSettings(config).simulation.time_step_s,
+        grain["shear_modulus_pa"],
+    )
     sinking, softest = softening(config, grain)
     now = f"the pile sinks by {100 * sinking:.2g} % of its Height under its own weight"
     if softest >= modulus:
@@ -69,9 +79,13 @@ def softening(config: Config, grain: Grain) -> Softening:
     gravity = SceneSettings(config).simulation.gravity_m_s2
     pressure = PACKING * grain["density_kg_m3"] * gravity * height_m(config, grain)
     young = grain["shear_modulus_pa"] / (1 - grain["poisson_ratio"])
-    approach = (3 * pressure * diameter_m**2 / (4 * young * math.sqrt(diameter_m / 4))) ** (2 / 3)
+    approach = (
+        3 * pressure * diameter_m**2 / (4 * young * math.sqrt(diameter_m / 4))
+    ) ** (2 / 3)
     sinking = 0.6 * approach / diameter_m
-    return Softening(sinking, grain["shear_modulus_pa"] * (sinking / LARGEST_SINKING) ** 1.5)
+    return Softening(
+        sinking, grain["shear_modulus_pa"] * (sinking / LARGEST_SINKING) ** 1.5
+    )
 
 
 def height_m(config: Config, grain: Grain) -> float:
@@ -98,17 +112,29 @@ def filling(config: Config, grain_m3: float) -> tuple[str, bool]:
     if height is None:
         if angle is None:
             return holds, True
-        return f"{holds}: a cone of {angle:g} deg and {1e3 * _cone_height_m(poured, angle):.3g} mm Height", True
+        return (
+            f"{holds}: a cone of {angle:g} deg and {1e3 * _cone_height_m(poured, angle):.3g} mm Height",
+            True,
+        )
     if angle is None:
-        slope = math.degrees(math.atan(math.sqrt(math.pi * (1e-3 * height) ** 3 / (3 * poured))))
+        slope = math.degrees(
+            math.atan(math.sqrt(math.pi * (1e-3 * height) ** 3 / (3 * poured)))
+        )
         low, high = SLOPES_DEG
-        sentence = f"{holds}: a cone of {height:g} mm Height with a slope of {slope:.3g} deg"
+        sentence = (
+            f"{holds}: a cone of {height:g} mm Height with a slope of {slope:.3g} deg"
+        )
         if low <= slope <= high:
             return sentence, True
         return f"WARNING: {sentence}; poured grains take {low:g} to {high:g} deg", False
     cone = math.pi * (1e-3 * height) ** 3 / (3 * math.tan(math.radians(angle)) ** 2)
-    fits = 1 / VOLUME_FACTOR <= poured / cone <= VOLUME_FACTOR  # `repose.apparatus.reach` judges the pair itself
-    return f"{holds}; the cone of {angle:g} deg and {height:g} mm Height holds {_litres(cone)}", fits
+    fits = (
+        1 / VOLUME_FACTOR <= poured / cone <= VOLUME_FACTOR
+    )  # `repose.apparatus.reach` judges the pair itself
+    return (
+        f"{holds}; the cone of {angle:g} deg and {height:g} mm Height holds {_litres(cone)}",
+        fits,
+    )
 
 
 def needed_grains(config: Config, grain_m3: float) -> int:
@@ -118,7 +144,13 @@ def needed_grains(config: Config, grain_m3: float) -> int:
         return funnel.berries
     low, high = SLOPES_DEG if angle is None else (angle, angle)
     fewest, most = (
-        math.ceil(PACKING * math.pi * (1e-3 * height) ** 3 / (3 * math.tan(math.radians(slope)) ** 2) / grain_m3)
+        math.ceil(
+            PACKING
+            * math.pi
+            * (1e-3 * height) ** 3
+            / (3 * math.tan(math.radians(slope)) ** 2)
+            / grain_m3
+        )
         for slope in (high, low)
     )
     return min(max(funnel.berries, fewest), most)
@@ -127,10 +159,18 @@ def needed_grains(config: Config, grain_m3: float) -> int:
 def _wanted(config: Config) -> tuple[FunnelSettings, float | None, float | None]:
     """Return the section of the funnel, and the targets' Height [mm] and angle [deg], each None if it is no target."""
     settings = SceneSettings(config)
-    values = {target["response"]: target["value"] for target in settings.targets_of(NAME)}
-    return settings.section(NAME, FunnelSettings), values.get("height_mm"), values.get("aor_deg")
+    values = {
+        target["response"]: target["value"] for target in settings.targets_of(NAME)
+    }
+    return (
+        settings.section(NAME, FunnelSettings),
+        values.get("height_mm"),
+        values.get("aor_deg"),
+    )
 
 
 def _litres(volume_m3: float) -> str:
     """Write a volume as text."""
-    return f"{1e3 * volume_m3:.3g} l" if volume_m3 >= 1e-3 else f"{1e6 * volume_m3:.3g} ml"
+    return (
+        f"{1e3 * volume_m3:.3g} l" if volume_m3 >= 1e-3 else f"{1e6 * volume_m3:.3g} ml"
+    )

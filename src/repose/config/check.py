@@ -41,7 +41,9 @@ def smaller_scene(files: Iterable[str], grains: int) -> Iterator[str]:
     with contextlib.suppress(InputError):
         study = Study.load(*files, overrides={"funnel": most}, inputs=True)
         height_mm = 1e3 * advice.height_m(study.config, study.grain)
-        yield from scene_size.advice(study.config, computed.diameter_mm(study.grain), height_mm, grains)
+        yield from scene_size.advice(
+            study.config, computed.diameter_mm(study.grain), height_mm, grains
+        )
 
 
 def about(study: Study) -> Iterator[str]:
@@ -53,7 +55,9 @@ def about(study: Study) -> Iterator[str]:
         return computed.longest_step(config, particle, grain)
 
     yield about_step(study.settings.simulation.time_step_s, longest(grain))
-    yield from advice.of_funnel(config, grain, particle, lambda other: longest(other).time_step_s)
+    yield from advice.of_funnel(
+        config, grain, particle, lambda other: longest(other).time_step_s
+    )
     section = study.settings.berry
     if particle.mesh_volume_m3:
         change = particle.volume_m3 / particle.mesh_volume_m3 - 1
@@ -64,14 +68,21 @@ def about(study: Study) -> Iterator[str]:
     if section.stl is not None and section.mass_g is not None:
         mass_g = 1e3 * particle.mass_kg
         yield f"mass: WARNING: berry.stl gives the mass, {mass_g:.3g} g; berry.mass_g is not used"
-    if section.compression is not None and None not in (section.shear_modulus_pa, section.poisson_ratio):
+    if section.compression is not None and None not in (
+        section.shear_modulus_pa,
+        section.poisson_ratio,
+    ):
         yield "moduli: WARNING: berry.shear_modulus_pa and berry.poisson_ratio are given; berry.compression is not used"
 
 
 def about_step(step_s: float, limit: "Limit") -> str:
     """Describe the longest time step, with the time saved if it is longer than `step_s`."""
     advised = computed.advised_step_s(limit.time_step_s)
-    saved = f"; with {advised:g} a run takes {step_s / advised:.2g} of the time" if advised > FAR * step_s else ""
+    saved = (
+        f"; with {advised:g} a run takes {step_s / advised:.2g} of the time"
+        if advised > FAR * step_s
+        else ""
+    )
     return f"time step: simulation.time_step_s is {step_s:g} s, {limit.allowed}{saved}"
 
 
@@ -87,12 +98,21 @@ def of_targets(study: Study) -> Iterator[str]:
             yield f"{name}: WARNING: sd is 0, as if every pile were the same; {narrow}"
 
 
-def trials(study: Study, grain_step_s: float, waiting: Callable[[str], AbstractContextManager[None]]) -> Iterator[str]:
+def trials(
+    study: Study,
+    grain_step_s: float,
+    waiting: Callable[[str], AbstractContextManager[None]],
+) -> Iterator[str]:
     """Run each bench test of the targets in three places of the ranges; name the targets beyond all of the runs."""
     config, space = study.config, study.parameters
     bounces = np.array([name.startswith("e_") for name in space.free])
-    unit = np.array([np.where(bounces, bounce, friction) for bounce, friction in TRIALS.values()])
-    sets = [dict(zip(space.names, values, strict=True)) for values in space.values(unit).tolist()]
+    unit = np.array(
+        [np.where(bounces, bounce, friction) for bounce, friction in TRIALS.values()]
+    )
+    sets = [
+        dict(zip(space.names, values, strict=True))
+        for values in space.values(unit).tolist()
+    ]
     for test in map(bench, study.targets.apparatus):
         expected_s = cost.run_s(config, test.name, grain_step_s)
         if expected_s > LONGEST_TRIAL_S:
@@ -122,16 +142,23 @@ def costs(study: Study, budgets: Iterable[int], grain_step_s: float) -> Iterator
     rows: list[tuple[str, cost.Pours | None]] = []
     if not misfits["sequential"]:
         check, seeds = ("check", 1, section.checks), section.seeds
-        rows += [("sequential", (("batches", -(-pours // seeds), seeds), check)) for pours in budgets]
+        rows += [
+            ("sequential", (("batches", -(-pours // seeds), seeds), check))
+            for pours in budgets
+        ]
     if not misfits["response_surface"]:
-        rows.append(("response_surface", strategies.pours(settings, "response_surface")))
+        rows.append(
+            ("response_surface", strategies.pours(settings, "response_surface"))
+        )
     rows.append(("published", None))
     yield f"{'strategy':>18} {'pours':>12} {'core-minutes':>13} {'disk':>8}"
     for name, steps in rows:
         work = cost.work(study.config, grain_step_s, steps)
         counts = [sets * seeds for _, sets, seeds in work["pours"]]
         # the probabilities are for the pours before the plus
-        pours = f"{counts[0]} + {counts[1]}" if name == "sequential" else f"{sum(counts)}"
+        pours = (
+            f"{counts[0]} + {counts[1]}" if name == "sequential" else f"{sum(counts)}"
+        )
         mark = "*" if name == settings.strategy else ""
         disk_mb = plan.disk_mb(study, sum(counts))
         yield f"{mark + name:>18} {pours:>12} {work['total_s'] / 60:>13.1f} {disk_mb:>5.1f} MB"
@@ -149,8 +176,16 @@ def catalogue(files: list[str]) -> str:
     except InputError:
         unknown = f"cost: once {', '.join(files) or 'config.yaml'} is complete; `repose check` lists the missing keys"
         of_each = dict.fromkeys(cost.SENTENCES, unknown)
-    lines = [f"  {target:24} {cost.SENTENCES[target]}\n{'':27}{of_each[target]}" for target in cost.SENTENCES]
-    return "\n".join([f"repose run TARGET; without one, all of calibration. Studies of {config.get('label')}:", *lines])
+    lines = [
+        f"  {target:24} {cost.SENTENCES[target]}\n{'':27}{of_each[target]}"
+        for target in cost.SENTENCES
+    ]
+    return "\n".join(
+        [
+            f"repose run TARGET; without one, all of calibration. Studies of {config.get('label')}:",
+            *lines,
+        ]
+    )
 
 
 def _cost_of(study: Study, strategy: str) -> str:

@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     from repose.dem.time_steps import Limit
     from repose.particle.particle import Particle
 
-PIXELS_A_GRAIN = 32  # of a simulated pile's pictures, over the grain's equivalent diameter
+PIXELS_A_GRAIN = (
+    32  # of a simulated pile's pictures, over the grain's equivalent diameter
+)
 PIXELS_MM = (0.02, 5.0)  # allowed range of measure.mm_per_pixel
 STEP_SHARE = 0.8  # of the longest time step, for the sake of what the limits leave out
 REST_S = 1.5  # from the last grain on the pile until the pile rests
@@ -34,8 +36,12 @@ class Computed(NamedTuple):
 
     section: str
     name: str
-    reads: tuple[str, ...]  # sections that the number follows from, and keys outside sections
-    of: Callable[[Config, Any, Any], Any]  # (config, berry, particle), the last two None unless `needs_grain`
+    reads: tuple[
+        str, ...
+    ]  # sections that the number follows from, and keys outside sections
+    of: Callable[
+        [Config, Any, Any], Any
+    ]  # (config, berry, particle), the last two None unless `needs_grain`
 
     @property
     def key(self) -> str:
@@ -51,7 +57,11 @@ class Computed(NamedTuple):
 def to_compute(config: Config) -> list[Computed]:
     """List settings that are `auto` or missing, in the order of computation; the configuration may have faults."""
     given = [(setting, config.get(setting.section)) for setting in COMPUTED]
-    return [one for one, section in given if isinstance(section, Mapping) and section.get(one.name, AUTO) == AUTO]
+    return [
+        one
+        for one, section in given
+        if isinstance(section, Mapping) and section.get(one.name, AUTO) == AUTO
+    ]
 
 
 def filled(config: Config, setting: Computed, value: Any) -> dict[str, Any]:
@@ -65,7 +75,9 @@ def longest_step(config: Config, particle: "Particle", mean: Grain) -> "Limit":
     from repose.apparatus.scene import longest_time_step
 
     settings = typed.sections(config)
-    ranges = {name: range_of(name, entry) for name, entry in settings.parameters.given.items()}
+    ranges = {
+        name: range_of(name, entry) for name, entry in settings.parameters.given.items()
+    }
     sets = [{name: ranges[name][0] for name in PARAMETERS}]
     sets += published_sets(settings.validation.published)
     lowest = {name: min(values[name] for values in sets) for name in PARAMETERS}
@@ -112,10 +124,19 @@ def _duration_s(config: Config, grain: Grain, particle: "Particle") -> float:
     funnel, gravity = settings.funnel, settings.simulation.gravity_m_s2
     opening = 1e-3 * (funnel.outlet_diameter_mm - 1.4 * diameter_mm(grain))
     bulk = PACKING * grain["density_kg_m3"]
-    running = 0.58 * bulk * math.sqrt(gravity) * max(opening, 0.0) ** 2.5 / particle.mass_kg
+    running = (
+        0.58 * bulk * math.sqrt(gravity) * max(opening, 0.0) ** 2.5 / particle.mass_kg
+    )
     rate = min(funnel.rate_per_s, running or math.inf)
-    height = max(funnel.funnel.inlet_height_m, 0.0)  # a rule refuses an inlet below the outlet
-    return math.ceil(10 * (funnel.berries / rate + math.sqrt(2 * height / gravity) + REST_S)) / 10
+    height = max(
+        funnel.funnel.inlet_height_m, 0.0
+    )  # a rule refuses an inlet below the outlet
+    return (
+        math.ceil(
+            10 * (funnel.berries / rate + math.sqrt(2 * height / gravity) + REST_S)
+        )
+        / 10
+    )
 
 
 def _time_step_s(config: Config, grain: Grain, particle: "Particle") -> float:
@@ -131,10 +152,27 @@ def split_of(surrogate: str) -> list[float]:
 
 
 COMPUTED = (
-    Computed("network", "split", ("surrogate",), lambda config, *_: split_of(typed.sections(config).surrogate)),
+    Computed(
+        "network",
+        "split",
+        ("surrogate",),
+        lambda config, *_: split_of(typed.sections(config).surrogate),
+    ),
     Computed("measure", "mm_per_pixel", ("berry",), _mm_per_pixel),
-    Computed("funnel", "factory_height_mm", ("berry",), lambda _, grain, __: float(f"{diameter_mm(grain):.2g}")),
-    Computed("funnel", "factory_diameter_mm", ("berry", "funnel"), _factory_diameter_mm),
+    Computed(
+        "funnel",
+        "factory_height_mm",
+        ("berry",),
+        lambda _, grain, __: float(f"{diameter_mm(grain):.2g}"),
+    ),
+    Computed(
+        "funnel", "factory_diameter_mm", ("berry", "funnel"), _factory_diameter_mm
+    ),
     Computed("funnel", "duration_s", ("berry", "funnel", "simulation"), _duration_s),
-    Computed("simulation", "time_step_s", ("berry", "wall", "parameters", "validation", "simulation"), _time_step_s),
+    Computed(
+        "simulation",
+        "time_step_s",
+        ("berry", "wall", "parameters", "validation", "simulation"),
+        _time_step_s,
+    ),
 )

@@ -21,7 +21,9 @@ Pairs = Iterator[tuple[str, str]]
 class Rule(NamedTuple):
     """A rule between sections."""
 
-    reads: tuple[str, ...]  # sections, and keys outside sections; the rule is applied if none of them has a fault
+    reads: tuple[
+        str, ...
+    ]  # sections, and keys outside sections; the rule is applied if none of them has a fault
     faults: Callable[[], Pairs]  # faults() yields (dotted key, allowed values)
 
 
@@ -38,13 +40,32 @@ def rules(config: Mapping[str, Any]) -> list[Rule]:
     """List the rules for a configuration whose `auto` are numbers, bench tests included."""
     from repose.strategies import cost
 
-    used, scene, settings = used_tests(config), SceneSettings(config), typed.sections(config)
+    used, scene, settings = (
+        used_tests(config),
+        SceneSettings(config),
+        typed.sections(config),
+    )
     return [
-        *(Rule((test.name, "simulation"), partial(test.contradictions, scene)) for test in used),
-        Rule(("surrogate", "parameters", "network", "design"), partial(_of_the_surrogate, settings)),
-        Rule(("surrogate", "network", "design", "targets"), partial(_of_the_validation, settings)),
-        Rule(("network", "targets", *(test.name for test in used)), partial(_of_seeds, settings)),
-        Rule(("strategy", *cost.others(), "targets", "parameters"), partial(cost.contradictions, settings)),
+        *(
+            Rule((test.name, "simulation"), partial(test.contradictions, scene))
+            for test in used
+        ),
+        Rule(
+            ("surrogate", "parameters", "network", "design"),
+            partial(_of_the_surrogate, settings),
+        ),
+        Rule(
+            ("surrogate", "network", "design", "targets"),
+            partial(_of_the_validation, settings),
+        ),
+        Rule(
+            ("network", "targets", *(test.name for test in used)),
+            partial(_of_seeds, settings),
+        ),
+        Rule(
+            ("strategy", *cost.others(), "targets", "parameters"),
+            partial(cost.contradictions, settings),
+        ),
     ]
 
 
@@ -62,14 +83,24 @@ def _of_the_surrogate(settings: StudySettings) -> Pairs:
     training = int(settings.network.split[0] * settings.design.samples + 1e-9)
     least = kind_of(settings.surrogate).least_samples(free)
     if training < least:
-        fitting = " or ".join(name for name in surrogates() if kind_of(name).least_samples(free) <= training)
-        yield "surrogate", f"{fitting} where design.samples times the first of network.split is below {least}"
+        fitting = " or ".join(
+            name
+            for name in surrogates()
+            if kind_of(name).least_samples(free) <= training
+        )
+        yield (
+            "surrogate",
+            f"{fitting} where design.samples times the first of network.split is below {least}",
+        )
 
 
 def _of_the_validation(settings: StudySettings) -> Pairs:
     """Refuse fewer validation samples than show the noise of all targets."""
     network, targets = settings.network, len(settings.targets)
-    if network.validation_noise and int(network.split[1] * settings.design.samples + 1e-9) <= targets:
+    if (
+        network.validation_noise
+        and int(network.split[1] * settings.design.samples + 1e-9) <= targets
+    ):
         more = f"a second share that leaves more than {targets} validation samples"
         yield "network.split", f"{more}, or network.validation_noise: false"
 
@@ -78,22 +109,39 @@ def _of_the_contact_law(settings: StudySettings) -> Pairs:
     """Refuse force laws that lack parameters, and parameters of another law."""
     simulation, given = settings.simulation, settings.parameters.given
     law, rolling = simulation.contact_law, simulation.rolling_law
-    missing = [f"parameters.{name} ({LABELS[name]})" for name in of_law(law) if name not in given]
+    missing = [
+        f"parameters.{name} ({LABELS[name]})"
+        for name in of_law(law)
+        if name not in given
+    ]
     if missing:
-        yield "simulation.contact_law", f"{law} with {' and '.join(missing)}, each a range or a fixed value"
+        yield (
+            "simulation.contact_law",
+            f"{law} with {' and '.join(missing)}, each a range or a fixed value",
+        )
     for name in named(given)[len(PARAMETERS) :]:
         of = FURTHER[name]
         if not {law, rolling} & set(of.laws):
             key, own = ("contact_law", law) if of.needed else ("rolling_law", rolling)
             belongs = " or ".join(of.laws)
-            yield f"parameters.{name}", f"absent: it belongs to simulation.{key} {belongs}, not {own}"
+            yield (
+                f"parameters.{name}",
+                f"absent: it belongs to simulation.{key} {belongs}, not {own}",
+            )
 
 
 def _of_seeds(settings: StudySettings) -> Pairs:
     """Refuse too few runs of a sample to compare them, in a bench test of the targets."""
-    for name in dict.fromkeys(target.apparatus for target in settings.targets) if settings.network.replicates else ():
+    for name in (
+        dict.fromkeys(target.apparatus for target in settings.targets)
+        if settings.network.replicates
+        else ()
+    ):
         if getattr(settings, name).seeds < 2:
-            yield f"{name}.seeds", "at least 2, or network.replicates: false, since single runs show no noise"
+            yield (
+                f"{name}.seeds",
+                "at least 2, or network.replicates: false, since single runs show no noise",
+            )
 
 
 def _of_targets(settings: StudySettings, config: Mapping[str, Any]) -> Pairs:
@@ -101,7 +149,10 @@ def _of_targets(settings: StudySettings, config: Mapping[str, Any]) -> Pairs:
     seen = set()
     for k, target in enumerate(settings.targets):
         if target.apparatus not in config:
-            yield f"targets.{k}.apparatus", "a bench test that has a section of its name in the configuration"
+            yield (
+                f"targets.{k}.apparatus",
+                "a bench test that has a section of its name in the configuration",
+            )
         if target.response in seen:
             yield f"targets.{k}.response", "each response once"
         seen.add(target.response)

@@ -30,17 +30,26 @@ SEEDS = ("seeds", "checks")  # endings of keys for the number of runs of a param
 Pours = Sequence[tuple[str, int, int]]
 
 
-def run_s(config: Config, name: str, berry_step_s: float = SECONDS_A_BERRY_STEP) -> float:
+def run_s(
+    config: Config, name: str, berry_step_s: float = SECONDS_A_BERRY_STEP
+) -> float:
     """Estimate the wall time of a run of a bench test on one core, without its measurement.
 
     `berry_step_s` is the cost of a step of one grain, from `measured_berry_step_s`.
     """
     settings = typed.sections(config)
-    section, duration = getattr(settings, name), bench(name).duration_s(SceneSettings(config))
+    section, duration = (
+        getattr(settings, name),
+        bench(name).duration_s(SceneSettings(config)),
+    )
     grains = getattr(section, "berries", 1)
-    if grains is None:  # a filling height: taken as the funnel's number, as the grain is not known here
+    if (
+        grains is None
+    ):  # a filling height: taken as the funnel's number, as the grain is not known here
         grains = settings.funnel.berries
-    filled = duration - 0.5 * min(duration, grains / getattr(section, "rate_per_s", math.inf))
+    filled = duration - 0.5 * min(
+        duration, grains / getattr(section, "rate_per_s", math.inf)
+    )
     return berry_step_s * grains * filled / settings.simulation.time_step_s
 
 
@@ -50,12 +59,22 @@ def longest_job_s(config: Config) -> float:
     A job is one parameter set with the most seeds of any section.
     """
     sections = [section for section in config.values() if isinstance(section, Mapping)]
-    seeds = max(section[key] for section in sections for key in section if key.endswith(SEEDS))
-    names = {"funnel", "drum", *(target.apparatus for target in typed.sections(config).targets)}
-    return JOB_START_S + seeds * max(run_s(config, name) for name in names if name in config)
+    seeds = max(
+        section[key] for section in sections for key in section if key.endswith(SEEDS)
+    )
+    names = {
+        "funnel",
+        "drum",
+        *(target.apparatus for target in typed.sections(config).targets),
+    }
+    return JOB_START_S + seeds * max(
+        run_s(config, name) for name in names if name in config
+    )
 
 
-def measured_berry_step_s(config: Config, grain: Mapping[str, Any], particle: Particle) -> float:
+def measured_berry_step_s(
+    config: Config, grain: Mapping[str, Any], particle: Particle
+) -> float:
     """Measure the time [s] of a step of one grain in a pile on a core of this machine, by pours of about a second.
 
     The time of other programs is left out. `grain` is the result of the verb `berry`. The first call on a machine
@@ -67,20 +86,31 @@ def measured_berry_step_s(config: Config, grain: Mapping[str, Any], particle: Pa
     settings = typed.sections(config)
     steps = TIMED_S / settings.simulation.time_step_s
     grains = max(FEWEST_TIMED, min(settings.funnel.berries, round(TIMED_STEPS / steps)))
-    pour = {"berries": grains, "rate_per_s": 4 * grains / TIMED_S, "duration_s": TIMED_S + 1.0, "rest_window_s": 0.5}
+    pour = {
+        "berries": grains,
+        "rate_per_s": 4 * grains / TIMED_S,
+        "duration_s": TIMED_S + 1.0,
+        "rest_window_s": 0.5,
+    }
     small = {**config, "funnel": {**settings.funnel.model_dump(), **pour}}
     values = ParameterSpace.of(settings.parameters.given).centre
     times_s = []
     for _ in range(REPEATS):
         began, began_cpu = time.perf_counter(), time.process_time()
         # to its end, or there is no step to be timed
-        poured = FunnelTest().pour(Scene.of(small, values, grain, particle, 1), until_rest=False)
+        poured = FunnelTest().pour(
+            Scene.of(small, values, grain, particle, 1), until_rest=False
+        )
         share = (time.process_time() - began_cpu) / (time.perf_counter() - began)
         times_s.append(1e-6 * min(1.0, share) * poured.us_per_step / grains)
     return min(times_s)
 
 
-def work(config: Config, berry_step_s: float = SECONDS_A_BERRY_STEP, pours: Pours | None = None) -> dict[str, Any]:
+def work(
+    config: Config,
+    berry_step_s: float = SECONDS_A_BERRY_STEP,
+    pours: Pours | None = None,
+) -> dict[str, Any]:
     """Estimate the cost of a study: `pours` of the funnel, `pour_s` of one of them, `total_s` of the whole on one core.
 
     `pours` belong to another strategy than the published one; each set runs as often in every bench test of the
@@ -88,13 +118,19 @@ def work(config: Config, berry_step_s: float = SECONDS_A_BERRY_STEP, pours: Pour
     """
     settings = typed.sections(config)
     names = dict.fromkeys(target.apparatus for target in settings.targets)
-    pour_s = run_s(config, "funnel", berry_step_s) + SECONDS_A_VIEW * settings.measure.views
+    pour_s = (
+        run_s(config, "funnel", berry_step_s) + SECONDS_A_VIEW * settings.measure.views
+    )
 
     def runs_s(name: str) -> float:
         return pour_s if name == "funnel" else run_s(config, name, berry_step_s)
 
     if pours is not None:
-        total_s = sum(sets * (JOB_START_S + seeds * runs_s(name)) for name in names for _, sets, seeds in pours)
+        total_s = sum(
+            sets * (JOB_START_S + seeds * runs_s(name))
+            for name in names
+            for _, sets, seeds in pours
+        )
         return {"pours": pours, "pour_s": pour_s, "total_s": total_s}
     validation = settings.validation
     pours = (
@@ -102,13 +138,17 @@ def work(config: Config, berry_step_s: float = SECONDS_A_BERRY_STEP, pours: Pour
         ("representative", 1, validation.representative_seeds),
         ("validation", validation.solutions, validation.seeds),
     )
-    total_s = REST_S + sum(sets * (JOB_START_S + seeds * pour_s) for _, sets, seeds in pours)
+    total_s = REST_S + sum(
+        sets * (JOB_START_S + seeds * pour_s) for _, sets, seeds in pours
+    )
     if (drum := getattr(settings, "drum", None)) is not None:
         total_s += drum.seeds * (JOB_START_S + runs_s("drum"))
     sets = sum(sets for _, sets, _ in pours)
     for name in names:
         if name != "funnel":
-            total_s += sets * (JOB_START_S + getattr(settings, name).seeds * runs_s(name))
+            total_s += sets * (
+                JOB_START_S + getattr(settings, name).seeds * runs_s(name)
+            )
     return {"pours": pours, "pour_s": pour_s, "total_s": total_s}
 
 
@@ -142,10 +182,16 @@ def costs(config: Config) -> dict[str, str]:
     settings = typed.sections(config)
     refine, validation = settings.refine, settings.validation
     responses = [response(target.response) for target in settings.targets]
-    published = to_simulate(validation.published, responses, named(settings.parameters.given))
+    published = to_simulate(
+        validation.published, responses, named(settings.parameters.given)
+    )
     a_round = refine.seeds + refine.neighbours * refine.neighbour_seeds
     of_calibration = sum(sets * seeds for _, sets, seeds in of_all["pours"])
-    others = " and the other bench tests" if {test.name for test in used_tests(config)} != {"funnel"} else ""
+    others = (
+        " and the other bench tests"
+        if {test.name for test in used_tests(config)} != {"funnel"}
+        else ""
+    )
     return dict.fromkeys(SENTENCES, "no pours besides the calibration") | {
         "calibration": f"{of_calibration} pours{others}, about {of_all['total_s'] / 60:.0f} min on one core",
         "refined": f"at most {pours(refine.rounds * a_round)}",

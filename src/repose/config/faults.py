@@ -40,7 +40,11 @@ class _Error(NamedTuple):
     context: Mapping[str, Any]
 
 
-def check(config: Any, source: str | Origin = "configuration", model: type[Section] | None = None) -> Checked:
+def check(
+    config: Any,
+    source: str | Origin = "configuration",
+    model: type[Section] | None = None,
+) -> Checked:
     """Find the faults of single keys and of keys of one section; `source` names the file in them.
 
     A mistyped key is also a missing key: only the mistyping is reported.
@@ -53,7 +57,11 @@ def check(config: Any, source: str | Origin = "configuration", model: type[Secti
 
 def lacks_keys(config: Mapping[str, Any]) -> bool:
     """Return whether a configuration lacks any key; it may hold values that are not allowed."""
-    missing = (error.path[:-1] for error in _errors(config, settings_type()) if error.type == "missing")
+    missing = (
+        error.path[:-1]
+        for error in _errors(config, settings_type())
+        if error.type == "missing"
+    )
     return any(isinstance(at(config, place), Mapping) for place in missing)
 
 
@@ -78,7 +86,9 @@ def schema() -> dict[str, Any]:
     return _schema(settings_type())
 
 
-def subschema(path: Sequence[str], model: type[Section] | None = None) -> dict[str, Any]:
+def subschema(
+    path: Sequence[str], model: type[Section] | None = None
+) -> dict[str, Any]:
     """Return the schema of a key, given by its parts, with references followed."""
     whole = _schema(model or settings_type())
     node = whole
@@ -106,7 +116,11 @@ def allowed_by(schema: Mapping[str, Any]) -> str:
         return f"{text} above {schema['exclusiveMinimum']:g} and up to {schema['maximum']:g}"
     if "minimum" in schema:
         return f"{text} from {_plain(schema['minimum'])} to {_plain(schema['maximum'])}"
-    return f"{text} of 1 to {schema['maxLength']} characters" if "maxLength" in schema else text
+    return (
+        f"{text} of 1 to {schema['maxLength']} characters"
+        if "maxLength" in schema
+        else text
+    )
 
 
 def _plain(number: float) -> str:
@@ -122,7 +136,11 @@ def _inside(found: Mapping[str, Any], step: int | str, whole: Mapping[str, Any])
     elif not isinstance(step, str):
         inner = None
     else:
-        inner = found.get("properties", {}).get(step) or found.get("additionalProperties") or None
+        inner = (
+            found.get("properties", {}).get(step)
+            or found.get("additionalProperties")
+            or None
+        )
     while inner and "$ref" in inner:
         inner = whole["$defs"][inner["$ref"].rsplit("/", 1)[1]]
     return inner
@@ -133,10 +151,17 @@ def _errors(config: Any, model: type[Section]) -> list[_Error]:
     try:
         model.model_validate(config)
     except ValidationError as error:
-        errors = [_error(fault, _schema(model)) for fault in error.errors(include_url=False, include_input=False)]
+        errors = [
+            _error(fault, _schema(model))
+            for fault in error.errors(include_url=False, include_input=False)
+        ]
         inside = {fault.path[0] for fault in errors if len(fault.path) > 1}
         # a list is also too short where all its entries have faults
-        errors = [fault for fault in errors if fault.type != "too_short" or inside.isdisjoint(fault.path)]
+        errors = [
+            fault
+            for fault in errors
+            if fault.type != "too_short" or inside.isdisjoint(fault.path)
+        ]
         return sorted(errors, key=lambda error: (error.type not in UNKNOWN, error.path))
     return []
 
@@ -154,33 +179,58 @@ def _error(error: ErrorDetails, whole: Mapping[str, Any]) -> _Error:
     rest = place[len(path) :]
     unknown = error["type"] in UNKNOWN and len(rest) == 1
     of_the_value = bool(rest) and not unknown
-    return _Error("value" if of_the_value else error["type"], path, rest[0] if unknown else None, error.get("ctx", {}))
+    return _Error(
+        "value" if of_the_value else error["type"],
+        path,
+        rest[0] if unknown else None,
+        error.get("ctx", {}),
+    )
 
 
-def _faults(errors: list[_Error], config: Any, source: str | Origin, model: type[Section]) -> Iterator[InputError]:
+def _faults(
+    errors: list[_Error], config: Any, source: str | Origin, model: type[Section]
+) -> Iterator[InputError]:
     """Yield the errors as faults; a missing range is none where a number from which it follows is wrong."""
-    numbers = [error.path for error in errors if error.path[-1:] in (["value"], ["sd"], ["repetitions"])]
-    meant = {".".join([*path[:-1], "range"]) for path in numbers if path[:1] == ["targets"]}
+    numbers = [
+        error.path
+        for error in errors
+        if error.path[-1:] in (["value"], ["sd"], ["repetitions"])
+    ]
+    meant = {
+        ".".join([*path[:-1], "range"]) for path in numbers if path[:1] == ["targets"]
+    }
     for error in errors:
         key = ".".join(error.path)
         if error.type in UNKNOWN:
             known = sorted(subschema(error.path, model)["properties"])
             near = difflib.get_close_matches(str(error.unknown), known, 1)
             meant |= {".".join([*error.path, *near])}
-            hint = f"did you mean {near[0]}?" if near else f"keys here: {', '.join(known)}"
+            hint = (
+                f"did you mean {near[0]}?" if near else f"keys here: {', '.join(known)}"
+            )
             extra = f"{key}.{error.unknown}" if key else str(error.unknown)
             # a key such as null or 1.5 is no text in the file, and is one in the error
-            value = {str(name): value for name, value in at(config, error.path).items()}[str(error.unknown)]
-            yield YamlError(origin_of(source, extra), extra, value, f"a known key; {hint}")
+            value = {
+                str(name): value for name, value in at(config, error.path).items()
+            }[str(error.unknown)]
+            yield YamlError(
+                origin_of(source, extra), extra, value, f"a known key; {hint}"
+            )
         elif error.type == "missing":
             if key not in meant:
-                words = f"{allowed_by(subschema(error.path, model))}; the key is missing"
+                words = (
+                    f"{allowed_by(subschema(error.path, model))}; the key is missing"
+                )
                 yield YamlError(owner_of(source, key), key, None, words)
         elif error.type == CONTRADICTION:
             for name, words in error.context["found"]:
                 path = [*error.path, *filter(None, [name])]
                 dotted = ".".join(path)
-                yield YamlError(owner_of(source, dotted), dotted, at(config, path), words)
+                yield YamlError(
+                    owner_of(source, dotted), dotted, at(config, path), words
+                )
         else:
-            words = allowed_by(subschema(error.path, model)) if key else "keys with values"
+            words = (
+                allowed_by(subschema(error.path, model)) if key else "keys with values"
+            )
             yield YamlError(origin_of(source, key), key, at(config, error.path), words)

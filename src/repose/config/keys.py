@@ -11,13 +11,17 @@ Config = Mapping[str, Any]
 class Origin:
     """The file of each dotted key; an entry of a list belongs to the file of the list, a missing key to `default`."""
 
-    def __init__(self, origin: Mapping[str, str], default: str, shared: str = "") -> None:
+    def __init__(
+        self, origin: Mapping[str, str], default: str, shared: str = ""
+    ) -> None:
         self.origin, self.default, self.shared = origin, default, shared
 
     def of(self, key: str) -> str:
         """Return the name of the file that holds a dotted key."""
         of_list = key.split(".")
-        place = next((k for k, step in enumerate(of_list) if step.isdigit()), len(of_list))
+        place = next(
+            (k for k, step in enumerate(of_list) if step.isdigit()), len(of_list)
+        )
         return self.origin.get(".".join(of_list[:place]), self.default)
 
     def owner(self, key: str) -> str:

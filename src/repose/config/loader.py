@@ -17,7 +17,9 @@ CROP = ("sizes", "density_kg_m3", "stl")  # keys of `berry` that define a crop
 COMMAND_LINE = "command line (--config)"
 WORKFLOW = "configuration"  # that a workflow around this one gives
 Contents = Sequence[tuple[str, Config]]  # of files
-Layered = tuple[dict[str, Any], Origin]  # a configuration, and the file of each of its keys
+Layered = tuple[
+    dict[str, Any], Origin
+]  # a configuration, and the file of each of its keys
 Read = Callable[[Path_], dict[str, Any]]
 EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
 RESOLVED = "config.json"  # in the folder of results
@@ -37,7 +39,9 @@ def read_layers(files: Sequence[Path_], overrides: Config | None = None) -> Laye
 
     Values are not checked, and `auto` stays; a complete file needs no default.
     """
-    from repose.config.faults import lacks_keys  # imported here and below: help and jobs load none of it
+    from repose.config.faults import (
+        lacks_keys,
+    )  # imported here and below: help and jobs load none of it
 
     paths = [places.find(path) for path in files]
     read_once: Any = functools.cache(read)
@@ -48,7 +52,9 @@ def read_layers(files: Sequence[Path_], overrides: Config | None = None) -> Laye
     return _over_each_other(layers(paths, read_once), overrides, read_once)
 
 
-def over_defaults(given: Config, files: Sequence[Path_] = (), otherwise: str = COMMAND_LINE) -> Layered:
+def over_defaults(
+    given: Config, files: Sequence[Path_] = (), otherwise: str = COMMAND_LINE
+) -> Layered:
     """Lay what snakemake calls `config` over the defaults that it needs; a crop inherits nothing of another one.
 
     Its texts are read as YAML. A message names the last of the `files` that has a value, or else `otherwise`.
@@ -61,24 +67,39 @@ def over_defaults(given: Config, files: Sequence[Path_] = (), otherwise: str = C
     below: list[Path_] = [method]
     if files or not _is_a_crop(given):
         below = layers((), read_once, *map(read_once, files), given)
-    config, source = _over_each_other(below if lacks_keys(given) else (), read=read_once)
+    config, source = _over_each_other(
+        below if lacks_keys(given) else (), read=read_once
+    )
     contents = [(str(path), read_once(path)) for path in (*below, study, *files)]
     own: dict[str, str] = {}
     _merge(config, _as_in_files(given, "", contents, own, otherwise), {}, "")
     default = str(files[-1]) if files else otherwise
-    return _with_files_resolved(config), Origin({**source.origin, **own}, default, str(method))
+    return _with_files_resolved(config), Origin(
+        {**source.origin, **own}, default, str(method)
+    )
 
 
-def _as_in_files(value: Any, name: str, files: Contents, origin: dict[str, str], otherwise: str) -> Any:
+def _as_in_files(
+    value: Any, name: str, files: Contents, origin: dict[str, str], otherwise: str
+) -> Any:
     """Return the values that snakemake gives as the files have them; note the last file of each key in `origin`."""
     if isinstance(value, Mapping):
         prefix = f"{name}." if name else ""
-        inside = {key: _as_in_files(one, f"{prefix}{key}", files, origin, otherwise) for key, one in value.items()}
-        having = [path for path, content in files if isinstance(_at(content, name), dict)]
+        inside = {
+            key: _as_in_files(one, f"{prefix}{key}", files, origin, otherwise)
+            for key, one in value.items()
+        }
+        having = [
+            path for path, content in files if isinstance(_at(content, name), dict)
+        ]
         origin[name] = having[-1] if having else otherwise
         return inside
     # what a YAML of another version takes for a text, and all texts of the command line
-    meant = _values(value) if otherwise == COMMAND_LINE or EXPONENT.match(str(value)) else value
+    meant = (
+        _values(value)
+        if otherwise == COMMAND_LINE or EXPONENT.match(str(value))
+        else value
+    )
     for path, content in reversed(files):
         if (theirs := _at(content, name)) in (value, meant):
             origin[name] = path
@@ -112,7 +133,10 @@ def own_crop_under(*files: Path_) -> Path | None:
 
     None also if one of the files is in the same folder, and so is made for it.
     """
-    own, paths = places.root() / places.DEFAULT_CONFIG, [places.find(path) for path in files]
+    own, paths = (
+        places.root() / places.DEFAULT_CONFIG,
+        [places.find(path) for path in files],
+    )
     beside = any(path != own and path.parent == own.parent for path in paths)
     if places.configs()[-1] != own or beside or is_resolved(*paths):
         return None
@@ -131,10 +155,14 @@ def _is_a_crop(config: Config) -> bool:
     grain = config.get("berry")
     if not isinstance(grain, dict) or all(grain.get(key) is None for key in CROP):
         return False
-    return any(grain.get(key) for key in ("sizes", "stl")) or not isinstance(grain[CROP[1]], str)
+    return any(grain.get(key) for key in ("sizes", "stl")) or not isinstance(
+        grain[CROP[1]], str
+    )
 
 
-def _over_each_other(files: Sequence[Path_], overrides: Config | None = None, read: Read = read) -> Layered:
+def _over_each_other(
+    files: Sequence[Path_], overrides: Config | None = None, read: Read = read
+) -> Layered:
     """Lay the configurations of files and the overrides over each other; note the file of each key."""
     config: dict[str, Any] = {}
     origin: dict[str, str] = {}
@@ -142,7 +170,9 @@ def _over_each_other(files: Sequence[Path_], overrides: Config | None = None, re
         _merge(config, read(path), origin, str(path))
     _merge(config, _values(overrides or {}), origin, COMMAND_LINE)
     default = str(files[-1]) if files else ""
-    return _with_files_resolved(config), Origin(origin, default, str(places.find(places.METHOD_CONFIG)))
+    return _with_files_resolved(config), Origin(
+        origin, default, str(places.find(places.METHOD_CONFIG))
+    )
 
 
 def _with_files_resolved(config: dict[str, Any]) -> dict[str, Any]:
@@ -167,7 +197,11 @@ def write_resolved(config: Config, path: Path_) -> None:
 
 def is_resolved(*files: Path_) -> bool:
     """Return whether this is a single file that `write_resolved` wrote, unchanged since."""
-    return len(files) == 1 and Path(files[0]).name == RESOLVED and ledger.is_own_file(files[0])
+    return (
+        len(files) == 1
+        and Path(files[0]).name == RESOLVED
+        and ledger.is_own_file(files[0])
+    )
 
 
 def _values(value: Any) -> Any:
@@ -178,15 +212,29 @@ def _values(value: Any) -> Any:
         return {key: _values(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [_values(item) for item in value]
-    return parse(value, COMMAND_LINE) if isinstance(value, str) and value.strip() else value
+    return (
+        parse(value, COMMAND_LINE)
+        if isinstance(value, str) and value.strip()
+        else value
+    )
 
 
-def _merge(below: dict[str, Any], more: Config, origin: dict[str, str], source: str, prefix: str = "") -> None:
+def _merge(
+    below: dict[str, Any],
+    more: Config,
+    origin: dict[str, str],
+    source: str,
+    prefix: str = "",
+) -> None:
     """Put `more` over below by sections, and note in origin each key's file; sections in WHOLE are replaced."""
     for key, value in more.items():
         name = f"{prefix}{key}"
         origin[name] = source
-        if name not in WHOLE and isinstance(value, dict) and isinstance(below.get(key), dict):
+        if (
+            name not in WHOLE
+            and isinstance(value, dict)
+            and isinstance(below.get(key), dict)
+        ):
             _merge(below[key], value, origin, source, f"{name}.")
         else:
             below[key] = copy.deepcopy(value)

@@ -22,12 +22,19 @@ STEP = ("simulation", "wall", "parameters", "validation")
 Result = TypeVar("Result")
 
 
-def unstable(config: Mapping[str, Any], particle: Particle, mean: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+def unstable(
+    config: Mapping[str, Any], particle: Particle, mean: Mapping[str, Any]
+) -> Iterator[tuple[str, str]]:
     """Yield (key, allowed values) of a time step that the engine would refuse; `mean` is the result of `berry`."""
-    limit, sections = computed.longest_step(config, particle, mean), typed.sections(config)
+    limit, sections = (
+        computed.longest_step(config, particle, mean),
+        typed.sections(config),
+    )
     if sections.simulation.time_step_s > limit.time_step_s:
         allowed = limit.allowed
-        if sections.berry.shear_modulus_pa is None:  # a modulus in another unit shortens the step: a reader sees it
+        if (
+            sections.berry.shear_modulus_pa is None
+        ):  # a modulus in another unit shortens the step: a reader sees it
             allowed += f"; the modulus of {sections.berry.compression} is {mean['elastic_modulus_pa']:.2g} Pa"
         yield "simulation.time_step_s", allowed
 
@@ -52,9 +59,15 @@ class Making:
 
         if isinstance(given := self.config.get("targets"), list):
             targets = profiles.expanded(given, owner_of(self.source, "targets"))
-            self.config = self.config | {"targets": [completed(entry) for entry in targets]}
+            self.config = self.config | {
+                "targets": [completed(entry) for entry in targets]
+            }
         self.faults, self.bad = faults.check(self.config, self.source)
-        pending = [setting for setting in computed.to_compute(self.config) if self._may_read(setting.section)]
+        pending = [
+            setting
+            for setting in computed.to_compute(self.config)
+            if self._may_read(setting.section)
+        ]
         for setting in pending:
             self.config = computed.filled(self.config, setting, computed.AUTO)
         if inputs:
@@ -95,7 +108,11 @@ class Making:
     def _add(self, pairs: Iterable[tuple[str, str]]) -> None:
         """Add pairs (dotted key, allowed values)."""
         for key, allowed in pairs:
-            self.faults.append(YamlError(owner_of(self.source, key), key, get(self.config, key), allowed))
+            self.faults.append(
+                YamlError(
+                    owner_of(self.source, key), key, get(self.config, key), allowed
+                )
+            )
             self.bad.add(key)
 
     def _apply(self, some: Iterable[Rule]) -> None:
@@ -104,7 +121,9 @@ class Making:
             if self._may_read(*rule.reads):
                 self._add(rule.faults())
 
-    def _result_of(self, key: str, function: Callable[..., Result], *arguments: Any) -> Result | None:
+    def _result_of(
+        self, key: str, function: Callable[..., Result], *arguments: Any
+    ) -> Result | None:
         """Call a function; if it refuses its arguments, return None and add a fault of the key."""
         try:
             return function(*arguments)
@@ -112,7 +131,9 @@ class Making:
             for one in getattr(fault, "faults", [fault]):
                 if one.source == key:  # a key of this section, not a file
                     dotted = f"{key}.{one.key}"
-                    one = YamlError(owner_of(self.source, dotted), dotted, one.value, one.allowed)
+                    one = YamlError(
+                        owner_of(self.source, dotted), dotted, one.value, one.allowed
+                    )
                 self.faults.append(one)
             self.bad.add(key)
             return None
@@ -126,14 +147,27 @@ class Making:
 
         if self._may_read("results_dir"):
             self._add(results_folder.existing_results(self.settings.results_dir))
-        named = {key: get(self.config, key) for key in named_files() if self._may_use(key)}
+        named = {
+            key: get(self.config, key) for key in named_files() if self._may_use(key)
+        }
         named = {key: path for key, path in named.items() if path is not None}
         missing = [key for key, path in named.items() if not Path(path).is_file()]
-        self._add((key, "an existing file, relative to the folder of the project") for key in missing)
-        readers: dict[str, Callable[[str], Any]] = {"berry.sizes": read_sizes, "photograph": read_image}
-        readers |= {"validation.published": check_published, "validation.published_simulated": read_stored}
+        self._add(
+            (key, "an existing file, relative to the folder of the project")
+            for key in missing
+        )
+        readers: dict[str, Callable[[str], Any]] = {
+            "berry.sizes": read_sizes,
+            "photograph": read_image,
+        }
+        readers |= {
+            "validation.published": check_published,
+            "validation.published_simulated": read_stored,
+        }
         if self._may_read("targets"):
-            readers["posterior.shape_study"] = partial(of_shape_study, targets=Targets.of(self.config["targets"]))
+            readers["posterior.shape_study"] = partial(
+                of_shape_study, targets=Targets.of(self.config["targets"])
+            )
         for key in [key for key in readers if key in named and key not in missing]:
             self._result_of(key, readers[key], named[key])
 
@@ -143,10 +177,14 @@ class Making:
 
         if self.mean is None and self._may_read(*GRAIN):
             table1 = beside(self.settings.validation.published, "table1.csv")
-            made = self._result_of("berry", berry.of_settings, self.settings.berry, table1)
+            made = self._result_of(
+                "berry", berry.of_settings, self.settings.berry, table1
+            )
             self.mean = None if made is None else made[1]
         if self.mean is not None and self.particle is None:
-            self.particle = self._result_of("berry", build.of_settings, self.mean, self.settings.berry)
+            self.particle = self._result_of(
+                "berry", build.of_settings, self.mean, self.settings.berry
+            )
 
     def _compute(self, pending: Iterable[computed.Computed]) -> None:
         """Replace each `auto` by its number; a key whose number cannot be computed has a fault."""
@@ -154,14 +192,25 @@ class Making:
 
         for setting in pending:
             value = None
-            if self._may_read(*setting.reads) and not (setting.needs_grain and self.particle is None):
-                value = self._result_of(setting.key, setting.of, self.config, self.mean, self.particle)
+            if self._may_read(*setting.reads) and not (
+                setting.needs_grain and self.particle is None
+            ):
+                value = self._result_of(
+                    setting.key, setting.of, self.config, self.mean, self.particle
+                )
             if value is None:
                 self.bad.add(setting.key)
             else:
                 self.config = computed.filled(self.config, setting, value)
-                wrong = (one for one in faults.check(self.config, self.source).faults if one.key == setting.key)
-                self._add((one.key, f"{one.allowed}; `auto` gives this number") for one in wrong)
+                wrong = (
+                    one
+                    for one in faults.check(self.config, self.source).faults
+                    if one.key == setting.key
+                )
+                self._add(
+                    (one.key, f"{one.allowed}; `auto` gives this number")
+                    for one in wrong
+                )
 
     def _fit_together(self) -> None:
         """Check the grain against the bench tests and the time step."""
@@ -169,6 +218,10 @@ class Making:
             return
         for test in used_tests(self.config):
             if self._may_read(test.name):
-                self._add(test.misfits(SceneSettings(self.config), computed.axes_mm(self.mean)))
+                self._add(
+                    test.misfits(
+                        SceneSettings(self.config), computed.axes_mm(self.mean)
+                    )
+                )
         if self.particle is not None and self._may_read(*STEP):
             self._add(unstable(self.config, self.particle, self.mean))

@@ -23,7 +23,18 @@ from repose.core.parameter_space import PRIOR_WIDTHS
 from repose.core.parameters import ALLOWED, FURTHER, PARAMETERS
 from repose.core.profiles import OfProfile
 from repose.core.responses import Response, named, responses_of
-from repose.core.section import ABSENT, AUTO, FILE, RISING, Auto, Contradictions, OneOf, PathOrNull, Section, refuse
+from repose.core.section import (
+    ABSENT,
+    AUTO,
+    FILE,
+    RISING,
+    Auto,
+    Contradictions,
+    OneOf,
+    PathOrNull,
+    Section,
+    refuse,
+)
 from repose.core.targets import LARGEST, LEAST_RANGE, range_about
 from repose.measure.angles import DEFINITIONS
 from repose.measure.profile_points import FLANK_RULES
@@ -36,12 +47,22 @@ from repose.surrogate.settings import NetworkSettings
 # --- types of several keys -------------------------------------------------------------------------------------
 
 LABEL = "text of 1 to 60 characters, letters, digits, _ and -"
-Label = Annotated[str, Field(max_length=60, pattern=r"^[A-Za-z0-9_][A-Za-z0-9_-]*$", description=LABEL)]
-FOLDER = "a folder; letters, digits and . _ / -, without .., and no part begins with . or -"
+Label = Annotated[
+    str,
+    Field(max_length=60, pattern=r"^[A-Za-z0-9_][A-Za-z0-9_-]*$", description=LABEL),
+]
+FOLDER = (
+    "a folder; letters, digits and . _ / -, without .., and no part begins with . or -"
+)
 PART = r"[A-Za-z0-9_][A-Za-z0-9_.-]*"
-_Folder = Annotated[str, Field(max_length=1000, pattern=rf"^/?{PART}(/{PART})*/?$", description=FOLDER)]
+_Folder = Annotated[
+    str, Field(max_length=1000, pattern=rf"^/?{PART}(/{PART})*/?$", description=FOLDER)
+]
 ResultsFolder = Annotated[_Folder, AfterValidator(results_folder.apart)]
-Colour = Annotated[str, Field(pattern=r"^#[0-9a-fA-F]{6}$", description='a colour in quotes, as "#cca86b"')]
+Colour = Annotated[
+    str,
+    Field(pattern=r"^#[0-9a-fA-F]{6}$", description='a colour in quotes, as "#cca86b"'),
+]
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 
 
@@ -64,7 +85,11 @@ def parameter(low: float, high: float) -> Any:
         return _is_number(value) and low <= value <= high
 
     def is_pair(value: Any) -> bool:
-        if not isinstance(value, list | tuple) or len(value) != 2 or not all(map(is_within, value)):
+        if (
+            not isinstance(value, list | tuple)
+            or len(value) != 2
+            or not all(map(is_within, value))
+        ):
             return False
         return bool(value[1] - value[0] > max(1e-30, 1e-9 * max(map(abs, value))))
 
@@ -72,14 +97,21 @@ def parameter(low: float, high: float) -> Any:
         keys, prior = ("fixed", "prior", "range"), given.get("prior")
         unknown = [str(key) for key in given if key not in keys]
         for key in unknown:
-            yield key, f"a known key{did_you_mean(key, keys) or '; keys here: fixed, prior, range'}"
+            yield (
+                key,
+                f"a known key{did_you_mean(key, keys) or '; keys here: fixed, prior, range'}",
+            )
         if "fixed" in given and len(given) > 1:
             yield "", "fixed alone, or prior with or without range"
         elif "fixed" in given and not is_within(given["fixed"]):
             yield "fixed", number
         elif "range" in given and "prior" not in given:
             yield "", "a pair [low, high]; a range stands beside a prior only"
-        elif not unknown and "fixed" not in given and (prior is None or not is_pair(given.get("range", [low, high]))):
+        elif (
+            not unknown
+            and "fixed" not in given
+            and (prior is None or not is_pair(given.get("range", [low, high])))
+        ):
             yield "", allowed
         elif prior is not None:
             if not isinstance(prior, Mapping) or set(prior) != {"mean", "sd"}:
@@ -87,14 +119,27 @@ def parameter(low: float, high: float) -> Any:
             elif not is_within(prior["mean"]):
                 yield "prior", f"a mean that is {number}"
             elif not (_is_number(prior["sd"]) and 0 < prior["sd"] <= high):
-                yield "prior", "an sd above 0" + (f" and up to {high:g}" if bounded else "")
+                yield (
+                    "prior",
+                    "an sd above 0" + (f" and up to {high:g}" if bounded else ""),
+                )
 
     def checked(given: Any) -> Any:
-        refuse(faults(given) if isinstance(given, Mapping) else () if is_pair(given) else [("", allowed)])
+        refuse(
+            faults(given)
+            if isinstance(given, Mapping)
+            else ()
+            if is_pair(given)
+            else [("", allowed)]
+        )
         return given
 
     kinds: Any = {"anyOf": [{"type": "array"}, {"type": "object"}]}
-    return Annotated[Any, AfterValidator(checked), Field(description=allowed, json_schema_extra=kinds)]
+    return Annotated[
+        Any,
+        AfterValidator(checked),
+        Field(description=allowed, json_schema_extra=kinds),
+    ]
 
 
 def far_priors(parameters: Mapping[str, Any]) -> Contradictions:
@@ -104,7 +149,10 @@ def far_priors(parameters: Mapping[str, Any]) -> Contradictions:
             mean, reach = given["prior"]["mean"], PRIOR_WIDTHS * given["prior"]["sd"]
             low, high = mean - reach, mean + reach
             if high < given["range"][0] or low > given["range"][1]:
-                yield (name, f"a range that meets {low:g} to {high:g}, {PRIOR_WIDTHS:g} sd about the mean of its prior")
+                yield (
+                    name,
+                    f"a range that meets {low:g} to {high:g}, {PRIOR_WIDTHS:g} sd about the mean of its prior",
+                )
 
 
 def all_fixed(parameters: Mapping[str, Any]) -> bool:
@@ -129,9 +177,16 @@ class ParametersSettings(Section):
 
 def _parameters() -> type[ParametersSettings]:
     """Make the model with the six parameters, and those of the contact laws."""
-    six: dict[str, Any] = {name: (parameter(*ALLOWED[name]), ...) for name in PARAMETERS}
-    ends = {name: (of.constant.least, min(of.constant.most, 1.0e9)) for name, of in FURTHER.items()}
-    further: dict[str, Any] = {name: (parameter(*pair), ABSENT) for name, pair in ends.items()}
+    six: dict[str, Any] = {
+        name: (parameter(*ALLOWED[name]), ...) for name in PARAMETERS
+    }
+    ends = {
+        name: (of.constant.least, min(of.constant.most, 1.0e9))
+        for name, of in FURTHER.items()
+    }
+    further: dict[str, Any] = {
+        name: (parameter(*pair), ABSENT) for name, pair in ends.items()
+    }
     return create_model("Parameters", __base__=ParametersSettings, **six, **further)
 
 
@@ -174,7 +229,9 @@ class TargetSettings(Section):
         description="a pair [low, high] of numbers with low < high"
     )
     weight: float = Field(default=1.0, gt=0, le=1.0e6)
-    profile: OfProfile = ABSENT  # it is a score of this; `repose.config.profiles` writes it
+    profile: OfProfile = (
+        ABSENT  # it is a score of this; `repose.config.profiles` writes it
+    )
 
     def contradictions(self) -> Contradictions:
         """Refuse a response of no bench test, and values outside the allowed range."""
@@ -183,9 +240,15 @@ class TargetSettings(Section):
         if not known:
             yield "apparatus", f"one of {', '.join(names())}"
         elif found is None or found.apparatus != self.apparatus:
-            yield "response", f"one of {', '.join(known)}, the responses of {self.apparatus}"
+            yield (
+                "response",
+                f"one of {', '.join(known)}, the responses of {self.apparatus}",
+            )
         elif found.profile and self.profile is None:
-            yield "response", f"a number, or {found.profile} with the file of its measured heights"
+            yield (
+                "response",
+                f"a number, or {found.profile} with the file of its measured heights",
+            )
         else:
             yield from self._outside(found)
 
@@ -198,8 +261,13 @@ class TargetSettings(Section):
             return
         if low < limits.low or high > limits.high:
             written = (low, high) != range_about(self.value, self.sd, self.repetitions)
-            if not written and self.sd / math.sqrt(self.repetitions) > LEAST_RANGE * abs(self.value):
-                yield ("sd", f"so small that the mean with its standard error, {low:g} to {high:g}, lies {within}")
+            if not written and self.sd / math.sqrt(
+                self.repetitions
+            ) > LEAST_RANGE * abs(self.value):
+                yield (
+                    "sd",
+                    f"so small that the mean with its standard error, {low:g} to {high:g}, lies {within}",
+                )
             else:
                 yield "range", f"a pair [low, high] {within}"
             return
@@ -214,15 +282,21 @@ class TargetSettings(Section):
 class FiguresSettings(Section):
     """The files of every figure."""
 
-    format: Annotated[tuple[Literal["png", "pdf", "svg"], ...], Field(strict=False)] = Field(
-        default=("png",), description="a list of png and, beside it, pdf or svg or both"
+    format: Annotated[tuple[Literal["png", "pdf", "svg"], ...], Field(strict=False)] = (
+        Field(
+            default=("png",),
+            description="a list of png and, beside it, pdf or svg or both",
+        )
     )
     dpi: int = Field(default=180, ge=72, le=600)
 
     def contradictions(self) -> Contradictions:
         """Refuse formats that lack the report's, or hold one of them twice."""
         if "png" not in self.format or len(set(self.format)) < len(self.format):
-            yield "format", "a list with png, which the report shows, and no format twice"
+            yield (
+                "format",
+                "a list with png, which the report shows, and no format twice",
+            )
 
 
 # --- the whole --------------------------------------------------------------------------------------------------
@@ -266,15 +340,28 @@ def settings_type() -> type[StudySettings]:
 
 
 @cache
-def _settings_type(apparatus: tuple[str, ...], strategies: tuple[str, ...]) -> type[StudySettings]:
+def _settings_type(
+    apparatus: tuple[str, ...], strategies: tuple[str, ...]
+) -> type[StudySettings]:
     """Make the model for these bench tests and strategies."""
     from repose.strategies import strategy
 
     sections: dict[str, Any] = {
-        name: (strategy(name).settings, ...) for name in strategies if strategy(name).settings is not None
+        name: (strategy(name).settings, ...)
+        for name in strategies
+        if strategy(name).settings is not None
     }
-    sections |= {name: (bench(name).settings, ABSENT) for name in apparatus if name not in StudySettings.model_fields}
-    return create_model("Configuration", __base__=StudySettings, parameters=(_parameters(), ...), **sections)
+    sections |= {
+        name: (bench(name).settings, ABSENT)
+        for name in apparatus
+        if name not in StudySettings.model_fields
+    }
+    return create_model(
+        "Configuration",
+        __base__=StudySettings,
+        parameters=(_parameters(), ...),
+        **sections,
+    )
 
 
 def named_files() -> tuple[str, ...]:
@@ -289,6 +376,8 @@ def _files_of(model: type[Section]) -> tuple[str, ...]:
     for name, field in model.model_fields.items():
         if FILE in field.metadata:
             keys.append(name)
-        elif isinstance(field.annotation, type) and issubclass(field.annotation, Section):
+        elif isinstance(field.annotation, type) and issubclass(
+            field.annotation, Section
+        ):
             keys += [f"{name}.{key}" for key in _files_of(field.annotation)]
     return tuple(keys)

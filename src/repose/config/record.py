@@ -46,7 +46,9 @@ class Record:
         self.study, self.file = study, None if file is None else Path(file)
         self._rows: list[dict[str, Any]] = []
         self._is_record = False  # the file that was read, and no table of somebody else
-        self._proposals: dict[str, Batch | Answer] = {}  # after which runs; the last one alone
+        self._proposals: dict[
+            str, Batch | Answer
+        ] = {}  # after which runs; the last one alone
         self.data = pd.DataFrame()
         self.read()
 
@@ -65,7 +67,9 @@ class Record:
     @property
     def _turns(self) -> np.ndarray:
         """The number of each run's turn; 0 for a run without one."""
-        return np.nan_to_num(check({TURN: [row.get(TURN) for row in self._rows]}, [TURNS])[0][TURN]).astype(int)
+        return np.nan_to_num(
+            check({TURN: [row.get(TURN) for row in self._rows]}, [TURNS])[0][TURN]
+        ).astype(int)
 
     @property
     def _last_turn(self) -> int:
@@ -88,7 +92,9 @@ class Record:
         try:
             if key not in self._proposals:
                 propose = strategy(self.study.settings.strategy).propose
-                self._proposals = {key: propose(self.study, data.reset_index(drop=True))}
+                self._proposals = {
+                    key: propose(self.study, data.reset_index(drop=True))
+                }
             return self._proposals[key]
         except InputError as error:
             if self.file is None or error.source != "runs":
@@ -97,9 +103,13 @@ class Record:
 
     def _missing(self, proposal: Batch | Answer) -> pd.DataFrame:
         """List the runs of a proposal that are not told: `sample`, `run` and the parameters."""
-        asked = runs_of(proposal.samples[["sample", *self.study.parameters.names, "seeds"]])
+        asked = runs_of(
+            proposal.samples[["sample", *self.study.parameters.names, "seeds"]]
+        )
         told = {(str(row.get("sample")), str(row.get("run"))) for row in self._rows}
-        open_ = [(str(one.sample), str(one.run)) not in told for one in asked.itertuples()]
+        open_ = [
+            (str(one.sample), str(one.run)) not in told for one in asked.itertuples()
+        ]
         return asked[open_].reset_index(drop=True)
 
     @property
@@ -112,11 +122,26 @@ class Record:
         table = _checked_table(table)
         with nullcontext() if self.file is None else exclusive(self.file):
             self.read()
-            rows = self._made_before(table) if "sample" not in table else self._of_the_proposal(table)
+            rows = (
+                self._made_before(table)
+                if "sample" not in table
+                else self._of_the_proposal(table)
+            )
             if "run" not in table and len(self.data):
-                _refuse_again(rows.drop(columns=["sample", "run", TURN], errors="ignore"), self.data, SOURCE)
-            numbered = [{key: _exact(value) for key, value in row.items()} for row in rows.to_dict("records")]
-            self._take([*self._rows, *numbered], SOURCE if self.file is None else self.file, write=True)
+                _refuse_again(
+                    rows.drop(columns=["sample", "run", TURN], errors="ignore"),
+                    self.data,
+                    SOURCE,
+                )
+            numbered = [
+                {key: _exact(value) for key, value in row.items()}
+                for row in rows.to_dict("records")
+            ]
+            self._take(
+                [*self._rows, *numbered],
+                SOURCE if self.file is None else self.file,
+                write=True,
+            )
 
     def add_file(self, path: str | os.PathLike) -> None:
         """Add the runs of any CSV file; on an InputError the record stays as it was.
@@ -134,45 +159,84 @@ class Record:
             numbered = self._numbered(rows, checked[list(self.study.parameters.names)])
             self._take([*self._rows, *numbered], f"{self.file} with {path}", write=True)
 
-    def _numbered(self, rows: Sequence[Mapping[str, Any]], sets: pd.DataFrame) -> list[dict[str, Any]]:
+    def _numbered(
+        self, rows: Sequence[Mapping[str, Any]], sets: pd.DataFrame
+    ) -> list[dict[str, Any]]:
         """Give rows of any table the sample, run and turn that were asked for; number the others on."""
         names = list(sets)
         try:
             asked, turn = self.asked, self._turn[1]
         except InputError:  # the runs so far are too few for a proposal
-            asked, turn = pd.DataFrame(columns=["sample", "run", *names], dtype=float), self._last_turn + 1
-        fresh = itertools.count(next_number(pd.concat([self.data, asked])) if len(asked) + len(self.data) else 1)
+            asked, turn = (
+                pd.DataFrame(columns=["sample", "run", *names], dtype=float),
+                self._last_turn + 1,
+            )
+        fresh = itertools.count(
+            next_number(pd.concat([self.data, asked]))
+            if len(asked) + len(self.data)
+            else 1
+        )
         samples = dict(zip(_points(asked, names), asked["sample"], strict=True))
-        samples |= dict(zip(_points(self.data, names), (row["sample"] for row in self._rows), strict=True))
+        samples |= dict(
+            zip(
+                _points(self.data, names),
+                (row["sample"] for row in self._rows),
+                strict=True,
+            )
+        )
         told, own, numbers = {(row["sample"], row["run"]) for row in self._rows}, [], []
         for row, point in zip(rows, _points(sets, names), strict=True):
-            given = [asked[key].astype(str) == str(row[key]).strip() for key in ("sample", "run") if key in row]
+            given = [
+                asked[key].astype(str) == str(row[key]).strip()
+                for key in ("sample", "run")
+                if key in row
+            ]
             same = np.isclose(asked[names], point, rtol=SAME, atol=0).all(axis=1)
             found = asked[np.logical_and.reduce([same, *given])]
             own.append(len(found) > 0)
             if own[-1]:
                 asked = asked.drop(index=found.index[0])
-                numbers.append((str(found["sample"].iloc[0]), str(found["run"].iloc[0])))
+                numbers.append(
+                    (str(found["sample"].iloc[0]), str(found["run"].iloc[0]))
+                )
             else:
                 if point not in samples:
                     samples[point] = next(fresh)
                 sample = row.get("sample", str(samples[point]))
-                run = next(str(k) for k in itertools.count(1) if (sample, str(k)) not in told)
+                run = next(
+                    str(k) for k in itertools.count(1) if (sample, str(k)) not in told
+                )
                 numbers.append((sample, row.get("run", run)))
             told.add(numbers[-1])
         others = turn if turn == self._last_turn or any(own) else turn - 1
         return [
-            {"sample": sample, "run": run, **row, TURN: str(turn if is_asked else others)}
+            {
+                "sample": sample,
+                "run": run,
+                **row,
+                TURN: str(turn if is_asked else others),
+            }
             for (sample, run), row, is_asked in zip(numbers, rows, own, strict=True)
         ]
 
-    def _take(self, new: Sequence[Mapping[str, Any]], source: object, write: bool = False) -> None:
+    def _take(
+        self, new: Sequence[Mapping[str, Any]], source: object, write: bool = False
+    ) -> None:
         """Check all rows together, `write` them to the file, and keep them, with a sample and a run each."""
         data = checked_runs(self.study, new, source, enough=False)
-        numbers = data[["sample"]].assign(run=data.groupby("sample").cumcount() + 1).astype(str)
-        rows = [number | dict(row) for number, row in zip(numbers.to_dict("records"), new, strict=True)]
+        numbers = (
+            data[["sample"]]
+            .assign(run=data.groupby("sample").cumcount() + 1)
+            .astype(str)
+        )
+        rows = [
+            number | dict(row)
+            for number, row in zip(numbers.to_dict("records"), new, strict=True)
+        ]
         if write and self.file is not None:
-            if self._is_record and self.file.exists():  # a copy, or edited by a spreadsheet: its rows are among these
+            if (
+                self._is_record and self.file.exists()
+            ):  # a copy, or edited by a spreadsheet: its rows are among these
                 ledger.adopt(self.file)
             write_table(self.file, pd.DataFrame(rows))
         self.data, self._rows = data, rows
@@ -182,43 +246,86 @@ class Record:
         """Add parameters, numbers of the runs, statuses and turn to a table of all or some of the proposal's runs."""
         asked, names = self.asked, list(self.study.targets.names)
         missing = [name for name in names if name not in table]
-        require(not missing, SOURCE, "columns", list(table), f"also {', '.join(missing)}")
+        require(
+            not missing, SOURCE, "columns", list(table), f"also {', '.join(missing)}"
+        )
         if "run" not in table:
             first = asked.astype({"sample": str}).groupby("sample")["run"].min()
             number = table.groupby("sample").cumcount()
-            table = table.assign(run=number + table["sample"].map(first).fillna(1).astype(int))
-        wanted, given = (pd.MultiIndex.from_frame(one[["sample", "run"]].astype(str)) for one in (asked, table))
+            table = table.assign(
+                run=number + table["sample"].map(first).fillna(1).astype(int)
+            )
+        wanted, given = (
+            pd.MultiIndex.from_frame(one[["sample", "run"]].astype(str))
+            for one in (asked, table)
+        )
         off = sorted(set(given) - set(wanted)) or sorted(given[given.duplicated()])
         if off:
             allowed = f"one of the {len(asked)} runs that `ask` gave, each once; a failed run has NaN as responses"
             raise InputError(SOURCE, "sample and run", list(off[0]), allowed)
         found = asked.iloc[wanted.get_indexer(given)].reset_index(drop=True)
         for name in self.study.parameters.names:
-            if name in table and not np.allclose(_numbers(table, name), found[name], rtol=SAME, atol=0):
-                raise InputError(SOURCE, name, "changed", "the parameters that `ask` gave, or no such column")
-        return self._with_responses(found, table).sort_values(["sample", "run"], ignore_index=True)
+            if name in table and not np.allclose(
+                _numbers(table, name), found[name], rtol=SAME, atol=0
+            ):
+                raise InputError(
+                    SOURCE,
+                    name,
+                    "changed",
+                    "the parameters that `ask` gave, or no such column",
+                )
+        return self._with_responses(found, table).sort_values(
+            ["sample", "run"], ignore_index=True
+        )
 
     def _made_before(self, table: pd.DataFrame) -> pd.DataFrame:
         """Give numbers to runs of a table without any: rows with the same parameters are runs of one sample."""
         space = self.study.parameters
-        missing = [name for name in (*space.free, *self.study.targets.names) if name not in table]
-        require(not missing, SOURCE, "columns", list(table), f"sample; or also {', '.join(missing)}")
-        sets = {name: _numbers(table, name) if name in table else space.fixed[name] for name in space.names}
+        missing = [
+            name
+            for name in (*space.free, *self.study.targets.names)
+            if name not in table
+        ]
+        require(
+            not missing,
+            SOURCE,
+            "columns",
+            list(table),
+            f"sample; or also {', '.join(missing)}",
+        )
+        sets = {
+            name: _numbers(table, name) if name in table else space.fixed[name]
+            for name in space.names
+        }
         found = pd.DataFrame(sets)
         rows = self._with_responses(found, table)
-        return pd.DataFrame(self._numbered(rows.to_dict("records"), found)).assign(**{TURN: self._turn[1]})
+        return pd.DataFrame(self._numbered(rows.to_dict("records"), found)).assign(
+            **{TURN: self._turn[1]}
+        )
 
     def _with_responses(self, found: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
         """Add status, responses and turn to runs."""
         names = list(self.study.targets.names)
         status = pd.Series(np.where(table[names].notna().all(axis=1), OK, FAILED))
-        status = table["status"].astype(object).fillna(status) if "status" in table else status
-        return found.assign(status=status, **{name: table[name] for name in names}, **{TURN: self._turn[1]})
+        status = (
+            table["status"].astype(object).fillna(status)
+            if "status" in table
+            else status
+        )
+        return found.assign(
+            status=status,
+            **{name: table[name] for name in names},
+            **{TURN: self._turn[1]},
+        )
 
 
 def _points(table: pd.DataFrame, names: Sequence[str]) -> list[tuple[float, ...]]:
     """Return the parameter sets of a table."""
-    return [] if table.empty else list(table[list(names)].itertuples(index=False, name=None))
+    return (
+        []
+        if table.empty
+        else list(table[list(names)].itertuples(index=False, name=None))
+    )
 
 
 def _refuse_again(new: pd.DataFrame, data: pd.DataFrame, source: object) -> None:
@@ -233,15 +340,29 @@ def _refuse_again(new: pd.DataFrame, data: pd.DataFrame, source: object) -> None
 
 def _checked_table(table: Any) -> pd.DataFrame:
     """Return a table with a plain index; InputError for anything else, or a column that is there twice."""
-    require(isinstance(table, pd.DataFrame), SOURCE, "type", type(table).__name__, "a pandas.DataFrame")
+    require(
+        isinstance(table, pd.DataFrame),
+        SOURCE,
+        "type",
+        type(table).__name__,
+        "a pandas.DataFrame",
+    )
     twice = list(map(str, table.columns[table.columns.duplicated()]))
     require(not twice, SOURCE, "column", ", ".join(twice[:1]), "each column once")
     require(not table.empty, SOURCE, "rows", 0, "a row for each run")
     check_columns(SOURCE, table, (), optional=("status", *NUMBERS))
     numbers = {key: table[key] for key in NUMBERS if key in table}
     for key, column in numbers.items():
-        require(column.notna().all(), SOURCE, key, "missing", "a number in each row, as `ask` gave it")
-    return table.assign(**{key: without_point(column) for key, column in numbers.items()}).reset_index(drop=True)
+        require(
+            column.notna().all(),
+            SOURCE,
+            key,
+            "missing",
+            "a number in each row, as `ask` gave it",
+        )
+    return table.assign(
+        **{key: without_point(column) for key, column in numbers.items()}
+    ).reset_index(drop=True)
 
 
 def _numbers(table: pd.DataFrame, name: str) -> np.ndarray:

@@ -19,7 +19,17 @@ from repose.core.seeds import UNNAMED
 
 # Folders of the project that results must never be written into.
 PROJECT_FOLDERS = (
-    *("src", "config", "resources", "workflow", "profiles", "tests", "docs", "examples", "benchmarks"),
+    *(
+        "src",
+        "config",
+        "resources",
+        "workflow",
+        "profiles",
+        "tests",
+        "docs",
+        "examples",
+        "benchmarks",
+    ),
     *("research", ".ci", "results/published"),
 )
 
@@ -31,12 +41,17 @@ def run_folder(test: str) -> str:
 
 WITHOUT_RESULTS = ("benchmarks", "logs")  # written anew by every job
 NUMBERS = ("sample", "job", "seed", "batch")  # wildcards of rules
-WILDCARD = re.compile(r"\{(\w+)(?:,(?:[^{}]|\{[^{}]*\})*)?\}")  # with its constraint, where it has one
+WILDCARD = re.compile(
+    r"\{(\w+)(?:,(?:[^{}]|\{[^{}]*\})*)?\}"
+)  # with its constraint, where it has one
 CHANGED = (
     *("content", "something else"),
     "a result as repose wrote it; remove this file, which is damaged or edited, and give the same command again",
 )
-FOREIGN = (*("file", "there already"), "a file that repose wrote; a result of the study has this name: move yours away")
+FOREIGN = (
+    *("file", "there already"),
+    "a file that repose wrote; a result of the study has this name: move yours away",
+)
 
 
 def apart(results_dir: str) -> str:
@@ -47,21 +62,35 @@ def apart(results_dir: str) -> str:
     around = {*roots, Path.home()}
     inside = any(folder.is_relative_to(own) for own in (*kept, places.PACKAGE))
     if inside or any(path.is_relative_to(folder) for path in around):
-        refuse([("", f"a folder of its own, not around the project and outside {', '.join(PROJECT_FOLDERS)}")])
+        refuse(
+            [
+                (
+                    "",
+                    f"a folder of its own, not around the project and outside {', '.join(PROJECT_FOLDERS)}",
+                )
+            ]
+        )
     return results_dir
 
 
 def existing_results(results_dir: str) -> Contradictions:
     """Yield faults of the path as it is now, as (key, allowed values)."""
     folder = Path(results_dir)
-    if any(os.path.lexists(path) and not path.is_dir() for path in (folder, *folder.parents)):
+    if any(
+        os.path.lexists(path) and not path.is_dir()
+        for path in (folder, *folder.parents)
+    ):
         yield "results_dir", "a folder; a file, or a link to nothing, is in its way"
 
 
 def pattern_of(outputs: Iterable[str]) -> re.Pattern[str]:
     """Make the pattern of the paths that rules write; their wildcards stand in braces."""
-    words = dict.fromkeys(NUMBERS, r"\d+") | {"runs": "|".join(map(run_folder, apparatus.names()))}
-    words["strategy"] = "|".join(name for name in strategies.names() if name != "published")
+    words = dict.fromkeys(NUMBERS, r"\d+") | {
+        "runs": "|".join(map(run_folder, apparatus.names()))
+    }
+    words["strategy"] = "|".join(
+        name for name in strategies.names() if name != "published"
+    )
 
     def regex(path: str) -> str:
         parts = re.split(WILDCARD, path)
@@ -81,16 +110,25 @@ def check_no_foreign_files(results_dir: str, outputs: Iterable[str]) -> None:
         return
     outputs = list(outputs)
     below = {path.removeprefix(f"{results_dir}/").partition("/")[0] for path in outputs}
-    is_ours, is_result = pattern_of({*WITHOUT_RESULTS, *below}).fullmatch, pattern_of(outputs).fullmatch
+    is_ours, is_result = (
+        pattern_of({*WITHOUT_RESULTS, *below}).fullmatch,
+        pattern_of(outputs).fullmatch,
+    )
     names = sorted(filter(is_ours, os.listdir(results_dir)))
     if names and not (Path(results_dir) / LEDGER).is_file():
         allowed = f"a new folder, or the folder of a study; there is {names[0]}, which no study of repose wrote"
         raise InputError("configuration", "results_dir", results_dir, allowed)
     faults: dict[str, tuple[str, str, str]] = {}
-    below_each = (os.walk(f"{results_dir}/{name}") for name in names if name not in WITHOUT_RESULTS)
+    below_each = (
+        os.walk(f"{results_dir}/{name}")
+        for name in names
+        if name not in WITHOUT_RESULTS
+    )
     for folder, _, files in itertools.chain([(results_dir, [], names)], *below_each):
         known = ledger.names(folder)
-        faults |= {str(path): CHANGED for path in ledger.changed(folder) if path.name in files}
+        faults |= {
+            str(path): CHANGED for path in ledger.changed(folder) if path.name in files
+        }
         for path in (f"{folder}/{name}" for name in files if name not in known):
             # an empty file holds nothing to lose; snakemake makes such marks
             if os.path.isfile(path) and os.path.getsize(path) and is_result(path):

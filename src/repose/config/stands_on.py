@@ -43,12 +43,20 @@ NAMES = ("label", "results_dir", "figures")
 def sections(config: Config, *names: str) -> dict[str, Any]:
     """Select sections of a configuration by name, single dotted keys (`design.seed`), or entries that are no keys."""
     keys = (name for name in names if name not in (RESPONSES, SCENE, MEASURED_BY))
-    chosen = {name: _in_order(functools.reduce(lambda part, key: part[key], name.split("."), config)) for name in keys}
+    chosen = {
+        name: _in_order(
+            functools.reduce(lambda part, key: part[key], name.split("."), config)
+        )
+        for name in keys
+    }
     chosen |= responses(config) if RESPONSES in names else {}
     chosen |= {SCENE: scene(config)} if SCENE in names else {}
     if MEASURED_BY in names:
         tests = (test for test in bench_tests() if config.get(test.name))
-        chosen |= sections(config, *(f"{test.name}.{key}" for test in tests for key in test.measured_by))
+        chosen |= sections(
+            config,
+            *(f"{test.name}.{key}" for test in tests for key in test.measured_by),
+        )
     return chosen
 
 
@@ -59,13 +67,21 @@ def reads(config: Config, *names: str) -> dict[str, Any]:
 
 def _in_order(value: Any) -> Any:
     """Sort the keys of all mappings: snakemake compares texts, and files give any order."""
-    return {key: _in_order(value[key]) for key in sorted(value)} if isinstance(value, dict) else value
+    return (
+        {key: _in_order(value[key]) for key in sorted(value)}
+        if isinstance(value, dict)
+        else value
+    )
 
 
 def pouring(config: Config, apparatus: str = UNNAMED) -> dict[str, Any]:
     """Select the settings that a run of a bench test reads, without its measurement and the number of its seeds."""
     others = ("seeds", *bench(apparatus).measured_by)
-    own = {key: value for key, value in sections(config, apparatus)[apparatus].items() if key not in others}
+    own = {
+        key: value
+        for key, value in sections(config, apparatus)[apparatus].items()
+        if key not in others
+    }
     return sections(config, "wall", "simulation", "design.seed") | {apparatus: own}
 
 
@@ -82,8 +98,12 @@ def scene(config: Config) -> str:
     `measure.response` is none of it: every definition is measured, whichever is calibrated.
     """
     chosen = sections(config, "berry", "measure")
-    chosen["measure"] = {key: value for key, value in chosen["measure"].items() if key != "response"}
-    for name in dict.fromkeys(target.apparatus for target in typed.sections(config).targets):
+    chosen["measure"] = {
+        key: value for key, value in chosen["measure"].items() if key != "response"
+    }
+    for name in dict.fromkeys(
+        target.apparatus for target in typed.sections(config).targets
+    ):
         measured_by = (f"{name}.{key}" for key in bench(name).measured_by)
         chosen |= pouring(config, name) | sections(config, *measured_by)
     return hash_of(_with_contents(chosen))
@@ -91,13 +111,27 @@ def scene(config: Config) -> str:
 
 def responses(config: Config, apparatus: str | None = None) -> dict[str, Any]:
     """List the targets' names, of one bench test or of all, with the abscissae and functions of profiles."""
-    own = [target for target in typed.sections(config).targets if apparatus in (None, target.apparatus)]
-    profiles = {target.profile.name: target.profile.abscissae for target in own if target.profile is not None}
-    return {"responses": [target.response for target in own]} | ({"profiles": profiles} if profiles else {})
+    own = [
+        target
+        for target in typed.sections(config).targets
+        if apparatus in (None, target.apparatus)
+    ]
+    profiles = {
+        target.profile.name: target.profile.abscissae
+        for target in own
+        if target.profile is not None
+    }
+    return {"responses": [target.response for target in own]} | (
+        {"profiles": profiles} if profiles else {}
+    )
 
 
 def settings_of(
-    config: Config, verb: str, apparatus: str | None = None, berry_is_made: bool = False, name: str | None = None
+    config: Config,
+    verb: str,
+    apparatus: str | None = None,
+    berry_is_made: bool = False,
+    name: str | None = None,
 ) -> dict[str, Any]:
     """Select the settings that the stage of a verb reads, with the content of files in place of their paths.
 
@@ -128,15 +162,25 @@ def outdated(config: Config, paths: Iterable[str | PathLike]) -> list[str]:
     results = []
     for path in paths:
         record = attached.read(path)
-        if record is None or record.get("seed") is None:  # of a stage that reads no configuration
+        if (
+            record is None or record.get("seed") is None
+        ):  # of a stage that reads no configuration
             continue
         apparatus, name = record.get("apparatus"), record.get("strategy")
         is_known = apparatus in (None, *config) and name in (None, *names())
-        if not is_known or (record["verb"] == "propose" and name is None):  # of a version that did not note it
+        if not is_known or (
+            record["verb"] == "propose" and name is None
+        ):  # of a version that did not note it
             continue
         # a stage by hand may have made the grain itself
-        given = [settings_of(config, record["verb"], apparatus, made, name) for made in (False, True)]
-        if record["settings"] not in map(hash_of, given) or record["engine"] not in (None, engine_hash()):
+        given = [
+            settings_of(config, record["verb"], apparatus, made, name)
+            for made in (False, True)
+        ]
+        if record["settings"] not in map(hash_of, given) or record["engine"] not in (
+            None,
+            engine_hash(),
+        ):
             results.append(str(path))
     return results
 
@@ -144,11 +188,18 @@ def outdated(config: Config, paths: Iterable[str | PathLike]) -> list[str]:
 def own_dataset(config: Config) -> Path | None:
     """Return dataset.csv of the study if it, its piles and its grain were made by these settings; else None."""
     results = Path(typed.sections(config).results_dir)
-    piles, table = list(results.glob(f"{run_folder(UNNAMED)}/*.json")), results / "dataset.csv"
+    piles, table = (
+        list(results.glob(f"{run_folder(UNNAMED)}/*.json")),
+        results / "dataset.csv",
+    )
     files = [*results.glob("berry/*.json"), *piles, table]
     if not piles or None in map(attached.read, files) or outdated(config, files):
         return None
-    return table if table.stat().st_mtime >= max(path.stat().st_mtime for path in piles) else None
+    return (
+        table
+        if table.stat().st_mtime >= max(path.stat().st_mtime for path in piles)
+        else None
+    )
 
 
 def _with_contents(chosen: dict[str, Any]) -> dict[str, Any]:

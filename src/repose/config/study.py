@@ -67,7 +67,9 @@ class Study:
     """
 
     config: dict[str, Any]
-    _source: Any  # names the file of a key in messages; None: a simulator of the user's own
+    _source: (
+        Any  # names the file of a key in messages; None: a simulator of the user's own
+    )
     _file: Path | None
 
     def __init__(
@@ -85,7 +87,13 @@ class Study:
         from repose.config.profiles import expanded_own
 
         for name, given in (("parameters", parameters), ("targets", targets)):
-            require(isinstance(given, Mapping), "study", name, given, f"a mapping from the names of {name}")
+            require(
+                isinstance(given, Mapping),
+                "study",
+                name,
+                given,
+                f"a mapping from the names of {name}",
+            )
         given = {
             "simulator": simulator,
             "label": label,
@@ -95,18 +103,24 @@ class Study:
             **sections,
         }
         given = _plain(given)
-        given["targets"] = expanded_own({name: _target(one) for name, one in _plain(targets).items()}, "study")
+        given["targets"] = expanded_own(
+            {name: _target(one) for name, one in _plain(targets).items()}, "study"
+        )
         config = completed(given)
         if file is not None:
             _keep_settings(given, file)
         vars(self).update(config=config, _source=None, _file=file)
 
     def __repr__(self) -> str:
-        free, targets = (", ".join(names) for names in (self.parameters.free, self.targets.names))
+        free, targets = (
+            ", ".join(names) for names in (self.parameters.free, self.targets.names)
+        )
         return f"<Study {self.settings.label}: {free} by {targets}, strategy {self.settings.strategy}>"
 
     @classmethod
-    def _of(cls, config: dict[str, Any], source: Any, file: Path_ | None = None) -> Self:
+    def _of(
+        cls, config: dict[str, Any], source: Any, file: Path_ | None = None
+    ) -> Self:
         """Make a study without the arguments of `Study(...)`."""
         study = cls.__new__(cls)
         vars(study).update(config=config, _source=source, _file=file)
@@ -133,7 +147,9 @@ class Study:
         return cls.own(_settings_of(file), file)
 
     @classmethod
-    def own(cls, content: Path_ | Mapping[str, Any], file: Path_ | None = None) -> "Study":
+    def own(
+        cls, content: Path_ | Mapping[str, Any], file: Path_ | None = None
+    ) -> "Study":
         """Make the study of a configuration with the key `simulator` (docs/own_simulator.md).
 
         Parameters
@@ -161,7 +177,12 @@ class Study:
         return cls._of(completed(read(content), content), None, file)
 
     @classmethod
-    def load(cls, *files: Path_, overrides: Mapping[str, Any] | None = None, inputs: bool = False) -> "Study":
+    def load(
+        cls,
+        *files: Path_,
+        overrides: Mapping[str, Any] | None = None,
+        inputs: bool = False,
+    ) -> "Study":
         """Load and check the study of configuration files, with each `auto` computed.
 
         Parameters
@@ -192,15 +213,26 @@ class Study:
         try:
             study = cls.of(*loader.read_layers(files, overrides), inputs=inputs)
         except InputError:
-            for file in (file for file in files if Path(file).is_file() and "simulator" in loader.read(file)):
+            for file in (
+                file
+                for file in files
+                if Path(file).is_file() and "simulator" in loader.read(file)
+            ):
                 allowed = "a study of our own simulator; for one of yours see `repose docs own_simulator`"
-                raise InputError(file, "simulator", loader.read(file)["simulator"], allowed) from None
+                raise InputError(
+                    file, "simulator", loader.read(file)["simulator"], allowed
+                ) from None
             raise
         provenance.note_config(study.config)
         return study
 
     @classmethod
-    def of(cls, config: Mapping[str, Any], source: Any = "configuration", inputs: bool = False) -> "Study":
+    def of(
+        cls,
+        config: Mapping[str, Any],
+        source: Any = "configuration",
+        inputs: bool = False,
+    ) -> "Study":
         """Make the study of a complete configuration.
 
         Parameters
@@ -223,7 +255,13 @@ class Study:
         """
         from repose.config.making import Making
 
-        require(isinstance(config, Mapping), source, "configuration", config, "a mapping of sections")
+        require(
+            isinstance(config, Mapping),
+            source,
+            "configuration",
+            config,
+            "a mapping of sections",
+        )
         making = Making(dict(config), source)
         making.complete(inputs)
         study = cls._of(making.config, source)
@@ -264,7 +302,11 @@ class Study:
         """The configuration as typed sections, such as `study.settings.funnel.seeds`."""
         from repose.config import own, typed
 
-        return own.sections_of(self.config) if self._source is None else typed.sections(self.config, self._source)
+        return (
+            own.sections_of(self.config)
+            if self._source is None
+            else typed.sections(self.config, self._source)
+        )
 
     @cached_property
     def parameters(self) -> "ParameterSpace":
@@ -300,8 +342,14 @@ class Study:
         from repose.apparatus import bench_tests
 
         tests = (test for test in bench_tests() if test.name in self.targets.apparatus)
-        responses = (one for test in tests for one in (*test.responses, *test.target_responses(self.config)))
-        found = {response.name: response.settings(self.config) for response in responses}
+        responses = (
+            one
+            for test in tests
+            for one in (*test.responses, *test.target_responses(self.config))
+        )
+        found = {
+            response.name: response.settings(self.config) for response in responses
+        }
         for target in self.settings.targets:
             if target.profile is not None:
                 found[target.response] |= {"profile": target.profile.abscissae}
@@ -357,7 +405,12 @@ class Study:
     def _checked(self) -> "tuple[dict[str, Any], Particle]":
         """Return grain and particle of a study with our simulator, its files checked."""
         if self._source is None:
-            raise InputError("study", "grain", None, "a study of our own simulator; this one has the user's")
+            raise InputError(
+                "study",
+                "grain",
+                None,
+                "a study of our own simulator; this one has the user's",
+            )
         return self._making.checked_grain()
 
     @cached_property
@@ -427,7 +480,9 @@ class Study:
         """
         self._own_record.add(runs)  # which reads the file under its lock
 
-    def calibrate(self, simulate: Callable[[dict[str, Any]], Mapping[str, float]]) -> "Calibration":
+    def calibrate(
+        self, simulate: Callable[[dict[str, Any]], Mapping[str, float]]
+    ) -> "Calibration":
         """Simulate all that the strategy asks for, and return the answer; with a file each run is on the disk at once.
 
         Parameters
@@ -445,13 +500,23 @@ class Study:
             If a response is missing or not a number.
         """
         names = list(self.targets.names)
-        require(callable(simulate), "study", "simulate", simulate, "a function of a row of `ask`")
+        require(
+            callable(simulate),
+            "study",
+            "simulate",
+            simulate,
+            "a function of a row of `ask`",
+        )
         while not self.done:
             for _, asked in self.ask().groupby(["sample", "run"], sort=False):
                 found = simulate(asked.to_dict("records")[0])
                 good = isinstance(found, Mapping) and set(names) <= set(found)
                 require(
-                    good, "study", "simulate", [found], f"a function that returns a mapping with {', '.join(names)}"
+                    good,
+                    "study",
+                    "simulate",
+                    [found],
+                    f"a function that returns a mapping with {', '.join(names)}",
                 )
                 self.tell(asked.assign(**{name: found[name] for name in names}))
         return self.answer()
@@ -473,7 +538,13 @@ class Study:
         """
         from repose.studies.calibration import calibrate
 
-        require(not self.runs.empty, "study", "runs", 0, "results of the runs that `ask` gave: `tell` adds them")
+        require(
+            not self.runs.empty,
+            "study",
+            "runs",
+            0,
+            "results of the runs that `ask` gave: `tell` adds them",
+        )
         with _one_thread():
             return calibrate(self, self.runs, self.proposal)
 
@@ -496,8 +567,16 @@ def _target(given: Any) -> Any:
 def _settings_of(file: Path_) -> Path:
     """Return the file of the settings beside a file of runs."""
     path = path_of("file", file)
-    require(path.parent.is_dir(), "study", "file", str(file), "a path in a folder that is there")
-    require(path.suffix == ".csv", "study", "file", str(file), "a path that ends in .csv")
+    require(
+        path.parent.is_dir(),
+        "study",
+        "file",
+        str(file),
+        "a path in a folder that is there",
+    )
+    require(
+        path.suffix == ".csv", "study", "file", str(file), "a path that ends in .csv"
+    )
     return path.with_suffix(".json")
 
 
@@ -513,7 +592,12 @@ def _keep_settings(given: Mapping[str, Any], file: Path_) -> None:
     plain = json.loads(json_text(given))
     off = sorted(key for key in {*known, *plain} if known.get(key) != plain.get(key))
     if off:
-        raise InputError(path, off[0], known.get(off[0]), f"{plain.get(off[0])}, as asked for; or another file")
+        raise InputError(
+            path,
+            off[0],
+            known.get(off[0]),
+            f"{plain.get(off[0])}, as asked for; or another file",
+        )
 
 
 def _plain(given: Any) -> Any:

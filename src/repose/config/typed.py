@@ -13,7 +13,9 @@ from repose.core.section import Section
 
 
 def sections(
-    config: Mapping[str, Any], source: str | Origin = "configuration", model: type[Section] | None = None
+    config: Mapping[str, Any],
+    source: str | Origin = "configuration",
+    model: type[Section] | None = None,
 ) -> models.StudySettings:
     """Return the sections; reading one with faults raises InputError with all of them."""
     made: Any = _Sections(config, source, model or models.settings_type())
@@ -21,7 +23,9 @@ def sections(
 
 
 class _Sections:
-    def __init__(self, config: Mapping[str, Any], source: str | Origin, model: type[Section]) -> None:
+    def __init__(
+        self, config: Mapping[str, Any], source: str | Origin, model: type[Section]
+    ) -> None:
         self._given = config, source, model
 
     def __getattr__(self, name: str) -> Any:
@@ -32,9 +36,17 @@ class _Sections:
         try:
             is_given = name in config or field.is_required()
             value: Any = field.get_default(call_default_factory=True)
-            value = _type(model, name).validate_python(config.get(name)) if is_given else value
+            value = (
+                _type(model, name).validate_python(config.get(name))
+                if is_given
+                else value
+            )
         except ValidationError:
-            raise_together(one for one in faults.check(config, source, model).faults if one.key.startswith(name))
+            raise_together(
+                one
+                for one in faults.check(config, source, model).faults
+                if one.key.startswith(name)
+            )
             raise
         self.__dict__[name] = value
         return value

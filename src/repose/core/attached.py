@@ -20,7 +20,16 @@ PNG = b"\x89PNG\r\n\x1a\n"
 SIDECAR = ".provenance.json"
 HEADER = 33  # bytes of a PNG's signature and first chunk
 # A flipped bit may turn on an archive's password or an unknown method, which is a RuntimeError.
-UNREADABLE = (OSError, EOFError, ValueError, KeyError, RuntimeError, SyntaxError, zipfile.BadZipFile, zlib.error)
+UNREADABLE = (
+    OSError,
+    EOFError,
+    ValueError,
+    KeyError,
+    RuntimeError,
+    SyntaxError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
 
 
 def plain_file(path: str | PathLike) -> Path:
@@ -34,19 +43,27 @@ def plain_file(path: str | PathLike) -> Path:
 def in_png(content: bytes, record: Mapping[str, Any]) -> bytes:
     """Put a record into the header of a PNG."""
     chunk = b"tEXt" + KEY.encode() + b"\0" + json.dumps(record).encode("ascii")
-    framed = struct.pack(">I", len(chunk) - 4) + chunk + struct.pack(">I", zlib.crc32(chunk))
+    framed = (
+        struct.pack(">I", len(chunk) - 4) + chunk + struct.pack(">I", zlib.crc32(chunk))
+    )
     return content[:HEADER] + framed + content[HEADER:]
 
 
 def read(path: str | PathLike) -> dict[str, Any] | None:
     """Read the record of a file; None if it has none or cannot be read."""
     path = Path(path)
-    of_type = {".json": _from_json, ".npz": _from_npz, ".png": _from_png}.get(path.suffix, _from_sidecar)
+    of_type = {".json": _from_json, ".npz": _from_npz, ".png": _from_png}.get(
+        path.suffix, _from_sidecar
+    )
     try:
         record = of_type(path)
     except UNREADABLE:
         return None
-    return record if isinstance(record, dict) and {"verb", "origin", "settings"} <= set(record) else None
+    return (
+        record
+        if isinstance(record, dict) and {"verb", "origin", "settings"} <= set(record)
+        else None
+    )
 
 
 def _from_sidecar(path: Path) -> Any:
@@ -68,5 +85,8 @@ def _from_npz(path: Path) -> Any:
 def _from_png(path: Path) -> Any:
     from PIL import Image  # not by the processes that pour
 
-    with suppress(Image.DecompressionBombError), Image.open(path) as picture:  # larger than any of ours
+    with (
+        suppress(Image.DecompressionBombError),
+        Image.open(path) as picture,
+    ):  # larger than any of ours
         return json.loads(picture.info[KEY])

@@ -30,7 +30,9 @@ class InputErrors(InputError):
         super().__init__(first.source, first.key, first.value, first.allowed)
         lines = [str(fault) for fault in faults[:MOST_REPORTED]]
         if len(faults) > MOST_REPORTED:
-            lines.append(f"{faults[MOST_REPORTED].source}: {len(faults) - MOST_REPORTED} more faults")
+            lines.append(
+                f"{faults[MOST_REPORTED].source}: {len(faults) - MOST_REPORTED} more faults"
+            )
         self.args = ("\n".join(lines),)
 
 
@@ -42,7 +44,9 @@ class NoFlankError(ValueError):
         super().__init__(reason)
 
 
-def require(holds: object, source: object, key: str, value: object, allowed: str) -> None:
+def require(
+    holds: object, source: object, key: str, value: object, allowed: str
+) -> None:
     """Raise InputError, as it takes them, unless something holds."""
     if not holds:
         raise InputError(source, key, value, allowed)
@@ -64,7 +68,9 @@ def raise_together(faults: Iterable[InputError]) -> None:
 def print_fault(fault: object) -> None:
     """Print a fault of the input, an exception or its text, on stderr; one line for each fault."""
     for line in str(fault).splitlines():
-        safe = "".join(one if one.isprintable() else repr(one)[1:-1] for one in line)  # no escape code of a file
+        safe = "".join(
+            one if one.isprintable() else repr(one)[1:-1] for one in line
+        )  # no escape code of a file
         print(f"repose: error: {safe}", file=sys.stderr, flush=True)
 
 
@@ -80,7 +86,9 @@ def one_message() -> Iterator[None]:
 
 def _in_yaml(value: object) -> str:
     """Write a value as YAML has it, texts in quotes."""
-    if isinstance(value, list) and not any(isinstance(item, list | dict) for item in value):
+    if isinstance(value, list) and not any(
+        isinstance(item, list | dict) for item in value
+    ):
         text = f"[{', '.join(map(_in_yaml, value[:MOST_SHOWN]))}]"
         return text if len(text) <= MOST_SHOWN else shown(value)
     words = ("null", None), ("true", True), ("false", False)

@@ -23,12 +23,20 @@ if TYPE_CHECKING:
 Path_ = str | os.PathLike
 UNREADABLE = attached.UNREADABLE
 TURN = "turn"  # column of a record of runs alone: with which proposal a run was told
-KINDS = {int: "an integer", float: "a number", str: "a text", list: "a list", dict: "a mapping"}
+KINDS = {
+    int: "an integer",
+    float: "a number",
+    str: "a text",
+    list: "a list",
+    dict: "a mapping",
+}
 
 
 def path_of(name: str, path: Any) -> Path:
     """Return an argument as a path; InputError for what is none."""
-    require(isinstance(path, Path_) and str(path), "study", name, path, "the path of a file")
+    require(
+        isinstance(path, Path_) and str(path), "study", name, path, "the path of a file"
+    )
     return Path(path)
 
 
@@ -46,7 +54,9 @@ def write_bytes(path: Path_, content: bytes) -> None:
     write_whole(path, lambda handle: handle.write(content))
     if record and not inside:
         text = json.dumps(record, indent=1) + "\n"
-        write_whole(f"{path}{attached.SIDECAR}", lambda handle: handle.write(text.encode()))
+        write_whole(
+            f"{path}{attached.SIDECAR}", lambda handle: handle.write(text.encode())
+        )
 
 
 def write_json(path: Path_, content: Any, indent: int = 1) -> None:
@@ -63,12 +73,23 @@ def json_text(content: Any, indent: int = 1) -> str:
     return json.dumps(content, indent=indent, default=_plain)
 
 
-def write_table(path: Path_, table: "pd.DataFrame", float_format: str | None = None, index: bool = False) -> None:
+def write_table(
+    path: Path_,
+    table: "pd.DataFrame",
+    float_format: str | None = None,
+    index: bool = False,
+) -> None:
     """Write a table as CSV, in one move; `float_format` as in ``%.6g`` (None: all digits), `index` as first column."""
     if TURN not in table and Path(path).is_file():
         with Path(path).open("rb") as there:
             is_record = TURN.encode() in there.readline().strip().split(b",")
-        require(not is_record, path, "file", "a record of runs", "another name: the results in it would be lost")
+        require(
+            not is_record,
+            path,
+            "file",
+            "a record of runs",
+            "another name: the results in it would be lost",
+        )
     write_text(path, table.to_csv(index=index, float_format=float_format))
 
 
@@ -96,13 +117,17 @@ def write_image(path: Path_, picture: "np.ndarray") -> None:
     write_bytes(path, content.tobytes())
 
 
-def read_table(path: Path_, columns: Iterable[str | Column] = (), what: str = tables.TABLE) -> "pd.DataFrame":
+def read_table(
+    path: Path_, columns: Iterable[str | Column] = (), what: str = tables.TABLE
+) -> "pd.DataFrame":
     """Read a CSV file that has at least these columns; cells of columns of numbers are finite numbers or empty."""
     return tables.read(path, columns, what, tables.is_number).frame()
 
 
 def read_json(
-    path: Path_, keys: Iterable[str] | Mapping[str, type | tuple[type, ...]] = (), what: str = "a JSON file"
+    path: Path_,
+    keys: Iterable[str] | Mapping[str, type | tuple[type, ...]] = (),
+    what: str = "a JSON file",
 ) -> dict[str, Any]:
     """Read a JSON file that holds a mapping with at least these keys, of these types if `keys` is a mapping."""
     try:
@@ -116,20 +141,31 @@ def read_json(
     for key in keys:
         kinds = keys[key] if isinstance(keys, Mapping) else object
         if key not in content or not isinstance(content[key], kinds):
-            named = [KINDS.get(kind) for kind in (kinds if isinstance(kinds, tuple) else (kinds,))]
-            kind = f"{' or '.join(filter(None, named))} in " if any(named) else "a key of "
+            named = [
+                KINDS.get(kind)
+                for kind in (kinds if isinstance(kinds, tuple) else (kinds,))
+            ]
+            kind = (
+                f"{' or '.join(filter(None, named))} in " if any(named) else "a key of "
+            )
             raise InputError(path, key, content.get(key), f"{kind}{what}")
     return content
 
 
-def read_npz(path: Path_, keys: Iterable[str] = (), what: str = "an .npz file") -> dict[str, "np.ndarray"]:
+def read_npz(
+    path: Path_, keys: Iterable[str] = (), what: str = "an .npz file"
+) -> dict[str, "np.ndarray"]:
     """Read all arrays of an .npz file by name; `keys` must be among them."""
     import numpy as np
 
     try:
         with np.load(attached.plain_file(path), allow_pickle=False) as store:
             arrays = {name: store[name] for name in store.files if name != attached.KEY}
-    except (*UNREADABLE, TypeError, MemoryError) as error:  # TypeError: a plain .npy array, which cannot be closed
+    except (
+        *UNREADABLE,
+        TypeError,
+        MemoryError,
+    ) as error:  # TypeError: a plain .npy array, which cannot be closed
         raise InputError(path, "arrays", str(error), what) from error
     for key in keys:
         require(key in arrays, path, key, None, f"an array in {what}")

@@ -16,7 +16,9 @@ from repose.core.errors import InputError, require
 from repose.dem.io.whole import write_whole as write_in_one_move
 
 LEDGER = ".repose"
-AS_IT_IS = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)  # Windows has the second alone
+AS_IT_IS = getattr(os, "O_NOFOLLOW", 0) | getattr(
+    os, "O_BINARY", 0
+)  # Windows has the second alone
 LINE = re.compile(r"[0-9a-f]{64}  ")
 CUT_OFF = re.compile(r"[0-9a-f]{0,64}|[0-9a-f]{64} .*")
 ALLOWED = "a new name, or a file that repose wrote and nobody changed since"
@@ -62,7 +64,13 @@ def check_replaceable(path: str | os.PathLike) -> None:
     path = Path(path)
     if path.name in ("", "..", LEDGER) or not path.name.isprintable():
         raise InputError(path, "name", path.name, "a file name of printable characters")
-    require(not os.path.lexists(path) or is_own_file(path), path, "file", "there already", ALLOWED)
+    require(
+        not os.path.lexists(path) or is_own_file(path),
+        path,
+        "file",
+        "there already",
+        ALLOWED,
+    )
 
 
 def adopt(path: str | os.PathLike) -> None:
@@ -76,7 +84,10 @@ def is_own_file(path: str | os.PathLike) -> bool:
     if path.is_symlink() or not path.is_file():
         return False
     noted = _lines(path.parent)
-    return any(line[66:] == path.name for line in noted) and f"{_hash(path)}  {path.name}" in noted
+    return (
+        any(line[66:] == path.name for line in noted)
+        and f"{_hash(path)}  {path.name}" in noted
+    )
 
 
 def remove(path: str | os.PathLike) -> None:
@@ -91,7 +102,9 @@ def changed(folder: str | os.PathLike) -> list[Path]:
     for line in _lines(Path(folder)):
         digests[line[66:]].add(line[:64])
     paths = ((Path(folder) / name, known) for name, known in sorted(digests.items()))
-    return [path for path, known in paths if path.is_file() and _hash(path) not in known]
+    return [
+        path for path, known in paths if path.is_file() and _hash(path) not in known
+    ]
 
 
 def names(folder: str | os.PathLike) -> set[str]:
@@ -107,7 +120,12 @@ def _lines(folder: Path) -> frozenset[str]:
     lines = os.fsdecode(path.read_bytes()).split("\n")
     complete = frozenset(line for line in lines[:-1] if LINE.match(line))
     if not complete and not all(map(CUT_OFF.fullmatch, lines)):
-        raise InputError(path, "content", "something else", "the list of files that repose wrote in this folder")
+        raise InputError(
+            path,
+            "content",
+            "something else",
+            "the list of files that repose wrote in this folder",
+        )
     return complete
 
 

@@ -20,11 +20,16 @@ try:
     import fcntl
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
-LOCK_EX, LOCK_SH, LOCK_NB = (fcntl.LOCK_EX, fcntl.LOCK_SH, fcntl.LOCK_NB) if fcntl else (0, 0, 0)
+LOCK_EX, LOCK_SH, LOCK_NB = (
+    (fcntl.LOCK_EX, fcntl.LOCK_SH, fcntl.LOCK_NB) if fcntl else (0, 0, 0)
+)
 
 # Errors of a file system without locks.
 NO_LOCKS = (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP)
-WORKFLOW, JOBS = ".lock", ".jobs"  # a workflow holds the first; its jobs hold the second, together
+WORKFLOW, JOBS = (
+    ".lock",
+    ".jobs",
+)  # a workflow holds the first; its jobs hold the second, together
 
 
 def take_folder(folder: str | os.PathLike) -> IO[str]:
@@ -37,7 +42,12 @@ def take_folder(folder: str | os.PathLike) -> IO[str]:
     mine = (folder / WORKFLOW).open("a+", encoding="utf-8")
     if not _locked(mine, LOCK_EX):
         mine.seek(0)
-        raise InputError(folder, "workflow", mine.read() or "running", "one at a time; wait until it has ended")
+        raise InputError(
+            folder,
+            "workflow",
+            mine.read() or "running",
+            "one at a time; wait until it has ended",
+        )
     with (folder / JOBS).open("a", encoding="utf-8") as jobs:
         if not _locked(jobs, LOCK_EX):
             message = f"repose: {folder}: waiting until the jobs of a workflow that was killed have ended"
@@ -70,9 +80,15 @@ SAY_ONCE = cache(partial(print, file=sys.stderr))
 @contextmanager
 def exclusive(path: str | os.PathLike) -> Iterator[None]:
     """Hold a file against other processes of this program while it is read, changed and written."""
-    with Path(path).with_name(f".{Path(path).name}.lock").open("a+", encoding="utf-8") as file:
+    with (
+        Path(path)
+        .with_name(f".{Path(path).name}.lock")
+        .open("a+", encoding="utf-8") as file
+    ):
         if not _flock(file, LOCK_EX):
-            SAY_ONCE(f"repose: {path}: no locks on this system; one process at a time may add to it")
+            SAY_ONCE(
+                f"repose: {path}: no locks on this system; one process at a time may add to it"
+            )
         yield
 
 

@@ -15,7 +15,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
 NUMBER = Column("sample", int, low=1, once=True)
-OF_SETS = tuple(Column(name, float, *limits, needed=name in PARAMETERS) for name, limits in PHYSICAL_LIMITS.items())
+OF_SETS = tuple(
+    Column(name, float, *limits, needed=name in PARAMETERS)
+    for name, limits in PHYSICAL_LIMITS.items()
+)
 
 
 def read_samples(path: str | os.PathLike, more: Iterable[str] = ()) -> "pd.DataFrame":
@@ -23,12 +26,22 @@ def read_samples(path: str | os.PathLike, more: Iterable[str] = ()) -> "pd.DataF
     return read_table(path, (NUMBER, *OF_SETS, *more))
 
 
-def job_files(words: Iterable[str], samples_csv: str | os.PathLike, ending: str = ".json") -> list[Path]:
+def job_files(
+    words: Iterable[str], samples_csv: str | os.PathLike, ending: str = ".json"
+) -> list[Path]:
     """List job files; a folder among the `words` stands for one file with this ending for each sample of the design."""
     paths = [Path(word) for word in words]
-    samples = tables.read(samples_csv, [NUMBER]).values["sample"] if any(path.is_dir() for path in paths) else []
+    samples = (
+        tables.read(samples_csv, [NUMBER]).values["sample"]
+        if any(path.is_dir() for path in paths)
+        else []
+    )
     names = [f"{number:03d}{ending}" for number in samples]
-    return [file for path in paths for file in ([path / name for name in names] if path.is_dir() else [path])]
+    return [
+        file
+        for path in paths
+        for file in ([path / name for name in names] if path.is_dir() else [path])
+    ]
 
 
 def read_sample(path: str | os.PathLike, number: int) -> dict[str, float]:
@@ -36,5 +49,10 @@ def read_sample(path: str | os.PathLike, number: int) -> dict[str, float]:
     table = tables.read(path, (NUMBER, *OF_SETS)).values
     numbers = table["sample"]
     if number not in numbers:
-        raise InputError(path, "sample", number, f"one of {len(numbers)}: {', '.join(map(str, numbers[:3]))}, ...")
+        raise InputError(
+            path,
+            "sample",
+            number,
+            f"one of {len(numbers)}: {', '.join(map(str, numbers[:3]))}, ...",
+        )
     return {name: table[name][numbers.index(number)] for name in named(table)}

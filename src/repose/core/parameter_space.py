@@ -24,7 +24,9 @@ class ParameterSpace:
     names: tuple[str, ...] = PARAMETERS
 
     @classmethod
-    def of(cls, section: Mapping[str, Any], names: tuple[str, ...] | None = None) -> "ParameterSpace":
+    def of(
+        cls, section: Mapping[str, Any], names: tuple[str, ...] | None = None
+    ) -> "ParameterSpace":
         """Read the checked section `parameters`; without `names` it has the six and the law's own, in their limits."""
         limits = ALLOWED if names is None else {}
         names = named(section) if names is None else names
@@ -36,7 +38,10 @@ class ParameterSpace:
                 continue
             ranges[name] = range_of(name, entry, limits)
             if isinstance(entry, Mapping) and "prior" in entry:
-                prior[name] = (float(entry["prior"]["mean"]), float(entry["prior"]["sd"]))
+                prior[name] = (
+                    float(entry["prior"]["mean"]),
+                    float(entry["prior"]["sd"]),
+                )
         low, high = (np.array([ends[k] for ends in ranges.values()]) for k in (0, 1))
         return cls(tuple(ranges), low, high, fixed, prior, names)
 
@@ -49,24 +54,36 @@ class ParameterSpace:
     def centre(self) -> dict[str, float]:
         """Centre of each parameter's range, or its fixed value."""
         ends = zip(self.free, self.low.tolist(), self.high.tolist(), strict=True)
-        known = {name: round((low + high) / 2, 12) for name, low, high in ends} | self.fixed
+        known = {
+            name: round((low + high) / 2, 12) for name, low, high in ends
+        } | self.fixed
         return {name: known[name] for name in self.names}
 
     def values(self, unit: np.ndarray) -> np.ndarray:
         """Turn points (n, d) in the unit cube into parameter sets (n, number of names)."""
-        return self.complete(self.low + np.atleast_2d(np.asarray(unit, dtype=float)) * (self.high - self.low))
+        return self.complete(
+            self.low
+            + np.atleast_2d(np.asarray(unit, dtype=float)) * (self.high - self.low)
+        )
 
     def complete(self, values: np.ndarray) -> np.ndarray:
         """Turn values (n, d) of the free parameters into parameter sets (n, number of names)."""
         values = np.atleast_2d(np.asarray(values, dtype=float))
         columns = iter(values.T)
         return np.column_stack(
-            [np.full(len(values), self.fixed[name]) if name in self.fixed else next(columns) for name in self.names]
+            [
+                np.full(len(values), self.fixed[name])
+                if name in self.fixed
+                else next(columns)
+                for name in self.names
+            ]
         )
 
     def unit(self, values: np.ndarray) -> np.ndarray:
         """Turn parameter sets (n, number of names) into points (n, d) in the unit cube."""
-        values = np.atleast_2d(np.asarray(values, dtype=float))[:, [self.names.index(name) for name in self.free]]
+        values = np.atleast_2d(np.asarray(values, dtype=float))[
+            :, [self.names.index(name) for name in self.free]
+        ]
         return (values - self.low) / (self.high - self.low)
 
     def log_prior(self, unit: np.ndarray) -> np.ndarray:
@@ -89,7 +106,9 @@ class ParameterSpace:
         share = np.array(unit, dtype=float)
         for k, low, high, mean, sd in self._priors():
             value = low + share[:, k] * (high - low)
-            share[:, k] = stats.truncnorm.cdf((value - mean) / sd, (low - mean) / sd, (high - mean) / sd)
+            share[:, k] = stats.truncnorm.cdf(
+                (value - mean) / sd, (low - mean) / sd, (high - mean) / sd
+            )
         return share
 
     def from_prior(self, share: np.ndarray) -> np.ndarray:
@@ -98,12 +117,16 @@ class ParameterSpace:
 
         unit = np.array(share, dtype=float)
         for k, low, high, mean, sd in self._priors():
-            value = mean + sd * stats.truncnorm.ppf(unit[:, k], (low - mean) / sd, (high - mean) / sd)
+            value = mean + sd * stats.truncnorm.ppf(
+                unit[:, k], (low - mean) / sd, (high - mean) / sd
+            )
             unit[:, k] = (value - low) / (high - low)
         return unit
 
 
-def range_of(name: str, entry: Any, limits: Mapping[str, Any] = ALLOWED) -> tuple[float, float]:
+def range_of(
+    name: str, entry: Any, limits: Mapping[str, Any] = ALLOWED
+) -> tuple[float, float]:
     """Find the lowest and highest value of a parameter, given as in the configuration; equal if it is fixed."""
     if not isinstance(entry, Mapping):
         return float(entry[0]), float(entry[1])
@@ -113,5 +136,12 @@ def range_of(name: str, entry: Any, limits: Mapping[str, Any] = ALLOWED) -> tupl
         return float(entry["range"][0]), float(entry["range"][1])
     mean, sd = entry["prior"]["mean"], entry["prior"]["sd"]
     lowest, highest = limits.get(name, (-math.inf, math.inf))
-    low, high = max(lowest, mean - PRIOR_WIDTHS * sd), min(highest, mean + PRIOR_WIDTHS * sd)
-    return (float(low), float(high)) if math.isfinite(high) else (float(low), float(mean + PRIOR_WIDTHS * sd))
+    low, high = (
+        max(lowest, mean - PRIOR_WIDTHS * sd),
+        min(highest, mean + PRIOR_WIDTHS * sd),
+    )
+    return (
+        (float(low), float(high))
+        if math.isfinite(high)
+        else (float(low), float(mean + PRIOR_WIDTHS * sd))
+    )

@@ -20,7 +20,9 @@ _KINDS = {
 
 LABELS: dict[str, str] = {}
 SYMBOLS: dict[str, str] = {}
-PHYSICAL_LIMITS: dict[str, tuple[float, float]] = {}  # a study's ranges lie inside (Table 2)
+PHYSICAL_LIMITS: dict[
+    str, tuple[float, float]
+] = {}  # a study's ranges lie inside (Table 2)
 ALLOWED: dict[str, tuple[float, float]] = {}
 for _name in PARAMETERS:
     _kind, _pair = _name.split("_")
@@ -39,12 +41,19 @@ class Further(NamedTuple):
 
 def _further(constant: Constant, needed: bool, *laws: str) -> dict[str, Further]:
     """Name the parameters of a constant, one for each pair."""
-    return {f"{constant.short}_{pair}": Further(laws, constant, pair, needed) for pair in PAIRS}
+    return {
+        f"{constant.short}_{pair}": Further(laws, constant, pair, needed)
+        for pair in PAIRS
+    }
 
 
 FURTHER: dict[str, Further] = {}
-for _constant in dict.fromkeys(constant for constants in OF_LAWS.values() for constant in constants):
-    FURTHER |= _further(_constant, True, *(law for law, asks in OF_LAWS.items() if _constant in asks))
+for _constant in dict.fromkeys(
+    constant for constants in OF_LAWS.values() for constant in constants
+):
+    FURTHER |= _further(
+        _constant, True, *(law for law, asks in OF_LAWS.items() if _constant in asks)
+    )
 FURTHER |= _further(TWISTING, False, *TWISTED_BY)
 for _name, _of in FURTHER.items():
     _unit = f" ({_of.constant.unit})" if _of.constant.unit else ""
@@ -55,7 +64,11 @@ for _name, _of in FURTHER.items():
 
 def of_law(law: str) -> tuple[str, ...]:
     """Name the further parameters that a force law needs."""
-    return tuple(name for name, further in FURTHER.items() if further.needed and law in further.laws)
+    return tuple(
+        name
+        for name, further in FURTHER.items()
+        if further.needed and law in further.laws
+    )
 
 
 def named(names: Iterable[str]) -> tuple[str, ...]:
@@ -64,7 +77,9 @@ def named(names: Iterable[str]) -> tuple[str, ...]:
     return (*PARAMETERS, *(name for name in FURTHER if name in given))
 
 
-NUMBER = re.compile(r"\s*[+-]?((\d+\.?\d*|\.\d+)(e[+-]?\d+)?|nan|inf)\s*", re.ASCII | re.IGNORECASE)
+NUMBER = re.compile(
+    r"\s*[+-]?((\d+\.?\d*|\.\d+)(e[+-]?\d+)?|nan|inf)\s*", re.ASCII | re.IGNORECASE
+)
 
 
 def plain_number(value: object) -> float:
@@ -74,7 +89,9 @@ def plain_number(value: object) -> float:
     return float(value)  # type: ignore[arg-type]
 
 
-def check_value(name: str, value: object, source: object, key: str | None = None) -> float:
+def check_value(
+    name: str, value: object, source: object, key: str | None = None
+) -> float:
     """Read a parameter's value, or its text, as a number within `PHYSICAL_LIMITS`; otherwise InputError."""
     key = name if key is None else key
     try:

@@ -23,8 +23,16 @@ def find(path: str | os.PathLike) -> Path:
 
 def configs() -> list[Path]:
     """List the default configurations, each over the one before it; a crop in the working folder replaces ours."""
-    method, default, study = find(METHOD_CONFIG), root() / DEFAULT_CONFIG, Path(DEFAULT_CONFIG)
+    method, default, study = (
+        find(METHOD_CONFIG),
+        root() / DEFAULT_CONFIG,
+        Path(DEFAULT_CONFIG),
+    )
     if study.is_file():
-        return [method, study] if study.resolve() == default.resolve() else [method, default, study]
+        return (
+            [method, study]
+            if study.resolve() == default.resolve()
+            else [method, default, study]
+        )
     crop = Path("config.yaml")
     return [method, crop if crop.is_file() else default]

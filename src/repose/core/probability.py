@@ -10,7 +10,9 @@ POINTS = 128  # of the integral over all but one response
 LEAST = 1e-300
 
 
-def within(mean: np.ndarray, covariance: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+def within(
+    mean: np.ndarray, covariance: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> np.ndarray:
     """Compute the probability (m,) that normal vectors (m, k) of covariance (m, k, k) lie in the box low to high (k,).
 
     Exact for one response; for two its error is below 0.001 (G92).
@@ -20,7 +22,11 @@ def within(mean: np.ndarray, covariance: np.ndarray, low: np.ndarray, high: np.n
     k = mean.shape[1]
     root = np.linalg.cholesky(covariance)
     # one column of numbers for each response but the last; the first word of the sequence is 0
-    u = qmc.Sobol(k - 1, scramble=False).random(POINTS) + 0.5 / POINTS if k > 1 else np.zeros((1, 0))
+    u = (
+        qmc.Sobol(k - 1, scramble=False).random(POINTS) + 0.5 / POINTS
+        if k > 1
+        else np.zeros((1, 0))
+    )
     drawn = np.zeros((len(mean), len(u), k))
     total = np.ones((len(mean), len(u)))
     for i in range(k):

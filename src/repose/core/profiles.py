@@ -47,14 +47,21 @@ class Profile:
     @classmethod
     def of(cls, section: Mapping[str, Any]) -> "Profile":
         """Read the profile of a target of the configuration."""
-        return cls(section["name"], tuple(section["x"]), tuple(section["z"]), section["functions"])
+        return cls(
+            section["name"],
+            tuple(section["x"]),
+            tuple(section["z"]),
+            section["functions"],
+        )
 
     @cached_property
     def basis(self) -> np.ndarray:
         """The functions at the abscissae, (n, functions); the mean of a square is 1, of a product of two 0."""
         x = np.array(self.x)
         middle, half = 0.5 * (x[-1] + x[0]), 0.5 * (x[-1] - x[0])
-        q, r = np.linalg.qr(np.polynomial.legendre.legvander((x - middle) / half, self.functions - 1))
+        q, r = np.linalg.qr(
+            np.polynomial.legendre.legvander((x - middle) / half, self.functions - 1)
+        )
         return q * np.sign(np.diagonal(r)) * math.sqrt(len(x))
 
     def scores(self, heights: ArrayLike) -> np.ndarray:

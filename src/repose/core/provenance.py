@@ -26,7 +26,16 @@ from repose.core.places import PACKAGE
 
 # A pour depends on the simulator, the bench tests and the grains.
 ENGINE = ("dem", "particle", "apparatus")
-SOURCES = (".py", ".yaml", ".csv", ".json", ".html", ".js", ".css", ".mplstyle")  # all that results depend on
+SOURCES = (
+    ".py",
+    ".yaml",
+    ".csv",
+    ".json",
+    ".html",
+    ".js",
+    ".css",
+    ".mplstyle",
+)  # all that results depend on
 CPU_INFO = Path("/proc/cpuinfo")
 BUILT_FROM = "commit.txt"  # beside the program's other data; a build writes it
 # With these set, numba compiles and numpy calculates as on another type of processor, with other last bits.
@@ -93,15 +102,31 @@ def current() -> dict[str, Any] | None:
 
 def _record(running: _Stage) -> dict[str, Any]:
     """Make the record of a stage."""
-    engines = [record["engine"] for _, record in running.inputs if record and record.get("engine")]
+    engines = [
+        record["engine"]
+        for _, record in running.inputs
+        if record and record.get("engine")
+    ]
     engine = engine_hash() if running.simulates else next(iter(engines), None)
     config, seed = running.config, None
     if config is not None:
-        config, seed = running.settings_of(config, running.about.get("apparatus")), config["design"]["seed"]
+        config, seed = (
+            running.settings_of(config, running.about.get("apparatus")),
+            config["design"]["seed"],
+        )
     settings = hash_of(config)
-    origins = sorted({record["origin"] if record else hash_of_file(path) for path, record in running.inputs})
+    origins = sorted(
+        {
+            record["origin"] if record else hash_of_file(path)
+            for path, record in running.inputs
+        }
+    )
     origin = hash_of([running.about, settings, engine, origins])
-    return running.about | {"settings": settings, "engine": engine, "origin": origin, "seed": seed} | machine()
+    return (
+        running.about
+        | {"settings": settings, "engine": engine, "origin": origin, "seed": seed}
+        | machine()
+    )
 
 
 def refuse_mixture(inputs: Iterable[tuple[Path, Mapping[str, Any] | None]]) -> None:
@@ -114,12 +139,23 @@ def refuse_mixture(inputs: Iterable[tuple[Path, Mapping[str, Any] | None]]) -> N
         engine = record.get("engine")
         if engine and engines.setdefault(engine, path) == path and len(engines) > 1:
             other, where = next(iter(engines.items()))
-            raise InputError(path, "provenance.engine", engine, f"{other}, as in {where}: results of one engine")
+            raise InputError(
+                path,
+                "provenance.engine",
+                engine,
+                f"{other}, as in {where}: results of one engine",
+            )
         if "apparatus" in record:  # runs, which are rows of one table
             kind = (record["verb"], record["apparatus"])
             origin, where = origins.setdefault(kind, (record["origin"], path))
             allowed = f"{origin}, as in {where}: runs of the same settings, grain and particle"
-            require(origin == record["origin"], path, "provenance.origin", record["origin"], allowed)
+            require(
+                origin == record["origin"],
+                path,
+                "provenance.origin",
+                record["origin"],
+                allowed,
+            )
 
 
 def hash_of(content: Any) -> str:
@@ -138,7 +174,9 @@ def room_hash(*rooms: str) -> str:
     digest = hashlib.sha256()
     for room in rooms:
         place = PACKAGE.joinpath(*room.split("."))
-        paths = sorted(place.rglob("*")) if place.is_dir() else [place.with_suffix(".py")]
+        paths = (
+            sorted(place.rglob("*")) if place.is_dir() else [place.with_suffix(".py")]
+        )
         for path in (path for path in paths if path.suffix in SOURCES):
             digest.update(path.relative_to(PACKAGE).as_posix().encode())
             digest.update(path.read_bytes())
@@ -164,7 +202,9 @@ def machine() -> dict[str, str | None]:
 
 def _version(name: str) -> str | None:
     """Tell the version of a library; None where it is not installed."""
-    from importlib import metadata  # slow to import, which the help of a verb should avoid
+    from importlib import (
+        metadata,
+    )  # slow to import, which the help of a verb should avoid
 
     try:
         return metadata.version(name)
@@ -176,10 +216,16 @@ def _commit() -> str | None:
     """Find the commit of the checkout, or the one that the package was built from; None if neither is known."""
     root, noted = PACKAGE.parents[1], places.root() / BUILT_FROM
     if not (root / ".git").exists():
-        return noted.read_text(encoding="utf-8").strip() or None if noted.is_file() else None
+        return (
+            noted.read_text(encoding="utf-8").strip() or None
+            if noted.is_file()
+            else None
+        )
     words = ["git", "-C", str(root), "rev-parse", "--short=12", "HEAD"]
     try:
-        return subprocess.run(words, capture_output=True, text=True, check=True).stdout.strip()
+        return subprocess.run(
+            words, capture_output=True, text=True, check=True
+        ).stdout.strip()
     except (OSError, subprocess.CalledProcessError):
         return None
 
@@ -196,5 +242,19 @@ def _processor() -> str:
         fields.setdefault(key.strip(), value.strip())
     name = fields.get("model name") or platform.processor() or platform.machine()
     # a virtual machine may call several generations by one name
-    numbers = [f"{key.rpartition(' ')[2]} {fields[key]}" for key in ("cpu family", "model") if key in fields]
-    return ", ".join([name, *numbers, *[f"{key}={os.environ[key]}" for key in FORCED_TYPES if os.environ.get(key)]])
+    numbers = [
+        f"{key.rpartition(' ')[2]} {fields[key]}"
+        for key in ("cpu family", "model")
+        if key in fields
+    ]
+    return ", ".join(
+        [
+            name,
+            *numbers,
+            *[
+                f"{key}={os.environ[key]}"
+                for key in FORCED_TYPES
+                if os.environ.get(key)
+            ],
+        ]
+    )

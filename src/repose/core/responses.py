@@ -51,7 +51,9 @@ class Response:
     low: float = 0.0
     high: float = math.inf
     definition: tuple[str, ...] = ()
-    function: Callable[[Mapping[str, Any]], float | None] | None = field(default=None, compare=False)
+    function: Callable[[Mapping[str, Any]], float | None] | None = field(
+        default=None, compare=False
+    )
     profile: str = ""
 
     def of(self, run: Mapping[str, Any]) -> float | None:
@@ -61,7 +63,11 @@ class Response:
     def settings(self, config: Mapping[str, Any]) -> dict[str, Any]:
         """Read the keys of its definition with their values, without those that the configuration leaves out."""
         pairs = ((key, *key.split(".")) for key in self.definition)
-        return {key: config[section][name] for key, section, name in pairs if name in config[section]}
+        return {
+            key: config[section][name]
+            for key, section, name in pairs
+            if name in config[section]
+        }
 
     @property
     def predicted(self) -> str:
@@ -102,29 +108,44 @@ def register(*responses: Response, family: Family | None = None) -> None:
         _FAMILIES[family] = None
     for response in responses:
         if (known := _REGISTRY.setdefault(response.name, response)) != response:
-            raise ValueError(f"response {response.name!r} is registered already, by {known.apparatus}")
+            raise ValueError(
+                f"response {response.name!r} is registered already, by {known.apparatus}"
+            )
 
 
 def response(name: str, source: object = "response") -> Response:
     """Find a response by its name; InputError, which names `source`, if there is none."""
     found = named(name)
     if found is None:
-        raise InputError(source, "response", name, f"one of {', '.join(sorted(_REGISTRY))}")
+        raise InputError(
+            source, "response", name, f"one of {', '.join(sorted(_REGISTRY))}"
+        )
     return found
 
 
 def named(name: str) -> Response | None:
     """Find a response by its name, registered or made by a family of responses; None if there is none."""
-    return _REGISTRY.get(name) or next(filter(None, (family(name) for family in _FAMILIES)), None)
+    return _REGISTRY.get(name) or next(
+        filter(None, (family(name) for family in _FAMILIES)), None
+    )
 
 
 def responses_of(apparatus: str) -> tuple[Response, ...]:
     """List the responses of a bench test, in the order of their registration."""
-    return tuple(response for response in _REGISTRY.values() if response.apparatus == apparatus)
+    return tuple(
+        response for response in _REGISTRY.values() if response.apparatus == apparatus
+    )
 
 
-def require_same_definitions(definitions: Definitions, path: object, expected: Definitions, source: object) -> None:
+def require_same_definitions(
+    definitions: Definitions, path: object, expected: Definitions, source: object
+) -> None:
     """Raise InputError if a response that both files have is defined differently; `path` and `source` are the files."""
     for name in definitions:
         if name in expected and definitions[name] != expected[name]:
-            raise InputError(path, f"definition of {name}", definitions[name], f"{expected[name]}, as in {source}")
+            raise InputError(
+                path,
+                f"definition of {name}",
+                definitions[name],
+                f"{expected[name]}, as in {source}",
+            )

@@ -38,8 +38,16 @@ class Recorded:
     @property
     def summary(self) -> tuple[str, ...]:
         """Keys of a summary of runs, in its order; see `summarise_runs`."""
-        pairs = ((mean,) if mean in self.without_error else (mean, error_of(mean)) for mean in self.means)
-        return ("status", "reason", "n_seeds", *(column for pair in pairs for column in pair))
+        pairs = (
+            (mean,) if mean in self.without_error else (mean, error_of(mean))
+            for mean in self.means
+        )
+        return (
+            "status",
+            "reason",
+            "n_seeds",
+            *(column for pair in pairs for column in pair),
+        )
 
 
 def of_bench(runs: "pd.DataFrame", apparatus: str) -> "pd.DataFrame":
@@ -47,7 +55,9 @@ def of_bench(runs: "pd.DataFrame", apparatus: str) -> "pd.DataFrame":
     return runs[runs["apparatus"] == apparatus] if "apparatus" in runs else runs
 
 
-def summarise_runs(runs: Sequence[Mapping[str, Any]], recorded: Recorded) -> dict[str, Any]:
+def summarise_runs(
+    runs: Sequence[Mapping[str, Any]], recorded: Recorded
+) -> dict[str, Any]:
     """Summarise a sample: `status`, `reason`, `n_seeds` (number of ok runs), then means and standard errors.
 
     A sample is ok when at least half of its runs, and at least one, are ok. Otherwise its status is the commonest
@@ -65,7 +75,9 @@ def summarise_runs(runs: Sequence[Mapping[str, Any]], recorded: Recorded) -> dic
     summary["n_seeds"] = len(ok)
     if usable:
         for column in recorded.means:
-            summary[column], error = mean_and_error([run[column] for run in ok if run.get(column) is not None])
+            summary[column], error = mean_and_error(
+                [run[column] for run in ok if run.get(column) is not None]
+            )
             if column not in recorded.without_error:
                 summary[error_of(column)] = error
     return summary
@@ -76,7 +88,11 @@ def mean_and_error(values: Sequence[float]) -> tuple[float | None, float | None]
     numbers = np.array(values, dtype=float)
     if len(numbers) == 0:
         return None, None
-    error = float(numbers.std(ddof=1) / math.sqrt(len(numbers))) if len(numbers) > 1 else None
+    error = (
+        float(numbers.std(ddof=1) / math.sqrt(len(numbers)))
+        if len(numbers) > 1
+        else None
+    )
     return float(numbers.mean()), error
 
 
@@ -84,8 +100,15 @@ def reason(failed: Sequence[Mapping[str, Any]], total: int) -> str:
     """Count the failed runs by cause, as in ``2 of 8 runs jammed (no discharge for 3 s)``; may be empty."""
     parts = []
     for status, count in Counter(run["status"] for run in failed).most_common():
-        why = dict.fromkeys(run["reason"] for run in failed if run["status"] == status and run.get("reason"))
-        parts.append(f"{count} of {total} runs {status}" + (f" ({'; '.join(why)})" if why else ""))
+        why = dict.fromkeys(
+            run["reason"]
+            for run in failed
+            if run["status"] == status and run.get("reason")
+        )
+        parts.append(
+            f"{count} of {total} runs {status}"
+            + (f" ({'; '.join(why)})" if why else "")
+        )
     return "; ".join(parts)
 
 
@@ -95,5 +118,8 @@ def describe(run: Mapping[str, Any], template: str) -> str:
         return f"seed {run['seed']}: {run['status']}: {run['reason']}"
     try:
         return f"seed {run['seed']}: {template.format(**run)}"
-    except (KeyError, TypeError):  # a response that is no target and could not be measured
+    except (
+        KeyError,
+        TypeError,
+    ):  # a response that is no target and could not be measured
         return f"seed {run['seed']}: ok"

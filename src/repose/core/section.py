@@ -38,9 +38,13 @@ CONTRADICTION = "contradiction"  # type of the error that holds `Contradictions`
 
 _NO_BRACES = r"^[^{}\x00-\x1f\x7f]+$"  # snakemake takes braces for wildcards
 FILE: Final = object()  # marks the types of keys that name a file
-Path = Annotated[str, Field(pattern=_NO_BRACES, description="a path of a file, without braces"), FILE]
+Path = Annotated[
+    str, Field(pattern=_NO_BRACES, description="a path of a file, without braces"), FILE
+]
 _Path = Annotated[str, Field(pattern=_NO_BRACES)]
-PathOrNull = Annotated[_Path | None, Field(description="a path of a file, without braces, or null"), FILE]
+PathOrNull = Annotated[
+    _Path | None, Field(description="a path of a file, without braces, or null"), FILE
+]
 Seed = Annotated[int, Field(ge=0, le=4294967295)]
 Share = Annotated[float, Field(ge=0, le=1)]
 Percent = Annotated[float, Field(gt=0, le=50)]
@@ -53,7 +57,12 @@ class Section(BaseModel):
     """A section: all keys known, no value converted; 8.0 is not an integer, true not a number; numbers are finite."""
 
     model_config = ConfigDict(
-        extra="forbid", frozen=True, strict=True, allow_inf_nan=False, defer_build=True, protected_namespaces=()
+        extra="forbid",
+        frozen=True,
+        strict=True,
+        allow_inf_nan=False,
+        defer_build=True,
+        protected_namespaces=(),
     )
 
     def contradictions(self) -> Contradictions:
@@ -70,7 +79,9 @@ def refuse(contradictions: Iterable[tuple[str, str]]) -> None:
     """Raise the error by which a validator reports `Contradictions`, if any; the key "" means the whole value."""
     pairs = list(contradictions)
     if pairs:
-        raise PydanticCustomError(CONTRADICTION, "values that do not go together", {"found": pairs})
+        raise PydanticCustomError(
+            CONTRADICTION, "values that do not go together", {"found": pairs}
+        )
 
 
 class OneOf:
@@ -82,7 +93,9 @@ class OneOf:
     def __init__(self, names: Callable[[], Iterable[str]]) -> None:
         self.names = names
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> core_schema.CoreSchema:
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: Any
+    ) -> core_schema.CoreSchema:
         return core_schema.literal_schema(list(self.names()))
 
 

@@ -22,7 +22,13 @@ UNNAMED = "funnel"
 OF_THE_DRUM = "drum"
 
 
-def pour_seeds(study_seed: int, purpose: str | int, number: int, count: int, apparatus: str = UNNAMED) -> list[int]:
+def pour_seeds(
+    study_seed: int,
+    purpose: str | int,
+    number: int,
+    count: int,
+    apparatus: str = UNNAMED,
+) -> list[int]:
     """Draw the seeds, 0 to 2^32 - 1, of a parameter set's pours; the first k are the same for any larger count.
 
     `purpose` is one of PURPOSES, or the number of another stream. `number` is the sample's. Each bench test has its own
@@ -33,4 +39,9 @@ def pour_seeds(study_seed: int, purpose: str | int, number: int, count: int, app
     named = apparatus == UNNAMED or purpose == OF_THE_DRUM
     own = [] if named else [zlib.crc32(apparatus.encode())]
     stream = purpose if isinstance(purpose, int) else PURPOSES[purpose]
-    return [int(seed) for seed in np.random.SeedSequence([study_seed, stream, number, *own]).generate_state(count)]
+    return [
+        int(seed)
+        for seed in np.random.SeedSequence(
+            [study_seed, stream, number, *own]
+        ).generate_state(count)
+    ]

@@ -65,7 +65,11 @@ class Target:
 
     def off_percent(self, number: float) -> float:
         """Compute how far a number is from the aim, in percent."""
-        return 100 * (number / self.aim - 1) if self.profile is None else 100 * (number - self.aim) / self.whole
+        return (
+            100 * (number / self.aim - 1)
+            if self.profile is None
+            else 100 * (number - self.aim) / self.whole
+        )
 
     @property
     def whole_value(self) -> float:
@@ -140,7 +144,10 @@ class Targets(tuple[Target, ...]):
     @property
     def benches(self) -> dict[str, list[int]]:
         """Places of the responses of each bench test."""
-        return {name: [k for k, one in enumerate(self) if one.response.apparatus == name] for name in self.apparatus}
+        return {
+            name: [k for k, one in enumerate(self) if one.response.apparatus == name]
+            for name in self.apparatus
+        }
 
     @property
     def same_bench(self) -> np.ndarray:
@@ -157,7 +164,11 @@ class Targets(tuple[Target, ...]):
     @property
     def profiles(self) -> dict[str, Profile]:
         """The measured profiles by name."""
-        return {target.profile.name: target.profile for target in self if target.profile is not None}
+        return {
+            target.profile.name: target.profile
+            for target in self
+            if target.profile is not None
+        }
 
     def in_words(self, numbers: Sequence[str]) -> str:
         """Write number and unit of each target, ``32.5 deg and 66.1 mm``; with symbols if two units are equal."""
@@ -165,5 +176,7 @@ class Targets(tuple[Target, ...]):
         several = len(set(units)) < len(units)
         symbols = [f"{target.response.symbol} " if several else "" for target in self]
         words = zip(symbols, numbers, units, strict=True)
-        *parts, last = [f"{symbol}{number} {unit}".rstrip() for symbol, number, unit in words]
+        *parts, last = [
+            f"{symbol}{number} {unit}".rstrip() for symbol, number, unit in words
+        ]
         return " and ".join(filter(None, [", ".join(parts), last]))

@@ -14,7 +14,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 TABLE = "benchmarks/processes.csv"
-LOG, BENCHMARK = ("logs", ".log"), ("benchmarks", ".tsv")  # folder and ending of both files of a job
+LOG, BENCHMARK = (
+    ("logs", ".log"),
+    ("benchmarks", ".tsv"),
+)  # folder and ending of both files of a job
 LATE_S = 1.0  # a process may end later than its job began by so much less
 
 
@@ -77,17 +80,31 @@ def since(folder: str | os.PathLike, began_s: float) -> list[Used]:
         return []
     with table.open(encoding="utf-8", newline="") as handle:
         rows = [row for row in csv.reader(handle) if len(row) == len(Used._fields)][1:]
-    return [Used(float(ended), float(cpu), *others) for ended, cpu, *others in rows if float(ended) >= began_s]
+    return [
+        Used(float(ended), float(cpu), *others)
+        for ended, cpu, *others in rows
+        if float(ended) >= began_s
+    ]
 
 
 def correct_benchmarks(folder: str | os.PathLike, used: Iterable[Used]) -> None:
     """Put the processor time of the whole job into snakemake's benchmark of each job."""
     of_log = attrgetter("log")
     for log, processes in groupby(sorted(used, key=of_log), of_log):
-        with suppress(ValueError, OSError):  # of no job, or it failed and has no benchmark
-            path = Path(folder) / BENCHMARK[0] / Path(log).relative_to(Path(folder) / LOG[0]).with_suffix(BENCHMARK[1])
+        with suppress(
+            ValueError, OSError
+        ):  # of no job, or it failed and has no benchmark
+            path = (
+                Path(folder)
+                / BENCHMARK[0]
+                / Path(log).relative_to(Path(folder) / LOG[0]).with_suffix(BENCHMARK[1])
+            )
             *rows, last = path.read_text(encoding="utf-8").splitlines()
             names, values = rows[0].split("\t"), last.split("\t")
             began_s = path.stat().st_mtime - float(values[names.index("s")]) - LATE_S
-            values[names.index("cpu_time")] = f"{sum(one.cpu_s for one in processes if one.ended_s >= began_s):.2f}"
-            path.write_text("\n".join([*rows, "\t".join(values)]) + "\n", encoding="utf-8")
+            values[names.index("cpu_time")] = (
+                f"{sum(one.cpu_s for one in processes if one.ended_s >= began_s):.2f}"
+            )
+            path.write_text(
+                "\n".join([*rows, "\t".join(values)]) + "\n", encoding="utf-8"
+            )

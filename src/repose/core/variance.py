@@ -61,13 +61,17 @@ def variance_components(values: ArrayLike, groups: ArrayLike) -> Components:
 
     values, groups = np.asarray(values, dtype=float), np.asarray(groups)
     if values.ndim != 1 or values.shape != groups.shape:
-        raise ValueError(f"values has shape {values.shape}, groups {groups.shape}; expected (n,) both")
+        raise ValueError(
+            f"values has shape {values.shape}, groups {groups.shape}; expected (n,) both"
+        )
     if not np.isfinite(values).all():
         raise ValueError("values must be finite")
     number, size, mean = _groups(values, groups)
     k, n = len(size), len(values)
     if k < 2 or n == k:
-        raise ValueError(f"{n} values in {k} groups; expected at least two groups, one of them with two values")
+        raise ValueError(
+            f"{n} values in {k} groups; expected at least two groups, one of them with two values"
+        )
     residuals = values - mean[number]
     within = float(residuals @ residuals / (n - k))  # MSW
     between_square = float(size @ (mean - values.mean()) ** 2 / (k - 1))  # MSB
@@ -79,12 +83,27 @@ def variance_components(values: ArrayLike, groups: ArrayLike) -> Components:
     spread = h * mean.var(ddof=1)
     # theta = tau^2 / sigma^2 between (F / F_upper - 1) / h and (F / F_lower - 1) / h  (TH78)
     icc_low, icc_high = (
-        _share((_ratio(spread, within * stats.f.ppf(q, k - 1, n - k)) - 1) / h) for q in (1 - tail, tail)
+        _share((_ratio(spread, within * stats.f.ppf(q, k - 1, n - k)) - 1) / h)
+        for q in (1 - tail, tail)
     )
-    low, high = (float(within * (n - k) / stats.chi2.ppf(q, n - k)) for q in (1 - tail, tail))
+    low, high = (
+        float(within * (n - k) / stats.chi2.ppf(q, n - k)) for q in (1 - tail, tail)
+    )
     total = between + within
     icc = between / total if total > 0 else 0.0
-    return Components(k, n, float(values.mean()), within, low, high, between, icc, icc_low, icc_high, float(h))
+    return Components(
+        k,
+        n,
+        float(values.mean()),
+        within,
+        low,
+        high,
+        between,
+        icc,
+        icc_low,
+        icc_high,
+        float(h),
+    )
 
 
 def within_covariance(values: ArrayLike, groups: ArrayLike) -> tuple[np.ndarray, int]:
@@ -101,23 +120,33 @@ def within_covariance(values: ArrayLike, groups: ArrayLike) -> tuple[np.ndarray,
     return residuals.T @ residuals / max(freedom, 1), freedom
 
 
-def residual_correlation(first: ArrayLike, second: ArrayLike, groups: ArrayLike) -> tuple[float, float, float, int]:
+def residual_correlation(
+    first: ArrayLike, second: ArrayLike, groups: ArrayLike
+) -> tuple[float, float, float, int]:
     """Correlate two responses (n,) within samples, with interval (Fisher's transformation) and degrees of freedom."""
     from scipy import stats  # half a second at start-up
 
     covariance, freedom = within_covariance(np.column_stack([first, second]), groups)
     if freedom < 4:
-        raise ValueError(f"{freedom} degrees of freedom within samples; expected at least 4")
+        raise ValueError(
+            f"{freedom} degrees of freedom within samples; expected at least 4"
+        )
     if not (np.diagonal(covariance) > 0).all():
-        raise ValueError("a response does not vary within samples; expected a response that varies")
-    correlation = float(covariance[0, 1] / math.sqrt(covariance[0, 0] * covariance[1, 1]))
+        raise ValueError(
+            "a response does not vary within samples; expected a response that varies"
+        )
+    correlation = float(
+        covariance[0, 1] / math.sqrt(covariance[0, 0] * covariance[1, 1])
+    )
     # variance 1 / (n - 3) for n - 1 degrees of freedom
     half = stats.norm.ppf(0.5 + CONFIDENCE / 2) / math.sqrt(freedom - 2)
     centre = math.atanh(min(max(correlation, -1 + 1e-12), 1 - 1e-12))
     return correlation, math.tanh(centre - half), math.tanh(centre + half), freedom
 
 
-def _groups(values: np.ndarray, groups: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _groups(
+    values: np.ndarray, groups: ArrayLike
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Find the group number of each value (n,), and size and mean of each group (k,)."""
     _, number = np.unique(groups, return_inverse=True)
     size = np.bincount(number).astype(float)

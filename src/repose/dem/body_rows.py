@@ -31,7 +31,9 @@ def write_body(bodies: Any, i: int, body: Body, parts: int, tile: np.ndarray) ->
     row[st.INVERSE_MASS] = 1.0 / (kind.mass_kg * scale**3)
     inertia = kind.inertia_kg_m2 * scale**5
     turn = rotation_matrix(body.quaternion)
-    spin = turn @ (inertia * (turn.T @ row[st.ANGULAR_VELOCITY : st.ANGULAR_VELOCITY + 3]))
+    spin = turn @ (
+        inertia * (turn.T @ row[st.ANGULAR_VELOCITY : st.ANGULAR_VELOCITY + 3])
+    )
     squares = np.zeros(3 * st.MOST_PARTS)
     if isinstance(kind, Shape):
         squares[: kind.semi_axes_m.size] = ((kind.semi_axes_m * scale) ** 2).ravel()

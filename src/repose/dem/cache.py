@@ -28,12 +28,16 @@ from numba.core.serialize import dumps
 
 try:
     import fcntl
-except ImportError:  # Windows: processes that need the same code at one time compile it each
+except (
+    ImportError
+):  # Windows: processes that need the same code at one time compile it each
     fcntl = None  # type: ignore[assignment]
 
 TAKEN, FREE = (fcntl.LOCK_EX, fcntl.LOCK_UN) if fcntl else (0, 0)
 HOME = Path(__file__).parent
-_outside: dict[str, str] = {}  # sources of laws from other packages, by module and function
+_outside: dict[
+    str, str
+] = {}  # sources of laws from other packages, by module and function
 
 
 def _sources() -> Iterator[bytes]:
@@ -42,7 +46,9 @@ def _sources() -> Iterator[bytes]:
         yield path.relative_to(HOME).as_posix().encode() + path.read_bytes()
 
 
-_OWN = hashlib.sha256(b"".join(_sources()))  # as they are imported: an edit after that is not what runs
+_OWN = hashlib.sha256(
+    b"".join(_sources())
+)  # as they are imported: an edit after that is not what runs
 
 
 def source_hash() -> str:
@@ -55,7 +61,9 @@ def source_hash() -> str:
 
 def folder() -> str:
     """Path of the cache folder of this source version, below NUMBA_CACHE_DIR or the user's cache folder."""
-    of_user = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
+    of_user = os.environ.get("XDG_CACHE_HOME") or os.path.join(
+        os.path.expanduser("~"), ".cache"
+    )
     base = os.environ.get("NUMBA_CACHE_DIR") or os.path.join(of_user, "repose")
     return os.path.join(base, f"dem-{source_hash()}")
 
@@ -76,7 +84,9 @@ class KernelCache(NullCache):
     code at one time the first compiles it, and the others wait for it.
     """
 
-    def __init__(self, function: Callable[..., Any], options: Mapping[str, Any], text: str) -> None:
+    def __init__(
+        self, function: Callable[..., Any], options: Mapping[str, Any], text: str
+    ) -> None:
         self._function, self._made_from = function, (sorted(options.items()), text)
         self._for_kernels = "no_cpython_wrapper" in options
 
@@ -112,10 +122,18 @@ class KernelCache(NullCache):
         function = self._function
         name = f"{function.__module__}.{function.__qualname__}"
         cells = dumps([cell.cell_contents for cell in function.__closure__ or ()])
-        made_from = (name, function.__code__.co_firstlineno, cells, str(signature), *self._made_from)
+        made_from = (
+            name,
+            function.__code__.co_firstlineno,
+            cells,
+            str(signature),
+            *self._made_from,
+        )
         made_by = (numba.__version__, sys.version_info[:2], codegen.magic_tuple())
         digest = hashlib.sha256(repr((made_from, made_by)).encode()).hexdigest()
-        return os.path.join(folder(), f"{name.replace('<', '').replace('>', '')}-{digest[:24]}")
+        return os.path.join(
+            folder(), f"{name.replace('<', '').replace('>', '')}-{digest[:24]}"
+        )
 
 
 def _read(path: str, signature: object) -> tuple[Any, ...] | None:
@@ -147,7 +165,9 @@ def _warn_once(message: str) -> None:
     warnings.warn(message, stacklevel=3)
 
 
-_locks: dict[str, IO[bytes]] = {}  # a file of each folder, whose bytes stand for its kernels
+_locks: dict[
+    str, IO[bytes]
+] = {}  # a file of each folder, whose bytes stand for its kernels
 
 
 def _lock(path: str, kind: int) -> None:
@@ -180,7 +200,9 @@ event.register("numba:compile", _Failure())
 def add_source(*functions: Callable[..., Any] | None) -> None:
     """Compile with the functions of a law: one from outside moves the cache folder of all kernels."""
     own = f"{__package__}."
-    given = [cast(FunctionType, function) for function in functions if function is not None]
+    given = [
+        cast(FunctionType, function) for function in functions if function is not None
+    ]
     if all(function.__module__.startswith(own) for function in given):
         return
     for function in given:
@@ -192,7 +214,11 @@ def add_source(*functions: Callable[..., Any] | None) -> None:
 def _used(function: FunctionType) -> set[str]:
     """Name the modules of the functions that a function calls directly."""
     used = [function.__globals__.get(name) for name in function.__code__.co_names]
-    return {value.__module__ for value in used if callable(value) and isinstance(value.__module__, str)}
+    return {
+        value.__module__
+        for value in used
+        if callable(value) and isinstance(value.__module__, str)
+    }
 
 
 def _source(module: str, function: FunctionType) -> str:

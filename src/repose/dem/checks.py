@@ -37,14 +37,18 @@ def not_negative(name: str, value: Any) -> float:
 def height(name: str, value: Any) -> float:
     """Check a number that may be infinite: a height that no body reaches."""
     if not is_number(value, finite=False):
-        raise ValueError(f"{name} is {shown(value)}; expected a number, or -inf for none")
+        raise ValueError(
+            f"{name} is {shown(value)}; expected a number, or -inf for none"
+        )
     return float(value)
 
 
 def whole_number(name: str, value: Any, least: int) -> int:
     """Check a whole number, `least` or more."""
     if not isinstance(value, Integral) or isinstance(value, bool) or value < least:
-        raise ValueError(f"{name} is {shown(value)}; expected a whole number, {least} or more")
+        raise ValueError(
+            f"{name} is {shown(value)}; expected a whole number, {least} or more"
+        )
     return int(value)
 
 
@@ -58,7 +62,9 @@ def box(lower: Any, upper: Any) -> tuple[np.ndarray, np.ndarray]:
     """Copy two corners, the lower one below the upper one in every direction."""
     corners = vector("lower", lower), vector("upper", upper)
     if not np.all(corners[0] < corners[1]):
-        raise ValueError(f"lower is {lower!r}, upper {upper!r}; expected lower below upper in every direction")
+        raise ValueError(
+            f"lower is {lower!r}, upper {upper!r}; expected lower below upper in every direction"
+        )
     return corners
 
 
@@ -78,7 +84,9 @@ def array(
         numbers = np.array(value, float, ndmin=len(shape) if rows else 0)
     except (TypeError, ValueError):
         numbers = np.full((1,) * len(shape), np.nan)
-    fits = numbers.ndim == len(shape) and all(n in (None, m) for n, m in zip(shape, numbers.shape, strict=True))
+    fits = numbers.ndim == len(shape) and all(
+        n in (None, m) for n, m in zip(shape, numbers.shape, strict=True)
+    )
     if not (fits and np.all(np.isfinite(numbers)) and accepts(numbers)):
         raise ValueError(f"{name} is {shown(value)}; expected {allowed}")
     return numbers
@@ -89,7 +97,9 @@ def direction(name: str, value: Any, length: int = 3) -> np.ndarray:
     along = vector(name, value, length)
     size = np.linalg.norm(along)
     if not size > 0.0:
-        raise ValueError(f"{name} is {shown(value)}; expected a vector that is not zero")
+        raise ValueError(
+            f"{name} is {shown(value)}; expected a vector that is not zero"
+        )
     return along / size
 
 
@@ -101,20 +111,28 @@ def is_name(value: Any) -> bool:
 def name_of(what: str, value: Any) -> str:
     """Check the name of a shape, a material or a wall; `what` is named in the error."""
     if not is_name(value):
-        raise ValueError(f"{what} is {shown(value)}; expected a name, text that is not empty")
+        raise ValueError(
+            f"{what} is {shown(value)}; expected a name, text that is not empty"
+        )
     return value
 
 
 def mapping(name: str, value: Any, kinds: Any, words: str) -> dict[str, Any]:
     """Copy a mapping of names to objects of some classes; `words` names the classes in the error."""
-    good = isinstance(value, Mapping) and all(is_name(k) and isinstance(v, kinds) for k, v in value.items())
+    good = isinstance(value, Mapping) and all(
+        is_name(k) and isinstance(v, kinds) for k, v in value.items()
+    )
     if not good:
-        raise ValueError(f"{name} is {shown(value)}; expected names, each with a {words}")
+        raise ValueError(
+            f"{name} is {shown(value)}; expected names, each with a {words}"
+        )
     return dict(value)
 
 
 def chosen(name: str, value: Any, choices: Mapping[str, Any]) -> Any:
     """Look up a name among named choices."""
     if not (isinstance(value, str) and value in choices):
-        raise ValueError(f"{name} is {shown(value)}; expected {', '.join(map(repr, choices))}")
+        raise ValueError(
+            f"{name} is {shown(value)}; expected {', '.join(map(repr, choices))}"
+        )
     return choices[value]

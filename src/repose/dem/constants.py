@@ -35,13 +35,21 @@ class Constant(NamedTuple):
             number = math.nan
         if not (self.least <= number <= self.most and math.isfinite(number)):
             end = f"to {self.most:g}" if self.most < math.inf else "or more"
-            raise ValueError(f"{self.name} is {value!r}; expected {self.least:g} {end} {self.unit}")
+            raise ValueError(
+                f"{self.name} is {value!r}; expected {self.least:g} {end} {self.unit}"
+            )
         return number
 
 
-SURFACE_ENERGY = Constant("surface_energy_j_m2", "gamma", r"\gamma", "J/m2", "surface energy")
-COHESION_ENERGY_DENSITY = Constant("cohesion_energy_density_j_m3", "k", "k", "J/m3", "cohesion energy density")
-PLASTICITY_RATIO = Constant("plasticity_ratio", "plas", r"\lambda", "", "plasticity ratio", 0.0, 0.99)
+SURFACE_ENERGY = Constant(
+    "surface_energy_j_m2", "gamma", r"\gamma", "J/m2", "surface energy"
+)
+COHESION_ENERGY_DENSITY = Constant(
+    "cohesion_energy_density_j_m3", "k", "k", "J/m3", "cohesion energy density"
+)
+PLASTICITY_RATIO = Constant(
+    "plasticity_ratio", "plas", r"\lambda", "", "plasticity ratio", 0.0, 0.99
+)
 # Of the rolling laws that resist spin about the normal; without it mu_t is 3 pi / 16 mu_s.
 TWISTING = Constant("twisting_friction", "mut", r"{\mu_t}", "", "twisting friction")
 TWISTED_BY = ("constant_torque", "epsd", "epsd2")

@@ -21,25 +21,42 @@ class MaterialNumbers(NamedTuple):
     of_all: dict[str, int]
 
 
-def pairs_of(contacts: Mapping[tuple[str, str], Contact], materials: Mapping[str, Material]) -> Pairs:
+def pairs_of(
+    contacts: Mapping[tuple[str, str], Contact], materials: Mapping[str, Material]
+) -> Pairs:
     """Contacts by pairs of names in both orders; ValueError for unknown names, no Contact, or two that differ."""
     if not isinstance(contacts, Mapping):
-        raise ValueError(f"contacts is {contacts!r}; expected (material, material): Contact")
+        raise ValueError(
+            f"contacts is {contacts!r}; expected (material, material): Contact"
+        )
     both: Pairs = {}
     for pair, contact in contacts.items():
-        named = isinstance(pair, tuple) and len(pair) == 2 and all(is_name(name) for name in pair)
+        named = (
+            isinstance(pair, tuple)
+            and len(pair) == 2
+            and all(is_name(name) for name in pair)
+        )
         if not (named and isinstance(contact, Contact)):
-            raise ValueError(f"contacts has {pair!r}: {contact!r}; expected (material, material): Contact")
+            raise ValueError(
+                f"contacts has {pair!r}: {contact!r}; expected (material, material): Contact"
+            )
         if not set(pair) <= set(materials):
-            raise ValueError(f"contacts has {pair!r}; expected pairs of {', '.join(materials)}")
+            raise ValueError(
+                f"contacts has {pair!r}; expected pairs of {', '.join(materials)}"
+            )
         if both.get(pair, contact) != contact:
-            raise ValueError(f"contacts has {pair!r} in both orders; expected one of them, or the same for both")
+            raise ValueError(
+                f"contacts has {pair!r} in both orders; expected one of them, or the same for both"
+            )
         both[pair] = both[pair[::-1]] = contact
     return both
 
 
 def number_materials(
-    shapes: Mapping[str, Shape | Clump], of_walls: Iterable[str], materials: Mapping[str, Material], contacts: Pairs
+    shapes: Mapping[str, Shape | Clump],
+    of_walls: Iterable[str],
+    materials: Mapping[str, Material],
+    contacts: Pairs,
 ) -> MaterialNumbers:
     """Give each material its number; ValueError for a missing material, or a missing contact of two that can meet."""
     names = list(dict.fromkeys(shape.material for shape in shapes.values()))
@@ -50,7 +67,9 @@ def number_materials(
             raise ValueError(f"material is {name!r}; expected {', '.join(materials)}")
     for a, b in product(of_bodies, names):
         if (a, b) not in contacts:
-            raise ValueError(f"contacts has no pair ({a!r}, {b!r}); every pair of materials that can meet needs one")
+            raise ValueError(
+                f"contacts has no pair ({a!r}, {b!r}); every pair of materials that can meet needs one"
+            )
     return MaterialNumbers(of_bodies, {name: k for k, name in enumerate(names)})
 
 
@@ -77,12 +96,18 @@ def _check_constants_of(law: Law, given: Mapping[str, float]) -> None:
 
 
 def constants_of(
-    law: Law, numbers: MaterialNumbers, materials: Mapping[str, Material], contacts: Pairs, tension: str
+    law: Law,
+    numbers: MaterialNumbers,
+    materials: Mapping[str, Material],
+    contacts: Pairs,
+    tension: str,
 ) -> np.ndarray:
     """Constants of a force law (K, K, n) for all pairs of K materials; 0 for two walls."""
     table = np.zeros((len(numbers.of_all), len(numbers.of_all), law.n_constants))
     for a, i in numbers.of_bodies.items():
         for b, j in numbers.of_all.items():
-            table[i, j] = law.constants(materials[a], materials[b], contacts[a, b], tension)
+            table[i, j] = law.constants(
+                materials[a], materials[b], contacts[a, b], tension
+            )
             table[j, i] = table[i, j]
     return table

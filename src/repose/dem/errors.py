@@ -21,7 +21,9 @@ def did_you_mean(word: str, names: Iterable[str]) -> str:
     """Ask whether the name most like a word was meant; empty where none is like it."""
     from difflib import get_close_matches  # not by the processes that end well
 
-    return "".join(f"; did you mean {name}?" for name in get_close_matches(word, list(names), 1))
+    return "".join(
+        f"; did you mean {name}?" for name in get_close_matches(word, list(names), 1)
+    )
 
 
 class InputError(ValueError):
@@ -31,7 +33,12 @@ class InputError(ValueError):
     """
 
     def __init__(self, source: object, key: str, value: object, allowed: str) -> None:
-        names = list(filter(str.isidentifier, allowed.removeprefix("one of ").replace(" or ", ", ").split(", ")))
+        names = list(
+            filter(
+                str.isidentifier,
+                allowed.removeprefix("one of ").replace(" or ", ", ").split(", "),
+            )
+        )
         if isinstance(value, str) and len(names) > 1:
             allowed += did_you_mean(value, names)
         self.source, self.key, self.value, self.allowed = source, key, value, allowed

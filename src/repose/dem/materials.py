@@ -28,7 +28,12 @@ class Material:
 
     def __post_init__(self) -> None:
         positive("shear_modulus_pa", self.shear_modulus_pa)
-        number("poisson_ratio", self.poisson_ratio, "above -1, at most 0.5", lambda nu: -1.0 < nu <= 0.5)
+        number(
+            "poisson_ratio",
+            self.poisson_ratio,
+            "above -1, at most 0.5",
+            lambda nu: -1.0 < nu <= 0.5,
+        )
 
     @property
     def elastic_modulus_pa(self) -> float:
@@ -69,12 +74,20 @@ class Contact:
     constants: Mapping[str, float] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
-        number("restitution", self.restitution, "above 0, at most 1", lambda e: 0.0 < e <= 1.0)
+        number(
+            "restitution",
+            self.restitution,
+            "above 0, at most 1",
+            lambda e: 0.0 < e <= 1.0,
+        )
         not_negative("static_friction", self.static_friction)
         not_negative("rolling_friction", self.rolling_friction)
         if self.twisting_friction is not None:
             not_negative("twisting_friction", self.twisting_friction)
-        if not (isinstance(self.constants, Mapping) and all(is_name(name) for name in self.constants)):
+        if not (
+            isinstance(self.constants, Mapping)
+            and all(is_name(name) for name in self.constants)
+        ):
             raise ValueError(f"constants is {self.constants!r}; expected name: number")
 
 

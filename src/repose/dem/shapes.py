@@ -21,7 +21,9 @@ SPHERE_ROWS = f"(1 to {MOST_SPHERES}, 4) finite lengths, the last of each row ab
 
 def _are_moments(inertia: np.ndarray) -> bool:
     """Whether a body can have these principal moments (3,)."""
-    return bool(np.all(inertia > 0.0) and 2.0 * inertia.max() <= (1.0 + 1e-9) * inertia.sum())
+    return bool(
+        np.all(inertia > 0.0) and 2.0 * inertia.max() <= (1.0 + 1e-9) * inertia.sum()
+    )
 
 
 def _are_axes(axes: np.ndarray) -> bool:
@@ -44,7 +46,9 @@ class _Solid:
     def _check(self, **arrays: np.ndarray) -> None:
         """Check mass, moments and material; keep moments and further arrays as they were checked."""
         positive("mass_kg", self.mass_kg)
-        arrays["inertia_kg_m2"] = array("inertia_kg_m2", self.inertia_kg_m2, (3,), MOMENTS, _are_moments)
+        arrays["inertia_kg_m2"] = array(
+            "inertia_kg_m2", self.inertia_kg_m2, (3,), MOMENTS, _are_moments
+        )
         name_of("material", self.material)
         for name, values in arrays.items():
             object.__setattr__(self, name, values)
@@ -77,10 +81,21 @@ class Shape(_Solid):
     material: str
 
     def __post_init__(self) -> None:
-        self._check(semi_axes_m=array("semi_axes_m", self.semi_axes_m, (None, 3), SEMI_AXES, _are_axes, rows=True))
+        self._check(
+            semi_axes_m=array(
+                "semi_axes_m",
+                self.semi_axes_m,
+                (None, 3),
+                SEMI_AXES,
+                _are_axes,
+                rows=True,
+            )
+        )
 
     @classmethod
-    def ellipsoid(cls, semi_axes_m: ArrayLike, density_kg_m3: float, material: str) -> "Shape":
+    def ellipsoid(
+        cls, semi_axes_m: ArrayLike, density_kg_m3: float, material: str
+    ) -> "Shape":
         """Make a solid ellipsoid.
 
         Parameters
@@ -102,7 +117,13 @@ class Shape(_Solid):
         ValueError
             Naming the value that is out of range.
         """
-        axes = array("semi_axes_m", semi_axes_m, (3,), "three lengths above 0", lambda axes: np.all(axes > 0.0))
+        axes = array(
+            "semi_axes_m",
+            semi_axes_m,
+            (3,),
+            "three lengths above 0",
+            lambda axes: np.all(axes > 0.0),
+        )
         positive("density_kg_m3", density_kg_m3)
         a, b, c = axes.tolist()
         mass = density_kg_m3 * 4.0 / 3.0 * math.pi * a * b * c
@@ -163,7 +184,10 @@ class Shape(_Solid):
         ndarray (..., 3)
             The points [m].
         """
-        return n * ((1.0 / np.sqrt(np.square(n) @ np.square(self.semi_axes_m).T)) @ np.square(self.semi_axes_m))
+        return n * (
+            (1.0 / np.sqrt(np.square(n) @ np.square(self.semi_axes_m).T))
+            @ np.square(self.semi_axes_m)
+        )
 
     @property
     def bounding_radius_m(self) -> float:
@@ -206,7 +230,10 @@ class Shape(_Solid):
     def slide(self) -> float:
         """How far the point that touches a plane may slide over the body as it turns, over its displacement."""
         axes = self.semi_axes_m
-        return float(np.sum(axes.max(axis=1) ** 2 / axes.min(axis=1))) / self.bounding_radius_m
+        return (
+            float(np.sum(axes.max(axis=1) ** 2 / axes.min(axis=1)))
+            / self.bounding_radius_m
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,7 +270,11 @@ class Clump(_Solid):
     material: str
 
     def __post_init__(self) -> None:
-        self._check(spheres_m=array("spheres_m", self.spheres_m, (None, 4), SPHERE_ROWS, _are_spheres))
+        self._check(
+            spheres_m=array(
+                "spheres_m", self.spheres_m, (None, 4), SPHERE_ROWS, _are_spheres
+            )
+        )
 
     def support(self, n: np.ndarray) -> np.ndarray:
         """Compute the largest extents along unit vectors: the support function.
@@ -273,13 +304,17 @@ class Clump(_Solid):
         ndarray (..., 3)
             The points [m].
         """
-        farthest = np.argmax(n @ self.spheres_m[:, :3].T + self.spheres_m[:, 3], axis=-1)
+        farthest = np.argmax(
+            n @ self.spheres_m[:, :3].T + self.spheres_m[:, 3], axis=-1
+        )
         return self.spheres_m[farthest, :3] + self.spheres_m[farthest, 3, None] * n
 
     @property
     def bounding_radius_m(self) -> float:
         """Largest distance of a point from the centre of mass [m]."""
-        return float(np.max(np.linalg.norm(self.spheres_m[:, :3], axis=1) + self.spheres_m[:, 3]))
+        return float(
+            np.max(np.linalg.norm(self.spheres_m[:, :3], axis=1) + self.spheres_m[:, 3])
+        )
 
     @property
     def smallest_radius_m(self) -> float:
@@ -307,9 +342,18 @@ class Clump(_Solid):
         float
             The largest over all sides.
         """
-        extents = sphere_directions(DIRECTIONS) @ self.spheres_m[:, :3].T + self.spheres_m[:, 3]
-        deep = np.clip(extents - extents.max(axis=1, keepdims=True) + overlap_m, 0.0, None)
-        return float(np.sqrt(deep / overlap_m * self.spheres_m[:, 3] / self.flattest_radius_m).sum(axis=1).max())
+        extents = (
+            sphere_directions(DIRECTIONS) @ self.spheres_m[:, :3].T
+            + self.spheres_m[:, 3]
+        )
+        deep = np.clip(
+            extents - extents.max(axis=1, keepdims=True) + overlap_m, 0.0, None
+        )
+        return float(
+            np.sqrt(deep / overlap_m * self.spheres_m[:, 3] / self.flattest_radius_m)
+            .sum(axis=1)
+            .max()
+        )
 
     @property
     def half_extents_m(self) -> np.ndarray:
@@ -325,7 +369,9 @@ class Clump(_Solid):
 def are_clumps(shapes: Mapping[str, Shape | Clump]) -> bool:
     """Whether shapes are all clumps; ValueError if they are a mixture, or there is none."""
     if not shapes:
-        raise ValueError("shapes is empty; expected names, each with a Shape or Clump, at least one")
+        raise ValueError(
+            "shapes is empty; expected names, each with a Shape or Clump, at least one"
+        )
     of_clumps = isinstance(next(iter(shapes.values())), Clump)
     if any(isinstance(shape, Clump) != of_clumps for shape in shapes.values()):
         raise ValueError(
@@ -337,7 +383,9 @@ def are_clumps(shapes: Mapping[str, Shape | Clump]) -> bool:
 
 def most_spheres(shapes: Iterable[Shape | Clump]) -> int:
     """Count the spheres of the largest clump; 0 for smooth bodies."""
-    return max(len(shape.spheres_m) if isinstance(shape, Clump) else 0 for shape in shapes)
+    return max(
+        len(shape.spheres_m) if isinstance(shape, Clump) else 0 for shape in shapes
+    )
 
 
 def parts_of(shapes: Iterable[Shape | Clump]) -> int:

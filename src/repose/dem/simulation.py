@@ -11,7 +11,15 @@ from numpy.typing import ArrayLike
 
 from . import contact_lists, time_steps
 from .body_rows import Body, write_body
-from .checks import chosen, direction, not_negative, number, positive, vector, whole_number
+from .checks import (
+    chosen,
+    direction,
+    not_negative,
+    number,
+    positive,
+    vector,
+    whole_number,
+)
 from .io import checkpoint as checkpoints
 from .io.progress import display
 from .kernels import parallel
@@ -110,17 +118,26 @@ class Simulation(Observables):
 
     def _resists_against_space(self) -> bool:
         """Whether a wall turns while the frame of the rolling resistance does not."""
-        if not (self.walls.approach[st.WALLS_MOVE] > 0.0 and self.walls.motion[:, 3:6].any()):
+        if not (
+            self.walls.approach[st.WALLS_MOVE] > 0.0 and self.walls.motion[:, 3:6].any()
+        ):
             return False
-        in_space = self.rolling_law is ROLLING_LAWS["budget"] and not self.physics.rolling_frame.any()
-        return in_space and any(pair.rolling_friction > 0.0 for pair in self.contact_pairs.values())
+        in_space = (
+            self.rolling_law is ROLLING_LAWS["budget"]
+            and not self.physics.rolling_frame.any()
+        )
+        return in_space and any(
+            pair.rolling_friction > 0.0 for pair in self.contact_pairs.values()
+        )
 
     @property
     def rolling_frame_rad_s(self) -> np.ndarray:
         """Angular velocity of the frame against which rolling is resisted, a view (3,); zero unless set [rad/s]."""
         return self.physics.rolling_frame
 
-    def longest_time_step(self, speed_m_s: float = time_steps.FASTEST_IMPACT_M_S) -> float:
+    def longest_time_step(
+        self, speed_m_s: float = time_steps.FASTEST_IMPACT_M_S
+    ) -> float:
         """Compute the longest time step for bodies of scale 1; it goes with the scale; see `repose.dem.time_steps`.
 
         An eighth of the shortest head-on impact of two bodies, or less where one pressed from both sides is unstable.
@@ -139,7 +156,9 @@ class Simulation(Observables):
         -----
         The contact law has the duration; Hertz's is 2.868 (m*^2 / (R* E*^2 v))^0.2 (Johnson 1985, Eq. 11.24).
         """
-        return time_steps.longest(self.scene, positive("speed_m_s", speed_m_s)).time_step_s
+        return time_steps.longest(
+            self.scene, positive("speed_m_s", speed_m_s)
+        ).time_step_s
 
     def add(
         self,
@@ -182,8 +201,14 @@ class Simulation(Observables):
         least, most = self._smallest_scales[shape], self.largest_scale
         allowed = f"at least {least:.3g}, or time_step_s is too long, at most largest_scale, {most:g}"
         number("scale", scale, allowed, lambda scale: least <= scale <= most)
-        place, turn = vector("position_m", position_m), direction("quaternion", quaternion, 4)
-        velocity, spin = vector("velocity_m_s", velocity_m_s), vector("angular_velocity_rad_s", angular_velocity_rad_s)
+        place, turn = (
+            vector("position_m", position_m),
+            direction("quaternion", quaternion, 4),
+        )
+        velocity, spin = (
+            vector("velocity_m_s", velocity_m_s),
+            vector("angular_velocity_rad_s", angular_velocity_rad_s),
+        )
         body = Body(kind, place, turn, velocity, spin, scale)
         write_body(self.bodies, i, body, self.physics.parts, self._body_tiles[0])
         self._shape_ids[i] = list(self.shapes).index(shape)
@@ -214,10 +239,17 @@ class Simulation(Observables):
         ValueError
             If there is no such body.
         """
-        number("body", body, f"an index below {self.n_bodies}", lambda k: 0 <= k < self.n_bodies and k == int(k))
+        number(
+            "body",
+            body,
+            f"an index below {self.n_bodies}",
+            lambda k: 0 <= k < self.n_bodies and k == int(k),
+        )
         inner = self._inner[body] if self._shared else body
         row = self.bodies.rows[inner]
-        row[st.VELOCITY : st.VELOCITY + 3] = row[st.ANGULAR_VELOCITY : st.ANGULAR_VELOCITY + 3] = 0.0
+        row[st.VELOCITY : st.VELOCITY + 3] = row[
+            st.ANGULAR_VELOCITY : st.ANGULAR_VELOCITY + 3
+        ] = 0.0
         row[st.INVERSE_MASS] = 0.0
         lanes = self.bodies.motion[inner // st.LANES, inner % st.LANES :: st.LANES]
         for rows in (st.INVERSE_MOMENTS, st.ANGULAR_MOMENTUM):
@@ -244,7 +276,9 @@ class Simulation(Observables):
         while left > 0:
             left -= self._advance(left)
             if self.counts[st.FULL]:
-                raise RuntimeError("a contact list overflowed within one step; bodies overlap wildly")
+                raise RuntimeError(
+                    "a contact list overflowed within one step; bodies overlap wildly"
+                )
             if left > 0:
                 self._grow()
 
@@ -270,20 +304,38 @@ class Simulation(Observables):
     def _renumber(self) -> None:
         """Give the bodies numbers in spatial order; for users they keep their numbers."""
         n = self.n_bodies
-        order = reorder(self.bodies, self.grid, self.pairs, self.flat, self.curved, self.meshed, self.counts)
+        order = reorder(
+            self.bodies,
+            self.grid,
+            self.pairs,
+            self.flat,
+            self.curved,
+            self.meshed,
+            self.counts,
+        )
         self._outer[:n] = self._outer[:n][order]
         self._inner[self._outer[:n]] = np.arange(n)
 
     def _grow(self) -> None:
         """Double the lists that are filling up; each in one move, since an interrupt could leave half a list."""
         counts, capacity = self.counts, self.capacity
-        self.pairs = contact_lists.grown_pairs(self.pairs, counts, capacity, self._most_spheres, self._n_state)
-        self.flat = contact_lists.grown_wall_contacts(self.flat, counts[st.N_PLANE], capacity)
-        self.curved = contact_lists.grown_wall_contacts(self.curved, counts[st.N_CURVED], capacity)
-        meshed = contact_lists.grown_wall_contacts(self.meshed, counts[st.N_MESHED], capacity)
+        self.pairs = contact_lists.grown_pairs(
+            self.pairs, counts, capacity, self._most_spheres, self._n_state
+        )
+        self.flat = contact_lists.grown_wall_contacts(
+            self.flat, counts[st.N_PLANE], capacity
+        )
+        self.curved = contact_lists.grown_wall_contacts(
+            self.curved, counts[st.N_CURVED], capacity
+        )
+        meshed = contact_lists.grown_wall_contacts(
+            self.meshed, counts[st.N_MESHED], capacity
+        )
         if self._of_clumps:
             more = len(meshed.body) - len(self.clumps.mesh_sphere)
-            self.clumps = self.clumps._replace(mesh_sphere=np.pad(self.clumps.mesh_sphere, (0, more)))
+            self.clumps = self.clumps._replace(
+                mesh_sphere=np.pad(self.clumps.mesh_sphere, (0, more))
+            )
         self.meshed = meshed
 
     def run(
@@ -291,7 +343,9 @@ class Simulation(Observables):
         seconds: float,
         progress: Callable[[float], Any] | bool | None = None,
         *,
-        record: Callable[["Simulation"], Any] | Sequence[Callable[["Simulation"], Any]] | None = None,
+        record: Callable[["Simulation"], Any]
+        | Sequence[Callable[["Simulation"], Any]]
+        | None = None,
         record_every_s: float | None = None,
         checkpoint: str | os.PathLike | None = None,
         every_s: float = 600.0,
@@ -391,16 +445,26 @@ class Simulation(Observables):
 
 def _recorders(record: Any) -> list[Callable[[Simulation], Any]]:
     """Return the argument `record` of `Simulation.run` as a list."""
-    recorders = [] if record is None else list(record) if isinstance(record, list | tuple) else [record]
+    recorders = (
+        []
+        if record is None
+        else list(record)
+        if isinstance(record, list | tuple)
+        else [record]
+    )
     if not all(callable(recorder) for recorder in recorders):
-        raise ValueError(f"record is {record!r}; expected a function of the simulation, or a list of them")
+        raise ValueError(
+            f"record is {record!r}; expected a function of the simulation, or a list of them"
+        )
     return recorders
 
 
 def _steps_between(record_every_s: float | None, dt: float) -> int:
     """Count the steps between two records."""
     if record_every_s is None:
-        raise ValueError("record_every_s is None; expected above 0 where there is something to record")
+        raise ValueError(
+            "record_every_s is None; expected above 0 where there is something to record"
+        )
     return max(1, round(positive("record_every_s", record_every_s) / dt))
 
 

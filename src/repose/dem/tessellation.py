@@ -14,18 +14,28 @@ SECTORS = 48  # of a full turn of a wall
 TUBE_SECTORS = 24  # of a full turn about a rounded edge
 
 
-def tessellate(body: Any, rings: int = 18, sectors: int = 36) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def tessellate(
+    body: Any, rings: int = 18, sectors: int = 36
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Points [m] (V, 3), unit normals (V, 3) and triangles (T, 3) of a surface, anticlockwise seen from outside.
 
     The grid has latitudes and longitudes about the body's first axis; V and T are the same for all bodies. A body is
     any object with `support` and `support_point`. Of a clump only the surface that is visible from its centre of mass
     is made.
     """
-    latitudes, longitudes = np.linspace(0, math.pi, rings + 1), np.linspace(0, 2 * math.pi, sectors, endpoint=False)
+    latitudes, longitudes = (
+        np.linspace(0, math.pi, rings + 1),
+        np.linspace(0, 2 * math.pi, sectors, endpoint=False),
+    )
     polar, turn = np.meshgrid(latitudes, longitudes, indexing="ij")
-    sphere = np.stack([np.cos(polar), np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn)], axis=-1)
+    sphere = np.stack(
+        [np.cos(polar), np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn)],
+        axis=-1,
+    )
     # Normals are spread evenly over the surface and not over the directions, so a slim body has well resolved tips.
-    normals = (sphere / np.array([body.support(axis) for axis in np.eye(3)])).reshape(-1, 3)
+    normals = (sphere / np.array([body.support(axis) for axis in np.eye(3)])).reshape(
+        -1, 3
+    )
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     if isinstance(body, Clump):
         return *_seen_from_inside(body, normals), _grid_triangles(rings, sectors)
@@ -41,19 +51,35 @@ def _seen_from_inside(clump: Clump, rays: np.ndarray) -> tuple[np.ndarray, np.nd
     farthest = np.argmax(reach, axis=1)
     distance = np.maximum(reach[np.arange(len(rays)), farthest], 0.0)
     points = distance[:, None] * rays
-    return points, np.where(distance[:, None] > 0.0, (points - centres[farthest]) / radii[farthest, None], rays)
+    return points, np.where(
+        distance[:, None] > 0.0,
+        (points - centres[farthest]) / radii[farthest, None],
+        rays,
+    )
 
 
 def _grid_triangles(rows: int, columns: int) -> np.ndarray:
     """Triangulate a grid of points (rows + 1, columns) that closes on itself along its rows."""
-    here, there = np.meshgrid(np.arange(rows) * columns, np.arange(columns), indexing="ij")
+    here, there = np.meshgrid(
+        np.arange(rows) * columns, np.arange(columns), indexing="ij"
+    )
     after = (there + 1) % columns
-    a, b, c, d = here + there, here + after, here + columns + there, here + columns + after
-    return np.concatenate([np.stack([a, c, b], -1).reshape(-1, 3), np.stack([b, c, d], -1).reshape(-1, 3)])
+    a, b, c, d = (
+        here + there,
+        here + after,
+        here + columns + there,
+        here + columns + after,
+    )
+    return np.concatenate(
+        [np.stack([a, c, b], -1).reshape(-1, 3), np.stack([b, c, d], -1).reshape(-1, 3)]
+    )
 
 
 def plane_polygon(
-    plane: np.ndarray, lower: np.ndarray, upper: np.ndarray, others: Sequence[np.ndarray] | np.ndarray = ()
+    plane: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    others: Sequence[np.ndarray] | np.ndarray = (),
 ) -> np.ndarray:
     """Corners (M, 3) [m] of the visible part of a plane, anticlockwise seen from the bodies.
 
@@ -66,21 +92,33 @@ def plane_polygon(
     w = np.cross(inwards, u)
     if math.isfinite(radius):
         around = 2.0 * math.pi * np.arange(SECTORS) / SECTORS
-        return point + radius * (np.cos(around)[:, None] * u + np.sin(around)[:, None] * w)
+        return point + radius * (
+            np.cos(around)[:, None] * u + np.sin(around)[:, None] * w
+        )
     size = np.linalg.norm(upper - lower)
     centre = 0.5 * (lower + upper)
     middle = centre + ((point - centre) @ inwards) * inwards
-    square = np.array([middle + size * (a * u + b * w) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
+    square = np.array(
+        [
+            middle + size * (a * u + b * w)
+            for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+        ]
+    )
     # a plane that misses the box by no more than the thickness of a wall is shown
     slack = 0.02 * size
-    sides = [(n, n @ corner + slack * (abs(n @ inwards) > 0.999)) for n, corner in _box_sides(lower, upper)]
+    sides = [
+        (n, n @ corner + slack * (abs(n @ inwards) > 0.999))
+        for n, corner in _box_sides(lower, upper)
+    ]
     sides += [(other[3:6], other[3:6] @ other[:3]) for other in others]
     for normal, offset in sides:
         square = _clipped(square, normal, offset)
     return square
 
 
-def _box_sides(lower: np.ndarray, upper: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+def _box_sides(
+    lower: np.ndarray, upper: np.ndarray
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield the outward normals of a box, each with a corner on its side."""
     for axis in np.eye(3):
         yield axis, upper
@@ -91,7 +129,9 @@ def _clipped(polygon: np.ndarray, normal: np.ndarray, offset: float) -> np.ndarr
     """Cut a convex polygon (M, 3) to normal.x at most an offset (Sutherland and Hodgman 1974)."""
     beyond = polygon @ normal - offset
     corners = []
-    for here, there, a, b in zip(polygon, np.roll(polygon, -1, 0), beyond, np.roll(beyond, -1), strict=True):
+    for here, there, a, b in zip(
+        polygon, np.roll(polygon, -1, 0), beyond, np.roll(beyond, -1), strict=True
+    ):
         if a <= 0.0:
             corners.append(here)
         if a * b < 0.0:
@@ -114,29 +154,42 @@ def visible_polygon(simulation: Any, k: int) -> np.ndarray:
 def cone_circles(line: Sequence[float] | np.ndarray) -> np.ndarray:
     """Radius and height [m] of the circles at both ends of a cone with this line, in its own frame (2, 2)."""
     m_r, m_z, offset, first, last, e_r, e_z = line
-    return np.array([[m_r * offset + e_r * s, m_z * offset + e_z * s] for s in (first, last)])
+    return np.array(
+        [[m_r * offset + e_r * s, m_z * offset + e_z * s] for s in (first, last)]
+    )
 
 
 def _revolved(profile: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Turn a profile (M, 2) of radius and height about the axis: points, and triangles that face inwards."""
     around = 2.0 * math.pi * np.arange(SECTORS) / SECTORS
     r, z = profile[:, 0, None], profile[:, 1, None]
-    points = np.stack(np.broadcast_arrays(r * np.cos(around), r * np.sin(around), z), axis=-1)
+    points = np.stack(
+        np.broadcast_arrays(r * np.cos(around), r * np.sin(around), z), axis=-1
+    )
     return points.reshape(-1, 3), _grid_triangles(len(profile) - 1, SECTORS)
 
 
 def _edge_profile(ring: RingEdge) -> np.ndarray:
     """Compute radius and height (M, 2) of the part of a `RingEdge` that bodies can touch, in its own frame [m]."""
-    angle = 2.0 * math.pi * (np.arange(TUBE_SECTORS + 1) - 0.5 * TUBE_SECTORS) / TUBE_SECTORS
+    angle = (
+        2.0
+        * math.pi
+        * (np.arange(TUBE_SECTORS + 1) - 0.5 * TUBE_SECTORS)
+        / TUBE_SECTORS
+    )
     open_to = np.ones(TUBE_SECTORS, bool)
     middle = 0.5 * (angle[1:] + angle[:-1])
     for g_r, g_z in ring.gates:
         # the contact normal runs from the body into the edge, against the outward one
         open_to &= -(np.cos(middle) * g_r + np.sin(middle) * g_z) >= -1e-12
     first = int(np.argmax(open_to & ~np.roll(open_to, 1)))
-    turn = angle[first] + 2.0 * math.pi * np.arange(int(open_to.sum()) + 1) / TUBE_SECTORS
+    turn = (
+        angle[first] + 2.0 * math.pi * np.arange(int(open_to.sum()) + 1) / TUBE_SECTORS
+    )
     edge = ring.edge_radius_m
-    return np.column_stack([ring.radius_m + edge * np.cos(turn), ring.height_m + edge * np.sin(turn)])
+    return np.column_stack(
+        [ring.radius_m + edge * np.cos(turn), ring.height_m + edge * np.sin(turn)]
+    )
 
 
 def in_world(frame: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -158,17 +211,25 @@ def triangulated_walls(simulation: Any) -> dict[str, tuple[np.ndarray, np.ndarra
             corner = np.arange(1, max(len(points) - 1, 1))
             triangles = np.column_stack([np.zeros_like(corner), corner, corner + 1])
         elif isinstance(surface, Cone | RingEdge):
-            profile = cone_circles(surface.line) if isinstance(surface, Cone) else _edge_profile(surface)[::-1]
+            profile = (
+                cone_circles(surface.line)
+                if isinstance(surface, Cone)
+                else _edge_profile(surface)[::-1]
+            )
             points, triangles = _revolved(profile)
             points = in_world(simulation.walls.frames[k - len(planes)], points)
         else:
-            points = in_world(simulation.walls.frames[k - len(planes)], surface.vertices_m)
+            points = in_world(
+                simulation.walls.frames[k - len(planes)], surface.vertices_m
+            )
             triangles = surface.faces
         found[name] = points, triangles
     return found
 
 
-def _all_spheres(clump: Clump, rings: int, sectors: int) -> tuple[np.ndarray, np.ndarray]:
+def _all_spheres(
+    clump: Clump, rings: int, sectors: int
+) -> tuple[np.ndarray, np.ndarray]:
     """Triangulate every sphere of a clump: points (V, 3) m, triangles (T, 3)."""
     unit = Clump(np.array([[0.0, 0.0, 0.0, 1.0]]), 1.0, np.ones(3), "any")
     ball, _normals, triangles = tessellate(unit, rings, sectors)
@@ -187,18 +248,26 @@ def triangulated_bodies(
     here = np.flatnonzero(simulation.present)
     turn = rotation_matrices(simulation.quaternions[here])
     made = [
-        _all_spheres(shape, rings, sectors) if isinstance(shape, Clump) else tessellate(shape, rings, sectors)[::2]
+        _all_spheres(shape, rings, sectors)
+        if isinstance(shape, Clump)
+        else tessellate(shape, rings, sectors)[::2]
         for shape in simulation.shapes.values()
     ]
     surfaces = []
     for k, i in enumerate(here):
         corners, faces = made[simulation.shape_ids[i]]
-        surfaces.append((simulation.positions[i] + simulation.scales[i] * corners @ turn[k].T, faces))
+        surfaces.append(
+            (
+                simulation.positions[i] + simulation.scales[i] * corners @ turn[k].T,
+                faces,
+            )
+        )
     return joined(surfaces, here)
 
 
 def joined(
-    surfaces: Iterable[tuple[np.ndarray, np.ndarray]], numbers: Sequence[int] | np.ndarray
+    surfaces: Iterable[tuple[np.ndarray, np.ndarray]],
+    numbers: Sequence[int] | np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Join surfaces of points (V, 3) and triangles (T, 3); returns the number of its surface for each triangle, too."""
     points, triangles, n = [np.zeros((0, 3))], [np.zeros((0, 3), int)], 0

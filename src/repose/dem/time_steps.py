@@ -26,7 +26,9 @@ class Limit(NamedTuple):
     def allowed(self) -> str:
         """The limit in words, rounded down so that the printed number is allowed."""
         unit = 10.0 ** (math.floor(math.log10(self.time_step_s)) - 2)
-        return f"at most {math.floor(self.time_step_s / unit) * unit:.3g}, {self.reason}"
+        return (
+            f"at most {math.floor(self.time_step_s / unit) * unit:.3g}, {self.reason}"
+        )
 
 
 class Scene(NamedTuple):
@@ -40,11 +42,15 @@ class Scene(NamedTuple):
     walls: frozenset[str]  # their materials
 
 
-def longest(scene: Scene, speed_m_s: float = FASTEST_IMPACT_M_S, smallest_scale: float = 1.0) -> Limit:
+def longest(
+    scene: Scene, speed_m_s: float = FASTEST_IMPACT_M_S, smallest_scale: float = 1.0
+) -> Limit:
     """Compute the longest time step among walls: the least of `impact` and `pressed`, times the smallest scale."""
     kinds = list(scene.shapes.values())
     impacts = [impact(scene, a, b, speed_m_s) for a in kinds for b in kinds]
-    limit = min(impacts + [limit for kind in kinds for limit in _pressed_by_all(scene, kind)])
+    limit = min(
+        impacts + [limit for kind in kinds for limit in _pressed_by_all(scene, kind)]
+    )
     if smallest_scale == 1.0:
         return limit
     reason = f"{limit.reason}, at the smallest scale, {smallest_scale:.3g}"
@@ -53,8 +59,14 @@ def longest(scene: Scene, speed_m_s: float = FASTEST_IMPACT_M_S, smallest_scale:
 
 def smallest_scales(scene: Scene, time_step_s: float) -> dict[str, float]:
     """Compute the smallest scale of each shape for a time step, rounded down so that the limit itself is accepted."""
-    limits = {name: longest(scene._replace(shapes={name: shape})) for name, shape in scene.shapes.items()}
-    return {name: (1.0 - 1e-12) * (time_step_s / limit.time_step_s) for name, limit in limits.items()}
+    limits = {
+        name: longest(scene._replace(shapes={name: shape}))
+        for name, shape in scene.shapes.items()
+    }
+    return {
+        name: (1.0 - 1e-12) * (time_step_s / limit.time_step_s)
+        for name, limit in limits.items()
+    }
 
 
 def impact(scene: Scene, a: Shape | Clump, b: Shape | Clump, speed_m_s: float) -> Limit:
@@ -65,7 +77,11 @@ def impact(scene: Scene, a: Shape | Clump, b: Shape | Clump, speed_m_s: float) -
 
 
 def pressed(
-    scene: Scene, shape: Shape | Clump, other: str, of_body: bool = False, overlap_m: float | None = None
+    scene: Scene,
+    shape: Shape | Clump,
+    other: str,
+    of_body: bool = False,
+    overlap_m: float | None = None,
 ) -> Limit:
     """Compute the longest time step with which a body between two plates that press it is stable.
 
@@ -82,12 +98,16 @@ def pressed(
     radius, mass = shape.flattest_radius_m / shared, shape.mass_kg / shared
     thickness = float(shape.half_extents_m.min())
     if overlap_m is None:
-        meeting = _duration(scene, shape, shape, FASTEST_IMPACT_M_S) * FASTEST_IMPACT_M_S
+        meeting = (
+            _duration(scene, shape, shape, FASTEST_IMPACT_M_S) * FASTEST_IMPACT_M_S
+        )
         overlap_m = min(PRESSED * thickness, meeting / DURATION_OVER_OVERLAP)
     a, b = scene.materials[shape.material], scene.materials[other]
     contact = scene.contacts[shape.material, other]
     assert scene.law.oscillator is not None
-    stiffness, ratio = scene.law.oscillator(a, b, contact, scene.tension, radius, overlap_m)
+    stiffness, ratio = scene.law.oscillator(
+        a, b, contact, scene.tension, radius, overlap_m
+    )
     number = shape.acting_together(overlap_m)
     frequency = math.sqrt(2.0 * number * stiffness / mass)
     z = math.sqrt(2.0) * ratio
@@ -103,10 +123,14 @@ def _pressed_by_all(scene: Scene, shape: Shape | Clump) -> Iterator[Limit]:
         yield pressed(scene, shape, material, of_body=True)
 
 
-def _duration(scene: Scene, a: Shape | Clump, b: Shape | Clump, speed_m_s: float) -> float:
+def _duration(
+    scene: Scene, a: Shape | Clump, b: Shape | Clump, speed_m_s: float
+) -> float:
     """Compute the duration of a head-on impact of two shapes [s]."""
     mass = 1.0 / (1.0 / a.mass_kg + 1.0 / b.mass_kg)
     radius = 1.0 / (1.0 / a.smallest_radius_m + 1.0 / b.smallest_radius_m)
     materials = scene.materials[a.material], scene.materials[b.material]
     assert scene.law.contact_time is not None
-    return scene.law.contact_time(*materials, scene.contacts[a.material, b.material], mass, radius, speed_m_s)
+    return scene.law.contact_time(
+        *materials, scene.contacts[a.material, b.material], mass, radius, speed_m_s
+    )

@@ -8,7 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from .checks import array, direction, mapping, name_of, not_negative, number, positive, vector
+from .checks import (
+    array,
+    direction,
+    mapping,
+    name_of,
+    not_negative,
+    number,
+    positive,
+    vector,
+)
 from .errors import InputError
 from .kernels import state as st
 from .kernels.features import split
@@ -47,7 +56,9 @@ class Motion:
 
     def row(self) -> np.ndarray:
         """Return velocity, angular velocity and pivot for the kernels (9,)."""
-        return np.concatenate([vector(field.name, getattr(self, field.name)) for field in fields(self)])
+        return np.concatenate(
+            [vector(field.name, getattr(self, field.name)) for field in fields(self)]
+        )
 
 
 STILL = Motion()
@@ -97,7 +108,13 @@ class Plane:
         """Return the plane for the kernels, in which its normal points into the wall."""
         if self.radius_m != math.inf:
             positive("radius_m", self.radius_m)
-        return np.concatenate([vector("point_m", self.point_m), -direction("normal", self.normal), [self.radius_m]])
+        return np.concatenate(
+            [
+                vector("point_m", self.point_m),
+                -direction("normal", self.normal),
+                [self.radius_m],
+            ]
+        )
 
 
 @dataclass(frozen=True)
@@ -135,7 +152,10 @@ class Cone:
     def __post_init__(self) -> None:
         _check_common(self)
         m_r, m_z, _offset, first, last, e_r, e_z = vector("line", self.line, 7)
-        if max(abs(math.hypot(m_r, m_z) - 1.0), abs(math.hypot(e_r, e_z) - 1.0)) > 1e-6 or not first < last:
+        if (
+            max(abs(math.hypot(m_r, m_z) - 1.0), abs(math.hypot(e_r, e_z) - 1.0)) > 1e-6
+            or not first < last
+        ):
             allowed = "unit vectors (m_r, m_z) and (e_r, e_z), first below last place"
             raise ValueError(f"line is {self.line!r}; expected {allowed}")
         frame_of(self)
@@ -183,10 +203,20 @@ class Cone:
         not_negative("base_radius_m", base_radius_m)
         not_negative("top_radius_m", top_radius_m)
         if base_radius_m == top_radius_m == 0.0:
-            raise ValueError("base_radius_m and top_radius_m are 0; expected at most one of them")
+            raise ValueError(
+                "base_radius_m and top_radius_m are 0; expected at most one of them"
+            )
         length = math.hypot(height, top_radius_m - base_radius_m)
         e_r, e_z = (top_radius_m - base_radius_m) / length, height / length
-        line = (e_z, -e_r, e_z * base_radius_m, e_r * base_radius_m, e_r * top_radius_m + e_z * height, e_r, e_z)
+        line = (
+            e_z,
+            -e_r,
+            e_z * base_radius_m,
+            e_r * base_radius_m,
+            e_r * top_radius_m + e_z * height,
+            e_r,
+            e_z,
+        )
         return cls(line, material, base_m, axis, motion)
 
     def row(self) -> np.ndarray:
@@ -195,7 +225,12 @@ class Cone:
 
 
 def Cylinder(
-    base_m: Vector, axis: Vector, height_m: float, radius_m: float, material: str, motion: Motion = STILL
+    base_m: Vector,
+    axis: Vector,
+    height_m: float,
+    radius_m: float,
+    material: str,
+    motion: Motion = STILL,
 ) -> Cone:
     """Make the inside of a cylinder.
 
@@ -270,14 +305,28 @@ class RingEdge:
     def __post_init__(self) -> None:
         _check_common(self)
         edge = positive("edge_radius_m", self.edge_radius_m)
-        number("radius_m", self.radius_m, f"above edge_radius_m, {edge}", lambda radius: radius > edge)
+        number(
+            "radius_m",
+            self.radius_m,
+            f"above edge_radius_m, {edge}",
+            lambda radius: radius > edge,
+        )
         number("height_m", self.height_m, "a finite number", lambda _height: True)
         array("gates", self.gates, (2, 2), "two directions of two finite numbers")
         frame_of(self)
 
     def row(self) -> np.ndarray:
         """Return the ring for the kernels, in its own frame."""
-        return np.array([self.radius_m, self.height_m, self.edge_radius_m, *self.gates[0], *self.gates[1]], float)
+        return np.array(
+            [
+                self.radius_m,
+                self.height_m,
+                self.edge_radius_m,
+                *self.gates[0],
+                *self.gates[1],
+            ],
+            float,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -321,21 +370,36 @@ class Mesh:
 
     def __post_init__(self) -> None:
         _check_common(self)
-        vertices = array("vertices_m", self.vertices_m, (None, 3), "(V, 3) finite numbers")
+        vertices = array(
+            "vertices_m", self.vertices_m, (None, 3), "(V, 3) finite numbers"
+        )
         edge = positive("edge_radius_m", self.edge_radius_m)
         faces = np.asarray(self.faces)
-        if faces.ndim != 2 or faces.shape[1] != 3 or not len(faces) or faces.dtype.kind not in "iu":
-            raise ValueError(f"faces is {self.faces!r}; expected (F, 3) whole numbers, at least one triangle")
+        if (
+            faces.ndim != 2
+            or faces.shape[1] != 3
+            or not len(faces)
+            or faces.dtype.kind not in "iu"
+        ):
+            raise ValueError(
+                f"faces is {self.faces!r}; expected (F, 3) whole numbers, at least one triangle"
+            )
         if faces.min() < 0 or faces.max() >= len(vertices):
             last = len(vertices) - 1
-            raise ValueError(f"faces has {faces.min()} to {faces.max()}; expected 0 to {last}, rows of vertices_m")
+            raise ValueError(
+                f"faces has {faces.min()} to {faces.max()}; expected 0 to {last}, rows of vertices_m"
+            )
         corners = vertices[faces]
         sides = corners[:, 1:] - corners[:, :1]
         thin = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
-        thin = np.flatnonzero(thin <= 1e-12 * np.max(np.sum(np.ptp(vertices, axis=0) ** 2)))
+        thin = np.flatnonzero(
+            thin <= 1e-12 * np.max(np.sum(np.ptp(vertices, axis=0) ** 2))
+        )
         if len(thin):
             flat = faces[thin[0]].tolist()
-            raise ValueError(f"faces has {flat}, a triangle without area; expected triangles with an area")
+            raise ValueError(
+                f"faces has {flat}, a triangle without area; expected triangles with an area"
+            )
         object.__setattr__(self, "vertices_m", vertices)
         object.__setattr__(self, "faces", faces.astype(np.int64))
         object.__setattr__(self, "part", split(vertices, self.faces, edge))
@@ -381,14 +445,24 @@ class Mesh:
             source: Any = path
             mesh: Any = trimesh.load(source, force="mesh")
         except Exception as error:  # trimesh's readers raise whatever their parsers do
-            raise InputError(path, "file", str(error), "a mesh that trimesh can read, such as an STL") from None
+            raise InputError(
+                path, "file", str(error), "a mesh that trimesh can read, such as an STL"
+            ) from None
         if not len(mesh.faces):
             raise InputError(path, "triangles", 0, "at least one")
         mesh.merge_vertices()
         # corners that fall together when merged leave lines, which are no triangles
-        mesh.update_faces(np.array([len(set(face)) == 3 for face in mesh.faces.tolist()]))
+        mesh.update_faces(
+            np.array([len(set(face)) == 3 for face in mesh.faces.tolist()])
+        )
         try:
-            return cls(scale * mesh.vertices, np.array(mesh.faces), material, edge_radius_m, motion)
+            return cls(
+                scale * mesh.vertices,
+                np.array(mesh.faces),
+                material,
+                edge_radius_m,
+                motion,
+            )
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
 
@@ -415,32 +489,53 @@ class WallSet:
 
     def __post_init__(self) -> None:
         kinds = (Plane, Cone, RingEdge, Mesh)
-        self.surfaces = mapping("walls", self.surfaces, kinds, "Plane, Cone, Cylinder, RingEdge or Mesh")
-        self.names = [n for kind in kinds for n, surface in self.surfaces.items() if isinstance(surface, kind)]
+        self.surfaces = mapping(
+            "walls", self.surfaces, kinds, "Plane, Cone, Cylinder, RingEdge or Mesh"
+        )
+        self.names = [
+            n
+            for kind in kinds
+            for n, surface in self.surfaces.items()
+            if isinstance(surface, kind)
+        ]
 
     def of(self, kind: type) -> list:
         """List the walls of a class, in order."""
-        return [self.surfaces[n] for n in self.names if isinstance(self.surfaces[n], kind)]
+        return [
+            self.surfaces[n] for n in self.names if isinstance(self.surfaces[n], kind)
+        ]
 
     def with_motion(self, name: str, motion: Motion) -> "WallSet":
         """Return the same walls, one of them with another motion; ValueError if no wall has this name."""
         if name not in self.surfaces:
-            raise ValueError(f"wall is {name!r}; expected {', '.join(self.names) or 'none, there are no walls'}")
-        return WallSet({**self.surfaces, name: replace(self.surfaces[name], motion=motion)})
+            raise ValueError(
+                f"wall is {name!r}; expected {', '.join(self.names) or 'none, there are no walls'}"
+            )
+        return WallSet(
+            {**self.surfaces, name: replace(self.surfaces[name], motion=motion)}
+        )
 
 
 def wall_arrays(
-    wall_set: Any, kinds: Mapping[str, int], size_m: float, old: st.Walls | None = None, changed: int = -1
+    wall_set: Any,
+    kinds: Mapping[str, int],
+    size_m: float,
+    old: st.Walls | None = None,
+    changed: int = -1,
 ) -> st.Walls:
     """Make the arrays of the walls for the kernels.
 
     `kinds` has the number of each material, `size_m` is the size of the box of the bodies. With `old`, arrays of the
     same walls, the places are taken from it, and the motions of all walls except number `changed`.
     """
-    planes, cones, rings, meshes = (wall_set.of(kind) for kind in (Plane, Cone, RingEdge, Mesh))
+    planes, cones, rings, meshes = (
+        wall_set.of(kind) for kind in (Plane, Cone, RingEdge, Mesh)
+    )
     surfaces = [*planes, *cones, *rings, *meshes]
     flat = np.array([wall.row() for wall in planes]).reshape(-1, st.PLANE_COLUMNS)
-    frames = np.array([frame_of(surface) for surface in (*cones, *rings, *meshes)]).reshape(-1, 12)
+    frames = np.array(
+        [frame_of(surface) for surface in (*cones, *rings, *meshes)]
+    ).reshape(-1, 12)
     motion = np.array([surface.motion.row() for surface in surfaces]).reshape(-1, 9)
     if old is not None:
         flat, frames = old.planes.copy(), old.frames.copy()
@@ -450,7 +545,10 @@ def wall_arrays(
     moves = np.any(motion[:, :6] != 0.0, axis=1)
     axes = [*flat[:, 3:6], *frames[:, 3:].reshape(-1, 3, 3)[:, :, 2]]
     places = [*flat[:, :3], *frames[:, :3]]
-    speeds = [_approach(*wall, size_m) for wall in zip(surfaces, axes, places, motion, strict=True)]
+    speeds = [
+        _approach(*wall, size_m)
+        for wall in zip(surfaces, axes, places, motion, strict=True)
+    ]
     displaced = np.any(frames != HOME, axis=1) | moves[len(planes) :]
     path = 0.0 if old is None else old.approach[st.WALL_PATH]
     return st.Walls(
@@ -458,7 +556,9 @@ def wall_arrays(
         cones=np.array([wall.row() for wall in cones]).reshape(-1, st.CONE_COLUMNS),
         rings=np.array([wall.row() for wall in rings]).reshape(-1, st.RING_COLUMNS),
         frames=frames,
-        displaced=(displaced if old is None else displaced | (old.displaced > 0)).astype(np.uint8),
+        displaced=(
+            displaced if old is None else displaced | (old.displaced > 0)
+        ).astype(np.uint8),
         motion=motion,
         moves=moves.astype(np.uint8),
         material=np.array([kinds[s.material] for s in surfaces], np.uint8),
@@ -467,7 +567,13 @@ def wall_arrays(
     )
 
 
-def _approach(surface: "Wall", axis: np.ndarray, place: np.ndarray, motion: np.ndarray, size_m: float) -> float:
+def _approach(
+    surface: "Wall",
+    axis: np.ndarray,
+    place: np.ndarray,
+    motion: np.ndarray,
+    size_m: float,
+) -> float:
     """Bound the speed of a wall's points towards a body from above [m/s]; 0 for a wall that turns about its own axis.
 
     axis, place: normal and middle of a plane, else axis and origin of the wall's present frame.
@@ -480,7 +586,9 @@ def _approach(surface: "Wall", axis: np.ndarray, place: np.ndarray, motion: np.n
     offset = place - pivot
     if isinstance(surface, Mesh):
         # vertices are in the mesh's frame: their distance from the pivot is at most reach plus offset
-        return speed + rate * float(np.linalg.norm(surface.vertices_m, axis=1).max() + np.linalg.norm(offset))
+        return speed + rate * float(
+            np.linalg.norm(surface.vertices_m, axis=1).max() + np.linalg.norm(offset)
+        )
     aligned = abs(abs(axis @ turning) - rate) < 1e-12 * rate
     if aligned and np.linalg.norm(offset - (offset @ axis) * axis) < 1e-9 * size_m:
         return speed

@@ -56,18 +56,29 @@ class World:
         self.capacity = whole_number("capacity", capacity, 1)
         self.largest_scale = positive("largest_scale", largest_scale)
         self.lower, self.upper = box(lower, upper)
-        self.radius = self.largest_scale * max(shape.bounding_radius_m for shape in self.shapes.values())
+        self.radius = self.largest_scale * max(
+            shape.bounding_radius_m for shape in self.shapes.values()
+        )
         self.wall_set = WallSet({} if walls is None else walls)
         self.contact_pairs = pairs_of(contacts, self.materials)
         of_walls = [surface.material for surface in self.wall_set.surfaces.values()]
-        self._numbers = number_materials(self.shapes, of_walls, self.materials, self.contact_pairs)
+        self._numbers = number_materials(
+            self.shapes, of_walls, self.materials, self.contact_pairs
+        )
         check_constants(self.contact_law, self._numbers, self.contact_pairs)
         self.scene = time_steps.Scene(
-            self.contact_law, tension, self.materials, self.contact_pairs, self.shapes, frozenset(of_walls)
+            self.contact_law,
+            tension,
+            self.materials,
+            self.contact_pairs,
+            self.shapes,
+            frozenset(of_walls),
         )
         limit = time_steps.longest(self.scene)
         steps = f"above 0, {limit.allowed}"
-        dt = number("time_step_s", time_step_s, steps, lambda dt: 0.0 < dt <= limit.time_step_s)
+        dt = number(
+            "time_step_s", time_step_s, steps, lambda dt: 0.0 < dt <= limit.time_step_s
+        )
         self._smallest_scales = time_steps.smallest_scales(self.scene, dt)
         parts = parts_of(self.shapes.values())
         self._make_arrays(parts)
@@ -92,7 +103,13 @@ class World:
         )
         self.threads = threads
 
-    def _choose_laws(self, contact_law: str, rolling_law: str, tension: str, friction_limit: str | None) -> None:
+    def _choose_laws(
+        self,
+        contact_law: str,
+        rolling_law: str,
+        tension: str,
+        friction_limit: str | None,
+    ) -> None:
         """Keep the force laws of these names and their options, or ValueError."""
         chosen("tension", tension, TENSIONS)
         if friction_limit is None:
@@ -107,24 +124,40 @@ class World:
         skin = SKIN_SHARE * self.radius
         self._shared = self.capacity >= parallel.FEWEST_BODIES and not self._of_clumps
         self._inner, self._outer = np.arange(self.capacity), np.arange(self.capacity)
-        self.bodies = st.new_bodies(self.capacity, parts, parallel.SHARES if self._shared else 1)
+        self.bodies = st.new_bodies(
+            self.capacity, parts, parallel.SHARES if self._shared else 1
+        )
         self._shape_ids = np.zeros(self.capacity, np.int32)
         self._scales = np.ones(self.capacity)
-        self.grid = st.new_grid(self.capacity, self.lower, self.upper, 2.0 * self.radius + skin)
+        self.grid = st.new_grid(
+            self.capacity, self.lower, self.upper, 2.0 * self.radius + skin
+        )
         self.grid.lengths[st.REACH :] = 2.0 * self.radius, skin
         self.walls = self._wall_arrays()
         surfaces = self.wall_set.of(Mesh)
         shapes = list(self.shapes.values())
         slide = max(shape.slide for shape in shapes)
-        self.meshes: Any = features.join([mesh.part for mesh in surfaces], slide) if surfaces else ()
-        n_walls = len(self.walls.planes), len(self.walls.cones) + len(self.walls.rings), len(surfaces)
+        self.meshes: Any = (
+            features.join([mesh.part for mesh in surfaces], slide) if surfaces else ()
+        )
+        n_walls = (
+            len(self.walls.planes),
+            len(self.walls.cones) + len(self.walls.rings),
+            len(surfaces),
+        )
         self._most_spheres = most_spheres(shapes)
-        self.pairs = contact_lists.new_pairs(self.capacity, self._most_spheres, self._n_state)
-        of_walls = contact_lists.new_wall_contacts(self.capacity, n_walls, self._of_clumps, self._n_state)
+        self.pairs = contact_lists.new_pairs(
+            self.capacity, self._most_spheres, self._n_state
+        )
+        of_walls = contact_lists.new_wall_contacts(
+            self.capacity, n_walls, self._of_clumps, self._n_state
+        )
         self.flat, self.curved, self.meshed = of_walls
         self.clumps: Any = ()
         if self._of_clumps:
-            self.clumps = cl.new_clumps(shapes, self._shape_ids, self._scales, len(self.meshed.body))
+            self.clumps = cl.new_clumps(
+                shapes, self._shape_ids, self._scales, len(self.meshed.body)
+            )
         self.counts = np.zeros(st.COUNTS, np.int64)
 
     @property
@@ -144,7 +177,9 @@ class World:
 
     @threads.setter
     def threads(self, threads: int) -> None:
-        if not (isinstance(threads, int | np.integer) and 1 <= threads <= parallel.SHARES):
+        if not (
+            isinstance(threads, int | np.integer) and 1 <= threads <= parallel.SHARES
+        ):
             raise ValueError(f"threads is {threads!r}; expected 1 to {parallel.SHARES}")
         rows = tl.LAW_ROW + self.contact_law.n_rows
         self._tiles = st.zeros(threads, rows * st.LANES)

@@ -17,7 +17,9 @@ COLUMNS = ("source", "sum_of_squares", "df", "mean_square", "f", "p")
 
 def pure_error(model: Model) -> tuple[float, int]:
     """Sum the squares, and count the degrees of freedom (0 if none), of runs that were repeated."""
-    _, place, counts = np.unique(np.round(model.coded, 9), axis=0, return_inverse=True, return_counts=True)
+    _, place, counts = np.unique(
+        np.round(model.coded, 9), axis=0, return_inverse=True, return_counts=True
+    )
     place = place.ravel()
     means = np.bincount(place, weights=model.response) / counts
     return float(((model.response - means[place]) ** 2).sum()), int((counts - 1).sum())
@@ -36,7 +38,10 @@ def anova(model: Model) -> pd.DataFrame:
     pure, df_pure = pure_error(model)
     if df_pure:
         lack, df_lack = residual - pure, df_residual - df_pure
-        rows += [_row("lack of fit", lack, df_lack, _mean(pure, df_pure), df_pure), _row("pure error", pure, df_pure)]
+        rows += [
+            _row("lack of fit", lack, df_lack, _mean(pure, df_pure), df_pure),
+            _row("pure error", pure, df_pure),
+        ]
     rows.append(_row("total", total, len(model.response) - 1))
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
@@ -52,7 +57,9 @@ def statistics(model: Model) -> dict[str, float]:
     sigma = math.sqrt(model.variance)
     leverage = np.einsum("ij,jk,ik->i", model.matrix, model.inverse, model.matrix)
     with np.errstate(divide="ignore", invalid="ignore"):
-        press = float(((model.residuals / (1 - leverage)) ** 2).sum()) if df else math.nan
+        press = (
+            float(((model.residuals / (1 - leverage)) ** 2).sum()) if df else math.nan
+        )
     fitted = model.matrix @ model.fitted
     spread = sigma * math.sqrt(model.matrix.shape[1] / n)
     return {
@@ -73,13 +80,26 @@ def effects(model: Model) -> pd.DataFrame:
     `term`, `coefficient` in coded units, `standard_error`, `t` (the standardised effect, without sign), `p`, and
     `contribution_percent`: the term's partial sum of squares over the total.
     """
-    table, errors = anova(model).set_index("source"), np.sqrt(model.variance * np.diag(model.inverse))
-    estimates = pd.DataFrame({"term": model.labels, "coefficient": model.coefficients, "standard_error": errors[1:]})
+    table, errors = (
+        anova(model).set_index("source"),
+        np.sqrt(model.variance * np.diag(model.inverse)),
+    )
+    estimates = pd.DataFrame(
+        {
+            "term": model.labels,
+            "coefficient": model.coefficients,
+            "standard_error": errors[1:],
+        }
+    )
     estimates["t"] = (estimates["coefficient"] / estimates["standard_error"]).abs()
     estimates["p"] = table.loc[model.labels, "p"].to_numpy()
     partial = table.loc[model.labels, "sum_of_squares"].to_numpy(float)
-    estimates["contribution_percent"] = 100 * partial / float(table.loc["total", "sum_of_squares"])
-    return estimates.sort_values("contribution_percent", ascending=False, ignore_index=True)
+    estimates["contribution_percent"] = (
+        100 * partial / float(table.loc["total", "sum_of_squares"])
+    )
+    return estimates.sort_values(
+        "contribution_percent", ascending=False, ignore_index=True
+    )
 
 
 def limits(model: Model) -> dict[str, float]:
@@ -91,7 +111,10 @@ def limits(model: Model) -> dict[str, float]:
     from scipy import stats
 
     tests = {"t": 1, "bonferroni": len(model.terms)}
-    return {name: float(stats.t.isf(ALPHA / 2 / count, model.df or math.nan)) for name, count in tests.items()}
+    return {
+        name: float(stats.t.isf(ALPHA / 2 / count, model.df or math.nan))
+        for name, count in tests.items()
+    }
 
 
 def _mean(total: float, df: float) -> float:
@@ -104,11 +127,17 @@ def _ratio(above: float, below: float) -> float:
     return above / below if below else math.nan
 
 
-def _row(source: str, total: float, df: int, error: float = math.nan, df_error: int = 0) -> tuple[Any, ...]:
+def _row(
+    source: str, total: float, df: int, error: float = math.nan, df_error: int = 0
+) -> tuple[Any, ...]:
     """Make a row of the table, in the order of `COLUMNS`, tested against a mean square."""
     from scipy import stats
 
     mean = _mean(total, df)
     f = _ratio(mean, error)
-    p = float(stats.f.sf(f, df, df_error)) if df and df_error and math.isfinite(f) else math.nan
+    p = (
+        float(stats.f.sf(f, df, df_error))
+        if df and df_error and math.isfinite(f)
+        else math.nan
+    )
     return (source, total, df, mean, f, p)

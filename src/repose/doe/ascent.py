@@ -12,7 +12,9 @@ def towards(slopes: np.ndarray, missing: np.ndarray, scale: np.ndarray) -> np.nd
     along = (missing / scale**2) @ slopes
     length = np.linalg.norm(along)
     if not length > 0:
-        raise ValueError(f"slopes {along.tolist()}; expected at least one slope other than 0")
+        raise ValueError(
+            f"slopes {along.tolist()}; expected at least one slope other than 0"
+        )
     return along / length
 
 

@@ -14,7 +14,10 @@ from repose.doe.coding import two_level
 BLOCKS: dict[int, Sequence[Sequence[tuple[int, ...]]]] = {
     3: [[(1, 2), (1, 3), (2, 3)]],
     4: [[(1, 2), (3, 4)], [(1, 4), (2, 3)], [(1, 3), (2, 4)]],
-    5: [[(1, 2), (3, 4), (2, 5), (1, 3), (4, 5)], [(2, 3), (1, 4), (3, 5), (1, 5), (2, 4)]],
+    5: [
+        [(1, 2), (3, 4), (2, 5), (1, 3), (4, 5)],
+        [(2, 3), (1, 4), (3, 5), (1, 5), (2, 4)],
+    ],
     6: [[(1, 2, 4), (2, 3, 5), (3, 4, 6), (1, 4, 5), (2, 5, 6), (1, 3, 6)]],
     7: [[(4, 5, 6), (1, 6, 7), (2, 5, 7), (1, 2, 4), (3, 4, 7), (1, 3, 5), (2, 3, 6)]],
 }
@@ -34,5 +37,9 @@ def box_behnken(factors: int, centres: int) -> np.ndarray:
             run = np.zeros((len(signs), factors))
             run[:, np.array(together) - 1] = signs
             rows.append(run)
-        rows.append(np.zeros((centres // len(parts) + (number <= centres % len(parts)), factors)))
+        rows.append(
+            np.zeros(
+                (centres // len(parts) + (number <= centres % len(parts)), factors)
+            )
+        )
     return np.vstack(rows)

@@ -7,7 +7,9 @@ from repose.doe.coding import two_level
 HALF_FROM = 5  # factors, from which on the factorial is the half fraction
 
 
-def central_composite(factors: int, axial: str, centres: int) -> tuple[np.ndarray, float]:
+def central_composite(
+    factors: int, axial: str, centres: int
+) -> tuple[np.ndarray, float]:
     """Make a central composite design (n, factors) in coded units, in standard order, and give its axial distance.
 
     `factors` is 2 to 7. For `axial` "rotatable" the distance is the fourth root of the number of factorial runs, so

@@ -15,7 +15,11 @@ ORDERS = ("linear", "interaction", "quadratic")
 def terms_of(factors: int, order: str) -> tuple[Term, ...]:
     """List the terms of a model but its constant: single factors, then products of two, then squares."""
     numbers = range(factors)
-    groups: list[Iterable[Term]] = [((k,) for k in numbers), combinations(numbers, 2), ((k, k) for k in numbers)]
+    groups: list[Iterable[Term]] = [
+        ((k,) for k in numbers),
+        combinations(numbers, 2),
+        ((k, k) for k in numbers),
+    ]
     return tuple(chain(*groups[: ORDERS.index(order) + 1]))
 
 
@@ -86,16 +90,33 @@ class Model:
         """Compute the standard error (n,) of the mean at coded points (n, k); nan without degrees of freedom."""
         values = columns(coded, self.terms)
         rows = np.hstack([np.ones((len(values), 1)), values])
-        return np.sqrt(np.einsum("ni,ij,nj->n", rows, self.variance * self.inverse, rows))
+        return np.sqrt(
+            np.einsum("ni,ij,nj->n", rows, self.variance * self.inverse, rows)
+        )
 
 
-def fit(coded: ArrayLike, response: ArrayLike, factors: Sequence[str], order: str | Sequence[Term]) -> Model:
+def fit(
+    coded: ArrayLike,
+    response: ArrayLike,
+    factors: Sequence[str],
+    order: str | Sequence[Term],
+) -> Model:
     """Fit a polynomial to runs (n, k) in coded units."""
     coded, response = np.asarray(coded, dtype=float), np.asarray(response, dtype=float)
     terms = terms_of(len(factors), order) if isinstance(order, str) else tuple(order)
     matrix = np.hstack([np.ones((len(coded), 1)), columns(coded, terms)])
     rank = int(np.linalg.matrix_rank(matrix))
     if rank < matrix.shape[1]:
-        raise ValueError(f"{len(coded)} runs determine {rank} coefficients; expected all {matrix.shape[1]}")
+        raise ValueError(
+            f"{len(coded)} runs determine {rank} coefficients; expected all {matrix.shape[1]}"
+        )
     inverse = np.linalg.pinv(matrix)
-    return Model(tuple(factors), terms, coded, response, matrix, inverse @ inverse.T, inverse @ response)
+    return Model(
+        tuple(factors),
+        terms,
+        coded,
+        response,
+        matrix,
+        inverse @ inverse.T,
+        inverse @ response,
+    )

@@ -22,4 +22,6 @@ def plackett_burman(factors: int, runs: int) -> np.ndarray:
     columns are the dummy factors from which the analysis estimates the error.
     """
     first = np.array([1.0 if sign == "+" else -1.0 for sign in GENERATORS[runs]])
-    return np.vstack([*(np.roll(first, shift) for shift in range(runs - 1)), -np.ones(runs - 1)])[:, :factors]
+    return np.vstack(
+        [*(np.roll(first, shift) for shift in range(runs - 1)), -np.ones(runs - 1)]
+    )[:, :factors]

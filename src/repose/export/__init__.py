@@ -27,12 +27,23 @@ def _written_by(module: str, name: str = "deck") -> Deck:
     return lambda job: getattr(import_module(f".{module}", __name__), name)(job)
 
 
-PROGRAMS = {name: _written_by(name) for name in ("liggghts", "lammps", "yade", "mercurydpm")}
+PROGRAMS = {
+    name: _written_by(name) for name in ("liggghts", "lammps", "yade", "mercurydpm")
+}
 PROGRAMS |= {name: _written_by("tables", name) for name in ("edem", "rocky")}
 # The laws that a deck can hold, besides Hertz and Mindlin's contact and the rolling law `budget`.
-FURTHER_LAWS = {"liggghts": ("sjkr", "constant_torque", "epsd", "epsd2"), "lammps": ("epsd", "epsd2"), "edem": ("jkr",)}
+FURTHER_LAWS = {
+    "liggghts": ("sjkr", "constant_torque", "epsd", "epsd2"),
+    "lammps": ("epsd", "epsd2"),
+    "edem": ("jkr",),
+}
 # Reasons why a program's law of the same name cannot be used.
-REASONS = {("lammps", "jkr"): "its damping coeff_restitution refuses cohesion; its other dampings are not the study's"}
+REASONS = {
+    (
+        "lammps",
+        "jkr",
+    ): "its damping coeff_restitution refuses cohesion; its other dampings are not the study's"
+}
 HERTZ = ("hertz_mindlin", "hertz_mindlin_rescaled")
 
 
@@ -42,9 +53,18 @@ def check_laws(job: "Job", program: str) -> None:
         ("contact_law", job.simulation.contact_law, CONTACT_LAWS, HERTZ),
         ("rolling_law", job.simulation.rolling_law, ROLLING_LAWS, ("budget",)),
     ):
-        allowed = [*common, *(name for name in laws if name in FURTHER_LAWS.get(program, ()))]
+        allowed = [
+            *common,
+            *(name for name in laws if name in FURTHER_LAWS.get(program, ())),
+        ]
         why = f" ({REASONS[program, law]})" if (program, law) in REASONS else ""
-        require(law in allowed, "configuration", f"simulation.{key}", law, f"for {program} {' or '.join(allowed)}{why}")
+        require(
+            law in allowed,
+            "configuration",
+            f"simulation.{key}",
+            law,
+            f"for {program} {' or '.join(allowed)}{why}",
+        )
 
 
 def write(job: "Job", program: str, folder: str | PathLike) -> list[Path]:

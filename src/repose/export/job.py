@@ -36,16 +36,25 @@ class Pair:
     restitution: float
     static_friction: float
     rolling_friction: float
-    damping_ratio: float  # beta of this restitution: `dem.laws.hertz_mindlin.damping_ratio`
+    damping_ratio: (
+        float  # beta of this restitution: `dem.laws.hertz_mindlin.damping_ratio`
+    )
     effective_young_pa: float  # E*
     effective_shear_pa: float  # G*
-    effective_radius_m: float  # R* of two spheres of the mean radius, or of one on a wall
+    effective_radius_m: (
+        float  # R* of two spheres of the mean radius, or of one on a wall
+    )
     constants: Mapping[str, float]  # further ones of the contact law: `dem.constants`
 
     @property
     def tangential_stiffness_n_m(self) -> float:
         """8 G* sqrt(R* delta) at an overlap of 1 % of R* [N/m]."""
-        return 8.0 * self.effective_shear_pa * math.sqrt(TYPICAL_OVERLAP) * self.effective_radius_m
+        return (
+            8.0
+            * self.effective_shear_pa
+            * math.sqrt(TYPICAL_OVERLAP)
+            * self.effective_radius_m
+        )
 
 
 @dataclass(frozen=True)
@@ -112,24 +121,48 @@ def make(
     and a fifth of the Rayleigh time of the smallest sphere.
     """
     scene = Scene.of(config, parameters, grain, particle)
-    simulation, funnel = scene.settings.simulation, scene.settings.section("funnel", FunnelSettings)
+    simulation, funnel = (
+        scene.settings.simulation,
+        scene.settings.section("funnel", FunnelSettings),
+    )
     notes = list(_notes(scene.settings, funnel))
     if one_sphere or is_sphere(particle):
         own, particle = particle, sphere_of_volume(particle)
         scene = replace(scene, particle=particle)
         if not is_sphere(own):
-            notes.append(f"every grain is the sphere of its volume, radius {1e3 * particle.bounding_radius_m:.4g} mm")
+            notes.append(
+                f"every grain is the sphere of its volume, radius {1e3 * particle.bounding_radius_m:.4g} mm"
+            )
         elif not np.allclose(own.inertia_kg_m2, particle.inertia_kg_m2, rtol=0.01):
-            notes.append("the moment of inertia is 2/5 m R^2 of a sphere; the study's grain has that of its mesh")
-    require(particle.is_clump, "particle", "kind", particle.kind, "multisphere: other programs take spheres")
+            notes.append(
+                "the moment of inertia is 2/5 m R^2 of a sphere; the study's grain has that of its mesh"
+            )
+    require(
+        particle.is_clump,
+        "particle",
+        "kind",
+        particle.kind,
+        "multisphere: other programs take spheres",
+    )
     materials = materials_of(scene)
     mean_radius, lever = surface_means(particle.spheres_m)
-    rayleigh = rayleigh_time_s(materials["berry"], particle.density_kg_m3, float(particle.spheres_m[:, 3].min()))
-    step = min(SHARE * min(longest_time_step(scene).time_step_s, simulation.time_step_s), RAYLEIGH_SHARE * rayleigh)
+    rayleigh = rayleigh_time_s(
+        materials["berry"],
+        particle.density_kg_m3,
+        float(particle.spheres_m[:, 3].min()),
+    )
+    step = min(
+        SHARE * min(longest_time_step(scene).time_step_s, simulation.time_step_s),
+        RAYLEIGH_SHARE * rayleigh,
+    )
 
     def pair(suffix: str, other: str, effective_radius: float) -> Pair:
         restitution = parameters[f"e_{suffix}"]
-        further = {name: of for name, of in FURTHER.items() if of.pair == suffix and name in parameters}
+        further = {
+            name: of
+            for name, of in FURTHER.items()
+            if of.pair == suffix and name in parameters
+        }
         return Pair(
             restitution,
             parameters[f"mus_{suffix}"],
@@ -141,8 +174,24 @@ def make(
         )
 
     pairs = pair("gg", "berry", 0.5 * mean_radius), pair("gp", "wall", mean_radius)
-    of_grain = config["label"], particle, mean_radius, lever, materials["berry"], materials["wall"], *pairs
-    return Job(*of_grain, simulation, funnel, float(f"{step:.2g}"), rayleigh, seed, tuple(notes))
+    of_grain = (
+        config["label"],
+        particle,
+        mean_radius,
+        lever,
+        materials["berry"],
+        materials["wall"],
+        *pairs,
+    )
+    return Job(
+        *of_grain,
+        simulation,
+        funnel,
+        float(f"{step:.2g}"),
+        rayleigh,
+        seed,
+        tuple(notes),
+    )
 
 
 def is_sphere(particle: "Particle") -> bool:
@@ -181,7 +230,9 @@ def _notes(settings: SceneSettings, funnel: FunnelSettings) -> Iterator[str]:
     yield "the plate here is endless; the study's ends at its edge"
 
 
-def rayleigh_time_s(material: dem.Material, density_kg_m3: float, radius_m: float) -> float:
+def rayleigh_time_s(
+    material: dem.Material, density_kg_m3: float, radius_m: float
+) -> float:
     """Compute the Rayleigh time of a sphere, pi R sqrt(rho / G) / (0.1631 nu + 0.8766).
 
     Thornton and Randall, in: Micromechanics of Granular Materials, Elsevier (1988) 133.

@@ -5,26 +5,43 @@ import math
 import numpy as np
 
 from repose.export.job import Job, Pair
-from repose.export.laws import equivalent_restitution, rolling_coefficient, rolling_stiffness
+from repose.export.laws import (
+    equivalent_restitution,
+    rolling_coefficient,
+    rolling_stiffness,
+)
 from repose.export.template import filled, head, numbers
 
 # Damping of the rolling spring over its critical damping, with the mass of a grain.
 ROLLING_DAMPING = 0.5
 # Powers, the highest first, of a restitution in the damping over sqrt(k m) of `damping tsuji` (Marshall 2009, Eq. 53).
 TSUJI = (4.8218, -18.022, 27.467, -22.348, 11.087, -4.2783, 1.2728)
-SPRINGS = {"hertz_mindlin": "mindlin", "hertz_mindlin_rescaled": "mindlin_rescale/force"}
+SPRINGS = {
+    "hertz_mindlin": "mindlin",
+    "hertz_mindlin_rescaled": "mindlin_rescale/force",
+}
 
 
 def deck(job: Job) -> dict[str, str]:
     """Write the files of a LAMMPS run by name: in.pour, grain.mol."""
     cone = job.surfaces.cone_line()
     law_gg, law_gp = (contact_keywords(job, pair) for pair in job.pairs.values())
-    values = {"law_gg": law_gg, "law_gp": law_gp, "tube_radius": 0.5 * job.surfaces.outlet_diameter_m}
-    values |= {"near": 2.0 * float(job.particle.spheres_m[:, 3].max()), "head": head(job, "# ", "lammps")}
+    values = {
+        "law_gg": law_gg,
+        "law_gp": law_gp,
+        "tube_radius": 0.5 * job.surfaces.outlet_diameter_m,
+    }
+    values |= {
+        "near": 2.0 * float(job.particle.spheres_m[:, 3].max()),
+        "head": head(job, "# ", "lammps"),
+    }
     for end, place in (("low", cone.first), ("high", cone.last)):
         values[f"cone_{end}_radius"] = cone.offset * cone.normal_r + place * cone.up_r
         values[f"cone_{end}"] = cone.offset * cone.normal_z + place * cone.up_z
-    return {"in.pour": filled("lammps.in", job, **values, **damping_numbers(job)), "grain.mol": molecule(job)}
+    return {
+        "in.pour": filled("lammps.in", job, **values, **damping_numbers(job)),
+        "grain.mol": molecule(job),
+    }
 
 
 def contact_keywords(job: Job, pair: Pair) -> str:
@@ -64,7 +81,13 @@ def molecule(job: Job) -> str:
     """Write the grain as the text of a molecule template."""
     spheres, mass_kg = job.particle.spheres_m, job.particle.mass_kg
     n = len(spheres)
-    lines = ["a grain, from repose export", "", f"{n} atoms", f"{mass_kg:.9g} mass", "0 0 0 com"]
+    lines = [
+        "a grain, from repose export",
+        "",
+        f"{n} atoms",
+        f"{mass_kg:.9g} mass",
+        "0 0 0 com",
+    ]
     lines.append(numbers((*job.particle.inertia_kg_m2, 0.0, 0.0, 0.0)) + " inertia")
     columns = {
         "Coords": [numbers(sphere[:3]) for sphere in spheres],
@@ -73,5 +96,10 @@ def molecule(job: Job) -> str:
         "Masses": [f"{mass_kg / n:.9g}"] * n,
     }
     for name, words in columns.items():
-        lines += ["", name, "", *(f"{k} {word}" for k, word in enumerate(words, start=1))]
+        lines += [
+            "",
+            name,
+            "",
+            *(f"{k} {word}" for k, word in enumerate(words, start=1)),
+        ]
     return "\n".join([*lines, ""])

@@ -23,7 +23,11 @@ def equivalent_restitution(pair: Pair, least: float = 0.0) -> float:
     exp(-pi beta / sqrt(1 - beta^2)), 0 for beta from 1 on; never below `least`, the smallest value of the program.
     """
     beta = pair.damping_ratio
-    return least if beta >= 1.0 else max(least, math.exp(-math.pi * beta / math.sqrt(1.0 - beta * beta)))
+    return (
+        least
+        if beta >= 1.0
+        else max(least, math.exp(-math.pi * beta / math.sqrt(1.0 - beta * beta)))
+    )
 
 
 def rolling_coefficient(job: Job, pair: Pair) -> float:
@@ -48,9 +52,13 @@ def further_laws(job: Job) -> str:
     law, lines = job.simulation.contact_law, []
     for constant in OF_LAWS.get(law, ()):
         wall = f"{gp[constant.name]:.6g} between grain and wall{GAMMA if constant is SURFACE_ENERGY else ''}"
-        lines.append(f"{law}: {constant.words} {gg[constant.name]:.6g} {constant.unit} between grains, {wall}.\n")
+        lines.append(
+            f"{law}: {constant.words} {gg[constant.name]:.6g} {constant.unit} between grains, {wall}.\n"
+        )
     if TWISTING.name in {**gg, **gp}:
         given = (pair.get(TWISTING.name, "3 pi / 16 mu_s") for pair in (gg, gp))
-        words = "{}: {} between grains, {} between grain and wall; this deck has none.\n"
+        words = (
+            "{}: {} between grains, {} between grain and wall; this deck has none.\n"
+        )
         lines.append(words.format(TWISTING.words, *given))
     return "".join(lines)

@@ -15,8 +15,13 @@ TANGENTIAL = 2.0 / 3.0
 
 def deck(job: Job) -> dict[str, str]:
     """Write the files of a MercuryDPM driver by name: Pour.cpp, funnel.stl."""
-    spheres = "".join(f"    {{{numbers(sphere, ', ')}}},\n" for sphere in job.particle.spheres_m)
-    values: dict[str, object] = {"spheres": spheres, "head": head(job, "// ", "mercurydpm")}
+    spheres = "".join(
+        f"    {{{numbers(sphere, ', ')}}},\n" for sphere in job.particle.spheres_m
+    )
+    values: dict[str, object] = {
+        "spheres": spheres,
+        "head": head(job, "// ", "mercurydpm"),
+    }
     for name, pair in job.pairs.items():
         values |= {
             f"young_{name}": pair.effective_young_pa,
@@ -25,4 +30,7 @@ def deck(job: Job) -> dict[str, str]:
             f"mur_{name}": rolling_coefficient(job, pair) / LEVER,
             f"stiffness_{name}": pair.tangential_stiffness_n_m / LEVER**2,
         }
-    return {"Pour.cpp": filled("mercurydpm.cpp.txt", job, **values), "funnel.stl": stl(job.surfaces)}
+    return {
+        "Pour.cpp": filled("mercurydpm.cpp.txt", job, **values),
+        "funnel.stl": stl(job.surfaces),
+    }

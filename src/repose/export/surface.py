@@ -20,14 +20,26 @@ def profile(funnel: Funnel) -> np.ndarray:
     neck, outlet = funnel.neck_height_m, funnel.outlet_height_m
 
     def arc(height: float, begin: float, end: float) -> list[tuple[float, float]]:
-        angles = np.radians(np.linspace(begin, end, 1 + math.ceil((end - begin) / ARC_DEG)))
-        return [(core + edge * math.cos(a), height + edge * math.sin(a)) for a in angles]
+        angles = np.radians(
+            np.linspace(begin, end, 1 + math.ceil((end - begin) / ARC_DEG))
+        )
+        return [
+            (core + edge * math.cos(a), height + edge * math.sin(a)) for a in angles
+        ]
 
     top = (0.5 * funnel.inlet_diameter_m, funnel.inlet_height_m)
     tangent = 90.0 + math.degrees(slope)
     lip = arc(outlet, 180.0, 270.0)
     # without a tube one arc goes on where the other ends
-    return _divided(np.array([top, *arc(neck, tangent, 180.0), *(lip if funnel.tube_length_m else lip[1:])]))
+    return _divided(
+        np.array(
+            [
+                top,
+                *arc(neck, tangent, 180.0),
+                *(lip if funnel.tube_length_m else lip[1:]),
+            ]
+        )
+    )
 
 
 def _divided(points: np.ndarray) -> np.ndarray:
@@ -60,5 +72,10 @@ def stl(funnel: Funnel) -> str:
     lines = ["solid funnel"]
     for normal, three in zip(normals, corners, strict=True):
         lines.append(f"facet normal {numbers(normal)}")
-        lines += ["outer loop", *(f"vertex {numbers(corner)}" for corner in three), "endloop", "endfacet"]
+        lines += [
+            "outer loop",
+            *(f"vertex {numbers(corner)}" for corner in three),
+            "endloop",
+            "endfacet",
+        ]
     return "\n".join([*lines, "endsolid funnel", ""])

@@ -12,12 +12,27 @@ from repose.export.template import filled, numbers
 def edem(job: Job) -> dict[str, str]:
     """Write the entries for EDEM by file name: edem.md, spheres.csv, funnel.stl."""
     # of JKR, the work of adhesion, with a pull-off force of 3/2 pi R* times it
-    values = {f"energy_{name}": 2.0 * pair.constants.get(SURFACE_ENERGY.name, 0.0) for name, pair in job.pairs.items()}
-    spheres = "x,y,z,radius\n" + "".join(f"{numbers(sphere, ',')}\n" for sphere in job.particle.spheres_m)
-    return {"edem.md": filled("edem.md.txt", job, **values), "spheres.csv": spheres, "funnel.stl": stl(job.surfaces)}
+    values = {
+        f"energy_{name}": 2.0 * pair.constants.get(SURFACE_ENERGY.name, 0.0)
+        for name, pair in job.pairs.items()
+    }
+    spheres = "x,y,z,radius\n" + "".join(
+        f"{numbers(sphere, ',')}\n" for sphere in job.particle.spheres_m
+    )
+    return {
+        "edem.md": filled("edem.md.txt", job, **values),
+        "spheres.csv": spheres,
+        "funnel.stl": stl(job.surfaces),
+    }
 
 
 def rocky(job: Job) -> dict[str, str]:
     """Write the entries for Rocky by file name: rocky.md, funnel.stl."""
-    values = {"diameter_mm": 2e3 * job.mean_radius_m, "mass_g": 1e3 * job.particle.mass_kg}
-    return {"rocky.md": filled("rocky.md.txt", job, **values), "funnel.stl": stl(job.surfaces)}
+    values = {
+        "diameter_mm": 2e3 * job.mean_radius_m,
+        "mass_g": 1e3 * job.particle.mass_kg,
+    }
+    return {
+        "rocky.md": filled("rocky.md.txt", job, **values),
+        "funnel.stl": stl(job.surfaces),
+    }

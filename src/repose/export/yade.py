@@ -15,15 +15,26 @@ def deck(job: Job) -> dict[str, str]:
     """Write the file of a YADE run by name: pour.py."""
     weights, inertia = member_masses(job)
     words = {"head": head(job, "# ", "yade"), "around": AROUND}
-    lists = {"spheres": job.particle.spheres_m, "masses": weights * job.particle.mass_kg, "inertia": inertia}
-    words |= {name: _listed(values) for name, values in (lists | {"profile": profile(job.surfaces)}).items()}
+    lists = {
+        "spheres": job.particle.spheres_m,
+        "masses": weights * job.particle.mass_kg,
+        "inertia": inertia,
+    }
+    words |= {
+        name: _listed(values)
+        for name, values in (lists | {"profile": profile(job.surfaces)}).items()
+    }
     values = {  # sqrt(5/6) beta is the damping over the critical damping
-        **{f"damping_{name}": math.sqrt(5.0 / 6.0) * pair.damping_ratio for name, pair in job.pairs.items()},
+        **{
+            f"damping_{name}": math.sqrt(5.0 / 6.0) * pair.damping_ratio
+            for name, pair in job.pairs.items()
+        },
         "eta": job.grains.rolling_friction * job.lever_m / job.mean_radius_m,
         "krot": rolling_stiffness(job.grains),
         "moment_gp": job.on_wall.rolling_friction * job.lever_m,
         "krot_gp": rolling_stiffness(job.on_wall),
-        "plate_side": 4.0 * max(job.plate_radius_m, 0.5 * job.surfaces.inlet_diameter_m),
+        "plate_side": 4.0
+        * max(job.plate_radius_m, 0.5 * job.surfaces.inlet_diameter_m),
     }
     return {"pour.py": filled("yade.py.txt", job, **words, **values)}
 
@@ -36,14 +47,18 @@ def member_masses(job: Job) -> tuple[np.ndarray, np.ndarray]:
     """
     x, y, z = job.particle.spheres_m[:, :3].T
     size = job.particle.bounding_radius_m
-    rows = np.stack([np.ones_like(x), x / size, y / size, z / size, x * y, x * z, y * z])
+    rows = np.stack(
+        [np.ones_like(x), x / size, y / size, z / size, x * y, x * z, y * z]
+    )
     rows[4:] /= size**2
     moments = np.zeros(7)
     moments[0] = 1.0
     alike = np.full(len(x), 1.0 / len(x))
     weights = alike + np.linalg.lstsq(rows, moments - rows @ alike, rcond=1e-9)[0]
     squares = np.array([y * y + z * z, x * x + z * z, x * x + y * y])
-    return weights, (job.particle.inertia_kg_m2 - job.particle.mass_kg * squares @ weights) / len(x)
+    return weights, (
+        job.particle.inertia_kg_m2 - job.particle.mass_kg * squares @ weights
+    ) / len(x)
 
 
 def _listed(values: ArrayLike) -> str:

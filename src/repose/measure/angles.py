@@ -23,14 +23,21 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from repose.core.errors import NoFlankError, require_flank
-from repose.measure.profile_points import MIN_LEVELS, NO_FOOT, outermost_crossing, points_between
+from repose.measure.profile_points import (
+    MIN_LEVELS,
+    NO_FOOT,
+    outermost_crossing,
+    points_between,
+)
 
 if TYPE_CHECKING:
     from repose.measure.settings import MeasureSettings
 
 DEFINITIONS = ("flank", "secant", "steepest", "whole", "straightest")
 MEAN_KEYS = {name: f"aor_{name}_deg" for name in DEFINITIONS}  # mean of all views
-CALIBRATED_ANGLE = "aor_deg"  # one of the definitions under a name of its own (`measure.response`)
+CALIBRATED_ANGLE = (
+    "aor_deg"  # one of the definitions under a name of its own (`measure.response`)
+)
 # the first view alone, as a camera sees it
 VIEW_KEYS = {name: f"aor_{name}_view_deg" for name in DEFINITIONS}
 
@@ -44,7 +51,9 @@ class Line(NamedTuple):
     """Line through one side of a profile."""
 
     angle_deg: float  # from the horizontal
-    ends: tuple[tuple[float, float], tuple[float, float]]  # lower and upper end, each (distance, height)
+    ends: tuple[
+        tuple[float, float], tuple[float, float]
+    ]  # lower and upper end, each (distance, height)
 
 
 Measured = tuple[dict[str, tuple[float, Line, Line]], dict[str, str]]
@@ -63,7 +72,9 @@ def whole(profile: np.ndarray, rule: str = "columns") -> Line:
     return flank(profile, FOOT, float(profile[-1]), rule)
 
 
-def steepest(profile: np.ndarray, low: float, high: float, rule: str = "columns") -> Line:
+def steepest(
+    profile: np.ndarray, low: float, high: float, rule: str = "columns"
+) -> Line:
     """Definition "steepest": the steepest line over any stretch at least half as high as from `low` to `high`.
 
     The whole flank is such a stretch, so no flank is steeper. Half a flank can be flatter than the whole: a regression
@@ -72,7 +83,10 @@ def steepest(profile: np.ndarray, low: float, high: float, rule: str = "columns"
     """
     distance, height = points_between(profile, low, high, rule)
     least = (high - low) / 2
-    require_flank(least >= MIN_LEVELS, f"half of the flank is only {least:.0f} pixels high, {MIN_LEVELS} are needed")
+    require_flank(
+        least >= MIN_LEVELS,
+        f"half of the flank is only {least:.0f} pixels high, {MIN_LEVELS} are needed",
+    )
     require_flank(distance.size >= MIN_LEVELS, WALL)
     cut = np.arange(math.floor(least) + 1)  # off either end, pixel by pixel
     below, above = (cut[part] for part in np.nonzero(cut[:, None] + cut <= least))
@@ -94,27 +108,44 @@ def straightest(profile: np.ndarray, smallest: float, rule: str = "columns") -> 
     least = max(MIN_LEVELS, math.ceil(smallest * count))
     require_flank(count >= least, WALL)
     places = np.linspace(0, count, min(count, WINDOW_STEPS) + 1).round().astype(int)
-    first, last = (places[ends] for ends in np.nonzero(places - places[:, None] >= least))
+    first, last = (
+        places[ends] for ends in np.nonzero(places - places[:, None] >= least)
+    )
     best = _best(window_correlations(distance, height, first, last))
     inside = slice(first[best], last[best])
-    return fitted(distance[inside], height[inside], float(height[inside].min()), float(height[inside].max()))
+    return fitted(
+        distance[inside],
+        height[inside],
+        float(height[inside].min()),
+        float(height[inside].max()),
+    )
 
 
 def _best(windows: np.ndarray) -> int:
     """Find the window with the largest slope or correlation; NoFlankError where all are walls or none rises."""
     require_flank(not np.isnan(windows).all(), WALL)
-    require_flank(np.any(windows > 0), "no stretch of the boundary rises towards the crest")
+    require_flank(
+        np.any(windows > 0), "no stretch of the boundary rises towards the crest"
+    )
     return int(np.nanargmax(windows))
 
 
-def window_correlations(distance: np.ndarray, height: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
+def window_correlations(
+    distance: np.ndarray, height: np.ndarray, first: np.ndarray, last: np.ndarray
+) -> np.ndarray:
     """Correlation (windows,) of distance and height of points first to last - 1, by running sums; NaN for a wall."""
-    n, spread_x, spread_z, product = _moments(distance - distance.mean(), height - height.mean(), first, last)
+    n, spread_x, spread_z, product = _moments(
+        distance - distance.mean(), height - height.mean(), first, last
+    )
     usable = (spread_x >= n * WALL_SD**2) & (spread_z > 0)
-    return np.where(usable, product / np.sqrt(np.where(usable, spread_x * spread_z, 1.0)), np.nan)
+    return np.where(
+        usable, product / np.sqrt(np.where(usable, spread_x * spread_z, 1.0)), np.nan
+    )
 
 
-def window_slopes(distance: np.ndarray, height: np.ndarray, lows: np.ndarray, highs: np.ndarray) -> np.ndarray:
+def window_slopes(
+    distance: np.ndarray, height: np.ndarray, lows: np.ndarray, highs: np.ndarray
+) -> np.ndarray:
     """Slope (windows,) of the regression line in each window of heights, by running sums; NaN if too few, or a wall."""
     order = np.argsort(height, kind="stable")
     first = np.searchsorted(height[order], lows, side="left")
@@ -125,19 +156,31 @@ def window_slopes(distance: np.ndarray, height: np.ndarray, lows: np.ndarray, hi
     return np.where(usable, product / np.where(usable, spread, 1.0), np.nan)
 
 
-def _moments(x: np.ndarray, z: np.ndarray, first: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, ...]:
+def _moments(
+    x: np.ndarray, z: np.ndarray, first: np.ndarray, last: np.ndarray
+) -> tuple[np.ndarray, ...]:
     """Count the points of each window, and sum x squared, z squared and x z about its means."""
     sums = np.cumsum([x, z, x * x, z * z, x * z], axis=1)
     sums = np.concatenate([np.zeros((len(sums), 1)), sums], axis=1)
-    sum_x, sum_z, sum_xx, sum_zz, sum_xz = sums.take(last, axis=1) - sums.take(first, axis=1)
+    sum_x, sum_z, sum_xx, sum_zz, sum_xz = sums.take(last, axis=1) - sums.take(
+        first, axis=1
+    )
     n = np.maximum(last - first, 1)
-    return n, sum_xx - sum_x * sum_x / n, sum_zz - sum_z * sum_z / n, sum_xz - sum_x * sum_z / n
+    return (
+        n,
+        sum_xx - sum_x * sum_x / n,
+        sum_zz - sum_z * sum_z / n,
+        sum_xz - sum_x * sum_z / n,
+    )
 
 
 def fitted(distance: np.ndarray, height: np.ndarray, low: float, high: float) -> Line:
     """Fit the line of height on distance, drawn from height `low` to height `high`."""
     spread = distance - distance.mean() if distance.size else distance
-    require_flank(distance.size >= MIN_LEVELS and spread @ spread >= distance.size * WALL_SD**2, WALL)
+    require_flank(
+        distance.size >= MIN_LEVELS and spread @ spread >= distance.size * WALL_SD**2,
+        WALL,
+    )
     slope = float(spread @ (height - height.mean()) / (spread @ spread))
     require_flank(slope > 0, "the boundary does not rise towards the crest")
     intercept = float(height.mean() - slope * distance.mean())
@@ -151,7 +194,10 @@ def secant(profile: np.ndarray, berry: float) -> Line:
     require_flank(0 < berry < height, "the pile is not higher than one grain")
     require_flank(profile[0] < berry, NO_FOOT)
     place = float(outermost_crossing(profile, np.array([berry]))[0])
-    return Line(math.degrees(math.atan2(height, crest - place)), ((place, 0.0), (float(crest), height)))
+    return Line(
+        math.degrees(math.atan2(height, crest - place)),
+        ((place, 0.0), (float(crest), height)),
+    )
 
 
 def secant_of_pile(left: Line, right: Line) -> float:
@@ -163,11 +209,18 @@ def secant_of_pile(left: Line, right: Line) -> float:
 
 
 def measure_sides(
-    profile: np.ndarray, crest: int, how: "MeasureSettings", definitions: Sequence[str] = DEFINITIONS
+    profile: np.ndarray,
+    crest: int,
+    how: "MeasureSettings",
+    definitions: Sequence[str] = DEFINITIONS,
 ) -> Measured:
     """Angle [deg], left and right line of a pile by definition, and the reasons for missing definitions."""
     height, ends = float(profile[crest]), (how.fit_from, how.fit_to)
-    grain = math.nan if how.berry_height_mm is None else how.berry_height_mm / how.mm_per_pixel
+    grain = (
+        math.nan
+        if how.berry_height_mm is None
+        else how.berry_height_mm / how.mm_per_pixel
+    )
     low, high = (grain if isinstance(end, str) else end * height for end in ends)
     line_of: dict[str, Callable[[np.ndarray], Line]] = {
         "flank": lambda side: flank(side, low, high, how.flank),
@@ -180,11 +233,21 @@ def measure_sides(
     measured, reasons = {}, {}
     for name in definitions:
         try:
-            require_flank(not math.isnan(grain) or name not in by_grain, "the grain's height is not known")
-            left, right = (line_of[name](side) for side in (profile[: crest + 1], profile[crest:][::-1]))
+            require_flank(
+                not math.isnan(grain) or name not in by_grain,
+                "the grain's height is not known",
+            )
+            left, right = (
+                line_of[name](side)
+                for side in (profile[: crest + 1], profile[crest:][::-1])
+            )
         except NoFlankError as error:
             reasons[name] = error.reason
             continue
         mean = 0.5 * (left.angle_deg + right.angle_deg)
-        measured[name] = (secant_of_pile(left, right) if name == "secant" else mean, left, right)
+        measured[name] = (
+            secant_of_pile(left, right) if name == "secant" else mean,
+            left,
+            right,
+        )
     return measured, reasons

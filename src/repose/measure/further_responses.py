@@ -32,7 +32,14 @@ from repose.measure.silhouette import Grains
 from repose.particle.particle import Particle
 
 BENCH = "funnel"
-MEASURED = ("base_radius_mm", "lower_deg", "upper_deg", "packing_percent", "radius_90_mm", "loose_percent")
+MEASURED = (
+    "base_radius_mm",
+    "lower_deg",
+    "upper_deg",
+    "packing_percent",
+    "radius_90_mm",
+    "loose_percent",
+)
 HALF, UPPER, HELD = 0.5, 0.8, 0.9
 LEVELS = 200  # heights at which the silhouette's width is taken for the volume
 
@@ -42,10 +49,16 @@ def offered(targets: Iterable[str], definition: str) -> tuple[str, ...]:
     targeted = {CALIBRATED_ANGLE, *targets}
     if CALIBRATED_ANGLE in targets:
         targeted.add(MEAN_KEYS[definition])
-    return tuple(response.name for response in responses_of(BENCH) if response.name not in targeted)
+    return tuple(
+        response.name
+        for response in responses_of(BENCH)
+        if response.name not in targeted
+    )
 
 
-def mean_half_width(profiles: Sequence[np.ndarray], mm_per_pixel: float, levels_mm: ArrayLike) -> np.ndarray:
+def mean_half_width(
+    profiles: Sequence[np.ndarray], mm_per_pixel: float, levels_mm: ArrayLike
+) -> np.ndarray:
     """Half the width of silhouettes in mm at heights over the plate, mean over the views."""
     levels = np.asarray(levels_mm, dtype=float) / mm_per_pixel
     total = np.zeros(len(levels))
@@ -58,10 +71,17 @@ def mean_half_width(profiles: Sequence[np.ndarray], mm_per_pixel: float, levels_
 
 
 def of_profile(
-    profiles: Sequence[np.ndarray], mm_per_pixel: float, height_mm: float, berry_mm: float, berries_mm3: float
+    profiles: Sequence[np.ndarray],
+    mm_per_pixel: float,
+    height_mm: float,
+    berry_mm: float,
+    berries_mm3: float,
 ) -> dict[str, float]:
     """Measure the four responses of the mean silhouette by name; `berries_mm3` is the volume of all grains."""
-    require_flank(HALF * height_mm > berry_mm, f"half of {height_mm:.1f} mm is not above a grain, {berry_mm:.1f} mm")
+    require_flank(
+        HALF * height_mm > berry_mm,
+        f"half of {height_mm:.1f} mm is not above a grain, {berry_mm:.1f} mm",
+    )
     marks = np.array([berry_mm, HALF * height_mm, UPPER * height_mm])
     base, half, upper = mean_half_width(profiles, mm_per_pixel, marks)
     step = height_mm / LEVELS
@@ -70,20 +90,33 @@ def of_profile(
         "base_radius_mm": float(base),
         "lower_deg": math.degrees(math.atan2(marks[1] - marks[0], base - half)),
         "upper_deg": math.degrees(math.atan2(marks[2] - marks[1], half - upper)),
-        "packing_percent": float(100 * berries_mm3 / (math.pi * step * (widths**2).sum())),
+        "packing_percent": float(
+            100 * berries_mm3 / (math.pi * step * (widths**2).sum())
+        ),
     }
 
 
-def of_scatter(centres_m: np.ndarray, in_pile: ArrayLike, on_plate_mm: float) -> dict[str, float]:
+def of_scatter(
+    centres_m: np.ndarray, in_pile: ArrayLike, on_plate_mm: float
+) -> dict[str, float]:
     """``radius_90_mm`` and ``loose_percent`` of the grains over the plate of radius `on_plate_mm`."""
     distance = 1e3 * np.hypot(centres_m[:, 0], centres_m[:, 1])
     there = (distance <= on_plate_mm) & (centres_m[:, 2] > 0)
     require_flank(there.any(), "no grain lies on the plate")
-    loose = 100 * np.count_nonzero(there & ~np.asarray(in_pile, bool)) / np.count_nonzero(there)
-    return {"radius_90_mm": float(np.quantile(distance[there], HELD)), "loose_percent": float(loose)}
+    loose = (
+        100
+        * np.count_nonzero(there & ~np.asarray(in_pile, bool))
+        / np.count_nonzero(there)
+    )
+    return {
+        "radius_90_mm": float(np.quantile(distance[there], HELD)),
+        "loose_percent": float(loose),
+    }
 
 
-def of_pour(arrays: Arrays, particle: Particle, settings: MeasureSettings, plate_mm: float) -> dict[str, float]:
+def of_pour(
+    arrays: Arrays, particle: Particle, settings: MeasureSettings, plate_mm: float
+) -> dict[str, float]:
     """All responses of `MEASURED` of one pour, by name."""
     settings = pile.with_berry_height(settings, particle)
     assert settings.berry_height_mm is not None
@@ -92,5 +125,11 @@ def of_pour(arrays: Arrays, particle: Particle, settings: MeasureSettings, plate
     profiles = [pile.profile_of(view)[0] for view in views]
     sizes = grains.scales[members] if settings.largest_pile_only else grains.scales
     volume = 1e9 * particle.volume_m3 * float((sizes**3).sum())
-    responses = of_profile(profiles, settings.mm_per_pixel, 1e3 * height_m, settings.berry_height_mm, volume)
+    responses = of_profile(
+        profiles,
+        settings.mm_per_pixel,
+        1e3 * height_m,
+        settings.berry_height_mm,
+        volume,
+    )
     return responses | of_scatter(grains.centres_m, members, plate_mm / 2)

@@ -21,11 +21,39 @@ import numpy as np
 from repose.core.errors import InputError, NoFlankError, require, require_flank
 from repose.measure.angles import DEFINITIONS, measure_sides
 from repose.measure.results import Angle, Measurement, PileResult
-from repose.measure.segmentation import SMALLEST, Segmentation, of_silhouette, require_upright, segment, upper_edge
+from repose.measure.segmentation import (
+    SMALLEST,
+    Segmentation,
+    of_silhouette,
+    require_upright,
+    segment,
+    upper_edge,
+)
 from repose.measure.settings import MeasureSettings
-from repose.measure.silhouette import BACKGROUND_TONE, PILE_TONE, ConvexBody, Grains, frame, outlines, paint, top_of
+from repose.measure.silhouette import (
+    BACKGROUND_TONE,
+    PILE_TONE,
+    ConvexBody,
+    Grains,
+    frame,
+    outlines,
+    paint,
+    top_of,
+)
 
-HEIC = tuple(b"ftyp" + brand for brand in (b"heic", b"heix", b"hevc", b"hevx", b"heim", b"heis", b"mif1", b"msf1"))
+HEIC = tuple(
+    b"ftyp" + brand
+    for brand in (
+        b"heic",
+        b"heix",
+        b"hevc",
+        b"hevx",
+        b"heim",
+        b"heis",
+        b"mif1",
+        b"msf1",
+    )
+)
 FEWEST_PIXELS, MOST_PIXELS = 20, 200_000_000  # on a side; in all
 
 LOWEST_PILE_GRAINS = 1.5  # in equivalent diameters: 20 mm for the mean grain; below, a layer and not a pile
@@ -35,7 +63,11 @@ LOWEST_PILE_GRAINS = 1.5  # in equivalent diameters: 20 mm for the mean grain; b
 
 
 def measure_image(
-    image: np.ndarray, mm_per_pixel: float, settings: MeasureSettings | None = None, *, base_row: float | None = None
+    image: np.ndarray,
+    mm_per_pixel: float,
+    settings: MeasureSettings | None = None,
+    *,
+    base_row: float | None = None,
 ) -> Measurement:
     """Measure the pile in a side view (section 2.3): a photograph, BGR, or a silhouette."""
     settings = replace(settings or MeasureSettings(), mm_per_pixel=mm_per_pixel)
@@ -66,8 +98,12 @@ def measure_segmented(pile: Segmentation, settings: MeasureSettings) -> Measurem
     angles = {}
     for name, (aor_deg, left, right) in measured.items():
         on_left = tuple((u, pile.base_row - z) for u, z in left.ends)
-        on_right = tuple((profile.size - 1 - u, pile.base_row - z) for u, z in right.ends)
-        angles[name] = Angle(left.angle_deg, right.angle_deg, aor_deg, (on_left, on_right))
+        on_right = tuple(
+            (profile.size - 1 - u, pile.base_row - z) for u, z in right.ends
+        )
+        angles[name] = Angle(
+            left.angle_deg, right.angle_deg, aor_deg, (on_left, on_right)
+        )
     return Measurement(
         response=settings.response,
         angles=angles,
@@ -87,19 +123,36 @@ def read_image(path: str | PathLike) -> np.ndarray:
     """
     path = Path(path)
     found = "a folder" if path.is_dir() else "no such file"
-    require(path.is_file(), path, "picture", found, "an existing picture file (PNG, JPEG, TIFF, BMP)")
+    require(
+        path.is_file(),
+        path,
+        "picture",
+        found,
+        "an existing picture file (PNG, JPEG, TIFF, BMP)",
+    )
     _check_header(path)
     content, image = np.frombuffer(path.read_bytes(), dtype=np.uint8), None
-    with contextlib.suppress(cv2.error):  # an empty file, or a header with more pixels than OpenCV accepts
+    with contextlib.suppress(
+        cv2.error
+    ):  # an empty file, or a header with more pixels than OpenCV accepts
         image = cv2.imdecode(content, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH)
     if image is not None and image.dtype == np.uint16:
         most = int(np.quantile(image[::8, ::8], 0.999))  # not a single hot pixel
-        image = np.minimum(np.right_shift(image, max(most.bit_length() - 8, 0)), 255).astype(np.uint8)
+        image = np.minimum(
+            np.right_shift(image, max(most.bit_length() - 8, 0)), 255
+        ).astype(np.uint8)
     if image is not None and image.dtype != np.uint8:
-        raise InputError(path, "picture", f"of {image.dtype} numbers", "a picture of 8 to 16 bits a colour: save it so")
+        raise InputError(
+            path,
+            "picture",
+            f"of {image.dtype} numbers",
+            "a picture of 8 to 16 bits a colour: save it so",
+        )
     if image is None:
         found = "not a picture" if content.size else "an empty file"
-        raise InputError(path, "picture", found, "a picture file (PNG, JPEG, TIFF, BMP), whole")
+        raise InputError(
+            path, "picture", found, "a picture file (PNG, JPEG, TIFF, BMP), whole"
+        )
     return image
 
 
@@ -109,13 +162,23 @@ def _check_header(path: Path) -> None:
 
     with path.open("rb") as file:
         if file.read(12)[4:] in HEIC:
-            raise InputError(path, "picture", "HEIC", "PNG or JPEG; a phone exports it (`heif-convert a.heic a.jpg`)")
+            raise InputError(
+                path,
+                "picture",
+                "HEIC",
+                "PNG or JPEG; a phone exports it (`heif-convert a.heic a.jpg`)",
+            )
     allowed = f"at least {FEWEST_PIXELS} pixels each way, at most {MOST_PIXELS / 1e6:g} million in all"
-    before, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None  # Pillow's own limit is below a phone's picture
+    before, Image.MAX_IMAGE_PIXELS = (
+        Image.MAX_IMAGE_PIXELS,
+        None,
+    )  # Pillow's own limit is below a phone's picture
     try:
         with Image.open(path) as picture:
             (width, height), pages = picture.size, getattr(picture, "n_frames", 1)
-            pages = 1 if picture.format == "MPO" else pages  # a phone's JPEG with a second view
+            pages = (
+                1 if picture.format == "MPO" else pages
+            )  # a phone's JPEG with a second view
     except (UnidentifiedImageError, OSError, SyntaxError, ValueError):
         return  # OpenCV says whether it is a picture
     finally:
@@ -128,7 +191,11 @@ def _check_header(path: Path) -> None:
 # --- a simulated pile -----------------------------------------------------------------------------
 
 
-def measure_pile(grains: Grains, how: MeasureSettings | None = None, members: np.ndarray | None = None) -> PileResult:
+def measure_pile(
+    grains: Grains,
+    how: MeasureSettings | None = None,
+    members: np.ndarray | None = None,
+) -> PileResult:
     """Measure simulated bodies on the plate z = 0 from `how.views` sides.
 
     `members` marks the largest cluster in contact; None means the largest connected part of each silhouette, which may
@@ -160,7 +227,9 @@ def pile_views(
     assert settings.berry_height_mm is not None
     lowest_m = LOWEST_PILE_GRAINS * 1e-3 * settings.berry_height_mm
     if height_m < lowest_m:
-        raise NoFlankError(f"the pile is {1e3 * height_m:.1f} mm high; a flank needs {1e3 * lowest_m:.1f} mm")
+        raise NoFlankError(
+            f"the pile is {1e3 * height_m:.1f} mm high; a flank needs {1e3 * lowest_m:.1f} mm"
+        )
     azimuths = np.arange(settings.views) * 180.0 / settings.views
     scale = settings.mm_per_pixel
     polygons = outlines(grains, azimuths, inset_m=scale * 0.5e-3)
@@ -170,13 +239,19 @@ def pile_views(
             image = paint(shown, scale, frame(shown, scale))
             if min(image.shape) < SMALLEST:
                 size = f"{image.shape[1]} by {image.shape[0]} pixels of {scale:g} mm (measure.mm_per_pixel)"
-                raise NoFlankError(f"the pile's picture has {size}; a flank needs {SMALLEST} by {SMALLEST}")
-            yield of_silhouette(image, PILE_TONE, BACKGROUND_TONE, settings.largest_pile_only)
+                raise NoFlankError(
+                    f"the pile's picture has {size}; a flank needs {SMALLEST} by {SMALLEST}"
+                )
+            yield of_silhouette(
+                image, PILE_TONE, BACKGROUND_TONE, settings.largest_pile_only
+            )
 
     return height_m, views()
 
 
-def with_berry_height(settings: MeasureSettings, particle: ConvexBody) -> MeasureSettings:
+def with_berry_height(
+    settings: MeasureSettings, particle: ConvexBody
+) -> MeasureSettings:
     """Complete the settings with the particle's equivalent diameter in place of a missing height of a grain."""
     if settings.berry_height_mm is not None:
         return settings

@@ -38,18 +38,26 @@ def crossing(profile: np.ndarray, index: np.ndarray, heights: np.ndarray) -> np.
 
 def outermost_crossing(profile: np.ndarray, heights: np.ndarray) -> np.ndarray:
     """Column, between pixels, at which the profile first reaches each height, from the foot inwards."""
-    return crossing(profile, np.searchsorted(np.maximum.accumulate(profile), heights), heights)
+    return crossing(
+        profile, np.searchsorted(np.maximum.accumulate(profile), heights), heights
+    )
 
 
 def innermost_crossing(profile: np.ndarray, heights: np.ndarray) -> np.ndarray:
     """Column, between pixels, at which the profile last rises through each height, from the foot inwards."""
-    return crossing(profile, np.searchsorted(np.minimum.accumulate(profile[::-1])[::-1], heights), heights)
+    return crossing(
+        profile,
+        np.searchsorted(np.minimum.accumulate(profile[::-1])[::-1], heights),
+        heights,
+    )
 
 
 def points_by_levels(profile: np.ndarray, low: float, high: float) -> Points:
     """Rule "levels": the middle of outermost and innermost crossing of each height."""
     heights = levels_between(low, high)
-    return 0.5 * (outermost_crossing(profile, heights) + innermost_crossing(profile, heights)), heights
+    return 0.5 * (
+        outermost_crossing(profile, heights) + innermost_crossing(profile, heights)
+    ), heights
 
 
 def points_by_rows(profile: np.ndarray, low: float, high: float) -> Points:
@@ -64,12 +72,18 @@ def points_by_columns(profile: np.ndarray, low: float, high: float) -> Points:
     return distance.astype(float), profile[distance]
 
 
-FLANK_RULES = {"levels": points_by_levels, "rows": points_by_rows, "columns": points_by_columns}
+FLANK_RULES = {
+    "levels": points_by_levels,
+    "rows": points_by_rows,
+    "columns": points_by_columns,
+}
 
 
 def points_between(profile: np.ndarray, low: float, high: float, rule: str) -> Points:
     """Points of one side inside a band, by a rule of `FLANK_RULES`: distances and heights in pixels."""
     if levels_between(low, high).size < MIN_LEVELS:
-        raise NoFlankError(f"the flank is only {high - low:.0f} pixels high, {MIN_LEVELS} are needed")
+        raise NoFlankError(
+            f"the flank is only {high - low:.0f} pixels high, {MIN_LEVELS} are needed"
+        )
     require_flank(profile[0] < low, NO_FOOT)
     return FLANK_RULES[rule](profile, low, high)

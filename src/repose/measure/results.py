@@ -42,9 +42,15 @@ class Measurement:
 
     def record(self) -> dict[str, float | None]:
         """List the response's two sides, the Height and every definition by name, to 0.001; None if not measured."""
-        sides = {key: round(getattr(self.angle, key), 3) for key in ("left_deg", "right_deg", "aor_deg")}
+        sides = {
+            key: round(getattr(self.angle, key), 3)
+            for key in ("left_deg", "right_deg", "aor_deg")
+        }
         angles: dict[str, float | None] = dict.fromkeys(MEAN_KEYS.values())
-        angles |= {MEAN_KEYS[name]: round(angle.aor_deg, 3) for name, angle in self.angles.items()}
+        angles |= {
+            MEAN_KEYS[name]: round(angle.aor_deg, 3)
+            for name, angle in self.angles.items()
+        }
         return sides | {"height_mm": round(self.height_mm, 3)} | angles
 
 
@@ -61,7 +67,9 @@ class PileResult:
     def mean_deg(self, name: str) -> float | None:
         """Mean of a definition over the views; None if it could not be measured in more than half of them."""
         seen = np.isfinite(self.aor[name])
-        return float(self.aor[name][seen].mean()) if 2 * seen.sum() >= seen.size else None
+        return (
+            float(self.aor[name][seen].mean()) if 2 * seen.sum() >= seen.size else None
+        )
 
     @property
     def aor_deg(self) -> float | None:
@@ -72,7 +80,10 @@ class PileResult:
         """All responses of the pile by name; None if not measured."""
         views = {VIEW_KEYS[name]: _or_none(self.aor[name][0]) for name in DEFINITIONS}
         means = {MEAN_KEYS[name]: self.mean_deg(name) for name in DEFINITIONS}
-        heights = {"height_mm": self.height_mm, "height_view_mm": _or_none(self.view_height_mm[0])}
+        heights = {
+            "height_mm": self.height_mm,
+            "height_view_mm": _or_none(self.view_height_mm[0]),
+        }
         return {"aor_deg": self.aor_deg, **heights, **means, **views}
 
 

@@ -17,19 +17,27 @@ if TYPE_CHECKING:
 
 
 def pile_responses(
-    arrays: Arrays, particle: "Particle", settings: MeasureSettings, plate_mm: float, further: Sequence[str] = ()
+    arrays: Arrays,
+    particle: "Particle",
+    settings: MeasureSettings,
+    plate_mm: float,
+    further: Sequence[str] = (),
 ) -> tuple[dict[str, Any], dict[str, str]]:
     """Responses of a pile by name, and the reasons for missing ones."""
     responses: dict[str, Any] = {}
     reasons: dict[str, str] = {}
     try:
-        seen = pile.measure_pile(Grains.of(arrays, particle), settings, arrays["in_pile"])
+        seen = pile.measure_pile(
+            Grains.of(arrays, particle), settings, arrays["in_pile"]
+        )
         responses |= seen.record()
         reasons |= {MEAN_KEYS[name]: why for name, why in seen.reasons.items()}
         if settings.response in seen.reasons:
             reasons["aor_deg"] = seen.reasons[settings.response]
     except NoFlankError as error:
-        reasons |= dict.fromkeys(("aor_deg", "height_mm", *MEAN_KEYS.values()), error.reason)
+        reasons |= dict.fromkeys(
+            ("aor_deg", "height_mm", *MEAN_KEYS.values()), error.reason
+        )
     if further:
         from repose.measure import further_responses
 
@@ -41,7 +49,12 @@ def pile_responses(
     return responses, reasons
 
 
-def side_view(arrays: Arrays, particle: "Particle", settings: MeasureSettings, azimuth_deg: float = 0.0) -> np.ndarray:
+def side_view(
+    arrays: Arrays,
+    particle: "Particle",
+    settings: MeasureSettings,
+    azimuth_deg: float = 0.0,
+) -> np.ndarray:
     """Silhouette (H, W) of a pour's pile, the plate at its lower border; `arrays` as in `pile_responses`."""
     grains = Grains.of(arrays, particle)
     shown = grains[arrays["in_pile"]] if settings.largest_pile_only else grains

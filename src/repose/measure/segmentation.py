@@ -17,7 +17,9 @@ cv2.setNumThreads(1)
 
 SMALLEST = 20  # pixels that a picture has at least, each way
 SECOND = 0.4  # height of a second heap over that of the highest part
-HIGHEST_CENTROID = 0.55  # over the base, relative to the height of the pile; a rectangle has 0.5
+HIGHEST_CENTROID = (
+    0.55  # over the base, relative to the height of the pile; a rectangle has 0.5
+)
 
 
 @dataclass(frozen=True)
@@ -25,9 +27,13 @@ class Segmentation:
     """A picture split into pile and background."""
 
     grey: np.ndarray  # uint8 (H, W)
-    contrast: np.ndarray  # float32 (H, W), distance of each pixel from the background, in tone or colour
+    contrast: (
+        np.ndarray
+    )  # float32 (H, W), distance of each pixel from the background, in tone or colour
     level: float  # the contrast at which the pile begins (Otsu)
-    mask: np.ndarray  # uint8 (H, W), 1 in the pile; holes are filled, the plate is left out
+    mask: (
+        np.ndarray
+    )  # uint8 (H, W), 1 in the pile; holes are filled, the plate is left out
     base_row: float  # row of the pile's lower edge
     pile_is: str  # "darker" or "brighter" than the background
     beside: bool = False  # whether another heap stands beside it
@@ -38,7 +44,9 @@ class Segmentation:
         return np.concatenate(_contours(self.mask))[:, 0, :]
 
 
-def segment(image: np.ndarray, largest_pile_only: bool = True, base_row: float | None = None) -> Segmentation:
+def segment(
+    image: np.ndarray, largest_pile_only: bool = True, base_row: float | None = None
+) -> Segmentation:
     """Split a picture, BGR or grey, into pile and background; NoFlankError if the picture shows no pile.
 
     The border strip (the upper edge and both sides) shows background, from which the pile differs in tone or colour,
@@ -55,24 +63,38 @@ def segment(image: np.ndarray, largest_pile_only: bool = True, base_row: float |
     contrast = two_tone_contrast(image) if image.ndim == 2 else None
     noisy = contrast is None
     if contrast is None:
-        contrast = background_contrast(cv2.GaussianBlur(cv2.medianBlur(image, 3), (0, 0), 1.0))
+        contrast = background_contrast(
+            cv2.GaussianBlur(cv2.medianBlur(image, 3), (0, 0), 1.0)
+        )
     level, mask = threshold(contrast)
     if noisy:
         mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
     if base_row is None:
         base_row = plate_row(mask)
     if base_row is not None:
-        require(0 < base_row <= mask.shape[0], "picture", "base_row", base_row, f"above 0, at most {mask.shape[0]}")
+        require(
+            0 < base_row <= mask.shape[0],
+            "picture",
+            "base_row",
+            base_row,
+            f"above 0, at most {mask.shape[0]}",
+        )
         mask[math.ceil(base_row) :] = 0
     beside = largest_pile_only and another_heap(mask)
     mask = pile_component(mask, largest_pile_only)
     if base_row is None:
         base_row = lower_edge(mask, contrast, level)
-    pile_is = "darker" if cv2.mean(grey, mask)[0] < grey[border(grey.shape)].mean() else "brighter"
+    pile_is = (
+        "darker"
+        if cv2.mean(grey, mask)[0] < grey[border(grey.shape)].mean()
+        else "brighter"
+    )
     return Segmentation(grey, contrast, level, mask, float(base_row), pile_is, beside)
 
 
-def of_silhouette(picture: np.ndarray, pile_tone: int, background: int, largest_only: bool) -> Segmentation:
+def of_silhouette(
+    picture: np.ndarray, pile_tone: int, background: int, largest_only: bool
+) -> Segmentation:
     """Give what `segment` gives for a simulated pile's picture (H, W): its two tones and its base are known."""
     seen = (picture == pile_tone).view(np.uint8)
     contrast = seen * np.float32(abs(background - pile_tone))
@@ -90,7 +112,13 @@ def checked(image: np.ndarray) -> np.ndarray:
     require(image.dtype == np.uint8, "picture", "pixel type", str(image.dtype), "uint8")
     allowed = f"(H, W) or (H, W, 3), at least {SMALLEST} by {SMALLEST} pixels"
     picture = image.ndim == 2 or (image.ndim == 3 and image.shape[2] == 3)
-    require(picture and min(image.shape[:2]) >= SMALLEST, "picture", "shape", image.shape, allowed)
+    require(
+        picture and min(image.shape[:2]) >= SMALLEST,
+        "picture",
+        "shape",
+        image.shape,
+        allowed,
+    )
     if image.ndim == 3 and (image == image[..., :1]).all():
         image = image[..., 0]
     return np.ascontiguousarray(image)
@@ -115,10 +143,20 @@ def two_tone_contrast(grey: np.ndarray) -> np.ndarray | None:
 def background_contrast(image: np.ndarray) -> np.ndarray:
     """Distance (H, W) in tones from the background surface that is fitted to the border strip."""
     rows, columns = image.shape[:2]
-    y, x = np.linspace(-1, 1, rows, dtype=np.float32)[:, None], np.linspace(-1, 1, columns, dtype=np.float32)
+    y, x = (
+        np.linspace(-1, 1, rows, dtype=np.float32)[:, None],
+        np.linspace(-1, 1, columns, dtype=np.float32),
+    )
     where = border(image.shape)
     strip_y, strip_x = y[where.nonzero()[0], 0], x[where.nonzero()[1]]
-    terms = np.ones_like(strip_x), strip_x, strip_x**2, strip_y, strip_y**2, strip_x * strip_y
+    terms = (
+        np.ones_like(strip_x),
+        strip_x,
+        strip_x**2,
+        strip_y,
+        strip_y**2,
+        strip_x * strip_y,
+    )
     strip_terms = np.stack(terms, axis=1).astype(float)
     squares = np.zeros((rows, columns), np.float32)
     for channel in image.reshape(rows, columns, -1).transpose(2, 0, 1):
@@ -133,7 +171,9 @@ def background_contrast(image: np.ndarray) -> np.ndarray:
             weights = np.linalg.lstsq(strip_terms[kept], seen[kept], rcond=None)[0]
             centre = strip_terms @ weights
         w = weights.astype(np.float32)
-        surface = (w[0] + w[1] * x + w[2] * x * x) + (w[3] * y + w[4] * y * y) + w[5] * y * x
+        surface = (
+            (w[0] + w[1] * x + w[2] * x * x) + (w[3] * y + w[4] * y * y) + w[5] * y * x
+        )
         squares += (channel - surface) ** 2
     return np.sqrt(squares)
 
@@ -150,8 +190,12 @@ def threshold(contrast: np.ndarray) -> tuple[float, np.ndarray]:
     # Otsu's optimum lies half-way between the means of its two classes. Where the histogram has a gap every
     # level in it is as good and OpenCV returns the lowest, which would put the sub-pixel edge half a pixel
     # too far out.
-    level = (cv2.mean(scaled, mask=1 - binary)[0] + cv2.mean(scaled, mask=binary)[0]) / 2
-    return level * peak / 255.0, cv2.threshold(scaled, math.floor(level), 1, cv2.THRESH_BINARY)[1]
+    level = (
+        cv2.mean(scaled, mask=1 - binary)[0] + cv2.mean(scaled, mask=binary)[0]
+    ) / 2
+    return level * peak / 255.0, cv2.threshold(
+        scaled, math.floor(level), 1, cv2.THRESH_BINARY
+    )[1]
 
 
 def plate_row(mask: np.ndarray) -> float | None:
@@ -160,7 +204,9 @@ def plate_row(mask: np.ndarray) -> float | None:
     Above a plate the mask narrows abruptly, but not above the foot of a pile that the picture cuts off.
     """
     share = mask.mean(axis=1)
-    from_border_to_border = mask[:, :3].any(axis=1) & mask[:, -3:].any(axis=1) & (share > 0.97)
+    from_border_to_border = (
+        mask[:, :3].any(axis=1) & mask[:, -3:].any(axis=1) & (share > 0.97)
+    )
     if not from_border_to_border.any():
         return None
     first = int(from_border_to_border.argmax())
@@ -172,7 +218,11 @@ def pile_component(mask: np.ndarray, largest_only: bool) -> np.ndarray:
     contours = _contours(mask)
     require_flank(contours, "the picture shows no pile above its base")
     areas = np.array([cv2.contourArea(contour) for contour in contours])
-    kept = [int(areas.argmax())] if largest_only else np.flatnonzero(areas >= 0.01 * areas.max()).tolist()
+    kept = (
+        [int(areas.argmax())]
+        if largest_only
+        else np.flatnonzero(areas >= 0.01 * areas.max()).tolist()
+    )
     filled = np.zeros_like(mask)
     cv2.drawContours(filled, [contours[i] for i in kept], -1, 1, cv2.FILLED)
     return filled
@@ -199,16 +249,23 @@ def require_upright(mask: np.ndarray) -> None:
 
     The centroid of a pile that widens downward lies below the middle of its height.
     """
-    require_flank(not mask[0].any(), "the pile runs out of the picture at the top: its crest is not seen")
+    require_flank(
+        not mask[0].any(),
+        "the pile runs out of the picture at the top: its crest is not seen",
+    )
     rows = np.flatnonzero(mask.any(axis=1))
     centroid = np.average(np.arange(len(mask)), weights=mask.sum(axis=1, dtype=float))
     if (rows[-1] - centroid) > HIGHEST_CENTROID * (rows[-1] - rows[0]):
-        raise NoFlankError("most of the pile lies in its upper half: the picture is upside down, or shows no pile")
+        raise NoFlankError(
+            "most of the pile lies in its upper half: the picture is upside down, or shows no pile"
+        )
 
 
 def upper_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> np.ndarray:
     """Upper row of the pile in each column (W,), between pixels by linear interpolation; NaN without pile."""
-    top = cv2.transpose(mask).view(bool).argmax(axis=1)  # in contiguous memory three times as fast
+    top = (
+        cv2.transpose(mask).view(bool).argmax(axis=1)
+    )  # in contiguous memory three times as fast
     column = np.arange(mask.shape[1])
     inner = contrast[top, column]
     outer = np.where(top > 0, contrast[np.maximum(top - 1, 0), column], 0.0)
@@ -221,4 +278,8 @@ def lower_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> float:
     """Row of the pile's lowest point, between pixels; the lower border of a picture that cuts the pile off."""
     if mask[-1].any():
         return mask.shape[0] - 0.5
-    return mask.shape[0] - 1 - float(np.nanmin(upper_edge(mask[::-1], contrast[::-1], level)))
+    return (
+        mask.shape[0]
+        - 1
+        - float(np.nanmin(upper_edge(mask[::-1], contrast[::-1], level)))
+    )

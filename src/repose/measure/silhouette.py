@@ -18,7 +18,9 @@ from repose.measure.saved_pours import Arrays
 # Simulations run side by side, one a core: OpenCV's own threads would only compete with them.
 cv2.setNumThreads(1)
 
-OUTLINE_DIRECTIONS = 64  # a grain's outline as a polygon: at most 0.03 mm inside the smooth one
+OUTLINE_DIRECTIONS = (
+    64  # a grain's outline as a polygon: at most 0.03 mm inside the smooth one
+)
 SUBPIXEL_BITS = 8
 MARGIN_PX = 8
 PILE_TONE, BACKGROUND_TONE = 40, 255
@@ -43,20 +45,34 @@ class Grains:
     scales: Any = 1.0  # ndarray (N,), sizes over the particle's
 
     def __post_init__(self) -> None:
-        self.centres_m, self.quaternions = np.asarray(self.centres_m, float), np.asarray(self.quaternions, float)
-        self.scales = np.broadcast_to(np.asarray(self.scales, float), len(self.centres_m))
+        self.centres_m, self.quaternions = (
+            np.asarray(self.centres_m, float),
+            np.asarray(self.quaternions, float),
+        )
+        self.scales = np.broadcast_to(
+            np.asarray(self.scales, float), len(self.centres_m)
+        )
 
     @classmethod
     def of(cls, arrays: Arrays, particle: ConvexBody) -> "Grains":
         """Give the grains of a pour from its arrays ``position``, ``quaternion`` and perhaps ``scale``."""
-        return cls(arrays["position"], arrays["quaternion"], particle, arrays.get("scale", 1.0))
+        return cls(
+            arrays["position"], arrays["quaternion"], particle, arrays.get("scale", 1.0)
+        )
 
     def __getitem__(self, kept: np.ndarray) -> "Grains":
         """Give the grains of a mask."""
-        return Grains(self.centres_m[kept], self.quaternions[kept], self.particle, self.scales[kept])
+        return Grains(
+            self.centres_m[kept],
+            self.quaternions[kept],
+            self.particle,
+            self.scales[kept],
+        )
 
 
-def outlines(grains: Grains, azimuths_deg: ArrayLike, inset_m: float = 0.0) -> np.ndarray:
+def outlines(
+    grains: Grains, azimuths_deg: ArrayLike, inset_m: float = 0.0
+) -> np.ndarray:
     """Outline polygons of bodies in orthographic side views: (views, N, OUTLINE_DIRECTIONS, 2), (u, z) in m.
 
     The view from azimuth a shows u = x cos a + y sin a to the right and z up. A convex body's outline is the curve of
@@ -64,12 +80,16 @@ def outlines(grains: Grains, azimuths_deg: ArrayLike, inset_m: float = 0.0) -> n
     turned by 180 degrees. `inset_m` moves the outlines inwards.
     """
     azimuth = np.radians(np.asarray(azimuths_deg, dtype=float))
-    right = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros_like(azimuth)], axis=-1)
+    right = np.stack(
+        [np.cos(azimuth), np.sin(azimuth), np.zeros_like(azimuth)], axis=-1
+    )
     turn = np.arange(OUTLINE_DIRECTIONS) * (2 * math.pi / OUTLINE_DIRECTIONS)
     circle = np.column_stack([np.cos(turn), np.sin(turn)])
     spheres = spheres_of(grains)
     if spheres is not None:
-        middles = np.stack(np.broadcast_arrays(right @ spheres[:, :3].T, spheres[:, 2]), axis=-1)
+        middles = np.stack(
+            np.broadcast_arrays(right @ spheres[:, :3].T, spheres[:, 2]), axis=-1
+        )
         return middles[:, :, None, :] + (spheres[:, 3, None, None] - inset_m) * circle
     rotation = rotation_matrices(grains.quaternions)
     up_body = rotation[:, 2, :]
@@ -79,7 +99,9 @@ def outlines(grains: Grains, azimuths_deg: ArrayLike, inset_m: float = 0.0) -> n
         right_body = np.einsum("nij,i->nj", rotation, direction)
         n = cos * right_body[:, None, :] + sin * up_body[:, None, :]
         touching = grains.particle.support_point(n.reshape(-1, 3)).reshape(n.shape)
-        half = grains.scales[:, None, None] * (touching @ np.stack([right_body, up_body], axis=-1))
+        half = grains.scales[:, None, None] * (
+            touching @ np.stack([right_body, up_body], axis=-1)
+        )
         view[:] = np.concatenate([half, -half], axis=1) - inset_m * circle
         view[..., 0] += (grains.centres_m @ direction)[:, None]
         view[..., 1] += grains.centres_m[:, 2, None]
@@ -94,7 +116,9 @@ def spheres_of(grains: Grains) -> np.ndarray | None:
         return None
     away = np.einsum("nij,mj->nmi", rotation_matrices(grains.quaternions), own[:, :3])
     places = grains.centres_m[:, None, :] + scales[..., None] * away
-    return np.concatenate([places, (scales * own[:, 3])[..., None]], axis=-1).reshape(-1, 4)
+    return np.concatenate([places, (scales * own[:, 3])[..., None]], axis=-1).reshape(
+        -1, 4
+    )
 
 
 def top_of(grains: Grains) -> float:
@@ -115,7 +139,13 @@ def paint(polygons_m: np.ndarray, mm_per_pixel: float, extent: Extent) -> np.nda
     width = math.ceil((right_m - left_m) / pixel_m)
     height = math.ceil(top_m / pixel_m)
     allowed = f"at most {MOST_PIXELS:g}: positions are in m, and a larger measure.mm_per_pixel needs fewer"
-    require(width * height <= MOST_PIXELS, "picture of the pile", "pixels", f"{width:g} x {height:g}", allowed)
+    require(
+        width * height <= MOST_PIXELS,
+        "picture of the pile",
+        "pixels",
+        f"{width:g} x {height:g}",
+        allowed,
+    )
     image = np.full((height, width), BACKGROUND_TONE, dtype=np.uint8)
     pixels = np.empty_like(polygons_m)
     pixels[..., 0] = (polygons_m[..., 0] - left_m) / pixel_m - 0.5
@@ -128,12 +158,17 @@ def paint(polygons_m: np.ndarray, mm_per_pixel: float, extent: Extent) -> np.nda
 def frame(polygons_m: np.ndarray, mm_per_pixel: float) -> Extent:
     """Left, right and top in m of the view that holds all outlines and a margin of background."""
     margin = MARGIN_PX * mm_per_pixel * 1e-3
-    (left, _), (right, top) = (end(polygons_m, axis=(0, 1)).tolist() for end in (np.min, np.max))
+    (left, _), (right, top) = (
+        end(polygons_m, axis=(0, 1)).tolist() for end in (np.min, np.max)
+    )
     return left - margin, right + margin, max(top, 0.0) + margin
 
 
 def silhouette(
-    grains: Grains, azimuth_deg: float = 0.0, mm_per_pixel: float = 0.25, extent: Extent | None = None
+    grains: Grains,
+    azimuth_deg: float = 0.0,
+    mm_per_pixel: float = 0.25,
+    extent: Extent | None = None,
 ) -> np.ndarray:
     """Exact orthographic side view (H, W) of bodies on the plate z = 0, the pile dark on a light background."""
     polygons = outlines(grains, [azimuth_deg], mm_per_pixel * 0.5e-3)[0]

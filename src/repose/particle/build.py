@@ -18,7 +18,14 @@ from repose.core.files import write_bytes, write_table
 from repose.dem.rotations import sphere_directions
 from repose.particle import mesh_from_axes, sphere_packing, support_fit
 from repose.particle.berry_files import SIZE_COLUMNS, read_berry
-from repose.particle.mesh import body_of, ellipsoid_mesh, load_mesh, mesh_of, mesh_support, stl_of
+from repose.particle.mesh import (
+    body_of,
+    ellipsoid_mesh,
+    load_mesh,
+    mesh_of,
+    mesh_support,
+    stl_of,
+)
 from repose.particle.particle import KINDS, MM, Body, Particle, check_positive
 from repose.particle.settings import GrainSettings
 from repose.particle.support import support
@@ -33,7 +40,11 @@ MESH_FILE = "berry.stl"
 
 
 def fit_particle(
-    mesh: trimesh.Trimesh, density_kg_m3: float, stl: str = "", source: object = "mesh", kind: str = "smooth"
+    mesh: trimesh.Trimesh,
+    density_kg_m3: float,
+    stl: str = "",
+    source: object = "mesh",
+    kind: str = "smooth",
 ) -> Particle:
     """Fit a convex particle to the support values of a mesh (mm, principal pose).
 
@@ -54,7 +65,9 @@ def fit_particle(
     deviation = np.abs(support(semi_axes, n) - measured)
     volume, second_moments = support_fit.volume_integrals(semi_axes)
     tolerance = VOLUME_TOLERANCE * (2 if kind == "ellipsoid" else 1)
-    _check_fit(deviation.max() / radius, volume / (mesh.volume * MM**3), tolerance, source)
+    _check_fit(
+        deviation.max() / radius, volume / (mesh.volume * MM**3), tolerance, source
+    )
     return Particle(
         kind="ellipsoid" if len(semi_axes) == 1 else "smooth",
         semi_axes_m=semi_axes,
@@ -98,13 +111,18 @@ def make_particle(
 
 def _origin(body: Body, density_kg_m3: float, stl: str) -> dict[str, Any]:
     """List the properties of the mesh that a particle keeps."""
-    of_mesh = {f"mesh_{name}": getattr(body, name) for name in ("volume_m3", "inertia_kg_m2", "axes_m")}
+    of_mesh = {
+        f"mesh_{name}": getattr(body, name)
+        for name in ("volume_m3", "inertia_kg_m2", "axes_m")
+    }
     return {"density_kg_m3": float(density_kg_m3), "stl": str(stl), **of_mesh}
 
 
 def compare(particles: Mapping[str, Particle | InputError]) -> list[dict[str, Any]]:
     """List the particles of one mesh in rows, the mesh first: volume, mass, principal moments, extents, deviations."""
-    made = [particle for particle in particles.values() if isinstance(particle, Particle)]
+    made = [
+        particle for particle in particles.values() if isinstance(particle, Particle)
+    ]
     rows = [_row("mesh", mesh)] if made and (mesh := made[0].mesh) else []
     for name, particle in particles.items():
         if not isinstance(particle, Particle):
@@ -114,7 +132,8 @@ def compare(particles: Mapping[str, Particle | InputError]) -> list[dict[str, An
         rows.append(
             _row(name, particle)
             | {
-                "volume_deviation_percent": 100 * (particle.volume_m3 / particle.mesh_volume_m3 - 1),
+                "volume_deviation_percent": 100
+                * (particle.volume_m3 / particle.mesh_volume_m3 - 1),
                 "deviation_max_mm": particle.deviation_max_m / MM,
                 "deviation_rms_mm": particle.deviation_rms_m / MM,
                 "parts": len(particle.semi_axes_m) + len(particle.spheres_m),
@@ -128,15 +147,21 @@ def of_settings(grain: Mapping[str, Any], section: GrainSettings) -> Particle:
     source = section.stl or MESH_FILE
     mesh = mesh_of(_stl(grain, section.stl, section.mass_g), source)
     kind, spheres, surface = section.particle, section.spheres, section.surface
-    return make_particle(mesh, grain["density_kg_m3"], kind, spheres, surface, MESH_FILE, source)
+    return make_particle(
+        mesh, grain["density_kg_m3"], kind, spheres, surface, MESH_FILE, source
+    )
 
 
-def _stl(grain: Mapping[str, Any], stl: str | PathLike | None, mass_g: float | None) -> bytes:
+def _stl(
+    grain: Mapping[str, Any], stl: str | PathLike | None, mass_g: float | None
+) -> bytes:
     """Return the content of the mesh file: of the user's scan, or a mesh of the mean axes."""
     axes_mm = [grain[name] for name in SIZE_COLUMNS]
     if stl is not None:
         scan = load_mesh(stl)
-        for side, extent, mean in zip(SIDES, sorted(scan.extents), sorted(axes_mm), strict=True):
+        for side, extent, mean in zip(
+            SIDES, sorted(scan.extents), sorted(axes_mm), strict=True
+        ):
             allowed = f"near {mean:.4g}, its mean in the table of sizes: are both in millimetres, and of one crop?"
             good = mean / LARGEST_RATIO <= extent <= mean * LARGEST_RATIO
             require(good, stl, f"{side} side in mm", round(float(extent), 4), allowed)
@@ -170,7 +195,9 @@ def run(
     particles: dict[str, Particle | InputError] = {}
     for name in (kind, *(other for other in KINDS if other != kind)):
         try:
-            particles[name] = make_particle(mesh, grain["density_kg_m3"], name, spheres, surface, MESH_FILE, source)
+            particles[name] = make_particle(
+                mesh, grain["density_kg_m3"], name, spheres, surface, MESH_FILE, source
+            )
         except InputError as error:
             if name == kind:
                 raise
@@ -186,17 +213,37 @@ def run(
 
 def _row(name: str, body: Particle | Body) -> dict[str, Any]:
     """List volume, mass, principal moments and extents of a `Particle` or a `Body`."""
-    row = {"body": name, "volume_mm3": body.volume_m3 / MM**3, "mass_g": body.mass_kg * 1e3}
-    row |= {f"inertia_{x}_g_mm2": 1e9 * value for x, value in zip("xyz", body.inertia_kg_m2, strict=True)}
-    return row | {f"axis_{x}_mm": value / MM for x, value in zip("xyz", body.axes_m, strict=True)}
+    row = {
+        "body": name,
+        "volume_mm3": body.volume_m3 / MM**3,
+        "mass_g": body.mass_kg * 1e3,
+    }
+    row |= {
+        f"inertia_{x}_g_mm2": 1e9 * value
+        for x, value in zip("xyz", body.inertia_kg_m2, strict=True)
+    }
+    return row | {
+        f"axis_{x}_mm": value / MM for x, value in zip("xyz", body.axes_m, strict=True)
+    }
 
 
-def _check_fit(relative_deviation: float, volume_ratio: float, tolerance: float, source: object) -> None:
+def _check_fit(
+    relative_deviation: float, volume_ratio: float, tolerance: float, source: object
+) -> None:
     """Raise InputError if the fitted particle does not represent the mesh."""
     key = "largest deviation of the particle over the mesh's mean radius"
     allowed = f"at most {LARGEST_DEVIATION:g}: the particle is smooth and symmetric to three planes"
-    require(relative_deviation <= LARGEST_DEVIATION, source, key, round(float(relative_deviation), 3), allowed)
+    require(
+        relative_deviation <= LARGEST_DEVIATION,
+        source,
+        key,
+        round(float(relative_deviation), 3),
+        allowed,
+    )
     low, high = 1 - tolerance, 1 + tolerance
     allowed = f"from {low:g} to {high:g}: the particle is smooth, without edges"
-    key, good = "volume of the particle over the mesh's", abs(volume_ratio - 1) <= tolerance
+    key, good = (
+        "volume of the particle over the mesh's",
+        abs(volume_ratio - 1) <= tolerance,
+    )
     require(good, source, key, round(float(volume_ratio), 3), allowed)

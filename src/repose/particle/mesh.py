@@ -29,7 +29,13 @@ def ellipsoid_mesh(axes_mm: ArrayLike, subdivisions: int = 4) -> trimesh.Trimesh
 def load_mesh(path: str | PathLike) -> trimesh.Trimesh:
     """Read a mesh [mm] that trimesh reads, such as STL; it comes in its principal pose and checked (`check_mesh`)."""
     path = Path(path)
-    require(path.is_file(), path, "file", None, "an existing mesh file, such as an STL in millimetres")
+    require(
+        path.is_file(),
+        path,
+        "file",
+        None,
+        "an existing mesh file, such as an STL in millimetres",
+    )
     if path.suffix.lower() == ".stl":
         return mesh_of(_whole_stl(path.read_bytes(), path), path)
     return _read(path, None, path)
@@ -38,19 +44,39 @@ def load_mesh(path: str | PathLike) -> trimesh.Trimesh:
 def _whole_stl(content: bytes, source: object) -> bytes:
     """Return an STL without what follows its end, with a last `endsolid`; InputError if cut off, or of two bodies."""
     text = content.removeprefix(b"\xef\xbb\xbf").lower().replace(b"\r", b"\n")
-    commas, allowed = re.search(rb"vertex\s+[-+\d]+,\d\S*", text[:1000]), "numbers with a decimal point"
+    commas, allowed = (
+        re.search(rb"vertex\s+[-+\d]+,\d\S*", text[:1000]),
+        "numbers with a decimal point",
+    )
     require(not commas, source, "numbers", commas and commas[0].decode(), allowed)
     if b"facet" in text and not re.search(rb"[\0-\x08\x0e-\x1f]", text[:1000]):
-        begun, ended = (len(re.findall(rb"(?m)^\s*" + word + rb"\b", text)) for word in (b"facet", b"endfacet"))
-        require(begun == ended, source, "facets", ended, f"{begun}, as many as begin: the file is cut off")
-        end = text.rfind(b"endsolid")  # of what stands behind it nothing belongs to the body
+        begun, ended = (
+            len(re.findall(rb"(?m)^\s*" + word + rb"\b", text))
+            for word in (b"facet", b"endfacet")
+        )
+        require(
+            begun == ended,
+            source,
+            "facets",
+            ended,
+            f"{begun}, as many as begin: the file is cut off",
+        )
+        end = text.rfind(
+            b"endsolid"
+        )  # of what stands behind it nothing belongs to the body
         return text[: end if end > text.rfind(b"endfacet") else None] + b"\nendsolid\n"
     count = int.from_bytes(content[STL_HEADER - 4 : STL_HEADER], "little")
     facets = max(len(content) - STL_HEADER, 0) // STL_FACET
     allowed = f"{count or 'some'}, as its header says: the file is cut off, or no STL"
     require(facets >= max(count, 1), source, "facets", facets, allowed)
     behind = content[STL_HEADER + STL_FACET * count :].strip(b"\0\t\r\n ")
-    require(len(behind) < STL_HEADER + STL_FACET, source, "facets", facets, f"{count}, as its header says: one body")
+    require(
+        len(behind) < STL_HEADER + STL_FACET,
+        source,
+        "facets",
+        facets,
+        f"{count}, as its header says: one body",
+    )
     return content[: STL_HEADER + STL_FACET * count]
 
 
@@ -59,8 +85,14 @@ def _read(file: Any, file_type: str | None, source: object) -> trimesh.Trimesh:
     try:
         mesh: Any = trimesh.load(file, file_type=file_type, force="mesh")
     except Exception as error:  # trimesh's readers raise whatever their parsers do
-        found = "in a format that is not read here" if isinstance(error, ImportError) else str(error)
-        raise InputError(source, "file", found, "a mesh that trimesh can read: save it as STL, in mm") from None
+        found = (
+            "in a format that is not read here"
+            if isinstance(error, ImportError)
+            else str(error)
+        )
+        raise InputError(
+            source, "file", found, "a mesh that trimesh can read: save it as STL, in mm"
+        ) from None
     return principal_pose(check_mesh(mesh, source))
 
 
@@ -81,8 +113,20 @@ def check_mesh(mesh: trimesh.Trimesh, source: object) -> trimesh.Trimesh:
 
     Any other is an InputError. Facets without an area, and some that are there twice, are taken out of it.
     """
-    require(len(mesh.faces) >= 4, source, "faces", len(mesh.faces), "a closed surface of at least 4 faces")
-    require(np.isfinite(mesh.vertices).all(), source, "vertices", "not finite", "finite coordinates in millimetres")
+    require(
+        len(mesh.faces) >= 4,
+        source,
+        "faces",
+        len(mesh.faces),
+        "a closed surface of at least 4 faces",
+    )
+    require(
+        np.isfinite(mesh.vertices).all(),
+        source,
+        "vertices",
+        "not finite",
+        "finite coordinates in millimetres",
+    )
     longest = float(mesh.extents.max())
     low, high = LENGTHS_MM
     allowed = f"from {low:g} to {high:g}: is the mesh in millimetres?"
@@ -92,26 +136,47 @@ def check_mesh(mesh: trimesh.Trimesh, source: object) -> trimesh.Trimesh:
         f"at least {FLATTEST:g} of the longest, {longest:.4g} mm: a body, no sheet",
     )
     require(flat >= FLATTEST * longest, source, "shortest side in mm", flat, allowed)
-    mesh.merge_vertices(merge_norm=True, merge_tex=True)  # several groups, or solids, may be one body
+    mesh.merge_vertices(
+        merge_norm=True, merge_tex=True
+    )  # several groups, or solids, may be one body
     for find in (mesh.nondegenerate_faces, mesh.unique_faces):
         good = find()  # among the facets that the one before has left
-        several, allowed = 2 * good.sum() > len(good), f"{len(good)}: is the body there twice?"
-        require(several, source, "facets with an area, each once", int(good.sum()), allowed)
+        several, allowed = (
+            2 * good.sum() > len(good),
+            f"{len(good)}: is the body there twice?",
+        )
+        require(
+            several, source, "facets with an area, each once", int(good.sum()), allowed
+        )
         if not good.all() and not mesh.is_watertight:  # a needle may close a joint
             mesh.update_faces(good)
     if not mesh.is_watertight or not mesh.is_winding_consistent:
-        _, edge, facets = np.unique(mesh.edges_sorted, axis=0, return_inverse=True, return_counts=True)
+        _, edge, facets = np.unique(
+            mesh.edges_sorted, axis=0, return_inverse=True, return_counts=True
+        )
         upwards = np.bincount(edge.ravel(), mesh.edges[:, 0] < mesh.edges[:, 1])
-        turned = ((facets == 2) & (upwards != 1)).sum()  # both facets go along it the same way
+        turned = (
+            (facets == 2) & (upwards != 1)
+        ).sum()  # both facets go along it the same way
         found = f"{(facets == 1).sum()} edges of one facet, {(facets > 2).sum()} of more than two"
         found += f", {turned} between facets of which one is turned over"
-        allowed = (
-            "a watertight surface: each edge belongs to two facets that look outwards; is the file whole, without NaN?"
-        )
+        allowed = "a watertight surface: each edge belongs to two facets that look outwards; is the file whole, without NaN?"
         raise InputError(source, "surface", found, allowed)
-    require(mesh.body_count <= 1, source, "bodies", mesh.body_count, "1: the outer surface of one grain")
+    require(
+        mesh.body_count <= 1,
+        source,
+        "bodies",
+        mesh.body_count,
+        "1: the outer surface of one grain",
+    )
     volume = float(mesh.volume)
-    require(volume > 0, source, "volume in mm3", volume, "positive; the faces must look outwards")
+    require(
+        volume > 0,
+        source,
+        "volume in mm3",
+        volume,
+        "positive; the faces must look outwards",
+    )
     share = volume / float(mesh.convex_hull.volume)
     dents = f"at least {CONVEX_SHARE:g}; the particle is convex and cannot stand for dents this deep"
     allowed = dents if share < 1 else "at most 1; the surface crosses itself"
@@ -137,11 +202,18 @@ def body_of(mesh: trimesh.Trimesh, density_kg_m3: float) -> Body:
     """Compute volume, mass, moments and extents of a mesh (mm, principal pose): exact integrals over the polyhedron."""
     inertia = np.diag(mesh.moment_inertia) / mesh.density * density_kg_m3 * MM**5
     volume = float(mesh.volume) * MM**3
-    return Body(volume, density_kg_m3 * volume, inertia, np.ptp(mesh.vertices, axis=0) * MM)
+    return Body(
+        volume, density_kg_m3 * volume, inertia, np.ptp(mesh.vertices, axis=0) * MM
+    )
 
 
 def mesh_support(mesh: trimesh.Trimesh, n: np.ndarray) -> np.ndarray:
     """Compute support values (N,) of a mesh in its unit: extents from the origin in the directions n (N, 3)."""
     vertices = np.asarray(mesh.convex_hull.vertices)
     # In chunks: a scan's hull times all directions would fill gigabytes.
-    return np.concatenate([(part @ vertices.T).max(axis=1) for part in np.array_split(n, 1 + len(n) // 500)])
+    return np.concatenate(
+        [
+            (part @ vertices.T).max(axis=1)
+            for part in np.array_split(n, 1 + len(n) // 500)
+        ]
+    )

@@ -46,18 +46,26 @@ class Particle:
     """
 
     kind: str  # ellipsoid, smooth or multisphere
-    semi_axes_m: np.ndarray  # (K, 3), half axes of the ellipsoids; K = 1: ellipsoid, K = 0: multisphere
+    semi_axes_m: (
+        np.ndarray
+    )  # (K, 3), half axes of the ellipsoids; K = 1: ellipsoid, K = 0: multisphere
     density_kg_m3: float
     volume_m3: float
     mass_kg: float
     inertia_kg_m2: np.ndarray  # (3,), principal moments
     bounding_radius_m: float  # distance of the farthest point from the centre
-    deviation_max_m: float  # from the mesh, of support values; of a multisphere, of surfaces
+    deviation_max_m: (
+        float  # from the mesh, of support values; of a multisphere, of surfaces
+    )
     deviation_rms_m: float  # likewise
     mesh_volume_m3: float | None = None  # of the mesh itself; None without a mesh
     stl: str = ""  # name of the mesh's file
-    spheres_m: np.ndarray = field(default_factory=partial(np.zeros, (0, 4)))  # (M, 4), x, y, z, radius
-    mesh_inertia_kg_m2: np.ndarray | None = None  # (3,), at the same density; None without a mesh
+    spheres_m: np.ndarray = field(
+        default_factory=partial(np.zeros, (0, 4))
+    )  # (M, 4), x, y, z, radius
+    mesh_inertia_kg_m2: np.ndarray | None = (
+        None  # (3,), at the same density; None without a mesh
+    )
     mesh_axes_m: np.ndarray | None = None  # (3,), full extents; None without a mesh
 
     @property
@@ -73,10 +81,16 @@ class Particle:
     @property
     def mesh(self) -> Body | None:
         """The mesh's own body, None where the particle has none."""
-        if self.mesh_volume_m3 is None or self.mesh_inertia_kg_m2 is None or self.mesh_axes_m is None:
+        if (
+            self.mesh_volume_m3 is None
+            or self.mesh_inertia_kg_m2 is None
+            or self.mesh_axes_m is None
+        ):
             return None
         mass = self.density_kg_m3 * self.mesh_volume_m3
-        return Body(self.mesh_volume_m3, mass, self.mesh_inertia_kg_m2, self.mesh_axes_m)
+        return Body(
+            self.mesh_volume_m3, mass, self.mesh_inertia_kg_m2, self.mesh_axes_m
+        )
 
     def support(self, n: np.ndarray) -> np.ndarray:
         """Compute support values (...) [m]: extents from the centre in the directions n (..., 3) of the body frame."""
@@ -89,7 +103,9 @@ class Particle:
         """Compute touching points (..., 3) [m] for directions n (..., 3): the gradient of the support function."""
         n = np.asarray(n, dtype=float)
         if self.is_clump:
-            farthest = self.spheres_m[(n @ self.spheres_m[:, :3].T + self.spheres_m[:, 3]).argmax(axis=-1)]
+            farthest = self.spheres_m[
+                (n @ self.spheres_m[:, :3].T + self.spheres_m[:, 3]).argmax(axis=-1)
+            ]
             return farthest[..., :3] + farthest[..., 3:] * n
         return support.support_point(self.semi_axes_m, n)
 
@@ -101,7 +117,9 @@ class Particle:
 
     def record(self) -> dict[str, Any]:
         """Return the particle as plain values for a file: lengths in mm, mass in g."""
-        record = {name: getattr(self, name) for name in ("kind", "density_kg_m3", "stl")}
+        record = {
+            name: getattr(self, name) for name in ("kind", "density_kg_m3", "stl")
+        }
         for name, (key, unit) in FIELDS.items():
             value = getattr(self, name)
             record[key] = None if value is None else _rounded(np.asarray(value) / unit)
@@ -130,20 +148,33 @@ class Particle:
         kind = "a file of `repose stage shape`"
         keys = ("kind", "density_kg_m3", "stl", *(key for key, _ in FIELDS.values()))
         record = read_json(path, keys, kind)
-        require(record["kind"] in KINDS, path, "kind", record["kind"], " or ".join(KINDS))
-        shapes: dict[str, tuple[int, ...]] = {"semi_axes_mm": (-1, 3), "spheres_mm": (-1, 4)}
-        shapes |= dict.fromkeys(("inertia_g_mm2", "mesh_inertia_g_mm2", "mesh_axes_mm"), (3,))
+        require(
+            record["kind"] in KINDS, path, "kind", record["kind"], " or ".join(KINDS)
+        )
+        shapes: dict[str, tuple[int, ...]] = {
+            "semi_axes_mm": (-1, 3),
+            "spheres_mm": (-1, 4),
+        }
+        shapes |= dict.fromkeys(
+            ("inertia_g_mm2", "mesh_inertia_g_mm2", "mesh_axes_mm"), (3,)
+        )
         for key in keys:
-            if key not in ("kind", "stl") and not (key.startswith("mesh_") and record[key] is None):
+            if key not in ("kind", "stl") and not (
+                key.startswith("mesh_") and record[key] is None
+            ):
                 _check_numbers(path, key, record[key], shapes.get(key, ()))
         if not record["spheres_mm"] and not record["semi_axes_mm"]:
             raise InputError(path, "spheres_mm", [], "spheres, or semi-axes beside it")
         return cls.of_record(record)
 
 
-def _check_numbers(path: str | PathLike, key: str, value: object, shape: tuple[int, ...]) -> None:
+def _check_numbers(
+    path: str | PathLike, key: str, value: object, shape: tuple[int, ...]
+) -> None:
     """Raise InputError unless the values are finite numbers of this shape, positive where necessary."""
-    wrong = InputError(path, key, value, "finite numbers in a file of `repose stage shape`")
+    wrong = InputError(
+        path, key, value, "finite numbers in a file of `repose stage shape`"
+    )
     try:
         given = np.array(value, dtype=float)
         numbers = given.reshape(shape)
@@ -154,7 +185,13 @@ def _check_numbers(path: str | PathLike, key: str, value: object, shape: tuple[i
         raise wrong
     may_be_zero = key == "semi_axes_mm" or key.startswith("deviation")
     sizes = numbers[:, 3] if key == "spheres_mm" else numbers
-    require(not np.any(sizes < 0 if may_be_zero else sizes <= 0), path, key, value, "sizes above 0")
+    require(
+        not np.any(sizes < 0 if may_be_zero else sizes <= 0),
+        path,
+        key,
+        value,
+        "sizes above 0",
+    )
 
 
 # Names of the numbers in the file, and their units there.

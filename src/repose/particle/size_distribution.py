@@ -26,7 +26,11 @@ def of_range(maximum: float, minimum: float, mean: float) -> tuple[float, float,
 
     The expected range of 50 normal values is 4.498 standard deviations.
     """
-    return (maximum - minimum) / PUBLISHED_RANGE_SD / mean, minimum / mean, maximum / mean
+    return (
+        (maximum - minimum) / PUBLISHED_RANGE_SD / mean,
+        minimum / mean,
+        maximum / mean,
+    )
 
 
 def normalisation(sd: float, low: float, high: float) -> float:
@@ -43,7 +47,9 @@ def smallest(distribution: str, grain: Mapping[str, float]) -> float:
     return low / normalisation(sd, low, high) if sd else 1.0
 
 
-def draw(rng: np.random.Generator, count: int, sd: float, low: float, high: float) -> np.ndarray:
+def draw(
+    rng: np.random.Generator, count: int, sd: float, low: float, high: float
+) -> np.ndarray:
     """Draw scales s (count,) of single grains with E[s^3] = 1; all 1 if `sd` is 0."""
     if sd == 0:
         return np.ones(count)
@@ -60,11 +66,18 @@ def _spread(distribution: str, grain: Mapping[str, float]) -> list[float]:
         return [0.0, 1.0, 1.0]
     for key in KEYS:
         if key not in grain or not (math.isfinite(grain[key]) and grain[key] >= 0):
-            raise InputError("berry.json", key, grain.get(key), "a number, as the verb berry writes it")
+            raise InputError(
+                "berry.json",
+                key,
+                grain.get(key),
+                "a number, as the verb berry writes it",
+            )
     return [grain[key] for key in KEYS]
 
 
-def of_pour(distribution: str, grain: Mapping[str, Any], seed: int, count: int) -> tuple[np.ndarray, float]:
+def of_pour(
+    distribution: str, grain: Mapping[str, Any], seed: int, count: int
+) -> tuple[np.ndarray, float]:
     """Draw scales (count,) of the grains of a pour, and the largest possible scale."""
     sd, low, high = _spread(distribution, grain)
     scales = draw(np.random.default_rng([STREAM, seed]), count, sd, low, high)

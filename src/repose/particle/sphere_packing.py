@@ -47,7 +47,12 @@ class Packing:
     deviation_rms_m: float  # likewise
 
 
-def pack(mesh: trimesh.Trimesh, count: int | str = 14, surface: str = "smooth", source: object = "mesh") -> Packing:
+def pack(
+    mesh: trimesh.Trimesh,
+    count: int | str = 14,
+    surface: str = "smooth",
+    source: object = "mesh",
+) -> Packing:
     """Fill a mesh (mm, nearly convex, centred) with spheres."""
     allowed = f"a whole number from 1 to {MOST_SPHERES} or {FEWEST}"
     good = count == FEWEST or (isinstance(count, int) and 1 <= count <= MOST_SPHERES)
@@ -94,15 +99,25 @@ class _Filling:
             spheres = self.placed(count)
             if len(spheres) < count:
                 break
-            room = (1 + NEAR_SHORTEST_AXIS) * extents[shortest] - _extent(spheres, shortest)
-            for points, near in ((VOLUME_POINTS // 16, SCREENED), (VOLUME_POINTS, NEAR_VOLUME)):
+            room = (1 + NEAR_SHORTEST_AXIS) * extents[shortest] - _extent(
+                spheres, shortest
+            )
+            for points, near in (
+                (VOLUME_POINTS // 16, SCREENED),
+                (VOLUME_POINTS, NEAR_VOLUME),
+            ):
                 tried = spheres.copy()
                 if self.surface != "rough":
-                    tried[:, 3] += min(_growth(spheres, self.mesh, self.box, points), room / 2)
+                    tried[:, 3] += min(
+                        _growth(spheres, self.mesh, self.box, points), room / 2
+                    )
                 if abs(union_volume(tried, self.box, points) / volume - 1) > near:
                     break
             else:
-                if abs(_extent(tried, shortest) / extents[shortest] - 1) <= NEAR_SHORTEST_AXIS + 1e-9:
+                if (
+                    abs(_extent(tried, shortest) / extents[shortest] - 1)
+                    <= NEAR_SHORTEST_AXIS + 1e-9
+                ):
                     return tried
         allowed = (
             f"a number: no union of {FEWEST_FROM} to {FEWEST_TO} {self.surface} spheres is within "
@@ -113,30 +128,48 @@ class _Filling:
 
 def _extent(spheres: np.ndarray, axis: int) -> float:
     """Measure the length of a union of spheres along an axis."""
-    return float(np.max(spheres[:, axis] + spheres[:, 3]) - np.min(spheres[:, axis] - spheres[:, 3]))
+    return float(
+        np.max(spheres[:, axis] + spheres[:, 3])
+        - np.min(spheres[:, axis] - spheres[:, 3])
+    )
 
 
-def surface_points(mesh: trimesh.Trimesh, count: int = SURFACE_POINTS) -> tuple[np.ndarray, np.ndarray]:
+def surface_points(
+    mesh: trimesh.Trimesh, count: int = SURFACE_POINTS
+) -> tuple[np.ndarray, np.ndarray]:
     """Points and outward normals (count, 3) evenly over a mesh's area; the same every time."""
     cumulated = np.cumsum(mesh.area_faces)
     draws = qmc.Halton(3, scramble=False).random(count + 1)[1:]
-    face = np.minimum(np.searchsorted(cumulated, draws[:, 0] * cumulated[-1]), len(cumulated) - 1)
+    face = np.minimum(
+        np.searchsorted(cumulated, draws[:, 0] * cumulated[-1]), len(cumulated) - 1
+    )
     root = np.sqrt(draws[:, 1:2])
     weights = np.hstack([1 - root, root * (1 - draws[:, 2:]), root * draws[:, 2:]])
-    return np.einsum("nk,nki->ni", weights, mesh.triangles[face]), mesh.face_normals[face]
+    return np.einsum("nk,nki->ni", weights, mesh.triangles[face]), mesh.face_normals[
+        face
+    ]
 
 
 def _inside(mesh: trimesh.Trimesh, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Find candidate centres (N, 3) in a mesh, on a grid symmetric about the origin, and their depths (N,)."""
     spacing = np.cbrt(mesh.volume / CANDIDATES)
-    ends = zip(mesh.vertices.min(axis=0) / spacing, mesh.vertices.max(axis=0) / spacing, strict=True)
-    lines = [spacing * np.arange(math.ceil(first), math.floor(last) + 1) for first, last in ends]
+    ends = zip(
+        mesh.vertices.min(axis=0) / spacing,
+        mesh.vertices.max(axis=0) / spacing,
+        strict=True,
+    )
+    lines = [
+        spacing * np.arange(math.ceil(first), math.floor(last) + 1)
+        for first, last in ends
+    ]
     grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
     hull = mesh.convex_hull
     offsets = np.einsum("fi,fi->f", hull.face_normals, hull.triangles[:, 0])
     # In chunks: all centres times all faces of a scan would fill gigabytes.
     parts = np.array_split(grid, 1 + len(grid) * len(offsets) // 2_000_000)
-    inwards = np.concatenate([(offsets - part @ hull.face_normals.T).min(axis=1) for part in parts])
+    inwards = np.concatenate(
+        [(offsets - part @ hull.face_normals.T).min(axis=1) for part in parts]
+    )
     grid, inwards = grid[inwards > 0], inwards[inwards > 0]
     # Where the surface lies below its hull, the hull's distance is too large.
     return grid, np.minimum(inwards, cKDTree(points).query(grid)[0])
@@ -144,37 +177,62 @@ def _inside(mesh: trimesh.Trimesh, points: np.ndarray) -> tuple[np.ndarray, np.n
 
 def distances(spheres: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Distances (N,) of points (N, 3) from the union of spheres (M, 4); negative inside, where the value is a bound."""
-    return (np.linalg.norm(points[:, None, :] - spheres[None, :, :3], axis=2) - spheres[:, 3]).min(axis=1)
+    return (
+        np.linalg.norm(points[:, None, :] - spheres[None, :, :3], axis=2)
+        - spheres[:, 3]
+    ).min(axis=1)
 
 
-def union_volume(spheres: np.ndarray, box: np.ndarray, count: int = VOLUME_POINTS) -> float:
+def union_volume(
+    spheres: np.ndarray, box: np.ndarray, count: int = VOLUME_POINTS
+) -> float:
     """Volume of the union of spheres (M, 4), by a regular sequence of points in a box (2, 3) that holds most of it.
 
     With the default number of points the error is below 0.2 % for unions of up to 60 spheres (tested).
     """
-    reach = np.stack([(spheres[:, :3] - spheres[:, 3:]).min(axis=0), (spheres[:, :3] + spheres[:, 3:]).max(axis=0)])
+    reach = np.stack(
+        [
+            (spheres[:, :3] - spheres[:, 3:]).min(axis=0),
+            (spheres[:, :3] + spheres[:, 3:]).max(axis=0),
+        ]
+    )
     low, high = np.minimum(box[0], reach[0]), np.maximum(box[1], reach[1])
     points = low + (high - low) * qmc.Halton(3, scramble=False).random(count)
-    inside = sum(np.count_nonzero(distances(spheres, part) < 0) for part in np.array_split(points, 16))
+    inside = sum(
+        np.count_nonzero(distances(spheres, part) < 0)
+        for part in np.array_split(points, 16)
+    )
     return inside / count * float(np.prod(high - low))
 
 
-def _growth(spheres: np.ndarray, mesh: trimesh.Trimesh, box: np.ndarray, count: int = VOLUME_POINTS) -> float:
+def _growth(
+    spheres: np.ndarray,
+    mesh: trimesh.Trimesh,
+    box: np.ndarray,
+    count: int = VOLUME_POINTS,
+) -> float:
     """Find the growth of all radii with which the union has the mesh's volume."""
     margin = 0.2 * np.abs(box).max()
     low, high = box[0] - margin, box[1] + margin
     points = low + (high - low) * qmc.Halton(3, scramble=False).random(count)
-    away = np.concatenate([distances(spheres, part) for part in np.array_split(points, 16)])
+    away = np.concatenate(
+        [distances(spheres, part) for part in np.array_split(points, 16)]
+    )
     return float(np.quantile(away, mesh.volume / np.prod(high - low)))
 
 
-def _cover(centres: np.ndarray, depths: np.ndarray, points: np.ndarray, count: int) -> np.ndarray:
+def _cover(
+    centres: np.ndarray, depths: np.ndarray, points: np.ndarray, count: int
+) -> np.ndarray:
     """Choose at most `count` inscribed balls (M, 4) whose union comes near the surface points."""
     wide = depths > 0.25 * depths.max()
     centres, depths = centres[wide], depths[wide]
     gaps = np.linalg.norm(points[:, None, :] - centres[None], axis=2) - depths
     squares = np.square(gaps).astype(np.float32)
-    separated = np.linalg.norm(centres[:, None] - centres[None], axis=2) >= SPACING * depths.max()
+    separated = (
+        np.linalg.norm(centres[:, None] - centres[None], axis=2)
+        >= SPACING * depths.max()
+    )
     least = (SMALLEST_GAIN * depths.max()) ** 2
     chosen: list[int] = []
     reached = np.inf
@@ -195,7 +253,9 @@ def _cover(centres: np.ndarray, depths: np.ndarray, points: np.ndarray, count: i
     return np.column_stack([centres[chosen], depths[chosen]])
 
 
-def _scores(squares: np.ndarray, separated: np.ndarray, chosen: list[int]) -> np.ndarray:
+def _scores(
+    squares: np.ndarray, separated: np.ndarray, chosen: list[int]
+) -> np.ndarray:
     """Average the squared distance of the surface from the chosen balls and each candidate (N,); inf where too near."""
     if not chosen:
         return squares.mean(axis=0)
@@ -203,7 +263,9 @@ def _scores(squares: np.ndarray, separated: np.ndarray, chosen: list[int]) -> np
     return np.where(separated[chosen].all(axis=0), score, np.inf)
 
 
-def _bumps(points: np.ndarray, normals: np.ndarray, radius: float, count: int) -> np.ndarray:
+def _bumps(
+    points: np.ndarray, normals: np.ndarray, radius: float, count: int
+) -> np.ndarray:
     """Place balls (count, 4) of one radius below the surface, each as far as possible from those before it."""
     below = points - radius * normals
     chosen = [int(np.argmax(below[:, 0]))]

@@ -26,7 +26,9 @@ GOOD_DEVIATION = 0.01  # of the body's smallest extent
 AXIS_BOUNDS = (0.05, 10.0)
 
 
-def recognise_ellipsoid(vertices: np.ndarray, radius: float, n: np.ndarray, measured: np.ndarray) -> np.ndarray | None:
+def recognise_ellipsoid(
+    vertices: np.ndarray, radius: float, n: np.ndarray, measured: np.ndarray
+) -> np.ndarray | None:
     """Half axes (1, 3) of the ellipsoid on which all vertices (V, 3) lie; None if there is none."""
     x = vertices / radius
     if len(x) < 12:
@@ -34,7 +36,9 @@ def recognise_ellipsoid(vertices: np.ndarray, radius: float, n: np.ndarray, meas
     # The general quadric x'Ax + b'x = 1, linear in its nine coefficients.
     pairs = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]
     terms = [x[:, i] * x[:, j] * (1 if i == j else 2) for i, j in pairs]
-    coefficients = np.linalg.lstsq(np.stack([*terms, *x.T], axis=1), np.ones(len(x)), rcond=None)[0]
+    coefficients = np.linalg.lstsq(
+        np.stack([*terms, *x.T], axis=1), np.ones(len(x)), rcond=None
+    )[0]
     matrix = np.zeros((3, 3))
     for (i, j), value in zip(pairs, coefficients[:6], strict=True):
         matrix[i, j] = matrix[j, i] = value
@@ -44,14 +48,20 @@ def recognise_ellipsoid(vertices: np.ndarray, radius: float, n: np.ndarray, meas
     values, vectors = np.linalg.eigh(matrix / (1 + centre @ matrix @ centre))
     # Smallest eigenvalue first: the longest axis.
     axes = 1 / np.sqrt(values)
-    off_surface = np.abs(np.linalg.norm((x - centre) @ vectors / axes, axis=1) - 1).max() * axes.max()
+    off_surface = (
+        np.abs(np.linalg.norm((x - centre) @ vectors / axes, axis=1) - 1).max()
+        * axes.max()
+    )
     coarseness = np.abs(support(radius * axes[None], n) - measured).max()
     fits = off_surface <= ON_ELLIPSOID and coarseness <= COARSEST_FACET * radius
     return radius * axes[None] if fits else None
 
 
 def fit_components(
-    n: np.ndarray, measured: np.ndarray, radius: float, counts: Sequence[int] = COMPONENTS
+    n: np.ndarray,
+    measured: np.ndarray,
+    radius: float,
+    counts: Sequence[int] = COMPONENTS,
 ) -> np.ndarray:
     """Half axes (K, 3) of the co-axial ellipsoids whose sum is nearest to support values, the longest first."""
     best, best_rms = np.zeros((0, 3)), math.inf
@@ -67,22 +77,31 @@ def fit_components(
             break
         if count > 1:
             even = _evened(n, measured, radius, best)
-            if np.abs(support(even, n) - measured).max() <= GOOD_DEVIATION * 2 * extents.min():
+            if (
+                np.abs(support(even, n) - measured).max()
+                <= GOOD_DEVIATION * 2 * extents.min()
+            ):
                 best = even
                 break
     return best[np.argsort(-best[:, 0], kind="stable")]
 
 
-def _evened(n: np.ndarray, measured: np.ndarray, radius: float, semi_axes: np.ndarray) -> np.ndarray:
+def _evened(
+    n: np.ndarray, measured: np.ndarray, radius: float, semi_axes: np.ndarray
+) -> np.ndarray:
     """Fit half axes (K, 3) near the given ones by sixth powers: a smaller largest deviation for a larger rms."""
     largest = np.abs(support(semi_axes, n) - measured).max()
 
     def residuals(logs: np.ndarray) -> np.ndarray:
-        return ((support(np.exp(logs).reshape(-1, 3) * radius, n) - measured) / largest) ** 3
+        return (
+            (support(np.exp(logs).reshape(-1, 3) * radius, n) - measured) / largest
+        ) ** 3
 
     bounds = np.log(AXIS_BOUNDS)
     logs = np.clip(np.log(semi_axes / radius).ravel(), *bounds)
-    return radius * np.exp(least_squares(residuals, logs, bounds=tuple(bounds), max_nfev=200).x).reshape(-1, 3)
+    return radius * np.exp(
+        least_squares(residuals, logs, bounds=tuple(bounds), max_nfev=200).x
+    ).reshape(-1, 3)
 
 
 def _starts(count: int, extents: np.ndarray, radius: float) -> list[np.ndarray]:
@@ -114,15 +133,23 @@ def _least_squares_fit(
         semi_axes = np.exp(logs).reshape(start.shape)
         values = component_supports(semi_axes, n)
         # d h_k / d log s_ki = s_ki^2 n_i^2 / h_k
-        return (np.square(semi_axes)[None] * squares[:, None, :] / values[:, :, None]).reshape(len(n), -1)
+        return (
+            np.square(semi_axes)[None] * squares[:, None, :] / values[:, :, None]
+        ).reshape(len(n), -1)
 
     bounds = np.log(AXIS_BOUNDS)
     logs = np.clip(np.log(start / radius).ravel(), *bounds)
-    fit = least_squares(residuals, logs, jac=jacobian, bounds=tuple(bounds), max_nfev=200)
-    return radius * np.exp(fit.x).reshape(start.shape), radius * math.sqrt(np.mean(fit.fun**2))
+    fit = least_squares(
+        residuals, logs, jac=jacobian, bounds=tuple(bounds), max_nfev=200
+    )
+    return radius * np.exp(fit.x).reshape(start.shape), radius * math.sqrt(
+        np.mean(fit.fun**2)
+    )
 
 
-def _surface_quadrature(latitudes: int = 200, longitudes: int = 250) -> tuple[np.ndarray, np.ndarray]:
+def _surface_quadrature(
+    latitudes: int = 200, longitudes: int = 250
+) -> tuple[np.ndarray, np.ndarray]:
     """Return directions (N, 3) in one octant and weights of dOmega (N,) for all eight, for functions even in x, y, z.
 
     Gauss-Legendre along x, equal steps around it.
@@ -131,7 +158,10 @@ def _surface_quadrature(latitudes: int = 200, longitudes: int = 250) -> tuple[np
     u, du = (u + 1) / 2, du / 2
     azimuth = 0.5 * math.pi * (np.arange(longitudes) + 0.5) / longitudes
     ring = np.sqrt(1 - u**2)[:, None]
-    n = np.stack(np.broadcast_arrays(u[:, None], ring * np.cos(azimuth), ring * np.sin(azimuth)), axis=-1)
+    n = np.stack(
+        np.broadcast_arrays(u[:, None], ring * np.cos(azimuth), ring * np.sin(azimuth)),
+        axis=-1,
+    )
     return n.reshape(-1, 3), np.repeat(du * 4 * math.pi / longitudes, longitudes)
 
 

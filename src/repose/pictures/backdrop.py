@@ -25,10 +25,17 @@ class DrumInside:
         angle = np.linspace(0.0, 2.0 * math.pi, 72, endpoint=False)
         outer, half = self.radius_m + self.thickness_m, 0.5 * self.length_m
         return np.concatenate(
-            [np.column_stack([outer * np.cos(angle), np.full(72, y), outer * np.sin(angle)]) for y in (-half, half)]
+            [
+                np.column_stack(
+                    [outer * np.cos(angle), np.full(72, y), outer * np.sin(angle)]
+                )
+                for y in (-half, half)
+            ]
         )
 
-    def meet(self, eye_m: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def meet(
+        self, eye_m: np.ndarray, rays: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Give depth (H, W) [m] or infinity, and unit normal (H, W, 3) of the drum for rays (H, W, 3) of unit depth."""
         half = 0.5 * self.length_m
         front, back = ((y - eye_m[1]) / rays[..., 1] for y in (-half, half))
@@ -37,16 +44,22 @@ class DrumInside:
         b = rays[..., 0] * eye_m[0] + rays[..., 2] * eye_m[2]
         c = eye_m[0] ** 2 + eye_m[2] ** 2 - self.radius_m**2
         with np.errstate(divide="ignore", invalid="ignore"):
-            shell = np.where(a > 0.0, (-b + np.sqrt(np.maximum(b * b - a * c, 0.0))) / a, np.inf)
+            shell = np.where(
+                a > 0.0, (-b + np.sqrt(np.maximum(b * b - a * c, 0.0))) / a, np.inf
+            )
         depth = np.where(mouth < self.radius_m, np.minimum(shell, back), front)
         point = eye_m + depth[..., None] * rays
         normal = np.zeros(rays.shape)
         on_shell = (mouth < self.radius_m) & (shell < back)
         normal[on_shell] = -point[on_shell] * (1.0, 0.0, 1.0) / self.radius_m
         normal[~on_shell] = 0.0, -1.0, 0.0
-        return np.where(mouth <= self.radius_m + self.thickness_m, depth, np.inf), normal
+        return np.where(
+            mouth <= self.radius_m + self.thickness_m, depth, np.inf
+        ), normal
 
-    def paint(self, place: np.ndarray, normal: np.ndarray, lit: np.ndarray, sky: np.ndarray) -> np.ndarray:
+    def paint(
+        self, place: np.ndarray, normal: np.ndarray, lit: np.ndarray, sky: np.ndarray
+    ) -> np.ndarray:
         """Give colours (M, 3) of places on the drum: red, green and blue, 0 to 1 or a little above."""
         tone = (0.62 + 0.38 * lit) * (0.35 + 0.65 * sky) * (0.86 + 0.14 * normal[:, 2])
         colour = DRUM_TONE * 1.1 * tone[:, None]
@@ -56,6 +69,9 @@ class DrumInside:
         turn = np.arctan2(place[:, 2], place[:, 0]) - self.turned_rad
         spacing = 2.0 * math.pi / MARKS
         marked = np.abs((turn + 0.5 * spacing) % spacing - 0.5 * spacing) < MARK_RAD
-        first = np.abs((turn + 0.5 * math.pi + math.pi) % (2.0 * math.pi) - math.pi) < 3.0 * MARK_RAD
+        first = (
+            np.abs((turn + 0.5 * math.pi + math.pi) % (2.0 * math.pi) - math.pi)
+            < 3.0 * MARK_RAD
+        )
         colour[rim & (marked | first)] = MARK_TONE
         return colour

@@ -14,7 +14,14 @@ def _rasterise(x, y, near, triangles, nearest, body, weights, corner):
     for b in range(x.shape[0]):
         for t in range(triangles.shape[0]):
             i, j, k = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-            x0, y0, x1, y1, x2, y2 = x[b, i], y[b, i], x[b, j], y[b, j], x[b, k], y[b, k]
+            x0, y0, x1, y1, x2, y2 = (
+                x[b, i],
+                y[b, i],
+                x[b, j],
+                y[b, j],
+                x[b, k],
+                y[b, k],
+            )
             area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
             if area >= 0.0:
                 continue
@@ -30,7 +37,11 @@ def _rasterise(x, y, near, triangles, nearest, body, weights, corner):
                     v = ((x1 - x0) * (py - y0) - (px - x0) * (y1 - y0)) * share
                     if u < 0.0 or v < 0.0 or u + v > 1.0:
                         continue
-                    depth = near[b, i] + u * (near[b, j] - near[b, i]) + v * (near[b, k] - near[b, i])
+                    depth = (
+                        near[b, i]
+                        + u * (near[b, j] - near[b, i])
+                        + v * (near[b, k] - near[b, i])
+                    )
                     if depth > nearest[row, column]:
                         nearest[row, column] = depth
                         body[row, column] = b
@@ -40,7 +51,11 @@ def _rasterise(x, y, near, triangles, nearest, body, weights, corner):
 
 
 def draw(
-    x: np.ndarray, y: np.ndarray, near: np.ndarray, triangles: np.ndarray, shape: tuple[int, int]
+    x: np.ndarray,
+    y: np.ndarray,
+    near: np.ndarray,
+    triangles: np.ndarray,
+    shape: tuple[int, int],
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Draw triangles of N bodies with V points each into a z-buffer (H, W); a larger `near` is nearer.
 
@@ -79,13 +94,18 @@ def _spiral(taps):
 def place_of(camera, shape, row, column, depth, place):
     """Write the place (3,) in m at a depth along the ray of a pixel."""
     eye, axes, focal = camera
-    right, up = (column + 0.5 - shape[1] / 2) / focal, (shape[0] / 2 - row - 0.5) / focal
+    right, up = (
+        (column + 0.5 - shape[1] / 2) / focal,
+        (shape[0] / 2 - row - 0.5) / focal,
+    )
     for k in range(3):
         place[k] = eye[k] + depth * (right * axes[0, k] + up * axes[1, k] + axes[2, k])
 
 
 @compiled
-def lit_fraction(depth, normals, camera, light_map, axes, origin, pixel_m, softness_m, bias_m, taps):
+def lit_fraction(
+    depth, normals, camera, light_map, axes, origin, pixel_m, softness_m, bias_m, taps
+):
     """Share (H, W) of the light that reaches each visible point, from a depth map seen from the light; else 1.
 
     `light_map` holds the largest height towards the light in m; the rows of `axes` are two axes across the light, then
@@ -104,16 +124,27 @@ def lit_fraction(depth, normals, camera, light_map, axes, origin, pixel_m, softn
             for axis in range(3):
                 place[axis] = 0.0
                 for k in range(3):
-                    place[axis] += (point[k] + normals[row, column, k] * bias_m) * axes[axis, k]
+                    place[axis] += (point[k] + normals[row, column, k] * bias_m) * axes[
+                        axis, k
+                    ]
             u, v = (place[0] - origin[0]) / pixel_m, (place[1] - origin[1]) / pixel_m
-            if not (-reach < u < light_map.shape[1] + reach and -reach < v < light_map.shape[0] + reach):
+            if not (
+                -reach < u < light_map.shape[1] + reach
+                and -reach < v < light_map.shape[0] + reach
+            ):
                 continue
             spin = _noise(row, column)
             turn_x, turn_y = softness_m * math.cos(spin), softness_m * math.sin(spin)
             open_taps = 0
             for tap in range(taps):
-                u = int((place[0] + turn_x * across[tap] - turn_y * down[tap] - origin[0]) / pixel_m)
-                v = int((place[1] + turn_y * across[tap] + turn_x * down[tap] - origin[1]) / pixel_m)
+                u = int(
+                    (place[0] + turn_x * across[tap] - turn_y * down[tap] - origin[0])
+                    / pixel_m
+                )
+                v = int(
+                    (place[1] + turn_y * across[tap] + turn_x * down[tap] - origin[1])
+                    / pixel_m
+                )
                 inside = 0 <= u < light_map.shape[1] and 0 <= v < light_map.shape[0]
                 if not inside or light_map[v, u] <= place[2] + bias_m:
                     open_taps += 1
@@ -133,7 +164,10 @@ def openness(depth, normals, camera, mask, radius_m, taps):
             if not mask[row, column] or math.isinf(depth[row, column]):
                 continue
             place_of(camera, depth.shape, row, column, depth[row, column], here)
-            spin, reach_px = _noise(row, column), radius_m * camera[2] / depth[row, column]
+            spin, reach_px = (
+                _noise(row, column),
+                radius_m * camera[2] / depth[row, column],
+            )
             turn_x, turn_y = reach_px * math.cos(spin), reach_px * math.sin(spin)
             hidden = 0.0
             for tap in range(taps):
@@ -148,6 +182,8 @@ def openness(depth, normals, camera, mask, radius_m, taps):
                     height += step * normals[row, column, k]
                     length += step * step
                 length = math.sqrt(length)
-                hidden += max(0.0, height / length - 0.08) * max(0.0, 1.0 - 0.4 * length / radius_m)
+                hidden += max(0.0, height / length - 0.08) * max(
+                    0.0, 1.0 - 0.4 * length / radius_m
+                )
             open_sky[row, column] = max(0.0, 1.0 - 1.9 * hidden / taps)
     return open_sky

@@ -62,28 +62,56 @@ def render_bodies(
     height = height or round(0.6 * width)
     shown = np.flatnonzero(np.isfinite(centres_m).all(axis=1))
     centres = np.asarray(centres_m, float)[shown]
-    kinds = np.zeros(len(shown), int) if shape_ids is None else np.asarray(shape_ids)[shown]
+    kinds = (
+        np.zeros(len(shown), int) if shape_ids is None else np.asarray(shape_ids)[shown]
+    )
     sizes = np.ones(len(shown)) if scales is None else np.asarray(scales, float)[shown]
-    bodies = place_bodies(centres, np.asarray(quaternions, float)[shown], shapes, kinds, sizes)
-    frame = frame_m if frame_m is not None else outline(centres, bodies.largest_m, setting.frusta, setting.panels)
+    bodies = place_bodies(
+        centres, np.asarray(quaternions, float)[shown], shapes, kinds, sizes
+    )
+    frame = (
+        frame_m
+        if frame_m is not None
+        else outline(centres, bodies.largest_m, setting.frusta, setting.panels)
+    )
     rays = (width * supersample, height * supersample)
     camera = look_at(frame, *rays, **angles)
-    tints = shading.tints_of(shown[bodies.owner], kinds[bodies.owner], len(centres_m), len(shapes), colour)
+    tints = shading.tints_of(
+        shown[bodies.owner], kinds[bodies.owner], len(centres_m), len(shapes), colour
+    )
     return shading.paint(camera, bodies, tints, frame, setting, supersample)
 
 
-def render_mesh(mesh: "trimesh.Trimesh", frame_m: np.ndarray, supersample: int, colour: str, **view: Any) -> np.ndarray:
+def render_mesh(
+    mesh: "trimesh.Trimesh",
+    frame_m: np.ndarray,
+    supersample: int,
+    colour: str,
+    **view: Any,
+) -> np.ndarray:
     """Give a shaded picture (height, width, 3), RGB, of one mesh in m; `view` are its size and the camera's angles."""
     view |= {side: view[side] * supersample for side in ("width", "height")}
     one, vertices = np.zeros(1, int), np.asarray(mesh.vertices)[None]
     normals, faces = np.asarray(mesh.vertex_normals)[None], np.asarray(mesh.faces)
-    bodies = Bodies(normals, faces, one, np.eye(3)[None], vertices, one, float(np.linalg.norm(mesh.extents)) / 2)
+    bodies = Bodies(
+        normals,
+        faces,
+        one,
+        np.eye(3)[None],
+        vertices,
+        one,
+        float(np.linalg.norm(mesh.extents)) / 2,
+    )
     tints = shading.tints_of(one, one, 1, 1, colour)
-    return shading.paint(look_at(frame_m, **view), bodies, tints, frame_m, Setting(None), supersample)
+    return shading.paint(
+        look_at(frame_m, **view), bodies, tints, frame_m, Setting(None), supersample
+    )
 
 
 def render_simulation(simulation: Simulation, **view: Any) -> np.ndarray:
     """Give a shaded picture (height, width, 3), RGB, of a simulation as it is; `view` goes to `render_bodies`."""
     centres = np.where(simulation.present[:, None], simulation.positions, np.nan)
     looks = list(simulation.shapes.values()), simulation.shape_ids, simulation.scales
-    return render_bodies(centres, simulation.quaternions, *looks, setting_of(simulation), **view)
+    return render_bodies(
+        centres, simulation.quaternions, *looks, setting_of(simulation), **view
+    )

@@ -24,7 +24,20 @@ class Frustum:
     r_low_m: float
     z_high_m: float  # height and radius of the upper end
     r_high_m: float
-    frame: tuple[float, ...] = (0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1)  # origin in m, rotation to the world by rows
+    frame: tuple[float, ...] = (
+        0,
+        0,
+        0,
+        1,
+        0,
+        0,
+        0,
+        1,
+        0,
+        0,
+        0,
+        1,
+    )  # origin in m, rotation to the world by rows
 
     @property
     def slope(self) -> float:
@@ -41,7 +54,10 @@ class Panel:
     @property
     def normal(self) -> np.ndarray:
         """Unit normal (3,) towards the visible side."""
-        a, b = self.corners_m[1] - self.corners_m[0], self.corners_m[-1] - self.corners_m[0]
+        a, b = (
+            self.corners_m[1] - self.corners_m[0],
+            self.corners_m[-1] - self.corners_m[0],
+        )
         normal = np.cross(a, b)
         return normal / np.linalg.norm(normal)
 
@@ -66,7 +82,9 @@ class Camera:
     width: int
     height: int
 
-    def project(self, points_m: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def project(
+        self, points_m: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Give the columns and rows of points in pixels, row 0 on top, and their inverse depth in 1/m."""
         seen = (points_m - self.eye_m) @ self.axes.T
         near = 1.0 / seen[..., 2]
@@ -90,11 +108,19 @@ class Camera:
 
 def funnel_walls(funnel: Funnel) -> list[Frustum]:
     """Give the funnel's cone and, if it has one, its tube."""
-    outlet, inlet, top = funnel.outlet_diameter_m / 2, funnel.inlet_diameter_m / 2, funnel.inlet_height_m
+    outlet, inlet, top = (
+        funnel.outlet_diameter_m / 2,
+        funnel.inlet_diameter_m / 2,
+        funnel.inlet_height_m,
+    )
     neck = funnel.outlet_height_m + funnel.tube_length_m
     # The rounded rim lets the cone end a little outside the outlet's own circle.
     cone_end = inlet - (top - neck) / math.tan(math.radians(funnel.cone_angle_deg))
-    tube = [Frustum(funnel.outlet_height_m, outlet, neck, outlet)] if funnel.tube_length_m > 0 else []
+    tube = (
+        [Frustum(funnel.outlet_height_m, outlet, neck, outlet)]
+        if funnel.tube_length_m > 0
+        else []
+    )
     return [*tube, Frustum(neck, cone_end, top, inlet)]
 
 
@@ -109,7 +135,9 @@ def look_at(
 ) -> Camera:
     """Give a `Camera` in a given direction with all points in view."""
     el, az = math.radians(elevation_deg), math.radians(azimuth_deg)
-    back = np.array([math.cos(az) * math.cos(el), math.sin(az) * math.cos(el), math.sin(el)])
+    back = np.array(
+        [math.cos(az) * math.cos(el), math.sin(az) * math.cos(el), math.sin(el)]
+    )
     right = np.array([-math.sin(az), math.cos(az), 0.0])
     axes = np.stack([right, np.cross(back, right), -back])
     focal = max(width, height) / 2 / math.tan(math.radians(field_of_view_deg / 2))
@@ -117,27 +145,48 @@ def look_at(
     centre = (seen.min(axis=0) + seen.max(axis=0)) / 2
     offset = seen - centre
     reach = margin * (np.abs(offset[:, :2]) * 2 / (width, height)).max(axis=1)
-    return Camera(centre @ axes + np.max(reach * focal - offset[:, 2]) * back, axes, focal, width, height)
+    return Camera(
+        centre @ axes + np.max(reach * focal - offset[:, 2]) * back,
+        axes,
+        focal,
+        width,
+        height,
+    )
 
 
 def boxes(centres: np.ndarray, reach: float) -> np.ndarray:
     """Give the corners (8 N, 3) in m of a box about each centre (N, 3)."""
-    spread = np.array(np.meshgrid([-reach, reach], [-reach, reach], [-reach, reach])).reshape(3, -1).T
+    spread = (
+        np.array(np.meshgrid([-reach, reach], [-reach, reach], [-reach, reach]))
+        .reshape(3, -1)
+        .T
+    )
     return (centres[:, None, :] + spread).reshape(-1, 3)
 
 
-def outline(centres: np.ndarray, reach: float, walls: Sequence[Frustum], panels: Sequence[Panel] = ()) -> np.ndarray:
+def outline(
+    centres: np.ndarray,
+    reach: float,
+    walls: Sequence[Frustum],
+    panels: Sequence[Panel] = (),
+) -> np.ndarray:
     """Give points (M, 3) in m that a picture of bodies and walls must contain; without panels also the origin."""
     around = np.linspace(0, 2 * math.pi, 36, endpoint=False)
     points = [boxes(centres, reach), *(panel.corners_m for panel in panels)]
     for wall in walls:
         for radius, z in ((wall.r_low_m, wall.z_low_m), (wall.r_high_m, wall.z_high_m)):
-            ring = np.column_stack([radius * np.cos(around), radius * np.sin(around), np.full(36, z)])
+            ring = np.column_stack(
+                [radius * np.cos(around), radius * np.sin(around), np.full(36, z)]
+            )
             points.append(in_world(np.asarray(wall.frame, float), ring))
     return np.concatenate(points if panels else [*points, [[0.0, 0.0, 0.0]]])
 
 
-def setting_of(simulation: Simulation, planes: np.ndarray | None = None, frames: np.ndarray | None = None) -> Setting:
+def setting_of(
+    simulation: Simulation,
+    planes: np.ndarray | None = None,
+    frames: np.ndarray | None = None,
+) -> Setting:
     """Give the `Setting` of a simulation's walls, at present or at places of a recorded frame.
 
     A level endless plane below all others is the plate; planes end at the simulation's box; rounded edges are not

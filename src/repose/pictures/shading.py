@@ -17,13 +17,19 @@ BACKGROUND = np.array([0.975, 0.977, 0.980])
 PLATE = np.array([0.835, 0.842, 0.850])
 FUNNEL = np.array([0.40, 0.50, 0.58])
 GRAIN = "#cca86b"  # default grain colour
-OTHERS = np.array([[0.30, 0.42, 0.56], [0.45, 0.52, 0.26], [0.76, 0.125, 0.045]])  # second shape and on
+OTHERS = np.array(
+    [[0.30, 0.42, 0.56], [0.45, 0.52, 0.26], [0.76, 0.125, 0.045]]
+)  # second shape and on
 PANEL_SHARE = 0.93  # of the plate's brightness
-LIGHT = np.array([0.42, -0.38, 0.82]) / np.linalg.norm([0.42, -0.38, 0.82])  # in the camera's heading, z up
+LIGHT = np.array([0.42, -0.38, 0.82]) / np.linalg.norm(
+    [0.42, -0.38, 0.82]
+)  # in the camera's heading, z up
 LIGHT_PIXELS = 1400  # of the longer side of the depth map seen from the light
 
 
-def tints_of(body: np.ndarray, shape: np.ndarray, count: int, shapes: int, colour: str = GRAIN) -> np.ndarray:
+def tints_of(
+    body: np.ndarray, shape: np.ndarray, count: int, shapes: int, colour: str = GRAIN
+) -> np.ndarray:
     """Give colours (N, 3) of N bodies or parts, red, green, blue, about 0 to 1, slightly different for each body."""
     first = [int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)]
     colours = np.array([first, *(OTHERS[k % len(OTHERS)] for k in range(shapes - 1))])
@@ -51,7 +57,12 @@ class Seen(NamedTuple):
 
 
 def paint(
-    camera: Camera, bodies: Bodies, tints: np.ndarray, frame: np.ndarray, setting: Setting, supersample: int
+    camera: Camera,
+    bodies: Bodies,
+    tints: np.ndarray,
+    frame: np.ndarray,
+    setting: Setting,
+    supersample: int,
 ) -> np.ndarray:
     """Give the picture (H / supersample, W / supersample, 3), RGB, of a camera on bodies."""
     view = look(camera, bodies, setting)
@@ -67,21 +78,41 @@ def paint(
         _paint_bodies(seen, camera, tints)
         _blend_walls(seen, camera, setting.frusta, order)
         fine = np.clip(image, 0, 1).reshape(-1, supersample, width, supersample, 3)
-        picture[rows.start // supersample :][: len(fine)] = np.round(255 * fine.mean(axis=(1, 3)))
+        picture[rows.start // supersample :][: len(fine)] = np.round(
+            255 * fine.mean(axis=(1, 3))
+        )
     return picture
 
 
-def _light_and_sky(camera: Camera, bodies: Bodies, view: View) -> tuple[np.ndarray, np.ndarray]:
+def _light_and_sky(
+    camera: Camera, bodies: Bodies, view: View
+) -> tuple[np.ndarray, np.ndarray]:
     """Give the shares (H, W) of the light and of the sky that reach each visible point; 1 without a point."""
     if not len(bodies.vertices):
         lit, sky = np.ones((2, *view.depth.shape), np.float32)
         return lit, sky
-    light, lens = _light_axes(camera), (camera.eye_m, camera.axes, float(camera.focal_px))
+    light, lens = (
+        _light_axes(camera),
+        (camera.eye_m, camera.axes, float(camera.focal_px)),
+    )
     light_map, origin, pixel_m = _light_map(bodies, light)
     softness, bias, reach = (share * bodies.largest_m for share in (0.35, 0.03, 1.3))
-    lit = raster.lit_fraction(view.depth, view.normal, lens, light_map, light, origin, pixel_m, softness, bias, 24)
+    lit = raster.lit_fraction(
+        view.depth,
+        view.normal,
+        lens,
+        light_map,
+        light,
+        origin,
+        pixel_m,
+        softness,
+        bias,
+        24,
+    )
     # Far from all bodies the walls see the whole sky.
-    reach_px = math.ceil(reach * camera.focal_px / view.depth[view.hit].min(initial=np.inf))
+    reach_px = math.ceil(
+        reach * camera.focal_px / view.depth[view.hit].min(initial=np.inf)
+    )
     near = maximum_filter(view.hit, size=2 * reach_px + 1)
     return lit, raster.openness(view.depth, view.normal, lens, near, reach, 20)
 
@@ -99,12 +130,16 @@ def _paint_bodies(seen: Seen, camera: Camera, tints: np.ndarray) -> None:
     gloss = (0.42 * shine**60 + 0.085 * shine**9) * lit
     rim = np.clip(1 + np.sum(normal * sight, axis=1), 0, 1) ** 3 * 0.10
     ambient = (0.26 + 0.24 * (0.5 + 0.5 * normal[:, 2])) * sky
-    glow = 0.10 * sky  # light that neighbours throw on each other has their colour and keeps the gaps warm
+    glow = (
+        0.10 * sky
+    )  # light that neighbours throw on each other has their colour and keeps the gaps warm
     base = colour * (0.93 * diffuse + ambient)[:, None] + colour * glow[:, None]
     seen.image[hit] = base + (gloss + rim * sky)[:, None]
 
 
-def _paint_flat(seen: Seen, camera: Camera, frame: np.ndarray, backdrop: DrumInside | None) -> None:
+def _paint_flat(
+    seen: Seen, camera: Camera, frame: np.ndarray, backdrop: DrumInside | None
+) -> None:
     """Paint the plate, which fades out far from the middle, and the panels, the darker the steeper."""
     view, image = seen.view, seen.image
     if view.plate.any():
@@ -115,21 +150,34 @@ def _paint_flat(seen: Seen, camera: Camera, frame: np.ndarray, backdrop: DrumIns
         image[view.plate] = BACKGROUND + fade[:, None] * (plate - BACKGROUND)
     there = view.behind
     if backdrop is not None and there.any():
-        image[there] = backdrop.paint(seen.places(camera, there), view.normal[there], seen.lit[there], seen.sky[there])
+        image[there] = backdrop.paint(
+            seen.places(camera, there),
+            view.normal[there],
+            seen.lit[there],
+            seen.sky[there],
+        )
     panels = view.panel
     steepness = 0.80 + 0.20 * np.clip(view.normal[panels][:, 2], 0, 1)
-    image[panels] = PLATE * 1.13 * PANEL_SHARE * (seen.tone(panels) * steepness)[:, None]
+    image[panels] = (
+        PLATE * 1.13 * PANEL_SHARE * (seen.tone(panels) * steepness)[:, None]
+    )
 
 
 def _far_to_near(walls: Sequence[Frustum], camera: Camera) -> list[int]:
     """Give the numbers of the frusta's sides, far ones first, by their median distance along some thousands of rays."""
     step = max(1, camera.height // 100)
     rays = camera.rays(slice(None, None, step))[:, ::step]
-    medians = [np.nanmedian(distance) for wall in walls for _, distance, _ in _sides(wall, camera, rays)]
+    medians = [
+        np.nanmedian(distance)
+        for wall in walls
+        for _, distance, _ in _sides(wall, camera, rays)
+    ]
     return sorted(range(len(medians)), key=lambda side: -medians[side])
 
 
-def _blend_walls(view: Seen, camera: Camera, walls: Sequence[Frustum], order: Sequence[int]) -> None:
+def _blend_walls(
+    view: Seen, camera: Camera, walls: Sequence[Frustum], order: Sequence[int]
+) -> None:
     """Draw translucent frusta over the picture: far sides first, each where no body is in front of it."""
     image, rays, depth = view.image, view.rays, view.view.depth
     sides = [side for wall in walls for side in _sides(wall, camera, rays)]
@@ -138,7 +186,9 @@ def _blend_walls(view: Seen, camera: Camera, walls: Sequence[Frustum], order: Se
         turn = np.reshape(wall.frame[3:], (3, 3)).astype(float)
         light = _light_axes(camera)[2] @ turn
         where = met & (distance > 0) & (distance < depth)
-        z = (camera.eye_m - wall.frame[:3]) @ turn[:, 2] + distance * (rays @ turn[:, 2])
+        z = (camera.eye_m - wall.frame[:3]) @ turn[:, 2] + distance * (
+            rays @ turn[:, 2]
+        )
         where &= (z >= wall.z_low_m) & (z <= wall.z_high_m)
         if not where.any():
             continue
@@ -155,7 +205,9 @@ def _blend_walls(view: Seen, camera: Camera, walls: Sequence[Frustum], order: Se
         image[where] += alpha[..., None] * (FUNNEL + shine[:, None] - image[where])
 
 
-def _sides(wall: Frustum, camera: Camera, rays: np.ndarray) -> list[tuple[Frustum, np.ndarray, np.ndarray]]:
+def _sides(
+    wall: Frustum, camera: Camera, rays: np.ndarray
+) -> list[tuple[Frustum, np.ndarray, np.ndarray]]:
     """Give far and near side of a frustum's endless cone: distance (H, W) along each ray, mask of the rays that hit."""
     turn = np.reshape(wall.frame[3:], (3, 3)).astype(float)
     eye, own_rays = (camera.eye_m - wall.frame[:3]) @ turn, rays @ turn
@@ -173,13 +225,19 @@ def _light_axes(camera: Camera) -> np.ndarray:
     heading = camera.axes[2] * (1.0, 1.0, 0.0)
     length = np.linalg.norm(heading)
     heading = heading / length if length > 1e-9 else camera.axes[1]
-    towards = LIGHT[0] * camera.axes[0] + LIGHT[1] * heading + LIGHT[2] * np.array([0.0, 0.0, 1.0])
+    towards = (
+        LIGHT[0] * camera.axes[0]
+        + LIGHT[1] * heading
+        + LIGHT[2] * np.array([0.0, 0.0, 1.0])
+    )
     across = np.cross([0.0, 0.0, 1.0], towards)
     across /= np.linalg.norm(across)
     return np.stack([across, np.cross(towards, across), towards])
 
 
-def _light_map(bodies: Bodies, axes: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+def _light_map(
+    bodies: Bodies, axes: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, float]:
     """Give the depth map seen from the light (largest height towards the light), its origin and pixel size [m]."""
     place = bodies.vertices @ axes.T
     low = place[..., :2].min(axis=(0, 1))
@@ -187,4 +245,8 @@ def _light_map(bodies: Bodies, axes: np.ndarray) -> tuple[np.ndarray, np.ndarray
     x, y = (place[..., 0] - low[0]) / pixel_m, (place[..., 1] - low[1]) / pixel_m
     shape = (int(y.max()) + 2, int(x.max()) + 2)
     # its rows count upwards, so what is anticlockwise in a picture is clockwise here
-    return raster.draw(x, y, place[..., 2], bodies.triangles[:, ::-1], shape)[0], low, pixel_m
+    return (
+        raster.draw(x, y, place[..., 2], bodies.triangles[:, ::-1], shape)[0],
+        low,
+        pixel_m,
+    )

@@ -25,7 +25,11 @@ class Shown:
         from repose.config.models import settings_type  # slow to import
 
         value, model = self.config[name], settings_type().model_fields[name].annotation
-        return model.model_construct(**value) if isinstance(value, Mapping) and model else value
+        return (
+            model.model_construct(**value)
+            if isinstance(value, Mapping) and model
+            else value
+        )
 
     @cached_property
     def targets(self) -> Targets:
@@ -41,7 +45,13 @@ class Shown:
     def ranges(self) -> dict[str, tuple[float, float]]:
         """The ends of the axis of each parameter: its range, with some room around a fixed value."""
         space = self.space
-        ranges = dict(zip(space.free, zip(space.low.tolist(), space.high.tolist(), strict=True), strict=True))
+        ranges = dict(
+            zip(
+                space.free,
+                zip(space.low.tolist(), space.high.tolist(), strict=True),
+                strict=True,
+            )
+        )
         for name, value in space.fixed.items():
             room = 0.05 * abs(value) or 0.01
             ranges[name] = (value - room, value + room)

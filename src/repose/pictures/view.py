@@ -37,18 +37,30 @@ class View:
 def look(camera: Camera, bodies: Bodies, setting: Setting) -> View:
     """Give the view of a camera on bodies, from `place_bodies`, in a setting."""
     shape = (camera.height, camera.width)
-    nearest, body, corner, weights = raster.draw(*camera.project(bodies.vertices), bodies.triangles, shape)
+    nearest, body, corner, weights = raster.draw(
+        *camera.project(bodies.vertices), bodies.triangles, shape
+    )
     plate, behind = np.zeros(shape, bool), np.zeros(shape, bool)
-    view = View(body, plate, behind, np.empty(shape, np.float32), np.zeros((*shape, 3), np.float32))
+    view = View(
+        body,
+        plate,
+        behind,
+        np.empty(shape, np.float32),
+        np.zeros((*shape, 3), np.float32),
+    )
     for rows in camera.bands():
         band = view.rows(rows)
         _look_at(band, nearest[rows], camera.eye_m, camera.rays(rows), setting)
         hit = band.hit
-        band.normal[hit] = _on_bodies(bodies, band.body[hit], corner[rows][hit], weights[rows][hit])
+        band.normal[hit] = _on_bodies(
+            bodies, band.body[hit], corner[rows][hit], weights[rows][hit]
+        )
     return view
 
 
-def _look_at(view: View, nearest: np.ndarray, eye: np.ndarray, rays: np.ndarray, setting: Setting) -> None:
+def _look_at(
+    view: View, nearest: np.ndarray, eye: np.ndarray, rays: np.ndarray, setting: Setting
+) -> None:
     """Write depth, normal and kind of walls, plate and backdrop; `nearest` is the inverse depth of the bodies."""
     view.body[nearest <= 0] = -1  # behind the camera
     depth = np.where(view.hit, 1.0 / nearest, np.inf)
@@ -56,7 +68,11 @@ def _look_at(view: View, nearest: np.ndarray, eye: np.ndarray, rays: np.ndarray,
     for panel in setting.panels:
         reached = _panel_depths(panel, eye, rays)
         before = reached < depth
-        depth[before], view.normal[before], view.body[before] = reached[before], panel.normal, -1
+        depth[before], view.normal[before], view.body[before] = (
+            reached[before],
+            panel.normal,
+            -1,
+        )
     if setting.plate_m is not None:
         with np.errstate(divide="ignore"):
             to_plate = (setting.plate_m - eye[2]) / rays[..., 2]
@@ -65,15 +81,22 @@ def _look_at(view: View, nearest: np.ndarray, eye: np.ndarray, rays: np.ndarray,
     if setting.backdrop is not None:
         reached, facing = setting.backdrop.meet(eye, rays)
         view.behind[...] = np.isinf(depth) & np.isfinite(reached)
-        depth[view.behind], view.normal[view.behind] = reached[view.behind], facing[view.behind]
+        depth[view.behind], view.normal[view.behind] = (
+            reached[view.behind],
+            facing[view.behind],
+        )
     view.depth[...] = depth
 
 
-def _on_bodies(bodies: Bodies, part: np.ndarray, triangle: np.ndarray, weights: np.ndarray) -> np.ndarray:
+def _on_bodies(
+    bodies: Bodies, part: np.ndarray, triangle: np.ndarray, weights: np.ndarray
+) -> np.ndarray:
     """Give normals (M, 3) in the world of points on triangles of parts."""
     corners = bodies.triangles[triangle]
     share = np.column_stack([1 - weights.sum(axis=1), weights])
-    own = np.einsum("mk,mki->mi", share, bodies.normals[bodies.shape_ids[part][:, None], corners])
+    own = np.einsum(
+        "mk,mki->mi", share, bodies.normals[bodies.shape_ids[part][:, None], corners]
+    )
     own /= np.linalg.norm(own, axis=1, keepdims=True)
     return np.einsum("mij,mj->mi", bodies.turn[part], own)
 

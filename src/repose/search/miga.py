@@ -53,17 +53,32 @@ class MIGA:
         mutation_amplitude: float = 0.1,
         seed: int = 2026,
     ) -> None:
-        least = {"dimensions": 1, "islands": 1, "population": 2, "generations": 1, "tournament": 1}
+        least = {
+            "dimensions": 1,
+            "islands": 1,
+            "population": 2,
+            "generations": 1,
+            "tournament": 1,
+        }
         for name, limit in (least | {"mutation_amplitude": 0}).items():
             if not locals()[name] >= limit:
-                raise ValueError(f"{name} is {locals()[name]!r}; expected at least {limit}")
+                raise ValueError(
+                    f"{name} is {locals()[name]!r}; expected at least {limit}"
+                )
         if not 0 <= mutation_probability <= 1:
-            raise ValueError(f"mutation_probability is {mutation_probability!r}; expected 0 to 1")
+            raise ValueError(
+                f"mutation_probability is {mutation_probability!r}; expected 0 to 1"
+            )
         self.shape = (islands, population, dimensions)
         self.generations, self.tournament = generations, tournament
-        self.mutation_probability, self.mutation_amplitude = mutation_probability, mutation_amplitude
+        self.mutation_probability, self.mutation_amplitude = (
+            mutation_probability,
+            mutation_amplitude,
+        )
         self.random = np.random.RandomState(seed)
-        self._first = population * np.arange(islands)[:, None]  # row of each island's first individual
+        self._first = (
+            population * np.arange(islands)[:, None]
+        )  # row of each island's first individual
         self._points = self.random.uniform(-1, 1, (islands * population, dimensions))
         self.best, self.best_fitness = None, math.inf
         self.generation = self.evaluations = 0
@@ -71,8 +86,17 @@ class MIGA:
     @classmethod
     def of(cls, dimensions: int, settings: MigaSettings) -> Self:
         """Make the algorithm of a study."""
-        names = ("islands", "population", "generations", "tournament", "mutation_probability", "mutation_amplitude")
-        return cls(dimensions, **{name: getattr(settings, name) for name in (*names, "seed")})
+        names = (
+            "islands",
+            "population",
+            "generations",
+            "tournament",
+            "mutation_probability",
+            "mutation_amplitude",
+        )
+        return cls(
+            dimensions, **{name: getattr(settings, name) for name in (*names, "seed")}
+        )
 
     def ask(self) -> np.ndarray:
         """Return the current population (islands * population, dimensions), island after island.
@@ -87,7 +111,10 @@ class MIGA:
         points, fitness = self._points, np.asarray(fitness, dtype=float)
         self.evaluations += len(points)
         if fitness.min() < self.best_fitness:
-            self.best, self.best_fitness = points[fitness.argmin()].copy(), float(fitness.min())
+            self.best, self.best_fitness = (
+                points[fitness.argmin()].copy(),
+                float(fitness.min()),
+            )
         if self.generation % self.generations == 0:
             self._draw()
         step = self.generation % self.generations
@@ -106,7 +133,9 @@ class MIGA:
         self._keep_best(children, points[order[:, 0]])
         self._points = children.reshape(islands * population, dimensions)
 
-    def _migrate(self, points: np.ndarray, fitness: np.ndarray, order: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _migrate(
+        self, points: np.ndarray, fitness: np.ndarray, order: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Migrate round the ring."""
         return migrate(points, fitness, order)
 
@@ -122,19 +151,29 @@ class MIGA:
         """Draw all random numbers of one round at once: a call of the generator costs more than its numbers."""
         islands, population, dimensions = self.shape
         shape, random = (self.generations, islands, population), self.random
-        ranks = random.randint(population, size=(self.tournament, self.generations, islands, 2 * population))
+        ranks = random.randint(
+            population,
+            size=(self.tournament, self.generations, islands, 2 * population),
+        )
         self._winners = ranks.min(axis=0)
         self._share = random.uniform(size=(*shape, 1))
         mutated = random.uniform(size=(*shape, dimensions)) < self.mutation_probability
-        self._mutation = np.where(mutated, self.mutation_amplitude * random.normal(size=mutated.shape), 0.0)
+        self._mutation = np.where(
+            mutated, self.mutation_amplitude * random.normal(size=mutated.shape), 0.0
+        )
 
     def _ranked(self, fitness: np.ndarray) -> np.ndarray:
         """Return row numbers (islands, population) of each island's individuals, best first."""
         islands, population, _ = self.shape
-        return fitness.reshape(islands, population).argsort(axis=1, kind="stable") + self._first
+        return (
+            fitness.reshape(islands, population).argsort(axis=1, kind="stable")
+            + self._first
+        )
 
 
-def migrate(points: np.ndarray, fitness: np.ndarray, order: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def migrate(
+    points: np.ndarray, fitness: np.ndarray, order: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Make copies in which the best of each island replaces the worst of the next one in the ring.
 
     `points` (islands * population, dimensions) have `fitness` (islands * population,); `order` (islands, population)
@@ -173,10 +212,14 @@ def islands_ga(
     """
     bounds = np.asarray(bounds, dtype=float)
     if bounds.ndim != 2 or bounds.shape[1] != 2 or not np.isfinite(bounds).all():
-        raise ValueError(f"bounds has shape {bounds.shape}; expected (dimensions, 2), all finite")
+        raise ValueError(
+            f"bounds has shape {bounds.shape}; expected (dimensions, 2), all finite"
+        )
     low, high = bounds.T
     if not (low < high).all():
-        raise ValueError(f"bounds is {bounds.tolist()}; expected each lowest below its highest")
+        raise ValueError(
+            f"bounds is {bounds.tolist()}; expected each lowest below its highest"
+        )
     if rounds < 1:
         raise ValueError(f"rounds is {rounds!r}; expected at least 1")
     miga = MIGA(len(bounds), **settings)
@@ -197,7 +240,11 @@ def islands_ga(
         if target is not None and miga.best_fitness <= target:
             break
     if miga.best is None:
-        raise ValueError(f"objective is infinite at all {miga.evaluations} points; expected finite at one")
+        raise ValueError(
+            f"objective is infinite at all {miga.evaluations} points; expected finite at one"
+        )
     success = None if target is None else miga.best_fitness <= target
     x, evaluations = in_units(miga.best), miga.evaluations
-    return Minimum(x, miga.best_fitness, evaluations, miga.generation, success, np.array(history))
+    return Minimum(
+        x, miga.best_fitness, evaluations, miga.generation, success, np.array(history)
+    )

@@ -20,7 +20,14 @@ from repose.search.settings import MigaSettings
 Function = Callable[[np.ndarray], np.ndarray]
 PENALTY = 10.0
 PRIOR_WEIGHT = 0.01
-HISTORY = ("round", "generation", "evaluations", "best_objective", "mean_objective", "feasible_found")
+HISTORY = (
+    "round",
+    "generation",
+    "evaluations",
+    "best_objective",
+    "mean_objective",
+    "feasible_found",
+)
 
 
 class Objective:
@@ -30,8 +37,15 @@ class Objective:
     Unless `constrained`, the fitness is F everywhere.
     """
 
-    def __init__(self, targets: Targets, margin: float = 0.0, constrained: bool = True) -> None:
-        self.low, self.high, self.target, self.weight = targets.low, targets.high, targets.aim, targets.weight
+    def __init__(
+        self, targets: Targets, margin: float = 0.0, constrained: bool = True
+    ) -> None:
+        self.low, self.high, self.target, self.weight = (
+            targets.low,
+            targets.high,
+            targets.aim,
+            targets.weight,
+        )
         self.width = self.high - self.low
         # F inside is at most the sum of the weights
         self.infeasible = float(self.weight.sum()) + margin if constrained else 0.0
@@ -41,7 +55,10 @@ class Objective:
         """Compute F (Eq. 11) and the violation V of the ranges, both (points,), of responses (points, k)."""
         scaled = responses / self.width
         F = (self.weight * np.abs(scaled - self.target / self.width)).sum(axis=1)
-        outside = np.maximum(np.maximum(self.low / self.width - scaled, scaled - self.high / self.width), 0.0)
+        outside = np.maximum(
+            np.maximum(self.low / self.width - scaled, scaled - self.high / self.width),
+            0.0,
+        )
         return F, outside.sum(axis=1)
 
     def fitness(self, F: np.ndarray, V: np.ndarray) -> np.ndarray:
@@ -95,7 +112,9 @@ class Archive:
     `fitness` (kept,) are up to date after `thin`; `buffer` is the number of points that wait for it.
     """
 
-    def __init__(self, dimensions: int, distance: float, capacity: int, buffer: int = 20_000) -> None:
+    def __init__(
+        self, dimensions: int, distance: float, capacity: int, buffer: int = 20_000
+    ) -> None:
         self.distance, self.capacity, self.buffer = distance, capacity, buffer
         self.points, self.fitness = np.empty((0, dimensions)), np.empty(0)
         self._waiting: list[tuple[np.ndarray, np.ndarray]] = []
@@ -125,7 +144,9 @@ class Archive:
         self._worst = self.fitness[-1] if len(kept) == self.capacity else math.inf
 
 
-def distinct(points: np.ndarray, fitness: np.ndarray, distance: float, most: int) -> np.ndarray:
+def distinct(
+    points: np.ndarray, fitness: np.ndarray, distance: float, most: int
+) -> np.ndarray:
     """Find the row numbers of the best distinct points (n, d), best first, at most `most`; a small fitness is good."""
     rows = np.argsort(fitness, kind="stable")
     columns = np.ascontiguousarray(points[rows].T)
@@ -140,7 +161,11 @@ def distinct(points: np.ndarray, fitness: np.ndarray, distance: float, most: int
 
 
 def search(
-    respond: Function, objective: Objective, inputs: int, settings: MigaSettings, preference: Preference | None = None
+    respond: Function,
+    objective: Objective,
+    inputs: int,
+    settings: MigaSettings,
+    preference: Preference | None = None,
 ) -> tuple[Archive, list[tuple], int]:
     """Search with `MIGA`; return the archive, thinned; a row (`HISTORY`) per round; the number of feasible points met.
 
@@ -161,8 +186,19 @@ def search(
             seen.append((points, fitness))
             feasible_met += int(np.count_nonzero(V == 0))
             miga.tell(fitness)
-        archive.add(np.concatenate([p for p, _ in seen]), np.concatenate([f for _, f in seen]))
+        archive.add(
+            np.concatenate([p for p, _ in seen]), np.concatenate([f for _, f in seen])
+        )
         mean = float(fitness.mean())
-        history.append((round_, miga.generation, miga.evaluations, miga.best_fitness, mean, int(feasible_met)))
+        history.append(
+            (
+                round_,
+                miga.generation,
+                miga.evaluations,
+                miga.best_fitness,
+                mean,
+                int(feasible_met),
+            )
+        )
     archive.thin()
     return archive, history, int(feasible_met)

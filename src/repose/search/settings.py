@@ -18,7 +18,9 @@ class MigaSettings(Section):
     mutation_probability: Share  # of each gene
     mutation_amplitude: Share  # standard deviation of a gene's change, in half ranges
     solutions: int = Field(ge=10, le=1000)  # most that are kept
-    distance: float = Field(ge=0, le=0.5)  # least one between two solutions, in half ranges
+    distance: float = Field(
+        ge=0, le=0.5
+    )  # least one between two solutions, in half ranges
     answer: Literal["least_expected_loss", "least_objective"]
     seed: Seed
 

@@ -227,7 +227,9 @@ def register(name: str) -> Callable[[Kind], Kind]:
 
     def enter(kind: Kind) -> Kind:
         if name in _REGISTRY and type(_REGISTRY[name]) is not kind:
-            raise ValueError(f"strategy {name!r} is registered already, by {type(_REGISTRY[name]).__name__}")
+            raise ValueError(
+                f"strategy {name!r} is registered already, by {type(_REGISTRY[name]).__name__}"
+            )
         kind.name = name
         _REGISTRY[name] = kind()
         return kind
@@ -259,11 +261,15 @@ def strategy(name: str, source: object = "strategy") -> Strategy:
     InputError
         If no strategy has this name.
     """
-    require(name in _REGISTRY, source, "strategy", name, f"one of {', '.join(_REGISTRY)}")
+    require(
+        name in _REGISTRY, source, "strategy", name, f"one of {', '.join(_REGISTRY)}"
+    )
     return _REGISTRY[name]
 
 
-def samples_of(space: ParameterSpace, unit: np.ndarray, seeds: int, first: int = 1) -> "pd.DataFrame":
+def samples_of(
+    space: ParameterSpace, unit: np.ndarray, seeds: int, first: int = 1
+) -> "pd.DataFrame":
     """Make the table of a `Batch`.
 
     Parameters

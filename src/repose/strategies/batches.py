@@ -21,7 +21,11 @@ PROPOSAL = "proposal.json"
 
 
 def run_propose(
-    name: str, study: Studied, folders: Sequence[Path_], out_dir: Path_, source: object = "configuration"
+    name: str,
+    study: Studied,
+    folders: Sequence[Path_],
+    out_dir: Path_,
+    source: object = "configuration",
 ) -> dict[str, Any]:
     """Write the strategy's proposal after the batches in `folders`: samples.csv and proposal.json; return the latter.
 
@@ -34,34 +38,72 @@ def run_propose(
     try:
         proposal = strategy(name).propose(study, data)
     except InputError as error:
-        raise InputError(folders[-1] if folders else name, error.key, error.value, error.allowed) from None
-    found = {"answer": False, "why": proposal.notes.get("why", ""), "pours": len(data), "notes": proposal.notes}
+        raise InputError(
+            folders[-1] if folders else name, error.key, error.value, error.allowed
+        ) from None
+    found = {
+        "answer": False,
+        "why": proposal.notes.get("why", ""),
+        "pours": len(data),
+        "notes": proposal.notes,
+    }
     if isinstance(proposal, Answer):
-        found |= {"answer": True, "why": proposal.why, **answer.content(proposal, study)}
+        found |= {
+            "answer": True,
+            "why": proposal.why,
+            **answer.content(proposal, study),
+        }
     write_table(Path(out_dir) / "samples.csv", proposal.samples)
     write_json(Path(out_dir) / PROPOSAL, _plain(found))
     return found
 
 
-def run_conclude(name: str, study: Studied, folders: Sequence[Path_], out_dir: Path_) -> pd.DataFrame:
+def run_conclude(
+    name: str, study: Studied, folders: Sequence[Path_], out_dir: Path_
+) -> pd.DataFrame:
     """Write the answer, simulated again, and the tables of all batches; return the table of check.csv.
 
     `folders` hold all batches, the one of the answer last. Besides the files of `answer.write` these are batches.csv, a
     row for each proposal, dataset.csv and runs.csv of all batches, and the notes that `Strategy.files` names.
     """
     files, out = strategy(name).files, Path(out_dir)
-    require(len(folders) >= 2, folders[0], "batches", 1, "the folders of all batches, that of the answer last")
+    require(
+        len(folders) >= 2,
+        folders[0],
+        "batches",
+        1,
+        "the folders of all batches, that of the answer last",
+    )
     keys = {"answer": bool, "why": str, "pours": int, "notes": dict}
     written = "output of repose stage propose"
-    proposals = [read_json(Path(folder) / PROPOSAL, keys, written) for folder in folders[1:]]
+    proposals = [
+        read_json(Path(folder) / PROPOSAL, keys, written) for folder in folders[1:]
+    ]
     found = proposals[-1]
-    require(found["answer"], Path(folders[-1]) / PROPOSAL, "answer", False, "true in the last folder")
+    require(
+        found["answer"],
+        Path(folders[-1]) / PROPOSAL,
+        "answer",
+        False,
+        "true in the last folder",
+    )
     dataset, runs = tables_of(folders[:-1], study.targets)
     simulated = runs["sample"].isin(found["simulated"])
-    checked = runs[simulated] if simulated.any() else tables_of(folders[-1:], study.targets)[1]
+    checked = (
+        runs[simulated]
+        if simulated.any()
+        else tables_of(folders[-1:], study.targets)[1]
+    )
     check = answer.write(found, checked, study, out)
-    tables = {"batches.csv": _batches(proposals), "dataset.csv": dataset, "runs.csv": runs}
-    for file, content in {**tables, **{file: found["notes"][Path(file).stem] for file in files}}.items():
+    tables = {
+        "batches.csv": _batches(proposals),
+        "dataset.csv": dataset,
+        "runs.csv": runs,
+    }
+    for file, content in {
+        **tables,
+        **{file: found["notes"][Path(file).stem] for file in files},
+    }.items():
         if file.endswith(".csv"):
             write_table(out / file, pd.DataFrame(content))
         else:
@@ -75,10 +117,22 @@ def _batches(proposals: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     Where some have that note, the others are left out.
     """
     rows = [
-        {"batch": batch, "pours": found["pours"], **found["notes"].get("row", {}), "why": found["why"]}
+        {
+            "batch": batch,
+            "pours": found["pours"],
+            **found["notes"].get("row", {}),
+            "why": found["why"],
+        }
         for batch, found in enumerate(proposals)
     ]
-    return pd.DataFrame([rows[batch] for batch, found in enumerate(proposals) if "row" in found["notes"]] or rows)
+    return pd.DataFrame(
+        [
+            rows[batch]
+            for batch, found in enumerate(proposals)
+            if "row" in found["notes"]
+        ]
+        or rows
+    )
 
 
 def _plain(value: Any) -> Any:
@@ -100,24 +154,32 @@ def read(folders: Sequence[Path_], targets: Targets) -> pd.DataFrame:
         dataset, runs = tables_of([folder], targets)
         again = seen.intersection(dataset["sample"])
         if again:
-            raise InputError(Path(folder) / "dataset.csv", "sample", min(again), "in one batch alone")
+            raise InputError(
+                Path(folder) / "dataset.csv", "sample", min(again), "in one batch alone"
+            )
         seen.update(dataset["sample"])
         parts.append(data_of(dataset, runs, targets).assign(batch=number))
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
 
 
-def tables_of(folders: Sequence[Path_], targets: Targets) -> tuple[pd.DataFrame, pd.DataFrame]:
+def tables_of(
+    folders: Sequence[Path_], targets: Targets
+) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Read samples and single runs of batches."""
     tables = []
     for folder in folders:
         dataset_csv, runs_csv = Path(folder) / "dataset.csv", Path(folder) / "runs.csv"
         dataset = read_dataset(dataset_csv, targets)
         tables.append((dataset, read_runs(runs_csv, targets, dataset, dataset_csv)))
-    dataset, runs = (pd.concat(parts, ignore_index=True) for parts in zip(*tables, strict=True))
+    dataset, runs = (
+        pd.concat(parts, ignore_index=True) for parts in zip(*tables, strict=True)
+    )
     return dataset, runs
 
 
-def data_of(dataset: pd.DataFrame, runs: pd.DataFrame, targets: Targets) -> pd.DataFrame:
+def data_of(
+    dataset: pd.DataFrame, runs: pd.DataFrame, targets: Targets
+) -> pd.DataFrame:
     """Arrange the pours as a strategy takes them, a row each: sample, parameters, responses, NaN for a failed run.
 
     Bench tests have separate runs. The first ok run of each makes the first pour of the sample, and so on; these runs
@@ -125,13 +187,23 @@ def data_of(dataset: pd.DataFrame, runs: pd.DataFrame, targets: Targets) -> pd.D
     """
     several = "apparatus" in runs
     groups = ["sample", "apparatus"] if several else ["sample"]
-    most = runs.groupby(groups).size().groupby("sample").max().reindex(dataset["sample"], fill_value=0)
+    most = (
+        runs.groupby(groups)
+        .size()
+        .groupby("sample")
+        .max()
+        .reindex(dataset["sample"], fill_value=0)
+    )
     row = pd.Index(dataset["sample"]).get_indexer(runs["sample"])
     ok = (runs["status"] == "ok").to_numpy()
     place = runs[ok].groupby(groups).cumcount().to_numpy()
     values = np.full((len(dataset), int(most.max()), len(targets)), np.nan)
     for k, target in enumerate(targets):
-        own = (runs[ok]["apparatus"] == target.response.apparatus).to_numpy() if several else slice(None)
+        own = (
+            (runs[ok]["apparatus"] == target.response.apparatus).to_numpy()
+            if several
+            else slice(None)
+        )
         values[row[ok][own], place[own], k] = runs[ok][target.name].to_numpy(float)[own]
     poured = np.arange(values.shape[1]) < most.to_numpy()[:, None]
     data = dataset.loc[dataset.index.repeat(most.to_numpy())].reset_index(drop=True)

@@ -21,7 +21,13 @@ def contradictions(settings: Any, name: str | None = None) -> Contradictions:
 def misfit(settings: Any, name: str) -> str | None:
     """Say why a configuration cannot use a strategy; None if it can."""
     off = contradictions(settings, name)
-    return next((f"not with this configuration: {key}; expected {allowed}" for key, allowed in off), None)
+    return next(
+        (
+            f"not with this configuration: {key}; expected {allowed}"
+            for key, allowed in off
+        ),
+        None,
+    )
 
 
 def pours(settings: Any, name: str | None = None) -> Pours | None:

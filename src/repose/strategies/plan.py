@@ -38,29 +38,51 @@ class Plan(NamedTuple):
 
     noise_percent: np.ndarray  # (k,), scatter of a pour, in percent of each target
     measured: bool  # whether the scatter comes from runs
-    needed: dict[float, int]  # pours by tolerance in percent, for the noise alone with `CERTAINTY`
+    needed: dict[
+        float, int
+    ]  # pours by tolerance in percent, for the noise alone with `CERTAINTY`
     budgets: pd.DataFrame
 
 
-def plan(study: Studied, runs: pd.DataFrame | None = None, source: object = "runs") -> Plan:
+def plan(
+    study: Studied, runs: pd.DataFrame | None = None, source: object = "runs"
+) -> Plan:
     """Compute expected results by the noise of `runs`, or by `default_noise`; InputError for too few replicates."""
     targets, space = study.targets, study.parameters
-    noise = default_noise(targets) if runs is None else measured_noise(runs, targets, source)
+    noise = (
+        default_noise(targets)
+        if runs is None
+        else measured_noise(runs, targets, source)
+    )
     percent = 100 * np.sqrt(np.diagonal(noise)) / targets.whole
-    needed = {tolerance: Goal.of(targets, tolerance, space).needed(noise, CERTAINTY) for tolerance in TOLERANCES}
-    return Plan(percent, runs is not None, needed, chances(len(targets), float(percent.max())))
+    needed = {
+        tolerance: Goal.of(targets, tolerance, space).needed(noise, CERTAINTY)
+        for tolerance in TOLERANCES
+    }
+    return Plan(
+        percent, runs is not None, needed, chances(len(targets), float(percent.max()))
+    )
 
 
 def chances(responses: int, percent: float) -> pd.DataFrame:
     """Interpolate `Plan.budgets` for a number of targets, at most the table's, and the scatter of a pour in percent."""
     table = pd.read_csv(SUCCESS)
-    table = table[table["responses"] == min(responses, table["responses"].max())].sort_values("noise_percent")
+    table = table[
+        table["responses"] == min(responses, table["responses"].max())
+    ].sort_values("noise_percent")
     shares = [f"within_{tolerance:g}_percent" for tolerance in TOLERANCES]
-    errors = {f"{name}_se": share_error(table[name], table["truths"]) for name in shares}
+    errors = {
+        f"{name}_se": share_error(table[name], table["truths"]) for name in shares
+    }
     columns, rows = ["pours", *shares, *errors], []
     for pours, own in table.assign(**errors).groupby("pours"):
         place = np.log(own["noise_percent"])
-        rows.append((pours, *(np.interp(np.log(percent), place, own[name]) for name in columns[1:])))
+        rows.append(
+            (
+                pours,
+                *(np.interp(np.log(percent), place, own[name]) for name in columns[1:]),
+            )
+        )
     return pd.DataFrame(rows, columns=columns)
 
 
@@ -79,7 +101,9 @@ def default_noise(targets: Targets) -> np.ndarray:
     return np.outer(sd, sd) * targets.correlated(CORRELATION)
 
 
-def measured_noise(runs: pd.DataFrame, targets: Targets, source: object = "runs") -> np.ndarray:
+def measured_noise(
+    runs: pd.DataFrame, targets: Targets, source: object = "runs"
+) -> np.ndarray:
     """Estimate a pour's covariance (k, k) about its sample's mean; InputError if too few samples have two ok runs."""
     noise = np.zeros((len(targets), len(targets)))
     for bench, own in targets.benches.items():
@@ -101,5 +125,8 @@ def read_runs(path: Path_, targets: Targets) -> pd.DataFrame:
 
 def disk_mb(study: Studied, pours: int) -> float:
     """Estimate the disk space of a number of pours in each bench test of the targets."""
-    grains = sum(getattr(getattr(study.settings, name), "berries", 1) for name in study.targets.apparatus)
+    grains = sum(
+        getattr(getattr(study.settings, name), "berries", 1)
+        for name in study.targets.apparatus
+    )
     return 1e-6 * BYTES_A_GRAIN * grains * pours

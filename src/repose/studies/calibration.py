@@ -9,7 +9,14 @@ import numpy as np
 import pandas as pd
 
 from repose.chain import card
-from repose.chain.answer import NOT_AGAIN, WITHIN, Check, Result, describe_probability, out_of_reach
+from repose.chain.answer import (
+    NOT_AGAIN,
+    WITHIN,
+    Check,
+    Result,
+    describe_probability,
+    out_of_reach,
+)
 from repose.core.errors import require
 from repose.core.files import Path_, path_of, write_json, write_table
 from repose.strategies import answer
@@ -60,9 +67,15 @@ class Calibration(NamedTuple):
     def intervals(self) -> dict[str, dict[str, Any]]:
         """The answer's values with their intervals, by name, as the material card has them."""
         space, values = self.study.parameters, self.parameters
-        ends = card.ends(space, self.solutions, (self.posterior.parameters, self.posterior.draws))
+        ends = card.ends(
+            space, self.solutions, (self.posterior.parameters, self.posterior.draws)
+        )
         return {
-            name: {"value": values[name], **card.held(space, name, values[name], *ends[name])} for name in space.names
+            name: {
+                "value": values[name],
+                **card.held(space, name, values[name], *ends[name]),
+            }
+            for name in space.names
         }
 
     @property
@@ -77,31 +90,49 @@ class Calibration(NamedTuple):
         about = {"simulator": _simulator(study), "probability": self.probability}
         words, tests = _definitions(study), dict[str, Any]()
         for name in study.targets.names:
-            tests[name] = {"definition": {"name": words.get(name), "settings": {}}, "bench": None}
-        made = card.assembled(about, tests, self.as_answer(), study.parameters, self.solutions, draws)
-        return made | {"made_by": made["made_by"] | {"seed": study.settings.design.seed}}
+            tests[name] = {
+                "definition": {"name": words.get(name), "settings": {}},
+                "bench": None,
+            }
+        made = card.assembled(
+            about, tests, self.as_answer(), study.parameters, self.solutions, draws
+        )
+        return made | {
+            "made_by": made["made_by"] | {"seed": study.settings.design.seed}
+        }
 
     def save(self, out_dir: Path_) -> None:
         """Write tables, summary and material card into a folder; docs/own_simulator.md lists the files."""
         out, made = path_of("out_dir", out_dir), self.card
         require(not out.is_file(), out, "file", "there already", "a folder")
-        tables = (self.samples, self.solutions, self.posterior.parameters, self.posterior.draws)
+        tables = (
+            self.samples,
+            self.solutions,
+            self.posterior.parameters,
+            self.posterior.draws,
+        )
         for name, table in zip(TABLES, tables, strict=True):
             write_table(out / name, table)
         card.check(made, out / "card.json")
-        for name, content in zip(RECORDS, (self.posterior.summary, self.summary, made), strict=True):
+        for name, content in zip(
+            RECORDS, (self.posterior.summary, self.summary, made), strict=True
+        ):
             write_json(out / name, content)
 
     def report(self, path: Path_) -> None:
         """Write the page to read, one HTML file; it takes the extra `pictures`."""
-        import_module("repose.pictures.report.own").write(self, path_of("path", path))  # a room above this one
+        import_module("repose.pictures.report.own").write(
+            self, path_of("path", path)
+        )  # a room above this one
 
     def plot(self, path: Path_ | None = None) -> Any:
         """Draw runs, their history, intervals and posterior as a matplotlib Figure, and write it to `path` if given.
 
         The path ends in .png, .pdf or .svg. It takes the extra `pictures`.
         """
-        return import_module("repose.pictures.figures.own").plot(self, None if path is None else path_of("path", path))
+        return import_module("repose.pictures.figures.own").plot(
+            self, None if path is None else path_of("path", path)
+        )
 
     def as_answer(self) -> Result:
         """Put the answer in the form for the material card; it was not simulated again."""
@@ -111,27 +142,50 @@ class Calibration(NamedTuple):
             feasible=self.summary["feasible"],
             message=self.summary["message"],
             checks=tuple(
-                Check.of(target, simulated=None, standard_error=None, runs=0, status=NOT_AGAIN, predicted=mean)
-                for target, mean in zip(self.study.targets, self.answer.mean.tolist(), strict=True)
+                Check.of(
+                    target,
+                    simulated=None,
+                    standard_error=None,
+                    runs=0,
+                    status=NOT_AGAIN,
+                    predicted=mean,
+                )
+                for target, mean in zip(
+                    self.study.targets, self.answer.mean.tolist(), strict=True
+                )
             ),
             folder=Path(),
             out_of_reach=out_of_reach(self.summary),
-            within={percent: self.probability[column] for percent, column in WITHIN.items()},
+            within={
+                percent: self.probability[column] for percent, column in WITHIN.items()
+            },
         )
 
     def __str__(self) -> str:
         best = self.answer
         lines = [self.as_answer().verdict, "The calibrated parameters [95 % interval]:"]
         for name, row in self.intervals.items():
-            interval = "fixed" if row["low"] is None else f"[{row['low']:.4g}, {row['high']:.4g}]"
-            lines.append(card.with_remark(f"  {name} {row['value']:.4g} {interval}", row))
-        lines.append(f"Predicted by {self.model.name.replace('_', ' ')}, not simulated again:")
-        for target, mean, error in zip(self.study.targets, best.mean, best.error, strict=True):
+            interval = (
+                "fixed"
+                if row["low"] is None
+                else f"[{row['low']:.4g}, {row['high']:.4g}]"
+            )
+            lines.append(
+                card.with_remark(f"  {name} {row['value']:.4g} {interval}", row)
+            )
+        lines.append(
+            f"Predicted by {self.model.name.replace('_', ' ')}, not simulated again:"
+        )
+        for target, mean, error in zip(
+            self.study.targets, best.mean, best.error, strict=True
+        ):
             unit = f" {target.response.unit}".rstrip()
             off = target.off_percent(mean)
             aimed = f"{off:+.2f} % off the target {target.aim:g}, range {target.low:g} to {target.high:g}{unit}"
             lines.append(f"  {target.name}: {mean:.4g} +- {error:.2g}{unit}, {aimed}")
-        lines.append(f"Probability that the simulator's means there lie {describe_probability(self.probability)}.")
+        lines.append(
+            f"Probability that the simulator's means there lie {describe_probability(self.probability)}."
+        )
         return "\n".join(lines)
 
     def __repr__(self) -> str:
@@ -139,14 +193,25 @@ class Calibration(NamedTuple):
 
     def _repr_html_(self) -> str:
         """Show the answer in a notebook: parameters with their intervals, predictions, probabilities."""
-        parameters = pd.DataFrame(self.intervals).T.drop(columns=["at_bound", "widened"], errors="ignore")
-        chances = pd.DataFrame({"probability": self.probability}).rename(index=lambda name: name.replace("_", " "))
+        parameters = pd.DataFrame(self.intervals).T.drop(
+            columns=["at_bound", "widened"], errors="ignore"
+        )
+        chances = pd.DataFrame({"probability": self.probability}).rename(
+            index=lambda name: name.replace("_", " ")
+        )
         tables = (parameters, self.prediction, chances)
-        shown = "".join(table.to_html(float_format="{:.4g}".format, na_rep="fixed") for table in tables)
-        return f"{shown}<p>{escape(self.summary['message'])}</p><p>{escape(self.why)}</p>"
+        shown = "".join(
+            table.to_html(float_format="{:.4g}".format, na_rep="fixed")
+            for table in tables
+        )
+        return (
+            f"{shown}<p>{escape(self.summary['message'])}</p><p>{escape(self.why)}</p>"
+        )
 
 
-def calibrate(study: Studied, runs: pd.DataFrame, proposal: Batch | Answer | None = None) -> Calibration:
+def calibrate(
+    study: Studied, runs: pd.DataFrame, proposal: Batch | Answer | None = None
+) -> Calibration:
     """Find the parameters that meet the targets, and how certain they are.
 
     `runs` come from `repose.strategies.runs.checked_runs`; the strategy need not have asked for them. Unless
@@ -154,21 +219,36 @@ def calibrate(study: Studied, runs: pd.DataFrame, proposal: Batch | Answer | Non
     """
     space, targets, settings = study.parameters, study.targets, study.settings
     check_responses(runs, targets)
-    best = proposal if isinstance(proposal, Answer) else strategy(settings.strategy).answer(study, runs)
+    best = (
+        proposal
+        if isinstance(proposal, Answer)
+        else strategy(settings.strategy).answer(study, runs)
+    )
     observed = observed_of(runs, space, targets)
     noise = noise_from(study, observed)
     model = best.model or SpaceKriging(Kriging(observed, noise.covariance), space)
     samples = _samples(study, runs)
     support = Support.of(space.values(observed.unit), space)
     vary = REPLICATES in noise.sources.values()
-    posterior = infer(model, support, runs, study, posterior_settings(study, observed.freedom if vary else 0), {})
+    posterior = infer(
+        model,
+        support,
+        runs,
+        study,
+        posterior_settings(study, observed.freedom if vary else 0),
+        {},
+    )
     feasible, message = answer.verdict(best, targets)
     goal = Goal.of(targets, settings.sequential.tolerance_percent, space)
     summary = {
         "simulator": _simulator(study),
         "representative": dict(zip(space.names, best.values.tolist(), strict=True)),
         "responses": {
-            target.name: {"target": target.aim, "mean": float(mean), "error": float(error)}
+            target.name: {
+                "target": target.aim,
+                "mean": float(mean),
+                "error": float(error),
+            }
             for target, mean, error in zip(targets, best.mean, best.error, strict=True)
         },
         "feasible": feasible,
@@ -181,7 +261,9 @@ def calibrate(study: Studied, runs: pd.DataFrame, proposal: Batch | Answer | Non
         "needed": goal.needed(noise.covariance, settings.sequential.probability),
         "noise": {
             name: {"sd": float(sd), "from": noise.sources[name]}
-            for name, sd in zip(targets.names, np.sqrt(np.diagonal(noise.covariance)), strict=True)
+            for name, sd in zip(
+                targets.names, np.sqrt(np.diagonal(noise.covariance)), strict=True
+            )
         },
         "warning": noise.warning,
         "definitions": _definitions(study),
@@ -193,8 +275,14 @@ def calibrate(study: Studied, runs: pd.DataFrame, proposal: Batch | Answer | Non
 
 def posterior_settings(study: Studied, freedom: int) -> PosteriorSettings:
     """Return the section `posterior`; without a correlation where too few samples were run again for one."""
-    few = {"measured_correlation": 0.0} if freedom < len(study.targets) + FREEDOM else {}
-    own = {"shape_study": None, "measured_correlation": "simulated"} | study.settings.posterior.model_dump() | few
+    few = (
+        {"measured_correlation": 0.0} if freedom < len(study.targets) + FREEDOM else {}
+    )
+    own = (
+        {"shape_study": None, "measured_correlation": "simulated"}
+        | study.settings.posterior.model_dump()
+        | few
+    )
     return PosteriorSettings.model_construct(**own)
 
 
@@ -212,26 +300,48 @@ def _samples(study: Studied, runs: pd.DataFrame) -> pd.DataFrame:
     """Average the runs of each sample, with standard errors."""
     ok = runs[runs["status"] == OK].groupby("sample", sort=False)
     first = runs.drop_duplicates("sample").set_index("sample")
-    table = first[list(study.parameters.names)].assign(runs=ok.size().reindex(first.index, fill_value=0))
+    table = first[list(study.parameters.names)].assign(
+        runs=ok.size().reindex(first.index, fill_value=0)
+    )
     for name, error in zip(study.targets.names, study.targets.errors, strict=True):
         table[name], table[error] = ok[name].mean(), ok[name].sem()
     return table.reset_index()
 
 
 def _steps(
-    study: Studied, runs: pd.DataFrame, samples: int, model: Predictor, best: Answer, warning: str | None
+    study: Studied,
+    runs: pd.DataFrame,
+    samples: int,
+    model: Predictor,
+    best: Answer,
+    warning: str | None,
 ) -> list[str]:
     """Describe the way to the answer, in sentences."""
     settings, failed = study.settings, int((runs["status"] != OK).sum())
     name = model.name.replace("_", " ")
-    known = " of the samples' means with their known errors" if model.name == "kriging" and warning is None else ""
-    one, two = best.probability["within_1_percent"], best.probability["within_2_percent"]
+    known = (
+        " of the samples' means with their known errors"
+        if model.name == "kriging" and warning is None
+        else ""
+    )
+    one, two = (
+        best.probability["within_1_percent"],
+        best.probability["within_2_percent"],
+    )
     likely = f"the set that lies within {settings.sequential.tolerance_percent:g} % of all targets most probably"
-    own = "the set that comes nearest to the targets" if "nearest" in best.why else likely
-    chosen = own if settings.strategy == "sequential" else f"that of the strategy {settings.strategy}"
+    own = (
+        "the set that comes nearest to the targets" if "nearest" in best.why else likely
+    )
+    chosen = (
+        own
+        if settings.strategy == "sequential"
+        else f"that of the strategy {settings.strategy}"
+    )
     return [
         f"Simulation in {_simulator(study)}: {len(runs)} runs of {samples} parameter sets, {failed} failed.",
-        f"Model: {name}{known}." if warning is None else f"Model: {name}. Warning: {warning}",
+        f"Model: {name}{known}."
+        if warning is None
+        else f"Model: {name}. Warning: {warning}",
         f"Answer: {chosen}; within 1 % with probability {one:.2f}, within 2 % with {two:.2f}.",
         *(f"{name}: {text}." for name, text in _definitions(study).items()),
     ]

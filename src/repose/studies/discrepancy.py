@@ -30,11 +30,15 @@ FARTHEST, LARGEST_SHARE = 30.0, 3.0
 MODEL = ("particle", "tension", "filling")
 
 
-def of_targets(targets: Targets, runs: pd.DataFrame, percent: float, correlation: float) -> np.ndarray:
+def of_targets(
+    targets: Targets, runs: pd.DataFrame, percent: float, correlation: float
+) -> np.ndarray:
     """Compute the covariance S_d (k, k) of the stated discrepancies of a study's k targets."""
     means = runs.groupby("sample")[list(targets.names)].mean().to_numpy()
     sd = percent / 100 * np.array([target.whole_value for target in targets])
-    return covariance([one.apparatus for one in targets.responses], sd, means, correlation)
+    return covariance(
+        [one.apparatus for one in targets.responses], sd, means, correlation
+    )
 
 
 class OfModels(NamedTuple):
@@ -55,33 +59,70 @@ def of_shape_study(combinations_csv: Path_, targets: Targets) -> OfModels:
     columns = [derived(name, "difference") for name in targets.names]
     declared = [Column(name, str) for name in MODEL]
     declared += [Column("eligible", bool), Column("distance", low=0.0, empty=True)]
-    declared += [Column(name, low=-LARGEST, high=LARGEST, empty=True, words=DIFFERENCE) for name in columns]
-    declared += [Column(name, low=0.0, high=LARGEST, empty=True) for name in targets.errors]
-    table = read_table(combinations_csv, declared, "a shape study of these targets (none: posterior.shape_study: null)")
+    declared += [
+        Column(name, low=-LARGEST, high=LARGEST, empty=True, words=DIFFERENCE)
+        for name in columns
+    ]
+    declared += [
+        Column(name, low=0.0, high=LARGEST, empty=True) for name in targets.errors
+    ]
+    table = read_table(
+        combinations_csv,
+        declared,
+        "a shape study of these targets (none: posterior.shape_study: null)",
+    )
     plausible = table[table["eligible"]].dropna(subset=["distance", *columns])
     largest = [LARGEST_SHARE * abs(target.whole_value) for target in targets]
-    most = {"distance": FARTHEST} | dict(zip((*columns, *targets.errors), largest * 2, strict=True))
+    most = {"distance": FARTHEST} | dict(
+        zip((*columns, *targets.errors), largest * 2, strict=True)
+    )
     far = plausible[list(most)].abs().gt(pd.Series(most)).stack()
     allowed = "at most {:g} in size of an eligible model"
     odd = (place for place, is_far in far.items() if is_far)
-    refuse(combinations_csv, ((k, name, float(plausible.at[k, name]), allowed.format(most[name])) for k, name in odd))
+    refuse(
+        combinations_csv,
+        (
+            (k, name, float(plausible.at[k, name]), allowed.format(most[name]))
+            for k, name in odd
+        ),
+    )
     weight = np.exp(-(plausible["distance"] ** 2) / 2)
     weight /= weight.sum()
     squares = (weight.groupby([plausible[key] for key in MODEL]).sum() ** 2).sum()
     models = 1 / squares if len(plausible) else 0.0
     found = f"{models:.1f} models by their weights"
-    require(models >= FEWEST_MODELS, combinations_csv, "eligible", found, f"at least {FEWEST_MODELS}")
-    values, errors = (plausible[list(of)].to_numpy(float) for of in (columns, targets.errors))
+    require(
+        models >= FEWEST_MODELS,
+        combinations_csv,
+        "eligible",
+        found,
+        f"at least {FEWEST_MODELS}",
+    )
+    values, errors = (
+        plausible[list(of)].to_numpy(float) for of in (columns, targets.errors)
+    )
     raw = np.atleast_2d(np.cov(values.T, aweights=weight, ddof=0)) / (1 - squares)
     noise = np.average(np.nan_to_num(errors) ** 2, axis=0, weights=weight)
     for name, has, hidden in zip(columns, np.diag(raw), noise, strict=True):
-        require(has > hidden, combinations_csv, name, f"of variance {has:.3g}", f"above {hidden:.3g}, of its errors")
+        require(
+            has > hidden,
+            combinations_csv,
+            name,
+            f"of variance {has:.3g}",
+            f"above {hidden:.3g}, of its errors",
+        )
     spread = np.sqrt(np.diag(raw) - noise)
-    covariance = raw / np.sqrt(np.outer(np.diag(raw), np.diag(raw))) * np.outer(spread, spread)
-    return OfModels(np.average(values, axis=0, weights=weight), covariance, float(models))
+    covariance = (
+        raw / np.sqrt(np.outer(np.diag(raw), np.diag(raw))) * np.outer(spread, spread)
+    )
+    return OfModels(
+        np.average(values, axis=0, weights=weight), covariance, float(models)
+    )
 
 
-def covariance(apparatus: Sequence[str], sd: np.ndarray, means: np.ndarray, correlation: float) -> np.ndarray:
+def covariance(
+    apparatus: Sequence[str], sd: np.ndarray, means: np.ndarray, correlation: float
+) -> np.ndarray:
     """Compute the covariance S_d (k, k) of the discrepancies of responses of bench tests; these are independent."""
     matrix = np.diag(sd**2)
     for test in dict.fromkeys(apparatus):

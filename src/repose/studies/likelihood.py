@@ -27,16 +27,22 @@ from repose.core.targets import Targets
 Observed = tuple[np.ndarray, np.ndarray]  # of `observation`
 
 
-def observation(targets: Targets, correlation: np.ndarray, discrepancy: np.ndarray) -> Observed:
+def observation(
+    targets: Targets, correlation: np.ndarray, discrepancy: np.ndarray
+) -> Observed:
     """Return the physical means (k,) and the part S_y + S_d (k, k) of their covariance that no parameter changes."""
     correlation = np.asarray(correlation, dtype=float)
     if np.linalg.eigvalsh(correlation)[0] <= 0:
-        raise ValueError(f"correlation is {correlation.tolist()}; expected a positive definite matrix")
+        raise ValueError(
+            f"correlation is {correlation.tolist()}; expected a positive definite matrix"
+        )
     error = targets.standard_error
     return targets.value, np.outer(error, error) * correlation + discrepancy
 
 
-def log_likelihood(responses: np.ndarray, covariances: np.ndarray, observed: Observed) -> np.ndarray:
+def log_likelihood(
+    responses: np.ndarray, covariances: np.ndarray, observed: Observed
+) -> np.ndarray:
     """Compute the log (n,) of the normal density N(mean; responses, covariance + covariances) of `observed`."""
     mean, covariance = observed
     total = covariance + covariances
@@ -46,12 +52,17 @@ def log_likelihood(responses: np.ndarray, covariances: np.ndarray, observed: Obs
     return -0.5 * (distance + log_det + off.shape[1] * math.log(2 * math.pi))
 
 
-def misfit(responses: np.ndarray, covariances: np.ndarray, observed: Observed) -> dict[str, float]:
+def misfit(
+    responses: np.ndarray, covariances: np.ndarray, observed: Observed
+) -> dict[str, float]:
     """Measure how far the best draw is from the measurements; arguments as for `log_likelihood`."""
     mean, covariance = observed
     off = mean - responses
     best = float(_squared_distance(off, covariance + covariances).min())
-    return {"squared_distance": best, "p_value": float(stats.chi2.sf(best, off.shape[1]))}
+    return {
+        "squared_distance": best,
+        "p_value": float(stats.chi2.sf(best, off.shape[1])),
+    }
 
 
 def _squared_distance(off: np.ndarray, total: np.ndarray) -> np.ndarray:

@@ -34,7 +34,14 @@ if TYPE_CHECKING:
 
 SETS = 16  # of the posterior's draws
 SEEDS = 2  # runs of each in each bench test: the fewest that show the scatter
-COLUMNS = ["response", "apparatus", "mean", "sd_between_sets", "sd_of_a_run", "repetitions"]
+COLUMNS = [
+    "response",
+    "apparatus",
+    "mean",
+    "sd_between_sets",
+    "sd_of_a_run",
+    "repetitions",
+]
 COLUMNS += ["bits", "bits_low", "bits_high", "sets", "runs"]
 FEWEST_SETS = 4  # that must have two runs with a response
 
@@ -50,7 +57,9 @@ def plausible_sets(draws_csv: Path_, seed: int, out: Path_) -> pd.DataFrame:
     return samples
 
 
-def information(runs: pd.DataFrame, repetitions: int, discrepancy_percent: float) -> pd.DataFrame:
+def information(
+    runs: pd.DataFrame, repetitions: int, discrepancy_percent: float
+) -> pd.DataFrame:
     """Compute the bits that the mean of `repetitions` measurements of each response would add, most first.
 
     Responses with fewer than `FEWEST_SETS` sets of two runs, or that never differ, are left out.
@@ -60,32 +69,72 @@ def information(runs: pd.DataFrame, repetitions: int, discrepancy_percent: float
         if (own.groupby("sample").size() > 1).sum() < FEWEST_SETS:
             continue
         parts = variance_components(own["value"], own["sample"])
-        error = parts.within / repetitions + (discrepancy_percent / 100 * parts.mean) ** 2
+        error = (
+            parts.within / repetitions + (discrepancy_percent / 100 * parts.mean) ** 2
+        )
         if not error > 0:
             continue
         icc = np.array([parts.icc, parts.icc_low, parts.icc_high]).clip(0, 1 - 1e-12)
         bits = 0.5 * np.log2(1 + parts.within * icc / (1 - icc) / error)
         spreads = np.sqrt(parts.between), np.sqrt(parts.within)
-        rows.append((name, apparatus, parts.mean, *spreads, repetitions, *bits, parts.groups, parts.values))
-    require(rows, "next", "runs", len(runs), f"{FEWEST_SETS} sets or more with two runs of a response")
-    return pd.DataFrame(rows, columns=COLUMNS).sort_values("bits", ascending=False, kind="stable", ignore_index=True)
+        rows.append(
+            (
+                name,
+                apparatus,
+                parts.mean,
+                *spreads,
+                repetitions,
+                *bits,
+                parts.groups,
+                parts.values,
+            )
+        )
+    require(
+        rows,
+        "next",
+        "runs",
+        len(runs),
+        f"{FEWEST_SETS} sets or more with two runs of a response",
+    )
+    return pd.DataFrame(rows, columns=COLUMNS).sort_values(
+        "bits", ascending=False, kind="stable", ignore_index=True
+    )
 
 
 def run(
-    pours: Iterable[Path_], study: Studied, particle: "Particle", grain: Mapping[str, Any], out_dir: Path_
+    pours: Iterable[Path_],
+    study: Studied,
+    particle: "Particle",
+    grain: Mapping[str, Any],
+    out_dir: Path_,
 ) -> pd.DataFrame:
     """Measure all responses of saved runs; write next.csv, without the targets and other definitions of their angle."""
-    every = [{"response": one.name, "apparatus": test.name} for test in bench_tests() for one in test.responses]
-    scene, rows = Scene.of(dict(study.config) | {"targets": every}, {}, grain, particle), []
+    every = [
+        {"response": one.name, "apparatus": test.name}
+        for test in bench_tests()
+        for one in test.responses
+    ]
+    scene, rows = (
+        Scene.of(dict(study.config) | {"targets": every}, {}, grain, particle),
+        [],
+    )
     for path in map(Path, pours):
         job = measure_job(scene, path, Path(out_dir) / path.parent.name)
         test = bench_of(job, path)
         rows += [
-            {"apparatus": test.name, "sample": job["sample"], "response": response.name, "value": response.of(run)}
+            {
+                "apparatus": test.name,
+                "sample": job["sample"],
+                "response": response.name,
+                "value": response.of(run),
+            }
             for run in job["runs"]
             for response in responses_of(test.name)
         ]
-    measured = {*study.targets.names, *(MEAN_KEYS.values() if CALIBRATED_ANGLE in study.targets.names else ())}
+    measured = {
+        *study.targets.names,
+        *(MEAN_KEYS.values() if CALIBRATED_ANGLE in study.targets.names else ()),
+    }
     runs = pd.DataFrame(rows).dropna(subset="value")
     runs = runs[~runs["response"].isin(measured)]
     repetitions = round(np.mean([target.repetitions for target in study.targets]))
@@ -99,5 +148,7 @@ def message(table: pd.DataFrame) -> str:
     lines = ["Information that one more response would add, in bits:"]
     for row in table.itertuples():
         bits = f"{row.bits:.2f} bits ({row.bits_low:.2f} to {row.bits_high:.2f})"
-        lines.append(f"{row.response} ({row.apparatus}): {bits} by the mean of {row.repetitions}")
+        lines.append(
+            f"{row.response} ({row.apparatus}): {bits} by the mean of {row.repetitions}"
+        )
     return "\n".join(lines)

@@ -15,7 +15,12 @@ from repose.core.errors import InputError
 from repose.core.files import Path_, read_table, write_json, write_table
 from repose.core.runs import of_bench
 from repose.core.targets import Target, Targets
-from repose.core.variance import CONFIDENCE, Components, residual_correlation, variance_components
+from repose.core.variance import (
+    CONFIDENCE,
+    Components,
+    residual_correlation,
+    variance_components,
+)
 
 MOST_SEEDS = 64
 WANTED_PERCENT = (0.5, 1.0, 2.0)  # standard errors, in percent of the target
@@ -24,8 +29,12 @@ WANTED_PERCENT = (0.5, 1.0, 2.0)  # standard errors, in percent of the target
 class NoiseFloor(NamedTuple):
     """Tables of the noise floor."""
 
-    responses: pd.DataFrame  # noise.csv: a row for each target with variances, ICC and reachable R2
-    seeds: pd.DataFrame  # seeds.csv: error and reachable R2 of a mean over 1 to `MOST_SEEDS` seeds
+    responses: (
+        pd.DataFrame
+    )  # noise.csv: a row for each target with variances, ICC and reachable R2
+    seeds: (
+        pd.DataFrame
+    )  # seeds.csv: error and reachable R2 of a mean over 1 to `MOST_SEEDS` seeds
     summary: dict[str, Any]  # noise.json: the rows by response, and the correlations
 
 
@@ -36,7 +45,9 @@ def read_runs(runs_csv: Path_, targets: Targets) -> pd.DataFrame:
         sizes = usable(runs, (name,)).groupby("sample").size()
         if len(sizes) < 2 or sizes.max() < 2:
             most = int(sizes.max()) if len(sizes) else 0
-            raise InputError(runs_csv, "runs a sample", most, "2 or more, of 2 samples or more")
+            raise InputError(
+                runs_csv, "runs a sample", most, "2 or more, of 2 samples or more"
+            )
     return runs
 
 
@@ -45,7 +56,9 @@ def usable(runs: pd.DataFrame, names: tuple[str, ...]) -> pd.DataFrame:
     return runs[(runs["status"] == "ok") & runs[list(names)].notna().all(axis=1)]
 
 
-def within_correlation(runs: pd.DataFrame, targets: Targets) -> tuple[np.ndarray, dict[str, dict[str, float]]]:
+def within_correlation(
+    runs: pd.DataFrame, targets: Targets
+) -> tuple[np.ndarray, dict[str, dict[str, float]]]:
     """Correlate the responses (k, k) from run to run of one sample, 0 between bench tests; also pair by pair."""
     matrix, pairs = np.eye(len(targets)), {}
     for rows in targets.benches.values():
@@ -76,11 +89,22 @@ def noise_floor(runs: pd.DataFrame, targets: Targets) -> NoiseFloor:
         error, quantity = components.standard_error(seeds), target.response.quantity
         table[target.response.error] = error
         table[f"{quantity}_se_percent"] = 100 * error / target.whole
-        for label, icc in (("", components.icc), ("_low", components.icc_low), ("_high", components.icc_high)):
+        for label, icc in (
+            ("", components.icc),
+            ("_low", components.icc_low),
+            ("_high", components.icc_high),
+        ):
             table[f"{quantity}_reachable_r2{label}"] = icc / (icc + (1 - icc) / seeds)
         rows.append(_row(target, components, ok, own[own["status"] != "ok"]))
-    by_response, pairs = {row["response"]: row for row in rows}, within_correlation(runs, targets)[1]
-    summary = {"responses": by_response, "correlation": correlation_record(pairs), "confidence": CONFIDENCE}
+    by_response, pairs = (
+        {row["response"]: row for row in rows},
+        within_correlation(runs, targets)[1],
+    )
+    summary = {
+        "responses": by_response,
+        "correlation": correlation_record(pairs),
+        "confidence": CONFIDENCE,
+    }
     return NoiseFloor(pd.DataFrame(rows), table, summary)
 
 
@@ -90,7 +114,12 @@ def run(runs_csv: Path_, targets: Targets, out_dir: Path_) -> dict[str, Any]:
     try:
         floor = noise_floor(runs, targets)
     except ValueError as error:
-        raise InputError(runs_csv, "runs", str(error), "enough runs a sample for variances and correlations") from None
+        raise InputError(
+            runs_csv,
+            "runs",
+            str(error),
+            "enough runs a sample for variances and correlations",
+        ) from None
     out = Path(out_dir)
     write_table(out / "noise.csv", floor.responses)
     write_table(out / "seeds.csv", floor.seeds)
@@ -105,19 +134,41 @@ def message(summary: dict[str, Any], targets: Targets) -> str:
         "correlation {icc:.3f} ({icc_low:.3f} to {icc_high:.3f}); a perfect predictor "
         "reaches R2 {r2_single_runs:.3f} on single runs, {r2_sample_means:.3f} on the means here"
     )
-    rows = ((target.response.unit, summary["responses"][target.name]) for target in targets)
+    rows = (
+        (target.response.unit, summary["responses"][target.name]) for target in targets
+    )
     return "\n".join(line.format(unit=unit, **row) for unit, row in rows)
 
 
-def _row(target: Target, components: Components, ok: pd.DataFrame, failed: pd.DataFrame) -> dict[str, Any]:
+def _row(
+    target: Target, components: Components, ok: pd.DataFrame, failed: pd.DataFrame
+) -> dict[str, Any]:
     """Make the row of noise.csv for one response."""
     found, unseen = components, ~failed["sample"].drop_duplicates().isin(ok["sample"])
-    row = {"response": target.name, "samples": found.groups, "runs": found.values, "failed_runs": len(failed)}
-    row |= {"samples_with_failures": int(failed["sample"].nunique()), "samples_without_runs": int(unseen.sum())}
+    row = {
+        "response": target.name,
+        "samples": found.groups,
+        "runs": found.values,
+        "failed_runs": len(failed),
+    }
+    row |= {
+        "samples_with_failures": int(failed["sample"].nunique()),
+        "samples_without_runs": int(unseen.sum()),
+    }
     row |= {"mean": found.mean, "sd_within": math.sqrt(found.within)}
-    row |= {"sd_within_low": math.sqrt(found.within_low), "sd_within_high": math.sqrt(found.within_high)}
+    row |= {
+        "sd_within_low": math.sqrt(found.within_low),
+        "sd_within_high": math.sqrt(found.within_high),
+    }
     row |= {"sd_between": math.sqrt(found.between), "icc": found.icc}
-    row |= {"icc_low": found.icc_low, "icc_high": found.icc_high, "mean_seeds": found.harmonic_seeds}
+    row |= {
+        "icc_low": found.icc_low,
+        "icc_high": found.icc_high,
+        "mean_seeds": found.harmonic_seeds,
+    }
     row |= {"r2_single_runs": float(found.reachable_r2(1))}
     row |= {"r2_sample_means": float(found.reachable_r2(found.harmonic_seeds))}
-    return row | {f"seeds_for_{p:g}_percent": found.seeds_for(p / 100 * target.whole) for p in WANTED_PERCENT}
+    return row | {
+        f"seeds_for_{p:g}_percent": found.seeds_for(p / 100 * target.whole)
+        for p in WANTED_PERCENT
+    }

@@ -24,7 +24,12 @@ from repose.core.targets import Targets
 from repose.strategies.base import Studied
 from repose.studies import discrepancy, implausibility, noise
 from repose.studies.likelihood import Observed, log_likelihood, misfit, observation
-from repose.studies.sampler import information_bits, joint_information_bits, sample, split_r_hat
+from repose.studies.sampler import (
+    information_bits,
+    joint_information_bits,
+    sample,
+    split_r_hat,
+)
 from repose.studies.settings import PosteriorSettings
 from repose.surrogate.base import Predictor, Surrogate
 from repose.surrogate.support import Support
@@ -32,7 +37,10 @@ from repose.surrogate.support import Support
 CREDIBLE = 0.95
 FREEDOM = 2  # runs beyond the first of a sample that a correlation needs, besides one for each response of a bench test
 DRAWS_KEPT = 4000
-LARGEST_R_HAT, FEWEST_EFFECTIVE = 1.01, 400  # Vehtari et al. 2021, Bayesian Analysis 16, 667
+LARGEST_R_HAT, FEWEST_EFFECTIVE = (
+    1.01,
+    400,
+)  # Vehtari et al. 2021, Bayesian Analysis 16, 667
 # Kullback-Leibler information, in bits: half the range is worth 1 bit.
 DETERMINED, UNDETERMINED = 1.0, 0.2
 WIDE = 0.75  # of the prior's width: a parameter of so wide an interval is not determined, whatever its bits
@@ -46,7 +54,9 @@ class Posterior(NamedTuple):
 
     parameters: pd.DataFrame  # posterior.csv: a row for each free parameter
     draws: pd.DataFrame  # draws.csv: parameter sets, predictions, their standard errors
-    summary: dict[str, Any]  # posterior.json: likelihood, fit, information, convergence, statements
+    summary: dict[
+        str, Any
+    ]  # posterior.json: likelihood, fit, information, convergence, statements
 
 
 def infer(
@@ -66,7 +76,9 @@ def infer(
     space, targets, seed = study.parameters, study.targets, settings.seed
     observed, pairs = _observed(runs, targets, settings)
     stated = settings.discrepancy_percent, settings.discrepancy_correlation
-    unknown = discrepancy.of_targets(targets, runs, *stated) if shapes is None else shapes
+    unknown = (
+        discrepancy.of_targets(targets, runs, *stated) if shapes is None else shapes
+    )
     measured = observed(unknown)
 
     def likelihood(unit: np.ndarray) -> np.ndarray:
@@ -76,14 +88,27 @@ def infer(
     def log_density(unit: np.ndarray) -> np.ndarray:
         return likelihood(unit) + space.log_prior(unit)
 
-    chains = sample(log_density, space.dimensions, settings.walkers, settings.steps, seed)
-    r_hat, effective = split_r_hat(chains.points), chains.log_density.size / chains.times
+    chains = sample(
+        log_density, space.dimensions, settings.walkers, settings.steps, seed
+    )
+    r_hat, effective = (
+        split_r_hat(chains.points),
+        chains.log_density.size / chains.times,
+    )
     unit = chains.points.reshape(-1, space.dimensions)
     # at random: draws at a regular distance in time may all be of one walker
-    kept = unit[np.sort(np.random.default_rng(seed).permutation(len(unit))[:DRAWS_KEPT])]
+    kept = unit[
+        np.sort(np.random.default_rng(seed).permutation(len(unit))[:DRAWS_KEPT])
+    ]
     drawn = chains.log_density.ravel() - space.log_prior(unit)
-    bits, error = joint_information_bits(likelihood, drawn, drawn.size / chains.density_time, space, seed)
-    about = {"r_hat": r_hat, "effective_draws": effective, "autocorrelation_steps": chains.times}
+    bits, error = joint_information_bits(
+        likelihood, drawn, drawn.size / chains.density_time, space, seed
+    )
+    about = {
+        "r_hat": r_hat,
+        "effective_draws": effective,
+        "autocorrelation_steps": chains.times,
+    }
     table = _parameters(space, unit, about, references)
 
     X = space.values(kept)
@@ -107,22 +132,37 @@ def infer(
         "information_se_bits": error,
         "sum_of_marginals_bits": float(sum(table["information_bits"])),
         "thin_share": float(support.is_thin(X).mean()),
-        "converged": bool((r_hat <= LARGEST_R_HAT).all() and (effective >= FEWEST_EFFECTIVE).all()),
+        "converged": bool(
+            (r_hat <= LARGEST_R_HAT).all() and (effective >= FEWEST_EFFECTIVE).all()
+        ),
         "largest_r_hat": float(r_hat.max()),
         "least_effective_draws": float(effective.min()),
         "correlations": np.atleast_2d(np.corrcoef(kept.T)).round(3).tolist(),
         "statements": dict(zip(table["parameter"], table["statement"], strict=True))
-        | {name: f"{name} is fixed at {value:g}" for name, value in space.fixed.items()},
+        | {
+            name: f"{name} is fixed at {value:g}" for name, value in space.fixed.items()
+        },
     }
     return Posterior(table, draws, summary)
 
 
 def require_free(space: ParameterSpace) -> None:
     """Refuse parameters that are all fixed."""
-    require(space.dimensions, "configuration", "parameters", "all fixed", "at least one range or prior")
+    require(
+        space.dimensions,
+        "configuration",
+        "parameters",
+        "all fixed",
+        "at least one range or prior",
+    )
 
 
-def run(files: Mapping[str, Any], study: Studied, out_dir: Path_, source: object = "configuration") -> dict[str, Any]:
+def run(
+    files: Mapping[str, Any],
+    study: Studied,
+    out_dir: Path_,
+    source: object = "configuration",
+) -> dict[str, Any]:
     """Read the inputs of `infer`; write the posterior, its curve over the discrepancy, and the region not excluded."""
     space, targets, settings = study.parameters, study.targets, study.settings.posterior
     require_free(space)
@@ -133,9 +173,17 @@ def run(files: Mapping[str, Any], study: Studied, out_dir: Path_, source: object
     runs = noise.read_runs(files["runs"], targets)
     references = {}
     if files["table3"] is not None:
-        references["published"] = read_table(files["table3"], ("parameter", "low", "high")).set_index("parameter")
-    references["miga"] = feasible.agg(["min", "max"]).T.set_axis(["low", "high"], axis=1)
-    models = None if settings.shape_study is None else discrepancy.of_shape_study(settings.shape_study, targets)
+        references["published"] = read_table(
+            files["table3"], ("parameter", "low", "high")
+        ).set_index("parameter")
+    references["miga"] = feasible.agg(["min", "max"]).T.set_axis(
+        ["low", "high"], axis=1
+    )
+    models = (
+        None
+        if settings.shape_study is None
+        else discrepancy.of_shape_study(settings.shape_study, targets)
+    )
     shapes = None if models is None else models.covariance
     try:
         result = infer(model, support, runs, study, settings, references, shapes)
@@ -145,14 +193,18 @@ def run(files: Mapping[str, Any], study: Studied, out_dir: Path_, source: object
     out = Path(out_dir)
     result.summary.update(_further_studies(model, study, runs, shapes, out))
     if models is not None:
-        result.summary.update(discrepancy_models=models.models, discrepancy_mean=models.mean.tolist())
+        result.summary.update(
+            discrepancy_models=models.models, discrepancy_mean=models.mean.tolist()
+        )
     write_table(out / "posterior.csv", result.parameters)
     write_table(out / "draws.csv", result.draws)
     write_json(out / "posterior.json", result.summary)
     return result.summary
 
 
-def _observed(runs: pd.DataFrame, targets: Targets, settings: PosteriorSettings) -> tuple[Observing, Pairs]:
+def _observed(
+    runs: pd.DataFrame, targets: Targets, settings: PosteriorSettings
+) -> tuple[Observing, Pairs]:
     """Return a function from S_d to the physical means and their covariance, and the pairs of correlations."""
     pairs: Pairs = {}
     stated = settings.measured_correlation
@@ -173,13 +225,22 @@ def _check_freedom(targets: Targets, pairs: Pairs) -> None:
     """
     for bench, names in targets.benches.items():
         for pair in combinations([targets.names[k] for k in names], 2):
-            freedom, least = pairs[", ".join(pair)]["degrees_of_freedom"], len(names) + FREEDOM
+            freedom, least = (
+                pairs[", ".join(pair)]["degrees_of_freedom"],
+                len(names) + FREEDOM,
+            )
             if freedom < least:
-                raise ValueError(f"{freedom} degrees of freedom within samples of {bench}; expected at least {least}")
+                raise ValueError(
+                    f"{freedom} degrees of freedom within samples of {bench}; expected at least {least}"
+                )
 
 
 def _further_studies(
-    model: Surrogate, study: Studied, runs: pd.DataFrame, shapes: np.ndarray | None, out: Path
+    model: Surrogate,
+    study: Studied,
+    runs: pd.DataFrame,
+    shapes: np.ndarray | None,
+    out: Path,
 ) -> dict[str, Any]:
     """Write discrepancy.csv and region.csv; return their entries of the summary."""
     targets, settings = study.targets, study.settings.posterior
@@ -191,11 +252,18 @@ def _further_studies(
 
     of_shapes = None if shapes is None else observed(shapes)
     table = implausibility.curve(points, targets, stated, of_shapes)
-    chosen = of_shapes or stated(settings.discrepancy_percent, settings.discrepancy_correlation)
-    share, projections = implausibility.region(points, implausibility.implausibility(points, *chosen))
+    chosen = of_shapes or stated(
+        settings.discrepancy_percent, settings.discrepancy_correlation
+    )
+    share, projections = implausibility.region(
+        points, implausibility.implausibility(points, *chosen)
+    )
     write_table(out / "discrepancy.csv", table, float_format="%.6g")
     write_table(out / "region.csv", projections, float_format="%.6g")
-    return {"not_implausible_share": share, "over_the_discrepancy": implausibility.message(table, share)}
+    return {
+        "not_implausible_share": share,
+        "over_the_discrepancy": implausibility.message(table, share),
+    }
 
 
 def statement(row: Mapping[str, Any]) -> str:
@@ -206,7 +274,11 @@ def statement(row: Mapping[str, Any]) -> str:
     if bits < UNDETERMINED:
         return f"{name} is not determined: {share}"
     if bits < DETERMINED:
-        end, sure = max(("high", 1 - row["below_centre"]), ("low", row["below_centre"]), key=lambda one: one[1])
+        end, sure = max(
+            ("high", 1 - row["below_centre"]),
+            ("low", row["below_centre"]),
+            key=lambda one: one[1],
+        )
         return f"{name} is weakly determined, in the {end} half with probability {sure:.2f}: {share}"
     if row["width_ratio"] > WIDE:
         return f"{name} lies in one of several places within {where}: {share}"
@@ -218,11 +290,17 @@ def message(summary: Mapping[str, Any]) -> str:
     lines, fit = list(summary["statements"].values()), summary["misfit"]
     bits, error = summary["information_bits"], summary["information_se_bits"]
     misses = f"the best draw misses the targets by {math.sqrt(fit['squared_distance']):.2f} standard deviations"
-    thin = f"{100 * summary['thin_share']:.0f} % of the draws lie where samples are thin"
-    lines.append(f"together {bits:.2f} ± {error:.2f} bits; {misses} (p = {fit['p_value']:.2g}); {thin}")
+    thin = (
+        f"{100 * summary['thin_share']:.0f} % of the draws lie where samples are thin"
+    )
+    lines.append(
+        f"together {bits:.2f} ± {error:.2f} bits; {misses} (p = {fit['p_value']:.2g}); {thin}"
+    )
     lines += summary.get("over_the_discrepancy", "").splitlines()
     if summary["thin_share"] > MOSTLY:
-        lines.append("EXTRAPOLATED: most draws lie beyond the samples, where the surrogate is only a guess")
+        lines.append(
+            "EXTRAPOLATED: most draws lie beyond the samples, where the surrogate is only a guess"
+        )
     if not summary["converged"]:
         apart = f"R-hat {summary['largest_r_hat']:.3f} (at most {LARGEST_R_HAT:g})"
         few = f"effective draws {summary['least_effective_draws']:.0f} (at least {FEWEST_EFFECTIVE})"
@@ -231,7 +309,10 @@ def message(summary: Mapping[str, Any]) -> str:
 
 
 def _parameters(
-    space: ParameterSpace, unit: np.ndarray, chains: Mapping[str, np.ndarray], references: Mapping[str, pd.DataFrame]
+    space: ParameterSpace,
+    unit: np.ndarray,
+    chains: Mapping[str, np.ndarray],
+    references: Mapping[str, pd.DataFrame],
 ) -> pd.DataFrame:
     """Make the rows of posterior.csv, a row for each free parameter, from draws (n, d) in the unit cube.
 
@@ -243,15 +324,29 @@ def _parameters(
         values = space.low[k] + unit[:, k] * (space.high[k] - space.low[k])
         interval = _interval(values)
         row = {"parameter": name, "low": space.low[k], "high": space.high[k]}
-        row |= {"mean": float(values.mean()), "sd": float(values.std()), "median": float(np.median(values))}
+        row |= {
+            "mean": float(values.mean()),
+            "sd": float(values.std()),
+            "median": float(np.median(values)),
+        }
         row |= {f"credible_{end}": number for end, number in interval.items()}
         row["width_ratio"] = (interval["high"] - interval["low"]) / widths[k]
-        row["information_bits"] = information_bits(shares[:, k], chains["effective_draws"][k])
+        row["information_bits"] = information_bits(
+            shares[:, k], chains["effective_draws"][k]
+        )
         row["below_centre"] = float((shares[:, k] < 0.5).mean())
         row |= {column: numbers[k] for column, numbers in chains.items()}
         for other, intervals in references.items():
-            if name in intervals.index:  # published tables have the six parameters alone
-                row |= _reference(other, space, k, values, *map(float, intervals.loc[name, ["low", "high"]]))
+            if (
+                name in intervals.index
+            ):  # published tables have the six parameters alone
+                row |= _reference(
+                    other,
+                    space,
+                    k,
+                    values,
+                    *map(float, intervals.loc[name, ["low", "high"]]),
+                )
         rows.append(row | {"statement": statement(row)})
     return pd.DataFrame(rows)
 
@@ -262,18 +357,29 @@ def _prior_interval(space: ParameterSpace) -> np.ndarray:
     tail = np.full(space.dimensions, (1 - CREDIBLE) / 2)
     low, high = space.values(space.from_prior(np.array([tail, 1 - tail])))
     for name in space.prior:
-        width[space.free.index(name)] = high[space.names.index(name)] - low[space.names.index(name)]
+        width[space.free.index(name)] = (
+            high[space.names.index(name)] - low[space.names.index(name)]
+        )
     return width
 
 
 def _interval(values: np.ndarray) -> dict[str, float]:
     """Find the central credible interval."""
     tail = (1 - CREDIBLE) / 2
-    return dict(zip(("low", "high"), np.quantile(values, [tail, 1 - tail]).tolist(), strict=True))
+    return dict(
+        zip(
+            ("low", "high"), np.quantile(values, [tail, 1 - tail]).tolist(), strict=True
+        )
+    )
 
 
 def _reference(
-    other: str, space: ParameterSpace, k: int, values: np.ndarray, first: float, last: float
+    other: str,
+    space: ParameterSpace,
+    k: int,
+    values: np.ndarray,
+    first: float,
+    last: float,
 ) -> dict[str, float]:
     """Give a reference interval of free parameter k its probability by draws of the posterior and by the prior."""
     low, high = space.low[k], space.high[k]
@@ -284,4 +390,7 @@ def _reference(
         prior = float(np.diff(space.prior_cdf(ends)[:, k])[0])
     own = float(((values >= first) & (values <= last)).mean())
     names = ("low", "high", "probability", "prior_probability")
-    return {f"{other}_{name}": value for name, value in zip(names, (first, last, own, prior), strict=True)}
+    return {
+        f"{other}_{name}": value
+        for name, value in zip(names, (first, last, own, prior), strict=True)
+    }

@@ -34,7 +34,9 @@ class Chains(NamedTuple):
     density_time: float  # autocorrelation time of the log density
 
 
-def sample(log_density: Density, dimensions: int, walkers: int, steps: int, seed: int) -> Chains:
+def sample(
+    log_density: Density, dimensions: int, walkers: int, steps: int, seed: int
+) -> Chains:
     """Draw from a density in the unit cube.
 
     Walkers start at draws of a tempered population: from anywhere, some would never leave a mode of no weight.
@@ -55,27 +57,42 @@ def sample(log_density: Density, dimensions: int, walkers: int, steps: int, seed
         sampler = _ensemble(len(first), dimensions, inside, random)
         sampler.run_mcmc(first, steps)
         dropped = int(BURN_IN * steps)
-        chain = np.dstack([sampler.get_chain(discard=dropped), sampler.get_log_prob(discard=dropped)])
+        chain = np.dstack(
+            [sampler.get_chain(discard=dropped), sampler.get_log_prob(discard=dropped)]
+        )
         with np.errstate(invalid="ignore"):
             time = emcee.autocorr.integrated_time(chain, tol=0)
-        times.append(np.nan_to_num(time, nan=steps))  # not a number if a walker never moved
+        times.append(
+            np.nan_to_num(time, nan=steps)
+        )  # not a number if a walker never moved
         chains.append(chain.reshape(-1, dimensions + 1))
     whole, time = np.array(chains), np.mean(times, axis=0)
-    return Chains(np.ascontiguousarray(whole[..., :-1]), whole[..., -1].copy(), time[:-1], float(time[-1]))
+    return Chains(
+        np.ascontiguousarray(whole[..., :-1]),
+        whole[..., -1].copy(),
+        time[:-1],
+        float(time[-1]),
+    )
 
 
-def _ensemble(walkers: int, dimensions: int, log_density: Density, random: np.random.RandomState) -> Any:
+def _ensemble(
+    walkers: int, dimensions: int, log_density: Density, random: np.random.RandomState
+) -> Any:
     """Make emcee's ensemble of walkers, drawn with the state of a random generator."""
     import emcee
 
     # not the snooker move: as of emcee 3.1.6 its acceptance has half the exponent, and draws are too narrow
     moves = [(emcee.moves.DEMove(), 0.5), (emcee.moves.StretchMove(), 0.5)]
-    sampler = emcee.EnsembleSampler(walkers, dimensions, log_density, moves=moves, vectorize=True)
+    sampler = emcee.EnsembleSampler(
+        walkers, dimensions, log_density, moves=moves, vectorize=True
+    )
     sampler.random_state = random.get_state()
     return sampler
 
 
-def _start(log_density: Density, dimensions: int, random: np.random.RandomState) -> np.ndarray:
+def _start(
+    log_density: Density, dimensions: int, random: np.random.RandomState
+) -> np.ndarray:
     """Draw (POPULATION, d) from a density, approximately (Del Moral et al. 2006, J. R. Stat. Soc. B 68, 411).
 
     Powers of the density lead from the cube to the whole density; each halves the effective number of points.
@@ -117,7 +134,9 @@ def information_bits(draws: np.ndarray, effective: float) -> float:
     It is the divergence of a histogram. Its expected excess for `effective` independent draws, (bins - 1) / (2
     effective ln 2), is subtracted (Miller 1955, Note on the bias of information estimates).
     """
-    return bits_of_shares(np.histogram(draws, bins=BINS, range=(0, 1))[0] / len(draws), effective)
+    return bits_of_shares(
+        np.histogram(draws, bins=BINS, range=(0, 1))[0] / len(draws), effective
+    )
 
 
 def bits_of_shares(share: np.ndarray, effective: float) -> float:
@@ -128,15 +147,23 @@ def bits_of_shares(share: np.ndarray, effective: float) -> float:
 
 
 def joint_information_bits(
-    log_likelihood: Density, drawn: np.ndarray, effective: float, space: ParameterSpace, seed: int
+    log_likelihood: Density,
+    drawn: np.ndarray,
+    effective: float,
+    space: ParameterSpace,
+    seed: int,
 ) -> tuple[float, float]:
     """Compute the Kullback-Leibler divergence of the whole posterior from the prior, in bits, and its standard error.
 
     It is E_posterior[log L] - log E_prior[L]. The second mean is over a scrambled Sobol sequence; its standard error is
     computed as for independent points, which makes it too large rather than too small.
     """
-    points = space.from_prior(stats.qmc.Sobol(space.dimensions, rng=seed).random(PRIOR_DRAWS))
-    prior = np.concatenate([log_likelihood(part) for part in np.array_split(points, PRIOR_DRAWS // 2048)])
+    points = space.from_prior(
+        stats.qmc.Sobol(space.dimensions, rng=seed).random(PRIOR_DRAWS)
+    )
+    prior = np.concatenate(
+        [log_likelihood(part) for part in np.array_split(points, PRIOR_DRAWS // 2048)]
+    )
     likelihood = np.exp(prior - prior.max())
     evidence = prior.max() + math.log(likelihood.mean())
     of_prior = likelihood.std() / likelihood.mean() / math.sqrt(PRIOR_DRAWS)

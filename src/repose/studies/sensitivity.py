@@ -29,7 +29,12 @@ Function = Callable[[np.ndarray], np.ndarray]
 
 
 def indices(
-    function: Function, low: np.ndarray, high: np.ndarray, samples: int, resamples: int, seed: int
+    function: Function,
+    low: np.ndarray,
+    high: np.ndarray,
+    samples: int,
+    resamples: int,
+    seed: int,
 ) -> dict[str, np.ndarray]:
     """Compute first-order and total Sobol indices with intervals, each (outputs, d); `samples` is a power of two."""
     d = len(low)
@@ -39,11 +44,17 @@ def indices(
     f_A, f_B = _values(function, A, low, high), _values(function, B, low, high)
     f_AB = np.array([_values(function, points, low, high) for points in AB])
     if not (f_A.std(axis=1) > ROUNDING * np.abs(f_A).max(axis=1)).all():
-        raise ValueError("an output of the function does not vary; expected outputs that do")
+        raise ValueError(
+            "an output of the function does not vary; expected outputs that do"
+        )
 
     def of(rows: np.ndarray | slice) -> np.ndarray:
         # scipy centres its arguments in place
-        values = {"f_A": f_A[:, rows].copy(), "f_B": f_B[:, rows].copy(), "f_AB": f_AB[:, :, rows].copy()}
+        values = {
+            "f_A": f_A[:, rows].copy(),
+            "f_B": f_B[:, rows].copy(),
+            "f_AB": f_AB[:, :, rows].copy(),
+        }
         result = stats.sobol_indices(func=values, n=samples)
         return np.reshape([result.first_order, result.total_order], (2, -1, d))
 
@@ -52,13 +63,19 @@ def indices(
     tail = (1 - CONFIDENCE) / 2
     ends = np.quantile(again, [tail, 1 - tail], axis=0)
     result: dict[str, np.ndarray] = {}
-    for k, (name, value) in enumerate(zip(("first", "total"), of(slice(None)), strict=True)):
+    for k, (name, value) in enumerate(
+        zip(("first", "total"), of(slice(None)), strict=True)
+    ):
         result |= {name: value, f"{name}_low": ends[0, k], f"{name}_high": ends[1, k]}
     return result
 
 
 def main_effects(
-    function: Function, low: np.ndarray, high: np.ndarray, seed: int, points: int = EFFECT_POINTS
+    function: Function,
+    low: np.ndarray,
+    high: np.ndarray,
+    seed: int,
+    points: int = EFFECT_POINTS,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Compute values (d, points) along each input, and mean outputs (d, points, outputs) over all other inputs."""
     base = low + (high - low) * stats.qmc.Sobol(len(low), rng=seed).random(EFFECT_DRAWS)
@@ -76,21 +93,43 @@ def main_effects(
 
 def analyse(model: Surrogate, study: Studied) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Make the tables sobol.csv and main_effects.csv of a surrogate: Sobol indices and mean responses."""
-    space, names, settings = study.parameters, study.targets.names, study.settings.sensitivity
+    space, names, settings = (
+        study.parameters,
+        study.targets.names,
+        study.settings.sensitivity,
+    )
 
     def respond(values: np.ndarray) -> np.ndarray:
         return model.predict(space.complete(values))
 
-    table = indices(respond, space.low, space.high, settings.samples, settings.resamples, settings.seed)
-    pairs = pd.MultiIndex.from_product([names, space.free], names=["response", "parameter"])
-    sobol = pd.DataFrame({key: value.ravel() for key, value in table.items()}, pairs).reset_index()
+    table = indices(
+        respond,
+        space.low,
+        space.high,
+        settings.samples,
+        settings.resamples,
+        settings.seed,
+    )
+    pairs = pd.MultiIndex.from_product(
+        [names, space.free], names=["response", "parameter"]
+    )
+    sobol = pd.DataFrame(
+        {key: value.ravel() for key, value in table.items()}, pairs
+    ).reset_index()
     grid, means = main_effects(respond, space.low, space.high, settings.seed)
-    effects = pd.DataFrame({"parameter": np.repeat(space.free, grid.shape[1]), "value": grid.ravel()})
+    effects = pd.DataFrame(
+        {"parameter": np.repeat(space.free, grid.shape[1]), "value": grid.ravel()}
+    )
     effects[list(names)] = means.reshape(len(effects), -1)
     return sobol, effects
 
 
-def run(surrogate_json: Path_, study: Studied, out_dir: Path_, source: object = "configuration") -> pd.DataFrame:
+def run(
+    surrogate_json: Path_,
+    study: Studied,
+    out_dir: Path_,
+    source: object = "configuration",
+) -> pd.DataFrame:
     """Read a surrogate, write sobol.csv and main_effects.csv; return the first table."""
     require_free(study.parameters)
     model = load(surrogate_json)
@@ -98,15 +137,23 @@ def run(surrogate_json: Path_, study: Studied, out_dir: Path_, source: object = 
     try:
         table, effects = analyse(model, study)
     except ValueError as error:
-        raise InputError(surrogate_json, "surrogate", str(error), "responses that vary") from None
+        raise InputError(
+            surrogate_json, "surrogate", str(error), "responses that vary"
+        ) from None
     write_table(Path(out_dir) / "sobol.csv", table)
     write_table(Path(out_dir) / "main_effects.csv", effects)
     return table
 
 
-def _values(function: Function, unit: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+def _values(
+    function: Function, unit: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> np.ndarray:
     """Compute the outputs (outputs, n) at points (n, d) of the unit cube."""
-    return np.asarray(function(low + (high - low) * unit), dtype=float).reshape(len(unit), -1).T
+    return (
+        np.asarray(function(low + (high - low) * unit), dtype=float)
+        .reshape(len(unit), -1)
+        .T
+    )
 
 
 def message(table: pd.DataFrame) -> str:
@@ -114,6 +161,9 @@ def message(table: pd.DataFrame) -> str:
     lines = []
     for response, rows in table.groupby("response", sort=False):
         order = rows.sort_values("total", ascending=False)
-        parts = [f"{row.parameter} {row.first:.2f} ({row.total:.2f})" for row in order.itertuples()]
+        parts = [
+            f"{row.parameter} {row.first:.2f} ({row.total:.2f})"
+            for row in order.itertuples()
+        ]
         lines.append(f"{response}: first-order (total) " + ", ".join(parts))
     return "\n".join(lines)

@@ -36,7 +36,9 @@ class Predictor(Protocol):
     @property
     def name(self) -> str: ...
 
-    def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
+    def predict(
+        self, X: ArrayLike, return_std: bool = False, noise: bool = True
+    ) -> Any:
         """As `Surrogate.predict`."""
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
@@ -142,7 +144,9 @@ class Surrogate(ABC):
         """
 
     @abstractmethod
-    def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
+    def predict(
+        self, X: ArrayLike, return_std: bool = False, noise: bool = True
+    ) -> Any:
         """Predict responses at parameter sets.
 
         Parameters
@@ -205,7 +209,9 @@ class Surrogate(ABC):
             If the content is something else.
         """
 
-    def response_function(self, low: np.ndarray, high: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    def response_function(
+        self, low: np.ndarray, high: np.ndarray
+    ) -> Callable[[np.ndarray], np.ndarray]:
         """Make the prediction a function of points (n, d) in [-1, 1], which stand for `low` and `high` (d,).
 
         A search calls this function millions of times.
@@ -222,7 +228,11 @@ class Surrogate(ABC):
         return []
 
     def describe(
-        self, inputs: Names, outputs: Names, definitions: Definitions | None = None, samples: Sequence[int] = ()
+        self,
+        inputs: Names,
+        outputs: Names,
+        definitions: Definitions | None = None,
+        samples: Sequence[int] = (),
     ) -> Self:
         """Name the parameters, the responses and their definitions, and the samples of the fit.
 
@@ -241,12 +251,19 @@ class Surrogate(ABC):
             The same surrogate.
         """
         self.inputs, self.outputs = tuple(inputs), tuple(outputs)
-        self.definitions, self.samples = dict(definitions or {}), tuple(int(sample) for sample in samples)
+        self.definitions, self.samples = (
+            dict(definitions or {}),
+            tuple(int(sample) for sample in samples),
+        )
         return self
 
     def save(self, path: str | os.PathLike) -> None:
         """Write a JSON file that `load` reads."""
-        names = {"inputs": list(self.inputs), "outputs": list(self.outputs), "surrogate": self.name}
+        names = {
+            "inputs": list(self.inputs),
+            "outputs": list(self.outputs),
+            "surrogate": self.name,
+        }
         about = {"definitions": self.definitions, "samples": list(self.samples)}
         write_json(path, {**names, **about, **self.to_dict()})
 
@@ -266,7 +283,9 @@ def register(name: str) -> Callable[[Kind], Kind]:
 
     def enter(kind: Kind) -> Kind:
         if _REGISTRY.setdefault(name, kind) is not kind:
-            raise ValueError(f"surrogate {name!r} is registered already, by {_REGISTRY[name].__name__}")
+            raise ValueError(
+                f"surrogate {name!r} is registered already, by {_REGISTRY[name].__name__}"
+            )
         kind.name = name
         return kind
 
@@ -285,7 +304,9 @@ def _known() -> dict[str, type[Surrogate]]:
     return _REGISTRY
 
 
-def make(name: str, settings: NetworkSettings = AS_PUBLISHED, source: object = "surrogate") -> Surrogate:
+def make(
+    name: str, settings: NetworkSettings = AS_PUBLISHED, source: object = "surrogate"
+) -> Surrogate:
     """Make an untrained surrogate.
 
     Parameters
@@ -332,17 +353,27 @@ def load(path: str | os.PathLike, outputs: Sequence[str] | None = None) -> Surro
     try:
         json.dumps(content, allow_nan=False)
     except ValueError:  # `save` never writes NaN or infinity
-        raise InputError(path, "numbers", "not all finite", "finite ones, as a surrogate has them") from None
+        raise InputError(
+            path, "numbers", "not all finite", "finite ones, as a surrogate has them"
+        ) from None
     try:
         samples = content.get("samples", [])
-        if len(set(samples)) < len(samples) or any(type(sample) is not int for sample in samples):
+        if len(set(samples)) < len(samples) or any(
+            type(sample) is not int for sample in samples
+        ):
             raise ValueError(f"samples {samples}")
         model = kind.from_dict(content)
-        model.describe(content["inputs"], content["outputs"], content.get("definitions"), samples)
+        model.describe(
+            content["inputs"], content["outputs"], content.get("definitions"), samples
+        )
     except (LookupError, ValueError, TypeError, ArithmeticError) as error:
-        raise InputError(path, kind.name, repr(error), "as `save` of this surrogate writes it") from error
+        raise InputError(
+            path, kind.name, repr(error), "as `save` of this surrogate writes it"
+        ) from error
     if outputs is not None and model.outputs != tuple(outputs):
-        raise InputError(path, "outputs", list(model.outputs), f"the targets {', '.join(outputs)}")
+        raise InputError(
+            path, "outputs", list(model.outputs), f"the targets {', '.join(outputs)}"
+        )
     return model
 
 
@@ -365,5 +396,11 @@ def kind_of(name: str, source: object = "surrogate") -> type[Surrogate]:
     InputError
         If there is none.
     """
-    require(name in _known(), source, "surrogate", name, f"one of {', '.join(sorted(_REGISTRY))}")
+    require(
+        name in _known(),
+        source,
+        "surrogate",
+        name,
+        f"one of {', '.join(sorted(_REGISTRY))}",
+    )
     return _REGISTRY[name]

@@ -17,7 +17,13 @@ Each = float | np.ndarray  # of each class of weights, or of all
 
 
 def log_evidence(
-    alpha: Each, beta: float, Ed: float, Ew: Each, JJ: np.ndarray, n: float, classes: Sequence[Any] = (slice(None),)
+    alpha: Each,
+    beta: float,
+    Ed: float,
+    Ew: Each,
+    JJ: np.ndarray,
+    n: float,
+    classes: Sequence[Any] = (slice(None),),
 ) -> float:
     """Log p(D | alpha, beta) by Laplace's approximation at the most probable weights (M92); -inf if it is not a number.
 
@@ -30,9 +36,15 @@ def log_evidence(
     if not (np.all(alpha > 0) and beta > 0):
         return -math.inf
     each = np.arange(len(JJ))
-    prior = sum(len(each[c]) / 2 * math.log(2 * a) for a, c in zip(alpha, classes, strict=True))
-    _, log_det = np.linalg.slogdet(2 * beta * JJ + np.diag(2 * of_each_weight(alpha, classes, len(JJ))))
-    value = n / 2 * math.log(beta / math.pi) + prior - log_det / 2 - beta * Ed - alpha @ Ew
+    prior = sum(
+        len(each[c]) / 2 * math.log(2 * a) for a, c in zip(alpha, classes, strict=True)
+    )
+    _, log_det = np.linalg.slogdet(
+        2 * beta * JJ + np.diag(2 * of_each_weight(alpha, classes, len(JJ)))
+    )
+    value = (
+        n / 2 * math.log(beta / math.pi) + prior - log_det / 2 - beta * Ed - alpha @ Ew
+    )
     return float(value) if math.isfinite(value) else -math.inf
 
 
@@ -43,7 +55,9 @@ def posterior_root(alpha: np.ndarray, beta: float, JJ: np.ndarray) -> np.ndarray
     rounding can make no variance negative.
     """
     prior_root = 1 / np.sqrt(2 * alpha)
-    eigenvalues, vectors = np.linalg.eigh(2 * beta * prior_root[:, None] * JJ * prior_root)
+    eigenvalues, vectors = np.linalg.eigh(
+        2 * beta * prior_root[:, None] * JJ * prior_root
+    )
     return prior_root[:, None] * vectors / np.sqrt(1 + np.maximum(eigenvalues, 0.0))
 
 

@@ -14,7 +14,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from repose.surrogate.base import Noise, Surrogate, register
-from repose.surrogate.samples import Combined, checked_points, checked_samples, independent_mixing
+from repose.surrogate.samples import (
+    Combined,
+    checked_points,
+    checked_samples,
+    independent_mixing,
+)
 from repose.surrogate.settings import NetworkSettings
 from repose.surrogate.two_layer import width
 
@@ -43,10 +48,25 @@ class GaussianProcess(Combined, Surrogate):
         """
         X, Y, _, weight = checked_samples(X, Y, **noise)
         self._take(X, Y, weight, noise.get("noise_covariance"))
-        self._fit([{"variance": 1.0, "lengths": np.ones(X.shape[1]), "noise_variance": FIRST_NOISE}] * Y.shape[1])
+        self._fit(
+            [
+                {
+                    "variance": 1.0,
+                    "lengths": np.ones(X.shape[1]),
+                    "noise_variance": FIRST_NOISE,
+                }
+            ]
+            * Y.shape[1]
+        )
         return self
 
-    def _take(self, X: np.ndarray, Y: np.ndarray, precision: np.ndarray, noise_covariance: ArrayLike | None) -> None:
+    def _take(
+        self,
+        X: np.ndarray,
+        Y: np.ndarray,
+        precision: np.ndarray,
+        noise_covariance: ArrayLike | None,
+    ) -> None:
         """Keep the samples and the scaling that follows from them."""
         if len(Y) < 2:
             raise ValueError(f"{len(Y)} samples; expected at least 2")
@@ -54,15 +74,21 @@ class GaussianProcess(Combined, Surrogate):
         self.noise_covariance_ = noise_covariance
         self.low_, self.width_ = X.min(axis=0), width(X.min(axis=0), X.max(axis=0))
         self.offset_ = np.zeros(Y.shape[1])
-        self._combine(Y, independent_mixing(noise_covariance, np.ones(Y.shape[1]), precision))
+        self._combine(
+            Y, independent_mixing(noise_covariance, np.ones(Y.shape[1]), precision)
+        )
 
     def _fit(self, kernels: Sequence[Mapping[str, Any]], fixed: bool = False) -> None:
         """Fit a process to each combination of the outputs, from hyperparameters as in `report`, as `processes_`."""
         from repose.surrogate.process import Process, SampleNoise, smooth
 
-        bounds = 3 * ["fixed"] if fixed else [VARIANCE_BOUNDS, LENGTH_BOUNDS, NOISE_BOUNDS]
+        bounds = (
+            3 * ["fixed"] if fixed else [VARIANCE_BOUNDS, LENGTH_BOUNDS, NOISE_BOUNDS]
+        )
         x, self.processes_ = self._scaled(self.training_["inputs"]), []
-        for one, values, precision in zip(kernels, self.values.T, self.training_["precision"].T, strict=True):
+        for one, values, precision in zip(
+            kernels, self.values.T, self.training_["precision"].T, strict=True
+        ):
             kernel = smooth(one["variance"], one["lengths"], bounds)
             noise = SampleNoise(one["noise_variance"], bounds[2], precision)
             self.processes_.append(Process(kernel, x, values, noise=noise))
@@ -71,13 +97,20 @@ class GaussianProcess(Combined, Surrogate):
         """Scale parameter sets to ranges of the inputs."""
         return (checked_points(X, len(self.low_)) - self.low_) / self.width_
 
-    def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
+    def predict(
+        self, X: ArrayLike, return_std: bool = False, noise: bool = True
+    ) -> Any:
         x = self._scaled(X)
-        means = self.unmixed(np.column_stack([one.mean(x) for one in self.processes_])) + self.offset_
+        means = (
+            self.unmixed(np.column_stack([one.mean(x) for one in self.processes_]))
+            + self.offset_
+        )
         if not return_std:
             return means
         levels = noise * np.array([one.noise_level for one in self.processes_])
-        return means, np.sqrt((self._variances(x) + levels) * self._scale**2 @ self._unmixing**2)
+        return means, np.sqrt(
+            (self._variances(x) + levels) * self._scale**2 @ self._unmixing**2
+        )
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
         """Compute the covariance of the predicted means; diagonal without a `noise_covariance`."""
@@ -97,7 +130,9 @@ class GaussianProcess(Combined, Surrogate):
         return {
             "kernels": self._kernels(),
             "offset": self.offset_.tolist(),
-            "noise_covariance": np.asarray(self.noise_covariance_).tolist(),  # None of None
+            "noise_covariance": np.asarray(
+                self.noise_covariance_
+            ).tolist(),  # None of None
             "training": {key: value.tolist() for key, value in self.training_.items()},
         }
 
@@ -106,7 +141,9 @@ class GaussianProcess(Combined, Surrogate):
         return [
             {
                 "variance": float(process.kernel.k1.constant_value),
-                "lengths": np.broadcast_to(process.kernel.k2.length_scale, len(self.low_)).tolist(),
+                "lengths": np.broadcast_to(
+                    process.kernel.k2.length_scale, len(self.low_)
+                ).tolist(),
                 "noise_variance": process.noise_level,
             }
             for process in self.processes_
@@ -116,7 +153,10 @@ class GaussianProcess(Combined, Surrogate):
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
         """Make the processes of a `to_dict`; their hyperparameters are not estimated again."""
         model, training = cls(), content["training"]
-        X, Y, precision = (np.asarray(training[key], dtype=float) for key in ("inputs", "outputs", "precision"))
+        X, Y, precision = (
+            np.asarray(training[key], dtype=float)
+            for key in ("inputs", "outputs", "precision")
+        )
         model._take(X, Y, precision, content["noise_covariance"])
         model._fit(content["kernels"], fixed=True)
         model.offset_ = np.asarray(content["offset"], dtype=float)

@@ -27,7 +27,17 @@ from repose.surrogate.evidence import log_evidence, of_each_weight
 from repose.surrogate.samples import Scatter
 from repose.surrogate.two_layer import jacobian, unpack, weight_classes
 
-STATISTICS = ("log_evidence", "gamma", "alpha", "beta", "mse", "epochs", "stop_reason", "decrement", "at_cap")
+STATISTICS = (
+    "log_evidence",
+    "gamma",
+    "alpha",
+    "beta",
+    "mse",
+    "epochs",
+    "stop_reason",
+    "decrement",
+    "at_cap",
+)
 LARGEST_ALPHA = 1e6  # weights of 0.0007 in scaled units: an input that has faded
 SMALLEST = 1e-30  # E_d of outputs that a network meets exactly
 PATIENCE = 60  # epochs without a larger evidence
@@ -45,7 +55,9 @@ class TrainingSettings:
     """Settings of the training of a start."""
 
     epochs: int = 1500  # most accepted steps
-    goal: float = 1e-4  # mean squared error of the scaled outputs at which training stops
+    goal: float = (
+        1e-4  # mean squared error of the scaled outputs at which training stops
+    )
     mu: float = 0.005  # Marquardt's damping
     mu_decrease: float = 0.1
     mu_increase: float = 10.0
@@ -98,7 +110,9 @@ class _State(NamedTuple):
 
     def evidence(self, data: _Data) -> float:
         Ed = self.at.Ed + data.pure_error
-        return log_evidence(self.alpha, self.beta, Ed, self.at.Ew, self.at.JJ, data.n, data.classes)
+        return log_evidence(
+            self.alpha, self.beta, Ed, self.at.Ew, self.at.JJ, data.n, data.classes
+        )
 
 
 def train_start(
@@ -129,11 +143,19 @@ def train_start(
     }  # fmt: skip
 
 
-def _train(w: np.ndarray, data: _Data, n: float, settings: TrainingSettings) -> tuple[_State, int, str]:
+def _train(
+    w: np.ndarray, data: _Data, n: float, settings: TrainingSettings
+) -> tuple[_State, int, str]:
     """Train to the end; return the state there, the number of epochs, and the reason of the end."""
     # FH 0 sets alpha = 0, with which gamma is N and beta negative as soon as n < N; any small prior avoids it
     alpha, mu = np.full(len(data.classes), 0.01), max(settings.mu, SMALLEST_MU)
-    state = _State(_point(w, data), alpha, of_each_weight(alpha, data.classes, w.size), 1.0, data.size)
+    state = _State(
+        _point(w, data),
+        alpha,
+        of_each_weight(alpha, data.classes, w.size),
+        1.0,
+        data.size,
+    )
     best, largest, since = None, -np.inf, 0
     epoch, reason = 0, "epochs"
     while epoch < settings.epochs:
@@ -172,15 +194,25 @@ def _descend(state: _State, data: _Data, settings: TrainingSettings) -> _State:
     return state._replace(gamma=_gamma(state, data))
 
 
-def _step(state: _State, mu: float, data: _Data, settings: TrainingSettings) -> tuple[np.ndarray | None, float]:
+def _step(
+    state: _State, mu: float, data: _Data, settings: TrainingSettings
+) -> tuple[np.ndarray | None, float]:
     """Damp until F falls (HM94): the weights there, or None, and the next mu."""
-    alpha, beta, at, half_gradient = state.alpha, state.beta, state.at, state.half_gradient()
+    alpha, beta, at, half_gradient = (
+        state.alpha,
+        state.beta,
+        state.at,
+        state.half_gradient(),
+    )
     identity = np.eye(at.w.size)
     while mu <= settings.mu_max:
         damped = beta * at.JJ + (state.of_weight + mu) * identity
         candidate = at.w - np.linalg.solve(damped, half_gradient)
         e = residuals(candidate, data.x, data.t, data.root_weight)
-        if beta * (e @ e) + alpha @ _square_sums(candidate, data.classes) < beta * at.Ed + alpha @ at.Ew:
+        if (
+            beta * (e @ e) + alpha @ _square_sums(candidate, data.classes)
+            < beta * at.Ed + alpha @ at.Ew
+        ):
             return candidate, max(mu * settings.mu_decrease, SMALLEST_MU)
         mu *= settings.mu_increase
     return None, mu
@@ -200,7 +232,9 @@ def _re_estimated(at: _Point, state: _State, data: _Data) -> _State:
     alpha = np.where(gamma > 0, gamma / (2 * np.maximum(at.Ew, SMALLEST)), state.alpha)
     alpha = np.minimum(alpha, LARGEST_ALPHA)
     beta = (data.n - gamma.sum()) / (2 * max(at.Ed + data.pure_error, SMALLEST))
-    return _State(at, alpha, of_each_weight(alpha, data.classes, at.w.size), beta, gamma)
+    return _State(
+        at, alpha, of_each_weight(alpha, data.classes, at.w.size), beta, gamma
+    )
 
 
 def _point(w: np.ndarray, data: _Data) -> _Point:
@@ -214,14 +248,20 @@ def _square_sums(w: np.ndarray, classes: Sequence[Any]) -> np.ndarray:
     return np.array([w[c] @ w[c] for c in classes])
 
 
-def residuals(w: np.ndarray, x: np.ndarray, t: np.ndarray, root_weight: np.ndarray) -> np.ndarray:
+def residuals(
+    w: np.ndarray, x: np.ndarray, t: np.ndarray, root_weight: np.ndarray
+) -> np.ndarray:
     """Compute the weighted residuals of the network (samples * outputs,); x and t are scaled."""
     hidden = (w.size - t.shape[1]) // (x.shape[1] + 1 + t.shape[1])
     W1, b1, W2, b2 = unpack(w, x.shape[1], hidden, t.shape[1])
     return ((np.tanh(x @ W1.T + b1) @ W2.T + b2 - t) * root_weight).ravel()
 
 
-def linearise(w: np.ndarray, x: np.ndarray, t: np.ndarray, root_weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def linearise(
+    w: np.ndarray, x: np.ndarray, t: np.ndarray, root_weight: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Compute `residuals`, and their derivatives by the weights (samples * outputs, N)."""
     y, J = jacobian(w, x, t.shape[1])
-    return ((y - t) * root_weight).ravel(), (J * root_weight[:, :, None]).reshape(t.size, w.size)
+    return ((y - t) * root_weight).ravel(), (J * root_weight[:, :, None]).reshape(
+        t.size, w.size
+    )

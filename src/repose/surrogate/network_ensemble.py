@@ -41,7 +41,9 @@ class NetworkEnsemble(Surrogate):
     def _take(self, networks: Iterable[BayesianBP]) -> None:
         """Take over networks, the best first."""
         self.members_ = list(networks)
-        self._kept: dict[str, Any] = {}  # arrays of all networks, and the last points with their means
+        self._kept: dict[
+            str, Any
+        ] = {}  # arrays of all networks, and the last points with their means
 
     @classmethod
     def of(cls, settings: NetworkSettings) -> Self:
@@ -52,17 +54,31 @@ class NetworkEnsemble(Surrogate):
         best = self.members_[0]
         best.inputs = self.inputs
         best.fit(X, Y, **noise)
-        near = (start for start in best.starts_ if start["log_evidence"] >= best.log_evidence_ - NATS)
-        self.near_ = [start["start"] for start in near if start["decrement"] < CONVERGED]
-        self._take([best, *(best.of_start(k) for k in self.near_ if k != best.best_start_)])
+        near = (
+            start
+            for start in best.starts_
+            if start["log_evidence"] >= best.log_evidence_ - NATS
+        )
+        self.near_ = [
+            start["start"] for start in near if start["decrement"] < CONVERGED
+        ]
+        self._take(
+            [best, *(best.of_start(k) for k in self.near_ if k != best.best_start_)]
+        )
         return self
 
-    def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
+    def predict(
+        self, X: ArrayLike, return_std: bool = False, noise: bool = True
+    ) -> Any:
         mean = self._means(X).mean(axis=0)
         if not return_std:
             return mean
         variance = np.diagonal(self.covariance(X), axis1=1, axis2=2)
-        return mean, np.sqrt(variance + noise * np.mean([member.noise_std_**2 for member in self.members_], axis=0))
+        return mean, np.sqrt(
+            variance
+            + noise
+            * np.mean([member.noise_std_**2 for member in self.members_], axis=0)
+        )
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
         """Compute the covariance of the mixture's means, without noise (LPB17)."""
@@ -71,7 +87,9 @@ class NetworkEnsemble(Surrogate):
         own = covariances(self.members_, X, self._stacked("all weights")).mean(axis=0)
         return own + np.einsum("mni,mnj->nij", off, off) / len(self.members_)
 
-    def response_function(self, low: np.ndarray, high: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    def response_function(
+        self, low: np.ndarray, high: np.ndarray
+    ) -> Callable[[np.ndarray], np.ndarray]:
         # The mean of networks is one network that has all their neurons.
         return response_function(self._as_one(), low, high)
 
@@ -86,7 +104,10 @@ class NetworkEnsemble(Surrogate):
 
     def start_rows(self) -> list[dict[str, Any]]:
         """List rows of the best network, and which starts are members."""
-        return [row | {"member": row["start"] in self.near_} for row in self.members_[0].start_rows()]
+        return [
+            row | {"member": row["start"] in self.near_}
+            for row in self.members_[0].start_rows()
+        ]
 
     def to_dict(self) -> dict[str, Any]:
         """Collect the best network as in its own file, and the own part of each other network."""
@@ -97,7 +118,10 @@ class NetworkEnsemble(Surrogate):
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
         """Make the networks of a `to_dict`."""
         training = content["training"]
-        others = ({**content, **other, "training": training | other["training"]} for other in content["others"])
+        others = (
+            {**content, **other, "training": training | other["training"]}
+            for other in content["others"]
+        )
         return cls(map(BayesianBP.from_dict, [content, *others]))
 
     def _means(self, X: ArrayLike) -> np.ndarray:
@@ -110,17 +134,27 @@ class NetworkEnsemble(Surrogate):
         if "points" in self._kept and np.array_equal(X, self._kept["points"]):
             return self._kept["means"]
         x = scale(X, first.input_min_, first.input_max_, first.scaled_range)
-        a = np.tanh(np.einsum("ni,mhi->mnh", x, self._stacked("W1")) + self._stacked("b1")[:, None])
-        y = np.einsum("mnh,mkh->mnk", a, self._stacked("W2")) + self._stacked("b2")[:, None]
+        a = np.tanh(
+            np.einsum("ni,mhi->mnh", x, self._stacked("W1"))
+            + self._stacked("b1")[:, None]
+        )
+        y = (
+            np.einsum("mnh,mkh->mnk", a, self._stacked("W2"))
+            + self._stacked("b2")[:, None]
+        )
         low, high = first.scaled_range
-        means = first.output_min_ + (y - low) / (high - low) * width(first.output_min_, first.output_max_)
+        means = first.output_min_ + (y - low) / (high - low) * width(
+            first.output_min_, first.output_max_
+        )
         self._kept |= {"points": X.copy(), "means": means}
         return means
 
     def _stacked(self, key: str) -> np.ndarray:
         """Stack one of the arrays of `OF_EACH`, or all weights, for all networks (members, ...)."""
         if key not in self._kept:
-            of_one = BayesianBP._weights if key == "all weights" else attrgetter(f"{key}_")
+            of_one = (
+                BayesianBP._weights if key == "all weights" else attrgetter(f"{key}_")
+            )
             self._kept[key] = np.array([of_one(member) for member in self.members_])
         return self._kept[key]
 
@@ -137,4 +171,6 @@ class NetworkEnsemble(Surrogate):
 def _own_part(content: Mapping[str, Any]) -> dict[str, Any]:
     """Keep weights and their regularisation; scalings and samples are the same in all networks."""
     own = {key: content[key] for key in OF_EACH}
-    return own | {"training": {key: content["training"][key] for key in ("alpha", "beta")}}
+    return own | {
+        "training": {key: content["training"][key] for key in ("alpha", "beta")}
+    }

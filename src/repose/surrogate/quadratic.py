@@ -42,7 +42,9 @@ class QuadraticSurface(Surrogate):
         the coefficients (Z62).
         """
         X, Y, _, precision = checked_samples(X, Y, **noise)
-        independent_mixing(noise.get("noise_covariance"), np.ones(Y.shape[1]), precision)
+        independent_mixing(
+            noise.get("noise_covariance"), np.ones(Y.shape[1]), precision
+        )
         self.training_ = {"inputs": X, "outputs": Y, "precision": precision}
         self.offset_ = np.zeros(Y.shape[1])
         self.low_, self.width_ = X.min(axis=0), width(X.min(axis=0), X.max(axis=0))
@@ -50,10 +52,19 @@ class QuadraticSurface(Surrogate):
         A = self._terms(X)
         freedom = len(A) - A.shape[1]
         if freedom < 1:
-            raise ValueError(f"{len(A)} samples; expected at least {A.shape[1] + 1}, one more than the terms")
+            raise ValueError(
+                f"{len(A)} samples; expected at least {A.shape[1] + 1}, one more than the terms"
+            )
         # one system of equations for all responses, unless their precisions differ
-        groups = [slice(k, k + 1) for k in range(Y.shape[1])] if np.ptp(precision, axis=1).any() else [slice(None)]
-        fits = [_weighted(A, Y[:, group], np.sqrt(precision[:, group][:, 0])) for group in groups]
+        groups = (
+            [slice(k, k + 1) for k in range(Y.shape[1])]
+            if np.ptp(precision, axis=1).any()
+            else [slice(None)]
+        )
+        fits = [
+            _weighted(A, Y[:, group], np.sqrt(precision[:, group][:, 0]))
+            for group in groups
+        ]
         self.coefficients_ = np.hstack([fit[0] for fit in fits])
         residuals = np.hstack([fit[1] for fit in fits])
         self._roots = [fit[2] for fit in fits] * (Y.shape[1] // len(fits))
@@ -61,13 +72,17 @@ class QuadraticSurface(Surrogate):
         self._variances = (residuals**2).sum(axis=0) / freedom
         return self
 
-    def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
+    def predict(
+        self, X: ArrayLike, return_std: bool = False, noise: bool = True
+    ) -> Any:
         a = self._terms(checked_points(X, len(self.low_)))
         mean = a @ self.coefficients_ + self.offset_
         if not return_std:
             return mean
         # variance of the mean: leverage times residual variance (MM09)
-        leverage = np.column_stack([((a @ root) ** 2).sum(axis=1) for root in self._roots])
+        leverage = np.column_stack(
+            [((a @ root) ** 2).sum(axis=1) for root in self._roots]
+        )
         return mean, np.sqrt((leverage + noise) * self._variances)
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
@@ -79,19 +94,28 @@ class QuadraticSurface(Surrogate):
     def report(self) -> dict[str, Any]:
         """Report the number of terms, degrees of freedom, standard deviation of the residuals."""
         terms = len(self.coefficients_)
-        freedom, spread = len(self.training_["inputs"]) - terms, np.sqrt(self._variances).tolist()
+        freedom, spread = (
+            len(self.training_["inputs"]) - terms,
+            np.sqrt(self._variances).tolist(),
+        )
         return {"n_terms": terms, "degrees_of_freedom": freedom, "residual_sd": spread}
 
     def to_dict(self) -> dict[str, Any]:
         """Collect the samples, from which the fit is computed again, and the coefficients for a reader."""
         training = {key: value.tolist() for key, value in self.training_.items()}
-        return {"coefficients": self.coefficients_.tolist(), "offset": self.offset_.tolist(), "training": training}
+        return {
+            "coefficients": self.coefficients_.tolist(),
+            "offset": self.offset_.tolist(),
+            "training": training,
+        }
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
         """Make the surface of a `to_dict`."""
         training = content["training"]
-        model = cls().fit(training["inputs"], training["outputs"], precision=training["precision"])
+        model = cls().fit(
+            training["inputs"], training["outputs"], precision=training["precision"]
+        )
         model.offset_ = np.asarray(content["offset"], dtype=float)
         return model
 
@@ -104,8 +128,16 @@ class QuadraticSurface(Surrogate):
         return self.terms(((X - self.low_) / self.width_)[:, self.varies_])
 
 
-def _weighted(A: np.ndarray, Y: np.ndarray, root_precision: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _weighted(
+    A: np.ndarray, Y: np.ndarray, root_precision: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Fit coefficients (terms, k), weighted residuals (n, k), and R (terms, n) with R R' = (A'WA)^-1 (A35)."""
     weighted = A * root_precision[:, None]
-    coefficients, *_ = np.linalg.lstsq(weighted, Y * root_precision[:, None], rcond=None)
-    return coefficients, (Y - A @ coefficients) * root_precision[:, None], np.linalg.pinv(weighted)
+    coefficients, *_ = np.linalg.lstsq(
+        weighted, Y * root_precision[:, None], rcond=None
+    )
+    return (
+        coefficients,
+        (Y - A @ coefficients) * root_precision[:, None],
+        np.linalg.pinv(weighted),
+    )

@@ -14,13 +14,31 @@ from repose.surrogate.bayesian_bp import BayesianBP
 class BayesianBPRegressor(RegressorMixin, BayesianBP, BaseEstimator):  # noqa: D101  (it has that of its base)
     __doc__ = BayesianBP.__doc__
 
-    def fit(self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None, **noise: Unpack[Noise]) -> Self:
-        X, y = validate_data(self, X, y, dtype=float, multi_output=True, y_numeric=True, ensure_min_samples=2)
+    def fit(
+        self,
+        X: ArrayLike,
+        y: ArrayLike,
+        sample_weight: ArrayLike | None = None,
+        **noise: Unpack[Noise],
+    ) -> Self:
+        X, y = validate_data(
+            self,
+            X,
+            y,
+            dtype=float,
+            multi_output=True,
+            y_numeric=True,
+            ensure_min_samples=2,
+        )
         return super().fit(X, y, sample_weight, **noise)
 
-    def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
+    def predict(
+        self, X: ArrayLike, return_std: bool = False, noise: bool = True
+    ) -> Any:
         check_is_fitted(self)
-        return super().predict(validate_data(self, X, dtype=float, reset=False), return_std, noise)
+        return super().predict(
+            validate_data(self, X, dtype=float, reset=False), return_std, noise
+        )
 
     def __sklearn_tags__(self) -> Tags:
         tags = super().__sklearn_tags__()

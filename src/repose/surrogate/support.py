@@ -23,15 +23,26 @@ DISTANCE_QUANTILE = 0.95
 class Support:
     """The region that samples cover; a parameter whose low and high (d,) are equal is fixed and plays no part."""
 
-    def __init__(self, points: np.ndarray, low: np.ndarray, high: np.ndarray, names: Sequence[str]) -> None:
+    def __init__(
+        self,
+        points: np.ndarray,
+        low: np.ndarray,
+        high: np.ndarray,
+        names: Sequence[str],
+    ) -> None:
         from scipy.spatial import cKDTree
 
         points = np.asarray(points, dtype=float)
-        self.low, self.high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
+        self.low, self.high = (
+            np.asarray(low, dtype=float),
+            np.asarray(high, dtype=float),
+        )
         self.names = tuple(names)
         self._free = self.high > self.low
         if points.ndim != 2 or len(points) < 2 or points.shape[1] != len(self.names):
-            raise ValueError(f"points has shape {points.shape}; expected at least two rows of {len(self.names)}")
+            raise ValueError(
+                f"points has shape {points.shape}; expected at least two rows of {len(self.names)}"
+            )
         unit = self._unit(points)
         self.tree = cKDTree(unit)
         left_out = self.tree.query(unit, k=2)[0][:, 1]  # the nearest one besides itself
@@ -39,7 +50,10 @@ class Support:
         terms = quadratic_terms(unit)
         self.root, self.largest_leverage = None, np.inf
         # with as many coefficients as samples every sample has leverage 1, which is no information
-        if len(terms) > terms.shape[1] and np.linalg.matrix_rank(terms) == terms.shape[1]:
+        if (
+            len(terms) > terms.shape[1]
+            and np.linalg.matrix_rank(terms) == terms.shape[1]
+        ):
             self.root = np.linalg.inv(np.linalg.qr(terms, mode="r"))
             self.largest_leverage = float(self.leverage(points).max())
 
@@ -54,7 +68,13 @@ class Support:
         """Make the support of the usable samples of a study; InputError for a bad file, or fewer than two of them."""
         table = read_table(dataset_csv, ("sample", *space.names, "status"))
         usable = table[table["status"] == "ok"]
-        require(len(usable) >= 2, dataset_csv, "usable samples", len(usable), "at least 2 with status ok")
+        require(
+            len(usable) >= 2,
+            dataset_csv,
+            "usable samples",
+            len(usable),
+            "at least 2 with status ok",
+        )
         return cls.of(usable[list(space.names)].to_numpy(float), space)
 
     def at_bounds(self, points: np.ndarray) -> np.ndarray:
@@ -76,27 +96,41 @@ class Support:
 
     def is_thin(self, points: np.ndarray) -> np.ndarray:
         """Tell whether points lie where samples are thin."""
-        return (self.distance(points) > self.farthest) | (self.leverage(points) > self.largest_leverage)
+        return (self.distance(points) > self.farthest) | (
+            self.leverage(points) > self.largest_leverage
+        )
 
     def warnings(self, points: np.ndarray) -> list[str]:
         """Write a warning for each point; empty where there is none."""
         points = np.atleast_2d(np.asarray(points, dtype=float))
         ends = np.where(points < (self.low + self.high) / 2, "low", "high")
         texts = []
-        columns = self.at_bounds(points), ends, self.distance(points), self.leverage(points)
+        columns = (
+            self.at_bounds(points),
+            ends,
+            self.distance(points),
+            self.leverage(points),
+        )
         for at, end, distance, leverage in zip(*columns, strict=True):
             bounds = [f"{self.names[i]} {end[i]}" for i in np.flatnonzero(at)]
             parts = [f"at a bound: {', '.join(bounds)}"] if bounds else []
             if distance > self.farthest:
-                parts.append(f"nearest sample {distance:.2f} of a range away, usual up to {self.farthest:.2f}")
+                parts.append(
+                    f"nearest sample {distance:.2f} of a range away, usual up to {self.farthest:.2f}"
+                )
             if leverage > self.largest_leverage:
-                parts.append(f"leverage {leverage:.2f}, samples' largest {self.largest_leverage:.2f}")
+                parts.append(
+                    f"leverage {leverage:.2f}, samples' largest {self.largest_leverage:.2f}"
+                )
             texts.append("; ".join(parts))
         return texts
 
     def _unit(self, points: np.ndarray) -> np.ndarray:
         """Scale the free parameters to their ranges."""
-        return ((np.asarray(points, dtype=float) - self.low)[:, self._free]) / (self.high - self.low)[self._free]
+        return (
+            ((np.asarray(points, dtype=float) - self.low)[:, self._free])
+            / (self.high - self.low)[self._free]
+        )
 
 
 def quadratic_terms(unit: np.ndarray) -> np.ndarray:

@@ -10,7 +10,18 @@ from typing import Any
 from repose.core.errors import require
 from repose.core.files import write_text
 
-from . import coulomb, energy, impacts, oblique, packing, resting, restitution, rolling, rotation, spinning
+from . import (
+    coulomb,
+    energy,
+    impacts,
+    oblique,
+    packing,
+    resting,
+    restitution,
+    rolling,
+    rotation,
+    spinning,
+)
 from .case import FULL, Effort, Row
 
 # Every case by name: a function of an `Effort` that returns its rows.
@@ -30,7 +41,9 @@ Report = Callable[[str, list[Row]], Any]
 __all__ = ["CASES", "FULL", "Effort", "run", "write"]
 
 
-def run(names: Iterable[str] | None, effort: Effort = FULL, report: Report | None = None) -> dict[str, list[Row]]:
+def run(
+    names: Iterable[str] | None, effort: Effort = FULL, report: Report | None = None
+) -> dict[str, list[Row]]:
     """Run cases of the verification suite (by default all) and `report` each; InputError for an unknown name."""
     chosen = list(names or CASES)
     for name in chosen:
@@ -50,5 +63,7 @@ def write(results: Mapping[str, list[Row]], path: str | Path) -> None:
     writer.writerow(["case", *(field.name for field in fields(Row))])
     for name, rows in results.items():
         for row in rows:
-            writer.writerow([name, *("" if value is None else value for value in astuple(row))])
+            writer.writerow(
+                [name, *("" if value is None else value for value in astuple(row))]
+            )
     write_text(path, lines.getvalue())

@@ -21,8 +21,12 @@ class Row:
     reference: object  # a number; a text for an interval, or empty without a reference
     source: str  # of the reference
     result: float  # of the simulator
-    deviation: float | None  # relative to the reference, or to a given scale; None if not computed
-    tolerance: float | None  # largest allowed deviation; None if the deviation is not judged
+    deviation: (
+        float | None
+    )  # relative to the reference, or to a given scale; None if not computed
+    tolerance: (
+        float | None
+    )  # largest allowed deviation; None if the deviation is not judged
     status: str  # PASSED, MISSED, KNOWN or REPORTED
     note: str = ""  # why the row misses or is not judged
 
@@ -44,30 +48,51 @@ def close(
 ) -> Row:
     """Compare a result with a reference; an expected miss, with its reason `known`, is not a failure."""
     if tolerance is None:
-        tolerance = DIGITISED_TOLERANCE if source.startswith("digitised") else CLOSED_TOLERANCE
+        tolerance = (
+            DIGITISED_TOLERANCE if source.startswith("digitised") else CLOSED_TOLERANCE
+        )
     deviation = abs(result - reference) / abs(scale or reference)
     status = PASSED if deviation <= tolerance else KNOWN if known else MISSED
     note = known if status == KNOWN else ""
-    return Row(quantity, unit, reference, source, result, deviation, tolerance, status, note)
+    return Row(
+        quantity, unit, reference, source, result, deviation, tolerance, status, note
+    )
 
 
 def at_most(quantity: str, unit: str, result: float, limit: float, source: str) -> Row:
     """Compare a result with a limit that it must not exceed."""
     status = PASSED if result <= limit else MISSED
-    return Row(quantity, unit, f"at most {limit:.7g}", source, result, None, None, status)
+    return Row(
+        quantity, unit, f"at most {limit:.7g}", source, result, None, None, status
+    )
 
 
-def within(quantity: str, unit: str, result: float, low: float, high: float, source: str) -> Row:
+def within(
+    quantity: str, unit: str, result: float, low: float, high: float, source: str
+) -> Row:
     """Compare a result with a published range."""
     status = PASSED if low <= result <= high else MISSED
-    return Row(quantity, unit, f"{low:g} to {high:g}", source, result, None, None, status)
+    return Row(
+        quantity, unit, f"{low:g} to {high:g}", source, result, None, None, status
+    )
 
 
-def reported(quantity: str, unit: str, result: float, note: str, reference: float | str = "", source: str = "") -> Row:
+def reported(
+    quantity: str,
+    unit: str,
+    result: float,
+    note: str,
+    reference: float | str = "",
+    source: str = "",
+) -> Row:
     """Show a result without judging it; with a number as reference the row has a deviation too."""
     has_number = isinstance(reference, float) and reference != 0.0
-    deviation = abs(result - float(reference)) / abs(float(reference)) if has_number else None
-    return Row(quantity, unit, reference, source, result, deviation, None, REPORTED, note)
+    deviation = (
+        abs(result - float(reference)) / abs(float(reference)) if has_number else None
+    )
+    return Row(
+        quantity, unit, reference, source, result, deviation, None, REPORTED, note
+    )
 
 
 Rows = Iterator[Row]  # of a case
@@ -79,7 +104,9 @@ class Effort:
 
     hits: int = 10_000  # impacts of each kind in the energy cases
     berries: int = 400  # in the poured packing
-    laws: Mapping[str, Any] = field(default_factory=dict)  # force laws of every case, for `Simulation`
+    laws: Mapping[str, Any] = field(
+        default_factory=dict
+    )  # force laws of every case, for `Simulation`
 
     @property
     def tension(self) -> str:

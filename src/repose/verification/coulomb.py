@@ -48,14 +48,22 @@ def lowest_under_centre(shape: Body) -> np.ndarray:
 
 def sliding_loss(shape: Body, contact: Contact, **laws: Any) -> float:
     """Simulate the tangential velocity [m/s] that a body loses in a stiff impact on a floor with sliding throughout."""
-    simulation, step = before_impact(shape, contact, NORMAL_M_S, STEPS_PER_CONTACT, STIFFER, walls=ON_FLOOR, **laws)
+    simulation, step = before_impact(
+        shape, contact, NORMAL_M_S, STEPS_PER_CONTACT, STIFFER, walls=ON_FLOOR, **laws
+    )
     turn = lowest_under_centre(shape)
-    reach = shape.bounding_radius_m if isinstance(shape, Clump) else float(shape.half_extents_m[2])
+    reach = (
+        shape.bounding_radius_m
+        if isinstance(shape, Clump)
+        else float(shape.half_extents_m[2])
+    )
     along = SLIDES * 3.5 * sliding_impulse(contact, NORMAL_M_S)
     place = (0.0, 0.0, reach + 3.5 * step * NORMAL_M_S)
     simulation.add("body", place, turn, (along, 0.0, -NORMAL_M_S))
     # a pair of equal bodies, whose contact time sets the step, is less stiff than a body on a floor
-    simulation.run_steps(3 * steps_of_impact(contact.restitution, laws.get("tension", "keep")))
+    simulation.run_steps(
+        3 * steps_of_impact(contact.restitution, laws.get("tension", "keep"))
+    )
     return along - float(simulation.velocities[0, 0])
 
 
@@ -64,8 +72,15 @@ def sliding_hits(effort: Effort) -> Rows:
     for name, body in particles().items():
         for e in ASKED:
             contact = Contact(e, FRICTION, 0.0)
-            share = sliding_loss(body, contact, **effort.laws) / sliding_impulse(contact, NORMAL_M_S)
-            yield close(f"{name}, e {e:g}: tangential velocity lost over mu (1 + e) V", "", share, 1.0)
+            share = sliding_loss(body, contact, **effort.laws) / sliding_impulse(
+                contact, NORMAL_M_S
+            )
+            yield close(
+                f"{name}, e {e:g}: tangential velocity lost over mu (1 + e) V",
+                "",
+                share,
+                1.0,
+            )
 
 
 def loop_work(forward: bool, **laws: Any) -> float:
@@ -94,9 +109,20 @@ def loop_work(forward: bool, **laws: Any) -> float:
 
 def closed_loop(effort: Effort) -> Rows:
     """Show that a contact led over a closed path without slip gives no energy: slide, press, slide back, unload."""
-    for way, forward in (("slide, press, slide back, unload", True), ("press, slide, unload, slide back", False)):
+    for way, forward in (
+        ("slide, press, slide back, unload", True),
+        ("press, slide, unload, slide back", False),
+    ):
         gained = -1e6 * loop_work(forward, **effort.laws)
         if effort.laws.get("contact_law", "hertz_mindlin") == "hertz_mindlin":
-            yield reported(f"{way}: energy gained", "uJ", gained, SPRING_NOTE, "none", CLOSED)
+            yield reported(
+                f"{way}: energy gained", "uJ", gained, SPRING_NOTE, "none", CLOSED
+            )
         else:
-            yield at_most(f"{way}: energy gained", "uJ", gained, 0.02, CLOSED + ": a path gives none")
+            yield at_most(
+                f"{way}: energy gained",
+                "uJ",
+                gained,
+                0.02,
+                CLOSED + ": a path gives none",
+            )

@@ -25,7 +25,10 @@ class Solid:
     @property
     def material(self) -> Material:
         """The engine's material: G = E / (2 (1 + nu))."""
-        return Material(self.elastic_modulus_pa / (2.0 * (1.0 + self.poisson_ratio)), self.poisson_ratio)
+        return Material(
+            self.elastic_modulus_pa / (2.0 * (1.0 + self.poisson_ratio)),
+            self.poisson_ratio,
+        )
 
     def sphere_mass(self, radius_m: float) -> float:
         """Compute the mass of a solid sphere [kg]."""
@@ -47,7 +50,12 @@ class Hertz:
     @property
     def overlap_m(self) -> float:
         """Largest overlap in m: (15 m* v^2 / (16 E* sqrt(R*)))^(2/5)."""
-        return (15.0 * self.mass * self.speed**2 / (16.0 * self.young * math.sqrt(self.radius))) ** 0.4
+        return (
+            15.0
+            * self.mass
+            * self.speed**2
+            / (16.0 * self.young * math.sqrt(self.radius))
+        ) ** 0.4
 
     @property
     def force_n(self) -> float:
@@ -57,16 +65,30 @@ class Hertz:
     @property
     def duration_s(self) -> float:
         """Contact time in seconds: 2.9432 delta / v, the number being 4/5 sqrt(pi) Gamma(2/5) / Gamma(9/10)."""
-        return 0.8 * math.sqrt(math.pi) * math.gamma(0.4) / math.gamma(0.9) * self.overlap_m / self.speed
+        return (
+            0.8
+            * math.sqrt(math.pi)
+            * math.gamma(0.4)
+            / math.gamma(0.9)
+            * self.overlap_m
+            / self.speed
+        )
 
-    def history(self, restitution: float, count: int = 400, tension: str = "keep") -> tuple[np.ndarray, ...]:
+    def history(
+        self, restitution: float, count: int = 400, tension: str = "keep"
+    ) -> tuple[np.ndarray, ...]:
         """Solve the damped impact (Tsuji 1992): time [s], overlap [m] and normal force [N], each (count,).
 
         m* d2(delta)/dt2 = -F, F = 4/3 E* sqrt(R*) delta^1.5 + 2 sqrt(5/6) b sqrt(S m*) d(delta)/dt,
         S = 2 E* sqrt(R* delta), b the damping ratio; solved in units in which overlap, mass and speed are 1. With
         `tension` "keep" the contact lasts until the overlap ends, with "release" until the force vanishes.
         """
-        damping = 2.0 * math.sqrt(5.0 / 6.0) * damping_ratio(restitution, tension) * math.sqrt(15.0 / 8.0)
+        damping = (
+            2.0
+            * math.sqrt(5.0 / 6.0)
+            * damping_ratio(restitution, tension)
+            * math.sqrt(15.0 / 8.0)
+        )
 
         def force(x: np.ndarray, v: np.ndarray) -> np.ndarray:
             x = np.maximum(x, 0.0)
@@ -80,7 +102,15 @@ class Hertz:
             return min(state[0], pressed) if state[1] < 0.0 else 1.0
 
         leaves.terminal, leaves.direction = True, -1  # type: ignore[attr-defined]  # so scipy wants it
-        solution = solve_ivp(parts, (0.0, 40.0), (0.0, 1.0), events=leaves, rtol=1e-9, atol=1e-12, dense_output=True)
+        solution = solve_ivp(
+            parts,
+            (0.0, 40.0),
+            (0.0, 1.0),
+            events=leaves,
+            rtol=1e-9,
+            atol=1e-12,
+            dense_output=True,
+        )
         time = np.linspace(0.0, solution.t[-1], count)
         overlap, speed = solution.sol(time)
         unit_s = self.overlap_m / self.speed

@@ -27,11 +27,18 @@ Vector = Sequence[float]
 def smooth(radius_m: float, density_kg_m3: float, material: str) -> Shape:
     """Make a sphere as the sum of two of half its radius, which the engine treats as a smooth body, not as a sphere."""
     sphere = Shape.sphere(radius_m, density_kg_m3, material)
-    return Shape(np.full((2, 3), 0.5 * radius_m), sphere.mass_kg, sphere.inertia_kg_m2, material)
+    return Shape(
+        np.full((2, 3), 0.5 * radius_m), sphere.mass_kg, sphere.inertia_kg_m2, material
+    )
 
 
 def sphere_over_plane(
-    solid: Solid, radius_m: float, contact: Contact, velocity_m_s: Vector, spin_rad_s: Vector = STILL, **laws: Any
+    solid: Solid,
+    radius_m: float,
+    contact: Contact,
+    velocity_m_s: Vector,
+    spin_rad_s: Vector = STILL,
+    **laws: Any,
 ) -> tuple[Simulation, int]:
     """Put a sphere just above a rigid plane, without gravity; return also the steps until it has surely left."""
     hertz = hertz_on_plane(solid, radius_m, abs(velocity_m_s[2]))
@@ -41,11 +48,15 @@ def sphere_over_plane(
     room |= {"walls": ON_FLOOR, "lower": 3 * (-box,), "upper": 3 * (box,)}
     simulation = simulation_of(body, contact, step, **room, **laws)
     place = (0.0, 0.0, radius_m + 3.5 * step * hertz.speed)
-    simulation.add("body", place, velocity_m_s=velocity_m_s, angular_velocity_rad_s=spin_rad_s)
+    simulation.add(
+        "body", place, velocity_m_s=velocity_m_s, angular_velocity_rad_s=spin_rad_s
+    )
     return simulation, steps_of_impact(contact.restitution, laws.get("tension", "keep"))
 
 
-def impact(solid: Solid, radius_m: float, contact: Contact, *motion: Vector, **laws: Any) -> tuple[np.ndarray, ...]:
+def impact(
+    solid: Solid, radius_m: float, contact: Contact, *motion: Vector, **laws: Any
+) -> tuple[np.ndarray, ...]:
     """Simulate an impact on the rigid plane: velocity [m/s] and spin [rad/s] of the sphere after it, each (3,).
 
     `motion` is the velocity and, if it spins, the spin before.
@@ -60,32 +71,61 @@ def steps_of_impact(restitution: float, tension: str = "keep") -> int:
     return int(STEPS_PER_CONTACT * (1.3 + 1.5 * damping_ratio(restitution, tension)))
 
 
-def spheres(balls: Mapping[str, tuple[Solid, float]], contact: Contact, step_s: float, **laws: Any) -> Simulation:
+def spheres(
+    balls: Mapping[str, tuple[Solid, float]],
+    contact: Contact,
+    step_s: float,
+    **laws: Any,
+) -> Simulation:
     """Make an empty simulation of two spheres in space, without gravity: solid and radius [m] of "a" and "b"."""
     reach = 4.0 * max(radius_m for _, radius_m in balls.values())
-    room: dict[str, Any] = {"capacity": 2, "gravity_m_s2": STILL, "lower": 3 * (-reach,), "upper": 3 * (reach,)}
+    room: dict[str, Any] = {
+        "capacity": 2,
+        "gravity_m_s2": STILL,
+        "lower": 3 * (-reach,),
+        "upper": 3 * (reach,),
+    }
     contacts = dict.fromkeys((("a", "a"), ("a", "b"), ("b", "b")), contact)
-    shapes: Any = {name: smooth(radius_m, solid.density_kg_m3, name) for name, (solid, radius_m) in balls.items()}
+    shapes: Any = {
+        name: smooth(radius_m, solid.density_kg_m3, name)
+        for name, (solid, radius_m) in balls.items()
+    }
     materials = {name: solid.material for name, (solid, _) in balls.items()}
     return Simulation(shapes, materials, contacts, step_s, **(room | laws))
 
 
 def simulation_of(
-    shape: Body, contact: Contact, step_s: float, material: Material = BERRY, wall: Material = PVC, **keywords: Any
+    shape: Body,
+    contact: Contact,
+    step_s: float,
+    material: Material = BERRY,
+    wall: Material = PVC,
+    **keywords: Any,
 ) -> Simulation:
     """Make an empty simulation of bodies of one shape, "body"; without walls and gravity, and for one body.
 
     The materials are named "berry" and "wall"; the box reaches 0.1 m to each side. `keywords` replace that.
     """
-    room: dict[str, Any] = {"capacity": 1, "gravity_m_s2": STILL, "lower": (-0.1, -0.1, -0.1), "upper": (0.1, 0.1, 0.1)}
+    room: dict[str, Any] = {
+        "capacity": 1,
+        "gravity_m_s2": STILL,
+        "lower": (-0.1, -0.1, -0.1),
+        "upper": (0.1, 0.1, 0.1),
+    }
     contacts = {("berry", "berry"): contact, ("berry", "wall"): contact}
     shapes: Any = {"body": shape}
-    return Simulation(shapes, {"berry": material, "wall": wall}, contacts, step_s, **(room | keywords))
+    return Simulation(
+        shapes, {"berry": material, "wall": wall}, contacts, step_s, **(room | keywords)
+    )
 
 
-def berry_simulation(contact: Contact, step_s: float, axes: Vector = BERRY_M, **keywords: Any) -> Simulation:
+def berry_simulation(
+    contact: Contact, step_s: float, axes: Vector = BERRY_M, **keywords: Any
+) -> Simulation:
     """Make `simulation_of` grains, ellipsoids whose semi-axes in m are `axes`."""
-    return simulation_of(Shape.ellipsoid(axes, BERRY_DENSITY, "berry"), contact, step_s, **keywords)
+    return simulation_of(
+        Shape.ellipsoid(axes, BERRY_DENSITY, "berry"), contact, step_s, **keywords
+    )
 
 
 def under_gravity(walls: Mapping[str, Any] = ON_FLOOR) -> dict[str, Any]:
@@ -104,23 +144,34 @@ def box(west: float, east: float, south: float, north: float) -> dict[str, Plane
 
 
 def before_impact(
-    shape: Body, contact: Contact, speed_m_s: float, steps: int, times: float, **keywords: Any
+    shape: Body,
+    contact: Contact,
+    speed_m_s: float,
+    steps: int,
+    times: float,
+    **keywords: Any,
 ) -> tuple[Simulation, float]:
     """Make `simulation_of` bodies whose fastest contact lasts so many time steps, and return also the step [s].
 
     The shear moduli of grain and wall are multiplied by `times`.
     """
-    berry, wall = (Material(times * m.shear_modulus_pa, m.poisson_ratio) for m in (BERRY, PVC))
+    berry, wall = (
+        Material(times * m.shear_modulus_pa, m.poisson_ratio) for m in (BERRY, PVC)
+    )
 
     def made(step_s: float) -> Simulation:
-        return simulation_of(shape, contact, step_s, material=berry, wall=wall, **keywords)
+        return simulation_of(
+            shape, contact, step_s, material=berry, wall=wall, **keywords
+        )
 
     hit = time_steps.impact(made(1e-15).scene, shape, shape, speed_m_s).time_step_s
     step = hit * time_steps.STEPS_PER_CONTACT / steps
     return made(step), step
 
 
-def track(simulation: Simulation, times: int, steps: int, look: Callable[[], Any]) -> np.ndarray:
+def track(
+    simulation: Simulation, times: int, steps: int, look: Callable[[], Any]
+) -> np.ndarray:
     """Run so many steps so many times, and give what `look` returns after each: an array of rows."""
 
     def after() -> Any:

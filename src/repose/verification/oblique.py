@@ -26,7 +26,13 @@ STEEL = Solid("steel", 208e9, 0.30, 7850.0)
 POLYETHYLENE = Solid("polyethylene", 1e9, 0.40, 1400.0)
 
 # Test 4: angle from the normal [deg]: tangential restitution, spin after the impact [rad/s].
-TEST_4 = {5: (0.948, -19.3), 20: (0.616, -511.0), 30: (0.684, -617.0), 50: (0.845, -457.0), 70: (0.932, -246.0)}
+TEST_4 = {
+    5: (0.948, -19.3),
+    20: (0.616, -511.0),
+    30: (0.684, -617.0),
+    50: (0.845, -457.0),
+    70: (0.932, -246.0),
+}
 SPRING_NOTE = "it sticks, and the tangential spring determines the answer: the published one is near S_t delta_t"
 EQUATION = "equation of the spring, solved in 20,000 steps"
 ARM_NOTE = "the lever arm is R - delta / 2, not R: the contact lies in the middle of the overlap"
@@ -50,18 +56,36 @@ def sliding_spin(contact: Contact, hertz: Hertz, tension: str) -> float:
     if tension == "keep":
         force = hertz.force_n * (np.maximum(overlap, 0.0) / hertz.overlap_m) ** 1.5
     push = contact.static_friction * force
-    return 2.5 * trapezoid(push * (hertz.radius - 0.5 * overlap), time) / (hertz.mass * hertz.radius**2)
+    return (
+        2.5
+        * trapezoid(push * (hertz.radius - 0.5 * overlap), time)
+        / (hertz.mass * hertz.radius**2)
+    )
 
 
-def sliding_rows(at: str, contact: Contact, hertz: Hertz, after: Motion, before: Motion, tension: str) -> Rows:
+def sliding_rows(
+    at: str, contact: Contact, hertz: Hertz, after: Motion, before: Motion, tension: str
+) -> Rows:
     """Compare gross sliding: the change of velocity with rigid bodies, that of spin with the law and rigid bodies."""
     rigid = sliding_impulse(contact, hertz.speed)
     velocity, spin = after
     sign = math.copysign(1.0, velocity - before[0])
     moved, spun = sign * (velocity - before[0]), -sign * (spin - before[1])
     yield close(f"{at}: change of tangential velocity", "m/s", moved, rigid)
-    yield close(f"{at}: change of spin", "rad/s", spun, sliding_spin(contact, hertz, tension), LAW)
-    yield close(f"{at}: change of spin", "rad/s", spun, 2.5 * rigid / hertz.radius, known=ARM_NOTE)
+    yield close(
+        f"{at}: change of spin",
+        "rad/s",
+        spun,
+        sliding_spin(contact, hertz, tension),
+        LAW,
+    )
+    yield close(
+        f"{at}: change of spin",
+        "rad/s",
+        spun,
+        2.5 * rigid / hertz.radius,
+        known=ARM_NOTE,
+    )
 
 
 def angles(effort: Effort) -> Rows:
@@ -71,17 +95,24 @@ def angles(effort: Effort) -> Rows:
     for angle in (5, 10, 15, 20, 25, 30, 35, 40, 50, 60, 70, 80, 85):
         tangential = speed * math.sin(math.radians(angle))
         normal = speed * math.cos(math.radians(angle))
-        v, w = impact(ALUMINIUM_OXIDE, radius, contact, (tangential, 0.0, -normal), **effort.laws)
+        v, w = impact(
+            ALUMINIUM_OXIDE, radius, contact, (tangential, 0.0, -normal), **effort.laws
+        )
         # the published sense of rotation is opposite
         kept, spin = v[0] / tangential, -w[1]
-        of_kept, of_spin = (f"{angle} deg: tangential restitution", ""), (f"{angle} deg: spin", "rad/s")
+        of_kept, of_spin = (
+            (f"{angle} deg: tangential restitution", ""),
+            (f"{angle} deg: spin", "rad/s"),
+        )
         lost = sliding_impulse(contact, normal)
         if tangential > SLIDES * 3.5 * lost:
             yield close(*of_kept, kept, 1.0 - lost / tangential)
             yield close(*of_spin, spin, -2.5 * lost / radius)
         elif spring in SPRINGS:
             hertz = hertz_on_plane(ALUMINIUM_OXIDE, radius, normal)
-            left = equation_of_hit(ALUMINIUM_OXIDE, hertz, contact, tangential, spring, effort.tension)
+            left = equation_of_hit(
+                ALUMINIUM_OXIDE, hertz, contact, tangential, spring, effort.tension
+            )
             yield close(*of_kept, kept, left / tangential, EQUATION)
         if angle in TEST_4:
             known, published = SPRING_NOTE if angle == 5 else "", TEST_4[angle]
@@ -92,7 +123,14 @@ def angles(effort: Effort) -> Rows:
 SPRINGS = ("hertz_mindlin", "hertz_mindlin_rescaled")
 
 
-def equation_of_hit(solid: Solid, hertz: Hertz, contact: Contact, along: float, spring: str, tension: str) -> float:
+def equation_of_hit(
+    solid: Solid,
+    hertz: Hertz,
+    contact: Contact,
+    along: float,
+    spring: str,
+    tension: str,
+) -> float:
     """Solve the equation of a hit on the rigid plane in small steps: the tangential velocity [m/s] after it."""
     young, shear = effective_moduli(solid.material, rigid(solid.material))
     damping = 2.0 * math.sqrt(5.0 / 6.0) * damping_ratio(contact.restitution, tension)
@@ -108,11 +146,16 @@ def equation_of_hit(solid: Solid, hertz: Hertz, contact: Contact, along: float, 
             return along
         most = contact.static_friction * (elastic if tension == "keep" else push)
         path += surface * step
-        grown = min(1.0, circle / before if before else 1.0) * pull + stiffness * surface * step
+        grown = (
+            min(1.0, circle / before if before else 1.0) * pull
+            + stiffness * surface * step
+        )
         pull = stiffness * path if spring == "hertz_mindlin" else grown
         pull = max(-most, min(most, pull))
         path = pull / stiffness if stiffness else path
-        drag = max(-most, min(most, pull + damping * math.sqrt(stiffness * mass) * surface))
+        drag = max(
+            -most, min(most, pull + damping * math.sqrt(stiffness * mass) * surface)
+        )
         approach, along = approach - push / mass * step, along - drag / mass * step
         spun -= 2.5 * drag / mass * step * (1.0 - 0.5 * overlap / hertz.radius) ** 2
         overlap, before = overlap + approach * step, circle
@@ -128,4 +171,6 @@ def tangential_speeds(effort: Effort) -> Rows:
         for u in (13.5, 25.0):
             v, w = impact(solid, radius, contact, (u, 0.0, -normal), **effort.laws)
             at, result = f"{solid.name}, {u:g} m/s", (v[0], w[1])
-            yield from sliding_rows(at, contact, hertz, result, (u, 0.0), effort.tension)
+            yield from sliding_rows(
+                at, contact, hertz, result, (u, 0.0), effort.tension
+            )

@@ -27,7 +27,9 @@ ROUNDS = 3
 SETTLED_S = 1.0  # after the pour; only then is the pile settled, for a wide factory empties late
 Config = Mapping[str, Any]
 Numbers = Mapping[str, float]
-Times = tuple[float, float]  # of a step of the settled pile [us], and of the whole pour [s]
+Times = tuple[
+    float, float
+]  # of a step of the settled pile [us], and of the whole pour [s]
 
 
 @numba.njit
@@ -40,7 +42,11 @@ def reference_kernel(n: int) -> float:
 
 
 def run(
-    config: Config, particles: Mapping[str, Particle], berry: Numbers, parameters: Numbers, seed: int = 1
+    config: Config,
+    particles: Mapping[str, Particle],
+    berry: Numbers,
+    parameters: Numbers,
+    seed: int = 1,
 ) -> dict[str, Any]:
     """Time whole pours and settled piles on one core, the particles in turn so that all have the same conditions.
 
@@ -54,13 +60,19 @@ def run(
     references: list[float] = []
     pours: dict[str, list] = {name: [] for name in particles}
     for _ in range(ROUNDS):
-        loops_s = timeit.repeat(lambda: reference_kernel(REFERENCE_LOOPS), number=1, repeat=REPEATS)
+        loops_s = timeit.repeat(
+            lambda: reference_kernel(REFERENCE_LOOPS), number=1, repeat=REPEATS
+        )
         references.append(1e6 * float(np.median(loops_s)))
         for name, particle in particles.items():
             pours[name].append(timed_pour(config, parameters, seed, particle, berry))
     settings = SceneSettings(config)
     grains = settings.section("funnel", FunnelSettings).berries
-    return {"berries": grains, "time_step_s": settings.simulation.time_step_s} | machine() | summary(references, pours)
+    return (
+        {"berries": grains, "time_step_s": settings.simulation.time_step_s}
+        | machine()
+        | summary(references, pours)
+    )
 
 
 def machine() -> dict[str, Any]:
@@ -70,11 +82,19 @@ def machine() -> dict[str, Any]:
     return {"processor": binding.get_host_cpu_name(), "vector_bits": bits}
 
 
-def timed_pour(config: Config, parameters: Numbers, seed: int, particle: Particle, berry: Numbers) -> Times:
+def timed_pour(
+    config: Config, parameters: Numbers, seed: int, particle: Particle, berry: Numbers
+) -> Times:
     """Time a step of the settled pile [us] and the whole pour [s] by the clock: two pours, both whole."""
-    longer = _with(config, duration_s=SceneSettings(config).section("funnel", FunnelSettings).duration_s + SETTLED_S)
+    longer = _with(
+        config,
+        duration_s=SceneSettings(config).section("funnel", FunnelSettings).duration_s
+        + SETTLED_S,
+    )
     poured = FunnelTest().pour(Scene.of(config, parameters, berry, particle, seed))
-    longest = FunnelTest().pour(Scene.of(longer, parameters, berry, particle, seed), until_rest=False)
+    longest = FunnelTest().pour(
+        Scene.of(longer, parameters, berry, particle, seed), until_rest=False
+    )
     return longest.us_per_step, poured.wall_s
 
 
@@ -83,7 +103,9 @@ def _with(config: Config, **changes: float) -> dict[str, Any]:
     return {**config, "funnel": {**config["funnel"], **changes}}
 
 
-def summary(references: Sequence[float], pours: Mapping[str, Sequence[Times]]) -> dict[str, Any]:
+def summary(
+    references: Sequence[float], pours: Mapping[str, Sequence[Times]]
+) -> dict[str, Any]:
     """Take medians and their ratios; `references` are in us, `pours` are results of `timed_pour` by particle.
 
     The keys are `reference_us` and `particles`, a list of `name`, `us_per_step`, `job_s` (wall time of a pour), `ratio`
@@ -95,20 +117,27 @@ def summary(references: Sequence[float], pours: Mapping[str, Sequence[Times]]) -
     particles = []
     for name, (us, job_s) in medians.items():
         row = {"name": name, "us_per_step": round(us, 2), "job_s": round(job_s, 3)}
-        particles.append(row | {"ratio": round(us / reference_us, 4), "to_first": round(us / first, 3)})
+        particles.append(
+            row
+            | {"ratio": round(us / reference_us, 4), "to_first": round(us / first, 3)}
+        )
     return {"reference_us": round(reference_us, 2), "particles": particles}
 
 
 def message(result: Mapping[str, Any]) -> str:
     """Write the table of `run` for a terminal."""
     machine = f"{result['processor']}, vectors of {result['vector_bits']} bits"
-    pours = f"{result['berries']} grains, time step {result['time_step_s']:g} s, one core"
+    pours = (
+        f"{result['berries']} grains, time step {result['time_step_s']:g} s, one core"
+    )
     lines = [
         f"{pours}; reference kernel {result['reference_us']:.1f} us; {machine}",
         "to kernel: compares machines of one type of processor only",
         f"{'particle':16} {'us a step':>10} {'to first':>9} {'to kernel':>10} {'pour, s':>8}",
     ]
     for row in result["particles"]:
-        steps = f"{row['us_per_step']:10.1f} {row['to_first']:9.2f} {row['ratio']:10.3f}"
+        steps = (
+            f"{row['us_per_step']:10.1f} {row['to_first']:9.2f} {row['ratio']:10.3f}"
+        )
         lines.append(f"{row['name']:16} {steps} {row['job_s']:8.2f}")
     return "\n".join(lines)

@@ -26,14 +26,28 @@ if TYPE_CHECKING:
 FORMAT = 1
 ABOUT = "about"  # the array that holds the description
 WHOLE = "a whole file that Simulation.save wrote"
-OF_SIMULATION = ("capacity", "lower", "upper", "tension", "friction_limit", "largest_scale", "threads")  # its arguments
-OF_BODIES = ("limit", "deepest")  # arrays of wall contacts that have a place for each body and do not grow
+OF_SIMULATION = (
+    "capacity",
+    "lower",
+    "upper",
+    "tension",
+    "friction_limit",
+    "largest_scale",
+    "threads",
+)  # its arguments
+OF_BODIES = (
+    "limit",
+    "deepest",
+)  # arrays of wall contacts that have a place for each body and do not grow
 
 
 def save(simulation: "Simulation", path: str | os.PathLike) -> None:
     """Write a simulation to a .npz of plain arrays, in one move; the descriptive part is JSON in bytes."""
     about = json.dumps(_description(simulation)).encode()
-    arrays: dict[str, Any] = {ABOUT: np.frombuffer(about, np.uint8), **dict(_arrays(simulation))}
+    arrays: dict[str, Any] = {
+        ABOUT: np.frombuffer(about, np.uint8),
+        **dict(_arrays(simulation)),
+    }
     write_whole(path, lambda handle: np.savez_compressed(handle, **arrays))
 
 
@@ -45,7 +59,9 @@ def load(kind: type, path: str | os.PathLike) -> Any:
     path = Path(path)
     about, arrays = _read(path)
     if about.get("format") != FORMAT:
-        raise InputError(path, "format", about.get("format"), f"{FORMAT}, what this version reads")
+        raise InputError(
+            path, "format", about.get("format"), f"{FORMAT}, what this version reads"
+        )
     if about.get("engine") != source_hash():
         allowed = f"{source_hash()!r}: only the sources that wrote a checkpoint go on with the same bits"
         raise InputError(path, "engine sources", about.get("engine"), allowed)
@@ -60,12 +76,22 @@ def load(kind: type, path: str | os.PathLike) -> Any:
 def _read(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """Read description and arrays of a file."""
     if not path.is_file():
-        raise InputError(path, "file", None, "an existing checkpoint, written by Simulation.save")
+        raise InputError(
+            path, "file", None, "an existing checkpoint, written by Simulation.save"
+        )
     try:
         with np.load(path, allow_pickle=False) as store:
             arrays = {name: store[name] for name in store.files}
         about = json.loads(arrays.pop(ABOUT).tobytes())
-    except (OSError, EOFError, KeyError, ValueError, AttributeError, zipfile.BadZipFile, zlib.error) as error:
+    except (
+        OSError,
+        EOFError,
+        KeyError,
+        ValueError,
+        AttributeError,
+        zipfile.BadZipFile,
+        zlib.error,
+    ) as error:
         raise InputError(path, "checkpoint", str(error), WHOLE) from None
     return about, arrays
 
@@ -89,9 +115,17 @@ def _restore(simulation: "Simulation", arrays: Mapping[str, np.ndarray]) -> None
         array = made[name]
         if array.dtype == values.dtype and array.shape == values.shape:
             array[...] = values
-        elif array.dtype == values.dtype and _may_grow(name) and array.shape[1:] == values.shape[1:]:
+        elif (
+            array.dtype == values.dtype
+            and _may_grow(name)
+            and array.shape[1:] == values.shape[1:]
+        ):
             group, _, field = name.partition(".")
-            setattr(simulation, group, getattr(simulation, group)._replace(**{field: _aligned(values)}))
+            setattr(
+                simulation,
+                group,
+                getattr(simulation, group)._replace(**{field: _aligned(values)}),
+            )
         else:
             raise ValueError(f"array {name} is {values.dtype}{values.shape}")
 
@@ -99,7 +133,10 @@ def _restore(simulation: "Simulation", arrays: Mapping[str, np.ndarray]) -> None
 def _may_grow(name: str) -> bool:
     """Tell whether an array belongs to the lists of contacts, which grow."""
     group, _, field = name.partition(".")
-    return group in ("pairs", "flat", "curved", "meshed", "clumps") and field not in OF_BODIES
+    return (
+        group in ("pairs", "flat", "curved", "meshed", "clumps")
+        and field not in OF_BODIES
+    )
 
 
 def _aligned(values: np.ndarray) -> np.ndarray:
@@ -119,9 +156,16 @@ def _description(simulation: "Simulation") -> dict[str, Any]:
         "format": FORMAT,
         "engine": source_hash(),
         "shapes": {name: _plain(shape) for name, shape in simulation.shapes.items()},
-        "materials": {name: _plain(material) for name, material in simulation.materials.items()},
-        "contacts": [[*pair, _plain(contact)] for pair, contact in simulation.contact_pairs.items()],
-        "walls": {name: [type(wall).__name__, _plain(wall)] for name, wall in walls.items()},
+        "materials": {
+            name: _plain(material) for name, material in simulation.materials.items()
+        },
+        "contacts": [
+            [*pair, _plain(contact)]
+            for pair, contact in simulation.contact_pairs.items()
+        ],
+        "walls": {
+            name: [type(wall).__name__, _plain(wall)] for name, wall in walls.items()
+        },
         "arguments": arguments
         | {
             "time_step_s": physics.dt,
@@ -143,7 +187,9 @@ def _arguments(about: Mapping[str, Any]) -> dict[str, Any]:
         walls[name] = getattr(wall_types, kind)(**{**_tuples(fields), "motion": motion})
     return {
         "shapes": {name: _shape(fields) for name, fields in about["shapes"].items()},
-        "materials": {name: Material(**fields) for name, fields in about["materials"].items()},
+        "materials": {
+            name: Material(**fields) for name, fields in about["materials"].items()
+        },
         "contacts": {(a, b): Contact(**fields) for a, b, fields in about["contacts"]},
         "walls": walls,
         **about["arguments"],
@@ -158,12 +204,19 @@ def _shape(fields: Mapping[str, Any]) -> Clump | Shape:
 def _plain(value: Any) -> Any:
     """Convert a value to the types of JSON; an object becomes a mapping of its fields."""
     if dataclasses.is_dataclass(value):
-        return {field.name: _plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
+        return {
+            field.name: _plain(getattr(value, field.name))
+            for field in dataclasses.fields(value)
+        }
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
-    return {name: _plain(item) for name, item in value.items()} if isinstance(value, Mapping) else value
+    return (
+        {name: _plain(item) for name, item in value.items()}
+        if isinstance(value, Mapping)
+        else value
+    )
 
 
 def _tuples(value: Any) -> Any:

@@ -15,7 +15,11 @@ BAR_EVERY_S = 0.1
 
 @contextmanager
 def display(
-    begin_s: float, end_s: float, time_step_s: float, progress: Any = None, label: str = ""
+    begin_s: float,
+    end_s: float,
+    time_step_s: float,
+    progress: Any = None,
+    label: str = "",
 ) -> Iterator[Callable[[float], Any]]:
     """Show a progress bar; yield a callback that takes the simulated time [s].
 
@@ -26,7 +30,9 @@ def display(
         yield (lambda time_s: None) if progress is False else progress
         return
     if progress is not None:
-        raise ValueError(f"progress is {progress!r}; expected None, False, or a function of the simulated time")
+        raise ValueError(
+            f"progress is {progress!r}; expected None, False, or a function of the simulated time"
+        )
     marks = deque([(time.perf_counter(), begin_s)])
     terminal = sys.stderr.isatty()
     # a line comes after a minute, a bar at once and at the end
@@ -42,7 +48,11 @@ def display(
             due = now + (BAR_EVERY_S if terminal else LINE_EVERY_S)
             show(time_s, _words(marks, end_s, time_step_s))
 
-    with _bar(label, begin_s, end_s) if terminal else nullcontext(partial(_line, label)) as show:
+    with (
+        _bar(label, begin_s, end_s)
+        if terminal
+        else nullcontext(partial(_line, label)) as show
+    ):
         yield report
 
 
@@ -60,20 +70,32 @@ def _line(label: str, _time_s: float, words: str) -> None:
 
 
 @contextmanager
-def _bar(label: str, begin_s: float, end_s: float) -> Iterator[Callable[[float, str], None]]:
+def _bar(
+    label: str, begin_s: float, end_s: float
+) -> Iterator[Callable[[float, str], None]]:
     """Draw a bar on the terminal."""
     # a quarter of a second of imports that no quiet run should pay for
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn
 
-    columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[words]}")
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.fields[words]}"),
+    )
     with Progress(*columns, console=Console(stderr=True), auto_refresh=False) as drawn:
         task = drawn.add_task(label, total=end_s - begin_s, words="")
-        yield lambda time_s, words: drawn.update(task, completed=time_s - begin_s, words=words, refresh=True)
+        yield lambda time_s, words: drawn.update(
+            task, completed=time_s - begin_s, words=words, refresh=True
+        )
 
 
 def clock(seconds: float) -> str:
     """Seconds as 1:02:03, or 02:03 below an hour."""
     minutes, seconds = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02d}:{seconds:02d}" if hours else f"{minutes:02d}:{seconds:02d}"
+    return (
+        f"{hours}:{minutes:02d}:{seconds:02d}"
+        if hours
+        else f"{minutes:02d}:{seconds:02d}"
+    )

@@ -27,7 +27,10 @@ class Recorder:
             The simulation.
         """
         there = simulation.present[:, None]
-        self._shapes, self._scales = simulation.shape_ids.copy(), simulation.scales.copy()
+        self._shapes, self._scales = (
+            simulation.shape_ids.copy(),
+            simulation.scales.copy(),
+        )
         position = np.where(there, simulation.positions, np.nan).astype(np.float32)
         quaternion = np.where(there, simulation.quaternions, np.nan).astype(np.float32)
         walls = simulation.walls.planes.copy(), simulation.walls.frames.copy()
@@ -50,7 +53,9 @@ class Recorder:
         n = len(self._scales)
         positions = np.full((len(self._frames), n, 3), np.nan, np.float32)
         quaternions = np.full((len(self._frames), n, 4), np.nan, np.float32)
-        for k, (_time, position, quaternion, _planes, _wall_frames) in enumerate(self._frames):
+        for k, (_time, position, quaternion, _planes, _wall_frames) in enumerate(
+            self._frames
+        ):
             positions[k, : len(position)] = position
             quaternions[k, : len(quaternion)] = quaternion
         return {

@@ -25,10 +25,14 @@ if TYPE_CHECKING:
 VTK_TYPES = {"f8": "Float64", "i8": "Int64", "i4": "Int32", "u1": "UInt8"}
 
 # Points, cells ("Verts" or "Polys", and the points of each (M, corners)), point data, cell data.
-Content = tuple[np.ndarray, tuple[str, np.ndarray], dict[str, np.ndarray], dict[str, np.ndarray]]
+Content = tuple[
+    np.ndarray, tuple[str, np.ndarray], dict[str, np.ndarray], dict[str, np.ndarray]
+]
 
 
-def write_vtk(path: str | os.PathLike, simulation: "Simulation", content: str = "points") -> None:
+def write_vtk(
+    path: str | os.PathLike, simulation: "Simulation", content: str = "points"
+) -> None:
     """Write one .vtp file of a simulation as it is now.
 
     Parameters
@@ -55,7 +59,11 @@ def write_vtk(path: str | os.PathLike, simulation: "Simulation", content: str = 
     """
     path = _ending(path, ".vtp")
     made = chosen("content", content, _CONTENT_OF)(simulation)
-    names = {"wall_names": simulation.wall_set.surfaces} if content == "walls" else {"shape_names": simulation.shapes}
+    names = (
+        {"wall_names": simulation.wall_set.surfaces}
+        if content == "walls"
+        else {"shape_names": simulation.shapes}
+    )
     text = _poly_data(simulation.time_s, names, made)
     write_whole(path, lambda handle: handle.write(text.encode()))
 
@@ -63,7 +71,9 @@ def write_vtk(path: str | os.PathLike, simulation: "Simulation", content: str = 
 def _ending(path: str | os.PathLike, suffix: str) -> Path:
     """Check how a path ends."""
     if Path(path).suffix != suffix:
-        raise ValueError(f"path is {str(path)!r}; expected a file that ends in {suffix}")
+        raise ValueError(
+            f"path is {str(path)!r}; expected a file that ends in {suffix}"
+        )
     return Path(path)
 
 
@@ -81,15 +91,27 @@ def _body_points(simulation: "Simulation") -> Content:
         "velocity": simulation.velocities[here],
         "angular_velocity": simulation.angular_velocities[here],
         "semi_axes": semi_axes,
-        "tensor": np.einsum("nij,nj,nkj->nik", turn, 2.0 * semi_axes, turn).reshape(-1, 9),
+        "tensor": np.einsum("nij,nj,nkj->nik", turn, 2.0 * semi_axes, turn).reshape(
+            -1, 9
+        ),
     }
-    return simulation.positions[here], ("Verts", np.arange(len(here))[:, None]), data, {}
+    return (
+        simulation.positions[here],
+        ("Verts", np.arange(len(here))[:, None]),
+        data,
+        {},
+    )
 
 
 def _body_surfaces(simulation: "Simulation") -> Content:
     """Return points, cells, point data and cell data of the bodies as triangles."""
     points, triangles, body = triangulated_bodies(simulation)
-    return points, ("Polys", triangles), {}, {"id": body, "shape": simulation.shape_ids[body]}
+    return (
+        points,
+        ("Polys", triangles),
+        {},
+        {"id": body, "shape": simulation.shape_ids[body]},
+    )
 
 
 def _walls(simulation: "Simulation") -> Content:
@@ -117,15 +139,22 @@ def _data_array(name: str, values: np.ndarray, extra: str = "") -> str:
 
 def _names_array(name: str, names: Sequence[str]) -> str:
     """Write an array of texts: the codes of their letters, each text ended by a 0."""
-    codes = " ".join(" ".join(str(byte) for byte in [*text.encode(), 0]) for text in names)
+    codes = " ".join(
+        " ".join(str(byte) for byte in [*text.encode(), 0]) for text in names
+    )
     return f'<Array type="String" Name={quoteattr(name)} NumberOfTuples="{len(names)}" format="ascii">{codes}</Array>'
 
 
-def _poly_data(time_s: float, names: Mapping[str, Iterable[str]], content: Content) -> str:
+def _poly_data(
+    time_s: float, names: Mapping[str, Iterable[str]], content: Content
+) -> str:
     """Write the text of a .vtp file."""
     points, (kind, corners), point_data, cell_data = content
     ends = corners.shape[1] * np.arange(1, len(corners) + 1)
-    links = ("connectivity", corners.reshape(-1).astype(np.int64)), ("offsets", ends.astype(np.int64))
+    links = (
+        ("connectivity", corners.reshape(-1).astype(np.int64)),
+        ("offsets", ends.astype(np.int64)),
+    )
     piece = _element(
         f'Piece NumberOfPoints="{len(points)}" NumberOf{kind}="{len(corners)}"',
         *_element("Points", _data_array("position", points)),
@@ -134,7 +163,11 @@ def _poly_data(time_s: float, names: Mapping[str, Iterable[str]], content: Conte
         *_element("CellData", *(_data_array(*entry) for entry in cell_data.items())),
     )
     time = _data_array("TimeValue", np.array([time_s]), ' NumberOfTuples="1"')
-    fields = _element("FieldData", time, *(_names_array(name, list(texts)) for name, texts in names.items()))
+    fields = _element(
+        "FieldData",
+        time,
+        *(_names_array(name, list(texts)) for name, texts in names.items()),
+    )
     file = 'VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64"'
     return _text(_element(file, *_element("PolyData", *fields, *piece)))
 
@@ -190,14 +223,21 @@ class VtkSeries:
         """
         number, time = len(self._entries), simulation.time_s
         if not math.isfinite(time) or (self._entries and time <= self._entries[-1][0]):
-            raise ValueError(f"time_s is {time!r}; expected later than the last one, {self._entries[-1][0]!r}")
+            raise ValueError(
+                f"time_s is {time!r}; expected later than the last one, {self._entries[-1][0]!r}"
+            )
         bodies = f"{self.path.stem}/bodies_{number:06d}.vtp"
         write_vtk(self.path.parent / bodies, simulation, self.content)
         files = [bodies]
         if simulation.wall_set.surfaces:
-            places = np.concatenate([simulation.walls.planes.ravel(), simulation.walls.frames.ravel()])
+            places = np.concatenate(
+                [simulation.walls.planes.ravel(), simulation.walls.frames.ravel()]
+            )
             if self._walls is None or not np.array_equal(places, self._places):
-                self._walls, self._places = f"{self.path.stem}/walls_{number:06d}.vtp", places
+                self._walls, self._places = (
+                    f"{self.path.stem}/walls_{number:06d}.vtp",
+                    places,
+                )
                 write_vtk(self.path.parent / self._walls, simulation, "walls")
             files.append(self._walls)
         self._entries.append((time, files))
@@ -211,4 +251,9 @@ class VtkSeries:
             for time, files in self._entries
             for part, file in enumerate(files)
         ]
-        return _text(_element('VTKFile type="Collection" version="1.0"', *_element("Collection", *sets)))
+        return _text(
+            _element(
+                'VTKFile type="Collection" version="1.0"',
+                *_element("Collection", *sets),
+            )
+        )

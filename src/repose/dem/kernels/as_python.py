@@ -8,19 +8,25 @@ WIDTH = 8
 def rows_to_lanes(table, column, index, k, tile, at, stride):
     """tile[at + c * stride + l] = table[index[k + l], column + c] for c and l of 0..7."""
     for lane in range(WIDTH):
-        tile[at + lane : at + lane + WIDTH * stride : stride] = table[index[k + lane], column : column + WIDTH]
+        tile[at + lane : at + lane + WIDTH * stride : stride] = table[
+            index[k + lane], column : column + WIDTH
+        ]
 
 
 def lanes_to_rows(table, column, index, k, tile, at, stride):
     """table[index[k + l], column + c] = tile[at + c * stride + l] for c and l of 0..7."""
     for lane in range(WIDTH):
-        table[index[k + lane], column : column + WIDTH] = tile[at + lane : at + lane + WIDTH * stride : stride]
+        table[index[k + lane], column : column + WIDTH] = tile[
+            at + lane : at + lane + WIDTH * stride : stride
+        ]
 
 
 def add_lanes_to_rows(table, column, index, k, tile, at, stride):
     """table[index[k + l], column + c] += tile[at + c * stride + l], lane after lane."""
     for lane in range(WIDTH):
-        table[index[k + lane], column : column + WIDTH] += tile[at + lane : at + lane + WIDTH * stride : stride]
+        table[index[k + lane], column : column + WIDTH] += tile[
+            at + lane : at + lane + WIDTH * stride : stride
+        ]
 
 
 def prefetch(_table, _row, _column):
@@ -33,4 +39,7 @@ def _rsqrt_seed(x):
     return np.int64(bits).view(np.float64)
 
 
-INTRINSICS = {f.__name__: f for f in (rows_to_lanes, lanes_to_rows, add_lanes_to_rows, prefetch, _rsqrt_seed)}
+INTRINSICS = {
+    f.__name__: f
+    for f in (rows_to_lanes, lanes_to_rows, add_lanes_to_rows, prefetch, _rsqrt_seed)
+}

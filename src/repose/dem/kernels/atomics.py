@@ -29,7 +29,9 @@ def atomic_add(typingctx, array, index, value):
 
     def generate(context, builder, sig, values):
         value = context.cast(builder, values[2], sig.args[2], types.int64)
-        return builder.atomic_rmw("add", _place(context, builder, sig, values), value, "seq_cst")
+        return builder.atomic_rmw(
+            "add", _place(context, builder, sig, values), value, "seq_cst"
+        )
 
     return (types.int64(array, index, value), generate) if _is_counter(array) else None
 

@@ -11,7 +11,15 @@ from .body_tile import INVERSE_INERTIA, LOAD, OMEGA, PATH, ROWS, L
 from .geometry import matrix_times
 from .jit import inlined, kernel
 from .rows import write_vector
-from .state import ANGULAR_MOMENTUM, INVERSE_MOMENTS, PART, QUATERNION, SHAPE, SQUARES, alive
+from .state import (
+    ANGULAR_MOMENTUM,
+    INVERSE_MOMENTS,
+    PART,
+    QUATERNION,
+    SHAPE,
+    SQUARES,
+    alive,
+)
 
 SURE = 1.0 - 1e-12  # share of a budget that rounding leaves
 SLOWEST = 1e-150  # angular speed below which the direction of a rotation means nothing [rad/s]
@@ -22,7 +30,12 @@ NEWTON_STEPS = 3
 @inlined
 def quaternion_of(c, k):
     """Return the quaternion of lane k's body."""
-    return c[QUATERNION + k], c[QUATERNION + L + k], c[QUATERNION + 2 * L + k], c[QUATERNION + 3 * L + k]
+    return (
+        c[QUATERNION + k],
+        c[QUATERNION + L + k],
+        c[QUATERNION + 2 * L + k],
+        c[QUATERNION + 3 * L + k],
+    )
 
 
 @inlined
@@ -53,9 +66,21 @@ def rotated_diagonal(m, at, c, d, diagonal):
     for k in range(L):
         qw, qx, qy, qz = quaternion_of(c, k)
         a1, a2, a3 = d[diagonal + k], d[diagonal + L + k], d[diagonal + 2 * L + k]
-        xx, xy, xz = 1.0 - 2.0 * (qy * qy + qz * qz), 2.0 * (qx * qy - qw * qz), 2.0 * (qx * qz + qw * qy)
-        yx, yy, yz = 2.0 * (qx * qy + qw * qz), 1.0 - 2.0 * (qx * qx + qz * qz), 2.0 * (qy * qz - qw * qx)
-        zx, zy, zz = 2.0 * (qx * qz - qw * qy), 2.0 * (qy * qz + qw * qx), 1.0 - 2.0 * (qx * qx + qy * qy)
+        xx, xy, xz = (
+            1.0 - 2.0 * (qy * qy + qz * qz),
+            2.0 * (qx * qy - qw * qz),
+            2.0 * (qx * qz + qw * qy),
+        )
+        yx, yy, yz = (
+            2.0 * (qx * qy + qw * qz),
+            1.0 - 2.0 * (qx * qx + qz * qz),
+            2.0 * (qy * qz - qw * qx),
+        )
+        zx, zy, zz = (
+            2.0 * (qx * qz - qw * qy),
+            2.0 * (qy * qz + qw * qx),
+            1.0 - 2.0 * (qx * qx + qy * qy),
+        )
         m[at + k] = a1 * xx * xx + a2 * xy * xy + a3 * xz * xz
         m[at + L + k] = a1 * xx * yx + a2 * xy * yy + a3 * xz * yz
         m[at + 2 * L + k] = a1 * xx * zx + a2 * xy * zy + a3 * xz * zz
@@ -67,8 +92,16 @@ def rotated_diagonal(m, at, c, d, diagonal):
 @inlined
 def inverse_inertia_times(m, k, x, y, z):
     """Inverse inertia of lane k's body (world) times a vector."""
-    xx, xy, xz = m[INVERSE_INERTIA + k], m[INVERSE_INERTIA + L + k], m[INVERSE_INERTIA + 2 * L + k]
-    yy, yz, zz = (m[INVERSE_INERTIA + 3 * L + k], m[INVERSE_INERTIA + 4 * L + k], m[INVERSE_INERTIA + 5 * L + k])
+    xx, xy, xz = (
+        m[INVERSE_INERTIA + k],
+        m[INVERSE_INERTIA + L + k],
+        m[INVERSE_INERTIA + 2 * L + k],
+    )
+    yy, yz, zz = (
+        m[INVERSE_INERTIA + 3 * L + k],
+        m[INVERSE_INERTIA + 4 * L + k],
+        m[INVERSE_INERTIA + 5 * L + k],
+    )
     return matrix_times(xx, xy, xz, yy, yz, zz, x, y, z)
 
 
@@ -77,16 +110,32 @@ def into_body(c, k, x, y, z):
     """Return a vector of the world in the axes of lane k's body."""
     qw, qx, qy, qz = quaternion_of(c, k)
     # twice the vector product with the quaternion's vector
-    tx, ty, tz = 2.0 * (y * qz - z * qy), 2.0 * (z * qx - x * qz), 2.0 * (x * qy - y * qx)
-    return x + qw * tx + ty * qz - tz * qy, y + qw * ty + tz * qx - tx * qz, z + qw * tz + tx * qy - ty * qx
+    tx, ty, tz = (
+        2.0 * (y * qz - z * qy),
+        2.0 * (z * qx - x * qz),
+        2.0 * (x * qy - y * qx),
+    )
+    return (
+        x + qw * tx + ty * qz - tz * qy,
+        y + qw * ty + tz * qx - tx * qz,
+        z + qw * tz + tx * qy - ty * qx,
+    )
 
 
 @inlined
 def into_world(c, k, x, y, z):
     """Return a vector of lane k's body in the axes of the world."""
     qw, qx, qy, qz = quaternion_of(c, k)
-    tx, ty, tz = 2.0 * (qy * z - qz * y), 2.0 * (qz * x - qx * z), 2.0 * (qx * y - qy * x)
-    return x + qw * tx + qy * tz - qz * ty, y + qw * ty + qz * tx - qx * tz, z + qw * tz + qx * ty - qy * tx
+    tx, ty, tz = (
+        2.0 * (qy * z - qz * y),
+        2.0 * (qz * x - qx * z),
+        2.0 * (qx * y - qy * x),
+    )
+    return (
+        x + qw * tx + qy * tz - qz * ty,
+        y + qw * ty + qz * tx - qx * tz,
+        z + qw * tz + qx * ty - qy * tx,
+    )
 
 
 @kernel
@@ -94,7 +143,11 @@ def might_turn(m, dt):
     """Count the bodies of a tile at rest that may begin to turn: the torque exceeds the rolling budget."""
     n = 0
     for k in range(L):
-        lx, ly, lz = dt * m[LOAD + 3 * L + k], dt * m[LOAD + 4 * L + k], dt * m[LOAD + 5 * L + k]
+        lx, ly, lz = (
+            dt * m[LOAD + 3 * L + k],
+            dt * m[LOAD + 4 * L + k],
+            dt * m[LOAD + 5 * L + k],
+        )
         budget = SURE * dt * m[LOAD + st.ROLL * L + k]
         n += 1 if budget * budget < lx * lx + ly * ly + lz * lz else 0
     return n
@@ -136,7 +189,10 @@ def resistance(x, y, z, i1, i2, i3, size, budget):
     ox, oy, oz = unit * ox, unit * oy, unit * oz
     b1, b2, b3 = unit * budget * i1, unit * budget * i2, unit * budget * i3
     # two bounds of the root from below: by the budget along the rotation and by the largest moment
-    s = max(1.0 - (ox * ox * b1 + oy * oy * b2 + oz * oz * b3), unit * (size - budget) * min(i1, i2, i3))
+    s = max(
+        1.0 - (ox * ox * b1 + oy * oy * b2 + oz * oz * b3),
+        unit * (size - budget) * min(i1, i2, i3),
+    )
     s = max(s, 0.0)
     for _ in range(NEWTON_STEPS):
         d1, d2, d3 = s + b1, s + b2, s + b3
@@ -160,10 +216,18 @@ def resist_lanes(m, c, dt):
     """
     n = 0
     for k in range(L):
-        lx, ly, lz = c[ANGULAR_MOMENTUM + k], c[ANGULAR_MOMENTUM + L + k], c[ANGULAR_MOMENTUM + 2 * L + k]
+        lx, ly, lz = (
+            c[ANGULAR_MOMENTUM + k],
+            c[ANGULAR_MOMENTUM + L + k],
+            c[ANGULAR_MOMENTUM + 2 * L + k],
+        )
         budget = dt * m[LOAD + st.ROLL * L + k]
         square = lx * lx + ly * ly + lz * lz
-        i1, i2, i3 = c[INVERSE_MOMENTS + k], c[INVERSE_MOMENTS + L + k], c[INVERSE_MOMENTS + 2 * L + k]
+        i1, i2, i3 = (
+            c[INVERSE_MOMENTS + k],
+            c[INVERSE_MOMENTS + L + k],
+            c[INVERSE_MOMENTS + 2 * L + k],
+        )
         # the lane of an absent body may hold a torque and has no moments
         turns = (square > budget * budget) & (i1 > 0.0)
         n += 1 if turns else 0
@@ -183,13 +247,25 @@ def resist_lanes(m, c, dt):
 def resist_in_frame(m, c, dt, fx, fy, fz):
     """Apply rolling resistance as in `resist_lanes`, but relative to a frame, with which a stopped body turns."""
     for k in range(L):
-        lx, ly, lz = c[ANGULAR_MOMENTUM + k], c[ANGULAR_MOMENTUM + L + k], c[ANGULAR_MOMENTUM + 2 * L + k]
+        lx, ly, lz = (
+            c[ANGULAR_MOMENTUM + k],
+            c[ANGULAR_MOMENTUM + L + k],
+            c[ANGULAR_MOMENTUM + 2 * L + k],
+        )
         budget = dt * m[LOAD + st.ROLL * L + k]
-        i1, i2, i3 = c[INVERSE_MOMENTS + k], c[INVERSE_MOMENTS + L + k], c[INVERSE_MOMENTS + 2 * L + k]
+        i1, i2, i3 = (
+            c[INVERSE_MOMENTS + k],
+            c[INVERSE_MOMENTS + L + k],
+            c[INVERSE_MOMENTS + 2 * L + k],
+        )
         there = i1 > 0.0
         # angular momentum of a body that turns with the frame
         x, y, z = into_body(c, k, fx, fy, fz)
-        x, y, z = x / i1 if there else 0.0, y / i2 if there else 0.0, z / i3 if there else 0.0
+        x, y, z = (
+            x / i1 if there else 0.0,
+            y / i2 if there else 0.0,
+            z / i3 if there else 0.0,
+        )
         wx, wy, wz = into_world(c, k, x, y, z)
         x, y, z = into_body(c, k, lx - wx, ly - wy, lz - wz)
         square = x * x + y * y + z * z
@@ -202,7 +278,9 @@ def resist_in_frame(m, c, dt, fx, fy, fz):
         write_vector(c, ANGULAR_MOMENTUM, k, lx, ly, lz)
         ox, oy, oz = inverse_inertia_times(m, k, lx, ly, lz)
         stays = there & (not turns)
-        write_vector(m, OMEGA, k, fx if stays else ox, fy if stays else oy, fz if stays else oz)
+        write_vector(
+            m, OMEGA, k, fx if stays else ox, fy if stays else oy, fz if stays else oz
+        )
 
 
 @kernel
@@ -212,10 +290,20 @@ def advance_orientation(m, c, dt):
     omega = J l with J the inverse inertia; l is constant, so omega changes at the rate -J (omega x l).
     """
     for k in range(L):
-        lx, ly, lz = c[ANGULAR_MOMENTUM + k], c[ANGULAR_MOMENTUM + L + k], c[ANGULAR_MOMENTUM + 2 * L + k]
+        lx, ly, lz = (
+            c[ANGULAR_MOMENTUM + k],
+            c[ANGULAR_MOMENTUM + L + k],
+            c[ANGULAR_MOMENTUM + 2 * L + k],
+        )
         ox, oy, oz = (m[OMEGA + k], m[OMEGA + L + k], m[OMEGA + 2 * L + k])
-        rx, ry, rz = inverse_inertia_times(m, k, oy * lz - oz * ly, oz * lx - ox * lz, ox * ly - oy * lx)
-        ox, oy, oz = alive(ox - 0.5 * dt * rx), alive(oy - 0.5 * dt * ry), alive(oz - 0.5 * dt * rz)
+        rx, ry, rz = inverse_inertia_times(
+            m, k, oy * lz - oz * ly, oz * lx - ox * lz, ox * ly - oy * lx
+        )
+        ox, oy, oz = (
+            alive(ox - 0.5 * dt * rx),
+            alive(oy - 0.5 * dt * ry),
+            alive(oz - 0.5 * dt * rz),
+        )
         write_vector(c, ANGULAR_MOMENTUM, k, alive(lx), alive(ly), alive(lz))
         write_vector(m, OMEGA, k, ox, oy, oz)
         square = ox * ox + oy * oy + oz * oz
@@ -249,7 +337,10 @@ def share_lanes(m, c, dt, parts):
     """Compute the share of its tangential dashpots that each body takes in the next step, see `laws.tangential`."""
     column = ROWS + st.share_column(parts) * L
     for k in range(L):
-        fastest = max(c[INVERSE_MOMENTS + k], max(c[INVERSE_MOMENTS + L + k], c[INVERSE_MOMENTS + 2 * L + k]))
+        fastest = max(
+            c[INVERSE_MOMENTS + k],
+            max(c[INVERSE_MOMENTS + L + k], c[INVERSE_MOMENTS + 2 * L + k]),
+        )
         m[column + k] = 1.0 / max(1.0, dt * fastest * m[LOAD + st.DASHPOTS * L + k])
 
 

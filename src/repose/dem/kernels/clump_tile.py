@@ -35,7 +35,11 @@ def rotated_vector(w, x, y, z, px, py, pz):
     ux = 2.0 * (y * pz - z * py)
     uy = 2.0 * (z * px - x * pz)
     uz = 2.0 * (x * py - y * px)
-    return (px + w * ux + (y * uz - z * uy), py + w * uy + (z * ux - x * uz), pz + w * uz + (x * uy - y * ux))
+    return (
+        px + w * ux + (y * uz - z * uy),
+        py + w * uy + (z * ux - x * uz),
+        pz + w * uz + (x * uy - y * ux),
+    )
 
 
 @inlined
@@ -44,7 +48,9 @@ def write_arms(t, c, body, centre, to):
     for k in range(L):
         w, x = t[body + SHAPE * L + k], t[body + (SHAPE + 1) * L + k]
         y, z = t[body + (SHAPE + 2) * L + k], t[body + (SHAPE + 3) * L + k]
-        px, py, pz = rotated_vector(w, x, y, z, c[centre + k], c[centre + L + k], c[centre + 2 * L + k])
+        px, py, pz = rotated_vector(
+            w, x, y, z, c[centre + k], c[centre + L + k], c[centre + 2 * L + k]
+        )
         write_vector(t, to, k, px, py, pz)
 
 

@@ -129,7 +129,9 @@ def sphere_slid_off(bodies, contacts, walls, k):
         past = contacts.past[wall, i : i + 1]
         if is_set(past, contacts.feature[k]):
             clear_bit(past, contacts.feature[k])
-            contacts.limit[wall, i] = bodies.displacement[i] + walls.approach[st.WALL_PATH]
+            contacts.limit[wall, i] = (
+                bodies.displacement[i] + walls.approach[st.WALL_PATH]
+            )
 
 
 @kernel
@@ -143,7 +145,11 @@ def spheres_at_wall(bodies, contacts, slot, clumps, walls, counts, wall, i, s, o
     for k in range(clumps.sizes[clumps.shape[i]]):
         if is_set(contacts.known[wall, i : i + 1], k):
             continue
-        x, y, z = s[PLACES_A + k], s[PLACES_A + MOST_SPHERES + k], s[PLACES_A + 2 * MOST_SPHERES + k]
+        x, y, z = (
+            s[PLACES_A + k],
+            s[PLACES_A + MOST_SPHERES + k],
+            s[PLACES_A + 2 * MOST_SPHERES + k],
+        )
         radius = s[PLACES_A + 3 * MOST_SPHERES + k]
         if slot == st.N_CURVED:
             beyond = sphere_on_curved(walls, wall, x, y, z, radius, out)
@@ -167,7 +173,15 @@ def place_clump(bodies, clumps, i, s):
     """Write the spheres of body i, in the world, to rows of the scratch."""
     shape = clumps.shape[i]
     place_spheres(
-        bodies.rows[i], clumps.spheres[shape], clumps.sizes[shape], clumps.scale[i], 0.0, 0.0, 0.0, s, PLACES_A
+        bodies.rows[i],
+        clumps.spheres[shape],
+        clumps.sizes[shape],
+        clumps.scale[i],
+        0.0,
+        0.0,
+        0.0,
+        s,
+        PLACES_A,
     )
 
 
@@ -188,7 +202,17 @@ def sphere_row(walls, frame, x, y, z, radius, local):
 def by_sphere(meshed, clumps):
     """Return the contacts with meshes, with the numbers of spheres instead of those of bodies."""
     m = meshed
-    return st.WallContacts(clumps.mesh_sphere, m.wall, m.feature, m.data, m.limit, m.ended, m.deepest, m.known, m.past)
+    return st.WallContacts(
+        clumps.mesh_sphere,
+        m.wall,
+        m.feature,
+        m.data,
+        m.limit,
+        m.ended,
+        m.deepest,
+        m.known,
+        m.past,
+    )
 
 
 @inlined
@@ -206,7 +230,9 @@ def follow_sphere(bodies, walls, meshes, meshed, clumps, n, k, end, out, other, 
     nx, ny, nz = tile[at], tile[at + L], tile[at + 2 * L]
     if walls.displaced[frame]:
         nx, ny, nz = into_frame(walls.frames[frame], nx, ny, nz)
-    touching = track(local, 1, meshes, tile, lane, meshed.feature[k], nx, ny, nz, out) >= 0.0
+    touching = (
+        track(local, 1, meshes, tile, lane, meshed.feature[k], nx, ny, nz, out) >= 0.0
+    )
     if not touching:
         touching = hand_over(local, 1, meshes, touches, n, k, radius, end, out, other)
     if touching and out[3] < 0.0 and meshes.kind[meshed.feature[k]] == FACE:
@@ -222,13 +248,17 @@ def follow_sphere(bodies, walls, meshes, meshed, clumps, n, k, end, out, other, 
 
 
 @inlined
-def spheres_at_mesh(bodies, meshed, clumps, walls, meshes, counts, mesh, i, s, out, other, local):
+def spheres_at_mesh(
+    bodies, meshed, clumps, walls, meshes, counts, mesh, i, s, out, other, local
+):
     """Find the spheres of body i that begin to touch a mesh; returns how far it may move before the next search."""
     n = counts[st.N_MESHED]
     touches = by_sphere(meshed, clumps)
     for k in range(n):
         if meshed.body[k] == i and meshed.wall[k] == mesh:
-            follow_sphere(bodies, walls, meshes, meshed, clumps, n, k, 0.0, out, other, local)
+            follow_sphere(
+                bodies, walls, meshes, meshed, clumps, n, k, 0.0, out, other, local
+            )
             write_vector(meshed.data[k // L], st.NORMAL, k % L, out[0], out[1], out[2])
     place_clump(bodies, clumps, i, s)
     frame = walls.cones.shape[0] + walls.rings.shape[0] + mesh
@@ -236,10 +266,23 @@ def spheres_at_mesh(bodies, meshed, clumps, walls, meshes, counts, mesh, i, s, o
     for sphere in range(clumps.sizes[clumps.shape[i]]):
         at = PLACES_A + sphere
         radius = s[at + 3 * MOST_SPHERES]
-        sphere_row(walls, frame, s[at], s[at + MOST_SPHERES], s[at + 2 * MOST_SPHERES], radius, local)
+        sphere_row(
+            walls,
+            frame,
+            s[at],
+            s[at + MOST_SPHERES],
+            s[at + 2 * MOST_SPHERES],
+            radius,
+            local,
+        )
         before = counts[st.N_MESHED]
         number = MOST_SPHERES * i + sphere
-        nearest = min(nearest, search_mesh(local, touches, counts, 1, walls, meshes, mesh, number, radius, out))
+        nearest = min(
+            nearest,
+            search_mesh(
+                local, touches, counts, 1, walls, meshes, mesh, number, radius, out
+            ),
+        )
         for k in range(before, counts[st.N_MESHED]):
             meshed.body[k] = i
             write_sphere(meshed, clumps, k, i, sphere)

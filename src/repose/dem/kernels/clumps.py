@@ -40,7 +40,9 @@ def new_clumps(shapes, shape, scale, n_meshed):
     for k, clump in enumerate(shapes):
         spheres[k, :, : len(clump.spheres_m)] = clump.spheres_m.T
     sizes = np.array([len(clump.spheres_m) for clump in shapes])
-    return Clumps(spheres, sizes, shape, scale, mesh_sphere=np.zeros(n_meshed, np.uint32))
+    return Clumps(
+        spheres, sizes, shape, scale, mesh_sphere=np.zeros(n_meshed, np.uint32)
+    )
 
 
 def new_sphere_pairs(n_contacts, n_entries, most, ghost, n_state):
@@ -86,7 +88,9 @@ def clear_bit(words, bit):
 def bits_set(word):
     """Count the bits of a word that are set: pairs of bits are added up, then fours, then bytes."""
     word -= (word >> np.uint64(1)) & np.uint64(0x5555555555555555)
-    word = (word & np.uint64(0x3333333333333333)) + ((word >> np.uint64(2)) & np.uint64(0x3333333333333333))
+    word = (word & np.uint64(0x3333333333333333)) + (
+        (word >> np.uint64(2)) & np.uint64(0x3333333333333333)
+    )
     word = (word + (word >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
     return np.int64((word * np.uint64(0x0101010101010101)) >> np.uint64(56))
 
@@ -190,7 +194,10 @@ def drop_entries_of_gone(bodies, pairs, counts, grid, clumps, ghost):
     """Drop the contacts and entries of the bodies that are gone."""
     presence = bodies.presence
     for k in range(counts[st.N_PAIRS] - 1, -1, -1):
-        if presence[pairs.first[k]] != st.PRESENT or presence[pairs.second[k]] != st.PRESENT:
+        if (
+            presence[pairs.first[k]] != st.PRESENT
+            or presence[pairs.second[k]] != st.PRESENT
+        ):
             drop_sphere_contact(pairs, counts, clumps, k, ghost)
     for k in range(counts[st.N_NEAR]):
         i, j = pairs.near_first[k], pairs.near_second[k]

@@ -43,11 +43,19 @@ def solve_gap(rows, parts, i, j, normal, tolerance, early):
     `tolerance` is the step [rad] at which the iteration stops; it also stops when a normal proves a gap above `early`
     [m] (a separating axis).
     """
-    dx, dy, dz = rows[j, 0] - rows[i, 0], rows[j, 1] - rows[i, 1], rows[j, 2] - rows[i, 2]
+    dx, dy, dz = (
+        rows[j, 0] - rows[i, 0],
+        rows[j, 1] - rows[i, 1],
+        rows[j, 2] - rows[i, 2],
+    )
     if parts == SPHERES:
         distance = math.sqrt(dx * dx + dy * dy + dz * dz)
         if distance > 0.0:
-            normal[0], normal[1], normal[2] = dx / distance, dy / distance, dz / distance
+            normal[0], normal[1], normal[2] = (
+                dx / distance,
+                dy / distance,
+                dz / distance,
+            )
         return distance - rows[i, SPHERE_RADIUS] - rows[j, SPHERE_RADIUS]
     nx, ny, nz = normal[0], normal[1], normal[2]
     bx, by, bz = nx, ny, nz
@@ -56,8 +64,12 @@ def solve_gap(rows, parts, i, j, normal, tolerance, early):
     for _ in range(60):
         x = y = z = xx = xy = xz = yy = yz = zz = 0.0
         for part in range(parts):
-            x, y, z, xx, xy, xz, yy, yz, zz = add_part(rows[i], part, nx, ny, nz, x, y, z, xx, xy, xz, yy, yz, zz)
-            x, y, z, xx, xy, xz, yy, yz, zz = add_part(rows[j], part, nx, ny, nz, x, y, z, xx, xy, xz, yy, yz, zz)
+            x, y, z, xx, xy, xz, yy, yz, zz = add_part(
+                rows[i], part, nx, ny, nz, x, y, z, xx, xy, xz, yy, yz, zz
+            )
+            x, y, z, xx, xy, xz, yy, yz, zz = add_part(
+                rows[j], part, nx, ny, nz, x, y, z, xx, xy, xz, yy, yz, zz
+            )
         x, y, z = dx - x, dy - y, dz - z
         f = nx * x + ny * y + nz * z
         if f < best - 1e-15:
@@ -68,7 +80,9 @@ def solve_gap(rows, parts, i, j, normal, tolerance, early):
             bx, by, bz = nx, ny, nz
             if f > early:
                 break
-            sx, sy, sz = newton_step(x - f * nx, y - f * ny, z - f * nz, xx, xy, xz, yy, yz, zz, f)
+            sx, sy, sz = newton_step(
+                x - f * nx, y - f * ny, z - f * nz, xx, xy, xz, yy, yz, zz, f
+            )
         if sx * sx + sy * sy + sz * sz < tolerance * tolerance:
             break
         nx, ny, nz = bx + sx, by + sy, bz + sz

@@ -32,7 +32,9 @@ def mobility(t, c, body, arm, parts, add):
     """
     if parts == st.SPHERES:
         for k in range(L):
-            t[tl.INVERSE_MASS + k] = add * t[tl.INVERSE_MASS + k] + t[body + st.INVERSE_MASS * L + k]
+            t[tl.INVERSE_MASS + k] = (
+                add * t[tl.INVERSE_MASS + k] + t[body + st.INVERSE_MASS * L + k]
+            )
         return
     j = body + st.INVERSE_INERTIA * L
     for k in range(L):
@@ -41,8 +43,15 @@ def mobility(t, c, body, arm, parts, add):
         x, y, z = ry * nz - rz * ny, rz * nx - rx * nz, rx * ny - ry * nx
         xx, xy, xz = t[j + k], t[j + L + k], t[j + 2 * L + k]
         yy, yz, zz = t[j + 3 * L + k], t[j + 4 * L + k], t[j + 5 * L + k]
-        turning = xx * x * x + yy * y * y + zz * z * z + 2.0 * (xy * x * y + xz * x * z + yz * y * z)
-        t[tl.INVERSE_MASS + k] = add * t[tl.INVERSE_MASS + k] + t[body + st.INVERSE_MASS * L + k] + turning
+        turning = (
+            xx * x * x
+            + yy * y * y
+            + zz * z * z
+            + 2.0 * (xy * x * y + xz * x * z + yz * y * z)
+        )
+        t[tl.INVERSE_MASS + k] = (
+            add * t[tl.INVERSE_MASS + k] + t[body + st.INVERSE_MASS * L + k] + turning
+        )
 
 
 @inlined
@@ -62,7 +71,9 @@ def mass_on_wall(t, c, contacts, parts, clumps, base, lanes):
     if len(clumps) > 0:
         for lane in range(lanes):
             k = base + lane
-            t[tl.INVERSE_MASS + lane] *= bits_set(contacts.known[contacts.wall[k], contacts.body[k]])
+            t[tl.INVERSE_MASS + lane] *= bits_set(
+                contacts.known[contacts.wall[k], contacts.body[k]]
+            )
 
 
 @inlined
@@ -73,4 +84,6 @@ def spheres_on_meshes(meshed, sphere, n):
         known[meshed.wall[k], meshed.body[k]] = np.uint64(0)
     for k in range(n):
         i = np.int64(meshed.body[k])
-        set_bit(known[meshed.wall[k], i : i + 1], np.int64(sphere[k]) - st.MOST_SPHERES * i)
+        set_bit(
+            known[meshed.wall[k], i : i + 1], np.int64(sphere[k]) - st.MOST_SPHERES * i
+        )

@@ -5,7 +5,14 @@ not compiled.
 """
 
 from . import state as st
-from .forces import curved_forces, fill_laws, mesh_forces, pair_forces, plane_forces, still_wall
+from .forces import (
+    curved_forces,
+    fill_laws,
+    mesh_forces,
+    pair_forces,
+    plane_forces,
+    still_wall,
+)
 from .frames import move_plane_contacts, move_walls
 from .jit import inlined, kernel
 from .neighbours import retire_pairs, update_near
@@ -28,7 +35,9 @@ def has_room(pairs, flat, curved, meshed, counts):
 
 
 @inlined
-def begin_step(bodies, pairs, flat, curved, meshed, clumps, grid, walls, counts, physics, ghost):
+def begin_step(
+    bodies, pairs, flat, curved, meshed, clumps, grid, walls, counts, physics, ghost
+):
     """Before the search for contacts: drop the contacts of bodies that are gone, and move the walls."""
     if counts[st.N_GONE] > 0:
         drop_gone(bodies, pairs, flat, curved, meshed, clumps, counts, grid, ghost)
@@ -38,11 +47,34 @@ def begin_step(bodies, pairs, flat, curved, meshed, clumps, grid, walls, counts,
 
 
 @inlined
-def wall_contacts_and_forces(bodies, flat, curved, meshed, clumps, walls, meshes, counts, physics, t, scratch, ghost):
+def wall_contacts_and_forces(
+    bodies,
+    flat,
+    curved,
+    meshed,
+    clumps,
+    walls,
+    meshes,
+    counts,
+    physics,
+    t,
+    scratch,
+    ghost,
+):
     """Find the contacts with walls and add their forces."""
     out, other, local = scratch.out, scratch.other, scratch.local
     parts = physics.parts
-    update_walls(bodies, flat, curved, clumps, walls, counts, parts, physics.curved_walls_above, scratch)
+    update_walls(
+        bodies,
+        flat,
+        curved,
+        clumps,
+        walls,
+        counts,
+        parts,
+        physics.curved_walls_above,
+        scratch,
+    )
     if len(meshes) > 0:
         update_meshes(bodies, meshed, clumps, walls, meshes, counts, parts, scratch)
     still_wall(t)
@@ -50,7 +82,20 @@ def wall_contacts_and_forces(bodies, flat, curved, meshed, clumps, walls, meshes
     plane_forces(bodies, flat, clumps, walls, counts, physics, t, ghost)
     curved_forces(bodies, curved, clumps, walls, counts, physics, t, out, local, ghost)
     if len(meshes) > 0:
-        mesh_forces(bodies, meshed, clumps, walls, meshes, counts, physics, t, out, other, local, ghost)
+        mesh_forces(
+            bodies,
+            meshed,
+            clumps,
+            walls,
+            meshes,
+            counts,
+            physics,
+            t,
+            out,
+            other,
+            local,
+            ghost,
+        )
 
 
 @kernel
@@ -63,20 +108,65 @@ def advance(
     for step in range(steps):
         if not has_room(pairs, flat, curved, meshed, counts):
             return step
-        begin_step(bodies, pairs, flat, curved, meshed, clumps, grid, walls, counts, physics, ghost)
+        begin_step(
+            bodies,
+            pairs,
+            flat,
+            curved,
+            meshed,
+            clumps,
+            grid,
+            walls,
+            counts,
+            physics,
+            ghost,
+        )
         if len(clumps) == 0:
             update_near(bodies, pairs, counts, grid, physics.parts, scratch.normal)
-            renew(bodies, pairs, clumps, counts, grid, physics.parts, scratch.normal, ghost)
+            renew(
+                bodies,
+                pairs,
+                clumps,
+                counts,
+                grid,
+                physics.parts,
+                scratch.normal,
+                ghost,
+            )
         else:
-            update_near_clumps(bodies, pairs, counts, grid, clumps, scratch.spheres, ghost)
-            renew(bodies, pairs, clumps, counts, grid, physics.parts, scratch.spheres, ghost)
-        ended = pair_forces(bodies, pairs, clumps, counts, physics, t, 0, 0, counts[st.N_PAIRS])
+            update_near_clumps(
+                bodies, pairs, counts, grid, clumps, scratch.spheres, ghost
+            )
+            renew(
+                bodies,
+                pairs,
+                clumps,
+                counts,
+                grid,
+                physics.parts,
+                scratch.spheres,
+                ghost,
+            )
+        ended = pair_forces(
+            bodies, pairs, clumps, counts, physics, t, 0, 0, counts[st.N_PAIRS]
+        )
         if len(clumps) == 0:
             retire_pairs(bodies, pairs, counts, grid, 0, ended, ghost)
         else:
             retire_spheres(bodies, pairs, counts, clumps, ended, ghost)
         wall_contacts_and_forces(
-            bodies, flat, curved, meshed, clumps, walls, meshes, counts, physics, t, scratch, ghost
+            bodies,
+            flat,
+            curved,
+            meshed,
+            clumps,
+            walls,
+            meshes,
+            counts,
+            physics,
+            t,
+            scratch,
+            ghost,
         )
         counts[st.STEPS] += 1
         n = integrate(bodies, counts, physics, bodies_tile, 0, counts[st.N_BODIES])
@@ -85,7 +175,33 @@ def advance(
 
 
 @kernel
-def add_wall_loads(bodies, flat, curved, meshed, clumps, walls, meshes, counts, physics, t, numbers, ghost):
+def add_wall_loads(
+    bodies,
+    flat,
+    curved,
+    meshed,
+    clumps,
+    walls,
+    meshes,
+    counts,
+    physics,
+    t,
+    numbers,
+    ghost,
+):
     """Fill walls.loads with the forces of the present state; the other arrays change as in a step."""
     scratch = st.scratch_of(numbers)
-    wall_contacts_and_forces(bodies, flat, curved, meshed, clumps, walls, meshes, counts, physics, t, scratch, ghost)
+    wall_contacts_and_forces(
+        bodies,
+        flat,
+        curved,
+        meshed,
+        clumps,
+        walls,
+        meshes,
+        counts,
+        physics,
+        t,
+        scratch,
+        ghost,
+    )

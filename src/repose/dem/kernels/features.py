@@ -37,8 +37,13 @@ LEAST_CONE = 1e-7
 # Cells: box (M, 7) lower corner, upper corner, edge of a cell; cells (M, 4): how many each way and the first in
 # `begin`; items: features of each cell. seen (F,), stamp (1,): which this search has met. slide (1,): how far a body's
 # deepest point may slide when the body moves by 1.
-Meshes = namedtuple("Meshes", "kind data mesh span corners near rays normals box cells begin items seen stamp slide")
-Part = namedtuple("Part", "kind data span corners near rays normals box cells begin items")
+Meshes = namedtuple(
+    "Meshes",
+    "kind data mesh span corners near rays normals box cells begin items seen stamp slide",
+)
+Part = namedtuple(
+    "Part", "kind data span corners near rays normals box cells begin items"
+)
 
 
 def _unit(vectors):
@@ -85,7 +90,9 @@ def coplanar_groups(vertices, faces, edges, beside):
     start = vertices[edges[inner, 0]]
     height = np.full(len(inner), np.inf)
     for a, b in ((one, two), (two, one)):
-        away = np.abs(np.einsum("eki,ei->ek", vertices[faces[b]] - start[:, None], normal[a])).max(axis=1)
+        away = np.abs(
+            np.einsum("eki,ei->ek", vertices[faces[b]] - start[:, None], normal[a])
+        ).max(axis=1)
         height = np.minimum(height, away)
     flat = (height < FLAT * size) & (np.sum(normal[one] * normal[two], axis=1) > 0.0)
     n = len(faces)
@@ -104,7 +111,9 @@ def coplanar_groups(vertices, faces, edges, beside):
     # a group that is flat only from triangle to triangle, not as a whole, is not made one plane
     group[curved] = count + np.arange(curved.sum())
     old, first, group = np.unique(group, return_index=True, return_inverse=True)
-    chosen = np.where(curved[first, None], normal[first], common[np.minimum(old, count - 1)])
+    chosen = np.where(
+        curved[first, None], normal[first], common[np.minimum(old, count - 1)]
+    )
     return group.ravel(), chosen
 
 
@@ -127,7 +136,10 @@ def inward_steps(vertices, faces, edges, beside, group, normals):
     along[beside[rim, 0] < 0] *= -1.0
     planes = np.vstack([normals, np.cross(along, normals[group[face]])])
     touching = [np.column_stack([faces[:, k], group]) for k in range(3)]
-    touching += [np.column_stack([edges[rim, k], len(normals) + np.arange(len(rim))]) for k in range(2)]
+    touching += [
+        np.column_stack([edges[rim, k], len(normals) + np.arange(len(rim))])
+        for k in range(2)
+    ]
     pairs, place = _distinct(np.vstack(touching))
     rows = np.zeros((len(vertices), place.max() + 1, 3))
     rows[pairs[:, 0], place] = planes[pairs[:, 1]]
@@ -148,7 +160,11 @@ def eroded(vertices, faces, steps, radius):
 
     def keeps(share):
         after = shape(vertices + share * steps)
-        return bool(np.all(np.sum(before * after, axis=1) > 1e-6 * np.sum(before * before, axis=1)))
+        return bool(
+            np.all(
+                np.sum(before * after, axis=1) > 1e-6 * np.sum(before * before, axis=1)
+            )
+        )
 
     if not keeps(radius):
         low, high = 0.0, radius
@@ -216,7 +232,9 @@ def _edge_rows(core, edges, beside, group, normals):
 
 def _ranges(owner, n):
     """Begin and end of each of n owners in a sorted list of owners (n, 2)."""
-    return np.column_stack([np.searchsorted(owner, np.arange(n), side) for side in ("left", "right")])
+    return np.column_stack(
+        [np.searchsorted(owner, np.arange(n), side) for side in ("left", "right")]
+    )
 
 
 def _convex_vertices(core, edges, pairs, planes):
@@ -250,14 +268,21 @@ def _gentle_neighbours(core, faces, group, normals):
     from scipy.sparse import coo_array
 
     n = len(faces)
-    at = coo_array((np.ones(3 * n), (np.repeat(np.arange(n), 3), faces.ravel())), shape=(n, len(core))).tocsr()
+    at = coo_array(
+        (np.ones(3 * n), (np.repeat(np.arange(n), 3), faces.ravel())),
+        shape=(n, len(core)),
+    ).tocsr()
     one, two = (at @ at.T).nonzero()
     outward = normals[group]
-    apart = (group[one] != group[two]) & (np.sum(outward[one] * outward[two], axis=1) > np.cos(GENTLE))
+    apart = (group[one] != group[two]) & (
+        np.sum(outward[one] * outward[two], axis=1) > np.cos(GENTLE)
+    )
     one, two = one[apart], two[apart]
     middle = core[faces].mean(axis=1)
     size = np.linalg.norm(np.ptp(core, axis=0))
-    above = np.sum((middle[two] - core[faces[one, 0]]) * outward[one], axis=1) > FLAT * size
+    above = (
+        np.sum((middle[two] - core[faces[one, 0]]) * outward[one], axis=1) > FLAT * size
+    )
     order = np.lexsort((two[above], one[above]))
     return np.column_stack([one[above], two[above]])[order]
 
@@ -284,8 +309,13 @@ def split(vertices, faces, radius):
     data[:n_faces], data[n_faces : n_faces + n_edges] = face_rows, edge_rows
     data[n_faces + n_edges :, 0:3] = core[chosen]
     data[:, RADIUS_COLUMN] = radius
-    kind = np.repeat([FACE, EDGE, VERTEX], [n_faces, n_edges, n_vertices]).astype(np.uint8)
-    span, corners = np.zeros((len(data), 2), np.int64), np.zeros((len(data), 2), np.int64)
+    kind = np.repeat([FACE, EDGE, VERTEX], [n_faces, n_edges, n_vertices]).astype(
+        np.uint8
+    )
+    span, corners = (
+        np.zeros((len(data), 2), np.int64),
+        np.zeros((len(data), 2), np.int64),
+    )
     near = _gentle_neighbours(core, faces, group, normals)
     span[:n_faces] = _ranges(near[:, 0], n_faces)
     span[n_faces + n_edges :] = _ranges(owner, len(core))[chosen]
@@ -310,14 +340,19 @@ def _cells(core, faces, kind, data, radius):
         ends = np.stack([rows[:, 0:3]] * 2)
         if which == EDGE:
             ends[1] += rows[:, 6:7] * rows[:, 3:6]
-        low[kind == which], high[kind == which] = ends.min(axis=0) - radius, ends.max(axis=0) + radius
+        low[kind == which], high[kind == which] = (
+            ends.min(axis=0) - radius,
+            ends.max(axis=0) + radius,
+        )
     lower, upper = low.min(axis=0), high.max(axis=0)
     size = np.maximum(upper - lower, 1e-3 * np.max(upper - lower))
     cell = float((size.prod() / n) ** (1.0 / 3.0))
     lower, upper = lower - 1e-6 * cell, upper + 1e-6 * cell
     shape = np.maximum(np.ceil((upper - lower) / cell), 1).astype(np.int64)
     count = np.zeros(int(shape.prod()) + 1, np.int64)
-    put_in_cells(low, high, kind, data, lower, cell, shape, count, np.zeros(0, np.int64))
+    put_in_cells(
+        low, high, kind, data, lower, cell, shape, count, np.zeros(0, np.int64)
+    )
     begin = np.concatenate([[0], np.cumsum(count[:-1])])
     items = np.zeros(max(int(begin[-1]), 1), np.int64)
     put_in_cells(low, high, kind, data, lower, cell, shape, begin[:-1].copy(), items)
@@ -340,7 +375,10 @@ def put_in_cells(low, high, kind, data, lower, cell, shape, place, items):
                     y = lower[1] + (j + 0.5) * cell
                     z = lower[2] + (k + 0.5) * cell
                     # a slanting face misses most cells of its box
-                    if kind[f] == FACE and abs(n[0] * x + n[1] * y + n[2] * z - n[3]) > reach:
+                    if (
+                        kind[f] == FACE
+                        and abs(n[0] * x + n[1] * y + n[2] * z - n[3]) > reach
+                    ):
                         continue
                     c = (i * shape[1] + j) * shape[2] + k
                     if items.shape[0] > 0:
@@ -350,17 +388,30 @@ def put_in_cells(low, high, kind, data, lower, cell, shape, place, items):
 
 def join(parts, slide):
     """Return the features of several meshes as the kernels take them; slide: see `Meshes`."""
-    begins = {name: np.cumsum([0, *(len(getattr(p, name)) for p in parts)]) for name in Part._fields}
+    begins = {
+        name: np.cumsum([0, *(len(getattr(p, name)) for p in parts)])
+        for name in Part._fields
+    }
 
     def counted(name, of):
         """Join numbers of the rows of another array, which count on from part to part."""
-        return np.concatenate([getattr(p, name) + begin for p, begin in zip(parts, begins[of], strict=False)])
+        return np.concatenate(
+            [
+                getattr(p, name) + begin
+                for p, begin in zip(parts, begins[of], strict=False)
+            ]
+        )
 
     spans = [
-        p.span + np.where(p.kind == VERTEX, begins["rays"][m], begins["near"][m])[:, None] for m, p in enumerate(parts)
+        p.span
+        + np.where(p.kind == VERTEX, begins["rays"][m], begins["near"][m])[:, None]
+        for m, p in enumerate(parts)
     ]
     return Meshes(
-        **{name: np.concatenate([getattr(p, name) for p in parts]) for name in ("kind", "data", "rays", "normals")},
+        **{
+            name: np.concatenate([getattr(p, name) for p in parts])
+            for name in ("kind", "data", "rays", "normals")
+        },
         mesh=np.repeat(np.arange(len(parts)), np.diff(begins["kind"])),
         span=np.concatenate(spans),
         corners=counted("corners", "normals"),

@@ -9,7 +9,13 @@ from ..laws.law import contact_forces, reach, rolling_resistance, surfaces
 from . import clump_tile as ct
 from . import state as st
 from . import tile as tl
-from .clump_walls import follow_sphere, forget_sphere, sphere_arm, sphere_on_curved, sphere_slid_off
+from .clump_walls import (
+    follow_sphere,
+    forget_sphere,
+    sphere_arm,
+    sphere_on_curved,
+    sphere_slid_off,
+)
 from .clumps import set_bit
 from .damped_mass import mass_of_pairs, mass_on_wall, spheres_on_meshes
 from .frames import load_walls, surface_velocity
@@ -17,7 +23,14 @@ from .jit import inlined, kernel
 from .meshes import follow_mesh
 from .rows import L, write_vector
 from .simd import WIDTH, add_lanes_to_rows, gather, prefetch
-from .walls import SAME_AZIMUTH, angle_between, azimuth, drop_wall_contact, follow_wall, slid_off
+from .walls import (
+    SAME_AZIMUTH,
+    angle_between,
+    azimuth,
+    drop_wall_contact,
+    follow_wall,
+    slid_off,
+)
 
 
 @inlined
@@ -129,13 +142,21 @@ def pair_forces(bodies, pairs, clumps, counts, physics, t, share, begin, end):
         if physics.mixed_pairs:
             for lane in range(L):
                 k = base + lane
-                lane_laws(t, lane, physics, bodies.kind[pairs.first[k]], bodies.kind[pairs.second[k]])
+                lane_laws(
+                    t,
+                    lane,
+                    physics,
+                    bodies.kind[pairs.first[k]],
+                    bodies.kind[pairs.second[k]],
+                )
         gather(bodies.rows, bodies.rows.shape[1], pairs.first, base, t, tl.A)
         gather(bodies.rows, bodies.rows.shape[1], pairs.second, base, t, tl.B)
         pair_geometry(t, contacts, physics.parts, clumps)
         mass_of_pairs(t, contacts, pairs, physics.parts, clumps, base, min(L, n - base))
         for k in range(L):
-            t[tl.SHARE + k] = min(t[tl.A + share_column + k], t[tl.B + share_column + k])
+            t[tl.SHARE + k] = min(
+                t[tl.A + share_column + k], t[tl.B + share_column + k]
+            )
         apply_laws(t, contacts, physics, clumps, 0)
         if tl.open_lanes(t) > 0:
             for lane in range(min(L, n - base)):
@@ -172,9 +193,19 @@ def wall_tile(bodies, contacts, walls, physics, first_wall, base, n, t):
         vx = vy = vz = ox = oy = oz = 0.0
         if k < n:
             wall = first_wall + contacts.wall[k]
-            ox, oy, oz = walls.motion[wall, 3], walls.motion[wall, 4], walls.motion[wall, 5]
+            ox, oy, oz = (
+                walls.motion[wall, 3],
+                walls.motion[wall, 4],
+                walls.motion[wall, 5],
+            )
             if physics.mixed_walls:
-                lane_laws(t, lane, physics, bodies.kind[contacts.body[k]], walls.material[wall])
+                lane_laws(
+                    t,
+                    lane,
+                    physics,
+                    bodies.kind[contacts.body[k]],
+                    walls.material[wall],
+                )
             x = t[tl.A + lane] + t[tl.RA + lane]
             y = t[tl.A + L + lane] + t[tl.RA + L + lane]
             z = t[tl.A + 2 * L + lane] + t[tl.RA + 2 * L + lane]
@@ -257,7 +288,13 @@ def plane_forces(bodies, flat, clumps, walls, counts, physics, t, ghost):
                 gap = t[tl.GAP + lane]
                 if gap > reach_of(contacts, physics, clumps, 1, lane):
                     mute_lane(t, lane)
-                    look_soon(bodies, flat, walls, base + lane, gap if gap < tl.BEYOND else 0.0)
+                    look_soon(
+                        bodies,
+                        flat,
+                        walls,
+                        base + lane,
+                        gap if gap < tl.BEYOND else 0.0,
+                    )
                     if gap == tl.BEYOND:
                         past_edge(flat, clumps, base + lane)
                     flat.ended[ended] = base + lane
@@ -289,7 +326,10 @@ def over_end(bodies, curved, clumps, walls, n, k, depth):
 def is_double(contacts, k):
     """Whether an earlier contact of the same body and wall has come to the same place."""
     for m in range(k):
-        if contacts.body[m] == contacts.body[k] and contacts.wall[m] == contacts.wall[k]:
+        if (
+            contacts.body[m] == contacts.body[k]
+            and contacts.wall[m] == contacts.wall[k]
+        ):
             apart = angle_between(azimuth(contacts.data, m), azimuth(contacts.data, k))
             if apart < 0.5 * SAME_AZIMUTH:
                 return True
@@ -318,7 +358,9 @@ def curved_geometry(bodies, curved, clumps, walls, physics, t, lane, k, out, loc
     contacts = curved.data[k // L]
     row = bodies.rows[curved.body[k]]
     if len(clumps) == 0:
-        on_wall = follow_wall(physics.parts, row, walls, curved.wall[k], contacts, lane, out, local)
+        on_wall = follow_wall(
+            physics.parts, row, walls, curved.wall[k], contacts, lane, out, local
+        )
         write_lane(t, contacts, lane, out)
         contacts[st.GAP + lane] = out[3]
         return (
@@ -328,7 +370,13 @@ def curved_geometry(bodies, curved, clumps, walls, physics, t, lane, k, out, loc
         )
     x, y, z = sphere_arm(row, contacts, lane)
     beyond = sphere_on_curved(
-        walls, curved.wall[k], row[0] + x, row[1] + y, row[2] + z, contacts[ct.RADIUS + lane], out
+        walls,
+        curved.wall[k],
+        row[0] + x,
+        row[1] + y,
+        row[2] + z,
+        contacts[ct.RADIUS + lane],
+        out,
     )
     out[5] += x
     out[6] += y
@@ -349,13 +397,17 @@ def curved_forces(bodies, curved, clumps, walls, counts, physics, t, out, local,
         close_lanes(t, lanes)
         for lane in range(lanes):
             k = base + lane
-            if curved_geometry(bodies, curved, clumps, walls, physics, t, lane, k, out, local):
+            if curved_geometry(
+                bodies, curved, clumps, walls, physics, t, lane, k, out, local
+            ):
                 curved.ended[ended] = k
                 ended += 1
                 if t[tl.GAP + lane] <= 0.0:
                     over_end(bodies, curved, clumps, walls, n, k, -t[tl.GAP + lane])
                 t[tl.GAP + lane] = 1.0
-        wall_forces(bodies, curved, clumps, walls, physics, walls.planes.shape[0], base, n, t)
+        wall_forces(
+            bodies, curved, clumps, walls, physics, walls.planes.shape[0], base, n, t
+        )
         for lane in range(lanes):
             if t[tl.GAP + lane] > reach_of(contacts, physics, clumps, 1, lane):
                 mute_lane(t, lane)
@@ -365,16 +417,24 @@ def curved_forces(bodies, curved, clumps, walls, counts, physics, t, out, local,
 
 
 @inlined
-def mesh_geometry(bodies, meshed, clumps, walls, meshes, physics, n, k, out, other, local):
+def mesh_geometry(
+    bodies, meshed, clumps, walls, meshes, physics, n, k, out, other, local
+):
     """Write the geometry of contact k with a mesh to `out`; returns whether there is a contact."""
     end = reach_of(meshed.data[k // L], physics, clumps, 1, k % L)
     if len(clumps) == 0:
-        return follow_mesh(bodies, physics.parts, walls, meshes, meshed, n, k, end, out, other, local)
-    return follow_sphere(bodies, walls, meshes, meshed, clumps, n, k, end, out, other, local)
+        return follow_mesh(
+            bodies, physics.parts, walls, meshes, meshed, n, k, end, out, other, local
+        )
+    return follow_sphere(
+        bodies, walls, meshes, meshed, clumps, n, k, end, out, other, local
+    )
 
 
 @kernel
-def mesh_forces(bodies, meshed, clumps, walls, meshes, counts, physics, t, out, other, local, ghost):
+def mesh_forces(
+    bodies, meshed, clumps, walls, meshes, counts, physics, t, out, other, local, ghost
+):
     """Compute forces of all contacts with meshes."""
     n = counts[st.N_MESHED]
     first_wall = walls.planes.shape[0] + walls.cones.shape[0] + walls.rings.shape[0]
@@ -388,7 +448,9 @@ def mesh_forces(bodies, meshed, clumps, walls, meshes, counts, physics, t, out, 
         close_lanes(t, lanes)
         for lane in range(lanes):
             k = base + lane
-            touching = mesh_geometry(bodies, meshed, clumps, walls, meshes, physics, n, k, out, other, local)
+            touching = mesh_geometry(
+                bodies, meshed, clumps, walls, meshes, physics, n, k, out, other, local
+            )
             write_lane(t, contacts, lane, out)
             contacts[st.GAP + lane] = out[3]
             if not touching:

@@ -32,7 +32,9 @@ def out_of_frame(frame, x, y, z):
 @inlined
 def rotate_to_world(frame, values, at):
     """Rotate three numbers of an array from a frame into the world, in place."""
-    values[at], values[at + 1], values[at + 2] = out_of_frame(frame, values[at], values[at + 1], values[at + 2])
+    values[at], values[at + 1], values[at + 2] = out_of_frame(
+        frame, values[at], values[at + 1], values[at + 2]
+    )
 
 
 @inlined
@@ -99,15 +101,21 @@ def move_walls(walls, dt):
         ux, uy, uz = motion[3] * inv, motion[4] * inv, motion[5] * inv
         angle = rate * dt
         place = planes[w] if w < n_planes else walls.frames[w - n_planes]
-        x, y, z = rotated_about(angle, ux, uy, uz, place[0] - px, place[1] - py, place[2] - pz)
+        x, y, z = rotated_about(
+            angle, ux, uy, uz, place[0] - px, place[1] - py, place[2] - pz
+        )
         for c in range(3):
             motion[6 + c] += dt * motion[c]
         place[0], place[1], place[2] = motion[6] + x, motion[7] + y, motion[8] + z
         if w < n_planes:
-            place[3], place[4], place[5] = rotated_about(angle, ux, uy, uz, place[3], place[4], place[5])
+            place[3], place[4], place[5] = rotated_about(
+                angle, ux, uy, uz, place[3], place[4], place[5]
+            )
         else:
             for c in range(3):
-                x, y, z = rotated_about(angle, ux, uy, uz, place[3 + c], place[6 + c], place[9 + c])
+                x, y, z = rotated_about(
+                    angle, ux, uy, uz, place[3 + c], place[6 + c], place[9 + c]
+                )
                 place[3 + c], place[6 + c], place[9 + c] = x, y, z
     walls.approach[st.WALL_PATH] += dt * walls.approach[st.WALL_SPEED]
 
@@ -143,7 +151,11 @@ def load_walls(walls, first_wall, contacts, base, n, t):
         return
     for lane in range(min(L, n - base)):
         load = walls.loads[first_wall + contacts.wall[base + lane]]
-        fx, fy, fz = -t[tl.TO_A + lane], -t[tl.TO_A + L + lane], -t[tl.TO_A + 2 * L + lane]
+        fx, fy, fz = (
+            -t[tl.TO_A + lane],
+            -t[tl.TO_A + L + lane],
+            -t[tl.TO_A + 2 * L + lane],
+        )
         x = t[tl.A + lane] + t[tl.RA + lane]
         y = t[tl.A + L + lane] + t[tl.RA + L + lane]
         z = t[tl.A + 2 * L + lane] + t[tl.RA + 2 * L + lane]

@@ -40,7 +40,9 @@ def matrix_times(xx, xy, xz, yy, yz, zz, x, y, z):
 def times_shape(row, part, x, y, z):
     """S_k times a vector."""
     s = SHAPE + PART * part
-    return matrix_times(row[s], row[s + 1], row[s + 2], row[s + 3], row[s + 4], row[s + 5], x, y, z)
+    return matrix_times(
+        row[s], row[s + 1], row[s + 2], row[s + 3], row[s + 4], row[s + 5], x, y, z
+    )
 
 
 @inlined
@@ -73,7 +75,17 @@ def add_part(row, part, nx, ny, nz, x, y, z, xx, xy, xz, yy, yz, zz):
     px, py, pz, pxx, pxy, pxz, pyy, pyz, pzz = part_terms(
         row[s], row[s + 1], row[s + 2], row[s + 3], row[s + 4], row[s + 5], nx, ny, nz
     )
-    return x + px, y + py, z + pz, xx + pxx, xy + pxy, xz + pxz, yy + pyy, yz + pyz, zz + pzz
+    return (
+        x + px,
+        y + py,
+        z + pz,
+        xx + pxx,
+        xy + pxy,
+        xz + pxz,
+        yy + pyy,
+        yz + pyz,
+        zz + pzz,
+    )
 
 
 @inlined

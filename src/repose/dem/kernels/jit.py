@@ -18,7 +18,11 @@ from numba.extending import typeof_impl
 
 from .. import cache
 
-OPTIONS: dict[str, Any] = {"fastmath": {"contract"}, "error_model": "numpy", "_nrt": False}
+OPTIONS: dict[str, Any] = {
+    "fastmath": {"contract"},
+    "error_model": "numpy",
+    "_nrt": False,
+}
 # Without the code by which C calls a function, and without the one by which Python does.
 FROM_PYTHON: dict[str, Any] = {"no_cfunc_wrapper": True}
 FROM_KERNELS: dict[str, Any] = FROM_PYTHON | {"no_cpython_wrapper": True}
@@ -31,9 +35,15 @@ def use_widest_vectors() -> None:
 
     LLVM prefers 256 bits on many processors, which is slower here; the bits of the results are the same.
     """
-    config: Any = numba.config  # numba makes its settings when it is imported, so their types are not seen
+    config: Any = (
+        numba.config
+    )  # numba makes its settings when it is imported, so their types are not seen
     features = binding.get_host_cpu_features()
-    if features.get("avx512f") and config.CPU_NAME is None and config.CPU_FEATURES is None:
+    if (
+        features.get("avx512f")
+        and config.CPU_NAME is None
+        and config.CPU_FEATURES is None
+    ):
         config.CPU_NAME = binding.get_host_cpu_name()
         config.CPU_FEATURES = features.flatten() + ",-prefer-256-bit"
 
@@ -59,7 +69,9 @@ class Kernel:
     call is compiled without it.
     """
 
-    def __init__(self, function: Callable[..., Any], options: Mapping[str, Any]) -> None:
+    def __init__(
+        self, function: Callable[..., Any], options: Mapping[str, Any]
+    ) -> None:
         self.py_func, self._options = function, options
         self._text = cache.text_hash(function.__code__.co_filename)  # as it is imported
 
@@ -104,9 +116,15 @@ def kernel(function):
 
 def kernel_without_gil(function):
     """Compile a kernel that several Python threads run at the same time."""
-    return _as_python(function) if JIT_OFF else Kernel(function, OPTIONS | {"nogil": True})
+    return (
+        _as_python(function) if JIT_OFF else Kernel(function, OPTIONS | {"nogil": True})
+    )
 
 
 def inlined(function):
     """Compile a small function that is always inlined into its callers."""
-    return _as_python(function) if JIT_OFF else Kernel(function, OPTIONS | {"forceinline": True})
+    return (
+        _as_python(function)
+        if JIT_OFF
+        else Kernel(function, OPTIONS | {"forceinline": True})
+    )

@@ -54,9 +54,27 @@ def face_contact(row, parts, face, out):
     """Contact with a face: fills `out`; returns how far inside the triangle the deepest point lies [m]."""
     nx, ny, nz = face[0], face[1], face[2]
     ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
-    h, x1, x2, q11, q12, q22 = support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz)
+    h, x1, x2, q11, q12, q22 = support_terms(
+        row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
+    )
     gap = face[3] - (nx * row[0] + ny * row[1] + nz * row[2] + h)
-    write_contact(out, nx, ny, nz, gap, math.sqrt(q11 * q22 - q12 * q12), h, x1, x2, ux, uy, uz, wx, wy, wz)
+    write_contact(
+        out,
+        nx,
+        ny,
+        nz,
+        gap,
+        math.sqrt(q11 * q22 - q12 * q12),
+        h,
+        x1,
+        x2,
+        ux,
+        uy,
+        uz,
+        wx,
+        wy,
+        wz,
+    )
     px, py, pz = row[0] + out[5], row[1] + out[6], row[2] + out[7]
     inside = 1e300
     for side in range(3):
@@ -72,24 +90,55 @@ def face_contact(row, parts, face, out):
 def edge_terms(row, parts, edge, angle):
     """f, its slope and bend at an angle about an edge, how far along the edge the deepest point lies, and the rest."""
     cos, sin = math.cos(angle), math.sin(angle)
-    nx, ny, nz = (edge[7] * cos + edge[10] * sin, edge[8] * cos + edge[11] * sin, edge[9] * cos + edge[12] * sin)
-    ux, uy, uz = (edge[10] * cos - edge[7] * sin, edge[11] * cos - edge[8] * sin, edge[12] * cos - edge[9] * sin)
+    nx, ny, nz = (
+        edge[7] * cos + edge[10] * sin,
+        edge[8] * cos + edge[11] * sin,
+        edge[9] * cos + edge[12] * sin,
+    )
+    ux, uy, uz = (
+        edge[10] * cos - edge[7] * sin,
+        edge[11] * cos - edge[8] * sin,
+        edge[12] * cos - edge[9] * sin,
+    )
     wx, wy, wz = edge[3], edge[4], edge[5]
-    h, x1, x2, q11, q12, q22 = support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz)
+    h, x1, x2, q11, q12, q22 = support_terms(
+        row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
+    )
     dx, dy, dz = edge[0] - row[0], edge[1] - row[1], edge[2] - row[2]
     level = nx * dx + ny * dy + nz * dz - h
     slope = ux * dx + uy * dy + uz * dz - x1
     along = x2 - (wx * dx + wy * dy + wz * dz)
-    return (level - edge[RADIUS_COLUMN], slope, -(level + q11), along, nx, ny, nz, ux, uy, uz, h, x1, x2, q11, q12, q22)
+    return (
+        level - edge[RADIUS_COLUMN],
+        slope,
+        -(level + q11),
+        along,
+        nx,
+        ny,
+        nz,
+        ux,
+        uy,
+        uz,
+        h,
+        x1,
+        x2,
+        q11,
+        q12,
+        q22,
+    )
 
 
 @kernel
 def edge_contact(row, parts, edge, angle, out):
     """Contact with an edge at an angle (already a maximum of f): fills `out`; returns how far along it lies [m]."""
-    gap, _slope, _bend, along, nx, ny, nz, ux, uy, uz, h, x1, x2, q11, q12, q22 = edge_terms(row, parts, edge, angle)
+    gap, _slope, _bend, along, nx, ny, nz, ux, uy, uz, h, x1, x2, q11, q12, q22 = (
+        edge_terms(row, parts, edge, angle)
+    )
     bent = curvature(min(angle, edge[13] - angle), edge[RADIUS_COLUMN])
     radius = effective_radius(q11, q12, q22, bent, 0.0)
-    write_contact(out, nx, ny, nz, gap, radius, h, x1, x2, ux, uy, uz, edge[3], edge[4], edge[5])
+    write_contact(
+        out, nx, ny, nz, gap, radius, h, x1, x2, ux, uy, uz, edge[3], edge[4], edge[5]
+    )
     return along
 
 
@@ -116,7 +165,11 @@ def solve_edge(row, parts, edge, out):
     inside = min(first[1], -last[1])
     if inside < -SLACK:
         return 0.0, OUTSIDE, best
-    angle = 0.5 * high if first[1] > 0.0 and last[1] < 0.0 else (0.0 if first[1] <= 0.0 else high)
+    angle = (
+        0.5 * high
+        if first[1] > 0.0 and last[1] < 0.0
+        else (0.0 if first[1] <= 0.0 else high)
+    )
     for _ in range(40):
         if not (first[1] > 0.0 and last[1] < 0.0):
             break
@@ -140,7 +193,9 @@ def solve_edge(row, parts, edge, out):
 def vertex_terms(row, parts, vertex, nx, ny, nz):
     """Gap f of a vertex for a normal, and the step (s1, s2) to the next normal."""
     ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
-    h, x1, x2, q11, q12, q22 = support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz)
+    h, x1, x2, q11, q12, q22 = support_terms(
+        row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
+    )
     dx, dy, dz = vertex[0] - row[0], vertex[1] - row[1], vertex[2] - row[2]
     level = nx * dx + ny * dy + nz * dz - h
     g1 = dx * ux + dy * uy + dz * uz - x1
@@ -174,9 +229,17 @@ def vertex_contact(row, parts, meshes, feature, nx, ny, nz, out):
     inv = 1.0 / math.sqrt(max(ux * ux + uy * uy + uz * uz, 1e-30))
     ux, uy, uz = ux * inv, uy * inv, uz * inv
     wx, wy, wz = ny * uz - nz * uy, nz * ux - nx * uz, nx * uy - ny * ux
-    h, x1, x2, q11, q12, q22 = support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz)
+    h, x1, x2, q11, q12, q22 = support_terms(
+        row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
+    )
     edge_radius = vertex[RADIUS_COLUMN]
-    gap = nx * (vertex[0] - row[0]) + ny * (vertex[1] - row[1]) + nz * (vertex[2] - row[2]) - h - edge_radius
+    gap = (
+        nx * (vertex[0] - row[0])
+        + ny * (vertex[1] - row[1])
+        + nz * (vertex[2] - row[2])
+        - h
+        - edge_radius
+    )
     across = curvature(math.acos(min(max(nearest, -1.0), 1.0)), edge_radius)
     bent = min(across, curvature(math.asin(min(max(inside, 0.0), 1.0)), edge_radius))
     radius = effective_radius(q11, q12, q22, bent, across)
@@ -194,7 +257,12 @@ def solve_vertex(row, parts, meshes, feature, out):
     best = x * bx + y * by + z * bz - extent(row, parts, bx, by, bz)
     for k in range(meshes.corners[feature, 0], meshes.corners[feature, 1]):
         normal = meshes.normals[k]
-        value = x * normal[0] + y * normal[1] + z * normal[2] - extent(row, parts, normal[0], normal[1], normal[2])
+        value = (
+            x * normal[0]
+            + y * normal[1]
+            + z * normal[2]
+            - extent(row, parts, normal[0], normal[1], normal[2])
+        )
         if value > best:
             best = value
             bx, by, bz = normal[0], normal[1], normal[2]

@@ -10,10 +10,24 @@ from .features import EDGE, FACE
 from .frames import contact_to_world, into_frame, rotate_to_world
 from .geometry import extent, stepped
 from .jit import inlined, kernel
-from .mesh_contact import SLACK, climb_edge, edge_contact, face_contact, solve_feature, vertex_contact, vertex_terms
+from .mesh_contact import (
+    SLACK,
+    climb_edge,
+    edge_contact,
+    face_contact,
+    solve_feature,
+    vertex_contact,
+    vertex_terms,
+)
 from .neighbours import bounding_radius
 from .rows import lane_vector, write_vector
-from .walls import DEEPEST_NEW, NEXT_LOOK_BEYOND, NEXT_LOOK_KNOWN, add_wall_contact, seen_from
+from .walls import (
+    DEEPEST_NEW,
+    NEXT_LOOK_BEYOND,
+    NEXT_LOOK_KNOWN,
+    add_wall_contact,
+    seen_from,
+)
 
 # A search reaches this far beyond the body's box (share of its radius).
 MARGIN = 0.5
@@ -59,14 +73,22 @@ def away_from_box(row, parts, meshes, mesh):
     """Lower bound of the distance of a body from the box of a mesh."""
     away = 0.0
     for axis in range(3):
-        reach = extent(row, parts, 1.0 if axis == 0 else 0.0, 1.0 if axis == 1 else 0.0, 1.0 if axis == 2 else 0.0)
+        reach = extent(
+            row,
+            parts,
+            1.0 if axis == 0 else 0.0,
+            1.0 if axis == 1 else 0.0,
+            1.0 if axis == 2 else 0.0,
+        )
         away = max(away, meshes.box[mesh, axis] - row[axis] - reach)
         away = max(away, row[axis] - reach - meshes.box[mesh, 3 + axis])
     return away
 
 
 @inlined
-def look_at_feature(row, contacts, counts, parts, walls, meshes, mesh, feature, i, radius, out):
+def look_at_feature(
+    row, contacts, counts, parts, walls, meshes, mesh, feature, i, radius, out
+):
     """Add the contact of body i with a feature if there is one; returns how far it may move before the next check."""
     angle, inside, free = solve_feature(row, parts, meshes, feature, radius, out)
     if free > 0.0 and out[3] > 0.0:
@@ -104,14 +126,30 @@ def search_mesh(row, contacts, counts, parts, walls, meshes, mesh, i, radius, ou
     for ci in range(i0, i1 + 1):
         for cj in range(j0, j1 + 1):
             for ck in range(k0, k1 + 1):
-                c = meshes.cells[mesh, 3] + (ci * meshes.cells[mesh, 1] + cj) * meshes.cells[mesh, 2] + ck
+                c = (
+                    meshes.cells[mesh, 3]
+                    + (ci * meshes.cells[mesh, 1] + cj) * meshes.cells[mesh, 2]
+                    + ck
+                )
                 for m in range(meshes.begin[c], meshes.begin[c + 1]):
                     feature = meshes.items[m]
                     if meshes.seen[feature] != stamp:
                         meshes.seen[feature] = stamp
                         free = min(
                             free,
-                            look_at_feature(row, contacts, counts, parts, walls, meshes, mesh, feature, i, radius, out),
+                            look_at_feature(
+                                row,
+                                contacts,
+                                counts,
+                                parts,
+                                walls,
+                                meshes,
+                                mesh,
+                                feature,
+                                i,
+                                radius,
+                                out,
+                            ),
                         )
     return free
 
@@ -150,16 +188,28 @@ def hand_over(row, parts, meshes, contacts, n, k, radius, end, out, other):
     for ci in range(i0, i1 + 1):
         for cj in range(j0, j1 + 1):
             for ck in range(k0, k1 + 1):
-                c = meshes.cells[mesh, 3] + (ci * meshes.cells[mesh, 1] + cj) * meshes.cells[mesh, 2] + ck
+                c = (
+                    meshes.cells[mesh, 3]
+                    + (ci * meshes.cells[mesh, 1] + cj) * meshes.cells[mesh, 2]
+                    + ck
+                )
                 for m in range(meshes.begin[c], meshes.begin[c + 1]):
                     feature = meshes.items[m]
                     if feature == old:
                         continue
-                    angle, inside, _free = solve_feature(row, parts, meshes, feature, radius, other)
-                    if inside < -SLACK or other[3] > end or other[3] < -DEEPEST_NEW * radius:
+                    angle, inside, _free = solve_feature(
+                        row, parts, meshes, feature, radius, other
+                    )
+                    if (
+                        inside < -SLACK
+                        or other[3] > end
+                        or other[3] < -DEEPEST_NEW * radius
+                    ):
                         continue
                     same = nx * other[0] + ny * other[1] + nz * other[2]
-                    if same > best and not is_touched(contacts, meshes, n, contacts.body[k], feature, k):
+                    if same > best and not is_touched(
+                        contacts, meshes, n, contacts.body[k], feature, k
+                    ):
                         best = same
                         found = True
                         contacts.feature[k] = feature
@@ -183,7 +233,9 @@ def deepest_near(row, parts, meshes, contacts, k, out, other):
 
 
 @inlined
-def follow_feature(row, radius, parts, walls, frame, meshes, contacts, n, k, end, out, other):
+def follow_feature(
+    row, radius, parts, walls, frame, meshes, contacts, n, k, end, out, other
+):
     """Track contact k with a mesh through one step; returns whether it lasts, with `out` in world axes.
 
     The row of the body, or of the sphere of one, is as seen from the frame of the mesh.
@@ -192,9 +244,14 @@ def follow_feature(row, radius, parts, walls, frame, meshes, contacts, n, k, end
     nx, ny, nz = lane_vector(tile, st.NORMAL, lane)
     if walls.displaced[frame]:
         nx, ny, nz = into_frame(walls.frames[frame], nx, ny, nz)
-    touching = track(row, parts, meshes, tile, lane, contacts.feature[k], nx, ny, nz, out) >= 0.0
+    touching = (
+        track(row, parts, meshes, tile, lane, contacts.feature[k], nx, ny, nz, out)
+        >= 0.0
+    )
     if not touching:
-        touching = hand_over(row, parts, meshes, contacts, n, k, radius, end, out, other)
+        touching = hand_over(
+            row, parts, meshes, contacts, n, k, radius, end, out, other
+        )
     if touching and out[3] < 0.0 and meshes.kind[contacts.feature[k]] == FACE:
         deepest_near(row, parts, meshes, contacts, k, out, other)
     contact_to_world(walls, frame, out)
@@ -208,23 +265,51 @@ def follow_mesh(bodies, parts, walls, meshes, contacts, n, k, end, out, other, l
     frame = walls.cones.shape[0] + walls.rings.shape[0] + contacts.wall[k]
     row = seen_from(walls, frame, bodies.rows[i], parts, local)
     radius = bounding_radius(bodies, i)
-    return follow_feature(row, radius, parts, walls, frame, meshes, contacts, n, k, end, out, other)
+    return follow_feature(
+        row, radius, parts, walls, frame, meshes, contacts, n, k, end, out, other
+    )
 
 
 @inlined
-def bring_along(bodies, parts, walls, meshes, contacts, counts, mesh, i, out, other, local):
+def bring_along(
+    bodies, parts, walls, meshes, contacts, counts, mesh, i, out, other, local
+):
     """Hand the contacts of body i over to their present features, so that the search does not find these as new."""
     n = counts[st.N_MESHED]
     for k in range(n):
         if contacts.body[k] == i and contacts.wall[k] == mesh:
-            follow_mesh(bodies, parts, walls, meshes, contacts, n, k, 0.0, out, other, local)
-            write_vector(contacts.data[k // st.LANES], st.NORMAL, k % st.LANES, out[0], out[1], out[2])
+            follow_mesh(
+                bodies, parts, walls, meshes, contacts, n, k, 0.0, out, other, local
+            )
+            write_vector(
+                contacts.data[k // st.LANES],
+                st.NORMAL,
+                k % st.LANES,
+                out[0],
+                out[1],
+                out[2],
+            )
 
 
 @inlined
-def body_at_mesh(bodies, meshed, walls, meshes, counts, parts, mesh, i, out, other, local):
+def body_at_mesh(
+    bodies, meshed, walls, meshes, counts, parts, mesh, i, out, other, local
+):
     """Find new contacts of smooth body i with a mesh; returns how far it may move before the next search."""
     frame = walls.cones.shape[0] + walls.rings.shape[0] + mesh
-    bring_along(bodies, parts, walls, meshes, meshed, counts, mesh, i, out, other, local)
+    bring_along(
+        bodies, parts, walls, meshes, meshed, counts, mesh, i, out, other, local
+    )
     row = seen_from(walls, frame, bodies.rows[i], parts, local)
-    return search_mesh(row, meshed, counts, parts, walls, meshes, mesh, i, bounding_radius(bodies, i), out)
+    return search_mesh(
+        row,
+        meshed,
+        counts,
+        parts,
+        walls,
+        meshes,
+        mesh,
+        i,
+        bounding_radius(bodies, i),
+        out,
+    )

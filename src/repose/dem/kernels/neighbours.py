@@ -65,7 +65,9 @@ def link(grid, bodies, i):
     """Put body i into the cell of its position, and set the displacement at which its neighbours are found anew."""
     x, y, z = bodies.rows[i, 0], bodies.rows[i, 1], bodies.rows[i, 2]
     cell = cell_of(grid, x, y, z)
-    bodies.motion[i // L, st.RELIST + i % L] = bodies.displacement[i] + 0.5 * grid.lengths[st.SKIN]
+    bodies.motion[i // L, st.RELIST + i % L] = (
+        bodies.displacement[i] + 0.5 * grid.lengths[st.SKIN]
+    )
     put_in_cell(grid, i, cell)
 
 
@@ -109,7 +111,13 @@ def drop_near(pairs, counts, grid, k):
     last = counts[st.N_NEAR] - 1
     counts[st.N_NEAR] = last
     count_pair(grid.near, pairs.near_first[k], pairs.near_second[k], -1)
-    write_pair(pairs.near_first, pairs.near_second, k, pairs.near_first[last], pairs.near_second[last])
+    write_pair(
+        pairs.near_first,
+        pairs.near_second,
+        k,
+        pairs.near_first[last],
+        pairs.near_second[last],
+    )
     pairs.near_limit[k] = pairs.near_limit[last]
     pairs.near_check[k // st.BLOCK] = 0.0
     for c in range(3):
@@ -126,7 +134,11 @@ def add_near(pairs, counts, grid, i, j, limit, nx, ny, nz):
     write_pair(pairs.near_first, pairs.near_second, k, i, j)
     pairs.near_limit[k] = limit
     pairs.near_check[k // st.BLOCK] = 0.0
-    pairs.near_normal[k, 0], pairs.near_normal[k, 1], pairs.near_normal[k, 2] = nx, ny, nz
+    pairs.near_normal[k, 0], pairs.near_normal[k, 1], pairs.near_normal[k, 2] = (
+        nx,
+        ny,
+        nz,
+    )
 
 
 @inlined
@@ -157,7 +169,15 @@ def near_gap(bodies, pairs, grid, parts, k, normal):
     for c in range(3):
         normal[c] = pairs.near_normal[k, c]
     early = EARLY * grid.lengths[st.SKIN]
-    gap = solve_gap(bodies.rows, parts, pairs.near_first[k], pairs.near_second[k], normal, TOLERANCE, early)
+    gap = solve_gap(
+        bodies.rows,
+        parts,
+        pairs.near_first[k],
+        pairs.near_second[k],
+        normal,
+        TOLERANCE,
+        early,
+    )
     for c in range(3):
         pairs.near_normal[k, c] = normal[c]
     return gap
@@ -259,7 +279,11 @@ def list_pair(bodies, pairs, counts, grid, parts, a, b, normal):
     """List a pair anew: as touching, as near with its gap, or not at all where the gap is a skin or more."""
     rows = bodies.rows
     skin = grid.lengths[st.SKIN]
-    dx, dy, dz = rows[b, 0] - rows[a, 0], rows[b, 1] - rows[a, 1], rows[b, 2] - rows[a, 2]
+    dx, dy, dz = (
+        rows[b, 0] - rows[a, 0],
+        rows[b, 1] - rows[a, 1],
+        rows[b, 2] - rows[a, 2],
+    )
     square = dx * dx + dy * dy + dz * dz
     reach = bounding_radius(bodies, a) + bounding_radius(bodies, b) + skin
     if square >= reach * reach:
@@ -271,7 +295,9 @@ def list_pair(bodies, pairs, counts, grid, parts, a, b, normal):
         add_contact(pairs, counts, grid, a, b, normal)
     elif gap < skin:
         total = bodies.displacement[a] + bodies.displacement[b]
-        add_near(pairs, counts, grid, a, b, total + gap, normal[0], normal[1], normal[2])
+        add_near(
+            pairs, counts, grid, a, b, total + gap, normal[0], normal[1], normal[2]
+        )
 
 
 @kernel

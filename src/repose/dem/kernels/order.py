@@ -15,7 +15,11 @@ from .rows import L
 def morton(cell, shape):
     """Place on the Morton curve of cells (n,) of a grid of a shape (3,): the bits of the three indices interleaved."""
     cell = np.maximum(cell, 0)
-    indices = cell // (shape[1] * shape[2]), cell // shape[2] % shape[1], cell % shape[2]
+    indices = (
+        cell // (shape[1] * shape[2]),
+        cell // shape[2] % shape[1],
+        cell % shape[2],
+    )
     code = np.zeros(len(cell), np.int64)
     for bit in range(int(max(shape)).bit_length()):
         for k, index in enumerate(indices):
@@ -63,7 +67,14 @@ def reorder(bodies, grid, pairs, flat, curved, meshed, counts):
         order, bodies.rows, bodies.displacement, bodies.wall_check, bodies.presence, bodies.passed, bodies.exit_time,
         bodies.kind, grid.cell, grid.moved, grid.touching, grid.near,
     )  # fmt: skip
-    permute(order, *(array.T for contacts in (flat, curved, meshed) for array in (contacts.limit, contacts.deepest)))
+    permute(
+        order,
+        *(
+            array.T
+            for contacts in (flat, curved, meshed)
+            for array in (contacts.limit, contacts.deepest)
+        ),
+    )
     permute_lanes(order, bodies.motion)
     bodies.resting[:] = 0
     bodies.wall_margin[:] = 0.0
@@ -72,14 +83,29 @@ def reorder(bodies, grid, pairs, flat, curved, meshed, counts):
     relink(grid, n)
     of_pairs = (pairs.first, st.N_PAIRS), (pairs.second, st.N_PAIRS)
     near = (pairs.near_first, st.N_NEAR), (pairs.near_second, st.N_NEAR)
-    on_walls = (flat.body, st.N_PLANE), (curved.body, st.N_CURVED), (meshed.body, st.N_MESHED)
+    on_walls = (
+        (flat.body, st.N_PLANE),
+        (curved.body, st.N_CURVED),
+        (meshed.body, st.N_MESHED),
+    )
     for numbers, used in (*of_pairs, *near, *on_walls):
         numbers[: counts[used]] = place[numbers[: counts[used]]]
     # contacts in the order of their bodies
-    first, second = pairs.first[: counts[st.N_PAIRS]], pairs.second[: counts[st.N_PAIRS]]
+    first, second = (
+        pairs.first[: counts[st.N_PAIRS]],
+        pairs.second[: counts[st.N_PAIRS]],
+    )
     sort_by(np.minimum(first, second), (pairs.first, pairs.second), pairs.data)
-    sort_by(flat.body[: counts[st.N_PLANE]], (flat.body, flat.wall, flat.feature), flat.data)
-    first, second = pairs.near_first[: counts[st.N_NEAR]], pairs.near_second[: counts[st.N_NEAR]]
-    sort_by(np.minimum(first, second), (pairs.near_first, pairs.near_second, pairs.near_limit, pairs.near_normal))
+    sort_by(
+        flat.body[: counts[st.N_PLANE]], (flat.body, flat.wall, flat.feature), flat.data
+    )
+    first, second = (
+        pairs.near_first[: counts[st.N_NEAR]],
+        pairs.near_second[: counts[st.N_NEAR]],
+    )
+    sort_by(
+        np.minimum(first, second),
+        (pairs.near_first, pairs.near_second, pairs.near_limit, pairs.near_normal),
+    )
     pairs.near_check[:] = 0.0
     return order

@@ -22,10 +22,15 @@ from .rigid import act_on_events, integrate
 from .rows import L
 
 SHARES = 8
-FEWEST_BODIES = 4096  # smaller simulations have one share: they gain nothing from threads
+FEWEST_BODIES = (
+    4096  # smaller simulations have one share: they gain nothing from threads
+)
 REORDER_EVERY = 1000  # steps after which bodies are numbered anew (see `order`)
 CALM = 1e-3  # of the skin: paths of one step below which whole blocks of pairs can be skipped
-CHANGED, DUE = 0.0, -1.0  # of a block of near pairs, in place of the path at which it is checked
+CHANGED, DUE = (
+    0.0,
+    -1.0,
+)  # of a block of near pairs, in place of the path at which it is checked
 UP_TO_NOW, LAST_STEP = 0, 1  # rows of `Grid.paths`
 STOP = 0  # place in `orders` that ends the run
 
@@ -34,7 +39,9 @@ STOP = 0  # place in `orders` that ends the run
 def share_of(n, share, grain):
     """Begin and end of a share of n things, in whole grains."""
     grains = (n + grain - 1) // grain
-    return grains * share // SHARES * grain, min(grains * (share + 1) // SHARES * grain, n)
+    return grains * share // SHARES * grain, min(
+        grains * (share + 1) // SHARES * grain, n
+    )
 
 
 @kernel
@@ -43,7 +50,9 @@ def slack(displacement, first, second, limit, begin, end):
     least = math.inf
     for k in range(begin, end):
         u = np.uint64(k)
-        least = min(least, limit[u] - (displacement[first[u]] + displacement[second[u]]))
+        least = min(
+            least, limit[u] - (displacement[first[u]] + displacement[second[u]])
+        )
     return least
 
 
@@ -62,7 +71,9 @@ def groups_of(first, second, begin, end, bits):
     groups = 0
     for k in range(begin, end):
         u = np.uint64(k)
-        groups |= (1 << (np.int64(first[u]) >> bits)) | (1 << (np.int64(second[u]) >> bits))
+        groups |= (1 << (np.int64(first[u]) >> bits)) | (
+            1 << (np.int64(second[u]) >> bits)
+        )
     return groups
 
 
@@ -104,7 +115,9 @@ def look_at_block(bodies, pairs, grid, parts, begin, end, due, place, normal):
             due[place + found] = k
             found += 1
         else:
-            limit[k] = bodies.displacement[first[k]] + bodies.displacement[second[k]] + gap
+            limit[k] = (
+                bodies.displacement[first[k]] + bodies.displacement[second[k]] + gap
+            )
         k = next_due(bodies.displacement, first, second, limit, k + 1, end)
     return found
 
@@ -126,14 +139,18 @@ def look_at_share(bodies, pairs, grid, parts, begin, end, due, normal):
         if paths_of(grid.paths[UP_TO_NOW], groups) < pairs.near_check[block]:
             continue
         last = min(at + st.BLOCK, end)
-        found += look_at_block(bodies, pairs, grid, parts, at, last, due, begin + found, normal)
+        found += look_at_block(
+            bodies, pairs, grid, parts, at, last, due, begin + found, normal
+        )
         if pairs.near_check[block] == CHANGED:
             groups = groups_of(first, second, at, last, bits)
             pairs.near_groups[block] = groups
         pairs.near_check[block] = DUE
         if 2.0 * paths_of(grid.paths[LAST_STEP], groups) < calm:
             free = slack(bodies.displacement, first, second, limit, at, last)
-            pairs.near_check[block] = paths_of(grid.paths[UP_TO_NOW], groups) + 0.5 * free - st.ROUNDING
+            pairs.near_check[block] = (
+                paths_of(grid.paths[UP_TO_NOW], groups) + 0.5 * free - st.ROUNDING
+            )
     return found
 
 
@@ -143,7 +160,14 @@ def update_near_shares(pairs, counts, grid, due, n_due, begins):
     for share in range(SHARES - 1, -1, -1):
         for e in range(begins[share] + n_due[share] - 1, begins[share] - 1, -1):
             k = due[e]
-            add_contact(pairs, counts, grid, pairs.near_first[k], pairs.near_second[k], pairs.near_normal[k])
+            add_contact(
+                pairs,
+                counts,
+                grid,
+                pairs.near_first[k],
+                pairs.near_second[k],
+                pairs.near_normal[k],
+            )
             drop_near(pairs, counts, grid, k)
 
 
@@ -160,9 +184,23 @@ def advance_shared(
     begins, numbers = shared.begins, shared.numbers
     for step in range(steps):
         if lead:
-            shared.orders[STOP] = 0 if has_room(pairs, flat, curved, meshed, counts) else 1
+            shared.orders[STOP] = (
+                0 if has_room(pairs, flat, curved, meshed, counts) else 1
+            )
             if shared.orders[STOP] == 0:
-                begin_step(bodies, pairs, flat, curved, meshed, (), grid, walls, counts, physics, ghost)
+                begin_step(
+                    bodies,
+                    pairs,
+                    flat,
+                    curved,
+                    meshed,
+                    (),
+                    grid,
+                    walls,
+                    counts,
+                    physics,
+                    ghost,
+                )
         wait_for_all(shared.counters, threads)
         if shared.orders[STOP] != 0:
             return step
@@ -170,24 +208,48 @@ def advance_shared(
         for share in range(thread, SHARES, threads):
             begin, end = share_of(counts[st.N_NEAR], share, st.BLOCK)
             begins[share] = begin
-            numbers[share] = look_at_share(bodies, pairs, grid, physics.parts, begin, end, shared.due, scratch.normal)
+            numbers[share] = look_at_share(
+                bodies,
+                pairs,
+                grid,
+                physics.parts,
+                begin,
+                end,
+                shared.due,
+                scratch.normal,
+            )
         wait_for_all(shared.counters, threads)
         if lead:
             update_near_shares(pairs, counts, grid, shared.due, numbers, begins)
             renew(bodies, pairs, (), counts, grid, physics.parts, scratch.normal, ghost)
             wall_contacts_and_forces(
-                bodies, flat, curved, meshed, (), walls, meshes, counts, physics, t, scratch, ghost
+                bodies,
+                flat,
+                curved,
+                meshed,
+                (),
+                walls,
+                meshes,
+                counts,
+                physics,
+                t,
+                scratch,
+                ghost,
             )
         wait_for_all(shared.counters, threads)
 
         for share in range(thread, SHARES, threads):
             begin, end = share_of(counts[st.N_PAIRS], share, L)
             begins[share] = begin
-            numbers[share] = pair_forces(bodies, pairs, (), counts, physics, t, share, begin, end)
+            numbers[share] = pair_forces(
+                bodies, pairs, (), counts, physics, t, share, begin, end
+            )
         wait_for_all(shared.counters, threads)
         if lead:
             for share in range(SHARES - 1, -1, -1):
-                retire_pairs(bodies, pairs, counts, grid, begins[share], numbers[share], ghost)
+                retire_pairs(
+                    bodies, pairs, counts, grid, begins[share], numbers[share], ghost
+                )
             counts[st.STEPS] += 1
         wait_for_all(shared.counters, threads)
 
@@ -198,7 +260,14 @@ def advance_shared(
         wait_for_all(shared.counters, threads)
         if lead:
             for share in range(SHARES):
-                act_on_events(bodies, grid, counts, begins[share], numbers[share], counts[st.STEPS] * physics.dt)
+                act_on_events(
+                    bodies,
+                    grid,
+                    counts,
+                    begins[share],
+                    numbers[share],
+                    counts[st.STEPS] * physics.dt,
+                )
             note_paths(bodies, counts, grid)
     return steps
 
@@ -207,5 +276,8 @@ def run_threads(arrays, tiles, shared, steps):
     """Run `advance_shared` on as many threads as there are scratch tiles; returns the steps made."""
     threads = len(tiles[0])
     with ThreadPoolExecutor(threads) as pool:
-        made = pool.map(lambda thread: advance_shared(*arrays, *tiles, shared, thread, steps), range(threads))
+        made = pool.map(
+            lambda thread: advance_shared(*arrays, *tiles, shared, thread, steps),
+            range(threads),
+        )
     return next(made)

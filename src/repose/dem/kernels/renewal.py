@@ -7,7 +7,14 @@ from . import state as st
 from .clumps import chain_entries, drop_entries_of_gone
 from .forces import drop_touch
 from .jit import inlined, kernel
-from .neighbours import chain_contacts, drop_contact, drop_near_of_moved, link, list_pair, unlink
+from .neighbours import (
+    chain_contacts,
+    drop_contact,
+    drop_near_of_moved,
+    link,
+    list_pair,
+    unlink,
+)
 from .rigid import take_away
 from .sphere_search import list_clumps
 
@@ -39,8 +46,22 @@ def find_partners(bodies, pairs, clumps, counts, grid, parts, i, room):
                 j = grid.head[(cx * ny + cy) * nz + cz]
                 while j >= 0:
                     # two bodies that both moved find each other once
-                    if j != i and grid.mark[j] != i and not (grid.moved[j] == 1 and j < i):
-                        list_bodies(bodies, pairs, clumps, counts, grid, parts, min(i, j), max(i, j), room)
+                    if (
+                        j != i
+                        and grid.mark[j] != i
+                        and not (grid.moved[j] == 1 and j < i)
+                    ):
+                        list_bodies(
+                            bodies,
+                            pairs,
+                            clumps,
+                            counts,
+                            grid,
+                            parts,
+                            min(i, j),
+                            max(i, j),
+                            room,
+                        )
                     j = grid.following[j]
 
 
@@ -89,7 +110,10 @@ def drop_pairs_of_gone(bodies, pairs, clumps, counts, grid, ghost):
     presence = bodies.presence
     if len(clumps) == 0:
         for k in range(counts[st.N_PAIRS] - 1, -1, -1):
-            if presence[pairs.first[k]] != st.PRESENT or presence[pairs.second[k]] != st.PRESENT:
+            if (
+                presence[pairs.first[k]] != st.PRESENT
+                or presence[pairs.second[k]] != st.PRESENT
+            ):
                 drop_contact(pairs, counts, grid, k, ghost)
     else:
         drop_entries_of_gone(bodies, pairs, counts, grid, clumps, ghost)

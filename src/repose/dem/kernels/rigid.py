@@ -9,7 +9,15 @@ from .jit import inlined, kernel
 from .neighbours import mark_moved
 from .rows import add_vector, write_vector
 from .simd import WIDTH, gather, lanes_to_rows, prefetch
-from .state import ANGULAR_MOMENTUM, INVERSE_MOMENTS, PART, QUATERNION, RELIST, SHAPE, alive
+from .state import (
+    ANGULAR_MOMENTUM,
+    INVERSE_MOMENTS,
+    PART,
+    QUATERNION,
+    RELIST,
+    SHAPE,
+    alive,
+)
 
 FELL, MOVED_ON, LOST = 1, 2, 4  # bits of an event
 
@@ -142,7 +150,11 @@ def integrate(bodies, counts, physics, m, begin, end):
     """
     dt = physics.dt
     gx, gy, gz = physics.gravity[0], physics.gravity[1], physics.gravity[2]
-    fx, fy, fz = physics.rolling_frame[0], physics.rolling_frame[1], physics.rolling_frame[2]
+    fx, fy, fz = (
+        physics.rolling_frame[0],
+        physics.rolling_frame[1],
+        physics.rolling_frame[2],
+    )
     columns = bodies.rows.shape[1]
     n = min(counts[st.N_BODIES], end)
     shares = bodies.load.shape[0]
@@ -162,13 +174,33 @@ def integrate(bodies, counts, physics, m, begin, end):
         if physics.parts == st.SPHERES:
             turns = rotate_spheres(m, c, dt, bodies.resting[tile] == 1, fx, fy, fz)
         else:
-            turns = rotate_lanes(m, c, dt, physics.parts, bodies.resting[tile] == 1, fx, fy, fz)
+            turns = rotate_lanes(
+                m, c, dt, physics.parts, bodies.resting[tile] == 1, fx, fy, fz
+            )
         write = columns if turns else read
         bodies.resting[tile] = 0 if turns else 1
         for k in range(0, L, WIDTH):
             for column in range(0, write, WIDTH):
-                lanes_to_rows(bodies.rows, column, bodies.every, base + k, m, ROWS + column * L + k, L)
-        if noteworthy(m, c, bodies.displacement, base, physics.exit_height, physics.floor_height) > 0:
+                lanes_to_rows(
+                    bodies.rows,
+                    column,
+                    bodies.every,
+                    base + k,
+                    m,
+                    ROWS + column * L + k,
+                    L,
+                )
+        if (
+            noteworthy(
+                m,
+                c,
+                bodies.displacement,
+                base,
+                physics.exit_height,
+                physics.floor_height,
+            )
+            > 0
+        ):
             for lane in range(min(L, n - base)):
                 event = event_of(bodies, physics, m, c, lane, base + lane)
                 if event:

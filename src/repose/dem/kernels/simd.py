@@ -18,14 +18,21 @@ from .jit import JIT_OFF, inlined
 from .rows import LANES
 
 WIDTH = 8  # numbers moved at once
-DOUBLE, INT64, INT32, BYTE = ir.DoubleType(), ir.IntType(64), ir.IntType(32), ir.IntType(8)
+DOUBLE, INT64, INT32, BYTE = (
+    ir.DoubleType(),
+    ir.IntType(64),
+    ir.IntType(32),
+    ir.IntType(8),
+)
 FOR_READING, TO_ALL_CACHES, DATA = 0, 3, 1  # arguments of llvm.prefetch
 SMALLEST = 1e-300  # makes the root of zero a number to divide by
 VECTOR, HALF = ir.VectorType(DOUBLE, WIDTH), ir.VectorType(DOUBLE, WIDTH // 2)
 
 
 def _shuffle(builder, a, b, mask):
-    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), mask))
+    return builder.shuffle_vector(
+        a, b, ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), mask)
+    )
 
 
 def _load(builder, pointer, kind=VECTOR):
@@ -40,10 +47,22 @@ def _transposed(builder, pointers):
     """
     vectors = []
     for side in (0, 4):
-        halves = [_load(builder, builder.gep(pointer, [INT64(side)]), HALF) for pointer in pointers]
-        a, b, c, d = (_shuffle(builder, halves[k], halves[k + 2], list(range(8))) for k in (0, 1, 4, 5))
-        even = [_shuffle(builder, *pair, [0, 8, 2, 10, 4, 12, 6, 14]) for pair in ((a, b), (c, d))]
-        odd = [_shuffle(builder, *pair, [1, 9, 3, 11, 5, 13, 7, 15]) for pair in ((a, b), (c, d))]
+        halves = [
+            _load(builder, builder.gep(pointer, [INT64(side)]), HALF)
+            for pointer in pointers
+        ]
+        a, b, c, d = (
+            _shuffle(builder, halves[k], halves[k + 2], list(range(8)))
+            for k in (0, 1, 4, 5)
+        )
+        even = [
+            _shuffle(builder, *pair, [0, 8, 2, 10, 4, 12, 6, 14])
+            for pair in ((a, b), (c, d))
+        ]
+        odd = [
+            _shuffle(builder, *pair, [1, 9, 3, 11, 5, 13, 7, 15])
+            for pair in ((a, b), (c, d))
+        ]
         for mask in ([0, 1, 4, 5, 8, 9, 12, 13], [2, 3, 6, 7, 10, 11, 14, 15]):
             vectors += [_shuffle(builder, *even, mask), _shuffle(builder, *odd, mask)]
     return vectors
@@ -60,7 +79,10 @@ class _Call:
         self.builder = builder
         arrays = {}
         for name, kind, value in zip(
-            ("table", "column", "index", "k", "tile", "at", "stride"), signature.args, values, strict=True
+            ("table", "column", "index", "k", "tile", "at", "stride"),
+            signature.args,
+            values,
+            strict=True,
         ):
             if isinstance(kind, types.Array):
                 arrays[name] = context.make_array(kind)(context, builder, value)
@@ -84,13 +106,19 @@ class _Call:
     def lanes(self, quantity):
         """Pointer to the lanes of a quantity in the tile."""
         builder = self.builder
-        return builder.gep(self.tile, [builder.add(self.at, builder.mul(self.stride, INT64(quantity)))])
+        return builder.gep(
+            self.tile, [builder.add(self.at, builder.mul(self.stride, INT64(quantity)))]
+        )
 
 
 def _checked(table, column, index, k, tile, at, stride):
     """Return the signature of an intrinsic, or None where the arguments do not fit."""
     fits = all(isinstance(array, types.Array) for array in (table, tile, index))
-    fits = fits and table.dtype == tile.dtype == types.float64 and isinstance(index.dtype, types.Integer)
+    fits = (
+        fits
+        and table.dtype == tile.dtype == types.float64
+        and isinstance(index.dtype, types.Integer)
+    )
     return types.void(table, column, index, k, tile, at, stride) if fits else None
 
 
@@ -140,14 +168,23 @@ def prefetch(typingctx, table, row, column):
 
     def generate(context, builder, sig, values):
         array = context.make_array(sig.args[0])(context, builder, values[0])
-        row, column = (context.cast(builder, values[k], sig.args[k], types.int64) for k in (1, 2))
+        row, column = (
+            context.cast(builder, values[k], sig.args[k], types.int64) for k in (1, 2)
+        )
         offset = builder.mul(row, builder.extract_value(array.strides, 0))
-        offset = builder.add(offset, builder.mul(column, builder.extract_value(array.strides, 1)))
+        offset = builder.add(
+            offset, builder.mul(column, builder.extract_value(array.strides, 1))
+        )
         place = builder.gep(builder.bitcast(array.data, BYTE.as_pointer()), [offset])
         kind = ir.FunctionType(ir.VoidType(), [BYTE.as_pointer(), *3 * [INT32]])
         name = "llvm.prefetch.p0i8"
-        function = builder.module.globals.get(name) or ir.Function(builder.module, kind, name)
-        builder.call(function, [place, *(INT32(value) for value in (FOR_READING, TO_ALL_CACHES, DATA))])
+        function = builder.module.globals.get(name) or ir.Function(
+            builder.module, kind, name
+        )
+        builder.call(
+            function,
+            [place, *(INT32(value) for value in (FOR_READING, TO_ALL_CACHES, DATA))],
+        )
         return context.get_dummy_value()
 
     return signature, generate
@@ -170,7 +207,9 @@ def gather(rows, columns, index, base, t, at):
     """Copy the first columns of the rows of a tile's bodies into lanes."""
     for k in range(0, LANES, WIDTH):
         for column in range(0, columns, WIDTH):
-            rows_to_lanes(rows, column, index, base + k, t, at + column * LANES + k, LANES)
+            rows_to_lanes(
+                rows, column, index, base + k, t, at + column * LANES + k, LANES
+            )
 
 
 @inlined

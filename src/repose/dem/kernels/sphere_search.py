@@ -14,12 +14,22 @@ import numpy as np
 
 from . import clump_tile as ct
 from . import state as st
-from .clumps import SLOTS, add_entry, add_sphere_contact, drop_entry, drop_sphere_contact, is_set, most_spheres
+from .clumps import (
+    SLOTS,
+    add_entry,
+    add_sphere_contact,
+    drop_entry,
+    drop_sphere_contact,
+    is_set,
+    most_spheres,
+)
 from .jit import inlined, kernel
 from .neighbours import bounding_radius, next_due
 from .state import MOST_SPHERES
 
-WATCHED = SLOTS - 4  # pairs that are watched after a full search; the other slots are for contacts that end
+WATCHED = (
+    SLOTS - 4
+)  # pairs that are watched after a full search; the other slots are for contacts that end
 # Places in `Scratch.spheres`: the spheres of either body as rows of x, y, z and radius. Of one sphere of A and each of
 # B: squared distance, and by how much it exceeds that of a pair whose gap is calculated.
 PLACES_A, PLACES_B = 0, 4 * MOST_SPHERES
@@ -35,7 +45,9 @@ def place_spheres(row, spheres, n, scale, x0, y0, z0, s, at):
     w, x, y, z = row[st.SHAPE], row[st.SHAPE + 1], row[st.SHAPE + 2], row[st.SHAPE + 3]
     dx, dy, dz = row[0] - x0, row[1] - y0, row[2] - z0
     for k in range(n):
-        px, py, pz = ct.rotated_vector(w, x, y, z, spheres[0, k], spheres[1, k], spheres[2, k])
+        px, py, pz = ct.rotated_vector(
+            w, x, y, z, spheres[0, k], spheres[1, k], spheres[2, k]
+        )
         s[at + k] = dx + scale * px
         s[at + MOST_SPHERES + k] = dy + scale * py
         s[at + 2 * MOST_SPHERES + k] = dz + scale * pz
@@ -45,7 +57,11 @@ def place_spheres(row, spheres, n, scale, x0, y0, z0, s, at):
 @inlined
 def measure_sphere(s, p, n, near):
     """Squared distances of placed sphere p of A to the n spheres of B; returns how many gaps are below `near`."""
-    x, y, z = s[PLACES_A + p], s[PLACES_A + MOST_SPHERES + p], s[PLACES_A + 2 * MOST_SPHERES + p]
+    x, y, z = (
+        s[PLACES_A + p],
+        s[PLACES_A + MOST_SPHERES + p],
+        s[PLACES_A + 2 * MOST_SPHERES + p],
+    )
     reach = s[PLACES_A + 3 * MOST_SPHERES + p] + near
     found = 0
     for q in range(n):
@@ -101,8 +117,12 @@ def look_at_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, s):
     shape_a, shape_b = clumps.shape[i], clumps.shape[j]
     x, y, z = rows[i, 0], rows[i, 1], rows[i, 2]
     n_a, n_b = clumps.sizes[shape_a], clumps.sizes[shape_b]
-    place_spheres(rows[i], clumps.spheres[shape_a], n_a, clumps.scale[i], x, y, z, s, PLACES_A)
-    place_spheres(rows[j], clumps.spheres[shape_b], n_b, clumps.scale[j], x, y, z, s, PLACES_B)
+    place_spheres(
+        rows[i], clumps.spheres[shape_a], n_a, clumps.scale[i], x, y, z, s, PLACES_A
+    )
+    place_spheres(
+        rows[j], clumps.spheres[shape_b], n_b, clumps.scale[j], x, y, z, s, PLACES_B
+    )
     x, y, z = rows[j, 0] - x, rows[j, 1] - y, rows[j, 2] - z
     radius_b = bounding_radius(bodies, j)
     most = most_spheres(clumps)
@@ -110,15 +130,26 @@ def look_at_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, s):
         s[GAPS + k] = skin
     for p in range(n_a):
         rest = s[GAPS + WATCHED]
-        dx, dy, dz = (s[PLACES_A + p] - x, s[PLACES_A + MOST_SPHERES + p] - y, s[PLACES_A + 2 * MOST_SPHERES + p] - z)
+        dx, dy, dz = (
+            s[PLACES_A + p] - x,
+            s[PLACES_A + MOST_SPHERES + p] - y,
+            s[PLACES_A + 2 * MOST_SPHERES + p] - z,
+        )
         radius = s[PLACES_A + 3 * MOST_SPHERES + p]
         far = radius + radius_b + rest
-        if dx * dx + dy * dy + dz * dz >= far * far or measure_sphere(s, p, n_b, rest) == 0:
+        if (
+            dx * dx + dy * dy + dz * dz >= far * far
+            or measure_sphere(s, p, n_b, rest) == 0
+        ):
             continue
         for q in range(n_b):
-            if s[EXCESS + q] >= 0.0 or (entry >= 0 and is_set(pairs.known[entry], p * most + q)):
+            if s[EXCESS + q] >= 0.0 or (
+                entry >= 0 and is_set(pairs.known[entry], p * most + q)
+            ):
                 continue
-            gap = math.sqrt(s[SQUARES + q]) - (radius + s[PLACES_B + 3 * MOST_SPHERES + q])
+            gap = math.sqrt(s[SQUARES + q]) - (
+                radius + s[PLACES_B + 3 * MOST_SPHERES + q]
+            )
             if gap > 0.0:
                 if gap < s[GAPS + WATCHED]:
                     keep_gap(s, gap, p, q)
@@ -140,7 +171,12 @@ def sphere_place(bodies, clumps, i, k):
     row, of, scale = bodies.rows[i], clumps.spheres[clumps.shape[i]], clumps.scale[i]
     w, x, y, z = row[st.SHAPE], row[st.SHAPE + 1], row[st.SHAPE + 2], row[st.SHAPE + 3]
     px, py, pz = ct.rotated_vector(w, x, y, z, of[0, k], of[1, k], of[2, k])
-    return row[0] + scale * px, row[1] + scale * py, row[2] + scale * pz, scale * of[3, k]
+    return (
+        row[0] + scale * px,
+        row[1] + scale * py,
+        row[2] + scale * pz,
+        scale * of[3, k],
+    )
 
 
 @inlined
@@ -164,7 +200,10 @@ def look_at_watched(bodies, pairs, counts, clumps, entry, i, j):
     while k < pairs.n_watched[entry]:
         limit = pairs.watched_limit[entry, k]
         if total >= limit:
-            a, b = np.int64(pairs.watched[entry, k, 0]), np.int64(pairs.watched[entry, k, 1])
+            a, b = (
+                np.int64(pairs.watched[entry, k, 0]),
+                np.int64(pairs.watched[entry, k, 1]),
+            )
             gap = sphere_gap(bodies, clumps, i, j, a, b)
             if gap <= 0.0:
                 add_sphere_contact(pairs, counts, clumps, entry, i, j, a, b)
@@ -202,8 +241,14 @@ def update_near_clumps(bodies, pairs, counts, grid, clumps, s, ghost):
 def list_clumps(bodies, pairs, counts, grid, clumps, i, j, s):
     """Make an entry of two bodies whose surfaces are nearer than the skin."""
     rows = bodies.rows
-    dx, dy, dz = rows[j, 0] - rows[i, 0], rows[j, 1] - rows[i, 1], rows[j, 2] - rows[i, 2]
-    reach = bounding_radius(bodies, i) + bounding_radius(bodies, j) + grid.lengths[st.SKIN]
+    dx, dy, dz = (
+        rows[j, 0] - rows[i, 0],
+        rows[j, 1] - rows[i, 1],
+        rows[j, 2] - rows[i, 2],
+    )
+    reach = (
+        bounding_radius(bodies, i) + bounding_radius(bodies, j) + grid.lengths[st.SKIN]
+    )
     if dx * dx + dy * dy + dz * dz < reach * reach:
         look_at_spheres(bodies, pairs, counts, grid, clumps, -1, i, j, s)
 
@@ -214,7 +259,11 @@ def retire_spheres(bodies, pairs, counts, clumps, ended, ghost):
     for e in range(ended - 1, -1, -1):
         k = pairs.ended[e]
         entry = pairs.entry[k]
-        limit = bodies.displacement[pairs.first[k]] + bodies.displacement[pairs.second[k]] + pairs.gap[k]
+        limit = (
+            bodies.displacement[pairs.first[k]]
+            + bodies.displacement[pairs.second[k]]
+            + pairs.gap[k]
+        )
         pairs.near_limit[entry] = min(pairs.near_limit[entry], limit)
         n = pairs.n_watched[entry]
         if n < SLOTS:

@@ -20,7 +20,14 @@ CELL, REACH, SKIN = range(3)
 # Of a body that does not turn only the first eight change. Then follow the inverse inertia in the world as xx, xy, xz,
 # yy, yz, zz, and the shape: for clumps their quaternion. Spheres have only their radius there. The last is
 # `share_column`.
-POSITION, VELOCITY, INVERSE_MASS, ANGULAR_VELOCITY, INVERSE_INERTIA, SHAPE = 0, 3, 6, 7, 10, 16
+POSITION, VELOCITY, INVERSE_MASS, ANGULAR_VELOCITY, INVERSE_INERTIA, SHAPE = (
+    0,
+    3,
+    6,
+    7,
+    10,
+    16,
+)
 SPHERE_RADIUS = INVERSE_INERTIA
 PART = 6  # columns a part of the shape: the symmetric matrix R diag(a2, b2, c2) R' as xx, xy, xz, yy, yz, zz
 MOST_PARTS = 3
@@ -55,7 +62,19 @@ RADIUS2 = _wall.take()
 WALL_STATE = _wall.end  # where the force laws' rows begin, for walls
 
 # Slots of `counts`.
-N_BODIES, N_PAIRS, N_NEAR, N_PLANE, N_CURVED, N_MOVED, STEPS, FULL, N_GONE, N_MESHED, N_FREE = range(11)
+(
+    N_BODIES,
+    N_PAIRS,
+    N_NEAR,
+    N_PLANE,
+    N_CURVED,
+    N_MOVED,
+    STEPS,
+    FULL,
+    N_GONE,
+    N_MESHED,
+    N_FREE,
+) = range(11)
 COUNTS = 11
 
 ABSENT, PRESENT, GONE = 0, 1, 2
@@ -70,7 +89,8 @@ Bodies = namedtuple(
     "longest wall_margin",
 )
 Grid = namedtuple(
-    "Grid", "cell following preceding head moved moved_list chain mark touching near shape origin lengths paths"
+    "Grid",
+    "cell following preceding head moved moved_list chain mark touching near shape origin lengths paths",
 )
 Pairs = namedtuple(
     "Pairs",
@@ -79,10 +99,14 @@ Pairs = namedtuple(
 # deepest (walls, N): largest overlap with which a contact of a smooth body may begin; infinite unless it is past the
 # wall. Of clumps, known and past (walls, N): which spheres of a body touch a wall and which are past it, as bits; known
 # of meshes is written anew in every step. Of smooth bodies they are empty tuples.
-WallContacts = namedtuple("WallContacts", "body wall feature data limit ended deepest known past")
+WallContacts = namedtuple(
+    "WallContacts", "body wall feature data limit ended deepest known past"
+)
 Shared = namedtuple("Shared", "counters orders begins numbers due")
 # loads: force on each wall and torque about the origin, (walls, 6) where a user asks for them, else (0, 6).
-Walls = namedtuple("Walls", "planes cones rings frames displaced motion moves material approach loads")
+Walls = namedtuple(
+    "Walls", "planes cones rings frames displaced motion moves material approach loads"
+)
 Physics = namedtuple(
     "Physics",
     "parts gravity law rolling law_constants rolling_constants n_state mixed_pairs mixed_walls dt rolling_frame "
@@ -119,7 +143,12 @@ def alive(x):
 def scratch_of(numbers):
     """Return the parts of a `Scratch` in an array of SCRATCH numbers."""
     return Scratch(
-        numbers[0:3], numbers[8:16], numbers[16:24], numbers[24:64], numbers[64 : 64 + STARTS], numbers[96:SCRATCH]
+        numbers[0:3],
+        numbers[8:16],
+        numbers[16:24],
+        numbers[24:64],
+        numbers[64 : 64 + STARTS],
+        numbers[96:SCRATCH],
     )
 
 
@@ -144,7 +173,10 @@ def row_end(parts):
 
 def each(names, shape, kind, value=0):
     """Return an array of its own for each name, filled with a value."""
-    return {name: np.full(shape, value, kind) if value else np.zeros(shape, kind) for name in names.split()}
+    return {
+        name: np.full(shape, value, kind) if value else np.zeros(shape, kind)
+        for name in names.split()
+    }
 
 
 def new_bodies(n, parts, shares=1):
@@ -155,7 +187,9 @@ def new_bodies(n, parts, shares=1):
     """
     padded = LANES * (n // LANES + 1)
     rows = zeros(padded, CACHE_LINE * -(-row_end(parts) // CACHE_LINE))
-    rows[:, [SPHERE_RADIUS] if parts == SPHERES else [SHAPE, SHAPE + 3, SHAPE + 5]] = 1e-3 if parts == SPHERES else 1e-6
+    rows[:, [SPHERE_RADIUS] if parts == SPHERES else [SHAPE, SHAPE + 3, SHAPE + 5]] = (
+        1e-3 if parts == SPHERES else 1e-6
+    )
     rows[:, share_column(parts)] = 1.0
     motion = zeros(padded // LANES, MOTION_ROWS * LANES)
     motion[:, :LANES] = 1.0
@@ -253,7 +287,11 @@ def new_wall_contacts(n_contacts, n_walls, n_bodies, ghost, rows, of_clumps):
     n_contacts = whole_tiles(n_contacts)
     data = new_contacts(n_contacts, rows)
     data[:, RADIUS2 : RADIUS2 + LANES] = np.inf
-    bits = each("known past", (n_walls, n_bodies), np.uint64) if of_clumps else {"known": (), "past": ()}
+    bits = (
+        each("known past", (n_walls, n_bodies), np.uint64)
+        if of_clumps
+        else {"known": (), "past": ()}
+    )
     return WallContacts(
         body=np.full(n_contacts, ghost, np.uint32),
         **each("wall feature", n_contacts, np.uint32),

@@ -18,7 +18,10 @@ N = NORMAL  # row of the contact's own tile (see `state`)
 
 _rows = Rows()
 MOST_COLUMNS = 40
-A, B = (_rows.take(MOST_COLUMNS), _rows.take(MOST_COLUMNS))  # columns of the bodies (see `state`), B only of pairs
+A, B = (
+    _rows.take(MOST_COLUMNS),
+    _rows.take(MOST_COLUMNS),
+)  # columns of the bodies (see `state`), B only of pairs
 # The support point of A; the vector between the centres less the support points; curvature matrices of A and of both.
 SUPPORT, BETWEEN = _rows.take(3), _rows.take(3)
 CURVED, BOTH = _rows.take(6), _rows.take(6)
@@ -29,7 +32,9 @@ RA, RB = _rows.take(3), _rows.take(3)  # contact point relative to each centre
 # As the columns of `load`: force and torque on each body and the budget of the rolling torque.
 TO_A, TO_B = _rows.take(LOAD_COLUMNS), _rows.take(LOAD_COLUMNS)
 PUSH = _rows.take()  # normal force that limits friction and rolling
-CIRCLE = _rows.take()  # radius of the contact circle, written by the contact law; 0 where nothing touches
+CIRCLE = (
+    _rows.take()
+)  # radius of the contact circle, written by the contact law; 0 where nothing touches
 # The tangential dashpot [N s/m], written by the contact law, and the share of it that acts.
 DASHPOT, SHARE = _rows.take_each(2)
 STEP = _rows.take(3)  # how far the normal turns
@@ -73,9 +78,18 @@ def body_terms(t, shape, parts, k, nx, ny, nz):
     """`part_terms` of a lane's body, summed over its parts."""
     x, y, z, xx, xy, xz, yy, yz, zz = lane_part(t, shape, k, nx, ny, nz)
     for part in range(1, parts):
-        dx, dy, dz, dxx, dxy, dxz, dyy, dyz, dzz = lane_part(t, shape + part * PART * L, k, nx, ny, nz)
+        dx, dy, dz, dxx, dxy, dxz, dyy, dyz, dzz = lane_part(
+            t, shape + part * PART * L, k, nx, ny, nz
+        )
         x, y, z = x + dx, y + dy, z + dz
-        xx, xy, xz, yy, yz, zz = xx + dxx, xy + dxy, xz + dxz, yy + dyy, yz + dyz, zz + dzz
+        xx, xy, xz, yy, yz, zz = (
+            xx + dxx,
+            xy + dxy,
+            xz + dxz,
+            yy + dyy,
+            yz + dyz,
+            zz + dzz,
+        )
     return x, y, z, xx, xy, xz, yy, yz, zz
 
 
@@ -91,7 +105,9 @@ def body_a(t, c, parts):
     """Rows SUPPORT, CURVED and AREA_A."""
     for k in range(L):
         nx, ny, nz = c[N + k], c[N + L + k], c[N + 2 * L + k]
-        x, y, z, xx, xy, xz, yy, yz, zz = body_terms(t, A + SHAPE * L, parts, k, nx, ny, nz)
+        x, y, z, xx, xy, xz, yy, yz, zz = body_terms(
+            t, A + SHAPE * L, parts, k, nx, ny, nz
+        )
         write_vector(t, SUPPORT, k, x, y, z)
         write_matrix(t, CURVED, k, xx, xy, xz, yy, yz, zz)
         t[AREA_A + k] = area(xx, xy, xz, yy, yz, zz)
@@ -102,13 +118,25 @@ def body_b(t, c, parts):
     """Rows BETWEEN, BOTH and AREA_B; for the opposite normal the support point of a body has the opposite sign."""
     for k in range(L):
         nx, ny, nz = c[N + k], c[N + L + k], c[N + 2 * L + k]
-        x, y, z, xx, xy, xz, yy, yz, zz = body_terms(t, B + SHAPE * L, parts, k, nx, ny, nz)
+        x, y, z, xx, xy, xz, yy, yz, zz = body_terms(
+            t, B + SHAPE * L, parts, k, nx, ny, nz
+        )
         t[BETWEEN + k] = t[B + k] - t[A + k] - t[SUPPORT + k] - x
         t[BETWEEN + L + k] = t[B + L + k] - t[A + L + k] - t[SUPPORT + L + k] - y
-        t[BETWEEN + 2 * L + k] = t[B + 2 * L + k] - t[A + 2 * L + k] - t[SUPPORT + 2 * L + k] - z
+        t[BETWEEN + 2 * L + k] = (
+            t[B + 2 * L + k] - t[A + 2 * L + k] - t[SUPPORT + 2 * L + k] - z
+        )
         t[AREA_B + k] = area(xx, xy, xz, yy, yz, zz)
-        xx, xy, xz = t[CURVED + k] + xx, t[CURVED + L + k] + xy, t[CURVED + 2 * L + k] + xz
-        yy, yz, zz = t[CURVED + 3 * L + k] + yy, t[CURVED + 4 * L + k] + yz, t[CURVED + 5 * L + k] + zz
+        xx, xy, xz = (
+            t[CURVED + k] + xx,
+            t[CURVED + L + k] + xy,
+            t[CURVED + 2 * L + k] + xz,
+        )
+        yy, yz, zz = (
+            t[CURVED + 3 * L + k] + yy,
+            t[CURVED + 4 * L + k] + yz,
+            t[CURVED + 5 * L + k] + zz,
+        )
         write_matrix(t, BOTH, k, xx, xy, xz, yy, yz, zz)
 
 
@@ -180,7 +208,11 @@ def both_bodies(t, c, parts):
 def sphere_pair_geometry(t, c):
     """Compute the same for pairs of spheres, in closed form; where both centres coincide the last normal stays."""
     for k in range(L):
-        dx, dy, dz = t[B + k] - t[A + k], t[B + L + k] - t[A + L + k], t[B + 2 * L + k] - t[A + 2 * L + k]
+        dx, dy, dz = (
+            t[B + k] - t[A + k],
+            t[B + L + k] - t[A + L + k],
+            t[B + 2 * L + k] - t[A + 2 * L + k],
+        )
         ra, rb = t[A + st.SPHERE_RADIUS * L + k], t[B + st.SPHERE_RADIUS * L + k]
         square = dx * dx + dy * dy + dz * dz
         apart = square > NEAREST * NEAREST
@@ -224,14 +256,25 @@ def sphere_a(t, c):
     """Rows SUPPORT and AREA_A of spheres."""
     for k in range(L):
         radius = t[A + st.SPHERE_RADIUS * L + k]
-        write_vector(t, SUPPORT, k, radius * c[N + k], radius * c[N + L + k], radius * c[N + 2 * L + k])
+        write_vector(
+            t,
+            SUPPORT,
+            k,
+            radius * c[N + k],
+            radius * c[N + L + k],
+            radius * c[N + 2 * L + k],
+        )
         t[AREA_A + k] = radius * radius
 
 
 @inlined
 def is_on_disc(c, k, x, y, z, nx, ny, nz):
     """Whether a place lies within the disc of a lane's plane, seen along its normal."""
-    dx, dy, dz = x - c[st.MIDDLE + k], y - c[st.MIDDLE + L + k], z - c[st.MIDDLE + 2 * L + k]
+    dx, dy, dz = (
+        x - c[st.MIDDLE + k],
+        y - c[st.MIDDLE + L + k],
+        z - c[st.MIDDLE + 2 * L + k],
+    )
     across = dx * nx + dy * ny + dz * nz
     return dx * dx + dy * dy + dz * dz - across * across <= c[st.RADIUS2 + k]
 
@@ -254,7 +297,12 @@ def plane_geometry(t, c, parts):
     for k in range(L):
         nx, ny, nz = c[N + k], c[N + L + k], c[N + 2 * L + k]
         rx, ry, rz = t[SUPPORT + k], t[SUPPORT + L + k], t[SUPPORT + 2 * L + k]
-        f = c[OFFSET + k] - nx * (t[A + k] + rx) - ny * (t[A + L + k] + ry) - nz * (t[A + 2 * L + k] + rz)
+        f = (
+            c[OFFSET + k]
+            - nx * (t[A + k] + rx)
+            - ny * (t[A + L + k] + ry)
+            - nz * (t[A + 2 * L + k] + rz)
+        )
         rx, ry, rz = rx + 0.5 * f * nx, ry + 0.5 * f * ny, rz + 0.5 * f * nz
         t[RADIUS + k] = math.sqrt(t[AREA_A + k])
         write_vector(t, RA, k, rx, ry, rz)
@@ -269,10 +317,14 @@ def torques(t):
         fx, fy, fz = t[TO_A + k], t[TO_A + L + k], t[TO_A + 2 * L + k]
         rx, ry, rz = t[RA + k], t[RA + L + k], t[RA + 2 * L + k]
         sx, sy, sz = t[RB + k], t[RB + L + k], t[RB + 2 * L + k]
-        write_vector(t, TO_A + 3 * L, k, ry * fz - rz * fy, rz * fx - rx * fz, rx * fy - ry * fx)
+        write_vector(
+            t, TO_A + 3 * L, k, ry * fz - rz * fy, rz * fx - rx * fz, rx * fy - ry * fx
+        )
         t[TO_A + st.DASHPOTS * L + k] = t[DASHPOT + k] * (rx * rx + ry * ry + rz * rz)
         write_vector(t, TO_B, k, -fx, -fy, -fz)
-        write_vector(t, TO_B + 3 * L, k, sz * fy - sy * fz, sx * fz - sz * fx, sy * fx - sx * fy)
+        write_vector(
+            t, TO_B + 3 * L, k, sz * fy - sy * fz, sx * fz - sz * fx, sy * fx - sx * fy
+        )
         t[TO_B + st.DASHPOTS * L + k] = t[DASHPOT + k] * (sx * sx + sy * sy + sz * sz)
 
 

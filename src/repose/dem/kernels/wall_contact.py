@@ -47,7 +47,9 @@ def cone_overlap(row, parts, cone, theta):
     nx, ny, nz = mr * cos, mr * sin, mz
     ux, uy, uz = -sin, cos, 0.0
     wx, wy, wz = -mz * cos, -mz * sin, mr
-    h, x1, x2, q11, _q12, _q22 = support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz)
+    h, x1, x2, q11, _q12, _q22 = support_terms(
+        row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
+    )
     # the body's point: c + h n + x1 u + x2 w
     px = row[0] + h * nx + x1 * ux + x2 * wx
     py = row[1] + h * ny + x1 * uy + x2 * wy
@@ -79,7 +81,9 @@ def cone_contact(row, parts, cone, theta, out):
     nx, ny, nz = mr * cos, mr * sin, mz
     ux, uy, uz = -sin, cos, 0.0
     wx, wy, wz = -mz * cos, -mz * sin, mr
-    h, x1, x2, q11, q12, q22 = support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz)
+    h, x1, x2, q11, q12, q22 = support_terms(
+        row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
+    )
     gap = cone[2] - (nx * row[0] + ny * row[1] + nz * row[2] + h)
     write_contact(out, nx, ny, nz, gap, 0.0, h, x1, x2, ux, uy, uz, wx, wy, wz)
     px, py, pz = row[0] + out[5], row[1] + out[6], row[2] + out[7]
@@ -97,7 +101,9 @@ def ring_newton(row, parts, ring, theta, nx, ny, nz):
     radius = ring[0]
     dx, dy, dz = radius * cos - row[0], radius * sin - row[1], ring[1] - row[2]
     ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
-    h, x1, x2, q11, q12, q22 = support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz)
+    h, x1, x2, q11, q12, q22 = support_terms(
+        row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
+    )
     f = nx * dx + ny * dy + nz * dz - h
     g1, g2 = dx * ux + dy * uy + dz * uz - x1, dx * wx + dy * wy + dz * wz - x2
     # derivatives along the circle
@@ -140,13 +146,26 @@ def ring_contact(row, parts, ring, theta, nx, ny, nz, out):
     inv = 1.0 / math.sqrt(ux * ux + uy * uy + uz * uz)
     ux, uy, uz = ux * inv, uy * inv, uz * inv
     wx, wy, wz = ny * uz - nz * uy, nz * ux - nx * uz, nx * uy - ny * ux
-    h, x1, x2, q11, q12, q22 = support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz)
+    h, x1, x2, q11, q12, q22 = support_terms(
+        row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
+    )
     edge = ring[2]
-    gap = nx * (ring[0] * cos - row[0]) + ny * (ring[0] * sin - row[1]) + nz * (ring[1] - row[2]) - h - edge
+    gap = (
+        nx * (ring[0] * cos - row[0])
+        + ny * (ring[0] * sin - row[1])
+        + nz * (ring[1] - row[2])
+        - h
+        - edge
+    )
     outward = nx * cos + ny * sin
-    radius = effective_radius(q11, q12, q22, -outward / max(ring[0] - edge * outward, edge), 1.0 / edge)
+    radius = effective_radius(
+        q11, q12, q22, -outward / max(ring[0] - edge * outward, edge), 1.0 / edge
+    )
     write_contact(out, nx, ny, nz, gap, radius, h, x1, x2, ux, uy, uz, wx, wy, wz)
-    return outward * ring[3] + nz * ring[4] >= 0.0 and outward * ring[5] + nz * ring[6] >= 0.0
+    return (
+        outward * ring[3] + nz * ring[4] >= 0.0
+        and outward * ring[5] + nz * ring[6] >= 0.0
+    )
 
 
 @inlined
@@ -206,6 +225,10 @@ def sphere_on_ring(x, y, z, radius, ring, out):
     inv = 1.0 / max(distance, NEAREST)
     nr, nz = dr * inv, dz * inv
     edge = ring[2]
-    curvature = effective_radius(radius, 0.0, radius, -nr / max(ring[0] - edge * nr, edge), 1.0 / edge)
-    fill_contact(out, nr * cos, nr * sin, nz, distance - radius - edge, curvature, radius)
+    curvature = effective_radius(
+        radius, 0.0, radius, -nr / max(ring[0] - edge * nr, edge), 1.0 / edge
+    )
+    fill_contact(
+        out, nr * cos, nr * sin, nz, distance - radius - edge, curvature, radius
+    )
     return -min(dr * ring[3] + dz * ring[4], dr * ring[5] + dz * ring[6])

@@ -11,7 +11,13 @@ import math
 import numpy as np
 
 from . import state as st
-from .frames import contact_to_world, into_frame, rotate_to_world, row_in_frame, write_plane
+from .frames import (
+    contact_to_world,
+    into_frame,
+    rotate_to_world,
+    row_in_frame,
+    write_plane,
+)
 from .geometry import extent
 from .jit import inlined, kernel
 from .lists import move_contact, put_contact
@@ -43,7 +49,11 @@ NEXT_LOOK_KNOWN = 0.1
 @inlined
 def towards_ring(row, ring, start):
     """Return unit vector and distance from a body's centre to a point of a circle, number `start` of st.STARTS."""
-    dx, dy, dz = ring[0] * COSINES[start] - row[0], ring[0] * SINES[start] - row[1], ring[1] - row[2]
+    dx, dy, dz = (
+        ring[0] * COSINES[start] - row[0],
+        ring[0] * SINES[start] - row[1],
+        ring[1] - row[2],
+    )
     distance = math.sqrt(dx * dx + dy * dy + dz * dz)
     return dx / distance, dy / distance, dz / distance, distance
 
@@ -136,18 +146,26 @@ def slid_off(bodies, contacts, walls, n, k, depth):
     if not touches_others(contacts, n, i, k):
         contacts.deepest[wall, i] = depth
         # a second contact may have grown out of this one since the last search: the next search counts from there
-        contacts.limit[wall, i] -= NEXT_LOOK_KNOWN * bodies.motion[i // st.LANES, st.RADIUS + i % st.LANES]
+        contacts.limit[wall, i] -= (
+            NEXT_LOOK_KNOWN * bodies.motion[i // st.LANES, st.RADIUS + i % st.LANES]
+        )
 
 
 @inlined
-def look_again(contacts, counts, walls, body, wall, theta, on_wall, radius, deepest, moved, out):
+def look_again(
+    contacts, counts, walls, body, wall, theta, on_wall, radius, deepest, moved, out
+):
     """Add a contact that is found and new; returns how far the body may move before the next check."""
     if out[3] > 0.0:
         return out[3]
     if deepest < math.inf:
-        deepest = max(deepest, overlap_elsewhere(contacts, counts[st.N_CURVED], body, wall))
+        deepest = max(
+            deepest, overlap_elsewhere(contacts, counts[st.N_CURVED], body, wall)
+        )
     if not on_wall or out[3] < -min(DEEPEST_NEW * radius, deepest + moved):
-        if deepest == math.inf and not touches_others(contacts, counts[st.N_CURVED], body, -1):
+        if deepest == math.inf and not touches_others(
+            contacts, counts[st.N_CURVED], body, -1
+        ):
             deepest = 0.0
         contacts.deepest[wall, body] = deepest
         return NEXT_LOOK_BEYOND * radius
@@ -161,13 +179,21 @@ def look_again(contacts, counts, walls, body, wall, theta, on_wall, radius, deep
 
 
 @kernel
-def search_cone(row, contacts, counts, parts, walls, wall, i, radius, deepest, moved, profile, out):
+def search_cone(
+    row, contacts, counts, parts, walls, wall, i, radius, deepest, moved, profile, out
+):
     """Search for contacts of body i with a cone; returns how far it may move before the next search."""
     cone = walls.cones[wall]
     step = 2.0 * math.pi / st.STARTS
     for s in range(st.STARTS):
         nx, ny = cone[0] * COSINES[s], cone[0] * SINES[s]
-        profile[s] = nx * row[0] + ny * row[1] + cone[1] * row[2] + extent(row, parts, nx, ny, cone[1]) - cone[2]
+        profile[s] = (
+            nx * row[0]
+            + ny * row[1]
+            + cone[1] * row[2]
+            + extent(row, parts, nx, ny, cone[1])
+            - cone[2]
+        )
     nearest = 1e300
     for s in range(st.STARTS):
         here = profile[s]
@@ -176,13 +202,17 @@ def search_cone(row, contacts, counts, parts, walls, wall, i, radius, deepest, m
         # phi varies by less than (distance from the axis + reach) * step between starts
         theta = solve_cone(row, parts, cone, s * step)
         inside = cone_contact(row, parts, cone, theta, out)
-        free = look_again(contacts, counts, walls, i, wall, theta, inside, radius, deepest, moved, out)
+        free = look_again(
+            contacts, counts, walls, i, wall, theta, inside, radius, deepest, moved, out
+        )
         nearest = min(nearest, free)
     return nearest if nearest < 1e300 else 0.0
 
 
 @kernel
-def search_ring(row, contacts, counts, parts, walls, wall, i, radius, deepest, moved, profile, out):
+def search_ring(
+    row, contacts, counts, parts, walls, wall, i, radius, deepest, moved, profile, out
+):
     """Search for contacts of body i with a ring edge; returns how far it may move before the next search."""
     ring = walls.rings[wall - walls.cones.shape[0]]
     axial = abs(row[2] - ring[1])
@@ -202,7 +232,19 @@ def search_ring(row, contacts, counts, parts, walls, wall, i, radius, deepest, m
         nx, ny, nz, _distance = towards_ring(row, ring, s)
         theta, nx, ny, nz = solve_ring(row, parts, ring, s * step, nx, ny, nz)
         exposed = ring_contact(row, parts, ring, theta, nx, ny, nz, out)
-        free = look_again(contacts, counts, walls, i, wall, theta, exposed, radius, deepest, moved, out)
+        free = look_again(
+            contacts,
+            counts,
+            walls,
+            i,
+            wall,
+            theta,
+            exposed,
+            radius,
+            deepest,
+            moved,
+            out,
+        )
         nearest = min(nearest, free)
     return nearest if nearest < 1e300 else 0.0
 
@@ -218,7 +260,9 @@ def search_plane(bodies, contacts, counts, parts, plane, wall, i, out):
         contacts.deepest[wall, i] = math.inf
         return gap
     across = nx * dx + ny * dy + nz * dz
-    beyond = math.sqrt(max(dx * dx + dy * dy + dz * dz - across * across, 0.0)) - plane[6]
+    beyond = (
+        math.sqrt(max(dx * dx + dy * dy + dz * dz - across * across, 0.0)) - plane[6]
+    )
     if beyond > 0.0 or across < 0.0:
         contacts.deepest[wall, i] = 0.0
     if contacts.deepest[wall, i] == 0.0:
@@ -251,7 +295,10 @@ def sphere_beyond(x, y, z, radius, walls, wall, out):
 @inlined
 def sphere_on_wall(row, walls, wall, out):
     """`sphere_beyond` of a body that is a sphere; returns whether it lies on the wall."""
-    return sphere_beyond(row[0], row[1], row[2], row[st.SPHERE_RADIUS], walls, wall, out) <= 0.0
+    return (
+        sphere_beyond(row[0], row[1], row[2], row[st.SPHERE_RADIUS], walls, wall, out)
+        <= 0.0
+    )
 
 
 @inlined
@@ -260,7 +307,9 @@ def search_sphere(row, contacts, counts, walls, wall, i, radius, deepest, moved,
     on_wall = sphere_on_wall(row, walls, wall, out)
     if out[3] > 0.0:
         return out[3]
-    free = look_again(contacts, counts, walls, i, wall, 0.0, on_wall, radius, deepest, moved, out)
+    free = look_again(
+        contacts, counts, walls, i, wall, 0.0, on_wall, radius, deepest, moved, out
+    )
     return 1e300 if known(contacts, counts[st.N_CURVED], i, wall, 0.0) else free
 
 
@@ -270,14 +319,34 @@ def search_curved(bodies, curved, walls, counts, parts, wall, i, reading, scratc
     profile, out = scratch.profile, scratch.out
     radius = bodies.motion[i // st.LANES, st.RADIUS + i % st.LANES]
     # a body that is past a wall is searched whenever it moved by NEXT_LOOK_BEYOND
-    deepest, moved = curved.deepest[wall, i], reading - curved.limit[wall, i] + NEXT_LOOK_BEYOND * radius
+    deepest, moved = (
+        curved.deepest[wall, i],
+        reading - curved.limit[wall, i] + NEXT_LOOK_BEYOND * radius,
+    )
     curved.deepest[wall, i] = math.inf
     row = seen_from(walls, wall, bodies.rows[i], parts, scratch.local)
     if parts == st.SPHERES:
-        return search_sphere(row, curved, counts, walls, wall, i, radius, deepest, moved, out)
+        return search_sphere(
+            row, curved, counts, walls, wall, i, radius, deepest, moved, out
+        )
     if wall < walls.cones.shape[0]:
-        return search_cone(row, curved, counts, parts, walls, wall, i, radius, deepest, moved, profile, out)
-    return search_ring(row, curved, counts, parts, walls, wall, i, radius, deepest, moved, profile, out)
+        return search_cone(
+            row,
+            curved,
+            counts,
+            parts,
+            walls,
+            wall,
+            i,
+            radius,
+            deepest,
+            moved,
+            profile,
+            out,
+        )
+    return search_ring(
+        row, curved, counts, parts, walls, wall, i, radius, deepest, moved, profile, out
+    )
 
 
 @inlined
@@ -300,7 +369,9 @@ def follow_wall(parts, body, walls, wall, contacts, lane, out, local):
         if walls.displaced[wall]:
             nx, ny, nz = into_frame(walls.frames[wall], nx, ny, nz)
         for _ in range(2):
-            theta, nx, ny, nz, _f, _step = ring_newton(row, parts, ring, theta, nx, ny, nz)
+            theta, nx, ny, nz, _f, _step = ring_newton(
+                row, parts, ring, theta, nx, ny, nz
+            )
         on_wall = ring_contact(row, parts, ring, theta, nx, ny, nz, out)
     contacts[st.AZIMUTH + lane] = theta
     contact_to_world(walls, wall, out)

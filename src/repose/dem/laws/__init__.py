@@ -26,4 +26,6 @@ CONTACT_LAWS = Laws(
     sjkr="sjkr",
     eepa="eepa",
 )
-ROLLING_LAWS = Laws(budget="rolling", constant_torque="constant_torque", epsd="epsd", epsd2="epsd2")
+ROLLING_LAWS = Laws(
+    budget="rolling", constant_torque="constant_torque", epsd="epsd", epsd2="epsd2"
+)

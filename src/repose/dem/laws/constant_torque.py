@@ -36,7 +36,9 @@ _rows = Rows(tl.ROLLING)
 ROLLING_FRICTION, TWISTING_FRICTION = _rows.take_each(2)
 
 
-def constants(a: Material, b: Material, contact: Contact, _tension: str = "keep") -> np.ndarray:
+def constants(
+    a: Material, b: Material, contact: Contact, _tension: str = "keep"
+) -> np.ndarray:
     """mu_r and mu_t of two materials (2,)."""
     return epsd.constants(a, b, contact)[:2]
 

@@ -65,12 +65,22 @@ FORCE, FLOOR = _rows.take_each(2)  # the normal force without dashpot, and k_a d
 PLASTIC = RESCALED.n_state * L  # d_p, after the spring and the radius of the circle
 
 
-def constants(a: Material, b: Material, contact: Contact, tension: str = "keep") -> np.ndarray:
+def constants(
+    a: Material, b: Material, contact: Contact, tension: str = "keep"
+) -> np.ndarray:
     """Constants of `hertz_mindlin`, its other rows, and the three of this law (n,); SI."""
-    plasticity, gamma = (contact.constants[of.name] for of in (PLASTICITY_RATIO, SURFACE_ENERGY))
+    plasticity, gamma = (
+        contact.constants[of.name] for of in (PLASTICITY_RATIO, SURFACE_ENERGY)
+    )
     values = np.zeros(hertz_mindlin.LAW.n_rows + 3)
-    values[: hertz_mindlin.LAW.n_constants] = hertz_mindlin.constants(a, b, contact, tension)
-    values[-3:] = (plasticity ** (2.0 / 3.0), 1.0 / (1.0 - plasticity), 3.0 * math.pi * gamma * math.sqrt(2.0))
+    values[: hertz_mindlin.LAW.n_constants] = hertz_mindlin.constants(
+        a, b, contact, tension
+    )
+    values[-3:] = (
+        plasticity ** (2.0 / 3.0),
+        1.0 / (1.0 - plasticity),
+        3.0 * math.pi * gamma * math.sqrt(2.0),
+    )
     return values
 
 
@@ -91,14 +101,21 @@ def restitution(plasticity: float) -> float:
     return math.sqrt(max(released, 0.0) / (1.0 - plasticity))
 
 
-def contact_time(a: Material, b: Material, contact: Contact, mass: float, radius: float, speed: float) -> float:
+def contact_time(
+    a: Material, b: Material, contact: Contact, mass: float, radius: float, speed: float
+) -> float:
     """Return the time of `hertz_mindlin` times sqrt(1 - L), for unloading is faster; arguments as there."""
     faster = math.sqrt(1.0 - contact.constants[PLASTICITY_RATIO.name])
     return faster * hertz_mindlin.contact_time(a, b, contact, mass, radius, speed)
 
 
 def oscillator(
-    a: Material, b: Material, contact: Contact, tension: str, radius: float, overlap: float
+    a: Material,
+    b: Material,
+    contact: Contact,
+    tension: str,
+    radius: float,
+    overlap: float,
 ) -> tuple[float, float]:
     """Stiffness of unloading and its damping ratio; arguments as of `hertz_mindlin.oscillator`."""
     stiffness, ratio = hertz_mindlin.oscillator(a, b, contact, tension, radius, overlap)
@@ -125,7 +142,11 @@ def hysteresis(t: np.ndarray, c: np.ndarray, last: int, plastic: int) -> None:
         gap = t[tl.GAP + k]
         overlap = -gap if gap < 0.0 else 0.0
         radius, circle, before = t[tl.RADIUS + k], t[tl.CIRCLE + k], c[last + k]
-        stiffness, stiffer, adhesion = t[NORMAL_STIFFNESS + k], t[STIFFER + k], t[ADHESION + k]
+        stiffness, stiffer, adhesion = (
+            t[NORMAL_STIFFNESS + k],
+            t[STIFFER + k],
+            t[ADHESION + k],
+        )
         kept = c[plastic + k]
         pressed, lowest, share = branches(stiffness, stiffer, adhesion, radius, kept)
         shallow = before * before / max(radius, TINY)  # the overlap of the step before
@@ -140,10 +161,17 @@ def hysteresis(t: np.ndarray, c: np.ndarray, last: int, plastic: int) -> None:
 
 
 @inlined
-def push(t: np.ndarray, c: np.ndarray, spring: int, tension: int, friction_limit: int) -> None:
+def push(
+    t: np.ndarray, c: np.ndarray, spring: int, tension: int, friction_limit: int
+) -> None:
     """Compute normal force, and the tangential force that Coulomb's limit leaves, of each lane."""
     for k in range(L):
-        circle, viscous, force, floor = t[tl.CIRCLE + k], t[VISCOUS + k], t[FORCE + k], t[FLOOR + k]
+        circle, viscous, force, floor = (
+            t[tl.CIRCLE + k],
+            t[VISCOUS + k],
+            t[FORCE + k],
+            t[FLOOR + k],
+        )
         damped = force + t[NORMAL_DAMPING + k] * viscous * t[tl.VN + k]
         least = -math.inf if tension == KEEP else min(force, 0.0)
         fn = max(damped, least)

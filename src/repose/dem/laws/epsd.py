@@ -34,21 +34,28 @@ from ..materials import Contact, Material, effective_moduli
 from .law import Law
 
 ETA = 0.3  # damping ratio of rolling (Ai et al. 2011)
-SPHERE, SPUN = 1.4, 0.4  # moments of a sphere about a point of its surface and about its centre over m r^2
+SPHERE, SPUN = (
+    1.4,
+    0.4,
+)  # moments of a sphere about a point of its surface and about its centre over m r^2
 HERTZ_TWIST = 3.0 * math.pi / 16.0
 TINY = 1e-60  # keeps a root from 0
 
 Epsd = namedtuple("Epsd", "tension friction_limit")
 
 _rows = Rows(tl.ROLLING)
-ROLLING_FRICTION, TWISTING_FRICTION, NORMAL_STIFFNESS, TWISTING_STIFFNESS = _rows.take_each(4)
+ROLLING_FRICTION, TWISTING_FRICTION, NORMAL_STIFFNESS, TWISTING_STIFFNESS = (
+    _rows.take_each(4)
+)
 
 _state = Rows()
 ROLLED = _state.take(3)  # k_r theta_r [N m]
 TWISTED = _state.take()  # M_n [N m]
 
 
-def constants(a: Material, b: Material, contact: Contact, _tension: str = "keep") -> np.ndarray:
+def constants(
+    a: Material, b: Material, contact: Contact, _tension: str = "keep"
+) -> np.ndarray:
     """mu_r, mu_t, 2 E* and 4 G* of two materials (4,)."""
     young, shear = effective_moduli(a, b)
     twist = contact.twisting_friction
@@ -75,9 +82,14 @@ def levers(t: np.ndarray, k: int) -> tuple[float, float]:
 
 
 @inlined
-def turning(t: np.ndarray, k: int, nx: float, ny: float, nz: float) -> tuple[float, float, float, float]:
+def turning(
+    t: np.ndarray, k: int, nx: float, ny: float, nz: float
+) -> tuple[float, float, float, float]:
     """Relative angular velocity of a lane: its part along the normal, and the three components across it."""
-    first, second = tl.A + st.ANGULAR_VELOCITY * L + k, tl.B + st.ANGULAR_VELOCITY * L + k
+    first, second = (
+        tl.A + st.ANGULAR_VELOCITY * L + k,
+        tl.B + st.ANGULAR_VELOCITY * L + k,
+    )
     wx = t[first] - t[second]
     wy = t[first + L] - t[second + L]
     wz = t[first + 2 * L] - t[second + 2 * L]
@@ -95,7 +107,9 @@ def oppose(t: np.ndarray, k: int, x: float, y: float, z: float) -> None:
 
 
 @inlined
-def resist(t: np.ndarray, c: np.ndarray, at: int, dt: float, of_tangent: int, eta: float) -> None:
+def resist(
+    t: np.ndarray, c: np.ndarray, at: int, dt: float, of_tangent: int, eta: float
+) -> None:
     """Compute the torques of each lane on both bodies; of_tangent: k_r from the tangential stiffness, see `epsd2`."""
     for k in range(L):
         nx, ny, nz = c[st.NORMAL + k], c[st.NORMAL + L + k], c[st.NORMAL + 2 * L + k]
@@ -108,7 +122,15 @@ def resist(t: np.ndarray, c: np.ndarray, at: int, dt: float, of_tangent: int, et
         if of_tangent:
             stiffness = 2.0 * t[TWISTING_STIFFNESS + k] * circle * arm * arm
         else:
-            stiffness = 2.25 * t[NORMAL_STIFFNESS + k] * circle * friction * friction * arm * arm
+            stiffness = (
+                2.25
+                * t[NORMAL_STIFFNESS + k]
+                * circle
+                * friction
+                * friction
+                * arm
+                * arm
+            )
         x, y, z = c[at + k], c[at + L + k], c[at + 2 * L + k]
         along = x * nx + y * ny + z * nz
         x = x - along * nx + stiffness * dt * wx
@@ -117,7 +139,11 @@ def resist(t: np.ndarray, c: np.ndarray, at: int, dt: float, of_tangent: int, et
         most = friction * push * arm
         held = touching * min(1.0, most / math.sqrt(x * x + y * y + z * z + TINY))
         x, y, z = held * x, held * y, held * z
-        c[at + k], c[at + L + k], c[at + 2 * L + k] = st.alive(x), st.alive(y), st.alive(z)
+        c[at + k], c[at + L + k], c[at + 2 * L + k] = (
+            st.alive(x),
+            st.alive(y),
+            st.alive(z),
+        )
         dashpot = 2.0 * eta * math.sqrt(SPHERE * stiffness / (mobility + TINY))
         x, y, z = x + dashpot * wx, y + dashpot * wy, z + dashpot * wz
         cut = min(1.0, most / math.sqrt(x * x + y * y + z * z + TINY))

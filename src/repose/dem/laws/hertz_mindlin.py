@@ -40,7 +40,9 @@ HertzMindlin = namedtuple("HertzMindlin", "tension friction_limit")
 
 _rows = Rows(tl.LAW)
 # Constants of two materials: 4/3 E*, 8 G*, the dampings 2 sqrt(5/6) beta sqrt(2 E*) and 2 sqrt(5/6) beta sqrt(8 G*).
-NORMAL_STIFFNESS, TANGENTIAL_STIFFNESS, NORMAL_DAMPING, TANGENTIAL_DAMPING, FRICTION = _rows.take_each(5)
+NORMAL_STIFFNESS, TANGENTIAL_STIFFNESS, NORMAL_DAMPING, TANGENTIAL_DAMPING, FRICTION = (
+    _rows.take_each(5)
+)
 VISCOUS = _rows.take()  # sqrt(that radius times m)
 
 _state = Rows()
@@ -88,7 +90,9 @@ def _log_released(b: float) -> float:
     return -2.0 * b * math.acosh(b) / math.sqrt(b * b - 1.0)
 
 
-def constants(a: Material, b: Material, contact: Contact, tension: str = "keep") -> np.ndarray:
+def constants(
+    a: Material, b: Material, contact: Contact, tension: str = "keep"
+) -> np.ndarray:
     """Constants of the law for two materials as the kernel takes them.
 
     Parameters
@@ -107,11 +111,23 @@ def constants(a: Material, b: Material, contact: Contact, tension: str = "keep")
     """
     young, shear = effective_moduli(a, b)
     damping = 2.0 * math.sqrt(5.0 / 6.0) * damping_ratio(contact.restitution, tension)
-    normal, tangential = damping * math.sqrt(2.0 * young), damping * math.sqrt(8.0 * shear)
-    return np.array([4.0 / 3.0 * young, 8.0 * shear, normal, tangential, contact.static_friction])
+    normal, tangential = (
+        damping * math.sqrt(2.0 * young),
+        damping * math.sqrt(8.0 * shear),
+    )
+    return np.array(
+        [4.0 / 3.0 * young, 8.0 * shear, normal, tangential, contact.static_friction]
+    )
 
 
-def contact_time(a: Material, b: Material, _contact: Contact, mass: float, radius: float, speed: float) -> float:
+def contact_time(
+    a: Material,
+    b: Material,
+    _contact: Contact,
+    mass: float,
+    radius: float,
+    speed: float,
+) -> float:
     """Duration of an elastic head-on impact.
 
     Parameters
@@ -137,7 +153,12 @@ def contact_time(a: Material, b: Material, _contact: Contact, mass: float, radiu
 
 
 def oscillator(
-    a: Material, b: Material, contact: Contact, tension: str, radius: float, overlap: float
+    a: Material,
+    b: Material,
+    contact: Contact,
+    tension: str,
+    radius: float,
+    overlap: float,
 ) -> tuple[float, float]:
     """Stiffness and damping ratio of a contact for small motions about an overlap.
 
@@ -183,7 +204,9 @@ def contact_sizes(t: np.ndarray) -> None:
 
 
 @inlined
-def push(t: np.ndarray, c: np.ndarray, spring: int, tension: int, friction_limit: int) -> None:
+def push(
+    t: np.ndarray, c: np.ndarray, spring: int, tension: int, friction_limit: int
+) -> None:
     """Compute normal force, and the tangential force that Coulomb's limit leaves, of each lane.
 
     Parameters

@@ -52,7 +52,9 @@ Jkr = namedtuple("Jkr", "tension friction_limit")
 
 _rows = Rows(tl.LAW)
 # Constants of two materials: those of `hertz_mindlin`, sqrt(2 pi w / E*), pi w.
-NORMAL_STIFFNESS, TANGENTIAL_STIFFNESS, NORMAL_DAMPING, TANGENTIAL_DAMPING, FRICTION = _rows.take_each(5)
+NORMAL_STIFFNESS, TANGENTIAL_STIFFNESS, NORMAL_DAMPING, TANGENTIAL_DAMPING, FRICTION = (
+    _rows.take_each(5)
+)
 BOND, ADHESION = _rows.take_each(2)
 VISCOUS = _rows.take()  # as in `hertz_mindlin`
 ELASTIC, PULL_OFF = _rows.take_each(2)  # elastic normal force and pull-off force [N]
@@ -80,15 +82,21 @@ def pull_off_force(contact: Contact, radius: float) -> float:
     return 1.5 * math.pi * work_of_adhesion(contact) * radius
 
 
-def constants(a: Material, b: Material, contact: Contact, tension: str = "keep") -> np.ndarray:
+def constants(
+    a: Material, b: Material, contact: Contact, tension: str = "keep"
+) -> np.ndarray:
     """Those of `hertz_mindlin`, sqrt(2 pi w / E*) and pi w (7,); SI."""
     young, _ = effective_moduli(a, b)
     work = work_of_adhesion(contact)
     bond = math.sqrt(2.0 * math.pi * work / young)
-    return np.append(hertz_mindlin.constants(a, b, contact, tension), [bond, math.pi * work])
+    return np.append(
+        hertz_mindlin.constants(a, b, contact, tension), [bond, math.pi * work]
+    )
 
 
-def circle_radius(a: Material, b: Material, contact: Contact, radius: float, overlap: float) -> float:
+def circle_radius(
+    a: Material, b: Material, contact: Contact, radius: float, overlap: float
+) -> float:
     """Radius of the contact circle [m] at an overlap, negative for a gap; ValueError beyond the contact's reach."""
     work, (young, _) = work_of_adhesion(contact), effective_moduli(a, b)
     if work == 0.0:
@@ -96,12 +104,19 @@ def circle_radius(a: Material, b: Material, contact: Contact, radius: float, ove
     unit = (2.0 * math.pi * work * radius**2 / young) ** (1.0 / 3.0)
     excess = overlap * radius / unit**2 + LEAST
     if excess < 0.0:
-        raise ValueError(f"overlap is {overlap!r}; expected at least {-LEAST * unit**2 / radius:.4g}")
+        raise ValueError(
+            f"overlap is {overlap!r}; expected at least {-LEAST * unit**2 / radius:.4g}"
+        )
     return unit * _root(max(excess, NO_ROOT)) ** 2
 
 
 def oscillator(
-    a: Material, b: Material, contact: Contact, tension: str, radius: float, overlap: float
+    a: Material,
+    b: Material,
+    contact: Contact,
+    tension: str,
+    radius: float,
+    overlap: float,
 ) -> tuple[float, float]:
     """2 E* a, which dF_n / d delta does not exceed, and the damping ratio at it; see `hertz_mindlin.oscillator`."""
     young, _ = effective_moduli(a, b)
@@ -123,7 +138,11 @@ def _root(excess: float) -> float:
 def begin(t: np.ndarray, c: np.ndarray, root: int) -> None:
     """Compute the cube root that a contact needs when it begins; `sizes` updates it when R* changes."""
     for k in range(L):
-        if c[root + k] == 0.0 and t[tl.GAP + k] < 0.0 and t[BOND + k] * t[tl.RADIUS + k] > 0.0:
+        if (
+            c[root + k] == 0.0
+            and t[tl.GAP + k] < 0.0
+            and t[BOND + k] * t[tl.RADIUS + k] > 0.0
+        ):
             c[root + k] = (t[tl.RADIUS + k] * t[BOND + k]) ** (1.0 / 3.0)
 
 
@@ -149,14 +168,18 @@ def sizes(t: np.ndarray, c: np.ndarray, root: int, reach: int) -> None:
         t[tl.CIRCLE + k] = circle
         t[VISCOUS + k] = math.sqrt(circle) * rsqrt(t[tl.INVERSE_MASS + k])
         adhesive = pull_off * cube * (8.0 / 3.0 * cube - 4.0)
-        t[ELASTIC + k] = adhesive if coheres else t[NORMAL_STIFFNESS + k] * dry * overlap
+        t[ELASTIC + k] = (
+            adhesive if coheres else t[NORMAL_STIFFNESS + k] * dry * overlap
+        )
         t[PULL_OFF + k] = 1.5 * pull_off
         c[root + k] = root_a if coheres else 0.0
         c[reach + k] = end
 
 
 @inlined
-def push(t: np.ndarray, c: np.ndarray, spring: int, tension: int, friction_limit: int) -> None:
+def push(
+    t: np.ndarray, c: np.ndarray, spring: int, tension: int, friction_limit: int
+) -> None:
     """`hertz_mindlin.push` with forces that end at the strongest pull instead of at 0."""
     for k in range(L):
         viscous, pull_off = t[VISCOUS + k], t[PULL_OFF + k]

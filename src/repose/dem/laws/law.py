@@ -25,7 +25,10 @@ FRICTION_LIMITS = {"elastic": ELASTIC, "total": TOTAL}
 # The limit with which a sliding impact changes the tangential velocity by mu_s (1 + e) V_n (`tangential`).
 COULOMB = {"keep": "elastic", "release": "total", "cut": "total"}
 # Text for people.
-LIMITS = {"elastic": "the elastic part of the normal force", "total": "the size of the damped normal force"}
+LIMITS = {
+    "elastic": "the elastic part of the normal force",
+    "total": "the size of the damped normal force",
+}
 ENDS = {
     "keep": "the damped force may pull at the end of an impact",
     "release": "the force never pulls, damped so that the restitution is as set",
@@ -101,7 +104,9 @@ class Law:
         _REACHES[self.options] = self.reach or _no_reach
         _GEOMETRIES[self.options] = self.geometry or _no_geometry
 
-    def make_options(self, tension: str = "keep", friction_limit: str | None = None) -> Any:
+    def make_options(
+        self, tension: str = "keep", friction_limit: str | None = None
+    ) -> Any:
         """Return the options that the kernel gets.
 
         Parameters
@@ -116,7 +121,9 @@ class Law:
         namedtuple
             An instance of `options`, with numbers for the names.
         """
-        return self.options(TENSIONS[tension], FRICTION_LIMITS[friction_limit or COULOMB[tension]])
+        return self.options(
+            TENSIONS[tension], FRICTION_LIMITS[friction_limit or COULOMB[tension]]
+        )
 
 
 def contact_forces(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
@@ -138,7 +145,9 @@ def contact_forces(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -
     _KERNELS[type(law)](law, t, c, at, dt)
 
 
-def rolling_resistance(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
+def rolling_resistance(
+    law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float
+) -> None:
     """Budget of each lane's rolling resistance on both bodies: row `ROLL` of `TO_A` and `TO_B`.
 
     It is called after the torques. A law that acts by a torque adds it to the torques and leaves a budget of zero.
@@ -172,7 +181,9 @@ def reach(law: Any, c: np.ndarray, at: int, k: int) -> float:
     return _REACHES[type(law)](law, c, at, k)
 
 
-def surfaces(law: Any, t: np.ndarray, c: np.ndarray, of_spheres: int, on_wall: int) -> None:
+def surfaces(
+    law: Any, t: np.ndarray, c: np.ndarray, of_spheres: int, on_wall: int
+) -> None:
     """Quantities of each lane's surfaces that a law needs besides R*."""
     _GEOMETRIES[type(law)](law, t, c, of_spheres, on_wall)
 

@@ -38,7 +38,9 @@ _state = Rows()
 SPRING = _state.take(3)
 
 
-def constants(a: Material, b: Material, contact: Contact, tension: str = "keep") -> np.ndarray:
+def constants(
+    a: Material, b: Material, contact: Contact, tension: str = "keep"
+) -> np.ndarray:
     """Constants of the law for two materials as the kernel takes them.
 
     Parameters
@@ -57,10 +59,24 @@ def constants(a: Material, b: Material, contact: Contact, tension: str = "keep")
     """
     young, shear = effective_moduli(a, b)
     damping = 2.0 * damping_ratio(contact.restitution, tension)
-    return np.array([4.0 / 3.0 * young * math.sqrt(SECANT), 4.0 * shear / young, damping, contact.static_friction])
+    return np.array(
+        [
+            4.0 / 3.0 * young * math.sqrt(SECANT),
+            4.0 * shear / young,
+            damping,
+            contact.static_friction,
+        ]
+    )
 
 
-def contact_time(a: Material, b: Material, _contact: Contact, mass: float, radius: float, _speed: float) -> float:
+def contact_time(
+    a: Material,
+    b: Material,
+    _contact: Contact,
+    mass: float,
+    radius: float,
+    _speed: float,
+) -> float:
     """Duration of an elastic head-on impact; it is the same at any speed.
 
     Parameters
@@ -82,7 +98,12 @@ def contact_time(a: Material, b: Material, _contact: Contact, mass: float, radiu
 
 
 def oscillator(
-    a: Material, b: Material, contact: Contact, tension: str, radius: float, _overlap: float
+    a: Material,
+    b: Material,
+    contact: Contact,
+    tension: str,
+    radius: float,
+    _overlap: float,
 ) -> tuple[float, float]:
     """Stiffness and damping ratio of a contact; they are the same at any overlap.
 
@@ -105,7 +126,9 @@ def oscillator(
         beta: the damping over 2 sqrt(k_n m).
     """
     young, _ = effective_moduli(a, b)
-    return 4.0 / 3.0 * young * math.sqrt(SECANT) * radius, damping_ratio(contact.restitution, tension)
+    return 4.0 / 3.0 * young * math.sqrt(SECANT) * radius, damping_ratio(
+        contact.restitution, tension
+    )
 
 
 def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
@@ -128,7 +151,9 @@ def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
     slip(t, c, spring, dt)
     for k in range(L):
         gap = t[tl.GAP + k]
-        touching, overlap = (1.0, -gap) if gap < 0.0 else (0.0, 0.0)  # beyond a disc's edge the gap is infinite
+        touching, overlap = (
+            (1.0, -gap) if gap < 0.0 else (0.0, 0.0)
+        )  # beyond a disc's edge the gap is infinite
         t[tl.CIRCLE + k] = math.sqrt(t[tl.RADIUS + k] * overlap)
         stiffness = touching * t[STIFFNESS + k] * t[tl.RADIUS + k]
         viscous = math.sqrt(stiffness) * rsqrt(t[tl.INVERSE_MASS + k])
@@ -137,7 +162,9 @@ def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
         fn, limit = normal_forces(elastic, damped, law.tension, law.friction_limit)
         ratio = t[TANGENTIAL_RATIO + k]
         damping = t[DAMPING + k] * math.sqrt(ratio) * viscous
-        add_forces(t, c, spring, k, fn, limit, t[FRICTION + k], ratio * stiffness, damping)
+        add_forces(
+            t, c, spring, k, fn, limit, t[FRICTION + k], ratio * stiffness, damping
+        )
 
 
 LAW = Law(

@@ -33,7 +33,9 @@ _rows = Rows(tl.ROLLING)
 ROLLING_FRICTION = _rows.take()
 
 
-def constants(_a: Material, _b: Material, contact: Contact, _tension: str = "keep") -> np.ndarray:
+def constants(
+    _a: Material, _b: Material, contact: Contact, _tension: str = "keep"
+) -> np.ndarray:
     """Constants of the law for two materials as the kernel takes them.
 
     Parameters

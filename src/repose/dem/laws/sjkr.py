@@ -47,10 +47,14 @@ DENSITY = _rows.take()  # k
 INVERSE_SUM = _rows.take()  # 1 / (r_a + r_b), 0 on a wall
 
 
-def constants(a: Material, b: Material, contact: Contact, tension: str = "keep") -> np.ndarray:
+def constants(
+    a: Material, b: Material, contact: Contact, tension: str = "keep"
+) -> np.ndarray:
     """Constants of `hertz_mindlin`, its other rows, and k (n,); SI."""
     values = np.zeros(hertz_mindlin.LAW.n_rows + 1)
-    values[: hertz_mindlin.LAW.n_constants] = hertz_mindlin.constants(a, b, contact, tension)
+    values[: hertz_mindlin.LAW.n_constants] = hertz_mindlin.constants(
+        a, b, contact, tension
+    )
     values[-1] = contact.constants[COHESION_ENERGY_DENSITY.name]
     return values
 
@@ -58,12 +62,23 @@ def constants(a: Material, b: Material, contact: Contact, tension: str = "keep")
 @inlined
 def area(overlap: float, radius: float, inverse_sum: float) -> float:
     """Area of the circle in which two spheres cut each other; radius is R*, inverse_sum 1 / (r_a + r_b)."""
-    share = min(overlap * inverse_sum, 0.5)  # finite in unused lanes, where both bodies are in one place
+    share = min(
+        overlap * inverse_sum, 0.5
+    )  # finite in unused lanes, where both bodies are in one place
     middle = max(4.0 * radius - 2.0 * overlap + overlap * share, 0.0)
-    return 0.25 * math.pi * overlap * (2.0 - share) * middle / ((1.0 - share) * (1.0 - share))
+    return (
+        0.25
+        * math.pi
+        * overlap
+        * (2.0 - share)
+        * middle
+        / ((1.0 - share) * (1.0 - share))
+    )
 
 
-def geometry(law: Any, t: np.ndarray, c: np.ndarray, of_spheres: int, on_wall: int) -> None:
+def geometry(
+    law: Any, t: np.ndarray, c: np.ndarray, of_spheres: int, on_wall: int
+) -> None:
     """1 / (r_a + r_b) of each lane, as `law.geometry` asks for it."""
     for k in range(L):
         if on_wall:
@@ -72,7 +87,9 @@ def geometry(law: Any, t: np.ndarray, c: np.ndarray, of_spheres: int, on_wall: i
             total = c[ct.REACH + k]
             t[INVERSE_SUM + k] = 1.0 / total if total > 0.0 else 0.0
         else:
-            t[INVERSE_SUM + k] = 1.0 / (math.sqrt(t[tl.AREA_A + k]) + math.sqrt(t[tl.AREA_B + k]))
+            t[INVERSE_SUM + k] = 1.0 / (
+                math.sqrt(t[tl.AREA_A + k]) + math.sqrt(t[tl.AREA_B + k])
+            )
 
 
 @inlined
@@ -104,7 +121,8 @@ LAW = replace(
     n_rows=_rows.count,
     kernel=kernel,
     words={
-        "normal": RESCALED.words["normal"] + ", less k times the area of contact (LIGGGHTS: sjkr)",
+        "normal": RESCALED.words["normal"]
+        + ", less k times the area of contact (LIGGGHTS: sjkr)",
         "tangential": RESCALED.words["tangential"],
     },
     limits={limit: f"{words} without cohesion" for limit, words in LIMITS.items()},

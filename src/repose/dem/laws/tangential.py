@@ -55,9 +55,27 @@ def slip(t: np.ndarray, c: np.ndarray, spring: int, dt: float, reach: int = 0) -
         sx, sy, sz = t[tl.RB + k], t[tl.RB + L + k], t[tl.RB + 2 * L + k]
         ox, oy, oz = lane_vector(t, tl.A + st.ANGULAR_VELOCITY * L, k)
         px, py, pz = lane_vector(t, tl.B + st.ANGULAR_VELOCITY * L, k)
-        vx = t[tl.A + 3 * L + k] - t[tl.B + 3 * L + k] + oy * rz - oz * ry - (py * sz - pz * sy)
-        vy = t[tl.A + 4 * L + k] - t[tl.B + 4 * L + k] + oz * rx - ox * rz - (pz * sx - px * sz)
-        vz = t[tl.A + 5 * L + k] - t[tl.B + 5 * L + k] + ox * ry - oy * rx - (px * sy - py * sx)
+        vx = (
+            t[tl.A + 3 * L + k]
+            - t[tl.B + 3 * L + k]
+            + oy * rz
+            - oz * ry
+            - (py * sz - pz * sy)
+        )
+        vy = (
+            t[tl.A + 4 * L + k]
+            - t[tl.B + 4 * L + k]
+            + oz * rx
+            - ox * rz
+            - (pz * sx - px * sz)
+        )
+        vz = (
+            t[tl.A + 5 * L + k]
+            - t[tl.B + 5 * L + k]
+            + ox * ry
+            - oy * rx
+            - (px * sy - py * sx)
+        )
         vn = vx * nx + vy * ny + vz * nz
         vx -= vn * nx
         vy -= vn * ny
@@ -76,7 +94,9 @@ def slip(t: np.ndarray, c: np.ndarray, spring: int, dt: float, reach: int = 0) -
 
 
 @inlined
-def normal_forces(elastic: float, damped: float, tension: int, friction_limit: int) -> tuple[float, float]:
+def normal_forces(
+    elastic: float, damped: float, tension: int, friction_limit: int
+) -> tuple[float, float]:
     """Compute normal force, and the one that limits friction and rolling.
 
     A contact that has ended because the damped force vanished has neither.

@@ -22,7 +22,9 @@ AXES = (
     ("major_mm", "major diameter", style.GREEN),
     ("minor_mm", "minor diameter", style.ORANGE),
 )
-RECONSTRUCTED = "Sizes are a reconstruction from published statistics, not measurements."
+RECONSTRUCTED = (
+    "Sizes are a reconstruction from published statistics, not measurements."
+)
 
 
 @figure("figure02", "Figure 2", {"sizes": "{config[berry][sizes]}"})
@@ -36,18 +38,24 @@ def sizes_and_sphericity(inputs: Inputs, study: Shown) -> Figure:
     figure, panels = style.grid(4, 2.1, columns=4, sharey=True)
     for panel, (column, label, colour) in zip(panels, AXES, strict=False):
         _histogram(panel, sizes[column].to_numpy(), f"{label} (mm)", colour, "mm")
-    sphericity = 100 * berry.sphericity(*(sizes[column].to_numpy() for column, _, _ in AXES))
+    sphericity = 100 * berry.sphericity(
+        *(sizes[column].to_numpy() for column, _, _ in AXES)
+    )
     _histogram(panels[3], sphericity, "sphericity (%)", style.PURPLE, "%")
     style.name_panels(panels)
     panels[0].set_ylabel("number of grains")
     panels[0].yaxis.set_major_locator(MaxNLocator(integer=True))
-    style.below(figure, "curves: normal distributions of these means and standard deviations")
+    style.below(
+        figure, "curves: normal distributions of these means and standard deviations"
+    )
     if sizes.attrs["reconstruction"]:
         figure.suptitle(RECONSTRUCTED, fontsize=7, style="italic", color=style.RED)
     return figure
 
 
-def _histogram(panel: Axes, values: np.ndarray, label: str, colour: str, unit: str) -> None:
+def _histogram(
+    panel: Axes, values: np.ndarray, label: str, colour: str, unit: str
+) -> None:
     """Draw the histogram of one size with the normal curve of its mean and standard deviation."""
     from scipy import stats  # slow to import
 
@@ -58,9 +66,15 @@ def _histogram(panel: Axes, values: np.ndarray, label: str, colour: str, unit: s
     look = {"color": colour, "alpha": 0.55, "edgecolor": "white", "linewidth": 0.6}
     counts, edges, _ = panel.hist(values, bins=9, range=ends, **look)
     x = np.linspace(mean - 3.2 * sd_shown, mean + 3.2 * sd_shown, 200)
-    panel.plot(x, len(values) * (edges[1] - edges[0]) * stats.norm.pdf(x, mean, sd_shown), color=style.BLACK)
+    panel.plot(
+        x,
+        len(values) * (edges[1] - edges[0]) * stats.norm.pdf(x, mean, sd_shown),
+        color=style.BLACK,
+    )
     panel.set(xlabel=label, ylim=(0, max(panel.get_ylim()[1], 1.35 * counts.max())))
-    style.note(panel, f"{mean:.2f} ± {sd:.2f} {unit}\nn = {len(values)}", x=0.98, ha="right")
+    style.note(
+        panel, f"{mean:.2f} ± {sd:.2f} {unit}\nn = {len(values)}", x=0.98, ha="right"
+    )
 
 
 MESH = {"stl": "berry/berry.stl", "particle": "berry/particle.json"}
@@ -82,7 +96,11 @@ def particle_and_mesh(inputs: Inputs, study: Shown) -> Figure:
     mesh = load_mesh(inputs["stl"])
     in_m = mesh.copy().apply_scale(1e-3)
     width = style.pixels(study, PICTURE_PIXELS)
-    camera: dict[str, Any] = {"width": width, "height": round(0.78 * width), "field_of_view_deg": style.TELEPHOTO_DEG}
+    camera: dict[str, Any] = {
+        "width": width,
+        "height": round(0.78 * width),
+        "field_of_view_deg": style.TELEPHOTO_DEG,
+    }
     camera |= {"elevation_deg": 22.0, "azimuth_deg": -58.0}
     frame_m = 1.05 * np.asarray(in_m.vertices)
     view = camera | {"frame_m": frame_m, "supersample": 3, "colour": study.colour}
@@ -91,19 +109,35 @@ def particle_and_mesh(inputs: Inputs, study: Shown) -> Figure:
     panels = figure.subplots(1, 4)
     _caption(panels[0], "a  mesh", chosen.mesh, f"{len(mesh.faces)} triangles")
     panels[0].imshow(render_mesh(in_m, **view))
-    style.scale_bar(panels[0], look_at(frame_m, **camera), np.zeros(3), max(in_m.extents))
+    style.scale_bar(
+        panels[0], look_at(frame_m, **camera), np.zeros(3), max(in_m.extents)
+    )
     how = study.berry.spheres, study.berry.surface
     for panel, kind, letter in zip(panels[1:], KINDS, "bcd", strict=True):
         poured = kind == chosen.kind
         try:
-            particle = chosen if poured else build.make_particle(mesh, chosen.density_kg_m3, kind, *how)
+            particle = (
+                chosen
+                if poured
+                else build.make_particle(mesh, chosen.density_kg_m3, kind, *how)
+            )
         except InputError as error:
-            _caption(panel, f"{letter}  {kind}", None, "\n".join(textwrap.wrap(str(error), 34)))
+            _caption(
+                panel,
+                f"{letter}  {kind}",
+                None,
+                "\n".join(textwrap.wrap(str(error), 34)),
+            )
             continue
         alone = np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0, 0.0]]), [particle]
         panel.imshow(render_bodies(*alone, setting=Setting(None), **view))
         off = f"off by {1e3 * particle.deviation_max_m:.2f} mm at most,\n{1e3 * particle.deviation_rms_m:.3f} mm rms"
-        _caption(panel, f"{letter}  {kind}{' (poured)' * poured}", particle, f"{_parts(particle)}\n{off}")
+        _caption(
+            panel,
+            f"{letter}  {kind}{' (poured)' * poured}",
+            particle,
+            f"{_parts(particle)}\n{off}",
+        )
     return figure
 
 

@@ -17,14 +17,29 @@ from . import style
 from .registry import Inputs, Shown, figure
 
 BARS = {"ms": 4.5, "elinewidth": 1, "capsize": 2}
-HERE = BARS | {"fmt": "s", "color": style.BLUE, "label": "simulated here ± standard error over seeds"}
-THERE = BARS | {"fmt": "D", "color": style.ORANGE, "mfc": "white", "label": "published simulation"}
+HERE = BARS | {
+    "fmt": "s",
+    "color": style.BLUE,
+    "label": "simulated here ± standard error over seeds",
+}
+THERE = BARS | {
+    "fmt": "D",
+    "color": style.ORANGE,
+    "mfc": "white",
+    "label": "published simulation",
+}
 
 
 TABLE_4 = {"table4": "validation/table4.csv"}
 
 
-@figure("validation", "Table 4, shown", TABLE_4, optional={"published": "{published}"}, reads=("targets",))
+@figure(
+    "validation",
+    "Table 4, shown",
+    TABLE_4,
+    optional={"published": "{published}"},
+    reads=("targets",),
+)
 def validation(inputs: Inputs, study: Shown) -> Figure:
     """Draw predicted and simulated responses of our solutions, and the published table's.
 
@@ -34,20 +49,32 @@ def validation(inputs: Inputs, study: Shown) -> Figure:
     """
     targets = study.targets
     simulated = [target.response.simulated for target in targets]
-    solutions = read_table(inputs["table4"], ("solution", *targets.predicted, *simulated))
-    of_publication = read_table(inputs["published"], ("solution",)) if "published" in inputs else pd.DataFrame()
+    solutions = read_table(
+        inputs["table4"], ("solution", *targets.predicted, *simulated)
+    )
+    of_publication = (
+        read_table(inputs["published"], ("solution",))
+        if "published" in inputs
+        else pd.DataFrame()
+    )
     published = published_responses(of_publication.columns, targets.responses)
     widths = (1.15, 1) if published else (1,)
     figure = style.new_figure(style.PAGE, 0.6 + 1.9 * len(targets))
-    panels = figure.subplots(len(targets), len(widths), sharey="row", squeeze=False, width_ratios=widths)
+    panels = figure.subplots(
+        len(targets), len(widths), sharey="row", squeeze=False, width_ratios=widths
+    )
     for row, target in zip(panels, targets, strict=True):
         _predicted_and_simulated(row[0], _in_order(solutions), target, HERE)
         row[0].set_ylabel(style.response_label(target.response))
         if target.response in published:
-            _predicted_and_simulated(row[1], _in_order(of_publication, "P"), target, THERE)
+            _predicted_and_simulated(
+                row[1], _in_order(of_publication, "P"), target, THERE
+            )
         elif published:
             row[1].axis("off")
-            style.note(row[1], "not published", x=0.5, y=0.5, ha="center", color=style.GREY)
+            style.note(
+                row[1], "not published", x=0.5, y=0.5, ha="center", color=style.GREY
+            )
     of = ("this run", "solution of this run"), ("published", "published solution (P)")
     for top, bottom, (title, label) in zip(panels[0], panels[-1], of, strict=False):
         top.set_title(title, fontweight="bold")
@@ -58,7 +85,12 @@ def validation(inputs: Inputs, study: Shown) -> Figure:
     return figure
 
 
-@figure("published", "Published solutions here", {"published": "{stored}"}, reads=("targets",))
+@figure(
+    "published",
+    "Published solutions here",
+    {"published": "{stored}"},
+    reads=("targets",),
+)
 def published_solutions(inputs: Inputs, study: Shown) -> Figure:
     """Draw the published responses of the published solutions, and the ones simulated here.
 
@@ -81,29 +113,66 @@ def _published_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -
     """Draw one response of the published solutions, as published and as simulated here."""
     x, response = _measured(panel, table, target), target.response
     if (column := derived(response.name, "published_simulated")) in table:
-        measured = table.get(derived(response.name, "published_measured"), pd.Series(np.nan, table.index))
+        measured = table.get(
+            derived(response.name, "published_measured"), pd.Series(np.nan, table.index)
+        )
         panel.errorbar(x - 0.12, table[column], **THERE)
         if measured.notna().any():
-            panel.errorbar(x - 0.12, measured, **THERE | {"mfc": style.ORANGE, "label": "published measurement"})
+            panel.errorbar(
+                x - 0.12,
+                measured,
+                **THERE | {"mfc": style.ORANGE, "label": "published measurement"},
+            )
         for place in x[table[column].isna() & measured.isna()]:
-            panel.text(place - 0.2, target.value, "not published", rotation=90, ha="center", va="center", fontsize=6.8)
-    panel.errorbar(x + 0.12, table[response.simulated], table[response.error].fillna(0.0), **HERE)
+            panel.text(
+                place - 0.2,
+                target.value,
+                "not published",
+                rotation=90,
+                ha="center",
+                va="center",
+                fontsize=6.8,
+            )
+    panel.errorbar(
+        x + 0.12, table[response.simulated], table[response.error].fillna(0.0), **HERE
+    )
     panel.set(ylabel=style.response_label(response), xlabel="published solution (P)")
     panel.margins(y=0.15)
 
 
-def _predicted_and_simulated(panel: Axes, table: pd.DataFrame, target: Target, marks: Mapping[str, Any]) -> None:
+def _predicted_and_simulated(
+    panel: Axes, table: pd.DataFrame, target: Target, marks: Mapping[str, Any]
+) -> None:
     """Draw one response of each solution, with the prediction's error in percent of the simulated value."""
     x, response = _measured(panel, table, target), target.response
-    predicted, simulated = (table[column].to_numpy(float) for column in (response.predicted, response.simulated))
+    predicted, simulated = (
+        table[column].to_numpy(float)
+        for column in (response.predicted, response.simulated)
+    )
     error = table[response.error].fillna(0.0) if response.error in table else None
-    panel.plot(x - 0.12, predicted, "o", ms=4.5, mfc="white", color=style.BLACK, label="predicted")
+    panel.plot(
+        x - 0.12,
+        predicted,
+        "o",
+        ms=4.5,
+        mfc="white",
+        color=style.BLACK,
+        label="predicted",
+    )
     panel.errorbar(x + 0.12, simulated, error, **marks)
-    look = {"xytext": (0, -9), "textcoords": "offset points", "ha": "center", "va": "top", "fontsize": 6.3}
+    look = {
+        "xytext": (0, -9),
+        "textcoords": "offset points",
+        "ha": "center",
+        "va": "top",
+        "fontsize": 6.3,
+    }
     for place, before, after in zip(x, predicted, simulated, strict=True):
         if np.isfinite(after) and after != 0:
             off = 100 * abs((before - after) / after)
-            panel.annotate(f"{off:.1f}", (place, min(before, after)), color=style.GREY, **look)
+            panel.annotate(
+                f"{off:.1f}", (place, min(before, after)), color=style.GREY, **look
+            )
     panel.margins(y=0.25)
 
 
@@ -120,13 +189,22 @@ def _measured(panel: Axes, table: pd.DataFrame, target: Target) -> np.ndarray:
 def _in_order(table: pd.DataFrame, mark: str = "") -> pd.DataFrame:
     """Give solutions names for an axis, a mark before their numbers: the answer first, then by number, then others."""
     answer = table.get("role", table["solution"]) == "representative"
-    names = [_name(str(solution), first, mark) for solution, first in zip(table["solution"], answer, strict=True)]
+    names = [
+        _name(str(solution), first, mark)
+        for solution, first in zip(table["solution"], answer, strict=True)
+    ]
     number = pd.to_numeric(table["solution"], errors="coerce").mask(answer, -1)
-    return table.assign(name=names, number=number).sort_values("number", kind="stable", ignore_index=True)
+    return table.assign(name=names, number=number).sort_values(
+        "number", kind="stable", ignore_index=True
+    )
 
 
 def _name(solution: str, answer: bool, mark: str) -> str:
     """Name a solution; one of other authors by these and the year, as `yu_2022`."""
     if answer:
         return f"{mark}{solution.removeprefix('representative')}\n(answer)"
-    return f"{mark}{solution}" if solution.isdigit() else solution.replace("_", " et al.\n").capitalize()
+    return (
+        f"{mark}{solution}"
+        if solution.isdigit()
+        else solution.replace("_", " et al.\n").capitalize()
+    )

@@ -17,10 +17,14 @@ from . import plane, style, uncertainty
 BARS = "a point is the mean of one parameter set's runs; bars: ± 1 standard error of a mean"
 MOST_TICKS = 8  # of batches
 SETS = "sets predicted inside all ranges"
-Part = tuple[float, Callable[[FigureBase], None]]  # height in inches on a page, and what fills an empty figure
+Part = tuple[
+    float, Callable[[FigureBase], None]
+]  # height in inches on a page, and what fills an empty figure
 
 
-def plot(calibration: Calibration, path: str | os.PathLike[str] | None = None) -> Figure:
+def plot(
+    calibration: Calibration, path: str | os.PathLike[str] | None = None
+) -> Figure:
     """Draw all figures of a calibration below each other; with a path they are written, too, as .png, .pdf or .svg."""
     if path is not None:
         style.check_ending(path)
@@ -40,9 +44,15 @@ def parts(calibration: Calibration) -> dict[str, Part]:
     free, targets = calibration.study.parameters.dimensions, calibration.study.targets
     pairs, found = len(plane.plain(targets)), dict[str, Part]()
     if pairs > 1:
-        found["plane"] = (4.7 * math.ceil(math.comb(pairs, 2) / 2), partial(_plane, calibration))
+        found["plane"] = (
+            4.7 * math.ceil(math.comb(pairs, 2) / 2),
+            partial(_plane, calibration),
+        )
     if len(set(calibration.runs.attrs.get(TURN, ()))) > 1:
-        found["history"] = (0.4 + 2.2 * math.ceil(len(targets) / 2), partial(_history, calibration))
+        found["history"] = (
+            0.4 + 2.2 * math.ceil(len(targets) / 2),
+            partial(_history, calibration),
+        )
     found["intervals"] = (0.9 + 0.4 * free, partial(_intervals, calibration))
     if free > 1:
         found["corner"] = (style.PAGE, partial(_corner, calibration))
@@ -52,7 +62,11 @@ def parts(calibration: Calibration) -> dict[str, Part]:
 def shown(calibration: Calibration) -> Shown:
     """Give the study of a calibration as figures and report take it."""
     study = calibration.study
-    return Shown({"label": study.settings.label, "small_run": False}, targets=study.targets, space=study.parameters)
+    return Shown(
+        {"label": study.settings.label, "small_run": False},
+        targets=study.targets,
+        space=study.parameters,
+    )
 
 
 def _plane(calibration: Calibration, figure: FigureBase) -> None:
@@ -66,7 +80,9 @@ def _plane(calibration: Calibration, figure: FigureBase) -> None:
 def _history(calibration: Calibration, figure: FigureBase) -> None:
     """Draw how far the sets of each batch are off each target, and the prediction of the answer behind them."""
     study, samples, runs = calibration.study, calibration.samples, calibration.runs
-    turn_of = pd.Series(runs.attrs[TURN], runs["sample"]).groupby(level=0).first()  # of a sample's first run
+    turn_of = (
+        pd.Series(runs.attrs[TURN], runs["sample"]).groupby(level=0).first()
+    )  # of a sample's first run
     batch = samples["sample"].map(turn_of)
     within = samples.groupby(batch)["sample"]
     place = batch + 0.6 * ((within.cumcount() + 0.5) / within.transform("size") - 0.5)
@@ -75,15 +91,37 @@ def _history(calibration: Calibration, figure: FigureBase) -> None:
     panels = style.panels_in(figure, len(study.targets))
     for k, (panel, target) in enumerate(zip(panels, study.targets, strict=True)):
         percent = 100 / target.whole
-        style.off_target(panel, target, study.settings.sequential.tolerance_percent, "batch")
-        error, off = percent * samples[target.response.error].fillna(0.0), target.off_percent(samples[target.name])
+        style.off_target(
+            panel, target, study.settings.sequential.tolerance_percent, "batch"
+        )
+        error, off = (
+            percent * samples[target.response.error].fillna(0.0),
+            target.off_percent(samples[target.name]),
+        )
         look = {"fmt": "o", "ms": 3, "mew": 0, "elinewidth": 0.6, "color": style.BLUE}
-        panel.errorbar(place, off, error, label="parameter sets, simulated ± standard error", **look)
-        mean, error = target.off_percent(calibration.answer.mean[k]), percent * calibration.answer.error[k]
+        panel.errorbar(
+            place,
+            off,
+            error,
+            label="parameter sets, simulated ± standard error",
+            **look,
+        )
+        mean, error = (
+            target.off_percent(calibration.answer.mean[k]),
+            percent * calibration.answer.error[k],
+        )
         look = {"fmt": "D", "ms": 5, "mfc": "white", "color": style.RED}
-        panel.errorbar([last], [mean], [error], label="the answer, predicted ± standard error", **look)
+        panel.errorbar(
+            [last],
+            [mean],
+            [error],
+            label="the answer, predicted ± standard error",
+            **look,
+        )
         panel.set_xticks([*ticks, last], [*map(str, ticks), "answer"])
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    figure.legend(
+        *panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3
+    )
 
 
 def _intervals(calibration: Calibration, figure: FigureBase) -> None:
@@ -96,4 +134,6 @@ def _intervals(calibration: Calibration, figure: FigureBase) -> None:
 def _corner(calibration: Calibration, figure: FigureBase) -> None:
     """Draw the posterior with the sets that are predicted inside all ranges."""
     cloud = calibration.solutions[calibration.solutions["feasible"]]
-    uncertainty.draw_corner(figure, shown(calibration), calibration.posterior, cloud, SETS)
+    uncertainty.draw_corner(
+        figure, shown(calibration), calibration.posterior, cloud, SETS
+    )

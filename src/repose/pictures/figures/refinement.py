@@ -23,7 +23,9 @@ BATCHES, WHY = {"batches": "refined/batches.csv"}, {"summary": "refined/summary.
 READS = ("targets", "refine.tolerance_percent", "refine.standard_error_percent")
 
 
-@figure("approach", "The loop closed", BATCHES, optional=WHY, reads=READS, folder="refined")
+@figure(
+    "approach", "The loop closed", BATCHES, optional=WHY, reads=READS, folder="refined"
+)
 def approach(inputs: Inputs, study: Shown) -> Figure:
     """Draw each round's proposal, predicted and simulated, off the target in percent of it; its standard errors.
 
@@ -33,20 +35,41 @@ def approach(inputs: Inputs, study: Shown) -> Figure:
     limit. The last round's point is the claim: it was simulated after everything that proposed it.
     """
     responses = study.targets.responses
-    columns = [derived(response.name, what) for response in responses for what in COLUMNS]
+    columns = [
+        derived(response.name, what) for response in responses for what in COLUMNS
+    ]
     rounds = read_table(inputs["batches"], ("round", "n_seeds", "outcome", *columns))
     section, rows = study.refine, math.ceil(len(responses) / 2)
     figure = style.new_figure(style.PAGE, 3.9 * rows)
-    panels = figure.subplots(2 * rows, min(2, len(responses)), sharex=True, height_ratios=HEIGHTS * rows, squeeze=False)
+    panels = figure.subplots(
+        2 * rows,
+        min(2, len(responses)),
+        sharex=True,
+        height_ratios=HEIGHTS * rows,
+        squeeze=False,
+    )
     for k, response in enumerate(responses):
         upper, lower = panels[k // 2 * 2 : k // 2 * 2 + 2, k % 2]
-        values = {what: rounds[derived(response.name, what)].to_numpy(float) for what in COLUMNS}
+        values = {
+            what: rounds[derived(response.name, what)].to_numpy(float)
+            for what in COLUMNS
+        }
         colour = style.series(k)["color"]
         _deviations(upper, rounds, values, section.tolerance_percent, colour)
-        upper.set_title(f"{response.symbol}, target {values['target'][0]:g} {response.unit}")
-        lower.plot(rounds["round"], 100 * values["se"] / values["target"], "o-", color=colour, ms=4)
+        upper.set_title(
+            f"{response.symbol}, target {values['target'][0]:g} {response.unit}"
+        )
+        lower.plot(
+            rounds["round"],
+            100 * values["se"] / values["target"],
+            "o-",
+            color=colour,
+            ms=4,
+        )
         limit = section.standard_error_percent
-        lower.axhline(limit, color=style.GREY, ls="--", lw=0.9, label=f"limit, {limit:g} %")
+        lower.axhline(
+            limit, color=style.GREY, ls="--", lw=0.9, label=f"limit, {limit:g} %"
+        )
         lower.set(xlabel="round", ylim=(0, None))
         lower.set_xticks(rounds["round"])
         if k % 2 == 0:
@@ -54,7 +77,9 @@ def approach(inputs: Inputs, study: Shown) -> Figure:
             lower.set_ylabel("standard error\n(% of the target)")
     for panel in panels[-2:, 1:].ravel() if len(responses) % 2 else ():
         panel.axis("off")
-    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=3)
+    figure.legend(
+        *panels[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=3
+    )
     panels[1, 0].legend(loc="lower right")
     if "summary" in inputs:
         why = read_json(inputs["summary"], ("why",))["why"]
@@ -63,16 +88,42 @@ def approach(inputs: Inputs, study: Shown) -> Figure:
 
 
 def _deviations(
-    panel: Axes, rounds: pd.DataFrame, values: Mapping[str, np.ndarray], tolerance: float, colour: str
+    panel: Axes,
+    rounds: pd.DataFrame,
+    values: Mapping[str, np.ndarray],
+    tolerance: float,
+    colour: str,
 ) -> None:
     """Draw one response: its tolerance as a band, hollow diamonds as predicted, means as simulated with errors."""
     place = rounds["round"].to_numpy(float)
-    simulated, predicted = (100 * (values[what] / values["target"] - 1) for what in ("simulated", "predicted"))
+    simulated, predicted = (
+        100 * (values[what] / values["target"] - 1)
+        for what in ("simulated", "predicted")
+    )
     style.near_enough(panel, tolerance)
-    panel.plot(place - 0.06, predicted, "D", ms=4.5, mfc="white", mec=style.BLACK, ls="", label="predicted", zorder=3)
-    look = {"marker": "o", "ms": 4.5, "lw": 0.9, "elinewidth": 1.1, "capsize": 2.5, "color": colour}
+    panel.plot(
+        place - 0.06,
+        predicted,
+        "D",
+        ms=4.5,
+        mfc="white",
+        mec=style.BLACK,
+        ls="",
+        label="predicted",
+        zorder=3,
+    )
+    look = {
+        "marker": "o",
+        "ms": 4.5,
+        "lw": 0.9,
+        "elinewidth": 1.1,
+        "capsize": 2.5,
+        "color": colour,
+    }
     error = 100 * values["se"] / values["target"]
-    panel.errorbar(place + 0.06, simulated, error, label="simulated ± standard error", **look)
+    panel.errorbar(
+        place + 0.06, simulated, error, label="simulated ± standard error", **look
+    )
     look = {"textcoords": "offset points", "fontsize": 6, "color": style.GREY}
     for x, y, seeds in zip(place, simulated, rounds["n_seeds"], strict=True):
         if np.isfinite(y):

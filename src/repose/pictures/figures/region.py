@@ -40,11 +40,16 @@ def not_excluded(inputs: Inputs, study: Shown) -> Figure:
     sets still possible (optical depth): those whose misfit is below three.
     """
     table = read_table(inputs["region"], COLUMNS)
-    share = read_json(inputs["summary"], ("not_implausible_share",))["not_implausible_share"]
+    share = read_json(inputs["summary"], ("not_implausible_share",))[
+        "not_implausible_share"
+    ]
     names, edges = study.space.free, _edges(study.space, table["x_quantile"].nunique())
     last = len(names) - 1
     colours = ListedColormap([colour for colour, _ in BANDS.values()])
-    least = {"cmap": colours, "norm": BoundaryNorm([0.0, *list(BANDS)[:-1], 1e9], colours.N)}
+    least = {
+        "cmap": colours,
+        "norm": BoundaryNorm([0.0, *list(BANDS)[:-1], 1e9], colours.N),
+    }
     open_share = {"cmap": "Blues", "vmin": 0.0, "vmax": table["share"].max() or 1.0}
     figure = style.new_figure(style.PAGE, 1.08 * style.PAGE)
     panels = figure.subplots(len(names), len(names), squeeze=False)
@@ -53,26 +58,45 @@ def not_excluded(inputs: Inputs, study: Shown) -> Figure:
         if row == column:
             panel.set_axis_off()
             words = f"{style.parameter_label(names[row])}\n{edges[row][0]:.3g} to {edges[row][-1]:.3g}"
-            panel.text(0.5, 0.5, words, ha="center", va="center", fontsize=8, linespacing=1.6)
+            panel.text(
+                0.5, 0.5, words, ha="center", va="center", fontsize=8, linespacing=1.6
+            )
             continue
         first, second = sorted((row, column))
         cells = table[(table["x"] == names[first]) & (table["y"] == names[second])]
         cells = cells.pivot(index="y_quantile", columns="x_quantile")
         # rows of the picture follow the parameter of the panel's row
         below = row > column
-        shown = (cells["least_implausibility"] if below else cells["share"].T).to_numpy(float)
-        mesh = panel.pcolormesh(edges[column], edges[row], shown, rasterized=True, **(least if below else open_share))
+        shown = (cells["least_implausibility"] if below else cells["share"].T).to_numpy(
+            float
+        )
+        mesh = panel.pcolormesh(
+            edges[column],
+            edges[row],
+            shown,
+            rasterized=True,
+            **(least if below else open_share),
+        )
         depth = depth if below else mesh
         panel.xaxis.set_ticks_position("bottom" if below else "top")
         panel.yaxis.set_ticks_position("left" if below else "right")
         panel.tick_params(labelbottom=row == last, labelleft=column == 0)
-        panel.tick_params(labeltop=row == 0, labelright=column == last, length=2, labelsize=6.5)
+        panel.tick_params(
+            labeltop=row == 0, labelright=column == last, length=2, labelsize=6.5
+        )
         panel.locator_params(nbins=3)
         panel.spines[:].set_visible(True)
-    patches = [Patch(facecolor=colour, edgecolor=style.GREY, label=words) for colour, words in BANDS.values()]
-    figure.legend(handles=patches, title=LEAST, loc="outside lower center", ncols=len(BANDS))
+    patches = [
+        Patch(facecolor=colour, edgecolor=style.GREY, label=words)
+        for colour, words in BANDS.values()
+    ]
+    figure.legend(
+        handles=patches, title=LEAST, loc="outside lower center", ncols=len(BANDS)
+    )
     if depth is not None:
-        figure.colorbar(depth, ax=panels, location="bottom", label=DEPTH, aspect=50, pad=0.02)
+        figure.colorbar(
+            depth, ax=panels, location="bottom", label=DEPTH, aspect=50, pad=0.02
+        )
     title = f"The measurements leave {100 * share:.3g} % of the searched space open, and exclude the rest"
     figure.suptitle(title, fontsize=9)
     return figure
@@ -80,5 +104,7 @@ def not_excluded(inputs: Inputs, study: Shown) -> Figure:
 
 def _edges(space: ParameterSpace, cells: int) -> list[np.ndarray]:
     """Give the edges of the cells of each free parameter, in its unit."""
-    quantile = np.repeat(np.linspace(0, 1, cells + 1)[:, None], space.dimensions, axis=1)
+    quantile = np.repeat(
+        np.linspace(0, 1, cells + 1)[:, None], space.dimensions, axis=1
+    )
     return list((space.low + (space.high - space.low) * space.from_prior(quantile)).T)

@@ -14,12 +14,21 @@ if TYPE_CHECKING:
 
 Inputs = Mapping[str, Any]  # paths by name
 # The details of such a figure.
-OF_POSTERIOR: dict[str, Any] = {"folder": "posterior", "category": "Uncertainty", "reads": ("parameters", "targets")}
-PILE = {"heap": "validation/heaps/001.npz", "particle": "berry/particle.json"}  # of the answer
+OF_POSTERIOR: dict[str, Any] = {
+    "folder": "posterior",
+    "category": "Uncertainty",
+    "reads": ("parameters", "targets"),
+}
+PILE = {
+    "heap": "validation/heaps/001.npz",
+    "particle": "berry/particle.json",
+}  # of the answer
 MEASURED_PILE = PILE | {"berry": "berry/berry.json"}
 
 
-Draw = Callable[[Inputs, Any], Figure]  # takes a `Shown`; once it is registered, a configuration
+Draw = Callable[
+    [Inputs, Any], Figure
+]  # takes a `Shown`; once it is registered, a configuration
 
 
 class Drawn(NamedTuple):
@@ -28,11 +37,17 @@ class Drawn(NamedTuple):
     draw: Draw
     inputs: Inputs
     optional: Mapping[str, str] = {}  # a study may lack them
-    if_there: Mapping[str, str] = {}  # shown where they exist, and never made for the figure
+    if_there: Mapping[
+        str, str
+    ] = {}  # shown where they exist, and never made for the figure
     title: str = ""  # in Snakemake's report
-    reads: tuple[str, ...] = ()  # sections or dotted keys of the configuration, besides `figures` and `small_run`
+    reads: tuple[
+        str, ...
+    ] = ()  # sections or dotted keys of the configuration, besides `figures` and `small_run`
     caption: str = ""
-    when: "Callable[[Study], bool]" = lambda study: True  # whether a study has the figure
+    when: "Callable[[Study], bool]" = lambda study: (
+        True
+    )  # whether a study has the figure
     folder: str = "figures"
     category: str = "Figures"
 
@@ -43,13 +58,17 @@ class Drawn(NamedTuple):
 
     def caption_of(self, config: Config) -> str:
         """Fill the names in braces of the caption: keys of a configuration, as `{miga[rounds]}`, and two numbers."""
-        return self.caption.format(**config, inputs=len(config["parameters"]), outputs=len(config["targets"]))
+        return self.caption.format(
+            **config, inputs=len(config["parameters"]), outputs=len(config["targets"])
+        )
 
 
 FIGURES: dict[str, Drawn] = {}
 
 
-def figure(name: str, title: str, inputs: Inputs, caption: str = "", **details: Any) -> Callable[[Draw], Draw]:
+def figure(
+    name: str, title: str, inputs: Inputs, caption: str = "", **details: Any
+) -> Callable[[Draw], Draw]:
     """Register the decorated function as a figure; the last paragraph of its docstring is the caption by default.
 
     `details` are further fields of `Drawn`.

@@ -18,8 +18,15 @@ from . import style
 from .registry import Inputs, Shown, figure
 
 GRID = 60
-SURFACE: dict[str, Any] = {"reads": ("targets",), "folder": "response_surface", "category": "Response surface"}
-FITTED = {"samples": "response_surface/surface.csv", "dataset": "response_surface/dataset.csv"}
+SURFACE: dict[str, Any] = {
+    "reads": ("targets",),
+    "folder": "response_surface",
+    "category": "Response surface",
+}
+FITTED = {
+    "samples": "response_surface/surface.csv",
+    "dataset": "response_surface/dataset.csv",
+}
 
 
 @figure(
@@ -45,10 +52,24 @@ def pareto(inputs: Inputs, study: Shown) -> Figure:
     for panel, target in zip(panels, targets, strict=True):
         own = effects[effects["response"] == target.name].sort_values("t")
         colours = np.where(own["coefficient"] > 0, style.ORANGE, style.BLUE)
-        panel.barh([_words(term) for term in own["term"]], own["t"], color=colours, height=0.7)
-        for name, line, words in (("t", "--", "5 % for one term"), ("bonferroni", "-", "5 % for all terms")):
-            panel.axvline(own[f"limit_{name}"].iloc[0], color=style.BLACK, ls=line, lw=0.8, label=words)
-        panel.set(xlabel="|t| of the effect", title=f"{target.response.symbol}: orange raises it, blue lowers it")
+        panel.barh(
+            [_words(term) for term in own["term"]], own["t"], color=colours, height=0.7
+        )
+        for name, line, words in (
+            ("t", "--", "5 % for one term"),
+            ("bonferroni", "-", "5 % for all terms"),
+        ):
+            panel.axvline(
+                own[f"limit_{name}"].iloc[0],
+                color=style.BLACK,
+                ls=line,
+                lw=0.8,
+                label=words,
+            )
+        panel.set(
+            xlabel="|t| of the effect",
+            title=f"{target.response.symbol}: orange raises it, blue lowers it",
+        )
     panels[-1].legend(loc="lower right")
     return figure
 
@@ -63,48 +84,82 @@ def perturbation(inputs: Inputs, study: Shown) -> Figure:
     figure, panels = style.grid(len(models), 2.9, columns=len(models))
     coded = np.linspace(-1, 1, GRID)
     for panel, target, model in zip(panels, targets, models, strict=True):
-        for k, (name, way) in enumerate(zip(model.factors, np.eye(len(model.factors)), strict=True)):
-            panel.plot(coded, model.predict(np.outer(coded, way)), label=SYMBOLS[name], **style.series(k))
+        for k, (name, way) in enumerate(
+            zip(model.factors, np.eye(len(model.factors)), strict=True)
+        ):
+            panel.plot(
+                coded,
+                model.predict(np.outer(coded, way)),
+                label=SYMBOLS[name],
+                **style.series(k),
+            )
         panel.axhline(target.aim, color=style.GREY, lw=0.8)
         panel.set(xlabel="factor (coded)", ylabel=style.response_label(target.response))
     panels[-1].legend(loc="best")
     return figure
 
 
-@figure("contours", "Contours of the surface", FITTED | {"optimum": "response_surface/optimum.json"}, **SURFACE)
+@figure(
+    "contours",
+    "Contours of the surface",
+    FITTED | {"optimum": "response_surface/optimum.json"},
+    **SURFACE,
+)
 def contours(inputs: Inputs, study: Shown) -> Figure:
     """Draw each response over every pair of factors.
 
     Each response over every pair of parameters, the others at the optimum (star); the black line is the target.
     """
     targets, models = study.targets, _models(inputs, study.targets)
-    best = read_json(inputs["optimum"], ("coded",), "output of repose stage conclude")["coded"]
+    best = read_json(inputs["optimum"], ("coded",), "output of repose stage conclude")[
+        "coded"
+    ]
     pairs = list(combinations(range(len(models[0].factors)), 2))
-    shown = [(target, model, pair) for target, model in zip(targets, models, strict=True) for pair in pairs]
-    figure, panels = style.grid(len(shown), 2.3, columns=min(3, max(len(pairs), len(models))))
+    shown = [
+        (target, model, pair)
+        for target, model in zip(targets, models, strict=True)
+        for pair in pairs
+    ]
+    figure, panels = style.grid(
+        len(shown), 2.3, columns=min(3, max(len(pairs), len(models)))
+    )
     for panel, (target, model, pair) in zip(panels, shown, strict=True):
-        _contour(panel, model, target, pair, np.array([best[name] for name in model.factors]))
+        _contour(
+            panel, model, target, pair, np.array([best[name] for name in model.factors])
+        )
     return figure
 
 
-def _contour(panel: Axes, model: Model, target: Target, pair: tuple[int, int], point: np.ndarray) -> None:
+def _contour(
+    panel: Axes, model: Model, target: Target, pair: tuple[int, int], point: np.ndarray
+) -> None:
     """Draw one response over two factors; the thick line is its target, the star the optimum."""
     across, up = np.meshgrid(np.linspace(-1, 1, GRID), np.linspace(-1, 1, GRID))
     points = np.repeat(point[None], GRID * GRID, axis=0)
     points[:, pair] = np.column_stack([across.ravel(), up.ravel()])
     values = model.predict(points).reshape(GRID, GRID)
     panel.contourf(across, up, values, levels=12, cmap="viridis", alpha=0.85)
-    panel.clabel(panel.contour(across, up, values, levels=6, colors="white", linewidths=0.5), fontsize=6)
+    panel.clabel(
+        panel.contour(across, up, values, levels=6, colors="white", linewidths=0.5),
+        fontsize=6,
+    )
     if values.min() < target.aim < values.max():
-        panel.contour(across, up, values, levels=[target.aim], colors=style.BLACK, linewidths=1.4)
+        panel.contour(
+            across, up, values, levels=[target.aim], colors=style.BLACK, linewidths=1.4
+        )
     panel.plot(*point[[*pair]], "*", ms=8, mfc=style.ORANGE, mec=style.BLACK, mew=0.5)
     names = [f"{SYMBOLS[model.factors[k]]} (coded)" for k in pair]
-    panel.set(xlabel=names[0], ylabel=names[1], title=style.response_label(target.response))
+    panel.set(
+        xlabel=names[0], ylabel=names[1], title=style.response_label(target.response)
+    )
 
 
 def _models(inputs: Inputs, targets: Targets) -> list[Model]:
     """Fit the surfaces."""
-    table, dataset = (pd.DataFrame(read_table(inputs[name], ("sample",))) for name in ("samples", "dataset"))
+    table, dataset = (
+        pd.DataFrame(read_table(inputs[name], ("sample",)))
+        for name in ("samples", "dataset")
+    )
     return models_of(table, dataset, targets, "quadratic")
 
 

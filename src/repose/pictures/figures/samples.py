@@ -16,7 +16,9 @@ INPUTS = {"samples": "design/samples.csv"}
 COMPARED = {"comparison": "design/comparison.csv"}
 
 
-@figure("design", "Design", INPUTS, optional=COMPARED, reads=("parameters", "design.method"))
+@figure(
+    "design", "Design", INPUTS, optional=COMPARED, reads=("parameters", "design.method")
+)
 def design_matrix(inputs: Inputs, study: Shown) -> Figure:
     """Draw every pair of the open parameters, the histogram of each, and a comparison of the methods.
 
@@ -28,16 +30,26 @@ def design_matrix(inputs: Inputs, study: Shown) -> Figure:
     figure = style.new_figure(style.PAGE, style.PAGE)
     for panel, across, down in style.pairs_of_parameters(figure, study):
         if across == down:
-            panel.hist(table[across], bins=10, range=study.ranges[across], color=style.SKY, ec="white")
+            panel.hist(
+                table[across],
+                bins=10,
+                range=study.ranges[across],
+                color=style.SKY,
+                ec="white",
+            )
         else:
-            panel.scatter(table[across], table[down], s=4, color=style.BLUE, alpha=0.75, lw=0)
+            panel.scatter(
+                table[across], table[down], s=4, color=style.BLUE, alpha=0.75, lw=0
+            )
     text = f"{len(table)} samples: {METHODS[study.design.method]}\ndiagonal: samples in each tenth of a range"
     if len(free) == 1:  # no empty corner to write in
         figure.suptitle(text, fontsize=9)
         return figure
     figure.text(0.56, 0.93, text, fontsize=9, va="top", linespacing=1.5)
     if "comparison" in inputs:
-        _compare_methods(figure, read_table(inputs["comparison"], ("method", "min_distance")))
+        _compare_methods(
+            figure, read_table(inputs["comparison"], ("method", "min_distance"))
+        )
     return figure
 
 
@@ -45,15 +57,27 @@ def _compare_methods(figure: Figure, comparison: pd.DataFrame) -> None:
     """Draw the bars of the minimum distance of each method, in the empty corner."""
     panel = figure.add_axes((0.70, 0.70, 0.27, 0.10))
     panel.set_in_layout(False)
-    names, distances = [METHODS[method] for method in comparison["method"]], comparison["min_distance"]
-    panel.barh(names, distances, color=[style.GREY, style.ORANGE, style.BLUE][: len(names)], height=0.6)
+    names, distances = (
+        [METHODS[method] for method in comparison["method"]],
+        comparison["min_distance"],
+    )
+    panel.barh(
+        names,
+        distances,
+        color=[style.GREY, style.ORANGE, style.BLUE][: len(names)],
+        height=0.6,
+    )
     for y, value in enumerate(distances):
         panel.text(value, y, f" {value:.3f}", va="center", fontsize=7)
-    panel.set(xlim=(0, 1.25 * distances.max()), xlabel="minimum distance in the unit cube (–)")
+    panel.set(
+        xlim=(0, 1.25 * distances.max()), xlabel="minimum distance in the unit cube (–)"
+    )
     panel.invert_yaxis()
 
 
-@figure("dataset", "Responses", {"dataset": "dataset.csv"}, reads=("parameters", "targets"))
+@figure(
+    "dataset", "Responses", {"dataset": "dataset.csv"}, reads=("parameters", "targets")
+)
 def responses_over_parameters(inputs: Inputs, study: Shown) -> Figure:
     """Draw each response over each open parameter; samples that failed are marked below.
 
@@ -62,7 +86,10 @@ def responses_over_parameters(inputs: Inputs, study: Shown) -> Figure:
     uncertainty``, Sensitivity).
     """
     targets = study.targets
-    table = read_table(inputs["dataset"], ("status", *study.space.free, *targets.names, *targets.errors))
+    table = read_table(
+        inputs["dataset"],
+        ("status", *study.space.free, *targets.names, *targets.errors),
+    )
     figure, panels = style.over_parameters(study, 1.45)
     for panel, target, name in panels:
         _over_parameter(panel, table, name, target.response)
@@ -70,15 +97,32 @@ def responses_over_parameters(inputs: Inputs, study: Shown) -> Figure:
     return figure
 
 
-def _over_parameter(panel: Axes, table: pd.DataFrame, name: str, response: Response) -> None:
+def _over_parameter(
+    panel: Axes, table: pd.DataFrame, name: str, response: Response
+) -> None:
     """Draw one response over one parameter; a failed sample is a cross below all values."""
     good, failed = table[table["status"] == "ok"], table[table["status"] != "ok"]
     value, error = good[response.name], good[response.error].fillna(0.0)
-    floor, top = ((value - error).min(), (value + error).max()) if len(good) else (0.0, 1.0)
-    look = {"fmt": "o", "ms": 2, "lw": 0.5, "color": style.BLUE, "alpha": 0.65, "mew": 0}
+    floor, top = (
+        ((value - error).min(), (value + error).max()) if len(good) else (0.0, 1.0)
+    )
+    look = {
+        "fmt": "o",
+        "ms": 2,
+        "lw": 0.5,
+        "color": style.BLUE,
+        "alpha": 0.65,
+        "mew": 0,
+    }
     panel.errorbar(good[name], value, yerr=error, **look)
     if len(failed):
-        panel.plot(failed[name], np.full(len(failed), floor - 0.1 * (top - floor)), "x", ms=3.5, color=style.RED)
+        panel.plot(
+            failed[name],
+            np.full(len(failed), floor - 0.1 * (top - floor)),
+            "x",
+            ms=3.5,
+            color=style.RED,
+        )
     if len(good) > 3:
         rank = good[name].rank().corr(value.rank())
         panel.set_title(f"ρ = {rank:+.2f}", fontsize=6.8, loc="right", pad=2)
@@ -90,5 +134,8 @@ def _account(table: pd.DataFrame) -> str:
     text = "bars: ± 1 standard error over seeds; ρ: rank correlation; "
     if failed.empty:
         return f"{text}all {len(table)} samples gave a result"
-    reasons = ", ".join(f"{n} {status}" for status, n in failed["status"].value_counts().sort_index().items())
+    reasons = ", ".join(
+        f"{n} {status}"
+        for status, n in failed["status"].value_counts().sort_index().items()
+    )
     return f"{text}{len(failed)} of {len(table)} samples gave no result (×, at the bottom): {reasons}"

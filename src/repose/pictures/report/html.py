@@ -17,7 +17,10 @@ from repose.core.errors import InputError
 from repose.core.published import STALE
 
 LONGEST_SIDE_PX = 1600
-CSS_DPI, READABLE = 96, 1.1  # the smallest text of a figure, 6 points, then has 9 pixels
+CSS_DPI, READABLE = (
+    96,
+    1.1,
+)  # the smallest text of a figure, 6 points, then has 9 pixels
 WORDS = ("reason", "warning", "status", "role", "line", "source", "wall")
 
 
@@ -38,13 +41,24 @@ def text(value: Any) -> str:
     return f"{value:.4g}" if isinstance(value, float) else html.escape(str(value))
 
 
-def table(head: Sequence[str], rows: Sequence[Sequence[Any]], kind: str = "sorts") -> str:
+def table(
+    head: Sequence[str], rows: Sequence[Sequence[Any]], kind: str = "sorts"
+) -> str:
     """Write a table that scrolls sideways on a narrow screen; the class ``sorts`` makes it sortable."""
-    kinds, names = [' class="words"' if name in WORDS else "" for name in head], [html.escape(name) for name in head]
-    cells, body = "".join(f"<th{of}>{name}</th>" for of, name in zip(kinds, names, strict=True)), ""
+    kinds, names = (
+        [' class="words"' if name in WORDS else "" for name in head],
+        [html.escape(name) for name in head],
+    )
+    cells, body = (
+        "".join(f"<th{of}>{name}</th>" for of, name in zip(kinds, names, strict=True)),
+        "",
+    )
     for row in rows:  # on a phone the style shows the column's name beside its value
         columns = zip(kinds, names, row, strict=True)
-        row_cells = "".join(f'<td{of} data-head="{name}">{text(value)}</td>' for of, name, value in columns)
+        row_cells = "".join(
+            f'<td{of} data-head="{name}">{text(value)}</td>'
+            for of, name, value in columns
+        )
         body += f"<tr>{row_cells}</tr>"
     return f'<div class="wide"><table class="{kind}"><thead><tr>{cells}</tr></thead><tbody>{body}</tbody></table></div>'
 

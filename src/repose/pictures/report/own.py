@@ -28,5 +28,8 @@ def write(calibration: Calibration, out_path: str | os.PathLike[str]) -> None:
         summary=calibration.summary, date=date.today().isoformat(), record=provenance.machine(), files=files,
         captions=CAPTIONS["own"],
     )  # fmt: skip
-    tables = {"Simulated samples": calibration.samples, "Parameter sets found": calibration.solutions}
+    tables = {
+        "Simulated samples": calibration.samples,
+        "Parameter sets found": calibration.solutions,
+    }
     page.write_study(shown, tables, out_path)

@@ -29,19 +29,31 @@ def is_whole(surrogate: Predictor) -> TypeGuard[BayesianBP | NetworkEnsemble]:
     return isinstance(surrogate, BayesianBP | NetworkEnsemble)
 
 
-def for_page(surrogate: Predictor, space: ParameterSpace, answer: np.ndarray) -> dict[str, Any]:
+def for_page(
+    surrogate: Predictor, space: ParameterSpace, answer: np.ndarray
+) -> dict[str, Any]:
     """Give a surrogate as plain values, `kind` ``network`` or ``curves``; `answer` is the reported parameter set."""
     if is_whole(surrogate):
-        members = surrogate.members_ if isinstance(surrogate, NetworkEnsemble) else [surrogate]
+        members = (
+            surrogate.members_
+            if isinstance(surrogate, NetworkEnsemble)
+            else [surrogate]
+        )
         contents = [member.to_dict() for member in members]
         found = [{key: content[key] for key in OF_EACH} for content in contents]
         for own, member in zip(found, members, strict=True):
             own["root"] = packed(member.posterior_root_, "<f4")
-        return {key: contents[0][key] for key in SHARED} | {"kind": "network", "members": found}
+        return {key: contents[0][key] for key in SHARED} | {
+            "kind": "network",
+            "members": found,
+        }
     curves = {}
     for name, low, high in zip(space.free, space.low, space.high, strict=True):
         points = np.tile(np.asarray(answer, dtype=float), (CURVE_POINTS, 1))
         points[:, space.names.index(name)] = np.linspace(low, high, CURVE_POINTS)
         mean, std = surrogate.predict(points, return_std=True, noise=False)
-        curves[name] = {"mean": np.asarray(mean).tolist(), "std": np.asarray(std).tolist()}
+        curves[name] = {
+            "mean": np.asarray(mean).tolist(),
+            "std": np.asarray(std).tolist(),
+        }
     return {"kind": "curves", "curves": curves}

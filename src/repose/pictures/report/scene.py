@@ -28,7 +28,9 @@ ABSENT, STEPS = 65535, 65534
 MAX_TRIANGLES = 600_000  # of all bodies together, for a phone
 
 
-def for_page(trajectory: str | os.PathLike[str], particle: Particle, section: "FunnelSettings") -> dict[str, Any]:
+def for_page(
+    trajectory: str | os.PathLike[str], particle: Particle, section: "FunnelSettings"
+) -> dict[str, Any]:
     """Give a pour as plain values by name, lengths in mm; InputError if the trajectory cannot be read.
 
     Names: `body`, `times_s`, `positions` (frames, bodies, 3), 65535 for an absent body, with `low` and `step`, `turns`,
@@ -39,11 +41,20 @@ def for_page(trajectory: str | os.PathLike[str], particle: Particle, section: "F
     count = record["position"].shape[1]
     shown = frames_shown(record["time_s"], count)
     positions, low, step = quantised(1e3 * record["position"][shown].astype(float))
-    turns = np.nan_to_num(np.roll(record["quaternion"][shown].astype(float), -1, axis=2))
+    turns = np.nan_to_num(
+        np.roll(record["quaternion"][shown].astype(float), -1, axis=2)
+    )
     scales = record.get("scale")
-    walls = [[1e3 * length for length in astuple(wall)[:4]] for wall in funnel_walls(section.funnel)]
+    walls = [
+        [1e3 * length for length in astuple(wall)[:4]]
+        for wall in funnel_walls(section.funnel)
+    ]
     points, normals, triangles = body(particle, MAX_TRIANGLES // max(count, 1))
-    shape = {"points": packed(points, "<f4"), "normals": packed(normals, "<f4"), "triangles": packed(triangles, "<u4")}
+    shape = {
+        "points": packed(points, "<f4"),
+        "normals": packed(normals, "<f4"),
+        "triangles": packed(triangles, "<u4"),
+    }
     return {
         "body": shape,
         "count": count,
@@ -61,7 +72,9 @@ def for_page(trajectory: str | os.PathLike[str], particle: Particle, section: "F
 def frames_shown(times_s: np.ndarray, count: int) -> np.ndarray:
     """Give the numbers of the frames in a page: evenly over the time, with the last one."""
     most = min(FRAMES, max(2, MAX_BYTES // (BYTES * max(count, 1))), len(times_s))
-    return np.unique(np.searchsorted(times_s, np.linspace(times_s[0], times_s[-1], most)))
+    return np.unique(
+        np.searchsorted(times_s, np.linspace(times_s[0], times_s[-1], most))
+    )
 
 
 def quantised(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -76,7 +89,9 @@ def quantised(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
     return whole, low, step
 
 
-def body(particle: Particle, most_triangles: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def body(
+    particle: Particle, most_triangles: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Give one body as points in mm, normals and triangles; of spheres only the visible triangles."""
     if not particle.is_clump:
         rings = int(np.clip(np.sqrt(most_triangles / 4), 8, 18))
@@ -90,11 +105,24 @@ def body(particle: Particle, most_triangles: int) -> tuple[np.ndarray, np.ndarra
     return parts
 
 
-def _spheres(spheres: np.ndarray, ball: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _spheres(
+    spheres: np.ndarray, ball: trimesh.Trimesh
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Give points, normals and triangles of the spheres (M, 4) that no other sphere contains."""
     corners = np.asarray(ball.vertices)
     points = spheres[:, None, :3] + spheres[:, None, 3:] * corners
-    hidden = (np.linalg.norm(points[:, :, None] - spheres[:, :3], axis=3) < spheres[:, 3] * (1 - 1e-9)).any(axis=2)
-    faces = (len(corners) * np.arange(len(spheres))[:, None, None] + ball.faces).reshape(-1, 3)
-    used, triangles = np.unique(faces[~hidden.ravel()[faces].all(axis=1)], return_inverse=True)
-    return points.reshape(-1, 3)[used], np.tile(corners, (len(spheres), 1))[used], triangles.reshape(-1, 3)
+    hidden = (
+        np.linalg.norm(points[:, :, None] - spheres[:, :3], axis=3)
+        < spheres[:, 3] * (1 - 1e-9)
+    ).any(axis=2)
+    faces = (
+        len(corners) * np.arange(len(spheres))[:, None, None] + ball.faces
+    ).reshape(-1, 3)
+    used, triangles = np.unique(
+        faces[~hidden.ravel()[faces].all(axis=1)], return_inverse=True
+    )
+    return (
+        points.reshape(-1, 3)[used],
+        np.tile(corners, (len(spheres), 1))[used],
+        triangles.reshape(-1, 3),
+    )

@@ -10,7 +10,15 @@ import numpy as np
 import pandas as pd
 
 from repose.chain import card
-from repose.chain.answer import NOT_AGAIN, SAID, Check, Result, in_one_line, nearness, out_of_reach
+from repose.chain.answer import (
+    NOT_AGAIN,
+    SAID,
+    Check,
+    Result,
+    in_one_line,
+    nearness,
+    out_of_reach,
+)
 from repose.chain.design import METHODS
 from repose.core.files import read_json
 from repose.core.parameters import LABELS
@@ -30,7 +38,13 @@ def share(value: float | None) -> str:
     """Write a probability in words, no more precise than the runs allow; "unknown" for None."""
     if value is None:
         return "unknown"
-    return "more than 99 %" if value > 0.995 else "less than 1 %" if value < 0.005 else f"{100 * value:.0f} %"
+    return (
+        "more than 99 %"
+        if value > 0.995
+        else "less than 1 %"
+        if value < 0.005
+        else f"{100 * value:.0f} %"
+    )
 
 
 def answer(study: Results) -> str:
@@ -45,9 +59,23 @@ def answer(study: Results) -> str:
     record = study.record
     commit = f", commit {record['commit']}" if record.get("commit") else ""
     made = f"Results of {study.date}, by repose {record.get('repose')}{commit}, on {record.get('processor')}."
-    said = {"kind": kind, "first": first, "others": others, "origin": html.escape(made), "nearness": near}
-    said |= {"impossible": "".join(f"{one}\n" for one in impossible(study.files)), "known": _how_well_known(study)}
-    return fill("answer.html", label=html.escape(study.shown.label), table=table(head, rows, "answer"), **said)
+    said = {
+        "kind": kind,
+        "first": first,
+        "others": others,
+        "origin": html.escape(made),
+        "nearness": near,
+    }
+    said |= {
+        "impossible": "".join(f"{one}\n" for one in impossible(study.files)),
+        "known": _how_well_known(study),
+    }
+    return fill(
+        "answer.html",
+        label=html.escape(study.shown.label),
+        table=table(head, rows, "answer"),
+        **said,
+    )
 
 
 def _escaped(words: str) -> str:
@@ -72,8 +100,13 @@ def verdict(study: Results) -> tuple[str, str]:
     if found.met is None and found.feasible:
         line = line.replace(SAID[None], "targets predicted to be met")
     good = found.feasible and found.met is not False
-    kind = ("good" if (study.chance["all"] or 0.0) >= SURE else "fair") if good else "bad"
-    return kind, f"{line[0].upper()}{line[1:]} {_probability(study) if found.feasible else found.message}"
+    kind = (
+        ("good" if (study.chance["all"] or 0.0) >= SURE else "fair") if good else "bad"
+    )
+    return (
+        kind,
+        f"{line[0].upper()}{line[1:]} {_probability(study) if found.feasible else found.message}",
+    )
 
 
 def _probability(study: Results) -> str:
@@ -81,12 +114,21 @@ def _probability(study: Results) -> str:
     chance, k = study.chance["all"], len(study.targets)
     if chance is None:
         return "How probable this is, is unknown: fewer than two runs of these parameters could be measured."
-    which = ("the response lies", "both responses lie", f"all {k} responses lie")[min(k, 3) - 1]
+    which = ("the response lies", "both responses lie", f"all {k} responses lie")[
+        min(k, 3) - 1
+    ]
     judged = "as the surrogate predicts; these parameters were not simulated again"
     if (runs := study.number("n_seeds")) is not None:
         judged = f"judged by {runs:.0f} new simulations with these parameters"
-    near = ((percent, within) for percent, within in study.within.items() if within is not None)
-    nearer = (f" Within {percent:g} % of the target{'s' * (k > 1)}: {share(within)}." for percent, within in near)
+    near = (
+        (percent, within)
+        for percent, within in study.within.items()
+        if within is not None
+    )
+    nearer = (
+        f" Within {percent:g} % of the target{'s' * (k > 1)}: {share(within)}."
+        for percent, within in near
+    )
     return f"With a probability of {share(chance)} {which} inside the target range, {judged}.{''.join(nearer)}"
 
 
@@ -103,7 +145,11 @@ def _checks(study: Results) -> Iterator[Check]:
     status = NOT_AGAIN if runs is None else text(study.row.get("status"))
     for target in study.targets:
         own = target.response
-        names = {"simulated": own.simulated, "standard_error": own.error, "predicted": own.predicted}
+        names = {
+            "simulated": own.simulated,
+            "standard_error": own.error,
+            "predicted": own.predicted,
+        }
         numbers = {field: study.number(name) for field, name in names.items()}
         line = line_for(study.shown.config.get("measure"), target.name)
         yield Check.of(target, **numbers, runs=int(runs or 0), status=status, line=line)
@@ -114,17 +160,39 @@ def _parameter_row(study: Results, k: int) -> list[Any]:
     space, name = study.space, study.space.names[k]
     if name in space.fixed:
         unknown = [] if study.posterior is None else ["", ""]
-        return [name, LABELS.get(name, name), f"{study.answer[k]:.4g}", *unknown, "fixed", ""]
+        return [
+            name,
+            LABELS.get(name, name),
+            f"{study.answer[k]:.4g}",
+            *unknown,
+            "fixed",
+            "",
+        ]
     i = space.free.index(name)
     values, value = study.feasible[name], float(study.answer[k])
     if study.posterior is None:
         interval, shown = [], card.held(space, name, value, value, value)
     else:
         row = study.posterior.loc[name]
-        shown = card.held(space, name, value, float(row["credible_low"]), float(row["credible_high"]))
-        interval = [f"{shown['low']:.3g} to {shown['high']:.3g}", f"{100 * row['width_ratio']:.0f} %"]
-    searched, found = f"{space.low[i]:.3g} to {space.high[i]:.3g}", f"{values.min():.3g} to {values.max():.3g}"
-    return [name, card.with_remark(LABELS.get(name, name), shown), f"{value:.4g}", *interval, searched, found]
+        shown = card.held(
+            space, name, value, float(row["credible_low"]), float(row["credible_high"])
+        )
+        interval = [
+            f"{shown['low']:.3g} to {shown['high']:.3g}",
+            f"{100 * row['width_ratio']:.0f} %",
+        ]
+    searched, found = (
+        f"{space.low[i]:.3g} to {space.high[i]:.3g}",
+        f"{values.min():.3g} to {values.max():.3g}",
+    )
+    return [
+        name,
+        card.with_remark(LABELS.get(name, name), shown),
+        f"{value:.4g}",
+        *interval,
+        searched,
+        found,
+    ]
 
 
 def _how_well_known(study: Results) -> str:
@@ -137,13 +205,30 @@ def _how_well_known(study: Results) -> str:
 
 def check(study: Results) -> str:
     """Write measured, predicted and simulated responses, and the pile."""
-    head = ["response", "measured", "target range", "predicted", "simulated", "difference", "inside"]
-    head = head if study.number("n_seeds") is not None else head[: head.index("simulated")]
+    head = [
+        "response",
+        "measured",
+        "target range",
+        "predicted",
+        "simulated",
+        "difference",
+        "inside",
+    ]
+    head = (
+        head if study.number("n_seeds") is not None else head[: head.index("simulated")]
+    )
     rows = [_response_row(study, target)[: len(head)] for target in study.targets]
     trouble = text(study.row.get("reason"))
-    parts = {"trouble": f'<p class="note">Of these simulations: {trouble}.</p>' if trouble else ""}
+    parts = {
+        "trouble": f'<p class="note">Of these simulations: {trouble}.</p>'
+        if trouble
+        else ""
+    }
     parts |= {"lines": _lines(study), "pile": _pile(study), "table4": _table4(study)}
-    parts |= {"table": table(head, rows, "check"), "keys": fill("keys.html", blue="the new simulations")}
+    parts |= {
+        "table": table(head, rows, "check"),
+        "keys": fill("keys.html", blue="the new simulations"),
+    }
     return fill("check.html", **parts)
 
 
@@ -154,14 +239,21 @@ def _lines(study: Results) -> str:
     measure, rows = study.shown.measure, []
     calibrated = {line_for(measure, name) for name in study.targets.names}
     for name, column in MEAN_KEYS.items():
-        line, mean = line_of(measure, name), _with_error(study.number(column), study.number(error_of(column)), " deg")
+        line, mean = (
+            line_of(measure, name),
+            _with_error(study.number(column), study.number(error_of(column)), " deg"),
+        )
         rows.append([line, mean, "calibrated" if line in calibrated else ""])
     return f"<h3>The same piles by other lines</h3>\n{table(['line', 'simulated', ''], rows, 'lines')}"
 
 
 def _with_error(mean: float | None, error: float | None, unit: str = "") -> str:
     """Write a mean with its standard error."""
-    return "no result" if mean is None or pd.isna(mean) else f"{mean:.4g} ± {error or 0:.2g}{unit}"
+    return (
+        "no result"
+        if mean is None or pd.isna(mean)
+        else f"{mean:.4g} ± {error or 0:.2g}{unit}"
+    )
 
 
 def _table4(study: Results) -> str:
@@ -169,28 +261,57 @@ def _table4(study: Results) -> str:
     if len(study.table4) < 2:
         return ""
     sets = [row for _, row in study.table4.iterrows()]
-    head, rows = ["set", "role", "runs"], [[row.get(key) for key in ("solution", "role", "n_seeds")] for row in sets]
+    head, rows = (
+        ["set", "role", "runs"],
+        [[row.get(key) for key in ("solution", "role", "n_seeds")] for row in sets],
+    )
     for one in study.targets.responses:
-        head += [f"{one.symbol} {word} ({one.unit or '–'})" for word in ("predicted", "simulated")]
+        head += [
+            f"{one.symbol} {word} ({one.unit or '–'})"
+            for word in ("predicted", "simulated")
+        ]
         for cells, row in zip(rows, sets, strict=True):
-            cells += [row[one.predicted], _with_error(row.get(one.simulated), row.get(one.error))]
+            cells += [
+                row[one.predicted],
+                _with_error(row.get(one.simulated), row.get(one.error)),
+            ]
     return f"<h3>Table 4: sets simulated again, mean ± standard error</h3>\n{table(head, rows, 'sets')}"
 
 
 def _response_row(study: Results, target: Target) -> list[str]:
     """Give the row of one target."""
     response, unit = target.response, target.response.unit
-    predicted, simulated, error = map(study.number, (response.predicted, response.simulated, response.error))
-    away = "" if simulated is None else f"{100 * (simulated - target.value) / target.whole_value:+.1f} %"
+    predicted, simulated, error = map(
+        study.number, (response.predicted, response.simulated, response.error)
+    )
+    away = (
+        ""
+        if simulated is None
+        else f"{100 * (simulated - target.value) / target.whole_value:+.1f} %"
+    )
     measured = f"{target.value:.4g} ± {target.sd:.2g} {unit} (n = {target.repetitions})"
-    within, found = f"{target.low:g} to {target.high:g} {unit}", _with_error(simulated, error, f" {unit}")
+    within, found = (
+        f"{target.low:g} to {target.high:g} {unit}",
+        _with_error(simulated, error, f" {unit}"),
+    )
     before = f"{predicted:.4g} {unit}" if predicted is not None else ""
-    return [response.label, measured, within, before, found, away, share(study.chance[target.name])]
+    return [
+        response.label,
+        measured,
+        within,
+        before,
+        found,
+        away,
+        share(study.chance[target.name]),
+    ]
 
 
 def _pile(study: Results) -> str:
     """Write the 3-D view beside the photograph, or beside the measured silhouette."""
-    pictures, view = _pictures(study, CAPTIONS["pile"]), fill("pile.html") if "trajectory" in study.files else ""
+    pictures, view = (
+        _pictures(study, CAPTIONS["pile"]),
+        fill("pile.html") if "trajectory" in study.files else "",
+    )
     pictures = f"<div>{pictures}</div>" if pictures else ""
     kind = "pair" if pictures and view else "pair alone"
     return f'<div class="{kind}">{view}{pictures}</div>' if pictures or view else ""
@@ -198,7 +319,11 @@ def _pile(study: Results) -> str:
 
 def _pictures(study: Results, captions: Mapping[str, str]) -> str:
     """Write the pictures that the study has, with their captions by name."""
-    return "".join(picture(study.files[name], words) for name, words in captions.items() if name in study.files)
+    return "".join(
+        picture(study.files[name], words)
+        for name, words in captions.items()
+        if name in study.files
+    )
 
 
 def other_parameters(study: Results) -> str:
@@ -206,7 +331,11 @@ def other_parameters(study: Results) -> str:
     if study.surrogate is None:
         return ""
     name = html.escape(study.surrogate.name)
-    how = fill("whole.html") if is_whole(study.surrogate) else fill("curves.html", surrogate=name)
+    how = (
+        fill("whole.html")
+        if is_whole(study.surrogate)
+        else fill("curves.html", surrogate=name)
+    )
     return fill("sliders.html", how=how, keys=fill("keys.html", blue="the prediction"))
 
 
@@ -214,7 +343,11 @@ def how_found(study: Results) -> str:
     """Write the steps with their numbers and figures."""
     steps = "".join(f"<li>{html.escape(step)}</li>" for step in _steps(study))
     pictures = _pictures(study, study.captions)
-    return fill("found.html", steps=steps, pictures=fill("pictures.html", pictures=pictures) if pictures else "")
+    return fill(
+        "found.html",
+        steps=steps,
+        pictures=fill("pictures.html", pictures=pictures) if pictures else "",
+    )
 
 
 def all_tables(tables: Mapping[str, pd.DataFrame]) -> str:
@@ -228,8 +361,16 @@ def _steps(study: Results) -> Iterator[str]:
     if "steps" in study.summary:
         yield from study.summary["steps"]
         return
-    design, free, all_ = study.shown.design, study.space.dimensions, len(study.space.names)
-    searched = f"{free} parameters" if free == all_ else f"{free} of {all_} parameters, the others fixed"
+    design, free, all_ = (
+        study.shown.design,
+        study.space.dimensions,
+        len(study.space.names),
+    )
+    searched = (
+        f"{free} parameters"
+        if free == all_
+        else f"{free} of {all_} parameters, the others fixed"
+    )
     benches = " and ".join(study.targets.apparatus).replace("_", " ")
     yield f"Design: {design.samples} parameter sets over {searched} ({METHODS[design.method]})."
     simulated = read_json(study.files["dataset_summary"], {"text": str})
@@ -248,7 +389,9 @@ def _accuracy(study: Results) -> str:
     for response in study.targets.responses:
         found = test.get(response.name, {})
         if np.isfinite(found.get("rmse") or np.nan):
-            parts.append(f"{response.label} to {found['rmse']:.2g} {response.unit} (R² {found['r2']:.2f})")
+            parts.append(
+                f"{response.label} to {found['rmse']:.2g} {response.unit} (R² {found['r2']:.2f})"
+            )
     if not parts:
         return "its accuracy was not tested."
     return f"on samples that it had not learned from, it predicts the {' and the '.join(parts)}."

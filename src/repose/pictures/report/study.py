@@ -34,8 +34,18 @@ Files = Mapping[str, str]  # paths by name
 NEEDED = ("dataset", "feasible", "summary", "table4")
 # Also needed if the summary does not hold the steps to the answer.
 TRAINED = ("network", "metrics", "dataset_summary")
-OPTIONAL = ("runs", "posterior", "particle", "trajectory", "photograph", "overlay", "card")
-CAPTIONS: dict[str, dict[str, str]] = json.loads(own("captions.json"))  # of pictures of a study, by name
+OPTIONAL = (
+    "runs",
+    "posterior",
+    "particle",
+    "trajectory",
+    "photograph",
+    "overlay",
+    "card",
+)
+CAPTIONS: dict[str, dict[str, str]] = json.loads(
+    own("captions.json")
+)  # of pictures of a study, by name
 PICTURES = CAPTIONS["study"]
 
 
@@ -46,7 +56,9 @@ class Results:
     shown: Shown
     row: pd.Series  # the representative parameter set in table4.csv
     chance: dict[str, float | None]  # from `chance_of_meeting`
-    within: dict[float, float | None]  # probability that all responses lie within so many percent of their targets
+    within: dict[
+        float, float | None
+    ]  # probability that all responses lie within so many percent of their targets
     posterior: pd.DataFrame | None  # posterior.csv by parameter
     surrogate: Predictor | None  # None without a model of the whole ranges
     feasible: pd.DataFrame
@@ -54,9 +66,15 @@ class Results:
     dataset: pd.DataFrame
     summary: Mapping[str, Any]  # with ``steps`` if the strategy reports its own course
     date: str  # of the results
-    record: Mapping[str, Any]  # their version, commit and processor, as `repose.core.provenance.machine`
-    files: Mapping[str, Any] = field(default_factory=dict)  # by names in `NEEDED`, `TRAINED`, `OPTIONAL`, `captions`
-    captions: Mapping[str, str] = field(default_factory=lambda: PICTURES)  # of its figures, by name
+    record: Mapping[
+        str, Any
+    ]  # their version, commit and processor, as `repose.core.provenance.machine`
+    files: Mapping[str, Any] = field(
+        default_factory=dict
+    )  # by names in `NEEDED`, `TRAINED`, `OPTIONAL`, `captions`
+    captions: Mapping[str, str] = field(
+        default_factory=lambda: PICTURES
+    )  # of its figures, by name
 
     @property
     def targets(self) -> Targets:
@@ -92,7 +110,13 @@ def read(config: Config, jobs: Sequence[str], files: Files) -> Results:
     targets, runs = shown.targets, _runs(jobs, shown.targets)
     table4 = read_table(files["table4"], ("role", *PARAMETERS, *targets.predicted))
     rows = table4[table4["role"] == "representative"]
-    require(not rows.empty, files["table4"], "role", None, "a row with the role representative")
+    require(
+        not rows.empty,
+        files["table4"],
+        "role",
+        None,
+        "a row with the role representative",
+    )
     posterior = None
     if "posterior" in files:
         columns = ("parameter", "credible_low", "credible_high", "width_ratio", "r_hat")
@@ -102,7 +126,10 @@ def read(config: Config, jobs: Sequence[str], files: Files) -> Results:
         files=files,
         row=rows.iloc[0],
         chance=chance_of_meeting(runs, targets),
-        within={percent: chance_of_meeting(runs, targets, percent)["all"] for percent in PERCENT},
+        within={
+            percent: chance_of_meeting(runs, targets, percent)["all"]
+            for percent in PERCENT
+        },
         posterior=posterior,
         surrogate=_surrogate(files, targets, shown.space),
         feasible=read_table(files["feasible"], ("solution", *PARAMETERS)),
@@ -118,10 +145,18 @@ def read(config: Config, jobs: Sequence[str], files: Files) -> Results:
 def _require(files: Files, names: tuple[str, ...]) -> None:
     """Raise InputError if any of these files is missing."""
     for name in names:
-        require(name in files, "report", "--input", None, f"{name}=PATH; a report needs {', '.join(names)}")
+        require(
+            name in files,
+            "report",
+            "--input",
+            None,
+            f"{name}=PATH; a report needs {', '.join(names)}",
+        )
 
 
-def _surrogate(files: Files, targets: Targets, space: ParameterSpace) -> Predictor | None:
+def _surrogate(
+    files: Files, targets: Targets, space: ParameterSpace
+) -> Predictor | None:
     """Give the surrogate of a file, or the kriging model of all runs of a strategy, or None."""
     if "network" in files:
         return load(files["network"], targets.names)
@@ -129,7 +164,9 @@ def _surrogate(files: Files, targets: Targets, space: ParameterSpace) -> Predict
         return None
     dataset = read_dataset(files["dataset"], targets)
     runs = read_runs(files["runs"], targets, dataset, files["dataset"])
-    return SpaceKriging(Kriging(observed_of(data_of(dataset, runs, targets), space, targets)), space)
+    return SpaceKriging(
+        Kriging(observed_of(data_of(dataset, runs, targets), space, targets)), space
+    )
 
 
 def _runs(jobs: Sequence[str], targets: Targets) -> dict[str, list[Any]]:

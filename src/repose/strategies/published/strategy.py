@@ -19,10 +19,20 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
     """Propose one batch, then answer."""
     if data.empty:
         section = study.settings.design
-        unit = design.points(section.samples, study.parameters.dimensions, section.method, section.seed)
+        unit = design.points(
+            section.samples, study.parameters.dimensions, section.method, section.seed
+        )
         return Batch(samples_of(study.parameters, unit, seeds_of(study)))
-    training, support = fitted(study, samples_of_runs(data, study.parameters, study.targets), data)
-    inversion = invert(training.model, study.parameters, study.targets, study.settings.miga, support=support)
+    training, support = fitted(
+        study, samples_of_runs(data, study.parameters, study.targets), data
+    )
+    inversion = invert(
+        training.model,
+        study.parameters,
+        study.targets,
+        study.settings.miga,
+        support=support,
+    )
     why = "the batch is simulated: the search on its surrogate answers"
     return answer_of(study, training.model, inversion, data, why, seeds_of(study))
 
@@ -32,15 +42,37 @@ def seeds_of(study: Studied) -> int:
     return getattr(study.settings, study.targets.apparatus[0]).seeds
 
 
-def fitted(study: Studied, samples: pd.DataFrame, data: pd.DataFrame) -> tuple[Training, Support]:
+def fitted(
+    study: Studied, samples: pd.DataFrame, data: pd.DataFrame
+) -> tuple[Training, Support]:
     """Fit the surrogate of the study to the samples of its runs; return also the region that the good ones cover."""
-    settings, names, runs = study.settings, study.parameters.names, runs_by_bench(data, study.targets)
+    settings, names, runs = (
+        study.settings,
+        study.parameters.names,
+        runs_by_bench(data, study.targets),
+    )
     good = samples.loc[samples["status"] == "ok", list(names)].to_numpy(float)
-    training = train(samples, runs, study.targets, settings.network, {}, "runs", names, settings.surrogate)
+    training = train(
+        samples,
+        runs,
+        study.targets,
+        settings.network,
+        {},
+        "runs",
+        names,
+        settings.surrogate,
+    )
     return training, Support.of(good, study.parameters)
 
 
-def answer_of(study: Studied, model: Surrogate, found: Inversion, data: pd.DataFrame, why: str, seeds: int) -> Answer:
+def answer_of(
+    study: Studied,
+    model: Surrogate,
+    found: Inversion,
+    data: pd.DataFrame,
+    why: str,
+    seeds: int,
+) -> Answer:
     """Answer with the representative solution of a search, and the other feasible ones."""
     space, targets, solutions = study.parameters, study.targets, found.solutions
     names = list(space.names)
@@ -56,9 +88,18 @@ def answer_of(study: Studied, model: Surrogate, found: Inversion, data: pd.DataF
     )  # fmt: skip
 
 
-def probability_of(mean: np.ndarray, covariance: np.ndarray, targets: Targets) -> dict[str, float]:
+def probability_of(
+    mean: np.ndarray, covariance: np.ndarray, targets: Targets
+) -> dict[str, float]:
     """Compute the probabilities that means (1, k) lie within 1 % and 2 % of all targets, and `inside` all ranges."""
-    near = {column: percent * (targets.whole / 100) for percent, column in WITHIN.items()}
-    ends = {column: (targets.aim - reach, targets.aim + reach) for column, reach in near.items()}
+    near = {
+        column: percent * (targets.whole / 100) for percent, column in WITHIN.items()
+    }
+    ends = {
+        column: (targets.aim - reach, targets.aim + reach)
+        for column, reach in near.items()
+    }
     ends["inside"] = targets.low, targets.high
-    return {name: float(within(mean, covariance, *pair)[0]) for name, pair in ends.items()}
+    return {
+        name: float(within(mean, covariance, *pair)[0]) for name, pair in ends.items()
+    }

@@ -21,7 +21,9 @@ class RefineSettings(Section):
     block: int = Field(ge=1, le=1000)  # pours of the proposal in one job
     neighbours: int = Field(ge=0, le=99)  # samples around the proposal
     neighbour_seeds: int = Field(ge=1, le=1000)  # pours of each
-    reach: float = Field(ge=0.01, le=1)  # half the width of the box that is searched, in ranges
+    reach: float = Field(
+        ge=0.01, le=1
+    )  # half the width of the box that is searched, in ranges
     tolerance_percent: Percent  # of a simulated mean from its target
     standard_error_percent: Percent  # of a simulated mean, in percent of its target
 
@@ -39,7 +41,16 @@ class Refined(Strategy):
 
     repeats_points = True
     begins_with_design = True
-    reads = ("parameters", "targets", "design.samples", "design.seed", "surrogate", "network", "miga", "refine")
+    reads = (
+        "parameters",
+        "targets",
+        "design.samples",
+        "design.seed",
+        "surrogate",
+        "network",
+        "miga",
+        "refine",
+    )
 
     def propose(self, study: Studied, data: "pd.DataFrame") -> Batch | Answer:
         from repose.strategies.refined import strategy

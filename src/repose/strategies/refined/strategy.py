@@ -42,7 +42,13 @@ def follow(study: Studied, data: pd.DataFrame, number: int) -> Round:
     """Make the round of a number from the runs of the design and of the rounds before it."""
     space, targets, settings = study.parameters, study.targets, study.settings
     allowed = f"below {OF_A_ROUND}, from where the samples of the rounds are numbered"
-    require(settings.design.samples < OF_A_ROUND, "configuration", "design.samples", settings.design.samples, allowed)
+    require(
+        settings.design.samples < OF_A_ROUND,
+        "configuration",
+        "design.samples",
+        settings.design.samples,
+        allowed,
+    )
     data = data[data["sample"].map(round_of) < number]
     samples = samples_of_runs(data, space, targets)
     own = samples["sample"].map(round_of)
@@ -52,9 +58,19 @@ def follow(study: Studied, data: pd.DataFrame, number: int) -> Round:
     if number == 0:
         inversion = invert(model, space, targets, settings.miga, support=support)
     else:
-        centre = samples[own == number - 1].iloc[0][list(space.names)].astype(float).to_dict()
+        centre = (
+            samples[own == number - 1]
+            .iloc[0][list(space.names)]
+            .astype(float)
+            .to_dict()
+        )
         model, inversion = refine.search(model, samples, centre, study, support)
-    return Round(training, model, inversion, refine.propose(inversion.solutions, model, study, number))
+    return Round(
+        training,
+        model,
+        inversion,
+        refine.propose(inversion.solutions, model, study, number),
+    )
 
 
 def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
@@ -64,18 +80,28 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
     targets, section = study.targets, study.settings.refine
     number = int(data["sample"].map(round_of).max())
     if number < 0:
-        return _batch(follow(study, data, 0), {"why": "the answer of the search is simulated"})
+        return _batch(
+            follow(study, data, 0), {"why": "the answer of the search is simulated"}
+        )
     now, runs = follow(study, data, number), runs_by_bench(data, targets)
     verdict = judge(now.proposal, runs, study, number)
     samples = samples_of_runs(data, study.parameters, targets)
-    verdict["usable"] = int(samples.loc[samples["status"] == "ok", "sample"].map(round_of).eq(number).sum())
-    before = {"objective": objective_of(jobs(section, number - 1), runs, targets)} if number else None
+    verdict["usable"] = int(
+        samples.loc[samples["status"] == "ok", "sample"].map(round_of).eq(number).sum()
+    )
+    before = (
+        {"objective": objective_of(jobs(section, number - 1), runs, targets)}
+        if number
+        else None
+    )
     if number < section.rounds and goes_on(verdict, before):
         why = f"round {number} is {verdict['outcome']}: {verdict['reason']}"
         return _batch(follow(study, data, number + 1), {"row": verdict, "why": why})
     why = why_stopped(verdict, section.rounds, targets, before)
     best = answer_of(study, now.model, now.inversion, data, why, section.seeds)
-    best = replace(best, notes={**best.notes, "row": verdict, **_end(verdict, why, study)})
+    best = replace(
+        best, notes={**best.notes, "row": verdict, **_end(verdict, why, study)}
+    )
     return _simulated(best, study, now.proposal, data)
 
 
@@ -94,17 +120,27 @@ def _end(verdict: Mapping[str, Any], why: str, study: Studied) -> dict[str, Any]
         f"Rounds: {verdict['round'] + 1}, each of the search's answer and its neighbours. They stopped: {why}.",
         f"Simulated: {claimed}.",
     )
-    summary = {"met": met, "rounds": verdict["round"] + 1, "solution": solution, "claim": claimed}
+    summary = {
+        "met": met,
+        "rounds": verdict["round"] + 1,
+        "solution": solution,
+        "claim": claimed,
+    }
     return {"summary": summary, "steps": steps}
 
 
-def _simulated(answer: Answer, study: Studied, proposal: pd.DataFrame, data: pd.DataFrame) -> Answer:
+def _simulated(
+    answer: Answer, study: Studied, proposal: pd.DataFrame, data: pd.DataFrame
+) -> Answer:
     """Replace the answer's predicted means by the simulated means of its own runs."""
     targets = study.targets
     numbers = proposal.loc[proposal["role"] == PROPOSAL, "sample"]
     answer = replace(answer, simulated=tuple(numbers))
     values = data.loc[data["sample"].isin(numbers), list(targets.names)].dropna()
-    mean, covariance = values.mean().to_numpy(), values.cov().to_numpy() / max(len(values), 1)
+    mean, covariance = (
+        values.mean().to_numpy(),
+        values.cov().to_numpy() / max(len(values), 1),
+    )
     if len(values) <= len(targets) or np.linalg.matrix_rank(covariance) < len(targets):
         return answer
     probability = probability_of(mean[None], covariance[None], targets)

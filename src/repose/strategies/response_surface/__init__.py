@@ -24,7 +24,9 @@ class ResponseSurfaceSettings(Section):
     steps: int = Field(ge=1, le=50)  # of the ascent
     surface: Literal["box_behnken", "rotatable", "face_centred"]
     centres: int = Field(ge=1, le=50)  # samples at the centre of a design
-    reach: float = Field(ge=0.01, le=0.5)  # from the surface's centre to its outermost level, in ranges
+    reach: float = Field(
+        ge=0.01, le=0.5
+    )  # from the surface's centre to its outermost level, in ranges
     checks: int = Field(ge=2, le=500)  # samples at the optimum
 
     @property
@@ -49,21 +51,43 @@ class ResponseSurface(Strategy):
     settings = ResponseSurfaceSettings
     repeats_points = True
     files = (
-        *(f"{step}_{table}.csv" for step in ("screening", "surface") for table in FITTED),
-        *("screening.json", "path.csv", "surface.csv", "predictions.csv", "optimum.json"),
+        *(
+            f"{step}_{table}.csv"
+            for step in ("screening", "surface")
+            for table in FITTED
+        ),
+        *(
+            "screening.json",
+            "path.csv",
+            "surface.csv",
+            "predictions.csv",
+            "optimum.json",
+        ),
     )
-    reads = ("parameters", "targets", "design.seed", "response_surface", "miga.solutions", "miga.distance")
+    reads = (
+        "parameters",
+        "targets",
+        "design.seed",
+        "response_surface",
+        "miga.solutions",
+        "miga.distance",
+    )
 
     def propose(self, study: Studied, data: "pd.DataFrame") -> Batch | Answer:
         from repose.strategies.response_surface import strategy
 
         return strategy.propose(study, data)
 
-    def contradictions(self, section: ResponseSurfaceSettings, free: int, responses: int) -> Contradictions:
+    def contradictions(
+        self, section: ResponseSurfaceSettings, free: int, responses: int
+    ) -> Contradictions:
         """Refuse a response surface of too few factors or runs."""
         name, fewest = section.surface, section.fewest_factors
         if free < fewest:
-            yield "surface", f"a design for {free} free parameters; {name} needs {fewest}"
+            yield (
+                "surface",
+                f"a design for {free} free parameters; {name} needs {fewest}",
+            )
         if section.most_factors < fewest:
             yield "most_factors", f"at least {fewest} where surface is {name}"
         if section.screening_runs < free + 2:
@@ -73,6 +97,12 @@ class ResponseSurface(Strategy):
 
     def pours(self, section: ResponseSurfaceSettings, free: int) -> Pours:
         """Count the steps' pours; the screening may keep fewer parameters than `response_surface.most_factors`."""
-        steps = {"screening": section.screening_runs + section.centres, "ascent": section.steps + 1}
-        steps |= {"surface": len(section.coded(min(section.most_factors, free))[0]), "check": section.checks}
+        steps = {
+            "screening": section.screening_runs + section.centres,
+            "ascent": section.steps + 1,
+        }
+        steps |= {
+            "surface": len(section.coded(min(section.most_factors, free))[0]),
+            "check": section.checks,
+        }
         return tuple((name, sets, section.seeds) for name, sets in steps.items())

@@ -18,17 +18,27 @@ from repose.doe.model import Model, fit
 from repose.doe.plackett_burman import plackett_burman
 from repose.strategies.base import Studied
 from repose.strategies.response_surface import ResponseSurfaceSettings
-from repose.strategies.response_surface.steps import CODED, factors_of, samples, scale_of, usable
+from repose.strategies.response_surface.steps import (
+    CODED,
+    factors_of,
+    samples,
+    scale_of,
+    usable,
+)
 
 # Tables of a model by name, as in `repose.doe.anova`.
 TABLES = {
     "anova": anova,
-    "effects": lambda model: effects(model).assign(**{f"limit_{k}": v for k, v in limits(model).items()}),
+    "effects": lambda model: effects(model).assign(
+        **{f"limit_{k}": v for k, v in limits(model).items()}
+    ),
     "statistics": lambda model: pd.DataFrame([statistics(model)]),
 }
 
 
-def screened(study: Studied, table: pd.DataFrame, dataset: pd.DataFrame) -> tuple[pd.DataFrame, dict[str, Any]]:
+def screened(
+    study: Studied, table: pd.DataFrame, dataset: pd.DataFrame
+) -> tuple[pd.DataFrame, dict[str, Any]]:
     """Analyse the screening's samples: return the samples of the ascent, and tables, result and a message as notes.
 
     InputError if they show no way towards the targets.
@@ -41,12 +51,25 @@ def screened(study: Studied, table: pd.DataFrame, dataset: pd.DataFrame) -> tupl
     try:
         climb = path(models, centre.to_numpy(), kept, study)
     except ValueError as error:
-        raise InputError("runs", "targets", str(error), "a way towards the targets") from None
+        raise InputError(
+            "runs", "targets", str(error), "a way towards the targets"
+        ) from None
     dropped = [name for name in study.parameters.free if name not in kept]
-    means = dict(zip(targets.names, (float(model.constant) for model in models), strict=True))
-    result = {"kept": kept, "dropped": dropped, "centre": centre.to_dict(), "corners": means}
+    means = dict(
+        zip(targets.names, (float(model.constant) for model in models), strict=True)
+    )
+    result = {
+        "kept": kept,
+        "dropped": dropped,
+        "centre": centre.to_dict(),
+        "corners": means,
+    }
     why = f"kept {', '.join(kept)}; dropped {', '.join(dropped) or 'none'}"
-    return climb, {**analysis("screening", models, targets), "screening": result, "why": why}
+    return climb, {
+        **analysis("screening", models, targets),
+        "screening": result,
+        "why": why,
+    }
 
 
 def design(space: ParameterSpace, section: ResponseSurfaceSettings) -> pd.DataFrame:
@@ -62,24 +85,36 @@ def corners_and_centre(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]
     return table[~at_centre], table[at_centre]
 
 
-def models_of(table: pd.DataFrame, dataset: pd.DataFrame, targets: Targets, order: str) -> list[Model]:
+def models_of(
+    table: pd.DataFrame, dataset: pd.DataFrame, targets: Targets, order: str
+) -> list[Model]:
     """Fit a polynomial to each response of a step (`fit`); InputError for too few usable samples."""
     runs, factors = usable(table, dataset), factors_of(table)
     coded = runs[[CODED + name for name in factors]].to_numpy(float)
     try:
-        return [fit(coded, runs[target.name].to_numpy(float), factors, order) for target in targets]
+        return [
+            fit(coded, runs[target.name].to_numpy(float), factors, order)
+            for target in targets
+        ]
     except ValueError as error:
-        raise InputError("runs", "samples that are ok", str(error), "enough for the model") from None
+        raise InputError(
+            "runs", "samples that are ok", str(error), "enough for the model"
+        ) from None
 
 
-def analysis(step: str, models: list[Model], targets: Targets) -> dict[str, pd.DataFrame]:
+def analysis(
+    step: str, models: list[Model], targets: Targets
+) -> dict[str, pd.DataFrame]:
     """Make the tables of a step's models, as in `repose.doe.anova`, with the column `response` first.
 
     The effects also have the two limits of the Pareto chart.
     """
     tables: dict[str, pd.DataFrame] = {}
     for name, table_of in TABLES.items():
-        joined = pd.concat(dict(zip(targets.names, map(table_of, models), strict=True)), names=["response", None])
+        joined = pd.concat(
+            dict(zip(targets.names, map(table_of, models), strict=True)),
+            names=["response", None],
+        )
         tables[f"{step}_{name}"] = joined.reset_index("response").reset_index(drop=True)
     return tables
 
@@ -91,12 +126,21 @@ def kept_factors(models: list[Model], section: ResponseSurfaceSettings) -> list[
     dropped.
     """
     tables = [effects(model).set_index("term")["p"] for model in models]
-    best = pd.concat(tables, axis=1).min(axis=1).reindex(models[0].factors).sort_values(kind="stable")
+    best = (
+        pd.concat(tables, axis=1)
+        .min(axis=1)
+        .reindex(models[0].factors)
+        .sort_values(kind="stable")
+    )
     count = int((best < section.significance).sum())
-    return list(best.index[: min(max(count, section.fewest_factors), section.most_factors)])
+    return list(
+        best.index[: min(max(count, section.fewest_factors), section.most_factors)]
+    )
 
 
-def path(models: list[Model], centre: np.ndarray, kept: list[str], study: Studied) -> pd.DataFrame:
+def path(
+    models: list[Model], centre: np.ndarray, kept: list[str], study: Studied
+) -> pd.DataFrame:
     """Sample the steepest ascent from the centre of the ranges towards the targets, to the edge of the ranges.
 
     `centre` (k,) has the mean responses there. ValueError if the linear models show no way towards the targets.

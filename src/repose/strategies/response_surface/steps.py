@@ -16,7 +16,11 @@ CODED = "coded_"  # before a parameter's name: its column in coded units
 
 
 def samples(
-    step: str, space: ParameterSpace, unit: np.ndarray, factors: Sequence[str], coded: np.ndarray
+    step: str,
+    space: ParameterSpace,
+    unit: np.ndarray,
+    factors: Sequence[str],
+    coded: np.ndarray,
 ) -> pd.DataFrame:
     """Make the samples of a step: `sample`, the parameters, and the factors in coded units (`CODED` + name).
 
@@ -40,9 +44,17 @@ def usable(table: pd.DataFrame, dataset: pd.DataFrame) -> pd.DataFrame:
     """
     missing = sorted(set(table["sample"]) - set(dataset["sample"]))
     require(not missing, "runs", "sample", missing, "all samples of the step")
-    joined = table[["sample", *(name for name in table if name.startswith(CODED))]].merge(dataset, on="sample")
+    joined = table[
+        ["sample", *(name for name in table if name.startswith(CODED))]
+    ].merge(dataset, on="sample")
     good = joined[joined["status"] == "ok"].reset_index(drop=True)
-    require(not good.empty, "runs", "status", sorted(set(dataset["status"])), "at least one sample that is ok")
+    require(
+        not good.empty,
+        "runs",
+        "status",
+        sorted(set(dataset["status"])),
+        "at least one sample that is ok",
+    )
     return good
 
 

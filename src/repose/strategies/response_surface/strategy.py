@@ -44,9 +44,15 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
         return batch(check)
     others, predicted = surface.alternatives(models, table, study)
     unit = surface.natural_unit(table, best.coded, space)
-    mean, covariance = best.predicted, np.diag(notes["predictions"]["standard_error"] ** 2)
+    mean, covariance = (
+        best.predicted,
+        np.diag(notes["predictions"]["standard_error"] ** 2),
+    )
     poured = dataset[dataset["sample"].isin(check["sample"])]
-    notes |= {"check": surface.checked(notes["predictions"], poured), "summary": {"surfaces_meet_targets": best.met}}
+    notes |= {
+        "check": surface.checked(notes["predictions"], poured),
+        "summary": {"surfaces_meet_targets": best.met},
+    }
     screened = f"{section.screening_runs} runs of a Plackett-Burman design and {section.centres} of the centre"
     models_of_it = "a quadratic model for each response, and its optimum"
     notes["steps"] = (

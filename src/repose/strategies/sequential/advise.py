@@ -29,13 +29,17 @@ NO_CHANCE = 1e-6  # of the most probable point: below it that is the least certa
 LEAST_GAIN = 0.01  # a probability that cannot rise by more has reached the noise bound
 
 Score = Callable[[np.ndarray], np.ndarray]
-Scored = tuple[np.ndarray, np.ndarray]  # points (m, d) of the unit cube, and their scores (m,)
+Scored = tuple[
+    np.ndarray, np.ndarray
+]  # points (m, d) of the unit cube, and their scores (m,)
 
 
 class Advice(NamedTuple):
     """Advice after the pours so far."""
 
-    stop: str | None  # "probability", "out_of_reach", "budget" or "noise"; None: the pours go on
+    stop: (
+        str | None
+    )  # "probability", "out_of_reach", "budget" or "noise"; None: the pours go on
     batch: np.ndarray  # (b, d), points to pour next, in the unit cube
     answer: np.ndarray  # (d,), the most probable point; at the end the nearest, out of reach or without a chance
     probability: float  # that the answer meets the targets
@@ -52,7 +56,12 @@ def start(space: ParameterSpace, section: SequentialSettings, seed: int) -> np.n
 
 
 def advise(
-    observed: Observed, goal: Goal, section: SequentialSettings, done: int, random: Generator, noise: np.ndarray | None
+    observed: Observed,
+    goal: Goal,
+    section: SequentialSettings,
+    done: int,
+    random: Generator,
+    noise: np.ndarray | None,
 ) -> Advice:
     """Choose the next batch, or the answer; ValueError as in `Kriging`.
 
@@ -69,27 +78,40 @@ def advise(
     stop = None
     if probability >= section.probability:
         stop = "probability"
-    elif attainable.probability < OUT_OF_REACH and done > section.start_samples * section.seeds:
+    elif (
+        attainable.probability < OUT_OF_REACH
+        and done > section.start_samples * section.seeds
+    ):
         stop = "out_of_reach"
     elif samples == 0:
         stop = "budget"
-    elif reachable < probability + LEAST_GAIN and attainable.probability >= OUT_OF_REACH:
+    elif (
+        reachable < probability + LEAST_GAIN and attainable.probability >= OUT_OF_REACH
+    ):
         stop = "noise"
     if stop == "out_of_reach" or (stop and probability < NO_CHANCE):
         answer = nearest(model, goal, observed, points)
         probability = _probability(model, goal, answer)
     batch = np.empty((0, len(answer)))
     if stop is None and attainable.probability < IN_DOUBT:
-        batch = _soundest(_new(random.permutation(attainable.points), observed.simulated), observed, -(-samples // 2))
+        batch = _soundest(
+            _new(random.permutation(attainable.points), observed.simulated),
+            observed,
+            -(-samples // 2),
+        )
     if stop is None and not len(batch):
         batch = _around(answer, samples, goal, observed, random)
     mean, covariance = model.predict(answer[None])
     error = np.sqrt(np.diagonal(covariance[0]))
     needed = goal.needed(model.noise, section.probability)
-    return Advice(stop, batch, answer, probability, mean[0], error, reachable, needed, attainable)
+    return Advice(
+        stop, batch, answer, probability, mean[0], error, reachable, needed, attainable
+    )
 
 
-def nearest(model: Kriging, goal: Goal, observed: Observed, points: np.ndarray) -> np.ndarray:
+def nearest(
+    model: Kriging, goal: Goal, observed: Observed, points: np.ndarray
+) -> np.ndarray:
     """Find the point (d,) of least expected deviation from the targets (Eq. 11 of the paper), without a prior."""
 
     def score(unit: np.ndarray) -> np.ndarray:
@@ -104,7 +126,9 @@ def _probability(model: Kriging, goal: Goal, point: np.ndarray) -> float:
     return float(goal.probability(*model.predict(point[None]))[0])
 
 
-def _refined(points: np.ndarray, score: Score, observed: Observed, random: Generator) -> Scored:
+def _refined(
+    points: np.ndarray, score: Score, observed: Observed, random: Generator
+) -> Scored:
     """Search ever nearer to the best of the points; return all with their scores, minus infinity for unsound ones."""
 
     def scored(unit: np.ndarray) -> np.ndarray:
@@ -114,7 +138,10 @@ def _refined(points: np.ndarray, score: Score, observed: Observed, random: Gener
     for step in STEPS:
         near = np.repeat(points[np.argsort(-scores)[:KEPT]], AROUND, axis=0)
         near = np.clip(near + step * random.standard_normal(near.shape), 0, 1)
-        points, scores = np.vstack([points, near]), np.concatenate([scores, scored(near)])
+        points, scores = (
+            np.vstack([points, near]),
+            np.concatenate([scores, scored(near)]),
+        )
     return points, scores
 
 
@@ -125,28 +152,38 @@ def ranked(model: Kriging, goal: Goal, observed: Observed, random: Generator) ->
     """
     from scipy.stats import qmc
 
-    points = goal.space.from_prior(qmc.Sobol(observed.unit.shape[1], rng=random).random(CANDIDATES))
+    points = goal.space.from_prior(
+        qmc.Sobol(observed.unit.shape[1], rng=random).random(CANDIDATES)
+    )
     return _refined(points, partial(goal.score, model), observed, random)
 
 
-def alternatives(found: Scored, model: Kriging, targets: Targets, section: MigaSettings) -> Scored:
+def alternatives(
+    found: Scored, model: Kriging, targets: Targets, section: MigaSettings
+) -> Scored:
     """Choose of the `ranked` points those inside all ranges and apart from each other, the best first.
 
     Return them (n, d) with their predictions (n, k).
     """
     points, scores = found
     mean = model.predict(points)[0]
-    inside = ((mean >= targets.low) & (mean <= targets.high)).all(axis=1) & np.isfinite(scores)
+    inside = ((mean >= targets.low) & (mean <= targets.high)).all(axis=1) & np.isfinite(
+        scores
+    )
     order = np.argsort(-scores, kind="stable")
     order = order[inside[order]]
     kept = order[separated(points[order], section)]
     return points[kept], mean[kept]
 
 
-def _around(answer: np.ndarray, samples: int, goal: Goal, observed: Observed, random: Generator) -> np.ndarray:
+def _around(
+    answer: np.ndarray, samples: int, goal: Goal, observed: Observed, random: Generator
+) -> np.ndarray:
     """Draw points about the answer, normal in shares of the prior: there slopes are learned with the mean."""
     share = goal.space.prior_cdf(answer[None])
-    share = np.clip(share + SPREAD * random.standard_normal((AROUND * samples, len(answer))), 0, 1)
+    share = np.clip(
+        share + SPREAD * random.standard_normal((AROUND * samples, len(answer))), 0, 1
+    )
     return _soundest(goal.space.from_prior(share), observed, samples)
 
 

@@ -26,7 +26,9 @@ class Goal(NamedTuple):
     weight: np.ndarray  # (k,), of Eq. 11 of the paper, over the width of the range
 
     @classmethod
-    def of(cls, targets: Targets, tolerance_percent: float, space: ParameterSpace) -> Self:
+    def of(
+        cls, targets: Targets, tolerance_percent: float, space: ParameterSpace
+    ) -> Self:
         """Make the goal of a study; the tolerance is in percent of each aim (`Target.whole`)."""
         weight = targets.weight / (targets.high - targets.low)
         return cls(targets.aim, tolerance_percent / 100 * targets.whole, space, weight)
@@ -39,11 +41,15 @@ class Goal(NamedTuple):
         off = np.abs(responses - self.aim)
         return (off / self.half).max(axis=-1), off @ self.weight
 
-    def expected_deviation(self, mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    def expected_deviation(
+        self, mean: np.ndarray, covariance: np.ndarray
+    ) -> np.ndarray:
         """Compute the mean (m,) of F, Eq. 11 of the paper, for mean responses (m, k) with covariance (m, k, k)."""
         off, sd = mean - self.aim, np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
         z = off / sd
-        return (sd * np.sqrt(2 / np.pi) * np.exp(-(z**2) / 2) + off * (1 - 2 * ndtr(-z))) @ self.weight
+        return (
+            sd * np.sqrt(2 / np.pi) * np.exp(-(z**2) / 2) + off * (1 - 2 * ndtr(-z))
+        ) @ self.weight
 
     def probability(self, mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
         """Compute the probability (m,) to meet all responses, for mean responses (m, k) with covariance (m, k, k)."""
@@ -53,7 +59,9 @@ class Goal(NamedTuple):
         """Add the log of the probability (m,) that points (m, d) meet the targets to the log of their prior density."""
         mean, covariance = model.predict(unit)
         off = mean - self.aim
-        miss = np.einsum("mi,mi->m", off, np.linalg.solve(covariance, off[:, :, None])[:, :, 0])
+        miss = np.einsum(
+            "mi,mi->m", off, np.linalg.solve(covariance, off[:, :, None])[:, :, 0]
+        )
         # where the probability underflows, the nearer point is better
         probability = np.maximum(self.probability(mean, covariance), LEAST)
         return np.log(probability) - 1e-6 * miss + self.space.log_prior(unit)
@@ -65,7 +73,9 @@ class Goal(NamedTuple):
         mean towards the target by `LUCK` standard deviations of their information.
         """
         mean, covariance = model.predict(unit)
-        rest = np.linalg.inv(np.linalg.inv(covariance) + pours * np.linalg.inv(model.noise))
+        rest = np.linalg.inv(
+            np.linalg.inv(covariance) + pours * np.linalg.inv(model.noise)
+        )
         gained = np.maximum(np.diagonal(covariance - rest, axis1=1, axis2=2), 0.0)
         off = mean - self.aim
         off = np.sign(off) * np.maximum(np.abs(off) - LUCK * np.sqrt(gained), 0.0)
@@ -79,7 +89,9 @@ class Goal(NamedTuple):
         few, many = 0, 1
 
         def enough(pours: int) -> bool:
-            return self.probability(self.aim[None], noise[None] / pours)[0] >= probability
+            return (
+                self.probability(self.aim[None], noise[None] / pours)[0] >= probability
+            )
 
         while many < MOST_NEEDED and not enough(many):
             few, many = many, 2 * many

@@ -25,9 +25,13 @@ from repose.core.parameter_space import ParameterSpace
 from repose.surrogate.samples import Combined
 
 PRIOR_FREEDOM = 20.0  # prior degrees of freedom of the pooled variance
-LENGTH_LOG_MEAN = math.sqrt(2) - 3  # and half the logarithm of the number of inputs (H24)
+LENGTH_LOG_MEAN = (
+    math.sqrt(2) - 3
+)  # and half the logarithm of the number of inputs (H24)
 LENGTH_LOG_SD = math.sqrt(3)  # (H24)
-VARIANCE_LOG_SD = 1.0  # of the process's variance about the variance of the means without noise
+VARIANCE_LOG_SD = (
+    1.0  # of the process's variance about the variance of the means without noise
+)
 LEAST_SIGNAL = 0.1  # of the means' variance, where noise seems to explain all of it
 SMOOTHNESS = 2.5  # of Matern's covariance: twice differentiable; smoother ones claim too much between few samples
 DRAWS = 8  # of variance and lengths
@@ -36,14 +40,19 @@ DRAWS = 8  # of variance and lengths
 FACTOR_MEDIAN, FACTOR_LOG_SD = 0.7, 0.4
 FACTORS = np.exp(np.linspace(-2, 2, 81))  # over which it is averaged
 STEP = 1e-3  # of the logarithms, for the curvature
-BOUNDS = (1e-3, 1e3)  # of variance and lengths, in variances of the means and ranges of a parameter
+BOUNDS = (
+    1e-3,
+    1e3,
+)  # of variance and lengths, in variances of the means and ranges of a parameter
 
 
 class Observed(NamedTuple):
     """Samples with the responses of their pours."""
 
     unit: np.ndarray  # (n, d), free parameters in the unit cube
-    values: np.ndarray  # (n, pours, k), NaN for a missing pour; every sample has at least one pour
+    values: (
+        np.ndarray
+    )  # (n, pours, k), NaN for a missing pour; every sample has at least one pour
     failed: np.ndarray = np.empty((0, 0))  # (f, d), the samples without a good pour
 
     @property
@@ -64,7 +73,10 @@ class Observed(NamedTuple):
     @property
     def means(self) -> np.ndarray:
         """Mean of each sample, (n, k)."""
-        return np.where(self.good[:, :, None], self.values, 0.0).sum(axis=1) / self.counts[:, None]
+        return (
+            np.where(self.good[:, :, None], self.values, 0.0).sum(axis=1)
+            / self.counts[:, None]
+        )
 
     @property
     def residuals(self) -> np.ndarray:
@@ -82,7 +94,9 @@ class Observed(NamedTuple):
 
         if not len(self.failed):
             return np.full(len(unit), True)
-        return cdist(unit, self.failed).min(axis=1) >= cdist(unit, self.unit).min(axis=1)
+        return cdist(unit, self.failed).min(axis=1) >= cdist(unit, self.unit).min(
+            axis=1
+        )
 
     def noise(self) -> np.ndarray:
         """Estimate the covariance (k, k) of a single pour about its sample's mean, from all samples.
@@ -92,12 +106,16 @@ class Observed(NamedTuple):
         residuals = self.residuals.reshape(-1, self.values.shape[2])
         k = residuals.shape[1]
         if self.freedom <= k:
-            raise ValueError(f"{self.freedom} pours beyond the first of a sample; expected at least {k + 1}")
+            raise ValueError(
+                f"{self.freedom} pours beyond the first of a sample; expected at least {k + 1}"
+            )
         covariance = residuals.T @ residuals / self.freedom
         sd = np.sqrt(np.diagonal(covariance))
         alike = sd <= 1e-9 * np.abs(self.means).max(axis=0)
         if alike.any() or np.linalg.eigvalsh(covariance / np.outer(sd, sd))[0] < 1e-9:
-            raise ValueError("pours of a sample are all alike; expected seeds that differ")
+            raise ValueError(
+                "pours of a sample are all alike; expected seeds that differ"
+            )
         return covariance
 
 
@@ -128,24 +146,38 @@ class Kriging(Combined):
         self.noise = observed.noise() if noise is None else noise
         self._combine(observed.means, _independent(observed, self.noise))
         self.unit = observed.unit - 0.5
-        self.errors = _moderated(observed, self._mixing) / self._scale**2  # variances (n, k)
+        self.errors = (
+            _moderated(observed, self._mixing) / self._scale**2
+        )  # variances (n, k)
         columns = zip(self.values.T, self.errors.T, strict=True)
-        self.sets = list(zip(*(_drawn(self.unit, *column) for column in columns), strict=True))
+        self.sets = list(
+            zip(*(_drawn(self.unit, *column) for column in columns), strict=True)
+        )
         self.factor = _factor(*self._left_out())
 
     def predict(self, unit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Predict mean responses (m, k) at points (m, d), and their covariance (m, k, k) without a pour's noise."""
-        moments = np.array([[one.moments(unit - 0.5) for one in processes] for processes in self.sets])
+        moments = np.array(
+            [[one.moments(unit - 0.5) for one in processes] for processes in self.sets]
+        )
         means, variances = moments.transpose(2, 0, 3, 1)  # each (draws, m, k)
         off = (means - means.mean(axis=0)) * self._scale @ self._unmixing
         covariance = self._covariance(self.factor * variances.mean(axis=0))
-        return self.unmixed(means.mean(axis=0)), covariance + np.einsum("smi,smj->mij", off, off) / len(off)
+        return self.unmixed(means.mean(axis=0)), covariance + np.einsum(
+            "smi,smj->mij", off, off
+        ) / len(off)
 
     def _left_out(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Predict each sample from the others: residuals (n, k), variances within draws, and further ones."""
-        moments = np.array([[one.left_out() for one in processes] for processes in self.sets])
+        moments = np.array(
+            [[one.left_out() for one in processes] for processes in self.sets]
+        )
         means, variances = moments.transpose(2, 0, 3, 1)  # each (draws, n, k)
-        return self.values - means.mean(axis=0), variances.mean(axis=0), means.var(axis=0) + self.errors
+        return (
+            self.values - means.mean(axis=0),
+            variances.mean(axis=0),
+            means.var(axis=0) + self.errors,
+        )
 
 
 class SpaceKriging:
@@ -156,15 +188,21 @@ class SpaceKriging:
     def __init__(self, model: Kriging, space: ParameterSpace) -> None:
         self.model, self.space = model, space
 
-    def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
+    def predict(
+        self, X: ArrayLike, return_std: bool = False, noise: bool = True
+    ) -> Any:
         """Predict mean responses (n, k), with standard deviations on request.
 
         The options of `repose.surrogate.base.Surrogate.predict`.
         """
-        mean, covariance = self.model.predict(self.space.unit(np.asarray(X, dtype=float)))
+        mean, covariance = self.model.predict(
+            self.space.unit(np.asarray(X, dtype=float))
+        )
         if not return_std:
             return mean
-        return mean, np.sqrt(np.diagonal(covariance + noise * self.model.noise, axis1=1, axis2=2))
+        return mean, np.sqrt(
+            np.diagonal(covariance + noise * self.model.noise, axis1=1, axis2=2)
+        )
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
         """Return the covariance (n, k, k) of the predicted means."""
@@ -174,7 +212,9 @@ class SpaceKriging:
 def _independent(observed: Observed, noise: np.ndarray) -> np.ndarray:
     """Combine the responses so that their noise is 1 and independent, and the samples leave them uncorrelated."""
     whitening = np.linalg.inv(np.linalg.cholesky(noise)).T
-    spread = np.atleast_2d(np.cov((observed.means @ whitening).T, aweights=observed.counts))
+    spread = np.atleast_2d(
+        np.cov((observed.means @ whitening).T, aweights=observed.counts)
+    )
     return whitening @ np.linalg.eigh(spread)[1]
 
 
@@ -201,10 +241,15 @@ def _drawn(unit: np.ndarray, value: np.ndarray, error: np.ndarray) -> list[Any]:
     d = unit.shape[1]
     middle = LENGTH_LOG_MEAN + 0.5 * math.log(d)
     signal = max(1 - error.mean(), LEAST_SIGNAL)  # the means' variance is 1
-    mean, sd = np.array([math.log(signal)] + [middle] * d), np.array([VARIANCE_LOG_SD] + [LENGTH_LOG_SD] * d)
+    mean, sd = (
+        np.array([math.log(signal)] + [middle] * d),
+        np.array([VARIANCE_LOG_SD] + [LENGTH_LOG_SD] * d),
+    )
     curvature = np.empty((1 + d, 1 + d))
 
-    def most_probable(objective: Callable, start: np.ndarray, bounds: np.ndarray) -> tuple[np.ndarray, float]:
+    def most_probable(
+        objective: Callable, start: np.ndarray, bounds: np.ndarray
+    ) -> tuple[np.ndarray, float]:
         from scipy import optimize
 
         def loss(theta: np.ndarray) -> tuple[float, np.ndarray]:
@@ -212,19 +257,30 @@ def _drawn(unit: np.ndarray, value: np.ndarray, error: np.ndarray) -> list[Any]:
             off = (theta - mean) / sd
             return value + 0.5 * off @ off, slope + off / sd
 
-        fitted = optimize.minimize(loss, start, jac=True, method="L-BFGS-B", bounds=bounds)
+        fitted = optimize.minimize(
+            loss, start, jac=True, method="L-BFGS-B", bounds=bounds
+        )
         for k, step in enumerate(STEP * np.eye(1 + d)):
-            curvature[k] = (loss(fitted.x + step)[1] - loss(fitted.x - step)[1]) / (2 * STEP)
+            curvature[k] = (loss(fitted.x + step)[1] - loss(fitted.x - step)[1]) / (
+                2 * STEP
+            )
         return fitted.x, fitted.fun
 
     # as large as the means' variance beforehand: points have a variance of 1/12 in each parameter
     slope = math.sqrt(12 / d)
-    kernel = straight(slope) + smooth(signal, np.full(d, math.exp(middle)), (BOUNDS, BOUNDS), SMOOTHNESS)
+    kernel = straight(slope) + smooth(
+        signal, np.full(d, math.exp(middle)), (BOUNDS, BOUNDS), SMOOTHNESS
+    )
     best = Process(kernel, unit, value, error, optimizer=most_probable).kernel
     # nothing is less certain than the prior
     size, axes = np.linalg.eigh((curvature + curvature.T) / 2)
     root = axes / np.sqrt(np.maximum(size, LENGTH_LOG_SD**-2))
     normal = np.random.default_rng(1).standard_normal((DRAWS // 2, 1 + d))
     low, high = np.log(BOUNDS)
-    drawn = [np.clip(best.theta + root @ z, low, high) for z in np.vstack([normal, -normal])]
-    return [Process(best.clone_with_theta(theta), unit, value, error, optimizer=None) for theta in drawn]
+    drawn = [
+        np.clip(best.theta + root @ z, low, high) for z in np.vstack([normal, -normal])
+    ]
+    return [
+        Process(best.clone_with_theta(theta), unit, value, error, optimizer=None)
+        for theta in drawn
+    ]

@@ -18,8 +18,13 @@ from repose.strategies.sequential.kriging import BOUNDS, SMOOTHNESS, Observed
 
 REPLICATES, GIVEN, ESTIMATED = "replicates", "noise_sd", "estimated from single runs"
 RUNS_PER_PARAMETER = 4  # least number of single runs for an estimate
-SHARES = np.geomspace(1e-4, 1.0, 9)  # of the variance over the runs that may be noise, all equally probable a priori
-LENGTHS = (0.3, 30.0)  # of the surface, in ranges of a parameter: shorter waves look like noise
+SHARES = np.geomspace(
+    1e-4, 1.0, 9
+)  # of the variance over the runs that may be noise, all equally probable a priori
+LENGTHS = (
+    0.3,
+    30.0,
+)  # of the surface, in ranges of a parameter: shorter waves look like noise
 
 
 class Noise(NamedTuple):
@@ -33,7 +38,9 @@ class Noise(NamedTuple):
         """Warning for too few replicates; None if there are enough."""
         if REPLICATES in self.sources.values():
             return None
-        sources = zip(self.sources.items(), np.sqrt(np.diagonal(self.covariance)), strict=True)
+        sources = zip(
+            self.sources.items(), np.sqrt(np.diagonal(self.covariance)), strict=True
+        )
         deviations = [f"{name} {sd:.2g} ({source})" for (name, source), sd in sources]
         return (
             "too few replicates that differ for the noise of a run; taken as standard deviations: "
@@ -43,7 +50,9 @@ class Noise(NamedTuple):
         )
 
 
-def noise_of(observed: Observed, names: Sequence[str], noise_sd: Mapping[str, float]) -> Noise:
+def noise_of(
+    observed: Observed, names: Sequence[str], noise_sd: Mapping[str, float]
+) -> Noise:
     """Find the noise of a single run from replicates, or from given standard deviations `noise_sd` and an estimate.
 
     Replicates that are all alike, of a simulator without random numbers or of rounded results, count as one run.
@@ -62,10 +71,14 @@ def noise_of(observed: Observed, names: Sequence[str], noise_sd: Mapping[str, fl
         f"targets.NAME.noise_sd for each response; or at least {fewest} samples, for an estimate of it"
     )
     good = set(names) <= set(noise_sd) or len(observed.unit) >= fewest
-    require(good, "runs", "runs beyond the first of a sample", observed.freedom, allowed)
+    require(
+        good, "runs", "runs beyond the first of a sample", observed.freedom, allowed
+    )
     sources = {name: GIVEN if name in noise_sd else ESTIMATED for name in names}
     variances = [
-        noise_sd[name] ** 2 if name in noise_sd else nugget(observed.unit, observed.means[:, k], 1.0 / counts)
+        noise_sd[name] ** 2
+        if name in noise_sd
+        else nugget(observed.unit, observed.means[:, k], 1.0 / counts)
         for k, name in enumerate(names)
     ]
     return Noise(np.diag(variances), sources)
@@ -81,6 +94,11 @@ def nugget(unit: np.ndarray, means: np.ndarray, shares: np.ndarray) -> float:
     scale = max(float(means.std()), 1e-9 * float(np.abs(means).max()), 1e-300)
     value = (means - means.mean()) / scale
     kernel = smooth(1.0, np.ones(unit.shape[1]), (BOUNDS, LENGTHS), SMOOTHNESS)
-    evidence = np.array([Process(kernel, unit, value, share * shares).log_likelihood for share in SHARES])
+    evidence = np.array(
+        [
+            Process(kernel, unit, value, share * shares).log_likelihood
+            for share in SHARES
+        ]
+    )
     weights = np.exp(evidence - evidence.max())
     return float(weights @ SHARES / weights.sum()) * scale**2

@@ -31,41 +31,58 @@ class Reach(NamedTuple):
     probability: float  # that some parameter set meets the goal
     nearest: float  # least deviation of a parameter set, F of Eq. 11: mean of the draws
     error: float  # their standard deviation
-    points: np.ndarray  # (draws, d), where each draw comes nearest to the goal, in the unit cube
+    points: (
+        np.ndarray
+    )  # (draws, d), where each draw comes nearest to the goal, in the unit cube
 
 
 def reach(model: Kriging, goal: Goal, random: np.random.Generator) -> Reach:
     """Estimate the probability that any parameter set meets the goal, and the least deviation of a set."""
     from scipy.stats import qmc
 
-    wide = goal.space.from_prior(qmc.Sobol(model.unit.shape[1], rng=random).random(CANDIDATES))
+    wide = goal.space.from_prior(
+        qmc.Sobol(model.unit.shape[1], rng=random).random(CANDIDATES)
+    )
     wide = np.vstack([wide, np.round(wide)])
     found = []
     for number in range(len(model.sets)):
         draws = Draws(model, number, random)
         points, misses, deviation = wide, *goal.of_responses(draws(wide))
         for step in STEPS:
-            best = points[np.concatenate([misses.argmin(axis=1), deviation.argmin(axis=1)])]
+            best = points[
+                np.concatenate([misses.argmin(axis=1), deviation.argmin(axis=1)])
+            ]
             near = np.repeat(best, AROUND, axis=0)
             near = np.clip(near + step * random.standard_normal(near.shape), 0, 1)
             points = np.vstack([points, near])
             more = goal.of_responses(draws(near))
-            misses, deviation = np.hstack([misses, more[0]]), np.hstack([deviation, more[1]])
-        found.append((misses.min(axis=1), deviation.min(axis=1), points[misses.argmin(axis=1)]))
+            misses, deviation = (
+                np.hstack([misses, more[0]]),
+                np.hstack([deviation, more[1]]),
+            )
+        found.append(
+            (misses.min(axis=1), deviation.min(axis=1), points[misses.argmin(axis=1)])
+        )
     least, nearest, best = map(np.concatenate, zip(*found, strict=True))
-    return Reach(float((least <= 1).mean()), float(nearest.mean()), float(nearest.std()), best)
+    return Reach(
+        float((least <= 1).mean()), float(nearest.mean()), float(nearest.std()), best
+    )
 
 
 class Draws:
     """Functions drawn from set `number` of processes: called with points (m, d) they give responses (draws, m, k)."""
 
-    def __init__(self, model: Kriging, number: int, random: np.random.Generator) -> None:
+    def __init__(
+        self, model: Kriging, number: int, random: np.random.Generator
+    ) -> None:
         self.model, self.parts = model, []
         for k, process in enumerate(model.sets[number]):
             prior = _prior(process.kernel, model.unit.shape[1], random)
             values, errors = model.values[:, k, None], model.errors[:, k, None]
             off = np.sqrt(errors) * random.standard_normal((len(values), FUNCTIONS))
-            corrections = linalg.cho_solve((process.root, True), values - prior(model.unit) - off)
+            corrections = linalg.cho_solve(
+                (process.root, True), values - prior(model.unit) - off
+            )
             self.parts.append((process, prior, corrections))
 
     def __call__(self, unit: np.ndarray) -> np.ndarray:
@@ -77,7 +94,9 @@ class Draws:
         return self.model.unmixed(np.stack(mixed, axis=-1)).transpose(1, 0, 2)
 
 
-def _prior(kernel: Any, d: int, random: np.random.Generator) -> Callable[[np.ndarray], np.ndarray]:
+def _prior(
+    kernel: Any, d: int, random: np.random.Generator
+) -> Callable[[np.ndarray], np.ndarray]:
     """Draw functions of the prior, from points (m, d) to values (m, FUNCTIONS), by random features (RR08)."""
     matern, size = kernel.k2.k2, kernel.k2.k1.constant_value
     # frequencies of Matern's covariance are distributed as Student's t
@@ -85,7 +104,13 @@ def _prior(kernel: Any, d: int, random: np.random.Generator) -> Callable[[np.nda
     frequencies = random.standard_normal((FEATURES, d)) / matern.length_scale
     frequencies /= np.sqrt(random.chisquare(freedom, (FEATURES, 1)) / freedom)
     phase = 2 * np.pi * random.random(FEATURES)
-    weights = np.sqrt(2 * size / FEATURES) * random.standard_normal((FEATURES, FUNCTIONS))
-    slopes = np.sqrt(kernel.k1.k1.constant_value) * random.standard_normal((d, FUNCTIONS))
+    weights = np.sqrt(2 * size / FEATURES) * random.standard_normal(
+        (FEATURES, FUNCTIONS)
+    )
+    slopes = np.sqrt(kernel.k1.k1.constant_value) * random.standard_normal(
+        (d, FUNCTIONS)
+    )
     constant = random.standard_normal(FUNCTIONS)
-    return lambda unit: constant + unit @ slopes + np.cos(unit @ frequencies.T + phase) @ weights
+    return lambda unit: (
+        constant + unit @ slopes + np.cos(unit @ frequencies.T + phase) @ weights
+    )
