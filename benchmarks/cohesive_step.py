@@ -9,7 +9,7 @@ import time
 
 import numpy as np
 
-from repose.core.provenance import machine
+from repose.common.provenance import machine
 from repose.dem import (
     Contact,
     Cylinder,

@@ -11,7 +11,7 @@ import argparse
 import numpy as np
 
 from repose import dem
-from repose.apparatus.funnel import Funnel
+from repose.bench.funnel import Funnel
 
 FUNNEL = Funnel(0.15, 0.032, 60.0, 0.0, 0.001, 0.1)
 BERRY_M, SPHERE_M = np.array([0.01057, 0.005685, 0.00494]), np.full(3, 0.006)

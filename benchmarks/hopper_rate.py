@@ -13,7 +13,7 @@ import argparse
 
 import numpy as np
 
-from repose.core.runs import mean_and_error
+from repose.calibrate.runs import mean_and_error
 from repose.dem import Contact, Material, Mesh, Motion, Plane, Shape, Simulation
 
 RADIUS_M, DENSITY_KG_M3 = 1.12e-3, 2500.0

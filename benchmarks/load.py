@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from repose.chain import dataset
+from repose.bench.parameters import PARAMETERS
+from repose.calibrate.targets import Targets
 from repose.config.study import Study
-from repose.core.parameters import PARAMETERS
-from repose.core.targets import Targets
+from repose.stages import dataset
 
 ROOT = Path(__file__).parents[1]
 SAMPLES = 10_000

@@ -24,7 +24,7 @@ import numpy as np
 import peers
 from beds import CONTACTS, DENSITY_KG_M3, MATERIALS
 
-from repose.apparatus.drum import Drum, set_rotation
+from repose.bench.drum import Drum, set_rotation
 from repose.dem import Contact, Simulation
 
 HERE = Path(__file__).resolve().parent

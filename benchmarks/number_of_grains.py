@@ -2,7 +2,7 @@
 
     python benchmarks/number_of_grains.py [--config config/config.yaml] [--out number_of_grains.csv]
 
-The scene is scaled as `repose.apparatus.scene_size.scaled` does it; the parameters are the centre of the ranges. The
+The scene is scaled as `repose.bench.scene_size.scaled` does it; the parameters are the centre of the ranges. The
 tables of several crops together are what that module reads.
 """
 
@@ -13,12 +13,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from repose.apparatus import Scene, bench, scene_size
-from repose.apparatus.funnel import FunnelSettings
-from repose.apparatus.job import run_once
+from repose.bench import Scene, bench, scene_size
+from repose.bench.funnel import FunnelSettings
+from repose.calibrate.runs import mean_and_error
 from repose.config.computed import diameter_mm as diameter_mm_of
 from repose.config.study import Study
-from repose.core.runs import mean_and_error
+from repose.stages.job import run_once
 
 GRAINS = {
     62: 32,

@@ -18,9 +18,9 @@ import pandas as pd
 from scipy.spatial.transform import Rotation
 
 from repose import dem
-from repose.apparatus import Scene
-from repose.apparatus.scene import grain_simulation
-from repose.apparatus.settings import SceneSettings
+from repose.bench import Scene
+from repose.bench.scene import grain_simulation
+from repose.bench.settings import SceneSettings
 
 SET = "calibrated"
 # On the plate at no overlap, the long axis level: the middle sphere is the largest one.

@@ -28,10 +28,10 @@ from peers import write_section
 from scipy.spatial import cKDTree
 
 from repose import export
-from repose.apparatus import Scene, funnel, scene
-from repose.apparatus.settings import SceneSettings, SimulationSettings
+from repose.bench import Scene, funnel, scene
+from repose.bench.settings import SceneSettings, SimulationSettings
+from repose.common.places import configs
 from repose.config.study import Study
-from repose.core.places import configs
 from repose.dem.rotations import rotation_matrices
 from repose.export.job import make, sphere_of_volume
 from repose.export.laws import rolling_coefficient

@@ -19,7 +19,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from repose.core.runs import mean_and_error
+from repose.calibrate.runs import mean_and_error
 from repose.dem import Contact, Material, Mesh, Motion, Plane, Shape, Simulation
 
 HALF_PLATE_M, HALF_BOX_M, DEPTH_M, PLATE_M, TOP_M = 0.45, 0.5, 0.2, 0.4, 1.2

@@ -16,12 +16,12 @@ import time
 import numpy as np
 from scipy.stats import chi2
 
-from repose.apparatus import Scene, funnel
+from repose.bench import Scene, funnel
+from repose.calibrate.parameter_space import ParameterSpace
 from repose.config.study import Study
-from repose.core import published
-from repose.core.parameter_space import ParameterSpace
 from repose.measure.pile import MeasureSettings
 from repose.measure.saved_piles import pile_responses
+from repose.stages import published
 
 CONFIG = ("config/method.yaml", "config/config.yaml")
 RESPONSES = (

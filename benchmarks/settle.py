@@ -14,10 +14,10 @@ import time
 import numpy as np
 from beds import LAYERS, SPACING_M, bed
 
-from repose.apparatus.bounds import Bounded
+from repose.bench.bounds import Bounded
 from repose.config.study import Study
-from repose.particle import berry as berries
-from repose.particle import build
+from repose.grain import berry as berries
+from repose.grain import build
 
 TABLE1 = "resources/published/table1.csv"
 REST_J, LONGEST_S = (

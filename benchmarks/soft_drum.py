@@ -28,7 +28,7 @@ import numpy as np
 import peer_laws  # noqa: F401  registers the law `body_damping`
 import peers
 
-from repose.apparatus.drum import Drum, set_rotation
+from repose.bench.drum import Drum, set_rotation
 from repose.dem import Contact, Material, Shape, Simulation
 
 DRUM, RATE_RAD_S, GRAVITY_M_S2 = Drum(0.1, 0.02), 2.0, 9.8

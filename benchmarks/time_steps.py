@@ -15,14 +15,14 @@ import math
 
 import numpy as np
 
-from repose.apparatus import Scene, bench
-from repose.apparatus.job import run_once
-from repose.apparatus.settings import SimulationSettings
+from repose.bench import Scene, bench
+from repose.bench.settings import SimulationSettings
+from repose.calibrate.runs import mean_and_error
+from repose.calibrate.targets import Targets
 from repose.config.study import Study
-from repose.core import published
-from repose.core.runs import mean_and_error
-from repose.core.targets import Targets
 from repose.dem import Contact
+from repose.stages import published
+from repose.stages.job import run_once
 from repose.verification import energy, machine, oblique
 from repose.verification.hertz import Solid, hertz_on_plane
 from repose.verification.impacts import ALUMINIUM_OXIDE

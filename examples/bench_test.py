@@ -1,6 +1,6 @@
 """A bench test of one's own: berries are dropped on a plate, and how far they spread is a response.
 
-Once this module is in `repose/apparatus/` and imported there, `targets:` may name the response, and the verbs pour and
+Once this module is in `repose/bench/` and imported there, `targets:` may name the response, and the verbs pour and
 measure_runs, the dataset and the workflow know the bench test. Here it is registered by running it.
 """
 
@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from repose import dem
-from repose.apparatus.bench_test import (
+from repose.bench.bench_test import (
     Arrays,
     BenchTest,
     Contradictions,
@@ -22,10 +22,10 @@ from repose.apparatus.bench_test import (
     register,
     stated,
 )
-from repose.apparatus.factory import Disc, fill
-from repose.apparatus.scene import Trial
-from repose.apparatus.settings import Poured, SceneSettings
-from repose.core.responses import Response
+from repose.bench.factory import Disc, fill
+from repose.bench.scene import Trial
+from repose.bench.settings import Poured, SceneSettings
+from repose.calibrate.responses import Response
 
 NAME = "drop"
 # 1. What it gives. `definition` names the keys on which the number depends.
@@ -116,10 +116,10 @@ class DropTest(BenchTest[DropSettings]):
 
 def main(berries: int = 20, duration_s: float = 2.0) -> None:
     """Drop berries without and with rolling friction."""
-    from repose.apparatus.job import run_once
+    from repose.bench.parameters import PARAMETERS
     from repose.config.study import Study
-    from repose.core.parameters import PARAMETERS
-    from repose.particle.build import ellipsoid_mesh, fit_particle
+    from repose.grain.build import ellipsoid_mesh, fit_particle
+    from repose.stages.job import run_once
 
     config = Study.load("config/quick.yaml").config
     rate = 2.0 * berries / duration_s

@@ -7,8 +7,8 @@ import numpy as np
 from PIL import Image
 
 from repose.dem import Contact, Material, Plane, Recorder, Shape, Simulation, VtkSeries
-from repose.pictures.film import animate
-from repose.pictures.render import render_simulation
+from repose.report.renderer.film import animate
+from repose.report.renderer.render import render_simulation
 
 OUT = Path("results/examples/chute")
 BERRY = (0.0106, 0.0057, 0.0049)  # half axes of a goji berry [m]

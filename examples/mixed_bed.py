@@ -6,7 +6,7 @@ import numpy as np
 from PIL import Image
 
 from repose.dem import Contact, Material, Plane, Shape, Simulation, VtkSeries
-from repose.pictures.render import render_simulation
+from repose.report.renderer.render import render_simulation
 
 OUT = Path("results/examples/mixed_bed")
 HALF = 0.05  # of the box [m]

@@ -16,8 +16,8 @@ from repose.dem import (
     Simulation,
     VtkSeries,
 )
-from repose.pictures.film import animate
-from repose.pictures.render import render_simulation
+from repose.report.renderer.film import animate
+from repose.report.renderer.render import render_simulation
 
 OUT = Path("results/examples/size_distribution")
 SMALLEST, LARGEST, SPREAD = 0.7, 1.4, 0.2  # of the scale about 1

@@ -13,9 +13,9 @@ import numpy as np
 import pandas as pd
 from scipy.stats import qmc
 
-from repose.chain import design
-from repose.core.files import write_table
-from repose.core.parameter_space import ParameterSpace
+from repose.calibrate.designs import latin_hypercube as design
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.common.files import write_table
 from research.script import Script
 
 

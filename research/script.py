@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Literal
 
+from repose.common import places, provenance
+from repose.common.errors import BAD_INPUT, InputError, print_fault
+from repose.common.lock import joined_folder
 from repose.config import stands_on
 from repose.config.study import Study
-from repose.core import places, provenance
-from repose.core.errors import BAD_INPUT, InputError, print_fault
-from repose.core.lock import joined_folder
 from research import settings
 
 Option = tuple[tuple[str, ...], dict[str, Any]]

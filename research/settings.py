@@ -5,8 +5,8 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
+from repose.common.errors import InputError, YamlError, raise_together
 from repose.config.reading import read
-from repose.core.errors import InputError, YamlError, raise_together
 
 HERE = Path(__file__).parent
 OWN = Path("research.yaml")  # of the working folder

@@ -7,13 +7,13 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
-from repose import strategies
-from repose.apparatus import names as bench_tests
+from repose.bench import names as bench_tests
+from repose.calibrate import strategies
+from repose.common import ledger
+from repose.common.attached import SIDECAR
+from repose.common.errors import BAD_INPUT, InputError, print_fault
+from repose.common.ledger import write_whole
 from repose.config.results_folder import run_folder
-from repose.core import ledger
-from repose.core.attached import SIDECAR
-from repose.core.errors import BAD_INPUT, InputError, print_fault
-from repose.core.ledger import write_whole
 
 # Folders of a study; those of `research` and of its strategies are among them.
 FOLDERS = (

@@ -1,6 +1,6 @@
-"""Number the streams of random numbers of the studies here, beyond those of `repose.core.seeds.PURPOSES`."""
+"""Number the streams of random numbers of the studies here, beyond those of `repose.calibrate.seeds.PURPOSES`."""
 
-from repose.core.seeds import PURPOSES
+from repose.calibrate.seeds import PURPOSES
 
 STREAMS = {
     "shape_published": 3,

@@ -18,7 +18,7 @@ import pandas as pd
 from scipy.optimize import brentq
 from scipy.stats import norm
 
-from repose.particle.berry import SIZE_COLUMNS, elastic_modulus, poisson_ratio
+from repose.grain.berry import SIZE_COLUMNS, elastic_modulus, poisson_ratio
 
 HERE = Path(__file__).parent
 BERRIES = 50
@@ -118,7 +118,7 @@ def reconstruct_sizes(table1, rng):
 
 
 def reconstruct_compression(sizes_mm, rng):
-    """Six tests on the berries nearest to the mean size; columns as `repose.particle.berry.read_compression` wants."""
+    """Six tests on the berries nearest to the mean size; columns as `repose.grain.berry.read_compression` wants."""
     nearest = np.argsort(np.abs(sizes_mm / sizes_mm.mean(axis=0) - 1).sum(axis=1))[:6]
     length, breadth, width = sizes_mm[nearest].T
     strain = np.round(rng.uniform(0.08, 0.12, 6), 3)

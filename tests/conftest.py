@@ -16,7 +16,7 @@ gc.disable()
 # As in `repose.__main__`, and before numpy is loaded: threads that wait for each other on small matrices cost minutes.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).parent))
-importlib.import_module("repose.apparatus")  # makes the responses known by name
+importlib.import_module("repose.bench")  # makes the responses known by name
 ALL_SLOW = re.compile(r"^pytestmark = \[?pytest\.mark\.slow\b", re.MULTILINE)
 
 
@@ -44,8 +44,8 @@ def _is_built(_berry, section):
 # Hundreds of tests read the same defaults (PyYAML needs 50 ms for them) and make the same berry (3 s).
 for module, name, *when in (
     ("repose.config.reading", "parse"),
-    ("repose.particle.support_fit", "fit_components"),
-    ("repose.particle.build", "of_settings", _is_built),
+    ("repose.grain.support_fit", "fit_components"),
+    ("repose.grain.build", "of_settings", _is_built),
 ):
     module = importlib.import_module(module)
     setattr(module, name, _once(getattr(module, name), *when))
@@ -96,7 +96,7 @@ def command(capsys):
 # other worker's.
 GROUPS = {
     "photographs": ("tests/measure/",),
-    "kernels": ("tests/dem/", "tests/apparatus/", "tests/cli/"),
+    "kernels": ("tests/dem/", "tests/bench/", "tests/cli/"),
 }
 
 

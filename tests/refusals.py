@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from repose.core.errors import InputError
+from repose.common.errors import InputError
 
 
 def input_error(

@@ -9,14 +9,14 @@ from types import SimpleNamespace
 
 import pytest
 
+from repose.bench.parameters import PARAMETERS
+from repose.calibrate import responses
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.surrogates.settings import NetworkSettings
+from repose.calibrate.targets import Targets
+from repose.common.section import Section
 from repose.config import models, reading
 from repose.config.study import Study
-from repose.core import responses
-from repose.core.parameter_space import ParameterSpace
-from repose.core.parameters import PARAMETERS
-from repose.core.section import Section
-from repose.core.targets import Targets
-from repose.surrogate.settings import NetworkSettings
 
 ROOT = Path(__file__).parents[1]
 # The article's parameter ranges and targets.

@@ -5,10 +5,10 @@ python examples/bench_tests/beside.py
 
 from pathlib import Path
 
-from repose.apparatus import bench
-from repose.apparatus.job import run_once
+from repose.bench import bench
+from repose.calibrate.runs import mean_and_error
 from repose.config.study import Study
-from repose.core.runs import mean_and_error
+from repose.stages.job import run_once
 
 HERE = Path(__file__).parent
 ANGLES = {

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import sketches
 
-from repose.apparatus import bench
-from repose.apparatus.drum import Drum
+from repose.bench import bench
+from repose.bench.drum import Drum
 from repose.config.study import Study
-from repose.pictures import film
+from repose.report.renderer import film
 
 HERE = Path(__file__).parent
 NAMES = sorted(path.stem for path in HERE.glob("*.yaml"))

@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from repose.config.keys import section
-from repose.pictures.figures import style
-from repose.pictures.figures.testbench import dimension
+from repose.report.figures import style
+from repose.report.figures.testbench import dimension
 
 PLATE = "#C9CED3"
 BODY_MM = 12.0  # of the single berry that a sketch shows

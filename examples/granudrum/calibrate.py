@@ -29,12 +29,12 @@ from granudrum import (
 from scipy.optimize import differential_evolution
 
 from repose import Study
-from repose.core.files import read_json, write_json, write_table
-from repose.pictures.figures import profiles as figure
-from repose.pictures.figures import style
-from repose.pictures.report import own
-from repose.strategies.runs import checked_runs
-from repose.studies import calibration
+from repose.calibrate import calibration
+from repose.calibrate.strategies.runs import checked_runs
+from repose.common.files import read_json, write_json, write_table
+from repose.report.figures import profiles as figure
+from repose.report.figures import style
+from repose.report.page import own
 
 HERE, OUT = Path(__file__).parent, Path("results/examples/granudrum")
 TURNED = Path("results/published/granudrum")  # drums that were turned before

@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 from scipy.spatial import cKDTree
 
-from repose.apparatus.drum import Drum, set_rotation
+from repose.bench.drum import Drum, set_rotation
 from repose.dem import Contact, Material, Shape, Simulation
 from repose.measure import bed
 from repose.measure.silhouette import Grains

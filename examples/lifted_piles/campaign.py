@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 from lifted_piles import OUT, PUBLISHED, name, rows
 
-from repose.core.files import read_json, write_table
+from repose.common.files import read_json, write_table
 
 BUDGET_H = 10.0
 MODULI = (0.01, 0.1, 1.0)  # the softest first

@@ -14,7 +14,7 @@ from lifted_piles import PUBLISHED
 from parameters import table_of
 from scipy import stats
 
-from repose.core.files import write_table
+from repose.common.files import write_table
 
 # For each kind of run: its table there, our number, theirs, and the largest difference that is allowed.
 KINDS = {

@@ -37,7 +37,7 @@ from lifted_piles import (
     tube_radius_m,
 )
 
-from repose.core.files import read_json, write_json
+from repose.common.files import read_json, write_json
 from repose.dem import (
     Contact,
     Cylinder,

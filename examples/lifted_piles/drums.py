@@ -35,8 +35,8 @@ from lifted_piles import (
 from scipy.spatial.distance import cdist
 from scipy.spatial.transform import Rotation
 
-from repose.apparatus.drum import Drum
-from repose.core.files import read_json, write_json
+from repose.bench.drum import Drum
+from repose.common.files import read_json, write_json
 from repose.dem import Contact, Material, Motion, Shape, Simulation
 from repose.dem.rotations import random_quaternion
 

@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.distance import cdist
 
-from repose.core.files import read_json, write_json, write_npz
+from repose.common.files import read_json, write_json, write_npz
 from repose.dem import (
     Contact,
     Cylinder,

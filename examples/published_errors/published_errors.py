@@ -13,8 +13,8 @@ import numpy as np
 import pandas as pd
 from scipy.stats import chi2, norm
 
-from repose.core.variance import variance_components
-from repose.pictures.figures import style
+from repose.calibrate.variance import variance_components
+from repose.report.figures import style
 
 HERE, OUT = Path(__file__).parent, Path("results/examples/published_errors")
 RUNS = HERE.parents[1] / "results/published/recommended/runs.csv"

@@ -11,12 +11,12 @@ from itertools import combinations
 from pathlib import Path
 from typing import NamedTuple
 
-from repose.apparatus import Scene, bench, turning
-from repose.apparatus.job import run_once
+from repose.bench import Scene, bench, turning
+from repose.calibrate.runs import mean_and_error
+from repose.common.files import read_json, write_json
 from repose.config.study import Study
-from repose.core.files import read_json, write_json
-from repose.core.runs import mean_and_error
-from repose.pictures.figures import style
+from repose.report.figures import style
+from repose.stages.job import run_once
 
 OUT = Path("results/examples/wheat")
 RESTITUTION = 0.5  # Wang's; the other sources say none

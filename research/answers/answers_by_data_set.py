@@ -3,7 +3,7 @@
     python -m research.answers.answers_by_data_set --out answers.csv
     python -m research.answers.answers_by_data_set --sets whole --runs second_run third_run --out answers_whole.csv
 
-A data set is fitted as the chain does it (`repose.chain.train`, its split included), and each fit answers the same
+A data set is fitted as the chain does it (`repose.calibrate.training`, its split included), and each fit answers the same
 targets by the parameter set of least expected loss. The judge of a data set is a Gaussian process of all pours that are
 not in it. No pour is in two sets:
 
@@ -32,13 +32,13 @@ import numpy as np
 import pandas as pd
 from scipy.stats import qmc
 
-from repose.chain import expected_loss
+from repose.bench.parameters import PARAMETERS
+from repose.calibrate import expected_loss
+from repose.calibrate.probability import within
+from repose.calibrate.surrogates import make
+from repose.calibrate.targets import Targets
 from repose.config import computed
 from repose.config.study import Study
-from repose.core.parameters import PARAMETERS
-from repose.core.probability import within
-from repose.core.targets import Targets
-from repose.surrogate import make
 from research.answers import surrogate_candidates
 from research.comparison import points
 from research.comparison.points import Points

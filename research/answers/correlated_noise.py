@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from repose.bench.parameters import PARAMETERS
+from repose.calibrate.surrogates import make
+from repose.calibrate.surrogates.accuracy import r2
+from repose.calibrate.surrogates.settings import NetworkSettings
+from repose.calibrate.variance import within_covariance
 from repose.config.study import Study
-from repose.core.parameters import PARAMETERS
-from repose.core.variance import within_covariance
-from repose.surrogate import make
-from repose.surrogate.accuracy import r2
-from repose.surrogate.settings import NetworkSettings
 from research.answers.sample_weights import weights_from_errors
 
 TRAINING_SHARE = 0.7

@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
-from repose.core.parameter_space import ParameterSpace
-from repose.strategies import plan
-from repose.strategies.sequential.kriging import Observed
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.strategies import plan
+from repose.calibrate.strategies.sequential.kriging import Observed
 from research.comparison import points
 from research.comparison.emulator import scaling_noise, with_process
 from research.comparison.models import configured_network

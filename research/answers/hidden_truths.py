@@ -22,16 +22,16 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from repose.chain.design import lhsdesign
+from repose.calibrate.designs.latin_hypercube import lhsdesign
+from repose.calibrate.responses import response
+from repose.calibrate.search.objective import Objective
+from repose.calibrate.strategies import plan
+from repose.calibrate.strategies.sequential import SequentialSettings
+from repose.calibrate.strategies.sequential.advise import advise, ranked
+from repose.calibrate.strategies.sequential.goal import Goal
+from repose.calibrate.strategies.sequential.kriging import Kriging, Observed
+from repose.calibrate.targets import Target, Targets
 from repose.config.study import Study
-from repose.core.responses import response
-from repose.core.targets import Target, Targets
-from repose.search.objective import Objective
-from repose.strategies import plan
-from repose.strategies.sequential import SequentialSettings
-from repose.strategies.sequential.advise import advise, ranked
-from repose.strategies.sequential.goal import Goal
-from repose.strategies.sequential.kriging import Kriging, Observed
 from research.answers import rivals
 from research.answers.emulated import EMULATORS, Simulator, options
 from research.comparison import points

@@ -19,9 +19,9 @@ import numba
 import numpy as np
 from scipy.optimize import differential_evolution
 
-from repose.search.miga import MIGA, islands_ga
-from repose.surrogate import make
-from repose.surrogate.settings import NetworkSettings
+from repose.calibrate.search.miga import MIGA, islands_ga
+from repose.calibrate.surrogates import make
+from repose.calibrate.surrogates.settings import NetworkSettings
 
 try:
     import pygmo

@@ -13,11 +13,11 @@ answer beside the least of some 17,000 points.
 import numpy as np
 import pandas as pd
 
-from repose.chain.design import lhsdesign
+from repose.calibrate.designs.latin_hypercube import lhsdesign
+from repose.calibrate.strategies.sequential import SequentialSettings
+from repose.calibrate.strategies.sequential.advise import advise
+from repose.calibrate.strategies.sequential.kriging import Observed
 from repose.config.study import Study
-from repose.strategies.sequential import SequentialSettings
-from repose.strategies.sequential.advise import advise
-from repose.strategies.sequential.kriging import Observed
 from research.answers.emulated import Simulator, options
 from research.answers.hidden_truths import goal_of
 

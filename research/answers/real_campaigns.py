@@ -29,12 +29,12 @@ from pathlib import Path
 
 import pandas as pd
 
-from repose.chain import dataset
 from repose.cli import main as repose
+from repose.common import provenance
+from repose.common.files import read_table, write_table
 from repose.config import loader
 from repose.config.study import Study
-from repose.core import provenance
-from repose.core.files import read_table, write_table
+from repose.stages import dataset
 
 HEIGHT_ALONE = Path("results/published/height_alone")
 QUANTILES = (0.1, 0.3, 0.5, 0.7, 0.9)

@@ -25,8 +25,8 @@ from types import SimpleNamespace
 import numpy as np
 from cmaes import CMA
 
-from repose.core.parameters import PARAMETERS
-from repose.strategies.response_surface import (
+from repose.bench.parameters import PARAMETERS
+from repose.calibrate.strategies.response_surface import (
     ResponseSurfaceSettings,
     screening,
     surface,

@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from repose.core import provenance
-from repose.core.files import write_table
-from repose.surrogate import make
-from repose.surrogate.settings import NetworkSettings
+from repose.calibrate.surrogates import make
+from repose.calibrate.surrogates.settings import NetworkSettings
+from repose.common import provenance
+from repose.common.files import write_table
 from research.comparison import points, scores
 
 DRAWS = {60: 8, 110: 6}

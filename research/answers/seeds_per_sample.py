@@ -18,15 +18,17 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from repose.apparatus import bench
-from repose.apparatus.job import run_once
-from repose.chain import dataset, invert, train
+from repose.bench import bench
+from repose.calibrate import inversion as invert
+from repose.calibrate import training as train
+from repose.calibrate.seeds import pour_seeds
+from repose.common import attached, provenance
+from repose.common.errors import InputError
+from repose.common.files import read_table, write_json, write_table
 from repose.config import stands_on
-from repose.core import attached, provenance
-from repose.core.errors import InputError
-from repose.core.files import read_table, write_json, write_table
-from repose.core.parameter_sets import read_samples
-from repose.core.seeds import pour_seeds
+from repose.stages import dataset
+from repose.stages.job import run_once
+from repose.stages.parameter_sets import read_samples
 from research import pool, settings
 from research.answers import seeds_rule
 from research.answers.seeds_rule import SEEDS, Judge

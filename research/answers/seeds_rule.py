@@ -26,9 +26,9 @@ import numpy as np
 import pandas as pd
 from scipy import linalg
 
-from repose.core.variance import within_covariance
-from repose.search.objective import Objective
-from repose.surrogate import make
+from repose.calibrate.search.objective import Objective
+from repose.calibrate.surrogates import make
+from repose.calibrate.variance import within_covariance
 
 SEEDS = (6, 3, 2)  # of each sample; the others are compared with the first
 LIMITS = {

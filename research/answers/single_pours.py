@@ -21,12 +21,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from repose.chain.train import split
-from repose.core.files import write_table
-from repose.surrogate import make
-from repose.surrogate.accuracy import r2
-from repose.surrogate.levenberg_marquardt import CONVERGED
-from repose.surrogate.settings import NetworkSettings
+from repose.calibrate.surrogates import make
+from repose.calibrate.surrogates.accuracy import r2
+from repose.calibrate.surrogates.levenberg_marquardt import CONVERGED
+from repose.calibrate.surrogates.settings import NetworkSettings
+from repose.calibrate.training import split
+from repose.common.files import write_table
 from research.comparison import points, scores
 from research.comparison.early_stopping import EarlyStoppingBP
 

@@ -11,12 +11,12 @@ kriging_smooth    the same, squared exponential
 import numpy as np
 from scipy import linalg, optimize
 
-from repose.surrogate import Surrogate, make, register
-from repose.surrogate.gaussian_process import GaussianProcess
-from repose.surrogate.network_ensemble import NetworkEnsemble
-from repose.surrogate.samples import checked_points, checked_samples
-from repose.surrogate.settings import NetworkSettings
-from repose.surrogate.two_layer import width
+from repose.calibrate.surrogates import Surrogate, make, register
+from repose.calibrate.surrogates.gaussian_process import GaussianProcess
+from repose.calibrate.surrogates.network_ensemble import NetworkEnsemble
+from repose.calibrate.surrogates.samples import checked_points, checked_samples
+from repose.calibrate.surrogates.settings import NetworkSettings
+from repose.calibrate.surrogates.two_layer import width
 
 REFITS = 16
 
@@ -105,7 +105,7 @@ class NetworkProcess(Candidate):
         return self.network.covariance(X) + self.process.covariance(X)
 
 
-# prior of lengths, variance and noise: as in `repose.strategies.sequential.kriging`
+# prior of lengths, variance and noise: as in `repose.calibrate.strategies.sequential.kriging`
 LENGTH_LOG_MEAN, LENGTH_LOG_SD = np.sqrt(2) - 3, np.sqrt(3)
 VARIANCE_LOG_SD = 1.0
 NOISE_LOG_MEAN, NOISE_LOG_SD = np.log(0.1), 3.0

@@ -31,9 +31,9 @@ from sklearn.neural_network import MLPRegressor
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
+from repose.bench.parameters import PARAMETERS
+from repose.calibrate.surrogates.bayesian_bp import BayesianBP
 from repose.config.study import Study
-from repose.core.parameters import PARAMETERS
-from repose.surrogate.bayesian_bp import BayesianBP
 
 TRAINING, FRESH = 95, 1000
 FIRST_SEED = 100  # sets 0 to 3 were looked at while the settings were chosen

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from repose.chain.train import split
-from repose.core.files import write_table
+from repose.calibrate.training import split
+from repose.common.files import write_table
 from research.comparison import models, scores
 from research.comparison.points import Points, joined
 

@@ -8,8 +8,8 @@ from typing import Self
 
 import numpy as np
 
-from repose.surrogate.levenberg_marquardt import linearise, residuals
-from repose.surrogate.two_layer import evaluate, nguyen_widrow, scale, unpack
+from repose.calibrate.surrogates.levenberg_marquardt import linearise, residuals
+from repose.calibrate.surrogates.two_layer import evaluate, nguyen_widrow, scale, unpack
 
 SCALED_RANGE = (0.1, 0.9)  # as the paper scales inputs and outputs
 
@@ -19,7 +19,7 @@ class EarlyStoppingBP:
 
     `held_back` is the share of the samples that stop the training: as published, 0.15 of the 0.85 that are not for
     testing. `patience` counts epochs without a lower error on them, six as in MATLAB's trainlm. After `fit`, `network_`
-    holds scalings and weights for `repose.surrogate.two_layer.evaluate`, and `held_back_error_` the mean squared error
+    holds scalings and weights for `repose.calibrate.surrogates.two_layer.evaluate`, and `held_back_error_` the mean squared error
     of the scaled outputs.
     """
 

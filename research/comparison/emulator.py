@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from repose.chain.train import r2_noise_corrected
+from repose.calibrate.training import r2_noise_corrected
 from research.comparison.models import configured_network, gaussian_process
 from research.comparison.points import Points
 
@@ -174,7 +174,7 @@ def left_out(
 def explainable(
     means: np.ndarray, predicted: np.ndarray, errors: np.ndarray
 ) -> np.ndarray:
-    """Share (k,) of the explainable variance in predictions; see `repose.chain.train.r2_noise_corrected`.
+    """Share (k,) of the explainable variance in predictions; see `repose.calibrate.training.r2_noise_corrected`.
 
     All arrays are (n, k); `errors` are standard errors of the means. NaN where the noise explains all of the variance,
     or an error is unknown.

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from repose.surrogate import Surrogate, make
-from repose.surrogate.quadratic import QuadraticSurface
-from repose.surrogate.settings import NetworkSettings
+from repose.calibrate.surrogates import Surrogate, make
+from repose.calibrate.surrogates.quadratic import QuadraticSurface
+from repose.calibrate.surrogates.settings import NetworkSettings
 from research.comparison.early_stopping import EarlyStoppingBP
 from research.comparison.points import Points
 

@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from repose.core.errors import InputError
-from repose.core.files import read_table
-from repose.core.parameters import PARAMETERS
-from repose.core.variance import within_covariance
+from repose.bench.parameters import PARAMETERS
+from repose.calibrate.variance import within_covariance
+from repose.common.errors import InputError
+from repose.common.files import read_table
 
 SETS = ("main", "pool", "fresh")
 

@@ -18,16 +18,16 @@ import numpy as np
 import pandas as pd
 from scipy import optimize
 
-from repose.chain import train
-from repose.chain.invert import on_free_parameters
-from repose.core.parameter_space import ParameterSpace
-from repose.core.parameters import PARAMETERS
-from repose.core.targets import Targets
-from repose.search.objective import Objective, search
-from repose.search.settings import MigaSettings
-from repose.surrogate import Surrogate, make
-from repose.surrogate.settings import NetworkSettings
-from repose.surrogate.support import quadratic_terms
+from repose.bench.parameters import PARAMETERS
+from repose.calibrate import training as train
+from repose.calibrate.inversion import on_free_parameters
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.search.objective import Objective, search
+from repose.calibrate.search.settings import MigaSettings
+from repose.calibrate.surrogates import Surrogate, make
+from repose.calibrate.surrogates.settings import NetworkSettings
+from repose.calibrate.surrogates.support import quadratic_terms
+from repose.calibrate.targets import Targets
 from research.comparison.points import Points
 
 METHODS = (

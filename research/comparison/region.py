@@ -7,7 +7,7 @@ from scipy import stats
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import pdist
 
-from repose.search.objective import Objective
+from repose.calibrate.search.objective import Objective
 from research.comparison.searches import Respond
 
 FEWEST_FEASIBLE = 200  # of the reference sample; with fewer the region is not known

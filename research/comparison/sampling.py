@@ -5,7 +5,7 @@ own mean, which has no noise. Real rows: the main design and parts of the pool, 
 
 References
 ----------
-(JCS05) Jin, Chen & Sudjianto 2005: the optimal design of `repose.chain.design`.
+(JCS05) Jin, Chen & Sudjianto 2005: the optimal design of `repose.calibrate.designs.latin_hypercube`.
 (MM09) Myers, Montgomery & Anderson-Cook 2009, Response Surface Methodology: central composite designs.
 """
 
@@ -16,10 +16,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from repose.chain import design
-from repose.core.files import write_json, write_table
-from repose.core.parameter_space import ParameterSpace
-from repose.surrogate.accuracy import r2
+from repose.calibrate.designs import latin_hypercube as design
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.surrogates.accuracy import r2
+from repose.common.files import write_json, write_table
 from research.comparison import emulator, models, scores
 from research.comparison.points import Points
 from research.pool import sobol

@@ -1,7 +1,7 @@
 """Accuracy of predictions of noisy means: R2, its explainable part, coverage of error bars.
 
 The mean of a test point has a noise of its own, which no prediction can meet. R2 of the means counts this noise as a
-fault of the prediction; the explainable share (`repose.chain.train.r2_noise_corrected`) subtracts it from both sums.
+fault of the prediction; the explainable share (`repose.calibrate.training.r2_noise_corrected`) subtracts it from both sums.
 """
 
 import math
@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import stats
 
-from repose.chain.train import r2_noise_corrected
-from repose.surrogate.accuracy import r2
+from repose.calibrate.surrogates.accuracy import r2
+from repose.calibrate.training import r2_noise_corrected
 
 LEVELS = (0.5, 0.9)
 

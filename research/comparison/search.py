@@ -14,13 +14,13 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.distance import pdist
 
-from repose.chain.invert import on_free_parameters
-from repose.core.errors import InputError
-from repose.core.files import write_table
-from repose.core.parameter_space import ParameterSpace
-from repose.core.targets import Targets
-from repose.search.objective import Objective, distinct
-from repose.surrogate import load
+from repose.calibrate.inversion import on_free_parameters
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.search.objective import Objective, distinct
+from repose.calibrate.surrogates import load
+from repose.calibrate.targets import Targets
+from repose.common.errors import InputError
+from repose.common.files import write_table
 from research.comparison import scores
 from research.comparison.region import Region
 from research.comparison.searches import Log, Respond, logged, searches

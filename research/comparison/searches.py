@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 from scipy import optimize
 
-from repose.search.miga import MIGA
-from repose.search.objective import Objective
+from repose.calibrate.search.miga import MIGA
+from repose.calibrate.search.objective import Objective
 
 STEP = 1e-6  # of the differences
 Respond = Callable[[np.ndarray], np.ndarray]
@@ -104,7 +104,7 @@ class Log:
 
 
 def miga(log: Log, seed: int, **settings: Any) -> None:
-    """Run the multi-island genetic algorithm; `settings` are arguments of `repose.search.miga.MIGA`."""
+    """Run the multi-island genetic algorithm; `settings` are arguments of `repose.calibrate.search.miga.MIGA`."""
     search = MIGA(log.dimensions, **settings, seed=seed)
     while True:
         search.tell(log(search.ask()))

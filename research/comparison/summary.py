@@ -6,8 +6,8 @@ from typing import Any
 
 import pandas as pd
 
-from repose.core.files import read_table, write_table
-from repose.core.responses import derived
+from repose.calibrate.responses import derived
+from repose.common.files import read_table, write_table
 
 COLUMNS = (
     "part",

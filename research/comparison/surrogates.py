@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from repose.core.files import write_table
+from repose.common.files import write_table
 from research.comparison import scores
 from research.comparison.models import MODELS
 from research.comparison.points import Points

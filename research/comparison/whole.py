@@ -20,14 +20,14 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from repose.core import variance
-from repose.core.errors import InputError
-from repose.core.files import write_table
-from repose.core.parameter_space import ParameterSpace
-from repose.core.parameters import PARAMETERS
-from repose.core.responses import derived
-from repose.core.targets import Targets
-from repose.search.objective import Objective
+from repose.bench.parameters import PARAMETERS
+from repose.calibrate import variance
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.responses import derived
+from repose.calibrate.search.objective import Objective
+from repose.calibrate.targets import Targets
+from repose.common.errors import InputError
+from repose.common.files import write_table
 from research.comparison import scores
 from research.comparison.emulator import Emulator, with_process
 from research.comparison.points import Points, joined, read

@@ -1,6 +1,6 @@
 """Figures of the studies here, drawn as those of the package."""
 
-from repose.pictures.figures import Drawn
+from repose.report.figures import Drawn
 from research.figures import comparison, inversion, representations, second_look
 
 

@@ -1,6 +1,6 @@
 """Draw a figure of these studies from the files that it shows."""
 
-from repose.pictures import figures
+from repose.report import figures
 from research.figures import FIGURES
 from research.script import Script, option
 

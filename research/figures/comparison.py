@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from repose.core.files import read_table
-from repose.pictures.figures import style
+from repose.common.files import read_table
+from repose.report.figures import style
 
 COLOURS = (
     style.BLUE,

@@ -8,9 +8,9 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from repose.core.files import read_table
-from repose.core.responses import Response, derived
-from repose.pictures.figures import style
+from repose.calibrate.responses import Response, derived
+from repose.common.files import read_table
+from repose.report.figures import style
 
 REGION = "feasible region"  # row of the table of methods: as many random points of the region as a search lists
 

@@ -9,10 +9,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
-from repose.core.files import read_table
-from repose.core.responses import derived
-from repose.core.targets import Target
-from repose.pictures.figures import style
+from repose.calibrate.responses import derived
+from repose.calibrate.targets import Target
+from repose.common.files import read_table
+from repose.report.figures import style
 from research.shape.shape_piles import COLUMNS
 
 MARKERS = "osD^vP*X"

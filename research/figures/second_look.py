@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from repose.core.files import read_table
-from repose.core.parameters import PARAMETERS, SYMBOLS
-from repose.core.responses import response
-from repose.pictures.figures import style
+from repose.bench.parameters import PARAMETERS, SYMBOLS
+from repose.calibrate.responses import response
+from repose.common.files import read_table
+from repose.report.figures import style
 from research.responses.response_sets import EVERYTHING, WAYS, WHOLE_PILE, base_label
 
 TOGETHER = {WHOLE_PILE: "all of the pile", EVERYTHING: EVERYTHING}

@@ -2,12 +2,12 @@
 
 import pandas as pd
 
-from repose.core.errors import InputError
-from repose.core.files import read_table, write_table
-from repose.core.targets import Targets
+from repose.calibrate.targets import Targets
+from repose.common.errors import InputError
+from repose.common.files import read_table, write_table
+from repose.grain.berry_files import read_berry
+from repose.grain.particle import Particle
 from repose.measure import pile
-from repose.particle.berry_files import read_berry
-from repose.particle.particle import Particle
 from research.measurement import (
     line_choice,
     line_slopes,
@@ -111,7 +111,7 @@ def loose(args, config):
     *GRAIN,
 )
 def slopes(args, config):
-    """Every line's angle on saved piles beside the cone of their Height: src/repose/apparatus/line_slopes.csv."""
+    """Every line's angle on saved piles beside the cone of their Height: src/repose/bench/line_slopes.csv."""
     particle, berry = Particle.load(args.particle), read_berry(args.berry)
     return line_slopes.run(args.heaps, particle, config, berry, args.out).to_string(
         index=False

@@ -23,8 +23,8 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from repose.apparatus.reach import carried
-from repose.core.targets import Target
+from repose.bench.reach import carried
+from repose.calibrate.targets import Target
 from research.measurement.measurement_study import VARIANTS
 
 FARTHEST_SD, LEAST_P, ALIKE_DEG = 2.0, 0.05, 0.5

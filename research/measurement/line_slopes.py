@@ -1,4 +1,4 @@
-"""The angle by each line beside that of a cone of the same Height and volume: the table of `repose.apparatus.reach`."""
+"""The angle by each line beside that of a cone of the same Height and volume: the table of `repose.bench.reach`."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from repose.apparatus import funnel
-from repose.apparatus.reach import READ, cone_tan
-from repose.core.errors import InputError, NoFlankError
-from repose.core.files import write_table
+from repose.bench import funnel
+from repose.bench.reach import READ, cone_tan
+from repose.common.errors import InputError, NoFlankError
+from repose.common.files import write_table
+from repose.grain.particle import Particle
 from repose.measure import pile, saved_pours
 from repose.measure.angles import DEFINITIONS, measure_sides
 from repose.measure.settings import line_of
 from repose.measure.silhouette import Grains
-from repose.particle.particle import Particle
 
 RULES = ("columns", "levels", "rows")
 BANDS = ((0.1, 0.8), (0.2, 0.9), (0.3, 0.8), (0.3, 0.9))

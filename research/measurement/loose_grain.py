@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.transform import Rotation
 
+from repose.grain.particle import Particle
 from repose.measure import pile, saved_pours
-from repose.particle.particle import Particle
 from research.measurement.measurement_study import VARIANTS, variants_of
 
 DIRECTIONS_DEG = (0.0, 90.0, 180.0, 270.0)

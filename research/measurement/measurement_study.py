@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from repose.core.errors import InputError, NoFlankError
-from repose.core.files import write_table
+from repose.common.errors import InputError, NoFlankError
+from repose.common.files import write_table
+from repose.grain.particle import Particle
 from repose.measure import pile, saved_pours
 from repose.measure.angles import measure_sides
 from repose.measure.silhouette import Grains
-from repose.particle.particle import Particle
 from research.measurement.pour_correlation import correlations
 
 BANDS = ((0.1, 0.8), (0.1, 0.9), (0.2, 0.8), (0.2, 0.9), (0.3, 0.8), (0.3, 0.9))

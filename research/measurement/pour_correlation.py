@@ -10,7 +10,7 @@ from typing import Any
 
 import pandas as pd
 
-from repose.core.variance import residual_correlation
+from repose.calibrate.variance import residual_correlation
 
 WAYS = {"all views": "", "one view": " (view)"}
 COLUMNS = ("measured", "views", "correlation", "low", "high", "degrees_of_freedom")

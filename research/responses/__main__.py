@@ -4,14 +4,14 @@ import math
 
 import pandas as pd
 
-from repose.core.errors import InputError
-from repose.core.files import read_table, write_table
-from repose.core.parameters import PARAMETERS
+from repose.bench.parameters import PARAMETERS
+from repose.common.errors import InputError
+from repose.common.files import read_table, write_table
+from repose.grain.berry_files import read_berry
+from repose.grain.particle import Particle
 from repose.measure.angles import MEAN_KEYS
 from repose.measure.further_responses import MEASURED
 from repose.measure.settings import MeasureSettings
-from repose.particle.berry_files import read_berry
-from repose.particle.particle import Particle
 from research.responses import (
     further_runs,
     half_widths,

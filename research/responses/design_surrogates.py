@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from repose.surrogate import make
-from repose.surrogate.settings import NetworkSettings
+from repose.calibrate.surrogates import make
+from repose.calibrate.surrogates.settings import NetworkSettings
 from research.responses.responses_over_design import (
     Data,
     Known,

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from repose.core.responses import response
-from repose.studies import discrepancy
+from repose.calibrate.responses import response
+from repose.calibrate.uncertainty import discrepancy
 
 
 def sizes(

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from repose.apparatus import bench
-from repose.core.errors import InputError
-from repose.core.files import read_json, read_table
-from repose.core.responses import response
-from repose.core.targets import Targets
+from repose.bench import bench
+from repose.calibrate.responses import response
+from repose.calibrate.targets import Targets
+from repose.common.errors import InputError
+from repose.common.files import read_json, read_table
 from repose.measure import further_responses
 from research.responses import responses_over_design
 from research.responses.responses_over_design import Data, over_design

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from repose.core.errors import NoFlankError
+from repose.common.errors import NoFlankError
+from repose.grain.particle import Particle
 from repose.measure import further_responses, pile, saved_pours
 from repose.measure.silhouette import Grains
-from repose.particle.particle import Particle
 
 
 def of_pours(

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from repose.core.parameter_space import ParameterSpace
+from repose.calibrate.parameter_space import ParameterSpace
 from research.responses.design_surrogates import Surrogates
 from research.responses.observables import (
     Tests,

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from repose.core.parameter_space import ParameterSpace
-from repose.studies.implausibility import CREDIBLE, joint_bits
-from repose.studies.sampler import BINS
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.uncertainty.implausibility import CREDIBLE, joint_bits
+from repose.calibrate.uncertainty.sampler import BINS
 
 
 def places_of(space: ParameterSpace, quantile: np.ndarray) -> np.ndarray:
@@ -92,7 +92,7 @@ class Prior:
         """Information in weighted points: bits, bits and widths (d,) of the parameters, effective number of points.
 
         `weight` (n,) is the posterior probability of each point. Bits are Kullback-Leibler divergences from the prior:
-        of the joint posterior, and of each parameter alone as in `repose.studies.sampler.information_bits`. A width is
+        of the joint posterior, and of each parameter alone as in `repose.calibrate.uncertainty.sampler.information_bits`. A width is
         that of the 95 % interval over the prior's.
         """
         effective = 1 / (weight**2).sum()

@@ -3,7 +3,7 @@
 A bench test is observed with all its responses that can be modelled. A direct test, such as an inclined plane, observes
 one parameter itself with a standard deviation. Its information before it is made is computed as in
 `research.responses.second_responses`, for plausible truths, with a discrepancy that is correlated within a bench test
-(`repose.studies.discrepancy`).
+(`repose.calibrate.uncertainty.discrepancy`).
 
 All sets of at most `most_tests` tests are ranked in the normal approximation with a linear model; the best of them are
 computed again by importance sampling. A set is as good as its widest interval among the `parameters` narrowest ones.
@@ -19,10 +19,10 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from repose.core.files import write_json, write_table
-from repose.core.parameter_space import ParameterSpace
-from repose.core.parameters import PARAMETERS
-from repose.core.targets import Targets
+from repose.bench.parameters import PARAMETERS
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.targets import Targets
+from repose.common.files import write_json, write_table
 from research.responses import hidden_truths, information, second_responses
 from research.responses.design_surrogates import Surrogates
 from research.responses.observables import (

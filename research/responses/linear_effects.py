@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from repose.core.parameter_space import ParameterSpace
+from repose.calibrate.parameter_space import ParameterSpace
 
 
 def effects(

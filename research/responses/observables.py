@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from repose.core.parameter_space import ParameterSpace
-from repose.core.responses import response
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.responses import response
 from repose.measure import further_responses
 from research.responses import discrepancies, information
 from research.responses.response_sets import minutes_of

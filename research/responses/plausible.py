@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from repose.core.errors import InputError
-from repose.core.parameter_space import ParameterSpace
-from repose.core.targets import Targets
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.targets import Targets
+from repose.common.errors import InputError
 from research.responses import information
 from research.responses.responses_over_design import Data
 

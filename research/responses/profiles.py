@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from repose.core.files import write_json, write_table
-from repose.core.parameter_space import ParameterSpace
-from repose.core.responses import response
-from repose.core.targets import Targets
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.responses import response
+from repose.calibrate.targets import Targets
+from repose.common.files import write_json, write_table
 from research.responses import discrepancies, information
 from research.responses.design_surrogates import NOISY, WORST_R2, Predict, fitted
 from research.responses.plausible import plausible_truths, prior_points

@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 
-from repose.core.errors import InputError
-from repose.core.responses import Response, response
+from repose.calibrate.responses import Response, response
+from repose.common.errors import InputError
 from repose.measure import further_responses
 
 WHOLE_PILE, EVERYTHING = "whole pile", "pile and other bench tests"

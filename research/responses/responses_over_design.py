@@ -8,15 +8,15 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from repose.core import variance
-from repose.core.errors import InputError
-from repose.core.files import read_table
-from repose.core.parameters import PARAMETERS
-from repose.core.responses import response
-from repose.core.targets import Targets
+from repose.bench.parameters import PARAMETERS
+from repose.calibrate import variance
+from repose.calibrate.responses import response
+from repose.calibrate.surrogates.accuracy import r2
+from repose.calibrate.surrogates.bayesian_bp import BayesianBP
+from repose.calibrate.targets import Targets
+from repose.common.errors import InputError
+from repose.common.files import read_table
 from repose.measure import further_responses
-from repose.surrogate.accuracy import r2
-from repose.surrogate.bayesian_bp import BayesianBP
 
 FEWEST_SAMPLES = 12
 EPOCHS = 300  # of the surrogates, at most

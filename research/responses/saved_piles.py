@@ -7,11 +7,11 @@ from typing import Any
 
 import pandas as pd
 
-from repose.core.errors import InputError, NoFlankError
-from repose.core.files import read_table, write_table
+from repose.common.errors import InputError, NoFlankError
+from repose.common.files import read_table, write_table
+from repose.grain.particle import Particle
 from repose.measure import pile, saved_pours
 from repose.measure.further_responses import BENCH, MEASURED, of_pour, offered
-from repose.particle.particle import Particle
 
 
 def of_pours(

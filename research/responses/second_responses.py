@@ -4,7 +4,7 @@ A few numbers do not determine six parameters. For the targets and for each furt
 (`further_responses.offered`, and those of other bench tests that were run with samples of the design):
 
 signal to noise
-    sd between samples over the sd of a run about its sample's mean (`repose.core.variance`)
+    sd between samples over the sd of a run about its sample's mean (`repose.calibrate.variance`)
 surrogate
     a network of its own, trained on the means of all samples; its R2 by cross-validation, on the means and with their
     noise taken off
@@ -38,11 +38,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from repose.chain.train import r2_noise_corrected
-from repose.core.files import write_json, write_table
-from repose.core.parameter_space import ParameterSpace
-from repose.core.responses import response
-from repose.core.targets import Targets
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.responses import response
+from repose.calibrate.targets import Targets
+from repose.calibrate.training import r2_noise_corrected
+from repose.common.files import write_json, write_table
 from research.responses import discrepancies, information
 from research.responses.plausible import (
     measured_covariance,

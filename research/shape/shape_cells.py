@@ -10,13 +10,13 @@ from typing import Any
 
 import pandas as pd
 
+from repose.bench.parameters import PARAMETERS
+from repose.calibrate.targets import Target, Targets
+from repose.common.errors import InputError
+from repose.common.files import read_table
 from repose.config.study import Study
-from repose.core.errors import InputError
-from repose.core.files import read_table
-from repose.core.parameters import PARAMETERS
-from repose.core.published import published_responses
-from repose.core.targets import Target, Targets
 from repose.measure.further_responses import BENCH
+from repose.stages.published import published_responses
 from research.settings import SECTIONS
 from research.shape.shape_rule import CELL
 

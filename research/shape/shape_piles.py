@@ -9,12 +9,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from repose.grain.particle import Particle
 from repose.measure import pile
 from repose.measure.angles import MEAN_KEYS
 from repose.measure.further_responses import mean_half_width
 from repose.measure.profile_points import FLANK_RULES
 from repose.measure.silhouette import Grains
-from repose.particle.particle import Particle
 
 # Columns of the definitions. `steepest` and `whole` follow the rule of the configuration, `secant` needs none.
 FLANKS = {rule: f"flank_{rule}" for rule in FLANK_RULES}

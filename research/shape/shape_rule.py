@@ -39,8 +39,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from repose.core.responses import derived
-from repose.core.targets import Target
+from repose.calibrate.responses import derived
+from repose.calibrate.targets import Target
 
 NEAR_AXES, NEAR_MASS, NEAR_VOLUME = 0.05, 0.02, 0.05
 LEAST_PACKING, LARGEST_PACKING = 0.55, 0.70

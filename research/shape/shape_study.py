@@ -14,16 +14,16 @@ from typing import Any
 
 import pandas as pd
 
-from repose.apparatus import Scene
+from repose.bench import Scene
+from repose.calibrate.seeds import pour_seeds
+from repose.common import provenance
+from repose.common.errors import NoFlankError
+from repose.common.files import read_json, read_table, write_json, write_table
 from repose.config.computed import advised_step_s, longest_step
-from repose.core import provenance
-from repose.core.errors import NoFlankError
-from repose.core.files import read_json, read_table, write_json, write_table
-from repose.core.seeds import pour_seeds
+from repose.grain.berry_files import read_berry
+from repose.grain.particle import Particle
 from repose.measure.further_responses import BENCH, CALIBRATED_ANGLE
 from repose.measure.settings import MeasureSettings
-from repose.particle.berry_files import read_berry
-from repose.particle.particle import Particle
 from research.shape import shape_piles, shape_tables
 from research.shape.shape_cells import (
     CYLINDER,
@@ -63,7 +63,7 @@ def poured(
     """Pour and measure all sets of a cell with all their seeds.
 
     A row for each pour, with the columns of `shape_tables.run_columns`. `sets` are of `parameter_sets`, `berry` is the
-    result of the verb berry. `kept` is a folder of kept runs (`repose.apparatus.kept_runs`), so that none is made
+    result of the verb berry. `kept` is a folder of kept runs (`repose.stages.kept_runs`), so that none is made
     twice; None keeps none.
     """
     kind, names, own = cell_settings(config, cell)
@@ -83,7 +83,7 @@ def poured(
 
 def _one_pour(config, kind, parameters, seed, particle, berry, path):
     """Make the record of one pour with its measurements."""
-    from repose.apparatus import bench
+    from repose.bench import bench
 
     test = bench(CYLINDER if kind == "bulk" else BENCH)
     run = _kept_run(test, config, parameters, seed, particle, berry, path)
@@ -112,8 +112,8 @@ def _one_pour(config, kind, parameters, seed, particle, berry, path):
 
 def _kept_run(test, config, parameters, seed, particle, berry, path):
     """One run: the kept run if it is the same, else a new run, which is kept where there is a path."""
-    from repose.apparatus import kept_runs
-    from repose.apparatus.job import about_job
+    from repose.stages import kept_runs
+    from repose.stages.job import about_job
 
     scene = Scene.of(config, parameters, berry, particle, seed)
     about = about_job(test, scene, path.stem if path else "")
@@ -136,7 +136,7 @@ def run_cell(
 
     `samples_csv` is the design. InputError if the study has no such cell.
     """
-    from repose.particle import build
+    from repose.grain import build
 
     kind, names, own = cell_settings(config, cell)
     section, out = own["berry"], Path(out_dir)

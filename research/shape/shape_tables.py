@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from repose.core.responses import derived
-from repose.core.targets import Target
+from repose.calibrate.responses import derived
+from repose.calibrate.targets import Target
 from repose.measure.further_responses import CALIBRATED_ANGLE
 from research.shape import shape_rule
 from research.shape.shape_piles import COLUMNS, DENSITY

@@ -6,11 +6,11 @@ import pytest
 from refusals import input_error, value_error
 from scipy import stats
 
+from repose.bench.parameters import PARAMETERS
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.surrogates.support import quadratic_terms
 from repose.config.study import Study
-from repose.core.parameter_space import ParameterSpace
-from repose.core.parameters import PARAMETERS
-from repose.pictures import figures
-from repose.surrogate.support import quadratic_terms
+from repose.report import figures
 from research.comparison import (
     accuracy,
     emulator,

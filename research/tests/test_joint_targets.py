@@ -9,10 +9,10 @@ import pytest
 from refusals import input_error
 from scipy import stats
 
-import repose.apparatus  # noqa: F401  (makes the responses known)
-from repose.core.parameter_space import ParameterSpace
-from repose.core.parameters import PARAMETERS
-from repose.core.targets import Targets
+import repose.bench  # noqa: F401  (makes the responses known)
+from repose.bench.parameters import PARAMETERS
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.targets import Targets
 from repose.measure import further_responses
 from research.responses import (
     discrepancies,

@@ -9,7 +9,7 @@ from test_saved_pours import AXES, CONFIG
 from test_simulated_piles import BERRY as PARTICLE
 from test_simulated_piles import cone_of_berries
 
-from repose.core.targets import Targets
+from repose.calibrate.targets import Targets
 from repose.measure import pile
 from research.measurement import line_choice, loose_grain
 from research.measurement.measurement_study import VARIANTS, noise_table

@@ -9,12 +9,12 @@ from refusals import input_error
 from test_measurement_study import SETTINGS, save_job
 from test_saved_pours import AXES, CONFIG
 
-from repose.apparatus import funnel, reach
+from repose.bench import funnel, reach
+from repose.grain.particle import Particle
 from repose.measure.angles import DEFINITIONS
 from repose.measure.pile import measure_pile
 from repose.measure.settings import line_of
 from repose.measure.silhouette import Grains
-from repose.particle.particle import Particle
 from research.measurement import line_slopes
 
 HALF = np.array([[21.14, 11.37, 9.88]]) * 5e-4

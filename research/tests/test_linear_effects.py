@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from repose.core.parameter_space import ParameterSpace
+from repose.calibrate.parameter_space import ParameterSpace
 from research.responses.linear_effects import effects
 
 FIXED = {key: {"fixed": 0.3} for key in ("e_gg", "e_gp", "mus_gp", "mur_gp")}

@@ -11,7 +11,7 @@ from test_saved_pours import AXES, CONFIG, one_pour
 from test_simulated_piles import BERRY as PARTICLE
 from test_simulated_piles import cone_of_berries
 
-from repose.core.parameters import PARAMETERS
+from repose.bench.parameters import PARAMETERS
 from repose.measure import pile
 from repose.measure.silhouette import Grains
 from research.measurement import measurement_study

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from repose.core.parameter_space import ParameterSpace
-from repose.core.parameters import PARAMETERS
+from repose.bench.parameters import PARAMETERS
+from repose.calibrate.parameter_space import ParameterSpace
 from research import pool
 
 RANGES = dict.fromkeys(PARAMETERS, (0.1, 0.4)) | {"mur_gp": (0.2, 0.3)}

@@ -4,10 +4,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-import repose.apparatus  # noqa: F401  (makes the responses known)
-from repose.core.parameter_space import ParameterSpace
-from repose.core.parameters import PARAMETERS
-from repose.core.targets import Targets
+import repose.bench  # noqa: F401  (makes the responses known)
+from repose.bench.parameters import PARAMETERS
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.targets import Targets
 from research.responses import profiles
 
 SPACE = ParameterSpace.of(dict.fromkeys(PARAMETERS, (0.0, 1.0)))

@@ -2,8 +2,8 @@
 
 import pytest
 
+from repose.common.errors import InputError
 from repose.config.study import Study
-from repose.core.errors import InputError
 from research import settings
 
 LARGE, SMALL = {"small_run": False}, {"small_run": True}

@@ -8,8 +8,8 @@ import jinja2
 import pytest
 from plans import ROOT, as_ours, planned, snakemake
 
+from repose.common.ledger import LEDGER
 from repose.config.study import Study
-from repose.core.ledger import LEDGER
 from research import settings
 
 pytestmark = pytest.mark.slow

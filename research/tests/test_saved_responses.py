@@ -7,11 +7,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from repose.core.errors import InputError
-from repose.core.responses import responses_of
+from repose.calibrate.responses import responses_of
+from repose.common.errors import InputError
+from repose.grain.build import Particle
 from repose.measure import further_responses
 from repose.measure.angles import DEFINITIONS
-from repose.particle.build import Particle
 from research.responses import saved_piles
 
 

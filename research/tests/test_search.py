@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from refusals import value_error
 
-from repose.chain.invert import on_free_parameters
-from repose.core.parameter_space import ParameterSpace
-from repose.core.parameters import PARAMETERS
-from repose.search.objective import Objective
+from repose.bench.parameters import PARAMETERS
+from repose.calibrate.inversion import on_free_parameters
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.search.objective import Objective
 from research.comparison import search
 from research.comparison.region import Region
 from research.comparison.searches import Log, Spent, logged, searches

@@ -9,13 +9,13 @@ import pytest
 from refusals import input_error
 from scipy import stats
 
-import repose.apparatus  # noqa: F401  (makes the responses known)
-from repose.core.errors import InputError
-from repose.core.parameter_space import ParameterSpace
-from repose.core.parameters import PARAMETERS
-from repose.core.targets import Targets
+import repose.bench  # noqa: F401  (makes the responses known)
+from repose.bench.parameters import PARAMETERS
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.targets import Targets
+from repose.common.errors import InputError
 from repose.measure import further_responses
-from repose.pictures.figures import style
+from repose.report.figures import style
 from research.figures import second_look
 from research.responses import (
     further_runs,

@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 import shared
 
-from repose.core.seeds import PURPOSES
-from repose.core.targets import Targets
+from repose.calibrate.seeds import PURPOSES
+from repose.calibrate.targets import Targets
 from research.answers import seeds_per_sample, seeds_rule
 from research.answers.seeds_rule import LIMITS, SEEDS
 from research.streams import STREAMS

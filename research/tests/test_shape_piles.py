@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from repose.grain.build import ellipsoid_mesh, fit_particle
 from repose.measure import pile
 from repose.measure.silhouette import Grains
-from repose.particle.build import ellipsoid_mesh, fit_particle
 from research.shape import shape_piles
 
 PARTICLE = fit_particle(ellipsoid_mesh([12.0, 11.0, 10.0]), 840.0)

@@ -10,13 +10,13 @@ import pytest
 import shared
 from refusals import input_error
 
-from repose.apparatus.bench_test import Run
+from repose.bench.bench_test import Run
+from repose.calibrate.seeds import pour_seeds
+from repose.calibrate.targets import Targets
+from repose.common import attached, provenance
+from repose.common.errors import InputError
+from repose.common.files import write_json, write_table
 from repose.config.study import Study
-from repose.core import attached, provenance
-from repose.core.errors import InputError
-from repose.core.files import write_json, write_table
-from repose.core.seeds import pour_seeds
-from repose.core.targets import Targets
 from research import settings
 from research.shape import (
     shape_cells,
@@ -197,7 +197,7 @@ def test_a_cell_that_was_killed_goes_on_and_pours_nothing_twice(
         return record | {"height_mm": float(arrays["position"].max())}
 
     test = SimpleNamespace(name="cylinder", run=run, measure=measure)
-    monkeypatch.setattr("repose.apparatus.bench", lambda name: test)
+    monkeypatch.setattr("repose.bench.bench", lambda name: test)
     sets = shape_cells.published_sets(config).head(2)
 
     def cell(**changes):

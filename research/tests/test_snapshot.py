@@ -1,7 +1,7 @@
 import pytest
 from refusals import input_error
 
-from repose.core.files import write_text
+from repose.common.files import write_text
 from research import snapshot
 
 

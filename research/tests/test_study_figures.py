@@ -9,12 +9,12 @@ import pandas as pd
 import pytest
 from shared import TARGETS
 
-from repose.core.parameters import PARAMETERS
-from repose.core.responses import derived
-from repose.core.responses import response as of_name
-from repose.core.targets import Targets
-from repose.pictures import figures
-from repose.pictures.figures import style
+from repose.bench.parameters import PARAMETERS
+from repose.calibrate.responses import derived
+from repose.calibrate.responses import response as of_name
+from repose.calibrate.targets import Targets
+from repose.report import figures
+from repose.report.figures import style
 from research.comparison.search import REFERENCE
 from research.figures import FIGURES, inversion, representations, second_look
 from research.shape.shape_piles import COLUMNS

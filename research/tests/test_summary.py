@@ -4,7 +4,7 @@ import pandas as pd
 import pytest
 from refusals import input_error
 
-from repose.core.responses import derived
+from repose.calibrate.responses import derived
 from research.comparison import summary
 
 SIZES = {

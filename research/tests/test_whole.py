@@ -6,15 +6,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-import repose.apparatus  # noqa: F401  (makes the responses known)
-from repose.core import attached
-from repose.core.errors import InputError
-from repose.core.parameter_space import ParameterSpace
-from repose.core.parameters import PARAMETERS
-from repose.core.responses import derived
-from repose.core.targets import Targets
-from repose.search.objective import Objective
-from repose.surrogate.support import quadratic_terms
+import repose.bench  # noqa: F401  (makes the responses known)
+from repose.bench.parameters import PARAMETERS
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.responses import derived
+from repose.calibrate.search.objective import Objective
+from repose.calibrate.surrogates.support import quadratic_terms
+from repose.calibrate.targets import Targets
+from repose.common import attached
+from repose.common.errors import InputError
 from research.comparison import proposals, whole
 from research.comparison.__main__ import script
 from research.comparison.points import Points

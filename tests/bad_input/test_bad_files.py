@@ -8,13 +8,13 @@ import pytest
 from refusals import input_error
 from shared import ROOT, check_all, written
 
+from repose.common import files, tables
+from repose.common.errors import InputError
 from repose.config import reading
-from repose.core import files, tables
-from repose.core.errors import InputError
+from repose.grain import berry_files
+from repose.grain.mesh import load_mesh
+from repose.grain.particle import Particle
 from repose.measure.pile import read_image
-from repose.particle import berry_files
-from repose.particle.mesh import load_mesh
-from repose.particle.particle import Particle
 
 SIZES = "long_mm,major_mm,minor_mm\n21,11,10\n22,12,11\n"
 

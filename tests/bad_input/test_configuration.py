@@ -8,12 +8,12 @@ import pytest
 from refusals import input_error
 from shared import at, check_all, every_bench_test, put, says
 
+from repose.bench.parameters import FURTHER, PARAMETERS
+from repose.common.errors import InputError, YamlError
 from repose.config import faults
 from repose.config.computed import COMPUTED
 from repose.config.reading import parse
 from repose.config.study import Study
-from repose.core.errors import InputError, YamlError
-from repose.core.parameters import FURTHER, PARAMETERS
 
 NULL, AUTO = {"type": "null"}, {"const": "auto", "type": "string"}
 

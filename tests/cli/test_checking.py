@@ -13,8 +13,8 @@ from shared import every_bench_test
 
 from repose.cli import VERBS, checking, docs, parser, stages
 from repose.cli.measuring import _settings
+from repose.common import places
 from repose.config import check, computed, cost
-from repose.core import places
 from repose.dem.time_steps import Limit
 
 NOTHING_GIVEN = Namespace(grain_mm=None, config=None)
@@ -47,7 +47,7 @@ def test_the_cost_is_that_of_the_least_disturbed_pour(monkeypatch):
         time.sleep(0.02)
         return SimpleNamespace(us_per_step=next(took))
 
-    monkeypatch.setattr("repose.apparatus.funnel.FunnelTest.pour", pour)
+    monkeypatch.setattr("repose.bench.funnel.FunnelTest.pour", pour)
     monkeypatch.setattr(
         time, "process_time", time.perf_counter
     )  # all of the time is its own

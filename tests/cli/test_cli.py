@@ -17,14 +17,14 @@ from refusals import value_error
 from shared import ROOT, check_all, run_python, written
 
 from repose.__main__ import main
-from repose.apparatus import job, kept_runs
+from repose.bench.parameters import PARAMETERS
 from repose.cli import GROUPS, STAGES, TYPED, VERBS, parser, registry
+from repose.common import provenance
 from repose.config import check
 from repose.config.study import Study
-from repose.core import provenance
-from repose.core.parameters import PARAMETERS
 from repose.dem.kernels.engine import advance
 from repose.measure.angles import MEAN_KEYS
+from repose.stages import job, kept_runs
 
 
 @pytest.fixture
@@ -377,7 +377,7 @@ def test_the_built_in_crop_is_reported_in_a_folder_without_a_configuration(
         Path("sizes.csv").write_text((ROOT / "crops/wheat/sizes.csv").read_text())
         Path("published").symlink_to(ROOT / "crops/wheat/published")
         words = [*words, f"--config={own}"]
-    monkeypatch.setattr("repose.chain.design.run", lambda *_: None)
+    monkeypatch.setattr("repose.calibrate.designs.latin_hypercube.run", lambda *_: None)
     assert ("built-in goji example" in command(*words).err) is warned
 
 

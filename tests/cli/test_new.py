@@ -8,9 +8,9 @@ import yaml
 from refusals import input_error
 from shared import run_python
 
+from repose.common import places
 from repose.config.reading import read
 from repose.config.study import Study
-from repose.core import places
 
 SIZES = "6.4,3.1,2.8\n6.0,3.0,2.7\n6.8,3.3,2.9\n"
 # A null of the template and what a user with wheat would write.

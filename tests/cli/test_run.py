@@ -7,9 +7,9 @@ import sys
 
 import pytest
 
-from repose import strategies
+from repose.calibrate import strategies
 from repose.cli import run
-from repose.core import places
+from repose.common import places
 
 SNAKEFILE = ["--snakefile", str(places.root() / "Snakefile")]
 ALL, WRONG = ["--cores", "all"], "command line: --config is"

@@ -19,7 +19,7 @@ from snakemake_interface_logger_plugins.common import LogEvent
 
 from repose.cli import run_display
 from repose.cli.run_display import Running, RunProgress, rough_time
-from repose.core import places
+from repose.common import places
 
 STATS = {"pour": 2, "miga": 1, "all": 1, "total": 4}
 SIGNALS = {

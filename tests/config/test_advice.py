@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import pytest
 import shared
 
+from repose.calibrate.strategies import cost as strategies
 from repose.config import advice, cost, typed
-from repose.strategies import cost as strategies
 
 SPHERE = {
     "long_mm": 4.0,

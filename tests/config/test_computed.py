@@ -8,9 +8,9 @@ import pytest
 from refusals import input_error
 from shared import at, check_all, put
 
+from repose.common import places
 from repose.config import computed
 from repose.config.study import Study
-from repose.core import places
 
 CROPS = places.root() / "crops"
 KEYS = [setting.key for setting in computed.COMPUTED]

@@ -13,13 +13,13 @@ from synthetic import responses, write_poured
 from test_drum import saved
 from test_simulated_piles import cone_of_berries
 
+from repose.calibrate.responses import Response
+from repose.calibrate.strategies import strategy
 from repose.cli import TYPED, VERBS, parser
+from repose.common import section
+from repose.common.section import Section
 from repose.config import loader, models, stands_on, study, typed
-from repose.core import section
-from repose.core.published import beside
-from repose.core.responses import Response
-from repose.core.section import Section
-from repose.strategies import strategy
+from repose.stages.published import beside
 
 pytestmark = [pytest.mark.slow, pytest.mark.essential]  # every stage is run once
 

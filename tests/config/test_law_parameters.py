@@ -8,16 +8,16 @@ import pytest
 from refusals import input_error
 from shared import says
 
-from repose.apparatus.scene import _contacts
-from repose.chain.card import laws as described_laws
-from repose.chain.design import design
-from repose.chain.settings import DesignSettings
+from repose.bench.parameters import LABELS, PARAMETERS, named, of_law
+from repose.bench.scene import _contacts
+from repose.calibrate.designs.latin_hypercube import design
+from repose.calibrate.designs.settings import DesignSettings
+from repose.common.provenance import hash_of
 from repose.config import faults, stands_on
 from repose.config.study import Study
-from repose.core.parameter_sets import read_sample
-from repose.core.parameters import LABELS, PARAMETERS, named, of_law
-from repose.core.provenance import hash_of
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
+from repose.stages.card import laws as described_laws
+from repose.stages.parameter_sets import read_sample
 
 GRAINS = {"gamma_gg": [0.0, 0.1]}
 COHESION = {"gamma_gg": [0.0, 0.1], "gamma_gp": {"fixed": 0.02}}

@@ -10,11 +10,11 @@ from refusals import input_error, raised
 from shared import ROOT, written
 
 import repose
+from repose.common import places
 from repose.config import loader, reading
 from repose.config.loader import own_crop_under
 from repose.config.making import Making
 from repose.config.study import Study
-from repose.core import places
 
 
 @pytest.mark.parametrize(

@@ -6,11 +6,11 @@ from refusals import input_error
 from shared import written
 
 import repose
-from repose.chain.answer import Check
-from repose.chain.card import described
+from repose.calibrate.answer import Check
+from repose.calibrate.strategies.sequential.goal import Goal
 from repose.config import stands_on
 from repose.config.study import Study
-from repose.strategies.sequential.goal import Goal
+from repose.stages.card import described
 
 TABLE = """# read off a picture
 x_mm,low_mm,z_mm,sd_mm

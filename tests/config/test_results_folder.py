@@ -6,11 +6,11 @@ from pathlib import Path
 from refusals import input_error
 from shared import ROOT, check_all, put
 
-from repose.apparatus import bench, names
+from repose.bench import bench, names
+from repose.common.files import write_json, write_text
 from repose.config import results_folder, stands_on
 from repose.config.models import named_files
 from repose.config.study import Study
-from repose.core.files import write_json, write_text
 
 
 def test_the_wildcards_of_outputs_stand_for_what_rules_write():

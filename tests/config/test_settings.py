@@ -14,14 +14,14 @@ from refusals import input_error
 from shared import ROOT, check_all, every_bench_test, put
 
 import repose
-from repose import surrogate
-from repose.apparatus import names
+from repose.bench import names
+from repose.bench.parameters import FURTHER
+from repose.calibrate import surrogates as surrogate
+from repose.common.section import Section
 from repose.config import cost, faults, loader
 from repose.config.computed import COMPUTED
 from repose.config.own import OwnPosterior, OwnSequential, OwnSettings
 from repose.config.study import Study
-from repose.core.parameters import FURTHER
-from repose.core.section import Section
 
 PAGE = (ROOT / "config/README.md").read_text()
 SHIPPED = ("config", "paper", "quick")

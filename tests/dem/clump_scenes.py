@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 from dem.common import BERRY, DENSITY, GOJI, PVC, simulation
 
-from repose.apparatus.funnel import Funnel
+from repose.bench.funnel import Funnel
 from repose.dem import Clump, Cone, Contact, Shape, Simulation
 
 RADIUS = 0.006

@@ -16,7 +16,7 @@ from dem.clump_scenes import ball_of_one, bent
 from dem.common import GOJI, bits, mesh_of
 from refusals import input_error, not_refused, raised
 
-from repose.core.errors import InputError
+from repose.common.errors import InputError
 from repose.dem import Contact, Cylinder, Material, Motion, Plane, Shape, Simulation
 from repose.dem.kernels import state as st
 

@@ -20,7 +20,7 @@ from dem.test_checkpoint import falling
 from oracles import rotation
 from refusals import not_refused
 
-from repose.apparatus.funnel import Funnel
+from repose.bench.funnel import Funnel
 from repose.dem import (
     Clump,
     Contact,

@@ -13,9 +13,9 @@ from PIL import Image
 from shared import ROOT
 
 from repose.dem import Cylinder, Plane, Recorder
-from repose.pictures.film import animate
-from repose.pictures.render import render_simulation
-from repose.pictures.scenery import setting_of
+from repose.report.renderer.film import animate
+from repose.report.renderer.render import render_simulation
+from repose.report.renderer.scenery import setting_of
 
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 README = ROOT / "src" / "repose" / "dem" / "README.md"

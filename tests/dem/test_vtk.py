@@ -19,7 +19,7 @@ from repose.dem import (
     write_vtk,
 )
 from repose.dem.tessellation import triangulated_walls
-from repose.pictures.scenery import setting_of
+from repose.report.renderer.scenery import setting_of
 
 NUMPY_TYPES = {"Float64": "<f8", "Int64": "<i8", "Int32": "<i4"}
 

@@ -21,7 +21,7 @@ from dem.common import (
 from oracles import circle_distance, cone_gap, rotation, support_point
 from refusals import value_error
 
-from repose.apparatus.funnel import Funnel
+from repose.bench.funnel import Funnel
 from repose.dem import (
     Cone,
     Contact,

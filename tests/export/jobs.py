@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from repose.core.parameter_space import ParameterSpace
-from repose.core.places import find
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.common.places import find
 from repose.export.job import make
-from repose.particle.particle import Particle
+from repose.grain.particle import Particle
 
 CONFIG = str(find("config/quick.yaml"))
 MM = 1e-3

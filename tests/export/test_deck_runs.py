@@ -14,7 +14,7 @@ from shared import ROOT
 from repose import export
 from repose.config.study import Study
 from repose.dem.laws import CONTACT_LAWS
-from repose.particle import build
+from repose.grain import build
 
 pytestmark = pytest.mark.slow
 RUNS = {"liggghts": (["liggghts", "-in", "in.pour"], "pile.dump")}

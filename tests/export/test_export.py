@@ -16,16 +16,16 @@ from scipy.integrate import solve_ivp
 from shared import ROOT, says
 
 from repose import export
-from repose.chain import card, card_study
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.common.errors import InputError
 from repose.config.study import Study
-from repose.core.errors import InputError
-from repose.core.parameter_space import ParameterSpace
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 from repose.export import laws, surface, yade
 from repose.export.job import make, surface_means
 from repose.export.lammps import TSUJI, contact_keywords, damping_numbers
 from repose.export.laws import rolling_coefficient
 from repose.export.liggghts import LEAST_RESTITUTION, prime
+from repose.stages import card, card_study
 
 DECK = {
     "liggghts": "in.pour",

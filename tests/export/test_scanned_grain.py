@@ -7,10 +7,10 @@ import pytest
 import trimesh
 import yaml
 
-from repose.apparatus import bench
-from repose.apparatus.job import run_once
+from repose.bench import bench
 from repose.cli import main
 from repose.config.study import Study
+from repose.stages.job import run_once
 
 VESSEL = {
     "berries": 60,

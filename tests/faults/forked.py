@@ -58,14 +58,15 @@ def load_all():
         importlib.import_module("repose").__path__, "repose."
     ):
         if not module.name.startswith(
-            ("repose.pictures", "repose.verification", "repose.__main__")
+            ("repose.report", "repose.verification", "repose.__main__")
         ):
             importlib.import_module(module.name)
 
 
 def make_up_pours(put=setattr):
     """Let the funnel give a cone of grains at once and compile no engine; `put` is setattr, perhaps monkeypatch's."""
-    from repose.apparatus import bench, warm_up
+    from repose.bench import bench
+    from repose.stages import warm_up
 
     put(bench("funnel"), "run", made_up_pour)
     put(warm_up, "warm_up", lambda *_: 0.0)
@@ -73,8 +74,8 @@ def make_up_pours(put=setattr):
 
 def made_up_pour(scene, interval_s=None, progress=None):
     """A cone whose angle follows the parameters and the seed."""
-    from repose.apparatus import Run
-    from repose.core.parameters import PARAMETERS
+    from repose.bench import Run
+    from repose.bench.parameters import PARAMETERS
 
     time.sleep(0.1)
     parameters, seed = scene.parameters, scene.seed

@@ -14,11 +14,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from repose import verification
-from repose.apparatus import Run
-from repose.apparatus.drum import DrumTest
+from repose.bench import Run
+from repose.bench.drum import DrumTest
 from repose.cli import STAGES, VERBS, main
+from repose.common.errors import InputError
 from repose.config.study import Study
-from repose.core.errors import InputError
 
 pytestmark = pytest.mark.slow
 

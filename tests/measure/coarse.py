@@ -12,7 +12,7 @@ import numpy as np
 import sixty
 from pinhole import Scene
 
-from repose.measure import photographs
+from repose.measure.photographs import photograph as photographs
 
 AWAY = 700.0  # mm
 HIGH = 40, 50, 60, 80, 100, 140, 200  # pixels in the height of a heap

@@ -18,7 +18,8 @@ import sixty
 from scipy.ndimage import map_coordinates
 from scipy.spatial import cKDTree
 
-from repose.measure import photographs, sheet
+from repose.measure.photographs import photograph as photographs
+from repose.measure.photographs import sheet
 from repose.measure.pile import measure_image
 from repose.measure.settings import MeasureSettings
 

@@ -15,7 +15,8 @@ import cv2
 import numpy as np
 
 from repose.dem.rotations import rotation_matrices
-from repose.measure import pile, sheet
+from repose.measure import pile
+from repose.measure.photographs import sheet
 from repose.measure.silhouette import Grains, silhouette
 
 LIGHT = np.array([-0.45, -0.55, 0.72]) / np.linalg.norm([-0.45, -0.55, 0.72])

@@ -9,7 +9,7 @@ import numpy as np
 import sixty
 from pinhole import Heap, Scene, truth
 
-from repose.measure import photographs
+from repose.measure.photographs import photograph as photographs
 
 SEEDS = range(8101, 8113)  # chosen before any of them was measured
 

@@ -12,8 +12,9 @@ import numpy as np
 from PIL import Image
 from pinhole import Heap, Scene, Truth, photograph, truth
 
-from repose.measure import photographs, sheet
-from repose.measure.drawing import overlay, overlay_of_refused
+from repose.measure.photographs import photograph as photographs
+from repose.measure.photographs import sheet
+from repose.measure.photographs.drawing import overlay, overlay_of_refused
 from repose.measure.settings import MeasureSettings
 
 NUMBER = 60

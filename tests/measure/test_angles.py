@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from refusals import raised
 
-from repose.core.errors import NoFlankError
+from repose.common.errors import NoFlankError
 from repose.measure import angles, profile_points
 from repose.measure.settings import MeasureSettings, line_of
 

@@ -10,10 +10,11 @@ from PIL import Image
 from refusals import input_error
 from shared import ROOT, says
 
+from repose.common import files
+from repose.common.errors import InputError
 from repose.config.study import Study
-from repose.core import files
-from repose.core.errors import InputError
-from repose.measure import photographs, pile
+from repose.measure import pile
+from repose.measure.photographs import photograph as photographs
 
 PILE = [(60, 299), (300, 140), (540, 299)]
 DOUBTS = {

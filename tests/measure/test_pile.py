@@ -9,10 +9,10 @@ import pytest
 from refusals import input_error, raised
 
 from repose.measure import pile as piles
-from repose.measure.drawing import overlay, process_panels
+from repose.measure.photographs.drawing import overlay, process_panels
+from repose.measure.photographs.segmentation import plate_row
 from repose.measure.pile import MeasureSettings, NoFlankError, read_image
 from repose.measure.profile_points import FLANK_RULES
-from repose.measure.segmentation import plate_row
 
 # The line of these tests: between a tenth and eight tenths of the height the drawn piles are straight.
 FLANK = MeasureSettings(response="flank", fit_from=0.1, fit_to=0.8, flank="columns")

@@ -11,8 +11,9 @@ from rendered import Scene
 from thirty import BAD, SMALL, measured
 
 from repose.cli import main
-from repose.measure import camera, finding, photographs, sheet
-from repose.measure.segmentation import Segmentation
+from repose.measure.photographs import camera, finding, sheet
+from repose.measure.photographs import photograph as photographs
+from repose.measure.photographs.segmentation import Segmentation
 from repose.measure.settings import MeasureSettings
 
 

@@ -12,14 +12,14 @@ from shared import ROOT, check_all, target
 from test_simulated_piles import BERRY as PARTICLE
 from test_simulated_piles import cone_of_berries
 
-from repose.apparatus import Scene, funnel
-from repose.apparatus.job import measure_job
+from repose.bench import Scene, funnel
+from repose.bench.parameters import PARAMETERS
+from repose.common.errors import InputError
 from repose.config.study import Study
-from repose.core.errors import InputError
-from repose.core.parameters import PARAMETERS
+from repose.grain.build import ellipsoid_mesh, fit_particle
 from repose.measure import further_responses, pile, saved_piles, saved_pours
 from repose.measure.angles import DEFINITIONS, MEAN_KEYS, VIEW_KEYS
-from repose.particle.build import ellipsoid_mesh, fit_particle
+from repose.stages.job import measure_job
 
 CONFIG = Study.load(ROOT / "config/quick.yaml").config
 AXES = {"long_mm": 21.14, "major_mm": 11.37, "minor_mm": 9.88}

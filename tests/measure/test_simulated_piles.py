@@ -11,8 +11,8 @@ from rendered import Ellipsoids
 
 from repose.measure import further_responses
 from repose.measure.angles import DEFINITIONS, MEAN_KEYS
+from repose.measure.photographs.segmentation import of_silhouette, segment
 from repose.measure.pile import MeasureSettings, NoFlankError, measure_pile
-from repose.measure.segmentation import of_silhouette, segment
 from repose.measure.silhouette import BACKGROUND_TONE, PILE_TONE, Grains, silhouette
 
 MM = 0.25

@@ -8,12 +8,13 @@ import rice
 import sixty
 from refusals import raised
 
-from repose.core.errors import NoFlankError
-from repose.measure import finding, photographs, sheet
-from repose.measure.camera import Pose, calibrate
-from repose.measure.photograph_tables import describe, tables
+from repose.common.errors import NoFlankError
+from repose.measure.photographs import finding, sheet
+from repose.measure.photographs import photograph as photographs
+from repose.measure.photographs.camera import Pose, calibrate
+from repose.measure.photographs.segmentation import Segmentation
+from repose.measure.photographs.tables import describe, tables
 from repose.measure.pile import measure_segmented
-from repose.measure.segmentation import Segmentation
 from repose.measure.settings import MeasureSettings
 
 FEW = (

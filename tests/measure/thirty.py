@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 from rendered import CROPS, Scene, photograph, truth
 
-from repose.measure import photographs
-from repose.measure.drawing import overlay
+from repose.measure.photographs import photograph as photographs
+from repose.measure.photographs.drawing import overlay
 from repose.measure.settings import MeasureSettings
 
 # Walls and plates, blue first.

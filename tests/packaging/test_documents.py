@@ -49,8 +49,8 @@ def test_the_example_runs(name, tmp_path):
 
 
 PLACES = {
-    "contact law": "src/repose/dem/laws/hertz.py", "bench test": "src/repose/apparatus/drop.py",
-    "surrogate": "src/repose/surrogate/cubic_surface.py", "strategy": "src/repose/strategies/random_search.py",
+    "contact law": "src/repose/dem/laws/hertz.py", "bench test": "src/repose/bench/drop.py",
+    "surrogate": "src/repose/calibrate/surrogates/cubic_surface.py", "strategy": "src/repose/calibrate/strategies/random_search.py",
 }  # fmt: skip
 
 

@@ -16,18 +16,18 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from repose.apparatus import Scene, bench
-from repose.apparatus.bounds import DEEPEST, FASTEST, Bounded
-from repose.apparatus.scene import longest_time_step
-from repose.apparatus.settings import SceneSettings
+from repose.bench import Scene, bench
+from repose.bench.bounds import DEEPEST, FASTEST, Bounded
+from repose.bench.parameters import PARAMETERS
+from repose.bench.scene import longest_time_step
+from repose.bench.settings import SceneSettings
 from repose.config import making
 from repose.config.study import Study
-from repose.core.parameters import PARAMETERS
 from repose.dem.constants import OF_LAWS
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
-from repose.particle import berry as berries
-from repose.particle import build
-from repose.particle.settings import GrainSettings
+from repose.grain import berry as berries
+from repose.grain import build
+from repose.grain.settings import GrainSettings
 
 PARTICLES = {
     "ellipsoid": {"particle": "ellipsoid", "mass_g": None}, "smooth": {"particle": "smooth"},

@@ -7,8 +7,8 @@ import sys
 from pathlib import Path
 
 from repose import cli
+from repose.common.files import write_json
 from repose.config.study import Study
-from repose.core.files import write_json
 
 ROOT = Path(__file__).parents[2]
 BODY = "--berry results/berry/berry.json --particle results/berry/particle.json"

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from repose import verification
-from repose.apparatus.settings import SimulationSettings
+from repose.bench.settings import SimulationSettings
 from repose.verification import coulomb, energy
 from repose.verification.case import KNOWN, Effort
 from repose.verification.machine import frictionless

@@ -12,9 +12,9 @@ from refusals import input_error, value_error
 from shared import ROOT, TARGETS
 
 from repose import verification
+from repose.calibrate.runs import mean_and_error
 from repose.config.study import Study
-from repose.core import published
-from repose.core.runs import mean_and_error
+from repose.stages import published
 from repose.verification import speed
 from repose.verification.case import KNOWN, MISSED, PASSED, at_most, close, within
 from repose.verification.hertz import Hertz

@@ -2,7 +2,7 @@ import pytest
 from forked import copied
 from plans import snakemake
 
-from repose.core.ledger import LEDGER
+from repose.common.ledger import LEDGER
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import forked
 from shared import ROOT, target
 
-from repose.core import ledger
+from repose.common import ledger
 
 MIXED = [
     target(name, 40, 2, 38, 42, 5) for name in ("height_mm", "drum_slip_deg")
@@ -53,7 +53,7 @@ def as_ours(folder):
 
 def snakemake(project, *words, status=None):
     """Run snakemake in a fork, so that its imports are loaded once for all calls; `status` is what it must end with."""
-    for module in ("snakemake.cli", "repose.strategies.refined.refine"):
+    for module in ("snakemake.cli", "repose.calibrate.strategies.refined.refine"):
         importlib.import_module(module)
     began_s = time.perf_counter()
     with TemporaryFile() as out, TemporaryFile() as err:

@@ -11,12 +11,13 @@ from shared import says
 from synthetic import SPACE, write_poured
 from synthetic import Study as Given
 
-from repose import strategies
+from repose.calibrate import strategies
+from repose.calibrate.strategies import base
+from repose.calibrate.strategies.base import samples_of
+from repose.calibrate.targets import Targets
+from repose.common.files import write_text
 from repose.config.study import Study
-from repose.core.files import write_text
-from repose.core.targets import Targets
-from repose.strategies import base, batches
-from repose.strategies.base import samples_of
+from repose.stages import batches
 
 pytestmark = pytest.mark.slow
 

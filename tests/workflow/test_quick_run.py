@@ -11,11 +11,11 @@ import pytest
 from plans import ROOT, declared
 from shared import says
 
+from repose.bench.parameters import PARAMETERS
+from repose.calibrate.seeds import pour_seeds
+from repose.calibrate.surrogates import load
+from repose.common import ledger
 from repose.config.study import Study
-from repose.core import ledger
-from repose.core.parameters import PARAMETERS
-from repose.core.seeds import pour_seeds
-from repose.surrogate import load
 
 RESULTS = ROOT / "results" / "quick"
 FIGURES = [f"figure{number:02d}" for number in (2, 5, 6, 7, 8, 10, 13, 14, 15)]

@@ -9,8 +9,8 @@ import pytest
 from plans import ROOT, planned, snakemake
 from shared import target
 
-from repose.core import provenance
-from repose.core.lock import take_folder
+from repose.common import provenance
+from repose.common.lock import take_folder
 
 pytestmark = pytest.mark.slow
 

@@ -9,10 +9,10 @@ import pandas as pd
 import pytest
 from plans import ROOT, snakemake
 
+from repose.common import usage
 from repose.config import stands_on
 from repose.config.call import Call, configfiles
 from repose.config.study import Study
-from repose.core import usage
 
 SHELL = re.compile(r"^( *)shell:\n((?:\1 +.*\n)+)", re.MULTILINE)
 RULES = [
@@ -24,7 +24,7 @@ ODD = """my "bérries"; touch PWNED; 'x' $(touch PWNED) -rf #"""
 FIGURE = ("results/figures/figure02.png", "--cores", "1", "--snakefile")
 PARAMS = SimpleNamespace(
     caption="A caption."
-)  # of a figure: `@figure` says it, and tests/pictures hold it
+)  # of a figure: `@figure` says it, and tests/report hold it
 CAPTIONS = sorted((ROOT / "workflow" / "report").glob("*.rst"))
 OTHERWISE = {
     "silhouette",

@@ -7,7 +7,7 @@ import pytest
 from plans import MIXED, declared, planned, snakemake
 from shared import target
 
-from repose.core.published import STORED
+from repose.stages.published import STORED
 
 pytestmark = pytest.mark.slow
 

@@ -11,21 +11,21 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import pandas
 
-from repose import strategies
-from repose.apparatus import names, reach
-from repose.chain import answer as answers
-from repose.chain import validate as checks
+from repose.calibrate import strategies
+from repose.bench import names, reach
+from repose.calibrate import answer as answers
+from repose.stages import validate as checks
 from repose.config import cost, results_folder, stands_on
 from repose.config.call import Call
-from repose.core import places
-from repose.core.errors import InputError, one_message
-from repose.core.provenance import ENGINE, room_hash
-from repose.core.published import beside, read_stored, tables, to_simulate
-from repose.core.seeds import PURPOSES, pour_seeds
+from repose.common import places
+from repose.common.errors import InputError, one_message
+from repose.common.provenance import ENGINE, room_hash
+from repose.stages.published import beside, read_stored, tables, to_simulate
+from repose.calibrate.seeds import PURPOSES, pour_seeds
 from repose.dem.cache import source_hash
-from repose.pictures import figures
-from repose.studies import next_measurement
-from repose.surrogate import kind_of
+from repose.report import figures
+from repose.stages import next_measurement
+from repose.calibrate.surrogates import kind_of
 
 # The verbs run under the Python that runs snakemake, whether its environment is activated or not.
 shell.prefix(f"export PATH={shlex.quote(os.path.dirname(sys.executable))}:$PATH; ")

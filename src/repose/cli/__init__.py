@@ -24,7 +24,7 @@ from repose.cli import calibration, cards, strategies, own_simulator, uncertaint
 from repose.cli import pictures, services  # noqa: F401, isort: skip
 from repose.cli.registry import PROGRAM, VERBS
 from repose.cli.stages import stage
-from repose.core.errors import BAD_INPUT, InputError, print_fault
+from repose.common.errors import BAD_INPUT, InputError, print_fault
 
 # The verbs that a person types, in the groups of the help. All others are stages, called by the rules of the workflow.
 GROUPS = {
@@ -158,7 +158,7 @@ class _Version(argparse.Action):
     """Prints version and commit, for which git may have to be asked."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        from repose.core.provenance import machine
+        from repose.common.provenance import machine
 
         commit = machine()["commit"]
         print(f"{PROGRAM} {__version__}" + (f", commit {commit}" if commit else ""))

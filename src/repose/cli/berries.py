@@ -7,7 +7,7 @@ from repose.cli.registry import Option
 from repose.config.study import Study
 
 if TYPE_CHECKING:
-    from repose.particle.particle import Particle
+    from repose.grain.particle import Particle
 
 MADE = "made from the configuration if not given"
 BERRY_AND_PARTICLE = (
@@ -22,8 +22,8 @@ def berry_and_particle(
     particle_json: str | PathLike | None = None,
 ) -> "tuple[dict[str, Any], Particle]":
     """Return the grain as in berry.json and its particle, each from its file or else from the study."""
-    from repose.particle import berry_files
-    from repose.particle.particle import Particle
+    from repose.grain import berry_files
+    from repose.grain.particle import Particle
 
     needed = (*berry_files.SIZE_COLUMNS, *berry_files.MODULI)
     of_berry = (
@@ -35,6 +35,6 @@ def berry_and_particle(
         return of_berry, Particle.load(particle_json)
     if berry_json is None:
         return of_berry, study.particle
-    from repose.particle import build  # slow to import: where a particle is made
+    from repose.grain import build
 
     return of_berry, build.of_settings(of_berry, study.settings.berry)

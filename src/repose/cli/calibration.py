@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 from repose.cli.options import DATASET, FEASIBLE, NETWORK, RUNS, SAMPLES
 from repose.cli.registry import Option, verb
+from repose.common.errors import InputError
 from repose.config.study import Study
-from repose.core.errors import InputError
-from repose.core.parameter_sets import job_files
+from repose.stages.parameter_sets import job_files
 
 if TYPE_CHECKING:
-    from repose.surrogate.support import Support
+    from repose.calibrate.surrogates.support import Support
 
 SUPPORT = Option(
     "--dataset",
@@ -34,7 +34,7 @@ def dataset(args: argparse.Namespace, study: Study) -> None:
 
     example: results/heaps --samples results/design/samples.csv --out results
     """
-    from repose.chain import dataset
+    from repose.stages import dataset
 
     jobs = job_files(args.jobs, args.samples)
     dataset.run(
@@ -48,7 +48,7 @@ def network(args: argparse.Namespace, study: Study) -> None:
 
     example: --dataset results/dataset.csv --runs results/runs.csv
     """
-    from repose.chain import train
+    from repose.calibrate import training as train
 
     print(
         train.message(train.run(args.dataset, args.runs, study, args.out, args.config))
@@ -61,7 +61,7 @@ def miga(args: argparse.Namespace, study: Study) -> None:
 
     example: --network results/network/network.json
     """
-    from repose.chain import invert
+    from repose.calibrate import inversion as invert
 
     published, support = study.published("table3.csv"), _support(args, study)
     print(
@@ -77,7 +77,7 @@ def solutions(args: argparse.Namespace, study: Study) -> None:
 
     example: --feasible results/miga/feasible.csv
     """
-    from repose.chain import validate
+    from repose.stages import validate
 
     count, out = study.settings.validation.solutions, Path(args.out) / "solutions.csv"
     validate.write_solutions(args.feasible, study.parameters, study.targets, count, out)
@@ -89,7 +89,7 @@ def published_solutions(args: argparse.Namespace, study: Study) -> None:
 
     example: --out results/validation
     """
-    from repose.chain import validate
+    from repose.stages import validate
 
     out = Path(args.out) / "published_solutions.csv"
     validate.write_published_solutions(
@@ -108,9 +108,9 @@ def published_sets(args: argparse.Namespace, study: Study) -> None:
 
     example: results/validation/heaps/1??.json --out results
     """
-    from repose.chain import validate
+    from repose.common import provenance
     from repose.config import stands_on
-    from repose.core import provenance
+    from repose.stages import validate
 
     jobs = [Path(job) for job in args.jobs]
     outdated = stands_on.outdated(
@@ -160,9 +160,9 @@ def validate(args: argparse.Namespace, study: Study) -> None:
 
     example: results/validation/heaps/???.json
     """
-    from repose.chain import validate
+    from repose.common.provenance import engine_hash
     from repose.config import stands_on
-    from repose.core.provenance import engine_hash
+    from repose.stages import validate
 
     by = {"engine": engine_hash(), "scene": stands_on.scene(study.config)}
     published = validate.compared_with_published(
@@ -177,9 +177,9 @@ def _support(args: argparse.Namespace, study: Study) -> "Support | None":
     """Return the samples for a warning of extrapolation; None without a dataset. InputError for other definitions."""
     if not args.dataset:
         return None
-    from repose.chain.dataset import read_definitions
-    from repose.core.responses import require_same_definitions
-    from repose.surrogate.support import Support
+    from repose.calibrate.responses import require_same_definitions
+    from repose.calibrate.surrogates.support import Support
+    from repose.stages.dataset import read_definitions
 
     definitions, summary = read_definitions(args.dataset)
     require_same_definitions(definitions, summary, study.definitions, args.config)

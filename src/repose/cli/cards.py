@@ -4,8 +4,8 @@ import argparse
 
 from repose.cli.options import BERRY, FEASIBLE, require_option
 from repose.cli.registry import Option, verb
+from repose.common.errors import InputError
 from repose.config.study import Study
-from repose.core.errors import InputError
 
 FILES_OF = {"show": 1, "compare": 2, "check": 1, "find": 0}
 NOT_MET = 3  # exit status of `card check` where the targets are not met
@@ -36,8 +36,8 @@ def card(args: argparse.Namespace) -> int:
 
     example: show results/card.json
     """
-    from repose.chain import card, card_library, card_text
     from repose.config import faults
+    from repose.stages import card, card_library, card_text
 
     if len(args.cards) != FILES_OF[args.action]:
         raise InputError(
@@ -119,7 +119,8 @@ def material_card(args: argparse.Namespace, study: Study) -> None:
 
     example: --out results/card.json
     """
-    from repose.chain import answer, card
+    from repose.calibrate import answer
+    from repose.stages import card
 
     if (args.posterior is None) != (args.draws is None):
         raise InputError(

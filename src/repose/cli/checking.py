@@ -9,8 +9,8 @@ from collections.abc import Iterator
 
 from repose.cli.options import require_option
 from repose.cli.registry import CONFIG, Option, configs_of, load, verb
+from repose.common.errors import InputError, InputErrors
 from repose.config.study import Study
-from repose.core.errors import InputError, InputErrors
 
 TICK_S = 1.0
 FILES = CONFIG.but(
@@ -50,9 +50,9 @@ def check(args: argparse.Namespace, study: Study) -> None:
     example: --config config/paper.yaml
     """
     require_option(args.cores >= 1, "--cores", args.cores, "at least 1")
+    from repose.calibrate.strategies import cost as strategies
     from repose.config import check, computed, cost, loader
     from repose.config.keys import get
-    from repose.strategies import cost as strategies
 
     config, settings = study.config, study.settings
     print(
@@ -93,8 +93,8 @@ def plan(args: argparse.Namespace, study: Study) -> None:
 
     example: --config config/fast.yaml
     """
+    from repose.calibrate.strategies import plan
     from repose.config import check
-    from repose.strategies import plan
 
     targets, folder = study.targets, study.folder
     own = [

@@ -5,8 +5,8 @@ import sys
 from pathlib import Path
 
 from repose.cli.registry import PROGRAM, Option, verb
-from repose.core import places
-from repose.core.errors import did_you_mean, require
+from repose.common import places
+from repose.common.errors import did_you_mean, require
 
 NO_PAGES = ("docs", "reference")  # the site's first page, and its list of modules
 

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 from repose.cli.options import require_option
 from repose.cli.parameter_sets import PARAMETER_SET, parameters
 from repose.cli.registry import CONFIG, Option, load, verb
+from repose.common import provenance
+from repose.common.errors import InputError
+from repose.common.section import AUTO
 from repose.config.study import Study
-from repose.core import provenance
-from repose.core.errors import InputError
-from repose.core.section import AUTO
 from repose.export import PROGRAMS, write
 
 if TYPE_CHECKING:
-    from repose.particle.particle import Particle
+    from repose.grain.particle import Particle
 
 # Spheres of a clump: the default, and the most that fill a mesh here.
 SPHERES, MOST = 14, 64
@@ -45,9 +45,9 @@ def export(args: argparse.Namespace) -> None:
 
     example: --to yade --card results/card.json --config results/config.json --out results/export/yade
     """
-    from repose.chain import card, card_study
     from repose.cli.berries import berry_and_particle
     from repose.export.job import is_sphere, make
+    from repose.stages import card, card_study
 
     study = None if args.config is None else load(args)
     allowed = "one source of the parameters: --card, --set or --samples"

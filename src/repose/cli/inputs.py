@@ -6,9 +6,9 @@ from pathlib import Path
 from repose.cli.options import BERRY
 from repose.cli.own_simulator import load_any_study
 from repose.cli.registry import Option, load, verb
+from repose.common.errors import InputError
+from repose.common.files import write_bytes, write_table
 from repose.config.study import Study
-from repose.core.errors import InputError
-from repose.core.files import write_bytes, write_table
 
 
 @verb(
@@ -54,7 +54,7 @@ def berry(args: argparse.Namespace) -> None:
     if args.axes or args.stl:
         _build(args)
     else:
-        from repose.particle import berry
+        from repose.grain import berry
 
         study = load(args)
         berry.run(study.settings.berry, study.published("table1.csv"), args.out)
@@ -62,7 +62,7 @@ def berry(args: argparse.Namespace) -> None:
 
 def _build(args: argparse.Namespace) -> None:
     """Build the mesh of a grain from a few numbers."""
-    from repose.particle import mesh_from_axes
+    from repose.grain import mesh_from_axes
 
     if not (args.axes and args.stl and args.mass_g):
         raise InputError(
@@ -96,7 +96,7 @@ def shape(args: argparse.Namespace, study: Study) -> None:
 
     example: --berry results/berry/berry.json
     """
-    from repose.particle import build
+    from repose.grain import build
 
     grain = study.settings.berry
     kind, mass_g, spheres, surface = (
@@ -122,7 +122,7 @@ def design(args: argparse.Namespace, study: Study) -> None:
 
     example: --out results/design
     """
-    from repose.chain import design
+    from repose.calibrate.designs import latin_hypercube as design
 
     if "simulator" not in study.config:
         design.run(study.parameters, study.settings.design, args.out)

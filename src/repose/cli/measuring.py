@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 from repose.cli.options import BERRY, JSON, require_option
 from repose.cli.registry import CONFIG, Option, load, verb
+from repose.common.errors import InputError, raise_together
+from repose.common.files import json_text
+from repose.common.provenance import hash_of_file
 from repose.config.keys import section
 from repose.config.study import Study
-from repose.core.errors import InputError, raise_together
-from repose.core.files import json_text
-from repose.core.provenance import hash_of_file
 
 if TYPE_CHECKING:
-    from repose.measure.photographs import Scale
+    from repose.measure.photographs.photograph import Scale
     from repose.measure.settings import MeasureSettings
 
 # Pixel sizes from a microscope to a heap in a hall [mm].
@@ -87,12 +87,13 @@ def measure(args: argparse.Namespace) -> None:
 
     example: *.jpg --square-mm 20 --out measured
     """
-    from repose.apparatus import bench_tests
-    from repose.apparatus import photographs as of_apparatus
-    from repose.core.files import write_image
-    from repose.core.ledger import check_replaceable
-    from repose.measure import drawing, photographs
-    from repose.measure.photograph_tables import (
+    from repose.bench import bench_tests
+    from repose.bench import photographs as of_apparatus
+    from repose.common.files import write_image
+    from repose.common.ledger import check_replaceable
+    from repose.measure.photographs import drawing
+    from repose.measure.photographs import photograph as photographs
+    from repose.measure.photographs.tables import (
         as_record,
         describe,
         tables,
@@ -185,11 +186,11 @@ def _measure_apparatus(
     how: "MeasureSettings",
 ) -> None:
     """Measure photographs of a drum or of a box."""
-    from repose.apparatus import photographs
-    from repose.apparatus.settings import SceneSettings
-    from repose.apparatus.turning import TurningSettings
-    from repose.core.files import write_image, write_table
-    from repose.measure.photograph_tables import as_record, write_tables
+    from repose.bench import photographs
+    from repose.bench.settings import SceneSettings
+    from repose.bench.turning import TurningSettings
+    from repose.common.files import write_image, write_table
+    from repose.measure.photographs.tables import as_record, write_tables
 
     if args.config is None:
         raise InputError(
@@ -232,7 +233,7 @@ def _measure_apparatus(
 
 def _scale(args: argparse.Namespace) -> "Scale":
     """Read the scale from the command line."""
-    from repose.measure.photographs import (
+    from repose.measure.photographs.photograph import (
         LEAST_LENGTH_PX,
         MOST_LEVEL_DEG,
         Scale,
@@ -311,8 +312,8 @@ def marker(args: argparse.Namespace) -> None:
 
     example: --out sheet.pdf
     """
-    from repose.core.files import write_bytes
-    from repose.measure import sheet
+    from repose.common.files import write_bytes
+    from repose.measure.photographs import sheet
 
     require_option(
         5 <= args.square_mm <= 25,
@@ -348,11 +349,11 @@ def silhouette(args: argparse.Namespace, study: Study) -> None:
 
     example: results/try/heap.npz --particle results/berry/particle.json
     """
-    from repose.core.files import write_image
+    from repose.common.files import write_image
+    from repose.grain.particle import Particle
     from repose.measure.pile import MeasureSettings
     from repose.measure.saved_piles import side_view
     from repose.measure.saved_pours import first_pour
-    from repose.particle.particle import Particle
 
     require_option(
         math.isfinite(args.azimuth), "--azimuth", args.azimuth, "a finite angle"
@@ -382,9 +383,10 @@ def measure_silhouette(args: argparse.Namespace, study: Study) -> None:
 
     example: silhouette.png --overlay overlay.png
     """
-    from repose.core.files import write_image, write_json
-    from repose.measure import drawing, pile
-    from repose.particle.berry_files import read_berry
+    from repose.common.files import write_image, write_json
+    from repose.grain.berry_files import read_berry
+    from repose.measure import pile
+    from repose.measure.photographs import drawing
 
     how = pile.MeasureSettings.of(dict(study.settings.measure), read_berry(args.berry))
     image = pile.read_image(args.picture)

@@ -20,8 +20,8 @@ def new(args: argparse.Namespace) -> None:
 
     example: wheat
     """
+    from repose.common.ledger import write_in_one_move
     from repose.config import faults
-    from repose.core.ledger import write_in_one_move
 
     require_option(
         faults.is_valid("label", args.name), "new", args.name, faults.allowed("label")

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 
 from repose.cli.registry import Option
-from repose.core.errors import require
+from repose.common.errors import require
 
 BERRY = Option(
     "--berry", default="results/berry/berry.json", help="file of the verb berry"

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from repose.cli.registry import Option, load, verb
+from repose.common import places
+from repose.common.errors import require
 from repose.config.study import Study
-from repose.core import places
-from repose.core.errors import require
 
 FOLDER = "own"
 
@@ -84,9 +84,9 @@ def ask(args: argparse.Namespace, study: Study) -> None:
 
     example: --runs own/runs.csv --config own.yaml --out own/next.csv
     """
-    from repose.core.files import write_table
-    from repose.strategies.base import Answer
-    from repose.strategies.sequential.strategy import noise_from, observed_of
+    from repose.calibrate.strategies.base import Answer
+    from repose.calibrate.strategies.sequential.strategy import noise_from, observed_of
+    from repose.common.files import write_table
 
     table, found, known = study.ask(), study.proposal, study.runs
     write_table(args.out, table)
@@ -118,9 +118,9 @@ def calibrate(args: argparse.Namespace, study: Study) -> None:
 
     example: results.csv --config own.yaml --out own
     """
-    from repose.core.ledger import check_replaceable
-    from repose.strategies.runs import read_runs
-    from repose.studies import calibration
+    from repose.calibrate import calibration
+    from repose.calibrate.strategies.runs import read_runs
+    from repose.common.ledger import check_replaceable
 
     for name in (*calibration.TABLES, *calibration.RECORDS, "report.html"):
         check_replaceable(Path(args.out) / name)
@@ -134,9 +134,9 @@ def calibrate(args: argparse.Namespace, study: Study) -> None:
     )
     _warn(found.summary["warning"])
     print(f"Tables and material card: {args.out}", flush=True)
-    from repose.pictures.report import (
-        own,
-    )  # last: an installation without pictures has all but the report
+    from repose.report.page import (
+        own,  # last: an installation without pictures has all but the report
+    )
 
     own.write(found, Path(args.out) / "report.html")
     print(f"Report: {Path(args.out) / 'report.html'}")

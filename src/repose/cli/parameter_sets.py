@@ -3,13 +3,13 @@
 from argparse import ArgumentTypeError, Namespace
 from collections.abc import Sequence
 
+from repose.bench.parameters import FURTHER, LABELS, PARAMETERS, check_value
+from repose.calibrate import seeds as streams
 from repose.cli.options import pairs, require_option
 from repose.cli.registry import Option
+from repose.common.errors import InputError, require
 from repose.config.study import Study
-from repose.core import seeds as streams
-from repose.core.errors import InputError, require
-from repose.core.parameter_sets import read_sample
-from repose.core.parameters import FURTHER, LABELS, PARAMETERS, check_value
+from repose.stages.parameter_sets import read_sample
 
 MOST_SEEDS = 10_000  # runs of a parameter set; a study has at most 1000
 PARAMETER_SET = (

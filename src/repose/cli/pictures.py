@@ -27,7 +27,7 @@ def figure(args: argparse.Namespace, study: Study) -> None:
 
     example: convergence --input history=results/miga/history.csv --out convergence.png
     """
-    from repose.pictures import figures
+    from repose.report import figures
 
     figures.draw(args.name, pairs(args.input, "--input"), args.out, study.config)
 
@@ -43,8 +43,8 @@ def film(args: argparse.Namespace, study: Study) -> None:
 
     example: results/try/heap_trajectory_1.npz --particle results/berry/particle.json
     """
-    from repose.particle.particle import Particle
-    from repose.pictures import film, scenery
+    from repose.grain.particle import Particle
+    from repose.report.renderer import film, scenery
 
     settings: Any = study.settings
     files = args.trajectory, Particle.load(args.particle), args.out
@@ -85,7 +85,7 @@ def report(args: argparse.Namespace, study: Study) -> None:
 
     example: results/validation/heaps/001.json --input network=results/network/network.json --out report.html
     """
-    from repose.pictures.report import page
+    from repose.report.page import page
 
     files, tables = pairs(args.input, "--input"), pairs(args.table, "--table")
     page.write(study.config, args.jobs, files, tables, args.out)

@@ -4,6 +4,7 @@ import argparse
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
+from repose.calibrate.runs import describe
 from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle
 from repose.cli.options import JSON, SAMPLES
 from repose.cli.parameter_sets import (
@@ -16,16 +17,15 @@ from repose.cli.parameter_sets import (
 )
 from repose.cli.registry import Option, verb
 from repose.cli.stages import recorded
+from repose.common import provenance
+from repose.common.errors import InputError
+from repose.common.files import json_text
 from repose.config.keys import section
 from repose.config.study import Study
-from repose.core import provenance
-from repose.core.errors import InputError
-from repose.core.files import json_text
-from repose.core.parameter_sets import job_files
-from repose.core.runs import describe
+from repose.stages.parameter_sets import job_files
 
 if TYPE_CHECKING:
-    from repose.apparatus import Scene
+    from repose.bench import Scene
 
 
 SIMULATION = (*PARAMETER_SET, SEED, *BERRY_AND_PARTICLE)
@@ -57,8 +57,8 @@ def warm_up(args: argparse.Namespace, study: Study) -> None:
 
     example: --config config/quick.yaml
     """
-    from repose.apparatus import warm_up
     from repose.dem.cache import folder
+    from repose.stages import warm_up
 
     took_s = warm_up.warm_up(_scene(args, study, study.parameters.centre), args.cores)
     print(
@@ -72,8 +72,8 @@ def pour(args: argparse.Namespace, study: Study) -> None:
 
     example: --apparatus funnel --set mus_gg=0.5 --seed 1 --out results/try
     """
-    from repose.apparatus import kept_runs
-    from repose.apparatus.job import measured, pour_job
+    from repose.stages import kept_runs
+    from repose.stages.job import measured, pour_job
 
     job = _job(args, study, args.apparatus)
     pours = pour_job(**job, keeps_runs=args.keep_runs)
@@ -94,7 +94,7 @@ def heap(args: argparse.Namespace, study: Study) -> None:
 
     example: --set e_gg=0.3 --set mus_gg=0.5 --seed 1 --out results/try --json
     """
-    from repose.apparatus.job import measure_job, pour_job
+    from repose.stages.job import measure_job, pour_job
 
     job = _job(args, study, "funnel")
     result = measure_job(job["scene"], pour_job(**job))
@@ -122,7 +122,7 @@ def _scene(
     args: argparse.Namespace, study: Study, values: Mapping[str, float]
 ) -> "Scene":
     """Make the scene of these parameters, with the grain and the particle of the options."""
-    from repose.apparatus import Scene
+    from repose.bench import Scene
 
     return Scene.of(
         study.config, values, *berry_and_particle(study, args.berry, args.particle)
@@ -130,9 +130,9 @@ def _scene(
 
 
 def _job(args: argparse.Namespace, study: Study, apparatus: str) -> dict[str, Any]:
-    """Make the arguments of `repose.apparatus.job.pour_job` from the options."""
-    from repose.apparatus import bench
-    from repose.apparatus.settings import SceneSettings
+    """Make the arguments of `repose.stages.job.pour_job` from the options."""
+    from repose.bench import bench
+    from repose.bench.settings import SceneSettings
     from repose.dem.io.progress import display
 
     test = bench(apparatus, "command line")
@@ -184,9 +184,9 @@ def measure_runs(args: argparse.Namespace, study: Study) -> None:
 
     example: results/try/heap.pours.json --out results/try
     """
-    from repose.apparatus import bench_of
-    from repose.apparatus.job import measure_job
+    from repose.bench import bench_of
     from repose.measure.saved_pours import POURS
+    from repose.stages.job import measure_job
 
     scene = _scene(args, study, {})
     for path in job_files(args.pours, args.samples, POURS):
@@ -210,7 +210,8 @@ def drum(args: argparse.Namespace, study: Study) -> None:
 
     example: --set mus_gg=0.5 --set mus_gp=0.6 --seed 1 --out results/try
     """
-    from repose.apparatus import bench, drum_tables
+    from repose.bench import bench
+    from repose.stages import drum_tables
 
     section(study.config, "drum")
     scene = _scene(args, study, parameters(args.set, args.samples, args.sample, study))
@@ -232,7 +233,7 @@ def drum_tables(args: argparse.Namespace, study: Study) -> None:
 
     example: results/drum/drum_*.json --out results/drum
     """
-    from repose.apparatus import drum_tables
+    from repose.stages import drum_tables
 
     section(study.config, "drum")
     _, particle = berry_and_particle(study, args.berry, args.particle)

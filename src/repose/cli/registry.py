@@ -7,8 +7,8 @@ from inspect import cleandoc
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
+from repose.common import places
 from repose.config.study import Study
-from repose.core import places
 
 PROGRAM = "repose"
 Loader = (
@@ -66,7 +66,7 @@ class Verb(NamedTuple):
     options: tuple  # of `Option`
     study: Loader  # makes the study that the step takes
     passes_on: bool = False  # unknown words go into the list `args.rest`
-    runs: Literal["", "made", "measured"] = ""  # as in `repose.core.provenance.stage`
+    runs: Literal["", "made", "measured"] = ""  # as in `repose.common.provenance.stage`
 
     @property
     def name(self) -> str:

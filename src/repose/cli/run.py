@@ -14,8 +14,8 @@ from typing import Any
 from repose.cli.options import require_option
 from repose.cli.registry import Option, verb
 from repose.cli.stages import note_built_in_crop
-from repose.core import places
-from repose.core.errors import BAD_INPUT, InputError
+from repose.common import places
+from repose.common.errors import BAD_INPUT, InputError
 
 SEVERAL: dict[str, Any] = {
     "nargs": "+",

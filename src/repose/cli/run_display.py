@@ -28,8 +28,8 @@ from snakemake_interface_logger_plugins.base import LogHandlerBase
 from snakemake_interface_logger_plugins.common import LogEvent
 from snakemake_interface_logger_plugins.settings import OutputSettingsLoggerInterface
 
-from repose.core.errors import InputError, did_you_mean
-from repose.core.files import read_json
+from repose.common.errors import InputError, did_you_mean
+from repose.common.files import read_json
 from repose.measure.saved_pours import POURS
 
 # Without a terminal, the shortest time between two lines.
@@ -282,7 +282,7 @@ class LogHandler(LogHandlerBase):
             event == LogEvent.ERROR
             and fields.get("exception") == "MissingRuleException"
         ):
-            from repose.config.cost import SENTENCES  # slow to import
+            from repose.config.cost import SENTENCES
 
             missing = (
                 record.getMessage()

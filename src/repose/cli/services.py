@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 from repose.cli.options import JSON, require_option
 from repose.cli.registry import Option, verb
+from repose.common.errors import InputError
 from repose.config.study import Study
-from repose.core import published
-from repose.core.errors import InputError
+from repose.stages import published
 
 if TYPE_CHECKING:
     from repose.verification.case import Row
@@ -90,7 +90,7 @@ def provenance(args: argparse.Namespace) -> None:
 
     example: results/dataset.csv
     """
-    from repose.core import attached
+    from repose.common import attached
 
     if not Path(args.result).is_file():
         raise FileNotFoundError(f"{args.result}: no such file")

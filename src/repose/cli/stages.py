@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 from repose.cli.registry import VERBS, configs_of
-from repose.core import places, provenance
-from repose.core.lock import joined_folder
-from repose.core.parameter_sets import job_files
+from repose.common import places, provenance
+from repose.common.lock import joined_folder
+from repose.stages.parameter_sets import job_files
 
 # Options whose words may be folders, which stand for the files of this ending of all samples in them.
 FOLDERS = {("dataset", "jobs"): ".json", ("measure_runs", "pours"): ".pours.json"}

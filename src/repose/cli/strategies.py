@@ -23,7 +23,7 @@ def propose(args: argparse.Namespace, study: Study) -> None:
 
     example: sequential results/sequential/batch_0 --out results/sequential/batch_1
     """
-    from repose.strategies import batches
+    from repose.stages import batches
 
     print(
         batches.run_propose(args.strategy, study, args.batches, args.out, args.config)[
@@ -46,7 +46,7 @@ def conclude(args: argparse.Namespace, study: Study) -> None:
 
     example: sequential results/sequential/batch_0 results/sequential/batch_1
     """
-    from repose.strategies import batches
+    from repose.stages import batches
 
     for row in batches.run_conclude(
         args.strategy, study, args.batches, args.out

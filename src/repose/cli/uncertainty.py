@@ -21,7 +21,7 @@ def noise(args: argparse.Namespace, study: Study) -> None:
 
     example: --runs results/runs.csv
     """
-    from repose.studies import noise
+    from repose.calibrate.uncertainty import noise
 
     print(noise.message(noise.run(args.runs, study.targets, args.out), study.targets))
 
@@ -32,7 +32,7 @@ def posterior(args: argparse.Namespace, study: Study) -> None:
 
     example: --network results/network/network.json
     """
-    from repose.studies import posterior
+    from repose.calibrate.uncertainty import posterior
 
     names = (option.attribute for option in POSTERIOR_FILES)
     files = {name: getattr(args, name) for name in names} | {
@@ -47,7 +47,7 @@ def sensitivity(args: argparse.Namespace, study: Study) -> None:
 
     example: --network results/network/network.json
     """
-    from repose.studies import sensitivity
+    from repose.calibrate.uncertainty import sensitivity
 
     print(
         sensitivity.message(sensitivity.run(args.network, study, args.out, args.config))
@@ -67,7 +67,7 @@ def plausible(args: argparse.Namespace, study: Study) -> None:
 
     example: --draws results/posterior/draws.csv
     """
-    from repose.studies import next_measurement
+    from repose.stages import next_measurement
 
     next_measurement.plausible_sets(args.draws, study.settings.posterior.seed, args.out)
 
@@ -86,7 +86,7 @@ def next(args: argparse.Namespace, study: Study) -> None:
 
     example: results/next/heaps/001.pours.json results/next/heaps/002.pours.json
     """
-    from repose.studies import next_measurement
+    from repose.stages import next_measurement
 
     grain, particle = berry_and_particle(study, args.berry, args.particle)
     print(

@@ -4,12 +4,12 @@ import math
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
-from repose.apparatus import scene_size
-from repose.apparatus.funnel import NAME, PACKING, FunnelSettings
-from repose.apparatus.settings import CREEPING_LAWS, SceneSettings
+from repose.bench import scene_size
+from repose.bench.funnel import NAME, PACKING, FunnelSettings
+from repose.bench.settings import CREEPING_LAWS, SceneSettings
 from repose.config.computed import Grain, diameter_mm
 from repose.config.keys import Config
-from repose.particle.particle import Particle
+from repose.grain.particle import Particle
 
 # A softer grain shortens the pile; this share of the Height is far below the scatter of piles.
 LARGEST_SINKING = 0.005
@@ -130,7 +130,7 @@ def filling(config: Config, grain_m3: float) -> tuple[str, bool]:
     cone = math.pi * (1e-3 * height) ** 3 / (3 * math.tan(math.radians(angle)) ** 2)
     fits = (
         1 / VOLUME_FACTOR <= poured / cone <= VOLUME_FACTOR
-    )  # `repose.apparatus.reach` judges the pair itself
+    )  # `repose.bench.reach` judges the pair itself
     return (
         f"{holds}; the cone of {angle:g} deg and {height:g} mm Height holds {_litres(cone)}",
         fits,

@@ -15,11 +15,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from repose.common import usage
+from repose.common.errors import BAD_INPUT, print_fault
+from repose.common.lock import take_folder
 from repose.config import loader, results_folder, stands_on
 from repose.config.study import Study
-from repose.core import usage
-from repose.core.errors import BAD_INPUT, print_fault
-from repose.core.lock import take_folder
 
 # Words of calls that look at the workflow and run no job. A call that is not known here runs, at worst, into the lock.
 LOOKS = re.compile(
@@ -119,8 +119,8 @@ class Call:
         """Print the times of this call, if a job ran, and add them to the table of all calls."""
         import pandas as pd
 
-        from repose.core.files import read_table, write_table
-        from repose.core.provenance import machine
+        from repose.common.files import read_table, write_table
+        from repose.common.provenance import machine
 
         used = usage.since(folder, self.began_s)
         if not used:

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from repose.apparatus import bench, reach, scene_size
-from repose.apparatus.job import run_once
+from repose.bench import bench, reach, scene_size
+from repose.calibrate.runs import describe
+from repose.calibrate.strategies import cost as strategies
+from repose.calibrate.strategies import plan
+from repose.common.errors import InputError
+from repose.common.section import MOST_BERRIES
 from repose.config import advice, computed, cost, loader, stands_on
 from repose.config.study import Study
-from repose.core.errors import InputError
-from repose.core.runs import describe
-from repose.core.section import MOST_BERRIES
-from repose.strategies import cost as strategies
-from repose.strategies import plan
+from repose.stages.job import run_once
 
 if TYPE_CHECKING:
     from repose.dem.time_steps import Limit

@@ -7,17 +7,17 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from repose.apparatus.funnel import PACKING
+from repose.bench.funnel import PACKING
+from repose.bench.parameters import PARAMETERS, named
+from repose.calibrate.parameter_space import range_of
+from repose.common.section import AUTO
 from repose.config import typed
 from repose.config.keys import Config
-from repose.core.parameter_space import range_of
-from repose.core.parameters import PARAMETERS, named
-from repose.core.published import published_sets
-from repose.core.section import AUTO
+from repose.stages.published import published_sets
 
 if TYPE_CHECKING:
     from repose.dem.time_steps import Limit
-    from repose.particle.particle import Particle
+    from repose.grain.particle import Particle
 
 PIXELS_A_GRAIN = (
     32  # of a simulated pile's pictures, over the grain's equivalent diameter
@@ -71,8 +71,8 @@ def filled(config: Config, setting: Computed, value: Any) -> dict[str, Any]:
 
 def longest_step(config: Config, particle: "Particle", mean: Grain) -> "Limit":
     """Find the longest time step that the engine takes for all parameter sets of a study; `mean` is the mean grain."""
-    from repose.apparatus import Scene
-    from repose.apparatus.scene import longest_time_step
+    from repose.bench import Scene
+    from repose.bench.scene import longest_time_step
 
     settings = typed.sections(config)
     ranges = {
@@ -146,7 +146,7 @@ def _time_step_s(config: Config, grain: Grain, particle: "Particle") -> float:
 
 def split_of(surrogate: str) -> list[float]:
     """Return the shares for a surrogate."""
-    from repose.surrogate import kind_of
+    from repose.calibrate.surrogates import kind_of
 
     return list(SPLIT_OF_NETWORK if kind_of(surrogate).is_network else SPLIT)
 

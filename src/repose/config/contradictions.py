@@ -1,19 +1,19 @@
 """Rules between sections: each reports values that contradict each other.
 
-Rules between the keys of one section are in its model (`repose.core.section.Section.contradictions`).
+Rules between the keys of one section are in its model (`repose.common.section.Section.contradictions`).
 """
 
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import Any, NamedTuple
 
-from repose.apparatus import bench_tests
-from repose.apparatus.bench_test import BenchTest
-from repose.apparatus.settings import SceneSettings
+from repose.bench import bench_tests
+from repose.bench.bench_test import BenchTest
+from repose.bench.parameters import FURTHER, LABELS, PARAMETERS, named, of_law
+from repose.bench.settings import SceneSettings
+from repose.calibrate.parameter_space import ParameterSpace
 from repose.config import typed
 from repose.config.models import StudySettings
-from repose.core.parameter_space import ParameterSpace
-from repose.core.parameters import FURTHER, LABELS, PARAMETERS, named, of_law
 
 Pairs = Iterator[tuple[str, str]]
 
@@ -38,7 +38,7 @@ def before_numbers(config: Mapping[str, Any]) -> list[Rule]:
 
 def rules(config: Mapping[str, Any]) -> list[Rule]:
     """List the rules for a configuration whose `auto` are numbers, bench tests included."""
-    from repose.strategies import cost
+    from repose.calibrate.strategies import cost
 
     used, scene, settings = (
         used_tests(config),
@@ -76,8 +76,8 @@ def used_tests(config: Mapping[str, Any]) -> list[BenchTest[Any]]:
 
 def _of_the_surrogate(settings: StudySettings) -> Pairs:
     """Refuse fewer samples for training than the surrogate needs."""
-    from repose.surrogate import kind_of
-    from repose.surrogate import names as surrogates
+    from repose.calibrate.surrogates import kind_of
+    from repose.calibrate.surrogates import names as surrogates
 
     free = ParameterSpace.of(settings.parameters.given).dimensions
     training = int(settings.network.split[0] * settings.design.samples + 1e-9)

@@ -5,16 +5,16 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from repose.apparatus import bench
-from repose.apparatus.settings import SceneSettings
+from repose.bench import bench
+from repose.bench.parameters import named
+from repose.bench.settings import SceneSettings
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.responses import response
 from repose.config import typed
 from repose.config.contradictions import used_tests
 from repose.config.keys import Config
-from repose.core.parameter_space import ParameterSpace
-from repose.core.parameters import named
-from repose.core.published import to_simulate
-from repose.core.responses import response
-from repose.particle.particle import Particle
+from repose.grain.particle import Particle
+from repose.stages.published import to_simulate
 
 # Measured on one core of a common server: for the estimate that is shown before a run.
 SECONDS_A_BERRY_STEP = 8e-8
@@ -80,8 +80,8 @@ def measured_berry_step_s(
     The time of other programs is left out. `grain` is the result of the verb `berry`. The first call on a machine
     compiles the engine.
     """
-    from repose.apparatus import Scene
-    from repose.apparatus.funnel import FunnelTest
+    from repose.bench import Scene
+    from repose.bench.funnel import FunnelTest
 
     settings = typed.sections(config)
     steps = TIMED_S / settings.simulation.time_step_s

@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
+from repose.common.errors import InputError, YamlError
+from repose.common.section import AUTO, CONTRADICTION, Section
 from repose.config.keys import Origin, at, origin_of, owner_of
 from repose.config.models import settings_type
-from repose.core.errors import InputError, YamlError
-from repose.core.section import AUTO, CONTRADICTION, Section
 
 UNKNOWN = ("extra_forbidden", "invalid_key")  # types of pydantic's errors
 WORDS = {

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from repose.core.errors import require
+from repose.common.errors import require
 
 Config = Mapping[str, Any]
 

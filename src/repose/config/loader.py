@@ -8,10 +8,10 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from repose.bench.parameters import FURTHER, PARAMETERS
+from repose.common import ledger, places
+from repose.common.files import Path_, write_text
 from repose.config.keys import Config, Origin
-from repose.core import ledger, places
-from repose.core.files import Path_, write_text
-from repose.core.parameters import FURTHER, PARAMETERS
 
 CROP = ("sizes", "density_kg_m3", "stl")  # keys of `berry` that define a crop
 COMMAND_LINE = "command line (--config)"
@@ -40,8 +40,8 @@ def read_layers(files: Sequence[Path_], overrides: Config | None = None) -> Laye
     Values are not checked, and `auto` stays; a complete file needs no default.
     """
     from repose.config.faults import (
-        lacks_keys,
-    )  # imported here and below: help and jobs load none of it
+        lacks_keys,  # imported here and below: help and jobs load none of it
+    )
 
     paths = [places.find(path) for path in files]
     read_once: Any = functools.cache(read)

@@ -5,15 +5,15 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from repose.apparatus.settings import SceneSettings
+from repose.bench.settings import SceneSettings
+from repose.calibrate.targets import Targets, completed
+from repose.common.errors import InputError, YamlError, raise_together
 from repose.config import computed, results_folder, typed
 from repose.config.contradictions import Rule, before_numbers, rules, used_tests
 from repose.config.keys import Origin, get, owner_of
 from repose.config.models import StudySettings
-from repose.core.errors import InputError, YamlError, raise_together
-from repose.core.published import beside, check_published, read_stored
-from repose.core.targets import Targets, completed
-from repose.particle.particle import Particle
+from repose.grain.particle import Particle
+from repose.stages.published import beside, check_published, read_stored
 
 # Sections of the mean grain, and further sections that limit the time step.
 GRAIN = ("berry", "validation")
@@ -140,10 +140,10 @@ class Making:
 
     def _read_files(self) -> None:
         """Check that the files exist; read the files that no other check reads."""
+        from repose.calibrate.uncertainty.discrepancy import of_shape_study
         from repose.config.models import named_files
+        from repose.grain.berry_files import read_sizes
         from repose.measure.pile import read_image
-        from repose.particle.berry_files import read_sizes
-        from repose.studies.discrepancy import of_shape_study
 
         if self._may_read("results_dir"):
             self._add(results_folder.existing_results(self.settings.results_dir))
@@ -173,7 +173,7 @@ class Making:
 
     def _make_grain(self) -> None:
         """Make the mean grain and its particle."""
-        from repose.particle import berry, build
+        from repose.grain import berry, build
 
         if self.mean is None and self._may_read(*GRAIN):
             table1 = beside(self.settings.validation.published, "table1.csv")

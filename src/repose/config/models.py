@@ -1,6 +1,6 @@
 """`StudySettings`, the whole configuration as typed sections, and the sections that belong to no room below.
 
-Every room brings its sections, such as `repose.search.settings`, and so do bench tests (`BenchTest.settings`) and
+Every room brings its sections, such as `repose.calibrate.search.settings`, and so do bench tests (`BenchTest.settings`) and
 strategies; config/README.md explains the keys.
 """
 
@@ -13,17 +13,21 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, create_model
 
-from repose.apparatus import bench, names
-from repose.apparatus.funnel import FunnelSettings
-from repose.apparatus.settings import SimulationSettings, WallSettings
-from repose.chain.settings import DesignSettings, ValidationSettings
-from repose.config import results_folder
-from repose.core.errors import did_you_mean
-from repose.core.parameter_space import PRIOR_WIDTHS
-from repose.core.parameters import ALLOWED, FURTHER, PARAMETERS
-from repose.core.profiles import OfProfile
-from repose.core.responses import Response, named, responses_of
-from repose.core.section import (
+from repose.bench import bench, names
+from repose.bench.funnel import FunnelSettings
+from repose.bench.parameters import ALLOWED, FURTHER, PARAMETERS
+from repose.bench.settings import SimulationSettings, WallSettings
+from repose.calibrate.designs.settings import DesignSettings, ValidationSettings
+from repose.calibrate.parameter_space import PRIOR_WIDTHS
+from repose.calibrate.profiles import OfProfile
+from repose.calibrate.responses import Response, named, responses_of
+from repose.calibrate.search.settings import MigaSettings
+from repose.calibrate.strategies.refined import RefineSettings
+from repose.calibrate.surrogates.settings import NetworkSettings
+from repose.calibrate.targets import LARGEST, LEAST_RANGE, range_about
+from repose.calibrate.uncertainty.settings import PosteriorSettings, SensitivitySettings
+from repose.common.errors import did_you_mean
+from repose.common.section import (
     ABSENT,
     AUTO,
     FILE,
@@ -35,14 +39,10 @@ from repose.core.section import (
     Section,
     refuse,
 )
-from repose.core.targets import LARGEST, LEAST_RANGE, range_about
+from repose.config import results_folder
+from repose.grain.settings import GrainSettings
 from repose.measure.angles import DEFINITIONS
 from repose.measure.profile_points import FLANK_RULES
-from repose.particle.settings import GrainSettings
-from repose.search.settings import MigaSettings
-from repose.strategies.refined import RefineSettings
-from repose.studies.settings import PosteriorSettings, SensitivitySettings
-from repose.surrogate.settings import NetworkSettings
 
 # --- types of several keys -------------------------------------------------------------------------------------
 
@@ -190,8 +190,12 @@ def _parameters() -> type[ParametersSettings]:
     return create_model("Parameters", __base__=ParametersSettings, **six, **further)
 
 
-StrategyName = Annotated[str, OneOf(lambda: import_module("repose.strategies").names())]
-SurrogateName = Annotated[str, OneOf(lambda: import_module("repose.surrogate").names())]
+StrategyName = Annotated[
+    str, OneOf(lambda: import_module("repose.calibrate.strategies").names())
+]
+SurrogateName = Annotated[
+    str, OneOf(lambda: import_module("repose.calibrate.surrogates").names())
+]
 
 
 class MeasureSection(Section):
@@ -334,7 +338,7 @@ class StudySettings(Section):
 
 def settings_type() -> type[StudySettings]:
     """Make the model of a whole configuration: `StudySettings`, and a section for each strategy and bench test."""
-    from repose import strategies
+    from repose.calibrate import strategies
 
     return _settings_type(names(), strategies.names())
 
@@ -344,7 +348,7 @@ def _settings_type(
     apparatus: tuple[str, ...], strategies: tuple[str, ...]
 ) -> type[StudySettings]:
     """Make the model for these bench tests and strategies."""
-    from repose.strategies import strategy
+    from repose.calibrate.strategies import strategy
 
     sections: dict[str, Any] = {
         name: (strategy(name).settings, ...)

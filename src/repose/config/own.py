@@ -8,7 +8,17 @@ from typing import Annotated, Any
 
 from pydantic import Field, ValidationInfo, create_model, field_validator
 
-from repose.chain.settings import DesignSettings
+from repose.calibrate.designs.settings import DesignSettings
+from repose.calibrate.profiles import OfProfile, Profile
+from repose.calibrate.responses import Response
+from repose.calibrate.search.settings import MigaSettings
+from repose.calibrate.strategies import names, strategy
+from repose.calibrate.strategies.refined import RefineSettings
+from repose.calibrate.surrogates.settings import NetworkSettings
+from repose.calibrate.targets import Target, Targets
+from repose.common import places
+from repose.common.errors import YamlError, raise_together
+from repose.common.section import ABSENT, AUTO, Contradictions, Section, Seed, refuse
 from repose.config import typed
 from repose.config.keys import get
 from repose.config.models import (
@@ -20,16 +30,6 @@ from repose.config.models import (
 )
 from repose.config.profiles import expanded_own
 from repose.config.reading import read
-from repose.core import places
-from repose.core.errors import YamlError, raise_together
-from repose.core.profiles import OfProfile, Profile
-from repose.core.responses import Response
-from repose.core.section import ABSENT, AUTO, Contradictions, Section, Seed, refuse
-from repose.core.targets import Target, Targets
-from repose.search.settings import MigaSettings
-from repose.strategies import names, strategy
-from repose.strategies.refined import RefineSettings
-from repose.surrogate.settings import NetworkSettings
 
 # Columns of tables that are neither parameter nor response.
 RESERVED = (
@@ -255,8 +255,8 @@ def completed(content: Mapping[str, Any], source: object = "study") -> dict[str,
     Missing keys of `sequential` and `posterior` have the defaults above, keys of other sections the values of
     config/method.yaml. InputError with all faults; `source` names the file in it.
     """
+    from repose.calibrate.strategies import cost
     from repose.config import computed, faults
-    from repose.strategies import cost
 
     defaults: dict[str, Any] = read(places.find(places.METHOD_CONFIG))
     # the runs of a sample may stand at the top or there

@@ -1,4 +1,4 @@
-"""Targets that are profiles: a file of measured heights becomes one target for each score (`repose.core.profiles`)."""
+"""Targets that are profiles: a file of measured heights becomes one target for each score (`repose.calibrate.profiles`)."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -7,13 +7,13 @@ from typing import Annotated, Any, Generic, TypeVar
 
 from pydantic import Field
 
+from repose.calibrate.profiles import Profile
+from repose.calibrate.responses import derived, named
+from repose.calibrate.targets import range_about
+from repose.common import places, tables
+from repose.common.errors import InputError, raise_together, require
+from repose.common.section import ABSENT, Section
 from repose.config import faults
-from repose.core import places, tables
-from repose.core.errors import InputError, raise_together, require
-from repose.core.profiles import Profile
-from repose.core.responses import derived, named
-from repose.core.section import ABSENT, Section
-from repose.core.targets import range_about
 
 MOST_FUNCTIONS = 9
 Column = Annotated[str, Field(min_length=1, max_length=60)]

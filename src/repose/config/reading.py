@@ -8,8 +8,8 @@ from typing import Any
 
 import yaml
 
-from repose.core.attached import plain_file
-from repose.core.errors import InputError, require
+from repose.common.attached import plain_file
+from repose.common.errors import InputError, require
 
 KEY_AT_MARGIN = re.compile(r".+:(\s|$)|[\s#\[\]{}\"'%?!&*:|>-]|\.\.\.|$")
 # YAML 1.1 also takes 010 for 8, 1:30 for 90, 1_0 for 10 and 0x10 for 16.

@@ -11,13 +11,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from repose.core import ledger
-from repose.core.errors import InputError, require
-from repose.core.files import write_table
-from repose.core.lock import exclusive
-from repose.core.tables import Column, check, check_columns, refuse
-from repose.strategies.base import Answer, Batch, Studied, strategy
-from repose.strategies.runs import (
+from repose.calibrate.strategies.base import Answer, Batch, Studied, strategy
+from repose.calibrate.strategies.runs import (
     NUMBERS,
     OK,
     TURN,
@@ -29,6 +24,11 @@ from repose.strategies.runs import (
     with_fixed,
     without_point,
 )
+from repose.common import ledger
+from repose.common.errors import InputError, require
+from repose.common.files import write_table
+from repose.common.lock import exclusive
+from repose.common.tables import Column, check, check_columns, refuse
 
 FAILED = "failed"
 SAME = 1e-6  # relative: a table may have been rounded by a spreadsheet

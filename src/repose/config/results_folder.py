@@ -10,12 +10,13 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from repose import apparatus, strategies
-from repose.core import ledger, places
-from repose.core.errors import InputError, raise_together
-from repose.core.ledger import LEDGER
-from repose.core.section import Contradictions, refuse
-from repose.core.seeds import UNNAMED
+from repose import bench as apparatus
+from repose.calibrate import strategies
+from repose.calibrate.seeds import UNNAMED
+from repose.common import ledger, places
+from repose.common.errors import InputError, raise_together
+from repose.common.ledger import LEDGER
+from repose.common.section import Contradictions, refuse
 
 # Folders of the project that results must never be written into.
 PROJECT_FOLDERS = (

@@ -9,15 +9,15 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from repose.apparatus import bench, bench_tests
+from repose.bench import bench, bench_tests
+from repose.calibrate.seeds import UNNAMED
+from repose.calibrate.strategies import names, strategy
+from repose.common import attached
+from repose.common.provenance import engine_hash, hash_of, hash_of_file
 from repose.config import typed
 from repose.config.keys import Config
 from repose.config.models import named_files
 from repose.config.results_folder import run_folder
-from repose.core import attached
-from repose.core.provenance import engine_hash, hash_of, hash_of_file
-from repose.core.seeds import UNNAMED
-from repose.strategies import names, strategy
 
 # Entries that are no keys: what `responses` gives, the hash of `scene`, the keys by which any bench test is measured.
 RESPONSES, SCENE, MEASURED_BY = "responses", "scene", "measured_by"

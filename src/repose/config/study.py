@@ -8,25 +8,25 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
+from repose.calibrate.responses import Definitions
+from repose.common import provenance
+from repose.common.errors import InputError, require
+from repose.common.files import Path_, json_text, path_of, read_json, write_json
 from repose.config import loader
-from repose.core import provenance
-from repose.core.errors import InputError, require
-from repose.core.files import Path_, json_text, path_of, read_json, write_json
-from repose.core.published import beside
-from repose.core.responses import Definitions
+from repose.stages.published import beside
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from repose.apparatus import Scene
+    from repose.bench import Scene
+    from repose.calibrate.calibration import Calibration
+    from repose.calibrate.parameter_space import ParameterSpace
+    from repose.calibrate.strategies.base import Answer, Batch
+    from repose.calibrate.targets import Targets
     from repose.config.making import Making
     from repose.config.models import StudySettings
     from repose.config.record import Record
-    from repose.core.parameter_space import ParameterSpace
-    from repose.core.targets import Targets
-    from repose.particle.particle import Particle
-    from repose.strategies.base import Answer, Batch
-    from repose.studies.calibration import Calibration
+    from repose.grain.particle import Particle
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
@@ -45,7 +45,7 @@ class Study:
         ``(value, sd)`` or ``(value, sd, repetitions)`` for each response that was measured, 1 repetition if it is not
         said, or the keys of `repose docs own_simulator`, by which a file of heights is a target, too.
     strategy : str
-        One of `repose.strategies.names()`.
+        One of `repose.calibrate.strategies.names()`.
     seed : int
         The same seed asks for the same samples.
     file : path, optional
@@ -311,7 +311,7 @@ class Study:
     @cached_property
     def parameters(self) -> "ParameterSpace":
         """Ranges of the free parameters, fixed values, prior knowledge."""
-        from repose.core.parameter_space import ParameterSpace
+        from repose.calibrate.parameter_space import ParameterSpace
 
         section: Any = self.settings.parameters
         if self._source is None:
@@ -326,8 +326,8 @@ class Study:
             from repose.config.own import targets_of
 
             return targets_of(given)
-        import repose.apparatus  # noqa: F401  registers the responses
-        from repose.core.targets import Targets
+        import repose.bench  # noqa: F401  registers the responses
+        from repose.calibrate.targets import Targets
 
         return Targets.of(given)
 
@@ -339,7 +339,7 @@ class Study:
         """
         if self._source is None:
             return {}
-        from repose.apparatus import bench_tests
+        from repose.bench import bench_tests
 
         tests = (test for test in bench_tests() if test.name in self.targets.apparatus)
         responses = (
@@ -388,7 +388,7 @@ class Study:
         -------
         Scene
         """
-        from repose.apparatus import Scene
+        from repose.bench import Scene
 
         return Scene.of(self.config, parameters, self.grain, self.particle, seed)
 
@@ -440,7 +440,7 @@ class Study:
     @property
     def done(self) -> bool:
         """Whether the strategy needs no more runs."""
-        from repose.strategies.base import Answer
+        from repose.calibrate.strategies.base import Answer
 
         return isinstance(self.proposal, Answer)
 
@@ -536,7 +536,7 @@ class Study:
         InputError
             If the runs do not determine an answer.
         """
-        from repose.studies.calibration import calibrate
+        from repose.calibrate.calibration import calibrate
 
         require(
             not self.runs.empty,

@@ -6,10 +6,10 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
+from repose.common.errors import raise_together
+from repose.common.section import Section
 from repose.config import faults, models
 from repose.config.keys import Origin
-from repose.core.errors import raise_together
-from repose.core.section import Section
 
 
 def sections(

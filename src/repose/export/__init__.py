@@ -10,8 +10,8 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from repose.core.errors import require
-from repose.core.files import write_text
+from repose.common.errors import require
+from repose.common.files import write_text
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 
 if TYPE_CHECKING:

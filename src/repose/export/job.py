@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from repose import dem
-from repose.apparatus import Scene
-from repose.apparatus.funnel import Funnel, FunnelSettings
-from repose.apparatus.scene import longest_time_step, materials_of
-from repose.apparatus.settings import SceneSettings, SimulationSettings
-from repose.core.errors import require
-from repose.core.parameters import FURTHER
+from repose.bench import Scene
+from repose.bench.funnel import Funnel, FunnelSettings
+from repose.bench.parameters import FURTHER
+from repose.bench.scene import longest_time_step, materials_of
+from repose.bench.settings import SceneSettings, SimulationSettings
+from repose.common.errors import require
 from repose.dem.laws import hertz_mindlin
 from repose.dem.materials import effective_moduli
 from repose.dem.rotations import sphere_directions
 
 if TYPE_CHECKING:
-    from repose.particle.particle import Particle
+    from repose.grain.particle import Particle
 
 # Other programs damp each contact of a clump by itself, and a hit by the velocity of half a step before: with our whole
 # step e is 0.474 for 0.5 in LAMMPS and 0.478 in Yade, with half of it 0.488 and 0.501.

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from repose.apparatus.funnel import Funnel
+from repose.bench.funnel import Funnel
 from repose.export.template import numbers
 
 AROUND = 36

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from repose.core.errors import NoFlankError, require_flank
+from repose.common.errors import NoFlankError, require_flank
 from repose.measure.profile_points import (
     MIN_LEVELS,
     NO_FOOT,

@@ -21,15 +21,15 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from repose.core.errors import require_flank
-from repose.core.responses import responses_of
+from repose.calibrate.responses import responses_of
+from repose.common.errors import require_flank
+from repose.grain.particle import Particle
 from repose.measure import pile
 from repose.measure.angles import CALIBRATED_ANGLE, MEAN_KEYS
 from repose.measure.profile_points import outermost_crossing
 from repose.measure.saved_pours import Arrays
 from repose.measure.settings import MeasureSettings
 from repose.measure.silhouette import Grains
-from repose.particle.particle import Particle
 
 BENCH = "funnel"
 MEASURED = (

@@ -18,10 +18,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from repose.core.errors import InputError, NoFlankError, require, require_flank
+from repose.common.errors import InputError, NoFlankError, require, require_flank
 from repose.measure.angles import DEFINITIONS, measure_sides
-from repose.measure.results import Angle, Measurement, PileResult
-from repose.measure.segmentation import (
+from repose.measure.photographs.segmentation import (
     SMALLEST,
     Segmentation,
     of_silhouette,
@@ -29,6 +28,7 @@ from repose.measure.segmentation import (
     segment,
     upper_edge,
 )
+from repose.measure.results import Angle, Measurement, PileResult
 from repose.measure.settings import MeasureSettings
 from repose.measure.silhouette import (
     BACKGROUND_TONE,

@@ -17,7 +17,7 @@ import math
 
 import numpy as np
 
-from repose.core.errors import NoFlankError, require_flank
+from repose.common.errors import NoFlankError, require_flank
 
 MIN_LEVELS = 12  # pixel rows in the band: fewer carry no angle
 NO_FOOT = "the pile runs out of the picture sideways, or the background is not plain: its foot is not seen"

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from repose.core.errors import NoFlankError
+from repose.common.errors import NoFlankError
 from repose.measure import pile
 from repose.measure.angles import MEAN_KEYS
 from repose.measure.saved_pours import Arrays
@@ -13,7 +13,7 @@ from repose.measure.settings import MeasureSettings
 from repose.measure.silhouette import Grains, silhouette
 
 if TYPE_CHECKING:
-    from repose.particle.particle import Particle
+    from repose.grain.particle import Particle
 
 
 def pile_responses(

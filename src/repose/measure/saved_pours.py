@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from repose.core.errors import InputError, require
-from repose.core.files import read_json, read_npz
+from repose.common.errors import InputError, require
+from repose.common.files import read_json, read_npz
 
 POURS = ".pours.json"  # behind the stem of a job's files
 KINDS = ("position", "quaternion", "in_pile")

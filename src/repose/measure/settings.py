@@ -79,7 +79,7 @@ def line_for(section: object, response: str) -> str:
 
 def mean_axes_mm(sizes_csv: str | PathLike) -> dict[str, float]:
     """Mean axes of measured grains [mm], by the names of their columns."""
-    from repose.particle.berry_files import SIZE_COLUMNS, read_sizes
+    from repose.grain.berry_files import SIZE_COLUMNS, read_sizes
 
     sizes = read_sizes(sizes_csv)
     return {column: float(sizes[column].mean()) for column in SIZE_COLUMNS}

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
-from repose.core.errors import require
+from repose.common.errors import require
 from repose.dem.rotations import rotation_matrices
 from repose.measure.saved_pours import Arrays
 

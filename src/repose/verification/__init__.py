@@ -7,8 +7,8 @@ from dataclasses import astuple, fields
 from pathlib import Path
 from typing import Any
 
-from repose.core.errors import require
-from repose.core.files import write_text
+from repose.common.errors import require
+from repose.common.files import write_text
 
 from . import (
     coulomb,

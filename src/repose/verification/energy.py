@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from repose.apparatus.funnel import Funnel
+from repose.bench.funnel import Funnel
 from repose.dem import Contact, Cylinder, Simulation, random_quaternion
 
 from .case import Effort, Rows, at_most, close, reported

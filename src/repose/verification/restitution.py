@@ -21,8 +21,8 @@ from numpy.random import Generator
 
 from repose.dem import Clump, Shape, Simulation, random_quaternion
 from repose.dem.rotations import rotation_matrices, rotation_matrix
-from repose.particle.build import make_particle
-from repose.particle.mesh_from_axes import berry_mesh
+from repose.grain.build import make_particle
+from repose.grain.mesh_from_axes import berry_mesh
 
 from .case import Effort, Row, Rows, close, reported
 from .machine import (

@@ -14,11 +14,11 @@ import numba
 import numpy as np
 from llvmlite import binding
 
-from repose.apparatus import Scene
-from repose.apparatus.funnel import FunnelSettings, FunnelTest
-from repose.apparatus.settings import SceneSettings
+from repose.bench import Scene
+from repose.bench.funnel import FunnelSettings, FunnelTest
+from repose.bench.settings import SceneSettings
 from repose.dem.kernels import jit  # noqa: F401  (the first kernel of a process fixes the compiler for all)
-from repose.particle.particle import Particle
+from repose.grain.particle import Particle
 
 VECTOR_BITS = {"avx512f": 512, "avx": 256}  # by the feature of a processor
 REFERENCE_LOOPS = 20_000

@@ -17,7 +17,7 @@ rule berry:
         config=CONFIG,
         folder=folder,
         depends=reads("berry"),
-        code=room_hash("particle"),
+        code=room_hash("grain"),
     message:
         "Sizes and moduli of the measured grains"
     shell:

@@ -13,7 +13,9 @@ rule design:
         config=CONFIG,
         folder=folder,
         depends=reads("parameters", "design"),
-        code=room_hash("chain.design", "chain.exchange_search"),
+        code=room_hash(
+            "calibrate.designs.latin_hypercube", "calibrate.designs.exchange_search"
+        ),
     message:
         "Design of the virtual experiments"
     shell:

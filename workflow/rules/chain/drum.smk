@@ -58,7 +58,7 @@ rule drum:
         config=CONFIG,
         folder=folder,
         depends=reads("measure.mm_per_pixel", "drum"),
-        code=room_hash("apparatus", "measure"),
+        code=room_hash("bench", "measure"),
     message:
         "Measuring the drum's runs: tables of angles, first slip, slipping layer"
     shell:
@@ -80,7 +80,7 @@ rule drum_film:
         **needs(450, minutes=20),
     params:
         config=CONFIG,
-        code=room_hash("pictures"),
+        code=room_hash("report"),
         depends=sections("drum", "colour", "small_run"),
     message:
         "Film of the drum"

@@ -67,7 +67,7 @@ rule film:
         **needs(450, minutes=20),
     params:
         config=CONFIG,
-        code=room_hash("pictures"),
+        code=room_hash("report"),
         depends=sections("funnel", "colour", "small_run"),
     message:
         "Film of the pour"

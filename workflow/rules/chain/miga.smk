@@ -20,11 +20,11 @@ rule miga:
         folder=folder,
         depends=reads("parameters", "targets", "miga"),
         code=room_hash(
-            "chain.invert",
-            "chain.expected_loss",
-            "chain.chance",
-            "search",
-            "surrogate",
+            "calibrate.inversion",
+            "calibrate.expected_loss",
+            "calibrate.chance",
+            "calibrate.search",
+            "calibrate.surrogates",
         ),
     message:
         "Searching the parameters that give the target pile"

@@ -18,7 +18,7 @@ rule network:
         config=CONFIG,
         folder=folder,
         depends=reads("responses", "surrogate", "network"),
-        code=room_hash("chain.train", "chain.tables", "surrogate"),
+        code=room_hash("calibrate.training", "stages.tables", "calibrate.surrogates"),
     message:
         "Training the surrogate"
     shell:

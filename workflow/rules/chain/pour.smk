@@ -60,7 +60,7 @@ rule measure_runs:
         **needs(350, minutes=MINUTES_OF_RUNS),
     params:
         config=CONFIG,
-        code=room_hash("apparatus", "measure"),
+        code=room_hash("bench", "measure"),
         folder=folder,
         jobs=jobs_to_measure,
         depends=lambda wildcards: stands_on.measuring(config, apparatus(wildcards)),

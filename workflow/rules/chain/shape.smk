@@ -17,7 +17,7 @@ rule shape:
         config=CONFIG,
         folder=folder,
         depends=reads("berry"),
-        code=room_hash("particle"),
+        code=room_hash("grain"),
     message:
         "Mesh and particle of the grain"
     shell:

@@ -35,7 +35,10 @@ for name in BATCHED:
             folder=folder,
             depends=reads("parameters", "targets", "measure"),
             code=room_hash(
-                "strategies", "chain.answer", "chain.chance", "chain.validate"
+                "calibrate.strategies",
+                "calibrate.answer",
+                "calibrate.chance",
+                "stages.validate",
             ),
             strategy=name,
             batches=lambda wildcards, input: list(

@@ -16,7 +16,7 @@ rule noise_tables:
         config=CONFIG,
         folder=folder,
         depends=reads("targets"),
-        code=room_hash("studies"),
+        code=room_hash("calibrate.uncertainty"),
     message:
         "Noise of the runs within and between samples"
     shell:
@@ -48,7 +48,7 @@ rule posterior_tables:
         config=CONFIG,
         folder=folder,
         depends=reads("parameters", "targets", "posterior"),
-        code=room_hash("studies", "surrogate"),
+        code=room_hash("calibrate.uncertainty", "calibrate.surrogates"),
     message:
         "Posterior of the parameters given the physical measurements"
     shell:
@@ -73,7 +73,7 @@ rule sensitivity_tables:
         config=CONFIG,
         folder=folder,
         depends=reads("parameters", "targets", "sensitivity"),
-        code=room_hash("studies", "surrogate"),
+        code=room_hash("calibrate.uncertainty", "calibrate.surrogates"),
     message:
         "Sobol indices and main effects on the surrogate"
     shell:

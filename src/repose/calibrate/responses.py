@@ -1,0 +1,151 @@
+"""Responses and their registry.
+
+A response is a number that a bench test gives: the angle of repose of a pile, its Height, the angle at which a bed
+slips. Each bench test registers its responses in its module (`repose.bench`); all later stages take them from this
+registry by name, and work for any number of them.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from repose.common.errors import InputError
+
+Definitions = Mapping[str, Mapping[str, Any]]
+"""For each response the configuration keys, with their values, that define it."""
+
+
+@dataclass(frozen=True)
+class Response:
+    """One number that a bench test gives.
+
+    Attributes
+    ----------
+    name : str
+        Column of every table; its last part is the unit, as in ``aor_deg``.
+    unit : str
+        As a reader writes it: ``deg``, ``mm``, ``%``, ``s``, or empty.
+    label : str
+        In words, as in ``angle of repose``.
+    symbol : str
+        Short, for axes and column heads, as in ``AoR``.
+    apparatus : str
+        Name of the bench test that gives it.
+    low, high : float
+        Limits of a target of the response, in its unit.
+    definition : tuple of str
+        Dotted keys of the configuration that define the number. Tables made with another definition must not be mixed.
+    function : function, optional
+        ``function(run)`` is the number of a measured run, a mapping, or None where it could not be measured. By
+        default the run holds it by the response's name.
+    profile : str
+        Name of the profile that it is a score of (`repose.calibrate.profiles`); empty for any other number.
+    """
+
+    name: str
+    unit: str
+    label: str
+    symbol: str
+    apparatus: str
+    low: float = 0.0
+    high: float = math.inf
+    definition: tuple[str, ...] = ()
+    function: Callable[[Mapping[str, Any]], float | None] | None = field(
+        default=None, compare=False
+    )
+    profile: str = ""
+
+    def of(self, run: Mapping[str, Any]) -> float | None:
+        """Find the response's number in a measured run; None where it could not be measured."""
+        return run.get(self.name) if self.function is None else self.function(run)
+
+    def settings(self, config: Mapping[str, Any]) -> dict[str, Any]:
+        """Read the keys of its definition with their values, without those that the configuration leaves out."""
+        pairs = ((key, *key.split(".")) for key in self.definition)
+        return {
+            key: config[section][name]
+            for key, section, name in pairs
+            if name in config[section]
+        }
+
+    @property
+    def predicted(self) -> str:
+        """Column of a surrogate's prediction: ``aor_predicted_deg``."""
+        return derived(self.name, "predicted")
+
+    @property
+    def simulated(self) -> str:
+        """Column of the simulated response, beside its prediction: ``aor_simulated_deg``."""
+        return derived(self.name, "simulated")
+
+    @property
+    def error(self) -> str:
+        """Column of the standard error of a sample's mean: ``aor_se_deg``."""
+        return derived(self.name, "se")
+
+    @property
+    def quantity(self) -> str:
+        """Name without the unit: ``aor``."""
+        return self.name.rsplit("_", 1)[0]
+
+
+def derived(name: str, what: str) -> str:
+    """Name a column that belongs to a response: `what` before the unit, as in ``aor_se_deg``."""
+    quantity, underscore, unit = name.rpartition("_")
+    return f"{quantity}_{what}_{unit}" if underscore else f"{name}_{what}"
+
+
+_REGISTRY: dict[str, Response] = {}
+Family = Callable[[str], Response | None]
+"""From a name to a response of a bench test that gives any number of them, such as the scores of a profile."""
+_FAMILIES: dict[Family, None] = {}
+
+
+def register(*responses: Response, family: Family | None = None) -> None:
+    """Make responses of a bench test known by their names; ValueError if another response has one."""
+    if family is not None:
+        _FAMILIES[family] = None
+    for response in responses:
+        if (known := _REGISTRY.setdefault(response.name, response)) != response:
+            raise ValueError(
+                f"response {response.name!r} is registered already, by {known.apparatus}"
+            )
+
+
+def response(name: str, source: object = "response") -> Response:
+    """Find a response by its name; InputError, which names `source`, if there is none."""
+    found = named(name)
+    if found is None:
+        raise InputError(
+            source, "response", name, f"one of {', '.join(sorted(_REGISTRY))}"
+        )
+    return found
+
+
+def named(name: str) -> Response | None:
+    """Find a response by its name, registered or made by a family of responses; None if there is none."""
+    return _REGISTRY.get(name) or next(
+        filter(None, (family(name) for family in _FAMILIES)), None
+    )
+
+
+def responses_of(apparatus: str) -> tuple[Response, ...]:
+    """List the responses of a bench test, in the order of their registration."""
+    return tuple(
+        response for response in _REGISTRY.values() if response.apparatus == apparatus
+    )
+
+
+def require_same_definitions(
+    definitions: Definitions, path: object, expected: Definitions, source: object
+) -> None:
+    """Raise InputError if a response that both files have is defined differently; `path` and `source` are the files."""
+    for name in definitions:
+        if name in expected and definitions[name] != expected[name]:
+            raise InputError(
+                path,
+                f"definition of {name}",
+                definitions[name],
+                f"{expected[name]}, as in {source}",
+            )

@@ -1,0 +1,17 @@
+"""Ways to calibrate, each chosen by the configuration's `strategy`: from the runs so far to the next, or to the answer.
+
+Importing this package registers every strategy (`repose.calibrate.strategies.base`).
+"""
+
+# The line that registers each strategy.
+from repose.calibrate.strategies import published, refined, response_surface, sequential  # noqa: F401
+from repose.calibrate.strategies.base import (
+    Answer,
+    Batch,
+    Strategy,
+    names,
+    register,
+    strategy,
+)
+
+__all__ = ["Answer", "Batch", "Strategy", "names", "register", "strategy"]

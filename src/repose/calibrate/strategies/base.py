@@ -1,0 +1,291 @@
+"""A strategy: from the runs so far to the samples that are simulated next, or to the answer; and the registry.
+
+To add a strategy, write a subclass of `Strategy` in a module of its own, put `@register("its_name")` above it, and
+import the module in `repose.calibrate.strategies`; then the configuration knows the name, and `repose.Study` and the workflow
+follow it.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+
+import numpy as np
+
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.studied import Studied
+from repose.common.errors import InputError, require
+from repose.common.section import Contradictions, Section
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from repose.calibrate.surrogates.base import Predictor
+
+Pours = tuple[tuple[str, int, int], ...]
+SO_FAR = "more runs may give a better answer"
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Samples to simulate next.
+
+    Attributes
+    ----------
+    samples : pandas.DataFrame
+        `sample` (its number), a column for each parameter, and `seeds`, the number of runs of the sample. Further
+        columns are the strategy's own.
+    notes : mapping
+        Further results of the strategy, by name: tables, and what JSON can hold. `why` is a sentence, `row` a
+        mapping, the row of this proposal in the workflow's table of batches.
+    """
+
+    samples: "pd.DataFrame"
+    notes: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The parameters that meet the targets.
+
+    Attributes
+    ----------
+    values : numpy.ndarray, (p,)
+        All parameters, in the order of the study.
+    mean : numpy.ndarray, (k,)
+        Their predicted responses.
+    covariance : numpy.ndarray, (k, k)
+        Of these predictions.
+    probability : dict
+        That the simulator's means lie `within_1_percent` and `within_2_percent` of all targets, and `inside` all
+        ranges.
+    samples : pandas.DataFrame
+        The answer as the table of a `Batch`, to simulate it again.
+    why : str
+        Why the strategy asks for no more runs.
+    others : numpy.ndarray, (n, p)
+        Further parameter sets that are predicted inside all ranges, the best first.
+    others_mean : numpy.ndarray, (n, k)
+        Their predicted responses.
+    model : Predictor or None
+        The model over the whole ranges; None if the strategy has none.
+    notes : mapping
+        As in `Batch`. The workflow writes those that `Strategy.files` names, and puts `summary`, a mapping, into the
+        answer's summary, `steps`, sentences, into the report, and `note`, a sentence, behind the message; `check` is a
+        table in place of the ordinary `check.csv`.
+    simulated : tuple of int
+        Samples of the last batch that simulated the answer already; without any, `samples` are simulated to check it.
+    """
+
+    values: np.ndarray
+    mean: np.ndarray
+    covariance: np.ndarray
+    probability: dict[str, float]
+    samples: "pd.DataFrame"
+    why: str
+    others: np.ndarray
+    others_mean: np.ndarray
+    model: "Predictor | None" = None
+    notes: Mapping[str, Any] = field(default_factory=dict)
+    simulated: tuple[int, ...] = ()
+
+    @property
+    def error(self) -> np.ndarray:
+        """Standard errors of the predicted responses, (k,)."""
+        return np.sqrt(np.diagonal(self.covariance))
+
+
+class Strategy(ABC):
+    """A way to calibrate.
+
+    Attributes
+    ----------
+    name : str
+        In the configuration; set by `register`.
+    settings : type of Section or None
+        The section of the configuration with the strategy's name; None for a strategy that reads other sections only.
+    repeats_points : bool
+        Whether it asks for the same parameters under several numbers of samples.
+    begins_with_design : bool
+        Whether its first batch is the article's design, which the workflow simulates as such.
+    files : tuple of str
+        Notes of its answer that the workflow writes: names with `.csv` for tables, with `.json` for mappings.
+    reads : tuple of str or None
+        Keys of the configuration that its proposals after a simulated batch depend on; None for all.
+    """
+
+    name: ClassVar[str]
+    settings: ClassVar[type[Section] | None] = None
+    repeats_points: ClassVar[bool] = False
+    begins_with_design: ClassVar[bool] = False
+    files: ClassVar[tuple[str, ...]] = ()
+    reads: ClassVar[tuple[str, ...] | None] = None
+
+    @abstractmethod
+    def propose(self, study: Studied, data: "pd.DataFrame") -> Batch | Answer:
+        """Propose the next samples, or give the answer.
+
+        The same study and the same runs give the same proposal: a study that was interrupted goes on as it would have.
+
+        Parameters
+        ----------
+        study : Studied
+            Any `repose.Study`.
+        data : pandas.DataFrame
+            All runs so far, a row for each: `sample`, parameters, responses; empty at the start. A run failed if a
+            response is NaN. With a column `batch`, the number of the proposal that the run comes from.
+
+        Returns
+        -------
+        Batch or Answer
+
+        Raises
+        ------
+        InputError
+            If the runs do not determine the model of the strategy.
+        """
+
+    def answer(self, study: Studied, data: "pd.DataFrame") -> Answer:
+        """Give the best answer that the runs so far allow.
+
+        Parameters
+        ----------
+        study, data
+            As in `propose`.
+
+        Returns
+        -------
+        Answer
+
+        Raises
+        ------
+        InputError
+            If the strategy has no answer yet.
+        """
+        proposal = self.propose(study, data)
+        if isinstance(proposal, Batch):
+            allowed = f"more: strategy {self.name} asks for {len(proposal.samples)} more samples before it answers"
+            raise InputError("runs", "rows", len(data), allowed)
+        return proposal
+
+    def contradictions(self, section: Any, free: int, responses: int) -> Contradictions:
+        """Yield values of the strategy's section with which it cannot run.
+
+        Parameters
+        ----------
+        section : Section or None
+            Of the type `settings`, good by itself.
+        free, responses : int
+            Numbers of free parameters and of targets.
+
+        Returns
+        -------
+        iterator of (str, str)
+            Key of the section, and what is allowed.
+        """
+        return iter(())
+
+    def pours(self, section: Any, free: int) -> Pours | None:
+        """Count the most runs that the strategy can ask for.
+
+        Parameters
+        ----------
+        section, free
+            As in `contradictions`.
+
+        Returns
+        -------
+        tuple of (str, int, int) or None
+            Purpose, number of samples, seeds of each. None for the article's method, which
+            `repose.config.cost` counts.
+        """
+        return None
+
+
+_REGISTRY: dict[str, Strategy] = {}
+Kind = TypeVar("Kind", bound=type[Strategy])
+
+
+def register(name: str) -> Callable[[Kind], Kind]:
+    """Make a strategy known by a name, as a class decorator.
+
+    Parameters
+    ----------
+    name : str
+        In the configuration.
+
+    Returns
+    -------
+    callable
+        The decorator.
+
+    Raises
+    ------
+    ValueError
+        If another class has the name.
+    """
+
+    def enter(kind: Kind) -> Kind:
+        if name in _REGISTRY and type(_REGISTRY[name]) is not kind:
+            raise ValueError(
+                f"strategy {name!r} is registered already, by {type(_REGISTRY[name]).__name__}"
+            )
+        kind.name = name
+        _REGISTRY[name] = kind()
+        return kind
+
+    return enter
+
+
+def names() -> tuple[str, ...]:
+    """Return the names of all strategies, in the order of their registration."""
+    return tuple(_REGISTRY)
+
+
+def strategy(name: str, source: object = "strategy") -> Strategy:
+    """Return the strategy with a name.
+
+    Parameters
+    ----------
+    name : str
+        One of `names`.
+    source : object
+        Named in the error: a file or a key.
+
+    Returns
+    -------
+    Strategy
+
+    Raises
+    ------
+    InputError
+        If no strategy has this name.
+    """
+    require(
+        name in _REGISTRY, source, "strategy", name, f"one of {', '.join(_REGISTRY)}"
+    )
+    return _REGISTRY[name]
+
+
+def samples_of(
+    space: ParameterSpace, unit: np.ndarray, seeds: int, first: int = 1
+) -> "pd.DataFrame":
+    """Make the table of a `Batch`.
+
+    Parameters
+    ----------
+    space : ParameterSpace
+    unit : numpy.ndarray, (n, d)
+        The samples' free parameters in the unit cube.
+    seeds : int
+        Runs of each sample.
+    first : int, optional
+        Number of the first sample.
+
+    Returns
+    -------
+    pandas.DataFrame
+    """
+    from repose.calibrate.designs.latin_hypercube import parameter_sets
+
+    return parameter_sets(unit, space, first).assign(seeds=seeds)

@@ -1,0 +1,20 @@
+"""The strategy `published`: the method of the article. One Latin hypercube, a surrogate, a search on it."""
+
+from typing import TYPE_CHECKING
+
+from repose.calibrate.strategies.base import Answer, Batch, Strategy, Studied, register
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@register("published")
+class Published(Strategy):
+    """One batch, then the answer."""
+
+    begins_with_design = True
+
+    def propose(self, study: Studied, data: "pd.DataFrame") -> Batch | Answer:
+        from repose.calibrate.strategies.published import strategy
+
+        return strategy.propose(study, data)

@@ -1,0 +1,72 @@
+"""Few pours, each where it informs most: a space-filling start, then batches where the targets are probably met."""
+
+from typing import TYPE_CHECKING, Annotated
+
+from pydantic import Field
+
+from repose.calibrate.strategies.base import (
+    Answer,
+    Batch,
+    Pours,
+    Strategy,
+    Studied,
+    register,
+)
+from repose.common.section import Contradictions, Section, Seeds
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+class SequentialSettings(Section):
+    """Settings of few pours, each where it is most informative; config/README.md explains the keys."""
+
+    start_samples: int = Field(ge=4, le=999)  # all over the ranges
+    seeds: Seeds  # runs of each sample
+    batch: int = Field(ge=1, le=100)  # samples of each batch after the start
+    tolerance_percent: Annotated[float, Field(gt=0, le=50)]  # of each target
+    probability: float = Field(
+        ge=0.05, le=0.99
+    )  # of meeting all targets, at which the pours stop
+    most_pours: int = Field(ge=8, le=9999)
+    checks: int = Field(ge=2, le=500)  # runs of the answer
+
+
+@register("sequential")
+class Sequential(Strategy):
+    """A space-filling start, then batches where the targets are probably met."""
+
+    settings = SequentialSettings
+    reads = (
+        "parameters",
+        "targets",
+        "design.seed",
+        "sequential",
+        "miga.solutions",
+        "miga.distance",
+    )
+
+    def propose(self, study: Studied, data: "pd.DataFrame") -> Batch | Answer:
+        from repose.calibrate.strategies.sequential import strategy
+
+        return strategy.propose(study, data)
+
+    def answer(self, study: Studied, data: "pd.DataFrame") -> Answer:
+        from repose.calibrate.strategies.sequential import strategy
+
+        return strategy.answer(study, data)
+
+    def contradictions(
+        self, section: SequentialSettings, free: int, responses: int
+    ) -> Contradictions:
+        """Refuse a start beyond its budget or without repeats."""
+        if section.start_samples * (section.seeds - 1) <= responses:
+            yield "seeds", "at least 2: the noise comes from pours of one sample"
+        if section.start_samples * section.seeds > section.most_pours:
+            yield (
+                "most_pours",
+                "at least sequential.start_samples times sequential.seeds",
+            )
+
+    def pours(self, section: SequentialSettings, free: int) -> Pours:
+        return (("at most", section.most_pours // section.seeds, section.seeds),)

@@ -1,0 +1,1 @@
+"""How far the data determine the parameters: posterior, sensitivity, noise."""

@@ -1,0 +1,1 @@
+"""A pile's outline from a photograph; needs OpenCV."""

@@ -1,0 +1,1 @@
+"""The stages of the workflow, in the order in which the data flow."""

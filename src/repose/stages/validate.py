@@ -1,0 +1,310 @@
+"""Calibrated solutions simulated again: Table 4, the physical measurement, the published solutions in this engine.
+
+Section 4.2.1 of the paper. Errors are relative, in percent, as in Table 4: |predicted - simulated| / simulated, and for
+the representative solution |simulated - physical| / physical.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from repose.bench.parameters import named
+from repose.calibrate.answer import WITHIN
+from repose.calibrate.chance import Runs, chance_of_meeting
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.responses import Response, derived
+from repose.calibrate.runs import error_of
+from repose.calibrate.studied import Studied
+from repose.calibrate.surrogates.support import Support
+from repose.calibrate.targets import Targets
+from repose.common.errors import require
+from repose.common.files import Path_, read_table, write_table
+from repose.measure.angles import CALIBRATED_ANGLE, MEAN_KEYS
+from repose.measure.settings import line_for, line_of
+from repose.stages.dataset import Jobs, assemble, read_jobs
+from repose.stages.parameter_sets import read_samples
+from repose.stages.published import SIMULATED_BY, read_sets, read_stored
+
+CHOSEN = ("solution", "role")
+ENDED = ("n_seeds", "status", "reason")
+# Of each set whose piles are seen: every definition of the angle, whichever is calibrated.
+ANGLES = tuple(
+    column for name in MEAN_KEYS.values() for column in (name, error_of(name))
+)
+FIRST_PUBLISHED = (
+    101  # own solutions are numbered from 1, so the numbers cannot coincide
+)
+
+
+def select_for_validation(
+    solutions: pd.DataFrame, count: int, space: ParameterSpace
+) -> pd.DataFrame:
+    """Select the representative solution, the one of least objective, and others that are spread over the cloud.
+
+    Each next solution is the farthest, in normalised parameters, from those already chosen (Gonzalez 1985); all are
+    feasible if enough are.
+    """
+    if np.count_nonzero(solutions["feasible"]) > count:
+        solutions = solutions[solutions["feasible"] | solutions["representative"]]
+    points = 2 * space.unit(solutions[list(space.names)].to_numpy(float)) - 1
+    roles = {
+        int(np.flatnonzero(solutions["representative"])[0]): "representative"
+    }  # by row
+    roles.setdefault(
+        int(solutions["objective"].to_numpy(float).argmin()), "least objective"
+    )
+    while len(roles) < min(count + 1, len(points)):
+        nearest = np.linalg.norm(points[:, None] - points[[*roles]], axis=2).min(axis=1)
+        nearest[[*roles]] = -1.0
+        roles[int(nearest.argmax())] = "spread"
+    return solutions.iloc[[*roles]].assign(role=[*roles.values()])
+
+
+def validate(
+    solutions: pd.DataFrame, jobs: Jobs, targets: Targets, measure: object
+) -> dict[str, pd.DataFrame]:
+    """Put prediction, simulation and measurement side by side; `measure` is the configuration's section."""
+    simulated = assemble(solutions, jobs, targets)[0].drop(
+        columns=["sample", *named(solutions)]
+    )
+    numbers = {*targets.names, *targets.errors, *ANGLES} & {*simulated}
+    simulated = simulated.astype(
+        dict.fromkeys(numbers, float)
+    )  # None of a failed solution, or of one seed, to NaN
+    for response in targets.responses:
+        simulated[response.simulated] = simulated[response.name]
+    rows = pd.concat([solutions.reset_index(drop=True), simulated], axis=1)
+    best = rows[rows["role"] == "representative"].iloc[0]
+    runs = {bench: jobs[bench][best["sample"]]["runs"] for bench in targets.apparatus}
+    return {
+        "table4": table4(rows, targets.responses, measure),
+        "representative": with_chances(
+            against_physical(best, targets, measure), runs, targets
+        ),
+    }
+
+
+def table4(
+    rows: pd.DataFrame, responses: Sequence[Response], measure: object = None
+) -> pd.DataFrame:
+    """Make Table 4: predicted, simulated with its standard error, and relative error (%) of each solution.
+
+    Of piles also every definition of the angle, and `line`, the calibrated one by the section `measure`.
+    """
+    table = rows[["sample", "solution", "role", *named(rows)]].copy()
+    for response in responses:
+        for column in (response.predicted, response.simulated, response.error):
+            table[column] = rows[column]
+        off = (rows[response.predicted] - rows[response.simulated]).abs()
+        table[f"{response.quantity}_error_percent"] = (
+            100 * off / rows[response.simulated]
+        )
+    if measure and set(ANGLES) <= set(rows):
+        table[list(ANGLES)], table["line"] = (
+            rows[list(ANGLES)],
+            calibrated_line(responses, measure),
+        )
+    table[list(ENDED)] = rows[list(ENDED)]
+    return table
+
+
+def calibrated_line(responses: Iterable[Response], measure: object) -> str:
+    """Describe the lines of the responses that are angles of a pile; without any, the line of the angle of repose."""
+    lines = filter(None, (line_for(measure, response.name) for response in responses))
+    return "; ".join(dict.fromkeys(lines)) or line_of(measure)
+
+
+def against_physical(
+    row: pd.Series, targets: Targets, measure: object = None
+) -> pd.DataFrame:
+    """Compare the representative solution's simulation with the physical measurement, a row for each response.
+
+    `line` says by which line of the section `measure` an angle of a pile is measured.
+    """
+    rows = []
+    for target in targets:
+        simulated = row[target.response.simulated]
+        off = abs(simulated - target.value)
+        own = {
+            "response": target.name,
+            "physical_mean": target.value,
+            "physical_sd": target.sd,
+        }
+        own |= {"predicted": row[target.response.predicted], "simulated": simulated}
+        own |= {
+            "simulated_se": row[target.response.error],
+            "error_percent": 100 * off / target.whole_value,
+        }
+        own |= {
+            "within_one_sd": bool(off <= target.sd),
+            "n_seeds": row["n_seeds"],
+            "status": row["status"],
+        }
+        rows.append(own | ({"line": line_for(measure, target.name)} if measure else {}))
+    return pd.DataFrame(rows)
+
+
+def with_chances(table: pd.DataFrame, runs: Runs, targets: Targets) -> pd.DataFrame:
+    """Add to the table of `against_physical` the probabilities that all targets are met within 1 % and 2 %."""
+    chances = {
+        column: chance_of_meeting(runs, targets, percent)["all"]
+        for percent, column in WITHIN.items()
+    }
+    return table.assign(**chances)
+
+
+def write_solutions(
+    path: Path_, space: ParameterSpace, targets: Targets, count: int, out_csv: Path_
+) -> pd.DataFrame:
+    """Write the representative of the solutions in `path` and `count` others, numbered from 1.
+
+    InputError if there are too few.
+    """
+    needed = (
+        "solution",
+        *space.names,
+        *targets.predicted,
+        "objective",
+        "feasible",
+        "representative",
+    )
+    feasible = read_table(path, needed)
+    require(
+        len(feasible) > count, path, "solutions", len(feasible), f"at least {count + 1}"
+    )
+    own = select_for_validation(feasible, count, space).reset_index(drop=True)
+    solutions = own.assign(sample=own.index + 1)[
+        ["sample", *space.names, *CHOSEN, *targets.predicted]
+    ]
+    write_table(out_csv, solutions.astype({"solution": str}))
+    return solutions
+
+
+def run(
+    path: Path_,
+    jobs: Iterable[Path_],
+    study: Studied,
+    theirs: pd.DataFrame,
+    out: Path_,
+    support: Support | None = None,
+) -> dict[str, pd.DataFrame]:
+    """Write table4.csv and representative.csv (`validate`) and published.csv, the table `theirs`; return them."""
+    solutions = read_samples(path, (*CHOSEN, *study.targets.predicted)).astype(
+        {"solution": str}
+    )
+    found = read_jobs(jobs, solutions, study.targets)
+    tables = validate(solutions, found, study.targets, study.settings.measure) | {
+        "published": theirs
+    }
+    for name, table in tables.items():
+        if support is not None and name != "representative":
+            parameters = table[list(named(table))].to_numpy(float)
+            tables[name] = table.assign(
+                warning=support.warnings(parameters) if len(parameters) else []
+            )
+        write_table(Path(out) / f"{name}.csv", tables[name])
+    return tables
+
+
+# --- the published sets ---------------------------------------------------------------------------
+
+
+def _numbered(published_csv: Path_, names: Iterable[str]) -> pd.DataFrame:
+    """Read the published sets, numbered from 101."""
+    sets = read_sets(published_csv, names)
+    return sets.assign(sample=range(FIRST_PUBLISHED, FIRST_PUBLISHED + len(sets)))
+
+
+def write_published_solutions(
+    published_csv: Path_, names: Sequence[str], out_csv: Path_
+) -> pd.DataFrame:
+    """Write the published parameter sets to simulate; return the table."""
+    table = _numbered(published_csv, names)[["sample", *names]]
+    write_table(out_csv, table)
+    return table
+
+
+def write_published_sets(
+    published_csv: Path_,
+    jobs: Iterable[Path_],
+    study: Studied,
+    simulated_by: Mapping[str, str | None],
+    out_csv: Path_,
+) -> pd.DataFrame:
+    """Write the published sets, what was published of their piles, and their means and standard errors here.
+
+    `simulated_by` are the hashes of `repose.stages.published.SIMULATED_BY`.
+    """
+    targets, names = study.targets, study.parameters.names
+    sets = _numbered(published_csv, names)
+    simulated = assemble(sets, read_jobs(jobs, sets, targets), targets)[0]
+    about = [name for name in ("solution", "source", "wall") if name in sets]
+    table = sets[["sample", *about, *names]].assign(
+        **{name: "" for name in ("source",) if name not in sets}
+    )
+    for word in ("predicted", "simulated", "measured"):
+        for column in (column for column in sets if f"_{word}_" in column):
+            table[column.replace(f"_{word}_", f"_published_{word}_")] = sets[column]
+    # by its definition, as another study may calibrate another one
+    for name in dict.fromkeys((*targets.names, "height_mm", *MEAN_KEYS.values())):
+        if name in simulated and name != CALIBRATED_ANGLE:
+            table[[name, error_of(name)]] = simulated[[name, error_of(name)]].astype(
+                float
+            )
+    table[list(ENDED)] = simulated[list(ENDED)]
+    table = table.assign(**simulated_by)
+    write_table(out_csv, table)
+    return table
+
+
+def stored_columns(columns: Iterable[str], study: Studied) -> dict[Response, str]:
+    """Find a study's responses in a table of simulated published sets, with their columns; none for other sets."""
+    own = {CALIBRATED_ANGLE: MEAN_KEYS[study.settings.measure.response]}
+    found = {
+        response: own.get(response.name, response.name)
+        for response in study.targets.responses
+    }
+    return {
+        one: column
+        for one, column in found.items()
+        if {column, *study.parameters.names} <= set(columns)
+    }
+
+
+def compared_with_published(
+    stored_csv: Path_ | None, study: Studied, simulated_by: Mapping[str, str]
+) -> pd.DataFrame:
+    """Return the published sets as they were simulated once, with a study's responses; no rows without any.
+
+    `stale` where other hashes than `simulated_by` stand next to them.
+    """
+    stored = pd.DataFrame() if stored_csv is None else read_stored(stored_csv)
+    columns = stored_columns(stored, study)
+    if not columns:
+        return pd.DataFrame(
+            columns=[
+                "sample",
+                "solution",
+                *study.parameters.names,
+                *ENDED,
+                *SIMULATED_BY,
+                "stale",
+            ]
+        )
+    table = stored.copy()
+    for response, column in columns.items():
+        table[response.simulated], table[response.error] = (
+            stored[column],
+            stored[error_of(column)],
+        )
+        published = derived(response.name, "published_simulated")
+        if published in stored:
+            table[derived(response.name, "difference")] = (
+                stored[column] - stored[published]
+            )
+    if set(ANGLES) <= set(stored):
+        table["line"] = calibrated_line(study.targets.responses, study.settings.measure)
+    table["stale"] = (stored[list(SIMULATED_BY)] != pd.Series(simulated_by)).any(axis=1)
+    return table

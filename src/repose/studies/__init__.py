@@ -1,1 +1,0 @@
-"""Studies beside the main chain: of its noise, of its uncertainty and of its parts."""

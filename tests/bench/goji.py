@@ -1,0 +1,52 @@
+"""The grains and the configurations that the tests of the bench tests share."""
+
+from dataclasses import replace
+
+from shared import ROOT
+
+from repose.bench.parameters import PARAMETERS
+from repose.bench.settings import SceneSettings
+from repose.config.study import Study
+from repose.grain.build import ellipsoid_mesh, fit_particle
+
+AXES_MM = (21.14, 11.37, 9.88)
+DENSITY_KG_M3 = 840.47
+BERRY = {
+    "shear_modulus_pa": 4.3e4,
+    "poisson_ratio": 0.32,
+    "density_kg_m3": DENSITY_KG_M3,
+}
+
+
+def particle(axes_mm=AXES_MM, density_kg_m3=DENSITY_KG_M3):
+    return fit_particle(ellipsoid_mesh(axes_mm), density_kg_m3)
+
+
+PARTICLE = particle()
+BEAD = {"shear_modulus_pa": 1e5, "poisson_ratio": 0.3, "density_kg_m3": 1200.0}
+SPHERE = particle((10.0, 10.0, 10.0), BEAD["density_kg_m3"])
+
+
+def recommended(section, *over, **keys):
+    whole = Study.load(ROOT / "config/config.yaml", *over).config
+    whole[section].update(keys)
+    return whole
+
+
+def example(name, time_step_s=1.5e-4, **keys):
+    whole = recommended(name, ROOT / f"examples/bench_tests/{name}.yaml", **keys)
+    whole["simulation"]["time_step_s"] = time_step_s
+    return whole
+
+
+def check_statuses(test, config, good, cases):
+    """Hold the statuses of changed runs, by the changes, against those expected."""
+    found = [
+        test.status_of(replace(good, **changes), SceneSettings(config))[0]
+        for _, changes in cases
+    ]
+    assert found == [status for status, _ in cases]
+
+
+def named(values):
+    return dict(zip(PARAMETERS, values, strict=True))

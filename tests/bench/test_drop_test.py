@@ -1,0 +1,85 @@
+"""The drop test: a stiff sphere returns the restitution that was asked; known flights; how a run is judged."""
+
+import math
+from functools import partial
+
+import numpy as np
+import pytest
+from goji import BEAD, PARTICLE, SPHERE, example, named
+
+from repose.bench import Scene, bench, drop_test
+from repose.bench.scene import longest_time_step
+from repose.stages.job import run_once
+
+TEST = drop_test.DropTest()
+STIFF = BEAD | {"shear_modulus_pa": 1e10}
+config = partial(example, "drop_test", time_step_s=2.5e-4)
+
+
+def dropped(
+    e_wall, e_berry=0.5, particle=SPHERE, berry=STIFF, step_share=0.25, seed=1, **keys
+):
+    own = config(**keys)
+    values = named((e_berry, 0.5, 0.1, e_wall, 0.5, 0.1))
+    longest = longest_time_step(Scene.of(own, values, berry, particle))
+    own["simulation"]["time_step_s"] = step_share * longest.time_step_s
+    return run_once(bench("drop_test"), Scene.of(own, values, berry, particle, seed))
+
+
+@pytest.mark.parametrize(
+    ("asked", "surface"), [(0.2, "wall"), (0.5, "wall"), (0.9, "wall"), (0.7, "berry")]
+)
+def test_a_stiff_sphere_returns_what_was_asked_of_either_plate(asked, surface):
+    of_wall, of_berry = (asked, 0.5) if surface == "wall" else (0.2, asked)
+    found, _ = dropped(of_wall, of_berry, height_mm=100.0, surface=surface)
+    assert found["height_restitution"] == pytest.approx(asked, abs=0.002)
+    assert found["sound_restitution"] == pytest.approx(asked, abs=0.002)
+
+
+def test_a_flight_of_known_height_and_duration_and_a_long_berry_loses_height_to_its_rotation():
+    time_s = np.linspace(0.0, 0.1, 201)
+    heights = 0.005 + 0.5 * 9.81 * time_s * (0.1 - time_s)
+    arrays = {"time_s": time_s, "height_m": heights, "drop_m": np.array([0.05])}
+    found = TEST.measure(
+        {"status": "ok"}, arrays, Scene.of(config(), {}, STIFF, SPHERE)
+    )
+    asked = 0.5 * 9.81 * 0.1 / math.sqrt(2.0 * 9.81 * 0.05)
+    assert found["height_restitution"] == pytest.approx(asked, rel=1e-6)
+    assert found["sound_restitution"] == pytest.approx(asked, rel=1e-6)
+    assert found["rebound_height_mm"] == pytest.approx(1e3 * 9.81 * 0.1**2 / 8)
+    failed = TEST.measure(
+        {"status": "no_rebound"}, arrays, Scene.of(config(), {}, STIFF, SPHERE)
+    )
+    assert failed["height_restitution"] is None
+    soft = STIFF | {"shear_modulus_pa": 1e6}
+    falls = [
+        dropped(0.8, particle=PARTICLE, berry=soft, step_share=0.5, seed=seed)
+        for seed in (1, 2, 3)
+    ]
+    found = [record["height_restitution"] for record, _ in falls]
+    assert max(found) < 0.8
+    assert np.ptp(found) > 0.02
+    again, _ = dropped(0.8, particle=PARTICLE, berry=soft, step_share=0.5, seed=3)
+    assert again == falls[2][0]
+
+
+@pytest.mark.slow
+@pytest.mark.essential
+def test_a_berry_that_sticks_is_no_rebound_and_is_not_looked_at_in_every_step(
+    monkeypatch,
+):
+    looks = []
+    touches = drop_test._Follow.touches
+    monkeypatch.setattr(
+        drop_test._Follow, "touches", lambda self: looks.append(1) or touches(self)
+    )
+    monkeypatch.setattr(drop_test, "EACH", 100)
+    own = config(height_mm=20.0)
+    own["simulation"] |= {"contact_law": "jkr", "time_step_s": 1e-5}
+    values = named((0.5, 0.5, 0.1, 0.05, 0.5, 0.1)) | {"gamma_gg": 0.0, "gamma_gp": 5.0}
+    record, _ = run_once(
+        bench("drop_test"),
+        Scene.of(own, values, STIFF | {"shear_modulus_pa": 1e6}, SPHERE, 1),
+    )
+    assert (record["status"], record["height_restitution"]) == ("no_rebound", None)
+    assert 100 * np.log(1000) < len(looks) < 1000  # 100,000 time steps touch the plate

@@ -1,0 +1,97 @@
+"""Where a new berry appears: the first free one of the random places, found for all of them at once; how it lies."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from repose.bench.factory import (
+    PLACES_TRIED,
+    Disc,
+    Strip,
+    free_place,
+    random_orientation,
+)
+from repose.dem.rotations import random_quaternion, rotation_matrices
+
+FACTORIES = [Disc(0.03, 0.2), Strip(0.04, 0.02, 0.2)]
+RADIUS = 0.01
+
+
+def crowd(rng, n):
+    places = rng.uniform((-0.05, -0.05, 0.17), (0.05, 0.05, 0.24), (n, 3))
+    return SimpleNamespace(positions=places, present=rng.random(n) < 0.9, radius=RADIUS)
+
+
+def slow_place(rng, simulation, factory):
+    for _ in range(PLACES_TRIED):
+        place = np.array(factory.place(*rng.random(2)))
+        others = simulation.positions[simulation.present]
+        if all(np.linalg.norm(place - other) > 2.0 * RADIUS for other in others):
+            return place
+    return None
+
+
+@pytest.mark.parametrize("factory", FACTORIES)
+@pytest.mark.parametrize("berries", [0, 5, 15, 30, 60, 300])
+def test_the_place_is_the_first_free_one_and_no_other_is_drawn(factory, berries):
+    found = 0
+    for seed in range(30):
+        simulation = crowd(np.random.default_rng([seed, berries]), berries)
+        slow, fast = np.random.default_rng(seed), np.random.default_rng(seed)
+        expected, place = (
+            slow_place(slow, simulation, factory),
+            free_place(fast, simulation, factory),
+        )
+        assert np.array_equal(place, expected)
+        assert slow.random() == fast.random()
+        found += place is not None
+    assert found == {0: 30, 300: 0}.get(berries, found)
+
+
+@pytest.mark.parametrize("factory", FACTORIES)
+def test_all_points_at_once_are_the_single_ones(factory):
+    numbers = np.random.default_rng(3).random((50, 2))
+    single = [factory.place(*pair) for pair in numbers]
+    assert factory.places(numbers) == pytest.approx(
+        np.array(single), rel=1e-12, abs=1e-15
+    )
+
+
+def test_a_blocked_factory_looks_at_all_places_and_random_berries_draw_as_ever():
+    class Counting(Disc):
+        single = at_once = 0
+
+        def place(self, first, second):
+            Counting.single += 1
+            return super().place(first, second)
+
+        def places(self, numbers):
+            Counting.at_once += 1
+            return super().places(numbers)
+
+    assert (
+        free_place(
+            np.random.default_rng(2),
+            crowd(np.random.default_rng(1), 300),
+            Counting(0.03, 0.2),
+        )
+        is None
+    )
+    assert (Counting.single, Counting.at_once) == (1, 1)
+    one, two = np.random.default_rng(7), np.random.default_rng(7)
+    assert np.array_equal(random_orientation("random", one), random_quaternion(two))
+
+
+@pytest.mark.parametrize(("orientation", "level"), [("lying", 0.0), ("upright", 1.0)])
+def test_new_berries_lie_or_stand_as_configured(orientation, level):
+    rng = np.random.default_rng(6)
+    quaternions = np.array([random_orientation(orientation, rng) for _ in range(300)])
+    assert np.allclose(np.linalg.norm(quaternions, axis=1), 1.0)
+    rotations = rotation_matrices(quaternions)
+    assert np.allclose(np.abs(rotations[:, 2, 0]), level, atol=1e-12)
+    # what is left free is uniform: no direction is preferred
+    other = rotations[:, :2, 0] if orientation == "lying" else rotations[:, :2, 1]
+    assert np.all(np.abs(other.mean(axis=0)) < 4 * math.sqrt(0.5 / 300))
+    assert np.var(rotations[:, 2, 1]) == pytest.approx(0.5 * (1 - level), abs=0.1)

@@ -1,0 +1,190 @@
+"""Stochastic kriging and the probability of a box, compared with slow and obvious versions of them."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+from refusals import value_error
+from scipy.stats import multivariate_normal, norm
+
+from repose.calibrate.probability import within
+from repose.calibrate.strategies.sequential.kriging import (
+    DRAWS,
+    FACTOR_MEDIAN,
+    PRIOR_FREEDOM,
+    Kriging,
+    Observed,
+    _factor,
+)
+from repose.calibrate.surrogates.process import Process
+
+NOISE = np.array([[2.0, 1.6], [1.6, 4.0]])
+
+
+def poured(n=30, seeds=3, seed=1, noise=NOISE, d=2):
+    """Samples of a plane and a bent surface with correlated noise."""
+    random = np.random.default_rng(seed)
+    unit = random.random((n, d))
+    mean = np.column_stack(
+        [30 + 8 * unit[:, 0], 60 + 12 * unit[:, 0] - 9 * unit[:, 1] ** 2]
+    )
+    return Observed(
+        unit,
+        mean[:, None] + random.multivariate_normal(np.zeros(2), noise, size=(n, seeds)),
+    )
+
+
+@pytest.mark.parametrize("k", [1, 2, 3])
+def test_probability_of_a_box(k):
+    random = np.random.default_rng(k)
+    root = random.normal(size=(6, k, k))
+    covariance = root @ root.transpose(0, 2, 1) + 0.3 * np.eye(k)
+    mean, low, high = (
+        random.normal(size=(6, k)),
+        np.full(k, -1.0),
+        np.linspace(0.8, 1.4, k),
+    )
+    integral = partial(
+        multivariate_normal.cdf, high, abseps=1e-6, lower_limit=low, rng=random
+    )
+    slow = [integral(one, c) for one, c in zip(mean, covariance, strict=True)]
+    assert within(mean, covariance, low, high) == pytest.approx(
+        slow, abs=1e-12 if k == 1 else 2e-3
+    )
+
+
+def test_errors_are_those_of_all_the_responses_processes_and_of_the_others():
+    # with the same numbers a process of samples times responses in one matrix says the same; the draws make a mixture
+    observed = poured(n=12)
+    model = Kriging(observed)
+    points = np.random.default_rng(2).random((5, 2))
+    slow = [
+        one_process(model, observed, points, [process.kernel for process in one])
+        for one in model.sets
+    ]
+    means, covariances = (np.array(one) for one in zip(*slow, strict=True))
+    found = model.predict(points)
+    assert len(slow) == DRAWS
+    assert found[0] == pytest.approx(means.mean(axis=0), rel=1e-8)
+    for i in range(len(points)):
+        mixture = model.factor * covariances[:, i].mean(axis=0) + np.cov(
+            means[:, i].T, bias=True
+        )
+        assert found[1][i] == pytest.approx(mixture, rel=1e-6)
+    model = Kriging(poured(n=12))
+    residuals, variances, others = model._left_out()
+    columns = np.array([model.values.T, model.errors.T]).transpose(
+        1, 0, 2
+    )  # values and errors of each combination
+    for i in range(12):
+        rest = np.arange(12) != i
+        kept = []
+        for one in model.sets:
+            pairs = zip(one, columns, strict=True)
+            kept.append(
+                [
+                    Process(
+                        p.kernel, model.unit[rest], *column[:, rest], optimizer=None
+                    )
+                    for p, column in pairs
+                ]
+            )
+        moments = np.array(
+            [
+                [process.moments(model.unit[i : i + 1]) for process in one]
+                for one in kept
+            ]
+        )
+        means, within = moments[..., 0].transpose(2, 0, 1)
+        assert residuals[i] == pytest.approx(
+            model.values[i] - means.mean(axis=0), rel=1e-6
+        )
+        assert variances[i] == pytest.approx(within.mean(axis=0), rel=1e-6)
+        assert others[i] == pytest.approx(means.var(axis=0) + model.errors[i], rel=1e-6)
+
+
+def one_process(model, observed, points, kernels):
+    mixing, scale = model._mixing, model._scale
+    n, m = len(observed.unit), len(points)
+    everywhere = np.vstack([observed.unit, points])
+    # covariance of the combinations, turned into that of the responses
+    back = np.kron(np.eye(n + m), np.linalg.inv(mixing).T @ np.diag(scale))
+    prior = np.zeros((2 * (n + m), 2 * (n + m)))
+    for j, kernel in enumerate(kernels):
+        prior[j::2, j::2] = kernel(everywhere - 0.5)
+    prior = back @ prior @ back.T
+    errors = (
+        back[: 2 * n, : 2 * n]
+        @ np.diag(model.errors.ravel())
+        @ back[: 2 * n, : 2 * n].T
+    )
+    middle = model._middle @ np.linalg.inv(mixing)
+    gain = prior[2 * n :, : 2 * n] @ np.linalg.inv(prior[: 2 * n, : 2 * n] + errors)
+    mean = middle + (gain @ (observed.means - middle).ravel()).reshape(m, 2)
+    covariance = prior[2 * n :, 2 * n :] - gain @ prior[: 2 * n, 2 * n :]
+    return mean, [covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] for i in range(m)]
+
+
+def test_bearings_of_a_factor_and_the_noise_of_samples():
+    random = np.random.default_rng(3)
+    variances, errors = random.uniform(0.5, 2.0, (2, 5000, 1))
+    for factor in (0.4, 1.0, 3.0):
+        residuals = np.sqrt(factor * variances + errors) * random.standard_normal(
+            (5000, 1)
+        )
+        assert _factor(residuals, variances, errors) == pytest.approx(factor, rel=0.15)
+    residuals = np.random.default_rng(4).standard_normal((20, 1))
+    assert _factor(
+        residuals, 1e-4 * np.ones((20, 1)), np.ones((20, 1))
+    ) == pytest.approx(FACTOR_MEDIAN, rel=0.01)
+    # variances were once three times too large there, at any noise: the mean square was 0.33, now it is 0.6
+    places = 0.3 + 0.4 * np.random.default_rng(5).random((20, 6))
+    truth = np.column_stack(
+        [30 + 8 * places[:, 0], 60 + 12 * places[:, 0] - 9 * places[:, 1] ** 2]
+    )
+    squares = []
+    for seed in range(10):
+        mean, covariance = Kriging(poured(seed=seed, noise=9 * NOISE, d=6)).predict(
+            places
+        )
+        squares.append((mean - truth) ** 2 / np.diagonal(covariance, axis1=1, axis2=2))
+    assert 0.45 < np.mean(squares) < 1.5
+    observed = poured(n=3000, seeds=2)
+    assert (observed.noise(), observed.freedom) == (
+        pytest.approx(NOISE, rel=0.08),
+        3000,
+    )
+    observed = poured(n=40, seeds=4)
+    mixed = observed.residuals @ Kriging(observed)._mixing
+    own = (mixed**2).sum(axis=1) / 3
+    moderated = Kriging(observed).errors * Kriging(observed)._scale ** 2 * 4
+    assert moderated == pytest.approx((PRIOR_FREEDOM + 3 * own) / (PRIOR_FREEDOM + 3))
+    assert (np.minimum(own, 1) <= moderated + 1e-9).all()
+    assert (moderated <= np.maximum(own, 1) + 1e-9).all()
+    observed = poured(n=40, seeds=3)
+    observed.values[7, 1:] = np.nan
+    model = Kriging(observed)
+    assert observed.counts[7] == 1
+    assert model.errors[7] * model._scale**2 == pytest.approx(1.0)
+
+
+def test_95_percent_intervals_of_predictions_hold_95_percent_of_the_means_and_too_few_pours_are_refused():
+    # 95 % intervals of the mean at 20 places, over 40 data sets: within three standard errors of a share of 0.95,
+    # were the places independent; they are not, so twice that
+    places = np.random.default_rng(5).random((20, 2))
+    truth = np.column_stack(
+        [30 + 8 * places[:, 0], 60 + 12 * places[:, 0] - 9 * places[:, 1] ** 2]
+    )
+    inside = []
+    for seed in range(40):
+        mean, covariance = Kriging(poured(seed=seed)).predict(places)
+        inside.append(
+            np.abs(mean - truth)
+            < norm.ppf(0.975) * np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+        )
+    assert np.mean(inside) == pytest.approx(0.95, abs=0.033)
+    value_error("at least 3", Kriging, poured(seeds=1))
+    value_error("at least 2", Kriging, poured(n=1, seeds=9))
+    observed = poured()
+    observed.values[:] = observed.values[:, :1]
+    value_error("all alike", Kriging, observed)

@@ -1,0 +1,297 @@
+"""The response surface strategy with a simulator of one line: every step reads the result of the step before."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+import synthetic
+from matplotlib.text import Text
+from refusals import input_error
+from shared import entries
+from synthetic import (
+    MATTER,
+    RANGES,
+    SECTION,
+    SETTINGS,
+    SPACE,
+    TARGETS,
+    dataset,
+    responses,
+)
+
+from repose.bench.parameters import PARAMETERS
+from repose.calibrate.designs.optimum import Optimum
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.strategies import Answer
+from repose.calibrate.strategies.response_surface import (
+    ResponseSurface,
+    screening,
+    surface,
+)
+from repose.calibrate.strategies.response_surface.steps import (
+    STEPS,
+    factors_of,
+    samples,
+)
+from repose.calibrate.targets import Targets
+from repose.report.figures import response_surface as figures
+from repose.report.figures import style
+from repose.stages import batches
+
+CONFIG = {"targets": entries(TARGETS), "parameters": RANGES}
+
+
+def campaign(folder, noise, section=SECTION, space=SPACE, seed=1):
+    """All steps on files, in folders of their names; the table of the check."""
+    steps, study = (
+        [folder / name for name in STEPS],
+        synthetic.study(space=space, response_surface=section),
+    )
+    for number, step in enumerate(steps):
+        batches.run_propose("response_surface", study, steps[:number], step)
+        synthetic.write_poured(
+            step,
+            pd.read_csv(step / "samples.csv"),
+            noise,
+            [seed, number],
+            section["seeds"],
+        )
+    assert batches.run_propose("response_surface", study, steps, folder / "answer")[
+        "answer"
+    ]
+    batches.run_conclude("response_surface", study, [*steps, folder / "answer"], folder)
+    return pd.read_csv(folder / "check.csv")
+
+
+@pytest.fixture(scope="module")
+def noisy(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("noisy")
+    return folder, campaign(folder, 0.5)
+
+
+@pytest.mark.parametrize("name", ["box_behnken", "rotatable"])
+def test_without_noise_the_optimum_is_the_target_and_a_fixed_parameter_is_no_factor(
+    name, tmp_path
+):
+    # a surface of second order is the simulator itself inside its design
+    space = ParameterSpace.of(RANGES | {"e_gg": {"fixed": 0.25}})
+    check = campaign(
+        tmp_path, 0.0, SECTION | {"surface": name, "most_factors": 3}, space
+    )
+    assert check["deviation_percent"].abs().max() < 1e-3
+    assert json.loads((tmp_path / "optimum.json").read_text())["met"]
+    for step in STEPS:
+        table = pd.read_csv(tmp_path / step / "samples.csv")
+        assert (table["e_gg"] == 0.25).all()
+        assert "coded_e_gg" not in table
+
+
+def test_the_screening_finds_the_parameters_that_matter(noisy):
+    found = json.loads((noisy[0] / "screening.json").read_text())
+    assert set(found["kept"]) >= MATTER
+    assert found["kept"][0] in {"mus_gg", "mur_gg"}
+    assert set(found["kept"]) | set(found["dropped"]) == set(PARAMETERS)
+    table = screening.design(SPACE, SETTINGS)
+    models = screening.models_of(table, dataset(table, 0.1), TARGETS, "linear")
+    none = {"significance": 1e-30}
+    for changes, count in (
+        (none, 3),
+        (none | {"surface": "rotatable"}, 2),
+        ({"significance": 0.999999}, 4),
+    ):
+        assert (
+            len(screening.kept_factors(models, SETTINGS.model_copy(update=changes)))
+            == count
+        )
+
+
+def test_the_ascent_begins_at_the_centre_and_the_surface_lies_about_its_best_point(
+    noisy,
+):
+    path = pd.read_csv(noisy[0] / "path.csv")
+    kept = factors_of(path)
+    assert path.loc[0, list(PARAMETERS)].to_numpy(float) == pytest.approx(
+        list(SPACE.centre.values())
+    )
+    still = [name for name in PARAMETERS if name not in kept]
+    assert (path[still] == path.loc[0, still]).all(axis=None)
+    coded = path[[f"coded_{name}" for name in kept]]
+    assert np.abs(coded.to_numpy()).max() == pytest.approx(1), (
+        "the last step is at the edge of a range"
+    )
+    assert (path["best"].sum(), path.loc[path["best"], "error_percent"].iloc[0]) == (
+        1,
+        path["error_percent"].min(),
+    )
+    path, table = (
+        pd.read_csv(noisy[0] / name) for name in ("path.csv", "surface/samples.csv")
+    )
+    unit = SPACE.unit(table[list(PARAMETERS)].to_numpy(float))
+    assert unit.min() > -1e-12
+    assert unit.max() < 1 + 1e-12
+    best = SPACE.unit(path.loc[path["best"], list(PARAMETERS)].to_numpy(float))[0]
+    for name in factors_of(table):
+        k = SPACE.free.index(name)
+        assert np.ptp(unit[:, k]) == pytest.approx(2 * SECTION["reach"])
+        assert unit[:, k].mean() == pytest.approx(np.clip(best[k], 0.25, 0.75))
+
+
+def test_the_check_is_the_optimum_again_in_coded_and_natural_units(noisy):
+    folder, check = noisy
+    table = pd.read_csv(folder / "check/samples.csv")
+    optimum = json.loads((folder / "optimum.json").read_text())
+    assert len(table) == SECTION["checks"]
+    assert (
+        table[list(PARAMETERS)].to_numpy()
+        == np.array(list(optimum["parameters"].values()))
+    ).all()
+    assert check["simulated"].to_numpy() == pytest.approx(responses(table)[0], rel=0.01)
+    summary = json.loads((folder / "summary.json").read_text())
+    assert summary["pours"] == 3 * sum(
+        len(pd.read_csv(folder / name / "samples.csv")) for name in STEPS
+    )
+    table = pd.read_csv(noisy[0] / "surface/samples.csv")
+    for k in (0, 7, len(table) - 1):
+        coded = table.loc[k, [f"coded_{name}" for name in factors_of(table)]].to_numpy(
+            float
+        )
+        unit = surface.natural_unit(table, coded, SPACE)
+        assert SPACE.values(unit)[0] == pytest.approx(
+            table.loc[k, list(PARAMETERS)].to_numpy(float)
+        )
+
+
+def about_the_centre(settings):
+    """The design of a surface in the factors that matter, about the centre of the ranges."""
+    points = pd.DataFrame({"error_percent": [1.0], "best": [True]})
+    points = points.assign(
+        **SPACE.centre, **{f"coded_{name}": 0.0 for name in sorted(MATTER)}
+    )
+    return surface.design(points, SPACE, settings)
+
+
+@pytest.mark.slow
+def test_the_interval_of_the_check_holds_what_it_says():
+    # a surface of second order is right here, so 95 % of the checks lie inside: 1000 of them, standard error 0.7 %
+    table = about_the_centre(SETTINGS)
+    best = Optimum(np.array([0.3, -0.2, 0.5]), np.zeros(2), True, 1.0)
+    check = surface.check_samples(table, best, SPACE, SETTINGS.checks)
+    inside = []
+    for k in range(500):
+        models = screening.models_of(
+            table, dataset(table, 0.5, [k, 0]), TARGETS, "quadratic"
+        )
+        predicted = surface.predictions(models, best, TARGETS, SECTION["checks"])
+        inside.append(
+            surface.checked(predicted, dataset(check, 0.5, [k, 1]))["as_predicted"]
+        )
+    assert np.mean(inside) == pytest.approx(0.95, abs=0.021)
+
+
+@pytest.mark.parametrize("name", ["rotatable", "face_centred"])
+def test_axial_runs_of_a_central_composite_lie_at_the_reach(name):
+    table = about_the_centre(SETTINGS.model_copy(update={"surface": name}))
+    assert len(table) == 14 + SECTION["centres"]
+    unit = SPACE.unit(table[list(PARAMETERS)].to_numpy(float))
+    assert np.ptp(unit[:, SPACE.free.index(factors_of(table)[0])]) == pytest.approx(
+        2 * SECTION["reach"]
+    )
+
+
+def bent(table):
+    """A dataset of a response that the corners of the ranges underrate: 60 mm in their mean, 68 mm at the centre."""
+    off = SPACE.unit(table[list(PARAMETERS)].to_numpy(float)) - 0.5
+    height = 68 + 8 * off[:, 1] + 4 * off[:, 2] - 16 * (off[:, 4] ** 2 + off[:, 0] ** 2)
+    found = table[["sample", *PARAMETERS]].assign(status="ok", reason="", n_seeds=3)
+    return found.assign(height_mm=height, aor_deg=30.0)
+
+
+@pytest.mark.parametrize(("aim", "sign"), [(64.0, -1), (72.0, 1)])
+def test_the_ascent_climbs_from_the_poured_centre_and_not_from_the_mean_of_the_corners(
+    aim, sign
+):
+    height = synthetic.configuration(TARGETS, SPACE)["targets"][1]
+    targets = Targets.of([height | {"value": aim, "range": [aim - 2, aim + 2]}])
+    study = synthetic.study(targets, response_surface=SECTION)
+    found = ResponseSurface().propose(study, bent(screening.design(SPACE, SETTINGS)))
+    assert found.notes["screening"]["centre"]["height_mm"] == pytest.approx(68.0)
+    assert found.notes["screening"]["corners"]["height_mm"] == pytest.approx(60.0)
+    assert np.sign(found.samples["coded_mus_gg"].iloc[-1]) == sign
+
+
+def test_steps_share_no_sample_and_leave_out_those_that_gave_no_pile():
+    table = screening.design(SPACE, SETTINGS)
+    data = dataset(table)
+    data.loc[[0, 5], "status"] = "failed"
+    data.loc[[0, 5], list(TARGETS.names)] = np.nan
+    whole = screening.models_of(table, dataset(table), TARGETS, "linear")
+    assert (
+        len(screening.models_of(table, data, TARGETS, "linear")[0].response)
+        == len(whole[0].response) - 2
+    )
+    steps = [
+        set(samples(step, SPACE, np.zeros((500, 6)), (), np.zeros((500, 0)))["sample"])
+        for step in STEPS
+    ]
+    assert len(set().union(*steps)) == 2000
+
+
+def test_too_few_piles_are_reported_with_their_folder_and_figures(tmp_path, noisy):
+    study, table = (
+        synthetic.study(response_surface=SECTION),
+        screening.design(SPACE, SETTINGS),
+    )
+    runs = synthetic.runs_of(table, 3, 0.0, 1)
+    runs.loc[runs["sample"].isin(table["sample"].iloc[3:12]), "status"] = "failed"
+    synthetic.write_tables(tmp_path, table, runs)
+    step = "response_surface", study, [tmp_path], tmp_path / "next"
+    input_error(f"{tmp_path}: .*enough for the model", batches.run_propose, *step)
+    synthetic.write_poured(tmp_path, table.iloc[:5])
+    input_error("all samples of the step", batches.run_propose, *step)
+    folder = noisy[0]
+    surface_files = {
+        name: str(folder / f"surface/{name}.csv") for name in ("samples", "dataset")
+    }
+    effects = (
+        {"effects": str(folder / f"{name}_effects.csv")}
+        for name in ("screening", "surface")
+    )
+    drawings = [
+        *((figures.pareto, given, 2) for given in effects),
+        (figures.perturbation, surface_files, 2),
+    ]
+    drawings += [
+        (
+            figures.contours,
+            surface_files | {"optimum": str(folder / "optimum.json")},
+            None,
+        )
+    ]
+    for function, inputs, panels in drawings:
+        with style.applied():
+            figure = function(inputs, CONFIG)
+            figure.canvas.draw()
+        count = len(factors_of(pd.read_csv(folder / "surface/samples.csv")))
+        assert len(figure.axes) == (panels or count * (count - 1))
+        texts = " ".join(text.get_text() for text in figure.findobj(Text))
+        assert "angle" in texts.lower() or "θ" in texts or "Height" in texts
+
+
+def test_the_loop_of_a_study_is_that_of_the_files(noisy):
+    study, data = synthetic.study(response_surface=SECTION), pd.DataFrame()
+    for number, step in enumerate(STEPS, start=1):
+        batch = ResponseSurface().propose(study, data)
+        table = pd.read_csv(noisy[0] / step / "samples.csv")[["sample", *PARAMETERS]]
+        assert (batch.samples["seeds"] == SECTION["seeds"]).all()
+        np.testing.assert_allclose(batch.samples[list(table)], table, rtol=1e-9)
+        data = batches.read([noisy[0] / name for name in STEPS[:number]], TARGETS)
+    found = ResponseSurface().propose(study, data)
+    assert isinstance(found, Answer)
+    solution = pd.read_csv(noisy[0] / "solutions.csv").iloc[0]
+    np.testing.assert_allclose(
+        found.values, solution[list(PARAMETERS)].to_numpy(float), rtol=1e-6
+    )
+    np.testing.assert_allclose(
+        found.mean, solution[list(TARGETS.predicted)].to_numpy(float), rtol=1e-6
+    )

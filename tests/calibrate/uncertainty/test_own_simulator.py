@@ -1,0 +1,468 @@
+"""A simulator of the user's own: what is asked for, what is refused, and whether the answer is right."""
+
+import json
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from refusals import input_error
+from shared import ROOT, at, put, says
+
+from repose.calibrate import calibration
+from repose.calibrate.strategies.runs import checked_runs
+from repose.calibrate.strategies.sequential import noise
+from repose.calibrate.strategies.sequential.strategy import observed_of
+from repose.config.own import OwnPosterior, OwnSequential, unread
+from repose.config.record import Record
+from repose.config.study import Study
+from repose.stages import card
+
+PAGE = (ROOT / "docs/own_simulator.md").read_text()
+DOC = re.search(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
+CONTENT = yaml.safe_load(DOC[1]) | {"posterior": {"walkers": 32, "steps": 100}}
+SINGLE = CONTENT | {"sequential": {"start_samples": 32, "seeds": 1}}
+FREE = ["friction", "rolling"]
+
+
+def observed(study, runs):
+    return observed_of(runs, study.parameters, study.targets)
+
+
+def added(study, new, file):
+    record = Record(study, file)
+    record.add_file(new)
+    return record.data
+
+
+def simulate(table, noise=0.01, seed=1):
+    factor = 1 + noise * np.random.default_rng(seed).normal(size=(len(table), 2))
+    friction, rolling = table["friction"], table["rolling"]
+    angle = (18 + 18 * friction + 40 * rolling - 6 * friction**2) * factor[:, 0]
+    return table.assign(
+        angle_deg=angle, time_s=(3 + 2 * friction - 2 * rolling) * factor[:, 1]
+    )
+
+
+@pytest.fixture(scope="module")
+def study():
+    return Study.own(CONTENT)
+
+
+@pytest.fixture(scope="module")
+def table(study):
+    return simulate(study.ask())
+
+
+@pytest.fixture(scope="module")
+def found(study, table):
+    return calibration.calibrate(study, checked_runs(study, table))
+
+
+@pytest.mark.slow
+def test_the_start_repeats_its_samples_and_answers_in_the_products_of_a_run(
+    study, found, tmp_path, command
+):
+    table = study.ask()
+    assert (table.groupby("sample").size() == 2).all()
+    assert table["run"].tolist() == [1, 2] * 16
+    assert (table["restitution"] == 0.4).all()
+    once = table.drop_duplicates("sample")
+    for name, low, high in (("friction", 0.2, 0.8), ("rolling", 0.01, 0.2)):
+        assert sorted(((once[name] - low) / (high - low) * 16).astype(int)) == list(
+            range(16)
+        )
+    found.save(tmp_path)
+    made = found.card
+    assert card.read(tmp_path / "card.json")["simulator"] == "EDEM 2024"
+    assert made["met"] is None
+    assert (
+        made["reason"]
+        == "The answer is predicted inside both ranges; the answer was not simulated again."
+    )
+    assert (made["out_of_reach"], made["made_by"]["seed"]) == (
+        False,
+        study.settings.design.seed,
+    )
+    for said in (
+        str(found),
+        command("card", "check", tmp_path / "card.json", status=3).out,
+    ):
+        assert said.startswith(
+            "rape_seed: targets not checked yet. angle_deg predicted "
+        )
+    assert {test["bench"] for test in made["tests"]} == {None}
+    assert set(made["parameters"]) == {"friction", "rolling", "restitution"}
+    assert "not simulated again" in command("card", "show", tmp_path / "card.json").out
+    assert (
+        " predicted " in command("card", "compare", *2 * [tmp_path / "card.json"]).out
+    )
+    for name in ("samples", "solutions", "posterior", "draws"):
+        assert len(pd.read_csv(tmp_path / f"{name}.csv")) > 1
+
+
+@pytest.mark.slow
+def test_the_answer_meets_the_targets_inside_ranges_and_intervals_that_hold_it(found):
+    exact = simulate(pd.DataFrame([found.summary["representative"]]), noise=0.0).iloc[0]
+    for k, one in enumerate(found.study.targets):
+        assert abs(exact[one.name] - one.aim) < 4 * found.answer.error[k]
+    assert found.summary["feasible"]
+    assert found.summary["steps"][2].startswith(
+        "Answer: the set that lies within 1 % of all targets most probably; "
+    )
+    chance = found.probability
+    assert 0.5 < chance["within_1_percent"] <= chance["within_2_percent"] <= 1
+    # the ranges are 2 % of the values to each side, as none were given
+    assert chance["inside"] == pytest.approx(chance["within_2_percent"])
+    rows = found.posterior.parameters.set_index("parameter")
+    assert list(rows.index) == FREE
+    # solved by hand from the two lines of the simulator: rolling = friction - 0.5, and 58 f - 6 f^2 = 32
+    friction = (58 - np.sqrt(58**2 - 24 * 32)) / 12
+    for name, value in zip(FREE, (friction, friction - 0.5), strict=True):
+        assert rows.loc[name, "credible_low"] < value < rows.loc[name, "credible_high"]
+    assert len(found.solutions) > 5
+    for one in found.study.targets:
+        assert found.solutions[one.response.predicted].between(one.low, one.high).all()
+    table = found.posterior.parameters.assign(credible_low=0.0, credible_high=0.001)
+    moved = found._replace(posterior=found.posterior._replace(parameters=table))
+    for name in FREE:
+        assert moved.intervals[name]["high"] == found.parameters[name]
+    assert str(moved).count("; interval widened to hold the answer") == 2
+    assert str(found).count("widened") == 0
+    assert "friction" in moved._repr_html_()
+
+
+def files_of(folder, content, runs):
+    """The configuration and a table of runs in a folder, as words of `repose calibrate`."""
+    (folder / "own.yaml").write_text(yaml.safe_dump(content))
+    runs.to_csv(folder / "runs.csv", index=False)
+    return [folder / "runs.csv", "--config", folder / "own.yaml", "--out", folder]
+
+
+@pytest.mark.slow
+def test_a_calibration_ends_well_whatever_its_answer(
+    found, monkeypatch, tmp_path, command
+):
+    missed = found._replace(summary=found.summary | {"feasible": False})
+    monkeypatch.setattr(calibration, "calibrate", lambda *_: missed)
+    first = command(
+        "calibrate", *files_of(tmp_path, CONTENT, found.runs)
+    ).out.splitlines()[0]
+    assert (
+        "No parameter set is predicted inside both ranges; the answer was not simulated again."
+        in first
+    )
+    assert card.read(tmp_path / "card.json")["out_of_reach"] is True
+    text = (tmp_path / "report.html").read_text()
+    says(
+        text, "<b>Targets not checked yet.</b> angle_deg predicted ", "Other parameters"
+    )
+
+
+@pytest.mark.slow
+def test_ask_and_tell_stop_with_an_answer_that_meets_the_targets(study, tmp_path):
+    record, runs, k, stop = tmp_path / "runs.csv", None, 0, None
+    following = study.ask()
+    while not stop:
+        simulate(following, seed=k).to_csv(tmp_path / "new.csv", index=False)
+        runs = added(study, tmp_path / "new.csv", record)
+        now = Study.own(CONTENT, record)
+        following, stop, k = now.ask(), now.done, k + 1
+    assert now.proposal.notes["stop"] == "probability"
+    assert len(runs) == 32 + 16 * (k - 1)
+    assert (following["sample"] == runs["sample"].max() + 1).all()
+    off = (
+        simulate(following, noise=0.0)[["angle_deg", "time_s"]].iloc[0] / [30.0, 4.0]
+        - 1
+    )
+    assert abs(off).max() < 0.02
+
+
+def test_runs_are_told_by_rows_fixed_parameters_and_replicates(study, table, tmp_path):
+    runs = checked_runs(study, table.drop(columns=["sample", "run"]))
+    assert runs["sample"].tolist() == np.arange(1, 17).repeat(2).tolist()
+    assert (
+        observed(
+            study, checked_runs(study, table.sample(frac=1, random_state=1))
+        ).counts.tolist()
+        == [2] * 16
+    )
+    failed = table.astype({"angle_deg": object}).assign(status="ok")
+    failed.loc[:2, ["status", "angle_deg"]] = ["jammed", ""]
+    known = observed(study, checked_runs(study, failed))
+    assert len(known.failed) == 1
+    assert known.counts.tolist() == [1] + [2] * 14
+    numbers = table.assign(status=np.where(table["run"] == 2, "unstable", "Success"))
+    numbers.loc[numbers["run"] == 2, "angle_deg"] = (
+        0.0  # what the simulator wrote for a run that failed
+    )
+    runs = checked_runs(study, numbers)
+    assert runs.loc[runs["status"] != "ok", "angle_deg"].isna().all()
+    assert observed(study, runs).counts.tolist() == [1] * 16
+    for word in ("1", "0"):
+        input_error(
+            f"row 1: status is '{word}'; expected ok, or",
+            checked_runs,
+            study,
+            numbers.assign(status=word),
+        )
+    runs = checked_runs(study, table.drop(columns="restitution"))
+    assert (runs["restitution"] == 0.4).all()
+    new, record = tmp_path / "new.csv", tmp_path / "runs.csv"
+    for part in (table[:6], table[6:].drop(columns="restitution")):
+        part.to_csv(new, index=False)
+        runs = added(study, new, record)
+    assert (runs["restitution"] == 0.4).all()
+    assert len(runs) == len(table)
+    alike = simulate(
+        study.ask(), noise=0.0
+    )  # runs with numbers may have the same results
+    for run in (1, 2):
+        alike[alike["run"] == run].to_csv(new, index=False)
+        runs = added(study, new, tmp_path / "alike.csv")
+    assert len(runs) == len(alike)
+
+
+def noise_of(study, table):
+    return noise.noise_of(
+        observed(study, checked_runs(study, table)),
+        study.targets.names,
+        study.settings.noise_sd,
+    )
+
+
+def test_single_runs_give_a_rough_noise_and_correlations_need_more(study):
+    single = Study.own(SINGLE).ask()
+    exact, noisy = (
+        simulate(single, noise=noise, seed=3)[["angle_deg", "time_s"]]
+        for noise in (0.0, 0.02)
+    )
+    found = noise_of(study, single.join(noisy))
+    true = 0.02 * np.sqrt((exact**2).mean().to_numpy())
+    assert np.sqrt(np.diagonal(found.covariance)) == pytest.approx(true, rel=0.35)
+    assert found.covariance[0, 1] == 0
+    says(found.warning, "angle_deg 0.", "Simulate some parameter sets twice")
+    needed = len(study.targets) + 2
+    assert calibration.posterior_settings(study, needed - 1).measured_correlation == 0.0
+    assert (
+        calibration.posterior_settings(study, needed).measured_correlation
+        == "simulated"
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("samples", "low", "high"), [(16, 0.3, 1.3), (32, 0.8, 1.2)])
+def test_how_rough_the_estimate_is(samples, low, high):
+    """The numbers of docs/own_simulator.md: estimated over true noise, eight seeds, both responses."""
+    study = Study.own(CONTENT | {"sequential": {"start_samples": samples, "seeds": 1}})
+    single = study.ask()
+    true = 0.02 * np.sqrt(
+        (simulate(single, noise=0.0)[["angle_deg", "time_s"]] ** 2).mean().to_numpy()
+    )
+    found = [
+        noise_of(study, simulate(single, 0.02, seed)).covariance for seed in range(8)
+    ]
+    ratios = [np.sqrt(np.diagonal(covariance)) / true for covariance in found]
+    assert low < np.min(ratios) <= np.max(ratios) < high
+
+
+def test_stated_noise_stands_in_for_replicates_and_not_beside_them(study, table):
+    known = Study.own(changed("targets.angle_deg.noise_sd", 0.7))
+    single = noise_of(known, table[::2])
+    assert single.covariance[0, 0] == pytest.approx(0.49)
+    assert single.sources == {
+        "angle_deg": "noise_sd",
+        "time_s": "estimated from single runs",
+    }
+    both = noise_of(known, table)
+    assert (both.covariance, both.warning) == (
+        pytest.approx(noise_of(study, table).covariance),
+        None,
+    )
+
+
+def test_too_few_single_runs_are_refused_with_the_ways_out(study, table):
+    input_error(
+        r"is 0; expected at least 3: .*noise_sd .* at least 8 samples",
+        noise_of,
+        study,
+        table[:14:2],
+    )
+    alike = table.assign(
+        angle_deg=table.groupby("sample")["angle_deg"].transform("first")
+    )
+    alike["time_s"] += np.linspace(0, 1e-7, len(alike))  # no row twice
+    found = noise_of(
+        study, alike
+    )  # as of a simulator without random numbers: each set counts once
+    assert set(found.sources.values()) == {noise.ESTIMATED}
+
+
+@pytest.mark.slow
+def test_single_runs_are_calibrated_with_a_warning(tmp_path, command):
+    table = simulate(Study.own(SINGLE).ask(), noise=0.02).drop(
+        columns=["restitution", "sample", "run"]
+    )
+    runs, *config = files_of(tmp_path, SINGLE, table)
+    assert "WARNING: too few replicates" in command("calibrate", runs, *config).err
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["noise"]["time_s"]["from"] == "estimated from single runs"
+    # 0.593, 0.093 without noise; the targets are 30 degrees and 4 s
+    assert summary["representative"]["friction"] == pytest.approx(0.59, abs=0.05)
+    assert "too few replicates" in (tmp_path / "report.html").read_text()
+    assert (
+        "WARNING: too few"
+        in command(
+            "ask", "--runs", runs, *config[:2], "--out", tmp_path / "next.csv"
+        ).err
+    )
+
+
+def cell(row, name, value):
+    def change(table):
+        table = table.astype({name: object})
+        table.loc[row, name] = value
+        return table
+
+    return change
+
+
+BAD = {
+    "no parameter": (
+        lambda table: table.drop(columns="friction"),
+        "column friction is 'missing'; expected .*; found: sample, run, rolling",
+    ),
+    "no response": (
+        lambda table: table.drop(columns="time_s"),
+        "column time_s is 'missing'",
+    ),
+    "no number": (
+        cell(3, "angle_deg", "steep"),
+        "row 4: angle_deg is 'steep'; expected a finite number",
+    ),
+    "nan": (
+        cell(3, "angle_deg", np.nan),
+        "row 4: angle_deg is nan; expected a finite number within 1e100 of 0; a run",
+    ),
+    "empty": (cell(3, "rolling", ""), "row 4: rolling is ''; expected a number from"),
+    "infinite": (cell(0, "time_s", np.inf), "row 1: time_s is inf"),
+    "out of range": (
+        cell(2, "friction", 0.9),
+        "row 3: friction is 0.9; expected a number from 0.2 to 0.8, its range",
+    ),
+    "not as fixed": (
+        cell(2, "restitution", 0.5),
+        "row 3: restitution is 0.5; expected 0.4, as it is fixed",
+    ),
+    "few samples": (
+        lambda table: table[:6],
+        "samples with a good run is 3; expected at least 4",
+    ),
+    "no rows": (lambda table: table[:0], "rows is 0"),
+    "an id twice": (
+        cell(2, "sample", 1),
+        "row 3: sample is '1'; expected one set of parameters for each sample",
+    ),
+    "two ids": (
+        cell(1, "sample", 99),
+        "row 2: sample is '99'; expected 1, the sample of row 1",
+    ),
+    "a run twice": (
+        cell(1, "run", 1),
+        r"row 2: sample and run is \[1, '1'\]; expected each once",
+    ),
+    "a row twice": (
+        lambda table: pd.concat([table, table[:1]]).drop(columns="run"),
+        "row 33: row is 'there twice'",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_runs_are_refused_by_name(case, study, table):
+    change, words = BAD[case]
+    input_error(words, checked_runs, study, change(table))
+
+
+def changed(key, value):
+    content = put(yaml.safe_load(yaml.safe_dump(CONTENT)), key, value)
+    if value is None:
+        section, _, last = key.rpartition(".")
+        del (at(content, section) if section else content)[last]
+    return content
+
+
+@pytest.mark.parametrize(
+    ("strategy", "n"), [("sequential", 5), ("published", 9)]
+)  # 9: beyond most_runs of the other
+def test_the_runs_of_a_sample_stand_at_the_top_or_in_the_section(strategy, n):
+    for given in ({"seeds": n}, {"sequential": {"seeds": n}}):
+        assert set(
+            Study.own(CONTENT | given | {"strategy": strategy})
+            .ask()
+            .groupby("sample")
+            .size()
+        ) == {n}
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    yaml.safe_load((ROOT / "tests/calibrate/uncertainty/refused.yaml").read_text()),
+)
+def test_a_bad_configuration_is_refused_by_name(key, value, words):
+    input_error(words, Study.own, changed(key, value))
+
+
+@pytest.mark.parametrize(
+    ("name", "section"), [("sequential", OwnSequential), ("posterior", OwnPosterior)]
+)
+def test_the_page_tells_the_defaults(name, section):
+    row = re.search(rf"^\| `{name}` \|.*$", PAGE, re.MULTILINE)[0]
+    told = {
+        key: float(value) for key, value in re.findall(r"`(\w+)` \(([\d.]+)\)", row)
+    }
+    assert told == {key: field.default for key, field in section.model_fields.items()}
+
+
+def test_all_faults_of_a_configuration_are_reported_at_once():
+    content = changed("seed", None) | {"design": {"samples": 3}, "label": 3}
+    content["parameters"]["mu.s"] = [0.8, 0.2]
+    content["targets"]["time_s"] |= {"sd": -1, "repetitions": "many"}
+    found = {fault.key for fault in input_error("expected", Study.own, content).faults}
+    targets = {"targets.time_s.sd", "targets.time_s.repetitions"}
+    assert found == {"seed", "design.samples", "label", "parameters.mu.s", *targets}
+
+
+@pytest.mark.slow
+def test_a_prior_moves_the_answer(table):
+    study = Study.own(
+        changed(
+            "parameters.friction",
+            {"prior": {"mean": 0.5, "sd": 0.01}, "range": [0.2, 0.8]},
+        )
+    )
+    found = calibration.calibrate(study, checked_runs(study, table))
+    assert found.summary["representative"]["friction"] < 0.58, "0.59 without it"
+
+
+def test_the_verbs_want_an_own_configuration(table, tmp_path, command):
+    runs, *config = files_of(tmp_path, {"label": "wheat"}, table)
+    for verb in (["ask"], ["tell", runs], ["calibrate", runs]):
+        assert (
+            "simulator is None; expected the name of your simulator"
+            in command(*verb, *config, status=2).err
+        )
+    runs, *config = files_of(
+        tmp_path, changed("design", {"samples": 90, "seed": 3}), table
+    )
+    assert (
+        "does not read design.samples, design.seed\n"
+        in command("ask", *config[:3], tmp_path / "next.csv").err
+    )
+    cases = yaml.safe_load(
+        (ROOT / "tests/calibrate/uncertainty/unread.yaml").read_text()
+    )
+    assert [unread(CONTENT | given) for given, _ in cases] == [
+        keys for _, keys in cases
+    ]

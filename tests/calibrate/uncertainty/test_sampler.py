@@ -1,0 +1,275 @@
+"""The sampler and the sensitivity of a surrogate, on models with closed forms."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from linear import Linear
+from refusals import input_error, value_error
+from scipy import stats
+from scipy.special import logsumexp
+from shared import targets_of
+from synthetic import Study
+
+from repose.bench.parameters import PARAMETERS
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.surrogates import make, names
+from repose.calibrate.surrogates.bayesian_bp import BayesianBP
+from repose.calibrate.surrogates.settings import NetworkSettings
+from repose.calibrate.uncertainty import sampler, sensitivity
+from repose.calibrate.uncertainty.likelihood import log_likelihood
+
+CUBE = ParameterSpace.of({name: [0.0, 1.0] for name in "ab"}, names=tuple("ab"))
+LOW, HIGH = np.full(3, -np.pi), np.full(3, np.pi)
+UNIT = {name: [0.0, 1.0] for name in PARAMETERS}
+SECTION = {"samples": 256, "resamples": 20, "seed": 1}
+SLOPES = [
+    {"e_gg": 1.0, "mus_gp": 2.0},
+    {"mur_gg": 5.0},
+    {"mus_gp": 1.0},
+    {"e_gp": 3.0, "mur_gp": 4.0},
+]
+
+
+@pytest.fixture(scope="module")
+def linear():
+    A, c = np.array([[8.0, 3.0], [-2.0, 10.0]]), np.array([20.0, 50.0])
+    truth = np.array([0.45, 0.55])
+    mean, covariance = A @ truth + c, np.array([[0.3, 0.1], [0.1, 0.4]])
+    known = np.linalg.inv(A.T @ np.linalg.solve(covariance, A))
+
+    def log_density(theta):
+        return log_likelihood(
+            theta @ A.T + c, np.zeros((len(theta), 2, 2)), (mean, covariance)
+        )
+
+    return log_density, sampler.sample(log_density, 2, 24, 1200, 3), truth, known
+
+
+def test_the_linear_posterior_has_its_closed_form_with_a_prior_too(linear):
+    log_density, chains, truth, known = linear
+    draws, effective = (
+        chains.points.reshape(-1, 2),
+        chains.log_density.size / chains.times.max(),
+    )
+    assert chains.log_density.ravel() == pytest.approx(log_density(draws))
+    assert effective > 1000
+    error = np.sqrt(np.diag(known) / effective)
+    assert draws.mean(axis=0) == pytest.approx(truth, abs=4 * error.max())
+    assert np.cov(draws.T) == pytest.approx(
+        known, abs=5 * known.max() * math.sqrt(2 / effective)
+    )
+    assert (sampler.split_r_hat(chains.points) < 1.01).all()
+    # KL(normal || uniform on the cube) = -entropy, since the uniform density is one
+    joint = -0.5 * np.log2((2 * math.pi * math.e) ** 2 * np.linalg.det(known))
+    effective = chains.log_density.size / chains.density_time
+    found, error = sampler.joint_information_bits(
+        log_density, chains.log_density.ravel(), effective, CUBE, 1
+    )
+    assert found == pytest.approx(joint, abs=0.03)
+    assert error < 0.05
+    for k in range(2):
+        marginal = -0.5 * math.log2(2 * math.pi * math.e * known[k, k])
+        effective = draws[:, k].size / chains.times[k]
+        assert sampler.information_bits(draws[:, k], effective) == pytest.approx(
+            marginal, abs=0.06
+        )
+    draws = np.random.default_rng(3).normal(0.55, 0.1 / math.sqrt(2), (20_000, 1))
+
+    def likelihood(u):
+        return -0.5 * ((u[:, 0] - 0.6) / 0.1) ** 2
+
+    def from_prior(share):
+        return stats.norm(0.5, 0.1).ppf(np.clip(share, 1e-9, 1 - 1e-9))
+
+    space = SimpleNamespace(dimensions=1, from_prior=from_prior)
+    found, _ = sampler.joint_information_bits(
+        likelihood, likelihood(draws), 20_000, space, 1
+    )
+    # between normals: ln(sd / sd') + (sd'^2 + shift^2) / (2 sd^2) - 1 / 2
+    known = 0.5 * math.log(2) + (0.5 + 0.25) / 2 - 0.5
+    assert found == pytest.approx(known / math.log(2), abs=0.02)
+
+
+def test_chains_end_at_their_bounds_repeat_and_hold_no_walkers_without_weight():
+    chains = sampler.sample(lambda u: 3 * u[:, 0] - 5000.0, 1, 16, 1500, 1).points
+    assert chains.min() >= 0
+    assert chains.max() <= 1
+    assert chains.mean() == pytest.approx(1 / (1 - math.exp(-3)) - 1 / 3, abs=0.01)
+    first, second, other = (
+        sampler.sample(lambda u: -u[:, 0], 2, 16, 100, seed).points
+        for seed in (1, 1, 2)
+    )
+    assert np.array_equal(first, second)
+    assert not np.array_equal(first, other)
+    chains = sampler.sample(lambda theta: np.zeros(len(theta)), 2, 16, 50, 1)
+    assert chains.density_time == 50
+    assert np.isfinite(chains.times).all()
+    heights, sds = np.array([0.0, -12.0]), np.array([0.01, 0.05])
+    centres = np.array([[0.2, 0.3, 0.3], [0.75, 0.7, 0.6]])
+
+    def log_density(theta):
+        return logsumexp(
+            heights - 0.5 * ((theta[:, None] - centres) ** 2).sum(axis=2) / sds**2,
+            axis=1,
+        )
+
+    mass = np.exp(heights) * sds**3
+    chains = sampler.sample(log_density, 3, 32, 1500, 5)
+    draws = chains.points.reshape(-1, 3)
+    assert mass[1] / mass.sum() < 1e-3
+    assert (draws[:, 0] > 0.5).mean() < 0.02
+    assert draws.std(axis=0) == pytest.approx(0.01, rel=0.1)
+
+
+def test_r_hat_of_known_chains_and_information_of_known_draws():
+    random = np.random.default_rng(1)
+    good = random.normal(size=(4, 2000, 1))
+    assert sampler.split_r_hat(good) == pytest.approx(1, abs=0.005)
+    apart = good + np.array([0, 0, 0, 3.0])[:, None, None]
+    # means 0, 0, 0, 3 twice each: variance 18 - 9 * 8 / 16 over 7 beside one within
+    assert sampler.split_r_hat(apart) == pytest.approx(
+        math.sqrt(1 + (18 - 4.5) / 7), rel=0.02
+    )
+    drifting = good + np.linspace(0, 3, 2000)[None, :, None]
+    # halves' means 0.75 and 2.25 four times each, and a ramp of 1.5 within each
+    assert sampler.split_r_hat(drifting) == pytest.approx(
+        math.sqrt(1 + 4.5 / 7 / (1 + 1.5**2 / 12)), rel=0.02
+    )
+    # Uniform: none. Density 2u: 1 - 1 / (2 ln 2) bits. A quarter of the range: two.
+    random = np.random.default_rng(2)
+    u = random.uniform(size=40_000)
+    assert sampler.information_bits(u, 40_000) < 0.002
+    assert sampler.information_bits(np.sqrt(u), 40_000) == pytest.approx(
+        1 - 1 / (2 * math.log(2)), abs=0.01
+    )
+    assert sampler.information_bits(u / 4, 40_000) == pytest.approx(2, abs=0.01)
+    few = [sampler.information_bits(random.uniform(size=400), 400) for _ in range(200)]
+    assert np.mean(few) < 0.02  # 0.07 without the correction
+
+
+def ishigami(X, a=7.0, b=0.1):
+    return (
+        np.sin(X[:, 0]) + a * np.sin(X[:, 1]) ** 2 + b * X[:, 2] ** 4 * np.sin(X[:, 0])
+    )
+
+
+def ishigami_indices(a=7.0, b=0.1):
+    """First-order and total (Ishigami & Homma 1990)."""
+    first, second = 0.5 * (1 + b * np.pi**4 / 5) ** 2, a**2 / 8
+    both = b**2 * np.pi**8 * (1 / 18 - 1 / 50)
+    total = first + second + both
+    return np.array([first, second, 0]) / total, np.array(
+        [first + both, second, both]
+    ) / total
+
+
+def test_ishigami_and_sums_have_their_indices_and_main_effects():
+    found = sensitivity.indices(ishigami, LOW, HIGH, 4096, 100, 7)
+    for name, known in zip(("first", "total"), ishigami_indices(), strict=True):
+        assert found[name][0] == pytest.approx(known, abs=0.015)
+        width = found[f"{name}_high"] - found[f"{name}_low"]
+        assert ((width[0] > 0.005) & (width[0] < 0.15)).all()
+        assert (found[f"{name}_low"][0] <= known + 0.01).all()
+        assert (known - 0.01 <= found[f"{name}_high"][0]).all()
+
+    def weigh(X):
+        return np.column_stack([1000 + X @ [1, 2, 0], -50 + X @ [0, 3, 4]])
+
+    found = sensitivity.indices(weigh, np.zeros(3), np.ones(3), 2048, 20, 1)
+    known = np.array([[1, 4, 0], [0, 9, 16]]) / np.array([[5], [25]])
+    assert (found["first"], found["total"]) == (
+        pytest.approx(known, abs=0.01),
+        pytest.approx(known, abs=0.01),
+    )
+    grid, means = sensitivity.main_effects(ishigami, LOW, HIGH, 3, points=9)
+    assert grid.shape == (3, 9)
+    assert means[1] == pytest.approx(7 * np.sin(grid[1]) ** 2, abs=0.05)
+    assert means[0] == pytest.approx(
+        np.sin(grid[0]) * (1 + 0.1 * np.pi**4 / 5) + 3.5, abs=0.05
+    )
+
+
+def test_bad_indices_are_refused_and_a_fixed_parameter_has_none():
+    value_error(
+        "does not vary",
+        sensitivity.indices,
+        lambda X: np.ones(len(X)),
+        LOW,
+        HIGH,
+        64,
+        20,
+        1,
+    )
+    space = ParameterSpace.of(UNIT | {"e_gg": {"fixed": 0.9}})
+    targets = targets_of(drum_slip_deg=30.0)
+    table, effects = sensitivity.analyse(
+        Linear(targets.names, SLOPES[:1]), study_of(targets, space)
+    )
+    assert "e_gg" not in set(table["parameter"]) | set(effects["parameter"])
+    assert table.set_index("parameter").loc["mus_gp", "first"] == pytest.approx(
+        1, abs=0.02
+    )
+    middle = effects[(effects["parameter"] == "mus_gp") & (effects["value"] == 0.5)]
+    assert middle["drum_slip_deg"].item() == pytest.approx(
+        30.4
+    )  # e_gg is 0.4 above its middle
+
+
+def study_of(targets, space=None):
+    return Study(space or ParameterSpace.of(UNIT), targets, {"sensitivity": SECTION})
+
+
+@pytest.mark.parametrize(
+    "names",
+    [("drum_slip_deg",), ("aor_deg", "height_mm", "base_radius_mm", "drum_slip_deg")],
+)
+def test_one_target_and_four(names):
+    targets, slopes = targets_of(**dict.fromkeys(names, 30.0)), SLOPES[: len(names)]
+    table, effects = sensitivity.analyse(Linear(names, slopes), study_of(targets))
+    assert len(table) == 6 * len(names)
+    first = table.set_index(["response", "parameter"])["first"]
+    assert first[names[0], "mus_gp"] == pytest.approx(4 / 5, abs=0.02)
+    if len(names) == 4:
+        assert first["drum_slip_deg", "mur_gp"] == pytest.approx(16 / 25, abs=0.02)
+    assert effects.columns.tolist() == ["parameter", "value", *names]
+
+
+@pytest.mark.parametrize("name", names())
+def test_tables_of_every_surrogate(name, tmp_path):
+    random = np.random.RandomState(1)
+    X, targets = random.uniform(size=(60, 6)), targets_of(aor_deg=30.0, height_mm=60.0)
+    model = make(
+        name,
+        NetworkSettings.of(
+            {"hidden": 3, "starts": 1, "epochs": 100, "goal": 0.0, "seed": 1}
+        ),
+    )
+    model.describe(PARAMETERS, targets.names).fit(X, X @ random.uniform(size=(6, 2)))
+    model.save(tmp_path / "network.json")
+    parts = (tmp_path / "network.json", study_of(targets))
+    table = sensitivity.run(*parts, tmp_path / "out")
+    pd.testing.assert_frame_equal(table, sensitivity.run(*parts, tmp_path / "again"))
+    assert len(table) == 12
+    assert table.groupby("response")["first"].sum().to_numpy() == pytest.approx(
+        [1, 1], abs=0.05
+    )
+    effects = pd.read_csv(tmp_path / "out/main_effects.csv")
+    assert effects.columns.tolist() == ["parameter", "value", "aor_deg", "height_mm"]
+
+
+def test_faults_are_reported_with_the_file(tmp_path):
+    path, targets = tmp_path / "network.json", targets_of(aor_deg=30.0)
+    X = np.random.RandomState(1).uniform(size=(20, 6))
+    flat = BayesianBP(hidden=2, starts=1, epochs=20).fit(X, X[:, :1])
+    flat.W1_ = 0 * flat.W1_
+    flat.describe(PARAMETERS, targets.names).save(path)
+    fixed = ParameterSpace.of({name: {"fixed": 0.5} for name in PARAMETERS})
+    flat = r"network\.json: surrogate is 'an output of the function does not vary"
+    input_error(flat, sensitivity.run, path, study_of(targets), tmp_path)
+    input_error(
+        "outputs", sensitivity.run, path, study_of(targets_of(height_mm=60.0)), tmp_path
+    )
+    input_error("all fixed", sensitivity.run, path, study_of(targets, fixed), tmp_path)

@@ -1,0 +1,322 @@
+"""A study with a simulator of one's own in Python: parts of a turn, runs made before, failures, rounded results."""
+
+import math
+import shutil
+import subprocess
+import sys
+from concurrent.futures import ProcessPoolExecutor
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from refusals import input_error, not_refused, value_error
+
+from repose import Study
+from repose.common.errors import InputError
+from repose.config.record import Record
+
+QUICK = {
+    "posterior": {"walkers": 32, "steps": 100},
+    "sequential": {"start_samples": 8, "tolerance_percent": 5.0},
+}
+
+
+def study(file=None, **keys):
+    return Study(
+        {"a": (0.0, 1.0), "b": (0.0, 1.0)},
+        {"y": (1.0, 0.05), "z": (0.5, 0.05)},
+        file=file,
+        **QUICK,
+        **keys,
+    )
+
+
+def simulate(row):
+    """A simulator without random numbers, whose results are rounded."""
+    return {"y": round(row["a"] + row["b"], 2), "z": round(row["a"], 1)}
+
+
+def results(asked):
+    asked = asked.reset_index(drop=True)
+    return asked.assign(
+        **pd.DataFrame([simulate(row) for row in asked.to_dict("records")])
+    )
+
+
+@pytest.fixture(scope="module")
+def answer():
+    return study().calibrate(simulate)
+
+
+def test_a_function_is_calibrated_and_a_start_that_fails_does_not_end_a_study(
+    answer, tmp_path
+):
+    assert answer.parameters["a"] == pytest.approx(0.5, abs=0.06)
+    assert answer.parameters["a"] + answer.parameters["b"] == pytest.approx(
+        1.0, abs=0.02
+    )
+    assert 8 <= len(repr(answer).splitlines()) <= 12
+    answer.save(tmp_path)
+    assert {"card.json", "summary.json", "samples.csv"} <= {
+        path.name for path in tmp_path.iterdir()
+    }
+    assert answer.card["parameters"]["a"]["value"] == answer.parameters["a"]
+    for write in (answer.save, answer.report, answer.plot):
+        for path in (3, "", *((None,) if write != answer.plot else ())):
+            input_error("expected the path of a file", write, path)
+    made = []
+
+    def fails_first(row):
+        made.append(row)
+        return dict.fromkeys("yz", np.nan) if len(made) <= 16 else simulate(row)
+
+    assert study().calibrate(fails_first).parameters["b"] == pytest.approx(
+        0.5, abs=0.06
+    )
+    input_error("a mapping with y, z", study().calibrate, lambda row: {})
+    one_fails = [{"y": np.nan}, {}]
+    says_why = "z is 0.0; expected results that differ; all [123]. good runs"
+    input_error(
+        says_why,
+        study().calibrate,
+        lambda row: simulate(row) | {"z": 0.0} | one_fails[row["sample"] > 1],
+    )
+
+
+def test_where_no_set_meets_the_targets_the_nearest_is_the_answer_not_the_least_certain():
+    """By hand: t alone asks for .636, a for .733 and m for .5; what lies above .8 failed."""
+    targets = {"a": (31, 1, 1), "m": (50, 2, 3), "t": (3, 0.2, 10)}
+    far = Study(
+        {"mu": (0.1, 0.9)},
+        targets,
+        seed=3,
+        sequential={"seeds": 1},
+        posterior={"walkers": 32, "steps": 100},
+    )
+    x = far.ask()["mu"].where(lambda mu: mu <= 0.8)
+    table = far.ask().assign(
+        a=(20 + 15 * x).round(1),
+        m=(60 - 20 * x).round(),
+        t=(2 + 2 * x**2 + 0.3 * x).round(2),
+    )
+    far.tell(table)
+    assert far.answer().parameters["mu"] == pytest.approx(0.636, abs=0.02)
+
+
+def test_any_part_of_a_turn_is_told_by_any_process_and_none_is_lost(tmp_path):
+    whole, parts = study(tmp_path / "whole.csv"), study(tmp_path / "parts.csv")
+    asked = whole.ask()
+    whole.tell(results(asked))
+    files = [tmp_path / "parts.csv"] * 4
+    with ProcessPoolExecutor(2) as pool:
+        list(pool.map(tell_part, files, np.array_split(np.arange(len(asked)), 4)))
+    parts = Study.resume(tmp_path / "parts.csv")
+    both = [
+        one.runs.sort_values(["sample", "y"], ignore_index=True)
+        for one in (whole, parts)
+    ]
+    pd.testing.assert_frame_equal(*both)
+    pd.testing.assert_frame_equal(whole.ask(), parts.ask())
+
+
+def tell_part(file, rows):
+    asked = study().ask().iloc[rows]
+    Study.resume(file).tell(results(asked))
+
+
+def test_each_run_of_a_function_is_kept_and_the_record_goes_on_anywhere(tmp_path):
+    def breaks(row):
+        if (row["sample"], row["run"]) == (5, 1):
+            raise KeyboardInterrupt
+        return simulate(row)
+
+    with pytest.raises(KeyboardInterrupt):
+        study(tmp_path / "runs.csv").calibrate(breaks)
+    moved = (
+        shutil.copytree(
+            tmp_path, tmp_path / "moved", ignore=shutil.ignore_patterns(".repose")
+        )
+        / "runs.csv"
+    )
+    one, other = Study.resume(moved), Study.resume(moved)
+    assert len(one.runs) == 8
+    other.tell(results(other.ask()))
+    assert len(one.runs) == 16, "what another process told"
+    (tmp_path / "mine.csv").write_text("sample,a,b,y,z\n1,0.1,0.1,0.2,0.1\n")
+    mine = study(tmp_path / "mine.csv")
+    input_error("file is 'there already'", mine.tell, results(mine.ask()))
+
+
+def test_a_record_that_cannot_be_written_keeps_nothing(tmp_path, monkeypatch):
+    one = study(tmp_path / "runs.csv")
+    asked = one.ask()
+    monkeypatch.setattr("repose.config.record.write_table", lambda *_: int("full"))
+    value_error("invalid literal", one.tell, results(asked))
+    monkeypatch.undo()
+    one.tell(results(asked).assign(status=None).drop(columns="run")[::2])
+    assert one.runs["status"].tolist() == ["ok"] * 8
+    input_error("there twice", one.tell, results(asked).drop(columns="run")[::2])
+    input_error(
+        "column is 'Status'; expected status",
+        one.tell,
+        results(asked).assign(Status="failed"),
+    )
+
+
+def test_what_is_left_of_a_turn_is_asked_for_also_after_runs_made_before(tmp_path):
+    one = study(tmp_path / "runs.csv")
+    asked = one.ask()
+    one.tell(results(asked[:5]))
+    for again in (one, Study.resume(tmp_path / "runs.csv")):
+        pd.testing.assert_frame_equal(again.ask(), asked[5:].reset_index(drop=True))
+    one = study()
+    asked = one.ask()
+    one.tell(results(pd.DataFrame({"a": [0.1, 0.9, 0.9], "b": [0.2, 0.3, 0.3]})))
+    assert one.runs["sample"].nunique() == 2
+    assert not set(one.runs["sample"]) & set(asked["sample"])
+    pd.testing.assert_frame_equal(one.ask(), asked)
+
+
+def test_the_verb_adds_rows_of_several_processes(tmp_path):
+    rows = results(
+        pd.DataFrame(np.random.default_rng(1).random((24, 2)), columns=["a", "b"])
+    )
+    parts = []
+    for k in range(8):
+        parts.append(tmp_path / f"{k}.csv")
+        rows[3 * k : 3 * k + 3].to_csv(parts[-1], index=False)
+    with ProcessPoolExecutor(2) as pool:
+        list(pool.map(add_part, parts, [tmp_path / "record.csv"] * 8))
+    found = pd.read_csv(tmp_path / "record.csv").sort_values("a", ignore_index=True)
+    np.testing.assert_allclose(found[["a", "b"]], rows.sort_values("a")[["a", "b"]])
+
+
+def add_part(part, record):
+    Record(study(), record).add_file(part)
+
+
+@pytest.fixture
+def verbs(tmp_path, command):
+    """The verbs tell and ask of the study in a folder: add a table, return the runs to make next."""
+    content = {"simulator": "own simulator", "label": "study", "seed": 0, **QUICK}
+    content |= {"parameters": {key: [0.0, 1.0] for key in "ab"}}
+    content |= {
+        "targets": {
+            name: {"value": v, "sd": 0.05, "repetitions": 1}
+            for name, v in (("y", 1.0), ("z", 0.5))
+        }
+    }
+    (tmp_path / "own.yaml").write_text(yaml.safe_dump(content))
+    config, record = ["--config", tmp_path / "own.yaml"], tmp_path / "record.csv"
+
+    def tell(table, status=0):
+        table.to_csv(tmp_path / "part.csv", index=False)
+        return command(
+            "tell", tmp_path / "part.csv", *config, "--out", record, status=status
+        ).err
+
+    def ask():
+        command("ask", "--runs", record, *config, "--out", tmp_path / "next.csv")
+        return pd.read_csv(tmp_path / "next.csv")
+
+    return tell, ask
+
+
+def noisy(asked):
+    rows = asked.reset_index(drop=True)
+    noise = np.random.default_rng(len(rows)).normal(0, 0.1, (2, len(rows)))
+    return rows.assign(y=rows["a"] + rows["b"] + noise[0], z=rows["a"] + noise[1])
+
+
+def test_the_verbs_keep_turns_as_python_does(verbs):
+    """A turn that is told in parts asks for its other runs, and then for the same as a whole one; twice is refused."""
+    (tell, ask), whole = verbs, study()
+    for turn in range(2):
+        asked = whole.ask()
+        pd.testing.assert_frame_equal(ask(), asked)
+        told = noisy(asked) if turn else noisy(asked).drop(columns=["sample", "run"])
+        tell(told[:5])
+        pd.testing.assert_frame_equal(ask(), asked[5:].reset_index(drop=True))
+        wrong = "each once" if turn else "the record has all numbers of this row"
+        assert wrong in tell(told[3:5], status=2)
+        tell(told[5:])
+        whole.tell(noisy(asked))
+    pd.testing.assert_frame_equal(ask(), whole.ask())
+
+
+def test_numbers_of_runs_may_be_floats_as_where_pandas_joins_tables():
+    assert Study(
+        {"a": np.array([0.0, 1.0])},
+        {"y": (np.float32(1), 0.1, np.int64(5))},
+        seed=np.int64(3),
+    ).parameters
+    one, other, asked = study(), study(), study().ask()
+    one.tell(noisy(asked))
+    other.tell(noisy(asked).astype({"sample": float, "run": float}))
+    pd.testing.assert_frame_equal(one.ask(), other.ask())
+
+
+def test_runs_made_before_count_at_once_where_no_run_of_the_turn_is_told(verbs):
+    tell, ask = verbs
+    start = ask()
+    sets = pd.DataFrame(np.random.default_rng(1).random((24, 2)), columns=["a", "b"])
+    made = noisy(sets.loc[sets.index.repeat(2)])
+    tell(made[:3])
+    tell(made[3:40])
+    asked = ask()
+    assert not set(asked["a"]) & set(start["a"]), (
+        "a batch after these runs, not the start"
+    )
+    before = study()
+    before.tell(made)
+    input_error("there twice", before.tell, made[3:5])
+    tell(noisy(asked)[:2])
+    tell(made[40:])
+    pd.testing.assert_frame_equal(ask(), asked[2:].reset_index(drop=True))
+
+
+def test_what_is_wrong_is_told_by_its_name(tmp_path):
+    good = results(study().ask())
+    cases = [
+        (lambda: study().answer(), "runs is 0"), (lambda: Study([1], {"y": (1.0, 0.1)}), "parameters is"),
+        (lambda: Study({"a": (0, 1)}, None), "targets is None"),
+        (lambda: Study({"a\nb": (0, 1)}, {"y": (1.0, 0.1)}), "one line of text"),
+        (lambda: Study({"turn": (0, 1)}, {"y": (1.0, 0.1)}), "none of sample, run, status, turn"),
+        (lambda: Study.of([1]), "a mapping of sections"), (lambda: Study.load(None), "the path of a file"),
+        (lambda: Study.resume(None), "the path of a file"),
+        (lambda: study(tmp_path / "none/x.csv"), "a folder that is there"),
+        (lambda: study().tell(None), "a pandas.DataFrame"),
+        (lambda: study().tell(good.assign(a="x")), "row 1: a is 'x'"),
+        (lambda: study().tell(pd.concat([good, good[["a"]]], axis=1)), "each column once"),
+        (lambda: study().tell(good.assign(sample=good["sample"] + 1000)), "one of the 16 runs"),
+        (lambda: study().tell(good[:0]), "a row for each run"),
+        (lambda: study().calibrate(lambda row: {"y": row["a"], "z": 5.0}), "z is 5.0; expected results that differ"),
+        (lambda: study().tell(good.assign(sample=np.nan).drop(columns="run")), "sample is 'missing'"),
+        (lambda: study().tell(good.assign(z=1e300 * good["z"])), "row 1: z is .* within 1e100 of 0"),
+        (lambda: study().calibrate(lambda row: {"y": row["a"], "z": 2 * row["a"]}), "targets is 'y, z'; .* none of"),
+        (lambda: Study({"y_se": (0, 1)}, {"y": (1.0, 0.1)}), "with _se at its end"),
+        (lambda: (c := Study({"c": (1e-10, 9e-10)}, {"y": (1.0, 0.1)})).tell(c.ask().assign(c=3e-10, y=1)), "'changed"),
+        (lambda: study().calibrate(3), "a function of a row"),
+        (lambda: study().calibrate(lambda row: {"y": math.nan, "z": 1.0}), "samples with a good run is 0; .* not fail"),
+        (lambda: study().calibrate(lambda row: 3.0), r"simulate is \[3.0.*a mapping with y, z"),
+        (lambda: study().calibrate(lambda row: None), "a mapping with y, z"),
+    ]  # fmt: skip
+    assert not not_refused(lambda case: case(), cases, InputError)
+
+
+def test_a_study_needs_no_locks_of_the_system(tmp_path):
+    code = "import os, sys; sys.modules |= {'fcntl': None, 'resource': None}; del os.O_NOFOLLOW\n"
+    code += "from repose import Study\n"
+    code += "one = Study({'a': (0.0, 1.0)}, {'y': (1.0, 0.05)}, file='runs.csv'); asked = one.ask()\n"
+    code += "from repose import dem; dem.Shape.sphere(0.005, 1000.0, 'a').half_extents_m.sum()\n"
+    code += "one.tell(asked.assign(y=2 * asked['a'] + 0.01 * asked['run'])); print(len(one.runs))"
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=tmp_path,
+    )
+    assert done.stdout.strip() == "32"
+    assert "no locks on this system" in done.stderr

@@ -1,0 +1,342 @@
+"""Files: written in one move, under a lock, and listed in a ledger."""
+
+import ast
+import errno
+import fcntl
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pandas as pd
+import pytest
+from refusals import input_error, raised
+
+from repose.bench.parameters import FURTHER
+from repose.common import files, ledger, places, tables
+from repose.common.lock import JOBS, joined_folder, take_folder
+
+TABLE = pd.DataFrame(
+    {"sample": [1, 2], "aor_deg": [31.25, np.nan], "reason": ["", "stuck, twice"]}
+)
+A_JOB = """
+import fcntl, sys, time
+file = open(sys.argv[1], "a")
+fcntl.flock(file, fcntl.LOCK_SH)
+print("holds it", flush=True)
+time.sleep(0.5)
+"""
+
+
+def test_what_is_written_is_read_again_and_folders_are_made(tmp_path):
+    folder = tmp_path / "new/folder"
+    files.write_table(folder / "table.csv", TABLE)
+    back = files.read_table(folder / "table.csv", ("sample", "aor_deg"))
+    assert back["aor_deg"].tolist()[0] == 31.25
+    second = {"sample": 2, "aor_deg": "", "reason": "stuck, twice"}
+    assert (
+        tables.read(folder / "table.csv", [tables.Column("sample", int)]).rows()[1]
+        == second
+    )
+    content = {
+        "one": np.float64(0.1),
+        "k": np.int64(2),
+        "list": np.arange(3),
+        "text": "µ",
+    }
+    files.write_json(folder / "content.json", content)
+    back = files.read_json(folder / "content.json", {"one": float, "text": str})
+    assert back == {"one": 0.1, "k": 2, "list": [0, 1, 2], "text": "µ"}
+    arrays = {
+        "position": np.random.default_rng(1).normal(size=(4, 3)).astype(np.float32)
+    }
+    files.write_npz(folder / "arrays.npz", arrays)
+    assert np.array_equal(
+        files.read_npz(folder / "arrays.npz", ("position",))["position"],
+        arrays["position"],
+    )
+    picture = np.arange(12, dtype=np.uint8).reshape(3, 4)
+    files.write_image(folder / "picture.png", picture)
+    assert np.array_equal(
+        cv2.imread(str(folder / "picture.png"), cv2.IMREAD_GRAYSCALE), picture
+    )
+    assert not list(folder.glob("*.part"))
+
+
+def test_a_table_is_written_as_pandas_writes_it_and_a_writer_that_fails_leaves_the_earlier_file(
+    tmp_path,
+):
+    files.write_table(tmp_path / "ours.csv", TABLE, float_format="%.6g", index=True)
+    TABLE.to_csv(tmp_path / "theirs.csv", float_format="%.6g")
+    assert (tmp_path / "ours.csv").read_bytes() == (
+        tmp_path / "theirs.csv"
+    ).read_bytes()
+    path = tmp_path / "content.json"
+    files.write_json(path, {"whole": True})
+    raised(
+        TypeError,
+        "object cannot be written as JSON",
+        files.write_json,
+        path,
+        {"bad": object()},
+    )
+    assert files.read_json(path) == {"whole": True}
+    picture = tmp_path / "picture.nothing", np.zeros((2, 2), np.uint8)
+    input_error(
+        r"suffix is '\.nothing'; expected the suffix of a picture",
+        files.write_image,
+        *picture,
+    )
+
+
+@pytest.mark.parametrize(
+    "read", [files.read_table, tables.sheet, files.read_json, files.read_npz]
+)
+def test_every_fault_of_a_file_is_reported_with_its_name(tmp_path, read):
+    path = tmp_path / "given"
+    input_error(
+        r"given: .* is .*No such file.*; expected a fine file",
+        read,
+        path,
+        what="a fine file",
+    )
+    input_error(
+        r".* is .*directory.*; expected a fine file", read, tmp_path, what="a fine file"
+    )
+    path.write_bytes(b"\xff\xfe\x00broken\x00\x9d")
+    input_error("expected a fine file", read, path, what="a fine file")
+
+
+@pytest.mark.parametrize("column", ["aor_deg", "e_gg", *FURTHER])
+def test_a_word_in_a_column_of_numbers_is_refused(column, tmp_path):
+    (tmp_path / "given.csv").write_text(f"sample,{column}\n1,0.5\n2,much\n")
+    wanted = rf"row 2: {column} is 'much'; expected a finite number"
+    input_error(wanted, files.read_table, tmp_path / "given.csv", ("sample", column))
+
+
+def test_missing_parts_and_half_an_archive_are_reported_with_what_there_should_be(
+    tmp_path,
+):
+    files.write_table(tmp_path / "table.csv", TABLE)
+    missing = r"table\.csv: column height_mm is 'missing'; expected columns sample, height_mm; found: sample"
+    input_error(
+        missing, files.read_table, tmp_path / "table.csv", ("sample", "height_mm")
+    )
+    files.write_json(tmp_path / "a.json", {"runs": {}, "sample": 3})
+    wrong = [(("sample", "time"), r"time is None; expected a key of a job")]
+    wrong += [({"runs": list}, r"runs is {}; expected a list in a job")]
+    for keys, message in [
+        *wrong,
+        (
+            {"sample": (str, dict)},
+            r"sample is 3; expected a text or a mapping in a job",
+        ),
+    ]:
+        input_error(message, files.read_json, tmp_path / "a.json", keys, "a job")
+    (tmp_path / "list.json").write_text(json.dumps([1]))
+    input_error(
+        r"content is \[1\]; expected a job",
+        files.read_json,
+        tmp_path / "list.json",
+        what="a job",
+    )
+    files.write_npz(tmp_path / "a.npz", {"scale": np.ones(2)})
+    pour = tmp_path / "a.npz", ("position",), "a pour"
+    input_error(r"position is None; expected an array in a pour", files.read_npz, *pour)
+    np.save(tmp_path / "plain.npy", np.ones(2))
+    input_error(
+        "expected a pour", files.read_npz, tmp_path / "plain.npy", what="a pour"
+    )
+    files.write_npz(
+        tmp_path / "a.npz", {"scale": np.random.default_rng(1).normal(size=500)}
+    )
+    content = (tmp_path / "a.npz").read_bytes()
+    Path(tmp_path / "half.npz").write_bytes(content[: len(content) // 2])
+    input_error(r"half\.npz: arrays is", files.read_npz, tmp_path / "half.npz")
+
+
+def test_jobs_of_a_workflow_that_was_killed_are_waited_for(tmp_path, capfd):
+    take_folder(tmp_path).close()
+    with subprocess.Popen(
+        [sys.executable, "-c", A_JOB, tmp_path / JOBS], stdout=subprocess.PIPE
+    ) as job:
+        job.stdout.readline()
+        assert job.poll() is None
+        take_folder(tmp_path).close()
+        assert job.wait(timeout=5) == 0
+    assert (
+        "waiting until the jobs of a workflow that was killed have ended"
+        in capfd.readouterr().err
+    )
+
+
+@pytest.mark.parametrize(
+    "number", [errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP, errno.EIO]
+)
+def test_a_file_system_without_locks_holds_and_refuses_nothing_and_other_faults_are_reported(
+    tmp_path, monkeypatch, number
+):
+    def flock(_file, _kind):
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(fcntl, "flock", flock)
+    if number == errno.EIO:
+        raised(OSError, os.strerror(number), take_folder, tmp_path)
+        return
+    first = take_folder(tmp_path)
+    take_folder(tmp_path).close()
+    with joined_folder(tmp_path):
+        first.close()
+
+
+def test_jobs_share_the_folder_and_a_second_workflow_is_refused_until_the_first_has_ended(
+    tmp_path,
+):
+    take_folder(tmp_path).close()
+    with joined_folder(tmp_path), joined_folder(tmp_path):
+        pass
+    first = take_folder(tmp_path)
+    input_error(
+        r"workflow is 'process \d+ on .*'; expected one at a time",
+        take_folder,
+        tmp_path,
+    )
+    first.close()
+    take_folder(tmp_path).close()
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for name in ("a.json", "b.json"):
+        files.write_json(tmp_path / name, {"name": name})
+    return tmp_path
+
+
+def test_the_folder_knows_its_files_and_a_full_disk_is_reported(folder):
+    (folder / "somebodys.json").write_text("{}")
+    (folder / "b.json").unlink()
+    assert ledger.names(folder) == {"a.json", "b.json"}
+    assert (folder / ledger.LEDGER).stat().st_mode & 0o111 == 0
+
+    def full(handle):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    before = (folder / "a.json").read_bytes()
+    raised(
+        OSError,
+        r"No space left on device: '.*a\.json'",
+        ledger.write_whole,
+        folder / "a.json",
+        full,
+    )
+    assert (folder / "a.json").read_bytes() == before
+
+
+def test_files_that_hold_something_else_are_found_and_lost_ones_are_not(folder):
+    assert ledger.changed(folder) == []
+    content = bytearray((folder / "a.json").read_bytes())
+    content[5] ^= 1
+    (folder / "a.json").write_bytes(bytes(content))
+    (folder / "b.json").unlink()
+    (folder / "somebodys.json").write_text("{}")
+    assert ledger.changed(folder) == [folder / "a.json"]
+
+
+@pytest.mark.parametrize("kept", [0, 20, 65, 72, 80, 140])
+def test_a_ledger_that_a_full_disk_cut_off_is_written_on(folder, kept):
+    path = folder / ledger.LEDGER
+    path.write_bytes(path.read_bytes()[:kept])
+    files.write_json(folder / "c.json", {})
+    files.write_json(folder / "c.json", {"again": True})
+    assert ledger.is_own_file(folder / "c.json")
+    assert ledger.changed(folder) == []
+
+
+@pytest.mark.parametrize("content", ["mine\n", "mine", "0123456789  a.json\n"])
+def test_somebodys_file_of_the_ledgers_name_is_left_alone(tmp_path, content):
+    (tmp_path / ledger.LEDGER).write_text(content)
+    input_error(
+        "content is 'something else'", files.write_json, tmp_path / "a.json", {}
+    )
+    assert (tmp_path / ledger.LEDGER).read_text() == content
+
+
+# Calls that write, rename or remove; what stands in these files is tested in tests/common and tests/faults.
+WRITERS = {
+    "core/ledger.py",
+    "core/lock.py",
+    "dem/io/whole.py",
+    "dem/cache.py",
+    "apparatus/kept_runs.py",
+}
+WRITERS |= {
+    "core/usage.py",
+    "config/call.py",
+}  # beside the results: snakemake's benchmarks and records
+BARE = {
+    "rmtree",
+    "unlink",
+    "rmdir",
+    "replace_file",
+    "remove",
+    "removedirs",
+    "rename",
+    "renames",
+    "copyfile",
+}
+BARE |= {
+    "copy",
+    "copytree",
+    "move",
+    "write_bytes",
+    "truncate",
+    "imwrite",
+    "imsave",
+    "tofile",
+    "savez",
+}
+
+
+def test_no_other_code_of_the_program_writes_or_removes_a_file():
+    modules = (
+        "os",
+        "shutil",
+        "cv2",
+        "np",
+        "path",
+        "Path",
+    )  # np.copy copies an array, not a file
+    found = []
+    for path in places.PACKAGE.rglob("*.py"):
+        name = path.relative_to(places.PACKAGE).as_posix()
+        if name in WRITERS:
+            continue
+        for node in ast.walk(ast.parse(path.read_text())):
+            if not isinstance(node, ast.Call):
+                continue
+            function = node.func
+            called = (
+                function.attr
+                if isinstance(function, ast.Attribute)
+                else getattr(function, "id", "")
+            )
+            owner = getattr(getattr(function, "value", None), "id", "")
+            texts = [
+                one.value
+                for one in node.args
+                if isinstance(one, ast.Constant) and isinstance(one.value, str)
+            ]
+            opens = called == "open" and any(
+                set(text) <= set("rwabx+t") and set(text) & set("wax+")
+                for text in texts
+            )
+            if opens or (
+                called in BARE
+                and owner in modules
+                and (owner, called) != ("np", "copy")
+            ):
+                found.append(f"{name}:{node.lineno} {called}")
+    assert not found

@@ -1,0 +1,111 @@
+"""Files that come with the program, and those of the working folder before them."""
+
+from pathlib import Path
+
+import pytest
+from refusals import input_error
+from shared import written
+
+from repose.common import places
+from repose.config import loader
+from repose.config.study import Study
+
+METHOD, CONFIG = (
+    places.root() / "config" / name for name in ("method.yaml", "config.yaml")
+)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def faulty(source, *files, **options):
+    """The keys with a fault in a study, all of this file."""
+    faults = input_error("expected", Study.load, *files, **options).faults
+    assert {fault.source for fault in faults} == {source}
+    return {fault.key for fault in faults}
+
+
+def test_a_file_is_the_folders_own_or_the_programs_or_keeps_its_name(folder):
+    path = Path("resources/berries.csv")
+    for name in (
+        path,
+        "Snakefile",
+        "workflow/Snakefile",
+        "profiles/default/config.yaml",
+        "config",
+    ):
+        assert places.find(name) == places.root() / name
+        assert (places.root() / name).exists()
+    path.parent.mkdir()
+    path.touch()
+    assert (places.find("resources/berries.csv"), places.find("mine.csv")) == (
+        path,
+        Path("mine.csv"),
+    )
+
+
+def test_a_study_of_a_crop_lies_over_the_programs_which_it_replaces(folder):
+    assert places.configs() == [METHOD, CONFIG]
+    config = Study.load(inputs=True).config
+    for path in (
+        config["berry"]["sizes"],
+        config["berry"]["compression"],
+        config["validation"]["published"],
+    ):
+        assert Path(path).is_absolute()
+        assert Path(path).is_file()
+    own = folder / "config/config.yaml"
+    own.parent.mkdir()
+    own.write_text("label: mine\n")
+    assert places.configs() == [METHOD, CONFIG, Path("config/config.yaml")]
+    assert Study.load(inputs=True).config["label"] == "mine"
+    own.write_text(
+        "berry: {sizes: sizes.csv}\n"
+    )  # of another crop nothing of the program's lies under it
+    assert loader.layers([]) == [METHOD, Path("config/config.yaml")]
+    own.unlink()
+    (folder / "config.yaml").write_text("label: mine\n")
+    assert places.configs() == [METHOD, Path("config.yaml")]
+    assert {"berry.sizes", "parameters", "targets", "funnel.berries"} <= faulty(
+        "config.yaml", inputs=True
+    )
+
+
+def test_a_given_file_lies_over_what_every_crop_or_the_folders_crop_shares(folder):
+    mine = written(
+        folder / "wheat.yaml",
+        "label: wheat\nberry: {sizes: sizes.csv, density_kg_m3: 1250}\n",
+    )
+    assert loader.layers([mine]) == [METHOD, mine]
+    missing = {
+        "parameters",
+        "targets",
+        "funnel.berries",
+        "wall",
+        "funnel.plate_diameter_mm",
+    }
+    assert missing <= faulty(str(mine), mine)
+    mine = written(
+        folder / "mine.yaml",
+        "berry: {particle: ellipsoid, mass_g: null}\nfunnel: {seeds: 3}\n",
+    )
+    assert loader.layers([mine]) == [METHOD, CONFIG, mine]
+    mine.write_text("berry: {density_kg_m3: 900}\n")
+    assert loader.layers([CONFIG, mine]) == [
+        METHOD,
+        CONFIG,
+        mine,
+    ]  # the program's crop, asked for by name
+    (folder / "config.yaml").write_text("berry: {sizes: sizes.csv}\n")
+    assert loader.layers([mine]) == [METHOD, Path("config.yaml"), mine]
+
+
+def test_in_the_programs_own_folder_there_is_one_configuration():
+    assert places.configs() == [Path("config/method.yaml"), Path("config/config.yaml")]
+    assert (
+        Study.load("config/config.yaml").config["berry"]["sizes"]
+        == "resources/berries.csv"
+    )

@@ -1,0 +1,288 @@
+"""What results stand on: written with them, read again, and compared before they are put together."""
+
+import json
+import os
+
+import cv2
+import numpy as np
+import pandas as pd
+import pytest
+from refusals import input_error
+from shared import written
+
+from repose.common import attached, files, places, provenance
+from repose.config import stands_on
+from repose.config.study import Study
+
+CONFIG = Study.load(places.root() / "config/quick.yaml").config
+KEYS = {
+    "verb",
+    "settings",
+    "engine",
+    "origin",
+    "seed",
+    "repose",
+    "commit",
+    "processor",
+    "python",
+    "numpy",
+    "numba",
+}
+WRITERS = {
+    "a.json": lambda path: files.write_json(path, {"x": 1}),
+    "a.npz": lambda path: files.write_npz(path, {"x": np.arange(3)}),
+    "a.png": lambda path: files.write_image(path, np.full((4, 5, 3), 7, np.uint8)),
+    "a.csv": lambda path: files.write_table(path, pd.DataFrame({"x": [1, 2]})),
+    "a.html": lambda path: files.write_text(path, "<p>"),
+}
+
+
+def changed(**sections):
+    return CONFIG | {name: CONFIG[name] | keys for name, keys in sections.items()}
+
+
+def run(verb, paths, write, config=CONFIG, apparatus=None, strategy=None):
+    def settings_of(one, bench_test):
+        return stands_on.settings_of(one, verb, bench_test, name=strategy)
+
+    runs = {"pour": "made", "measure_runs": "measured"}.get(verb, "")
+    with provenance.stage(verb, paths, settings_of, apparatus, runs, strategy):
+        provenance.note_config(config)
+        write()
+
+
+def pour(path, config=CONFIG, apparatus="funnel"):
+    run("pour", (), lambda: files.write_json(path, {"pours": []}), config, apparatus)
+    return path
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_every_type_of_file_carries_the_record_and_equal_runs_are_equal_bytes(
+    tmp_path, name
+):
+    paths = [tmp_path / folder / name for folder in ("one", "two")]
+    for path in paths:
+        run("design", (), lambda path=path: WRITERS[name](path))
+    record = attached.read(paths[0])
+    assert set(record) == KEYS
+    assert (record["verb"], record["seed"], record["engine"]) == (
+        "design",
+        CONFIG["design"]["seed"],
+        None,
+    )
+    for file in (tmp_path / "one").iterdir():
+        assert file.read_bytes() == (tmp_path / "two" / file.name).read_bytes()
+
+
+def test_readers_leave_the_record_out_and_without_a_stage_a_file_is_plain(tmp_path):
+    for name, write in WRITERS.items():
+        write(tmp_path / name)
+        assert attached.read(tmp_path / name) is None
+    assert {path.name for path in tmp_path.iterdir()} == {*WRITERS, ".repose"}
+    run(
+        "design",
+        (),
+        lambda: [write(tmp_path / name) for name, write in WRITERS.items()],
+    )
+    assert files.read_json(tmp_path / "a.json") == {"x": 1}
+    assert list(files.read_npz(tmp_path / "a.npz")) == ["x"]
+    assert list(files.read_table(tmp_path / "a.csv")) == ["x"]
+    np.testing.assert_array_equal(
+        cv2.imread(str(tmp_path / "a.png")), np.full((4, 5, 3), 7)
+    )
+
+
+@pytest.mark.parametrize(("verb", "same", "other"), [
+    ("pour", {"network": {"hidden": 3}}, {"simulation": {"gravity_m_s2": 1.62}}),
+    ("pour", {"funnel": {"seeds": 9}}, {"funnel": {"berries": 9}}),
+    ("measure_runs", {"miga": {"islands": 9}}, {"measure": {"mm_per_pixel": 9.0}}),
+    ("network", {"funnel": {"berries": 9}}, {"network": {"hidden": 3}}),
+])  # fmt: skip
+def test_settings_are_those_that_the_stage_reads(tmp_path, verb, same, other):
+    hashes = []
+    for k, changes in enumerate(({}, {"design": {}}, same, other)):
+        path = tmp_path / f"{k}.json"
+        config = changed(**changes) | {"label": f"study {k}", "results_dir": str(k)}
+        run(verb, (), lambda path=path: files.write_json(path, {}), config)
+        hashes.append(attached.read(path)["settings"])
+    assert hashes[0] == hashes[1] == hashes[2] != hashes[3]
+
+
+def test_a_berrys_sizes_count_by_their_content(tmp_path):
+    sizes, hashes = tmp_path / "sizes.csv", []
+    for folder, text in (("a", "1"), ("b", "1"), ("b", "2")):
+        sizes = written(tmp_path / f"{folder}.csv", text)
+        hashes.append(
+            provenance.hash_of(
+                stands_on.settings_of(changed(berry={"sizes": str(sizes)}), "berry")
+            )
+        )
+    assert hashes[0] == hashes[1] != hashes[2]
+
+
+def test_the_origin_follows_the_files_and_names_the_engine(tmp_path):
+    pours = [
+        pour(tmp_path / "a.json"),
+        pour(tmp_path / "b.json", changed(wall={"poisson_ratio": 0.2})),
+    ]
+    origins = []
+    for path in pours:
+        out = path.with_suffix(".measured.json")
+        run("measure_runs", [path], lambda out=out: files.write_json(out, {}))
+        record = attached.read(out)
+        assert (record["apparatus"], record["engine"]) == (
+            "funnel",
+            provenance.engine_hash(),
+        )
+        origins.append(record["origin"])
+    assert origins[0] != origins[1]
+
+
+def test_runs_and_results_of_two_settings_or_engines_are_refused_and_named(
+    tmp_path, monkeypatch
+):
+    paths = [
+        pour(tmp_path / "a.json"),
+        pour(tmp_path / "b.json", changed(simulation={"gravity_m_s2": 1.62})),
+    ]
+    other = r"b\.json: provenance\.origin is '\w{16}'; expected .* as in .*a\.json"
+    input_error(other, run, "measure_runs", paths, lambda: None)
+    run(
+        "measure_runs",
+        [paths[0], pour(tmp_path / "c.json", apparatus="drum")],
+        lambda: None,
+    )
+    first = pour(tmp_path / "a.json")
+    monkeypatch.setattr(provenance, "machine", lambda: {"processor": "another"})
+    run("measure_runs", [first, pour(tmp_path / "b.json")], lambda: None)
+    run(
+        "dataset",
+        [first],
+        lambda: files.write_table(tmp_path / "dataset.csv", pd.DataFrame({"x": [1]})),
+    )
+    monkeypatch.setattr(provenance, "engine_hash", lambda: "edited")
+    second = pour(tmp_path / "b.json")
+    other = r"b\.json: provenance\.engine is 'edited'; .* as in .*dataset\.csv"
+    input_error(
+        other, run, "validate", [tmp_path / "dataset.csv", second], lambda: None
+    )
+
+
+def test_results_of_other_settings_or_another_engine_are_found(tmp_path, monkeypatch):
+    path, own = pour(tmp_path / "a.json"), tmp_path / "own.json"
+    own.write_text("{}")
+    paths = [path, own, tmp_path / "missing.json"]
+    assert stands_on.outdated(CONFIG, paths) == []
+    assert stands_on.outdated(changed(network={"hidden": 3}), paths) == []
+    assert stands_on.outdated(changed(simulation={"gravity_m_s2": 1.62}), paths) == [
+        str(path)
+    ]
+    monkeypatch.setattr(stands_on, "engine_hash", lambda: "edited")
+    assert stands_on.outdated(CONFIG, paths) == [str(path)]
+
+
+def test_the_datasets_piles_are_a_studys_own_while_its_settings_and_files_are_theirs(
+    tmp_path,
+):
+    config = CONFIG | {"results_dir": str(tmp_path)}
+    piles, table = tmp_path / "heaps/001.json", tmp_path / "dataset.csv"
+    assert stands_on.own_dataset(config) is None
+    run("berry", (), lambda: files.write_json(tmp_path / "berry/berry.json", {}))
+    poured = pour(tmp_path / "heaps/001.pours.json")
+
+    def measured(one=CONFIG):
+        run(
+            "measure_runs",
+            [poured],
+            lambda: files.write_json(piles, {"runs": []}),
+            one,
+            "funnel",
+        )
+        run(
+            "dataset",
+            [piles],
+            lambda: files.write_table(table, pd.DataFrame({"x": [1]})),
+        )
+
+    measured()
+    assert stands_on.own_dataset(config) == table
+    for section in (
+        {"berry": {"density_kg_m3": 900.0}},
+        {"measure": {"views": 3}},
+        {"funnel": {"berries": 7}},
+    ):
+        assert (
+            stands_on.own_dataset(changed(**section) | {"results_dir": str(tmp_path)})
+            is None
+        ), section
+    measured(changed(measure={"views": 3}))
+    assert stands_on.own_dataset(config) is None
+    measured()
+    os.utime(table, (0, 0))  # older than a pile
+    assert stands_on.own_dataset(config) is None
+    table.write_text("x")
+    (tmp_path / "dataset.csv.provenance.json").unlink()
+    assert stands_on.own_dataset(config) is None
+
+
+def test_an_outdated_batch_and_what_a_study_no_longer_has(tmp_path):
+    path = tmp_path / "proposal.json"
+    run("propose", (), lambda: files.write_json(path, {}), strategy="sequential")
+    assert stands_on.outdated(changed(network={"hidden": 3}), [path]) == []
+    assert stands_on.outdated(changed(sequential={"checks": 3}), [path]) == [str(path)]
+    paths = [
+        tmp_path / "a.json",
+        pour(tmp_path / "b.json", apparatus="drum"),
+        tmp_path / "c.json",
+    ]
+    run("propose", (), lambda: files.write_json(paths[0], {}))
+    run("propose", (), lambda: files.write_json(paths[2], {}), strategy="sequential")
+    lacking = {
+        key: value
+        for key, value in changed(sequential={"checks": 3}).items()
+        if key != "drum"
+    }
+    assert stands_on.outdated(lacking, paths) == [str(paths[2])]
+
+
+def test_the_processor_type_is_reported_with_what_stands_in_for_another(
+    tmp_path, monkeypatch
+):
+    told = "processor\t: 0\ncpu family\t: 26\nmodel\t\t: 2\nmodel name\t: AMD EPYC\n\nprocessor\t: 1\n"
+    monkeypatch.setattr(provenance, "CPU_INFO", written(tmp_path / "cpuinfo", told))
+    for name in provenance.FORCED_TYPES:
+        monkeypatch.delenv(name, raising=False)
+    assert provenance._processor() == "AMD EPYC, family 26, model 2"
+    monkeypatch.setenv("OPENBLAS_CORETYPE", "Haswell")
+    assert (
+        provenance._processor()
+        == "AMD EPYC, family 26, model 2, OPENBLAS_CORETYPE=Haswell"
+    )
+    monkeypatch.setattr(provenance, "CPU_INFO", tmp_path / "none")
+    assert provenance._processor().endswith(", OPENBLAS_CORETYPE=Haswell")
+
+
+def test_the_version_and_commit_are_those_of_the_code_that_runs(monkeypatch, tmp_path):
+    monkeypatch.setattr(provenance, "__version__", "9.9")
+    assert provenance.machine.__wrapped__()["repose"] == "9.9"
+    monkeypatch.setattr(
+        provenance, "PACKAGE", tmp_path / "lib" / "site-packages" / "repose"
+    )
+    monkeypatch.setattr(provenance.places, "root", lambda: tmp_path)
+    assert provenance._commit() is None
+    (tmp_path / provenance.BUILT_FROM).write_text("0123456789ab\n")
+    assert provenance._commit() == "0123456789ab"
+
+
+def test_the_verbs_write_it_and_a_verb_prints_it(tmp_path, command):
+    config, made = "config/quick.yaml", tmp_path / "samples.csv"
+    command("design", "--config", config, "--out", tmp_path)
+    output = dict(
+        line.split(maxsplit=1) for line in command("provenance", made).out.splitlines()
+    )
+    assert (output["verb"], output["seed"]) == ("design", str(CONFIG["design"]["seed"]))
+    assert set(json.loads(command("provenance", made, "--json").out)) == KEYS
+    assert (
+        "provenance is None; expected a result"
+        in command("provenance", config, status=2).err
+    )

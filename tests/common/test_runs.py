@@ -1,0 +1,156 @@
+"""Runs: their seeds, their use, their variance."""
+
+import math
+
+import numpy as np
+import pytest
+from refusals import value_error
+from scipy import stats
+from shared import one_run, run_python
+
+from repose.calibrate import variance
+from repose.calibrate.runs import Recorded, error_of, summarise_runs
+
+RECORDED = Recorded(
+    ("aor_deg", "height_mm", "discharge_s"), ("discharge_s",), ("aor_deg", "berries")
+)
+
+
+def test_the_mean_its_error_and_the_targets_in_front():
+    summary = summarise_runs(
+        [one_run(1, aor=20.0), one_run(2, aor=22.0), one_run(3, aor=27.0)], RECORDED
+    )
+    assert (summary["status"], summary["reason"], summary["n_seeds"]) == ("ok", "", 3)
+    assert summary["aor_deg"] == pytest.approx(23.0)
+    assert (summary["aor_se_deg"], summary["height_se_mm"]) == (
+        pytest.approx(math.sqrt((9 + 1 + 16) / 2 / 3)),
+        0.0,
+    )
+    assert summary["discharge_s"] == pytest.approx(17.0)
+    single = summarise_runs([one_run(1)], RECORDED)
+    assert (single["status"], single["aor_deg"], single["aor_se_deg"]) == (
+        "ok",
+        22.0,
+        None,
+    )
+    value_error("at least one run", summarise_runs, [], RECORDED)
+    ours = RECORDED.beginning_with(("discharge_s", "base_radius_mm"))
+    own = ("discharge_s", "discharge_se_s", "base_radius_mm", "base_radius_se_mm")
+    assert ours.summary == (
+        "status",
+        "reason",
+        "n_seeds",
+        *own,
+        "aor_deg",
+        "aor_se_deg",
+        "height_mm",
+        "height_se_mm",
+    )
+    assert ours.single == ("discharge_s", "base_radius_mm", "aor_deg", "berries")
+    same = Recorded(
+        RECORDED.means, RECORDED.without_error, ("aor_deg", "height_mm", "berries")
+    )
+    assert RECORDED.beginning_with(("aor_deg", "height_mm")) == same
+    assert error_of("packing_percent") == "packing_se_percent"
+    run_python(
+        "-c",
+        "import sys; from repose.calibrate.runs import summarise_runs; sys.exit('pandas' in sys.modules)",
+    )
+
+
+@pytest.mark.parametrize(("statuses", "expected"), [
+    (["ok", "jammed"], "ok"), (["ok", "jammed", "no_flank", "no_flank"], "no_flank"),
+    (["jammed", "no_flank"], "jammed"), (["unstable"], "unstable"), (["ok", "ok", "jammed", "jammed"], "ok"),
+])  # fmt: skip
+def test_status_is_ok_from_half_on_and_else_the_commonest(statuses, expected):
+    summary = summarise_runs(
+        [one_run(k, status) for k, status in enumerate(statuses)], RECORDED
+    )
+    assert summary["status"] == expected
+    assert (summary["aor_deg"] is None) is (expected != "ok")
+
+
+def normal_model(random, sizes, tau, sigma, mean=30.0):
+    """Values and groups of y_ij = mean + a_i + e_ij."""
+    groups = np.repeat(np.arange(len(sizes)), sizes)
+    return mean + (tau * random.normal(size=len(sizes)))[
+        groups
+    ] + sigma * random.normal(size=len(groups)), groups
+
+
+def test_components_are_those_by_hand_unbiased_and_covered_by_their_intervals():
+    values = [1, 3, 5, 7, 3, 5, 7]
+    one = variance.variance_components(values, list("aabbccc"))
+    between_square = (
+        2 * (2 - 31 / 7) ** 2 + 2 * (6 - 31 / 7) ** 2 + 3 * (5 - 31 / 7) ** 2
+    ) / 2
+    n0 = (7 - (4 + 4 + 9) / 7) / 2
+    assert (one.within, one.between) == (
+        pytest.approx(3),
+        pytest.approx((between_square - 3) / n0),
+    )
+    assert one.harmonic_seeds == pytest.approx(3 / (1 / 2 + 1 / 2 + 1 / 3))
+    assert (one.groups, one.values) == (3, 7)
+    # the means' variance is 13 / 3; F quantiles with 2 and 4 degrees of freedom (TH78)
+    h = one.harmonic_seeds
+    least, most = (
+        (h * (13 / 3) / (3 * stats.f.ppf(q, 2, 4)) - 1) / h for q in (0.975, 0.025)
+    )
+    assert least < one.icc_low == 0
+    assert one.icc_high == pytest.approx(most / (1 + most))
+    assert (one.within_low, one.within_high) == pytest.approx(
+        [12 / stats.chi2.ppf(q, 4) for q in (0.975, 0.025)]
+    )
+    random = np.random.default_rng(5)
+    sizes = np.where(np.arange(40) % 3 == 0, 3, 8)
+    found = [
+        variance.variance_components(*normal_model(random, sizes, 2.0, 1.5))
+        for _ in range(400)
+    ]
+    for name, true in (("within", 2.25), ("between", 4.0)):
+        values = np.array([getattr(components, name) for components in found])
+        assert values.mean() == pytest.approx(true, abs=4 * values.std() / 20)
+    for name, true in (("icc", 0.64), ("within", 2.25)):
+        inside = [
+            getattr(one, f"{name}_low") <= true <= getattr(one, f"{name}_high")
+            for one in found
+        ]
+        assert 0.91 < np.mean(inside) < 0.985  # 0.95 +- 3.3 standard errors of 400
+
+
+def test_variance_between_samples_seeds_for_an_error_and_residual_correlation():
+    random = np.random.default_rng(2)
+    values, groups = normal_model(random, [6] * 30, 0.0, 1.0)
+    one = variance.variance_components(values, groups)
+    assert one.icc_low == 0
+    assert one.icc < 0.15
+    # The true means of 4000 samples as predictions of means of k noisy seeds.
+    random = np.random.default_rng(3)
+    true = 2.0 * random.normal(size=4000)
+    one = variance.Components(1, 1, 0.0, 2.25, 2.25, 2.25, 4.0, 0.64, 0.6, 0.7, 8.0)
+    for seeds in (1, 4, 16):
+        seen = true + 1.5 / np.sqrt(seeds) * random.normal(size=4000)
+        reached = 1 - np.sum((seen - true) ** 2) / np.sum((seen - seen.mean()) ** 2)
+        assert one.reachable_r2(seeds) == pytest.approx(reached, abs=0.02)
+    assert one.seeds_for(0.5) == 9  # 1.5 / sqrt(9) exactly
+    assert (one.seeds_for(0.499), one.seeds_for(5.0)) == (10, 1)
+    value_error("standard_error is 0", one.seeds_for, 0)
+    random = np.random.default_rng(4)
+    groups = np.repeat(np.arange(200), 6)
+    shift = 10 * random.normal(size=200)
+    pair = random.multivariate_normal([0, 0], [[1, 0.5], [0.5, 1]], size=1200)
+    shifted = pair[:, 0] + shift[groups], pair[:, 1] - shift[groups]
+    value, low, high, freedom = variance.residual_correlation(*shifted, groups)
+    assert freedom == 1000
+    assert low < 0.5 < high
+    assert high - low == pytest.approx(
+        2 * 1.96 * (1 - value**2) / np.sqrt(998), rel=0.02
+    )
+
+
+@pytest.mark.parametrize(("values", "groups", "message"), [
+    ([1.0, 2.0], ["a", "b"], "2 values in 2 groups"), ([1.0, 2.0], ["a", "a"], "2 values in 1 groups"),
+    ([1.0, np.nan], ["a", "a"], "finite"), ([1.0], ["a", "a"], r"shape \(1,\)"),
+])  # fmt: skip
+def test_bad_values_are_reported(values, groups, message):
+    value_error(message, variance.variance_components, values, groups)

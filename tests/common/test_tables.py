@@ -1,0 +1,560 @@
+"""Tables as spreadsheets and other programs write them: each reader has the right numbers or the right sentence."""
+
+import functools
+import random
+import re
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from refusals import input_error
+from scipy import constants
+from shared import check_all, says, targets_of, written
+
+from repose.bench.parameters import PARAMETERS
+from repose.calibrate.strategies.runs import read_runs
+from repose.calibrate.uncertainty.discrepancy import of_shape_study
+from repose.common import files, tables
+from repose.common.errors import InputError
+from repose.common.tables import Column
+from repose.config.profiles import expanded_own
+from repose.config.study import Study
+from repose.grain.berry import of_files
+from repose.grain.berry_files import read_compression, read_sizes
+from repose.stages.parameter_sets import read_sample, read_samples
+from repose.stages.published import check_published, published_sets
+
+OWN = {
+    "simulator": "EDEM", "label": "seed", "seed": 1, "parameters": {"mus": [0.3, 0.5], "mur": [0.01, 0.05]},
+    "targets": {"angle_deg": {"value": 28.4, "sd": 0.6, "repetitions": 5}},
+}  # fmt: skip
+SIZES = "long_mm,major_mm,minor_mm\n21.5,11.25,10.5\n22.75,12.5,11.5\n20.5,10.75,9.5\n"
+TESTS = "test,force_n,length_1_mm,length_2_mm,width_1_mm,width_2_mm,breadth_mm\n"
+TESTS += "1,2.5,21.5,22.5,10.5,9.5,11.5\n2,2.75,22.5,23.5,11.5,10.5,12.5\n3,1.5,20.5,21.5,9.5,8.5,10.5\n"
+SETS = f"sample,{','.join(PARAMETERS)}\n" + "".join(
+    f"{k},0.{k}5,0.5,0.04,0.25,0.55,0.15\n" for k in (1, 2, 3)
+)
+PUBLISHED = SETS.replace("sample", "solution")
+ROWS = (
+    f"{k},{run},0.{3 + k % 2}{k},0.0{1 + k},2{k}.{run}5\n"
+    for k in (1, 2, 3, 4)
+    for run in (1, 2)
+)
+RUNS = f"sample,run,mus,mur,angle_deg\n{''.join(ROWS)}"
+MODELS = "particle,tension,filling,eligible,distance,aor_difference_deg,aor_se_deg\n"
+MODELS += "".join(f"p{k},keep,open,{k < 7},0.{k}5,{k}.5,0.25\n" for k in range(8))
+PROFILE = "x_mm,z_mm\n" + "".join(f"{k}.5,{9 - k}.25\n" for k in range(8))
+NO_NUMBERS = (
+    "1_0",
+    "１２",
+    "1:30",
+    "0x10",
+    "inf",
+    "-inf",
+    "1e999",
+    "many",
+    "1 2",
+    "1.234,5",
+    "2022-05-01",
+)
+NO_RESULTS = (
+    "#DIV/0!", "#VALORE!", "#N/A", "########", "#value!", "#REF!", "#NAME?", "#WERT!", "#NV", "#ДЕЛ/0!", "#I/T",
+)  # fmt: skip
+SUMMARIES = (
+    "Mean", "average", "SD", "Std. Dev.", "min", "MAX", "CV (%)", "n", "sum", "Total:", "Mittelwert", "Median",
+    "Mean (n=20)", "mean ± sd", "Average size", "Durchschnitt", "95% CI", "N=20", "écart-type", "Ø", "平均", "S.D.",
+    "St. Dev.", "SE mean", "Coefficient of variation", "C.V.", "Grand mean", "Totals", "IQR", "50%", "μ", "x̄",
+    "±", "Média", "Desvio padrão", "Среднее", "gem.", "標準偏差",
+)  # fmt: skip
+NAMES = ("Meander", "N1", "SE-12", "Max3", "sandy", "q12", "total 7")  # of grains
+
+
+def numbers(table):
+    return table.select_dtypes("number").to_numpy(float).tolist()
+
+
+def shape(path):
+    """What a shape study says of one target."""
+    found = of_shape_study(path, targets_of(aor_deg=30.0))
+    return [found.mean.tolist(), found.covariance.tolist(), found.models]
+
+
+def sets(path):
+    """The published sets, once the table is checked."""
+    check_published(path)
+    return [list(one.values()) for one in published_sets(path)]
+
+
+def profile(path):
+    found = expanded_own(
+        {"surface_mm": {"file": str(path), "sd": 0.3, "repetitions": 3}}, "own.yaml"
+    )
+    return [one["value"] for one in found.values()]
+
+
+@functools.cache
+def own_study():
+    return Study.own(OWN)
+
+
+# Reader: a good table, a column of numbers, and a function that gives its numbers.
+READERS = {
+    "sizes": (SIZES, "major_mm", lambda path: numbers(read_sizes(path))),
+    "compression": (TESTS, "breadth_mm", lambda path: numbers(read_compression(path))),
+    "samples": (SETS, "mus_gg", lambda path: numbers(read_samples(path))),
+    "sample": (SETS, "mus_gg", lambda path: list(read_sample(path, 2).values())),
+    "published": (PUBLISHED, "mus_gg", sets),
+    "runs": (RUNS, "angle_deg", lambda path: numbers(read_runs(path, own_study()))),
+    "shape study": (MODELS, "aor_difference_deg", shape),
+    "profile": (PROFILE, "z_mm", profile),
+}
+
+
+STRANGERS = READERS | {
+    "b": ("", "b", lambda path: tables.read(path, [Column("b")]).values["b"])
+}
+
+
+def cells(text):
+    return [line.split(",") for line in text.splitlines()]
+
+
+def joined(rows, separator=",", end="\n"):
+    return "".join(separator.join(row) + end for row in rows)
+
+
+def with_commas(rows):
+    return [
+        [re.sub(r"^(-?\d+)\.(\d+)$", r"\1,\2", cell) for cell in row] for row in rows
+    ]
+
+
+GOOD = {
+    "semicolons": lambda rows: joined(rows, ";"),
+    "semicolons and decimal commas": lambda rows: joined(with_commas(rows), ";"),
+    "tabs": lambda rows: joined(rows, "\t"),
+    "tabs and decimal commas": lambda rows: joined(with_commas(rows), "\t"),
+    "quoted decimal commas": lambda rows: joined(
+        [[f'"{cell}"' for cell in row] for row in with_commas(rows)]
+    ),
+    "blanks after commas": lambda rows: joined(rows, ", "),
+    "blanks before commas": lambda rows: joined(rows, " ,"),
+    "no-break spaces": lambda rows: joined(rows, "\N{NO-BREAK SPACE},"),
+    "empty columns at the end": lambda rows: joined([[*row, "", ""] for row in rows]),
+    "empty rows": lambda rows: joined(
+        [rows[0], [""] * len(rows[0]), *rows[1:], [""] * len(rows[0]), [""]]
+    ),
+    "a line that names the separator": lambda rows: "sep=;\n" + joined(rows, ";"),
+    "comments": lambda rows: (
+        f'# of "mine"\n{joined(rows[:2])}# again\n{joined(rows[2:])}'
+    ),
+    "CRLF": lambda rows: joined(rows, end="\r\n"),
+    "CR": lambda rows: joined(rows, end="\r"),
+    "quotes": lambda rows: joined([[f'"{cell}"' for cell in row] for row in rows]),
+    "exponents": lambda rows: joined(
+        [[re.sub(r"^(\d)\.(\d+)$", r"\1.\2E+00", cell) for cell in row] for row in rows]
+    ),
+    "a mark of UTF-8": lambda rows: joined(rows).encode("utf-8-sig"),
+    "text of Excel": lambda rows: joined(rows, "\t", "\r\n").encode("utf-16"),
+    "UTF-16 of another processor": lambda rows: (
+        b"\xfe\xff" + joined(rows).encode("utf-16-be")
+    ),
+}
+
+
+def test_every_reader_reads_what_spreadsheets_write(tmp_path):
+    def check(reader, change):
+        text, _, read = READERS[reader]
+        expected = read(written(tmp_path / "a.csv", text))
+        assert read(written(tmp_path / "a.csv", GOOD[change](cells(text)))) == expected
+        assert expected
+
+    check_all(
+        check,
+        [
+            (f"{reader}, {change}", reader, change)
+            for reader in READERS
+            for change in GOOD
+        ],
+    )
+
+
+def fault(reader, path, content):
+    return str(
+        input_error(
+            f"^{re.escape(str(path))}", STRANGERS[reader][2], written(path, content)
+        )
+    )
+
+
+def test_every_reader_names_row_and_column_of_what_is_no_number(tmp_path):
+    def check(reader, column, value):
+        rows = cells(READERS[reader][0])
+        rows[2][rows[0].index(column)] = value
+        assert f"row 2: {column} is '{value}'; expected " in fault(
+            reader, tmp_path / "a.csv", joined(rows, ";")
+        )
+
+    cases = [
+        (name, reader[1], value)
+        for name, reader in READERS.items()
+        for value in (*NO_NUMBERS, *NO_RESULTS)
+    ]
+    check_all(check, [(", ".join(case), *case) for case in cases])
+
+
+def test_every_measured_and_published_cell_is_a_number_that_can_be(tmp_path):
+    def check(reader, column, value):
+        rows = cells(READERS[reader][0])
+        rows[2][column] = value
+        # a comma makes another cell of it
+        assert f"row 2: {'cells' if ',' in value else rows[0][column]} is" in fault(
+            reader, path, joined(rows)
+        )
+
+    path, values = (
+        tmp_path / "a.csv",
+        (*NO_NUMBERS, "", "nan", "-1", "1,5", "²", "None", "TRUE", "'1'"),
+    )
+    measured = [
+        (reader, k)
+        for reader, first, end in (("sizes", 0, 3), ("compression", 1, 7))
+        for k in range(first, end)
+    ]
+    cases = [(*place, value) for place in measured for value in (*values, "0")]
+    cases += [("published", k, value) for k in range(1, 7) for value in values]
+    check_all(check, [(f"{case}", *case) for case in cases])
+
+
+def test_a_formula_without_result_is_no_comment_wherever_it_stands(tmp_path):
+    def check(reader, value, k):
+        rows = [
+            [*row, f"note {number}"]
+            for number, row in enumerate(cells(READERS[reader][0]))
+        ]
+        rows[2][k] = value
+        assert f"row 2: {rows[0][k]} is '{value}'; expected " in fault(
+            reader, tmp_path / "a.csv", joined(rows)
+        )
+
+    check_all(
+        check,
+        [
+            (f"{r}, {v}, {k}", r, v, k)
+            for r in READERS
+            for v in NO_RESULTS[:4]
+            for k in (0, -1)
+        ],
+    )
+
+
+def test_a_row_that_sums_up_others_is_refused_by_its_word(tmp_path):
+    def check(reader, word, label):
+        rows = [[*row, "seen by me"] for row in cells(READERS[reader][0])]
+        last = [*rows[-1]]
+        rows[0][-1] = "label"
+        last[-1 if label else 0] = word
+        message = fault(reader, tmp_path / "a.csv", joined([*rows, last]))
+        assert (
+            f"row {len(rows)}: {rows[0][-1 if label else 0]} is '{word}'; expected a row of its own"
+            in message
+        )
+        assert message.count("\n") == 0
+
+    check_all(
+        check,
+        [
+            (f"{r}, {word}, {k}", r, word, k)
+            for r in READERS
+            for word in SUMMARIES
+            for k in (False, True)
+        ],
+    )
+
+
+def test_a_column_that_says_something_of_each_run_is_no_summary(tmp_path):
+    path, column = tmp_path / "a.csv", tables.Column("b")
+    for words in (
+        ["Y", "Y", "N"],
+        ["N", "Y", "Y"],
+        ["mean"] * 3,
+        ["true", "false", "true"],
+    ):
+        rows = "".join(f"{k},{k},{word}\n" for k, word in enumerate(words))
+        assert tables.read(written(path, f"a,b,said\n{rows}"), [column]).values[
+            "b"
+        ] == [0, 1, 2]
+    words = tables.read(
+        written(path, "b,said\n1,NA\n2,null\n"), [column, tables.Column("said", str)]
+    ).frame()["said"]
+    assert list(words) == ["NA", "null"]
+
+
+def test_a_name_like_a_summary_is_a_row_and_a_row_is_no_comment(tmp_path):
+    path, header = tmp_path / "a.csv", "grain,long_mm,major_mm,minor_mm\n"
+    rows = "".join(f"{name},9.{k},8.{k},5\n" for k, name in enumerate(NAMES))
+    assert len(
+        read_sizes(
+            written(path, f"##########\n## by hand\n# a,b,c,d\n#note\n{header}{rows}")
+        )
+    ) == len(NAMES)
+    for text, line in (
+        (f"{header}{rows}#8,9,8,5\n", "#8,9,8,5"),
+        (f"#{header}{rows}", f"#{header.strip()}"),
+    ):
+        assert f"line is '{line}'; expected a row that begins without #" in fault(
+            "sizes", path, text
+        )
+    written(path, b"PK\x03\x04" + bytes(40))
+    input_error("file is 'a workbook'; expected .*as CSV", read_sizes, path)
+
+
+@pytest.mark.parametrize(
+    "case",
+    yaml.safe_load(Path(__file__).with_name("strangers.yaml").read_text()).items(),
+)
+def test_a_strangers_table_is_read_or_refused_for_its_cause(case, tmp_path):
+    name, (reader, text, expected) = case
+    path = written(tmp_path / "a.csv", text)
+    if isinstance(expected, str):
+        assert expected in fault(reader, path, text), name
+    else:
+        assert len(STRANGERS[reader][2](path)) == expected, name
+
+
+def test_many_rows_with_decimal_commas_take_seconds(tmp_path):
+    path = written(
+        tmp_path / "a.csv", "long_mm;major_mm;minor_mm\n" + "9,5;8,5;5,5\n" * 50_000
+    )
+    began = time.process_time()
+    assert len(read_sizes(path)) == 50_000
+    assert (
+        time.process_time() - began < 10.0
+    )  # a copy of the column for each cell took minutes
+
+
+def test_a_number_that_is_repeated_is_refused_with_both_rows(tmp_path):
+    for reader, words in (
+        ("compression", "row 3: test is '1'; expected each test once; row 1 has it"),
+        ("samples", "row 3: sample is 1; expected each sample once; row 1 has it"),
+        ("sample", "row 3: sample is 1; expected each sample once; row 1 has it"),
+        (
+            "published",
+            "row 3: solution is '1'; expected each solution once; row 1 has it",
+        ),
+        ("runs", "row 3: sample and run is [1, '1']; expected each once; row 1 has"),
+    ):
+        rows = cells(READERS[reader][0])
+        rows[3] = [rows[1][0], *rows[3][1:]] if reader != "runs" else rows[1]
+        assert words in fault(reader, tmp_path / "a.csv", joined(rows))
+
+
+def test_all_faults_of_a_table_are_told_at_once_up_to_thirty(tmp_path):
+    message = fault(
+        "sizes",
+        tmp_path / "a.csv",
+        SIZES.replace("21.5", "a").replace("12.5", "b").replace("9.5", "-1"),
+    )
+    assert [line.rpartition("row ")[2][:1] for line in message.splitlines()] == [
+        "1",
+        "2",
+        "3",
+    ]
+    assert (
+        len(fault("sizes", tmp_path / "a.csv", SIZES + "x,y,z\n" * 20).splitlines())
+        == 31
+    )
+
+
+def test_commas_that_may_be_decimal_or_of_thousands_are_told(tmp_path):
+    path, column = tmp_path / "a.csv", Column("b")
+    for reader in ("sizes", "compression", "published"):
+        assert "rows is 0" in fault(reader, path, READERS[reader][0].splitlines()[0])
+    assert tables.read(written(path, "a\tb\n0,5\t1,234\n"), [column]).values["b"] == [
+        1.234
+    ]
+    assert tables.read(written(path, "a;b\n1;1,234\n"), [column]).values["b"] == [1.234]
+
+
+def test_a_column_is_what_it_is_declared_to_be(tmp_path):
+    declared = {
+        "whole": (
+            Column("b", int, 1, 9),
+            "a whole number from 1 to 9",
+            ["1", "9", "2.0"],
+            ["0", "1.5", "10", ""],
+        ),
+        "share": (
+            Column("b", float, 0, above=True),
+            "a number above 0",
+            ["1e-9"],
+            ["0", "-1", "nan"],
+        ),
+        "above": (
+            Column("b", float, 2, above=True),
+            "a number above 2",
+            ["2.1"],
+            ["2"],
+        ),
+        "most": (
+            Column("b", high=2.0),
+            "a number up to 2",
+            ["-3", "2"],
+            ["2.1", "-inf"],
+        ),
+        "nothing": (
+            Column("b", empty=True),
+            "a finite number, or nothing",
+            ["", "NaN", "n/a"],
+            ["inf", "x"],
+        ),
+        "truth": (
+            Column("b", bool),
+            "True or False",
+            ["TRUE", "false ", "True"],
+            ["yes", "2", "", "1"],
+        ),
+        "words": (Column("b", words="this"), "this", ["1"], ["x"]),
+    }
+
+    def check(column, words, cell, good):
+        path = written(tmp_path / "a.csv", f"a,b\n1,{cell}\n")
+        if good:
+            assert len(tables.read(path, [column]).values["b"]) == 1
+        else:
+            input_error(
+                re.escape("row 1: b is ") + f".*expected {re.escape(words)}$",
+                tables.read,
+                path,
+                [column],
+            )
+
+    cases = []
+    for name, (column, words, good, bad) in declared.items():
+        cells_of = [(cell, True) for cell in good] + [(cell, False) for cell in bad]
+        cases += [
+            (f"{name} {cell!r}", column, words, cell, is_good)
+            for cell, is_good in cells_of
+        ]
+    check_all(check, cases)
+
+
+def test_an_eligible_model_is_true_or_false_alone(tmp_path):
+    expected = shape(written(tmp_path / "a.csv", MODELS))
+    for cell in ("FALSE", "false", "False "):
+        assert (
+            shape(written(tmp_path / "a.csv", MODELS.replace("False", cell)))
+            == expected
+        )
+    for cell in ("no", "2", "", "0"):
+        message = fault(
+            "shape study", tmp_path / "a.csv", MODELS.replace("False", cell)
+        )
+        assert f"row 8: eligible is '{cell}'; expected True or False" in message
+
+
+def test_a_wrong_unit_is_told_with_its_file_and_the_likely_one(tmp_path):
+    sizes = written(tmp_path / "sizes.csv", SIZES)
+
+    def message(tests):
+        return str(
+            input_error(
+                "expected",
+                of_files,
+                sizes,
+                written(tmp_path / "tests.csv", tests),
+                None,
+                840.0,
+            )
+        )
+
+    def scaled(text, factor, *columns):
+        header, *rows = cells(text)
+        own = [header.index(column) for column in columns]
+        changed = (
+            [repr(float(x) * factor) if k in own else x for k, x in enumerate(row)]
+            for row in rows
+        )
+        return joined([header, *changed])
+
+    of_files(sizes, written(tmp_path / "tests.csv", TESTS), None, 840.0)
+    tests_in_m = scaled(TESTS, 1e-3, "width_1_mm", "width_2_mm", "breadth_mm")
+    assert re.search(
+        r"tests\.csv: width_1_mm is .* near that of minor_mm", message(tests_in_m)
+    )
+    for unit, factor in (("cm", 0.1), ("m", 1e-3), ("um", 1e3)):
+        words = rf"tests\.csv: breadth_mm is .*near that of major_mm .*; in {unit} instead of mm\?"
+        assert re.search(words, message(scaled(TESTS, factor, "breadth_mm")))
+    for unit, factor in (("kN", 1e-3), ("mN", 1e8)):
+        words = rf"tests\.csv: force_n is .*; in {unit} instead of N\?"
+        assert re.search(words, message(scaled(TESTS, factor, "force_n")))
+    newtons = {"kN": 1e3, "kgf": constants.kgf, "gf": 1e-3 * constants.kgf, "mN": 1e-3}
+    millimetres = {"m": 1e3, "inches": 1e3 * constants.inch, "cm": 10.0, "um": 1e-3}
+    for unit, own in (("N", newtons), ("mm", millimetres)):
+        assert [
+            tables.other_unit(unit, 0.5 / size).split()[2] for size in own.values()
+        ] == list(own)
+    for columns, factor, unit in (
+        (["force_n"], 1e3, "mN"), (["force_n"], 102.0, "gf"), (["force_n"], 1e-3, "kN"), (["breadth_mm"], 0.1, "cm"),
+        (["width_1_mm", "width_2_mm"], 0.1, "cm"),
+    ):  # fmt: skip
+        lines = TESTS.splitlines()
+        lines[2] = scaled(f"{lines[0]}\n{lines[2]}\n", factor, *columns).splitlines()[1]
+        words = rf"tests\.csv, row 2: {columns[0]} is .*of the median, .*; in {unit} instead of"
+        assert re.search(words, message("\n".join(lines)))
+    assert re.search(
+        "row 1: width_2_mm is .* at least half of it",
+        message(scaled(TESTS, 0.1, "width_2_mm")),
+    )
+    assert re.search(
+        "row 1: length_2_mm is 20", message(scaled(TESTS, 0.9, "length_2_mm"))
+    )
+    axes = cells(SIZES)[0]
+    in_m = fault("sizes", sizes, scaled(SIZES, 1e-3, *axes))
+    assert re.search(r"long_mm is 0\.0215.*; expected a median from 0\.5 to 2000", in_m)
+    written(sizes, scaled(SIZES, 0.1, *axes))
+    assert re.search(
+        r"tests\.csv: length_1_mm is .*; is .*sizes\.csv in cm instead of mm\?",
+        message(TESTS),
+    )
+    message = fault("sizes", sizes, f"{SIZES}2.15,1.15,1.05\n")
+    says(
+        message,
+        "row 4: long_mm is 2.15; expected within a factor of 5 of the median",
+        "; in cm instead of mm?",
+    )
+
+
+def test_random_changes_of_good_tables_end_in_numbers_or_in_a_sentence(tmp_path):
+    path = tmp_path / "a.csv"
+    bits = (*',;\t"\n\r#-e.\0\ufeffé ', "# ", "nan", "1e400", "=A1", "True")
+
+    def check(reader, seed):
+        rng, text = random.Random(seed), READERS[reader][0]
+        for _ in range(rng.randint(1, 4)):
+            k, n = rng.randrange(len(text) + 1), rng.choice((0, 0, 1, 5, 40))
+            text = text[:k] + rng.choice(("", *bits)) + text[k + n :]
+        try:
+            found = READERS[reader][2](written(path, text))
+        except InputError as error:
+            said = str(error)
+        else:
+            said = str(path)
+            assert np.isfinite(np.concatenate([np.ravel(one) for one in found])).all()
+        assert str(path) in said
+
+    check_all(
+        check,
+        [
+            (f"{reader}, {seed}", reader, seed)
+            for reader in READERS
+            for seed in range(200)
+        ],
+    )
+
+
+def test_what_is_no_plain_file_is_not_read(tmp_path):
+    for read in (tables.sheet, files.read_json):
+        input_error(r"/dev/zero: .* is .*a device or a pipe", read, "/dev/zero")

@@ -1,0 +1,118 @@
+"""Targets, their profiles, and the space of parameters."""
+
+import numpy as np
+import pytest
+import shared
+from refusals import input_error
+
+from repose.bench.parameters import PARAMETERS
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.profiles import Profile
+from repose.calibrate.responses import response
+from repose.calibrate.targets import Targets
+from repose.stages.published import published_responses, to_simulate
+
+SLIP = shared.target("drum_slip_deg", 40.0, 1.0, 38, 42, 4)
+X = np.sort(np.random.default_rng(1).uniform(-24.0, 20.0, 23))  # at no regular distance
+RANGES = dict.fromkeys(PARAMETERS, (0.1, 0.4)) | {"mur_gp": (0.2, 0.3)}
+
+
+def test_targets_give_names_and_numbers_and_count_published_solutions(tmp_path):
+    targets = Targets.of([SLIP | {"weight": 2.0}, *shared.TARGETS])
+    assert targets.names == ("drum_slip_deg", "aor_deg", "height_mm")
+    assert targets.predicted == (
+        "drum_slip_predicted_deg",
+        "aor_predicted_deg",
+        "height_predicted_mm",
+    )
+    assert targets.errors == ("drum_slip_se_deg", "aor_se_deg", "height_se_mm")
+    assert (targets.apparatus, targets.weight.tolist()) == (
+        ("drum", "funnel"),
+        [2.0, 1.0, 1.0],
+    )
+    assert (targets.standard_error[0], targets.aim.tolist()) == (
+        0.5,
+        [40.0, 32.87, 65.57],
+    )
+    targets = Targets.of([*shared.TARGETS, SLIP])
+    assert Targets(targets[:1]).in_words(["32.9"]) == "32.9 deg"
+    assert Targets(targets[:2]).in_words(["32.9", "66"]) == "32.9 deg and 66 mm"
+    assert (
+        targets.in_words(["32.9", "66", "40"])
+        == "AoR 32.9 deg, Height 66 mm and slip 40 deg"
+    )
+    wanted = r"targets: response is 'colour'; expected one of aor_deg, "
+    input_error(wanted, Targets.of, [SLIP | {"response": "colour", "range": [0, 1]}])
+    path = tmp_path / "table4.csv"
+    columns = [
+        "solution",
+        *PARAMETERS,
+        "height_predicted_mm",
+        "height_simulated_mm",
+        "aor_simulated_deg",
+    ]
+    path.write_text(",".join(columns) + "\n" + ",".join(["22"] + 9 * ["0.5"]) + "\n")
+    height, angle = response("height_mm"), response("aor_deg")
+    assert published_responses(columns, (angle, height)) == (height,)
+    assert to_simulate(path, (angle, height)) == ["22"]
+    assert to_simulate(path, (angle,)) == to_simulate(None, (height,)) == []
+    path.write_text("solution,e_gg\n")
+    input_error(
+        r"table4\.csv: column mus_gg is 'missing'", to_simulate, path, (height,)
+    )
+
+
+def of(heights, functions=5):
+    return Profile("surface_mm", tuple(X), tuple(heights), functions)
+
+
+def test_distances_of_profiles_are_those_of_scores_named_with_their_unit():
+    profile, random = of(X), np.random.default_rng(2)
+    one, other = random.normal(size=(2, 5))
+    off = profile.heights(one) - profile.heights(other)
+    assert np.mean(off**2) == pytest.approx(np.sum((one - other) ** 2), rel=1e-12)
+    np.testing.assert_allclose(profile.scores(profile.heights(one)), one, atol=1e-12)
+    # Parseval with the residual: mean square of all heights, of the scores, of the rest.
+    heights = 20 * np.cos(X / 8)
+    profile = of(heights)
+    rest = np.std(heights - profile.heights(profile.scores(heights)))
+    assert np.mean(heights**2) == pytest.approx(profile.height**2 + rest**2, rel=1e-12)
+    assert rest > 0.1
+    cubic = 3 + X - 0.01 * X**2 + 1e-3 * X**3
+    np.testing.assert_allclose(
+        of(cubic, functions=4).heights(of(cubic, functions=4).scores(cubic)),
+        cubic,
+        atol=1e-11,
+    )
+    mean, slope, *others = of(2.0 - 0.8 * X).scores(2.0 - 0.8 * X)
+    assert mean == pytest.approx(np.mean(2.0 - 0.8 * X))
+    assert slope == pytest.approx(-0.8 * np.std(X))
+    np.testing.assert_allclose(others, 0.0, atol=1e-12)
+    profile = of(2.0 - 0.8 * X)
+    off = profile.heights(0.01 * profile.whole * np.array([1, -1, 1, 1, -1]))
+    assert np.sqrt(np.mean(off**2)) == pytest.approx(0.01 * profile.height)
+    assert tuple(of(X, functions=3).columns(X)) == (
+        "surface_1_mm",
+        "surface_2_mm",
+        "surface_3_mm",
+    )
+
+
+def test_fixed_parameters_and_the_range_of_a_prior():
+    space = ParameterSpace.of(RANGES | {"mus_gg": {"fixed": 0.55}})
+    assert space.dimensions == 5
+    unit = np.random.default_rng(1).uniform(size=(4, 5))
+    values = space.values(unit)
+    assert values[:, PARAMETERS.index("mus_gg")].tolist() == 4 * [0.55]
+    np.testing.assert_allclose(space.unit(values), unit, atol=1e-12)
+    assert (space.centre["mus_gg"], space.centre["mur_gp"]) == (0.55, 0.25)
+    space = ParameterSpace.of(RANGES | {"mus_gg": {"prior": {"mean": 0.05, "sd": 0.1}}})
+    k = space.free.index("mus_gg")
+    assert (space.low[k], space.high[k]) == pytest.approx((0.0, 0.35))
+    space = ParameterSpace.of(
+        RANGES | {"mus_gg": {"prior": {"mean": 0.3, "sd": 0.1}, "range": [0.2, 0.5]}}
+    )
+    assert (space.low[k], space.high[k]) == (0.2, 0.5)
+    unit = np.full((2, 6), 0.5)
+    unit[0, k] = 1 / 3  # the mean
+    np.testing.assert_allclose(space.log_prior(unit), [0.0, -0.5 * 0.25])

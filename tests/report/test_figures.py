@@ -1,0 +1,435 @@
+"""Figures: each can be drawn, the same way twice, and says what it has to say."""
+
+import functools
+import json
+from itertools import combinations
+
+import numpy as np
+import pandas as pd
+import pytest
+from made_up import CONFIG, inputs_of, made_up_inputs, words, write_network
+from matplotlib.colors import to_rgb
+from PIL import Image
+from refusals import input_error, not_refused
+from shared import ROOT, says
+
+from repose.common.errors import InputError
+from repose.grain.berry_files import read_berry
+from repose.grain.particle import Particle
+from repose.measure import pile, saved_pours
+from repose.measure.angles import DEFINITIONS
+from repose.measure.saved_piles import side_view
+from repose.report import figures
+from repose.report.figures import (
+    berries,
+    checks,
+    plane,
+    rotation,
+    samples,
+    search,
+    style,
+    surrogate,
+    testbench,
+)
+from repose.report.renderer.scenery import look_at
+
+LINE = "line fitted to the side from 30 to 80 % of the height"
+
+
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory):
+    return made_up_inputs(tmp_path_factory.mktemp("inputs"))
+
+
+def size_of(path):
+    return Image.open(path).size
+
+
+# Drawn in tests/calibrate/strategies and, the last, in test_figures_of_targets.py.
+ELSEWHERE = {
+    "pareto_screening",
+    "pareto_surface",
+    "perturbation",
+    "contours",
+    "sequential",
+    "profiles",
+}
+
+
+def read_by(name):
+    """What the figure reads of the configuration, as its decorator says, and what is read for every figure."""
+    kept = {key: CONFIG[key] for key in ("small_run", "targets", "measure")}
+    for section, _, key in (
+        dotted.partition(".") for dotted in figures.FIGURES[name].reads
+    ):
+        kept[section] = (
+            kept.get(section, {}) | {key: CONFIG[section][key]}
+            if key
+            else CONFIG[section]
+        )
+    return kept
+
+
+def draw_small(name, inputs, path):
+    """Draw a figure with small pictures in it from what it says that it reads, and return it as it was saved."""
+    saved, save = [], style.save
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(testbench, "PILE_PIXELS", 300)
+        patch.setattr(rotation, "PIXELS", 120)
+        patch.setattr(berries, "PICTURE_PIXELS", 100)
+        patch.setattr(
+            style, "save", lambda *words: saved.append(words[0]) or save(*words)
+        )
+        figures.draw(name, inputs_of(name, inputs), path, read_by(name))
+    return saved[0]
+
+
+@pytest.fixture(scope="module")
+def drawn(inputs, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("drawn")
+    return functools.cache(
+        lambda name: (draw_small(name, inputs, path := folder / f"{name}.png"), path)
+    )
+
+
+DRAWN = sorted(set(figures.FIGURES) - ELSEWHERE)
+SLOW = [
+    pytest.param(name, marks=pytest.mark.slow) if name == "region" else name
+    for name in DRAWN
+]
+
+
+def check_size(path):
+    width, height = size_of(path)
+    assert 400 < width < 1400, path.stem
+    assert 250 < height < 1400, path.stem
+
+
+@pytest.mark.parametrize("name", SLOW)
+def test_every_figure_is_drawn(name, drawn):
+    check_size(drawn(name)[1])
+
+
+def test_every_sketch_of_a_bench_test_is_drawn(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "examples/bench_tests")
+    import sketches
+
+    for name in sketches.SKETCHES:
+        sketches.draw(name, tmp_path / f"{name}.png", CONFIG)
+        check_size(tmp_path / f"{name}.png")
+    assert {
+        path.stem for path in (ROOT / "examples/bench_tests").glob("*.yaml")
+    } == set(sketches.SKETCHES)
+
+
+@pytest.mark.slow
+def test_every_figure_is_drawn_the_same_twice(inputs, drawn, tmp_path):
+    for name in DRAWN:
+        draw_small(name, inputs, tmp_path / "again.png")
+        assert (tmp_path / "again.png").read_bytes() == drawn(name)[1].read_bytes(), (
+            name
+        )
+
+
+def test_figures_have_titles_captions_with_numbers_formats_and_their_fonts(
+    inputs, tmp_path
+):
+    for name, one in figures.FIGURES.items():
+        caption = one.caption_of(CONFIG)
+        assert one.title, name
+        assert len(caption.split()) > 5, name
+        assert not {"{", "}"} & set(caption), name
+    network = figures.FIGURES["figure10"].caption_of(CONFIG)
+    says(
+        network,
+        f"{len(CONFIG['parameters'])} parameters in",
+        f"{CONFIG['network']['hidden']} hidden neurons",
+    )
+    given, config = (
+        inputs_of("sobol", inputs),
+        CONFIG | {"figures": {"format": ["png", "pdf", "svg"], "dpi": 90}},
+    )
+    found = []
+    for folder in (tmp_path / "first", tmp_path / "second"):
+        figures.draw("sobol", given, folder / "it.png", config)
+        found.append(
+            {
+                path.suffix: path.read_bytes()
+                for path in folder.iterdir()
+                if path.stem == "it"
+            }
+        )
+    files, again = found
+    assert set(files) == {".png", ".pdf", ".svg"}
+    assert again == files, "the same bytes in every run"
+    assert size_of(tmp_path / "first/it.png")[0] == pytest.approx(
+        style.PAGE * 90, abs=1
+    )
+    assert b"/FontFile2" in files[".pdf"]
+    assert b"/Type3" not in files[".pdf"], "a journal wants text of TrueType"
+    assert b"<text" not in files[".svg"], "its letters are outlines"
+    figures.draw("sobol", given, tmp_path / "alone" / "it.pdf", config)
+    assert [path.name for path in (tmp_path / "alone").glob("it*")] == ["it.pdf"]
+    ending = r"it\.eps: ending is '\.eps'; expected \.png or \.pdf or \.svg"
+    input_error(ending, figures.draw, "sobol", given, tmp_path / "it.eps", config)
+
+
+@pytest.mark.parametrize("name", ["figure02", "figure13", "convergence"])
+def test_a_small_run_has_a_band_across_the_top(name, inputs, drawn, tmp_path):
+    paths = [drawn(name)[1], tmp_path / "small.png"]
+    figures.draw(name, inputs_of(name, inputs), paths[1], CONFIG | {"small_run": True})
+    width, height = size_of(paths[0])
+    assert size_of(paths[1]) == (width, pytest.approx(height + 0.24 * style.DPI, abs=1))
+    tops = [
+        np.asarray(Image.open(path).convert("RGB")).astype(int)[:40] for path in paths
+    ]
+    plain, banded = (
+        (abs(top - 255 * np.array(to_rgb(style.RED))).max(axis=-1) < 3).sum()
+        for top in tops
+    )
+    assert banded > 5000 > plain
+
+
+def test_figures_say_what_a_reader_has_to_know(inputs, drawn, tmp_path, monkeypatch):
+    monkeypatch.setattr(rotation, "PIXELS", 120)
+    changed = {name: tmp_path / path.name for name, path in inputs.items()}
+    changed["sizes"].write_text(
+        inputs["sizes"].read_text().replace("# reconstruction\n", "")
+    )
+    changed["summary"].write_text(
+        json.dumps({"feasible": False, "message": "nearest: 3.1 deg short"})
+    )
+    with np.load(inputs["states"]) as file:
+        kept = {
+            key: file[key] for key in file if key.split("_")[1] in ("start", "report")
+        }
+    np.savez(changed["states"], **kept)
+    value = np.array(
+        [-3.0, -1.0, 1.0, 3.0]
+    )  # residuals of 1 about values -3, -1, 1, 3: R2 = 1 - 4 / 20 and RMSE 1
+    table = pd.DataFrame(
+        {"sample": range(4), "split": "test", "aor_deg": value, "height_mm": value}
+    )
+    table["aor_predicted_deg"] = table["height_predicted_mm"] = value + np.array(
+        [1, -1, 1, -1]
+    )
+    table.to_csv(changed["predictions"], index=False)
+    pd.DataFrame({"sample": range(4), "aor_se_deg": 0.5, "height_se_mm": 1.5}).to_csv(
+        changed["dataset"]
+    )
+    row = {"solution": 5, "aor_predicted_deg": 33.0, "height_predicted_mm": 63.0}
+    row |= {"aor_simulated_deg": 30.0, "height_simulated_mm": 70.0}
+    pd.DataFrame([row]).to_csv(changed["table4"], index=False)
+    corner = ("NOT CONVERGED", "EXTRAPOLATED", "best draw 2.00 standard deviations")
+    failed = ("3 of 150 samples gave no result", "3 jammed")
+    nothing = ("no set is predicted inside all ranges: the ", "nearest: 3.1 deg short")
+    # without the noise 1 - (4 - 4 / 4) / (20 - 3 / 4 * 4 / 4), and for the height more than 1
+    accuracy = (
+        "test: R² 0.800, RMSE 1.00 deg, n 4\n    R² 0.844 corrected for the scatter",
+        "R² ≈ 1 corrected",
+    )
+    cases = [
+        (
+            berries.sizes_and_sphericity,
+            {"sizes": inputs["sizes"]},
+            (berries.RECONSTRUCTED,),
+        ),
+        (berries.sizes_and_sphericity, {"sizes": changed["sizes"]}, ()),
+        (
+            search.feasible_solutions,
+            {"feasible": inputs["feasible"], "summary": changed["summary"]},
+            nothing,
+        ),
+        (samples.responses_over_parameters, {"dataset": inputs["dataset"]}, failed),
+        (
+            rotation.states,
+            {"states": changed["states"], "particle": inputs["particle"]},
+            ("NO SLIP", "at the report"),
+        ),
+        (
+            surrogate.predicted_against_simulated,
+            {key: changed[key] for key in ("predictions", "dataset")},
+            accuracy,
+        ),
+        # errors are percent of the simulated value
+        (checks.validation, {"table4": changed["table4"]}, ("| 10.0 |",)),
+    ]
+    with style.applied():
+        texts = [words(draw(files, CONFIG)) for draw, files, _ in cases]
+    for text, (draw, _, said) in zip(texts, cases, strict=True):
+        assert [part for part in said if part not in text] == [], draw
+    assert [part for part in corner if part not in words(drawn("corner")[0])] == []
+    assert "slipped first when the drum had turned by 51.0°, after 10.2 s" in words(
+        drawn("figure15")[0]
+    )
+    assert berries.RECONSTRUCTED not in texts[1]
+    assert "published" not in texts[-1]
+
+
+def test_bad_names_are_named_and_the_approach_shows_bars_and_the_pile_its_definitions(
+    inputs, tmp_path, drawn
+):
+    cases = [(("figure99", {}), "figure99"), (("figure02", {}), "sizes")]
+    cases += [(("figure02", {"sizes": inputs["sizes"], "sises": ""}), "sises")]
+    cases += [(("figure02", {"sizes": tmp_path / "nowhere.csv"}), "nowhere")]
+    assert not not_refused(
+        lambda case: figures.draw(*case, tmp_path / "x.png", CONFIG), cases, InputError
+    )
+    np.savez(tmp_path / "x.npz", other=np.zeros(3))
+    input_error("position_SEED", saved_pours.first_pour, tmp_path / "x.npz")
+    figure, _ = drawn("approach")
+    text = words(figure)
+    says(text, "near enough, ±1 %", "round 2 meets both targets")
+    simulated = next(
+        line for line in figure.axes[0].get_lines() if line.get_marker() == "o"
+    )
+    np.testing.assert_allclose(simulated.get_ydata(), [-4, np.nan, 0.5], atol=1e-9)
+    ticks = [tick.get_text() for tick in drawn("figure02")[0].axes[0].get_yticklabels()]
+    assert len([tick for tick in ticks if tick.isdigit()]) == len(ticks) > 2
+    title = drawn("plane")[0].legends[0].get_title().get_text()
+    assert title.startswith(plane.BARS)
+    assert LINE in title.replace("\n", " ")
+    figure, _ = drawn("definitions")
+    figure.canvas.draw()  # at the resolution of its texts' places
+    text = words(figure)
+    assert "80 % of the height" in text
+    assert "fit_" not in text
+    assert (
+        figure.legends[0].get_window_extent().y1 < figure.axes[1].get_window_extent().y0
+    )
+    labels = [text.get_text().split("°  ")[1] for text in figure.legends[0].get_texts()]
+    assert labels[0] == f"flank: {LINE}, used"
+    assert labels[1:] == [
+        f"{name}: {style.line_in_words(CONFIG['measure'], name)}"
+        for name in DEFINITIONS[1:]
+    ]
+    for panel in figure.axes:
+        boxes = [one.get_window_extent() for one in panel.texts]
+        assert not any(a.overlaps(b) for a, b in combinations(boxes, 2))
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["figure10", "figure13", "figure14", "plane", "dataset", "validation", "noise"],
+)
+def test_a_figure_with_the_calibrated_angle_names_its_line(
+    name, inputs, drawn, tmp_path, monkeypatch
+):
+    assert LINE in words(drawn(name)[0]).replace("\n", " ")
+    if name in (
+        "figure10",
+        "plane",
+    ):  # of all outputs of a network; of pairs of targets
+        return
+    without = []
+    monkeypatch.setattr(
+        style,
+        "save",
+        lambda figure, *_: without.append(words(figure).replace("\n", " ")),
+    )
+    figures.draw(
+        name,
+        inputs_of(name, inputs),
+        tmp_path / "it.png",
+        CONFIG | {"targets": CONFIG["targets"][1:]},
+    )
+    assert LINE not in without.pop()
+
+
+def test_the_angle_has_its_lines_in_figure_6_and_a_search_without_result_its_axes(
+    inputs, drawn, tmp_path
+):
+    files = inputs_of("figure06", inputs)
+    settings = pile.MeasureSettings.of(CONFIG["measure"], read_berry(files["berry"]))
+    image = side_view(
+        saved_pours.first_pour(files["heap"]),
+        Particle.load(files["particle"]),
+        settings,
+    )
+    measured = pile.measure_image(
+        image, settings.mm_per_pixel, settings, base_row=len(image) - 0.5
+    )
+    panel = drawn("figure06")[0].axes[-1]
+    title = panel.get_title(loc="right")
+    assert f"{measured.aor_deg:.1f}°" in title
+    assert LINE in title
+    for text, line, name in zip(
+        panel.texts, measured.angle.lines, ("left", "right"), strict=True
+    ):
+        assert (
+            text.get_text() == f"{name} {getattr(measured.angle, f'{name}_deg'):.1f}°"
+        )
+        along = np.sort(np.array(line)[:, 0] * settings.mm_per_pixel)
+        assert along[0] < text.xy[0] < along[1]
+    history = pd.read_csv(inputs["history"])
+    history["best_objective"], history["feasible_found"] = 2.1, 0
+    history.assign(mean_objective=2.2).to_csv(tmp_path / "history.csv", index=False)
+    with style.applied():
+        figure = search.convergence({"history": tmp_path / "history.csv"}, CONFIG)
+        figure.canvas.draw()
+    (panel,) = figure.axes  # none for the number of solutions, 0 all along
+    assert panel.get_title(loc="left") == "no feasible solution was met"
+    assert sum(bool(tick.get_text()) for tick in panel.get_yticklabels()) > 1
+
+
+@pytest.mark.parametrize("fresh", [False, True])
+def test_predicted_and_simulated_responses_have_equal_axes(fresh, inputs, drawn):
+    figure, _ = drawn("figure13")
+    if not fresh:
+        files = {
+            key: inputs_of("figure13", inputs)[key]
+            for key in ("predictions", "dataset")
+        }
+        with style.applied():
+            figure = surrogate.predicted_against_simulated(files, CONFIG)
+            figure.canvas.draw()
+    for panel in figure.axes:
+        assert (panel.get_xlim(), panel.get_aspect()) == (panel.get_ylim(), 1)
+        assert panel.get_xticks().tolist() == panel.get_yticks().tolist()
+    text = words(figure)
+    assert ("new points: R²" in text) is fresh
+    assert text.count(
+        "scatter of the pours\n" if fresh else "scatter of the pours |"
+    ) == len(figure.axes)
+
+
+def test_large_weights_draw_no_thick_lines_and_a_scale_bar_has_its_length(
+    inputs, tmp_path
+):
+    # Two hidden neurons take mus_gg with opposite weights; mur_gg acts by weak ones, which remain.
+    W1 = np.zeros((3, 6))
+    W1[0, 1], W1[1, 1], W1[2, 2], W1[2, 0] = 2.0, -2.0, 0.3, -0.1
+    write_network(
+        tmp_path / "network.json",
+        ["aor_deg", "height_mm"],
+        W1,
+        [[1.0, 1.0, 1.0], [1.0, 1.0, 0.5]],
+    )
+    with style.applied():
+        figure = surrogate.network_structure(
+            {"network": tmp_path / "network.json"}, CONFIG
+        )
+    widths = [
+        line.get_linewidth()
+        for line in figure.axes[0].lines
+        if line.get_xdata()[0] == 0
+    ]  # from an input
+    widths = np.reshape(widths, (6, 3)).mean(axis=1)
+    assert np.argsort(widths)[::-1][:2].tolist() == [2, 0]
+    assert widths[1] == pytest.approx(
+        widths[4], abs=0.01
+    )  # mus_gg as an input without any weight
+    assert {"90 % ↗", "10 % ↘"} <= set(words(figure).split(" | "))
+    camera = look_at(
+        np.array([[-0.1, 0.0, 0.0], [0.1, 0.0, 0.05]]), 600, 300, 0.0, -90.0
+    )
+    with style.applied():
+        panel = style.new_figure(4, 2).subplots()
+        style.scale_bar(panel, camera, np.array([0.02, 0.0, 0.0]), 0.2)
+    (bar,) = panel.lines
+    assert [text.get_text() for text in panel.texts] == [
+        "50 mm"
+    ]  # at most 0.3 of 200 mm, and round
+    x, _, _ = camera.project(np.array([[0.02, 0.0, 0.0], [0.07, 0.0, 0.0]]))
+    assert np.ptp(bar.get_xdata()) == pytest.approx(x[1] - x[0])
+    assert max(bar.get_xdata()) < 600

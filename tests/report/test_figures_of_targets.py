@@ -1,0 +1,401 @@
+"""Figures of targets and of their uncertainty."""
+
+import json
+from types import SimpleNamespace
+
+import made_up_studies
+import numpy as np
+import pandas as pd
+import pytest
+from made_up import inputs_of, made_up_tables, words
+from matplotlib.collections import PathCollection
+from matplotlib.colors import to_hex
+from refusals import raised
+from shared import RANGES, TARGETS, target
+
+from repose.bench.parameters import PARAMETERS
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.profiles import Profile
+from repose.calibrate.responses import derived, response
+from repose.calibrate.targets import Targets
+from repose.calibrate.uncertainty import implausibility
+from repose.common.files import write_json
+from repose.report import figures
+from repose.report.figures import style
+from repose.stages.published import STALE
+
+FURTHER = [
+    target("base_radius_mm", 110.0, 6.0, 100.0, 120.0),
+    target("drum_slip_deg", 44.0, 2.0, 40.0, 48.0, 5),
+]
+CHOICES = {1: TARGETS[:1], 2: TARGETS, 4: [*TARGETS, *FURTHER]}
+
+
+def config_of(count, **changes):
+    own = {"targets": CHOICES[count], "parameters": RANGES, "small_run": False}
+    return own | {"design": {"method": "optimal", "seed": 1}} | changes
+
+
+def draw(name, inputs, config):
+    """A figure by its name, laid out, and its texts."""
+    with style.applied():
+        figure = figures.FIGURES[name].draw(inputs, config)
+        figure.canvas.draw()
+    return figure, words(figure).split(" | ")
+
+
+def made_up(folder, count, feasible=True):
+    files = made_up_tables(folder, CHOICES[count])
+    pd.read_csv(files["feasible"]).assign(feasible=feasible).to_csv(
+        files["feasible"], index=False
+    )
+    return files
+
+
+@pytest.mark.parametrize(
+    ("count", "panels", "feasible"), [(2, 1, True), (2, 1, False), (4, 6, True)]
+)
+def test_the_planes_of_the_targets_show_samples_ranges_and_answer(
+    count, panels, feasible, tmp_path
+):
+    files = made_up(tmp_path, count, feasible)
+    inputs = {key: files[key] for key in ("dataset", "table4", "feasible")}
+    figure, result = draw(
+        "plane", inputs | {"pool": files["dataset"]}, config_of(count)
+    )
+    assert len(figure.axes) == panels
+    assert "147 parameter sets of the design, simulated" in result  # three failed
+    assert "147 further sets, simulated" in result
+    assert any("± 1 standard error" in text for text in result)
+    first = TARGETS[0]
+    label = f"measured ± standard error of {first['repetitions']} repetitions"
+    (measured,) = [
+        bars for bars in figure.axes[0].containers if bars.get_label() == label
+    ]
+    across = measured.lines[2][0].get_segments()[0][:, 0]
+    error = first["sd"] / np.sqrt(first["repetitions"])
+    np.testing.assert_allclose(across, [first["value"] - error, first["value"] + error])
+    assert ("nearest solutions, none feasible, predicted" in result) is not feasible
+    assert ("feasible solutions, predicted" in result) is feasible
+    (box,) = figure.axes[0].patches
+    assert (box.get_x(), box.get_width()) == (
+        first["range"][0],
+        np.diff(first["range"])[0],
+    )
+
+
+X = list(range(-20, 21, 5))
+HEIGHTS = [0.9 * x + 0.01 * x * x for x in X]
+
+
+def of_profile(targets):
+    """The targets, and those of a profile's scores as the configuration has them."""
+    name = "turning_profile_mm"
+    kept = {"name": name, "x": X, "z": HEIGHTS, "functions": 3, "covered": 0.5}
+    numbers = {"apparatus": "turning", "sd": 0.3, "repetitions": 3, "profile": kept}
+    values = zip(
+        Profile.of(kept).names, Profile.of(kept).scores(HEIGHTS).tolist(), strict=True
+    )
+    scores = [
+        {"response": name, "value": value, "range": [value - 1, value + 1]}
+        for name, value in values
+    ]
+    return [*targets, *(score | numbers for score in scores)]
+
+
+OF_FOUR = ("aor_deg", "height_mm", "packing_percent", "drum_slip_deg")
+SETS = (("height_mm",), OF_FOUR, (*OF_FOUR, "upper_deg"))
+
+
+@pytest.mark.parametrize("names", SETS)
+def test_solutions_have_a_strip_for_each_target(names, tmp_path, monkeypatch):
+    """For one, for four, and for more than stand in a row."""
+    known = {"value": 50.0, "sd": 2.0, "repetitions": 4, "range": [48.0, 52.0]}
+    monkeypatch.setitem(
+        CHOICES, len(names), [{"response": name} | known for name in names]
+    )
+    config = config_of(len(names), parameters=RANGES | {"mus_gp": {"fixed": 0.5}})
+    inputs = {
+        "feasible": made_up(tmp_path, len(names))["feasible"],
+        "summary": tmp_path / "s.json",
+    }
+    inputs["summary"].write_text(json.dumps({"feasible": True}))
+    figure, result = draw("figure14", inputs, config)
+    strips = figure.axes[1:]
+    assert [panel.get_title(loc="left") for panel in strips] == list("bcdef")[
+        : len(names)
+    ]
+    labels = [panel.get_xlabel() for panel in strips]
+    assert labels == [
+        f"predicted {response(name).symbol} ({response(name).unit})" for name in names
+    ]
+    assert (
+        len(figure.axes[0].get_yticklabels()) == 5
+    )  # the fixed parameter has no strip
+    assert "a   90 feasible solutions" in result
+
+
+DRAWN = {
+    "figure10": ("network",), "figure13": ("predictions", "dataset"), "dataset": ("dataset",),
+    "validation": ("table4",), "published": ("published",),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("count", [1, 4])
+@pytest.mark.parametrize("name", DRAWN)
+def test_a_figure_names_each_target_by_its_symbol_and_unit(name, count, tmp_path):
+    files, config = made_up(tmp_path, count), config_of(count)
+    if name == "dataset":  # which has a panel for each free parameter and target
+        config["parameters"] = RANGES | {
+            name: {"fixed": 0.3} for name in PARAMETERS[2:]
+        }
+    _, result = draw(name, {key: files[key] for key in DRAWN[name]}, config)
+    for one in Targets.of(CHOICES[count]).responses:
+        label = one.symbol if name == "figure10" else f"({one.unit})"
+        assert any(one.symbol in text and label in text for text in result), one.name
+    assert any("slip" in text for text in result) == (count == 4)
+
+
+def test_every_mark_of_the_published_solutions_has_its_words_and_stale_numbers_are_called_so(
+    tmp_path,
+):
+    files, config = made_up(tmp_path, 2), config_of(2)
+    column = derived("aor_deg", "published_simulated")
+    table = pd.read_csv(files["published"])
+
+    def result_of(table):
+        table.to_csv(files["published"], index=False)
+        return draw("published", {"published": files["published"]}, config)[1]
+
+    result = result_of(table.assign(**{column: [table[column][0], *5 * [np.nan]]}))
+    assert result.count("not published") == 5
+    names = dict.fromkeys(
+        text for text in result if text.startswith("P")
+    )  # of two panels
+    assert list(names) == ["P\n(answer)", "P2", "P15", "P22", "P56", "P84"]
+    assert {
+        "measured ± standard deviation of one repetition",
+        "measured mean",
+        "published simulation",
+    } <= set(result)
+    simulated, measured = (
+        derived("aor_deg", f"published_{word}") for word in ("simulated", "measured")
+    )
+    table[simulated], table[measured] = [*5 * [32.0], np.nan], [*5 * [np.nan], 31.27]
+    for stale in (False, True):
+        result = result_of(table.assign(stale=[*5 * [False], stale]))
+        assert "published measurement" in result
+        assert "not published" not in result
+        assert (STALE in result) == stale
+    result = result_of(
+        table.drop(columns="height_simulated_mm")
+    )  # as where the stored table lacks a response
+    assert any("AoR" in text for text in result)
+    assert not any("Height" in text for text in result)
+
+
+def test_a_target_that_was_not_published_and_a_profile_are_drawn(tmp_path, monkeypatch):
+    files = made_up(tmp_path, 4)
+    inputs = {"table4": files["table4"], "published": files["theirs"]}
+    _, result = draw("validation", inputs, config_of(4))
+    assert result.count("not published") == 2
+    assert "published" in result
+    alone = config_of(4, targets=FURTHER)
+    figure, result = draw("validation", inputs, alone)
+    assert "not published" not in result
+    assert len(figure.axes) == 2
+    for config, there in ((config_of(4), True), (alone, False)):
+        assert (
+            "published simulation"
+            in draw("published", {"published": files["published"]}, config)[1]
+        ) is there
+    monkeypatch.setitem(CHOICES, 5, of_profile(TARGETS))
+    files = made_up(tmp_path, 5)
+    figure, result = draw("profiles", {"table4": files["table4"]}, config_of(5))
+    (panel,) = figure.axes
+    assert {"measured ± SD", "predicted", "simulated ± SE"} <= set(result)
+    predicted = next(line for line in panel.lines if line.get_label() == "predicted")
+    # the made-up prediction is the target, a parabola that three scores describe
+    np.testing.assert_allclose(predicted.get_ydata(), HEIGHTS, atol=1e-9)
+    inputs = {key: files[key] for key in ("dataset", "table4", "feasible")}
+    assert (
+        len(draw("plane", inputs, config_of(5))[0].axes) == 1
+    )  # scores have no planes
+
+
+def test_fixed_parameters_have_no_panel_priors_are_the_axis_and_unknown_outputs_are_named(
+    tmp_path,
+):
+    files = made_up(tmp_path, 2)
+    config = config_of(
+        2, parameters=RANGES | {name: {"fixed": 0.3} for name in PARAMETERS[2:]}
+    )
+    fewer = config | {"parameters": config["parameters"] | {"mus_gg": {"fixed": 0.5}}}
+    for name, some, panels in (
+        ("dataset", config, 4),
+        ("design", config, 4),
+        ("design", fewer, 1),
+    ):
+        assert (
+            len(
+                draw(name, {key: files[key] for key in ("samples", "dataset")}, some)[
+                    0
+                ].axes
+            )
+            == panels
+        )
+    files = made_up(tmp_path, 1)
+    prior = {"e_gg": {"prior": {"mean": 0.25, "sd": 0.02}}}
+    figure, _ = draw("dataset", files, config_of(1, parameters=RANGES | prior))
+    assert figure.axes[0].get_xlim() == pytest.approx((0.19, 0.31))
+    files["network"].write_text(
+        json.dumps(
+            json.loads(files["network"].read_text()) | {"outputs": ["colour_deg"]}
+        )
+    )
+    raised(Exception, "colour_deg", draw, "figure10", files, config_of(1))
+
+
+NAMES = ("drum_slip_deg", "aor_deg", "height_mm", "base_radius_mm")
+FREE = PARAMETERS[1:4]
+PARAMETERS_OF_A_STUDY = {
+    name: [0.2, 0.6] if name in FREE else {"fixed": 0.3} for name in PARAMETERS
+}
+PARAMETERS_OF_A_STUDY |= {
+    "mus_gg": {"prior": {"mean": 0.4, "sd": 0.05}, "range": [0.2, 0.6]}
+}
+
+
+def uncertain_config(count):
+    targets = [target(name, 30.0, 2.0, 28.0, 32.0, 4) for name in NAMES[:count]]
+    refine = {"tolerance_percent": 1.0, "standard_error_percent": 0.7}
+    return {"targets": targets, "parameters": PARAMETERS_OF_A_STUDY, "refine": refine}
+
+
+def uncertain(folder, count):
+    config = uncertain_config(count)
+    made_up_tables(folder, config["targets"])
+    made_up_studies.write(folder, config)
+    return config, {path.stem: path for path in folder.iterdir()}
+
+
+@pytest.mark.parametrize("count", [1, 3, 4])
+def test_the_panels_are_those_of_targets_and_free_parameters(count, tmp_path):
+    config, made = uncertain(tmp_path, count)
+    wanted = {
+        "noise": (count + 2, "slip (deg)", None), "corner": (len(FREE) * (len(FREE) + 1) / 2, "predicted", count),
+        "sobol": (count, f"first orders sum to {0.15 * len(FREE):.2f}", count),
+        "main_effects": (len(FREE) * count, "slip (deg)", None), "approach": (2 * count, "target 30 ", count),
+    }  # fmt: skip
+    for name, (panels, part, times) in wanted.items():
+        if count == 3 and name != "approach":  # which alone has a row for three
+            continue
+        figure, result = draw(name, inputs_of(name, made), config)
+        text = " | ".join(result)
+        assert sum(panel.axison for panel in figure.axes) == panels, name
+        assert text.count(part) == times if times else part in text, name
+        assert style.parameter_label("e_gg") not in text, name
+        assert "uniform prior" not in text, name
+
+
+def test_published_sets_are_marked_in_the_posterior_and_those_of_another_wall_by_their_own_grains(
+    tmp_path,
+):
+    config, made = uncertain(tmp_path, 2)
+    sets = pd.DataFrame(
+        {"source": ["A, 2026", "A, 2026", "B, 2022"], "wall": ["", "", "steel"]}
+    )
+    for k, name in enumerate(PARAMETERS_OF_A_STUDY):
+        sets[name] = [0.1 + 0.01 * k, 0.12 + 0.01 * k, 0.3]
+    sets.to_csv(made["published"], index=False)
+    figure, _ = draw("corner", inputs_of("corner", made), config)
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()][-2:] == [
+        "A",
+        "B (wall: steel)",
+    ]
+    shown = {}
+    for panel in figure.axes:
+        for points in panel.findobj(PathCollection):
+            if points.get_sizes().tolist() == [22]:
+                shown.setdefault(len(points.get_offsets()), []).append(
+                    np.asarray(points.get_offsets())
+                )
+    grains = [name for name in FREE if name.endswith("_gg")]
+    assert (len(shown[2]), len(shown[1])) == (
+        len(FREE) * (len(FREE) - 1) / 2,
+        len(grains) * (len(grains) - 1) / 2,
+    )
+    values = {name: sets[name][:2].tolist() for name in FREE}
+    assert all(
+        any(np.allclose(part[:, 0], value) for value in values.values())
+        for part in shown[2]
+    )
+    assert all(np.allclose(part, 0.3) for part in shown[1])
+
+
+def test_the_curve_over_the_discrepancy(tmp_path):
+    config, inputs = uncertain(tmp_path, 2)
+    whole = pd.read_csv(inputs["discrepancy"])
+    independent = whole[
+        (whole["discrepancy_correlation"] == 0) & (whole["effective_points"] > 400)
+    ]
+    for table, all_of_it in ((independent, False), (whole, True)):
+        table.to_csv(inputs["discrepancy"], index=False)
+        figure, result = draw("discrepancy", inputs, config)
+        text = " | ".join(result)
+        assert sum(panel.axison for panel in figure.axes) == 1 + len(FREE)
+        assert "assumed, independent between targets" in text
+        (spread,) = (
+            line
+            for line in figure.axes[0].lines
+            if line.get_label().startswith("spread of the shape")
+        )
+        assert spread.get_xydata().tolist() == [[13.0, 3.0 / 14.0]] * all_of_it
+        for part in ("fewer than 400 effective points", "assumed, correlation 0.9"):
+            assert (part in text) == all_of_it, part
+        assert style.parameter_label("e_gg") not in text
+
+
+def test_the_region_has_its_parameters_on_the_right_axes(tmp_path):
+    config = uncertain_config(1)
+    space = ParameterSpace.of(config["parameters"])
+    quantile = np.random.default_rng(1).random((20_000, space.dimensions))
+    # what the first free parameter, with a prior, has below its median is excluded
+    excluded = np.where(quantile[:, 0] < 0.5, 4.0, 1.0)
+    share, table = implausibility.region(
+        SimpleNamespace(quantile=quantile, space=space), excluded
+    )
+    middles = (np.arange(implausibility.CELLS) + 0.5) / implausibility.CELLS
+    np.testing.assert_allclose(
+        [sorted(set(table[f"{axis}_quantile"])) for axis in "xy"], [middles, middles]
+    )
+    inputs = {"region": tmp_path / "region.csv", "summary": tmp_path / "summary.json"}
+    table.to_csv(inputs["region"], index=False)
+    write_json(inputs["summary"], {"not_implausible_share": share})
+    figure = figures.FIGURES["region"].draw(inputs, config)
+    d = len(FREE)
+    panels = np.array(figure.axes[: d * d]).reshape(d, d)
+    assert sum(panel.axison for panel in panels.flat) == d * (d - 1)
+    depth, least = (panels[place].collections[0] for place in ((0, 1), (1, 0)))
+    half = implausibility.CELLS // 2
+    below = np.arange(implausibility.CELLS) < half
+    np.testing.assert_array_equal(
+        depth.get_array(), np.where(below, 0, 1)[:, None] + 0 * below
+    )
+    np.testing.assert_array_equal(
+        least.get_array(), np.where(below, 4, 1) + 0 * below[:, None]
+    )
+    colours = [
+        to_hex(colour).upper()
+        for colour in least.to_rgba(np.array([0.5, 1.5, 2.5, 4.0]))
+    ]
+    assert len(set(colours)) == 4, "one band is not another"
+    assert colours[-1] == style.RED, "excluded"
+    # cells of equal probability: narrow about the middle of the prior
+    widths = np.diff(least.get_coordinates()[0, :, 0])
+    assert widths[half] < 0.3 * widths[0]
+    assert widths.sum() == pytest.approx(0.4)
+    assert np.asarray(np.diff(depth.get_coordinates()[0, :, 0])) == pytest.approx(
+        0.4 / implausibility.CELLS
+    )

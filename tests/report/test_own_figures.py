@@ -1,0 +1,109 @@
+"""Figures of a calibration with a simulator of one's own: what is drawn is what was told."""
+
+import numpy as np
+import pytest
+from made_up import words
+from matplotlib.patches import Rectangle
+from refusals import input_error
+
+from repose import Study
+from repose.report.figures import own
+
+QUICK = {"posterior": {"walkers": 32, "steps": 100}}
+QUICK["sequential"] = {
+    "start_samples": 8,
+    "batch": 4,
+    "probability": 0.9,
+    "most_runs": 40,
+}
+TARGETS = {
+    "y": {"value": 1.0, "sd": 0.05, "repetitions": 4, "range": [0.9, 1.2]},
+    "z": (0.5, 0.05),
+}
+
+
+def calibrated(parameters, targets):
+    """The answer of a simulator whose runs differ by a little."""
+    study, random = (
+        Study(parameters, targets, seed=1, **QUICK),
+        np.random.default_rng(1),
+    )
+
+    def simulate(row):
+        found = {"y": row["a"] + row.get("b", 0.5), "z": row["a"]}
+        return {name: found[name] + random.normal(0, 0.03) for name in targets}
+
+    return study.calibrate(simulate)
+
+
+@pytest.fixture(scope="module")
+def answer():
+    return calibrated(
+        {"a": (0.0, 1.0), "b": (0.0, 1.0), "c_mpa": {"fixed": 5.0}}, TARGETS
+    )
+
+
+def points(panel, label):
+    (bars,) = [bars for bars in panel.containers if bars.get_label().endswith(label)]
+    return np.array(bars.lines[0].get_data(), float)
+
+
+def test_the_points_are_the_runs_and_the_box_is_the_range(answer, tmp_path):
+    figure = answer.plot(tmp_path / "own.png")
+    assert (tmp_path / "own.png").read_bytes().startswith(b"\x89PNG")
+    plane, off_y, off_z, *_ = figure.axes
+    means = answer.runs.groupby("sample", sort=False)[["y", "z"]].mean()
+    (samples,) = [
+        line
+        for line in plane.lines
+        if line.get_label() == f"{len(means)} parameter sets, simulated"
+    ]
+    np.testing.assert_allclose(np.transpose(samples.get_data()), means)
+    (box,) = (one for one in plane.patches if isinstance(one, Rectangle))
+    assert (box.get_x(), box.get_width()) == pytest.approx((0.9, 0.3))
+    assert (box.get_y(), box.get_height()) == pytest.approx(
+        (0.49, 0.02)
+    )  # 2 % to each side of the value
+    (square,) = [
+        line for line in plane.lines if line.get_label() == "the answer, predicted"
+    ]
+    assert np.ravel(square.get_data()).tolist() == answer.answer.mean.tolist()
+    assert "the answer, simulated" not in words(figure)
+    for panel, name, value, mean in zip(
+        (off_y, off_z), "yz", (1.0, 0.5), answer.answer.mean, strict=True
+    ):
+        place, off = points(panel, "simulated ± standard error")
+        np.testing.assert_allclose(off, 100 * (means[name] / value - 1))
+        assert (np.round(place)[:8] == 1).all(), "the start is the first batch"
+        assert (np.diff(place) > 0).all()
+        predicted = [np.round(place[-1]) + 1, 100 * (mean / value - 1)]
+        assert points(panel, "predicted ± standard error")[:, 0] == pytest.approx(
+            predicted
+        )
+
+
+def test_the_report_has_the_figures_and_says_that_the_targets_are_predicted_to_be_met(
+    answer, tmp_path
+):
+    assert list(own.parts(answer)) == ["plane", "history", "intervals", "corner"]
+    answer.report(tmp_path / "report.html")
+    text = (tmp_path / "report.html").read_text()
+    assert text.count('src="data:image/png;base64,') == 4
+    assert "<b>Targets predicted to be met.</b>" in text
+    assert not any(words in text for words in ("not checked", "no result", ">unknown<"))
+    input_error(
+        r"ending is '\.gif'; expected \.png or \.pdf or \.svg",
+        answer.plot,
+        tmp_path / "own.gif",
+    )
+
+
+def test_one_parameter_and_one_target_have_no_planes(tmp_path):
+    answer = calibrated({"a": (0.0, 1.0)}, {"z": (0.5, 0.05)})
+    drawn = answer.plot()
+    assert set(own.parts(answer)) <= {"history", "intervals"}
+    (label,) = [one.get_text() for one in drawn.axes[-1].get_yticklabels()]
+    assert label == "a"
+    answer = answer._replace(runs=answer.runs.copy())
+    answer.runs.attrs.clear()  # a table of the user's own knows no batches
+    assert list(own.parts(answer)) == ["intervals"]

@@ -1,0 +1,354 @@
+"""The report in headless Chromium: it loads, draws in 3-D, and what can be moved moves."""
+
+import json
+import re
+import shutil
+from contextlib import contextmanager
+
+import numpy as np
+import pandas as pd
+import pytest
+from made_up_report import ANSWER, made_up_study
+from PIL import Image
+from shared import TARGETS
+from test_report_page import MORE
+
+from repose.bench.parameters import PARAMETERS
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.surrogates import load, make
+from repose.calibrate.surrogates.settings import NetworkSettings
+from repose.report.figures import style
+from repose.report.page import page, prediction
+
+pytestmark = [pytest.mark.slow, pytest.mark.essential]
+
+CHROMIUM = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))),
+    None,
+)
+if CHROMIUM is None:
+    pytest.skip(
+        "no Chromium on this machine (Debian: apt-get install chromium)",
+        allow_module_level=True,
+    )
+playwright = pytest.importorskip(
+    "playwright.sync_api", reason="playwright is not installed"
+)
+# 3-D without a graphics card; root has no sandbox.
+OPTIONS = [
+    "--no-sandbox",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+]
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with playwright.sync_playwright() as started:
+        browser = started.chromium.launch(executable_path=CHROMIUM, args=OPTIONS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("report")
+    config, jobs, files = made_up_study(folder, TARGETS, fixed=("e_gp",))
+    page.write(
+        config,
+        jobs,
+        files | pictures(folder),
+        {"All samples": folder / "dataset.csv"},
+        folder / "report.html",
+    )
+    return folder
+
+
+def pictures(folder):
+    """A photograph of 800 x 600 pixels, and a figure as wide as a page."""
+    Image.new("RGB", (800, 600), "#777").save(folder / "photograph.jpg")
+    with style.applied():
+        style.save(
+            style.new_figure(style.PAGE, 3.0), folder / "plane.png", small_run=False
+        )
+    return {"photograph": folder / "photograph.jpg", "plane": folder / "plane.png"}
+
+
+@pytest.fixture
+def opened(browser, folder):
+    with page_in(browser, folder, 800, 600, offline=True) as opened:
+        yield opened
+
+
+@contextmanager
+def page_in(browser, folder, width=1280, height=720, **options):
+    """A tab with the report of a folder; it complains of nothing."""
+    with browser.new_context(
+        viewport={"width": width, "height": height}, **options
+    ) as context:
+        tab, complaints = context.new_page(), []
+        tab.on(
+            "console",
+            lambda message: (
+                complaints.append(message.text) if message.type == "error" else None
+            ),
+        )
+        tab.on("pageerror", lambda error: complaints.append(str(error)))
+        tab.on(
+            "request",
+            lambda sent: (
+                complaints.append(sent.url) if sent.url.startswith("http") else None
+            ),
+        )
+        tab.goto((folder / "report.html").as_uri())
+        yield tab
+        assert complaints == []
+
+
+def pixels(tab):
+    """Colours of every seventh pixel of the 3-D view, (pixels, 4)."""
+    coded = tab.evaluate(
+        """() => { const gl = document.getElementById("pile").getContext("webgl2");
+        const all = new Uint8Array(4 * gl.drawingBufferWidth * gl.drawingBufferHeight);
+        gl.readPixels(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight, gl.RGBA, gl.UNSIGNED_BYTE, all);
+        const few = []; for (let k = 0; k < all.length; k += 28) few.push(...all.subarray(k, k + 4));
+        return few; }"""
+    )
+    return np.array(coded, dtype=int).reshape(-1, 4)
+
+
+def reddish(colours):
+    return int(((colours[:, 0] - colours[:, 2]) > 40).sum())
+
+
+def move(tab, slider, value):
+    code = "slider = document.getElementById(id); slider.value = value; slider.dispatchEvent(new Event('input'));"
+    tab.evaluate(f"([id, value]) => {{ const {code} }}", [slider, value])
+
+
+def test_javascript_predicts_what_python_predicts_with_one_network_and_several(
+    opened, folder
+):
+    model = load(folder / "network.json")
+
+    def compare(found, model, X):
+        mean, std = model.predict(X, return_std=True, noise=False)
+        np.testing.assert_allclose([one["mean"] for one in found], mean, rtol=1e-6)
+        np.testing.assert_allclose(
+            [one["std"] for one in found], std, rtol=1e-4
+        )  # the page has single precision
+
+    X = np.random.default_rng(2).uniform(
+        0.02, 0.8, (40, len(PARAMETERS))
+    )  # within and beyond the samples
+    compare(
+        opened.evaluate("X => X.map(networkPredictor(content.model))", X.tolist()),
+        model,
+        X,
+    )
+    random = np.random.default_rng(3)
+    X = random.uniform(size=(40, len(PARAMETERS)))
+    Y = np.column_stack([X[:, 0] + X[:, 1] ** 2, X[:, 2]]) + random.normal(
+        0, 0.1, (40, 2)
+    )
+    settings = NetworkSettings.of(
+        {"hidden": 3, "starts": 4, "epochs": 100, "goal": 0.0}
+    )
+    model = make("network_ensemble", settings).fit(X, Y)
+    assert len(model.members_) > 1
+    content = prediction.for_page(
+        model, ParameterSpace.of({name: [0.0, 1.0] for name in PARAMETERS}), X[0]
+    )
+    found = opened.evaluate(
+        "([model, X]) => X.map(networkPredictor(model))", [content, X[:10].tolist()]
+    )
+    compare(found, model, X[:10])
+
+
+def test_the_pile_is_drawn_turns_and_falls(opened):
+    resting = pixels(opened)
+    assert reddish(resting) > 150
+    opened.locator("#pile").scroll_into_view_if_needed()
+    box = opened.locator("#pile").bounding_box()
+    opened.mouse.move(box["x"] + 200, box["y"] + 150)
+    opened.mouse.down()
+    opened.mouse.move(box["x"] + 320, box["y"] + 200, steps=4)
+    opened.mouse.up()
+    turned = pixels(opened)
+    assert (turned != resting).any(axis=1).mean() > 0.02
+    assert opened.text_content("#clock") == "4.0 s"
+    move(opened, "time", 2)
+    falling = pixels(opened)
+    assert opened.text_content("#clock") == "1.0 s"
+    assert (falling != turned).any(axis=1).mean() > 0.02
+    move(opened, "time", 8)
+    assert reddish(pixels(opened)) > reddish(falling), (
+        "half of the bodies were not there yet"
+    )
+
+
+def test_a_slider_moves_the_prediction_and_back(opened, folder):
+    at_answer = opened.text_content("#predicted-aor_deg")
+    assert opened.locator("#slide-e_gp").count() == 0, "it is fixed"
+    move(opened, "slide-mus_gg", 0.75)
+    moved = opened.text_content("#predicted-aor_deg")
+    point = np.array([[(ANSWER | {"mus_gg": 0.75})[name] for name in PARAMETERS]])
+    mean, std = load(folder / "network.json").predict(
+        point, return_std=True, noise=False
+    )
+    numbers = [float(number) for number in re.findall(r"\d+\.?\d*", moved)]
+    assert numbers == pytest.approx([mean[0, 0], 1.96 * std[0, 0]], rel=0.05)
+    assert numbers[0] == pytest.approx(mean[0, 0], rel=1e-3)
+    assert moved != at_answer
+    opened.click("#home")
+    assert opened.text_content("#predicted-aor_deg") == at_answer
+
+
+def test_the_button_copies_the_parameters_and_a_table_sorts_both_ways(opened):
+    opened.context.grant_permissions(["clipboard-read", "clipboard-write"])
+    opened.click("#copy")
+    opened.wait_for_function("document.getElementById('copy').textContent === 'Copied'")
+    copied = opened.evaluate("navigator.clipboard.readText()")
+    for name, value in ANSWER.items():
+        assert f"{name}: {value:g}  #" in copied
+    opened.click("summary")
+    rows = "document.querySelectorAll('table.sorts tbody tr')"
+    column = f"() => [...{rows}].map((row) => Number(row.cells[0].textContent))"
+    before = opened.evaluate(column)
+    for reverse in (False, True):
+        opened.click("table.sorts th:first-child button")
+        assert opened.evaluate(column) == sorted(before, reverse=reverse)
+
+
+def test_a_phone_shows_all_without_scrolling_sideways(browser, folder):
+    with page_in(browser, folder, 360, 740, is_mobile=True) as tab:
+        assert tab.evaluate("document.documentElement.scrollWidth") == 360
+        figure = tab.locator(".pictures img").bounding_box()["width"]
+        assert figure > 96 * style.PAGE, (
+            "it scrolls: its text is as large as on paper, or larger"
+        )
+        assert reddish(pixels(tab)) > 50
+        values = tab.locator("table.answer td:nth-child(3)")
+        assert all(
+            values.nth(k).bounding_box()["x"] < 360 for k in range(len(PARAMETERS))
+        )
+
+
+def test_print_is_one_page_with_the_answer_targets_table_4_and_the_pile(opened):
+    opened.emulate_media(media="print")
+    shown = (
+        ".verdict",
+        "#origin",
+        "table.answer",
+        "table.check",
+        "table.sets",
+        "#pile",
+        ".pair img",
+    )
+    for part in (*shown, "#copy", "#play", "#sliders", "details", ".pictures"):
+        assert opened.locator(part).first.is_visible() is (part in shown), part
+    opened.emulate_media(media="null", color_scheme="dark")
+    paper = opened.pdf(prefer_css_page_size=True)
+    assert len(re.findall(rb"/Type\s*/Page\b", paper)) == 1
+    assert re.search(rb"/MediaBox \[0 0 59[45][.\d]* 84[12]", paper), "A4"
+
+
+def test_many_targets_and_sets_are_printed_on_one_page(browser, tmp_path):
+    config, jobs, files = made_up_study(tmp_path, MORE)
+    table4 = pd.read_csv(files["table4"])
+    pd.concat([table4, table4[1:]]).to_csv(
+        files["table4"], index=False
+    )  # the most that `validation` allows
+    message = {
+        "feasible": False,
+        "message": 5 * "Nothing met in these ranges, and something else, too. ",
+    }
+    files["summary"].write_text(json.dumps(message))
+    page.write(config, jobs, files | pictures(tmp_path), {}, tmp_path / "report.html")
+    with page_in(browser, tmp_path) as tab:
+        paper = tab.pdf(prefer_css_page_size=True)
+    assert len(re.findall(rb"/Type\s*/Page\b", paper)) == 1
+
+
+def test_a_figure_opens_large_on_a_click_and_on_a_key_and_keys_turn_and_zoom_the_pile(
+    opened,
+):
+    pile = opened.locator("#pile")
+    assert "Arrow keys turn it" in pile.get_attribute("aria-label")
+    opened.keyboard.press("Tab")
+    while opened.evaluate("document.activeElement.id") != "pile":
+        opened.keyboard.press("Tab")
+    assert pile.evaluate("it => getComputedStyle(it).outlineStyle") == "solid", (
+        "the focus is seen"
+    )
+    start = pixels(opened)
+    for key in ("ArrowLeft", "ArrowUp"):
+        before = pixels(opened)
+        opened.keyboard.press(key)
+        assert (pixels(opened) != before).any(axis=1).mean() > 0.01, key
+    far = reddish(pixels(opened))
+    opened.keyboard.press("+")
+    near = reddish(pixels(opened))
+    opened.keyboard.press("-")
+    assert near > 1.1 * reddish(pixels(opened)) == pytest.approx(1.1 * far, rel=0.02)
+    opened.keyboard.press("0")
+    np.testing.assert_array_equal(pixels(opened), start)
+    button, large = opened.locator(".pictures button.enlarge"), opened.locator("#large")
+    assert button.get_attribute("aria-label").startswith(
+        "Open large: All simulated samples"
+    )
+    assert not large.is_visible()
+    for open_it in (button.click, lambda: button.press("Enter")):
+        open_it()
+        assert large.locator("img").bounding_box()["width"] == pytest.approx(
+            round(style.PAGE * style.DPI), abs=2
+        )
+        opened.keyboard.press("Escape")
+        assert not large.is_visible()
+        assert opened.evaluate("document.activeElement.className") == "enlarge", (
+            "the focus is back"
+        )
+
+
+def test_dark_is_dark_and_figures_stay_on_white(opened):
+    def lightness(place, of="backgroundColor"):
+        colour = opened.locator(place).first.evaluate(
+            "(it, of) => getComputedStyle(it)[of]", of
+        )
+        return sum(map(int, re.findall(r"\d+", colour)[:3])) / 3
+
+    for scheme in ("light", "dark"):
+        opened.emulate_media(color_scheme=scheme)
+        assert abs(lightness("body", "color") - lightness("body")) > 150
+        assert lightness(".gauge text", "fill") > 130 or scheme == "light"
+        assert lightness(".pictures img") == 255
+        for bright in (lightness("body"), pixels(opened)[-50:, :3].mean()):
+            assert bright > 200 if scheme == "light" else bright < 60
+
+
+def test_the_pile_is_beside_the_photograph_and_below_it_on_a_phone(browser, folder):
+    for width, beside in ((1400, True), (800, True), (400, False)):
+        with page_in(browser, folder, width, 740) as tab:
+            pile, photograph = (
+                tab.locator(it).bounding_box() for it in ("#pile", ".pair img")
+            )
+            assert (photograph["x"] >= pile["x"] + pile["width"]) is beside
+            assert (photograph["y"] >= pile["y"] + pile["height"]) is not beside
+
+
+def test_a_surrogate_of_curves_moves_one_parameter_at_a_time(browser, tmp_path):
+    page.write(
+        *made_up_study(tmp_path, TARGETS[:1], "quadratic"), {}, tmp_path / "report.html"
+    )
+    with page_in(browser, tmp_path) as tab:
+        move(tab, "slide-mus_gg", 0.75)
+        move(tab, "slide-e_gg", 0.4)
+        assert float(tab.input_value("#slide-mus_gg")) == pytest.approx(
+            ANSWER["mus_gg"]
+        )
+        point = np.array([[(ANSWER | {"e_gg": 0.4})[name] for name in PARAMETERS]])
+        mean = load(tmp_path / "network.json").predict(point)
+        assert float(
+            tab.text_content("#predicted-aor_deg").split()[0]
+        ) == pytest.approx(mean[0, 0], rel=1e-3)

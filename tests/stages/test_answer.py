@@ -1,0 +1,311 @@
+"""The answer: what it says first, and its chance."""
+
+import json
+import re
+import textwrap
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import shared
+from refusals import input_error
+from scipy import stats
+from shared import ROOT, says, studied, targets_of
+
+from repose.bench.parameters import PARAMETERS
+from repose.calibrate import answer, expected_loss, strategies
+from repose.calibrate.chance import chance_of_meeting
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.targets import Targets
+
+TARGET = shared.target("aor_deg", 32.0, 2.0, 31.0, 34.0)
+INSIDE, OF_TWO = (
+    "the simulated means lie inside both ranges.",
+    "predicted inside both ranges; ",
+)
+LOW = "he simulated angle of repose lies 1 deg below its range"
+HANDLER = re.search(
+    r"^onsuccess:\n((?: {4}.*\n)+)",
+    (ROOT / "workflow/Snakefile").read_text(),
+    re.MULTILINE,
+)
+SPACE = ParameterSpace.of({name: [0.0, 1.0] for name in PARAMETERS})
+TARGETS = targets_of(height_mm=66.0)
+
+
+def study(folder, simulated, feasible=True):
+    """Configuration of a study whose search and check are written to folder."""
+    summary = {"feasible": feasible, "message": "The search: nothing met."}
+    summary |= {"representative": dict.fromkeys(PARAMETERS, 0.25)}
+    for name in ("miga", "validation"):
+        (folder / name).mkdir()
+    (folder / "miga/summary.json").write_text(json.dumps(summary))
+    header = "response,simulated,simulated_se,n_seeds,status,within_1_percent,within_2_percent"
+    row = f"aor_deg,{simulated},0.25,16,ok,{'0.25,0.75' if simulated else ','}"
+    (folder / "validation/representative.csv").write_text(f"{header}\n{row}\n")
+    return {"label": "wheat", "results_dir": str(folder), "targets": [TARGET]}
+
+
+def read(config):
+    names = ("miga/summary.json", "validation/representative.csv", "miga/feasible.csv")
+    return answer.read(
+        studied(config), *(f"{config['results_dir']}/{name}" for name in names)
+    )
+
+
+@pytest.mark.parametrize(
+    ("simulated", "met", "margin"),
+    [(33.5, True, 0.5), (31.25, True, 0.25), (30.0, False, -1.0), (36.0, False, -2.0)],
+)
+def test_the_margin_is_the_way_to_the_nearer_end_of_the_range(
+    simulated, met, margin, tmp_path
+):
+    found = read(study(tmp_path, simulated))
+    assert found.met is met
+    assert found.checks[0].margin == margin
+    assert ("NOT met" in str(found)) is not met
+    lines = str(found).splitlines()
+    off = 100 * (simulated - 32.0) / 32.0
+    said = f"wheat: targets {'met' if met else 'NOT met'}"
+    numbers = f"Angle of repose {simulated:g} +- 0.25 deg (measured 32, {off:+.1f} %)."
+    side = "below" if simulated < 31.0 else "above"
+    missed = f" The simulated angle of repose lies {-margin:g} deg {side} its range."
+    assert lines[:2] == [
+        f"{said}. {numbers}{'' if met else missed}",
+        "The calibrated parameters:",
+    ]
+    assert (
+        found.reason == "The simulated mean lies inside the range."
+        if met
+        else missed[1:]
+    )
+    assert lines[-1].startswith(
+        "Tables: " if met else "What helps: `repose run refined`"
+    )
+    assert str(found).count(said) == 1
+    assert all(name in str(found) for name in PARAMETERS)
+    assert found.within == {1.0: 0.25, 2.0: 0.75}
+    off = simulated - 32.0
+    near = f"aor_deg {100 * off / 32:+.1f} +- 0.8 % ({abs(off) / 2:.2f} standard deviations of a repetition)"
+    says(
+        str(found),
+        f"Simulated less measured: {near}.",
+        "by these runs alone: within 1 %: 0.25, within 2 %: 0.75",
+    )
+
+
+def test_a_prediction_outside_the_targets_is_no_answer_even_where_the_simulation_is_inside(
+    tmp_path,
+):
+    found = read(study(tmp_path, 32.5, feasible=False))
+    assert not found.met
+    lines = str(found).splitlines()
+    assert lines[0].startswith(
+        "wheat: targets NOT met. Angle of repose 32.5 +- 0.25 deg"
+    )
+    reason = " No parameter set is predicted inside the range; the simulated mean lies inside the range."
+    assert lines[0].endswith(reason)
+    assert lines[1:3] == ["The search: nothing met.", "The nearest parameters:"]
+    assert lines[-1].startswith("What helps: wider parameters or targets; ")
+    assert found.out_of_reach
+
+
+def test_failed_runs_have_no_number_and_a_study_that_has_not_run_is_reported(tmp_path):
+    found = read(study(tmp_path, ""))
+    assert not found.met
+    assert np.isnan(found.checks[0].margin)
+    assert "no number" in str(found)
+    reason = "The angle of repose has no number, as its runs ended ok."
+    assert found.verdict.endswith(
+        f"Angle of repose without a number (measured 32). {reason}"
+    )
+    assert found.within == {1.0: None, 2.0: None}
+    assert "the distance of the means from their targets is unknown" in str(found)
+    input_error(
+        r"summary\.json",
+        read,
+        {"label": "wheat", "results_dir": str(tmp_path / "no"), "targets": [TARGET]},
+    )
+
+
+def test_a_small_run_says_so_first(tmp_path):
+    first = str(read(study(tmp_path, 32.0) | {"small_run": True})).splitlines()[0]
+    said = "Angle of repose 32 +- 0.25 deg (measured 32, +0.0 %)."
+    assert (
+        first
+        == f"wheat: a small run, its numbers are no calibration: targets met. {said}"
+    )
+
+
+def of_two(feasible=True, out_of_reach=False, angle=32.0, height=66.0, status="ok"):
+    one = answer.Check(
+        "aor_deg",
+        "funnel",
+        "deg",
+        32.0,
+        2.0,
+        5,
+        31.0,
+        34.0,
+        angle,
+        None,
+        9,
+        status,
+        predicted=32.5,
+    )
+    other = answer.Check(
+        "my_mm", "own", "mm", 66.0, 2.0, 5, 64.0, 68.0, height, 0.5, 9, status
+    )
+    return answer.Result(
+        "two", {}, feasible, "", (one, other), "", {}, out_of_reach=out_of_reach
+    )
+
+
+@pytest.mark.parametrize(("given", "met", "reason"), [
+    ({}, True, f"T{INSIDE[1:]}"), ({"height": 70.0}, False, "The simulated my_mm lies 2 mm above its range."),
+    ({"angle": 30.0, "height": 63.0}, False, f"T{LOW} and the simulated my_mm lies 1 mm below its range."),
+    ({"angle": 30.0, "feasible": False, "out_of_reach": True}, False, f"No parameter set is {OF_TWO}t{LOW}."),
+    ({"feasible": False}, False, f"The answer is not {OF_TWO}{INSIDE}"),
+    ({"angle": None, "height": None, "status": answer.NOT_AGAIN}, None,
+     f"The answer is {OF_TWO}the answer was not simulated again."),
+])  # fmt: skip
+def test_the_reason_says_which_response_misses_by_how_much(given, met, reason):
+    found = of_two(**given)
+    assert found.met is met
+    assert found.reason == reason
+    assert found.verdict.endswith(reason) is not bool(met)
+
+
+def test_an_answer_that_was_not_simulated_has_its_prediction_in_the_first_line():
+    found = of_two(angle=None, height=None, status=answer.NOT_AGAIN)
+    said = "Angle of repose predicted 32.5 deg (measured 32, +1.6 %), my_mm without a number (measured 66). "
+    assert found.verdict.startswith(f"two: targets not checked yet. {said}")
+
+
+@pytest.mark.parametrize(("summary", "out_of_reach"), [
+    ({"feasible": True}, False), ({"feasible": False}, True), ({"feasible": False, "stop": "budget"}, False),
+    ({"feasible": False, "stop": "out_of_reach"}, True), ({"feasible": True, "stop": "out_of_reach"}, False),
+])  # fmt: skip
+def test_out_of_reach_is_a_miss_that_was_predicted(summary, out_of_reach):
+    assert answer.out_of_reach(summary) is out_of_reach
+
+
+@pytest.mark.parametrize("strategy", strategies.names())
+@pytest.mark.parametrize("simulated", [32.0, 30.0])
+@pytest.mark.parametrize("feasible", [True, False])
+def test_a_finished_run_of_each_strategy_prints_the_verdict_first_and_ends_well(
+    strategy, simulated, feasible, tmp_path, capsys
+):
+    """The handler of the workflow; a SystemExit in it would be the status of the run."""
+    names = {
+        "summary": "miga/summary.json",
+        "representative": "validation/representative.csv",
+    }
+    files = {name: tmp_path / path for name, path in names.items()}
+    made = SimpleNamespace(
+        rule="conclude", feasible="solutions.csv", table4="t4.csv", **files
+    )
+    known = {"answers": answer, "ANSWERS": {strategy: made}, "RESULTS": str(tmp_path)}
+    known |= {"STUDY": studied(study(tmp_path, simulated, feasible))}
+    known |= {
+        "CALL": SimpleNamespace(
+            made=lambda path, results: (path, results) == ("t4.csv", str(tmp_path))
+        )
+    }
+    exec(textwrap.dedent(HANDLER[1]), known)
+    met = "met" if feasible and simulated == 32.0 else "NOT met"
+    assert capsys.readouterr().out.startswith(f"wheat: targets {met}. Angle of repose ")
+
+
+def runs_of(values, names):
+    return [
+        dict(zip(names, row, strict=True)) | {"status": "ok"}
+        for row in np.asarray(values, float).tolist()
+    ]
+
+
+def test_the_mean_given_few_runs_and_chances_of_one_bench_test_and_of_two():
+    values = [58.0, 60.0, 63.0]
+    jammed = {"status": "jammed", "height_mm": None}
+    runs = {"funnel": [*runs_of(np.array(values)[:, None], ["height_mm"]), jammed]}
+    targets = targets_of(height_mm=60.0)  # met within 5 %
+    mean = stats.t(2, loc=np.mean(values), scale=np.std(values, ddof=1) / np.sqrt(3))
+    chances = chance_of_meeting(runs, targets)
+    expected = mean.cdf(63.0) - mean.cdf(57.0)
+    assert chances == {
+        "height_mm": pytest.approx(expected, abs=5e-3),
+        "all": chances["height_mm"],
+    }
+    assert chance_of_meeting(runs, targets, 1.0)["all"] == pytest.approx(
+        mean.cdf(60.6) - mean.cdf(59.4), abs=5e-3
+    )
+    assert chance_of_meeting({"funnel": [runs["funnel"][0], jammed]}, targets) == {
+        "height_mm": None,
+        "all": None,
+    }
+    targets = Targets.of(shared.TARGETS)
+    a = np.array([31.2, 33.0, 32.1, 34.3])
+    chance = chance_of_meeting(
+        {"funnel": runs_of(np.column_stack([a, 2 * a]), targets.names)}, targets
+    )
+    assert chance["all"] == pytest.approx(
+        min(chance["aor_deg"], chance["height_mm"]), abs=0.06
+    )
+    assert chance["all"] <= min(chance["aor_deg"], chance["height_mm"])
+    targets = targets_of(aor_deg=33.0, drum_slip_deg=44.0)
+    rng = np.random.default_rng(0)
+    runs = {"funnel": runs_of(33.5 + 2 * rng.normal(size=(8, 1)), ["aor_deg"])}
+    runs |= {"drum": runs_of(47 + 3 * rng.normal(size=(8, 1)), ["drum_slip_deg"])}
+    chance = chance_of_meeting(runs, targets)
+    product = chance["aor_deg"] * chance["drum_slip_deg"]
+    assert 0.2 < product < 0.9
+    assert chance["all"] == pytest.approx(product, abs=0.005)
+
+
+class Sure:
+    """Height 40 + 40 x0 with an error of 1 mm where x1 is 0.7, larger elsewhere."""
+
+    inputs = ()
+
+    def predict(self, X):
+        return 40 + 40 * X[:, :1]
+
+    def covariance(self, X):
+        return (1 + 20 * (X[:, 1] - 0.7) ** 2)[:, None, None] ** 2
+
+
+def test_the_set_of_least_loss_is_surest_and_its_loss_the_mean_of_eq_11():
+    found = expected_loss.least(Sure(), SPACE, TARGETS)
+    assert (found[PARAMETERS[0]], found[PARAMETERS[1]]) == (
+        pytest.approx(0.65, abs=1e-3),
+        pytest.approx(0.7, abs=0.01),
+    )
+    assert found["height_predicted_mm"] == pytest.approx(66.0, abs=0.02)
+    assert found["predicted_se"]["height_mm"] == pytest.approx(1.0, abs=1e-3)
+    assert found["expected_error_percent"] == pytest.approx(100 / 66, rel=1e-3)
+    assert found["within"]["1 %"] == pytest.approx(
+        2 * stats.norm.cdf(0.66) - 1, abs=1e-3
+    )
+    assert found["within"]["2 %"] == pytest.approx(
+        2 * stats.norm.cdf(1.32) - 1, abs=1e-3
+    )
+    space = ParameterSpace.of(
+        {name: [0.0, 0.5] for name in PARAMETERS} | {PARAMETERS[1]: {"fixed": 0.2}}
+    )
+    found = expected_loss.least(Sure(), space, TARGETS)
+    assert (found[PARAMETERS[1]], found[PARAMETERS[0]]) == (
+        0.2,
+        pytest.approx(0.5, abs=1e-3),
+    )
+    prior = {"prior": {"mean": 0.2, "sd": 0.1}, "range": [0.0, 1.0]}
+    space = ParameterSpace.of(
+        {name: [0.0, 1.0] for name in PARAMETERS} | {PARAMETERS[2]: prior}
+    )
+    found = expected_loss.least(Sure(), space, TARGETS)
+    assert found[PARAMETERS[2]] == pytest.approx(0.2, abs=0.01)
+    assert found["height_predicted_mm"] == pytest.approx(66.0, abs=0.02)
+    X = np.full((1, 6), 0.6)
+    draws = np.random.default_rng(0).normal(64.0, 1.2, 400_000)
+    loss = expected_loss.expected_loss(Sure(), X, TARGETS)[0]
+    width = TARGETS[0].high - TARGETS[0].low
+    assert loss == pytest.approx(np.mean(np.abs(draws - 66.0)) / width, rel=0.01)

@@ -1,0 +1,182 @@
+"""The worked crops: their folders are sound and know nothing of the goji berry; each runs end to end at small size."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from repose.calibrate.parameter_space import range_of
+from repose.calibrate.responses import response
+from repose.cli import STAGES
+from repose.common import places
+from repose.common.files import read_table
+from repose.common.provenance import engine_hash
+from repose.config import loader, stands_on
+from repose.config.study import Study
+from repose.stages import card
+from repose.stages.card import described
+from repose.stages.published import published_sets
+
+CROPS = places.root() / "crops"
+NAMES = sorted(path.parent.name for path in CROPS.glob("*/config.yaml"))
+
+# A pour of a tenth of a second. The numbers mean nothing.
+SMALL = {
+    "label": "small", "design": {"samples": 18}, "funnel": {"duration_s": 0.9, "seeds": 1, "rest_motion_mm": 100},
+    "simulation": {"rest_energy_j": 1.0e-3}, "measure": {"views": 2, "mm_per_pixel": 0.1},
+    "network": {"hidden": 2, "starts": 1, "epochs": 50, "replicates": False},
+    "miga": {"islands": 2, "population": 20, "rounds": 5, "generations": 5, "solutions": 10},
+    "validation": {"seeds": 1, "representative_seeds": 1},
+}  # fmt: skip
+
+
+def test_there_are_four_of_different_shape_and_size():
+    assert NAMES == ["maize", "rapeseed", "soybean", "wheat"]
+    shapes = {}
+    for name in NAMES:
+        long, major, minor = read_table(CROPS / name / "sizes.csv").iloc[-1][
+            ["long_mm", "major_mm", "minor_mm"]
+        ]
+        shapes[name] = long / major, major / minor
+    assert shapes["wheat"][0] > 2 > 1.5 > max(shapes["soybean"])
+    assert shapes["maize"][0] > 1.4 < shapes["maize"][1]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_crop_stands_on_its_own_numbers_and_so_does_its_card(name, monkeypatch):
+    monkeypatch.chdir(CROPS / name)
+    study = Study.load(inputs=True)
+    config = study.config
+    Study.of(config, name)
+    assert not {"drum", "cylinder"} & set(config)
+    assert config["berry"]["sizes"] == "sizes.csv"
+    if config["validation"]["published"]:
+        assert len(published_sets(config["validation"]["published"])) == 1
+    text = Path("README.md").read_text()
+    target = config["targets"][0]
+    for value in (
+        config["berry"]["density_kg_m3"],
+        config["berry"]["poisson_ratio"],
+        target["value"],
+    ):
+        assert f"{value:g}" in text or f"{value:.2f}" in text
+    assert "assumed" in text
+    shown = card.read(CROPS / "cards" / f"{name}.json")
+    assert shown["material"] == name
+    assert [test["measured"] for test in shown["tests"]] == [
+        target["value"] for target in config["targets"]
+    ]
+    for parameter, entry in config["parameters"].items():
+        low, high = range_of(parameter, entry)
+        assert low <= shown["parameters"][parameter]["value"] <= high
+    assert shown["grain"]["density_kg_m3"] == config["berry"]["density_kg_m3"]
+    axes = dict(
+        zip(
+            ("long_mm", "major_mm", "minor_mm"),
+            shown["grain"]["mean_axes_mm"],
+            strict=True,
+        )
+    )
+    for test in shown["tests"]:
+        result = described(study, response(test["response"]), axes)
+        assert {key: test[key] for key in result} == result
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+def test_it_runs_from_sizes_to_card_at_small_size(name, tmp_path, monkeypatch, command):
+    shutil.copytree(
+        CROPS / name,
+        tmp_path,
+        dirs_exist_ok=True,
+        ignore=shutil.ignore_patterns("results", ".*"),
+    )
+    monkeypatch.chdir(tmp_path)
+    berries = {"rapeseed": 400}.get(
+        name, 120
+    )  # fewer seeds of 2 mm are no pile on this plate
+    config = Study.load(
+        overrides=SMALL | {"funnel": SMALL["funnel"] | {"berries": berries}},
+        inputs=True,
+    ).config
+    Study.of(config, name).check_inputs()
+    loader.write_resolved(config, "results/config.json")
+
+    def do(verb, *words):
+        stage = ["stage"] if verb in STAGES else []
+        command(*stage, verb, *words, "--config", "results/config.json")
+
+    def pour(samples, numbers, purpose, folder):
+        for number in numbers:
+            words = [
+                "--samples",
+                samples,
+                "--sample",
+                f"{number:03}",
+                "--seeds",
+                "1",
+                "--purpose",
+                purpose,
+            ]
+            do("pour", "--apparatus", "funnel", *words, "--out", folder)
+            do("measure_runs", f"{folder}/{number:03}.pours.json", "--out", folder)
+
+    for stage in ("berry", "shape", "design"):
+        do(stage)
+    pour(
+        "results/design/samples.csv",
+        range(1, SMALL["design"]["samples"] + 1),
+        "design",
+        "results/heaps",
+    )
+    for words in (["dataset", "results/heaps"], ["network"], ["miga"], ["solutions"]):
+        do(*words)
+    own, published = (
+        "results/validation/solutions.csv",
+        "results/validation/published_solutions.csv",
+    )
+    poured = {own: list(read_table(own)["sample"]), published: []}
+    if config["validation"]["published"]:
+        do("published_solutions")
+        poured[published] = [101]
+    for table, numbers in poured.items():
+        pour(table, numbers, "validation", "results/validation/heaps")
+    do(
+        "validate",
+        *(f"results/validation/heaps/{number:03}.json" for number in poured[own]),
+    )
+    if poured[published]:
+        do("published_sets", "results/validation/heaps/101.json")
+        (row,) = read_table(
+            "results/published_sets.csv", ("source", "n_seeds")
+        ).to_dict("records")
+        assert (row["engine"], row["scene"]) == (engine_hash(), stands_on.scene(config))
+        # runs of other settings than today's are refused
+        loader.write_resolved(
+            config | {"wall": config["wall"] | {"poisson_ratio": 0.1}}, "other.json"
+        )
+        command(
+            "stage",
+            "published_sets",
+            "results/validation/heaps/101.json",
+            "--config",
+            "other.json",
+            status=2,
+        )
+    do("material_card")
+    assert "mus_gg" in command("card", "show", "results/card.json").out
+    assert json.loads(Path("results/card.json").read_text())["material"] == "small"
+
+
+@pytest.mark.parametrize(
+    "words",
+    ["drum --seed 1", "pour --apparatus drum --samples s.csv --sample 1 --seeds 1"],
+    ids=["drum", "pour"],
+)
+def test_what_a_crop_has_no_section_for_is_refused_in_one_line(
+    words, monkeypatch, command
+):
+    monkeypatch.chdir(CROPS / "wheat")
+    said = command("stage", *words.split(), "--config", "config.yaml", status=2).err
+    assert "configuration: drum is None; expected a section of this name" in said

@@ -1,0 +1,260 @@
+"""The inversion of a surrogate with known answers."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+import shared
+from refusals import input_error
+
+from repose.bench.parameters import PARAMETERS
+from repose.calibrate import inversion as invert
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.search.settings import MigaSettings
+from repose.calibrate.surrogates.support import Support
+from repose.calibrate.targets import Targets
+
+SETTINGS = MigaSettings(**shared.MIGA)
+SPACE = ParameterSpace(PARAMETERS, np.zeros(6), np.full(6, 2.0))
+
+
+def targets(aor=30.5, aor_range=(29.0, 32.0), height_range=(63.0, 68.0)):
+    first, second = shared.TARGETS
+    angle, height = (
+        {"aim": aor, "range": list(aor_range)},
+        {"aim": 65.0, "range": list(height_range)},
+    )
+    return Targets.of([first | angle, second | height])
+
+
+TARGETS = targets()
+
+
+def study(wanted=TARGETS, settings=SETTINGS, **more):
+    return shared.study_of(wanted, SPACE, miga=settings, **more)
+
+
+def write_inputs(folder, reach):
+    """A network that is nearly linear: AoR 28 + reach x mean(x), Height 64 + mean(x), x in 0 to 2."""
+    small = 1e-3
+    W1 = np.zeros((2, 6))
+    W1[0], W1[1, 4] = small, small
+    network = {
+        "surrogate": "network", "inputs": list(PARAMETERS), "outputs": ["aor_deg", "height_mm"],
+        "scaled_range": [0.0, 1.0], "input_min": [0.0] * 6, "input_max": [1.0] * 6, "output_min": [0.0, 0.0],
+        "output_max": [1.0, 1.0], "W1": W1.tolist(), "b1": [0.0, 0.0],
+        "W2": [[reach / 6 / small, 0.0], [0.0, 1.0 / small]], "b2": [28.0, 64.0],
+    }  # fmt: skip
+    (folder / "network.json").write_text(json.dumps(network))
+    rows = [(name, 0.1, 0.2, 5.0) for name in PARAMETERS]
+    columns = ["parameter", "low", "high", "dispersion_percent"]
+    pd.DataFrame(rows, columns=columns).to_csv(folder / "table3.csv", index=False)
+    return folder / "network.json", folder / "table3.csv"
+
+
+@pytest.fixture(scope="module", params=[2.0, 0.2], ids=["reachable", "out of reach"])
+def outcome(request, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("miga")
+    network_json, table3 = write_inputs(folder, request.param)
+    return (
+        request.param == 2.0,
+        invert.run(network_json, study(), table3, folder / "out"),
+        folder / "out",
+    )
+
+
+def test_run_says_whether_the_box_was_reached_with_solutions_and_tables_beside_the_published(
+    outcome, tmp_path
+):
+    reachable, summary, out = outcome
+    network_json, table3 = write_inputs(tmp_path, 2.0 if reachable else 0.2)
+    invert.run(network_json, study(), table3, tmp_path)
+    assert (tmp_path / "feasible.csv").read_bytes() == (
+        out / "feasible.csv"
+    ).read_bytes()
+    assert json.loads((out / "summary.json").read_text()) == summary
+    solutions = pd.read_csv(out / "feasible.csv")
+    assert summary["feasible"] is reachable
+    assert (solutions["feasible"] == reachable).all()
+    assert (len(solutions), solutions["representative"].tolist()) == (
+        30,
+        [True] + [False] * 29,
+    )
+    assert (summary["n_feasible_met"] > 0) is reachable
+    if reachable:
+        assert summary["box_distance"] == {"aor_deg": 0.0, "height_mm": 0.0}
+        assert solutions["aor_predicted_deg"].between(29, 32).all()
+        assert "distinct feasible solutions" in summary["message"]
+    else:  # five inputs at 2, and mus_gp at 1, where the last 0.03 deg would cost a mm of Height
+        assert summary["box_distance"]["aor_deg"] == pytest.approx(
+            0.6 + 0.2 / 6, abs=1e-3
+        )
+        assert summary["target_distance"]["aor_deg"] == pytest.approx(
+            2.1 + 0.2 / 6, abs=1e-3
+        )
+        assert summary["message"].startswith(
+            "All later stages use the nearest solutions: the answer is predicted "
+        )
+        assert "0.63 deg and 0.00 mm outside the ranges" in summary["message"]
+    X = solutions[list(PARAMETERS)].to_numpy()
+    assert ((X >= 0) & (X <= 2)).all()
+    assert (np.diff(solutions["objective"]) >= 0).all()
+    if reachable:
+        F = (solutions["aor_predicted_deg"] - 30.5).abs() / 3 + (
+            solutions["height_predicted_mm"] - 65
+        ).abs() / 5
+        np.testing.assert_allclose(solutions["objective"], F, atol=1e-12)
+    gaps = np.linalg.norm(X[:, None] - X, axis=2) + 9 * np.eye(
+        len(X)
+    )  # ranges of width 2: already normalised
+    assert gaps.min() >= 0.05 - 1e-12
+    intervals = pd.read_csv(out / "intervals.csv")
+    assert intervals["variable"].tolist() == list(PARAMETERS)
+    width = solutions["mus_gp"].max() - solutions["mus_gp"].min()
+    row = intervals.set_index("variable").loc["mus_gp"]
+    assert (row["dispersion_percent"], row["published_dispersion_percent"]) == (
+        pytest.approx(100 * width / 2),
+        5.0,
+    )
+    history = pd.read_csv(out / "history.csv")
+    assert history["evaluations"].tolist() == [2000 * k for k in range(1, 41)]
+    assert (np.diff(history["best_objective"]) <= 0).all()
+
+
+def test_without_a_feasible_solution_the_least_objective_counts_and_not_the_edge_of_the_box(
+    tmp_path,
+):
+    """Angle and Height fall and rise together: where the angle's box begins, the Height is far off its target."""
+    network_json, table3 = write_inputs(tmp_path, 2.0)
+    content = json.loads(network_json.read_text())
+    content["W1"][0] = [0.0, 0.0, 0.0, 0.0, content["W1"][1][4], 0.0]
+    content["W2"][0][0] = 0.5 * content["W2"][1][1]  # 28 + 0.5 x deg at 64 + x mm
+    network_json.write_text(json.dumps(content))
+    summary = invert.run(
+        network_json,
+        study(targets(30.5, (29.5, 32.0), (64.0, 66.0))),
+        table3,
+        tmp_path / "out",
+    )
+    assert not summary["feasible"]
+    assert summary["evaluations"] == 2 * 80_000
+    best = summary["representative"]
+    # F = (2.5 - x / 2) / 2.5 + |1 - x| / 2 falls to x = 1 and rises behind it; the nearest to the box is x = 2
+    assert best["height_predicted_mm"] == pytest.approx(65.0, abs=1e-3)
+    assert best["objective"] == pytest.approx(0.8, abs=1e-3)
+
+
+class Sure:
+    """AoR 28 + x4, Height 64 + x4; its error is least at x0 = 0.5."""
+
+    inputs = ()
+    knows_its_errors = True
+
+    def predict(self, X):
+        return np.column_stack([28 + X[:, 4], 64 + X[:, 4]])
+
+    def covariance(self, X):
+        return (0.1 + 9 * (X[:, 0] - 0.5) ** 2)[:, None, None] * np.eye(2)
+
+    def response_function(self, low, high):
+        return lambda points: self.predict(low + (points + 1) / 2 * (high - low))
+
+
+@pytest.mark.parametrize("answer", ["least_expected_loss", "least_objective"])
+def test_the_answer_is_the_set_of_least_expected_loss_or_of_least_objective(answer):
+    settings = SETTINGS.model_copy(update={"answer": answer, "rounds": 10})
+    table = invert.invert(
+        Sure(), SPACE, targets(29.0, (28.5, 29.5)), settings
+    ).solutions
+    assert table["representative"].tolist() == [True] + [False] * 29
+    assert (abs(table["e_gg"][0] - 0.5) < 0.01) == (answer == "least_expected_loss")
+    assert (table["objective"].idxmin() == 0) == (answer == "least_objective")
+    assert table["objective"][1:].is_monotonic_increasing
+    assert table["feasible"].all()
+
+
+def test_few_feasible_solutions_are_followed_by_the_nearest(tmp_path):
+    network_json, table3 = write_inputs(tmp_path, 2.0)
+    summary = invert.run(
+        network_json,
+        study(targets(32.0, (31.999, 34.0), (65.0, 68.0))),
+        table3,
+        tmp_path,
+    )
+    solutions = pd.read_csv(tmp_path / "feasible.csv")
+    assert len(solutions) == 10
+    assert 0 < summary["n_solutions"] == solutions["feasible"].sum() < 10
+    assert solutions["feasible"].is_monotonic_decreasing
+
+
+def test_solutions_at_the_bounds_carry_a_warning(tmp_path):
+    """Out of reach: every solution sits in a corner, with samples in the middle of the ranges alone."""
+    network_json, table3 = write_inputs(tmp_path, 0.2)
+    support = Support(
+        np.random.RandomState(1).uniform(0.5, 1.5, (60, 6)),
+        np.zeros(6),
+        np.full(6, 2.0),
+        PARAMETERS,
+    )
+    brief = SETTINGS.model_copy(update={"rounds": 5})
+    summary = invert.run(network_json, study(settings=brief), table3, tmp_path, support)
+    table = pd.read_csv(tmp_path / "feasible.csv")
+    assert table.columns[-1] == "warning"
+    assert table["warning"].str.contains("nearest sample").all()
+    assert "mur_gg high" in table["warning"].iloc[0]
+    assert summary["message"].endswith(
+        f"Beyond the samples: {table['warning'].iloc[0]}."
+    )
+
+
+def test_bad_tables_are_refused_and_a_study_without_published_intervals_has_its_own(
+    tmp_path,
+):
+    network_json, table3 = write_inputs(tmp_path, 2.0)
+    input_error(
+        r"aor_deg is 40.*\[29.0, 32.0\]",
+        invert.run,
+        network_json,
+        study(targets(40)),
+        table3,
+        tmp_path,
+    )
+    table3.write_text("variable,low\n")
+    input_error(
+        r"table3.csv: column parameter",
+        invert.run,
+        network_json,
+        study(),
+        table3,
+        tmp_path,
+    )
+    network_json, table3 = write_inputs(tmp_path, 2.0)
+    content = json.loads(network_json.read_text())
+    network_json.write_text(
+        json.dumps(
+            content | {"definitions": {"aor_deg": {"measure.response": "flank"}}}
+        )
+    )
+    secant = study(definitions={"aor_deg": {"measure.response": "secant"}})
+    one = study(Targets(TARGETS[:1])), "outputs is .*; expected the targets aor_deg"
+    for other, words in (
+        (secant, "definition of aor_deg is .*flank.*secant.*my.yaml"),
+        one,
+    ):
+        input_error(
+            f"network.json: {words}",
+            invert.run,
+            network_json,
+            other,
+            table3,
+            tmp_path,
+            source="my.yaml",
+        )
+    cloud = pd.DataFrame({name: [0.1, 0.3] for name in PARAMETERS})
+    space = ParameterSpace(
+        PARAMETERS[1:], np.full(5, -1.0), np.full(5, 1.0), {"e_gg": 0.2}
+    )
+    table = invert.intervals(cloud.assign(e_gg=0.2), space)
+    assert table.columns.tolist() == ["variable", "low", "high", "dispersion_percent"]
+    assert table["dispersion_percent"].tolist() == pytest.approx([0.0] + 5 * [10.0])
