@@ -84,7 +84,7 @@ def slip(t: np.ndarray, c: np.ndarray, spring: int, dt: float, reach: int = 0) -
         t[tl.VN + k] = vn
         ex, ey, ez = c[spring + k], c[spring + L + k], c[spring + 2 * L + k]
         en = ex * nx + ey * ny + ez * nz
-        if reach > 0:  # noqa: SIM108  (a law without reach must compile to one comparison)
+        if reach > 0:  # a law without reach must compile to one comparison
             touching = 1.0 if t[tl.GAP + k] <= c[reach + k] else 0.0
         else:
             touching = 1.0 if t[tl.GAP + k] < 0.0 else 0.0
