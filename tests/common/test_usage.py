@@ -58,10 +58,8 @@ def test_processes_note_their_time_and_those_outside_jobs_none(tmp_path, monkeyp
 
 AFTER_OTHERS = """
 import time
-from repose.config.call import Call
 from repose.common import usage
-took_s = time.time() - Call().began_s
-print(took_s, time.process_time())
+print(time.process_time())
 usage.note(".")
 """
 
@@ -76,6 +74,5 @@ def test_a_program_counts_no_command_that_its_shell_ran_before(tmp_path):
             capture_output=True,
             text=True,
         )
-        took_s, used_s = map(float, done.stdout.split())
-        assert took_s == pytest.approx(used_s, abs=0.3)
+        used_s = float(done.stdout)
         assert usage.since(tmp_path, 0)[-1].cpu_s == pytest.approx(used_s, abs=0.3)

@@ -11,7 +11,6 @@ from plans import ROOT, snakemake
 
 from repose.common import usage
 from repose.config import stands_on
-from repose.config.call import Call, configfiles
 from repose.config.study import Study
 
 SHELL = re.compile(r"^( *)shell:\n((?:\1 +.*\n)+)", re.MULTILINE)
@@ -30,8 +29,6 @@ OTHERWISE = {
     "silhouette",
     "measure_silhouette",
 }  # The rule `measure` says the one section of both.
-RUN = ("--cores 2", "-c2 -F --configfile mine.yaml", "-sSnakefile -c1", "--touch -c1")
-LOOK = ("-n", "-np", "--dry-run -c1", "--summary", "--rulegraph", "--mode remote -c1")
 FILES = [
     *RULES,
     *(
@@ -42,9 +39,10 @@ FILES = [
 DOCUMENTED = {
     "basedir"
 }  # Names that Snakemake documents: https://snakemake.readthedocs.io, Writing Workflows.
-# Of all rules, so that no user's file is taken for a result and removed. Snakemake documents no list of them (its
-# issues 13 and 792); one by hand would need each name again.
-KEPT = {"rules"}
+# All rules: no user's file is taken for a result and removed. Snakemake documents no list
+# of them (its issues 13 and 792); one by hand would need each name again. The others say
+# what the command line gives and whether this process runs one job of another one.
+KEPT = {"rules", "overwrite_configfiles", "config_settings", "is_main_process"}
 QUICK = ("--cores", "1", "--configfile", "config/quick.yaml")
 NAPS = """
 rule all:
@@ -154,25 +152,6 @@ def test_no_inside_is_used_and_functions_are_fewer_than_rules():
     own = "\n".join(path.read_text() for path in FILES if "research" not in path.parts)
     rules = re.findall(r"^ *(?:rule|checkpoint|use rule)\b.*:$", own, re.MULTILINE)
     assert len(re.findall(r"^ *def ", own, re.MULTILINE)) <= 25 < len(rules)
-
-
-def test_a_call_that_only_looks_takes_no_folder_and_configurations_are_no_targets(
-    monkeypatch,
-):
-    for words in (*RUN, *LOOK):
-        monkeypatch.setattr("sys.argv", ["snakemake", *words.split()])
-        assert Call().runs == (words in RUN), words
-    words = [
-        "results/card.json",
-        "--configfile",
-        "mine.yaml",
-        "more.json",
-        "page",
-        "--cores",
-        "2",
-    ]
-    assert configfiles(words) == ["mine.yaml", "more.json"]
-    assert configfiles(["--configfile=mine.yaml", "-n"]) == ["mine.yaml"]
 
 
 @pytest.mark.slow

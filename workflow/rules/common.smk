@@ -16,9 +16,14 @@ from repose.bench import names, reach
 from repose.calibrate import answer as answers
 from repose.stages import validate as checks
 from repose.config import cost, results_folder, stands_on
-from repose.config.call import Call
+from repose.config.workflow_run import (
+    WorkflowRun,
+    check_folder,
+    note_on_other_settings,
+    study_of_workflow,
+)
 from repose.common import places
-from repose.common.errors import InputError, one_message
+from repose.common.errors import BAD_INPUT, InputError, one_message
 from repose.common.provenance import ENGINE, room_hash
 from repose.stages.published import beside, read_stored, tables, to_simulate
 from repose.calibrate.seeds import PURPOSES, pour_seeds
@@ -39,14 +44,19 @@ if not config:
 
 
 # A fault ends here with one message, before any work.
-CALL = Call()
 with one_message():
     for place in (str(places.root()), f"{workflow.basedir}/Snakefile"):
         if set("{}") & set(place):  # snakemake takes them for wildcards
             allowed = "a folder without braces"
             raise InputError("installation", "folder", place, allowed)
-    STUDY = CALL.study(config)
+    STUDY = study_of_workflow(
+        config,
+        configfiles=workflow.overwrite_configfiles,
+        has_command_line=bool(workflow.config_settings.config),
+        inputs=workflow.is_main_process,
+    )
 config = STUDY.config
+RUN = WorkflowRun(STUDY)
 RESULTS = config["results_dir"]
 CONFIG = f"{RESULTS}/config.json"
 # Rules that make the products of the study's strategy: those of the article's method, and of a strategy with several batches.

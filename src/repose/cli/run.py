@@ -5,9 +5,9 @@ import contextlib
 import os
 import shlex
 import signal
+import subprocess
 import sys
-import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from types import FrameType
 from typing import Any
 
@@ -15,7 +15,7 @@ from repose.cli.options import require_option
 from repose.cli.registry import Option, verb
 from repose.cli.stages import note_built_in_crop
 from repose.common import places
-from repose.common.errors import BAD_INPUT, InputError
+from repose.common.errors import InputError, did_you_mean
 
 SEVERAL: dict[str, Any] = {
     "nargs": "+",
@@ -24,6 +24,7 @@ SEVERAL: dict[str, Any] = {
     "recorded": False,
 }
 ORDER = "each over the one before it; one of the program's own needs no copy"
+INTERRUPTED = 128 + signal.SIGINT  # exit status, as a shell has it
 HANDED_ON = (
     "configfile",
     "config",
@@ -71,14 +72,41 @@ def run(args: argparse.Namespace) -> int:
     except ImportError:
         needed = "snakemake, which comes with: pip install 'repose-dem[workflow]'"
         raise InputError("installation", "snakemake", None, needed) from None
-    from repose.cli.run_display import FAULTS
-    from repose.config.reading import read
 
     args.configfile = [str(places.find(path)) for path in args.configfile]
+    _check_configuration_options(args)
+    if args.list:
+        from repose.config.check import catalogue
+
+        print(catalogue(args.configfile))
+        return 0
+    if args.directory is None and not os.access(".", os.W_OK):
+        raise InputError(
+            "command line", "folder", os.getcwd(), "a folder into which you may write"
+        )
+    note_built_in_crop(*args.configfile)
+
+    arguments = snakemake_arguments(args)
+    status = call_snakemake(main, arguments)
+    if status == INTERRUPTED:
+        command = shlex.join(["repose", *args.words])
+        with contextlib.suppress(OSError):  # the terminal is closed
+            print(
+                "\nStopped. What is finished stays; the same command goes on:"
+                f" {command}",
+                file=sys.stderr,
+            )
+    elif status != 0:
+        _check_targets(args.rest, arguments)
+    return status
+
+
+def _check_configuration_options(args: argparse.Namespace) -> None:
+    """Check --configfile and --config, whose faults snakemake answers with a traceback."""
+    from repose.config.reading import read
+
     for path in args.configfile:
-        read(
-            path
-        )  # snakemake would answer a fault of these two options with a traceback
+        read(path)
     for entry in args.config:
         require_option(
             "=" in entry,
@@ -86,123 +114,91 @@ def run(args: argparse.Namespace) -> int:
             entry,
             "KEY=VALUE; a target goes before the options",
         )
-    if args.list:
-        from repose.config.check import catalogue
 
-        print(catalogue(args.configfile))
-        return 0
-    if not os.access(".", os.W_OK) and args.directory is None:
-        raise InputError(
-            "command line", "folder", os.getcwd(), "a folder into which you may write"
-        )
-    note_built_in_crop(*args.configfile)
-    try:
-        return uninterrupted(
-            main, snakemake_arguments(args), shlex.join(["repose", *args.words])
-        )
-    except SystemExit:
-        if not FAULTS:
-            raise
-        return BAD_INPUT
+
+def _check_targets(words: list[str], arguments: list[str]) -> None:
+    """Raise InputError for a target, among further words of a call, that is no rule.
+
+    Files and options are left to snakemake, which has named them already.
+    """
+    targets = [word for word in words if word.isidentifier()]
+    if not targets:
+        return
+    options = [word for word in arguments if word not in words]
+    listing = subprocess.run(
+        [sys.executable, "-m", "snakemake", *options, "--list-rules"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    rules = [line for line in listing.stdout.splitlines() if line.isidentifier()]
+    for target in targets:
+        if rules and target not in rules:
+            expected = f"a rule of the workflow, or a file{did_you_mean(target, rules)}"
+            raise InputError("command line", "target", target, expected)
 
 
 def snakemake_arguments(args: argparse.Namespace) -> list[str]:
-    """Make snakemake's command line: this program's workflow and profile, all cores where no option says it."""
-    profiles = {name: getattr(args, name) for name in ("profile", "workflow_profile")}
-    found = {
-        name: str(places.find(path))
-        for name, path in profiles.items()
-        if path is not None
-    }
-    given = {
-        **vars(args),
-        **found,
-        "snakefile": args.snakefile or str(places.root() / "Snakefile"),
-    }
-    if not (args.cores or args.jobs or found):
-        given["cores"] = "all"
+    """Make snakemake's command line from the options of `run`.
+
+    The workflow and the profile are this program's, and all cores are used, where no
+    option says otherwise.
+    """
+    values = dict(vars(args))
+    values["snakefile"] = args.snakefile or str(places.root() / "Snakefile")
+    for name in ("profile", "workflow_profile"):
+        if values[name] is not None:
+            values[name] = str(places.find(values[name]))
+    has_profile = args.profile is not None or args.workflow_profile is not None
+    if not (args.cores or args.jobs or has_profile):
+        values["cores"] = "all"
+
+    # The last of these options takes one value: so it takes no target that follows it.
     words = []
-    for (
-        name
-    ) in HANDED_ON:  # the last takes one value: a target that follows is none of a list
-        if value := given[name]:
-            words += [
-                f"--{name.replace('_', '-')}",
-                *([value] if isinstance(value, str) else value),
-            ]
+    for name in HANDED_ON:
+        value = values[name]
+        if not value:
+            continue
+        words.append(f"--{name.replace('_', '-')}")
+        if isinstance(value, str):
+            words.append(value)
+        else:
+            words.extend(value)
     return words + args.rest
 
 
-def uninterrupted(
-    main: Callable[[list[str]], object], words: list[str], again: str
-) -> int:
-    """Run snakemake's `main`; where Ctrl-C or a signal ends it, print in one sentence how to go on."""
-    ended_by: list[int] = []
+def call_snakemake(main: Callable[[list[str]], object], arguments: list[str]) -> int:
+    """Call snakemake in this process.
 
-    def stop(number: int, _frame: FrameType | None) -> None:
-        # only once: the next Ctrl-C kills at once, and snakemake's cleanup after its jobs is not interrupted
+    Parameters
+    ----------
+    main : callable
+        `snakemake.cli.main`, which ends with SystemExit.
+    arguments : list of str
+        Its command line.
+
+    Returns
+    -------
+    int
+        Its exit status; `INTERRUPTED` after Ctrl-C.
+    """
+    is_interrupted = False
+
+    def interrupt(number: int, _frame: FrameType | None) -> None:
+        nonlocal is_interrupted
+        is_interrupted = True
+        # a second Ctrl-C ends this program at once
         signal.signal(number, signal.SIG_DFL)
-        ended_by.append(number)
-        _interrupt_jobs()
         raise KeyboardInterrupt
 
-    earlier = signal.signal(signal.SIGINT, stop)
-    typed, sys.argv = sys.argv, ["snakemake", *words]  # the workflow reads it
+    earlier_handler = signal.signal(signal.SIGINT, interrupt)
+    status = 0
     try:
-        with _as_interrupts(ended_by):
-            main(words)
-    except (KeyboardInterrupt, SystemExit) as end:
-        if not ended_by:
-            raise
-        with contextlib.suppress(OSError):  # the terminal is closed
-            print(
-                f"\nStopped. What is finished stays; the same command goes on: {again}",
-                file=sys.stderr,
-            )
-        raise SystemExit(128 + ended_by[0]) from end
+        main(arguments)
+    except KeyboardInterrupt:
+        pass
+    except SystemExit as end:
+        status = end.code if isinstance(end.code, int) else 1
     finally:
-        signal.signal(signal.SIGINT, earlier)
-        sys.argv = typed
-    return 0
-
-
-@contextlib.contextmanager
-def _as_interrupts(ended_by: list[int]) -> Iterator[None]:
-    """Turn the end of a job by a cluster and a closed terminal into Ctrl-C; snakemake handles the first otherwise."""
-    ends = [
-        n
-        for n in (signal.SIGTERM, signal.SIGHUP)
-        if signal.getsignal(n) is not signal.SIG_IGN
-    ]  # nohup
-    read, write = os.pipe()
-    os.set_blocking(write, False)
-
-    def forward() -> None:
-        while number := int.from_bytes(os.read(read, 1), "big"):
-            if number in ends and not ended_by:
-                ended_by.append(number)
-                os.kill(os.getpid(), signal.SIGINT)
-
-    earlier = {number: signal.signal(number, lambda *_: None) for number in ends}
-    written_to = signal.set_wakeup_fd(write, warn_on_full_buffer=False)
-    forwarder = threading.Thread(target=forward, daemon=True)
-    forwarder.start()
-    try:
-        yield
-    finally:
-        signal.set_wakeup_fd(written_to)
-        for number, handler in earlier.items():
-            signal.signal(number, handler)
-        os.write(write, b"\0")
-        forwarder.join()
-        os.close(read)
-        os.close(write)
-
-
-def _interrupt_jobs() -> None:
-    """End the jobs, for which snakemake waits; unlike Ctrl-C, a signal to this program alone has not reached them."""
-    import psutil
-
-    for job in psutil.Process().children(recursive=True):
-        with contextlib.suppress(psutil.NoSuchProcess):
-            job.send_signal(signal.SIGINT)
+        signal.signal(signal.SIGINT, earlier_handler)
+    return INTERRUPTED if is_interrupted else status

@@ -1,0 +1,282 @@
+"""Hashes of the code that computes a result, so that an edit plans the work it changes.
+
+A stage depends on its module and on every module of `repose` that it imports, directly
+or through others. What cannot change a number is left out of the hash: comments,
+format, docstrings, type annotations of functions, and what a `raise` statement says.
+"""
+
+import ast
+import hashlib
+import json
+import os
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from repose.common.places import PACKAGE
+
+# Modules and packages that compute no number. They read and write files, report faults,
+# or choose what runs; whoever edits what they do has to force the rules concerned.
+WITHOUT_NUMBERS = (
+    "repose",
+    "repose.cli",
+    "repose.common",
+    "repose.config",
+)
+# What is kept between calls has this form; another one is computed anew.
+FORMAT = b"1"
+DATA = (".csv", ".json", ".mplstyle", ".html", ".js", ".css", ".yaml")
+_new_keys: list[str] = []  # of facts that no earlier call has kept
+
+
+@cache
+def code_hash(*modules: str) -> str:
+    """Hash the code on which modules stand.
+
+    Parameters
+    ----------
+    *modules : str
+        Dotted names below `repose` of modules or packages, such as ``stages.dataset``
+        or ``measure``. A package stands for all its modules.
+
+    Returns
+    -------
+    str
+        16 hexadecimal digits.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        If there is no such module.
+    """
+    digest = hashlib.sha256()
+    for name in sorted(dependencies(*modules)):
+        digest.update(f"{name} {_module_digest(name)}\n".encode())
+    keep_for_later_calls()
+    return digest.hexdigest()[:16]
+
+
+@cache
+def dependencies(*modules: str) -> frozenset[str]:
+    """Find the modules on which modules stand, with themselves.
+
+    Parameters
+    ----------
+    *modules : str
+        As for `code_hash`.
+
+    Returns
+    -------
+    frozenset of str
+        Full dotted names, without `WITHOUT_NUMBERS`.
+    """
+    found: set[str] = set()
+    waiting = [name for module in modules for name in _modules_of(f"repose.{module}")]
+    while waiting:
+        name = waiting.pop()
+        if name not in found and not computes_nothing(name):
+            found.add(name)
+            waiting.extend(_imports(name))
+    return frozenset(found)
+
+
+def computes_nothing(module: str) -> bool:
+    """Tell whether `WITHOUT_NUMBERS` lists a module, or a package around it."""
+    if module in WITHOUT_NUMBERS:
+        return True
+    packages = (name for name in WITHOUT_NUMBERS if name != "repose")
+    return any(module.startswith(f"{package}.") for package in packages)
+
+
+@cache
+def _file_of(module: str) -> Path:
+    """Find the file of a module or package of `repose`."""
+    path = PACKAGE.joinpath(*module.split(".")[1:])
+    file = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+    if not file.is_file():
+        raise ModuleNotFoundError(f"{module}: there is no {file}", name=module)
+    return file
+
+
+def _modules_of(name: str) -> list[str]:
+    """List a module, or a package with all its modules."""
+    file = _file_of(name)
+    if file.name != "__init__.py":
+        return [name]
+    modules = []
+    for path in sorted(file.parent.rglob("*.py")):
+        parts = path.relative_to(PACKAGE).with_suffix("").parts
+        modules.append(".".join(("repose", *parts)).removesuffix(".__init__"))
+    return modules
+
+
+@cache
+def _imports(module: str) -> frozenset[str]:
+    """Find the modules of `repose` that a module imports when it runs.
+
+    An import anywhere in the module counts, except one for type checkers alone. An
+    import from a package counts for the package and, if the name is a module of it, for
+    this module. A module that imports others by computed names, as a table of laws
+    does, stands on its whole package.
+    """
+    file = _file_of(module)
+    package = module if file.name == "__init__.py" else module.rpartition(".")[0]
+    modules = set()
+    for level, name in _facts(file)["imports"]:
+        if level:
+            parents = package.split(".")
+            base = ".".join(parents[: len(parents) - level + 1])
+            name = f"{base}.{name}" if name else base
+        if _is_module(name):
+            modules.add(name)
+    if _facts(file)["imports_by_name"]:
+        modules.update(_modules_of(package))
+    return frozenset(modules)
+
+
+@cache
+def _is_module(name: str) -> bool:
+    """Tell whether a dotted name is a module or package of `repose`."""
+    if name.partition(".")[0] != "repose":
+        return False
+    try:
+        _file_of(name)
+    except ModuleNotFoundError:
+        return False
+    return True
+
+
+class _NumbersOnly(ast.NodeTransformer):
+    """Remove from a syntax tree what cannot change a number."""
+
+    def visit_Expr(self, node: ast.Expr) -> ast.AST | None:
+        """Drop docstrings, and other texts that stand alone."""
+        is_text = isinstance(node.value, ast.Constant) and isinstance(
+            node.value.value, str
+        )
+        return None if is_text else self.generic_visit(node)
+
+    def visit_Raise(self, node: ast.Raise) -> ast.AST:
+        """Keep that something is raised, not what it says."""
+        return ast.Raise(exc=None, cause=None)
+
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:
+        """Drop the annotation of the result."""
+        node.returns = None
+        return self.generic_visit(node)
+
+    def visit_arg(self, node: ast.arg) -> ast.AST:
+        """Drop the annotation of an argument."""
+        node.annotation = None
+        return node
+
+
+@cache
+def _module_digest(module: str) -> str:
+    """Hash what computes in a module, and the data files of its folder that it names."""
+    file = _file_of(module)
+    content = file.read_bytes()
+    digests = [_facts(file)["code"]]
+    for name in _data_files(file.parent):
+        if name.encode() in content:
+            data = (file.parent / name).read_bytes()
+            digests.append(hashlib.sha256(data).hexdigest())
+    return " ".join(digests)
+
+
+@cache
+def _data_files(folder: Path) -> list[str]:
+    """List the names of the data files in a folder of the package."""
+    return sorted(name for name in os.listdir(folder) if name.endswith(DATA))
+
+
+@cache
+def _facts(file: Path) -> dict[str, Any]:
+    """Find the hash of a file's code, and what it imports.
+
+    Returns
+    -------
+    dict
+        ``code``, a hash; ``imports``, pairs of the level of a relative import (0: an
+        absolute one) and a dotted name; ``imports_by_name``, whether it calls
+        `importlib.import_module`.
+    """
+    content = file.read_bytes()
+    key = hashlib.sha256(FORMAT + content).hexdigest()
+    stored = _stored_facts()
+    if key not in stored:
+        stored[key] = _facts_of(content)
+        _new_keys.append(key)
+    return stored[key]
+
+
+def _facts_of(content: bytes) -> dict[str, Any]:
+    """Parse a module for `_facts`."""
+    tree = ast.parse(content)
+    imports: set[tuple[int, str]] = set()
+    imports_by_name = False
+    for node in _runtime_nodes(tree):
+        if isinstance(node, ast.Import):
+            imports.update((0, alias.name) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            origin = node.module or ""
+            imports.add((node.level, origin))
+            prefix = f"{origin}." if origin else ""
+            imports.update((node.level, prefix + alias.name) for alias in node.names)
+        elif isinstance(node, ast.Call):
+            function = ast.unparse(node.func)
+            imports_by_name |= function.rpartition(".")[2] == "import_module"
+    code = ast.dump(_NumbersOnly().visit(tree))
+    return {
+        "code": hashlib.sha256(code.encode()).hexdigest(),
+        "imports": sorted(imports),
+        "imports_by_name": imports_by_name,
+    }
+
+
+def _runtime_nodes(tree: ast.Module) -> Iterator[ast.AST]:
+    """Yield the nodes of a module, without what stands below ``if TYPE_CHECKING:``."""
+    waiting: list[ast.AST] = [tree]
+    while waiting:
+        node = waiting.pop()
+        yield node
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+            waiting.extend(node.orelse)
+        else:
+            waiting.extend(ast.iter_child_nodes(node))
+
+
+def _store_path() -> Path:
+    """Return the file in the user's cache folder that keeps facts between calls."""
+    cache_folder = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(cache_folder) / "repose" / "source_code.json"
+
+
+@cache
+def _stored_facts() -> dict[str, dict[str, Any]]:
+    """Read the facts that earlier calls found, by the hash of a file's content.
+
+    They only save time: parsing all modules takes some seconds. A damaged or missing
+    file counts as empty.
+    """
+    try:
+        facts = json.loads(_store_path().read_text(encoding="utf-8"))
+    except (OSError, ValueError, RuntimeError):  # RuntimeError: no home folder
+        return {}
+    return facts if isinstance(facts, dict) else {}
+
+
+def keep_for_later_calls() -> None:
+    """Keep the facts that this process found, if the cache folder can be written."""
+    if not _new_keys:
+        return
+    try:
+        path = _store_path()
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part = path.with_name(f"{path.name}.{os.getpid()}.part")
+        part.write_text(json.dumps(_stored_facts()), encoding="utf-8")
+        part.replace(path)
+    except (OSError, RuntimeError):
+        return
+    _new_keys.clear()

@@ -1,0 +1,222 @@
+"""One run of the workflow: its study, the folder that it holds, and the time it takes.
+
+Snakemake reads the Snakefile for each of its commands, also for those that run no job.
+Reading it makes the study and looks at the folder of results; it writes nothing. A run
+that has jobs begins with `WorkflowRun.begin` and ends with `WorkflowRun.end`.
+"""
+
+import os
+import sys
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import IO, Any
+
+from repose.common import usage
+from repose.common.lock import take_folder
+from repose.config import loader, results_folder, stands_on
+from repose.config.study import Study
+
+FAULT = "repose: error:"  # begins the line in which a stage refuses its input
+
+
+def study_of_workflow(
+    config: Mapping[str, Any],
+    configfiles: Sequence[str],
+    has_command_line: bool,
+    inputs: bool,
+) -> Study:
+    """Make the study of what Snakemake calls `config`.
+
+    Parameters
+    ----------
+    config : mapping
+        Snakemake's `config`: its files over each other, and --config over them.
+    configfiles : sequence of str
+        The files of --configfile, in their order. Messages name them.
+    has_command_line : bool
+        Whether --config gave values.
+    inputs : bool
+        Whether to check the files that the configuration names.
+
+    Returns
+    -------
+    Study
+
+    Raises
+    ------
+    InputError
+        With all faults of the configuration.
+    """
+    files = [_as_typed(path) for path in configfiles]
+    source = loader.COMMAND_LINE if has_command_line else loader.WORKFLOW
+    return Study.of(*loader.over_defaults(config, files, source), inputs=inputs)
+
+
+def _as_typed(path: str) -> str:
+    """Return a path relative to the working directory if it lies below it."""
+    here = os.getcwd()
+    absolute = os.path.abspath(path)
+    is_below = os.path.commonpath([absolute, here]) == here
+    return os.path.relpath(absolute, here) if is_below else absolute
+
+
+def note_on_other_settings(study: Study, results: Iterable[str]) -> str:
+    """Describe results in the study's folder that have other settings or another engine.
+
+    Snakemake plans them anew as long as it has its records of them. Without the records,
+    or told to look at times alone, it takes them for up to date.
+
+    Parameters
+    ----------
+    study : Study
+        The study whose results the folder should hold.
+    results : iterable of str
+        Paths of results; those that do not exist are left out.
+
+    Returns
+    -------
+    str
+        A sentence, empty if there are no such results.
+    """
+    existing = [path for path in results if os.path.exists(path)]
+    outdated = stands_on.outdated(study.config, existing)
+    if not outdated:
+        return ""
+    others = f" and {len(outdated) - 1} more" if len(outdated) > 1 else ""
+    return (
+        f"{outdated[0]}{others} were made with other settings or by another engine;"
+        " if snakemake does not plan to make them anew, add --forceall"
+    )
+
+
+class WorkflowRun:
+    """A run of the workflow in this process.
+
+    Parameters
+    ----------
+    study : Study
+        The study that it works on.
+    """
+
+    def __init__(self, study: Study) -> None:
+        self.study = study
+        self.folder = study.settings.results_dir
+        self.began_s = _start_of_process_s()
+        self._lock: IO[str] | None = None
+
+    def begin(self) -> None:
+        """Hold the folder of results, and write the configuration that its jobs read.
+
+        The folder is held until `end`, or until the process ends.
+
+        Raises
+        ------
+        InputError
+            If another run of the workflow holds the folder.
+        """
+        self._lock = take_folder(self.folder)
+        loader.write_resolved(self.study.config, Path(self.folder) / loader.RESOLVED)
+
+    def made(self, path: str) -> bool:
+        """Tell whether a job of this run wrote a file, and did not only touch it."""
+        has_run_jobs = bool(usage.since(self.folder, self.began_s))
+        return (
+            has_run_jobs
+            and os.path.exists(path)
+            and os.stat(path).st_mtime >= self.began_s
+        )
+
+    def has_bad_input(self) -> bool:
+        """Tell whether a job of this run refused its input.
+
+        A stage that refuses its input prints the fault as the last line of its log.
+        """
+        last_lines = []
+        for path in Path(self.folder, "logs").rglob("*.log"):
+            if path.stat().st_mtime >= self.began_s:
+                text = path.read_text(encoding="utf-8", errors="replace")
+                last_lines.append(text.rstrip().rpartition("\n")[2])
+        return any(line.startswith(FAULT) for line in last_lines)
+
+    def end(self) -> None:
+        """Print the times of this run, add them to the table of all runs, free the folder."""
+        self._report_times()
+        if self._lock is not None:
+            self._lock.close()
+            self._lock = None
+
+    def _report_times(self) -> None:
+        """Print the times of this run if a job ran, and add them to the table of runs."""
+        import pandas as pd
+
+        from repose.common.files import read_table, write_table
+        from repose.common.provenance import machine
+
+        processes = usage.since(self.folder, self.began_s)
+        if not processes:
+            return
+        usage.correct_benchmarks(self.folder, processes)
+
+        # Jobs on this machine are children of this process. Their time counts with it.
+        this_process = str(os.getpid())
+        this_host = os.uname().nodename
+        cpu_s = usage.used_here_s()
+        for process in processes:
+            is_child = this_process in process.ancestors.split()
+            if process.host != this_host or not is_child:
+                cpu_s += process.cpu_s
+
+        path = f"{self.folder}/benchmarks/calls.csv"
+        began = time.gmtime(self.began_s)
+        row = {
+            "began": time.strftime("%Y-%m-%dT%H:%M:%SZ", began),
+            "wall_s": round(time.time() - self.began_s, 1),
+            "cpu_s": round(cpu_s, 1),
+            "processor": machine()["processor"],
+        }
+        runs = pd.DataFrame([row])
+        if os.path.exists(path):
+            runs = pd.concat([read_table(path, row), runs])
+
+        text = f"time: {_times(runs[-1:])} on {row['processor']}"
+        if len(runs) > 1:
+            text += f"; all {len(runs)} calls: {_times(runs)}"
+        with suppress(OSError):  # the terminal is closed
+            print(f"{text} ({path})", file=sys.stderr)
+        write_table(path, runs)
+
+
+def _times(runs: Any) -> str:
+    """Write the sums of a table of runs as text."""
+    wall_min = runs["wall_s"].sum() / 60
+    cpu_min = runs["cpu_s"].sum() / 60
+    return f"{wall_min:.1f} min by the clock, {cpu_min:.1f} min of processor time"
+
+
+def _start_of_process_s() -> float:
+    """Return when this program began, in seconds of the system's clock.
+
+    It has computed all the time since then: it imported its libraries and read the
+    Snakefile.
+    """
+    return time.time() - time.process_time()
+
+
+def check_folder(study: Study, outputs: Iterable[str]) -> None:
+    """Check that the study's folder has no foreign file in the place of a result.
+
+    Parameters
+    ----------
+    study : Study
+        The study whose folder it is.
+    outputs : iterable of str
+        Paths that rules write, with their wildcards in braces.
+
+    Raises
+    ------
+    InputError
+        For files that this program did not write, or that somebody has changed.
+    """
+    results_folder.check_no_foreign_files(study.settings.results_dir, outputs)
