@@ -8,7 +8,6 @@ import sys
 import pytest
 
 from repose.calibrate import strategies
-from repose.cli import run
 from repose.common import places
 
 SNAKEFILE = ["--snakefile", str(places.root() / "Snakefile")]
