@@ -266,16 +266,14 @@ def test_somebodys_file_of_the_ledgers_name_is_left_alone(tmp_path, content):
 
 # Calls that write, rename or remove; what stands in these files is tested in tests/common and tests/faults.
 WRITERS = {
-    "core/ledger.py",
-    "core/lock.py",
+    "common/ledger.py",
+    "common/lock.py",
+    "common/source_code.py",  # in the user's cache folder
+    "common/usage.py",  # beside the results: snakemake's benchmarks
     "dem/io/whole.py",
     "dem/cache.py",
-    "apparatus/kept_runs.py",
+    "stages/kept_runs.py",
 }
-WRITERS |= {
-    "core/usage.py",
-    "config/call.py",
-}  # beside the results: snakemake's benchmarks and records
 BARE = {
     "rmtree",
     "unlink",

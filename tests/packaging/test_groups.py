@@ -11,7 +11,7 @@ pytestmark = pytest.mark.slow
 
 TESTS = Path(__file__).parents[1]
 FILES = (
-    "apparatus/test_a", "cli/test_c", "dem/test_b", "core/test_e", "core/test_f", "measure/test_g", "measure/test_h",
+    "bench/test_a", "cli/test_c", "dem/test_b", "common/test_e", "common/test_f", "measure/test_g", "measure/test_h",
 )  # fmt: skip
 
 
@@ -42,7 +42,7 @@ def test_tests_of_the_same_kernels_run_on_one_worker(tmp_path):
         workers.setdefault(name, set()).add(worker)
     assert set(workers) == set(FILES)
     assert all(len(found) == 1 for found in workers.values())
-    assert workers["apparatus/test_a"] == workers["cli/test_c"] == workers["dem/test_b"]
+    assert workers["bench/test_a"] == workers["cli/test_c"] == workers["dem/test_b"]
     assert (
         workers["dem/test_b"] != workers["measure/test_g"] == workers["measure/test_h"]
     )
