@@ -18,7 +18,7 @@ import pandas as pd
 
 from repose.bench.parameters import PARAMETERS
 from repose.calibrate.targets import Targets
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.stages import dataset
 
 ROOT = Path(__file__).parents[1]
@@ -28,7 +28,7 @@ LIMITS = {"dry run": (60.0, 2000.0), "table of all jobs": (30.0, 2000.0)}  # s, 
 
 def made_up(folder: Path) -> None:
     """A table of samples, a file of two runs for each of them, and a configuration."""
-    config = Study.load(ROOT / "config/quick.yaml").config
+    config = PipelineConfig.load(ROOT / "config/quick.yaml").config
     rng = np.random.default_rng(1)
     samples = pd.DataFrame(
         rng.uniform(0.1, 0.4, (SAMPLES, len(PARAMETERS))), columns=list(PARAMETERS)

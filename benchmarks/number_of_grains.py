@@ -17,7 +17,7 @@ from repose.bench import Scene, bench, scene_size
 from repose.bench.funnel import FunnelSettings
 from repose.calibrate.runs import mean_and_error
 from repose.config.computed import diameter_mm as diameter_mm_of
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.stages.job import run_once
 
 GRAINS = {
@@ -87,7 +87,7 @@ def main():
     parser.add_argument("--grains", type=int, nargs="+", default=list(GRAINS))
     parser.add_argument("--out", type=Path, default=Path("number_of_grains.csv"))
     arguments = parser.parse_args()
-    study, rows = Study.load(*arguments.config), []
+    study, rows = PipelineConfig.load(*arguments.config), []
     for grains in arguments.grains:
         rows.append(row(study, grains, GRAINS[grains]))
         pd.DataFrame(rows).to_csv(arguments.out, index=False, float_format="%.4g")

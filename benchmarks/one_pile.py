@@ -31,7 +31,7 @@ from repose import export
 from repose.bench import Scene, funnel, scene
 from repose.bench.settings import SceneSettings, SimulationSettings
 from repose.common.places import configs
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.dem.rotations import rotation_matrices
 from repose.export.job import make, sphere_of_volume
 from repose.export.laws import rolling_coefficient
@@ -107,11 +107,11 @@ RESPONSES = {
 @cache
 def grain(source, spheres):
     """The default berry and its clump, or the sphere of its volume."""
-    study = Study.load(source)
+    study = PipelineConfig.load(source)
     if spheres == 1:
         return study.grain, sphere_of_volume(study.particle)
     clump = {"particle": "multisphere", "spheres": spheres}
-    study = Study.of(study.config | {"berry": study.config["berry"] | clump}, source)
+    study = PipelineConfig.of(study.config | {"berry": study.config["berry"] | clump}, source)
     return study.grain, study.particle
 
 
@@ -119,7 +119,7 @@ def grain(source, spheres):
 def study(set_name):
     """Configuration, grain, particle, and what is exported, of a parameter set."""
     source = str(configs()[-1])
-    config = Study.load(source).config
+    config = PipelineConfig.load(source).config
     config["funnel"] |= {
         "berries": GRAINS[set_name],
         "rate_per_s": RATE_PER_S,

@@ -17,8 +17,8 @@ import numpy as np
 from scipy.stats import chi2
 
 from repose.bench import Scene, funnel
-from repose.calibrate.parameter_space import ParameterSpace
-from repose.config.study import Study
+from repose.bench.space import contact_space
+from repose.config.pipeline import PipelineConfig
 from repose.measure.pile import MeasureSettings
 from repose.measure.saved_piles import pile_responses
 from repose.stages import published
@@ -40,7 +40,7 @@ KEPT = ("position", "quaternion", "in_pile", "scale")
 
 def sets_of(study):
     """The parameter sets by name."""
-    space = ParameterSpace.of(study.config["parameters"])
+    space = contact_space(study.config["parameters"])
     return {
         "lowest": space.centre | dict(zip(space.free, space.low.tolist(), strict=True)),
         "representative": published.representative(
@@ -65,7 +65,7 @@ def one(job):
 
 def pour(path, seeds, processes):
     """Pour all seeds of all sets and write them to a file."""
-    study = Study.load(*CONFIG)
+    study = PipelineConfig.load(*CONFIG)
     common = study.config, study.particle, study.grain
     sets = sets_of(study)
     one((sets["lowest"], 1, *common))  # compiles the engine
@@ -108,7 +108,7 @@ def measured(path, study):
 
 def compare(before, after):
     """Print every difference with its standard error, and the verdict of all together."""
-    study = Study.load(*CONFIG)
+    study = PipelineConfig.load(*CONFIG)
     sides = [measured(path, study) for path in (before, after)]
     sum_of_sets, degrees, largest = 0.0, 0, 0.0
     print(

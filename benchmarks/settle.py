@@ -15,7 +15,7 @@ import numpy as np
 from beds import LAYERS, SPACING_M, bed
 
 from repose.bench.bounds import Bounded
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.grain import berry as berries
 from repose.grain import build
 
@@ -48,7 +48,7 @@ def main():
     parser.add_argument("--berries", type=int, default=50_000)
     parser.add_argument("--threads", type=int, default=1)
     arguments = parser.parse_args()
-    config = Study.load("config/config.yaml").config
+    config = PipelineConfig.load("config/config.yaml").config
     own = config["simulation"]
     began = time.process_time()
     simulation = bed(

@@ -19,7 +19,7 @@ from repose.bench import Scene, bench
 from repose.bench.settings import SimulationSettings
 from repose.calibrate.runs import mean_and_error
 from repose.calibrate.targets import Targets
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.dem import Contact
 from repose.stages import published
 from repose.stages.job import run_once
@@ -176,7 +176,7 @@ def main():
         "--pairs", type=int, default=0, help="hits of two berries of each time step"
     )
     arguments = parser.parse_args()
-    for row in rows(Study.load(*arguments.config), arguments.seeds, arguments.pairs):
+    for row in rows(PipelineConfig.load(*arguments.config), arguments.seeds, arguments.pairs):
         print(*row, sep="\t", flush=True)
 
 

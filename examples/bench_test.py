@@ -117,11 +117,11 @@ class DropTest(BenchTest[DropSettings]):
 def main(berries: int = 20, duration_s: float = 2.0) -> None:
     """Drop berries without and with rolling friction."""
     from repose.bench.parameters import PARAMETERS
-    from repose.config.study import Study
+    from repose.config.pipeline import PipelineConfig
     from repose.grain.build import ellipsoid_mesh, fit_particle
     from repose.stages.job import run_once
 
-    config = Study.load("config/quick.yaml").config
+    config = PipelineConfig.load("config/quick.yaml").config
     rate = 2.0 * berries / duration_s
     config["drop"] = {
         "berries": berries,

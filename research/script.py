@@ -10,7 +10,7 @@ from repose.common import places, provenance
 from repose.common.errors import BAD_INPUT, InputError, print_fault
 from repose.common.lock import joined_folder
 from repose.config import stands_on
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from research import settings
 
 Option = tuple[tuple[str, ...], dict[str, Any]]
@@ -85,7 +85,7 @@ class Script:
                     stage, _files(args), args.depends_on, runs=runs, apparatus=cell
                 ),
             ):
-                args.study = Study.load(args.config)
+                args.study = PipelineConfig.load(args.config)
                 config = args.study.config
                 text = args.work(args, config | settings.of(config))
         except (InputError, OSError) as error:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from repose.common.errors import InputError, YamlError, raise_together
-from repose.config.reading import read
+from repose.common.reading import read
 
 HERE = Path(__file__).parent
 OWN = Path("research.yaml")  # of the working folder

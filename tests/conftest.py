@@ -43,7 +43,7 @@ def _is_built(_berry, section):
 
 # Hundreds of tests read the same defaults (PyYAML needs 50 ms for them) and make the same berry (3 s).
 for module, name, *when in (
-    ("repose.config.reading", "parse"),
+    ("repose.common.reading", "parse"),
     ("repose.grain.support_fit", "fit_components"),
     ("repose.grain.build", "of_settings", _is_built),
 ):
@@ -58,9 +58,9 @@ def _in_the_project():
 
 @pytest.fixture(scope="session")
 def _studies():
-    from repose.config.study import Study
+    from repose.config.pipeline import PipelineConfig
 
-    return {name: Study.load(f"config/{name}.yaml") for name in ("config", "quick")}
+    return {name: PipelineConfig.load(f"config/{name}.yaml") for name in ("config", "quick")}
 
 
 @pytest.fixture

@@ -9,14 +9,17 @@ from types import SimpleNamespace
 
 import pytest
 
+from repose import bench
 from repose.bench.parameters import PARAMETERS
+from repose.bench.space import contact_space
 from repose.calibrate import responses
-from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.settings import CalibrationSettings
 from repose.calibrate.surrogates.settings import NetworkSettings
 from repose.calibrate.targets import Targets
+from repose.common import reading
 from repose.common.section import Section
-from repose.config import models, reading
-from repose.config.study import Study
+from repose.config import models
+from repose.config.pipeline import PipelineConfig
 
 ROOT = Path(__file__).parents[1]
 # The article's parameter ranges and targets.
@@ -78,6 +81,16 @@ def settings_of(config):
     return models.settings_type().model_construct(**sections)
 
 
+def calibration_settings_of(config):
+    """The same as the settings of `repose.Study`, with the sections that it may read."""
+    sections = dict(settings_of(config))
+    benches = (config[name] for name in bench.names() if name in config)
+    seeds = [section["seeds"] for section in benches if "seeds" in section]
+    return CalibrationSettings.model_construct(
+        simulator="repose", seeds=(seeds or [None])[0], **sections
+    )
+
+
 def studied(config, **more):
     """A study of a small configuration, unchecked."""
     config = (
@@ -91,7 +104,7 @@ def studied(config, **more):
         | more
     )
     space, targets = (
-        ParameterSpace.of(config.get("parameters", RANGES)),
+        contact_space(config.get("parameters", RANGES)),
         Targets.of(config["targets"]),
     )
     return SimpleNamespace(
@@ -116,7 +129,7 @@ def study_of(
 @functools.cache
 def every_bench_test():
     """The program's configuration with the section of every bench test that is shipped or an example."""
-    whole = Study.load(ROOT / "config/config.yaml").config
+    whole = PipelineConfig.load(ROOT / "config/config.yaml").config
     paths = (ROOT / "examples/bench_tests").glob("*.yaml")
     return whole | {path.stem: reading.read(path)[path.stem] for path in paths}
 

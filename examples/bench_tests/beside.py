@@ -7,7 +7,7 @@ from pathlib import Path
 
 from repose.bench import bench
 from repose.calibrate.runs import mean_and_error
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.stages.job import run_once
 
 HERE = Path(__file__).parent
@@ -25,7 +25,7 @@ def main():
     print("| bench test | response | angle, deg | runs |\n|---|---|---|---|")
     for name, responses in ANGLES.items():
         own = HERE / f"{name}.yaml"
-        study = Study.load("config/config.yaml", *([own] if own.exists() else []))
+        study = PipelineConfig.load("config/config.yaml", *([own] if own.exists() else []))
         test, values = bench(name), study.parameters.centre
         measured = []
         for seed in SEEDS:

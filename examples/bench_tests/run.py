@@ -13,7 +13,7 @@ import sketches
 
 from repose.bench import bench
 from repose.bench.drum import Drum
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.report.renderer import film
 
 HERE = Path(__file__).parent
@@ -32,7 +32,7 @@ VIEWS = {
 
 def main(name, out="results/examples", pictures=48, width=420):
     """Run the bench test at the centre of the ranges and write the pictures; returns the measured run."""
-    study = Study.load("config/config.yaml", HERE / f"{name}.yaml")
+    study = PipelineConfig.load("config/config.yaml", HERE / f"{name}.yaml")
     test, config = bench(name), study.config
     scene = study.scene(study.parameters.centre, 1)
     elevation, azimuth, interval_s = VIEWS[name]

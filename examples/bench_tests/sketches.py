@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from repose.config.keys import section
+from repose.common.keys import section
 from repose.report.figures import style
 from repose.report.figures.testbench import dimension
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 from repose.bench import Scene, bench, turning
 from repose.calibrate.runs import mean_and_error
 from repose.common.files import read_json, write_json
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.report.figures import style
 from repose.stages.job import run_once
 
@@ -104,7 +104,7 @@ BENCHES = {
 }
 
 
-def ran(study: Study, name: str, of: str, seed: int) -> dict:
+def ran(study: PipelineConfig, name: str, of: str, seed: int) -> dict:
     """One run, measured, and its seconds of processor; a file keeps it, so that it is made once."""
     path, shown = OUT / name / f"{of}_{seed}.json", BENCHES[name]
     if not path.exists():
@@ -131,7 +131,7 @@ def ran(study: Study, name: str, of: str, seed: int) -> dict:
     return read_json(path)
 
 
-def angles(study: Study) -> dict[str, dict[str, tuple]]:
+def angles(study: PipelineConfig) -> dict[str, dict[str, tuple]]:
     """Of each bench test and pair: mean angle and its standard error, runs that have one, and all runs."""
     found = {}
     for name, shown in BENCHES.items():
@@ -244,7 +244,7 @@ def draw_figure(found: dict) -> None:
 
 def main() -> None:
     """Make what is missing of the runs; print the tables, draw the figure."""
-    study = Study.load("crops/wheat/config.yaml", overrides=CROP)
+    study = PipelineConfig.load("crops/wheat/config.yaml", overrides=CROP)
     found = angles(study)
     print(described(found))
     seconds = {

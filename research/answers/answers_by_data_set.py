@@ -38,7 +38,7 @@ from repose.calibrate.probability import within
 from repose.calibrate.surrogates import make
 from repose.calibrate.targets import Targets
 from repose.config import computed
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from research.answers import surrogate_candidates
 from research.comparison import points
 from research.comparison.points import Points
@@ -403,7 +403,7 @@ def main():
             )  # equal names in two files are two data sets
         table = pd.concat(tables, ignore_index=True)
     else:
-        table = run(args, Study.load(args.config))
+        table = run(args, PipelineConfig.load(args.config))
     print(*summary(table), "", *reliability(table), "", *differences(table), sep="\n")
 
 

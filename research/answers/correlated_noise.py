@@ -17,7 +17,7 @@ from repose.calibrate.surrogates import make
 from repose.calibrate.surrogates.accuracy import r2
 from repose.calibrate.surrogates.settings import NetworkSettings
 from repose.calibrate.variance import within_covariance
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from research.answers.sample_weights import weights_from_errors
 
 TRAINING_SHARE = 0.7
@@ -65,7 +65,7 @@ def main():
     parser.add_argument("--splits", type=int, default=8)
     parser.add_argument("--out", help="markdown file to write the table to")
     args = parser.parse_args()
-    targets = Study.load(args.config).targets
+    targets = PipelineConfig.load(args.config).targets
     table, runs = (
         pd.read_csv(path).query("status == 'ok'") for path in (args.dataset, args.runs)
     )

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
-from repose.calibrate.parameter_space import ParameterSpace
+from repose.bench.space import contact_space
 from repose.calibrate.strategies import plan
 from repose.calibrate.strategies.sequential.kriging import Observed
 from research.comparison import points
@@ -56,7 +56,7 @@ class Simulator:
         """`noise_percent` of a pour; `plan.NOISE_PERCENT` is as in the pool."""
         self.times, space = (
             noise_percent / plan.NOISE_PERCENT,
-            ParameterSpace.of(config["parameters"]),
+            contact_space(config["parameters"]),
         )
         read = [
             points.read(

@@ -31,7 +31,7 @@ from repose.calibrate.strategies.sequential.advise import advise, ranked
 from repose.calibrate.strategies.sequential.goal import Goal
 from repose.calibrate.strategies.sequential.kriging import Kriging, Observed
 from repose.calibrate.targets import Target, Targets
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from research.answers import rivals
 from research.answers.emulated import EMULATORS, Simulator, options
 from research.comparison import points
@@ -230,7 +230,7 @@ def main():
     table = (
         pd.read_csv(args.out) if args.out.exists() else pd.DataFrame(columns=columns)
     )
-    study = Study.load(args.config)
+    study = PipelineConfig.load(args.config)
     config, space = study.config, study.parameters
     simulator = Simulator(
         args.pool, args.responses, config, args.emulator, args.noise_percent

@@ -15,7 +15,7 @@ from pathlib import Path
 import pandas as pd
 
 from repose.config import loader
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from research.answers.real_campaigns import HEIGHT_ALONE, verb
 from research.responses.__main__ import script
 from research.streams import STREAMS
@@ -33,7 +33,7 @@ def main():
     parser.add_argument("--seeds", type=int, default=2)
     args = parser.parse_args()
 
-    config = Study.load("config/config.yaml").config
+    config = PipelineConfig.load("config/config.yaml").config
     for name, keys in SMALL.items():
         config[name] = config[name] | keys
     of_study = args.out / "config.json"

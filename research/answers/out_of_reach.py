@@ -17,7 +17,7 @@ from repose.calibrate.designs.latin_hypercube import lhsdesign
 from repose.calibrate.strategies.sequential import SequentialSettings
 from repose.calibrate.strategies.sequential.advise import advise
 from repose.calibrate.strategies.sequential.kriging import Observed
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from research.answers.emulated import Simulator, options
 from research.answers.hidden_truths import goal_of
 
@@ -111,7 +111,7 @@ def main():
         "--campaigns", type=int, nargs=2, default=[1000, 1050], metavar=("FROM", "TO")
     )
     args = parser.parse_args()
-    study = Study.load(args.config)
+    study = PipelineConfig.load(args.config)
     config, space = study.config, study.parameters
     section = SequentialSettings(
         **config["sequential"] | {"most_pours": max(LOOKS), "probability": 0.99}

@@ -33,7 +33,7 @@ from repose.cli import main as repose
 from repose.common import provenance
 from repose.common.files import read_table, write_table
 from repose.config import loader
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.stages import dataset
 
 HEIGHT_ALONE = Path("results/published/height_alone")
@@ -58,7 +58,7 @@ class Campaign:
 
     def __init__(self, folder, changes):
         self.folder, self.config = folder, folder / "config.json"
-        config = Study.load("config/config.yaml").config
+        config = PipelineConfig.load("config/config.yaml").config
         for section, keys in changes.items():
             config[section] = config[section] | keys if isinstance(keys, dict) else keys
         loader.write_resolved(config, self.config)

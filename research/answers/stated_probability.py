@@ -18,7 +18,7 @@ changed after this run: a class that does not agree stands with its numbers in d
 import numpy as np
 import pandas as pd
 
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from research.answers.emulated import Simulator, options
 from research.answers.hidden_truths import TOLERANCE, goal_of, sequential
 
@@ -108,7 +108,7 @@ def main():
         "--truths", type=int, nargs=2, default=[0, 100], metavar=("FROM", "TO")
     )
     args = parser.parse_args()
-    study = Study.load(args.config)
+    study = PipelineConfig.load(args.config)
     config = study.config
     table = (
         pd.read_csv(args.out) if args.out.exists() else pd.DataFrame(columns=COLUMNS)

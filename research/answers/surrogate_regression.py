@@ -33,7 +33,7 @@ from sklearn.preprocessing import StandardScaler
 
 from repose.bench.parameters import PARAMETERS
 from repose.calibrate.surrogates.bayesian_bp import BayesianBP
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 
 TRAINING, FRESH = 95, 1000
 FIRST_SEED = 100  # sets 0 to 3 were looked at while the settings were chosen
@@ -195,7 +195,7 @@ def main():
     print(*lines, sep="\n")
     problems = PROBLEMS
     if args.dataset:
-        problems = study(args.dataset, Study.load(args.config).targets.names)
+        problems = study(args.dataset, PipelineConfig.load(args.config).targets.names)
     for row in rows(problems, args.splits):
         lines.append("| " + " | ".join(row) + " |")
         print(lines[-1], flush=True)

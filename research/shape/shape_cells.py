@@ -14,7 +14,7 @@ from repose.bench.parameters import PARAMETERS
 from repose.calibrate.targets import Target, Targets
 from repose.common.errors import InputError
 from repose.common.files import read_table
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.measure.further_responses import BENCH
 from repose.stages.published import published_responses
 from research.settings import SECTIONS
@@ -101,7 +101,7 @@ def check(config: Config, source: str = "configuration") -> None:
         ("sensitivities", "funnel"),
     ):
         for name, changes in study[section].items():
-            Study.of(
+            PipelineConfig.of(
                 changed(plain, part, changes), f"{source}, shape_study.{section}.{name}"
             )
 

@@ -7,9 +7,9 @@ from refusals import input_error, value_error
 from scipy import stats
 
 from repose.bench.parameters import PARAMETERS
-from repose.calibrate.parameter_space import ParameterSpace
+from repose.bench.space import contact_space
 from repose.calibrate.surrogates.support import quadratic_terms
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.report import figures
 from research.comparison import (
     accuracy,
@@ -24,7 +24,7 @@ from research.comparison.early_stopping import EarlyStoppingBP
 from research.figures import FIGURES
 
 RESPONSES = ("aor_deg", "height_mm")
-SPACE = ParameterSpace.of(dict.fromkeys(PARAMETERS, (0.0, 1.0)))
+SPACE = contact_space(dict.fromkeys(PARAMETERS, (0.0, 1.0)))
 NETWORK = {
     "hidden": 3,
     "epochs": 60,
@@ -331,7 +331,7 @@ def test_sampling_says_what_is_emulated_and_what_is_real(tables):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["accuracy", "surrogates", "sampling"])
 def test_each_comparison_can_be_drawn(tables, name, tmp_path):
-    config = Study.load("config/quick.yaml").config
+    config = PipelineConfig.load("config/quick.yaml").config
     figures.draw(
         name,
         {name: str(tables[0] / f"{name}.csv")},

@@ -11,7 +11,7 @@ from scipy import stats
 
 import repose.bench  # noqa: F401  (makes the responses known)
 from repose.bench.parameters import PARAMETERS
-from repose.calibrate.parameter_space import ParameterSpace
+from repose.bench.space import contact_space
 from repose.calibrate.targets import Targets
 from repose.measure import further_responses
 from research.responses import (
@@ -23,7 +23,7 @@ from research.responses import (
     responses_over_design,
 )
 
-SPACE = ParameterSpace.of(dict.fromkeys(PARAMETERS, (0.0, 2.0)))
+SPACE = contact_space(dict.fromkeys(PARAMETERS, (0.0, 2.0)))
 TARGETS = Targets.of(
     [
         {

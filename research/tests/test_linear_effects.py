@@ -4,11 +4,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from repose.calibrate.parameter_space import ParameterSpace
+from repose.bench.space import contact_space
 from research.responses.linear_effects import effects
 
 FIXED = {key: {"fixed": 0.3} for key in ("e_gg", "e_gp", "mus_gp", "mur_gp")}
-SPACE = ParameterSpace.of(FIXED | {"mus_gg": [0.1, 0.9], "mur_gg": [0.0, 0.1]})
+SPACE = contact_space(FIXED | {"mus_gg": [0.1, 0.9], "mur_gg": [0.0, 0.1]})
 
 
 def test_a_plane_has_its_slopes_and_at_equal_values_of_its_cause_none():

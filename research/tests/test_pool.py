@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from repose.bench.parameters import PARAMETERS
-from repose.calibrate.parameter_space import ParameterSpace
+from repose.bench.space import contact_space
 from research import pool
 
 RANGES = dict.fromkeys(PARAMETERS, (0.1, 0.4)) | {"mur_gp": (0.2, 0.3)}
-SPACE = ParameterSpace.of(RANGES)
+SPACE = contact_space(RANGES)
 SETTINGS = {"samples": 40, "seeds": 2, "fresh_samples": 8, "fresh_seeds": 2, "seed": 5}
 
 
@@ -55,7 +55,7 @@ def test_leading_points_are_spread_more_evenly_than_random_ones():
 
 
 def test_a_fixed_parameter_has_its_value_everywhere(tmp_path):
-    space = ParameterSpace.of(RANGES | {"e_gp": {"fixed": 0.35}})
+    space = contact_space(RANGES | {"e_gp": {"fixed": 0.35}})
     table = pool.run(space, SETTINGS, tmp_path)["pool"]
     assert (table["e_gp"] == 0.35).all()
     assert table["mus_gp"].nunique() == 40

@@ -6,11 +6,11 @@ import pytest
 
 import repose.bench  # noqa: F401  (makes the responses known)
 from repose.bench.parameters import PARAMETERS
-from repose.calibrate.parameter_space import ParameterSpace
+from repose.bench.space import contact_space
 from repose.calibrate.targets import Targets
 from research.responses import profiles
 
-SPACE = ParameterSpace.of(dict.fromkeys(PARAMETERS, (0.0, 1.0)))
+SPACE = contact_space(dict.fromkeys(PARAMETERS, (0.0, 1.0)))
 TARGETS = Targets.of(
     [
         {

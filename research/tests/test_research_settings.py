@@ -3,7 +3,7 @@
 import pytest
 
 from repose.common.errors import InputError
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from research import settings
 
 LARGE, SMALL = {"small_run": False}, {"small_run": True}
@@ -51,7 +51,7 @@ def test_unknown_keys_and_wrong_types_are_reported_together(tmp_path, monkeypatc
 def test_the_effective_model_is_the_reference_of_no_berry(monkeypatch):
     """The changes of matched.yaml are a cell of the shape study."""
     monkeypatch.chdir(settings.HERE.parent)
-    config = Study.load("config/matched.yaml").config
+    config = PipelineConfig.load("config/matched.yaml").config
     study = settings.of(config)["shape_study"]
     assert config["berry"] == config["berry"] | study["particles"]["rough_spheres"]
     assert config["funnel"] == config["funnel"] | study["fillings"]["open_cone"]

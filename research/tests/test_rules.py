@@ -9,7 +9,7 @@ import pytest
 from plans import ROOT, as_ours, planned, snakemake
 
 from repose.common.ledger import LEDGER
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from research import settings
 
 pytestmark = pytest.mark.slow
@@ -125,7 +125,7 @@ def test_every_caption_is_used_and_can_be_filled_in():
     rules = "".join(
         path.read_text() for path in (ROOT / "research/rules").glob("*.smk")
     )
-    config = Study.load(ROOT / "config/config.yaml").config
+    config = PipelineConfig.load(ROOT / "config/config.yaml").config
     config |= settings.of(config)
     words = jinja2.Environment(undefined=jinja2.StrictUndefined, autoescape=False)
     captions = sorted((ROOT / "research/report").glob("*.rst"))

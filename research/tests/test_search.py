@@ -7,8 +7,8 @@ import pytest
 from refusals import value_error
 
 from repose.bench.parameters import PARAMETERS
+from repose.bench.space import contact_space
 from repose.calibrate.inversion import on_free_parameters
-from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.search.objective import Objective
 from research.comparison import search
 from research.comparison.region import Region
@@ -146,7 +146,7 @@ def test_a_fixed_parameter_stays_where_it_is():
         def response_function(self, low, high):
             return lambda points: (low + high) / 2 + points * (high - low) / 2
 
-    respond = on_free_parameters(Model(), ParameterSpace.of(given))
+    respond = on_free_parameters(Model(), contact_space(given))
     assert respond(np.array([[-1.0, 0, 0, 0, 1]])).tolist() == [[0, 0.3, 1, 1, 1, 2]]
 
 

@@ -11,7 +11,7 @@ from scipy import stats
 
 import repose.bench  # noqa: F401  (makes the responses known)
 from repose.bench.parameters import PARAMETERS
-from repose.calibrate.parameter_space import ParameterSpace
+from repose.bench.space import contact_space
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
 from repose.measure import further_responses
@@ -26,7 +26,7 @@ from research.responses import (
 )
 from research.responses.__main__ import script
 
-SPACE = ParameterSpace.of(dict.fromkeys(PARAMETERS, (0.0, 1.0)))
+SPACE = contact_space(dict.fromkeys(PARAMETERS, (0.0, 1.0)))
 
 
 def target(name, low, high, repetitions=4):
@@ -185,7 +185,7 @@ def test_a_normal_prior_counts_as_known():
     given = dict.fromkeys(PARAMETERS, (0.0, 1.0)) | {
         "mus_gg": {"prior": {"mean": 0.5, "sd": 0.05}, "range": [0, 1]}
     }
-    space = ParameterSpace.of(given)
+    space = contact_space(given)
     quantile = stats.qmc.Sobol(6, rng=1).random(2**15)
     place = information.places_of(space, quantile)
     assert np.delete(place, 1, axis=1) == pytest.approx(

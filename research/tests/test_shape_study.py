@@ -16,7 +16,7 @@ from repose.calibrate.targets import Targets
 from repose.common import attached, provenance
 from repose.common.errors import InputError
 from repose.common.files import write_json, write_table
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from research import settings
 from research.shape import (
     shape_cells,
@@ -37,7 +37,7 @@ TARGETS = Targets.of([ANGLE, HEIGHT])
 @pytest.fixture
 def config(monkeypatch):
     monkeypatch.chdir(ROOT)
-    config = Study.load("config/quick.yaml").config
+    config = PipelineConfig.load("config/quick.yaml").config
     config = copy.deepcopy(config | settings.of(config))
     config["shape_study"] |= {
         "particles": {
@@ -231,7 +231,7 @@ def test_a_cell_takes_no_longer_step_than_its_own_particle_bears(
         return pd.DataFrame({"height_mm": []})
 
     monkeypatch.setattr(shape_study, "poured", poured)
-    write_json(tmp_path / "berry.json", Study.load("config/quick.yaml").grain)
+    write_json(tmp_path / "berry.json", PipelineConfig.load("config/quick.yaml").grain)
     for own_s in (1e-4, 9e-3):
         config["simulation"]["time_step_s"] = own_s
         with provenance.stage("shape_cell", (), depends_on):

@@ -8,7 +8,7 @@ import pytest
 
 import repose.bench  # noqa: F401  (makes the responses known)
 from repose.bench.parameters import PARAMETERS
-from repose.calibrate.parameter_space import ParameterSpace
+from repose.bench.space import contact_space
 from repose.calibrate.responses import derived
 from repose.calibrate.search.objective import Objective
 from repose.calibrate.surrogates.support import quadratic_terms
@@ -20,7 +20,7 @@ from research.comparison.__main__ import script
 from research.comparison.points import Points
 from research.figures.__main__ import script as draw
 
-SPACE = ParameterSpace.of({name: (k, k + 2.0) for k, name in enumerate(PARAMETERS)})
+SPACE = contact_space({name: (k, k + 2.0) for k, name in enumerate(PARAMETERS)})
 LOW = np.arange(6.0)
 NAMES = ("aor_deg", "height_mm")
 
@@ -224,7 +224,7 @@ def test_any_number_of_targets(names):
     """Each response follows a parameter of its own; one parameter is fixed."""
     k, rng = len(names), np.random.default_rng(3)
     given = dict.fromkeys(PARAMETERS, (0.0, 1.0)) | {"mur_gp": {"fixed": 0.2}}
-    space = ParameterSpace.of(given)
+    space = contact_space(given)
     unit = rng.uniform(size=(50, 5))
     values = 40 + 20 * unit[:, None, :k] + rng.normal(0, 0.5, (50, 3, k))
     samples = whole.samples_of(Points(unit, values))

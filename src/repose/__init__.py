@@ -1,19 +1,27 @@
 """repose: contact parameters of a discrete element model, calibrated from a pile."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from repose.calibrate.study import Study
+    from repose.config.pipeline import PipelineConfig
 
 __version__ = "0.4.0"
-__all__ = ["Study", "__version__"]
+__all__ = ["PipelineConfig", "Study", "__version__"]
 
 
 def __getattr__(name: str) -> Any:
-    """`Study`, which loads what the simulator alone does not need."""
+    """Load a public class when it is asked for: the simulator alone needs none of it."""
     if name == "Study":
-        from repose.config.study import Study
+        from repose.calibrate.study import Study
 
         return Study
+    if name == "PipelineConfig":
+        from repose.config.pipeline import PipelineConfig
+
+        return PipelineConfig
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), "Study"})
+    return sorted({*globals(), *__all__})

@@ -8,9 +8,8 @@ import pytest
 from refusals import input_error
 from shared import ROOT, check_all, written
 
-from repose.common import files, tables
+from repose.common import files, reading, tables
 from repose.common.errors import InputError
-from repose.config import reading
 from repose.grain import berry_files
 from repose.grain.mesh import load_mesh
 from repose.grain.particle import Particle

@@ -9,11 +9,12 @@ from refusals import input_error
 from shared import at, check_all, every_bench_test, put, says
 
 from repose.bench.parameters import FURTHER, PARAMETERS
+from repose.common import faults
 from repose.common.errors import InputError, YamlError
-from repose.config import faults
+from repose.common.reading import parse
 from repose.config.computed import COMPUTED
-from repose.config.reading import parse
-from repose.config.study import Study
+from repose.config.models import settings_type
+from repose.config.pipeline import PipelineConfig
 
 NULL, AUTO = {"type": "null"}, {"const": "auto", "type": "string"}
 
@@ -27,7 +28,7 @@ def good():
 def resolved(schema):
     """A schema with its references followed, and that of its numbers where it may also be null or auto."""
     while "$ref" in schema:
-        schema = faults.schema()["$defs"][schema["$ref"].rsplit("/", 1)[1]]
+        schema = faults.schema(settings_type())["$defs"][schema["$ref"].rsplit("/", 1)[1]]
     others = [kind for kind in schema.get("anyOf", []) if kind not in (NULL, AUTO)]
     if len(others) != 1:
         return schema
@@ -50,7 +51,7 @@ def leaves():
     """Entries with values, so neither sections nor those of the research, which have any keys; and keys of a target."""
     found = {
         key: one
-        for key, one in entries(faults.schema())
+        for key, one in entries(faults.schema(settings_type()))
         if "properties" not in one and one.get("type") != "object"
     }
     of_target = resolved(found["targets"]["items"])["properties"]
@@ -61,7 +62,7 @@ def leaves():
 
 
 def sections():
-    return [name for name, schema in entries(faults.schema()) if "properties" in schema]
+    return [name for name, schema in entries(faults.schema(settings_type())) if "properties" in schema]
 
 
 def bad_values(schema):
@@ -116,7 +117,7 @@ def bad_values(schema):
 
 
 def faults_of(config):
-    error = input_error("mine.yaml", Study.of, config, "mine.yaml")
+    error = input_error("mine.yaml", PipelineConfig.of, config, "mine.yaml")
     found = getattr(error, "faults", [error])
     assert all(fault.source == "mine.yaml" and fault.allowed for fault in found)
     return {fault.key: fault for fault in found}
@@ -173,7 +174,7 @@ def test_every_missing_key_is_reported():
         for key, _ in leaves()
         if not key.startswith("targets.") and key not in OPTIONAL
     ]
-    required += [name for name in sections() if name in faults.schema()["required"]]
+    required += [name for name in sections() if name in faults.schema(settings_type())["required"]]
     check_all(missing, [(key, key) for key in required])
 
 
@@ -320,7 +321,7 @@ def test_a_key_that_is_no_text_is_answered(text, tmp_path):
     (tmp_path / "odd.yaml").write_bytes(text)
     input_error(
         r"odd\.yaml: (funnel\.)?(None|1\.5) is 3; expected a known key",
-        Study.load,
+        PipelineConfig.load,
         tmp_path / "odd.yaml",
     )
 

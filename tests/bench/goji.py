@@ -6,7 +6,7 @@ from shared import ROOT
 
 from repose.bench.parameters import PARAMETERS
 from repose.bench.settings import SceneSettings
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.grain.build import ellipsoid_mesh, fit_particle
 
 AXES_MM = (21.14, 11.37, 9.88)
@@ -28,7 +28,7 @@ SPHERE = particle((10.0, 10.0, 10.0), BEAD["density_kg_m3"])
 
 
 def recommended(section, *over, **keys):
-    whole = Study.load(ROOT / "config/config.yaml", *over).config
+    whole = PipelineConfig.load(ROOT / "config/config.yaml", *over).config
     whole[section].update(keys)
     return whole
 

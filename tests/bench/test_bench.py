@@ -18,7 +18,7 @@ from repose.calibrate import responses
 from repose.calibrate.seeds import pour_seeds
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.stages.job import measure_job, pour_job
 
 EXAMPLES = ROOT / "examples/bench_tests"
@@ -58,7 +58,7 @@ def drop():
 
 @pytest.fixture
 def config(drop):
-    quick = Study.load("config/quick.yaml").config
+    quick = PipelineConfig.load("config/quick.yaml").config
     return quick | {"drop": dict(SECTION), "targets": [*quick["targets"], TARGET]}
 
 
@@ -97,7 +97,7 @@ def test_a_bench_test_is_found_by_name_with_its_responses_and_own_seeds(drop):
 
 
 def test_its_section_is_part_of_the_configuration(config):
-    Study.of(config)
+    PipelineConfig.of(config)
     assert Targets.of(config["targets"]).apparatus == ("funnel", "drop")
     wrong = {
         "berries": (0, "an integer from 1 to 20000"),
@@ -107,11 +107,11 @@ def test_its_section_is_part_of_the_configuration(config):
     for key, (value, allowed) in wrong.items():
         input_error(
             rf"drop\.{key}.*{allowed}",
-            Study.of,
+            PipelineConfig.of,
             config | {"drop": SECTION | {key: value}},
         )
     del config["drop"]
-    input_error(r"targets\.2\.apparatus is 'drop'; .*has a section", Study.of, config)
+    input_error(r"targets\.2\.apparatus is 'drop'; .*has a section", PipelineConfig.of, config)
 
 
 IMPOSSIBLE = yaml.safe_load((ROOT / "tests/bench/impossible.yaml").read_text())
@@ -150,7 +150,7 @@ def test_a_bench_test_that_cannot_run_is_refused():
         for name, key, value, text in IMPOSSIBLE
     ]
     assert not not_refused(
-        lambda case: Study.of(configured(case[0], **case[1])), cases, InputError
+        lambda case: PipelineConfig.of(configured(case[0], **case[1])), cases, InputError
     )
 
 

@@ -17,7 +17,7 @@ from repose.bench.drum import Drum
 from repose.bench.settings import SceneSettings
 from repose.bench.turning import TurningSettings
 from repose.common.files import write_image
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.dem import Shape
 from repose.measure import bed
 from repose.measure.settings import MeasureSettings
@@ -232,7 +232,7 @@ def test_the_targets_are_those_of_the_bench_test(tmp_path, monkeypatch, command)
         pytest.approx(1.0, abs=0.2),
     )
     assert len(pd.read_csv(tmp_path / "measured/photographs.csv")) == 3
-    assert Study.of(config | {"targets": targets}).targets.names == (
+    assert PipelineConfig.of(config | {"targets": targets}).targets.names == (
         "drawdown_above_deg",
         "drawdown_below_deg",
     )

@@ -12,10 +12,10 @@ from repose import dem
 from repose.bench import Scene, bench, scene
 from repose.bench.bounds import EVERY, Bounded, Unstable
 from repose.bench.parameters import PARAMETERS
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.dem import time_steps
 
-CONFIG = Study.load(ROOT / "config/quick.yaml").config
+CONFIG = PipelineConfig.load(ROOT / "config/quick.yaml").config
 BERRY = BERRY | dict(zip(("long_mm", "major_mm", "minor_mm"), AXES_MM, strict=True))
 CUBE = {"lower": (-0.1, -0.1, -0.1), "upper": (0.1, 0.1, 0.1)}
 SET = dict.fromkeys(PARAMETERS, 0.3)

@@ -13,7 +13,7 @@ from refusals import input_error
 from repose.bench import Scene, bench, cylinder
 from repose.bench.bounds import Unstable
 from repose.bench.settings import SceneSettings, SimulationSettings
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.grain.build import ellipsoid_mesh, fit_particle
 from repose.stages.job import run_once
 
@@ -196,13 +196,13 @@ def test_a_study_may_leave_out_taps_and_a_small_filling_has_both_densities():
     ]
     needed = [("cylinder.taps", "1 or more, for tapped_density_kg_m3 is a target")]
     assert list(TEST.contradictions(SceneSettings(own))) == needed
-    study = Study.load(
+    study = PipelineConfig.load(
         *[ROOT / "config/config.yaml", ROOT / "examples/bench_tests/cylinder.yaml"]
     )
     assert "cylinder.taps" not in study.definitions["tapped_density_kg_m3"]
     assert study.definitions["bulk_density_kg_m3"]["cylinder.height_mm"] == 150.0
     study.config["targets"][0] |= {"response": "tapped_density_kg_m3", "range": None}
-    input_error(r"cylinder\.taps is null; expected 1 or more", Study.of, study.config)
+    input_error(r"cylinder\.taps is null; expected 1 or more", PipelineConfig.of, study.config)
     own = config(**SMALL)
     record, run = run_once(bench("cylinder"), Scene.of(own, SET, BERRY, PARTICLE, 1))
     assert (record["status"], record["berries_poured"]) == ("ok", 90)

@@ -16,7 +16,7 @@ from numba import typeof
 
 from repose.bench import Scene, bench, funnel, scene
 from repose.bench.settings import SceneSettings, SimulationSettings
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.dem import simulation as engine
 from repose.dem.kernels.engine import advance
 from repose.measure import pile
@@ -55,7 +55,7 @@ print(len(advance.stats.cache_misses))
 
 def config(**keys):
     """The published experiment as the reference values were made, with some keys of its funnel changed."""
-    whole = Study.load(ROOT / "config/paper.yaml").config
+    whole = PipelineConfig.load(ROOT / "config/paper.yaml").config
     changed = {
         "funnel": keys,
         "simulation": {"time_step_s": 2e-4},

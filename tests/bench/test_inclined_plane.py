@@ -10,7 +10,7 @@ from refusals import input_error
 from shared import target
 
 from repose.bench import Scene, bench, inclined_plane
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.stages.job import run_once
 
 TEST = inclined_plane.InclinedPlaneTest()
@@ -205,7 +205,7 @@ def test_a_film_shows_the_plane_tilting_and_the_berry_on_it_and_a_plane_that_til
     for keys, allowed in (
         ({"tilting_deg_s": 20.0, "steepest_deg": 5.0}, r"tilting_deg_s.*at most 10"),
     ):
-        input_error(rf"inclined_plane\.{allowed}", Study.of, config(**keys))
+        input_error(rf"inclined_plane\.{allowed}", PipelineConfig.of, config(**keys))
     creeping = config()
     creeping["simulation"]["rolling_law"] = "constant_torque"
-    input_error(r"simulation\.rolling_law.*lets it creep", Study.of, creeping)
+    input_error(r"simulation\.rolling_law.*lets it creep", PipelineConfig.of, creeping)

@@ -14,11 +14,11 @@ from repose.bench.bench_test import Run
 from repose.bench.parameters import PARAMETERS
 from repose.common import ledger, places, provenance
 from repose.config import stands_on
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.stages import kept_runs
 from repose.stages.job import pour_job
 
-CONFIG = Study.load(places.root() / "config/quick.yaml").config
+CONFIG = PipelineConfig.load(places.root() / "config/quick.yaml").config
 SET = dict.fromkeys(PARAMETERS, 0.3)
 
 

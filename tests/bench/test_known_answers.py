@@ -18,7 +18,7 @@ from refusals import input_error
 
 from repose.bench import Scene, bench, names
 from repose.bench.scene import longest_time_step
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.dem.laws import ROLLING_LAWS
 from repose.grain import support_fit
 from repose.stages.job import run_once
@@ -250,7 +250,7 @@ CASES = itertools.product(ANSWERS, LAWS, GRAINS)
 def test_a_bench_test_gives_the_known_answer(name, law, kind):
     if (name, law) == ("inclined_plane", "constant_torque"):
         input_error(
-            r"simulation\.rolling_law.*lets it creep", Study.of, configured(name, law)
+            r"simulation\.rolling_law.*lets it creep", PipelineConfig.of, configured(name, law)
         )
         return
     check, *frictions = ANSWERS[name]

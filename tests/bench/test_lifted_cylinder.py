@@ -10,8 +10,9 @@ from goji import BEAD, BERRY, PARTICLE, SPHERE, check_statuses, example, named
 from refusals import input_error, not_refused
 
 from repose.bench import Scene, bench, funnel, lifted_cylinder
+from repose.calibrate.study import Study
 from repose.common.errors import InputError
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.measure import pile
 from repose.measure.saved_piles import side_view
 from repose.measure.settings import MeasureSettings
@@ -82,7 +83,7 @@ def test_a_run_is_judged_and_a_tube_that_cannot_be_filled_or_lifted_is_refused()
         for key, value, allowed in cases
     ]
     assert not not_refused(
-        lambda keys: Study.of(config(berries=300, **keys)), wrong, InputError
+        lambda keys: PipelineConfig.of(config(berries=300, **keys)), wrong, InputError
     )
 
 
@@ -115,7 +116,7 @@ def test_either_a_number_or_a_filling_height_is_asked_for_and_fits_the_tube():
     ]
 
     def study(keys):
-        Study.of(example("lifted_cylinder", **keys)).check_inputs()
+        PipelineConfig.of(example("lifted_cylinder", **keys)).check_inputs()
 
     study({})
     assert not not_refused(study, wrong, InputError)
@@ -123,7 +124,7 @@ def test_either_a_number_or_a_filling_height_is_asked_for_and_fits_the_tube():
     del neither["lifted_cylinder"]["filling_height_mm"]
     input_error(
         rf"{name}filling_height_mm is null; expected 1 to 5000, or berries",
-        Study.of,
+        PipelineConfig.of,
         neither,
     )
 
@@ -133,7 +134,7 @@ def test_the_card_and_the_definitions_say_how_much_is_filled_in():
         ({}, "filling_height_mm", "berries"),
         ({"berries": 300}, "berries", "filling_height_mm"),
     ):
-        study = Study.of(config(**keys))
+        study = PipelineConfig.of(config(**keys))
         for response in bench("lifted_cylinder").responses:
             assert f"lifted_cylinder.{said}" in study.definitions[response.name]
             assert f"lifted_cylinder.{other}" not in study.definitions[response.name]

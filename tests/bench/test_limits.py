@@ -13,11 +13,11 @@ from repose.bench.parameters import PARAMETERS
 from repose.bench.scene import longest_time_step
 from repose.common.errors import InputError
 from repose.config import making
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.grain import build, size_distribution
 from repose.grain.settings import GrainSettings
 
-CONFIG = Study.load(ROOT / "config/quick.yaml").config
+CONFIG = PipelineConfig.load(ROOT / "config/quick.yaml").config
 AXES_MM = {"long_mm": 21.14, "major_mm": 11.37, "minor_mm": 9.88}
 SPREAD = {"scale_sd": 0.08, "scale_low": 0.78, "scale_high": 1.16}
 BERRY = AXES_MM | SPREAD | {"density_kg_m3": 840.47, "poisson_ratio": 0.32}
@@ -135,7 +135,7 @@ def test_the_check_of_a_configuration_refuses_what_a_pour_would(changes, reason)
     for key, value in changes.items():
         put(config, key, value)
     input_error(
-        rf"simulation\.time_step_s is .*{reason}", Study.of(config).check_inputs
+        rf"simulation\.time_step_s is .*{reason}", PipelineConfig.of(config).check_inputs
     )
 
 

@@ -7,7 +7,7 @@ from shared import run_python, written
 
 from repose.bench import funnel, scene_size
 from repose.config.check import about
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 
 SEEDS = 1.8, 1.6, 1.5  # mm
 
@@ -80,7 +80,7 @@ def test_a_large_scene_gets_a_smaller_one_inside_the_table(config):
     assert keys["inlet_diameter_mm"] == pytest.approx(
         config["funnel"]["inlet_diameter_mm"] * length, rel=1e-3
     )
-    Study.of({**config, "funnel": config["funnel"] | keys})
+    PipelineConfig.of({**config, "funnel": config["funnel"] | keys})
     _, smaller, *_ = scene_size.advice(
         config, 13.34, 65.0, 25 * max(scene_size.numbers())
     )
@@ -118,7 +118,7 @@ def seeds(tmp_path):
 
 
 def lines_of(study, path):
-    return list(about(Study.load(written(path, yaml.safe_dump(study)), inputs=True)))
+    return list(about(PipelineConfig.load(written(path, yaml.safe_dump(study)), inputs=True)))
 
 
 @pytest.mark.parametrize("response", ["flank", "secant"])

@@ -21,7 +21,7 @@ from repose.bench.parameters import PARAMETERS
 from repose.cli import GROUPS, STAGES, TYPED, VERBS, parser, registry
 from repose.common import provenance
 from repose.config import check
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.dem.kernels.engine import advance
 from repose.measure.angles import MEAN_KEYS
 from repose.stages import job, kept_runs
@@ -29,7 +29,7 @@ from repose.stages import job, kept_runs
 
 @pytest.fixture
 def short_config(tmp_path):
-    config = Study.load(ROOT / "config/quick.yaml").config
+    config = PipelineConfig.load(ROOT / "config/quick.yaml").config
     config["funnel"] |= {"berries": 12, "duration_s": 1.5, "rest_motion_mm": 100}
     config["simulation"]["rest_energy_j"] = 1.0e-3
     return str(written(tmp_path / "short.json", json.dumps(config)))

@@ -9,8 +9,8 @@ from refusals import input_error
 from shared import run_python
 
 from repose.common import places
-from repose.config.reading import read
-from repose.config.study import Study
+from repose.common.reading import read
+from repose.config.pipeline import PipelineConfig
 
 SIZES = "6.4,3.1,2.8\n6.0,3.0,2.7\n6.8,3.3,2.9\n"
 # A null of the template and what a user with wheat would write.
@@ -120,7 +120,7 @@ def test_inlet_and_outlet_the_other_way_round_are_named(folder):
     (folder / "config.yaml").write_text(text)
     input_error(
         r"outlet_diameter_mm is 80\.0; expected .*below funnel\.inlet_diameter_mm",
-        Study.load,
+        PipelineConfig.load,
         "config.yaml",
     )
 
@@ -136,7 +136,7 @@ def test_a_name_that_yaml_takes_for_something_else_stays_a_name(
 
 def test_its_configuration_is_one_of_wheat_alone_with_known_and_explained_keys(folder):
     filled(folder)
-    config = Study.load("config.yaml").config
+    config = PipelineConfig.load("config.yaml").config
     assert (config["label"], config["berry"]["sizes"]) == ("wheat", "sizes.csv")
     assert (config["validation"]["published"], config["berry"]["compression"]) == (
         None,
@@ -153,10 +153,10 @@ def test_its_configuration_is_one_of_wheat_alone_with_known_and_explained_keys(f
         len([line for line in text.splitlines() if re.match(r"\s*[^#\s]", line)]) <= 31
     )
     assert set(yaml.safe_load(text)) <= set(
-        Study.load(places.root() / places.DEFAULT_CONFIG).config
+        PipelineConfig.load(places.root() / places.DEFAULT_CONFIG).config
     )
     (folder / "more.yaml").write_text("funnel: {speed: 1}")
-    input_error("a known key", Study.load, "config.yaml", "more.yaml")
+    input_error("a known key", PipelineConfig.load, "config.yaml", "more.yaml")
 
 
 @pytest.mark.essential

@@ -8,7 +8,7 @@ from shared import written
 
 from repose.common import places
 from repose.config import loader
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 
 METHOD, CONFIG = (
     places.root() / "config" / name for name in ("method.yaml", "config.yaml")
@@ -23,7 +23,7 @@ def folder(tmp_path, monkeypatch):
 
 def faulty(source, *files, **options):
     """The keys with a fault in a study, all of this file."""
-    faults = input_error("expected", Study.load, *files, **options).faults
+    faults = input_error("expected", PipelineConfig.load, *files, **options).faults
     assert {fault.source for fault in faults} == {source}
     return {fault.key for fault in faults}
 
@@ -49,7 +49,7 @@ def test_a_file_is_the_folders_own_or_the_programs_or_keeps_its_name(folder):
 
 def test_a_study_of_a_crop_lies_over_the_programs_which_it_replaces(folder):
     assert places.configs() == [METHOD, CONFIG]
-    config = Study.load(inputs=True).config
+    config = PipelineConfig.load(inputs=True).config
     for path in (
         config["berry"]["sizes"],
         config["berry"]["compression"],
@@ -61,7 +61,7 @@ def test_a_study_of_a_crop_lies_over_the_programs_which_it_replaces(folder):
     own.parent.mkdir()
     own.write_text("label: mine\n")
     assert places.configs() == [METHOD, CONFIG, Path("config/config.yaml")]
-    assert Study.load(inputs=True).config["label"] == "mine"
+    assert PipelineConfig.load(inputs=True).config["label"] == "mine"
     own.write_text(
         "berry: {sizes: sizes.csv}\n"
     )  # of another crop nothing of the program's lies under it
@@ -106,6 +106,6 @@ def test_a_given_file_lies_over_what_every_crop_or_the_folders_crop_shares(folde
 def test_in_the_programs_own_folder_there_is_one_configuration():
     assert places.configs() == [Path("config/method.yaml"), Path("config/config.yaml")]
     assert (
-        Study.load("config/config.yaml").config["berry"]["sizes"]
+        PipelineConfig.load("config/config.yaml").config["berry"]["sizes"]
         == "resources/berries.csv"
     )

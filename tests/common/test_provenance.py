@@ -12,9 +12,9 @@ from shared import written
 
 from repose.common import attached, files, places, provenance
 from repose.config import stands_on
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 
-CONFIG = Study.load(places.root() / "config/quick.yaml").config
+CONFIG = PipelineConfig.load(places.root() / "config/quick.yaml").config
 KEYS = {
     "verb",
     "settings",

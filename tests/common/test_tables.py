@@ -14,13 +14,13 @@ from scipy import constants
 from shared import check_all, says, targets_of, written
 
 from repose.bench.parameters import PARAMETERS
+from repose.calibrate.profile_targets import expanded_own
 from repose.calibrate.strategies.runs import read_runs
+from repose.calibrate.study import Study
 from repose.calibrate.uncertainty.discrepancy import of_shape_study
 from repose.common import files, tables
 from repose.common.errors import InputError
 from repose.common.tables import Column
-from repose.config.profiles import expanded_own
-from repose.config.study import Study
 from repose.grain.berry import of_files
 from repose.grain.berry_files import read_compression, read_sizes
 from repose.stages.parameter_sets import read_sample, read_samples

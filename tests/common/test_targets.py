@@ -6,7 +6,7 @@ import shared
 from refusals import input_error
 
 from repose.bench.parameters import PARAMETERS
-from repose.calibrate.parameter_space import ParameterSpace
+from repose.bench.space import contact_space
 from repose.calibrate.profiles import Profile
 from repose.calibrate.responses import response
 from repose.calibrate.targets import Targets
@@ -99,17 +99,17 @@ def test_distances_of_profiles_are_those_of_scores_named_with_their_unit():
 
 
 def test_fixed_parameters_and_the_range_of_a_prior():
-    space = ParameterSpace.of(RANGES | {"mus_gg": {"fixed": 0.55}})
+    space = contact_space(RANGES | {"mus_gg": {"fixed": 0.55}})
     assert space.dimensions == 5
     unit = np.random.default_rng(1).uniform(size=(4, 5))
     values = space.values(unit)
     assert values[:, PARAMETERS.index("mus_gg")].tolist() == 4 * [0.55]
     np.testing.assert_allclose(space.unit(values), unit, atol=1e-12)
     assert (space.centre["mus_gg"], space.centre["mur_gp"]) == (0.55, 0.25)
-    space = ParameterSpace.of(RANGES | {"mus_gg": {"prior": {"mean": 0.05, "sd": 0.1}}})
+    space = contact_space(RANGES | {"mus_gg": {"prior": {"mean": 0.05, "sd": 0.1}}})
     k = space.free.index("mus_gg")
     assert (space.low[k], space.high[k]) == pytest.approx((0.0, 0.35))
-    space = ParameterSpace.of(
+    space = contact_space(
         RANGES | {"mus_gg": {"prior": {"mean": 0.3, "sd": 0.1}, "range": [0.2, 0.5]}}
     )
     assert (space.low[k], space.high[k]) == (0.2, 0.5)

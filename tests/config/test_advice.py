@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import pytest
 import shared
 
-from repose.calibrate.strategies import cost as strategies
-from repose.config import advice, cost, typed
+from repose.config import advice, cost
+from repose.config.models import settings_of
 
 SPHERE = {
     "long_mm": 4.0,
@@ -18,6 +18,11 @@ SPHERE = {
     "poisson_ratio": 0.25,
 }
 GRAIN_M3 = math.pi / 6 * 4e-3**3
+
+
+def pours_of(config):
+    settings = settings_of(config)
+    return cost.strategy_pours(settings, settings.strategy)
 
 
 @pytest.fixture
@@ -122,9 +127,9 @@ def test_time_goes_with_the_slowest_bench_test_and_each_strategy_has_its_own_pou
         "checks": 8,
     }
     config["response_surface"] |= {"surface": "box_behnken", "seeds": 3}
-    assert strategies.pours(typed.sections(config)) is None
+    assert pours_of(config) is None
     config["strategy"] = "response_surface"
-    pours = strategies.pours(typed.sections(config))
+    pours = pours_of(config)
     # 12 runs and 5 centres; 12 edges of the cube and 5 centres
     assert pours == (
         ("screening", 17, 3),
@@ -138,7 +143,7 @@ def test_time_goes_with_the_slowest_bench_test_and_each_strategy_has_its_own_pou
     )
     config["strategy"] = "sequential"
     config["sequential"] |= {"most_pours": 120, "seeds": 3}
-    assert strategies.pours(typed.sections(config)) == (("at most", 40, 3),)
+    assert pours_of(config) == (("at most", 40, 3),)
     del config["drum"]
     config["design"]["samples"], config["funnel"]["seeds"] = 30, 4
     config["validation"] |= {

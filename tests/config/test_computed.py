@@ -10,7 +10,7 @@ from shared import at, check_all, put
 
 from repose.common import places
 from repose.config import computed
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 
 CROPS = places.root() / "crops"
 KEYS = [setting.key for setting in computed.COMPUTED]
@@ -20,7 +20,7 @@ KEYS = [setting.key for setting in computed.COMPUTED]
 def by_hand():
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(CROPS / "soybean")
-        return Study.load("config.yaml").config
+        return PipelineConfig.load("config.yaml").config
 
 
 @pytest.fixture
@@ -36,8 +36,8 @@ def folder(tmp_path, monkeypatch, by_hand):
 
 
 def test_what_is_left_out_is_computed_and_what_is_given_stays(folder, by_hand):
-    config = Study.load(inputs=True).config
-    assert config == Study.load("config.yaml").config == json.loads(json.dumps(config))
+    config = PipelineConfig.load(inputs=True).config
+    assert config == PipelineConfig.load("config.yaml").config == json.loads(json.dumps(config))
     assert config["network"]["split"] == by_hand["network"]["split"]
     found, known = (
         {key: at(one, key) for key in KEYS[1:]} for one in (config, by_hand)
@@ -47,7 +47,7 @@ def test_what_is_left_out_is_computed_and_what_is_given_stays(folder, by_hand):
     (folder / "more.yaml").write_text(
         "measure: {mm_per_pixel: 0.3}\nnetwork: {split: [0.7, 0.1, 0.2]}\n"
     )
-    config = Study.load("more.yaml").config
+    config = PipelineConfig.load("more.yaml").config
     assert (config["measure"]["mm_per_pixel"], config["network"]["split"]) == (
         0.3,
         [0.7, 0.1, 0.2],
@@ -55,14 +55,14 @@ def test_what_is_left_out_is_computed_and_what_is_given_stays(folder, by_hand):
     (folder / "more.yaml").write_text(
         "surrogate: network\n"
     )  # it stops by samples of its own
-    assert Study.load("more.yaml").config["network"]["split"] == [0.70, 0.15, 0.15]
+    assert PipelineConfig.load("more.yaml").config["network"]["split"] == [0.70, 0.15, 0.15]
 
 
 def test_the_time_step_is_eight_tenths_of_the_longest(folder):
-    step = Study.load("config.yaml").config["simulation"]["time_step_s"]
+    step = PipelineConfig.load("config.yaml").config["simulation"]["time_step_s"]
     (folder / "more.yaml").write_text("simulation: {time_step_s: 1.0e-2}")
     fault = input_error(
-        r"simulation\.time_step_s is 0\.01", Study.load, "more.yaml", inputs=True
+        r"simulation\.time_step_s is 0\.01", PipelineConfig.load, "more.yaml", inputs=True
     )
     longest = float(fault.allowed.removeprefix("at most ").split(",")[0])
     assert 0.75 * longest < step <= 0.8 * longest
@@ -76,7 +76,7 @@ def test_the_time_step_is_eight_tenths_of_the_longest(folder):
     (1e4, 0.60 + 0.13 + 1.5),
 ])  # fmt: skip
 def test_a_pour_lasts_until_the_grains_lie(folder, rate_per_s, lasts_s):
-    config = Study.load(
+    config = PipelineConfig.load(
         "config.yaml", overrides={"funnel": {"rate_per_s": rate_per_s}}
     ).config
     assert config["funnel"]["duration_s"] == pytest.approx(lasts_s + 0.05, abs=0.06)
@@ -88,7 +88,7 @@ def test_another_word_or_number_is_refused_and_a_study_has_numbers(
     def refused(key, value):
         fault = input_error(
             "expected auto, or ",
-            Study.of,
+            PipelineConfig.of,
             put(copy.deepcopy(by_hand), key, value),
             "mine.yaml",
         )
@@ -101,7 +101,7 @@ def test_another_word_or_number_is_refused_and_a_study_has_numbers(
     monkeypatch.chdir(CROPS / "soybean")
     for key in KEYS:
         config = put(copy.deepcopy(by_hand), key, "auto")
-        assert at(Study.of(config).config, key) == pytest.approx(
+        assert at(PipelineConfig.of(config).config, key) == pytest.approx(
             at(by_hand, key), rel=0.35
         ), key
 
@@ -109,4 +109,4 @@ def test_another_word_or_number_is_refused_and_a_study_has_numbers(
 def test_a_number_that_cannot_be_computed_is_reported_with_its_cause(folder):
     (folder / "sizes.csv").unlink()
     message = "sizes.csv: file is 'No such file or directory'; expected a CSV file"
-    input_error(f"^{re.escape(message)}$", Study.load, "config.yaml")
+    input_error(f"^{re.escape(message)}$", PipelineConfig.load, "config.yaml")

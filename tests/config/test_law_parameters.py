@@ -12,9 +12,11 @@ from repose.bench.parameters import LABELS, PARAMETERS, named, of_law
 from repose.bench.scene import _contacts
 from repose.calibrate.designs.latin_hypercube import design
 from repose.calibrate.designs.settings import DesignSettings
+from repose.common import faults
 from repose.common.provenance import hash_of
-from repose.config import faults, stands_on
-from repose.config.study import Study
+from repose.config import stands_on
+from repose.config.models import settings_type
+from repose.config.pipeline import PipelineConfig
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 from repose.stages.card import laws as described_laws
 from repose.stages.parameter_sets import read_sample
@@ -26,14 +28,14 @@ OF_SJKR = {"k_gg": [0.0, 1e4], "k_gp": {"fixed": 0.0}}
 
 def study(contact_law, rolling_law="budget", **parameters):
     laws = {"contact_law": contact_law, "rolling_law": rolling_law}
-    return Study.load(
+    return PipelineConfig.load(
         "config/config.yaml", overrides={"simulation": laws, "parameters": parameters}
     )
 
 
 def test_the_configuration_knows_the_laws_the_card_their_convention_and_twisting_its_laws():
     for key, laws in (("contact_law", CONTACT_LAWS), ("rolling_law", ROLLING_LAWS)):
-        assert faults.subschema(["simulation", key])["enum"] == list(laws)
+        assert faults.subschema(["simulation", key], settings_type())["enum"] == list(laws)
         config = copy.deepcopy(study("hertz_mindlin").config)
         before = hash_of(stands_on.settings_of(config, "pour"))
         config["simulation"][key] = "linear_spring" if key == "contact_law" else "epsd"

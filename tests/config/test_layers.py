@@ -10,11 +10,12 @@ from refusals import input_error, raised
 from shared import ROOT, written
 
 import repose
-from repose.common import places
-from repose.config import loader, reading
+from repose.calibrate.study import Study
+from repose.common import places, reading
+from repose.config import loader
 from repose.config.loader import own_crop_under
 from repose.config.making import Making
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 
 
 @pytest.mark.parametrize(
@@ -54,7 +55,7 @@ def test_files_and_command_line_lie_over_each_other_for_verbs_and_workflow_alike
     mine = written(
         tmp_path / "mine.yaml", "funnel: {seeds: 5, duration_s: 20}\nlabel: mine\n"
     )
-    config = Study.load(
+    config = PipelineConfig.load(
         str(mine), overrides={"funnel": {"seeds": "6"}}, inputs=True
     ).config
     assert (
@@ -64,13 +65,13 @@ def test_files_and_command_line_lie_over_each_other_for_verbs_and_workflow_alike
     ) == ("mine", 6, 20)
     assert config["funnel"]["berries"] == 500
     mine.write_text("funnel: {seeds: 5}\nparameters: {e_gg: {fixed: 0.3}}\n")
-    assert Study.load(mine).config == Study.load(mine, inputs=True).config
-    input_error("nowhere.yaml", Study.load, mine, tmp_path / "nowhere.yaml")
+    assert PipelineConfig.load(mine).config == PipelineConfig.load(mine, inputs=True).config
+    input_error("nowhere.yaml", PipelineConfig.load, mine, tmp_path / "nowhere.yaml")
     first = written(tmp_path / "first.yaml", "parameters: {e_gg: {fixed: 0.3}}\n")
     second = written(
         tmp_path / "second.yaml", "parameters: {e_gg: {prior: {mean: 0.3, sd: 0.01}}}\n"
     )
-    assert Study.load(first, second).config["parameters"]["e_gg"] == {
+    assert PipelineConfig.load(first, second).config["parameters"]["e_gg"] == {
         "prior": {"mean": 0.3, "sd": 0.01}
     }
 
@@ -80,19 +81,19 @@ def test_a_job_of_a_cluster_does_not_check_the_inputs_again(monkeypatch):
         "repose.config.making.Making._read_files",
         lambda _: pytest.fail("the inputs were checked"),
     )
-    assert Study.load().config["label"]
-    raised(pytest.fail.Exception, None, Study.load, inputs=True)
+    assert PipelineConfig.load().config["label"]
+    raised(pytest.fail.Exception, None, PipelineConfig.load, inputs=True)
 
 
 def test_a_complete_file_and_the_built_in_crop_stand_in_for_the_folders_own(
     tmp_path, monkeypatch
 ):
     path = tmp_path / "results" / "config.json"
-    config = Study.load(inputs=True).config
+    config = PipelineConfig.load(inputs=True).config
     loader.write_resolved(config, path)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "config.yaml").write_text("in the middle of an ed: [")
-    assert Study.load(path).config["funnel"] == config["funnel"]
+    assert PipelineConfig.load(path).config["funnel"] == config["funnel"]
     (tmp_path / "config.yaml").unlink()
     (tmp_path / "mine.yaml").write_text("label: mine\n")
     own = places.root() / places.DEFAULT_CONFIG
@@ -112,7 +113,7 @@ def test_a_fault_names_the_file_it_came_from(tmp_path):
     ):
         mine.write_text(text)
         error = input_error(
-            "expected", Study.load, str(mine), overrides=overrides, inputs=True
+            "expected", PipelineConfig.load, str(mine), overrides=overrides, inputs=True
         )
         source = loader.COMMAND_LINE if overrides else str(mine)
         assert {fault.source for fault in getattr(error, "faults", [error])} == {source}
@@ -124,7 +125,7 @@ def test_a_fault_names_the_file_it_came_from(tmp_path):
     ids=lambda path: path.stem,
 )
 def test_an_example_of_a_bench_test_goes_over_the_default(path):
-    assert Study.load(ROOT / "config/config.yaml", path).particle is not None
+    assert PipelineConfig.load(ROOT / "config/config.yaml", path).particle is not None
 
 
 def test_a_key_of_a_section_with_a_fault_is_not_used():
@@ -138,6 +139,7 @@ def test_a_key_of_a_section_with_a_fault_is_not_used():
 
 def test_a_study_stands_beside_the_package_has_its_parts_and_stays_as_it_is(quick):
     assert repose.Study is Study
+    assert repose.PipelineConfig is PipelineConfig
     assert quick.settings.funnel.seeds == quick.config["funnel"]["seeds"] == 2
     with pytest.raises(dataclasses.FrozenInstanceError):
         quick.config = {}
@@ -145,14 +147,14 @@ def test_a_study_stands_beside_the_package_has_its_parts_and_stays_as_it_is(quic
         quick.settings.funnel.seeds = 3
     config = quick.config | {"network": {**quick.config["network"]}}
     del config["network"]["split"]
-    assert Study.of(config).config["network"]["split"] == [0.70, 0.15, 0.15]
+    assert PipelineConfig.of(config).config["network"]["split"] == [0.70, 0.15, 0.15]
     assert (quick.parameters.dimensions, quick.targets.names) == (
         6,
         ("aor_deg", "height_mm"),
     )
     assert quick.folder.as_posix() == "results/quick"
     words = "e_gg, mus_gg, mur_gg, e_gp, mus_gp, mur_gp by aor_deg, height_mm, strategy published"
-    assert repr(quick) == f"<Study quick: {words}>"
+    assert repr(quick) == f"<PipelineConfig quick: {words}>"
     assert quick.grain is quick.grain
     assert quick.particle is quick.particle
     assert quick.grain["density_kg_m3"] == 840.47
@@ -166,9 +168,9 @@ def test_a_job_reads_what_was_checked_and_checks_it_only_if_somebody_changed_it(
     loader.write_resolved(
         wrong, path
     )  # no study writes that: it shows that nothing is checked
-    assert Study.load(path).config == wrong
+    assert PipelineConfig.load(path).config == wrong
     path.write_text(json.dumps(wrong))
-    input_error(r"config\.json: surrogate is 'cubic'", Study.load, path)
+    input_error(r"config\.json: surrogate is 'cubic'", PipelineConfig.load, path)
 
 
 def test_what_stands_on_a_fault_is_not_reported_beside_it(quick):
@@ -183,7 +185,7 @@ def test_what_stands_on_a_fault_is_not_reported_beside_it(quick):
     found = {
         fault.key
         for fault in input_error(
-            "expected", Study.of, config, "mine.yaml", inputs=True
+            "expected", PipelineConfig.of, config, "mine.yaml", inputs=True
         ).faults
     }
     assert found == {

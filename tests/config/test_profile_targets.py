@@ -9,7 +9,7 @@ import repose
 from repose.calibrate.answer import Check
 from repose.calibrate.strategies.sequential.goal import Goal
 from repose.config import stands_on
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.stages.card import described
 
 TABLE = """# read off a picture
@@ -41,7 +41,7 @@ def entry(table):
 
 
 def study_of(quick, entry):
-    return Study.of(quick.config | {"targets": [*quick.config["targets"], entry]})
+    return PipelineConfig.of(quick.config | {"targets": [*quick.config["targets"], entry]})
 
 
 def test_a_profile_becomes_a_target_for_each_score_with_its_errors(quick, entry):

@@ -10,7 +10,7 @@ from repose.bench import bench, names
 from repose.common.files import write_json, write_text
 from repose.config import results_folder, stands_on
 from repose.config.models import named_files
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 
 
 def test_the_wildcards_of_outputs_stand_for_what_rules_write():
@@ -64,16 +64,16 @@ def test_a_folder_that_is_not_a_studys_own_or_around_the_working_one_is_refused(
 ):
     def refused(folder):
         config["results_dir"] = folder
-        input_error(r"results_dir is .*; expected a folder", Study.of, config)
+        input_error(r"results_dir is .*; expected a folder", PipelineConfig.of, config)
 
     check_all(refused, [(repr(folder), folder) for folder in NOT_A_STUDYS])
     (tmp_path / "work").mkdir()
     monkeypatch.chdir(tmp_path / "work")
     for folder in (tmp_path, tmp_path / "work", tmp_path / "work/resources"):
         config["results_dir"] = str(folder)
-        input_error("results_dir", Study.of, config)
+        input_error("results_dir", PipelineConfig.of, config)
     config["results_dir"] = str(tmp_path / "results")
-    Study.of(config)
+    PipelineConfig.of(config)
 
 
 def test_a_folder_with_somebodys_files_is_refused_and_a_studys_is_taken(
@@ -81,7 +81,7 @@ def test_a_folder_with_somebodys_files_is_refused_and_a_studys_is_taken(
 ):
     config["results_dir"] = str(tmp_path / "data")
     config["berry"] |= {"sizes": str(ROOT / "resources/berries.csv")}
-    Study.of(config).check_inputs()
+    PipelineConfig.of(config).check_inputs()
     (tmp_path / "data/figures").mkdir(parents=True)
     (tmp_path / "data/figures/figure02.png").write_text("mine")
     (tmp_path / "data/notes").mkdir()
@@ -99,7 +99,7 @@ def test_a_folder_with_somebodys_files_is_refused_and_a_studys_is_taken(
     for way in ("data/figures/figure02.png/results", "link", "link/results"):
         config["results_dir"] = str(tmp_path / way)
         input_error(
-            "a file, or a link to nothing, is in its way", Study.of(config).check_inputs
+            "a file, or a link to nothing, is in its way", PipelineConfig.of(config).check_inputs
         )
 
 
@@ -205,16 +205,16 @@ def test_a_run_stands_on_what_it_reads_in_any_order_and_not_on_its_measurement(c
 
 def test_keys_of_a_bench_test_define_what_its_targets_are():
     """No rule runs again for a key of a bench test without a target, so the files of before must stay good."""
-    study = Study.load()
+    study = PipelineConfig.load()
     assert "height_mm" in study.definitions
     assert "drum_slip_deg" not in study.definitions
     other = copy.deepcopy(study.config)
     other["cylinder"]["diameter_mm"] *= 2
     other["drum"]["fit_share"] /= 2
-    assert Study.of(other).definitions == study.definitions
+    assert PipelineConfig.of(other).definitions == study.definitions
     other["targets"][1] |= {"response": "drum_slip_deg", "apparatus": "drum"}
     assert (
-        Study.of(other).definitions["drum_slip_deg"]["drum.fit_share"]
+        PipelineConfig.of(other).definitions["drum_slip_deg"]["drum.fit_share"]
         == other["drum"]["fit_share"]
     )
 

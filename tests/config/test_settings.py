@@ -17,11 +17,13 @@ import repose
 from repose.bench import names
 from repose.bench.parameters import FURTHER
 from repose.calibrate import surrogates as surrogate
+from repose.calibrate.study_file import OwnPosterior, OwnSequential, StudyFile
+from repose.common import faults
 from repose.common.section import Section
-from repose.config import cost, faults, loader
+from repose.config import cost, loader
 from repose.config.computed import COMPUTED
-from repose.config.own import OwnPosterior, OwnSequential, OwnSettings
-from repose.config.study import Study
+from repose.config.models import settings_type
+from repose.config.pipeline import PipelineConfig
 
 PAGE = (ROOT / "config/README.md").read_text()
 SHIPPED = ("config", "paper", "quick")
@@ -42,9 +44,9 @@ def test_the_page_tells_the_ranges_that_are_allowed():
             for section, (k, key) in itertools.product(
                 re.findall(r"`(\w+)`", heading), enumerate(keys)
             ):
-                if pairs and key in faults.subschema([section]).get("properties", {}):
+                if pairs and key in faults.subschema([section], settings_type()).get("properties", {}):
                     low, high = pairs[min(k, len(pairs) - 1)]
-                    allowed = faults.allowed_by(faults.subschema([section, key]))
+                    allowed = faults.allowed_by(faults.subschema([section, key], settings_type()))
                     assert (
                         f"from {low} to {high.replace(',', '')}" in allowed
                         or "from" not in allowed
@@ -55,7 +57,7 @@ def test_the_page_tells_the_ranges_that_are_allowed():
 
 def test_what_every_key_takes_is_known():
     own = (
-        OwnSettings,
+        StudyFile,
         {
             "sequential": OwnSequential.model_fields,
             "posterior": OwnPosterior.model_fields,
@@ -63,7 +65,7 @@ def test_what_every_key_takes_is_known():
     )
     parts = [
         (model, one, part)
-        for model, whole in ((None, every_bench_test()), own)
+        for model, whole in ((settings_type(), every_bench_test()), own)
         for one, part in whole.items()
     ]
     keys = [
@@ -108,7 +110,7 @@ def test_the_limits_and_defaults_of_all_that_is_read_are_known():
 
 @pytest.fixture(scope="module")
 def matched():
-    return Study.load(ROOT / "config/matched.yaml", inputs=True).config
+    return PipelineConfig.load(ROOT / "config/matched.yaml", inputs=True).config
 
 
 @pytest.fixture
@@ -117,11 +119,11 @@ def config(matched):
 
 
 def test_shipped_configurations_pass_every_check_and_the_paper_has_the_published_settings():
-    studies = [Study.load(f"config/{name}.yaml") for name in SHIPPED]
+    studies = [PipelineConfig.load(f"config/{name}.yaml") for name in SHIPPED]
     for study in studies:
         study.check_inputs()
     assert len({study.config["results_dir"] for study in studies}) == len(SHIPPED)
-    config = Study.load("config/paper.yaml").config
+    config = PipelineConfig.load("config/paper.yaml").config
     assert (config["simulation"]["time_step_s"], config["funnel"]["duration_s"]) == (
         2.9256e-5,
         18,
@@ -140,7 +142,7 @@ def test_a_target_may_leave_out_its_bench_test_and_its_range(config):
         {"response": "drum_slip_deg"} | short,
         {"response": "height_mm"} | short | {"sd": 0.3},
     ]
-    slip, height = Study.of(config).config["targets"]
+    slip, height = PipelineConfig.of(config).config["targets"]
     assert (slip["apparatus"], slip["range"]) == (
         "drum",
         [39.0, 41.0],
@@ -150,18 +152,18 @@ def test_a_target_may_leave_out_its_bench_test_and_its_range(config):
         [39.6, 40.4],
     )  # at least 1 %
     config["targets"] = [{"response": "weight_g"} | short]
-    input_error("responses of funnel", Study.of, config)
+    input_error("responses of funnel", PipelineConfig.of, config)
 
 
 def test_every_key_is_explained_known_and_computed_where_it_may_be_auto():
     explained = (ROOT / "config" / "README.md").read_text()
-    for name in Study.load().config:
+    for name in PipelineConfig.load().config:
         assert f"`{name}`" in explained
         assert all(
             f"`{key}`" in explained
-            for key in faults.subschema([name]).get("properties", ())
+            for key in faults.subschema([name], settings_type()).get("properties", ())
         ), name
-    schema = faults.schema()
+    schema = faults.schema(settings_type())
     others = {*names(), "joint_targets", "shape_study"} - {"funnel"}
     computed = {setting.key.partition(".")[2] for setting in COMPUTED}
     for section in [
@@ -183,8 +185,8 @@ def test_every_key_is_explained_known_and_computed_where_it_may_be_auto():
                 *others,
             }
     found = set()
-    for name in faults.schema()["properties"]:
-        keys = faults.subschema([name]).get("properties", {})
+    for name in faults.schema(settings_type())["properties"]:
+        keys = faults.subschema([name], settings_type()).get("properties", {})
         found |= {
             f"{name}.{key}" for key, one in keys.items() if one.get("default") == "auto"
         }
@@ -237,7 +239,7 @@ def test_a_bad_value_is_reported_with_file_key_value_and_what_is_allowed(config)
     def check_message(key, value, allowed):
         fault = input_error(
             re.escape(allowed),
-            Study.of,
+            PipelineConfig.of,
             put(copy.deepcopy(config), key, value),
             "my.yaml",
         )
@@ -276,28 +278,28 @@ def test_a_fixed_value_and_a_prior_are_reported_by_their_own_keys(
     config, given, key, allowed
 ):
     config["parameters"]["e_gg"] = given
-    fault = input_error(re.escape(allowed), Study.of, config, "my.yaml")
+    fault = input_error(re.escape(allowed), PipelineConfig.of, config, "my.yaml")
     assert (fault.key, fault.value) == (f"parameters.e_gg.{key}", given[key])
 
 
 def test_a_prior_may_be_narrow_ends_at_the_largest_friction_and_meets_its_range(config):
     for sd in (0.005, np.float64(0.05)):
         config["parameters"]["e_gg"] = {"prior": {"mean": np.float64(0.5), "sd": sd}}
-        assert Study.of(config).parameters.prior["e_gg"] == (0.5, sd)
+        assert PipelineConfig.of(config).parameters.prior["e_gg"] == (0.5, sd)
     config["parameters"] |= {"mus_gg": {"prior": {"mean": 0.3, "sd": 3.0}}}
     config["parameters"] |= {"mur_gg": {"prior": {"mean": 0.5, "sd": 0.5}}}
-    space = Study.of(config).parameters
+    space = PipelineConfig.of(config).parameters
     ends = dict(zip(space.free, space.high, strict=True))
     assert (ends["mus_gg"], ends["mur_gg"]) == (5.0, 1.0)
     known = config["parameters"]["mus_gg"] = {
         "prior": {"mean": 0.5, "sd": 0.01},
         "range": [0.52, 0.9],
     }
-    assert Study.of(config).parameters.prior["mus_gg"] == (0.5, 0.01)
+    assert PipelineConfig.of(config).parameters.prior["mus_gg"] == (0.5, 0.01)
     known["range"] = [0.57, 0.9]
     input_error(
         r"parameters\.mus_gg is .*; expected a range that meets 0\.47 to 0\.53",
-        Study.of,
+        PipelineConfig.of,
         config,
     )
 
@@ -311,7 +313,7 @@ def test_what_follows_from_a_wrong_or_mistyped_key_is_reported_once(config):
     def check_key(key, value, allowed):
         wrong = config | {"targets": [first | {key: value}, *others]}
         assert (
-            input_error(re.escape(allowed), Study.of, wrong, "my.yaml").key
+            input_error(re.escape(allowed), PipelineConfig.of, wrong, "my.yaml").key
             == f"targets.0.{key}"
         )
 
@@ -329,18 +331,18 @@ def test_what_follows_from_a_wrong_or_mistyped_key_is_reported_once(config):
     ends = r"targets\.0\.range is \[88\.0.*, 89\.7.*\]; expected a pair \[low, high\] from 1"
     input_error(
         ends,
-        Study.of,
+        PipelineConfig.of,
         config | {"targets": [first | {"value": 88.9, "sd": 0.1}, *others]},
         "my.yaml",
     )
     wrong = config | {"refin": config["refine"]}
     del wrong["refine"]
     input_error(
-        r"^my.yaml: refin is \{.*did you mean refine\?$", Study.of, wrong, "my.yaml"
+        r"^my.yaml: refin is \{.*did you mean refine\?$", PipelineConfig.of, wrong, "my.yaml"
     )
     config["funnel"]["seads"] = config["funnel"].pop("seeds")
     input_error(
-        r"funnel\.seads is 6; .*did you mean seeds", Study.of, config, "my.yaml"
+        r"funnel\.seads is 6; .*did you mean seeds", PipelineConfig.of, config, "my.yaml"
     )
 
 
@@ -350,21 +352,21 @@ def test_noise_needs_replicates_of_every_bench_test_or_validation_samples(config
     once = config | {"funnel": config["funnel"] | {"seeds": 1}}
     input_error(
         r"funnel\.seeds is 1; expected at least 2, or network\.replicates: false",
-        Study.of,
+        PipelineConfig.of,
         once,
     )
     config["drum"]["seeds"] = 1
-    Study.of(config)
+    PipelineConfig.of(config)
     config["targets"].append(
         config["targets"][0] | {"response": "drum_slip_deg", "apparatus": "drum"}
     )
-    input_error(r"drum\.seeds is 1; expected at least 2", Study.of, config)
+    input_error(r"drum\.seeds is 1; expected at least 2", PipelineConfig.of, config)
     config = kept
     network = config["network"] | {"validation_noise": True}
     wanted = r"network\.validation_noise is true; expected false where replicates"
-    input_error(wanted, Study.of, config | {"network": network | {"replicates": True}})
+    input_error(wanted, PipelineConfig.of, config | {"network": network | {"replicates": True}})
     network |= {"replicates": False, "split": [0.7, 0.15, 0.15]}
-    Study.of(config | {"network": network})
+    PipelineConfig.of(config | {"network": network})
     for split, samples in (([0.85, 0.0, 0.15], 150), ([0.7, 0.15, 0.15], 14)):
         study = config | {
             "network": network | {"split": split},
@@ -372,7 +374,7 @@ def test_noise_needs_replicates_of_every_bench_test_or_validation_samples(config
         }
         input_error(
             r"network\.split is .*leaves more than 2 validation samples, or",
-            Study.of,
+            PipelineConfig.of,
             study,
         )
 
@@ -381,12 +383,12 @@ def test_a_quadratic_surface_needs_more_samples_than_terms(config):
     """28 terms of six parameters, 21 of five; 0.7 of the samples train."""
     config |= {"surrogate": "quadratic"}
     config["design"]["samples"] = 41
-    input_error(r"surrogate is 'quadratic'; .*below 29", Study.of, config)
+    input_error(r"surrogate is 'quadratic'; .*below 29", PipelineConfig.of, config)
     config["design"]["samples"] = 42
-    Study.of(config)
+    PipelineConfig.of(config)
     config["design"]["samples"] = 32
     config["parameters"]["e_gp"] = {"fixed": 0.3}
-    Study.of(config)
+    PipelineConfig.of(config)
 
 
 MISFITS = (
@@ -411,9 +413,9 @@ def test_a_strategy_that_cannot_run_with_its_section_is_refused(quick):
             value,
         )
         if allowed is None:
-            Study.of(config)
+            PipelineConfig.of(config)
         else:
-            assert input_error(re.escape(allowed), Study.of, config).key == key
+            assert input_error(re.escape(allowed), PipelineConfig.of, config).key == key
 
     check_all(
         check_message,
@@ -424,7 +426,7 @@ def test_a_strategy_that_cannot_run_with_its_section_is_refused(quick):
 def test_a_proposal_is_cut_into_a_hundred_blocks_at_most(config):
     config["refine"] |= {"seeds": 801, "block": 8}
     input_error(
-        r"refine\.block is 8; expected at least refine.seeds / 100", Study.of, config
+        r"refine\.block is 8; expected at least refine.seeds / 100", PipelineConfig.of, config
     )
 
 
@@ -432,13 +434,13 @@ def test_a_study_may_do_without_compression_tests_and_published_solutions(config
     config["berry"] |= {"compression": None, "poisson_ratio": 0.3}
     input_error(
         r"berry\.shear_modulus_pa is null; .* compression tests in berry\.compression",
-        Study.of,
+        PipelineConfig.of,
         config,
     )
     config["berry"]["shear_modulus_pa"] = 4e4
-    Study.of(config).check_inputs()
+    PipelineConfig.of(config).check_inputs()
     config["validation"]["published"] = None
-    Study.of(config).check_inputs()
+    PipelineConfig.of(config).check_inputs()
     assert cost.costs(config)["published_sets"].startswith("0 pours")
 
 
@@ -447,7 +449,7 @@ def test_inputs_are_checked_against_the_berry_and_the_disc(config):
         changed = put(copy.deepcopy(config), key, value)
         assert (
             input_error(
-                re.escape(allowed), Study.of(changed, "my.yaml").check_inputs
+                re.escape(allowed), PipelineConfig.of(changed, "my.yaml").check_inputs
             ).key
             == key
         )
@@ -483,16 +485,16 @@ def test_the_named_tables_and_pictures_are_read_before_any_work(config):
         ("photograph", sizes, r"berries\.csv: picture is 'not a picture'"),
     ):
         changed = config[section] | changed if isinstance(changed, dict) else changed
-        input_error(words, Study.of(config | {section: changed}).check_inputs)
+        input_error(words, PipelineConfig.of(config | {section: changed}).check_inputs)
 
 
 def test_resolved_configuration_is_rewritten_only_when_it_changed(config, tmp_path):
     path = tmp_path / "results" / "config.json"
     loader.write_resolved(config, path)
-    assert Study.load(path).config == config
+    assert PipelineConfig.load(path).config == config
     before = path.stat().st_mtime_ns
     loader.write_resolved(config, path)
     assert path.stat().st_mtime_ns == before
     config["label"] = "other"
     loader.write_resolved(config, path)
-    assert Study.load(path).config["label"] == "other"
+    assert PipelineConfig.load(path).config["label"] == "other"

@@ -22,7 +22,7 @@ from pathlib import Path
 
 import yaml
 
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 
 ROOT = Path(__file__).parents[2]
 TABLE = Path(__file__).with_name("commands.yaml")
@@ -141,7 +141,7 @@ def checkout(folder: Path) -> Path:
         ignore=shutil.ignore_patterns(*other, "_build", "results", ".repose"),
     )
     shutil.copytree(ROOT / "results/published", folder / "results/published")
-    quick = Study.load(ROOT / "config/quick.yaml").config
+    quick = PipelineConfig.load(ROOT / "config/quick.yaml").config
     small = yaml.safe_load((ROOT / ".test/config/config.yaml").read_text())
     content = {name: quick[name] for name in STUDIES} | small
     content["funnel"]["seeds"] = 2  # the studies take the noise from runs of one sample

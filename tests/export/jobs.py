@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from repose.calibrate.parameter_space import ParameterSpace
+from repose.bench.space import contact_space
 from repose.common.places import find
 from repose.export.job import make
 from repose.grain.particle import Particle
@@ -61,5 +61,5 @@ def job_of(
         "contact_law": contact_law,
         "rolling_law": rolling_law,
     }
-    centre = ParameterSpace.of(config["parameters"]).centre
+    centre = contact_space(config["parameters"]).centre
     return make(config | {"simulation": simulation}, centre | values, particle, berry)

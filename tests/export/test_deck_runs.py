@@ -12,7 +12,7 @@ from export.jobs import BALL, BERRY, CONFIG, THREE, job_of
 from shared import ROOT
 
 from repose import export
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.dem.laws import CONTACT_LAWS
 from repose.grain import build
 
@@ -24,7 +24,7 @@ RUNS |= {"yade": (["yade", "-n", "-x", "-j1", "pour.py"], "pile.csv")}
 
 @pytest.fixture(scope="module")
 def config():
-    return Study.load(CONFIG).config
+    return PipelineConfig.load(CONFIG).config
 
 
 def installed(program):
@@ -121,7 +121,7 @@ def test_a_sphere_rebounds_with_the_calibrated_restitution(
 )
 def test_the_default_grain_is_poured_as_a_clump(config, program, law, tmp_path):
     installed(program)  # before the spheres are packed
-    study = Study.load(CONFIG)
+    study = PipelineConfig.load(CONFIG)
     grain = study.settings.berry.model_copy(
         update={"particle": "multisphere", "spheres": 14}
     )

@@ -16,9 +16,9 @@ from scipy.integrate import solve_ivp
 from shared import ROOT, says
 
 from repose import export
-from repose.calibrate.parameter_space import ParameterSpace
+from repose.bench.space import contact_space
 from repose.common.errors import InputError
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 from repose.export import laws, surface, yade
 from repose.export.job import make, surface_means
@@ -43,13 +43,13 @@ SMOOTH = replace(
 
 @pytest.fixture(scope="module")
 def config():
-    return Study.load(CONFIG).config
+    return PipelineConfig.load(CONFIG).config
 
 
 @pytest.fixture(scope="module")
 def job(config):
     return make(
-        config, ParameterSpace.of(config["parameters"]).centre, THREE, BERRY, seed=3
+        config, contact_space(config["parameters"]).centre, THREE, BERRY, seed=3
     )
 
 
@@ -202,7 +202,7 @@ def test_the_deck_of_a_sphere_has_spheres_of_its_volume_and_step(config):
     assert re.search(r"particletemplate/sphere .* radius constant 0.005\n", text)
     job = make(
         config,
-        ParameterSpace.of(config["parameters"]).centre,
+        contact_space(config["parameters"]).centre,
         SMOOTH,
         BERRY,
         one_sphere=True,
@@ -279,7 +279,7 @@ def test_the_equivalent_restitution_gives_the_calibrated_rebound(
     config, job, tension, limited, restitution
 ):
     config = config | {"simulation": config["simulation"] | {"tension": tension}}
-    values = ParameterSpace.of(config["parameters"]).centre | {"e_gp": restitution}
+    values = contact_space(config["parameters"]).centre | {"e_gp": restitution}
     typed = laws.equivalent_restitution(make(config, values, THREE, BERRY).on_wall)
     # the formula of the other programs
     ratio = -math.log(typed) / math.hypot(math.log(typed), math.pi)
@@ -384,7 +384,7 @@ def test_a_tube_stands_in_surface_and_deck(config):
 def test_other_particles_and_laws_are_refused_and_cohesion_and_rolling_are_written(
     config,
 ):
-    centre = ParameterSpace.of(config["parameters"]).centre
+    centre = contact_space(config["parameters"]).centre
     input_error("multisphere", make, config, centre, SMOOTH, BERRY)
     linear = config | {
         "simulation": config["simulation"] | {"contact_law": "linear_spring"}
@@ -538,13 +538,13 @@ def test_the_verb_writes_a_deck_of_clumps_or_spheres(
 
 def test_a_card_brings_the_configuration_beside_it(monkeypatch, tmp_path, command):
     shown = json.loads((ROOT / "crops/cards/wheat.json").read_text())
-    config = Study.load(CONFIG).config
+    config = PipelineConfig.load(CONFIG).config
     (tmp_path / "config.json").write_text(json.dumps(config))
     wall = {key: config["wall"][key] for key in card.WALL}
     shown |= {
         "material": config["label"],
         "wall": wall,
-        "laws": card.laws(Study.load(CONFIG).settings.simulation),
+        "laws": card.laws(PipelineConfig.load(CONFIG).settings.simulation),
     }
     shown["tests"][0]["bench"] = config["funnel"]
     (tmp_path / "card.json").write_text(json.dumps(shown))

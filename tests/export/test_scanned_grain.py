@@ -9,7 +9,7 @@ import yaml
 
 from repose.bench import bench
 from repose.cli import main
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.stages.job import run_once
 
 VESSEL = {
@@ -50,7 +50,7 @@ def test_a_scan_of_a_bumpy_body_is_poured_and_exported_with_its_mass_volume_and_
         "validation": {"published": None},
     }
     (tmp_path / "own.yaml").write_text(yaml.safe_dump(own))
-    study = Study.load("config/config.yaml", tmp_path / "own.yaml")
+    study = PipelineConfig.load("config/config.yaml", tmp_path / "own.yaml")
     record, run = run_once(bench("cylinder"), study.scene(study.parameters.centre, 1))
     lie, vessel = (run.arrays["position"][:, 2] < 0.03).sum(), np.pi * 30.0**2 * 30.0
     assert record["bulk_density_kg_m3"] == pytest.approx(

@@ -18,7 +18,7 @@ from repose.bench import Run
 from repose.bench.drum import DrumTest
 from repose.cli import STAGES, VERBS, main
 from repose.common.errors import InputError
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 
 pytestmark = pytest.mark.slow
 
@@ -123,7 +123,7 @@ def sandbox(tmp_path_factory):
     for name in ("validation/table4.csv", "dataset.csv"):
         (inputs / "study" / name).parent.mkdir(parents=True, exist_ok=True)
         (inputs / "study" / name).write_text("a\n1\n")
-    config = Study.load(ROOT / "config/quick.yaml").config
+    config = PipelineConfig.load(ROOT / "config/quick.yaml").config
     config["design"] |= {"samples": 12, "method": "lhsdesign"}
     config["measure"] |= {"views": 2, "mm_per_pixel": 0.5}
     (inputs / "config.json").write_text(json.dumps(config))
@@ -241,11 +241,11 @@ def test_what_is_made_up_ends_well_and_somebodys_file_in_its_place_stays(
 @given(label=st.text(max_size=70), folder=st.one_of(OUT, st.text(max_size=30)))
 def test_a_label_and_a_folder_of_results_lead_nowhere_else(sandbox, label, folder):
     before = tree(sandbox)
-    config = Study.load("in/config.json").config
+    config = PipelineConfig.load("in/config.json").config
     config |= {"label": label, "results_dir": folder}
     config["berry"]["sizes"] = "in/berries.csv"
     try:
-        Study.of(config).check_inputs()
+        PipelineConfig.of(config).check_inputs()
     except InputError:
         pass
     else:

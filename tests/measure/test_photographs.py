@@ -12,7 +12,7 @@ from shared import ROOT, says
 
 from repose.common import files
 from repose.common.errors import InputError
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.measure import pile
 from repose.measure.photographs import photograph as photographs
 
@@ -220,7 +220,7 @@ def test_the_mean_of_several_is_a_target_that_a_study_reads(tmp_path, measure):
     assert summary["height_mm"]["sd"] == pytest.approx(np.std(truth, ddof=1), abs=0.05)
     assert summary["height_mm"]["repetitions"] == 3
     assert "upside down" in record["photographs"][3]["refused"]
-    config = Study.load(
+    config = PipelineConfig.load(
         ROOT / "config/quick.yaml", tmp_path / "out/targets.yaml"
     ).config
     assert [target["response"] for target in config["targets"]] == [
@@ -245,7 +245,7 @@ def test_one_photograph_gives_no_scatter(tmp_path, measure, command):
     )
     assert {row["sd"] for row in record["summary"]} == {None}
     with pytest.raises(InputError) as refused:
-        Study.load(ROOT / "config/quick.yaml", tmp_path / "out/targets.yaml")
+        PipelineConfig.load(ROOT / "config/quick.yaml", tmp_path / "out/targets.yaml")
     for key in (
         "targets.0.sd is null",
         "targets.0.range is [null, null]",

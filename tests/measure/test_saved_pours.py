@@ -15,13 +15,13 @@ from test_simulated_piles import cone_of_berries
 from repose.bench import Scene, funnel
 from repose.bench.parameters import PARAMETERS
 from repose.common.errors import InputError
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.grain.build import ellipsoid_mesh, fit_particle
 from repose.measure import further_responses, pile, saved_piles, saved_pours
 from repose.measure.angles import DEFINITIONS, MEAN_KEYS, VIEW_KEYS
 from repose.stages.job import measure_job
 
-CONFIG = Study.load(ROOT / "config/quick.yaml").config
+CONFIG = PipelineConfig.load(ROOT / "config/quick.yaml").config
 AXES = {"long_mm": 21.14, "major_mm": 11.37, "minor_mm": 9.88}
 BERRY_MM = math.prod(AXES.values()) ** (1 / 3)
 

@@ -22,7 +22,7 @@ from repose.bench.parameters import PARAMETERS
 from repose.bench.scene import longest_time_step
 from repose.bench.settings import SceneSettings
 from repose.config import making
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.dem.constants import OF_LAWS
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 from repose.grain import berry as berries
@@ -412,7 +412,7 @@ def main():
     )
     args = parser.parse_args()
     done = set(pd.read_csv(args.out)["number"]) if args.out.is_file() else set()
-    config = Study.load("config/config.yaml").config
+    config = PipelineConfig.load("config/config.yaml").config
     section = config["berry"]
     table1 = "resources/published/table1.csv"
     mean = berries.of_files(

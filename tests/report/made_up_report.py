@@ -8,7 +8,7 @@ from made_up import CONFIG, cone_of_berries
 from shared import RANGES
 
 from repose.bench.parameters import PARAMETERS
-from repose.calibrate.parameter_space import ParameterSpace
+from repose.bench.space import contact_space
 from repose.calibrate.surrogates import make
 from repose.calibrate.surrogates.settings import NetworkSettings
 from repose.calibrate.targets import Targets
@@ -46,7 +46,7 @@ def made_up_study(folder, targets, surrogate="network", fixed=(), runs=12):
         "small_run": True,
     }
     config |= {"design": {"method": "optimal", "samples": 60}}
-    found, space = Targets.of(targets), ParameterSpace.of(parameters)
+    found, space = Targets.of(targets), contact_space(parameters)
     X = space.values(rng.random((60, space.dimensions)))
     unit = (X - [RANGES[name][0] for name in PARAMETERS]) / [
         high - low for low, high in RANGES.values()

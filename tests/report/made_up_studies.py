@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pandas as pd
 
-from repose.calibrate.parameter_space import ParameterSpace
+from repose.bench.space import contact_space
 from repose.calibrate.responses import derived
 from repose.calibrate.targets import Targets
 from repose.calibrate.uncertainty import noise
@@ -14,7 +14,7 @@ from repose.calibrate.uncertainty import noise
 
 def write(folder, config):
     space, targets = (
-        ParameterSpace.of(config["parameters"]),
+        contact_space(config["parameters"]),
         Targets.of(config["targets"]),
     )
     rng = np.random.default_rng(2)

@@ -14,7 +14,7 @@ from refusals import raised
 from shared import RANGES, TARGETS, target
 
 from repose.bench.parameters import PARAMETERS
-from repose.calibrate.parameter_space import ParameterSpace
+from repose.bench.space import contact_space
 from repose.calibrate.profiles import Profile
 from repose.calibrate.responses import derived, response
 from repose.calibrate.targets import Targets
@@ -359,7 +359,7 @@ def test_the_curve_over_the_discrepancy(tmp_path):
 
 def test_the_region_has_its_parameters_on_the_right_axes(tmp_path):
     config = uncertain_config(1)
-    space = ParameterSpace.of(config["parameters"])
+    space = contact_space(config["parameters"])
     quantile = np.random.default_rng(1).random((20_000, space.dimensions))
     # what the first free parameter, with a prior, has below its median is excluded
     excluded = np.where(quantile[:, 0] < 0.5, 4.0, 1.0)

@@ -14,7 +14,7 @@ from shared import TARGETS
 from test_report_page import MORE
 
 from repose.bench.parameters import PARAMETERS
-from repose.calibrate.parameter_space import ParameterSpace
+from repose.bench.space import contact_space
 from repose.calibrate.surrogates import load, make
 from repose.calibrate.surrogates.settings import NetworkSettings
 from repose.report.figures import style
@@ -158,7 +158,7 @@ def test_javascript_predicts_what_python_predicts_with_one_network_and_several(
     model = make("network_ensemble", settings).fit(X, Y)
     assert len(model.members_) > 1
     content = prediction.for_page(
-        model, ParameterSpace.of({name: [0.0, 1.0] for name in PARAMETERS}), X[0]
+        model, contact_space({name: [0.0, 1.0] for name in PARAMETERS}), X[0]
     )
     found = opened.evaluate(
         "([model, X]) => X.map(networkPredictor(model))", [content, X[:10].tolist()]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from repose import cli
 from repose.common.files import write_json
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 
 ROOT = Path(__file__).parents[2]
 BODY = "--berry results/berry/berry.json --particle results/berry/particle.json"
@@ -54,7 +54,7 @@ def poured(folder, table, purpose, count, seeds):
 
 
 def main():
-    config = Study.load(
+    config = PipelineConfig.load(
         ROOT / "config/quick.yaml", Path(__file__).with_name("tiny.yaml")
     ).config
     write_json("results/config.json", config)

@@ -11,11 +11,12 @@ import shared
 from refusals import input_error
 from scipy import stats
 from shared import ROOT, says, studied, targets_of
+from stage_runs import answer_of
 
 from repose.bench.parameters import PARAMETERS
+from repose.bench.space import contact_space
 from repose.calibrate import answer, expected_loss, strategies
 from repose.calibrate.chance import chance_of_meeting
-from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.targets import Targets
 
 TARGET = shared.target("aor_deg", 32.0, 2.0, 31.0, 34.0)
@@ -29,7 +30,7 @@ HANDLER = re.search(
     (ROOT / "workflow/Snakefile").read_text(),
     re.MULTILINE,
 )
-SPACE = ParameterSpace.of({name: [0.0, 1.0] for name in PARAMETERS})
+SPACE = contact_space({name: [0.0, 1.0] for name in PARAMETERS})
 TARGETS = targets_of(height_mm=66.0)
 
 
@@ -48,7 +49,7 @@ def study(folder, simulated, feasible=True):
 
 def read(config):
     names = ("miga/summary.json", "validation/representative.csv", "miga/feasible.csv")
-    return answer.read(
+    return answer_of(
         studied(config), *(f"{config['results_dir']}/{name}" for name in names)
     )
 
@@ -289,7 +290,7 @@ def test_the_set_of_least_loss_is_surest_and_its_loss_the_mean_of_eq_11():
     assert found["within"]["2 %"] == pytest.approx(
         2 * stats.norm.cdf(1.32) - 1, abs=1e-3
     )
-    space = ParameterSpace.of(
+    space = contact_space(
         {name: [0.0, 0.5] for name in PARAMETERS} | {PARAMETERS[1]: {"fixed": 0.2}}
     )
     found = expected_loss.least(Sure(), space, TARGETS)
@@ -298,7 +299,7 @@ def test_the_set_of_least_loss_is_surest_and_its_loss_the_mean_of_eq_11():
         pytest.approx(0.5, abs=1e-3),
     )
     prior = {"prior": {"mean": 0.2, "sd": 0.1}, "range": [0.0, 1.0]}
-    space = ParameterSpace.of(
+    space = contact_space(
         {name: [0.0, 1.0] for name in PARAMETERS} | {PARAMETERS[2]: prior}
     )
     found = expected_loss.least(Sure(), space, TARGETS)

@@ -14,15 +14,16 @@ import pytest
 from known import is_known
 from refusals import input_error, not_refused
 from shared import ROOT, TARGETS, settings_of, studied
+from stage_runs import answer_of
 
 from repose.bench.parameters import FURTHER, LABELS, PARAMETERS, of_law
+from repose.bench.space import contact_space
 from repose.calibrate import answer
 from repose.calibrate.chance import PERCENT
-from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.responses import response
 from repose.calibrate.runs import error_of
 from repose.common.errors import InputError
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.grain.berry_files import read_berry
 from repose.grain.particle import Particle
 from repose.measure.angles import MEAN_KEYS
@@ -34,7 +35,7 @@ STUDY = ROOT / "results/published/recommended"
 HEIGHT = TARGETS[1]
 FIXED = {"e_gp": {"fixed": 0.3}}
 HELD = {"low", "high", "at_bound", "widened"}
-SPACE = ParameterSpace.of(
+SPACE = contact_space(
     {name: [0.2, 0.7] if name == "mus_gg" else [0.1, 0.5] for name in PARAMETERS}
 )
 CARDS = sorted(
@@ -50,7 +51,7 @@ SMALL = "wheat: a small run, its numbers are no calibration: "
 
 @pytest.fixture
 def config():
-    found = copy.deepcopy(Study.load("config/config.yaml").config)
+    found = copy.deepcopy(PipelineConfig.load("config/config.yaml").config)
     found["parameters"] |= FIXED
     found["targets"] = [
         target for target in found["targets"] if target["response"] == "height_mm"
@@ -173,7 +174,7 @@ def test_an_interval_that_begins_at_a_bound_tells_it_on_card_and_in_words(
         "high": 0.6,
         "at_bound": "lower",
     }
-    fixed = ParameterSpace.of(
+    fixed = contact_space(
         {name: {"fixed": 0.3} if name == "e_gp" else [0.1, 0.5] for name in PARAMETERS}
     )
     assert card.held(fixed, "e_gp", 0.3, None, None) == {"low": None, "high": None}
@@ -512,11 +513,11 @@ def test_the_published_schema_is_the_models_and_checks_of_before_are_refused(tmp
     table.drop(columns=["within_1_percent", "within_2_percent"]).to_csv(
         tmp_path / "old.csv", index=False
     )
-    config = Study.load("config/config.yaml").config
+    config = PipelineConfig.load("config/config.yaml").config
     files = STUDY / "miga/summary.json", tmp_path / "old.csv", "feasible.csv"
     input_error(
         r"old\.csv: column within_1_percent is 'missing'",
-        answer.read,
+        answer_of,
         studied(config),
         *files,
     )

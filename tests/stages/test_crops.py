@@ -13,7 +13,7 @@ from repose.common import places
 from repose.common.files import read_table
 from repose.common.provenance import engine_hash
 from repose.config import loader, stands_on
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.stages import card
 from repose.stages.card import described
 from repose.stages.published import published_sets
@@ -46,9 +46,9 @@ def test_there_are_four_of_different_shape_and_size():
 @pytest.mark.parametrize("name", NAMES)
 def test_a_crop_stands_on_its_own_numbers_and_so_does_its_card(name, monkeypatch):
     monkeypatch.chdir(CROPS / name)
-    study = Study.load(inputs=True)
+    study = PipelineConfig.load(inputs=True)
     config = study.config
-    Study.of(config, name)
+    PipelineConfig.of(config, name)
     assert not {"drum", "cylinder"} & set(config)
     assert config["berry"]["sizes"] == "sizes.csv"
     if config["validation"]["published"]:
@@ -96,11 +96,11 @@ def test_it_runs_from_sizes_to_card_at_small_size(name, tmp_path, monkeypatch, c
     berries = {"rapeseed": 400}.get(
         name, 120
     )  # fewer seeds of 2 mm are no pile on this plate
-    config = Study.load(
+    config = PipelineConfig.load(
         overrides=SMALL | {"funnel": SMALL["funnel"] | {"berries": berries}},
         inputs=True,
     ).config
-    Study.of(config, name).check_inputs()
+    PipelineConfig.of(config, name).check_inputs()
     loader.write_resolved(config, "results/config.json")
 
     def do(verb, *words):

@@ -7,10 +7,11 @@ from pydantic import ValidationError
 from shared import RANGES
 
 from repose.bench.parameters import PARAMETERS
+from repose.bench.space import contact_space
 from repose.calibrate.designs import exchange_search
 from repose.calibrate.designs import latin_hypercube as design
+from repose.stages.design import run as run_design
 from repose.calibrate.designs.settings import DesignSettings
-from repose.calibrate.parameter_space import ParameterSpace
 
 
 def strata_are_filled_once(points):
@@ -103,8 +104,8 @@ def test_best_of_20_and_criteria_are_those_of_slow_twins_and_five_points_have_th
 
 @pytest.mark.parametrize("method", ["lhsdesign", "optimal"])
 def test_written_samples_are_still_stratified(tmp_path, method):
-    design.run(
-        ParameterSpace.of(RANGES),
+    run_design(
+        contact_space(RANGES),
         DesignSettings(samples=15, method=method, seed=2026),
         tmp_path,
     )
@@ -133,7 +134,7 @@ def test_a_fixed_parameter_is_a_column():
         "mus_gg": {"prior": {"mean": 0.5, "sd": 0.02}},
     }
     table, comparison = design.design(
-        ParameterSpace.of(section), DesignSettings(samples=12, method="optimal", seed=1)
+        contact_space(section), DesignSettings(samples=12, method="optimal", seed=1)
     )
     assert table["e_gp"].tolist() == 12 * [0.4]
     assert sorted(np.floor(12 * (table["mus_gg"] - 0.44) / 0.12)) == list(range(12))

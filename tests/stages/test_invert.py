@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 import shared
 from refusals import input_error
+from stage_runs import searched
 
 from repose.bench.parameters import PARAMETERS
 from repose.calibrate import inversion as invert
@@ -59,7 +60,7 @@ def outcome(request, tmp_path_factory):
     network_json, table3 = write_inputs(folder, request.param)
     return (
         request.param == 2.0,
-        invert.run(network_json, study(), table3, folder / "out"),
+        searched(network_json, study(), table3, folder / "out"),
         folder / "out",
     )
 
@@ -69,7 +70,7 @@ def test_run_says_whether_the_box_was_reached_with_solutions_and_tables_beside_t
 ):
     reachable, summary, out = outcome
     network_json, table3 = write_inputs(tmp_path, 2.0 if reachable else 0.2)
-    invert.run(network_json, study(), table3, tmp_path)
+    searched(network_json, study(), table3, tmp_path)
     assert (tmp_path / "feasible.csv").read_bytes() == (
         out / "feasible.csv"
     ).read_bytes()
@@ -131,7 +132,7 @@ def test_without_a_feasible_solution_the_least_objective_counts_and_not_the_edge
     content["W1"][0] = [0.0, 0.0, 0.0, 0.0, content["W1"][1][4], 0.0]
     content["W2"][0][0] = 0.5 * content["W2"][1][1]  # 28 + 0.5 x deg at 64 + x mm
     network_json.write_text(json.dumps(content))
-    summary = invert.run(
+    summary = searched(
         network_json,
         study(targets(30.5, (29.5, 32.0), (64.0, 66.0))),
         table3,
@@ -176,7 +177,7 @@ def test_the_answer_is_the_set_of_least_expected_loss_or_of_least_objective(answ
 
 def test_few_feasible_solutions_are_followed_by_the_nearest(tmp_path):
     network_json, table3 = write_inputs(tmp_path, 2.0)
-    summary = invert.run(
+    summary = searched(
         network_json,
         study(targets(32.0, (31.999, 34.0), (65.0, 68.0))),
         table3,
@@ -198,7 +199,7 @@ def test_solutions_at_the_bounds_carry_a_warning(tmp_path):
         PARAMETERS,
     )
     brief = SETTINGS.model_copy(update={"rounds": 5})
-    summary = invert.run(network_json, study(settings=brief), table3, tmp_path, support)
+    summary = searched(network_json, study(settings=brief), table3, tmp_path, support)
     table = pd.read_csv(tmp_path / "feasible.csv")
     assert table.columns[-1] == "warning"
     assert table["warning"].str.contains("nearest sample").all()
@@ -214,7 +215,7 @@ def test_bad_tables_are_refused_and_a_study_without_published_intervals_has_its_
     network_json, table3 = write_inputs(tmp_path, 2.0)
     input_error(
         r"aor_deg is 40.*\[29.0, 32.0\]",
-        invert.run,
+        searched,
         network_json,
         study(targets(40)),
         table3,
@@ -223,7 +224,7 @@ def test_bad_tables_are_refused_and_a_study_without_published_intervals_has_its_
     table3.write_text("variable,low\n")
     input_error(
         r"table3.csv: column parameter",
-        invert.run,
+        searched,
         network_json,
         study(),
         table3,
@@ -244,7 +245,7 @@ def test_bad_tables_are_refused_and_a_study_without_published_intervals_has_its_
     ):
         input_error(
             f"network.json: {words}",
-            invert.run,
+            searched,
             network_json,
             other,
             table3,
@@ -253,7 +254,11 @@ def test_bad_tables_are_refused_and_a_study_without_published_intervals_has_its_
         )
     cloud = pd.DataFrame({name: [0.1, 0.3] for name in PARAMETERS})
     space = ParameterSpace(
-        PARAMETERS[1:], np.full(5, -1.0), np.full(5, 1.0), {"e_gg": 0.2}
+        PARAMETERS[1:],
+        np.full(5, -1.0),
+        np.full(5, 1.0),
+        {"e_gg": 0.2},
+        names=PARAMETERS,
     )
     table = invert.intervals(cloud.assign(e_gg=0.2), space)
     assert table.columns.tolist() == ["variable", "low", "high", "dispersion_percent"]

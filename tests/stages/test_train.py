@@ -9,6 +9,7 @@ import shared
 import synthetic
 from known_responses import known_function
 from refusals import input_error
+from stage_runs import trained
 
 from repose.bench.parameters import PARAMETERS
 from repose.calibrate import training as train
@@ -85,7 +86,7 @@ def write_tables(folder, samples=40, seeds=4):
 
 def test_run_writes_what_it_returns(tmp_path):
     paths = write_tables(tmp_path)
-    metrics = train.run(*paths, study(), tmp_path / "out")
+    metrics = trained(*paths, study(), tmp_path / "out")
     assert json.loads((tmp_path / "out/metrics.json").read_text()) == metrics
     assert (metrics["n_samples"], metrics["left_out"]) == (39, 1)
     predictions = pd.read_csv(tmp_path / "out/predictions.csv")
@@ -114,7 +115,7 @@ def test_run_writes_what_it_returns(tmp_path):
 
 
 def test_a_run_with_replicates_knows_their_noise(tmp_path):
-    metrics = train.run(
+    metrics = trained(
         *write_tables(tmp_path),
         study(but(replicates=True, prior="inputs")),
         tmp_path / "out",
@@ -125,7 +126,7 @@ def test_a_run_with_replicates_knows_their_noise(tmp_path):
         [load(tmp_path / "out/network.json").noise_std_]
     ) / sd == pytest.approx(1.0, abs=0.1)
     # of one seed there is none to correct for
-    once = train.run(
+    once = trained(
         *write_tables(tmp_path, seeds=1), study(but(replicates=True)), tmp_path / "once"
     )
     ways = once["r2_three_ways"]["aor_deg"]
@@ -156,7 +157,10 @@ SINGLE = but(hidden=12, starts=2, epochs=300, seed=2)
 def of_single_pours(signal, **settings):
     """The training, and the spread and the error of predictions at unseen points, both in sd of the noise."""
     training = train.train(
-        *single_pours(signal), TARGETS, SINGLE.model_copy(update=settings)
+        *single_pours(signal),
+        TARGETS,
+        SINGLE.model_copy(update=settings),
+        names=PARAMETERS,
     )
     U = np.random.default_rng(13).uniform(-1, 1, (500, 6))
     P, sd = training.model.predict(0.5 + 0.4 * U), np.sqrt(np.diagonal(NOISE))
@@ -196,13 +200,13 @@ def test_the_covariance_of_errors_and_too_few_samples(tmp_path):
     paths = write_tables(tmp_path, samples=12)
     input_error(
         r"usable samples is 11; expected at least 12",
-        train.run,
+        trained,
         *paths,
         study(),
         tmp_path,
     )
     pd.read_csv(paths[0]).drop(columns="mus_gp").to_csv(paths[0], index=False)
-    input_error(r"dataset.csv: column mus_gp", train.run, *paths, study(), tmp_path)
+    input_error(r"dataset.csv: column mus_gp", trained, *paths, study(), tmp_path)
 
 
 def test_definitions_are_kept_and_others_are_refused(tmp_path):
@@ -217,7 +221,7 @@ def test_definitions_are_kept_and_others_are_refused(tmp_path):
         tmp_path / "out",
         "my.yaml",
     )
-    train.run(*arguments)
+    trained(*arguments)
     assert load(tmp_path / "out/network.json").definitions == flank
     files = (
         tmp_path / "out/network.json",
@@ -228,7 +232,7 @@ def test_definitions_are_kept_and_others_are_refused(tmp_path):
     (tmp_path / "dataset_summary.json").write_text(json.dumps({"definitions": secant}))
     input_error(
         r"dataset_summary\.json: definition of aor_deg is .*secant.*flank.*my\.yaml",
-        train.run,
+        trained,
         *arguments,
     )
     input_error(
@@ -236,7 +240,7 @@ def test_definitions_are_kept_and_others_are_refused(tmp_path):
         train.restore,
         *files,
     )
-    train.run(dataset_csv, runs_csv, study(but(starts=1)), tmp_path / "out")
+    trained(dataset_csv, runs_csv, study(but(starts=1)), tmp_path / "out")
     assert load(tmp_path / "out/network.json").definitions == secant
 
 
@@ -244,7 +248,7 @@ def test_definitions_are_kept_and_others_are_refused(tmp_path):
 def test_the_split_is_reported_and_the_saved_model_knows_all_samples(tmp_path, name):
     dataset_csv, runs_csv = write_tables(tmp_path)
     out = tmp_path / "out"
-    metrics = train.run(
+    metrics = trained(
         dataset_csv, runs_csv, study(but(starts=1), surrogate=name), out
     )
     saved, table = load(out / "network.json"), pd.read_csv(out / "predictions.csv")
@@ -283,7 +287,7 @@ def test_the_split_is_reported_and_the_saved_model_knows_all_samples(tmp_path, n
 def test_one_target_is_trained_alone(tmp_path, name):
     dataset_csv, runs_csv = write_tables(tmp_path)
     one = Targets([target for target in TARGETS if target.name == name])
-    metrics = train.run(
+    metrics = trained(
         dataset_csv, runs_csv, study(but(replicates=True), one), tmp_path / "out"
     )
     assert set(metrics["test"]) == set(metrics["r2_three_ways"]) == {name}
@@ -304,7 +308,7 @@ def test_a_parameter_of_the_law_is_an_input_and_noise_of_bench_tests_is_independ
     dataset = pd.read_csv(dataset_csv)
     dataset.insert(7, "gamma_gg", np.linspace(0.0, 0.1, len(dataset)))
     dataset.to_csv(dataset_csv, index=False)
-    train.run(dataset_csv, runs_csv, study(), tmp_path / "out")
+    trained(dataset_csv, runs_csv, study(), tmp_path / "out")
     assert load(tmp_path / "out/network.json").inputs == (*PARAMETERS, "gamma_gg")
     assert train.restore(
         *(
@@ -315,7 +319,7 @@ def test_a_parameter_of_the_law_is_an_input_and_noise_of_bench_tests_is_independ
     dataset.assign(gamma_gg=-0.1).to_csv(dataset_csv, index=False)
     input_error(
         r"gamma_gg is -0\.1",
-        train.run,
+        trained,
         dataset_csv,
         runs_csv,
         study(),

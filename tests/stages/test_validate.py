@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 import shared
 from refusals import input_error
+from stage_runs import compared
 
 from repose.bench.parameters import PARAMETERS
 from repose.calibrate.parameter_space import ParameterSpace
@@ -14,7 +15,7 @@ from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
 from repose.common.provenance import engine_hash
 from repose.config import stands_on
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.measure.angles import MEAN_KEYS
 from repose.stages import validate
 from repose.stages.parameter_sets import read_sample
@@ -82,18 +83,31 @@ def stored(folder, failed=()):
         folder / "published4.csv", PARAMETERS, folder / "theirs.csv"
     )
     paths, made = write_heaps(folder, sets, failed), folder / "published_sets.csv"
-    validate.write_published_sets(folder / "published4.csv", paths, of(), NOW, made)
+    validate.write_published_sets(
+        folder / "published4.csv",
+        paths,
+        made,
+        names=PARAMETERS,
+        targets=TARGETS,
+        simulated_by=NOW,
+    )
     return made
 
 
 def published(path, targets=TARGETS, names=PARAMETERS, measure=MEASURE, now=NOW):
-    return validate.compared_with_published(path, of(targets, names, measure), now)
+    return validate.compared_with_published(
+        path,
+        names=names,
+        targets=targets,
+        measure=SimpleNamespace(**measure),
+        simulated_by=now,
+    )
 
 
 def tables(folder, failed=(), support=None):
     paths = write_heaps(folder, select(folder), failed)
     theirs = published(stored(folder, failed))
-    return validate.run(
+    return compared(
         folder / "v/solutions.csv", paths, of(), theirs, folder / "v", support
     )
 
@@ -207,7 +221,7 @@ def test_the_stored_sets_of_the_repository_are_of_todays_engine_and_scene():
     """The table is made by `snakemake --cores 2 published_sets`; see resources/README.md."""
     path, config = (
         "resources/published/simulated.csv",
-        Study.load("config/config.yaml").config,
+        PipelineConfig.load("config/config.yaml").config,
     )
     assert config["validation"]["published_simulated"] == path
     table, sets = read_stored(path), read_sets(config["validation"]["published"])
@@ -242,7 +256,7 @@ def test_a_failed_or_missing_simulation_keeps_its_row_or_is_named(study):
     assert result["published"]["warning"].str.contains("nearest sample").all()
     paths = write_heaps(study, select(study))
     with pytest.raises(InputError, match=r"samples without a file is \[6\]"):
-        validate.run(
+        compared(
             study / "v/solutions.csv", paths[:-1], of(), published(None), study / "v"
         )
 
@@ -309,7 +323,7 @@ def test_a_study_of_height_alone_and_one_without_a_stored_table(study):
     assert "aor_simulated_deg" not in theirs
     assert theirs["height_simulated_mm"].tolist() == [66.0, 66.0]
     for table in (theirs, published(None, one)):
-        found = validate.run(
+        found = compared(
             study / "v/solutions.csv", paths, of(one), table, study / "v"
         )
         assert found["representative"]["response"].tolist() == ["height_mm"]
@@ -338,7 +352,7 @@ def test_a_law_of_further_parameters_keeps_them_and_leaves_the_published_sets_ou
     theirs = published(stored(study), names=names)
     assert theirs.empty
     paths = write_heaps(study, chosen, names=names)
-    found = validate.run(study / "v/solutions.csv", paths, of(), theirs, study / "v")
+    found = compared(study / "v/solutions.csv", paths, of(), theirs, study / "v")
     assert found["table4"]["gamma_gp"].tolist() == [0.02] * 6
 
 

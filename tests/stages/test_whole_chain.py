@@ -16,17 +16,15 @@ from shared import (
     target,
     write_jobs,
 )
+from stage_runs import compared, searched, trained
 
-from repose.calibrate import inversion as invert
-from repose.calibrate import training as train
-from repose.calibrate.designs import latin_hypercube as design
+from repose.bench.space import contact_space
 from repose.calibrate.designs.settings import DesignSettings
-from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.search.settings import MigaSettings
 from repose.calibrate.surrogates.settings import NetworkSettings
 from repose.calibrate.surrogates.support import Support
 from repose.calibrate.targets import Targets
-from repose.stages import dataset, validate
+from repose.stages import dataset, design, validate
 
 pytestmark = pytest.mark.slow
 
@@ -106,16 +104,22 @@ def whole_chain(out: Path, targets, space, surrogate="network", replicates=False
         definitions,
         out,
     )
-    metrics = train.run(out / "dataset.csv", out / "runs.csv", study, out / "network")
+    metrics = trained(out / "dataset.csv", out / "runs.csv", study, out / "network")
     support = Support.of_dataset(out / "dataset.csv", space)
     surrogate = out / "network/network.json"
-    summary = invert.run(surrogate, study, None, out / "miga", support)
+    summary = searched(surrogate, study, None, out / "miga", support)
     again = validate.write_solutions(
         out / "miga/feasible.csv", space, targets, 3, out / "validation/solutions.csv"
     )
     jobs = pour(again, targets, out / "validation/jobs")
-    theirs = validate.compared_with_published(None, study, {})
-    tables = validate.run(
+    theirs = validate.compared_with_published(
+        None,
+        names=space.names,
+        targets=targets,
+        measure=study.settings.measure,
+        simulated_by={},
+    )
+    tables = compared(
         out / "validation/solutions.csv",
         jobs,
         study,
@@ -139,7 +143,7 @@ def whole_chain(out: Path, targets, space, surrogate="network", replicates=False
 )
 def test_the_chain_finds_parameter_sets_that_give_the_targets(tmp_path, names):
     targets = targets_of(*names)
-    found = whole_chain(tmp_path, targets, ParameterSpace.of(RANGES))
+    found = whole_chain(tmp_path, targets, contact_space(RANGES))
     assert all(found.metrics["test"][name]["r2"] > 0.8 for name in names)
     assert found.summary["feasible"]
     assert set(found.summary["target_distance"]) == set(names)
@@ -158,7 +162,7 @@ def test_the_chain_finds_parameter_sets_that_give_the_targets(tmp_path, names):
 
 def test_a_fixed_parameter_stays_and_a_measured_one_is_preferred(tmp_path):
     found = whole_chain(
-        tmp_path, targets_of("height_mm"), ParameterSpace.of(RANGES | PRIORS)
+        tmp_path, targets_of("height_mm"), contact_space(RANGES | PRIORS)
     )
     assert (found.samples["e_gp"] == 0.3).all()
     assert found.samples["mus_gp"].max() > 0.75  # the design fills the whole range
@@ -181,7 +185,7 @@ def test_a_fixed_parameter_stays_and_a_measured_one_is_preferred(tmp_path):
 @pytest.mark.parametrize("name", ["gaussian_process", "quadratic"])
 def test_the_chain_runs_with_another_surrogate(tmp_path, name):
     targets = targets_of("aor_deg", "height_mm")
-    space = ParameterSpace.of(
+    space = contact_space(
         RANGES
         | {key: {"fixed": sum(RANGES[key]) / 2} for key in ("e_gg", "mus_gg", "e_gp")}
     )

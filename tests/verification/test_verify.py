@@ -13,7 +13,7 @@ from shared import ROOT, TARGETS
 
 from repose import verification
 from repose.calibrate.runs import mean_and_error
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.stages import published
 from repose.verification import speed
 from repose.verification.case import KNOWN, MISSED, PASSED, at_most, close, within
@@ -101,7 +101,7 @@ def test_the_reference_of_the_damped_law_has_the_restitution_it_is_for_and_euler
     value_error("first is 2", euler_solution, inertia, 2.0, 0.5, time)
 
 
-CONFIG = Study.load(ROOT / "config/quick.yaml").config
+CONFIG = PipelineConfig.load(ROOT / "config/quick.yaml").config
 REPRESENTATIVE = dict(
     e_gg=0.203, mus_gg=0.642, mur_gg=0.037, e_gp=0.244, mus_gp=0.483, mur_gp=0.185
 )
@@ -173,7 +173,7 @@ def test_the_reference_kernel_does_every_step_and_the_solution_is_the_published_
 
 def test_a_step_beyond_the_limit_is_refused_with_the_limit_named(time_steps):
     rows = list(
-        time_steps.rows(Study.load(ROOT / "config/quick.yaml"), seeds=0, pairs=0)
+        time_steps.rows(PipelineConfig.load(ROOT / "config/quick.yaml"), seeds=0, pairs=0)
     )
     assert [row[0] for row in rows if len(row) == 2] == [1e-3]
     # an eighth of 2.868 (m*^2 / (R* E*^2 v))^0.2 at 2 m/s, for spheres of radius 6.67 mm

@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 from plans import MIXED, as_ours, planned, snakemake
 from shared import says
+from stage_runs import propose
 from synthetic import SPACE, write_poured
 from synthetic import Study as Given
 
@@ -16,8 +17,7 @@ from repose.calibrate.strategies import base
 from repose.calibrate.strategies.base import samples_of
 from repose.calibrate.targets import Targets
 from repose.common.files import write_text
-from repose.config.study import Study
-from repose.stages import batches
+from repose.config.pipeline import PipelineConfig
 
 pytestmark = pytest.mark.slow
 
@@ -53,7 +53,7 @@ def test_batches_follow_until_the_answer_and_a_kill_between_them_loses_nothing(
 ):
     project, words = finished
     folder = project / "results/quick" / strategy
-    config = Study.load(project / "config/quick.yaml").config
+    config = PipelineConfig.load(project / "config/quick.yaml").config
     config |= {strategy: config[strategy] | SECTIONS[strategy]}
     study = Given(SPACE, Targets.of(config["targets"]), config)
     words = (*words, f"{strategy}={json.dumps(SECTIONS[strategy])}", "--", strategy)
@@ -67,7 +67,7 @@ def test_batches_follow_until_the_answer_and_a_kill_between_them_loses_nothing(
         )
         assert jobs["propose"] == 1
         folders.append(folder / f"batch_{len(folders)}")
-        found = batches.run_propose(strategy, study, folders[:-1], folders[-1])
+        found = propose(strategy, study, folders[:-1], folders[-1])
         jobs = planned(project, *words)
         assert jobs[f"conclude_{strategy}"] == 1
         if found.get("simulated"):
@@ -259,8 +259,8 @@ def test_a_strategy_of_a_file_of_its_own_is_run_by_the_same_rules(
     assert {"propose", "conclude_probe", "page", "card"} <= set(jobs)
     assert not {"pour", "network"} & set(jobs)
     folder = project / "results/quick/probe/batch_0"
-    config = Study.load(project / "config/quick.yaml").config
-    batches.run_propose(
+    config = PipelineConfig.load(project / "config/quick.yaml").config
+    propose(
         "probe", Given(SPACE, Targets.of(config["targets"]), config), [], folder
     )
     assert planned(project, *words)["batch_pour"] == 3

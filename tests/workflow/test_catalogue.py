@@ -10,7 +10,7 @@ import yaml
 from plans import ROOT, planned, snakemake
 from shared import says
 
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 
 # As `snakedeploy deploy-workflow` writes it, with the workflow of this checkout.
 DEPLOYED = f"""
@@ -134,7 +134,7 @@ def test_a_module_computes_the_study_of_its_config_and_leaves_the_handlers_to_th
     (tmp_path / "alone").mkdir()
     monkeypatch.chdir(tmp_path / "alone")
     pathlib.Path("config.yaml").write_text(yaml.safe_dump(crop))
-    assert resolved == Study.load("config.yaml").config
+    assert resolved == PipelineConfig.load("config.yaml").config
     assert (
         "Nothing to be done"
         in snakemake(tmp_path, "--cores", "1", "wheat/berry/berry.json").stderr

@@ -15,7 +15,7 @@ from repose.bench.parameters import PARAMETERS
 from repose.calibrate.seeds import pour_seeds
 from repose.calibrate.surrogates import load
 from repose.common import ledger
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 
 RESULTS = ROOT / "results" / "quick"
 FIGURES = [f"figure{number:02d}" for number in (2, 5, 6, 7, 8, 10, 13, 14, 15)]
@@ -30,7 +30,7 @@ if not (RESULTS / "validation" / "table4.csv").is_file():
 
 @pytest.fixture(scope="module")
 def config():
-    return Study.load(RESULTS / "config.json").config
+    return PipelineConfig.load(RESULTS / "config.json").config
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +39,7 @@ def dataset():
 
 
 def test_the_design_is_a_latin_hypercube(config):
-    assert config == Study.load(ROOT / "config" / "quick.yaml").config
+    assert config == PipelineConfig.load(ROOT / "config" / "quick.yaml").config
     assert config["small_run"] is True
     samples = pd.read_csv(RESULTS / "design" / "samples.csv")
     count = config["design"]["samples"]

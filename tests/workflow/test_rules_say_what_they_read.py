@@ -11,7 +11,7 @@ from plans import ROOT, snakemake
 
 from repose.common import usage
 from repose.config import stands_on
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 
 SHELL = re.compile(r"^( *)shell:\n((?:\1 +.*\n)+)", re.MULTILINE)
 RULES = [
@@ -116,7 +116,7 @@ def test_a_program_in_a_folder_with_braces_is_refused_before_any_work(tmp_path):
 @pytest.mark.parametrize("name", ["config", "quick", "paper"])
 def test_every_caption_can_be_filled_in(name, monkeypatch):
     monkeypatch.chdir(ROOT)
-    config = Study.load(f"config/{name}.yaml").config
+    config = PipelineConfig.load(f"config/{name}.yaml").config
     words = jinja2.Environment(undefined=jinja2.StrictUndefined, autoescape=False)
     for path in CAPTIONS:
         text = words.from_string(path.read_text()).render(

@@ -1,42 +1,26 @@
-"""The result of a calibration: parameters, and whether their simulated responses meet the targets."""
+"""The result of a calibration: parameters, and whether their responses meet targets."""
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
-from repose.bench.parameters import LABELS, check_value, named
 from repose.calibrate.chance import PERCENT
 from repose.calibrate.responses import named as known_response
-from repose.calibrate.studied import Studied
 from repose.calibrate.targets import Target
-from repose.common.errors import require
-from repose.common.files import Path_, read_json
-from repose.common.tables import Column
-from repose.common.tables import read as read_cells
-from repose.measure.settings import line_for
 
-# Remedy by strategy, if only the prediction meets the targets.
-ADVICE = {
-    "refined": "larger refine.rounds or refine.seeds",
-    "response_surface": "another response_surface.reach or .most_factors",
-    "sequential": "a larger sequential.most_pours",
-}
-MORE_POURS = "`repose run refined`, which pours near the answer; or more samples, or more seeds for each"
-CARD = "card.json"
-WITHIN = {percent: f"within_{percent:g}_percent" for percent in PERCENT}
-# A table of an older version lacks the columns of these probabilities; an answer from it would lack them.
-COLUMNS = (
-    *(Column(name, str) for name in ("response", "status")),
-    *(
-        Column(name, empty=True)
-        for name in ("simulated", "simulated_se", "n_seeds", *WITHIN.values())
-    ),
-    Column("predicted", empty=True, needed=False),
+# Remedy if only the prediction meets the targets.
+MORE_POURS = (
+    "`repose run refined`, which pours near the answer; or more samples, or more seeds "
+    "for each"
 )
+CARD = "card.json"
 REPORT = "report.html"
-NOT_AGAIN = "not simulated again"  # status of a check that was not made
+# Columns of the probabilities that all means lie within some percent of the aims.
+WITHIN = {percent: f"within_{percent:g}_percent" for percent in PERCENT}
+# Status of a check that was not made.
+NOT_AGAIN = "not simulated again"
 SAID = {True: "targets met", False: "targets NOT met", None: "targets not checked yet"}
 
 
@@ -72,23 +56,22 @@ class Check:
         line: str = "",
     ) -> Self:
         """Make the check of a target."""
-        about = target.name, target.response.apparatus, target.response.unit
-        ends, whole = (
-            (target.low, target.high),
-            None if target.profile is None else target.whole_value,
-        )
-        measured = target.value, target.sd, target.repetitions
         return cls(
-            *about,
-            *measured,
-            *ends,
-            simulated,
-            standard_error,
-            runs,
-            status,
-            whole,
-            predicted,
-            line,
+            response=target.name,
+            apparatus=target.response.apparatus,
+            unit=target.response.unit,
+            measured=target.value,
+            sd=target.sd,
+            repetitions=target.repetitions,
+            low=target.low,
+            high=target.high,
+            simulated=simulated,
+            standard_error=standard_error,
+            runs=runs,
+            status=status,
+            whole=None if target.profile is None else target.whole_value,
+            predicted=predicted,
+            line=line,
         )
 
     def row(self) -> dict[str, Any]:
@@ -226,6 +209,7 @@ class Result:
     why: str = ""  # why a strategy with several batches ended
     out_of_reach: bool = False  # as `out_of_reach` of a summary
     small_run: bool = False  # its numbers are no calibration
+    labels: Mapping[str, str] = field(default_factory=dict)  # of the parameters
 
     @property
     def met(self) -> bool | None:
@@ -272,7 +256,7 @@ class Result:
         )
         lines = [self.verdict, f"{head}:"]
         lines += [
-            f"  {name:7} {value:.4g}  {LABELS[name]}"
+            f"  {name:7} {value:.4g}  {self.labels.get(name, name)}"
             for name, value in self.parameters.items()
         ]
         lines.append("Simulated again with fresh seeds:")
@@ -303,59 +287,6 @@ class Result:
         return f"probability that all means are near their targets, by these runs alone: {shares}"
 
 
-def read(
-    study: Studied,
-    summary_json: Path_,
-    check_csv: Path_,
-    sets_csv: Path_,
-    strategy: str | None = None,
-) -> Result:
-    """Read the result in the files of the verbs miga and validate, or of the check of another strategy.
-
-    `strategy` is the one that found it, by default the study's.
-    """
-    keys = {"representative": dict, "feasible": bool, "message": str}
-    summary = read_json(summary_json, keys, "the answer of a calibration; run it first")
-    rows = {
-        row["response"]: row
-        for row in read_cells(check_csv, COLUMNS, "a table of the verb validate").rows()
-    }
-    targets, settings = study.targets, study.settings
-    for name in targets.names:
-        require(
-            name in rows,
-            check_csv,
-            "response",
-            sorted(rows),
-            f"a row {name}, a target of the configuration",
-        )
-    values = summary["representative"]
-    return Result(
-        label=settings.label,
-        parameters={
-            name: float(check_value(name, values.get(name), summary_json))
-            for name in named(values)
-        },
-        feasible=summary["feasible"],
-        message=summary["message"],
-        checks=tuple(
-            _check(target, rows[target.name], line_for(settings.measure, target.name))
-            for target in targets
-        ),
-        folder=Path(settings.results_dir),
-        tables=Path(check_csv).parent,
-        solutions=Path(sets_csv),
-        advice=ADVICE.get(strategy or settings.strategy, MORE_POURS),
-        why=summary.get("why", ""),
-        out_of_reach=out_of_reach(summary),
-        small_run=settings.small_run,
-        within={
-            percent: _number(rows[targets.names[0]], column)
-            for percent, column in WITHIN.items()
-        },
-    )
-
-
 def out_of_reach(summary: Mapping[str, Any]) -> bool:
     """Tell whether no parameter set is predicted to meet the targets, which a strategy with a `stop` judges itself."""
     return (
@@ -382,23 +313,3 @@ def describe_probability(chance: Mapping[str, float]) -> str:
     """Write how probably the means of another simulator meet all targets, a clause."""
     one, two, inside = (chance[name] for name in (*WITHIN.values(), "inside"))
     return f"within 1 % of all targets: {one:.2f}; within 2 %: {two:.2f}; inside all ranges: {inside:.2f}"
-
-
-def _check(target: Target, row: Mapping[str, Any], line: str) -> Check:
-    """Read a row of representative.csv with its target."""
-    simulated, error = (_number(row, key) for key in ("simulated", "simulated_se"))
-    runs = int(_number(row, "n_seeds") or 0)
-    return Check.of(
-        target,
-        simulated,
-        error,
-        runs,
-        row["status"],
-        predicted=_number(row, "predicted"),
-        line=line,
-    )
-
-
-def _number(row: Mapping[str, Any], key: str) -> float | None:
-    """Return a number of a row; None if its cell is empty or its column missing."""
-    return None if math.isnan(number := row.get(key, math.nan)) else number

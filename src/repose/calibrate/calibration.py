@@ -1,13 +1,14 @@
-"""From the runs of any simulator to the answer with its certainty, its tables and its material card."""
+"""From the runs of any simulator to the answer with its certainty."""
 
+from collections.abc import Mapping
 from html import escape
-from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
+from repose.calibrate import card as cards
 from repose.calibrate.answer import (
     NOT_AGAIN,
     WITHIN,
@@ -16,20 +17,20 @@ from repose.calibrate.answer import (
     describe_probability,
     out_of_reach,
 )
-from repose.calibrate.strategies import answer
-from repose.calibrate.strategies.base import Answer, Batch, Studied, strategy
+from repose.calibrate.strategies import answer as answers
+from repose.calibrate.strategies.base import Answer, Batch, strategy
 from repose.calibrate.strategies.runs import OK, check_responses
 from repose.calibrate.strategies.sequential.goal import Goal
 from repose.calibrate.strategies.sequential.kriging import Kriging, SpaceKriging
-from repose.calibrate.strategies.sequential.noise import REPLICATES
+from repose.calibrate.strategies.sequential.noise import REPLICATES, Noise
 from repose.calibrate.strategies.sequential.strategy import noise_from, observed_of
+from repose.calibrate.study import Study
 from repose.calibrate.surrogates.base import Predictor
 from repose.calibrate.surrogates.support import Support
 from repose.calibrate.uncertainty.posterior import FREEDOM, Posterior, infer
 from repose.calibrate.uncertainty.settings import PosteriorSettings
 from repose.common.errors import require
 from repose.common.files import Path_, path_of, write_json, write_table
-from repose.stages import card
 
 # Files of `save`.
 TABLES = ("samples.csv", "solutions.csv", "posterior.csv", "draws.csv")
@@ -37,16 +38,34 @@ RECORDS = ("posterior.json", "summary.json", "card.json")
 
 
 class Calibration(NamedTuple):
-    """Result of a calibration by the runs of the user's simulator."""
+    """Result of a calibration by the runs of a simulator.
 
-    study: Studied
+    Attributes
+    ----------
+    study : Study
+    runs : pandas.DataFrame
+        All runs.
+    samples : pandas.DataFrame
+        Means of the runs by sample, with standard errors.
+    model : Predictor
+        The model of the simulator's means over the whole ranges.
+    answer : Answer
+        The answer of the strategy.
+    solutions : pandas.DataFrame
+        The answer, then other parameter sets predicted inside all ranges.
+    posterior : Posterior
+    summary : dict
+        The answer in plain values, as in ``summary.json``.
+    """
+
+    study: Study
     runs: pd.DataFrame
-    samples: pd.DataFrame  # means by sample, with standard errors
+    samples: pd.DataFrame
     model: Predictor
     answer: Answer
-    solutions: pd.DataFrame  # the answer, then other sets predicted inside all ranges
+    solutions: pd.DataFrame
     posterior: Posterior
-    summary: dict[str, Any]  # the answer in plain values, as in ``summary.json``
+    summary: dict[str, Any]
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -55,7 +74,11 @@ class Calibration(NamedTuple):
 
     @property
     def probability(self) -> dict[str, float]:
-        """``within_1_percent``, ``within_2_percent`` and ``inside`` all ranges, for the simulator's means."""
+        """Probability that the simulator's means lie near the targets.
+
+        ``within_1_percent`` and ``within_2_percent`` of all targets, and ``inside`` all
+        ranges.
+        """
         return self.answer.probability
 
     @property
@@ -65,18 +88,16 @@ class Calibration(NamedTuple):
 
     @property
     def intervals(self) -> dict[str, dict[str, Any]]:
-        """The answer's values with their intervals, by name, as the material card has them."""
-        space, values = self.study.parameters, self.parameters
-        ends = card.ends(
-            space, self.solutions, (self.posterior.parameters, self.posterior.draws)
-        )
-        return {
-            name: {
-                "value": values[name],
-                **card.held(space, name, values[name], *ends[name]),
-            }
-            for name in space.names
-        }
+        """The answer's values with their intervals by name, as the card has them."""
+        space = self.study.parameters
+        ends = cards.ends(space, self.solutions, self._posterior_tables)
+        intervals = {}
+        for name in space.names:
+            value = self.parameters[name]
+            low, high = ends[name]
+            interval = cards.held(space, name, value, low, high)
+            intervals[name] = {"value": value, **interval}
+        return intervals
 
     @property
     def prediction(self) -> pd.DataFrame:
@@ -86,24 +107,33 @@ class Calibration(NamedTuple):
     @property
     def card(self) -> dict[str, Any]:
         """The material card, as `save` writes it."""
-        study, draws = self.study, (self.posterior.parameters, self.posterior.draws)
-        about = {"simulator": _simulator(study), "probability": self.probability}
-        words, tests = _definitions(study), dict[str, Any]()
-        for name in study.targets.names:
-            tests[name] = {
-                "definition": {"name": words.get(name), "settings": {}},
-                "bench": None,
-            }
-        made = card.assembled(
-            about, tests, self.as_answer(), study.parameters, self.solutions, draws
+        settings = self.study.settings
+        tests = {}
+        for name in self.study.targets.names:
+            definition: dict[str, Any] = {"name": settings.definitions.get(name), "settings": {}}
+            tests[name] = {"definition": definition, "bench": None}
+        card = cards.assembled(
+            about={"simulator": settings.simulator, "probability": self.probability},
+            tests=tests,
+            answer=self.as_answer(),
+            space=self.study.parameters,
+            solutions=self.solutions,
+            posterior=self._posterior_tables,
         )
-        return made | {
-            "made_by": made["made_by"] | {"seed": study.settings.design.seed}
-        }
+        card["made_by"]["seed"] = settings.design.seed
+        return card
+
+    @property
+    def _posterior_tables(self) -> cards.Tables:
+        """Intervals of the parameters, and draws."""
+        return self.posterior.parameters, self.posterior.draws
 
     def save(self, out_dir: Path_) -> None:
-        """Write tables, summary and material card into a folder; docs/own_simulator.md lists the files."""
-        out, made = path_of("out_dir", out_dir), self.card
+        """Write tables, summary and material card into a folder.
+
+        docs/own_simulator.md lists the files.
+        """
+        out = path_of("out_dir", out_dir)
         require(not out.is_file(), out, "file", "there already", "a folder")
         tables = (
             self.samples,
@@ -113,47 +143,30 @@ class Calibration(NamedTuple):
         )
         for name, table in zip(TABLES, tables, strict=True):
             write_table(out / name, table)
-        card.check(made, out / "card.json")
-        for name, content in zip(
-            RECORDS, (self.posterior.summary, self.summary, made), strict=True
-        ):
+        records = (self.posterior.summary, self.summary, self.card)
+        for name, content in zip(RECORDS, records, strict=True):
             write_json(out / name, content)
 
-    def report(self, path: Path_) -> None:
-        """Write the page to read, one HTML file; it takes the extra `pictures`."""
-        import_module("repose.report.page.own").write(
-            self, path_of("path", path)
-        )  # a room above this one
-
-    def plot(self, path: Path_ | None = None) -> Any:
-        """Draw runs, their history, intervals and posterior as a matplotlib Figure, and write it to `path` if given.
-
-        The path ends in .png, .pdf or .svg. It takes the extra `pictures`.
-        """
-        return import_module("repose.report.figures.own").plot(
-            self, None if path is None else path_of("path", path)
-        )
-
     def as_answer(self) -> Result:
-        """Put the answer in the form for the material card; it was not simulated again."""
+        """Put the answer in the form for the card; it was not simulated again."""
+        targets = self.study.targets
+        checks = []
+        for target, mean in zip(targets, self.answer.mean.tolist(), strict=True):
+            check = Check.of(
+                target,
+                simulated=None,
+                standard_error=None,
+                runs=0,
+                status=NOT_AGAIN,
+                predicted=mean,
+            )
+            checks.append(check)
         return Result(
             label=self.study.settings.label,
             parameters=self.parameters,
             feasible=self.summary["feasible"],
             message=self.summary["message"],
-            checks=tuple(
-                Check.of(
-                    target,
-                    simulated=None,
-                    standard_error=None,
-                    runs=0,
-                    status=NOT_AGAIN,
-                    predicted=mean,
-                )
-                for target, mean in zip(
-                    self.study.targets, self.answer.mean.tolist(), strict=True
-                )
-            ),
+            checks=tuple(checks),
             folder=Path(),
             out_of_reach=out_of_reach(self.summary),
             within={
@@ -162,29 +175,28 @@ class Calibration(NamedTuple):
         )
 
     def __str__(self) -> str:
-        best = self.answer
         lines = [self.as_answer().verdict, "The calibrated parameters [95 % interval]:"]
         for name, row in self.intervals.items():
-            interval = (
-                "fixed"
-                if row["low"] is None
-                else f"[{row['low']:.4g}, {row['high']:.4g}]"
-            )
-            lines.append(
-                card.with_remark(f"  {name} {row['value']:.4g} {interval}", row)
-            )
-        lines.append(
-            f"Predicted by {self.model.name.replace('_', ' ')}, not simulated again:"
-        )
+            interval = "fixed"
+            if row["low"] is not None:
+                interval = f"[{row['low']:.4g}, {row['high']:.4g}]"
+            text = f"  {name} {row['value']:.4g} {interval}"
+            lines.append(cards.with_remark(text, row))
+        model = self.model.name.replace("_", " ")
+        lines.append(f"Predicted by {model}, not simulated again:")
+        answer = self.answer
         for target, mean, error in zip(
-            self.study.targets, best.mean, best.error, strict=True
+            self.study.targets, answer.mean, answer.error, strict=True
         ):
             unit = f" {target.response.unit}".rstrip()
-            off = target.off_percent(mean)
-            aimed = f"{off:+.2f} % off the target {target.aim:g}, range {target.low:g} to {target.high:g}{unit}"
-            lines.append(f"  {target.name}: {mean:.4g} +- {error:.2g}{unit}, {aimed}")
+            lines.append(
+                f"  {target.name}: {mean:.4g} +- {error:.2g}{unit}, "
+                f"{target.off_percent(mean):+.2f} % off the target {target.aim:g}, "
+                f"range {target.low:g} to {target.high:g}{unit}"
+            )
         lines.append(
-            f"Probability that the simulator's means there lie {describe_probability(self.probability)}."
+            "Probability that the simulator's means there lie "
+            f"{describe_probability(self.probability)}."
         )
         return "\n".join(lines)
 
@@ -192,156 +204,191 @@ class Calibration(NamedTuple):
         return f"<Calibration of {self.study.settings.label}>\n{self}"
 
     def _repr_html_(self) -> str:
-        """Show the answer in a notebook: parameters with their intervals, predictions, probabilities."""
-        parameters = pd.DataFrame(self.intervals).T.drop(
-            columns=["at_bound", "widened"], errors="ignore"
-        )
-        chances = pd.DataFrame({"probability": self.probability}).rename(
-            index=lambda name: name.replace("_", " ")
-        )
-        tables = (parameters, self.prediction, chances)
-        shown = "".join(
-            table.to_html(float_format="{:.4g}".format, na_rep="fixed")
-            for table in tables
-        )
-        return (
-            f"{shown}<p>{escape(self.summary['message'])}</p><p>{escape(self.why)}</p>"
-        )
+        """Show the answer in a notebook: parameters, predictions, probabilities."""
+        parameters = pd.DataFrame(self.intervals).T
+        parameters = parameters.drop(columns=["at_bound", "widened"], errors="ignore")
+        probability = pd.DataFrame({"probability": self.probability})
+        probability = probability.rename(index=lambda name: name.replace("_", " "))
+        html = ""
+        for table in (parameters, self.prediction, probability):
+            html += table.to_html(float_format="{:.4g}".format, na_rep="fixed")
+        message = escape(self.summary["message"])
+        return f"{html}<p>{message}</p><p>{escape(self.why)}</p>"
 
 
 def calibrate(
-    study: Studied, runs: pd.DataFrame, proposal: Batch | Answer | None = None
+    study: Study, runs: pd.DataFrame, proposal: Batch | Answer | None = None
 ) -> Calibration:
     """Find the parameters that meet the targets, and how certain they are.
 
-    `runs` come from `repose.calibrate.strategies.runs.checked_runs`; the strategy need not have asked for them. Unless
-    `proposal` is the answer, it is the best that these runs give.
+    Parameters
+    ----------
+    study : Study
+        Its parameters, targets and settings.
+    runs : pandas.DataFrame
+        From `repose.calibrate.strategies.runs.checked_runs`; the strategy need not have
+        asked for them.
+    proposal : Batch or Answer, optional
+        The strategy's proposal after these runs. Unless it is the answer, the answer is
+        the best that these runs give.
+
+    Raises
+    ------
+    InputError
+        If the runs do not determine an answer.
     """
     space, targets, settings = study.parameters, study.targets, study.settings
     check_responses(runs, targets)
-    best = (
-        proposal
-        if isinstance(proposal, Answer)
-        else strategy(settings.strategy).answer(study, runs)
-    )
+    if isinstance(proposal, Answer):
+        answer = proposal
+    else:
+        answer = strategy(settings.strategy).answer(study, runs)
     observed = observed_of(runs, space, targets)
     noise = noise_from(study, observed)
-    model = best.model or SpaceKriging(Kriging(observed, noise.covariance), space)
+    model = answer.model or SpaceKriging(Kriging(observed, noise.covariance), space)
     samples = _samples(study, runs)
     support = Support.of(space.values(observed.unit), space)
-    vary = REPLICATES in noise.sources.values()
+    has_replicates = REPLICATES in noise.sources.values()
+    freedom = observed.freedom if has_replicates else 0
     posterior = infer(
         model,
         support,
         runs,
         study,
-        posterior_settings(study, observed.freedom if vary else 0),
+        posterior_settings(settings.posterior, freedom, len(targets)),
         {},
     )
-    feasible, message = answer.verdict(best, targets)
-    goal = Goal.of(targets, settings.sequential.tolerance_percent, space)
-    summary = {
-        "simulator": _simulator(study),
-        "representative": dict(zip(space.names, best.values.tolist(), strict=True)),
-        "responses": {
-            target.name: {
-                "target": target.aim,
-                "mean": float(mean),
-                "error": float(error),
-            }
-            for target, mean, error in zip(targets, best.mean, best.error, strict=True)
-        },
+    feasible, message = answers.verdict(answer, targets)
+    summary: dict[str, Any] = {
+        "simulator": settings.simulator,
+        "representative": dict(zip(space.names, answer.values.tolist(), strict=True)),
+        "responses": _responses(study, answer),
         "feasible": feasible,
         "message": message,
-        **({"stop": best.notes["stop"]} if "stop" in best.notes else {}),
-        "probability": best.probability,
+    }
+    if "stop" in answer.notes:
+        summary["stop"] = answer.notes["stop"]
+    goal = Goal.of(targets, settings.sequential.tolerance_percent, space)
+    summary |= {
+        "probability": answer.probability,
         "runs": len(runs),
         "failed_runs": int((runs["status"] != OK).sum()),
         "samples": len(samples),
         "needed": goal.needed(noise.covariance, settings.sequential.probability),
-        "noise": {
-            name: {"sd": float(sd), "from": noise.sources[name]}
-            for name, sd in zip(
-                targets.names, np.sqrt(np.diagonal(noise.covariance)), strict=True
-            )
-        },
+        "noise": _noise(study, noise),
         "warning": noise.warning,
-        "definitions": _definitions(study),
-        "steps": _steps(study, runs, len(samples), model, best, noise.warning),
+        "definitions": settings.definitions,
+        "steps": _steps(study, runs, len(samples), model, answer, noise.warning),
     }
-    solutions = answer.solutions(best, feasible, space, targets)
-    return Calibration(study, runs, samples, model, best, solutions, posterior, summary)
-
-
-def posterior_settings(study: Studied, freedom: int) -> PosteriorSettings:
-    """Return the section `posterior`; without a correlation where too few samples were run again for one."""
-    few = (
-        {"measured_correlation": 0.0} if freedom < len(study.targets) + FREEDOM else {}
+    solutions = answers.solutions(answer, feasible, space, targets)
+    return Calibration(
+        study=study,
+        runs=runs,
+        samples=samples,
+        model=model,
+        answer=answer,
+        solutions=solutions,
+        posterior=posterior,
+        summary=summary,
     )
-    own = (
-        {"shape_study": None, "measured_correlation": "simulated"}
-        | study.settings.posterior.model_dump()
-        | few
-    )
-    return PosteriorSettings.model_construct(**own)
 
 
-def _simulator(study: Studied) -> str:
-    """Return the name of the simulator."""
-    return str(getattr(study.settings, "simulator", "repose"))
+def posterior_settings(
+    settings: PosteriorSettings, freedom: int, responses: int
+) -> PosteriorSettings:
+    """Return the section `posterior` as the runs allow it.
+
+    The correlation of measured responses cannot be that of simulated runs where too few
+    samples were run again.
+
+    Parameters
+    ----------
+    settings : PosteriorSettings
+        The section of the study.
+    freedom : int
+        Degrees of freedom of the noise, from runs of samples that were run again.
+    responses : int
+        Number of targets.
+    """
+    if freedom >= responses + FREEDOM:
+        return settings
+    return settings.model_copy(update={"measured_correlation": 0.0})
 
 
-def _definitions(study: Studied) -> dict[str, str]:
-    """Return how the responses of a simulator of the user's own are taken, in the user's words."""
-    return dict(getattr(study.settings, "definitions", {}))
+def _responses(study: Study, answer: Answer) -> dict[str, dict[str, float]]:
+    """Return target, predicted mean and its standard error by response."""
+    responses = {}
+    for target, mean, error in zip(
+        study.targets, answer.mean, answer.error, strict=True
+    ):
+        responses[target.name] = {
+            "target": target.aim,
+            "mean": float(mean),
+            "error": float(error),
+        }
+    return responses
 
 
-def _samples(study: Studied, runs: pd.DataFrame) -> pd.DataFrame:
+def _noise(study: Study, noise: Noise) -> dict[str, dict[str, Any]]:
+    """Return the standard deviation of a single run and its source by response."""
+    deviations = np.sqrt(np.diagonal(noise.covariance))
+    return {
+        name: {"sd": float(sd), "from": noise.sources[name]}
+        for name, sd in zip(study.targets.names, deviations, strict=True)
+    }
+
+
+def _samples(study: Study, runs: pd.DataFrame) -> pd.DataFrame:
     """Average the runs of each sample, with standard errors."""
-    ok = runs[runs["status"] == OK].groupby("sample", sort=False)
+    good = runs[runs["status"] == OK].groupby("sample", sort=False)
     first = runs.drop_duplicates("sample").set_index("sample")
-    table = first[list(study.parameters.names)].assign(
-        runs=ok.size().reindex(first.index, fill_value=0)
-    )
+    table = first[list(study.parameters.names)].copy()
+    table["runs"] = good.size().reindex(first.index, fill_value=0)
     for name, error in zip(study.targets.names, study.targets.errors, strict=True):
-        table[name], table[error] = ok[name].mean(), ok[name].sem()
+        table[name] = good[name].mean()
+        table[error] = good[name].sem()
     return table.reset_index()
 
 
 def _steps(
-    study: Studied,
+    study: Study,
     runs: pd.DataFrame,
     samples: int,
     model: Predictor,
-    best: Answer,
+    answer: Answer,
     warning: str | None,
 ) -> list[str]:
     """Describe the way to the answer, in sentences."""
-    settings, failed = study.settings, int((runs["status"] != OK).sum())
+    settings = study.settings
+    failed = int((runs["status"] != OK).sum())
     name = model.name.replace("_", " ")
-    known = (
-        " of the samples' means with their known errors"
-        if model.name == "kriging" and warning is None
-        else ""
-    )
-    one, two = (
-        best.probability["within_1_percent"],
-        best.probability["within_2_percent"],
-    )
-    likely = f"the set that lies within {settings.sequential.tolerance_percent:g} % of all targets most probably"
-    own = (
-        "the set that comes nearest to the targets" if "nearest" in best.why else likely
-    )
-    chosen = (
-        own
-        if settings.strategy == "sequential"
-        else f"that of the strategy {settings.strategy}"
-    )
-    return [
-        f"Simulation in {_simulator(study)}: {len(runs)} runs of {samples} parameter sets, {failed} failed.",
-        f"Model: {name}{known}."
-        if warning is None
-        else f"Model: {name}. Warning: {warning}",
-        f"Answer: {chosen}; within 1 % with probability {one:.2f}, within 2 % with {two:.2f}.",
-        *(f"{name}: {text}." for name, text in _definitions(study).items()),
+    if warning is not None:
+        model_sentence = f"Model: {name}. Warning: {warning}"
+    elif model.name == "kriging":
+        model_sentence = f"Model: {name} of the samples' means with their known errors."
+    else:
+        model_sentence = f"Model: {name}."
+    if settings.strategy != "sequential":
+        choice = f"that of the strategy {settings.strategy}"
+    elif "nearest" in answer.why:
+        choice = "the set that comes nearest to the targets"
+    else:
+        choice = (
+            f"the set that lies within {settings.sequential.tolerance_percent:g} % of "
+            "all targets most probably"
+        )
+    within_1 = answer.probability["within_1_percent"]
+    within_2 = answer.probability["within_2_percent"]
+    steps = [
+        f"Simulation in {settings.simulator}: {len(runs)} runs of {samples} parameter "
+        f"sets, {failed} failed.",
+        model_sentence,
+        f"Answer: {choice}; within 1 % with probability {within_1:.2f}, within 2 % with "
+        f"{within_2:.2f}.",
     ]
+    return steps + _definition_sentences(settings.definitions)
+
+
+def _definition_sentences(definitions: Mapping[str, str]) -> list[str]:
+    """Describe how each response is taken from a run."""
+    return [f"{name}: {text}." for name, text in definitions.items()]

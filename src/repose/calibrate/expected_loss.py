@@ -5,13 +5,12 @@ errors of the surrogate differ among them. The loss is Eq. 11 of the true means;
 deviations and their errors.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from scipy.special import erf
 
-from repose.bench.parameters import PARAMETERS
 from repose.calibrate.chance import PERCENT
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.probability import within
@@ -69,18 +68,35 @@ def least(
     predicted = dict(
         zip(targets.predicted, surrogate.predict(X)[0].tolist(), strict=True)
     )
-    return values | predicted | judged(surrogate, values, targets)
+    return values | predicted | judged(surrogate, values, targets, space.names)
 
 
 def judged(
-    surrogate: Surrogate, parameters: Mapping[str, float], targets: Targets
+    surrogate: Surrogate,
+    parameters: Mapping[str, float],
+    targets: Targets,
+    names: Sequence[str],
 ) -> dict[str, Any]:
     """Judge a parameter set by the errors and probabilities of the surrogate.
 
-    `predicted_se`: standard errors of the predicted means by response; `expected_error_percent`: root of the expected
-    mean square of the relative deviations; `within`: probability that all means lie within some percent of the aims.
+    Parameters
+    ----------
+    surrogate : Surrogate
+    parameters : mapping
+        The set by name.
+    targets : Targets
+    names : sequence of str
+        Inputs of a surrogate that does not name them itself.
+
+    Returns
+    -------
+    dict
+        ``predicted_se``: standard errors of the predicted means by response;
+        ``expected_error_percent``: root of the expected mean square of the relative
+        deviations; ``within``: probability that all means lie within some percent of
+        the aims.
     """
-    X = np.array([[parameters[name] for name in surrogate.inputs or PARAMETERS]])
+    X = np.array([[parameters[name] for name in surrogate.inputs or names]])
     mean, covariance, aim = surrogate.predict(X), surrogate.covariance(X), targets.aim
     error, reach = np.sqrt(np.diagonal(covariance[0])), targets.whole / 100
     square = ((mean[0] - aim) ** 2 + error**2) / targets.whole**2

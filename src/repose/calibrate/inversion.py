@@ -4,7 +4,6 @@ The search is the multi-island genetic algorithm (`repose.calibrate.search`) on 
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,21 +11,17 @@ import pandas as pd
 
 from repose.calibrate import expected_loss
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.calibrate.responses import require_same_definitions
 from repose.calibrate.search.objective import HISTORY, Objective, Preference, search
 from repose.calibrate.search.settings import MigaSettings
-from repose.calibrate.studied import Studied
-from repose.calibrate.surrogates.base import Surrogate, load
+from repose.calibrate.surrogates.base import Surrogate
 from repose.calibrate.surrogates.support import Support
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
-from repose.common.files import Path_, read_table, write_json, write_table
 
 LEAST_LOSS = "least_expected_loss"  # of `miga.answer`
 FEWEST_ROWS = (
     10  # of the solutions, so that validation always has points to choose from
 )
-INTERVAL = ("low", "high", "dispersion_percent")
 
 
 class Inversion(NamedTuple):
@@ -112,46 +107,6 @@ def invert(
         history,
         _summary(table, space, targets, settings, counts),
     )
-
-
-def run(
-    surrogate_json: Path_,
-    study: Studied,
-    table3_csv: Path_ | None,
-    out_dir: Path_,
-    support: Support | None = None,
-    source: object = "configuration",
-) -> dict[str, Any]:
-    """Invert a saved surrogate; write feasible.csv, intervals.csv, history.csv and summary.json; return the summary."""
-    targets = study.targets
-    surrogate = load(surrogate_json, targets.names)
-    require_same_definitions(
-        surrogate.definitions, surrogate_json, study.definitions, source
-    )
-    published = (
-        None if table3_csv is None else read_table(table3_csv, ("parameter", *INTERVAL))
-    )
-    inversion = invert(
-        surrogate, study.parameters, targets, study.settings.miga, support
-    )
-    if published is not None:
-        reference = published.set_index("parameter")[list(INTERVAL)].add_prefix(
-            "published_"
-        )
-        inversion = inversion._replace(
-            intervals=inversion.intervals.join(reference, on="variable")
-        )
-    if surrogate.knows_its_errors:
-        best = inversion.summary["representative"]
-        inversion.summary["representative_judged"] = expected_loss.judged(
-            surrogate, best, targets
-        )
-    out = Path(out_dir)
-    write_table(out / "feasible.csv", inversion.solutions)
-    write_table(out / "intervals.csv", inversion.intervals)
-    write_table(out / "history.csv", inversion.history)
-    write_json(out / "summary.json", inversion.summary)
-    return inversion.summary
 
 
 def on_free_parameters(

@@ -2,13 +2,12 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 import pandas as pd
 
-from repose.bench.parameters import PARAMETERS, named
+from repose.calibrate.dataset_files import read_definitions
 from repose.calibrate.responses import (
     Definitions,
     derived,
@@ -16,16 +15,13 @@ from repose.calibrate.responses import (
     response,
 )
 from repose.calibrate.runs import of_bench
-from repose.calibrate.studied import Studied
 from repose.calibrate.surrogates.accuracy import r2
 from repose.calibrate.surrogates.base import Surrogate, load, make
 from repose.calibrate.surrogates.settings import NetworkSettings
 from repose.calibrate.targets import Targets
 from repose.calibrate.variance import within_covariance
 from repose.common.errors import InputError, require
-from repose.common.files import Path_, read_table, write_json, write_table
-from repose.stages.dataset import read_definitions
-from repose.stages.tables import read_dataset, read_runs
+from repose.common.files import Path_, read_table
 
 SPLITS = ("train", "validation", "test")
 FEWEST_SAMPLES = (
@@ -63,24 +59,27 @@ class Replicates(NamedTuple):
     def of(
         cls, runs: pd.DataFrame, samples: Sequence[int], targets: Targets
     ) -> Self | None:
-        """Estimate the noise of some samples; None if the scatter of a bench test has no full rank."""
-        ok = runs[(runs["status"] == "ok") & runs["sample"].isin(samples)]
-        covariance, freedom, weights = np.zeros((len(targets), len(targets))), 0.0, []
+        """Estimate the noise of some samples.
+
+        It is None if the scatter of a bench test has no full rank.
+        """
+        is_used = (runs["status"] == "ok") & runs["sample"].isin(samples)
+        good = runs[is_used]
+        covariance = np.zeros((len(targets), len(targets)))
+        freedom = 0.0
+        weights: list[np.ndarray] = []
         for apparatus, columns in targets.benches.items():
-            own = of_bench(ok, apparatus)
-            block, count = within_covariance(
-                own[[targets.names[k] for k in columns]], own["sample"]
-            )
-            if not (count > len(columns) and np.linalg.eigvalsh(block)[0] > 0):
+            own = of_bench(good, apparatus)
+            names = [targets.names[k] for k in columns]
+            block, count = within_covariance(own[names], own["sample"])
+            if count <= len(columns) or not np.linalg.eigvalsh(block)[0] > 0:
                 return None
-            weights.append(
-                own["sample"]
-                .value_counts()
-                .reindex(samples, fill_value=0)
-                .to_numpy(float)
-            )
-            share = weights[0].mean() / weights[-1].mean()
-            weights[-1] = weights[-1] * share
+            runs_of_sample = own["sample"].value_counts()
+            weight = runs_of_sample.reindex(samples, fill_value=0).to_numpy(float)
+            # Count in runs of the first bench test.
+            first = weights[0] if weights else weight
+            share = first.mean() / weight.mean()
+            weights.append(weight * share)
             covariance[np.ix_(columns, columns)] = block * share
             freedom += count * len(columns) / len(targets)
         return cls(np.mean(weights, axis=0), covariance, float(freedom))
@@ -91,134 +90,144 @@ def train(
     runs: pd.DataFrame,
     targets: Targets,
     settings: NetworkSettings,
+    *,
+    names: Sequence[str],
     definitions: Definitions | None = None,
     source: object = "dataset",
-    names: Sequence[str] | None = None,
     surrogate: str = "network",
 ) -> Training:
-    """Train a surrogate on the usable samples of a study; InputError for fewer than `FEWEST_SAMPLES`.
+    """Train a surrogate on the usable samples of a study.
 
-    With `replicates` the runs of each sample give the noise (`Replicates`). With `validation_noise` the errors of a
-    first fit at the validation samples give the correlation of the noises (`error_covariance`) for a second fit.
+    With ``settings.replicates`` the runs of each sample give the noise (`Replicates`).
+    With ``settings.validation_noise`` the errors of a first fit at the validation
+    samples give the correlation of the noises (`error_covariance`) for a second fit.
+
+    Parameters
+    ----------
+    dataset : pandas.DataFrame
+        A row for each sample: ``sample``, ``status``, parameters, responses.
+    runs : pandas.DataFrame
+        Their single runs.
+    targets : Targets
+        The responses to learn.
+    settings : NetworkSettings
+    names : sequence of str
+        Columns of the parameters, the inputs of the surrogate.
+    definitions : mapping, optional
+        How each response is defined; kept with the surrogate.
+    source : object, optional
+        File of the dataset, for an error.
+    surrogate : str, optional
+        Kind of the surrogate.
+
+    Returns
+    -------
+    Training
+
+    Raises
+    ------
+    InputError
+        If fewer than `FEWEST_SAMPLES` samples are usable.
     """
-    names = named(dataset) if names is None else names
     usable = dataset[dataset["status"] == "ok"].reset_index(drop=True)
     if len(usable) < FEWEST_SAMPLES:
-        raise InputError(
-            source,
-            "usable samples",
-            len(usable),
-            f"at least {FEWEST_SAMPLES} with status ok",
-        )
-    X, Y = (
-        usable[list(names)].to_numpy(float),
-        usable[list(targets.names)].to_numpy(float),
-    )
+        words = f"at least {FEWEST_SAMPLES} with status ok"
+        raise InputError(source, "usable samples", len(usable), words)
+    X = usable[list(names)].to_numpy(float)
+    Y = usable[list(targets.names)].to_numpy(float)
     rows = rows_of(usable, settings.split, settings.seed)
 
-    def fitted(
-        part: np.ndarray, covariance: np.ndarray | None = None
-    ) -> tuple[Surrogate, dict[str, Any]]:
-        learned = usable["sample"].iloc[part]
-        replicates = (
-            Replicates.of(runs, learned, targets) if settings.replicates else None
-        )
-        noise = (
-            {"noise_covariance": covariance}
-            if replicates is None
-            else replicates._asdict()
-        )
+    def fit(part: np.ndarray, covariance: np.ndarray | None = None) -> _Fit:
+        """Fit a new surrogate to some rows."""
+        samples = usable["sample"].iloc[part]
+        noise: dict[str, Any] = {"noise_covariance": covariance}
+        if settings.replicates:
+            replicates = Replicates.of(runs, samples, targets)
+            if replicates is not None:
+                noise = replicates._asdict()
         model = make(surrogate, settings).describe(
-            names, targets.names, definitions, learned
+            names, targets.names, definitions, samples
         )
-        return model.fit(X[part], Y[part], **noise), noise
+        return _Fit(model.fit(X[part], Y[part], **noise), noise)
 
-    model, noise = fitted(rows["train"])
+    # Learn the training part; its errors at the validation part may show the noise.
+    model, noise = fit(rows["train"])
     covariance = None
     if settings.validation_noise:
         unseen = rows["validation"]
-        covariance = error_covariance(
-            Y[unseen] - model.predict(X[unseen]), targets, source
-        )
-        model, noise = fitted(rows["train"], covariance)
+        errors = Y[unseen] - model.predict(X[unseen])
+        covariance = error_covariance(errors, targets, source)
+        model, noise = fit(rows["train"], covariance)
     P = model.predict(X)
 
     metrics: dict[str, Any] = {"n_samples": len(X), "left_out": len(dataset) - len(X)}
     metrics |= _accuracy(Y, P, targets.names, rows)
     metrics["r2_three_ways"] = _three_ways(usable, runs, P, rows["test"], targets)
-    table = pd.DataFrame({"sample": usable["sample"], "split": ""})
-    for name in SPLITS:
-        table.loc[rows[name], "split"] = name
-    for k, target in enumerate(targets):
-        table[target.name], table[target.response.predicted] = Y[:, k], P[:, k]
+    predictions = _predictions(usable["sample"], Y, P, rows, targets)
+
+    # Once the accuracy is known, some kinds of surrogates learn all samples.
     if model.of_all_samples:
-        model, noise = fitted(np.arange(len(X)), covariance)
-        table[_finally(targets.names)] = model.predict(X)
+        model, noise = fit(np.arange(len(X)), covariance)
+        predictions[_final_names(targets.names)] = model.predict(X)
     metrics["n_fitted"] = len(model.samples)
     metrics |= model.report()
     covariance = noise["noise_covariance"]
     metrics["noise_covariance"] = None if covariance is None else covariance.tolist()
     metrics["noise_freedom"] = noise.get("noise_freedom")
     starts = pd.DataFrame(model.start_rows())
-    return Training(
-        model,
-        metrics,
-        table,
-        starts if len(starts) else pd.DataFrame(columns=["start", "chosen"]),
-    )
+    if starts.empty:
+        starts = pd.DataFrame(columns=["start", "chosen"])
+    return Training(model, metrics, predictions, starts)
 
 
-def run(
-    dataset_csv: Path_,
-    runs_csv: Path_,
-    study: Studied,
-    out_dir: Path_,
-    source: object = "configuration",
-) -> dict[str, Any]:
-    """Train on files; write network.json, metrics.json, predictions.csv and starts.csv; return the metrics."""
-    targets, settings, definitions = study.targets, study.settings, study.definitions
-    dataset = read_dataset(dataset_csv, targets)
-    runs = read_runs(runs_csv, targets, dataset, dataset_csv)
-    of_dataset, summary_json = read_definitions(dataset_csv)
-    require_same_definitions(of_dataset, summary_json, definitions, source)
-    about = {
-        "definitions": definitions or of_dataset,
-        "source": dataset_csv,
-        "surrogate": settings.surrogate,
-    }
-    training = train(dataset, runs, targets, settings.network, **about)
-    out = Path(out_dir)
-    training.model.save(out / "network.json")
-    write_json(out / "metrics.json", training.metrics)
-    write_table(out / "predictions.csv", training.predictions)
-    write_table(out / "starts.csv", training.starts)
-    return training.metrics
+class _Fit(NamedTuple):
+    """A fitted surrogate, and the noise that its fit was told of."""
+
+    model: Surrogate
+    noise: dict[str, Any]
+
+
+def _predictions(
+    samples: pd.Series,
+    Y: np.ndarray,
+    P: np.ndarray,
+    rows: Mapping[str, np.ndarray],
+    targets: Targets,
+) -> pd.DataFrame:
+    """Put the part of each sample beside its responses Y and its predictions P (n, k)."""
+    table = pd.DataFrame({"sample": samples, "split": ""})
+    for name in SPLITS:
+        table.loc[rows[name], "split"] = name
+    for k, target in enumerate(targets):
+        table[target.name] = Y[:, k]
+        table[target.response.predicted] = P[:, k]
+    return table
 
 
 def message(metrics: Mapping[str, Any]) -> str:
-    """Write the training as text: errors at unseen samples, and for a network the result of its starts."""
-    responses = metrics["test"].items()
-    words = [
-        f"{name}: R2 {score['r2']:.3f}, error {score['rmse']:.3g}"
-        for name, score in responses
-        if score["r2"]
-    ]
-    lines = [f"{metrics['n_test']} samples for the test: " + ", ".join(words)]
+    """Describe a training: errors at unseen samples, and the starts of a network."""
+    errors = []
+    for name, score in metrics["test"].items():
+        if score["r2"]:
+            errors.append(f"{name}: R2 {score['r2']:.3f}, error {score['rmse']:.3g}")
+    lines = [f"{metrics['n_test']} samples for the test: {', '.join(errors)}"]
     if metrics["n_fitted"] == metrics["n_samples"]:
         lines.append(f"then fitted to all {metrics['n_fitted']} samples")
     if "starts" in metrics:
-        determined = f"{metrics['gamma']:.1f} of {metrics['n_weights']} weights of the kept network"
-        converged = (
-            f"{metrics['converged_starts']} of {metrics['starts']} starts converged"
+        lines.append(
+            f"{metrics['converged_starts']} of {metrics['starts']} starts converged; "
+            f"the data determine {metrics['gamma']:.1f} of {metrics['n_weights']} "
+            "weights of the kept network"
         )
-        lines.append(f"{converged}; the data determine {determined}")
     if "members" in metrics:
         lines.append(
-            f"{metrics['members']} networks predict; their disagreement is part of the error"
+            f"{metrics['members']} networks predict; their disagreement is part of the "
+            "error"
         )
     if metrics.get("at_cap"):
         lines.append(
-            f"at the cap of their regularisation, so held at zero: {', '.join(metrics['at_cap'])}"
+            "at the cap of their regularisation, so held at zero: "
+            f"{', '.join(metrics['at_cap'])}"
         )
     return "\n".join(lines)
 
@@ -226,35 +235,36 @@ def message(metrics: Mapping[str, Any]) -> str:
 def restore(
     surrogate_json: Path_, predictions_csv: Path_, dataset_csv: Path_
 ) -> Surrogate:
-    """Load the trained surrogate; InputError if its files are not of one training."""
+    """Load a trained surrogate, and check that its files are of one training.
+
+    Raises
+    ------
+    InputError
+        If the predictions are not those of the surrogate on the samples of the dataset.
+    """
     model = load(surrogate_json)
+    final = _final_names(model.outputs)
     predicted = [response(name, surrogate_json).predicted for name in model.outputs]
     predictions = read_table(predictions_csv, ("sample", "split", *predicted))
-    of_all = set(_finally(model.outputs)) <= set(predictions)
-    predicted = _finally(model.outputs) if of_all else predicted
-    table = read_table(dataset_csv, ("sample", *PARAMETERS, "status"))
+    has_all_samples = set(final) <= set(predictions)
+    dataset = read_table(dataset_csv, ("sample", *model.inputs, "status"))
     definitions, summary_json = read_definitions(dataset_csv)
     require_same_definitions(
         model.definitions, surrogate_json, definitions, summary_json
     )
-    usable = table[table["status"] == "ok"].set_index("sample")
-    trained = predictions[(predictions["split"] == "train") | of_all]
+    usable = dataset[dataset["status"] == "ok"].set_index("sample")
+    if has_all_samples:
+        trained, columns = predictions, final
+    else:
+        trained, columns = predictions[predictions["split"] == "train"], predicted
     missing = sorted(set(trained["sample"]) - set(usable.index))
-    require(
-        not missing and not trained.empty,
-        predictions_csv,
-        "samples",
-        missing,
-        f"usable samples of {dataset_csv}",
-    )
-    X = usable.loc[trained["sample"], list(model.inputs or PARAMETERS)].to_numpy(float)
-    if not np.allclose(model.predict(X), trained[predicted], rtol=1e-6):
-        raise InputError(
-            predictions_csv,
-            "predictions",
-            "others",
-            f"those of {surrogate_json} on {dataset_csv}",
-        )
+    if missing or trained.empty:
+        words = f"usable samples of {dataset_csv}"
+        raise InputError(predictions_csv, "samples", missing, words)
+    X = usable.loc[trained["sample"], list(model.inputs)].to_numpy(float)
+    if not np.allclose(model.predict(X), trained[columns], rtol=1e-6):
+        words = f"those of {surrogate_json} on {dataset_csv}"
+        raise InputError(predictions_csv, "predictions", "others", words)
     return model
 
 
@@ -379,6 +389,6 @@ def _three_ways(
     return scores
 
 
-def _finally(names: Sequence[str]) -> list[str]:
+def _final_names(names: Sequence[str]) -> list[str]:
     """Name the columns of the predictions by the fit to all samples."""
     return [derived(name, "final") for name in names]

@@ -4,7 +4,7 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 from repose.cli.registry import Option
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 
 if TYPE_CHECKING:
     from repose.grain.particle import Particle
@@ -17,7 +17,7 @@ BERRY_AND_PARTICLE = (
 
 
 def berry_and_particle(
-    study: Study,
+    study: PipelineConfig,
     berry_json: str | PathLike | None = None,
     particle_json: str | PathLike | None = None,
 ) -> "tuple[dict[str, Any], Particle]":

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from repose.cli.options import DATASET, FEASIBLE, NETWORK, RUNS, SAMPLES
 from repose.cli.registry import Option, verb
 from repose.common.errors import InputError
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.stages.parameter_sets import job_files
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ SUPPORT = Option(
     Option("--prefix", default="", help="put before the names of the tables"),
     out="results",
 )
-def dataset(args: argparse.Namespace, study: Study) -> None:
+def dataset(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Collect all jobs in one table: responses with standard errors, failures with their reasons.
 
     example: results/heaps --samples results/design/samples.csv --out results
@@ -43,36 +43,51 @@ def dataset(args: argparse.Namespace, study: Study) -> None:
 
 
 @verb(DATASET, RUNS, out="results/network")
-def network(args: argparse.Namespace, study: Study) -> None:
+def network(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Train the surrogate, by default the BP network with Bayesian regularisation.
 
     example: --dataset results/dataset.csv --runs results/runs.csv
     """
-    from repose.calibrate import training as train
+    from repose.calibrate.training import message
+    from repose.stages import network
 
-    print(
-        train.message(train.run(args.dataset, args.runs, study, args.out, args.config))
+    metrics = network.run(
+        args.dataset,
+        args.runs,
+        args.out,
+        targets=study.targets,
+        definitions=study.definitions,
+        surrogate=study.settings.surrogate,
+        settings=study.settings.network,
+        source=args.config,
     )
+    print(message(metrics))
 
 
 @verb(NETWORK, SUPPORT, out="results/miga")
-def miga(args: argparse.Namespace, study: Study) -> None:
+def miga(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Invert the network with the multi-island genetic algorithm (Eq. 11-12).
 
     example: --network results/network/network.json
     """
-    from repose.calibrate import inversion as invert
+    from repose.stages import miga
 
-    published, support = study.published("table3.csv"), _support(args, study)
-    print(
-        invert.run(args.network, study, published, args.out, support, args.config)[
-            "message"
-        ]
+    summary = miga.run(
+        args.network,
+        args.out,
+        parameters=study.parameters,
+        targets=study.targets,
+        definitions=study.definitions,
+        settings=study.settings.miga,
+        table3_csv=study.published("table3.csv"),
+        support=_support(args, study),
+        source=args.config,
     )
+    print(summary["message"])
 
 
 @verb(FEASIBLE, out="results/validation")
-def solutions(args: argparse.Namespace, study: Study) -> None:
+def solutions(args: argparse.Namespace, study: PipelineConfig) -> None:
     """List the parameter sets to simulate again: the representative solution and others.
 
     example: --feasible results/miga/feasible.csv
@@ -84,7 +99,7 @@ def solutions(args: argparse.Namespace, study: Study) -> None:
 
 
 @verb(out="results/validation")
-def published_solutions(args: argparse.Namespace, study: Study) -> None:
+def published_solutions(args: argparse.Namespace, study: PipelineConfig) -> None:
     """List the published parameter sets to simulate.
 
     example: --out results/validation
@@ -103,7 +118,7 @@ def published_solutions(args: argparse.Namespace, study: Study) -> None:
     ),
     out="results",
 )
-def published_sets(args: argparse.Namespace, study: Study) -> None:
+def published_sets(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Collect the runs of the published parameter sets in one table, with what was published of their piles.
 
     example: results/validation/heaps/1??.json --out results
@@ -128,10 +143,17 @@ def published_sets(args: argparse.Namespace, study: Study) -> None:
         "scene": stands_on.scene(study.config),
     }
     out = Path(args.out) / "published_sets.csv"
-    validate.write_published_sets(_published(args, study), args.jobs, study, by, out)
+    validate.write_published_sets(
+        _published(args, study),
+        args.jobs,
+        out,
+        names=study.parameters.names,
+        targets=study.targets,
+        simulated_by=by,
+    )
 
 
-def _published(args: argparse.Namespace, study: Study) -> str:
+def _published(args: argparse.Namespace, study: PipelineConfig) -> str:
     """Return the table of published solutions; InputError without one."""
     published = study.settings.validation.published
     if published is None:
@@ -155,7 +177,7 @@ def _published(args: argparse.Namespace, study: Study) -> str:
     SUPPORT,
     out="results/validation",
 )
-def validate(args: argparse.Namespace, study: Study) -> None:
+def validate(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Compare predicted and simulated responses of the study's and the published solutions (Table 4).
 
     example: results/validation/heaps/???.json
@@ -166,20 +188,30 @@ def validate(args: argparse.Namespace, study: Study) -> None:
 
     by = {"engine": engine_hash(), "scene": stands_on.scene(study.config)}
     published = validate.compared_with_published(
-        study.settings.validation.published_simulated, study, by
+        study.settings.validation.published_simulated,
+        names=study.parameters.names,
+        targets=study.targets,
+        measure=study.settings.measure,
+        simulated_by=by,
     )
     validate.run(
-        args.solutions, args.jobs, study, published, args.out, _support(args, study)
+        args.solutions,
+        args.jobs,
+        args.out,
+        targets=study.targets,
+        measure=study.settings.measure,
+        published=published,
+        support=_support(args, study),
     )
 
 
-def _support(args: argparse.Namespace, study: Study) -> "Support | None":
+def _support(args: argparse.Namespace, study: PipelineConfig) -> "Support | None":
     """Return the samples for a warning of extrapolation; None without a dataset. InputError for other definitions."""
     if not args.dataset:
         return None
+    from repose.calibrate.dataset_files import read_definitions
     from repose.calibrate.responses import require_same_definitions
     from repose.calibrate.surrogates.support import Support
-    from repose.stages.dataset import read_definitions
 
     definitions, summary = read_definitions(args.dataset)
     require_same_definitions(definitions, summary, study.definitions, args.config)

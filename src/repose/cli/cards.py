@@ -5,7 +5,7 @@ import argparse
 from repose.cli.options import BERRY, FEASIBLE, require_option
 from repose.cli.registry import Option, verb
 from repose.common.errors import InputError
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 
 FILES_OF = {"show": 1, "compare": 2, "check": 1, "find": 0}
 NOT_MET = 3  # exit status of `card check` where the targets are not met
@@ -36,7 +36,8 @@ def card(args: argparse.Namespace) -> int:
 
     example: show results/card.json
     """
-    from repose.config import faults
+    from repose.common import faults
+    from repose.config.models import settings_type
     from repose.stages import card, card_library, card_text
 
     if len(args.cards) != FILES_OF[args.action]:
@@ -61,7 +62,7 @@ def card(args: argparse.Namespace) -> int:
         allowed,
     )
     if args.action == "find":
-        bounds = faults.subschema(["berry", "density_kg_m3"])
+        bounds = faults.subschema(["berry", "density_kg_m3"], settings_type())
         good = (
             args.density is None
             or bounds["minimum"] <= args.density <= bounds["maximum"]
@@ -114,17 +115,27 @@ def card(args: argparse.Namespace) -> int:
     ),
     out="results/card.json",
 )
-def material_card(args: argparse.Namespace, study: Study) -> None:
+def material_card(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Write the material card of a finished calibration.
 
     example: --out results/card.json
     """
-    from repose.calibrate import answer
-    from repose.stages import card
+    from repose.stages import answer, card
 
     if (args.posterior is None) != (args.draws is None):
         raise InputError(
             "command line", "--posterior", args.posterior, "together with --draws"
         )
-    result = answer.read(study, args.summary, args.representative, args.feasible)
+    settings = study.settings
+    result = answer.read(
+        args.summary,
+        args.representative,
+        args.feasible,
+        label=settings.label,
+        targets=study.targets,
+        measure=settings.measure,
+        strategy=settings.strategy,
+        results_dir=settings.results_dir,
+        small_run=settings.small_run,
+    )
     card.run(study, result, {name: getattr(args, name) for name in FILES}, args.out)

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from repose.cli.options import require_option
 from repose.cli.registry import CONFIG, Option, configs_of, load, verb
 from repose.common.errors import InputError, InputErrors
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 
 TICK_S = 1.0
 FILES = CONFIG.but(
@@ -20,7 +20,7 @@ FILES = CONFIG.but(
 )
 
 
-def _load_or_propose(args: argparse.Namespace) -> Study:
+def _load_or_propose(args: argparse.Namespace) -> PipelineConfig:
     """Load the study of --config; with too many grains for any study print a smaller scene before the error."""
     try:
         return load(args, inputs=True)
@@ -44,15 +44,14 @@ def _load_or_propose(args: argparse.Namespace) -> Study:
     config=FILES,
     study=_load_or_propose,
 )
-def check(args: argparse.Namespace, study: Study) -> None:
+def check(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Check a configuration; print the longest time step, the softest grain and the cost of a run.
 
     example: --config config/paper.yaml
     """
     require_option(args.cores >= 1, "--cores", args.cores, "at least 1")
-    from repose.calibrate.strategies import cost as strategies
+    from repose.common.keys import get
     from repose.config import check, computed, cost, loader
-    from repose.config.keys import get
 
     config, settings = study.config, study.settings
     print(
@@ -68,7 +67,8 @@ def check(args: argparse.Namespace, study: Study) -> None:
     print(*check.about(study), *check.of_targets(study), sep="\n")
     measured = _grain_step_s(study)
     print(*check.trials(study, measured, elapsed_seconds_shown), sep="\n")
-    work = cost.work(config, measured, strategies.pours(settings))
+    pours = cost.strategy_pours(settings, settings.strategy)
+    work = cost.work(config, measured, pours)
     for purpose, sets, seeds in work["pours"]:
         print(
             f"{purpose:>14}: {sets} parameter sets x {seeds} seeds = {sets * seeds} pours"
@@ -88,7 +88,7 @@ def check(args: argparse.Namespace, study: Study) -> None:
     config=FILES,
     study=_load_or_propose,
 )
-def plan(args: argparse.Namespace, study: Study) -> None:
+def plan(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Before any pour: the pours that the noise requires, and the probability of success by budget.
 
     example: --config config/fast.yaml
@@ -105,7 +105,7 @@ def plan(args: argparse.Namespace, study: Study) -> None:
     path = args.runs or next(iter(own), None)
     runs = None if path is None else plan.read_runs(path, targets)
     print(*check.about(study), sep="\n")
-    result = plan.plan(study, runs, path)
+    result = plan.plan(study.parameters, targets, runs, path)
     for name, percent in zip(targets.names, result.noise_percent, strict=True):
         source = (
             f"measured in {path}"
@@ -135,7 +135,7 @@ def plan(args: argparse.Namespace, study: Study) -> None:
     print(*check.costs(study, result.budgets["pours"], _grain_step_s(study)), sep="\n")
 
 
-def _grain_step_s(study: Study) -> float:
+def _grain_step_s(study: PipelineConfig) -> float:
     """Time a step of a grain on this machine, with a message about the minute or two of the first time."""
     from repose.config import cost
 

@@ -11,7 +11,7 @@ from repose.cli.registry import CONFIG, Option, load, verb
 from repose.common import provenance
 from repose.common.errors import InputError
 from repose.common.section import AUTO
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.export import PROGRAMS, write
 
 if TYPE_CHECKING:
@@ -115,7 +115,7 @@ def export(args: argparse.Namespace) -> None:
         print(path)
 
 
-def _with_clump(study: Study, spheres: int, source: str) -> Study:
+def _with_clump(study: PipelineConfig, spheres: int, source: str) -> PipelineConfig:
     """Give a study a clump as its particle; its time step may have to be shorter than that of a smooth body."""
     changed = copy.deepcopy(study.config)
     changed["berry"] |= {
@@ -128,8 +128,8 @@ def _with_clump(study: Study, spheres: int, source: str) -> Study:
     )
     steps = [
         one.settings.simulation.time_step_s
-        for one in (study, Study.of(changed, source))
+        for one in (study, PipelineConfig.of(changed, source))
     ]
     changed["simulation"]["time_step_s"] = min(steps)
     provenance.note_config(changed)
-    return Study.of(changed, source)
+    return PipelineConfig.of(changed, source)

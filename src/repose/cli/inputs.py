@@ -2,13 +2,17 @@
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from repose.cli.options import BERRY
 from repose.cli.own_simulator import load_any_study
 from repose.cli.registry import Option, load, verb
 from repose.common.errors import InputError
 from repose.common.files import write_bytes, write_table
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
+
+if TYPE_CHECKING:
+    from repose.calibrate.study import Study
 
 
 @verb(
@@ -91,7 +95,7 @@ def _build(args: argparse.Namespace) -> None:
 
 
 @verb(BERRY, out="results/berry")
-def shape(args: argparse.Namespace, study: Study) -> None:
+def shape(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Make mesh and particle of the grain, with volume, mass, inertia and deviation from the mesh.
 
     example: --berry results/berry/berry.json
@@ -117,14 +121,14 @@ def shape(args: argparse.Namespace, study: Study) -> None:
 
 
 @verb(out="results/design", study=load_any_study)
-def design(args: argparse.Namespace, study: Study) -> None:
+def design(args: argparse.Namespace, study: "PipelineConfig | Study") -> None:
     """Make the Latin hypercube design of the contact parameters, or of your own simulator's parameters.
 
     example: --out results/design
     """
-    from repose.calibrate.designs import latin_hypercube as design
+    from repose.stages import design
 
-    if "simulator" not in study.config:
+    if isinstance(study, PipelineConfig):
         design.run(study.parameters, study.settings.design, args.out)
         return
     table, path = study.ask(), Path(args.out) / "samples.csv"

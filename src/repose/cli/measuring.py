@@ -10,9 +10,9 @@ from repose.cli.options import BERRY, JSON, require_option
 from repose.cli.registry import CONFIG, Option, load, verb
 from repose.common.errors import InputError, raise_together
 from repose.common.files import json_text
+from repose.common.keys import section
 from repose.common.provenance import hash_of_file
-from repose.config.keys import section
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 
 if TYPE_CHECKING:
     from repose.measure.photographs.photograph import Scale
@@ -344,7 +344,7 @@ def marker(args: argparse.Namespace) -> None:
     ),
     out="silhouette.png",
 )
-def silhouette(args: argparse.Namespace, study: Study) -> None:
+def silhouette(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Draw the side view of a simulated pile, dark on light.
 
     example: results/try/heap.npz --particle results/berry/particle.json
@@ -378,7 +378,7 @@ def silhouette(args: argparse.Namespace, study: Study) -> None:
     BERRY,
     out="measured.json",
 )
-def measure_silhouette(args: argparse.Namespace, study: Study) -> None:
+def measure_silhouette(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Measure the side view that the verb silhouette drew, as a photograph is measured.
 
     example: silhouette.png --overlay overlay.png

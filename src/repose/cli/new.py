@@ -20,11 +20,15 @@ def new(args: argparse.Namespace) -> None:
 
     example: wheat
     """
+    from repose.common import faults
     from repose.common.ledger import write_in_one_move
-    from repose.config import faults
+    from repose.config.models import settings_type
 
     require_option(
-        faults.is_valid("label", args.name), "new", args.name, faults.allowed("label")
+        faults.is_valid("label", args.name, settings_type()),
+        "new",
+        args.name,
+        faults.allowed("label", settings_type()),
     )
     folder = Path(args.name)
     require_option(

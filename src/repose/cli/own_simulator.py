@@ -1,53 +1,54 @@
-"""Verbs for a simulator of the user's own: the runs to simulate, and the answer from their results."""
+"""Verbs for a simulator of the user's own: the runs to simulate, and the answer."""
 
 import argparse
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from repose.cli.registry import Option, load, verb
 from repose.common import places
 from repose.common.errors import require
-from repose.config.study import Study
+
+if TYPE_CHECKING:
+    from repose.calibrate.study import Study
+    from repose.config.pipeline import PipelineConfig
 
 FOLDER = "own"
 
 
-def _study(args: argparse.Namespace) -> Study:
-    """Load the study of --config, for a simulator of the user's own; for the verb `ask` with the runs so far."""
-    from repose.config.own import is_own, unread
-    from repose.config.reading import read
+def _study(args: argparse.Namespace) -> "Study":
+    """Make the study of --config; for the verb `ask` with the runs so far."""
+    from repose.calibrate.study import Study
+    from repose.calibrate.study_file import is_own, unread
+    from repose.common.reading import read
 
-    allowed = "the name of your simulator, in a configuration as `repose docs own_simulator` shows"
-    own, is_given = (
-        is_own(places.find(args.config)),
-        "config" in vars(args).get("given", ()),
+    allowed = (
+        "the name of your simulator, in a configuration as `repose docs own_simulator` "
+        "shows"
     )
-    require(own or is_given, "command line", "--config", None, allowed)
-    require(own, args.config, "simulator", None, allowed)
-    study, other = (
-        Study.own(args.config, args.runs if args.verb == "ask" else None),
-        unread(read(args.config)),
-    )
-    _warn(
-        f"{args.config}: the strategy {study.settings.strategy} does not read {', '.join(other)}"
-        if other
-        else None
-    )
+    names_simulator = is_own(places.find(args.config))
+    is_given = "config" in vars(args).get("given", ())
+    if not is_given:
+        require(names_simulator, "command line", "--config", None, allowed)
+    require(names_simulator, args.config, "simulator", None, allowed)
+    study = Study.own(args.config, args.runs if args.verb == "ask" else None)
+    keys = unread(read(args.config))
+    if keys:
+        strategy = study.settings.strategy
+        _warn(f"{args.config}: the strategy {strategy} does not read {', '.join(keys)}")
     return study
 
 
-def load_any_study(args: argparse.Namespace) -> Study:
-    """Load the study of --config, for our simulator or for one of the user's own."""
-    from repose.config.own import is_own
+def load_any_study(args: argparse.Namespace) -> "Study | PipelineConfig":
+    """Load --config, for our simulator or for one of the user's own."""
+    from repose.calibrate.study_file import is_own
 
     return _study(args) if is_own(places.find(args.config)) else load(args)
 
 
-def _warn(words: str | None) -> None:
-    """Print a warning on stderr; nothing for None."""
-    if words is not None:
-        print(f"repose: WARNING: {words}", file=sys.stderr)
+def _warn(text: str) -> None:
+    """Print a warning on stderr."""
+    print(f"repose: WARNING: {text}", file=sys.stderr)
 
 
 @verb(
@@ -55,19 +56,20 @@ def _warn(words: str | None) -> None:
     out=f"{FOLDER}/runs.csv",
     study=_study,
 )
-def tell(args: argparse.Namespace, study: Study) -> None:
+def tell(args: argparse.Namespace, study: "Study") -> None:
     """Own simulator: add a table of runs to the record of all runs.
 
     example: new_runs.csv --config own.yaml --out own/runs.csv
     """
-    from repose.config.record import Record
+    from repose.calibrate.record import Record
 
     record = Record(study, args.out)
     record.add_file(args.runs)
-    failed = f", {n} failed" if (n := (record.data["status"] != "ok").sum()) else ""
-    print(
-        f"{args.out}: {len(record.data)} runs of {record.data['sample'].nunique()} samples{failed}"
-    )
+    runs = record.data
+    n_failed = int((runs["status"] != "ok").sum())
+    failed = f", {n_failed} failed" if n_failed else ""
+    n_samples = runs["sample"].nunique()
+    print(f"{args.out}: {len(runs)} runs of {n_samples} samples{failed}")
 
 
 @verb(
@@ -79,7 +81,7 @@ def tell(args: argparse.Namespace, study: Study) -> None:
     out=f"{FOLDER}/next.csv",
     study=_study,
 )
-def ask(args: argparse.Namespace, study: Study) -> None:
+def ask(args: argparse.Namespace, study: "Study") -> None:
     """Own simulator: list the runs to make next, or say that the answer is good enough.
 
     example: --runs own/runs.csv --config own.yaml --out own/next.csv
@@ -88,22 +90,24 @@ def ask(args: argparse.Namespace, study: Study) -> None:
     from repose.calibrate.strategies.sequential.strategy import noise_from, observed_of
     from repose.common.files import write_table
 
-    table, found, known = study.ask(), study.proposal, study.runs
+    table = study.ask()
+    proposal = study.proposal
+    runs = study.runs
     write_table(args.out, table)
-    if found.notes:  # it follows from runs
-        _warn(
-            noise_from(
-                study, observed_of(known, study.parameters, study.targets)
-            ).warning
-        )
-    if "probability" in found.notes:
-        settings: Any = study.settings  # with the section of the strategy
-        near = f"within {settings.sequential.tolerance_percent:g} % of all targets"
+    # A proposal with notes follows from runs; the first one does not.
+    if proposal.notes:
+        observed = observed_of(runs, study.parameters, study.targets)
+        warning = noise_from(study, observed).warning
+        if warning is not None:
+            _warn(warning)
+    if "probability" in proposal.notes:
+        tolerance = study.settings.sequential.tolerance_percent
         print(
-            f"{len(known)} runs; the best point lies {near} with probability {found.notes['probability']:.2f}"
+            f"{len(runs)} runs; the best point lies within {tolerance:g} % of all "
+            f"targets with probability {proposal.notes['probability']:.2f}"
         )
-    if isinstance(found, Answer):
-        print(f"{args.out}: the answer. No more runs: {found.why}")
+    if isinstance(proposal, Answer):
+        print(f"{args.out}: the answer. No more runs: {proposal.why}")
     else:
         print(f"{args.out}: {len(table)} runs to make next")
 
@@ -113,7 +117,7 @@ def ask(args: argparse.Namespace, study: Study) -> None:
     out=FOLDER,
     study=_study,
 )
-def calibrate(args: argparse.Namespace, study: Study) -> None:
+def calibrate(args: argparse.Namespace, study: "Study") -> None:
     """Own simulator: the parameters that meet the targets, from a table of runs of any simulator.
 
     example: results.csv --config own.yaml --out own
@@ -122,21 +126,20 @@ def calibrate(args: argparse.Namespace, study: Study) -> None:
     from repose.calibrate.strategies.runs import read_runs
     from repose.common.ledger import check_replaceable
 
-    for name in (*calibration.TABLES, *calibration.RECORDS, "report.html"):
+    report_html = Path(args.out) / "report.html"
+    for name in (*calibration.TABLES, *calibration.RECORDS, report_html.name):
         check_replaceable(Path(args.out) / name)
     found = calibration.calibrate(study, read_runs(args.runs, study))
     found.save(args.out)
     print(found)
-    _warn(
-        f"{failed} of {found.summary['runs']} runs failed"
-        if (failed := found.summary["failed_runs"])
-        else None
-    )
-    _warn(found.summary["warning"])
+    n_failed = found.summary["failed_runs"]
+    if n_failed:
+        _warn(f"{n_failed} of {found.summary['runs']} runs failed")
+    if found.summary["warning"] is not None:
+        _warn(found.summary["warning"])
     print(f"Tables and material card: {args.out}", flush=True)
-    from repose.report.page import (
-        own,  # last: an installation without pictures has all but the report
-    )
+    # Last: an installation without pictures has all but the report.
+    from repose.report.page import own
 
-    own.write(found, Path(args.out) / "report.html")
-    print(f"Report: {Path(args.out) / 'report.html'}")
+    own.write(found, report_html)
+    print(f"Report: {report_html}")

@@ -8,7 +8,7 @@ from repose.calibrate import seeds as streams
 from repose.cli.options import pairs, require_option
 from repose.cli.registry import Option
 from repose.common.errors import InputError, require
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.stages.parameter_sets import read_sample
 
 MOST_SEEDS = 10_000  # runs of a parameter set; a study has at most 1000
@@ -70,7 +70,10 @@ STUDY_SEEDS = (
 
 
 def parameters(
-    entries: Sequence[str], samples: str | None, sample: int | None, study: Study
+    entries: Sequence[str],
+    samples: str | None,
+    sample: int | None,
+    study: PipelineConfig,
 ) -> dict[str, float]:
     """Read the parameters by name from --set or a row of --samples; one not set has the centre of its range."""
     known = study.parameters.names

@@ -5,7 +5,7 @@ from typing import Any
 
 from repose.cli.options import pairs
 from repose.cli.registry import Option, verb
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 
 # Frames of the film of a pour; each takes nearly a second to draw.
 FILM, SMALL_FILM = 72, 20
@@ -22,7 +22,7 @@ FILM, SMALL_FILM = 72, 20
     ),
     out="figure.png",
 )
-def figure(args: argparse.Namespace, study: Study) -> None:
+def figure(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Draw one figure from the files that it shows.
 
     example: convergence --input history=results/miga/history.csv --out convergence.png
@@ -38,7 +38,7 @@ def figure(args: argparse.Namespace, study: Study) -> None:
     Option("--drum", action="store_true", help="the trajectory is a drum's"),
     out="pour.gif",
 )
-def film(args: argparse.Namespace, study: Study) -> None:
+def film(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Make an animation of a pour or of a drum.
 
     example: results/try/heap_trajectory_1.npz --particle results/berry/particle.json
@@ -80,7 +80,7 @@ def film(args: argparse.Namespace, study: Study) -> None:
     ),
     out="report.html",
 )
-def report(args: argparse.Namespace, study: Study) -> None:
+def report(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Write the report of a study, one page for a browser.
 
     example: results/validation/heaps/001.json --input network=results/network/network.json --out report.html

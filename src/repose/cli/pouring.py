@@ -20,8 +20,8 @@ from repose.cli.stages import recorded
 from repose.common import provenance
 from repose.common.errors import InputError
 from repose.common.files import json_text
-from repose.config.keys import section
-from repose.config.study import Study
+from repose.common.keys import section
+from repose.config.pipeline import PipelineConfig
 from repose.stages.parameter_sets import job_files
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ MEASURE = Option(
     *BERRY_AND_PARTICLE,
     Option("--cores", type=int, default=1, help="compile on one core or on two (1)"),
 )
-def warm_up(args: argparse.Namespace, study: Study) -> None:
+def warm_up(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Compile the engine for a study's particle, so that runs that start together do not each compile it.
 
     example: --config config/quick.yaml
@@ -67,7 +67,7 @@ def warm_up(args: argparse.Namespace, study: Study) -> None:
 
 
 @verb(APPARATUS, *POUR, KEEP, MEASURE, out="results/try", runs="made")
-def pour(args: argparse.Namespace, study: Study) -> None:
+def pour(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Run a bench test with one parameter set and one or more seeds; save the runs for measure_runs.
 
     example: --apparatus funnel --set mus_gg=0.5 --seed 1 --out results/try
@@ -89,7 +89,7 @@ def pour(args: argparse.Namespace, study: Study) -> None:
 
 
 @verb(*POUR, JSON.but(help="print the result as JSON"), out="results/try", runs="made")
-def heap(args: argparse.Namespace, study: Study) -> None:
+def heap(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Pour grains through the funnel and measure the pile: pour and measure_runs in one verb.
 
     example: --set e_gg=0.3 --set mus_gg=0.5 --seed 1 --out results/try --json
@@ -119,7 +119,7 @@ def _print(runs: Iterable[Mapping[str, Any]], template: str, content: Any) -> No
 
 
 def _scene(
-    args: argparse.Namespace, study: Study, values: Mapping[str, float]
+    args: argparse.Namespace, study: PipelineConfig, values: Mapping[str, float]
 ) -> "Scene":
     """Make the scene of these parameters, with the grain and the particle of the options."""
     from repose.bench import Scene
@@ -129,7 +129,9 @@ def _scene(
     )
 
 
-def _job(args: argparse.Namespace, study: Study, apparatus: str) -> dict[str, Any]:
+def _job(
+    args: argparse.Namespace, study: PipelineConfig, apparatus: str
+) -> dict[str, Any]:
     """Make the arguments of `repose.stages.job.pour_job` from the options."""
     from repose.bench import bench
     from repose.bench.settings import SceneSettings
@@ -179,7 +181,7 @@ def _job(args: argparse.Namespace, study: Study, apparatus: str) -> dict[str, An
     ),
     runs="measured",
 )
-def measure_runs(args: argparse.Namespace, study: Study) -> None:
+def measure_runs(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Measure the saved runs of any bench test, without running it again.
 
     example: results/try/heap.pours.json --out results/try
@@ -205,7 +207,7 @@ def measure_runs(args: argparse.Namespace, study: Study) -> None:
     out="results/try",
     runs="made",
 )
-def drum(args: argparse.Namespace, study: Study) -> None:
+def drum(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Fill a drum and turn it until the bed slips; save the runs for drum_tables, print the measurement.
 
     example: --set mus_gg=0.5 --set mus_gp=0.6 --seed 1 --out results/try
@@ -228,7 +230,7 @@ def drum(args: argparse.Namespace, study: Study) -> None:
     *BERRY_AND_PARTICLE,
     out="results/drum",
 )
-def drum_tables(args: argparse.Namespace, study: Study) -> None:
+def drum_tables(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Measure the drum's runs and make tables: angles, first slip, slipping layer, with standard errors.
 
     example: results/drum/drum_*.json --out results/drum

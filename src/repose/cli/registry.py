@@ -5,15 +5,17 @@ import textwrap
 from collections.abc import Callable
 from inspect import cleandoc
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
 from repose.common import places
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
+
+if TYPE_CHECKING:
+    from repose.calibrate.study import Study
 
 PROGRAM = "repose"
-Loader = (
-    Callable[[argparse.Namespace], Study] | None
-)  # from the options of a verb; None: it takes no study
+# Makes what a verb takes besides its options; None for a verb that takes nothing.
+Loader: TypeAlias = "Callable[[argparse.Namespace], PipelineConfig | Study] | None"
 
 
 class Option:
@@ -110,9 +112,9 @@ def configs_of(args: argparse.Namespace) -> list[str]:
     return given if isinstance(given, list) else [given] if given else []
 
 
-def load(args: argparse.Namespace, inputs: bool = False) -> Study:
+def load(args: argparse.Namespace, inputs: bool = False) -> PipelineConfig:
     """Load the study of --config; with `inputs` check the files that it names."""
-    return Study.load(*configs_of(args), inputs=inputs)
+    return PipelineConfig.load(*configs_of(args), inputs=inputs)
 
 
 VERBS: dict[str, Verb] = {}  # in the order in which their modules are imported

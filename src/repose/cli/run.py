@@ -103,7 +103,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _check_configuration_options(args: argparse.Namespace) -> None:
     """Check --configfile and --config, whose faults snakemake answers with a traceback."""
-    from repose.config.reading import read
+    from repose.common.reading import read
 
     for path in args.configfile:
         read(path)

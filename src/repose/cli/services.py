@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from repose.cli.options import JSON, require_option
 from repose.cli.registry import Option, verb
 from repose.common.errors import InputError
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.stages import published
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @verb(JSON)
-def bench(args: argparse.Namespace, study: Study) -> None:
+def bench(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Measure the speed: microseconds per step and seconds per pour, with a reference for the speed of the machine.
 
     example: --json
@@ -50,7 +50,7 @@ def bench(args: argparse.Namespace, study: Study) -> None:
     ),
     out="results/verification",
 )
-def verify(args: argparse.Namespace, study: Study) -> int:
+def verify(args: argparse.Namespace, study: PipelineConfig) -> int:
     """Run the simulator's verification suite: compare its results with known answers.
 
     example: --out results/verification --case chung1

@@ -3,7 +3,7 @@
 import argparse
 
 from repose.cli.registry import Option, verb
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 
 FOLDER = "results/sequential"
 STRATEGY = Option("strategy", help="name of the strategy", recorded=False)
@@ -18,18 +18,22 @@ STRATEGY = Option("strategy", help="name of the strategy", recorded=False)
     ),
     out=f"{FOLDER}/batch_0",
 )
-def propose(args: argparse.Namespace, study: Study) -> None:
+def propose(args: argparse.Namespace, study: PipelineConfig) -> None:
     """List the samples that a strategy simulates after the batches so far, or those of its answer, and say why.
 
     example: sequential results/sequential/batch_0 --out results/sequential/batch_1
     """
     from repose.stages import batches
 
-    print(
-        batches.run_propose(args.strategy, study, args.batches, args.out, args.config)[
-            "why"
-        ]
+    proposal = batches.run_propose(
+        args.strategy,
+        study.study(),
+        args.batches,
+        args.out,
+        definitions=study.definitions,
+        source=args.config,
     )
+    print(proposal["why"])
 
 
 @verb(
@@ -41,16 +45,23 @@ def propose(args: argparse.Namespace, study: Study) -> None:
     ),
     out=FOLDER,
 )
-def conclude(args: argparse.Namespace, study: Study) -> None:
+def conclude(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Compare a strategy's simulated answer with its prediction and the targets, collect all batches.
 
     example: sequential results/sequential/batch_0 results/sequential/batch_1
     """
     from repose.stages import batches
 
-    for row in batches.run_conclude(
-        args.strategy, study, args.batches, args.out
-    ).to_dict("records"):
+    check = batches.run_conclude(
+        args.strategy,
+        args.batches,
+        args.out,
+        parameters=study.parameters,
+        targets=study.targets,
+        measure=study.config.get("measure"),
+    )
+    for row in check.to_dict("records"):
         print(
-            f"{row['response']}: {row['simulated']:.2f}, {row['deviation_percent']:+.2f} % off the target"
+            f"{row['response']}: {row['simulated']:.2f}, "
+            f"{row['deviation_percent']:+.2f} % off the target"
         )

@@ -5,7 +5,7 @@ import argparse
 from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle
 from repose.cli.options import DATASET, FEASIBLE, NETWORK, RUNS
 from repose.cli.registry import Option, verb
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 
 PREDICTIONS = Option(
     "--predictions",
@@ -16,7 +16,7 @@ POSTERIOR_FILES = (NETWORK, PREDICTIONS, DATASET, RUNS, FEASIBLE)
 
 
 @verb(RUNS, out="results/noise")
-def noise(args: argparse.Namespace, study: Study) -> None:
+def noise(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Split the variance of the responses into within and between samples; print the gain of more seeds.
 
     example: --runs results/runs.csv
@@ -27,7 +27,7 @@ def noise(args: argparse.Namespace, study: Study) -> None:
 
 
 @verb(*POSTERIOR_FILES, out="results/posterior")
-def posterior(args: argparse.Namespace, study: Study) -> None:
+def posterior(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Sample the posterior of the free parameters; name the parameters that the measurements do not determine.
 
     example: --network results/network/network.json
@@ -42,7 +42,7 @@ def posterior(args: argparse.Namespace, study: Study) -> None:
 
 
 @verb(NETWORK, out="results/sensitivity")
-def sensitivity(args: argparse.Namespace, study: Study) -> None:
+def sensitivity(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Compute Sobol indices of the responses, with intervals, and main effects.
 
     example: --network results/network/network.json
@@ -62,7 +62,7 @@ def sensitivity(args: argparse.Namespace, study: Study) -> None:
     ),
     out="results/next/samples.csv",
 )
-def plausible(args: argparse.Namespace, study: Study) -> None:
+def plausible(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Choose parameter sets of the posterior, to be run in all bench tests for the verb next.
 
     example: --draws results/posterior/draws.csv
@@ -81,16 +81,22 @@ def plausible(args: argparse.Namespace, study: Study) -> None:
     *BERRY_AND_PARTICLE,
     out="results/next",
 )
-def next(args: argparse.Namespace, study: Study) -> None:
+def next(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Rank further responses of saved runs by the information that each is expected to add.
 
     example: results/next/heaps/001.pours.json results/next/heaps/002.pours.json
     """
+    from repose.bench import Scene
     from repose.stages import next_measurement
 
     grain, particle = berry_and_particle(study, args.berry, args.particle)
-    print(
-        next_measurement.message(
-            next_measurement.run(args.pours, study, particle, grain, args.out)
-        )
+    every_response = {"targets": next_measurement.every_response()}
+    scene = Scene.of(study.config | every_response, {}, grain, particle)
+    table = next_measurement.run(
+        args.pours,
+        scene,
+        args.out,
+        targets=study.targets,
+        discrepancy_percent=study.settings.posterior.discrepancy_percent,
     )
+    print(next_measurement.message(table))

@@ -7,8 +7,8 @@ from typing import NamedTuple
 from repose.bench import scene_size
 from repose.bench.funnel import NAME, PACKING, FunnelSettings
 from repose.bench.settings import CREEPING_LAWS, SceneSettings
+from repose.common.keys import Config
 from repose.config.computed import Grain, diameter_mm
-from repose.config.keys import Config
 from repose.grain.particle import Particle
 
 # A softer grain shortens the pile; this share of the Height is far below the scatter of piles.

@@ -10,11 +10,10 @@ import numpy as np
 from repose.bench import bench, reach, scene_size
 from repose.calibrate.runs import describe
 from repose.calibrate.strategies import cost as strategies
-from repose.calibrate.strategies import plan
 from repose.common.errors import InputError
 from repose.common.section import MOST_BERRIES
 from repose.config import advice, computed, cost, loader, stands_on
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.stages.job import run_once
 
 if TYPE_CHECKING:
@@ -39,14 +38,14 @@ def smaller_scene(files: Iterable[str], grains: int) -> Iterator[str]:
         return
     most = {"berries": MOST_BERRIES, **dict.fromkeys(scene_size.COMPUTED, "auto")}
     with contextlib.suppress(InputError):
-        study = Study.load(*files, overrides={"funnel": most}, inputs=True)
+        study = PipelineConfig.load(*files, overrides={"funnel": most}, inputs=True)
         height_mm = 1e3 * advice.height_m(study.config, study.grain)
         yield from scene_size.advice(
             study.config, computed.diameter_mm(study.grain), height_mm, grains
         )
 
 
-def about(study: Study) -> Iterator[str]:
+def about(study: PipelineConfig) -> Iterator[str]:
     """Say whether piles can have the targets, then time step and particle, and hints of the bench tests."""
     config, grain, particle = study.config, study.grain, study.particle
     yield from reach.said(config, particle, stands_on.own_dataset(config))
@@ -86,7 +85,7 @@ def about_step(step_s: float, limit: "Limit") -> str:
     return f"time step: simulation.time_step_s is {step_s:g} s, {limit.allowed}{saved}"
 
 
-def of_targets(study: Study) -> Iterator[str]:
+def of_targets(study: PipelineConfig) -> Iterator[str]:
     """Warn of measurements whose scatter is unknown."""
     for target in study.settings.targets:
         name, piles = target.response, target.repetitions
@@ -99,7 +98,7 @@ def of_targets(study: Study) -> Iterator[str]:
 
 
 def trials(
-    study: Study,
+    study: PipelineConfig,
     grain_step_s: float,
     waiting: Callable[[str], AbstractContextManager[None]],
 ) -> Iterator[str]:
@@ -134,11 +133,15 @@ def trials(
                 yield f"{target.name}: WARNING: {outside}: other ranges or another scene may be needed"
 
 
-def costs(study: Study, budgets: Iterable[int], grain_step_s: float) -> Iterator[str]:
+def costs(
+    study: PipelineConfig, budgets: Iterable[int], grain_step_s: float
+) -> Iterator[str]:
     """Tabulate the cost of each strategy, the configured one marked."""
-    settings: Any = study.settings  # with the sections of the strategies
+    settings = study.settings
     section = settings.sequential
-    misfits = {name: strategies.misfit(settings, name) for name in strategies.others()}
+    misfits = {
+        name: cost.strategy_misfit(settings, name) for name in strategies.others()
+    }
     rows: list[tuple[str, cost.Pours | None]] = []
     if not misfits["sequential"]:
         check, seeds = ("check", 1, section.checks), section.seeds
@@ -148,7 +151,7 @@ def costs(study: Study, budgets: Iterable[int], grain_step_s: float) -> Iterator
         ]
     if not misfits["response_surface"]:
         rows.append(
-            ("response_surface", strategies.pours(settings, "response_surface"))
+            ("response_surface", cost.strategy_pours(settings, "response_surface"))
         )
     rows.append(("published", None))
     yield f"{'strategy':>18} {'pours':>12} {'core-minutes':>13} {'disk':>8}"
@@ -160,7 +163,7 @@ def costs(study: Study, budgets: Iterable[int], grain_step_s: float) -> Iterator
             f"{counts[0]} + {counts[1]}" if name == "sequential" else f"{sum(counts)}"
         )
         mark = "*" if name == settings.strategy else ""
-        disk_mb = plan.disk_mb(study, sum(counts))
+        disk_mb = cost.disk_mb(settings, sum(counts))
         yield f"{mark + name:>18} {pours:>12} {work['total_s'] / 60:>13.1f} {disk_mb:>5.1f} MB"
     yield from (f"{name}: {why}" for name, why in misfits.items() if why)
     yield "* as configured; + the check of the answer; response_surface: at most; minutes: as measured now"
@@ -170,7 +173,7 @@ def catalogue(files: list[str]) -> str:
     """List the studies, each with a sentence and its cost in the configurations, over the default."""
     config, _ = loader.read_layers(files)  # an unreadable file is reported
     try:
-        study = Study.load(*files)
+        study = PipelineConfig.load(*files)
         config, of_each = study.config, cost.costs(study.config)
         of_each |= {name: _cost_of(study, name) for name in strategies.others()}
     except InputError:
@@ -188,11 +191,12 @@ def catalogue(files: list[str]) -> str:
     )
 
 
-def _cost_of(study: Study, strategy: str) -> str:
+def _cost_of(study: PipelineConfig, strategy: str) -> str:
     """Say what a strategy costs, or why the configuration cannot take it."""
-    if why := strategies.misfit(study.settings, strategy):
+    why = cost.strategy_misfit(study.settings, strategy)
+    if why:
         return why
-    pours = strategies.pours(study.settings, strategy)
+    pours = cost.strategy_pours(study.settings, strategy)
     minutes = cost.work(study.config, pours=pours)["total_s"] / 60
     number = sum(sets * seeds for _, sets, seeds in pours or ())
     return f"at most {number} pours, about {minutes:.0f} min on one core, by itself"

@@ -8,11 +8,12 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from repose.bench.funnel import PACKING
-from repose.bench.parameters import PARAMETERS, named
+from repose.bench.parameters import ALLOWED, PARAMETERS, named
 from repose.calibrate.parameter_space import range_of
+from repose.calibrate.study_file import split_of
+from repose.common.keys import Config
 from repose.common.section import AUTO
-from repose.config import typed
-from repose.config.keys import Config
+from repose.config.models import valid_sections
 from repose.stages.published import published_sets
 
 if TYPE_CHECKING:
@@ -25,8 +26,6 @@ PIXELS_A_GRAIN = (
 PIXELS_MM = (0.02, 5.0)  # allowed range of measure.mm_per_pixel
 STEP_SHARE = 0.8  # of the longest time step, for the sake of what the limits leave out
 REST_S = 1.5  # from the last grain on the pile until the pile rests
-# Shares (training, validation, test): only a network has validation samples.
-SPLIT_OF_NETWORK, SPLIT = (0.70, 0.15, 0.15), (0.85, 0.0, 0.15)
 
 Grain = Mapping[str, Any]  # result of the verb `berry`
 
@@ -74,9 +73,10 @@ def longest_step(config: Config, particle: "Particle", mean: Grain) -> "Limit":
     from repose.bench import Scene
     from repose.bench.scene import longest_time_step
 
-    settings = typed.sections(config)
+    settings = valid_sections(config)
     ranges = {
-        name: range_of(name, entry) for name, entry in settings.parameters.given.items()
+        name: range_of(name, entry, ALLOWED)
+        for name, entry in settings.parameters.given.items()
     }
     sets = [{name: ranges[name][0] for name in PARAMETERS}]
     sets += published_sets(settings.validation.published)
@@ -110,7 +110,7 @@ def _mm_per_pixel(_config: Config, grain: Grain, _particle: "Particle") -> float
 
 def _factory_diameter_mm(config: Config, grain: Grain, _particle: "Particle") -> float:
     """Choose the inlet's disc less half a grain all around."""
-    inlet = typed.sections(config).funnel.inlet_diameter_mm
+    inlet = valid_sections(config).funnel.inlet_diameter_mm
     return float(f"{max(inlet - max(axes_mm(grain)), 0.5 * inlet):.3g}")
 
 
@@ -120,7 +120,7 @@ def _duration_s(config: Config, grain: Grain, particle: "Particle") -> float:
     Grains run out of an opening D at 0.58 rho_b sqrt(g) (D - 1.4 d)^2.5 in mass (Beverloo). A pour that is faster than
     this lasts as long as the discharge. Where the opening is too narrow for this law the rate of pouring counts.
     """
-    settings = typed.sections(config)
+    settings = valid_sections(config)
     funnel, gravity = settings.funnel, settings.simulation.gravity_m_s2
     opening = 1e-3 * (funnel.outlet_diameter_mm - 1.4 * diameter_mm(grain))
     bulk = PACKING * grain["density_kg_m3"]
@@ -144,19 +144,12 @@ def _time_step_s(config: Config, grain: Grain, particle: "Particle") -> float:
     return advised_step_s(longest_step(config, particle, grain).time_step_s)
 
 
-def split_of(surrogate: str) -> list[float]:
-    """Return the shares for a surrogate."""
-    from repose.calibrate.surrogates import kind_of
-
-    return list(SPLIT_OF_NETWORK if kind_of(surrogate).is_network else SPLIT)
-
-
 COMPUTED = (
     Computed(
         "network",
         "split",
         ("surrogate",),
-        lambda config, *_: split_of(typed.sections(config).surrogate),
+        lambda config, *_: split_of(valid_sections(config).surrogate),
     ),
     Computed("measure", "mm_per_pixel", ("berry",), _mm_per_pixel),
     Computed(

@@ -11,9 +11,7 @@ from repose.bench import bench_tests
 from repose.bench.bench_test import BenchTest
 from repose.bench.parameters import FURTHER, LABELS, PARAMETERS, named, of_law
 from repose.bench.settings import SceneSettings
-from repose.calibrate.parameter_space import ParameterSpace
-from repose.config import typed
-from repose.config.models import StudySettings
+from repose.config.models import StudySettings, valid_sections
 
 Pairs = Iterator[tuple[str, str]]
 
@@ -21,15 +19,18 @@ Pairs = Iterator[tuple[str, str]]
 class Rule(NamedTuple):
     """A rule between sections."""
 
-    reads: tuple[
-        str, ...
-    ]  # sections, and keys outside sections; the rule is applied if none of them has a fault
-    faults: Callable[[], Pairs]  # faults() yields (dotted key, allowed values)
+    # Sections, and keys outside sections; the rule is applied if none has a fault.
+    reads: tuple[str, ...]
+    # Yields (dotted key, allowed values).
+    faults: Callable[[], Pairs]
 
 
 def before_numbers(config: Mapping[str, Any]) -> list[Rule]:
-    """List the rules that are applied before any `auto` is computed: a time step needs the contact law's constants."""
-    settings = typed.sections(config)
+    """List the rules that are applied before any `auto` is computed.
+
+    A time step needs the constants of the contact law.
+    """
+    settings = valid_sections(config)
     return [
         Rule(("targets",), partial(_of_targets, settings, config)),
         Rule(("parameters", "simulation"), partial(_of_the_contact_law, settings)),
@@ -37,19 +38,17 @@ def before_numbers(config: Mapping[str, Any]) -> list[Rule]:
 
 
 def rules(config: Mapping[str, Any]) -> list[Rule]:
-    """List the rules for a configuration whose `auto` are numbers, bench tests included."""
+    """List the rules for a configuration whose `auto` are numbers."""
     from repose.calibrate.strategies import cost
 
-    used, scene, settings = (
-        used_tests(config),
-        SceneSettings(config),
-        typed.sections(config),
-    )
-    return [
-        *(
-            Rule((test.name, "simulation"), partial(test.contradictions, scene))
-            for test in used
-        ),
+    used = used_tests(config)
+    scene = SceneSettings(config)
+    settings = valid_sections(config)
+    rules = [
+        Rule((test.name, "simulation"), partial(test.contradictions, scene))
+        for test in used
+    ]
+    rules += [
         Rule(
             ("surrogate", "parameters", "network", "design"),
             partial(_of_the_surrogate, settings),
@@ -64,9 +63,10 @@ def rules(config: Mapping[str, Any]) -> list[Rule]:
         ),
         Rule(
             ("strategy", *cost.others(), "targets", "parameters"),
-            partial(cost.contradictions, settings),
+            partial(_of_the_strategy, settings),
         ),
     ]
+    return rules
 
 
 def used_tests(config: Mapping[str, Any]) -> list[BenchTest[Any]]:
@@ -74,85 +74,107 @@ def used_tests(config: Mapping[str, Any]) -> list[BenchTest[Any]]:
     return [test for test in bench_tests() if test.name in config]
 
 
+def _of_the_strategy(settings: StudySettings) -> Pairs:
+    """Refuse values with which the strategy cannot run."""
+    from repose.calibrate.strategies import cost
+
+    name = settings.strategy
+    yield from cost.contradictions(
+        name,
+        settings.of_strategy(name),
+        free=settings.free,
+        responses=len(settings.targets),
+    )
+
+
 def _of_the_surrogate(settings: StudySettings) -> Pairs:
     """Refuse fewer samples for training than the surrogate needs."""
-    from repose.calibrate.surrogates import kind_of
-    from repose.calibrate.surrogates import names as surrogates
+    from repose.calibrate.surrogates import kind_of, names
 
-    free = ParameterSpace.of(settings.parameters.given).dimensions
-    training = int(settings.network.split[0] * settings.design.samples + 1e-9)
-    least = kind_of(settings.surrogate).least_samples(free)
-    if training < least:
-        fitting = " or ".join(
-            name
-            for name in surrogates()
-            if kind_of(name).least_samples(free) <= training
-        )
-        yield (
-            "surrogate",
-            f"{fitting} where design.samples times the first of network.split is below {least}",
-        )
+    training = _samples(settings, part=0)
+    needed = kind_of(settings.surrogate).least_samples(settings.free)
+    if training >= needed:
+        return
+    fitting = [
+        name
+        for name in names()
+        if kind_of(name).least_samples(settings.free) <= training
+    ]
+    yield (
+        "surrogate",
+        f"{' or '.join(fitting)} where design.samples times the first of network.split "
+        f"is below {needed}",
+    )
 
 
 def _of_the_validation(settings: StudySettings) -> Pairs:
     """Refuse fewer validation samples than show the noise of all targets."""
-    network, targets = settings.network, len(settings.targets)
-    if (
-        network.validation_noise
-        and int(network.split[1] * settings.design.samples + 1e-9) <= targets
-    ):
-        more = f"a second share that leaves more than {targets} validation samples"
-        yield "network.split", f"{more}, or network.validation_noise: false"
+    targets = len(settings.targets)
+    if settings.network.validation_noise and _samples(settings, part=1) <= targets:
+        yield (
+            "network.split",
+            f"a second share that leaves more than {targets} validation samples, or "
+            "network.validation_noise: false",
+        )
+
+
+def _samples(settings: StudySettings, part: int) -> int:
+    """Count the samples of the design for training (part 0) or validation (part 1)."""
+    # 0.7 * 90 is 62.99999999999999
+    return int(settings.network.split[part] * settings.design.samples + 1e-9)
 
 
 def _of_the_contact_law(settings: StudySettings) -> Pairs:
     """Refuse force laws that lack parameters, and parameters of another law."""
-    simulation, given = settings.simulation, settings.parameters.given
-    law, rolling = simulation.contact_law, simulation.rolling_law
+    contact_law = settings.simulation.contact_law
+    rolling_law = settings.simulation.rolling_law
+    parameters = settings.parameters.given
     missing = [
         f"parameters.{name} ({LABELS[name]})"
-        for name in of_law(law)
-        if name not in given
+        for name in of_law(contact_law)
+        if name not in parameters
     ]
     if missing:
         yield (
             "simulation.contact_law",
-            f"{law} with {' and '.join(missing)}, each a range or a fixed value",
+            f"{contact_law} with {' and '.join(missing)}, each a range or a fixed value",
         )
-    for name in named(given)[len(PARAMETERS) :]:
-        of = FURTHER[name]
-        if not {law, rolling} & set(of.laws):
-            key, own = ("contact_law", law) if of.needed else ("rolling_law", rolling)
-            belongs = " or ".join(of.laws)
-            yield (
-                f"parameters.{name}",
-                f"absent: it belongs to simulation.{key} {belongs}, not {own}",
-            )
+    for name in named(parameters)[len(PARAMETERS) :]:
+        further = FURTHER[name]
+        if {contact_law, rolling_law} & set(further.laws):
+            continue
+        key, law = "rolling_law", rolling_law
+        if further.needed:
+            key, law = "contact_law", contact_law
+        yield (
+            f"parameters.{name}",
+            f"absent: it belongs to simulation.{key} {' or '.join(further.laws)}, not "
+            f"{law}",
+        )
 
 
 def _of_seeds(settings: StudySettings) -> Pairs:
     """Refuse too few runs of a sample to compare them, in a bench test of the targets."""
-    for name in (
-        dict.fromkeys(target.apparatus for target in settings.targets)
-        if settings.network.replicates
-        else ()
-    ):
-        if getattr(settings, name).seeds < 2:
+    if not settings.network.replicates:
+        return
+    for name in dict.fromkeys(target.apparatus for target in settings.targets):
+        if settings.seeds_of(name) < 2:
             yield (
                 f"{name}.seeds",
-                "at least 2, or network.replicates: false, since single runs show no noise",
+                "at least 2, or network.replicates: false, since single runs show no "
+                "noise",
             )
 
 
 def _of_targets(settings: StudySettings, config: Mapping[str, Any]) -> Pairs:
-    """Refuse targets of a bench test that the configuration lacks, and responses that are given twice."""
-    seen = set()
+    """Refuse targets of a bench test without a section, and a response given twice."""
+    known = set()
     for k, target in enumerate(settings.targets):
         if target.apparatus not in config:
             yield (
                 f"targets.{k}.apparatus",
                 "a bench test that has a section of its name in the configuration",
             )
-        if target.response in seen:
+        if target.response in known:
             yield f"targets.{k}.response", "each response once"
-        seen.add(target.response)
+        known.add(target.response)

@@ -8,11 +8,12 @@ from typing import Any
 from repose.bench import bench
 from repose.bench.parameters import named
 from repose.bench.settings import SceneSettings
-from repose.calibrate.parameter_space import ParameterSpace
+from repose.bench.space import contact_space
 from repose.calibrate.responses import response
-from repose.config import typed
+from repose.calibrate.strategies import cost as strategies
+from repose.common.keys import Config
 from repose.config.contradictions import used_tests
-from repose.config.keys import Config
+from repose.config.models import StudySettings, valid_sections
 from repose.grain.particle import Particle
 from repose.stages.published import to_simulate
 
@@ -25,6 +26,7 @@ REST_S = 120.0  # rest of a study without its runs: posterior, figures, film and
 TIMED_S, TIMED_STEPS = 1.5, 1.0e7
 REPEATS = 3  # the shortest time counts: other programs only slow a pour down
 FEWEST_TIMED = 20
+BYTES_A_GRAIN = 62  # of a pour on the disk, measured
 SEEDS = ("seeds", "checks")  # endings of keys for the number of runs of a parameter set
 # Purpose, number of parameter sets, seeds of each.
 Pours = Sequence[tuple[str, int, int]]
@@ -33,24 +35,52 @@ Pours = Sequence[tuple[str, int, int]]
 def run_s(
     config: Config, name: str, berry_step_s: float = SECONDS_A_BERRY_STEP
 ) -> float:
-    """Estimate the wall time of a run of a bench test on one core, without its measurement.
+    """Estimate the wall time of a run of a bench test on one core.
 
-    `berry_step_s` is the cost of a step of one grain, from `measured_berry_step_s`.
+    Its measurement is not included. `berry_step_s` is the time of a step of one grain,
+    from `measured_berry_step_s`.
     """
-    settings = typed.sections(config)
-    section, duration = (
-        getattr(settings, name),
-        bench(name).duration_s(SceneSettings(config)),
-    )
-    grains = getattr(section, "berries", 1)
-    if (
-        grains is None
-    ):  # a filling height: taken as the funnel's number, as the grain is not known here
-        grains = settings.funnel.berries
-    filled = duration - 0.5 * min(
-        duration, grains / getattr(section, "rate_per_s", math.inf)
-    )
+    settings = valid_sections(config)
+    duration = bench(name).duration_s(SceneSettings(config))
+    grains = grains_of(settings, name)
+    filling = min(duration, grains / _rate_per_s(settings, name))
+    filled = duration - 0.5 * filling
     return berry_step_s * grains * filled / settings.simulation.time_step_s
+
+
+def grains_of(settings: StudySettings, name: str) -> int:
+    """Return the number of grains of a bench test; 1 for one of a single grain.
+
+    A bench test that is filled to a height counts as many as the funnel, as the size of
+    the grain is not known here.
+    """
+    grains: int | None = getattr(settings.bench(name), "berries", 1)
+    return settings.funnel.berries if grains is None else grains
+
+
+def _rate_per_s(settings: StudySettings, name: str) -> float:
+    """Return the rate at which grains are poured; infinite where they are not poured."""
+    rate: float = getattr(settings.bench(name), "rate_per_s", math.inf)
+    return rate
+
+
+def disk_mb(settings: StudySettings, pours: int) -> float:
+    """Estimate the disk space of a number of runs in each bench test of the targets."""
+    names = dict.fromkeys(target.apparatus for target in settings.targets)
+    grains = sum(grains_of(settings, name) for name in names)
+    return 1e-6 * BYTES_A_GRAIN * grains * pours
+
+
+def strategy_pours(settings: StudySettings, name: str) -> Pours | None:
+    """Count the most runs of a strategy; None for the article's method."""
+    return strategies.pours(name, settings.of_strategy(name), settings.free)
+
+
+def strategy_misfit(settings: StudySettings, name: str) -> str | None:
+    """Say why a strategy cannot run with this configuration; None if it can."""
+    return strategies.misfit(
+        name, settings.of_strategy(name), settings.free, len(settings.targets)
+    )
 
 
 def longest_job_s(config: Config) -> float:
@@ -65,7 +95,7 @@ def longest_job_s(config: Config) -> float:
     names = {
         "funnel",
         "drum",
-        *(target.apparatus for target in typed.sections(config).targets),
+        *(target.apparatus for target in valid_sections(config).targets),
     }
     return JOB_START_S + seeds * max(
         run_s(config, name) for name in names if name in config
@@ -83,7 +113,7 @@ def measured_berry_step_s(
     from repose.bench import Scene
     from repose.bench.funnel import FunnelTest
 
-    settings = typed.sections(config)
+    settings = valid_sections(config)
     steps = TIMED_S / settings.simulation.time_step_s
     grains = max(FEWEST_TIMED, min(settings.funnel.berries, round(TIMED_STEPS / steps)))
     pour = {
@@ -93,7 +123,7 @@ def measured_berry_step_s(
         "rest_window_s": 0.5,
     }
     small = {**config, "funnel": {**settings.funnel.model_dump(), **pour}}
-    values = ParameterSpace.of(settings.parameters.given).centre
+    values = contact_space(settings.parameters.given).centre
     times_s = []
     for _ in range(REPEATS):
         began, began_cpu = time.perf_counter(), time.process_time()
@@ -116,7 +146,7 @@ def work(
     `pours` belong to another strategy than the published one; each set runs as often in every bench test of the
     targets, which `total_s` includes. `berry_step_s` as in `run_s`.
     """
-    settings = typed.sections(config)
+    settings = valid_sections(config)
     names = dict.fromkeys(target.apparatus for target in settings.targets)
     pour_s = (
         run_s(config, "funnel", berry_step_s) + SECONDS_A_VIEW * settings.measure.views
@@ -141,14 +171,12 @@ def work(
     total_s = REST_S + sum(
         sets * (JOB_START_S + seeds * pour_s) for _, sets, seeds in pours
     )
-    if (drum := getattr(settings, "drum", None)) is not None:
-        total_s += drum.seeds * (JOB_START_S + runs_s("drum"))
+    if settings.bench("drum") is not None:
+        total_s += settings.seeds_of("drum") * (JOB_START_S + runs_s("drum"))
     sets = sum(sets for _, sets, _ in pours)
     for name in names:
         if name != "funnel":
-            total_s += sets * (
-                JOB_START_S + getattr(settings, name).seeds * runs_s(name)
-            )
+            total_s += sets * (JOB_START_S + settings.seeds_of(name) * runs_s(name))
     return {"pours": pours, "pour_s": pour_s, "total_s": total_s}
 
 
@@ -179,7 +207,7 @@ def costs(config: Config) -> dict[str, str]:
     def pours(number: int) -> str:
         return f"{number} pours, about {number * pour_s / 60:.0f} min on one core, besides the calibration"
 
-    settings = typed.sections(config)
+    settings = valid_sections(config)
     refine, validation = settings.refine, settings.validation
     responses = [response(target.response) for target in settings.targets]
     published = to_simulate(

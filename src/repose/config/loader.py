@@ -11,7 +11,7 @@ from typing import Any
 from repose.bench.parameters import FURTHER, PARAMETERS
 from repose.common import ledger, places
 from repose.common.files import Path_, write_text
-from repose.config.keys import Config, Origin
+from repose.common.keys import Config, Origin
 
 CROP = ("sizes", "density_kg_m3", "stl")  # keys of `berry` that define a crop
 COMMAND_LINE = "command line (--config)"
@@ -28,8 +28,8 @@ WHOLE = {f"parameters.{name}" for name in (*PARAMETERS, *FURTHER)}
 
 
 def read(path: Path_) -> dict[str, Any]:
-    """Call `repose.config.reading.read`; a job, which reads no YAML, does not load it."""
-    from repose.config import reading
+    """Call `repose.common.reading.read`; a job, which reads no YAML, does not load it."""
+    from repose.common import reading
 
     return reading.read(path)
 
@@ -39,15 +39,11 @@ def read_layers(files: Sequence[Path_], overrides: Config | None = None) -> Laye
 
     Values are not checked, and `auto` stays; a complete file needs no default.
     """
-    from repose.config.faults import (
-        lacks_keys,  # imported here and below: help and jobs load none of it
-    )
-
     paths = [places.find(path) for path in files]
     read_once: Any = functools.cache(read)
     if paths:
         config, source = _over_each_other(paths, overrides, read_once)
-        if not lacks_keys(config):
+        if not _lacks_keys(config):
             return config, source
     return _over_each_other(layers(paths, read_once), overrides, read_once)
 
@@ -59,8 +55,6 @@ def over_defaults(
 
     Its texts are read as YAML. A message names the last of the `files` that has a value, or else `otherwise`.
     """
-    from repose.config.faults import lacks_keys
-
     read_once: Any = functools.cache(read)
     files = [places.find(path) for path in files]
     method, study = places.find(places.METHOD_CONFIG), places.configs()[-1]
@@ -68,7 +62,7 @@ def over_defaults(
     if files or not _is_a_crop(given):
         below = layers((), read_once, *map(read_once, files), given)
     config, source = _over_each_other(
-        below if lacks_keys(given) else (), read=read_once
+        below if _lacks_keys(given) else (), read=read_once
     )
     contents = [(str(path), read_once(path)) for path in (*below, study, *files)]
     own: dict[str, str] = {}
@@ -115,6 +109,15 @@ def _at(content: Any, name: str) -> Any:
     return content
 
 
+def _lacks_keys(config: Config) -> bool:
+    """Return whether a section of a configuration lacks a key."""
+    # Imported here, as help and jobs load none of it.
+    from repose.common.faults import lacks_keys
+    from repose.config.models import settings_type
+
+    return lacks_keys(config, settings_type())
+
+
 def layers(files: Sequence[Path_], read: Read = read, *more: Config) -> list[Path_]:
     """List the defaults, then the given files of a configuration, each to be read over the one before it.
 
@@ -140,9 +143,7 @@ def own_crop_under(*files: Path_) -> Path | None:
     beside = any(path != own and path.parent == own.parent for path in paths)
     if places.configs()[-1] != own or beside or is_resolved(*paths):
         return None
-    from repose.config.faults import lacks_keys
-
-    if paths and own not in paths and not lacks_keys(_over_each_other(paths)[0]):
+    if paths and own not in paths and not _lacks_keys(_over_each_other(paths)[0]):
         return None
     return own if own in (*paths, *layers(paths)) else None
 
@@ -206,7 +207,7 @@ def is_resolved(*files: Path_) -> bool:
 
 def _values(value: Any) -> Any:
     """Read the text in overrides as YAML: the command line gives 2 and [1, 2] as text."""
-    from repose.config.reading import parse
+    from repose.common.reading import parse
 
     if isinstance(value, dict):
         return {key: _values(item) for key, item in value.items()}

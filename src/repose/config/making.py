@@ -7,11 +7,12 @@ from typing import Any, TypeVar
 
 from repose.bench.settings import SceneSettings
 from repose.calibrate.targets import Targets, completed
+from repose.common import faults
 from repose.common.errors import InputError, YamlError, raise_together
-from repose.config import computed, results_folder, typed
+from repose.common.keys import Origin, get, owner_of
+from repose.config import computed, results_folder
 from repose.config.contradictions import Rule, before_numbers, rules, used_tests
-from repose.config.keys import Origin, get, owner_of
-from repose.config.models import StudySettings
+from repose.config.models import StudySettings, settings_type, valid_sections
 from repose.grain.particle import Particle
 from repose.stages.published import beside, check_published, read_stored
 
@@ -26,16 +27,14 @@ def unstable(
     config: Mapping[str, Any], particle: Particle, mean: Mapping[str, Any]
 ) -> Iterator[tuple[str, str]]:
     """Yield (key, allowed values) of a time step that the engine would refuse; `mean` is the result of `berry`."""
-    limit, sections = (
-        computed.longest_step(config, particle, mean),
-        typed.sections(config),
-    )
-    if sections.simulation.time_step_s > limit.time_step_s:
+    limit = computed.longest_step(config, particle, mean)
+    settings = valid_sections(config)
+    if settings.simulation.time_step_s > limit.time_step_s:
         allowed = limit.allowed
-        if (
-            sections.berry.shear_modulus_pa is None
-        ):  # a modulus in another unit shortens the step: a reader sees it
-            allowed += f"; the modulus of {sections.berry.compression} is {mean['elastic_modulus_pa']:.2g} Pa"
+        # A modulus in another unit shortens the step: a reader sees it here.
+        if settings.berry.shear_modulus_pa is None:
+            modulus = f"{mean['elastic_modulus_pa']:.2g} Pa"
+            allowed += f"; the modulus of {settings.berry.compression} is {modulus}"
         yield "simulation.time_step_s", allowed
 
 
@@ -55,14 +54,14 @@ class Making:
 
     def complete(self, inputs: bool) -> None:
         """Check the configuration and compute each `auto`; with `inputs` check all files that it names, too."""
-        from repose.config import faults, profiles
+        from repose.calibrate import profile_targets
 
         if isinstance(given := self.config.get("targets"), list):
-            targets = profiles.expanded(given, owner_of(self.source, "targets"))
+            targets = profile_targets.expanded(given, owner_of(self.source, "targets"))
             self.config = self.config | {
                 "targets": [completed(entry) for entry in targets]
             }
-        self.faults, self.bad = faults.check(self.config, self.source)
+        self.faults, self.bad = faults.check(self.config, self.source, settings_type())
         pending = [
             setting
             for setting in computed.to_compute(self.config)
@@ -94,8 +93,8 @@ class Making:
 
     @property
     def settings(self) -> StudySettings:
-        """The typed sections of the configuration so far."""
-        return typed.sections(self.config, self.source)
+        """The typed sections of the configuration so far that have no fault."""
+        return valid_sections(self.config)
 
     def _may_read(self, *sections: str) -> bool:
         """Return whether none of these sections, and keys outside sections, has a fault."""
@@ -188,8 +187,6 @@ class Making:
 
     def _compute(self, pending: Iterable[computed.Computed]) -> None:
         """Replace each `auto` by its number; a key whose number cannot be computed has a fault."""
-        from repose.config import faults
-
         for setting in pending:
             value = None
             if self._may_read(*setting.reads) and not (
@@ -204,7 +201,9 @@ class Making:
                 self.config = computed.filled(self.config, setting, value)
                 wrong = (
                     one
-                    for one in faults.check(self.config, self.source).faults
+                    for one in faults.check(
+                        self.config, self.source, settings_type()
+                    ).faults
                     if one.key == setting.key
                 )
                 self._add(

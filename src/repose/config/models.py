@@ -1,50 +1,50 @@
-"""`StudySettings`, the whole configuration as typed sections, and the sections that belong to no room below.
+"""The whole configuration as typed sections, `StudySettings`.
 
-Every room brings its sections, such as `repose.calibrate.search.settings`, and so do bench tests (`BenchTest.settings`) and
-strategies; config/README.md explains the keys.
+Most sections are models of the rooms that read them, such as
+`repose.calibrate.search.settings`. Bench tests and strategies that register themselves
+add sections of their own. config/README.md explains the keys.
 """
 
 import math
-import sys
 from collections.abc import Mapping
 from functools import cache
-from importlib import import_module
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, create_model
+from pydantic import AfterValidator, Field, TypeAdapter, ValidationError, create_model
 
 from repose.bench import bench, names
 from repose.bench.funnel import FunnelSettings
 from repose.bench.parameters import ALLOWED, FURTHER, PARAMETERS
 from repose.bench.settings import SimulationSettings, WallSettings
-from repose.calibrate.designs.settings import DesignSettings, ValidationSettings
-from repose.calibrate.parameter_space import PRIOR_WIDTHS
+from repose.calibrate.designs.settings import DesignSettings
+from repose.calibrate.parameter_types import count_free, far_priors, parameter
 from repose.calibrate.profiles import OfProfile
 from repose.calibrate.responses import Response, named, responses_of
 from repose.calibrate.search.settings import MigaSettings
+from repose.calibrate.settings import StrategyName, SurrogateName
 from repose.calibrate.strategies.refined import RefineSettings
+from repose.calibrate.strategies.response_surface import ResponseSurfaceSettings
+from repose.calibrate.strategies.sequential import SequentialSettings
 from repose.calibrate.surrogates.settings import NetworkSettings
 from repose.calibrate.targets import LARGEST, LEAST_RANGE, range_about
 from repose.calibrate.uncertainty.settings import PosteriorSettings, SensitivitySettings
-from repose.common.errors import did_you_mean
+from repose.common import faults
+from repose.common.errors import raise_together
+from repose.common.keys import Origin
 from repose.common.section import (
     ABSENT,
-    AUTO,
     FILE,
     RISING,
-    Auto,
     Contradictions,
-    OneOf,
     PathOrNull,
     Section,
-    refuse,
 )
 from repose.config import results_folder
 from repose.grain.settings import GrainSettings
-from repose.measure.angles import DEFINITIONS
-from repose.measure.profile_points import FLANK_RULES
+from repose.measure.section import MeasureSection
+from repose.stages.settings import ValidationSettings
 
-# --- types of several keys -------------------------------------------------------------------------------------
+# --- types of several keys ------------------------------------------------------------
 
 LABEL = "text of 1 to 60 characters, letters, digits, _ and -"
 Label = Annotated[
@@ -66,98 +66,7 @@ Colour = Annotated[
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 
 
-# --- the parameters --------------------------------------------------------------------------------------------
-
-
-def _is_number(value: object) -> bool:
-    """Return whether a value is a number."""
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def parameter(low: float, high: float) -> Any:
-    """Make the type of a contact parameter within bounds: a range, a fixed value, or prior knowledge."""
-    bounded = high < sys.float_info.max
-    number = f"a number from {low:g} to {high:g}" if bounded else "a number"
-    pair = f"a pair [low, high] of numbers{number[len('a number') :]} with low < high"
-    allowed = f"{pair}; or fixed; or prior with mean and sd"
-
-    def is_within(value: Any) -> bool:
-        return _is_number(value) and low <= value <= high
-
-    def is_pair(value: Any) -> bool:
-        if (
-            not isinstance(value, list | tuple)
-            or len(value) != 2
-            or not all(map(is_within, value))
-        ):
-            return False
-        return bool(value[1] - value[0] > max(1e-30, 1e-9 * max(map(abs, value))))
-
-    def faults(given: Mapping[str, Any]) -> Contradictions:
-        keys, prior = ("fixed", "prior", "range"), given.get("prior")
-        unknown = [str(key) for key in given if key not in keys]
-        for key in unknown:
-            yield (
-                key,
-                f"a known key{did_you_mean(key, keys) or '; keys here: fixed, prior, range'}",
-            )
-        if "fixed" in given and len(given) > 1:
-            yield "", "fixed alone, or prior with or without range"
-        elif "fixed" in given and not is_within(given["fixed"]):
-            yield "fixed", number
-        elif "range" in given and "prior" not in given:
-            yield "", "a pair [low, high]; a range stands beside a prior only"
-        elif (
-            not unknown
-            and "fixed" not in given
-            and (prior is None or not is_pair(given.get("range", [low, high])))
-        ):
-            yield "", allowed
-        elif prior is not None:
-            if not isinstance(prior, Mapping) or set(prior) != {"mean", "sd"}:
-                yield "prior", "a section with the keys mean and sd"
-            elif not is_within(prior["mean"]):
-                yield "prior", f"a mean that is {number}"
-            elif not (_is_number(prior["sd"]) and 0 < prior["sd"] <= high):
-                yield (
-                    "prior",
-                    "an sd above 0" + (f" and up to {high:g}" if bounded else ""),
-                )
-
-    def checked(given: Any) -> Any:
-        refuse(
-            faults(given)
-            if isinstance(given, Mapping)
-            else ()
-            if is_pair(given)
-            else [("", allowed)]
-        )
-        return given
-
-    kinds: Any = {"anyOf": [{"type": "array"}, {"type": "object"}]}
-    return Annotated[
-        Any,
-        AfterValidator(checked),
-        Field(description=allowed, json_schema_extra=kinds),
-    ]
-
-
-def far_priors(parameters: Mapping[str, Any]) -> Contradictions:
-    """Refuse parameters whose range lies beyond their prior."""
-    for name, given in parameters.items():
-        if isinstance(given, Mapping) and "range" in given:
-            mean, reach = given["prior"]["mean"], PRIOR_WIDTHS * given["prior"]["sd"]
-            low, high = mean - reach, mean + reach
-            if high < given["range"][0] or low > given["range"][1]:
-                yield (
-                    name,
-                    f"a range that meets {low:g} to {high:g}, {PRIOR_WIDTHS:g} sd about the mean of its prior",
-                )
-
-
-def all_fixed(parameters: Mapping[str, Any]) -> bool:
-    """Return whether no parameter is free."""
-    return all("fixed" in given for given in parameters.values())
+# --- the parameters -------------------------------------------------------------------
 
 
 class ParametersSettings(Section):
@@ -166,58 +75,27 @@ class ParametersSettings(Section):
     @property
     def given(self) -> dict[str, Any]:
         """The parameters of the study, without those of other contact laws."""
-        return {name: value for name, value in self if value is not None}
+        return {name: entry for name, entry in self if entry is not None}
 
     def contradictions(self) -> Contradictions:
-        """Refuse parameters that are all fixed, and a prior that its range excludes."""
+        """Refuse a prior that its range excludes, and parameters that are all fixed."""
         yield from far_priors(self.given)
-        if all_fixed(self.given):
+        if not count_free(self.given):
             yield "", "at least one free parameter: there is nothing to calibrate"
 
 
 def _parameters() -> type[ParametersSettings]:
     """Make the model with the six parameters, and those of the contact laws."""
-    six: dict[str, Any] = {
-        name: (parameter(*ALLOWED[name]), ...) for name in PARAMETERS
-    }
-    ends = {
-        name: (of.constant.least, min(of.constant.most, 1.0e9))
-        for name, of in FURTHER.items()
-    }
-    further: dict[str, Any] = {
-        name: (parameter(*pair), ABSENT) for name, pair in ends.items()
-    }
-    return create_model("Parameters", __base__=ParametersSettings, **six, **further)
+    fields: dict[str, Any] = {}
+    for name in PARAMETERS:
+        fields[name] = (parameter(*ALLOWED[name]), ...)
+    for name, further in FURTHER.items():
+        high = min(further.constant.most, 1.0e9)
+        fields[name] = (parameter(further.constant.least, high), ABSENT)
+    return create_model("Parameters", __base__=ParametersSettings, **fields)
 
 
-StrategyName = Annotated[
-    str, OneOf(lambda: import_module("repose.calibrate.strategies").names())
-]
-SurrogateName = Annotated[
-    str, OneOf(lambda: import_module("repose.calibrate.surrogates").names())
-]
-
-
-class MeasureSection(Section):
-    """Measurement of a pile."""
-
-    views: int = Field(ge=1, le=360)
-    mm_per_pixel: Annotated[float, Field(ge=0.02, le=5)] | Auto = AUTO
-    response: Annotated[str, OneOf(lambda: DEFINITIONS)]
-    fit_from: Literal["berry"] | Annotated[float, Field(ge=0, le=0.9)]
-    fit_to: Literal["berry"] | Annotated[float, Field(ge=0.1, le=1)]
-    berry_height_mm: Annotated[float, Field(gt=0, le=1000)] | None
-    largest_pile_only: bool
-    flank: Annotated[str, OneOf(lambda: FLANK_RULES)]
-    smallest_window: float = Field(ge=0.1, le=1)
-
-    def contradictions(self) -> Contradictions:
-        """Refuse an upper end of the fitted part that leaves the part too short for a line."""
-        start, end = self.fit_from, self.fit_to
-        if start == end == "berry":
-            yield "fit_to", "a number from 0.1 to 1, as measure.fit_from is berry"
-        if isinstance(start, float) and isinstance(end, float) and end < start + 0.1:
-            yield "fit_to", f"at least 0.1 above measure.fit_from, {start:g}"
+# --- the chain ------------------------------------------------------------------------
 
 
 class TargetSettings(Section):
@@ -234,7 +112,7 @@ class TargetSettings(Section):
     )
     weight: float = Field(default=1.0, gt=0, le=1.0e6)
     profile: OfProfile = (
-        ABSENT  # it is a score of this; `repose.config.profiles` writes it
+        ABSENT  # it is a score of this; `repose.calibrate.profile_targets` writes it
     )
 
     def contradictions(self) -> Contradictions:
@@ -280,9 +158,6 @@ class TargetSettings(Section):
             yield aimed, f"inside its range, {low:g} to {high:g}"
 
 
-# --- the chain -------------------------------------------------------------------------------------------------
-
-
 class FiguresSettings(Section):
     """The files of every figure."""
 
@@ -303,11 +178,15 @@ class FiguresSettings(Section):
             )
 
 
-# --- the whole --------------------------------------------------------------------------------------------------
+# --- the whole ------------------------------------------------------------------------
 
 
 class StudySettings(Section):
-    """The whole configuration, without the sections of strategies and bench tests (`settings_type`)."""
+    """The whole configuration.
+
+    Sections of bench tests besides the funnel are read by `bench`, sections of further
+    strategies by `of_strategy`: both register themselves (`settings_type`).
+    """
 
     label: Label
     small_run: bool
@@ -326,18 +205,49 @@ class StudySettings(Section):
     network: NetworkSettings
     targets: Annotated[tuple[TargetSettings, ...], Field(strict=False)] = Field(
         min_length=1,
-        description="a list of one or more targets: response, value, sd and repetitions, or the file of a profile",
+        description="a list of one or more targets: response, value, sd and "
+        "repetitions, or the file of a profile",
     )
     miga: MigaSettings
     validation: ValidationSettings
     posterior: PosteriorSettings
     sensitivity: SensitivitySettings
     refine: RefineSettings
+    response_surface: ResponseSurfaceSettings
+    sequential: SequentialSettings
     figures: FiguresSettings = Field(default_factory=FiguresSettings)
+
+    def bench(self, name: str) -> Section | None:
+        """Return the section of a bench test; None if the configuration lacks it."""
+        section: Section | None = getattr(self, name)
+        return section
+
+    def seeds_of(self, name: str) -> int:
+        """Return the number of runs of a sample of the design in a bench test."""
+        seeds: int = getattr(self.bench(name), "seeds")  # noqa: B009
+        return seeds
+
+    def of_strategy(self, name: str) -> Section | None:
+        """Return the section with the name of a strategy; None if it has none."""
+        from repose.calibrate.strategies import strategy
+
+        if strategy(name).settings is None:
+            return None
+        section: Section | None = getattr(self, name)
+        return section
+
+    @property
+    def free(self) -> int:
+        """Number of free parameters."""
+        return count_free(self.parameters.given)
 
 
 def settings_type() -> type[StudySettings]:
-    """Make the model of a whole configuration: `StudySettings`, and a section for each strategy and bench test."""
+    """Make the model of a whole configuration.
+
+    It is `StudySettings` with a section for each strategy and bench test that is
+    registered now.
+    """
     from repose.calibrate import strategies
 
     return _settings_type(names(), strategies.names())
@@ -345,21 +255,19 @@ def settings_type() -> type[StudySettings]:
 
 @cache
 def _settings_type(
-    apparatus: tuple[str, ...], strategies: tuple[str, ...]
+    bench_tests: tuple[str, ...], strategies: tuple[str, ...]
 ) -> type[StudySettings]:
     """Make the model for these bench tests and strategies."""
     from repose.calibrate.strategies import strategy
 
-    sections: dict[str, Any] = {
-        name: (strategy(name).settings, ...)
-        for name in strategies
-        if strategy(name).settings is not None
-    }
-    sections |= {
-        name: (bench(name).settings, ABSENT)
-        for name in apparatus
-        if name not in StudySettings.model_fields
-    }
+    sections: dict[str, Any] = {}
+    for name in strategies:
+        model = strategy(name).settings
+        if model is not None and name not in StudySettings.model_fields:
+            sections[name] = (model, ...)
+    for name in bench_tests:
+        if name not in StudySettings.model_fields:
+            sections[name] = (bench(name).settings, ABSENT)
     return create_model(
         "Configuration",
         __base__=StudySettings,
@@ -368,20 +276,70 @@ def _settings_type(
     )
 
 
+def settings_of(
+    config: Mapping[str, Any], source: str | Origin = "configuration"
+) -> StudySettings:
+    """Make the typed sections of a whole configuration.
+
+    Raises
+    ------
+    InputError
+        With all faults; `source` names the file in them.
+    """
+    model = settings_type()
+    try:
+        return model.model_validate(config)
+    except ValidationError:
+        raise_together(faults.check(config, source, model).faults)
+        raise
+
+
+def valid_sections(config: Mapping[str, Any]) -> StudySettings:
+    """Make the typed sections that are valid by themselves.
+
+    While a configuration is checked, a rule or a computed number needs some sections of
+    it, and others may have faults. A section that is missing or has a fault is not set:
+    to read it is an AttributeError.
+    """
+    model = settings_type()
+    sections: dict[str, Any] = {}
+    for name in model.model_fields:
+        if name not in config:
+            continue
+        try:
+            sections[name] = _adapter(model, name).validate_python(config[name])
+        except ValidationError:
+            continue
+    return model.model_construct(**sections)
+
+
+@cache
+def _adapter(model: type[StudySettings], name: str) -> TypeAdapter[Any]:
+    """Return what makes the value of a top-level key typed."""
+    field = model.model_fields[name]
+    annotation: Any = field.annotation
+    # Pydantic takes the constraints of a field apart from its annotation.
+    for constraint in field.metadata:
+        annotation = Annotated[annotation, constraint]
+    return TypeAdapter(annotation)
+
+
 def named_files() -> tuple[str, ...]:
-    """Return the dotted keys of the configuration that name a file: those of the types that `FILE` marks."""
+    """Return the dotted keys of the configuration that name a file."""
     return _files_of(settings_type())
 
 
 @cache
 def _files_of(model: type[Section]) -> tuple[str, ...]:
-    """Return the keys of a section's model, and of the sections in it, that name a file."""
+    """Return the keys of a section's model, and of the sections in it, that name a file.
+
+    The types of these keys are marked by `FILE`.
+    """
     keys: list[str] = []
     for name, field in model.model_fields.items():
+        kind = field.annotation
         if FILE in field.metadata:
             keys.append(name)
-        elif isinstance(field.annotation, type) and issubclass(
-            field.annotation, Section
-        ):
-            keys += [f"{name}.{key}" for key in _files_of(field.annotation)]
+        elif isinstance(kind, type) and issubclass(kind, Section):
+            keys += [f"{name}.{key}" for key in _files_of(kind)]
     return tuple(keys)

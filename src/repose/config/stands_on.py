@@ -13,10 +13,9 @@ from repose.bench import bench, bench_tests
 from repose.calibrate.seeds import UNNAMED
 from repose.calibrate.strategies import names, strategy
 from repose.common import attached
+from repose.common.keys import Config
 from repose.common.provenance import engine_hash, hash_of, hash_of_file
-from repose.config import typed
-from repose.config.keys import Config
-from repose.config.models import named_files
+from repose.config.models import named_files, valid_sections
 from repose.config.results_folder import run_folder
 
 # Entries that are no keys: what `responses` gives, the hash of `scene`, the keys by which any bench test is measured.
@@ -102,7 +101,7 @@ def scene(config: Config) -> str:
         key: value for key, value in chosen["measure"].items() if key != "response"
     }
     for name in dict.fromkeys(
-        target.apparatus for target in typed.sections(config).targets
+        target.apparatus for target in valid_sections(config).targets
     ):
         measured_by = (f"{name}.{key}" for key in bench(name).measured_by)
         chosen |= pouring(config, name) | sections(config, *measured_by)
@@ -113,7 +112,7 @@ def responses(config: Config, apparatus: str | None = None) -> dict[str, Any]:
     """List the targets' names, of one bench test or of all, with the abscissae and functions of profiles."""
     own = [
         target
-        for target in typed.sections(config).targets
+        for target in valid_sections(config).targets
         if apparatus in (None, target.apparatus)
     ]
     profiles = {
@@ -187,7 +186,7 @@ def outdated(config: Config, paths: Iterable[str | PathLike]) -> list[str]:
 
 def own_dataset(config: Config) -> Path | None:
     """Return dataset.csv of the study if it, its piles and its grain were made by these settings; else None."""
-    results = Path(typed.sections(config).results_dir)
+    results = Path(valid_sections(config).results_dir)
     piles, table = (
         list(results.glob(f"{run_folder(UNNAMED)}/*.json")),
         results / "dataset.csv",

@@ -16,7 +16,7 @@ from typing import IO, Any
 from repose.common import usage
 from repose.common.lock import take_folder
 from repose.config import loader, results_folder, stands_on
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 
 FAULT = "repose: error:"  # begins the line in which a stage refuses its input
 
@@ -26,7 +26,7 @@ def study_of_workflow(
     configfiles: Sequence[str],
     has_command_line: bool,
     inputs: bool,
-) -> Study:
+) -> PipelineConfig:
     """Make the study of what Snakemake calls `config`.
 
     Parameters
@@ -42,7 +42,7 @@ def study_of_workflow(
 
     Returns
     -------
-    Study
+    PipelineConfig
 
     Raises
     ------
@@ -51,7 +51,7 @@ def study_of_workflow(
     """
     files = [_as_typed(path) for path in configfiles]
     source = loader.COMMAND_LINE if has_command_line else loader.WORKFLOW
-    return Study.of(*loader.over_defaults(config, files, source), inputs=inputs)
+    return PipelineConfig.of(*loader.over_defaults(config, files, source), inputs=inputs)
 
 
 def _as_typed(path: str) -> str:
@@ -62,7 +62,7 @@ def _as_typed(path: str) -> str:
     return os.path.relpath(absolute, here) if is_below else absolute
 
 
-def note_on_other_settings(study: Study, results: Iterable[str]) -> str:
+def note_on_other_settings(study: PipelineConfig, results: Iterable[str]) -> str:
     """Describe results in the study's folder that have other settings or another engine.
 
     Snakemake plans them anew as long as it has its records of them. Without the records,
@@ -70,7 +70,7 @@ def note_on_other_settings(study: Study, results: Iterable[str]) -> str:
 
     Parameters
     ----------
-    study : Study
+    study : PipelineConfig
         The study whose results the folder should hold.
     results : iterable of str
         Paths of results; those that do not exist are left out.
@@ -96,11 +96,11 @@ class WorkflowRun:
 
     Parameters
     ----------
-    study : Study
+    study : PipelineConfig
         The study that it works on.
     """
 
-    def __init__(self, study: Study) -> None:
+    def __init__(self, study: PipelineConfig) -> None:
         self.study = study
         self.folder = study.settings.results_dir
         self.began_s = _start_of_process_s()
@@ -204,12 +204,12 @@ def _start_of_process_s() -> float:
     return time.time() - time.process_time()
 
 
-def check_folder(study: Study, outputs: Iterable[str]) -> None:
+def check_folder(study: PipelineConfig, outputs: Iterable[str]) -> None:
     """Check that the study's folder has no foreign file in the place of a result.
 
     Parameters
     ----------
-    study : Study
+    study : PipelineConfig
         The study whose folder it is.
     outputs : iterable of str
         Paths that rules write, with their wildcards in braces.

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import Any
 
+from repose.bench.space import contact_space
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.targets import Targets
 
@@ -39,7 +40,7 @@ class Shown:
     @cached_property
     def space(self) -> ParameterSpace:
         """The parameters with their ranges."""
-        return ParameterSpace.of(self.config["parameters"])
+        return contact_space(self.config["parameters"])
 
     @cached_property
     def ranges(self) -> dict[str, tuple[float, float]]:

@@ -1,4 +1,4 @@
-"""Batches of a strategy on files: the runs so far are read, the samples that it proposes after them are written."""
+"""Batches of a strategy as files: the runs so far are read, its samples are written."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -8,65 +8,116 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from repose.calibrate.responses import require_same_definitions
+from repose.calibrate.dataset_files import read_definitions
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.responses import Definitions, require_same_definitions
+from repose.calibrate.runs import error_of, mean_and_error, of_bench
+from repose.calibrate.seeds import UNNAMED
 from repose.calibrate.strategies import answer
-from repose.calibrate.strategies.base import Answer, Studied, strategy
-from repose.calibrate.targets import Targets
+from repose.calibrate.strategies.base import Answer, strategy
+from repose.calibrate.study import Study
+from repose.calibrate.targets import Target, Targets
 from repose.common.errors import InputError, require
 from repose.common.files import Path_, read_json, write_json, write_table
-from repose.stages.dataset import read_definitions
+from repose.measure.angles import MEAN_KEYS
+from repose.stages import validate
 from repose.stages.tables import read_dataset, read_runs
 
 PROPOSAL = "proposal.json"
+KEYS = {"answer": bool, "why": str, "pours": int, "notes": dict}
 
 
 def run_propose(
     name: str,
-    study: Studied,
+    study: Study,
     folders: Sequence[Path_],
     out_dir: Path_,
+    *,
+    definitions: Definitions,
     source: object = "configuration",
 ) -> dict[str, Any]:
-    """Write the strategy's proposal after the batches in `folders`: samples.csv and proposal.json; return the latter.
+    """Write the proposal of a strategy: samples.csv and proposal.json.
 
-    InputError, with `source`, for runs of other definitions.
+    Parameters
+    ----------
+    name : str
+        Of the strategy.
+    study : Study
+        Its parameters, targets and settings.
+    folders : sequence of path
+        The batches so far, each with dataset.csv and runs.csv.
+    out_dir : path
+        Folder to write.
+    definitions : mapping
+        How the configuration defines the responses.
+    source : object, optional
+        File of the configuration, for an error.
+
+    Returns
+    -------
+    dict
+        The content of proposal.json.
+
+    Raises
+    ------
+    InputError
+        If the runs are of other definitions, or too few for the strategy.
     """
     for folder in folders:
-        own, path = read_definitions(Path(folder) / "dataset.csv")
-        require_same_definitions(own, path, study.definitions, source)
+        of_batch, path = read_definitions(Path(folder) / "dataset.csv")
+        require_same_definitions(of_batch, path, definitions, source)
     data = read(folders, study.targets)
     try:
         proposal = strategy(name).propose(study, data)
     except InputError as error:
-        raise InputError(
-            folders[-1] if folders else name, error.key, error.value, error.allowed
-        ) from None
-    found = {
+        last = folders[-1] if folders else name
+        raise InputError(last, error.key, error.value, error.allowed) from None
+    content = {
         "answer": False,
         "why": proposal.notes.get("why", ""),
         "pours": len(data),
         "notes": proposal.notes,
     }
     if isinstance(proposal, Answer):
-        found |= {
-            "answer": True,
-            "why": proposal.why,
-            **answer.content(proposal, study),
-        }
+        content |= {"answer": True, "why": proposal.why}
+        content |= answer.content(proposal, study.parameters, study.targets)
     write_table(Path(out_dir) / "samples.csv", proposal.samples)
-    write_json(Path(out_dir) / PROPOSAL, _plain(found))
-    return found
+    write_json(Path(out_dir) / PROPOSAL, _plain(content))
+    return content
 
 
 def run_conclude(
-    name: str, study: Studied, folders: Sequence[Path_], out_dir: Path_
+    name: str,
+    folders: Sequence[Path_],
+    out_dir: Path_,
+    *,
+    parameters: ParameterSpace,
+    targets: Targets,
+    measure: object,
 ) -> pd.DataFrame:
-    """Write the answer, simulated again, and the tables of all batches; return the table of check.csv.
+    """Write the answer of a strategy, simulated again, and the tables of all batches.
 
-    `folders` hold all batches, the one of the answer last. Besides the files of `answer.write` these are batches.csv, a
-    row for each proposal, dataset.csv and runs.csv of all batches, and the notes that `Strategy.files` names.
+    Besides the files of `write_answer` these are batches.csv, a row for each proposal,
+    dataset.csv and runs.csv of all batches, and the notes that `Strategy.files` names.
+
+    Parameters
+    ----------
+    name : str
+        Of the strategy.
+    folders : sequence of path
+        All batches, that of the answer last.
+    out_dir : path
+        Folder to write.
+    parameters : ParameterSpace
+    targets : Targets
+    measure : MeasureSection, mapping or None
+        The section `measure`, which defines the angles of piles.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The content of check.csv.
     """
-    files, out = strategy(name).files, Path(out_dir)
     require(
         len(folders) >= 2,
         folders[0],
@@ -74,65 +125,158 @@ def run_conclude(
         1,
         "the folders of all batches, that of the answer last",
     )
-    keys = {"answer": bool, "why": str, "pours": int, "notes": dict}
-    written = "output of repose stage propose"
-    proposals = [
-        read_json(Path(folder) / PROPOSAL, keys, written) for folder in folders[1:]
-    ]
-    found = proposals[-1]
+    proposals = []
+    for folder in folders[1:]:
+        path = Path(folder) / PROPOSAL
+        proposals.append(read_json(path, KEYS, "output of repose stage propose"))
+    last = proposals[-1]
     require(
-        found["answer"],
+        last["answer"],
         Path(folders[-1]) / PROPOSAL,
         "answer",
         False,
         "true in the last folder",
     )
-    dataset, runs = tables_of(folders[:-1], study.targets)
-    simulated = runs["sample"].isin(found["simulated"])
-    checked = (
-        runs[simulated]
-        if simulated.any()
-        else tables_of(folders[-1:], study.targets)[1]
+    dataset, runs = tables_of(folders[:-1], targets)
+    # Runs of the last batch may be runs of the answer already.
+    checked = runs[runs["sample"].isin(last["simulated"])]
+    if checked.empty:
+        _, checked = tables_of(folders[-1:], targets)
+    out = Path(out_dir)
+    check = write_answer(
+        last, checked, out, parameters=parameters, targets=targets, measure=measure
     )
-    check = answer.write(found, checked, study, out)
-    tables = {
-        "batches.csv": _batches(proposals),
-        "dataset.csv": dataset,
-        "runs.csv": runs,
-    }
-    for file, content in {
-        **tables,
-        **{file: found["notes"][Path(file).stem] for file in files},
-    }.items():
+    write_table(out / "batches.csv", _batches(proposals))
+    write_table(out / "dataset.csv", dataset)
+    write_table(out / "runs.csv", runs)
+    for file in strategy(name).files:
+        note = last["notes"][Path(file).stem]
         if file.endswith(".csv"):
-            write_table(out / file, pd.DataFrame(content))
+            write_table(out / file, pd.DataFrame(note))
         else:
-            write_json(out / file, content)
+            write_json(out / file, note)
     return check
 
 
-def _batches(proposals: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
-    """Make a row for each proposal: number and pours of the batches before it, its note `row`, and why.
+def write_answer(
+    proposal: Mapping[str, Any],
+    checked: pd.DataFrame,
+    out_dir: Path_,
+    *,
+    parameters: ParameterSpace,
+    targets: Targets,
+    measure: object,
+) -> pd.DataFrame:
+    """Write an answer in the files that card, final message and report read.
 
-    Where some have that note, the others are left out.
+    These are solutions.csv, table4.csv, representative.csv, check.csv and summary.json.
+
+    Parameters
+    ----------
+    proposal : mapping
+        Content of proposal.json.
+    checked : pandas.DataFrame
+        Single runs of the answer.
+    out_dir, parameters, targets, measure
+        As in `run_conclude`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The content of check.csv.
     """
-    rows = [
-        {
-            "batch": batch,
-            "pours": found["pours"],
-            **found["notes"].get("row", {}),
-            "why": found["why"],
-        }
-        for batch, found in enumerate(proposals)
-    ]
-    return pd.DataFrame(
-        [
-            rows[batch]
-            for batch, found in enumerate(proposals)
-            if "row" in found["notes"]
-        ]
-        or rows
+    out = Path(out_dir)
+    notes = proposal["notes"]
+    pours = len(checked) // len(targets.apparatus)
+    solutions = pd.DataFrame(proposal["solutions"])
+    columns = [*parameters.names, *targets.predicted]
+    best = solutions.loc[0, columns].astype(float).to_dict()
+    row = {
+        "sample": 1,
+        "solution": "1",
+        "role": "representative",
+        **best,
+        **_simulated(checked, targets),
+    }
+    if "check" in notes:
+        check = pd.DataFrame(notes["check"])
+    else:
+        check = _check(row, proposal["predicted_error"], targets)
+    summary = {name: proposal[name] for name in ("feasible", "message", "why", "pours")}
+    summary |= {"representative": best, "check_pours": pours}
+    summary |= notes.get("summary", {})
+    step = f"Check: {pours} pours of the answer that were in no fit."
+    summary["steps"] = [*notes.get("steps", ()), step]
+    runs = {
+        bench: of_bench(checked, bench).to_dict("records")
+        for bench in targets.apparatus
+    }
+    table4 = validate.table4(pd.DataFrame([row]), targets.responses, measure)
+    physical = validate.against_physical(pd.Series(row), targets, measure)
+    representative = validate.with_chances(physical, runs, targets)
+    write_table(out / "solutions.csv", solutions)
+    write_table(out / "table4.csv", table4)
+    write_table(out / "representative.csv", representative)
+    write_table(out / "check.csv", check)
+    write_json(out / "summary.json", summary)
+    return check
+
+
+def _check(
+    row: Mapping[str, Any], errors: Sequence[float], targets: Targets
+) -> pd.DataFrame:
+    """Compare the answer as predicted and as simulated, a row for each response."""
+    table = pd.DataFrame({"response": targets.names, "target": targets.aim})
+    table["predicted"] = [row[name] for name in targets.predicted]
+    table["predicted_error"] = list(errors)
+    table["simulated"] = [row[target.response.simulated] for target in targets]
+    table["simulated_error"] = [row[name] for name in targets.errors]
+    table["deviation_percent"] = list(
+        map(Target.off_percent, targets, table["simulated"])
     )
+    return table
+
+
+def _simulated(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
+    """Compute means, standard errors and number of the answer's runs, as in Table 4."""
+    good = runs[runs["status"] == "ok"]
+    row: dict[str, Any] = {}
+    counts = []
+    for target in targets:
+        response = target.response
+        values = of_bench(good, response.apparatus)[target.name].to_numpy(float)
+        mean, error = np.array(mean_and_error(values), dtype=float)
+        row[response.simulated] = mean
+        row[response.error] = error
+        counts.append(len(values))
+    piles = of_bench(good, UNNAMED)
+    for name in MEAN_KEYS.values():
+        if name in piles:
+            values = piles[name].dropna().to_numpy(float)
+            row[name], row[error_of(name)] = mean_and_error(values)
+    failures = runs.loc[runs["status"] != "ok", "status"].value_counts()
+    reasons = [f"{number} runs {status}" for status, number in failures.items()]
+    row["n_seeds"] = min(counts)
+    row["status"] = "ok" if min(counts) else failures.index[0]
+    row["reason"] = ", ".join(reasons)
+    return row
+
+
+def _batches(proposals: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+    """Make a row for each proposal: number and runs of the batches before it, and why.
+
+    Where some proposals have a note `row`, the others are left out.
+    """
+    rows = []
+    rows_with_note = []
+    for batch, proposal in enumerate(proposals):
+        notes = proposal["notes"]
+        row = {"batch": batch, "pours": proposal["pours"], **notes.get("row", {})}
+        row["why"] = proposal["why"]
+        rows.append(row)
+        if "row" in notes:
+            rows_with_note.append(row)
+    return pd.DataFrame(rows_with_note or rows)
 
 
 def _plain(value: Any) -> Any:
@@ -140,24 +284,28 @@ def _plain(value: Any) -> Any:
     if isinstance(value, pd.DataFrame):
         value = value.to_dict("list")
     if isinstance(value, Mapping):
-        return {key: _plain(one) for key, one in value.items()}
+        return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(one) for one in value]
-    return None if isinstance(value, float) and math.isnan(value) else value
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and math.isnan(value):
+        return None
+    return value
 
 
 def read(folders: Sequence[Path_], targets: Targets) -> pd.DataFrame:
-    """Read the runs of all batches as a strategy takes them (`data_of`), each with the number of its batch."""
+    """Read the runs of all batches as a strategy takes them (`data_of`).
+
+    A column `batch` has the number of the batch of each run.
+    """
     parts: list[pd.DataFrame] = []
-    seen: set[int] = set()
+    known: set[int] = set()
     for number, folder in enumerate(folders):
         dataset, runs = tables_of([folder], targets)
-        again = seen.intersection(dataset["sample"])
-        if again:
-            raise InputError(
-                Path(folder) / "dataset.csv", "sample", min(again), "in one batch alone"
-            )
-        seen.update(dataset["sample"])
+        repeated = known.intersection(dataset["sample"])
+        if repeated:
+            path = Path(folder) / "dataset.csv"
+            raise InputError(path, "sample", min(repeated), "in one batch alone")
+        known.update(dataset["sample"])
         parts.append(data_of(dataset, runs, targets).assign(batch=number))
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
 
@@ -165,47 +313,56 @@ def read(folders: Sequence[Path_], targets: Targets) -> pd.DataFrame:
 def tables_of(
     folders: Sequence[Path_], targets: Targets
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Read samples and single runs of batches."""
-    tables = []
+    """Read the samples and the single runs of batches, each as one table."""
+    samples = []
+    runs = []
     for folder in folders:
-        dataset_csv, runs_csv = Path(folder) / "dataset.csv", Path(folder) / "runs.csv"
+        dataset_csv = Path(folder) / "dataset.csv"
         dataset = read_dataset(dataset_csv, targets)
-        tables.append((dataset, read_runs(runs_csv, targets, dataset, dataset_csv)))
-    dataset, runs = (
-        pd.concat(parts, ignore_index=True) for parts in zip(*tables, strict=True)
-    )
-    return dataset, runs
+        samples.append(dataset)
+        runs_csv = Path(folder) / "runs.csv"
+        runs.append(read_runs(runs_csv, targets, dataset, dataset_csv))
+    return pd.concat(samples, ignore_index=True), pd.concat(runs, ignore_index=True)
 
 
 def data_of(
     dataset: pd.DataFrame, runs: pd.DataFrame, targets: Targets
 ) -> pd.DataFrame:
-    """Arrange the pours as a strategy takes them, a row each: sample, parameters, responses, NaN for a failed run.
+    """Arrange runs as a strategy takes them.
 
-    Bench tests have separate runs. The first ok run of each makes the first pour of the sample, and so on; these runs
-    are independent, so any pairing is valid.
+    Bench tests have separate runs. The first good run of each makes the first row of a
+    sample, and so on; these runs are independent, so any pairing is valid.
+
+    Parameters
+    ----------
+    dataset : pandas.DataFrame
+        The samples.
+    runs : pandas.DataFrame
+        Their runs, of all bench tests.
+    targets : Targets
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each run: sample, parameters, responses, which are NaN for a run that
+        failed.
     """
-    several = "apparatus" in runs
-    groups = ["sample", "apparatus"] if several else ["sample"]
-    most = (
-        runs.groupby(groups)
-        .size()
-        .groupby("sample")
-        .max()
-        .reindex(dataset["sample"], fill_value=0)
-    )
-    row = pd.Index(dataset["sample"]).get_indexer(runs["sample"])
-    ok = (runs["status"] == "ok").to_numpy()
-    place = runs[ok].groupby(groups).cumcount().to_numpy()
-    values = np.full((len(dataset), int(most.max()), len(targets)), np.nan)
+    has_benches = "apparatus" in runs
+    groups = ["sample", "apparatus"] if has_benches else ["sample"]
+    runs_of_bench = runs.groupby(groups).size()
+    n_runs = runs_of_bench.groupby("sample").max()
+    n_runs = n_runs.reindex(dataset["sample"], fill_value=0).to_numpy()
+    good = runs[runs["status"] == "ok"]
+    row = pd.Index(dataset["sample"]).get_indexer(good["sample"])
+    place = good.groupby(groups).cumcount().to_numpy()
+    values = np.full((len(dataset), int(n_runs.max()), len(targets)), np.nan)
     for k, target in enumerate(targets):
-        own = (
-            (runs[ok]["apparatus"] == target.response.apparatus).to_numpy()
-            if several
-            else slice(None)
-        )
-        values[row[ok][own], place[own], k] = runs[ok][target.name].to_numpy(float)[own]
-    poured = np.arange(values.shape[1]) < most.to_numpy()[:, None]
-    data = dataset.loc[dataset.index.repeat(most.to_numpy())].reset_index(drop=True)
-    data[list(targets.names)] = values[poured]
+        is_of_bench = np.ones(len(good), dtype=bool)
+        if has_benches:
+            is_of_bench = (good["apparatus"] == target.response.apparatus).to_numpy()
+        numbers = good[target.name].to_numpy(float)
+        values[row[is_of_bench], place[is_of_bench], k] = numbers[is_of_bench]
+    is_run = np.arange(values.shape[1]) < n_runs[:, None]
+    data = dataset.loc[dataset.index.repeat(n_runs)].reset_index(drop=True)
+    data[list(targets.names)] = values[is_run]
     return data

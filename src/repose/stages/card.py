@@ -5,24 +5,29 @@ content, `card_text` prints it.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from repose.bench import bench, reach
 from repose.bench.parameters import LABELS
-from repose.bench.settings import SimulationSettings
+from repose.bench.settings import SimulationSettings, WallSettings
 from repose.calibrate.answer import Result
+from repose.calibrate.card import assembled
+from repose.calibrate.card import held as held
+from repose.calibrate.card import with_remark as with_remark
 from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.profiles import OfProfile
 from repose.calibrate.responses import Response, derived
 from repose.calibrate.runs import error_of
-from repose.calibrate.studied import Studied
-from repose.common import provenance
+from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
 from repose.common.files import Path_, read_json, read_table, write_json
 from repose.common.section import Section
 from repose.grain.berry_files import SIZE_COLUMNS, read_berry
-from repose.stages.card_model import POSTERIOR, RANGE, WHAT, check
+from repose.grain.settings import GrainSettings
+from repose.measure.section import MeasureSection
+from repose.stages.card_model import WHAT, check
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,21 +36,68 @@ if TYPE_CHECKING:
 
     Tables = tuple[pd.DataFrame, pd.DataFrame]  # posterior.csv and draws.csv
 
-Ends = tuple[float | None, float | None]
 GRAIN = ("density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa", "poisson_ratio")
 WALL = ("shear_modulus_pa", "poisson_ratio")
 SIMULATION = ("time_step_s", "gravity_m_s2")
 CHOSEN = "measure.response"  # names the definition of a response that has several
 BERRY_HEIGHT = "berry_height_mm"
 CONFIG = "config.json"  # the configuration of a study, beside its card
-AT_BOUND = 1e-3  # of the range's width: nearer, an answer lies at the bound of what was searched
 AGREEMENT = 1e-6  # relative, of a number of the card and of the configuration
+
+
+class CardTarget(Protocol):
+    """A target of the configuration, as a card describes it."""
+
+    @property
+    def response(self) -> str: ...
+
+    @property
+    def profile(self) -> OfProfile | None: ...
+
+
+class CardSettings(Protocol):
+    """The sections of the configuration that a card describes."""
+
+    @property
+    def label(self) -> str: ...
+
+    @property
+    def berry(self) -> GrainSettings: ...
+
+    @property
+    def wall(self) -> WallSettings: ...
+
+    @property
+    def simulation(self) -> SimulationSettings: ...
+
+    @property
+    def measure(self) -> MeasureSection: ...
+
+    @property
+    def targets(self) -> Sequence[CardTarget]: ...
+
+
+class CardStudy(Protocol):
+    """The configuration of a study, as a card describes it."""
+
+    @property
+    def config(self) -> dict[str, Any]: ...
+
+    @property
+    def settings(self) -> CardSettings: ...
+
+    @property
+    def parameters(self) -> ParameterSpace: ...
+
+    @property
+    def targets(self) -> Targets: ...
+
 
 # --- made -----------------------------------------------------------------------------------------
 
 
 def make(
-    study: Studied,
+    study: CardStudy,
     answer: Result,
     grain: Mapping[str, Any],
     particle: "Particle",
@@ -73,49 +125,9 @@ def make(
     }
     for name, found in reach.of(study.config, particle, dataset_csv).items():
         tests[name]["reach"] = found.record()
-    return assembled(about, tests, answer, study.parameters, feasible, posterior)
-
-
-def assembled(
-    about: Mapping[str, Any],
-    tests: Mapping[str, Mapping[str, Any]],
-    answer: Result,
-    space: ParameterSpace,
-    feasible: "pd.DataFrame",
-    posterior: "Tables | None" = None,
-) -> dict[str, Any]:
-    """Assemble a card from its parts."""
-    draws = feasible if posterior is None else posterior[1]
-    between = ends(space, feasible, posterior)
-    correlations = draws[list(space.free)].corr().fillna(0.0).round(4)
-    given = dict.fromkeys(space.free, "calibrated") | dict.fromkeys(
-        space.prior, "calibrated from a prior"
+    return assembled(
+        about, tests, answer, study.parameters, feasible, posterior, labels=LABELS
     )
-    return {
-        "card": 1,
-        "material": answer.label,
-        **about,
-        "parameters": {
-            name: {
-                "meaning": LABELS.get(name, name),
-                "value": answer.parameters[name],
-                **held(space, name, answer.parameters[name], *between[name]),
-                "given": given.get(name, "fixed"),
-            }
-            for name in space.names
-        },
-        "interval": RANGE if posterior is None else POSTERIOR,
-        "correlations": correlations.to_dict("index"),
-        "tests": [check.row() | dict(tests[check.response]) for check in answer.checks],
-        "met": answer.met,
-        "out_of_reach": answer.out_of_reach,
-        "reason": answer.reason,
-        **({"small_run": True} if answer.small_run else {}),
-        "within": {
-            f"{percent:g} %": chance for percent, chance in answer.within.items()
-        },
-        "made_by": _made_by(),
-    }
 
 
 def laws(settings: SimulationSettings) -> dict[str, str]:
@@ -133,7 +145,7 @@ def laws(settings: SimulationSettings) -> dict[str, str]:
 
 
 def described(
-    study: Studied, response: Response, grain: Mapping[str, Any]
+    study: CardStudy, response: Response, grain: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Describe a response by its definition and its bench test's settings, with the units in the keys."""
     from repose.measure.settings import MeasureSettings
@@ -189,48 +201,6 @@ def _lines(measure: Section, name: str, row: Mapping[str, Any]) -> dict[str, Any
     return {"line": line, "definitions": found}
 
 
-def ends(
-    space: ParameterSpace, feasible: "pd.DataFrame", posterior: "Tables | None"
-) -> dict[str, Ends]:
-    """Find the interval of each parameter; (None, None) for a fixed parameter."""
-    if posterior is None:
-        low, high = feasible[list(space.free)].min(), feasible[list(space.free)].max()
-    else:
-        table = posterior[0].set_index("parameter")
-        low, high = table["credible_low"], table["credible_high"]
-    free = {name: (float(low[name]), float(high[name])) for name in space.free}
-    return {name: free.get(name, (None, None)) for name in space.names}
-
-
-def held(
-    space: ParameterSpace,
-    name: str,
-    value: float,
-    low: float | None,
-    high: float | None,
-) -> dict[str, Any]:
-    """Widen a parameter's interval to hold its value, unless that lies at a bound of what was searched."""
-    if name not in space.free or low is None or high is None:
-        return {"low": None, "high": None}
-    k = space.free.index(name)
-    lower, upper = float(space.low[k]), float(space.high[k])
-    for side, bound in (("lower", lower), ("upper", upper)):
-        if abs(value - bound) <= AT_BOUND * (upper - lower):
-            return {"low": low, "high": high, "at_bound": side}
-    return {"low": min(low, value), "high": max(high, value)} | (
-        {} if low <= value <= high else {"widened": True}
-    )
-
-
-def with_remark(words: str, row: Mapping[str, Any]) -> str:
-    """Add to words on a parameter what `held` says of its interval."""
-    if "at_bound" in row:
-        return f"{words}; at the {row['at_bound']} bound of the range"
-    return (
-        f"{words}; interval widened to hold the answer" if "widened" in row else words
-    )
-
-
 def _grain(
     alike: bool, grain: Mapping[str, Any], particle: "Particle"
 ) -> dict[str, Any]:
@@ -256,23 +226,11 @@ def _rounded(value: float) -> float:
     return float(f"{value:.6g}")
 
 
-def _made_by() -> dict[str, Any]:
-    """Name the version, configuration, engine and seed that made the card."""
-    record, keys = (
-        provenance.current() or provenance.machine(),
-        {"version": "repose", "configuration": "settings"},
-    )
-    return {
-        name: record.get(keys.get(name, name))
-        for name in ("version", "commit", "configuration", "engine", "seed")
-    }
-
-
 # --- written and read -----------------------------------------------------------------------------
 
 
 def run(
-    study: Studied, answer: Result, files: Mapping[str, Any], out: Path_
+    study: CardStudy, answer: Result, files: Mapping[str, Any], out: Path_
 ) -> dict[str, Any]:
     """Write the card of a finished calibration (`make`) and return it; optional ones of the files may be None."""
     from repose.grain.particle import Particle
@@ -336,7 +294,7 @@ def configuration_of_card(card_json: Path_) -> Path | None:
 def require_one_study(
     card: Mapping[str, Any],
     card_json: Path_,
-    study: Studied,
+    study: CardStudy,
     source: Path_,
     grain: Mapping[str, Any],
 ) -> None:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import ConfigDict, Field, JsonValue, TypeAdapter, ValidationError
@@ -17,8 +17,6 @@ from repose.grain.settings import GrainSettings
 WHAT = "a material card"
 OK = "ok"
 FEWEST_RUNS = 2  # successful runs of each bench test, for the probability that the targets are met
-POSTERIOR: Final = "central 95 % of the posterior"
-RANGE: Final = "range of the parameter sets found"
 MISSING = "the key is missing"
 ROUNDING, UNLIKE = (
     1e-3,

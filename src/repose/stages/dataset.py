@@ -15,6 +15,7 @@ import pandas as pd
 
 from repose.bench import bench
 from repose.bench.parameters import named
+from repose.calibrate.dataset_files import SUMMARY
 from repose.calibrate.responses import Definitions
 from repose.calibrate.runs import Recorded, summarise_runs
 from repose.calibrate.seeds import UNNAMED
@@ -25,7 +26,6 @@ from repose.measure.angles import CALIBRATED_ANGLE
 from repose.measure.settings import MeasureSettings, line_of
 from repose.stages.parameter_sets import read_samples
 
-SUMMARY = "_summary.json"  # follows the stem of a dataset's name
 RUN = ("seed", "status", "reason")
 ENDED = ("status", "reason", "n_seeds")
 ROUNDING = 1.01  # a measured restitution may lie a little above 1
@@ -114,21 +114,6 @@ def run(
         write_table(Path(out) / f"{prefix}{name}", content)
     write_json(Path(out) / f"{prefix}dataset{SUMMARY}", summary)
     return summary
-
-
-def read_definitions(dataset_csv: Path_) -> tuple[Definitions, Path]:
-    """Read how a dataset's responses are defined, empty if unknown, and the path of the summary that says so."""
-    summary, path = read_summary(dataset_csv)
-    return summary.get("definitions", {}), path
-
-
-def read_summary(dataset_csv: Path_) -> tuple[dict[str, Any], Path]:
-    """Read the summary next to a dataset, empty if there is none; return it with its path."""
-    path = Path(dataset_csv)
-    path = path.with_name(f"{path.stem}{SUMMARY}")
-    return (
-        read_json(path, what="the summary of a dataset") if path.is_file() else {}
-    ), path
 
 
 def read_jobs(

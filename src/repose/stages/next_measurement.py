@@ -11,9 +11,8 @@ discrepancy d of the simulator. For normal variables the information is
 first response to add, and is made again once that one is a target.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -21,16 +20,13 @@ import pandas as pd
 from repose.bench import Scene, bench_of, bench_tests
 from repose.bench.parameters import PARAMETERS, named
 from repose.calibrate.responses import responses_of
-from repose.calibrate.strategies.base import Studied
+from repose.calibrate.targets import Targets
 from repose.calibrate.variance import variance_components
 from repose.common.errors import require
 from repose.common.files import Path_, read_table, write_table
 from repose.measure.angles import MEAN_KEYS
 from repose.measure.further_responses import CALIBRATED_ANGLE
 from repose.stages.job import measure_job
-
-if TYPE_CHECKING:
-    from repose.grain.particle import Particle
 
 SETS = 16  # of the posterior's draws
 SEEDS = 2  # runs of each in each bench test: the fewest that show the scatter
@@ -101,44 +97,65 @@ def information(
     )
 
 
+def every_response() -> list[dict[str, str]]:
+    """List the responses of all bench tests as targets of a scene, to measure them all."""
+    entries = []
+    for test in bench_tests():
+        for response in test.responses:
+            entries.append({"response": response.name, "apparatus": test.name})
+    return entries
+
+
 def run(
     pours: Iterable[Path_],
-    study: Studied,
-    particle: "Particle",
-    grain: Mapping[str, Any],
+    scene: Scene,
     out_dir: Path_,
+    *,
+    targets: Targets,
+    discrepancy_percent: float,
 ) -> pd.DataFrame:
-    """Measure all responses of saved runs; write next.csv, without the targets and other definitions of their angle."""
-    every = [
-        {"response": one.name, "apparatus": test.name}
-        for test in bench_tests()
-        for one in test.responses
-    ]
-    scene, rows = (
-        Scene.of(dict(study.config) | {"targets": every}, {}, grain, particle),
-        [],
-    )
+    """Rank the responses of saved runs by the information that each would add.
+
+    Parameters
+    ----------
+    pours : iterable of path
+        Saved runs of plausible parameter sets, in any bench tests.
+    scene : Scene
+        The scene of the study, whose targets are `every_response`.
+    out_dir : path
+        Folder for the measured runs and for next.csv.
+    targets : Targets
+        The present targets. They, and other definitions of their angle, are no further
+        responses.
+    discrepancy_percent : float
+        Of the simulator, in percent of a response's mean.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The content of next.csv.
+    """
+    rows = []
     for path in map(Path, pours):
         job = measure_job(scene, path, Path(out_dir) / path.parent.name)
         test = bench_of(job, path)
-        rows += [
-            {
-                "apparatus": test.name,
-                "sample": job["sample"],
-                "response": response.name,
-                "value": response.of(run),
-            }
-            for run in job["runs"]
-            for response in responses_of(test.name)
-        ]
-    measured = {
-        *study.targets.names,
-        *(MEAN_KEYS.values() if CALIBRATED_ANGLE in study.targets.names else ()),
-    }
+        for run in job["runs"]:
+            for response in responses_of(test.name):
+                rows.append(
+                    {
+                        "apparatus": test.name,
+                        "sample": job["sample"],
+                        "response": response.name,
+                        "value": response.of(run),
+                    }
+                )
+    measured = set(targets.names)
+    if CALIBRATED_ANGLE in measured:
+        measured.update(MEAN_KEYS.values())
     runs = pd.DataFrame(rows).dropna(subset="value")
     runs = runs[~runs["response"].isin(measured)]
-    repetitions = round(np.mean([target.repetitions for target in study.targets]))
-    table = information(runs, repetitions, study.settings.posterior.discrepancy_percent)
+    repetitions = round(np.mean([target.repetitions for target in targets]))
+    table = information(runs, repetitions, discrepancy_percent)
     write_table(Path(out_dir) / "next.csv", table, float_format="%.6g")
     return table
 

@@ -8,10 +8,10 @@ import numpy as np
 import pandas as pd
 
 from repose.bench.parameters import PARAMETERS, check_value, named
+from repose.calibrate.dataset_files import read_summary
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError, require
 from repose.common.files import Path_, read_table
-from repose.stages.dataset import read_summary
 
 # Tolerance of a mean, or a standard error, against its runs: relative, and absolute below 1.
 AGREEMENT = 1e-6

@@ -16,12 +16,12 @@ from repose.calibrate.chance import Runs, chance_of_meeting
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.responses import Response, derived
 from repose.calibrate.runs import error_of
-from repose.calibrate.studied import Studied
 from repose.calibrate.surrogates.support import Support
 from repose.calibrate.targets import Targets
 from repose.common.errors import require
 from repose.common.files import Path_, read_table, write_table
 from repose.measure.angles import CALIBRATED_ANGLE, MEAN_KEYS
+from repose.measure.section import MeasureSection
 from repose.measure.settings import line_for, line_of
 from repose.stages.dataset import Jobs, assemble, read_jobs
 from repose.stages.parameter_sets import read_samples
@@ -183,28 +183,49 @@ def write_solutions(
 
 
 def run(
-    path: Path_,
+    solutions_csv: Path_,
     jobs: Iterable[Path_],
-    study: Studied,
-    theirs: pd.DataFrame,
-    out: Path_,
+    out_dir: Path_,
+    *,
+    targets: Targets,
+    measure: object,
+    published: pd.DataFrame,
     support: Support | None = None,
 ) -> dict[str, pd.DataFrame]:
-    """Write table4.csv and representative.csv (`validate`) and published.csv, the table `theirs`; return them."""
-    solutions = read_samples(path, (*CHOSEN, *study.targets.predicted)).astype(
-        {"solution": str}
-    )
-    found = read_jobs(jobs, solutions, study.targets)
-    tables = validate(solutions, found, study.targets, study.settings.measure) | {
-        "published": theirs
-    }
+    """Compare predicted and simulated responses, and write the tables.
+
+    Parameters
+    ----------
+    solutions_csv : path
+        Parameter sets that were simulated again, as `write_solutions` writes them.
+    jobs : iterable of path
+        The measured runs of each set.
+    out_dir : path
+        Folder for table4.csv, representative.csv and published.csv.
+    targets : Targets
+    measure : MeasureSection or mapping
+        The section `measure`.
+    published : pandas.DataFrame
+        Result of `compared_with_published`.
+    support : Support, optional
+        Region of the samples; sets beyond it get a warning.
+
+    Returns
+    -------
+    dict of pandas.DataFrame
+        The tables by the stems of their files.
+    """
+    solutions = read_samples(solutions_csv, (*CHOSEN, *targets.predicted))
+    solutions = solutions.astype({"solution": str})
+    jobs_by_bench = read_jobs(jobs, solutions, targets)
+    tables = validate(solutions, jobs_by_bench, targets, measure)
+    tables["published"] = published
     for name, table in tables.items():
         if support is not None and name != "representative":
             parameters = table[list(named(table))].to_numpy(float)
-            tables[name] = table.assign(
-                warning=support.warnings(parameters) if len(parameters) else []
-            )
-        write_table(Path(out) / f"{name}.csv", tables[name])
+            warnings = support.warnings(parameters) if len(parameters) else []
+            tables[name] = table.assign(warning=warnings)
+        write_table(Path(out_dir) / f"{name}.csv", tables[name])
     return tables
 
 
@@ -229,82 +250,137 @@ def write_published_solutions(
 def write_published_sets(
     published_csv: Path_,
     jobs: Iterable[Path_],
-    study: Studied,
-    simulated_by: Mapping[str, str | None],
     out_csv: Path_,
+    *,
+    names: Sequence[str],
+    targets: Targets,
+    simulated_by: Mapping[str, str | None],
 ) -> pd.DataFrame:
-    """Write the published sets, what was published of their piles, and their means and standard errors here.
+    """Write the published sets with their piles as published and as simulated here.
 
-    `simulated_by` are the hashes of `repose.stages.published.SIMULATED_BY`.
+    Parameters
+    ----------
+    published_csv : path
+        The published sets.
+    jobs : iterable of path
+        Their measured runs.
+    out_csv : path
+        The table to write.
+    names : sequence of str
+        Parameters of the study.
+    targets : Targets
+    simulated_by : mapping
+        The hashes of `repose.stages.published.SIMULATED_BY`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The table.
     """
-    targets, names = study.targets, study.parameters.names
     sets = _numbered(published_csv, names)
     simulated = assemble(sets, read_jobs(jobs, sets, targets), targets)[0]
     about = [name for name in ("solution", "source", "wall") if name in sets]
-    table = sets[["sample", *about, *names]].assign(
-        **{name: "" for name in ("source",) if name not in sets}
-    )
+    table = sets[["sample", *about, *names]].copy()
+    if "source" not in sets:
+        table["source"] = ""
+    # Numbers of the publication are told from those of this simulator by their names.
     for word in ("predicted", "simulated", "measured"):
-        for column in (column for column in sets if f"_{word}_" in column):
-            table[column.replace(f"_{word}_", f"_published_{word}_")] = sets[column]
-    # by its definition, as another study may calibrate another one
-    for name in dict.fromkeys((*targets.names, "height_mm", *MEAN_KEYS.values())):
+        for column in sets:
+            if f"_{word}_" in column:
+                name = column.replace(f"_{word}_", f"_published_{word}_")
+                table[name] = sets[column]
+    # The angle has the column of its definition: another study may calibrate another.
+    responses = dict.fromkeys((*targets.names, "height_mm", *MEAN_KEYS.values()))
+    for name in responses:
         if name in simulated and name != CALIBRATED_ANGLE:
-            table[[name, error_of(name)]] = simulated[[name, error_of(name)]].astype(
-                float
-            )
+            columns = [name, error_of(name)]
+            table[columns] = simulated[columns].astype(float)
     table[list(ENDED)] = simulated[list(ENDED)]
     table = table.assign(**simulated_by)
     write_table(out_csv, table)
     return table
 
 
-def stored_columns(columns: Iterable[str], study: Studied) -> dict[Response, str]:
-    """Find a study's responses in a table of simulated published sets, with their columns; none for other sets."""
-    own = {CALIBRATED_ANGLE: MEAN_KEYS[study.settings.measure.response]}
-    found = {
-        response: own.get(response.name, response.name)
-        for response in study.targets.responses
-    }
-    return {
-        one: column
-        for one, column in found.items()
-        if {column, *study.parameters.names} <= set(columns)
-    }
+def stored_columns(
+    columns: Iterable[str],
+    *,
+    names: Sequence[str],
+    targets: Targets,
+    definition: str,
+) -> dict[Response, str]:
+    """Find the responses of a study in a table of simulated published sets.
+
+    Parameters
+    ----------
+    columns : iterable of str
+        Of the table.
+    names : sequence of str
+        Parameters of the study.
+    targets : Targets
+    definition : str
+        How the study takes the angle of repose (`measure.response`).
+
+    Returns
+    -------
+    dict
+        The column of each response that the table has; empty if it lacks a parameter.
+    """
+    present = set(columns)
+    if not set(names) <= present:
+        return {}
+    found = {}
+    for response in targets.responses:
+        column = response.name
+        if column == CALIBRATED_ANGLE:
+            column = MEAN_KEYS[definition]
+        if column in present:
+            found[response] = column
+    return found
 
 
 def compared_with_published(
-    stored_csv: Path_ | None, study: Studied, simulated_by: Mapping[str, str]
+    stored_csv: Path_ | None,
+    *,
+    names: Sequence[str],
+    targets: Targets,
+    measure: MeasureSection,
+    simulated_by: Mapping[str, str],
 ) -> pd.DataFrame:
-    """Return the published sets as they were simulated once, with a study's responses; no rows without any.
+    """Compare the published sets, as they were simulated once, with the publication.
 
-    `stale` where other hashes than `simulated_by` stand next to them.
+    Parameters
+    ----------
+    stored_csv : path or None
+        Table of `write_published_sets`.
+    names, targets
+        As in `write_published_sets`.
+    measure : MeasureSection
+        The section `measure`.
+    simulated_by : mapping
+        Hashes of today's engine and scene; a set with others is `stale`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Without rows where there is no table, or it has other parameters.
     """
     stored = pd.DataFrame() if stored_csv is None else read_stored(stored_csv)
-    columns = stored_columns(stored, study)
-    if not columns:
-        return pd.DataFrame(
-            columns=[
-                "sample",
-                "solution",
-                *study.parameters.names,
-                *ENDED,
-                *SIMULATED_BY,
-                "stale",
-            ]
-        )
+    found = stored_columns(
+        stored, names=names, targets=targets, definition=measure.response
+    )
+    if not found:
+        columns = ["sample", "solution", *names, *ENDED, *SIMULATED_BY, "stale"]
+        return pd.DataFrame(columns=columns)
     table = stored.copy()
-    for response, column in columns.items():
-        table[response.simulated], table[response.error] = (
-            stored[column],
-            stored[error_of(column)],
-        )
+    for response, column in found.items():
+        table[response.simulated] = stored[column]
+        table[response.error] = stored[error_of(column)]
         published = derived(response.name, "published_simulated")
         if published in stored:
-            table[derived(response.name, "difference")] = (
-                stored[column] - stored[published]
-            )
+            difference = stored[column] - stored[published]
+            table[derived(response.name, "difference")] = difference
     if set(ANGLES) <= set(stored):
-        table["line"] = calibrated_line(study.targets.responses, study.settings.measure)
-    table["stale"] = (stored[list(SIMULATED_BY)] != pd.Series(simulated_by)).any(axis=1)
+        table["line"] = calibrated_line(targets.responses, measure)
+    hashes = stored[list(SIMULATED_BY)]
+    table["stale"] = (hashes != pd.Series(simulated_by)).any(axis=1)
     return table

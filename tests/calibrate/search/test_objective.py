@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from repose.bench.parameters import PARAMETERS
-from repose.calibrate.parameter_space import ParameterSpace
+from repose.bench.space import contact_space
 from repose.calibrate.search.objective import (
     PRIOR_WEIGHT,
     Archive,
@@ -80,9 +80,9 @@ def test_one_target_four_with_weights_and_weights_of_one():
 
 def test_a_prior_is_a_small_term_that_no_infeasible_point_makes_up_for():
     ranges = dict.fromkeys(PARAMETERS, (0.2, 0.4))
-    assert Preference.of(ParameterSpace.of(ranges)) is None
+    assert Preference.of(contact_space(ranges)) is None
     measured = {"prior": {"mean": 0.25, "sd": 0.01}, "range": [0.2, 0.4]}
-    space = ParameterSpace.of(ranges | {"mus_gg": measured, "e_gp": {"fixed": 0.3}})
+    space = contact_space(ranges | {"mus_gg": measured, "e_gp": {"fixed": 0.3}})
     preference = Preference.of(space)
     values = np.full((3, 6), 0.3)
     values[:, 1] = 0.25, 0.26, 0.4  # 0, 1 and 15 standard deviations off

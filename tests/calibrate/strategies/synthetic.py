@@ -6,14 +6,15 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from shared import RANGES, entries, settings_of, target
+from shared import RANGES, calibration_settings_of, entries, target
 
 from repose.bench.parameters import PARAMETERS
+from repose.bench.space import contact_space
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.strategies.response_surface import ResponseSurfaceSettings
 from repose.calibrate.targets import Targets
 
-SPACE = ParameterSpace.of(RANGES)
+SPACE = contact_space(RANGES)
 # What `responses` gives at mus_gg 0.61, mur_gg 0.05, mus_gp 0.68.
 TARGETS = Targets.of(
     [target("aor_deg", 33.89, 2.0, 32, 36), target("height_mm", 65.28, 4.0, 62, 68)]
@@ -46,7 +47,7 @@ class Study(NamedTuple):
 
     @property
     def settings(self):
-        return settings_of(self.config)
+        return calibration_settings_of(self.config)
 
 
 def study(targets=None, space=None, **sections):

@@ -8,16 +8,16 @@ import numpy as np
 import pandas as pd
 import pytest
 from shared import ROOT, says, studied, target
+from stage_runs import answer_of
 from synthetic import SPACE, TARGETS, configuration, responses
 from test_sequential import HEIGHT, SECTION, campaign
 
 from repose.bench.parameters import PARAMETERS
-from repose.calibrate import answer
 from repose.calibrate.runs import error_of
 from repose.calibrate.search.settings import MigaSettings
 from repose.calibrate.strategies import answer as written
 from repose.calibrate.strategies.answer import separated
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from repose.grain.particle import Particle
 from repose.measure.angles import MEAN_KEYS
 from repose.report.page import page, sections
@@ -65,7 +65,7 @@ def study(tmp_path_factory):
         "wall": {"shear_modulus_pa": 1e9, "poisson_ratio": 0.3},
         "berry": {"size_distribution": "none"},
     }
-    whole = Study.load(ROOT / "config/config.yaml").config
+    whole = PipelineConfig.load(ROOT / "config/config.yaml").config
     own |= {name: whole[name] for name in ("measure", "funnel")}
     config = configuration(TARGETS, SPACE, sequential=SECTION, **own)
     step = {"time_step_s": 1e-4, "gravity_m_s2": 9.81, "rest_energy_j": 1e-9}
@@ -81,7 +81,7 @@ def number(folder):
 
 def of_files(folder, config):
     names = ("summary.json", "representative.csv", "solutions.csv")
-    return answer.read(
+    return answer_of(
         studied(config, strategy="sequential"), *(folder / name for name in names)
     )
 
@@ -168,7 +168,7 @@ def test_the_verbs_that_the_rules_call_write_card_and_report(
 ):
     monkeypatch.chdir(tmp_path)
     campaign(tmp_path, HEIGHT)
-    config = Study.load("config/quick.yaml").config
+    config = PipelineConfig.load("config/quick.yaml").config
     wanted = configuration(HEIGHT, SPACE)
     config |= {
         "targets": wanted["targets"],
@@ -210,7 +210,7 @@ def test_the_answer_has_its_piles_by_every_definition_of_the_angle(tmp_path):
     best = dict.fromkeys(PARAMETERS, 0.3) | dict.fromkeys(TARGETS.predicted, 31.0)
     found = dict(notes={}, solutions=[best], predicted_error=[0.1] * len(TARGETS))
     found |= dict(feasible=True, message="", why="", pours=12)
-    measure = Study.load(ROOT / "config/config.yaml").config["measure"] | {
+    measure = PipelineConfig.load(ROOT / "config/config.yaml").config["measure"] | {
         "response": "secant"
     }
     study = SimpleNamespace(

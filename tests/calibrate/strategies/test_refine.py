@@ -9,13 +9,12 @@ import pytest
 from linear import Linear
 from refusals import input_error, value_error
 from shared import MIGA, good_run, studied, targets_of, write_jobs
+from stage_runs import answer_of, conclude, propose, searched, trained
 from synthetic import REFINE, Study, configuration
 
 from repose.bench.parameters import PARAMETERS
-from repose.calibrate import answer
-from repose.calibrate import inversion as invert
+from repose.bench.space import contact_space
 from repose.calibrate import training as train
-from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.seeds import pour_seeds
 from repose.calibrate.strategies import Answer
 from repose.calibrate.strategies.refined import Refined, refine, rounds
@@ -26,7 +25,7 @@ from repose.stages import batches, dataset
 
 RANGES = {name: [0.0, 1.0] for name in PARAMETERS}
 RANGES |= {"e_gg": [0.01, 0.99], "mus_gg": [2.0, 6.0], "e_gp": [0.01, 0.99]}
-SPACE = ParameterSpace.of(RANGES)
+SPACE = contact_space(RANGES)
 LOW, HIGH = SPACE.low, SPACE.high
 SECTION = REFINE | {"rounds": 4, "reach": 0.1}
 TARGETS = targets_of(aor_deg=30.0, height_mm=60.0)
@@ -90,7 +89,7 @@ def test_the_proposal_is_the_representative_and_neighbours_that_keep_fixed_param
     )
     pd.testing.assert_frame_equal(table, proposed())
     assert set(proposed(neighbours=0)["role"]) == {"proposal"}
-    space = ParameterSpace.of(
+    space = contact_space(
         RANGES | {"e_gp": {"fixed": 0.5}, "mur_gp": {"fixed": 0.5}}
     )
     table = proposed(space=space, targets=targets_of(drum_slip_deg=40.0))
@@ -252,7 +251,7 @@ def closed(simulator, out, limit):
     verdicts, folders, found = [], [out], {"answer": False}
     while not found["answer"]:
         own = out / "refined" / f"batch_{len(folders)}"
-        found = batches.run_propose("refined", study, folders, own)
+        found = propose("refined", study, folders, own)
         verdicts += [found["notes"]["row"]] if "row" in found["notes"] else []
         folders.append(own)
         if not found["answer"]:
@@ -264,7 +263,7 @@ def closed(simulator, out, limit):
                 {},
                 own,
             )
-    batches.run_conclude("refined", study, folders, out / "refined")
+    conclude("refined", study, folders, out / "refined")
     return verdicts
 
 
@@ -318,9 +317,9 @@ def test_round_0_is_the_answer_of_the_chain_and_the_loop_of_a_study_is_that_of_t
     loop,
 ):
     out = loop[0].parent
-    train.run(out / "dataset.csv", out / "runs.csv", STUDY, out / "network")
+    trained(out / "dataset.csv", out / "runs.csv", STUDY, out / "network")
     support = Support.of_dataset(out / "dataset.csv", SPACE)
-    invert.run(out / "network" / "network.json", STUDY, None, out / "miga", support)
+    searched(out / "network" / "network.json", STUDY, None, out / "miga", support)
     notes = json.loads((out / "refined/batch_1/proposal.json").read_text())["notes"]
     for name, note in (
         ("network/metrics.json", "fit"),
@@ -374,7 +373,7 @@ def test_runs_of_another_definition_or_numbers_are_refused(loop, tmp_path):
         ),
         (many, folders[:1], r"design\.samples is 1000; expected below 1000"),
     ):
-        input_error(words, batches.run_propose, "refined", one, given, tmp_path)
+        input_error(words, propose, "refined", one, given, tmp_path)
 
 
 def test_a_target_out_of_reach_ends_at_the_limit_and_the_answer_says_what_is_met(
@@ -402,12 +401,12 @@ def test_a_target_out_of_reach_ends_at_the_limit_and_the_answer_says_what_is_met
     out, _, verdicts = loop
     folders = [out.parent, *(out / f"batch_{k + 1}" for k in range(len(verdicts) + 1))]
     early = r"proposal\.json: answer is False; expected true in the last folder"
-    input_error(early, batches.run_conclude, "refined", STUDY, folders[:-1], out)
+    input_error(early, conclude, "refined", STUDY, folders[:-1], out)
     files = (
         out / name for name in ("summary.json", "representative.csv", "solutions.csv")
     )
     text = str(
-        answer.read(studied(configuration(TARGETS, SPACE), strategy="refined"), *files)
+        answer_of(studied(configuration(TARGETS, SPACE), strategy="refined"), *files)
     )
     assert text.splitlines()[0].startswith("made_up: targets met. Angle of repose ")
     assert text.endswith(

@@ -9,6 +9,7 @@ import synthetic
 from matplotlib.text import Text
 from refusals import input_error
 from shared import entries
+from stage_runs import conclude, propose
 from synthetic import (
     MATTER,
     RANGES,
@@ -21,8 +22,8 @@ from synthetic import (
 )
 
 from repose.bench.parameters import PARAMETERS
+from repose.bench.space import contact_space
 from repose.calibrate.designs.optimum import Optimum
-from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.strategies import Answer
 from repose.calibrate.strategies.response_surface import (
     ResponseSurface,
@@ -49,7 +50,7 @@ def campaign(folder, noise, section=SECTION, space=SPACE, seed=1):
         synthetic.study(space=space, response_surface=section),
     )
     for number, step in enumerate(steps):
-        batches.run_propose("response_surface", study, steps[:number], step)
+        propose("response_surface", study, steps[:number], step)
         synthetic.write_poured(
             step,
             pd.read_csv(step / "samples.csv"),
@@ -57,10 +58,10 @@ def campaign(folder, noise, section=SECTION, space=SPACE, seed=1):
             [seed, number],
             section["seeds"],
         )
-    assert batches.run_propose("response_surface", study, steps, folder / "answer")[
+    assert propose("response_surface", study, steps, folder / "answer")[
         "answer"
     ]
-    batches.run_conclude("response_surface", study, [*steps, folder / "answer"], folder)
+    conclude("response_surface", study, [*steps, folder / "answer"], folder)
     return pd.read_csv(folder / "check.csv")
 
 
@@ -75,7 +76,7 @@ def test_without_noise_the_optimum_is_the_target_and_a_fixed_parameter_is_no_fac
     name, tmp_path
 ):
     # a surface of second order is the simulator itself inside its design
-    space = ParameterSpace.of(RANGES | {"e_gg": {"fixed": 0.25}})
+    space = contact_space(RANGES | {"e_gg": {"fixed": 0.25}})
     check = campaign(
         tmp_path, 0.0, SECTION | {"surface": name, "most_factors": 3}, space
     )
@@ -246,9 +247,9 @@ def test_too_few_piles_are_reported_with_their_folder_and_figures(tmp_path, nois
     runs.loc[runs["sample"].isin(table["sample"].iloc[3:12]), "status"] = "failed"
     synthetic.write_tables(tmp_path, table, runs)
     step = "response_surface", study, [tmp_path], tmp_path / "next"
-    input_error(f"{tmp_path}: .*enough for the model", batches.run_propose, *step)
+    input_error(f"{tmp_path}: .*enough for the model", propose, *step)
     synthetic.write_poured(tmp_path, table.iloc[:5])
-    input_error("all samples of the step", batches.run_propose, *step)
+    input_error("all samples of the step", propose, *step)
     folder = noisy[0]
     surface_files = {
         name: str(folder / f"surface/{name}.csv") for name in ("samples", "dataset")

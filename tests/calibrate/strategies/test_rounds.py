@@ -11,7 +11,7 @@ from synthetic import REFINE as SECTION
 from synthetic import SPACE, study
 
 from repose.bench.parameters import PARAMETERS
-from repose.calibrate.parameter_space import ParameterSpace
+from repose.bench.space import contact_space
 from repose.calibrate.responses import response
 from repose.calibrate.seeds import pour_seeds
 from repose.calibrate.strategies.refined import RefineSettings, rounds
@@ -119,7 +119,7 @@ def test_one_target_and_four_of_two_bench_tests():
         "slip 40.10 ± 0.06 deg (+0.25 %), mean"
     )
     seven = study(
-        FOUR, ParameterSpace.of(RANGES | {"gamma_gg": [0.0, 0.1]}), refine=SECTION
+        FOUR, contact_space(RANGES | {"gamma_gg": [0.0, 0.1]}), refine=SECTION
     )
     row = rounds.judge(
         proposed(FOUR, 4).assign(gamma_gg=0.05),

@@ -11,6 +11,7 @@ from refusals import input_error
 from scipy.spatial.distance import cdist
 from scipy.stats import norm
 from shared import entries, says
+from stage_runs import conclude, propose
 from synthetic import (
     RANGES,
     SPACE,
@@ -24,7 +25,7 @@ from synthetic import (
 
 from repose import Study
 from repose.bench.parameters import PARAMETERS
-from repose.calibrate.parameter_space import ParameterSpace
+from repose.bench.space import contact_space
 from repose.calibrate.strategies.sequential import SequentialSettings
 from repose.calibrate.strategies.sequential.advise import (
     LEAST_GAIN,
@@ -39,7 +40,6 @@ from repose.calibrate.strategies.sequential.strategy import observed_of
 from repose.calibrate.targets import Targets
 from repose.report.figures import style
 from repose.report.figures.sequential import sequential
-from repose.stages import batches
 from repose.stages.batches import data_of
 
 SECTION = {
@@ -59,7 +59,7 @@ def campaign(folder, targets=TARGETS, space=SPACE, section=SECTION, noise=1.0, s
     folders, found = [], {"answer": False}
     while not found["answer"]:
         own = folder / f"batch_{len(folders)}"
-        found = batches.run_propose("sequential", known, folders, own)
+        found = propose("sequential", known, folders, own)
         table = pd.read_csv(own / "samples.csv")
         assert set(table["seeds"]) == {
             section["checks" if found["answer"] else "seeds"]
@@ -72,7 +72,7 @@ def campaign(folder, targets=TARGETS, space=SPACE, section=SECTION, noise=1.0, s
             targets,
         )
         folders.append(own)
-    batches.run_conclude("sequential", known, folders, folder)
+    conclude("sequential", known, folders, folder)
     return json.loads((folder / "summary.json").read_text())
 
 
@@ -137,17 +137,17 @@ def test_the_same_pours_give_the_same_bits(done, tmp_path):
 
 def test_one_target_a_fixed_parameter_and_a_prior_that_spreads_the_start(tmp_path):
     known = {"mus_gp": {"prior": {"mean": 0.6, "sd": 0.02}, "range": [0.4, 0.8]}}
-    unit = start(ParameterSpace.of(RANGES | known), SequentialSettings(**SECTION), 1)
+    unit = start(contact_space(RANGES | known), SequentialSettings(**SECTION), 1)
     strata = np.sort(
-        np.floor(12 * ParameterSpace.of(RANGES | known).prior_cdf(unit)), axis=0
+        np.floor(12 * contact_space(RANGES | known).prior_cdf(unit)), axis=0
     )
     assert (strata == np.arange(12)[:, None]).all()
-    values = ParameterSpace.of(RANGES | known).values(unit)[
+    values = contact_space(RANGES | known).values(unit)[
         :, PARAMETERS.index("mus_gp")
     ]
     assert values.std() == pytest.approx(0.02, rel=0.3)
     summary = campaign(
-        tmp_path, HEIGHT, ParameterSpace.of(RANGES | known | {"e_gg": {"fixed": 0.25}})
+        tmp_path, HEIGHT, contact_space(RANGES | known | {"e_gg": {"fixed": 0.25}})
     )
     assert summary["answer"]["e_gg"] == 0.25
     # far from the prior's mean the density is small; five of its standard deviations are never worth it here
@@ -291,14 +291,14 @@ def test_a_batch_lies_about_the_answer_and_away_from_failed_samples():
 
 def test_a_budget_counts_failed_runs_and_bench_tests_are_independent(tmp_path):
     known = study(sequential=SECTION)
-    batches.run_propose("sequential", known, [], tmp_path)
+    propose("sequential", known, [], tmp_path)
     table = pd.read_csv(tmp_path / "samples.csv")
     runs = runs_of(table, 2, 0.5, 1)
     runs.loc[[0, 4, 5], "status"] = "jammed"
     runs.loc[[0, 4, 5], list(TARGETS.names)] = np.nan
     write_tables(tmp_path, table, runs)
     assert (
-        batches.run_propose("sequential", known, [tmp_path], tmp_path / "batch_1")[
+        propose("sequential", known, [tmp_path], tmp_path / "batch_1")[
             "pours"
         ]
         == 24
@@ -312,7 +312,7 @@ def test_a_budget_counts_failed_runs_and_bench_tests_are_independent(tmp_path):
     write_poured(tmp_path, table, 0.5, seeds=1)
     few = "enough for an estimate of the noise"
     input_error(
-        few, batches.run_propose, "sequential", known, [tmp_path], tmp_path / "batch_1"
+        few, propose, "sequential", known, [tmp_path], tmp_path / "batch_1"
     )
     other = BOTH[1] | {
         "response": "drum_slip_deg",

@@ -10,7 +10,8 @@ from refusals import input_error, value_error
 from repose.calibrate.responses import require_same_definitions
 from repose.calibrate.surrogates import base, load, make, names
 from repose.calibrate.surrogates.settings import NetworkSettings
-from repose.config.faults import subschema
+from repose.common.faults import subschema
+from repose.config.models import settings_type
 
 SETTINGS = NetworkSettings.of(
     {"hidden": 6, "epochs": 200, "goal": 0.0, "starts": 3, "seed": 1}
@@ -271,7 +272,7 @@ def test_surrogates_are_registered_once_and_a_quadratic_one_is_exact():
         "cubic",
         {},
     )
-    assert subschema(("surrogate",))["enum"] == list(names())
+    assert subschema(("surrogate",), settings_type())["enum"] == list(names())
 
 
 def test_load_names_what_is_wrong(tmp_path, fitted):

@@ -8,7 +8,7 @@ from refusals import input_error, value_error
 from shared import says
 
 from repose.bench.parameters import PARAMETERS
-from repose.calibrate.parameter_space import ParameterSpace
+from repose.bench.space import contact_space
 from repose.calibrate.surrogates import network_ensemble
 from repose.calibrate.surrogates.bayesian_bp import BayesianBP
 from repose.calibrate.surrogates.levenberg_marquardt import CONVERGED
@@ -189,12 +189,12 @@ def test_support_of_a_dataset_takes_usable_samples_and_no_fixed_parameter(tmp_pa
     table["sample"], table["status"] = np.arange(40), "ok"
     table.loc[0, "status"] = "jammed"
     table.to_csv(tmp_path / "dataset.csv", index=False)
-    space = ParameterSpace.of(dict.fromkeys(PARAMETERS, (0.0, 1.0)))
+    space = contact_space(dict.fromkeys(PARAMETERS, (0.0, 1.0)))
     support = Support.of_dataset(tmp_path / "dataset.csv", space)
     first = table.loc[[0, 1], list(PARAMETERS)].to_numpy()
     assert support.distance(first)[0] > 0
     assert support.distance(first)[1] == 0
-    cohesive = ParameterSpace.of(dict.fromkeys([*PARAMETERS, "gamma_gg"], (0.0, 1.0)))
+    cohesive = contact_space(dict.fromkeys([*PARAMETERS, "gamma_gg"], (0.0, 1.0)))
     input_error(
         "column gamma_gg is 'missing'",
         Support.of_dataset,

@@ -10,17 +10,17 @@ from refusals import input_error
 from shared import ROOT, TARGETS, targets_of
 
 from repose.bench.parameters import PARAMETERS
-from repose.calibrate.parameter_space import ParameterSpace
+from repose.bench.space import contact_space
+from repose.calibrate.study import Study
 from repose.calibrate.targets import Targets
 from repose.calibrate.uncertainty import discrepancy, implausibility, noise
 from repose.calibrate.uncertainty.likelihood import observation
 from repose.calibrate.variance import variance_components
-from repose.config.study import Study
 from repose.stages import next_measurement
 
 PILE = targets_of(aor_deg=30.0, height_mm=60.0)
 OWN = {"slope": 30.0, "time": 4.0}
-SPACE = ParameterSpace.of({name: [0.0, 1.0] for name in PARAMETERS})
+SPACE = contact_space({name: [0.0, 1.0] for name in PARAMETERS})
 TWO = Targets.of(TARGETS)
 FOUR = targets_of(
     aor_deg=32.0, height_mm=64.0, base_radius_mm=110.0, drum_slip_deg=40.0

@@ -11,12 +11,12 @@ from refusals import input_error
 from shared import ROOT, at, put, says
 
 from repose.calibrate import calibration
+from repose.calibrate.record import Record
 from repose.calibrate.strategies.runs import checked_runs
 from repose.calibrate.strategies.sequential import noise
 from repose.calibrate.strategies.sequential.strategy import observed_of
-from repose.config.own import OwnPosterior, OwnSequential, unread
-from repose.config.record import Record
-from repose.config.study import Study
+from repose.calibrate.study import Study
+from repose.calibrate.study_file import OwnPosterior, OwnSequential, unread
 from repose.stages import card
 
 PAGE = (ROOT / "docs/own_simulator.md").read_text()

@@ -10,11 +10,12 @@ from linear import Linear
 from refusals import input_error, value_error
 from scipy import stats
 from shared import study_of, targets_of
+from stage_runs import trained
 from synthetic import Study, write_tables
 
 from repose.bench.parameters import PARAMETERS
+from repose.bench.space import contact_space
 from repose.calibrate import training as train
-from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.surrogates import names
 from repose.calibrate.surrogates.bayesian_bp import BayesianBP
 from repose.calibrate.surrogates.settings import NetworkSettings
@@ -37,7 +38,7 @@ SETTINGS |= {
     "steps": 1000,
     "seed": 1,
 }
-GIVEN = Study(ParameterSpace.of(UNIT), TARGETS, {"posterior": SETTINGS})
+GIVEN = Study(contact_space(UNIT), TARGETS, {"posterior": SETTINGS})
 
 
 def test_statements_and_a_reference_interval_by_its_share_of_the_prior():
@@ -64,7 +65,7 @@ def test_statements_and_a_reference_interval_by_its_share_of_the_prior():
     )
     row |= {"width_ratio": 0.4}
     assert "e_gp is determined, 0.21 to 0.49" in posterior.statement(row)
-    space = ParameterSpace.of(UNIT | {"mus_gg": [0.4, 0.8]})
+    space = contact_space(UNIT | {"mus_gg": [0.4, 0.8]})
     found = posterior._reference(
         "other", space, space.free.index("mus_gg"), np.array([0.4, 0.6, 0.8]), 0.5, 0.7
     )
@@ -72,7 +73,7 @@ def test_statements_and_a_reference_interval_by_its_share_of_the_prior():
         pytest.approx(0.5),
         pytest.approx(1 / 3),
     )
-    space = ParameterSpace.of(
+    space = contact_space(
         UNIT | {"mus_gg": {"prior": {"mean": 0.6, "sd": 0.05}, "range": [0.4, 0.8]}}
     )
     found = posterior._reference(
@@ -113,7 +114,7 @@ def inferred(targets, slopes, space=UNIT, runs=None, **changes):
         model,
         Everywhere(),
         runs,
-        Study(ParameterSpace.of(space), targets, {}),
+        Study(contact_space(space), targets, {}),
         settings,
         beside,
     )
@@ -234,7 +235,7 @@ def test_a_prior_narrows_its_parameter_and_fixed_ones_are_not_sampled():
     assert [one.summary["converged"] for one in (found, alone)] == [
         r <= 1.01 and n >= 400 for r, n in ends
     ], ends
-    space = ParameterSpace.of(
+    space = contact_space(
         UNIT | {"gamma_gg": [0.0, 0.1], "gamma_gp": {"fixed": 0.0}}
     )
     published = pd.DataFrame({"low": 0.4, "high": 0.6}, index=PARAMETERS)
@@ -275,7 +276,7 @@ def test_sampler_and_weighted_points_have_the_bits_of_a_grid():
     assert found["information_bits"] == pytest.approx(
         exact, abs=3 * found["information_se_bits"]
     )
-    model, space = Linear(targets.names, [slopes], error=0.1), ParameterSpace.of(UNIT)
+    model, space = Linear(targets.names, [slopes], error=0.1), contact_space(UNIT)
     points = implausibility.Points(model, space)
 
     def observed(percent, between):
@@ -321,7 +322,7 @@ def study(tmp_path_factory):
         40 + 40 * table["mur_gg"].repeat(4).to_numpy() + random.normal(0, 1.0, 240)
     )
     write_tables(folder, table, runs)
-    train.run(
+    trained(
         folder / "dataset.csv",
         folder / "runs.csv",
         study_of(TARGETS, network=TRAINING),
@@ -365,7 +366,7 @@ def test_a_study_determines_what_moves_its_responses_and_says_what_it_does_not(
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in names() if name != "network"])
 def test_every_surrogate_gives_the_same_answer(name, study, tmp_path):
-    train.run(
+    trained(
         study["dataset"],
         study["runs"],
         study_of(TARGETS, network=TRAINING, surrogate=name),

@@ -14,6 +14,7 @@ from shared import targets_of
 from synthetic import Study
 
 from repose.bench.parameters import PARAMETERS
+from repose.bench.space import contact_space
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.surrogates import make, names
 from repose.calibrate.surrogates.bayesian_bp import BayesianBP
@@ -203,7 +204,7 @@ def test_bad_indices_are_refused_and_a_fixed_parameter_has_none():
         20,
         1,
     )
-    space = ParameterSpace.of(UNIT | {"e_gg": {"fixed": 0.9}})
+    space = contact_space(UNIT | {"e_gg": {"fixed": 0.9}})
     targets = targets_of(drum_slip_deg=30.0)
     table, effects = sensitivity.analyse(
         Linear(targets.names, SLOPES[:1]), study_of(targets, space)
@@ -219,7 +220,7 @@ def test_bad_indices_are_refused_and_a_fixed_parameter_has_none():
 
 
 def study_of(targets, space=None):
-    return Study(space or ParameterSpace.of(UNIT), targets, {"sensitivity": SECTION})
+    return Study(space or contact_space(UNIT), targets, {"sensitivity": SECTION})
 
 
 @pytest.mark.parametrize(
@@ -266,7 +267,7 @@ def test_faults_are_reported_with_the_file(tmp_path):
     flat = BayesianBP(hidden=2, starts=1, epochs=20).fit(X, X[:, :1])
     flat.W1_ = 0 * flat.W1_
     flat.describe(PARAMETERS, targets.names).save(path)
-    fixed = ParameterSpace.of({name: {"fixed": 0.5} for name in PARAMETERS})
+    fixed = contact_space({name: {"fixed": 0.5} for name in PARAMETERS})
     flat = r"network\.json: surrogate is 'an output of the function does not vary"
     input_error(flat, sensitivity.run, path, study_of(targets), tmp_path)
     input_error(

@@ -12,9 +12,9 @@ import pytest
 import yaml
 from refusals import input_error, not_refused, value_error
 
-from repose import Study
+from repose import PipelineConfig, Study
+from repose.calibrate.record import Record
 from repose.common.errors import InputError
-from repose.config.record import Record
 
 QUICK = {
     "posterior": {"walkers": 32, "steps": 100},
@@ -151,7 +151,7 @@ def test_each_run_of_a_function_is_kept_and_the_record_goes_on_anywhere(tmp_path
 def test_a_record_that_cannot_be_written_keeps_nothing(tmp_path, monkeypatch):
     one = study(tmp_path / "runs.csv")
     asked = one.ask()
-    monkeypatch.setattr("repose.config.record.write_table", lambda *_: int("full"))
+    monkeypatch.setattr("repose.calibrate.record.write_table", lambda *_: int("full"))
     value_error("invalid literal", one.tell, results(asked))
     monkeypatch.undo()
     one.tell(results(asked).assign(status=None).drop(columns="run")[::2])
@@ -283,7 +283,7 @@ def test_what_is_wrong_is_told_by_its_name(tmp_path):
         (lambda: Study({"a": (0, 1)}, None), "targets is None"),
         (lambda: Study({"a\nb": (0, 1)}, {"y": (1.0, 0.1)}), "one line of text"),
         (lambda: Study({"turn": (0, 1)}, {"y": (1.0, 0.1)}), "none of sample, run, status, turn"),
-        (lambda: Study.of([1]), "a mapping of sections"), (lambda: Study.load(None), "the path of a file"),
+        (lambda: PipelineConfig.of([1]), "a mapping of sections"), (lambda: PipelineConfig.load(None), "the path of a file"),
         (lambda: Study.resume(None), "the path of a file"),
         (lambda: study(tmp_path / "none/x.csv"), "a folder that is there"),
         (lambda: study().tell(None), "a pandas.DataFrame"),

@@ -5,14 +5,12 @@ column. Distances are Euclidean and taken in the unit cube, so that no parameter
 """
 
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from repose.calibrate.designs.settings import DesignSettings
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.common.files import Path_, write_table
 
 CANDIDATES = 20  # of `lhsdesign`
 PHI_POWER = 16.0
@@ -127,13 +125,3 @@ def parameter_sets(
     table = pd.DataFrame(space.values(points), columns=list(space.names))
     table.insert(0, "sample", np.arange(first, first + len(table)))
     return table
-
-
-def run(
-    space: ParameterSpace, section: DesignSettings, out_dir: Path_
-) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Write samples.csv and comparison.csv; return both tables (`design`)."""
-    table, comparison = design(space, section)
-    write_table(Path(out_dir) / "samples.csv", table, float_format="%.10g")
-    write_table(Path(out_dir) / "comparison.csv", comparison, float_format="%.6g")
-    return table, comparison

@@ -1,27 +1,30 @@
-"""A strategy: from the runs so far to the samples that are simulated next, or to the answer; and the registry.
+"""A strategy: from the runs so far to the samples to simulate next, or to the answer.
 
-To add a strategy, write a subclass of `Strategy` in a module of its own, put `@register("its_name")` above it, and
-import the module in `repose.calibrate.strategies`; then the configuration knows the name, and `repose.Study` and the workflow
-follow it.
+To add a strategy, write a subclass of `Strategy` in a module of its own, put
+`@register("its_name")` above it, and import the module in
+`repose.calibrate.strategies`. Then the configuration knows the name, and `repose.Study`
+and the workflow follow it.
 """
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.calibrate.studied import Studied
-from repose.common.errors import InputError, require
+from repose.common.errors import InputError
 from repose.common.section import Contradictions, Section
 
 if TYPE_CHECKING:
     import pandas as pd
 
+    from repose.calibrate.study import Study
     from repose.calibrate.surrogates.base import Predictor
 
+# The section of a strategy; None for one without a section.
+SectionType = TypeVar("SectionType", bound=Section | None)
 Pours = tuple[tuple[str, int, int], ...]
 SO_FAR = "more runs may give a better answer"
 
@@ -95,7 +98,7 @@ class Answer:
         return np.sqrt(np.diagonal(self.covariance))
 
 
-class Strategy(ABC):
+class Strategy(ABC, Generic[SectionType]):
     """A way to calibrate.
 
     Attributes
@@ -103,7 +106,8 @@ class Strategy(ABC):
     name : str
         In the configuration; set by `register`.
     settings : type of Section or None
-        The section of the configuration with the strategy's name; None for a strategy that reads other sections only.
+        Model of the section with the strategy's name; None for a strategy that reads
+        only other sections. `study.settings.of_strategy` returns the section.
     repeats_points : bool
         Whether it asks for the same parameters under several numbers of samples.
     begins_with_design : bool
@@ -122,15 +126,15 @@ class Strategy(ABC):
     reads: ClassVar[tuple[str, ...] | None] = None
 
     @abstractmethod
-    def propose(self, study: Studied, data: "pd.DataFrame") -> Batch | Answer:
+    def propose(self, study: "Study", data: "pd.DataFrame") -> Batch | Answer:
         """Propose the next samples, or give the answer.
 
         The same study and the same runs give the same proposal: a study that was interrupted goes on as it would have.
 
         Parameters
         ----------
-        study : Studied
-            Any `repose.Study`.
+        study : Study
+            Its parameters, targets and settings are read, never its runs.
         data : pandas.DataFrame
             All runs so far, a row for each: `sample`, parameters, responses; empty at the start. A run failed if a
             response is NaN. With a column `batch`, the number of the proposal that the run comes from.
@@ -145,7 +149,7 @@ class Strategy(ABC):
             If the runs do not determine the model of the strategy.
         """
 
-    def answer(self, study: Studied, data: "pd.DataFrame") -> Answer:
+    def answer(self, study: "Study", data: "pd.DataFrame") -> Answer:
         """Give the best answer that the runs so far allow.
 
         Parameters
@@ -164,11 +168,16 @@ class Strategy(ABC):
         """
         proposal = self.propose(study, data)
         if isinstance(proposal, Batch):
-            allowed = f"more: strategy {self.name} asks for {len(proposal.samples)} more samples before it answers"
-            raise InputError("runs", "rows", len(data), allowed)
+            words = (
+                f"more: strategy {self.name} asks for {len(proposal.samples)} more "
+                "samples before it answers"
+            )
+            raise InputError("runs", "rows", len(data), words)
         return proposal
 
-    def contradictions(self, section: Any, free: int, responses: int) -> Contradictions:
+    def contradictions(
+        self, section: SectionType, free: int, responses: int
+    ) -> Contradictions:
         """Yield values of the strategy's section with which it cannot run.
 
         Parameters
@@ -185,7 +194,7 @@ class Strategy(ABC):
         """
         return iter(())
 
-    def pours(self, section: Any, free: int) -> Pours | None:
+    def pours(self, section: SectionType, free: int) -> Pours | None:
         """Count the most runs that the strategy can ask for.
 
         Parameters
@@ -202,8 +211,8 @@ class Strategy(ABC):
         return None
 
 
-_REGISTRY: dict[str, Strategy] = {}
-Kind = TypeVar("Kind", bound=type[Strategy])
+_REGISTRY: dict[str, Strategy[Any]] = {}
+Kind = TypeVar("Kind", bound=type[Strategy[Any]])
 
 
 def register(name: str) -> Callable[[Kind], Kind]:
@@ -227,9 +236,8 @@ def register(name: str) -> Callable[[Kind], Kind]:
 
     def enter(kind: Kind) -> Kind:
         if name in _REGISTRY and type(_REGISTRY[name]) is not kind:
-            raise ValueError(
-                f"strategy {name!r} is registered already, by {type(_REGISTRY[name]).__name__}"
-            )
+            other = type(_REGISTRY[name]).__name__
+            raise ValueError(f"strategy {name!r} is registered already, by {other}")
         kind.name = name
         _REGISTRY[name] = kind()
         return kind
@@ -242,7 +250,7 @@ def names() -> tuple[str, ...]:
     return tuple(_REGISTRY)
 
 
-def strategy(name: str, source: object = "strategy") -> Strategy:
+def strategy(name: str, source: object = "strategy") -> Strategy[Any]:
     """Return the strategy with a name.
 
     Parameters
@@ -261,9 +269,8 @@ def strategy(name: str, source: object = "strategy") -> Strategy:
     InputError
         If no strategy has this name.
     """
-    require(
-        name in _REGISTRY, source, "strategy", name, f"one of {', '.join(_REGISTRY)}"
-    )
+    if name not in _REGISTRY:
+        raise InputError(source, "strategy", name, f"one of {', '.join(_REGISTRY)}")
     return _REGISTRY[name]
 
 
@@ -289,3 +296,7 @@ def samples_of(
     from repose.calibrate.designs.latin_hypercube import parameter_sets
 
     return parameter_sets(unit, space, first).assign(seeds=seeds)
+
+
+# `repose.calibrate.uncertainty` imports this name.
+Studied = Any

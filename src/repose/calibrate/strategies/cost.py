@@ -1,44 +1,51 @@
-"""Number of pours of a strategy, and whether a configuration can take it."""
+"""The number of runs of a strategy, and whether a configuration fits it."""
 
-from typing import Any
-
-from repose.calibrate.strategies.base import Pours, Strategy, names, strategy
-from repose.common.section import Contradictions
+from repose.calibrate.strategies.base import Pours, names, strategy
+from repose.common.section import Contradictions, Section
 
 
 def others() -> tuple[str, ...]:
-    """Return the strategies that have a section of their own; the rest take the article's steps."""
+    """Return the strategies that have a section; the others take the article's steps."""
     return tuple(name for name in names() if strategy(name).settings is not None)
 
 
-def contradictions(settings: Any, name: str | None = None) -> Contradictions:
-    """Yield dotted keys with which a strategy, by default a configuration's own, cannot run, and what is allowed."""
-    own, section, free = _read(settings, name)
-    found = own.contradictions(section, free, len(settings.targets))
-    return ((f"{own.name}.{key}", allowed) for key, allowed in found)
+def contradictions(
+    name: str, section: Section | None, free: int, responses: int
+) -> Contradictions:
+    """Yield the keys with which a strategy cannot run.
+
+    Parameters
+    ----------
+    name : str
+        Of the strategy.
+    section : Section or None
+        The strategy's section, valid by itself.
+    free, responses : int
+        Numbers of free parameters and of targets.
+
+    Yields
+    ------
+    (str, str)
+        Dotted key, and what is allowed.
+    """
+    faults = strategy(name).contradictions(section, free, responses)
+    for key, allowed in faults:
+        yield f"{name}.{key}", allowed
 
 
-def misfit(settings: Any, name: str) -> str | None:
-    """Say why a configuration cannot use a strategy; None if it can."""
-    off = contradictions(settings, name)
-    return next(
-        (
-            f"not with this configuration: {key}; expected {allowed}"
-            for key, allowed in off
-        ),
-        None,
-    )
+def misfit(name: str, section: Section | None, free: int, responses: int) -> str | None:
+    """Say why a strategy cannot run, with arguments as above; None if it can."""
+    for key, allowed in contradictions(name, section, free, responses):
+        return f"not with this configuration: {key}; expected {allowed}"
+    return None
 
 
-def pours(settings: Any, name: str | None = None) -> Pours | None:
-    """Count the pours of a strategy (purpose, parameter sets, seeds); None for the article's method."""
-    own, section, free = _read(settings, name)
-    return own.pours(section, free)
+def pours(name: str, section: Section | None, free: int) -> Pours | None:
+    """Count the most runs of a strategy; None for the article's method.
 
-
-def _read(settings: Any, name: str | None) -> tuple[Strategy, Any, int]:
-    """Return a strategy with its section, and the number of free parameters."""
-    own = strategy(name or settings.strategy)
-    given = [one for one in dict(settings.parameters).values() if one is not None]
-    section = None if own.settings is None else getattr(settings, own.name)
-    return own, section, sum("fixed" not in one for one in given)
+    Returns
+    -------
+    tuple of (str, int, int)
+        Purpose, number of parameter sets, and runs of each.
+    """
+    return strategy(name).pours(section, free)

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.runs import of_bench
-from repose.calibrate.strategies.base import Studied
 from repose.calibrate.strategies.sequential.goal import Goal
 from repose.calibrate.targets import Targets
 from repose.calibrate.variance import within_covariance
@@ -25,7 +25,6 @@ SUCCESS = Path(__file__).with_name("success.csv")
 # taken where nothing is measured.
 NOISE_PERCENT, CORRELATION = 5.0, 0.8
 CERTAINTY = 0.9  # of the number of pours that the noise alone asks for
-BYTES_A_GRAIN = 62  # of a pour on the disk, measured
 TOLERANCES = (1.0, 2.0)  # percent, as in the table
 
 
@@ -45,15 +44,31 @@ class Plan(NamedTuple):
 
 
 def plan(
-    study: Studied, runs: pd.DataFrame | None = None, source: object = "runs"
+    space: ParameterSpace,
+    targets: Targets,
+    runs: pd.DataFrame | None = None,
+    source: object = "runs",
 ) -> Plan:
-    """Compute expected results by the noise of `runs`, or by `default_noise`; InputError for too few replicates."""
-    targets, space = study.targets, study.parameters
-    noise = (
-        default_noise(targets)
-        if runs is None
-        else measured_noise(runs, targets, source)
-    )
+    """Compute the expected results of budgets of pours.
+
+    Parameters
+    ----------
+    space : ParameterSpace
+    targets : Targets
+    runs : pandas.DataFrame, optional
+        Earlier runs, which show the noise; `default_noise` by default.
+    source : object, optional
+        File of the runs, for an error.
+
+    Raises
+    ------
+    InputError
+        If the runs have too few replicates.
+    """
+    if runs is None:
+        noise = default_noise(targets)
+    else:
+        noise = measured_noise(runs, targets, source)
     percent = 100 * np.sqrt(np.diagonal(noise)) / targets.whole
     needed = {
         tolerance: Goal.of(targets, tolerance, space).needed(noise, CERTAINTY)
@@ -121,12 +136,3 @@ def measured_noise(
 def read_runs(path: Path_, targets: Targets) -> pd.DataFrame:
     """Read the runs (runs.csv) of an earlier study, or of its beginning."""
     return read_table(path, ("sample", "status", *targets.names))
-
-
-def disk_mb(study: Studied, pours: int) -> float:
-    """Estimate the disk space of a number of pours in each bench test of the targets."""
-    grains = sum(
-        getattr(getattr(study.settings, name), "berries", 1)
-        for name in study.targets.apparatus
-    )
-    return 1e-6 * BYTES_A_GRAIN * grains * pours

@@ -9,7 +9,8 @@ import pandas as pd
 
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.runs import mean_and_error
-from repose.calibrate.strategies.base import Studied, strategy
+from repose.calibrate.strategies.base import strategy
+from repose.calibrate.study import Study
 from repose.calibrate.targets import Targets
 from repose.common.errors import require
 from repose.common.files import TURN, Path_
@@ -140,7 +141,7 @@ def runs_by_bench(data: pd.DataFrame, targets: Targets) -> pd.DataFrame:
     return pd.concat(tables, ignore_index=True)
 
 
-def read_runs(path: Path_, study: Studied) -> pd.DataFrame:
+def read_runs(path: Path_, study: Study) -> pd.DataFrame:
     """Read a CSV file of runs and check it by `checked_runs`."""
     return checked_runs(study, rows_of(path), path)
 
@@ -163,7 +164,7 @@ def without_point(cells: Iterable[Any]) -> list[str]:
 
 
 def checked_runs(
-    study: Studied, rows: Table, source: object = "runs", enough: bool = True
+    study: Study, rows: Table, source: object = "runs", enough: bool = True
 ) -> pd.DataFrame:
     """Check a table of runs; return ``sample``, ``status``, parameters and responses, with the turns as attribute.
 
@@ -246,7 +247,7 @@ def _parameter(name: str, low: float, high: float) -> Column:
 
 
 def _numbers_of_samples(
-    sets: pd.DataFrame, rows: Rows, study: Studied, source: object
+    sets: pd.DataFrame, rows: Rows, study: Study, source: object
 ) -> Sequence[int]:
     """Return the numbers of the samples; without any, rows with the same parameters are one sample."""
     numbers: Sequence[int] = pd.factorize(sets.apply(tuple, axis=1))[0] + 1

@@ -17,7 +17,7 @@ from . import style
 from .registry import Inputs, Shown, figure
 
 if TYPE_CHECKING:
-    from repose.config.study import Study
+    from repose.config.pipeline import PipelineConfig
 
 Tables = Mapping[str, pd.DataFrame]  # by the names in `SAMPLES`
 SAMPLES = {
@@ -44,7 +44,7 @@ def plain(targets: Targets) -> Targets:
     return Targets(target for target in targets if target.profile is None)
 
 
-def _has_pairs(study: "Study") -> bool:
+def _has_pairs(study: "PipelineConfig") -> bool:
     """Tell whether the targets have a plane."""
     return len(plain(study.targets)) > 1
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from repose.report.shown import Config, Shown
 
 if TYPE_CHECKING:
-    from repose.config.study import Study
+    from repose.config.pipeline import PipelineConfig
 
 Inputs = Mapping[str, Any]  # paths by name
 # The details of such a figure.
@@ -45,7 +45,7 @@ class Drawn(NamedTuple):
         str, ...
     ] = ()  # sections or dotted keys of the configuration, besides `figures` and `small_run`
     caption: str = ""
-    when: "Callable[[Study], bool]" = lambda study: (
+    when: "Callable[[PipelineConfig], bool]" = lambda study: (
         True
     )  # whether a study has the figure
     folder: str = "figures"
@@ -87,11 +87,11 @@ def figure(
     return register
 
 
-def has_pile(study: "Study") -> bool:
+def has_pile(study: "PipelineConfig") -> bool:
     """Tell whether the targets need piles of the funnel."""
     return "funnel" in study.targets.apparatus
 
 
-def has_drum(study: "Study") -> bool:
+def has_drum(study: "PipelineConfig") -> bool:
     """Tell whether the study turns the answer in a drum."""
     return "drum" in study.config

@@ -2,19 +2,21 @@
 
 from typing import TYPE_CHECKING
 
-from repose.calibrate.strategies.base import Answer, Batch, Strategy, Studied, register
+from repose.calibrate.strategies.base import Answer, Batch, Strategy, register
 
 if TYPE_CHECKING:
     import pandas as pd
 
+    from repose.calibrate.study import Study
+
 
 @register("published")
-class Published(Strategy):
+class Published(Strategy[None]):
     """One batch, then the answer."""
 
     begins_with_design = True
 
-    def propose(self, study: Studied, data: "pd.DataFrame") -> Batch | Answer:
+    def propose(self, study: "Study", data: "pd.DataFrame") -> Batch | Answer:
         from repose.calibrate.strategies.published import strategy
 
         return strategy.propose(study, data)

@@ -7,22 +7,23 @@ from repose.calibrate.answer import WITHIN
 from repose.calibrate.designs import latin_hypercube as design
 from repose.calibrate.inversion import Inversion, invert
 from repose.calibrate.probability import within
-from repose.calibrate.strategies.base import Answer, Batch, Studied, samples_of
+from repose.calibrate.strategies.base import Answer, Batch, samples_of
 from repose.calibrate.strategies.runs import next_number, runs_by_bench, samples_of_runs
+from repose.calibrate.study import Study
 from repose.calibrate.surrogates.base import Surrogate
 from repose.calibrate.surrogates.support import Support
 from repose.calibrate.targets import Targets
 from repose.calibrate.training import Training, train
 
 
-def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
+def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     """Propose one batch, then answer."""
     if data.empty:
         section = study.settings.design
         unit = design.points(
             section.samples, study.parameters.dimensions, section.method, section.seed
         )
-        return Batch(samples_of(study.parameters, unit, seeds_of(study)))
+        return Batch(samples_of(study.parameters, unit, study.settings.seeds))
     training, support = fitted(
         study, samples_of_runs(data, study.parameters, study.targets), data
     )
@@ -34,16 +35,11 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
         support=support,
     )
     why = "the batch is simulated: the search on its surrogate answers"
-    return answer_of(study, training.model, inversion, data, why, seeds_of(study))
-
-
-def seeds_of(study: Studied) -> int:
-    """Return how often each sample of a design runs: the seeds of the first target's bench test."""
-    return getattr(study.settings, study.targets.apparatus[0]).seeds
+    return answer_of(study, training.model, inversion, data, why, study.settings.seeds)
 
 
 def fitted(
-    study: Studied, samples: pd.DataFrame, data: pd.DataFrame
+    study: Study, samples: pd.DataFrame, data: pd.DataFrame
 ) -> tuple[Training, Support]:
     """Fit the surrogate of the study to the samples of its runs; return also the region that the good ones cover."""
     settings, names, runs = (
@@ -57,16 +53,16 @@ def fitted(
         runs,
         study.targets,
         settings.network,
-        {},
-        "runs",
-        names,
-        settings.surrogate,
+        names=names,
+        definitions={},
+        source="runs",
+        surrogate=settings.surrogate,
     )
     return training, Support.of(good, study.parameters)
 
 
 def answer_of(
-    study: Studied,
+    study: Study,
     model: Surrogate,
     found: Inversion,
     data: pd.DataFrame,

@@ -4,11 +4,13 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field
 
-from repose.calibrate.strategies.base import Answer, Batch, Strategy, Studied, register
+from repose.calibrate.strategies.base import Answer, Batch, Strategy, register
 from repose.common.section import Contradictions, Percent, Section
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from repose.calibrate.study import Study
 
 LARGEST_BLOCKS = 100  # of a proposal's pours: jobs of a round have three digits
 
@@ -36,7 +38,7 @@ class RefineSettings(Section):
 
 
 @register("refined")
-class Refined(Strategy):
+class Refined(Strategy[None]):
     """The published batch, then rounds."""
 
     repeats_points = True
@@ -52,7 +54,7 @@ class Refined(Strategy):
         "refine",
     )
 
-    def propose(self, study: Studied, data: "pd.DataFrame") -> Batch | Answer:
+    def propose(self, study: "Study", data: "pd.DataFrame") -> Batch | Answer:
         from repose.calibrate.strategies.refined import strategy
 
         return strategy.propose(study, data)

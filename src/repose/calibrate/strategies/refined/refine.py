@@ -16,8 +16,8 @@ from repose.calibrate import inversion as invert
 from repose.calibrate.designs.latin_hypercube import lhsdesign
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.seeds import PURPOSES
-from repose.calibrate.strategies.base import Studied
 from repose.calibrate.strategies.refined.rounds import NEIGHBOUR, OF_A_ROUND, jobs
+from repose.calibrate.study import Study
 from repose.calibrate.surrogates.base import Surrogate
 from repose.calibrate.surrogates.support import Support
 from repose.calibrate.targets import Targets
@@ -42,7 +42,7 @@ def search_box(
 
 
 def propose(
-    solutions: pd.DataFrame, model: Surrogate, study: Studied, round_: int
+    solutions: pd.DataFrame, model: Surrogate, study: Study, round_: int
 ) -> pd.DataFrame:
     """List the jobs of a round: the representative of `solutions` (feasible.csv), and neighbours around it.
 
@@ -104,7 +104,7 @@ def search(
     model: Surrogate,
     dataset: pd.DataFrame,
     centre: Mapping[str, float],
-    study: Studied,
+    study: Study,
     support: Support | None = None,
 ) -> tuple[Surrogate, invert.Inversion]:
     """Correct a surrogate, refitted to `dataset`, near the last proposal `centre`, and search there.

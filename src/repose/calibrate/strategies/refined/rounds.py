@@ -17,8 +17,8 @@ import pandas as pd
 from repose.calibrate.responses import derived
 from repose.calibrate.runs import Recorded, of_bench, summarise_runs
 from repose.calibrate.search.objective import Objective
-from repose.calibrate.strategies.base import Studied
 from repose.calibrate.strategies.refined import RefineSettings
+from repose.calibrate.study import Study
 from repose.calibrate.targets import Target, Targets
 
 OF_A_ROUND, FIRST_NEIGHBOUR = 1000, 101
@@ -71,7 +71,7 @@ def stuck(verdict: Verdict, before: Verdict | None) -> bool:
 
 
 def judge(
-    proposal: pd.DataFrame, runs: pd.DataFrame, study: Studied, round_: int
+    proposal: pd.DataFrame, runs: pd.DataFrame, study: Study, round_: int
 ) -> dict[str, Any]:
     """Judge a round: return a row of batches.csv, with NaN for a missing number.
 
@@ -151,7 +151,7 @@ def _numbers(
 
 
 def _outcome(
-    row: Mapping[str, Any], summary: Mapping[str, Any], study: Studied
+    row: Mapping[str, Any], summary: Mapping[str, Any], study: Study
 ) -> tuple[str, str]:
     """Find the outcome of a round, and say in words how far each response is off."""
     if summary["status"] != "ok":

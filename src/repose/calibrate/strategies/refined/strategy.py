@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from repose.calibrate.inversion import Inversion, invert
-from repose.calibrate.strategies.base import Answer, Batch, Studied
+from repose.calibrate.strategies.base import Answer, Batch
 from repose.calibrate.strategies.published import strategy as published
 from repose.calibrate.strategies.published.strategy import (
     answer_of,
@@ -28,6 +28,7 @@ from repose.calibrate.strategies.refined.rounds import (
     why_stopped,
 )
 from repose.calibrate.strategies.runs import runs_by_bench, samples_of_runs
+from repose.calibrate.study import Study
 from repose.calibrate.surrogates.base import Surrogate
 from repose.calibrate.training import Training
 from repose.common.errors import require
@@ -42,7 +43,7 @@ class Round(NamedTuple):
     proposal: pd.DataFrame  # of `refine.propose`
 
 
-def follow(study: Studied, data: pd.DataFrame, number: int) -> Round:
+def follow(study: Study, data: pd.DataFrame, number: int) -> Round:
     """Make the round of a number from the runs of the design and of the rounds before it."""
     space, targets, settings = study.parameters, study.targets, study.settings
     allowed = f"below {OF_A_ROUND}, from where the samples of the rounds are numbered"
@@ -77,7 +78,7 @@ def follow(study: Studied, data: pd.DataFrame, number: int) -> Round:
     )
 
 
-def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
+def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     """Propose the published batch; then rounds, each with many runs of the answer and a few of its neighbours."""
     if data.empty:
         return published.propose(study, data)
@@ -115,7 +116,7 @@ def _batch(following: Round, notes: dict[str, Any]) -> Batch:
     return Batch(following.proposal, notes | found)
 
 
-def _end(verdict: Mapping[str, Any], why: str, study: Studied) -> dict[str, Any]:
+def _end(verdict: Mapping[str, Any], why: str, study: Study) -> dict[str, Any]:
     """Describe the end of the rounds, for the summary and the report."""
     solution = {name: verdict[name] for name in study.parameters.names}
     met, claimed = verdict["outcome"] == "within", claim(verdict, study.targets)
@@ -134,7 +135,7 @@ def _end(verdict: Mapping[str, Any], why: str, study: Studied) -> dict[str, Any]
 
 
 def _simulated(
-    answer: Answer, study: Studied, proposal: pd.DataFrame, data: pd.DataFrame
+    answer: Answer, study: Study, proposal: pd.DataFrame, data: pd.DataFrame
 ) -> Answer:
     """Replace the answer's predicted means by the simulated means of its own runs."""
     targets = study.targets

@@ -9,7 +9,6 @@ from repose.calibrate.strategies.base import (
     Batch,
     Pours,
     Strategy,
-    Studied,
     register,
 )
 from repose.common.section import Contradictions, Section, Seeds
@@ -17,6 +16,8 @@ from repose.common.section import Contradictions, Section, Seeds
 if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
+
+    from repose.calibrate.study import Study
 
 FITTED = ("anova", "effects", "statistics")  # tables of a step's models
 
@@ -52,7 +53,7 @@ class ResponseSurfaceSettings(Section):
 
 
 @register("response_surface")
-class ResponseSurface(Strategy):
+class ResponseSurface(Strategy[ResponseSurfaceSettings]):
     """Screening, steepest ascent, surface, check: each a batch."""
 
     settings = ResponseSurfaceSettings
@@ -80,7 +81,7 @@ class ResponseSurface(Strategy):
         "miga.distance",
     )
 
-    def propose(self, study: Studied, data: "pd.DataFrame") -> Batch | Answer:
+    def propose(self, study: "Study", data: "pd.DataFrame") -> Batch | Answer:
         from repose.calibrate.strategies.response_surface import strategy
 
         return strategy.propose(study, data)

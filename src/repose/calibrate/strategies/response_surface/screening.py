@@ -14,7 +14,6 @@ from repose.calibrate.designs.anova import anova, effects, limits, statistics
 from repose.calibrate.designs.model import Model, fit
 from repose.calibrate.designs.plackett_burman import plackett_burman
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.calibrate.strategies.base import Studied
 from repose.calibrate.strategies.response_surface import ResponseSurfaceSettings
 from repose.calibrate.strategies.response_surface.steps import (
     CODED,
@@ -23,6 +22,7 @@ from repose.calibrate.strategies.response_surface.steps import (
     scale_of,
     usable,
 )
+from repose.calibrate.study import Study
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
 
@@ -37,7 +37,7 @@ TABLES = {
 
 
 def screened(
-    study: Studied, table: pd.DataFrame, dataset: pd.DataFrame
+    study: Study, table: pd.DataFrame, dataset: pd.DataFrame
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
     """Analyse the screening's samples: return the samples of the ascent, and tables, result and a message as notes.
 
@@ -139,7 +139,7 @@ def kept_factors(models: list[Model], section: ResponseSurfaceSettings) -> list[
 
 
 def path(
-    models: list[Model], centre: np.ndarray, kept: list[str], study: Studied
+    models: list[Model], centre: np.ndarray, kept: list[str], study: Study
 ) -> pd.DataFrame:
     """Sample the steepest ascent from the centre of the ranges towards the targets, to the edge of the ranges.
 

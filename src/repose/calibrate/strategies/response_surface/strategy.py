@@ -5,13 +5,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from repose.calibrate.strategies.base import Answer, Batch, Studied, samples_of
+from repose.calibrate.strategies.base import Answer, Batch, samples_of
 from repose.calibrate.strategies.published.strategy import probability_of
 from repose.calibrate.strategies.response_surface import screening, surface
 from repose.calibrate.strategies.runs import next_number, samples_of_runs
+from repose.calibrate.study import Study
 
 
-def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
+def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     """Propose the next step's samples, or answer; the notes are the tables of all steps so far, and `why` in words."""
     space, section = study.parameters, study.settings.response_surface
     notes: dict[str, Any] = {}

@@ -9,7 +9,6 @@ from repose.calibrate.designs.model import Model
 from repose.calibrate.designs.optimum import Optimum, optimum
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.strategies.answer import separated
-from repose.calibrate.strategies.base import Studied
 from repose.calibrate.strategies.response_surface import ResponseSurfaceSettings
 from repose.calibrate.strategies.response_surface.steps import (
     CODED,
@@ -18,6 +17,7 @@ from repose.calibrate.strategies.response_surface.steps import (
     scale_of,
     usable,
 )
+from repose.calibrate.study import Study
 from repose.calibrate.targets import Targets
 
 LEVEL = 0.95  # of the intervals
@@ -83,7 +83,7 @@ def natural_unit(
 
 
 def alternatives(
-    models: list[Model], table: pd.DataFrame, study: Studied
+    models: list[Model], table: pd.DataFrame, study: Study
 ) -> tuple[np.ndarray, np.ndarray]:
     """Find parameter sets (n, p) of the design's cube with predictions (n, k) inside all ranges, the best first."""
     from scipy.stats import qmc
@@ -120,7 +120,7 @@ def check_samples(
 
 
 def notes(
-    models: list[Model], best: Optimum, check: pd.DataFrame, study: Studied
+    models: list[Model], best: Optimum, check: pd.DataFrame, study: Study
 ) -> dict[str, Any]:
     """Collect predictions and parameters at the optimum, and the result in words; `check` has the samples of the check.
 

@@ -9,13 +9,14 @@ from repose.calibrate.strategies.base import (
     Batch,
     Pours,
     Strategy,
-    Studied,
     register,
 )
 from repose.common.section import Contradictions, Section, Seeds
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from repose.calibrate.study import Study
 
 
 class SequentialSettings(Section):
@@ -33,7 +34,7 @@ class SequentialSettings(Section):
 
 
 @register("sequential")
-class Sequential(Strategy):
+class Sequential(Strategy[SequentialSettings]):
     """A space-filling start, then batches where the targets are probably met."""
 
     settings = SequentialSettings
@@ -46,12 +47,12 @@ class Sequential(Strategy):
         "miga.distance",
     )
 
-    def propose(self, study: Studied, data: "pd.DataFrame") -> Batch | Answer:
+    def propose(self, study: "Study", data: "pd.DataFrame") -> Batch | Answer:
         from repose.calibrate.strategies.sequential import strategy
 
         return strategy.propose(study, data)
 
-    def answer(self, study: Studied, data: "pd.DataFrame") -> Answer:
+    def answer(self, study: "Study", data: "pd.DataFrame") -> Answer:
         from repose.calibrate.strategies.sequential import strategy
 
         return strategy.answer(study, data)

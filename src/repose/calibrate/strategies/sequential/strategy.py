@@ -9,7 +9,7 @@ import pandas as pd
 from repose.calibrate.answer import WITHIN
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.probability import within
-from repose.calibrate.strategies.base import SO_FAR, Answer, Batch, Studied, samples_of
+from repose.calibrate.strategies.base import SO_FAR, Answer, Batch, samples_of
 from repose.calibrate.strategies.runs import check_responses, next_number
 from repose.calibrate.strategies.sequential.advise import (
     NO_CHANCE,
@@ -27,6 +27,7 @@ from repose.calibrate.strategies.sequential.kriging import (
     SpaceKriging,
 )
 from repose.calibrate.strategies.sequential.noise import Noise, noise_of
+from repose.calibrate.study import Study
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
 
@@ -39,7 +40,7 @@ WHY = {
 }
 
 
-def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
+def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     """Propose the next batch, or answer if there is a reason to stop."""
     space, section = study.parameters, study.settings.sequential
     if data.empty:
@@ -74,7 +75,7 @@ def propose(study: Studied, data: pd.DataFrame) -> Batch | Answer:
     )
 
 
-def _start(study: Studied, data: pd.DataFrame, **notes: str) -> Batch:
+def _start(study: Study, data: pd.DataFrame, **notes: str) -> Batch:
     """Sample all over the ranges, at the beginning or where too few samples are good for a model."""
     space, section = study.parameters, study.settings.sequential
     unit = start(space, section, study.settings.design.seed + len(data))
@@ -86,7 +87,7 @@ def _start(study: Studied, data: pd.DataFrame, **notes: str) -> Batch:
 
 
 def answer(
-    study: Studied, data: pd.DataFrame, point: np.ndarray | None = None, **about: Any
+    study: Study, data: pd.DataFrame, point: np.ndarray | None = None, **about: Any
 ) -> Answer:
     """Answer with the set that meets the targets most probably, the nearest, or a point (d,) of the unit cube."""
     space, targets, section = study.parameters, study.targets, study.settings.sequential
@@ -114,12 +115,10 @@ def answer(
         column: float(goal.probability(mean, covariance)[0])
         for column, goal in goals.items()
     }
-    # a simulator of the user's own has no key for the number of runs of the answer
-    checks = getattr(section, "checks", section.seeds)
     return Answer(
         values=space.values(unit)[0], mean=mean[0], covariance=covariance[0],
         probability=probability | {"inside": float(within(mean, covariance, targets.low, targets.high)[0])},
-        samples=samples_of(space, unit, checks, next_number(data)), others=space.values(others),
+        samples=samples_of(space, unit, section.checks, next_number(data)), others=space.values(others),
         others_mean=predicted, model=SpaceKriging(model, space), **{"why": SO_FAR} | about,
     )  # fmt: skip
 
@@ -150,36 +149,32 @@ def observed_of(
     return Observed(unit[good], values[good], unit[~good])
 
 
-def noise_from(study: Studied, observed: Observed) -> Noise:
+def noise_from(study: Study, observed: Observed) -> Noise:
     """Estimate the noise of a single run as well as the runs allow."""
-    return noise_of(
-        observed, study.targets.names, getattr(study.settings, "noise_sd", {})
-    )
+    return noise_of(observed, study.targets.names, study.settings.noise_sd or {})
 
 
-def known_noise(study: Studied, observed: Observed) -> np.ndarray | None:
-    """Return the covariance (k, k) of a single run; None if the replicates alone give it, as for our own pours."""
-    return (
-        noise_from(study, observed).covariance
-        if hasattr(study.settings, "noise_sd")
-        else None
-    )
+def known_noise(study: Study, observed: Observed) -> np.ndarray | None:
+    """Return the covariance (k, k) of a single run; None if the replicates alone give it."""
+    if study.settings.noise_sd is None:
+        return None
+    return noise_from(study, observed).covariance
 
 
-def _goal(study: Studied) -> Goal:
+def _goal(study: Study) -> Goal:
     """Return the targets within the tolerance of the section."""
     return Goal.of(
         study.targets, study.settings.sequential.tolerance_percent, study.parameters
     )
 
 
-def _random(study: Studied, data: pd.DataFrame) -> np.random.Generator:
+def _random(study: Study, data: pd.DataFrame) -> np.random.Generator:
     """Seed the random numbers of a proposal by the number of the last batch, or by the number of runs."""
     turn = int(data["batch"].max()) if "batch" in data else len(data)
     return np.random.default_rng([study.settings.design.seed, turn])
 
 
-def _notes(advice: Advice, study: Studied) -> dict[str, Any]:
+def _notes(advice: Advice, study: Study) -> dict[str, Any]:
     """Describe the state after the runs so far; `needed` are the pours that the noise alone asks for."""
     space = study.parameters
     answer = dict(
@@ -219,9 +214,7 @@ def _notes(advice: Advice, study: Studied) -> dict[str, Any]:
     }
 
 
-def _end(
-    notes: Mapping[str, Any], study: Studied, data: pd.DataFrame
-) -> dict[str, Any]:
+def _end(notes: Mapping[str, Any], study: Study, data: pd.DataFrame) -> dict[str, Any]:
     """Describe the end of the search, for the summary and the report."""
     section = study.settings.sequential
     kept = ("answer", "probability", "stop", "needed", "in_reach", "nearest")

@@ -10,10 +10,9 @@ from pydantic import Field
 from repose.calibrate.profiles import Profile
 from repose.calibrate.responses import derived, named
 from repose.calibrate.targets import range_about
-from repose.common import places, tables
+from repose.common import faults, places, tables
 from repose.common.errors import InputError, raise_together, require
 from repose.common.section import ABSENT, Section
-from repose.config import faults
 
 MOST_FUNCTIONS = 9
 Column = Annotated[str, Field(min_length=1, max_length=60)]

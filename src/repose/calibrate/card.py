@@ -1,0 +1,171 @@
+"""The general part of a material card: parameters with their intervals, and the verdict.
+
+`repose.stages.card` adds what is known of the grain and of its bench tests.
+"""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
+
+from repose.calibrate.answer import Result
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.common import provenance
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+# What an interval of a card is.
+POSTERIOR: Final = "central 95 % of the posterior"
+RANGE: Final = "range of the parameter sets found"
+# Share of a range's width: nearer to an end, an answer lies at the bound of what was
+# searched.
+AT_BOUND = 1e-3
+# The record of provenance by the keys of a card.
+RECORDED = {
+    "version": "repose",
+    "commit": "commit",
+    "configuration": "settings",
+    "engine": "engine",
+    "seed": "seed",
+}
+
+Ends = tuple[float | None, float | None]
+Tables: TypeAlias = "tuple[pd.DataFrame, pd.DataFrame]"
+
+
+def assembled(
+    about: Mapping[str, Any],
+    tests: Mapping[str, Mapping[str, Any]],
+    answer: Result,
+    space: ParameterSpace,
+    solutions: "pd.DataFrame",
+    posterior: "Tables | None" = None,
+    labels: Mapping[str, str] | None = None,
+) -> dict[str, Any]:
+    """Assemble a card from its parts.
+
+    Parameters
+    ----------
+    about : mapping
+        What the card says of simulator or grain.
+    tests : mapping
+        For each response its definition and its bench test.
+    answer : Result
+        Parameters and verdict.
+    space : ParameterSpace
+        The parameters of the study.
+    solutions : pandas.DataFrame
+        All parameter sets that were found.
+    posterior : pair of pandas.DataFrame, optional
+        Intervals of the parameters, and draws; without it intervals and correlations are
+        those of the solutions.
+    labels : mapping, optional
+        Meaning of each parameter, by default its name.
+
+    Returns
+    -------
+    dict
+        The content of card.json.
+    """
+    draws = solutions if posterior is None else posterior[1]
+    intervals = ends(space, solutions, posterior)
+    correlations = draws[list(space.free)].corr().fillna(0.0).round(4)
+    parameters = {}
+    for name in space.names:
+        value = answer.parameters[name]
+        low, high = intervals[name]
+        parameters[name] = {
+            "meaning": (labels or {}).get(name, name),
+            "value": value,
+            **held(space, name, value, low, high),
+            "given": _kind_of(name, space),
+        }
+    card: dict[str, Any] = {"card": 1, "material": answer.label, **about}
+    card |= {
+        "parameters": parameters,
+        "interval": RANGE if posterior is None else POSTERIOR,
+        "correlations": correlations.to_dict("index"),
+        "tests": [check.row() | dict(tests[check.response]) for check in answer.checks],
+        "met": answer.met,
+        "out_of_reach": answer.out_of_reach,
+        "reason": answer.reason,
+    }
+    if answer.small_run:
+        card["small_run"] = True
+    card["within"] = {
+        f"{percent:g} %": probability for percent, probability in answer.within.items()
+    }
+    card["made_by"] = _made_by()
+    return card
+
+
+def ends(
+    space: ParameterSpace, solutions: "pd.DataFrame", posterior: "Tables | None"
+) -> dict[str, Ends]:
+    """Find the interval of each parameter; (None, None) for a fixed parameter.
+
+    It is that of the posterior, or else the range of the solutions.
+    """
+    if posterior is None:
+        free = solutions[list(space.free)]
+        low, high = free.min(), free.max()
+    else:
+        table = posterior[0].set_index("parameter")
+        low, high = table["credible_low"], table["credible_high"]
+    found: dict[str, Ends] = {}
+    for name in space.names:
+        if name in space.free:
+            found[name] = (float(low[name]), float(high[name]))
+        else:
+            found[name] = (None, None)
+    return found
+
+
+def held(
+    space: ParameterSpace,
+    name: str,
+    value: float,
+    low: float | None,
+    high: float | None,
+) -> dict[str, Any]:
+    """Widen a parameter's interval to hold its value.
+
+    Returns
+    -------
+    dict
+        ``low`` and ``high``, None for a fixed parameter; ``at_bound`` where the value
+        lies at the bound of what was searched, and the interval is left as it is;
+        ``widened`` where the interval did not hold the value.
+    """
+    if name not in space.free or low is None or high is None:
+        return {"low": None, "high": None}
+    k = space.free.index(name)
+    lower, upper = float(space.low[k]), float(space.high[k])
+    for side, bound in (("lower", lower), ("upper", upper)):
+        if abs(value - bound) <= AT_BOUND * (upper - lower):
+            return {"low": low, "high": high, "at_bound": side}
+    interval: dict[str, Any] = {"low": min(low, value), "high": max(high, value)}
+    if not low <= value <= high:
+        interval["widened"] = True
+    return interval
+
+
+def with_remark(text: str, interval: Mapping[str, Any]) -> str:
+    """Add to a text on a parameter what `held` found of its interval."""
+    if "at_bound" in interval:
+        return f"{text}; at the {interval['at_bound']} bound of the range"
+    if "widened" in interval:
+        return f"{text}; interval widened to hold the answer"
+    return text
+
+
+def _kind_of(name: str, space: ParameterSpace) -> str:
+    """Say whether a parameter was calibrated or fixed."""
+    if name in space.prior:
+        return "calibrated from a prior"
+    return "calibrated" if name in space.free else "fixed"
+
+
+def _made_by() -> dict[str, Any]:
+    """Name the version, configuration, engine and seed that made the card."""
+    record = provenance.current() or provenance.machine()
+    return {name: record.get(key) for name, key in RECORDED.items()}

@@ -1,0 +1,124 @@
+"""Types of the entries of the section `parameters`, and checks of the whole section."""
+
+import sys
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, Field
+
+from repose.calibrate.parameter_space import PRIOR_WIDTHS
+from repose.common.errors import did_you_mean
+from repose.common.section import Contradictions, refuse
+
+KEYS = ("fixed", "prior", "range")
+
+
+class _Bounds:
+    """The allowed entries of a parameter whose values lie between two bounds."""
+
+    def __init__(self, low: float, high: float) -> None:
+        self.low = low
+        self.high = high
+        self.is_bounded = high < sys.float_info.max
+        within = f" from {low:g} to {high:g}" if self.is_bounded else ""
+        self.number = f"a number{within}"
+        self.allowed = (
+            f"a pair [low, high] of numbers{within} with low < high; "
+            "or fixed; or prior with mean and sd"
+        )
+
+    def check(self, entry: Any) -> Any:
+        """Return an entry of the section; raise the error of a validator for a bad one."""
+        if isinstance(entry, Mapping):
+            refuse(self._faults(entry))
+        elif not self._is_range(entry):
+            refuse([("", self.allowed)])
+        return entry
+
+    def _holds(self, value: Any) -> bool:
+        """Return whether a value is a number within the bounds."""
+        return _is_number(value) and bool(self.low <= value <= self.high)
+
+    def _is_range(self, value: Any) -> bool:
+        """Return whether a value is a pair of rising numbers within the bounds."""
+        if not isinstance(value, list | tuple) or len(value) != 2:
+            return False
+        first, last = value
+        if not (self._holds(first) and self._holds(last)):
+            return False
+        return bool(last - first > max(1e-30, 1e-9 * max(abs(first), abs(last))))
+
+    def _faults(self, entry: Mapping[str, Any]) -> Contradictions:
+        """Yield (key, what is allowed) for the faults of an entry that is a section."""
+        unknown = [str(key) for key in entry if key not in KEYS]
+        for key in unknown:
+            hint = did_you_mean(key, KEYS) or f"; keys here: {', '.join(KEYS)}"
+            yield key, f"a known key{hint}"
+        if "fixed" in entry:
+            if len(entry) > 1:
+                yield "", "fixed alone, or prior with or without range"
+            elif not self._holds(entry["fixed"]):
+                yield "fixed", self.number
+            return
+        if "range" in entry and "prior" not in entry:
+            yield "", "a pair [low, high]; a range stands beside a prior only"
+            return
+        prior = entry.get("prior")
+        has_good_range = "range" not in entry or self._is_range(entry["range"])
+        if not unknown and (prior is None or not has_good_range):
+            yield "", self.allowed
+        elif prior is not None:
+            yield from self._faults_of_prior(prior)
+
+    def _faults_of_prior(self, prior: Any) -> Contradictions:
+        """Yield (key, what is allowed) for a fault of a prior."""
+        if not isinstance(prior, Mapping) or set(prior) != {"mean", "sd"}:
+            yield "prior", "a section with the keys mean and sd"
+        elif not self._holds(prior["mean"]):
+            yield "prior", f"a mean that is {self.number}"
+        elif not (_is_number(prior["sd"]) and 0 < prior["sd"] <= self.high):
+            limit = f" and up to {self.high:g}" if self.is_bounded else ""
+            yield "prior", f"an sd above 0{limit}"
+
+
+def _is_number(value: object) -> bool:
+    """Return whether a value is a number; true and false are none."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def parameter(low: float, high: float) -> Any:
+    """Make the type of a parameter: a range, a fixed value, or a prior.
+
+    Parameters
+    ----------
+    low, high : float
+        Bounds of all its values.
+    """
+    bounds = _Bounds(low, high)
+    kinds: Any = {"anyOf": [{"type": "array"}, {"type": "object"}]}
+    return Annotated[
+        Any,
+        AfterValidator(bounds.check),
+        Field(description=bounds.allowed, json_schema_extra=kinds),
+    ]
+
+
+def far_priors(parameters: Mapping[str, Any]) -> Contradictions:
+    """Refuse parameters whose range lies beyond their prior."""
+    for name, entry in parameters.items():
+        if not isinstance(entry, Mapping) or "range" not in entry:
+            continue
+        mean = entry["prior"]["mean"]
+        half = PRIOR_WIDTHS * entry["prior"]["sd"]
+        low, high = mean - half, mean + half
+        if high < entry["range"][0] or low > entry["range"][1]:
+            yield (
+                name,
+                f"a range that meets {low:g} to {high:g}, {PRIOR_WIDTHS:g} sd about "
+                "the mean of its prior",
+            )
+
+
+def count_free(parameters: Mapping[str, Any]) -> int:
+    """Count the parameters of a section that are not fixed."""
+    return sum("fixed" not in entry for entry in parameters.values())

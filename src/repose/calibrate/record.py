@@ -1,0 +1,431 @@
+"""The record of a study's runs, the only part of a study that grows."""
+
+import itertools
+import os
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from repose.calibrate.strategies.base import Answer, Batch, strategy
+from repose.calibrate.strategies.runs import (
+    NUMBERS,
+    OK,
+    TURN,
+    TURNS,
+    checked_runs,
+    next_number,
+    rows_of,
+    runs_of,
+    with_fixed,
+    without_point,
+)
+from repose.common import ledger
+from repose.common.errors import InputError, require
+from repose.common.files import write_table
+from repose.common.lock import exclusive
+from repose.common.tables import Column, check, check_columns, refuse
+
+if TYPE_CHECKING:
+    from repose.calibrate.study import Study
+
+FAILED = "failed"
+# Relative difference up to which two parameters are the same: a table may have been
+# rounded by a spreadsheet.
+SAME = 1e-6
+SOURCE = "the table of runs"
+
+Row = dict[str, Any]
+Point = tuple[float, ...]
+
+
+class _Turn(NamedTuple):
+    """A proposal of the strategy, with the number of its turn."""
+
+    proposal: Batch | Answer
+    number: int
+
+
+class Record:
+    """All runs of a study so far, and the proposal of its strategy after them.
+
+    A turn is a proposal with its runs; it ends when all of them are in the record. A
+    proposal depends only on the study and on the runs of the turns before, so a study
+    that goes on from its file asks for the same samples as before. Several processes may
+    add parts of a turn.
+
+    Parameters
+    ----------
+    study : Study
+        Its parameters, targets and settings are read.
+    file : path, optional
+        CSV file of the runs; without it they are kept in memory.
+    """
+
+    def __init__(self, study: "Study", file: str | os.PathLike | None = None) -> None:
+        self.study = study
+        self.file = None if file is None else Path(file)
+        self.data = pd.DataFrame()
+        # The rows of the file as text.
+        self._rows: list[Row] = []
+        # Whether the file was written by a record, and is no table of somebody else.
+        self._is_record = False
+        # The last proposal, by the runs before it.
+        self._proposals: dict[str, Batch | Answer] = {}
+        self.read()
+
+    def read(self) -> None:
+        """Read the file, to which other processes may have added runs."""
+        if self.file is not None and self.file.exists():
+            rows = rows_of(self.file)
+            self._is_record = bool(rows) and TURN in rows[0]
+            self._replace_rows(rows, self.file)
+
+    @property
+    def proposal(self) -> Batch | Answer:
+        """The proposal of the turn: samples or the answer."""
+        return self._turn.proposal
+
+    @property
+    def asked(self) -> pd.DataFrame:
+        """The runs to make: `sample`, `run` and the parameters."""
+        return self._missing_runs(self.proposal)
+
+    @property
+    def _turn_numbers(self) -> np.ndarray:
+        """The turn of each run; 0 for a run without one."""
+        cells = [row.get(TURN) for row in self._rows]
+        numbers, _ = check({TURN: cells}, [TURNS])
+        return np.nan_to_num(numbers[TURN]).astype(int)
+
+    @property
+    def _last_turn(self) -> int:
+        """The last turn that has a run; 0 without any."""
+        return int(self._turn_numbers.max(initial=0))
+
+    @cached_property
+    def _turn(self) -> _Turn:
+        """The turn that is not complete yet, or else a new one."""
+        last = self._last_turn
+        if last:
+            proposal = self._propose(self.data[self._turn_numbers < last])
+            if len(self._missing_runs(proposal)):
+                return _Turn(proposal, last)
+        return _Turn(self._propose(self.data), last + 1)
+
+    def _propose(self, data: pd.DataFrame) -> Batch | Answer:
+        """Ask the strategy for its proposal after some runs."""
+        key = data.to_csv()
+        if key in self._proposals:
+            return self._proposals[key]
+        try:
+            proposal = strategy(self.study.settings.strategy).propose(
+                self.study, data.reset_index(drop=True)
+            )
+        except InputError as error:
+            if self.file is None or error.source != "runs":
+                raise
+            raise InputError(self.file, error.key, error.value, error.allowed) from None
+        self._proposals = {key: proposal}
+        return proposal
+
+    def _missing_runs(self, proposal: Batch | Answer) -> pd.DataFrame:
+        """List the runs of a proposal that are not in the record yet."""
+        columns = ["sample", *self.study.parameters.names, "seeds"]
+        asked = runs_of(proposal.samples[columns])
+        known = {(str(row.get("sample")), str(row.get("run"))) for row in self._rows}
+        is_missing = [
+            (str(run.sample), str(run.run)) not in known for run in asked.itertuples()
+        ]
+        return asked[is_missing].reset_index(drop=True)
+
+    def add(self, table: pd.DataFrame) -> None:
+        """Add the runs of a table, as `Study.tell` takes it."""
+        table = _checked_table(table)
+        with nullcontext() if self.file is None else exclusive(self.file):
+            self.read()
+            if "sample" in table:
+                runs = self._runs_of_the_turn(table)
+            else:
+                runs = self._earlier_runs(table)
+            if "run" not in table and len(self.data):
+                numbers = ["sample", "run", TURN]
+                _refuse_repeated_runs(
+                    runs.drop(columns=numbers, errors="ignore"), self.data, SOURCE
+                )
+            rows = []
+            for row in runs.to_dict("records"):
+                rows.append({key: _as_text(value) for key, value in row.items()})
+            source = SOURCE if self.file is None else self.file
+            self._replace_rows([*self._rows, *rows], source, write=True)
+
+    def add_file(self, path: str | os.PathLike) -> None:
+        """Add the runs of a CSV file; on an InputError the record stays as it was.
+
+        Runs that were not asked for count from the next turn on, and at once before the
+        first run of a turn.
+        """
+        assert self.file is not None
+        rows = rows_of(path)
+        runs = checked_runs(self.study, rows, path, enough=False)
+        rows = with_fixed(rows, self.study.parameters)
+        self.file.parent.mkdir(parents=True, exist_ok=True)
+        with exclusive(self.file):
+            self.read()
+            if "run" not in rows[0] and len(self.data):
+                _refuse_repeated_runs(runs, self.data, path)
+            sets = runs[list(self.study.parameters.names)]
+            numbered = self._numbered(rows, sets)
+            source = f"{self.file} with {path}"
+            self._replace_rows([*self._rows, *numbered], source, write=True)
+
+    def _numbered(
+        self, rows: Sequence[Mapping[str, Any]], sets: pd.DataFrame
+    ) -> list[Row]:
+        """Give each row its sample, its run and its turn.
+
+        A row whose parameters were asked for gets the numbers that were asked for. Any
+        other row gets the next number of its sample, or a new sample.
+
+        Parameters
+        ----------
+        rows : sequence of mapping
+            Runs of any table.
+        sets : pandas.DataFrame
+            Their parameters.
+        """
+        names = list(sets)
+        points = _points(sets, names)
+        asked, turn = self._asked_in_turn(names)
+        samples = self._samples_by_point(asked, names)
+        new_samples = itertools.count(self._first_new_sample(asked))
+        known = {(row["sample"], row["run"]) for row in self._rows}
+        numbers: list[tuple[str, str]] = []
+        were_asked: list[bool] = []
+        for row, point in zip(rows, points, strict=True):
+            place = _place_of(asked, row, point, names)
+            were_asked.append(place is not None)
+            if place is not None:
+                sample = str(asked.at[place, "sample"])
+                run = str(asked.at[place, "run"])
+                asked = asked.drop(index=place)
+            else:
+                if point not in samples:
+                    samples[point] = next(new_samples)
+                sample = row.get("sample", str(samples[point]))
+                run = row.get("run", _first_free_run(sample, known))
+            numbers.append((sample, run))
+            known.add((sample, run))
+        turn_of_others = turn
+        if turn != self._last_turn and not any(were_asked):
+            turn_of_others = turn - 1
+        numbered = []
+        for (sample, run), row, was_asked in zip(
+            numbers, rows, were_asked, strict=True
+        ):
+            turn_of_row = turn if was_asked else turn_of_others
+            numbered.append(
+                {"sample": sample, "run": run, **row, TURN: str(turn_of_row)}
+            )
+        return numbered
+
+    def _asked_in_turn(self, names: Sequence[str]) -> tuple[pd.DataFrame, int]:
+        """Return the runs to make and the number of their turn.
+
+        There are none where the runs so far are too few for a proposal.
+        """
+        try:
+            return self.asked, self._turn.number
+        except InputError:
+            columns = ["sample", "run", *names]
+            return pd.DataFrame(columns=columns, dtype=float), self._last_turn + 1
+
+    def _samples_by_point(
+        self, asked: pd.DataFrame, names: Sequence[str]
+    ) -> dict[Point, Any]:
+        """Return the number of each parameter set that was asked for or simulated."""
+        samples = dict(zip(_points(asked, names), asked["sample"], strict=True))
+        for point, row in zip(_points(self.data, names), self._rows, strict=True):
+            samples[point] = row["sample"]
+        return samples
+
+    def _first_new_sample(self, asked: pd.DataFrame) -> int:
+        """Return the number of a sample that was neither asked for nor simulated."""
+        if len(asked) + len(self.data) == 0:
+            return 1
+        return next_number(pd.concat([self.data, asked]))
+
+    def _replace_rows(
+        self, rows: Sequence[Mapping[str, Any]], source: object, write: bool = False
+    ) -> None:
+        """Check rows together, and keep them in place of the present ones.
+
+        Each row gets a sample and a run. With `write` they are written to the file.
+        """
+        data = checked_runs(self.study, rows, source, enough=False)
+        runs = data.groupby("sample").cumcount() + 1
+        numbers = data[["sample"]].assign(run=runs).astype(str).to_dict("records")
+        numbered: list[Row] = [
+            number | dict(row) for number, row in zip(numbers, rows, strict=True)
+        ]
+        if write and self.file is not None:
+            # A copy of a record, or one edited in a spreadsheet, may be replaced: its
+            # rows are among these.
+            if self._is_record and self.file.exists():
+                ledger.adopt(self.file)
+            write_table(self.file, pd.DataFrame(numbered))
+        self.data = data
+        self._rows = numbered
+        self.__dict__.pop("_turn", None)
+
+    def _runs_of_the_turn(self, table: pd.DataFrame) -> pd.DataFrame:
+        """Complete a table of all or some of the runs that were asked for.
+
+        They get their parameters, the number of the run, a status and the turn.
+        """
+        asked = self.asked
+        missing = [name for name in self.study.targets.names if name not in table]
+        if missing:
+            words = f"also {', '.join(missing)}"
+            raise InputError(SOURCE, "columns", list(table), words)
+        if "run" not in table:
+            table = table.assign(run=_next_runs(asked, table))
+        asked_numbers = pd.MultiIndex.from_frame(asked[["sample", "run"]].astype(str))
+        numbers = pd.MultiIndex.from_frame(table[["sample", "run"]].astype(str))
+        wrong = sorted(set(numbers) - set(asked_numbers))
+        wrong = wrong or sorted(numbers[numbers.duplicated()])
+        if wrong:
+            words = (
+                f"one of the {len(asked)} runs that `ask` gave, each once; a failed run "
+                "has NaN as responses"
+            )
+            raise InputError(SOURCE, "sample and run", list(wrong[0]), words)
+        rows = asked_numbers.get_indexer(numbers)
+        runs = asked.iloc[rows].reset_index(drop=True)
+        for name in self.study.parameters.names:
+            if name not in table:
+                continue
+            values = _numbers(table, name)
+            if not np.allclose(values, runs[name], rtol=SAME, atol=0):
+                words = "the parameters that `ask` gave, or no such column"
+                raise InputError(SOURCE, name, "changed", words)
+        completed = self._with_responses(runs, table)
+        return completed.sort_values(["sample", "run"], ignore_index=True)
+
+    def _earlier_runs(self, table: pd.DataFrame) -> pd.DataFrame:
+        """Complete a table of runs that were made before, which have no numbers.
+
+        Rows with the same parameters are runs of one sample.
+        """
+        space = self.study.parameters
+        needed = (*space.free, *self.study.targets.names)
+        missing = [name for name in needed if name not in table]
+        if missing:
+            words = f"sample; or also {', '.join(missing)}"
+            raise InputError(SOURCE, "columns", list(table), words)
+        sets = pd.DataFrame(
+            {
+                name: _numbers(table, name) if name in table else space.fixed[name]
+                for name in space.names
+            }
+        )
+        rows = self._with_responses(sets, table).to_dict("records")
+        numbered = pd.DataFrame(self._numbered(rows, sets))
+        return numbered.assign(**{TURN: self._turn.number})
+
+    def _with_responses(self, runs: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
+        """Add the statuses and responses of a table to runs, and the turn."""
+        names = list(self.study.targets.names)
+        is_complete = table[names].notna().all(axis=1)
+        status = pd.Series(np.where(is_complete, OK, FAILED))
+        if "status" in table:
+            status = table["status"].astype(object).fillna(status)
+        responses = {name: table[name] for name in names}
+        return runs.assign(status=status, **responses, **{TURN: self._turn.number})
+
+
+def _points(table: pd.DataFrame, names: Sequence[str]) -> list[Point]:
+    """Return the parameter sets of a table."""
+    if table.empty:
+        return []
+    return list(table[list(names)].itertuples(index=False, name=None))
+
+
+def _place_of(
+    asked: pd.DataFrame, row: Mapping[str, Any], point: Point, names: Sequence[str]
+) -> Any:
+    """Return the index of the first run to make that a row can be; None without one.
+
+    It has the same parameters, and the same sample and run where the row has them.
+    """
+    is_same = np.isclose(asked[list(names)], point, rtol=SAME, atol=0).all(axis=1)
+    for key in ("sample", "run"):
+        if key in row:
+            is_same &= (asked[key].astype(str) == str(row[key]).strip()).to_numpy()
+    same = asked[is_same]
+    return same.index[0] if len(same) else None
+
+
+def _first_free_run(sample: str, known: set[tuple[str, str]]) -> str:
+    """Return the first number that no run of a sample has."""
+    for number in itertools.count(1):
+        if (sample, str(number)) not in known:
+            return str(number)
+    raise AssertionError("the numbers do not end")
+
+
+def _next_runs(asked: pd.DataFrame, table: pd.DataFrame) -> pd.Series:
+    """Count the runs of a table from the first run of their sample to make."""
+    first = asked.astype({"sample": str}).groupby("sample")["run"].min()
+    before = table.groupby("sample").cumcount()
+    return before + table["sample"].map(first).fillna(1).astype(int)
+
+
+def _refuse_repeated_runs(
+    new: pd.DataFrame, data: pd.DataFrame, source: object
+) -> None:
+    """Refuse a good run without a number all of whose values are in the record."""
+    names = [name for name in new if name != "sample"]
+    known = set(_points(data, names))
+    for k, run in enumerate(_points(new, names), start=1):
+        # A run that failed is never among them, as its responses are NaN.
+        if run in known:
+            words = "a run of its own: the record has all numbers of this row"
+            raise InputError(f"{source}, row {k}", "row", "there twice", words)
+
+
+def _checked_table(table: Any) -> pd.DataFrame:
+    """Return a table with a plain index; InputError for what is no table of runs."""
+    if not isinstance(table, pd.DataFrame):
+        raise InputError(SOURCE, "type", type(table).__name__, "a pandas.DataFrame")
+    repeated = list(map(str, table.columns[table.columns.duplicated()]))
+    if repeated:
+        raise InputError(SOURCE, "column", repeated[0], "each column once")
+    require(not table.empty, SOURCE, "rows", 0, "a row for each run")
+    check_columns(SOURCE, table, (), optional=("status", *NUMBERS))
+    for key in NUMBERS:
+        if key not in table:
+            continue
+        if table[key].isna().any():
+            words = "a number in each row, as `ask` gave it"
+            raise InputError(SOURCE, key, "missing", words)
+        table = table.assign(**{key: without_point(table[key])})
+    return table.reset_index(drop=True)
+
+
+def _numbers(table: pd.DataFrame, name: str) -> np.ndarray:
+    """Return a column of numbers (n,)."""
+    values, faults = check({name: table[name].tolist()}, [Column(name)])
+    refuse(SOURCE, faults)
+    return np.array(values[name])
+
+
+def _as_text(value: Any) -> str:
+    """Write a cell as the file has it, with all digits; empty for NaN."""
+    is_real = isinstance(value, float | np.floating)
+    text = repr(float(value)) if is_real else str(value)
+    return "" if text == "nan" else text

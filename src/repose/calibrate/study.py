@@ -1,0 +1,416 @@
+"""A study: it asks for runs of any simulator, takes their results, and calibrates."""
+
+import json
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.settings import CalibrationSettings
+from repose.calibrate.strategies.base import Answer, Batch
+from repose.calibrate.targets import Targets
+from repose.common.errors import InputError, require
+from repose.common.files import Path_, json_text, path_of, write_json
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from repose.calibrate.calibration import Calibration
+    from repose.calibrate.record import Record
+
+Simulate = Callable[[dict[str, Any]], Mapping[str, float]]
+
+
+class Study:
+    """A calibration by a simulator of your own, as a loop of `ask` and `tell`.
+
+    Its settings do not change; its runs are the one thing that grows. `ask` gives the
+    runs to make next and `tell` adds their results, until the study is `done`.
+
+    Parameters
+    ----------
+    parameters : mapping
+        A range ``(low, high)``, ``{"fixed": value}`` or
+        ``{"prior": {"mean": m, "sd": s}}`` for each parameter.
+    targets : mapping
+        ``(value, sd)`` or ``(value, sd, repetitions)`` for each response that was
+        measured, with 1 repetition by default; or the keys of
+        `repose docs own_simulator`, by which a file of heights is a target, too.
+    strategy : str
+        One of `repose.calibrate.strategies.names()`.
+    seed : int
+        The same seed asks for the same samples.
+    file : path, optional
+        CSV file of the runs. If it exists, the study goes on from it. The settings lie
+        beside it, with the ending .json.
+    simulator, label : str
+        Names of your simulator and of your material.
+    **sections
+        Further keys of `repose docs own_simulator`, such as
+        ``sequential={"batch": 4}``.
+
+    Attributes
+    ----------
+    config : dict
+        The complete configuration as plain values.
+    settings : CalibrationSettings
+        The same as typed sections, such as ``study.settings.sequential.batch``.
+    parameters : ParameterSpace
+        Ranges of the free parameters, fixed values and priors.
+    targets : Targets
+        The measured responses.
+
+    Raises
+    ------
+    InputError
+        For settings that are not allowed, or others than those beside `file`.
+    """
+
+    config: dict[str, Any]
+    settings: CalibrationSettings
+    parameters: ParameterSpace
+    targets: Targets
+    file: Path | None
+
+    def __init__(
+        self,
+        parameters: Mapping[str, Any],
+        targets: Mapping[str, Any],
+        strategy: str = "sequential",
+        seed: int = 0,
+        file: Path_ | None = None,
+        simulator: str = "own simulator",
+        label: str = "study",
+        **sections: Any,
+    ) -> None:
+        from repose.calibrate.profile_targets import expanded_own
+        from repose.calibrate.study_file import completed
+
+        _require_names("parameters", parameters)
+        _require_names("targets", targets)
+        content: dict[str, Any] = _plain(
+            {
+                "simulator": simulator,
+                "label": label,
+                "seed": seed,
+                "strategy": strategy,
+                "parameters": parameters,
+                **sections,
+            }
+        )
+        entries = {name: _target(entry) for name, entry in _plain(targets).items()}
+        content["targets"] = expanded_own(entries, "study")
+        config = completed(content)
+        if file is not None:
+            _keep_settings(content, file)
+        self._set_up(config, file)
+
+    def _set_up(self, config: dict[str, Any], file: Path_ | None) -> None:
+        """Set the attributes from a `completed` configuration."""
+        from repose.calibrate.study_file import settings_of, targets_of
+
+        self.config = config
+        self.settings = settings_of(config)
+        self.parameters = ParameterSpace.of(config["parameters"])
+        self.targets = targets_of(config["targets"])
+        self.file = None if file is None else Path(file)
+
+    @classmethod
+    def resume(cls, file: Path_) -> Self:
+        """Resume the study that keeps its runs in a file.
+
+        Parameters
+        ----------
+        file : path
+            As in `Study(..., file=...)`.
+
+        Returns
+        -------
+        Study
+
+        Raises
+        ------
+        InputError
+            If the settings beside the file are missing, or file or settings are
+            damaged.
+        """
+        return cls.own(_settings_file(file), file)
+
+    @classmethod
+    def own(cls, content: Path_ | Mapping[str, Any], file: Path_ | None = None) -> Self:
+        """Make the study of a configuration that names a simulator.
+
+        Parameters
+        ----------
+        content : path or mapping
+            YAML or JSON file of docs/own_simulator.md, or its keys.
+        file : path, optional
+            As in `Study(..., file=...)`; nothing is written beside it.
+
+        Returns
+        -------
+        Study
+
+        Raises
+        ------
+        InputError
+            As `Study(...)`.
+        """
+        from repose.calibrate.study_file import completed
+        from repose.common.reading import read
+
+        study = cls.__new__(cls)
+        if isinstance(content, Mapping):
+            study._set_up(completed(content), file)
+        else:
+            path_of("content", content)
+            study._set_up(completed(read(content), content), file)
+        return study
+
+    @classmethod
+    def of(
+        cls,
+        parameters: ParameterSpace,
+        targets: Targets,
+        settings: CalibrationSettings,
+        config: Mapping[str, Any],
+        file: Path_ | None = None,
+    ) -> Self:
+        """Make a study of parameters, targets and settings that were checked.
+
+        Parameters
+        ----------
+        parameters, targets, settings
+            As the attributes of these names.
+        config : mapping
+            The configuration from which they come.
+        file : path, optional
+            As in `Study(..., file=...)`; nothing is written beside it.
+
+        Returns
+        -------
+        Study
+        """
+        study = cls.__new__(cls)
+        study.config = dict(config)
+        study.settings = settings
+        study.parameters = parameters
+        study.targets = targets
+        study.file = None if file is None else Path(file)
+        return study
+
+    def __repr__(self) -> str:
+        free = ", ".join(self.parameters.free)
+        targets = ", ".join(self.targets.names)
+        settings = self.settings
+        return (
+            f"<Study {settings.label}: {free} by {targets}, "
+            f"strategy {settings.strategy}>"
+        )
+
+    @cached_property
+    def _record(self) -> "Record":
+        """The runs as this process knows them."""
+        from repose.calibrate.record import Record
+
+        return Record(self, self.file)
+
+    def _current_record(self) -> "Record":
+        """Return the runs so far, with those that other processes added to the file."""
+        self._record.read()
+        return self._record
+
+    @property
+    def runs(self) -> "pd.DataFrame":
+        """All runs so far: `sample`, `status`, parameters and responses.
+
+        The responses of a run that failed are NaN.
+        """
+        return self._current_record().data
+
+    @property
+    def proposal(self) -> Batch | Answer:
+        """The strategy's proposal after these runs: the next samples, or the answer."""
+        with _one_thread():
+            return self._current_record().proposal
+
+    @property
+    def done(self) -> bool:
+        """Whether the strategy needs no more runs."""
+        return isinstance(self.proposal, Answer)
+
+    def ask(self) -> "pd.DataFrame":
+        """Return the runs to make next.
+
+        Once the study is `done`, these are the runs of the answer, to simulate it
+        again. The same runs are returned until `tell` adds them.
+
+        Returns
+        -------
+        pandas.DataFrame
+            A row for each run: `sample`, `run`, and the parameters. The runs of a
+            sample differ only in the random numbers of the simulator.
+
+        Raises
+        ------
+        InputError
+            If the runs so far do not determine the model of the strategy.
+        """
+        with _one_thread():
+            return self._current_record().asked
+
+    def tell(self, runs: "pd.DataFrame") -> None:
+        """Add results of runs.
+
+        With a file they are on the disk afterwards, and several processes may add to it.
+
+        Parameters
+        ----------
+        runs : pandas.DataFrame
+            `sample` and a column for each response, for any of the runs that `ask` gave,
+            in any order; NaN for a run that failed. With a column `run`, the number of
+            the run. Other columns are not read, but parameters must equal those of
+            `ask`. Without `sample` these are runs made before, which also need a column
+            for each parameter.
+
+        Raises
+        ------
+        InputError
+            If these are not runs that `ask` gave, or a number is not finite. Nothing is
+            added then.
+        """
+        # The record reads the file itself, under its lock.
+        self._record.add(runs)
+
+    def calibrate(self, simulate: Simulate) -> "Calibration":
+        """Simulate all that the strategy asks for, and return the answer.
+
+        With a file each run is on the disk as soon as it is made.
+
+        Parameters
+        ----------
+        simulate : function
+            It takes a row of `ask` as a mapping, and returns the responses by name; NaN
+            for a run that failed.
+
+        Returns
+        -------
+        Calibration
+
+        Raises
+        ------
+        InputError
+            If a response is missing or not a number.
+        """
+        names = list(self.targets.names)
+        if not callable(simulate):
+            words = "a function of a row of `ask`"
+            raise InputError("study", "simulate", simulate, words)
+        while not self.done:
+            for _, run in self.ask().groupby(["sample", "run"], sort=False):
+                responses = simulate(run.to_dict("records")[0])
+                if not isinstance(responses, Mapping) or set(names) - set(responses):
+                    words = f"a function that returns a mapping with {', '.join(names)}"
+                    raise InputError("study", "simulate", [responses], words)
+                self.tell(run.assign(**{name: responses[name] for name in names}))
+        return self.answer()
+
+    def answer(self) -> "Calibration":
+        """Return the parameters that meet the targets, with their certainty.
+
+        Before the study is `done`, these are the best that the runs so far give.
+
+        Returns
+        -------
+        Calibration
+            `parameters`, `prediction`, `probability`, `posterior`, and why the runs
+            ended; a notebook shows it.
+
+        Raises
+        ------
+        InputError
+            If the runs do not determine an answer.
+        """
+        from repose.calibrate.calibration import calibrate
+
+        if self.runs.empty:
+            words = "results of the runs that `ask` gave: `tell` adds them"
+            raise InputError("study", "runs", 0, words)
+        with _one_thread():
+            return calibrate(self, self.runs, self.proposal)
+
+
+def _one_thread() -> AbstractContextManager[Any]:
+    """Limit matrices to one thread.
+
+    Small ones are slower on several threads, and end in other bits than by the command
+    line.
+    """
+    # scipy brings matrices of its own, and only a library that is loaded is limited.
+    import scipy.linalg  # noqa: F401
+    from threadpoolctl import threadpool_limits
+
+    return threadpool_limits(limits=1, user_api="blas")
+
+
+def _require_names(key: str, entries: object) -> None:
+    """Refuse parameters or targets that are not given by name."""
+    if not isinstance(entries, Mapping):
+        raise InputError("study", key, entries, f"a mapping from the names of {key}")
+
+
+def _target(entry: Any) -> Any:
+    """Write a target that is given as two or three numbers with the keys of a file."""
+    if not isinstance(entry, list) or len(entry) not in (2, 3):
+        return entry
+    value, sd, *repetitions = entry
+    return {
+        "value": value,
+        "sd": sd,
+        "repetitions": repetitions[0] if repetitions else 1,
+    }
+
+
+def _settings_file(file: Path_) -> Path:
+    """Return the file of the settings beside a file of runs."""
+    path = path_of("file", file)
+    require(
+        path.parent.is_dir(),
+        "study",
+        "file",
+        str(file),
+        "a path in a folder that is there",
+    )
+    require(
+        path.suffix == ".csv", "study", "file", str(file), "a path that ends in .csv"
+    )
+    return path.with_suffix(".json")
+
+
+def _keep_settings(content: Mapping[str, Any], file: Path_) -> None:
+    """Write the settings beside the file of runs; InputError if it has others."""
+    from repose.common.reading import read
+
+    path = _settings_file(file)
+    if not path.exists():
+        write_json(path, content)
+        return
+    kept = read(path)
+    wanted = json.loads(json_text(content))
+    for key in sorted({*kept, *wanted}):
+        if kept.get(key) != wanted.get(key):
+            words = f"{wanted.get(key)}, as asked for; or another file"
+            raise InputError(path, key, kept.get(key), words)
+
+
+def _plain(value: Any) -> Any:
+    """Write tuples, and numbers and arrays of numpy, as a file has them."""
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return value

@@ -1,0 +1,461 @@
+"""The short configuration of a study with a simulator of the user's own.
+
+A file, or the arguments of `repose.Study`, give a few keys; all others have the values of
+config/method.yaml or the defaults below. docs/own_simulator.md explains the keys.
+"""
+
+import math
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
+from typing import Annotated, Any
+
+from pydantic import Field, ValidationInfo, create_model, field_validator
+
+from repose.calibrate.designs.settings import DesignSettings
+from repose.calibrate.parameter_types import count_free, far_priors, parameter
+from repose.calibrate.profile_targets import expanded_own
+from repose.calibrate.profiles import OfProfile, Profile
+from repose.calibrate.responses import Response
+from repose.calibrate.search.settings import MigaSettings
+from repose.calibrate.settings import (
+    CalibrationSettings,
+    StrategyName,
+    SurrogateName,
+)
+from repose.calibrate.strategies import names, strategy
+from repose.calibrate.strategies.refined import RefineSettings
+from repose.calibrate.strategies.response_surface import ResponseSurfaceSettings
+from repose.calibrate.strategies.sequential import SequentialSettings
+from repose.calibrate.surrogates.settings import NetworkSettings
+from repose.calibrate.targets import Target, Targets
+from repose.calibrate.uncertainty.settings import PosteriorSettings
+from repose.common import faults, places
+from repose.common.errors import YamlError, raise_together
+from repose.common.keys import get
+from repose.common.reading import read
+from repose.common.section import ABSENT, AUTO, Contradictions, Section, refuse
+
+# Columns of tables that are neither a parameter nor a response.
+RESERVED = (
+    "sample",
+    "run",
+    "status",
+    "turn",
+    "runs",
+    "seeds",
+    "batch",
+    "reason",
+    "n_seeds",
+)
+# The one bench test of all responses.
+BENCH = "own"
+# Sections in which the seed of the study stands in place of a seed of their own.
+SEEDED = ("design", "network", "miga", "posterior")
+# Keys that are read with every surrogate.
+TRAINING = ("network.split", "network.replicates", "network.validation_noise")
+# Keys that a strategy reads which begins with the article's design.
+DESIGNED = ("seeds", "design", "surrogate", "network", "miga", *TRAINING)
+# Keys that are read with every strategy.
+READ_BY_ALL = (
+    "parameters",
+    "targets",
+    "posterior",
+    "sequential.tolerance_percent",
+    "sequential.probability",
+)
+# Half the range of a target without a range, in percent of its value.
+RANGE_PERCENT = 2.0
+DEFAULT_SEEDS = 2
+LARGEST = 1e12
+
+Line = Annotated[
+    str, Field(pattern=r"^[^\n]*\S[^\n]*$", description="text of one line")
+]
+Size = Annotated[float, Field(ge=0, le=LARGEST)]
+Value = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
+Parameter = parameter(-1e30, 1e30)
+
+
+class OwnTarget(Section):
+    """A measured response."""
+
+    value: Value
+    sd: Size
+    repetitions: int = Field(ge=1, le=10_000)
+    range: Annotated[
+        tuple[Value, Value],
+        Field(strict=False, description="a pair [low, high] of numbers"),
+    ] = ABSENT
+    unit: Line = ""
+    definition: Line = ABSENT
+    noise_sd: Annotated[float, Field(gt=0, le=LARGEST)] = ABSENT
+    # The profile of which this target is a score; `profile_targets` writes it.
+    profile: OfProfile = ABSENT
+
+    def contradictions(self) -> Contradictions:
+        """Refuse a value of 0, a range that excludes the value, and a tiny noise."""
+        if self.value == 0 and self.profile is None:
+            yield "value", "not 0: tolerances are in percent of it"
+        low, high = self.range or (-math.inf, math.inf)
+        if not low <= self.value <= high or low == high:
+            yield "range", f"a pair [low, high] about the value, {self.value:g}"
+        smallest_noise = 1e-9 * abs(self.value)
+        if self.noise_sd is not None and self.noise_sd < smallest_noise:
+            yield "noise_sd", f"at least {smallest_noise:g}"
+
+
+class OwnSequential(Section):
+    """The strategy `sequential`, whose budget is in runs."""
+
+    start_samples: int = Field(default=16, ge=2, le=10_000)
+    seeds: int = Field(default=DEFAULT_SEEDS, ge=1, le=1000)
+    batch: int = Field(default=8, ge=1, le=1000)
+    tolerance_percent: float = Field(default=1.0, ge=0.01, le=50)
+    probability: float = Field(default=0.7, ge=0.05, le=0.99)
+    most_runs: int = Field(default=120, ge=4, le=1_000_000)
+
+
+class OwnPosterior(Section):
+    """The posterior of the parameters."""
+
+    discrepancy_percent: float = Field(default=2.0, ge=0, le=50)
+    discrepancy_correlation: float = Field(default=0.0, ge=0, le=0.99)
+    walkers: int = Field(default=128, ge=32, le=10_000)
+    steps: int = Field(default=400, ge=100, le=1_000_000)
+
+
+class StudyFile(Section):
+    """The configuration, without the sections of further strategies (`file_model`)."""
+
+    simulator: Line
+    label: Line
+    seed: int = Field(ge=0, le=2**31 - 1)
+    parameters: dict[str, Parameter] = Field(  # type: ignore[valid-type]
+        description="a section with a range for each parameter"
+    )
+    targets: dict[str, OwnTarget] = Field(
+        description="a section with value, sd and repetitions for each response"
+    )
+    strategy: StrategyName
+    seeds: int = Field(ge=1, le=1000)
+    surrogate: SurrogateName
+    sequential: OwnSequential
+    posterior: OwnPosterior
+    design: DesignSettings
+    network: NetworkSettings
+    miga: MigaSettings
+    refine: RefineSettings
+    response_surface: ResponseSurfaceSettings = ABSENT
+
+    @field_validator("sequential")
+    @classmethod
+    def _check_budget(
+        cls, section: OwnSequential, info: ValidationInfo
+    ) -> OwnSequential:
+        """Refuse a start that is larger than the budget."""
+        runs_of_start = section.start_samples * section.seeds
+        is_used = info.data.get("strategy") == "sequential"
+        if is_used and runs_of_start > section.most_runs:
+            words = "at least sequential.start_samples times sequential.seeds"
+            refuse([("most_runs", words)])
+        return section
+
+    @field_validator("parameters")
+    @classmethod
+    def _check_parameters(cls, parameters: dict[str, Any]) -> dict[str, Any]:
+        """Refuse bad names, ranges beyond their priors, and parameters all fixed."""
+        refuse([*_bad_columns(parameters), *far_priors(parameters)])
+        if not count_free(parameters):
+            refuse([("", "at least one range or prior")])
+        return parameters
+
+    @field_validator("targets")
+    @classmethod
+    def _check_targets(
+        cls, targets: dict[str, OwnTarget], info: ValidationInfo
+    ) -> dict[str, OwnTarget]:
+        """Refuse bad names, names of parameters, and a study without targets."""
+        parameters = info.data.get("parameters", {})
+        # The standard error of a response is the column with _se at its end.
+        columns = {*parameters, *(f"{name}_se" for name in targets)}
+        faults = list(_bad_columns(targets))
+        for name in targets:
+            if name in columns or f"{name}_se" in parameters:
+                words = (
+                    "a name that is no parameter's, nor that of another with _se at "
+                    "its end"
+                )
+                faults.append((name, words))
+        refuse(faults)
+        if not targets:
+            refuse([("", "at least one response")])
+        return targets
+
+
+def _bad_columns(names: Iterable[str]) -> Iterator[tuple[str, str]]:
+    """Refuse names that no column of the table of runs may have."""
+    for name in names:
+        is_plain = bool(name) and name.isprintable() and name == name.strip()
+        if name in RESERVED or not is_plain:
+            yield (
+                name,
+                "another name: one line of text without spaces around it, and none of "
+                f"{', '.join(RESERVED)}",
+            )
+
+
+@cache
+def file_model() -> type[StudyFile]:
+    """Make the model with a section for each further strategy that has one."""
+    sections: dict[str, Any] = {}
+    for name in names():
+        model = strategy(name).settings
+        if model is not None and name not in StudyFile.model_fields:
+            sections[name] = (model, ABSENT)
+    return create_model("OwnConfiguration", __base__=StudyFile, **sections)
+
+
+def is_own(path: str | os.PathLike) -> bool:
+    """Return whether a configuration names a simulator, so is one of this form."""
+    return "simulator" in read(path)
+
+
+def completed(content: Mapping[str, Any], source: object = "study") -> dict[str, Any]:
+    """Check a configuration and fill in each key that it leaves out.
+
+    Parameters
+    ----------
+    content : mapping
+        The keys that the user gives.
+    source : object, optional
+        File that a fault names.
+
+    Returns
+    -------
+    dict
+        The configuration with all sections, also those of other strategies. A missing
+        key of `sequential` or `posterior` has the default of its model, a key of
+        another section the value of config/method.yaml.
+
+    Raises
+    ------
+    InputError
+        With all faults at once.
+    """
+    from repose.calibrate.strategies import cost
+
+    config = _with_defaults(content, source)
+    raise_together(faults.check(config, str(source), file_model()).faults)
+    for name in SEEDED:
+        config[name] = config[name] | {"seed": config["seed"]}
+    if config["network"].get("split", AUTO) == AUTO:
+        config["network"] = config["network"] | {"split": split_of(config["surrogate"])}
+    # The strategy's own rules. Those of `sequential` do not hold here: the model has
+    # its budget, and `noise_sd` may give the noise in place of repeated runs.
+    name = config["strategy"]
+    if name != "sequential":
+        section = settings_of(config).of_strategy(name)
+        contradictions = cost.contradictions(
+            name,
+            section,
+            free=count_free(config["parameters"]),
+            responses=len(config["targets"]),
+        )
+        raise_together(
+            YamlError(str(source), key, get(config, key), allowed)
+            for key, allowed in contradictions
+        )
+    return config
+
+
+def _with_defaults(content: Mapping[str, Any], source: object) -> dict[str, Any]:
+    """Return the keys of a configuration, unchecked, over the defaults of the others."""
+    seeds = _runs_of_a_sample(content)
+    config: dict[str, Any] = {
+        "strategy": "sequential",
+        "seeds": seeds,
+        "surrogate": "gaussian_process",
+        **content,
+    }
+    _require_texts_as_names(config, source)
+    config["targets"] = expanded_own(config.get("targets"), source)
+    defaults: dict[str, Any] = read(places.find(places.METHOD_CONFIG))
+    defaults["sequential"] = OwnSequential().model_dump() | {"seeds": seeds}
+    defaults["posterior"] = OwnPosterior().model_dump()
+    for name in file_model().model_fields:
+        if not isinstance(defaults.get(name), Mapping):
+            continue
+        section = config.get(name, {})
+        if isinstance(section, Mapping):
+            section = {**defaults[name], **section}
+        config[name] = section
+    return config
+
+
+def _runs_of_a_sample(content: Mapping[str, Any]) -> int:
+    """Return the number of runs of a sample, given at the top or in `sequential`."""
+    for key in ("seeds", "sequential.seeds"):
+        seeds = get(content, key)
+        if isinstance(seeds, int):
+            return seeds
+    return DEFAULT_SEEDS
+
+
+def _require_texts_as_names(config: Mapping[str, Any], source: object) -> None:
+    """Refuse names of parameters and targets that YAML takes for numbers or dates."""
+    wrong = []
+    for section in ("parameters", "targets"):
+        entries = config.get(section)
+        if not isinstance(entries, Mapping):
+            continue
+        for name in entries:
+            if not isinstance(name, str):
+                words = "text as each name; put it in quotes"
+                wrong.append(YamlError(str(source), section, name, words))
+    raise_together(wrong)
+
+
+def split_of(surrogate: str) -> list[float]:
+    """Return the shares (training, validation, test) of the samples for a surrogate.
+
+    Only a network has a use for validation samples.
+    """
+    from repose.calibrate.surrogates import kind_of
+
+    return [0.70, 0.15, 0.15] if kind_of(surrogate).is_network else [0.85, 0.0, 0.15]
+
+
+def settings_of(config: Mapping[str, Any]) -> CalibrationSettings:
+    """Make the typed sections of a `completed` configuration."""
+    sequential, posterior = config["sequential"], config["posterior"]
+    targets = config["targets"]
+    others = {}
+    for name in config.keys() - StudyFile.model_fields.keys():
+        model = strategy(name).settings
+        if model is not None:
+            others[name] = model.model_validate(config[name])
+    # The next two were checked with bounds of their own.
+    own_sequential = SequentialSettings.model_construct(
+        start_samples=sequential["start_samples"],
+        seeds=sequential["seeds"],
+        batch=sequential["batch"],
+        tolerance_percent=sequential["tolerance_percent"],
+        probability=sequential["probability"],
+        most_pours=sequential["most_runs"],
+        checks=sequential["seeds"],
+    )
+    own_posterior = PosteriorSettings.model_construct(
+        shape_study=None,
+        discrepancy_percent=posterior["discrepancy_percent"],
+        discrepancy_correlation=posterior["discrepancy_correlation"],
+        measured_correlation="simulated",
+        walkers=posterior["walkers"],
+        steps=posterior["steps"],
+        seed=posterior["seed"],
+    )
+    return CalibrationSettings(
+        label=config["label"],
+        simulator=config["simulator"],
+        strategy=config["strategy"],
+        surrogate=config["surrogate"],
+        seeds=config["seeds"],
+        design=DesignSettings.model_validate(config["design"]),
+        network=NetworkSettings.model_validate(config["network"]),
+        miga=MigaSettings.model_validate(config["miga"]),
+        posterior=own_posterior,
+        sequential=own_sequential,
+        response_surface=ResponseSurfaceSettings.model_validate(
+            config["response_surface"]
+        ),
+        refine=RefineSettings.model_validate(config["refine"]),
+        others=others,
+        noise_sd=_of_targets("noise_sd", targets),
+        definitions=_of_targets("definition", targets),
+    )
+
+
+def _of_targets(key: str, targets: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """Collect a key of the targets that have it, by the name of the target."""
+    return {name: target[key] for name, target in targets.items() if key in target}
+
+
+def targets_of(section: Mapping[str, Mapping[str, Any]]) -> Targets:
+    """Make the targets of a checked configuration.
+
+    A target without a range has `RANGE_PERCENT` of its value to each side.
+    """
+    return Targets([_target(name, entry) for name, entry in section.items()])
+
+
+def _target(name: str, entry: Mapping[str, Any]) -> Target:
+    """Make a target; all responses are of one bench test, and have no limits."""
+    value = entry["value"]
+    half = RANGE_PERCENT / 100 * abs(value)
+    low, high = entry.get("range", (value - half, value + half))
+    response = Response(
+        name=name,
+        unit=entry.get("unit", ""),
+        label=name,
+        symbol=name,
+        apparatus=BENCH,
+        low=-math.inf,
+    )
+    return Target(
+        response=response,
+        value=value,
+        sd=entry["sd"],
+        repetitions=entry["repetitions"],
+        low=low,
+        high=high,
+        aim=value,
+        profile=Profile.of(entry["profile"]) if "profile" in entry else None,
+    )
+
+
+def unread(content: Mapping[str, Any]) -> list[str]:
+    """List the keys of a configuration that neither its strategy nor any answer reads.
+
+    Parameters
+    ----------
+    content : mapping
+        The keys that the user gave, which were checked.
+    """
+    name = content.get("strategy", "sequential")
+    keys_read = _keys_read(name, content)
+    keys = [key for key in ("seeds", "surrogate") if key in content]
+    for section in file_model().model_fields:
+        if isinstance(content.get(section), Mapping):
+            keys += [f"{section}.{key}" for key in content[section]]
+    is_unread = []
+    for key in keys:
+        section = key.partition(".")[0]
+        # The seed of the study stands in place of each section's own seed.
+        if key.endswith(".seed") or not keys_read & {key, section}:
+            is_unread.append(key)
+    return sorted(is_unread)
+
+
+def _keys_read(name: str, content: Mapping[str, Any]) -> set[str]:
+    """Return the sections and keys that a strategy and its answer read."""
+    begins_with_design = strategy(name).begins_with_design
+    keys = set(READ_BY_ALL)
+    if begins_with_design:
+        keys.update(DESIGNED)
+    later = strategy(name).reads
+    if later:
+        keys.update(later)
+    elif not begins_with_design:
+        keys.update(content)
+    is_network = content.get("surrogate", "").startswith("network")
+    if begins_with_design and not is_network:
+        keys.discard("network")
+    if "sequential" in keys:
+        keys.add("seeds")
+    # Of the two places for the runs of a sample, only one is read.
+    reads_section = name == "sequential" or "seeds" not in content
+    has_section_key = get(content, "sequential.seeds") is not None
+    if "seeds" in keys and has_section_key and reads_section:
+        keys.remove("seeds")
+        keys.add("sequential.seeds")
+    return keys

@@ -1,0 +1,260 @@
+"""Faults of a configuration as messages: file, key, value and the allowed values."""
+
+import difflib
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from typing import Any, NamedTuple
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from repose.common.errors import InputError, YamlError
+from repose.common.keys import Origin, at, origin_of, owner_of
+from repose.common.section import AUTO, CONTRADICTION
+
+Model = type[BaseModel]
+# Types of pydantic's errors about a key that does not exist.
+UNKNOWN = ("extra_forbidden", "invalid_key")
+TYPE_NAMES = {
+    "integer": "an integer",
+    "number": "a number",
+    "string": "text",
+    "boolean": "true or false",
+    "array": "a list",
+    "null": "null",
+}
+# A target without a range has one that follows from these numbers.
+NUMBERS_OF_RANGE = ("value", "sd", "repetitions")
+
+
+class Checked(NamedTuple):
+    """The faults that a model finds in a configuration."""
+
+    faults: list[InputError]
+    keys: set[str]  # dotted keys with a fault; a mistyped key counts as missing, too
+
+
+class _Error(NamedTuple):
+    """An error of a model at a key, or at its section if the key does not exist."""
+
+    type: str
+    path: list[str]
+    unknown: Any  # the key that does not exist, in the section at `path`
+    context: Mapping[str, Any]
+
+
+def check(config: Any, source: str | Origin, model: Model) -> Checked:
+    """Find the faults of single keys, and of keys of one section.
+
+    A mistyped key is a missing key, too: only the mistyping is reported.
+
+    Parameters
+    ----------
+    config : object
+        The configuration as plain values.
+    source : str or Origin
+        The file that a fault names.
+    model : type of pydantic.BaseModel
+        What a configuration may hold.
+    """
+    errors = _errors(config, model)
+    faults = list(_faults(errors, config, source, model))
+    missing = {".".join(error.path) for error in errors if error.type == "missing"}
+    return Checked(faults, missing | {fault.key for fault in faults})
+
+
+def lacks_keys(config: Mapping[str, Any], model: Model) -> bool:
+    """Return whether a section of a configuration lacks a key, whatever the values."""
+    for error in _errors(config, model):
+        section = at(config, error.path[:-1])
+        if error.type == "missing" and isinstance(section, Mapping):
+            return True
+    return False
+
+
+def is_valid(key: str, value: Any, model: Model) -> bool:
+    """Return whether a key outside sections may have a value."""
+    return all(error.path != [key] for error in _errors({key: value}, model))
+
+
+def allowed(key: str, model: Model) -> str:
+    """Describe the allowed values of a dotted key."""
+    return allowed_by(subschema(key.split("."), model))
+
+
+@cache
+def schema(model: Model) -> dict[str, Any]:
+    """Return the JSON schema of a model."""
+    return model.model_json_schema()
+
+
+def subschema(path: Sequence[str], model: Model) -> dict[str, Any]:
+    """Return the schema of a key, given by its parts, with references followed."""
+    whole = schema(model)
+    node = whole
+    for step in path:
+        node = _inside(node, step, whole)
+    return node
+
+
+def allowed_by(schema: Mapping[str, Any]) -> str:
+    """Describe the allowed values of a schema."""
+    if "description" in schema and "properties" not in schema:
+        return schema["description"]
+    if "const" in schema:
+        return str(schema["const"])
+    if "enum" in schema:
+        return " or ".join(map(str, schema["enum"]))
+    if "anyOf" in schema:
+        kinds = [allowed_by(kind) for kind in schema["anyOf"]]
+        others = " or ".join(kind for kind in kinds if kind != AUTO)
+        return f"{AUTO}, or {others}" if AUTO in kinds else others
+    if "properties" in schema:
+        return f"a section with the keys {', '.join(schema['properties'])}"
+    name = TYPE_NAMES[schema["type"]]
+    if "exclusiveMinimum" in schema:
+        low, high = schema["exclusiveMinimum"], schema["maximum"]
+        return f"{name} above {low:g} and up to {high:g}"
+    if "minimum" in schema:
+        low, high = _bound(schema["minimum"]), _bound(schema["maximum"])
+        return f"{name} from {low} to {high}"
+    if "maxLength" in schema:
+        return f"{name} of 1 to {schema['maxLength']} characters"
+    return name
+
+
+def _bound(number: float) -> str:
+    """Write a bound as a reader would."""
+    return str(number) if isinstance(number, int) else f"{number:g}"
+
+
+def _inside(node: Mapping[str, Any], step: int | str, whole: Mapping[str, Any]) -> Any:
+    """Return the schema of a key inside the schema `node`; None if there is none.
+
+    The step may be a key of a section, the number of an entry in a list of sections, or
+    a name of a section whose names are free. References are followed in `whole`.
+    """
+    entries = node.get("items", {})
+    inner: Any = None
+    if "$ref" in entries:
+        if str(step).isdigit():
+            inner = entries
+    elif isinstance(step, str):
+        inner = node.get("properties", {}).get(step)
+        inner = inner or node.get("additionalProperties") or None
+    while inner and "$ref" in inner:
+        inner = whole["$defs"][inner["$ref"].rsplit("/", 1)[1]]
+    return inner
+
+
+def _errors(config: Any, model: Model) -> list[_Error]:
+    """Find the errors of a model, unknown keys first.
+
+    An error inside a value counts as an error of the whole value.
+    """
+    try:
+        model.model_validate(config)
+    except ValidationError as error:
+        details = error.errors(include_url=False, include_input=False)
+        errors = [_error(detail, schema(model)) for detail in details]
+        # A list is also too short where all of its entries have faults.
+        with_inner_faults = {fault.path[0] for fault in errors if len(fault.path) > 1}
+        errors = [
+            fault
+            for fault in errors
+            if fault.type != "too_short" or with_inner_faults.isdisjoint(fault.path)
+        ]
+        return sorted(errors, key=lambda fault: (fault.type not in UNKNOWN, fault.path))
+    return []
+
+
+def _error(error: ErrorDetails, whole: Mapping[str, Any]) -> _Error:
+    """Place an error of pydantic at its key.
+
+    The path of pydantic may go on with a type of the value.
+    """
+    path: list[str] = []
+    node = whole
+    location = error["loc"]
+    for step in location:
+        inner = _inside(node, step, whole)
+        if inner is None:
+            break
+        node = inner
+        path.append(str(step))
+    rest = location[len(path) :]
+    is_unknown = error["type"] in UNKNOWN and len(rest) == 1
+    is_inside_the_value = bool(rest) and not is_unknown
+    return _Error(
+        type="value" if is_inside_the_value else error["type"],
+        path=path,
+        unknown=rest[0] if is_unknown else None,
+        context=error.get("ctx", {}),
+    )
+
+
+def _faults(
+    errors: list[_Error], config: Any, source: str | Origin, model: Model
+) -> Iterator[InputError]:
+    """Yield the errors as faults, each with the file of its key."""
+    explained = _ranges_without_numbers(errors)
+    for error in errors:
+        key = ".".join(error.path)
+        if error.type in UNKNOWN:
+            section = subschema(error.path, model)
+            known = sorted(section["properties"])
+            similar = difflib.get_close_matches(str(error.unknown), known, 1)
+            # The key that was meant is not reported as missing, too.
+            explained.add(".".join([*error.path, *similar]))
+            yield _unknown_key(error, config, source, known, similar)
+        elif error.type == "missing":
+            if key not in explained:
+                words = allowed_by(subschema(error.path, model))
+                owner = owner_of(source, key)
+                yield YamlError(owner, key, None, f"{words}; the key is missing")
+        elif error.type == CONTRADICTION:
+            yield from _contradictions(error, config, source)
+        else:
+            words = "keys with values"
+            if key:
+                words = allowed_by(subschema(error.path, model))
+            yield YamlError(origin_of(source, key), key, at(config, error.path), words)
+
+
+def _ranges_without_numbers(errors: list[_Error]) -> set[str]:
+    """Return the keys of ranges that are missing as a number of their target is wrong."""
+    keys = set()
+    for error in errors:
+        is_number = error.path[-1:] and error.path[-1] in NUMBERS_OF_RANGE
+        if is_number and error.path[0] == "targets":
+            keys.add(".".join([*error.path[:-1], "range"]))
+    return keys
+
+
+def _unknown_key(
+    error: _Error,
+    config: Any,
+    source: str | Origin,
+    known: Sequence[str],
+    similar: Sequence[str],
+) -> InputError:
+    """Make the fault of a key that does not exist."""
+    key = ".".join([*error.path, str(error.unknown)])
+    hint = f"keys here: {', '.join(known)}"
+    if similar:
+        hint = f"did you mean {similar[0]}?"
+    # A key such as null or 1.5 is no text in the file, and is text in pydantic's error.
+    section = at(config, error.path)
+    values = {str(name): value for name, value in section.items()}
+    value = values[str(error.unknown)]
+    return YamlError(origin_of(source, key), key, value, f"a known key; {hint}")
+
+
+def _contradictions(
+    error: _Error, config: Any, source: str | Origin
+) -> Iterator[InputError]:
+    """Yield the faults of values that are valid by themselves and contradict others."""
+    for name, words in error.context["found"]:
+        path = [*error.path, name] if name else error.path
+        key = ".".join(path)
+        yield YamlError(owner_of(source, key), key, at(config, path), words)

@@ -1,0 +1,313 @@
+"""The configuration of the pipeline: a study with the simulator of this package."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+from repose.calibrate.responses import Definitions
+from repose.common import provenance
+from repose.common.errors import InputError
+from repose.common.files import Path_, path_of, read_json
+from repose.common.keys import Origin
+from repose.config import loader
+from repose.stages.published import beside
+
+if TYPE_CHECKING:
+    from repose.bench import Scene
+    from repose.calibrate.parameter_space import ParameterSpace
+    from repose.calibrate.study import Study
+    from repose.calibrate.targets import Targets
+    from repose.config.making import Making
+    from repose.config.models import StudySettings
+    from repose.grain.particle import Particle
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PipelineConfig:
+    """The configuration of a study with the simulator of this package.
+
+    It is made once from its files, checked, with a number in place of each `auto`, and
+    does not change. Make it by `load`, by `of` from Python, or by `of_results` in a job.
+
+    Attributes
+    ----------
+    config : dict
+        The resolved configuration as plain values; `RESULTS/config.json` holds the same.
+    source : str or Origin
+        The file that a fault names.
+    """
+
+    config: dict[str, Any]
+    source: str | Origin
+
+    @classmethod
+    def load(
+        cls,
+        *files: Path_,
+        overrides: Mapping[str, Any] | None = None,
+        inputs: bool = False,
+    ) -> Self:
+        """Load and check configuration files, with each `auto` computed.
+
+        Parameters
+        ----------
+        *files : path
+            YAML or JSON files. Each may hold only the keys that differ; it overrides the
+            files before it, and all override the defaults. A complete file needs no
+            default. A file of `write_resolved` was checked before, and is read
+            unchanged.
+        overrides : mapping, optional
+            Nested values, over all files; their texts are read as YAML.
+        inputs : bool, optional
+            Check also the files that the configuration names, and that grain, bench test
+            and time step fit together; this takes seconds. Otherwise these checks are
+            made with the grain.
+
+        Returns
+        -------
+        PipelineConfig
+
+        Raises
+        ------
+        InputError
+            With all faults at once: for each the file, the key, the value and what is
+            allowed.
+        """
+        for file in files:
+            path_of("file", file)
+        if not overrides and not inputs and loader.is_resolved(*files):
+            return cls.of_results(files[0])
+        try:
+            content, source = loader.read_layers(files, overrides)
+            config = cls.of(content, source, inputs=inputs)
+        except InputError:
+            _refuse_other_simulators(files)
+            raise
+        provenance.note_config(config.config)
+        return config
+
+    @classmethod
+    def of(
+        cls,
+        config: Mapping[str, Any],
+        source: str | Origin = "configuration",
+        inputs: bool = False,
+    ) -> Self:
+        """Check a complete configuration and compute each `auto`.
+
+        Parameters
+        ----------
+        config : mapping
+            Every key; each may be `auto` that can be computed.
+        source : str or Origin, optional
+            File that an error names.
+        inputs : bool, optional
+            As in `load`.
+
+        Returns
+        -------
+        PipelineConfig
+
+        Raises
+        ------
+        InputError
+            As in `load`.
+        """
+        from repose.config.making import Making
+
+        if not isinstance(config, Mapping):
+            words = "a mapping of sections"
+            raise InputError(source, "configuration", config, words)
+        making = Making(dict(config), source)
+        making.complete(inputs)
+        made = cls(making.config, source)
+        # The checks of grain and particle go on from here.
+        made.__dict__["_making"] = making
+        return made
+
+    @classmethod
+    def of_results(cls, path: Path_) -> Self:
+        """Load the configuration of a folder of results, for a job.
+
+        Parameters
+        ----------
+        path : path
+            `RESULTS/config.json`, which was checked before. Nothing is checked again.
+
+        Returns
+        -------
+        PipelineConfig
+
+        Raises
+        ------
+        InputError
+            If the file cannot be read.
+        """
+        config = read_json(path, what="the configuration of a folder of results")
+        provenance.note_config(config)
+        return cls(config, str(path))
+
+    def __repr__(self) -> str:
+        free = ", ".join(self.parameters.free)
+        targets = ", ".join(self.targets.names)
+        settings = self.settings
+        return (
+            f"<PipelineConfig {settings.label}: {free} by {targets}, "
+            f"strategy {settings.strategy}>"
+        )
+
+    @cached_property
+    def settings(self) -> "StudySettings":
+        """The configuration as typed sections, such as `config.settings.funnel.seeds`."""
+        from repose.config.models import settings_of
+
+        return settings_of(self.config, self.source)
+
+    @cached_property
+    def parameters(self) -> "ParameterSpace":
+        """Ranges of the free parameters, fixed values and priors."""
+        from repose.bench.space import contact_space
+
+        return contact_space(self.settings.parameters.given)
+
+    @cached_property
+    def targets(self) -> "Targets":
+        """The measured responses."""
+        import repose.bench  # noqa: F401  registers the responses
+        from repose.calibrate.targets import Targets
+
+        return Targets.of(self.config["targets"])
+
+    @cached_property
+    def definitions(self) -> Definitions:
+        """For each response the keys that define it, with their values.
+
+        Only bench tests of the targets have an entry: the files of a study do not change
+        with the others.
+        """
+        from repose.bench import bench_tests
+
+        definitions: dict[str, dict[str, Any]] = {}
+        for test in bench_tests():
+            if test.name not in self.targets.apparatus:
+                continue
+            responses = (*test.responses, *test.target_responses(self.config))
+            for response in responses:
+                definitions[response.name] = response.settings(self.config)
+        for target in self.settings.targets:
+            if target.profile is not None:
+                profile = target.profile.abscissae
+                definitions[target.response] |= {"profile": profile}
+        return definitions
+
+    def study(self, file: Path_ | None = None) -> "Study":
+        """Make the study that asks for runs of this configuration.
+
+        Parameters
+        ----------
+        file : path, optional
+            CSV file of the runs, as in `repose.Study(..., file=...)`.
+
+        Returns
+        -------
+        Study
+        """
+        from repose.calibrate import strategies
+        from repose.calibrate.settings import CalibrationSettings
+        from repose.calibrate.study import Study
+
+        settings = self.settings
+        others = {}
+        for name in strategies.names():
+            section = settings.of_strategy(name)
+            if section is not None and name not in CalibrationSettings.model_fields:
+                others[name] = section
+        calibration = CalibrationSettings(
+            label=settings.label,
+            simulator="repose",
+            strategy=settings.strategy,
+            surrogate=settings.surrogate,
+            seeds=settings.seeds_of(self.targets.apparatus[0]),
+            design=settings.design,
+            network=settings.network,
+            miga=settings.miga,
+            posterior=settings.posterior,
+            sequential=settings.sequential,
+            response_surface=settings.response_surface,
+            refine=settings.refine,
+            others=others,
+        )
+        return Study.of(self.parameters, self.targets, calibration, self.config, file)
+
+    def published(self, table: str) -> Path | None:
+        """Return the path of a table of the published solutions, such as ``table3.csv``.
+
+        It is None if the table is not there.
+        """
+        return beside(self.settings.validation.published, table)
+
+    @cached_property
+    def folder(self) -> Path:
+        """Folder of the results."""
+        return Path(self.settings.results_dir)
+
+    @property
+    def grain(self) -> dict[str, Any]:
+        """The mean grain, as in berry.json; the files of the configuration are checked."""
+        return self._making.checked_grain()[0]
+
+    @property
+    def particle(self) -> "Particle":
+        """The body of the mean grain; the files of the configuration are checked."""
+        return self._making.checked_grain()[1]
+
+    def scene(self, parameters: Mapping[str, float], seed: int = 0) -> "Scene":
+        """Make the scene of a run of any bench test.
+
+        Parameters
+        ----------
+        parameters : mapping
+            Contact parameters by name.
+        seed : int, optional
+            Of the random numbers of the run.
+
+        Returns
+        -------
+        Scene
+        """
+        from repose.bench import Scene
+
+        return Scene.of(self.config, parameters, self.grain, self.particle, seed)
+
+    def check_inputs(self) -> None:
+        """Check the named files, and that grain, bench test and time step fit together.
+
+        Raises
+        ------
+        InputError
+            With all faults at once.
+        """
+        self._making.checked_grain()
+
+    @cached_property
+    def _making(self) -> "Making":
+        """The checks of the configuration; loaded where a check is asked for."""
+        from repose.config.making import Making
+
+        return Making(self.config, self.source)
+
+
+def _refuse_other_simulators(files: tuple[Path_, ...]) -> None:
+    """Refuse a file that names a simulator: it is a configuration of `repose.Study`."""
+    for file in files:
+        if not Path(file).is_file():
+            continue
+        content = loader.read(file)
+        if "simulator" in content:
+            words = (
+                "a study of our own simulator; for one of yours see "
+                "`repose docs own_simulator`"
+            )
+            raise InputError(file, "simulator", content["simulator"], words) from None

@@ -1,0 +1,131 @@
+"""The answer of a calibration, read from the files of the stages."""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from repose.bench.parameters import LABELS, check_value, named
+from repose.calibrate.answer import MORE_POURS, WITHIN, Check, Result, out_of_reach
+from repose.calibrate.targets import Target, Targets
+from repose.common.errors import InputError
+from repose.common.files import Path_, read_json
+from repose.common.tables import Column
+from repose.common.tables import read as read_cells
+from repose.measure.settings import line_for
+
+# Remedy by strategy, if only the prediction meets the targets.
+ADVICE = {
+    "refined": "larger refine.rounds or refine.seeds",
+    "response_surface": "another response_surface.reach or .most_factors",
+    "sequential": "a larger sequential.most_pours",
+}
+# Columns of the table of the check. A table of an older version lacks the last but one,
+# and an answer without its probabilities would be incomplete.
+COLUMNS = (
+    Column("response", str),
+    Column("status", str),
+    Column("simulated", empty=True),
+    Column("simulated_se", empty=True),
+    Column("n_seeds", empty=True),
+    *(Column(name, empty=True) for name in WITHIN.values()),
+    Column("predicted", empty=True, needed=False),
+)
+
+
+def read(
+    summary_json: Path_,
+    check_csv: Path_,
+    solutions_csv: Path_,
+    *,
+    label: str,
+    targets: Targets,
+    measure: object,
+    strategy: str,
+    results_dir: Path_,
+    small_run: bool = False,
+) -> Result:
+    """Read the result of a calibration that was simulated again.
+
+    Parameters
+    ----------
+    summary_json : path
+        Summary of the search, or of the strategy.
+    check_csv : path
+        Table of the check, a row for each response.
+    solutions_csv : path
+        All parameter sets that were found.
+    label : str
+        Of the study.
+    targets : Targets
+    measure : MeasureSection or mapping
+        The section `measure`, which defines the angles of piles.
+    strategy : str
+        The one that found the answer.
+    results_dir : path
+        Folder of the results.
+    small_run : bool, optional
+        Whether the study is too small for a calibration.
+
+    Returns
+    -------
+    Result
+
+    Raises
+    ------
+    InputError
+        If a file is damaged, or lacks a target.
+    """
+    keys = {"representative": dict, "feasible": bool, "message": str}
+    summary = read_json(summary_json, keys, "the answer of a calibration; run it first")
+    table = read_cells(check_csv, COLUMNS, "a table of the verb validate")
+    rows = {row["response"]: row for row in table.rows()}
+    for name in targets.names:
+        if name not in rows:
+            words = f"a row {name}, a target of the configuration"
+            raise InputError(check_csv, "response", sorted(rows), words)
+    values = summary["representative"]
+    parameters = {}
+    for name in named(values):
+        parameters[name] = float(check_value(name, values.get(name), summary_json))
+    checks = []
+    for target in targets:
+        line = line_for(measure, target.name)
+        checks.append(_check(target, rows[target.name], line))
+    first_row = rows[targets.names[0]]
+    within = {percent: _number(first_row, name) for percent, name in WITHIN.items()}
+    return Result(
+        label=label,
+        parameters=parameters,
+        feasible=summary["feasible"],
+        message=summary["message"],
+        checks=tuple(checks),
+        folder=Path(results_dir),
+        tables=Path(check_csv).parent,
+        solutions=Path(solutions_csv),
+        advice=ADVICE.get(strategy, MORE_POURS),
+        why=summary.get("why", ""),
+        out_of_reach=out_of_reach(summary),
+        small_run=small_run,
+        within=within,
+        labels=LABELS,
+    )
+
+
+def _check(target: Target, row: Mapping[str, Any], line: str) -> Check:
+    """Make the check of a target from its row of the table."""
+    return Check.of(
+        target,
+        simulated=_number(row, "simulated"),
+        standard_error=_number(row, "simulated_se"),
+        runs=int(_number(row, "n_seeds") or 0),
+        status=row["status"],
+        predicted=_number(row, "predicted"),
+        line=line,
+    )
+
+
+def _number(row: Mapping[str, Any], key: str) -> float | None:
+    """Return a number of a row; None if its cell is empty or its column missing."""
+    number = row.get(key, math.nan)
+    return None if math.isnan(number) else number

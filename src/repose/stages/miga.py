@@ -1,0 +1,85 @@
+"""The stage `miga`: parameter sets whose predicted responses meet the targets."""
+
+from pathlib import Path
+from typing import Any
+
+from repose.calibrate import expected_loss
+from repose.calibrate.inversion import invert
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.responses import Definitions, require_same_definitions
+from repose.calibrate.search.settings import MigaSettings
+from repose.calibrate.surrogates.base import load
+from repose.calibrate.surrogates.support import Support
+from repose.calibrate.targets import Targets
+from repose.common.files import Path_, read_table, write_json, write_table
+
+# Columns of the published intervals of the parameters.
+INTERVAL = ("low", "high", "dispersion_percent")
+
+
+def run(
+    surrogate_json: Path_,
+    out_dir: Path_,
+    *,
+    parameters: ParameterSpace,
+    targets: Targets,
+    definitions: Definitions,
+    settings: MigaSettings,
+    table3_csv: Path_ | None = None,
+    support: Support | None = None,
+    source: object = "configuration",
+) -> dict[str, Any]:
+    """Search the parameter sets, and write them with their intervals.
+
+    Parameters
+    ----------
+    surrogate_json : path
+        The surrogate, as the stage `network` writes it.
+    out_dir : path
+        Folder for feasible.csv, intervals.csv, history.csv and summary.json.
+    parameters : ParameterSpace
+        The ranges that are searched.
+    targets : Targets
+        The responses to meet.
+    definitions : mapping
+        How the configuration defines them.
+    settings : MigaSettings
+        The section `miga`.
+    table3_csv : path, optional
+        Published intervals, to stand beside those that are found.
+    support : Support, optional
+        Region of the samples; sets beyond it get a warning.
+    source : object, optional
+        File of the configuration, for an error.
+
+    Returns
+    -------
+    dict
+        The content of summary.json.
+
+    Raises
+    ------
+    InputError
+        If the surrogate has other responses or definitions.
+    """
+    surrogate = load(surrogate_json, targets.names)
+    require_same_definitions(surrogate.definitions, surrogate_json, definitions, source)
+    published = None
+    if table3_csv is not None:
+        published = read_table(table3_csv, ("parameter", *INTERVAL))
+    inversion = invert(surrogate, parameters, targets, settings, support)
+    intervals = inversion.intervals
+    if published is not None:
+        columns = published.set_index("parameter")[list(INTERVAL)]
+        intervals = intervals.join(columns.add_prefix("published_"), on="variable")
+    summary = inversion.summary
+    if surrogate.knows_its_errors:
+        summary["representative_judged"] = expected_loss.judged(
+            surrogate, summary["representative"], targets, parameters.names
+        )
+    out = Path(out_dir)
+    write_table(out / "feasible.csv", inversion.solutions)
+    write_table(out / "intervals.csv", intervals)
+    write_table(out / "history.csv", inversion.history)
+    write_json(out / "summary.json", summary)
+    return summary

@@ -1,0 +1,75 @@
+"""The stage `network`: a surrogate of the simulator, trained on the table of samples."""
+
+from pathlib import Path
+from typing import Any
+
+from repose.bench.parameters import named
+from repose.calibrate.dataset_files import read_definitions
+from repose.calibrate.responses import Definitions, require_same_definitions
+from repose.calibrate.surrogates.settings import NetworkSettings
+from repose.calibrate.targets import Targets
+from repose.calibrate.training import train
+from repose.common.files import Path_, write_json, write_table
+from repose.stages.tables import read_dataset, read_runs
+
+
+def run(
+    dataset_csv: Path_,
+    runs_csv: Path_,
+    out_dir: Path_,
+    *,
+    targets: Targets,
+    definitions: Definitions,
+    surrogate: str,
+    settings: NetworkSettings,
+    source: object = "configuration",
+) -> dict[str, Any]:
+    """Train a surrogate, and write it with its predictions.
+
+    Parameters
+    ----------
+    dataset_csv, runs_csv : path
+        Tables of samples and of their single runs.
+    out_dir : path
+        Folder for network.json, metrics.json, predictions.csv and starts.csv.
+    targets : Targets
+        The responses to learn.
+    definitions : mapping
+        How the configuration defines them.
+    surrogate : str
+        Kind of the surrogate.
+    settings : NetworkSettings
+        The section `network`.
+    source : object, optional
+        File of the configuration, for an error.
+
+    Returns
+    -------
+    dict
+        The content of metrics.json.
+
+    Raises
+    ------
+    InputError
+        If the tables are damaged, are of other definitions or have too few samples.
+    """
+    dataset = read_dataset(dataset_csv, targets)
+    runs = read_runs(runs_csv, targets, dataset, dataset_csv)
+    of_dataset, summary_json = read_definitions(dataset_csv)
+    require_same_definitions(of_dataset, summary_json, definitions, source)
+    training = train(
+        dataset,
+        runs,
+        targets,
+        settings,
+        names=named(dataset),
+        definitions=definitions or of_dataset,
+        source=dataset_csv,
+        surrogate=surrogate,
+    )
+    out = Path(out_dir)
+    training.model.save(out / "network.json")
+    write_json(out / "metrics.json", training.metrics)
+    write_table(out / "predictions.csv", training.predictions)
+    write_table(out / "starts.csv", training.starts)
+    return training.metrics

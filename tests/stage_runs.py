@@ -1,0 +1,74 @@
+"""Stages on the parts of a study, as the verbs call them."""
+
+from repose.stages import answer, batches, miga, network, validate
+
+
+def trained(dataset_csv, runs_csv, study, out, source="configuration"):
+    return network.run(
+        dataset_csv,
+        runs_csv,
+        out,
+        targets=study.targets,
+        definitions=study.definitions,
+        surrogate=study.settings.surrogate,
+        settings=study.settings.network,
+        source=source,
+    )
+
+
+def searched(
+    surrogate_json, study, table3_csv, out, support=None, source="configuration"
+):
+    return miga.run(
+        surrogate_json,
+        out,
+        parameters=study.parameters,
+        targets=study.targets,
+        definitions=study.definitions,
+        settings=study.settings.miga,
+        table3_csv=table3_csv,
+        support=support,
+        source=source,
+    )
+
+
+def propose(name, study, folders, out):
+    return batches.run_propose(name, study, folders, out, definitions=study.definitions)
+
+
+def conclude(name, study, folders, out):
+    return batches.run_conclude(
+        name,
+        folders,
+        out,
+        parameters=study.parameters,
+        targets=study.targets,
+        measure=study.config.get("measure"),
+    )
+
+
+def compared(solutions_csv, jobs, study, published, out, support=None):
+    return validate.run(
+        solutions_csv,
+        jobs,
+        out,
+        targets=study.targets,
+        measure=study.settings.measure,
+        published=published,
+        support=support,
+    )
+
+
+def answer_of(study, summary_json, check_csv, solutions_csv):
+    settings = study.settings
+    return answer.read(
+        summary_json,
+        check_csv,
+        solutions_csv,
+        label=settings.label,
+        targets=study.targets,
+        measure=settings.measure,
+        strategy=settings.strategy,
+        results_dir=settings.results_dir,
+        small_run=settings.small_run,
+    )
