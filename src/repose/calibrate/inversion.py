@@ -13,7 +13,7 @@ from repose.calibrate import expected_loss
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.search.objective import HISTORY, Objective, Preference, search
 from repose.calibrate.search.settings import MigaSettings
-from repose.calibrate.surrogates.base import Surrogate
+from repose.calibrate.surrogates import Surrogate
 from repose.calibrate.surrogates.support import Support
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError

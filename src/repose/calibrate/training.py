@@ -15,8 +15,8 @@ from repose.calibrate.responses import (
     response,
 )
 from repose.calibrate.runs import of_bench
+from repose.calibrate.surrogates import Surrogate, load, make
 from repose.calibrate.surrogates.accuracy import r2
-from repose.calibrate.surrogates.base import Surrogate, load, make
 from repose.calibrate.surrogates.settings import NetworkSettings
 from repose.calibrate.targets import Targets
 from repose.calibrate.variance import within_covariance

@@ -151,9 +151,9 @@ def test_starts_that_have_not_converged_do_not_compete_and_classes_have_a_cap(
     best = BayesianBP(**settings).fit(X, Y).best_start_
     calls = []
 
-    def far_from_the_minimum(*arguments):
+    def far_from_the_minimum(**arguments):
         calls.append(1)
-        return honest(*arguments) | {
+        return honest(**arguments) | {
             "decrement": 1.0 if unconverged(len(calls) - 1) else 0.0
         }
 

@@ -1,15 +1,10 @@
 """Surrogates of the simulator, and the support of their samples.
 
-`repose.calibrate.surrogates.kinds` registers those of the package when the first name is looked up (`repose.calibrate.surrogates.base`).
+`repose.calibrate.surrogates.base` has the interface,
+`repose.calibrate.surrogates.registry` makes and loads surrogates by name.
 """
 
-from repose.calibrate.surrogates.base import (
-    Surrogate,
-    kind_of,
-    load,
-    make,
-    names,
-    register,
-)
+from repose.calibrate.surrogates.base import Surrogate, register
+from repose.calibrate.surrogates.registry import kind_of, load, make, names
 
 __all__ = ["Surrogate", "kind_of", "load", "make", "names", "register"]

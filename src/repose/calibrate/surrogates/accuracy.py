@@ -4,6 +4,11 @@ import numpy as np
 
 
 def r2(y: np.ndarray, predicted: np.ndarray) -> float | None:
-    """Compute the coefficient of determination R2 (Eq. 13); None where y does not vary."""
+    """Compute the coefficient of determination R2 (Eq. 13 of the paper).
+
+    None where y does not vary.
+    """
     total = np.sum((y - np.mean(y)) ** 2)
-    return float(1 - np.sum((y - predicted) ** 2) / total) if total > 0 else None
+    if not total > 0:
+        return None
+    return float(1 - np.sum((y - predicted) ** 2) / total)

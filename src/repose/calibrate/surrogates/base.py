@@ -1,18 +1,20 @@
-"""The interface of all surrogates, their registry, and their files.
+"""The interface of all surrogates, their registration, and their files.
 
-A surrogate is a fast model of the simulator: it learns the responses of a few hundred simulated parameter sets, and
-then gives them for any parameter set, with errors. The rest of the program calls only this interface::
+A surrogate is a fast model of the simulator. It learns the responses of a few hundred
+simulated parameter sets, and then predicts them for any parameter set, with errors. The
+rest of the program uses only this interface::
 
-    model = make("gaussian_process", settings).describe(PARAMETERS, targets.names, definitions)
+    model = make("gaussian_process", settings)
+    model.describe(PARAMETERS, targets.names, definitions)
     model.fit(X, Y).save("surrogate.json")
     mean, std = load("surrogate.json").predict(X_new, return_std=True)
 
-To add a surrogate, write a subclass of `Surrogate` in a module of its own, put `@register("its_name")` above it, and
-import the module in `repose.calibrate.surrogates`; then the configuration knows the name.
+To add a surrogate, write a subclass of `Surrogate` in a module of its own, put
+`@register("its_name")` above it, and import the module in
+`repose.calibrate.surrogates.kinds`. The configuration then knows the name.
 """
 
 import copy
-import json
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -22,16 +24,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from repose.calibrate.responses import Definitions
-from repose.calibrate.surrogates.settings import AS_PUBLISHED, NetworkSettings
-from repose.common.errors import InputError, require
-from repose.common.files import read_json, write_json
+from repose.calibrate.surrogates.settings import NetworkSettings
+from repose.common.files import write_json
 
-KEYS = {"surrogate": str, "inputs": list, "outputs": list}
 Names = Sequence[str]
 
 
 class Predictor(Protocol):
-    """Interface that the posterior and the report require of a model; every `Surrogate` has it."""
+    """Interface that the posterior and the report require of a model.
+
+    Every `Surrogate` has it.
+    """
 
     @property
     def name(self) -> str: ...
@@ -39,14 +42,14 @@ class Predictor(Protocol):
     def predict(
         self, X: ArrayLike, return_std: bool = False, noise: bool = True
     ) -> Any:
-        """As `Surrogate.predict`."""
+        """Predict responses, as `Surrogate.predict`."""
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
-        """As `Surrogate.covariance`."""
+        """Compute the covariance of the means, as `Surrogate.covariance`."""
 
 
 class Noise(TypedDict, total=False):
-    """What is known of the noise of samples; `Surrogate.fit` explains it."""
+    """Knowledge about the noise of samples; `Surrogate.fit` explains the entries."""
 
     precision: ArrayLike | None
     noise_covariance: ArrayLike | None
@@ -63,13 +66,15 @@ class Surrogate(ABC):
     inputs, outputs : tuple of str
         Names of the d parameters and of the k responses; set by `describe`.
     definitions : mapping
-        For each response the configuration keys, with their values, that define it; set by `describe`.
+        For each response the configuration keys, with their values, that define it; set
+        by `describe`.
     samples : tuple of int
         Numbers of the n samples that it was fitted to, in their order; set by `describe`.
     of_all_samples : bool
-        Whether a study fits it to all samples, once the split has shown its accuracy on unseen samples.
+        Whether a study fits it to all samples, after a fit to the training part has
+        shown its accuracy at the others.
     is_network : bool
-        Whether it is trained from several starts, each until its error on validation samples rises.
+        Whether it is trained from several starts.
     """
 
     name: ClassVar[str]
@@ -83,7 +88,7 @@ class Surrogate(ABC):
 
     @staticmethod
     def least_samples(inputs: int) -> int:
-        """Count the samples that it needs.
+        """Count the samples that a fit needs.
 
         Parameters
         ----------
@@ -93,7 +98,7 @@ class Surrogate(ABC):
         Returns
         -------
         int
-            0 for a surrogate that any number determines.
+            0 for a surrogate that can be fitted to any number of samples.
         """
         return 0
 
@@ -105,7 +110,8 @@ class Surrogate(ABC):
         Parameters
         ----------
         settings : NetworkSettings
-            The section `network` of the configuration. A surrogate takes the keys that it knows and ignores the others.
+            The section `network` of the configuration. A surrogate takes the keys that
+            it knows and ignores the others.
 
         Returns
         -------
@@ -123,14 +129,15 @@ class Surrogate(ABC):
         Y : array (n, k)
             Their responses, means over seeds.
         precision : array (n,) or (n, k), optional
-            The noise variance of a value is one unknown number, divided by the value's precision: for means over runs
-            their number. Without `noise_freedom` only ratios matter.
+            The noise variance of a value is one unknown number divided by the precision
+            of the value. For means over runs the precision is the number of runs.
+            Without `noise_freedom` only ratios matter.
         noise_covariance : array (k, k), optional
-            Covariance of the noise of the responses, up to a factor. `precision` is then the same for all responses
-            of a sample.
+            Covariance of the noise of the responses, up to a factor. `precision` is then
+            the same for all responses of a sample.
         noise_freedom : float, optional
-            Degrees of freedom from which replicates estimated `noise_covariance`, which then belongs to one value of
-            precision 1. A surrogate may ignore it.
+            Degrees of freedom from which replicates estimated `noise_covariance`, which
+            then belongs to one value of precision 1. A surrogate may ignore it.
 
         Returns
         -------
@@ -140,7 +147,8 @@ class Surrogate(ABC):
         Raises
         ------
         ValueError
-            For other shapes, values that are not finite, or fewer samples than the surrogate needs.
+            For other shapes, values that are not finite, or fewer samples than the
+            surrogate needs.
         """
 
     @abstractmethod
@@ -153,10 +161,10 @@ class Surrogate(ABC):
         ----------
         X : numpy.ndarray, (n, d)
         return_std : bool, optional
-            Whether to return the standard deviations too.
+            Whether to return standard deviations too.
         noise : bool, optional
-            Whether the standard deviations belong to one new value with precision 1, or else to the
-            mean alone.
+            Whether the standard deviations belong to one new value of precision 1, or
+            only to the mean.
 
         Returns
         -------
@@ -168,26 +176,29 @@ class Surrogate(ABC):
 
     @abstractmethod
     def covariance(self, X: ArrayLike) -> np.ndarray:
-        """Compute the covariance (n, k, k) of the predicted means at parameter sets X (n, d), without noise."""
+        """Compute the covariance (n, k, k) of the predicted means, without noise."""
 
     @property
     def knows_its_errors(self) -> bool:
-        """Whether `covariance` is available; False for a surrogate saved without its training data."""
+        """Whether `covariance` is available.
+
+        It is not for a surrogate that was saved without its training data.
+        """
         return True
 
     def shifted(self, offset: np.ndarray) -> Self:
-        """Copy it with an offset (k,) added to its predictions.
+        """Return a copy with an offset (k,) added to its predictions.
 
-        It changes `offset_`, which `predict` adds to the responses. A surrogate without `offset_` has a `shifted` of
-        its own.
+        `predict` must add `offset_` to the responses. A surrogate without `offset_`
+        overrides this method.
         """
-        moved = copy.copy(self)
-        moved.offset_ = self.offset_ + offset
-        return moved
+        surrogate = copy.copy(self)
+        surrogate.offset_ = self.offset_ + offset
+        return surrogate
 
     @abstractmethod
     def to_dict(self) -> dict[str, Any]:
-        """Collect all that `from_dict` needs, as lists and numbers that JSON can hold."""
+        """Collect the input of `from_dict`, as lists and numbers that JSON can hold."""
 
     @classmethod
     @abstractmethod
@@ -197,7 +208,8 @@ class Surrogate(ABC):
         Parameters
         ----------
         content : mapping
-            The result of `to_dict`, with `inputs`, `outputs`, `definitions` and `samples`.
+            The result of `to_dict`, with `inputs`, `outputs`, `definitions` and
+            `samples`.
 
         Returns
         -------
@@ -212,11 +224,13 @@ class Surrogate(ABC):
     def response_function(
         self, low: np.ndarray, high: np.ndarray
     ) -> Callable[[np.ndarray], np.ndarray]:
-        """Make the prediction a function of points (n, d) in [-1, 1], which stand for `low` and `high` (d,).
+        """Make a function that predicts at points (n, d) in [-1, 1].
 
-        A search calls this function millions of times.
+        -1 and 1 stand for `low` and `high` (d,). A search calls the function millions
+        of times, so a surrogate may return a faster form of `predict`.
         """
-        middle, half = (np.add(low, high)) / 2, np.subtract(high, low) / 2
+        middle = np.add(low, high) / 2
+        half = np.subtract(high, low) / 2
         return lambda points: self.predict(middle + points * half)
 
     def report(self) -> dict[str, Any]:
@@ -224,7 +238,10 @@ class Surrogate(ABC):
         return {}
 
     def start_rows(self) -> list[dict[str, Any]]:
-        """List the result of each start of the training, as rows of starts.csv; empty for a method without starts."""
+        """List the result of each start of the training, as rows of starts.csv.
+
+        The list is empty for a method without starts.
+        """
         return []
 
     def describe(
@@ -234,7 +251,7 @@ class Surrogate(ABC):
         definitions: Definitions | None = None,
         samples: Sequence[int] = (),
     ) -> Self:
-        """Name the parameters, the responses and their definitions, and the samples of the fit.
+        """Set the names of parameters, responses and samples.
 
         Parameters
         ----------
@@ -250,30 +267,32 @@ class Surrogate(ABC):
         Surrogate
             The same surrogate.
         """
-        self.inputs, self.outputs = tuple(inputs), tuple(outputs)
-        self.definitions, self.samples = (
-            dict(definitions or {}),
-            tuple(int(sample) for sample in samples),
-        )
+        self.inputs = tuple(inputs)
+        self.outputs = tuple(outputs)
+        self.definitions = dict(definitions or {})
+        self.samples = tuple(int(sample) for sample in samples)
         return self
 
     def save(self, path: str | os.PathLike) -> None:
         """Write a JSON file that `load` reads."""
-        names = {
+        description = {
             "inputs": list(self.inputs),
             "outputs": list(self.outputs),
             "surrogate": self.name,
+            "definitions": self.definitions,
+            "samples": list(self.samples),
         }
-        about = {"definitions": self.definitions, "samples": list(self.samples)}
-        write_json(path, {**names, **about, **self.to_dict()})
+        write_json(path, {**description, **self.to_dict()})
 
 
-_REGISTRY: dict[str, type[Surrogate]] = {}
+REGISTERED: dict[str, type[Surrogate]] = {}
 Kind = TypeVar("Kind", bound=type[Surrogate])
 
 
 def register(name: str) -> Callable[[Kind], Kind]:
-    """Make a surrogate known by a name, as a class decorator, in the configuration and in files.
+    """Make a class decorator that registers a surrogate under a name.
+
+    The configuration and files use the name.
 
     Raises
     ------
@@ -281,126 +300,13 @@ def register(name: str) -> Callable[[Kind], Kind]:
         If another class has the name.
     """
 
-    def enter(kind: Kind) -> Kind:
-        if _REGISTRY.setdefault(name, kind) is not kind:
+    def add(kind: Kind) -> Kind:
+        registered = REGISTERED.setdefault(name, kind)
+        if registered is not kind:
             raise ValueError(
-                f"surrogate {name!r} is registered already, by {_REGISTRY[name].__name__}"
+                f"surrogate {name!r} is registered already, by {registered.__name__}"
             )
         kind.name = name
         return kind
 
-    return enter
-
-
-def names() -> tuple[str, ...]:
-    """Return the names of all surrogates, in the order of their registration."""
-    return tuple(_known())
-
-
-def _known() -> dict[str, type[Surrogate]]:
-    """Return every surrogate by its name; a job that needs none does not wait for their import."""
-    from repose.calibrate.surrogates import kinds  # noqa: F401
-
-    return _REGISTRY
-
-
-def make(
-    name: str, settings: NetworkSettings = AS_PUBLISHED, source: object = "surrogate"
-) -> Surrogate:
-    """Make an untrained surrogate.
-
-    Parameters
-    ----------
-    name : str
-        One of `names`.
-    settings : NetworkSettings, optional
-        As `Surrogate.of` takes them; by default the published ones.
-    source : object
-        Named in the error: a file or a key.
-
-    Returns
-    -------
-    Surrogate
-
-    Raises
-    ------
-    InputError
-        If no surrogate has this name.
-    """
-    return kind_of(name, source).of(settings)
-
-
-def load(path: str | os.PathLike, outputs: Sequence[str] | None = None) -> Surrogate:
-    """Read the trained surrogate in a file that `Surrogate.save` wrote.
-
-    Parameters
-    ----------
-    path : path
-    outputs : sequence of str, optional
-        Responses that the surrogate must have, in this order.
-
-    Returns
-    -------
-    Surrogate
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is not a surrogate's, or has other responses.
-    """
-    content = read_json(path, KEYS, "a surrogate's JSON file")
-    kind = kind_of(content["surrogate"], path)
-    try:
-        json.dumps(content, allow_nan=False)
-    except ValueError:  # `save` never writes NaN or infinity
-        raise InputError(
-            path, "numbers", "not all finite", "finite ones, as a surrogate has them"
-        ) from None
-    try:
-        samples = content.get("samples", [])
-        if len(set(samples)) < len(samples) or any(
-            type(sample) is not int for sample in samples
-        ):
-            raise ValueError(f"samples {samples}")
-        model = kind.from_dict(content)
-        model.describe(
-            content["inputs"], content["outputs"], content.get("definitions"), samples
-        )
-    except (LookupError, ValueError, TypeError, ArithmeticError) as error:
-        raise InputError(
-            path, kind.name, repr(error), "as `save` of this surrogate writes it"
-        ) from error
-    if outputs is not None and model.outputs != tuple(outputs):
-        raise InputError(
-            path, "outputs", list(model.outputs), f"the targets {', '.join(outputs)}"
-        )
-    return model
-
-
-def kind_of(name: str, source: object = "surrogate") -> type[Surrogate]:
-    """Find the class that is registered by a name.
-
-    Parameters
-    ----------
-    name : str
-        One of `names`.
-    source : object, optional
-        What an error names.
-
-    Returns
-    -------
-    type
-
-    Raises
-    ------
-    InputError
-        If there is none.
-    """
-    require(
-        name in _known(),
-        source,
-        "surrogate",
-        name,
-        f"one of {', '.join(sorted(_REGISTRY))}",
-    )
-    return _REGISTRY[name]
+    return add

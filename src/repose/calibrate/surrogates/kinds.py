@@ -1,4 +1,7 @@
-"""The line that registers each surrogate of the package; `repose.calibrate.surrogates.base` imports it when a name is needed."""
+"""The modules of the package's surrogates, each of which registers its class.
+
+To add a surrogate to the package, import its module here.
+"""
 
 from repose.calibrate.surrogates import (
     bayesian_bp,

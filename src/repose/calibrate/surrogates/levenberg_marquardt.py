@@ -1,20 +1,35 @@
 """Training of one start: Levenberg-Marquardt on a regularised sum of squares.
 
-Sources of the lines, named where they are used
-  (FH n)    Foresee & Hagan 1997, Gauss-Newton approximation to Bayesian learning, step n of section 4
+The training minimises F = beta E_d + alpha E_w and re-estimates alpha and beta after
+each step.
+
+Symbols
+  w      all N weights of the network
+  n      number of residuals, samples times outputs
+  E_d    sum of the squared residuals e, weighted
+  E_w    sum of the squared weights
+  J      derivatives of the residuals by the weights
+  H      Hessian of F in the Gauss-Newton approximation, 2 beta J'J + 2 alpha I
+  gamma  number of weights that the data determine
+
+Weights may fall into classes with an alpha each; then E_w, alpha and gamma are vectors.
+
+Sources, named where they are used
+  (FH n)    Foresee & Hagan 1997, Gauss-Newton approximation to Bayesian learning, step
+            n of section 4
   (M92)     MacKay 1992, Bayesian interpolation, Neural Computation 4
-  (HM94)    Hagan & Menhaj 1994, training feedforward networks with the Marquardt algorithm
+  (HM94)    Hagan & Menhaj 1994, training feedforward networks with the Marquardt
+            algorithm
 
-Notation: w all N weights, n residuals (samples times outputs), E_d and E_w plain sums of squares. The objective is
-F = beta E_d + alpha E_w. Weights may fall into classes c with an alpha_c each; then E_w and alpha are vectors.
+Replicates: where they are known, n and E_d include their scatter about the means of
+their samples. The weights cannot change this scatter, but it determines beta.
+Likelihood and evidence then belong to the single runs.
 
-Where replicates are known, n and E_d hold their scatter about the samples' means as well: no weights can change it, but
-it determines beta. Likelihood and evidence then refer to the single runs.
-
-With several alpha the re-estimation (FH 2-3) passes the largest evidence and goes on: it takes no account of how the
-weights change with alpha, so small weights of the inputs and large ones of the outputs drift apart without end. Such a
-start ends when its evidence has not risen for `PATIENCE` epochs. The alpha and beta of the largest evidence are kept,
-and the weights go to the minimum of F with them.
+Largest evidence: with several alpha the re-estimation (FH 2-3) passes the largest
+evidence and goes on, because it ignores how the weights change with alpha. Small input
+weights and large output weights then drift apart without end. So a start with several
+classes ends when its evidence has not risen for `PATIENCE` epochs. It returns to the
+alpha and beta of the largest evidence, and minimises F with them.
 """
 
 from collections.abc import Sequence
@@ -24,8 +39,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from repose.calibrate.surrogates.evidence import log_evidence, of_each_weight
-from repose.calibrate.surrogates.samples import Scatter
-from repose.calibrate.surrogates.two_layer import jacobian, unpack, weight_classes
+from repose.calibrate.surrogates.samples import NO_SCATTER, Scatter
+from repose.calibrate.surrogates.two_layer import (
+    hidden_neurons,
+    jacobian,
+    unpack,
+    weight_classes,
+)
 
 STATISTICS = (
     "log_evidence",
@@ -38,15 +58,18 @@ STATISTICS = (
     "decrement",
     "at_cap",
 )
+FIRST_ALPHA = 0.01
+FIRST_BETA = 1.0
 LARGEST_ALPHA = 1e6  # weights of 0.0007 in scaled units: an input that has faded
 SMALLEST = 1e-30  # E_d of outputs that a network meets exactly
 PATIENCE = 60  # epochs without a larger evidence
 NEAR = 1.0  # F above its minimum, in nats, below which Laplace's approximation holds
-# F above its minimum at which a start has converged: the weights are 0.14 of a standard deviation from the best ones
+# F above its minimum at which a start has converged: the weights are 0.14 of a standard
+# deviation from the best ones.
 CONVERGED = 0.01
-DESCENT = 100  # most steps to the minimum of F with alpha and beta kept
-# mu is only ever multiplied, so from 0 it could not rise again. From any number above 0 it rises in time: it takes at
-# most one trial for each step that lowered it.
+DESCENT = 100  # largest number of steps to the minimum of F at fixed alpha and beta
+# mu is only ever multiplied, so from 0 it could not rise again. From any number above 0
+# it rises in time: it takes at most one trial for each step that lowered it.
 SMALLEST_MU = float(np.finfo(float).tiny)
 
 
@@ -54,16 +77,15 @@ SMALLEST_MU = float(np.finfo(float).tiny)
 class TrainingSettings:
     """Settings of the training of a start."""
 
-    epochs: int = 1500  # most accepted steps
-    goal: float = (
-        1e-4  # mean squared error of the scaled outputs at which training stops
-    )
+    epochs: int = 1500  # largest number of accepted steps
+    # Mean squared error of the scaled outputs at which training stops.
+    goal: float = 1e-4
     mu: float = 0.005  # Marquardt's damping
     mu_decrease: float = 0.1
     mu_increase: float = 10.0
     mu_max: float = 1e10
-    min_gradient: float = 1e-7  # norm of the objective's gradient at which a start ends
-    prior: str = "one"  # one of `PRIORS`
+    min_gradient: float = 1e-7  # norm of the gradient of F at which a start ends
+    prior: str = "one"  # one of `two_layer.PRIORS`
 
 
 class _Data(NamedTuple):
@@ -72,47 +94,72 @@ class _Data(NamedTuple):
     x: np.ndarray  # (samples, inputs), scaled
     t: np.ndarray  # (samples, outputs), scaled
     root_weight: np.ndarray  # (samples, outputs), square root of each residual's weight
-    n: float  # number of residuals, including the replicates
+    n_means: float  # number of residuals of the samples
+    n: float  # number of residuals including the replicates
     pure_error: float  # sum of squares of the replicates about their samples' means
     classes: list  # indices of the weights of each class
-    size: np.ndarray  # (classes,), weights of each class
+    size: np.ndarray  # (classes,), number of weights of each class
 
 
 class _Point(NamedTuple):
-    """Weights with the residuals' linear model about them."""
+    """Weights with the linear model of the residuals about them."""
 
-    w: np.ndarray
+    w: np.ndarray  # (N,)
     Ed: float
-    Ew: np.ndarray
-    JJ: np.ndarray
-    Je: np.ndarray
+    Ew: np.ndarray  # (classes,)
+    JJ: np.ndarray  # J'J (N, N)
+    Je: np.ndarray  # J'e (N,)
 
 
 class _State(NamedTuple):
     """Weights with the alpha, beta and gamma re-estimated there."""
 
     at: _Point
-    alpha: np.ndarray
-    of_weight: np.ndarray
+    alpha: np.ndarray  # (classes,)
+    alpha_of_weight: np.ndarray  # (N,)
     beta: float
-    gamma: np.ndarray
+    gamma: np.ndarray  # (classes,)
 
     def half_gradient(self) -> np.ndarray:
-        return self.beta * self.at.Je + self.of_weight * self.at.w
+        """Compute half the gradient (N,) of F by the weights."""
+        return self.beta * self.at.Je + self.alpha_of_weight * self.at.w
 
     def half_hessian(self) -> np.ndarray:
-        return self.beta * self.at.JJ + np.diag(self.of_weight)
+        """Compute H / 2 (N, N)."""
+        return self.beta * self.at.JJ + np.diag(self.alpha_of_weight)
 
     def decrement(self) -> float:
-        """Return the height of F above the minimum of its quadratic model."""
+        """Compute the height of F above the minimum of its quadratic model."""
         g = self.half_gradient()
         return float(g @ np.linalg.solve(self.half_hessian(), g))
 
     def evidence(self, data: _Data) -> float:
-        Ed = self.at.Ed + data.pure_error
+        """Compute the log evidence, replicates included."""
         return log_evidence(
-            self.alpha, self.beta, Ed, self.at.Ew, self.at.JJ, data.n, data.classes
+            alpha=self.alpha,
+            beta=self.beta,
+            Ed=self.at.Ed + data.pure_error,
+            Ew=self.at.Ew,
+            JJ=self.at.JJ,
+            n=data.n,
+            classes=data.classes,
         )
+
+
+class _End(NamedTuple):
+    """The end of a training."""
+
+    state: _State
+    epochs: int
+    reason: str  # "goal", "gradient", "mu", "evidence" or "epochs"
+
+
+class _Best(NamedTuple):
+    """The state of the largest evidence so far."""
+
+    state: _State
+    evidence: float
+    epoch: int
 
 
 def train_start(
@@ -122,146 +169,238 @@ def train_start(
     root_weight: np.ndarray,
     n: float,
     settings: TrainingSettings,
-    pure_error: Scatter = (0.0, 0.0),
+    pure_error: Scatter | tuple[float, float] = NO_SCATTER,
 ) -> dict[str, Any]:
-    """Train from the weights w (N,) (FH 1-4); x, t and `root_weight` have a row for each sample, x and t are scaled.
+    """Train a network from first weights (FH 1-4).
 
-    n is the number of residuals; of weighted samples the sum of their counts. `pure_error` is the sum of squares of the
-    replicates about their samples' means, scaled and weighted as the residuals, and its degrees of freedom.
+    Parameters
+    ----------
+    w : array (N,)
+        First weights.
+    x : array (samples, inputs)
+        Scaled inputs.
+    t : array (samples, outputs)
+        Scaled outputs.
+    root_weight : array (samples, outputs)
+        Square root of each residual's weight.
+    n : float
+        Number of residuals. For weighted samples it is the sum of their counts times
+        the number of outputs.
+    settings : TrainingSettings
+    pure_error : Scatter, optional
+        Scatter of the replicates about their samples' means, scaled and weighted as the
+        residuals.
+
+    Returns
+    -------
+    dict
+        `STATISTICS` of the end; with the weights `w`, their J'J as `JJ`, and the
+        `alpha_of_weight` (N,).
     """
-    hidden = (w.size - t.shape[1]) // (x.shape[1] + 1 + t.shape[1])
-    classes = weight_classes(settings.prior, x.shape[1], hidden, t.shape[1])
-    size = np.array([w[c].size for c in classes], dtype=float)
-    data = _Data(x, t, root_weight, n + pure_error[1], pure_error[0], classes, size)
-    state, epochs, reason = _train(w, data, n, settings)
-    return {
-        "w": state.at.w, "JJ": state.at.JJ, "alpha_of_weight": state.of_weight,
-        "log_evidence": state.evidence(data), "gamma": float(state.gamma.sum()),
-        "alpha": float(state.alpha[0]) if settings.prior == "one" else state.alpha, "beta": float(state.beta),
-        "mse": state.at.Ed / n, "epochs": epochs, "stop_reason": reason, "decrement": state.decrement(),
-        "at_cap": np.flatnonzero(state.alpha >= LARGEST_ALPHA).tolist(),
-    }  # fmt: skip
-
-
-def _train(
-    w: np.ndarray, data: _Data, n: float, settings: TrainingSettings
-) -> tuple[_State, int, str]:
-    """Train to the end; return the state there, the number of epochs, and the reason of the end."""
-    # FH 0 sets alpha = 0, with which gamma is N and beta negative as soon as n < N; any small prior avoids it
-    alpha, mu = np.full(len(data.classes), 0.01), max(settings.mu, SMALLEST_MU)
-    state = _State(
-        _point(w, data),
-        alpha,
-        of_each_weight(alpha, data.classes, w.size),
-        1.0,
-        data.size,
+    inputs = x.shape[1]
+    outputs = t.shape[1]
+    hidden = hidden_neurons(w.size, inputs, outputs)
+    classes = weight_classes(settings.prior, inputs, hidden, outputs)
+    sum_of_squares, freedom = pure_error
+    data = _Data(
+        x=x,
+        t=t,
+        root_weight=root_weight,
+        n_means=n,
+        n=n + freedom,
+        pure_error=sum_of_squares,
+        classes=classes,
+        size=np.array([w[members].size for members in classes], dtype=float),
     )
-    best, largest, since = None, -np.inf, 0
-    epoch, reason = 0, "epochs"
+    state, epochs, reason = _train(w, data, settings)
+    alpha = float(state.alpha[0]) if settings.prior == "one" else state.alpha
+    return {
+        "w": state.at.w,
+        "JJ": state.at.JJ,
+        "alpha_of_weight": state.alpha_of_weight,
+        "log_evidence": state.evidence(data),
+        "gamma": float(state.gamma.sum()),
+        "alpha": alpha,
+        "beta": float(state.beta),
+        "mse": state.at.Ed / n,
+        "epochs": epochs,
+        "stop_reason": reason,
+        "decrement": state.decrement(),
+        "at_cap": np.flatnonzero(state.alpha >= LARGEST_ALPHA).tolist(),
+    }
+
+
+def _train(w: np.ndarray, data: _Data, settings: TrainingSettings) -> _End:
+    """Take steps until the training ends.
+
+    With several classes of weights the end is the minimum of F at the alpha and beta of
+    the largest evidence.
+    """
+    state = _first_state(w, data)
+    mu = max(settings.mu, SMALLEST_MU)
+    best: _Best | None = None
+    epoch = 0
+    reason = "epochs"
     while epoch < settings.epochs:
-        if state.at.Ed / n <= settings.goal:
+        if state.at.Ed / data.n_means <= settings.goal:
             reason = "goal"
             break
         if 2 * np.linalg.norm(state.half_gradient()) < settings.min_gradient:
             reason = "gradient"
             break
-        candidate, mu = _step(state, mu, data, settings)
-        if candidate is None:
+        weights, mu = _step(state, mu, data, settings)
+        if weights is None:
             reason = "mu"
             break
-        state = _re_estimated(_point(candidate, data), state, data)
+        state = _re_estimated(_point(weights, data), state, data)
         epoch += 1
-        if len(data.classes) == 1:
-            continue
-        if state.decrement() < NEAR and (evidence := state.evidence(data)) > largest:
-            best, largest, since = state, evidence, epoch
-        if best is not None and epoch - since >= PATIENCE:
-            reason = "evidence"
-            break
-    return (state if best is None else _descend(best, data, settings)), epoch, reason
+
+        # A single alpha stays at its largest evidence; several alpha pass it.
+        if len(data.classes) > 1:
+            best = _better(best, state, epoch, data)
+            if best is not None and epoch - best.epoch >= PATIENCE:
+                reason = "evidence"
+                break
+    if best is not None:
+        state = _descend(best.state, data, settings)
+    return _End(state, epoch, reason)
+
+
+def _first_state(w: np.ndarray, data: _Data) -> _State:
+    """Make the state before the first step.
+
+    (FH 0) sets alpha to 0. Then gamma is N, and beta is negative as soon as n < N. Any
+    small prior avoids this.
+    """
+    alpha = np.full(len(data.classes), FIRST_ALPHA)
+    return _State(
+        at=_point(w, data),
+        alpha=alpha,
+        alpha_of_weight=of_each_weight(alpha, data.classes, w.size),
+        beta=FIRST_BETA,
+        gamma=data.size,
+    )
+
+
+def _better(best: _Best | None, state: _State, epoch: int, data: _Data) -> _Best | None:
+    """Return the better of the best state so far and a new one.
+
+    A state counts only if it is so near to the minimum of F that its evidence holds.
+    """
+    if not state.decrement() < NEAR:
+        return best
+    evidence = state.evidence(data)
+    largest = -np.inf if best is None else best.evidence
+    if evidence > largest:
+        return _Best(state, evidence, epoch)
+    return best
 
 
 def _descend(state: _State, data: _Data, settings: TrainingSettings) -> _State:
-    """Descend to the minimum of F with alpha and beta kept; compute gamma there."""
+    """Go to the minimum of F at fixed alpha and beta, and compute gamma there."""
     mu = max(settings.mu, SMALLEST_MU)
     for _ in range(DESCENT):
         if state.decrement() < CONVERGED / 100:
             break
-        candidate, mu = _step(state, mu, data, settings)
-        if candidate is None:
+        weights, mu = _step(state, mu, data, settings)
+        if weights is None:
             break
-        state = state._replace(at=_point(candidate, data))
+        state = state._replace(at=_point(weights, data))
     return state._replace(gamma=_gamma(state, data))
 
 
 def _step(
     state: _State, mu: float, data: _Data, settings: TrainingSettings
 ) -> tuple[np.ndarray | None, float]:
-    """Damp until F falls (HM94): the weights there, or None, and the next mu."""
-    alpha, beta, at, half_gradient = (
-        state.alpha,
-        state.beta,
-        state.at,
-        state.half_gradient(),
-    )
+    """Raise the damping mu until a step lowers F (HM94).
+
+    The step is w - (H / 2 + mu I)^-1 (gradient / 2).
+
+    Returns
+    -------
+    weights : array (N,) or None
+        None if no step up to the largest mu lowers F.
+    mu : float
+        The damping of the next step.
+    """
+    at = state.at
+    half_gradient = state.half_gradient()
     identity = np.eye(at.w.size)
+    F = state.beta * at.Ed + state.alpha @ at.Ew
     while mu <= settings.mu_max:
-        damped = beta * at.JJ + (state.of_weight + mu) * identity
-        candidate = at.w - np.linalg.solve(damped, half_gradient)
-        e = residuals(candidate, data.x, data.t, data.root_weight)
-        if (
-            beta * (e @ e) + alpha @ _square_sums(candidate, data.classes)
-            < beta * at.Ed + alpha @ at.Ew
-        ):
-            return candidate, max(mu * settings.mu_decrease, SMALLEST_MU)
+        damped = state.beta * at.JJ + (state.alpha_of_weight + mu) * identity
+        weights = at.w - np.linalg.solve(damped, half_gradient)
+        e = residuals(weights, data.x, data.t, data.root_weight)
+        Ew = _square_sums(weights, data.classes)
+        if state.beta * (e @ e) + state.alpha @ Ew < F:
+            return weights, max(mu * settings.mu_decrease, SMALLEST_MU)
         mu *= settings.mu_increase
     return None, mu
 
 
 def _gamma(state: _State, data: _Data) -> np.ndarray:
-    """Count the weights of each class that the data determine."""
-    # gamma = N - 2 alpha tr(H^-1), H = 2 beta J'J + 2 alpha I, class by class  (FH 2), (M92)
-    inverse = np.diagonal(np.linalg.inv(state.half_hessian()))
-    return data.size - state.alpha * np.array([inverse[c].sum() for c in data.classes])
+    """Count the weights (classes,) that the data determine (FH 2), (M92).
+
+    gamma = N - 2 alpha tr(H^-1), class by class.
+    """
+    diagonal = np.diagonal(np.linalg.inv(state.half_hessian()))
+    traces = np.array([diagonal[members].sum() for members in data.classes])
+    return data.size - state.alpha * traces
 
 
 def _re_estimated(at: _Point, state: _State, data: _Data) -> _State:
-    """Re-estimate alpha, gamma and beta at new weights."""
+    """Re-estimate gamma, alpha and beta at new weights (FH 2-3).
+
+    alpha = gamma / (2 E_w) and beta = (n - gamma) / (2 E_d).
+    """
     gamma = _gamma(state._replace(at=at), data)
-    # (FH 3); gamma of a class that has faded may be lost in rounding
+    # The gamma of a class that has faded may be lost in rounding; its alpha stays.
     alpha = np.where(gamma > 0, gamma / (2 * np.maximum(at.Ew, SMALLEST)), state.alpha)
     alpha = np.minimum(alpha, LARGEST_ALPHA)
     beta = (data.n - gamma.sum()) / (2 * max(at.Ed + data.pure_error, SMALLEST))
     return _State(
-        at, alpha, of_each_weight(alpha, data.classes, at.w.size), beta, gamma
+        at=at,
+        alpha=alpha,
+        alpha_of_weight=of_each_weight(alpha, data.classes, at.w.size),
+        beta=beta,
+        gamma=gamma,
     )
 
 
 def _point(w: np.ndarray, data: _Data) -> _Point:
-    """Linearise the model about w."""
+    """Linearise the residuals about weights."""
     e, J = linearise(w, data.x, data.t, data.root_weight)
-    return _Point(w, e @ e, _square_sums(w, data.classes), J.T @ J, J.T @ e)
+    return _Point(
+        w=w, Ed=e @ e, Ew=_square_sums(w, data.classes), JJ=J.T @ J, Je=J.T @ e
+    )
 
 
 def _square_sums(w: np.ndarray, classes: Sequence[Any]) -> np.ndarray:
     """Compute E_w of each class."""
-    return np.array([w[c] @ w[c] for c in classes])
+    return np.array([w[members] @ w[members] for members in classes])
 
 
 def residuals(
     w: np.ndarray, x: np.ndarray, t: np.ndarray, root_weight: np.ndarray
 ) -> np.ndarray:
-    """Compute the weighted residuals of the network (samples * outputs,); x and t are scaled."""
-    hidden = (w.size - t.shape[1]) // (x.shape[1] + 1 + t.shape[1])
-    W1, b1, W2, b2 = unpack(w, x.shape[1], hidden, t.shape[1])
-    return ((np.tanh(x @ W1.T + b1) @ W2.T + b2 - t) * root_weight).ravel()
+    """Compute the weighted residuals (samples * outputs,); x and t are scaled."""
+    inputs = x.shape[1]
+    outputs = t.shape[1]
+    hidden = hidden_neurons(w.size, inputs, outputs)
+    W1, b1, W2, b2 = unpack(w, inputs, hidden, outputs)
+    y = np.tanh(x @ W1.T + b1) @ W2.T + b2
+    return ((y - t) * root_weight).ravel()
 
 
 def linearise(
     w: np.ndarray, x: np.ndarray, t: np.ndarray, root_weight: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Compute `residuals`, and their derivatives by the weights (samples * outputs, N)."""
+    """Compute the weighted residuals and their derivatives by the weights.
+
+    The residuals (samples * outputs,) are those of `residuals`; the derivatives have
+    the shape (samples * outputs, N).
+    """
     y, J = jacobian(w, x, t.shape[1])
-    return ((y - t) * root_weight).ravel(), (J * root_weight[:, :, None]).reshape(
-        t.size, w.size
-    )
+    e = ((y - t) * root_weight).ravel()
+    J = (J * root_weight[:, :, None]).reshape(t.size, w.size)
+    return e, J

@@ -1,17 +1,19 @@
-"""The mean of the networks at the ends of several starts, with their scatter in its errors.
+"""The mean of the networks at the ends of several starts, with their scatter.
 
-Starts of `repose.calibrate.surrogates.bayesian_bp.BayesianBP` end at different networks, whose evidence hardly differs. The error
-bars of each are those about its own weights; the disagreement of the networks is in none of them. Here the prediction
-is a mixture of the networks: its mean is the mean of their means, its covariance the mean of their covariances plus the
-covariance of their means. Nothing more is trained than for the best network alone.
+Starts of `repose.calibrate.surrogates.bayesian_bp.BayesianBP` end at different networks,
+whose evidence hardly differs. The errors of each network hold only the uncertainty of
+its own weights, not the disagreement of the networks. This surrogate predicts by a
+mixture of the networks: its mean is the mean of their means, and its covariance is the
+mean of their covariances plus the covariance of their means. Nothing more is trained
+than for the best network alone.
 
-  (LPB17)  Lakshminarayanan, Pritzel & Blundell 2017, Simple and scalable predictive uncertainty estimation using deep
-           ensembles, Adv. Neural Inf. Process. Syst. 30: the moments of such a mixture
+  (LPB17)  Lakshminarayanan, Pritzel & Blundell 2017, Simple and scalable predictive
+           uncertainty estimation using deep ensembles, Adv. Neural Inf. Process. Syst.
+           30: the moments of such a mixture
 """
 
 import copy
 from collections.abc import Callable, Iterable, Mapping
-from operator import attrgetter
 from typing import Any, Self, Unpack
 
 import numpy as np
@@ -22,28 +24,33 @@ from repose.calibrate.surrogates.bayesian_bp import BayesianBP, covariances
 from repose.calibrate.surrogates.levenberg_marquardt import CONVERGED
 from repose.calibrate.surrogates.samples import checked_points
 from repose.calibrate.surrogates.settings import NetworkSettings
-from repose.calibrate.surrogates.two_layer import response_function, scale, width
+from repose.calibrate.surrogates.two_layer import response_function, scale, unscale
 
-# Laplace's approximation of the evidence has errors of this size; starts further below found a worse network.
+# Laplace's approximation of the evidence has errors of this size, in nats. The networks
+# of starts further below the best are worse.
 NATS = 50.0
 OF_EACH = ("W1", "b1", "W2", "b2")
+ALL_WEIGHTS = "all weights"
 
 
 @register("network_ensemble")
 class NetworkEnsemble(Surrogate):
-    """Networks of all converged starts whose log evidence is within `NATS` of the largest; the best comes first."""
+    """Networks of all converged starts whose log evidence is near the largest.
+
+    Near means within `NATS`. `members_` are the networks, the best first.
+    """
 
     is_network = True
 
     def __init__(self, networks: Iterable[BayesianBP]) -> None:
-        self._take(networks)
+        self._set_members(networks)
 
-    def _take(self, networks: Iterable[BayesianBP]) -> None:
-        """Take over networks, the best first."""
+    def _set_members(self, networks: Iterable[BayesianBP]) -> None:
+        """Set the networks, the best first, and forget what was kept of others."""
         self.members_ = list(networks)
-        self._kept: dict[
-            str, Any
-        ] = {}  # arrays of all networks, and the last points with their means
+        self._stacks: dict[str, np.ndarray] = {}  # of `_stacked`, by key
+        self._last_points: np.ndarray | None = None  # of `_means`
+        self._last_means: np.ndarray | None = None
 
     @classmethod
     def of(cls, settings: NetworkSettings) -> Self:
@@ -54,17 +61,15 @@ class NetworkEnsemble(Surrogate):
         best = self.members_[0]
         best.inputs = self.inputs
         best.fit(X, Y, **noise)
-        near = (
-            start
-            for start in best.starts_
-            if start["log_evidence"] >= best.log_evidence_ - NATS
-        )
-        self.near_ = [
-            start["start"] for start in near if start["decrement"] < CONVERGED
-        ]
-        self._take(
-            [best, *(best.of_start(k) for k in self.near_ if k != best.best_start_)]
-        )
+
+        # Choose the starts of the members.
+        self.near_ = []
+        for start in best.starts_:
+            is_near = start["log_evidence"] >= best.log_evidence_ - NATS
+            if is_near and start["decrement"] < CONVERGED:
+                self.near_.append(start["start"])
+        others = [best.of_start(k) for k in self.near_ if k != best.best_start_]
+        self._set_members([best, *others])
         return self
 
     def predict(
@@ -74,92 +79,90 @@ class NetworkEnsemble(Surrogate):
         if not return_std:
             return mean
         variance = np.diagonal(self.covariance(X), axis1=1, axis2=2)
-        return mean, np.sqrt(
-            variance
-            + noise
-            * np.mean([member.noise_std_**2 for member in self.members_], axis=0)
+        noise_variance = np.mean(
+            [member.noise_std_**2 for member in self.members_], axis=0
         )
+        return mean, np.sqrt(variance + noise * noise_variance)
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
-        """Compute the covariance of the mixture's means, without noise (LPB17)."""
+        """Compute the covariance (n, k, k) of the mixture, without noise (LPB17)."""
         means = self._means(X)
-        off = means - means.mean(axis=0)
-        own = covariances(self.members_, X, self._stacked("all weights")).mean(axis=0)
-        return own + np.einsum("mni,mnj->nij", off, off) / len(self.members_)
+        deviations = means - means.mean(axis=0)
+        within = covariances(self.members_, X, self._stacked(ALL_WEIGHTS)).mean(axis=0)
+        between = np.einsum("mni,mnj->nij", deviations, deviations) / len(self.members_)
+        return within + between
 
     def response_function(
         self, low: np.ndarray, high: np.ndarray
     ) -> Callable[[np.ndarray], np.ndarray]:
         # The mean of networks is one network that has all their neurons.
-        return response_function(self._as_one(), low, high)
+        return response_function(self._joined(), low, high)
 
     def shifted(self, offset: np.ndarray) -> Self:
-        moved = copy.copy(self)
-        moved._take(member.shifted(offset) for member in self.members_)
-        return moved
+        ensemble = copy.copy(self)
+        ensemble._set_members(member.shifted(offset) for member in self.members_)
+        return ensemble
 
     def report(self) -> dict[str, Any]:
-        """Give the report of the best network, and how many networks there are."""
+        """Collect the report of the best network, and the number of networks."""
         return self.members_[0].report() | {"members": len(self.members_)}
 
     def start_rows(self) -> list[dict[str, Any]]:
-        """List rows of the best network, and which starts are members."""
-        return [
-            row | {"member": row["start"] in self.near_}
-            for row in self.members_[0].start_rows()
-        ]
+        """List the rows of the best network, and which starts are members."""
+        rows = self.members_[0].start_rows()
+        return [row | {"member": row["start"] in self.near_} for row in rows]
 
     def to_dict(self) -> dict[str, Any]:
-        """Collect the best network as in its own file, and the own part of each other network."""
+        """Collect the best network as in its own file, and the weights of the others."""
         best, *others = (member.to_dict() for member in self.members_)
-        return best | {"others": [_own_part(other) for other in others]}
+        return best | {"others": [_weights_of(other) for other in others]}
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
         """Make the networks of a `to_dict`."""
-        training = content["training"]
-        others = (
-            {**content, **other, "training": training | other["training"]}
-            for other in content["others"]
-        )
-        return cls(map(BayesianBP.from_dict, [content, *others]))
+        networks = [BayesianBP.from_dict(content)]
+        for other in content["others"]:
+            training = content["training"] | other["training"]
+            networks.append(
+                BayesianBP.from_dict({**content, **other, "training": training})
+            )
+        return cls(networks)
 
     def _means(self, X: ArrayLike) -> np.ndarray:
-        """Predict means (members, n, k) of all networks, in one pass through their hidden layers.
+        """Predict the means (members, n, k) of all networks at once.
 
-        The last ones are kept: a sampler asks for the mean and the covariance at the same points.
+        The last means are kept, because a sampler asks for mean and covariance at the
+        same points.
         """
         first = self.members_[0]
         X = checked_points(X, len(first.input_min_))
-        if "points" in self._kept and np.array_equal(X, self._kept["points"]):
-            return self._kept["means"]
+        if self._last_means is not None and np.array_equal(X, self._last_points):
+            return self._last_means
         x = scale(X, first.input_min_, first.input_max_, first.scaled_range)
-        a = np.tanh(
-            np.einsum("ni,mhi->mnh", x, self._stacked("W1"))
-            + self._stacked("b1")[:, None]
-        )
-        y = (
-            np.einsum("mnh,mkh->mnk", a, self._stacked("W2"))
-            + self._stacked("b2")[:, None]
-        )
-        low, high = first.scaled_range
-        means = first.output_min_ + (y - low) / (high - low) * width(
-            first.output_min_, first.output_max_
-        )
-        self._kept |= {"points": X.copy(), "means": means}
+        W1, b1 = self._stacked("W1"), self._stacked("b1")
+        W2, b2 = self._stacked("W2"), self._stacked("b2")
+        a = np.tanh(np.einsum("ni,mhi->mnh", x, W1) + b1[:, None])
+        y = np.einsum("mnh,mkh->mnk", a, W2) + b2[:, None]
+        means = unscale(y, first.output_min_, first.output_max_, first.scaled_range)
+        self._last_points = X.copy()
+        self._last_means = means
         return means
 
     def _stacked(self, key: str) -> np.ndarray:
-        """Stack one of the arrays of `OF_EACH`, or all weights, for all networks (members, ...)."""
-        if key not in self._kept:
-            of_one = (
-                BayesianBP._weights if key == "all weights" else attrgetter(f"{key}_")
-            )
-            self._kept[key] = np.array([of_one(member) for member in self.members_])
-        return self._kept[key]
+        """Stack an array of all networks as (members, ...), and keep it.
 
-    def _as_one(self) -> dict[str, Any]:
-        """Make the arrays of the network that has the neurons of all members."""
+        The key is one of `OF_EACH`, or `ALL_WEIGHTS`.
+        """
+        if key not in self._stacks:
+            if key == ALL_WEIGHTS:
+                arrays = [member._weights() for member in self.members_]
+            else:
+                arrays = [getattr(member, f"{key}_") for member in self.members_]
+            self._stacks[key] = np.array(arrays)
+        return self._stacks[key]
+
+    def _joined(self) -> dict[str, Any]:
+        """Make one network with the neurons of all members, for `response_function`."""
         return self.members_[0].to_dict() | {
             "W1": np.concatenate(self._stacked("W1")),
             "b1": np.concatenate(self._stacked("b1")),
@@ -168,9 +171,11 @@ class NetworkEnsemble(Surrogate):
         }
 
 
-def _own_part(content: Mapping[str, Any]) -> dict[str, Any]:
-    """Keep weights and their regularisation; scalings and samples are the same in all networks."""
-    own = {key: content[key] for key in OF_EACH}
-    return own | {
-        "training": {key: content["training"][key] for key in ("alpha", "beta")}
-    }
+def _weights_of(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Select weights and their regularisation from the content of a network.
+
+    Scalings and samples are the same in all networks.
+    """
+    weights = {key: content[key] for key in OF_EACH}
+    training = {key: content["training"][key] for key in ("alpha", "beta")}
+    return weights | {"training": training}

@@ -1,10 +1,12 @@
-"""The Gaussian process of the package: one value over the inputs, with noise that is known or estimated.
+"""The Gaussian process of the package: one value over the inputs, with noise.
 
-Covariance, likelihood and its maximum are scikit-learn's. The surrogate `gaussian_process`, the kriging of
-`repose.calibrate.strategies.sequential` and its estimate of the noise differ in covariance, noise and prior alone.
+The noise is known or estimated. Covariance, likelihood and its maximum are
+scikit-learn's. The surrogate `gaussian_process`, the kriging of
+`repose.calibrate.strategies.sequential` and its estimate of the noise differ only in
+covariance, noise and prior.
 
-  (RW06)  Rasmussen & Williams 2006, Gaussian Processes for Machine Learning: Algorithm 2.1; section 5.4.2, a value
-          from all the others
+  (RW06)  Rasmussen & Williams 2006, Gaussian Processes for Machine Learning: Algorithm
+          2.1; section 5.4.2 for the prediction of a value from all the others
 """
 
 import warnings
@@ -34,16 +36,24 @@ def smooth(
     bounds: Any = FIXED,
     smoothness: float | None = None,
 ) -> ConstantKernel:
-    """Multiply a variance by Matern's covariance in lengths; without `smoothness` by the squared exponential.
+    """Make the covariance of a smooth function.
 
-    `bounds` are those of the variance and of the lengths, as scikit-learn takes them.
+    Parameters
+    ----------
+    variance : float
+    lengths : array (d,)
+        Correlation lengths along the inputs.
+    bounds : pair
+        Bounds of the variance and of the lengths, as scikit-learn takes them.
+    smoothness : float, optional
+        That of Matern's covariance; without it, the squared exponential.
     """
-    shape = (
-        RBF(lengths, bounds[1])
-        if smoothness is None
-        else Matern(lengths, bounds[1], nu=smoothness)
-    )
-    return ConstantKernel(variance, bounds[0]) * shape
+    variance_bounds, length_bounds = bounds[0], bounds[1]
+    if smoothness is None:
+        shape = RBF(lengths, length_bounds)
+    else:
+        shape = Matern(lengths, length_bounds, nu=smoothness)
+    return ConstantKernel(variance, variance_bounds) * shape
 
 
 def straight(slope: float) -> ConstantKernel:
@@ -52,10 +62,35 @@ def straight(slope: float) -> ConstantKernel:
 
 
 class Process:
-    """A process of mean 0, conditioned on values (n,) at points x (n, d) (RW06).
+    """A process of mean 0, conditioned on values at points (RW06).
 
-    The noise of the values has known variances `errors` (n,), or is the kernel `noise`. Free hyperparameters maximise
-    the likelihood, or are found by an `optimizer` of scikit-learn's form; None leaves them as they are.
+    Parameters
+    ----------
+    kernel : kernel of scikit-learn
+        Covariance of the process.
+    x : array (n, d)
+    values : array (n,)
+    errors : float or array (n,)
+        Known variances of the noise of the values. With `noise` they are added to it.
+    noise : kernel, optional
+        Noise whose variance is a hyperparameter.
+    optimizer : str, callable or None
+        As scikit-learn takes it. By default free hyperparameters maximise the
+        likelihood; None leaves them as they are.
+
+    Attributes
+    ----------
+    kernel : kernel
+        With the estimated hyperparameters, without the noise.
+    noise_level : float
+        Estimated variance of `noise`; 0 without it.
+    root : array (n, n)
+        Cholesky root L of the covariance K of the values, noise included.
+    weights : array (n,)
+        K^-1 values.
+    errors : float or array (n,)
+        Variances of the noise of the values.
+    log_likelihood : float
     """
 
     def __init__(
@@ -67,24 +102,28 @@ class Process:
         noise: Any = None,
         optimizer: str | Callable | None = "fmin_l_bfgs_b",
     ) -> None:
-        whole = kernel if noise is None else kernel + noise
-        model = GaussianProcessRegressor(whole, alpha=errors, optimizer=optimizer)
-        with (
-            warnings.catch_warnings()
-        ):  # a length at its bound is an input without effect
+        kernel_with_noise = kernel if noise is None else kernel + noise
+        model = GaussianProcessRegressor(
+            kernel_with_noise, alpha=errors, optimizer=optimizer
+        )
+        with warnings.catch_warnings():
+            # scikit-learn warns of a length at its bound, which is an input without
+            # effect.
             warnings.simplefilter("ignore")
             model.fit(x, values)
-        self.kernel = model.kernel_ if noise is None else model.kernel_.k1
-        self.noise_level = 0.0 if noise is None else float(model.kernel_.k2.noise_level)
-        self.x, self.root, self.weights = (
-            x,
-            model.L_,
-            model.alpha_,
-        )  # of the matrix (n, n), and of the values
+        if noise is None:
+            self.kernel = model.kernel_
+            self.noise_level = 0.0
+            self.errors = errors
+        else:
+            self.kernel = model.kernel_.k1
+            fitted_noise = model.kernel_.k2
+            self.noise_level = float(fitted_noise.noise_level)
+            self.errors = errors + np.diagonal(fitted_noise(x))
+        self.x = x
         self.values = values
-        self.errors = (
-            errors if noise is None else errors + np.diagonal(model.kernel_.k2(x))
-        )
+        self.root = model.L_
+        self.weights = model.alpha_
         self.log_likelihood = float(model.log_marginal_likelihood_value_)
 
     def mean(self, x: np.ndarray) -> np.ndarray:
@@ -101,15 +140,24 @@ class Process:
         return between @ self.weights, np.maximum(variance, LEAST_VARIANCE)
 
     def left_out(self) -> tuple[np.ndarray, np.ndarray]:
-        """Predict means and variances (n,), without noise, of each value from all the others."""
-        precision = linalg.cho_solve((self.root, True), np.eye(len(self.x))).diagonal()
-        return self.values - self.weights / precision, np.maximum(
-            1 / precision - self.errors, LEAST_VARIANCE
-        )
+        """Predict each value from all the others: means and variances (n,) without noise.
+
+        With K the covariance of the values, (RW06) has the mean
+        value_i - (K^-1 values)_i / (K^-1)_ii and the variance 1 / (K^-1)_ii, of which
+        the noise is a part.
+        """
+        inverse = linalg.cho_solve((self.root, True), np.eye(len(self.x)))
+        precision = inverse.diagonal()
+        means = self.values - self.weights / precision
+        variances = np.maximum(1 / precision - self.errors, LEAST_VARIANCE)
+        return means, variances
 
 
 class SampleNoise(WhiteKernel):
-    """Noise of variance noise_level / precision_i for sample i of the training data, noise_level for a new sample."""
+    """Noise whose variance differs between the samples of the training data.
+
+    It is noise_level / precision_i for sample i, and noise_level for a new sample.
+    """
 
     def __init__(
         self, noise_level: float, noise_level_bounds: Any, precision: ArrayLike
@@ -120,8 +168,14 @@ class SampleNoise(WhiteKernel):
     def __call__(
         self, X: np.ndarray, Y: np.ndarray | None = None, eval_gradient: bool = False
     ) -> Any:
-        """Compute the noise's covariance between the training samples X, or zeros between X and other points Y."""
+        """Compute the covariance of the noise, and its gradient on request.
+
+        It is diagonal between the training samples X, and 0 between X and other points
+        Y.
+        """
         if Y is not None:
             return np.zeros((len(X), len(Y)))
         K = np.diag(self.noise_level / np.asarray(self.precision))
-        return (K, K[:, :, np.newaxis]) if eval_gradient else K
+        if not eval_gradient:
+            return K
+        return K, K[:, :, np.newaxis]

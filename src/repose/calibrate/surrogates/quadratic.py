@@ -1,13 +1,17 @@
-"""Quadratic response surface: a constant, linear terms, squares and products of two, by weighted least squares.
+"""Quadratic response surface, fitted by weighted least squares.
 
-Sources of the lines, named where they are used
-  (MM09)  Myers, Montgomery & Anderson-Cook 2009, Response Surface Methodology: second-order model, sections 2.3-2.7
+Its terms are a constant, linear terms, squares and products of two inputs.
+
+Sources, named where they are used
+  (MM09)  Myers, Montgomery & Anderson-Cook 2009, Response Surface Methodology:
+          second-order model, sections 2.3-2.7
   (A35)   Aitken 1935, on least squares and linear combination of observations: weights
-  (Z62)   Zellner 1962, an efficient method of estimating seemingly unrelated regressions, J. Am. Stat. Assoc. 57, 348
+  (Z62)   Zellner 1962, an efficient method of estimating seemingly unrelated
+          regressions, J. Am. Stat. Assoc. 57, 348
 """
 
 from collections.abc import Mapping
-from typing import Any, Self, Unpack
+from typing import Any, NamedTuple, Self, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,9 +29,10 @@ from repose.calibrate.surrogates.two_layer import width
 
 @register("quadratic")
 class QuadraticSurface(Surrogate):
-    """Second-order model y = A b + noise, one vector of coefficients b for each response (MM09).
+    """Second-order model y = A b + noise (MM09).
 
-    An input that does not vary has no terms.
+    A are the terms at the samples, b are the coefficients of one response. An input that
+    does not vary has no terms.
     """
 
     @classmethod
@@ -36,42 +41,44 @@ class QuadraticSurface(Surrogate):
 
     @staticmethod
     def least_samples(inputs: int) -> int:
-        """Count the fewest samples for so many inputs that vary: one more than the terms."""
+        """Count the fewest samples for inputs that all vary: one more than the terms."""
         return (inputs + 1) * (inputs + 2) // 2 + 1
 
     def fit(self, X: ArrayLike, Y: ArrayLike, **noise: Unpack[Noise]) -> Self:
-        """Learn from samples; residuals give the noise.
+        """Learn from samples, as in `Surrogate.fit`; the residuals give the noise.
 
-        `noise_covariance` is only checked: all responses have the same terms, and then correlated noise does not change
-        the coefficients (Z62).
+        `noise_covariance` is only checked: all responses have the same terms, and then
+        correlated noise does not change the coefficients (Z62).
         """
         X, Y, _, precision = checked_samples(X, Y, **noise)
-        independent_mixing(
-            noise.get("noise_covariance"), np.ones(Y.shape[1]), precision
-        )
+        outputs = Y.shape[1]
+        independent_mixing(noise.get("noise_covariance"), np.ones(outputs), precision)
         self.training_ = {"inputs": X, "outputs": Y, "precision": precision}
-        self.offset_ = np.zeros(Y.shape[1])
-        self.low_, self.width_ = X.min(axis=0), width(X.min(axis=0), X.max(axis=0))
+        self.offset_ = np.zeros(outputs)
+        self.low_ = X.min(axis=0)
+        self.width_ = width(X.min(axis=0), X.max(axis=0))
         self.varies_ = X.max(axis=0) > self.low_
         A = self._terms(X)
-        freedom = len(A) - A.shape[1]
+        n_samples, n_terms = A.shape
+        freedom = n_samples - n_terms
         if freedom < 1:
             raise ValueError(
-                f"{len(A)} samples; expected at least {A.shape[1] + 1}, one more than the terms"
+                f"{n_samples} samples; "
+                f"expected at least {n_terms + 1}, one more than the terms"
             )
-        # one system of equations for all responses, unless their precisions differ
-        groups = (
-            [slice(k, k + 1) for k in range(Y.shape[1])]
-            if np.ptp(precision, axis=1).any()
-            else [slice(None)]
-        )
+
+        # Solve one system for all responses, unless their precisions differ.
+        if np.ptp(precision, axis=1).any():
+            groups = [slice(k, k + 1) for k in range(outputs)]
+        else:
+            groups = [slice(None)]
         fits = [
-            _weighted(A, Y[:, group], np.sqrt(precision[:, group][:, 0]))
+            _weighted_fit(A, Y[:, group], np.sqrt(precision[:, group][:, 0]))
             for group in groups
         ]
-        self.coefficients_ = np.hstack([fit[0] for fit in fits])
-        residuals = np.hstack([fit[1] for fit in fits])
-        self._roots = [fit[2] for fit in fits] * (Y.shape[1] // len(fits))
+        self.coefficients_ = np.hstack([fit.coefficients for fit in fits])
+        residuals = np.hstack([fit.residuals for fit in fits])
+        self._roots = [fit.root for fit in fits] * (outputs // len(fits))
         self.residual_covariance_ = residuals.T @ residuals / freedom
         self._variances = (residuals**2).sum(axis=0) / freedom
         return self
@@ -83,34 +90,40 @@ class QuadraticSurface(Surrogate):
         mean = a @ self.coefficients_ + self.offset_
         if not return_std:
             return mean
-        # variance of the mean: leverage times residual variance (MM09)
+        # The variance of the mean is leverage times residual variance (MM09).
         leverage = np.column_stack(
             [((a @ root) ** 2).sum(axis=1) for root in self._roots]
         )
         return mean, np.sqrt((leverage + noise) * self._variances)
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
-        """Covariance of the predicted means: S_kl a'(R_k R_l')a with S of the residuals (Z62)."""
+        """Compute the covariance (n, k, k) of the predicted means (Z62).
+
+        For responses k and l it is S_kl a' R_k R_l' a, with S the covariance of the
+        residuals and R the roots of `_weighted_fit`.
+        """
         a = self._terms(checked_points(X, len(self.low_)))
-        paths = np.stack([a @ root for root in self._roots], axis=1)
-        return paths @ paths.transpose(0, 2, 1) * self.residual_covariance_
+        products = np.stack([a @ root for root in self._roots], axis=1)
+        return products @ products.transpose(0, 2, 1) * self.residual_covariance_
 
     def report(self) -> dict[str, Any]:
-        """Report the number of terms, degrees of freedom, standard deviation of the residuals."""
-        terms = len(self.coefficients_)
-        freedom, spread = (
-            len(self.training_["inputs"]) - terms,
-            np.sqrt(self._variances).tolist(),
-        )
-        return {"n_terms": terms, "degrees_of_freedom": freedom, "residual_sd": spread}
+        """Report number of terms, degrees of freedom, and residuals' deviation."""
+        n_terms = len(self.coefficients_)
+        return {
+            "n_terms": n_terms,
+            "degrees_of_freedom": len(self.training_["inputs"]) - n_terms,
+            "residual_sd": np.sqrt(self._variances).tolist(),
+        }
 
     def to_dict(self) -> dict[str, Any]:
-        """Collect the samples, from which the fit is computed again, and the coefficients for a reader."""
-        training = {key: value.tolist() for key, value in self.training_.items()}
+        """Collect the samples, from which the fit is computed again.
+
+        The coefficients are for a reader.
+        """
         return {
             "coefficients": self.coefficients_.tolist(),
             "offset": self.offset_.tolist(),
-            "training": training,
+            "training": {key: value.tolist() for key, value in self.training_.items()},
         }
 
     @classmethod
@@ -124,24 +137,32 @@ class QuadraticSurface(Surrogate):
         return model
 
     def terms(self, unit: np.ndarray) -> np.ndarray:
-        """Terms of the model: 1, x_i and x_i x_j."""
+        """Compute the terms (n, terms) of the model at points (n, d) of the unit cube."""
         return quadratic_terms(unit)
 
     def _terms(self, X: np.ndarray) -> np.ndarray:
-        """Compute the terms at points, (n, terms)."""
+        """Compute the terms (n, terms) at parameter sets."""
         return self.terms(((X - self.low_) / self.width_)[:, self.varies_])
 
 
-def _weighted(
-    A: np.ndarray, Y: np.ndarray, root_precision: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Fit coefficients (terms, k), weighted residuals (n, k), and R (terms, n) with R R' = (A'WA)^-1 (A35)."""
-    weighted = A * root_precision[:, None]
-    coefficients, *_ = np.linalg.lstsq(
-        weighted, Y * root_precision[:, None], rcond=None
-    )
-    return (
-        coefficients,
-        (Y - A @ coefficients) * root_precision[:, None],
-        np.linalg.pinv(weighted),
+class _Fit(NamedTuple):
+    """Result of weighted least squares."""
+
+    coefficients: np.ndarray  # (terms, k)
+    residuals: np.ndarray  # (n, k), weighted
+    root: np.ndarray  # R (terms, n) with R R' = (A' W A)^-1
+
+
+def _weighted_fit(A: np.ndarray, Y: np.ndarray, root_precision: np.ndarray) -> _Fit:
+    """Fit coefficients of the terms A (n, terms) to responses Y (n, k) (A35).
+
+    W is the diagonal matrix of the precisions, whose roots (n,) are given.
+    """
+    root_W = root_precision[:, None]
+    weighted = A * root_W
+    coefficients, *_ = np.linalg.lstsq(weighted, Y * root_W, rcond=None)
+    return _Fit(
+        coefficients=coefficients,
+        residuals=(Y - A @ coefficients) * root_W,
+        root=np.linalg.pinv(weighted),
     )

@@ -1,38 +1,78 @@
 """Samples of a fit in one form, and their noise.
 
-(A35)  Aitken 1935, on least squares and linear combination of observations: residuals whose noises are correlated
-       are made independent by a root of their covariance
+(A35)  Aitken 1935, on least squares and linear combination of observations: residuals
+       whose noises are correlated are made independent by a root of their covariance
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-Scatter = tuple[
-    float, float
-]  # of replicates about their samples' means: sum of squares, degrees of freedom
+LEAST_SCALE = 1e-12  # of a combination that does not vary
+
+
+class Samples(NamedTuple):
+    """Samples that count in a fit, as arrays of finite numbers."""
+
+    X: np.ndarray  # (samples, inputs), parameter sets
+    Y: np.ndarray  # (samples, outputs), responses
+    count: np.ndarray  # (samples,), how often each sample counts, above 0
+    precision: np.ndarray  # (samples, outputs), above 0
+
+
+class Scatter(NamedTuple):
+    """Scatter of replicates about the means of their samples."""
+
+    sum_of_squares: float
+    freedom: float  # degrees of freedom
+
+
+NO_SCATTER = Scatter(0.0, 0.0)
 
 
 def independent_mixing(
     noise_covariance: ArrayLike | None, stretch: np.ndarray, precision: np.ndarray
 ) -> np.ndarray:
-    """Matrix (outputs, outputs) from scaled outputs to combinations with independent noises of one variance (A35).
+    """Find combinations of the outputs whose noises are independent (A35).
 
-    Outputs of one experiment share its noise; taken as independent, the shared part looks like a signal. `stretch`
-    (outputs,) is the unit of the scaled outputs in units of y. The determinant is one, so the combinations stay about
-    as wide as the outputs.
+    Outputs of one experiment share its noise. If they were taken as independent, the
+    shared part would look like a signal. With the root L of the covariance of the
+    scaled outputs, L L' = C, the combinations y inv(L)' have independent noises. They
+    are multiplied so that the determinant is one: they stay about as wide as the
+    outputs.
+
+    Parameters
+    ----------
+    noise_covariance : array (outputs, outputs) or None
+        In the units of the responses, up to a factor.
+    stretch : array (outputs,)
+        One unit of a scaled output, in units of the response.
+    precision : array (samples, outputs)
+
+    Returns
+    -------
+    array (outputs, outputs)
+        Its columns are the combinations of the scaled outputs.
+
+    Raises
+    ------
+    ValueError
+        If the matrix is not a covariance, or if the precision of a sample differs
+        between outputs.
     """
     if noise_covariance is None:
         return np.eye(len(stretch))
     covariance = np.asarray(noise_covariance, dtype=float)
-    if covariance.shape != 2 * stretch.shape or not np.allclose(
-        covariance, covariance.T
-    ):
+    shape = (len(stretch), len(stretch))
+    if covariance.shape != shape or not np.allclose(covariance, covariance.T):
         raise ValueError(
-            f"noise_covariance is {noise_covariance!r}; expected symmetric, {2 * stretch.shape}"
+            f"noise_covariance is {noise_covariance!r}; expected symmetric, {shape}"
         )
     if np.ptp(precision, axis=1).any():
         raise ValueError(
-            "precision differs between outputs; allowed with noise_covariance: one per sample"
+            "precision differs between outputs; "
+            "allowed with noise_covariance: one per sample"
         )
     try:
         root = np.linalg.cholesky(covariance / np.outer(stretch, stretch))
@@ -40,31 +80,39 @@ def independent_mixing(
         raise ValueError(
             f"noise_covariance is {noise_covariance!r}; expected positive definite"
         ) from error
-    return np.linalg.inv(root).T * np.prod(np.diagonal(root)) ** (1 / len(root))
+    geometric_mean = np.prod(np.diagonal(root)) ** (1 / len(root))
+    return np.linalg.inv(root).T * geometric_mean
 
 
 class Combined:
-    """A model of k responses whose combinations, each scaled, have a process of their own."""
+    """Base of models with a process for each combination of k responses.
 
-    values: (
-        np.ndarray
-    )  # (n, k), the combinations at the samples, of mean 0 and variance 1
+    The combinations are scaled to mean 0 and variance 1.
+    """
+
+    values: np.ndarray  # (n, k), the scaled combinations at the samples
 
     def _combine(self, Y: np.ndarray, mixing: np.ndarray) -> None:
-        """Keep the combinations of the responses Y (n, k), the columns of `mixing`, and their scaling."""
-        mixed, self._mixing, self._unmixing = Y @ mixing, mixing, np.linalg.inv(mixing)
-        self._middle, self._scale = (
-            mixed.mean(axis=0),
-            np.maximum(mixed.std(axis=0), 1e-12),
-        )
+        """Set the combinations of the responses Y (n, k), and their scaling.
+
+        The combinations are the columns of `mixing` (k, k).
+        """
+        mixed = Y @ mixing
+        self._mixing = mixing
+        self._unmixing = np.linalg.inv(mixing)
+        self._middle = mixed.mean(axis=0)
+        self._scale = np.maximum(mixed.std(axis=0), LEAST_SCALE)
         self.values = (mixed - self._middle) / self._scale
 
     def unmixed(self, scaled: np.ndarray) -> np.ndarray:
-        """Compute responses (..., k) from the scaled combinations (..., k) that the processes model."""
+        """Compute responses (..., k) from scaled combinations (..., k)."""
         return (scaled * self._scale + self._middle) @ self._unmixing
 
     def _covariance(self, variances: np.ndarray) -> np.ndarray:
-        """Compute the covariance (m, k, k) of the responses from variances (m, k) of the scaled combinations."""
+        """Compute the covariance (m, k, k) of the responses.
+
+        `variances` (m, k) are those of the scaled combinations, which are independent.
+        """
         roots = (np.sqrt(variances) * self._scale)[:, :, None] * self._unmixing
         return roots.transpose(0, 2, 1) @ roots
 
@@ -75,20 +123,34 @@ def pure_error(
     stretch: np.ndarray,
     mixing: np.ndarray,
 ) -> Scatter:
-    """Compute the sum of squares and number of residuals of replicates about their samples' means, in mixed outputs.
+    """Compute the scatter of replicates in the mixed outputs.
 
-    `noise_covariance`, of one value of precision 1, is in units of y; with `freedom` 0 it is known up to a factor
-    alone, and both results are 0.
+    Parameters
+    ----------
+    noise_covariance : array (outputs, outputs) or None
+        Of one value of precision 1, in the units of the responses.
+    freedom : float
+        Degrees of freedom from which replicates estimated the covariance. With 0 the
+        covariance is known only up to a factor, and there is no scatter.
+    stretch, mixing : array
+        As in `independent_mixing`.
+
+    Raises
+    ------
+    ValueError
+        For a negative number of degrees of freedom, or one without a covariance.
     """
     if freedom == 0:
-        return 0.0, 0.0
+        return NO_SCATTER
     if noise_covariance is None or not freedom > 0:
         raise ValueError(
-            f"noise_freedom is {freedom!r}; expected from 0, and 0 without noise_covariance"
+            f"noise_freedom is {freedom!r}; "
+            "expected from 0, and 0 without noise_covariance"
         )
     scaled = np.asarray(noise_covariance, dtype=float) / np.outer(stretch, stretch)
-    return float(freedom * np.trace(mixing.T @ scaled @ mixing)), float(
-        freedom * len(mixing)
+    return Scatter(
+        sum_of_squares=float(freedom * np.trace(mixing.T @ scaled @ mixing)),
+        freedom=float(freedom * len(mixing)),
     )
 
 
@@ -100,30 +162,77 @@ def checked_samples(
     precision: ArrayLike | None = None,
     noise_covariance: ArrayLike | None = None,
     noise_freedom: float = 0.0,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Check samples; `noise_covariance` and `noise_freedom` are for others.
+) -> Samples:
+    """Check the samples of a fit, and bring them into one form.
 
-    X (samples, inputs), Y (samples, outputs), counts (samples,) and precision (samples, outputs), all finite.
+    Samples of weight 0 are left out. `noise_covariance` and `noise_freedom` are
+    accepted so that the noise of `Surrogate.fit` can be passed as it is;
+    `independent_mixing` and `pure_error` check them.
+
+    Parameters
+    ----------
+    X : array (samples, inputs)
+    y : array (samples, outputs) or (samples,)
+    sample_weight : array (samples,), optional
+        How often each sample counts; by default once.
+    precision : array (samples,) or (samples, outputs), optional
+        By default 1.
+
+    Raises
+    ------
+    ValueError
+        For other shapes, numbers that are not finite, weights below 0, precisions not
+        above 0, or fewer than two samples of a weight above 0.
     """
-    X, Y = np.asarray(X, dtype=float), np.asarray(y, dtype=float)
-    Y = Y[:, None] if Y.ndim == 1 else Y
+    X = np.asarray(X, dtype=float)
+    Y = np.asarray(y, dtype=float)
+    if Y.ndim == 1:
+        Y = Y[:, None]
     if X.ndim != 2 or Y.ndim != 2 or len(X) != len(Y) or X.size == 0 or Y.size == 0:
         raise ValueError(
             f"X has shape {X.shape}, y {np.shape(y)}; expected two tables of equal length"
         )
-    count = (
-        np.ones(len(X))
-        if sample_weight is None
-        else np.asarray(sample_weight, dtype=float)
-    )
-    precision = (
-        np.ones(len(X)) if precision is None else np.asarray(precision, dtype=float)
-    )
-    if count.shape != (len(X),):
-        raise ValueError(f"sample_weight has shape {count.shape}; expected {(len(X),)}")
-    if precision.shape not in ((len(X),), Y.shape):
+    n_samples = len(X)
+    count = _array_or_ones(sample_weight, n_samples)
+    precision = _array_or_ones(precision, n_samples)
+    _check_weights(X=X, Y=Y, count=count, precision=precision)
+    precision = np.broadcast_to(precision.reshape(n_samples, -1), Y.shape)
+
+    is_counted = count > 0
+    n_counted = np.count_nonzero(is_counted)
+    if n_counted < 2:
         raise ValueError(
-            f"precision has shape {precision.shape}; expected {(len(X),)} or {Y.shape}"
+            f"{n_counted} samples have a weight above zero; "
+            f"expected at least 2 (n_samples = {n_samples})"
+        )
+    return Samples(
+        X=X[is_counted],
+        Y=Y[is_counted],
+        count=count[is_counted],
+        precision=precision[is_counted],
+    )
+
+
+def _array_or_ones(values: ArrayLike | None, size: int) -> np.ndarray:
+    """Convert values to an array of floats; without values return ones."""
+    if values is None:
+        return np.ones(size)
+    return np.asarray(values, dtype=float)
+
+
+def _check_weights(
+    *, X: np.ndarray, Y: np.ndarray, count: np.ndarray, precision: np.ndarray
+) -> None:
+    """Refuse counts and precisions of another shape, and numbers that cannot be."""
+    n_samples = len(X)
+    if count.shape != (n_samples,):
+        raise ValueError(
+            f"sample_weight has shape {count.shape}; expected {(n_samples,)}"
+        )
+    if precision.shape not in ((n_samples,), Y.shape):
+        raise ValueError(
+            f"precision has shape {precision.shape}; "
+            f"expected {(n_samples,)} or {Y.shape}"
         )
     if not all(np.isfinite(values).all() for values in (X, Y, count, precision)):
         raise ValueError("X, y, sample_weight and precision must be finite")
@@ -131,17 +240,10 @@ def checked_samples(
         raise ValueError(
             "sample_weight must not be negative, precision must be above zero"
         )
-    precision = np.broadcast_to(precision.reshape(len(X), -1), Y.shape)
-    counts = count > 0
-    if np.count_nonzero(counts) < 2:
-        raise ValueError(
-            f"{np.count_nonzero(counts)} samples have a weight above zero; expected at least 2 (n_samples = {len(X)})"
-        )
-    return X[counts], Y[counts], count[counts], precision[counts]
 
 
 def checked_points(X: ArrayLike, inputs: int) -> np.ndarray:
-    """Check parameter sets as an array (samples, inputs); ValueError for another shape."""
+    """Convert parameter sets to an array (samples, inputs); ValueError for other shapes."""
     X = np.asarray(X, dtype=float)
     if X.ndim != 2 or X.shape[1] != inputs:
         raise ValueError(f"X has shape {X.shape}; expected (samples, {inputs})")

@@ -11,7 +11,7 @@ from repose.calibrate.surrogates.base import Noise
 from repose.calibrate.surrogates.bayesian_bp import BayesianBP
 
 
-class BayesianBPRegressor(RegressorMixin, BayesianBP, BaseEstimator):  # noqa: D101  (it has that of its base)
+class BayesianBPRegressor(RegressorMixin, BayesianBP, BaseEstimator):  # noqa: D101 - that of its base
     __doc__ = BayesianBP.__doc__
 
     def fit(
@@ -36,9 +36,8 @@ class BayesianBPRegressor(RegressorMixin, BayesianBP, BaseEstimator):  # noqa: D
         self, X: ArrayLike, return_std: bool = False, noise: bool = True
     ) -> Any:
         check_is_fitted(self)
-        return super().predict(
-            validate_data(self, X, dtype=float, reset=False), return_std, noise
-        )
+        X = validate_data(self, X, dtype=float, reset=False)
+        return super().predict(X, return_std, noise)
 
     def __sklearn_tags__(self) -> Tags:
         tags = super().__sklearn_tags__()

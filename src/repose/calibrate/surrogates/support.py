@@ -1,10 +1,12 @@
-"""Warnings where a surrogate is used beyond its data: parameter sets at a bound, or where samples are thin.
+"""Warnings where a surrogate is used beyond its data.
 
-A parameter set gets a warning when a parameter lies within 1 % of its range from an end, when the nearest sample is
-farther away than most samples are from their nearest neighbour, or when its leverage in a quadratic model is larger
-than every sample's.
+A parameter set gets a warning in three cases: when a parameter lies within 1 % of its
+range from an end, when the nearest sample is farther away than most samples are from
+their nearest neighbour, or when its leverage in a quadratic model is larger than every
+sample's.
 
-  (C79)  Cook 1979, Influential observations in linear regression, J. Am. Stat. Assoc. 74, 169: leverage
+  (C79)  Cook 1979, Influential observations in linear regression, J. Am. Stat. Assoc.
+         74, 169: leverage
 """
 
 from collections.abc import Sequence
@@ -13,15 +15,34 @@ from typing import Self
 import numpy as np
 
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.common.errors import require
+from repose.common.errors import InputError
 from repose.common.files import Path_, read_table
 
-BOUND_SHARE = 0.01
+BOUND_SHARE = 0.01  # of a range, within which a parameter is at its bound
 DISTANCE_QUANTILE = 0.95
+FEWEST_SAMPLES = 2
 
 
 class Support:
-    """The region that samples cover; a parameter whose low and high (d,) are equal is fixed and plays no part."""
+    """The region that samples cover.
+
+    Parameters
+    ----------
+    points : array (n, d)
+        Parameter sets of at least two samples.
+    low, high : array (d,)
+        Ranges of the parameters. A parameter whose low and high are equal is fixed and
+        has no effect.
+    names : sequence of str
+        Names of the d parameters.
+
+    Attributes
+    ----------
+    farthest : float
+        Usual largest distance of a sample from its nearest neighbour, in ranges.
+    largest_leverage : float
+        Of the samples; infinite with too few samples for a quadratic model.
+    """
 
     def __init__(
         self,
@@ -33,108 +54,132 @@ class Support:
         from scipy.spatial import cKDTree
 
         points = np.asarray(points, dtype=float)
-        self.low, self.high = (
-            np.asarray(low, dtype=float),
-            np.asarray(high, dtype=float),
-        )
+        self.low = np.asarray(low, dtype=float)
+        self.high = np.asarray(high, dtype=float)
         self.names = tuple(names)
-        self._free = self.high > self.low
-        if points.ndim != 2 or len(points) < 2 or points.shape[1] != len(self.names):
+        self._is_free = self.high > self.low
+        d = len(self.names)
+        if points.ndim != 2 or len(points) < FEWEST_SAMPLES or points.shape[1] != d:
             raise ValueError(
-                f"points has shape {points.shape}; expected at least two rows of {len(self.names)}"
+                f"points has shape {points.shape}; expected at least two rows of {d}"
             )
         unit = self._unit(points)
         self.tree = cKDTree(unit)
-        left_out = self.tree.query(unit, k=2)[0][:, 1]  # the nearest one besides itself
-        self.farthest = float(np.quantile(left_out, DISTANCE_QUANTILE))  # in ranges
+        # The nearest sample of a sample is itself, so its neighbour is the second.
+        distances, _ = self.tree.query(unit, k=2)
+        self.farthest = float(np.quantile(distances[:, 1], DISTANCE_QUANTILE))
+
+        # With R of the QR decomposition of the terms A, the leverage of a row a is
+        # |a R^-1|^2. With as many coefficients as samples every sample has leverage 1,
+        # which tells nothing.
         terms = quadratic_terms(unit)
-        self.root, self.largest_leverage = None, np.inf
-        # with as many coefficients as samples every sample has leverage 1, which is no information
-        if (
-            len(terms) > terms.shape[1]
-            and np.linalg.matrix_rank(terms) == terms.shape[1]
-        ):
-            self.root = np.linalg.inv(np.linalg.qr(terms, mode="r"))
+        n_samples, n_terms = terms.shape
+        self._inverse_R: np.ndarray | None = None
+        self.largest_leverage = np.inf
+        if n_samples > n_terms and np.linalg.matrix_rank(terms) == n_terms:
+            self._inverse_R = np.linalg.inv(np.linalg.qr(terms, mode="r"))
             self.largest_leverage = float(self.leverage(points).max())
 
     @classmethod
     def of(cls, points: np.ndarray, space: ParameterSpace) -> Self:
-        """Find the support of parameter sets (n, p)."""
+        """Make the support of parameter sets (n, p) of a study."""
         low, high = space.complete(np.array([space.low, space.high]))
         return cls(points, low, high, space.names)
 
     @classmethod
     def of_dataset(cls, dataset_csv: Path_, space: ParameterSpace) -> Self:
-        """Make the support of the usable samples of a study; InputError for a bad file, or fewer than two of them."""
+        """Make the support of the usable samples in a study's dataset.csv.
+
+        InputError for a bad file, or for fewer than two usable samples.
+        """
         table = read_table(dataset_csv, ("sample", *space.names, "status"))
         usable = table[table["status"] == "ok"]
-        require(
-            len(usable) >= 2,
-            dataset_csv,
-            "usable samples",
-            len(usable),
-            "at least 2 with status ok",
-        )
+        if len(usable) < FEWEST_SAMPLES:
+            raise InputError(
+                dataset_csv,
+                "usable samples",
+                len(usable),
+                f"at least {FEWEST_SAMPLES} with status ok",
+            )
         return cls.of(usable[list(space.names)].to_numpy(float), space)
 
     def at_bounds(self, points: np.ndarray) -> np.ndarray:
-        """Tell whether each parameter of the points (m, d) is free and lies within 1 % of its range from an end."""
+        """Mark the parameters (m, d) of points that lie at an end of their range.
+
+        A fixed parameter is never marked.
+        """
         unit = self._unit(points)
-        reached = np.zeros((len(unit), len(self.names)), dtype=bool)
-        reached[:, self._free] = (unit <= BOUND_SHARE) | (unit >= 1 - BOUND_SHARE)
-        return reached
+        is_at_bound = np.zeros((len(unit), len(self.names)), dtype=bool)
+        is_at_bound[:, self._is_free] = (unit <= BOUND_SHARE) | (
+            unit >= 1 - BOUND_SHARE
+        )
+        return is_at_bound
 
     def distance(self, points: np.ndarray) -> np.ndarray:
-        """Measure the distance of each point to the nearest sample, in ranges."""
-        return self.tree.query(self._unit(points))[0]
+        """Compute the distance (m,) of points to their nearest sample, in ranges."""
+        distances, _ = self.tree.query(self._unit(points))
+        return distances
 
     def leverage(self, points: np.ndarray) -> np.ndarray:
-        """Compute the leverage in a quadratic model of the samples (C79); 0 with too few samples for such a model."""
-        if self.root is None:
+        """Compute the leverage (m,) of points in a quadratic model of the samples (C79).
+
+        It is 0 with too few samples for such a model.
+        """
+        if self._inverse_R is None:
             return np.zeros(len(points))
-        return ((quadratic_terms(self._unit(points)) @ self.root) ** 2).sum(axis=1)
+        terms = quadratic_terms(self._unit(points))
+        return ((terms @ self._inverse_R) ** 2).sum(axis=1)
 
     def is_thin(self, points: np.ndarray) -> np.ndarray:
-        """Tell whether points lie where samples are thin."""
-        return (self.distance(points) > self.farthest) | (
-            self.leverage(points) > self.largest_leverage
-        )
+        """Mark the points (m,) where samples are thin."""
+        is_distant = self.distance(points) > self.farthest
+        has_leverage = self.leverage(points) > self.largest_leverage
+        return is_distant | has_leverage
 
     def warnings(self, points: np.ndarray) -> list[str]:
-        """Write a warning for each point; empty where there is none."""
+        """Write a warning for each point (m, d); an empty text where there is none."""
         points = np.atleast_2d(np.asarray(points, dtype=float))
-        ends = np.where(points < (self.low + self.high) / 2, "low", "high")
+        is_at_bound = self.at_bounds(points)
+        distances = self.distance(points)
+        leverages = self.leverage(points)
         texts = []
-        columns = (
-            self.at_bounds(points),
-            ends,
-            self.distance(points),
-            self.leverage(points),
-        )
-        for at, end, distance, leverage in zip(*columns, strict=True):
-            bounds = [f"{self.names[i]} {end[i]}" for i in np.flatnonzero(at)]
-            parts = [f"at a bound: {', '.join(bounds)}"] if bounds else []
-            if distance > self.farthest:
+        for k, point in enumerate(points):
+            parts = []
+            if is_at_bound[k].any():
+                parts.append(self._bounds_text(point, is_at_bound[k]))
+            if distances[k] > self.farthest:
                 parts.append(
-                    f"nearest sample {distance:.2f} of a range away, usual up to {self.farthest:.2f}"
+                    f"nearest sample {distances[k]:.2f} of a range away, "
+                    f"usual up to {self.farthest:.2f}"
                 )
-            if leverage > self.largest_leverage:
+            if leverages[k] > self.largest_leverage:
                 parts.append(
-                    f"leverage {leverage:.2f}, samples' largest {self.largest_leverage:.2f}"
+                    f"leverage {leverages[k]:.2f}, "
+                    f"samples' largest {self.largest_leverage:.2f}"
                 )
             texts.append("; ".join(parts))
         return texts
 
+    def _bounds_text(self, point: np.ndarray, is_at_bound: np.ndarray) -> str:
+        """Name the parameters of a point (d,) that are at a bound, and which end."""
+        bounds = []
+        for i in np.flatnonzero(is_at_bound):
+            is_low = point[i] < (self.low[i] + self.high[i]) / 2
+            bounds.append(f"{self.names[i]} {'low' if is_low else 'high'}")
+        return f"at a bound: {', '.join(bounds)}"
+
     def _unit(self, points: np.ndarray) -> np.ndarray:
-        """Scale the free parameters to their ranges."""
-        return (
-            ((np.asarray(points, dtype=float) - self.low)[:, self._free])
-            / (self.high - self.low)[self._free]
-        )
+        """Scale the free parameters of points (m, d) to their ranges."""
+        offsets = (np.asarray(points, dtype=float) - self.low)[:, self._is_free]
+        return offsets / (self.high - self.low)[self._is_free]
 
 
 def quadratic_terms(unit: np.ndarray) -> np.ndarray:
-    """Compute the terms of a quadratic model, (m, (d + 1)(d + 2) / 2): 1, x_i and x_i x_j of the centred points."""
+    """Compute the terms of a quadratic model at points (m, d) of the unit cube.
+
+    The terms (m, (d + 1)(d + 2) / 2) are 1, x_i and x_i x_j with the centred points
+    x = 2 unit - 1.
+    """
     x = np.column_stack([np.ones(len(unit)), 2 * unit - 1])
     i, j = np.triu_indices(x.shape[1])
     return x[:, i] * x[:, j]

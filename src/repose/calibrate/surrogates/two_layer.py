@@ -1,18 +1,25 @@
-"""A network of two layers as a function of its weights: tansig, then purelin (Eq. 6-8 of the paper).
+"""A network of two layers as a function of its weights: tansig, then purelin.
 
-Sources of the lines, named where they are used
+The network maps an input vector x to an output vector y, both scaled to an interval:
+
+    z = W1 x + b1,    a = tanh(z),    y = W2 a + b2        (Eq. 6-8)
+
+The N weights stand in one vector w, in this order: W1 (hidden, inputs) row by row,
+b1 (hidden,), W2 (outputs, hidden) row by row, b2 (outputs,).
+
+Sources, named where they are used
   (Eq. n)   the paper
   (NW90)    Nguyen & Widrow 1990, improving the learning speed of two-layer networks
-  (HM94)    Hagan & Menhaj 1994, training feedforward networks with the Marquardt algorithm
-  (M92)     MacKay 1992, A practical Bayesian framework for backpropagation networks, Neural Computation 4
-  (M94)     MacKay 1994, Bayesian non-linear modeling for the prediction competition: a prior for each input
-
-The N weights stand in one vector w: W1 (hidden, inputs) row by row, b1 (hidden,), W2 (outputs, hidden) row by row,
-b2 (outputs,).
+  (HM94)    Hagan & Menhaj 1994, training feedforward networks with the Marquardt
+            algorithm
+  (M92)     MacKay 1992, A practical Bayesian framework for backpropagation networks,
+            Neural Computation 4
+  (M94)     MacKay 1994, Bayesian non-linear modeling for the prediction competition: a
+            prior for each input
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,142 +28,242 @@ ARRAYS = ("input_min", "input_max", "output_min", "output_max", "W1", "b1", "W2"
 Function = Callable[[np.ndarray], np.ndarray]
 
 
+class Layers(NamedTuple):
+    """The weights of a network by layer; several networks have leading axes."""
+
+    W1: np.ndarray  # (..., hidden, inputs)
+    b1: np.ndarray  # (..., hidden)
+    W2: np.ndarray  # (..., outputs, hidden)
+    b2: np.ndarray  # (..., outputs)
+
+
 def evaluate(network: Mapping[str, Any], X: np.ndarray) -> np.ndarray:
-    """Compute responses (samples, outputs) of a network (Eq. 6-8), which holds `ARRAYS` and `scaled_range`."""
-    a = {
-        key: np.asarray(network[key], dtype=float) for key in (*ARRAYS, "scaled_range")
-    }
-    low, high = a["scaled_range"]
-    x = scale(np.asarray(X, dtype=float), a["input_min"], a["input_max"], (low, high))
-    y = np.tanh(x @ a["W1"].T + a["b1"]) @ a["W2"].T + a["b2"]
-    return a["output_min"] + (y - low) / (high - low) * width(
-        a["output_min"], a["output_max"]
+    """Compute the responses of a network (Eq. 6-8).
+
+    Parameters
+    ----------
+    network : mapping
+        The arrays named in `ARRAYS`, and the interval `scaled_range`.
+    X : array (samples, inputs)
+        Parameter sets, in their units.
+
+    Returns
+    -------
+    array (samples, outputs)
+        In the units of the responses.
+    """
+    arrays = _float_arrays(network)
+    low, high = arrays["scaled_range"]
+    x = scale(
+        np.asarray(X, dtype=float),
+        arrays["input_min"],
+        arrays["input_max"],
+        (low, high),
     )
+    hidden = np.tanh(x @ arrays["W1"].T + arrays["b1"])
+    y = hidden @ arrays["W2"].T + arrays["b2"]
+    return unscale(y, arrays["output_min"], arrays["output_max"], (low, high))
 
 
 def response_function(
     network: Mapping[str, Any], low: np.ndarray, high: np.ndarray
 ) -> Function:
-    """Make the same network a function of points in [-1, 1], which stand for `low` and `high`."""
-    a = {
-        key: np.asarray(network[key], dtype=float) for key in (*ARRAYS, "scaled_range")
-    }
-    bottom, top = a["scaled_range"]
-    per_unit = (top - bottom) / width(a["input_min"], a["input_max"])
-    W1 = np.ascontiguousarray((a["W1"] * per_unit * (high - low) / 2).T)
-    b1 = a["b1"] + a["W1"] @ (bottom + ((low + high) / 2 - a["input_min"]) * per_unit)
-    stretch = width(a["output_min"], a["output_max"]) / (top - bottom)
-    W2 = np.ascontiguousarray((a["W2"] * stretch[:, None]).T)
-    b2 = a["output_min"] + (a["b2"] - bottom) * stretch
+    """Make a fast function of points in [-1, 1] that gives a network's responses.
+
+    All scalings are folded into the weights, so a call is two matrix products.
+
+    Parameters
+    ----------
+    network : mapping
+        As for `evaluate`.
+    low, high : array (inputs,)
+        The parameter values that -1 and 1 stand for.
+
+    Returns
+    -------
+    callable
+        From points (n, inputs) to responses (n, outputs).
+    """
+    arrays = _float_arrays(network)
+    bottom, top = arrays["scaled_range"]
+    # x = bottom + (X - input_min) * per_unit, with X = (low + high) / 2 + point * half
+    per_unit = (top - bottom) / width(arrays["input_min"], arrays["input_max"])
+    centre = bottom + ((low + high) / 2 - arrays["input_min"]) * per_unit
+    W1 = np.ascontiguousarray((arrays["W1"] * per_unit * (high - low) / 2).T)
+    b1 = arrays["b1"] + arrays["W1"] @ centre
+    stretch = width(arrays["output_min"], arrays["output_max"]) / (top - bottom)
+    W2 = np.ascontiguousarray((arrays["W2"] * stretch[:, None]).T)
+    b2 = arrays["output_min"] + (arrays["b2"] - bottom) * stretch
     return lambda points: np.tanh(points @ W1 + b1) @ W2 + b2
+
+
+def _float_arrays(network: Mapping[str, Any]) -> dict[str, np.ndarray]:
+    """Convert the entries of a network to arrays of floats."""
+    keys = (*ARRAYS, "scaled_range")
+    return {key: np.asarray(network[key], dtype=float) for key in keys}
 
 
 def nguyen_widrow(
     inputs: int, hidden: int, outputs: int, scaled_range: tuple[float, float], seed: Any
 ) -> np.ndarray:
-    """Draw random weights (N,) with the slopes of the neurons spread over the interval of the inputs (NW90)."""
+    """Draw random weights (N,) whose neurons cover the interval of the inputs (NW90).
+
+    (NW90) has inputs in [-1, 1]: the slopes of each neuron have the length
+    0.7 hidden^(1 / inputs), and the biases are uniform within this length. Here the
+    same neurons are moved to inputs in `scaled_range`.
+    """
     random = np.random.RandomState(seed)
-    length = 0.7 * hidden ** (1 / inputs)  # (NW90)
+    length = 0.7 * hidden ** (1 / inputs)
     W1 = random.uniform(-1, 1, (hidden, inputs))
     W1 *= length / np.linalg.norm(W1, axis=1, keepdims=True)
     b1 = random.uniform(-length, length, hidden)
-    # (NW90) has inputs in [-1, 1]; the same neurons for inputs in scaled_range
-    middle, half = (
-        (scaled_range[0] + scaled_range[1]) / 2,
-        (scaled_range[1] - scaled_range[0]) / 2,
-    )
+
+    # Move the neurons from [-1, 1] to scaled_range.
+    middle = (scaled_range[0] + scaled_range[1]) / 2
+    half = (scaled_range[1] - scaled_range[0]) / 2
     W1 /= half
     b1 -= W1.sum(axis=1) * middle
-    return np.concatenate(
-        [W1.ravel(), b1, random.uniform(-0.5, 0.5, outputs * (hidden + 1))]
-    )
+
+    output_weights = random.uniform(-0.5, 0.5, outputs * (hidden + 1))
+    return np.concatenate([W1.ravel(), b1, output_weights])
 
 
-def unpack(
-    w: np.ndarray, inputs: int, hidden: int, outputs: int
-) -> tuple[np.ndarray, ...]:
-    """View W1, b1, W2, b2 of the weights by layer; of several networks, w (..., N), W1 is (..., hidden, inputs)."""
-    first, second = hidden * inputs, hidden * (inputs + 1)
-    W1, b1, W2, b2 = (
-        w[..., :first],
-        w[..., first:second],
-        w[..., second:-outputs],
-        w[..., -outputs:],
-    )
-    several = w.shape[:-1]
-    return (
-        W1.reshape(*several, hidden, inputs),
-        b1,
-        W2.reshape(*several, outputs, hidden),
-        b2,
+def unpack(w: np.ndarray, inputs: int, hidden: int, outputs: int) -> Layers:
+    """View a vector of weights (..., N) by layer."""
+    end_of_W1 = hidden * inputs
+    end_of_b1 = hidden * (inputs + 1)
+    networks = w.shape[:-1]
+    return Layers(
+        W1=w[..., :end_of_W1].reshape(*networks, hidden, inputs),
+        b1=w[..., end_of_W1:end_of_b1],
+        W2=w[..., end_of_b1:-outputs].reshape(*networks, outputs, hidden),
+        b2=w[..., -outputs:],
     )
 
 
 def mix_outputs(w: np.ndarray, mixing: np.ndarray, hidden: int) -> np.ndarray:
-    """Mix the outputs of a network of weights w, (N,) or (N, columns), by `mixing` (outputs, outputs)."""
+    """Change weights so that the outputs y become the combinations y @ mixing.
+
+    Parameters
+    ----------
+    w : array (N,) or (N, columns)
+        Weights of a network, or several columns that transform as weights do.
+    mixing : array (outputs, outputs)
+    hidden : int
+
+    Returns
+    -------
+    array of the shape of `w`
+    """
     outputs = len(mixing)
-    first = len(w) - outputs * (hidden + 1)
-    W2 = w[first : len(w) - outputs].reshape(outputs, -1)
-    b2 = w[len(w) - outputs :].reshape(outputs, -1)
-    return np.concatenate(
-        [w[:first], *((mixing.T @ part).reshape(-1, *w.shape[1:]) for part in (W2, b2))]
-    )
+    start_of_W2 = len(w) - outputs * (hidden + 1)
+    start_of_b2 = len(w) - outputs
+    parts = [w[:start_of_W2]]
+    for layer in (w[start_of_W2:start_of_b2], w[start_of_b2:]):
+        by_output = layer.reshape(outputs, -1)
+        parts.append((mixing.T @ by_output).reshape(-1, *w.shape[1:]))
+    return np.concatenate(parts)
 
 
 def weight_classes(prior: str, inputs: int, hidden: int, outputs: int) -> list[Any]:
-    """List the classes of weights that share an alpha, each an index into w (M92, M94); `prior` is one of `PRIORS`."""
+    """List the classes of weights that share an alpha (M92, M94).
+
+    With the prior "one" there is a single class. With "layers" there are three: input
+    weights, hidden biases, and output weights with their biases. With "inputs" the
+    weights of each input are a class of their own.
+
+    Returns
+    -------
+    list
+        Indices into the vector w for each class.
+    """
     if prior == "one":
         return [slice(None)]
-    w = np.arange(hidden * (inputs + 1) + outputs * (hidden + 1))
-    first, second = hidden * inputs, hidden * (inputs + 1)
-    W1 = w[:first].reshape(hidden, inputs)
-    return [*(W1.T if prior == "inputs" else [W1.ravel()]), w[first:second], w[second:]]
+    numbers = np.arange(hidden * (inputs + 1) + outputs * (hidden + 1))
+    end_of_W1 = hidden * inputs
+    end_of_b1 = hidden * (inputs + 1)
+    W1 = numbers[:end_of_W1].reshape(hidden, inputs)
+    input_classes = list(W1.T) if prior == "inputs" else [W1.ravel()]
+    return [*input_classes, numbers[end_of_W1:end_of_b1], numbers[end_of_b1:]]
 
 
 def class_names(prior: str, inputs: Sequence[Any]) -> list[str]:
     """Name the classes of weights, in the order of `weight_classes`."""
     if prior == "one":
         return ["all weights"]
-    first = (
-        [f"weights of {name}" for name in inputs]
-        if prior == "inputs"
-        else ["weights of the inputs"]
-    )
-    return [*first, "hidden biases", "output weights"]
+    if prior == "inputs":
+        input_classes = [f"weights of {name}" for name in inputs]
+    else:
+        input_classes = ["weights of the inputs"]
+    return [*input_classes, "hidden biases", "output weights"]
 
 
 def jacobian(
     w: np.ndarray, x: np.ndarray, outputs: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Compute scaled outputs (samples, outputs) and their derivatives by the weights (samples, outputs, N).
+    """Compute the outputs and their derivatives by the weights.
 
-    The chain rule of the paper's step (3), for each output by itself as Levenberg-Marquardt needs it (HM94). Of several
-    networks, w (..., N), both have the leading axes of w.
+    This is the chain rule of the paper's step (3), for each output by itself, as
+    Levenberg-Marquardt needs it (HM94):
+
+        dy_k / dW2_kj = a_j,    dy_k / db2_k = 1,
+        dy_k / db1_j = W2_kj (1 - a_j^2),    dy_k / dW1_ji = dy_k / db1_j x_i
+
+    Parameters
+    ----------
+    w : array (..., N)
+        Weights of one network, or of several along the leading axes.
+    x : array (samples, inputs)
+        Scaled inputs.
+    outputs : int
+
+    Returns
+    -------
+    y : array (..., samples, outputs)
+        Scaled outputs.
+    J : array (..., samples, outputs, N)
+        Their derivatives.
     """
-    inputs, N = x.shape[1], w.shape[-1]
-    hidden = (N - outputs) // (inputs + 1 + outputs)
+    inputs = x.shape[1]
+    N = w.shape[-1]
+    hidden = hidden_neurons(N, inputs, outputs)
     W1, b1, W2, b2 = unpack(w, inputs, hidden, outputs)
     a = np.tanh(x @ W1.swapaxes(-1, -2) + b1[..., None, :])  # (Eq. 6-7)
     y = a @ W2.swapaxes(-1, -2) + b2[..., None, :]  # (Eq. 8)
+
     J = np.zeros((*y.shape, N))
-    through = W2[..., None, :, :] * (1 - a * a)[..., None, :]  # dy_k / dz_j
-    first = hidden * inputs
-    J[..., :first] = (through[..., None] * x[:, None, None, :]).reshape(*y.shape, first)
-    J[..., first : first + hidden] = through
+    by_b1 = W2[..., None, :, :] * (1 - a * a)[..., None, :]
+    end_of_W1 = hidden * inputs
+    end_of_b1 = end_of_W1 + hidden
+    by_W1 = by_b1[..., None] * x[:, None, None, :]
+    J[..., :end_of_W1] = by_W1.reshape(*y.shape, end_of_W1)
+    J[..., end_of_W1:end_of_b1] = by_b1
     for k in range(outputs):
-        start = first + hidden + k * hidden
+        start = end_of_b1 + k * hidden
         J[..., k, start : start + hidden] = a
         J[..., k, N - outputs + k] = 1.0
     return y, J
 
 
+def hidden_neurons(N: int, inputs: int, outputs: int) -> int:
+    """Count the hidden neurons of a network with N weights."""
+    return (N - outputs) // (inputs + 1 + outputs)
+
+
 def scale(
     X: np.ndarray, minimum: np.ndarray, maximum: np.ndarray, interval: Sequence[float]
 ) -> np.ndarray:
-    """Map the minimum of each column to the lower end of an interval, the maximum to the upper end."""
-    return interval[0] + (X - minimum) / width(minimum, maximum) * (
-        interval[1] - interval[0]
-    )
+    """Map each column's minimum and maximum to the lower and upper end of an interval."""
+    low, high = interval
+    return low + (X - minimum) / width(minimum, maximum) * (high - low)
+
+
+def unscale(
+    y: np.ndarray, minimum: np.ndarray, maximum: np.ndarray, interval: Sequence[float]
+) -> np.ndarray:
+    """Map an interval back to each column's range; the inverse of `scale`."""
+    low, high = interval
+    return minimum + (y - low) / (high - low) * width(minimum, maximum)
 
 
 def width(minimum: np.ndarray, maximum: np.ndarray) -> np.ndarray:

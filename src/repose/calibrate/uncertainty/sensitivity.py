@@ -14,7 +14,7 @@ import pandas as pd
 from scipy import stats
 
 from repose.calibrate.strategies.base import Studied
-from repose.calibrate.surrogates.base import Surrogate, load
+from repose.calibrate.surrogates import Surrogate, load
 from repose.calibrate.training import require_targets
 from repose.calibrate.uncertainty.posterior import require_free
 from repose.common.errors import InputError

@@ -1,0 +1,137 @@
+"""Surrogates by name: make an untrained one, or load a trained one from its file."""
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from repose.calibrate.surrogates.base import REGISTERED, Surrogate
+from repose.calibrate.surrogates.settings import AS_PUBLISHED, NetworkSettings
+from repose.common.errors import InputError
+from repose.common.files import read_json
+
+KEYS = {"surrogate": str, "inputs": list, "outputs": list}
+
+
+def names() -> tuple[str, ...]:
+    """Return the names of all surrogates, in the order of their registration."""
+    return tuple(_all_kinds())
+
+
+def kind_of(name: str, source: object = "surrogate") -> type[Surrogate]:
+    """Return the class that is registered under a name.
+
+    Parameters
+    ----------
+    name : str
+        One of `names`.
+    source : object, optional
+        Named in the error: a file or a key.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    kinds = _all_kinds()
+    if name not in kinds:
+        allowed = f"one of {', '.join(sorted(kinds))}"
+        raise InputError(source, "surrogate", name, allowed)
+    return kinds[name]
+
+
+def _all_kinds() -> dict[str, type[Surrogate]]:
+    """Return all surrogates by name.
+
+    Those of the package are imported when the first name is looked up, so that a program
+    that needs none starts without waiting for them.
+    """
+    from repose.calibrate.surrogates import kinds  # noqa: F401
+
+    return REGISTERED
+
+
+def make(
+    name: str, settings: NetworkSettings = AS_PUBLISHED, source: object = "surrogate"
+) -> Surrogate:
+    """Make an untrained surrogate.
+
+    Parameters
+    ----------
+    name : str
+        One of `names`.
+    settings : NetworkSettings, optional
+        As `Surrogate.of` takes them; by default the published ones.
+    source : object, optional
+        Named in the error: a file or a key.
+
+    Returns
+    -------
+    Surrogate
+
+    Raises
+    ------
+    InputError
+        If no surrogate has this name.
+    """
+    return kind_of(name, source).of(settings)
+
+
+def load(path: str | os.PathLike, outputs: Sequence[str] | None = None) -> Surrogate:
+    """Read the trained surrogate in a file that `Surrogate.save` wrote.
+
+    Parameters
+    ----------
+    path : path
+    outputs : sequence of str, optional
+        Responses that the surrogate must have, in this order.
+
+    Returns
+    -------
+    Surrogate
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is not a surrogate's, or has other responses.
+    """
+    content = read_json(path, KEYS, "a surrogate's JSON file")
+    kind = kind_of(content["surrogate"], path)
+    _check_finite(content, path)
+    try:
+        samples = _checked_numbers(content.get("samples", []))
+        model = kind.from_dict(content)
+        model.describe(
+            inputs=content["inputs"],
+            outputs=content["outputs"],
+            definitions=content.get("definitions"),
+            samples=samples,
+        )
+    except (LookupError, ValueError, TypeError, ArithmeticError) as error:
+        raise InputError(
+            path, kind.name, repr(error), "as `save` of this surrogate writes it"
+        ) from error
+    if outputs is not None and model.outputs != tuple(outputs):
+        raise InputError(
+            path, "outputs", list(model.outputs), f"the targets {', '.join(outputs)}"
+        )
+    return model
+
+
+def _check_finite(content: Mapping[str, Any], path: object) -> None:
+    """Refuse NaN and infinity, which `Surrogate.save` never writes."""
+    try:
+        json.dumps(content, allow_nan=False)
+    except ValueError:
+        raise InputError(
+            path, "numbers", "not all finite", "finite ones, as a surrogate has them"
+        ) from None
+
+
+def _checked_numbers(samples: Sequence[Any]) -> Sequence[int]:
+    """Return numbers of samples; ValueError if they are not distinct integers."""
+    are_distinct = len(set(samples)) == len(samples)
+    are_integers = all(type(sample) is int for sample in samples)
+    if not are_distinct or not are_integers:
+        raise ValueError(f"samples {samples}")
+    return samples
