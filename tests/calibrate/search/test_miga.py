@@ -1,10 +1,15 @@
 """The island genetic algorithm on functions with known minima."""
 
+from dataclasses import asdict
+
 import numpy as np
 import pytest
+import yaml
 from refusals import value_error
+from shared import ROOT
 
 from repose.calibrate.search.miga import MIGA, islands_ga, migrate
+from repose.calibrate.search.settings import IslandSettings
 
 BOX = np.array([(-5.0, 5.0), (100.0, 200.0), (-1e-3, 0.0)])
 LOWEST = np.array([1.0, 130.0, -2e-4])
@@ -198,3 +203,9 @@ def test_islands_ga_succeeds_from_every_seed_on_easy_functions(dimensions):
 ])  # fmt: skip
 def test_islands_ga_names_what_is_wrong(function, bounds, settings, fault):
     value_error(fault, islands_ga, function, bounds, **settings)
+
+
+def test_the_configuration_has_the_same_defaults():
+    configured = yaml.safe_load((ROOT / "config/method.yaml").read_text())["miga"]
+    defaults = asdict(IslandSettings())
+    assert {name: configured[name] for name in defaults} == defaults

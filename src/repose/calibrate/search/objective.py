@@ -1,14 +1,17 @@
 """The objective of the search, and the archive of the points that it keeps.
 
-The publication does not define the constraints. Here the fitness of a point whose responses all lie in the targets'
-ranges is F (Eq. 11), and that of any other point F + F_max + 10 V, with the distance V of the responses from the ranges
-in the units of F, and F_max the largest F inside. So every feasible point is better than every other point, and without
-a feasible point the search moves towards the ranges. Where they cannot be met, `constrained=False` minimises F alone.
+The publication does not define the constraints. Here the fitness of a point is F
+(Eq. 11) where all its responses lie in the ranges of the targets, and
+F + F_max + 10 V elsewhere. V is the distance of the responses from the ranges, in the
+units of F, and F_max is the largest F inside the ranges. So every feasible point is
+better than every other point, and without a feasible point the search moves towards the
+ranges. Where they cannot be met, `constrained=False` minimises F alone.
 """
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,6 +23,9 @@ from repose.calibrate.targets import Targets
 Function = Callable[[np.ndarray], np.ndarray]
 PENALTY = 10.0
 PRIOR_WEIGHT = 0.01
+# A point that is thinned away may lose its better neighbour later, so the archive has
+# more room than there are solutions.
+ARCHIVED_PER_SOLUTION = 5
 HISTORY = (
     "round",
     "generation",
@@ -31,38 +37,61 @@ HISTORY = (
 
 
 class Objective:
-    """Eq. 11-12: deviation of k responses from their targets, each in widths of its range.
+    """Deviation F of k responses from their targets, in widths of the ranges.
 
-    `margin` is added to the fitness of points outside the ranges: the largest cost inside (`Preference.largest`).
-    Unless `constrained`, the fitness is F everywhere.
+    With the weight w_k, the target t_k and the range l_k to h_k of each response y_k:
+
+        F = sum_k w_k |y_k - t_k| / (h_k - l_k)        (Eq. 11-12)
+
+    Parameters
+    ----------
+    targets : Targets
+    margin : float
+        Added to the fitness of points outside the ranges: the largest cost of a point
+        inside (`Preference.largest`).
+    constrained : bool
+        Whether points outside the ranges have a penalty. Without it the fitness is F
+        everywhere.
     """
 
     def __init__(
         self, targets: Targets, margin: float = 0.0, constrained: bool = True
     ) -> None:
-        self.low, self.high, self.target, self.weight = (
-            targets.low,
-            targets.high,
-            targets.aim,
-            targets.weight,
-        )
+        self.low = targets.low
+        self.high = targets.high
+        self.target = targets.aim
+        self.weight = targets.weight
         self.width = self.high - self.low
-        # F inside is at most the sum of the weights
-        self.infeasible = float(self.weight.sum()) + margin if constrained else 0.0
-        self.penalty = PENALTY if constrained else 0.0
+        if constrained:
+            # Inside the ranges F is at most the sum of the weights.
+            self.infeasible = float(self.weight.sum()) + margin
+            self.penalty = PENALTY
+        else:
+            self.infeasible = 0.0
+            self.penalty = 0.0
 
     def __call__(self, responses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Compute F (Eq. 11) and the violation V of the ranges, both (points,), of responses (points, k)."""
+        """Compute F and the violation V of the ranges.
+
+        Parameters
+        ----------
+        responses : array (points, k)
+
+        Returns
+        -------
+        F, V : array (points,)
+            V is 0 inside the ranges.
+        """
         scaled = responses / self.width
-        F = (self.weight * np.abs(scaled - self.target / self.width)).sum(axis=1)
-        outside = np.maximum(
-            np.maximum(self.low / self.width - scaled, scaled - self.high / self.width),
-            0.0,
-        )
+        deviations = np.abs(scaled - self.target / self.width)
+        F = (self.weight * deviations).sum(axis=1)
+        below = self.low / self.width - scaled
+        above = scaled - self.high / self.width
+        outside = np.maximum(np.maximum(below, above), 0.0)
         return F, outside.sum(axis=1)
 
     def fitness(self, F: np.ndarray, V: np.ndarray) -> np.ndarray:
-        """Compute the minimised fitness (n,): F inside the ranges (V = 0); outside, more than of any point inside."""
+        """Compute the fitness (n,) that the search minimises."""
         return F + (V > 0) * self.infeasible + self.penalty * V
 
 
@@ -70,9 +99,10 @@ class Objective:
 class Preference:
     """Prior knowledge of parameters, as a term that is small beside F.
 
-    Measured parameters z standard deviations off cost 0.01 z^2 / 2: for z = 1 as much as half a percent of a target's
-    range. So the targets have priority, and among the many parameter sets that meet them equally well the search
-    prefers those near the measured values.
+    Measured parameters that are z standard deviations off cost 0.01 z^2 / 2: for z = 1
+    as much as half a percent of a target's range. So the targets have priority. Among
+    the many parameter sets that meet them equally well, the search prefers those near
+    the measured values.
     """
 
     mean: np.ndarray  # (d,), in the search's coordinates [-1, 1]
@@ -83,11 +113,13 @@ class Preference:
         """Make the preference of a study's parameters; None without priors."""
         if not space.prior:
             return None
-        mean, sd = np.zeros(space.dimensions), np.full(space.dimensions, np.inf)
-        for name, (value, spread) in space.prior.items():
+        mean = np.zeros(space.dimensions)
+        sd = np.full(space.dimensions, np.inf)
+        for name, (prior_mean, prior_sd) in space.prior.items():
             k = space.free.index(name)
-            half = (space.high[k] - space.low[k]) / 2
-            mean[k], sd[k] = (value - space.low[k]) / half - 1, spread / half
+            half_width = (space.high[k] - space.low[k]) / 2
+            mean[k] = (prior_mean - space.low[k]) / half_width - 1
+            sd[k] = prior_sd / half_width
         return cls(mean, sd)
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
@@ -96,68 +128,126 @@ class Preference:
 
     @property
     def largest(self) -> float:
-        """The highest cost of a point."""
-        return float(self(np.where(self.mean > 0, -1.0, 1.0)[None])[0])
+        """The highest cost of a point, which is that of a corner."""
+        corner = np.where(self.mean > 0, -1.0, 1.0)
+        return float(self(corner[None])[0])
 
     def distance(self, points: np.ndarray) -> np.ndarray:
-        """Compute the distance (n,) of points (n, d) from the measured values, in standard deviations."""
+        """Compute the distance (n,) of points (n, d) from the measured values.
+
+        It is in standard deviations.
+        """
         return np.sqrt(2 / PRIOR_WEIGHT * self(points))
 
 
 class Archive:
     """The best distinct points out of any number, in bounded memory.
 
-    Two points are distinct when they lie at least `distance` apart, Euclidean in normalised parameters. A point is
-    kept, best fitness first, when it is distinct from every better kept point. `points` (kept, dimensions) and
-    `fitness` (kept,) are up to date after `thin`; `buffer` is the number of points that wait for it.
+    Two points are distinct when they lie at least `distance` apart, Euclidean in
+    normalised parameters. The archive goes through the points from the best to the
+    worst, and keeps a point when it is distinct from all that are kept already.
+
+    Parameters
+    ----------
+    dimensions : int
+    distance : float
+    capacity : int
+        Largest number of points that are kept.
+    buffer : int
+        Number of added points that may wait for `thin`.
+
+    Attributes
+    ----------
+    points : array (kept, dimensions)
+        Best first; up to date after `thin`.
+    fitness : array (kept,)
     """
 
     def __init__(
         self, dimensions: int, distance: float, capacity: int, buffer: int = 20_000
     ) -> None:
-        self.distance, self.capacity, self.buffer = distance, capacity, buffer
-        self.points, self.fitness = np.empty((0, dimensions)), np.empty(0)
+        self.distance = distance
+        self.capacity = capacity
+        self.buffer = buffer
+        self.points = np.empty((0, dimensions))
+        self.fitness = np.empty(0)
         self._waiting: list[tuple[np.ndarray, np.ndarray]] = []
-        self._n_waiting, self._worst = 0, math.inf
+        self._n_waiting = 0
+        # Points of at least this fitness cannot enter.
+        self._worst = math.inf
 
     def add(self, points: np.ndarray, fitness: np.ndarray) -> None:
         """Offer points (n, dimensions) with their fitness (n,)."""
-        better = fitness < self._worst
-        if not better.any():
+        may_enter = fitness < self._worst
+        if not may_enter.any():
             return
-        points, fitness = points[better], fitness[better]
+        points = points[may_enter]
+        fitness = fitness[may_enter]
         for start in range(0, len(points), self.buffer):
-            rows = slice(start, start + self.buffer)
-            if self._n_waiting + len(points[rows]) > self.buffer:
+            part = slice(start, start + self.buffer)
+            n_added = len(points[part])
+            if self._n_waiting + n_added > self.buffer:
                 self.thin()
-            self._waiting.append((points[rows], fitness[rows]))
-            self._n_waiting += len(points[rows])
+            self._waiting.append((points[part], fitness[part]))
+            self._n_waiting += n_added
 
     def thin(self) -> None:
         """Merge the waiting points into `points` and `fitness`, best first."""
-        points = np.concatenate([self.points, *(p for p, _ in self._waiting)])
-        fitness = np.concatenate([self.fitness, *(f for _, f in self._waiting)])
-        kept = distinct(points, fitness, self.distance, self.capacity)
-        self.points, self.fitness = points[kept], fitness[kept]
-        self._waiting, self._n_waiting = [], 0
-        # a new point between old points may replace several of them: then any point may fill the gap
-        self._worst = self.fitness[-1] if len(kept) == self.capacity else math.inf
+        waiting_points = [points for points, _ in self._waiting]
+        waiting_fitness = [fitness for _, fitness in self._waiting]
+        points = np.concatenate([self.points, *waiting_points])
+        fitness = np.concatenate([self.fitness, *waiting_fitness])
+        rows = distinct(points, fitness, self.distance, self.capacity)
+        self.points = points[rows]
+        self.fitness = fitness[rows]
+        self._waiting = []
+        self._n_waiting = 0
+        # A new point between old points may replace several of them. Then the archive
+        # is not full, and any point may fill the gap.
+        is_full = len(rows) == self.capacity
+        self._worst = self.fitness[-1] if is_full else math.inf
 
 
 def distinct(
     points: np.ndarray, fitness: np.ndarray, distance: float, most: int
 ) -> np.ndarray:
-    """Find the row numbers of the best distinct points (n, d), best first, at most `most`; a small fitness is good."""
+    """Find the rows of the best distinct points, best first.
+
+    Parameters
+    ----------
+    points : array (n, d)
+    fitness : array (n,)
+        A small one is good.
+    distance : float
+        Least distance between two points.
+    most : int
+        Largest number of rows.
+
+    Returns
+    -------
+    array of int
+    """
     rows = np.argsort(fitness, kind="stable")
     columns = np.ascontiguousarray(points[rows].T)
     kept: list[int] = []
     while len(rows) and len(kept) < most:
+        # Keep the best of the rest, and drop it and all points too near to it.
         kept.append(int(rows[0]))
-        far = ((columns - columns[:, :1]) ** 2).sum(axis=0) >= distance**2
-        far[0] = False
-        left = np.flatnonzero(far)  # twice as fast as the mask itself
-        rows, columns = rows[left], columns.take(left, axis=1)
+        squared = ((columns - columns[:, :1]) ** 2).sum(axis=0)
+        is_distinct = squared >= distance**2
+        is_distinct[0] = False
+        rest = np.flatnonzero(is_distinct)  # twice as fast as the mask itself
+        rows = rows[rest]
+        columns = columns.take(rest, axis=1)
     return np.array(kept, dtype=int)
+
+
+class Search(NamedTuple):
+    """Result of `search`."""
+
+    archive: Archive  # the best distinct points, thinned
+    history: list[tuple]  # a row with the columns `HISTORY` for each round
+    feasible_met: int  # number of feasible points, repeated ones included
 
 
 def search(
@@ -166,39 +256,52 @@ def search(
     inputs: int,
     settings: MigaSettings,
     preference: Preference | None = None,
-) -> tuple[Archive, list[tuple], int]:
-    """Search with `MIGA`; return the archive, thinned; a row (`HISTORY`) per round; the number of feasible points met.
+) -> Search:
+    """Search for the points of least objective with `MIGA`.
 
-    `respond` maps points (n, inputs) in [-1, 1] to responses (n, k). The archive holds five times
-    `solutions` points, since a point that is thinned away may lose its better neighbour later.
+    Parameters
+    ----------
+    respond : callable
+        Maps points (n, inputs) in [-1, 1] to responses (n, k).
+    objective : Objective
+    inputs : int
+    settings : MigaSettings
+    preference : Preference, optional
+        Its cost is added to the fitness.
+
+    Returns
+    -------
+    Search
     """
     miga = MIGA.of(inputs, settings)
-    archive = Archive(inputs, settings.distance, 5 * settings.solutions)
-    history, feasible_met = [], 0
+    archive = Archive(
+        inputs, settings.distance, ARCHIVED_PER_SOLUTION * settings.solutions
+    )
+    history = []
+    feasible_met = 0
     for round_ in range(1, settings.rounds + 1):
-        seen = []
+        populations = []
+        fitnesses = []
         for _ in range(settings.generations):
             points = miga.ask()
             F, V = objective(respond(points))
             fitness = objective.fitness(F, V)
             if preference is not None:
                 fitness += preference(points)
-            seen.append((points, fitness))
+            populations.append(points)
+            fitnesses.append(fitness)
             feasible_met += int(np.count_nonzero(V == 0))
             miga.tell(fitness)
-        archive.add(
-            np.concatenate([p for p, _ in seen]), np.concatenate([f for _, f in seen])
-        )
-        mean = float(fitness.mean())
+        archive.add(np.concatenate(populations), np.concatenate(fitnesses))
         history.append(
             (
                 round_,
                 miga.generation,
                 miga.evaluations,
                 miga.best_fitness,
-                mean,
-                int(feasible_met),
+                float(fitness.mean()),
+                feasible_met,
             )
         )
     archive.thin()
-    return archive, history, int(feasible_met)
+    return Search(archive, history, feasible_met)

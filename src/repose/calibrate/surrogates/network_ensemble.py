@@ -14,7 +14,7 @@ than for the best network alone.
 
 import copy
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, Self, Unpack
+from typing import Any, NamedTuple, Self, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,6 +33,13 @@ OF_EACH = ("W1", "b1", "W2", "b2")
 ALL_WEIGHTS = "all weights"
 
 
+class _Prediction(NamedTuple):
+    """Means that all networks predict."""
+
+    points: np.ndarray  # (n, d)
+    means: np.ndarray  # (members, n, k)
+
+
 @register("network_ensemble")
 class NetworkEnsemble(Surrogate):
     """Networks of all converged starts whose log evidence is near the largest.
@@ -49,8 +56,7 @@ class NetworkEnsemble(Surrogate):
         """Set the networks, the best first, and forget what was kept of others."""
         self.members_ = list(networks)
         self._stacks: dict[str, np.ndarray] = {}  # of `_stacked`, by key
-        self._last_points: np.ndarray | None = None  # of `_means`
-        self._last_means: np.ndarray | None = None
+        self._last: _Prediction | None = None  # of `_means`
 
     @classmethod
     def of(cls, settings: NetworkSettings) -> Self:
@@ -136,16 +142,15 @@ class NetworkEnsemble(Surrogate):
         """
         first = self.members_[0]
         X = checked_points(X, len(first.input_min_))
-        if self._last_means is not None and np.array_equal(X, self._last_points):
-            return self._last_means
+        if self._last is not None and np.array_equal(X, self._last.points):
+            return self._last.means
         x = scale(X, first.input_min_, first.input_max_, first.scaled_range)
         W1, b1 = self._stacked("W1"), self._stacked("b1")
         W2, b2 = self._stacked("W2"), self._stacked("b2")
         a = np.tanh(np.einsum("ni,mhi->mnh", x, W1) + b1[:, None])
         y = np.einsum("mnh,mkh->mnk", a, W2) + b2[:, None]
         means = unscale(y, first.output_min_, first.output_max_, first.scaled_range)
-        self._last_points = X.copy()
-        self._last_means = means
+        self._last = _Prediction(points=X.copy(), means=means)
         return means
 
     def _stacked(self, key: str) -> np.ndarray:

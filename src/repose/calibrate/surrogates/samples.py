@@ -17,7 +17,7 @@ class Samples(NamedTuple):
 
     X: np.ndarray  # (samples, inputs), parameter sets
     Y: np.ndarray  # (samples, outputs), responses
-    count: np.ndarray  # (samples,), how often each sample counts, above 0
+    sample_weight: np.ndarray  # (samples,), how often each sample counts, above 0
     precision: np.ndarray  # (samples, outputs), above 0
 
 
@@ -208,7 +208,7 @@ def checked_samples(
     return Samples(
         X=X[is_counted],
         Y=Y[is_counted],
-        count=count[is_counted],
+        sample_weight=count[is_counted],
         precision=precision[is_counted],
     )
 
