@@ -148,7 +148,7 @@ def test_the_constant_and_pure_error_of_a_blocked_design_and_what_leaves_out_a_t
             [one for one in model.terms if one != term],
         )
         assert table.loc[name, "sum_of_squares"] == pytest.approx(
-            without.residual - model.residual, rel=1e-9
+            without.residual_squares - model.residual_squares, rel=1e-9
         )
     model = model_of("chemical_process")
     total = 0.0

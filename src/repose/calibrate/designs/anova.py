@@ -1,89 +1,152 @@
-"""The analysis of variance of a polynomial model, with the columns and statistics of Design-Expert.
+"""The analysis of variance of a polynomial model.
 
-The sum of squares of a term is partial: the gain of the residuals if this term alone were left out.
+Columns and statistics are those of Design-Expert. The sum of squares of a term is
+partial: the residual sum of squares would rise by it if this term alone were left out.
 """
 
 import math
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from repose.calibrate.designs.model import Model
 
-ALPHA = 0.05
+ALPHA = 0.05  # significance of `limits`
+DECIMALS = 9  # to which the points of repeated runs agree
 COLUMNS = ("source", "sum_of_squares", "df", "mean_square", "f", "p")
 
 
-def pure_error(model: Model) -> tuple[float, int]:
-    """Sum the squares, and count the degrees of freedom (0 if none), of runs that were repeated."""
-    _, place, counts = np.unique(
-        np.round(model.coded, 9), axis=0, return_inverse=True, return_counts=True
+class PureError(NamedTuple):
+    """Scatter of repeated runs about their means."""
+
+    sum_of_squares: float
+    df: int  # degrees of freedom; 0 if no run was repeated
+
+
+class _Row(NamedTuple):
+    """A row of the ANOVA table; the fields are `COLUMNS`."""
+
+    source: str
+    sum_of_squares: float
+    df: int
+    mean_square: float
+    f: float = math.nan
+    p: float = math.nan
+
+
+def pure_error(model: Model) -> PureError:
+    """Compute the scatter of the runs of a model that were repeated."""
+    _, group, size = np.unique(
+        np.round(model.coded, DECIMALS), axis=0, return_inverse=True, return_counts=True
     )
-    place = place.ravel()
-    means = np.bincount(place, weights=model.response) / counts
-    return float(((model.response - means[place]) ** 2).sum()), int((counts - 1).sum())
+    group = group.ravel()
+    means = np.bincount(group, weights=model.response) / size
+    sum_of_squares = float(((model.response - means[group]) ** 2).sum())
+    return PureError(sum_of_squares, int((size - 1).sum()))
 
 
 def anova(model: Model) -> pd.DataFrame:
-    """Make the ANOVA table with `COLUMNS`; F and p are nan if there is nothing to test by."""
-    residual, df_residual, error = model.residual, model.df, model.variance
+    """Make the ANOVA table with `COLUMNS`.
+
+    Model and terms are tested against the mean square of the residuals, the lack of fit
+    against that of the pure error. F and p are nan where there is no such mean square.
+    """
+    residual = model.residual_squares
     total = float(((model.response - model.response.mean()) ** 2).sum())
-    rows = [_row("model", total - residual, len(model.terms), error, df_residual)]
-    # For a single column the partial sum of squares is b^2 / c, with c its element of (X'X)^-1.
+    rows = [
+        _tested_row(
+            "model",
+            total - residual,
+            df=len(model.terms),
+            error=model.variance,
+            df_error=model.df,
+        )
+    ]
+    # With the coefficient b of a term and the element c of the diagonal of (X'X)^-1, the
+    # partial sum of squares is b^2 / c.
     partial = model.coefficients**2 / np.diag(model.inverse)[1:]
-    for name, squares in zip(model.labels, partial.tolist(), strict=True):
-        rows.append(_row(name, squares, 1, error, df_residual))
-    rows.append(_row("residual", residual, df_residual))
-    pure, df_pure = pure_error(model)
-    if df_pure:
-        lack, df_lack = residual - pure, df_residual - df_pure
-        rows += [
-            _row("lack of fit", lack, df_lack, _mean(pure, df_pure), df_pure),
-            _row("pure error", pure, df_pure),
-        ]
+    for label, sum_of_squares in zip(model.labels, partial.tolist(), strict=True):
+        rows.append(
+            _tested_row(
+                label,
+                sum_of_squares,
+                df=1,
+                error=model.variance,
+                df_error=model.df,
+            )
+        )
+    rows.append(_row("residual", residual, model.df))
+
+    # Split the residuals into lack of fit and pure error, if runs were repeated.
+    pure = pure_error(model)
+    if pure.df:
+        rows.append(
+            _tested_row(
+                "lack of fit",
+                residual - pure.sum_of_squares,
+                df=model.df - pure.df,
+                error=_mean(pure.sum_of_squares, pure.df),
+                df_error=pure.df,
+            )
+        )
+        rows.append(_row("pure error", pure.sum_of_squares, pure.df))
     rows.append(_row("total", total, len(model.response) - 1))
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
 def statistics(model: Model) -> dict[str, float]:
-    """Compute statistics of the fit, as in Design-Expert; nan without degrees of freedom for the error.
+    """Compute statistics of the fit, as in Design-Expert.
 
-    `press` is the sum of the squared errors of predicting each run from all others. `adequate_precision` is the range
-    of the predictions over their mean standard error.
+    `press` is the sum of the squared errors of predicting each run from all others.
+    `adequate_precision` is the range of the predictions over their mean standard error.
+    Statistics are nan without degrees of freedom for the error.
     """
-    n, residual, df = len(model.response), model.residual, model.df
-    total = anova(model).set_index("source").loc["model", "sum_of_squares"] + residual
+    n = len(model.response)
+    residual = model.residual_squares
+    model_squares = anova(model).set_index("source").loc["model", "sum_of_squares"]
+    total = model_squares + residual
+    mean = float(model.response.mean())
     sigma = math.sqrt(model.variance)
-    leverage = np.einsum("ij,jk,ik->i", model.matrix, model.inverse, model.matrix)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        press = (
-            float(((model.residuals / (1 - leverage)) ** 2).sum()) if df else math.nan
-        )
-    fitted = model.matrix @ model.fitted
-    spread = sigma * math.sqrt(model.matrix.shape[1] / n)
+    press = _press(model)
+    predictions = model.matrix @ model.all_coefficients
+    mean_error = sigma * math.sqrt(model.matrix.shape[1] / n)
     return {
         "std_dev": sigma,
-        "mean": float(model.response.mean()),
-        "cv_percent": 100 * _ratio(sigma, float(model.response.mean())),
+        "mean": mean,
+        "cv_percent": 100 * _ratio(sigma, mean),
         "press": press,
         "r2": 1 - _ratio(residual, total),
-        "adjusted_r2": 1 - _ratio(_mean(residual, df), total / (n - 1)),
+        "adjusted_r2": 1 - _ratio(_mean(residual, model.df), total / (n - 1)),
         "predicted_r2": 1 - _ratio(press, total),
-        "adequate_precision": _ratio(float(np.ptp(fitted)), spread),
+        "adequate_precision": _ratio(float(np.ptp(predictions)), mean_error),
     }
+
+
+def _press(model: Model) -> float:
+    """Sum the squared errors of predicting each run from all others.
+
+    A residual divided by 1 - leverage is such an error. nan without degrees of freedom.
+    """
+    if not model.df:
+        return math.nan
+    leverage = np.einsum("ij,jk,ik->i", model.matrix, model.inverse, model.matrix)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return float(((model.residuals / (1 - leverage)) ** 2).sum())
 
 
 def effects(model: Model) -> pd.DataFrame:
     """List the terms for the Pareto chart, the largest contribution first.
 
-    `term`, `coefficient` in coded units, `standard_error`, `t` (the standardised effect, without sign), `p`, and
-    `contribution_percent`: the term's partial sum of squares over the total.
+    Returns
+    -------
+    pandas.DataFrame
+        `term`, `coefficient` in coded units, `standard_error`, `t` (the standardised
+        effect, without sign), `p`, and `contribution_percent`: the term's partial sum of
+        squares over the total.
     """
-    table, errors = (
-        anova(model).set_index("source"),
-        np.sqrt(model.variance * np.diag(model.inverse)),
-    )
+    table = anova(model).set_index("source")
+    errors = np.sqrt(model.variance * np.diag(model.inverse))
     estimates = pd.DataFrame(
         {
             "term": model.labels,
@@ -94,50 +157,53 @@ def effects(model: Model) -> pd.DataFrame:
     estimates["t"] = (estimates["coefficient"] / estimates["standard_error"]).abs()
     estimates["p"] = table.loc[model.labels, "p"].to_numpy()
     partial = table.loc[model.labels, "sum_of_squares"].to_numpy(float)
-    estimates["contribution_percent"] = (
-        100 * partial / float(table.loc["total", "sum_of_squares"])
-    )
+    total = float(table.loc["total", "sum_of_squares"])
+    estimates["contribution_percent"] = 100 * partial / total
     return estimates.sort_values(
         "contribution_percent", ascending=False, ignore_index=True
     )
 
 
 def limits(model: Model) -> dict[str, float]:
-    """Find the two lines of the Pareto chart at significance `ALPHA`; nan without degrees of freedom.
+    """Compute the two lines of the Pareto chart at significance `ALPHA`.
 
-    A single term above `t` is significant; without any effect, a share `ALPHA` of all studies at most has a term above
-    `bonferroni`.
+    A single term above the line `t` is significant. In a study without any effect, the
+    probability that some term is above the line `bonferroni` is at most `ALPHA`. Both
+    are nan without degrees of freedom.
     """
     from scipy import stats
 
-    tests = {"t": 1, "bonferroni": len(model.terms)}
+    df = model.df or math.nan
     return {
-        name: float(stats.t.isf(ALPHA / 2 / count, model.df or math.nan))
-        for name, count in tests.items()
+        "t": float(stats.t.isf(ALPHA / 2 / 1, df)),
+        "bonferroni": float(stats.t.isf(ALPHA / 2 / len(model.terms), df)),
     }
 
 
 def _mean(total: float, df: float) -> float:
-    """Return the mean square, or nan without degrees of freedom."""
+    """Compute a mean square; nan without degrees of freedom."""
     return total / df if df else math.nan
 
 
-def _ratio(above: float, below: float) -> float:
-    """Divide, or return nan for a zero below."""
-    return above / below if below else math.nan
+def _ratio(numerator: float, denominator: float) -> float:
+    """Divide two numbers; nan for a denominator of 0."""
+    return numerator / denominator if denominator else math.nan
 
 
-def _row(
-    source: str, total: float, df: int, error: float = math.nan, df_error: int = 0
-) -> tuple[Any, ...]:
-    """Make a row of the table, in the order of `COLUMNS`, tested against a mean square."""
+def _row(source: str, sum_of_squares: float, df: int) -> _Row:
+    """Make a row without a test."""
+    return _Row(source, sum_of_squares, df, _mean(sum_of_squares, df))
+
+
+def _tested_row(
+    source: str, sum_of_squares: float, df: int, error: float, df_error: int
+) -> _Row:
+    """Make a row that is tested against a mean square `error` by an F test."""
     from scipy import stats
 
-    mean = _mean(total, df)
-    f = _ratio(mean, error)
-    p = (
-        float(stats.f.sf(f, df, df_error))
-        if df and df_error and math.isfinite(f)
-        else math.nan
-    )
-    return (source, total, df, mean, f, p)
+    row = _row(source, sum_of_squares, df)
+    f = _ratio(row.mean_square, error)
+    p = math.nan
+    if df and df_error and math.isfinite(f):
+        p = float(stats.f.sf(f, df, df_error))
+    return row._replace(f=f, p=p)

@@ -1,7 +1,7 @@
 """Box-Behnken designs: three levels, no run at a corner, a full quadratic model.
 
-The code is our own because libraries use all pairs of factors for any number of factors: 60 and 84 runs for six and
-seven factors, where Box and Behnken have 48 and 56.
+The code is our own because libraries use all pairs of factors for any number of factors:
+60 and 84 runs for six and seven factors, where Box and Behnken have 48 and 56.
 """
 
 from collections.abc import Sequence
@@ -10,7 +10,8 @@ import numpy as np
 
 from repose.calibrate.designs.coding import two_level
 
-# Factors that vary together, in orthogonal blocks; the others are at their centre (Box and Behnken 1960, Table 4).
+# For each number of factors its orthogonal blocks. An entry of a block lists the factors
+# that vary together while the others are at their centre (Box and Behnken 1960, Table 4).
 BLOCKS: dict[int, Sequence[Sequence[tuple[int, ...]]]] = {
     3: [[(1, 2), (1, 3), (2, 3)]],
     4: [[(1, 2), (3, 4)], [(1, 4), (2, 3)], [(1, 3), (2, 4)]],
@@ -24,22 +25,35 @@ BLOCKS: dict[int, Sequence[Sequence[tuple[int, ...]]]] = {
 
 
 def box_behnken(factors: int, centres: int) -> np.ndarray:
-    """Make a Box-Behnken design (n, factors) of -1, 0, 1 in standard order, one block after another.
+    """Make a Box-Behnken design in standard order, one block after another.
 
-    Box and Behnken, Some new three level designs for the study of quantitative variables, Technometrics 2 (1960)
-    455-475. Blocks with equally many of the `centres` are orthogonal; simulations may ignore the blocks. `factors` is 3
-    to 7; each block needs a centre run.
+    Box and Behnken, Some new three level designs for the study of quantitative
+    variables, Technometrics 2 (1960) 455-475. Blocks with equally many centre runs are
+    orthogonal; simulations may ignore the blocks.
+
+    Parameters
+    ----------
+    factors : int
+        From 3 to 7.
+    centres : int
+        Number of centre runs, at least one for each block.
+
+    Returns
+    -------
+    array (n, factors)
+        Of -1, 0 and 1.
     """
-    parts, rows = BLOCKS[factors], []
-    for number, part in enumerate(parts, start=1):
-        for together in part:
-            signs = two_level(len(together))
-            run = np.zeros((len(signs), factors))
-            run[:, np.array(together) - 1] = signs
-            rows.append(run)
-        rows.append(
-            np.zeros(
-                (centres // len(parts) + (number <= centres % len(parts)), factors)
-            )
-        )
-    return np.vstack(rows)
+    blocks = BLOCKS[factors]
+    runs = []
+    for number, block in enumerate(blocks, start=1):
+        for varied in block:
+            levels = two_level(len(varied))
+            group = np.zeros((len(levels), factors))
+            group[:, np.array(varied) - 1] = levels
+            runs.append(group)
+        # Share the centre runs out; the first blocks have the rest of the division.
+        n_centres = centres // len(blocks)
+        if number <= centres % len(blocks):
+            n_centres += 1
+        runs.append(np.zeros((n_centres, factors)))
+    return np.vstack(runs)

@@ -1,25 +1,45 @@
-"""Central composite designs: a two-level factorial, two axial runs for each factor, and centre runs."""
+"""Central composite designs: a factorial, two axial runs a factor, and centre runs."""
+
+from typing import NamedTuple
 
 import numpy as np
 
 from repose.calibrate.designs.coding import two_level
 
-HALF_FROM = 5  # factors, from which on the factorial is the half fraction
+HALF_FROM = 5  # number of factors from which the factorial is the half fraction
 
 
-def central_composite(
-    factors: int, axial: str, centres: int
-) -> tuple[np.ndarray, float]:
-    """Make a central composite design (n, factors) in coded units, in standard order, and give its axial distance.
+class CentralComposite(NamedTuple):
+    """A central composite design."""
 
-    `factors` is 2 to 7. For `axial` "rotatable" the distance is the fourth root of the number of factorial runs, so
-    that the variance of a prediction depends on its distance from the centre alone; for "face_centred" it is 1, with
-    only three levels. Box and Hunter, Multi-factor experimental designs for exploring response surfaces, Ann. Math.
-    Statist. 28 (1957) 195-241.
+    coded: np.ndarray  # (n, factors), in coded units and standard order
+    axial_distance: float  # of the axial runs from the centre
+
+
+def central_composite(factors: int, axial: str, centres: int) -> CentralComposite:
+    """Make a central composite design.
+
+    Box and Hunter, Multi-factor experimental designs for exploring response surfaces,
+    Ann. Math. Statist. 28 (1957) 195-241.
+
+    Parameters
+    ----------
+    factors : int
+        From 2 to 7.
+    axial : str
+        With "rotatable" the axial distance is the fourth root of the number of factorial
+        runs. The variance of a prediction then depends only on its distance from the
+        centre. With "face_centred" the distance is 1, and there are only three levels.
+    centres : int
+        Number of centre runs.
     """
-    corners = two_level(factors if factors < HALF_FROM else factors - 1)
-    if factors >= HALF_FROM:
+    if factors < HALF_FROM:
+        corners = two_level(factors)
+    else:
+        # In the half fraction the last factor is the product of the others.
+        corners = two_level(factors - 1)
         corners = np.column_stack([corners, corners.prod(axis=1)])
-    alpha = len(corners) ** 0.25 if axial == "rotatable" else 1.0
-    star = alpha * np.kron(np.eye(factors), np.array([[-1.0], [1.0]]))
-    return np.vstack([corners, star, np.zeros((centres, factors))]), alpha
+    distance = len(corners) ** 0.25 if axial == "rotatable" else 1.0
+    star = distance * np.kron(np.eye(factors), np.array([[-1.0], [1.0]]))
+    coded = np.vstack([corners, star, np.zeros((centres, factors))])
+    return CentralComposite(coded, distance)

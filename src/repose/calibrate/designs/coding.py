@@ -4,7 +4,10 @@ import numpy as np
 
 
 def two_level(factors: int) -> np.ndarray:
-    """Make the full factorial (2^factors, factors) of -1 and 1 in standard order: the first factor changes fastest."""
-    return np.column_stack(
-        [2.0 * (np.arange(2**factors) >> k & 1) - 1.0 for k in range(factors)]
-    )
+    """Make the full factorial (2^factors, factors) of -1 and 1 in standard order.
+
+    The first factor changes fastest: its level is the lowest bit of the number of the
+    run.
+    """
+    runs = np.arange(2**factors)
+    return np.column_stack([2.0 * (runs >> k & 1) - 1.0 for k in range(factors)])

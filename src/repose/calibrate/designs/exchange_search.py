@@ -1,53 +1,101 @@
-"""Enhanced stochastic evolution: exchanges within the columns of a Latin hypercube that move its points apart.
+"""Enhanced stochastic evolution: exchanges that move the points of a design apart.
 
-An exchange swaps two values of a column, so the design stays a Latin hypercube. The method: Jin, Chen and
-Sudjianto 2005, J. Stat. Plan. Inference 134:268.
+An exchange swaps two values of a column, so a Latin hypercube stays one. The method is
+that of Jin, Chen and Sudjianto 2005, J. Stat. Plan. Inference 134:268.
 """
+
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+FIRST_THRESHOLD = 0.005  # of phi_p
+MOST_CANDIDATES = 50  # random exchanges of which the best is tried
+MOST_TRIALS = 100  # of a round
+# Shares of the trials that are accepted, below which acceptance is low, above which high.
+LOW_ACCEPTANCE = 0.1
+HIGH_ACCEPTANCE = 0.8
+
 
 class Pairs:
-    """Points (n, d) with the repulsions distance^-power of all pairs, for power = 2^(doublings + 1).
+    """Points with the repulsions distance^-power of all pairs.
 
-    Sums go one by one (`cumsum`), since ties decide: their rounding is that of the published designs.
+    Sums go term by term (`cumsum`), because ties decide, and their rounding must be that
+    of the published designs.
+
+    Parameters
+    ----------
+    points : array (n, d)
+    doublings : int
+        The power is 2^(doublings + 1).
+
+    Attributes
+    ----------
+    points : array (n, d)
+        Changed by `exchange`.
+    squared : array (n, n)
+        Squared distances; infinite on the diagonal.
+    repulsion : array (n, n)
+        0 on the diagonal.
     """
 
     def __init__(self, points: np.ndarray, doublings: int) -> None:
         n = len(points)
-        self.points, self.doublings = points.copy(), doublings
+        self.points = points.copy()
+        self.doublings = doublings
         self.below = np.tril_indices(n, -1)
-        self.squared = np.full((n, n), np.inf)  # no point repels itself
+        self.squared = np.full((n, n), np.inf)
         self.repulsion = np.zeros((n, n))
         for row in range(n):
             self._update(row)
 
     def _repulsions(self, squared: np.ndarray) -> np.ndarray:
+        """Compute repulsions from squared distances."""
         value = 1.0 / squared
         for _ in range(self.doublings):
             value *= value
         return value
 
     def _update(self, row: int) -> None:
+        """Compute distances and repulsions of one point anew."""
         squared = np.cumsum((self.points - self.points[row]) ** 2, axis=1)[:, -1]
         squared[row] = np.inf
-        self.squared[row] = self.squared[:, row] = squared
-        self.repulsion[row] = self.repulsion[:, row] = self._repulsions(squared)
+        repulsion = self._repulsions(squared)
+        self.squared[row] = squared
+        self.squared[:, row] = squared
+        self.repulsion[row] = repulsion
+        self.repulsion[:, row] = repulsion
 
     def total(self) -> float:
-        """Sum up the repulsions of all pairs."""
+        """Sum the repulsions of all pairs."""
         return float(np.cumsum(self.repulsion[self.below])[-1])
 
     def gains(self, column: int, i: np.ndarray, j: np.ndarray) -> np.ndarray:
-        """Compute the change of `total` for each pair of rows i and j that swap their values in a column."""
-        x, rows, k = self.points[:, column], np.array([i, j]), np.arange(len(i))
-        ends = x[rows][:, :, None] - x
-        ends *= ends
-        shift = ends[1] - ends[0]
-        value = self._repulsions(self.squared[rows] + np.array([shift, -shift]))
-        value -= self.repulsion[rows]
-        value[:, k, rows] = 0.0  # where the two rows meet themselves
-        return value.transpose(2, 0, 1).reshape(-1, len(i)).cumsum(axis=0)[-1]
+        """Compute how `total` changes if rows swap their values in a column.
+
+        Parameters
+        ----------
+        column : int
+        i, j : array of int (m,)
+            Rows of the m exchanges, each of which is computed by itself.
+
+        Returns
+        -------
+        array (m,)
+        """
+        x = self.points[:, column]
+        rows = np.array([i, j])
+        exchanges = np.arange(len(i))
+        # In this column, squared distances of rows i and j from all rows, (2, m, n).
+        in_column = x[rows][:, :, None] - x
+        in_column *= in_column
+        # An exchange gives row i the distances of row j in this column.
+        shift = in_column[1] - in_column[0]
+        change = self._repulsions(self.squared[rows] + np.array([shift, -shift]))
+        change -= self.repulsion[rows]
+        # The distance of the two rows from each other and themselves stays.
+        change[:, exchanges, rows] = 0.0
+        return change.transpose(2, 0, 1).reshape(-1, len(i)).cumsum(axis=0)[-1]
 
     def exchange(self, column: int, i: int, j: int) -> None:
         """Swap the values of rows i and j in a column."""
@@ -56,73 +104,121 @@ class Pairs:
         self._update(j)
 
 
-def _next_threshold(
-    threshold: float,
-    better: bool,
-    accepted: int,
-    improved: int,
-    inner: int,
-    warming: bool,
-) -> tuple[float, bool]:
-    """Choose the threshold of the next round, and whether it is being raised: Jin et al. 2005, section 3.2.
+@dataclass
+class _Threshold:
+    """How much worse a design may become by an exchange: Jin et al. 2005, section 3.2."""
 
-    While the best design improves, the threshold keeps acceptance low; once it stalls, it is raised until
-    most exchanges pass, then lowered until few do, and so on.
-    """
-    if better:
-        if accepted > 0.1 * inner and improved < accepted:
-            threshold *= 0.8
-        elif accepted <= 0.1 * inner:
-            threshold /= 0.8
-        return threshold, warming
-    if accepted < 0.1 * inner:
-        warming = True
-    elif accepted > 0.8 * inner:
-        warming = False
-    return (threshold / 0.7 if warming else threshold * 0.9), warming
+    value: float
+    is_rising: bool = True
+
+    def adapt(self, is_better: bool, accepted: int, improved: int, trials: int) -> None:
+        """Adapt the threshold after a round.
+
+        While the best design improves, the threshold keeps acceptance low. Once it
+        stalls, the threshold rises until most exchanges are accepted, then falls until
+        few are, and so on.
+
+        Parameters
+        ----------
+        is_better : bool
+            Whether the best design improved.
+        accepted, improved, trials : int
+            Number of exchanges that were accepted, that improved the best design, and
+            that were tried.
+        """
+        if is_better:
+            if accepted > LOW_ACCEPTANCE * trials and improved < accepted:
+                self.value *= 0.8
+            elif accepted <= LOW_ACCEPTANCE * trials:
+                self.value /= 0.8
+            return
+        if accepted < LOW_ACCEPTANCE * trials:
+            self.is_rising = True
+        elif accepted > HIGH_ACCEPTANCE * trials:
+            self.is_rising = False
+        if self.is_rising:
+            self.value /= 0.7
+        else:
+            self.value *= 0.9
+
+
+class Evolved(NamedTuple):
+    """Result of `evolve`: two designs (n, d)."""
+
+    smallest_phi: np.ndarray  # the design of smallest phi_p
+    widest: np.ndarray  # of those after each round, that of largest minimum distance
 
 
 @np.errstate(divide="ignore", over="ignore", invalid="ignore")
 def evolve(
     start: np.ndarray, doublings: int, rounds: int, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray]:
-    """Improve a design by enhanced stochastic evolution on `repose.calibrate.designs.latin_hypercube.phi_p`, p = 2^(doublings + 1).
+) -> Evolved:
+    """Improve a design by enhanced stochastic evolution.
 
-    Each round goes through the columns, takes the best of a few random exchanges and accepts it against a random share
-    of a threshold. The results are the design of smallest phi_p, and the design of the largest minimum distance.
+    The criterion is `repose.calibrate.designs.latin_hypercube.phi_p`. Each round goes
+    through the columns. It takes the best of a few random exchanges, and accepts it if
+    phi_p rises by no more than a random share of the threshold.
+
+    Parameters
+    ----------
+    start : array (n, d)
+    doublings : int
+        The power p is 2^(doublings + 1).
+    rounds : int
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    Evolved
     """
     n, d = start.shape
-    pairs, exponent = Pairs(start, doublings), 1.0 / 2.0 ** (doublings + 1)
+    pairs = Pairs(start, doublings)
+    exponent = 1.0 / 2.0 ** (doublings + 1)
     total = pairs.total()
-    phi = best_phi = total**exponent
-    widest, best_points, widest_points = pairs.squared.min(), start.copy(), start.copy()
-    threshold, warming = 0.005 * phi, True
-    candidates = min(50, max(1, n * (n - 1) // 10))
-    inner = min(100, 2 * candidates * d)
+    phi = total**exponent
+    best_phi = phi
+    best_points = start.copy()
+    widest_squared = pairs.squared.min()
+    widest_points = start.copy()
+    threshold = _Threshold(FIRST_THRESHOLD * phi)
+    candidates = min(MOST_CANDIDATES, max(1, n * (n - 1) // 10))
+    trials = min(MOST_TRIALS, 2 * candidates * d)
+    # Pairs of a row, below n, and of the distance to another row, below n - 1.
     highs = np.tile([n, n - 1], candidates)
     for _ in range(rounds):
-        phi_before, accepted, improved = best_phi, 0, 0
-        for step in range(inner):
-            column = step % d
+        phi_before = best_phi
+        accepted = 0
+        improved = 0
+        for trial in range(trials):
+            # Draw exchanges in one column, and try the best of them.
+            column = trial % d
             i, offset = rng.integers(0, highs).reshape(-1, 2).T
             j = (i + 1 + offset) % n
             gains = pairs.gains(column, i, j)
             k = int(gains.argmin())
-            trial = max(total + gains[k], 0.0) ** exponent
-            if trial - phi > threshold * rng.random():
+            new_phi = max(total + gains[k], 0.0) ** exponent
+            if new_phi - phi > threshold.value * rng.random():
                 continue
             pairs.exchange(column, i[k], j[k])
-            total, phi = total + gains[k], trial
+            total = total + gains[k]
+            phi = new_phi
             accepted += 1
             if phi < best_phi:
-                best_phi, best_points = phi, pairs.points.copy()
+                best_phi = phi
+                best_points = pairs.points.copy()
                 improved += 1
-        # Summed afresh, or the rounding of thousands of gains would pile up.
-        total, smallest = pairs.total(), pairs.squared.min()
+
+        # Sum afresh: the rounding of thousands of gains would pile up.
+        total = pairs.total()
         phi = total**exponent
-        if smallest > widest:
-            widest, widest_points = smallest, pairs.points.copy()
-        threshold, warming = _next_threshold(
-            threshold, best_phi < phi_before, accepted, improved, inner, warming
+        smallest_squared = pairs.squared.min()
+        if smallest_squared > widest_squared:
+            widest_squared = smallest_squared
+            widest_points = pairs.points.copy()
+        threshold.adapt(
+            is_better=best_phi < phi_before,
+            accepted=accepted,
+            improved=improved,
+            trials=trials,
         )
-    return best_points, widest_points
+    return Evolved(best_points, widest_points)

@@ -1,9 +1,9 @@
 """Polynomial models of a response in coded factors, fitted by ordinary least squares."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import chain, combinations
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,14 +13,24 @@ ORDERS = ("linear", "interaction", "quadratic")
 
 
 def terms_of(factors: int, order: str) -> tuple[Term, ...]:
-    """List the terms of a model but its constant: single factors, then products of two, then squares."""
+    """List the terms of a model without its constant.
+
+    Parameters
+    ----------
+    factors : int
+        Number of factors.
+    order : str
+        One of `ORDERS`. "linear" has single factors, "interaction" also products of two,
+        "quadratic" also squares.
+    """
     numbers = range(factors)
-    groups: list[Iterable[Term]] = [
-        ((k,) for k in numbers),
-        combinations(numbers, 2),
-        ((k, k) for k in numbers),
-    ]
-    return tuple(chain(*groups[: ORDERS.index(order) + 1]))
+    degree = ORDERS.index(order)
+    terms: list[Term] = [(k,) for k in numbers]
+    if degree >= 1:
+        terms += combinations(numbers, 2)
+    if degree >= 2:
+        terms += [(k, k) for k in numbers]
+    return tuple(terms)
 
 
 def columns(coded: ArrayLike, terms: Sequence[Term]) -> np.ndarray:
@@ -32,43 +42,45 @@ def columns(coded: ArrayLike, terms: Sequence[Term]) -> np.ndarray:
 def label(term: Term, factors: Sequence[str]) -> str:
     """Name a term: ``A``, ``A*B``, ``A^2``."""
     is_square = len(term) == 2 and term[0] == term[1]
-    return f"{factors[term[0]]}^2" if is_square else "*".join(factors[k] for k in term)
+    if is_square:
+        return f"{factors[term[0]]}^2"
+    return "*".join(factors[k] for k in term)
 
 
 @dataclass(frozen=True)
 class Model:
-    """A polynomial fitted to runs."""
+    """A polynomial fitted to n runs; p is the number of its terms and the constant."""
 
     factors: tuple[str, ...]
     terms: tuple[Term, ...]
     coded: np.ndarray  # (n, k), the runs
     response: np.ndarray  # (n,)
-    matrix: np.ndarray  # (n, p), columns: constant, terms
-    inverse: np.ndarray  # (p, p), of matrix' matrix
-    fitted: np.ndarray  # (p,), the coefficients of all columns
+    matrix: np.ndarray  # X (n, p), columns: constant, terms
+    inverse: np.ndarray  # (X'X)^-1 (p, p)
+    all_coefficients: np.ndarray  # (p,), of the constant and the terms
 
     @property
     def labels(self) -> list[str]:
-        """The terms in words."""
+        """Names of the terms."""
         return [label(term, self.factors) for term in self.terms]
 
     @property
     def coefficients(self) -> np.ndarray:
         """Coefficients of the terms, shape (terms,)."""
-        return self.fitted[1:]
+        return self.all_coefficients[1:]
 
     @property
     def constant(self) -> float:
         """The response at the centre."""
-        return float(self.fitted[0])
+        return float(self.all_coefficients[0])
 
     @property
     def residuals(self) -> np.ndarray:
-        """Responses less the fitted ones, (n,)."""
-        return self.response - self.matrix @ self.fitted
+        """Responses minus predictions at the runs, (n,)."""
+        return self.response - self.matrix @ self.all_coefficients
 
     @property
-    def residual(self) -> float:
+    def residual_squares(self) -> float:
         """Sum of the squared residuals."""
         return float(self.residuals @ self.residuals)
 
@@ -80,19 +92,20 @@ class Model:
     @property
     def variance(self) -> float:
         """Mean square of the residuals; nan without a degree of freedom."""
-        return self.residual / self.df if self.df else math.nan
+        return self.residual_squares / self.df if self.df else math.nan
 
     def predict(self, coded: ArrayLike) -> np.ndarray:
         """Predict the response (n,) at points (n, k) in coded units."""
         return self.constant + columns(coded, self.terms) @ self.coefficients
 
     def standard_error(self, coded: ArrayLike) -> np.ndarray:
-        """Compute the standard error (n,) of the mean at coded points (n, k); nan without degrees of freedom."""
-        values = columns(coded, self.terms)
-        rows = np.hstack([np.ones((len(values), 1)), values])
-        return np.sqrt(
-            np.einsum("ni,ij,nj->n", rows, self.variance * self.inverse, rows)
-        )
+        """Compute the standard error (n,) of the mean at points (n, k) in coded units.
+
+        nan without degrees of freedom.
+        """
+        rows = _with_constant(columns(coded, self.terms))
+        covariance = self.variance * self.inverse
+        return np.sqrt(np.einsum("ni,ij,nj->n", rows, covariance, rows))
 
 
 def fit(
@@ -101,22 +114,46 @@ def fit(
     factors: Sequence[str],
     order: str | Sequence[Term],
 ) -> Model:
-    """Fit a polynomial to runs (n, k) in coded units."""
-    coded, response = np.asarray(coded, dtype=float), np.asarray(response, dtype=float)
+    """Fit a polynomial to runs.
+
+    Parameters
+    ----------
+    coded : array (n, k)
+        Runs in coded units.
+    response : array (n,)
+    factors : sequence of str
+        Names of the k factors.
+    order : str or sequence
+        One of `ORDERS`, or the terms themselves.
+
+    Raises
+    ------
+    ValueError
+        If the runs do not determine all coefficients.
+    """
+    coded = np.asarray(coded, dtype=float)
+    response = np.asarray(response, dtype=float)
     terms = terms_of(len(factors), order) if isinstance(order, str) else tuple(order)
-    matrix = np.hstack([np.ones((len(coded), 1)), columns(coded, terms)])
+    matrix = _with_constant(columns(coded, terms))
     rank = int(np.linalg.matrix_rank(matrix))
-    if rank < matrix.shape[1]:
+    n_coefficients = matrix.shape[1]
+    if rank < n_coefficients:
         raise ValueError(
-            f"{len(coded)} runs determine {rank} coefficients; expected all {matrix.shape[1]}"
+            f"{len(coded)} runs determine {rank} coefficients; "
+            f"expected all {n_coefficients}"
         )
-    inverse = np.linalg.pinv(matrix)
+    pseudo_inverse = np.linalg.pinv(matrix)
     return Model(
-        tuple(factors),
-        terms,
-        coded,
-        response,
-        matrix,
-        inverse @ inverse.T,
-        inverse @ response,
+        factors=tuple(factors),
+        terms=terms,
+        coded=coded,
+        response=response,
+        matrix=matrix,
+        inverse=pseudo_inverse @ pseudo_inverse.T,
+        all_coefficients=pseudo_inverse @ response,
     )
+
+
+def _with_constant(values: np.ndarray) -> np.ndarray:
+    """Put a column of ones before the terms (n, terms)."""
+    return np.hstack([np.ones((len(values), 1)), values])

@@ -9,7 +9,11 @@ from numpy.typing import ArrayLike
 from repose.calibrate.designs.coding import two_level
 from repose.calibrate.designs.model import Model
 
-MET = 1e-6  # relative misses below this count as zero
+# Deviations from the targets, in their scales.
+MET = 1e-6  # below this a target counts as met
+NEARLY_MET = 1e-3  # below this the search looks for points that meet all targets
+# Sum of squared deviations, below which such a search starts from a point.
+GOOD_START = 1e-6
 
 
 class Optimum(NamedTuple):
@@ -24,24 +28,63 @@ class Optimum(NamedTuple):
 def desirability(
     predicted: ArrayLike, aims: ArrayLike, low: ArrayLike, high: ArrayLike
 ) -> np.ndarray:
-    """Compute the desirability (n,) of predictions (n, responses), from 0 to 1 (Derringer and Suich 1980).
+    """Compute the desirability of predictions (Derringer and Suich 1980).
 
-    It is the geometric mean over the responses, each 1 at its target and falling linearly to 0 at the ends of its
-    range.
+    The desirability of a response is 1 at its aim and falls linearly to 0 at the ends
+    of its range. That of a prediction is the geometric mean over its responses.
+
+    Parameters
+    ----------
+    predicted : array (n, responses)
+    aims, low, high : array (responses,)
+
+    Returns
+    -------
+    array (n,)
+        From 0 to 1.
     """
     predicted = np.atleast_2d(np.asarray(predicted, dtype=float))
-    aims, low, high = (
-        np.asarray(numbers, dtype=float) for numbers in (aims, low, high)
-    )
+    aims = np.asarray(aims, dtype=float)
+    low = np.asarray(low, dtype=float)
+    high = np.asarray(high, dtype=float)
+    # Divisions by 0 occur where an aim is at an end of its range.
     with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.where(
-            predicted < aims,
-            (predicted - low) / (aims - low),
-            (high - predicted) / (high - aims),
-        )
-    return np.clip(np.where(predicted == aims, 1.0, share), 0.0, 1.0).prod(axis=1) ** (
-        1.0 / len(aims)
-    )
+        below = (predicted - low) / (aims - low)
+        above = (high - predicted) / (high - aims)
+    share = np.where(predicted < aims, below, above)
+    share = np.where(predicted == aims, 1.0, share)
+    return np.clip(share, 0.0, 1.0).prod(axis=1) ** (1.0 / len(aims))
+
+
+class _Deviations:
+    """Deviations of the models' predictions from the aims, at points (k,).
+
+    `scale` (responses,) is the unit of each deviation.
+    """
+
+    def __init__(
+        self, models: Sequence[Model], aims: np.ndarray, scale: np.ndarray
+    ) -> None:
+        self.models = models
+        self.aims = aims
+        self.scale = scale
+
+    def __call__(self, point: np.ndarray) -> np.ndarray:
+        """Compute the deviations (responses,), in the units of the responses."""
+        predicted = [float(model.predict(point[None])[0]) for model in self.models]
+        return np.array(predicted) - self.aims
+
+    def scaled(self, point: np.ndarray) -> np.ndarray:
+        """Compute the deviations in their scales."""
+        return self(point) / self.scale
+
+    def squared(self, point: np.ndarray) -> float:
+        """Sum the squares of the scaled deviations."""
+        return float((self.scaled(point) ** 2).sum())
+
+    def largest(self, point: np.ndarray) -> float:
+        """Return the size of the largest scaled deviation."""
+        return np.abs(self.scaled(point)).max()
 
 
 def optimum(
@@ -51,57 +94,87 @@ def optimum(
     low: ArrayLike,
     high: ArrayLike,
 ) -> Optimum:
-    """Find the point of the cube from -1 to 1 at which the models, one a response, are nearest to their targets.
+    """Find the point of the cube from -1 to 1 that is nearest to the targets.
 
-    Few targets and many factors leave a curve or surface of such points; the point nearest to the centre is taken,
-    where the models are most accurate. `scale` is the target over the root of its weight.
+    Few targets and many factors leave a curve or a surface of points that meet all
+    targets. Of these the point nearest to the centre is the result, because the models
+    are most accurate there.
+
+    Parameters
+    ----------
+    models : sequence of Model
+        One for each response.
+    aims : array (responses,)
+    scale : array (responses,)
+        The aim over the root of its weight.
+    low, high : array (responses,)
+        Ranges of the responses, for the desirability.
     """
     from scipy import optimize
 
-    aims, scale = np.asarray(aims, dtype=float), np.asarray(scale, dtype=float)
-    count = len(models[0].factors)
-    bounds = [(-1.0, 1.0)] * count
+    aims = np.asarray(aims, dtype=float)
+    deviations = _Deviations(models, aims, np.asarray(scale, dtype=float))
+    n_factors = len(models[0].factors)
+    bounds = [(-1.0, 1.0)] * n_factors
 
-    def misses(point: np.ndarray) -> np.ndarray:
-        return (
-            np.array([float(model.predict(point[None])[0]) for model in models]) - aims
-        )
-
-    def squared(point: np.ndarray) -> float:
-        return float(((misses(point) / scale) ** 2).sum())
-
-    def nearest(start: np.ndarray) -> np.ndarray:
-        """Find the point nearest to the centre at which every target is met, from a point that nearly does so."""
-        constraint = {"type": "eq", "fun": lambda point: misses(point) / scale}
-        options = {
-            "bounds": bounds,
-            "method": "SLSQP",
-            "options": {"ftol": 1e-12, "maxiter": 200},
-        }
-        return optimize.minimize(
-            lambda point: float(point @ point),
-            start,
-            jac=lambda point: 2 * point,
-            constraints=constraint,
-            **options,
-        ).x
-
+    # Minimise the squared deviations from several starts.
     starts = np.vstack(
-        [np.zeros(count), 0.5 * two_level(count), np.eye(count), -np.eye(count)]
+        [
+            np.zeros(n_factors),
+            0.5 * two_level(n_factors),
+            np.eye(n_factors),
+            -np.eye(n_factors),
+        ]
     )
-    ends = [
-        optimize.minimize(squared, start, bounds=bounds, method="L-BFGS-B", tol=1e-14).x
+    minima = [
+        optimize.minimize(
+            deviations.squared, start, bounds=bounds, method="L-BFGS-B", tol=1e-14
+        ).x
         for start in starts
     ]
-    best = min(ends, key=squared)
-    if np.abs(misses(best) / scale).max() < 1e-3:
-        meeting = [nearest(point) for point in ends if squared(point) < 1e-6]
-        exact = [
-            point for point in meeting if np.abs(misses(point) / scale).max() < MET
+    best = min(minima, key=deviations.squared)
+
+    # If the targets can be met, go along the points that meet them towards the centre.
+    if deviations.largest(best) < NEARLY_MET:
+        central = [
+            _most_central(deviations, point, bounds)
+            for point in minima
+            if deviations.squared(point) < GOOD_START
         ]
-        best = min(exact, key=lambda point: float(point @ point)) if exact else best
-    predicted = misses(best) + aims
-    met = bool(np.abs((predicted - aims) / scale).max() < MET)
+        exact = [point for point in central if deviations.largest(point) < MET]
+        if exact:
+            best = min(exact, key=_squared_length)
+
+    predicted = deviations(best) + aims
+    is_met = bool(np.abs((predicted - aims) / deviations.scale).max() < MET)
     return Optimum(
-        best, predicted, met, float(desirability(predicted, aims, low, high)[0])
+        coded=best,
+        predicted=predicted,
+        met=is_met,
+        desirability=float(desirability(predicted, aims, low, high)[0]),
     )
+
+
+def _most_central(
+    deviations: _Deviations, start: np.ndarray, bounds: list[tuple[float, float]]
+) -> np.ndarray:
+    """Find the point nearest to the centre at which every target is met.
+
+    The start is a point that nearly does so.
+    """
+    from scipy import optimize
+
+    return optimize.minimize(
+        _squared_length,
+        start,
+        jac=lambda point: 2 * point,
+        constraints={"type": "eq", "fun": deviations.scaled},
+        bounds=bounds,
+        method="SLSQP",
+        options={"ftol": 1e-12, "maxiter": 200},
+    ).x
+
+
+def _squared_length(point: np.ndarray) -> float:
+    """Compute the squared distance of a point (k,) from the centre."""
+    return float(point @ point)

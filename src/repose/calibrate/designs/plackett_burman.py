@@ -1,6 +1,7 @@
-"""Screening designs of Plackett and Burman: the main effects of many factors from few runs.
+"""Screening designs of Plackett and Burman: the main effects of many factors in few runs.
 
-The designs follow from their printed generators, one line each, and tests compare them with the printed tables.
+The designs follow from their printed generators, one line each, and tests compare them
+with the printed tables.
 """
 
 import numpy as np
@@ -16,12 +17,26 @@ GENERATORS = {
 
 
 def plackett_burman(factors: int, runs: int) -> np.ndarray:
-    """Make a Plackett-Burman design (runs, factors) of -1 and 1; there are more runs than factors.
+    """Make a Plackett-Burman design.
 
-    Plackett and Burman, The design of optimum multifactorial experiments, Biometrika 33 (1946) 305-325. The remaining
-    columns are the dummy factors from which the analysis estimates the error.
+    The rows are the generator shifted by one place after another, and a last row of low
+    levels. Plackett and Burman, The design of optimum multifactorial experiments,
+    Biometrika 33 (1946) 305-325.
+
+    Parameters
+    ----------
+    factors : int
+        Fewer than the runs. The remaining columns are the dummy factors from which the
+        analysis estimates the error.
+    runs : int
+        One of `GENERATORS`.
+
+    Returns
+    -------
+    array (runs, factors)
+        Of -1 and 1.
     """
-    first = np.array([1.0 if sign == "+" else -1.0 for sign in GENERATORS[runs]])
-    return np.vstack(
-        [*(np.roll(first, shift) for shift in range(runs - 1)), -np.ones(runs - 1)]
-    )[:, :factors]
+    generator = np.array([1.0 if sign == "+" else -1.0 for sign in GENERATORS[runs]])
+    shifted = [np.roll(generator, shift) for shift in range(runs - 1)]
+    design = np.vstack([*shifted, -np.ones(runs - 1)])
+    return design[:, :factors]

@@ -1,4 +1,4 @@
-"""The section `design` of the configuration."""
+"""The section `design` of the configuration; config/README.md explains the keys."""
 
 from typing import Literal
 
@@ -11,5 +11,10 @@ class DesignSettings(Section):
     """Settings of the design of experiments."""
 
     method: Literal["optimal", "lhsdesign"]
+    """How the samples are chosen."""
+
     samples: int = Field(ge=12, le=10000)
-    seed: Seed  # of the study, too
+    """Number of parameter sets."""
+
+    seed: Seed
+    """Of the design and of the study."""
