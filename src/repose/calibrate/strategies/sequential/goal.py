@@ -1,4 +1,7 @@
-"""The goal: the targets within a tolerance, its probability, and its possible gain by further pours."""
+"""The goal of a calibration: all targets met within a tolerance.
+
+Its probability at a parameter set, and how much further simulations may raise it.
+"""
 
 from typing import NamedTuple, Self
 
@@ -10,14 +13,26 @@ from repose.calibrate.probability import LEAST, within
 from repose.calibrate.strategies.sequential.kriging import Kriging
 from repose.calibrate.targets import Targets
 
-LUCK = 3.0  # standard deviations by which further pours may move a predicted mean towards the target
-MOST_NEEDED = 10**6  # pours; more are not counted
+# Standard deviations by which further runs may move a predicted mean to the target.
+LUCK = 3.0
+MOST_NEEDED = 10**6  # runs; more are not counted
+# Weight of the squared distance in the score. It decides only where the probability
+# underflows.
+DISTANCE_WEIGHT = 1e-6
+
+
+class Deviations(NamedTuple):
+    """Deviations of responses (..., k) from the goal."""
+
+    largest: np.ndarray  # (...), of the k responses, each in its tolerance
+    F: np.ndarray  # (...), weighted sum over the responses (Eq. 11 of the paper)
 
 
 class Goal(NamedTuple):
     """The targets with a tolerance.
 
-    A response is met if its mean lies within `half` of its `aim`. The score includes the prior of `space`.
+    A response is met if its mean lies within `half` of its `aim`. The score includes the
+    prior of `space`.
     """
 
     aim: np.ndarray  # (k,)
@@ -29,73 +44,134 @@ class Goal(NamedTuple):
     def of(
         cls, targets: Targets, tolerance_percent: float, space: ParameterSpace
     ) -> Self:
-        """Make the goal of a study; the tolerance is in percent of each aim (`Target.whole`)."""
-        weight = targets.weight / (targets.high - targets.low)
-        return cls(targets.aim, tolerance_percent / 100 * targets.whole, space, weight)
+        """Make the goal of a study.
 
-    def of_responses(self, responses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Compute two deviations (...) of responses (..., k): the largest in tolerances, and F.
-
-        The goal is met if the largest is at most 1; F is Eq. 11 of the paper.
+        The tolerance is in percent of each aim (`Target.whole`).
         """
-        off = np.abs(responses - self.aim)
-        return (off / self.half).max(axis=-1), off @ self.weight
+        return cls(
+            aim=targets.aim,
+            half=tolerance_percent / 100 * targets.whole,
+            space=space,
+            weight=targets.weight / (targets.high - targets.low),
+        )
+
+    def of_responses(self, responses: np.ndarray) -> Deviations:
+        """Compute the deviations of responses (..., k) from the goal.
+
+        The goal is met if the largest is at most 1.
+        """
+        deviation = np.abs(responses - self.aim)
+        return Deviations(
+            largest=(deviation / self.half).max(axis=-1), F=deviation @ self.weight
+        )
 
     def expected_deviation(
         self, mean: np.ndarray, covariance: np.ndarray
     ) -> np.ndarray:
-        """Compute the mean (m,) of F, Eq. 11 of the paper, for mean responses (m, k) with covariance (m, k, k)."""
-        off, sd = mean - self.aim, np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-        z = off / sd
-        return (
-            sd * np.sqrt(2 / np.pi) * np.exp(-(z**2) / 2) + off * (1 - 2 * ndtr(-z))
-        ) @ self.weight
+        """Compute the mean of F, Eq. 11 of the paper, for uncertain responses.
+
+        For a normal deviation of mean m and standard deviation s, with z = m / s and the
+        distribution function P, the mean of its size is
+        s sqrt(2 / pi) exp(-z^2 / 2) + m (1 - 2 P(-z)).
+
+        Parameters
+        ----------
+        mean : array (m, k)
+            Of the responses.
+        covariance : array (m, k, k)
+
+        Returns
+        -------
+        array (m,)
+        """
+        deviation = mean - self.aim
+        sd = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+        z = deviation / sd
+        expected_size = sd * np.sqrt(2 / np.pi) * np.exp(-(z**2) / 2) + deviation * (
+            1 - 2 * ndtr(-z)
+        )
+        return expected_size @ self.weight
 
     def probability(self, mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-        """Compute the probability (m,) to meet all responses, for mean responses (m, k) with covariance (m, k, k)."""
+        """Compute the probability (m,) that all responses are met.
+
+        The responses have means (m, k) and covariances (m, k, k).
+        """
         return within(mean, covariance, self.aim - self.half, self.aim + self.half)
 
     def score(self, model: Kriging, unit: np.ndarray) -> np.ndarray:
-        """Add the log of the probability (m,) that points (m, d) meet the targets to the log of their prior density."""
+        """Score points (m, d) of the unit cube; the best point has the highest score.
+
+        The score is the log of the probability that a point meets the targets, plus the
+        log of its prior density. Where the probability underflows, the point nearer to
+        the targets is better.
+        """
         mean, covariance = model.predict(unit)
-        off = mean - self.aim
-        miss = np.einsum(
-            "mi,mi->m", off, np.linalg.solve(covariance, off[:, :, None])[:, :, 0]
-        )
-        # where the probability underflows, the nearer point is better
+        deviation = mean - self.aim
+        scaled = np.linalg.solve(covariance, deviation[:, :, None])[:, :, 0]
+        squared_distance = np.einsum("mi,mi->m", deviation, scaled)
         probability = np.maximum(self.probability(mean, covariance), LEAST)
-        return np.log(probability) - 1e-6 * miss + self.space.log_prior(unit)
+        return (
+            np.log(probability)
+            - DISTANCE_WEIGHT * squared_distance
+            + self.space.log_prior(unit)
+        )
 
     def reachable(self, model: Kriging, unit: np.ndarray, pours: int) -> float:
-        """Estimate the highest probability that further pours at one of the points (m, d) can give at best.
+        """Estimate the highest probability that further runs can give at best.
 
-        They shrink the covariance C of its mean to (C^-1 + pours N^-1)^-1 with the noise N of a pour, and may move the
-        mean towards the target by `LUCK` standard deviations of their information.
+        With the noise N of a run, p further runs at a point shrink the covariance C of
+        its mean to R = (C^-1 + p N^-1)^-1. They may move the mean towards the target by
+        `LUCK` standard deviations of what they tell, sqrt(C - R).
+
+        Parameters
+        ----------
+        model : Kriging
+        unit : array (m, d)
+            Points of the unit cube.
+        pours : int
+            Number of further runs, all at one of the points.
         """
         mean, covariance = model.predict(unit)
-        rest = np.linalg.inv(
-            np.linalg.inv(covariance) + pours * np.linalg.inv(model.noise)
-        )
-        gained = np.maximum(np.diagonal(covariance - rest, axis1=1, axis2=2), 0.0)
-        off = mean - self.aim
-        off = np.sign(off) * np.maximum(np.abs(off) - LUCK * np.sqrt(gained), 0.0)
-        return float(self.probability(self.aim + off, rest).max())
+        precision = np.linalg.inv(covariance) + pours * np.linalg.inv(model.noise)
+        remaining = np.linalg.inv(precision)
+        gained = np.diagonal(covariance - remaining, axis1=1, axis2=2)
+        largest_move = LUCK * np.sqrt(np.maximum(gained, 0.0))
+        deviation = mean - self.aim
+        moved = np.sign(deviation) * np.maximum(np.abs(deviation) - largest_move, 0.0)
+        return float(self.probability(self.aim + moved, remaining).max())
 
     def needed(self, noise: np.ndarray, probability: float) -> int:
-        """Count the pours at a point that fix its mean within the tolerance, by the noise (k, k) of a pour alone.
+        """Count the runs at a point that fix its mean within the tolerance.
 
-        `probability` holds for all responses together. At most `MOST_NEEDED`.
+        Parameters
+        ----------
+        noise : array (k, k)
+            Covariance of a single run; the only uncertainty that counts.
+        probability : float
+            For all responses together.
+
+        Returns
+        -------
+        int
+            At most `MOST_NEEDED`.
         """
-        few, many = 0, 1
 
-        def enough(pours: int) -> bool:
+        def is_enough(runs: int) -> bool:
             return (
-                self.probability(self.aim[None], noise[None] / pours)[0] >= probability
+                self.probability(self.aim[None], noise[None] / runs)[0] >= probability
             )
 
-        while many < MOST_NEEDED and not enough(many):
-            few, many = many, 2 * many
-        while many - few > 1:
-            middle = (few + many) // 2
-            few, many = (few, middle) if enough(middle) else (middle, many)
-        return min(many, MOST_NEEDED)
+        # Double the runs until they are enough, then halve the interval.
+        too_few = 0
+        enough = 1
+        while enough < MOST_NEEDED and not is_enough(enough):
+            too_few = enough
+            enough = 2 * enough
+        while enough - too_few > 1:
+            middle = (too_few + enough) // 2
+            if is_enough(middle):
+                enough = middle
+            else:
+                too_few = middle
+        return min(enough, MOST_NEEDED)

@@ -1,17 +1,23 @@
-"""Stochastic kriging: Gaussian processes on the means of samples whose errors are known from their replicates.
+"""Stochastic kriging: Gaussian processes on means of samples with known errors.
 
-The responses are turned into combinations that are independent, both in the noise of a pour and over the samples; each
-combination has a process of its own (`repose.calibrate.surrogates.process`).
+The errors follow from replicates. The responses are turned into combinations that are
+independent, both in the noise of a run and over the samples. Each combination has a
+process of its own (`repose.calibrate.surrogates.process`).
 
-Sources of the lines, named where they are used:
+Sources, named where they are used:
 
-- (ANS10) Ankenman, Nelson & Staum 2010, Stochastic kriging for simulation metamodeling, Oper. Res. 58, 371
-- (S04) Smyth 2004, Stat. Appl. Genet. Mol. Biol. 3, 3: a sample's own variance moderated by the variance of all samples
-- (R06) Rasmussen & Williams 2006, Gaussian processes for machine learning, section 2.7: explicit basis functions
-- (H24) Hvarfner, Hellsten & Nardi 2024, Vanilla Bayesian optimization performs great in high dimensions: a prior of the
-  lengths that grows with the number of inputs. It is used there where its density over the lengths is largest, at
-  exp(sqrt(2) - 3) sqrt(d): half a range for six inputs. Here logarithms of lengths are drawn, and that place is the
-  middle of their prior. The median of the same density, ten ranges, would mean an almost linear simulator.
+- (ANS10) Ankenman, Nelson & Staum 2010, Stochastic kriging for simulation metamodeling,
+  Oper. Res. 58, 371
+- (S04) Smyth 2004, Stat. Appl. Genet. Mol. Biol. 3, 3: a sample's own variance moderated
+  by the variance of all samples
+- (R06) Rasmussen & Williams 2006, Gaussian processes for machine learning, section 2.7:
+  explicit basis functions
+- (H24) Hvarfner, Hellsten & Nardi 2024, Vanilla Bayesian optimization performs great in
+  high dimensions: a prior of the lengths that grows with the number d of inputs. They use
+  the mode of its density over the lengths, exp(sqrt(2) - 3) sqrt(d): half a range for
+  six inputs. Here the logarithms of the lengths are drawn, and this mode is the middle of
+  their prior. The median of the same density, ten ranges, would mean an almost linear
+  simulator.
 """
 
 import math
@@ -24,36 +30,39 @@ from numpy.typing import ArrayLike
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.surrogates.samples import Combined
 
-PRIOR_FREEDOM = 20.0  # prior degrees of freedom of the pooled variance
-LENGTH_LOG_MEAN = (
-    math.sqrt(2) - 3
-)  # and half the logarithm of the number of inputs (H24)
-LENGTH_LOG_SD = math.sqrt(3)  # (H24)
-VARIANCE_LOG_SD = (
-    1.0  # of the process's variance about the variance of the means without noise
-)
+PRIOR_FREEDOM = 20.0  # prior degrees of freedom of the pooled variance (S04)
+# Of the logarithm of a length (H24); half the logarithm of d is added to the mean.
+LENGTH_LOG_MEAN = math.sqrt(2) - 3
+LENGTH_LOG_SD = math.sqrt(3)
+# Of the logarithm of a process's variance about that of the means without noise.
+VARIANCE_LOG_SD = 1.0
 LEAST_SIGNAL = 0.1  # of the means' variance, where noise seems to explain all of it
-SMOOTHNESS = 2.5  # of Matern's covariance: twice differentiable; smoother ones claim too much between few samples
+# Of Matern's covariance: twice differentiable functions. Smoother ones claim too much
+# between few samples.
+SMOOTHNESS = 2.5
 DRAWS = 8  # of variance and lengths
-# Prior of the factor on the variance of each draw: median and standard deviation of its logarithm.
-# From campaigns for other hidden sets than those of docs/sequential.md: the draws' variances are too large as a rule.
-FACTOR_MEDIAN, FACTOR_LOG_SD = 0.7, 0.4
-FACTORS = np.exp(np.linspace(-2, 2, 81))  # over which it is averaged
+DRAWS_SEED = 1
+# Prior of the factor on the variance of each draw: median, and standard deviation of the
+# logarithm. They come from campaigns for other hidden sets than those of
+# docs/sequential.md, where the draws' variances were too large as a rule.
+FACTOR_MEDIAN = 0.7
+FACTOR_LOG_SD = 0.4
+FACTORS = np.exp(np.linspace(-2, 2, 81))  # over which the factor is averaged
 STEP = 1e-3  # of the logarithms, for the curvature
-BOUNDS = (
-    1e-3,
-    1e3,
-)  # of variance and lengths, in variances of the means and ranges of a parameter
+# Of variance and lengths, in variances of the means and ranges of a parameter.
+BOUNDS = (1e-3, 1e3)
+# Relative size below which noise, or a combination of the responses' noises, is rounding.
+ROUNDING = 1e-9
+LEAST_SAMPLES = 2
 
 
 class Observed(NamedTuple):
-    """Samples with the responses of their pours."""
+    """Samples with the responses of their runs."""
 
     unit: np.ndarray  # (n, d), free parameters in the unit cube
-    values: (
-        np.ndarray
-    )  # (n, pours, k), NaN for a missing pour; every sample has at least one pour
-    failed: np.ndarray = np.empty((0, 0))  # (f, d), the samples without a good pour
+    # (n, runs, k), NaN for a missing run; every sample has at least one good run
+    values: np.ndarray
+    failed: np.ndarray = np.empty((0, 0))  # (f, d), the samples without a good run
 
     @property
     def simulated(self) -> np.ndarray:
@@ -62,225 +71,341 @@ class Observed(NamedTuple):
 
     @property
     def good(self) -> np.ndarray:
-        """Mask (n, pours) of the pours with all responses."""
+        """Mask (n, runs) of the runs with all responses."""
         return np.isfinite(self.values).all(axis=2)
 
     @property
     def counts(self) -> np.ndarray:
-        """Good pours of each sample, (n,)."""
+        """Good runs of each sample, (n,)."""
         return self.good.sum(axis=1)
 
     @property
     def means(self) -> np.ndarray:
         """Mean of each sample, (n, k)."""
-        return (
-            np.where(self.good[:, :, None], self.values, 0.0).sum(axis=1)
-            / self.counts[:, None]
-        )
+        sums = np.where(self.good[:, :, None], self.values, 0.0).sum(axis=1)
+        return sums / self.counts[:, None]
 
     @property
     def residuals(self) -> np.ndarray:
-        """Deviations of pours from their sample's mean, (n, pours, k); 0 where there is no pour."""
+        """Runs minus their sample's mean, (n, runs, k); 0 where there is no run."""
         return np.where(self.good[:, :, None], self.values - self.means[:, None], 0.0)
 
     @property
     def freedom(self) -> int:
-        """Degrees of freedom of the noise: good pours less samples."""
+        """Degrees of freedom of the noise: good runs minus samples."""
         return int(self.counts.sum() - len(self.unit))
 
     def is_sound(self, unit: np.ndarray) -> np.ndarray:
-        """Mark the points (m, d) that lie no nearer to a failed sample than to a good one."""
+        """Mark the points (m, d) that are no nearer to a failed sample than to a good."""
         from scipy.spatial.distance import cdist
 
         if not len(self.failed):
             return np.full(len(unit), True)
-        return cdist(unit, self.failed).min(axis=1) >= cdist(unit, self.unit).min(
-            axis=1
-        )
+        to_failed = cdist(unit, self.failed).min(axis=1)
+        to_good = cdist(unit, self.unit).min(axis=1)
+        return to_failed >= to_good
 
     def noise(self) -> np.ndarray:
-        """Estimate the covariance (k, k) of a single pour about its sample's mean, from all samples.
+        """Estimate the covariance (k, k) of a single run about its sample's mean.
 
-        ValueError if too few samples have two pours.
+        All samples have the same covariance. ValueError if too few samples have two
+        runs, or if the runs of the samples are all alike.
         """
-        residuals = self.residuals.reshape(-1, self.values.shape[2])
-        k = residuals.shape[1]
+        k = self.values.shape[2]
+        residuals = self.residuals.reshape(-1, k)
         if self.freedom <= k:
             raise ValueError(
-                f"{self.freedom} pours beyond the first of a sample; expected at least {k + 1}"
+                f"{self.freedom} pours beyond the first of a sample; "
+                f"expected at least {k + 1}"
             )
         covariance = residuals.T @ residuals / self.freedom
         sd = np.sqrt(np.diagonal(covariance))
-        alike = sd <= 1e-9 * np.abs(self.means).max(axis=0)
-        if alike.any() or np.linalg.eigvalsh(covariance / np.outer(sd, sd))[0] < 1e-9:
+        are_alike = sd <= ROUNDING * np.abs(self.means).max(axis=0)
+        if are_alike.any() or not _has_full_rank(covariance / np.outer(sd, sd)):
             raise ValueError(
                 "pours of a sample are all alike; expected seeds that differ"
             )
         return covariance
 
 
+def _has_full_rank(correlation: np.ndarray) -> bool:
+    """Tell whether a matrix of correlations (k, k) is positive definite."""
+    return not np.linalg.eigvalsh(correlation)[0] < ROUNDING
+
+
 class Kriging(Combined):
-    """Model of the mean responses over all parameters, from the pours.
+    """Model of the mean responses over all parameters.
 
-    The error of a sample's mean is known, not fitted (ANS10). A variance from few pours is a poor estimate, so the
-    variance of all samples moderates it (S04). `noise` (k, k) is the covariance of a single pour; None means the
-    pours' own. ValueError if the pours have too few replicates for the noise, or there are fewer than two samples.
+    The error of a sample's mean is known, not fitted (ANS10). A variance from few runs
+    is a poor estimate, so the variance of all samples moderates it (S04).
 
-    Each process has a linear part (R06): without it a process returns to its mean in the corners, where the largest and
-    the smallest responses are. Variance and lengths are uncertain with few samples, so they are drawn `DRAWS` times
-    from the normal approximation of their posterior, with the prior of (H24); predictions come from the mixture.
+    Each process has a linear part (R06): without it a process returns to its mean in the
+    corners, where the largest and the smallest responses are. Variance and lengths are
+    uncertain with few samples. So they are drawn `DRAWS` times from the normal
+    approximation of their posterior, with the prior of (H24), and predictions come from
+    the mixture.
 
-    The variance of each draw is multiplied by one factor. Each sample is predicted from all the others, and the factor
-    says how large these residuals are compared with the variances of the draws, given the known errors of the means.
-    Where they say little, with few samples or much noise, the factor stays near the median of its prior.
+    The variance of each draw is multiplied by one factor. To estimate it, each sample is
+    predicted from all the others, and the factor compares these residuals with the
+    variances of the draws, given the known errors of the means. With few samples or much
+    noise the residuals tell little, and the factor stays near the median of its prior.
+
+    Parameters
+    ----------
+    observed : Observed
+    noise : array (k, k), optional
+        Covariance of a single run; by default estimated from the replicates.
+
+    Raises
+    ------
+    ValueError
+        If there are too few replicates for the noise, or fewer than two samples.
     """
 
     unit: np.ndarray  # (n, d), the samples, about the centre of the ranges
-    errors: np.ndarray  # (n, k), variances of those
+    noise: np.ndarray  # (k, k), covariance of a single run
+    errors: np.ndarray  # (n, k), variances of the scaled combinations at the samples
     sets: list  # for each draw of variance and lengths a process of each combination
     factor: float  # on the variance of each draw
 
     def __init__(self, observed: Observed, noise: np.ndarray | None = None) -> None:
-        if len(observed.unit) < 2:
-            raise ValueError(f"{len(observed.unit)} samples; expected at least 2")
+        n_samples = len(observed.unit)
+        if n_samples < LEAST_SAMPLES:
+            raise ValueError(f"{n_samples} samples; expected at least {LEAST_SAMPLES}")
         self.noise = observed.noise() if noise is None else noise
         self._combine(observed.means, _independent(observed, self.noise))
         self.unit = observed.unit - 0.5
-        self.errors = (
-            _moderated(observed, self._mixing) / self._scale**2
-        )  # variances (n, k)
-        columns = zip(self.values.T, self.errors.T, strict=True)
-        self.sets = list(
-            zip(*(_drawn(self.unit, *column) for column in columns), strict=True)
-        )
-        self.factor = _factor(*self._left_out())
+        self.errors = _moderated(observed, self._mixing) / self._scale**2
+        drawn = [
+            _draw_processes(self.unit, values, errors)
+            for values, errors in zip(self.values.T, self.errors.T, strict=True)
+        ]
+        self.sets = list(zip(*drawn, strict=True))
+        residuals, variances, others = self._left_out()
+        self.factor = _factor(residuals, variances, others)
 
     def predict(self, unit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Predict mean responses (m, k) at points (m, d), and their covariance (m, k, k) without a pour's noise."""
-        moments = np.array(
-            [[one.moments(unit - 0.5) for one in processes] for processes in self.sets]
-        )
-        means, variances = moments.transpose(2, 0, 3, 1)  # each (draws, m, k)
-        off = (means - means.mean(axis=0)) * self._scale @ self._unmixing
-        covariance = self._covariance(self.factor * variances.mean(axis=0))
-        return self.unmixed(means.mean(axis=0)), covariance + np.einsum(
-            "smi,smj->mij", off, off
-        ) / len(off)
+        """Predict mean responses at points of the unit cube.
+
+        Parameters
+        ----------
+        unit : array (m, d)
+
+        Returns
+        -------
+        mean : array (m, k)
+        covariance : array (m, k, k)
+            Of the mean, without the noise of a run.
+        """
+        means, variances = self._moments(lambda process: process.moments(unit - 0.5))
+        # The covariance of a mixture is that within the draws and that between them.
+        within = self._covariance(self.factor * variances.mean(axis=0))
+        deviations = (means - means.mean(axis=0)) * self._scale @ self._unmixing
+        between = np.einsum("smi,smj->mij", deviations, deviations) / len(deviations)
+        return self.unmixed(means.mean(axis=0)), within + between
 
     def _left_out(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Predict each sample from the others: residuals (n, k), variances within draws, and further ones."""
+        """Predict each sample from all the others.
+
+        Returns
+        -------
+        residuals : array (n, k)
+            Of the scaled combinations.
+        variances : array (n, k)
+            Within the draws.
+        others : array (n, k)
+            Other variances: between the draws, and of the samples' errors.
+        """
+        means, variances = self._moments(lambda process: process.left_out())
+        residuals = self.values - means.mean(axis=0)
+        others = means.var(axis=0) + self.errors
+        return residuals, variances.mean(axis=0), others
+
+    def _moments(self, predict: Callable[[Any], Any]) -> tuple[np.ndarray, np.ndarray]:
+        """Collect means and variances (draws, m, k) that all processes predict.
+
+        `predict` takes a process, and returns its means and variances (m,).
+        """
         moments = np.array(
-            [[one.left_out() for one in processes] for processes in self.sets]
+            [[predict(process) for process in processes] for processes in self.sets]
         )
-        means, variances = moments.transpose(2, 0, 3, 1)  # each (draws, n, k)
-        return (
-            self.values - means.mean(axis=0),
-            variances.mean(axis=0),
-            means.var(axis=0) + self.errors,
-        )
+        means, variances = moments.transpose(2, 0, 3, 1)
+        return means, variances
 
 
 class SpaceKriging:
-    """A kriging model for parameter sets, with the methods of a surrogate (`repose.calibrate.surrogates.base.Predictor`)."""
+    """A kriging model for parameter sets, with the methods of a surrogate.
+
+    See `repose.calibrate.surrogates.base.Predictor`.
+    """
 
     name = "kriging"
 
     def __init__(self, model: Kriging, space: ParameterSpace) -> None:
-        self.model, self.space = model, space
+        self.model = model
+        self.space = space
 
     def predict(
         self, X: ArrayLike, return_std: bool = False, noise: bool = True
     ) -> Any:
         """Predict mean responses (n, k), with standard deviations on request.
 
-        The options of `repose.calibrate.surrogates.base.Surrogate.predict`.
+        The options are those of `repose.calibrate.surrogates.base.Surrogate.predict`.
         """
-        mean, covariance = self.model.predict(
-            self.space.unit(np.asarray(X, dtype=float))
-        )
+        mean, covariance = self._predict(X)
         if not return_std:
             return mean
-        return mean, np.sqrt(
-            np.diagonal(covariance + noise * self.model.noise, axis1=1, axis2=2)
-        )
+        variances = np.diagonal(covariance + noise * self.model.noise, axis1=1, axis2=2)
+        return mean, np.sqrt(variances)
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
-        """Return the covariance (n, k, k) of the predicted means."""
-        return self.model.predict(self.space.unit(np.asarray(X, dtype=float)))[1]
+        """Compute the covariance (n, k, k) of the predicted means."""
+        _, covariance = self._predict(X)
+        return covariance
+
+    def _predict(self, X: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+        """Predict means and their covariance at parameter sets."""
+        return self.model.predict(self.space.unit(np.asarray(X, dtype=float)))
 
 
 def _independent(observed: Observed, noise: np.ndarray) -> np.ndarray:
-    """Combine the responses so that their noise is 1 and independent, and the samples leave them uncorrelated."""
+    """Find combinations of the responses that are independent.
+
+    The noise of each combination has variance 1 and is independent of the others', and
+    the means of the samples are uncorrelated.
+
+    Returns
+    -------
+    array (k, k)
+        Its columns are the combinations.
+    """
     whitening = np.linalg.inv(np.linalg.cholesky(noise)).T
-    spread = np.atleast_2d(
-        np.cov((observed.means @ whitening).T, aweights=observed.counts)
-    )
-    return whitening @ np.linalg.eigh(spread)[1]
+    spread = np.cov((observed.means @ whitening).T, aweights=observed.counts)
+    _, axes = np.linalg.eigh(np.atleast_2d(spread))
+    return whitening @ axes
 
 
 def _moderated(observed: Observed, mixing: np.ndarray) -> np.ndarray:
-    """Moderate the variances (n, k) of the samples' means in each combination by a common variance of 1 (S04)."""
-    own = ((observed.residuals @ mixing) ** 2).sum(axis=1)
+    """Estimate the variances (n, k) of the samples' means in each combination (S04).
+
+    In the combinations, the columns of `mixing`, the noise has the variance 1 over all
+    samples. It has the weight of `PRIOR_FREEDOM` degrees of freedom beside those of the
+    sample itself.
+    """
+    squares = ((observed.residuals @ mixing) ** 2).sum(axis=1)
     counts = observed.counts[:, None]
-    return (PRIOR_FREEDOM + own) / (PRIOR_FREEDOM + counts - 1) / counts
+    return (PRIOR_FREEDOM + squares) / (PRIOR_FREEDOM + counts - 1) / counts
 
 
 def _factor(residuals: np.ndarray, variances: np.ndarray, others: np.ndarray) -> float:
-    """Estimate the factor on variances (n, k) that, with `others` added, agrees with residuals: its geometric mean."""
+    """Estimate the factor on the variances of the draws from residuals.
+
+    The residuals are normal with the variance factor * variances + others. The estimate
+    is the geometric mean of the factor over its posterior.
+
+    Parameters
+    ----------
+    residuals, variances, others : array (n, k)
+        As of `Kriging._left_out`.
+    """
     total = FACTORS[:, None, None] * variances + others
-    likelihood = -0.5 * (np.log(total) + residuals**2 / total).sum(axis=(1, 2))
-    density = likelihood - 0.5 * (np.log(FACTORS / FACTOR_MEDIAN) / FACTOR_LOG_SD) ** 2
-    weight = np.exp(density - density.max())
+    log_likelihood = -0.5 * (np.log(total) + residuals**2 / total).sum(axis=(1, 2))
+    log_prior = -0.5 * (np.log(FACTORS / FACTOR_MEDIAN) / FACTOR_LOG_SD) ** 2
+    log_posterior = log_likelihood + log_prior
+    weight = np.exp(log_posterior - log_posterior.max())
     return float(np.exp(weight @ np.log(FACTORS) / weight.sum()))
 
 
-def _drawn(unit: np.ndarray, value: np.ndarray, error: np.ndarray) -> list[Any]:
-    """Draw processes of one combination from their posterior: a linear part, and the deviation from it."""
-    from repose.calibrate.surrogates.process import Process, smooth, straight
+class _MostProbable:
+    """Optimiser for scikit-learn: the most probable hyperparameters under a prior.
 
-    d = unit.shape[1]
-    middle = LENGTH_LOG_MEAN + 0.5 * math.log(d)
-    signal = max(1 - error.mean(), LEAST_SIGNAL)  # the means' variance is 1
-    mean, sd = (
-        np.array([math.log(signal)] + [middle] * d),
-        np.array([VARIANCE_LOG_SD] + [LENGTH_LOG_SD] * d),
-    )
-    curvature = np.empty((1 + d, 1 + d))
+    The hyperparameters theta (1 + d,) are the logarithms of variance and lengths.
 
-    def most_probable(
-        objective: Callable, start: np.ndarray, bounds: np.ndarray
+    Parameters
+    ----------
+    mean, sd : array (1 + d,)
+        Of the normal prior of theta.
+
+    Attributes
+    ----------
+    curvature : array (1 + d, 1 + d)
+        Second derivatives of the negative log posterior at the result.
+    """
+
+    def __init__(self, mean: np.ndarray, sd: np.ndarray) -> None:
+        self.mean = mean
+        self.sd = sd
+        self.curvature = np.empty((len(mean), len(mean)))
+
+    def __call__(
+        self, objective: Callable, start: np.ndarray, bounds: np.ndarray
     ) -> tuple[np.ndarray, float]:
         from scipy import optimize
 
         def loss(theta: np.ndarray) -> tuple[float, np.ndarray]:
+            """Compute the negative log posterior and its gradient."""
             value, slope = objective(theta)
-            off = (theta - mean) / sd
-            return value + 0.5 * off @ off, slope + off / sd
+            z = (theta - self.mean) / self.sd
+            return value + 0.5 * z @ z, slope + z / self.sd
 
-        fitted = optimize.minimize(
+        result = optimize.minimize(
             loss, start, jac=True, method="L-BFGS-B", bounds=bounds
         )
-        for k, step in enumerate(STEP * np.eye(1 + d)):
-            curvature[k] = (loss(fitted.x + step)[1] - loss(fitted.x - step)[1]) / (
-                2 * STEP
-            )
-        return fitted.x, fitted.fun
+        for k, step in enumerate(STEP * np.eye(len(start))):
+            _, slope_above = loss(result.x + step)
+            _, slope_below = loss(result.x - step)
+            self.curvature[k] = (slope_above - slope_below) / (2 * STEP)
+        return result.x, result.fun
 
-    # as large as the means' variance beforehand: points have a variance of 1/12 in each parameter
+
+def _draw_processes(
+    unit: np.ndarray, values: np.ndarray, errors: np.ndarray
+) -> list[Any]:
+    """Draw processes of one combination from the posterior of their hyperparameters.
+
+    A process has a linear part of fixed covariance, and a smooth deviation from it whose
+    variance and lengths are drawn.
+
+    Parameters
+    ----------
+    unit : array (n, d)
+        Samples about the centre of the unit cube.
+    values, errors : array (n,)
+        Means of the combination, of variance 1, and variances of their noise.
+
+    Returns
+    -------
+    list of Process
+    """
+    from repose.calibrate.surrogates.process import Process, smooth, straight
+
+    d = unit.shape[1]
+    log_length = LENGTH_LOG_MEAN + 0.5 * math.log(d)
+    signal = max(1 - errors.mean(), LEAST_SIGNAL)
+    # A point has a variance of 1/12 in each parameter. With this slope the straight line
+    # has the variance of the means, 1, a priori.
     slope = math.sqrt(12 / d)
-    kernel = straight(slope) + smooth(
-        signal, np.full(d, math.exp(middle)), (BOUNDS, BOUNDS), SMOOTHNESS
+    lengths = np.full(d, math.exp(log_length))
+    kernel = straight(slope) + smooth(signal, lengths, (BOUNDS, BOUNDS), SMOOTHNESS)
+
+    # Find the most probable hyperparameters.
+    optimiser = _MostProbable(
+        mean=np.array([math.log(signal)] + [log_length] * d),
+        sd=np.array([VARIANCE_LOG_SD] + [LENGTH_LOG_SD] * d),
     )
-    best = Process(kernel, unit, value, error, optimizer=most_probable).kernel
-    # nothing is less certain than the prior
-    size, axes = np.linalg.eigh((curvature + curvature.T) / 2)
-    root = axes / np.sqrt(np.maximum(size, LENGTH_LOG_SD**-2))
-    normal = np.random.default_rng(1).standard_normal((DRAWS // 2, 1 + d))
+    best = Process(kernel, unit, values, errors, optimizer=optimiser).kernel
+
+    # Draw from the normal distribution with their curvature, in pairs about the middle.
+    # No direction is less certain than the prior.
+    curvature = (optimiser.curvature + optimiser.curvature.T) / 2
+    eigenvalues, axes = np.linalg.eigh(curvature)
+    root = axes / np.sqrt(np.maximum(eigenvalues, LENGTH_LOG_SD**-2))
+    random = np.random.default_rng(DRAWS_SEED)
+    normal = random.standard_normal((DRAWS // 2, 1 + d))
     low, high = np.log(BOUNDS)
-    drawn = [
-        np.clip(best.theta + root @ z, low, high) for z in np.vstack([normal, -normal])
-    ]
-    return [
-        Process(best.clone_with_theta(theta), unit, value, error, optimizer=None)
-        for theta in drawn
-    ]
+    processes = []
+    for z in np.vstack([normal, -normal]):
+        theta = np.clip(best.theta + root @ z, low, high)
+        drawn = best.clone_with_theta(theta)
+        processes.append(Process(drawn, unit, values, errors, optimizer=None))
+    return processes

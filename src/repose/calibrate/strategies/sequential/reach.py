@@ -1,16 +1,18 @@
-"""Whether any parameter set meets the goal, and how near the nearest comes, by draws of possible responses.
+"""Whether any parameter set meets the goal, and how near the nearest comes.
 
-A draw is a function of the parameters that agrees with the pours within their errors. In each draw the best point is
-searched for, so the answer is about all parameter sets together, not about a single set.
+The answer comes from draws of possible responses. A draw is a function of the parameters
+that agrees with the runs within their errors. In each draw the best point is searched
+for, so the answer is about all parameter sets together, not about a single set.
 
 - (RR08) Rahimi & Recht 2008, Random features for large-scale kernel machines, NeurIPS 20
-- (W20) Wilson et al. 2020, Efficiently sampling functions from Gaussian process posteriors, ICML 119: a draw of the
-  prior from random features, corrected by the pours with the exact covariance
+- (W20) Wilson et al. 2020, Efficiently sampling functions from Gaussian process
+  posteriors, ICML 119: a draw of the prior from random features, corrected by the runs
+  with the exact covariance
 """
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from scipy import linalg
@@ -18,99 +20,178 @@ from scipy import linalg
 from repose.calibrate.strategies.sequential.goal import Goal
 from repose.calibrate.strategies.sequential.kriging import SMOOTHNESS, Kriging
 
+if TYPE_CHECKING:  # scikit-learn takes half a second to load
+    from repose.calibrate.surrogates.process import Process
+
 FEATURES = 128
 FUNCTIONS = 16  # drawn for each set of lengths
-CANDIDATES = 256  # all over the ranges, and as many of their corners
-AROUND = 16  # points around the best of each draw
-STEPS = (0.2, 0.07, 0.02)  # standard deviations of those, in ranges
+CANDIDATES = 256  # points all over the ranges, and as many corners
+AROUND = 16  # points around each best point of a draw
+STEPS = (0.2, 0.07, 0.02)  # standard deviations of those points, in ranges
 
 
 class Reach(NamedTuple):
-    """Best possible agreement with the goal over all parameter sets, by draws of the responses."""
+    """Best possible agreement with the goal over all parameter sets."""
 
     probability: float  # that some parameter set meets the goal
-    nearest: float  # least deviation of a parameter set, F of Eq. 11: mean of the draws
-    error: float  # their standard deviation
-    points: (
-        np.ndarray
-    )  # (draws, d), where each draw comes nearest to the goal, in the unit cube
+    nearest: float  # least F (Eq. 11) of a parameter set, mean over the draws
+    error: float  # its standard deviation over the draws
+    points: np.ndarray  # (draws, d), where each draw comes nearest to the goal
+
+
+class _Nearest(NamedTuple):
+    """Result of the search for the best point in each of several draws."""
+
+    largest: np.ndarray  # (draws,), least largest deviation in tolerances
+    F: np.ndarray  # (draws,), least F
+    points: np.ndarray  # (draws, d), of the least largest deviation
 
 
 def reach(model: Kriging, goal: Goal, random: np.random.Generator) -> Reach:
-    """Estimate the probability that any parameter set meets the goal, and the least deviation of a set."""
+    """Estimate the probability that any parameter set meets the goal.
+
+    The result has the least deviation of a parameter set, too.
+    """
     from scipy.stats import qmc
 
-    wide = goal.space.from_prior(
-        qmc.Sobol(model.unit.shape[1], rng=random).random(CANDIDATES)
-    )
-    wide = np.vstack([wide, np.round(wide)])
-    found = []
+    # Start from points all over the ranges and from corners.
+    d = model.unit.shape[1]
+    everywhere = goal.space.from_prior(qmc.Sobol(d, rng=random).random(CANDIDATES))
+    starts = np.vstack([everywhere, np.round(everywhere)])
+
+    # Search in the draws of each set of processes.
+    results = []
     for number in range(len(model.sets)):
         draws = Draws(model, number, random)
-        points, misses, deviation = wide, *goal.of_responses(draws(wide))
-        for step in STEPS:
-            best = points[
-                np.concatenate([misses.argmin(axis=1), deviation.argmin(axis=1)])
-            ]
-            near = np.repeat(best, AROUND, axis=0)
-            near = np.clip(near + step * random.standard_normal(near.shape), 0, 1)
-            points = np.vstack([points, near])
-            more = goal.of_responses(draws(near))
-            misses, deviation = (
-                np.hstack([misses, more[0]]),
-                np.hstack([deviation, more[1]]),
-            )
-        found.append(
-            (misses.min(axis=1), deviation.min(axis=1), points[misses.argmin(axis=1)])
-        )
-    least, nearest, best = map(np.concatenate, zip(*found, strict=True))
+        results.append(_nearest(draws, goal, starts, random))
+
+    # Put all draws together: the goal is met within one tolerance.
+    largest = np.concatenate([result.largest for result in results])
+    F = np.concatenate([result.F for result in results])
     return Reach(
-        float((least <= 1).mean()), float(nearest.mean()), float(nearest.std()), best
+        probability=float((largest <= 1).mean()),
+        nearest=float(F.mean()),
+        error=float(F.std()),
+        points=np.concatenate([result.points for result in results]),
     )
+
+
+def _nearest(
+    draws: "Draws", goal: Goal, starts: np.ndarray, random: np.random.Generator
+) -> _Nearest:
+    """Search each draw for the points of least deviation from the goal.
+
+    The search tries random points around the best ones so far, in ever smaller steps.
+    """
+    points = starts
+    largest, F = goal.of_responses(draws(points))  # both (draws, points)
+    for step in STEPS:
+        # Choose the best point of each draw by either deviation.
+        best = points[np.concatenate([largest.argmin(axis=1), F.argmin(axis=1)])]
+
+        # Try points around them.
+        around = np.repeat(best, AROUND, axis=0)
+        around = np.clip(around + step * random.standard_normal(around.shape), 0, 1)
+        around_largest, around_F = goal.of_responses(draws(around))
+
+        # Add them to the others; every draw may use the points of all draws.
+        points = np.vstack([points, around])
+        largest = np.hstack([largest, around_largest])
+        F = np.hstack([F, around_F])
+    return _Nearest(
+        largest=largest.min(axis=1),
+        F=F.min(axis=1),
+        points=points[largest.argmin(axis=1)],
+    )
+
+
+class _DrawnProcess(NamedTuple):
+    """A process of one combination of the responses, with draws of it (W20)."""
+
+    process: "Process"
+    prior: Callable[[np.ndarray], np.ndarray]  # from points (m, d) to (m, FUNCTIONS)
+    corrections: np.ndarray  # (n, FUNCTIONS), K^-1 (values - prior - errors)
 
 
 class Draws:
-    """Functions drawn from set `number` of processes: called with points (m, d) they give responses (draws, m, k)."""
+    """Functions drawn from a set of processes.
+
+    Called with points (m, d) of the unit cube they give responses (draws, m, k).
+
+    Parameters
+    ----------
+    model : Kriging
+    number : int
+        Of the set in `model.sets`.
+    random : numpy.random.Generator
+    """
 
     def __init__(
         self, model: Kriging, number: int, random: np.random.Generator
     ) -> None:
-        self.model, self.parts = model, []
+        self.model = model
+        self._processes = []
         for k, process in enumerate(model.sets[number]):
-            prior = _prior(process.kernel, model.unit.shape[1], random)
-            values, errors = model.values[:, k, None], model.errors[:, k, None]
-            off = np.sqrt(errors) * random.standard_normal((len(values), FUNCTIONS))
+            prior = _draw_prior(process.kernel, model.unit.shape[1], random)
+            values = model.values[:, k, None]
+            errors = model.errors[:, k, None]
+            noise = np.sqrt(errors) * random.standard_normal((len(values), FUNCTIONS))
             corrections = linalg.cho_solve(
-                (process.root, True), values - prior(model.unit) - off
+                (process.root, True), values - prior(model.unit) - noise
             )
-            self.parts.append((process, prior, corrections))
+            self._processes.append(_DrawnProcess(process, prior, corrections))
 
     def __call__(self, unit: np.ndarray) -> np.ndarray:
-        unit, mixed, root = unit - 0.5, [], math.sqrt(self.model.factor)
-        for process, prior, corrections in self.parts:
-            between = process.kernel(unit, self.model.unit)
+        centred = unit - 0.5
+        scale = math.sqrt(self.model.factor)
+        combinations = []
+        for process, prior, corrections in self._processes:
+            between = process.kernel(centred, self.model.unit)
             mean = (between @ process.weights)[:, None]
-            mixed.append(mean + root * (prior(unit) + between @ corrections - mean))
-        return self.model.unmixed(np.stack(mixed, axis=-1)).transpose(1, 0, 2)
+            draws = prior(centred) + between @ corrections
+            # The model's factor is on the variance of each draw about the mean.
+            combinations.append(mean + scale * (draws - mean))
+        return self.model.unmixed(np.stack(combinations, axis=-1)).transpose(1, 0, 2)
 
 
-def _prior(
+def _draw_prior(
     kernel: Any, d: int, random: np.random.Generator
 ) -> Callable[[np.ndarray], np.ndarray]:
-    """Draw functions of the prior, from points (m, d) to values (m, FUNCTIONS), by random features (RR08)."""
-    matern, size = kernel.k2.k2, kernel.k2.k1.constant_value
-    # frequencies of Matern's covariance are distributed as Student's t
+    """Draw functions of a process's prior by random features (RR08).
+
+    A function is a constant and a straight line, plus a sum of cosines of random
+    frequency and phase that stands for Matern's covariance.
+
+    Parameters
+    ----------
+    kernel : kernel of scikit-learn
+        `straight` + `smooth` of `repose.calibrate.surrogates.process`.
+    d : int
+        Number of inputs.
+    random : numpy.random.Generator
+
+    Returns
+    -------
+    callable
+        From points (m, d) to values (m, FUNCTIONS).
+    """
+    straight, smooth = kernel.k1, kernel.k2
+    variance, matern = smooth.k1.constant_value, smooth.k2
+    # The frequencies of Matern's covariance are distributed as Student's t.
     freedom = 2 * SMOOTHNESS
     frequencies = random.standard_normal((FEATURES, d)) / matern.length_scale
     frequencies /= np.sqrt(random.chisquare(freedom, (FEATURES, 1)) / freedom)
-    phase = 2 * np.pi * random.random(FEATURES)
-    weights = np.sqrt(2 * size / FEATURES) * random.standard_normal(
+    phases = 2 * np.pi * random.random(FEATURES)
+    amplitudes = np.sqrt(2 * variance / FEATURES) * random.standard_normal(
         (FEATURES, FUNCTIONS)
     )
-    slopes = np.sqrt(kernel.k1.k1.constant_value) * random.standard_normal(
+    slopes = np.sqrt(straight.k1.constant_value) * random.standard_normal(
         (d, FUNCTIONS)
     )
-    constant = random.standard_normal(FUNCTIONS)
-    return lambda unit: (
-        constant + unit @ slopes + np.cos(unit @ frequencies.T + phase) @ weights
-    )
+    constants = random.standard_normal(FUNCTIONS)
+
+    def functions(unit: np.ndarray) -> np.ndarray:
+        waves = np.cos(unit @ frequencies.T + phases)
+        return constants + unit @ slopes + waves @ amplitudes
+
+    return functions
