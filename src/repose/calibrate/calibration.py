@@ -27,7 +27,12 @@ from repose.calibrate.strategies.sequential.strategy import noise_from, observed
 from repose.calibrate.study import Study
 from repose.calibrate.surrogates.base import Predictor
 from repose.calibrate.surrogates.support import Support
-from repose.calibrate.uncertainty.posterior import FREEDOM, Posterior, infer
+from repose.calibrate.uncertainty.posterior import (
+    FREEDOM,
+    Posterior,
+    infer,
+    measurement_of,
+)
 from repose.calibrate.uncertainty.settings import PosteriorSettings
 from repose.common.errors import require
 from repose.common.files import Path_, path_of, write_json, write_table
@@ -250,13 +255,15 @@ def calibrate(
     support = Support.of(space.values(observed.unit), space)
     has_replicates = REPLICATES in noise.sources.values()
     freedom = observed.freedom if has_replicates else 0
+    inference_settings = posterior_settings(settings.posterior, freedom, len(targets))
     posterior = infer(
         model,
         support,
-        runs,
-        study,
-        posterior_settings(settings.posterior, freedom, len(targets)),
-        {},
+        parameters=space,
+        targets=targets,
+        measurement=measurement_of(targets, runs, inference_settings),
+        settings=inference_settings,
+        references={},
     )
     feasible, message = answers.verdict(answer, targets)
     summary: dict[str, Any] = {

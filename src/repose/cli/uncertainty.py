@@ -12,7 +12,6 @@ PREDICTIONS = Option(
     default="results/network/predictions.csv",
     help="file of the verb network",
 )
-POSTERIOR_FILES = (NETWORK, PREDICTIONS, DATASET, RUNS, FEASIBLE)
 
 
 @verb(RUNS, out="results/noise")
@@ -23,10 +22,11 @@ def noise(args: argparse.Namespace, study: PipelineConfig) -> None:
     """
     from repose.calibrate.uncertainty import noise
 
-    print(noise.message(noise.run(args.runs, study.targets, args.out), study.targets))
+    summary = noise.run(args.runs, study.targets, args.out)
+    print(noise.message(summary, study.targets))
 
 
-@verb(*POSTERIOR_FILES, out="results/posterior")
+@verb(NETWORK, PREDICTIONS, DATASET, RUNS, FEASIBLE, out="results/posterior")
 def posterior(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Sample the posterior of the free parameters; name the parameters that the measurements do not determine.
 
@@ -34,11 +34,24 @@ def posterior(args: argparse.Namespace, study: PipelineConfig) -> None:
     """
     from repose.calibrate.uncertainty import posterior
 
-    names = (option.attribute for option in POSTERIOR_FILES)
-    files = {name: getattr(args, name) for name in names} | {
-        "table3": study.published("table3.csv")
-    }
-    print(posterior.message(posterior.run(files, study, args.out, args.config)))
+    files = posterior.InputFiles(
+        network=args.network,
+        predictions=args.predictions,
+        dataset=args.dataset,
+        runs=args.runs,
+        feasible=args.feasible,
+        table3=study.published("table3.csv"),
+    )
+    summary = posterior.run(
+        files,
+        parameters=study.parameters,
+        targets=study.targets,
+        definitions=study.definitions,
+        settings=study.settings.posterior,
+        out_dir=args.out,
+        source=args.config,
+    )
+    print(posterior.message(summary))
 
 
 @verb(NETWORK, out="results/sensitivity")
@@ -49,9 +62,16 @@ def sensitivity(args: argparse.Namespace, study: PipelineConfig) -> None:
     """
     from repose.calibrate.uncertainty import sensitivity
 
-    print(
-        sensitivity.message(sensitivity.run(args.network, study, args.out, args.config))
+    table = sensitivity.run(
+        args.network,
+        parameters=study.parameters,
+        targets=study.targets,
+        definitions=study.definitions,
+        settings=study.settings.sensitivity,
+        out_dir=args.out,
+        source=args.config,
     )
+    print(sensitivity.message(table))
 
 
 @verb(

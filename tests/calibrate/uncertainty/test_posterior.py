@@ -67,7 +67,11 @@ def test_statements_and_a_reference_interval_by_its_share_of_the_prior():
     assert "e_gp is determined, 0.21 to 0.49" in posterior.statement(row)
     space = contact_space(UNIT | {"mus_gg": [0.4, 0.8]})
     found = posterior._reference(
-        "other", space, space.free.index("mus_gg"), np.array([0.4, 0.6, 0.8]), 0.5, 0.7
+        "other",
+        space,
+        space.free.index("mus_gg"),
+        np.array([0.4, 0.6, 0.8]),
+        posterior.Interval(0.5, 0.7),
     )
     assert (found["other_prior_probability"], found["other_probability"]) == (
         pytest.approx(0.5),
@@ -77,7 +81,11 @@ def test_statements_and_a_reference_interval_by_its_share_of_the_prior():
         UNIT | {"mus_gg": {"prior": {"mean": 0.6, "sd": 0.05}, "range": [0.4, 0.8]}}
     )
     found = posterior._reference(
-        "other", space, space.free.index("mus_gg"), np.array([0.5]), 0.6, 0.8
+        "other",
+        space,
+        space.free.index("mus_gg"),
+        np.array([0.5]),
+        posterior.Interval(0.6, 0.8),
     )
     assert found["other_prior_probability"] == pytest.approx(0.5)
 
@@ -113,10 +121,11 @@ def inferred(targets, slopes, space=UNIT, runs=None, **changes):
     return posterior.infer(
         model,
         Everywhere(),
-        runs,
-        Study(contact_space(space), targets, {}),
-        settings,
-        beside,
+        parameters=contact_space(space),
+        targets=targets,
+        measurement=posterior.measurement_of(targets, runs, settings),
+        settings=settings,
+        references=beside,
     )
 
 
@@ -241,7 +250,10 @@ def test_a_prior_narrows_its_parameter_and_fixed_ones_are_not_sampled():
     published = pd.DataFrame({"low": 0.4, "high": 0.6}, index=PARAMETERS)
     unit = np.random.default_rng(1).uniform(size=(500, 7))
     table = posterior._parameters(
-        space, unit, {"effective_draws": np.ones(7)}, {"published": published}
+        space,
+        unit,
+        posterior.Convergence(*np.ones((3, 7))),
+        {"published": published},
     )
     assert table["published_low"].isna().tolist() == [False] * 6 + [True]
 
@@ -341,10 +353,24 @@ def study(tmp_path_factory):
     return {key: folder / name for key, name in files.items()}
 
 
+def posterior_of(files, study, folder, *source):
+    """The posterior of a study from its files, which may have further ones."""
+    names = posterior.InputFiles._fields
+    return posterior.run(
+        posterior.InputFiles(**{name: files[name] for name in names}),
+        parameters=study.parameters,
+        targets=study.targets,
+        definitions=study.definitions,
+        settings=study.settings.posterior,
+        out_dir=folder,
+        **dict(zip(["source"], source, strict=False)),
+    )
+
+
 def test_a_study_determines_what_moves_its_responses_and_says_what_it_does_not(
     study, tmp_path
 ):
-    summary = posterior.run(study, GIVEN, tmp_path)
+    summary = posterior_of(study, GIVEN, tmp_path)
     table = pd.read_csv(tmp_path / "posterior.csv").set_index("parameter")
     assert table.loc[["mus_gp", "mur_gg"], "median"].to_numpy() == pytest.approx(
         [0.5, 0.5], abs=0.03
@@ -377,7 +403,7 @@ def test_every_surrogate_gives_the_same_answer(name, study, tmp_path):
         "predictions": tmp_path / "predictions.csv",
     }
     few = GIVEN._replace(config={"posterior": SETTINGS | {"walkers": 14, "steps": 400}})
-    summary = posterior.run(files, few, tmp_path)
+    summary = posterior_of(files, few, tmp_path)
     table = pd.read_csv(tmp_path / "posterior.csv").set_index("parameter")
     assert table.loc[["mus_gp", "mur_gg"], "median"].to_numpy() == pytest.approx(
         [0.5, 0.5], abs=0.04
@@ -391,7 +417,7 @@ def test_other_responses_are_refused_and_a_restored_network_has_its_error_bars(
 ):
     other = targets_of(height_mm=60.0, aor_deg=30.0)
     wanted = r"network\.json: outputs is .*the responses of the targets, height_mm"
-    input_error(wanted, posterior.run, study, GIVEN._replace(targets=other), tmp_path)
+    input_error(wanted, posterior_of, study, GIVEN._replace(targets=other), tmp_path)
     made_with = json.loads(study["network"].read_text()) | {
         "definitions": {"aor_deg": {"measure.response": "flank"}}
     }
@@ -399,7 +425,7 @@ def test_other_responses_are_refused_and_a_restored_network_has_its_error_bars(
     files = study | {"network": tmp_path / "network.json"}
     other = GIVEN._replace(definitions={"aor_deg": {"measure.response": "secant"}})
     wanted = r"definition of aor_deg is .*flank.*secant.*as in my\.yaml"
-    input_error(wanted, posterior.run, files, other, tmp_path, "my.yaml")
+    input_error(wanted, posterior_of, files, other, tmp_path, "my.yaml")
     table = pd.read_csv(study["dataset"])
     rows = train.split(60, [0.7, 0.15, 0.15], 1)["train"]
     X, Y = (

@@ -11,7 +11,6 @@ from refusals import input_error, value_error
 from scipy import stats
 from scipy.special import logsumexp
 from shared import targets_of
-from synthetic import Study
 
 from repose.bench.parameters import PARAMETERS
 from repose.bench.space import contact_space
@@ -21,11 +20,12 @@ from repose.calibrate.surrogates.bayesian_bp import BayesianBP
 from repose.calibrate.surrogates.settings import NetworkSettings
 from repose.calibrate.uncertainty import sampler, sensitivity
 from repose.calibrate.uncertainty.likelihood import log_likelihood
+from repose.calibrate.uncertainty.settings import SensitivitySettings
 
 CUBE = ParameterSpace.of({name: [0.0, 1.0] for name in "ab"}, names=tuple("ab"))
 LOW, HIGH = np.full(3, -np.pi), np.full(3, np.pi)
 UNIT = {name: [0.0, 1.0] for name in PARAMETERS}
-SECTION = {"samples": 256, "resamples": 20, "seed": 1}
+SETTINGS = SensitivitySettings(samples=256, resamples=20, seed=1)
 SLOPES = [
     {"e_gg": 1.0, "mus_gp": 2.0},
     {"mur_gg": 5.0},
@@ -207,7 +207,7 @@ def test_bad_indices_are_refused_and_a_fixed_parameter_has_none():
     space = contact_space(UNIT | {"e_gg": {"fixed": 0.9}})
     targets = targets_of(drum_slip_deg=30.0)
     table, effects = sensitivity.analyse(
-        Linear(targets.names, SLOPES[:1]), study_of(targets, space)
+        Linear(targets.names, SLOPES[:1]), space, targets, SETTINGS
     )
     assert "e_gg" not in set(table["parameter"]) | set(effects["parameter"])
     assert table.set_index("parameter").loc["mus_gp", "first"] == pytest.approx(
@@ -219,8 +219,15 @@ def test_bad_indices_are_refused_and_a_fixed_parameter_has_none():
     )  # e_gg is 0.4 above its middle
 
 
-def study_of(targets, space=None):
-    return Study(space or contact_space(UNIT), targets, {"sensitivity": SECTION})
+def sensitivity_of(surrogate_json, targets, folder, space=None):
+    return sensitivity.run(
+        surrogate_json,
+        parameters=contact_space(UNIT) if space is None else space,
+        targets=targets,
+        definitions={},
+        settings=SETTINGS,
+        out_dir=folder,
+    )
 
 
 @pytest.mark.parametrize(
@@ -229,7 +236,9 @@ def study_of(targets, space=None):
 )
 def test_one_target_and_four(names):
     targets, slopes = targets_of(**dict.fromkeys(names, 30.0)), SLOPES[: len(names)]
-    table, effects = sensitivity.analyse(Linear(names, slopes), study_of(targets))
+    table, effects = sensitivity.analyse(
+        Linear(names, slopes), ParameterSpace.of(UNIT), targets, SETTINGS
+    )
     assert len(table) == 6 * len(names)
     first = table.set_index(["response", "parameter"])["first"]
     assert first[names[0], "mus_gp"] == pytest.approx(4 / 5, abs=0.02)
@@ -250,9 +259,10 @@ def test_tables_of_every_surrogate(name, tmp_path):
     )
     model.describe(PARAMETERS, targets.names).fit(X, X @ random.uniform(size=(6, 2)))
     model.save(tmp_path / "network.json")
-    parts = (tmp_path / "network.json", study_of(targets))
-    table = sensitivity.run(*parts, tmp_path / "out")
-    pd.testing.assert_frame_equal(table, sensitivity.run(*parts, tmp_path / "again"))
+    path = tmp_path / "network.json"
+    table = sensitivity_of(path, targets, tmp_path / "out")
+    again = sensitivity_of(path, targets, tmp_path / "again")
+    pd.testing.assert_frame_equal(table, again)
     assert len(table) == 12
     assert table.groupby("response")["first"].sum().to_numpy() == pytest.approx(
         [1, 1], abs=0.05
@@ -269,8 +279,7 @@ def test_faults_are_reported_with_the_file(tmp_path):
     flat.describe(PARAMETERS, targets.names).save(path)
     fixed = contact_space({name: {"fixed": 0.5} for name in PARAMETERS})
     flat = r"network\.json: surrogate is 'an output of the function does not vary"
-    input_error(flat, sensitivity.run, path, study_of(targets), tmp_path)
-    input_error(
-        "outputs", sensitivity.run, path, study_of(targets_of(height_mm=60.0)), tmp_path
-    )
-    input_error("all fixed", sensitivity.run, path, study_of(targets, fixed), tmp_path)
+    input_error(flat, sensitivity_of, path, targets, tmp_path)
+    other = targets_of(height_mm=60.0)
+    input_error("outputs", sensitivity_of, path, other, tmp_path)
+    input_error("all fixed", sensitivity_of, path, targets, tmp_path, fixed)

@@ -1,18 +1,20 @@
-"""Dependence of the posterior on the discrepancy, and the region of parameters that the measurements do not exclude.
+"""Dependence of the posterior on the discrepancy, and the region not excluded.
 
-Both weigh the same points of a Sobol sequence over the prior, so nothing is sampled anew and the results are
+The region holds the parameters that the measurements do not exclude. Both weigh the same
+points of a Sobol sequence over the prior, so nothing is sampled anew and the results are
 deterministic.
 
-  (C97)  Craig, Goldstein, Seheult & Smith 1997, Pressure matching for hydrocarbon reservoirs, in Case Studies in
-         Bayesian Statistics III, 37: implausibility and history matching
-  (P94)  Pukelsheim 1994, The three sigma rule, Am. Stat. 48, 88: 95 % of any distribution with one peak lies within
-         three standard deviations
+  (C97)  Craig, Goldstein, Seheult & Smith 1997, Pressure matching for hydrocarbon
+         reservoirs, in Case Studies in Bayesian Statistics III, 37: implausibility and
+         history matching
+  (P94)  Pukelsheim 1994, The three sigma rule, Am. Stat. 48, 88: 95 % of any
+         distribution with one peak lies within three standard deviations
 """
 
 import itertools
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -25,8 +27,10 @@ from repose.calibrate.uncertainty.likelihood import Observed, log_likelihood
 from repose.calibrate.uncertainty.sampler import BINS, bits_of_shares
 
 CREDIBLE = 0.95
-NEGLIGIBLE = 1e-20  # weight of a point that adds nothing: a million of them add less than 1e-12 bits
+# Weight of a point that adds nothing: a million of them add less than 1e-12 bits.
+NEGLIGIBLE = 1e-20
 POINTS = 2**14
+# Stated discrepancies: sizes, and the correlation within a bench test.
 PERCENT = (0.0, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)
 CORRELATED = 0.9
 IMPLAUSIBLE = 3.0  # standard deviations (P94)
@@ -34,22 +38,41 @@ CELLS = 16  # of each parameter in a projection on two
 REGION = ["x", "y", "x_quantile", "y_quantile", "least_implausibility", "share"]
 
 Observation = Callable[[float, float], Observed]
-"""From size (percent) and correlation of a stated discrepancy to `repose.calibrate.uncertainty.likelihood.observation`."""
+"""From size in percent and correlation of a stated discrepancy to the observation."""
 
 
 class Points:
-    """Points of the prior, with the surrogate's predictions and their covariances there."""
+    """Points of the prior, with the surrogate's predictions there.
+
+    Attributes
+    ----------
+    space : ParameterSpace
+    quantile : array (n, d)
+        The prior's distribution function at the points.
+    values : array (n, p)
+        Parameter sets.
+    predicted : array (n, k)
+    covariance : array (n, k, k)
+        Of the predictions.
+    """
 
     def __init__(self, model: Surrogate, space: ParameterSpace) -> None:
         self.space = space
-        self.quantile = (
-            qmc.Sobol(space.dimensions, scramble=False).random(POINTS) + 0.5 / POINTS
-        )
+        sequence = qmc.Sobol(space.dimensions, scramble=False)
+        # Half a step moves the first point away from the corner.
+        self.quantile = sequence.random(POINTS) + 0.5 / POINTS
         self.values = space.values(space.from_prior(self.quantile))
-        self.predicted, self.covariance = (
-            model.predict(self.values),
-            model.covariance(self.values),
-        )
+        self.predicted = model.predict(self.values)
+        self.covariance = model.covariance(self.values)
+
+
+class Region(NamedTuple):
+    """The part of the prior that is not implausible."""
+
+    share: float  # of the prior
+    # A row for each cell of each pair of parameters, with the columns `REGION`: middle of
+    # the cell, least implausibility in it, and share of its points in the region
+    projections: pd.DataFrame
 
 
 def curve(
@@ -58,70 +81,98 @@ def curve(
     observed: Observation,
     shapes: Observed | None = None,
 ) -> pd.DataFrame:
-    """Compute information and intervals over the size of the discrepancy, a row for each size and correlation.
+    """Compute information and intervals over the size of the discrepancy.
 
-    A last row has the discrepancy by a shape study, where there is one.
+    Parameters
+    ----------
+    points : Points
+    targets : Targets
+    observed : callable
+        From size and correlation of a stated discrepancy to the observation.
+    shapes : Observed, optional
+        The observation with the discrepancy by a shape study.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each size and correlation, and a last one for the shape study.
     """
-    several = len(targets.apparatus) < len(targets)
-    rows = [
-        {
-            "discrepancy_percent": percent,
-            "discrepancy_correlation": correlation,
-            "evidence": "stated",
-        }
-        | _bits(points, observed(percent, correlation))
-        for correlation, percent in itertools.product(
-            (0.0, CORRELATED) if several else (0.0,), PERCENT
-        )
-    ]
+    has_correlation = len(targets.apparatus) < len(targets)
+    correlations = (0.0, CORRELATED) if has_correlation else (0.0,)
+    rows = []
+    for correlation in correlations:
+        for percent in PERCENT:
+            row = {
+                "discrepancy_percent": percent,
+                "discrepancy_correlation": correlation,
+                "evidence": "stated",
+            }
+            rows.append(row | _bits(points, observed(percent, correlation)))
     if shapes is not None:
-        added = shapes[1] - observed(0.0, 0.0)[1]
-        share = np.sqrt(np.diag(added)) / targets.value
-        between = added / np.sqrt(np.outer(np.diag(added), np.diag(added)))
-        pairs = np.abs(between[np.triu_indices(len(between), 1)])
-        row = {
-            "discrepancy_percent": 100 * math.sqrt(np.mean(share**2)),
-            "evidence": "shape study",
-        }
-        row |= {"discrepancy_correlation": float(pairs.mean()) if len(pairs) else 0.0}
+        discrepancy = shapes.covariance - observed(0.0, 0.0).covariance
+        row = _shape_study_row(discrepancy, targets)
         rows.append(row | _bits(points, shapes))
     return pd.DataFrame(rows)
 
 
-def _bits(points: Points, observation: Observed) -> dict[str, Any]:
-    """Compute joint bits, effective points, and interval and bits of each parameter."""
-    log_weight = log_likelihood(points.predicted, points.covariance, observation)
+def _shape_study_row(discrepancy: np.ndarray, targets: Targets) -> dict[str, Any]:
+    """Describe the discrepancy (k, k) by a shape study as a stated one.
+
+    Its size is the root of the mean square over the responses, its correlation the mean
+    of the sizes over their pairs.
+    """
+    variances = np.diag(discrepancy)
+    share = np.sqrt(variances) / targets.value
+    correlation = discrepancy / np.sqrt(np.outer(variances, variances))
+    pairs = np.abs(correlation[np.triu_indices(len(correlation), 1)])
+    return {
+        "discrepancy_percent": 100 * math.sqrt(np.mean(share**2)),
+        "evidence": "shape study",
+        "discrepancy_correlation": float(pairs.mean()) if len(pairs) else 0.0,
+    }
+
+
+def _bits(points: Points, observed: Observed) -> dict[str, Any]:
+    """Compute joint bits, effective points, and the columns of each parameter."""
+    log_weight = log_likelihood(points.predicted, points.covariance, observed)
     weight = np.exp(log_weight - log_weight.max())
     weight /= weight.sum()
+    effective = 1 / float(weight @ weight)
     row: dict[str, Any] = {
         "information_bits": joint_bits(weight),
-        "effective_points": 1 / float(weight @ weight),
+        "effective_points": effective,
     }
     for k in range(points.space.dimensions):
-        row |= _marginal(points, k, weight, row["effective_points"])
+        row |= _marginal(points, k, weight, effective)
     return row
 
 
 def _marginal(
     points: Points, k: int, weight: np.ndarray, effective: float
 ) -> dict[str, float]:
-    """Compute interval and bits of one parameter."""
-    space, quantile = points.space, points.quantile[:, k]
-    name = space.free[k]
+    """Compute the credible interval and the bits of free parameter k.
+
+    `weight` (n,) sums to 1; `effective` is the number of points that it is worth.
+    """
+    space = points.space
+    quantile = points.quantile[:, k]
+
+    # Find the ends of the interval in quantiles of the prior, then in values.
     order = np.argsort(quantile)
+    tail = (1 - CREDIBLE) / 2
     ends = np.interp(
-        np.array([(1 - CREDIBLE) / 2, (1 + CREDIBLE) / 2]),
+        np.array([tail, (1 + CREDIBLE) / 2]),
         np.cumsum(weight[order]),
         quantile[order],
     )
-    edge = np.full((2, space.dimensions), 0.5)
-    edge[:, k] = ends
-    low, high = (
-        space.low[k] + (space.high[k] - space.low[k]) * space.from_prior(edge)[:, k]
-    ).tolist()
-    share = np.bincount(
-        np.minimum((quantile * BINS).astype(int), BINS - 1), weight, BINS
-    )
+    corners = np.full((2, space.dimensions), 0.5)
+    corners[:, k] = ends
+    unit = space.from_prior(corners)[:, k]
+    low, high = (space.low[k] + (space.high[k] - space.low[k]) * unit).tolist()
+
+    bin_number = np.minimum((quantile * BINS).astype(int), BINS - 1)
+    share = np.bincount(bin_number, weight, BINS)
+    name = space.free[k]
     return {
         f"{name}_low": low,
         f"{name}_high": high,
@@ -132,64 +183,76 @@ def _marginal(
 def implausibility(
     points: Points, mean: np.ndarray, covariance: np.ndarray
 ) -> np.ndarray:
-    """Compute how far (n,) the worst response is from its measurement, in standard deviations (C97)."""
-    variance = np.diagonal(points.covariance, axis1=1, axis2=2) + np.diagonal(
-        covariance
-    )
+    """Compute the implausibility (n,) of points (C97).
+
+    It is the largest deviation of a response from its measurement, in standard
+    deviations. `mean` (k,) and `covariance` (k, k) are those of the measurements.
+    """
+    of_surrogate = np.diagonal(points.covariance, axis1=1, axis2=2)
+    variance = of_surrogate + np.diagonal(covariance)
     return np.sqrt((points.predicted - mean) ** 2 / variance).max(axis=1)
 
 
-def region(points: Points, implausible: np.ndarray) -> tuple[float, pd.DataFrame]:
-    """Find the share of the prior that is not implausible, and project this region on pairs of parameters."""
-    kept, space = implausible < IMPLAUSIBLE, points.space
+def region(points: Points, implausible: np.ndarray) -> Region:
+    """Find the region that is not implausible, and project it on pairs of parameters.
+
+    `implausible` (n,) is the implausibility of the points.
+    """
+    space = points.space
+    is_inside = implausible < IMPLAUSIBLE
     cell = np.minimum((points.quantile * CELLS).astype(int), CELLS - 1)
-    x, y = ((place + 0.5) / CELLS for place in np.divmod(np.arange(CELLS**2), CELLS))
+    x_cell, y_cell = np.divmod(np.arange(CELLS**2), CELLS)
     tables = []
     for i, j in itertools.combinations(range(space.dimensions), 2):
         number = cell[:, i] * CELLS + cell[:, j]
         least = np.full(CELLS**2, np.inf)
         np.minimum.at(least, number, implausible)
-        count, inside = (
-            np.bincount(number, part, minlength=CELLS**2) for part in (None, kept)
+        n_points = np.bincount(number, minlength=CELLS**2)
+        n_inside = np.bincount(number, is_inside, minlength=CELLS**2)
+        table = pd.DataFrame(
+            {
+                "x": space.free[i],
+                "y": space.free[j],
+                "x_quantile": (x_cell + 0.5) / CELLS,
+                "y_quantile": (y_cell + 0.5) / CELLS,
+                "least_implausibility": least,
+                "share": n_inside / np.maximum(n_points, 1),
+            }
         )
-        columns = (
-            space.free[i],
-            space.free[j],
-            x,
-            y,
-            least,
-            inside / np.maximum(count, 1),
-        )
-        tables.append(pd.DataFrame(dict(zip(REGION, columns, strict=True))))
-    return float(kept.mean()), pd.concat(
-        tables, ignore_index=True
-    ) if tables else pd.DataFrame(columns=REGION)
+        tables.append(table)
+    if tables:
+        projections = pd.concat(tables, ignore_index=True)
+    else:
+        projections = pd.DataFrame(columns=REGION)
+    return Region(float(is_inside.mean()), projections)
 
 
 def joint_bits(weight: np.ndarray) -> float:
-    """Compute the Kullback-Leibler divergence of weighted points from equal weights, in bits."""
+    """Compute the divergence of weighted points from equal weights, in bits.
+
+    It is that of Kullback and Leibler; `weight` (n,) sums to 1.
+    """
     heavy = weight[weight > NEGLIGIBLE]
     return float(heavy @ np.log2(heavy * len(weight)))
 
 
 def message(table: pd.DataFrame, share: float) -> str:
-    """Write the curve and the region as text."""
-    lines, stated = [], table["evidence"] == "stated"
-    for correlation, own in table[stated].groupby("discrepancy_correlation"):
-        shares = [
+    """Write the curve and the share of the region as text."""
+    lines = []
+    is_stated = table["evidence"] == "stated"
+    for correlation, rows in table[is_stated].groupby("discrepancy_correlation"):
+        bits = ", ".join(
             f"{row.discrepancy_percent:g} %: {row.information_bits:.2f}"
-            for row in own.itertuples()
-        ]
+            for row in rows.itertuples()
+        )
+        lines.append(f"bits over the discrepancy, correlation {correlation:g}: {bits}")
+    for row in table[~is_stated].itertuples():
         lines.append(
-            f"bits over the discrepancy, correlation {correlation:g}: {', '.join(shares)}"
+            f"with the discrepancy of the shape study, {row.discrepancy_percent:.0f} %: "
+            f"{row.information_bits:.2f} bits"
         )
-    for row in table[~stated].itertuples():
-        size = (
-            f"with the discrepancy of the shape study, {row.discrepancy_percent:.0f} %"
-        )
-        lines.append(f"{size}: {row.information_bits:.2f} bits")
-    kept = f"{100 * share:.0f} % of the prior is not implausible"
     lines.append(
-        f"{kept}: no response lies {IMPLAUSIBLE:g} standard deviations or more from its measurement"
+        f"{100 * share:.0f} % of the prior is not implausible: no response lies "
+        f"{IMPLAUSIBLE:g} standard deviations or more from its measurement"
     )
     return "\n".join(lines)

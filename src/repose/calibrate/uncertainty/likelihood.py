@@ -1,70 +1,118 @@
-"""The likelihood of physical measurements, with the errors of measurement, model and surrogate.
+"""The likelihood of physical measurements.
 
-The physical means of the k targets, y (k,), are taken as normal about the surrogate's prediction f(theta):
+It contains the errors of the measurement, of the simulator and of the surrogate. The
+physical means of the k targets, y (k,), are taken as normal about the surrogate's
+prediction f(theta):
 
     y ~ N(f(theta), S_y + S_d + S_w(theta))
 
     S_y
-        Of the physical means: sd / sqrt(repetitions) of each response. Responses of one bench test are correlated,
-        as simulated runs of one sample are unless something else is known; responses of different bench tests are
-        independent. S_y holds the scatter from run to run, so the surrogate's noise term is left out.
+        Covariance of the physical means: sd / sqrt(repetitions) of each response.
+        Responses of one bench test are correlated as simulated runs of one sample are,
+        unless something else is known. Responses of different bench tests are
+        independent. S_y contains the scatter from run to run, so the surrogate's noise
+        term is left out.
     S_d
-        Discrepancy, which no parameters of the model remove: `repose.calibrate.uncertainty.discrepancy` (Kennedy & O'Hagan
-        2001, J. R. Stat. Soc. B 63, 425, with a constant in place of a process).
+        Covariance of the discrepancies, which no parameters of the model remove:
+        `repose.calibrate.uncertainty.discrepancy` (Kennedy & O'Hagan 2001, J. R. Stat.
+        Soc. B 63, 425, with a constant in place of a process).
     S_w
-        Of the surrogate's prediction of the mean.
+        Covariance of the surrogate's prediction of the mean.
 
 S_w varies over the parameters, so the density keeps its determinant.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from scipy import stats
 
 from repose.calibrate.targets import Targets
 
-Observed = tuple[np.ndarray, np.ndarray]  # of `observation`
+
+class Observed(NamedTuple):
+    """The physical means, with the covariance that does not depend on parameters."""
+
+    mean: np.ndarray  # y (k,)
+    covariance: np.ndarray  # S_y + S_d (k, k)
 
 
 def observation(
     targets: Targets, correlation: np.ndarray, discrepancy: np.ndarray
 ) -> Observed:
-    """Return the physical means (k,) and the part S_y + S_d (k, k) of their covariance that no parameter changes."""
+    """Combine the physical means of the targets with their uncertainty.
+
+    Parameters
+    ----------
+    targets : Targets
+    correlation : array (k, k)
+        Of the measured responses.
+    discrepancy : array (k, k)
+        S_d.
+
+    Raises
+    ------
+    ValueError
+        If the correlation is not positive definite.
+    """
     correlation = np.asarray(correlation, dtype=float)
     if np.linalg.eigvalsh(correlation)[0] <= 0:
         raise ValueError(
-            f"correlation is {correlation.tolist()}; expected a positive definite matrix"
+            f"correlation is {correlation.tolist()}; "
+            "expected a positive definite matrix"
         )
     error = targets.standard_error
-    return targets.value, np.outer(error, error) * correlation + discrepancy
+    return Observed(targets.value, np.outer(error, error) * correlation + discrepancy)
 
 
 def log_likelihood(
     responses: np.ndarray, covariances: np.ndarray, observed: Observed
 ) -> np.ndarray:
-    """Compute the log (n,) of the normal density N(mean; responses, covariance + covariances) of `observed`."""
+    """Compute the log likelihood of the physical means.
+
+    Parameters
+    ----------
+    responses : array (n, k)
+        Predicted means f(theta) of n parameter sets.
+    covariances : array (n, k, k)
+        S_w of these.
+    observed : Observed
+
+    Returns
+    -------
+    array (n,)
+    """
     mean, covariance = observed
     total = covariance + covariances
-    off = mean - responses
-    distance = _squared_distance(off, total)
+    deviations = mean - responses
+    distance = _squared_distance(deviations, total)
     _, log_det = np.linalg.slogdet(total)
-    return -0.5 * (distance + log_det + off.shape[1] * math.log(2 * math.pi))
+    k = deviations.shape[1]
+    return -0.5 * (distance + log_det + k * math.log(2 * math.pi))
 
 
 def misfit(
     responses: np.ndarray, covariances: np.ndarray, observed: Observed
 ) -> dict[str, float]:
-    """Measure how far the best draw is from the measurements; arguments as for `log_likelihood`."""
+    """Compute the distance of the best parameter set from the measurements.
+
+    The arguments are those of `log_likelihood`. The result has the `squared_distance`
+    in standard deviations, and its `p_value` as chi^2 of k degrees of freedom.
+    """
     mean, covariance = observed
-    off = mean - responses
-    best = float(_squared_distance(off, covariance + covariances).min())
+    deviations = mean - responses
+    least = float(_squared_distance(deviations, covariance + covariances).min())
     return {
-        "squared_distance": best,
-        "p_value": float(stats.chi2.sf(best, off.shape[1])),
+        "squared_distance": least,
+        "p_value": float(stats.chi2.sf(least, deviations.shape[1])),
     }
 
 
-def _squared_distance(off: np.ndarray, total: np.ndarray) -> np.ndarray:
-    """Square the distances (n,) of deviations (n, k), in standard deviations of their covariances (n, k, k)."""
-    return np.einsum("ni,ni->n", off, np.linalg.solve(total, off[:, :, None])[:, :, 0])
+def _squared_distance(deviations: np.ndarray, covariances: np.ndarray) -> np.ndarray:
+    """Square the lengths (n,) of deviations (n, k), in standard deviations.
+
+    The covariances have the shape (n, k, k).
+    """
+    scaled = np.linalg.solve(covariances, deviations[:, :, None])[:, :, 0]
+    return np.einsum("ni,ni->n", deviations, scaled)

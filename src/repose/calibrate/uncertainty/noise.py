@@ -1,4 +1,4 @@
-"""Noise floor: scatter of the runs of one sample, differences between samples, gain from more seeds.
+"""Noise floor: scatter of runs, differences between samples, gain from more seeds.
 
 The statistics are in `repose.calibrate.variance`.
 """
@@ -25,91 +25,164 @@ from repose.common.files import Path_, read_table, write_json, write_table
 MOST_SEEDS = 64
 WANTED_PERCENT = (0.5, 1.0, 2.0)  # standard errors, in percent of the target
 
+Pairs = dict[str, dict[str, float]]
+"""Correlations by the names of the two responses, ``"aor_deg, height_mm"``."""
+
 
 class NoiseFloor(NamedTuple):
     """Tables of the noise floor."""
 
-    responses: (
-        pd.DataFrame
-    )  # noise.csv: a row for each target with variances, ICC and reachable R2
-    seeds: (
-        pd.DataFrame
-    )  # seeds.csv: error and reachable R2 of a mean over 1 to `MOST_SEEDS` seeds
-    summary: dict[str, Any]  # noise.json: the rows by response, and the correlations
+    # noise.csv: a row for each target with variances, ICC and reachable R2
+    responses: pd.DataFrame
+    # seeds.csv: error and reachable R2 of a mean over 1 to `MOST_SEEDS` seeds
+    seeds: pd.DataFrame
+    # noise.json: the rows by response, and the correlations
+    summary: dict[str, Any]
+
+
+class WithinCorrelation(NamedTuple):
+    """Correlation of the responses from run to run of one sample."""
+
+    matrix: np.ndarray  # (k, k), 0 between bench tests
+    pairs: Pairs  # within a bench test, with intervals
 
 
 def read_runs(runs_csv: Path_, targets: Targets) -> pd.DataFrame:
-    """Read all runs of a study, including failed runs, from the table of `repose.stages.dataset`."""
+    """Read all runs of a study, failed runs included, from runs.csv.
+
+    InputError if fewer than two samples have a run, or no sample has two.
+    """
     runs = read_table(runs_csv, ("sample", "seed", "status", *targets.names))
     for name in targets.names:
         sizes = usable(runs, (name,)).groupby("sample").size()
         if len(sizes) < 2 or sizes.max() < 2:
-            most = int(sizes.max()) if len(sizes) else 0
+            largest = int(sizes.max()) if len(sizes) else 0
             raise InputError(
-                runs_csv, "runs a sample", most, "2 or more, of 2 samples or more"
+                runs_csv, "runs a sample", largest, "2 or more, of 2 samples or more"
             )
     return runs
 
 
 def usable(runs: pd.DataFrame, names: tuple[str, ...]) -> pd.DataFrame:
     """Select the runs with status ok and a number for each of the responses."""
-    return runs[(runs["status"] == "ok") & runs[list(names)].notna().all(axis=1)]
+    has_numbers = runs[list(names)].notna().all(axis=1)
+    return runs[(runs["status"] == "ok") & has_numbers]
 
 
-def within_correlation(
-    runs: pd.DataFrame, targets: Targets
-) -> tuple[np.ndarray, dict[str, dict[str, float]]]:
-    """Correlate the responses (k, k) from run to run of one sample, 0 between bench tests; also pair by pair."""
-    matrix, pairs = np.eye(len(targets)), {}
+def within_correlation(runs: pd.DataFrame, targets: Targets) -> WithinCorrelation:
+    """Correlate the responses from run to run of one sample."""
+    matrix = np.eye(len(targets))
+    pairs: Pairs = {}
     for rows in targets.benches.values():
-        # the same runs for all pairs of a bench test, so that the matrix is positive semidefinite
-        ok = usable(runs, tuple(targets.names[k] for k in rows))
+        # All pairs of a bench test have the same runs, so that the matrix is positive
+        # semidefinite.
+        complete = usable(runs, tuple(targets.names[k] for k in rows))
         for i, j in combinations(rows, 2):
-            first, second = targets.names[i], targets.names[j]
-            correlation = residual_correlation(ok[first], ok[second], ok["sample"])
-            matrix[i, j] = matrix[j, i] = correlation[0]
-            names = ("value", "low", "high", "degrees_of_freedom")
-            pairs[f"{first}, {second}"] = dict(zip(names, correlation, strict=True))
-    return matrix, pairs
+            first = targets.names[i]
+            second = targets.names[j]
+            correlation = residual_correlation(
+                complete[first], complete[second], complete["sample"]
+            )
+            value, low, high, freedom = correlation
+            matrix[i, j] = value
+            matrix[j, i] = value
+            pairs[f"{first}, {second}"] = {
+                "value": value,
+                "low": low,
+                "high": high,
+                "degrees_of_freedom": freedom,
+            }
+    return WithinCorrelation(matrix, pairs)
 
 
-def correlation_record(pairs: dict[str, dict[str, float]]) -> dict[str, Any]:
-    """Return correlations as in the JSON files: by the names of the pair, or the only pair by itself."""
-    return next(iter(pairs.values())) if len(pairs) == 1 else pairs
+def correlation_record(pairs: Pairs) -> dict[str, Any]:
+    """Return correlations as in the JSON files.
+
+    They are by the names of the pair; a single pair stands without its names.
+    """
+    if len(pairs) == 1:
+        (only_pair,) = pairs.values()
+        return only_pair
+    return pairs
 
 
 def noise_floor(runs: pd.DataFrame, targets: Targets) -> NoiseFloor:
     """Compute the variance components of every target, and the gain from more seeds."""
     seeds = np.arange(1, MOST_SEEDS + 1)
-    table, rows = pd.DataFrame({"seeds": seeds}), []
+    seeds_table = pd.DataFrame({"seeds": seeds})
+    rows = []
     for target in targets:
-        own = of_bench(runs, target.response.apparatus)
-        ok = usable(own, (target.name,))
-        components = variance_components(ok[target.name], ok["sample"])
-        error, quantity = components.standard_error(seeds), target.response.quantity
-        table[target.response.error] = error
-        table[f"{quantity}_se_percent"] = 100 * error / target.whole
-        for label, icc in (
-            ("", components.icc),
-            ("_low", components.icc_low),
-            ("_high", components.icc_high),
-        ):
-            table[f"{quantity}_reachable_r2{label}"] = icc / (icc + (1 - icc) / seeds)
-        rows.append(_row(target, components, ok, own[own["status"] != "ok"]))
-    by_response, pairs = (
-        {row["response"]: row for row in rows},
-        within_correlation(runs, targets)[1],
-    )
+        runs_of_test = of_bench(runs, target.response.apparatus)
+        good = usable(runs_of_test, (target.name,))
+        failed = runs_of_test[runs_of_test["status"] != "ok"]
+        components = variance_components(good[target.name], good["sample"])
+        _add_seeds(seeds_table, target, components)
+        rows.append(_row(target, components, good, failed))
+    correlation = within_correlation(runs, targets)
     summary = {
-        "responses": by_response,
-        "correlation": correlation_record(pairs),
+        "responses": {row["response"]: row for row in rows},
+        "correlation": correlation_record(correlation.pairs),
         "confidence": CONFIDENCE,
     }
-    return NoiseFloor(pd.DataFrame(rows), table, summary)
+    return NoiseFloor(pd.DataFrame(rows), seeds_table, summary)
+
+
+def _add_seeds(table: pd.DataFrame, target: Target, components: Components) -> None:
+    """Add the columns of one target to seeds.csv.
+
+    A perfect predictor reaches R2 = ICC / (ICC + (1 - ICC) / seeds), with the intraclass
+    correlation ICC.
+    """
+    seeds = table["seeds"].to_numpy()
+    error = components.standard_error(seeds)
+    quantity = target.response.quantity
+    table[target.response.error] = error
+    table[f"{quantity}_se_percent"] = 100 * error / target.whole
+    intraclass_correlations = {
+        "": components.icc,
+        "_low": components.icc_low,
+        "_high": components.icc_high,
+    }
+    for ending, icc in intraclass_correlations.items():
+        table[f"{quantity}_reachable_r2{ending}"] = icc / (icc + (1 - icc) / seeds)
+
+
+def _row(
+    target: Target, components: Components, good: pd.DataFrame, failed: pd.DataFrame
+) -> dict[str, Any]:
+    """Make the row of noise.csv for one target, from its good and failed runs."""
+    failed_samples = failed["sample"].drop_duplicates()
+    has_no_run = ~failed_samples.isin(good["sample"])
+    row = {
+        "response": target.name,
+        "samples": components.groups,
+        "runs": components.values,
+        "failed_runs": len(failed),
+        "samples_with_failures": int(failed["sample"].nunique()),
+        "samples_without_runs": int(has_no_run.sum()),
+        "mean": components.mean,
+        "sd_within": math.sqrt(components.within),
+        "sd_within_low": math.sqrt(components.within_low),
+        "sd_within_high": math.sqrt(components.within_high),
+        "sd_between": math.sqrt(components.between),
+        "icc": components.icc,
+        "icc_low": components.icc_low,
+        "icc_high": components.icc_high,
+        "mean_seeds": components.harmonic_seeds,
+        "r2_single_runs": float(components.reachable_r2(1)),
+        "r2_sample_means": float(components.reachable_r2(components.harmonic_seeds)),
+    }
+    for percent in WANTED_PERCENT:
+        error = percent / 100 * target.whole
+        row[f"seeds_for_{percent:g}_percent"] = components.seeds_for(error)
+    return row
 
 
 def run(runs_csv: Path_, targets: Targets, out_dir: Path_) -> dict[str, Any]:
-    """Read the runs, write noise.csv, seeds.csv and noise.json; return the summary."""
+    """Compute the noise floor of a study from its runs.
+
+    Write noise.csv, seeds.csv and noise.json, and return the summary.
+    """
     runs = read_runs(runs_csv, targets)
     try:
         floor = noise_floor(runs, targets)
@@ -129,46 +202,15 @@ def run(runs_csv: Path_, targets: Targets, out_dir: Path_) -> dict[str, Any]:
 
 def message(summary: dict[str, Any], targets: Targets) -> str:
     """Write the noise floor as text, a line for each response."""
-    line = (
-        "{response}: sd {sd_within:.2f} {unit} within a sample, {sd_between:.2f} between; intraclass "
-        "correlation {icc:.3f} ({icc_low:.3f} to {icc_high:.3f}); a perfect predictor "
-        "reaches R2 {r2_single_runs:.3f} on single runs, {r2_sample_means:.3f} on the means here"
-    )
-    rows = (
-        (target.response.unit, summary["responses"][target.name]) for target in targets
-    )
-    return "\n".join(line.format(unit=unit, **row) for unit, row in rows)
-
-
-def _row(
-    target: Target, components: Components, ok: pd.DataFrame, failed: pd.DataFrame
-) -> dict[str, Any]:
-    """Make the row of noise.csv for one response."""
-    found, unseen = components, ~failed["sample"].drop_duplicates().isin(ok["sample"])
-    row = {
-        "response": target.name,
-        "samples": found.groups,
-        "runs": found.values,
-        "failed_runs": len(failed),
-    }
-    row |= {
-        "samples_with_failures": int(failed["sample"].nunique()),
-        "samples_without_runs": int(unseen.sum()),
-    }
-    row |= {"mean": found.mean, "sd_within": math.sqrt(found.within)}
-    row |= {
-        "sd_within_low": math.sqrt(found.within_low),
-        "sd_within_high": math.sqrt(found.within_high),
-    }
-    row |= {"sd_between": math.sqrt(found.between), "icc": found.icc}
-    row |= {
-        "icc_low": found.icc_low,
-        "icc_high": found.icc_high,
-        "mean_seeds": found.harmonic_seeds,
-    }
-    row |= {"r2_single_runs": float(found.reachable_r2(1))}
-    row |= {"r2_sample_means": float(found.reachable_r2(found.harmonic_seeds))}
-    return row | {
-        f"seeds_for_{p:g}_percent": found.seeds_for(p / 100 * target.whole)
-        for p in WANTED_PERCENT
-    }
+    lines = []
+    for target in targets:
+        row = summary["responses"][target.name]
+        unit = target.response.unit
+        lines.append(
+            f"{row['response']}: sd {row['sd_within']:.2f} {unit} within a sample, "
+            f"{row['sd_between']:.2f} between; intraclass correlation {row['icc']:.3f} "
+            f"({row['icc_low']:.3f} to {row['icc_high']:.3f}); a perfect predictor "
+            f"reaches R2 {row['r2_single_runs']:.3f} on single runs, "
+            f"{row['r2_sample_means']:.3f} on the means here"
+        )
+    return "\n".join(lines)

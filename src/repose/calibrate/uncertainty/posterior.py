@@ -1,13 +1,13 @@
 """Posterior of the free parameters given the physical measurements.
 
-The prior is uniform on the range of each parameter, or normal and cut to the range where the parameter was measured.
-The likelihood is defined in `repose.calibrate.uncertainty.likelihood`; `repose.calibrate.uncertainty.sampler` draws from the posterior.
+The prior is uniform on the range of each parameter, or normal and cut to the range where
+the parameter was measured. `repose.calibrate.uncertainty.likelihood` defines the
+likelihood, `repose.calibrate.uncertainty.sampler` draws from the posterior.
 """
 
 import contextlib
-import functools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from itertools import combinations
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,9 +17,8 @@ import pandas as pd
 
 from repose.calibrate import training as train
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.calibrate.responses import derived
-from repose.calibrate.strategies.base import Studied
-from repose.calibrate.surrogates.base import Predictor, Surrogate
+from repose.calibrate.responses import Definitions, derived
+from repose.calibrate.surrogates.base import Predictor
 from repose.calibrate.surrogates.support import Support
 from repose.calibrate.targets import Targets
 from repose.calibrate.uncertainty import discrepancy, implausibility, noise
@@ -30,6 +29,8 @@ from repose.calibrate.uncertainty.likelihood import (
     observation,
 )
 from repose.calibrate.uncertainty.sampler import (
+    Chains,
+    Information,
     information_bits,
     joint_information_bits,
     sample,
@@ -40,119 +41,294 @@ from repose.common.errors import InputError, require
 from repose.common.files import Path_, read_table, write_json, write_table
 
 CREDIBLE = 0.95
-FREEDOM = 2  # runs beyond the first of a sample that a correlation needs, besides one for each response of a bench test
+# Runs beyond the first of a sample that a correlation needs, in addition to one for each
+# response of a bench test.
+FREEDOM = 2
 DRAWS_KEPT = 4000
-LARGEST_R_HAT, FEWEST_EFFECTIVE = (
-    1.01,
-    400,
-)  # Vehtari et al. 2021, Bayesian Analysis 16, 667
+# Convergence: Vehtari et al. 2021, Bayesian Analysis 16, 667.
+LARGEST_R_HAT = 1.01
+FEWEST_EFFECTIVE = 400
 # Kullback-Leibler information, in bits: half the range is worth 1 bit.
-DETERMINED, UNDETERMINED = 1.0, 0.2
-WIDE = 0.75  # of the prior's width: a parameter of so wide an interval is not determined, whatever its bits
-MOSTLY = 0.5
-Observing = Callable[[np.ndarray], Observed]
-Pairs = dict[str, dict[str, float]]
+DETERMINED = 1.0
+UNDETERMINED = 0.2
+# Width of an interval over that of the prior, above which a parameter is not determined,
+# whatever its bits.
+WIDE = 0.75
+MOSTLY = 0.5  # share of the draws where samples are thin, above which a warning is due
+STATED = "stated"
+SHAPE_STUDY = "shape study"
 
 
 class Posterior(NamedTuple):
     """Tables and summary of the posterior."""
 
     parameters: pd.DataFrame  # posterior.csv: a row for each free parameter
-    draws: pd.DataFrame  # draws.csv: parameter sets, predictions, their standard errors
-    summary: dict[
-        str, Any
-    ]  # posterior.json: likelihood, fit, information, convergence, statements
+    draws: pd.DataFrame  # draws.csv: parameter sets, predictions, standard errors
+    # posterior.json: likelihood, fit, information, convergence, statements
+    summary: dict[str, Any]
+
+
+class Measurement(NamedTuple):
+    """The physical measurement of k targets, with all that is uncertain about it."""
+
+    observed: Observed  # physical means, and their covariance S_y + S_d
+    correlation: np.ndarray  # (k, k), of the measured responses
+    pairs: noise.Pairs  # correlations of simulated runs within a bench test
+    discrepancy: np.ndarray  # S_d (k, k)
+    evidence: str  # of the discrepancy, `STATED` or `SHAPE_STUDY`
+
+
+class InputFiles(NamedTuple):
+    """Files that `run` reads."""
+
+    network: Path_  # the trained surrogate
+    predictions: Path_
+    dataset: Path_
+    runs: Path_
+    feasible: Path_  # solutions of the search
+    table3: Path_ | None  # published intervals of the parameters
+
+
+class Interval(NamedTuple):
+    """An interval of a parameter."""
+
+    low: float
+    high: float
+
+
+class Convergence(NamedTuple):
+    """Convergence of the chains; the fields are columns of posterior.csv, each (d,)."""
+
+    r_hat: np.ndarray
+    effective_draws: np.ndarray
+    autocorrelation_steps: np.ndarray
+
+    @property
+    def is_reached(self) -> bool:
+        """Whether the draws are from the posterior, and enough."""
+        are_alike = (self.r_hat <= LARGEST_R_HAT).all()
+        are_enough = (self.effective_draws >= FEWEST_EFFECTIVE).all()
+        return bool(are_alike and are_enough)
+
+
+def measurement_of(
+    targets: Targets,
+    runs: pd.DataFrame,
+    settings: PosteriorSettings,
+    shape_study: np.ndarray | None = None,
+) -> Measurement:
+    """Combine the targets with their correlation and the discrepancy.
+
+    Parameters
+    ----------
+    targets : Targets
+    runs : pandas.DataFrame
+        Simulated runs, which give the correlation of the responses unless the settings
+        state it.
+    settings : PosteriorSettings
+    shape_study : array (k, k), optional
+        Covariance of the discrepancies by a shape study; without it the settings state
+        the discrepancy.
+
+    Raises
+    ------
+    ValueError
+        If there are too few runs for the correlation.
+    """
+    correlation, pairs = _measured_correlation(targets, runs, settings)
+    if shape_study is None:
+        evidence = STATED
+        S_d = discrepancy.of_targets(
+            targets,
+            runs,
+            percent=settings.discrepancy_percent,
+            correlation=settings.discrepancy_correlation,
+        )
+    else:
+        evidence = SHAPE_STUDY
+        S_d = shape_study
+    return Measurement(
+        observed=observation(targets, correlation, S_d),
+        correlation=correlation,
+        pairs=pairs,
+        discrepancy=S_d,
+        evidence=evidence,
+    )
+
+
+def _measured_correlation(
+    targets: Targets, runs: pd.DataFrame, settings: PosteriorSettings
+) -> noise.WithinCorrelation:
+    """Find the correlation of the measured responses, by simulated runs or as stated."""
+    stated = settings.measured_correlation
+    if isinstance(stated, str):
+        simulated = noise.within_correlation(runs, targets)
+        _check_freedom(targets, simulated.pairs)
+        return simulated
+    pairs: noise.Pairs = {}
+    # A stated correlation needs no runs.
+    with contextlib.suppress(ValueError):
+        pairs = noise.within_correlation(runs, targets).pairs
+    return noise.WithinCorrelation(targets.correlated(stated), pairs)
+
+
+def _check_freedom(targets: Targets, pairs: noise.Pairs) -> None:
+    """Raise ValueError for a bench test with too few runs for a correlation.
+
+    The matrix would be singular, or nearly so.
+    """
+    for bench_test, rows in targets.benches.items():
+        least = len(rows) + FREEDOM
+        names = [targets.names[k] for k in rows]
+        for first, second in combinations(names, 2):
+            freedom = pairs[f"{first}, {second}"]["degrees_of_freedom"]
+            if freedom < least:
+                raise ValueError(
+                    f"{freedom} degrees of freedom within samples of {bench_test}; "
+                    f"expected at least {least}"
+                )
 
 
 def infer(
     model: Predictor,
     support: Support,
-    runs: pd.DataFrame,
-    study: Studied,
+    *,
+    parameters: ParameterSpace,
+    targets: Targets,
+    measurement: Measurement,
     settings: PosteriorSettings,
     references: Mapping[str, pd.DataFrame],
-    shapes: np.ndarray | None = None,
 ) -> Posterior:
-    """Sample the posterior and state which parameters it determines.
+    """Sample the posterior, and state which parameters it determines.
 
-    `runs` give the correlation of the responses, `references` other intervals by name: tables with low and high.
-    `shapes` (k, k) is the covariance of the discrepancies by a shape study; None means stated values.
+    Parameters
+    ----------
+    model : Predictor
+        Of the responses of the targets.
+    support : Support
+        Of the model's samples.
+    parameters : ParameterSpace
+    targets : Targets
+    measurement : Measurement
+    settings : PosteriorSettings
+    references : mapping
+        Other intervals of the parameters by name: tables with `low` and `high`, whose
+        index has the parameters.
     """
-    space, targets, seed = study.parameters, study.targets, settings.seed
-    observed, pairs = _observed(runs, targets, settings)
-    stated = settings.discrepancy_percent, settings.discrepancy_correlation
-    unknown = (
-        discrepancy.of_targets(targets, runs, *stated) if shapes is None else shapes
-    )
-    measured = observed(unknown)
+    space = parameters
 
     def likelihood(unit: np.ndarray) -> np.ndarray:
         X = space.values(unit)
-        return log_likelihood(model.predict(X), model.covariance(X), measured)
+        return log_likelihood(
+            model.predict(X), model.covariance(X), measurement.observed
+        )
 
     def log_density(unit: np.ndarray) -> np.ndarray:
         return likelihood(unit) + space.log_prior(unit)
 
+    # Draw from the posterior.
     chains = sample(
-        log_density, space.dimensions, settings.walkers, settings.steps, seed
-    )
-    r_hat, effective = (
-        split_r_hat(chains.points),
-        chains.log_density.size / chains.times,
+        log_density,
+        dimensions=space.dimensions,
+        walkers=settings.walkers,
+        steps=settings.steps,
+        seed=settings.seed,
     )
     unit = chains.points.reshape(-1, space.dimensions)
-    # at random: draws at a regular distance in time may all be of one walker
-    kept = unit[
-        np.sort(np.random.default_rng(seed).permutation(len(unit))[:DRAWS_KEPT])
-    ]
-    drawn = chains.log_density.ravel() - space.log_prior(unit)
-    bits, error = joint_information_bits(
-        likelihood, drawn, drawn.size / chains.density_time, space, seed
+    convergence = _convergence(chains)
+    log_likelihoods = chains.log_density.ravel() - space.log_prior(unit)
+    information = joint_information_bits(
+        likelihood,
+        drawn=log_likelihoods,
+        effective=log_likelihoods.size / chains.density_time,
+        space=space,
+        seed=settings.seed,
     )
-    about = {
-        "r_hat": r_hat,
-        "effective_draws": effective,
-        "autocorrelation_steps": chains.times,
-    }
-    table = _parameters(space, unit, about, references)
 
+    # Describe each parameter, and predict at some of the draws. They are chosen at
+    # random: draws at a regular distance in time may all be of one walker.
+    table = _parameters(space, unit, convergence, references)
+    order = np.random.default_rng(settings.seed).permutation(len(unit))
+    kept = unit[np.sort(order[:DRAWS_KEPT])]
     X = space.values(kept)
     Y, std = model.predict(X, return_std=True, noise=False)
     draws = pd.DataFrame(X, columns=list(space.names))
     for k, response in enumerate(targets.responses):
         draws[response.predicted] = Y[:, k]
         draws[derived(response.name, f"{model.name}_se")] = std[:, k]
-    summary = {
-        "correlation": noise.correlation_record(pairs),
-        "physical_se": np.sqrt(np.diag(measured[1] - unknown)).tolist(),
-        "discrepancy_sd": np.sqrt(np.diag(unknown)).tolist(),
-        "discrepancy_of": "stated" if shapes is None else "shape study",
-        f"{model.name}_se": np.sqrt((std**2).mean(axis=0)).tolist(),
-        "predicted": {
-            name: {"mean": float(values.mean()), **_interval(values)}
-            for name, values in zip(targets.names, Y.T, strict=True)
-        },
-        "misfit": misfit(Y, model.covariance(X), measured),
-        "information_bits": bits,
-        "information_se_bits": error,
-        "sum_of_marginals_bits": float(sum(table["information_bits"])),
-        "thin_share": float(support.is_thin(X).mean()),
-        "converged": bool(
-            (r_hat <= LARGEST_R_HAT).all() and (effective >= FEWEST_EFFECTIVE).all()
-        ),
-        "largest_r_hat": float(r_hat.max()),
-        "least_effective_draws": float(effective.min()),
-        "correlations": np.atleast_2d(np.corrcoef(kept.T)).round(3).tolist(),
-        "statements": dict(zip(table["parameter"], table["statement"], strict=True))
-        | {
-            name: f"{name} is fixed at {value:g}" for name, value in space.fixed.items()
-        },
-    }
+
+    summary = _measurement_summary(measurement)
+    summary[f"{model.name}_se"] = np.sqrt((std**2).mean(axis=0)).tolist()
+    summary["predicted"] = _predicted_summary(targets, Y)
+    summary["misfit"] = misfit(Y, model.covariance(X), measurement.observed)
+    summary |= _information_summary(information, table)
+    summary["thin_share"] = float(support.is_thin(X).mean())
+    summary |= _convergence_summary(convergence)
+    summary["correlations"] = np.atleast_2d(np.corrcoef(kept.T)).round(3).tolist()
+    summary["statements"] = _statements(space, table)
     return Posterior(table, draws, summary)
 
 
+def _convergence(chains: Chains) -> Convergence:
+    """Compute the convergence of each parameter."""
+    return Convergence(
+        r_hat=split_r_hat(chains.points),
+        effective_draws=chains.log_density.size / chains.times,
+        autocorrelation_steps=chains.times,
+    )
+
+
+def _measurement_summary(measurement: Measurement) -> dict[str, Any]:
+    """Collect the entries of posterior.json about the measurement."""
+    S_d = measurement.discrepancy
+    S_y = measurement.observed.covariance - S_d
+    return {
+        "correlation": noise.correlation_record(measurement.pairs),
+        "physical_se": np.sqrt(np.diag(S_y)).tolist(),
+        "discrepancy_sd": np.sqrt(np.diag(S_d)).tolist(),
+        "discrepancy_of": measurement.evidence,
+    }
+
+
+def _predicted_summary(targets: Targets, Y: np.ndarray) -> dict[str, Any]:
+    """Collect mean and interval of each predicted response from draws (n, k)."""
+    summary = {}
+    for name, values in zip(targets.names, Y.T, strict=True):
+        interval = _credible_interval(values)
+        summary[name] = {"mean": float(values.mean()), **interval._asdict()}
+    return summary
+
+
+def _information_summary(
+    information: Information, table: pd.DataFrame
+) -> dict[str, Any]:
+    """Collect the entries of posterior.json about the information."""
+    return {
+        "information_bits": information.bits,
+        "information_se_bits": information.error,
+        "sum_of_marginals_bits": float(sum(table["information_bits"])),
+    }
+
+
+def _convergence_summary(convergence: Convergence) -> dict[str, Any]:
+    """Collect the entries of posterior.json about the convergence."""
+    return {
+        "converged": convergence.is_reached,
+        "largest_r_hat": float(convergence.r_hat.max()),
+        "least_effective_draws": float(convergence.effective_draws.min()),
+    }
+
+
+def _statements(space: ParameterSpace, table: pd.DataFrame) -> dict[str, str]:
+    """Collect a statement about each parameter, the fixed ones included."""
+    statements = dict(zip(table["parameter"], table["statement"], strict=True))
+    for name, value in space.fixed.items():
+        statements[name] = f"{name} is fixed at {value:g}"
+    return statements
+
+
 def require_free(space: ParameterSpace) -> None:
-    """Refuse parameters that are all fixed."""
+    """Raise InputError for parameters that are all fixed."""
     require(
         space.dimensions,
         "configuration",
@@ -163,239 +339,281 @@ def require_free(space: ParameterSpace) -> None:
 
 
 def run(
-    files: Mapping[str, Any],
-    study: Studied,
+    files: InputFiles,
+    *,
+    parameters: ParameterSpace,
+    targets: Targets,
+    definitions: Definitions,
+    settings: PosteriorSettings,
     out_dir: Path_,
     source: object = "configuration",
 ) -> dict[str, Any]:
-    """Read the inputs of `infer`; write the posterior, its curve over the discrepancy, and the region not excluded."""
-    space, targets, settings = study.parameters, study.targets, study.settings.posterior
-    require_free(space)
-    model = train.restore(files["network"], files["predictions"], files["dataset"])
-    train.require_targets(model, files["network"], targets, study.definitions, source)
-    support = Support.of_dataset(files["dataset"], space)
-    feasible = read_table(files["feasible"], space.names)[list(space.names)]
-    runs = noise.read_runs(files["runs"], targets)
-    references = {}
-    if files["table3"] is not None:
-        references["published"] = read_table(
-            files["table3"], ("parameter", "low", "high")
-        ).set_index("parameter")
-    references["miga"] = feasible.agg(["min", "max"]).T.set_axis(
-        ["low", "high"], axis=1
-    )
-    models = (
-        None
-        if settings.shape_study is None
-        else discrepancy.of_shape_study(settings.shape_study, targets)
-    )
-    shapes = None if models is None else models.covariance
+    """Infer the parameters of a study from its files.
+
+    Write the posterior (posterior.csv, draws.csv, posterior.json), its information over
+    the discrepancy (discrepancy.csv) and the region that is not excluded (region.csv).
+
+    Parameters
+    ----------
+    files : InputFiles
+    parameters : ParameterSpace
+    targets : Targets
+        The responses that the surrogate must have.
+    definitions : mapping
+        Their definitions, which must be those of the surrogate.
+    settings : PosteriorSettings
+    out_dir : path
+    source : object, optional
+        Named in the error about definitions: the configuration.
+
+    Returns
+    -------
+    dict
+        The content of posterior.json.
+
+    Raises
+    ------
+    InputError
+        If no parameter is free, for bad files, or for too few runs.
+    """
+    require_free(parameters)
+    model = train.restore(files.network, files.predictions, files.dataset)
+    train.require_targets(model, files.network, targets, definitions, source)
+    support = Support.of_dataset(files.dataset, parameters)
+    references = _read_references(files, parameters)
+    runs = noise.read_runs(files.runs, targets)
+    shape_study = None
+    if settings.shape_study is not None:
+        shape_study = discrepancy.of_shape_study(settings.shape_study, targets)
     try:
-        result = infer(model, support, runs, study, settings, references, shapes)
+        measurement = measurement_of(
+            targets,
+            runs,
+            settings,
+            shape_study=None if shape_study is None else shape_study.covariance,
+        )
+        result = infer(
+            model,
+            support,
+            parameters=parameters,
+            targets=targets,
+            measurement=measurement,
+            settings=settings,
+            references=references,
+        )
     except ValueError as error:
         allowed = "enough runs a sample for the correlation of the responses"
-        raise InputError(files["runs"], "runs", str(error), allowed) from None
+        raise InputError(files.runs, "runs", str(error), allowed) from None
+
     out = Path(out_dir)
-    result.summary.update(_further_studies(model, study, runs, shapes, out))
-    if models is not None:
-        result.summary.update(
-            discrepancy_models=models.models, discrepancy_mean=models.mean.tolist()
-        )
+    points = implausibility.Points(model, parameters)
+    curve = _curve(points, targets, runs, measurement)
+    region = implausibility.region(
+        points, implausibility.implausibility(points, *measurement.observed)
+    )
+    summary = result.summary
+    summary["not_implausible_share"] = region.share
+    summary["over_the_discrepancy"] = implausibility.message(curve, region.share)
+    if shape_study is not None:
+        summary["discrepancy_models"] = shape_study.models
+        summary["discrepancy_mean"] = shape_study.mean.tolist()
+    write_table(out / "discrepancy.csv", curve, float_format="%.6g")
+    write_table(out / "region.csv", region.projections, float_format="%.6g")
     write_table(out / "posterior.csv", result.parameters)
     write_table(out / "draws.csv", result.draws)
-    write_json(out / "posterior.json", result.summary)
-    return result.summary
+    write_json(out / "posterior.json", summary)
+    return summary
 
 
-def _observed(
-    runs: pd.DataFrame, targets: Targets, settings: PosteriorSettings
-) -> tuple[Observing, Pairs]:
-    """Return a function from S_d to the physical means and their covariance, and the pairs of correlations."""
-    pairs: Pairs = {}
-    stated = settings.measured_correlation
-    if isinstance(stated, str):
-        correlation, pairs = noise.within_correlation(runs, targets)
-        _check_freedom(targets, pairs)
-    else:
-        correlation = targets.correlated(stated)
-        with contextlib.suppress(ValueError):  # a stated correlation needs no runs
-            pairs = noise.within_correlation(runs, targets)[1]
-    return functools.partial(observation, targets, correlation), pairs
+def _read_references(
+    files: InputFiles, space: ParameterSpace
+) -> dict[str, pd.DataFrame]:
+    """Read the published intervals, and the ranges of the solutions of the search."""
+    references = {}
+    if files.table3 is not None:
+        table = read_table(files.table3, ("parameter", "low", "high"))
+        references["published"] = table.set_index("parameter")
+    feasible = read_table(files.feasible, space.names)[list(space.names)]
+    ranges = feasible.agg(["min", "max"]).T
+    references["miga"] = ranges.set_axis(["low", "high"], axis=1)
+    return references
 
 
-def _check_freedom(targets: Targets, pairs: Pairs) -> None:
-    """Raise ValueError for a bench test with fewer repeated runs than a correlation of its responses needs.
-
-    The matrix would be singular, or nearly so.
-    """
-    for bench, names in targets.benches.items():
-        for pair in combinations([targets.names[k] for k in names], 2):
-            freedom, least = (
-                pairs[", ".join(pair)]["degrees_of_freedom"],
-                len(names) + FREEDOM,
-            )
-            if freedom < least:
-                raise ValueError(
-                    f"{freedom} degrees of freedom within samples of {bench}; expected at least {least}"
-                )
-
-
-def _further_studies(
-    model: Surrogate,
-    study: Studied,
+def _curve(
+    points: implausibility.Points,
+    targets: Targets,
     runs: pd.DataFrame,
-    shapes: np.ndarray | None,
-    out: Path,
-) -> dict[str, Any]:
-    """Write discrepancy.csv and region.csv; return their entries of the summary."""
-    targets, settings = study.targets, study.settings.posterior
-    observed, _ = _observed(runs, targets, settings)
-    points = implausibility.Points(model, study.parameters)
+    measurement: Measurement,
+) -> pd.DataFrame:
+    """Compute the information over the size of the discrepancy."""
 
-    def stated(percent: float, between: float) -> Observed:
-        return observed(discrepancy.of_targets(targets, runs, percent, between))
+    def stated(percent: float, correlation: float) -> Observed:
+        S_d = discrepancy.of_targets(targets, runs, percent, correlation)
+        return observation(targets, measurement.correlation, S_d)
 
-    of_shapes = None if shapes is None else observed(shapes)
-    table = implausibility.curve(points, targets, stated, of_shapes)
-    chosen = of_shapes or stated(
-        settings.discrepancy_percent, settings.discrepancy_correlation
-    )
-    share, projections = implausibility.region(
-        points, implausibility.implausibility(points, *chosen)
-    )
-    write_table(out / "discrepancy.csv", table, float_format="%.6g")
-    write_table(out / "region.csv", projections, float_format="%.6g")
-    return {
-        "not_implausible_share": share,
-        "over_the_discrepancy": implausibility.message(table, share),
-    }
+    of_shapes = measurement.observed if measurement.evidence == SHAPE_STUDY else None
+    return implausibility.curve(points, targets, stated, of_shapes)
 
 
 def statement(row: Mapping[str, Any]) -> str:
-    """Say in a sentence how well one parameter is determined, from its row of posterior.csv."""
-    bits, name = row["information_bits"], row["parameter"]
-    where = f"{row['credible_low']:.3g} to {row['credible_high']:.3g}"
-    share = f"{100 * row['width_ratio']:.0f} % of the prior's width, {bits:.2f} bits"
+    """State in a sentence how well a parameter is determined.
+
+    `row` is its row of posterior.csv.
+    """
+    name = row["parameter"]
+    bits = row["information_bits"]
+    interval = f"{row['credible_low']:.3g} to {row['credible_high']:.3g}"
+    width = f"{100 * row['width_ratio']:.0f} % of the prior's width, {bits:.2f} bits"
     if bits < UNDETERMINED:
-        return f"{name} is not determined: {share}"
+        return f"{name} is not determined: {width}"
     if bits < DETERMINED:
-        end, sure = max(
-            ("high", 1 - row["below_centre"]),
-            ("low", row["below_centre"]),
-            key=lambda one: one[1],
+        below = row["below_centre"]
+        above = 1 - below
+        half = "high" if above >= below else "low"
+        return (
+            f"{name} is weakly determined, in the {half} half with probability "
+            f"{max(above, below):.2f}: {width}"
         )
-        return f"{name} is weakly determined, in the {end} half with probability {sure:.2f}: {share}"
     if row["width_ratio"] > WIDE:
-        return f"{name} lies in one of several places within {where}: {share}"
-    return f"{name} is determined, {where}: {share}"
+        return f"{name} lies in one of several places within {interval}: {width}"
+    return f"{name} is determined, {interval}: {width}"
 
 
 def message(summary: Mapping[str, Any]) -> str:
     """Write statements, fit and convergence as text."""
-    lines, fit = list(summary["statements"].values()), summary["misfit"]
-    bits, error = summary["information_bits"], summary["information_se_bits"]
-    misses = f"the best draw misses the targets by {math.sqrt(fit['squared_distance']):.2f} standard deviations"
-    thin = (
-        f"{100 * summary['thin_share']:.0f} % of the draws lie where samples are thin"
-    )
+    lines = list(summary["statements"].values())
+    bits = summary["information_bits"]
+    error = summary["information_se_bits"]
+    distance = math.sqrt(summary["misfit"]["squared_distance"])
+    p_value = summary["misfit"]["p_value"]
     lines.append(
-        f"together {bits:.2f} ± {error:.2f} bits; {misses} (p = {fit['p_value']:.2g}); {thin}"
+        f"together {bits:.2f} ± {error:.2f} bits; the best draw misses the targets by "
+        f"{distance:.2f} standard deviations (p = {p_value:.2g}); "
+        f"{100 * summary['thin_share']:.0f} % of the draws lie where samples are thin"
     )
     lines += summary.get("over_the_discrepancy", "").splitlines()
     if summary["thin_share"] > MOSTLY:
         lines.append(
-            "EXTRAPOLATED: most draws lie beyond the samples, where the surrogate is only a guess"
+            "EXTRAPOLATED: most draws lie beyond the samples, "
+            "where the surrogate is only a guess"
         )
     if not summary["converged"]:
-        apart = f"R-hat {summary['largest_r_hat']:.3f} (at most {LARGEST_R_HAT:g})"
-        few = f"effective draws {summary['least_effective_draws']:.0f} (at least {FEWEST_EFFECTIVE})"
-        lines.append(f"NOT CONVERGED: {apart}, {few}; raise posterior.steps")
+        lines.append(
+            f"NOT CONVERGED: R-hat {summary['largest_r_hat']:.3f} "
+            f"(at most {LARGEST_R_HAT:g}), "
+            f"effective draws {summary['least_effective_draws']:.0f} "
+            f"(at least {FEWEST_EFFECTIVE}); raise posterior.steps"
+        )
     return "\n".join(lines)
 
 
 def _parameters(
     space: ParameterSpace,
     unit: np.ndarray,
-    chains: Mapping[str, np.ndarray],
+    convergence: Convergence,
     references: Mapping[str, pd.DataFrame],
 ) -> pd.DataFrame:
-    """Make the rows of posterior.csv, a row for each free parameter, from draws (n, d) in the unit cube.
+    """Make posterior.csv, a row for each free parameter.
 
-    `chains` has the columns (d,) about the convergence.
+    Parameters
+    ----------
+    space : ParameterSpace
+    unit : array (n, d)
+        Draws in the unit cube.
+    convergence : Convergence
+    references : mapping
+        As of `infer`. They need not have every parameter: published tables have the six
+        of the paper.
     """
-    shares, widths = space.prior_cdf(unit), _prior_interval(space)
+    quantiles = space.prior_cdf(unit)
+    prior_widths = _prior_widths(space)
     rows = []
     for k, name in enumerate(space.free):
         values = space.low[k] + unit[:, k] * (space.high[k] - space.low[k])
-        interval = _interval(values)
-        row = {"parameter": name, "low": space.low[k], "high": space.high[k]}
-        row |= {
+        interval = _credible_interval(values)
+        row = {
+            "parameter": name,
+            "low": space.low[k],
+            "high": space.high[k],
             "mean": float(values.mean()),
             "sd": float(values.std()),
             "median": float(np.median(values)),
+            "credible_low": interval.low,
+            "credible_high": interval.high,
+            "width_ratio": (interval.high - interval.low) / prior_widths[k],
+            "information_bits": information_bits(
+                quantiles[:, k], convergence.effective_draws[k]
+            ),
+            "below_centre": float((quantiles[:, k] < 0.5).mean()),
         }
-        row |= {f"credible_{end}": number for end, number in interval.items()}
-        row["width_ratio"] = (interval["high"] - interval["low"]) / widths[k]
-        row["information_bits"] = information_bits(
-            shares[:, k], chains["effective_draws"][k]
-        )
-        row["below_centre"] = float((shares[:, k] < 0.5).mean())
-        row |= {column: numbers[k] for column, numbers in chains.items()}
-        for other, intervals in references.items():
-            if (
-                name in intervals.index
-            ):  # published tables have the six parameters alone
-                row |= _reference(
-                    other,
-                    space,
-                    k,
-                    values,
-                    *map(float, intervals.loc[name, ["low", "high"]]),
-                )
-        rows.append(row | {"statement": statement(row)})
+        for column, numbers in convergence._asdict().items():
+            row[column] = numbers[k]
+        for reference, intervals in references.items():
+            if name in intervals.index:
+                low, high = map(float, intervals.loc[name, ["low", "high"]])
+                row |= _reference(reference, space, k, values, Interval(low, high))
+        row["statement"] = statement(row)
+        rows.append(row)
     return pd.DataFrame(rows)
 
 
-def _prior_interval(space: ParameterSpace) -> np.ndarray:
-    """Find the widths (d,) of the priors' central intervals of probability CREDIBLE."""
-    width = CREDIBLE * (space.high - space.low)
+def _prior_widths(space: ParameterSpace) -> np.ndarray:
+    """Compute the widths (d,) of the priors' central intervals of probability CREDIBLE.
+
+    For a uniform prior it is this share of the range.
+    """
+    widths = CREDIBLE * (space.high - space.low)
     tail = np.full(space.dimensions, (1 - CREDIBLE) / 2)
     low, high = space.values(space.from_prior(np.array([tail, 1 - tail])))
     for name in space.prior:
-        width[space.free.index(name)] = (
-            high[space.names.index(name)] - low[space.names.index(name)]
-        )
-    return width
+        column = space.names.index(name)
+        widths[space.free.index(name)] = high[column] - low[column]
+    return widths
 
 
-def _interval(values: np.ndarray) -> dict[str, float]:
-    """Find the central credible interval."""
+def _credible_interval(values: np.ndarray) -> Interval:
+    """Find the central interval of probability CREDIBLE of draws (n,)."""
     tail = (1 - CREDIBLE) / 2
-    return dict(
-        zip(
-            ("low", "high"), np.quantile(values, [tail, 1 - tail]).tolist(), strict=True
-        )
-    )
+    low, high = np.quantile(values, [tail, 1 - tail]).tolist()
+    return Interval(low, high)
 
 
 def _reference(
-    other: str,
+    name: str,
     space: ParameterSpace,
     k: int,
     values: np.ndarray,
-    first: float,
-    last: float,
+    interval: Interval,
 ) -> dict[str, float]:
-    """Give a reference interval of free parameter k its probability by draws of the posterior and by the prior."""
+    """Compute the probability of a reference interval of free parameter k.
+
+    Parameters
+    ----------
+    name : str
+        Of the reference; the columns begin with it.
+    space : ParameterSpace
+    k : int
+    values : array (n,)
+        Draws of the parameter.
+    interval : Interval
+
+    Returns
+    -------
+    dict
+        The interval, and its probability by the draws and by the prior.
+    """
     low, high = space.low[k], space.high[k]
-    prior = max(0.0, min(last, high) - max(first, low)) / (high - low)
     if space.free[k] in space.prior:
         ends = np.zeros((2, space.dimensions))
-        ends[:, k] = (np.clip([first, last], low, high) - low) / (high - low)
-        prior = float(np.diff(space.prior_cdf(ends)[:, k])[0])
-    own = float(((values >= first) & (values <= last)).mean())
-    names = ("low", "high", "probability", "prior_probability")
+        ends[:, k] = (np.clip(interval, low, high) - low) / (high - low)
+        prior_probability = float(np.diff(space.prior_cdf(ends)[:, k])[0])
+    else:
+        overlap = min(interval.high, high) - max(interval.low, low)
+        prior_probability = max(0.0, overlap) / (high - low)
+    is_inside = (values >= interval.low) & (values <= interval.high)
     return {
-        f"{other}_{name}": value
-        for name, value in zip(names, (first, last, own, prior), strict=True)
+        f"{name}_low": interval.low,
+        f"{name}_high": interval.high,
+        f"{name}_probability": float(is_inside.mean()),
+        f"{name}_prior_probability": prior_probability,
     }

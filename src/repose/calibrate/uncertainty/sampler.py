@@ -1,7 +1,8 @@
-"""Draws of a probability density in the unit cube, with their convergence and information.
+"""Draws of a probability density in the unit cube, with convergence and information.
 
-Draws come from emcee (Foreman-Mackey et al. 2013, PASP 125, 306). Walkers of one ensemble depend on each other, so
-several independent ensembles are drawn, and R-hat compares these.
+The draws come from emcee (Foreman-Mackey et al. 2013, PASP 125, 306). Walkers of one
+ensemble depend on each other, so several independent ensembles are drawn, and R-hat
+compares these.
 """
 
 import math
@@ -17,7 +18,11 @@ ENSEMBLES = 4
 BURN_IN = 0.5  # share of the steps that is dropped
 BINS = 40
 PRIOR_DRAWS = 2**15
-POPULATION, MOVES = 2048, 8  # of `_start`: points, and steps at each temperature
+CHUNK = 2048  # points at which the likelihood is computed together
+# Of `_starts`.
+POPULATION = 2048  # points
+MOVES = 8  # steps at each power of the density
+LEAST_EFFECTIVE = 0.5  # effective share of the points after the power rises
 
 Density = Callable[[np.ndarray], np.ndarray]
 
@@ -34,113 +39,164 @@ class Chains(NamedTuple):
     density_time: float  # autocorrelation time of the log density
 
 
+class Information(NamedTuple):
+    """Information in bits."""
+
+    bits: float
+    error: float  # standard error
+
+
 def sample(
     log_density: Density, dimensions: int, walkers: int, steps: int, seed: int
 ) -> Chains:
     """Draw from a density in the unit cube.
 
-    Walkers start at draws of a tempered population: from anywhere, some would never leave a mode of no weight.
+    The walkers start at draws of a tempered population. Some of those that start from
+    anywhere would never leave a mode of no weight.
+
+    Parameters
+    ----------
+    log_density : callable
+        From points (n, d) to the log (n,) of the density, up to a constant.
+    dimensions : int
+    walkers : int
+        Of each ensemble.
+    steps : int
+        Of each walker, those of the burn-in included.
+    seed : int
     """
     import emcee
 
-    def inside(points: np.ndarray) -> np.ndarray:
-        value = np.full(len(points), -np.inf)
-        allowed = ((points >= 0) & (points <= 1)).all(axis=1)
-        if allowed.any():
-            value[allowed] = log_density(points[allowed])
-        return value
+    def in_cube(points: np.ndarray) -> np.ndarray:
+        """Compute the log density; -inf outside the unit cube."""
+        values = np.full(len(points), -np.inf)
+        is_inside = ((points >= 0) & (points <= 1)).all(axis=1)
+        if is_inside.any():
+            values[is_inside] = log_density(points[is_inside])
+        return values
 
-    chains, times = [], []
+    chains = []
+    times = []
     for k in range(ENSEMBLES):
         random = np.random.RandomState([seed, k])
-        first = _start(inside, dimensions, random)[:walkers]
-        sampler = _ensemble(len(first), dimensions, inside, random)
-        sampler.run_mcmc(first, steps)
-        dropped = int(BURN_IN * steps)
-        chain = np.dstack(
-            [sampler.get_chain(discard=dropped), sampler.get_log_prob(discard=dropped)]
-        )
+        first = _starts(in_cube, dimensions, random)[:walkers]
+        ensemble = _ensemble(len(first), dimensions, in_cube, random)
+        ensemble.run_mcmc(first, steps)
+
+        # Put the log density behind the coordinates, as a further column.
+        burn_in = int(BURN_IN * steps)
+        points = ensemble.get_chain(discard=burn_in)
+        values = ensemble.get_log_prob(discard=burn_in)
+        chain = np.dstack([points, values])
+
+        # The time is not a number if a walker never moved.
         with np.errstate(invalid="ignore"):
             time = emcee.autocorr.integrated_time(chain, tol=0)
-        times.append(
-            np.nan_to_num(time, nan=steps)
-        )  # not a number if a walker never moved
+        times.append(np.nan_to_num(time, nan=steps))
         chains.append(chain.reshape(-1, dimensions + 1))
-    whole, time = np.array(chains), np.mean(times, axis=0)
+    draws = np.array(chains)
+    time = np.mean(times, axis=0)
     return Chains(
-        np.ascontiguousarray(whole[..., :-1]),
-        whole[..., -1].copy(),
-        time[:-1],
-        float(time[-1]),
+        points=np.ascontiguousarray(draws[..., :-1]),
+        log_density=draws[..., -1].copy(),
+        times=time[:-1],
+        density_time=float(time[-1]),
     )
 
 
 def _ensemble(
     walkers: int, dimensions: int, log_density: Density, random: np.random.RandomState
 ) -> Any:
-    """Make emcee's ensemble of walkers, drawn with the state of a random generator."""
+    """Make emcee's ensemble of walkers, with the state of a random generator."""
     import emcee
 
-    # not the snooker move: as of emcee 3.1.6 its acceptance has half the exponent, and draws are too narrow
+    # Without the snooker move: in emcee 3.1.6 its acceptance has half the exponent, and
+    # the draws are too narrow.
     moves = [(emcee.moves.DEMove(), 0.5), (emcee.moves.StretchMove(), 0.5)]
-    sampler = emcee.EnsembleSampler(
+    ensemble = emcee.EnsembleSampler(
         walkers, dimensions, log_density, moves=moves, vectorize=True
     )
-    sampler.random_state = random.get_state()
-    return sampler
+    ensemble.random_state = random.get_state()
+    return ensemble
 
 
-def _start(
+def _starts(
     log_density: Density, dimensions: int, random: np.random.RandomState
 ) -> np.ndarray:
-    """Draw (POPULATION, d) from a density, approximately (Del Moral et al. 2006, J. R. Stat. Soc. B 68, 411).
+    """Draw points (POPULATION, d) from a density, approximately.
 
-    Powers of the density lead from the cube to the whole density; each halves the effective number of points.
+    Powers of the density lead from the uniform density of the cube, power 0, to the
+    density itself, power 1 (Del Moral et al. 2006, J. R. Stat. Soc. B 68, 411). Each
+    power is chosen so that half the points remain effective. The points are then drawn
+    again by their weights, and moved.
     """
-    points, power = random.uniform(size=(POPULATION, dimensions)), 0.0
-    value = log_density(points)
+    points = random.uniform(size=(POPULATION, dimensions))
+    power = 0.0
+    values = log_density(points)
 
-    def kept(step: float) -> float:
-        weight = np.exp(step * (value - value.max()))
-        return weight.sum() ** 2 / (weight**2).sum() / POPULATION - 0.5
+    def weights(rise: float) -> np.ndarray:
+        """Weigh the points for a rise of the power."""
+        return np.exp(rise * (values - values.max()))
 
-    def tempered(places: np.ndarray) -> np.ndarray:
-        return power * log_density(places)
+    def excess(rise: float) -> float:
+        """Compute the effective share of the points, less the least allowed."""
+        weight = weights(rise)
+        effective = weight.sum() ** 2 / (weight**2).sum() / POPULATION
+        return effective - LEAST_EFFECTIVE
+
+    def tempered(points: np.ndarray) -> np.ndarray:
+        return power * log_density(points)
 
     while power < 1.0:
         rest = 1.0 - power
-        step = rest if kept(rest) >= 0.0 else optimize.brentq(kept, 0.0, rest)
-        weight = np.exp(step * (value - value.max()))
-        power += step
-        points = points[random.choice(POPULATION, POPULATION, p=weight / weight.sum())]
-        sampler = _ensemble(POPULATION, dimensions, tempered, random)
-        last = sampler.run_mcmc(points, MOVES, skip_initial_state_check=True)
-        points, value = last.coords, last.log_prob / power
+        if excess(rest) >= 0.0:
+            rise = rest
+        else:
+            rise = optimize.brentq(excess, 0.0, rest)
+        weight = weights(rise)
+        power += rise
+        rows = random.choice(POPULATION, POPULATION, p=weight / weight.sum())
+        ensemble = _ensemble(POPULATION, dimensions, tempered, random)
+        last = ensemble.run_mcmc(points[rows], MOVES, skip_initial_state_check=True)
+        points = last.coords
+        values = last.log_prob / power
     return points[random.permutation(POPULATION)]
 
 
 def split_r_hat(chains: np.ndarray) -> np.ndarray:
-    """Compute R-hat (d,) of chains (m, n, d), each cut in two (Gelman et al. 2013, Bayesian Data Analysis, 11.4)."""
+    """Compute R-hat (d,) of chains (m, n, d), each cut in two.
+
+    With the variance W within the halves of n draws, and B / n between their means,
+    R-hat is sqrt(((n - 1) / n W + B / n) / W) (Gelman et al. 2013, Bayesian Data
+    Analysis, 11.4).
+    """
     n = chains.shape[1] // 2
     halves = np.concatenate([chains[:, :n], chains[:, -n:]])
-    within = halves.var(axis=1, ddof=1).mean(axis=0)  # W
-    between = n * halves.mean(axis=1).var(axis=0, ddof=1)  # B
-    return np.sqrt(((n - 1) / n * within + between / n) / within)
+    W = halves.var(axis=1, ddof=1).mean(axis=0)
+    B = n * halves.mean(axis=1).var(axis=0, ddof=1)
+    return np.sqrt(((n - 1) / n * W + B / n) / W)
 
 
 def information_bits(draws: np.ndarray, effective: float) -> float:
-    """Compute the Kullback-Leibler divergence of one parameter's posterior from its prior, in bits, at least 0.
+    """Compute the information of one parameter's posterior over its prior, in bits.
 
-    It is the divergence of a histogram. Its expected excess for `effective` independent draws, (bins - 1) / (2
-    effective ln 2), is subtracted (Miller 1955, Note on the bias of information estimates).
+    It is the Kullback-Leibler divergence of a histogram, at least 0. Its expected excess
+    for m independent draws, (bins - 1) / (2 m ln 2), is subtracted (Miller 1955, Note on
+    the bias of information estimates).
+
+    Parameters
+    ----------
+    draws : array (n,)
+        The prior's distribution function at the draws, from 0 to 1.
+    effective : float
+        Number m of independent draws that they are worth.
     """
-    return bits_of_shares(
-        np.histogram(draws, bins=BINS, range=(0, 1))[0] / len(draws), effective
-    )
+    counts, _ = np.histogram(draws, bins=BINS, range=(0, 1))
+    return bits_of_shares(counts / len(draws), effective)
 
 
 def bits_of_shares(share: np.ndarray, effective: float) -> float:
-    """Compute `information_bits` from a histogram: the share of the draws in each of the BINS."""
+    """Compute `information_bits` from the share of the draws in each of the BINS."""
     filled = share[share > 0]
     excess = (len(filled) - 1) / (2 * effective * math.log(2))
     return max(0.0, float(filled @ np.log2(filled * BINS)) - excess)
@@ -152,20 +208,35 @@ def joint_information_bits(
     effective: float,
     space: ParameterSpace,
     seed: int,
-) -> tuple[float, float]:
-    """Compute the Kullback-Leibler divergence of the whole posterior from the prior, in bits, and its standard error.
+) -> Information:
+    """Compute the information of the joint posterior over the prior, in bits.
 
-    It is E_posterior[log L] - log E_prior[L]. The second mean is over a scrambled Sobol sequence; its standard error is
-    computed as for independent points, which makes it too large rather than too small.
+    The Kullback-Leibler divergence is E_posterior[log L] - log E_prior[L]. The second
+    mean is over a scrambled Sobol sequence. Its standard error is that of independent
+    points, which is too large rather than too small.
+
+    Parameters
+    ----------
+    log_likelihood : callable
+        From points (n, d) of the unit cube to log L (n,).
+    drawn : array (draws,)
+        log L at draws of the posterior.
+    effective : float
+        Number of independent draws that they are worth.
+    space : ParameterSpace
+        With the prior.
+    seed : int
+        Of the sequence.
     """
-    points = space.from_prior(
-        stats.qmc.Sobol(space.dimensions, rng=seed).random(PRIOR_DRAWS)
+    sequence = stats.qmc.Sobol(space.dimensions, rng=seed)
+    points = space.from_prior(sequence.random(PRIOR_DRAWS))
+    parts = np.array_split(points, PRIOR_DRAWS // CHUNK)
+    at_prior = np.concatenate([log_likelihood(part) for part in parts])
+    likelihood = np.exp(at_prior - at_prior.max())
+    log_evidence = at_prior.max() + math.log(likelihood.mean())
+    prior_error = likelihood.std() / likelihood.mean() / math.sqrt(PRIOR_DRAWS)
+    posterior_error = drawn.std() / math.sqrt(effective)
+    return Information(
+        bits=float((drawn.mean() - log_evidence) / math.log(2)),
+        error=float(math.hypot(prior_error, posterior_error) / math.log(2)),
     )
-    prior = np.concatenate(
-        [log_likelihood(part) for part in np.array_split(points, PRIOR_DRAWS // 2048)]
-    )
-    likelihood = np.exp(prior - prior.max())
-    evidence = prior.max() + math.log(likelihood.mean())
-    of_prior = likelihood.std() / likelihood.mean() / math.sqrt(PRIOR_DRAWS)
-    error = math.hypot(of_prior, drawn.std() / math.sqrt(effective))
-    return float((drawn.mean() - evidence) / math.log(2)), float(error / math.log(2))

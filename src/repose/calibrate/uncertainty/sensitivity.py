@@ -1,22 +1,28 @@
-"""Effects of the parameters on the responses, by the surrogate: Sobol indices and main effects.
+"""Effects of the parameters on the responses, by the surrogate.
 
-The indices use the estimators of Saltelli et al. 2010 (Computer Physics Communications 181, 259) on a Sobol sequence,
-as scipy.stats.sobol_indices has them. The free parameters are independent and uniform on their ranges; prior
-knowledge of a parameter does not enter. The intervals contain the error of the sampling, by bootstrap over the rows
-of the sequence. They do not contain the surrogate's own error.
+There are Sobol indices and main effects. The indices use the estimators of Saltelli et
+al. 2010 (Computer Physics Communications 181, 259) on a Sobol sequence, as
+scipy.stats.sobol_indices has them. The free parameters are independent and uniform on
+their ranges; prior knowledge of a parameter does not enter. The intervals contain the
+error of the sampling, by bootstrap over the rows of the sequence. They do not contain the
+surrogate's own error.
 """
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 from scipy import stats
 
-from repose.calibrate.strategies.base import Studied
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.responses import Definitions
 from repose.calibrate.surrogates import Surrogate, load
+from repose.calibrate.targets import Targets
 from repose.calibrate.training import require_targets
 from repose.calibrate.uncertainty.posterior import require_free
+from repose.calibrate.uncertainty.settings import SensitivitySettings
 from repose.common.errors import InputError
 from repose.common.files import Path_, write_table
 
@@ -28,6 +34,13 @@ ROUNDING = 1e-12  # a constant output varies by no more than this share of it
 Function = Callable[[np.ndarray], np.ndarray]
 
 
+class Sensitivity(NamedTuple):
+    """Tables of the effects of the parameters."""
+
+    indices: pd.DataFrame  # sobol.csv: a row for each response and parameter
+    effects: pd.DataFrame  # main_effects.csv: a row for each parameter and value
+
+
 def indices(
     function: Function,
     low: np.ndarray,
@@ -36,20 +49,48 @@ def indices(
     resamples: int,
     seed: int,
 ) -> dict[str, np.ndarray]:
-    """Compute first-order and total Sobol indices with intervals, each (outputs, d); `samples` is a power of two."""
+    """Compute first-order and total Sobol indices with intervals.
+
+    Parameters
+    ----------
+    function : callable
+        From points (n, d) to outputs (n,) or (n, outputs).
+    low, high : array (d,)
+        Ranges of the inputs.
+    samples : int
+        A power of two.
+    resamples : int
+        Of the bootstrap.
+    seed : int
+
+    Returns
+    -------
+    dict
+        `first`, `first_low`, `first_high`, `total`, `total_low` and `total_high`, each
+        (outputs, d).
+
+    Raises
+    ------
+    ValueError
+        If an output does not vary.
+    """
+    # A and B are independent samples; AB[i] is A with column i of B.
     d = len(low)
-    A, B = np.split(stats.qmc.Sobol(2 * d, rng=seed).random(samples), 2, axis=1)
-    AB = np.repeat(A[None], d, axis=0)  # A with column i of B
+    sequence = stats.qmc.Sobol(2 * d, rng=seed)
+    A, B = np.split(sequence.random(samples), 2, axis=1)
+    AB = np.repeat(A[None], d, axis=0)
     AB[np.arange(d), :, np.arange(d)] = B.T
-    f_A, f_B = _values(function, A, low, high), _values(function, B, low, high)
+    f_A = _values(function, A, low, high)
+    f_B = _values(function, B, low, high)
     f_AB = np.array([_values(function, points, low, high) for points in AB])
     if not (f_A.std(axis=1) > ROUNDING * np.abs(f_A).max(axis=1)).all():
         raise ValueError(
             "an output of the function does not vary; expected outputs that do"
         )
 
-    def of(rows: np.ndarray | slice) -> np.ndarray:
-        # scipy centres its arguments in place
+    def of_rows(rows: np.ndarray | slice) -> np.ndarray:
+        """Compute first-order and total indices (2, outputs, d) of some samples."""
+        # scipy centres its arguments in place, so it gets copies.
         values = {
             "f_A": f_A[:, rows].copy(),
             "f_B": f_B[:, rows].copy(),
@@ -59,15 +100,28 @@ def indices(
         return np.reshape([result.first_order, result.total_order], (2, -1, d))
 
     random = np.random.default_rng(seed)
-    again = [of(random.integers(samples, size=samples)) for _ in range(resamples)]
+    resampled = [
+        of_rows(random.integers(samples, size=samples)) for _ in range(resamples)
+    ]
     tail = (1 - CONFIDENCE) / 2
-    ends = np.quantile(again, [tail, 1 - tail], axis=0)
-    result: dict[str, np.ndarray] = {}
-    for k, (name, value) in enumerate(
-        zip(("first", "total"), of(slice(None)), strict=True)
-    ):
-        result |= {name: value, f"{name}_low": ends[0, k], f"{name}_high": ends[1, k]}
-    return result
+    lowest, highest = np.quantile(resampled, [tail, 1 - tail], axis=0)
+    first, total = of_rows(slice(None))
+    return {
+        "first": first,
+        "first_low": lowest[0],
+        "first_high": highest[0],
+        "total": total,
+        "total_low": lowest[1],
+        "total_high": highest[1],
+    }
+
+
+def _values(
+    function: Function, unit: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> np.ndarray:
+    """Compute the outputs (outputs, n) at points (n, d) of the unit cube."""
+    outputs = np.asarray(function(low + (high - low) * unit), dtype=float)
+    return outputs.reshape(len(unit), -1).T
 
 
 def main_effects(
@@ -77,93 +131,128 @@ def main_effects(
     seed: int,
     points: int = EFFECT_POINTS,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Compute values (d, points) along each input, and mean outputs (d, points, outputs) over all other inputs."""
-    base = low + (high - low) * stats.qmc.Sobol(len(low), rng=seed).random(EFFECT_DRAWS)
+    """Compute mean outputs along each input, over all other inputs.
+
+    Parameters
+    ----------
+    function, low, high, seed
+        As of `indices`.
+    points : int
+        Number of values of each input.
+
+    Returns
+    -------
+    grid : array (d, points)
+        Values of each input.
+    means : array (d, points, outputs)
+    """
+    d = len(low)
+    base = low + (high - low) * stats.qmc.Sobol(d, rng=seed).random(EFFECT_DRAWS)
     grid = np.linspace(low, high, points, axis=1)
     means = []
-    for k in range(len(low)):
-        moved = base.copy()
-        along = []
+    for k in range(d):
+        changed = base.copy()
+        means_of_input = []
         for value in grid[k]:
-            moved[:, k] = value
-            along.append(np.mean(function(moved), axis=0))
-        means.append(along)
+            changed[:, k] = value
+            means_of_input.append(np.mean(function(changed), axis=0))
+        means.append(means_of_input)
     return grid, np.array(means)
 
 
-def analyse(model: Surrogate, study: Studied) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Make the tables sobol.csv and main_effects.csv of a surrogate: Sobol indices and mean responses."""
-    space, names, settings = (
-        study.parameters,
-        study.targets.names,
-        study.settings.sensitivity,
-    )
+def analyse(
+    model: Surrogate,
+    parameters: ParameterSpace,
+    targets: Targets,
+    settings: SensitivitySettings,
+) -> Sensitivity:
+    """Compute Sobol indices and mean responses of a surrogate.
+
+    ValueError if a response does not vary.
+    """
 
     def respond(values: np.ndarray) -> np.ndarray:
-        return model.predict(space.complete(values))
+        return model.predict(parameters.complete(values))
 
-    table = indices(
+    arrays = indices(
         respond,
-        space.low,
-        space.high,
-        settings.samples,
-        settings.resamples,
-        settings.seed,
+        low=parameters.low,
+        high=parameters.high,
+        samples=settings.samples,
+        resamples=settings.resamples,
+        seed=settings.seed,
     )
     pairs = pd.MultiIndex.from_product(
-        [names, space.free], names=["response", "parameter"]
+        [targets.names, parameters.free], names=["response", "parameter"]
     )
-    sobol = pd.DataFrame(
-        {key: value.ravel() for key, value in table.items()}, pairs
-    ).reset_index()
-    grid, means = main_effects(respond, space.low, space.high, settings.seed)
+    columns = {name: array.ravel() for name, array in arrays.items()}
+    table = pd.DataFrame(columns, pairs).reset_index()
+
+    grid, means = main_effects(
+        respond, low=parameters.low, high=parameters.high, seed=settings.seed
+    )
+    n_values = grid.shape[1]
     effects = pd.DataFrame(
-        {"parameter": np.repeat(space.free, grid.shape[1]), "value": grid.ravel()}
+        {"parameter": np.repeat(parameters.free, n_values), "value": grid.ravel()}
     )
-    effects[list(names)] = means.reshape(len(effects), -1)
-    return sobol, effects
+    effects[list(targets.names)] = means.reshape(len(effects), -1)
+    return Sensitivity(table, effects)
 
 
 def run(
     surrogate_json: Path_,
-    study: Studied,
+    *,
+    parameters: ParameterSpace,
+    targets: Targets,
+    definitions: Definitions,
+    settings: SensitivitySettings,
     out_dir: Path_,
     source: object = "configuration",
 ) -> pd.DataFrame:
-    """Read a surrogate, write sobol.csv and main_effects.csv; return the first table."""
-    require_free(study.parameters)
+    """Analyse the surrogate in a file.
+
+    Write sobol.csv and main_effects.csv, and return the first table.
+
+    Parameters
+    ----------
+    surrogate_json : path
+    parameters : ParameterSpace
+    targets : Targets
+        The responses that the surrogate must have.
+    definitions : mapping
+        Their definitions, which must be those of the surrogate.
+    settings : SensitivitySettings
+    out_dir : path
+    source : object, optional
+        Named in the error about definitions: the configuration.
+
+    Raises
+    ------
+    InputError
+        If no parameter is free, or for a surrogate of other or constant responses.
+    """
+    require_free(parameters)
     model = load(surrogate_json)
-    require_targets(model, surrogate_json, study.targets, study.definitions, source)
+    require_targets(model, surrogate_json, targets, definitions, source)
     try:
-        table, effects = analyse(model, study)
+        result = analyse(model, parameters, targets, settings)
     except ValueError as error:
         raise InputError(
             surrogate_json, "surrogate", str(error), "responses that vary"
         ) from None
-    write_table(Path(out_dir) / "sobol.csv", table)
-    write_table(Path(out_dir) / "main_effects.csv", effects)
-    return table
-
-
-def _values(
-    function: Function, unit: np.ndarray, low: np.ndarray, high: np.ndarray
-) -> np.ndarray:
-    """Compute the outputs (outputs, n) at points (n, d) of the unit cube."""
-    return (
-        np.asarray(function(low + (high - low) * unit), dtype=float)
-        .reshape(len(unit), -1)
-        .T
-    )
+    write_table(Path(out_dir) / "sobol.csv", result.indices)
+    write_table(Path(out_dir) / "main_effects.csv", result.effects)
+    return result.indices
 
 
 def message(table: pd.DataFrame) -> str:
     """Write first-order and total indices as text, a line for each response."""
     lines = []
     for response, rows in table.groupby("response", sort=False):
-        order = rows.sort_values("total", ascending=False)
-        parts = [
+        by_total = rows.sort_values("total", ascending=False)
+        parameters = ", ".join(
             f"{row.parameter} {row.first:.2f} ({row.total:.2f})"
-            for row in order.itertuples()
-        ]
-        lines.append(f"{response}: first-order (total) " + ", ".join(parts))
+            for row in by_total.itertuples()
+        )
+        lines.append(f"{response}: first-order (total) {parameters}")
     return "\n".join(lines)
