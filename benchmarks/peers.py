@@ -27,8 +27,8 @@ from pathlib import Path
 import numpy as np
 from beds import CONTACTS, DENSITY_KG_M3, MATERIALS, SEMI_AXES_M, bed, side_m
 
+from repose.bench.speed import REFERENCE_LOOPS, reference_kernel
 from repose.dem import Shape
-from repose.verification.speed import REFERENCE_LOOPS, reference_kernel
 
 HERE = Path(__file__).resolve().parent
 ENVIRONMENT = {

@@ -12,8 +12,17 @@ The piles have the published representative parameters.
 
 import argparse
 import math
+import sys
+from pathlib import Path
 
 import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+
+from verification.hertz import ALUMINIUM_OXIDE, Solid, hertz_on_plane
+from verification.simulations import grain_simulation, impact
+from verification.sliding import slides, sliding_loss, velocity_after_hit
+from verification.throws import throw_pairs
 
 from repose.bench import Scene, bench
 from repose.bench.settings import SimulationSettings
@@ -23,12 +32,9 @@ from repose.config.pipeline import PipelineConfig
 from repose.dem import Contact
 from repose.stages import published
 from repose.stages.job import run_once
-from repose.verification import energy, machine, oblique
-from repose.verification.hertz import Solid, hertz_on_plane
-from repose.verification.impacts import ALUMINIUM_OXIDE
-from repose.verification.machine import berry_simulation
 
 TIME_STEPS_S = (2.9e-5, 5e-5, 1e-4, 2e-4, 2.7e-4, 3.4e-4, 4.5e-4, 4.9e-4, 1e-3)
+ANGLES_DEG = (5, 20, 30, 50, 70)  # from the normal
 PHASES = 12  # number of places within a step at which the impact begins
 RESTITUTION = 0.2
 SPHERE_M = 0.00667  # radius of a sphere of the berry's volume
@@ -42,7 +48,7 @@ def restitutions(step_s, **laws):
     impacts = []
     for phase in np.arange(PHASES) / PHASES:
         contact, axes = Contact(RESTITUTION, 0.0, 0.0), (SPHERE_M,) * 3
-        simulation = berry_simulation(contact, step_s, axes, capacity=2, **laws)
+        simulation = grain_simulation(contact, step_s, axes, capacity=2, **laws)
         simulation.add(
             "body",
             (-0.0068 - 0.7 * phase * step_s, 0.0, 0.0),
@@ -56,40 +62,30 @@ def restitutions(step_s, **laws):
     return impacts
 
 
-def oblique_errors(step_s, **laws):
+def oblique_errors(step_s, laws):
     """Largest error of the tangential velocity of hits that stick and of hits that slide, over the normal velocity."""
-    berry_s = hertz_on_plane(SOFT, SPHERE_M, 2.0).duration_s
-    machine.STEPS_PER_CONTACT, before = berry_s / step_s, machine.STEPS_PER_CONTACT
+    contact_time_s = hertz_on_plane(SOFT, SPHERE_M, 2.0).duration_s
     contact, radius_m, speed_m_s = Contact(0.98, 0.092, 0.0), 2.5e-3, 3.9
     errors = {"sticks": 0.0, "slides": 0.0}
-    for degrees in oblique.TEST_4:
-        normal, along = (
-            speed_m_s * math.cos(math.radians(degrees)),
-            speed_m_s * math.sin(math.radians(degrees)),
-        )
-        hertz = hertz_on_plane(ALUMINIUM_OXIDE, radius_m, normal)
-        result = oblique.impact(
+    for degrees in ANGLES_DEG:
+        normal = speed_m_s * math.cos(math.radians(degrees))
+        along = speed_m_s * math.sin(math.radians(degrees))
+        velocity, _ = impact(
             ALUMINIUM_OXIDE,
             radius_m,
             contact,
             (along, 0.0, -normal),
-            (0.0, 0.0, 0.0),
+            steps_per_contact=contact_time_s / step_s,
             **laws,
         )
-        most = oblique.sliding_impulse(contact, normal)
-        slides = along > oblique.SLIDES * 3.5 * most
-        spring = laws.get("contact_law", "hertz_mindlin")
-        tension = laws.get("tension", "keep")
-        right = (
-            along - most
-            if slides
-            else oblique.equation_of_hit(
-                ALUMINIUM_OXIDE, hertz, contact, along, spring, tension
-            )
-        )
-        kind = "slides" if slides else "sticks"
-        errors[kind] = max(errors[kind], abs(result[0][0] - right) / normal)
-    machine.STEPS_PER_CONTACT = before
+        if slides(contact, normal, along):
+            kind = "slides"
+            expected = along - sliding_loss(contact, normal)
+        else:
+            kind = "sticks"
+            hertz = hertz_on_plane(ALUMINIUM_OXIDE, radius_m, normal)
+            expected = velocity_after_hit(ALUMINIUM_OXIDE, hertz, contact, along, laws)
+        errors[kind] = max(errors[kind], abs(velocity[0] - expected) / normal)
     return errors
 
 
@@ -98,10 +94,9 @@ def energies(step_s, pairs, **laws):
     rng, lossy, elastic = np.random.default_rng(5), [], []
     while sum(map(len, lossy)) < pairs:
         contact = Contact(rng.uniform(0.1, 0.6), rng.uniform(0.2, 0.8), 0.0)
-        lossy.append(energy.pair_hits(rng, contact, step=step_s, **laws)[1])
-        elastic.append(
-            energy.pair_hits(rng, Contact(1.0, 0.0, 0.0), step=step_s, **laws)[1]
-        )
+        lossy.append(throw_pairs(rng, contact, step=step_s, **laws).last)
+        elastic_contact = Contact(1.0, 0.0, 0.0)
+        elastic.append(throw_pairs(rng, elastic_contact, step=step_s, **laws).last)
     return np.concatenate(lossy), np.concatenate(elastic)
 
 
@@ -128,10 +123,8 @@ def rows(study, seeds, pairs):
     laws = SimulationSettings.model_validate(study.config["simulation"]).laws
     for step_s in TIME_STEPS_S:
         try:
-            bounces, errors = (
-                restitutions(step_s, **laws),
-                oblique_errors(step_s, **laws),
-            )
+            bounces = restitutions(step_s, **laws)
+            errors = oblique_errors(step_s, laws)
             lossy, elastic = energies(step_s, pairs, **laws) if pairs else ([], [])
             runs = runs_of(step_s, study, seeds) if seeds else []
         except ValueError as error:

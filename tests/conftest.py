@@ -92,7 +92,7 @@ def command(capsys):
 
 # A first set of kernels takes two minutes to compile and each further one a minute less, as they share what no law
 # changes. So the tests that call them are one group, which comes first as it is the largest; those of
-# `repose.verification` come late, as their files are small, and find the kernels in numba's cache. Photographs are the
+# `tests/verification` come late, as their files are small, and find the kernels in numba's cache. Photographs are the
 # other worker's.
 GROUPS = {
     "photographs": ("tests/measure/",),

@@ -15,7 +15,7 @@ OWN = f"--config={Path(__file__).with_name('own.yaml')}"
 # The words besides files that a verb needs before it reads any.
 NEEDED = {
     "figure": ["figure13"], "measure": ["--mm-per-pixel", "0.1"], "card": ["show"], "export": ["--to", "yade"],
-    "new": ["wheat"], "verify": ["--case", "chung1"], **{verb: [OWN] for verb in ("ask", "tell", "calibrate")},
+    "new": ["wheat"], **{verb: [OWN] for verb in ("ask", "tell", "calibrate")},
     **{verb: ["--sample", "1"] for verb in ("pour", "heap", "drum")},
 }  # fmt: skip
 INPUTS_OF_A_FIGURE = ("predictions", "dataset")

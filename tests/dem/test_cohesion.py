@@ -23,6 +23,7 @@ from dem.test_epsd import scene as rolling_scene
 from oracles import jkr_force
 from refusals import value_error
 from scipy.optimize import brentq
+from verification.simulations import smooth as smooth_body
 
 from repose.dem import Cone, Contact, Cylinder, Material, Mesh, Motion, RingEdge, Shape
 from repose.dem.constants import COHESION_ENERGY_DENSITY, OF_LAWS, SURFACE_ENERGY
@@ -32,7 +33,6 @@ from repose.dem.kernels import tile as tl
 from repose.dem.laws import CONTACT_LAWS, jkr
 from repose.dem.laws.epsd import HERTZ_TWIST
 from repose.dem.materials import effective_moduli
-from repose.verification.machine import smooth as smooth_body
 
 LAMMPS = Material(4.8e10 / 2.4, 0.2)  # of the unit tests of LAMMPS, package GRANULAR
 RADIUS = 0.006

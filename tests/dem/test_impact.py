@@ -94,7 +94,7 @@ def test_a_sphere_rests_at_the_overlap_of_its_weight_and_a_rolling_one_stops():
     s.run_steps(20000)
     assert s.positions[0, 2] == pytest.approx(RADIUS - sunk(smooth().mass_kg), rel=1e-6)
     assert s.kinetic_energies()[0] < 1e-20
-    # its deceleration is a case of `repose verify`
+    # its deceleration is a case of tests/verification
     s = resting(
         smooth(),
         Contact(0.3, 0.8, 0.05),

@@ -8,12 +8,12 @@ from dem.clump_scenes import BENT_INERTIA, MASS, scene
 from dem.common import simulation
 from dem.test_clumps import all_spheres, cloud
 from dem.test_parallel import falling
+from verification.simulations import simulation_of
 
 from repose.dem import Clump, Contact, Shape, random_quaternion
 from repose.dem.kernels import state as st
 from repose.dem.kernels.clumps import SLOTS
 from repose.dem.kernels.contact import solve_gap
-from repose.verification.machine import simulation_of
 
 
 def slow_contacts(s):
@@ -85,7 +85,7 @@ def test_memory_goes_with_the_grains_alone():
     }
     axes = np.array([0.004, 0.004, 0.01])
     s = simulation_of(
-        Shape.ellipsoid(axes, 800.0, "berry"),
+        Shape.ellipsoid(axes, 800.0, "grain"),
         Contact(0.3, 0.5, 0.02),
         1e-5,
         capacity=1000,

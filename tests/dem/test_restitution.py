@@ -7,12 +7,12 @@ from dem.clump_scenes import MASS, bent, scene
 from dem.common import FLOOR, GOJI, PVC, mesh_of
 from oracles import hertz_mindlin as slow_hertz_mindlin
 from oracles import mass_at_contact, rotation
+from verification.random_hits import STIFF_LIMIT, particles, simulate_hits
 
 from repose.dem import Contact
 from repose.dem.kernels import state as st
 from repose.dem.laws.hertz_mindlin import damping_ratio
 from repose.dem.materials import effective_moduli
-from repose.verification.restitution import STIFFER, hits, particles
 
 
 def slow_step(s, i, others, contact):
@@ -133,8 +133,8 @@ def test_a_stiff_hit_returns_its_restitution_wherever_it_is_hit(
     for on_plane in (False, True):
         for e in (0.2, 0.7):
             laws = {"contact_law": contact_law, "tension": tension}
-            found = hits(
-                particles()[name], e, STIFFER, on_plane, 12, **laws
+            found = simulate_hits(
+                particles()[name], e, STIFF_LIMIT, on_plane, 12, **laws
             ).restitution
             assert np.median(np.abs(found - e)) < 0.01
             assert np.mean(found) == pytest.approx(e, abs=0.02)

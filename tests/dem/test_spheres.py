@@ -5,12 +5,12 @@ import pytest
 import trimesh
 from dem.clump_scenes import CONE, RADIUS, ball_of_one, scene
 from dem.common import DENSITY, DOWN, FLOOR, mesh_of
+from verification.simulations import smooth
 
 from repose.dem import Contact, Cylinder, Motion, Plane, RingEdge, Shape
 from repose.dem.kernels import state as st
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 from repose.dem.shapes import parts_of
-from repose.verification.machine import smooth
 
 
 def three(**keywords):

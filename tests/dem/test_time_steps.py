@@ -7,6 +7,7 @@ import pytest
 from dem.clump_scenes import scene
 from dem.common import DOWN, FLOOR
 from dem.test_epsd import berry
+from verification.simulations import smooth as smooth_body
 
 from repose.dem import (
     Clump,
@@ -22,7 +23,6 @@ from repose.dem.kernels import state as st
 from repose.dem.laws import CONTACT_LAWS, hertz_mindlin, linear_spring
 from repose.dem.laws.hertz_mindlin import damping_ratio
 from repose.dem.materials import effective_moduli
-from repose.verification.machine import smooth as smooth_body
 
 SOFT, HARD = Material(4.3e4, 0.32), Material(1.12e9, 0.4)
 RADIUS_M, MASS_KG = 5e-3, 5e-4

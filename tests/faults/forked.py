@@ -57,9 +57,7 @@ def load_all():
     for module in pkgutil.walk_packages(
         importlib.import_module("repose").__path__, "repose."
     ):
-        if not module.name.startswith(
-            ("repose.report", "repose.verification", "repose.__main__")
-        ):
+        if not module.name.startswith(("repose.report", "repose.__main__")):
             importlib.import_module(module.name)
 
 

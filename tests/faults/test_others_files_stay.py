@@ -13,7 +13,6 @@ from forked import ROOT, make_up_pours
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from repose import verification
 from repose.bench import Run
 from repose.bench.drum import DrumTest
 from repose.cli import STAGES, VERBS, main
@@ -23,7 +22,7 @@ from repose.config.pipeline import PipelineConfig
 pytestmark = pytest.mark.slow
 
 # Left out is `run`, which passes its words on to snakemake, whose jobs are the other verbs, and writes nothing. All
-# pours, turns of the drum and cases of `verify` are made up.
+# pours and turns of the drum are made up.
 LEFT_OUT = {"run"}
 FOLDERS = (
     "",
@@ -134,7 +133,6 @@ def sandbox(tmp_path_factory):
     np.savez(inputs / "trajectory.npz", position=centres, quaternion=turns, **times)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(DrumTest, "run", made_up_turn)
-        patch.setattr(verification, "run", lambda *_: {})
         make_up_pours(patch.setattr)
         patch.chdir(work)
         made = ["--config=in/config.json", "--out=in/made"]
@@ -204,7 +202,7 @@ def test_a_verb_leaves_the_files_of_others(sandbox, monkeypatch, words):
 @pytest.mark.parametrize(
     "words",
     [
-        *(["drum", "--seed=1"], ["verify"], ["heap", "--seed=1"]),
+        *(["drum", "--seed=1"], ["heap", "--seed=1"]),
         ["film", GOOD["trajectory"], "--drum"],
     ],
 )
@@ -216,7 +214,7 @@ def test_what_is_made_up_ends_well_and_somebodys_file_in_its_place_stays(
         "config"
     }
     words = [*words, *(f"--{key}={GOOD[key]}" for key in sorted(read))]
-    words += ["--config=in/config.json"] if name != "verify" else []
+    words += ["--config=in/config.json"]
     place = "made_up/a.gif" if name == "film" else "made_up"
     words = ["stage", *words] if name in STAGES else words
     assert main([*words, f"--out={place}"]) == 0

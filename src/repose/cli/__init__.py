@@ -32,7 +32,7 @@ GROUPS = {
     "your own simulator": ("design", "tell", "ask", "calibrate"),
     "one pile, one picture": ("heap", "figure", "film", "provenance"),
     "how sure the answer is": ("noise", "posterior", "sensitivity", "next"),
-    "the simulator": ("verify", "bench"),
+    "the simulator": ("bench",),
     "the documentation": ("docs",),
 }
 TYPED = tuple(name for names in GROUPS.values() for name in names)
@@ -52,7 +52,7 @@ EXTRAS = (
 def main(words: Sequence[str] | None = None) -> int:
     """Run a verb, by default the one on the command line.
 
-    Status 0, 1 where a verification misses, 2 for faulty input, 3 where `card check` finds targets that are not met.
+    Status 0, 2 for faulty input, 3 where `card check` finds targets that are not met.
     """
     sys.stdout = sys.stdout or io.StringIO()  # where it is closed
     if isinstance(sys.stdout, io.TextIOWrapper):

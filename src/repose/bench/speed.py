@@ -1,0 +1,191 @@
+"""Speed of the engine on this machine, and of the machine itself.
+
+The reference kernel is a loop of dependent roots and divisions, so it measures the present speed of one processor. The
+ratio of a time step to it compares engines on machines of one type, but not types of machines: a step also depends on
+vectors and caches.
+"""
+
+import math
+import timeit
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numba
+import numpy as np
+from llvmlite import binding
+
+from repose.bench import Scene
+from repose.bench.funnel import FunnelSettings, FunnelTest
+from repose.bench.settings import SceneSettings
+from repose.dem.kernels import jit  # noqa: F401  (the first kernel of a process fixes the compiler for all)
+from repose.grain.particle import Particle
+
+REFERENCE_LOOPS = 20_000
+REPEATS = 7  # of the reference kernel in a round
+ROUNDS = 3
+SETTLED_S = 1.0  # after the pour; only then is the pile settled, for a wide factory empties late
+Config = Mapping[str, Any]
+Numbers = Mapping[str, float]
+
+
+class Times(NamedTuple):
+    """Times of a pour by the clock."""
+
+    us_per_step: float  # of the settled pile
+    job_s: float  # of the whole pour
+
+
+@numba.njit
+def reference_kernel(n: int) -> float:
+    """Compute n dependent steps, each a root and a division.
+
+    The value is returned so that the compiler keeps the steps.
+    """
+    x = 1.0
+    for k in range(n):
+        x = math.sqrt(x * 1.0000001 + 1e-9 * k) / (1.0 + 1e-7 * x)
+    return x
+
+
+def run(
+    config: Config,
+    particles: Mapping[str, Particle],
+    berry: Numbers,
+    parameters: Numbers,
+    seed: int = 1,
+) -> dict[str, Any]:
+    """Time whole pours and settled piles on one core.
+
+    The particles are poured in turn, so that all have the same conditions. The first one is the reference of the
+    others.
+
+    Parameters
+    ----------
+    config
+        The configuration of a study.
+    particles
+        The particles by name.
+    berry
+        The moduli of the grain.
+    parameters
+        The contact parameters.
+    seed
+        The seed of the pours.
+
+    Returns
+    -------
+    dict
+        The result of `summary`, with `berries` and `time_step_s` of the pours, and the `machine`.
+    """
+    # The first pours compile the code that is timed afterwards.
+    short_pour = _with_funnel(config, berries=2, duration_s=1.0)
+    for particle in particles.values():
+        timed_pour(short_pour, parameters, seed, particle, berry)
+    reference_kernel(10)
+
+    reference_times_us = []
+    pours: dict[str, list[Times]] = {name: [] for name in particles}
+    for _ in range(ROUNDS):
+        reference_times_us.append(_reference_time_us())
+        for name, particle in particles.items():
+            pours[name].append(timed_pour(config, parameters, seed, particle, berry))
+
+    settings = SceneSettings(config)
+    return {
+        "berries": settings.section("funnel", FunnelSettings).berries,
+        "time_step_s": settings.simulation.time_step_s,
+        **machine(),
+        **summary(reference_times_us, pours),
+    }
+
+
+def _reference_time_us() -> float:
+    """Time the reference kernel: the median of its repeats, in microseconds."""
+    times_s = timeit.repeat(
+        lambda: reference_kernel(REFERENCE_LOOPS), number=1, repeat=REPEATS
+    )
+    return 1e6 * float(np.median(times_s))
+
+
+def machine() -> dict[str, Any]:
+    """Name the type of processor by LLVM's name, and the width of the vectors of the compiled loops."""
+    features = binding.get_host_cpu_features()
+    if features.get("avx512f"):
+        vector_bits = 512
+    elif features.get("avx"):
+        vector_bits = 256
+    else:
+        vector_bits = 128
+    return {"processor": binding.get_host_cpu_name(), "vector_bits": vector_bits}
+
+
+def timed_pour(
+    config: Config, parameters: Numbers, seed: int, particle: Particle, berry: Numbers
+) -> Times:
+    """Time a step of the settled pile and a whole pour, by two pours."""
+    scene = Scene.of(config, parameters, berry, particle, seed)
+    pour = FunnelTest().pour(scene)
+
+    funnel = SceneSettings(config).section("funnel", FunnelSettings)
+    longer = _with_funnel(config, duration_s=funnel.duration_s + SETTLED_S)
+    longer_scene = Scene.of(longer, parameters, berry, particle, seed)
+    settled = FunnelTest().pour(longer_scene, until_rest=False)
+    return Times(us_per_step=settled.us_per_step, job_s=pour.wall_s)
+
+
+def _with_funnel(config: Config, **changes: float) -> dict[str, Any]:
+    """Copy a configuration with other values of keys of the funnel."""
+    return {**config, "funnel": {**config["funnel"], **changes}}
+
+
+def summary(
+    reference_times_us: Sequence[float], pours: Mapping[str, Sequence[Times]]
+) -> dict[str, Any]:
+    """Take medians and their ratios.
+
+    Parameters
+    ----------
+    reference_times_us
+        Times of the reference kernel.
+    pours
+        Results of `timed_pour`, by particle.
+
+    Returns
+    -------
+    dict
+        `reference_us`, and `particles`, a list of `name`, `us_per_step`, `job_s` (wall time of a pour), `ratio` (of a
+        step to the reference kernel) and `to_first` (of a step to that of the first particle).
+    """
+    reference_us = float(np.median(reference_times_us))
+    medians = {
+        name: Times(*np.median(times, axis=0).tolist()) for name, times in pours.items()
+    }
+    first_us = next(iter(medians.values())).us_per_step
+    rows = []
+    for name, times in medians.items():
+        row = {
+            "name": name,
+            "us_per_step": round(times.us_per_step, 2),
+            "job_s": round(times.job_s, 3),
+            "ratio": round(times.us_per_step / reference_us, 4),
+            "to_first": round(times.us_per_step / first_us, 3),
+        }
+        rows.append(row)
+    return {"reference_us": round(reference_us, 2), "particles": rows}
+
+
+def message(result: Mapping[str, Any]) -> str:
+    """Write the table of `run` for a terminal."""
+    lines = [
+        f"{result['berries']} grains, time step {result['time_step_s']:g} s, one core; "
+        f"reference kernel {result['reference_us']:.1f} us; "
+        f"{result['processor']}, vectors of {result['vector_bits']} bits",
+        "to kernel: compares machines of one type of processor only",
+        f"{'particle':16} {'us a step':>10} {'to first':>9} {'to kernel':>10} {'pour, s':>8}",
+    ]
+    for row in result["particles"]:
+        lines.append(
+            f"{row['name']:16} {row['us_per_step']:10.1f} {row['to_first']:9.2f} "
+            f"{row['ratio']:10.3f} {row['job_s']:8.2f}"
+        )
+    return "\n".join(lines)
