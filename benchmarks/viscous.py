@@ -12,7 +12,7 @@ from repose.dem.kernels import state as st
 from repose.dem.kernels import tile as tl
 from repose.dem.kernels.rows import Rows
 from repose.dem.laws import ROLLING_LAWS
-from repose.dem.laws.epsd import SPUN, TINY, lever, levers, oppose
+from repose.dem.laws.epsd import SPHERE_ABOUT_CENTRE, TINY, lever, levers, oppose
 from repose.dem.laws.law import Law
 
 L = st.LANES
@@ -40,7 +40,7 @@ def kernel(law, t, c, at, dt):
         along = x * nx + y * ny + z * nz
         held = t[FRICTION + k] * t[tl.PUSH + k] / inverse_arm
         held = min(
-            held, SPUN / (dt * mobility * min(r_a, r_b) + TINY)
+            held, SPHERE_ABOUT_CENTRE / (dt * mobility * min(r_a, r_b) + TINY)
         )  # no more than stops two spheres
         oppose(
             t,

@@ -128,9 +128,9 @@ def test_new_numbers_change_nothing_that_users_see(small_is_shared):
             np.array(springs),
         )
 
-    before, numbers = seen(), s._inner.copy()
+    before, numbers = seen(), s._engine_numbers.copy()
     s._renumber()
-    assert not np.array_equal(numbers, s._inner)
+    assert not np.array_equal(numbers, s._engine_numbers)
     for one, two in zip(before, seen(), strict=True):
         assert np.array_equal(one, two)
 

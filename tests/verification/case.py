@@ -1,4 +1,7 @@
-"""Comparisons of a simulated case with known answers, each asserted where it is made."""
+"""Comparisons of a simulated case with known answers.
+
+Each is asserted where it is made.
+"""
 
 from verification.page import percent
 
@@ -17,13 +20,16 @@ class Case:
         self.extra_lines = {}  # of further tables of the page, by the table's name
 
     def close(self, quantity, result, answer, tolerance=CLOSED_FORM, scale=None):
-        """Assert that a result is the answer; the deviation is relative to `scale`, by default to the answer."""
+        """Assert that a result is the answer.
+
+        The deviation is relative to `scale`, by default to the answer.
+        """
         deviation = abs(result - answer) / abs(scale or answer)
         self._check_deviation(quantity, result, answer, deviation, tolerance)
         self.largest_deviation = max(self.largest_deviation or 0.0, deviation)
 
     def near_published(self, quantity, result, published):
-        """Assert that a result is near a number that was read off a published figure."""
+        """Assert that a result is near a number read off a published figure."""
         deviation = abs(result - published) / abs(published)
         self._check_deviation(quantity, result, published, deviation, PUBLISHED)
         self.largest_published = max(self.largest_published or 0.0, deviation)
@@ -48,7 +54,7 @@ class Case:
         self.count += 1
 
     def deviates(self, quantity, result, answer, expected_deviation, tolerance):
-        """Assert that a result misses the answer by a deviation that is known and explained."""
+        """Assert that a result misses the answer by a known and explained deviation."""
         deviation = abs(result - answer) / abs(answer)
         assert abs(deviation - expected_deviation) <= tolerance, (
             f"{quantity}: {result:.7g} deviates by {deviation:.4g} from {answer:.7g}, "

@@ -1,4 +1,4 @@
-"""What the cases share: the laws with which they run, and their comparisons with known answers."""
+"""What the cases share: force laws, and comparisons with known answers."""
 
 import pytest
 from verification import page
@@ -8,7 +8,10 @@ from verification.laws import LAWS
 
 @pytest.fixture
 def laws(request):
-    """The force laws of a case, keywords of `Simulation`: the default's, or those that the test's parameter names."""
+    """The force laws of a case, keywords of `Simulation`.
+
+    They are those of the default, or those that the test's parameter names.
+    """
     return LAWS[getattr(request, "param", "default")]
 
 
@@ -20,7 +23,7 @@ def case():
 
 @pytest.hookimpl(wrapper=True)
 def pytest_pyfunc_call(pyfuncitem):
-    """Compare the lines of a case that passed with the page, or hand them to the one who writes it."""
+    """Compare the lines of a passed case with the page, or give them to its writer."""
     result = yield
     case = pyfuncitem.funcargs.get("case")
     if case is None or pyfuncitem.funcargs["laws"] is not LAWS["default"]:

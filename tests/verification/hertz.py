@@ -62,19 +62,25 @@ class Hertz:
 
     @property
     def duration_s(self):
-        """Contact time: 2.9432 delta / v, the number being 4/5 sqrt(pi) Gamma(2/5) / Gamma(9/10)."""
+        """Contact time, 4/5 sqrt(pi) Gamma(2/5) / Gamma(9/10) delta / v.
+
+        The factor is 2.9432.
+        """
         factor = 0.8 * math.sqrt(math.pi) * math.gamma(0.4) / math.gamma(0.9)
         return factor * self.overlap_m / self.speed
 
     def history(self, restitution, count=400, tension="keep"):
-        """Solve the damped impact (Tsuji 1992): time [s], overlap [m] and normal force [N], each (count,).
+        """Solve the damped impact (Tsuji 1992).
+
+        Returns time [s], overlap [m] and normal force [N], each (count,).
 
         m* d2(delta)/dt2 = -F
         F = 4/3 E* sqrt(R*) delta^1.5 + 2 sqrt(5/6) b sqrt(S m*) d(delta)/dt
         S = 2 E* sqrt(R* delta), and b is the damping ratio.
 
-        With `tension` "keep" the contact lasts until the overlap ends, with "release" until the force vanishes. The
-        equation is solved in units in which the largest elastic overlap, the mass and the speed are 1.
+        With `tension` "keep" the contact lasts until the overlap ends, with "release"
+        until the force vanishes. The equation is solved in units in which the largest
+        elastic overlap, the mass and the speed are 1.
         """
         beta = damping_ratio(restitution, tension)
         damping = 2.0 * math.sqrt(5.0 / 6.0) * beta * math.sqrt(15.0 / 8.0)
@@ -87,7 +93,10 @@ class Hertz:
             return state[1], -force(state[0], state[1])
 
         def end_of_contact(_time, state):
-            """Pass through zero when the contact ends; positive before, and while the bodies approach."""
+            """Pass through zero when the contact ends.
+
+            Positive before, and while the bodies approach.
+            """
             if state[1] >= 0.0:
                 return 1.0
             if tension == "release":
@@ -126,5 +135,5 @@ def hertz_on_plane(solid, radius_m, speed_m_s):
 
 
 def rigid(material):
-    """Make a material with `RIGID` times the shear modulus and the same Poisson's ratio."""
+    """Make a material with `RIGID` times the shear modulus."""
     return Material(RIGID * material.shear_modulus_pa, material.poisson_ratio)

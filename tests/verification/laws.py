@@ -17,8 +17,8 @@ def default_laws():
     return SimulationSettings.model_validate(settings).laws
 
 
-# "keep" are those of config/paper.yaml: a contact may pull at its end, friction is limited by the elastic force, and the
-# tangential spring follows the present stiffness.
+# "keep" are those of config/paper.yaml: a contact may pull at its end, friction is
+# limited by the elastic force, and the tangential spring follows the present stiffness.
 LAWS = {
     "default": default_laws(),
     "keep": {

@@ -29,7 +29,10 @@ def case_name(function):
 
 
 def lines_of(function, case):
-    """Write the lines of a test's case, by table: one of the table of all cases, and those of further tables."""
+    """Write the lines of a test's case, by table.
+
+    One is for the table of all cases, the others for further tables.
+    """
     description = function.__doc__.splitlines()[0].removesuffix(".")
     cells = [
         case_name(function),

@@ -1,12 +1,15 @@
-"""Hits of two bodies, or of a body and a plane, in random orientations, off centre, without friction and spin.
+"""Random hits of two bodies, or of a body and a plane.
 
-Restitution is -u' / u: u is the relative velocity of the bodies where they first touch, along the normal there; u' is
-the same where they part, at that time. In the stiff limit the bodies have no time to turn while they touch, so both
-places and both normals are the same. No other component of the velocity changes there: the share 1 - e^2 of the energy
-of the normal motion is lost.
+They are off centre and in random orientations, without friction and spin.
 
-At the real softness the bodies turn while they touch: the contact moves, more spheres of a clump begin to touch, and no
-law of a single contact returns its e exactly.
+Restitution is -u' / u: u is the relative velocity of the bodies where they first touch,
+along the normal there; u' is the same where they part, at that time. In the stiff limit
+the bodies have no time to turn while they touch, so both places and both normals are
+the same. No other component of the velocity changes there: the share 1 - e^2 of the
+energy of the normal motion is lost.
+
+At the real softness the bodies turn while they touch: the contact moves, more spheres
+of a clump begin to touch, and no law of a single contact returns its e exactly.
 """
 
 import functools
@@ -33,7 +36,8 @@ MASS_G = 1.25
 BARREL_M = ((7.399e-3, 0.94e-3, 0.94e-3), (3.171e-3, 4.745e-3, 4.0e-3))
 CLUMPS = {"smooth clump": (14, "smooth"), "rough clump": (16, "rough")}
 SPEEDS_M_S = (0.2, 1.0)
-# Largest distance of the centres across the approach, over the sum of the smallest half extents.
+# Largest distance of the centres across the approach, over the sum of the smallest half
+# extents.
 OFFSET = 0.8
 STEEPEST = 0.3  # a plane is hit with at least this share of the speed
 STIFF_LIMIT = 1e7  # moduli in the stiff limit over the real moduli
@@ -46,7 +50,10 @@ SPACING_M, LANES = 0.08, 40
 
 @functools.cache
 def particles():
-    """Make shapes of every kind of particle by name, each as large as a published fruit, of the material "grain"."""
+    """Make shapes of every kind of particle by name, of the material "grain".
+
+    Each is as large as a published fruit.
+    """
     volume = 4.0 / 3.0 * math.pi * np.prod(GRAIN_M)
     radius = np.cbrt(3.0 * volume / (4.0 * math.pi))
     solid = Shape.ellipsoid(np.sum(BARREL_M, axis=0), GRAIN_DENSITY, "grain")
@@ -72,7 +79,7 @@ class Hits(NamedTuple):
 
 
 def simulate_hits(shape, restitution, stiffening, on_plane, count, **keywords):
-    """Simulate `count` isolated hits of two bodies of a shape, or of a body and a plane."""
+    """Simulate isolated hits of two bodies of a shape, or of a body and a plane."""
     rng = np.random.default_rng(3)
     edge = SPACING_M * (count // LANES + 1)
     world = {
@@ -97,7 +104,7 @@ def simulate_hits(shape, restitution, stiffening, on_plane, count, **keywords):
 
 
 def _throw_pair(simulation, rng, shape, middle, step):
-    """Add two bodies that will touch after `STEPS_BEFORE` steps, the second in motion."""
+    """Add two bodies that touch after `STEPS_BEFORE` steps, the second in motion."""
     speed = rng.uniform(*SPEEDS_M_S)
     turn_a = random_quaternion(rng)
     turn_b = random_quaternion(rng)
@@ -126,10 +133,13 @@ def _throw_at_plane(simulation, rng, shape, middle, step):
 
 
 def touching_distance(shape, turn_a, turn_b, offset, direction):
-    """Find the distance [m] at which two bodies touch, the second at offset + distance * direction.
+    """Find the distance [m] at which two bodies touch.
 
-    Spheres touch in closed form. Convex bodies overlap at a distance s as long as (offset + s d) . n < h(n) for all n,
-    h the sum of their extents, so s is the least (h(n) - offset . n) / (d . n) over n . d > 0.
+    The second body is at offset + distance * direction.
+
+    Spheres touch in closed form. Convex bodies overlap at a distance s as long as
+    (offset + s d) . n < h(n) for all n, h the sum of their extents, so s is the least
+    (h(n) - offset . n) / (d . n) over n . d > 0.
     """
     if isinstance(shape, Clump):
         a, b = _turned_spheres(shape, turn_a), _turned_spheres(shape, turn_b)
@@ -155,7 +165,10 @@ def _turned_spheres(clump, turn):
 
 
 def _minimise(function, start):
-    """Find the unit vector (3,) of the least value of a function of vectors (M, 3), on ever smaller caps."""
+    """Find the unit vector (3,) with the smallest value of a function.
+
+    The function takes vectors (M, 3). The search is random, on ever smaller caps.
+    """
     rng = np.random.default_rng(1)
     best, width = start, 1.5
     for _ in range(40):
@@ -167,7 +180,9 @@ def _minimise(function, start):
 
 
 def nearest_point(shape, turn_a, turn_b, between):
-    """Find the normal (3,) of two bodies that just touch, and the place from the first centre [m] (3,).
+    """Find normal (3,) and place (3,) of the contact of two bodies that just touch.
+
+    The place is relative to the first centre [m].
 
     `between` (3,) points from the first centre to the second [m].
     """
@@ -224,7 +239,7 @@ def _count_contacts(simulation, count, on_plane):
 
 
 def _approach(simulation, k, on_plane):
-    """Compute the speed at which the bodies of hit k approach where they are nearest, along the normal there."""
+    """Compute the speed of approach of hit k where the bodies are nearest."""
     shape = simulation.shapes["body"]
     velocities = simulation.velocities
     rotations = simulation.angular_velocities

@@ -14,7 +14,8 @@ STILL = (0.0, 0.0, 0.0)
 UP = (0.0, 0.0, 1.0)
 ON_FLOOR = {"floor": Plane(STILL, UP, "wall")}
 GRAVITY = 9.81
-# Semi-axes [m], density [kg/m3] and material of a published fruit (Ji et al. 2026): a long, soft body.
+# Semi-axes [m], density [kg/m3] and material of a published fruit (Ji et al. 2026): a
+# long, soft body.
 GRAIN_M = (0.01057, 0.005685, 0.00494)
 GRAIN_DENSITY = 840.47
 GRAIN = Material(4.3e4, 0.32)
@@ -23,16 +24,22 @@ STIFF = Material(4.3e7, 0.32)  # a thousand times a grain: overlaps of 1e-5 of a
 
 
 def smooth(radius_m, density_kg_m3, material):
-    """Make a sphere as the sum of two of half its radius, which the engine treats as a smooth body, not as a sphere."""
+    """Make a sphere as the sum of two of half its radius.
+
+    The engine treats it as a smooth body, not as a sphere.
+    """
     sphere = Shape.sphere(radius_m, density_kg_m3, material)
     halves = np.full((2, 3), 0.5 * radius_m)
     return Shape(halves, sphere.mass_kg, sphere.inertia_kg_m2, material)
 
 
 def simulation_of(shape, contact, step_s, material=GRAIN, wall=PVC, **keywords):
-    """Make an empty simulation of bodies of one shape, "body"; without walls and gravity, and for one body.
+    """Make an empty simulation of bodies of one shape, "body".
 
-    The materials are named "grain" and "wall"; the box reaches 0.1 m to each side. `keywords` replace that.
+    Without walls and gravity, and for one body.
+
+    The materials are named "grain" and "wall"; the box reaches 0.1 m to each side.
+    `keywords` replace that.
     """
     world = {
         "capacity": 1,
@@ -54,12 +61,15 @@ def grain_simulation(contact, step_s, axes=GRAIN_M, **keywords):
 
 
 def under_gravity(walls=ON_FLOOR):
-    """Give the keywords of `simulation_of` for bodies under gravity, by default on a floor."""
+    """Give keywords of `simulation_of` for gravity, by default on a floor."""
     return {"walls": walls, "gravity_m_s2": (0.0, 0.0, -GRAVITY)}
 
 
 def resting_overlap(mass, radius, material):
-    """Compute the overlap [m] that carries a sphere on a plate of PVC: (m g / (4/3 E* sqrt(R*)))^(2/3)."""
+    """Compute the overlap [m] that carries a sphere on a plate of PVC.
+
+    It is (m g / (4/3 E* sqrt(R*)))^(2/3).
+    """
     young, _ = effective_moduli(material, PVC)
     return (mass * GRAVITY / (4.0 / 3.0 * young * math.sqrt(radius))) ** (2.0 / 3.0)
 
@@ -83,7 +93,10 @@ def sphere_over_plane(
     steps_per_contact=STEPS_PER_CONTACT,
     **laws,
 ):
-    """Put a sphere just above a rigid plane, without gravity; return also the steps until it has surely left."""
+    """Put a sphere just above a rigid plane, without gravity.
+
+    Return also the steps until it has surely left.
+    """
     hertz = hertz_on_plane(solid, radius_m, abs(velocity_m_s[2]))
     step = hertz.duration_s / steps_per_contact
     reach = 4.0 * radius_m
@@ -111,7 +124,10 @@ def sphere_over_plane(
 
 
 def impact(solid, radius_m, contact, velocity_m_s, spin_rad_s=STILL, **keywords):
-    """Simulate an impact on the rigid plane: velocity [m/s] and spin [rad/s] of the sphere after it, each (3,)."""
+    """Simulate an impact of a sphere on a rigid plane.
+
+    Returns its velocity [m/s] and spin [rad/s] afterwards, each (3,).
+    """
     simulation, steps = sphere_over_plane(
         solid, radius_m, contact, velocity_m_s, spin_rad_s, **keywords
     )
@@ -120,13 +136,19 @@ def impact(solid, radius_m, contact, velocity_m_s, spin_rad_s=STILL, **keywords)
 
 
 def steps_of_impact(restitution, tension="keep", steps_per_contact=STEPS_PER_CONTACT):
-    """Count the time steps of an impact; a damped contact lasts longer than Hertz's time."""
+    """Count the time steps of an impact.
+
+    A damped contact lasts longer than Hertz's time.
+    """
     beta = damping_ratio(restitution, tension)
     return int(steps_per_contact * (1.3 + 1.5 * beta))
 
 
 def two_spheres(a, b, contact, step_s, **laws):
-    """Make an empty simulation of two spheres, "a" and "b", each (solid, radius [m]); in space, without gravity."""
+    """Make an empty simulation of two spheres, "a" and "b", each (solid, radius [m]).
+
+    In space, without gravity.
+    """
     reach = 4.0 * max(a[1], b[1])
     shapes, materials = {}, {}
     for name, (solid, radius_m) in {"a": a, "b": b}.items():
@@ -148,10 +170,10 @@ def two_spheres(a, b, contact, step_s, **laws):
 def stiffened_simulation(
     shape, contact, stiffening, speed_m_s, steps_per_contact, **keywords
 ):
-    """Make `simulation_of` bodies of stiffened material, and return also its time step [s].
+    """Make `simulation_of` bodies of stiffened material, with its time step [s].
 
-    The shear moduli of grain and wall are multiplied by `stiffening`. The step is the contact time of the shortest
-    impact at this speed over `steps_per_contact`.
+    The shear moduli of grain and wall are multiplied by `stiffening`. The step is the
+    contact time of the shortest impact at this speed over `steps_per_contact`.
     """
     grain = Material(stiffening * GRAIN.shear_modulus_pa, GRAIN.poisson_ratio)
     wall = Material(stiffening * PVC.shear_modulus_pa, PVC.poisson_ratio)
@@ -167,7 +189,7 @@ def stiffened_simulation(
 
 
 def track(simulation, count, steps, look):
-    """Run `steps` steps `count` times, and give what `look` returns after each: an array of rows."""
+    """Run `steps` steps `count` times; collect what `look` returns after each."""
     rows = []
     for _ in range(count):
         simulation.run_steps(steps)

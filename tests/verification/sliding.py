@@ -1,10 +1,13 @@
-"""What a sphere that hits a plane obliquely loses: by Coulomb's law where it slides, by its spring where it sticks.
+"""What a sphere loses that hits a plane obliquely.
 
-A sphere that slides through the whole impact loses the tangential velocity mu (1 + e) V_n and gains the spin 5/2 mu (1
-+ e) V_n / R. This holds when the surface moves faster than 7/2 mu (1 + e) V_n by a margin. Coulomb's limit gives
-exactly that when it takes the elastic normal force and the contact may pull, or all of the normal force and the contact
-is released. Where the sphere sticks, the tangential spring determines the result; the reference is the equation of that
-spring (`velocity_after_hit`).
+Coulomb's law determines it where the sphere slides, the spring where it sticks.
+
+A sphere that slides through the whole impact loses the tangential velocity mu (1 + e)
+V_n and gains the spin 5/2 mu (1 + e) V_n / R. This holds when the surface moves faster
+than 7/2 mu (1 + e) V_n by a margin. Coulomb's limit gives exactly that when it takes
+the elastic normal force and the contact may pull, or all of the normal force and the
+contact is released. Where the sphere sticks, the tangential spring determines the
+result; the reference is the equation of that spring (`velocity_after_hit`).
 """
 
 import math
@@ -21,7 +24,10 @@ CLEAR_SLIDING = 1.25  # gross sliding: above this multiple of the limit
 
 
 def sliding_loss(contact, normal_m_s):
-    """Compute the tangential velocity [m/s] that rigid bodies lose in gross sliding: mu (1 + e) V_n."""
+    """Compute the tangential velocity that rigid bodies lose in gross sliding [m/s].
+
+    It is mu (1 + e) V_n.
+    """
     return contact.static_friction * (1.0 + contact.restitution) * normal_m_s
 
 
@@ -32,10 +38,11 @@ def slides(contact, normal_m_s, tangential_m_s):
 
 
 def sliding_spin(contact, hertz, tension):
-    """Compute the size of the change of spin [rad/s] in gross sliding on a plane by the engine's law.
+    """Compute the change of spin [rad/s] in gross sliding by the engine's law.
 
-    It is mu times the integral of F (R - delta / 2) / I: the contact lies in the middle of the overlap. F is the
-    elastic part of the damped impact's force where the contact may pull, all of it where it may not.
+    It is mu times the integral of F (R - delta / 2) / I: the contact lies in the middle
+    of the overlap. F is the elastic part of the damped impact's force where the contact
+    may pull, all of it where it may not.
     """
     time, overlap, force = hertz.history(contact.restitution, 4000, tension)
     if tension == "keep":
@@ -46,10 +53,11 @@ def sliding_spin(contact, hertz, tension):
 
 
 def velocity_after_hit(solid, hertz, contact, tangential_m_s, laws):
-    """Solve the equation of a hit on the rigid plane in 20,000 steps: the tangential velocity [m/s] after it.
+    """Solve a hit on the rigid plane for the tangential velocity [m/s] after it.
 
-    The tangential spring of "hertz_mindlin" is the present stiffness times the path; that of "hertz_mindlin_rescaled"
-    adds what the path adds, and shrinks with the stiffness.
+    The tangential spring of "hertz_mindlin" is the present stiffness times the path;
+    that of "hertz_mindlin_rescaled" adds what the path adds, and shrinks with the
+    stiffness.
     """
     spring, tension = laws["contact_law"], laws["tension"]
     young, shear = effective_moduli(solid.material, rigid(solid.material))

@@ -1,4 +1,4 @@
-"""Run all cases of the simulator's verification and write their tables into docs/verification.md.
+"""Run all cases of the verification and write their tables into the page.
 
 python tests/verification/table.py
 """
@@ -14,7 +14,10 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 class PageWriter:
-    """A plugin of pytest, named "page_writer", to which `conftest.py` hands the lines of all cases."""
+    """Collects the lines of all cases and writes the page.
+
+    It is a plugin of pytest named "page_writer"; `conftest.py` hands it the lines.
+    """
 
     def __init__(self):
         self.lines = collections.defaultdict(list)  # by table

@@ -1,4 +1,7 @@
-"""Momentum of a free cloud, and energy of many random impacts: damped contacts must not create energy."""
+"""Momentum of a free cloud, and energy of many random impacts.
+
+Damped contacts must not create energy.
+"""
 
 from itertools import product
 
@@ -36,7 +39,7 @@ THROWS = {
 
 
 def test_momentum(case, laws):
-    """A cloud of 64 grains that fly together, collide and fly apart keeps its momentum and angular momentum."""
+    """A cloud of 64 grains that collide keeps its momentum and angular momentum."""
     rng = np.random.default_rng(5)
     simulation = grain_simulation(
         Contact(0.4, 0.5, 0.0),
@@ -83,7 +86,10 @@ def test_momentum(case, laws):
 
 @pytest.mark.slow
 def test_damped_hits(case, laws):
-    """No hit with e below 1 and without rolling friction leaves with more energy than it came with."""
+    """No hit with e below 1 leaves with more energy than it came with.
+
+    The contacts have no rolling friction.
+    """
     for kind, throw in THROWS.items():
         rng = np.random.default_rng([13, len(kind)])
         largest, hits = 0.0, 0
@@ -97,10 +103,11 @@ def test_damped_hits(case, laws):
 
 @pytest.mark.slow
 def test_elastic_hits(case, laws):
-    """Elastic hits of grains gain some energy, at any time step, and those of spheres none.
+    """Elastic hits of grains gain some energy, at any time step, those of spheres none.
 
-    R* changes when an ellipsoid turns during the contact, so the Hertz force is not exactly conservative. At a funnel
-    R* jumps where the cone passes into its edge, and follows the body on the cone.
+    R* changes when an ellipsoid turns during the contact, so the Hertz force is not
+    exactly conservative. At a funnel R* jumps where the cone passes into its edge, and
+    follows the body on the cone.
     """
     grains = 100.0 * (elastic_energies(GRAIN_M, STEP, laws) - 1.0)
     case.within("grains: mean change [%]", grains.mean(), 0.4, 0.8)
@@ -122,7 +129,10 @@ def test_elastic_hits(case, laws):
 
 
 def elastic_energies(axes, step, laws):
-    """Throw pairs of ellipsoids without damping and friction: energy in the end over that before."""
+    """Throw pairs of ellipsoids without damping and friction.
+
+    Returns the energy in the end over that before.
+    """
     rng, ends = np.random.default_rng(17), np.empty(0)
     while len(ends) < HITS:
         energies = throw_pairs(rng, frictionless(), step, axes=axes, **laws)

@@ -11,10 +11,12 @@ from repose.dem import rotation_matrix
 
 
 def euler_solution(inertia, first, third, time):
-    """Solve the free rotation: angular velocity (3, T) [rad/s] in the body's frame, and period of the motion [s].
+    """Solve the free rotation of a body.
 
-    `inertia` are the principal moments, rising. The velocity at time 0 is (first, 0, third). ValueError unless the
-    square of the angular momentum is above 2 E I_2.
+    Returns the angular velocity (3, T) [rad/s] in its frame, and the period [s].
+
+    `inertia` are the principal moments, rising. The velocity at time 0 is (first, 0,
+    third). ValueError unless the square of the angular momentum is above 2 E I_2.
 
     Landau, L. D., & Lifshitz, E. M. Mechanics, section 37.
     """
@@ -35,7 +37,7 @@ def euler_solution(inertia, first, third, time):
 
 
 def test_free_rotation(case, laws):
-    """A grain tumbles in space: it keeps angular momentum and energy, and turns as Euler's equations predict."""
+    """A grain that tumbles in space turns as Euler's equations predict."""
     step, every = 2e-5, 50
     first, third = 8.0, 25.0  # components of the angular velocity [rad/s]
     simulation = grain_simulation(frictionless(), step, **laws)

@@ -27,10 +27,11 @@ ELLIPTIC_DEVIATIONS = {2: 0.0212, 1: 0.0317, 0: 0.0011}  # of the same axes
 
 
 def elliptic_overlap(mass, radii, young):
-    """Compute Hertz's overlap [m] of an elliptic contact under the weight of a body of `mass` [kg].
+    """Compute Hertz's overlap [m] of an elliptic contact under a body's weight.
 
-    The eccentricity e solves R1 / R2 = (E(e) / (1 - e^2) - K(e)) / (K(e) - E(e)) with complete elliptic integrals of
-    e^2. `radii` are the relative radii of curvature R1 and R2 in m, the larger first; `young` is E* in Pa.
+    The eccentricity e solves R1 / R2 = (E(e) / (1 - e^2) - K(e)) / (K(e) - E(e)) with
+    complete elliptic integrals of e^2. `radii` are the relative radii of curvature R1
+    and R2 in m, the larger first; `young` is E* in Pa.
 
     Johnson, K. L. (1985). Contact Mechanics. Cambridge University Press, Eq. 4.26-4.28.
     """
@@ -56,10 +57,12 @@ def elliptic_overlap(mass, radii, young):
 
 @with_all_laws
 def test_resting_overlap(case, laws):
-    """A grain rests on a plate, each of its axes upright in turn: the overlap of a sphere of radius sqrt(R1 R2).
+    """A grain at rest on a plate has the overlap of a sphere of radius sqrt(R1 R2).
 
-    Hertz's own solution for R1 and R2 is elliptic. The engine's law of spheres deviates from it by the numbers of
-    `case.deviates`.
+    Each of its axes is upright in turn.
+
+    Hertz's own solution for R1 and R2 is elliptic. The engine's law of spheres deviates
+    from it by the numbers of `case.deviates`.
     """
     young, _ = effective_moduli(GRAIN, PVC)
     for axis, turn in UPRIGHT.items():
@@ -85,9 +88,10 @@ def test_resting_overlap(case, laws):
 def rocking_period(a, c):
     """Compute the period [s] of a grain that rocks without slipping, at small angles.
 
-    Its semi-axes in the plane of the motion are a, level, and c, upright, a above c, in m. Its potential energy is
-    m g h(theta), h the support function; the moment of inertia about the contact is I + m c^2, I = m (a^2 + c^2) / 5,
-    and the stiffness m g h'' = m g (a^2 / c - c).
+    Its semi-axes in the plane of the motion are a, level, and c, upright, a above c, in
+    m. Its potential energy is m g h(theta), h the support function; the moment of
+    inertia about the contact is I + m c^2, I = m (a^2 + c^2) / 5, and the stiffness m g
+    h'' = m g (a^2 / c - c).
     """
     inertia = (a * a + c * c) / 5.0 + c * c
     stiffness = GRAVITY * (a * a / c - c)
@@ -95,7 +99,7 @@ def rocking_period(a, c):
 
 
 def test_rocking(case, laws):
-    """A grain tilted by a degree from its flat rest rocks with the theoretical period, about either level axis."""
+    """A grain tilted by a degree rocks with the theoretical period."""
     long, middle, short = GRAIN_M
     period = rocking_period(long, short)
     time, tilt = rocking_history(0, 1, 3.0 * period, laws)
@@ -107,7 +111,10 @@ def test_rocking(case, laws):
 
 
 def rocking_history(moving_axis, fixed_axis, duration_s, laws):
-    """Simulate a grain released at one degree: time and tilt [deg] about the fixed axis of the body."""
+    """Simulate a grain released at one degree.
+
+    Returns time and tilt [deg] about the fixed axis of the body.
+    """
     step, start, every = 2e-5, math.radians(1.0), 20
     simulation = grain_simulation(
         Contact(0.3, 10.0, 0.0), step, material=STIFF, **under_gravity(), **laws
@@ -130,7 +137,7 @@ def rocking_history(moving_axis, fixed_axis, duration_s, laws):
 
 
 def period_of(time, wave):
-    """Average the period [s] of a wave about 0, from its zero crossings, at least two."""
+    """Average the period [s] of a wave about 0, from two or more zero crossings."""
     k = np.flatnonzero(wave[:-1] * wave[1:] < 0.0)
     zeros = time[k] - wave[k] * (time[k + 1] - time[k]) / (wave[k + 1] - wave[k])
     return 2.0 * (zeros[-1] - zeros[0]) / (len(zeros) - 1)

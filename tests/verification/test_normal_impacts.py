@@ -1,6 +1,7 @@
 """Normal impacts: tests 1 to 3 of Chung & Ooi (2011), Granular Matter 13, 643-656.
 
-The engine stores no forces: the force is the mass times the change of velocity in a time step.
+The engine stores no forces: the force is the mass times the change of velocity in a
+time step.
 """
 
 from typing import NamedTuple
@@ -41,7 +42,10 @@ class History(NamedTuple):
 
     @property
     def duration_s(self):
-        """Contact time; from the last step in contact the overlap goes on to zero with its last speed."""
+        """Contact time.
+
+        From the last step in contact the overlap goes on to zero with its last speed.
+        """
         step = self.time_s[1] - self.time_s[0]
         last_change = self.overlap_m[-2] - self.overlap_m[-1]
         return self.time_s[-1] + step * self.overlap_m[-1] / last_change
@@ -68,7 +72,7 @@ def pair_history(solid, radius_m, speed_m_s, **laws):
 
 
 def plane_history(solid, radius_m, speed_m_s, restitution=1.0, **laws):
-    """Simulate an impact of a sphere on a rigid plane, along its normal and without friction."""
+    """Simulate a normal impact of a sphere on a rigid plane, without friction."""
     simulation, steps = sphere_over_plane(
         solid, radius_m, frictionless(restitution), (0.0, 0.0, -speed_m_s), **laws
     )
@@ -110,7 +114,7 @@ def compare_with_published(case, name, history, force_kn, overlap_um, duration_u
 
 
 def test_two_equal_spheres(case, laws):
-    """Two elastic spheres of radius 10 mm meet head-on at 10 m/s each (test 1): Hertz."""
+    """Two elastic spheres of radius 10 mm meet at 10 m/s each (test 1): Hertz."""
     for solid in (GLASS, LIMESTONE):
         history = pair_history(solid, 0.01, 20.0, **laws)
         compare_with_hertz(case, solid.name, history, hertz_of_pair(solid, 0.01, 20.0))
@@ -119,7 +123,7 @@ def test_two_equal_spheres(case, laws):
 
 
 def test_sphere_on_plane(case, laws):
-    """An elastic sphere of radius 0.1 m hits a rigid plane at 0.2 m/s (test 2): Hertz."""
+    """An elastic sphere of radius 0.1 m hits a plane at 0.2 m/s (test 2): Hertz."""
     for solid in (ALUMINIUM_ALLOY, MAGNESIUM_ALLOY):
         history = plane_history(solid, 0.1, 0.2, **laws)
         compare_with_hertz(case, solid.name, history, hertz_on_plane(solid, 0.1, 0.2))
@@ -129,7 +133,7 @@ def test_sphere_on_plane(case, laws):
 
 @with_all_laws
 def test_damped_impact(case, laws):
-    """A sphere of radius 2.5 mm hits a rigid plane at 3.9 m/s (test 3): restitution 0.2 to 1, peak force."""
+    """A damped sphere hits a plane at 3.9 m/s (test 3): restitution, peak force."""
     radius, speed = 0.0025, 3.9
     for solid in (ALUMINIUM_OXIDE, CAST_IRON):
         for e in np.linspace(0.2, 1.0, 9):

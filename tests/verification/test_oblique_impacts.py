@@ -1,4 +1,7 @@
-"""Oblique impacts: tests 4 and 5 of Chung & Ooi (2011), Granular Matter 13, 643-656; see `sliding`."""
+"""Oblique impacts: tests 4 and 5 of Chung & Ooi (2011), Granular Matter 13, 643-656.
+
+See `sliding`.
+"""
 
 import math
 
@@ -18,7 +21,8 @@ from repose.dem import Contact
 STEEL = Solid("steel", 208e9, 0.30, 7850.0)
 POLYETHYLENE = Solid("polyethylene", 1e9, 0.40, 1400.0)
 ANGLES = (5, 10, 15, 20, 25, 30, 35, 40, 50, 60, 70, 80, 85)  # from the normal [deg]
-# Published results of test 4, by angle: tangential restitution, spin after the impact [rad/s].
+# Published results of test 4, by angle: tangential restitution, spin after the impact
+# [rad/s].
 TEST_4 = {
     5: (0.948, -19.3),
     20: (0.616, -511.0),
@@ -30,10 +34,11 @@ TEST_4 = {
 
 @with_all_laws
 def test_angles(case, laws):
-    """A sphere of radius 2.5 mm hits a rigid plane at 3.9 m/s and 5 to 85 degrees (test 4).
+    """A sphere hits a rigid plane at 3.9 m/s and 5 to 85 degrees (test 4).
 
-    At 5 degrees it sticks, and the tangential spring determines the answer: the published one is near that of the
-    spring S_t delta_t, which "hertz_mindlin" has. The default's spring deviates, as `case.deviates` says.
+    At 5 degrees it sticks, and the tangential spring determines the answer: the
+    published one is near that of the spring S_t delta_t, which "hertz_mindlin" has. The
+    default's spring deviates, as `case.deviates` says.
     """
     contact, radius, speed = Contact(0.98, 0.092, 0.0), 0.0025, 3.9
     for angle in ANGLES:
@@ -66,7 +71,10 @@ def test_angles(case, laws):
 
 
 def compare_at_5_degrees(case, left, spin, laws):
-    """Compare the hit that sticks with the published one; the deviations are those of the spring."""
+    """Compare the hit that sticks with the published one.
+
+    The deviations are those of the spring.
+    """
     published_left, published_spin = TEST_4[5]
     if laws is LAWS["default"]:
         case.deviates("velocity left at 5 deg", left, published_left, 0.0973, 5e-4)
@@ -82,10 +90,10 @@ def compare_at_5_degrees(case, left, spin, laws):
 
 @with_all_laws
 def test_tangential_speeds(case, laws):
-    """Spheres of radius 10 um hit a rigid plane at 5 m/s, elastic, and slide at 13.5 and 25 m/s (test 5).
+    """Elastic spheres of radius 10 um hit a rigid plane and slide (test 5).
 
-    The lever arm of friction is R - delta / 2, not R, because the contact lies in the middle of the overlap. The
-    overlap of polyethylene is 3 % of the radius.
+    The lever arm of friction is R - delta / 2, not R, because the contact lies in the
+    middle of the overlap. The overlap of polyethylene is 3 % of the radius.
     """
     contact, radius, normal = Contact(1.0, 0.3, 0.0), 1e-5, 5.0
     lost = sliding_loss(contact, normal)

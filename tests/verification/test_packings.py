@@ -1,4 +1,4 @@
-"""Packings at rest: equal spheres in a hexagonal lattice, and grains poured into a box."""
+"""Packings at rest: a lattice of equal spheres, and grains poured into a box."""
 
 import math
 
@@ -20,7 +20,8 @@ from verification.simulations import (
 from repose.dem import Contact, Material, Shape, random_quaternion, rotation_matrix
 from repose.dem.materials import effective_moduli
 
-# Thirty times as stiff as a grain, so that overlaps under the weight stay below a per cent.
+# Thirty times as stiff as a grain, so that overlaps under the weight stay below a per
+# cent.
 STIFFENED = Material(1.3e6, 0.32)
 STEP = 5e-5
 FALL_S = 2.0  # time to fall and come to rest
@@ -31,7 +32,7 @@ BOXES = 4  # the solid fraction of one box of 100 grains scatters by 0.015
 
 
 def test_hexagonal_packing(case, laws):
-    """Rows of spheres without friction between a floor and walls settle into their lattice and stay."""
+    """Rows of spheres without friction settle into a hexagonal lattice and stay."""
     n_rows, columns = 6, 8
     shape = Shape.sphere(RADIUS, GRAIN_DENSITY, "grain")
     width = columns * 2.0 * RADIUS
@@ -71,12 +72,13 @@ def test_hexagonal_packing(case, laws):
 
 @pytest.mark.slow
 def test_poured_packing(case, laws):
-    """Grains poured into boxes, with friction and without: solid fraction and coordination number of the core.
+    """Grains in a box have the solid fraction and contacts of random packings.
 
-    Solid fraction of random packings of ellipsoids: with friction 0.54 to 0.70 (shaken experiments: Schaller 2012;
-    Delaney, Hilton & Cleary 2011); without, 0.64 of spheres to 0.735 of the best ellipsoids (Donev et al. 2004, Science
-    303, 990), less 0.02 for walls. Coordination number: 4 is the isostatic limit of bodies with endless friction, 12
-    that of ellipsoids without; Donev et al. have about 10.
+    Solid fraction of random packings of ellipsoids: with friction 0.54 to 0.70 (shaken
+    experiments: Schaller 2012; Delaney, Hilton & Cleary 2011); without, 0.64 of spheres
+    to 0.735 of the best ellipsoids (Donev et al. 2004, Science 303, 990), less 0.02 for
+    walls. Coordination number: 4 is the isostatic limit of bodies with endless
+    friction, 12 that of ellipsoids without; Donev et al. have about 10.
     """
     fraction, number, energy = pour_boxes(Contact(0.1, 0.6, 0.05), laws)
     case.within("mu 0.6: solid fraction", fraction, 0.54, 0.70)
@@ -90,7 +92,11 @@ def test_poured_packing(case, laws):
 
 
 def pour_boxes(contact, laws):
-    """Pour boxes: mean solid fraction and coordination number of the cores, largest energy over m g thickness."""
+    """Pour boxes and measure their cores.
+
+    Returns the mean solid fraction and coordination number, and the largest energy over
+    m g thickness.
+    """
     cores = []
     for k in range(BOXES):
         simulation, side = pour(GRAINS, contact, 29 + k, laws)
@@ -100,7 +106,10 @@ def pour_boxes(contact, laws):
 
 
 def pour(n, contact, seed, laws):
-    """Fill a box with grains, released together from a loose lattice in random orientations, until they rest."""
+    """Fill a box with grains in random orientations, until they rest.
+
+    They are released together from a loose lattice.
+    """
     rng = np.random.default_rng(seed)
     pitch = 0.0216
     columns = max(2, round((n / 3.5) ** (1.0 / 3.0)))
@@ -125,7 +134,10 @@ def pour(n, contact, seed, laws):
 
 
 def measure_core(simulation, side):
-    """Measure solid fraction and coordination number of a box's core, and the mean energy over m g thickness."""
+    """Measure the core of a box.
+
+    Returns solid fraction, coordination number, and mean energy over m g thickness.
+    """
     heights, profile = solid_fraction_profile(simulation, side)
     ten_highest = np.sort(simulation.positions[:, 2])[-10:]
     top = float(ten_highest.mean())
@@ -136,7 +148,10 @@ def measure_core(simulation, side):
 
 
 def solid_fraction_profile(simulation, side, points=900):
-    """Give the middles [m] of slices 4 mm thick, and the share of random points in each that lie inside a grain."""
+    """Measure the solid fraction of slices 4 mm thick by random points.
+
+    Returns the middles [m] of the slices, and the shares of points inside a grain.
+    """
     rng = np.random.default_rng(31)
     heights = np.arange(0.002, simulation.positions[:, 2].max(), 0.004)
     # each turns a vector into the body's frame, in which a grain is a unit sphere
@@ -158,7 +173,10 @@ def solid_fraction_profile(simulation, side, points=900):
 
 
 def coordination_number(simulation, side, top):
-    """Average the touching neighbours of the grains in the core, `MARGIN` away from the walls and the top."""
+    """Average the touching neighbours of the grains in the core.
+
+    The core is `MARGIN` away from the walls and the top.
+    """
     places = simulation.positions
     upper = np.array([side, side, top]) - MARGIN
     in_core = np.all((places > MARGIN) & (places < upper), axis=1)

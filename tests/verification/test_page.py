@@ -1,4 +1,7 @@
-"""docs/verification.md has the line of every case, and of nothing else; and a case is judged by its tolerances."""
+"""docs/verification.md has the line of every case, and of nothing else.
+
+And a case is judged by its tolerances.
+"""
 
 import importlib
 import inspect
@@ -13,7 +16,7 @@ FILES = sorted(Path(__file__).parent.glob("test_*.py"))
 
 
 def case_functions():
-    """Give the tests that take a case, in the order in which they stand in their files."""
+    """Give the tests that take a case, in the order of the files and in them."""
     for file in FILES:
         module = importlib.import_module(f"verification.{file.stem}")
         for name, function in vars(module).items():

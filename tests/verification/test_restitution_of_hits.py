@@ -1,4 +1,7 @@
-"""Restitution of random hits of every kind of particle, in pairs and on a plane; see `random_hits`."""
+"""Restitution of random hits of every kind of particle, in pairs and on a plane.
+
+See `random_hits`.
+"""
 
 import numpy as np
 import pytest
@@ -15,7 +18,10 @@ TABLE = "restitution"  # of the page
 
 
 def throw_all(case, stiffness, stiffening, laws):
-    """Throw every particle at its like and at a plane; yield the mean restitutions, and add the lines of the page."""
+    """Throw every particle at its like and at a plane.
+
+    Yield the mean restitutions, and add the lines of the page.
+    """
     for on_plane in (False, True):
         target = "on a plane" if on_plane else "pairs"
         for name, shape in particles().items():
@@ -36,14 +42,14 @@ def throw_all(case, stiffness, stiffening, laws):
 
 
 def test_stiff_hits(case, laws):
-    """Stiff hits of every particle, in pairs and on a plane, return the nominal restitution."""
+    """Stiff hits of every particle return the nominal restitution."""
     for hit, means in throw_all(case, "stiff", STIFF_LIMIT, laws):
         for e, mean in zip(RESTITUTIONS, means, strict=True):
             case.close(f"{hit}: restitution at {e:g}", mean, e, TOLERANCE, scale=1.0)
 
 
 def test_soft_hits(case, laws):
-    """Hits at the softness of a fruit, where bodies turn while they touch: means near the nominal restitution."""
+    """Soft hits, in which bodies turn, are near the nominal restitution."""
     for hit, means in throw_all(case, "soft", 1.0, laws):
         for e, mean in zip(RESTITUTIONS, means, strict=True):
             case.within(f"{hit}: restitution at {e:g}", mean, e - 0.16, e + 0.16)

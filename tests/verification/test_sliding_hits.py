@@ -1,4 +1,4 @@
-"""Coulomb's law over a whole impact, and the energy of a closed path of a contact that does not slip."""
+"""Coulomb's law over a whole impact, and a closed path of a contact without slip."""
 
 import math
 
@@ -25,21 +25,26 @@ RESTITUTIONS = (0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7, 0.9)
 FRICTION, NORMAL_M_S = 0.3, 0.5
 SPEED_OVER_LIMIT = 10.0  # tangential velocity over the limit of sliding
 
-# The closed path: overlap at the start of the slide, length of the slide, further overlap.
+# The closed path: overlap at the start of the slide, length of the slide, further
+# overlap.
 SHALLOW_M, SLIDE_M, DEEPER_M = 2e-4, 2e-4, 8e-4
 SPEED_M_S, STEP_S = 0.01, 5e-5
 IMMOVABLE = 1e9  # density of a body that no force moves, over a grain's
 
 
 def lowest_under_centre(shape):
-    """Find the quaternion (w, x, y, z) that puts the first point of contact with a floor under the centre of mass."""
+    """Turn the first point of contact with a floor under the centre of mass.
+
+    Returns the quaternion (w, x, y, z).
+    """
     if not isinstance(shape, Clump):
         return np.array([1.0, 0.0, 0.0, 0.0])
     centres, radii = shape.spheres_m[:, :3], shape.spheres_m[:, 3]
     tip = centres[np.argmax(np.linalg.norm(centres, axis=1) + radii)]
     tip = tip / max(np.linalg.norm(tip), 1e-300)
     down = -np.array(UP)
-    # half-way rotation from the tip's direction to down; about x where the tip points up
+    # half-way rotation from the tip's direction to down; about x where the tip points
+    # up
     w = 1.0 + tip @ down
     if w <= 1e-9:
         return np.array([0.0, 1.0, 0.0, 0.0])
@@ -47,7 +52,7 @@ def lowest_under_centre(shape):
 
 
 def lost_velocity(shape, contact, laws):
-    """Simulate the tangential velocity [m/s] that a body loses in a stiff impact on a floor, sliding throughout."""
+    """Simulate the tangential velocity [m/s] lost in a stiff sliding impact."""
     simulation, step = stiffened_simulation(
         shape,
         contact,
@@ -66,14 +71,15 @@ def lost_velocity(shape, contact, laws):
     place = (0.0, 0.0, reach + 3.5 * step * NORMAL_M_S)
     velocity = (along, 0.0, -NORMAL_M_S)
     simulation.add("body", place, lowest_under_centre(shape), velocity)
-    # a pair of equal bodies, whose contact time sets the step, is less stiff than a body on a floor
+    # a pair of equal bodies, whose contact time sets the step, is less stiff than a
+    # body on a floor
     simulation.run_steps(3 * steps_of_impact(contact.restitution, laws["tension"]))
     return along - float(simulation.velocities[0, 0])
 
 
 @pytest.mark.essential  # the only case that compiles the kernels of clumps
 def test_coulomb(case, laws):
-    """A sliding hit loses mu (1 + e) V: sphere, smooth bodies, clumps, e 0.05 to 0.9."""
+    """A sliding hit loses mu (1 + e) V: smooth bodies and clumps, e 0.05 to 0.9."""
     for name, body in particles().items():
         for e in RESTITUTIONS:
             contact = Contact(e, FRICTION, 0.0)
@@ -84,7 +90,7 @@ def test_coulomb(case, laws):
 
 
 def work_of_closed_path(slides_first, laws):
-    """Simulate the work [J] of a floor on an immovable body, over a closed path without slip."""
+    """Simulate the work [J] of a floor over a closed path of a body without slip."""
     shape = Shape.ellipsoid(GRAIN_M, IMMOVABLE * GRAIN_DENSITY, "grain")
     contact = Contact(1.0, 100.0, 0.0)
     gap = 1e-6
@@ -114,7 +120,7 @@ def work_of_closed_path(slides_first, laws):
 
 
 def test_closed_path(case, laws):
-    """A contact led over a closed path without slip gives no energy: slide, press, slide back, unload, and reversed."""
+    """A contact led over a closed path without slip gives no energy."""
     for slides_first in (True, False):
         gained = -1e6 * work_of_closed_path(slides_first, laws)
         case.at_most(f"energy gained, slides first: {slides_first} [uJ]", gained, 0.02)
@@ -122,7 +128,7 @@ def test_closed_path(case, laws):
 
 
 def test_a_spring_of_the_present_stiffness_gives_energy_on_one_closed_path():
-    """By hand: half of (k2 - k1) s^2, as the spring of "hertz_mindlin" grows while it is pressed."""
+    """Compute it by hand: half of (k2 - k1) s^2, as the pressed spring grows."""
     laws = {"contact_law": "hertz_mindlin"}
     spring = 8 / (1.68 / 4.3e4 + 1.6 / 1.12e9) * np.sqrt(0.01057 * 0.005685 / 0.00494)
     growth = spring * (1e-3**0.5 - 2e-4**0.5)

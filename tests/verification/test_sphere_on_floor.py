@@ -22,7 +22,10 @@ RADIUS = 0.006
 
 
 def sphere_on_floor(contact, speed_m_s, spin_rad_s, laws):
-    """Put a stiff sphere of radius `RADIUS` at its resting overlap, moving along x and spinning about y."""
+    """Put a stiff sphere on a floor, moving along x and spinning about y.
+
+    It has the radius `RADIUS` and its resting overlap.
+    """
     shape = Shape.sphere(RADIUS, GRAIN_DENSITY, "grain")
     simulation = simulation_of(
         shape,
@@ -45,7 +48,7 @@ def sphere_on_floor(contact, speed_m_s, spin_rad_s, laws):
 
 
 def track_sphere(simulation, steps, every):
-    """Follow time, speed and the rim's velocity by the spin, once every `every` steps."""
+    """Follow time, speed, and the rim's velocity by the spin."""
 
     def look():
         speed = simulation.velocities[0, 0]
@@ -57,7 +60,7 @@ def track_sphere(simulation, steps, every):
 
 @with_all_laws
 def test_rolling(case, laws):
-    """A sphere slides, ends rolling with 5/7 of its speed, and is slowed by 5/7 mu_r g."""
+    """A sphere slides, rolls at 5/7 of its speed, and is slowed by 5/7 mu_r g."""
     start, friction, rolling_friction = 0.5, 0.4, 0.05
     sliding = sphere_on_floor(Contact(0.3, friction, 0.0), start, 0.0, laws)
     time, speed, rim = track_sphere(sliding, 6000, 150)
@@ -76,7 +79,10 @@ def test_rolling(case, laws):
 
 
 def slope_acceleration(angle_deg, friction, laws):
-    """Simulate a grain that cannot roll, on a slope: acceleration [m/s2], the mean from 0.06 s to 0.16 s."""
+    """Simulate a grain that cannot roll on a slope.
+
+    Returns its mean acceleration [m/s2] from 0.06 s to 0.16 s.
+    """
     slope = math.radians(angle_deg)
     downhill, into_slope = GRAVITY * math.sin(slope), GRAVITY * math.cos(slope)
     world = under_gravity()
@@ -98,7 +104,7 @@ def slope_acceleration(angle_deg, friction, laws):
 
 @with_all_laws
 def test_slope(case, laws):
-    """A grain on slopes of 10 to 45 degrees sticks below the angle of friction and slides above it."""
+    """A grain on a slope sticks below the angle of friction and slides above it."""
     friction = 0.5
     limit = math.degrees(math.atan(friction))
     for angle in (10.0, 20.0, limit - 0.5, limit + 0.5, 30.0, 35.0, 45.0):

@@ -1,4 +1,7 @@
-"""Impacts of spinning spheres: tests 6 to 8 of Chung & Ooi (2011), Granular Matter 13, 643-656; see `sliding`."""
+"""Impacts of spinning spheres: tests 6 to 8 of Chung & Ooi (2011).
+
+Granular Matter 13, 643-656; see `sliding`.
+"""
 
 from itertools import product
 from typing import NamedTuple
@@ -54,7 +57,7 @@ def hit_equal_sphere(solid, spin, other_spin, laws):
 
 
 def hit_great_sphere(solid, spin, laws):
-    """Simulate an impact on a sphere at rest, of radius 0.5 m and 1000 times as stiff and dense."""
+    """Simulate an impact on a sphere at rest, 1000 times as stiff and dense."""
     radius = 0.5
     great = Solid(
         "great",
@@ -94,7 +97,10 @@ def _run(simulation, laws):
 
 
 def compare_sliding(case, solid, spin, after, laws):
-    """Compare a hit that slides throughout: the change of velocity with rigid bodies, that of spin with the law too."""
+    """Compare a hit that slides throughout.
+
+    The change of velocity is that of rigid bodies, the change of spin that of the law.
+    """
     at = f"{solid.name}, {spin:g} rad/s"
     hertz = hertz_on_plane(solid, RADIUS, NORMAL)
     lost = sliding_loss(CONTACT, NORMAL)
@@ -107,7 +113,7 @@ def compare_sliding(case, solid, spin, after, laws):
 
 @with_all_laws
 def test_spinning_sphere_on_plane(case, laws):
-    """A sphere of radius 0.1 m hits a plane at 0.2 m/s with spins of 6 to 21 rad/s, and slides (test 6)."""
+    """A spinning sphere hits a plane at 0.2 m/s and slides (test 6)."""
     # mu (1 + e) V_n by hand
     assert abs(sliding_loss(CONTACT, NORMAL) - 0.12) < 1e-12
     for solid, spin in product(SOLIDS, SLIDING_SPINS):
@@ -117,8 +123,9 @@ def test_spinning_sphere_on_plane(case, laws):
 def test_two_spinning_spheres(case, laws):
     """Two equal spheres, each 0.2 m/s, with equal spins or opposite ones (test 7).
 
-    With equal spin vectors the surfaces move against each other and the contact point stays: each sphere behaves as on
-    a plane. With opposite vectors the surfaces move together and nothing is exchanged.
+    With equal spin vectors the surfaces move against each other and the contact point
+    stays: each sphere behaves as on a plane. With opposite vectors the surfaces move
+    together and nothing is exchanged.
     """
     for solid in SOLIDS:
         for spin in SLIDING_SPINS:
@@ -134,7 +141,7 @@ def test_two_spinning_spheres(case, laws):
 
 
 def test_spinning_sphere_on_great_sphere(case, laws):
-    """A sphere hits one of radius 0.5 m, 1000 times as stiff and dense (test 8): as on a plane."""
+    """A spinning sphere hits a great, stiff one as a plane (test 8)."""
     for solid, spin in product(SOLIDS, ALL_SPINS):
         at = f"{solid.name}, {spin:g} rad/s"
         after = hit_great_sphere(solid, spin, laws)

@@ -40,7 +40,8 @@ def test_a_step_beyond_the_limit_is_refused_with_the_limit_named(time_steps):
     rows = list(time_steps.rows(QUICK, seeds=0, pairs=0))
     refusals = [row for row in rows if len(row) == 2]
     assert [row[0] for row in refusals] == [1e-3]
-    # an eighth of 2.868 (m*^2 / (R* E*^2 v))^0.2 at 2 m/s, for spheres of radius 6.67 mm
+    # an eighth of 2.868 (m*^2 / (R* E*^2 v))^0.2 at 2 m/s, for spheres of radius 6.67
+    # mm
     young = 1.1352e5 / (2.0 * (1.0 - 0.32**2))
     mass = 0.5 * 840.47 * 4.0 / 3.0 * math.pi * 0.00667**3
     limit = 2.868 * (mass**2 / (0.003335 * young**2 * 2.0)) ** 0.2 / 8.0

@@ -1,7 +1,7 @@
-"""Grains thrown at each other and at walls: how much energy they have on the way and in the end.
+"""Grains thrown at each other and at walls, and the energy that they keep.
 
-The Hertz potential of a turning ellipsoid is not exactly conservative: R* depends on the place of the contact, so the
-potential's depth changes during a contact.
+The Hertz potential of a turning ellipsoid is not exactly conservative: R* depends on
+the place of the contact, so the potential's depth changes during a contact.
 """
 
 import math
@@ -28,7 +28,10 @@ class Energies(NamedTuple):
 
 
 def energies_of(simulation, steps, bodies=1):
-    """Run ten times so many steps; each throw has so many `bodies`, one added after the other."""
+    """Run ten times so many steps.
+
+    Each throw has so many `bodies`, one added after the other.
+    """
 
     def energy():
         return simulation.kinetic_energies().reshape(-1, bodies).sum(axis=1)
@@ -39,7 +42,9 @@ def energies_of(simulation, steps, bodies=1):
 
 
 def throw_pairs(rng, contact, step=STEP, **keywords):
-    """Throw isolated pairs of ellipsoids at each other; `keywords` go to `grain_simulation`.
+    """Throw isolated pairs of ellipsoids at each other.
+
+    `keywords` go to `grain_simulation`.
 
     A pair that still touches in the end is left out: it holds elastic energy.
     """

@@ -1,8 +1,9 @@
 """Speed of the engine on this machine, and of the machine itself.
 
-The reference kernel is a loop of dependent roots and divisions, so it measures the present speed of one processor. The
-ratio of a time step to it compares engines on machines of one type, but not types of machines: a step also depends on
-vectors and caches.
+The reference kernel is a loop of dependent roots and divisions, so it measures the
+present speed of one processor. The ratio of a time step to it compares engines on
+machines of one type, but not types of machines: a step also depends on vectors and
+caches.
 """
 
 import math
@@ -17,13 +18,14 @@ from llvmlite import binding
 from repose.bench import Scene
 from repose.bench.funnel import FunnelSettings, FunnelTest
 from repose.bench.settings import SceneSettings
-from repose.dem.kernels import jit  # noqa: F401  (the first kernel of a process fixes the compiler for all)
+from repose.dem.kernels import jit  # noqa: F401
 from repose.grain.particle import Particle
 
 REFERENCE_LOOPS = 20_000
 REPEATS = 7  # of the reference kernel in a round
 ROUNDS = 3
-SETTLED_S = 1.0  # after the pour; only then is the pile settled, for a wide factory empties late
+# Time after a pour until the pile is settled; a wide factory empties late.
+SETTLED_S = 1.0
 Config = Mapping[str, Any]
 Numbers = Mapping[str, float]
 
@@ -35,6 +37,8 @@ class Times(NamedTuple):
     job_s: float  # of the whole pour
 
 
+# `repose.dem.kernels.jit` is imported for the settings of the compiler, which the first
+# kernel of a process fixes for all.
 @numba.njit
 def reference_kernel(n: int) -> float:
     """Compute n dependent steps, each a root and a division.
@@ -56,8 +60,8 @@ def run(
 ) -> dict[str, Any]:
     """Time whole pours and settled piles on one core.
 
-    The particles are poured in turn, so that all have the same conditions. The first one is the reference of the
-    others.
+    The particles are poured in turn, so that all have the same conditions. The first
+    one is the reference of the others.
 
     Parameters
     ----------
@@ -75,7 +79,8 @@ def run(
     Returns
     -------
     dict
-        The result of `summary`, with `berries` and `time_step_s` of the pours, and the `machine`.
+        The result of `summary`, with `berries` and `time_step_s` of the pours, and the
+        `machine`.
     """
     # The first pours compile the code that is timed afterwards.
     short_pour = _with_funnel(config, berries=2, duration_s=1.0)
@@ -108,7 +113,7 @@ def _reference_time_us() -> float:
 
 
 def machine() -> dict[str, Any]:
-    """Name the type of processor by LLVM's name, and the width of the vectors of the compiled loops."""
+    """Name the type of processor and the width of its vectors, as LLVM knows them."""
     features = binding.get_host_cpu_features()
     if features.get("avx512f"):
         vector_bits = 512
@@ -153,8 +158,9 @@ def summary(
     Returns
     -------
     dict
-        `reference_us`, and `particles`, a list of `name`, `us_per_step`, `job_s` (wall time of a pour), `ratio` (of a
-        step to the reference kernel) and `to_first` (of a step to that of the first particle).
+        `reference_us`, and `particles`, a list of `name`, `us_per_step`, `job_s` (wall
+        time of a pour), `ratio` (of a step to the reference kernel) and `to_first` (of
+        a step to that of the first particle).
     """
     reference_us = float(np.median(reference_times_us))
     medians = {
@@ -181,7 +187,8 @@ def message(result: Mapping[str, Any]) -> str:
         f"reference kernel {result['reference_us']:.1f} us; "
         f"{result['processor']}, vectors of {result['vector_bits']} bits",
         "to kernel: compares machines of one type of processor only",
-        f"{'particle':16} {'us a step':>10} {'to first':>9} {'to kernel':>10} {'pour, s':>8}",
+        f"{'particle':16} {'us a step':>10} {'to first':>9} {'to kernel':>10} "
+        f"{'pour, s':>8}",
     ]
     for row in result["particles"]:
         lines.append(

@@ -1,7 +1,9 @@
-"""The discrete element engine: shapes, contacts, walls and time; it does not depend on the calibration.
+"""The discrete element engine: shapes, contacts, walls and time.
 
-A name below is imported at its first use, so that the import of a small module of this package does not load the
-compiler.
+It does not depend on the calibration.
+
+A name below is imported at its first use, so that the import of a small module of this
+package does not load the compiler.
 """
 
 from importlib import import_module
@@ -35,16 +37,17 @@ _NAMES = {
     "simulation": ["Simulation"],
     "walls": ["Cone", "Cylinder", "Mesh", "Motion", "Plane", "RingEdge"],
 }
-_HOME = {name: module for module, names in _NAMES.items() for name in names}
+_MODULE_OF = {name: module for module, names in _NAMES.items() for name in names}
 
-__all__ = sorted(_HOME)
+__all__ = sorted(_MODULE_OF)
 
 
 def __getattr__(name: str) -> object:
-    if name not in _HOME:
+    if name not in _MODULE_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(f".{_HOME[name]}", __name__), name)
-    globals()[name] = value
+    module = import_module(f".{_MODULE_OF[name]}", __name__)
+    value = getattr(module, name)
+    globals()[name] = value  # the next use finds it without this function
     return value
 
 

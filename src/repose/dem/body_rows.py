@@ -1,4 +1,4 @@
-"""The data of one body, written into the arrays of the kernels."""
+"""Write the data of one body into the arrays of the kernels."""
 
 from typing import Any, NamedTuple
 
@@ -11,39 +11,67 @@ from .shapes import Clump, Shape
 
 
 class Body(NamedTuple):
-    """A body in the world frame; its quaternion (w, x, y, z), body to world, has length 1."""
+    """A body as a user describes it."""
 
     kind: Shape | Clump
-    position: np.ndarray
-    quaternion: np.ndarray
-    velocity: np.ndarray
-    angular_velocity: np.ndarray
+    position: np.ndarray  # of the centre of mass [m]
+    quaternion: np.ndarray  # (w, x, y, z), body to world, of length 1
+    velocity: np.ndarray  # in the world frame [m/s]
+    angular_velocity: np.ndarray  # in the world frame [rad/s]
     scale: float  # of its lengths, over those of its kind
 
 
 def write_body(bodies: Any, i: int, body: Body, parts: int, tile: np.ndarray) -> None:
-    """Write body number i into the arrays of the bodies; parts: see `shapes.parts_of`; tile: scratch."""
-    kind, scale = body.kind, body.scale
+    """Write a body into the arrays of the bodies.
+
+    Parameters
+    ----------
+    bodies : repose.dem.kernels.state.Bodies
+        The arrays.
+    i : int
+        Index of the body.
+    body : Body
+        Its data.
+    parts : int
+        See `shapes.parts_of`.
+    tile : ndarray
+        Scratch of the kernel.
+    """
+    # Mass goes with the third power of the lengths, moments of inertia with the fifth.
+    mass = body.kind.mass_kg * body.scale**3
+    inertia = body.kind.inertia_kg_m2 * body.scale**5
+
     row = bodies.rows[i]
     row[st.POSITION : st.POSITION + 3] = body.position
     row[st.VELOCITY : st.VELOCITY + 3] = body.velocity
     row[st.ANGULAR_VELOCITY : st.ANGULAR_VELOCITY + 3] = body.angular_velocity
-    row[st.INVERSE_MASS] = 1.0 / (kind.mass_kg * scale**3)
-    inertia = kind.inertia_kg_m2 * scale**5
+    row[st.INVERSE_MASS] = 1.0 / mass
+
     turn = rotation_matrix(body.quaternion)
-    spin = turn @ (
-        inertia * (turn.T @ row[st.ANGULAR_VELOCITY : st.ANGULAR_VELOCITY + 3])
-    )
-    squares = np.zeros(3 * st.MOST_PARTS)
-    if isinstance(kind, Shape):
-        squares[: kind.semi_axes_m.size] = ((kind.semi_axes_m * scale) ** 2).ravel()
-    lanes = bodies.motion[i // st.LANES, i % st.LANES :: st.LANES]
-    for first, values in (
-        (st.QUATERNION, body.quaternion),
-        (st.ANGULAR_MOMENTUM, spin),
-        (st.INVERSE_MOMENTS, 1.0 / inertia),
-        (st.SQUARES, squares),
-        (st.RADIUS, [kind.bounding_radius_m * scale]),
-    ):
-        lanes[first // st.LANES : first // st.LANES + len(values)] = values
+    angular_momentum = turn @ (inertia * (turn.T @ body.angular_velocity))
+    radius = body.kind.bounding_radius_m * body.scale
+    lane = bodies.motion[i // st.LANES, i % st.LANES :: st.LANES]
+    _write_rows(lane, st.QUATERNION, body.quaternion)
+    _write_rows(lane, st.ANGULAR_MOMENTUM, angular_momentum)
+    _write_rows(lane, st.INVERSE_MOMENTS, 1.0 / inertia)
+    _write_rows(lane, st.SQUARES, _squared_axes(body))
+    _write_rows(lane, st.RADIUS, np.array([radius]))
     place_shape(bodies, i, parts, tile)
+
+
+def _write_rows(lane: np.ndarray, place: int, values: np.ndarray) -> None:
+    """Write values to the rows of a lane from a place of its tile on."""
+    first = place // st.LANES
+    lane[first : first + len(values)] = values
+
+
+def _squared_axes(body: Body) -> np.ndarray:
+    """Square the half axes of a smooth body's parts.
+
+    Zeros for unused parts and for clumps.
+    """
+    squares = np.zeros(3 * st.MOST_PARTS)
+    if isinstance(body.kind, Shape):
+        semi_axes = body.kind.semi_axes_m
+        squares[: semi_axes.size] = ((semi_axes * body.scale) ** 2).ravel()
+    return squares

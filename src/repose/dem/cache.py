@@ -1,7 +1,8 @@
-"""Compiled code on disk, which is found by what the sources say and not by their path.
+"""Compiled code on disk, found by the text of the sources and not by their path.
 
-A file for each kernel and signature lies in a folder named after a hash of all sources of this package and of laws from
-outside. numba's own cache looks at the path of a kernel's file, and at no file of the kernels that it calls.
+The folder is named after a hash of all sources of this package and of laws from other
+packages. In it is a file for each kernel and signature. numba's own cache depends on
+the path of a kernel's file, and on no file of the kernels that it calls.
 """
 
 import contextlib
@@ -28,49 +29,56 @@ from numba.core.serialize import dumps
 
 try:
     import fcntl
-except (
-    ImportError
-):  # Windows: processes that need the same code at one time compile it each
+except ImportError:
+    # Windows: each of several processes that need the same code at one time compiles
+    # it.
     fcntl = None  # type: ignore[assignment]
 
-TAKEN, FREE = (fcntl.LOCK_EX, fcntl.LOCK_UN) if fcntl else (0, 0)
-HOME = Path(__file__).parent
-_outside: dict[
-    str, str
-] = {}  # sources of laws from other packages, by module and function
+PACKAGE = Path(__file__).parent
+# Sources of laws from other packages, by module and function.
+_outside_sources: dict[str, str] = {}
 
 
-def _sources() -> Iterator[bytes]:
+def _package_sources() -> Iterator[bytes]:
     """Yield names and texts of all files of this package."""
-    for path in sorted(HOME.rglob("*.py")):
-        yield path.relative_to(HOME).as_posix().encode() + path.read_bytes()
+    for path in sorted(PACKAGE.rglob("*.py")):
+        yield path.relative_to(PACKAGE).as_posix().encode() + path.read_bytes()
 
 
-_OWN = hashlib.sha256(
-    b"".join(_sources())
-)  # as they are imported: an edit after that is not what runs
+# Taken when the package is imported: an edit after that is not what runs.
+_PACKAGE_HASH = hashlib.sha256(b"".join(_package_sources()))
 
 
 def source_hash() -> str:
-    """Hash the sources of `repose.dem` and of laws from outside: 16 hexadecimal digits."""
-    digest = _OWN.copy()
-    for name, source in sorted(_outside.items()):
+    """Hash the sources of `repose.dem` and of laws from other packages.
+
+    The hash has 16 hexadecimal digits.
+    """
+    digest = _PACKAGE_HASH.copy()
+    for name, source in sorted(_outside_sources.items()):
         digest.update(f"{name}\n{source}".encode())
     return digest.hexdigest()[:16]
 
 
 def folder() -> str:
-    """Path of the cache folder of this source version, below NUMBA_CACHE_DIR or the user's cache folder."""
-    of_user = os.environ.get("XDG_CACHE_HOME") or os.path.join(
-        os.path.expanduser("~"), ".cache"
-    )
-    base = os.environ.get("NUMBA_CACHE_DIR") or os.path.join(of_user, "repose")
+    """Name the cache folder of these sources.
+
+    It lies below NUMBA_CACHE_DIR or the user's cache folder.
+    """
+    base = os.environ.get("NUMBA_CACHE_DIR")
+    if not base:
+        default = os.path.join(os.path.expanduser("~"), ".cache")
+        user_cache = os.environ.get("XDG_CACHE_HOME") or default
+        base = os.path.join(user_cache, "repose")
     return os.path.join(base, f"dem-{source_hash()}")
 
 
 @functools.cache
 def text_hash(path: str) -> str:
-    """Hash a source file; empty for what is no file, as a cell of a notebook."""
+    """Hash a source file.
+
+    The result is empty if there is no file, as for a cell of a notebook.
+    """
     try:
         return hashlib.sha256(Path(path).read_bytes()).hexdigest()
     except OSError:
@@ -78,76 +86,97 @@ def text_hash(path: str) -> str:
 
 
 class KernelCache(NullCache):
-    """The compiled code of a function with some options of the compiler, as a dispatcher of numba asks for it.
+    """The cache of one function's compiled code, which numba reads and writes.
 
-    Code holds for one version of numba and of Python and for one type of processor. Of processes that need the same
-    code at one time the first compiles it, and the others wait for it.
+    Code holds for one version of numba and of Python and for one type of processor. If
+    several processes need the same code at one time, the first compiles it and the
+    others wait.
+
+    Parameters
+    ----------
+    function : function
+        The function that is compiled.
+    options : mapping
+        Options of the compiler.
+    text : str
+        Hash of the function's source file.
     """
 
     def __init__(
         self, function: Callable[..., Any], options: Mapping[str, Any], text: str
     ) -> None:
-        self._function, self._made_from = function, (sorted(options.items()), text)
-        self._for_kernels = "no_cpython_wrapper" in options
+        self._function = function
+        self._options = sorted(options.items())
+        self._text = text
+        self._is_called_by_kernels = "no_cpython_wrapper" in options
 
     @property
     def cache_path(self) -> str:
         return folder()
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        # For code that is found, numba's declarations for the compiler are not loaded: they would take .3 s.
+        # numba's own method also loads its declarations for the compiler, which takes
+        # 0.3 s and is not needed here.
         rtsys.initialize(target_context)
         path = self._path(sig, target_context.codegen())
         stored = _read(path, sig)
         if stored is None:
-            _lock(path, TAKEN)
+            # Another process may be compiling it. If not, this one keeps the lock until
+            # `save_overload`.
+            _lock(path)
             stored = _read(path, sig)
-            if stored is not None:
-                _lock(path, FREE)
-        return stored and CompileResult._rebuild(target_context, *stored)
+            if stored is None:
+                return None
+            _unlock(path)
+        return CompileResult._rebuild(target_context, *stored)
 
     def save_overload(self, sig: Any, data: Any) -> None:
         path = self._path(sig, data.codegen)
-        if not self._for_kernels:
-            # What no kernel calls is not linked again: in place of its bitcode, which takes .1 s to read, the name of
-            # the function that Python calls.
-            stub = f'define void @"{data.fndesc.llvm_cpython_wrapper_name}"() {{ ret void }}'
+        if not self._is_called_by_kernels:
+            # No kernel links this function, so its bitcode, which takes 0.1 s to read,
+            # is not needed. A stub keeps the name of the function that Python calls.
+            name = data.fndesc.llvm_cpython_wrapper_name
+            stub = f'define void @"{name}"() {{ ret void }}'
             data.library._shared_module = binding.parse_assembly(stub)
         if not data.library.has_dynamic_globals:
             _write(path, dumps((sig, data._reduce())))
-        _lock(path, FREE)
+        _unlock(path)
 
     def _path(self, signature: object, codegen: Any) -> str:
-        """Name a file after all that the code depends on; not after the signature's pickle, which may vary."""
+        """Name the file after everything that the code depends on."""
         function = self._function
         name = f"{function.__module__}.{function.__qualname__}"
-        cells = dumps([cell.cell_contents for cell in function.__closure__ or ()])
-        made_from = (
+        closure = dumps([cell.cell_contents for cell in function.__closure__ or ()])
+        # The signature's text is used as its pickle may vary.
+        sources = (
             name,
             function.__code__.co_firstlineno,
-            cells,
+            closure,
             str(signature),
-            *self._made_from,
+            self._options,
+            self._text,
         )
-        made_by = (numba.__version__, sys.version_info[:2], codegen.magic_tuple())
-        digest = hashlib.sha256(repr((made_from, made_by)).encode()).hexdigest()
-        return os.path.join(
-            folder(), f"{name.replace('<', '').replace('>', '')}-{digest[:24]}"
-        )
+        compiler = (numba.__version__, sys.version_info[:2], codegen.magic_tuple())
+        digest = hashlib.sha256(repr((sources, compiler)).encode()).hexdigest()
+        file_name = name.replace("<", "").replace(">", "")
+        return os.path.join(folder(), f"{file_name}-{digest[:24]}")
 
 
 def _read(path: str, signature: object) -> tuple[Any, ...] | None:
-    """Read the code stored for a signature; None if there is none, or only a part."""
+    """Read the code stored for a signature.
+
+    None if there is none, or if the file is damaged.
+    """
     try:
         with open(path, "rb") as file:
-            of, stored = pickle.load(file)
+            stored_signature, stored = pickle.load(file)
     except (OSError, EOFError, pickle.UnpicklingError):
         return None
-    return stored if of == signature else None
+    return stored if stored_signature == signature else None
 
 
 def _write(path: str, content: bytes) -> None:
-    """Store a file in one move; where none can be written, each process compiles anew."""
+    """Store a file in one move; if it cannot be written, each process compiles anew."""
     part = f"{path}.{uuid.uuid4().hex}"
     try:
         with open(part, "wb") as file:
@@ -161,71 +190,114 @@ def _write(path: str, content: bytes) -> None:
 
 @functools.cache
 def _warn_once(message: str) -> None:
-    """Warn; the filters of Python would let a warning pass again after each compilation."""
+    """Warn about a folder once.
+
+    Python's own filters would repeat the warning at each compilation.
+    """
     warnings.warn(message, stacklevel=3)
 
 
-_locks: dict[
-    str, IO[bytes]
-] = {}  # a file of each folder, whose bytes stand for its kernels
+# The lock file of each folder. Each kernel has one byte of it, which a process locks
+# while it compiles the kernel.
+_lock_files: dict[str, IO[bytes]] = {}
 
 
-def _lock(path: str, kind: int) -> None:
-    """Wait for the lock of a kernel, or give it back; where the folder has no locks there is none to wait for."""
+def _lock(path: str) -> None:
+    """Wait until no other process compiles a kernel, and keep others waiting."""
+    if fcntl is not None:
+        _set_lock(path, fcntl.LOCK_EX)
+
+
+def _unlock(path: str) -> None:
+    """Let other processes go on that wait for the kernel of this file."""
+    if fcntl is not None:
+        _set_lock(path, fcntl.LOCK_UN)
+
+
+def _set_lock(path: str, operation: int) -> None:
+    """Lock or unlock a kernel's byte.
+
+    Nothing happens in a folder that has no lock file.
+    """
     parent = os.path.dirname(path)
-    if fcntl is None:
-        return
+    kernel_byte = int(path[-15:], 16)
     with contextlib.suppress(OSError):
-        if parent not in _locks:
+        if parent not in _lock_files:
             os.makedirs(parent, exist_ok=True)
-            _locks[parent] = open(os.path.join(parent, "locks"), "ab")  # noqa: SIM115  (closed, its locks end)
-        fcntl.lockf(_locks[parent], kind, 1, int(path[-15:], 16))
+            # It stays open, since its locks end when it is closed.
+            file = open(os.path.join(parent, "locks"), "ab")  # noqa: SIM115
+            _lock_files[parent] = file
+        fcntl.lockf(_lock_files[parent], operation, 1, kernel_byte)
 
 
-class _Failure(event.Listener):
-    """Gives all locks back where a compilation fails: processes that wait for the kernel then fail as it does."""
+class _UnlockOnFailure(event.Listener):
+    """Unlocks all kernels when a compilation fails.
+
+    The processes that wait then fail in the same way.
+    """
 
     def on_start(self, event: Any) -> None:
         pass
 
     def on_end(self, event: Any) -> None:
         if sys.exception() is not None:
-            for file in _locks.values():
-                fcntl.lockf(file, FREE)
+            for file in _lock_files.values():
+                fcntl.lockf(file, fcntl.LOCK_UN)
 
 
-event.register("numba:compile", _Failure())
+event.register("numba:compile", _UnlockOnFailure())
 
 
 def add_source(*functions: Callable[..., Any] | None) -> None:
-    """Compile with the functions of a law: one from outside moves the cache folder of all kernels."""
-    own = f"{__package__}."
-    given = [
+    """Make the cache depend on the functions of a law.
+
+    A law of this package changes nothing. A law from another package moves the cache
+    folder of all kernels.
+    """
+    package = f"{__package__}."
+    law_functions = [
         cast(FunctionType, function) for function in functions if function is not None
     ]
-    if all(function.__module__.startswith(own) for function in given):
+    if all(function.__module__.startswith(package) for function in law_functions):
         return
-    for function in given:
-        names = {function.__module__, *_used(function)}
-        for name in sorted(name for name in names if not name.startswith(own)):
-            _outside[f"{name} {function.__name__}"] = _source(name, function)
+    for function in law_functions:
+        for module in sorted({function.__module__, *_called_modules(function)}):
+            if not module.startswith(package):
+                key = f"{module} {function.__name__}"
+                _outside_sources[key] = _source(module, function)
 
 
-def _used(function: FunctionType) -> set[str]:
+def _globals_used(function: FunctionType) -> dict[str, Any]:
+    """Look up the global names that a function uses.
+
+    None for those that are not there.
+    """
+    names = function.__code__.co_names
+    return {name: function.__globals__.get(name) for name in names}
+
+
+def _called_modules(function: FunctionType) -> set[str]:
     """Name the modules of the functions that a function calls directly."""
-    used = [function.__globals__.get(name) for name in function.__code__.co_names]
-    return {
-        value.__module__
-        for value in used
-        if callable(value) and isinstance(value.__module__, str)
-    }
+    modules = set()
+    for value in _globals_used(function).values():
+        if callable(value) and isinstance(value.__module__, str):
+            modules.add(value.__module__)
+    return modules
 
 
 def _source(module: str, function: FunctionType) -> str:
-    """Return a module's source, or a notebook function's code; and the numbers that the function uses."""
+    """Return the source of a module and the numbers that a function uses.
+
+    In a notebook the function's code.
+    """
+    code = function.__code__
     try:
         source = inspect.getsource(sys.modules[module])
     except (KeyError, OSError, TypeError):
-        source = f"{function.__code__.co_code.hex()} {function.__code__.co_consts!r}"
-    used = {name: function.__globals__.get(name) for name in function.__code__.co_names}
-    return f"{source} { {name: value for name, value in used.items() if isinstance(value, int | float)}!r}"
+        source = f"{code.co_code.hex()} {code.co_consts!r}"
+    numbers = {
+        name: value
+        for name, value in _globals_used(function).items()
+        if isinstance(value, int | float)
+    }
+    return f"{source} {numbers!r}"

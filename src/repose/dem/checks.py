@@ -1,4 +1,8 @@
-"""Checks of a user's values: each returns the value for the engine, or raises ValueError with its name and limits."""
+"""Checks of a user's values.
+
+Each returns the value in the form that the engine needs, or raises a ValueError that
+names the argument, its value and what is allowed.
+"""
 
 import math
 from collections.abc import Callable, Mapping
@@ -9,33 +13,41 @@ import numpy as np
 
 from .errors import shown
 
+NUMBER_WORDS = {3: "three", 4: "four", 7: "seven"}
+
 
 def is_number(value: Any, *, finite: bool = True) -> bool:
-    """Whether a value is a real number and not a truth value; `finite` False accepts infinite numbers, too."""
+    """Tell whether a value is a real number and not a truth value.
+
+    With `finite` False infinite numbers are accepted too, but never nan.
+    """
     if not isinstance(value, Real) or isinstance(value, bool | np.bool):
         return False
     return math.isfinite(value) if finite else not math.isnan(value)
 
 
 def number(name: str, value: Any, allowed: str, accepts: Callable[[Any], Any]) -> float:
-    """Check a finite number by `accepts`; `allowed` says in words which numbers are accepted."""
+    """Check that a value is a finite number for which `accepts` is true.
+
+    `allowed` describes the accepted numbers in the message.
+    """
     if not (is_number(value) and accepts(value)):
         raise ValueError(f"{name} is {shown(value)}; expected {allowed}")
     return float(value)
 
 
 def positive(name: str, value: Any) -> float:
-    """Check a finite number above 0."""
+    """Check that a value is a finite number above 0."""
     return number(name, value, "above 0", lambda v: v > 0.0)
 
 
 def not_negative(name: str, value: Any) -> float:
-    """Check a finite number, 0 or more."""
+    """Check that a value is a finite number, 0 or more."""
     return number(name, value, "0 or more", lambda v: v >= 0.0)
 
 
 def height(name: str, value: Any) -> float:
-    """Check a number that may be infinite: a height that no body reaches."""
+    """Check that a value is a height; it may be infinite, which no body reaches."""
     if not is_number(value, finite=False):
         raise ValueError(
             f"{name} is {shown(value)}; expected a number, or -inf for none"
@@ -43,29 +55,31 @@ def height(name: str, value: Any) -> float:
     return float(value)
 
 
-def whole_number(name: str, value: Any, least: int) -> int:
-    """Check a whole number, `least` or more."""
-    if not isinstance(value, Integral) or isinstance(value, bool) or value < least:
+def whole_number(name: str, value: Any, minimum: int) -> int:
+    """Check that a value is a whole number, `minimum` or more."""
+    if not isinstance(value, Integral) or isinstance(value, bool) or value < minimum:
         raise ValueError(
-            f"{name} is {shown(value)}; expected a whole number, {least} or more"
+            f"{name} is {shown(value)}; expected a whole number, {minimum} or more"
         )
     return int(value)
 
 
 def vector(name: str, value: Any, length: int = 3) -> np.ndarray:
-    """Copy 3, 4 or 7 finite numbers."""
-    words = {3: "three", 4: "four", 7: "seven"}[length]
-    return array(name, value, (length,), f"{words} finite numbers")
+    """Copy a vector of 3, 4 or 7 finite numbers."""
+    allowed = f"{NUMBER_WORDS[length]} finite numbers"
+    return array(name, value, (length,), allowed)
 
 
 def box(lower: Any, upper: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Copy two corners, the lower one below the upper one in every direction."""
-    corners = vector("lower", lower), vector("upper", upper)
-    if not np.all(corners[0] < corners[1]):
+    """Copy the lower and the upper corner of a box."""
+    low = vector("lower", lower)
+    high = vector("upper", upper)
+    if not np.all(low < high):
         raise ValueError(
-            f"lower is {lower!r}, upper {upper!r}; expected lower below upper in every direction"
+            f"lower is {lower!r}, upper {upper!r}; "
+            "expected lower below upper in every direction"
         )
-    return corners
+    return low, high
 
 
 def array(
@@ -76,55 +90,86 @@ def array(
     accepts: Callable[[np.ndarray], Any] = lambda _: True,
     rows: bool = False,
 ) -> np.ndarray:
-    """Copy finite numbers of a shape that `accepts` accepts; `allowed` describes them in the error.
+    """Copy finite numbers to an array of a given shape.
 
-    A length None may be any; with `rows` a single row may be given without its brackets.
+    Parameters
+    ----------
+    name : str
+        The argument's name, for the message.
+    value : Any
+        What the user gave.
+    shape : tuple
+        The length of each dimension; None stands for any length.
+    allowed : str
+        Describes the accepted values in the message.
+    accepts : callable
+        Further condition that the array must fulfil.
+    rows : bool
+        Accept a single row without the brackets around it.
+
+    Returns
+    -------
+    ndarray
+        The numbers.
+
+    Raises
+    ------
+    ValueError
+        If the value is no such array.
     """
+    dimensions = len(shape)
     try:
-        numbers = np.array(value, float, ndmin=len(shape) if rows else 0)
+        numbers = np.array(value, float, ndmin=dimensions if rows else 0)
     except (TypeError, ValueError):
-        numbers = np.full((1,) * len(shape), np.nan)
-    fits = numbers.ndim == len(shape) and all(
-        n in (None, m) for n, m in zip(shape, numbers.shape, strict=True)
+        numbers = np.full((1,) * dimensions, np.nan)  # refused below
+    has_shape = numbers.ndim == dimensions and all(
+        expected is None or expected == length
+        for expected, length in zip(shape, numbers.shape, strict=True)
     )
-    if not (fits and np.all(np.isfinite(numbers)) and accepts(numbers)):
+    if not (has_shape and np.all(np.isfinite(numbers)) and accepts(numbers)):
         raise ValueError(f"{name} is {shown(value)}; expected {allowed}")
     return numbers
 
 
 def direction(name: str, value: Any, length: int = 3) -> np.ndarray:
-    """Scale a vector of 3 or 4 numbers that are not all 0 to the length 1."""
-    along = vector(name, value, length)
-    size = np.linalg.norm(along)
+    """Scale a vector of 3 or 4 numbers to unit length; a zero vector is refused."""
+    numbers = vector(name, value, length)
+    size = np.linalg.norm(numbers)
     if not size > 0.0:
         raise ValueError(
             f"{name} is {shown(value)}; expected a vector that is not zero"
         )
-    return along / size
+    return numbers / size
 
 
 def is_name(value: Any) -> bool:
-    """Whether a value can be the name of a shape, a material or a wall: text that is not empty."""
+    """Tell whether a value can be the name of a shape, a material or a wall.
+
+    A name is a text that is not empty.
+    """
     return isinstance(value, str) and bool(value)
 
 
-def name_of(what: str, value: Any) -> str:
-    """Check the name of a shape, a material or a wall; `what` is named in the error."""
+def name_of(argument: str, value: Any) -> str:
+    """Check that an argument is the name of a shape, a material or a wall."""
     if not is_name(value):
         raise ValueError(
-            f"{what} is {shown(value)}; expected a name, text that is not empty"
+            f"{argument} is {shown(value)}; expected a name, text that is not empty"
         )
     return value
 
 
-def mapping(name: str, value: Any, kinds: Any, words: str) -> dict[str, Any]:
-    """Copy a mapping of names to objects of some classes; `words` names the classes in the error."""
-    good = isinstance(value, Mapping) and all(
-        is_name(k) and isinstance(v, kinds) for k, v in value.items()
+def mapping(name: str, value: Any, classes: Any, description: str) -> dict[str, Any]:
+    """Copy a mapping of names to objects of the classes.
+
+    `description` names them in the message.
+    """
+    is_valid = isinstance(value, Mapping) and all(
+        is_name(key) and isinstance(item, classes) for key, item in value.items()
     )
-    if not good:
+    if not is_valid:
         raise ValueError(
-            f"{name} is {shown(value)}; expected names, each with a {words}"
+            f"{name} is {shown(value)}; expected names, each with a {description}"
         )
     return dict(value)
 

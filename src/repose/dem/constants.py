@@ -1,20 +1,28 @@
-"""Constants of two materials beyond restitution and friction, by the law that needs them; it loads no compiler."""
+"""The constants of two materials that force laws need, besides those of all laws.
+
+This module does not load the compiler, so that a configuration can be checked quickly.
+"""
 
 import math
 from typing import NamedTuple
 
 
 class Constant(NamedTuple):
-    """A constant that a force law needs of two materials.
+    """A constant of two materials that a force law needs.
 
     Attributes
     ----------
     name : str
         Its key in `Contact.constants`, which ends with its unit.
     short : str
-        Begins the names of its parameters in a study: ``gamma`` stands for ``gamma_gg`` and ``gamma_gp``.
-    symbol, unit, words : str
-        For people; the symbol in LaTeX.
+        Begins the names of its parameters in a study: ``gamma`` stands for ``gamma_gg``
+        and ``gamma_gp``.
+    symbol : str
+        For figures, in LaTeX.
+    unit : str
+        Its unit; empty for a ratio.
+    words : str
+        What it is called in messages and figures.
     least, most : float
         Bounds of its value.
     """
@@ -28,7 +36,7 @@ class Constant(NamedTuple):
     most: float = math.inf
 
     def check(self, value: object) -> float:
-        """Return the value as a number, or raise ValueError with the name and what is allowed."""
+        """Return the value as a number; ValueError if it is out of bounds."""
         try:
             number = float(value)  # type: ignore[arg-type]
         except (TypeError, ValueError):
@@ -42,16 +50,36 @@ class Constant(NamedTuple):
 
 
 SURFACE_ENERGY = Constant(
-    "surface_energy_j_m2", "gamma", r"\gamma", "J/m2", "surface energy"
+    name="surface_energy_j_m2",
+    short="gamma",
+    symbol=r"\gamma",
+    unit="J/m2",
+    words="surface energy",
 )
 COHESION_ENERGY_DENSITY = Constant(
-    "cohesion_energy_density_j_m3", "k", "k", "J/m3", "cohesion energy density"
+    name="cohesion_energy_density_j_m3",
+    short="k",
+    symbol="k",
+    unit="J/m3",
+    words="cohesion energy density",
 )
 PLASTICITY_RATIO = Constant(
-    "plasticity_ratio", "plas", r"\lambda", "", "plasticity ratio", 0.0, 0.99
+    name="plasticity_ratio",
+    short="plas",
+    symbol=r"\lambda",
+    unit="",
+    words="plasticity ratio",
+    most=0.99,
 )
-# Of the rolling laws that resist spin about the normal; without it mu_t is 3 pi / 16 mu_s.
-TWISTING = Constant("twisting_friction", "mut", r"{\mu_t}", "", "twisting friction")
+# The rolling laws `TWISTED_BY` resist spin about the normal with mu_t. It is optional:
+# by default 3 pi / 16 mu_s.
+TWISTING = Constant(
+    name="twisting_friction",
+    short="mut",
+    symbol=r"{\mu_t}",
+    unit="",
+    words="twisting friction",
+)
 TWISTED_BY = ("constant_torque", "epsd", "epsd2")
 
 # The constants that each contact law needs; a law without constants has no entry.

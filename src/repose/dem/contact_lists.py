@@ -1,4 +1,4 @@
-"""The lists of contacts of a simulation: new ones, and longer ones when they fill up."""
+"""The lists of contacts of a simulation, and how they grow."""
 
 from typing import Any
 
@@ -8,27 +8,34 @@ from .kernels import clump_tile as ct
 from .kernels import clumps as cl
 from .kernels import state as st
 
-# Room for the lists of a simulation, per body; they grow when needed.
-CONTACTS_PER_BODY, NEAR_PER_BODY = (
-    6,
-    13,
-)  # of a lattice: all 26 neighbours, each pair once
-SPHERE_CONTACTS_PER_BODY, MOST_NEW = 20, 4096
+# Entries per body that the first lists have; the lists grow when needed.
+CONTACTS_PER_BODY = 6
+NEAR_PER_BODY = 13  # of a lattice: all 26 neighbours, each pair once
+SPHERE_CONTACTS_PER_BODY = 20
+MOST_NEW = 4096  # contacts of spheres that may begin in one step
 
 
 def new_pairs(capacity: int, most_spheres: int, n_state: int) -> Any:
-    """Make empty lists for contacts between bodies; most_spheres: of the largest clump, 0 for smooth bodies."""
-    contacts = (
-        SPHERE_CONTACTS_PER_BODY * capacity + MOST_NEW
-        if most_spheres
-        else CONTACTS_PER_BODY * capacity + 64
-    )
-    return _pairs_with_room(
-        contacts, NEAR_PER_BODY * capacity + 256, capacity, most_spheres, n_state
-    )
+    """Make empty lists of contacts between bodies.
+
+    Parameters
+    ----------
+    capacity : int
+        Most bodies.
+    most_spheres : int
+        Spheres of the largest clump; 0 for smooth bodies.
+    n_state : int
+        Rows that the force laws keep for each contact.
+    """
+    if most_spheres:
+        contacts = SPHERE_CONTACTS_PER_BODY * capacity + MOST_NEW
+    else:
+        contacts = CONTACTS_PER_BODY * capacity + 64
+    near = NEAR_PER_BODY * capacity + 256
+    return _pair_lists(contacts, near, capacity, most_spheres, n_state)
 
 
-def _pairs_with_room(
+def _pair_lists(
     contacts: int, near: int, capacity: int, most_spheres: int, n_state: int
 ) -> Any:
     """Make empty lists for numbers of touching and of near pairs."""
@@ -40,55 +47,59 @@ def _pairs_with_room(
 def new_wall_contacts(
     capacity: int, n_walls: tuple[int, int, int], of_clumps: bool, n_state: int
 ) -> list[Any]:
-    """Make empty lists for contacts with planes, with cones and rings, and with meshes: `n_walls` has their numbers."""
-    n_planes, _n_curved, n_meshes = n_walls
+    """Make empty lists of contacts with planes, with cones and rings, and with meshes.
+
+    `n_walls` has the numbers of these walls; the other arguments are those of
+    `new_pairs`.
+    """
+    n_planes, n_curved, n_meshes = n_walls
     spare = 64 * st.MOST_SPHERES if of_clumps else 64
-    rows = (ct.WALL_STATE if of_clumps else st.WALL_STATE) // st.LANES + n_state
-    most = (
-        n_planes * capacity + spare,
-        capacity + spare,
-        capacity + spare if n_meshes else 1,
-    )
-    kinds = zip(most, n_walls, strict=True)
+    geometry = ct.WALL_STATE if of_clumps else st.WALL_STATE
+    rows = geometry // st.LANES + n_state
+
+    def new_list(entries: int, walls: int) -> Any:
+        return st.new_wall_contacts(entries, walls, capacity, capacity, rows, of_clumps)
+
     return [
-        st.new_wall_contacts(room, walls, capacity, capacity, rows, of_clumps)
-        for room, walls in kinds
+        new_list(n_planes * capacity + spare, n_planes),
+        new_list(capacity + spare, n_curved),
+        new_list(capacity + spare if n_meshes else 1, n_meshes),
     ]
 
 
 def grown_pairs(
     old: Any, counts: Any, capacity: int, most_spheres: int, n_state: int
 ) -> Any:
-    """Return the lists of pairs with the same content, and twice the room where three quarters are used."""
-    contacts, near = (
-        _room(old.first, counts[st.N_PAIRS]),
-        _room(old.near_limit, counts[st.N_NEAR]),
-    )
-    return _filled(
-        _pairs_with_room(contacts, near, capacity, most_spheres, n_state), old
-    )
+    """Copy the lists of pairs, with twice the room where three quarters are used."""
+    contacts = _next_length(old.first, counts[st.N_PAIRS])
+    near = _next_length(old.near_limit, counts[st.N_NEAR])
+    new = _pair_lists(contacts, near, capacity, most_spheres, n_state)
+    return _copy_lists(new, old)
 
 
 def grown_wall_contacts(contacts: Any, used: int, ghost: int) -> Any:
-    """Return the list with twice the room where three quarters are used; ghost: the body number of unused contacts."""
-    rows, of_clumps = (
-        contacts.data.shape[1] // st.LANES,
-        isinstance(contacts.known, np.ndarray),
-    )
-    room, (n_walls, n_bodies) = _room(contacts.body, used), contacts.limit.shape
-    return _filled(
-        st.new_wall_contacts(room, n_walls, n_bodies, ghost, rows, of_clumps), contacts
-    )
+    """Copy a list of wall contacts, with twice the room where three quarters are used.
+
+    `ghost` is the number of the absent body that unused entries have.
+    """
+    entries = _next_length(contacts.body, used)
+    n_walls, n_bodies = contacts.limit.shape
+    rows = contacts.data.shape[1] // st.LANES
+    of_clumps = isinstance(contacts.known, np.ndarray)
+    new = st.new_wall_contacts(entries, n_walls, n_bodies, ghost, rows, of_clumps)
+    return _copy_lists(new, contacts)
 
 
-def _room(array: Any, used: int) -> int:
-    """Choose the length of a list: twice the present one where three quarters are used."""
-    return len(array) * (2 if used * 4 > len(array) * 3 else 1)
+def _next_length(array: Any, used: int) -> int:
+    """Choose the length of a list, twice the present one if three quarters are used."""
+    if used * 4 > len(array) * 3:
+        return 2 * len(array)
+    return len(array)
 
 
-def _filled(bigger: Any, old: Any) -> Any:
+def _copy_lists(new: Any, old: Any) -> Any:
     """Copy lists into others that are as long or longer."""
-    for target, source in zip(bigger, old, strict=True):
+    for target, source in zip(new, old, strict=True):
         if len(source):
             target[: len(source)] = source
-    return bigger
+    return new

@@ -1,8 +1,8 @@
-"""Materials of a simulation by number, and the table of a force law's constants for each pair of them."""
+"""Materials by number, and a force law's constants for each pair of them."""
 
 from collections.abc import Iterable, Mapping
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,75 +24,101 @@ class MaterialNumbers(NamedTuple):
 def pairs_of(
     contacts: Mapping[tuple[str, str], Contact], materials: Mapping[str, Material]
 ) -> Pairs:
-    """Contacts by pairs of names in both orders; ValueError for unknown names, no Contact, or two that differ."""
+    """Index contacts by pairs of material names, in both orders.
+
+    Raises
+    ------
+    ValueError
+        For an unknown material, a value that is no `Contact`, or different contacts for
+        the two orders of a pair.
+    """
     if not isinstance(contacts, Mapping):
         raise ValueError(
             f"contacts is {contacts!r}; expected (material, material): Contact"
         )
-    both: Pairs = {}
+    pairs: Pairs = {}
     for pair, contact in contacts.items():
-        named = (
-            isinstance(pair, tuple)
-            and len(pair) == 2
-            and all(is_name(name) for name in pair)
-        )
-        if not (named and isinstance(contact, Contact)):
+        if not (_is_pair_of_names(pair) and isinstance(contact, Contact)):
             raise ValueError(
-                f"contacts has {pair!r}: {contact!r}; expected (material, material): Contact"
+                f"contacts has {pair!r}: {contact!r}; "
+                "expected (material, material): Contact"
             )
         if not set(pair) <= set(materials):
             raise ValueError(
                 f"contacts has {pair!r}; expected pairs of {', '.join(materials)}"
             )
-        if both.get(pair, contact) != contact:
+        if pairs.get(pair, contact) != contact:
             raise ValueError(
-                f"contacts has {pair!r} in both orders; expected one of them, or the same for both"
+                f"contacts has {pair!r} in both orders; "
+                "expected one of them, or the same for both"
             )
-        both[pair] = both[pair[::-1]] = contact
-    return both
+        pairs[pair] = contact
+        pairs[pair[::-1]] = contact
+    return pairs
+
+
+def _is_pair_of_names(pair: Any) -> bool:
+    """Tell whether a key is a tuple of two names."""
+    if not (isinstance(pair, tuple) and len(pair) == 2):
+        return False
+    return all(is_name(name) for name in pair)
 
 
 def number_materials(
     shapes: Mapping[str, Shape | Clump],
-    of_walls: Iterable[str],
+    wall_materials: Iterable[str],
     materials: Mapping[str, Material],
     contacts: Pairs,
 ) -> MaterialNumbers:
-    """Give each material its number; ValueError for a missing material, or a missing contact of two that can meet."""
-    names = list(dict.fromkeys(shape.material for shape in shapes.values()))
-    of_bodies = {name: k for k, name in enumerate(names)}
-    names += dict.fromkeys(name for name in of_walls if name not in names)
+    """Give each material of the bodies and walls its number.
+
+    Raises
+    ------
+    ValueError
+        For a missing material, or a missing contact of two materials that can meet.
+    """
+    body_names = dict.fromkeys(shape.material for shape in shapes.values())
+    names = list(dict.fromkeys([*body_names, *wall_materials]))
     for name in names:
         if name not in materials:
             raise ValueError(f"material is {name!r}; expected {', '.join(materials)}")
-    for a, b in product(of_bodies, names):
+    for a, b in product(body_names, names):
         if (a, b) not in contacts:
             raise ValueError(
-                f"contacts has no pair ({a!r}, {b!r}); every pair of materials that can meet needs one"
+                f"contacts has no pair ({a!r}, {b!r}); "
+                "every pair of materials that can meet needs one"
             )
-    return MaterialNumbers(of_bodies, {name: k for k, name in enumerate(names)})
+    return MaterialNumbers(
+        of_bodies={name: k for k, name in enumerate(body_names)},
+        of_all={name: k for k, name in enumerate(names)},
+    )
 
 
 def check_constants(law: Law, numbers: MaterialNumbers, contacts: Pairs) -> None:
-    """Raise ValueError if a contact lacks a constant of the law, has another one, or has a wrong value."""
+    """Raise ValueError if a contact has not just the constants that the law needs."""
     for pair in product(numbers.of_bodies, numbers.of_all):
         try:
-            _check_constants_of(law, contacts[pair].constants)
-        except ValueError as fault:
-            raise ValueError(f"contacts of {pair}: {fault}") from None
+            _check_constants_of_contact(law, contacts[pair].constants)
+        except ValueError as error:
+            raise ValueError(f"contacts of {pair}: {error}") from None
 
 
-def _check_constants_of(law: Law, given: Mapping[str, float]) -> None:
+def _check_constants_of_contact(law: Law, values: Mapping[str, float]) -> None:
     """Check the constants of one contact."""
     known = {constant.name: constant for constant in law.asks}
-    for name in (*known, *given):
+    for name, constant in known.items():
+        if name not in values:
+            raise ValueError(
+                f"contact_law {law.name!r} needs constants[{name!r}], "
+                f"the {constant.words} in {constant.unit}"
+            )
+        constant.check(values[name])
+    for name in values:
         if name not in known:
-            none = f"{name} is no constant of contact_law {law.name!r}"
-            raise ValueError(f"{none}; expected {', '.join(known) or 'none'}")
-        if name not in given:
-            needs = f"contact_law {law.name!r} needs constants[{name!r}]"
-            raise ValueError(f"{needs}, the {known[name].words} in {known[name].unit}")
-        known[name].check(given[name])
+            raise ValueError(
+                f"{name} is no constant of contact_law {law.name!r}; "
+                f"expected {', '.join(known) or 'none'}"
+            )
 
 
 def constants_of(
@@ -102,12 +128,15 @@ def constants_of(
     contacts: Pairs,
     tension: str,
 ) -> np.ndarray:
-    """Constants of a force law (K, K, n) for all pairs of K materials; 0 for two walls."""
-    table = np.zeros((len(numbers.of_all), len(numbers.of_all), law.n_constants))
+    """Compute the constants of a force law for all pairs of K materials (K, K, n).
+
+    0 for two walls.
+    """
+    n_materials = len(numbers.of_all)
+    table = np.zeros((n_materials, n_materials, law.n_constants))
     for a, i in numbers.of_bodies.items():
         for b, j in numbers.of_all.items():
-            table[i, j] = law.constants(
-                materials[a], materials[b], contacts[a, b], tension
-            )
-            table[j, i] = table[i, j]
+            values = law.constants(materials[a], materials[b], contacts[a, b], tension)
+            table[i, j] = values
+            table[j, i] = values
     return table

@@ -1,4 +1,4 @@
-"""The exception for a fault in a user's file."""
+"""The exception for a fault in a user's file, and how its message shows a value."""
 
 import reprlib
 from collections.abc import Iterable
@@ -12,34 +12,50 @@ _short.maxstring = _short.maxlong = _short.maxother = MOST_SHOWN
 
 
 def shown(value: object) -> str:
-    """Text of a value for a message, at most `MOST_SHOWN` characters."""
+    """Write a value for a message, in at most `MOST_SHOWN` characters."""
     text = _short.repr(value)
-    return text if len(text) <= MOST_SHOWN else f"{text[: MOST_SHOWN - 3]}..."
+    if len(text) > MOST_SHOWN:
+        return f"{text[: MOST_SHOWN - 3]}..."
+    return text
 
 
 def did_you_mean(word: str, names: Iterable[str]) -> str:
-    """Ask whether the name most like a word was meant; empty where none is like it."""
-    from difflib import get_close_matches  # not by the processes that end well
+    """Ask whether the name most like a word was meant; empty if no name is like it."""
+    # Imported here, as processes without a fault do not need it.
+    from difflib import get_close_matches
 
-    return "".join(
-        f"; did you mean {name}?" for name in get_close_matches(word, list(names), 1)
-    )
+    matches = get_close_matches(word, list(names), 1)
+    return f"; did you mean {matches[0]}?" if matches else ""
 
 
 class InputError(ValueError):
-    """A file, or an entry `key` of it, that cannot be used; the message names `value` and what is `allowed`.
+    """A file, or one entry of a file, cannot be used.
 
-    Of several allowed names the one most like a text is guessed.
+    Parameters
+    ----------
+    source : object
+        The file, or what else the value comes from.
+    key : str
+        The entry in it.
+    value : object
+        The value of the entry.
+    allowed : str
+        Describes the values that are accepted. If it lists several names, and the value
+        is a text, the message guesses which of them was meant.
     """
 
     def __init__(self, source: object, key: str, value: object, allowed: str) -> None:
-        names = list(
-            filter(
-                str.isidentifier,
-                allowed.removeprefix("one of ").replace(" or ", ", ").split(", "),
-            )
-        )
+        names = _listed_names(allowed)
         if isinstance(value, str) and len(names) > 1:
             allowed += did_you_mean(value, names)
-        self.source, self.key, self.value, self.allowed = source, key, value, allowed
+        self.source = source
+        self.key = key
+        self.value = value
+        self.allowed = allowed
         super().__init__(f"{source}: {key} is {shown(value)}; expected {allowed}")
+
+
+def _listed_names(allowed: str) -> list[str]:
+    """Find the names in a text such as "one of a, b or c"."""
+    items = allowed.removeprefix("one of ").replace(" or ", ", ").split(", ")
+    return [item for item in items if item.isidentifier()]

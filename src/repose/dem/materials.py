@@ -31,19 +31,19 @@ class Material:
         number(
             "poisson_ratio",
             self.poisson_ratio,
-            "above -1, at most 0.5",
-            lambda nu: -1.0 < nu <= 0.5,
+            allowed="above -1, at most 0.5",
+            accepts=lambda nu: -1.0 < nu <= 0.5,
         )
 
     @property
     def elastic_modulus_pa(self) -> float:
-        """E = 2 G (1 + nu) [Pa], the paper's Eq. 4."""
+        """Young's modulus E = 2 G (1 + nu) [Pa]."""
         return 2.0 * self.shear_modulus_pa * (1.0 + self.poisson_ratio)
 
 
 @dataclass(frozen=True)
 class Contact:
-    """What the contact law needs to know of a pair of surfaces.
+    """The parameters of a contact between two surfaces.
 
     Parameters
     ----------
@@ -54,12 +54,15 @@ class Contact:
     rolling_friction : float
         Coefficient mu_r of the rolling resistance, 0 or more.
     twisting_friction : float, optional
-        Coefficient of the resistance against spin about the normal, 0 or more: the torque is at most this, times the
-        normal force, times the radius of the contact circle. By default 3 pi / 16 mu_s, that of a Hertz contact whose
-        whole circle slides (Johnson 1985, section 7.2). Only laws that tell this spin from rolling use it.
+        Coefficient of the resistance against spin about the normal, 0 or more: the
+        torque is at most this, times the normal force, times the radius of the contact
+        circle. By default 3 pi / 16 mu_s, that of a Hertz contact whose whole circle
+        slides (Johnson 1985, section 7.2). Only laws that tell this spin from rolling
+        use it.
     constants : mapping, optional
-        Further constants by their names, those that the contact law needs (`repose.dem.constants.OF_LAWS`), such as
-        ``{"surface_energy_j_m2": 0.05}`` of the law ``jkr``.
+        Further constants by their names, those that the contact law needs
+        (`repose.dem.constants.OF_LAWS`), such as ``{"surface_energy_j_m2": 0.05}`` of
+        the law ``jkr``.
 
     Raises
     ------
@@ -77,22 +80,34 @@ class Contact:
         number(
             "restitution",
             self.restitution,
-            "above 0, at most 1",
-            lambda e: 0.0 < e <= 1.0,
+            allowed="above 0, at most 1",
+            accepts=lambda e: 0.0 < e <= 1.0,
         )
         not_negative("static_friction", self.static_friction)
         not_negative("rolling_friction", self.rolling_friction)
         if self.twisting_friction is not None:
             not_negative("twisting_friction", self.twisting_friction)
-        if not (
-            isinstance(self.constants, Mapping)
-            and all(is_name(name) for name in self.constants)
-        ):
+        has_names = isinstance(self.constants, Mapping) and all(
+            is_name(name) for name in self.constants
+        )
+        if not has_names:
             raise ValueError(f"constants is {self.constants!r}; expected name: number")
 
 
 def effective_moduli(a: Material, b: Material) -> tuple[float, float]:
-    """E* and G* [Pa] of a contact: 1/E* = sum (1 - nu^2)/E and 1/G* = sum (2 - nu)/G."""
+    """Compute the effective moduli E* and G* of a contact.
+
+    Parameters
+    ----------
+    a, b : Material
+        The two materials.
+
+    Returns
+    -------
+    young, shear : float
+        E* and G* [Pa], with 1/E* = sum (1 - nu^2)/E and 1/G* = sum (2 - nu)/G over the
+        materials.
+    """
     young = 1.0 / sum((1.0 - m.poisson_ratio**2) / m.elastic_modulus_pa for m in (a, b))
     shear = 1.0 / sum((2.0 - m.poisson_ratio) / m.shear_modulus_pa for m in (a, b))
     return young, shear

@@ -22,7 +22,8 @@ class WallLoad(NamedTuple):
     force_n : ndarray (3,)
         Sum of their forces [N].
     torque_n_m : ndarray (3,)
-        Torque of these forces about a point, and of the rolling couples of a law that acts between two bodies [N m].
+        Torque of these forces about a point, and of the rolling couples of a law that
+        acts between two bodies [N m].
     """
 
     force_n: np.ndarray
@@ -33,8 +34,10 @@ class Observables(World):
     """The results of a `Simulation`."""
 
     def __repr__(self) -> str:
-        laws = f"{self.contact_law.name}, {self.rolling_law.name}"
-        return f"<Simulation: {self.n_bodies} bodies, {len(self.wall_set.names)} walls, {laws}, {self.time_s:g} s>"
+        return (
+            f"<Simulation: {self.n_bodies} bodies, {len(self.wall_set.names)} walls, "
+            f"{self.contact_law.name}, {self.rolling_law.name}, {self.time_s:g} s>"
+        )
 
     @property
     def n_bodies(self) -> int:
@@ -58,38 +61,41 @@ class Observables(World):
 
     @property
     def positions(self) -> np.ndarray:
-        """Centres of the bodies added so far (N, 3) [m]; a view in simulations of fewer than 4096 bodies."""
-        return self._seen(self.bodies.rows)[:, st.POSITION : st.POSITION + 3]
+        """Centres of the bodies added so far (N, 3) [m].
+
+        A view in simulations of fewer than 4096 bodies.
+        """
+        return self._in_user_order(self.bodies.rows)[:, st.POSITION : st.POSITION + 3]
 
     @property
     def quaternions(self) -> np.ndarray:
         """Orientations (w, x, y, z), body to world, a copy (N, 4)."""
-        return self._seen(
-            st.lanes_of(self.bodies.motion, st.QUATERNION, 4, self.n_bodies)
-        )
+        quaternions = st.lanes_of(self.bodies.motion, st.QUATERNION, 4, self.n_bodies)
+        return self._in_user_order(quaternions)
 
     @property
     def velocities(self) -> np.ndarray:
         """Velocities of the centres (N, 3) [m/s]; a view as `positions` is."""
-        return self._seen(self.bodies.rows)[:, st.VELOCITY : st.VELOCITY + 3]
+        return self._in_user_order(self.bodies.rows)[:, st.VELOCITY : st.VELOCITY + 3]
 
     @property
     def angular_velocities(self) -> np.ndarray:
-        """Angular velocities in the world frame (N, 3) [rad/s]; a view as `positions` is."""
-        return self._seen(self.bodies.rows)[
-            :, st.ANGULAR_VELOCITY : st.ANGULAR_VELOCITY + 3
-        ]
+        """Angular velocities in the world frame (N, 3) [rad/s].
+
+        A view as `positions` is.
+        """
+        rows = self._in_user_order(self.bodies.rows)
+        return rows[:, st.ANGULAR_VELOCITY : st.ANGULAR_VELOCITY + 3]
 
     @property
     def angular_momenta(self) -> np.ndarray:
-        """Angular momenta about the centres in the world frame, a copy (N, 3) [kg m2/s]."""
-        return self._seen(
-            st.lanes_of(self.bodies.motion, st.ANGULAR_MOMENTUM, 3, self.n_bodies)
-        )
+        """Angular momenta about the centres, in the world [kg m2/s], a copy (N, 3)."""
+        momenta = st.lanes_of(self.bodies.motion, st.ANGULAR_MOMENTUM, 3, self.n_bodies)
+        return self._in_user_order(momenta)
 
     @property
     def shape_ids(self) -> np.ndarray:
-        """Shape of each body, as its place among the names of `shapes`, a view (N,)."""
+        """Shape of each body, as its index among the names of `shapes`, a view (N,)."""
         return self._shape_ids[: self.n_bodies]
 
     @property
@@ -100,29 +106,33 @@ class Observables(World):
     @property
     def present(self) -> np.ndarray:
         """Whether each body is still there (N,)."""
-        return self._seen(self.bodies.presence) == st.PRESENT
+        return self._in_user_order(self.bodies.presence) == st.PRESENT
 
     @property
     def exit_times_s(self) -> np.ndarray:
-        """Time at which each body fell through the exit height (N,) [s]; nan where it did not."""
-        return self._seen(self.bodies.exit_time)
+        """Time at which each body fell through the exit height (N,) [s].
 
-    def _seen(self, values: np.ndarray) -> np.ndarray:
-        """Order values of the bodies as they were added: a view where the engine has the same order."""
-        return (
-            values[self._inner[: self.n_bodies]]
-            if self._shared
-            else values[: self.n_bodies]
-        )
+        Nan where it did not.
+        """
+        return self._in_user_order(self.bodies.exit_time)
+
+    def _in_user_order(self, values: np.ndarray) -> np.ndarray:
+        """Order values of the bodies as they were added.
+
+        The result is a view if the engine has the same order.
+        """
+        if self._runs_in_shares:
+            return values[self._engine_numbers[: self.n_bodies]]
+        return values[: self.n_bodies]
 
     @property
     def masses_kg(self) -> np.ndarray:
         """Mass of each body, a copy (N,) [kg]; 0 where it is gone."""
-        inverse = self._seen(self.bodies.rows)[:, st.INVERSE_MASS]
+        inverse = self._in_user_order(self.bodies.rows)[:, st.INVERSE_MASS]
         return np.divide(1.0, inverse, out=np.zeros_like(inverse), where=inverse > 0.0)
 
     def kinetic_energies(self) -> np.ndarray:
-        """Kinetic energy of each body, of translation and rotation.
+        """Compute the kinetic energy of each body, of translation and rotation.
 
         Returns
         -------
@@ -134,7 +144,7 @@ class Observables(World):
         return translation + rotation
 
     def contacts(self) -> np.ndarray:
-        """Pairs of bodies that touch.
+        """List the pairs of bodies that touch.
 
         Returns
         -------
@@ -142,19 +152,16 @@ class Observables(World):
             Indices of the two bodies, the smaller first, sorted by rows.
         """
         n = self.counts[st.N_PAIRS]
-        pairs = self._outer[
-            np.column_stack([self.pairs.first[:n], self.pairs.second[:n]])
-        ]
+        engine_pairs = np.column_stack([self.pairs.first[:n], self.pairs.second[:n]])
+        pairs = self._user_numbers[engine_pairs]
         pairs.sort(axis=1)
-        # of two clumps several spheres may touch
-        return (
-            np.unique(pairs, axis=0)
-            if self._of_clumps
-            else pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
-        )
+        if self._has_clumps:
+            # Several spheres of two clumps may touch.
+            return np.unique(pairs, axis=0)
+        return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
 
     def sphere_contacts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Spheres of two clumps that touch; empty for smooth bodies.
+        """List the spheres of two clumps that touch; there are none for smooth bodies.
 
         Returns
         -------
@@ -165,17 +172,14 @@ class Observables(World):
         normals : ndarray (M, 3)
             Unit vectors from the first body to the second.
         """
-        n = int(self.counts[st.N_PAIRS]) if self._of_clumps else 0
-        bodies = np.column_stack([self.pairs.first[:n], self.pairs.second[:n]]).astype(
-            np.int64
-        )
-        spheres = (
-            self.pairs.spheres[:n].astype(np.int64) if n else np.zeros((0, 2), np.int64)
-        )
-        return bodies, spheres, st.contact_rows(self.pairs.data, n)[:, :3].copy()
+        n = int(self.counts[st.N_PAIRS]) if self._has_clumps else 0
+        bodies = np.column_stack([self.pairs.first[:n], self.pairs.second[:n]])
+        spheres = self.pairs.spheres[:n] if n else np.zeros((0, 2))
+        normals = st.contact_rows(self.pairs.data, n)[:, :3].copy()
+        return bodies.astype(np.int64), spheres.astype(np.int64), normals
 
     def overlaps(self) -> tuple[np.ndarray, np.ndarray]:
-        """How deep bodies that touch overlap, along the normals of the last step.
+        """Compute the overlaps of bodies, along the normals of the last step.
 
         Returns
         -------
@@ -185,22 +189,22 @@ class Observables(World):
             The overlaps [m].
         """
         n = int(self.counts[st.N_PAIRS])
-        first, second = (
-            self._outer[self.pairs.first[:n]],
-            self._outer[self.pairs.second[:n]],
-        )
+        first = self._user_numbers[self.pairs.first[:n]]
+        second = self._user_numbers[self.pairs.second[:n]]
         normals = st.contact_rows(self.pairs.data, n)[:, :3]
-        spheres = self.pairs.spheres[:n].T if self._of_clumps else (None, None)
-        reach = self._reach(first, normals, spheres[0]) + self._reach(
-            second, -normals, spheres[1]
-        )
-        apart = np.sum(
-            (self.positions[second] - self.positions[first]) * normals, axis=1
-        )
-        return np.column_stack([first, second]), reach - apart
+        first_sphere = second_sphere = None
+        if self._has_clumps:
+            first_sphere, second_sphere = self.pairs.spheres[:n].T
+
+        first_extent = self._extents(first, normals, first_sphere)
+        second_extent = self._extents(second, -normals, second_sphere)
+        between = self.positions[second] - self.positions[first]
+        distance = np.sum(between * normals, axis=1)
+        overlaps = first_extent + second_extent - distance
+        return np.column_stack([first, second]), overlaps
 
     def wall_overlaps(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """How deep bodies overlap walls.
+        """Compute how deep bodies overlap walls.
 
         Returns
         -------
@@ -213,72 +217,82 @@ class Observables(World):
 
         Notes
         -----
-        A wall is at a contact what its tangent plane is, n.x = c: the overlap of a body with support h and centre x is
-        h(n) + n.x - c.
+        At a contact a wall is replaced by its tangent plane n.x = c. The overlap of a
+        body with the support function h and the centre x is h(n) + n.x - c.
         """
-        n_planes, n_curved = (
-            len(self.walls.planes),
-            len(self.walls.cones) + len(self.walls.rings),
-        )
         n = int(self.counts[st.N_PLANE])
-        on_plane, plane = (
-            self._outer[self.flat.body[:n]],
-            self.flat.wall[:n].astype(np.int64),
+        plane_bodies = self._user_numbers[self.flat.body[:n]]
+        planes = self.flat.wall[:n].astype(np.int64)
+        normals = self.walls.planes[planes, 3:6]
+        offsets = np.sum(normals * self.walls.planes[planes, :3], axis=1)
+        spheres = self.flat.feature[:n]
+        plane_overlaps = self._overlaps_with_planes(
+            plane_bodies, normals, offsets, spheres
         )
-        normals = self.walls.planes[plane, 3:6]
-        offsets = np.sum(normals * self.walls.planes[plane, :3], axis=1)
-        flat = self._beyond(on_plane, normals, offsets, self.flat.feature[:n])
-        on_curved, curved_wall, normals, azimuths = self.curved_contacts()
-        curved_wall = curved_wall.astype(np.int64)
-        offsets = _tangent_planes(self.walls, curved_wall, normals, azimuths)
-        curved = self._beyond(
-            on_curved, normals, offsets, self.curved.feature[: len(on_curved)]
-        )
-        on_mesh, mesh, _, _, meshed = self.mesh_contacts()
-        bodies = np.concatenate([on_plane, on_curved, on_mesh]).astype(np.int64)
-        walls = np.concatenate(
-            [plane, n_planes + curved_wall, n_planes + n_curved + mesh]
-        ).astype(np.int64)
-        return bodies, walls, np.concatenate([flat, curved, meshed])
 
-    def _beyond(
+        curved_bodies, curved, normals, azimuths = self.curved_contacts()
+        curved = curved.astype(np.int64)
+        offsets = _tangent_plane_offsets(self.walls, curved, normals, azimuths)
+        spheres = self.curved.feature[: len(curved_bodies)]
+        curved_overlaps = self._overlaps_with_planes(
+            curved_bodies, normals, offsets, spheres
+        )
+
+        mesh_bodies, meshes, _, _, mesh_overlaps = self.mesh_contacts()
+
+        first_curved = len(self.walls.planes)
+        first_mesh = first_curved + len(self.walls.cones) + len(self.walls.rings)
+        bodies = np.concatenate([plane_bodies, curved_bodies, mesh_bodies])
+        walls = np.concatenate([planes, first_curved + curved, first_mesh + meshes])
+        overlaps = np.concatenate([plane_overlaps, curved_overlaps, mesh_overlaps])
+        return bodies.astype(np.int64), walls.astype(np.int64), overlaps
+
+    def _overlaps_with_planes(
         self,
         bodies: np.ndarray,
         normals: np.ndarray,
         offsets: np.ndarray,
         spheres: np.ndarray,
     ) -> np.ndarray:
-        """Measure how far bodies, or one sphere of each clump, reach (M,) beyond planes with these normals."""
-        reach = self._reach(bodies, normals, spheres if self._of_clumps else None)
-        return reach + np.sum(normals * self.positions[bodies], axis=1) - offsets
+        """Compute the overlaps (M,) of bodies with planes n.x = offset.
 
-    def _reach(
-        self, body: np.ndarray, direction: np.ndarray, sphere: np.ndarray | None
+        Of clumps `spheres` says which sphere counts.
+        """
+        extents = self._extents(bodies, normals, spheres if self._has_clumps else None)
+        distances = np.sum(normals * self.positions[bodies], axis=1)
+        return extents + distances - offsets
+
+    def _extents(
+        self, bodies: np.ndarray, directions: np.ndarray, spheres: np.ndarray | None
     ) -> np.ndarray:
-        """Measure the extents (M,) of bodies, or of one sphere of each, along directions (M, 3) in space."""
-        local = np.einsum(
-            "nji,nj->ni", rotation_matrices(self.quaternions[body]), direction
-        )
-        reach = np.zeros(len(body))
+        """Compute the extents (M,) of bodies along directions (M, 3) of the world.
+
+        With `spheres` it is the extent of one sphere of each clump.
+        """
+        turns = rotation_matrices(self.quaternions[bodies])
+        local = np.einsum("nji,nj->ni", turns, directions)
+        extents = np.zeros(len(bodies))
         for number, shape in enumerate(self.shapes.values()):
-            these = self.shape_ids[body] == number
-            if sphere is None:
-                reach[these] = shape.support(local[these])
+            has_shape = self.shape_ids[bodies] == number
+            if spheres is None:
+                extents[has_shape] = shape.support(local[has_shape])
             else:
-                rows = shape.spheres_m[sphere[these]]
-                reach[these] = np.sum(rows[:, :3] * local[these], axis=1) + rows[:, 3]
-        return reach * self.scales[body]
+                rows = shape.spheres_m[spheres[has_shape]]
+                distances = np.sum(rows[:, :3] * local[has_shape], axis=1)
+                extents[has_shape] = distances + rows[:, 3]
+        return extents * self.scales[bodies]
 
     def wall_loads(self, about_m: ArrayLike = (0.0, 0.0, 0.0)) -> dict[str, WallLoad]:
-        """Force and torque of the bodies on each wall, now.
+        """Compute force and torque of the bodies on each wall, now.
 
-        They are found when they are asked for, by one more evaluation of all wall contacts; a step does not take
-        longer for it.
+        The wall contacts are evaluated once more for this, so a time step does not take
+        longer.
 
         Parameters
         ----------
         about_m : array_like (3,)
-            Point about which the torque is taken, such as one on the axis of a drum [m].
+            Point about which the torque is taken, such as one on the axis of a drum
+            [m].
 
         Returns
         -------
@@ -292,34 +306,40 @@ class Observables(World):
 
         Notes
         -----
-        The torque is that of the contact forces. Rolling resistance acts on bodies alone and is no part of it.
+        The torque is that of the contact forces. Rolling resistance acts on bodies
+        alone and is no part of it.
         """
         about = vector("about_m", about_m)
         names = self.wall_set.names
-        walls = self.walls._replace(loads=np.zeros((len(names), 6)))
-        # the forces of the present state, found on copies with springs that stay
-        copies = deepcopy(
+        loads = np.zeros((len(names), 6))
+        # The kernel changes what it gets, so it gets copies; in a step of no time no
+        # spring moves.
+        bodies, flat, curved, meshed, clumps = deepcopy(
             (self.bodies, self.flat, self.curved, self.meshed, self.clumps)
         )
-        scratch = self._tiles[0].copy(), self._scratches[0].copy()
-        physics = self.physics._replace(dt=0.0)
         add_wall_loads(
-            *copies,
-            walls,
+            bodies,
+            flat,
+            curved,
+            meshed,
+            clumps,
+            self.walls._replace(loads=loads),
             self.meshes,
             self.counts.copy(),
-            physics,
-            *scratch,
+            self.physics._replace(dt=0.0),
+            self._tiles[0].copy(),
+            self._scratches[0].copy(),
             len(self.grid.cell),
         )
-        found = zip(names, walls.loads, strict=True)
-        return {
-            name: WallLoad(load[:3].copy(), load[3:] - np.cross(about, load[:3]))
-            for name, load in found
-        }
+        load_of = {}
+        for name, load in zip(names, loads, strict=True):
+            force, torque_about_origin = load[:3], load[3:]
+            torque = torque_about_origin - np.cross(about, force)
+            load_of[name] = WallLoad(force.copy(), torque)
+        return load_of
 
     def curved_contacts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Contacts with cones, tubes and rings.
+        """List the contacts with cones, tubes and rings.
 
         Returns
         -------
@@ -334,36 +354,39 @@ class Observables(World):
         """
         n = self.counts[st.N_CURVED]
         rows = st.contact_rows(self.curved.data, n)
-        body, wall = self._outer[self.curved.body[:n]], self.curved.wall[:n].copy()
-        azimuth = rows[:, st.AZIMUTH // st.LANES].copy()
-        if self._of_clumps:
-            azimuth = self._sphere_azimuths(
-                body, wall, rows[:, ct.CENTRE // st.LANES :][:, :3]
-            )
-        elif self.physics.parts == st.SPHERES:  # whose contacts need none
+        body = self._user_numbers[self.curved.body[:n]]
+        wall = self.curved.wall[:n].copy()
+        if self._has_clumps:
+            centres = rows[:, ct.CENTRE // st.LANES :][:, :3]
+            azimuth = self._sphere_azimuths(body, wall, centres)
+        elif self.physics.parts == st.SPHERES:
             azimuth = self._sphere_azimuths(body, wall, np.zeros((n, 3)))
+        else:
+            # The contacts of spheres do not keep it.
+            azimuth = rows[:, st.AZIMUTH // st.LANES].copy()
         return body, wall, rows[:, :3].copy(), azimuth
 
     def _sphere_azimuths(
         self, body: np.ndarray, wall: np.ndarray, centres: np.ndarray
     ) -> np.ndarray:
-        """Compute azimuths (M,) in the frames of curved walls for spheres with these centres (M, 3) in their bodies."""
-        places = self.positions[body] + np.einsum(
-            "nij,nj->ni", rotation_matrices(self.quaternions[body]), centres
-        )
+        """Compute the azimuths (M,) of spheres in the frames of curved walls.
+
+        `centres` (M, 3) are those of the spheres in the frames of their bodies.
+        """
+        turns = rotation_matrices(self.quaternions[body])
+        places = self.positions[body] + np.einsum("nij,nj->ni", turns, centres)
         frames = self.walls.frames[wall]
-        local = np.einsum(
-            "nji,nj->ni", frames[:, 3:].reshape(-1, 3, 3), places - frames[:, :3]
-        )
+        frame_turns = frames[:, 3:].reshape(-1, 3, 3)
+        local = np.einsum("nji,nj->ni", frame_turns, places - frames[:, :3])
         return np.arctan2(local[:, 1], local[:, 0])
 
     def mesh_contacts(
         self,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Contacts with meshes.
+        """List the contacts with meshes.
 
-        Meshes and features are numbered in the order of the walls: of each mesh its triangles, then its edges and
-        vertices that can be touched.
+        Meshes and features are numbered in the order of the walls: of each mesh its
+        triangles, then its edges and vertices that can be touched.
 
         Returns
         -------
@@ -376,31 +399,32 @@ class Observables(World):
         """
         n = self.counts[st.N_MESHED]
         rows = st.contact_rows(self.meshed.data, n)
-        wall, feature = (
-            getattr(self.meshed, name)[:n].copy() for name in ("wall", "feature")
-        )
-        return (
-            self._outer[self.meshed.body[:n]],
-            wall,
-            feature,
-            rows[:, :3].copy(),
-            -rows[:, st.GAP // st.LANES],
-        )
+        body = self._user_numbers[self.meshed.body[:n]]
+        mesh = self.meshed.wall[:n].copy()
+        feature = self.meshed.feature[:n].copy()
+        overlap = -rows[:, st.GAP // st.LANES]
+        return body, mesh, feature, rows[:, :3].copy(), overlap
 
 
-def _tangent_planes(
+def _tangent_plane_offsets(
     walls: st.Walls, wall: np.ndarray, normals: np.ndarray, azimuths: np.ndarray
 ) -> np.ndarray:
-    """Compute the offsets (M,) of the tangent planes of cones, tubes and rings where bodies touch them."""
+    """Compute the offsets c (M,) of tangent planes n.x = c of curved walls."""
     n_cones = len(walls.cones)
     frames = walls.frames[wall]
     offsets = np.sum(normals * frames[:, :3], axis=1)
+
     on_cone = wall < n_cones
     offsets[on_cone] += walls.cones[wall[on_cone], 2]
-    rings, turn = walls.rings[wall[~on_cone] - n_cones], azimuths[~on_cone]
-    cores = np.column_stack(
-        [rings[:, 0] * np.cos(turn), rings[:, 0] * np.sin(turn), rings[:, 1]]
-    )
-    cores = np.einsum("nij,nj->ni", frames[~on_cone, 3:].reshape(-1, 3, 3), cores)
-    offsets[~on_cone] += np.sum(normals[~on_cone] * cores, axis=1) - rings[:, 2]
+
+    # The point of the core circle that is nearest to the contact, in the ring's frame
+    # and along the normal.
+    on_ring = ~on_cone
+    rings = walls.rings[wall[on_ring] - n_cones]
+    radius, height, edge_radius = rings[:, 0], rings[:, 1], rings[:, 2]
+    x = radius * np.cos(azimuths[on_ring])
+    y = radius * np.sin(azimuths[on_ring])
+    turns = frames[on_ring, 3:].reshape(-1, 3, 3)
+    cores = np.einsum("nij,nj->ni", turns, np.column_stack([x, y, height]))
+    offsets[on_ring] += np.sum(normals[on_ring] * cores, axis=1) - edge_radius
     return offsets

@@ -24,11 +24,14 @@ def rotation_matrices(quaternions: ArrayLike) -> np.ndarray:
     """
     q = np.asarray(quaternions, dtype=float)
     w, x, y, z = (q / np.linalg.norm(q, axis=1, keepdims=True)).T
-    return np.moveaxis(np.array(_rows(w, x, y, z)), 2, 0)
+    return np.moveaxis(np.array(_matrix_rows(w, x, y, z)), 2, 0)
 
 
-def _rows(w: Number, x: Number, y: Number, z: Number) -> list[list[Number]]:
-    """Return the rows of the matrix of a unit quaternion, of numbers or of arrays."""
+def _matrix_rows(w: Number, x: Number, y: Number, z: Number) -> list[list[Number]]:
+    """Write the rotation matrix of a unit quaternion by rows.
+
+    The components may be arrays.
+    """
     return [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
         [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
@@ -50,7 +53,8 @@ def rotation_matrix(quaternion: ArrayLike) -> np.ndarray:
         Rotation from the body's frame to the world's.
     """
     q = np.asarray(quaternion, dtype=float)
-    return np.array(_rows(*(q / np.linalg.norm(q)).tolist()))
+    w, x, y, z = (q / np.linalg.norm(q)).tolist()
+    return np.array(_matrix_rows(w, x, y, z))
 
 
 def random_quaternion(rng: np.random.Generator) -> np.ndarray:

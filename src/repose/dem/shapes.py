@@ -1,4 +1,4 @@
-"""Shapes of bodies, sums of ellipsoids or clumps of spheres, with their mass and moments."""
+"""Shapes of bodies: sums of ellipsoids or clumps of spheres."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -13,50 +13,52 @@ from .rotations import sphere_directions
 
 DIRECTIONS = 2000  # in which a clump's extent is calculated
 
-
+# What is allowed, for the messages.
 MOMENTS = "three moments above 0, each at most the sum of the others"
 SEMI_AXES = f"(1 to {MOST_PARTS}, 3) lengths above 0"
 SPHERE_ROWS = f"(1 to {MOST_SPHERES}, 4) finite lengths, the last of each row above 0"
 
 
 def _are_moments(inertia: np.ndarray) -> bool:
-    """Whether a body can have these principal moments (3,)."""
-    return bool(
-        np.all(inertia > 0.0) and 2.0 * inertia.max() <= (1.0 + 1e-9) * inertia.sum()
-    )
+    """Tell whether a body can have these principal moments (3,).
+
+    None may be above the sum of the others.
+    """
+    rounding = 1e-9
+    is_possible = 2.0 * inertia.max() <= (1.0 + rounding) * inertia.sum()
+    return bool(np.all(inertia > 0.0) and is_possible)
 
 
 def _are_axes(axes: np.ndarray) -> bool:
-    """Whether these are half axes (K, 3) of as many ellipsoids as a body may have."""
+    """Tell whether these are half axes (K, 3) of a body's ellipsoids."""
     return 1 <= len(axes) <= MOST_PARTS and bool(np.all(axes > 0.0))
 
 
 def _are_spheres(spheres: np.ndarray) -> bool:
-    """Whether these are centres and radii (M, 4) of as many spheres as a body may have."""
+    """Tell whether these are centres and radii (M, 4) of a body's spheres."""
     return 1 <= len(spheres) <= MOST_SPHERES and bool(np.all(spheres[:, 3] > 0.0))
 
 
 class _Solid:
-    """The mass and material of a shape, checked."""
+    """Mass and material, which both kinds of shapes have."""
 
     mass_kg: float
     inertia_kg_m2: np.ndarray
     material: str
 
-    def _check(self, **arrays: np.ndarray) -> None:
-        """Check mass, moments and material; keep moments and further arrays as they were checked."""
+    def _check_solid(self) -> None:
+        """Check mass, moments and material, and keep the moments as an array."""
         positive("mass_kg", self.mass_kg)
-        arrays["inertia_kg_m2"] = array(
+        moments = array(
             "inertia_kg_m2", self.inertia_kg_m2, (3,), MOMENTS, _are_moments
         )
+        object.__setattr__(self, "inertia_kg_m2", moments)
         name_of("material", self.material)
-        for name, values in arrays.items():
-            object.__setattr__(self, name, values)
 
 
 @dataclass(frozen=True, eq=False)
 class Shape(_Solid):
-    """A convex body whose support function is the sum of those of K ellipsoids with common axes.
+    """A convex body: the Minkowski sum of up to three ellipsoids with common axes.
 
     Parameters
     ----------
@@ -65,7 +67,8 @@ class Shape(_Solid):
     mass_kg : float
         Mass, above 0 [kg].
     inertia_kg_m2 : array_like (3,)
-        Principal moments about the axes, each above 0 and at most the sum of the others [kg m2].
+        Principal moments about the axes, each above 0 and at most the sum of the others
+        [kg m2].
     material : str
         A name that the simulation knows.
 
@@ -81,16 +84,11 @@ class Shape(_Solid):
     material: str
 
     def __post_init__(self) -> None:
-        self._check(
-            semi_axes_m=array(
-                "semi_axes_m",
-                self.semi_axes_m,
-                (None, 3),
-                SEMI_AXES,
-                _are_axes,
-                rows=True,
-            )
+        axes = array(
+            "semi_axes_m", self.semi_axes_m, (None, 3), SEMI_AXES, _are_axes, rows=True
         )
+        object.__setattr__(self, "semi_axes_m", axes)
+        self._check_solid()
 
     @classmethod
     def ellipsoid(
@@ -120,9 +118,9 @@ class Shape(_Solid):
         axes = array(
             "semi_axes_m",
             semi_axes_m,
-            (3,),
-            "three lengths above 0",
-            lambda axes: np.all(axes > 0.0),
+            shape=(3,),
+            allowed="three lengths above 0",
+            accepts=lambda axes: np.all(axes > 0.0),
         )
         positive("density_kg_m3", density_kg_m3)
         a, b, c = axes.tolist()
@@ -169,7 +167,9 @@ class Shape(_Solid):
         ndarray (...)
             The extents [m].
         """
-        return np.sqrt(np.square(n) @ np.square(self.semi_axes_m).T).sum(axis=-1)
+        # The extent of an ellipsoid along n is sqrt(a^2 n_x^2 + b^2 n_y^2 + c^2 n_z^2).
+        extents = np.sqrt(np.square(n) @ np.square(self.semi_axes_m).T)
+        return extents.sum(axis=-1)
 
     def support_point(self, n: np.ndarray) -> np.ndarray:
         """Find the points of the surface with given outward normals.
@@ -184,10 +184,9 @@ class Shape(_Solid):
         ndarray (..., 3)
             The points [m].
         """
-        return n * (
-            (1.0 / np.sqrt(np.square(n) @ np.square(self.semi_axes_m).T))
-            @ np.square(self.semi_axes_m)
-        )
+        squares = np.square(self.semi_axes_m)
+        extents = np.sqrt(np.square(n) @ squares.T)
+        return n * ((1.0 / extents) @ squares)
 
     @property
     def bounding_radius_m(self) -> float:
@@ -196,21 +195,30 @@ class Shape(_Solid):
 
     @property
     def is_sphere(self) -> bool:
-        """Whether it is one ellipsoid with equal axes and equal moments."""
-        axes, moments = self.semi_axes_m, self.inertia_kg_m2
-        return bool(len(axes) == 1 and np.ptp(axes) == 0.0 and np.ptp(moments) == 0.0)
+        """Tell whether it is one ellipsoid with equal axes and equal moments."""
+        if len(self.semi_axes_m) != 1:
+            return False
+        has_equal_axes = np.ptp(self.semi_axes_m) == 0.0
+        has_equal_moments = np.ptp(self.inertia_kg_m2) == 0.0
+        return bool(has_equal_axes and has_equal_moments)
 
     @property
     def smallest_radius_m(self) -> float:
-        """Half the smallest extent [m]: what the time step has to resolve."""
+        """Half the smallest extent [m], on which the longest time step depends."""
         return float(self.semi_axes_m.sum(axis=0).min())
 
     @property
     def flattest_radius_m(self) -> float:
-        """Radius of a sphere as flat as the ends of the shortest axis: there a plate meets the stiffest contact [m]."""
+        """Radius of a sphere as flat as the ends of the shortest axis [m].
+
+        There a contact with a plate is stiffest.
+        """
         shortest = int(np.argmin(self.half_extents_m))
-        curvatures = np.square(self.semi_axes_m) / self.semi_axes_m[:, shortest, None]
-        return float(np.sqrt(np.prod(np.delete(curvatures.sum(axis=0), shortest))))
+        # At the end of the half axis c an ellipsoid has the radii of curvature a^2 / c
+        # and b^2 / c; those of a sum of ellipsoids add up.
+        radii = np.square(self.semi_axes_m) / self.semi_axes_m[:, shortest, None]
+        principal_radii = np.delete(radii.sum(axis=0), shortest)
+        return float(np.sqrt(np.prod(principal_radii)))
 
     @property
     def half_extents_m(self) -> np.ndarray:
@@ -218,22 +226,19 @@ class Shape(_Solid):
         return self.semi_axes_m.sum(axis=0)
 
     def acting_together(self, _overlap_m: float) -> float:
-        """Count the contacts with a plate: a convex body has one.
-
-        Returns
-        -------
-        float
-        """
+        """Count the contacts with a plate: a convex body has one."""
         return 1.0
 
     @property
     def slide(self) -> float:
-        """How far the point that touches a plane may slide over the body as it turns, over its displacement."""
-        axes = self.semi_axes_m
-        return (
-            float(np.sum(axes.max(axis=1) ** 2 / axes.min(axis=1)))
-            / self.bounding_radius_m
-        )
+        """Largest path of the point of contact with a plane over the body, as it turns.
+
+        It is relative to the body's displacement.
+        """
+        longest = self.semi_axes_m.max(axis=1)
+        shortest = self.semi_axes_m.min(axis=1)
+        largest_curvature_radius = float(np.sum(longest**2 / shortest))
+        return largest_curvature_radius / self.bounding_radius_m
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,12 +248,13 @@ class Clump(_Solid):
     Parameters
     ----------
     spheres_m : array_like (M, 4)
-        Centre x, y, z and radius of each sphere [m], M at most 64. The origin of the body's frame is the centre of
-        mass, its axes are the principal ones.
+        Centre x, y, z and radius of each sphere [m], M at most 64. The origin of the
+        body's frame is the centre of mass, its axes are the principal ones.
     mass_kg : float
         Mass of the whole body, above 0 [kg].
     inertia_kg_m2 : array_like (3,)
-        Principal moments of the whole body, each above 0 and at most the sum of the others [kg m2].
+        Principal moments of the whole body, each above 0 and at most the sum of the
+        others [kg m2].
     material : str
         A name that the simulation knows.
 
@@ -259,9 +265,10 @@ class Clump(_Solid):
 
     Notes
     -----
-    Each sphere that touches something has the whole elastic force of a sphere of its radius: a body that lies on k
-    spheres is about k times as stiff as on one. The contacts of two bodies share the damping, so that the restitution
-    of a hit stays about what it is.
+    Each sphere that touches something has the whole elastic force of a sphere of its
+    radius: a body that lies on k spheres is about k times as stiff as on one. The
+    contacts of two bodies share the damping, so that the restitution of a hit stays
+    about what it is.
     """
 
     spheres_m: np.ndarray
@@ -270,11 +277,11 @@ class Clump(_Solid):
     material: str
 
     def __post_init__(self) -> None:
-        self._check(
-            spheres_m=array(
-                "spheres_m", self.spheres_m, (None, 4), SPHERE_ROWS, _are_spheres
-            )
+        spheres = array(
+            "spheres_m", self.spheres_m, (None, 4), SPHERE_ROWS, _are_spheres
         )
+        object.__setattr__(self, "spheres_m", spheres)
+        self._check_solid()
 
     def support(self, n: np.ndarray) -> np.ndarray:
         """Compute the largest extents along unit vectors: the support function.
@@ -289,10 +296,10 @@ class Clump(_Solid):
         ndarray (...)
             The extents [m].
         """
-        return (n @ self.spheres_m[:, :3].T + self.spheres_m[:, 3]).max(axis=-1)
+        return self._sphere_extents(n).max(axis=-1)
 
     def support_point(self, n: np.ndarray) -> np.ndarray:
-        """Find the points of the convex hull's surface that lie farthest along unit vectors.
+        """Find the points of the convex hull that lie farthest along unit vectors.
 
         Parameters
         ----------
@@ -304,56 +311,53 @@ class Clump(_Solid):
         ndarray (..., 3)
             The points [m].
         """
-        farthest = np.argmax(
-            n @ self.spheres_m[:, :3].T + self.spheres_m[:, 3], axis=-1
-        )
+        farthest = np.argmax(self._sphere_extents(n), axis=-1)
         return self.spheres_m[farthest, :3] + self.spheres_m[farthest, 3, None] * n
+
+    def _sphere_extents(self, n: np.ndarray) -> np.ndarray:
+        """Compute the extent of each sphere (..., M) along unit vectors (..., 3)."""
+        return n @ self.spheres_m[:, :3].T + self.spheres_m[:, 3]
 
     @property
     def bounding_radius_m(self) -> float:
         """Largest distance of a point from the centre of mass [m]."""
-        return float(
-            np.max(np.linalg.norm(self.spheres_m[:, :3], axis=1) + self.spheres_m[:, 3])
-        )
+        distances = np.linalg.norm(self.spheres_m[:, :3], axis=1)
+        return float(np.max(distances + self.spheres_m[:, 3]))
 
     @property
     def smallest_radius_m(self) -> float:
-        """Radius of the smallest sphere [m]: what the time step has to resolve."""
+        """Radius of the smallest sphere [m], on which the longest time step depends."""
         return float(self.spheres_m[:, 3].min())
 
     @property
     def flattest_radius_m(self) -> float:
-        """Radius of the largest sphere: with it a plate has the stiffest contact [m]."""
+        """Radius of the largest sphere [m], which is stiffest against a plate."""
         return float(self.spheres_m[:, 3].max())
 
     def acting_together(self, overlap_m: float) -> float:
-        """Count the spheres that act at one place: the stiffness with a plate, over that of the largest sphere.
+        """Count the spheres that act at one place.
 
-        The plate is pressed against the clump from every side until the foremost sphere overlaps by `overlap_m`. A
-        Hertz contact's stiffness goes with (R delta)^(1/2).
+        The number is the stiffness of the clump against a plate, over that of its
+        largest sphere. The plate is pressed against the clump from every side until the
+        foremost sphere overlaps by `overlap_m`. The stiffness of a Hertz contact goes
+        with (R delta)^(1/2).
 
         Parameters
         ----------
         overlap_m : float
-            Above 0 [m].
+            Overlap of the foremost sphere, above 0 [m].
 
         Returns
         -------
         float
-            The largest over all sides.
+            The largest number over all sides.
         """
-        extents = (
-            sphere_directions(DIRECTIONS) @ self.spheres_m[:, :3].T
-            + self.spheres_m[:, 3]
-        )
-        deep = np.clip(
-            extents - extents.max(axis=1, keepdims=True) + overlap_m, 0.0, None
-        )
-        return float(
-            np.sqrt(deep / overlap_m * self.spheres_m[:, 3] / self.flattest_radius_m)
-            .sum(axis=1)
-            .max()
-        )
+        extents = self._sphere_extents(sphere_directions(DIRECTIONS))
+        foremost = extents.max(axis=1, keepdims=True)
+        overlaps = np.clip(extents - foremost + overlap_m, 0.0, None)
+        radii = self.spheres_m[:, 3]
+        stiffnesses = np.sqrt(overlaps / overlap_m * radii / self.flattest_radius_m)
+        return float(stiffnesses.sum(axis=1).max())
 
     @property
     def half_extents_m(self) -> np.ndarray:
@@ -362,34 +366,40 @@ class Clump(_Solid):
 
     @property
     def slide(self) -> float:
-        """How far a sphere's point that touches a plane may slide over it as the sphere's centre moves: nothing."""
+        """Relative path of the point of contact, see `Shape.slide`: none."""
         return 0.0
 
 
 def are_clumps(shapes: Mapping[str, Shape | Clump]) -> bool:
-    """Whether shapes are all clumps; ValueError if they are a mixture, or there is none."""
+    """Tell whether shapes are clumps.
+
+    ValueError if there is no shape, or if only some of them are clumps.
+    """
     if not shapes:
         raise ValueError(
             "shapes is empty; expected names, each with a Shape or Clump, at least one"
         )
-    of_clumps = isinstance(next(iter(shapes.values())), Clump)
-    if any(isinstance(shape, Clump) != of_clumps for shape in shapes.values()):
+    is_clump = [isinstance(shape, Clump) for shape in shapes.values()]
+    if any(is_clump) and not all(is_clump):
+        kinds = [f"{name!r}: {type(shape).__name__}" for name, shape in shapes.items()]
         raise ValueError(
-            f"shapes has {', '.join(f'{k!r}: {type(v).__name__}' for k, v in shapes.items())}; "
-            "expected all of them a Shape or all of them a Clump (a sphere is a clump of one)"
+            f"shapes has {', '.join(kinds)}; expected all of them a Shape "
+            "or all of them a Clump (a sphere is a clump of one)"
         )
-    return of_clumps
+    return all(is_clump)
 
 
 def most_spheres(shapes: Iterable[Shape | Clump]) -> int:
     """Count the spheres of the largest clump; 0 for smooth bodies."""
-    return max(
-        len(shape.spheres_m) if isinstance(shape, Clump) else 0 for shape in shapes
-    )
+    counts = [len(shape.spheres_m) for shape in shapes if isinstance(shape, Clump)]
+    return max(counts, default=0)
 
 
 def parts_of(shapes: Iterable[Shape | Clump]) -> int:
-    """Count the ellipsoids of a smooth body at most; 0 for clumps, `state.SPHERES` where all bodies are spheres."""
+    """Find the largest number of ellipsoids that a smooth body has.
+
+    It is 0 for clumps, and `state.SPHERES` if all bodies are spheres.
+    """
     smooth = [shape for shape in shapes if isinstance(shape, Shape)]
     if smooth and all(shape.is_sphere for shape in smooth):
         return SPHERES

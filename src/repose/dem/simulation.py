@@ -1,4 +1,4 @@
-"""A simulation as a Python object: bodies in, positions out, every argument checked."""
+"""The simulation that a user makes, fills with bodies and runs."""
 
 import os
 import time
@@ -31,16 +31,13 @@ from .laws import ROLLING_LAWS
 from .observables import Observables
 from .walls import Motion
 
-TURNING = (
-    "a wall turns, and rolling_law 'budget' resists each body's rotation in space: angles and torques are wrong. Set "
-    "rolling_frame_rad_s to the wall's angular velocity, or take rolling_law='epsd'"
-)
-CHUNK_S = 0.2  # wall time of `run` between two reads of the clock
+CHUNK_S = 0.2  # wall time that the steps of one chunk of `run` take
 FIRST_CHUNK = 20  # steps
+Recording = Callable[["Simulation"], Any]
 
 
 class Simulation(Observables):
-    """Bodies of given shapes among walls, all of them smooth and convex or all of them clumps of spheres.
+    """Bodies among walls: either all smooth and convex or all clumps of spheres.
 
     Parameters
     ----------
@@ -61,29 +58,33 @@ class Simulation(Observables):
     gravity_m_s2 : array_like (3,)
         Acceleration [m/s2].
     tension : {"keep", "release", "cut"}
-        How a contact ends. "keep" lets the damped normal force pull at the end of an impact, so that a body leaves with
-        the restitution asked for. "release" ends the contact when the force vanishes, with a damping that gives the
-        restitution asked for all the same. "cut" ends it too and keeps the damping of "keep", so that bodies leave
-        faster than asked for.
+        How a contact ends. "keep" lets the damped normal force pull at the end of an
+        impact, so that a body leaves with the restitution asked for. "release" ends the
+        contact when the force vanishes, with a damping that gives the restitution asked
+        for all the same. "cut" ends it too and keeps the damping of "keep", so that
+        bodies leave faster than asked for.
     friction_limit : {"elastic", "total"}, optional
-        Which normal force limits friction and rolling resistance: its elastic part, or the size of all of it, damping
-        included. By default "elastic" where the contact may pull and "total" where it may not: only these pairs obey
-        Coulomb's law, by which a sliding impact has a tangential impulse of mu (1 + e) m V. The others are for
-        comparisons with programs that have them.
+        Which normal force limits friction and rolling resistance: its elastic part, or
+        the size of all of it, damping included. By default "elastic" where the contact
+        may pull and "total" where it may not: only these pairs obey Coulomb's law, by
+        which a sliding impact has a tangential impulse of mu (1 + e) m V. The others
+        are for comparisons with programs that have them.
     contact_law, rolling_law : str
-        Names of force laws, see `repose.dem.laws`. "budget" resists each body's angular velocity in space by
-        mu_r F_n R, R the distance of the contact from the centre of mass, spin about the normal included; so angular
-        momentum is not kept, and where walls turn `rolling_frame_rad_s` must be set. "epsd" resists the rotation of
-        one body against the other and keeps it.
+        Names of force laws, see `repose.dem.laws`. "budget" resists each body's angular
+        velocity in space by mu_r F_n R, R the distance of the contact from the centre
+        of mass, spin about the normal included; so angular momentum is not kept, and
+        where walls turn `rolling_frame_rad_s` must be set. "epsd" resists the rotation
+        of one body against the other and keeps it.
     largest_scale : float
         The largest scale that `add` will be given.
     threads : int
-        For a simulation of 4096 smooth bodies or more. The result is the same for any number. Clumps have one.
+        For a simulation of 4096 smooth bodies or more. The result is the same for any
+        number. Clumps have one.
     exit_height_m : float
         A body that falls through this height gets an exit time.
     curved_walls_above_m : float
-        All cones, cylinders and ring edges lie above this height. A body that was once wholly below it is not searched
-        against them again.
+        All cones, cylinders and ring edges lie above this height. A body that was once
+        wholly below it is not searched against them again.
     floor_height_m : float
         A body below this height is gone.
 
@@ -112,35 +113,46 @@ class Simulation(Observables):
             raise ValueError(f"motion is {motion!r}; expected a Motion")
         self.wall_set = self.wall_set.with_motion(wall, motion)
         self.walls = self._wall_arrays(self.walls, self.wall_set.names.index(wall))
+        # The next step checks all bodies against all walls.
         present = self.bodies.presence[: self.n_bodies] == st.PRESENT
         self.bodies.wall_check[: self.n_bodies][present] = -1.0
         self.bodies.wall_margin[:] = 0.0
 
-    def _resists_against_space(self) -> bool:
-        """Whether a wall turns while the frame of the rolling resistance does not."""
-        if not (
-            self.walls.approach[st.WALLS_MOVE] > 0.0 and self.walls.motion[:, 3:6].any()
-        ):
-            return False
-        in_space = (
-            self.rolling_law is ROLLING_LAWS["budget"]
-            and not self.physics.rolling_frame.any()
-        )
-        return in_space and any(
-            pair.rolling_friction > 0.0 for pair in self.contact_pairs.values()
+    def _warn_of_turning_walls(self) -> None:
+        """Warn if a wall turns while the frame of the rolling resistance does not."""
+        if not self.walls.motion[:, 3:6].any():
+            return
+        if self.rolling_law is not ROLLING_LAWS["budget"]:
+            return
+        if self.physics.rolling_frame.any():
+            return
+        if all(pair.rolling_friction == 0.0 for pair in self.contact_pairs.values()):
+            return
+        warnings.warn(
+            "a wall turns, and rolling_law 'budget' resists each body's rotation in "
+            "space: angles and torques are wrong. Set rolling_frame_rad_s to the "
+            "wall's angular velocity, or take rolling_law='epsd'",
+            stacklevel=3,
         )
 
     @property
     def rolling_frame_rad_s(self) -> np.ndarray:
-        """Angular velocity of the frame against which rolling is resisted, a view (3,); zero unless set [rad/s]."""
+        """Angular velocity of the frame that resists rolling [rad/s], a view (3,).
+
+        It is zero unless it is set.
+        """
         return self.physics.rolling_frame
 
     def longest_time_step(
         self, speed_m_s: float = time_steps.FASTEST_IMPACT_M_S
     ) -> float:
-        """Compute the longest time step for bodies of scale 1; it goes with the scale; see `repose.dem.time_steps`.
+        """Compute the longest time step for bodies of scale 1.
 
-        An eighth of the shortest head-on impact of two bodies, or less where one pressed from both sides is unstable.
+        It is proportional to the scale.
+
+        It is an eighth of the shortest head-on impact of two bodies, or less if a body
+        that is pressed from both sides would not be stable; see
+        `repose.dem.time_steps`.
 
         Parameters
         ----------
@@ -154,11 +166,11 @@ class Simulation(Observables):
 
         Notes
         -----
-        The contact law has the duration; Hertz's is 2.868 (m*^2 / (R* E*^2 v))^0.2 (Johnson 1985, Eq. 11.24).
+        The contact law has the duration; Hertz's is 2.868 (m*^2 / (R* E*^2 v))^0.2
+        (Johnson 1985, Eq. 11.24).
         """
-        return time_steps.longest(
-            self.scene, positive("speed_m_s", speed_m_s)
-        ).time_step_s
+        speed = positive("speed_m_s", speed_m_s)
+        return time_steps.longest(self.scene, speed).time_step_s
 
     def add(
         self,
@@ -198,36 +210,50 @@ class Simulation(Observables):
         if i >= self.capacity:
             raise ValueError(f"capacity is {self.capacity}; body {i + 1} does not fit")
         kind = chosen("shape", shape, self.shapes)
-        least, most = self._smallest_scales[shape], self.largest_scale
-        allowed = f"at least {least:.3g}, or time_step_s is too long, at most largest_scale, {most:g}"
-        number("scale", scale, allowed, lambda scale: least <= scale <= most)
-        place, turn = (
-            vector("position_m", position_m),
-            direction("quaternion", quaternion, 4),
+        body = Body(
+            kind=kind,
+            scale=self._check_scale(shape, scale),
+            position=vector("position_m", position_m),
+            quaternion=direction("quaternion", quaternion, 4),
+            velocity=vector("velocity_m_s", velocity_m_s),
+            angular_velocity=vector("angular_velocity_rad_s", angular_velocity_rad_s),
         )
-        velocity, spin = (
-            vector("velocity_m_s", velocity_m_s),
-            vector("angular_velocity_rad_s", angular_velocity_rad_s),
-        )
-        body = Body(kind, place, turn, velocity, spin, scale)
         write_body(self.bodies, i, body, self.physics.parts, self._body_tiles[0])
         self._shape_ids[i] = list(self.shapes).index(shape)
         self._scales[i] = scale
         self.bodies.kind[i] = self._numbers.of_bodies[kind.material]
         self.bodies.presence[i] = st.PRESENT
-        self.bodies.wall_check[i] = -1.0
-        self.bodies.resting[i // st.LANES] = 0
-        self.bodies.wall_margin[i // st.LANES] = 0.0
         self.counts[st.N_BODIES] = i + 1
+
+        # The next step moves the body's tile, and searches its neighbours and walls.
+        self.bodies.resting[i // st.LANES] = 0
+        self.bodies.wall_check[i] = -1.0
+        self.bodies.wall_margin[i // st.LANES] = 0.0
         self.grid.moved[i] = 1
         self.grid.moved_list[self.counts[st.N_MOVED]] = i
         self.counts[st.N_MOVED] += 1
         return i
 
-    def glue(self, body: int) -> None:
-        """Hold a body: no force moves or turns it any more, and others meet it as before.
+    def _check_scale(self, shape: str, scale: float) -> float:
+        """Check the scale of a body of a shape."""
+        smallest = self._smallest_scales[shape]
+        largest = self.largest_scale
+        number(
+            "scale",
+            scale,
+            allowed=(
+                f"at least {smallest:.3g}, or time_step_s is too long, "
+                f"at most largest_scale, {largest:g}"
+            ),
+            accepts=lambda value: smallest <= value <= largest,
+        )
+        return scale
 
-        It stops. Its mass counts as 0, as of a body that is gone. Glued bodies must not overlap each other.
+    def glue(self, body: int) -> None:
+        """Fix a body in its place: no force moves or turns it any more.
+
+        It stops. Its mass counts as 0, as of a body that is gone. Fixed bodies must not
+        overlap each other.
 
         Parameters
         ----------
@@ -242,18 +268,18 @@ class Simulation(Observables):
         number(
             "body",
             body,
-            f"an index below {self.n_bodies}",
-            lambda k: 0 <= k < self.n_bodies and k == int(k),
+            allowed=f"an index below {self.n_bodies}",
+            accepts=lambda k: 0 <= k < self.n_bodies and k == int(k),
         )
-        inner = self._inner[body] if self._shared else body
-        row = self.bodies.rows[inner]
-        row[st.VELOCITY : st.VELOCITY + 3] = row[
-            st.ANGULAR_VELOCITY : st.ANGULAR_VELOCITY + 3
-        ] = 0.0
+        i = self._engine_numbers[body] if self._runs_in_shares else body
+        row = self.bodies.rows[i]
+        row[st.VELOCITY : st.VELOCITY + 3] = 0.0
+        row[st.ANGULAR_VELOCITY : st.ANGULAR_VELOCITY + 3] = 0.0
         row[st.INVERSE_MASS] = 0.0
-        lanes = self.bodies.motion[inner // st.LANES, inner % st.LANES :: st.LANES]
-        for rows in (st.INVERSE_MOMENTS, st.ANGULAR_MOMENTUM):
-            lanes[rows // st.LANES : rows // st.LANES + 3] = 0.0
+        lane = self.bodies.motion[i // st.LANES, i % st.LANES :: st.LANES]
+        for place in (st.INVERSE_MOMENTS, st.ANGULAR_MOMENTUM):
+            first = place // st.LANES
+            lane[first : first + 3] = 0.0
 
     def run_steps(self, steps: int) -> None:
         """Advance by a number of time steps.
@@ -270,39 +296,75 @@ class Simulation(Observables):
         RuntimeError
             Where bodies overlap so much that a contact list overflows within one step.
         """
-        left = whole_number("steps", steps, 0)
-        if left > 0 and self._resists_against_space():
-            warnings.warn(TURNING, stacklevel=2)
-        while left > 0:
-            left -= self._advance(left)
+        steps_left = whole_number("steps", steps, 0)
+        if steps_left > 0:
+            self._warn_of_turning_walls()
+        while steps_left > 0:
+            steps_left -= self._advance(steps_left)
             if self.counts[st.FULL]:
                 raise RuntimeError(
                     "a contact list overflowed within one step; bodies overlap wildly"
                 )
-            if left > 0:
+            if steps_left > 0:
                 self._grow()
 
     def _advance(self, steps: int) -> int:
-        """Advance by at most `steps`, or fewer where a list has to grow; returns the number made."""
-        lists = (self.bodies, self.pairs, self.flat, self.curved, self.meshed)
-        world = (self.grid, self.walls, self.meshes, self.counts, self.physics)
-        if not self._shared:
-            scratch = (self._tiles[0], self._body_tiles[0], self._scratches[0])
-            return advance(*lists, self.clumps, *world, *scratch, steps)
-        if self.steps % parallel.REORDER_EVERY == 0:
+        """Advance by at most `steps` and return the number made.
+
+        A list that fills up ends the run early.
+        """
+        if self._runs_in_shares:
+            return self._advance_in_shares(steps)
+        return advance(
+            self.bodies,
+            self.pairs,
+            self.flat,
+            self.curved,
+            self.meshed,
+            self.clumps,
+            self.grid,
+            self.walls,
+            self.meshes,
+            self.counts,
+            self.physics,
+            self._tiles[0],
+            self._body_tiles[0],
+            self._scratches[0],
+            steps,
+        )
+
+    def _advance_in_shares(self, steps: int) -> int:
+        """Advance a large simulation, whose threads share the work, like `_advance`."""
+        steps_since_reorder = self.steps % parallel.REORDER_EVERY
+        if steps_since_reorder == 0:
             self._renumber()
-        steps = min(steps, parallel.REORDER_EVERY - self.steps % parallel.REORDER_EVERY)
+        steps = min(steps, parallel.REORDER_EVERY - steps_since_reorder)
         shared = st.Shared(
             counters=np.zeros(BARRIER_SIZE, np.int64),
             orders=np.zeros(1, np.int64),
             **st.each("begins numbers", parallel.SHARES, np.int64),
             due=np.zeros(len(self.pairs.near_limit), np.int64),
         )
-        tiles = (self._tiles, self._body_tiles, self._scratches)
-        return parallel.run_threads((*lists, *world), tiles, shared, steps)
+        arrays = (
+            self.bodies,
+            self.pairs,
+            self.flat,
+            self.curved,
+            self.meshed,
+            self.grid,
+            self.walls,
+            self.meshes,
+            self.counts,
+            self.physics,
+        )
+        scratch = (self._tiles, self._body_tiles, self._scratches)
+        return parallel.run_threads(arrays, scratch, shared, steps)
 
     def _renumber(self) -> None:
-        """Give the bodies numbers in spatial order; for users they keep their numbers."""
+        """Give the bodies numbers in spatial order.
+
+        Users see the numbers that `add` gave.
+        """
         n = self.n_bodies
         order = reorder(
             self.bodies,
@@ -313,11 +375,15 @@ class Simulation(Observables):
             self.meshed,
             self.counts,
         )
-        self._outer[:n] = self._outer[:n][order]
-        self._inner[self._outer[:n]] = np.arange(n)
+        self._user_numbers[:n] = self._user_numbers[:n][order]
+        self._engine_numbers[self._user_numbers[:n]] = np.arange(n)
 
     def _grow(self) -> None:
-        """Double the lists that are filling up; each in one move, since an interrupt could leave half a list."""
+        """Double the lists that are filling up.
+
+        Each list is replaced in one assignment, so that an interrupt leaves no list
+        half grown.
+        """
         counts, capacity = self.counts, self.capacity
         self.pairs = contact_lists.grown_pairs(
             self.pairs, counts, capacity, self._most_spheres, self._n_state
@@ -331,11 +397,11 @@ class Simulation(Observables):
         meshed = contact_lists.grown_wall_contacts(
             self.meshed, counts[st.N_MESHED], capacity
         )
-        if self._of_clumps:
-            more = len(meshed.body) - len(self.clumps.mesh_sphere)
-            self.clumps = self.clumps._replace(
-                mesh_sphere=np.pad(self.clumps.mesh_sphere, (0, more))
-            )
+        if self._has_clumps:
+            # `mesh_sphere` is as long as the list of contacts with meshes.
+            n_added = len(meshed.body) - len(self.clumps.mesh_sphere)
+            mesh_sphere = np.pad(self.clumps.mesh_sphere, (0, n_added))
+            self.clumps = self.clumps._replace(mesh_sphere=mesh_sphere)
         self.meshed = meshed
 
     def run(
@@ -343,14 +409,14 @@ class Simulation(Observables):
         seconds: float,
         progress: Callable[[float], Any] | bool | None = None,
         *,
-        record: Callable[["Simulation"], Any]
-        | Sequence[Callable[["Simulation"], Any]]
-        | None = None,
+        record: Recording | Sequence[Recording] | None = None,
         record_every_s: float | None = None,
         checkpoint: str | os.PathLike | None = None,
         every_s: float = 600.0,
     ) -> None:
-        """Advance by simulated time, to the nearest time step. Ctrl-C ends it between two steps.
+        """Advance by simulated time, to the nearest time step.
+
+        Ctrl-C ends it between two steps.
 
         Of the arguments only `seconds` affects the result.
 
@@ -359,10 +425,12 @@ class Simulation(Observables):
         seconds : float
             Simulated time [s].
         progress : callable or False, optional
-            A function is called with the simulated time at intervals. False is silent. By default there is a bar where
-            stderr is a terminal, and a line a minute where it is not.
+            A function is called with the simulated time at intervals. False is silent.
+            By default there is a bar where stderr is a terminal, and a line a minute
+            where it is not.
         record : callable or sequence of callables, optional
-            Called with the simulation at time 0 and then every `record_every_s`, such as a `Recorder` or a `VtkSeries`.
+            Called with the simulation at time 0 and then every `record_every_s`, such
+            as a `Recorder` or a `VtkSeries`.
         record_every_s : float, optional
             Simulated time between two records [s].
         checkpoint : path, optional
@@ -375,29 +443,32 @@ class Simulation(Observables):
         ValueError
             Naming the argument.
         """
-        begin_s, dt = self.time_s, self.time_step_s
-        end = self.steps + round(not_negative("seconds", seconds) / dt)
+        time_step = self.time_step_s
+        end = self.steps + round(not_negative("seconds", seconds) / time_step)
         recorders = _recorders(record)
-        between = _steps_between(record_every_s, dt) if recorders else 0
+        interval = None
+        if recorders:
+            interval = _steps_between_records(record_every_s, time_step)
         positive("every_s", every_s)
-        chunk, saved = FIRST_CHUNK, time.monotonic()
-        with display(begin_s, end * dt, dt, progress) as report:
+
+        chunk = FIRST_CHUNK
+        saved_at = time.monotonic()
+        with display(self.time_s, end * time_step, time_step, progress) as report:
             try:
                 if self.steps == 0:
                     self._record(recorders)
                 while self.steps < end:
                     steps = min(end - self.steps, chunk)
-                    if recorders:
-                        steps = min(steps, between - self.steps % between)
-                    began = time.perf_counter()
-                    self.run_steps(steps)
-                    chunk = _next_chunk(steps, time.perf_counter() - began)
-                    if recorders and self.steps % between == 0:
+                    if interval is not None:
+                        steps = min(steps, interval - self.steps % interval)
+                    chunk = self._run_chunk(steps)
+                    if interval is not None and self.steps % interval == 0:
                         self._record(recorders)
                     report(self.time_s)
-                    if checkpoint is not None and time.monotonic() - saved >= every_s:
+                    is_due = time.monotonic() - saved_at >= every_s
+                    if checkpoint is not None and is_due:
                         self.save(checkpoint)
-                        saved = time.monotonic()
+                        saved_at = time.monotonic()
             except KeyboardInterrupt:
                 if checkpoint is not None:
                     self.save(checkpoint)
@@ -405,7 +476,13 @@ class Simulation(Observables):
         if checkpoint is not None:
             self.save(checkpoint)
 
-    def _record(self, recorders: list[Callable[["Simulation"], Any]]) -> None:
+    def _run_chunk(self, steps: int) -> int:
+        """Run some steps and return how many take about `CHUNK_S`."""
+        start = time.perf_counter()
+        self.run_steps(steps)
+        return _next_chunk(steps, time.perf_counter() - start)
+
+    def _record(self, recorders: list[Recording]) -> None:
         """Call each recorder with the simulation."""
         for recorder in recorders:
             recorder(self)
@@ -422,7 +499,9 @@ class Simulation(Observables):
 
     @classmethod
     def load(cls, path: str | os.PathLike) -> "Simulation":
-        """Read the simulation that `save` wrote; it goes on with the same bits as if it had never stopped.
+        """Read the simulation that `save` wrote.
+
+        It goes on with the same bits as if it had never stopped.
 
         Parameters
         ----------
@@ -437,38 +516,42 @@ class Simulation(Observables):
         Raises
         ------
         repose.dem.errors.InputError
-            A ValueError that names the file where it is missing, damaged, of another format, or written by other
-            sources of the engine.
+            A ValueError that names the file where it is missing, damaged, of another
+            format, or written by other sources of the engine.
         """
         return checkpoints.load(cls, path)
 
 
-def _recorders(record: Any) -> list[Callable[[Simulation], Any]]:
+def _recorders(record: Any) -> list[Recording]:
     """Return the argument `record` of `Simulation.run` as a list."""
-    recorders = (
-        []
-        if record is None
-        else list(record)
-        if isinstance(record, list | tuple)
-        else [record]
-    )
+    if record is None:
+        return []
+    recorders = list(record) if isinstance(record, list | tuple) else [record]
     if not all(callable(recorder) for recorder in recorders):
         raise ValueError(
-            f"record is {record!r}; expected a function of the simulation, or a list of them"
+            f"record is {record!r}; "
+            "expected a function of the simulation, or a list of them"
         )
     return recorders
 
 
-def _steps_between(record_every_s: float | None, dt: float) -> int:
-    """Count the steps between two records."""
+def _steps_between_records(record_every_s: float | None, time_step: float) -> int:
+    """Count the steps between two records, at least one."""
     if record_every_s is None:
         raise ValueError(
-            "record_every_s is None; expected above 0 where there is something to record"
+            "record_every_s is None; "
+            "expected above 0 where there is something to record"
         )
-    return max(1, round(positive("record_every_s", record_every_s) / dt))
+    interval_s = positive("record_every_s", record_every_s)
+    return max(1, round(interval_s / time_step))
 
 
-def _next_chunk(steps: int, took_s: float) -> int:
-    """Choose the steps that take about CHUNK_S, where `steps` took `took_s`; the time to compile counts, too."""
-    wanted = steps * CHUNK_S / max(took_s, 1e-6)
-    return max(1, round(min(max(wanted, 0.1 * steps), 10.0 * steps)))
+def _next_chunk(steps: int, wall_time_s: float) -> int:
+    """Choose the steps that take about `CHUNK_S`, from the last chunk and its time.
+
+    It changes by a factor of ten at most, since the first chunk may include the time to
+    compile.
+    """
+    estimate = steps * CHUNK_S / max(wall_time_s, 1e-6)
+    limited = min(max(estimate, 0.1 * steps), 10.0 * steps)
+    return max(1, round(limited))

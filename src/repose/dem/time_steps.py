@@ -1,23 +1,28 @@
-"""The longest time step: it resolves an impact, and a body between two others is stable."""
+"""The longest time step of a simulation.
+
+It is short enough to resolve an impact, and to keep a body stable that is pressed
+between two others.
+"""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from .laws.law import Law
 from .materials import Contact, Material
 from .shapes import Clump, Shape
 
-STEPS_PER_CONTACT = 8  # the contact time of a head-on impact over the longest time step
+STEPS_PER_CONTACT = 8  # contact time of a head-on impact over the longest time step
 FASTEST_IMPACT_M_S = 2.0
-# Overlap of a soft body under a pile, as between two plates, over half its smallest extent.
+# Overlap of a soft body under a pile, over half its smallest extent.
 PRESSED = 0.1
-# Speed times duration of an impact over its overlap: 2.94 by Hertz's law, pi by a linear spring.
+# Speed times duration of an impact over its overlap: 2.94 by Hertz's law, pi by a
+# linear spring.
 DURATION_OVER_OVERLAP = 3.0
 
 
 class Limit(NamedTuple):
-    """The longest time step, and the reason for it in words."""
+    """An upper limit of the time step, and the reason for it in words."""
 
     time_step_s: float
     reason: str
@@ -26,9 +31,8 @@ class Limit(NamedTuple):
     def allowed(self) -> str:
         """The limit in words, rounded down so that the printed number is allowed."""
         unit = 10.0 ** (math.floor(math.log10(self.time_step_s)) - 2)
-        return (
-            f"at most {math.floor(self.time_step_s / unit) * unit:.3g}, {self.reason}"
-        )
+        rounded = math.floor(self.time_step_s / unit) * unit
+        return f"at most {rounded:.3g}, {self.reason}"
 
 
 class Scene(NamedTuple):
@@ -45,12 +49,27 @@ class Scene(NamedTuple):
 def longest(
     scene: Scene, speed_m_s: float = FASTEST_IMPACT_M_S, smallest_scale: float = 1.0
 ) -> Limit:
-    """Compute the longest time step among walls: the least of `impact` and `pressed`, times the smallest scale."""
-    kinds = list(scene.shapes.values())
-    impacts = [impact(scene, a, b, speed_m_s) for a in kinds for b in kinds]
-    limit = min(
-        impacts + [limit for kind in kinds for limit in _pressed_by_all(scene, kind)]
-    )
+    """Compute the longest time step of a scene.
+
+    It is the smallest limit of all impacts (`impact`) and all pressed bodies
+    (`pressed`). It goes with the scale of the bodies.
+
+    Parameters
+    ----------
+    scene : Scene
+        Bodies, walls and laws.
+    speed_m_s : float
+        Speed of the fastest impact [m/s].
+    smallest_scale : float
+        Scale of the smallest body.
+    """
+    limits = []
+    for a in scene.shapes.values():
+        for b in scene.shapes.values():
+            limits.append(impact(scene, a, b, speed_m_s))
+    for shape in scene.shapes.values():
+        limits += _limits_of_pressed(scene, shape)
+    limit = min(limits)
     if smallest_scale == 1.0:
         return limit
     reason = f"{limit.reason}, at the smallest scale, {smallest_scale:.3g}"
@@ -58,21 +77,25 @@ def longest(
 
 
 def smallest_scales(scene: Scene, time_step_s: float) -> dict[str, float]:
-    """Compute the smallest scale of each shape for a time step, rounded down so that the limit itself is accepted."""
-    limits = {
-        name: longest(scene._replace(shapes={name: shape}))
-        for name, shape in scene.shapes.items()
-    }
-    return {
-        name: (1.0 - 1e-12) * (time_step_s / limit.time_step_s)
-        for name, limit in limits.items()
-    }
+    """Compute the smallest scale that each shape may have with a time step."""
+    slightly_less = 1.0 - 1e-12  # so that the limit itself is accepted
+    scales = {}
+    for name, shape in scene.shapes.items():
+        limit = longest(scene._replace(shapes={name: shape}))
+        scales[name] = slightly_less * (time_step_s / limit.time_step_s)
+    return scales
 
 
 def impact(scene: Scene, a: Shape | Clump, b: Shape | Clump, speed_m_s: float) -> Limit:
-    """Compute the time step that resolves a head-on impact of two bodies in `STEPS_PER_CONTACT` steps."""
-    duration = _duration(scene, a, b, speed_m_s)
-    reason = f"1/{STEPS_PER_CONTACT} of the contact time of two bodies that meet at {speed_m_s:g} m/s"
+    """Compute the time step that resolves a head-on impact of two bodies.
+
+    The impact takes `STEPS_PER_CONTACT` steps.
+    """
+    duration = _impact_duration(scene, a, b, speed_m_s)
+    reason = (
+        f"1/{STEPS_PER_CONTACT} of the contact time of two bodies "
+        f"that meet at {speed_m_s:g} m/s"
+    )
     return Limit(duration / STEPS_PER_CONTACT, reason)
 
 
@@ -83,54 +106,91 @@ def pressed(
     of_body: bool = False,
     overlap_m: float | None = None,
 ) -> Limit:
-    """Compute the longest time step with which a body between two plates that press it is stable.
+    """Compute the longest time step with which a body that two plates press is stable.
 
-    `other` is the material of the plates; with `of_body` these are equal bodies that move against the body, as in a row
-    of bodies whose neighbours move against each other, the stiffest case. The default overlap with each plate is that
-    of a soft body under a pile or of the fastest impact, whichever is smaller.
+    Parameters
+    ----------
+    scene : Scene
+        Materials and laws.
+    shape : Shape or Clump
+        The body.
+    other : str
+        Material of the plates.
+    of_body : bool
+        The plates are equal bodies that move against the body, as in a row of bodies
+        whose neighbours move against each other. This is the stiffest case.
+    overlap_m : float, optional
+        Overlap with each plate [m]. By default that of a soft body under a pile or that
+        of the fastest impact, whichever is smaller.
 
-    The stiffness S of one contact, the number N of them that act at one place, and the mass m of the body give the
-    oscillator w^2 = 2 N S / m. Its damping ratio z is sqrt(2) times that of one contact, for any N, since the N
-    contacts share the damping. The semi-implicit Euler method, in which the force depends on the velocity before the
-    step, is stable for dt < 2 / w (sqrt(1 + z^2) - z). In a row of equal bodies m is the m* of two of them.
+    Notes
+    -----
+    The stiffness S of one contact, the number N of them that act at one place, and the
+    mass m of the body give the oscillator w^2 = 2 N S / m. Its damping ratio z is
+    sqrt(2) times that of one contact, for any N, since the N contacts share the
+    damping. The semi-implicit Euler method, in which the force depends on the velocity
+    before the step, is stable for dt < 2 / w (sqrt(1 + z^2) - z). In a row of equal
+    bodies m is the m* of two of them.
     """
-    shared = 2.0 if of_body else 1.0
-    radius, mass = shape.flattest_radius_m / shared, shape.mass_kg / shared
-    thickness = float(shape.half_extents_m.min())
+    sharing_bodies = 2.0 if of_body else 1.0
+    radius = shape.flattest_radius_m / sharing_bodies
+    mass = shape.mass_kg / sharing_bodies
     if overlap_m is None:
-        meeting = (
-            _duration(scene, shape, shape, FASTEST_IMPACT_M_S) * FASTEST_IMPACT_M_S
-        )
-        overlap_m = min(PRESSED * thickness, meeting / DURATION_OVER_OVERLAP)
-    a, b = scene.materials[shape.material], scene.materials[other]
+        overlap_m = _default_overlap(scene, shape)
+
     contact = scene.contacts[shape.material, other]
     assert scene.law.oscillator is not None
-    stiffness, ratio = scene.law.oscillator(
-        a, b, contact, scene.tension, radius, overlap_m
+    stiffness, contact_damping_ratio = scene.law.oscillator(
+        scene.materials[shape.material],
+        scene.materials[other],
+        contact,
+        scene.tension,
+        radius,
+        overlap_m,
     )
-    number = shape.acting_together(overlap_m)
-    frequency = math.sqrt(2.0 * number * stiffness / mass)
-    z = math.sqrt(2.0) * ratio
-    spheres = f", {number:.1f} spheres at one place" if number > 1.0 else ""
-    reason = f"the stable step of a body between two of {other} (restitution {contact.restitution:g}{spheres})"
-    return Limit(2.0 / frequency / (math.sqrt(1.0 + z * z) + z), reason)
+    n_contacts = shape.acting_together(overlap_m)
+    frequency = math.sqrt(2.0 * n_contacts * stiffness / mass)
+    z = math.sqrt(2.0) * contact_damping_ratio
+    # 1 / (sqrt(1 + z^2) + z) is sqrt(1 + z^2) - z
+    time_step = 2.0 / frequency / (math.sqrt(1.0 + z * z) + z)
+
+    spheres = f", {n_contacts:.1f} spheres at one place" if n_contacts > 1.0 else ""
+    reason = (
+        f"the stable step of a body between two of {other} "
+        f"(restitution {contact.restitution:g}{spheres})"
+    )
+    return Limit(time_step, reason)
 
 
-def _pressed_by_all(scene: Scene, shape: Shape | Clump) -> Iterator[Limit]:
-    """Yield `pressed` by each wall and by bodies of each shape's material."""
-    yield from (pressed(scene, shape, wall) for wall in sorted(scene.walls))
-    for material in sorted({kind.material for kind in scene.shapes.values()}):
-        yield pressed(scene, shape, material, of_body=True)
+def _default_overlap(scene: Scene, shape: Shape | Clump) -> float:
+    """Estimate the largest overlap of a body under a pile [m].
+
+    It is not more than in the fastest impact.
+    """
+    half_thickness = float(shape.half_extents_m.min())
+    duration = _impact_duration(scene, shape, shape, FASTEST_IMPACT_M_S)
+    in_impact = duration * FASTEST_IMPACT_M_S / DURATION_OVER_OVERLAP
+    return min(PRESSED * half_thickness, in_impact)
 
 
-def _duration(
+def _limits_of_pressed(scene: Scene, shape: Shape | Clump) -> list[Limit]:
+    """Compute `pressed` for each wall and for bodies of each shape's material."""
+    limits = [pressed(scene, shape, wall) for wall in sorted(scene.walls)]
+    for material in sorted({other.material for other in scene.shapes.values()}):
+        limits.append(pressed(scene, shape, material, of_body=True))
+    return limits
+
+
+def _impact_duration(
     scene: Scene, a: Shape | Clump, b: Shape | Clump, speed_m_s: float
 ) -> float:
     """Compute the duration of a head-on impact of two shapes [s]."""
-    mass = 1.0 / (1.0 / a.mass_kg + 1.0 / b.mass_kg)
-    radius = 1.0 / (1.0 / a.smallest_radius_m + 1.0 / b.smallest_radius_m)
-    materials = scene.materials[a.material], scene.materials[b.material]
     assert scene.law.contact_time is not None
     return scene.law.contact_time(
-        *materials, scene.contacts[a.material, b.material], mass, radius, speed_m_s
+        scene.materials[a.material],
+        scene.materials[b.material],
+        scene.contacts[a.material, b.material],
+        1.0 / (1.0 / a.mass_kg + 1.0 / b.mass_kg),
+        1.0 / (1.0 / a.smallest_radius_m + 1.0 / b.smallest_radius_m),
+        speed_m_s,
     )

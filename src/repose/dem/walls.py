@@ -1,4 +1,7 @@
-"""Walls: planes, cones and cylinders, rounded ring edges, meshes; their motion, and their arrays for the kernels."""
+"""Walls: planes, cones and cylinders, rounded ring edges, meshes.
+
+Their motion, and their arrays for the kernels.
+"""
 
 import math
 import os
@@ -24,7 +27,8 @@ from .kernels.features import split
 
 ORIGIN = (0.0, 0.0, 0.0)
 UP = (0.0, 0.0, 1.0)
-HOME = np.concatenate([np.zeros(3), np.eye(3).ravel()])  # the frame that is the world
+# Origin and rotation of the frame that is the world's.
+WORLD_FRAME = np.concatenate([np.zeros(3), np.eye(3).ravel()])
 Vector = Sequence[float] | np.ndarray
 
 
@@ -52,13 +56,14 @@ class Motion:
     pivot_m: Vector = ORIGIN
 
     def __post_init__(self) -> None:
-        self.row()
+        self.row()  # checks the values
 
     def row(self) -> np.ndarray:
         """Return velocity, angular velocity and pivot for the kernels (9,)."""
-        return np.concatenate(
-            [vector(field.name, getattr(self, field.name)) for field in fields(self)]
-        )
+        vectors = [
+            vector(field.name, getattr(self, field.name)) for field in fields(self)
+        ]
+        return np.concatenate(vectors)
 
 
 STILL = Motion()
@@ -102,32 +107,34 @@ class Plane:
 
     def __post_init__(self) -> None:
         _check_common(self)
-        self.row()
+        self.row()  # checks the values
 
     def row(self) -> np.ndarray:
-        """Return the plane for the kernels, in which its normal points into the wall."""
+        """Return point, normal and radius for the kernels (7,).
+
+        For them the normal points into the wall.
+        """
         if self.radius_m != math.inf:
             positive("radius_m", self.radius_m)
-        return np.concatenate(
-            [
-                vector("point_m", self.point_m),
-                -direction("normal", self.normal),
-                [self.radius_m],
-            ]
-        )
+        point = vector("point_m", self.point_m)
+        normal_into_wall = -direction("normal", self.normal)
+        return np.concatenate([point, normal_into_wall, [self.radius_m]])
 
 
 @dataclass(frozen=True)
 class Cone:
-    """The inside of a cone about an axis, given by its line in the half plane (r, z) of its own frame.
+    """The inside of a cone about an axis.
+
+    The cone is given by its line in the half plane (r, z) of its own frame.
 
     `between` makes one of two circles.
 
     Parameters
     ----------
     line : array_like (7,)
-        m_r, m_z (unit normal from the inside into the wall), offset k with m.(r, z) = k [m], first and last place along
-        the line [m], e_r, e_z (unit vector up along the line).
+        m_r, m_z (unit normal from the inside into the wall), offset k with m.(r, z) = k
+        [m], first and last place along the line [m], e_r, e_z (unit vector up along the
+        line).
     material : str
         A name that the simulation knows.
     origin_m : array_like (3,)
@@ -152,13 +159,14 @@ class Cone:
     def __post_init__(self) -> None:
         _check_common(self)
         m_r, m_z, _offset, first, last, e_r, e_z = vector("line", self.line, 7)
-        if (
-            max(abs(math.hypot(m_r, m_z) - 1.0), abs(math.hypot(e_r, e_z) - 1.0)) > 1e-6
-            or not first < last
-        ):
-            allowed = "unit vectors (m_r, m_z) and (e_r, e_z), first below last place"
-            raise ValueError(f"line is {self.line!r}; expected {allowed}")
-        frame_of(self)
+        normal_error = abs(math.hypot(m_r, m_z) - 1.0)
+        direction_error = abs(math.hypot(e_r, e_z) - 1.0)
+        if max(normal_error, direction_error) > 1e-6 or not first < last:
+            raise ValueError(
+                f"line is {self.line!r}; expected unit vectors (m_r, m_z) and "
+                "(e_r, e_z), first below last place"
+            )
+        frame_of(self)  # checks origin and axis
 
     @classmethod
     def between(
@@ -207,20 +215,22 @@ class Cone:
                 "base_radius_m and top_radius_m are 0; expected at most one of them"
             )
         length = math.hypot(height, top_radius_m - base_radius_m)
-        e_r, e_z = (top_radius_m - base_radius_m) / length, height / length
-        line = (
-            e_z,
-            -e_r,
-            e_z * base_radius_m,
-            e_r * base_radius_m,
-            e_r * top_radius_m + e_z * height,
-            e_r,
-            e_z,
-        )
+        # unit vector up along the line, and the normal into the wall, a quarter turn
+        # from it
+        e_r = (top_radius_m - base_radius_m) / length
+        e_z = height / length
+        m_r, m_z = e_z, -e_r
+        offset = m_r * base_radius_m
+        first = e_r * base_radius_m
+        last = e_r * top_radius_m + e_z * height
+        line = (m_r, m_z, offset, first, last, e_r, e_z)
         return cls(line, material, base_m, axis, motion)
 
     def row(self) -> np.ndarray:
-        """Return the cone for the kernels, in its own frame."""
+        """Return the line for the kernels, in the wall's own frame.
+
+        The last column is unused.
+        """
         return np.array([*self.line, 0.0], float)
 
 
@@ -276,8 +286,9 @@ class RingEdge:
     material : str
         A name that the simulation knows.
     gates : array_like (2, 2)
-        Two directions (g_r, g_z) of the half plane (r, z). A contact whose normal, seen from the body, opposes one of
-        them lies behind the walls that meet at the edge, and is none. Zeros leave the whole torus open.
+        Two directions (g_r, g_z) of the half plane (r, z). A contact whose normal, seen
+        from the body, opposes one of them lies behind the walls that meet at the edge,
+        and is none. Zeros leave the whole torus open.
     height_m : float
         Height of the core circle in the wall's own frame [m].
     origin_m : array_like (3,)
@@ -308,43 +319,40 @@ class RingEdge:
         number(
             "radius_m",
             self.radius_m,
-            f"above edge_radius_m, {edge}",
-            lambda radius: radius > edge,
+            allowed=f"above edge_radius_m, {edge}",
+            accepts=lambda radius: radius > edge,
         )
         number("height_m", self.height_m, "a finite number", lambda _height: True)
         array("gates", self.gates, (2, 2), "two directions of two finite numbers")
-        frame_of(self)
+        frame_of(self)  # checks origin and axis
 
     def row(self) -> np.ndarray:
-        """Return the ring for the kernels, in its own frame."""
-        return np.array(
-            [
-                self.radius_m,
-                self.height_m,
-                self.edge_radius_m,
-                *self.gates[0],
-                *self.gates[1],
-            ],
-            float,
-        )
+        """Return radius, height, edge radius and gates in the wall's own frame (7,)."""
+        first_gate, second_gate = self.gates
+        circle = (self.radius_m, self.height_m, self.edge_radius_m)
+        return np.array([*circle, *first_gate, *second_gate], float)
 
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """A wall of triangles, touched from the side of their outward normals: the surface of a solid obstacle.
+    """A wall of triangles, the surface of a solid obstacle.
+
+    Bodies touch it from the side of the outward normals.
 
     Parameters
     ----------
     vertices_m : array_like (V, 3)
         Vertices [m].
     faces : array_like of int (F, 3)
-        Indices of each triangle's vertices, counter-clockwise seen from the bodies. No triangle may be degenerate; at
-        most two triangles, wound alike, may meet at an edge.
+        Indices of each triangle's vertices, counter-clockwise seen from the bodies. No
+        triangle may be degenerate; at most two triangles, wound alike, may meet at an
+        edge.
     material : str
         A name that the simulation knows.
     edge_radius_m : float
-        Convex edges and vertices, and open borders, are rounded with this radius, above 0 [m]. The rounding is tangent
-        to the faces, which stay where they are. It must leave every triangle some room.
+        Convex edges and vertices, and open borders, are rounded with this radius, above
+        0 [m]. The rounding is tangent to the faces, which stay where they are. It must
+        leave every triangle some room.
     motion : Motion
         How the wall moves; by default it rests.
 
@@ -355,8 +363,8 @@ class Mesh:
 
     Notes
     -----
-    Bodies that come from behind a face pass through it. Where faces meet in a concave kink below 20 degrees, a body
-    touches the face that it overlaps most.
+    Bodies that come from behind a face pass through it. Where faces meet in a concave
+    kink below 20 degrees, a body touches the face that it overlaps most.
     """
 
     vertices_m: np.ndarray
@@ -374,35 +382,11 @@ class Mesh:
             "vertices_m", self.vertices_m, (None, 3), "(V, 3) finite numbers"
         )
         edge = positive("edge_radius_m", self.edge_radius_m)
-        faces = np.asarray(self.faces)
-        if (
-            faces.ndim != 2
-            or faces.shape[1] != 3
-            or not len(faces)
-            or faces.dtype.kind not in "iu"
-        ):
-            raise ValueError(
-                f"faces is {self.faces!r}; expected (F, 3) whole numbers, at least one triangle"
-            )
-        if faces.min() < 0 or faces.max() >= len(vertices):
-            last = len(vertices) - 1
-            raise ValueError(
-                f"faces has {faces.min()} to {faces.max()}; expected 0 to {last}, rows of vertices_m"
-            )
-        corners = vertices[faces]
-        sides = corners[:, 1:] - corners[:, :1]
-        thin = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
-        thin = np.flatnonzero(
-            thin <= 1e-12 * np.max(np.sum(np.ptp(vertices, axis=0) ** 2))
-        )
-        if len(thin):
-            flat = faces[thin[0]].tolist()
-            raise ValueError(
-                f"faces has {flat}, a triangle without area; expected triangles with an area"
-            )
+        faces = _check_faces(self.faces, vertices)
         object.__setattr__(self, "vertices_m", vertices)
-        object.__setattr__(self, "faces", faces.astype(np.int64))
-        object.__setattr__(self, "part", split(vertices, self.faces, edge))
+        object.__setattr__(self, "faces", faces)
+        # faces, edges and vertices that bodies can touch, as the kernels need them
+        object.__setattr__(self, "part", split(vertices, faces, edge))
 
     @classmethod
     def from_stl(
@@ -438,7 +422,7 @@ class Mesh:
         ValueError
             Naming the file where its triangles are no `Mesh`, or the scale.
         """
-        import trimesh  # slow to import: where a mesh is read
+        import trimesh  # slow to import, and only needed to read a mesh
 
         positive("scale", scale)
         try:
@@ -451,145 +435,213 @@ class Mesh:
         if not len(mesh.faces):
             raise InputError(path, "triangles", 0, "at least one")
         mesh.merge_vertices()
-        # corners that fall together when merged leave lines, which are no triangles
-        mesh.update_faces(
-            np.array([len(set(face)) == 3 for face in mesh.faces.tolist()])
-        )
+        # A triangle of which two corners were merged is a line; it is left out.
+        is_triangle = [len(set(face)) == 3 for face in mesh.faces.tolist()]
+        mesh.update_faces(np.array(is_triangle))
+        vertices = scale * mesh.vertices
         try:
-            return cls(
-                scale * mesh.vertices,
-                np.array(mesh.faces),
-                material,
-                edge_radius_m,
-                motion,
-            )
+            return cls(vertices, np.array(mesh.faces), material, edge_radius_m, motion)
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
 
 
+def _check_faces(value: Any, vertices: np.ndarray) -> np.ndarray:
+    """Return the triangles of a mesh (F, 3); ValueError if they are not valid."""
+    faces = np.asarray(value)
+    has_shape = faces.ndim == 2 and faces.shape[1] == 3 and len(faces) > 0
+    if not has_shape or faces.dtype.kind not in "iu":
+        raise ValueError(
+            f"faces is {value!r}; expected (F, 3) whole numbers, at least one triangle"
+        )
+    last = len(vertices) - 1
+    if faces.min() < 0 or faces.max() > last:
+        raise ValueError(
+            f"faces has {faces.min()} to {faces.max()}; "
+            f"expected 0 to {last}, rows of vertices_m"
+        )
+    corners = vertices[faces]
+    sides = corners[:, 1:] - corners[:, :1]
+    twice_areas = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+    squared_size = np.sum(np.ptp(vertices, axis=0) ** 2)
+    degenerate = np.flatnonzero(twice_areas <= 1e-12 * squared_size)
+    if len(degenerate):
+        raise ValueError(
+            f"faces has {faces[degenerate[0]].tolist()}, a triangle without area; "
+            "expected triangles with an area"
+        )
+    return faces.astype(np.int64)
+
+
 def frame_of(surface: Any) -> np.ndarray:
-    """Return origin [m] and rotation, from frame to world by rows, of a curved wall or a mesh (12,)."""
+    """Return the frame of a curved wall or a mesh (12,).
+
+    It consists of its origin [m] and the rows of its rotation to the world.
+    """
+    origin = vector("origin_m", surface.origin_m)
     z = direction("axis", surface.axis)
-    frame = np.eye(3)
-    if not np.array_equal(z, UP):
+    if np.array_equal(z, UP):
+        rotation = np.eye(3)
+    else:
+        # across the axis and the axis of the world that is the least parallel to it
         x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
         x /= np.linalg.norm(x)
-        frame = np.column_stack([x, np.cross(z, x), z])
-    return np.concatenate([vector("origin_m", surface.origin_m), frame.ravel()])
+        rotation = np.column_stack([x, np.cross(z, x), z])
+    return np.concatenate([origin, rotation.ravel()])
 
 
 Wall = Plane | Cone | RingEdge | Mesh
+WALL_KINDS = (Plane, Cone, RingEdge, Mesh)  # in the order of the kernels
 
 
 @dataclass
 class WallSet:
-    """Named walls, sorted into the order of the kernels: planes, cones, rings, meshes."""
+    """Named walls in the order of the kernels: planes, cones, rings, meshes."""
 
     surfaces: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        kinds = (Plane, Cone, RingEdge, Mesh)
         self.surfaces = mapping(
-            "walls", self.surfaces, kinds, "Plane, Cone, Cylinder, RingEdge or Mesh"
+            "walls",
+            self.surfaces,
+            WALL_KINDS,
+            "Plane, Cone, Cylinder, RingEdge or Mesh",
         )
-        self.names = [
-            n
-            for kind in kinds
-            for n, surface in self.surfaces.items()
-            if isinstance(surface, kind)
-        ]
+        self.names: list[str] = []
+        for kind in WALL_KINDS:
+            for name, surface in self.surfaces.items():
+                if isinstance(surface, kind):
+                    self.names.append(name)
 
     def of(self, kind: type) -> list:
         """List the walls of a class, in order."""
-        return [
-            self.surfaces[n] for n in self.names if isinstance(self.surfaces[n], kind)
-        ]
+        walls = [self.surfaces[name] for name in self.names]
+        return [wall for wall in walls if isinstance(wall, kind)]
 
     def with_motion(self, name: str, motion: Motion) -> "WallSet":
-        """Return the same walls, one of them with another motion; ValueError if no wall has this name."""
+        """Return the same walls, one of them with another motion.
+
+        ValueError if no wall has this name.
+        """
         if name not in self.surfaces:
-            raise ValueError(
-                f"wall is {name!r}; expected {', '.join(self.names) or 'none, there are no walls'}"
-            )
-        return WallSet(
-            {**self.surfaces, name: replace(self.surfaces[name], motion=motion)}
-        )
+            allowed = ", ".join(self.names) or "none, there are no walls"
+            raise ValueError(f"wall is {name!r}; expected {allowed}")
+        moved = replace(self.surfaces[name], motion=motion)
+        return WallSet({**self.surfaces, name: moved})
 
 
 def wall_arrays(
-    wall_set: Any,
-    kinds: Mapping[str, int],
+    wall_set: WallSet,
+    material_numbers: Mapping[str, int],
     size_m: float,
     old: st.Walls | None = None,
     changed: int = -1,
 ) -> st.Walls:
     """Make the arrays of the walls for the kernels.
 
-    `kinds` has the number of each material, `size_m` is the size of the box of the bodies. With `old`, arrays of the
-    same walls, the places are taken from it, and the motions of all walls except number `changed`.
+    Parameters
+    ----------
+    wall_set : WallSet
+        The walls.
+    material_numbers : mapping
+        Number of each material.
+    size_m : float
+        Size of the box of the bodies [m].
+    old : Walls, optional
+        Arrays of the same walls. Their places are taken from it, and the motions of all
+        walls but one.
+    changed : int
+        Number of the wall that has another motion than in `old`.
+
+    Returns
+    -------
+    Walls
+        The arrays.
     """
-    planes, cones, rings, meshes = (
-        wall_set.of(kind) for kind in (Plane, Cone, RingEdge, Mesh)
-    )
-    surfaces = [*planes, *cones, *rings, *meshes]
-    flat = np.array([wall.row() for wall in planes]).reshape(-1, st.PLANE_COLUMNS)
-    frames = np.array(
-        [frame_of(surface) for surface in (*cones, *rings, *meshes)]
-    ).reshape(-1, 12)
-    motion = np.array([surface.motion.row() for surface in surfaces]).reshape(-1, 9)
+    planes, cones, rings, meshes = (wall_set.of(kind) for kind in WALL_KINDS)
+    framed = [*cones, *rings, *meshes]
+    surfaces = [*planes, *framed]
+    plane_rows = _rows_of([wall.row() for wall in planes], st.PLANE_COLUMNS)
+    frames = _rows_of([frame_of(wall) for wall in framed], 12)
+    motion = _rows_of([wall.motion.row() for wall in surfaces], 9)
     if old is not None:
-        flat, frames = old.planes.copy(), old.frames.copy()
-        # the pivots of the other walls stay where their motion has brought them
+        plane_rows = old.planes.copy()
+        frames = old.frames.copy()
+        # The pivots of the other walls stay where their motion has brought them.
         others = np.arange(len(motion)) != changed
         motion[others] = old.motion[others]
+
     moves = np.any(motion[:, :6] != 0.0, axis=1)
-    axes = [*flat[:, 3:6], *frames[:, 3:].reshape(-1, 3, 3)[:, :, 2]]
-    places = [*flat[:, :3], *frames[:, :3]]
+    displaced = np.any(frames != WORLD_FRAME, axis=1) | moves[len(planes) :]
+    path = 0.0  # how far any wall may have come nearer until now
+    if old is not None:
+        displaced |= old.displaced > 0
+        path = old.approach[st.WALL_PATH]
+
+    frame_axes = frames[:, 3:].reshape(-1, 3, 3)[:, :, 2]
     speeds = [
-        _approach(*wall, size_m)
-        for wall in zip(surfaces, axes, places, motion, strict=True)
+        _approach_speed(*wall, size_m)
+        for wall in zip(
+            surfaces,
+            [*plane_rows[:, 3:6], *frame_axes],
+            [*plane_rows[:, :3], *frames[:, :3]],
+            motion,
+            strict=True,
+        )
     ]
-    displaced = np.any(frames != HOME, axis=1) | moves[len(planes) :]
-    path = 0.0 if old is None else old.approach[st.WALL_PATH]
     return st.Walls(
-        planes=flat,
-        cones=np.array([wall.row() for wall in cones]).reshape(-1, st.CONE_COLUMNS),
-        rings=np.array([wall.row() for wall in rings]).reshape(-1, st.RING_COLUMNS),
+        planes=plane_rows,
+        cones=_rows_of([wall.row() for wall in cones], st.CONE_COLUMNS),
+        rings=_rows_of([wall.row() for wall in rings], st.RING_COLUMNS),
         frames=frames,
-        displaced=(
-            displaced if old is None else displaced | (old.displaced > 0)
-        ).astype(np.uint8),
+        displaced=displaced.astype(np.uint8),
         motion=motion,
         moves=moves.astype(np.uint8),
-        material=np.array([kinds[s.material] for s in surfaces], np.uint8),
+        material=np.array([material_numbers[w.material] for w in surfaces], np.uint8),
         approach=np.array([path, max(speeds, default=0.0), float(moves.any())]),
         loads=np.zeros((0, 6)),
     )
 
 
-def _approach(
-    surface: "Wall",
+def _rows_of(rows: list[np.ndarray], columns: int) -> np.ndarray:
+    """Stack rows to an array (N, columns); there may be none."""
+    return np.array(rows).reshape(-1, columns)
+
+
+def _approach_speed(
+    surface: Wall,
     axis: np.ndarray,
     place: np.ndarray,
     motion: np.ndarray,
     size_m: float,
 ) -> float:
-    """Bound the speed of a wall's points towards a body from above [m/s]; 0 for a wall that turns about its own axis.
+    """Compute an upper bound of the speed of a wall's points towards a body [m/s].
 
-    axis, place: normal and middle of a plane, else axis and origin of the wall's present frame.
+    The rotation of a wall about its own axis does not count.
+
+    Parameters
+    ----------
+    surface : Plane, Cone, RingEdge or Mesh
+        The wall.
+    axis, place : ndarray (3,)
+        Normal and point of a plane; else axis and origin of the wall's present frame.
+    motion : ndarray (9,)
+        Its velocity, angular velocity and pivot.
+    size_m : float
+        Size of the box of the bodies [m].
     """
-    velocity, turning, pivot = motion[:3], motion[3:6], motion[6:]
+    velocity, angular_velocity, pivot = motion[:3], motion[3:6], motion[6:]
     speed = float(np.linalg.norm(velocity))
-    rate = float(np.linalg.norm(turning))
+    rate = float(np.linalg.norm(angular_velocity))
     if rate == 0.0:
         return speed
     offset = place - pivot
+    distance = np.linalg.norm(offset)
     if isinstance(surface, Mesh):
-        # vertices are in the mesh's frame: their distance from the pivot is at most reach plus offset
-        return speed + rate * float(
-            np.linalg.norm(surface.vertices_m, axis=1).max() + np.linalg.norm(offset)
-        )
-    aligned = abs(abs(axis @ turning) - rate) < 1e-12 * rate
-    if aligned and np.linalg.norm(offset - (offset @ axis) * axis) < 1e-9 * size_m:
+        # A vertex is at most this far from the frame's origin.
+        reach = np.linalg.norm(surface.vertices_m, axis=1).max()
+        return speed + rate * float(reach + distance)
+    is_parallel = abs(abs(axis @ angular_velocity) - rate) < 1e-12 * rate
+    offset_across = offset - (offset @ axis) * axis
+    if is_parallel and np.linalg.norm(offset_across) < 1e-9 * size_m:
         return speed
-    return speed + rate * float(size_m + np.linalg.norm(offset))
+    return speed + rate * float(size_m + distance)

@@ -1,4 +1,4 @@
-"""What a simulation consists of: its laws and materials, and the arrays of bodies, walls and contacts."""
+"""The parts of a simulation: laws, materials, and arrays of bodies, walls, contacts."""
 
 import math
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ from .kernels import state as st
 from .kernels import tile as tl
 from .kernels.body_tile import TILE_ROWS
 from .laws import CONTACT_LAWS, ROLLING_LAWS
-from .laws.law import COULOMB, FRICTION_LIMITS, TENSIONS
+from .laws.law import COULOMB, FRICTION_LIMITS, TENSIONS, Law
 from .materials import Contact, Material
 from .shapes import Clump, Shape, are_clumps, most_spheres, parts_of
 from .walls import Mesh, Wall, WallSet, wall_arrays
@@ -51,52 +51,22 @@ class World:
     ) -> None:
         self.shapes = mapping("shapes", shapes, Shape | Clump, "Shape or Clump")
         self.materials = mapping("materials", materials, Material, "Material")
-        self._of_clumps = are_clumps(self.shapes)
+        self._has_clumps = are_clumps(self.shapes)
         self._choose_laws(contact_law, rolling_law, tension, friction_limit)
         self.capacity = whole_number("capacity", capacity, 1)
         self.largest_scale = positive("largest_scale", largest_scale)
         self.lower, self.upper = box(lower, upper)
-        self.radius = self.largest_scale * max(
-            shape.bounding_radius_m for shape in self.shapes.values()
-        )
         self.wall_set = WallSet({} if walls is None else walls)
-        self.contact_pairs = pairs_of(contacts, self.materials)
-        of_walls = [surface.material for surface in self.wall_set.surfaces.values()]
-        self._numbers = number_materials(
-            self.shapes, of_walls, self.materials, self.contact_pairs
-        )
-        check_constants(self.contact_law, self._numbers, self.contact_pairs)
-        self.scene = time_steps.Scene(
-            self.contact_law,
-            tension,
-            self.materials,
-            self.contact_pairs,
-            self.shapes,
-            frozenset(of_walls),
-        )
-        limit = time_steps.longest(self.scene)
-        steps = f"above 0, {limit.allowed}"
-        dt = number(
-            "time_step_s", time_step_s, steps, lambda dt: 0.0 < dt <= limit.time_step_s
-        )
-        self._smallest_scales = time_steps.smallest_scales(self.scene, dt)
-        parts = parts_of(self.shapes.values())
-        self._make_arrays(parts)
-        several = len(self._numbers.of_bodies) > 1
-        options = tension, self.friction_limit
-        of_pairs = self._numbers, self.materials, self.contact_pairs, tension
-        self.physics = st.Physics(
-            parts=parts,
+        self._pair_materials(contacts)
+        time_step = self._check_time_step(time_step_s)
+
+        self._make_body_arrays()
+        self._make_wall_arrays()
+        self._make_contact_lists()
+        self.counts = np.zeros(st.COUNTS, np.int64)
+        self.physics = self._make_physics(
+            time_step,
             gravity=vector("gravity_m_s2", gravity_m_s2),
-            law=self.contact_law.make_options(*options),
-            rolling=self.rolling_law.make_options(*options),
-            law_constants=constants_of(self.contact_law, *of_pairs),
-            rolling_constants=constants_of(self.rolling_law, *of_pairs),
-            n_state=self.contact_law.n_state,
-            mixed_pairs=several,
-            mixed_walls=several or len(set(of_walls)) > 1,
-            dt=dt,
-            rolling_frame=np.zeros(3),
             exit_height=height("exit_height_m", exit_height_m),
             curved_walls_above=height("curved_walls_above_m", curved_walls_above_m),
             floor_height=height("floor_height_m", floor_height_m),
@@ -110,77 +80,166 @@ class World:
         tension: str,
         friction_limit: str | None,
     ) -> None:
-        """Keep the force laws of these names and their options, or ValueError."""
+        """Look up the force laws and their options by name.
+
+        ValueError for an unknown one.
+        """
         chosen("tension", tension, TENSIONS)
         if friction_limit is None:
             friction_limit = COULOMB[tension]
         chosen("friction_limit", friction_limit, FRICTION_LIMITS)
-        self.tension, self.friction_limit = tension, friction_limit
-        self.contact_law = chosen("contact_law", contact_law, CONTACT_LAWS)
-        self.rolling_law = chosen("rolling_law", rolling_law, ROLLING_LAWS)
+        self.tension = tension
+        self.friction_limit = friction_limit
+        self.contact_law: Law = chosen("contact_law", contact_law, CONTACT_LAWS)
+        self.rolling_law: Law = chosen("rolling_law", rolling_law, ROLLING_LAWS)
 
-    def _make_arrays(self, parts: int) -> None:
-        """Make the arrays of bodies, walls and contacts, all of them empty; parts: see `shapes.parts_of`."""
-        skin = SKIN_SHARE * self.radius
-        self._shared = self.capacity >= parallel.FEWEST_BODIES and not self._of_clumps
-        self._inner, self._outer = np.arange(self.capacity), np.arange(self.capacity)
+    @property
+    def _n_state(self) -> int:
+        """Number of rows that the force laws keep for each contact."""
+        return self.contact_law.n_state + self.rolling_law.n_state
+
+    def _pair_materials(self, contacts: Mapping[tuple[str, str], Contact]) -> None:
+        """Give the materials numbers and check the contacts of pairs that can meet."""
+        self.contact_pairs = pairs_of(contacts, self.materials)
+        self._numbers = number_materials(
+            self.shapes, self._wall_materials(), self.materials, self.contact_pairs
+        )
+        check_constants(self.contact_law, self._numbers, self.contact_pairs)
+
+    def _wall_materials(self) -> list[str]:
+        """List the material of each wall."""
+        return [surface.material for surface in self.wall_set.surfaces.values()]
+
+    def _check_time_step(self, time_step_s: float) -> float:
+        """Return the time step if it is short enough.
+
+        The smallest scale of each shape for it is kept, too.
+        """
+        self.scene = time_steps.Scene(
+            law=self.contact_law,
+            tension=self.tension,
+            materials=self.materials,
+            contacts=self.contact_pairs,
+            shapes=self.shapes,
+            walls=frozenset(self._wall_materials()),
+        )
+        limit = time_steps.longest(self.scene)
+        time_step = number(
+            "time_step_s",
+            time_step_s,
+            allowed=f"above 0, {limit.allowed}",
+            accepts=lambda step: 0.0 < step <= limit.time_step_s,
+        )
+        self._smallest_scales = time_steps.smallest_scales(self.scene, time_step)
+        return time_step
+
+    def _make_body_arrays(self) -> None:
+        """Make the arrays of the absent bodies and the grid of the search."""
+        radii = [shape.bounding_radius_m for shape in self.shapes.values()]
+        self.radius = self.largest_scale * max(radii)
+        # Large simulations of smooth bodies run in shares, whatever the number of
+        # threads is. They number the bodies anew as these move; two arrays translate
+        # between the numbers of the engine and those of the user.
+        self._runs_in_shares = (
+            self.capacity >= parallel.FEWEST_BODIES and not self._has_clumps
+        )
+        self._engine_numbers = np.arange(self.capacity)
+        self._user_numbers = np.arange(self.capacity)
         self.bodies = st.new_bodies(
-            self.capacity, parts, parallel.SHARES if self._shared else 1
+            self.capacity,
+            parts_of(self.shapes.values()),
+            parallel.SHARES if self._runs_in_shares else 1,
         )
         self._shape_ids = np.zeros(self.capacity, np.int32)
         self._scales = np.ones(self.capacity)
-        self.grid = st.new_grid(
-            self.capacity, self.lower, self.upper, 2.0 * self.radius + skin
-        )
-        self.grid.lengths[st.REACH :] = 2.0 * self.radius, skin
+
+        skin = SKIN_SHARE * self.radius
+        reach = 2.0 * self.radius
+        self.grid = st.new_grid(self.capacity, self.lower, self.upper, reach + skin)
+        self.grid.lengths[st.REACH] = reach
+        self.grid.lengths[st.SKIN] = skin
+
+    def _make_wall_arrays(self) -> None:
+        """Make the arrays of the walls and of the features of meshes."""
         self.walls = self._wall_arrays()
-        surfaces = self.wall_set.of(Mesh)
+        self.meshes: Any = ()
+        mesh_walls = self.wall_set.of(Mesh)
+        if mesh_walls:
+            slide = max(shape.slide for shape in self.shapes.values())
+            self.meshes = features.join([mesh.part for mesh in mesh_walls], slide)
+
+    def _wall_arrays(self, old: st.Walls | None = None, changed: int = -1) -> st.Walls:
+        """Make the walls as the kernels need them.
+
+        `old` and `changed` are those of `walls.wall_arrays`.
+        """
+        size = float(np.linalg.norm(self.upper - self.lower))
+        return wall_arrays(self.wall_set, self._numbers.of_all, size, old, changed)
+
+    def _make_contact_lists(self) -> None:
+        """Make empty lists of contacts."""
         shapes = list(self.shapes.values())
-        slide = max(shape.slide for shape in shapes)
-        self.meshes: Any = (
-            features.join([mesh.part for mesh in surfaces], slide) if surfaces else ()
-        )
-        n_walls = (
-            len(self.walls.planes),
-            len(self.walls.cones) + len(self.walls.rings),
-            len(surfaces),
-        )
         self._most_spheres = most_spheres(shapes)
         self.pairs = contact_lists.new_pairs(
             self.capacity, self._most_spheres, self._n_state
         )
-        of_walls = contact_lists.new_wall_contacts(
-            self.capacity, n_walls, self._of_clumps, self._n_state
+        n_curved = len(self.walls.cones) + len(self.walls.rings)
+        n_walls = (len(self.walls.planes), n_curved, len(self.wall_set.of(Mesh)))
+        self.flat, self.curved, self.meshed = contact_lists.new_wall_contacts(
+            self.capacity, n_walls, self._has_clumps, self._n_state
         )
-        self.flat, self.curved, self.meshed = of_walls
         self.clumps: Any = ()
-        if self._of_clumps:
+        if self._has_clumps:
             self.clumps = cl.new_clumps(
                 shapes, self._shape_ids, self._scales, len(self.meshed.body)
             )
-        self.counts = np.zeros(st.COUNTS, np.int64)
 
-    @property
-    def _n_state(self) -> int:
-        """Count the rows that the force laws keep for each contact."""
-        return self.contact_law.n_state + self.rolling_law.n_state
+    def _make_physics(
+        self,
+        time_step: float,
+        *,
+        gravity: np.ndarray,
+        exit_height: float,
+        curved_walls_above: float,
+        floor_height: float,
+    ) -> st.Physics:
+        """Make the constants of a step as the kernels need them."""
+        has_mixed_bodies = len(self._numbers.of_bodies) > 1
+        has_mixed_walls = len(set(self._wall_materials())) > 1
+        return st.Physics(
+            parts=parts_of(self.shapes.values()),
+            gravity=gravity,
+            law=self.contact_law.make_options(self.tension, self.friction_limit),
+            rolling=self.rolling_law.make_options(self.tension, self.friction_limit),
+            law_constants=self._constants_of(self.contact_law),
+            rolling_constants=self._constants_of(self.rolling_law),
+            n_state=self.contact_law.n_state,
+            mixed_pairs=has_mixed_bodies,
+            mixed_walls=has_mixed_bodies or has_mixed_walls,
+            dt=time_step,
+            rolling_frame=np.zeros(3),
+            exit_height=exit_height,
+            curved_walls_above=curved_walls_above,
+            floor_height=floor_height,
+        )
 
-    def _wall_arrays(self, old: st.Walls | None = None, changed: int = -1) -> st.Walls:
-        """Make the walls as the kernels take them, where they are now; `changed` has another motion."""
-        size = float(np.linalg.norm(self.upper - self.lower))
-        return wall_arrays(self.wall_set, self._numbers.of_all, size, old, changed)
+    def _constants_of(self, law: Law) -> np.ndarray:
+        """Compute a law's constants for all pairs of materials."""
+        return constants_of(
+            law, self._numbers, self.materials, self.contact_pairs, self.tension
+        )
 
     @property
     def threads(self) -> int:
-        """Number of threads that share the work of a simulation of 4096 bodies or more."""
+        """Number of threads that share the work of a large simulation (4096 bodies)."""
         return len(self._tiles)
 
     @threads.setter
     def threads(self, threads: int) -> None:
-        if not (
-            isinstance(threads, int | np.integer) and 1 <= threads <= parallel.SHARES
-        ):
+        is_whole = isinstance(threads, int | np.integer)
+        if not (is_whole and 1 <= threads <= parallel.SHARES):
             raise ValueError(f"threads is {threads!r}; expected 1 to {parallel.SHARES}")
+        # scratch of each thread
         rows = tl.LAW_ROW + self.contact_law.n_rows
         self._tiles = st.zeros(threads, rows * st.LANES)
         self._body_tiles = st.zeros(threads, TILE_ROWS * st.LANES)

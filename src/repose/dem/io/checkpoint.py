@@ -1,4 +1,4 @@
-"""A simulation in one file, to go on from with the same bits."""
+"""A simulation in one file, from which it goes on with the same bits."""
 
 import dataclasses
 import json
@@ -7,7 +7,7 @@ import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -18,15 +18,14 @@ from ..kernels import state as st
 from ..materials import Contact, Material
 from ..shapes import Clump, Shape
 from ..walls import Motion
+from ..world import World
 from .whole import write_whole
 
-if TYPE_CHECKING:
-    from ..simulation import Simulation
-
 FORMAT = 1
-ABOUT = "about"  # the array that holds the description
-WHOLE = "a whole file that Simulation.save wrote"
-OF_SIMULATION = (
+DESCRIPTION = "about"  # name of the array that holds the description
+INTACT = "a whole file that Simulation.save wrote"
+# Arguments of a simulation that it keeps as attributes of the same names.
+KEPT_ARGUMENTS = (
     "capacity",
     "lower",
     "upper",
@@ -34,42 +33,54 @@ OF_SIMULATION = (
     "friction_limit",
     "largest_scale",
     "threads",
-)  # its arguments
-OF_BODIES = (
-    "limit",
-    "deepest",
-)  # arrays of wall contacts that have a place for each body and do not grow
+)
+GROWING_LISTS = ("pairs", "flat", "curved", "meshed", "clumps")
+# Arrays of these lists that have an entry for each body and do not grow.
+ARRAYS_OF_BODIES = ("limit", "deepest")
+
+AnyWorld = TypeVar("AnyWorld", bound=World)
 
 
-def save(simulation: "Simulation", path: str | os.PathLike) -> None:
-    """Write a simulation to a .npz of plain arrays, in one move; the descriptive part is JSON in bytes."""
-    about = json.dumps(_description(simulation)).encode()
-    arrays: dict[str, Any] = {
-        ABOUT: np.frombuffer(about, np.uint8),
-        **dict(_arrays(simulation)),
-    }
+def save(simulation: World, path: str | os.PathLike) -> None:
+    """Write a simulation to a .npz file, in one move.
+
+    The file holds plain arrays. One of them holds a description of the arguments, as
+    bytes of JSON.
+    """
+    description = json.dumps(_describe(simulation)).encode()
+    arrays: dict[str, Any] = {DESCRIPTION: np.frombuffer(description, np.uint8)}
+    arrays.update(_named_arrays(simulation))
     write_whole(path, lambda handle: np.savez_compressed(handle, **arrays))
 
 
-def load(kind: type, path: str | os.PathLike) -> Any:
-    """Read the simulation of a file, as it was saved; kind: its class.
+def load(simulation_class: type[AnyWorld], path: str | os.PathLike) -> AnyWorld:
+    """Read a simulation as it was saved.
 
-    InputError names the file where it is missing, damaged, of another format, or of other engine sources.
+    Raises
+    ------
+    InputError
+        Naming the file if it is missing, damaged, of another format, or written by
+        other sources of the engine.
     """
     path = Path(path)
-    about, arrays = _read(path)
-    if about.get("format") != FORMAT:
+    description, arrays = _read(path)
+    version = description.get("format")
+    if version != FORMAT:
+        raise InputError(path, "format", version, f"{FORMAT}, what this version reads")
+    sources = description.get("engine")
+    if sources != source_hash():
         raise InputError(
-            path, "format", about.get("format"), f"{FORMAT}, what this version reads"
+            path,
+            "engine sources",
+            sources,
+            f"{source_hash()!r}: only the sources that wrote a checkpoint "
+            "go on with the same bits",
         )
-    if about.get("engine") != source_hash():
-        allowed = f"{source_hash()!r}: only the sources that wrote a checkpoint go on with the same bits"
-        raise InputError(path, "engine sources", about.get("engine"), allowed)
     try:
-        simulation = kind(**_arguments(about))
+        simulation = simulation_class(**_arguments(description))
         _restore(simulation, arrays)
     except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise InputError(path, "content", str(error), WHOLE) from None
+        raise InputError(path, "content", str(error), INTACT) from None
     return simulation
 
 
@@ -82,7 +93,7 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     try:
         with np.load(path, allow_pickle=False) as store:
             arrays = {name: store[name] for name in store.files}
-        about = json.loads(arrays.pop(ABOUT).tobytes())
+        description = json.loads(arrays.pop(DESCRIPTION).tobytes())
     except (
         OSError,
         EOFError,
@@ -92,51 +103,51 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         zipfile.BadZipFile,
         zlib.error,
     ) as error:
-        raise InputError(path, "checkpoint", str(error), WHOLE) from None
-    return about, arrays
+        raise InputError(path, "checkpoint", str(error), INTACT) from None
+    return description, arrays
 
 
-def _arrays(simulation: "Simulation") -> Iterator[tuple[str, np.ndarray]]:
-    """Yield every array of a simulation, single or in a named tuple, with its name."""
+def _named_arrays(simulation: World) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield every array of a simulation with its name.
+
+    Arrays in a named tuple have a name such as "group.name".
+    """
     for name, value in vars(simulation).items():
         if isinstance(value, np.ndarray):
             yield name, value
         for field in getattr(value, "_fields", ()):
-            if isinstance(getattr(value, field), np.ndarray):
-                yield f"{name}.{field}", getattr(value, field)
+            array = getattr(value, field)
+            if isinstance(array, np.ndarray):
+                yield f"{name}.{field}", array
 
 
-def _restore(simulation: "Simulation", arrays: Mapping[str, np.ndarray]) -> None:
-    """Give a new simulation the arrays of another."""
-    made = dict(_arrays(simulation))
-    if set(made) != set(arrays):
-        raise KeyError(f"arrays {sorted(set(made) ^ set(arrays))}")
-    for name, values in arrays.items():
-        array = made[name]
-        if array.dtype == values.dtype and array.shape == values.shape:
+def _restore(simulation: World, saved: Mapping[str, np.ndarray]) -> None:
+    """Give a new simulation the arrays of a saved one."""
+    arrays = dict(_named_arrays(simulation))
+    if set(arrays) != set(saved):
+        raise KeyError(f"arrays {sorted(set(arrays) ^ set(saved))}")
+    for name, values in saved.items():
+        array = arrays[name]
+        has_type = array.dtype == values.dtype
+        if has_type and array.shape == values.shape:
             array[...] = values
-        elif (
-            array.dtype == values.dtype
-            and _may_grow(name)
-            and array.shape[1:] == values.shape[1:]
-        ):
-            group, _, field = name.partition(".")
-            setattr(
-                simulation,
-                group,
-                getattr(simulation, group)._replace(**{field: _aligned(values)}),
-            )
+        elif has_type and _may_grow(name) and array.shape[1:] == values.shape[1:]:
+            _replace_array(simulation, name, values)
         else:
             raise ValueError(f"array {name} is {values.dtype}{values.shape}")
 
 
 def _may_grow(name: str) -> bool:
-    """Tell whether an array belongs to the lists of contacts, which grow."""
+    """Tell whether an array belongs to the lists of contacts that grow."""
     group, _, field = name.partition(".")
-    return (
-        group in ("pairs", "flat", "curved", "meshed", "clumps")
-        and field not in OF_BODIES
-    )
+    return group in GROWING_LISTS and field not in ARRAYS_OF_BODIES
+
+
+def _replace_array(simulation: World, name: str, values: np.ndarray) -> None:
+    """Replace an array of a list, named "group.name", by a longer or shorter one."""
+    group, _, field = name.partition(".")
+    lists = getattr(simulation, group)
+    setattr(simulation, group, lists._replace(**{field: _aligned(values)}))
 
 
 def _aligned(values: np.ndarray) -> np.ndarray:
@@ -148,51 +159,54 @@ def _aligned(values: np.ndarray) -> np.ndarray:
     return copy
 
 
-def _description(simulation: "Simulation") -> dict[str, Any]:
-    """Describe the arguments of a simulation, for JSON."""
-    physics, walls = simulation.physics, simulation.wall_set.surfaces
-    arguments = {name: _plain(getattr(simulation, name)) for name in OF_SIMULATION}
+def _describe(simulation: World) -> dict[str, Any]:
+    """Describe the arguments of a simulation, in types of JSON."""
+    physics = simulation.physics
+    arguments = {name: _plain(getattr(simulation, name)) for name in KEPT_ARGUMENTS}
+    arguments |= {
+        "time_step_s": physics.dt,
+        "gravity_m_s2": _plain(physics.gravity),
+        "contact_law": simulation.contact_law.name,
+        "rolling_law": simulation.rolling_law.name,
+        "exit_height_m": physics.exit_height,
+        "curved_walls_above_m": physics.curved_walls_above,
+        "floor_height_m": physics.floor_height,
+    }
     return {
         "format": FORMAT,
         "engine": source_hash(),
-        "shapes": {name: _plain(shape) for name, shape in simulation.shapes.items()},
-        "materials": {
-            name: _plain(material) for name, material in simulation.materials.items()
-        },
+        "shapes": _plain(simulation.shapes),
+        "materials": _plain(simulation.materials),
         "contacts": [
             [*pair, _plain(contact)]
             for pair, contact in simulation.contact_pairs.items()
         ],
         "walls": {
-            name: [type(wall).__name__, _plain(wall)] for name, wall in walls.items()
+            name: [type(wall).__name__, _plain(wall)]
+            for name, wall in simulation.wall_set.surfaces.items()
         },
-        "arguments": arguments
-        | {
-            "time_step_s": physics.dt,
-            "gravity_m_s2": _plain(physics.gravity),
-            "contact_law": simulation.contact_law.name,
-            "rolling_law": simulation.rolling_law.name,
-            "exit_height_m": physics.exit_height,
-            "curved_walls_above_m": physics.curved_walls_above,
-            "floor_height_m": physics.floor_height,
-        },
+        "arguments": arguments,
     }
 
 
-def _arguments(about: Mapping[str, Any]) -> dict[str, Any]:
+def _arguments(description: Mapping[str, Any]) -> dict[str, Any]:
     """Make the arguments of the described simulation."""
     walls = {}
-    for name, (kind, fields) in about["walls"].items():
-        motion = Motion(**_tuples(fields["motion"]))
-        walls[name] = getattr(wall_types, kind)(**{**_tuples(fields), "motion": motion})
+    for name, (kind, fields) in description["walls"].items():
+        values = _tuples(fields)
+        values["motion"] = Motion(**values["motion"])
+        walls[name] = getattr(wall_types, kind)(**values)
+    shapes = {name: _shape(fields) for name, fields in description["shapes"].items()}
+    materials = {
+        name: Material(**fields) for name, fields in description["materials"].items()
+    }
+    contacts = {(a, b): Contact(**fields) for a, b, fields in description["contacts"]}
     return {
-        "shapes": {name: _shape(fields) for name, fields in about["shapes"].items()},
-        "materials": {
-            name: Material(**fields) for name, fields in about["materials"].items()
-        },
-        "contacts": {(a, b): Contact(**fields) for a, b, fields in about["contacts"]},
+        "shapes": shapes,
+        "materials": materials,
+        "contacts": contacts,
         "walls": walls,
-        **about["arguments"],
+        **description["arguments"],
     }
 
 
@@ -202,25 +216,23 @@ def _shape(fields: Mapping[str, Any]) -> Clump | Shape:
 
 
 def _plain(value: Any) -> Any:
-    """Convert a value to the types of JSON; an object becomes a mapping of its fields."""
+    """Convert a value to types of JSON; an object becomes a mapping of its fields."""
     if dataclasses.is_dataclass(value):
-        return {
-            field.name: _plain(getattr(value, field.name))
-            for field in dataclasses.fields(value)
-        }
+        names = [field.name for field in dataclasses.fields(value)]
+        return {name: _plain(getattr(value, name)) for name in names}
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
-    return (
-        {name: _plain(item) for name, item in value.items()}
-        if isinstance(value, Mapping)
-        else value
-    )
+    if isinstance(value, Mapping):
+        return {name: _plain(item) for name, item in value.items()}
+    return value
 
 
 def _tuples(value: Any) -> Any:
-    """Convert a value of JSON: tuples in place of lists."""
+    """Convert the lists in a value of JSON to tuples."""
     if isinstance(value, dict):
         return {name: _tuples(item) for name, item in value.items()}
-    return tuple(_tuples(item) for item in value) if isinstance(value, list) else value
+    if isinstance(value, list):
+        return tuple(_tuples(item) for item in value)
+    return value

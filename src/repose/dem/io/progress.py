@@ -1,16 +1,22 @@
-"""How far a run is: a bar at a terminal, a line a minute in a log."""
+"""The progress of a run: a bar at a terminal, a line a minute in a log."""
 
 import sys
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
-from functools import partial
-from typing import Any
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from typing import Any, NamedTuple
 
 WINDOW_S = 10.0  # wall time over which the speed is taken
 LINE_EVERY_S = 60.0
 BAR_EVERY_S = 0.1
+
+
+class Mark(NamedTuple):
+    """The simulated time at a wall time."""
+
+    wall_s: float
+    time_s: float
 
 
 @contextmanager
@@ -21,81 +27,120 @@ def display(
     progress: Any = None,
     label: str = "",
 ) -> Iterator[Callable[[float], Any]]:
-    """Show a progress bar; yield a callback that takes the simulated time [s].
+    """Show the progress of a run; yield a function to call with the simulated time [s].
 
-    progress None: a bar where stderr is a terminal, else a line a minute. False: silence. Or a function of the
-    simulated time. label: words before the numbers.
+    Parameters
+    ----------
+    begin_s, end_s : float
+        Simulated time at the start and at the end [s].
+    time_step_s : float
+        Time step [s].
+    progress : callable or False, optional
+        By default there is a bar if stderr is a terminal, and else a line a minute.
+        False shows nothing. A function is called with the simulated time instead.
+    label : str
+        Text before the numbers.
     """
-    if progress is False or callable(progress):
-        yield (lambda time_s: None) if progress is False else progress
-        return
-    if progress is not None:
+    if progress is False:
+        yield lambda _time_s: None
+    elif callable(progress):
+        yield progress
+    elif progress is not None:
         raise ValueError(
-            f"progress is {progress!r}; expected None, False, or a function of the simulated time"
+            f"progress is {progress!r}; "
+            "expected None, False, or a function of the simulated time"
         )
-    marks = deque([(time.perf_counter(), begin_s)])
-    terminal = sys.stderr.isatty()
-    # a line comes after a minute, a bar at once and at the end
-    due = 0.0 if terminal else time.perf_counter() + LINE_EVERY_S
+    else:
+        with _shown_on_stderr(begin_s, end_s, time_step_s, label) as report:
+            yield report
+
+
+@contextmanager
+def _shown_on_stderr(
+    begin_s: float, end_s: float, time_step_s: float, label: str
+) -> Iterator[Callable[[float], None]]:
+    """Show the progress as a bar or as lines.
+
+    Yield a function to call with the simulated time.
+    """
+    is_terminal = sys.stderr.isatty()
+    start = time.perf_counter()
+    marks = deque([Mark(start, begin_s)])
+    # The first line comes after a minute, the bar at once.
+    interval_s = BAR_EVERY_S if is_terminal else LINE_EVERY_S
+    due = 0.0 if is_terminal else start + LINE_EVERY_S
 
     def report(time_s: float) -> None:
         nonlocal due
         now = time.perf_counter()
-        marks.append((now, time_s))
-        while len(marks) > 2 and now - marks[0][0] > WINDOW_S:
+        marks.append(Mark(now, time_s))
+        while len(marks) > 2 and now - marks[0].wall_s > WINDOW_S:
             marks.popleft()
-        if now >= due or (terminal and time_s >= end_s):
-            due = now + (BAR_EVERY_S if terminal else LINE_EVERY_S)
-            show(time_s, _words(marks, end_s, time_step_s))
+        is_last = is_terminal and time_s >= end_s
+        if now >= due or is_last:
+            due = now + interval_s
+            show(time_s, _speed_text(marks[0], marks[-1], end_s, time_step_s))
 
-    with (
-        _bar(label, begin_s, end_s)
-        if terminal
-        else nullcontext(partial(_line, label)) as show
-    ):
+    with _display_of(is_terminal, label, begin_s, end_s) as show:
         yield report
 
 
-def _words(marks: deque[tuple[float, float]], end_s: float, time_step_s: float) -> str:
-    """Tell simulated time, speed and time left."""
-    (wall, begin), (now, time_s) = marks[0], marks[-1]
-    speed = (time_s - begin) / max(now - wall, 1e-9)
-    left = clock((end_s - time_s) / speed) if speed > 0.0 else "--:--"
-    return f"{time_s:.3f}/{end_s:.3f} s, {speed:.3g} s/s, {speed / time_step_s:.0f} steps/s, {left} left"
+def _display_of(
+    is_terminal: bool, label: str, begin_s: float, end_s: float
+) -> AbstractContextManager[Callable[[float, str], None]]:
+    """Choose what shows the simulated time and a text: a bar or lines."""
+    if is_terminal:
+        return _bar(label, begin_s, end_s)
+
+    def write_line(_time_s: float, text: str) -> None:
+        print(f"{label} {text}".strip(), file=sys.stderr, flush=True)
+
+    return nullcontext(write_line)
 
 
-def _line(label: str, _time_s: float, words: str) -> None:
-    """Write a line on stderr."""
-    print(" ".join([label, words]).strip(), file=sys.stderr, flush=True)
+def _speed_text(first: Mark, last: Mark, end_s: float, time_step_s: float) -> str:
+    """Write simulated time, speed and time left, with the speed between two marks."""
+    wall_s = max(last.wall_s - first.wall_s, 1e-9)
+    speed = (last.time_s - first.time_s) / wall_s
+    left = clock((end_s - last.time_s) / speed) if speed > 0.0 else "--:--"
+    return (
+        f"{last.time_s:.3f}/{end_s:.3f} s, {speed:.3g} s/s, "
+        f"{speed / time_step_s:.0f} steps/s, {left} left"
+    )
 
 
 @contextmanager
 def _bar(
     label: str, begin_s: float, end_s: float
 ) -> Iterator[Callable[[float, str], None]]:
-    """Draw a bar on the terminal."""
-    # a quarter of a second of imports that no quiet run should pay for
+    """Draw a bar on the terminal.
+
+    Yield a function to call with the simulated time and a text.
+    """
+    # Imported here, as it takes a quarter of a second that only a bar needs.
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn
 
-    columns = (
+    progress = Progress(
         TextColumn("{task.description}"),
         BarColumn(),
         TextColumn("{task.fields[words]}"),
+        console=Console(stderr=True),
+        auto_refresh=False,
     )
-    with Progress(*columns, console=Console(stderr=True), auto_refresh=False) as drawn:
-        task = drawn.add_task(label, total=end_s - begin_s, words="")
-        yield lambda time_s, words: drawn.update(
-            task, completed=time_s - begin_s, words=words, refresh=True
-        )
+    with progress:
+        task = progress.add_task(label, total=end_s - begin_s, words="")
+
+        def update(time_s: float, text: str) -> None:
+            progress.update(task, completed=time_s - begin_s, words=text, refresh=True)
+
+        yield update
 
 
 def clock(seconds: float) -> str:
-    """Seconds as 1:02:03, or 02:03 below an hour."""
+    """Write a duration as 1:02:03, or as 02:03 below an hour."""
     minutes, seconds = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
-    return (
-        f"{hours}:{minutes:02d}:{seconds:02d}"
-        if hours
-        else f"{minutes:02d}:{seconds:02d}"
-    )
+    if hours:
+        return f"{hours}:{minutes:02d}:{seconds:02d}"
+    return f"{minutes:02d}:{seconds:02d}"

@@ -1,24 +1,39 @@
-"""Frames of a simulation: where everything was, for animations and analyses."""
+"""Frames of a simulation: the places of bodies and walls."""
 
 import os
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from .whole import write_whole
 
 if TYPE_CHECKING:
-    from ..simulation import Simulation
+    from ..observables import Observables
+
+
+class Frame(NamedTuple):
+    """The bodies and walls at one time."""
+
+    time_s: float
+    positions: np.ndarray  # (N, 3) [m], NaN for a body that is not there
+    quaternions: np.ndarray  # (N, 4), likewise
+    planes: np.ndarray  # (P, 7), the walls as the kernels have them
+    wall_frames: np.ndarray  # (C, 12)
 
 
 class Recorder:
-    """Keeps the state of a simulation each time it is called with it; see `Simulation.run(record=...)`."""
+    """Keeps the state of a simulation each time it is called with it.
+
+    See `Simulation.run(record=...)`.
+    """
 
     def __init__(self) -> None:
-        self._frames: list[tuple] = []
-        self._shapes, self._scales = np.zeros(0, np.int32), np.zeros(0)
+        self._frames: list[Frame] = []
+        # of all bodies that the last frame has
+        self._shapes = np.zeros(0, np.int32)
+        self._scales = np.zeros(0)
 
-    def __call__(self, simulation: "Simulation") -> None:
+    def __call__(self, simulation: "Observables") -> None:
         """Keep a frame.
 
         Parameters
@@ -26,15 +41,19 @@ class Recorder:
         simulation : Simulation
             The simulation.
         """
-        there = simulation.present[:, None]
-        self._shapes, self._scales = (
-            simulation.shape_ids.copy(),
-            simulation.scales.copy(),
+        self._shapes = simulation.shape_ids.copy()
+        self._scales = simulation.scales.copy()
+        present = simulation.present[:, None]
+        positions = np.where(present, simulation.positions, np.nan)
+        quaternions = np.where(present, simulation.quaternions, np.nan)
+        frame = Frame(
+            time_s=simulation.time_s,
+            positions=positions.astype(np.float32),
+            quaternions=quaternions.astype(np.float32),
+            planes=simulation.walls.planes.copy(),
+            wall_frames=simulation.walls.frames.copy(),
         )
-        position = np.where(there, simulation.positions, np.nan).astype(np.float32)
-        quaternion = np.where(there, simulation.quaternions, np.nan).astype(np.float32)
-        walls = simulation.walls.planes.copy(), simulation.walls.frames.copy()
-        self._frames.append((simulation.time_s, position, quaternion, *walls))
+        self._frames.append(frame)
 
     def __len__(self) -> int:
         """Count the frames that were kept."""
@@ -46,26 +65,27 @@ class Recorder:
         Returns
         -------
         dict of str to ndarray
-            time_s (T,) [s]; position (T, N, 3) [m] and quaternion (T, N, 4), in single precision, NaN where a body is
-            not there; shape (N,), the place among the names of the shapes; scale (N,); planes (T, P, 7) and
-            wall_frames (T, C, 12), the walls as the kernels have them (`repose.dem.kernels.state`).
+            time_s (T,) [s]; position (T, N, 3) [m] and quaternion (T, N, 4), in single
+            precision, NaN where a body is not there; shape (N,), the index among the
+            names of the shapes; scale (N,); planes (T, P, 7) and wall_frames (T, C,
+            12), the walls as the kernels have them (`repose.dem.kernels.state`).
         """
-        n = len(self._scales)
-        positions = np.full((len(self._frames), n, 3), np.nan, np.float32)
-        quaternions = np.full((len(self._frames), n, 4), np.nan, np.float32)
-        for k, (_time, position, quaternion, _planes, _wall_frames) in enumerate(
-            self._frames
-        ):
-            positions[k, : len(position)] = position
-            quaternions[k, : len(quaternion)] = quaternion
+        n_frames, n_bodies = len(self._frames), len(self._scales)
+        positions = np.full((n_frames, n_bodies, 3), np.nan, np.float32)
+        quaternions = np.full((n_frames, n_bodies, 4), np.nan, np.float32)
+        for k, frame in enumerate(self._frames):
+            # An early frame has fewer bodies: those that had been added.
+            n_added = len(frame.positions)
+            positions[k, :n_added] = frame.positions
+            quaternions[k, :n_added] = frame.quaternions
         return {
-            "time_s": np.array([frame[0] for frame in self._frames]),
+            "time_s": np.array([frame.time_s for frame in self._frames]),
             "position": positions,
             "quaternion": quaternions,
             "shape": self._shapes,
             "scale": self._scales,
-            "planes": np.array([frame[3] for frame in self._frames]),
-            "wall_frames": np.array([frame[4] for frame in self._frames]),
+            "planes": np.array([frame.planes for frame in self._frames]),
+            "wall_frames": np.array([frame.wall_frames for frame in self._frames]),
         }
 
     def save(self, path: str | os.PathLike) -> None:

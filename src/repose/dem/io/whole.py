@@ -7,15 +7,23 @@ from typing import IO, Any
 
 
 def write_whole(path: str | os.PathLike, write: Callable[[IO[bytes]], Any]) -> None:
-    """Write a file in one move, so that an interrupt leaves the earlier file; `write` gets the open file."""
+    """Write a file in one move, so that an interrupt leaves the earlier file as it was.
+
+    Parameters
+    ----------
+    path : path
+        The file; its folder is made if there is none.
+    write : callable
+        Writes the content to the open file that it gets.
+    """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f"{path.name}.{os.getpid()}.part")
+    temporary = path.with_name(f"{path.name}.{os.getpid()}.part")
     try:
-        with open(part, "wb") as handle:
+        with open(temporary, "wb") as handle:
             write(handle)
             handle.flush()
             os.fsync(handle.fileno())
-        os.replace(part, path)
+        os.replace(temporary, path)
     finally:
-        part.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)

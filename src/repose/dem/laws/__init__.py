@@ -1,4 +1,7 @@
-"""Force laws by name; a new law is a file in this folder and a line in one of the two tables below."""
+"""Force laws by name.
+
+A new law is a file in this folder and a line in one of the two tables below.
+"""
 
 from collections import UserDict
 from importlib import import_module
@@ -11,11 +14,17 @@ __all__ = ["CONTACT_LAWS", "ROLLING_LAWS", "Laws"]
 
 
 class Laws(UserDict[str, Any]):
-    """Laws by name; a law's file is imported at its first use, since it loads the compiler."""
+    """A table of laws by name.
+
+    An entry is a law, or the name of its module in this folder. A module loads the
+    compiler, so it is imported when its law is looked up.
+    """
 
     def __getitem__(self, name: str) -> "Law":
-        law = super().__getitem__(name)
-        return import_module(f".{law}", __name__).LAW if isinstance(law, str) else law
+        entry = super().__getitem__(name)
+        if isinstance(entry, str):
+            return import_module(f".{entry}", __name__).LAW
+        return entry
 
 
 CONTACT_LAWS = Laws(

@@ -1,19 +1,28 @@
-"""Rolling resistance of constant size against the rotation of one body relative to the other, model A of Ai et al.
+"""Rolling resistance of constant size against the relative rotation of two bodies.
 
-With the relative angular velocity w, its part w_n along the normal and w_r across it, the lever
-R = r_a r_b / (r_a + r_b) and the contact circle a, as in `epsd`:
+This is model A of Ai et al.
 
-    M_r = -mu_r F_c R w_r / |w_r|,     M_n = -mu_t F_c a w_n / |w_n|,     mu_t = 3 pi / 16 mu_s unless it is given
+With the angular velocity w of A relative to B, its part w_n along the normal and w_r
+across it, the lever R = r_a r_b / (r_a + r_b) and the radius a of the contact circle,
+as in `epsd`:
 
-Neither is larger than what stops two spheres of these masses and levers within a time step,
-0.4 |w| / (dt (1/(m_a r_a^2) + 1/(m_b r_b^2))), so that a sphere with one contact does not shiver about rest. Of a body
-with several contacts, as in a groove, each contact alone may stop it, and together they can turn it back. The law needs
-a rotation to resist: where a torque acts a body creeps, and a pile goes on settling. The torque on B is the opposite of
-that on A, so angular momentum is kept, which `budget` does not do.
+    M_r = -mu_r F_c R w_r / |w_r|
+    M_n = -mu_t F_c a w_n / |w_n|,     mu_t = 3 pi / 16 mu_s unless it is set
+
+Neither is larger than what stops two spheres of these masses and levers within a time
+step, 0.4 |w| / (dt (1/(m_a r_a^2) + 1/(m_b r_b^2))), so that a sphere with one contact
+does not shiver about rest. Of a body with several contacts, as in a groove, each
+contact alone may stop it, and together they can turn it back. The law needs a rotation
+to resist: where a torque acts a body creeps, and a pile goes on settling. The torque on
+B is the opposite of that on A, so angular momentum is kept, which `budget` does not do.
+
+Rows of the scratch tile `t`: ROLLING_FRICTION is mu_r, TWISTING_FRICTION mu_t, PUSH
+F_c, CIRCLE a.
 
 References
 ----------
-Zhou, Wright, Yang, Xu, Yu, Physica A 269 (1999) 536. Ai, Chen, Rotter and Ooi, Powder Technol. 206 (2011) 269, model A.
+Zhou, Wright, Yang, Xu, Yu, Physica A 269 (1999) 536. Ai, Chen, Rotter and Ooi, Powder
+Technol. 206 (2011) 269, model A.
 """
 
 import math
@@ -24,10 +33,10 @@ import numpy as np
 
 from ..kernels import state as st
 from ..kernels import tile as tl
-from ..kernels.rows import L, Rows
+from ..kernels.rows import L, Rows, lane_vector
 from ..materials import Contact, Material
 from . import epsd
-from .epsd import SPUN, TINY, levers, oppose, turning
+from .epsd import SPHERE_ABOUT_CENTRE, TINY, levers, oppose, relative_rotation
 from .law import Law
 
 ConstantTorque = namedtuple("ConstantTorque", "tension friction_limit")
@@ -39,22 +48,29 @@ ROLLING_FRICTION, TWISTING_FRICTION = _rows.take_each(2)
 def constants(
     a: Material, b: Material, contact: Contact, _tension: str = "keep"
 ) -> np.ndarray:
-    """mu_r and mu_t of two materials (2,)."""
+    """Return mu_r and mu_t of two materials (2,)."""
     return epsd.constants(a, b, contact)[:2]
 
 
-def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
-    """Compute the torques of each lane on both bodies, as `law.rolling_resistance` asks for them."""
+def kernel(law: Any, t: np.ndarray, c: np.ndarray, first: int, dt: float) -> None:
+    """Compute the torques of each lane, as `law.rolling_resistance` describes."""
     for k in range(L):
-        nx, ny, nz = c[st.NORMAL + k], c[st.NORMAL + L + k], c[st.NORMAL + 2 * L + k]
-        inverse_arm, mobility = levers(t, k)
-        spin, wx, wy, wz = turning(t, k, nx, ny, nz)
-        most = t[ROLLING_FRICTION + k] * t[tl.PUSH + k] / inverse_arm
-        stopping = SPUN / (dt * mobility + TINY)
-        held = min(stopping, most / (math.sqrt(wx * wx + wy * wy + wz * wz) + TINY))
+        nx, ny, nz = lane_vector(c, st.NORMAL, k)
+        inverse_lever, mobility = levers(t, k)
+        spin, wx, wy, wz = relative_rotation(t, k, nx, ny, nz)
+
+        # torque over angular velocity: at most what stops the rotation in this step
+        stopping = SPHERE_ABOUT_CENTRE / (dt * mobility + TINY)
+        limit = t[ROLLING_FRICTION + k] * t[tl.PUSH + k] / inverse_lever
+        rate = math.sqrt(wx * wx + wy * wy + wz * wz)
+        rolling = min(stopping, limit / (rate + TINY))
+
         limit = t[TWISTING_FRICTION + k] * t[tl.PUSH + k] * t[tl.CIRCLE + k]
         twist = max(-limit, min(limit, stopping * spin))
-        x, y, z = held * wx + twist * nx, held * wy + twist * ny, held * wz + twist * nz
+
+        x = rolling * wx + twist * nx
+        y = rolling * wy + twist * ny
+        z = rolling * wz + twist * nz
         oppose(t, k, x, y, z)
 
 
@@ -67,8 +83,11 @@ LAW = Law(
     n_state=0,
     kernel=kernel,
     words={
-        "rolling": "constant torque against the rotation of one body relative to the other (model A of Ai et al. "
-        "2011), mu_r times {limit} times the reduced lever; spin about the normal is resisted by mu_t (3 pi / 16 "
-        "mu_s unless it is set) times {limit} times the radius of the contact circle"
+        "rolling": (
+            "constant torque against the rotation of one body relative to the other "
+            "(model A of Ai et al. 2011), mu_r times {limit} times the reduced "
+            "lever; spin about the normal is resisted by mu_t (3 pi / 16 mu_s unless "
+            "it is set) times {limit} times the radius of the contact circle"
+        ),
     },
 )

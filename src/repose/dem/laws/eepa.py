@@ -1,28 +1,51 @@
-"""Edinburgh elasto-plastic adhesion (EEPA): a contact that was pressed unloads more stiffly, and then pulls.
+"""Edinburgh elasto-plastic adhesion (EEPA).
 
-Of the normal force one part depends on the way. With the overlap d, the plastic overlap d_p, and k1 = 4/3 E* sqrt(R*):
+A contact that was pressed unloads more stiffly, and then pulls.
 
-    loading     k1 d^1.5                                  d_p^1.5 = L d^1.5
-    unloading   k2 (d^1.5 - d_p^1.5),                     k2 = k1 / (1 - L), and loading again as far as k1 d^1.5
-    adhesion    -k_a d^1.5,                               below the point where unloading reaches the strongest pull
+One part of the normal force depends on the path of the overlap. With the overlap d, the
+plastic overlap d_p, and k1 = 4/3 E* sqrt(R*):
 
-L = 1 - k1 / k2 is the plasticity ratio. The strongest pull is 3/2 pi w a with a^2 = 2 R* d_p, the circle in which two
-spheres cut each other at the plastic overlap, and the work of adhesion w = 2 gamma; at most k2 d_p^1.5 / 2, half of
-what the contact was pressed with for L = 0.5. k_a follows. A contact that is loaded again from this branch goes up as
-it unloads, so its d_p is smaller. It ends where the bodies part. Here both exponents are 1.5, and the pull-off force of
-a contact that was never pressed is 0.
+    loading     k1 d^1.5,                    d_p^1.5 = L d^1.5
+    unloading   k2 (d^1.5 - d_p^1.5),        k2 = k1 / (1 - L)
+    adhesion    -k_a d^1.5
 
-The dashpot is that of `hertz_mindlin` at the present overlap. The restitution set is that of the dashpot alone, as in
-LIGGGHTS; a hit returns less. Without dashpot and surface energy it returns e_p (`restitution`):
+A contact that is loaded again follows unloading as far as k1 d^1.5. Adhesion begins
+where unloading reaches the strongest pull.
+
+L = 1 - k1 / k2 is the plasticity ratio. The strongest pull is 3/2 pi w a with a^2 = 2
+R* d_p, the circle in which two spheres cut each other at the plastic overlap, and the
+work of adhesion w = 2 gamma; at most k2 d_p^1.5 / 2, half of what the contact was
+pressed with for L = 0.5. k_a follows. A contact that is loaded again from this branch
+goes up with the stiffness of unloading, so its d_p becomes smaller. It ends when the
+bodies part. Here both exponents are 1.5, and the pull-off force of a contact that was
+never pressed is 0.
+
+The dashpot is that of `hertz_mindlin` at the present overlap. The restitution set is
+that of the dashpot alone, as in LIGGGHTS; a hit returns less. Without dashpot and
+surface energy it returns e_p (`restitution`):
 
     e_p^2 = (1 - 5/2 L + 3/2 L^(5/3)) / (1 - L)
 
-The tangential force is that of `hertz_mindlin_rescaled`; Coulomb's limit takes the normal force and k_a d^1.5.
+The tangential force is that of `hertz_mindlin_rescaled`; Coulomb's limit takes the
+normal force and k_a d^1.5.
+
+Rows of the scratch tile `t`, after those of `hertz_mindlin` (NORMAL_STIFFNESS is 4/3
+E*, CIRCLE sqrt(R* d)):
+
+    PLASTIC_SHARE    L^(2/3), d_p / d when loading
+    STIFFENING       k2 / k1
+    ADHESION         3/2 pi w sqrt(2), the strongest pull over sqrt(R* d_p)
+    FORCE            normal force without dashpot
+    FLOOR            k_a d^1.5
+
+Rows that a contact keeps in `c`, after those of `hertz_mindlin_rescaled`: PLASTIC, the
+plastic overlap d_p.
 
 References
 ----------
-Morrissey, PhD thesis, University of Edinburgh (2013). Thakur, Morrissey, Sun, Chen and Ooi, Granular Matter 16 (2014)
-383. LIGGGHTS(R)-PUBLIC, normal model edinburgh: the strongest pull and its bound.
+Morrissey, PhD thesis, University of Edinburgh (2013). Thakur, Morrissey, Sun, Chen and
+Ooi, Granular Matter 16 (2014) 383. LIGGGHTS(R)-PUBLIC, normal model edinburgh: the
+strongest pull and its bound.
 """
 
 import math
@@ -58,34 +81,33 @@ Eepa = namedtuple("Eepa", "tension friction_limit")
 
 _rows = Rows(tl.LAW)
 _rows.take(hertz_mindlin.LAW.n_rows)
-# L^(2/3), k2 / k1, and the strongest pull over the square root of R* d_p.
-SHARE, STIFFER, ADHESION = _rows.take_each(3)
-FORCE, FLOOR = _rows.take_each(2)  # the normal force without dashpot, and k_a d^1.5
+PLASTIC_SHARE, STIFFENING, ADHESION = _rows.take_each(3)
+FORCE, FLOOR = _rows.take_each(2)
 
-PLASTIC = RESCALED.n_state * L  # d_p, after the spring and the radius of the circle
+PLASTIC = RESCALED.n_state * L
 
 
 def constants(
     a: Material, b: Material, contact: Contact, tension: str = "keep"
 ) -> np.ndarray:
-    """Constants of `hertz_mindlin`, its other rows, and the three of this law (n,); SI."""
-    plasticity, gamma = (
-        contact.constants[of.name] for of in (PLASTICITY_RATIO, SURFACE_ENERGY)
-    )
+    """Compute the constants of the law for two materials (n,), in SI units.
+
+    They are those of `hertz_mindlin`, zeros for its other rows, and the three of this
+    law.
+    """
+    plasticity = contact.constants[PLASTICITY_RATIO.name]
+    gamma = contact.constants[SURFACE_ENERGY.name]
+    hertz_constants = hertz_mindlin.constants(a, b, contact, tension)
     values = np.zeros(hertz_mindlin.LAW.n_rows + 3)
-    values[: hertz_mindlin.LAW.n_constants] = hertz_mindlin.constants(
-        a, b, contact, tension
-    )
-    values[-3:] = (
-        plasticity ** (2.0 / 3.0),
-        1.0 / (1.0 - plasticity),
-        3.0 * math.pi * gamma * math.sqrt(2.0),
-    )
+    values[: hertz_mindlin.LAW.n_constants] = hertz_constants
+    values[-3] = plasticity ** (2.0 / 3.0)
+    values[-2] = 1.0 / (1.0 - plasticity)
+    values[-1] = 3.0 * math.pi * gamma * math.sqrt(2.0)
     return values
 
 
 def restitution(plasticity: float) -> float:
-    """e_p: restitution of a head-on hit without dashpot and surface energy.
+    """Compute e_p, the restitution of a head-on hit without dashpot and surface energy.
 
     Parameters
     ----------
@@ -104,9 +126,12 @@ def restitution(plasticity: float) -> float:
 def contact_time(
     a: Material, b: Material, contact: Contact, mass: float, radius: float, speed: float
 ) -> float:
-    """Return the time of `hertz_mindlin` times sqrt(1 - L), for unloading is faster; arguments as there."""
-    faster = math.sqrt(1.0 - contact.constants[PLASTICITY_RATIO.name])
-    return faster * hertz_mindlin.contact_time(a, b, contact, mass, radius, speed)
+    """Compute the contact time, that of `hertz_mindlin` times sqrt(1 - L).
+
+    Unloading is faster than loading. The arguments are those of `hertz_mindlin`.
+    """
+    share = math.sqrt(1.0 - contact.constants[PLASTICITY_RATIO.name])
+    return share * hertz_mindlin.contact_time(a, b, contact, mass, radius, speed)
 
 
 def oscillator(
@@ -117,77 +142,102 @@ def oscillator(
     radius: float,
     overlap: float,
 ) -> tuple[float, float]:
-    """Stiffness of unloading and its damping ratio; arguments as of `hertz_mindlin.oscillator`."""
+    """Compute the stiffness of unloading and its damping ratio.
+
+    Arguments as of `hertz_mindlin.oscillator`.
+    """
     stiffness, ratio = hertz_mindlin.oscillator(a, b, contact, tension, radius, overlap)
-    faster = math.sqrt(1.0 - contact.constants[PLASTICITY_RATIO.name])
-    return stiffness / faster**2, ratio * faster
+    share = math.sqrt(1.0 - contact.constants[PLASTICITY_RATIO.name])
+    return stiffness / share**2, ratio * share
 
 
 @inlined
 def branches(
-    stiffness: float, stiffer: float, adhesion: float, radius: float, plastic: float
+    stiffness: float, stiffening: float, adhesion: float, radius: float, plastic: float
 ) -> tuple[float, float, float]:
-    """k1 d_p^1.5, k1 d^1.5 where unloading meets adhesion, and k_a / k1."""
+    """Compute where the branches of the force lie, for a plastic overlap.
+
+    Parameters
+    ----------
+    stiffness, stiffening, adhesion : float
+        4/3 E*, k2 / k1, and the strongest pull over sqrt(R* d_p).
+    radius, plastic : float
+        R* and d_p.
+
+    Returns
+    -------
+    pressed : float
+        k1 d_p^1.5.
+    lowest : float
+        k1 d^1.5 where unloading meets adhesion.
+    share : float
+        k_a / k1.
+    """
     circle = math.sqrt(radius * plastic)
     pressed = stiffness * circle * plastic
-    pull = min(adhesion * circle, 0.5 * stiffer * pressed)
-    lowest = pressed - pull / stiffer
+    pull = min(adhesion * circle, 0.5 * stiffening * pressed)
+    lowest = pressed - pull / stiffening
     return pressed, lowest, pull / max(lowest, TINY)
 
 
 @inlined
-def hysteresis(t: np.ndarray, c: np.ndarray, last: int, plastic: int) -> None:
-    """Rows `FORCE` and `FLOOR` of each lane, and the plastic overlap; row `last` is still that of the step before."""
+def hysteresis(t: np.ndarray, c: np.ndarray, last_circle: int, plastic: int) -> None:
+    """Compute the rows FORCE and FLOOR of each lane, and the plastic overlap.
+
+    `last_circle` and `plastic` are places of rows of `c`; the former still has the
+    radius of the step before.
+    """
     for k in range(L):
         gap = t[tl.GAP + k]
         overlap = -gap if gap < 0.0 else 0.0
-        radius, circle, before = t[tl.RADIUS + k], t[tl.CIRCLE + k], c[last + k]
-        stiffness, stiffer, adhesion = (
-            t[NORMAL_STIFFNESS + k],
-            t[STIFFER + k],
-            t[ADHESION + k],
-        )
-        kept = c[plastic + k]
-        pressed, lowest, share = branches(stiffness, stiffer, adhesion, radius, kept)
-        shallow = before * before / max(radius, TINY)  # the overlap of the step before
-        if circle > before and stiffness * before * shallow < lowest:
-            kept = shallow * (1.0 + share / stiffer) ** (2.0 / 3.0)
-        kept = max(kept, t[SHARE + k] * overlap)
-        pressed, lowest, share = branches(stiffness, stiffer, adhesion, radius, kept)
+        radius, circle = t[tl.RADIUS + k], t[tl.CIRCLE + k]
+        stiffness = t[NORMAL_STIFFNESS + k]
+        stiffening, adhesion = t[STIFFENING + k], t[ADHESION + k]
+
+        # A contact that was on the adhesive branch and is loaded again has a smaller
+        # plastic overlap: that of the unloading branch through its last point.
+        d_p = c[plastic + k]
+        _, lowest, share = branches(stiffness, stiffening, adhesion, radius, d_p)
+        last = c[last_circle + k]
+        last_overlap = last * last / max(radius, TINY)
+        if circle > last and stiffness * last * last_overlap < lowest:
+            d_p = last_overlap * (1.0 + share / stiffening) ** (2.0 / 3.0)
+        # A contact that is pressed deeper than before has a larger one.
+        d_p = max(d_p, t[PLASTIC_SHARE + k] * overlap)
+
+        pressed, _, share = branches(stiffness, stiffening, adhesion, radius, d_p)
         loading = stiffness * circle * overlap
         t[FLOOR + k] = share * loading
-        t[FORCE + k] = max(stiffer * (loading - pressed), -share * loading)
-        c[plastic + k] = st.alive(kept) if overlap > 0.0 else 0.0
+        t[FORCE + k] = max(stiffening * (loading - pressed), -share * loading)
+        c[plastic + k] = st.alive(d_p) if overlap > 0.0 else 0.0
 
 
 @inlined
 def push(
     t: np.ndarray, c: np.ndarray, spring: int, tension: int, friction_limit: int
 ) -> None:
-    """Compute normal force, and the tangential force that Coulomb's limit leaves, of each lane."""
+    """Compute the forces of each lane; arguments as of `hertz_mindlin.push`."""
     for k in range(L):
-        circle, viscous, force, floor = (
-            t[tl.CIRCLE + k],
-            t[VISCOUS + k],
-            t[FORCE + k],
-            t[FLOOR + k],
-        )
+        circle = t[tl.CIRCLE + k]
+        viscous = t[VISCOUS + k]
+        force = t[FORCE + k]
         damped = force + t[NORMAL_DAMPING + k] * viscous * t[tl.VN + k]
-        least = -math.inf if tension == KEEP else min(force, 0.0)
-        fn = max(damped, least)
-        limit = abs((force if friction_limit == ELASTIC else fn) + floor)
+        smallest = -math.inf if tension == KEEP else min(force, 0.0)
+        fn = max(damped, smallest)
+        carrying = force if friction_limit == ELASTIC else fn
+        limit = abs(carrying + t[FLOOR + k])
         stiffness = t[TANGENTIAL_STIFFNESS + k] * circle
         damping = t[TANGENTIAL_DAMPING + k] * viscous
         add_forces(t, c, spring, k, fn, limit, t[FRICTION + k], stiffness, damping)
 
 
-def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
-    """Compute the forces of each lane, as `law.contact_forces` asks for them."""
+def kernel(law: Any, t: np.ndarray, c: np.ndarray, first: int, dt: float) -> None:
+    """Compute the forces of each lane, as `law.contact_forces` describes."""
     contact_sizes(t)
-    hysteresis(t, c, at + LAST_CIRCLE, at + PLASTIC)
-    keep_force(t, c, at + SPRING, at + LAST_CIRCLE)
-    slip(t, c, at + SPRING, dt)
-    push(t, c, at + SPRING, law.tension, law.friction_limit)
+    hysteresis(t, c, first + LAST_CIRCLE, first + PLASTIC)
+    keep_force(t, c, first + SPRING, first + LAST_CIRCLE)
+    slip(t, c, first + SPRING, dt)
+    push(t, c, first + SPRING, law.tension, law.friction_limit)
 
 
 LAW = Law(
@@ -199,12 +249,18 @@ LAW = Law(
     n_state=RESCALED.n_state + 1,
     kernel=kernel,
     words={
-        "normal": "Edinburgh elasto-plastic adhesion, exponents 1.5: plasticity ratio 1 - k1 / k2, strongest pull "
-        "3/2 pi w a of the plastic overlap, w = 2 gamma; the restitution is that of the dashpot alone",
+        "normal": (
+            "Edinburgh elasto-plastic adhesion, exponents 1.5: plasticity ratio 1 - k1 "
+            "/ k2, strongest pull 3/2 pi w a of the plastic overlap, w = 2 gamma; the "
+            "restitution is that of the dashpot alone"
+        ),
         "tangential": RESCALED.words["tangential"],
     },
     limits={
-        "elastic": "the sum of the normal force without dashpot and the adhesion at its overlap",
+        "elastic": (
+            "the sum of the normal force without dashpot and the adhesion at its "
+            "overlap"
+        ),
         "total": "the sum of the damped normal force and the adhesion at its overlap",
     },
     ends={

@@ -1,12 +1,16 @@
-"""Rolling resistance as a spring without dashpot: `epsd` with the tangential stiffness in place of the normal one.
+"""Rolling resistance as a spring without dashpot.
+
+It is `epsd` with the tangential stiffness in place of the normal one.
 
     M_r = -k_r theta_r,     |M_r| <= mu_r F_c R,     k_r = k_s R^2,  k_s = 8 G* a
 
-with the lever R, the limit and the twisting spring of `epsd`. A sphere that the spring holds swings about its place.
+with the lever R, the limit, the twisting spring and the rows of `epsd`. A sphere that
+the spring holds swings about its place.
 
 References
 ----------
-Iwashita and Oda, J. Eng. Mech. 124 (1998) 285. LIGGGHTS(R)-PUBLIC, rolling friction model epsd2.
+Iwashita and Oda, J. Eng. Mech. 124 (1998) 285. LIGGGHTS(R)-PUBLIC, rolling friction
+model epsd2.
 """
 
 from collections import namedtuple
@@ -21,9 +25,9 @@ from .epsd import resist
 Epsd2 = namedtuple("Epsd2", "tension friction_limit")
 
 
-def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
-    """Compute the torques of each lane on both bodies, as `law.rolling_resistance` asks for them."""
-    resist(t, c, at, dt, 1, 0.0)
+def kernel(law: Any, t: np.ndarray, c: np.ndarray, first: int, dt: float) -> None:
+    """Compute the torques of each lane, as `law.rolling_resistance` describes."""
+    resist(t, c, first, dt, 1, 0.0)
 
 
 LAW = replace(
@@ -32,8 +36,12 @@ LAW = replace(
     options=Epsd2,
     kernel=kernel,
     words={
-        "rolling": "elastic-plastic spring against the rotation of one body relative to the other, without damping "
-        "(LIGGGHTS: epsd2), at most mu_r times {limit} times the reduced lever; spin about the normal is resisted by "
-        "at most mu_t (3 pi / 16 mu_s unless it is set) times {limit} times the radius of the contact circle"
+        "rolling": (
+            "elastic-plastic spring against the rotation of one body relative to the "
+            "other, without damping (LIGGGHTS: epsd2), at most mu_r times {limit} "
+            "times the reduced lever; spin about the normal is resisted by at most "
+            "mu_t (3 pi / 16 mu_s unless it is set) times {limit} times the radius "
+            "of the contact circle"
+        ),
     },
 )

@@ -1,25 +1,41 @@
 """Hertz-Mindlin contact without slip, with viscous damping and Coulomb's limit.
 
-With overlap delta, effective radius R*, effective moduli E* and G*, mass m, damping ratio beta and relative velocities
-v_n, v_t:
+With overlap delta, effective radius R*, radius of the contact circle a = sqrt(R*
+delta), effective moduli E* and G*, mass m, damping ratio beta, and relative velocities
+v_n and v_t:
 
-    F_n = 4/3 E* sqrt(R*) delta^1.5 + 2 sqrt(5/6) beta sqrt(S_n m) v_n,    S_n = 2 E* sqrt(R* delta)
-    F_t = -S_t delta_t - 2 sqrt(5/6) beta sqrt(S_t m) v_t,  |F_t| <= mu_s F_c,    S_t = 8 G* sqrt(R* delta)
+    F_n = 4/3 E* a delta + 2 sqrt(5/6) beta sqrt(S_n m) v_n,      S_n = 2 E* a
+    F_t = -S_t delta_t - 2 sqrt(5/6) beta sqrt(S_t m) v_t,        S_t = 8 G* a
+    |F_t| <= mu_s F_c
 
-delta_t is the tangential spring, F_c the normal force that Coulomb's limit takes (`tangential`). m is the mass that
-both bodies have at the contact along the normal n, over the number N of contacts of these two, which share the damping
-(of clumps several spheres may touch). With it a hit returns its restitution (`damped_mass`). With r from a body's
-centre to the contact and J its inverse inertia:
+delta_t is the tangential spring, F_c the normal force that Coulomb's limit takes
+(`tangential`). m is the mass that both bodies have at the contact along the normal n,
+over the number N of contacts of these two, which share the damping (of clumps several
+spheres may touch). With it a hit returns its restitution (`damped_mass`). With r from a
+body's centre to the contact and J its inverse inertia:
 
     1 / m = N (1/m_a + 1/m_b + (r_a x n) . J_a (r_a x n) + (r_b x n) . J_b (r_b x n))
 
-For two spheres that is the usual m* = m_a m_b / (m_a + m_b). A wall has no such terms. No restitution is defined along
-the tangent, and the tangential damping takes the same m.
+For two spheres that is the usual m* = m_a m_b / (m_a + m_b). A wall has no such terms.
+No restitution is defined along the tangent, and the tangential damping takes the same
+m.
+
+Rows of the scratch tile `t`, by their symbols:
+
+    GAP            -delta        NORMAL_STIFFNESS       4/3 E*
+    RADIUS         R*            TANGENTIAL_STIFFNESS   8 G* = S_t / a
+    INVERSE_MASS   1 / m         NORMAL_DAMPING         2 sqrt(5/6) beta sqrt(2 E*)
+    CIRCLE         a             TANGENTIAL_DAMPING     2 sqrt(5/6) beta sqrt(8 G*)
+    VISCOUS        sqrt(a m)     FRICTION               mu_s
+    VN, V          v_n, v_t      PUSH                   F_c
+
+Rows that a contact keeps in `c`: SPRING, the three components of delta_t.
 
 References
 ----------
-Hertz, J. reine angew. Math. 92 (1882) 156. Mindlin, J. Appl. Mech. 16 (1949) 259. Tsuji, Tanaka and Ishida, Powder
-Technol. 71 (1992) 239: the damping. Schwager and Poeschel, Granular Matter 9 (2007) 465: a contact that does not pull.
+Hertz, J. reine angew. Math. 92 (1882) 156. Mindlin, J. Appl. Mech. 16 (1949) 259.
+Tsuji, Tanaka and Ishida, Powder Technol. 71 (1992) 239: the damping. Schwager and
+Poeschel, Granular Matter 9 (2007) 465: a contact that does not pull.
 """
 
 import math
@@ -39,18 +55,17 @@ from .tangential import add_forces, normal_forces, slip
 HertzMindlin = namedtuple("HertzMindlin", "tension friction_limit")
 
 _rows = Rows(tl.LAW)
-# Constants of two materials: 4/3 E*, 8 G*, the dampings 2 sqrt(5/6) beta sqrt(2 E*) and 2 sqrt(5/6) beta sqrt(8 G*).
-NORMAL_STIFFNESS, TANGENTIAL_STIFFNESS, NORMAL_DAMPING, TANGENTIAL_DAMPING, FRICTION = (
-    _rows.take_each(5)
-)
-VISCOUS = _rows.take()  # sqrt(that radius times m)
+NORMAL_STIFFNESS, TANGENTIAL_STIFFNESS = _rows.take_each(2)
+NORMAL_DAMPING, TANGENTIAL_DAMPING = _rows.take_each(2)
+FRICTION = _rows.take()
+VISCOUS = _rows.take()
 
 _state = Rows()
 SPRING = _state.take(3)
 
 
 def damping_ratio(restitution: float, tension: str = "keep") -> float:
-    """Damping ratio with which an impact ends with a coefficient of restitution.
+    """Compute the damping ratio with which an impact has a coefficient of restitution.
 
     Parameters
     ----------
@@ -62,38 +77,49 @@ def damping_ratio(restitution: float, tension: str = "keep") -> float:
     Returns
     -------
     float
-        beta >= 0.
+        beta, 0 or more.
 
     Notes
     -----
-    Where the contact lasts until the bodies part, pulling in the end, beta = -ln e / sqrt(ln^2 e + pi^2) (Tsuji et al.
-    1992). "cut" keeps this damping, so its bodies leave faster. For "release" the contact ends when the force vanishes.
-    With y = delta^(5/4) the damped Hertz contact is a linear oscillator, whose force vanishes where Schwager and
-    Poeschel (2007) find ln e = -2 beta arccos(beta) / sqrt(1 - beta^2), and with arccosh(beta) / sqrt(beta^2 - 1) for
-    beta above 1.
+    If the contact lasts until the bodies part, pulling in the end, beta = -ln e /
+    sqrt(ln^2 e + pi^2) (Tsuji et al. 1992). "cut" keeps this damping, so its bodies
+    leave faster. For "release" the contact ends when the force vanishes, and
+    `_log_restitution` is solved for beta by bisection.
     """
     log = math.log(restitution)
-    if tension == "release" and restitution < 1.0:
-        low, high = 0.0, 1.0 / restitution
-        while low < (middle := 0.5 * (low + high)) < high:
-            low, high = (middle, high) if _log_released(middle) > log else (low, middle)
-        return low
-    return -log / math.sqrt(log * log + math.pi * math.pi)
+    if tension != "release" or restitution == 1.0:
+        return -log / math.sqrt(log * log + math.pi * math.pi)
+    low, high = 0.0, 1.0 / restitution
+    middle = 0.5 * (low + high)
+    while (
+        low < middle < high
+    ):  # until they are neighbours among the floating-point numbers
+        if _log_restitution(middle) > log:
+            low = middle
+        else:
+            high = middle
+        middle = 0.5 * (low + high)
+    return low
 
 
-def _log_released(b: float) -> float:
-    """Logarithm of e of a contact of damping ratio b that ends when its force vanishes."""
-    if abs(b - 1.0) < 1e-6:
-        return -2.0 * b
-    if b < 1.0:
-        return -2.0 * b * math.acos(b) / math.sqrt(1.0 - b * b)
-    return -2.0 * b * math.acosh(b) / math.sqrt(b * b - 1.0)
+def _log_restitution(beta: float) -> float:
+    """Compute ln e of a contact that ends when its force vanishes.
+
+    With y = delta^(5/4) the damped Hertz contact is a linear oscillator. Schwager and
+    Poeschel (2007) find when its force vanishes: ln e = -2 beta arccos(beta) / sqrt(1 -
+    beta^2), and for beta above 1 the same with arccosh(beta) and sqrt(beta^2 - 1).
+    """
+    if abs(beta - 1.0) < 1e-6:
+        return -2.0 * beta  # the limit of both
+    if beta < 1.0:
+        return -2.0 * beta * math.acos(beta) / math.sqrt(1.0 - beta * beta)
+    return -2.0 * beta * math.acosh(beta) / math.sqrt(beta * beta - 1.0)
 
 
 def constants(
     a: Material, b: Material, contact: Contact, tension: str = "keep"
 ) -> np.ndarray:
-    """Constants of the law for two materials as the kernel takes them.
+    """Compute the constants of the law for two materials.
 
     Parameters
     ----------
@@ -107,16 +133,20 @@ def constants(
     Returns
     -------
     ndarray (5,)
-        4/3 E*, 8 G*, the dampings 2 sqrt(5/6) beta sqrt(2 E*) and 2 sqrt(5/6) beta sqrt(8 G*), static friction; SI.
+        The values of the first five rows of the law, in SI units.
     """
     young, shear = effective_moduli(a, b)
     damping = 2.0 * math.sqrt(5.0 / 6.0) * damping_ratio(contact.restitution, tension)
-    normal, tangential = (
-        damping * math.sqrt(2.0 * young),
-        damping * math.sqrt(8.0 * shear),
-    )
+    normal_damping = damping * math.sqrt(2.0 * young)
+    tangential_damping = damping * math.sqrt(8.0 * shear)
     return np.array(
-        [4.0 / 3.0 * young, 8.0 * shear, normal, tangential, contact.static_friction]
+        [
+            4.0 / 3.0 * young,
+            8.0 * shear,
+            normal_damping,
+            tangential_damping,
+            contact.static_friction,
+        ]
     )
 
 
@@ -128,14 +158,14 @@ def contact_time(
     radius: float,
     speed: float,
 ) -> float:
-    """Duration of an elastic head-on impact.
+    """Compute the duration of an elastic head-on impact.
 
     Parameters
     ----------
     a, b : Material
         Materials of the two bodies.
     _contact : Contact
-        Their contact; a law with constants of its own may need it.
+        Their contact; only laws with further constants need it.
     mass : float
         Effective mass m* [kg].
     radius : float
@@ -160,7 +190,7 @@ def oscillator(
     radius: float,
     overlap: float,
 ) -> tuple[float, float]:
-    """Stiffness and damping ratio of a contact for small motions about an overlap.
+    """Compute stiffness and damping ratio for small motions about an overlap.
 
     Parameters
     ----------
@@ -187,12 +217,10 @@ def oscillator(
 
 @inlined
 def contact_sizes(t: np.ndarray) -> None:
-    """Roots that the forces need, in a loop of their own, of which the processor runs several lanes at once.
+    """Compute the rows CIRCLE and VISCOUS of each lane.
 
-    Parameters
-    ----------
-    t : numpy.ndarray
-        Tile of 32 contacts; its rows `tl.CIRCLE` and `VISCOUS` are written.
+    The roots have a loop of their own, of which the processor runs several lanes at
+    once.
     """
     for k in range(L):
         gap = t[tl.GAP + k]
@@ -207,7 +235,7 @@ def contact_sizes(t: np.ndarray) -> None:
 def push(
     t: np.ndarray, c: np.ndarray, spring: int, tension: int, friction_limit: int
 ) -> None:
-    """Compute normal force, and the tangential force that Coulomb's limit leaves, of each lane.
+    """Compute the forces of each lane from velocities and springs of this step.
 
     Parameters
     ----------
@@ -233,27 +261,15 @@ def push(
         add_forces(t, c, spring, k, fn, limit, t[FRICTION + k], stiffness, damping)
 
 
-def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
-    """Compute the forces of each lane, as `law.contact_forces` asks for them.
+def kernel(law: Any, t: np.ndarray, c: np.ndarray, first: int, dt: float) -> None:
+    """Compute the forces of each lane, as `law.contact_forces` describes.
 
-    Several short loops, because a processor runs as many lanes at once as its window holds.
-
-    Parameters
-    ----------
-    law : HertzMindlin
-        The options.
-    t : numpy.ndarray
-        Tile of 32 contacts.
-    c : numpy.ndarray
-        Tile of the quantities that the contacts keep from step to step.
-    at : int
-        Place of the law's first row in `c`.
-    dt : float
-        Time step [s].
+    There are several short loops, because a processor runs as many lanes at once as its
+    window holds.
     """
     contact_sizes(t)
-    slip(t, c, at + SPRING, dt)
-    push(t, c, at + SPRING, law.tension, law.friction_limit)
+    slip(t, c, first + SPRING, dt)
+    push(t, c, first + SPRING, law.tension, law.friction_limit)
 
 
 LAW = Law(
@@ -266,7 +282,9 @@ LAW = Law(
     kernel=kernel,
     words={
         "normal": "Hertz with viscous damping (Tsuji, Tanaka and Ishida 1992)",
-        "tangential": "Mindlin without slip, damped; Coulomb's limit mu_s times {limit}",
+        "tangential": (
+            "Mindlin without slip, damped; Coulomb's limit mu_s times {limit}"
+        ),
     },
     contact_time=contact_time,
     oscillator=oscillator,

@@ -1,18 +1,26 @@
-"""Hertz-Mindlin contact whose tangential force falls with the normal load: `hertz_mindlin` with another spring.
+"""Hertz-Mindlin contact whose tangential force falls with the normal load.
 
-There the spring's force is S_t delta_t with the present S_t. So it grows when the contact is pressed, without any work,
-and a closed path (slide, press, slide back, unload) can give energy. Here pressing leaves the force as it is, and
-unloading lowers it with the radius a of the contact circle:
+It is `hertz_mindlin` with another tangential spring.
 
-    dF_t = -S_t v_t dt  where a grows,    dF_t = -S_t v_t dt + F_t da / a  where it shrinks,    S_t = 8 G* a
+There the spring's force is S_t delta_t with the present S_t. So it grows when the
+contact is pressed, without any work, and a closed path (slide, press, slide back,
+unload) can give energy. Here pressing leaves the force as it is, and unloading lowers
+it with the radius a of the contact circle:
 
-Kept as delta_t with F_t = -S_t delta_t, that is delta_t times a_before / a where a grows. LAMMPS calls it
-`mindlin_rescale/force`.
+    dF_t = -S_t v_t dt                  where a grows,      S_t = 8 G* a
+    dF_t = -S_t v_t dt + F_t da / a     where it shrinks
+
+The contact keeps delta_t with F_t = -S_t delta_t. So where a grows, delta_t is
+multiplied by (a a step ago) / a. LAMMPS calls this law `mindlin_rescale/force`.
+
+The rows are those of `hertz_mindlin`. A contact keeps one more row in `c`: LAST_CIRCLE,
+the radius a of the step before.
 
 References
 ----------
-Mindlin and Deresiewicz, J. Appl. Mech. 20 (1953) 327. Elata and Berryman, Mech. Mater. 24 (1996) 229: the energy of
-closed paths. Thornton, Cummins and Cleary, Powder Technol. 210 (2011) 189: the force lowered on unloading.
+Mindlin and Deresiewicz, J. Appl. Mech. 20 (1953) 327. Elata and Berryman, Mech. Mater.
+24 (1996) 229: the energy of closed paths. Thornton, Cummins and Cleary, Powder Technol.
+210 (2011) 189: the force lowered on unloading.
 """
 
 from collections import namedtuple
@@ -32,27 +40,31 @@ HertzMindlinRescaled = namedtuple("HertzMindlinRescaled", "tension friction_limi
 
 _state = Rows()
 SPRING = _state.take(3)
-LAST_CIRCLE = _state.take()  # radius of the contact circle a step ago
+LAST_CIRCLE = _state.take()
 
 
 @inlined
-def keep_force(t: np.ndarray, c: np.ndarray, spring: int, last: int) -> None:
-    """Shorten the springs of the contacts that were pressed, so that their force stays."""
+def keep_force(t: np.ndarray, c: np.ndarray, spring: int, last_circle: int) -> None:
+    """Shorten the springs of contacts that were pressed, so that their force stays.
+
+    `spring` and `last_circle` are places of rows of `c`.
+    """
     for k in range(L):
-        circle, before = t[tl.CIRCLE + k], c[last + k]
-        share = before / circle if circle > before else 1.0
-        c[last + k] = circle
+        circle = t[tl.CIRCLE + k]
+        last = c[last_circle + k]
+        share = last / circle if circle > last else 1.0
+        c[last_circle + k] = circle
         c[spring + k] *= share
         c[spring + L + k] *= share
         c[spring + 2 * L + k] *= share
 
 
-def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
-    """Compute the forces of each lane, as `law.contact_forces` asks for them."""
+def kernel(law: Any, t: np.ndarray, c: np.ndarray, first: int, dt: float) -> None:
+    """Compute the forces of each lane, as `law.contact_forces` describes."""
     contact_sizes(t)
-    keep_force(t, c, at + SPRING, at + LAST_CIRCLE)
-    slip(t, c, at + SPRING, dt)
-    push(t, c, at + SPRING, law.tension, law.friction_limit)
+    keep_force(t, c, first + SPRING, first + LAST_CIRCLE)
+    slip(t, c, first + SPRING, dt)
+    push(t, c, first + SPRING, law.tension, law.friction_limit)
 
 
 LAW = replace(
@@ -63,7 +75,10 @@ LAW = replace(
     kernel=kernel,
     words={
         "normal": HERTZ_MINDLIN.words["normal"],
-        "tangential": "Mindlin without slip, damped, its force kept on loading and lowered on unloading (LAMMPS: "
-        "mindlin_rescale/force); Coulomb's limit mu_s times {limit}",
+        "tangential": (
+            "Mindlin without slip, damped, its force kept on loading and lowered on "
+            "unloading (LAMMPS: mindlin_rescale/force); Coulomb's limit mu_s times "
+            "{limit}"
+        ),
     },
 )

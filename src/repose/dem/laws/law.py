@@ -1,8 +1,22 @@
-"""A force law: its data, and the kernel that calculates its forces.
+"""A force law: its data, and the kernel that computes its forces.
 
-The engine calls `contact_forces` and `rolling_resistance` with the options of a law, a named tuple of a type of its
-own. By this type numba puts the kernel of the law in place of the call, so a compiled loop has the code of one law
+The engine calls `contact_forces` and `rolling_resistance` with the options of a law.
+The options of each law are a named tuple of a type of its own. By this type numba puts
+the kernel of the law in place of the call, so a compiled loop has the code of one law
 only.
+
+A kernel computes 32 contacts at a time, each in one lane of two tiles (`kernels.rows`
+explains tiles):
+
+    t    scratch tile of this step: the two bodies A and B, the geometry, and the
+         forces (rows of `kernels.tile`). The constants of the contact law lie from
+         row `tl.LAW` on, those of the rolling law from `tl.ROLLING` on.
+    c    tile of the quantities that contacts keep from step to step: the normal (row
+         `st.NORMAL`), and the rows of the law from a place `first` on. The latter
+         are zero when a contact begins.
+
+`t[tl.GAP + k]` is the gap of lane k; `lane_vector(c, st.NORMAL, k)` is its normal. B
+may be a wall: it has no inverse mass, and its arm is 0.
 """
 
 from collections.abc import Callable, Mapping
@@ -16,15 +30,18 @@ from .. import cache
 from ..constants import Constant
 from ..kernels.jit import INLINED
 
-# How a contact ends: "keep" lets the damped normal force pull, "release" and "cut" end it when the force vanishes.
+# How a contact ends: "keep" lets the damped normal force pull, "release" and "cut" end
+# it when the force vanishes.
 KEEP, RELEASE, CUT = range(3)
 TENSIONS = {"keep": KEEP, "release": RELEASE, "cut": CUT}
-# Which normal force limits friction and rolling: its elastic part, or the size of all of it, damping included.
+# Which normal force limits friction and rolling: its elastic part, or the size of all
+# of it, damping included.
 ELASTIC, TOTAL = range(2)
 FRICTION_LIMITS = {"elastic": ELASTIC, "total": TOTAL}
-# The limit with which a sliding impact changes the tangential velocity by mu_s (1 + e) V_n (`tangential`).
+# The limit with which a sliding impact changes the tangential velocity by mu_s (1 + e)
+# V_n (`tangential`).
 COULOMB = {"keep": "elastic", "release": "total", "cut": "total"}
-# Text for people.
+# The same for people.
 LIMITS = {
     "elastic": "the elastic part of the normal force",
     "total": "the size of the damped normal force",
@@ -35,6 +52,7 @@ ENDS = {
 }
 
 _INLINED: Any = INLINED
+# Functions of the laws by the type of their options.
 _KERNELS: dict[type, Callable] = {}
 _REACHES: dict[type, Callable] = {}
 _GEOMETRIES: dict[type, Callable] = {}
@@ -49,37 +67,42 @@ class Law:
     name : str
         Its name for users.
     options : type
-        A named tuple class of this law alone, with the fields tension and friction_limit: the kernel gets an instance.
+        A named tuple class of this law alone, with the fields tension and
+        friction_limit: the kernel gets an instance.
     constants : callable
-        (material, material, contact, tension) -> array (n_constants,): constants of two materials for the kernel.
+        (material, material, contact, tension) -> array (n_constants,): constants of two
+        materials for the kernel.
     n_constants : int
         Their number; a tile has them in the first rows of the law.
     n_rows : int
         Rows of a tile that the law uses, constants included.
     n_state : int
-        Rows that the law keeps for each contact from step to step. They are zero when a contact begins.
+        Rows that the law keeps for each contact from step to step. They are zero when a
+        contact begins.
     kernel : function
-        (options, t, c, at, dt) -> None, a plain function that numba can compile. t: the tile; c: the tile of the
-        quantities that contacts keep, the law's rows from place `at` on; dt: time step [s].
+        (options, t, c, first, dt) -> None, a plain function that numba can compile. t,
+        c: the tiles; first: place of the law's first row in c; dt: time step [s].
     words : mapping
-        Text for people: for each direction, such as ``normal``, one sentence, in which ``{limit}`` stands for the
-        normal force that limits friction.
+        Text for people: for each direction, such as ``normal``, one sentence, in which
+        ``{limit}`` stands for the normal force that limits friction.
     limits, ends : mapping
-        Of a contact law, text for people: the limit of friction, and the end of an impact; by default those without
-        cohesion.
+        Of a contact law, text for people: the limit of friction, and the end of an
+        impact; by default those without cohesion.
     contact_time : callable, optional
-        (material, material, contact, mass, radius, speed) -> duration of a head-on impact [s], of a contact law.
+        (material, material, contact, mass, radius, speed) -> duration of a head-on
+        impact [s], of a contact law.
     oscillator : callable, optional
-        (material, material, contact, tension, radius, overlap) -> stiffness [N/m] and damping ratio of a contact for
-        small motions about an overlap, of a contact law.
+        (material, material, contact, tension, radius, overlap) -> stiffness [N/m] and
+        damping ratio of a contact for small motions about an overlap, of a contact law.
     asks : tuple of Constant
         Further constants that the law needs of two materials, from `Contact.constants`.
     reach : callable, optional
-        (options, c, at, lane) -> gap [m] at which a contact ends, 0 until it has borne a force, below 1 m; of a law
-        that attracts across a gap. Other contacts end where the bodies part.
+        (options, c, first, lane) -> gap [m] at which a contact ends, 0 until it has
+        borne a force, below 1 m; of a law that attracts across a gap. Other contacts
+        end when the surfaces part.
     geometry : callable, optional
-        (options, t, c, of_spheres, on_wall) -> None, called before the kernel: further quantities of the surfaces
-        besides R*.
+        (options, t, c, of_spheres, on_wall) -> None, called before the kernel: further
+        quantities of the surfaces besides R*.
     """
 
     name: str
@@ -114,20 +137,26 @@ class Law:
         tension : {"keep", "release", "cut"}
             How a contact ends, see `Simulation`.
         friction_limit : {"elastic", "total"}, optional
-            Which normal force limits friction and rolling, see `Simulation`; by default that of `COULOMB`.
+            Which normal force limits friction and rolling, see `Simulation`; by default
+            that of `COULOMB`.
 
         Returns
         -------
         namedtuple
             An instance of `options`, with numbers for the names.
         """
-        return self.options(
-            TENSIONS[tension], FRICTION_LIMITS[friction_limit or COULOMB[tension]]
-        )
+        if friction_limit is None:
+            friction_limit = COULOMB[tension]
+        return self.options(TENSIONS[tension], FRICTION_LIMITS[friction_limit])
 
 
-def contact_forces(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
-    """Force of each lane's contact on body A, and the force that limits rolling: rows `TO_A` and `PUSH` of the tile.
+def contact_forces(
+    law: Any, t: np.ndarray, c: np.ndarray, first: int, dt: float
+) -> None:
+    """Compute the force on body A in each lane, and the force that limits rolling.
+
+    They are written to the rows `TO_A` and `PUSH` of `t`, and the radius of the contact
+    circle to `CIRCLE`.
 
     Parameters
     ----------
@@ -137,20 +166,22 @@ def contact_forces(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -
         Tile of 32 contacts, rows as `repose.dem.kernels.tile` names them.
     c : ndarray
         Tile of the quantities that the contacts keep from step to step.
-    at : int
+    first : int
         Place of the law's first row in `c`.
     dt : float
         Time step [s].
     """
-    _KERNELS[type(law)](law, t, c, at, dt)
+    _KERNELS[type(law)](law, t, c, first, dt)
 
 
 def rolling_resistance(
-    law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float
+    law: Any, t: np.ndarray, c: np.ndarray, first: int, dt: float
 ) -> None:
-    """Budget of each lane's rolling resistance on both bodies: row `ROLL` of `TO_A` and `TO_B`.
+    """Compute the rolling resistance of each lane's contact on both bodies.
 
-    It is called after the torques. A law that acts by a torque adds it to the torques and leaves a budget of zero.
+    It is called when the torques of the contact forces are known. A law either writes a
+    budget of torque to the row `ROLL` of `TO_A` and `TO_B`, or adds to the torques and
+    writes a budget of zero.
 
     Parameters
     ----------
@@ -160,15 +191,15 @@ def rolling_resistance(
         Tile of 32 contacts, rows as `repose.dem.kernels.tile` names them.
     c : ndarray
         Tile of the quantities that the contacts keep from step to step.
-    at : int
+    first : int
         Place of the law's first row in `c`.
     dt : float
         Time step [s].
     """
-    _KERNELS[type(law)](law, t, c, at, dt)
+    _KERNELS[type(law)](law, t, c, first, dt)
 
 
-def _no_reach(law, c, at, k):
+def _no_reach(law, c, first, k):
     return 0.0
 
 
@@ -176,26 +207,33 @@ def _no_geometry(law, t, c, of_spheres, on_wall):
     return None
 
 
-def reach(law: Any, c: np.ndarray, at: int, k: int) -> float:
-    """Gap at which the contact of a lane ends [m]."""
-    return _REACHES[type(law)](law, c, at, k)
+def reach(law: Any, c: np.ndarray, first: int, k: int) -> float:
+    """Return the gap at which the contact of lane k ends [m]."""
+    return _REACHES[type(law)](law, c, first, k)
 
 
 def surfaces(
     law: Any, t: np.ndarray, c: np.ndarray, of_spheres: int, on_wall: int
 ) -> None:
-    """Quantities of each lane's surfaces that a law needs besides R*."""
+    """Compute quantities of each lane's surfaces that a law needs besides R*."""
     _GEOMETRIES[type(law)](law, t, c, of_spheres, on_wall)
 
 
-def _choose_in_kernels(called: Callable, functions: Mapping[Any, Callable]) -> None:
-    """Let numba put the function of a law in place of a call, by the type of the options."""
-    overload(called, jit_options=_INLINED, strict=False)(
-        lambda law, *_arguments: functions.get(getattr(law, "instance_class", None))
-    )
+def _dispatch_in_kernels(
+    function: Callable, implementations: Mapping[Any, Callable]
+) -> None:
+    """Let numba put the implementation of a law in place of each call of a function.
+
+    The implementation is found by the type of the options, the call's first argument.
+    """
+
+    def choose(law: Any, *_arguments: Any) -> Callable | None:
+        return implementations.get(getattr(law, "instance_class", None))
+
+    overload(function, jit_options=_INLINED, strict=False)(choose)
 
 
-_choose_in_kernels(contact_forces, _KERNELS)
-_choose_in_kernels(rolling_resistance, _KERNELS)
-_choose_in_kernels(reach, _REACHES)
-_choose_in_kernels(surfaces, _GEOMETRIES)
+_dispatch_in_kernels(contact_forces, _KERNELS)
+_dispatch_in_kernels(rolling_resistance, _KERNELS)
+_dispatch_in_kernels(reach, _REACHES)
+_dispatch_in_kernels(surfaces, _GEOMETRIES)

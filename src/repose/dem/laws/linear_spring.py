@@ -1,18 +1,30 @@
 """Linear spring and dashpot with Coulomb's limit.
 
-With overlap delta, effective radius R*, effective moduli E* and G*, mass m, damping ratio beta and relative velocities
-v_n, v_t:
+With overlap delta, effective radius R*, effective moduli E* and G*, mass m, damping
+ratio beta and relative velocities v_n, v_t:
 
-    F_n = k_n delta + 2 beta sqrt(k_n m) v_n,                              k_n = 4/3 E* sqrt(SECANT) R*
-    F_t = -k_t delta_t - 2 beta sqrt(k_t m) v_t,  |F_t| <= mu_s F_c,       k_t = 4 G* / E* k_n
+    F_n = k_n delta + 2 beta sqrt(k_n m) v_n,        k_n = 4/3 E* sqrt(SECANT) R*
+    F_t = -k_t delta_t - 2 beta sqrt(k_t m) v_t,     k_t = 4 G* / E* k_n
+    |F_t| <= mu_s F_c
 
-m is the mass at the contact that `hertz_mindlin` has, too. k_n is the stiffness with which a Hertz contact carries an
-overlap of SECANT R*, k_t / k_n the ratio of Mindlin's stiffnesses, F_c the normal force that Coulomb's limit takes
-(`tangential`). An impact lasts pi / sqrt(k_n / m (1 - beta^2)) and ends with the same restitution at any speed.
+m is the mass at the contact that `hertz_mindlin` has, too. k_n is the stiffness with
+which a Hertz contact carries an overlap of SECANT R*, k_t / k_n the ratio of Mindlin's
+stiffnesses, F_c the normal force that Coulomb's limit takes (`tangential`). An impact
+lasts pi / sqrt(k_n / m (1 - beta^2)) and ends with the same restitution at any speed.
+
+Rows of the scratch tile `t`, by their symbols:
+
+    GAP               -delta              STIFFNESS          k_n / R*
+    RADIUS            R*                  TANGENTIAL_RATIO   k_t / k_n
+    INVERSE_MASS      1 / m               DAMPING            2 beta
+    VN, V             v_n, v_t            FRICTION           mu_s
+
+Rows that a contact keeps in `c`: SPRING, the three components of delta_t.
 
 References
 ----------
-Cundall and Strack, Geotechnique 29 (1979) 47. Schwager and Poeschel, Granular Matter 9 (2007) 465: the damping.
+Cundall and Strack, Geotechnique 29 (1979) 47. Schwager and Poeschel, Granular Matter 9
+(2007) 465: the damping.
 """
 
 import math
@@ -29,7 +41,8 @@ from .hertz_mindlin import damping_ratio
 from .law import Law
 from .tangential import add_forces, normal_forces, slip
 
-SECANT = 0.01  # overlap over effective radius at which the spring is as stiff as Hertz's contact
+# Overlap over effective radius at which the spring carries as much as Hertz's contact.
+SECANT = 0.01
 
 LinearSpring = namedtuple("LinearSpring", "tension friction_limit")
 _rows = Rows(tl.LAW)
@@ -41,7 +54,7 @@ SPRING = _state.take(3)
 def constants(
     a: Material, b: Material, contact: Contact, tension: str = "keep"
 ) -> np.ndarray:
-    """Constants of the law for two materials as the kernel takes them.
+    """Compute the constants of the law for two materials.
 
     Parameters
     ----------
@@ -55,15 +68,15 @@ def constants(
     Returns
     -------
     ndarray (4,)
-        k_n / R* [Pa], k_t / k_n, 2 beta and static friction.
+        The values of the rows of the law: k_n / R* [Pa], k_t / k_n, 2 beta and mu_s.
     """
     young, shear = effective_moduli(a, b)
-    damping = 2.0 * damping_ratio(contact.restitution, tension)
+    beta = damping_ratio(contact.restitution, tension)
     return np.array(
         [
             4.0 / 3.0 * young * math.sqrt(SECANT),
             4.0 * shear / young,
-            damping,
+            2.0 * beta,
             contact.static_friction,
         ]
     )
@@ -77,7 +90,7 @@ def contact_time(
     radius: float,
     _speed: float,
 ) -> float:
-    """Duration of an elastic head-on impact; it is the same at any speed.
+    """Compute the duration of an elastic head-on impact; it is the same at any speed.
 
     Parameters
     ----------
@@ -94,7 +107,8 @@ def contact_time(
         The duration [s], pi sqrt(m* / k_n).
     """
     young, _ = effective_moduli(a, b)
-    return math.pi * math.sqrt(mass / (4.0 / 3.0 * young * math.sqrt(SECANT) * radius))
+    stiffness = 4.0 / 3.0 * young * math.sqrt(SECANT) * radius
+    return math.pi * math.sqrt(mass / stiffness)
 
 
 def oscillator(
@@ -105,7 +119,9 @@ def oscillator(
     radius: float,
     _overlap: float,
 ) -> tuple[float, float]:
-    """Stiffness and damping ratio of a contact; they are the same at any overlap.
+    """Compute stiffness and damping ratio of a contact.
+
+    They are the same at any overlap.
 
     Parameters
     ----------
@@ -126,34 +142,20 @@ def oscillator(
         beta: the damping over 2 sqrt(k_n m).
     """
     young, _ = effective_moduli(a, b)
-    return 4.0 / 3.0 * young * math.sqrt(SECANT) * radius, damping_ratio(
-        contact.restitution, tension
-    )
+    stiffness = 4.0 / 3.0 * young * math.sqrt(SECANT) * radius
+    return stiffness, damping_ratio(contact.restitution, tension)
 
 
-def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
-    """Compute the forces of each lane, as `law.contact_forces` asks for them.
-
-    Parameters
-    ----------
-    law : LinearSpring
-        The options.
-    t : numpy.ndarray
-        Tile of 32 contacts.
-    c : numpy.ndarray
-        Tile of the quantities that the contacts keep from step to step.
-    at : int
-        Place of the law's first row in `c`.
-    dt : float
-        Time step [s].
-    """
-    spring = at + SPRING
+def kernel(law: Any, t: np.ndarray, c: np.ndarray, first: int, dt: float) -> None:
+    """Compute the forces of each lane, as `law.contact_forces` describes."""
+    spring = first + SPRING
     slip(t, c, spring, dt)
     for k in range(L):
+        # The gap may be infinite, beyond the edge of a disc; so it is not multiplied by
+        # 0.
         gap = t[tl.GAP + k]
-        touching, overlap = (
-            (1.0, -gap) if gap < 0.0 else (0.0, 0.0)
-        )  # beyond a disc's edge the gap is infinite
+        touching = 1.0 if gap < 0.0 else 0.0
+        overlap = -gap if gap < 0.0 else 0.0
         t[tl.CIRCLE + k] = math.sqrt(t[tl.RADIUS + k] * overlap)
         stiffness = touching * t[STIFFNESS + k] * t[tl.RADIUS + k]
         viscous = math.sqrt(stiffness) * rsqrt(t[tl.INVERSE_MASS + k])
