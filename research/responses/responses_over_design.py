@@ -16,7 +16,7 @@ from repose.calibrate.surrogates.bayesian_bp import BayesianBP
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
 from repose.common.files import read_table
-from repose.measure import further_responses
+from research.responses.offered import offered
 
 FEWEST_SAMPLES = 12
 EPOCHS = 300  # of the surrogates, at most
@@ -96,7 +96,7 @@ def read(
             len(table),
             f"at least {FEWEST_SAMPLES} with status ok",
         )
-    names = (*targets.names, *further_responses.offered(targets.names, definition))
+    names = (*targets.names, *offered(targets.names, definition))
     runs = read_table(runs_csv, ("sample", "seed", "status", *names))
     runs = runs[(runs["status"] == "ok") & runs["sample"].isin(table["sample"])]
     samples, groups = table["sample"].to_numpy(), runs["sample"].to_numpy()

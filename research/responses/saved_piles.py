@@ -11,7 +11,8 @@ from repose.common.errors import InputError, NoFlankError
 from repose.common.files import read_table, write_table
 from repose.grain.particle import Particle
 from repose.measure import pile, saved_pours
-from repose.measure.further_responses import BENCH, MEASURED, of_pour, offered
+from repose.measure.further_responses import BENCH, MEASURED, of_pour
+from research.responses.offered import offered
 
 
 def of_pours(

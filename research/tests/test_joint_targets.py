@@ -13,7 +13,6 @@ import repose.bench  # noqa: F401  (makes the responses known)
 from repose.bench.parameters import PARAMETERS
 from repose.bench.space import contact_space
 from repose.calibrate.targets import Targets
-from repose.measure import further_responses
 from research.responses import (
     discrepancies,
     further_runs,
@@ -22,6 +21,7 @@ from research.responses import (
     observables,
     responses_over_design,
 )
+from research.responses.offered import offered
 
 SPACE = contact_space(dict.fromkeys(PARAMETERS, (0.0, 2.0)))
 TARGETS = Targets.of(
@@ -134,7 +134,7 @@ def data(tmp_path_factory):
     runs = pd.DataFrame(
         {"sample": np.repeat(table["sample"], 3), "seed": 1, "status": "ok"}
     )
-    for name in further_responses.offered((), "secant"):
+    for name in offered((), "secant"):
         runs[name] = 50 + random.normal(0, 1, 270)
     runs["height_mm"] = 50 + 10 * place[:, 0] + random.normal(0, 1.0, 270)
     runs.to_csv(folder / "runs.csv", index=False)

@@ -13,6 +13,7 @@ from repose.grain.build import Particle
 from repose.measure import further_responses
 from repose.measure.angles import DEFINITIONS
 from research.responses import saved_piles
+from research.responses.offered import offered
 
 
 @pytest.fixture
@@ -91,7 +92,7 @@ def test_the_table_keeps_the_definitions_that_are_offered(job, definition):
         "sample",
         "seed",
         "status",
-        *further_responses.offered(("aor_deg", "height_mm"), definition),
+        *offered(("aor_deg", "height_mm"), definition),
     }
     assert set(table.columns) == {"aor_deg", "height_mm", *kept}
 

@@ -14,7 +14,6 @@ from repose.bench.parameters import PARAMETERS
 from repose.bench.space import contact_space
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
-from repose.measure import further_responses
 from repose.report.figures import style
 from research.figures import second_look
 from research.responses import (
@@ -25,6 +24,7 @@ from research.responses import (
     second_responses,
 )
 from research.responses.__main__ import script
+from research.responses.offered import offered
 
 SPACE = contact_space(dict.fromkeys(PARAMETERS, (0.0, 1.0)))
 
@@ -268,7 +268,7 @@ def study(tmp_path_factory):
     runs = pd.DataFrame(
         {"sample": np.repeat(table["sample"], 3), "seed": 1, "status": "ok"}
     )
-    for name in further_responses.offered((), "secant"):
+    for name in offered((), "secant"):
         runs[name] = 50 + random.normal(0, 1, 120)
     runs["aor_deg"] = 25 + 10 * place[:, 0] + random.normal(0, 0.5, 120)
     runs["height_mm"] = 50 + 20 * place[:, 1] + random.normal(0, 1.0, 120)

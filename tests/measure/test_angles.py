@@ -63,8 +63,8 @@ def lumpy(slope, height, rng):
 def test_a_cone_has_its_slope_by_every_line(rule, slope):
     profile = cone(slope, 240.0)
     for line in (
-        angles.flank(profile, 24.0, 192.0, rule), angles.steepest(profile, 24.0, 192.0, rule),
-        angles.whole(profile, rule), angles.straightest(profile, 0.333, rule),
+        angles.fit_flank(profile, 24.0, 192.0, rule), angles.fit_steepest(profile, 24.0, 192.0, rule),
+        angles.fit_whole_side(profile, rule), angles.fit_straightest(profile, 0.333, rule),
     ):  # fmt: skip
         assert line.angle_deg == pytest.approx(degrees(slope), abs=1e-9)
         for u, z in line.ends:
@@ -77,13 +77,13 @@ def test_the_secant_of_a_cone_is_steeper_by_the_height_over_what_stands_above_th
     slope, berry
 ):
     height = 240.0
-    line = angles.secant(cone(slope, height), berry)
+    line = angles.fit_secant(cone(slope, height), berry)
     assert line.angle_deg == pytest.approx(degrees(slope * height / (height - berry)))
     assert angles.secant_of_pile(line, line) == pytest.approx(line.angle_deg)
 
 
 def test_the_secant_takes_the_whole_width_and_a_trapezoid_is_a_cone_to_the_flank():
-    left, right = (angles.secant(cone(slope, 240.0), 48.0) for slope in (0.4, 0.8))
+    left, right = (angles.fit_secant(cone(slope, 240.0), 48.0) for slope in (0.4, 0.8))
     width = 192.0 / 0.4 + 192.0 / 0.8
     assert angles.secant_of_pile(left, right) == pytest.approx(
         degrees(2 * 240.0 / width)
@@ -91,11 +91,13 @@ def test_the_secant_takes_the_whole_width_and_a_trapezoid_is_a_cone_to_the_flank
     assert angles.secant_of_pile(left, right) < (left.angle_deg + right.angle_deg) / 2
     slope, height, half_top = 0.5, 200.0, 120
     profile = trapezoid(slope, height, half_top)
-    assert angles.flank(profile, 20.0, 160.0).angle_deg == pytest.approx(degrees(slope))
-    assert angles.steepest(profile, 20.0, 160.0).angle_deg == pytest.approx(
+    assert angles.fit_flank(profile, 20.0, 160.0).angle_deg == pytest.approx(
         degrees(slope)
     )
-    assert angles.secant(profile, 40.0).angle_deg == pytest.approx(
+    assert angles.fit_steepest(profile, 20.0, 160.0).angle_deg == pytest.approx(
+        degrees(slope)
+    )
+    assert angles.fit_secant(profile, 40.0).angle_deg == pytest.approx(
         degrees(height / (160.0 / slope + half_top))
     )
     # regression of z = min(s u, h) on u over [0, a + b], a = h / s: covariance over variance by integration
@@ -104,18 +106,20 @@ def test_the_secant_takes_the_whole_width_and_a_trapezoid_is_a_cone_to_the_flank
     mean_z = (0.5 * a * height + b * height) / total
     moment = slope * a**3 / 3 + height * (total**2 - a**2) / 2
     expected = (moment / total - mean_z * total / 2) / (total**2 / 12)
-    assert angles.whole(profile).angle_deg == pytest.approx(degrees(expected), abs=0.15)
+    assert angles.fit_whole_side(profile).angle_deg == pytest.approx(
+        degrees(expected), abs=0.15
+    )
 
 
 @pytest.mark.parametrize("rule", RULES)
 def test_the_steepest_stretch_is_the_steeper_part_of_a_bent_flank(rule):
     profile = two_slopes(0.4, 0.8, knee=120.0, height=240.0)
-    steep = angles.steepest(profile, 24.0, 216.0, rule)
+    steep = angles.fit_steepest(profile, 24.0, 216.0, rule)
     assert steep.angle_deg == pytest.approx(degrees(0.8), abs=1e-6)
     assert steep.ends[0][1] >= 119.0
     assert (
         degrees(0.4)
-        < angles.flank(profile, 24.0, 216.0, rule).angle_deg
+        < angles.fit_flank(profile, 24.0, 216.0, rule).angle_deg
         < steep.angle_deg
     )
 
@@ -145,7 +149,7 @@ def test_no_flank_is_steeper_than_its_steepest_stretch(rule, band):
         low, high = (share * profile[-1] for share in band)
         steep, line = (
             definition(profile, low, high, rule)
-            for definition in (angles.steepest, angles.flank)
+            for definition in (angles.fit_steepest, angles.fit_flank)
         )
         assert steep.angle_deg >= line.angle_deg - 1e-9
 
@@ -173,8 +177,8 @@ def slow_straightest(profile, smallest, rule):
 
 @pytest.mark.parametrize("rule", RULES)
 @pytest.mark.parametrize(("fast", "slow", "height", "of"), [
-    (angles.steepest, slow_steepest, 115.0, (11.5, 92.0)),
-    (angles.straightest, slow_straightest, 230.0, (0.25,)), (angles.straightest, slow_straightest, 230.0, (0.5,)),
+    (angles.fit_steepest, slow_steepest, 115.0, (11.5, 92.0)),
+    (angles.fit_straightest, slow_straightest, 230.0, (0.25,)), (angles.fit_straightest, slow_straightest, 230.0, (0.5,)),
 ])  # fmt: skip
 def test_windows_of_lumpy_flanks_equal_a_slow_search(fast, slow, height, of, rule):
     rng = np.random.default_rng(11)
@@ -192,10 +196,10 @@ def test_the_straightest_window_leaves_out_a_wavy_toe_and_a_flat_crest(rule):
     profile = trapezoid(slope, height, 60)
     toe = MARGIN + np.arange(60)
     profile[toe] = np.maximum(profile[toe] + 6 * np.sin(toe / 60 * 4 * math.pi), 1.5)
-    assert angles.straightest(profile, 0.25, rule).angle_deg == pytest.approx(
+    assert angles.fit_straightest(profile, 0.25, rule).angle_deg == pytest.approx(
         degrees(slope), abs=0.1
     )
-    assert abs(angles.whole(profile, "columns").angle_deg - degrees(slope)) > 1
+    assert abs(angles.fit_whole_side(profile, "columns").angle_deg - degrees(slope)) > 1
 
 
 def both_sides(left, right):
@@ -232,15 +236,19 @@ def test_sides_hold_every_definition_or_say_why_not():
     assert "steepest" not in low
     assert "12 are needed" in reasons["steepest"]
     wall = np.concatenate([np.zeros(MARGIN), np.full(60, 200.0)])
-    for definition in (angles.flank, angles.steepest):
+    for definition in (angles.fit_flank, angles.fit_steepest):
         raised(NoFlankError, "a wall", definition, wall, 20.0, 160.0, "levels")
     raised(
-        NoFlankError, "not higher than one grain", angles.secant, cone(0.5, 40.0), 40.0
+        NoFlankError,
+        "not higher than one grain",
+        angles.fit_secant,
+        cone(0.5, 40.0),
+        40.0,
     )
     cut = cone(0.5, 200.0)[150:]
     for definition in (
-        lambda: angles.flank(cut, 20.0, 160.0), lambda: angles.secant(cut, 20.0), lambda: angles.whole(cut),
-        lambda: angles.straightest(cut, 0.333),
+        lambda: angles.fit_flank(cut, 20.0, 160.0), lambda: angles.fit_secant(cut, 20.0), lambda: angles.fit_whole_side(cut),
+        lambda: angles.fit_straightest(cut, 0.333),
     ):  # fmt: skip
         raised(NoFlankError, "foot is not seen", definition)
 

@@ -13,6 +13,7 @@ from thirty import BAD, SMALL, measured
 from repose.cli import main
 from repose.measure.photographs import camera, finding, sheet
 from repose.measure.photographs import photograph as photographs
+from repose.measure.photographs.perspective import Viewpoint, remove_perspective
 from repose.measure.photographs.segmentation import Segmentation
 from repose.measure.settings import MeasureSettings
 
@@ -22,8 +23,8 @@ def test_the_sheet_is_printed_in_its_size_and_found_by_its_corners(tmp_path):
     seen = sheet.find(
         cv2.copyMakeBorder(picture, 50, 50, 50, 50, cv2.BORDER_CONSTANT, value=200)
     )
-    assert len(seen.places_mm) == (sheet.COLUMNS - 1) * (sheet.ROWS - 1)
-    x, z = seen.places_mm.T
+    assert len(seen.positions_mm) == (sheet.COLUMNS - 1) * (sheet.ROWS - 1)
+    x, z = seen.positions_mm.T
     drawn = np.column_stack([50 + x * per_mm, 50 + picture.shape[0] - z * per_mm]) - 0.5
     assert np.abs(seen.pixels - drawn).max() < 0.5
     assert main(["marker", "--out", str(tmp_path / "sheet.pdf")]) == 0
@@ -57,7 +58,9 @@ def views_of(lens, count, rng):
         pixels = cv2.projectPoints(
             flat, turn, shift, matrix, np.array([*lens, 0, 0, 0.0])
         )[0][:, 0]
-        seen.append(sheet.Seen(places, pixels + rng.normal(0, 0.1, pixels.shape)))
+        seen.append(
+            sheet.SheetCorners(places, pixels + rng.normal(0, 0.1, pixels.shape))
+        )
     return seen
 
 
@@ -67,22 +70,22 @@ def test_the_lens_and_the_angle_of_a_cone_seen_from_above():
     )
     assert (found.note, found.matrix[0, 0]) == ("", pytest.approx(1300, rel=0.003))
     away = np.array([0.2, 0.4, 0.55]) ** 2
-    assert found.lens[0] * away + found.lens[1] * away**2 == pytest.approx(
+    assert found.distortion[0] * away + found.distortion[1] * away**2 == pytest.approx(
         -0.12 * away + 0.03 * away**2, abs=0.002
     )
-    places = views_of((0, 0), 1, np.random.default_rng(1))[0].places_mm
+    places = views_of((0, 0), 1, np.random.default_rng(1))[0].positions_mm
     pixels = (
         700
         + 2.0 * places * [1, -1]
         + np.random.default_rng(2).normal(0, 0.1, places.shape)
     )
-    found = camera.calibrate([sheet.Seen(places, pixels)], (1600, 1200), 1111.0)
+    found = camera.calibrate([sheet.SheetCorners(places, pixels)], (1600, 1200), 1111.0)
     assert (
         "focal length as the camera states it: the sheet is seen in too few places"
         in found.note
     )
     assert found.matrix[0, 0] == 1111.0
-    assert not found.lens.any()
+    assert not found.distortion.any()
 
 
 @pytest.mark.parametrize(("above", "lost"), [(-20.0, 0.8), (0.0, 0.2), (60.0, 0.4)])
@@ -108,17 +111,16 @@ def test_a_cone_seen_from_above_or_below_gets_its_angle_and_its_foot_back(above,
     )
     one = photographs.Photograph(Path(), mask, pile, facts={"mm_per_pixel": px})
     how = MeasureSettings(berry_height_mm=6.0)
-    flat = photographs._measured(one, how)
+    flat = photographs._measure_view(one, how)
     assert (flat.aor_deg < 30.9) == (above != 0)
-    photographs.seen_level(
-        one,
-        axis,
-        500 / px,
-        eye[2] / px,
+    one.view, one.pile = remove_perspective(
+        one.view,
+        pile,
+        Viewpoint(axis, 500 / px, eye[2] / px),
         (flat.angle.left_deg, flat.angle.right_deg),
         height / px,
     )
-    level = photographs._measured(one, how)
+    level = photographs._measure_view(one, how)
     assert [level.angle.left_deg, level.angle.right_deg] == pytest.approx(
         [31.0, 31.0], abs=0.1
     )
@@ -151,15 +153,17 @@ def test_what_floats_over_the_plate_or_in_a_deep_shadow_is_left_out(tmp_path):
     cv2.fillPoly(mask, [np.array([(100, 99), (200, 10), (300, 99)])], 1)
     pile = mask.copy()
     cv2.circle(mask, (105, 60), 12, 1, -1)  # behind the pile, on the plate
-    assert np.array_equal(finding._largest(finding._without_floating(mask, 6)), pile)
+    assert np.array_equal(
+        finding._largest_part(finding._remove_floating(mask, 6)), pile
+    )
     cv2.circle(pile, (320, 88), 12, 1, -1)  # at the foot
-    left = finding._largest(finding._without_touching(pile, 7))
+    left = finding._largest_part(finding._remove_touching(pile, 7))
     assert (left[:, 316:].sum(), left[:, :290].sum()) == (0, pile[:, :290].sum())
     mask[5:35, 20:24], mask[40:52, 360:364] = (
         1,
         1,
     )  # a post that hides what is behind it, and a speck of its shape
-    standing, posts = finding._standing(mask)
+    standing, posts = finding._standing_parts(mask)
     assert (standing[:, 100:301].sum(), posts[:, :30].sum(), posts[:, 30:].sum()) == (
         standing.sum(),
         120,

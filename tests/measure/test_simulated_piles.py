@@ -10,7 +10,6 @@ from refusals import raised
 from rendered import Ellipsoids
 
 from repose.measure import further_responses
-from repose.measure.angles import DEFINITIONS, MEAN_KEYS
 from repose.measure.photographs.segmentation import of_silhouette, segment
 from repose.measure.pile import MeasureSettings, NoFlankError, measure_pile
 from repose.measure.silhouette import BACKGROUND_TONE, PILE_TONE, Grains, silhouette
@@ -221,22 +220,3 @@ def test_slopes_widths_and_scatter_are_those_of_cones():
         pile[101:],
         300.0,
     )
-
-
-@pytest.mark.parametrize("definition", DEFINITIONS)
-def test_offered_are_all_definitions_but_the_calibrated_one(definition):
-    found = further_responses.offered(("aor_deg", "height_mm"), definition)
-    others = [MEAN_KEYS[name] for name in DEFINITIONS if name != definition]
-    assert list(found) == [*others, *further_responses.MEASURED, "discharge_s"]
-
-
-@pytest.mark.parametrize(("targets", "definition", "offered", "not_offered"), [
-    # all definitions, and none of them twice under the name aor_deg
-    (("height_mm",), "secant", {*MEAN_KEYS.values()}, {"height_mm", "aor_deg"}),
-    (("aor_deg", "aor_whole_deg", "packing_percent", "drum_slip_deg"), "flank",
-     {"height_mm", "aor_secant_deg", "aor_steepest_deg"}, {"aor_deg", "aor_whole_deg", "packing_percent"}),
-])  # fmt: skip
-def test_offered_is_what_is_no_target(targets, definition, offered, not_offered):
-    found = {*further_responses.offered(targets, definition)}
-    assert offered < found
-    assert not not_offered & found

@@ -12,6 +12,7 @@ from repose.common.errors import NoFlankError
 from repose.measure.photographs import finding, sheet
 from repose.measure.photographs import photograph as photographs
 from repose.measure.photographs.camera import Pose, calibrate
+from repose.measure.photographs.doubts import doubts_of_pile
 from repose.measure.photographs.segmentation import Segmentation
 from repose.measure.photographs.tables import describe, tables
 from repose.measure.pile import measure_segmented
@@ -108,11 +109,11 @@ def test_a_coarse_photograph_is_doubtful_and_one_sheet_gives_the_camera_of_a_zoo
     pixels = cv2.projectPoints(
         flat, turn, np.array([0.0, 0, away]), matrix, np.zeros(5)
     )[0][:, 0]
-    seen = sheet.Seen(
+    seen = sheet.SheetCorners(
         places, pixels + np.random.default_rng(1).normal(0, 0.03, pixels.shape)
     )
     assert np.linalg.norm(
-        Pose(calibrate([seen], (1000, 750)), seen, (1000, 750)).eye
+        Pose(calibrate([seen], (1000, 750)), seen, (1000, 750)).position_mm
     ) == pytest.approx(away, rel=0.4)
 
 
@@ -133,7 +134,7 @@ def outlined(*tops):
 def test_what_is_found_is_asked_whether_it_is_a_heap(tops, doubt):
     how = MeasureSettings(mm_per_pixel=0.5, berry_height_mm=6.0)
     pile = outlined(*tops)
-    doubts = photographs._doubts(pile, measure_segmented(pile, how), 6.0, 0.5)
+    doubts = doubts_of_pile(pile, measure_segmented(pile, how), 6.0, 0.5)
     assert bool(doubts) == bool(doubt)
     assert any(doubt in one for one in doubts) or not doubt
 
@@ -164,7 +165,7 @@ def test_a_second_heap_beside_it_is_doubtful(tmp_path):
 
 def test_a_doubt_is_printed_beside_its_photograph_and_a_layer_is_refused(tmp_path):
     how, pile = MeasureSettings(mm_per_pixel=0.5), outlined((150, 60), (450, 62))
-    doubt = photographs._doubts(pile, seen := measure_segmented(pile, how), 6.0, 0.5)[0]
+    doubt = doubts_of_pile(pile, seen := measure_segmented(pile, how), 6.0, 0.5)[0]
     one = photographs.Photograph(
         tmp_path / "a.png",
         pile.grey,
@@ -181,7 +182,7 @@ def test_a_doubt_is_printed_beside_its_photograph_and_a_layer_is_refused(tmp_pat
     raised(
         NoFlankError,
         "a layer, no pile",
-        photographs._doubts,
+        doubts_of_pile,
         pile,
         measure_segmented(pile, how),
         12.0,

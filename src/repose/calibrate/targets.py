@@ -10,15 +10,10 @@ import numpy as np
 from repose.calibrate.profiles import Profile
 from repose.calibrate.responses import Response, named, response
 from repose.calibrate.seeds import UNNAMED
+from repose.common.target_range import LEAST_RANGE as LEAST_RANGE
+from repose.common.target_range import range_about
 
-LEAST_RANGE = 0.01  # of the value, to each side
 LARGEST = 1e9  # of a value or standard deviation
-
-
-def range_about(value: float, sd: float, repetitions: int) -> tuple[float, float]:
-    """Make the range of a target without one: its mean with one standard error, at least 1 % to each side."""
-    half = max(sd / math.sqrt(repetitions), LEAST_RANGE * abs(value))
-    return value - half, value + half
 
 
 def completed(entry: Any) -> Any:

@@ -1,253 +1,346 @@
-"""Angle of repose of a pile's profile by five definitions, each stated in docs/measurement.md.
+"""Angle of repose of a pile's profile by five definitions.
+
+docs/measurement.md states each of them.
 
 flank
-    regression of height on distance between two heights (section 2.3 of the paper)
+    The regression of height on distance between two heights (section 2.3 of the paper).
 secant
-    atan(2 H / D): H the crest over the plate, D the pile's width one grain above the plate
+    atan(2 H / D): H is the crest's height over the plate, D the pile's width one grain
+    above the plate.
 steepest
-    the largest slope of such a line over any stretch at least half as high as the flank, the whole flank among them
+    The largest slope of such a regression over any stretch at least half as high as the
+    flank, the whole flank among them.
 whole
-    such a line from foot to crest
+    Such a regression from foot to crest.
 straightest
-    such a line through the window of the side in which distance and height correlate most (Li et al. 2020)
+    Such a regression through the window of the side in which distance and height
+    correlate most (Li et al. 2020).
 
-A profile is one side of a pile: heights (M,) over the plate from outside the foot to the crest, for each pixel column.
-All lengths are pixels, all angles degrees. `repose.measure.profile_points` selects the points of a line. Numbers from
-different definitions or rules must not be compared.
+A profile is one side of a pile: the heights (M,) over the plate of each pixel column,
+from outside the foot to the crest. All lengths are in pixels, all angles in degrees.
+`repose.measure.profile_points` selects the points of a line. Numbers from different
+definitions or rules must not be compared.
 """
 
 import math
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
-from repose.common.errors import NoFlankError, require_flank
+from repose.common.errors import NoFlankError
+from repose.measure.definitions import (  # noqa: F401 (imported from here elsewhere)
+    CALIBRATED_ANGLE,
+    DEFINITIONS,
+    MEAN_KEYS,
+    VIEW_KEYS,
+)
 from repose.measure.profile_points import (
     MIN_LEVELS,
     NO_FOOT,
     outermost_crossing,
     points_between,
 )
-
-if TYPE_CHECKING:
-    from repose.measure.settings import MeasureSettings
-
-DEFINITIONS = ("flank", "secant", "steepest", "whole", "straightest")
-MEAN_KEYS = {name: f"aor_{name}_deg" for name in DEFINITIONS}  # mean of all views
-CALIBRATED_ANGLE = (
-    "aor_deg"  # one of the definitions under a name of its own (`measure.response`)
-)
-# the first view alone, as a camera sees it
-VIEW_KEYS = {name: f"aor_{name}_view_deg" for name in DEFINITIONS}
+from repose.measure.settings import ONE_GRAIN, MeasureSettings
 
 WALL_SD = 0.5  # points whose distances scatter by less than this are a wall
 WALL = "too few boundary points on the flank, it is a wall"
-FOOT = 1.0  # the whole profile begins here: a column below it shows no pile
-WINDOW_STEPS = 100  # windows of the straightest line begin and end at multiples of this part of the side
+FOOT = 1.0  # height at which the whole side begins: a lower column shows no pile
+# Windows of the straightest line begin and end at multiples of this part of the side.
+WINDOW_STEPS = 100
+
+Point = tuple[float, float]  # distance and height
 
 
 class Line(NamedTuple):
     """Line through one side of a profile."""
 
     angle_deg: float  # from the horizontal
-    ends: tuple[
-        tuple[float, float], tuple[float, float]
-    ]  # lower and upper end, each (distance, height)
+    ends: tuple[Point, Point]  # lower and upper end
 
 
-Measured = tuple[dict[str, tuple[float, Line, Line]], dict[str, str]]
+class PileAngle(NamedTuple):
+    """Angle of a pile by one definition."""
+
+    angle_deg: float
+    left: Line
+    right: Line
 
 
-# --- the definitions ------------------------------------------------------------------------------
+Measured = tuple[dict[str, PileAngle], dict[str, str]]
 
 
-def flank(profile: np.ndarray, low: float, high: float, rule: str = "columns") -> Line:
-    """Definition "flank": the regression of height on distance between two heights (section 2.3 of the paper)."""
-    return fitted(*points_between(profile, low, high, rule), low, high)
+class _Moments(NamedTuple):
+    """Sums over the points of each window (windows,), about the window's means."""
+
+    n: np.ndarray  # number of points
+    xx: np.ndarray
+    zz: np.ndarray
+    xz: np.ndarray
 
 
-def whole(profile: np.ndarray, rule: str = "columns") -> Line:
-    """Definition "whole": the regression over the whole side, from foot to crest."""
-    return flank(profile, FOOT, float(profile[-1]), rule)
-
-
-def steepest(
+def fit_flank(
     profile: np.ndarray, low: float, high: float, rule: str = "columns"
 ) -> Line:
-    """Definition "steepest": the steepest line over any stretch at least half as high as from `low` to `high`.
+    """Fit the definition "flank": the regression of height on distance in a band."""
+    distance, height = points_between(profile, low, high, rule)
+    return fit_line(distance, height, low, high)
 
-    The whole flank is such a stretch, so no flank is steeper. Half a flank can be flatter than the whole: a regression
-    on the distance flattens where its heights are cut off, the more the shorter the stretch is. The maximum of many
-    slopes exceeds the mean slope: on a lumpy flank this definition biases the angle upwards.
+
+def fit_whole_side(profile: np.ndarray, rule: str = "columns") -> Line:
+    """Fit the definition "whole": the regression over the side from foot to crest."""
+    return fit_flank(profile, FOOT, float(profile[-1]), rule)
+
+
+def fit_steepest(
+    profile: np.ndarray, low: float, high: float, rule: str = "columns"
+) -> Line:
+    """Fit the definition "steepest": the steepest line over at least half of a band.
+
+    The whole band is one of the stretches, so no flank is steeper. Half a flank can be
+    flatter than the whole: a regression on the distance flattens where its heights are
+    cut off, the more the shorter the stretch is. The maximum of many slopes exceeds
+    their mean, so on a lumpy flank this definition biases the angle upwards.
     """
     distance, height = points_between(profile, low, high, rule)
-    least = (high - low) / 2
-    require_flank(
-        least >= MIN_LEVELS,
-        f"half of the flank is only {least:.0f} pixels high, {MIN_LEVELS} are needed",
-    )
-    require_flank(distance.size >= MIN_LEVELS, WALL)
-    cut = np.arange(math.floor(least) + 1)  # off either end, pixel by pixel
-    below, above = (cut[part] for part in np.nonzero(cut[:, None] + cut <= least))
-    best = _best(window_slopes(distance, height, low + below, high - above))
-    start, end = float(low + below[best]), float(high - above[best])
+    min_height = (high - low) / 2
+    if min_height < MIN_LEVELS:
+        raise NoFlankError(
+            f"half of the flank is only {min_height:.0f} pixels high, {MIN_LEVELS} are "
+            "needed"
+        )
+    if distance.size < MIN_LEVELS:
+        raise NoFlankError(WALL)
+    # Cut pixels off either end, as many as leave half of the band.
+    cuts = np.arange(math.floor(min_height) + 1)
+    below_index, above_index = np.nonzero(cuts[:, None] + cuts <= min_height)
+    lows = low + cuts[below_index]
+    highs = high - cuts[above_index]
+    best = _best_window(window_slopes(distance, height, lows, highs))
+    start = float(lows[best])
+    end = float(highs[best])
     inside = (height >= start) & (height <= end)
-    return fitted(distance[inside], height[inside], start, end)
+    return fit_line(distance[inside], height[inside], start, end)
 
 
-def straightest(profile: np.ndarray, smallest: float, rule: str = "columns") -> Line:
-    """Definition "straightest": the line through the window in which distance and height correlate most.
+def fit_straightest(
+    profile: np.ndarray, smallest: float, rule: str = "columns"
+) -> Line:
+    """Fit the definition "straightest": the window of the largest correlation.
 
-    Windows are stretches of the side's points, from the share `smallest` of them to all (Li, Ucgul, Lee, Saunders 2020,
-    Comput. Electron. Agric. 172, 105356: of windows that grow from the open end to the centre, the one of the largest
-    correlation coefficient gives the angle). The source does not give its smallest window.
+    A window is a stretch of the side's points, at least the share `smallest` of them.
+    Li et al. let windows grow from the open end to the centre and take the angle of the
+    one in which distance and height correlate most; they do not give their smallest
+    window.
+
+    References
+    ----------
+    Li, Ucgul, Lee, Saunders (2020). Comput. Electron. Agric. 172, 105356.
     """
     distance, height = points_between(profile, FOOT, float(profile[-1]), rule)
-    count = distance.size
-    least = max(MIN_LEVELS, math.ceil(smallest * count))
-    require_flank(count >= least, WALL)
-    places = np.linspace(0, count, min(count, WINDOW_STEPS) + 1).round().astype(int)
-    first, last = (
-        places[ends] for ends in np.nonzero(places - places[:, None] >= least)
-    )
-    best = _best(window_correlations(distance, height, first, last))
-    inside = slice(first[best], last[best])
-    return fitted(
-        distance[inside],
-        height[inside],
-        float(height[inside].min()),
-        float(height[inside].max()),
+    n_points = distance.size
+    min_points = max(MIN_LEVELS, math.ceil(smallest * n_points))
+    if n_points < min_points:
+        raise NoFlankError(WALL)
+    n_steps = min(n_points, WINDOW_STEPS)
+    borders = np.linspace(0, n_points, n_steps + 1).round().astype(int)
+    lengths = borders - borders[:, None]
+    first_index, last_index = np.nonzero(lengths >= min_points)
+    first = borders[first_index]
+    last = borders[last_index]
+    best = _best_window(window_correlations(distance, height, first, last))
+    window = slice(first[best], last[best])
+    return fit_line(
+        distance[window],
+        height[window],
+        float(height[window].min()),
+        float(height[window].max()),
     )
 
 
-def _best(windows: np.ndarray) -> int:
-    """Find the window with the largest slope or correlation; NoFlankError where all are walls or none rises."""
-    require_flank(not np.isnan(windows).all(), WALL)
-    require_flank(
-        np.any(windows > 0), "no stretch of the boundary rises towards the crest"
-    )
-    return int(np.nanargmax(windows))
+def _best_window(values: np.ndarray) -> int:
+    """Find the window with the largest slope or correlation (windows,).
+
+    NoFlankError if all windows are walls (NaN), or none rises.
+    """
+    if np.isnan(values).all():
+        raise NoFlankError(WALL)
+    if not np.any(values > 0):
+        raise NoFlankError("no stretch of the boundary rises towards the crest")
+    return int(np.nanargmax(values))
 
 
 def window_correlations(
     distance: np.ndarray, height: np.ndarray, first: np.ndarray, last: np.ndarray
 ) -> np.ndarray:
-    """Correlation (windows,) of distance and height of points first to last - 1, by running sums; NaN for a wall."""
-    n, spread_x, spread_z, product = _moments(
-        distance - distance.mean(), height - height.mean(), first, last
-    )
-    usable = (spread_x >= n * WALL_SD**2) & (spread_z > 0)
-    return np.where(
-        usable, product / np.sqrt(np.where(usable, spread_x * spread_z, 1.0)), np.nan
-    )
+    """Compute the correlation (windows,) of distance and height in each window.
+
+    A window has the points from `first` to `last` - 1. NaN stands for a wall.
+    """
+    x = distance - distance.mean()
+    z = height - height.mean()
+    moments = _window_moments(x, z, first, last)
+    is_usable = (moments.xx >= moments.n * WALL_SD**2) & (moments.zz > 0)
+    squared_norm = np.where(is_usable, moments.xx * moments.zz, 1.0)
+    return np.where(is_usable, moments.xz / np.sqrt(squared_norm), np.nan)
 
 
 def window_slopes(
     distance: np.ndarray, height: np.ndarray, lows: np.ndarray, highs: np.ndarray
 ) -> np.ndarray:
-    """Slope (windows,) of the regression line in each window of heights, by running sums; NaN if too few, or a wall."""
+    """Compute the slope (windows,) of the regression line in each window of heights.
+
+    NaN stands for a window with too few points, or a wall.
+    """
     order = np.argsort(height, kind="stable")
     first = np.searchsorted(height[order], lows, side="left")
     last = np.searchsorted(height[order], highs, side="right")
-    x, z = distance[order] - distance.mean(), height[order] - height.mean()
-    n, spread, _, product = _moments(x, z, first, last)
-    usable = (n >= MIN_LEVELS) & (spread >= n * WALL_SD**2)
-    return np.where(usable, product / np.where(usable, spread, 1.0), np.nan)
+    x = distance[order] - distance.mean()
+    z = height[order] - height.mean()
+    moments = _window_moments(x, z, first, last)
+    has_points = moments.n >= MIN_LEVELS
+    is_usable = has_points & (moments.xx >= moments.n * WALL_SD**2)
+    return np.where(
+        is_usable, moments.xz / np.where(is_usable, moments.xx, 1.0), np.nan
+    )
 
 
-def _moments(
+def _window_moments(
     x: np.ndarray, z: np.ndarray, first: np.ndarray, last: np.ndarray
-) -> tuple[np.ndarray, ...]:
-    """Count the points of each window, and sum x squared, z squared and x z about its means."""
+) -> _Moments:
+    """Compute the moments of the points `first` to `last` - 1 of each window.
+
+    Differences of running sums make it fast for many windows.
+    """
     sums = np.cumsum([x, z, x * x, z * z, x * z], axis=1)
     sums = np.concatenate([np.zeros((len(sums), 1)), sums], axis=1)
-    sum_x, sum_z, sum_xx, sum_zz, sum_xz = sums.take(last, axis=1) - sums.take(
-        first, axis=1
-    )
+    in_window = sums.take(last, axis=1) - sums.take(first, axis=1)
+    sum_x, sum_z, sum_xx, sum_zz, sum_xz = in_window
     n = np.maximum(last - first, 1)
-    return (
-        n,
-        sum_xx - sum_x * sum_x / n,
-        sum_zz - sum_z * sum_z / n,
-        sum_xz - sum_x * sum_z / n,
+    return _Moments(
+        n=n,
+        xx=sum_xx - sum_x * sum_x / n,
+        zz=sum_zz - sum_z * sum_z / n,
+        xz=sum_xz - sum_x * sum_z / n,
     )
 
 
-def fitted(distance: np.ndarray, height: np.ndarray, low: float, high: float) -> Line:
-    """Fit the line of height on distance, drawn from height `low` to height `high`."""
-    spread = distance - distance.mean() if distance.size else distance
-    require_flank(
-        distance.size >= MIN_LEVELS and spread @ spread >= distance.size * WALL_SD**2,
-        WALL,
-    )
-    slope = float(spread @ (height - height.mean()) / (spread @ spread))
-    require_flank(slope > 0, "the boundary does not rise towards the crest")
+def fit_line(distance: np.ndarray, height: np.ndarray, low: float, high: float) -> Line:
+    """Fit the line of height on distance, which ends at the heights `low` and `high`.
+
+    NoFlankError if the points are too few or a wall, or if the line does not rise.
+    """
+    if distance.size < MIN_LEVELS:
+        raise NoFlankError(WALL)
+    deviation = distance - distance.mean()
+    if deviation @ deviation < distance.size * WALL_SD**2:
+        raise NoFlankError(WALL)
+    slope = float(deviation @ (height - height.mean()) / (deviation @ deviation))
+    if slope <= 0:
+        raise NoFlankError("the boundary does not rise towards the crest")
     intercept = float(height.mean() - slope * distance.mean())
-    below, above = (((z - intercept) / slope, z) for z in (low, high))
-    return Line(math.degrees(math.atan(slope)), (below, above))
+    lower_end = ((low - intercept) / slope, low)
+    upper_end = ((high - intercept) / slope, high)
+    return Line(math.degrees(math.atan(slope)), (lower_end, upper_end))
 
 
-def secant(profile: np.ndarray, berry: float) -> Line:
-    """One side of the definition "secant": from the outermost place one grain high, on the plate, to the crest."""
-    crest, height = profile.size - 1, float(profile[-1])
-    require_flank(0 < berry < height, "the pile is not higher than one grain")
-    require_flank(profile[0] < berry, NO_FOOT)
-    place = float(outermost_crossing(profile, np.array([berry]))[0])
-    return Line(
-        math.degrees(math.atan2(height, crest - place)),
-        ((place, 0.0), (float(crest), height)),
-    )
+def fit_secant(profile: np.ndarray, grain: float) -> Line:
+    """Fit one side of the definition "secant": from the foot to the crest.
+
+    The foot lies on the plate, below the outermost place that is as high as a grain.
+    """
+    crest = profile.size - 1
+    height = float(profile[-1])
+    if not 0 < grain < height:
+        raise NoFlankError("the pile is not higher than one grain")
+    if profile[0] >= grain:
+        raise NoFlankError(NO_FOOT)
+    foot = float(outermost_crossing(profile, np.array([grain]))[0])
+    angle_deg = math.degrees(math.atan2(height, crest - foot))
+    return Line(angle_deg, ((foot, 0.0), (float(crest), height)))
 
 
 def secant_of_pile(left: Line, right: Line) -> float:
-    """Combine the secant of a pile in degrees from the lines of its two sides: atan(2 H / D), D = W_left + W_right."""
-    (foot_left, _), (crest_left, height) = left.ends
-    (foot_right, _), (crest_right, _) = right.ends
-    width = crest_left - foot_left + crest_right - foot_right
+    """Compute the secant of a pile in degrees from the lines of its two sides.
+
+    It is atan(2 H / D), where D is the sum of both widths.
+    """
+    (left_foot, _), (left_crest, height) = left.ends
+    (right_foot, _), (right_crest, _) = right.ends
+    width = left_crest - left_foot + right_crest - right_foot
     return math.degrees(math.atan2(2 * height, width))
 
 
 def measure_sides(
     profile: np.ndarray,
     crest: int,
-    how: "MeasureSettings",
+    settings: MeasureSettings,
     definitions: Sequence[str] = DEFINITIONS,
 ) -> Measured:
-    """Angle [deg], left and right line of a pile by definition, and the reasons for missing definitions."""
-    height, ends = float(profile[crest]), (how.fit_from, how.fit_to)
-    grain = (
-        math.nan
-        if how.berry_height_mm is None
-        else how.berry_height_mm / how.mm_per_pixel
-    )
-    low, high = (grain if isinstance(end, str) else end * height for end in ends)
-    line_of: dict[str, Callable[[np.ndarray], Line]] = {
-        "flank": lambda side: flank(side, low, high, how.flank),
-        "secant": lambda side: secant(side, grain),
-        "steepest": lambda side: steepest(side, low, high, how.flank),
-        "whole": whole,
-        "straightest": lambda side: straightest(side, how.smallest_window),
-    }
-    by_grain = ("secant", "flank", "steepest") if "berry" in ends else ("secant",)
-    measured, reasons = {}, {}
+    """Measure the angle of a pile by several definitions.
+
+    Parameters
+    ----------
+    profile : ndarray
+        Heights (W,) of both sides over the plate in pixels.
+    crest : int
+        The column that divides the sides.
+    settings : MeasureSettings
+        Settings of the lines.
+    definitions : sequence of str
+        Names of the definitions.
+
+    Returns
+    -------
+    tuple
+        The angles by definition, and the reasons why others could not be measured.
+    """
+    left_side = profile[: crest + 1]
+    right_side = profile[crest:][::-1]
+    measured = {}
+    reasons = {}
     for name in definitions:
         try:
-            require_flank(
-                not math.isnan(grain) or name not in by_grain,
-                "the grain's height is not known",
-            )
-            left, right = (
-                line_of[name](side)
-                for side in (profile[: crest + 1], profile[crest:][::-1])
-            )
+            left = _fit_side(left_side, name, settings)
+            right = _fit_side(right_side, name, settings)
         except NoFlankError as error:
             reasons[name] = error.reason
             continue
-        mean = 0.5 * (left.angle_deg + right.angle_deg)
-        measured[name] = (
-            secant_of_pile(left, right) if name == "secant" else mean,
-            left,
-            right,
-        )
+        if name == "secant":
+            angle_deg = secant_of_pile(left, right)
+        else:
+            angle_deg = 0.5 * (left.angle_deg + right.angle_deg)
+        measured[name] = PileAngle(angle_deg, left, right)
     return measured, reasons
+
+
+def _fit_side(side: np.ndarray, definition: str, settings: MeasureSettings) -> Line:
+    """Fit the line of one side by a definition, or raise NoFlankError."""
+    if definition == "whole":
+        return fit_whole_side(side)
+    if definition == "straightest":
+        return fit_straightest(side, settings.smallest_window)
+    if definition == "secant":
+        return fit_secant(side, _grain_height_px(settings))
+    height = float(side[-1])
+    low = _height_of_end(settings.fit_from, height, settings)
+    high = _height_of_end(settings.fit_to, height, settings)
+    if definition == "flank":
+        return fit_flank(side, low, high, settings.flank)
+    if definition == "steepest":
+        return fit_steepest(side, low, high, settings.flank)
+    raise ValueError(f"no definition of the angle is named {definition}")
+
+
+def _height_of_end(end: float | str, height: float, settings: MeasureSettings) -> float:
+    """Compute the height of an end of the flank in pixels, from that of the crest."""
+    if end == ONE_GRAIN:
+        return _grain_height_px(settings)
+    return float(end) * height
+
+
+def _grain_height_px(settings: MeasureSettings) -> float:
+    """Compute a grain's height in pixels; NoFlankError if it is unknown."""
+    if settings.berry_height_mm is None:
+        raise NoFlankError("the grain's height is not known")
+    return settings.berry_height_mm / settings.mm_per_pixel

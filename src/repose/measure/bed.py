@@ -1,7 +1,8 @@
-"""Measurements of a bed in a drum that turns about the y axis: its surface, its first slip, the slipping layer.
+"""Measurements of a bed in a drum: its surface, its first slip, the slipping layer.
 
-The drum carries the bed towards +x; seen along y, x points right and z up, and the origin lies on the axis. The drum's
-frame turns with it, so a bed that turns as a solid with the drum is at rest there.
+The drum turns about the y axis and carries the bed towards +x. Seen along y, x points
+right and z up; the origin lies on the axis. The drum's frame turns with the drum, so a
+bed that turns with it as a solid is at rest there.
 """
 
 import math
@@ -15,73 +16,112 @@ from repose.dem.rotations import rotation_matrices
 from repose.measure import silhouette
 from repose.measure.pile import equivalent_diameter
 
-SMALLEST_FIT = 8  # pixel columns that a line needs
+MIN_COLUMNS = 8  # pixel columns that a line needs
 
 
 @dataclass(frozen=True)
 class Surface:
-    """Upper edge of the bed in the side view along the axis, and the line through its middle."""
+    """Upper edge of the bed in the side view along the axis, and a line through it.
 
-    angle_deg: float  # of the line; positive if the bed is higher on the side to which the drum carries it
-    profile_m: np.ndarray  # (M, 2), x and z of the edge, one row per pixel column
-    line_m: np.ndarray  # (2, 2), x and z of the line's two ends
+    Attributes
+    ----------
+    angle_deg : float
+        Angle of the line; positive if the bed is higher on the side to which the drum
+        carries it.
+    profile_m : ndarray
+        x and z (M, 2) of the edge, a row for each pixel column.
+    line_m : ndarray
+        x and z (2, 2) of the line's two ends.
+    """
+
+    angle_deg: float
+    profile_m: np.ndarray
+    line_m: np.ndarray
 
 
 @dataclass(frozen=True)
 class Slip:
-    """Row numbers of a slip in the record, from `find_slip`."""
+    """Rows of a slip in the record of a turning drum, from `find_slip`.
 
-    begins: int  # row of the highest angle
-    judged: int  # row at which the angle has fallen far enough
-    ends: int  # row at which the bed is calm again
+    Attributes
+    ----------
+    begins : int
+        Row of the highest angle.
+    judged : int
+        Row at which the angle has fallen by enough to count as a slip.
+    ends : int
+        Row at which the bed is calm again.
+    """
+
+    begins: int
+    judged: int
+    ends: int
 
 
 def surface_of(
     filled: np.ndarray, radius_m: float, mm_per_pixel: float, fit_share: float
 ) -> Surface:
-    """Surface of a bed that covers pixels (H, W) of the drum's section; the line goes through the middle of its width.
+    """Find the surface of a bed and fit a line through its middle part.
 
-    The ends of the width are left out, since the wall lifts grains there.
+    Parameters
+    ----------
+    filled : ndarray
+        The pixels (H, W) of the drum's section that the bed covers.
+    radius_m : float
+        Inner radius of the drum.
+    mm_per_pixel : float
+        Scale of the picture.
+    fit_share : float
+        Share of the surface's width that is fitted; the wall lifts grains at its ends.
+
+    Raises
+    ------
+    ValueError
+        If the bed is too narrow.
     """
     columns = np.flatnonzero(filled.any(axis=0))
     pixel_m = 1e-3 * mm_per_pixel
     x = (columns + 0.5) * pixel_m - radius_m
     z = (len(filled) - filled.argmax(axis=0)[columns]) * pixel_m - radius_m
-    middle = (
-        np.abs(x - 0.5 * (x.min() + x.max())) <= 0.5 * fit_share * np.ptp(x)
-        if len(x)
-        else []
-    )
-    if np.count_nonzero(middle) < SMALLEST_FIT:
+    is_fitted = np.zeros(len(x), dtype=bool)
+    if len(x) > 0:
+        middle = 0.5 * (x.min() + x.max())
+        is_fitted = np.abs(x - middle) <= 0.5 * fit_share * np.ptp(x)
+    if np.count_nonzero(is_fitted) < MIN_COLUMNS:
         raise ValueError(
-            f"the bed is {len(x)} pixels wide; expected {SMALLEST_FIT} in the part that is fitted"
+            f"the bed is {len(x)} pixels wide; expected {MIN_COLUMNS} in the part that "
+            "is fitted"
         )
-    slope, height = np.polyfit(x[middle], z[middle], 1)
-    ends = x[middle][[0, -1]]
-    line = np.column_stack([ends, slope * ends + height])
-    return Surface(math.degrees(math.atan(slope)), np.column_stack([x, z]), line)
+    slope, intercept = np.polyfit(x[is_fitted], z[is_fitted], 1)
+    ends = x[is_fitted][[0, -1]]
+    return Surface(
+        angle_deg=math.degrees(math.atan(slope)),
+        profile_m=np.column_stack([x, z]),
+        line_m=np.column_stack([ends, slope * ends + intercept]),
+    )
 
 
 def side_view(
     grains: silhouette.Grains, radius_m: float, mm_per_pixel: float
 ) -> np.ndarray:
-    """Mark the pixels (H, W) of the section of a drum of inner radius `radius_m` that grains cover along the axis."""
-    lifted = replace(
-        grains, centres_m=grains.centres_m + np.array([0.0, 0.0, radius_m])
-    )
-    image = silhouette.silhouette(
-        lifted, 0.0, mm_per_pixel, (-radius_m, radius_m, 2.0 * radius_m)
-    )
+    """Mark the pixels (H, W) of a drum's section that grains cover, along the axis.
+
+    `radius_m` is the drum's inner radius.
+    """
+    # Silhouettes begin at z = 0, here the drum's lowest point.
+    lift = np.array([0.0, 0.0, radius_m])
+    lifted = replace(grains, centres_m=grains.centres_m + lift)
+    section = silhouette.Extent(left=-radius_m, right=radius_m, top=2.0 * radius_m)
+    image = silhouette.silhouette(lifted, 0.0, mm_per_pixel, section)
     return image == silhouette.PILE_TONE
 
 
 def occupied_share(
     frames: Iterable[silhouette.Grains], radius_m: float, mm_per_pixel: float
 ) -> np.ndarray:
-    """Share (H, W) of frames in which the bed covers a pixel, seen along the axis."""
-    return np.mean(
-        [side_view(grains, radius_m, mm_per_pixel) for grains in frames], axis=0
-    )
+    """Compute the share (H, W) of frames in which the bed covers a pixel."""
+    views = [side_view(grains, radius_m, mm_per_pixel) for grains in frames]
+    return np.mean(views, axis=0)
 
 
 def surface_heights(
@@ -91,33 +131,59 @@ def surface_heights(
     radius_m: float,
     mm_per_pixel: float,
 ) -> np.ndarray:
-    """Heights (M,) [m] over the axis at which `occupied` (H, W) falls to a share `covered`, or of the drum's wall."""
+    """Compute the heights over the axis at which the occupied share falls to a value.
+
+    Parameters
+    ----------
+    occupied : ndarray
+        Share (H, W) of frames in which the bed covers a pixel.
+    covered : float
+        The value to which the share falls.
+    x_m : ndarray
+        Places (M,) of the heights.
+    radius_m : float
+        Inner radius of the drum.
+    mm_per_pixel : float
+        Scale of the picture.
+
+    Returns
+    -------
+    ndarray
+        Heights (M,) in m; those of the drum's wall where there is no bed.
+    """
     pixel_m = 1e-3 * mm_per_pixel
     rows, columns = occupied.shape
-    places = (np.arange(columns) + 0.5) * pixel_m - radius_m
-    first, there = (
-        (occupied >= covered).argmax(axis=0),
-        (occupied >= covered).any(axis=0),
-    )
-    inside = occupied[first, np.arange(columns)]
-    above = np.where(first > 0, occupied[first - 1, np.arange(columns)], 0.0)
-    # the middle of row k lies k + 1/2 pixels below the upper border
-    depth = first + 0.5 - (inside - covered) / np.where(there, inside - above, 1.0)
-    wall = -np.sqrt(np.maximum(radius_m**2 - places**2, 0.0))
-    return np.interp(
-        x_m, places, np.where(there, (rows - depth) * pixel_m - radius_m, wall)
-    )
+    column = np.arange(columns)
+    x_of_columns = (column + 0.5) * pixel_m - radius_m
+    is_covered = occupied >= covered
+    first = is_covered.argmax(axis=0)
+    has_bed = is_covered.any(axis=0)
+
+    # Interpolate between the first covered pixel and the one above it. The middle of
+    # row k lies k + 1/2 pixels below the upper border.
+    inner = occupied[first, column]
+    outer = np.where(first > 0, occupied[first - 1, column], 0.0)
+    depth = first + 0.5 - (inner - covered) / np.where(has_bed, inner - outer, 1.0)
+    surface = (rows - depth) * pixel_m - radius_m
+    wall = -np.sqrt(np.maximum(radius_m**2 - x_of_columns**2, 0.0))
+    return np.interp(x_m, x_of_columns, np.where(has_bed, surface, wall))
 
 
 def to_drum_frame(centres_m: np.ndarray, turned_rad: float) -> np.ndarray:
-    """Positions (..., 3) in the frame of a drum that has turned by an angle."""
-    cos, sin = math.cos(turned_rad), math.sin(turned_rad)
-    x, z = centres_m[..., 0], centres_m[..., 2]
-    return np.stack([cos * x + sin * z, centres_m[..., 1], cos * z - sin * x], axis=-1)
+    """Compute positions (..., 3) in the frame of a drum that has turned by an angle."""
+    cos = math.cos(turned_rad)
+    sin = math.sin(turned_rad)
+    x = centres_m[..., 0]
+    y = centres_m[..., 1]
+    z = centres_m[..., 2]
+    return np.stack([cos * x + sin * z, y, cos * z - sin * x], axis=-1)
 
 
 def bed_angle(centres_m: np.ndarray) -> float:
-    """Angle of the bed's centre of mass about the axis in degrees, from straight down towards +x."""
+    """Compute the angle of the bed's centre of mass about the axis in degrees.
+
+    It is counted from straight down towards +x.
+    """
     x, _, z = np.mean(centres_m, axis=0)
     return math.degrees(math.atan2(x, -z))
 
@@ -128,68 +194,126 @@ def relative_energy(
     turning_rad_s: np.ndarray,
     frame_rad_s: np.ndarray,
 ) -> float:
-    """Mean kinetic energy of a grain [J], translation and rotation, in a frame that turns about the origin."""
-    particle: Any = grains.particle  # with mass and moments
-    drift = velocities_m_s - np.cross(frame_rad_s, grains.centres_m)
-    spin = np.einsum(
-        "nij,ni->nj", rotation_matrices(grains.quaternions), turning_rad_s - frame_rad_s
-    )
-    energy = grains.scales**3 * particle.mass_kg * np.sum(drift**2, axis=1)
-    energy += grains.scales**5 * (spin**2 @ particle.inertia_kg_m2)
-    return 0.5 * float(energy.mean())
+    """Compute the mean kinetic energy of a grain [J] in a turning frame.
+
+    It is that of translation and rotation.
+
+    Parameters
+    ----------
+    grains : silhouette.Grains
+        The grains; their particle has a mass and moments of inertia.
+    velocities_m_s, turning_rad_s : ndarray
+        Velocities and angular velocities (N, 3) in the frame at rest.
+    frame_rad_s : ndarray
+        Angular velocity (3,) of the frame, which turns about the origin.
+    """
+    particle: Any = grains.particle
+    scales = grains.scales
+    velocity = velocities_m_s - np.cross(frame_rad_s, grains.centres_m)
+    # Angular velocity in the body's frame, where the moments are known
+    rotations = rotation_matrices(grains.quaternions)
+    spin = np.einsum("nij,ni->nj", rotations, turning_rad_s - frame_rad_s)
+    twice_energy = scales**3 * particle.mass_kg * np.sum(velocity**2, axis=1)
+    twice_energy += scales**5 * (spin**2 @ particle.inertia_kg_m2)
+    return 0.5 * float(twice_energy.mean())
 
 
 def find_slip(
     bed_deg: np.ndarray, energy_j: np.ndarray, drop_deg: float, calm_energy_j: float
 ) -> Slip | None:
-    """First slip in a record (T,) of the bed's angle and its energy in the drum's frame; None without a slip.
+    """Find the first slip in the record of a turning drum.
 
-    The angle is that of the centre of mass: a few rolling grains change the angle of the surface by more than a
-    degree, but not this one.
+    Parameters
+    ----------
+    bed_deg : ndarray
+        Angle (T,) of the bed's centre of mass. Unlike the angle of the surface, it does
+        not change by more than a degree with a few rolling grains.
+    energy_j : ndarray
+        Energy (T,) of a grain in the drum's frame.
+    drop_deg : float
+        Drop from the highest angle that counts as a slip.
+    calm_energy_j : float
+        The slip ends at the first energy below this one, or at the end of the record.
+
+    Returns
+    -------
+    Slip or None
+        None without a slip.
     """
-    bed = np.asarray(bed_deg, float)
-    fallen = np.flatnonzero(np.maximum.accumulate(bed) - bed >= drop_deg)
-    if not len(fallen):
+    angle = np.asarray(bed_deg, float)
+    drop = np.maximum.accumulate(angle) - angle
+    dropped = np.flatnonzero(drop >= drop_deg)
+    if len(dropped) == 0:
         return None
-    judged = int(fallen[0])
+    judged = int(dropped[0])
     calm = np.flatnonzero(np.asarray(energy_j)[judged:] < calm_energy_j)
-    ends = judged + int(calm[0]) if len(calm) else len(bed) - 1
-    return Slip(int(np.argmax(bed[: judged + 1])), judged, ends)
+    if len(calm) > 0:
+        ends = judged + int(calm[0])
+    else:
+        ends = len(angle) - 1
+    begins = int(np.argmax(angle[: judged + 1]))
+    return Slip(begins=begins, judged=judged, ends=ends)
 
 
 def slip_displacement(
     before_m: np.ndarray, after_m: np.ndarray, turned_rad: float, surface: Surface
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Depth of each grain below the surface before the slip, and its motion down along the surface, both in m."""
+    """Compute how far grains at each depth slipped down along the surface.
+
+    Parameters
+    ----------
+    before_m, after_m : ndarray
+        Positions (N, 3) of the grains before and after the slip.
+    turned_rad : float
+        Angle by which the drum turned in between.
+    surface : Surface
+        The surface before the slip.
+
+    Returns
+    -------
+    tuple
+        Depth (N,) of each grain below the surface before the slip, and its motion (N,)
+        down along the surface, both in m; NaN beyond the ends of the surface's line.
+    """
     (x0, z0), (x1, _) = surface.line_m
     slope = math.radians(surface.angle_deg)
-    along, up = (
-        np.array([math.cos(slope), math.sin(slope)]),
-        np.array([-math.sin(slope), math.cos(slope)]),
-    )
-    place = before_m[:, ::2] - (x0, z0)
-    reach, depth = place @ along, -(place @ up)
-    moved = -(to_drum_frame(after_m, turned_rad) - before_m)[:, ::2] @ along
-    outside = (reach < 0.0) | (reach > (x1 - x0) / math.cos(slope))
-    return np.where(outside, np.nan, depth), np.where(outside, np.nan, moved)
+    along = np.array([math.cos(slope), math.sin(slope)])
+    normal = np.array([-math.sin(slope), math.cos(slope)])
+    position = before_m[:, ::2] - (x0, z0)
+    distance = position @ along
+    depth = -(position @ normal)
+    displacement = to_drum_frame(after_m, turned_rad) - before_m
+    motion = -displacement[:, ::2] @ along
+    is_beyond = (distance < 0.0) | (distance > (x1 - x0) / math.cos(slope))
+    return np.where(is_beyond, np.nan, depth), np.where(is_beyond, np.nan, motion)
 
 
 def depth_profile(depth_m: np.ndarray, moved_m: np.ndarray, bin_m: float) -> np.ndarray:
-    """Motion of the grains by depth, from `slip_displacement`, one row per bin."""
+    """Summarise the motion of grains by depth, both from `slip_displacement`.
+
+    Returns
+    -------
+    ndarray
+        For each bin with grains (bins, 4): depth of its middle, mean and standard
+        deviation of the motion, number of grains.
+    """
     known = np.isfinite(depth_m)
+    motion = moved_m[known]
     bins = np.floor(depth_m[known] / bin_m).astype(int)
     rows = []
-    for k in np.unique(bins):
-        here = moved_m[known][bins == k]
-        rows.append(((k + 0.5) * bin_m, here.mean(), here.std(), len(here)))
+    for index in np.unique(bins):
+        in_bin = motion[bins == index]
+        middle = (index + 0.5) * bin_m
+        rows.append((middle, in_bin.mean(), in_bin.std(), len(in_bin)))
     return np.array(rows).reshape(-1, 4)
 
 
 def moved_share(moved_m: np.ndarray, particle: silhouette.ConvexBody) -> float:
-    """Share of grains, 0 to 1, that moved by more than the equivalent diameter; NaN does not count."""
+    """Compute the share of grains that moved by more than the equivalent diameter.
+
+    A motion of NaN does not count; without any other the share is 0.
+    """
     known = moved_m[np.isfinite(moved_m)]
-    return (
-        float(np.mean(np.abs(known) > equivalent_diameter(particle)))
-        if len(known)
-        else 0.0
-    )
+    if len(known) == 0:
+        return 0.0
+    return float(np.mean(np.abs(known) > equivalent_diameter(particle)))

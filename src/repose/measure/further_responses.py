@@ -1,37 +1,48 @@
 """More responses of an existing pile, measured on saved pours.
 
-From the mean silhouette: R(z), half the pile's width at the height z, from outermost boundary to outermost boundary,
-mean of all views. b is the height of a grain and H the Height.
+Four of them come from the mean silhouette. R(z) is half the pile's width at the height
+z, from outermost boundary to outermost boundary, as the mean of all views; b is the
+height of a grain and H the Height.
 
-base_radius_mm   R(b)
-lower_deg        slope of the lower flank, from b to H / 2:      atan((H / 2 - b) / (R(b) - R(H / 2)))
-upper_deg        slope of the upper flank, from H / 2 to 0.8 H
-packing_percent  volume of the pile's grains over that of the body of revolution, pi R^2 dz; a balance gives the first
+base_radius_mm
+    R(b)
+lower_deg
+    Slope of the lower flank, from b to H / 2: atan((H / 2 - b) / (R(b) - R(H / 2))).
+upper_deg
+    Slope of the upper flank, from H / 2 to 0.8 H.
+packing_percent
+    Volume of the pile's grains over that of the body of revolution, the integral of
+    pi R^2 dz. A balance gives the first.
 
-From above, with all grains on the plate:
-radius_90_mm     radius about the funnel's axis that holds 90 % of the grains, by their centres
-loose_percent    share of the grains that does not touch the pile
+Two come from above, with all grains on the plate.
 
-`discharge_s` comes with the pour. The angle of repose by its other definitions comes with the runs (`angles`).
+radius_90_mm
+    Radius about the funnel's axis that holds 90 % of the grains, by their centres.
+loose_percent
+    Share of the grains that do not touch the pile.
+
+`discharge_s` comes with the pour. The angle of repose by its other definitions comes
+with the runs (`angles`).
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from repose.calibrate.responses import responses_of
-from repose.common.errors import require_flank
+from repose.common.errors import NoFlankError
 from repose.grain.particle import Particle
 from repose.measure import pile
-from repose.measure.angles import CALIBRATED_ANGLE, MEAN_KEYS
+from repose.measure.definitions import (  # noqa: F401 (imported from here elsewhere)
+    CALIBRATED_ANGLE,
+)
 from repose.measure.profile_points import outermost_crossing
 from repose.measure.saved_pours import Arrays
 from repose.measure.settings import MeasureSettings
 from repose.measure.silhouette import Grains
 
-BENCH = "funnel"
+BENCH = "funnel"  # the bench test whose piles have these responses
 MEASURED = (
     "base_radius_mm",
     "lower_deg",
@@ -40,33 +51,37 @@ MEASURED = (
     "radius_90_mm",
     "loose_percent",
 )
-HALF, UPPER, HELD = 0.5, 0.8, 0.9
-LEVELS = 200  # heights at which the silhouette's width is taken for the volume
-
-
-def offered(targets: Iterable[str], definition: str) -> tuple[str, ...]:
-    """Further responses that an experimenter could measure on the same pile, in the registry's order."""
-    targeted = {CALIBRATED_ANGLE, *targets}
-    if CALIBRATED_ANGLE in targets:
-        targeted.add(MEAN_KEYS[definition])
-    return tuple(
-        response.name
-        for response in responses_of(BENCH)
-        if response.name not in targeted
-    )
+# Borders of the flanks, in shares of the Height
+LOWER_FLANK_TO = 0.5
+UPPER_FLANK_TO = 0.8
+SCATTER_SHARE = 0.9  # of the grains, within `radius_90_mm`
+N_LEVELS = 200  # heights at which the silhouette's width is measured for the volume
 
 
 def mean_half_width(
     profiles: Sequence[np.ndarray], mm_per_pixel: float, levels_mm: ArrayLike
 ) -> np.ndarray:
-    """Half the width of silhouettes in mm at heights over the plate, mean over the views."""
+    """Compute half the width of silhouettes in mm, as the mean over the views.
+
+    Parameters
+    ----------
+    profiles : sequence of ndarray
+        For each view the heights over the plate of all columns in pixels.
+    mm_per_pixel : float
+        Scale of the views.
+    levels_mm : array_like
+        Heights (N,) over the plate. A view that does not reach a height has the width 0
+        there.
+    """
     levels = np.asarray(levels_mm, dtype=float) / mm_per_pixel
     total = np.zeros(len(levels))
     for profile in profiles:
-        seen = levels < profile.max()
-        left = outermost_crossing(profile, levels[seen])
-        right = len(profile) - 1 - outermost_crossing(profile[::-1], levels[seen])
-        total[seen] += 0.5 * (right - left)
+        is_reached = levels < profile.max()
+        reached_levels = levels[is_reached]
+        last_column = len(profile) - 1
+        left = outermost_crossing(profile, reached_levels)
+        right = last_column - outermost_crossing(profile[::-1], reached_levels)
+        total[is_reached] += 0.5 * (right - left)
     return total / len(profiles) * mm_per_pixel
 
 
@@ -74,62 +89,108 @@ def of_profile(
     profiles: Sequence[np.ndarray],
     mm_per_pixel: float,
     height_mm: float,
-    berry_mm: float,
-    berries_mm3: float,
+    grain_mm: float,
+    grains_mm3: float,
 ) -> dict[str, float]:
-    """Measure the four responses of the mean silhouette by name; `berries_mm3` is the volume of all grains."""
-    require_flank(
-        HALF * height_mm > berry_mm,
-        f"half of {height_mm:.1f} mm is not above a grain, {berry_mm:.1f} mm",
+    """Measure the four responses of the mean silhouette.
+
+    Parameters
+    ----------
+    profiles : sequence of ndarray
+        For each view the heights over the plate of all columns in pixels.
+    mm_per_pixel : float
+        Scale of the views.
+    height_mm : float
+        Height of the pile.
+    grain_mm : float
+        Height of a grain.
+    grains_mm3 : float
+        Volume of all grains.
+
+    Returns
+    -------
+    dict
+        The responses by name.
+
+    Raises
+    ------
+    NoFlankError
+        If half of the pile is not higher than a grain.
+    """
+    middle_mm = LOWER_FLANK_TO * height_mm
+    if middle_mm <= grain_mm:
+        raise NoFlankError(
+            f"half of {height_mm:.1f} mm is not above a grain, {grain_mm:.1f} mm"
+        )
+    upper_mm = UPPER_FLANK_TO * height_mm
+    base_radius, middle_radius, upper_radius = mean_half_width(
+        profiles, mm_per_pixel, [grain_mm, middle_mm, upper_mm]
     )
-    marks = np.array([berry_mm, HALF * height_mm, UPPER * height_mm])
-    base, half, upper = mean_half_width(profiles, mm_per_pixel, marks)
-    step = height_mm / LEVELS
-    widths = mean_half_width(profiles, mm_per_pixel, step * (np.arange(LEVELS) + 0.5))
+    step_mm = height_mm / N_LEVELS
+    middles_mm = step_mm * (np.arange(N_LEVELS) + 0.5)
+    radii = mean_half_width(profiles, mm_per_pixel, middles_mm)
+    volume_mm3 = math.pi * step_mm * (radii**2).sum()
+    lower_slope = math.atan2(middle_mm - grain_mm, base_radius - middle_radius)
+    upper_slope = math.atan2(upper_mm - middle_mm, middle_radius - upper_radius)
     return {
-        "base_radius_mm": float(base),
-        "lower_deg": math.degrees(math.atan2(marks[1] - marks[0], base - half)),
-        "upper_deg": math.degrees(math.atan2(marks[2] - marks[1], half - upper)),
-        "packing_percent": float(
-            100 * berries_mm3 / (math.pi * step * (widths**2).sum())
-        ),
+        "base_radius_mm": float(base_radius),
+        "lower_deg": math.degrees(lower_slope),
+        "upper_deg": math.degrees(upper_slope),
+        "packing_percent": float(100 * grains_mm3 / volume_mm3),
     }
 
 
 def of_scatter(
     centres_m: np.ndarray, in_pile: ArrayLike, on_plate_mm: float
 ) -> dict[str, float]:
-    """``radius_90_mm`` and ``loose_percent`` of the grains over the plate of radius `on_plate_mm`."""
-    distance = 1e3 * np.hypot(centres_m[:, 0], centres_m[:, 1])
-    there = (distance <= on_plate_mm) & (centres_m[:, 2] > 0)
-    require_flank(there.any(), "no grain lies on the plate")
-    loose = (
-        100
-        * np.count_nonzero(there & ~np.asarray(in_pile, bool))
-        / np.count_nonzero(there)
-    )
+    """Measure ``radius_90_mm`` and ``loose_percent``.
+
+    Parameters
+    ----------
+    centres_m : ndarray
+        Positions (N, 3) of all grains.
+    in_pile : array_like
+        Mask (N,) of the grains that touch the pile.
+    on_plate_mm : float
+        Radius of the plate.
+
+    Raises
+    ------
+    NoFlankError
+        If no grain lies on the plate.
+    """
+    distance_mm = 1e3 * np.hypot(centres_m[:, 0], centres_m[:, 1])
+    is_on_plate = (distance_mm <= on_plate_mm) & (centres_m[:, 2] > 0)
+    if not is_on_plate.any():
+        raise NoFlankError("no grain lies on the plate")
+    is_loose = is_on_plate & ~np.asarray(in_pile, bool)
+    loose_percent = 100 * np.count_nonzero(is_loose) / np.count_nonzero(is_on_plate)
     return {
-        "radius_90_mm": float(np.quantile(distance[there], HELD)),
-        "loose_percent": float(loose),
+        "radius_90_mm": float(np.quantile(distance_mm[is_on_plate], SCATTER_SHARE)),
+        "loose_percent": float(loose_percent),
     }
 
 
 def of_pour(
     arrays: Arrays, particle: Particle, settings: MeasureSettings, plate_mm: float
 ) -> dict[str, float]:
-    """All responses of `MEASURED` of one pour, by name."""
+    """Measure all responses of `MEASURED` of one pour.
+
+    The arguments are those of `repose.measure.saved_piles.pile_responses`. Raises
+    NoFlankError if there is no pile.
+    """
     settings = pile.with_berry_height(settings, particle)
     assert settings.berry_height_mm is not None
-    grains, members = Grains.of(arrays, particle), arrays["in_pile"]
+    grains = Grains.of(arrays, particle)
+    members = arrays["in_pile"]
     height_m, views = pile.pile_views(grains, settings, members)
     profiles = [pile.profile_of(view)[0] for view in views]
-    sizes = grains.scales[members] if settings.largest_pile_only else grains.scales
-    volume = 1e9 * particle.volume_m3 * float((sizes**3).sum())
-    responses = of_profile(
+    scales = grains.scales[members] if settings.largest_pile_only else grains.scales
+    of_silhouettes = of_profile(
         profiles,
-        settings.mm_per_pixel,
-        1e3 * height_m,
-        settings.berry_height_mm,
-        volume,
+        mm_per_pixel=settings.mm_per_pixel,
+        height_mm=1e3 * height_m,
+        grain_mm=settings.berry_height_mm,
+        grains_mm3=1e9 * particle.volume_m3 * float((scales**3).sum()),
     )
-    return responses | of_scatter(grains.centres_m, members, plate_mm / 2)
+    return of_silhouettes | of_scatter(grains.centres_m, members, plate_mm / 2)

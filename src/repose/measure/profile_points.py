@@ -1,75 +1,89 @@
 """Points of a pile's boundary for the line along a flank.
 
-A profile is one side of a pile, as in `repose.measure.angles`. On a lumpy boundary a rule selects the points;
-`FLANK_RULES` names the rules, and a new rule is added there:
+A profile is one side of a pile, as in `repose.measure.angles`. On a lumpy boundary a
+rule selects the points; `FLANK_RULES` names the rules, and a new rule is added there:
 
 levels
-    at every height the middle of the outermost and the innermost place where the boundary crosses it. The
-    heights are not scattered, so the ends of the band do not bias the line.
+    At every height the middle of the outermost and the innermost place where the
+    boundary crosses it. The heights do not scatter, so the ends of the band do not bias
+    the line.
 rows
-    only the outermost crossing.
+    The outermost crossing only.
 columns
-    the top of every pixel column that lies in the band: the plain reading of a linear fit to the boundary.
-    Lumps cut off at the ends of the band, and the regression on a scattered distance, both flatten the line.
+    The top of every pixel column that lies in the band: the plain reading of a linear
+    fit to the boundary. Lumps cut off at the ends of the band, and the regression on a
+    scattered distance, both flatten the line.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from repose.common.errors import NoFlankError, require_flank
+from repose.common.errors import NoFlankError
 
-MIN_LEVELS = 12  # pixel rows in the band: fewer carry no angle
-NO_FOOT = "the pile runs out of the picture sideways, or the background is not plain: its foot is not seen"
+MIN_LEVELS = 12  # pixel rows in the band: fewer do not determine an angle
+NO_FOOT = (
+    "the pile runs out of the picture sideways, or the background is not plain: its "
+    "foot is not seen"
+)
 
-Points = tuple[np.ndarray, np.ndarray]
+
+class Points(NamedTuple):
+    """Points of one side, in pixels."""
+
+    distance: np.ndarray  # (N,), from the beginning of the profile
+    height: np.ndarray  # (N,), over the plate
 
 
 def levels_between(low: float, high: float) -> np.ndarray:
-    """Whole heights in pixels inside a band, rising; may be empty."""
+    """List the whole heights in pixels inside a band, rising; may be empty."""
     return np.arange(math.ceil(low), math.floor(high) + 1, dtype=float)
 
 
 def crossing(profile: np.ndarray, index: np.ndarray, heights: np.ndarray) -> np.ndarray:
-    """Columns at which a profile rises through some heights, by linear interpolation."""
-    before, after = profile[index - 1], profile[index]
+    """Interpolate where a profile crosses heights (N,) just before columns `index`."""
+    before = profile[index - 1]
+    after = profile[index]
     return index - (after - heights) / (after - before)
 
 
 def outermost_crossing(profile: np.ndarray, heights: np.ndarray) -> np.ndarray:
-    """Column, between pixels, at which the profile first reaches each height, from the foot inwards."""
-    return crossing(
-        profile, np.searchsorted(np.maximum.accumulate(profile), heights), heights
-    )
+    """Find where a profile first reaches each height (N,), from the foot inwards.
+
+    The results lie between pixel columns.
+    """
+    highest_so_far = np.maximum.accumulate(profile)
+    return crossing(profile, np.searchsorted(highest_so_far, heights), heights)
 
 
 def innermost_crossing(profile: np.ndarray, heights: np.ndarray) -> np.ndarray:
-    """Column, between pixels, at which the profile last rises through each height, from the foot inwards."""
-    return crossing(
-        profile,
-        np.searchsorted(np.minimum.accumulate(profile[::-1])[::-1], heights),
-        heights,
-    )
+    """Find where a profile last rises through each height (N,), from the foot inwards.
+
+    The results lie between pixel columns.
+    """
+    lowest_from_here = np.minimum.accumulate(profile[::-1])[::-1]
+    return crossing(profile, np.searchsorted(lowest_from_here, heights), heights)
 
 
 def points_by_levels(profile: np.ndarray, low: float, high: float) -> Points:
-    """Rule "levels": the middle of outermost and innermost crossing of each height."""
+    """Select by rule "levels": the middle of both crossings of each height."""
     heights = levels_between(low, high)
-    return 0.5 * (
-        outermost_crossing(profile, heights) + innermost_crossing(profile, heights)
-    ), heights
+    outermost = outermost_crossing(profile, heights)
+    innermost = innermost_crossing(profile, heights)
+    return Points(0.5 * (outermost + innermost), heights)
 
 
 def points_by_rows(profile: np.ndarray, low: float, high: float) -> Points:
-    """Rule "rows": the outermost crossing of each height."""
+    """Select by rule "rows": the outermost crossing of each height."""
     heights = levels_between(low, high)
-    return outermost_crossing(profile, heights), heights
+    return Points(outermost_crossing(profile, heights), heights)
 
 
 def points_by_columns(profile: np.ndarray, low: float, high: float) -> Points:
-    """Rule "columns": the column tops inside the band."""
-    distance = np.flatnonzero((profile >= low) & (profile <= high))
-    return distance.astype(float), profile[distance]
+    """Select by rule "columns": the tops of the columns inside the band."""
+    columns = np.flatnonzero((profile >= low) & (profile <= high))
+    return Points(columns.astype(float), profile[columns])
 
 
 FLANK_RULES = {
@@ -80,10 +94,14 @@ FLANK_RULES = {
 
 
 def points_between(profile: np.ndarray, low: float, high: float, rule: str) -> Points:
-    """Points of one side inside a band, by a rule of `FLANK_RULES`: distances and heights in pixels."""
+    """Select the points of one side inside a band, by a rule of `FLANK_RULES`.
+
+    NoFlankError if the band is too low, or begins below the profile's first column.
+    """
     if levels_between(low, high).size < MIN_LEVELS:
         raise NoFlankError(
             f"the flank is only {high - low:.0f} pixels high, {MIN_LEVELS} are needed"
         )
-    require_flank(profile[0] < low, NO_FOOT)
+    if profile[0] >= low:
+        raise NoFlankError(NO_FOOT)
     return FLANK_RULES[rule](profile, low, high)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from repose.measure.angles import DEFINITIONS, MEAN_KEYS, VIEW_KEYS
+from repose.measure.definitions import DEFINITIONS, MEAN_KEYS, VIEW_KEYS
 
 
 @dataclass(frozen=True)
@@ -14,7 +14,7 @@ class Angle:
     left_deg: float
     right_deg: float
     aor_deg: float  # of the pile
-    lines: tuple  # (left, right), each ((column, row) below, (column, row) above)
+    lines: tuple  # left and right, each of a lower and an upper end (column, row)
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Measurement:
     reasons: dict  # why the other definitions could not be measured
     height_mm: float  # of the highest point over the plate
     base_row: float  # row of the plate
-    top: tuple  # (column, row) of the highest point
+    top: tuple  # column and row of the highest point
     contour: np.ndarray  # (M, 2), column and row of the boundary's pixels
     pile_is: str  # "darker" or "brighter" than the background
 
@@ -41,17 +41,21 @@ class Measurement:
         return self.angle.aor_deg
 
     def record(self) -> dict[str, float | None]:
-        """List the response's two sides, the Height and every definition by name, to 0.001; None if not measured."""
-        sides = {
-            key: round(getattr(self.angle, key), 3)
-            for key in ("left_deg", "right_deg", "aor_deg")
+        """List the numbers by name, rounded to 0.001.
+
+        These are both sides of the response, the Height and every definition, None for
+        one that could not be measured.
+        """
+        record: dict[str, float | None] = {
+            "left_deg": round(self.angle.left_deg, 3),
+            "right_deg": round(self.angle.right_deg, 3),
+            "aor_deg": round(self.angle.aor_deg, 3),
+            "height_mm": round(self.height_mm, 3),
         }
-        angles: dict[str, float | None] = dict.fromkeys(MEAN_KEYS.values())
-        angles |= {
-            MEAN_KEYS[name]: round(angle.aor_deg, 3)
-            for name, angle in self.angles.items()
-        }
-        return sides | {"height_mm": round(self.height_mm, 3)} | angles
+        for definition, key in MEAN_KEYS.items():
+            angle = self.angles.get(definition)
+            record[key] = None if angle is None else round(angle.aor_deg, 3)
+        return record
 
 
 @dataclass(frozen=True)
@@ -65,11 +69,15 @@ class PileResult:
     reasons: dict  # by definition: the reason in the first view without it
 
     def mean_deg(self, name: str) -> float | None:
-        """Mean of a definition over the views; None if it could not be measured in more than half of them."""
-        seen = np.isfinite(self.aor[name])
-        return (
-            float(self.aor[name][seen].mean()) if 2 * seen.sum() >= seen.size else None
-        )
+        """Compute the mean of a definition over the views.
+
+        Return None if it could not be measured in more than half of them.
+        """
+        angles = self.aor[name]
+        is_measured = np.isfinite(angles)
+        if 2 * is_measured.sum() < is_measured.size:
+            return None
+        return float(angles[is_measured].mean())
 
     @property
     def aor_deg(self) -> float | None:
@@ -77,16 +85,19 @@ class PileResult:
         return self.mean_deg(self.response)
 
     def record(self) -> dict[str, float | None]:
-        """All responses of the pile by name; None if not measured."""
-        views = {VIEW_KEYS[name]: _or_none(self.aor[name][0]) for name in DEFINITIONS}
-        means = {MEAN_KEYS[name]: self.mean_deg(name) for name in DEFINITIONS}
-        heights = {
+        """List all responses of the pile by name; None if not measured."""
+        record: dict[str, float | None] = {
+            "aor_deg": self.aor_deg,
             "height_mm": self.height_mm,
-            "height_view_mm": _or_none(self.view_height_mm[0]),
+            "height_view_mm": _finite_or_none(self.view_height_mm[0]),
         }
-        return {"aor_deg": self.aor_deg, **heights, **means, **views}
+        for name in DEFINITIONS:
+            record[MEAN_KEYS[name]] = self.mean_deg(name)
+        for name in DEFINITIONS:
+            record[VIEW_KEYS[name]] = _finite_or_none(self.aor[name][0])
+        return record
 
 
-def _or_none(value: float) -> float | None:
+def _finite_or_none(value: float) -> float | None:
     """Return a finite number, else None."""
     return float(value) if np.isfinite(value) else None

@@ -7,7 +7,7 @@ import numpy as np
 
 from repose.common.errors import NoFlankError
 from repose.measure import pile
-from repose.measure.angles import MEAN_KEYS
+from repose.measure.definitions import CALIBRATED_ANGLE, MEAN_KEYS
 from repose.measure.saved_pours import Arrays
 from repose.measure.settings import MeasureSettings
 from repose.measure.silhouette import Grains, silhouette
@@ -21,31 +21,52 @@ def pile_responses(
     particle: "Particle",
     settings: MeasureSettings,
     plate_mm: float,
-    further: Sequence[str] = (),
+    additional: Sequence[str] = (),
 ) -> tuple[dict[str, Any], dict[str, str]]:
-    """Responses of a pile by name, and the reasons for missing ones."""
+    """Measure the responses of a pile.
+
+    Parameters
+    ----------
+    arrays : mapping
+        The pour's arrays by name: ``position``, ``quaternion``, ``in_pile`` and, if
+        sizes differ, ``scale``.
+    particle : Particle
+        The grains' body.
+    settings : MeasureSettings
+        Settings of the measurement.
+    plate_mm : float
+        Diameter of the plate.
+    additional : sequence of str
+        Names of responses of `repose.measure.further_responses` that are wanted, too.
+
+    Returns
+    -------
+    tuple
+        The responses by name, and the reasons for those that are missing.
+    """
     responses: dict[str, Any] = {}
     reasons: dict[str, str] = {}
+    grains = Grains.of(arrays, particle)
     try:
-        seen = pile.measure_pile(
-            Grains.of(arrays, particle), settings, arrays["in_pile"]
-        )
-        responses |= seen.record()
-        reasons |= {MEAN_KEYS[name]: why for name, why in seen.reasons.items()}
-        if settings.response in seen.reasons:
-            reasons["aor_deg"] = seen.reasons[settings.response]
+        result = pile.measure_pile(grains, settings, arrays["in_pile"])
     except NoFlankError as error:
-        reasons |= dict.fromkeys(
-            ("aor_deg", "height_mm", *MEAN_KEYS.values()), error.reason
-        )
-    if further:
+        for name in (CALIBRATED_ANGLE, "height_mm", *MEAN_KEYS.values()):
+            reasons[name] = error.reason
+    else:
+        responses |= result.record()
+        for definition, reason in result.reasons.items():
+            reasons[MEAN_KEYS[definition]] = reason
+        if settings.response in result.reasons:
+            reasons[CALIBRATED_ANGLE] = result.reasons[settings.response]
+    if additional:
         from repose.measure import further_responses
 
         try:
-            more = further_responses.of_pour(arrays, particle, settings, plate_mm)
-            responses |= {name: more[name] for name in further}
+            measured = further_responses.of_pour(arrays, particle, settings, plate_mm)
         except NoFlankError as error:
-            reasons |= dict.fromkeys(further, error.reason)
+            reasons |= dict.fromkeys(additional, error.reason)
+        else:
+            responses |= {name: measured[name] for name in additional}
     return responses, reasons
 
 
@@ -55,7 +76,11 @@ def side_view(
     settings: MeasureSettings,
     azimuth_deg: float = 0.0,
 ) -> np.ndarray:
-    """Silhouette (H, W) of a pour's pile, the plate at its lower border; `arrays` as in `pile_responses`."""
+    """Draw the silhouette (H, W) of a pour's pile, the plate at its lower border.
+
+    `arrays` are those of `pile_responses`.
+    """
     grains = Grains.of(arrays, particle)
-    shown = grains[arrays["in_pile"]] if settings.largest_pile_only else grains
-    return silhouette(shown, azimuth_deg, settings.mm_per_pixel)
+    if settings.largest_pile_only:
+        grains = grains[arrays["in_pile"]]
+    return silhouette(grains, azimuth_deg, settings.mm_per_pixel)

@@ -6,79 +6,117 @@ from dataclasses import dataclass, replace
 from os import PathLike
 from typing import Any
 
-from repose.measure.angles import CALIBRATED_ANGLE, MEAN_KEYS
+from repose.measure.definitions import CALIBRATED_ANGLE, MEAN_KEYS
+
+ONE_GRAIN = "berry"  # value of `fit_from` and `fit_to` for the height of a grain
+AXES = ("long_mm", "major_mm", "minor_mm")
 
 
 @dataclass(frozen=True)
 class MeasureSettings:
-    """Settings of the measurement of a pile; `repose.config.models` checks those of a configuration."""
+    """Settings of the measurement of a pile.
 
-    views: int = 18  # side views, evenly over half a turn; the other half mirrors them
-    mm_per_pixel: float = 0.25  # scale of the silhouettes
-    response: str = (
-        "whole"  # the definition used as the angle of repose, one of `DEFINITIONS`
-    )
-    fit_from: float | str = (
-        0.3  # lower end of the flank: share of the height, or "berry" (one grain high)
-    )
-    fit_to: float | str = 0.8  # upper end, likewise
-    berry_height_mm: float | None = (
-        None  # None means the particle's equivalent diameter
-    )
-    largest_pile_only: bool = True  # False: loose grains count, too
-    flank: str = "levels"  # rule for the points of a line, one of `FLANK_RULES`
-    smallest_window: float = 0.333  # of `straightest`: share of a side's points
+    `repose.config.models` checks those of a configuration.
+
+    Attributes
+    ----------
+    views : int
+        Number of side views, evenly over half a turn; the other half mirrors them.
+    mm_per_pixel : float
+        Scale of the silhouettes.
+    response : str
+        The definition used as the angle of repose, one of `DEFINITIONS`.
+    fit_from, fit_to : float or str
+        Ends of the flank: shares of the height, or "berry" for the height of a grain.
+    berry_height_mm : float, optional
+        Height of a grain; None means the particle's equivalent diameter.
+    largest_pile_only : bool
+        Whether loose grains are left out.
+    flank : str
+        Rule for the points of a line, one of `FLANK_RULES`.
+    smallest_window : float
+        Share of a side's points in the smallest window of the definition "straightest".
+    """
+
+    views: int = 18
+    mm_per_pixel: float = 0.25
+    response: str = "whole"
+    fit_from: float | str = 0.3
+    fit_to: float | str = 0.8
+    berry_height_mm: float | None = None
+    largest_pile_only: bool = True
+    flank: str = "levels"
+    smallest_window: float = 0.333
 
     @classmethod
     def of(
         cls, section: Mapping[str, Any], berry: Mapping[str, Any]
     ) -> "MeasureSettings":
-        """Make the settings of the section `measure`; a grain is as high as `berry`'s diameter if not given."""
+        """Make the settings of the section `measure`.
+
+        If the section has no height of a grain, it is the equivalent diameter of the
+        axes in `berry`, if they are there.
+        """
         settings = cls(**section)
-        axes: list[Any] = [
-            berry.get(key) for key in ("long_mm", "major_mm", "minor_mm")
-        ]
-        if settings.berry_height_mm is None and None not in axes:
-            return replace(settings, berry_height_mm=math.prod(axes) ** (1 / 3))
-        return settings
+        if settings.berry_height_mm is not None:
+            return settings
+        if any(berry.get(axis) is None for axis in AXES):
+            return settings
+        diameter_mm = math.prod(berry[axis] for axis in AXES) ** (1 / 3)
+        return replace(settings, berry_height_mm=diameter_mm)
 
 
 def line_of(how: object, definition: str | None = None) -> str:
-    """Describe a definition of the angle with its settings for tables and figures; default: the calibrated one.
+    """Describe a definition of the angle with its settings, for tables and figures.
 
-    `how` is the section `measure`, typed or as a mapping.
+    Parameters
+    ----------
+    how : MeasureSettings or Mapping
+        The section `measure`.
+    definition : str, optional
+        One of `DEFINITIONS`; the default is that of the calibrated angle.
     """
-    section = how if isinstance(how, Mapping) else vars(how)
-    definition = definition or section["response"]
+    section: Mapping[str, Any] = how if isinstance(how, Mapping) else vars(how)
+    if not definition:
+        definition = section["response"]
     if definition == "secant":
         return "secant, foot to crest"
     if definition == "whole":
         return "whole side, columns"
     if definition == "straightest":
-        return f"straightest window, at least {section['smallest_window']:.2g} of the side, columns"
-    ends = [
-        "one grain" if section[key] == "berry" else f"{100 * section[key]:g}"
-        for key in ("fit_from", "fit_to")
-    ]
-    band = f"{ends[0]} to {ends[1]}{' % of the height' if section['fit_to'] != 'berry' else ''}"
+        smallest = section["smallest_window"]
+        return f"straightest window, at least {smallest:.2g} of the side, columns"
+    lower = _end_of_flank(section["fit_from"])
+    upper = _end_of_flank(section["fit_to"])
+    unit = "" if section["fit_to"] == ONE_GRAIN else " % of the height"
     part = "steepest half or more of the " if definition == "steepest" else ""
-    return f"{part}flank, {band}, {section['flank']}"
+    return f"{part}flank, {lower} to {upper}{unit}, {section['flank']}"
+
+
+def _end_of_flank(end: float | str) -> str:
+    """Describe an end of the flank: in percent of the height, or as a grain."""
+    if end == ONE_GRAIN:
+        return "one grain"
+    return f"{100 * float(end):g}"
 
 
 def line_for(section: object, response: str) -> str:
-    """Describe the line of a response that is an angle of a pile; empty for any other response, or no section."""
+    """Describe the line of a response that is an angle of a pile.
+
+    Return an empty text for any other response, or if `section` is None.
+    """
     if section is None:
         return ""
     if response == CALIBRATED_ANGLE:
         return line_of(section)
-    return next(
-        (line_of(section, name) for name, key in MEAN_KEYS.items() if key == response),
-        "",
-    )
+    for definition, key in MEAN_KEYS.items():
+        if key == response:
+            return line_of(section, definition)
+    return ""
 
 
 def mean_axes_mm(sizes_csv: str | PathLike) -> dict[str, float]:
-    """Mean axes of measured grains [mm], by the names of their columns."""
+    """Compute the mean axes of measured grains [mm], by the names of their columns."""
     from repose.grain.berry_files import SIZE_COLUMNS, read_sizes
 
     sizes = read_sizes(sizes_csv)

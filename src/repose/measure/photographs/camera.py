@@ -1,43 +1,61 @@
 """From a photograph that shows the sheet to the upright, metric side view of the pile.
 
-World: x to the right along the sheet, y away from the camera, z up, in mm, from the sheet's lower left corner; z = 0 is
-the plate. The side view lies in the vertical plane through the pile's axis that faces the camera, so the sheet need not
-face the camera exactly.
+Coordinates of the world are in mm: x to the right along the sheet, y away from the
+camera, z up. The origin is the sheet's lower left corner, and z = 0 is the plate. The
+side view lies in the vertical plane through the pile's axis that faces the camera, so
+the sheet need not face the camera exactly.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 
 from repose.common.errors import NoFlankError
-from repose.measure.photographs.sheet import Seen, size_mm
+from repose.measure.photographs.sheet import SheetCorners, size_mm
 
-FROM_AFAR = "assumed (with a zoom from 5 m the angle reads 0.3 degrees too steep)"
-PHONE_FOCAL = 0.75  # of the longer side: the main camera of most phones
-LARGEST_LENS_ERROR = (
-    0.004  # share of the distance from the picture's middle, at half its longer side
+# Notes on a camera whose photographs have too few corners for a calibration
+NO_DISTORTION = "lens not corrected: the sheet is seen in too few places"
+NO_FOCAL_LENGTH = (
+    "lens not corrected, focal length {origin}: the sheet is seen in too few places"
 )
-LARGEST_FOCAL_ERROR = 0.05
-LARGEST_CHANGE = 1.6  # of the focal length, by the distortion
-FOCALS = 0.5, 16.0, 41  # of the longer side: shortest, longest, number that are tried
-LARGEST_MISS = (
-    1.5e-3  # of the longer side: distance of a corner from its place on a flat sheet
+PHONE_ASSUMED = "assumed (with a zoom from 5 m the angle reads 0.3 degrees too steep)"
+
+# Focal lengths, in units of the picture's longer side
+PHONE_FOCAL = 0.75  # the main camera of most phones
+CALIBRATED_FOCALS = (0.3, 10)  # plausible results of a calibration
+TRIAL_FOCALS = np.geomspace(0.5, 16.0, 41)
+
+# Limits of a calibration that is used
+LARGEST_LENS_ERROR = 0.004  # share by which a point at half the longer side moves
+LARGEST_FOCAL_ERROR = 0.05  # relative standard error of the focal length
+LARGEST_FOCAL_CHANGE = (
+    1.6  # factor between the focal length with and without distortion
 )
+SINGULAR_FIT = 1e-6  # a smaller relative error of the focal length means a singular fit
+
+# Limits of the pose of a camera
+LARGEST_RESIDUAL = 1.5e-3  # rms distance of the corners from a flat sheet, longer sides
 LARGEST_TILT_DEG = 25.0
 LARGEST_LOOK_DOWN_DEG = 8.0
-BELOW_MM = 3.0  # shown below the plate
+
+BELOW_MM = 3.0  # height of the strip below the plate in a side view
+SHEET_EDGE = 0.02  # margin around the sheet that is hidden, too, in widths of the sheet
+# OpenCV solves for a sheet in the plane of its first two axes: (x, y, z) of the world
+# is (x, z, -y) there.
+WORLD_TO_SHEET = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 
 
 @dataclass(frozen=True)
 class Camera:
     """A camera, calibrated from its photographs of the sheet."""
 
-    matrix: np.ndarray  # (3, 3), focal length and middle in pixels
-    lens: np.ndarray  # (5,), distortion in OpenCV's order; only k1 and k2 are used
-    note: str  # corrections that lacked corners; may be empty
+    matrix: np.ndarray  # (3, 3), focal length and middle of the picture in pixels
+    distortion: np.ndarray  # (5,), in OpenCV's order; all but k1 and k2 are 0
+    note: str  # which corrections are missing, for want of corners; may be empty
 
 
 @dataclass(frozen=True)
@@ -45,180 +63,285 @@ class SideView:
     """The upright, metric view (H, W) of a pile."""
 
     image: np.ndarray  # (H, W, 3), BGR
-    hidden: np.ndarray  # True outside the photograph and on the printed sheet
+    hidden: np.ndarray  # (H, W), True outside the photograph and on the printed sheet
     mm_per_pixel: float
     base_row: float  # row of the plate
-    left_mm: float  # place of the left border, from the axis
+    left_mm: float  # distance of the left border from the axis; negative
+
+
+class Extent(NamedTuple):
+    """Borders of a side view in mm, from the axis and from the plate."""
+
+    left: float
+    right: float
+    top: float
+
+
+class Plane(NamedTuple):
+    """A vertical plane of the world."""
+
+    origin: np.ndarray  # (3,), a point on the plate
+    right: np.ndarray  # (3,), level unit vector
+
+    def points(self, along: np.ndarray, up: np.ndarray) -> np.ndarray:
+        """Compute the points (H, W, 3) of a grid with places along (W,) and up (H,)."""
+        vertical = np.array([0, 0, 1.0])
+        return (
+            self.origin
+            + along[None, :, None] * self.right
+            + up[:, None, None] * vertical
+        )
+
+
+class _LensFit(NamedTuple):
+    """Result of OpenCV's calibration, with standard errors."""
+
+    matrix: np.ndarray
+    distortion: np.ndarray
+    focal_error: float  # pixels
+    k1_error: float
+    k2_error: float
 
 
 def calibrate(
-    views: Sequence[Seen], size: tuple[int, int], focal_px: float | None = None
+    views: Sequence[SheetCorners], size: tuple[int, int], focal_px: float | None = None
 ) -> Camera:
-    """Focal length and distortion from the sheet in several photographs of one camera (Zhang 2000).
+    """Estimate focal length and distortion of a camera from photographs of the sheet.
 
-    The centre of the picture is the lens's centre, pixels are square, and the distortion is radial. A coefficient is
-    used if its standard error moves a point at half the picture's longer side by less than 0.4 % of that distance.
-    Without enough corners the focal length is `focal_px` (None: a phone's), or the best fit if the corners exclude that
-    value. `size` is (width, height).
+    The lens is centred on the picture, pixels are square, and the distortion is radial.
+    The model has as many coefficients of distortion (two, one or none) as the corners
+    determine: the standard error of each moves a point at half the picture's longer
+    side by less than 0.4 % of that distance. If the corners do not even determine the
+    focal length, it is `focal_px`, unless they rule that value out.
 
+    Parameters
+    ----------
+    views : sequence of SheetCorners
+        The sheet in each photograph.
+    size : tuple of int
+        Width and height of the photographs in pixels.
+    focal_px : float, optional
+        The focal length that the camera states; the default is that of a phone.
+
+    References
+    ----------
     Zhang, Z. (2000). IEEE Trans. Pattern Anal. Mach. Intell. 22, 1330-1334.
     """
-    long_side = max(size)
-    assumed = focal_px or PHONE_FOCAL * long_side
-    found = _focal(views, assumed, size)
-    guess = _matrix(found, size)
-    places = [view.flat_mm.astype(np.float32) for view in views]
-    pixels = [view.pixels.astype(np.float32) for view in views]
-    shared = (
+    longer_side = max(size)
+    assumed_focal = PHONE_FOCAL * longer_side if focal_px is None else focal_px
+    focal = _focal_without_distortion(views, assumed_focal, size)
+    guess = _camera_matrix(focal, size)
+    for fixed in (0, cv2.CALIB_FIX_K2, cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2):
+        fit = _fit_lens(views, size, guess, fixed)
+        if fit is not None and _is_reliable(fit, focal, longer_side):
+            note = NO_DISTORTION if fixed & cv2.CALIB_FIX_K1 else ""
+            return Camera(fit.matrix, fit.distortion, note)
+    if focal != assumed_focal:
+        origin = "uncertain"
+    elif focal_px is not None:
+        origin = "as the camera states it"
+    else:
+        origin = PHONE_ASSUMED
+    return Camera(guess, np.zeros(5), NO_FOCAL_LENGTH.format(origin=origin))
+
+
+def _fit_lens(
+    views: Sequence[SheetCorners], size: tuple[int, int], guess: np.ndarray, fixed: int
+) -> _LensFit | None:
+    """Fit focal length and the coefficients of distortion that `fixed` leaves free.
+
+    Return None if there are too few corners for the number of unknowns.
+    """
+    object_points = [view.object_points_mm.astype(np.float32) for view in views]
+    image_points = [view.pixels.astype(np.float32) for view in views]
+    flags = (
         cv2.CALIB_USE_INTRINSIC_GUESS
         | cv2.CALIB_FIX_PRINCIPAL_POINT
         | cv2.CALIB_FIX_ASPECT_RATIO
+        | cv2.CALIB_ZERO_TANGENT_DIST
+        | cv2.CALIB_FIX_K3
+        | fixed
     )
-    shared |= cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K3
-    for fixed in (0, cv2.CALIB_FIX_K2, cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2):
-        try:
-            _, matrix, lens, _, _, errors, *_ = cv2.calibrateCameraExtended(
-                places, pixels, size, guess.copy(), np.zeros(5), flags=shared | fixed
-            )
-        except cv2.error:  # too few corners for this number of unknowns
-            continue
-        focal, (k1, k2) = matrix[0, 0], errors.ravel()[4:6]
-        focal_error = errors.ravel()[:2].max()
-        away = 0.5 * long_side / focal
-        # A singular fit has an error of 0, or leaves the focal length that fits best without distortion.
-        sane = (
-            focal_error > 1e-6 * focal
-            and 1 / LARGEST_CHANGE < focal / found < LARGEST_CHANGE
+    try:
+        _, matrix, distortion, _, _, errors, *_ = cv2.calibrateCameraExtended(
+            object_points, image_points, size, guess.copy(), np.zeros(5), flags=flags
         )
-        sure = (
-            sane
-            and focal_error < LARGEST_FOCAL_ERROR * focal
-            and 0.3 < focal / long_side < 10
-        )
-        if (
-            sure
-            and k1 * away**2 < LARGEST_LENS_ERROR
-            and k2 * away**4 < LARGEST_LENS_ERROR
-        ):
-            note = (
-                "lens not corrected: the sheet is seen in too few places"
-                if fixed & cv2.CALIB_FIX_K1
-                else ""
-            )
-            return Camera(matrix, lens.ravel()[:5], note)
-    how = (
-        "uncertain"
-        if found != assumed
-        else "as the camera states it"
-        if focal_px
-        else FROM_AFAR
-    )
-    note = (
-        f"lens not corrected, focal length {how}: the sheet is seen in too few places"
-    )
-    return Camera(guess, np.zeros(5), note)
-
-
-def _focal(views: Sequence[Seen], assumed: float, size: tuple[int, int]) -> float:
-    """Find the focal length [px] that fits the corners best; keep the assumed one if it lies within three errors."""
-    tried = np.append(max(size) * np.geomspace(*FOCALS), assumed)
-    misses = np.array([_squares(views, _matrix(focal, size)) for focal in tried])
-    scatter = misses.min() / (
-        2 * sum(len(view.pixels) for view in views) - 6 * len(views) - 1
-    )
-    return float(
-        tried[-1] if misses[-1] - misses.min() < 9 * scatter else tried[misses.argmin()]
+    except cv2.error:
+        return None
+    # OpenCV's order: two focal lengths, the centre (2), k1, k2, ...
+    errors = errors.ravel()
+    return _LensFit(
+        matrix=matrix,
+        distortion=distortion.ravel()[:5],
+        focal_error=errors[:2].max(),
+        k1_error=errors[4],
+        k2_error=errors[5],
     )
 
 
-def _matrix(focal: float, size: tuple[int, int]) -> np.ndarray:
-    """Make the matrix of a camera whose lens has its centre in the middle of the picture."""
-    return np.array(
-        [[focal, 0, size[0] / 2 - 0.5], [0, focal, size[1] / 2 - 0.5], [0, 0, 1.0]]
+def _is_reliable(fit: _LensFit, undistorted_focal: float, longer_side: int) -> bool:
+    """Tell whether the corners determine all unknowns of a fit.
+
+    A singular fit has an error of 0, or ends far from the focal length that fits best
+    without distortion.
+    """
+    focal = fit.matrix[0, 0]
+    change = focal / undistorted_focal
+    is_regular = (
+        fit.focal_error > SINGULAR_FIT * focal
+        and 1 / LARGEST_FOCAL_CHANGE < change < LARGEST_FOCAL_CHANGE
     )
+    shortest, longest = CALIBRATED_FOCALS
+    has_focal = (
+        fit.focal_error < LARGEST_FOCAL_ERROR * focal
+        and shortest < focal / longer_side < longest
+    )
+    distance = 0.5 * longer_side / focal  # of the point at half the longer side
+    has_distortion = (
+        fit.k1_error * distance**2 < LARGEST_LENS_ERROR
+        and fit.k2_error * distance**4 < LARGEST_LENS_ERROR
+    )
+    return bool(is_regular and has_focal and has_distortion)
 
 
-def _squares(views: Sequence[Seen], matrix: np.ndarray) -> float:
-    """Sum the squared distances [px] between the corners and the corners of flat sheets, without distortion."""
-    total, lens = 0.0, np.zeros(5)
+def _focal_without_distortion(
+    views: Sequence[SheetCorners], assumed: float, size: tuple[int, int]
+) -> float:
+    """Find the focal length [px] of a lens without distortion that fits best.
+
+    The assumed focal length is kept if it lies within three standard errors.
+    """
+    trials = np.append(max(size) * TRIAL_FOCALS, assumed)
+    residuals = np.array(
+        [_squared_residuals(views, _camera_matrix(focal, size)) for focal in trials]
+    )
+    n_values = 2 * sum(len(view.pixels) for view in views)
+    n_unknowns = 6 * len(views) + 1  # a pose for each view, and the focal length
+    variance = residuals.min() / (n_values - n_unknowns)
+    if residuals[-1] - residuals.min() < 9 * variance:
+        return float(assumed)
+    return float(trials[residuals.argmin()])
+
+
+def _camera_matrix(focal: float, size: tuple[int, int]) -> np.ndarray:
+    """Make the matrix of a camera whose lens is centred on the picture."""
+    middle_column = size[0] / 2 - 0.5
+    middle_row = size[1] / 2 - 0.5
+    return np.array([[focal, 0, middle_column], [0, focal, middle_row], [0, 0, 1.0]])
+
+
+def _squared_residuals(views: Sequence[SheetCorners], matrix: np.ndarray) -> float:
+    """Sum the squared distances [px] of the corners from those of flat sheets."""
+    total = 0.0
+    no_distortion = np.zeros(5)
     for view in views:
-        seen = (
-            cv2.projectPoints(view.flat_mm, *pose, matrix, lens)[0]
-            for pose in _poses(view, matrix, lens)
-        )
-        total += min(
-            float(((corners[:, 0] - view.pixels) ** 2).sum()) for corners in seen
-        )
+        residuals = []
+        for rotation, translation in _poses(view, matrix, no_distortion):
+            projected, _ = cv2.projectPoints(
+                view.object_points_mm, rotation, translation, matrix, no_distortion
+            )
+            residuals.append(float(((projected[:, 0] - view.pixels) ** 2).sum()))
+        total += min(residuals)
     return total
 
 
 def _poses(
-    view: Seen, matrix: np.ndarray, lens: np.ndarray
+    view: SheetCorners, matrix: np.ndarray, distortion: np.ndarray
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Find both poses (rotation, translation) of a flat sheet that its corners allow; from afar they are alike."""
-    known = view.flat_mm, view.pixels, matrix, lens
-    found = cv2.solvePnPGeneric(*known, flags=cv2.SOLVEPNP_IPPE)
+    """Find the two poses of a flat sheet that fit its corners, the better one first.
+
+    A pose is a rotation vector and a translation. From a distance both are nearly
+    alike.
+    """
+    points = view.object_points_mm
+    _, rotations, translations, _ = cv2.solvePnPGeneric(
+        points, view.pixels, matrix, distortion, flags=cv2.SOLVEPNP_IPPE
+    )
     return [
-        cv2.solvePnPRefineLM(*known, *pose) for pose in zip(*found[1:3], strict=True)
+        cv2.solvePnPRefineLM(
+            points, view.pixels, matrix, distortion, rotation, translation
+        )
+        for rotation, translation in zip(rotations, translations, strict=True)
     ]
 
 
 class Pose:
-    """Position and direction of a camera, from the sheet in one photograph; `size` is (width, height) in pixels."""
+    """Position and direction of a camera, from the sheet in one photograph.
 
-    def __init__(self, camera: Camera, sheet: Seen, size: tuple[int, int]) -> None:
-        self.camera, self.size, self.paper_mm = camera, size, size_mm(sheet.square_mm)
-        # The planar solver wants z = 0 on the sheet: solve in (x, z, -y), then turn.
-        turn, self.shift = _poses(sheet, camera.matrix, camera.lens)[
-            0
-        ]  # the one that fits better
-        self.turn = cv2.Rodrigues(turn)[0] @ np.array(
-            [[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]
-        )
-        self.eye = (-self.turn.T @ self.shift).ravel()
-        world = np.insert(sheet.places_mm, 1, 0.0, axis=1)
-        miss = np.sqrt(((self.pixels_of(world) - sheet.pixels) ** 2).sum(axis=1).mean())
-        if miss > LARGEST_MISS * max(size):
-            off = f"the corners of the sheet lie {miss:.1f} pixels from those of a flat one"
-            raise NoFlankError(f"{off}: it is bent, or not sharp")
+    Parameters
+    ----------
+    camera : Camera
+        The calibrated camera.
+    sheet : SheetCorners
+        The sheet in the photograph.
+    size : tuple of int
+        Width and height of the photograph in pixels.
+
+    Raises
+    ------
+    NoFlankError
+        If the corners are not those of a flat sheet.
+    """
+
+    def __init__(
+        self, camera: Camera, sheet: SheetCorners, size: tuple[int, int]
+    ) -> None:
+        self.camera = camera
+        self.size = size
+        self.paper_mm = size_mm(sheet.square_mm)
+        rotation, translation = _poses(sheet, camera.matrix, camera.distortion)[0]
+        self.rotation = cv2.Rodrigues(rotation)[0] @ WORLD_TO_SHEET
+        self.translation = translation
+        self.position_mm = (-self.rotation.T @ translation).ravel()
+        self._require_flat(sheet)
+
+    def _require_flat(self, sheet: SheetCorners) -> None:
+        """Raise NoFlankError if the corners lie too far from those of a flat sheet."""
+        corners = np.insert(sheet.positions_mm, 1, 0.0, axis=1)
+        distances = ((self.pixels_of(corners) - sheet.pixels) ** 2).sum(axis=1)
+        residual = np.sqrt(distances.mean())
+        if residual > LARGEST_RESIDUAL * max(self.size):
+            raise NoFlankError(
+                f"the corners of the sheet lie {residual:.1f} pixels from those of a "
+                "flat one: it is bent, or not sharp"
+            )
 
     def pixels_of(self, world: np.ndarray) -> np.ndarray:
-        """Column and row (..., 2) in the photograph of points of the world (..., 3) in mm."""
-        ahead = world @ self.turn.T + self.shift.ravel()
-        x, y = ahead[..., 0] / ahead[..., 2], ahead[..., 1] / ahead[..., 2]
+        """Compute column and row (..., 2) of points of the world (..., 3) in mm."""
+        points = world @ self.rotation.T + self.translation.ravel()
+        x = points[..., 0] / points[..., 2]
+        y = points[..., 1] / points[..., 2]
+        k1, k2 = self.camera.distortion[:2]
         square = x * x + y * y
-        bend = 1 + self.camera.lens[0] * square + self.camera.lens[1] * square**2
+        factor = 1 + k1 * square + k2 * square**2
         matrix = self.camera.matrix
-        return np.stack(
-            [
-                matrix[0, 0] * x * bend + matrix[0, 2],
-                matrix[1, 1] * y * bend + matrix[1, 2],
-            ],
-            axis=-1,
-        )
+        column = matrix[0, 0] * x * factor + matrix[0, 2]
+        row = matrix[1, 1] * y * factor + matrix[1, 2]
+        return np.stack([column, row], axis=-1)
 
-    def facing(self, axis_mm: float) -> np.ndarray:
-        """Level unit vector (3,) to the right, in the plane through (axis, 0) that faces the camera."""
-        away = np.array([axis_mm - self.eye[0], -self.eye[1], 0.0])
-        return np.array([away[1], -away[0], 0.0]) / np.linalg.norm(away)
+    def facing_plane(self, axis_mm: float) -> Plane:
+        """Make the vertical plane through (axis, 0) that faces the camera."""
+        x, y, _ = self.position_mm
+        view_direction = np.array([axis_mm - x, -y, 0.0])
+        normal = np.array([view_direction[1], -view_direction[0], 0.0])
+        right = normal / np.linalg.norm(view_direction)
+        return Plane(np.array([axis_mm, 0.0, 0.0]), right)
 
     def look_down_deg(self, axis_mm: float, height_mm: float) -> float:
-        """Angle below the horizontal at which the camera looks at a crest; negative if it looks up."""
-        return math.degrees(
-            math.atan2(
-                self.eye[2] - height_mm, math.hypot(self.eye[0] - axis_mm, self.eye[1])
-            )
-        )
+        """Compute the angle below the horizontal at which the camera sees a crest.
+
+        It is negative if the camera looks up.
+        """
+        x, y, z = self.position_mm
+        distance = math.hypot(x - axis_mm, y)
+        return math.degrees(math.atan2(z - height_mm, distance))
 
     @property
     def tilt_deg(self) -> float:
-        """The larger of the camera's roll and pitch; a camera that looks level has none, wherever the pile stands."""
-        roll = math.degrees(
-            math.atan2(self.turn[0][2], -self.turn[1][2])
-        )  # 180 where it is upside down
-        return max(
-            abs(roll), abs(math.degrees(math.asin(np.clip(self.turn[2][2], -1, 1))))
-        )
+        """The larger of the camera's roll and pitch; 180 for a camera upside down."""
+        roll = math.degrees(math.atan2(self.rotation[0][2], -self.rotation[1][2]))
+        pitch = math.degrees(math.asin(np.clip(self.rotation[2][2], -1, 1)))
+        return max(abs(roll), abs(pitch))
 
 
 def side_view(
@@ -226,39 +349,65 @@ def side_view(
     pose: Pose,
     axis_mm: float | None,
     longest: int,
-    part: tuple[float, float, float] | None = None,
+    crop: Extent | None = None,
 ) -> SideView:
     """Draw the upright view of the plane through the pile's axis.
 
-    `axis_mm` None means the plane of the sheet, from its lower left corner. `part` is left, right and top in mm from
-    the axis and the plate; None means all.
+    Parameters
+    ----------
+    image : ndarray
+        The photograph (H, W, 3), BGR.
+    pose : Pose
+        The camera's pose.
+    axis_mm : float or None
+        Distance of the axis from the sheet's lower left corner. None means the plane of
+        the sheet; the axis is that corner then.
+    longest : int
+        Largest number of pixels of a side.
+    crop : Extent, optional
+        The part that is drawn; the default is all that the photograph shows.
+
+    Raises
+    ------
+    NoFlankError
+        If the camera is tilted too much, or does not show the plane above the plate.
     """
-    origin = np.array([axis_mm or 0.0, 0.0, 0.0])
-    right = np.array([1.0, 0, 0]) if axis_mm is None else pose.facing(axis_mm)
-    if pose.tilt_deg > LARGEST_TILT_DEG or pose.eye[1] >= 0:
-        tilted = (
-            f"the camera is tilted by {pose.tilt_deg:.0f} degrees (180: upside down)"
+    if axis_mm is None:
+        plane = Plane(np.array([0.0, 0.0, 0.0]), np.array([1.0, 0, 0]))
+    else:
+        plane = pose.facing_plane(axis_mm)
+    tilt_deg = pose.tilt_deg
+    if tilt_deg > LARGEST_TILT_DEG or pose.position_mm[1] >= 0:
+        raise NoFlankError(
+            f"the camera is tilted by {tilt_deg:.0f} degrees (180: upside down); "
+            f"{LARGEST_TILT_DEG:.0f} can be corrected"
         )
-        raise NoFlankError(f"{tilted}; {LARGEST_TILT_DEG:.0f} can be corrected")
-    low, high, top = _extent(pose, origin, right)
-    if part is not None:
-        low, high, top = max(low, part[0]), min(high, part[1]), min(top, part[2])
-    fine = float(
-        np.linalg.norm(
-            np.diff(pose.pixels_of(origin + np.outer([0, 1.0], right)), axis=0)
+    extent = _visible_extent(pose, plane)
+    if crop is not None:
+        extent = Extent(
+            left=max(extent.left, crop.left),
+            right=min(extent.right, crop.right),
+            top=min(extent.top, crop.top),
         )
-    )
-    scale = float(max(1 / fine, (high - low) / longest, (top + BELOW_MM) / longest))
-    columns, rows = math.ceil((high - low) / scale), math.ceil((top + BELOW_MM) / scale)
-    base = rows - 1 - BELOW_MM / scale
-    u = low + scale * np.arange(columns)
-    z = scale * (base - np.arange(rows))
-    world = origin + u[None, :, None] * right + z[:, None, None] * np.array([0, 0, 1.0])
-    pixels = pose.pixels_of(world).astype(np.float32)
-    # A coarser view averages the pixels that fall into one of its own.
-    if scale * fine > 1.5:
-        image = cv2.GaussianBlur(image, (0, 0), 0.4 * scale * fine)
-    shown = cv2.remap(
+
+    # As fine as the photograph, unless that gives more pixels than asked for
+    width_mm = extent.right - extent.left
+    height_mm = extent.top + BELOW_MM
+    one_mm = plane.origin + np.outer([0, 1.0], plane.right)
+    pixels_per_mm = float(np.linalg.norm(np.diff(pose.pixels_of(one_mm), axis=0)))
+    scale = float(max(1 / pixels_per_mm, width_mm / longest, height_mm / longest))
+    columns = math.ceil(width_mm / scale)
+    rows = math.ceil(height_mm / scale)
+    base_row = rows - 1 - BELOW_MM / scale
+
+    along = extent.left + scale * np.arange(columns)
+    up = scale * (base_row - np.arange(rows))
+    pixels = pose.pixels_of(plane.points(along, up)).astype(np.float32)
+    # A pixel of a coarser view averages those of the photograph that fall into it.
+    reduction = scale * pixels_per_mm
+    if reduction > 1.5:
+        image = cv2.GaussianBlur(image, (0, 0), 0.4 * reduction)
+    view = cv2.remap(
         image,
         pixels[..., 0],
         pixels[..., 1],
@@ -266,59 +415,82 @@ def side_view(
         borderMode=cv2.BORDER_REPLICATE,
     )
     width, height = pose.size
-    hidden = (
+    is_outside = (
         (pixels <= 0).any(-1)
         | (pixels[..., 0] >= width - 1)
         | (pixels[..., 1] >= height - 1)
     )
-    # The sheet stands in its own plane: mark the part of the view that it hides.
-    wide, tall = pose.paper_mm
-    edge = 0.02 * wide
-    left, beyond, bottom, top = -edge, wide + edge, -2 * edge, tall + edge
+    outline = _outline_of_sheet(pose, plane)
+    outline_px = np.column_stack(
+        [(outline[:, 0] - extent.left) / scale, base_row - outline[:, 1] / scale]
+    )
+    is_sheet = np.zeros(is_outside.shape, np.uint8)
+    cv2.fillPoly(is_sheet, [np.rint(outline_px).astype(np.int32)], 1)
+    return SideView(
+        image=view,
+        hidden=is_outside | (is_sheet > 0),
+        mm_per_pixel=scale,
+        base_row=base_row,
+        left_mm=extent.left,
+    )
+
+
+def _outline_of_sheet(pose: Pose, plane: Plane) -> np.ndarray:
+    """Project the sheet's outline, with a margin, onto a plane: (4, 2), along and up.
+
+    The sheet stands in a plane of its own, so it hides another part of this one.
+    """
+    width, height = pose.paper_mm
+    margin = SHEET_EDGE * width
+    left = -margin
+    right = width + margin
+    bottom = -2 * margin
+    top = height + margin
     corners = np.array(
-        [[left, 0, bottom], [beyond, 0, bottom], [beyond, 0, top], [left, 0, top]]
+        [[left, 0, bottom], [right, 0, bottom], [right, 0, top], [left, 0, top]]
     )
-    on_view = _meet(pose.eye, corners - pose.eye, origin, right)[1]
-    polygon = np.column_stack(
-        [(on_view[:, 0] - low) / scale, base - on_view[:, 1] / scale]
-    )
-    on_sheet = np.zeros(hidden.shape, np.uint8)
-    cv2.fillPoly(on_sheet, [np.rint(polygon).astype(np.int32)], 1)
-    return SideView(shown, hidden | (on_sheet > 0), scale, base, low)
+    _, points = _intersect(pose.position_mm, corners - pose.position_mm, plane)
+    return points
 
 
-def _extent(
-    pose: Pose, origin: np.ndarray, right: np.ndarray
-) -> tuple[float, float, float]:
-    """Return left, right and top [mm] of the part of a plane that a photograph shows."""
-    side = np.linspace(0, 1, 9)
-    edge = np.array(
-        [(u, v) for u in side for v in side if not {u, v}.isdisjoint((0, 1))]
-    ) * np.subtract(pose.size, 1)
-    ahead = cv2.undistortPoints(edge[:, None], pose.camera.matrix, pose.camera.lens)[
-        :, 0
-    ]
-    far, at = _meet(
-        pose.eye,
-        np.column_stack([ahead, np.ones(len(ahead))]) @ pose.turn,
-        origin,
-        right,
-    )
-    if (far <= 0).any():
+def _visible_extent(pose: Pose, plane: Plane) -> Extent:
+    """Compute the part of a plane that a photograph shows.
+
+    NoFlankError if the photograph shows more than the plane, or nothing over the plate.
+    """
+    # Points on the border of the photograph
+    shares = np.linspace(0, 1, 9)
+    border = []
+    for u in shares:
+        for v in shares:
+            if u in (0, 1) or v in (0, 1):
+                border.append((u, v))
+    pixels = np.array(border) * np.subtract(pose.size, 1)
+    camera = pose.camera
+    rays = cv2.undistortPoints(pixels[:, None], camera.matrix, camera.distortion)[:, 0]
+    directions = np.column_stack([rays, np.ones(len(rays))]) @ pose.rotation
+
+    distances, points = _intersect(pose.position_mm, directions, plane)
+    if (distances <= 0).any():
         raise NoFlankError(
-            "the camera looks past the sheet: a part of the photograph shows nothing in its plane"
+            "the camera looks past the sheet: a part of the photograph shows nothing "
+            "in its plane"
         )
-    along, up = at.T
+    along, up = points.T
     if up.max() <= 0:
         raise NoFlankError("nothing above the plate is in the photograph")
-    return float(along.min()), float(along.max()), float(up.max())
+    return Extent(float(along.min()), float(along.max()), float(up.max()))
 
 
-def _meet(
-    eye: np.ndarray, ways: np.ndarray, origin: np.ndarray, right: np.ndarray
+def _intersect(
+    position: np.ndarray, directions: np.ndarray, plane: Plane
 ) -> tuple[np.ndarray, np.ndarray]:
-    """How far along its way (N, 3) from the camera each ray meets a plane, and where: (N, 2), along and up, in mm."""
-    normal = np.cross(right, [0, 0, 1.0])
-    far = (origin - eye) @ normal / (ways @ normal)
-    at = eye + far[:, None] * ways - origin
-    return far, np.column_stack([at @ right, at[:, 2]])
+    """Intersect rays (N, 3) from a camera's position with a plane.
+
+    Return the distance (N,) of each intersection, in lengths of the ray's direction,
+    and its place (N, 2) on the plane, along and up in mm.
+    """
+    normal = np.cross(plane.right, [0, 0, 1.0])
+    distances = (plane.origin - position) @ normal / (directions @ normal)
+    points = position + distances[:, None] * directions - plane.origin
+    return distances, np.column_stack([points @ plane.right, points[:, 2]])

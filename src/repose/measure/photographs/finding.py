@@ -1,18 +1,21 @@
 """Find the pile in the upright view of a photograph whose background is not plain.
 
-Colours are compared as ratios of the channels, and brightness has a small weight: a shadow changes the brightness of a
-surface and hardly its colour. A first guess is the difference from the background, row by row. GrabCut, which models
-the colours of both sides by mixtures and prefers short boundaries, corrects it. Where colours show no pile, roughness
-takes the place of brightness: small grains have gaps between them, a wall has none.
+Each pixel has three features: two ratios of the colour channels, and the brightness,
+which has a small weight. A shadow changes the brightness of a surface and hardly its
+ratios. A first guess of the pile is what differs from the background, row by row.
+GrabCut corrects the guess: it models the colours of both sides by mixtures and prefers
+short boundaries. Where colours show no pile, roughness takes the place of brightness:
+small grains have gaps between them, a wall has none.
 
 References
 ----------
 Rother, C., Kolmogorov, V., Blake, A. (2004). ACM Trans. Graph. 23, 309-314.
-Shi, J., Tomasi, C. (1994). Good features to track. Proc. IEEE Conf. Comput. Vis. Pattern Recognit., 593-600.
+Shi, J., Tomasi, C. (1994). Good features to track. Proc. IEEE Conf. Comput. Vis.
+Pattern Recognit., 593-600.
 """
 
 import math
-from typing import Any
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -21,481 +24,690 @@ from repose.common.errors import NoFlankError
 from repose.measure.photographs.camera import SideView
 from repose.measure.photographs.segmentation import (
     Segmentation,
-    another_heap,
+    has_another_heap,
     pile_component,
     require_upright,
 )
 
-COLOUR_GAIN, BRIGHTNESS_GAIN = 110.0, 45.0
-EQUAL = np.array(
-    [1, 1, COLOUR_GAIN / BRIGHTNESS_GAIN], np.float32
-)  # brightness counts as colour does
-DARK = 14.0  # tones: noise of darker pixels has no colour
+# Features of a pixel
+COLOUR_GAIN = 110.0
+BRIGHTNESS_GAIN = 45.0
+DARK = 14.0  # tones added to each channel: noise of darker pixels has no colour
+FULL_BRIGHTNESS = np.array([1, 1, COLOUR_GAIN / BRIGHTNESS_GAIN], np.float32)
+
+# Background
 SIDES = 0.25  # share of the width, on either side, that shows mostly background
-STANDS_OUT = 30.0  # difference of colours that texture does not reach
-SMOOTH = 0.5  # of the pile's roughness: a shadow is smoother
-LEAST_LEVEL = 6.0  # of a difference from the background
-ROUNDS = 4  # of GrabCut
-FINE_PX = 1200  # longer side of a view in which colours are compared, at least
-SHADOW_DARKEST = 1.6  # logarithm of the share of light that a shadow takes at most
-ITS_OWN_COLOUR = 22.0  # a shadow's colour lies nearer to the background's colour
+LARGEST_TEXTURE = 30.0  # a larger difference from the background stands out of it
+SMALLEST_LEVEL = 6.0  # of the difference that separates the first guess
 
-NEAR = 0.25  # of a grain's height: colours of a boundary are those within this distance
-SURE = 0.75  # of a pixel's colour that is nearer to the other side
-PENUMBRA = (
-    0.6,
-    0.2,
-    0.8,
-)  # least share of the background's ratios; height and width, of a grain's height
-EDGE_PX = 2  # within which the boundary lies already when light is compared
+# Shadows
+SMOOTH_SHARE = 0.5  # roughness of a shadow over that of the pile, at most
+SHADOW_DARKEST = 1.6  # logarithm of the share of light that a shadow takes, at most
+SHADOW_LIGHTEST = 0.08  # the same, at least
+SHADOW_COLOUR = 22.0  # difference of a shadow's ratios from the background's, at most
+COMPARED_PX = 1200  # longer side of the picture in which shadows are looked for
+
+# The boundary in the fine view; lengths are in heights of a grain
+N_ROUNDS = 4  # of GrabCut, and of moving the boundary
+NEAR = 0.25  # radius of the neighbourhood that gives the colours of both sides
+CERTAIN_SHARE = 0.75  # share of a side in a pixel's colour that makes it one of it
+LIGHT_PX = 2  # distance within which the boundary is moved by light, in pixels
 TONE_CURVE = 2.2  # exponent from tones to light
-NECK = 0.3  # of a grain's height: half the width of the neck between a loose grain and the pile
-GAP = 0.4  # of a grain's height: a part with more background below it does not stand on the plate
-ROUGH = 3.0  # difference of colours that counts as much as the scatter of the background's roughness
-WINDOW_PX = 5  # in which gradients are compared
-SMALL_PX = 4.0  # height of a grain in the coarse view, where roughness is needed
-LEAST_SCATTER = 0.02  # of a background without noise
-FAINT = 10.0  # difference of colours that texture and noise have too
+PENUMBRA_SHARE = 0.6  # share of the background's ratios in a penumbra, at least
+PENUMBRA_HEIGHT = 0.2
+PENUMBRA_WIDTH = 0.8
+NECK = 0.3  # half the width of the neck between a loose grain and the pile
+GAP = 0.4  # a part with more background below it does not stand on the plate
+FAINT = 10.0  # difference of features that texture and noise have, too
 
-NOTHING = "nothing that stands on the plate differs from its background, or the background is not plain"
+# Roughness
+ROUGHNESS_GAIN = 3.0  # difference of features for one scatter of the background
+WINDOW_PX = 5  # window of the gradients
+SMALL_GRAIN_PX = 4.0  # height of a grain in the coarse view, where roughness is needed
+SMALLEST_SCATTER = 0.02  # of the roughness of a background without noise
+
+NO_PILE = (
+    "nothing that stands on the plate differs from its background, or the background "
+    "is not plain"
+)
 
 
 class NotPlainError(NoFlankError):
     """The colours of pile and background do not differ enough."""
 
 
+class Refined(NamedTuple):
+    """The pile in a fine view."""
+
+    pile: Segmentation
+    faint_share: float  # share of the upper boundary at which both sides hardly differ
+
+
+class _Guess(NamedTuple):
+    """The first guess of a pile, as masks (H, W)."""
+
+    pile: np.ndarray
+    others: np.ndarray  # other objects, such as a ruler
+    has_neighbour: bool  # whether another heap stands beside the pile
+
+
+class _SideComparison(NamedTuple):
+    """A picture compared with the two ends of each row, at every `step`-th pixel."""
+
+    step: int
+    mask: np.ndarray  # (H, W), of the pile
+    difference: np.ndarray  # (H, W, 3), of the features
+
+
 def find(view: SideView, by_roughness: bool = False) -> tuple[np.ndarray, bool]:
-    """Find the pile's mask (H, W), 1 in the pile, in a coarse view, and whether another heap stands beside it."""
-    above = math.ceil(view.base_row)
-    colours, hidden = (
-        _seen(view, above, SMALL_PX if by_roughness else None),
-        view.hidden[:above],
-    )
-    not_behind, rough = hidden, _roughness(colours)
-    for _ in range(2):  # the second background is fitted without the first guess
-        behind = _background(colours, not_behind)
-        first, others, beside = _first_guess(colours - behind, rough, hidden)
-        not_behind = hidden | (
-            cv2.dilate(first.astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
-        )
-    colours = np.where(others[..., None], behind, colours)
-    start = np.where(first, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
-    strip = max(2, round(0.02 * first.shape[1]))
-    edge = np.ones(first.shape, bool)
-    edge[strip:, strip:-strip] = False
-    start[edge & ~first] = cv2.GC_BGD
-    start[hidden | others] = cv2.GC_BGD
-    mask = _largest(_without_shadow(_grab(colours, start), colours - behind, rough))
-    return np.vstack(
-        [mask, np.zeros((len(view.image) - above, mask.shape[1]), np.uint8)]
-    ), beside
+    """Find the pile in a coarse view.
+
+    Parameters
+    ----------
+    view : SideView
+        The view (H, W).
+    by_roughness : bool
+        Whether roughness takes the place of brightness.
+
+    Returns
+    -------
+    tuple
+        The mask (H, W), uint8, 1 in the pile, and whether another heap stands beside
+        it.
+
+    Raises
+    ------
+    NotPlainError
+        If no pile differs from the background.
+    """
+    n_rows = math.ceil(view.base_row)  # above the plate
+    hidden = view.hidden[:n_rows]
+    colours = _view_features(view, n_rows, SMALL_GRAIN_PX if by_roughness else None)
+    scatter = _local_scatter(colours[..., 2])
+
+    # The second background is fitted without the first guess.
+    not_background = hidden
+    for _ in range(2):
+        background = _fit_background(colours, not_background)
+        guess = _first_guess(colours - background, scatter, hidden)
+        pile = cv2.dilate(guess.pile.astype(np.uint8), np.ones((9, 9), np.uint8))
+        not_background = hidden | (pile > 0)
+
+    colours = np.where(guess.others[..., None], background, colours)
+    mask = _grab_cut(colours, _coarse_marks(guess, hidden))
+    mask = _remove_shadow(mask, colours - background, scatter)
+    mask = _largest_part(mask)
+    below_plate = np.zeros((len(view.image) - n_rows, mask.shape[1]), np.uint8)
+    return np.vstack([mask, below_plate]), guess.has_neighbour
+
+
+def _coarse_marks(guess: _Guess, hidden: np.ndarray) -> np.ndarray:
+    """Make GrabCut's start marks (H, W) in a coarse view.
+
+    All is probable, except for hidden pixels, other objects and the picture's border
+    outside of the pile, which are certainly background.
+    """
+    marks = np.where(guess.pile, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
+    width = max(2, round(0.02 * guess.pile.shape[1]))
+    is_border = np.ones(guess.pile.shape, bool)
+    is_border[width:, width:-width] = False
+    marks[is_border & ~guess.pile] = cv2.GC_BGD
+    marks[hidden | guess.others] = cv2.GC_BGD
+    return marks
 
 
 def refine(
-    view: SideView, coarse: np.ndarray, berry_px: float, by_roughness: bool
-) -> tuple[Segmentation, float]:
-    """Find the boundary of a pile in a finer view; `coarse` is its mask (H, W), accurate to half a grain.
+    view: SideView, coarse: np.ndarray, grain_px: float, by_roughness: bool
+) -> Refined:
+    """Find the boundary of a pile in a finer view.
 
-    And the share, 0 to 1, of its upper boundary at which both sides hardly differ.
+    Parameters
+    ----------
+    view : SideView
+        The finer view (H, W).
+    coarse : ndarray
+        The pile's mask (H, W), accurate to half a grain.
+    grain_px : float
+        Height of a grain in pixels.
+    by_roughness : bool
+        Whether roughness takes the place of brightness.
+
+    Raises
+    ------
+    NotPlainError
+        If nothing is left of the pile.
+    NoFlankError
+        If the pile is upside down or runs out of the picture at the top.
     """
-    above = math.ceil(view.base_row)
-    coarse, hidden = coarse[:above], view.hidden[:above]
-    colours = _seen(view, above, berry_px if by_roughness else None, coarse)
-    reach = max(4, round((1.0 if by_roughness else 0.4) * berry_px))
-    disc = _disc(reach)
-    below = cv2.copyMakeBorder(coarse, 0, reach, 0, 0, cv2.BORDER_REPLICATE)
-    start = np.where(coarse > 0, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
-    start[cv2.erode(below, disc)[:above] > 0] = cv2.GC_FGD
-    start[(cv2.dilate(below, disc)[:above] == 0) | hidden] = cv2.GC_BGD
-    mask = _grab(colours, start)
+    n_rows = math.ceil(view.base_row)  # above the plate
+    coarse = coarse[:n_rows]
+    hidden = view.hidden[:n_rows]
+    colours = _view_features(view, n_rows, grain_px if by_roughness else None, coarse)
+    near_px = NEAR * grain_px
+
+    # Decide the pixels near the coarse boundary
+    reach = max(4, round((1.0 if by_roughness else 0.4) * grain_px))
+    marks = _fine_marks(coarse, hidden, reach)
+    mask = _grab_cut(colours, marks)
     if not by_roughness:
-        mask = _without_penumbra(mask, colours, berry_px)
-    free = (start >= cv2.GC_PR_BGD) & (cv2.dilate(hidden.astype(np.uint8), disc) == 0)
-    share, mask = _halfway(
-        colours, _largest(mask), free, NEAR * berry_px, NEAR * berry_px, SURE
+        mask = _remove_penumbra(mask, colours, grain_px)
+    is_near_hidden = cv2.dilate(hidden.astype(np.uint8), _disc(reach)) > 0
+    is_free = (marks >= cv2.GC_PR_BGD) & ~is_near_hidden
+
+    # Move the boundary by colours, then more finely by light
+    _, mask = _move_boundary(
+        colours,
+        _largest_part(mask),
+        is_free,
+        neighbourhood_px=near_px,
+        reach_px=near_px,
+        certain_share=CERTAIN_SHARE,
     )
-    light = colours if by_roughness else _light(view, above)
-    share, mask = _halfway(light, mask, free, NEAR * berry_px, EDGE_PX)
-    mask = _without_floating(_largest(mask), GAP * berry_px)
-    mask = _largest(_without_touching(mask, round(NECK * berry_px)))
+    light = colours if by_roughness else _light(view, n_rows)
+    share, mask = _move_boundary(
+        light, mask, is_free, neighbourhood_px=near_px, reach_px=LIGHT_PX
+    )
+
+    # Remove loose grains
+    mask = _remove_floating(_largest_part(mask), GAP * grain_px)
+    mask = _largest_part(_remove_touching(mask, round(NECK * grain_px)))
     require_upright(mask)
-    grey = cv2.cvtColor(view.image[:above], cv2.COLOR_BGR2GRAY)
-    pile_is = (
-        "darker"
-        if grey[mask > 0].mean() < grey[(mask == 0) & ~hidden].mean()
-        else "brighter"
+
+    grey = cv2.cvtColor(view.image[:n_rows], cv2.COLOR_BGR2GRAY)
+    is_darker = grey[mask > 0].mean() < grey[(mask == 0) & ~hidden].mean()
+    pile = Segmentation(
+        grey=grey,
+        contrast=share,
+        level=0.5,
+        mask=mask,
+        base_row=view.base_row,
+        pile_is="darker" if is_darker else "brighter",
     )
-    pile, other = _means(colours, mask, NEAR * berry_px)
-    way = pile - other
-    columns = np.flatnonzero(mask.any(axis=0))
-    difference = np.linalg.norm(
-        way[mask.argmax(axis=0)[columns], columns] * (1 if by_roughness else EQUAL),
-        axis=1,
-    )
-    return Segmentation(grey, share, 0.5, mask, view.base_row, pile_is), float(
-        (difference < FAINT).mean()
-    )
+    weights = np.ones(3, np.float32) if by_roughness else FULL_BRIGHTNESS
+    return Refined(pile, _faint_share(colours, mask, near_px, weights))
 
 
-def _light(view: SideView, above: int) -> np.ndarray:
-    """Light (H, W, 3) above the plate: a camera mixes light at a boundary, and then bends it to tones (sRGB, 2.2)."""
-    light = cv2.GaussianBlur(
-        (view.image.astype(np.float32) / 255) ** TONE_CURVE, (0, 0), 0.8
-    )
-    return _fill(light, view.hidden)[:above]
+def _fine_marks(coarse: np.ndarray, hidden: np.ndarray, reach: int) -> np.ndarray:
+    """Make GrabCut's start marks (H, W) in a fine view.
 
-
-def _halfway(
-    seen: np.ndarray,
-    mask: np.ndarray,
-    free: np.ndarray,
-    about_px: float,
-    reach_px: float,
-    sure: float = 0.5,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Move the boundary of a mask to where pile and background, each as it is about there, have equal shares.
-
-    Only pixels that are `free` change, and only if the share of the other side is larger than `sure`: a grain in the
-    shade is like neither side. Also return the share of the pile (H, W) in each pixel.
+    Only pixels within `reach` of the coarse boundary are uncertain. The pile continues
+    below the plate, so that its base is no boundary.
     """
-    reach = max(EDGE_PX, round(reach_px))
-    near = free & (cv2.morphologyEx(mask, cv2.MORPH_GRADIENT, _disc(reach)) > 0)
-    for _ in range(ROUNDS):
-        pile, other = _means(seen, mask, about_px)
-        way = pile - other
-        share = np.clip(
-            ((seen - other) * way).sum(-1) / np.maximum((way * way).sum(-1), 1e-9), 0, 1
-        )
-        mask = np.where(
-            near & (share >= sure), 1, np.where(near & (share < 1 - sure), 0, mask)
-        )
-        mask = _largest(mask.astype(np.uint8))
+    n_rows = len(coarse)
+    continued = cv2.copyMakeBorder(coarse, 0, reach, 0, 0, cv2.BORDER_REPLICATE)
+    is_inside = cv2.erode(continued, _disc(reach))[:n_rows] > 0
+    is_outside = cv2.dilate(continued, _disc(reach))[:n_rows] == 0
+    marks = np.where(coarse > 0, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
+    marks[is_inside] = cv2.GC_FGD
+    marks[is_outside | hidden] = cv2.GC_BGD
+    return marks
+
+
+def _faint_share(
+    colours: np.ndarray, mask: np.ndarray, near_px: float, weights: np.ndarray
+) -> float:
+    """Compute the share of the upper boundary at which both sides hardly differ."""
+    pile, background = _side_means(colours, mask, near_px)
+    difference = pile - background
+    columns = np.flatnonzero(mask.any(axis=0))
+    rows = mask.argmax(axis=0)[columns]
+    contrast = np.linalg.norm(difference[rows, columns] * weights, axis=1)
+    return float((contrast < FAINT).mean())
+
+
+def _light(view: SideView, n_rows: int) -> np.ndarray:
+    """Compute the light (H, W, 3) above the plate.
+
+    At a boundary a camera mixes light, and only then converts it to tones.
+    """
+    light = (view.image.astype(np.float32) / 255) ** TONE_CURVE
+    smooth = cv2.GaussianBlur(light, (0, 0), 0.8)
+    return _fill_hidden(smooth, view.hidden)[:n_rows]
+
+
+def _move_boundary(
+    values: np.ndarray,
+    mask: np.ndarray,
+    is_free: np.ndarray,
+    *,
+    neighbourhood_px: float,
+    reach_px: float,
+    certain_share: float = 0.5,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Move the boundary of a mask to where pile and background have equal shares.
+
+    The share of the pile in a pixel is where its value lies between the local means of
+    background (0) and pile (1).
+
+    Parameters
+    ----------
+    values : ndarray
+        Features or light (H, W, 3).
+    mask : ndarray
+        The pile (H, W).
+    is_free : ndarray
+        The pixels (H, W) that may change.
+    neighbourhood_px : float
+        Radius of the local means.
+    reach_px : float
+        Distance from the boundary within which pixels change.
+    certain_share : float
+        Share of the other side from which a pixel changes. Above 0.5 a grain in the
+        shade, which is like neither side, stays.
+
+    Returns
+    -------
+    tuple
+        The share of the pile (H, W), and the mask.
+    """
+    reach = max(LIGHT_PX, round(reach_px))
+    boundary = cv2.morphologyEx(mask, cv2.MORPH_GRADIENT, _disc(reach))
+    may_change = is_free & (boundary > 0)
+    for _ in range(N_ROUNDS):
+        pile, background = _side_means(values, mask, neighbourhood_px)
+        span = pile - background
+        projection = ((values - background) * span).sum(-1)
+        share = np.clip(projection / np.maximum((span * span).sum(-1), 1e-9), 0, 1)
+        is_pile = may_change & (share >= certain_share)
+        is_background = may_change & (share < 1 - certain_share)
+        mask = np.where(is_pile, 1, np.where(is_background, 0, mask))
+        mask = _largest_part(mask.astype(np.uint8))
     return share, mask
 
 
-def _without_penumbra(
-    mask: np.ndarray, colours: np.ndarray, berry_px: float
+def _remove_penumbra(
+    mask: np.ndarray, colours: np.ndarray, grain_px: float
 ) -> np.ndarray:
-    """Remove the shadow at a boundary: as wide as a grain, with ratios of the channels as the background has.
+    """Remove the shadow along the boundary, up to a grain wide.
 
-    Nothing is removed where pile and background have much the same ratios.
+    It has the ratios of the background. Nothing is removed where pile and background
+    have nearly the same ratios.
     """
-    disc = _disc(max(3, round(berry_px)))
-    core, around = (
-        cv2.erode(mask, disc, borderValue=1),
-        1 - cv2.dilate(mask, disc[::2, ::2]),
+    disc = _disc(max(3, round(grain_px)))
+    core = cv2.erode(mask, disc, borderValue=1)
+    surroundings = 1 - cv2.dilate(mask, disc[::2, ::2])
+    pile = _local_mean(colours, core, 2 * grain_px)
+    background = _local_mean(colours, surroundings, 2 * grain_px)
+
+    ratio_span = (pile - background)[..., :2]
+    difference = colours - background
+    squared_span = (ratio_span * ratio_span).sum(-1)
+    projection = (difference[..., :2] * ratio_span).sum(-1)
+    pile_share = projection / np.maximum(squared_span, 1e-6)
+
+    is_boundary = (mask > 0) & (core == 0)
+    has_contrast = squared_span > SHADOW_COLOUR**2
+    # Black grains have no colour of their own, but are darker than a shadow.
+    is_light_enough = -difference[..., 2] < BRIGHTNESS_GAIN * SHADOW_DARKEST
+    is_shadow = (
+        is_boundary & has_contrast & (pile_share < 1 - PENUMBRA_SHARE) & is_light_enough
     )
-    pile, other = (_about(colours, part, 2 * berry_px) for part in (core, around))
-    way, beyond = (pile - other)[..., :2], colours - other
-    far = (way * way).sum(-1)
-    share = (beyond[..., :2] * way).sum(-1) / np.maximum(far, 1e-6)
-    shadow = (
-        (mask > 0) & (core == 0) & (far > ITS_OWN_COLOUR**2) & (share < 1 - PENUMBRA[0])
-    )
-    shadow &= (
-        -beyond[..., 2] < BRIGHTNESS_GAIN * SHADOW_DARKEST
-    )  # black grains have no colour
-    flat = np.ones(
-        [max(3, round(share * berry_px)) for share in PENUMBRA[1:]], np.uint8
-    )
-    return np.where(
-        cv2.morphologyEx(shadow.astype(np.uint8), cv2.MORPH_OPEN, flat) > 0, 0, mask
-    ).astype(np.uint8)
+    height = max(3, round(PENUMBRA_HEIGHT * grain_px))
+    width = max(3, round(PENUMBRA_WIDTH * grain_px))
+    smallest = np.ones([height, width], np.uint8)
+    shadow = cv2.morphologyEx(is_shadow.astype(np.uint8), cv2.MORPH_OPEN, smallest)
+    return np.where(shadow > 0, 0, mask).astype(np.uint8)
 
 
 def shadow_below(image: np.ndarray, mask: np.ndarray) -> int:
-    """Count the lowest rows of a pile with mostly the background's colour, but darker.
+    """Count the lowest rows of a pile that are mostly shadow on the background.
 
-    It is 0 for grains of the background's colour, as in a grey picture: shadow and grain look the same.
+    The count is 0 for grains of the background's colour, as in a grey picture, where
+    shadow and grain look the same.
     """
-    every, mask, difference = _against_sides(image, mask)
-    shadow = _of_a_shadow(mask, difference)
+    comparison = _compare_with_sides(image, mask)
+    mask = comparison.mask
+    shadow = _shadow_in_pile(mask, comparison.difference)
     rows = np.flatnonzero(mask.any(axis=1))
-    grains = np.flatnonzero(
-        2 * shadow[rows].sum(axis=1) < mask[rows].sum(axis=1, dtype=int)
-    )
-    return every * int(rows.size - 1 - grains[-1]) if grains.size else 0
+    shadow_widths = shadow[rows].sum(axis=1)
+    pile_widths = mask[rows].sum(axis=1, dtype=int)
+    grain_rows = np.flatnonzero(2 * shadow_widths < pile_widths)
+    if grain_rows.size == 0:
+        return 0
+    return comparison.step * int(rows.size - 1 - grain_rows[-1])
 
 
 def shadow_share(image: np.ndarray, mask: np.ndarray) -> float:
-    """Give the share of a pile of another colour that is one patch of the background's colour, but darker."""
-    _, mask, difference = _against_sides(image, mask)
+    """Compute the share of a pile that is a patch of shadow on the background.
+
+    It is 0 for a pile of the background's colour.
+    """
+    comparison = _compare_with_sides(image, mask)
+    mask = comparison.mask
+    difference = comparison.difference
+    has_colour = np.hypot(difference[..., 0], difference[..., 1]) >= SHADOW_COLOUR
+    area = mask.sum(dtype=int)
+    if ((mask > 0) & has_colour).sum() <= 0.3 * area:
+        return 0.0
     patch = np.ones((max(5, len(mask) // 30),) * 2, np.uint8)
-    shadow = cv2.morphologyEx(
-        _as_a_shadow(mask, difference).astype(np.uint8), cv2.MORPH_OPEN, patch
-    )
-    coloured = (mask > 0) & (
-        np.hypot(difference[..., 0], difference[..., 1]) >= ITS_OWN_COLOUR
-    )
-    return (
-        float(shadow.sum(dtype=int) / mask.sum(dtype=int))
-        if coloured.sum() > 0.3 * mask.sum(dtype=int)
-        else 0.0
-    )
+    is_darker = _darker_background(mask, difference)
+    shadow = cv2.morphologyEx(is_darker.astype(np.uint8), cv2.MORPH_OPEN, patch)
+    return float(shadow.sum(dtype=int) / area)
 
 
-def _against_sides(
-    image: np.ndarray, mask: np.ndarray
-) -> tuple[int, np.ndarray, np.ndarray]:
-    """Compare each row with its two ends in colour: every how manieth pixel, the mask and the difference there."""
-    every = max(1, max(mask.shape) // FINE_PX)
-    colours = features(np.ascontiguousarray(image[::every, ::every]))
-    edge = max(2, colours.shape[1] // 20)  # a shadow may be wider than the pile
-    behind = np.median(
-        np.hstack([colours[:, :edge], colours[:, -edge:]]), axis=1, keepdims=True
-    )
-    return every, mask[::every, ::every], colours - behind
+def _compare_with_sides(image: np.ndarray, mask: np.ndarray) -> _SideComparison:
+    """Compare the features of each pixel with the median of its row's two ends."""
+    step = max(1, max(mask.shape) // COMPARED_PX)
+    colours = features(np.ascontiguousarray(image[::step, ::step]))
+    # Narrow ends: a shadow may be wider than the pile.
+    width = max(2, colours.shape[1] // 20)
+    ends = np.hstack([colours[:, :width], colours[:, -width:]])
+    background = np.median(ends, axis=1, keepdims=True)
+    return _SideComparison(step, mask[::step, ::step], colours - background)
 
 
 def features(image: np.ndarray) -> np.ndarray:
-    """Two ratios of the channels and the brightness, as logarithms scaled to lie around 128: float32 (H, W, 3)."""
-    blue, green, red = cv2.split(
-        cv2.GaussianBlur(image, (0, 0), 0.8).astype(np.float32) + DARK
-    )
-    colours = (COLOUR_GAIN * np.log(channel / green) for channel in (red, blue))
-    brightness = BRIGHTNESS_GAIN * (np.log(red + green + blue) - math.log(3 * 100.0))
-    return 128 + np.stack([*colours, brightness], axis=-1)
+    """Compute two ratios of the channels and the brightness of a picture, BGR.
 
-
-def _seen(
-    view: SideView, above: int, grain_px: float | None, pile: np.ndarray | None = None
-) -> np.ndarray:
-    """Compute the features above the plate; with the height of a grain, roughness in place of brightness.
-
-    Roughness is the least gradient of any direction about a pixel (Shi and Tomasi 1994): a straight edge, as of a
-    table, has none. It is counted from that of the row without the pile, in units of the background's scatter.
+    They are logarithms, scaled to lie around 128: float32 (H, W, 3).
     """
-    colours = _fill(features(view.image), view.hidden)[:above]
-    if grain_px is None:
-        return colours
-    least = cv2.cornerMinEigenVal(np.ascontiguousarray(colours[..., 2]), WINDOW_PX)
-    half = max(1, round(0.25 * grain_px))
-    gaps, and_window = (_disc(reach) for reach in (half, half + WINDOW_PX // 2))
-    # Close the gaps between grains, and take back what the window of the gradients adds outside of them.
-    rough = cv2.erode(cv2.dilate(np.sqrt(np.maximum(least, 0)), gaps), and_window)
-    left_out = view.hidden[:above] | (
-        False if pile is None else cv2.dilate(pile, gaps) > 0
-    )
-    shown = np.where(left_out & ~left_out.all(axis=1, keepdims=True), np.nan, rough)
-    rough = rough - np.nanquantile(
-        shown, SIDES, axis=1, keepdims=True
-    )  # a pile may fill half of a row
-    scatter = 1.4826 * np.median(np.abs(rough[~left_out]))
-    colours[..., 2] = 128 + np.clip(ROUGH * rough / max(scatter, LEAST_SCATTER), 0, 127)
+    smooth = cv2.GaussianBlur(image, (0, 0), 0.8).astype(np.float32) + DARK
+    blue, green, red = cv2.split(smooth)
+    red_ratio = COLOUR_GAIN * np.log(red / green)
+    blue_ratio = COLOUR_GAIN * np.log(blue / green)
+    brightness = BRIGHTNESS_GAIN * (np.log(red + green + blue) - math.log(3 * 100.0))
+    return 128 + np.stack([red_ratio, blue_ratio, brightness], axis=-1)
+
+
+def _view_features(
+    view: SideView,
+    n_rows: int,
+    grain_px: float | None,
+    pile: np.ndarray | None = None,
+) -> np.ndarray:
+    """Compute the features (H, W, 3) of a view above the plate.
+
+    With the height of a grain, roughness takes the place of brightness; `pile` is a
+    mask of the pile, if it is known.
+    """
+    colours = _fill_hidden(features(view.image), view.hidden)[:n_rows]
+    if grain_px is not None:
+        hidden = view.hidden[:n_rows]
+        colours[..., 2] = _roughness(colours[..., 2], hidden, grain_px, pile)
     return colours
 
 
-def _fill(colours: np.ndarray, hidden: np.ndarray) -> np.ndarray:
-    """Replace the colours of hidden pixels by the colours of the nearest visible pixel in the row."""
+def _roughness(
+    brightness: np.ndarray,
+    hidden: np.ndarray,
+    grain_px: float,
+    pile: np.ndarray | None,
+) -> np.ndarray:
+    """Compute the roughness (H, W) of a picture as a feature around 128.
+
+    Roughness is the smallest gradient over all directions (Shi and Tomasi 1994): a
+    straight edge, such as that of a table, has none. It is counted from that of the
+    row's background, in units of the background's scatter.
+    """
+    smallest_gradient = cv2.cornerMinEigenVal(
+        np.ascontiguousarray(brightness), WINDOW_PX
+    )
+    # Close the gaps between grains, and take back what the window adds around them.
+    radius = max(1, round(0.25 * grain_px))
+    closed = cv2.dilate(np.sqrt(np.maximum(smallest_gradient, 0)), _disc(radius))
+    rough = cv2.erode(closed, _disc(radius + WINDOW_PX // 2))
+
+    not_background = hidden
+    if pile is not None:
+        not_background = hidden | (cv2.dilate(pile, _disc(radius)) > 0)
+    # A quantile below the median: the pile may fill half of a row.
+    background = _visible(rough, not_background)
+    roughness = rough - np.nanquantile(background, SIDES, axis=1, keepdims=True)
+    scatter = 1.4826 * np.median(np.abs(roughness[~not_background]))
+    scaled = ROUGHNESS_GAIN * roughness / max(scatter, SMALLEST_SCATTER)
+    return 128 + np.clip(scaled, 0, 127)
+
+
+def _visible(values: np.ndarray, excluded: np.ndarray) -> np.ndarray:
+    """Replace excluded values (H, W) by NaN, except in rows where all are excluded."""
+    return np.where(excluded & ~excluded.all(axis=1, keepdims=True), np.nan, values)
+
+
+def _fill_hidden(colours: np.ndarray, hidden: np.ndarray) -> np.ndarray:
+    """Give hidden pixels the colour (H, W, N) of the nearest visible one in the row."""
+    nowhere = 10**6
     columns = np.arange(hidden.shape[1])
     left = np.maximum.accumulate(np.where(hidden, -1, columns), axis=1)
-    right = np.minimum.accumulate(np.where(hidden, 10**6, columns)[:, ::-1], axis=1)[
-        :, ::-1
-    ]
-    nearest = np.where(
-        np.where(left >= 0, columns - left, 10**6) <= right - columns, left, right
-    )
-    nearest = np.where((nearest >= 0) & (nearest < 10**6), nearest, columns)
+    backwards = np.where(hidden, nowhere, columns)[:, ::-1]
+    right = np.minimum.accumulate(backwards, axis=1)[:, ::-1]
+    left_distance = np.where(left >= 0, columns - left, nowhere)
+    nearest = np.where(left_distance <= right - columns, left, right)
+    # A row without a visible pixel stays as it is.
+    exists = (nearest >= 0) & (nearest < nowhere)
+    nearest = np.where(exists, nearest, columns)
     return np.take_along_axis(colours, nearest[..., None], axis=1)
 
 
-def _background(colours: np.ndarray, hidden: np.ndarray) -> np.ndarray:
-    """Estimate the background: a line through each row, fitted without outliers, at first to the outer parts."""
-    width = hidden.shape[1]
+def _fit_background(colours: np.ndarray, excluded: np.ndarray) -> np.ndarray:
+    """Estimate the features (H, W, 3) of the background by a line through each row.
+
+    The fit begins at the median of the row's outer parts. Three times it leaves out
+    excluded pixels (H, W) and those that differ from the line before; a row with few
+    pixels left keeps that line.
+    """
+    width = excluded.shape[1]
     x = np.linspace(-1, 1, width, dtype=np.float32)[None, :, None]
-    outer = (np.abs(x) > 1 - 2 * SIDES) & ~hidden[..., None]
-    centre = np.nanmedian(
-        np.where(outer | ~outer.any(axis=1, keepdims=True), colours, np.nan),
-        axis=1,
-        keepdims=True,
-    )
-    centre = np.repeat(centre, width, axis=1)
+    is_outer = (np.abs(x) > 1 - 2 * SIDES) & ~excluded[..., None]
+    has_no_outer = ~is_outer.any(axis=1, keepdims=True)
+    outer = np.where(is_outer | has_no_outer, colours, np.nan)
+    background = np.repeat(np.nanmedian(outer, axis=1, keepdims=True), width, axis=1)
     for _ in range(3):
-        miss = np.linalg.norm(colours - centre, axis=-1, keepdims=True)
-        kept = ((miss < STANDS_OUT) & ~hidden[..., None]).astype(np.float32)
+        distance = np.linalg.norm(colours - background, axis=-1, keepdims=True)
+        is_kept = (distance < LARGEST_TEXTURE) & ~excluded[..., None]
+        kept = is_kept.astype(np.float32)
         n = kept.sum(1, keepdims=True) + 1e-3
-        mean_x, mean = (
-            (kept * x).sum(1, keepdims=True) / n,
-            (kept * colours).sum(1, keepdims=True) / n,
-        )
+        mean_x = (kept * x).sum(1, keepdims=True) / n
+        mean = (kept * colours).sum(1, keepdims=True) / n
+        # The added term flattens lines through few pixels.
         spread = (kept * (x - mean_x) ** 2).sum(1, keepdims=True) + 0.02 * width
-        slope = (kept * (x - mean_x) * (colours - mean)).sum(1, keepdims=True) / spread
-        few = n < 0.1 * width
-        centre = np.where(few, centre, mean + slope * (x - mean_x)).astype(np.float32)
-    return centre
+        covariance = (kept * (x - mean_x) * (colours - mean)).sum(1, keepdims=True)
+        line = mean + covariance / spread * (x - mean_x)
+        has_few = n < 0.1 * width
+        background = np.where(has_few, background, line).astype(np.float32)
+    return background
 
 
-def _roughness(colours: np.ndarray) -> np.ndarray:
-    """Compute the scatter (H, W) of the brightness about each pixel: grains with gaps are rough, a shadow is not."""
-    tone, size = colours[..., 2], (5, 5)
-    return np.sqrt(
-        np.maximum(cv2.blur(tone * tone, size) - cv2.blur(tone, size) ** 2, 0)
-    )
+def _local_scatter(brightness: np.ndarray) -> np.ndarray:
+    """Compute the standard deviation (H, W) of the brightness around each pixel.
+
+    Grains with gaps between them have a large one, a shadow has not.
+    """
+    size = (5, 5)
+    mean_square = cv2.blur(brightness * brightness, size)
+    variance = mean_square - cv2.blur(brightness, size) ** 2
+    return np.sqrt(np.maximum(variance, 0))
 
 
 def _first_guess(
-    difference: np.ndarray, rough: np.ndarray, hidden: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, bool]:
-    """Mark the largest part that stands on the plate, wider than high, and other objects, such as a ruler.
+    difference: np.ndarray, scatter: np.ndarray, hidden: np.ndarray
+) -> _Guess:
+    """Mark the largest part that stands on the plate and is wider than high.
 
-    Also tell whether another heap stands beside it.
+    `difference` (H, W, 3) is that of the features from the background.
     """
-    shown = np.where(hidden & ~hidden.all(axis=1, keepdims=True), np.nan, rough)
-    usual = np.nanmedian(
-        shown, axis=1, keepdims=True
-    )  # of the row: an edge of the table is rough, too
-    square = (
+    # Compared with its row: an edge of the table is rough, too.
+    row_scatter = np.nanmedian(_visible(scatter, hidden), axis=1, keepdims=True)
+    squares = (
         (difference[..., :2] ** 2).sum(-1)
         + (0.5 * difference[..., 2]) ** 2
-        + np.maximum(rough - usual, 0) ** 2
+        + np.maximum(scatter - row_scatter, 0) ** 2
     )
-    size = np.where(hidden, 0, cv2.GaussianBlur(np.sqrt(square), (0, 0), 1.5))
+    size = np.where(hidden, 0, cv2.GaussianBlur(np.sqrt(squares), (0, 0), 1.5))
     level, _ = cv2.threshold(
         np.clip(size, 0, 255).astype(np.uint8),
         0,
         1,
         cv2.THRESH_BINARY | cv2.THRESH_OTSU,
     )
-    # The plate may have more of the grains' colour than the wall has: then the foot needs a lower level.
-    for lower in (level, level / 2, level / 4):
-        if lower < LEAST_LEVEL:
+    # The plate may be closer to the grains' colour than the wall is: then the foot of
+    # the pile needs a lower level.
+    for lower_level in (level, level / 2, level / 4):
+        if lower_level < SMALLEST_LEVEL:
             break
-        guess = (size > lower).astype(np.uint8)
-        best, others = _standing(guess)
-        if best is not None:
-            return (
-                best,
-                cv2.dilate(others.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0,
-                another_heap(guess),
-            )
-    raise NotPlainError(NOTHING)
+        stands_out = (size > lower_level).astype(np.uint8)
+        pile, others = _standing_parts(stands_out)
+        if pile is not None:
+            others = cv2.dilate(others.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
+            return _Guess(pile, others, has_another_heap(stands_out))
+    raise NotPlainError(NO_PILE)
 
 
-def _standing(mask: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
-    """Mark the largest part that stands on the plate, wider than high (None without one), and high objects."""
+def _standing_parts(mask: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
+    """Mark the largest part on the plate that is wider than high, and all high parts.
+
+    The first is None if there is no such part.
+    """
     mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     _, labels, boxes, _ = cv2.connectedComponentsWithStats(mask)
-    _, top, wide, high, area = boxes.T
-    stands = (top + high >= 0.97 * len(mask)) & (wide > 1.2 * high)
-    others = (high > 2.5 * wide) & (high > 0.15 * len(mask))
-    stands[0] = others[0] = False  # the background
-    best = int(np.argmax(stands * area))
-    return labels == best if best else None, others[labels]
+    _, tops, widths, heights, areas = boxes.T
+    is_on_plate = tops + heights >= 0.97 * len(mask)
+    is_pile = is_on_plate & (widths > 1.2 * heights)
+    is_high = (heights > 2.5 * widths) & (heights > 0.15 * len(mask))
+    # The first part is the background.
+    is_pile[0] = False
+    is_high[0] = False
+    largest = int(np.argmax(is_pile * areas))
+    pile = labels == largest if largest else None
+    return pile, is_high[labels]
 
 
-def _grab(colours: np.ndarray, start: np.ndarray) -> np.ndarray:
+def _grab_cut(colours: np.ndarray, marks: np.ndarray) -> np.ndarray:
     """Find the pile's mask by GrabCut, from its start marks."""
     picture = np.clip(colours, 0, 255).astype(np.uint8)
-    marks = start.copy()
+    result = marks.copy()
     cv2.setRNGSeed(1)
     cv2.grabCut(
         picture,
-        marks,
+        result,
         (0, 0, 0, 0),
         np.zeros((1, 65)),
         np.zeros((1, 65)),
-        ROUNDS,
+        N_ROUNDS,
         cv2.GC_INIT_WITH_MASK,
     )
-    mask = ((marks == cv2.GC_FGD) | (marks == cv2.GC_PR_FGD)).astype(np.uint8)
-    return cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
-
-
-def _without_shadow(
-    mask: np.ndarray, difference: np.ndarray, rough: np.ndarray
-) -> np.ndarray:
-    """Remove parts that have the background's colour and are darker, unless the whole pile is like that."""
-    shadow = _of_a_shadow(mask, difference) & (
-        rough < SMOOTH * np.median(rough[mask > 0])
+    is_pile = (result == cv2.GC_FGD) | (result == cv2.GC_PR_FGD)
+    return cv2.morphologyEx(
+        is_pile.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)
     )
+
+
+def _remove_shadow(
+    mask: np.ndarray, difference: np.ndarray, scatter: np.ndarray
+) -> np.ndarray:
+    """Remove smooth parts of the background's colour that are darker than it."""
+    is_smooth = scatter < SMOOTH_SHARE * np.median(scatter[mask > 0])
+    shadow = _shadow_in_pile(mask, difference) & is_smooth
     shadow = cv2.morphologyEx(
         shadow.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)
     )
     return np.where(shadow > 0, 0, mask).astype(np.uint8)
 
 
-def _of_a_shadow(mask: np.ndarray, difference: np.ndarray) -> np.ndarray:
-    """Mark pixels with the background's colour, but darker; none if the upper part of the pile is the same."""
-    shadow = _as_a_shadow(mask, difference)
+def _shadow_in_pile(mask: np.ndarray, difference: np.ndarray) -> np.ndarray:
+    """Mark pixels of a pile with the background's colour that are darker than it.
+
+    None are marked if the upper part of the pile is like that, too: then the grains
+    have the background's colour.
+    """
+    shadow = _darker_background(mask, difference)
     rows = np.flatnonzero(mask.any(axis=1))
-    upper = slice(rows[0], rows[0] + (2 * rows.size) // 3) if rows.size else slice(0)
-    return (
-        np.zeros(mask.shape, bool)
-        if shadow[upper].sum() > 0.12 * mask[upper].sum()
-        else shadow
-    )
+    if rows.size == 0:
+        return shadow
+    upper = slice(rows[0], rows[0] + (2 * rows.size) // 3)
+    if shadow[upper].sum() > 0.12 * mask[upper].sum():
+        return np.zeros(mask.shape, bool)
+    return shadow
 
 
-def _as_a_shadow(mask: np.ndarray, difference: np.ndarray) -> np.ndarray:
-    """Mark pixels with the background's colour, but darker."""
-    distance = np.sqrt((difference[..., :2] ** 2).sum(-1))
-    darker = -difference[..., 2] / BRIGHTNESS_GAIN
+def _darker_background(mask: np.ndarray, difference: np.ndarray) -> np.ndarray:
+    """Mark pixels of a mask with the background's colour that are darker than it."""
+    colour_distance = np.sqrt((difference[..., :2] ** 2).sum(-1))
+    darkening = -difference[..., 2] / BRIGHTNESS_GAIN
     return (
         (mask > 0)
-        & (distance < ITS_OWN_COLOUR)
-        & (darker > 0.08)
-        & (darker < SHADOW_DARKEST)
+        & (colour_distance < SHADOW_COLOUR)
+        & (darkening > SHADOW_LIGHTEST)
+        & (darkening < SHADOW_DARKEST)
     )
 
 
-def _without_floating(mask: np.ndarray, gap_px: float) -> np.ndarray:
-    """Remove parts above background: a loose grain on the plate behind the pile.
+def _remove_floating(mask: np.ndarray, gap_px: float) -> np.ndarray:
+    """Remove parts above background, such as a loose grain behind the pile.
 
-    Background is counted from the pile's foot, the lowest row that is half as wide as the widest: seen from the side,
-    round grains end a little above the plate's row.
+    Background is counted from the pile's foot, the lowest row at least half as wide as
+    the widest: seen from the side, round grains end a little above the plate's row.
     """
-    width = mask.sum(axis=1, dtype=int)
-    foot = len(mask) - int((2 * width[::-1] >= max(width.max(), 1)).argmax())
+    widths = mask.sum(axis=1, dtype=int)
+    is_wide = 2 * widths >= max(widths.max(), 1)
+    foot = len(mask) - int(is_wide[::-1].argmax())
     upwards = mask[:foot][::-1] > 0
-    stands = upwards & (np.cumsum(~upwards, axis=0) <= gap_px)
-    return np.concatenate([stands[::-1].astype(np.uint8), mask[foot:]])
+    n_background = np.cumsum(~upwards, axis=0)  # pixels below each, in its column
+    standing = upwards & (n_background <= gap_px)
+    return np.concatenate([standing[::-1].astype(np.uint8), mask[foot:]])
 
 
-def _without_touching(mask: np.ndarray, radius: int) -> np.ndarray:
-    """Remove loose grains at the foot: low parts joined only by a neck narrower than two radii."""
+def _remove_touching(mask: np.ndarray, radius: int) -> np.ndarray:
+    """Remove loose grains at the foot: low parts behind a neck of two radii or less."""
     if radius < 1:
         return mask
-    core = cv2.erode(
-        cv2.copyMakeBorder(mask, 0, 2 * radius, 0, 0, cv2.BORDER_REPLICATE),
-        _disc(radius),
-    )[: len(mask)]
-    count, labels, boxes, _ = cv2.connectedComponentsWithStats(core)
-    rows = np.flatnonzero(mask.any(axis=1))
-    if count < 3:
+    continued = cv2.copyMakeBorder(mask, 0, 2 * radius, 0, 0, cv2.BORDER_REPLICATE)
+    core = cv2.erode(continued, _disc(radius))[: len(mask)]
+    n_labels, labels, boxes, _ = cv2.connectedComponentsWithStats(core)
+    if n_labels < 3:  # background and one part
         return mask
+
+    # Assign each pixel to the part of the core that is nearest.
     _, nearest = cv2.distanceTransformWithLabels(
         1 - core, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
     )
-    owner = np.zeros(nearest.max() + 1, int)
-    owner[nearest[core > 0]] = labels[core > 0]
-    loose = boxes[:, cv2.CC_STAT_TOP] > rows.mean()
-    loose[[0, 1 + int(boxes[1:, cv2.CC_STAT_AREA].argmax())]] = False
-    return np.where(loose[owner[nearest]], 0, mask).astype(np.uint8)
+    part_of = np.zeros(nearest.max() + 1, int)
+    part_of[nearest[core > 0]] = labels[core > 0]
+
+    # Low parts are loose, except for the background and the largest part.
+    middle = np.flatnonzero(mask.any(axis=1)).mean()
+    is_loose = boxes[:, cv2.CC_STAT_TOP] > middle
+    largest = 1 + int(boxes[1:, cv2.CC_STAT_AREA].argmax())
+    is_loose[[0, largest]] = False
+    return np.where(is_loose[part_of[nearest]], 0, mask).astype(np.uint8)
 
 
 def _disc(radius: int) -> np.ndarray:
-    """Make a disc of a radius in pixels, for the operations of morphology."""
-    return cv2.getStructuringElement(
-        cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1)
+    """Make a disc of a radius in pixels, for morphological operations."""
+    size = 2 * radius + 1
+    return cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+
+
+def _side_means(
+    values: np.ndarray, mask: np.ndarray, radius_px: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Average values (H, W, N) of pile and background around each pixel."""
+    pile = _local_mean(values, mask, radius_px)
+    background = _local_mean(values, 1 - mask, radius_px)
+    return pile, background
+
+
+def _local_mean(values: np.ndarray, part: np.ndarray, radius_px: float) -> np.ndarray:
+    """Average values (H, W, N) of a part (H, W) around each pixel; 0 without any."""
+    size = 2 * max(3, round(radius_px)) + 1
+    count = cv2.boxFilter(
+        part.astype(np.float32),
+        -1,
+        (size, size),
+        normalize=False,
+        borderType=cv2.BORDER_REPLICATE,
     )
+    total = cv2.boxFilter(
+        values * part[..., None].astype(np.float32),
+        -1,
+        (size, size),
+        normalize=False,
+        borderType=cv2.BORDER_REPLICATE,
+    )
+    return total / np.maximum(count, 1)[..., None]
 
 
-def _means(colours: np.ndarray, mask: np.ndarray, reach_px: float) -> list[np.ndarray]:
-    """Average the colours (H, W, 3) of the pile and of the rest about each pixel."""
-    return [_about(colours, part, reach_px) for part in (mask, 1 - mask)]
-
-
-def _about(colours: np.ndarray, part: np.ndarray, reach_px: float) -> np.ndarray:
-    """Average the colours (H, W, N) of a part (H, W) about each pixel."""
-    box = (2 * max(3, round(reach_px)) + 1,) * 2
-    seen = part.astype(np.float32), colours * part[..., None].astype(np.float32)
-    how: Any = {"normalize": False, "borderType": cv2.BORDER_REPLICATE}
-    weight, total = (cv2.boxFilter(values, -1, box, **how) for values in seen)
-    return total / np.maximum(weight, 1)[..., None]
-
-
-def _largest(mask: np.ndarray) -> np.ndarray:
-    """Keep the largest part alone and fill its holes."""
+def _largest_part(mask: np.ndarray) -> np.ndarray:
+    """Keep a mask's largest part and fill its holes; NotPlainError if it is empty."""
     if not mask.any():
-        raise NotPlainError(NOTHING)
+        raise NotPlainError(NO_PILE)
     return pile_component(mask, largest_only=True)

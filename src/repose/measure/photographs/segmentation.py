@@ -1,6 +1,7 @@
 """The boundary between pile and background of a picture, to a fraction of a pixel.
 
-Rows count downwards from the picture's top; a pixel's centre has whole coordinates, as in OpenCV.
+Rows count downwards from the picture's top. The centre of a pixel has whole
+coordinates, as in OpenCV.
 """
 
 import math
@@ -10,16 +11,18 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from repose.common.errors import NoFlankError, require, require_flank
+from repose.common.errors import InputError, NoFlankError
 
-# Simulations run side by side, one a core: OpenCV's own threads would only compete with them.
+# Simulations run in parallel, one on each core: OpenCV's threads would only compete.
 cv2.setNumThreads(1)
 
-SMALLEST = 20  # pixels that a picture has at least, each way
-SECOND = 0.4  # height of a second heap over that of the highest part
-HIGHEST_CENTROID = (
-    0.55  # over the base, relative to the height of the pile; a rectangle has 0.5
-)
+MIN_SIDE_PX = 20  # smallest height and width of a picture
+MIN_PEAK = 8  # contrast in tones that a pile reaches somewhere
+BORDER_SHARE = 0.03  # width of the border strip over the picture's shorter side
+SECOND_HEAP = 0.4  # height of another heap over that of the largest part
+# Height of a pile's centroid over its own height; a rectangle has 0.5
+HIGHEST_CENTROID = 0.55
+SMALLEST_PART = 0.01  # area of a part of the pile over that of the largest part
 
 
 @dataclass(frozen=True)
@@ -27,16 +30,12 @@ class Segmentation:
     """A picture split into pile and background."""
 
     grey: np.ndarray  # uint8 (H, W)
-    contrast: (
-        np.ndarray
-    )  # float32 (H, W), distance of each pixel from the background, in tone or colour
-    level: float  # the contrast at which the pile begins (Otsu)
-    mask: (
-        np.ndarray
-    )  # uint8 (H, W), 1 in the pile; holes are filled, the plate is left out
+    contrast: np.ndarray  # float32 (H, W), difference from the background
+    level: float  # the contrast at which the pile begins
+    mask: np.ndarray  # uint8 (H, W), 1 in the pile without holes; no plate
     base_row: float  # row of the pile's lower edge
     pile_is: str  # "darker" or "brighter" than the background
-    beside: bool = False  # whether another heap stands beside it
+    has_neighbour: bool = False  # whether another heap stands beside the pile
 
     @property
     def contour(self) -> np.ndarray:
@@ -47,93 +46,126 @@ class Segmentation:
 def segment(
     image: np.ndarray, largest_pile_only: bool = True, base_row: float | None = None
 ) -> Segmentation:
-    """Split a picture, BGR or grey, into pile and background; NoFlankError if the picture shows no pile.
+    """Split a picture into pile and background.
 
-    The border strip (the upper edge and both sides) shows background, from which the pile differs in tone or colour,
-    darker or brighter. The background is a quadratic surface for each channel, fitted to that strip with outliers
-    trimmed: tilted light and vignetting are removed. Then follow median and Gaussian filters, Otsu's threshold on the
-    distance from the background, and the filling of holes (highlights). A picture of two tones needs neither fit nor
-    filters, which would round its corners.
+    The border strip (the upper edge and both sides) shows background. The pile differs
+    from it in tone or colour and may be darker or brighter. The background of each
+    channel is a quadratic surface, fitted to the strip without outliers, which removes
+    uneven light and vignetting. The pile is where the distance from that surface, after
+    a median and a Gaussian filter, exceeds Otsu's threshold; its holes (highlights) are
+    filled. A picture of only two tones needs neither surface nor filters, which would
+    round its corners.
 
-    The base is `base_row`, if given. Otherwise rows that are "pile" from border to border are a plate in the fruit's
-    tone, and the pile stands on the first of them; without a plate the base is the pile's lowest row.
+    Parameters
+    ----------
+    image : ndarray
+        The picture, uint8: BGR (H, W, 3) or grey (H, W).
+    largest_pile_only : bool
+        Whether the pile is the largest part alone, without loose grains.
+    base_row : float, optional
+        Row of the plate. By default, rows that are "pile" from border to border are a
+        plate in the grains' tone, and the pile stands on the first of them; without
+        such a plate the base is the pile's lowest row.
+
+    Raises
+    ------
+    NoFlankError
+        If the picture shows no pile.
+    InputError
+        If the picture is unusable, or `base_row` lies outside of it.
     """
-    image = checked(image)
+    image = prepare_picture(image)
     grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     contrast = two_tone_contrast(image) if image.ndim == 2 else None
-    noisy = contrast is None
-    if contrast is None:
-        contrast = background_contrast(
-            cv2.GaussianBlur(cv2.medianBlur(image, 3), (0, 0), 1.0)
-        )
-    level, mask = threshold(contrast)
-    if noisy:
+    if contrast is not None:
+        level, mask = threshold(contrast)
+    else:
+        smooth = cv2.GaussianBlur(cv2.medianBlur(image, 3), (0, 0), 1.0)
+        contrast = background_contrast(smooth)
+        level, mask = threshold(contrast)
         mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
+
     if base_row is None:
         base_row = plate_row(mask)
     if base_row is not None:
-        require(
-            0 < base_row <= mask.shape[0],
-            "picture",
-            "base_row",
-            base_row,
-            f"above 0, at most {mask.shape[0]}",
-        )
+        rows = mask.shape[0]
+        if not 0 < base_row <= rows:
+            allowed = f"above 0, at most {rows}"
+            raise InputError("picture", "base_row", base_row, allowed)
         mask[math.ceil(base_row) :] = 0
-    beside = largest_pile_only and another_heap(mask)
+    has_neighbour = largest_pile_only and has_another_heap(mask)
     mask = pile_component(mask, largest_pile_only)
     if base_row is None:
         base_row = lower_edge(mask, contrast, level)
-    pile_is = (
-        "darker"
-        if cv2.mean(grey, mask)[0] < grey[border(grey.shape)].mean()
-        else "brighter"
+
+    pile_tone = cv2.mean(grey, mask)[0]
+    background_tone = grey[border(grey.shape)].mean()
+    return Segmentation(
+        grey=grey,
+        contrast=contrast,
+        level=level,
+        mask=mask,
+        base_row=float(base_row),
+        pile_is="darker" if pile_tone < background_tone else "brighter",
+        has_neighbour=has_neighbour,
     )
-    return Segmentation(grey, contrast, level, mask, float(base_row), pile_is, beside)
 
 
 def of_silhouette(
     picture: np.ndarray, pile_tone: int, background: int, largest_only: bool
 ) -> Segmentation:
-    """Give what `segment` gives for a simulated pile's picture (H, W): its two tones and its base are known."""
-    seen = (picture == pile_tone).view(np.uint8)
-    contrast = seen * np.float32(abs(background - pile_tone))
-    count = cv2.countNonZero(seen)
-    # half-way as `threshold` has it, to the last bit: OpenCV's mean is the sum times 1 / count
+    """Split a simulated pile's picture (H, W), whose two tones and base are known.
+
+    The result is that of `segment`, to the last bit.
+    """
+    is_pile = (picture == pile_tone).view(np.uint8)
+    contrast = is_pile * np.float32(abs(background - pile_tone))
+    # Half-way between the two tones as `threshold` computes it: OpenCV's mean is the
+    # sum times 1 / count, which rounds.
+    count = cv2.countNonZero(is_pile)
     level = 0.5 * (255.0 * count * (1.0 / count)) * float(contrast.max()) / 255.0
-    mask = pile_component(seen, largest_only)
-    pile_is = "darker" if pile_tone < background else "brighter"
-    return Segmentation(picture, contrast, level, mask, picture.shape[0] - 0.5, pile_is)
-
-
-def checked(image: np.ndarray) -> np.ndarray:
-    """Give the picture as contiguous bytes, of one channel if its three are the same; InputError if it is unusable."""
-    image = np.asarray(image)
-    require(image.dtype == np.uint8, "picture", "pixel type", str(image.dtype), "uint8")
-    allowed = f"(H, W) or (H, W, 3), at least {SMALLEST} by {SMALLEST} pixels"
-    picture = image.ndim == 2 or (image.ndim == 3 and image.shape[2] == 3)
-    require(
-        picture and min(image.shape[:2]) >= SMALLEST,
-        "picture",
-        "shape",
-        image.shape,
-        allowed,
+    return Segmentation(
+        grey=picture,
+        contrast=contrast,
+        level=level,
+        mask=pile_component(is_pile, largest_only),
+        base_row=picture.shape[0] - 0.5,
+        pile_is="darker" if pile_tone < background else "brighter",
     )
+
+
+def prepare_picture(image: np.ndarray) -> np.ndarray:
+    """Return a picture as contiguous bytes, with one channel if its three are the same.
+
+    Raises InputError if the picture is unusable.
+    """
+    image = np.asarray(image)
+    if image.dtype != np.uint8:
+        raise InputError("picture", "pixel type", str(image.dtype), "uint8")
+    is_picture = image.ndim == 2 or (image.ndim == 3 and image.shape[2] == 3)
+    if not is_picture or min(image.shape[:2]) < MIN_SIDE_PX:
+        allowed = f"(H, W) or (H, W, 3), at least {MIN_SIDE_PX} by {MIN_SIDE_PX} pixels"
+        raise InputError("picture", "shape", image.shape, allowed)
     if image.ndim == 3 and (image == image[..., :1]).all():
         image = image[..., 0]
     return np.ascontiguousarray(image)
 
 
 def border(shape: tuple[int, ...]) -> np.ndarray:
-    """Mask (H, W) of the strip that shows background: upper edge and both sides, 3 % of the picture wide."""
-    strip = max(2, round(0.03 * min(shape)))
-    where = np.zeros(shape[:2], dtype=bool)
-    where[:strip] = where[:, :strip] = where[:, -strip:] = True
-    return where
+    """Mark (H, W) the strip that shows background: the upper edge and both sides."""
+    width = max(2, round(BORDER_SHARE * min(shape)))
+    strip = np.zeros(shape[:2], dtype=bool)
+    strip[:width] = True
+    strip[:, :width] = True
+    strip[:, -width:] = True
+    return strip
 
 
 def two_tone_contrast(grey: np.ndarray) -> np.ndarray | None:
-    """Distance (H, W) from the background's tone in a picture of at most two tones; None for a picture with more."""
+    """Compute the distance (H, W) from the background's tone in a picture of two tones.
+
+    Return None if the picture has more than two.
+    """
     if not ((grey == grey.min()) | (grey == grey.max())).all():
         return None
     background = np.bincount(grey[border(grey.shape)], minlength=256).argmax()
@@ -141,145 +173,175 @@ def two_tone_contrast(grey: np.ndarray) -> np.ndarray | None:
 
 
 def background_contrast(image: np.ndarray) -> np.ndarray:
-    """Distance (H, W) in tones from the background surface that is fitted to the border strip."""
+    """Compute the distance (H, W) in tones from the background fitted to the border."""
     rows, columns = image.shape[:2]
-    y, x = (
-        np.linspace(-1, 1, rows, dtype=np.float32)[:, None],
-        np.linspace(-1, 1, columns, dtype=np.float32),
-    )
-    where = border(image.shape)
-    strip_y, strip_x = y[where.nonzero()[0], 0], x[where.nonzero()[1]]
-    terms = (
-        np.ones_like(strip_x),
-        strip_x,
-        strip_x**2,
-        strip_y,
-        strip_y**2,
-        strip_x * strip_y,
-    )
-    strip_terms = np.stack(terms, axis=1).astype(float)
+    y = np.linspace(-1, 1, rows, dtype=np.float32)[:, None]
+    x = np.linspace(-1, 1, columns, dtype=np.float32)
+    strip = border(image.shape)
+    strip_rows, strip_columns = strip.nonzero()
+    terms = _quadratic_terms(x[strip_columns], y[strip_rows, 0])
     squares = np.zeros((rows, columns), np.float32)
     for channel in image.reshape(rows, columns, -1).transpose(2, 0, 1):
-        seen = channel[where].astype(float)
-        kept = np.ones(seen.size, dtype=bool)
-        # A plate or a stray grain in the strip is a minority: start from the median tone, then trim the
-        # outliers.
-        centre = np.full(seen.size, np.median(seen))
-        for _ in range(4):
-            miss = np.abs(seen - centre)
-            kept = miss <= max(3 * 1.4826 * np.median(miss), 2.0)
-            weights = np.linalg.lstsq(strip_terms[kept], seen[kept], rcond=None)[0]
-            centre = strip_terms @ weights
-        w = weights.astype(np.float32)
+        c = _fit_without_outliers(terms, channel[strip].astype(float))
+        c = c.astype(np.float32)
         surface = (
-            (w[0] + w[1] * x + w[2] * x * x) + (w[3] * y + w[4] * y * y) + w[5] * y * x
+            (c[0] + c[1] * x + c[2] * x * x) + (c[3] * y + c[4] * y * y) + c[5] * y * x
         )
         squares += (channel - surface) ** 2
     return np.sqrt(squares)
 
 
-def threshold(contrast: np.ndarray) -> tuple[float, np.ndarray]:
-    """Otsu's level of the contrast, and the mask (H, W) of the pixels above it; NoFlankError without contrast.
+def _quadratic_terms(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Compute the terms (N, 6) of a quadratic surface at points x, y (N,)."""
+    terms = (np.ones_like(x), x, x**2, y, y**2, x * y)
+    return np.stack(terms, axis=1).astype(float)
 
+
+def _fit_without_outliers(terms: np.ndarray, tones: np.ndarray) -> np.ndarray:
+    """Fit the coefficients of a surface to the tones (N,) of the border strip.
+
+    A plate or a stray grain in the strip is a minority: the fit begins at the median
+    tone, and four times leaves out what lies more than three standard deviations away.
+    """
+    surface = np.full(tones.size, np.median(tones))
+    for _ in range(4):
+        distances = np.abs(tones - surface)
+        deviation = 1.4826 * np.median(distances)
+        is_kept = distances <= max(3 * deviation, 2.0)
+        coefficients, *_ = np.linalg.lstsq(terms[is_kept], tones[is_kept], rcond=None)
+        surface = terms @ coefficients
+    return coefficients
+
+
+def threshold(contrast: np.ndarray) -> tuple[float, np.ndarray]:
+    """Find Otsu's level of a contrast, and the mask (H, W) of the pixels above it.
+
+    Raises NoFlankError if nothing stands out.
+
+    References
+    ----------
     Otsu, N. (1979). IEEE Trans. Syst. Man Cybern. 9, 62-66.
     """
     peak = float(contrast.max())
-    require_flank(peak >= 8, "nothing in the picture differs from its background")
+    if peak < MIN_PEAK:
+        raise NoFlankError("nothing in the picture differs from its background")
     scaled = cv2.convertScaleAbs(contrast, alpha=255.0 / peak)
-    binary = cv2.threshold(scaled, 0, 1, cv2.THRESH_BINARY | cv2.THRESH_OTSU)[1]
-    # Otsu's optimum lies half-way between the means of its two classes. Where the histogram has a gap every
-    # level in it is as good and OpenCV returns the lowest, which would put the sub-pixel edge half a pixel
-    # too far out.
-    level = (
-        cv2.mean(scaled, mask=1 - binary)[0] + cv2.mean(scaled, mask=binary)[0]
-    ) / 2
-    return level * peak / 255.0, cv2.threshold(
-        scaled, math.floor(level), 1, cv2.THRESH_BINARY
-    )[1]
+    _, binary = cv2.threshold(scaled, 0, 1, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
+    # Otsu's optimum lies half-way between the means of its two classes. Where the
+    # histogram has a gap, every level in the gap is as good, and OpenCV returns the
+    # lowest: that would put the edge up to half a pixel too far out.
+    lower_mean = cv2.mean(scaled, mask=1 - binary)[0]
+    upper_mean = cv2.mean(scaled, mask=binary)[0]
+    level = (lower_mean + upper_mean) / 2
+    _, mask = cv2.threshold(scaled, math.floor(level), 1, cv2.THRESH_BINARY)
+    return level * peak / 255.0, mask
 
 
 def plate_row(mask: np.ndarray) -> float | None:
-    """Upper edge, between two rows, of a plate that counts as "pile" from border to border; None without a plate.
+    """Find the upper edge of a plate that counts as "pile" from border to border.
 
-    Above a plate the mask narrows abruptly, but not above the foot of a pile that the picture cuts off.
+    Above a plate the mask narrows abruptly; above the foot of a pile that the picture
+    cuts off it does not. Return a row between two pixels, or None without a plate.
     """
-    share = mask.mean(axis=1)
-    from_border_to_border = (
-        mask[:, :3].any(axis=1) & mask[:, -3:].any(axis=1) & (share > 0.97)
-    )
-    if not from_border_to_border.any():
+    covered_share = mask.mean(axis=1)
+    reaches_left = mask[:, :3].any(axis=1)
+    reaches_right = mask[:, -3:].any(axis=1)
+    is_across = reaches_left & reaches_right & (covered_share > 0.97)
+    if not is_across.any():
         return None
-    first = int(from_border_to_border.argmax())
-    return first - 0.5 if first >= 4 and share[first - 4] < 0.9 else None
+    first = int(is_across.argmax())
+    if first < 4 or covered_share[first - 4] >= 0.9:
+        return None
+    return first - 0.5
 
 
 def pile_component(mask: np.ndarray, largest_only: bool) -> np.ndarray:
-    """Find the pile of a mask, with holes filled: the largest part, or all parts of at least 1 % of its area."""
+    """Select the pile of a mask and fill its holes.
+
+    The pile is the largest part, or all parts of at least 1 % of its area. NoFlankError
+    if the mask is empty.
+    """
     contours = _contours(mask)
-    require_flank(contours, "the picture shows no pile above its base")
+    if not contours:
+        raise NoFlankError("the picture shows no pile above its base")
     areas = np.array([cv2.contourArea(contour) for contour in contours])
-    kept = (
-        [int(areas.argmax())]
-        if largest_only
-        else np.flatnonzero(areas >= 0.01 * areas.max()).tolist()
-    )
+    if largest_only:
+        selected = [contours[int(areas.argmax())]]
+    else:
+        is_large = areas >= SMALLEST_PART * areas.max()
+        selected = [contours[index] for index in np.flatnonzero(is_large).tolist()]
     filled = np.zeros_like(mask)
-    cv2.drawContours(filled, [contours[i] for i in kept], -1, 1, cv2.FILLED)
+    cv2.drawContours(filled, selected, -1, 1, cv2.FILLED)
     return filled
 
 
 def _contours(mask: np.ndarray) -> Sequence[np.ndarray]:
     """Find the outer boundary of each part of a mask, pixel by pixel."""
-    return cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
+    contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    return contours
 
 
-def another_heap(mask: np.ndarray) -> bool:
-    """Whether a part of the mask beside the largest stands as low, is wider than high, and `SECOND` as high."""
-    boxes = cv2.connectedComponentsWithStats(mask)[2][1:]
-    if len(boxes) < 2:
+def has_another_heap(mask: np.ndarray) -> bool:
+    """Tell whether a second heap stands beside the largest part of a mask.
+
+    It stands as low, is wider than high, and at least 0.4 times as high.
+    """
+    _, _, boxes, _ = cv2.connectedComponentsWithStats(mask)
+    parts = boxes[1:]  # without the background
+    if len(parts) < 2:
         return False
-    _, tops, wide, high, areas = boxes.T
-    k = int(areas.argmax())
-    low = np.abs(tops + high - (tops[k] + high[k])) <= 0.1 * high[k]
-    return bool((low & (wide > high) & (high >= SECOND * high[k])).sum() > 1)
+    _, tops, widths, heights, areas = parts.T
+    largest = int(areas.argmax())
+    bottoms = tops + heights
+    stands_as_low = np.abs(bottoms - bottoms[largest]) <= 0.1 * heights[largest]
+    is_high = heights >= SECOND_HEAP * heights[largest]
+    is_heap = stands_as_low & (widths > heights) & is_high
+    return bool(is_heap.sum() > 1)
 
 
 def require_upright(mask: np.ndarray) -> None:
-    """Raise NoFlankError if the pile touches the upper border of the picture, or stands on its top.
+    """Raise NoFlankError if the pile touches the upper border or stands on its top.
 
-    The centroid of a pile that widens downward lies below the middle of its height.
+    The centroid of a pile that widens downwards lies below the middle of its height.
     """
-    require_flank(
-        not mask[0].any(),
-        "the pile runs out of the picture at the top: its crest is not seen",
-    )
-    rows = np.flatnonzero(mask.any(axis=1))
-    centroid = np.average(np.arange(len(mask)), weights=mask.sum(axis=1, dtype=float))
-    if (rows[-1] - centroid) > HIGHEST_CENTROID * (rows[-1] - rows[0]):
+    if mask[0].any():
         raise NoFlankError(
-            "most of the pile lies in its upper half: the picture is upside down, or shows no pile"
+            "the pile runs out of the picture at the top: its crest is not seen"
+        )
+    rows = np.flatnonzero(mask.any(axis=1))
+    top, bottom = rows[0], rows[-1]
+    centroid = np.average(np.arange(len(mask)), weights=mask.sum(axis=1, dtype=float))
+    if (bottom - centroid) > HIGHEST_CENTROID * (bottom - top):
+        raise NoFlankError(
+            "most of the pile lies in its upper half: the picture is upside down, or "
+            "shows no pile"
         )
 
 
 def upper_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> np.ndarray:
-    """Upper row of the pile in each column (W,), between pixels by linear interpolation; NaN without pile."""
-    top = (
-        cv2.transpose(mask).view(bool).argmax(axis=1)
-    )  # in contiguous memory three times as fast
+    """Find the upper row of the pile in each column (W,), between pixels.
+
+    The edge is where the contrast, interpolated between the pile's highest pixel and
+    the one above, equals the level. It is NaN in a column without pile.
+    """
+    # In contiguous memory the search is three times as fast.
+    top = cv2.transpose(mask).view(bool).argmax(axis=1)
     column = np.arange(mask.shape[1])
     inner = contrast[top, column]
     outer = np.where(top > 0, contrast[np.maximum(top - 1, 0), column], 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         step = np.where(inner > outer, (inner - level) / (inner - outer), 0.5)
-    return np.where(mask[top, column] > 0, top - np.clip(step, 0.0, 1.0), np.nan)
+    has_pile = mask[top, column] > 0
+    return np.where(has_pile, top - np.clip(step, 0.0, 1.0), np.nan)
 
 
 def lower_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> float:
-    """Row of the pile's lowest point, between pixels; the lower border of a picture that cuts the pile off."""
+    """Find the row of the pile's lowest point, between pixels.
+
+    If the picture cuts the pile off, it is the picture's lower border.
+    """
+    rows = mask.shape[0]
     if mask[-1].any():
-        return mask.shape[0] - 0.5
-    return (
-        mask.shape[0]
-        - 1
-        - float(np.nanmin(upper_edge(mask[::-1], contrast[::-1], level)))
-    )
+        return rows - 0.5
+    edge_from_below = upper_edge(mask[::-1], contrast[::-1], level)
+    return rows - 1 - float(np.nanmin(edge_from_below))

@@ -1,7 +1,8 @@
-"""The printed sheet for scale, tilt and lens: chessboard and markers (ChArUco), upright on the plate.
+"""The printed sheet that gives scale, tilt and lens.
 
-Its lower edge stands on the plate, in the plane of the pile's crest, and its face is towards the camera. Places on it
-are (x, z) in millimetres from its lower left corner.
+It is a chessboard with markers (ChArUco). It stands upright with its lower edge on the
+plate, in the plane of the pile's crest, and faces the camera. Positions on it are
+(x, z) in millimetres from its lower left corner.
 """
 
 from dataclasses import dataclass
@@ -11,126 +12,153 @@ import cv2
 import numpy as np
 
 SQUARE_MM = 20.0
-COLUMNS, ROWS = 6, 8
-MARKER_SHARE = 0.75  # of a square
-MARGIN_SHARE = 0.5  # white around the board, of a square
+COLUMNS = 6
+ROWS = 8
+MARKER_SHARE = 0.75  # side of a marker over the side of a square
+MARGIN_SHARE = 0.5  # width of the white margin over the side of a square
 MIN_CORNERS = 8
 PAGE_MM = (210.0, 297.0)  # A4
 CHECK_MM = 100.0  # length of the line that shows whether the printer scaled the page
 
 
 @dataclass(frozen=True)
-class Seen:
+class SheetCorners:
     """Corners of squares of the sheet, found in one photograph."""
 
-    places_mm: (
-        np.ndarray
-    )  # (N, 2), x to the right and z up, from the lower left corner of the sheet
+    positions_mm: np.ndarray  # (N, 2), x and z on the sheet
     pixels: np.ndarray  # (N, 2), column and row of the same corners
     square_mm: float = SQUARE_MM
 
     @property
-    def flat_mm(self) -> np.ndarray:
-        """The corners in the plane of the sheet, (N, 3), with the third coordinate 0."""
-        return np.column_stack([self.places_mm, np.zeros(len(self.places_mm))])
+    def object_points_mm(self) -> np.ndarray:
+        """The corners as OpenCV takes them: (N, 3), with the third coordinate 0."""
+        third = np.zeros(len(self.positions_mm))
+        return np.column_stack([self.positions_mm, third])
 
 
 def size_mm(square_mm: float = SQUARE_MM) -> tuple[float, float]:
-    """Width and height of the sheet, cut out; `square_mm` is the side of a square as printed."""
-    return (COLUMNS + 2 * MARGIN_SHARE) * square_mm, (
-        ROWS + 2 * MARGIN_SHARE
-    ) * square_mm
+    """Compute width and height of the sheet, cut out, from the side of its squares."""
+    width = (COLUMNS + 2 * MARGIN_SHARE) * square_mm
+    height = (ROWS + 2 * MARGIN_SHARE) * square_mm
+    return width, height
 
 
-def find(image: np.ndarray, square_mm: float = SQUARE_MM) -> Seen | None:
-    """Find the sheet in a photograph; None if fewer than 8 corners are seen, or all of them in one line."""
-    choices = cv2.aruco.CharucoParameters()
-    # One pattern of the background taken for a marker would refuse the whole board; the pose detects a wrong corner.
-    choices.checkMarkers = False
-    corners, numbers = cv2.aruco.CharucoDetector(
-        _board(square_mm), choices
-    ).detectBoard(image)[:2]
-    if numbers is None or len(numbers) < MIN_CORNERS:
+def find(image: np.ndarray, square_mm: float = SQUARE_MM) -> SheetCorners | None:
+    """Find the sheet in a photograph.
+
+    Parameters
+    ----------
+    image : ndarray
+        The photograph (H, W, 3), BGR, or (H, W).
+    square_mm : float
+        Side of a square as printed.
+
+    Returns
+    -------
+    SheetCorners or None
+        None if fewer than 8 corners are visible, or if all of them lie on one line.
+    """
+    board = _board(square_mm)
+    parameters = cv2.aruco.CharucoParameters()
+    # With this check, one pattern of the background mistaken for a marker would reject
+    # the whole board. A wrong corner is detected later, by the pose of the camera.
+    parameters.checkMarkers = False
+    detector = cv2.aruco.CharucoDetector(board, parameters)
+    corners, indices = detector.detectBoard(image)[:2]
+    if indices is None or len(indices) < MIN_CORNERS:
         return None
-    on_board = np.asarray(_board(square_mm).getChessboardCorners())[numbers.ravel(), :2]
+    on_board = np.asarray(board.getChessboardCorners())[indices.ravel(), :2]
     if np.ptp(on_board, axis=0).min() < 2 * square_mm:
         return None
+    # The board's y points down from its upper left corner, the sheet's z points up.
     margin = MARGIN_SHARE * square_mm
-    places = np.column_stack(
-        [margin + on_board[:, 0], margin + ROWS * square_mm - on_board[:, 1]]
-    )
-    return Seen(places, corners.reshape(-1, 2).astype(float), square_mm)
+    x = margin + on_board[:, 0]
+    z = margin + ROWS * square_mm - on_board[:, 1]
+    pixels = corners.reshape(-1, 2).astype(float)
+    return SheetCorners(np.column_stack([x, z]), pixels, square_mm)
 
 
 def drawing(
     square_mm: float = SQUARE_MM, pixels_per_mm: int = 8
 ) -> tuple[np.ndarray, int]:
-    """Draw the sheet as a grey picture (H, W), white margin included, and its pixels per mm."""
-    width, height = (round(side * pixels_per_mm) for side in size_mm(square_mm))
+    """Draw the sheet with its margin as a grey picture (H, W).
+
+    Returns
+    -------
+    tuple
+        The picture and its number of pixels per mm.
+    """
+    width_mm, height_mm = size_mm(square_mm)
+    width = round(width_mm * pixels_per_mm)
+    height = round(height_mm * pixels_per_mm)
     margin = round(MARGIN_SHARE * square_mm * pixels_per_mm)
+    board = _board(square_mm).generateImage((width - 2 * margin, height - 2 * margin))
     picture = np.full((height, width), 255, np.uint8)
-    inner = (width - 2 * margin, height - 2 * margin)
-    picture[margin : height - margin, margin : width - margin] = _board(
-        square_mm
-    ).generateImage(inner)
+    picture[margin : height - margin, margin : width - margin] = board
     return picture, pixels_per_mm
 
 
 def pdf(square_mm: float = SQUARE_MM) -> bytes:
-    """Draw the sheet as a PDF on A4, with a cutting line and a line of known length; squares up to 25 mm fit."""
+    """Draw the sheet as a PDF page (A4) with a cutting line and a line of known length.
+
+    Squares of up to 25 mm fit on the page.
+    """
     import io
 
     from matplotlib.figure import Figure
     from matplotlib.patches import Rectangle
 
-    wide, high = size_mm(square_mm)
-    left, bottom = (PAGE_MM[0] - wide) / 2, 60.0
-    figure = Figure(figsize=(PAGE_MM[0] / 25.4, PAGE_MM[1] / 25.4))
+    page_width, page_height = PAGE_MM
+    width, height = size_mm(square_mm)
+    left = (page_width - width) / 2
+    bottom = 60.0
+    top = bottom + height
+    figure = Figure(figsize=(page_width / 25.4, page_height / 25.4))
     axes: Any = figure.add_axes((0, 0, 1, 1))
     axes.axis("off")
-    extent = (left, left + wide, bottom, bottom + high)
-    look: Any = {
-        "cmap": "gray",
-        "vmin": 0,
-        "vmax": 255,
-        "interpolation": "none",
-        "aspect": "auto",
-    }
-    axes.imshow(drawing(square_mm)[0], extent=extent, **look)
-    axes.add_patch(
-        Rectangle(
-            (left, bottom), wide, high, fill=False, linewidth=0.3, edgecolor="0.5"
-        )
+
+    # The sheet itself, in millimetres of the page
+    picture, _ = drawing(square_mm)
+    axes.imshow(
+        picture,
+        extent=(left, left + width, bottom, top),
+        cmap="gray",
+        vmin=0,
+        vmax=255,
+        interpolation="none",
+        aspect="auto",
     )
-    axes.set(xlim=(0, PAGE_MM[0]), ylim=(0, PAGE_MM[1]))
-    middle = PAGE_MM[0] / 2
-    axes.plot(
-        [middle - CHECK_MM / 2, middle + CHECK_MM / 2], [40, 40], "k|-", linewidth=0.7
+    cutting_line = Rectangle(
+        (left, bottom), width, height, fill=False, linewidth=0.3, edgecolor="0.5"
     )
-    text = (
-        (
-            43,
-            f"{CHECK_MM:g} mm: check with a ruler. If it is not, print at 100 % or give --square-mm",
-        ),
-        (
-            54,
-            "cut along this line: this edge stands on the plate, beside the pile, level with its crest",
-        ),
-        (
-            bottom + high + 4,
-            f"repose: squares of {square_mm:g} mm; glue it to a flat board",
-        ),
+    axes.add_patch(cutting_line)
+    axes.set(xlim=(0, page_width), ylim=(0, page_height))
+
+    # The line of known length
+    middle = page_width / 2
+    ends = [middle - CHECK_MM / 2, middle + CHECK_MM / 2]
+    axes.plot(ends, [40, 40], "k|-", linewidth=0.7)
+
+    # The instructions, by their height on the page
+    check = (
+        f"{CHECK_MM:g} mm: check with a ruler. If it is not, print at 100 % or give "
+        "--square-mm"
     )
-    for height, words in text:
-        axes.text(middle, height, words, ha="center", fontsize=8)
+    cut = (
+        "cut along this line: this edge stands on the plate, beside the pile, level "
+        "with its crest"
+    )
+    title = f"repose: squares of {square_mm:g} mm; glue it to a flat board"
+    for height_on_page, text in ((43, check), (54, cut), (top + 4, title)):
+        axes.text(middle, height_on_page, text, ha="center", fontsize=8)
+
     stream = io.BytesIO()
     figure.savefig(stream, format="pdf", metadata={"CreationDate": None})
     return stream.getvalue()
 
 
 def _board(square_mm: float) -> cv2.aruco.CharucoBoard:
-    """Make OpenCV's board."""
-    words = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
-    return cv2.aruco.CharucoBoard(
-        (COLUMNS, ROWS), square_mm, MARKER_SHARE * square_mm, words
-    )
+    """Make OpenCV's description of the board."""
+    markers = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+    marker_mm = MARKER_SHARE * square_mm
+    return cv2.aruco.CharucoBoard((COLUMNS, ROWS), square_mm, marker_mm, markers)

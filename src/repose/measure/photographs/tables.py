@@ -1,4 +1,8 @@
-"""Results of photographs as tables: each photograph, the mean of all, and the targets of a configuration."""
+"""Results of photographs as tables.
+
+These are a row for each photograph, the mean of all, and the targets of a
+configuration.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -7,127 +11,146 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from repose.calibrate.targets import range_about
 from repose.common.files import write_table, write_text
-from repose.measure.angles import DEFINITIONS, MEAN_KEYS
+from repose.common.target_range import range_about
+from repose.measure.definitions import DEFINITIONS, MEAN_KEYS
 from repose.measure.photographs.photograph import Photograph
 from repose.measure.settings import MeasureSettings, line_of
 
-MEANT = ("aor_deg", "height_mm")  # numbers that become targets
-LINE = ("response", "fit_from", "fit_to", "flank", "smallest_window")
-NO_SCATTER = "one pile gives no scatter: photograph more piles, or fill in sd and range in targets.yaml yourself"
+TARGETED = ("aor_deg", "height_mm")  # numbers that become targets
+# Settings of the line that are written beside the targets
+LINE_SETTINGS = ("response", "fit_from", "fit_to", "flank", "smallest_window")
+NO_SCATTER = (
+    "one pile gives no scatter: photograph more piles, or fill in sd and range in "
+    "targets.yaml yourself"
+)
 
 
 class Tables(NamedTuple):
-    """Results of photographs."""
+    """Results of photographs.
 
-    photographs: (
-        pd.DataFrame
-    )  # one row each; empty cells if refused, column `refused` has the reason
-    summary: (
-        pd.DataFrame
-    )  # a row per definition: response, value (mean), sd, repetitions
-    doubtful: bool = False  # whether the summary counts doubtful photographs
+    Attributes
+    ----------
+    photographs : DataFrame
+        A row for each; a refused one has empty cells, and its reason in `refused`.
+    summary : DataFrame
+        A row for each number: response, value (the mean), sd, repetitions.
+    doubtful : bool
+        Whether the summary counts doubtful photographs.
+    """
+
+    photographs: pd.DataFrame
+    summary: pd.DataFrame
+    doubtful: bool = False
 
 
 def tables(
-    measured: Sequence[Photograph], how: MeasureSettings, doubtful: bool = False
+    measured: Sequence[Photograph], settings: MeasureSettings, doubtful: bool = False
 ) -> Tables:
-    """Tables of photographs, at least one of which was measured; `doubtful` counts those with a doubt, too."""
-    rows = []
-    for photograph in measured:
-        numbers: dict[str, Any] = (
-            photograph.measurement.record()
-            if photograph.measurement is not None
-            else {}
-        )
-        facts = {name: round(value, 5) for name, value in photograph.facts.items()}
-        words = {"refused": photograph.refused, "note": photograph.remarks}
-        rows.append(
-            {"photograph": photograph.path.name}
-            | numbers
-            | facts
-            | {"grain_mm": how.berry_height_mm}
-            | words
-        )
+    """Make the tables of photographs, of which at least one was measured.
+
+    `doubtful` tells whether those with a doubt count, too.
+    """
+    rows = [_row(photograph, settings) for photograph in measured]
     photographs = pd.DataFrame(rows)
-    counted = (
-        photographs
-        if doubtful
-        else photographs[[not photograph.doubts for photograph in measured]]
-    )
-    return Tables(
-        photographs, mean_rows(counted, (*MEANT, *MEAN_KEYS.values())), doubtful
-    )
+    counted = photographs
+    if not doubtful:
+        counted = photographs[[not photograph.doubts for photograph in measured]]
+    summary = mean_rows(counted, (*TARGETED, *MEAN_KEYS.values()))
+    return Tables(photographs, summary, doubtful)
+
+
+def _row(photograph: Photograph, settings: MeasureSettings) -> dict[str, Any]:
+    """List the numbers of a photograph by column."""
+    row: dict[str, Any] = {"photograph": photograph.path.name}
+    if photograph.measurement is not None:
+        row |= photograph.measurement.record()
+    for name, value in photograph.facts.items():
+        row[name] = round(value, 5)
+    row["grain_mm"] = settings.berry_height_mm
+    row["refused"] = photograph.refused
+    row["note"] = photograph.remarks
+    return row
 
 
 def mean_rows(photographs: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
-    """Summarize the columns that were measured."""
-    means = (
-        photographs[list(columns)]
-        .astype(float)
-        .agg(["mean", "std", "count"])
-        .T.round(3)
-    )
-    means = (
-        means.set_axis(["value", "sd", "repetitions"], axis=1)
-        .rename_axis("response")
-        .reset_index()
-    )
-    return means[means["repetitions"] > 0].astype({"repetitions": int})
+    """Compute mean, standard deviation and number of measured values of columns.
+
+    Columns without any value are left out.
+    """
+    numbers = photographs[list(columns)].astype(float)
+    statistics = numbers.agg(["mean", "std", "count"]).T.round(3)
+    statistics.columns = ["value", "sd", "repetitions"]
+    summary = statistics.rename_axis("response").reset_index()
+    is_measured = summary["repetitions"] > 0
+    return summary[is_measured].astype({"repetitions": int})
 
 
 def write_tables(
     made: Tables,
-    how: MeasureSettings,
+    settings: MeasureSettings,
     out: Path,
     bench: str,
     responses: Mapping[str, str],
 ) -> None:
-    """Write photographs.csv, summary.csv and, if there is a mean, targets.yaml into the folder `out`.
+    """Write photographs.csv, summary.csv and, if there is a mean, targets.yaml.
 
-    `responses` has the bench test's response for each number of the summary that becomes a target.
+    Parameters
+    ----------
+    made : Tables
+        The tables.
+    settings : MeasureSettings
+        Settings of the measurement.
+    out : Path
+        The folder.
+    bench : str
+        Bench test of the targets.
+    responses : mapping
+        The bench test's response for each number of the summary that becomes a target.
     """
     write_table(out / "photographs.csv", made.photographs)
     write_table(out / "summary.csv", made.summary)
+    targets_yaml = out / "targets.yaml"
     if made.summary.empty:
-        (out / "targets.yaml").unlink(missing_ok=True)
+        targets_yaml.unlink(missing_ok=True)
     else:
-        write_text(out / "targets.yaml", targets(made, how, bench, responses))
+        write_text(targets_yaml, targets(made, settings, bench, responses))
 
 
 def targets(
-    made: Tables, how: MeasureSettings, bench: str, responses: Mapping[str, str]
+    made: Tables, settings: MeasureSettings, bench: str, responses: Mapping[str, str]
 ) -> str:
-    """Write the measured responses as YAML, an overlay for the configuration of a study.
+    """Write the measured responses as an overlay (YAML) for a study's configuration.
 
-    The range is the mean and its standard error to each side, at least 1 % of the mean. A single pile has no scatter:
-    its standard deviation and range are null, and a study refuses them until the user gives values.
+    The arguments are those of `write_tables`. A range is the mean with its standard
+    error to each side, at least 1 % of the mean. A single pile has no scatter: its
+    standard deviation and range are null, and a study refuses them until the user gives
+    values.
     """
-    line = ", ".join(f"{key}: {getattr(how, key)}" for key in LINE)
-    grain = (
-        ""
-        if how.berry_height_mm is None
-        else f", berry_height_mm: {how.berry_height_mm:.6g}"
-    )
-    lines = ["# Measured on photographs; summary.csv lies beside it."]
-    lines += [f"measure: {{{line}{grain}}} # the line: {line_of(how)}", "targets:"]
-    for row in made.summary[
-        made.summary["response"].isin(list(responses))
-    ].itertuples():
-        single = math.isnan(row.sd)
-        low, high = range_about(row.value, row.sd, row.repetitions)
+    entries = [f"{key}: {getattr(settings, key)}" for key in LINE_SETTINGS]
+    if settings.berry_height_mm is not None:
+        entries.append(f"berry_height_mm: {settings.berry_height_mm:.6g}")
+    lines = [
+        "# Measured on photographs; summary.csv lies beside it.",
+        f"measure: {{{', '.join(entries)}}} # the line: {line_of(settings)}",
+        "targets:",
+    ]
+    is_target = made.summary["response"].isin(list(responses))
+    for row in made.summary[is_target].itertuples():
+        if math.isnan(row.sd):
+            sd = "null # one pile gives no scatter"
+            target_range = "[null, null] # what counts as met"
+        else:
+            low, high = range_about(row.value, row.sd, row.repetitions)
+            sd = f"{row.sd:.3f}"
+            target_range = f"[{low:.3f}, {high:.3f}]"
         lines += [
             f"  - response: {responses[row.response]}",
             f"    apparatus: {bench}",
             f"    value: {row.value:.3f}",
-            "    sd: null # one pile gives no scatter"
-            if single
-            else f"    sd: {row.sd:.3f}",
+            f"    sd: {sd}",
             f"    repetitions: {row.repetitions}",
-            "    range: [null, null] # what counts as met"
-            if single
-            else f"    range: [{low:.3f}, {high:.3f}]",
+            f"    range: {target_range}",
         ]
     return "\n".join(lines) + "\n"
 
@@ -135,65 +158,89 @@ def targets(
 def as_record(made: Tables) -> dict[str, list]:
     """Turn the tables into lists of rows; a missing number is None."""
     return {
-        name: [
-            {k: None if pd.isna(v) else v for k, v in row.items()}
-            for row in table.to_dict("records")
-        ]
-        for name, table in (
-            ("photographs", made.photographs),
-            ("summary", made.summary),
-        )
+        "photographs": _records(made.photographs),
+        "summary": _records(made.summary),
     }
 
 
+def _records(table: pd.DataFrame) -> list[dict]:
+    """List the rows of a table, with None for a missing value."""
+    return [
+        {column: None if pd.isna(value) else value for column, value in row.items()}
+        for row in table.to_dict("records")
+    ]
+
+
 def describe(
-    photographs: Sequence[Photograph], made: Tables, how: MeasureSettings, out: Path
+    photographs: Sequence[Photograph],
+    made: Tables,
+    settings: MeasureSettings,
+    out: Path,
 ) -> str:
     """Write the text that the command prints; `out` is the folder of the overlays."""
-    wide = max(len(photograph.path.name) for photograph in photographs)
-    lines = []
-    for photograph in photographs:
-        seen = photograph.measurement
-        if seen is None:
-            text = f"refused: {photograph.refused}"
-        else:
-            text = f"left {seen.angle.left_deg:.2f} deg, right {seen.angle.right_deg:.2f} deg, "
-            text += f"angle of repose {seen.aor_deg:.2f} deg, Height {seen.height_mm:.2f} mm"
-            missing = (f"no {name}: {reason}" for name, reason in seen.reasons.items())
-            text = "; ".join([text, *missing, *photograph.doubts])
-        lines.append(f"{photograph.path.name:<{wide}}  {text}")
-    by_name = made.summary.set_index("response")
+    lines = _lines_of_photographs(photographs)
     lines.append("mean, standard deviation, number of photographs:")
-    rows = [
-        ("Height", "height_mm", "mm"),
-        *((name, MEAN_KEYS[name], "deg") for name in DEFINITIONS),
-    ]
-    for name, column, unit in rows:
-        if column in by_name.index:
-            row = by_name.loc[column]
-            sd = "not known" if math.isnan(row.sd) else f"{row.sd:.2f}"
-            mark = "  <- angle of repose" if name == how.response else ""
-            lines.append(
-                f"{name:>10}: {row.value:.2f} {unit}, {sd}, {row.repetitions:.0f}{mark}"
-            )
-    grain = (
-        "not known" if how.berry_height_mm is None else f"{how.berry_height_mm:.2f} mm"
-    )
+    lines += _lines_of_means(made, settings)
+    grain_mm = settings.berry_height_mm
+    grain = "not known" if grain_mm is None else f"{grain_mm:.2f} mm"
     lines.append(f"height of a grain: {grain}")
     if made.summary["sd"].isna().any():
         lines.append(NO_SCATTER)
-    lines += sorted(
-        {f"note: {photograph.note}" for photograph in photographs if photograph.note}
-    )
-    doubtful = sum(bool(photograph.doubts) for photograph in photographs)
-    if doubtful:
-        counted = (
-            "the mean counts them"
-            if made.doubtful
-            else "not in the mean; --doubtful counts them"
-        )
-        lines.append(f"doubtful photographs: {doubtful}, {counted}")
-    targeted = f"the targets of a study: {out / 'targets.yaml'}"
-    there = "no targets: no photograph counts" if made.summary.empty else targeted
-    lines.append(f"look at the overlays in {out}; {there}")
+    notes = {photograph.note for photograph in photographs if photograph.note}
+    lines += sorted(f"note: {note}" for note in notes)
+    n_doubtful = sum(bool(photograph.doubts) for photograph in photographs)
+    if n_doubtful:
+        if made.doubtful:
+            counted = "the mean counts them"
+        else:
+            counted = "not in the mean; --doubtful counts them"
+        lines.append(f"doubtful photographs: {n_doubtful}, {counted}")
+    if made.summary.empty:
+        result = "no targets: no photograph counts"
+    else:
+        result = f"the targets of a study: {out / 'targets.yaml'}"
+    lines.append(f"look at the overlays in {out}; {result}")
     return "\n".join(lines)
+
+
+def _lines_of_photographs(photographs: Sequence[Photograph]) -> list[str]:
+    """Write a line for each photograph: its numbers, or why it was refused."""
+    width = max(len(photograph.path.name) for photograph in photographs)
+    lines = []
+    for photograph in photographs:
+        measurement = photograph.measurement
+        if measurement is None:
+            text = f"refused: {photograph.refused}"
+        else:
+            numbers = (
+                f"left {measurement.angle.left_deg:.2f} deg, "
+                f"right {measurement.angle.right_deg:.2f} deg, "
+                f"angle of repose {measurement.aor_deg:.2f} deg, "
+                f"Height {measurement.height_mm:.2f} mm"
+            )
+            missing = [
+                f"no {definition}: {reason}"
+                for definition, reason in measurement.reasons.items()
+            ]
+            text = "; ".join([numbers, *missing, *photograph.doubts])
+        lines.append(f"{photograph.path.name:<{width}}  {text}")
+    return lines
+
+
+def _lines_of_means(made: Tables, settings: MeasureSettings) -> list[str]:
+    """Write a line for the Height and for each definition of the angle."""
+    statistics = made.summary.set_index("response")
+    numbers = [("Height", "height_mm", "mm")]
+    for definition in DEFINITIONS:
+        numbers.append((definition, MEAN_KEYS[definition], "deg"))
+    lines = []
+    for name, column, unit in numbers:
+        if column not in statistics.index:
+            continue
+        row = statistics.loc[column]
+        sd = "not known" if math.isnan(row.sd) else f"{row.sd:.2f}"
+        mark = "  <- angle of repose" if name == settings.response else ""
+        lines.append(
+            f"{name:>10}: {row.value:.2f} {unit}, {sd}, {row.repetitions:.0f}{mark}"
+        )
+    return lines

@@ -8,6 +8,7 @@ from repose.grain.berry_files import read_berry
 from repose.grain.particle import Particle
 from repose.measure import pile
 from repose.measure.angles import DEFINITIONS
+from repose.measure.photographs.segmentation import segment
 from repose.measure.saved_piles import side_view
 from repose.measure.saved_pours import first_pour
 from repose.measure.silhouette import Grains
@@ -58,7 +59,7 @@ def _view(
     """Draw the silhouette in mm about its crest with both lines of each definition, and give its measurement."""
     scale = settings.mm_per_pixel
     measured = pile.measure_segmented(
-        pile.segment(image, settings.largest_pile_only, image.shape[0] - 0.5), settings
+        segment(image, settings.largest_pile_only, image.shape[0] - 0.5), settings
     )
     height, width = image.shape
     crest = measured.top[0]

@@ -1,0 +1,120 @@
+"""Reading of picture files, which are checked before they are decoded.
+
+OpenCV and Pillow are imported where a file is read: a process that only measures
+simulated piles needs neither of them for it.
+"""
+
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from repose.common.errors import InputError
+
+if TYPE_CHECKING:
+    from PIL.Image import Image as PillowImage
+
+MIN_SIDE_PX = 20
+MAX_PIXELS = 200_000_000
+FORMATS = "PNG, JPEG, TIFF, BMP"
+# Bytes 4 to 12 of a phone's HEIC file
+HEIC_BRANDS = tuple(
+    b"ftyp" + brand
+    for brand in (
+        b"heic",
+        b"heix",
+        b"hevc",
+        b"hevx",
+        b"heim",
+        b"heis",
+        b"mif1",
+        b"msf1",
+    )
+)
+
+
+def read_image(path: str | PathLike) -> np.ndarray:
+    """Read a picture file, turned upright by its EXIF entry.
+
+    Of a deeper picture, the upper eight of the bits that it uses are read: a camera's
+    10 or 12 bits lie in 16.
+
+    Returns
+    -------
+    ndarray
+        The picture (H, W, 3), uint8, BGR.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or is no picture that can be measured.
+    """
+    import cv2
+
+    path = Path(path)
+    if not path.is_file():
+        problem = "a folder" if path.is_dir() else "no such file"
+        allowed = f"an existing picture file ({FORMATS})"
+        raise InputError(path, "picture", problem, allowed)
+    _check_header(path)
+    content = np.frombuffer(path.read_bytes(), dtype=np.uint8)
+    try:
+        image = cv2.imdecode(content, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH)
+    except cv2.error:  # an empty file, or more pixels than OpenCV accepts
+        image = None
+    if image is None:
+        problem = "not a picture" if content.size else "an empty file"
+        allowed = f"a picture file ({FORMATS}), whole"
+        raise InputError(path, "picture", problem, allowed)
+    if image.dtype == np.uint16:
+        return _upper_bits(image)
+    if image.dtype != np.uint8:
+        allowed = "a picture of 8 to 16 bits a colour: save it so"
+        raise InputError(path, "picture", f"of {image.dtype} numbers", allowed)
+    return image
+
+
+def _upper_bits(image: np.ndarray) -> np.ndarray:
+    """Keep the upper eight of the bits that a picture of 16 bits uses."""
+    # Not the maximum, which may be that of a single hot pixel
+    peak = int(np.quantile(image[::8, ::8], 0.999))
+    shift = max(peak.bit_length() - 8, 0)
+    return np.minimum(np.right_shift(image, shift), 255).astype(np.uint8)
+
+
+def _check_header(path: Path) -> None:
+    """Raise InputError if the header shows a HEIC file, several pages or a bad size."""
+    from PIL import Image, UnidentifiedImageError
+
+    with path.open("rb") as file:
+        if file.read(12)[4:] in HEIC_BRANDS:
+            allowed = "PNG or JPEG; a phone exports it (`heif-convert a.heic a.jpg`)"
+            raise InputError(path, "picture", "HEIC", allowed)
+    # Pillow's own limit is smaller than a phone's picture.
+    pillow_limit = Image.MAX_IMAGE_PIXELS
+    Image.MAX_IMAGE_PIXELS = None
+    try:
+        with Image.open(path) as picture:
+            width, height = picture.size
+            pages = _page_count(picture)
+    except (UnidentifiedImageError, OSError, SyntaxError, ValueError):
+        return  # OpenCV decides whether it is a picture
+    finally:
+        Image.MAX_IMAGE_PIXELS = pillow_limit
+    if pages != 1:
+        raise InputError(path, "pages", pages, "1: save each as a file of its own")
+    if min(width, height) < MIN_SIDE_PX or width * height > MAX_PIXELS:
+        size = f"{width} x {height} pixels"
+        allowed = (
+            f"at least {MIN_SIDE_PX} pixels each way, at most {MAX_PIXELS / 1e6:g} "
+            "million in all"
+        )
+        raise InputError(path, "size", size, allowed)
+
+
+def _page_count(picture: "PillowImage") -> int:
+    """Count the pages of a picture; a phone's JPEG with a second view counts as one."""
+    if picture.format == "MPO":
+        return 1
+    return getattr(picture, "n_frames", 1)

@@ -1,0 +1,246 @@
+"""Signs that what was found in a photograph is no single heap.
+
+A sign that leaves the measurement possible is a doubt: a sentence for the reader, with
+which the photograph does not count. Others raise NoFlankError, which refuses the
+photograph.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from repose.common.errors import NoFlankError
+from repose.measure.photographs import finding
+from repose.measure.photographs.segmentation import Segmentation
+from repose.measure.pile import profile_of
+from repose.measure.results import Measurement
+
+DOUBT = "doubtful"  # begins each doubt
+BASE_ROW = "give --base-row, the row of the plate, or show the printed sheet"
+LOW_BASE = (
+    "its lowest row lies {depth_mm:.1f} mm below its {part}: a shadow at the foot, or "
+    "the camera looks down on it or is rolled (--length makes a line level); "
+    f"{BASE_ROW}"
+)
+
+MIN_HEIGHT_PX = 80  # of a pile: with fewer pixels its angle is off by up to 1.5 degrees
+
+# Limits of the pile's shape, in heights of a grain and in heights of the pile
+LOWEST_PILE_GRAINS = 1.5  # below it is a layer
+LARGEST_RISE_GRAINS = 1.5  # of the outline, away from the crest
+LARGEST_RISE_SHARE = 0.12
+LARGEST_DROP_GRAINS = 2.0  # of the outline within half a grain
+LARGEST_DROP_SHARE = 0.2
+LOWEST_MEETING = 0.7  # of the lines of both flanks, in heights of the pile
+HIGHEST_MEETING = 1.3
+
+# Limits of a base that was found without the sheet
+LARGEST_SHADOW_GRAINS = 0.3  # rows of shadow below the grains
+LARGEST_UNDERSIDE_GRAINS = 0.6  # rows below the widest one
+# Round grains have upright ends of less than 0.75 of their height.
+LARGEST_UPRIGHT_GRAINS = 0.75
+LARGEST_UPRIGHT_PX = 12
+SMALLEST_STEP = 30  # tones between what lies below the pile and beside it: no plate
+LARGEST_SHADOW_SHARE = 0.03  # of a pile of another colour than the background's
+
+
+class _Foot(NamedTuple):
+    """Rows of a pile and its distance from both borders of the picture."""
+
+    rows: np.ndarray  # (N,), from the crest to the lowest row
+    left: np.ndarray  # (N,), pixels between the picture's left border and the pile
+    right: np.ndarray  # (N,), pixels between the pile and the right border
+
+
+def usual_grain_mm(height_mm: float) -> float:
+    """Estimate the height of a grain from that of a pile."""
+    return height_mm / 8
+
+
+def doubts_of_pile(
+    pile: Segmentation, measurement: Measurement, grain_mm: float, mm_per_pixel: float
+) -> list[str]:
+    """List the signs that a pile is no single heap, or has too few pixels.
+
+    Raises NoFlankError for a layer of grains.
+    """
+    height_mm = measurement.height_mm
+    if height_mm < LOWEST_PILE_GRAINS * grain_mm:
+        raise NoFlankError(
+            f"it is {height_mm:.1f} mm high, less than {LOWEST_PILE_GRAINS:g} grains: "
+            "a layer, no pile"
+        )
+    profile, crest = profile_of(pile)
+    sides = (profile[: crest + 1][::-1], profile[crest:])  # from the crest outwards
+    doubts = []
+
+    rise_mm = mm_per_pixel * max(
+        float((side - np.minimum.accumulate(side)).max()) for side in sides
+    )
+    if rise_mm > max(LARGEST_RISE_GRAINS * grain_mm, LARGEST_RISE_SHARE * height_mm):
+        doubts.append(
+            f"{DOUBT}: away from its crest the outline rises by {rise_mm:.0f} mm, as "
+            "of two heaps"
+        )
+
+    half_grain_px = max(1, round(0.5 * grain_mm / mm_per_pixel))
+    drop_mm = mm_per_pixel * max(
+        float((side[:-half_grain_px] - side[half_grain_px:]).max(initial=0.0))
+        for side in sides
+    )
+    if drop_mm > max(LARGEST_DROP_GRAINS * grain_mm, LARGEST_DROP_SHARE * height_mm):
+        doubts.append(
+            f"{DOUBT}: the outline falls by {drop_mm:.0f} mm at once, as of a box "
+            "behind the heap"
+        )
+
+    flank = measurement.angles.get("flank")
+    if flank is not None:
+        meeting_mm = _meeting_height(flank.lines, pile.base_row) * mm_per_pixel
+        if not LOWEST_MEETING * height_mm < meeting_mm < HIGHEST_MEETING * height_mm:
+            if meeting_mm > height_mm:
+                cause = "its top is level"
+            else:
+                cause = "something else stands behind it"
+            doubts.append(
+                f"{DOUBT}: the lines of its flanks meet {meeting_mm:.0f} mm over the "
+                f"plate, its top lies at {height_mm:.0f} mm: {cause}"
+            )
+
+    if pile.has_neighbour:
+        doubts.append(f"{DOUBT}: another heap stands beside it")
+
+    height_px = math.floor(height_mm / mm_per_pixel)
+    if height_px < MIN_HEIGHT_PX:
+        angle_error = _angle_error_deg(measurement)
+        doubts.append(
+            f"{DOUBT}: the photograph is too coarse: the pile is {height_px} pixels "
+            f"high, {MIN_HEIGHT_PX} are needed; the angle may be off by "
+            f"{angle_error:.1f} degrees, the Height by {2 * mm_per_pixel:.1f} mm"
+        )
+    return doubts
+
+
+def _angle_error_deg(measurement: Measurement) -> float:
+    """Compute the angle's error for an error of a pixel at either end of a line."""
+    (_, lower_row), (_, upper_row) = measurement.angle.lines[0]
+    sine = math.sin(2 * math.radians(measurement.aor_deg))
+    return math.degrees(sine / abs(lower_row - upper_row))
+
+
+def _meeting_height(lines: tuple, base_row: float) -> float:
+    """Compute the height over the plate in pixels at which two lines meet.
+
+    Each line has two ends (column, row).
+    """
+    ((x1, row1), (x2, row2)), ((x3, row3), (x4, row4)) = lines
+    slope = (row2 - row1) / (x2 - x1)
+    other_slope = (row4 - row3) / (x4 - x3)
+    # Distance of the meeting point from the first end, times the difference of slopes
+    offset = row3 - row1 + other_slope * (x1 - x3)
+    return base_row - (row1 + slope * offset / (slope - other_slope))
+
+
+def require_foot(
+    image: np.ndarray, pile: Segmentation, grain_mm: float | None, mm_per_pixel: float
+) -> None:
+    """Check the base of a pile that was found without the sheet.
+
+    Raises NoFlankError if the picture cuts the pile off, or if its lowest rows are a
+    shadow or the near rim of a pile seen from above. Without a height of a grain it is
+    an eighth of the pile's.
+    """
+    if pile.mask[-1].any():
+        raise NoFlankError(
+            "the pile runs out of the picture at the bottom: its foot is not seen; "
+            "give --base-row, the row of the plate"
+        )
+    widths = pile.mask.sum(axis=1, dtype=int)
+    rows = np.flatnonzero(widths)
+    if grain_mm is None:
+        grain_mm = usual_grain_mm(rows.size * mm_per_pixel)
+    grain_px = grain_mm / mm_per_pixel
+
+    shadow_rows = finding.shadow_below(image, pile.mask)
+    if shadow_rows > LARGEST_SHADOW_GRAINS * grain_px:
+        part = "grains, with the colour of the background"
+        depth_mm = shadow_rows * mm_per_pixel
+        raise NoFlankError(LOW_BASE.format(depth_mm=depth_mm, part=part))
+
+    is_widest = widths[rows] >= 0.99 * widths.max()
+    widest_row = rows[np.flatnonzero(is_widest)[-1]]
+    underside_rows = rows[-1] - widest_row
+    if underside_rows > LARGEST_UNDERSIDE_GRAINS * grain_px:
+        depth_mm = underside_rows * mm_per_pixel
+        raise NoFlankError(LOW_BASE.format(depth_mm=depth_mm, part="widest row"))
+
+
+def doubts_of_base(image: np.ndarray, pile: Segmentation, grain_px: float) -> list[str]:
+    """List the signs that a base or a flank found without sheet is not the pile's."""
+    rows = np.flatnonzero(pile.mask.any(axis=1))
+    foot = _Foot(
+        rows=rows,
+        left=pile.mask[rows].argmax(axis=1),
+        right=pile.mask[rows, ::-1].argmax(axis=1),
+    )
+    doubts = []
+
+    upright_px = max(_upright_rows(foot.left), _upright_rows(foot.right))
+    if upright_px > max(LARGEST_UPRIGHT_GRAINS * grain_px, LARGEST_UPRIGHT_PX):
+        doubts.append(
+            f"{DOUBT}: an end of its foot is upright over {upright_px} pixels, as of a "
+            f"plate or a ruler: {BASE_ROW}"
+        )
+
+    if _continues_below(image, pile, foot, grain_px):
+        doubts.append(
+            f"{DOUBT}: below its base the picture has the pile's colour and no "
+            f"plate's: {BASE_ROW}"
+        )
+
+    shadow_share = finding.shadow_share(image, pile.mask)
+    if shadow_share > LARGEST_SHADOW_SHARE:
+        doubts.append(
+            f"{DOUBT}: {100 * shadow_share:.0f} % of it is darker background, as of a "
+            "shadow on what stands behind"
+        )
+    return doubts
+
+
+def _upright_rows(distance: np.ndarray) -> int:
+    """Count the rows in which the pile is as wide as at its widest, within two pixels.
+
+    `distance` is that of the pile from one border of the picture, by row.
+    """
+    return int((distance <= distance.min() + 2).sum())
+
+
+def _continues_below(
+    image: np.ndarray, pile: Segmentation, foot: _Foot, grain_px: float
+) -> bool:
+    """Tell whether the picture below the base has the pile's colour.
+
+    Three colours are compared: that of the grains, that below the middle of the foot,
+    and that beside the foot, as low.
+    """
+    channels = image.reshape(*image.shape[:2], -1)
+    first = math.ceil(pile.base_row) + 2
+    below = channels[first : first + max(4, round(grain_px))]
+    left_end = below[:, : foot.left.min()]
+    right_end = below[:, below.shape[1] - foot.right.min() :]
+    beside = np.concatenate([left_end, right_end], axis=1)
+    if beside.size == 0:
+        return False
+    rows = foot.rows
+    low_row = rows[0] + 2 * len(rows) // 3
+    columns = np.flatnonzero(pile.mask[low_row])
+    middle = slice(columns[len(columns) // 3], columns[2 * len(columns) // 3] + 1)
+    grains = channels[rows[len(rows) // 2] : rows[-1], middle]
+
+    grain_colour = np.median(grains, axis=(0, 1))
+    colour_below = np.median(below[:, middle], axis=(0, 1))
+    colour_beside = np.median(beside, axis=(0, 1))
+    from_beside = np.abs(colour_below - colour_beside).max()
+    from_grains = np.abs(colour_below - grain_colour).max()
+    return bool(from_grains < from_beside and from_beside > SMALLEST_STEP)
