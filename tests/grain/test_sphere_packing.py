@@ -83,9 +83,9 @@ def test_the_fewest_spheres_are_near_volume_and_minor_axis(goji, surface):
     assert particle.axes_m[2] == pytest.approx(9.88e-3, rel=0.03 + 1e-6)
     # one sphere less is too far off, grown to the volume or to the longest minor axis that is allowed
     filling = sphere_packing._Filling(goji, surface)
-    less = filling.placed(count - 1)
+    less = filling.place(count - 1)
     room = 1.03 * 9.88 - sphere_packing._extent(less, 2)
-    assert sphere_packing._extent(filling.grown(count - 1), 2) > 1.03 * 9.88
+    assert sphere_packing._extent(filling.fill(count - 1), 2) > 1.03 * 9.88
     less[:, 3] += room / 2
     assert sphere_packing.union_volume(less, filling.box) < 0.98 * goji.volume
 
@@ -96,7 +96,7 @@ def test_the_volume_of_a_union_with_sixteen_times_the_points(goji):
     for surface in ("smooth", "rough"):
         spheres = 1e3 * sphere_packing.pack(goji, 40, surface).spheres_m
         more = sphere_packing.union_volume(
-            spheres, box, 16 * sphere_packing.VOLUME_POINTS
+            spheres, box, 16 * sphere_packing.N_VOLUME_POINTS
         )
         assert sphere_packing.union_volume(spheres, box) == pytest.approx(
             more, rel=2e-3

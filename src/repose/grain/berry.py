@@ -1,32 +1,35 @@
-"""Measured grains: sizes to sphericity and equivalent diameter, compression tests to moduli (Eq. 1-4)."""
+"""Measured grains: sizes to sphericity and equivalent diameter, compression to moduli.
+
+Equations 1 to 4 of the paper.
+"""
 
 import math
-from collections.abc import Iterator
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from repose.common.errors import InputError, raise_together, require
+from repose.common.errors import InputError, raise_together
 from repose.common.files import read_table, write_json, write_table
-from repose.common.tables import Column, other_unit
+from repose.common.tables import Column
 from repose.grain import size_distribution
 from repose.grain.berry_files import ALIKE, SIZE_COLUMNS, read_compression, read_sizes
 from repose.grain.particle import check_positive
 from repose.grain.settings import GrainSettings
 
+# Axes of the tested grain
 LOADED = {
     "length_1_mm": "long_mm",
     "width_1_mm": "minor_mm",
     "breadth_mm": "major_mm",
-}  # axes of the loaded berry
+}
 STIFF = 30.0  # moduli of tested grains differ by a smaller factor
-MODULI_PA = (
-    1e3,
-    1e12,
-)  # elastic modulus of a jelly, and of what is stiffer than steel or diamond
+# Elastic modulus of a jelly, and of what is stiffer than steel or diamond
+MODULI_PA = (1e3, 1e12)
+
+# Columns of the published table of sizes
 TABLE1 = ("dimension", "maximum", "minimum", "mean")
 STATISTICS = [Column(name, str if name == "dimension" else float) for name in TABLE1]
 
@@ -34,13 +37,29 @@ STATISTICS = [Column(name, str if name == "dimension" else float) for name in TA
 Numbers = Any
 
 
+class Moduli(NamedTuple):
+    """Elastic constants of a material."""
+
+    elastic_pa: float
+    poisson_ratio: float
+    shear_pa: float
+
+
+class _Elasticity(NamedTuple):
+    """What a simulation needs of a material."""
+
+    poisson_ratio: float
+    shear_pa: float
+    is_reconstructed: bool  # whether it rests on rows that were not measured
+
+
 def equivalent_diameter(long: Numbers, major: Numbers, minor: Numbers) -> Numbers:
-    """Compute the diameter of the sphere with the same product of full axes (Eq. 1), in their unit."""
+    """Compute the diameter of the sphere with the same product of full axes (Eq. 1)."""
     return np.cbrt(long * major * minor)
 
 
 def sphericity(long: Numbers, major: Numbers, minor: Numbers) -> Numbers:
-    """Compute the equivalent diameter over the long axis, 0 to 1 (Eq. 1, there in percent)."""
+    """Compute the equivalent diameter over the long axis (Eq. 1, there in percent)."""
     return equivalent_diameter(long, major, minor) / long
 
 
@@ -51,16 +70,27 @@ def elastic_modulus(
     width_1_m: Numbers,
     width_2_m: Numbers,
 ) -> Numbers:
-    """Compute the elastic modulus E [Pa]: stress over strain in the loading direction W (Eq. 2)."""
+    """Compute the elastic modulus [Pa]: stress over strain along the load (Eq. 2).
+
+    The loaded section is an ellipse of length and breadth. The width, along the load,
+    changes from `width_1_m` to `width_2_m`.
+    """
     section = math.pi / 4 * length_m * breadth_m
-    return force_n / section / ((width_1_m - width_2_m) / width_1_m)
+    strain = (width_1_m - width_2_m) / width_1_m
+    return force_n / section / strain
 
 
 def poisson_ratio(
     length_1: Numbers, length_2: Numbers, width_1: Numbers, width_2: Numbers
 ) -> Numbers:
-    """Compute Poisson's ratio: strain of the length over strain of the loaded width, taken positive (Eq. 3)."""
-    return np.abs(((length_2 - length_1) / length_1) / ((width_2 - width_1) / width_1))
+    """Compute Poisson's ratio, taken positive (Eq. 3).
+
+    It is the strain of the length over that of the loaded width; 1 is before and 2
+    after the load.
+    """
+    length_strain = (length_2 - length_1) / length_1
+    width_strain = (width_2 - width_1) / width_1
+    return np.abs(length_strain / width_strain)
 
 
 def shear_modulus(elastic_modulus_pa: float, poisson: float) -> float:
@@ -68,54 +98,76 @@ def shear_modulus(elastic_modulus_pa: float, poisson: float) -> float:
     return elastic_modulus_pa / (2 * (1 + poisson))
 
 
-def moduli(tests: pd.DataFrame) -> tuple[float, float, float]:
-    """Compute E [Pa] and nu as means over compression tests (`read_compression`), and G [Pa] from both by Eq. 4."""
-    elastic = _elastic_of(tests).mean()
+def moduli(tests: pd.DataFrame) -> Moduli:
+    """Compute the moduli of compression tests (`read_compression`).
+
+    The elastic modulus and Poisson's ratio are means over the tests; the shear modulus
+    follows from both by Eq. 4.
+    """
+    elastic = _elastic_moduli(tests).mean()
     poisson = poisson_ratio(
         tests["length_1_mm"],
         tests["length_2_mm"],
         tests["width_1_mm"],
         tests["width_2_mm"],
     ).mean()
-    return float(elastic), float(poisson), float(shear_modulus(elastic, poisson))
-
-
-def _elastic_of(tests: pd.DataFrame) -> pd.Series:
-    """Compute E of each compression test [Pa]."""
-    lengths_m = (
-        1e-3 * tests[name]
-        for name in ("length_1_mm", "breadth_mm", "width_1_mm", "width_2_mm")
+    return Moduli(
+        elastic_pa=float(elastic),
+        poisson_ratio=float(poisson),
+        shear_pa=float(shear_modulus(elastic, poisson)),
     )
-    return elastic_modulus(tests["force_n"], *lengths_m)
+
+
+def _elastic_moduli(tests: pd.DataFrame) -> pd.Series:
+    """Compute the elastic modulus of each compression test [Pa]."""
+    return elastic_modulus(
+        force_n=tests["force_n"],
+        length_m=1e-3 * tests["length_1_mm"],
+        breadth_m=1e-3 * tests["breadth_mm"],
+        width_1_m=1e-3 * tests["width_1_mm"],
+        width_2_m=1e-3 * tests["width_2_mm"],
+    )
 
 
 def summarise(sizes: pd.DataFrame, published: pd.DataFrame) -> pd.DataFrame:
-    """List statistics of the sizes (`read_sizes`) next to the published values (Table 1), a row for each dimension."""
+    """Compute statistics of sizes, and compare them with the published ones.
+
+    Parameters
+    ----------
+    sizes : DataFrame
+        The sizes (`read_sizes`).
+    published : DataFrame
+        The published statistics (Table 1), a row for each dimension; may be empty.
+
+    Returns
+    -------
+    DataFrame
+        A row for each dimension: the three axes, equivalent diameter and sphericity.
+    """
     axes = [sizes[column] for column in SIZE_COLUMNS]
-    dimensions = {column: ("mm", sizes[column]) for column in SIZE_COLUMNS}
-    dimensions["equivalent_diameter_mm"] = ("mm", equivalent_diameter(*axes))
-    dimensions["sphericity_percent"] = ("%", 100 * sphericity(*axes))
-    table = pd.DataFrame(
-        [
-            (
-                name,
-                unit,
-                len(values),
-                values.max(),
-                values.min(),
-                values.mean(),
-                values.std(ddof=1),
-            )
-            for name, (unit, values) in dimensions.items()
-        ],
-        columns=["dimension", "unit", "n", "maximum", "minimum", "mean", "sd"],
-    )
-    reference = (
-        published.set_index("dimension").reindex(table["dimension"]).reset_index()
-    )
-    for statistic in ("maximum", "minimum", "mean"):
+    values = {column: sizes[column] for column in SIZE_COLUMNS}
+    values["equivalent_diameter_mm"] = equivalent_diameter(*axes)
+    values["sphericity_percent"] = 100 * sphericity(*axes)
+    rows = []
+    for dimension, column in values.items():
+        rows.append(
+            {
+                "dimension": dimension,
+                "unit": "%" if dimension == "sphericity_percent" else "mm",
+                "n": len(column),
+                "maximum": column.max(),
+                "minimum": column.min(),
+                "mean": column.mean(),
+                "sd": column.std(ddof=1),
+            }
+        )
+    table = pd.DataFrame(rows)
+    by_dimension = published.set_index("dimension")
+    reference = by_dimension.reindex(table["dimension"]).reset_index()
+    statistics = ("maximum", "minimum", "mean")
+    for statistic in statistics:
         table[f"published_{statistic}"] = reference[statistic]
-    for statistic in ("maximum", "minimum", "mean"):
+    for statistic in statistics:
         table[f"difference_{statistic}"] = table[statistic] - reference[statistic]
     return table
 
@@ -128,120 +180,189 @@ def of_files(
     poisson_ratio: float | None = None,
     shear_modulus_pa: float | None = None,
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Compute statistics (`summarise`) and material of the measured grains.
+    """Compute statistics and material of the measured grains.
 
-    `poisson_ratio` and `shear_modulus_pa` replace the results of the compression tests; E follows by Eq. 4.
+    Parameters
+    ----------
+    sizes_csv : path
+        The sizes.
+    compression_csv : path, optional
+        The compression tests; they are needed unless both moduli are given.
+    table1_csv : path, optional
+        The published statistics of the sizes.
+    density_kg_m3 : float
+        Density of a grain.
+    poisson_ratio, shear_modulus_pa : float, optional
+        They replace the results of the compression tests. The elastic modulus follows
+        by Eq. 4.
+
+    Returns
+    -------
+    tuple
+        The statistics (`summarise`) and the mean grain by key.
+
+    Raises
+    ------
+    InputError
+        If a file or a number is not plausible.
     """
     check_positive(
         "berry", density_kg_m3=density_kg_m3, shear_modulus_pa=shear_modulus_pa
     )
-    nu, shear = poisson_ratio, shear_modulus_pa
-    if nu is not None:
-        _check_poisson("berry", nu)
+    if poisson_ratio is not None:
+        _check_poisson_ratio("berry", poisson_ratio)
     sizes = read_sizes(sizes_csv)
-    reconstruction = sizes.attrs["reconstruction"]
-    if nu is None or shear is None:
-        if compression_csv is None:
-            allowed = "a file, unless poisson_ratio and shear_modulus_pa are both given"
-            raise InputError("berry", "compression", None, allowed)
-        tests = read_compression(compression_csv)
-        raise_together(_other_units(compression_csv, tests, sizes_csv, sizes))
-        reconstruction = reconstruction or tests.attrs["reconstruction"]
-        elastic, measured_poisson, _ = moduli(tests)
-        nu = measured_poisson if nu is None else nu
-        _check_poisson(compression_csv, nu)
-        shear = shear_modulus(elastic, nu) if shear is None else shear
-    values = {column: sizes[column].mean() for column in SIZE_COLUMNS} | {
-        "density_kg_m3": density_kg_m3,
-        "elastic_modulus_pa": 2 * (1 + nu) * shear,
-        "poisson_ratio": nu,
-        "shear_modulus_pa": shear,
-    }
-    # Ten digits: a mean of measurements should not read 21.139999999999997.
-    berry: dict[str, Any] = {
-        key: float(f"{value:.10g}") for key, value in values.items()
-    }
-    berry |= {"n": len(sizes), "reconstruction": bool(reconstruction)}
-    published = (
-        pd.DataFrame(columns=TABLE1)
-        if table1_csv is None
-        else read_table(table1_csv, STATISTICS)
+    if poisson_ratio is None or shear_modulus_pa is None:
+        elasticity = _measured_elasticity(
+            sizes_csv, sizes, compression_csv, poisson_ratio, shear_modulus_pa
+        )
+    else:
+        elasticity = _Elasticity(poisson_ratio, shear_modulus_pa, False)
+    if table1_csv is None:
+        published = pd.DataFrame(columns=TABLE1)
+    else:
+        published = read_table(table1_csv, STATISTICS)
+
+    is_reconstructed = bool(sizes.attrs["reconstruction"])
+    quantities = {column: sizes[column].mean() for column in SIZE_COLUMNS}
+    quantities["density_kg_m3"] = density_kg_m3
+    quantities["elastic_modulus_pa"] = (
+        2 * (1 + elasticity.poisson_ratio) * elasticity.shear_pa
     )
-    spread = _spread(sizes, published)
-    berry |= {
-        key: float(f"{value:.10g}")
-        for key, value in zip(size_distribution.KEYS, spread, strict=True)
-    }
-    # the published statistics belong to the reconstructed crop
-    reference = published if sizes.attrs["reconstruction"] else published.iloc[:0]
-    return summarise(sizes, reference), berry
+    quantities["poisson_ratio"] = elasticity.poisson_ratio
+    quantities["shear_modulus_pa"] = elasticity.shear_pa
+    grain: dict[str, Any] = _ten_digits(quantities)
+    grain["n"] = len(sizes)
+    grain["reconstruction"] = is_reconstructed or elasticity.is_reconstructed
+    spread = _size_spread(sizes, published)
+    grain |= _ten_digits(dict(zip(size_distribution.KEYS, spread, strict=True)))
+    # The published statistics belong to the reconstructed crop.
+    reference = published if is_reconstructed else published.iloc[:0]
+    return summarise(sizes, reference), grain
 
 
-def _check_poisson(source: object, value: float) -> None:
-    """Refuse an impossible Poisson's ratio."""
-    require(0 <= value <= 0.5, source, "poisson_ratio", value, "from 0 to 0.5")
+def _ten_digits(quantities: dict[str, float]) -> dict[str, float]:
+    """Round to ten digits: a mean should not read 21.139999999999997."""
+    return {key: float(f"{value:.10g}") for key, value in quantities.items()}
 
 
-def _other_units(
+def _measured_elasticity(
+    sizes_csv: str | PathLike,
+    sizes: pd.DataFrame,
+    compression_csv: str | PathLike | None,
+    poisson_ratio: float | None,
+    shear_modulus_pa: float | None,
+) -> _Elasticity:
+    """Compute Poisson's ratio and shear modulus from compression tests.
+
+    One of both that is given replaces the measured one. Raises InputError if the tests
+    are missing or not plausible.
+    """
+    if compression_csv is None:
+        allowed = "a file, unless poisson_ratio and shear_modulus_pa are both given"
+        raise InputError("berry", "compression", None, allowed)
+    tests = read_compression(compression_csv)
+    faults = _size_faults(compression_csv, tests, sizes_csv, sizes)
+    if not faults:
+        faults = _force_faults(compression_csv, tests)
+    raise_together(faults)
+    measured = moduli(tests)
+    poisson = measured.poisson_ratio if poisson_ratio is None else poisson_ratio
+    _check_poisson_ratio(compression_csv, poisson)
+    if shear_modulus_pa is None:
+        shear_modulus_pa = shear_modulus(measured.elastic_pa, poisson)
+    is_reconstructed = bool(tests.attrs["reconstruction"])
+    return _Elasticity(poisson, shear_modulus_pa, is_reconstructed)
+
+
+def _check_poisson_ratio(source: object, value: float) -> None:
+    """Raise InputError for an impossible Poisson's ratio."""
+    if not 0 <= value <= 0.5:
+        raise InputError(source, "poisson_ratio", value, "from 0 to 0.5")
+
+
+def _size_faults(
     tests_csv: str | PathLike,
     tests: pd.DataFrame,
     sizes_csv: str | PathLike,
     sizes: pd.DataFrame,
-) -> Iterator[InputError]:
-    """Find columns of the compression tests whose numbers can hardly be in their unit."""
-    for name, axis in LOADED.items():
-        found, axis_mm = float(tests[name].median()), float(sizes[axis].median())
-        if not 1 / ALIKE <= found / axis_mm <= ALIKE:
-            of_sizes = other_unit("mm", axis_mm / found)
-            unit = other_unit("mm", found / axis_mm) or (
-                of_sizes and f"; is {sizes_csv}{of_sizes[1:]}"
+) -> list[InputError]:
+    """Find the first column of the tests that is far from the sizes of the crop.
+
+    Its numbers can hardly be in their unit.
+    """
+    for column, axis in LOADED.items():
+        tested_mm = float(tests[column].median())
+        axis_mm = float(sizes[axis].median())
+        if not 1 / ALIKE <= tested_mm / axis_mm <= ALIKE:
+            allowed = (
+                f"a median near that of {axis} in {sizes_csv}, {axis_mm:g} mm: are "
+                "both in mm?"
             )
-            near = f"a median near that of {axis} in {sizes_csv}, {axis_mm:g} mm"
-            yield InputError(tests_csv, name, found, f"{near}{unit}")
-            return
-    each = _elastic_of(tests)
-    middle, modulus = each.median(), float(each.mean())
-    for k in each.index[(each > STIFF * middle) | (each < middle / STIFF)]:
-        near = f"a modulus within a factor of {STIFF:g} of the median, {middle:.3g} Pa"
-        unit = other_unit("N", each[k] / middle)
-        yield InputError(
-            f"{tests_csv}, row {k}",
-            "force_n",
-            float(tests.at[k, "force_n"]),
-            f"{near}{unit}",
+            return [InputError(tests_csv, column, tested_mm, allowed)]
+    return []
+
+
+def _force_faults(tests_csv: str | PathLike, tests: pd.DataFrame) -> list[InputError]:
+    """Find tests whose moduli differ from the others, or are impossible together."""
+    faults = []
+    elastic = _elastic_moduli(tests)
+    median = elastic.median()
+    is_far = (elastic > STIFF * median) | (elastic < median / STIFF)
+    for row in elastic.index[is_far]:
+        force = float(tests.at[row, "force_n"])
+        allowed = (
+            f"a modulus within a factor of {STIFF:g} of the median, {median:.3g} Pa: "
+            "is it in N?"
         )
-    if not MODULI_PA[0] <= modulus <= MODULI_PA[1]:
-        unit = "kN" if modulus < MODULI_PA[0] else "mN"
-        low, high = MODULI_PA
-        allowed = f"forces that give a modulus from {low:g} to {high:g} Pa, not {modulus:.2g}; in {unit} instead of N?"
-        yield InputError(
-            tests_csv, "force_n", float(tests["force_n"].median()), allowed
+        faults.append(InputError(f"{tests_csv}, row {row}", "force_n", force, allowed))
+    mean = float(elastic.mean())
+    low, high = MODULI_PA
+    if not low <= mean <= high:
+        force = float(tests["force_n"].median())
+        allowed = (
+            f"forces that give a modulus from {low:g} to {high:g} Pa, not {mean:.2g}: "
+            "are they in N?"
         )
+        faults.append(InputError(tests_csv, "force_n", force, allowed))
+    return faults
 
 
 def of_settings(
     section: GrainSettings, table1_csv: str | PathLike | None
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Compute `of_files` of a section `berry`."""
-    material = section.density_kg_m3, section.poisson_ratio, section.shear_modulus_pa
-    return of_files(section.sizes, section.compression, table1_csv, *material)
+    """Compute statistics and material (`of_files`) by a section `berry`."""
+    return of_files(
+        sizes_csv=section.sizes,
+        compression_csv=section.compression,
+        table1_csv=table1_csv,
+        density_kg_m3=section.density_kg_m3,
+        poisson_ratio=section.poisson_ratio,
+        shear_modulus_pa=section.shear_modulus_pa,
+    )
 
 
 def run(
     section: GrainSettings, table1_csv: str | PathLike | None, out_dir: str | PathLike
 ) -> None:
     """Write summary.csv and berry.json (`of_settings`)."""
-    summary, berry = of_settings(section, table1_csv)
-    write_table(Path(out_dir) / "summary.csv", summary, float_format="%.4f")
-    write_json(Path(out_dir) / "berry.json", berry, indent=2)
+    summary, grain = of_settings(section, table1_csv)
+    out = Path(out_dir)
+    write_table(out / "summary.csv", summary, float_format="%.4f")
+    write_json(out / "berry.json", grain, indent=2)
 
 
-def _spread(sizes: pd.DataFrame, published: pd.DataFrame) -> tuple[float, float, float]:
-    """Return relative sd and extremes of the equivalent diameter; for reconstructed sizes from the published range."""
+def _size_spread(
+    sizes: pd.DataFrame, published: pd.DataFrame
+) -> size_distribution.Spread:
+    """Compute the spread of the equivalent diameter.
+
+    For reconstructed sizes it comes from the published range, if there is one.
+    """
+    dimension = "equivalent_diameter_mm"
     rows = published.set_index("dimension")
-    if not sizes.attrs["reconstruction"] or "equivalent_diameter_mm" not in rows.index:
-        return size_distribution.of_sizes(
-            equivalent_diameter(*(sizes[column] for column in SIZE_COLUMNS))
-        )
-    row = rows.loc["equivalent_diameter_mm"]
-    return size_distribution.of_range(row["maximum"], row["minimum"], row["mean"])
+    if sizes.attrs["reconstruction"] and dimension in rows.index:
+        row = rows.loc[dimension]
+        return size_distribution.of_range(row["maximum"], row["minimum"], row["mean"])
+    axes = [sizes[column] for column in SIZE_COLUMNS]
+    return size_distribution.of_sizes(equivalent_diameter(*axes))

@@ -1,13 +1,13 @@
-"""Files of measured berries: sizes and compression tests, checked value by value."""
+"""Files of measured grains: sizes and compression tests, checked value by value."""
 
 import math
 from collections.abc import Iterable, Sequence
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
-from repose.common.errors import require
+from repose.common.errors import InputError
 from repose.common.files import read_json
-from repose.common.tables import Column, Fault, other_unit, read, refuse
+from repose.common.tables import Column, Fault, read, refuse
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -22,16 +22,17 @@ COMPRESSION_COLUMNS = (
     "width_2_mm",
     "breadth_mm",
 )
-LENGTHS_MM = (
-    0.5,
-    2000.0,
-)  # of a grain; one of 20 mm in metres or micrometres lies outside
-THINNEST = 0.12  # minor over major axis of a grain; a column in cm gives 0.1 or less
-ALIKE = 5.0  # grains of one crop, and tested grains, differ by a smaller factor
-MOST_STRAIN = 0.5  # of the width in a compression test: more gives no elastic modulus
+
+# Limits of plausible measurements
+LENGTHS_MM = (0.5, 2000.0)  # a grain of 20 mm in metres or micrometres lies outside
+THINNEST = 0.12  # minor over major axis; a column in cm gives 0.1 or less
+ALIKE = 5.0  # sizes of one crop, and of the tested grains, differ by a smaller factor
+MOST_STRAIN = 0.5  # of a compression test: with more there is no elastic modulus
+
+# The file of the mean grain
 WRITTEN = "the file of the verb berry"
 MODULI = ("shear_modulus_pa", "poisson_ratio")  # a simulation needs them
-# Quantities in it besides the axes.
+# Its quantities besides the axes
 POSITIVE = (
     "density_kg_m3",
     "elastic_modulus_pa",
@@ -39,122 +40,173 @@ POSITIVE = (
     "scale_low",
     "scale_high",
 )
-FROM_ZERO = {
-    "poisson_ratio": 0.5,
-    "scale_sd": 10.0,
-}  # quantities that may be 0, and their largest values
-# A comment line with this word marks a file whose rows were not measured but made to match a published table.
+# Quantities that may be 0, and their largest values
+FROM_ZERO = {"poisson_ratio": 0.5, "scale_sd": 10.0}
+
+# A comment line with this word marks a file whose rows were not measured but made to
+# match a published table.
 RECONSTRUCTION_MARK = "reconstruction"
 
 
 def read_sizes(path: str | PathLike) -> "pd.DataFrame":
-    """Read the full axes of measured berries [mm]: `long_mm`, `major_mm`, `minor_mm`, a row for each berry."""
-    sizes = _read_numbers(
-        path, SIZE_COLUMNS, 2, "berries, or there is no standard deviation"
-    )
-    (low, high), (longest, major, minor) = LENGTHS_MM, sizes.median().tolist()
-    allowed = f"a median from {low:g} to {high:g}: are the sizes in millimetres?"
-    require(low <= longest <= high, path, "long_mm", longest, allowed)
-    allowed = f"a median of at least {THINNEST:g} of that of major_mm, {major:g}{other_unit('mm', minor / major)}"
-    require(minor >= THINNEST * major, path, "minor_mm", minor, allowed)
-    larger = dict(zip(SIZE_COLUMNS[1:], SIZE_COLUMNS, strict=False))
+    """Read the full axes of measured grains.
+
+    Returns
+    -------
+    DataFrame
+        A row for each grain, with `long_mm`, `major_mm` and `minor_mm`. Its attribute
+        ``reconstruction`` tells whether the rows were not measured.
+
+    Raises
+    ------
+    InputError
+        If the file is no such table, or its sizes are not plausible.
+    """
+    sizes = _read_numbers(path, SIZE_COLUMNS)
+    if len(sizes) < 2:
+        allowed = "at least 2 berries, or there is no standard deviation"
+        raise InputError(path, "rows", len(sizes), allowed)
+    longest, major, minor = sizes.median().tolist()
+    low, high = LENGTHS_MM
+    if not low <= longest <= high:
+        allowed = f"a median from {low:g} to {high:g}: are the sizes in millimetres?"
+        raise InputError(path, "long_mm", longest, allowed)
+    if minor < THINNEST * major:
+        allowed = (
+            f"a median of at least {THINNEST:g} of that of major_mm, {major:g}: are "
+            "all columns in millimetres?"
+        )
+        raise InputError(path, "minor_mm", minor, allowed)
+
     faults: list[Fault] = []
-    for name, column in sizes.items():
-        faults += _unlike(column)
-        other = larger.get(name, name)
-        faults += [
-            (
-                row - 1,
-                name,
-                float(column[row]),
-                f"at most {other} of the same grain, {sizes.at[row, other]:g}",
-            )
-            for row in sizes.index[column > sizes[other]]
-        ]
+    larger_axis = None
+    for axis in SIZE_COLUMNS:
+        faults += _far_from_median(sizes[axis])
+        if larger_axis is not None:
+            faults += _larger_than(sizes, axis, larger_axis)
+        larger_axis = axis
     refuse(path, faults)
     return sizes
 
 
-def read_compression(path: str | PathLike) -> "pd.DataFrame":
-    """Read compression tests: `test`, `force_n`, lengths and widths 1 and 2, and `breadth_mm`.
-
-    The berry lies on its broad side, the load is along its minor diameter W (width), and the loaded section has the
-    axes L (length) and breadth; 1 is before, 2 after.
-    """
-    tests = _read_numbers(path, COMPRESSION_COLUMNS, 1, "compression test")
+def _larger_than(sizes: "pd.DataFrame", axis: str, larger_axis: str) -> list[Fault]:
+    """Find grains of which an axis is longer than the one that should be larger."""
     faults: list[Fault] = []
-    for k, (_, _, length_1, length_2, width_1, width_2, _) in enumerate(
-        tests.itertuples(index=False)
-    ):
-        if not (1 - MOST_STRAIN) * width_1 <= width_2 < width_1:
-            least = f"less than width_1_mm of the same test, {width_1:g}, and at least half of it"
-            faults.append((k, "width_2_mm", width_2, least))
-        if not length_1 <= length_2 <= (1 + MOST_STRAIN) * length_1:
-            longer = f"at least length_1_mm of the same test, {length_1:g}, and at most half as much again"
-            faults.append((k, "length_2_mm", length_2, longer))
+    for row in sizes.index[sizes[axis] > sizes[larger_axis]]:
+        allowed = (
+            f"at most {larger_axis} of the same grain, {sizes.at[row, larger_axis]:g}"
+        )
+        faults.append((row - 1, axis, float(sizes.at[row, axis]), allowed))
+    return faults
+
+
+def read_compression(path: str | PathLike) -> "pd.DataFrame":
+    """Read compression tests.
+
+    The grain lies on its broad side. The load is along its minor diameter W (width),
+    and the loaded section has the axes L (length) and breadth; 1 is before, 2 after.
+
+    Returns
+    -------
+    DataFrame
+        A row for each test, with the columns `COMPRESSION_COLUMNS` and the attribute
+        ``reconstruction`` of `read_sizes`.
+
+    Raises
+    ------
+    InputError
+        If the file is no such table, or its numbers are not plausible.
+    """
+    tests = _read_numbers(path, COMPRESSION_COLUMNS)
+    if len(tests) < 1:
+        allowed = "at least 1 compression test"
+        raise InputError(path, "rows", len(tests), allowed)
+    faults: list[Fault] = []
+    for index, test in enumerate(tests.itertuples(index=False)):
+        width = test.width_1_mm
+        if not (1 - MOST_STRAIN) * width <= test.width_2_mm < width:
+            allowed = (
+                f"less than width_1_mm of the same test, {width:g}, and at least half "
+                "of it"
+            )
+            faults.append((index, "width_2_mm", test.width_2_mm, allowed))
+        length = test.length_1_mm
+        if not length <= test.length_2_mm <= (1 + MOST_STRAIN) * length:
+            allowed = (
+                f"at least length_1_mm of the same test, {length:g}, and at most half "
+                "as much again"
+            )
+            faults.append((index, "length_2_mm", test.length_2_mm, allowed))
     refuse(path, faults)
-    refuse(
-        path,
-        [
-            fault
-            for name in ("length_1_mm", "width_1_mm", "breadth_mm")
-            for fault in _unlike(tests[name])
-        ],
-    )
+    faults = []
+    for name in ("length_1_mm", "width_1_mm", "breadth_mm"):
+        faults += _far_from_median(tests[name])
+    refuse(path, faults)
     return tests
 
 
 def read_berry(
     path: str | PathLike, needed: Iterable[str] = SIZE_COLUMNS
 ) -> dict[str, Any]:
-    """Read the file of the command `berry`; `needed` are keys that it must have."""
-    berry = read_json(path, needed, WRITTEN)
-    for key in (*needed, *(key for key in (*POSITIVE, *FROM_ZERO) if key in berry)):
-        value, most = berry[key], FROM_ZERO.get(key)
-        good = type(value) in (int, float) and math.isfinite(value) and value >= 0
-        allowed = (
-            "a positive number" if most is None else f"a number from 0 to {most:g}"
-        )
-        good = good and (value > 0 if most is None else value <= most)
-        require(good, path, key, value, f"{allowed} in {WRITTEN}")
-    return berry
+    """Read the file of the mean grain, which the command `berry` writes.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    needed : iterable of str
+        Keys that it must have.
+
+    Raises
+    ------
+    InputError
+        If a key is missing, or a number is impossible.
+    """
+    grain = read_json(path, needed, WRITTEN)
+    present = [key for key in (*POSITIVE, *FROM_ZERO) if key in grain]
+    for key in (*needed, *present):
+        value = grain[key]
+        is_number = type(value) in (int, float) and math.isfinite(value)
+        if key in FROM_ZERO:
+            largest = FROM_ZERO[key]
+            allowed = f"a number from 0 to {largest:g} in {WRITTEN}"
+            is_possible = is_number and 0 <= value <= largest
+        else:
+            allowed = f"a positive number in {WRITTEN}"
+            is_possible = is_number and value > 0
+        if not is_possible:
+            raise InputError(path, key, value, allowed)
+    return grain
 
 
-def _unlike(column: "pd.Series") -> list[Fault]:
+def _far_from_median(column: "pd.Series") -> list[Fault]:
     """Find lengths that are far from the median of their column."""
-    middle = column.median()
-    odd = column.index[(column > ALIKE * middle) | (column < middle / ALIKE)]
-    near = f"within a factor of {ALIKE:g} of the median, {middle:g} mm"
+    median = column.median()
+    is_far = (column > ALIKE * median) | (column < median / ALIKE)
+    allowed = f"within a factor of {ALIKE:g} of the median, {median:g} mm"
+    name = str(column.name)
     return [
-        (
-            k - 1,
-            str(column.name),
-            float(column[k]),
-            f"{near}{other_unit('mm', column[k] / middle)}",
-        )
-        for k in odd
+        (row - 1, name, float(column[row]), allowed) for row in column.index[is_far]
     ]
 
 
-def _read_numbers(
-    path: str | PathLike, columns: Sequence[str], fewest: int, of: str
-) -> "pd.DataFrame":
-    """Read a table with these columns of positive numbers, indexed by row number from 1."""
+def _read_numbers(path: str | PathLike, names: Sequence[str]) -> "pd.DataFrame":
+    """Read a table with these columns of positive numbers, indexed by row from 1.
+
+    A column `test` has labels instead of numbers.
+    """
     import pandas as pd  # slow to import: where there is a table
 
-    label = Column("test", str, once=True)
-    table = read(
-        path,
-        [
-            label if name == label.name else Column(name, low=0.0, above=True)
-            for name in columns
-        ],
-    )
-    require(len(table) >= fewest, path, "rows", len(table), f"at least {fewest} {of}")
-    numbers = pd.DataFrame(
-        {name: table.values[name] for name in columns}, index=range(1, len(table) + 1)
-    )
+    columns = []
+    for name in names:
+        if name == "test":
+            columns.append(Column(name, str, once=True))
+        else:
+            columns.append(Column(name, low=0.0, above=True))
+    table = read(path, columns)
+    values = {name: table.values[name] for name in names}
+    numbers = pd.DataFrame(values, index=range(1, len(table) + 1))
     numbers.attrs["reconstruction"] = any(
-        RECONSTRUCTION_MARK in line.lower() for line in table.comments
+        RECONSTRUCTION_MARK in comment.lower() for comment in table.comments
     )
     return numbers

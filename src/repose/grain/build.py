@@ -1,7 +1,8 @@
-"""From a mesh to the simulated particle: an ellipsoid, a smooth body, or spheres that fill the mesh.
+"""From a mesh to the simulated particle.
 
-All kinds are made from the same mesh in its principal pose and compared with it: volume, mass, principal moments and
-extents.
+A particle is an ellipsoid, a smooth body, or spheres that fill the mesh. All kinds are
+made from the same mesh in its principal pose and compared with it: volume, mass,
+principal moments and extents.
 """
 
 import math
@@ -13,7 +14,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from repose.common.errors import InputError, require
+from repose.common.errors import InputError
 from repose.common.files import write_bytes, write_table
 from repose.dem.rotations import sphere_directions
 from repose.grain import mesh_from_axes, sphere_packing, support_fit
@@ -30,13 +31,18 @@ from repose.grain.particle import KINDS, MM, Body, Particle, check_positive
 from repose.grain.settings import GrainSettings
 from repose.grain.support import support
 
-LARGEST_DEVIATION = 0.15
-SIDES = "shortest", "middle", "longest"
-LARGEST_RATIO = 1.8  # of a side of a scan to the mean of the sizes, or the other way round: else another unit or crop
-# Sharp edges cost a smooth body volume, and with it mass.
-VOLUME_TOLERANCE = 0.1
-DIRECTIONS = 2000
 MESH_FILE = "berry.stl"
+N_DIRECTIONS = 2000  # in which the support of a mesh is fitted
+
+# Limits of a fitted particle
+LARGEST_DEVIATION = 0.15  # of the support values, in mean radii of the mesh
+VOLUME_TOLERANCE = 0.1  # sharp edges cost a smooth body volume, and with it mass
+ELLIPSOID_TOLERANCE = 2  # times the volume tolerance, for a single ellipsoid
+
+# Comparison of a scan with the table of sizes
+SIDES = ("shortest", "middle", "longest")
+# A larger ratio of a side to the mean of the sizes means another unit or crop.
+LARGEST_RATIO = 1.8
 
 
 def fit_particle(
@@ -46,14 +52,33 @@ def fit_particle(
     source: object = "mesh",
     kind: str = "smooth",
 ) -> Particle:
-    """Fit a convex particle to the support values of a mesh (mm, principal pose).
+    """Fit a convex particle to the support values of a mesh.
 
-    Mass is density times the particle's own volume: an ellipsoid holds less than a fuller grain of the same axes. A
-    mesh whose vertices lie on an ellipsoid becomes this ellipsoid, whose volume is a little above that of the mesh; the
+    The mass is the density times the particle's own volume: an ellipsoid holds less
+    than a fuller grain of the same axes. A mesh whose vertices lie on an ellipsoid
+    becomes this ellipsoid, whose volume is a little above that of the mesh; the
     deviations include the parts that its facets cut off.
+
+    Parameters
+    ----------
+    mesh : Trimesh
+        The mesh in mm, in its principal pose.
+    density_kg_m3 : float
+        Density of the grain.
+    stl : str
+        Name of the mesh's file, for the particle.
+    source : object
+        The mesh's file, for messages.
+    kind : str
+        "ellipsoid" for a single ellipsoid, "smooth" for a sum of a few.
+
+    Raises
+    ------
+    InputError
+        If the particle does not represent the mesh.
     """
     check_positive(source, density_kg_m3=density_kg_m3)
-    n = sphere_directions(DIRECTIONS)
+    n = sphere_directions(N_DIRECTIONS)
     measured = mesh_support(mesh, n) * MM
     radius = np.cbrt(mesh.volume * 3 / (4 * math.pi)) * MM
     semi_axes = support_fit.recognise_ellipsoid(mesh.vertices * MM, radius, n, measured)
@@ -64,21 +89,48 @@ def fit_particle(
     semi_axes = np.round(semi_axes, 9)
     deviation = np.abs(support(semi_axes, n) - measured)
     volume, second_moments = support_fit.volume_integrals(semi_axes)
-    tolerance = VOLUME_TOLERANCE * (2 if kind == "ellipsoid" else 1)
+    tolerance = VOLUME_TOLERANCE * (ELLIPSOID_TOLERANCE if kind == "ellipsoid" else 1)
     _check_fit(
-        deviation.max() / radius, volume / (mesh.volume * MM**3), tolerance, source
+        relative_deviation=deviation.max() / radius,
+        volume_ratio=volume / (mesh.volume * MM**3),
+        tolerance=tolerance,
+        source=source,
     )
+    body = body_of(mesh, density_kg_m3)
     return Particle(
         kind="ellipsoid" if len(semi_axes) == 1 else "smooth",
         semi_axes_m=semi_axes,
+        density_kg_m3=float(density_kg_m3),
         volume_m3=volume,
         mass_kg=density_kg_m3 * volume,
         inertia_kg_m2=density_kg_m3 * (second_moments.sum() - second_moments),
         bounding_radius_m=support_fit.bounding_radius(semi_axes),
         deviation_max_m=float(deviation.max()),
         deviation_rms_m=float(np.sqrt(np.mean(deviation**2))),
-        **_origin(body_of(mesh, density_kg_m3), density_kg_m3, stl),
+        stl=str(stl),
+        mesh_volume_m3=body.volume_m3,
+        mesh_inertia_kg_m2=body.inertia_kg_m2,
+        mesh_axes_m=body.axes_m,
     )
+
+
+def _check_fit(
+    *, relative_deviation: float, volume_ratio: float, tolerance: float, source: object
+) -> None:
+    """Raise InputError if the fitted particle does not represent the mesh."""
+    if relative_deviation > LARGEST_DEVIATION:
+        key = "largest deviation of the particle over the mesh's mean radius"
+        allowed = (
+            f"at most {LARGEST_DEVIATION:g}: the particle is smooth and symmetric to "
+            "three planes"
+        )
+        raise InputError(source, key, round(float(relative_deviation), 3), allowed)
+    if abs(volume_ratio - 1) > tolerance:
+        key = "volume of the particle over the mesh's"
+        low = 1 - tolerance
+        high = 1 + tolerance
+        allowed = f"from {low:g} to {high:g}: the particle is smooth, without edges"
+        raise InputError(source, key, round(float(volume_ratio), 3), allowed)
 
 
 def make_particle(
@@ -90,85 +142,159 @@ def make_particle(
     stl: str = "",
     source: object = "mesh",
 ) -> Particle:
-    """Make a particle of any of the `KINDS` from a mesh (mm, principal pose)."""
-    require(kind in KINDS, source, "particle", kind, ", ".join(KINDS))
+    """Make a particle of any of the `KINDS` from a mesh.
+
+    Parameters
+    ----------
+    mesh : Trimesh
+        The mesh in mm, in its principal pose.
+    density_kg_m3 : float
+        Density of the grain.
+    kind : str
+        One of `KINDS`.
+    spheres, surface : int or str, str
+        Number of spheres and kind of surface of a multisphere.
+    stl : str
+        Name of the mesh's file, for the particle.
+    source : object
+        The mesh's file, for messages.
+
+    Raises
+    ------
+    InputError
+        If the particle cannot be made.
+    """
+    if kind not in KINDS:
+        raise InputError(source, "particle", kind, ", ".join(KINDS))
     if kind != "multisphere":
-        return fit_particle(mesh, density_kg_m3, stl, source, kind)
+        return fit_particle(mesh, density_kg_m3, stl=stl, source=source, kind=kind)
     check_positive(source, density_kg_m3=density_kg_m3)
     packing = sphere_packing.pack(mesh, spheres, surface, source)
     body = body_of(mesh, density_kg_m3)
-    centres, radii = packing.spheres_m[:, :3], packing.spheres_m[:, 3]
+    centres = packing.spheres_m[:, :3]
+    radii = packing.spheres_m[:, 3]
     return Particle(
         kind="multisphere",
         semi_axes_m=np.zeros((0, 3)),
+        density_kg_m3=float(density_kg_m3),
+        volume_m3=packing.volume_m3,
         mass_kg=body.mass_kg,
         inertia_kg_m2=body.inertia_kg_m2,
         bounding_radius_m=float((np.linalg.norm(centres, axis=1) + radii).max()),
-        **vars(packing),
-        **_origin(body, density_kg_m3, stl),
+        deviation_max_m=packing.deviation_max_m,
+        deviation_rms_m=packing.deviation_rms_m,
+        spheres_m=packing.spheres_m,
+        stl=str(stl),
+        mesh_volume_m3=body.volume_m3,
+        mesh_inertia_kg_m2=body.inertia_kg_m2,
+        mesh_axes_m=body.axes_m,
     )
-
-
-def _origin(body: Body, density_kg_m3: float, stl: str) -> dict[str, Any]:
-    """List the properties of the mesh that a particle keeps."""
-    of_mesh = {
-        f"mesh_{name}": getattr(body, name)
-        for name in ("volume_m3", "inertia_kg_m2", "axes_m")
-    }
-    return {"density_kg_m3": float(density_kg_m3), "stl": str(stl), **of_mesh}
 
 
 def compare(particles: Mapping[str, Particle | InputError]) -> list[dict[str, Any]]:
-    """List the particles of one mesh in rows, the mesh first: volume, mass, principal moments, extents, deviations."""
-    made = [
-        particle for particle in particles.values() if isinstance(particle, Particle)
-    ]
-    rows = [_row("mesh", mesh)] if made and (mesh := made[0].mesh) else []
+    """Compare the particles of one mesh.
+
+    Parameters
+    ----------
+    particles : mapping
+        The particles by name; an error stands for one that could not be made.
+
+    Returns
+    -------
+    list of dict
+        A row for the mesh, if a particle has it, and one for each particle: volume,
+        mass, principal moments, extents, deviations.
+    """
+    rows = []
+    for particle in particles.values():
+        if isinstance(particle, Particle):
+            if particle.mesh is not None:
+                rows.append(_row("mesh", particle.mesh))
+            break
     for name, particle in particles.items():
-        if not isinstance(particle, Particle):
+        if isinstance(particle, InputError):
             rows.append({"body": name, "refused": str(particle)})
             continue
         assert particle.mesh_volume_m3 is not None
-        rows.append(
-            _row(name, particle)
-            | {
-                "volume_deviation_percent": 100
-                * (particle.volume_m3 / particle.mesh_volume_m3 - 1),
-                "deviation_max_mm": particle.deviation_max_m / MM,
-                "deviation_rms_mm": particle.deviation_rms_m / MM,
-                "parts": len(particle.semi_axes_m) + len(particle.spheres_m),
-            }
-        )
+        volume_ratio = particle.volume_m3 / particle.mesh_volume_m3
+        row = _row(name, particle)
+        row["volume_deviation_percent"] = 100 * (volume_ratio - 1)
+        row["deviation_max_mm"] = particle.deviation_max_m / MM
+        row["deviation_rms_mm"] = particle.deviation_rms_m / MM
+        row["parts"] = len(particle.semi_axes_m) + len(particle.spheres_m)
+        rows.append(row)
     return rows
 
 
+def _row(name: str, body: Particle | Body) -> dict[str, Any]:
+    """List volume, mass, principal moments and extents of a body by column."""
+    row: dict[str, Any] = {
+        "body": name,
+        "volume_mm3": body.volume_m3 / MM**3,
+        "mass_g": body.mass_kg * 1e3,
+    }
+    for axis, moment in zip("xyz", body.inertia_kg_m2, strict=True):
+        row[f"inertia_{axis}_g_mm2"] = 1e9 * moment
+    for axis, extent in zip("xyz", body.axes_m, strict=True):
+        row[f"axis_{axis}_mm"] = extent / MM
+    return row
+
+
 def of_settings(grain: Mapping[str, Any], section: GrainSettings) -> Particle:
-    """Make the particle of a configuration, the same as by `run`, without the comparison."""
+    """Make the particle of a configuration, the same as `run` makes.
+
+    Parameters
+    ----------
+    grain : mapping
+        The mean grain: its axes and its density.
+    section : GrainSettings
+        The section `berry`.
+    """
     source = section.stl or MESH_FILE
-    mesh = mesh_of(_stl(grain, section.stl, section.mass_g), source)
-    kind, spheres, surface = section.particle, section.spheres, section.surface
+    mesh = mesh_of(_mesh_content(grain, section.stl, section.mass_g), source)
     return make_particle(
-        mesh, grain["density_kg_m3"], kind, spheres, surface, MESH_FILE, source
+        mesh,
+        grain["density_kg_m3"],
+        kind=section.particle,
+        spheres=section.spheres,
+        surface=section.surface,
+        stl=MESH_FILE,
+        source=source,
     )
 
 
-def _stl(
+def _mesh_content(
     grain: Mapping[str, Any], stl: str | PathLike | None, mass_g: float | None
 ) -> bytes:
-    """Return the content of the mesh file: of the user's scan, or a mesh of the mean axes."""
+    """Return the content of the mesh file.
+
+    It is the user's scan, or without one a mesh of the mean axes and the mass, or
+    without a mass the ellipsoid of the mean axes.
+    """
     axes_mm = [grain[name] for name in SIZE_COLUMNS]
     if stl is not None:
         scan = load_mesh(stl)
-        for side, extent, mean in zip(
-            SIDES, sorted(scan.extents), sorted(axes_mm), strict=True
-        ):
-            allowed = f"near {mean:.4g}, its mean in the table of sizes: are both in millimetres, and of one crop?"
-            good = mean / LARGEST_RATIO <= extent <= mean * LARGEST_RATIO
-            require(good, stl, f"{side} side in mm", round(float(extent), 4), allowed)
+        _check_sides(scan, axes_mm, stl)
         return stl_of(scan)
     if mass_g is None:
         return stl_of(ellipsoid_mesh(axes_mm))
-    return stl_of(mesh_from_axes.berry_mesh(axes_mm, mass_g, grain["density_kg_m3"])[0])
+    mesh, _ = mesh_from_axes.berry_mesh(axes_mm, mass_g, grain["density_kg_m3"])
+    return stl_of(mesh)
+
+
+def _check_sides(
+    scan: trimesh.Trimesh, axes_mm: list[float], stl: str | PathLike
+) -> None:
+    """Raise InputError if a side of a scan is far from the mean of the sizes."""
+    extents = sorted(scan.extents)
+    for side, extent, mean in zip(SIDES, extents, sorted(axes_mm), strict=True):
+        if not mean / LARGEST_RATIO <= extent <= mean * LARGEST_RATIO:
+            allowed = (
+                f"near {mean:.4g}, its mean in the table of sizes: are both in "
+                "millimetres, and of one crop?"
+            )
+            length = round(float(extent), 4)
+            raise InputError(stl, f"{side} side in mm", length, allowed)
 
 
 def run(
@@ -181,69 +307,66 @@ def run(
     spheres: int | str = 14,
     surface: str = "smooth",
 ) -> Particle:
-    """Write berry.stl, particle.json, and particles.csv with all kinds of particles (`compare`); return the particle.
+    """Write berry.stl, particle.json, and particles.csv with all kinds of particles.
 
-    The mesh is the user's scan, or built from the mean axes and the mass (without a mass, their ellipsoid). The
-    particle is made from the mesh as in its file, in single precision.
+    The mesh is the user's scan, or built from the mean axes and the mass (without a
+    mass, their ellipsoid). The particle is made from the mesh as in its file, in single
+    precision.
+
+    Parameters
+    ----------
+    berry_json : path
+        The file of the mean grain.
+    stl : path, optional
+        The user's scan.
+    out_dir : path
+        Folder of the files.
+    kind : str
+        Kind of the particle, one of `KINDS`.
+    mass_g : float, optional
+        Mass of the mean grain.
+    spheres, surface : int or str, str
+        Number of spheres and kind of surface of a multisphere.
+
+    Returns
+    -------
+    Particle
+        The particle of particle.json.
+
+    Raises
+    ------
+    InputError
+        If this particle cannot be made; another kind that cannot be made is a row of
+        particles.csv.
     """
     import pandas as pd
 
     grain = read_berry(berry_json, (*SIZE_COLUMNS, "density_kg_m3"))
     out = Path(out_dir)
-    source, content = stl or out / MESH_FILE, _stl(grain, stl, mass_g)
+    source = stl or out / MESH_FILE
+    content = _mesh_content(grain, stl, mass_g)
     mesh = mesh_of(content, source)
+
+    def make(particle_kind: str) -> Particle:
+        return make_particle(
+            mesh,
+            grain["density_kg_m3"],
+            kind=particle_kind,
+            spheres=spheres,
+            surface=surface,
+            stl=MESH_FILE,
+            source=source,
+        )
+
+    particle = make(kind)
     particles: dict[str, Particle | InputError] = {}
-    for name in (kind, *(other for other in KINDS if other != kind)):
+    for other_kind in KINDS:
         try:
-            particles[name] = make_particle(
-                mesh, grain["density_kg_m3"], name, spheres, surface, MESH_FILE, source
-            )
+            particles[other_kind] = particle if other_kind == kind else make(other_kind)
         except InputError as error:
-            if name == kind:
-                raise
-            particles[name] = error
-    particle = particles[kind]
-    assert isinstance(particle, Particle)
+            particles[other_kind] = error
     write_bytes(out / MESH_FILE, content)
-    comparison = compare({name: particles[name] for name in KINDS})
-    write_table(out / "particles.csv", pd.DataFrame(comparison), float_format="%.6g")
+    comparison = pd.DataFrame(compare(particles))
+    write_table(out / "particles.csv", comparison, float_format="%.6g")
     particle.save(out / "particle.json")
     return particle
-
-
-def _row(name: str, body: Particle | Body) -> dict[str, Any]:
-    """List volume, mass, principal moments and extents of a `Particle` or a `Body`."""
-    row = {
-        "body": name,
-        "volume_mm3": body.volume_m3 / MM**3,
-        "mass_g": body.mass_kg * 1e3,
-    }
-    row |= {
-        f"inertia_{x}_g_mm2": 1e9 * value
-        for x, value in zip("xyz", body.inertia_kg_m2, strict=True)
-    }
-    return row | {
-        f"axis_{x}_mm": value / MM for x, value in zip("xyz", body.axes_m, strict=True)
-    }
-
-
-def _check_fit(
-    relative_deviation: float, volume_ratio: float, tolerance: float, source: object
-) -> None:
-    """Raise InputError if the fitted particle does not represent the mesh."""
-    key = "largest deviation of the particle over the mesh's mean radius"
-    allowed = f"at most {LARGEST_DEVIATION:g}: the particle is smooth and symmetric to three planes"
-    require(
-        relative_deviation <= LARGEST_DEVIATION,
-        source,
-        key,
-        round(float(relative_deviation), 3),
-        allowed,
-    )
-    low, high = 1 - tolerance, 1 + tolerance
-    allowed = f"from {low:g} to {high:g}: the particle is smooth, without edges"
-    key, good = (
-        "volume of the particle over the mesh's",
-        abs(volume_ratio - 1) <= tolerance,
-    )
-    require(good, source, key, round(float(volume_ratio), 3), allowed)

@@ -1,4 +1,4 @@
-"""Meshes of grains: reading, checks, principal pose; volume, moments and extents of their bodies."""
+"""Meshes of grains: reading, checks and principal pose; properties of their bodies."""
 
 import re
 from io import BytesIO
@@ -10,89 +10,106 @@ import numpy as np
 import trimesh
 from numpy.typing import ArrayLike
 
-from repose.common.errors import InputError, require
+from repose.common.errors import InputError
 from repose.grain.berry_files import LENGTHS_MM
 from repose.grain.particle import MM, Body
 
-CONVEX_SHARE = 0.95
+CONVEX_SHARE = 0.95  # smallest share of its convex hull that a mesh fills
 FLATTEST = 0.01  # shortest side over the longest
-STL_HEADER, STL_FACET = 84, 50  # bytes of a binary file
+CHUNK = 500  # directions whose support values are computed at once
+
+# A binary STL file: a header whose last four bytes are the number of facets, and facets
+STL_HEADER = 84
+STL_FACET = 50
+# An STL file in text: what its beginning does not and may not contain
+CONTROL_CHARACTER = re.compile(rb"[\0-\x08\x0e-\x1f]")
+DECIMAL_COMMA = re.compile(rb"vertex\s+[-+\d]+,\d\S*")
+BEGINNING = 1000  # bytes
+BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
 def ellipsoid_mesh(axes_mm: ArrayLike, subdivisions: int = 4) -> trimesh.Trimesh:
-    """Make a watertight mesh of an ellipsoid with full axes (3,); its vertices lie on the ellipsoid."""
+    """Make a watertight mesh of an ellipsoid with full axes (3,).
+
+    Its vertices lie on the ellipsoid.
+    """
     mesh = trimesh.creation.icosphere(subdivisions=subdivisions, radius=0.5)
     mesh.apply_scale(np.asarray(axes_mm, dtype=float))
     return mesh
 
 
 def load_mesh(path: str | PathLike) -> trimesh.Trimesh:
-    """Read a mesh [mm] that trimesh reads, such as STL; it comes in its principal pose and checked (`check_mesh`)."""
+    """Read a mesh [mm] in a format of trimesh, such as STL.
+
+    It is checked (`check_mesh`) and turned into its principal pose.
+    """
     path = Path(path)
-    require(
-        path.is_file(),
-        path,
-        "file",
-        None,
-        "an existing mesh file, such as an STL in millimetres",
-    )
+    if not path.is_file():
+        allowed = "an existing mesh file, such as an STL in millimetres"
+        raise InputError(path, "file", None, allowed)
     if path.suffix.lower() == ".stl":
-        return mesh_of(_whole_stl(path.read_bytes(), path), path)
+        return mesh_of(_complete_stl(path.read_bytes(), path), path)
     return _read(path, None, path)
 
 
-def _whole_stl(content: bytes, source: object) -> bytes:
-    """Return an STL without what follows its end, with a last `endsolid`; InputError if cut off, or of two bodies."""
-    text = content.removeprefix(b"\xef\xbb\xbf").lower().replace(b"\r", b"\n")
-    commas, allowed = (
-        re.search(rb"vertex\s+[-+\d]+,\d\S*", text[:1000]),
-        "numbers with a decimal point",
-    )
-    require(not commas, source, "numbers", commas and commas[0].decode(), allowed)
-    if b"facet" in text and not re.search(rb"[\0-\x08\x0e-\x1f]", text[:1000]):
-        begun, ended = (
-            len(re.findall(rb"(?m)^\s*" + word + rb"\b", text))
-            for word in (b"facet", b"endfacet")
-        )
-        require(
-            begun == ended,
-            source,
-            "facets",
-            ended,
-            f"{begun}, as many as begin: the file is cut off",
-        )
-        end = text.rfind(
-            b"endsolid"
-        )  # of what stands behind it nothing belongs to the body
-        return text[: end if end > text.rfind(b"endfacet") else None] + b"\nendsolid\n"
-    count = int.from_bytes(content[STL_HEADER - 4 : STL_HEADER], "little")
-    facets = max(len(content) - STL_HEADER, 0) // STL_FACET
-    allowed = f"{count or 'some'}, as its header says: the file is cut off, or no STL"
-    require(facets >= max(count, 1), source, "facets", facets, allowed)
-    behind = content[STL_HEADER + STL_FACET * count :].strip(b"\0\t\r\n ")
-    require(
-        len(behind) < STL_HEADER + STL_FACET,
-        source,
-        "facets",
-        facets,
-        f"{count}, as its header says: one body",
-    )
-    return content[: STL_HEADER + STL_FACET * count]
+def _complete_stl(content: bytes, source: object) -> bytes:
+    """Return the one body of an STL file, without what follows it.
+
+    Raises InputError if the file is cut off, or has two bodies.
+    """
+    text = content.removeprefix(BYTE_ORDER_MARK).lower().replace(b"\r", b"\n")
+    beginning = text[:BEGINNING]
+    number = DECIMAL_COMMA.search(beginning)
+    if number:
+        allowed = "numbers with a decimal point"
+        raise InputError(source, "numbers", number[0].decode(), allowed)
+    is_text = b"facet" in text and not CONTROL_CHARACTER.search(beginning)
+    if is_text:
+        return _complete_text_stl(text, source)
+    return _complete_binary_stl(content, source)
+
+
+def _complete_text_stl(text: bytes, source: object) -> bytes:
+    """Return an STL in lower-case text, with a last `endsolid` and nothing behind."""
+    n_begun = len(re.findall(rb"(?m)^\s*facet\b", text))
+    n_ended = len(re.findall(rb"(?m)^\s*endfacet\b", text))
+    if n_begun != n_ended:
+        allowed = f"{n_begun}, as many as begin: the file is cut off"
+        raise InputError(source, "facets", n_ended, allowed)
+    end = text.rfind(b"endsolid")
+    if end > text.rfind(b"endfacet"):
+        text = text[:end]
+    return text + b"\nendsolid\n"
+
+
+def _complete_binary_stl(content: bytes, source: object) -> bytes:
+    """Return a binary STL without bytes behind the facets that its header counts."""
+    n_stated = int.from_bytes(content[STL_HEADER - 4 : STL_HEADER], "little")
+    n_facets = max(len(content) - STL_HEADER, 0) // STL_FACET
+    if n_facets < max(n_stated, 1):
+        expected = n_stated or "some"
+        allowed = f"{expected}, as its header says: the file is cut off, or no STL"
+        raise InputError(source, "facets", n_facets, allowed)
+    end = STL_HEADER + STL_FACET * n_stated
+    rest = content[end:].strip(b"\0\t\r\n ")
+    # Long enough for another file with a facet
+    if len(rest) >= STL_HEADER + STL_FACET:
+        allowed = f"{n_stated}, as its header says: one body"
+        raise InputError(source, "facets", n_facets, allowed)
+    return content[:end]
 
 
 def _read(file: Any, file_type: str | None, source: object) -> trimesh.Trimesh:
-    """Read, check and turn a mesh."""
+    """Read a mesh, check it and turn it into its principal pose."""
     try:
         mesh: Any = trimesh.load(file, file_type=file_type, force="mesh")
-    except Exception as error:  # trimesh's readers raise whatever their parsers do
-        found = (
-            "in a format that is not read here"
-            if isinstance(error, ImportError)
-            else str(error)
-        )
-        raise InputError(
-            source, "file", found, "a mesh that trimesh can read: save it as STL, in mm"
-        ) from None
+    except Exception as error:  # whatever the parser of the format raises
+        if isinstance(error, ImportError):
+            problem = "in a format that is not read here"
+        else:
+            problem = str(error)
+        allowed = "a mesh that trimesh can read: save it as STL, in mm"
+        raise InputError(source, "file", problem, allowed) from None
     return principal_pose(check_mesh(mesh, source))
 
 
@@ -104,94 +121,123 @@ def stl_of(mesh: trimesh.Trimesh) -> bytes:
 
 
 def mesh_of(stl: bytes, source: object) -> trimesh.Trimesh:
-    """Read the mesh of the content of an STL file, as by `load_mesh`; messages name `source`."""
+    """Read the mesh of the content of an STL file, as by `load_mesh`.
+
+    Messages name `source`.
+    """
     return _read(BytesIO(stl), "stl", source)
 
 
 def check_mesh(mesh: trimesh.Trimesh, source: object) -> trimesh.Trimesh:
-    """Return a mesh [mm] that is one closed body, faces outwards, has a plausible size and is nearly convex.
+    """Return a mesh [mm] that can be that of a grain, or raise InputError.
 
-    Any other is an InputError. Facets without an area, and some that are there twice, are taken out of it.
+    It is one closed body, its faces look outwards, it has a plausible size and is
+    nearly convex. Facets without an area, and some that are there twice, are removed
+    from it.
     """
-    require(
-        len(mesh.faces) >= 4,
-        source,
-        "faces",
-        len(mesh.faces),
-        "a closed surface of at least 4 faces",
-    )
-    require(
-        np.isfinite(mesh.vertices).all(),
-        source,
-        "vertices",
-        "not finite",
-        "finite coordinates in millimetres",
-    )
-    longest = float(mesh.extents.max())
-    low, high = LENGTHS_MM
-    allowed = f"from {low:g} to {high:g}: is the mesh in millimetres?"
-    require(low <= longest <= high, source, "longest side in mm", longest, allowed)
-    flat, allowed = (
-        float(mesh.extents.min()),
-        f"at least {FLATTEST:g} of the longest, {longest:.4g} mm: a body, no sheet",
-    )
-    require(flat >= FLATTEST * longest, source, "shortest side in mm", flat, allowed)
-    mesh.merge_vertices(
-        merge_norm=True, merge_tex=True
-    )  # several groups, or solids, may be one body
-    for find in (mesh.nondegenerate_faces, mesh.unique_faces):
-        good = find()  # among the facets that the one before has left
-        several, allowed = (
-            2 * good.sum() > len(good),
-            f"{len(good)}: is the body there twice?",
-        )
-        require(
-            several, source, "facets with an area, each once", int(good.sum()), allowed
-        )
-        if not good.all() and not mesh.is_watertight:  # a needle may close a joint
-            mesh.update_faces(good)
+    if len(mesh.faces) < 4:
+        allowed = "a closed surface of at least 4 faces"
+        raise InputError(source, "faces", len(mesh.faces), allowed)
+    if not np.isfinite(mesh.vertices).all():
+        allowed = "finite coordinates in millimetres"
+        raise InputError(source, "vertices", "not finite", allowed)
+    _check_sides(mesh, source)
+    # Several groups, or solids, may be one body.
+    mesh.merge_vertices(merge_norm=True, merge_tex=True)
+    _remove_bad_facets(mesh, source)
     if not mesh.is_watertight or not mesh.is_winding_consistent:
-        _, edge, facets = np.unique(
-            mesh.edges_sorted, axis=0, return_inverse=True, return_counts=True
-        )
-        upwards = np.bincount(edge.ravel(), mesh.edges[:, 0] < mesh.edges[:, 1])
-        turned = (
-            (facets == 2) & (upwards != 1)
-        ).sum()  # both facets go along it the same way
-        found = f"{(facets == 1).sum()} edges of one facet, {(facets > 2).sum()} of more than two"
-        found += f", {turned} between facets of which one is turned over"
-        allowed = "a watertight surface: each edge belongs to two facets that look outwards; is the file whole, without NaN?"
-        raise InputError(source, "surface", found, allowed)
-    require(
-        mesh.body_count <= 1,
-        source,
-        "bodies",
-        mesh.body_count,
-        "1: the outer surface of one grain",
-    )
-    volume = float(mesh.volume)
-    require(
-        volume > 0,
-        source,
-        "volume in mm3",
-        volume,
-        "positive; the faces must look outwards",
-    )
-    share = volume / float(mesh.convex_hull.volume)
-    dents = f"at least {CONVEX_SHARE:g}; the particle is convex and cannot stand for dents this deep"
-    allowed = dents if share < 1 else "at most 1; the surface crosses itself"
-    key = "share of its convex hull that the mesh fills"
-    require(CONVEX_SHARE <= share <= 1 + 1e-6, source, key, round(share, 4), allowed)
+        raise _open_surface_error(mesh, source)
+    if mesh.body_count > 1:
+        allowed = "1: the outer surface of one grain"
+        raise InputError(source, "bodies", mesh.body_count, allowed)
+    _check_volume(mesh, source)
     return mesh
 
 
+def _check_sides(mesh: trimesh.Trimesh, source: object) -> None:
+    """Raise InputError for an implausible size, or a flat mesh."""
+    longest = float(mesh.extents.max())
+    shortest = float(mesh.extents.min())
+    low, high = LENGTHS_MM
+    if not low <= longest <= high:
+        allowed = f"from {low:g} to {high:g}: is the mesh in millimetres?"
+        raise InputError(source, "longest side in mm", longest, allowed)
+    if shortest < FLATTEST * longest:
+        allowed = (
+            f"at least {FLATTEST:g} of the longest, {longest:.4g} mm: a body, no sheet"
+        )
+        raise InputError(source, "shortest side in mm", shortest, allowed)
+
+
+def _remove_bad_facets(mesh: trimesh.Trimesh, source: object) -> None:
+    """Remove facets without an area, then facets that are there twice.
+
+    Raises InputError if these are half of the facets. A closed mesh stays as it is: a
+    facet without an area may close a joint.
+    """
+    for find_good in (mesh.nondegenerate_faces, mesh.unique_faces):
+        is_good = find_good()  # among the facets that the search before has left
+        n_good = int(is_good.sum())
+        if 2 * n_good <= len(is_good):
+            key = "facets with an area, each once"
+            allowed = f"{len(is_good)}: is the body there twice?"
+            raise InputError(source, key, n_good, allowed)
+        if n_good < len(is_good) and not mesh.is_watertight:
+            mesh.update_faces(is_good)
+
+
+def _open_surface_error(mesh: trimesh.Trimesh, source: object) -> InputError:
+    """Make the error of a mesh that is not closed, with the kinds of its bad edges."""
+    _, edge, n_facets = np.unique(
+        mesh.edges_sorted, axis=0, return_inverse=True, return_counts=True
+    )
+    # Two facets that look to the same side go along their edge in opposite directions.
+    goes_up = mesh.edges[:, 0] < mesh.edges[:, 1]
+    n_upwards = np.bincount(edge.ravel(), goes_up)
+    n_turned = ((n_facets == 2) & (n_upwards != 1)).sum()
+    found = (
+        f"{(n_facets == 1).sum()} edges of one facet, {(n_facets > 2).sum()} of more "
+        f"than two, {n_turned} between facets of which one is turned over"
+    )
+    allowed = (
+        "a watertight surface: each edge belongs to two facets that look outwards; is "
+        "the file whole, without NaN?"
+    )
+    return InputError(source, "surface", found, allowed)
+
+
+def _check_volume(mesh: trimesh.Trimesh, source: object) -> None:
+    """Raise InputError unless the faces look outwards and the mesh is nearly convex."""
+    volume = float(mesh.volume)
+    if volume <= 0:
+        allowed = "positive; the faces must look outwards"
+        raise InputError(source, "volume in mm3", volume, allowed)
+    share = volume / float(mesh.convex_hull.volume)
+    if CONVEX_SHARE <= share <= 1 + 1e-6:
+        return
+    if share < 1:
+        allowed = (
+            f"at least {CONVEX_SHARE:g}; the particle is convex and cannot stand for "
+            "dents this deep"
+        )
+    else:
+        allowed = "at most 1; the surface crosses itself"
+    key = "share of its convex hull that the mesh fills"
+    raise InputError(source, key, round(share, 4), allowed)
+
+
 def principal_pose(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """Copy a mesh, with its centre of mass at the origin and its principal axes along x (the longest), y and z."""
-    # Ascending moments: the smallest belongs to the longest axis.
+    """Copy a mesh and move it into its principal pose.
+
+    The centre of mass is the origin, and the principal axes are x (the longest), y and
+    z.
+    """
+    # Moments ascend: the smallest belongs to the longest axis.
     axes = np.linalg.eigh(mesh.moment_inertia).eigenvectors.T
+    # A fixed sign, so that the pose does not depend on the eigenvector routine
     for k in range(2):
-        # A fixed sign, so that the pose does not depend on the eigenvector routine.
-        axes[k] *= np.sign(axes[k, np.argmax(np.abs(axes[k]))])
+        largest = np.argmax(np.abs(axes[k]))
+        axes[k] *= np.sign(axes[k, largest])
     axes[2] = np.cross(axes[0], axes[1])
     posed = mesh.copy()
     posed.vertices = (mesh.vertices - mesh.center_mass) @ axes.T
@@ -199,21 +245,26 @@ def principal_pose(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
 
 
 def body_of(mesh: trimesh.Trimesh, density_kg_m3: float) -> Body:
-    """Compute volume, mass, moments and extents of a mesh (mm, principal pose): exact integrals over the polyhedron."""
-    inertia = np.diag(mesh.moment_inertia) / mesh.density * density_kg_m3 * MM**5
-    volume = float(mesh.volume) * MM**3
+    """Compute volume, mass, moments and extents of a mesh (mm, principal pose).
+
+    They are exact integrals over the polyhedron.
+    """
+    volume_m3 = float(mesh.volume) * MM**3
+    moments = np.diag(mesh.moment_inertia)
     return Body(
-        volume, density_kg_m3 * volume, inertia, np.ptp(mesh.vertices, axis=0) * MM
+        volume_m3=volume_m3,
+        mass_kg=density_kg_m3 * volume_m3,
+        inertia_kg_m2=moments / mesh.density * density_kg_m3 * MM**5,
+        axes_m=np.ptp(mesh.vertices, axis=0) * MM,
     )
 
 
 def mesh_support(mesh: trimesh.Trimesh, n: np.ndarray) -> np.ndarray:
-    """Compute support values (N,) of a mesh in its unit: extents from the origin in the directions n (N, 3)."""
+    """Compute support values (N,) of a mesh in its unit.
+
+    They are the extents from the origin in the directions n (N, 3).
+    """
     vertices = np.asarray(mesh.convex_hull.vertices)
     # In chunks: a scan's hull times all directions would fill gigabytes.
-    return np.concatenate(
-        [
-            (part @ vertices.T).max(axis=1)
-            for part in np.array_split(n, 1 + len(n) // 500)
-        ]
-    )
+    chunks = np.array_split(n, 1 + len(n) // CHUNK)
+    return np.concatenate([(chunk @ vertices.T).max(axis=1) for chunk in chunks])

@@ -1,87 +1,119 @@
 """A grain without a scan: a closed mesh from three axes and a mass.
 
-The cross-section is an ellipse whose size follows a profile r(t) = (1 - |t|^m)^k along the axis, t from -1 to 1. With
-m = 2, k = 1/2 that is an ellipsoid. A fuller body has m > 2, k = 1/m (a superellipse: m = 3 is a plump grain, large m a
-cylinder), a leaner body m = 2, k > 1/2 (pointed ends). The fullness V / (L W T) = pi/4 B(1/m, 2k + 1) / m then follows
-from the mass and the density.
+The cross-section is an ellipse whose size follows a profile r(t) = (1 - |t|^m)^k along
+the axis, with t from -1 to 1. With m = 2 and k = 1/2 it is an ellipsoid. A fuller body
+has m > 2 and k = 1/m (a superellipse: m = 3 is a plump grain, large m a cylinder). A
+leaner body has m = 2 and k > 1/2 (pointed ends). The fullness
+V / (L W T) = pi/4 B(1/m, 2k + 1) / m then follows from the mass and the density.
 """
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import trimesh
 from scipy.optimize import brentq
 
-from repose.common.errors import InputError, require
+from repose.common.errors import InputError
 from repose.grain.particle import MM, check_positive
 
-# Shape numbers from the leanest to the fullest convex body: see `profile_exponents`.
+# Shape numbers of the leanest and the fullest convex body (`profile_exponents`)
 SHAPE_LIMITS = (1.0, 30.0)
-LARGEST_TAPER, LARGEST_GROOVE = 0.5, 0.15
+LARGEST_TAPER = 0.5
+LARGEST_GROOVE = 0.15  # depth over the smallest radius
 WRINKLES = (3, 40)
-RINGS, SECTORS = 64, 96
+RINGS = 64
+SECTORS = 96
+
+Axes = Sequence[float] | np.ndarray
+
+
+@dataclass(frozen=True)
+class _Details:
+    """What a grain has besides axes and fullness."""
+
+    taper: float  # excess width at an end over the mean width
+    wrinkles: int  # number of grooves along the grain
+    wrinkle_depth_mm: float  # at the belly
 
 
 def profile_exponents(shape: float) -> tuple[float, float]:
-    """Return (m, k) of the profile (1 - abs(t)^m)^k; the shape is 2 for the ellipsoid, m above it, 1/k below it."""
-    return (shape, 1 / shape) if shape >= 2 else (2.0, 1 / shape)
+    """Compute the exponents m and k of the profile (1 - abs(t)^m)^k.
+
+    The shape number is 2 for an ellipsoid, m for a fuller body, and 1 / k for a leaner
+    one.
+    """
+    if shape >= 2:
+        return shape, 1 / shape
+    return 2.0, 1 / shape
 
 
 def _profile(shape: float, taper: float) -> tuple[np.ndarray, np.ndarray]:
-    """Place cross-sections evenly along the outline: places t and radii r (RINGS + 1,), the largest radius 1."""
+    """Place cross-sections evenly along the outline.
+
+    Return their places t and their radii r, each (RINGS + 1,); the largest radius is 1.
+    """
     m, k = profile_exponents(shape)
-    t = np.cos(np.linspace(0, math.pi / 2, 4000)) ** (2 / m)
-    r = np.clip(1 - t**m, 0, None) ** k
-    t, r = np.concatenate([-t, t[-2::-1]]), np.concatenate([r, r[-2::-1]])
+    # One half of the outline, dense at the end, and its mirror image
+    half_t = np.cos(np.linspace(0, math.pi / 2, 4000)) ** (2 / m)
+    half_r = np.clip(1 - half_t**m, 0, None) ** k
+    t = np.concatenate([-half_t, half_t[-2::-1]])
+    r = np.concatenate([half_r, half_r[-2::-1]])
     r = r * (1 + taper * t)
     r /= r.max()
-    length = np.concatenate([[0], np.cumsum(np.hypot(np.diff(t), np.diff(r)))])
-    even = np.linspace(0, length[-1], RINGS + 1)
-    return np.interp(even, length, t), np.interp(even, length, r)
+    steps = np.hypot(np.diff(t), np.diff(r))
+    length = np.concatenate([[0], np.cumsum(steps)])
+    even_length = np.linspace(0, length[-1], RINGS + 1)
+    return np.interp(even_length, length, t), np.interp(even_length, length, r)
 
 
-def _mesh(
-    axes_mm: Sequence[float] | np.ndarray,
-    shape: float,
-    taper: float,
-    wrinkles: int,
-    depth_mm: float,
-) -> trimesh.Trimesh:
-    """Make the closed mesh (mm), x along the long axis."""
-    t, r = _profile(shape, taper)
-    turn = np.arange(SECTORS) * (2 * math.pi / SECTORS)
-    half = np.asarray(axes_mm, float) / 2
-    groove = 1 - depth_mm / half[2] * (1 - np.cos(wrinkles * turn)) / 2
-    section = (
-        np.column_stack([half[1] * np.cos(turn), half[2] * np.sin(turn)])
-        * groove[:, None]
-    )
-    inner = zip(half[0] * t[1:-1], r[1:-1], strict=True)
-    rings = [
-        np.column_stack([np.full(SECTORS, place), size * section])
-        for place, size in inner
-    ]
-    points = np.concatenate([*rings, [[-half[0], 0, 0], [half[0], 0, 0]]])
-    here, after = np.arange(SECTORS), (np.arange(SECTORS) + 1) % SECTORS
-    last = (len(rings) - 1) * SECTORS
-    faces = [np.column_stack([np.full(SECTORS, len(points) - 2), after, here])]
-    for first in range(0, last, SECTORS):
-        a, b, c, d = (
-            first + here,
-            first + after,
-            first + SECTORS + here,
-            first + SECTORS + after,
-        )
-        faces += [np.column_stack([a, b, c]), np.column_stack([b, d, c])]
-    faces.append(
-        np.column_stack([np.full(SECTORS, len(points) - 1), last + here, last + after])
-    )
-    return trimesh.Trimesh(points, np.concatenate(faces), process=False)
+def _mesh(axes_mm: Axes, shape: float, details: _Details) -> trimesh.Trimesh:
+    """Make the closed mesh (mm), with x along the long axis."""
+    t, r = _profile(shape, details.taper)
+    angles = np.arange(SECTORS) * (2 * math.pi / SECTORS)
+    half_axes = np.asarray(axes_mm, float) / 2
+
+    # The largest cross-section (SECTORS, 2), with grooves
+    depth = details.wrinkle_depth_mm / half_axes[2]
+    groove = 1 - depth * (1 - np.cos(details.wrinkles * angles)) / 2
+    y = half_axes[1] * np.cos(angles)
+    z = half_axes[2] * np.sin(angles)
+    section = np.column_stack([y, z]) * groove[:, None]
+
+    # Rings of points between the two tips
+    rings = []
+    for x, size in zip(half_axes[0] * t[1:-1], r[1:-1], strict=True):
+        rings.append(np.column_stack([np.full(SECTORS, x), size * section]))
+    tips = [[-half_axes[0], 0, 0], [half_axes[0], 0, 0]]
+    points = np.concatenate([*rings, tips])
+    return trimesh.Trimesh(points, _faces(len(rings)), process=False)
+
+
+def _faces(n_rings: int) -> np.ndarray:
+    """List the triangles of a mesh of rings, whose last two points are its tips."""
+    n_points = n_rings * SECTORS + 2
+    sector = np.arange(SECTORS)
+    next_sector = (sector + 1) % SECTORS
+    last_ring = (n_rings - 1) * SECTORS
+    first_tip = np.full(SECTORS, n_points - 2)
+    last_tip = np.full(SECTORS, n_points - 1)
+    faces = [np.column_stack([first_tip, next_sector, sector])]
+    for ring in range(0, last_ring, SECTORS):
+        next_ring = ring + SECTORS
+        a = ring + sector
+        b = ring + next_sector
+        c = next_ring + sector
+        d = next_ring + next_sector
+        faces.append(np.column_stack([a, b, c]))
+        faces.append(np.column_stack([b, d, c]))
+    end = np.column_stack([last_tip, last_ring + sector, last_ring + next_sector])
+    faces.append(end)
+    return np.concatenate(faces)
 
 
 def berry_mesh(
-    axes_mm: Sequence[float] | np.ndarray,
+    axes_mm: Axes,
     mass_g: float,
     density_kg_m3: float,
     taper: float = 0.0,
@@ -89,55 +121,83 @@ def berry_mesh(
     wrinkle_depth_mm: float = 0.0,
     source: object = "berry",
 ) -> tuple[trimesh.Trimesh, float]:
-    """Make a closed mesh [mm] with given axes, mass and density, and its shape number (`profile_exponents`).
+    """Make a closed mesh of a grain with given axes, mass and density.
 
-    `axes_mm` are full axes, the longest first: over the ridges of grooves, and the largest widths of a taper. `taper`
-    is the excess width at an end over the mean width, `wrinkle_depth_mm` the depth of the grooves at the belly.
+    Parameters
+    ----------
+    axes_mm : sequence of float
+        Full axes, the longest first: over the ridges between grooves, and the largest
+        widths of a taper.
+    mass_g, density_kg_m3 : float
+        Mass and density.
+    taper : float
+        Excess width at an end over the mean width.
+    wrinkles : int
+        Number of grooves along the grain.
+    wrinkle_depth_mm : float
+        Depth of the grooves at the belly.
+    source : object
+        Where the numbers come from, for messages.
+
+    Returns
+    -------
+    tuple
+        The mesh in mm and its shape number (`profile_exponents`).
+
+    Raises
+    ------
+    InputError
+        If there is no such grain.
     """
-    axes = np.asarray(axes_mm, float)
-    if not (
-        axes.shape == (3,)
-        and np.isfinite(axes).all()
-        and axes[0] >= axes[1] >= axes[2] > 0
-    ):
-        raise InputError(
-            source, "axes", list(axes_mm), "three lengths in mm, the longest first"
-        )
+    axes = _check_axes(axes_mm, source)
     check_positive(source, mass_g=mass_g, density_kg_m3=density_kg_m3)
-    require(
-        abs(taper) <= LARGEST_TAPER,
-        source,
-        "taper",
-        taper,
-        f"from -{LARGEST_TAPER:g} to {LARGEST_TAPER:g}",
-    )
-    deepest = LARGEST_GROOVE * axes[2] / 2
-    require(
-        0 <= wrinkle_depth_mm <= deepest,
-        source,
-        "wrinkle_depth_mm",
-        wrinkle_depth_mm,
-        f"from 0 to {deepest:.3g}",
-    )
-    allowed = "{} to {}, together with wrinkle_depth_mm".format(*WRINKLES)
-    good = not (wrinkles or wrinkle_depth_mm) or (
-        WRINKLES[0] <= wrinkles <= WRINKLES[1] and wrinkle_depth_mm
-    )
-    require(good, source, "wrinkles", wrinkles, allowed)
-    details = (taper, wrinkles, wrinkle_depth_mm)
+    details = _Details(taper, wrinkles, wrinkle_depth_mm)
+    _check_details(details, axes, source)
     volume = mass_g * 1e-3 / density_kg_m3 / MM**3
-    low, high = (_mesh(axes, shape, *details).volume for shape in SHAPE_LIMITS)
+    leanest, fullest = SHAPE_LIMITS
+    low = _mesh(axes, leanest, details).volume
+    high = _mesh(axes, fullest, details).volume
     if not low <= volume <= high:
-        masses = [
-            volume_mm3 * MM**3 * density_kg_m3 * 1e3 for volume_mm3 in (low, high)
-        ]
-        full = [value / axes.prod() for value in (low, high, volume)]
+        lightest_g = low * MM**3 * density_kg_m3 * 1e3
+        heaviest_g = high * MM**3 * density_kg_m3 * 1e3
+        box = axes.prod()
         allowed = (
-            f"from {masses[0]:.3g} to {masses[1]:.3g} for these axes and {density_kg_m3:g} kg/m3: a share of "
-            f"{full[0]:.2f} to {full[1]:.2f} of the box around them (an ellipsoid 0.52), here {full[2]:.2f}"
+            f"from {lightest_g:.3g} to {heaviest_g:.3g} for these axes and "
+            f"{density_kg_m3:g} kg/m3: a share of {low / box:.2f} to {high / box:.2f} "
+            f"of the box around them (an ellipsoid 0.52), here {volume / box:.2f}"
         )
         raise InputError(source, "mass_g", mass_g, allowed)
-    shape = brentq(
-        lambda s: _mesh(axes, s, *details).volume - volume, *SHAPE_LIMITS, xtol=1e-12
-    )
-    return _mesh(axes, shape, *details), shape
+
+    def excess(shape: float) -> float:
+        return _mesh(axes, shape, details).volume - volume
+
+    shape = brentq(excess, leanest, fullest, xtol=1e-12)
+    return _mesh(axes, shape, details), shape
+
+
+def _check_axes(axes_mm: Axes, source: object) -> np.ndarray:
+    """Return axes (3,) that descend and are positive, or raise InputError."""
+    axes = np.asarray(axes_mm, float)
+    is_possible = axes.shape == (3,) and np.isfinite(axes).all()
+    if not is_possible or not axes[0] >= axes[1] >= axes[2] > 0:
+        allowed = "three lengths in mm, the longest first"
+        raise InputError(source, "axes", list(axes_mm), allowed)
+    return axes
+
+
+def _check_details(details: _Details, axes: np.ndarray, source: object) -> None:
+    """Raise InputError for an impossible taper or impossible wrinkles."""
+    if not abs(details.taper) <= LARGEST_TAPER:
+        allowed = f"from -{LARGEST_TAPER:g} to {LARGEST_TAPER:g}"
+        raise InputError(source, "taper", details.taper, allowed)
+    depth = details.wrinkle_depth_mm
+    deepest = LARGEST_GROOVE * axes[2] / 2
+    if not 0 <= depth <= deepest:
+        allowed = f"from 0 to {deepest:.3g}"
+        raise InputError(source, "wrinkle_depth_mm", depth, allowed)
+    if not details.wrinkles and not depth:
+        return
+    fewest, most = WRINKLES
+    if not depth or not fewest <= details.wrinkles <= most:
+        allowed = f"{fewest} to {most}, together with wrinkle_depth_mm"
+        raise InputError(source, "wrinkles", details.wrinkles, allowed)

@@ -1,4 +1,7 @@
-"""The simulated particle: a convex body by its support function, or a rigid clump of spheres."""
+"""The simulated particle: a convex body by its support function, or a clump of spheres.
+
+A clump is rigid.
+"""
 
 import math
 from collections.abc import Mapping
@@ -11,13 +14,39 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from repose import dem
-from repose.common.errors import InputError, require
+from repose.common.errors import InputError
 from repose.common.files import read_json, write_json
 from repose.grain import support
 
 MM = 1e-3
 KINDS = ("ellipsoid", "smooth", "multisphere")
 SURFACES = ("smooth", "rough", "rough_full")  # of a multisphere
+
+# The file of a particle
+WHAT = "a file of `repose stage shape`"
+TEXT_AND_DENSITY = ("kind", "density_kg_m3", "stl")  # fields of the same name
+# The other fields: their keys in the file, and the units there
+FIELDS = {
+    "semi_axes_m": ("semi_axes_mm", MM),
+    "spheres_m": ("spheres_mm", MM),
+    "volume_m3": ("volume_mm3", MM**3),
+    "mass_kg": ("mass_g", 1e-3),
+    "inertia_kg_m2": ("inertia_g_mm2", 1e-9),
+    "bounding_radius_m": ("bounding_radius_mm", MM),
+    "deviation_max_m": ("deviation_max_mm", MM),
+    "deviation_rms_m": ("deviation_rms_mm", MM),
+    "mesh_volume_m3": ("mesh_volume_mm3", MM**3),
+    "mesh_inertia_kg_m2": ("mesh_inertia_g_mm2", 1e-9),
+    "mesh_axes_m": ("mesh_axes_mm", MM),
+}
+# Shapes of the arrays in the file; all other numbers are single
+SHAPES: dict[str, tuple[int, ...]] = {
+    "semi_axes_mm": (-1, 3),
+    "spheres_mm": (-1, 4),
+    "inertia_g_mm2": (3,),
+    "mesh_inertia_g_mm2": (3,),
+    "mesh_axes_mm": (3,),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +60,10 @@ class Body:
 
 
 def check_positive(source: object, **numbers: float | None) -> None:
-    """Raise InputError unless these numbers are above 0; None is not checked, `source` is named in the message."""
+    """Raise InputError unless all numbers are finite and above 0.
+
+    None is not checked; `source` is named in the message.
+    """
     for key, value in numbers.items():
         if value is not None and not (math.isfinite(value) and value > 0):
             raise InputError(source, key, value, "a positive number")
@@ -39,34 +71,53 @@ def check_positive(source: object, **numbers: float | None) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Particle:
-    """Rigid particle in its body frame: principal axes, x the longest, centre of mass at the origin.
+    """Rigid particle in its body frame.
 
-    The support function of a convex body is the sum over K co-axial ellipsoids. A multisphere has the mass and the
-    moments of its mesh, and the volume of the union of its spheres.
+    The axes of the frame are the principal axes, x the longest, and its origin is the
+    centre of mass. The support function of a convex body is the sum over K co-axial
+    ellipsoids. A multisphere has the mass and the moments of its mesh, and the volume
+    of the union of its spheres.
+
+    Attributes
+    ----------
+    kind : str
+        One of `KINDS`.
+    semi_axes_m : ndarray
+        Half axes (K, 3) of the ellipsoids; K = 1 for an ellipsoid, 0 for a multisphere.
+    density_kg_m3, volume_m3, mass_kg : float
+        Of the particle.
+    inertia_kg_m2 : ndarray
+        Principal moments (3,).
+    bounding_radius_m : float
+        Distance of the farthest point from the centre.
+    deviation_max_m, deviation_rms_m : float
+        Deviation from the mesh: of support values, or of surfaces for a multisphere.
+    mesh_volume_m3 : float, optional
+        Volume of the mesh; None without a mesh.
+    stl : str
+        Name of the mesh's file.
+    spheres_m : ndarray
+        Centre and radius (M, 4) of the spheres of a multisphere.
+    mesh_inertia_kg_m2 : ndarray, optional
+        Principal moments (3,) of the mesh at the same density; None without a mesh.
+    mesh_axes_m : ndarray, optional
+        Full extents (3,) of the mesh; None without a mesh.
     """
 
-    kind: str  # ellipsoid, smooth or multisphere
-    semi_axes_m: (
-        np.ndarray
-    )  # (K, 3), half axes of the ellipsoids; K = 1: ellipsoid, K = 0: multisphere
+    kind: str
+    semi_axes_m: np.ndarray
     density_kg_m3: float
     volume_m3: float
     mass_kg: float
-    inertia_kg_m2: np.ndarray  # (3,), principal moments
-    bounding_radius_m: float  # distance of the farthest point from the centre
-    deviation_max_m: (
-        float  # from the mesh, of support values; of a multisphere, of surfaces
-    )
-    deviation_rms_m: float  # likewise
-    mesh_volume_m3: float | None = None  # of the mesh itself; None without a mesh
-    stl: str = ""  # name of the mesh's file
-    spheres_m: np.ndarray = field(
-        default_factory=partial(np.zeros, (0, 4))
-    )  # (M, 4), x, y, z, radius
-    mesh_inertia_kg_m2: np.ndarray | None = (
-        None  # (3,), at the same density; None without a mesh
-    )
-    mesh_axes_m: np.ndarray | None = None  # (3,), full extents; None without a mesh
+    inertia_kg_m2: np.ndarray
+    bounding_radius_m: float
+    deviation_max_m: float
+    deviation_rms_m: float
+    mesh_volume_m3: float | None = None
+    stl: str = ""
+    spheres_m: np.ndarray = field(default_factory=partial(np.zeros, (0, 4)))
+    mesh_inertia_kg_m2: np.ndarray | None = None
+    mesh_axes_m: np.ndarray | None = None
 
     @property
     def is_clump(self) -> bool:
@@ -87,27 +138,38 @@ class Particle:
             or self.mesh_axes_m is None
         ):
             return None
-        mass = self.density_kg_m3 * self.mesh_volume_m3
         return Body(
-            self.mesh_volume_m3, mass, self.mesh_inertia_kg_m2, self.mesh_axes_m
+            volume_m3=self.mesh_volume_m3,
+            mass_kg=self.density_kg_m3 * self.mesh_volume_m3,
+            inertia_kg_m2=self.mesh_inertia_kg_m2,
+            axes_m=self.mesh_axes_m,
         )
 
     def support(self, n: np.ndarray) -> np.ndarray:
-        """Compute support values (...) [m]: extents from the centre in the directions n (..., 3) of the body frame."""
+        """Compute support values [m]: extents from the centre in directions.
+
+        The directions n (..., 3) are in the body's frame; the values are (...).
+        """
         n = np.asarray(n, dtype=float)
         if self.is_clump:
-            return (n @ self.spheres_m[:, :3].T + self.spheres_m[:, 3]).max(axis=-1)
+            return self._supports_of_spheres(n).max(axis=-1)
         return support.support(self.semi_axes_m, n)
 
     def support_point(self, n: np.ndarray) -> np.ndarray:
-        """Compute touching points (..., 3) [m] for directions n (..., 3): the gradient of the support function."""
+        """Compute the points (..., 3) [m] at which planes touch the particle.
+
+        The unit normals n (..., 3) of the planes are in the body's frame.
+        """
         n = np.asarray(n, dtype=float)
         if self.is_clump:
-            farthest = self.spheres_m[
-                (n @ self.spheres_m[:, :3].T + self.spheres_m[:, 3]).argmax(axis=-1)
-            ]
-            return farthest[..., :3] + farthest[..., 3:] * n
+            farthest = self._supports_of_spheres(n).argmax(axis=-1)
+            spheres = self.spheres_m[farthest]
+            return spheres[..., :3] + spheres[..., 3:] * n
         return support.support_point(self.semi_axes_m, n)
+
+    def _supports_of_spheres(self, n: np.ndarray) -> np.ndarray:
+        """Compute the support values (..., M) of each sphere in directions (..., 3)."""
+        return n @ self.spheres_m[:, :3].T + self.spheres_m[:, 3]
 
     def dem_shape(self, material: str) -> "dem.Shape | dem.Clump":
         """Make the engine's shape of the particle, with the name of its material."""
@@ -117,9 +179,7 @@ class Particle:
 
     def record(self) -> dict[str, Any]:
         """Return the particle as plain values for a file: lengths in mm, mass in g."""
-        record = {
-            name: getattr(self, name) for name in ("kind", "density_kg_m3", "stl")
-        }
+        record = {name: getattr(self, name) for name in TEXT_AND_DENSITY}
         for name, (key, unit) in FIELDS.items():
             value = getattr(self, name)
             record[key] = None if value is None else _rounded(np.asarray(value) / unit)
@@ -128,14 +188,17 @@ class Particle:
     @classmethod
     def of_record(cls, record: Mapping[str, Any]) -> "Particle":
         """Make the particle of a `record`."""
-        values = {name: record[name] for name in ("kind", "density_kg_m3", "stl")}
+        values = {name: record[name] for name in TEXT_AND_DENSITY}
         for name, (key, unit) in FIELDS.items():
             value = record[key]
             if isinstance(value, list):
-                value = np.array(value, float) * unit
-            values[name] = value * unit if isinstance(value, float | int) else value
-        for name in ("semi_axes_m", "spheres_m"):
-            values[name] = values[name].reshape(-1, 3 if name == "semi_axes_m" else 4)
+                values[name] = np.array(value, float) * unit
+            elif isinstance(value, float | int):
+                values[name] = value * unit
+            else:
+                values[name] = value
+        values["semi_axes_m"] = values["semi_axes_m"].reshape(-1, 3)
+        values["spheres_m"] = values["spheres_m"].reshape(-1, 4)
         return cls(**values)
 
     def save(self, path: str | PathLike) -> None:
@@ -145,73 +208,45 @@ class Particle:
     @classmethod
     def load(cls, path: str | PathLike) -> "Particle":
         """Read a file of `save`; InputError for any other file."""
-        kind = "a file of `repose stage shape`"
-        keys = ("kind", "density_kg_m3", "stl", *(key for key, _ in FIELDS.values()))
-        record = read_json(path, keys, kind)
-        require(
-            record["kind"] in KINDS, path, "kind", record["kind"], " or ".join(KINDS)
-        )
-        shapes: dict[str, tuple[int, ...]] = {
-            "semi_axes_mm": (-1, 3),
-            "spheres_mm": (-1, 4),
-        }
-        shapes |= dict.fromkeys(
-            ("inertia_g_mm2", "mesh_inertia_g_mm2", "mesh_axes_mm"), (3,)
-        )
-        for key in keys:
-            if key not in ("kind", "stl") and not (
-                key.startswith("mesh_") and record[key] is None
-            ):
-                _check_numbers(path, key, record[key], shapes.get(key, ()))
+        number_keys = [key for key, _ in FIELDS.values()]
+        record = read_json(path, (*TEXT_AND_DENSITY, *number_keys), WHAT)
+        if record["kind"] not in KINDS:
+            raise InputError(path, "kind", record["kind"], " or ".join(KINDS))
+        for key in ("density_kg_m3", *number_keys):
+            value = record[key]
+            if key.startswith("mesh_") and value is None:
+                continue
+            _check_numbers(path, key, value)
         if not record["spheres_mm"] and not record["semi_axes_mm"]:
             raise InputError(path, "spheres_mm", [], "spheres, or semi-axes beside it")
         return cls.of_record(record)
 
 
-def _check_numbers(
-    path: str | PathLike, key: str, value: object, shape: tuple[int, ...]
-) -> None:
-    """Raise InputError unless the values are finite numbers of this shape, positive where necessary."""
-    wrong = InputError(
-        path, key, value, "finite numbers in a file of `repose stage shape`"
-    )
+def _check_numbers(path: str | PathLike, key: str, value: object) -> None:
+    """Raise InputError for a value of the file with a wrong shape or bad numbers."""
+    not_numbers = InputError(path, key, value, f"finite numbers in {WHAT}")
+    if isinstance(value, bool | str):
+        raise not_numbers
     try:
-        given = np.array(value, dtype=float)
-        numbers = given.reshape(shape)
+        array = np.array(value, dtype=float)
+        numbers = array.reshape(SHAPES.get(key, ()))
     except (TypeError, ValueError):
-        raise wrong from None
-    fits = not given.size or given.shape == numbers.shape
-    if isinstance(value, bool | str) or not fits or not np.all(np.isfinite(numbers)):
-        raise wrong
-    may_be_zero = key == "semi_axes_mm" or key.startswith("deviation")
+        raise not_numbers from None
+    has_shape = array.size == 0 or array.shape == numbers.shape
+    if not has_shape or not np.all(np.isfinite(numbers)):
+        raise not_numbers
     sizes = numbers[:, 3] if key == "spheres_mm" else numbers
-    require(
-        not np.any(sizes < 0 if may_be_zero else sizes <= 0),
-        path,
-        key,
-        value,
-        "sizes above 0",
-    )
-
-
-# Names of the numbers in the file, and their units there.
-FIELDS = {
-    "semi_axes_m": ("semi_axes_mm", MM),
-    "spheres_m": ("spheres_mm", MM),
-    "volume_m3": ("volume_mm3", MM**3),
-    "mass_kg": ("mass_g", 1e-3),
-    "inertia_kg_m2": ("inertia_g_mm2", 1e-9),
-    "bounding_radius_m": ("bounding_radius_mm", MM),
-    "deviation_max_m": ("deviation_max_mm", MM),
-    "deviation_rms_m": ("deviation_rms_mm", MM),
-    "mesh_volume_m3": ("mesh_volume_mm3", MM**3),
-    "mesh_inertia_kg_m2": ("mesh_inertia_g_mm2", 1e-9),
-    "mesh_axes_m": ("mesh_axes_mm", MM),
-}
+    may_be_zero = key == "semi_axes_mm" or key.startswith("deviation")
+    is_wrong = sizes < 0 if may_be_zero else sizes <= 0
+    if np.any(is_wrong):
+        raise InputError(path, key, value, "sizes above 0")
 
 
 def _rounded(values: ArrayLike) -> Any:
-    """Round to twelve significant digits, as float or nested lists: enough for the particle, readable in a file."""
+    """Round to twelve significant digits, as a float or as nested lists.
+
+    That is enough for the particle, and readable in a file.
+    """
     values = np.asarray(values, dtype=float)
     rounded = [float(f"{value:.12g}") for value in values.ravel()]
     return np.reshape(rounded, values.shape).tolist()

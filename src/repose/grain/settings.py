@@ -1,4 +1,4 @@
-"""The section `berry` of the configuration: the measured grain, and the body that represents it."""
+"""The section `berry` of the configuration: the measured grain and its particle."""
 
 from typing import Annotated, Literal
 
@@ -27,9 +27,16 @@ class GrainSettings(Section):
 
     @field_validator("poisson_ratio", "shear_modulus_pa")
     @classmethod
-    def _measured(cls, value: float | None, info: ValidationInfo) -> float | None:
-        """Refuse a modulus that is missing if there are no compression tests either."""
-        if value is None and info.data.get("compression", "invalid") is None:
-            tests = "a table of compression tests in berry.compression, which gives both moduli"
-            refuse([("", f"a number; or {tests}")])
+    def _require_measured(
+        cls, value: float | None, info: ValidationInfo
+    ) -> float | None:
+        """Refuse a missing modulus if there are no compression tests either."""
+        # A path that failed its own check is not in `info.data`.
+        compression = info.data.get("compression", "invalid")
+        if value is None and compression is None:
+            allowed = (
+                "a number; or a table of compression tests in berry.compression, which "
+                "gives both moduli"
+            )
+            refuse([("", allowed)])
         return value

@@ -1,14 +1,23 @@
 """A mesh filled with spheres: the rigid clump of multi-sphere programs.
 
-"smooth": few large overlapping balls, inscribed in the mesh. A greedy search adds the ball that lowers the mean squared
-distance of the mesh's surface from the balls most, then exchanges single balls for better ones; at last all radii grow
-by one length until the union has the mesh's volume. "rough": balls of one smaller radius that touch the surface from
-inside, as far apart as possible, with bumps between them; their union holds less than the mesh. "rough_full": the same,
-grown until the union has the mesh's volume. Nothing is random.
+The kind of surface decides how spheres are placed:
 
-"fewest" sets the number of spheres: the fewest, from 14 to 60, whose union is within 2 % of the mesh's volume and
-within 3 % of its shortest axis; they grow no further than these 3 % allow. Spheres that act at the same place add up in
-stiffness, so a clump of many spheres needs a shorter time step, see `repose.dem.time_steps`.
+smooth
+    Few large overlapping balls, inscribed in the mesh. A greedy search adds the ball
+    that lowers the mean squared distance of the mesh's surface from the balls most, and
+    then exchanges single balls for better ones. At last all radii grow by one length
+    until the union has the mesh's volume.
+rough
+    Balls of one smaller radius that touch the surface from inside, as far apart as
+    possible, so that bumps stand between them. Their union holds less than the mesh.
+rough_full
+    The same, grown until the union has the mesh's volume.
+
+Nothing is random. The number of spheres may be "fewest": the fewest, from 14 to 60,
+whose union is within 2 % of the mesh's volume and within 3 % of its shortest axis. They
+grow no further than these 3 % allow. Spheres that act at the same place add up in
+stiffness, so a clump of many spheres needs a shorter time step
+(`repose.dem.time_steps`).
 """
 
 import math
@@ -19,22 +28,32 @@ import trimesh
 from scipy.spatial import cKDTree
 from scipy.stats import qmc
 
-from repose.common.errors import InputError, require
+from repose.common.errors import InputError
 from repose.dem.kernels.state import MOST_SPHERES
 from repose.grain.particle import MM, SURFACES
 
+# The fewest spheres
 FEWEST = "fewest"
-FEWEST_FROM, FEWEST_TO = 14, 60
-NEAR_VOLUME, NEAR_SHORTEST_AXIS = 0.02, 0.03
-# A further sphere has to lower the rms distance of the surface by this share of the mean radius.
-SMALLEST_GAIN = 1e-4
-ROUGH_SHARE = 0.62  # radius of a rough clump's spheres over the radius of the largest inscribed ball
-CANDIDATES, SURFACE_POINTS, VOLUME_POINTS = 3000, 1500, 2**17
-# A union whose volume is further off than this, by a sixteenth of the points, is not calculated with all points.
-SCREENED = 0.03
-# Centres of a smooth packing keep this distance, over the radius of the largest inscribed ball: spheres side by side
-# would act as one stiffer sphere.
+FEWEST_FROM = 14
+FEWEST_TO = 60
+VOLUME_TOLERANCE = 0.02
+SHORTEST_AXIS_TOLERANCE = 0.03
+# With a sixteenth of the points, a volume is known well enough to give up at this one.
+SCREENING_TOLERANCE = 0.03
+SCREENING_SHARE = 16
+
+# Placing of spheres; lengths are in radii of the largest inscribed ball
+SMALLEST_GAIN = 1e-4  # of a further sphere: by how much it lowers the surface's rms gap
+SMALLEST_BALL = 0.25  # radius of a ball in a smooth packing
+ROUGH_RADIUS = 0.62  # radius of a rough packing's spheres
+# Distance of centres in a smooth packing: spheres side by side would act as one that is
+# stiffer.
 SPACING = 0.35
+MAX_EXCHANGES = 3  # rounds in which single balls are exchanged
+
+N_CANDIDATES = 3000  # centres of balls, about
+N_SURFACE_POINTS = 1500
+N_VOLUME_POINTS = 2**17
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +63,7 @@ class Packing:
     spheres_m: np.ndarray  # (M, 4), x, y, z, radius
     volume_m3: float  # of the union of the spheres
     deviation_max_m: float  # distance of the mesh's surface from the union
-    deviation_rms_m: float  # likewise
+    deviation_rms_m: float  # the same, root mean square
 
 
 def pack(
@@ -53,14 +72,36 @@ def pack(
     surface: str = "smooth",
     source: object = "mesh",
 ) -> Packing:
-    """Fill a mesh (mm, nearly convex, centred) with spheres."""
-    allowed = f"a whole number from 1 to {MOST_SPHERES} or {FEWEST}"
-    good = count == FEWEST or (isinstance(count, int) and 1 <= count <= MOST_SPHERES)
-    require(good, source, "spheres", count, allowed)
-    require(surface in SURFACES, source, "surface", surface, ", ".join(SURFACES))
+    """Fill a mesh with spheres.
+
+    Parameters
+    ----------
+    mesh : Trimesh
+        The mesh in mm, nearly convex, with its centre at the origin.
+    count : int or str
+        Number of spheres, or "fewest".
+    surface : str
+        Kind of surface: smooth, rough or rough_full.
+    source : object
+        The mesh's file, for messages.
+
+    Raises
+    ------
+    InputError
+        If number or surface are not possible for this mesh.
+    """
+    is_number = isinstance(count, int) and 1 <= count <= MOST_SPHERES
+    if not is_number and count != FEWEST:
+        allowed = f"a whole number from 1 to {MOST_SPHERES} or {FEWEST}"
+        raise InputError(source, "spheres", count, allowed)
+    if surface not in SURFACES:
+        raise InputError(source, "surface", surface, ", ".join(SURFACES))
     filling = _Filling(mesh, surface)
-    spheres = filling.grown(count) if isinstance(count, int) else filling.fewest(source)
-    gaps = distances(spheres, filling.points)
+    if isinstance(count, int):
+        spheres = filling.fill(count)
+    else:
+        spheres = filling.fill_with_fewest(source)
+    gaps = distances(spheres, filling.surface_points)
     return Packing(
         spheres_m=np.round(spheres * MM, 9),
         volume_m3=union_volume(spheres, filling.box) * MM**3,
@@ -70,207 +111,280 @@ def pack(
 
 
 class _Filling:
-    """Fillings of one mesh with one kind of surface."""
+    """Ways to fill one mesh with spheres of one kind of surface; lengths in mm."""
 
     def __init__(self, mesh: trimesh.Trimesh, surface: str) -> None:
-        self.mesh, self.surface = mesh, surface
-        self.points, self.normals = surface_points(mesh)
-        self.centres, self.depths = _inside(mesh, self.points)
+        self.mesh = mesh
+        self.surface = surface
+        self.surface_points, self.normals = surface_points(mesh)
+        self.centres, self.depths = _candidate_balls(mesh, self.surface_points)
         self.box = np.stack([mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)])
 
-    def placed(self, count: int) -> np.ndarray:
-        """Place spheres (M, 4) inside the mesh, before they grow."""
+    def place(self, count: int) -> np.ndarray:
+        """Place at most `count` spheres (M, 4) inside the mesh, before they grow."""
         if self.surface == "smooth":
-            return _cover(self.centres, self.depths, self.points, count)
-        return _bumps(self.points, self.normals, ROUGH_SHARE * self.depths.max(), count)
+            return _cover(self.centres, self.depths, self.surface_points, count)
+        radius = ROUGH_RADIUS * self.depths.max()
+        return _bumps(self.surface_points, self.normals, radius, count)
 
-    def grown(self, count: int) -> np.ndarray:
+    def fill(self, count: int) -> np.ndarray:
         """Fill the mesh with at most `count` spheres (M, 4)."""
-        spheres = self.placed(count)
+        spheres = self.place(count)
         if self.surface != "rough":
             spheres[:, 3] += _growth(spheres, self.mesh, self.box)
         return spheres
 
-    def fewest(self, source: object) -> np.ndarray:
-        """Find the fewest spheres (M, 4) with about the mesh's volume and shortest axis."""
-        extents = np.ptp(self.box, axis=0)
-        shortest, volume = int(extents.argmin()), abs(self.mesh.volume)
+    def fill_with_fewest(self, source: object) -> np.ndarray:
+        """Find the fewest spheres (M, 4) of about the mesh's volume and shortest axis.
+
+        Raises InputError if there are none.
+        """
         for count in range(FEWEST_FROM, FEWEST_TO + 1):
-            spheres = self.placed(count)
+            spheres = self.place(count)
             if len(spheres) < count:
                 break
-            room = (1 + NEAR_SHORTEST_AXIS) * extents[shortest] - _extent(
-                spheres, shortest
-            )
-            for points, near in (
-                (VOLUME_POINTS // 16, SCREENED),
-                (VOLUME_POINTS, NEAR_VOLUME),
-            ):
-                tried = spheres.copy()
-                if self.surface != "rough":
-                    tried[:, 3] += min(
-                        _growth(spheres, self.mesh, self.box, points), room / 2
-                    )
-                if abs(union_volume(tried, self.box, points) / volume - 1) > near:
-                    break
-            else:
-                if (
-                    abs(_extent(tried, shortest) / extents[shortest] - 1)
-                    <= NEAR_SHORTEST_AXIS + 1e-9
-                ):
-                    return tried
+            grown = self._grow_within_tolerances(spheres)
+            if grown is not None:
+                return grown
         allowed = (
-            f"a number: no union of {FEWEST_FROM} to {FEWEST_TO} {self.surface} spheres is within "
-            f"{NEAR_VOLUME:.0%} of the mesh's volume and {NEAR_SHORTEST_AXIS:.0%} of its shortest axis"
+            f"a number: no union of {FEWEST_FROM} to {FEWEST_TO} {self.surface} "
+            f"spheres is within {VOLUME_TOLERANCE:.0%} of the mesh's volume and "
+            f"{SHORTEST_AXIS_TOLERANCE:.0%} of its shortest axis"
         )
         raise InputError(source, "spheres", FEWEST, allowed)
 
+    def _grow_within_tolerances(self, spheres: np.ndarray) -> np.ndarray | None:
+        """Grow spheres (M, 4) until they have the mesh's volume and shortest axis.
+
+        Return None if they cannot have both within the tolerances.
+        """
+        extents = np.ptp(self.box, axis=0)
+        axis = int(extents.argmin())
+        shortest = extents[axis]
+        volume = abs(self.mesh.volume)
+        longest_allowed = (1 + SHORTEST_AXIS_TOLERANCE) * shortest
+        largest_growth = (longest_allowed - _extent(spheres, axis)) / 2
+        # Most numbers of spheres fail already with few points, which are much faster.
+        for n_points, tolerance in (
+            (N_VOLUME_POINTS // SCREENING_SHARE, SCREENING_TOLERANCE),
+            (N_VOLUME_POINTS, VOLUME_TOLERANCE),
+        ):
+            grown = spheres.copy()
+            if self.surface != "rough":
+                growth = _growth(spheres, self.mesh, self.box, n_points)
+                grown[:, 3] += min(growth, largest_growth)
+            deviation = union_volume(grown, self.box, n_points) / volume - 1
+            if abs(deviation) > tolerance:
+                return None
+        axis_deviation = _extent(grown, axis) / shortest - 1
+        if abs(axis_deviation) > SHORTEST_AXIS_TOLERANCE + 1e-9:
+            return None
+        return grown
+
 
 def _extent(spheres: np.ndarray, axis: int) -> float:
-    """Measure the length of a union of spheres along an axis."""
-    return float(
-        np.max(spheres[:, axis] + spheres[:, 3])
-        - np.min(spheres[:, axis] - spheres[:, 3])
-    )
+    """Measure the length of a union of spheres (M, 4) along an axis."""
+    upper = np.max(spheres[:, axis] + spheres[:, 3])
+    lower = np.min(spheres[:, axis] - spheres[:, 3])
+    return float(upper - lower)
 
 
 def surface_points(
-    mesh: trimesh.Trimesh, count: int = SURFACE_POINTS
+    mesh: trimesh.Trimesh, count: int = N_SURFACE_POINTS
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Points and outward normals (count, 3) evenly over a mesh's area; the same every time."""
-    cumulated = np.cumsum(mesh.area_faces)
-    draws = qmc.Halton(3, scramble=False).random(count + 1)[1:]
-    face = np.minimum(
-        np.searchsorted(cumulated, draws[:, 0] * cumulated[-1]), len(cumulated) - 1
-    )
+    """Distribute points evenly over a mesh's area, the same ones every time.
+
+    Returns
+    -------
+    tuple
+        The points and the outward normals there, each (count, 3).
+    """
+    cumulated_area = np.cumsum(mesh.area_faces)
+    draws = qmc.Halton(3, scramble=False).random(count + 1)[1:]  # without the zero
+    face = np.searchsorted(cumulated_area, draws[:, 0] * cumulated_area[-1])
+    face = np.minimum(face, len(cumulated_area) - 1)
+    # Barycentric weights of points that are even over a triangle
     root = np.sqrt(draws[:, 1:2])
     weights = np.hstack([1 - root, root * (1 - draws[:, 2:]), root * draws[:, 2:]])
-    return np.einsum("nk,nki->ni", weights, mesh.triangles[face]), mesh.face_normals[
-        face
-    ]
+    points = np.einsum("nk,nki->ni", weights, mesh.triangles[face])
+    return points, mesh.face_normals[face]
 
 
-def _inside(mesh: trimesh.Trimesh, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Find candidate centres (N, 3) in a mesh, on a grid symmetric about the origin, and their depths (N,)."""
-    spacing = np.cbrt(mesh.volume / CANDIDATES)
-    ends = zip(
-        mesh.vertices.min(axis=0) / spacing,
-        mesh.vertices.max(axis=0) / spacing,
-        strict=True,
-    )
+def _candidate_balls(
+    mesh: trimesh.Trimesh, points: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Find the largest inscribed ball around each centre of a grid in a mesh.
+
+    The grid is symmetric about the origin; `points` lie on the mesh's surface. Return
+    the centres (N, 3) and the radii (N,).
+    """
+    spacing = np.cbrt(mesh.volume / N_CANDIDATES)
+    lowest = mesh.vertices.min(axis=0) / spacing
+    highest = mesh.vertices.max(axis=0) / spacing
     lines = [
-        spacing * np.arange(math.ceil(first), math.floor(last) + 1)
-        for first, last in ends
+        spacing * np.arange(math.ceil(low), math.floor(high) + 1)
+        for low, high in zip(lowest, highest, strict=True)
     ]
     grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
+
+    # Depth below the faces of the hull. In chunks: all centres times all faces of a
+    # scan would fill gigabytes.
     hull = mesh.convex_hull
     offsets = np.einsum("fi,fi->f", hull.face_normals, hull.triangles[:, 0])
-    # In chunks: all centres times all faces of a scan would fill gigabytes.
-    parts = np.array_split(grid, 1 + len(grid) * len(offsets) // 2_000_000)
-    inwards = np.concatenate(
-        [(offsets - part @ hull.face_normals.T).min(axis=1) for part in parts]
-    )
-    grid, inwards = grid[inwards > 0], inwards[inwards > 0]
-    # Where the surface lies below its hull, the hull's distance is too large.
-    return grid, np.minimum(inwards, cKDTree(points).query(grid)[0])
+    n_chunks = 1 + len(grid) * len(offsets) // 2_000_000
+    depths = [
+        (offsets - chunk @ hull.face_normals.T).min(axis=1)
+        for chunk in np.array_split(grid, n_chunks)
+    ]
+    depth = np.concatenate(depths)
+    is_inside = depth > 0
+    centres = grid[is_inside]
+    # Where the surface lies below its hull, the depth below the hull is too large.
+    surface_distance, _ = cKDTree(points).query(centres)
+    return centres, np.minimum(depth[is_inside], surface_distance)
 
 
 def distances(spheres: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Distances (N,) of points (N, 3) from the union of spheres (M, 4); negative inside, where the value is a bound."""
-    return (
-        np.linalg.norm(points[:, None, :] - spheres[None, :, :3], axis=2)
-        - spheres[:, 3]
-    ).min(axis=1)
+    """Compute the distances (N,) of points (N, 3) from the union of spheres (M, 4).
+
+    Inside the union they are negative, and only a bound.
+    """
+    offsets = points[:, None, :] - spheres[None, :, :3]
+    return (np.linalg.norm(offsets, axis=2) - spheres[:, 3]).min(axis=1)
 
 
 def union_volume(
-    spheres: np.ndarray, box: np.ndarray, count: int = VOLUME_POINTS
+    spheres: np.ndarray, box: np.ndarray, count: int = N_VOLUME_POINTS
 ) -> float:
-    """Volume of the union of spheres (M, 4), by a regular sequence of points in a box (2, 3) that holds most of it.
+    """Compute the volume of the union of spheres (M, 4) by a regular set of points.
 
-    With the default number of points the error is below 0.2 % for unions of up to 60 spheres (tested).
+    The points fill a box (2, 3) that holds most of the union, extended to all of it.
+    With the default number of points the error is below 0.2 % for unions of up to 60
+    spheres (tested).
     """
-    reach = np.stack(
-        [
-            (spheres[:, :3] - spheres[:, 3:]).min(axis=0),
-            (spheres[:, :3] + spheres[:, 3:]).max(axis=0),
-        ]
-    )
-    low, high = np.minimum(box[0], reach[0]), np.maximum(box[1], reach[1])
+    centres = spheres[:, :3]
+    radii = spheres[:, 3:]
+    low = np.minimum(box[0], (centres - radii).min(axis=0))
+    high = np.maximum(box[1], (centres + radii).max(axis=0))
     points = low + (high - low) * qmc.Halton(3, scramble=False).random(count)
-    inside = sum(
-        np.count_nonzero(distances(spheres, part) < 0)
-        for part in np.array_split(points, 16)
-    )
-    return inside / count * float(np.prod(high - low))
+    n_inside = 0
+    for chunk in np.array_split(points, 16):
+        n_inside += int(np.count_nonzero(distances(spheres, chunk) < 0))
+    return n_inside / count * float(np.prod(high - low))
 
 
 def _growth(
     spheres: np.ndarray,
     mesh: trimesh.Trimesh,
     box: np.ndarray,
-    count: int = VOLUME_POINTS,
+    count: int = N_VOLUME_POINTS,
 ) -> float:
-    """Find the growth of all radii with which the union has the mesh's volume."""
+    """Find the growth of all radii with which the union has the mesh's volume.
+
+    In a box around the mesh, the share of points nearer than the growth is the mesh's
+    share of the box.
+    """
     margin = 0.2 * np.abs(box).max()
-    low, high = box[0] - margin, box[1] + margin
+    low = box[0] - margin
+    high = box[1] + margin
     points = low + (high - low) * qmc.Halton(3, scramble=False).random(count)
-    away = np.concatenate(
-        [distances(spheres, part) for part in np.array_split(points, 16)]
+    point_distances = np.concatenate(
+        [distances(spheres, chunk) for chunk in np.array_split(points, 16)]
     )
-    return float(np.quantile(away, mesh.volume / np.prod(high - low)))
+    mesh_share = mesh.volume / np.prod(high - low)
+    return float(np.quantile(point_distances, mesh_share))
 
 
 def _cover(
     centres: np.ndarray, depths: np.ndarray, points: np.ndarray, count: int
 ) -> np.ndarray:
-    """Choose at most `count` inscribed balls (M, 4) whose union comes near the surface points."""
-    wide = depths > 0.25 * depths.max()
-    centres, depths = centres[wide], depths[wide]
+    """Choose inscribed balls whose union comes near the surface.
+
+    Parameters
+    ----------
+    centres, depths : ndarray
+        Centres (N, 3) and radii (N,) of the candidates.
+    points : ndarray
+        Points (P, 3) of the surface.
+    count : int
+        Number of balls at most; fewer are chosen if a further one gains little.
+
+    Returns
+    -------
+    ndarray
+        The balls (M, 4).
+    """
+    largest = depths.max()
+    is_large = depths > SMALLEST_BALL * largest
+    centres = centres[is_large]
+    depths = depths[is_large]
     gaps = np.linalg.norm(points[:, None, :] - centres[None], axis=2) - depths
-    squares = np.square(gaps).astype(np.float32)
-    separated = (
-        np.linalg.norm(centres[:, None] - centres[None], axis=2)
-        >= SPACING * depths.max()
-    )
-    least = (SMALLEST_GAIN * depths.max()) ** 2
+    squared_gaps = np.square(gaps).astype(np.float32)
+    centre_distances = np.linalg.norm(centres[:, None] - centres[None], axis=2)
+    is_separated = centre_distances >= SPACING * largest
+
+    # Add balls one by one
+    smallest_gain = (SMALLEST_GAIN * largest) ** 2
     chosen: list[int] = []
-    reached = np.inf
+    best_score = np.inf
     for _ in range(count):
-        score = _scores(squares, separated, chosen)
-        if reached - score.min() < least:
+        scores = _scores(squared_gaps, is_separated, chosen)
+        if best_score - scores.min() < smallest_gain:
             break
-        reached = score.min()
-        chosen.append(int(score.argmin()))
-    for _ in range(3):
+        best_score = scores.min()
+        chosen.append(int(scores.argmin()))
+
+    # Exchange single balls for better ones
+    for _ in range(MAX_EXCHANGES):
         before = list(chosen)
-        for place in range(len(chosen)):
-            score = _scores(squares, separated, chosen[:place] + chosen[place + 1 :])
-            if score.min() < score[chosen[place]]:
-                chosen[place] = int(score.argmin())
+        for index in range(len(chosen)):
+            others = chosen[:index] + chosen[index + 1 :]
+            scores = _scores(squared_gaps, is_separated, others)
+            if scores.min() < scores[chosen[index]]:
+                chosen[index] = int(scores.argmin())
         if chosen == before:
             break
     return np.column_stack([centres[chosen], depths[chosen]])
 
 
 def _scores(
-    squares: np.ndarray, separated: np.ndarray, chosen: list[int]
+    squared_gaps: np.ndarray, is_separated: np.ndarray, chosen: list[int]
 ) -> np.ndarray:
-    """Average the squared distance of the surface from the chosen balls and each candidate (N,); inf where too near."""
+    """Score each candidate (N,) as the next ball; the lowest is the best.
+
+    A score is the mean squared gap between the surface and the chosen balls with the
+    candidate. It is infinite for one too near to a chosen ball.
+
+    Parameters
+    ----------
+    squared_gaps : ndarray
+        Squared gap (P, N) between each surface point and each candidate.
+    is_separated : ndarray
+        Whether two candidates (N, N) are far enough apart.
+    chosen : list of int
+        The balls chosen so far.
+    """
     if not chosen:
-        return squares.mean(axis=0)
-    score = np.minimum(squares[:, chosen].min(axis=1)[:, None], squares).mean(axis=0)
-    return np.where(separated[chosen].all(axis=0), score, np.inf)
+        return squared_gaps.mean(axis=0)
+    gap_to_chosen = squared_gaps[:, chosen].min(axis=1)[:, None]
+    scores = np.minimum(gap_to_chosen, squared_gaps).mean(axis=0)
+    return np.where(is_separated[chosen].all(axis=0), scores, np.inf)
 
 
 def _bumps(
     points: np.ndarray, normals: np.ndarray, radius: float, count: int
 ) -> np.ndarray:
-    """Place balls (count, 4) of one radius below the surface, each as far as possible from those before it."""
-    below = points - radius * normals
-    chosen = [int(np.argmax(below[:, 0]))]
-    away = np.linalg.norm(below - below[chosen[0]], axis=1)
+    """Place balls (count, 4) of one radius that touch the surface from inside.
+
+    Each is placed as far as possible from those before it. The surface has the points
+    and outward normals (P, 3).
+    """
+    centres = points - radius * normals
+    chosen = [int(np.argmax(centres[:, 0]))]
+    nearest = np.linalg.norm(centres - centres[chosen[0]], axis=1)
     while len(chosen) < count:
-        chosen.append(int(away.argmax()))
-        away = np.minimum(away, np.linalg.norm(below - below[chosen[-1]], axis=1))
-    return np.column_stack([below[chosen], np.full(count, radius)])
+        farthest = int(nearest.argmax())
+        chosen.append(farthest)
+        distance = np.linalg.norm(centres - centres[farthest], axis=1)
+        nearest = np.minimum(nearest, distance)
+    return np.column_stack([centres[chosen], np.full(count, radius)])

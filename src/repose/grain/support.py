@@ -1,18 +1,42 @@
-"""The support function of a sum of co-axial ellipsoids: its extent in a direction from its centre."""
+"""The support function of a sum of co-axial ellipsoids.
+
+It is the extent of the body in a direction from its centre.
+"""
 
 import numpy as np
 
 
 def component_supports(semi_axes: np.ndarray, n: np.ndarray) -> np.ndarray:
-    """Support values (..., K) of components with half axes (K, 3) in the directions n (..., 3); one unit of length."""
+    """Compute the support values (..., K) of single ellipsoids.
+
+    Parameters
+    ----------
+    semi_axes : ndarray
+        Half axes (K, 3) of the ellipsoids.
+    n : ndarray
+        Directions (..., 3).
+
+    Returns
+    -------
+    ndarray
+        The values, in the unit of the half axes.
+    """
     return np.sqrt(np.square(n) @ np.square(semi_axes).T)
 
 
 def support(semi_axes: np.ndarray, n: np.ndarray) -> np.ndarray:
-    """Support values (...) of the sum of components with half axes (K, 3) in the directions n (..., 3)."""
+    """Compute the support values (...) of the sum of ellipsoids.
+
+    The arguments are those of `component_supports`.
+    """
     return component_supports(semi_axes, n).sum(axis=-1)
 
 
 def support_point(semi_axes: np.ndarray, n: np.ndarray) -> np.ndarray:
-    """Touching points (..., 3): the gradient of the support function, sum over components of s^2 n / h_k."""
-    return n * ((1.0 / component_supports(semi_axes, n)) @ np.square(semi_axes))
+    """Compute the points (..., 3) at which planes with the normals n touch the body.
+
+    A touching point is the gradient of the support function, which is the sum over the
+    ellipsoids k of s_k^2 n / h_k.
+    """
+    inverse_supports = 1.0 / component_supports(semi_axes, n)
+    return n * (inverse_supports @ np.square(semi_axes))

@@ -1,12 +1,14 @@
-"""Support functions fitted to a mesh: the sum of a few co-axial ellipsoids, or a single ellipsoid.
+"""Support functions fitted to a mesh: a sum of co-axial ellipsoids, or a single one.
 
-The support function h(n) of a body is its extent in direction n from its centre. An ellipsoid with half axes s has
-h = sqrt(sum s_i^2 n_i^2), and a sum of support functions is that of a Minkowski sum: a body whose h is the sum of a few
-ellipsoids with common axes is smooth, convex and closed-form.
+The support function h(n) of a body is its extent in direction n from its centre. An
+ellipsoid with half axes s has h = sqrt(sum s_i^2 n_i^2). A sum of support functions is
+that of a Minkowski sum: a body whose h is the sum of a few ellipsoids with common axes
+is smooth, convex and has a closed form.
 """
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -14,47 +16,88 @@ from scipy.optimize import least_squares
 from repose.dem.rotations import sphere_directions
 from repose.grain.support import component_supports, support, support_point
 
-# Vertices this near to a quadric (of the mean radius) lie on it, but for the rounding of a file; the coarsest
-# facets that still count as an ellipsoid's may cut this deep (of the mean radius).
-ON_ELLIPSOID = 1e-4
-COARSEST_FACET = 0.03
+# Recognition of an ellipsoid; lengths are in mean radii of the mesh
+MIN_VERTICES = 12
+ON_ELLIPSOID = 1e-4  # distance of a vertex that lies on it, but for a file's rounding
+COARSEST_FACET = 0.03  # depth at most of the cut that a facet makes
+# Terms of a quadric: pairs of coordinates that are multiplied
+QUADRIC_PAIRS = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]
+
+# Fit of several ellipsoids
 COMPONENTS = (1, 2, 3)
-GOOD_RMS = 2e-3
-GOOD_DEVIATION = 0.01  # of the body's smallest extent
-# Half axes of a fitted component, of the mean radius: a needle or a disc would have no radius of curvature,
-# and the contact force would vanish with it.
+GOOD_RMS = 2e-3  # in mean radii; with it no further component is tried
+GOOD_DEVIATION = 0.01  # the largest deviation, in units of the body's smallest extent
+IMPROVEMENT = 0.9  # a further component has to lower the rms to this share
+# Half axes of a component, in mean radii. A needle or a disc would have a vanishing
+# radius of curvature, and the contact force would vanish with it.
 AXIS_BOUNDS = (0.05, 10.0)
+MAX_EVALUATIONS = 200
+
+
+class _Fit(NamedTuple):
+    """A fitted sum of ellipsoids."""
+
+    semi_axes: np.ndarray  # (K, 3)
+    rms: float  # root mean square deviation of the support values
 
 
 def recognise_ellipsoid(
     vertices: np.ndarray, radius: float, n: np.ndarray, measured: np.ndarray
 ) -> np.ndarray | None:
-    """Half axes (1, 3) of the ellipsoid on which all vertices (V, 3) lie; None if there is none."""
-    x = vertices / radius
-    if len(x) < 12:
+    """Find the ellipsoid on which all vertices of a mesh lie.
+
+    Parameters
+    ----------
+    vertices : ndarray
+        The vertices (V, 3).
+    radius : float
+        Mean radius of the mesh.
+    n : ndarray
+        Directions (N, 3).
+    measured : ndarray
+        Support values (N,) of the mesh.
+
+    Returns
+    -------
+    ndarray or None
+        The half axes (1, 3), the longest first; None if there is no such ellipsoid.
+    """
+    points = vertices / radius
+    if len(points) < MIN_VERTICES:
         return None
-    # The general quadric x'Ax + b'x = 1, linear in its nine coefficients.
-    pairs = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]
-    terms = [x[:, i] * x[:, j] * (1 if i == j else 2) for i, j in pairs]
-    coefficients = np.linalg.lstsq(
-        np.stack([*terms, *x.T], axis=1), np.ones(len(x)), rcond=None
-    )[0]
-    matrix = np.zeros((3, 3))
-    for (i, j), value in zip(pairs, coefficients[:6], strict=True):
-        matrix[i, j] = matrix[j, i] = value
+    matrix, linear = _fit_quadric(points)
     if np.linalg.eigvalsh(matrix).min() <= 0:
         return None
-    centre = -0.5 * np.linalg.solve(matrix, coefficients[6:])
-    values, vectors = np.linalg.eigh(matrix / (1 + centre @ matrix @ centre))
-    # Smallest eigenvalue first: the longest axis.
-    axes = 1 / np.sqrt(values)
-    off_surface = (
-        np.abs(np.linalg.norm((x - centre) @ vectors / axes, axis=1) - 1).max()
-        * axes.max()
-    )
-    coarseness = np.abs(support(radius * axes[None], n) - measured).max()
-    fits = off_surface <= ON_ELLIPSOID and coarseness <= COARSEST_FACET * radius
-    return radius * axes[None] if fits else None
+    centre = -0.5 * np.linalg.solve(matrix, linear)
+    normalised = matrix / (1 + centre @ matrix @ centre)
+    # Eigenvalues ascend, so the longest axis comes first.
+    eigenvalues, directions = np.linalg.eigh(normalised)
+    semi_axes = 1 / np.sqrt(eigenvalues)
+
+    scaled = (points - centre) @ directions / semi_axes  # on the unit sphere
+    distances = np.abs(np.linalg.norm(scaled, axis=1) - 1).max() * semi_axes.max()
+    deviation = np.abs(support(radius * semi_axes[None], n) - measured).max()
+    if distances > ON_ELLIPSOID or deviation > COARSEST_FACET * radius:
+        return None
+    return radius * semi_axes[None]
+
+
+def _fit_quadric(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Fit the quadric x'Ax + b'x = 1 to points (N, 3); return A (3, 3) and b (3,).
+
+    The equation is linear in the nine coefficients.
+    """
+    terms = []
+    for i, j in QUADRIC_PAIRS:
+        factor = 1 if i == j else 2
+        terms.append(points[:, i] * points[:, j] * factor)
+    columns = np.stack([*terms, *points.T], axis=1)
+    coefficients, *_ = np.linalg.lstsq(columns, np.ones(len(points)), rcond=None)
+    matrix = np.zeros((3, 3))
+    for (i, j), value in zip(QUADRIC_PAIRS, coefficients[:6], strict=True):
+        matrix[i, j] = value
+        matrix[j, i] = value
+    return matrix, coefficients[6:]
 
 
 def fit_components(
@@ -63,134 +106,178 @@ def fit_components(
     radius: float,
     counts: Sequence[int] = COMPONENTS,
 ) -> np.ndarray:
-    """Half axes (K, 3) of the co-axial ellipsoids whose sum is nearest to support values, the longest first."""
-    best, best_rms = np.zeros((0, 3)), math.inf
-    extents = measured[np.argmax(n, axis=0)]
+    """Fit a sum of co-axial ellipsoids to support values.
+
+    Parameters
+    ----------
+    n : ndarray
+        Directions (N, 3).
+    measured : ndarray
+        Support values (N,).
+    radius : float
+        Mean radius of the body.
+    counts : sequence of int
+        Numbers of ellipsoids that are tried, until one of them fits well.
+
+    Returns
+    -------
+    ndarray
+        The half axes (K, 3), the longest first.
+    """
+    best = _Fit(np.zeros((0, 3)), math.inf)
+    extents = measured[np.argmax(n, axis=0)]  # along the three axes
     for count in counts:
         starts = _starts(count, extents, radius)
         fits = [_least_squares_fit(n, measured, radius, start) for start in starts]
-        semi_axes, rms = min(fits, key=lambda fit: fit[1])
-        # A further component has to improve the fit.
-        if rms < 0.9 * best_rms:
-            best, best_rms = semi_axes, rms
-        if best_rms <= GOOD_RMS * radius:
+        fit = min(fits, key=lambda fit: fit.rms)
+        if fit.rms < IMPROVEMENT * best.rms:
+            best = fit
+        if best.rms <= GOOD_RMS * radius:
             break
         if count > 1:
-            even = _evened(n, measured, radius, best)
-            if (
-                np.abs(support(even, n) - measured).max()
-                <= GOOD_DEVIATION * 2 * extents.min()
-            ):
-                best = even
+            # A larger rms is accepted if the largest deviation becomes small.
+            evened = _even_deviations(n, measured, radius, best.semi_axes)
+            deviation = np.abs(support(evened, n) - measured).max()
+            if deviation <= GOOD_DEVIATION * 2 * extents.min():
+                best = _Fit(evened, best.rms)
                 break
-    return best[np.argsort(-best[:, 0], kind="stable")]
+    order = np.argsort(-best.semi_axes[:, 0], kind="stable")
+    return best.semi_axes[order]
 
 
-def _evened(
+def _even_deviations(
     n: np.ndarray, measured: np.ndarray, radius: float, semi_axes: np.ndarray
 ) -> np.ndarray:
-    """Fit half axes (K, 3) near the given ones by sixth powers: a smaller largest deviation for a larger rms."""
+    """Fit half axes (K, 3) from a start so that the largest deviation becomes smaller.
+
+    The sum of sixth powers of the deviations is minimised, which raises their rms.
+    """
     largest = np.abs(support(semi_axes, n) - measured).max()
 
     def residuals(logs: np.ndarray) -> np.ndarray:
-        return (
-            (support(np.exp(logs).reshape(-1, 3) * radius, n) - measured) / largest
-        ) ** 3
+        values = support(np.exp(logs).reshape(-1, 3) * radius, n)
+        return ((values - measured) / largest) ** 3
 
     bounds = np.log(AXIS_BOUNDS)
     logs = np.clip(np.log(semi_axes / radius).ravel(), *bounds)
-    return radius * np.exp(
-        least_squares(residuals, logs, bounds=tuple(bounds), max_nfev=200).x
-    ).reshape(-1, 3)
+    fit = least_squares(residuals, logs, bounds=tuple(bounds), max_nfev=MAX_EVALUATIONS)
+    return radius * np.exp(fit.x).reshape(-1, 3)
 
 
 def _starts(count: int, extents: np.ndarray, radius: float) -> list[np.ndarray]:
-    """Make start values (count, 3) for the fit: the body's extents shared out in several ways."""
+    """Make start values (count, 3) for a fit.
+
+    The body's extents (3,) are divided among the ellipsoids in several ways.
+    """
     if count == 1:
         return [extents[None]]
     rng = np.random.default_rng(count)
     shares = [rng.dirichlet(np.full(count, 2.0), size=3).T for _ in range(3)]
-    # Needles along one axis each beside a body: for fuller or more pointed shapes than an ellipsoid.
+    # A needle along one axis, and a body with the rest: for shapes that are fuller or
+    # more pointed than an ellipsoid.
     for axis in range(3):
         share = np.full((count, 3), 0.1)
         share[0, axis] = 0.7
         share[-1] = 1 - share[:-1].sum(axis=0)
         shares.append(share)
-    low, high = (1.01 * AXIS_BOUNDS[0] * radius, 0.99 * AXIS_BOUNDS[1] * radius)
-    return [np.clip(share * extents, low, high) for share in shares]
+    smallest = 1.01 * AXIS_BOUNDS[0] * radius
+    largest = 0.99 * AXIS_BOUNDS[1] * radius
+    return [np.clip(share * extents, smallest, largest) for share in shares]
 
 
 def _least_squares_fit(
     n: np.ndarray, measured: np.ndarray, radius: float, start: np.ndarray
-) -> tuple[np.ndarray, float]:
-    """Fit half axes (K, 3) from a start, over the logarithms of the axes; also return the rms deviation."""
-    squares = np.square(n)
+) -> _Fit:
+    """Fit half axes (K, 3) from a start, over the logarithms of the axes."""
+    squared_n = np.square(n)
 
     def residuals(logs: np.ndarray) -> np.ndarray:
         return support(np.exp(logs).reshape(start.shape), n) - measured / radius
 
     def jacobian(logs: np.ndarray) -> np.ndarray:
+        # d h_k / d log s_ki = s_ki^2 n_i^2 / h_k
         semi_axes = np.exp(logs).reshape(start.shape)
         values = component_supports(semi_axes, n)
-        # d h_k / d log s_ki = s_ki^2 n_i^2 / h_k
-        return (
-            np.square(semi_axes)[None] * squares[:, None, :] / values[:, :, None]
-        ).reshape(len(n), -1)
+        numerator = np.square(semi_axes)[None] * squared_n[:, None, :]
+        return (numerator / values[:, :, None]).reshape(len(n), -1)
 
     bounds = np.log(AXIS_BOUNDS)
     logs = np.clip(np.log(start / radius).ravel(), *bounds)
     fit = least_squares(
-        residuals, logs, jac=jacobian, bounds=tuple(bounds), max_nfev=200
+        residuals, logs, jac=jacobian, bounds=tuple(bounds), max_nfev=MAX_EVALUATIONS
     )
-    return radius * np.exp(fit.x).reshape(start.shape), radius * math.sqrt(
-        np.mean(fit.fun**2)
-    )
+    semi_axes = radius * np.exp(fit.x).reshape(start.shape)
+    return _Fit(semi_axes, radius * math.sqrt(np.mean(fit.fun**2)))
 
 
 def _surface_quadrature(
-    latitudes: int = 200, longitudes: int = 250
+    n_latitudes: int = 200, n_longitudes: int = 250
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return directions (N, 3) in one octant and weights of dOmega (N,) for all eight, for functions even in x, y, z.
+    """Make directions (N, 3) in one octant and their weights (N,) of solid angle.
 
-    Gauss-Legendre along x, equal steps around it.
+    The weights stand for all eight octants, for functions that are even in x, y and z.
+    Along x the rule is Gauss-Legendre, around x the steps are equal.
     """
-    u, du = np.polynomial.legendre.leggauss(latitudes)
-    u, du = (u + 1) / 2, du / 2
-    azimuth = 0.5 * math.pi * (np.arange(longitudes) + 0.5) / longitudes
-    ring = np.sqrt(1 - u**2)[:, None]
-    n = np.stack(
-        np.broadcast_arrays(u[:, None], ring * np.cos(azimuth), ring * np.sin(azimuth)),
-        axis=-1,
+    nodes, node_weights = np.polynomial.legendre.leggauss(n_latitudes)
+    x = (nodes + 1) / 2
+    x_weights = node_weights / 2
+    azimuth = 0.5 * math.pi * (np.arange(n_longitudes) + 0.5) / n_longitudes
+    ring_radius = np.sqrt(1 - x**2)[:, None]
+    coordinates = np.broadcast_arrays(
+        x[:, None], ring_radius * np.cos(azimuth), ring_radius * np.sin(azimuth)
     )
-    return n.reshape(-1, 3), np.repeat(du * 4 * math.pi / longitudes, longitudes)
+    directions = np.stack(coordinates, axis=-1).reshape(-1, 3)
+    weights = np.repeat(x_weights * 4 * math.pi / n_longitudes, n_longitudes)
+    return directions, weights
 
 
 def volume_integrals(semi_axes: np.ndarray) -> tuple[float, np.ndarray]:
-    """Volume [m3] of a body with half axes (K, 3) [m], and the integrals (3,) of x_i^2 over it [m5].
+    """Integrate over the volume of a sum of ellipsoids.
 
-    The body is the union of cones from its centre over the surface x(n) = grad h, whose element of area is det Q
-    dOmega, Q = grad grad h on the tangent plane: V = 1/3 int h det Q dOmega, and the integral of x_i^2 is 1/5 int x_i^2
-    h det Q dOmega.
+    The body is the union of cones from its centre over the surface x(n) = grad h, whose
+    element of area is det Q dOmega, where Q = grad grad h on the tangent plane. So the
+    volume is 1/3 int h det Q dOmega, and the integral of x_i^2 is
+    1/5 int x_i^2 h det Q dOmega.
+
+    Parameters
+    ----------
+    semi_axes : ndarray
+        Half axes (K, 3) in m.
+
+    Returns
+    -------
+    tuple
+        The volume [m3] and the integrals (3,) of x_i^2 [m5].
     """
     if len(semi_axes) == 1:
         volume = 4 / 3 * math.pi * float(semi_axes[0].prod())
         return volume, volume / 5 * np.square(semi_axes[0])
     n, weights = _surface_quadrature()
     values = component_supports(semi_axes, n)
-    points = n[:, None, :] * np.square(semi_axes) / values[:, :, None]
-    # Q = sum over components of (S - x x') / h; as Q n = 0, its determinant is (tr^2 - tr Q^2) / 2.
-    q = np.einsum("nk,ki,ij->nij", 1 / values, np.square(semi_axes), np.eye(3))
+    squares = np.square(semi_axes)
+    points = n[:, None, :] * squares / values[:, :, None]
+    # Q = sum over components of (S - x x') / h, where S has the squared half axes.
+    q = np.einsum("nk,ki,ij->nij", 1 / values, squares, np.eye(3))
     q -= np.einsum("nki,nkj,nk->nij", points, points, 1 / values)
-    determinant = (np.einsum("nii->n", q) ** 2 - np.einsum("nij,nji->n", q, q)) / 2
+    # As Q n = 0, the determinant on the tangent plane is (tr^2 - tr Q^2) / 2.
+    trace = np.einsum("nii->n", q)
+    trace_of_square = np.einsum("nij,nji->n", q, q)
+    determinant = (trace**2 - trace_of_square) / 2
     element = values.sum(axis=1) * determinant * weights
-    return float(element.sum() / 3), element @ np.square(points.sum(axis=1)) / 5
+    volume = float(element.sum() / 3)
+    second_moments = element @ np.square(points.sum(axis=1)) / 5
+    return volume, second_moments
 
 
 def bounding_radius(semi_axes: np.ndarray) -> float:
-    """Distance of the farthest surface point from the centre: the maximum of h; half axes (K, 3)."""
+    """Find the distance of the farthest surface point from the centre.
+
+    It is the maximum of the support function of the half axes (K, 3).
+    """
     n = np.concatenate([np.eye(3), sphere_directions(1000)])
-    n = n[np.argsort(-support(semi_axes, n))[:50]]
-    # h is convex and homogeneous, so moving n to its own support point never lowers h.
+    farthest = np.argsort(-support(semi_axes, n))[:50]
+    n = n[farthest]
+    # As h is convex and homogeneous, it never falls from n to n's own support point.
     for _ in range(200):
         n = support_point(semi_axes, n)
         n /= np.linalg.norm(n, axis=1, keepdims=True)
