@@ -1,91 +1,39 @@
-"""The interface of all bench tests, their registry, and the scene that each of them simulates.
+"""The interface of all bench tests, and their registry.
 
-A bench test is one module: its responses, the model of its section in the configuration, and a class that builds its
-scene, runs it and measures a run. The job that pours, the tables and the workflow take it from the registry by its
-name.
+A bench test is one module: its responses, the model of its section in the configuration,
+and a class that builds its scene, runs it and measures a run. Pours, tables and workflow
+find it in the registry by its name.
 
-To add a bench test, write a subclass of `BenchTest` in a module of its own, put `@register("its_name")` above it, and
-import the module in `repose.bench`; then the configuration knows the name.
+To add a bench test, write a subclass of `BenchTest` in a module of its own, decorate it
+with `register("its_name")`, and import the module in `repose.bench`.
 """
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from repose.bench.scene import grain_simulation
-from repose.bench.settings import S, SceneSettings, SimulationSettings
-from repose.calibrate import responses as core
+from repose.bench.scene import Scene, grain_simulation
+from repose.bench.settings import S, SceneSettings
+from repose.bench.trial import Progress
+from repose.calibrate import responses as response_registry
 from repose.calibrate.responses import Response
 from repose.calibrate.runs import Recorded
 from repose.calibrate.seeds import UNNAMED
-from repose.common.errors import require
+from repose.common.errors import InputError
 from repose.common.section import Contradictions
 
 if TYPE_CHECKING:
     from repose import dem
-    from repose.grain.particle import Particle
-    from repose.measure.settings import MeasureSettings
 
 Config = Mapping[str, Any]
-Grain = Mapping[str, Any]
-Progress = Callable[[float], object]
 Arrays = Mapping[str, np.ndarray]
-Faults = Iterator[tuple[str, str]]
 
-
-@dataclass(frozen=True)
-class Scene:
-    """All that a run of a bench test depends on.
-
-    Attributes
-    ----------
-    settings : SceneSettings
-        Sections of the configuration.
-    parameters : mapping
-        Contact parameters by name.
-    grain : mapping
-        The mean grain, as in berry.json.
-    particle : Particle
-        Its body.
-    seed : int
-        Of the random numbers of the run.
-    """
-
-    settings: SceneSettings
-    parameters: Mapping[str, float]
-    grain: Grain
-    particle: "Particle"
-    seed: int = 0
-
-    @classmethod
-    def of(
-        cls,
-        config: Config,
-        parameters: Mapping[str, float],
-        grain: Grain,
-        particle: "Particle",
-        seed: int = 0,
-    ) -> Self:
-        """Make the scene of a configuration."""
-        return cls(SceneSettings(config), parameters, grain, particle, seed)
-
-    def with_seed(self, seed: int) -> Self:
-        """Return the same scene with other random numbers."""
-        return replace(self, seed=seed)
-
-    @property
-    def simulation(self) -> SimulationSettings:
-        """Settings of every simulation."""
-        return self.settings.simulation
-
-    @property
-    def measure(self) -> "MeasureSettings":
-        """Settings of the measurement of a pile."""
-        return self.settings.measure_of(self.grain)
+# Status of a run with a response outside its limits; every bench test has it.
+OUT_OF_BOUNDS = "out_of_bounds"
 
 
 @dataclass(frozen=True)
@@ -95,13 +43,13 @@ class Run:
     Attributes
     ----------
     record : dict
-        ``seed``, ``status``, ``reason`` and numbers with their units in the keys. Status ``ok`` means that the run can
-        be measured.
+        ``seed``, ``status``, ``reason``, and numbers with their units in the keys. Only
+        a run with the status ``ok`` can be measured.
     arrays : dict
         Arrays by name, for the measurement.
     frames : dict or None
-        Frames of a film, if requested: ``time_s`` (T,), ``position`` (T, N, 3) [m], ``quaternion``
-        (T, N, 4), ``scale`` (N,) and further arrays of the bench test.
+        Frames of a film, if requested: ``time_s`` (T,), ``position`` (T, N, 3) [m],
+        ``quaternion`` (T, N, 4), ``scale`` (N,) and further arrays of the bench test.
     """
 
     record: dict[str, Any]
@@ -110,15 +58,43 @@ class Run:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ending:
-    """How a run ended: the numbers by which it is judged; each bench test adds its own."""
+class Outcome:
+    """The numbers by which a run is judged; each bench test adds its own.
 
-    unstable: str = ""  # the bound that the run broke (`repose.bench.bounds`); empty where it broke none
+    Attributes
+    ----------
+    unstable : str
+        Message about the bound that the run broke (`repose.bench.bounds`); empty if it
+        broke none.
+    """
+
+    unstable: str = ""
 
 
-def stated(*cases: tuple[object, str, str]) -> Iterator[tuple[str, str]]:
-    """Yield the cases that hold: a key and what is allowed, or a status and its reason."""
-    return ((name, words) for holds, name, words in cases if holds)
+class Verdict(NamedTuple):
+    """The status of a run, and the reason for any status but ``ok``."""
+
+    status: str
+    reason: str = ""
+
+
+OK = Verdict("ok")
+
+
+def not_at_rest(
+    energy_j: float, settings: SceneSettings, when: str = ""
+) -> Verdict | None:
+    """Judge the mean kinetic energy of a grain; None if the grains are at rest.
+
+    An energy that is not a number is no rest. `when` is added to the reason.
+    """
+    limit = settings.simulation.rest_energy_j
+    if energy_j <= limit:
+        return None
+    return Verdict(
+        "not_at_rest",
+        f"kinetic energy {energy_j:.2e} J a grain{when}, more than {limit:.0e}",
+    )
 
 
 class BenchTest(ABC, Generic[S]):
@@ -127,50 +103,75 @@ class BenchTest(ABC, Generic[S]):
     Attributes
     ----------
     name : str
-        Of the bench test, and of its section in the configuration; set by `register`.
+        Name of the bench test and of its section in the configuration; set by
+        `register`.
     settings : type of Section
-        Model of that section. ``seeds`` among its keys is the number of runs of each sample of a design.
+        Model of that section. Its key ``seeds`` is the number of runs per sample.
     responses : tuple of Response
-        Its responses. Each function of a measured run (`Response.of`) takes what `measure` returns.
+        Its responses. `Response.of` takes what `measure` returns.
     numbers : tuple of str
         Numbers of a measured run besides its responses.
+    example : mapping
+        Parts of a configuration, over config/config.yaml, of a small and quick run: its
+        section, ``targets``, and other sections where they must differ. The tests take
+        it for every table of bench tests.
     recorded : Recorded
-        Numbers of a run that the tables keep besides the targets: by default its responses and `numbers`.
+        Numbers of a run that the tables keep besides the targets; by default its
+        responses and `numbers`.
     statuses : tuple of str
         How a run may end; ``ok`` first.
-    lacking : mapping
-        Status of a run without a number for a target, by the response; ``no_flank`` by default.
+    missing_status : mapping
+        Status, by the response, of a run that has no number for a target; by default
+        ``no_flank``.
     measured_by : tuple of str
-        Keys of its section that only `measure` reads; a change of them makes no new run.
+        Keys of its section that only `measure` reads. A change of them needs no new
+        run.
     required_arrays : tuple of str
         Arrays that every saved run must have.
     summary : str
-        A measured run in words, as a template of its values.
+        Template of a line about a measured run; fields are its numbers.
     photographed : mapping
-        Of a bench test that leaves a pile, its responses by the numbers of a photograph, ``aor_deg`` and ``height_mm``.
+        For a bench test that leaves a pile: which response is the ``aor_deg`` and which
+        the ``height_mm`` of a photograph.
     """
 
     name: ClassVar[str]
     settings: type[S]
     responses: ClassVar[tuple[Response, ...]]
     numbers: ClassVar[tuple[str, ...]] = ()
+    example: ClassVar[Mapping[str, Any]]
     recorded: ClassVar[Recorded]
     statuses: ClassVar[tuple[str, ...]]
-    lacking: ClassVar[Mapping[str, str]] = {}
+    missing_status: ClassVar[Mapping[str, str]] = {}
     measured_by: ClassVar[tuple[str, ...]] = ()
     required_arrays: ClassVar[tuple[str, ...]] = ()
     summary: ClassVar[str] = ""
     photographed: ClassVar[Mapping[str, str]] = {}
 
+    # --- a run ---
+
     @abstractmethod
-    def world(self, scene: Scene, reach_m: float) -> dict[str, Any]:
-        """Describe capacity, walls and box, as arguments of `repose.dem.Simulation`; reach_m: of the largest grain."""
+    def world(self, scene: Scene, largest_radius_m: float) -> dict[str, Any]:
+        """Describe capacity, walls and box of the simulation.
+
+        Parameters
+        ----------
+        scene : Scene
+            The scene.
+        largest_radius_m : float
+            Bounding radius of the largest grain.
+
+        Returns
+        -------
+        dict
+            Arguments of `repose.dem.Simulation`.
+        """
 
     def build(self, scene: Scene, largest_scale: float = 1.0) -> "dem.Simulation":
         """Make the empty simulation, with room for grains of a largest relative size."""
-        reach_m = largest_scale * scene.particle.bounding_radius_m
+        largest_radius_m = largest_scale * scene.particle.bounding_radius_m
         return grain_simulation(
-            scene, largest_scale=largest_scale, **self.world(scene, reach_m)
+            scene, largest_scale=largest_scale, **self.world(scene, largest_radius_m)
         )
 
     @abstractmethod
@@ -180,123 +181,161 @@ class BenchTest(ABC, Generic[S]):
         interval_s: float | None = None,
         progress: Progress | None = None,
     ) -> Run:
-        """Run once; `interval_s` asks for frames, `progress` is called with the simulated time [s]."""
+        """Run the bench test once.
 
-    def faults(self, ending: Any, settings: SceneSettings) -> Faults:
-        """Yield status and reason of each fault that spoils a run before it is measured, the gravest first."""
-        return iter(())
+        Parameters
+        ----------
+        scene : Scene
+            The scene.
+        interval_s : float, optional
+            Simulated time between two frames; without it there are none.
+        progress : function, optional
+            Called with the simulated time [s].
+        """
 
-    def status_of(self, ending: Ending, settings: SceneSettings) -> tuple[str, str]:
-        """Judge a run before it is measured; the reason of ``ok`` is empty."""
-        fault = (
-            ("unstable", ending.unstable)
-            if ending.unstable
-            else next(self.faults(ending, settings), None)
-        )
-        return fault or ("ok", "")
+    def judge(self, outcome: Any, settings: SceneSettings) -> Verdict:
+        """Judge a stable run before it is measured, the gravest fault first."""
+        return OK
 
-    def ended(
+    def status_of(self, outcome: Outcome, settings: SceneSettings) -> Verdict:
+        """Judge a run before it is measured; see `judge`."""
+        if outcome.unstable:
+            return Verdict("unstable", outcome.unstable)
+        return self.judge(outcome, settings)
+
+    def make_run(
         self,
         scene: Scene,
-        ending: Ending,
+        outcome: Outcome,
         arrays: dict[str, np.ndarray],
         frames: Any = None,
         **numbers: float,
     ) -> Run:
-        """Judge a run and make its record; a number that is not finite becomes None."""
-        status, reason = self.status_of(ending, scene.settings)
-        known = {
-            key: value if math.isfinite(value) else None
-            for key, value in numbers.items()
+        """Judge a run and write its record; a number that is not finite becomes None."""
+        verdict = self.status_of(outcome, scene.settings)
+        record: dict[str, Any] = {
+            "seed": int(scene.seed),
+            "status": verdict.status,
+            "reason": verdict.reason,
         }
-        return Run(
-            {"seed": int(scene.seed), "status": status, "reason": reason, **known},
-            arrays,
-            frames,
-        )
-
-    def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
-        """Measure an ``ok`` run: its responses and `numbers`, None where one cannot be measured; see `assess`."""
-        raise NotImplementedError
-
-    def measure(
-        self, record: Mapping[str, Any], arrays: Arrays, scene: Scene
-    ) -> dict[str, Any]:
-        """Measure a run: its record with every response that is a target; None where it cannot be measured."""
-        if record["status"] == "ok":
-            return {**record, **self.values(arrays, scene)}
-        return {**record, **dict.fromkeys((*self.response_names, *self.numbers))}
+        for name, number in numbers.items():
+            record[name] = number if math.isfinite(number) else None
+        return Run(record, arrays, frames)
 
     @abstractmethod
     def duration_s(self, settings: SceneSettings) -> float:
         """Return the longest simulated time of a run [s]."""
 
+    # --- its measurement ---
+
+    def measure_arrays(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
+        """Measure an ``ok`` run: its responses and `numbers`.
+
+        A number that cannot be measured is None, see `check_targets`.
+        """
+        raise NotImplementedError
+
+    def measure(
+        self, record: Mapping[str, Any], arrays: Arrays, scene: Scene
+    ) -> dict[str, Any]:
+        """Measure a run.
+
+        Returns its record with every response and number; they are None where they
+        cannot be measured, as in every run that is not ``ok``.
+        """
+        if record["status"] == "ok":
+            return {**record, **self.measure_arrays(arrays, scene)}
+        return {**record, **dict.fromkeys((*self.response_names, *self.numbers))}
+
+    def check_targets(
+        self,
+        measured: Mapping[str, Any],
+        settings: SceneSettings,
+        reasons: Mapping[str, str],
+    ) -> dict[str, str]:
+        """Find the first target that a measured run has no number for.
+
+        Parameters
+        ----------
+        measured : mapping
+            Responses of the run.
+        settings : SceneSettings
+            Sections of the configuration, with the targets.
+        reasons : mapping
+            Why responses could not be measured.
+
+        Returns
+        -------
+        dict
+            ``status`` and ``reason``; empty if the run has all targets.
+        """
+        for target in self.target_responses(settings.config):
+            name = target.name
+            if measured[name] is None:
+                return {
+                    "status": self.missing_status.get(name, "no_flank"),
+                    "reason": reasons.get(name, f"{name} cannot be measured"),
+                }
+        return {}
+
+    def result(
+        self, record: Mapping[str, Any], arrays: Arrays, scene: Scene
+    ) -> dict[str, Any]:
+        """Measure a run; one with a response outside its limits is not ``ok``."""
+        measured = self.measure(record, arrays, scene)
+        if measured["status"] != "ok":
+            return measured
+        targets = self.target_responses(scene.settings.config)
+        for response in dict.fromkeys((*self.responses, *targets)):
+            value = response.of(measured)
+            if value is None or response.low <= value <= response.high:
+                continue
+            limits = f"{response.low:g} to {response.high:g} {response.unit}".rstrip()
+            return measured | {
+                "status": OUT_OF_BOUNDS,
+                "reason": f"{response.label} is {value:.4g}, outside {limits}",
+            }
+        return measured
+
+    # --- its configuration ---
+
+    def section(self, settings: SceneSettings) -> S:
+        """Return the section of the bench test."""
+        return settings.section(self.name, self.settings)
+
     def contradictions(self, settings: SceneSettings) -> Contradictions:
-        """Yield (dotted key, what is allowed) where values do not go together."""
+        """Yield keys whose values do not go together, with the allowed values."""
         return iter(())
 
     def misfits(
         self, settings: SceneSettings, axes_mm: Sequence[float]
     ) -> Contradictions:
-        """Yield the same where the test does not fit the mean grain, whose axes [mm] are given, the longest first."""
+        """Yield keys of lengths that do not fit the mean grain, with the allowed values.
+
+        `axes_mm` are the axes of the mean grain, the longest first.
+        """
         return iter(())
-
-    def further_response(self, name: str) -> Response | None:
-        """Return a response that is not listed: the score of a profile, or a number at one of many speeds."""
-        return None
-
-    def section(self, settings: SceneSettings) -> S:
-        """Return the section of the bench test."""
-        return settings.section(self.name, self.settings)
 
     @property
     def response_names(self) -> tuple[str, ...]:
         """Names of its responses."""
         return tuple(response.name for response in self.responses)
 
-    def target_responses(self, config: Config) -> tuple[Response, ...]:
-        """Return its responses that are targets of a configuration, in the order of the targets."""
-        targets = SceneSettings(config).targets_of(self.name)
-        return tuple(core.response(target["response"]) for target in targets)
+    def response_of_name(self, name: str) -> Response | None:
+        """Make a response that is not listed in `responses`; None if it is none.
 
-    def assess(
-        self,
-        measured: Mapping[str, Any],
-        settings: SceneSettings,
-        reasons: Mapping[str, str],
-    ) -> dict[str, str]:
-        """Return ``status`` and ``reason`` by the first target that a measured run lacks; empty if it lacks none.
-
-        `reasons` says why responses could not be measured.
+        For a bench test with any number of responses, such as the scores of a profile.
         """
-        for target in self.target_responses(settings.config):
-            name = target.name
-            if measured[name] is None:
-                reason = reasons.get(name, f"{name} cannot be measured")
-                return {"status": self.lacking.get(name, "no_flank"), "reason": reason}
-        return {}
+        return None
 
-    def result(
-        self, record: Mapping[str, Any], arrays: Arrays, scene: Scene
-    ) -> dict[str, Any]:
-        """Measure a run; a response outside its bounds is no result, and its run is not ``ok``."""
-        measured = self.measure(record, arrays, scene)
-        if measured["status"] != "ok":
-            return measured
-        for response in dict.fromkeys(
-            (*self.responses, *self.target_responses(scene.settings.config))
-        ):
-            value = response.of(measured)
-            if value is not None and not response.low <= value <= response.high:
-                bounds = (
-                    f"{response.low:g} to {response.high:g} {response.unit}".rstrip()
-                )
-                reason = f"{response.label} is {value:.4g}, outside {bounds}"
-                return measured | {"status": OUT_OF_BOUNDS, "reason": reason}
-        return measured
+    def target_responses(self, config: Config) -> tuple[Response, ...]:
+        """List its responses that are targets, in the order of the targets."""
+        targets = SceneSettings(config).targets_of(self.name)
+        return tuple(
+            response_registry.response(target["response"]) for target in targets
+        )
 
 
-OUT_OF_BOUNDS = "out_of_bounds"  # status of a run, of every bench test, with a response outside its bounds
 _REGISTRY: dict[str, BenchTest[Any]] = {}
 T = TypeVar("T", bound=type[BenchTest[Any]])
 
@@ -320,39 +359,42 @@ def register(name: str) -> Callable[[T], T]:
         If another bench test has the name, or a response of it is registered already.
     """
 
-    def known(kind: T) -> T:
+    def add(kind: T) -> T:
         if name in _REGISTRY:
             raise ValueError(f"bench test {name!r} is registered already")
-        kind.name, kind.statuses = name, (*kind.statuses, OUT_OF_BOUNDS)
+        kind.name = name
+        kind.statuses = (*kind.statuses, OUT_OF_BOUNDS)
         test = kind()
         if not hasattr(kind, "recorded"):
             kind.recorded = Recorded(
-                test.response_names, single=(*test.response_names, *test.numbers)
+                means=test.response_names,
+                single=(*test.response_names, *test.numbers),
             )
-        family = (
-            None
-            if kind.further_response is BenchTest.further_response
-            else test.further_response
+        makes_responses = kind.response_of_name is not BenchTest.response_of_name
+        response_registry.register(
+            *test.responses, family=test.response_of_name if makes_responses else None
         )
-        core.register(*test.responses, family=family)
         _REGISTRY[name] = test
         return kind
 
-    return known
+    return add
 
 
 def bench_of(job: Mapping[str, Any], source: object = "apparatus") -> BenchTest[Any]:
-    """Find the bench test of a job by its description; that of the first bench test carries no name."""
+    """Find the bench test of a job by its description.
+
+    A description without a name belongs to the first bench test.
+    """
     return bench(job.get("apparatus", UNNAMED), source)
 
 
 def bench(name: str, source: object = "apparatus") -> BenchTest[Any]:
-    """Find the bench test of a name.
+    """Find a bench test by its name.
 
     Parameters
     ----------
     name : str
-        Of the bench test.
+        Name of the bench test.
     source : object, optional
         Named in the error.
 
@@ -365,9 +407,8 @@ def bench(name: str, source: object = "apparatus") -> BenchTest[Any]:
     InputError
         If no bench test has this name.
     """
-    require(
-        name in _REGISTRY, source, "apparatus", name, f"one of {', '.join(_REGISTRY)}"
-    )
+    if name not in _REGISTRY:
+        raise InputError(source, "apparatus", name, f"one of {', '.join(_REGISTRY)}")
     return _REGISTRY[name]
 
 

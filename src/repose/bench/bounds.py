@@ -1,20 +1,21 @@
-"""Bounds that no pour breaks while its time step is short enough and its grains are stiff enough.
+"""Bounds that no run breaks while its time step is short and its grains are stiff enough.
 
-A step that is too long feeds energy into contacts, and grains fly off; grains that are too soft pass through each
-other and through walls. Either may end in a pile that looks like one. So a run looks at its grains now and then, and
-ends with the status ``unstable`` where one of the bounds is broken:
+A time step that is too long feeds energy into contacts, and grains fly off. Grains that
+are too soft pass through each other and through walls. Either may end in a pile that
+looks like one. So a run is checked now and then, and ends with the status ``unstable``
+if it breaks one of three bounds:
 
-- speed: `FASTEST` times that of a fall through the whole scene with the speed that grains or walls are given;
-- energy: motion and height of all grains together, which nothing but a moving wall can raise: at most what they have
-  at the top of the scene with the speed that they are given, and `GAIN` of it more;
-- overlap: of two grains at most `DEEPEST` of the smallest extent of the smaller one, of a grain and a wall at most as
-  much of the grain's.
+- speed: at most `FASTEST` times the speed of a fall through the whole scene, added to
+  the largest speed that grains or walls are given;
+- energy: the kinetic and potential energy of all grains together is at most that at the
+  top of the scene with the speed that they are given, and the share `GAIN` more;
+- overlap: at most `DEEPEST` of the smallest extent of the smaller grain.
 
-Looking changes nothing in the simulation.
+A check changes nothing in the simulation.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -23,52 +24,78 @@ import numpy as np
 if TYPE_CHECKING:
     from repose import dem
 
-FASTEST = 3.0  # a small grain between large ones leaves faster than they came
-GAIN = 0.1  # hits of smooth bodies without friction may return more than they took, see docs/verification.md
+# Largest speed over that of a fall: a small grain between large ones leaves faster.
+FASTEST = 3.0
+# Energy gained over energy given: impacts of smooth bodies without friction may return
+# more than they took, see docs/verification.md.
+GAIN = 0.1
+# Largest overlap over the smallest extent of a grain.
 DEEPEST = 0.5
-EVERY = 2000  # time steps between two looks at the speeds
-SELDOM = 5  # looks from one check of energy and overlaps to the next; they are checked at the end, too
-CURE = {
-    "time step": "a shorter simulation.time_step_s than {:.3g} helps",
-    "modulus": "a higher berry.shear_modulus_pa, or a shorter simulation.time_step_s than {:.3g}, helps",
-}
+# Time steps between two checks of the speeds.
+EVERY = 2000
+# Checks of the speeds per check of energy and overlaps, which takes ten times as long.
+SELDOM = 5
 
 
 class Unstable(Exception):
-    """A run that broke a bound. The text is its reason: grain, time and remedy."""
+    """A bound is broken; the message names the grain, the time and the remedy."""
 
 
 class Bounded:
-    """Advances a simulation and looks at its grains on the way.
+    """Advances a simulation and checks its grains on the way.
 
-    `top_m` is the largest height, along gravity, that a grain is brought to, `speed_m_s` the largest speed that a grain
-    or a wall is given; the scene is its box up to `top_m`.
+    Parameters
+    ----------
+    simulation : repose.dem.Simulation
+        The simulation, with its walls and box.
+    top_m : float
+        Largest height, against gravity, to which a grain is brought.
+    speed_m_s : float, optional
+        Largest speed that a grain or a wall is given.
+
+    Attributes
+    ----------
+    broken : str
+        Message about the bound that was broken inside `guard`; empty if none was.
     """
 
     def __init__(
         self, simulation: "dem.Simulation", top_m: float, speed_m_s: float = 0.0
     ) -> None:
-        self.simulation, self.speed_m_s = simulation, speed_m_s
+        self.simulation = simulation
+        self.speed_m_s = speed_m_s
         gravity = np.asarray(simulation.physics.gravity)
         self.gravity = float(np.linalg.norm(gravity))
         self.up = -gravity / (self.gravity or 1.0)
-        floor = float(simulation.physics.floor_height)
-        lower, upper = simulation.lower.copy(), np.array([*simulation.upper[:2], top_m])
-        lower[2] = min(lower[2], floor if math.isfinite(floor) else math.inf)
-        self.lowest_m, highest_m = np.sort(self.up * [lower, upper], axis=0).sum(axis=1)
-        self.fall_m = float(highest_m - self.lowest_m)
+        self.lowest_m, self.fall_m = self._lowest_and_fall(top_m)
         self.fastest_m_s = FASTEST * (
             math.sqrt(2.0 * self.gravity * self.fall_m) + speed_m_s
         )
+        # Smallest extent of a grain of the scale 1.
         self.thickness_m = 2.0 * min(
             float(shape.half_extents_m.min()) for shape in simulation.shapes.values()
         )
-        self.looked = 0
         self.broken = ""
+        self._last_check = 0
+
+    def _lowest_and_fall(self, top_m: float) -> tuple[float, float]:
+        """Compute the lowest height in the box and the deepest fall through it [m]."""
+        lower = self.simulation.lower.copy()
+        floor = float(self.simulation.physics.floor_height)
+        if math.isfinite(floor):
+            lower[2] = min(lower[2], floor)
+        upper = np.array([*self.simulation.upper[:2], top_m])
+        # Gravity may point along any axis, so each may have its lower end on either side.
+        heights = np.sort(self.up * [lower, upper], axis=0)
+        lowest_m, highest_m = heights.sum(axis=1)
+        return lowest_m, float(highest_m - lowest_m)
 
     @contextmanager
     def guard(self) -> Iterator[None]:
-        """Look at the grains at the end of a block; end it where a bound is broken, with the reason in `broken`."""
+        """Run a block up to the first broken bound, and check the grains at its end.
+
+        The message about a broken bound is kept in `broken`.
+        """
         try:
             yield
             self.look()
@@ -76,93 +103,111 @@ class Bounded:
             self.broken = str(error)
 
     def run_to(self, step: int) -> None:
-        """Advance to a time step, unless it has passed; `Unstable` if a bound is broken on the way."""
+        """Advance to a time step; do nothing if it has passed.
+
+        Raises `Unstable` if a bound is broken on the way.
+        """
         simulation = self.simulation
         while simulation.steps < step:
+            next_check = self._last_check + EVERY
             try:
-                simulation.run_steps(min(step, self.looked + EVERY) - simulation.steps)
-            except RuntimeError as error:  # contacts without number
-                raise Unstable(f"{error}, {self._when('time step')}") from None
-            if simulation.steps >= self.looked + EVERY:
+                simulation.run_steps(min(step, next_check) - simulation.steps)
+            except RuntimeError as error:
+                # A contact whose force is not a number.
+                raise Unstable(
+                    f"{error}, {self._time()}: {self._shorter_step()}"
+                ) from None
+            if simulation.steps >= next_check:
                 self.look(everywhere=simulation.steps % (SELDOM * EVERY) == 0)
 
     def look(self, everywhere: bool = True) -> None:
-        """Look at the grains: at speeds, and `everywhere` at energy and overlaps, which takes ten times as long."""
-        self.looked = self.simulation.steps
+        """Check the speeds, and with `everywhere` also energy and overlaps.
+
+        Raises `Unstable` if a bound is broken.
+        """
+        self._last_check = self.simulation.steps
         if not self.simulation.n_bodies:
             return
-        self._look_at_speeds()
+        self._check_speeds()
         if everywhere:
-            self._look_at_energy()
-            self._look_at_overlaps()
+            self._check_energy()
+            self._check_overlaps()
 
-    def _look_at_speeds(self) -> None:
-        """Refuse a position that is not finite, and a speed that no fall gives."""
+    def _check_speeds(self) -> None:
+        """Raise if a position is not finite, or a speed is larger than any fall gives."""
         simulation = self.simulation
         squares = np.square(simulation.velocities).sum(axis=1)
-        squares[
-            ~np.isfinite(squares) | ~np.isfinite(simulation.positions).all(axis=1)
-        ] = np.inf
+        is_finite = np.isfinite(squares) & np.isfinite(simulation.positions).all(axis=1)
+        squares[~is_finite] = np.inf
         fastest = int(np.argmax(squares))
         speed = math.sqrt(squares[fastest])
-        if speed > self.fastest_m_s:
-            motion = (
-                f"moves at {speed:.3g} m/s"
-                if math.isfinite(speed)
-                else "has no finite position or speed"
-            )
-            bound = f"none here can be faster than {self.fastest_m_s:.3g} m/s"
-            raise Unstable(
-                f"grain {fastest} {motion}, {self._when('time step')}; {bound}"
-            )
+        if speed <= self.fastest_m_s:
+            return
+        if math.isfinite(speed):
+            motion = f"moves at {speed:.3g} m/s"
+        else:
+            motion = "has no finite position or speed"
+        raise Unstable(
+            f"grain {fastest} {motion}, {self._time()}: {self._shorter_step()}; "
+            f"none here can be faster than {self.fastest_m_s:.3g} m/s"
+        )
 
-    def _look_at_energy(self) -> None:
-        """Refuse more energy than the grains were given."""
-        simulation, there = self.simulation, self.simulation.present
-        energies = simulation.kinetic_energies()[there]
-        masses = simulation.masses_kg[there]
-        heights = simulation.positions[there] @ self.up - self.lowest_m
-        energy = float(energies.sum() + self.gravity * np.sum(masses * heights))
-        allowed = float(masses.sum()) * (
+    def _check_energy(self) -> None:
+        """Raise if all grains together have more energy than they were given."""
+        simulation = self.simulation
+        present = simulation.present
+        kinetic = simulation.kinetic_energies()[present]
+        masses = simulation.masses_kg[present]
+        heights = simulation.positions[present] @ self.up - self.lowest_m
+        energy = float(kinetic.sum() + self.gravity * np.sum(masses * heights))
+        energy_given = float(masses.sum()) * (
             self.gravity * self.fall_m + 0.5 * self.speed_m_s**2
         )
-        if energy > (1.0 + GAIN) * allowed:
-            most = int(np.flatnonzero(there)[np.argmax(energies)])
-            bound = f"all grains together have {energy:.3g} J and were given {allowed:.3g} J"
+        if energy > (1.0 + GAIN) * energy_given:
+            grain = int(np.flatnonzero(present)[np.argmax(kinetic)])
             raise Unstable(
-                f"grain {most} has {energies.max():.3g} J, {self._when('time step')}; {bound}"
+                f"grain {grain} has {kinetic.max():.3g} J, "
+                f"{self._time()}: {self._shorter_step()}; all grains together have "
+                f"{energy:.3g} J and were given {energy_given:.3g} J"
             )
 
-    def _look_at_overlaps(self) -> None:
-        """Refuse grains that pass through each other or through walls."""
+    def _check_overlaps(self) -> None:
+        """Raise if grains pass through each other or through walls."""
         simulation = self.simulation
         pairs, overlaps = simulation.overlaps()
-        scales = simulation.scales[pairs].min(axis=1)
-        self._refuse_deepest(
-            overlaps, scales, lambda k: f"grains {pairs[k, 0]} and {pairs[k, 1]}"
-        )
+        deepest = self._too_deep(overlaps, simulation.scales[pairs].min(axis=1))
+        if deepest is not None:
+            first, second = pairs[deepest]
+            self._raise_overlap(f"grains {first} and {second}", overlaps[deepest])
         grains, walls, overlaps = simulation.wall_overlaps()
-        scales, names = simulation.scales[grains], simulation.wall_set.names
-        self._refuse_deepest(
-            overlaps,
-            scales,
-            lambda k: f"grain {grains[k]} and the wall {names[walls[k]]!r}",
+        deepest = self._too_deep(overlaps, simulation.scales[grains])
+        if deepest is not None:
+            wall = simulation.wall_set.names[walls[deepest]]
+            bodies = f"grain {grains[deepest]} and the wall {wall!r}"
+            self._raise_overlap(bodies, overlaps[deepest])
+
+    def _too_deep(self, overlaps: np.ndarray, scales: np.ndarray) -> int | None:
+        """Find the deepest overlap of grains of these scales; None if it is allowed."""
+        if not len(overlaps):
+            return None
+        share = overlaps / scales / self.thickness_m
+        deepest = int(np.argmax(share))
+        return deepest if share[deepest] > DEEPEST else None
+
+    def _raise_overlap(self, bodies: str, overlap_m: float) -> None:
+        """Raise `Unstable` for two bodies that overlap too deeply."""
+        raise Unstable(
+            f"{bodies} overlap by {1e3 * overlap_m:.3g} mm, {self._time()}: a higher "
+            "berry.shear_modulus_pa, or a shorter simulation.time_step_s than "
+            f"{self.simulation.time_step_s:.3g}, helps; at most {100 * DEEPEST:g} % of "
+            "the smallest extent is a contact"
         )
 
-    def _refuse_deepest(
-        self, overlaps: np.ndarray, scales: np.ndarray, which: Callable[[int], str]
-    ) -> None:
-        """Refuse overlaps too deep for grains of these scales; which(k): names of the overlapping bodies."""
-        if not len(overlaps):
-            return
-        share = overlaps / scales / self.thickness_m
-        worst = int(np.argmax(share))
-        if share[worst] > DEEPEST:
-            found = f"{which(worst)} overlap by {1e3 * overlaps[worst]:.3g} mm, {self._when('modulus')}"
-            raise Unstable(
-                f"{found}; at most {100 * DEEPEST:g} % of the smallest extent is a contact"
-            )
+    def _time(self) -> str:
+        """Write the simulated time of a fault."""
+        return f"after {self.simulation.time_s:.3g} s"
 
-    def _when(self, cure: str) -> str:
-        """Tell the time and the remedy."""
-        return f"after {self.simulation.time_s:.3g} s: {CURE[cure].format(self.simulation.time_step_s)}"
+    def _shorter_step(self) -> str:
+        """Write the remedy for a time step that is too long."""
+        step_s = self.simulation.time_step_s
+        return f"a shorter simulation.time_step_s than {step_s:.3g} helps"

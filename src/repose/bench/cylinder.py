@@ -1,57 +1,85 @@
-"""The measuring cylinder: its bulk density is the mass of the grains struck off at the rim over its volume.
+"""The measuring cylinder: bulk density of the grains that fill it to the rim.
 
-Vessel and pouring follow the small container of ISO 17828 (5 litres: 167 mm wide, 228 mm high; poured from 200 to 300
-mm above the rim, struck off level). The wall goes on above the rim as a collar, so that no grain falls beside the
-cylinder; what lies above the rim is struck off when the grains rest. Then the cylinder may be tapped: it falls from a
+Vessel and pouring follow the small container of ISO 17828 (5 litres: 167 mm wide, 228 mm
+high; poured from 200 to 300 mm above the rim, struck off level). The wall goes on above
+the rim as a collar, so that no grain falls beside the cylinder; what lies above the rim
+is struck off when the grains rest. Then the cylinder may be tapped: it falls from a
 height, so that its grains leave the floor with the speed of that fall.
 
-A grain belongs to the cylinder when its centre lies below the rim. What protrudes above the rim then makes up, on
-average, for what is missing below it, and the density depends on no shape. The core lies `core_margin_mm` away from
-wall, floor and rim, where grains pack more loosely than in the middle. Near them grains lie in layers, so where a
-layer's centres lie just inside the core their count is too high: the core has the share of each grain's volume that
-lies in it.
+A grain belongs to the cylinder if its centre lies below the rim. What protrudes above
+the rim then replaces, on average, what is missing below it, so the density depends on no
+shape. The core lies `core_margin_mm` away from wall, floor and rim, where grains pack
+more loosely than in the middle. Near them grains lie in layers, and a layer whose centres
+lie just inside the core would count too much. So the core has the share of each grain's
+volume that lies in it.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 
 from repose import dem
 from repose.bench.bench_test import (
+    OK,
     Arrays,
     BenchTest,
-    Contradictions,
-    Ending,
-    Faults,
-    Progress,
+    Outcome,
     Run,
-    Scene,
+    Verdict,
+    not_at_rest,
     register,
-    stated,
 )
-from repose.bench.factory import Disc, fill, last_berry_s
-from repose.bench.scene import Trial
-from repose.bench.settings import Poured, SceneSettings, SimulationSettings
+from repose.bench.factory import Disc, Factory, fill, last_berry_s
+from repose.bench.scene import Scene
+from repose.bench.settings import Poured, SceneSettings
+from repose.bench.trial import Progress, Trial
 from repose.calibrate.responses import Response
+from repose.common.section import Contradictions
 
 if TYPE_CHECKING:
     from repose.grain.particle import Particle
 
 NAME = "cylinder"
-TAP_MM, TAP_RESTS_S = 3.0, 0.4  # height of a tap, and time after it
-POINTS = 1000  # of a grain, over which its share in the core is counted
+# Height of a tap by default, and the time after a tap until the grains rest.
+TAP_MM = 3.0
+TAP_RESTS_S = 0.4
+# Points of a grain over which its share in the core is counted.
+POINTS = 1000
+# Directions in which the surface of a smooth body is looked at.
+N_RAYS = 1000
 
-# --- responses ------------------------------------------------------------------------------------
+# --- responses ------------------------------------------------------------------------
 
 VESSEL = ("cylinder.diameter_mm", "cylinder.height_mm")
-CORE = (*VESSEL, "cylinder.core_margin_mm")
-TAPPED = (*VESSEL, "cylinder.taps", "cylinder.tap_mm")
 
-# --- section of the configuration -----------------------------------------------------------------
+
+def _density(kind: str, label: str, symbol: str, keys: tuple[str, ...]) -> Response:
+    """Make the response of a density; keys: of the configuration, besides the vessel's."""
+    return Response(
+        name=f"{kind}_density_kg_m3",
+        unit="kg/m3",
+        label=label,
+        symbol=symbol,
+        apparatus=NAME,
+        low=0.0,
+        high=25000.0,
+        definition=(*VESSEL, *keys),
+    )
+
+
+BULK = _density("bulk", "bulk density", "bulk density", ())
+CORE = _density(
+    "core", "bulk density of the core", "core density", ("cylinder.core_margin_mm",)
+)
+TAPPED = _density(
+    "tapped", "tapped density", "tapped density", ("cylinder.taps", "cylinder.tap_mm")
+)
+
+# --- section of the configuration -----------------------------------------------------
 
 
 class CylinderSettings(Poured):
@@ -67,22 +95,25 @@ class CylinderSettings(Poured):
     tap_mm: float = Field(default=TAP_MM, ge=0.1, le=100)
 
 
-# --- build and run --------------------------------------------------------------------------------
+# --- the vessel -----------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Vessel:
-    """The inside of the cylinder about the z axis, its floor at z = 0, and the collar above its rim."""
+    """The inside of a cylinder about the z axis, its floor at z = 0, with a collar."""
 
     radius_m: float
     height_m: float
-    collar_m: float
+    collar_m: float  # height of the collar above the rim
 
     @classmethod
     def of(cls, section: CylinderSettings) -> "Vessel":
         """Make the vessel of a section of the configuration."""
-        lengths = 0.5 * section.diameter_mm, section.height_mm, section.collar_mm
-        return cls(*(1e-3 * length for length in lengths))
+        return cls(
+            radius_m=1e-3 * (0.5 * section.diameter_mm),
+            height_m=1e-3 * section.height_mm,
+            collar_m=1e-3 * section.collar_mm,
+        )
 
     @property
     def top_m(self) -> float:
@@ -95,84 +126,125 @@ class Vessel:
         shares: np.ndarray | Sequence[float],
         margin_m: float = 0.0,
     ) -> float:
-        """Mass of the shares (N,) of grains in the cylinder, `margin_m` off wall, floor and rim, over its volume."""
-        radius, height = self.radius_m - margin_m, self.height_m - 2.0 * margin_m
-        return float(np.asarray(masses_kg) @ np.asarray(shares, float)) / (
-            math.pi * radius**2 * height
-        )
+        """Compute the density of the grains in the cylinder or in its core.
 
-    def inside(self, centres_m: np.ndarray, margin_m: float = 0.0) -> np.ndarray:
-        """Mask of the centres that lie in the cylinder, at least `margin_m` away from wall, floor and rim."""
-        x, y, z = np.asarray(centres_m, float).T
-        between = (z > margin_m) & (z < self.height_m - margin_m)
-        return between & (np.hypot(x, y) < self.radius_m - margin_m)
+        Parameters
+        ----------
+        masses_kg : array
+            Masses (N,) of the grains.
+        shares : array
+            Share (N,) of each grain that lies inside, from 0 to 1.
+        margin_m : float, optional
+            Distance of the core from wall, floor and rim.
+        """
+        radius = self.radius_m - margin_m
+        height = self.height_m - 2.0 * margin_m
+        mass = float(np.asarray(masses_kg) @ np.asarray(shares, float))
+        return mass / (math.pi * radius**2 * height)
+
+    def inside(self, points_m: np.ndarray, margin_m: float = 0.0) -> np.ndarray:
+        """Mark points (N, 3) in the cylinder, a margin away from wall, floor and rim."""
+        x, y, z = np.asarray(points_m, float).T
+        is_between = (z > margin_m) & (z < self.height_m - margin_m)
+        return is_between & (np.hypot(x, y) < self.radius_m - margin_m)
 
     def shares_inside(
         self, arrays: Mapping[str, np.ndarray], particle: "Particle", margin_m: float
     ) -> np.ndarray:
-        """Share of each grain's volume that lies in the cylinder, `margin_m` away from wall, floor and rim.
+        """Compute the share of each grain's volume that lies in the core.
 
-        Counted over `POINTS` points of the body: the share of a grain that is cut is off by 0.003 (rms), the
-        density of a core by less than 1e-3 of itself. `arrays` holds ``position``, ``quaternion`` and ``scale`` of
-        a run.
+        It is counted over `POINTS` points of the body: the share of a grain that is cut
+        is off by 0.003 (rms), the density of a core by less than 1e-3 of itself.
+
+        Parameters
+        ----------
+        arrays : mapping
+            ``position`` (N, 3), ``quaternion`` (N, 4) and ``scale`` (N,) of a run.
+        particle : Particle
+            Body of the grains.
+        margin_m : float
+            Distance of the core from wall, floor and rim.
+
+        Returns
+        -------
+        array
+            Shares (N,).
         """
-        places, quaternions = (
-            np.asarray(arrays[name], float) for name in ("position", "quaternion")
-        )
-        points = points_of(particle)
-        shares = np.empty(len(places))
-        for k, (place, scale) in enumerate(zip(places, arrays["scale"], strict=True)):
-            around = place + scale * points @ dem.rotation_matrix(quaternions[k]).T
-            shares[k] = self.inside(around, margin_m).mean()
+        centres = np.asarray(arrays["position"], float)
+        quaternions = np.asarray(arrays["quaternion"], float)
+        body_points = points_of(particle)
+        shares = np.empty(len(centres))
+        for k, (centre, scale) in enumerate(zip(centres, arrays["scale"], strict=True)):
+            turn = dem.rotation_matrix(quaternions[k]).T
+            shares[k] = self.inside(
+                centre + scale * body_points @ turn, margin_m
+            ).mean()
         return shares
 
 
 def points_of(particle: "Particle") -> np.ndarray:
-    """Points (POINTS, 3) [m] spread evenly over the volume of a body, in its own frame."""
-    low, extent = -particle.support(-np.eye(3)), particle.axes_m
-    ratios = 1.2207440846057596 ** -np.arange(
-        1.0, 4.0
-    )  # a Kronecker sequence: powers of the root of x^4 = x + 1
-    points = low + extent * (np.outer(np.arange(1.0, 4 * POINTS), ratios) % 1.0)
+    """Spread points (POINTS, 3) [m] evenly over a body, in the body's own frame."""
+    # A Kronecker sequence in the body's box: by powers of the root of x^4 = x + 1.
+    ratios = 1.2207440846057596 ** -np.arange(1.0, 4.0)
+    low = -particle.support(-np.eye(3))
+    numbers = np.outer(np.arange(1.0, 4 * POINTS), ratios) % 1.0
+    points = low + particle.axes_m * numbers
     if particle.is_clump:
-        centres, radii = particle.spheres_m[:, :3], particle.spheres_m[:, 3]
-        inside = (np.linalg.norm(points[:, None] - centres, axis=2) < radii).any(axis=1)
+        inside = _in_spheres(points, particle.spheres_m)
     else:
-        turn, height = (
-            np.arange(1000.0) * math.pi * (3.0 - math.sqrt(5.0)),
-            np.linspace(-0.999, 0.999, 1000),
-        )
-        ring = np.sqrt(1.0 - height**2)
-        rays = np.column_stack([ring * np.cos(turn), ring * np.sin(turn), height])
-        inside = (points @ rays.T < particle.support(rays)).all(axis=1)
+        inside = _in_convex_body(points, particle)
     return points[inside][:POINTS]
 
 
-def tap(
-    simulation: "dem.Simulation",
-    settings: SimulationSettings,
-    height_m: float,
-    run_to: Callable[[int], object],
-) -> None:
-    """Let the cylinder fall from a height, and its grains rest: seen from it they jump up by that height."""
-    gravity, kept = simulation.physics.gravity, simulation.physics.gravity.copy()
-    speed, lasts_s = _of_a_tap(settings.gravity_m_s2, height_m)
-    gravity[2] += (
-        speed / settings.time_step_s
-    )  # in one step the speed of the fall, to all at once
-    run_to(simulation.steps + 1)
-    gravity[:] = kept
-    run_to(simulation.steps + settings.steps(lasts_s))
+def _in_spheres(points: np.ndarray, spheres_m: np.ndarray) -> np.ndarray:
+    """Mark the points (N, 3) that lie in one of the spheres (M, 4): x, y, z, radius."""
+    centres = spheres_m[:, :3]
+    radii = spheres_m[:, 3]
+    distances = np.linalg.norm(points[:, None] - centres, axis=2)
+    return (distances < radii).any(axis=1)
 
 
-def _of_a_tap(gravity_m_s2: float, height_m: float) -> tuple[float, float]:
-    """Speed of the fall [m/s], and the time until the grains rest [s]."""
-    speed = math.sqrt(2.0 * gravity_m_s2 * height_m)
-    return speed, 2.0 * speed / gravity_m_s2 + TAP_RESTS_S
+def _in_convex_body(points: np.ndarray, particle: "Particle") -> np.ndarray:
+    """Mark the points (N, 3) that lie in a convex body, by its extent along rays."""
+    azimuth = np.arange(float(N_RAYS)) * math.pi * (3.0 - math.sqrt(5.0))
+    height = np.linspace(-0.999, 0.999, N_RAYS)
+    ring = np.sqrt(1.0 - height**2)
+    rays = np.column_stack([ring * np.cos(azimuth), ring * np.sin(azimuth), height])
+    return (points @ rays.T < particle.support(rays)).all(axis=1)
+
+
+# --- build and run --------------------------------------------------------------------
+
+
+def tap(trial: Trial, height_m: float) -> None:
+    """Let the cylinder fall from a height, and its grains come to rest.
+
+    Seen from the cylinder the grains jump up by that height: gravity gives them all the
+    speed of the fall within one time step.
+    """
+    simulation = trial.simulation
+    settings = trial.scene.simulation
+    gravity = simulation.physics.gravity
+    gravity_before = gravity.copy()
+    gravity[2] += _fall_speed(settings.gravity_m_s2, height_m) / settings.time_step_s
+    trial.run_to(simulation.steps + 1)
+    gravity[:] = gravity_before
+    tap_s = _tap_duration_s(settings.gravity_m_s2, height_m)
+    trial.run_to(simulation.steps + settings.steps(tap_s))
+
+
+def _fall_speed(gravity_m_s2: float, height_m: float) -> float:
+    """Compute the speed of a fall from a height [m/s]."""
+    return math.sqrt(2.0 * gravity_m_s2 * height_m)
+
+
+def _tap_duration_s(gravity_m_s2: float, height_m: float) -> float:
+    """Compute the time from a tap until the grains rest [s]."""
+    return 2.0 * _fall_speed(gravity_m_s2, height_m) / gravity_m_s2 + TAP_RESTS_S
 
 
 @dataclass(frozen=True)
-class Filling(Ending):
+class Filling(Outcome):
     """A filled cylinder."""
 
     centres_m: np.ndarray  # (N, 3)
@@ -185,58 +257,54 @@ class CylinderTest(BenchTest[CylinderSettings]):
     """A measuring cylinder that is filled, struck off at the rim, and may be tapped."""
 
     settings = CylinderSettings
-    responses = (
-        Response(
-            "bulk_density_kg_m3",
-            "kg/m3",
-            "bulk density",
-            "bulk density",
-            NAME,
-            0.0,
-            25000.0,
-            VESSEL,
-        ),
-        Response(
-            "core_density_kg_m3",
-            "kg/m3",
-            "bulk density of the core",
-            "core density",
-            NAME,
-            0.0,
-            25000.0,
-            CORE,
-        ),
-        Response(
-            "tapped_density_kg_m3",
-            "kg/m3",
-            "tapped density",
-            "tapped density",
-            NAME,
-            0.0,
-            25000.0,
-            TAPPED,
-        ),
-    )
+    responses = (BULK, CORE, TAPPED)
     numbers = ("berries_in_cylinder",)
     statuses = ("ok", "unstable", "lost", "not_at_rest", "not_full")
     measured_by = ("core_margin_mm",)
     required_arrays = ("position", "quaternion", "scale")
     summary = (
-        "bulk density {bulk_density_kg_m3:.0f} kg/m3, in the core {core_density_kg_m3:.0f}, "
+        "bulk density {bulk_density_kg_m3:.0f} kg/m3, "
+        "in the core {core_density_kg_m3:.0f}, "
         "{berries_in_cylinder} grains in the cylinder"
     )
+    example: ClassVar = {
+        "cylinder": {
+            "berries": 120,
+            "rate_per_s": 300.0,
+            "duration_s": 1.5,
+            "seeds": 2,
+            "diameter_mm": 50.0,
+            "height_mm": 30.0,
+            "collar_mm": 60.0,
+            "speed_m_s": 1.0,
+            "core_margin_mm": 5.0,
+        },
+        "targets": [
+            {
+                "response": "bulk_density_kg_m3",
+                "value": 480.0,
+                "sd": 10.0,
+                "repetitions": 5,
+            }
+        ],
+    }
 
-    def world(self, scene: Scene, reach_m: float) -> dict[str, Any]:
+    def world(self, scene: Scene, largest_radius_m: float) -> dict[str, Any]:
         """Describe the cylinder with its collar."""
         section = self.section(scene.settings)
-        vessel, floor, up = Vessel.of(section), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
-        wall_m, shell_m = vessel.top_m + 2.0 * reach_m, vessel.radius_m
-        shell = dem.Cylinder(floor, up, wall_m, shell_m, "wall")
+        vessel = Vessel.of(section)
+        radius = vessel.radius_m
+        wall_height = vessel.top_m + 2.0 * largest_radius_m
+        floor = (0.0, 0.0, 0.0)
+        up = (0.0, 0.0, 1.0)
         return {
             "capacity": section.berries,
-            "walls": {"floor": dem.Plane(floor, up, "wall"), "shell": shell},
-            "lower": (-shell_m, -shell_m, 0.0),
-            "upper": (shell_m, shell_m, wall_m),
+            "walls": {
+                "floor": dem.Plane(floor, up, "wall"),
+                "shell": dem.Cylinder(floor, up, wall_height, radius, "wall"),
+            },
+            "lower": (-radius, -radius, 0.0),
+            "upper": (radius, radius, wall_height),
         }
 
     def run(
@@ -247,134 +315,120 @@ class CylinderTest(BenchTest[CylinderSettings]):
     ) -> Run:
         """Fill the cylinder, let the grains rest, and tap it.
 
-        The arrays are ``position``, ``quaternion`` and ``scale``, and with taps the positions after them, ``tapped``.
+        The arrays are ``position`` (N, 3) [m], ``quaternion`` (N, 4) and ``scale`` (N,)
+        before the taps; with taps also ``tapped`` (N, 3) [m], the positions after them.
         """
-        section, settings = self.section(scene.settings), scene.simulation
-        vessel, last_step = Vessel.of(section), settings.steps(section.duration_s)
+        section = self.section(scene.settings)
+        vessel = Vessel.of(section)
         trial = Trial(self.build, scene, section.berries, interval_s, progress)
-        length_m = float(scene.particle.axes_m.max())
-
-        def filling() -> Filling:
-            return Filling(
-                trial.simulation.positions.copy(),
-                trial.energy_j(),
-                length_m,
-                unstable=trial.broken,
-            )
-
+        factory = Factory(
+            Disc(vessel.radius_m - trial.largest_radius_m, vessel.top_m),
+            section.berries,
+            section.rate_per_s,
+            speed_m_s=section.speed_m_s,
+        )
+        last_step = scene.simulation.steps(section.duration_s)
         with trial.bound(vessel.top_m, section.speed_m_s).guard():
-            fill(
-                trial,
-                Disc(vessel.radius_m - trial.reach_m, vessel.top_m),
-                section,
-                last_step,
-            )
+            fill(trial, factory, last_step)
             trial.run_to(last_step)
-        filled = ending = filling()
+        filling = self._filling(trial)
         arrays = trial.grains()
-        if section.taps and self.status_of(filled, scene.settings)[0] == "ok":
+        numbers = {
+            "berries_poured": len(filling.centres_m),
+            "kinetic_energy_J": filling.energy_j,
+        }
+        if section.taps and self.status_of(filling, scene.settings).status == "ok":
             with trial.bounded.guard():
                 for _ in range(section.taps):
-                    tap(trial.simulation, settings, 1e-3 * section.tap_mm, trial.run_to)
-            ending = filling()
-            arrays["tapped"] = ending.centres_m.astype(np.float32)
-        numbers = {
-            "berries_poured": len(filled.centres_m),
-            "kinetic_energy_J": filled.energy_j,
-        }
-        return self.ended(scene, ending, arrays, trial.frames(), **numbers)
+                    tap(trial, 1e-3 * section.tap_mm)
+            filling = self._filling(trial)
+            arrays["tapped"] = filling.centres_m.astype(np.float32)
+        return self.make_run(scene, filling, arrays, trial.frames(), **numbers)
 
-    def faults(self, ending: Filling, settings: SceneSettings) -> Faults:
-        """Judge a filling.
+    def _filling(self, trial: Trial) -> Filling:
+        """Note the present state of the cylinder."""
+        return Filling(
+            centres_m=trial.simulation.positions.copy(),
+            energy_j=trial.energy_j(),
+            length_m=float(trial.scene.particle.axes_m.max()),
+            unstable=trial.broken,
+        )
 
-        The cylinder is full when the grains above the rim would make a layer of a grain's length there: the heap in
-        the collar is nearly level, so the rim is covered everywhere.
+    def judge(self, outcome: Filling, settings: SceneSettings) -> Verdict:
+        """Judge a stable filling.
+
+        The cylinder is full if the grains above the rim would make a layer there as high
+        as a grain is long. The heap in the collar is nearly level, so the rim is then
+        covered everywhere.
         """
-        section, centres = self.section(settings), ending.centres_m
+        section = self.section(settings)
         vessel = Vessel.of(section)
-        below = int(np.count_nonzero(centres[:, 2] < vessel.height_m))
-        layer = math.ceil(below * ending.length_m / vessel.height_m)
-        poured = f"{len(centres)} of {section.berries} grains poured, {below} of them below the rim"
-        outside = np.any(np.hypot(*centres.T[:2]) >= vessel.radius_m) or np.any(
-            centres[:, 2] <= 0.0
-        )
-        return stated(
-            (outside, "lost", "a grain lies outside the cylinder"),
-            settings.simulation.not_at_rest(ending.energy_j),
-            (
-                len(centres) - below < layer,
+        x, y, z = outcome.centres_m.T
+        if np.any(np.hypot(x, y) >= vessel.radius_m) or np.any(z <= 0.0):
+            return Verdict("lost", "a grain lies outside the cylinder")
+        moving = not_at_rest(outcome.energy_j, settings)
+        if moving is not None:
+            return moving
+        n_poured = len(outcome.centres_m)
+        n_below = int(np.count_nonzero(z < vessel.height_m))
+        n_layer = math.ceil(n_below * outcome.length_m / vessel.height_m)
+        if n_poured - n_below < n_layer:
+            return Verdict(
                 "not_full",
-                f"{poured}; a full cylinder has at least {layer} above it",
-            ),
-        )
+                f"{n_poured} of {section.berries} grains poured, {n_below} of them below "
+                f"the rim; a full cylinder has at least {n_layer} above it",
+            )
+        return OK
 
-    def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
+    def measure_arrays(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
         """Measure the densities."""
-        section, centres = (
-            self.section(scene.settings),
-            np.asarray(arrays["position"], float),
-        )
-        vessel, margin = Vessel.of(section), 1e-3 * section.core_margin_mm
+        section = self.section(scene.settings)
+        vessel = Vessel.of(section)
+        margin_m = 1e-3 * section.core_margin_mm
         masses = scene.particle.mass_kg * np.asarray(arrays["scale"], float) ** 3
-        shares, inside = (
-            vessel.shares_inside(arrays, scene.particle, margin),
-            vessel.inside(centres),
-        )
-        tapped = (
-            vessel.density_kg_m3(masses, vessel.inside(arrays["tapped"]))
-            if "tapped" in arrays
-            else None
-        )
+        inside = vessel.inside(np.asarray(arrays["position"], float))
+        core_shares = vessel.shares_inside(arrays, scene.particle, margin_m)
+        tapped_density = None
+        if "tapped" in arrays:
+            tapped_inside = vessel.inside(arrays["tapped"])
+            tapped_density = vessel.density_kg_m3(masses, tapped_inside)
         return {
-            "bulk_density_kg_m3": vessel.density_kg_m3(masses, inside),
-            "core_density_kg_m3": vessel.density_kg_m3(masses, shares, margin),
+            BULK.name: vessel.density_kg_m3(masses, inside),
+            CORE.name: vessel.density_kg_m3(masses, core_shares, margin_m),
             "berries_in_cylinder": int(inside.sum()),
-            "tapped_density_kg_m3": tapped,
+            TAPPED.name: tapped_density,
         }
 
     def duration_s(self, settings: SceneSettings) -> float:
         """Return the longest simulated time of a run [s]."""
         section = self.section(settings)
-        tap_s = _of_a_tap(settings.simulation.gravity_m_s2, 1e-3 * section.tap_mm)[1]
+        gravity_m_s2 = settings.simulation.gravity_m_s2
+        tap_s = _tap_duration_s(gravity_m_s2, 1e-3 * section.tap_mm)
         return section.duration_s + section.taps * tap_s
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
-        """Yield keys of a cylinder that cannot be filled or has no core, with what is allowed."""
-        section, last = self.section(settings), last_berry_s(self.section(settings))
-        half = min(section.diameter_mm, section.height_mm) / 2
-        is_tapped = any(
-            one.get("response") == "tapped_density_kg_m3"
-            for one in settings.targets_of(NAME)
-        )
-        missing = is_tapped and not section.taps
-        return stated(
-            (
-                last >= section.duration_s,
-                f"{NAME}.duration_s",
-                f"above {last:g}: the last grain appears at {last:g} s",
-            ),
-            (
-                section.core_margin_mm >= half,
-                f"{NAME}.core_margin_mm",
-                f"below {half:g}, or there is no core",
-            ),
-            (
-                missing,
-                f"{NAME}.taps",
-                "1 or more, for tapped_density_kg_m3 is a target",
-            ),
-        )
+        """Yield keys of a cylinder that cannot be filled or tapped, or has no core."""
+        section = self.section(settings)
+        last_s = last_berry_s(section)
+        if last_s >= section.duration_s:
+            yield (
+                "cylinder.duration_s",
+                f"above {last_s:g}: the last grain appears at {last_s:g} s",
+            )
+        half_mm = min(section.diameter_mm, section.height_mm) / 2
+        if section.core_margin_mm >= half_mm:
+            yield "cylinder.core_margin_mm", f"below {half_mm:g}, or there is no core"
+        targets = [target.get("response") for target in settings.targets_of(NAME)]
+        if TAPPED.name in targets and not section.taps:
+            yield "cylinder.taps", "1 or more, for tapped_density_kg_m3 is a target"
 
     def misfits(
         self, settings: SceneSettings, axes_mm: Sequence[float]
     ) -> Contradictions:
-        """Refuse a cylinder into which the mean grain does not fall in any orientation."""
-        longest = max(axes_mm)
-        narrow = self.section(settings).diameter_mm <= longest
-        return stated(
-            (
-                narrow,
-                f"{NAME}.diameter_mm",
-                f"above {longest:.4g}, the length of a mean grain",
+        """Yield the diameter if a mean grain does not fall in with any orientation."""
+        longest_mm = max(axes_mm)
+        if self.section(settings).diameter_mm <= longest_mm:
+            yield (
+                "cylinder.diameter_mm",
+                f"above {longest_mm:.4g}, the length of a mean grain",
             )
-        )

@@ -1,61 +1,84 @@
-"""The funnel with a lid: it is filled, the grains rest, the lid is taken away, and they flow out.
+"""The funnel with a lid: it is filled, the lid is taken away, and the grains flow out.
 
-A stopwatch gives the time until the funnel is empty, a balance below it the rate. The rate is taken over the middle of
-the discharge, where the flow has begun and the funnel still holds grains: it hardly depends on how high the grains
-stand (Beverloo et al. 1961, Chem. Eng. Sci. 15, 260). An outlet of fewer than about five grains across jams.
+A stopwatch gives the time until the funnel is empty, a balance below it the rate. The
+rate is taken over the middle of the discharge, where the flow has begun and the funnel
+still holds grains: it hardly depends on how high the grains stand (Beverloo et al. 1961,
+Chem. Eng. Sci. 15, 260). An outlet of fewer than about five grains across jams.
 
-The funnel is that of `repose.bench.funnel`, its outlet at z = 0, with a cylinder above its inlet. The lid
-is a disc in the outlet. It is taken away downwards, faster than the grains fall, so that it drags none of them along.
+The funnel is that of `repose.bench.funnel`, its outlet at z = 0, with a cylinder above
+its inlet. The lid is a disc in the outlet. It is taken away downwards, faster than the
+grains fall, so that it drags none of them along.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 
 from repose import dem
 from repose.bench.bench_test import (
+    OK,
     Arrays,
     BenchTest,
-    Contradictions,
-    Ending,
-    Faults,
-    Progress,
+    Outcome,
     Run,
-    Scene,
+    Verdict,
+    not_at_rest,
     register,
-    stated,
 )
-from repose.bench.factory import Disc, fill_and_rest, too_early
+from repose.bench.factory import Disc, Factory, fill_and_rest, too_early
 from repose.bench.funnel import Funnel, impossible_surfaces, narrow_openings
-from repose.bench.scene import Trial
+from repose.bench.scene import Scene
 from repose.bench.settings import Hopper, SceneSettings
+from repose.bench.trial import Progress, Trial
 from repose.calibrate.responses import Response
+from repose.common.section import Contradictions
 
 NAME = "discharge"
-LID_M_S = 3.0  # of the lid when it is taken away
-FLOOR_M = -0.1  # a grain below this height is gone
-LOOK_S = 0.05  # simulated time between two looks whether the funnel is empty
-# The rate is that between these shares of the mass.
-FROM_SHARE, TO_SHARE = 0.2, 0.8
+# Speed of the lid when it is taken away.
+LID_M_S = 3.0
+# A grain below this height is gone.
+FLOOR_M = -0.1
+# Simulated time between two checks whether the funnel is empty.
+LOOK_S = 0.05
+# Shares of the mass between whose exits the rate is measured.
+FROM_SHARE = 0.2
+TO_SHARE = 0.8
 
-# --- responses ------------------------------------------------------------------------------------
+# --- responses ------------------------------------------------------------------------
 
-VESSEL = tuple(
-    f"{NAME}.{key}"
-    for key in (
-        "berries",
-        "inlet_diameter_mm",
-        "outlet_diameter_mm",
-        "cone_angle_deg",
-        "tube_length_mm",
-    )
+VESSEL = (
+    "discharge.berries",
+    "discharge.inlet_diameter_mm",
+    "discharge.outlet_diameter_mm",
+    "discharge.cone_angle_deg",
+    "discharge.tube_length_mm",
+)
+EMPTYING = Response(
+    name="emptying_s",
+    unit="s",
+    label="time to empty",
+    symbol="time",
+    apparatus=NAME,
+    low=0.0,
+    high=1e4,
+    definition=VESSEL,
+)
+FLOW = Response(
+    name="flow_g_s",
+    unit="g/s",
+    label="rate of discharge",
+    symbol="rate",
+    apparatus=NAME,
+    low=0.0,
+    high=1e6,
+    definition=VESSEL,
 )
 
-# --- section of the configuration -----------------------------------------------------------------
+# --- section of the configuration -----------------------------------------------------
 
 
 class DischargeSettings(Hopper):
@@ -66,30 +89,53 @@ class DischargeSettings(Hopper):
     collar_mm: float = Field(ge=1, le=5000)
     speed_m_s: float = Field(ge=0, le=10)
 
+    @property
+    def funnel(self) -> Funnel:
+        """The inner surfaces of the funnel, its outlet at z = 0."""
+        return Funnel.of(self, outlet_height_mm=0.0)
 
-# --- build and run --------------------------------------------------------------------------------
+    @property
+    def top_m(self) -> float:
+        """Upper end of the collar, where grains appear [m]."""
+        return self.funnel.inlet_height_m + 1e-3 * self.collar_mm
+
+
+# --- run ------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
-class Discharge(Ending):
+class Discharge(Outcome):
     """A funnel that was opened."""
 
-    filled: int  # grains that found room in the funnel
+    n_filled: int  # grains that found room in the funnel
     rest_energy_j: float  # mean of a grain when the lid was taken away
-    early: int  # grains that were below the outlet before that
-    late: int  # grains that have left after that
-
-
-# --- measure --------------------------------------------------------------------------------------
+    n_early: int  # grains that were below the outlet before that
+    n_late: int  # grains that have left after that
 
 
 def rate_kg_s(exit_s: np.ndarray, mass_kg: np.ndarray) -> float:
-    """Mass flow from `FROM_SHARE` to `TO_SHARE` of all mass, of N bodies in any order; NaN if it took no time."""
+    """Compute the mass flow in the middle of a discharge.
+
+    Parameters
+    ----------
+    exit_s, mass_kg : array
+        Exit times (N,) and masses (N,) of the grains, in any order.
+
+    Returns
+    -------
+    float
+        The flow between `FROM_SHARE` and `TO_SHARE` of the mass [kg/s]; NaN if that took
+        no time.
+    """
     order = np.argsort(exit_s, kind="stable")
-    when, mass = exit_s[order], np.cumsum(mass_kg[order])
-    first, last = np.searchsorted(mass, [FROM_SHARE * mass[-1], TO_SHARE * mass[-1]])
-    took = when[last] - when[first]
-    return float((mass[last] - mass[first]) / took) if took > 0.0 else math.nan
+    exit_s = exit_s[order]
+    mass_out = np.cumsum(mass_kg[order])
+    ends = [FROM_SHARE * mass_out[-1], TO_SHARE * mass_out[-1]]
+    first, last = np.searchsorted(mass_out, ends)
+    duration_s = exit_s[last] - exit_s[first]
+    if not duration_s > 0.0:
+        return math.nan
+    return float((mass_out[last] - mass_out[first]) / duration_s)
 
 
 @register(NAME)
@@ -97,32 +143,46 @@ class DischargeTest(BenchTest[DischargeSettings]):
     """A funnel that is filled, opened and runs empty."""
 
     settings = DischargeSettings
-    responses = (
-        Response("emptying_s", "s", "time to empty", "time", NAME, 0.0, 1e4, VESSEL),
-        Response(
-            "flow_g_s", "g/s", "rate of discharge", "rate", NAME, 0.0, 1e6, VESSEL
-        ),
-    )
+    responses = (EMPTYING, FLOW)
     statuses = ("ok", "unstable", "lost", "not_filled", "not_at_rest", "jammed")
     required_arrays = ("exit_s", "scale")
     summary = "empty {emptying_s:.2f} s after the opening; rate {flow_g_s:.0f} g/s"
+    example: ClassVar = {
+        "discharge": {
+            "berries": 120,
+            "rate_per_s": 300.0,
+            "open_from_s": 1.0,
+            "longest_s": 3.0,
+            "seeds": 2,
+            "inlet_diameter_mm": 100.0,
+            "outlet_diameter_mm": 60.0,
+            "cone_angle_deg": 60.0,
+            "tube_length_mm": 0.0,
+            "rim_radius_mm": 1.0,
+            "collar_mm": 60.0,
+            "speed_m_s": 1.0,
+        },
+        "targets": [
+            {"response": "emptying_s", "value": 1.0, "sd": 0.05, "repetitions": 10}
+        ],
+    }
 
-    def world(self, scene: Scene, reach_m: float) -> dict[str, Any]:
+    def world(self, scene: Scene, largest_radius_m: float) -> dict[str, Any]:
         """Describe the closed funnel."""
         section = self.section(scene.settings)
-        funnel, top = _funnel(section)
-        radius, inlet, up = (
-            0.5 * funnel.inlet_diameter_m,
-            (0.0, 0.0, funnel.inlet_height_m),
-            (0.0, 0.0, 1.0),
-        )
+        funnel = section.funnel
+        radius = 0.5 * funnel.inlet_diameter_m
+        wall_top = section.top_m + 2.0 * largest_radius_m
+        up = (0.0, 0.0, 1.0)
         lid = dem.Plane((0.0, 0.0, 0.0), up, "wall", 0.5 * funnel.outlet_diameter_m)
-        collar = dem.Cylinder(inlet, up, top - inlet[2] + 2.0 * reach_m, radius, "wall")
+        inlet = (0.0, 0.0, funnel.inlet_height_m)
+        collar_height = section.top_m - inlet[2] + 2.0 * largest_radius_m
+        collar = dem.Cylinder(inlet, up, collar_height, radius, "wall")
         return {
             "capacity": section.berries,
             "walls": {"lid": lid, **funnel.walls("wall"), "collar": collar},
             "lower": (-radius, -radius, FLOOR_M),
-            "upper": (radius, radius, top + 2.0 * reach_m),
+            "upper": (radius, radius, wall_top),
             "exit_height_m": 0.0,
             "curved_walls_above_m": -funnel.rim_radius_m,
             "floor_height_m": FLOOR_M,
@@ -134,79 +194,99 @@ class DischargeTest(BenchTest[DischargeSettings]):
         interval_s: float | None = None,
         progress: Progress | None = None,
     ) -> Run:
-        """Fill the closed funnel, let the grains rest, open it, and wait until it is empty.
+        """Fill the closed funnel, let the grains rest, and open it until it is empty.
 
-        The arrays are ``exit_s`` (N,), when each grain left after the opening [s], NaN where it did not; ``scale``
-        (N,); and ``position`` (N, 3) [m] and ``quaternion`` (N, 4) when the lid was taken away.
+        The arrays are ``exit_s`` (N,), when each grain left after the opening [s], NaN
+        where it did not; ``scale`` (N,); and ``position`` (N, 3) [m] and ``quaternion``
+        (N, 4) when the lid was taken away.
         """
-        section, settings = self.section(scene.settings), scene.simulation
+        section = self.section(scene.settings)
+        settings = scene.simulation
         trial = Trial(self.build, scene, section.berries, interval_s, progress)
-        simulation, every = trial.simulation, max(1, settings.steps(LOOK_S))
-        funnel, top = _funnel(section)
-        factory = Disc(0.5 * funnel.inlet_diameter_m - trial.reach_m, top)
-        opened_s, energy, early, closed = math.nan, math.nan, 0, None
-        with trial.bound(top, max(LID_M_S, section.speed_m_s)).guard():
-            fill_and_rest(trial, factory, section, section.open_from_s, every)
-            opened_s, energy, closed = (
-                simulation.time_s,
-                trial.energy_j(),
-                trial.grains(),
-            )
-            early = int(np.isfinite(simulation.exit_times_s).sum())
+        simulation = trial.simulation
+        radius_m = 0.5 * section.funnel.inlet_diameter_m - trial.largest_radius_m
+        factory = Factory(
+            Disc(radius_m, section.top_m),
+            section.berries,
+            section.rate_per_s,
+            speed_m_s=section.speed_m_s,
+        )
+
+        def is_empty() -> bool:
+            return bool(np.isfinite(simulation.exit_times_s).all())
+
+        every = max(1, settings.steps(LOOK_S))
+        opened_s = math.nan
+        rest_energy_j = math.nan
+        n_early = 0
+        grains = None
+        with trial.bound(section.top_m, max(LID_M_S, section.speed_m_s)).guard():
+            fill_and_rest(trial, factory, section.open_from_s, every)
+            opened_s = simulation.time_s
+            rest_energy_j = trial.energy_j()
+            grains = trial.grains()
+            n_early = int(np.isfinite(simulation.exit_times_s).sum())
             simulation.set_motion("lid", dem.Motion(velocity_m_s=(0.0, 0.0, -LID_M_S)))
-            last = simulation.steps + settings.steps(section.longest_s)
-            trial.wait(
-                lambda: bool(np.isfinite(simulation.exit_times_s).all()), last, every
-            )
-        grains = closed or trial.grains()
-        exits = simulation.exit_times_s - opened_s
-        late = int(np.isfinite(exits).sum()) - early
-        discharge = Discharge(
-            simulation.n_bodies, energy, early, late, unstable=trial.broken
+            last_step = simulation.steps + settings.steps(section.longest_s)
+            trial.wait(is_empty, last_step, every)
+        if grains is None:
+            grains = trial.grains()
+
+        exit_s = simulation.exit_times_s - opened_s
+        has_left = np.isfinite(exit_s)
+        outcome = Discharge(
+            n_filled=simulation.n_bodies,
+            rest_energy_j=rest_energy_j,
+            n_early=n_early,
+            n_late=int(has_left.sum()) - n_early,
+            unstable=trial.broken,
         )
         arrays = {
-            "exit_s": np.where(np.isfinite(exits), exits, np.nan),
+            "exit_s": np.where(has_left, exit_s, np.nan),
             "scale": grains["scale"],
-            **grains,
         }
-        return self.ended(
+        return self.make_run(
             scene,
-            discharge,
-            arrays,
+            outcome,
+            arrays | grains,
             trial.frames(),
             opened_s=opened_s,
-            berries_out=late,
+            berries_out=outcome.n_late,
         )
 
-    def faults(self, ending: Discharge, settings: SceneSettings) -> Faults:
-        """Judge a run before it is measured."""
+    def judge(self, outcome: Discharge, settings: SceneSettings) -> Verdict:
+        """Judge a stable run before it is measured."""
         section = self.section(settings)
-        few = (
-            f"only {ending.filled} of {section.berries} grains find room in the funnel"
+        if outcome.n_filled < section.berries:
+            return Verdict(
+                "not_filled",
+                f"only {outcome.n_filled} of {section.berries} grains find room in the "
+                "funnel",
+            )
+        if outcome.n_early:
+            return Verdict("lost", f"{outcome.n_early} grains left the closed funnel")
+        moving = not_at_rest(
+            outcome.rest_energy_j, settings, " when the lid was taken away"
         )
-        left = section.berries - ending.late
-        return stated(
-            (ending.filled < section.berries, "not_filled", few),
-            (ending.early, "lost", f"{ending.early} grains left the closed funnel"),
-            settings.simulation.not_at_rest(
-                ending.rest_energy_j, " when the lid was taken away"
-            ),
-            (
-                left > 0,
+        if moving is not None:
+            return moving
+        n_left = section.berries - outcome.n_late
+        if n_left > 0:
+            return Verdict(
                 "jammed",
-                f"{left} grains are still in the funnel {section.longest_s:g} s after the opening",
-            ),
-        )
+                f"{n_left} grains are still in the funnel {section.longest_s:g} s after "
+                "the opening",
+            )
+        return OK
 
-    def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
+    def measure_arrays(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
         """Measure time and rate."""
-        exits = np.asarray(arrays["exit_s"], float)
-        rate = rate_kg_s(
-            exits, scene.particle.mass_kg * np.asarray(arrays["scale"], float) ** 3
-        )
+        exit_s = np.asarray(arrays["exit_s"], float)
+        masses = scene.particle.mass_kg * np.asarray(arrays["scale"], float) ** 3
+        rate = rate_kg_s(exit_s, masses)
         return {
-            "emptying_s": float(exits.max()),
-            "flow_g_s": None if math.isnan(rate) else 1e3 * rate,
+            EMPTYING.name: float(exit_s.max()),
+            FLOW.name: None if math.isnan(rate) else 1e3 * rate,
         }
 
     def duration_s(self, settings: SceneSettings) -> float:
@@ -215,7 +295,7 @@ class DischargeTest(BenchTest[DischargeSettings]):
         return section.open_from_s + section.longest_s
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
-        """Yield keys of a funnel that cannot be built or filled, with what is allowed."""
+        """Yield keys of a funnel that cannot be built or filled."""
         section = self.section(settings)
         yield from impossible_surfaces(section, NAME)
         yield from too_early(section, NAME, "open_from_s")
@@ -223,12 +303,6 @@ class DischargeTest(BenchTest[DischargeSettings]):
     def misfits(
         self, settings: SceneSettings, axes_mm: Sequence[float]
     ) -> Contradictions:
-        """Yield keys of openings that are too narrow for the mean grain, with what is allowed."""
-        sizes = {"outlet_diameter_mm": axes_mm[2], "inlet_diameter_mm": axes_mm[0]}
-        return narrow_openings(self.section(settings), NAME, sizes)
-
-
-def _funnel(section: DischargeSettings) -> tuple[Funnel, float]:
-    """Return the funnel, its outlet at z = 0, and the height [m] at which grains appear."""
-    funnel = Funnel.of(section, 0.0)
-    return funnel, funnel.inlet_height_m + 1e-3 * section.collar_mm
+        """Yield keys of openings that are too narrow for the mean grain."""
+        sizes_mm = {"outlet_diameter_mm": axes_mm[2], "inlet_diameter_mm": axes_mm[0]}
+        return narrow_openings(self.section(settings), NAME, sizes_mm)

@@ -1,45 +1,52 @@
-"""The drawdown box: a chamber with a slot in its floor is filled and drained into the chamber below.
+"""The drawdown box: a chamber with a slot in its floor drains into the chamber below.
 
-One filling gives two angles. Above, the grains that stay lean against both walls and fall off towards the slot: the
-angle at which a bed drains. Below, those that fell lie as a pile of the box's depth: the angle at which a poured heap
-comes to rest, flatter for the fall. Mass and rate of what drains come with them.
+One filling gives two angles. Above, the grains that stay lean against both walls and
+fall off towards the slot: the angle at which a bed drains. Below, those that fell lie as
+a pile of the box's depth: the angle at which a poured heap comes to rest, flatter for
+the fall. Mass and rate of what drains come with them.
 
-The two wedges above, put back to back, have the shape of a pile. So both angles are measured by the code and the
-definition (`measure.response`) of every pile, in the view along the slot. The gate is taken away downwards, faster than
-the grains fall, so that it drags none of them along.
+The two wedges above, put back to back, have the shape of a pile. So both angles are
+measured by the code and the definition (`measure.response`) of every pile, in the view
+along the slot. The gate is taken away downwards, faster than the grains fall, so that it
+drags none of them along.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 
 from repose import dem
 from repose.bench.bench_test import (
+    OK,
     Arrays,
     BenchTest,
-    Contradictions,
-    Ending,
-    Faults,
-    Progress,
+    Outcome,
     Run,
-    Scene,
+    Verdict,
+    not_at_rest,
     register,
-    stated,
 )
 from repose.bench.discharge import LID_M_S, rate_kg_s
-from repose.bench.factory import Strip, fill_and_rest, too_early
+from repose.bench.factory import Factory, Strip, fill_and_rest, too_early
 from repose.bench.funnel import CALIBRATED, narrow_openings
-from repose.bench.scene import Trial, largest_cluster
+from repose.bench.scene import Scene
 from repose.bench.settings import Poured, SceneSettings
+from repose.bench.trial import Progress, Trial, largest_cluster
 from repose.calibrate.responses import Response
 from repose.common.errors import NoFlankError
+from repose.common.section import Contradictions
+
+if TYPE_CHECKING:
+    from repose.measure.settings import MeasureSettings
+    from repose.measure.silhouette import Grains
 
 NAME = "drawdown"
-LOOK_S = 0.05  # simulated time between two looks whether the grains rest
-HALVES = ("width", "depth", "slot", "lower_width")  # keys whose halves a `Box` has
+# Simulated time between two checks whether the grains rest.
+LOOK_S = 0.05
+# Corners of the six faces of a block, see `_block`.
 FACES = (
     (0, 1, 3, 2),
     (4, 6, 7, 5),
@@ -47,24 +54,61 @@ FACES = (
     (2, 3, 7, 6),
     (0, 2, 6, 4),
     (1, 5, 7, 3),
-)  # of a block
+)
 
-# --- responses ------------------------------------------------------------------------------------
+# --- responses ------------------------------------------------------------------------
 
-BOX = tuple(
-    f"{NAME}.{key}"
-    for key in (
-        "berries",
-        "width_mm",
-        "depth_mm",
-        "slot_mm",
-        "lower_width_mm",
-        "drop_mm",
-    )
+BOX = (
+    "drawdown.berries",
+    "drawdown.width_mm",
+    "drawdown.depth_mm",
+    "drawdown.slot_mm",
+    "drawdown.lower_width_mm",
+    "drawdown.drop_mm",
 )
 SEEN = (*BOX, "measure.mm_per_pixel", *CALIBRATED)
+ABOVE = Response(
+    name="drawdown_above_deg",
+    unit="deg",
+    label="drawdown, angle above",
+    symbol="above",
+    apparatus=NAME,
+    low=1.0,
+    high=89.0,
+    definition=SEEN,
+)
+BELOW = Response(
+    name="drawdown_below_deg",
+    unit="deg",
+    label="drawdown, angle below",
+    symbol="below",
+    apparatus=NAME,
+    low=1.0,
+    high=89.0,
+    definition=SEEN,
+)
+MASS = Response(
+    name="drawdown_mass_g",
+    unit="g",
+    label="drawdown, mass below",
+    symbol="mass below",
+    apparatus=NAME,
+    low=0.0,
+    high=1e7,
+    definition=BOX,
+)
+FLOW = Response(
+    name="drawdown_flow_g_s",
+    unit="g/s",
+    label="drawdown, rate",
+    symbol="rate",
+    apparatus=NAME,
+    low=0.0,
+    high=1e6,
+    definition=BOX,
+)
 
-# --- section of the configuration -----------------------------------------------------------------
+# --- section of the configuration -----------------------------------------------------
 
 
 class DrawdownSettings(Poured):
@@ -82,67 +126,86 @@ class DrawdownSettings(Poured):
     drop_mm: float = Field(ge=1, le=5000)
 
 
-# --- build and run --------------------------------------------------------------------------------
+# --- the box --------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Box:
-    """The box: x across the slot, y along it, z up from the lower floor; all lengths in m."""
+    """The box: x across the slot, y along it, z up from the lower floor; lengths in m."""
 
-    half_width: float
+    half_width: float  # of the upper chamber
     half_depth: float
     half_slot: float
-    half_lower: float
+    half_lower: float  # half of the lower chamber's width
     floor: float  # height of the upper floor's upper side
-    thickness: float  # of upper floor, its walls and the gate
+    thickness: float  # of the upper floor, its walls and the gate
     top: float  # of the upper chamber
 
     @classmethod
     def of(cls, section: DrawdownSettings) -> "Box":
         """Make the box of a section of the configuration."""
-        width, depth, slot, lower = (
-            0.5e-3 * getattr(section, f"{key}_mm") for key in HALVES
-        )
-        drop, thickness = 1e-3 * section.drop_mm, 1e-3 * section.floor_mm
         return cls(
-            width, depth, slot, lower, drop, thickness, drop + 1e-3 * section.height_mm
+            half_width=0.5e-3 * section.width_mm,
+            half_depth=0.5e-3 * section.depth_mm,
+            half_slot=0.5e-3 * section.slot_mm,
+            half_lower=0.5e-3 * section.lower_width_mm,
+            floor=1e-3 * section.drop_mm,
+            thickness=1e-3 * section.floor_mm,
+            top=1e-3 * section.drop_mm + 1e-3 * section.height_mm,
         )
 
     @property
     def gate(self) -> float:
-        """Height of the gate's upper side, the lower side of the floor."""
+        """Height of the gate's upper side, which is the lower side of the floor."""
         return self.floor - self.thickness
 
     def walls(
         self, edge_radius_m: float, room_m: float
     ) -> "dict[str, dem.Plane | dem.Mesh]":
-        """All walls by name; the upper ones are `room_m` higher than the chamber."""
-        y, t = self.half_depth + 2.0 * self.thickness, self.thickness
+        """Make all walls by name.
+
+        Parameters
+        ----------
+        edge_radius_m : float
+            Radius of the rounded edges of floor, walls and gate.
+        room_m : float
+            How much higher the upper walls are than the chamber.
+        """
         walls: dict[str, dem.Plane | dem.Mesh] = {
             "lower_floor": dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall"),
             "front": dem.Plane((0.0, -self.half_depth, 0.0), (0.0, 1.0, 0.0), "wall"),
             "back": dem.Plane((0.0, self.half_depth, 0.0), (0.0, -1.0, 0.0), "wall"),
         }
-        for name, side in (("left", -1.0), ("right", 1.0)):
-            walls[f"lower_{name}"] = dem.Plane(
+        # Blocks reach beyond front and back, so that no grain meets their ends.
+        half_y = self.half_depth + 2.0 * self.thickness
+        y = (-half_y, half_y)
+        outer = self.half_width + self.thickness
+        for side_name, side in (("left", -1.0), ("right", 1.0)):
+            walls[f"lower_{side_name}"] = dem.Plane(
                 (side * self.half_lower, 0.0, 0.0), (-side, 0.0, 0.0), "wall"
             )
-            floor = side * self.half_slot, side * (self.half_width + t)
-            wall = side * self.half_width, side * (self.half_width + t)
-            walls[f"{name}_floor"] = _block(
-                floor, (-y, y), (self.gate, self.floor), edge_radius_m
+            walls[f"{side_name}_floor"] = _block(
+                x=(side * self.half_slot, side * outer),
+                y=y,
+                z=(self.gate, self.floor),
+                edge_radius_m=edge_radius_m,
             )
-            walls[f"{name}_wall"] = _block(
-                wall, (-y, y), (self.gate, self.top + room_m), edge_radius_m
+            walls[f"{side_name}_wall"] = _block(
+                x=(side * self.half_width, side * outer),
+                y=y,
+                z=(self.gate, self.top + room_m),
+                edge_radius_m=edge_radius_m,
             )
-        across = (-self.half_slot - t, self.half_slot + t)
         walls["gate"] = _block(
-            across, (-y, y), (self.gate - t, self.gate), edge_radius_m
+            x=(-self.half_slot - self.thickness, self.half_slot + self.thickness),
+            y=y,
+            z=(self.gate - self.thickness, self.gate),
+            edge_radius_m=edge_radius_m,
         )
         return walls
 
     def holds(self, centres_m: np.ndarray) -> np.ndarray:
-        """Mask (N,) of the grains whose centres lie inside the box."""
+        """Mark the grains (N,) whose centres (N, 3) lie inside the box."""
         x, y, z = centres_m.T
         return (np.abs(x) < self.half_lower) & (np.abs(y) < self.half_depth) & (z > 0.0)
 
@@ -150,30 +213,36 @@ class Box:
 def _block(
     x: Sequence[float], y: Sequence[float], z: Sequence[float], edge_radius_m: float
 ) -> "dem.Mesh":
-    """Make a rectangular block as a wall of triangles, between two places along each axis."""
-    corners = np.array(
-        [(a, b, c) for a in sorted(x) for b in sorted(y) for c in sorted(z)]
-    )
-    faces = [triangle for a, b, c, d in FACES for triangle in ((a, b, c), (a, c, d))]
-    return dem.Mesh(corners, np.array(faces), "wall", edge_radius_m)
-
-
-@dataclass(frozen=True)
-class Drained(Ending):
-    """A box that was drained."""
-
-    filled: int  # grains that found room in the upper chamber
-    early: int  # grains that were below the gate before it was opened
-    held: bool  # whether all grains are inside the box
-    over_slot: int  # grains that rest above the middle of the slot
-    energy_j: float  # mean of a grain at the end
+    """Make a rectangular block as a mesh; x, y and z are its two ends along each axis."""
+    corners = [(a, b, c) for a in sorted(x) for b in sorted(y) for c in sorted(z)]
+    triangles = []
+    for a, b, c, d in FACES:
+        triangles += [(a, b, c), (a, c, d)]
+    return dem.Mesh(np.array(corners), np.array(triangles), "wall", edge_radius_m)
 
 
 def back_to_back(centres_m: np.ndarray, box: Box) -> np.ndarray:
-    """Move the grains of both wedges, their outer walls at x = 0 and the floor at z = 0: the shape of a pile."""
+    """Move the grains (N, 3) of both wedges so that they have the shape of a pile.
+
+    Their outer walls come to x = 0, and the floor to z = 0.
+    """
     moved = centres_m - (0.0, 0.0, box.floor)
     moved[:, 0] -= np.sign(moved[:, 0]) * box.half_width
     return moved
+
+
+# --- run ------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Drained(Outcome):
+    """A box that was drained."""
+
+    n_filled: int  # grains that found room in the upper chamber
+    n_early: int  # grains that were below the gate before it was opened
+    holds_all: bool  # whether all grains are inside the box
+    n_over_slot: int  # grains that rest above the middle of the slot
+    energy_j: float  # mean of a grain at the end
 
 
 @register(NAME)
@@ -181,41 +250,7 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
     """A box that is filled and drained through a slot."""
 
     settings = DrawdownSettings
-    responses = (
-        Response(
-            "drawdown_above_deg",
-            "deg",
-            "drawdown, angle above",
-            "above",
-            NAME,
-            1.0,
-            89.0,
-            SEEN,
-        ),
-        Response(
-            "drawdown_below_deg",
-            "deg",
-            "drawdown, angle below",
-            "below",
-            NAME,
-            1.0,
-            89.0,
-            SEEN,
-        ),
-        Response(
-            "drawdown_mass_g",
-            "g",
-            "drawdown, mass below",
-            "mass below",
-            NAME,
-            0.0,
-            1e7,
-            BOX,
-        ),
-        Response(
-            "drawdown_flow_g_s", "g/s", "drawdown, rate", "rate", NAME, 0.0, 1e6, BOX
-        ),
-    )
+    responses = (ABOVE, BELOW, MASS, FLOW)
     numbers = ("berries_below",)
     statuses = (
         "ok",
@@ -231,16 +266,49 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         "{drawdown_above_deg:.1f} deg above, {drawdown_below_deg:.1f} deg below, "
         "{drawdown_mass_g:.0f} g at {drawdown_flow_g_s:.0f} g/s"
     )
+    example: ClassVar = {
+        "drawdown": {
+            "berries": 150,
+            "rate_per_s": 300.0,
+            "open_from_s": 1.0,
+            "longest_s": 3.0,
+            "seeds": 2,
+            "width_mm": 120.0,
+            "depth_mm": 40.0,
+            "height_mm": 80.0,
+            "slot_mm": 50.0,
+            "floor_mm": 4.0,
+            "edge_radius_mm": 0.5,
+            "lower_width_mm": 240.0,
+            "drop_mm": 90.0,
+        },
+        "measure": {"response": "flank"},
+        "targets": [
+            {
+                "response": "drawdown_above_deg",
+                "value": 38.0,
+                "sd": 3.0,
+                "repetitions": 10,
+            },
+            {
+                "response": "drawdown_mass_g",
+                "value": 50.0,
+                "sd": 5.0,
+                "repetitions": 10,
+            },
+        ],
+    }
 
-    def world(self, scene: Scene, reach_m: float) -> dict[str, Any]:
-        """Describe the box, its gate closed."""
+    def world(self, scene: Scene, largest_radius_m: float) -> dict[str, Any]:
+        """Describe the box with its gate closed."""
         section = self.section(scene.settings)
         box = Box.of(section)
+        room_m = 4.0 * largest_radius_m
         return {
             "capacity": section.berries,
-            "walls": box.walls(1e-3 * section.edge_radius_mm, 4.0 * reach_m),
+            "walls": box.walls(1e-3 * section.edge_radius_mm, room_m),
             "lower": (-box.half_lower, -box.half_depth, 0.0),
-            "upper": (box.half_lower, box.half_depth, box.top + 4.0 * reach_m),
+            "upper": (box.half_lower, box.half_depth, box.top + room_m),
             "exit_height_m": box.gate,
         }
 
@@ -250,113 +318,125 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         interval_s: float | None = None,
         progress: Progress | None = None,
     ) -> Run:
-        """Fill the upper chamber, let the grains rest, open the gate, and let what stays and what fell rest.
+        """Fill the upper chamber, let the grains rest, open the gate, and let them rest.
 
-        The arrays are ``position`` (N, 3), ``quaternion`` (N, 4) and ``scale`` (N,) at the end, ``exit_s`` (N,), when
-        each grain left the slot after the opening [s], NaN where it stayed, and ``in_pile`` (N,), the largest cluster
-        below.
+        The arrays are ``position`` (N, 3) [m], ``quaternion`` (N, 4) and ``scale`` (N,)
+        at the end; ``exit_s`` (N,), when each grain left the slot after the opening [s],
+        NaN where it stayed; and ``in_pile`` (N,), the mask of the largest cluster below.
         """
-        section, settings = self.section(scene.settings), scene.simulation
-        box, every = Box.of(section), max(1, settings.steps(LOOK_S))
+        section = self.section(scene.settings)
+        settings = scene.simulation
+        box = Box.of(section)
         trial = Trial(self.build, scene, section.berries, interval_s, progress)
-        simulation, reach = trial.simulation, trial.reach_m
-        factory = Strip(box.half_width - reach, box.half_depth - reach, box.top + reach)
-        filled, early, opened_s = 0, 0, np.nan
-        with trial.bound(factory.height_m, LID_M_S).guard():
-            fill_and_rest(trial, factory, section, section.open_from_s, every)
-            filled, opened_s = simulation.n_bodies, simulation.time_s
-            early = int(np.isfinite(simulation.exit_times_s).sum())
+        simulation = trial.simulation
+        radius = trial.largest_radius_m
+        area = Strip(box.half_width - radius, box.half_depth - radius, box.top + radius)
+        factory = Factory(area, section.berries, section.rate_per_s)
+
+        every = max(1, settings.steps(LOOK_S))
+        n_filled = 0
+        n_early = 0
+        opened_s = np.nan
+        with trial.bound(area.height_m, LID_M_S).guard():
+            fill_and_rest(trial, factory, section.open_from_s, every)
+            n_filled = simulation.n_bodies
+            opened_s = simulation.time_s
+            n_early = int(np.isfinite(simulation.exit_times_s).sum())
+            # Move the gate down until it lies below the lower floor.
             simulation.set_motion("gate", dem.Motion(velocity_m_s=(0.0, 0.0, -LID_M_S)))
-            # until it lies below the lower floor
             trial.run_to(simulation.steps + settings.steps(box.floor / LID_M_S))
             simulation.set_motion("gate", dem.Motion())
             trial.run_to(simulation.steps + every)
-            trial.wait(
-                trial.rests, simulation.steps + settings.steps(section.longest_s), every
-            )
-        centres, exits = simulation.positions, simulation.exit_times_s
-        over = int(
-            np.sum(
-                (centres[:, 2] > box.gate)
-                & (np.abs(centres[:, 0]) < 0.5 * box.half_slot)
-            )
-        )
-        held, energy = (
-            bool(simulation.present.all() and box.holds(centres).all()),
-            trial.energy_j(),
-        )
-        drained = Drained(
-            filled=filled,
-            early=early,
-            held=held,
-            over_slot=over,
-            energy_j=energy,
+            last_step = simulation.steps + settings.steps(section.longest_s)
+            trial.wait(trial.rests, last_step, every)
+
+        centres = simulation.positions
+        exit_times = simulation.exit_times_s
+        is_above = centres[:, 2] > box.gate
+        is_over_slot = is_above & (np.abs(centres[:, 0]) < 0.5 * box.half_slot)
+        outcome = Drained(
+            n_filled=n_filled,
+            n_early=n_early,
+            holds_all=bool(simulation.present.all() and box.holds(centres).all()),
+            n_over_slot=int(np.sum(is_over_slot)),
+            energy_j=trial.energy_j(),
             unstable=trial.broken,
         )
-        in_pile = largest_cluster(simulation.contacts(), np.isfinite(exits))
-        arrays = trial.grains() | {"exit_s": exits - opened_s, "in_pile": in_pile}
-        return self.ended(scene, drained, arrays, trial.frames(walls=True))
+        arrays = trial.grains()
+        arrays["exit_s"] = exit_times - opened_s
+        arrays["in_pile"] = largest_cluster(
+            simulation.contacts(), np.isfinite(exit_times)
+        )
+        return self.make_run(scene, outcome, arrays, trial.frames(walls=True))
 
-    def faults(self, ending: Drained, settings: SceneSettings) -> Faults:
-        """Judge a run before it is measured."""
+    def judge(self, outcome: Drained, settings: SceneSettings) -> Verdict:
+        """Judge a stable run before it is measured."""
         section = self.section(settings)
-        few = (
-            f"only {ending.filled} of {section.berries} grains find room above the gate"
+        if outcome.n_filled < section.berries:
+            return Verdict(
+                "not_filled",
+                f"only {outcome.n_filled} of {section.berries} grains find room above "
+                "the gate",
+            )
+        if outcome.n_early or not outcome.holds_all:
+            return Verdict(
+                "lost", "a grain lies outside the box, or left the closed chamber"
+            )
+        moving = not_at_rest(
+            outcome.energy_j, settings, f" {section.longest_s:g} s after the opening"
         )
-        out = "a grain lies outside the box, or left the closed chamber"
-        return stated(
-            (ending.filled < section.berries, "not_filled", few),
-            (ending.early or not ending.held, "lost", out),
-            settings.simulation.not_at_rest(
-                ending.energy_j, f" {section.longest_s:g} s after the opening"
-            ),
-            (
-                ending.over_slot,
+        if moving is not None:
+            return moving
+        if outcome.n_over_slot:
+            return Verdict(
                 "jammed",
-                f"{ending.over_slot} grains rest above the middle of the slot",
-            ),
-        )
+                f"{outcome.n_over_slot} grains rest above the middle of the slot",
+            )
+        return OK
 
-    def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
+    def measure_arrays(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
         """Measure angles, mass and rate."""
-        from repose.measure.pile import measure_pile
         from repose.measure.silhouette import Grains
 
-        box, particle = Box.of(self.section(scene.settings)), scene.particle
-        settings = replace(scene.measure, views=1)
-        centres, scales = (
-            np.asarray(arrays[key], float) for key in ("position", "scale")
-        )
-        exits, masses = (
-            np.asarray(arrays["exit_s"], float),
-            particle.mass_kg * scales**3,
-        )
-        left = np.isfinite(exits)
-        rate = rate_kg_s(exits[left], masses[left]) if left.any() else np.nan
-        measured: dict[str, Any] = dict.fromkeys(
-            (*self.response_names, *self.numbers)
-        ) | {
-            "berries_below": int(left.sum()),
-            "drawdown_mass_g": 1e3 * float(masses[left].sum()),
-            "drawdown_flow_g_s": 1e3 * rate if np.isfinite(rate) else None,
+        particle = scene.particle
+        centres = np.asarray(arrays["position"], float)
+        scales = np.asarray(arrays["scale"], float)
+        exit_s = np.asarray(arrays["exit_s"], float)
+        masses = particle.mass_kg * scales**3
+        is_below = np.isfinite(exit_s)
+        rate = np.nan
+        if is_below.any():
+            rate = rate_kg_s(exit_s[is_below], masses[is_below])
+        measured: dict[str, Any] = {
+            ABOVE.name: None,
+            BELOW.name: None,
+            MASS.name: 1e3 * float(masses[is_below].sum()),
+            FLOW.name: 1e3 * rate if np.isfinite(rate) else None,
+            "berries_below": int(is_below.sum()),
         }
-        pile = (
-            np.asarray(arrays["in_pile"], bool) if settings.largest_pile_only else left
-        )
-        # both wedges, though they need not touch
-        apart = replace(settings, largest_pile_only=False)
-        parts = {
-            "drawdown_above_deg": (~left, back_to_back(centres, box), apart),
-            "drawdown_below_deg": (pile, centres, settings),
-        }
+
+        # The view is along the slot. Both wedges are measured, though they need not touch.
+        view = replace(scene.measure, views=1)
+        view_of_all = replace(view, largest_pile_only=False)
+        box = Box.of(self.section(scene.settings))
+        wedges = Grains(
+            back_to_back(centres, box), arrays["quaternion"], particle, scales
+        )[~is_below]
+        in_pile = is_below
+        if view.largest_pile_only:
+            in_pile = np.asarray(arrays["in_pile"], bool)
+        pile = Grains(centres, arrays["quaternion"], particle, scales)[in_pile]
+
         reasons = {}
-        for name, (these, places, how) in parts.items():
-            grains = Grains(places, arrays["quaternion"], particle, scales)[these]
+        for name, grains, settings in (
+            (ABOVE.name, wedges, view_of_all),
+            (BELOW.name, pile, view),
+        ):
             try:
-                measured[name] = measure_pile(grains, how).record()["aor_deg"]
+                measured[name] = _angle_of_repose(grains, settings)
             except NoFlankError as error:
                 reasons[name] = error.reason
-        return {**self.assess(measured, scene.settings, reasons), **measured}
+        return {**self.check_targets(measured, scene.settings, reasons), **measured}
 
     def duration_s(self, settings: SceneSettings) -> float:
         """Return the longest simulated time of a run [s]."""
@@ -364,35 +444,41 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         return 2.0 * section.open_from_s + section.longest_s
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
-        """Yield keys of a box that cannot be built or filled, with what is allowed."""
+        """Yield keys of a box that cannot be built or filled."""
         section = self.section(settings)
-        width, floor, edge = section.width_mm, section.floor_mm, section.edge_radius_mm
-        wide, drop, lower = width + 2 * floor, section.drop_mm, section.lower_width_mm
         yield from too_early(section, NAME, "open_from_s")
-        yield from stated(
-            (
-                section.slot_mm >= width,
-                f"{NAME}.slot_mm",
-                f"below {NAME}.width_mm, {width:g}",
-            ),
-            (
-                4 * edge > floor,
-                f"{NAME}.edge_radius_mm",
-                f"at most a quarter of {NAME}.floor_mm, {floor / 4:g}",
-            ),
-            (drop <= floor, f"{NAME}.drop_mm", f"above {NAME}.floor_mm, {floor:g}"),
-            (
-                lower < wide,
-                f"{NAME}.lower_width_mm",
-                f"at least {wide:g}, the upper chamber with its walls",
-            ),
-        )
+        if section.slot_mm >= section.width_mm:
+            yield "drawdown.slot_mm", f"below drawdown.width_mm, {section.width_mm:g}"
+        floor_mm = section.floor_mm
+        if 4 * section.edge_radius_mm > floor_mm:
+            yield (
+                "drawdown.edge_radius_mm",
+                f"at most a quarter of drawdown.floor_mm, {floor_mm / 4:g}",
+            )
+        if section.drop_mm <= floor_mm:
+            yield "drawdown.drop_mm", f"above drawdown.floor_mm, {floor_mm:g}"
+        outer_mm = section.width_mm + 2 * floor_mm
+        if section.lower_width_mm < outer_mm:
+            yield (
+                "drawdown.lower_width_mm",
+                f"at least {outer_mm:g}, the upper chamber with its walls",
+            )
 
     def misfits(
         self, settings: SceneSettings, axes_mm: Sequence[float]
     ) -> Contradictions:
-        """Yield keys of a box that is too narrow for the mean grain, with what is allowed."""
-        sizes = dict.fromkeys(("depth_mm", "width_mm", "height_mm"), axes_mm[0])
-        return narrow_openings(
-            self.section(settings), NAME, {"slot_mm": axes_mm[2]} | sizes
-        )
+        """Yield keys of a box that is too narrow for the mean grain."""
+        sizes_mm = {
+            "slot_mm": axes_mm[2],
+            "depth_mm": axes_mm[0],
+            "width_mm": axes_mm[0],
+            "height_mm": axes_mm[0],
+        }
+        return narrow_openings(self.section(settings), NAME, sizes_mm)
+
+
+def _angle_of_repose(grains: "Grains", settings: "MeasureSettings") -> float | None:
+    """Measure the angle of repose of a pile [degrees]; NoFlankError if it has none."""
+    from repose.measure.pile import measure_pile
+
+    return measure_pile(grains, settings).record()["aor_deg"]

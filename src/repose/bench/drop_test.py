@@ -1,50 +1,75 @@
-"""The drop test: one grain falls on a plate; height and duration of its rebound give the coefficient of restitution.
+"""The drop test: a grain falls on a plate, and its rebound gives the restitution.
 
-A camera sees how high the grain rebounds: its centre leaves the plate with sqrt(2 g h). A microphone hears it touch the
-plate twice: between the two sounds it flies for T, so it left with g T / 2. Either speed over that of the fall is a
-restitution. Both are of the centre of mass: a grain that is no sphere turns after the hit, which takes some of the
-energy, and touches again in another orientation. So do real ones, and both responses scatter with the orientation in
-which the grain falls.
+A camera sees how high the grain rebounds: its centre leaves the plate with
+sqrt(2 g h). A microphone hears it touch the plate twice: between the two sounds it flies
+for T, so it left with g T / 2. Either speed over that of the fall is a restitution. Both
+are of the centre of mass: a grain that is no sphere turns after the hit, which takes some
+of the energy, and touches again in another orientation. So do real ones, and both
+responses scatter with the orientation in which the grain falls.
 
-Real hits last microseconds. Here, where grains may be softened, T is the time of flight, without the hits themselves.
+Real hits last microseconds. Here, where grains may be softened, T is the time of flight,
+without the hits themselves.
 """
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
 
 from repose import dem
 from repose.bench.bench_test import (
+    OK,
     Arrays,
     BenchTest,
-    Contradictions,
-    Ending,
-    Faults,
-    Progress,
+    Outcome,
     Run,
-    Scene,
+    Verdict,
     register,
-    stated,
 )
 from repose.bench.factory import add_above
-from repose.bench.scene import Trial
+from repose.bench.scene import Scene
 from repose.bench.settings import SceneSettings
+from repose.bench.trial import Progress, Trial
 from repose.calibrate.responses import Response
-from repose.common.section import Section, Seeds
+from repose.common.section import Contradictions, Section, Seeds
 
 NAME = "drop_test"
-LOOK_S = 1e-3  # longest simulated time between two looks at the grain
-HIT_S = 1.0  # longest duration of a hit
-EACH = 10_000  # first time steps of a hit that are all looked at; then looks are 1 / EACH of the hit so far apart
+# Longest simulated time between two looks at the flying grain.
+LOOK_S = 1e-3
+# Longest duration of a hit.
+HIT_S = 1.0
+# Time steps of a hit that are all looked at; later looks are 1 / EACH of the hit apart.
+EACH = 10_000
+# Fewest time steps of a fall.
+FEWEST_STEPS = 100
 
-# --- responses ------------------------------------------------------------------------------------
+# --- responses ------------------------------------------------------------------------
 
-FALL = tuple(f"{NAME}.{key}" for key in ("surface", "height_mm", "orientation"))
+FALL = ("drop_test.surface", "drop_test.height_mm", "drop_test.orientation")
+BY_HEIGHT = Response(
+    name="height_restitution",
+    unit="",
+    label="restitution, by height",
+    symbol="e, height",
+    apparatus=NAME,
+    low=0.0,
+    high=1.0,
+    definition=FALL,
+)
+BY_SOUND = Response(
+    name="sound_restitution",
+    unit="",
+    label="restitution, by sound",
+    symbol="e, sound",
+    apparatus=NAME,
+    low=0.0,
+    high=1.0,
+    definition=FALL,
+)
 
-# --- section of the configuration -----------------------------------------------------------------
+# --- section of the configuration -----------------------------------------------------
 
 
 class DropTestSettings(Section):
@@ -56,61 +81,73 @@ class DropTestSettings(Section):
     seeds: Seeds
 
 
-# --- build and run --------------------------------------------------------------------------------
+# --- run ------------------------------------------------------------------------------
 
 
-class _Follow:
-    """Follows a grain above a plate: step by step where it may touch, in longer strides while it flies."""
+class _Height(NamedTuple):
+    """Height of the grain's centre at a time."""
+
+    time_s: float
+    height_m: float
+
+
+class _Tracker:
+    """Advances a grain above a plate: in long strides while it flies, then in steps."""
 
     def __init__(self, trial: Trial) -> None:
-        self.trial, self.simulation, self.settings = (
-            trial,
-            trial.simulation,
-            trial.scene.simulation,
-        )
-        self.reach_m = float(trial.scales[0]) * trial.scene.particle.bounding_radius_m
+        self.trial = trial
+        self.simulation = trial.simulation
+        self.settings = trial.scene.simulation
+        scale = float(trial.scales[0])
+        self.radius_m = scale * trial.scene.particle.bounding_radius_m
 
-    def touches(self) -> bool:
-        """Return whether the grain touches the plate."""
+    def is_touching(self) -> bool:
+        """Tell whether the grain touches the plate."""
         return len(self.simulation.wall_overlaps()[0]) > 0
 
-    def fly(self) -> list[tuple[float, float]]:
-        """Fly until the grain touches the plate; time and height of its centre on the way."""
-        rows = [self._row()]
-        while not self.touches():
+    def fly(self) -> list[_Height]:
+        """Advance until the grain touches the plate; return its heights on the way."""
+        heights = [self._height()]
+        while not self.is_touching():
             self.trial.run_to(self.simulation.steps + self._stride())
-            rows.append(self._row())
-        return rows
+            heights.append(self._height())
+        return heights
 
     def hit(self) -> bool:
-        """Go on until the grain has left the plate; False where it does not."""
-        began = now = self.simulation.steps
-        last = began + self.settings.steps(HIT_S)
-        while (touches := self.touches()) and now < last:
-            self.trial.run_to(min(last, now + 1 + (now - began) // EACH))
-            now = self.simulation.steps
-        return not touches
+        """Advance until the grain has left the plate; False if it does not."""
+        simulation = self.simulation
+        first_step = simulation.steps
+        last_step = first_step + self.settings.steps(HIT_S)
+        is_touching = self.is_touching()
+        while is_touching and simulation.steps < last_step:
+            stride = 1 + (simulation.steps - first_step) // EACH
+            self.trial.run_to(min(last_step, simulation.steps + stride))
+            is_touching = self.is_touching()
+        return not is_touching
 
-    def _row(self) -> tuple[float, float]:
-        return self.simulation.time_s, self.simulation.positions[0, 2]
+    def _height(self) -> _Height:
+        """Note the present height."""
+        return _Height(self.simulation.time_s, self.simulation.positions[0, 2])
 
     def _stride(self) -> int:
-        """Time steps in half of the time until the ball around the grain reaches the plate."""
-        gravity, up = self.settings.gravity_m_s2, self.simulation.velocities[0, 2]
-        above = max(self.simulation.positions[0, 2] - self.reach_m, 0.0)
-        until_s = (
-            (up + math.sqrt(up**2 + 2.0 * gravity * above)) / gravity
-            if above > 0.0
-            else 0.0
-        )
-        return max(1, self.settings.steps(min(LOOK_S, 0.5 * until_s)))
+        """Choose the number of time steps up to the next look at the flying grain.
+
+        They take half of the time until the ball around the grain reaches the plate.
+        """
+        gap_m = self.simulation.positions[0, 2] - self.radius_m
+        fall_s = 0.0
+        if gap_m > 0.0:
+            gravity = self.settings.gravity_m_s2
+            up = self.simulation.velocities[0, 2]
+            fall_s = (up + math.sqrt(up**2 + 2.0 * gravity * gap_m)) / gravity
+        return max(1, self.settings.steps(min(LOOK_S, 0.5 * fall_s)))
 
 
 @dataclass(frozen=True)
-class Rebound(Ending):
+class Rebound(Outcome):
     """A hit."""
 
-    left: bool  # whether the grain left the plate again
+    has_left: bool  # whether the grain left the plate again
 
 
 @register(NAME)
@@ -118,43 +155,42 @@ class DropTest(BenchTest[DropTestSettings]):
     """A grain that falls on a plate and rebounds."""
 
     settings = DropTestSettings
-    responses = (
-        Response(
-            "height_restitution",
-            "",
-            "restitution, by height",
-            "e, height",
-            NAME,
-            0.0,
-            1.0,
-            FALL,
-        ),
-        Response(
-            "sound_restitution",
-            "",
-            "restitution, by sound",
-            "e, sound",
-            NAME,
-            0.0,
-            1.0,
-            FALL,
-        ),
-    )
+    responses = (BY_HEIGHT, BY_SOUND)
     numbers = ("rebound_height_mm", "flight_s")
     statuses = ("ok", "unstable", "no_rebound")
     required_arrays = ("time_s", "height_m", "drop_m")
-    summary = "restitution {height_restitution:.3f} by height, {sound_restitution:.3f} by sound"
+    summary = (
+        "restitution {height_restitution:.3f} by height, "
+        "{sound_restitution:.3f} by sound"
+    )
+    example: ClassVar = {
+        "drop_test": {
+            "surface": "wall",
+            "height_mm": 100.0,
+            "orientation": "upright",
+            "seeds": 2,
+        },
+        "targets": [
+            {
+                "response": "height_restitution",
+                "value": 0.35,
+                "sd": 0.05,
+                "repetitions": 10,
+            }
+        ],
+    }
 
-    def world(self, scene: Scene, reach_m: float) -> dict[str, Any]:
+    def world(self, scene: Scene, largest_radius_m: float) -> dict[str, Any]:
         """Describe the plate, and room for one grain above it."""
-        section, half = self.section(scene.settings), 4.0 * reach_m
+        section = self.section(scene.settings)
+        half = 4.0 * largest_radius_m
+        plate = dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), section.surface)
+        top = 1e-3 * section.height_mm + 2.0 * largest_radius_m
         return {
             "capacity": 1,
-            "walls": {
-                "plate": dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), section.surface)
-            },
+            "walls": {"plate": plate},
             "lower": (-half, -half, 0.0),
-            "upper": (half, half, 1e-3 * section.height_mm + 2.0 * reach_m),
+            "upper": (half, half, top),
         }
 
     def run(
@@ -165,73 +201,70 @@ class DropTest(BenchTest[DropTestSettings]):
     ) -> Run:
         """Drop one grain and follow it until it touches the plate for the second time.
 
-        The arrays are ``time_s`` (T,) and ``height_m`` (T,), of its centre, from when the grain leaves the plate until
-        it touches it again, and ``drop_m``, the height of its fall.
+        The arrays are ``time_s`` (T,) and ``height_m`` (T,), of its centre, from when the
+        grain leaves the plate until it touches it again; and ``drop_m`` (1,), the height
+        of its fall.
         """
-        section, trial = (
-            self.section(scene.settings),
-            Trial(self.build, scene, 1, interval_s, progress),
-        )
-        height, follow = 1e-3 * section.height_mm, _Follow(trial)
-        add_above(trial, section.orientation, height)
-        rows: list[tuple[float, float]] = []
-        with trial.bound(height + 2.0 * trial.reach_m).guard():
-            follow.fly()
-            if follow.hit():
-                rows = follow.fly()
-        times, heights = np.array(rows).reshape(-1, 2).T
-        arrays = {"time_s": times, "height_m": heights, "drop_m": np.array([height])}
-        return self.ended(
-            scene,
-            Rebound(bool(rows), unstable=trial.broken),
-            arrays,
-            trial.frames(walls=True),
-        )
+        section = self.section(scene.settings)
+        trial = Trial(self.build, scene, 1, interval_s, progress)
+        drop_m = 1e-3 * section.height_mm
+        add_above(trial, section.orientation, drop_m)
+        tracker = _Tracker(trial)
+        heights: list[_Height] = []
+        with trial.bound(drop_m + 2.0 * trial.largest_radius_m).guard():
+            tracker.fly()
+            if tracker.hit():
+                heights = tracker.fly()
+        arrays = {
+            "time_s": np.array([height.time_s for height in heights]),
+            "height_m": np.array([height.height_m for height in heights]),
+            "drop_m": np.array([drop_m]),
+        }
+        outcome = Rebound(has_left=bool(heights), unstable=trial.broken)
+        return self.make_run(scene, outcome, arrays, trial.frames(walls=True))
 
-    def faults(self, ending: Rebound, settings: SceneSettings) -> Faults:
-        """Judge a run before it is measured."""
-        stays = f"the grain still touches the plate {HIT_S:g} s after it fell on it"
-        return stated((not ending.left, "no_rebound", stays))
+    def judge(self, outcome: Rebound, settings: SceneSettings) -> Verdict:
+        """Judge a stable run before it is measured."""
+        if not outcome.has_left:
+            return Verdict(
+                "no_rebound",
+                f"the grain still touches the plate {HIT_S:g} s after it fell on it",
+            )
+        return OK
 
-    def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
+    def measure_arrays(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
         """Measure both restitutions."""
-        time_s, height_m = (
-            np.asarray(arrays["time_s"], float),
-            np.asarray(arrays["height_m"], float),
-        )
-        drop, gravity = float(arrays["drop_m"][0]), scene.simulation.gravity_m_s2
-        rebound, flight = (
-            float(height_m.max() - height_m[0]),
-            float(time_s[-1] - time_s[0]),
-        )
+        time_s = np.asarray(arrays["time_s"], float)
+        height_m = np.asarray(arrays["height_m"], float)
+        drop_m = float(arrays["drop_m"][0])
+        gravity = scene.simulation.gravity_m_s2
+        rebound_m = float(height_m.max() - height_m[0])
+        flight_s = float(time_s[-1] - time_s[0])
+        fall_speed = math.sqrt(2.0 * gravity * drop_m)
         return {
-            "height_restitution": math.sqrt(rebound / drop),
-            "sound_restitution": 0.5
-            * gravity
-            * flight
-            / math.sqrt(2.0 * gravity * drop),
-            "rebound_height_mm": 1e3 * rebound,
-            "flight_s": flight,
+            BY_HEIGHT.name: math.sqrt(rebound_m / drop_m),
+            BY_SOUND.name: 0.5 * gravity * flight_s / fall_speed,
+            "rebound_height_mm": 1e3 * rebound_m,
+            "flight_s": flight_s,
         }
 
     def duration_s(self, settings: SceneSettings) -> float:
-        """Return the longest simulated time: the fall, the hit, and a rebound to the height of the fall."""
-        return (
-            3.0
-            * math.sqrt(
-                2e-3
-                * self.section(settings).height_mm
-                / settings.simulation.gravity_m_s2
-            )
-            + HIT_S
-        )
+        """Return the longest simulated time of a run [s].
+
+        It has the fall, the hit, and a rebound to the height of the fall.
+        """
+        height_mm = self.section(settings).height_mm
+        fall_s = math.sqrt(2e-3 * height_mm / settings.simulation.gravity_m_s2)
+        return 3.0 * fall_s + HIT_S
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
-        """Refuse a fall so short that it takes fewer than 100 time steps."""
+        """Yield the height if the fall takes fewer than `FEWEST_STEPS` time steps."""
         simulation = settings.simulation
-        least = 0.5e3 * simulation.gravity_m_s2 * (100 * simulation.time_step_s) ** 2
-        if self.section(settings).height_mm < least:
+        shortest_s = FEWEST_STEPS * simulation.time_step_s
+        lowest_mm = 0.5e3 * simulation.gravity_m_s2 * shortest_s**2
+        if self.section(settings).height_mm < lowest_mm:
             yield (
-                f"{NAME}.height_mm",
-                f"at least {least:.3g}, or the fall takes fewer than 100 time steps",
+                "drop_test.height_mm",
+                f"at least {lowest_mm:.3g}, or the fall takes fewer than "
+                f"{FEWEST_STEPS} time steps",
             )

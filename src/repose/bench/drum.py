@@ -1,7 +1,8 @@
-"""The rotating drum (paper, section 4.2.2): grains rest in a cylinder that then turns until its bed slips.
+"""The rotating drum (paper, section 4.2.2): it turns slowly until its bed slips.
 
-The axis is y, the origin lies on it half-way along. The drum turns about -y, which carries the bed towards +x. When a
-slip is judged the drum stops, as in the experiment, and the bed comes to rest.
+The axis is y, the origin lies on it half-way along. The drum turns about -y, which
+carries the bed towards +x. When a slip is found the drum stops, as in the experiment, and
+the bed comes to rest.
 """
 
 import contextlib
@@ -9,28 +10,27 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from operator import methodcaller
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 from pydantic import Field
 
 from repose import dem
 from repose.bench.bench_test import (
+    OK,
     Arrays,
     BenchTest,
-    Contradictions,
-    Ending,
-    Faults,
-    Progress,
+    Outcome,
     Run,
-    Scene,
+    Verdict,
     register,
-    stated,
 )
-from repose.bench.factory import Strip, fill_and_rest, too_early
-from repose.bench.scene import Trial
+from repose.bench.factory import Factory, Strip, fill_and_rest, too_early
+from repose.bench.scene import Scene
 from repose.bench.settings import Rotating, SceneSettings
+from repose.bench.trial import Progress, Trial
 from repose.calibrate.responses import Response
+from repose.common.section import Contradictions
 
 if TYPE_CHECKING:
     from repose.dem import Cone, Plane
@@ -38,61 +38,95 @@ if TYPE_CHECKING:
 
 NAME = "drum"
 WALLS = ("shell", "near_cap", "far_cap")
+# States of the bed that a run keeps: at the beginning of the rotation, at the time of the
+# report, before the slip and after it.
 STATES = ("start", "report", "before", "after")
+# Statuses of runs whose surface can be measured.
+MEASURABLE = ("ok", "no_slip")
 
-# --- responses ------------------------------------------------------------------------------------
+# --- responses ------------------------------------------------------------------------
 
 # Keys that define the surface of the bed, and a slip.
 SEEN = ("measure.mm_per_pixel", "drum.fit_share", "drum.slip_drop_deg")
-BEFORE, AFTER = (
-    methodcaller("get", f"{when}_surface_deg") for when in ("before", "after")
+SLIP = Response(
+    name="drum_slip_deg",
+    unit="deg",
+    label="drum, slip",
+    symbol="slip",
+    apparatus=NAME,
+    low=-90.0,
+    high=90.0,
+    definition=SEEN,
+    function=methodcaller("get", "before_surface_deg"),
+)
+REST = Response(
+    name="drum_rest_deg",
+    unit="deg",
+    label="drum, after the slip",
+    symbol="rest",
+    apparatus=NAME,
+    low=-90.0,
+    high=90.0,
+    definition=SEEN,
+    function=methodcaller("get", "after_surface_deg"),
 )
 
-# --- the vessel ---------------------------------------------------------------------------------
+# --- the vessel -----------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Drum:
     """The inside of a cylinder about the y axis between two flat caps."""
 
-    radius_m: float  # of the inside, as the length
+    radius_m: float
     length_m: float
 
     @classmethod
     def of(cls, section: Rotating) -> "Drum":
         """Make the drum of a section of the configuration."""
-        radius_mm = 0.5 * section.outer_diameter_mm - section.wall_thickness_mm
-        return cls(1e-3 * radius_mm, 1e-3 * section.length_mm)
+        return cls(
+            radius_m=1e-3 * inner_radius_mm(section), length_m=1e-3 * section.length_mm
+        )
 
     def walls(self, material: str) -> "dict[str, Cone | Plane]":
-        """Shell and caps by name, of a material."""
+        """Make shell and caps, by name."""
         half = 0.5 * self.length_m
-        ends = ((0.0, -half, 0.0), (0.0, half, 0.0))
+        near = (0.0, -half, 0.0)
+        far = (0.0, half, 0.0)
+        axis = (0.0, 1.0, 0.0)
         return {
-            "shell": dem.Cylinder(
-                ends[0], (0.0, 1.0, 0.0), self.length_m, self.radius_m, material
-            ),
-            "near_cap": dem.Plane(ends[0], (0.0, 1.0, 0.0), material),
-            "far_cap": dem.Plane(ends[1], (0.0, -1.0, 0.0), material),
+            "shell": dem.Cylinder(near, axis, self.length_m, self.radius_m, material),
+            "near_cap": dem.Plane(near, axis, material),
+            "far_cap": dem.Plane(far, (0.0, -1.0, 0.0), material),
         }
 
-    def factory(self, height_m: float, berry_radius_m: float) -> Strip:
-        """Make the widest `Strip` at a height above the axis in which a grain touches no wall; else ValueError."""
-        room = self.radius_m - berry_radius_m
-        half_y = 0.5 * self.length_m - berry_radius_m
-        if not (abs(height_m) < room and half_y > 0.0):
+    def factory_area(self, height_m: float, grain_radius_m: float) -> Strip:
+        """Make the widest area at a height above the axis where a grain fits.
+
+        Raises ValueError if a grain of this bounding radius touches a wall everywhere.
+        """
+        radius = self.radius_m - grain_radius_m
+        half_y = 0.5 * self.length_m - grain_radius_m
+        if not (abs(height_m) < radius and half_y > 0.0):
             raise ValueError(
-                f"height_m is {height_m!r}; expected below {room:.4g}, in a drum longer than a grain"
+                f"height_m is {height_m!r}; expected below {radius:.4g}, in a drum "
+                "longer than a grain"
             )
-        return Strip(math.sqrt(room**2 - height_m**2), half_y, height_m)
+        return Strip(math.sqrt(radius**2 - height_m**2), half_y, height_m)
 
     def holds(self, centres_m: np.ndarray) -> np.ndarray:
-        """Mask (N,) of the grains whose centres lie inside the drum."""
-        inside = np.hypot(centres_m[:, 0], centres_m[:, 2]) < self.radius_m
-        return inside & (np.abs(centres_m[:, 1]) < 0.5 * self.length_m)
+        """Mark the grains (N,) whose centres (N, 3) lie inside the drum."""
+        x, y, z = centres_m.T
+        is_in_shell = np.hypot(x, z) < self.radius_m
+        return is_in_shell & (np.abs(y) < 0.5 * self.length_m)
 
 
-# --- section of the configuration -----------------------------------------------------------------
+def inner_radius_mm(section: Rotating) -> float:
+    """Compute the inner radius of a drum [mm]."""
+    return 0.5 * section.outer_diameter_mm - section.wall_thickness_mm
+
+
+# --- section of the configuration -----------------------------------------------------
 
 
 class DrumSettings(Rotating):
@@ -105,23 +139,23 @@ class DrumSettings(Rotating):
     depth_bin_mm: float = Field(ge=0.5, le=500)
 
 
-# --- build and run ------------------------------------------------------------------------------
+# --- what bench tests with a drum share -----------------------------------------------
 
 
 @dataclass(frozen=True)
-class Turned(Ending):
+class DrumOutcome(Outcome):
     """A drum that has turned."""
 
-    held: bool  # whether all grains are there, and inside the drum
+    holds_all: bool  # whether all grains are there, and inside the drum
 
 
 R = TypeVar("R", bound=Rotating)
 
 
 class RotatingDrum(BenchTest[R]):
-    """What bench tests with a drum share: vessel, filling and the line through the surface of the bed."""
+    """A bench test with a drum: its vessel, its filling and the surface of its bed."""
 
-    def world(self, scene: Scene, reach_m: float) -> dict[str, Any]:
+    def world(self, scene: Scene, largest_radius_m: float) -> dict[str, Any]:
         """Describe the drum."""
         section = self.section(scene.settings)
         drum = Drum.of(section)
@@ -133,12 +167,18 @@ class RotatingDrum(BenchTest[R]):
             "upper": half,
         }
 
+    def tilt_deg(self, section: R) -> float:
+        """Return the angle by which the axis is tilted; a tilted drum is low at +y."""
+        return 0.0
+
     def build(self, scene: Scene, largest_scale: float = 1.0) -> "dem.Simulation":
-        """Make the empty drum; tilted, it is low at positive y."""
+        """Make the empty drum; gravity leans where the axis is tilted."""
         simulation = super().build(scene, largest_scale)
-        tilt = math.radians(getattr(self.section(scene.settings), "tilt_deg", 0.0))
+        tilt = math.radians(self.tilt_deg(self.section(scene.settings)))
         gravity = simulation.physics.gravity
-        gravity[1:] = -gravity[2] * math.sin(tilt), gravity[2] * math.cos(tilt)
+        down = gravity[2]
+        gravity[1] = -down * math.sin(tilt)
+        gravity[2] = down * math.cos(tilt)
         return simulation
 
     def empty_drum(
@@ -146,30 +186,31 @@ class RotatingDrum(BenchTest[R]):
         scene: Scene,
         interval_s: float | None = None,
         progress: Progress | None = None,
-    ) -> tuple[Trial, Strip]:
-        """Make the drum for the grains of a seed within its bounds, and the place where they appear."""
+    ) -> tuple[Trial, Factory]:
+        """Make the trial with the empty drum within its bounds, and its factory."""
         section = self.section(scene.settings)
-        drum, trial = (
-            Drum.of(section),
-            Trial(self.build, scene, section.berries, interval_s, progress),
+        drum = Drum.of(section)
+        trial = Trial(self.build, scene, section.berries, interval_s, progress)
+        fastest_rad_s = float(np.max(section.angular_velocity_rad_s))
+        trial.bound(drum.radius_m, fastest_rad_s * drum.radius_m)
+        area = drum.factory_area(
+            1e-3 * section.factory_height_mm, trial.largest_radius_m
         )
-        trial.bound(
-            drum.radius_m, float(np.max(section.angular_velocity_rad_s)) * drum.radius_m
-        )
-        return trial, drum.factory(1e-3 * section.factory_height_mm, trial.reach_m)
+        return trial, Factory(area, section.berries, section.rate_per_s)
 
     def holds_all(self, trial: Trial) -> bool:
-        """Whether all grains are there, and inside the drum."""
-        simulation, drum = trial.simulation, Drum.of(self.section(trial.scene.settings))
-        return simulation.n_bodies == simulation.capacity and bool(
-            drum.holds(simulation.positions).all()
-        )
+        """Tell whether all grains are there, and inside the drum."""
+        simulation = trial.simulation
+        if simulation.n_bodies < simulation.capacity:
+            return False
+        drum = Drum.of(self.section(trial.scene.settings))
+        return bool(drum.holds(simulation.positions).all())
 
-    def faults(self, ending: Turned, settings: SceneSettings) -> Faults:
-        """Judge a run before it is measured."""
-        return stated(
-            (not ending.held, "lost", "a grain is missing, or outside the drum")
-        )
+    def judge(self, outcome: DrumOutcome, settings: SceneSettings) -> Verdict:
+        """Judge a stable run before it is measured."""
+        if not outcome.holds_all:
+            return Verdict("lost", "a grain is missing, or outside the drum")
+        return OK
 
     def surface_of(
         self,
@@ -178,16 +219,16 @@ class RotatingDrum(BenchTest[R]):
         scale: np.ndarray,
         scene: Scene,
     ) -> "bed.Surface":
-        """Return the surface of a bed of N grains; ValueError if it has none."""
+        """Find the surface of a bed of N grains; ValueError if it has none."""
         from repose.measure import bed
         from repose.measure.silhouette import Grains
 
         section = self.section(scene.settings)
-        radius, pixel = Drum.of(section).radius_m, scene.settings.mm_per_pixel
-        filled = bed.side_view(
-            Grains(position, quaternion, scene.particle, scale), radius, pixel
-        )
-        return bed.surface_of(filled, radius, pixel, section.fit_share)
+        radius_m = Drum.of(section).radius_m
+        mm_per_pixel = scene.settings.mm_per_pixel
+        grains = Grains(position, quaternion, scene.particle, scale)
+        view = bed.side_view(grains, radius_m, mm_per_pixel)
+        return bed.surface_of(view, radius_m, mm_per_pixel, section.fit_share)
 
     def surface_angles(
         self,
@@ -196,81 +237,87 @@ class RotatingDrum(BenchTest[R]):
         scale: np.ndarray,
         scene: Scene,
     ) -> np.ndarray:
-        """Return the angle of the surface in each of T frames [degrees]; NaN where the bed has no surface."""
+        """Measure the angle of the surface in T frames of N grains.
+
+        Returns
+        -------
+        array
+            Angles (T,) [degrees]; NaN where the bed has no surface.
+        """
         angles = np.full(len(position), math.nan)
-        for k, (centres, turns) in enumerate(zip(position, quaternion, strict=True)):
+        frames = zip(position, quaternion, strict=True)
+        for k, (centres, quaternions) in enumerate(frames):
             with contextlib.suppress(ValueError):
-                angles[k] = self.surface_of(centres, turns, scale, scene).angle_deg
+                surface = self.surface_of(centres, quaternions, scale, scene)
+                angles[k] = surface.angle_deg
         return angles
 
     def impossible_filling(self, settings: SceneSettings) -> Contradictions:
-        """Refuse a drum that has no room, turns too early or is recorded too finely."""
-        drum, step_s, key = (
-            self.section(settings),
-            settings.simulation.time_step_s,
-            self.name,
-        )
-        wide, radius = (
-            drum.outer_diameter_mm,
-            drum.outer_diameter_mm / 2 - drum.wall_thickness_mm,
-        )
-        outside = abs(drum.factory_height_mm) >= radius > 0
-        yield from stated(
-            (
-                radius <= 0,
-                f"{key}.wall_thickness_mm",
-                f"below half of {key}.outer_diameter_mm, {wide:g}",
-            ),
-            (
-                outside,
-                f"{key}.factory_height_mm",
-                f"inside the drum, between -{radius:g} and {radius:g}",
-            ),
-        )
-        yield from too_early(drum, key, "rotate_from_s")
-        fine = drum.record_s < step_s
-        yield from stated(
-            (fine, f"{key}.record_s", f"at least simulation.time_step_s, {step_s:g}")
-        )
+        """Yield keys of a drum without room, that turns too early, or is seen too often.
+
+        With each key comes what is allowed.
+        """
+        section = self.section(settings)
+        radius_mm = inner_radius_mm(section)
+        if radius_mm <= 0:
+            yield (
+                f"{self.name}.wall_thickness_mm",
+                f"below half of {self.name}.outer_diameter_mm, "
+                f"{section.outer_diameter_mm:g}",
+            )
+        elif abs(section.factory_height_mm) >= radius_mm:
+            yield (
+                f"{self.name}.factory_height_mm",
+                f"inside the drum, between -{radius_mm:g} and {radius_mm:g}",
+            )
+        yield from too_early(section, self.name, "rotate_from_s")
+        time_step_s = settings.simulation.time_step_s
+        if section.record_s < time_step_s:
+            yield (
+                f"{self.name}.record_s",
+                f"at least simulation.time_step_s, {time_step_s:g}",
+            )
 
     def misfits(
         self, settings: SceneSettings, axes_mm: Sequence[float]
     ) -> Contradictions:
-        """Refuse a drum in which a mean grain cannot lie across the axis at the factory's height."""
-        drum, long_mm, fits = (
-            self.section(settings),
-            max(axes_mm),
-            "so that a mean grain fits",
-        )
-        highest = drum.outer_diameter_mm / 2 - drum.wall_thickness_mm - long_mm / 2
-        room = (
-            f"between -{highest:.4g} and {highest:.4g}"
-            if highest > 0
-            else "a wider drum"
-        )
-        high = abs(drum.factory_height_mm) >= highest
-        return stated(
-            (
-                drum.length_mm <= long_mm,
+        """Yield keys of a drum in which a mean grain cannot appear across the axis."""
+        section = self.section(settings)
+        longest_mm = max(axes_mm)
+        if section.length_mm <= longest_mm:
+            yield (
                 f"{self.name}.length_mm",
-                f"above {long_mm:.4g}, {fits}",
-            ),
-            (high, f"{self.name}.factory_height_mm", f"{room}, {fits}"),
-        )
+                f"above {longest_mm:.4g}, so that a mean grain fits",
+            )
+        highest_mm = inner_radius_mm(section) - longest_mm / 2
+        if abs(section.factory_height_mm) >= highest_mm:
+            allowed = "a wider drum"
+            if highest_mm > 0:
+                allowed = f"between -{highest_mm:.4g} and {highest_mm:.4g}"
+            yield (
+                f"{self.name}.factory_height_mm",
+                f"{allowed}, so that a mean grain fits",
+            )
 
 
-def no_surface(scene: Scene) -> str:
-    """Say why a bed has no surface."""
-    scale = scene.settings.mm_per_pixel
-    return f"the bed has no surface that {scale:g} mm a pixel (measure.mm_per_pixel) resolve"
+def no_surface(scene: Scene) -> Verdict:
+    """Give the verdict on a run whose bed has no surface."""
+    return Verdict(
+        "no_surface",
+        f"the bed has no surface that {scene.settings.mm_per_pixel:g} mm a pixel "
+        "(measure.mm_per_pixel) resolve",
+    )
 
 
 def set_rotation(simulation: "dem.Simulation", angular_velocity_rad_s: float) -> None:
-    """Let all of the drum turn about its axis, and measure rolling against that rotation."""
-    turning = (0.0, -angular_velocity_rad_s, 0.0)
+    """Turn shell and caps about the axis, and measure rolling against that rotation."""
+    angular_velocity = (0.0, -angular_velocity_rad_s, 0.0)
     for wall in WALLS:
-        simulation.set_motion(wall, dem.Motion(angular_velocity_rad_s=turning))
-    simulation.rolling_frame_rad_s[:] = turning
+        simulation.set_motion(wall, dem.Motion(angular_velocity_rad_s=angular_velocity))
+    simulation.rolling_frame_rad_s[:] = angular_velocity
+
+
+# --- the slow rotation ----------------------------------------------------------------
 
 
 class _Row(NamedTuple):
@@ -286,36 +333,53 @@ RECORD = _Row._fields
 
 
 @dataclass(frozen=True)
-class Rotation(Turned):
-    """One run: its record over T times, the frames of N grains at these times, and numbers by which it is judged."""
+class Rotation(DrumOutcome):
+    """One run of the drum, recorded at T times.
 
-    record: dict  # columns (T,) of `RECORD`
-    centres_m: np.ndarray  # (T, N, 3)
-    quaternions: np.ndarray  # (T, N, 4)
-    scales: np.ndarray  # (N,)
-    slip: "bed.Slip | None"  # the first one
-    report: int  # row of the record at the configured time of the report
-    rotation_from_s: float  # when the rotation began
-    rest_energy_j: float  # mean energy of a grain when the rotation began
+    Attributes
+    ----------
+    record : dict
+        Columns (T,) of `RECORD`.
+    centres_m, quaternions : array
+        Positions (T, N, 3) and orientations (T, N, 4) of the grains at these times.
+    scales : array
+        Relative sizes (N,) of the grains.
+    slip : bed.Slip or None
+        The first slip.
+    report : int
+        Row of the record at the configured time of the report.
+    rotation_from_s : float
+        When the rotation began.
+    rest_energy_j : float
+        Mean energy of a grain when the rotation began.
+    """
+
+    record: dict[str, np.ndarray]
+    centres_m: np.ndarray
+    quaternions: np.ndarray
+    scales: np.ndarray
+    slip: "bed.Slip | None"
+    report: int
+    rotation_from_s: float
+    rest_energy_j: float
 
     def rows(self) -> dict[str, int]:
-        """Rows of the record of each state: start, report, and before and after the slip where there is one."""
+        """Return the row of the record of each state; without a slip of the first two."""
         rows = {"start": 0, "report": self.report}
         if self.slip is not None:
-            rows |= {"before": self.slip.begins, "after": self.slip.ends}
+            rows["before"] = self.slip.begins
+            rows["after"] = self.slip.ends
         return rows
 
 
-class _Watch:
-    """Keeps the record of a drum that turns."""
+class _DrumRecorder:
+    """Records a drum that turns."""
 
     def __init__(self, trial: Trial) -> None:
-        self.trial, self.simulation, self.particle = (
-            trial,
-            trial.simulation,
-            trial.scene.particle,
-        )
-        self.began_s = self.turned_rad = 0.0
+        self.trial = trial
+        self.simulation = trial.simulation
+        self.start_s = 0.0
+        self.turned_rad = 0.0
         self.rows: list[_Row] = []
         self.centres: list[np.ndarray] = []
         self.quaternions: list[np.ndarray] = []
@@ -325,64 +389,93 @@ class _Watch:
         from repose.measure import bed
         from repose.measure.silhouette import Grains
 
-        s = self.simulation
-        self.centres.append(s.positions.copy())
-        self.quaternions.append(s.quaternions)
-        grains = Grains(s.positions, s.quaternions, self.particle, s.scales)
-        energy = bed.relative_energy(
-            grains, s.velocities, s.angular_velocities, s.rolling_frame_rad_s
+        simulation = self.simulation
+        particle = self.trial.scene.particle
+        centres = simulation.positions
+        quaternions = simulation.quaternions
+        energy_j = bed.relative_energy(
+            Grains(centres, quaternions, particle, simulation.scales),
+            simulation.velocities,
+            simulation.angular_velocities,
+            simulation.rolling_frame_rad_s,
         )
-        time_s = s.time_s - self.began_s
-        turned_deg, bed_deg = math.degrees(self.turned_rad), bed.bed_angle(s.positions)
-        self.rows.append(_Row(time_s, turned_deg, bed_deg, energy))
+        self.centres.append(centres.copy())
+        self.quaternions.append(quaternions)
+        self.rows.append(
+            _Row(
+                time_s=simulation.time_s - self.start_s,
+                turned_deg=math.degrees(self.turned_rad),
+                bed_deg=bed.bed_angle(centres),
+                energy_j=energy_j,
+            )
+        )
 
     def advance(self, steps: int) -> None:
-        """Run, turn and keep."""
-        self.trial.run_to(self.simulation.steps + steps)
-        self.turned_rad -= (
-            steps * self.simulation.time_step_s * self.simulation.rolling_frame_rad_s[1]
-        )
+        """Run some time steps, add up the rotation, and record the state after them."""
+        simulation = self.simulation
+        self.trial.run_to(simulation.steps + steps)
+        angular_velocity = simulation.rolling_frame_rad_s[1]
+        self.turned_rad -= steps * simulation.time_step_s * angular_velocity
         self.keep()
 
     def record(self) -> dict[str, np.ndarray]:
-        """Return the record by name."""
+        """Return the columns of the record by name."""
+        if not self.rows:
+            return {name: np.zeros(0) for name in RECORD}
         return dict(zip(RECORD, np.array(self.rows).T, strict=True))
 
 
-def _until_slip(watch: _Watch, section: DrumSettings, every: int) -> "bed.Slip | None":
-    """Turn until the first slip and let the bed rest."""
+def _turn_until_slip(
+    recorder: _DrumRecorder, section: DrumSettings, every: int
+) -> "bed.Slip | None":
+    """Turn the drum until the bed slips, stop it, and let the bed rest.
+
+    Parameters
+    ----------
+    recorder : _DrumRecorder
+        Recorder of the filled drum.
+    section : DrumSettings
+        Times and velocity.
+    every : int
+        Time steps between two rows of the record.
+
+    Returns
+    -------
+    bed.Slip or None
+        The first slip, if there is one.
+    """
     from repose.measure import bed
 
-    simulation, calm = watch.simulation, watch.trial.scene.simulation.rest_energy_j
-    watch.began_s = simulation.time_s
-    step_s = every * simulation.time_step_s
-    report_s = section.report_s - watch.began_s
+    simulation = recorder.simulation
+    rest_energy_j = recorder.trial.scene.simulation.rest_energy_j
+    recorder.start_s = simulation.time_s
+    half_row_s = 0.5 * (every * simulation.time_step_s)
+    report_s = section.report_s - recorder.start_s
 
     def first_slip() -> "bed.Slip | None":
-        record = watch.record()
+        record = recorder.record()
         return bed.find_slip(
-            record["bed_deg"], record["energy_j"], section.slip_drop_deg, calm
+            record["bed_deg"], record["energy_j"], section.slip_drop_deg, rest_energy_j
         )
 
     set_rotation(simulation, section.angular_velocity_rad_s)
-    watch.keep()
-    slip, stopped_s = None, math.inf
-    while math.isfinite(watch.rows[-1].energy_j):
-        now, energy = watch.rows[-1].time_s, watch.rows[-1].energy_j
-        rests = now > stopped_s and energy < calm
-        if (
-            rests or now >= stopped_s + section.settle_s
-        ) and now >= report_s - 0.5 * step_s:
+    recorder.keep()
+    stopped_s = math.inf
+    while math.isfinite(recorder.rows[-1].energy_j):
+        row = recorder.rows[-1]
+        rests = row.time_s > stopped_s and row.energy_j < rest_energy_j
+        has_settled = rests or row.time_s >= stopped_s + section.settle_s
+        if has_settled and row.time_s >= report_s - half_row_s:
             break
         if stopped_s == math.inf:
-            if now >= section.longest_rotation_s - 0.5 * step_s:
-                break
-            slip = first_slip()
-            if slip is not None:
+            if row.time_s >= section.longest_rotation_s - half_row_s:
+                return None
+            if first_slip() is not None:
                 set_rotation(simulation, 0.0)
-                stopped_s = now
-        watch.advance(every)
-    return None if slip is None else first_slip()
+                stopped_s = row.time_s
+        recorder.advance(every)
+    # The end of the slip is known only now.
+    return None if stopped_s == math.inf else first_slip()
 
 
 @register(NAME)
@@ -390,87 +483,96 @@ class DrumTest(RotatingDrum[DrumSettings]):
     """A drum that turns slowly until its bed slips once."""
 
     settings = DrumSettings
-    responses = (
-        Response(
-            "drum_slip_deg",
-            "deg",
-            "drum, slip",
-            "slip",
-            NAME,
-            -90.0,
-            90.0,
-            SEEN,
-            BEFORE,
-        ),
-        Response(
-            "drum_rest_deg",
-            "deg",
-            "drum, after the slip",
-            "rest",
-            NAME,
-            -90.0,
-            90.0,
-            SEEN,
-            AFTER,
-        ),
-    )
+    responses = (SLIP, REST)
     statuses = ("ok", "unstable", "lost", "not_at_rest", "no_slip", "no_surface")
     measured_by = ("fit_share", "depth_bin_mm")
     summary = (
         "first slip after {before_time_s:.1f} s, {before_turned_deg:.1f} deg; "
-        "surface {before_surface_deg:.1f} deg before, {after_surface_deg:.1f} deg after it"
+        "surface {before_surface_deg:.1f} deg before, "
+        "{after_surface_deg:.1f} deg after it"
     )
+    example: ClassVar = {
+        "drum": {
+            "berries": 160,
+            "rate_per_s": 300.0,
+            "rotate_from_s": 0.8,
+            "angular_velocity_rad_s": 0.4,
+            "report_s": 1.0,
+            "longest_rotation_s": 4.0,
+            "settle_s": 1.0,
+            "seeds": 2,
+            "outer_diameter_mm": 110.0,
+            "wall_thickness_mm": 5.0,
+            "length_mm": 80.0,
+            "factory_height_mm": 20.0,
+            "record_s": 0.1,
+            "slip_drop_deg": 1.0,
+            "fit_share": 0.6,
+            "depth_bin_mm": 5.0,
+        },
+        "targets": [
+            {"response": "drum_slip_deg", "value": 31.0, "sd": 1.0, "repetitions": 5}
+        ],
+    }
 
     def rotate(self, scene: Scene, progress: Progress | None = None) -> Rotation:
-        """Fill the drum, let the bed rest, turn the drum until the bed slips, and let it rest again.
+        """Fill the drum, let the bed rest, turn the drum until it slips, let it rest.
 
-        The rotation lasts until a slip is judged (`bed.find_slip`), at most `drum.longest_rotation_s`. The run ends
-        when the bed rests, at most `drum.settle_s` after the drum, and not before `drum.report_s`.
+        The rotation lasts until a slip is found (`bed.find_slip`), at most
+        `drum.longest_rotation_s`. The run ends when the bed rests, at most
+        `drum.settle_s` after the drum stopped, and not before `drum.report_s`.
         """
-        section, settings = self.section(scene.settings), scene.simulation
+        section = self.section(scene.settings)
+        every = max(1, scene.simulation.steps(section.record_s))
         trial, factory = self.empty_drum(scene, progress=progress)
-        every = max(1, settings.steps(section.record_s))
-        watch, rest_energy, slip = _Watch(trial), math.nan, None
+        recorder = _DrumRecorder(trial)
+        rest_energy_j = math.nan
+        slip = None
         with trial.bounded.guard():
-            fill_and_rest(trial, factory, section, section.rotate_from_s, every)
+            fill_and_rest(trial, factory, section.rotate_from_s, every)
             trial.bounded.look()
-            rest_energy = trial.energy_j()
-            slip = _until_slip(watch, section, every)
-        record = (
-            watch.record() if watch.rows else {name: np.zeros(0) for name in RECORD}
-        )
-        late = np.abs(watch.began_s + record["time_s"] - section.report_s)
+            rest_energy_j = trial.energy_j()
+            slip = _turn_until_slip(recorder, section, every)
+
+        record = recorder.record()
+        report = 0
+        if recorder.rows:
+            times = recorder.start_s + record["time_s"]
+            report = int(np.argmin(np.abs(times - section.report_s)))
         return Rotation(
             record=record,
-            centres_m=np.array(watch.centres),
-            quaternions=np.array(watch.quaternions),
+            centres_m=np.array(recorder.centres),
+            quaternions=np.array(recorder.quaternions),
             scales=trial.simulation.scales.copy(),
             slip=slip,
-            report=int(np.argmin(late)) if len(late) else 0,
-            rotation_from_s=watch.began_s,
-            rest_energy_j=rest_energy,
-            held=self.holds_all(trial),
+            report=report,
+            rotation_from_s=recorder.start_s,
+            rest_energy_j=rest_energy_j,
+            holds_all=self.holds_all(trial),
             unstable=trial.broken,
         )
 
-    def faults(self, ending: Turned, settings: SceneSettings) -> Faults:
-        """Judge a run before it is measured."""
-        assert isinstance(ending, Rotation)
-        yield from super().faults(ending, settings)
-        if ending.rest_energy_j > settings.simulation.rest_energy_j:
-            yield (
+    def judge(self, outcome: DrumOutcome, settings: SceneSettings) -> Verdict:
+        """Judge a stable run before it is measured."""
+        assert isinstance(outcome, Rotation)
+        verdict = super().judge(outcome, settings)
+        if verdict != OK:
+            return verdict
+        if outcome.rest_energy_j > settings.simulation.rest_energy_j:
+            return Verdict(
                 "not_at_rest",
-                f"kinetic energy {ending.rest_energy_j:.2e} J a grain when the rotation began",
+                f"kinetic energy {outcome.rest_energy_j:.2e} J a grain when the rotation "
+                "began",
             )
-        if ending.slip is None:
-            fall, last = (
-                self.section(settings).slip_drop_deg,
-                ending.record["time_s"][-1],
-            )
-            yield (
+        if outcome.slip is None:
+            drop_deg = self.section(settings).slip_drop_deg
+            last_s = outcome.record["time_s"][-1]
+            return Verdict(
                 "no_slip",
-                f"the bed's centre of mass never fell by {fall:g} degrees in {last:g} s",
+                f"the bed's centre of mass never fell by {drop_deg:g} degrees in "
+                f"{last_s:g} s",
             )
+        return OK
 
     def run(
         self,
@@ -478,95 +580,115 @@ class DrumTest(RotatingDrum[DrumSettings]):
         interval_s: float | None = None,
         progress: Progress | None = None,
     ) -> Run:
-        """Fill and turn once; with `interval_s` the frames are at the times of the record.
+        """Fill and turn once; with `interval_s` the frames are at the record's times.
 
-        The arrays are the columns of the record and the states: ``position_STATE`` (N, 3) [m], ``quaternion_STATE``
-        (N, 4) and ``turned_STATE_deg`` for start, report, before and after.
+        The arrays are ``scale`` (N,), the columns (T,) of the record, and for each of
+        the `STATES`: ``position_STATE`` (N, 3) [m], ``quaternion_STATE`` (N, 4) and
+        ``turned_STATE_deg``.
         """
         rotation = self.rotate(scene, progress)
-        position, quaternion = rotation.centres_m, rotation.quaternions
         arrays = {"scale": rotation.scales, **rotation.record}
-        for state, row in rotation.rows().items() if len(position) else ():
-            arrays |= {
-                f"position_{state}": position[row],
-                f"quaternion_{state}": quaternion[row],
+        if len(rotation.centres_m):
+            for state, row in rotation.rows().items():
+                arrays[f"position_{state}"] = rotation.centres_m[row]
+                arrays[f"quaternion_{state}"] = rotation.quaternions[row]
+                arrays[f"turned_{state}_deg"] = rotation.record["turned_deg"][row]
+        frames = None
+        if interval_s is not None:
+            frames = {
+                "position": rotation.centres_m,
+                "quaternion": rotation.quaternions,
+                **arrays,
             }
-            arrays[f"turned_{state}_deg"] = rotation.record["turned_deg"][row]
-        frames = (
-            None
-            if interval_s is None
-            else {"position": position, "quaternion": quaternion, **arrays}
-        )
-        run = self.ended(
+        run = self.make_run(
             scene, rotation, arrays, frames, rotation_from_s=rotation.rotation_from_s
         )
-        record = run.record
-        if record["status"] in ("ok", "no_slip"):
+        if run.record["status"] in MEASURABLE:
             for state, row in rotation.rows().items():
-                record |= {
-                    f"{state}_{key}": float(rotation.record[key][row]) for key in RECORD
-                }
-        if record["status"] == "ok" and rotation.slip is not None:
-            energy = rotation.record["energy_j"][
-                rotation.slip.begins : rotation.slip.ends + 1
-            ]
-            record |= {
-                "bed_drop_deg": record["before_bed_deg"] - record["after_bed_deg"],
-                "slip_duration_s": record["after_time_s"] - record["before_time_s"],
-                "largest_energy_j": float(energy.max()),
-            }
+                for key in RECORD:
+                    run.record[f"{state}_{key}"] = float(rotation.record[key][row])
+        if run.record["status"] == "ok" and rotation.slip is not None:
+            record = run.record
+            during_slip = slice(rotation.slip.begins, rotation.slip.ends + 1)
+            record["bed_drop_deg"] = record["before_bed_deg"] - record["after_bed_deg"]
+            record["slip_duration_s"] = record["after_time_s"] - record["before_time_s"]
+            record["largest_energy_j"] = float(
+                rotation.record["energy_j"][during_slip].max()
+            )
         return run
 
     def measured_run(
         self, record: Mapping[str, Any], arrays: Arrays, scene: Scene
     ) -> tuple[dict[str, Any], np.ndarray]:
-        """Measure a run, and the motion by depth (bins, 4) in its slip, lengths in mm.
+        """Measure a run, and the motion by depth in its slip.
 
-        The measured run is the record with the angles of the surface and, of a slip, the numbers of `_of_slip`. Where
-        the surface before or after a slip cannot be measured, the status is ``no_surface`` and there are no numbers.
-        Without a slip the motion by depth is empty.
+        Returns
+        -------
+        measured : dict
+            The record with the angles of the surface and, of a slip, the numbers of
+            `_motion_in_slip`. If the surface before or after a slip cannot be measured,
+            the status is ``no_surface`` and there are no numbers.
+        profile : array
+            Motion by depth (bins, 4), lengths in mm; empty without a slip.
         """
-        measured, profile = dict(record), np.zeros((0, 4))
-        if record["status"] not in ("ok", "no_slip"):
-            return measured, profile
-        states = STATES if record["status"] == "ok" else STATES[:2]
-        kinds = ("position", "quaternion")
-        position, quaternion = (
-            np.array([arrays[f"{kind}_{state}"] for state in states]) for kind in kinds
-        )
-        angles = self.surface_angles(position, quaternion, arrays["scale"], scene)
-        for state, angle in zip(states, angles, strict=True):
-            measured[f"{state}_surface_deg"] = (
-                float(angle) if math.isfinite(angle) else None
-            )
-        if record["status"] == "no_slip":
-            return measured, profile
-        if not np.isfinite(angles[2:]).all():
-            judged = {
+        no_profile = np.zeros((0, 4))
+        status = record["status"]
+        if status not in MEASURABLE:
+            return dict(record), no_profile
+        measured = dict(record)
+        states = STATES if status == "ok" else STATES[:2]
+        angles = self._state_angles(states, arrays, scene)
+        for state, angle in angles.items():
+            measured[f"{state}_surface_deg"] = angle
+        if status == "no_slip":
+            return measured, no_profile
+        before = angles["before"]
+        after = angles["after"]
+        if before is None or after is None:
+            verdict = no_surface(scene)
+            without_numbers = {
                 "seed": record["seed"],
-                "status": "no_surface",
-                "reason": no_surface(scene),
+                "status": verdict.status,
+                "reason": verdict.reason,
+                "rotation_from_s": record["rotation_from_s"],
             }
-            return judged | {"rotation_from_s": record["rotation_from_s"]}, profile
-        numbers, profile = self._of_slip(record, arrays, scene)
-        return measured | {
-            "surface_drop_deg": float(angles[2] - angles[3])
-        } | numbers, profile
+            return without_numbers, no_profile
+        motion, profile = self._motion_in_slip(record, arrays, scene)
+        return measured | {"surface_drop_deg": before - after} | motion, profile
 
-    def _of_slip(
+    def _state_angles(
+        self, states: Sequence[str], arrays: Arrays, scene: Scene
+    ) -> dict[str, float | None]:
+        """Measure the angle of the surface in each state; None where there is none."""
+        angles = self.surface_angles(
+            np.array([arrays[f"position_{state}"] for state in states]),
+            np.array([arrays[f"quaternion_{state}"] for state in states]),
+            arrays["scale"],
+            scene,
+        )
+        return {
+            state: float(angle) if math.isfinite(angle) else None
+            for state, angle in zip(states, angles, strict=True)
+        }
+
+    def _motion_in_slip(
         self, record: Mapping[str, Any], arrays: Arrays, scene: Scene
-    ) -> tuple[dict[str, Any], np.ndarray]:
-        """Measure the motion in the slip; None where no grain lies under the part of the surface that is fitted."""
+    ) -> tuple[dict[str, float | None], np.ndarray]:
+        """Measure the motion in the slip: three numbers, and the profile by depth.
+
+        A number is None if no grain lies under the part of the surface that is fitted.
+        """
         from repose.measure import bed
 
-        centres = arrays["position_before"], arrays["position_after"]
-        before = self.surface_of(
-            centres[0], arrays["quaternion_before"], arrays["scale"], scene
+        before = arrays["position_before"]
+        after = arrays["position_after"]
+        surface = self.surface_of(
+            before, arrays["quaternion_before"], arrays["scale"], scene
         )
         turned_rad = math.radians(
             record["after_turned_deg"] - record["before_turned_deg"]
         )
-        depth, moved = bed.slip_displacement(*centres, turned_rad, before)
+        depth, moved = bed.slip_displacement(before, after, turned_rad, surface)
         bin_m = 1e-3 * self.section(scene.settings).depth_bin_mm
         profile = bed.depth_profile(depth, moved, bin_m) * (1e3, 1e3, 1e3, 1.0)
         numbers = {
@@ -579,13 +701,14 @@ class DrumTest(RotatingDrum[DrumSettings]):
     def measure(
         self, record: Mapping[str, Any], arrays: Arrays, scene: Scene
     ) -> dict[str, Any]:
-        """Return the result of `measured_run`, with the responses under their public names."""
+        """Return the result of `measured_run`, with the responses under their names."""
         measured, _ = self.measured_run(record, arrays, scene)
-        ok = measured["status"] == "ok"
-        return measured | {
-            response.name: response.of(measured) if ok else None
+        is_ok = measured["status"] == "ok"
+        responses = {
+            response.name: response.of(measured) if is_ok else None
             for response in self.responses
         }
+        return measured | responses
 
     def duration_s(self, settings: SceneSettings) -> float:
         """Return the longest simulated time of a run [s]."""
@@ -593,10 +716,11 @@ class DrumTest(RotatingDrum[DrumSettings]):
         return section.rotate_from_s + section.longest_rotation_s + section.settle_s
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
-        """Refuse a drum that cannot be filled, or a report before it turns."""
+        """Yield keys of a drum that cannot be filled, or of a report before it turns."""
         yield from self.impossible_filling(settings)
         section = self.section(settings)
-        begin, early = section.rotate_from_s, section.report_s < section.rotate_from_s
-        yield from stated(
-            (early, f"{NAME}.report_s", f"at least {NAME}.rotate_from_s, {begin:g}")
-        )
+        if section.report_s < section.rotate_from_s:
+            yield (
+                "drum.report_s",
+                f"at least drum.rotate_from_s, {section.rotate_from_s:g}",
+            )

@@ -1,4 +1,4 @@
-"""Places and orientations of new grains, and the filling of a scene."""
+"""The factory: where and how grains appear, and the filling of a scene."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -10,18 +10,17 @@ import numpy as np
 from repose.dem.rotations import random_quaternion, rotation_matrix
 
 if TYPE_CHECKING:
-    from repose.bench.scene import Trial
     from repose.bench.settings import Poured
+    from repose.bench.trial import Trial
     from repose.dem import Simulation
 
-# Random places that are tried for a new grain before the factory waits a time step.
-PLACES_TRIED = 200
-Random = np.random.Generator | None
-Rests = Callable[[], bool] | None
-LIKELY_PACKING = 0.6  # share of a bed that is solid
-ALMOST = (
-    1.0 - 1e-9
-)  # of a square of a distance: the last digits of `Disc.places` are not sure
+# Random points that are tried for a new grain before the factory waits a time step.
+POINTS_TRIED = 200
+# Share of a bed that is solid, for a first guess of the number of grains in it.
+LIKELY_PACKING = 0.6
+# The last digits of `Disc.points` are not sure, so its squared distances are taken for
+# free from this share of the squared limit on, and then computed exactly.
+ALMOST = 1.0 - 1e-9
 
 
 @dataclass(frozen=True)
@@ -31,99 +30,156 @@ class Disc:
     radius_m: float
     height_m: float
 
-    def place(self, first: float, second: float) -> tuple[float, float, float]:
-        """Compute the point [m] of two uniformly random numbers between 0 and 1, by the standard library."""
-        r, angle = self.radius_m * math.sqrt(first), 2.0 * math.pi * second
+    def point(self, first: float, second: float) -> tuple[float, float, float]:
+        """Compute the point [m] of two uniformly random numbers between 0 and 1."""
+        r = self.radius_m * math.sqrt(first)
+        angle = 2.0 * math.pi * second
         return r * math.cos(angle), r * math.sin(angle), self.height_m
 
-    def places(self, numbers: np.ndarray) -> np.ndarray:
-        """Compute all points (N, 3) of numbers (N, 2) at once [m]; their last digits may be others."""
-        r, angle = self.radius_m * np.sqrt(numbers[:, 0]), 2.0 * math.pi * numbers[:, 1]
-        return np.column_stack(
-            [r * np.cos(angle), r * np.sin(angle), np.full(len(r), self.height_m)]
-        )
+    def points(self, numbers: np.ndarray) -> np.ndarray:
+        """Compute the points (N, 3) [m] of pairs of numbers (N, 2) at once.
+
+        Their last digits may differ from those of `point`.
+        """
+        r = self.radius_m * np.sqrt(numbers[:, 0])
+        angle = 2.0 * math.pi * numbers[:, 1]
+        z = np.full(len(r), self.height_m)
+        return np.column_stack([r * np.cos(angle), r * np.sin(angle), z])
 
 
 @dataclass(frozen=True)
 class Strip:
-    """A horizontal rectangle about the z axis; half its lengths along x and y, and its height."""
+    """A horizontal rectangle about the z axis."""
 
-    half_x_m: float
-    half_y_m: float
+    half_x_m: float  # half of its length along x
+    half_y_m: float  # half of its length along y
     height_m: float
 
-    def place(self, first: float, second: float) -> tuple[float, float, float]:
-        """Compute the point [m] of two numbers, as `Disc.place`."""
-        return (
-            self.half_x_m * (2.0 * first - 1.0),
-            self.half_y_m * (2.0 * second - 1.0),
-            self.height_m,
-        )
+    def point(self, first: float, second: float) -> tuple[float, float, float]:
+        """Compute the point [m] of two uniformly random numbers between 0 and 1."""
+        x = self.half_x_m * (2.0 * first - 1.0)
+        y = self.half_y_m * (2.0 * second - 1.0)
+        return x, y, self.height_m
 
-    def places(self, numbers: np.ndarray) -> np.ndarray:
-        """Compute points (N, 3) as `Disc.places`."""
+    def points(self, numbers: np.ndarray) -> np.ndarray:
+        """Compute the points (N, 3) [m] of pairs of numbers (N, 2) at once."""
         x, y = 2.0 * numbers.T - 1.0
-        return np.column_stack(
-            [self.half_x_m * x, self.half_y_m * y, np.full(len(x), self.height_m)]
-        )
+        z = np.full(len(x), self.height_m)
+        return np.column_stack([self.half_x_m * x, self.half_y_m * y, z])
 
 
-Factory = Disc | Strip  # horizontal areas in which grains appear
+Area = Disc | Strip
 
 
-def free_place(
-    rng: np.random.Generator, simulation: "Simulation", factory: Factory
+@dataclass(frozen=True)
+class Factory:
+    """How grains are added to a scene.
+
+    Attributes
+    ----------
+    area : Disc or Strip
+        Where their centres appear.
+    n_grains : int
+        Their number.
+    rate_per_s : float
+        Grains per second.
+    orientation : str
+        Kind of their orientation, see `random_orientation`.
+    speed_m_s : float
+        Their initial speed downwards.
+    """
+
+    area: Area
+    n_grains: int
+    rate_per_s: float
+    orientation: str = "random"
+    speed_m_s: float = 0.0
+
+
+def free_point(
+    rng: np.random.Generator, simulation: "Simulation", area: Area
 ) -> np.ndarray | None:
-    """Find a random point (3,) of a factory [m] where a new grain cannot touch another; None if there is none."""
-    place = np.array(factory.place(*rng.random(2)))
-    others, reach = simulation.positions, 2.0 * simulation.radius
-    others = others[simulation.present & (others[:, 2] > factory.height_m - reach)]
+    """Find a random point of an area where a new grain touches no other.
 
-    def is_free(place: np.ndarray) -> bool:
-        return not len(others) or bool(
-            np.sum((others - place) ** 2, axis=1).min() > reach * reach
-        )
+    Up to `POINTS_TRIED` points are tried, one after the other. The first free point
+    leaves the generator as if no further point had been drawn.
 
-    if is_free(place):
-        return place
-    before = rng.bit_generator.state
-    numbers = rng.random((PLACES_TRIED - 1, 2))
-    away = np.sum((factory.places(numbers)[:, None, :] - others) ** 2, axis=2).min(
-        axis=1
-    )
-    for k in np.flatnonzero(away > ALMOST * reach * reach).tolist():
-        place = np.array(factory.place(*numbers[k].tolist()))
-        if is_free(place):
-            # as if the numbers behind its own had never been drawn
-            rng.bit_generator.state = before
+    Returns
+    -------
+    array or None
+        The point (3,) [m]; None if no point that was tried is free.
+    """
+    distance = 2.0 * simulation.radius
+    centres = simulation.positions
+    is_near = simulation.present & (centres[:, 2] > area.height_m - distance)
+    centres = centres[is_near]
+
+    def is_free(point: np.ndarray) -> bool:
+        if not len(centres):
+            return True
+        squares = np.sum((centres - point) ** 2, axis=1)
+        return bool(squares.min() > distance * distance)
+
+    point = np.array(area.point(*rng.random(2)))
+    if is_free(point):
+        return point
+
+    # Compute all other points at once, which is quicker, and check those that seem free.
+    state = rng.bit_generator.state
+    numbers = rng.random((POINTS_TRIED - 1, 2))
+    offsets = area.points(numbers)[:, None, :] - centres
+    nearest = np.sum(offsets**2, axis=2).min(axis=1)
+    for k in np.flatnonzero(nearest > ALMOST * distance * distance).tolist():
+        point = np.array(area.point(*numbers[k].tolist()))
+        if is_free(point):
+            rng.bit_generator.state = state
             rng.random((k + 1, 2))
-            return place
+            return point
     return None
 
 
 def random_orientation(orientation: str, rng: np.random.Generator) -> np.ndarray:
-    """Draw a quaternion (w, x, y, z), body to world: ``random``, or the long axis ``lying`` or ``upright``."""
+    """Draw a random orientation of a grain.
+
+    Parameters
+    ----------
+    orientation : str
+        ``random``; or ``lying`` or ``upright``, which the long axis of the grain is.
+    rng : Generator
+        Random numbers.
+
+    Returns
+    -------
+    array
+        Quaternion (w, x, y, z) from the body's frame to the world's.
+    """
     if orientation == "random":
         return random_quaternion(rng)
-    axis, about = rng.uniform(0.0, 2.0 * math.pi, 2)
-    # about the long axis x, then for "upright" up, then about the vertical
-    q = np.array([math.cos(about / 2), math.sin(about / 2), 0.0, 0.0])
+    azimuth, roll = rng.uniform(0.0, 2.0 * math.pi, 2)
+    # Roll about the long axis, x.
+    q = np.array([math.cos(roll / 2), math.sin(roll / 2), 0.0, 0.0])
     if orientation == "upright":
+        # Lift the long axis to the vertical.
         q = math.sqrt(0.5) * np.array([q[0], q[1], -q[0], q[1]])
-    c, s = math.cos(axis / 2), math.sin(axis / 2)
+    # Turn about the vertical.
+    c = math.cos(azimuth / 2)
+    s = math.sin(azimuth / 2)
     w, x, y, z = q
     return np.array([c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w])
 
 
 def add_above(trial: "Trial", orientation: str, height_m: float = 0.0) -> None:
-    """Add the grain of a trial on the z axis in a random orientation of a kind, its lowest point at a height."""
-    turn, scale = (
-        random_orientation(orientation, np.random.default_rng(trial.scene.seed)),
-        float(trial.scales[0]),
+    """Add the only grain of a trial on the z axis, its lowest point at a height."""
+    rng = np.random.default_rng(trial.scene.seed)
+    quaternion = random_orientation(orientation, rng)
+    scale = float(trial.scales[0])
+    # Find the depth of the body below its centre, in its own frame.
+    down = rotation_matrix(quaternion).T @ np.array([0.0, 0.0, -1.0])
+    lowest = trial.scene.particle.support_point(down[None])[0]
+    depth_m = scale * float(lowest @ down)
+    trial.simulation.add(
+        "berry", (0.0, 0.0, height_m + depth_m), quaternion, scale=scale
     )
-    down = rotation_matrix(turn).T @ np.array([0.0, 0.0, -1.0])
-    depth = scale * float(trial.scene.particle.support_point(down[None])[0] @ down)
-    trial.simulation.add("berry", (0.0, 0.0, height_m + depth), turn, scale=scale)
 
 
 def last_berry_s(section: "Poured") -> float:
@@ -132,97 +188,135 @@ def last_berry_s(section: "Poured") -> float:
 
 
 def too_early(section: "Poured", name: str, key: str) -> Iterator[tuple[str, str]]:
-    """Yield a key of a section if its time is not after the last grain's, with the allowed values."""
-    last = last_berry_s(section)
-    if last >= getattr(section, key):
-        yield f"{name}.{key}", f"above {last:g}, when the last grain appears"
+    """Yield a key of the section `name` if its time is before the last grain's.
 
-
-def fill(
-    trial: "Trial",
-    factory: Factory,
-    section: "Poured",
-    last_step: int,
-    grains: int | None = None,
-    rng: Random = None,
-) -> None:
-    """Add grains one by one, the first at once, each where it touches none, up to a time step.
-
-    `grains` is their number, by default the section's; `rng` is by default made of the scene's seed. A section may say
-    their `orientation` (`random_orientation`) and their speed downwards, `speed_m_s`.
+    With the key comes what is allowed.
     """
-    simulation = trial.simulation
-    rng = np.random.default_rng(trial.scene.seed) if rng is None else rng
-    orientation, down = (
-        getattr(section, "orientation", "random"),
-        (0.0, 0.0, -getattr(section, "speed_m_s", 0.0)),
-    )
-    first, began = simulation.n_bodies, simulation.steps
-    for k in range(section.berries if grains is None else grains):
-        due = began + round(k / section.rate_per_s / simulation.time_step_s)
-        if due >= last_step:
-            return
-        trial.run_to(due)
-        place = free_place(rng, simulation, factory)
-        while place is None and simulation.steps < last_step:
-            trial.run_to(simulation.steps + 1)
-            place = free_place(rng, simulation, factory)
-        if place is None:
-            return
-        turn, scale = random_orientation(orientation, rng), trial.scales[first + k]
-        simulation.add("berry", place, turn, down, scale=scale)
+    last_s = last_berry_s(section)
+    if last_s >= getattr(section, key):
+        yield f"{name}.{key}", f"above {last_s:g}, when the last grain appears"
+
+
+def fill(trial: "Trial", factory: Factory, last_step: int) -> None:
+    """Add the grains of a factory one by one, up to a last time step.
+
+    The first appears at once, each where it touches no other. Random numbers are drawn
+    from the scene's seed.
+    """
+    rng = np.random.default_rng(trial.scene.seed)
+    _add_grains(trial, factory, factory.n_grains, last_step, rng)
 
 
 def fill_and_rest(
     trial: "Trial",
     factory: Factory,
-    section: "Poured",
-    from_s: float,
+    until_s: float,
     every: int,
-    rests: Rests = None,
+    rests: Callable[[], bool] | None = None,
 ) -> None:
-    """Fill a scene and advance to a time; then look every few steps whether it `rests`, at most twice as long.
+    """Fill a scene, advance to a time, and wait until the grains rest.
 
-    A section without a number of grains has ``filling_height_mm``, the level of the bed (`level_m`); the trial has as
-    many scales as grains without gaps between them would take up to there. Half of the likely number are poured, then
-    by the packing of those that rest the others.
+    The whole takes at most twice that time.
+
+    Parameters
+    ----------
+    trial : Trial
+        The empty scene.
+    factory : Factory
+        The grains.
+    until_s : float
+        Simulated time before which the run does not go on.
+    every : int
+        Time steps between two checks whether the grains rest.
+    rests : function, optional
+        ``rests()`` tells whether they do; by default `Trial.rests`.
     """
-    simulation, most, rests = trial.simulation, len(trial.scales), rests or trial.rests
-    first, latest = (
-        round(seconds / simulation.time_step_s) for seconds in (from_s, 2.0 * from_s)
-    )
-    level_mm = getattr(section, "filling_height_mm", None)
-    if level_mm is None:
-        fill(trial, factory, section, latest)
-    else:
-        rng, gravity = (
-            np.random.default_rng(trial.scene.seed),
-            float(np.linalg.norm(simulation.physics.gravity)),
-        )
-        fall = math.ceil(
-            math.sqrt(2.0 * factory.height_m / gravity) / simulation.time_step_s
-        )
-        missing = max(1, round(0.5 * LIKELY_PACKING * most))
-        while missing > 0 and simulation.steps < latest and simulation.n_bodies < most:
-            fill(
-                trial,
-                factory,
-                section,
-                latest,
-                min(missing, most - simulation.n_bodies),
-                rng,
-            )
-            trial.run_to(min(latest, simulation.steps + fall))
-            trial.wait(rests, latest, every)
-            missing = round(
-                simulation.n_bodies * (1e-3 * level_mm / level_m(simulation) - 1.0)
-            )
-    trial.run_to(first)
-    trial.wait(rests, latest, every)
+    step_s = trial.simulation.time_step_s
+    latest_step = round(2.0 * until_s / step_s)
+    fill(trial, factory, latest_step)
+    trial.run_to(round(until_s / step_s))
+    trial.wait(rests or trial.rests, latest_step, every)
 
 
-def level_m(simulation: "Simulation") -> float:
-    """Compute the level of a bed on a floor at z = 0: twice the height of its centre of mass [m]."""
-    there = simulation.present
-    masses = simulation.masses_kg[there]
-    return 2.0 * float(masses @ simulation.positions[there, 2] / masses.sum())
+def fill_to_level_and_rest(
+    trial: "Trial",
+    factory: Factory,
+    level_mm: float,
+    until_s: float,
+    every: int,
+    rests: Callable[[], bool] | None = None,
+) -> None:
+    """Do what `fill_and_rest` does up to a level of the bed, see `bed_level_m`.
+
+    Half of the likely number of grains are added first. Then, as often as grains are
+    missing, as many as the packing of those that rest asks for.
+
+    Parameters
+    ----------
+    trial, until_s, every, rests
+        As of `fill_and_rest`.
+    factory : Factory
+        The grains; its `n_grains` is at least their number without gaps between them.
+    level_mm : float
+        The level.
+    """
+    simulation = trial.simulation
+    step_s = simulation.time_step_s
+    latest_step = round(2.0 * until_s / step_s)
+    rests = rests or trial.rests
+    rng = np.random.default_rng(trial.scene.seed)
+    gravity = float(np.linalg.norm(simulation.physics.gravity))
+    fall_s = math.sqrt(2.0 * factory.area.height_m / gravity)
+    fall_steps = math.ceil(fall_s / step_s)
+
+    n_missing = max(1, round(0.5 * LIKELY_PACKING * factory.n_grains))
+    while n_missing > 0 and simulation.steps < latest_step:
+        room = factory.n_grains - simulation.n_bodies
+        if room <= 0:
+            break
+        _add_grains(trial, factory, min(n_missing, room), latest_step, rng)
+        trial.run_to(min(latest_step, simulation.steps + fall_steps))
+        trial.wait(rests, latest_step, every)
+        missing_share = 1e-3 * level_mm / bed_level_m(simulation) - 1.0
+        n_missing = round(simulation.n_bodies * missing_share)
+    trial.run_to(round(until_s / step_s))
+    trial.wait(rests, latest_step, every)
+
+
+def _add_grains(
+    trial: "Trial",
+    factory: Factory,
+    n_grains: int,
+    last_step: int,
+    rng: np.random.Generator,
+) -> None:
+    """Add a number of grains at the rate of a factory, up to a last time step."""
+    simulation = trial.simulation
+    first_body = simulation.n_bodies
+    first_step = simulation.steps
+    velocity = (0.0, 0.0, -factory.speed_m_s)
+    for k in range(n_grains):
+        due = first_step + round(k / factory.rate_per_s / simulation.time_step_s)
+        if due >= last_step:
+            return
+        trial.run_to(due)
+        point = free_point(rng, simulation, factory.area)
+        while point is None and simulation.steps < last_step:
+            trial.run_to(simulation.steps + 1)
+            point = free_point(rng, simulation, factory.area)
+        if point is None:
+            return
+        quaternion = random_orientation(factory.orientation, rng)
+        scale = trial.scales[first_body + k]
+        simulation.add("berry", point, quaternion, velocity, scale=scale)
+
+
+def bed_level_m(simulation: "Simulation") -> float:
+    """Compute the level of a bed on a floor at z = 0 [m].
+
+    It is twice the height of the centre of mass.
+    """
+    present = simulation.present
+    masses = simulation.masses_kg[present]
+    heights = simulation.positions[present, 2]
+    return 2.0 * float(masses @ heights / masses.sum())

@@ -1,12 +1,12 @@
-"""The funnel: grains are poured onto a plate and come to rest as a pile (paper, section 3.1).
+"""The funnel: grains are poured onto a plate and form a pile (paper, section 3.1).
 
-A pour that gives no pile to measure has a status and a reason instead of numbers.
+A pour without a pile to measure has a status and a reason instead of numbers.
 """
 
 import math
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 
@@ -15,151 +15,189 @@ from pydantic import Field
 
 from repose import dem
 from repose.bench.bench_test import (
+    OK,
     Arrays,
     BenchTest,
-    Contradictions,
-    Ending,
-    Faults,
-    Progress,
+    Outcome,
     Run,
-    Scene,
+    Verdict,
+    not_at_rest,
     register,
-    stated,
 )
-from repose.bench.factory import Disc, fill, last_berry_s
-from repose.bench.scene import Trial, kept_grains, largest_cluster
+from repose.bench.factory import Disc, Factory, fill, last_berry_s
+from repose.bench.scene import Scene
 from repose.bench.settings import Hopper, SceneSettings
+from repose.bench.trial import Progress, Trial, grain_arrays, largest_cluster
 from repose.calibrate.responses import Response
 from repose.calibrate.runs import Recorded
-from repose.common.section import OF_OTHERS, OrAuto, Section
+from repose.common.section import OF_OTHERS, Contradictions, OrAuto, Section
 from repose.measure.angles import MEAN_KEYS, VIEW_KEYS
 
 if TYPE_CHECKING:
     from repose.dem import Cone, RingEdge
 
 NAME = "funnel"
-# A pile that has lost more than this share of its grains over the edge of the plate is not the pile poured.
+# Largest share of the grains that may roll over the edge of the plate.
 LARGEST_LOSS = 0.1
-# Of the grains on the plate, those that touch each other; in 2810 pours of the article's study and ours at least 86 %.
+# Smallest share of the grains on the plate that touch each other in a pile; in 2810
+# pours of the article's study and ours it was 0.86 or more.
 SMALLEST_PILE = 0.5
 FEWEST_IN_PILE = 10
 # Share of a pile's volume that grains fill, as poured.
 PACKING = 0.6
-# Below this height a grain has left the plate and is gone.
+# A grain below this height has left the plate and is gone.
 FLOOR_M = -0.05
-# A pour ends before its time when its pile rests. That is looked at so often in a `rest_window_s`.
+# Checks per `rest_window_s` whether the pile rests, so that the pour may end.
 LOOKS = 4
-# At its speed a grain at rest would move by this share of `rest_motion_mm` in a window.
+# Share of `rest_motion_mm` that a grain at rest would move in a window at its speed.
 STANDSTILL = 0.01
 
-# --- responses ------------------------------------------------------------------------------------
+# --- responses ------------------------------------------------------------------------
 
-# The keys of `measure` that define the silhouette of a pile, and the line along its flank.
+# Keys of the configuration that define the numbers of a pile: its silhouette, ...
 SEEN = ("measure.views", "measure.mm_per_pixel", "measure.largest_pile_only")
 BERRY = "measure.berry_height_mm"
+# ... the line along its flank, ...
 LINE = ("measure.flank", "measure.fit_from", "measure.fit_to", BERRY)
 WINDOW = ("measure.smallest_window",)
-# Of the angle of repose, whichever definition is calibrated.
+# ... and the angle of repose, whichever definition of it is calibrated.
 CALIBRATED = (*LINE, *WINDOW, "measure.response")
 PLATE = ("funnel.plate_diameter_mm",)
 
 
 def _angle(definition: str, label: str, keys: tuple[str, ...]) -> Response:
-    """Make the response of the angle by one definition, whichever is the angle of repose."""
+    """Make the response of the pile's angle by one definition."""
     return Response(
-        f"aor_{definition}_deg",
-        "deg",
-        label,
-        definition,
-        NAME,
-        0.0,
-        89.0,
-        (*SEEN, *keys),
+        name=f"aor_{definition}_deg",
+        unit="deg",
+        label=label,
+        symbol=definition,
+        apparatus=NAME,
+        low=0.0,
+        high=89.0,
+        definition=(*SEEN, *keys),
+    )
+
+
+def _flank(part: str) -> Response:
+    """Make the response of the slope of the lower or upper part of the flank."""
+    return Response(
+        name=f"{part}_deg",
+        unit="deg",
+        label=f"{part} flank",
+        symbol=f"{part} flank",
+        apparatus=NAME,
+        low=0.0,
+        high=89.0,
+        definition=(*SEEN, BERRY),
     )
 
 
 RESPONSES = (
     Response(
-        "aor_deg",
-        "deg",
-        "angle of repose",
-        "AoR",
-        NAME,
-        1.0,
-        89.0,
-        (*SEEN, *CALIBRATED),
+        name="aor_deg",
+        unit="deg",
+        label="angle of repose",
+        symbol="AoR",
+        apparatus=NAME,
+        low=1.0,
+        high=89.0,
+        definition=(*SEEN, *CALIBRATED),
     ),
-    Response("height_mm", "mm", "Height", "Height", NAME, 1.0, 2000.0, SEEN),
+    Response(
+        name="height_mm",
+        unit="mm",
+        label="Height",
+        symbol="Height",
+        apparatus=NAME,
+        low=1.0,
+        high=2000.0,
+        definition=SEEN,
+    ),
     _angle("flank", "angle, flank", LINE),
     _angle("secant", "angle, secant", (BERRY,)),
     _angle("steepest", "angle, steepest", LINE),
     _angle("whole", "angle, whole side", ()),
     _angle("straightest", "angle, straightest window", WINDOW),
     Response(
-        "base_radius_mm",
-        "mm",
-        "base radius",
-        "base radius",
-        NAME,
-        0.0,
-        1e4,
-        (*SEEN, BERRY),
+        name="base_radius_mm",
+        unit="mm",
+        label="base radius",
+        symbol="base radius",
+        apparatus=NAME,
+        low=0.0,
+        high=1e4,
+        definition=(*SEEN, BERRY),
+    ),
+    _flank("lower"),
+    _flank("upper"),
+    Response(
+        name="packing_percent",
+        unit="%",
+        label="packing",
+        symbol="packing",
+        apparatus=NAME,
+        low=0.0,
+        high=100.0,
+        definition=(*SEEN, BERRY),
     ),
     Response(
-        "lower_deg",
-        "deg",
-        "lower flank",
-        "lower flank",
-        NAME,
-        0.0,
-        89.0,
-        (*SEEN, BERRY),
+        name="radius_90_mm",
+        unit="mm",
+        label="radius of 90 % of the grains",
+        symbol="radius of 90 %",
+        apparatus=NAME,
+        low=0.0,
+        high=1e4,
+        definition=PLATE,
     ),
     Response(
-        "upper_deg",
-        "deg",
-        "upper flank",
-        "upper flank",
-        NAME,
-        0.0,
-        89.0,
-        (*SEEN, BERRY),
+        name="loose_percent",
+        unit="%",
+        label="loose grains",
+        symbol="loose",
+        apparatus=NAME,
+        low=0.0,
+        high=100.0,
+        definition=PLATE,
     ),
     Response(
-        "packing_percent", "%", "packing", "packing", NAME, 0.0, 100.0, (*SEEN, BERRY)
+        name="discharge_s",
+        unit="s",
+        label="discharge time",
+        symbol="discharge",
+        apparatus=NAME,
+        low=0.0,
+        high=1e4,
     ),
-    Response(
-        "radius_90_mm",
-        "mm",
-        "radius of 90 % of the grains",
-        "radius of 90 %",
-        NAME,
-        0.0,
-        1e4,
-        PLATE,
-    ),
-    Response("loose_percent", "%", "loose grains", "loose", NAME, 0.0, 100.0, PLATE),
-    Response("discharge_s", "s", "discharge time", "discharge", NAME, 0.0, 1e4),
 )
-# Measured on every pile beside the angle of repose and the Height; the other responses where they are targets.
-BESIDE = ("height_view_mm", *MEAN_KEYS.values(), *VIEW_KEYS.values())
-ALWAYS = ("aor_deg", "height_mm", *BESIDE)
-COUNTED = ("berries_on_plate", "berries_in_pile", "kinetic_energy_J")
+# Numbers that are measured on every pile; other responses only where they are targets.
+EVERY_ANGLE = ("height_view_mm", *MEAN_KEYS.values(), *VIEW_KEYS.values())
+ALWAYS = ("aor_deg", "height_mm", *EVERY_ANGLE)
 RECORDED = Recorded(
-    means=("aor_deg", "height_mm", "discharge_s", *BESIDE),
+    means=("aor_deg", "height_mm", "discharge_s", *EVERY_ANGLE),
     without_error=("discharge_s",),
-    single=("aor_deg", "height_mm", "discharge_s", *COUNTED, *BESIDE),
+    single=(
+        "aor_deg",
+        "height_mm",
+        "discharge_s",
+        "berries_on_plate",
+        "berries_in_pile",
+        "kinetic_energy_J",
+        *EVERY_ANGLE,
+    ),
 )
 
 
-# --- its inner surfaces -------------------------------------------------------------------------
+# --- inner surfaces -------------------------------------------------------------------
 
 
 class ConeLine(NamedTuple):
-    """The line of a cone in the half plane (r, z), as `repose.dem.Cone` takes it; lengths in m.
+    """The line of a cone in the half plane (r, z), as `repose.dem.Cone` takes it; in m.
 
-    The unit normal points from the inside into the wall; normal . (r, z) = offset. first and last are places along
-    the line, (up_r, up_z) is the unit vector up along it.
+    The unit normal points from the inside into the wall, and the points of the line
+    fulfil normal . (r, z) = offset. `first` and `last` are its ends, as distances along
+    the unit vector (up_r, up_z).
     """
 
     normal_r: float
@@ -173,7 +211,10 @@ class ConeLine(NamedTuple):
 
 @dataclass(frozen=True)
 class Funnel:
-    """Inner surfaces of a funnel whose axis is z, all edges rounded; a tube may follow the cone."""
+    """Inner surfaces of a funnel about the z axis, all of its edges rounded.
+
+    A tube may follow the cone.
+    """
 
     inlet_diameter_m: float  # of the upper circle
     outlet_diameter_m: float  # of the narrowest circle
@@ -185,23 +226,24 @@ class Funnel:
     @classmethod
     def of(cls, hopper: Hopper, outlet_height_mm: float) -> "Funnel":
         """Make the funnel of a section, its outlet at a height above the plate."""
-        inlet, outlet = (
-            1e-3 * hopper.inlet_diameter_mm,
-            1e-3 * hopper.outlet_diameter_mm,
-        )
-        tube, rim = 1e-3 * hopper.tube_length_mm, 1e-3 * hopper.rim_radius_mm
         return cls(
-            inlet, outlet, hopper.cone_angle_deg, tube, rim, 1e-3 * outlet_height_mm
+            inlet_diameter_m=1e-3 * hopper.inlet_diameter_mm,
+            outlet_diameter_m=1e-3 * hopper.outlet_diameter_mm,
+            cone_angle_deg=hopper.cone_angle_deg,
+            tube_length_m=1e-3 * hopper.tube_length_mm,
+            rim_radius_m=1e-3 * hopper.rim_radius_mm,
+            outlet_height_m=1e-3 * outlet_height_mm,
         )
 
     @property
     def inlet_height_m(self) -> float:
         """Height of the inlet's circle above the plate [m]."""
-        return self.cone_line().last * math.sin(self._slope) + self._foot[1]
+        _, foot_z = self._foot
+        return self.cone_line().last * math.sin(self._slope) + foot_z
 
     @property
     def neck_height_m(self) -> float:
-        """Height at which the cone ends [m]: at the outlet, or at the tube's upper end."""
+        """Height of the cone's lower end [m]: at the outlet or the tube's upper end."""
         return self.outlet_height_m + self.tube_length_m
 
     @property
@@ -216,7 +258,7 @@ class Funnel:
 
     @property
     def _offset(self) -> float:
-        """Offset of the cone's line [m]: it is tangent to the rounded edge below it."""
+        """Offset of the cone's line [m], which is tangent to the rounded edge below."""
         return (
             math.sin(self._slope) * self._core_m
             - math.cos(self._slope) * self.neck_height_m
@@ -225,45 +267,70 @@ class Funnel:
 
     @property
     def _foot(self) -> tuple[float, float]:
-        """Point (r, z) [m] of the cone's line from which places along it are measured, the nearest to the origin."""
-        return self._offset * math.sin(self._slope), -self._offset * math.cos(
-            self._slope
-        )
+        """The point (r, z) [m] of the cone's line that is nearest to the origin.
+
+        Distances along the line are measured from it.
+        """
+        r = self._offset * math.sin(self._slope)
+        z = -self._offset * math.cos(self._slope)
+        return r, z
 
     def cone_line(self) -> ConeLine:
         """Compute the cone's line, from the rounded edge up to the inlet."""
-        sin, cos = math.sin(self._slope), math.cos(self._slope)
+        sin = math.sin(self._slope)
+        cos = math.cos(self._slope)
         foot_r, foot_z = self._foot
         last = (0.5 * self.inlet_diameter_m - foot_r) / cos
         last += cos * foot_r + sin * foot_z
-        first = cos * self._core_m + sin * self.neck_height_m
-        return ConeLine(sin, -cos, self._offset, first, last, cos, sin)
+        return ConeLine(
+            normal_r=sin,
+            normal_z=-cos,
+            offset=self._offset,
+            first=cos * self._core_m + sin * self.neck_height_m,
+            last=last,
+            up_r=cos,
+            up_z=sin,
+        )
 
     def walls(self, material: str) -> "dict[str, Cone | RingEdge]":
-        """Cone and outlet, and with a tube also tube and neck, by name."""
-        up, edge = (math.cos(self._slope), math.sin(self._slope)), self.rim_radius_m
-        walls: dict[str, Cone | RingEdge] = {
-            "cone": dem.Cone(self.cone_line(), material)
-        }
-        if self.tube_length_m == 0.0:
-            walls["outlet"] = dem.RingEdge(
-                self._core_m, edge, material, (up, (0.0, 0.0)), self.outlet_height_m
+        """Make the walls: cone and outlet, and with a tube also tube and neck."""
+        # Directions of the walls that meet at an edge; zeros stand for no wall.
+        along_cone = (math.cos(self._slope), math.sin(self._slope))
+        along_tube = (0.0, 1.0)
+        down_tube = (0.0, -1.0)
+        free = (0.0, 0.0)
+
+        def edge(
+            above: tuple[float, float], below: tuple[float, float], height_m: float
+        ) -> "RingEdge":
+            return dem.RingEdge(
+                self._core_m, self.rim_radius_m, material, (above, below), height_m
             )
-            return walls
-        radius, top = 0.5 * self.outlet_diameter_m, self.neck_height_m
-        walls["tube"] = dem.Cone(
-            ConeLine(1.0, 0.0, radius, self.outlet_height_m, top, 0.0, 1.0), material
+
+        cone = dem.Cone(self.cone_line(), material)
+        if self.tube_length_m == 0.0:
+            return {
+                "cone": cone,
+                "outlet": edge(along_cone, free, self.outlet_height_m),
+            }
+        tube_line = ConeLine(
+            normal_r=1.0,
+            normal_z=0.0,
+            offset=0.5 * self.outlet_diameter_m,
+            first=self.outlet_height_m,
+            last=self.neck_height_m,
+            up_r=0.0,
+            up_z=1.0,
         )
-        walls["neck"] = dem.RingEdge(
-            self._core_m, edge, material, (up, (0.0, -1.0)), top
-        )
-        walls["outlet"] = dem.RingEdge(
-            self._core_m, edge, material, ((0.0, 1.0), (0.0, 0.0)), self.outlet_height_m
-        )
-        return walls
+        return {
+            "cone": cone,
+            "tube": dem.Cone(tube_line, material),
+            "neck": edge(along_cone, down_tube, self.neck_height_m),
+            "outlet": edge(along_tube, free, self.outlet_height_m),
+        }
 
 
-# --- section of the configuration -----------------------------------------------------------------
+# --- section of the configuration -----------------------------------------------------
 
 
 class FunnelSettings(Hopper):
@@ -280,97 +347,172 @@ class FunnelSettings(Hopper):
 
     @property
     def funnel(self) -> Funnel:
-        """Its inner surfaces."""
+        """The inner surfaces of the funnel."""
         return Funnel.of(self, self.outlet_height_mm)
 
 
 def narrow_openings(
     section: Section, name: str, sizes_mm: Mapping[str, float]
 ) -> Contradictions:
-    """Yield keys of openings that are at most as wide as a mean grain, whose size is given for each key."""
-    for key, size in sizes_mm.items():
-        if getattr(section, key) <= size:
-            yield f"{name}.{key}", f"above {size:.4g}, the size of a mean grain"
+    """Yield keys of openings that are no wider than a grain, with what is allowed.
+
+    `name` is the name of the section, `sizes_mm` has the size of the mean grain for
+    each key.
+    """
+    for key, size_mm in sizes_mm.items():
+        if getattr(section, key) <= size_mm:
+            yield f"{name}.{key}", f"above {size_mm:.4g}, the size of a mean grain"
 
 
 def impossible_surfaces(hopper: Hopper, name: str) -> Contradictions:
-    """Yield keys of a funnel that cannot be built, with the allowed values."""
-    inlet, outlet = hopper.inlet_diameter_mm, hopper.outlet_diameter_mm
-    wall = (inlet - outlet) / 4
-    thick = f"at most {wall:g}, or no cone is left between inlet and outlet"
-    return stated(
-        (
-            outlet >= inlet,
+    """Yield keys of a funnel that cannot be built, with what is allowed.
+
+    `name` is the name of the section.
+    """
+    inlet_mm = hopper.inlet_diameter_mm
+    outlet_mm = hopper.outlet_diameter_mm
+    if outlet_mm >= inlet_mm:
+        yield (
             f"{name}.outlet_diameter_mm",
-            f"below {name}.inlet_diameter_mm, {inlet:g}",
-        ),
-        (hopper.rim_radius_mm > wall, f"{name}.rim_radius_mm", thick),
-    )
+            f"below {name}.inlet_diameter_mm, {inlet_mm:g}",
+        )
+    largest_rim_mm = (inlet_mm - outlet_mm) / 4
+    if hopper.rim_radius_mm > largest_rim_mm:
+        yield (
+            f"{name}.rim_radius_mm",
+            f"at most {largest_rim_mm:g}, or no cone is left between inlet and outlet",
+        )
 
 
-# --- run ----------------------------------------------------------------------------------------
+# --- run ------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
-class Pour(Ending):
-    """The final state of a pour of N grains, and the numbers by which it is judged."""
+class Pour(Outcome):
+    """The final state of a pour of N grains, and the numbers by which it is judged.
 
-    centres_m: np.ndarray  # (N, 3)
-    quaternions: np.ndarray  # (N, 4)
-    scales: np.ndarray  # (N,)
-    on_plate: np.ndarray  # (N,), which grains lie there
-    in_pile: np.ndarray  # (N,), which of them lie in the largest cluster
-    in_funnel: int  # grains that are still there
-    off_plate: int  # grains that have left the plate
-    kinetic_energy_j: float  # of the pile
-    largest_motion_m: (
-        float  # farthest way of a grain on the plate in the last `rest_window_s`
-    )
-    discharge_s: float  # from the first to the last grain that left the outlet; NaN where none did
-    wall_s: float  # wall time of the pour
-    us_per_step: float  # wall time of a time step in the last second of `duration_s`, or since the last grain
-    frames: dict[str, np.ndarray] | None  # see `repose.bench.scene.Trial.frames`
+    Attributes
+    ----------
+    centres_m, quaternions, scales : array
+        Positions (N, 3), orientations (N, 4) and relative sizes (N,) of the grains.
+    on_plate : array
+        Mask (N,) of the grains on the plate.
+    in_pile : array
+        Mask (N,) of those in the largest cluster there.
+    in_funnel, off_plate : int
+        Numbers of grains still in the funnel, and gone from the plate.
+    kinetic_energy_j : float
+        Energy of the pile.
+    largest_motion_m : float
+        Largest displacement of a grain on the plate in the last `rest_window_s`.
+    discharge_s : float
+        Time from the first to the last grain that left the outlet; NaN if none did.
+    wall_s : float
+        Wall time of the pour.
+    us_per_step : float
+        Wall time per time step in the last second of `duration_s`, or since the last
+        grain if that is later.
+    frames : dict or None
+        Frames, see `repose.bench.trial.Trial.frames`.
+    """
+
+    centres_m: np.ndarray
+    quaternions: np.ndarray
+    scales: np.ndarray
+    on_plate: np.ndarray
+    in_pile: np.ndarray
+    in_funnel: int
+    off_plate: int
+    kinetic_energy_j: float
+    largest_motion_m: float
+    discharge_s: float
+    wall_s: float
+    us_per_step: float
+    frames: dict[str, np.ndarray] | None
 
 
 def _rests(
     simulation: "dem.Simulation",
     section: FunnelSettings,
-    funnel: Funnel,
-    seen: Sequence[np.ndarray],
+    history: Sequence[np.ndarray],
 ) -> bool:
-    """Whether all grains lie outside the funnel, have hardly moved in the last window and nearly stand still."""
-    there = simulation.present
-    if len(seen) <= LOOKS or simulation.n_bodies < section.berries or not there.any():
+    """Tell whether a pour is over.
+
+    All grains are below the funnel, have hardly moved since the first of the positions
+    in `history`, one rest window ago, and nearly stand still.
+    """
+    present = simulation.present
+    is_complete = simulation.n_bodies >= section.berries and present.any()
+    if len(history) <= LOOKS or not is_complete:
         return False
-    motion_m = 1e-3 * section.rest_motion_mm
-    turning = np.linalg.norm(simulation.angular_velocities, axis=1) * simulation.radius
-    speed = (np.linalg.norm(simulation.velocities, axis=1) + turning)[there].max()
+    largest_motion_m = 1e-3 * section.rest_motion_mm
+    spin = np.linalg.norm(simulation.angular_velocities, axis=1) * simulation.radius
+    speed = np.linalg.norm(simulation.velocities, axis=1) + spin
+    way_m = speed[present].max() * section.rest_window_s
+    motion = np.linalg.norm(history[-1] - history[0], axis=1)
+    highest_m = history[-1][present, 2].max()
+    outlet_m = section.funnel.outlet_height_m
     return bool(
-        speed * section.rest_window_s <= STANDSTILL * motion_m
-        and np.linalg.norm(seen[-1] - seen[0], axis=1)[there].max() <= motion_m
-        and (seen[-1][there, 2] <= funnel.outlet_height_m - simulation.radius).all()
+        way_m <= STANDSTILL * largest_motion_m
+        and motion[present].max() <= largest_motion_m
+        and highest_m <= outlet_m - simulation.radius
     )
 
 
-def _judge(
-    simulation: "dem.Simulation",
-    funnel: Funnel,
-    before: np.ndarray | None,
-    **known: Any,
+class _StepTimer:
+    """Measures the wall time per time step since its last start."""
+
+    def __init__(self) -> None:
+        self.start(0)
+
+    def start(self, step: int) -> None:
+        """Start anew at a time step."""
+        self.step = step
+        self.clock_s = time.perf_counter()
+
+    def us_per_step(self, step: int) -> float:
+        """Compute the wall time per time step since the start [us]."""
+        elapsed_s = time.perf_counter() - self.clock_s
+        return 1e6 * elapsed_s / max(1, step - self.step)
+
+
+class _WallTime(NamedTuple):
+    """Wall times of a pour, as of `Pour`."""
+
+    wall_s: float
+    us_per_step: float
+
+
+def _final_state(
+    trial: Trial,
+    outlet_height_m: float,
+    centres_before: np.ndarray | None,
+    wall_time: _WallTime,
 ) -> Pour:
-    """Sort the grains into pile, plate, funnel and lost, and measure their motion; `known` are the other numbers."""
+    """Sort the grains of a pour into pile, plate, funnel and lost; find their motion.
+
+    `centres_before` are the centres (N, 3) [m] at the beginning of the last rest window;
+    None if the pour ended before.
+    """
+    simulation = trial.simulation
     centres = simulation.positions.copy()
     present = simulation.present
-    # a grain hanging in the outlet has its centre a little below the rim
-    in_funnel = present & (centres[:, 2] > funnel.outlet_height_m - simulation.radius)
+    # A grain that hangs in the outlet has its centre a little below the rim.
+    in_funnel = present & (centres[:, 2] > outlet_height_m - simulation.radius)
     on_plate = present & (centres[:, 2] > 0.0) & ~in_funnel
     in_pile = largest_cluster(simulation.contacts(), on_plate)
-    exits = simulation.exit_times_s
-    exits = exits[np.isfinite(exits)]
     pile_energy = simulation.kinetic_energies()[in_pile]
-    motion = np.linalg.norm(centres - (centres if before is None else before), axis=1)[
-        on_plate
-    ]
+
+    largest_motion_m = 0.0
+    if centres_before is not None:
+        motion = np.linalg.norm(centres - centres_before, axis=1)
+        largest_motion_m = float(motion[on_plate].max(initial=0.0))
+
+    discharge_s = math.nan
+    exit_times = simulation.exit_times_s[np.isfinite(simulation.exit_times_s)]
+    if len(exit_times):
+        discharge_s = float(exit_times.max() - exit_times.min())
+
     return Pour(
         centres_m=centres,
         quaternions=simulation.quaternions.copy(),
@@ -380,9 +522,12 @@ def _judge(
         in_funnel=int(in_funnel.sum()),
         off_plate=int(len(centres) - in_funnel.sum() - on_plate.sum()),
         kinetic_energy_j=float(pile_energy.sum()),
-        largest_motion_m=float(motion.max(initial=0.0)),
-        discharge_s=float(exits.max() - exits.min()) if len(exits) else math.nan,
-        **known,
+        largest_motion_m=largest_motion_m,
+        discharge_s=discharge_s,
+        wall_s=wall_time.wall_s,
+        us_per_step=wall_time.us_per_step,
+        frames=trial.frames(),
+        unstable=trial.broken,
     )
 
 
@@ -396,19 +541,47 @@ class FunnelTest(BenchTest[FunnelSettings]):
     statuses = ("ok", "jammed", "not_at_rest", "no_flank", "left_plate", "unstable")
     required_arrays = ("position", "quaternion", "in_pile")
     photographed: ClassVar = {"aor_deg": "aor_deg", "height_mm": "height_mm"}
-    summary = "angle of repose {aor_deg:.2f} deg, Height {height_mm:.1f} mm, {berries_on_plate} grains on the plate"
+    summary = (
+        "angle of repose {aor_deg:.2f} deg, Height {height_mm:.1f} mm, "
+        "{berries_on_plate} grains on the plate"
+    )
+    example: ClassVar = {
+        "funnel": {
+            "berries": 150,
+            "rate_per_s": 300.0,
+            "duration_s": 4.0,
+            "seeds": 2,
+            "inlet_diameter_mm": 100.0,
+            "outlet_diameter_mm": 60.0,
+            "cone_angle_deg": 75.0,
+            "tube_length_mm": 0.0,
+            "rim_radius_mm": 1.0,
+            "outlet_height_mm": 70.0,
+            "plate_diameter_mm": 400.0,
+            "factory_height_mm": 20.0,
+            "factory_diameter_mm": 70.0,
+            "orientation": "random",
+            "rest_motion_mm": 1.0,
+            "rest_window_s": 0.2,
+        },
+        "targets": [
+            {"response": "aor_deg", "value": 20.0, "sd": 2.0, "repetitions": 10},
+            {"response": "height_mm", "value": 30.0, "sd": 2.0, "repetitions": 10},
+        ],
+    }
 
-    def world(self, scene: Scene, reach_m: float) -> dict[str, Any]:
+    def world(self, scene: Scene, largest_radius_m: float) -> dict[str, Any]:
         """Describe funnel and plate."""
         section = self.section(scene.settings)
-        funnel, plate_radius = section.funnel, 0.5e-3 * section.plate_diameter_mm
-        half = max(plate_radius, 0.5 * funnel.inlet_diameter_m) + 2.0 * reach_m
+        funnel = section.funnel
+        plate_radius = 0.5e-3 * section.plate_diameter_mm
+        half = max(plate_radius, 0.5 * funnel.inlet_diameter_m) + 2.0 * largest_radius_m
         plate = dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", plate_radius)
         return {
             "capacity": section.berries,
             "walls": {"plate": plate, **funnel.walls("wall")},
             "lower": (-half, -half, 0.0),
-            "upper": (half, half, funnel.inlet_height_m + 4.0 * reach_m),
+            "upper": (half, half, funnel.inlet_height_m + 4.0 * largest_radius_m),
             "exit_height_m": funnel.outlet_height_m,
             "curved_walls_above_m": funnel.outlet_height_m - funnel.rim_radius_m,
             "floor_height_m": FLOOR_M,
@@ -421,85 +594,90 @@ class FunnelTest(BenchTest[FunnelSettings]):
         progress: Progress | None = None,
         until_rest: bool = True,
     ) -> Pour:
-        """Pour the grains until they rest, for `duration_s` at most (section 3.1 of the paper), or for all of it."""
-        section, settings = self.section(scene.settings), scene.simulation
-        began = time.perf_counter()
-        trial, funnel = (
-            Trial(self.build, scene, section.berries, interval_s, progress),
-            section.funnel,
-        )
-        simulation, height = (
-            trial.simulation,
-            funnel.inlet_height_m + 1e-3 * section.factory_height_mm,
-        )
-        factory = Disc(0.5e-3 * section.factory_diameter_mm - trial.reach_m, height)
-        last_step = settings.steps(section.duration_s)
-        window = settings.steps(section.rest_window_s)
-        clock, timed = began, 0
-        seen: deque[np.ndarray] = deque(maxlen=LOOKS + 1)
-        with trial.bound(height).guard():
-            fill(trial, factory, section, last_step - window)
-            clock, timed = time.perf_counter(), simulation.steps
-            every = max(1, window // LOOKS)
-            for step in range(
-                last_step - (last_step - timed) // every * every, last_step + 1, every
-            ):
-                trial.run_to(step)
-                if step <= last_step - settings.steps(1.0):
-                    clock, timed = time.perf_counter(), step
-                seen.append(simulation.positions.copy())
-                if until_rest and _rests(simulation, section, funnel, seen):
-                    break
-        known = {
-            "us_per_step": 1e6
-            * (time.perf_counter() - clock)
-            / max(1, simulation.steps - timed)
-        }
-        known["wall_s"] = time.perf_counter() - began
-        before = seen[0] if seen else None
-        return _judge(
-            simulation,
-            funnel,
-            before,
-            unstable=trial.broken,
-            frames=trial.frames(),
-            **known,
+        """Pour the grains (section 3.1 of the paper).
+
+        Parameters
+        ----------
+        scene, interval_s, progress
+            As of `run`.
+        until_rest : bool, optional
+            Whether the pour ends when the grains rest, at most after `duration_s`;
+            otherwise it takes all of that time.
+        """
+        start_s = time.perf_counter()
+        section = self.section(scene.settings)
+        settings = scene.simulation
+        funnel = section.funnel
+        trial = Trial(self.build, scene, section.berries, interval_s, progress)
+        simulation = trial.simulation
+        height_m = funnel.inlet_height_m + 1e-3 * section.factory_height_mm
+        radius_m = 0.5e-3 * section.factory_diameter_mm - trial.largest_radius_m
+        factory = Factory(
+            Disc(radius_m, height_m),
+            section.berries,
+            section.rate_per_s,
+            section.orientation,
         )
 
-    def faults(self, ending: Pour, settings: SceneSettings) -> Faults:
-        """Judge a pour before it is measured."""
+        last_step = settings.steps(section.duration_s)
+        timed_step = last_step - settings.steps(1.0)
+        window = settings.steps(section.rest_window_s)
+        timer = _StepTimer()
+        # The last positions, at most one rest window old.
+        history: deque[np.ndarray] = deque(maxlen=LOOKS + 1)
+        with trial.bound(height_m).guard():
+            fill(trial, factory, last_step - window)
+            timer.start(simulation.steps)
+            for step in _check_steps(simulation.steps, last_step, window):
+                trial.run_to(step)
+                if step <= timed_step:
+                    timer.start(step)
+                history.append(simulation.positions.copy())
+                if until_rest and _rests(simulation, section, history):
+                    break
+
+        wall_time = _WallTime(
+            wall_s=time.perf_counter() - start_s,
+            us_per_step=timer.us_per_step(simulation.steps),
+        )
+        centres_before = history[0] if history else None
+        return _final_state(trial, funnel.outlet_height_m, centres_before, wall_time)
+
+    def judge(self, outcome: Pour, settings: SceneSettings) -> Verdict:
+        """Judge a stable pour before its pile is measured."""
         section = self.section(settings)
-        n, off, waiting = (
-            section.berries,
-            ending.off_plate,
-            section.berries - len(ending.centres_m),
-        )
-        hanging = f"{ending.in_funnel} grains in the funnel and {waiting} not yet poured at the end"
-        in_pile, there = int(ending.in_pile.sum()), int(ending.on_plate.sum())
-        energy, most_mm = (
-            ending.kinetic_energy_j / max(1, in_pile),
-            section.rest_motion_mm,
-        )
-        moved_mm, window = (
-            1e3 * ending.largest_motion_m,
-            f"the last {section.rest_window_s:g} s",
-        )
-        least = f"a pile has at least {FEWEST_IN_PILE} and {100 * SMALLEST_PILE:g} % of them"
-        apart = (
-            f"{in_pile} of {there} grains touch each other in the largest pile; {least}"
-        )
-        moved = f"a grain moved {moved_mm:.2f} mm in {window}, more than {most_mm:g}"
-        return stated(
-            (ending.in_funnel or waiting > 0, "jammed", hanging),
-            (
-                off > LARGEST_LOSS * n,
-                "left_plate",
-                f"{off} of {n} grains left the plate",
-            ),
-            settings.simulation.not_at_rest(energy),
-            (moved_mm > most_mm, "not_at_rest", moved),
-            (in_pile < max(FEWEST_IN_PILE, SMALLEST_PILE * there), "no_flank", apart),
-        )
+        n_grains = section.berries
+        n_waiting = n_grains - len(outcome.centres_m)
+        if outcome.in_funnel or n_waiting > 0:
+            return Verdict(
+                "jammed",
+                f"{outcome.in_funnel} grains in the funnel and {n_waiting} not yet "
+                "poured at the end",
+            )
+        if outcome.off_plate > LARGEST_LOSS * n_grains:
+            return Verdict(
+                "left_plate", f"{outcome.off_plate} of {n_grains} grains left the plate"
+            )
+        n_in_pile = int(outcome.in_pile.sum())
+        moving = not_at_rest(outcome.kinetic_energy_j / max(1, n_in_pile), settings)
+        if moving is not None:
+            return moving
+        motion_mm = 1e3 * outcome.largest_motion_m
+        if motion_mm > section.rest_motion_mm:
+            return Verdict(
+                "not_at_rest",
+                f"a grain moved {motion_mm:.2f} mm in the last "
+                f"{section.rest_window_s:g} s, more than {section.rest_motion_mm:g}",
+            )
+        n_on_plate = int(outcome.on_plate.sum())
+        if n_in_pile < max(FEWEST_IN_PILE, SMALLEST_PILE * n_on_plate):
+            return Verdict(
+                "no_flank",
+                f"{n_in_pile} of {n_on_plate} grains touch each other in the largest "
+                f"pile; a pile has at least {FEWEST_IN_PILE} and "
+                f"{100 * SMALLEST_PILE:g} % of them",
+            )
+        return OK
 
     def run(
         self,
@@ -507,98 +685,100 @@ class FunnelTest(BenchTest[FunnelSettings]):
         interval_s: float | None = None,
         progress: Progress | None = None,
     ) -> Run:
-        """Pour once and judge the pour; status ``no_flank`` comes with the measurement."""
-        poured = self.pour(scene, interval_s, progress)
-        on_plate, in_pile = int(poured.on_plate.sum()), int(poured.in_pile.sum())
-        numbers = {
-            "discharge_s": poured.discharge_s,
-            "berries_on_plate": on_plate,
-            "berries_in_pile": in_pile,
-        }
-        numbers |= {
-            "berries_off_plate": poured.off_plate,
-            "kinetic_energy_J": poured.kinetic_energy_j,
-        }
-        arrays = kept_grains(
-            poured.centres_m, poured.quaternions, poured.scales, in_pile=poured.in_pile
+        """Pour once and judge the pour.
+
+        The arrays are ``position`` (N, 3) [m], ``quaternion`` (N, 4), ``scale`` (N,) and
+        ``in_pile`` (N,), the mask of the pile.
+        """
+        pour = self.pour(scene, interval_s, progress)
+        arrays = grain_arrays(
+            pour.centres_m, pour.quaternions, pour.scales, in_pile=pour.in_pile
         )
-        return self.ended(scene, poured, arrays, poured.frames, **numbers)
+        return self.make_run(
+            scene,
+            pour,
+            arrays,
+            pour.frames,
+            discharge_s=pour.discharge_s,
+            berries_on_plate=int(pour.on_plate.sum()),
+            berries_in_pile=int(pour.in_pile.sum()),
+            berries_off_plate=pour.off_plate,
+            kinetic_energy_J=pour.kinetic_energy_j,
+        )
 
     def measure(
         self, record: Mapping[str, Any], arrays: Arrays, scene: Scene
     ) -> dict[str, Any]:
-        """Return the record of a pour with `ALWAYS` and the other responses that are targets."""
+        """Measure a pour: its record with `ALWAYS` and other responses that are targets."""
         from repose.measure.saved_piles import pile_responses
 
-        targets = [
-            response.name for response in self.target_responses(scene.settings.config)
+        settings = scene.settings
+        others = [
+            response.name
+            for response in self.target_responses(settings.config)
+            if response.name not in ALWAYS and response.name not in record
         ]
-        more = [name for name in targets if name not in ALWAYS and name not in record]
-        judged = {key: record[key] for key in ("seed", "status", "reason")}
-        measured = dict.fromkeys((*ALWAYS, *more))
+        verdict = {key: record[key] for key in ("seed", "status", "reason")}
+        measured: dict[str, Any] = dict.fromkeys((*ALWAYS, *others))
         if record["status"] == "ok":
-            plate_mm = self.section(scene.settings).plate_diameter_mm
+            plate_mm = self.section(settings).plate_diameter_mm
             responses, reasons = pile_responses(
-                arrays, scene.particle, scene.measure, plate_mm, more
+                arrays, scene.particle, scene.measure, plate_mm, others
             )
             measured |= responses
-            judged |= self.assess({**record, **measured}, scene.settings, reasons)
-        return (
-            judged
-            | measured
-            | {key: value for key, value in record.items() if key not in judged}
-        )
+            verdict |= self.check_targets({**record, **measured}, settings, reasons)
+        rest = {key: value for key, value in record.items() if key not in verdict}
+        return verdict | measured | rest
 
     def duration_s(self, settings: SceneSettings) -> float:
         """Return the longest simulated time of a pour [s]."""
         return self.section(settings).duration_s
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
-        """Yield keys of a funnel that cannot be built, or of a pour that cannot end, with the allowed values."""
+        """Yield keys of a funnel that cannot be built, or of a pour that cannot end."""
         section = self.section(settings)
-        inlet, outlet = section.inlet_diameter_mm, section.outlet_diameter_mm
-        duration, window, last = (
-            section.duration_s,
-            section.rest_window_s,
-            last_berry_s(section),
-        )
-        coarse, end = (
-            settings.simulation.time_step_s > window / 2,
-            f"above {last + window:g}",
-        )
-        wide, small = (
-            section.factory_diameter_mm > inlet,
-            section.plate_diameter_mm < outlet,
-        )
-        step = f"at most half of funnel.rest_window_s, {window:g}"
-        yield from stated((coarse, "simulation.time_step_s", step))
+        window_s = section.rest_window_s
+        if settings.simulation.time_step_s > window_s / 2:
+            yield (
+                "simulation.time_step_s",
+                f"at most half of funnel.rest_window_s, {window_s:g}",
+            )
         yield from impossible_surfaces(section, NAME)
-        yield from stated(
-            (
-                wide,
+        if section.factory_diameter_mm > section.inlet_diameter_mm:
+            yield (
                 "funnel.factory_diameter_mm",
-                f"at most funnel.inlet_diameter_mm, {inlet:g}",
-            ),
-            (
-                small,
+                f"at most funnel.inlet_diameter_mm, {section.inlet_diameter_mm:g}",
+            )
+        if section.plate_diameter_mm < section.outlet_diameter_mm:
+            yield (
                 "funnel.plate_diameter_mm",
-                f"at least funnel.outlet_diameter_mm, {outlet:g}",
-            ),
-            (
-                window >= duration,
+                f"at least funnel.outlet_diameter_mm, {section.outlet_diameter_mm:g}",
+            )
+        if window_s >= section.duration_s:
+            yield (
                 "funnel.rest_window_s",
-                f"below funnel.duration_s, {duration:g}",
-            ),
-            (
-                last >= duration - window,
+                f"below funnel.duration_s, {section.duration_s:g}",
+            )
+        last_s = last_berry_s(section)
+        if last_s >= section.duration_s - window_s:
+            yield (
                 "funnel.duration_s",
-                f"{end}: the last grain appears at {last:g} s",
-            ),
-        )
+                f"above {last_s + window_s:g}: the last grain appears at {last_s:g} s",
+            )
 
     def misfits(
         self, settings: SceneSettings, axes_mm: Sequence[float]
     ) -> Contradictions:
-        """Yield keys of openings that are too narrow for the mean grain, with the allowed values."""
-        sizes = {"outlet_diameter_mm": axes_mm[2], "factory_diameter_mm": axes_mm[0]}
-        return narrow_openings(self.section(settings), NAME, sizes)
+        """Yield keys of openings that are too narrow for the mean grain."""
+        sizes_mm = {"outlet_diameter_mm": axes_mm[2], "factory_diameter_mm": axes_mm[0]}
+        return narrow_openings(self.section(settings), NAME, sizes_mm)
+
+
+def _check_steps(first_step: int, last_step: int, window: int) -> Iterator[int]:
+    """Yield the time steps of the checks for rest, `LOOKS` per window up to the last.
+
+    The first is at most one interval after `first_step`.
+    """
+    every = max(1, window // LOOKS)
+    n_intervals = (last_step - first_step) // every
+    yield from range(last_step - n_intervals * every, last_step + 1, every)

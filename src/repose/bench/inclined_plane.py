@@ -1,74 +1,103 @@
-"""The inclined plane: a plane tilts slowly until a sled slides, and until a single grain rolls.
+"""The inclined plane: it tilts slowly until a sled slides, and until a grain rolls.
 
-A sled, grains glued side by side, cannot roll: it slides where the slope is the coefficient of friction, at
-atan(mu_s). Here it is one grain whose rolling friction is so high that it cannot roll, for Coulomb's limit is the same
-for any load. A sphere rolls where the slope exceeds its coefficient of rolling friction, unless it slides before. A
+A sled, grains glued side by side, cannot roll: it slides where the slope is the
+coefficient of friction, at atan(mu_s). Here it is one grain whose rolling friction is so
+high that it cannot roll, for Coulomb's limit is the same for any load. A sphere rolls
+where the slope exceeds its coefficient of rolling friction, unless it slides before. A
 grain of another shape tips over, or rolls about the axis on which it happens to lie.
 
-Gravity turns and the plane stays. In the frame of the plane this is exact but for the forces of a turning frame: at 1
-degree per second and 100 mm from the axis they are 3e-6 of the weight. So nothing turns against space, and every law of
-rolling resistance, relative to space or to the other body, resists the rotation on the plane. A plane that turns would
-need `rolling_frame_rad_s`.
+Gravity turns and the plane stays. In the frame of the plane this is exact but for the
+forces of a turning frame: at 1 degree per second and 100 mm from the axis they are 3e-6
+of the weight. So nothing turns against space, and every law of rolling resistance,
+relative to space or to the other body, resists the rotation on the plane. A plane that
+turns would need `rolling_frame_rad_s`.
 
-The grain begins to move with an acceleration that grows evenly with the angle, so its speed goes with the square of the
-angle beyond the limit. The angle of the beginning is where the line of the root of the speed over the angle meets zero.
+The grain begins to move with an acceleration that grows evenly with the angle, so its
+speed goes with the square of the angle beyond the limit. The motion begins where the
+line through the root of the speed over the angle meets zero.
 """
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
 
 from repose import dem
 from repose.bench.bench_test import (
+    OK,
     Arrays,
     BenchTest,
-    Contradictions,
-    Ending,
-    Faults,
-    Progress,
+    Outcome,
     Run,
-    Scene,
+    Verdict,
     register,
-    stated,
 )
 from repose.bench.factory import add_above
-from repose.bench.scene import Trial
+from repose.bench.scene import Scene
 from repose.bench.settings import CREEPING_LAWS, SceneSettings
+from repose.bench.trial import Progress, Trial
 from repose.calibrate.responses import Response
 from repose.calibrate.runs import Recorded
-from repose.common.section import Section, Seeds
+from repose.common.section import Contradictions, Section, Seeds
 
 if TYPE_CHECKING:
     from repose.grain.particle import Particle
 
 NAME = "inclined_plane"
-SLED, SINGLE = "sled", "berry"  # what lies on the plane
-LOOK_S = 0.005  # simulated time between two looks at the grain
-FAR = 0.25  # the grain has moved when it is this share of its shortest axis away
-FROM_SHARE = 0.3  # the line goes through speeds above this share of the last one
-APART = 1.0001  # of the grains of a glued layer, over their touching
-REACHES = 3.5  # radius of a glued layer in bounding radii
-COLUMNS = ("angle_deg", "speed_m_s", "slide_m_s")
-SLIDING = 0.5  # of the speed: a grain whose lowest point is faster than this slides, and does not roll
+# What lies on the plane: first the sled, then the grain that can roll.
+SLED = "sled"
+GRAIN = "berry"
+# Simulated time between two looks at the body.
+LOOK_S = 0.005
+# Fewest looks in a tilting.
+FEWEST_LOOKS = 100
+# A body has moved when it is this share of its shortest axis away.
+MOVED_SHARE = 0.25
+# The line goes through speeds above this share of the last speed, in the root.
+FROM_SHARE = 0.3
+# Fewest speeds for a line.
+FEWEST_SPEEDS = 3
+# A grain slides, and does not roll, if its lowest point is faster than this share of
+# its speed.
+SLIDING_SHARE = 0.5
+# Distance of the grains of a glued layer, over that at which they touch.
+LAYER_SPACING = 1.0001
+# Radius of a glued layer in bounding radii of a grain.
+LAYER_RADIUS = 3.5
 
-# --- responses ------------------------------------------------------------------------------------
+# --- responses ------------------------------------------------------------------------
 
-SURFACE = (f"{NAME}.surface",)
-LACKING = {
-    "slip_deg": "no_slip",
-    "roll_deg": "no_roll",
-}  # status of a run that lacks a target
+SURFACE = ("inclined_plane.surface",)
+SLIP = Response(
+    name="slip_deg",
+    unit="deg",
+    label="angle of slip",
+    symbol="slip",
+    apparatus=NAME,
+    low=0.0,
+    high=89.0,
+    definition=SURFACE,
+)
+ROLL = Response(
+    name="roll_deg",
+    unit="deg",
+    label="angle of rolling",
+    symbol="roll",
+    apparatus=NAME,
+    low=0.0,
+    high=89.0,
+    definition=SURFACE,
+)
 
-# --- section of the configuration -----------------------------------------------------------------
+# --- section of the configuration -----------------------------------------------------
 
 
 class InclinedPlaneSettings(Section):
-    """The section `inclined_plane` of the configuration; config/README.md explains its keys."""
+    """The section `inclined_plane` of the configuration; see config/README.md."""
 
     surface: Literal["wall", "berry", "glued"]
     tilting_deg_s: float = Field(ge=0.01, le=20)
@@ -77,75 +106,111 @@ class InclinedPlaneSettings(Section):
     seeds: Seeds
 
 
-# --- build and run --------------------------------------------------------------------------------
+# --- the glued layer ------------------------------------------------------------------
 
 
-def layer(
-    particle: "Particle", azimuth: float = 0.0
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Lay grains flat in a close layer: centres (N, 3) about a pocket, their orientation, half their height.
+class Layer(NamedTuple):
+    """A layer of grains on the plane, all in one orientation."""
 
-    It is the close layer of spheres, stretched as the grain is, and as far apart as a shape needs that is no ellipsoid.
+    centres_m: np.ndarray  # (N, 3), at the height 0
+    quaternion: np.ndarray  # (4,)
+    depth_m: float  # of the plane below the centres
+
+
+NO_LAYER = Layer(np.empty((0, 3)), np.array([1.0, 0.0, 0.0, 0.0]), 0.0)
+
+
+def layer(particle: "Particle", azimuth: float = 0.0) -> Layer:
+    """Lay grains flat in a close layer about a pocket on the z axis.
+
+    It is the close layer of spheres, stretched as the grain is, and as wide as a shape
+    needs that is no ellipsoid.
+
+    Parameters
+    ----------
+    particle : Particle
+        Body of the grains.
+    azimuth : float, optional
+        Angle [rad] by which the layer is turned about z.
     """
     from scipy.spatial.transform import Rotation
 
-    half = particle.dem_shape("berry").half_extents_m
-    axes = np.argsort(half)[::-1]  # of the body: the longest along x, the shortest up
-    rows = np.eye(3)[axes]
-    rows[2] *= np.linalg.det(rows)
-    n = math.ceil(REACHES)
-    i, j = (part.ravel() for part in np.meshgrid(*2 * [np.arange(-2 * n, 2 * n + 1)]))
-    unit = np.column_stack(
-        [2.0 * i + j - 1.0, math.sqrt(3.0) * j - 1.0 / math.sqrt(3.0), 0.0 * i]
+    half_extents = particle.dem_shape("berry").half_extents_m
+    # Axes of the body: the longest along x, the shortest up.
+    axes = np.argsort(half_extents)[::-1]
+    body_axes = np.eye(3)[axes]
+    body_axes[2] *= np.linalg.det(body_axes)
+    stretch = np.array([*half_extents[axes][:2], 0.0])
+    centres = _layer_spacing(particle, body_axes, stretch) * _sphere_layer() * stretch
+    distances = np.hypot(*centres[:, :2].T)
+    centres = centres[distances < LAYER_RADIUS * particle.bounding_radius_m]
+    turn = Rotation.from_euler("z", azimuth)
+    orientation = turn * Rotation.from_matrix(body_axes)
+    return Layer(
+        centres_m=turn.apply(centres),
+        quaternion=orientation.as_quat(scalar_first=True),
+        depth_m=float(half_extents[axes][2]),
     )
-    stretched = np.array([*half[axes][:2], 0.0])
-    # planes between a grain and its neighbours, by which ellipsoids touch
-    ways = np.array(
+
+
+def _sphere_layer() -> np.ndarray:
+    """Place spheres of radius 1 in a close layer (N, 3) about a pocket at the origin."""
+    n = math.ceil(LAYER_RADIUS)
+    numbers = np.arange(-2 * n, 2 * n + 1)
+    i, j = (grid.ravel() for grid in np.meshgrid(numbers, numbers))
+    x = 2.0 * i + j - 1.0
+    y = math.sqrt(3.0) * j - 1.0 / math.sqrt(3.0)
+    return np.column_stack([x, y, 0.0 * i])
+
+
+def _layer_spacing(
+    particle: "Particle", body_axes: np.ndarray, stretch: np.ndarray
+) -> float:
+    """Compute the factor that keeps the grains of a stretched layer apart.
+
+    Ellipsoids touch a neighbour in the plane between both. A wider grain needs more
+    room than the distance to its neighbour.
+    """
+    neighbours = np.array(
         [[2.0, 0.0, 0.0], [1.0, math.sqrt(3.0), 0.0], [1.0, -math.sqrt(3.0), 0.0]]
     )
-    normals = np.column_stack([ways[:, :2] / stretched[:2], np.zeros(3)])
-    width = particle.support(normals @ rows) + particle.support(-normals @ rows)
-    places = (
-        APART
-        * max(1.0, float((width / (ways * stretched * normals).sum(axis=1)).max()))
-        * unit
-        * stretched
+    normals = np.column_stack([neighbours[:, :2] / stretch[:2], np.zeros(3)])
+    width = particle.support(normals @ body_axes) + particle.support(
+        -normals @ body_axes
     )
-    near = np.hypot(*places[:, :2].T) < REACHES * particle.bounding_radius_m
-    turn = Rotation.from_euler("z", azimuth)
-    quaternion = (turn * Rotation.from_matrix(rows)).as_quat(scalar_first=True)
-    return turn.apply(places[near]), quaternion, float(half[axes][2])
+    distance = (neighbours * stretch * normals).sum(axis=1)
+    return LAYER_SPACING * max(1.0, float((width / distance).max()))
 
 
-def held(parameters: Mapping[str, float], surface: str) -> dict[str, float]:
-    """Make the parameters of a sled: it would roll at twice the slope at which it slides."""
+# --- run ------------------------------------------------------------------------------
+
+
+class _Motion(NamedTuple):
+    """The motion of the body at an angle of the plane."""
+
+    angle_deg: float
+    speed_m_s: float  # of its centre
+    slide_m_s: float  # of its lowest point
+
+
+COLUMNS = _Motion._fields
+
+
+@dataclass(frozen=True)
+class Tilting(Outcome):
+    """Both tiltings of the plane."""
+
+    restless: str = ""  # the sled or the grain, if it did not rest before its tilting
+
+
+def sled_parameters(parameters: Mapping[str, float], surface: str) -> dict[str, float]:
+    """Make the parameters of a sled, whose rolling friction is so high that it slides.
+
+    It would only roll at twice the slope at which it slides.
+    """
     pair = "gp" if surface == "wall" else "gg"
-    return {
-        **parameters,
-        f"mur_{pair}": max(parameters[f"mur_{pair}"], 2.0 * parameters[f"mus_{pair}"]),
-    }
-
-
-def _lay_down(trial: Trial, section: InclinedPlaneSettings) -> None:
-    """Lay a grain on the level plane, its long axis level in a random direction, and let it rest."""
-    settings, particle = trial.scene.simulation, trial.scene.particle
-    height = (
-        float(min(particle.dem_shape("berry").half_extents_m))
-        if section.surface == "glued"
-        else 0.0
-    )
-    add_above(trial, "lying", height)
-    every = settings.steps(0.01)
-    trial.run_to(every)
-    trial.wait(partial(_rests, trial), settings.steps(section.settle_s), every)
-
-
-def _rests(trial: Trial) -> bool:
-    """Whether the free grain, the last one, rests."""
-    return (
-        not trial.simulation.kinetic_energies()[-1]
-        > trial.scene.simulation.rest_energy_j
-    )
+    rolling = max(parameters[f"mur_{pair}"], 2.0 * parameters[f"mus_{pair}"])
+    return {**parameters, f"mur_{pair}": rolling}
 
 
 def azimuth_of(seed: int) -> float:
@@ -153,86 +218,145 @@ def azimuth_of(seed: int) -> float:
     return float(np.random.default_rng([seed, 1]).uniform(0.0, 2.0 * math.pi))
 
 
-def _tilt(
-    trial: Trial, section: InclinedPlaneSettings
-) -> list[tuple[float, float, float]]:
-    """Turn gravity until the grain has moved or the plane is steepest; rows of `COLUMNS`, none if it does not rest."""
-    simulation, settings = trial.simulation, trial.scene.simulation
+def _lay_down(trial: Trial, section: InclinedPlaneSettings) -> None:
+    """Lay a grain on the level plane and wait until it rests.
+
+    Its long axis is level and points in a random direction.
+    """
+    settings = trial.scene.simulation
+    height_m = 0.0
+    if section.surface == "glued":
+        half_extents = trial.scene.particle.dem_shape("berry").half_extents_m
+        height_m = float(min(half_extents))
+    add_above(trial, "lying", height_m)
+    every = settings.steps(0.01)
+    trial.run_to(every)
+    trial.wait(partial(_rests, trial), settings.steps(section.settle_s), every)
+
+
+def _rests(trial: Trial) -> bool:
+    """Tell whether the free grain, the last body, rests."""
+    energy_j = trial.simulation.kinetic_energies()[-1]
+    return not energy_j > trial.scene.simulation.rest_energy_j
+
+
+def _tilt(trial: Trial, section: InclinedPlaneSettings) -> list[_Motion]:
+    """Turn gravity until the grain has moved or the plane is at its steepest.
+
+    Returns the motion at every look; none if the grain does not rest at the beginning.
+    """
     if not _rests(trial):
         return []
-    rows, began = [], simulation.positions[-1].copy()
-    far = (
-        FAR
-        * 2.0
-        * float(min(simulation.shapes["berry"].half_extents_m))
-        * simulation.scales[-1]
-    )
-    every, start = max(1, settings.steps(LOOK_S)), simulation.steps
+    simulation = trial.simulation
+    settings = trial.scene.simulation
+    gravity = settings.gravity_m_s2
+    every = max(1, settings.steps(LOOK_S))
+    first_step = simulation.steps
+    first_position = simulation.positions[-1].copy()
+    half_axis_m = float(min(simulation.shapes["berry"].half_extents_m))
+    moved_m = MOVED_SHARE * 2.0 * half_axis_m * simulation.scales[-1]
+    motions = []
     while True:
-        angle_deg = (
-            section.tilting_deg_s * (simulation.steps - start) * settings.time_step_s
-        )
+        steps = simulation.steps - first_step
+        angle_deg = section.tilting_deg_s * steps * settings.time_step_s
+        motions.append(_motion(simulation, angle_deg, section.surface))
+        way = simulation.positions[-1] - first_position
+        has_moved = np.hypot(*way[:2]) > moved_m
+        if has_moved or angle_deg >= section.steepest_deg:
+            return motions
         angle = math.radians(angle_deg)
-        place, speed = simulation.positions[-1], simulation.velocities[-1]
-        lowest = speed + np.cross(
-            simulation.angular_velocities[-1], (0.0, 0.0, -place[2])
+        simulation.physics.gravity[:] = (
+            gravity * math.sin(angle),
+            0.0,
+            -gravity * math.cos(angle),
         )
-        slide = 0.0 if section.surface == "glued" else float(np.hypot(*lowest[:2]))
-        rows.append((angle_deg, float(np.linalg.norm(speed)), slide))
-        if np.hypot(*(place - began)[:2]) > far or angle_deg >= section.steepest_deg:
-            return rows
-        g = settings.gravity_m_s2
-        simulation.physics.gravity[:] = g * math.sin(angle), 0.0, -g * math.cos(angle)
         trial.run_to(simulation.steps + every)
 
 
-def tilted(
+def _motion(simulation: "dem.Simulation", angle_deg: float, surface: str) -> _Motion:
+    """Read the motion of the free grain, the last body.
+
+    On a glued layer there is no lowest point, so nothing slides.
+    """
+    velocity = simulation.velocities[-1]
+    slide_m_s = 0.0
+    if surface != "glued":
+        height = simulation.positions[-1][2]
+        spin = simulation.angular_velocities[-1]
+        lowest = velocity + np.cross(spin, (0.0, 0.0, -height))
+        slide_m_s = float(np.hypot(*lowest[:2]))
+    return _Motion(angle_deg, float(np.linalg.norm(velocity)), slide_m_s)
+
+
+def tilted_frames(
     frames: Mapping[str, np.ndarray], section: InclinedPlaneSettings, last_deg: float
 ) -> dict[str, np.ndarray]:
-    """Turn frames into the laboratory's, where the plane tilts; add ``tilt_deg`` (T,)."""
+    """Turn frames into those of the laboratory, where the plane tilts.
+
+    Parameters
+    ----------
+    frames : mapping
+        Frames of T times in the frame of the plane, the last at the angle `last_deg`.
+    section : InclinedPlaneSettings
+        The rate of the tilting.
+    last_deg : float
+        The last angle of the plane.
+
+    Returns
+    -------
+    dict
+        The frames, with the angles ``tilt_deg`` (T,).
+    """
     times = np.asarray(frames["time_s"])
-    tilt = last_deg + section.tilting_deg_s * (times - times.max(initial=0.0))
-    tilt = np.maximum(tilt, 0.0)
-    half, angle = np.radians(tilt) / 2.0, np.radians(tilt)
+    tilt_deg = last_deg + section.tilting_deg_s * (times - times.max(initial=0.0))
+    tilt_deg = np.maximum(tilt_deg, 0.0)
+    angle = np.radians(tilt_deg)
+
+    cos = np.cos(angle)[:, None]
+    sin = np.sin(angle)[:, None]
     x, y, z = np.moveaxis(np.asarray(frames["position"], float), -1, 0)
-    cos, sin = np.cos(angle)[:, None], np.sin(angle)[:, None]
     position = np.stack([cos * x + sin * z, y, cos * z - sin * x], axis=-1)
-    # a rotation by the angle about +y, which lowers +x
-    c, s = np.cos(half)[:, None], np.sin(half)[:, None]
+
+    # Rotate by the angle about +y, which lowers +x.
+    half = np.radians(tilt_deg) / 2.0
+    c = np.cos(half)[:, None]
+    s = np.sin(half)[:, None]
     qw, qx, qy, qz = np.moveaxis(np.asarray(frames["quaternion"], float), -1, 0)
     quaternion = np.stack(
         [c * qw - s * qy, c * qx + s * qz, c * qy + s * qw, c * qz - s * qx], axis=-1
     )
+
+    # A row of a plane holds a point and the normal that points into the wall.
     planes = np.array(frames["planes"], float)
     normal = np.column_stack([np.sin(angle), np.zeros_like(angle), np.cos(angle)])
-    planes[:, 0, :3], planes[:, 0, 3:6] = planes[:, :1, 2] * normal, -normal
+    height = planes[:, :1, 2]
+    planes[:, 0, :3] = height * normal
+    planes[:, 0, 3:6] = -normal
     return {
         **frames,
         "position": position,
         "quaternion": quaternion,
         "planes": planes,
-        "tilt_deg": tilt,
+        "tilt_deg": tilt_deg,
     }
 
 
-# --- measure --------------------------------------------------------------------------------------
+# --- measure --------------------------------------------------------------------------
 
 
 def beginning_deg(angle_deg: np.ndarray, speed_m_s: np.ndarray) -> float | None:
-    """Find the angle at which a motion began, by the line of the root of its speed; None if it stops growing."""
+    """Find the angle at which a motion began.
+
+    It is where the line through the root of the speed (T,) over the angle (T,) meets
+    zero; None if the speed does not grow steadily at the end.
+    """
     root = np.sqrt(speed_m_s)
-    slower = np.flatnonzero(root < FROM_SHARE * root[-1])
-    if slower.size == 0 or len(root) - slower[-1] < 3:
+    slow = np.flatnonzero(root < FROM_SHARE * root[-1])
+    if slow.size == 0 or len(root) - slow[-1] < FEWEST_SPEEDS:
         return None
-    slope, shift = np.polyfit(angle_deg[slower[-1] + 1 :], root[slower[-1] + 1 :], 1)
-    return float(-shift / slope) if slope > 0.0 else None
-
-
-@dataclass(frozen=True)
-class Tilted(Ending):
-    """Both tiltings."""
-
-    moving: str = ""  # sled or grain, if it did not rest before
+    first = slow[-1] + 1
+    slope, offset = np.polyfit(angle_deg[first:], root[first:], 1)
+    return float(-offset / slope) if slope > 0.0 else None
 
 
 @register(NAME)
@@ -240,52 +364,57 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
     """A plane that tilts until a sled slides, and until a single grain rolls."""
 
     settings = InclinedPlaneSettings
-    responses = (
-        Response("slip_deg", "deg", "angle of slip", "slip", NAME, 0.0, 89.0, SURFACE),
-        Response(
-            "roll_deg", "deg", "angle of rolling", "roll", NAME, 0.0, 89.0, SURFACE
-        ),
-    )
+    responses = (SLIP, ROLL)
     numbers = ("motion",)
-    lacking = LACKING
-    recorded = Recorded(means=tuple(LACKING), single=tuple(LACKING))
+    missing_status: ClassVar = {SLIP.name: "no_slip", ROLL.name: "no_roll"}
+    recorded = Recorded(means=(SLIP.name, ROLL.name), single=(SLIP.name, ROLL.name))
     statuses = ("ok", "unstable", "not_at_rest", "no_slip", "no_roll")
     required_arrays = tuple(
-        f"{what}_{column}" for what in (SLED, SINGLE) for column in COLUMNS
+        f"{body}_{column}" for body in (SLED, GRAIN) for column in COLUMNS
     )
     summary = "{motion}"
+    example: ClassVar = {
+        "inclined_plane": {
+            "surface": "wall",
+            "tilting_deg_s": 2.0,
+            "steepest_deg": 45.0,
+            "settle_s": 2.0,
+            "seeds": 2,
+        },
+        "targets": [
+            {"response": "slip_deg", "value": 31.0, "sd": 1.0, "repetitions": 10}
+        ],
+    }
 
-    def world(self, scene: Scene, reach_m: float) -> dict[str, Any]:
-        """Describe the level plane; a glued layer of grains on it has its centres at height 0."""
-        section, half = self.section(scene.settings), 4.0 * reach_m
-        places, _, depth = self.glued(scene)
-        material = "berry" if section.surface == "berry" else "wall"
+    def world(self, scene: Scene, largest_radius_m: float) -> dict[str, Any]:
+        """Describe the level plane; grains glued on it have their centres at height 0."""
+        surface = self.section(scene.settings).surface
+        material = "berry" if surface == "berry" else "wall"
+        glued = self.glued_layer(scene)
+        origin = (0.0, 0.0, -glued.depth_m)
+        # Pictures draw the plane as far as the box reaches, also when it is tilted.
+        half = 4.0 * largest_radius_m
         return {
-            "capacity": len(places) + 1,
-            "walls": {
-                "plane": dem.Plane((0.0, 0.0, -depth), (0.0, 0.0, 1.0), material)
-            },
-            # pictures draw the plane as far as the box reaches, also when it is tilted
+            "capacity": len(glued.centres_m) + 1,
+            "walls": {"plane": dem.Plane(origin, (0.0, 0.0, 1.0), material)},
             "lower": (-half, -half, -half),
             "upper": (half, half, half),
         }
 
-    def glued(
-        self, scene: Scene, azimuth: float = 0.0
-    ) -> tuple[np.ndarray, np.ndarray, float]:
-        """Return the `layer` on the plane; no grain where nothing is glued."""
+    def glued_layer(self, scene: Scene, azimuth: float = 0.0) -> Layer:
+        """Make the `layer` on the plane; it has no grain where nothing is glued."""
         if self.section(scene.settings).surface == "glued":
             return layer(scene.particle, azimuth)
-        return np.empty((0, 3)), np.array([1.0, 0.0, 0.0, 0.0]), 0.0
+        return NO_LAYER
 
     def build(
         self, scene: Scene, largest_scale: float = 1.0, azimuth: float = 0.0
     ) -> "dem.Simulation":
-        """Make the plane without a free grain, level; `azimuth` [rad] turns its layer."""
+        """Make the level plane without a free grain; `azimuth` [rad] turns its layer."""
         simulation = super().build(scene, largest_scale)
-        places, turn, _ = self.glued(scene, azimuth)
-        for place in places:
-            simulation.glue(simulation.add("berry", place, turn))
+        glued = self.glued_layer(scene, azimuth)
+        for centre in glued.centres_m:
+            simulation.glue(simulation.add("berry", centre, glued.quaternion))
         return simulation
 
     def run(
@@ -294,77 +423,84 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
         interval_s: float | None = None,
         progress: Progress | None = None,
     ) -> Run:
-        """Lay down a sled and tilt the plane until it slides, then do the same with a grain that can roll.
+        """Lay down a sled and tilt the plane; then do so with a grain that can roll.
 
-        The arrays are, for each of them, ``WHAT_angle_deg`` (T,), ``WHAT_speed_m_s`` (T,) and ``WHAT_slide_m_s`` (T,),
-        the speed of the lowest point. Frames are of the grain that can roll, with gravity down.
+        The arrays are, for each body, ``BODY_angle_deg`` (T,), ``BODY_speed_m_s`` (T,)
+        and ``BODY_slide_m_s`` (T,), the speed of its lowest point. Frames are of the
+        grain that can roll, with gravity down.
         """
-        section, ending = self.section(scene.settings), Tilted()
+        section = self.section(scene.settings)
+        sled = replace(
+            scene, parameters=sled_parameters(scene.parameters, section.surface)
+        )
+        outcome = Tilting()
         arrays: dict[str, np.ndarray] = {}
-        frames = None
-        turned = partial(self.build, azimuth=azimuth_of(scene.seed))
-        for what in (SLED, SINGLE):
-            values = (
-                held(scene.parameters, section.surface)
-                if what == SLED
-                else scene.parameters
-            )
-            film_s = interval_s if what == SINGLE else None
-            trial = Trial(
-                turned, replace(scene, parameters=values), 1, film_s, progress
-            )
-            rows: list[tuple[float, float, float]] = []
-            with trial.bound(4.0 * trial.reach_m).guard():
+        for body, body_scene, film_s in (
+            (SLED, sled, None),
+            (GRAIN, scene, interval_s),
+        ):
+            build = partial(self.build, azimuth=azimuth_of(scene.seed))
+            trial = Trial(build, body_scene, 1, film_s, progress)
+            motions: list[_Motion] = []
+            with trial.bound(4.0 * trial.largest_radius_m).guard():
                 _lay_down(trial, section)
-                rows = _tilt(trial, section)
-            if trial.broken or not rows:
-                ending = Tilted(
-                    what, unstable=trial.broken and f"{what}: {trial.broken}"
-                )
-            columns = np.array(rows).reshape(-1, 3).T
-            arrays |= {
-                f"{what}_{name}": column
-                for name, column in zip(COLUMNS, columns, strict=True)
-            }
-            frames = trial.frames(walls=True)
+                motions = _tilt(trial, section)
+            if trial.broken:
+                outcome = Tilting(restless=body, unstable=f"{body}: {trial.broken}")
+            elif not motions:
+                outcome = Tilting(restless=body)
+            columns = np.array(motions).reshape(-1, len(COLUMNS)).T
+            for name, column in zip(COLUMNS, columns, strict=True):
+                arrays[f"{body}_{name}"] = column
+        frames = trial.frames(walls=True)
         if frames is not None:
-            frames = tilted(
-                frames, section, float(arrays[f"{SINGLE}_angle_deg"].max(initial=0.0))
-            )
-        return self.ended(scene, ending, arrays, frames)
+            last_deg = float(arrays[f"{GRAIN}_angle_deg"].max(initial=0.0))
+            frames = tilted_frames(frames, section, last_deg)
+        return self.make_run(scene, outcome, arrays, frames)
 
-    def faults(self, ending: Tilted, settings: SceneSettings) -> Faults:
-        """Judge a run before it is measured."""
-        settle_s = self.section(settings).settle_s
-        moves = f"the {ending.moving} still moves {settle_s:g} s after it was laid down"
-        return stated((ending.moving, "not_at_rest", moves))
-
-    def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
-        """Measure both angles; None where sled or grain stays or stops, or the grain slides."""
-        measured: dict[str, Any] = dict.fromkeys((*LACKING, *self.numbers))
-        steepest = self.section(scene.settings).steepest_deg
-        why = {}
-        for name, what in zip(LACKING, (SLED, SINGLE), strict=True):
-            angle, speed, slide = (
-                np.asarray(arrays[f"{what}_{column}"], float) for column in COLUMNS
+    def judge(self, outcome: Tilting, settings: SceneSettings) -> Verdict:
+        """Judge a stable run before it is measured."""
+        if outcome.restless:
+            settle_s = self.section(settings).settle_s
+            return Verdict(
+                "not_at_rest",
+                f"the {outcome.restless} still moves {settle_s:g} s after it was laid "
+                "down",
             )
-            if angle[-1] >= steepest:
-                why[name] = f"the {what} stays up to {steepest:g} degrees"
-            elif what == SINGLE and slide[-1] > SLIDING * speed[-1]:
-                why[name] = (
-                    f"the grain slides at {angle[-1]:.1f} degrees and does not roll"
-                )
+        return OK
+
+    def measure_arrays(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
+        """Measure both angles.
+
+        An angle is None if the body stays or stops, or if the grain slides.
+        """
+        steepest_deg = self.section(scene.settings).steepest_deg
+        measured: dict[str, Any] = {SLIP.name: None, ROLL.name: None, "motion": None}
+        descriptions = {}
+        for response, body in ((SLIP, SLED), (ROLL, GRAIN)):
+            angle_deg, speed, slide = (
+                np.asarray(arrays[f"{body}_{column}"], float) for column in COLUMNS
+            )
+            last_deg = angle_deg[-1]
+            beginning = None
+            if last_deg >= steepest_deg:
+                text = f"the {body} stays up to {steepest_deg:g} degrees"
+            elif body == GRAIN and slide[-1] > SLIDING_SHARE * speed[-1]:
+                text = f"the grain slides at {last_deg:.1f} degrees and does not roll"
             else:
-                measured[name] = beginning_deg(angle, speed)
-                why[name] = (
-                    f"the {what} moves and stops, with no steady motion up to {angle[-1]:.1f} degrees"
-                )
-                if measured[name] is not None:
-                    why[name] = (
-                        f"the {what} begins to move at {measured[name]:.2f} degrees"
+                beginning = beginning_deg(angle_deg, speed)
+                if beginning is None:
+                    text = (
+                        f"the {body} moves and stops, with no steady motion up to "
+                        f"{last_deg:.1f} degrees"
                     )
-        measured["motion"] = "; ".join(why.values())
-        return {**self.assess(measured, scene.settings, why), **measured}
+                else:
+                    text = f"the {body} begins to move at {beginning:.2f} degrees"
+            measured[response.name] = beginning
+            descriptions[response.name] = text
+        measured["motion"] = "; ".join(descriptions.values())
+        targets = self.check_targets(measured, scene.settings, descriptions)
+        return {**targets, **measured}
 
     def duration_s(self, settings: SceneSettings) -> float:
         """Return the longest simulated time of both tiltings [s]."""
@@ -372,15 +508,17 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
         return 2.0 * (section.settle_s + section.steepest_deg / section.tilting_deg_s)
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
-        """Refuse a law under which a sled creeps, and a tilting with fewer than 100 looks at the grain."""
-        section, law = self.section(settings), settings.simulation.rolling_law
-        holding = f"a law that can hold a sled, for inclined_plane: {law} lets it creep"
-        fastest, key = section.steepest_deg / (100 * LOOK_S), f"{NAME}.tilting_deg_s"
-        return stated(
-            (law in CREEPING_LAWS, "simulation.rolling_law", holding),
-            (
-                section.tilting_deg_s > fastest,
-                key,
-                f"at most {fastest:g}, or the angle has too few steps",
-            ),
-        )
+        """Yield a law under which a sled creeps, and a rate that is too fast to see."""
+        law = settings.simulation.rolling_law
+        if law in CREEPING_LAWS:
+            yield (
+                "simulation.rolling_law",
+                f"a law that can hold a sled, for inclined_plane: {law} lets it creep",
+            )
+        section = self.section(settings)
+        fastest_deg_s = section.steepest_deg / (FEWEST_LOOKS * LOOK_S)
+        if section.tilting_deg_s > fastest_deg_s:
+            yield (
+                "inclined_plane.tilting_deg_s",
+                f"at most {fastest_deg_s:g}, or the angle has too few steps",
+            )

@@ -1,15 +1,18 @@
-"""The lifted cylinder: an open tube stands on a plate, is filled, and is lifted; the grains flow out and form a pile.
+"""The lifted cylinder: an open tube is filled and lifted, and the grains form a pile.
 
-The commonest test of the field's papers. Fast lifting takes the support away at once and the grains run wide, so the
-angle falls with the speed: one simulated set of wheat gave 18.4, 12.3 and 10.4 degrees at 10, 25 and 50 mm/s (the
-project JoshuaMayo-vectr/DEM-calibration). The pile is measured as the funnel's, by the same code.
+The commonest test of the field's papers. Fast lifting takes the support away at once and
+the grains run wide, so the angle falls with the speed: one simulated set of wheat gave
+18.4, 12.3 and 10.4 degrees at 10, 25 and 50 mm/s (the project
+JoshuaMayo-vectr/DEM-calibration). The pile is measured as the funnel's, by the same code.
 
-How much is filled in is a number of grains or, as the papers state it, the filling height: the level of the bed in the
-tube, twice the height of its centre of mass. Grains are poured in steps, each as many as the packing of those that
-rest says, until the nearest whole number is in.
+How much is filled in is a number of grains or, as the papers state it, the filling
+height: the level of the bed in the tube, twice the height of its centre of mass. Grains
+are poured in steps, each as many as the packing of those that rest says, until the
+nearest whole number is in.
 
-The tube's wall has no thickness but for its rounded lower edge, which grains also touch from outside. The rising wall
-drags grains along by friction. Nothing turns, so rolling is resisted against space.
+The tube's wall has no thickness but for its rounded lower edge, which grains also touch
+from outside. The rising wall drags grains along by friction. Nothing turns, so rolling is
+resisted against space.
 """
 
 import math
@@ -22,18 +25,24 @@ from pydantic import Field
 
 from repose import dem
 from repose.bench.bench_test import (
+    OK,
     Arrays,
     BenchTest,
-    Contradictions,
-    Ending,
-    Faults,
-    Progress,
+    Outcome,
     Run,
-    Scene,
+    Verdict,
+    not_at_rest,
     register,
-    stated,
 )
-from repose.bench.factory import LIKELY_PACKING, Disc, fill_and_rest, level_m, too_early
+from repose.bench.factory import (
+    LIKELY_PACKING,
+    Disc,
+    Factory,
+    bed_level_m,
+    fill_and_rest,
+    fill_to_level_and_rest,
+    too_early,
+)
 from repose.bench.funnel import (
     BERRY,
     CALIBRATED,
@@ -42,37 +51,85 @@ from repose.bench.funnel import (
     SMALLEST_PILE,
     narrow_openings,
 )
-from repose.bench.scene import Trial, largest_cluster
+from repose.bench.scene import Scene
 from repose.bench.settings import Poured, SceneSettings
+from repose.bench.trial import Progress, Trial, largest_cluster
 from repose.calibrate.responses import Response
 from repose.calibrate.runs import Recorded
-from repose.common.section import ABSENT, MOST_BERRIES, Berries
+from repose.common.section import ABSENT, MOST_BERRIES, Berries, Contradictions
 
 if TYPE_CHECKING:
     from repose.grain.particle import Particle
 
 NAME = "lifted_cylinder"
-TUBE = ("tube", "rim")  # the walls that are lifted
-FLOOR_M = -0.05  # a grain below this height has left the plate and is gone
-LOOK_S = 0.05  # simulated time between two looks whether the grains rest, or have left the tube
+# Walls that are lifted.
+TUBE = ("tube", "rim")
+# A grain below this height has left the plate and is gone.
+FLOOR_M = -0.05
+# Simulated time between two checks whether the grains rest, or have left the tube.
+LOOK_S = 0.05
 
-# --- responses ------------------------------------------------------------------------------------
+# --- responses ------------------------------------------------------------------------
 
-LIFT = tuple(
-    f"{NAME}.{key}"
-    for key in ("berries", "filling_height_mm", "diameter_mm", "lifting_mm_s")
+LIFTING = (
+    "lifted_cylinder.berries",
+    "lifted_cylinder.filling_height_mm",
+    "lifted_cylinder.diameter_mm",
+    "lifted_cylinder.lifting_mm_s",
 )
-OUTLINE, LOOSE = (*LIFT, *SEEN), (*LIFT, f"{NAME}.plate_diameter_mm")
-ANGLE, FOOT = (*OUTLINE, *CALIBRATED), (*OUTLINE, BERRY)
+ANGLE = Response(
+    name="lifted_aor_deg",
+    unit="deg",
+    label="angle of repose, lifted cylinder",
+    symbol="AoR, lifted",
+    apparatus=NAME,
+    low=1.0,
+    high=89.0,
+    definition=(*LIFTING, *SEEN, *CALIBRATED),
+)
+HEIGHT = Response(
+    name="lifted_height_mm",
+    unit="mm",
+    label="Height, lifted cylinder",
+    symbol="Height, lifted",
+    apparatus=NAME,
+    low=1.0,
+    high=2000.0,
+    definition=(*LIFTING, *SEEN),
+)
+FOOT = Response(
+    name="lifted_foot_mm",
+    unit="mm",
+    label="foot radius, lifted cylinder",
+    symbol="foot, lifted",
+    apparatus=NAME,
+    low=0.0,
+    high=1e4,
+    definition=(*LIFTING, *SEEN, BERRY),
+)
+LOOSE = Response(
+    name="lifted_loose_percent",
+    unit="%",
+    label="loose grains, lifted cylinder",
+    symbol="loose, lifted",
+    apparatus=NAME,
+    low=0.0,
+    high=1e2,
+    definition=(*LIFTING, "lifted_cylinder.plate_diameter_mm"),
+)
 # Names of the same numbers in the measurement of a pile.
-OF_PILE = {"lifted_aor_deg": "aor_deg", "lifted_height_mm": "height_mm"}
-OF_PILE |= {"lifted_foot_mm": "base_radius_mm", "lifted_loose_percent": "loose_percent"}
+PILE_NAMES = {
+    ANGLE.name: "aor_deg",
+    HEIGHT.name: "height_mm",
+    FOOT.name: "base_radius_mm",
+    LOOSE.name: "loose_percent",
+}
 
-# --- section of the configuration -----------------------------------------------------------------
+# --- section of the configuration -----------------------------------------------------
 
 
 class LiftedCylinderSettings(Poured):
-    """The section `lifted_cylinder` of the configuration; config/README.md explains its keys."""
+    """The section `lifted_cylinder` of the configuration; see config/README.md."""
 
     berries: Berries = ABSENT
     filling_height_mm: float = Field(default=ABSENT, ge=1, le=5000)
@@ -85,47 +142,48 @@ class LiftedCylinderSettings(Poured):
     plate_diameter_mm: float = Field(ge=10, le=20000)
 
     def contradictions(self) -> Contradictions:
-        """Neither or both of the two keys that say how much is filled in."""
-        if self.berries is self.filling_height_mm is ABSENT:
+        """Yield the filling height if none or both of the filling's two keys are given."""
+        has_number = self.berries is not ABSENT
+        has_level = self.filling_height_mm is not ABSENT
+        if not has_number and not has_level:
             yield (
                 "filling_height_mm",
                 f"1 to 5000, or berries, 1 to {MOST_BERRIES}, in its place",
             )
-        elif ABSENT not in (self.berries, self.filling_height_mm):
+        if has_number and has_level:
             yield "filling_height_mm", "nothing: berries gives the level already"
 
+    def n_solid(self, grain_m3: float) -> float:
+        """Compute how many grains fill the tube to the filling height without gaps."""
+        radius = 0.5e-3 * self.diameter_mm
+        height = 1e-3 * self.filling_height_mm
+        return math.pi * radius**2 * height / grain_m3
 
-# --- build and run --------------------------------------------------------------------------------
+    def capacity(self, particle: "Particle") -> int:
+        """Return the number of grains; for a filling height more than it needs."""
+        return self.berries or math.ceil(self.n_solid(particle.volume_m3))
+
+
+# --- run ------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
-class Lifting(Ending):
+class Lifting(Outcome):
     """A pile below a tube that was lifted."""
 
-    filled: int  # grains that found room in the tube
+    n_filled: int  # grains that found room in the tube
     filling_height_mm: float  # level of the bed before the lifting
-    in_tube: int  # grains above the tube's lower edge at the end
-    off_plate: int
-    in_pile: int
+    n_in_tube: int  # grains above the tube's lower edge at the end
+    n_off_plate: int
+    n_in_pile: int
     energy_j: float  # mean of a grain on the plate at the end
     grain_mm: float  # length of a mean grain
 
 
-def _move(simulation: "dem.Simulation", speed_m_s: float) -> None:
+def _move_tube(simulation: "dem.Simulation", speed_m_s: float) -> None:
     """Let the tube rise at a speed."""
     for wall in TUBE:
         simulation.set_motion(wall, dem.Motion(velocity_m_s=(0.0, 0.0, speed_m_s)))
-
-
-def _without_gaps(section: LiftedCylinderSettings, berry_m3: float) -> float:
-    """Return how many grains would fill the tube up to the filling height without gaps between them."""
-    radius, height = 0.5e-3 * section.diameter_mm, 1e-3 * section.filling_height_mm
-    return math.pi * radius**2 * height / berry_m3
-
-
-def room_for(section: LiftedCylinderSettings, particle: "Particle") -> int:
-    """Return the number of grains, or more than the tube takes up to the filling height."""
-    return section.berries or math.ceil(_without_gaps(section, particle.volume_m3))
 
 
 @register(NAME)
@@ -133,52 +191,11 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
     """A pile of what flows out of a tube that is lifted."""
 
     settings = LiftedCylinderSettings
-    responses = (
-        Response(
-            "lifted_aor_deg",
-            "deg",
-            "angle of repose, lifted cylinder",
-            "AoR, lifted",
-            NAME,
-            1.0,
-            89.0,
-            ANGLE,
-        ),
-        Response(
-            "lifted_height_mm",
-            "mm",
-            "Height, lifted cylinder",
-            "Height, lifted",
-            NAME,
-            1.0,
-            2000.0,
-            OUTLINE,
-        ),
-        Response(
-            "lifted_foot_mm",
-            "mm",
-            "foot radius, lifted cylinder",
-            "foot, lifted",
-            NAME,
-            0.0,
-            1e4,
-            FOOT,
-        ),
-        Response(
-            "lifted_loose_percent",
-            "%",
-            "loose grains, lifted cylinder",
-            "loose, lifted",
-            NAME,
-            0.0,
-            1e2,
-            LOOSE,
-        ),
-    )
+    responses = (ANGLE, HEIGHT, FOOT, LOOSE)
     recorded = Recorded(
-        tuple(OF_PILE),
+        means=tuple(PILE_NAMES),
         single=(
-            *OF_PILE,
+            *PILE_NAMES,
             "berries",
             "filling_height_mm",
             "lifted_mm",
@@ -195,38 +212,51 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         "no_flank",
     )
     required_arrays = ("position", "quaternion", "in_pile")
-    photographed: ClassVar = {
-        "aor_deg": "lifted_aor_deg",
-        "height_mm": "lifted_height_mm",
-    }
+    photographed: ClassVar = {"aor_deg": ANGLE.name, "height_mm": HEIGHT.name}
     summary = (
         "angle of repose {lifted_aor_deg:.2f} deg, Height {lifted_height_mm:.1f} mm, "
         "foot radius {lifted_foot_mm:.1f} mm, {lifted_loose_percent:.1f} % loose"
     )
+    example: ClassVar = {
+        "lifted_cylinder": {
+            "berries": 150,
+            "rate_per_s": 300.0,
+            "lift_from_s": 1.0,
+            "lifting_mm_s": 50.0,
+            "settle_s": 2.0,
+            "seeds": 2,
+            "diameter_mm": 60.0,
+            "length_mm": 120.0,
+            "rim_radius_mm": 0.5,
+            "plate_diameter_mm": 400.0,
+        },
+        "targets": [
+            {"response": "lifted_aor_deg", "value": 27.0, "sd": 1.5, "repetitions": 10}
+        ],
+    }
 
-    def world(self, scene: Scene, reach_m: float) -> dict[str, Any]:
+    def world(self, scene: Scene, largest_radius_m: float) -> dict[str, Any]:
         """Describe the tube on its plate."""
         section = self.section(scene.settings)
-        radius, length = 1e-3 * (0.5 * section.diameter_mm), 1e-3 * section.length_mm
-        edge, plate = (
-            1e-3 * section.rim_radius_mm,
-            1e-3 * (0.5 * section.plate_diameter_mm),
-        )
-        half, up = plate + 2.0 * reach_m, (0.0, 0.0, 1.0)
+        radius = 1e-3 * (0.5 * section.diameter_mm)
+        length = 1e-3 * section.length_mm
+        edge = 1e-3 * section.rim_radius_mm
+        plate_radius = 1e-3 * (0.5 * section.plate_diameter_mm)
+        up = (0.0, 0.0, 1.0)
+        wall_height = length + 2.0 * largest_radius_m
+        half = plate_radius + 2.0 * largest_radius_m
         return {
-            "capacity": room_for(section, scene.particle),
+            "capacity": section.capacity(scene.particle),
             "walls": {
-                "plate": dem.Plane((0.0, 0.0, 0.0), up, "wall", plate),
-                "tube": dem.Cylinder(
-                    (0.0, 0.0, edge), up, length + 2.0 * reach_m, radius, "wall"
-                ),
-                # its lowest point touches the plate; what is outside the tube's wall is the wall's
+                "plate": dem.Plane((0.0, 0.0, 0.0), up, "wall", plate_radius),
+                "tube": dem.Cylinder((0.0, 0.0, edge), up, wall_height, radius, "wall"),
+                # Its lowest point touches the plate; its outer side is the wall's.
                 "rim": dem.RingEdge(
                     radius + edge, edge, "wall", ((0.0, 1.0), (0.0, 0.0)), edge
                 ),
             },
             "lower": (-half, -half, 0.0),
-            "upper": (half, half, length + 4.0 * reach_m),
+            "upper": (half, half, length + 4.0 * largest_radius_m),
             "floor_height_m": FLOOR_M,
         }
 
@@ -236,187 +266,194 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         interval_s: float | None = None,
         progress: Progress | None = None,
     ) -> Run:
-        """Fill the tube, let the grains rest, lift it until none is left in it, and let the pile rest.
+        """Fill the tube, let the grains rest, lift it until it is empty, and wait.
 
-        The arrays are ``position``, ``quaternion``, ``in_pile`` and ``scale``, as of a pour of the funnel. The tube is
-        lifted by at most its own length.
+        The tube is lifted by at most its own length. The arrays are ``position``
+        (N, 3) [m], ``quaternion`` (N, 4), ``scale`` (N,) and ``in_pile`` (N,), as of a
+        pour of the funnel.
         """
-        section, settings = self.section(scene.settings), scene.simulation
-        trial = Trial(
-            self.build, scene, room_for(section, scene.particle), interval_s, progress
+        section = self.section(scene.settings)
+        settings = scene.simulation
+        capacity = section.capacity(scene.particle)
+        trial = Trial(self.build, scene, capacity, interval_s, progress)
+        simulation = trial.simulation
+        length_m = 1e-3 * section.length_mm
+        area = Disc(
+            0.5e-3 * section.diameter_mm - trial.largest_radius_m,
+            length_m + trial.largest_radius_m,
         )
-        simulation, every = trial.simulation, max(1, settings.steps(LOOK_S))
-        length, speed = 1e-3 * section.length_mm, 1e-3 * section.lifting_mm_s
-        factory = Disc(
-            0.5e-3 * section.diameter_mm - trial.reach_m, length + trial.reach_m
-        )
-        filled, filling_mm, lifted_m = 0, math.nan, 0.0
+        factory = Factory(area, capacity, section.rate_per_s)
+
+        every = max(1, settings.steps(LOOK_S))
+        lifting_m_s = 1e-3 * section.lifting_mm_s
+        n_filled = 0
+        filling_height_mm = math.nan
+        lifted_m = 0.0
 
         def in_tube() -> np.ndarray:
             return simulation.present & (simulation.positions[:, 2] > lifted_m)
 
         def rests() -> bool:
-            return bool(
-                simulation.kinetic_energies()[simulation.present].mean()
-                <= settings.rest_energy_j
-            )
+            energies = simulation.kinetic_energies()[simulation.present]
+            return bool(energies.mean() <= settings.rest_energy_j)
 
-        # grains that hang in the tube are lifted with it
-        with trial.bound(factory.height_m + length, speed).guard():
-            fill_and_rest(trial, factory, section, section.lift_from_s, every, rests)
-            filled, filling_mm = simulation.n_bodies, 1e3 * level_m(simulation)
-            began_s = simulation.time_s
-            _move(simulation, speed)
-            last = simulation.steps + settings.steps(length / speed)
-            while in_tube().any() and simulation.steps < last:
-                trial.run_to(min(last, simulation.steps + every))
-                lifted_m = speed * (simulation.time_s - began_s)
-            _move(simulation, 0.0)
-            trial.wait(
-                rests, simulation.steps + settings.steps(section.settle_s), every
-            )
-        hanging = in_tube()
-        on_plate = simulation.present & (simulation.positions[:, 2] > 0.0) & ~hanging
+        # Grains that hang in the tube are lifted with it.
+        with trial.bound(area.height_m + length_m, lifting_m_s).guard():
+            if section.filling_height_mm is ABSENT:
+                fill_and_rest(trial, factory, section.lift_from_s, every, rests)
+            else:
+                fill_to_level_and_rest(
+                    trial,
+                    factory,
+                    level_mm=section.filling_height_mm,
+                    until_s=section.lift_from_s,
+                    every=every,
+                    rests=rests,
+                )
+            n_filled = simulation.n_bodies
+            filling_height_mm = 1e3 * bed_level_m(simulation)
+
+            start_s = simulation.time_s
+            _move_tube(simulation, lifting_m_s)
+            last_step = simulation.steps + settings.steps(length_m / lifting_m_s)
+            while in_tube().any() and simulation.steps < last_step:
+                trial.run_to(min(last_step, simulation.steps + every))
+                lifted_m = lifting_m_s * (simulation.time_s - start_s)
+            _move_tube(simulation, 0.0)
+            last_step = simulation.steps + settings.steps(section.settle_s)
+            trial.wait(rests, last_step, every)
+
+        is_in_tube = in_tube()
+        on_plate = simulation.present & (simulation.positions[:, 2] > 0.0) & ~is_in_tube
         in_pile = largest_cluster(simulation.contacts(), on_plate)
         energies = simulation.kinetic_energies()[on_plate]
-        lifting = Lifting(
-            filled=filled,
-            filling_height_mm=filling_mm,
-            in_tube=int(hanging.sum()),
-            off_plate=int(len(on_plate) - hanging.sum() - on_plate.sum()),
-            in_pile=int(in_pile.sum()),
+        outcome = Lifting(
+            n_filled=n_filled,
+            filling_height_mm=filling_height_mm,
+            n_in_tube=int(is_in_tube.sum()),
+            n_off_plate=int(len(on_plate) - is_in_tube.sum() - on_plate.sum()),
+            n_in_pile=int(in_pile.sum()),
             energy_j=float(energies.mean()) if len(energies) else math.nan,
             grain_mm=1e3 * float(scene.particle.axes_m.max()),
             unstable=trial.broken,
         )
-        numbers = {
-            "berries": filled,
-            "filling_height_mm": filling_mm,
-            "lifted_mm": 1e3 * lifted_m,
-        }
-        numbers |= {
-            "berries_in_pile": lifting.in_pile,
-            "berries_off_plate": lifting.off_plate,
-        }
-        return self.ended(
+        return self.make_run(
             scene,
-            lifting,
+            outcome,
             trial.grains(in_pile=in_pile),
             trial.frames(walls=True),
-            **numbers,
+            berries=n_filled,
+            filling_height_mm=filling_height_mm,
+            lifted_mm=1e3 * lifted_m,
+            berries_in_pile=outcome.n_in_pile,
+            berries_off_plate=outcome.n_off_plate,
         )
 
-    def faults(self, ending: Lifting, settings: SceneSettings) -> Faults:
-        """Judge a run before it is measured."""
+    def judge(self, outcome: Lifting, settings: SceneSettings) -> Verdict:
+        """Judge a stable run before it is measured."""
         section = self.section(settings)
-        grains, level, in_pile = (
-            section.berries or ending.filled,
-            ending.filling_height_mm,
-            ending.in_pile,
-        )
-        asked = section.filling_height_mm or level
-        there, hanging, lost = (
-            grains - ending.off_plate,
-            ending.in_tube,
-            ending.off_plate,
-        )
-        off = not abs(level - asked) <= ending.grain_mm
-        few = in_pile < SMALLEST_PILE * there
-        return stated(
-            (
-                ending.filled < grains,
+        n_grains = section.berries or outcome.n_filled
+        if outcome.n_filled < n_grains:
+            return Verdict(
                 "not_filled",
-                f"only {ending.filled} of {grains} grains find room in the tube",
-            ),
-            (
-                off,
+                f"only {outcome.n_filled} of {n_grains} grains find room in the tube",
+            )
+        level_mm = outcome.filling_height_mm
+        target_mm = section.filling_height_mm or level_mm
+        if not abs(level_mm - target_mm) <= outcome.grain_mm:
+            return Verdict(
                 "not_filled",
-                f"the bed rests at {level:.4g} mm, not at {asked:g} mm",
-            ),
-            (
-                hanging,
+                f"the bed rests at {level_mm:.4g} mm, not at {target_mm:g} mm",
+            )
+        if outcome.n_in_tube:
+            return Verdict(
                 "jammed",
-                f"{hanging} grains hang in the tube, which was lifted by its own length",
-            ),
-            (
-                lost > LARGEST_LOSS * grains,
+                f"{outcome.n_in_tube} grains hang in the tube, which was lifted by its "
+                "own length",
+            )
+        if outcome.n_off_plate > LARGEST_LOSS * n_grains:
+            return Verdict(
                 "left_plate",
-                f"{lost} of {grains} grains left the plate",
-            ),
-            settings.simulation.not_at_rest(
-                ending.energy_j, f" {section.settle_s:g} s after the lifting"
-            ),
-            (
-                few,
-                "no_flank",
-                f"only {in_pile} of {there} grains touch each other in the largest pile",
-            ),
+                f"{outcome.n_off_plate} of {n_grains} grains left the plate",
+            )
+        moving = not_at_rest(
+            outcome.energy_j, settings, f" {section.settle_s:g} s after the lifting"
         )
+        if moving is not None:
+            return moving
+        n_on_plate = n_grains - outcome.n_off_plate
+        if outcome.n_in_pile < SMALLEST_PILE * n_on_plate:
+            return Verdict(
+                "no_flank",
+                f"only {outcome.n_in_pile} of {n_on_plate} grains touch each other in "
+                "the largest pile",
+            )
+        return OK
 
-    def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
+    def measure_arrays(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
         """Measure the pile."""
         from repose.measure.saved_piles import pile_responses
 
-        plate_mm, more = (
-            self.section(scene.settings).plate_diameter_mm,
-            ("base_radius_mm", "loose_percent"),
+        plate_mm = self.section(scene.settings).plate_diameter_mm
+        others = ("base_radius_mm", "loose_percent")
+        pile, pile_reasons = pile_responses(
+            arrays, scene.particle, scene.measure, plate_mm, others
         )
-        of_pile, reasons = pile_responses(
-            arrays, scene.particle, scene.measure, plate_mm, more
-        )
-        measured = {name: of_pile.get(other) for name, other in OF_PILE.items()}
+        measured = {name: pile.get(of_pile) for name, of_pile in PILE_NAMES.items()}
         reasons = {
-            name: reasons[other] for name, other in OF_PILE.items() if other in reasons
+            name: pile_reasons[of_pile]
+            for name, of_pile in PILE_NAMES.items()
+            if of_pile in pile_reasons
         }
-        return {**self.assess(measured, scene.settings, reasons), **measured}
+        return {**self.check_targets(measured, scene.settings, reasons), **measured}
 
     def duration_s(self, settings: SceneSettings) -> float:
-        """Return the longest simulated time: filling, lifting by the tube's length, and rest."""
+        """Return the longest simulated time of a run [s]: filling, lifting and rest."""
         section = self.section(settings)
-        return (
-            2.0 * section.lift_from_s
-            + section.length_mm / section.lifting_mm_s
-            + section.settle_s
-        )
+        lifting_s = section.length_mm / section.lifting_mm_s
+        return 2.0 * section.lift_from_s + lifting_s + section.settle_s
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
-        """Refuse a tube that cannot be filled before it is lifted, or is as wide as the plate."""
+        """Yield keys of a tube that is lifted too early, or as wide as its plate."""
         section = self.section(settings)
         if section.berries is not None:
             yield from too_early(section, NAME, "lift_from_s")
-        wide = section.diameter_mm + 4 * section.rim_radius_mm
-        if section.plate_diameter_mm <= wide:
+        outer_mm = section.diameter_mm + 4 * section.rim_radius_mm
+        if section.plate_diameter_mm <= outer_mm:
             yield (
-                f"{NAME}.plate_diameter_mm",
-                f"above {wide:g}, the tube's outer diameter",
+                "lifted_cylinder.plate_diameter_mm",
+                f"above {outer_mm:g}, the tube's outer diameter",
             )
 
     def misfits(
         self, settings: SceneSettings, axes_mm: Sequence[float]
     ) -> Contradictions:
-        """Refuse a tube that is too narrow for the mean grain, or takes too many of them."""
+        """Yield keys of a tube that is too narrow or short, or takes too many grains."""
         section = self.section(settings)
-        yield from narrow_openings(
-            section, NAME, {"diameter_mm": axes_mm[0], "length_mm": axes_mm[0]}
-        )
-        level = section.filling_height_mm
-        if level is None:
+        sizes_mm = {"diameter_mm": axes_mm[0], "length_mm": axes_mm[0]}
+        yield from narrow_openings(section, NAME, sizes_mm)
+        level_mm = section.filling_height_mm
+        if level_mm is None:
             return
-        if section.length_mm < (needed := level + axes_mm[0]):
+        shortest_mm = level_mm + axes_mm[0]
+        if section.length_mm < shortest_mm:
             yield (
-                f"{NAME}.length_mm",
-                f"at least {needed:.4g}, the filling height and the length of a mean grain",
+                "lifted_cylinder.length_mm",
+                f"at least {shortest_mm:.4g}, the filling height and the length of a "
+                "mean grain",
             )
-        berry_m3 = math.pi / 6 * 1e-9 * math.prod(axes_mm)
-        likely = LIKELY_PACKING * _without_gaps(section, berry_m3)
-        if likely > MOST_BERRIES:
-            highest = level * MOST_BERRIES / likely
+        grain_m3 = math.pi / 6 * 1e-9 * math.prod(axes_mm)
+        n_likely = LIKELY_PACKING * section.n_solid(grain_m3)
+        last_s = n_likely / section.rate_per_s
+        if n_likely > MOST_BERRIES:
+            highest_mm = level_mm * MOST_BERRIES / n_likely
             yield (
-                f"{NAME}.filling_height_mm",
-                f"below {highest:.4g}, which takes some {MOST_BERRIES} grains",
+                "lifted_cylinder.filling_height_mm",
+                f"below {highest_mm:.4g}, which takes some {MOST_BERRIES} grains",
             )
-        elif (last := likely / section.rate_per_s) >= section.lift_from_s:
+        elif last_s >= section.lift_from_s:
             yield (
-                f"{NAME}.lift_from_s",
-                f"above {last:.4g}, when the last of some {likely:.0f} grains appears",
+                "lifted_cylinder.lift_from_s",
+                f"above {last_s:.4g}, when the last of some {n_likely:.0f} grains "
+                "appears",
             )

@@ -1,80 +1,135 @@
-"""The contact parameters that are calibrated, in the order every table uses: six, then the contact law's own."""
+"""The contact parameters that are calibrated.
+
+Six belong to every study: restitution, static and rolling friction of the contacts
+grain-grain and grain-wall. Some force laws add more. Every table has the six first, then
+those of the laws.
+"""
 
 import re
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import NamedTuple
 
-from repose.common.errors import InputError, require
+from repose.common.errors import InputError
 from repose.dem.constants import OF_LAWS, TWISTED_BY, TWISTING, Constant
 
 PARAMETERS = ("e_gg", "mus_gg", "mur_gg", "e_gp", "mus_gp", "mur_gp")
-
+# The two contacts of a study, by the end of their parameters' names.
 PAIRS = {"gg": "grain-grain", "gp": "grain-wall"}
-# Words, symbol, limits of any simulation (a larger friction is an angle in degrees), and what a configuration allows,
-# to which its priors are cut.
-_KINDS = {
-    "e": ("restitution", "e_{", (0.01, 1.0), (0.01, 1.0)),
-    "mus": ("static friction", r"\mu_{s,", (0.0, 10.0), (0.0, 5.0)),
-    "mur": ("rolling friction", r"\mu_{r,", (0.0, 10.0), (0.0, 1.0)),
+
+
+class _Coefficient(NamedTuple):
+    """A coefficient of a contact, for which every study has a parameter per pair."""
+
+    label: str
+    symbol: str  # LaTeX up to the pair in the index
+    physical_limits: tuple[float, float]  # of any simulation
+    allowed: tuple[float, float]  # in a configuration; priors are cut to it
+
+
+# A friction above 10 is probably an angle in degrees.
+_COEFFICIENTS = {
+    "e": _Coefficient("restitution", "e_{", (0.01, 1.0), (0.01, 1.0)),
+    "mus": _Coefficient("static friction", r"\mu_{s,", (0.0, 10.0), (0.0, 5.0)),
+    "mur": _Coefficient("rolling friction", r"\mu_{r,", (0.0, 10.0), (0.0, 1.0)),
 }
 
-LABELS: dict[str, str] = {}
-SYMBOLS: dict[str, str] = {}
-PHYSICAL_LIMITS: dict[
-    str, tuple[float, float]
-] = {}  # a study's ranges lie inside (Table 2)
-ALLOWED: dict[str, tuple[float, float]] = {}
-for _name in PARAMETERS:
-    _kind, _pair = _name.split("_")
-    _words, _symbol, PHYSICAL_LIMITS[_name], ALLOWED[_name] = _KINDS[_kind]
-    LABELS[_name], SYMBOLS[_name] = f"{_words}, {PAIRS[_pair]}", f"${_symbol}{_pair}}}$"
+
+@dataclass(frozen=True)
+class Parameter:
+    """A contact parameter of one pair of bodies."""
+
+    name: str
+    pair: str  # key of `PAIRS`
+    label: str  # words with the unit and the pair
+    symbol: str  # LaTeX
+    physical_limits: tuple[float, float]  # of any simulation
+    allowed: tuple[float, float]  # limits of a configuration
 
 
-class Further(NamedTuple):
-    """A parameter that some force laws add to the six."""
+@dataclass(frozen=True)
+class LawParameter(Parameter):
+    """A contact parameter that some force laws add to the six."""
 
-    laws: tuple[str, ...]
-    constant: Constant
-    pair: str  # of `PAIRS`
-    needed: bool  # whether each of these laws needs it
-
-
-def _further(constant: Constant, needed: bool, *laws: str) -> dict[str, Further]:
-    """Name the parameters of a constant, one for each pair."""
-    return {
-        f"{constant.short}_{pair}": Further(laws, constant, pair, needed)
-        for pair in PAIRS
-    }
+    constant: Constant  # of the engine, whose value it is
+    laws: tuple[str, ...]  # force laws that use it
+    needed: bool  # whether these laws cannot do without it
 
 
-FURTHER: dict[str, Further] = {}
-for _constant in dict.fromkeys(
-    constant for constants in OF_LAWS.values() for constant in constants
-):
-    FURTHER |= _further(
-        _constant, True, *(law for law, asks in OF_LAWS.items() if _constant in asks)
+def _parameter(name: str) -> Parameter:
+    """Make one of the six parameters from its name."""
+    kind, pair = name.split("_")
+    coefficient = _COEFFICIENTS[kind]
+    return Parameter(
+        name=name,
+        pair=pair,
+        label=f"{coefficient.label}, {PAIRS[pair]}",
+        symbol=f"${coefficient.symbol}{pair}}}$",
+        physical_limits=coefficient.physical_limits,
+        allowed=coefficient.allowed,
     )
-FURTHER |= _further(TWISTING, False, *TWISTED_BY)
-for _name, _of in FURTHER.items():
-    _unit = f" ({_of.constant.unit})" if _of.constant.unit else ""
-    LABELS[_name] = f"{_of.constant.words}{_unit}, {PAIRS[_of.pair]}"
-    SYMBOLS[_name] = rf"${_of.constant.symbol}_{{{_of.pair}}}$"
-    PHYSICAL_LIMITS[_name] = ALLOWED[_name] = (_of.constant.least, _of.constant.most)
+
+
+def _law_parameter(
+    constant: Constant, pair: str, laws: tuple[str, ...], needed: bool
+) -> LawParameter:
+    """Make the parameter of a constant for one pair of bodies."""
+    unit = f" ({constant.unit})" if constant.unit else ""
+    limits = (constant.least, constant.most)
+    return LawParameter(
+        name=f"{constant.short}_{pair}",
+        pair=pair,
+        label=f"{constant.words}{unit}, {PAIRS[pair]}",
+        symbol=rf"${constant.symbol}_{{{pair}}}$",
+        physical_limits=limits,
+        allowed=limits,
+        constant=constant,
+        laws=laws,
+        needed=needed,
+    )
+
+
+def _law_parameters() -> list[LawParameter]:
+    """Make the parameters of all force laws: of contact laws first, twisting last."""
+    laws_of: dict[Constant, tuple[str, ...]] = {}
+    for law, constants in OF_LAWS.items():
+        for constant in constants:
+            laws_of[constant] = (*laws_of.get(constant, ()), law)
+    parameters = [
+        _law_parameter(constant, pair, laws, needed=True)
+        for constant, laws in laws_of.items()
+        for pair in PAIRS
+    ]
+    twisting = [
+        _law_parameter(TWISTING, pair, TWISTED_BY, needed=False) for pair in PAIRS
+    ]
+    return parameters + twisting
+
+
+FURTHER = {parameter.name: parameter for parameter in _law_parameters()}
+_ALL: list[Parameter] = [*map(_parameter, PARAMETERS), *FURTHER.values()]
+LABELS = {parameter.name: parameter.label for parameter in _ALL}
+SYMBOLS = {parameter.name: parameter.symbol for parameter in _ALL}
+PHYSICAL_LIMITS = {parameter.name: parameter.physical_limits for parameter in _ALL}
+ALLOWED = {parameter.name: parameter.allowed for parameter in _ALL}
 
 
 def of_law(law: str) -> tuple[str, ...]:
-    """Name the further parameters that a force law needs."""
+    """List the parameters that a force law needs besides the six."""
     return tuple(
         name
-        for name, further in FURTHER.items()
-        if further.needed and law in further.laws
+        for name, parameter in FURTHER.items()
+        if parameter.needed and law in parameter.laws
     )
 
 
 def named(names: Iterable[str]) -> tuple[str, ...]:
-    """Name the six parameters, and the further ones that are among some names, such as a table's columns."""
-    given = set(names)
-    return (*PARAMETERS, *(name for name in FURTHER if name in given))
+    """List the six parameters, and those of force laws that are among some names.
+
+    The names may be the columns of a table.
+    """
+    names = set(names)
+    return (*PARAMETERS, *(name for name in FURTHER if name in names))
 
 
 NUMBER = re.compile(
@@ -83,7 +138,11 @@ NUMBER = re.compile(
 
 
 def plain_number(value: object) -> float:
-    """Read a number as tables write it; ValueError for what only Python takes for one: 1_0, full-width digits."""
+    """Read a number as tables write it.
+
+    Raises ValueError for any other text, and for what only Python takes for a number:
+    ``1_0`` and full-width digits.
+    """
     if isinstance(value, str) and not NUMBER.fullmatch(value):
         raise ValueError(f"{value!r} is no number")
     return float(value)  # type: ignore[arg-type]
@@ -92,12 +151,30 @@ def plain_number(value: object) -> float:
 def check_value(
     name: str, value: object, source: object, key: str | None = None
 ) -> float:
-    """Read a parameter's value, or its text, as a number within `PHYSICAL_LIMITS`; otherwise InputError."""
+    """Read a parameter's value, a number or its text.
+
+    Parameters
+    ----------
+    name : str
+        Name of the parameter.
+    value : object
+        Its value.
+    source : object
+        File or command that has the value; named in the error.
+    key : str, optional
+        Key of the value there; named in the error, by default the name.
+
+    Raises
+    ------
+    InputError
+        If the value is no number, or outside `PHYSICAL_LIMITS`.
+    """
     key = name if key is None else key
     try:
         number = plain_number(value)
     except (TypeError, ValueError):
         raise InputError(source, key, value, "a number") from None
     low, high = PHYSICAL_LIMITS[name]
-    require(low <= number <= high, source, key, number, f"{low:g} to {high:g}")
+    if not low <= number <= high:
+        raise InputError(source, key, number, f"{low:g} to {high:g}")
     return number

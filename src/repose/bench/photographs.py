@@ -1,14 +1,17 @@
 """Photographs of a turning drum and of a drawdown box, without the printed sheet.
 
-The user points at the apparatus: three points of the drum's rim, or the two lower inner corners of the box. Its
-measures in the configuration give the scale. The picture is drawn anew to scale and level, and its bed is measured by
-the code that measures the simulation's. The lens and the perspective are not corrected: a slope between two plates
+The user points at the apparatus: three points of the drum's rim, or the two lower inner
+corners of the box. Its measures in the configuration give the scale. The picture is drawn
+anew to scale and level, and its bed is measured by the code that measures the
+simulation's. The lens and the perspective are not corrected: a slope between two plates
 looks the same from any distance, other than a cone's.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import combinations
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -18,7 +21,7 @@ from repose.bench.drawdown import Box, DrawdownSettings
 from repose.bench.drum import Drum
 from repose.bench.settings import Rotating, SceneSettings
 from repose.bench.turning import TurningSettings
-from repose.common.errors import NoFlankError, require
+from repose.common.errors import InputError, NoFlankError
 from repose.measure import bed
 from repose.measure.photographs import drawing
 from repose.measure.photographs.photograph import load
@@ -27,128 +30,67 @@ from repose.measure.photographs.tables import Tables, mean_rows
 from repose.measure.pile import measure_segmented, with_response
 from repose.measure.settings import MeasureSettings
 
+TURNING = "turning"
+DRAWDOWN = "drawdown"
+# Responses that a photograph gives, by the bench test.
 RESPONSES = {
-    "turning": ("turning_deg",),
-    "drawdown": ("drawdown_above_deg", "drawdown_below_deg"),
+    TURNING: ("turning_deg",),
+    DRAWDOWN: ("drawdown_above_deg", "drawdown_below_deg"),
 }
-# Number of points, least distance in pixels, and what they are.
+
+
+class PointsRule(NamedTuple):
+    """The points by which the user locates an apparatus in a photograph."""
+
+    n_points: int
+    smallest_distance_px: float
+    description: str
+
+
 POINTS = {
-    "turning": (
+    TURNING: PointsRule(
         3,
         50,
-        "column and row of three points of the drum's inner rim, at least 50 pixels apart",
+        "column and row of three points of the drum's inner rim, at least 50 pixels "
+        "apart",
     ),
-    "drawdown": (
+    DRAWDOWN: PointsRule(
         2,
         200,
-        "column and row of the left and of the right lower inner corner of the box, 200 pixels apart",
+        "column and row of the left and of the right lower inner corner of the box, "
+        "200 pixels apart",
     ),
 }
-ON_A_LINE = 1e-6  # twice the area of three points [px2]
-INSIDE = 0.97  # share of the drum's radius within which a bed is looked for: the rim has colours of its own
-EMPTY = 0.6  # share of the radius above which the drum is empty
-MARGIN = 0.02  # share of a chamber's half width that is left out at a wall
-LARGEST_PX = 1600  # longer side of a redrawn picture
-LEAST_PX = 100  # of the drum's radius or of a chamber's half width
+# Twice the area [px2] of three points that count as lying on a line.
+ON_A_LINE = 1e-6
+# Share of the drum's radius within which a bed is looked for; the rim has other colours.
+INSIDE = 0.97
+# Share of the radius above which the drum is empty.
+EMPTY = 0.6
+# Share of a chamber's half width that is left out at a wall.
+MARGIN = 0.02
+# Longest side of a redrawn picture.
+LARGEST_PX = 1600
+# Smallest side of a drum or a chamber in the photograph.
+LEAST_PX = 100
 
 
 @dataclass
-class Seen:
+class PhotographResult:
     """Result of one photograph."""
 
     path: Path
-    views: list[np.ndarray]  # the measured pictures with what was found, BGR
+    views: list[np.ndarray]  # redrawn pictures with the lines found, BGR
     values: dict[str, float] = field(default_factory=dict)  # by response
-    refused: str = ""
+    refused: str = ""  # why it cannot be measured; empty if it was
     mask: np.ndarray | None = None  # of a bed in a drum, (H, W)
 
 
-def measure_drum(image: np.ndarray, rim_px: np.ndarray, section: Rotating) -> Seen:
-    """Measure the bed surface in a drum located by three points (3, 2) of its inner rim.
+class View(NamedTuple):
+    """A part of a photograph, drawn anew to scale and level."""
 
-    The side on which the bed is higher is taken for that to which the drum carries it.
-    """
-    centre, radius_px = _circle(rim_px)
-    corner, scale = (
-        centre - [radius_px, -radius_px],
-        1e3 * Drum.of(section).radius_m / radius_px,
-    )
-    view, mm_per_pixel = _redrawn(
-        image, corner, np.array([1.0, 0.0]), (2 * radius_px, 2 * radius_px), scale
-    )
-    mask, radius_m = _bed(view), 0.5e-3 * mm_per_pixel * len(view)
-    surface = bed.surface_of(mask > 0, radius_m, mm_per_pixel, section.fit_share)
-    if surface.angle_deg < 0:
-        mask, view = mask[:, ::-1], view[:, ::-1]
-        surface = bed.surface_of(mask > 0, radius_m, mm_per_pixel, section.fit_share)
-    picture, thick = np.ascontiguousarray(view), max(1, len(view) // 400)
-    per_pixel = np.array([1e3, -1e3]) / mm_per_pixel
-    ends, edge = (
-        (line - (-radius_m, radius_m)) * per_pixel
-        for line in (surface.line_m, surface.profile_m)
-    )
-    cv2.polylines(picture, [edge.astype(np.int32)], False, drawing.YELLOW, thick)
-    drawing.draw_line(picture, tuple(ends[0]), tuple(ends[1]), drawing.RED, thick)
-    return Seen(Path(), [picture], {"turning_deg": surface.angle_deg}, mask=mask)
-
-
-def measure_box(
-    image: np.ndarray,
-    corners_px: np.ndarray,
-    section: DrawdownSettings,
-    how: MeasureSettings,
-) -> Seen:
-    """Measure both slopes in a drawdown box located by its lower inner corners (2, 2), the left one first."""
-    box = Box.of(section)
-    left, right = corners_px
-    length = np.hypot(*(right - left))
-    along, scale = (right - left) / length, 2e3 * box.half_lower / length
-
-    def chamber(
-        x0_m: float, x1_m: float, z0_m: float, z1_m: float
-    ) -> tuple[np.ndarray, float]:
-        corner = left + (x0_m + box.half_lower) * 1e3 / scale * along
-        corner = corner + z0_m * 1e3 / scale * np.array([along[1], -along[0]])
-        size = (x1_m - x0_m) * 1e3 / scale, (z1_m - z0_m) * 1e3 / scale
-        return _redrawn(image, corner, along, size, scale)
-
-    trimmed = box.half_lower * (1 - MARGIN)
-    below, pixel = chamber(-trimmed, trimmed, 0.0, box.gate)
-    outer, upwards = (
-        box.half_width * (1 - MARGIN),
-        along[0] * length / (2 * box.half_lower),
-    )
-    top = min(
-        box.top, 0.99 * min(left[1], right[1]) / upwards
-    )  # the picture need not show all of the chamber
-    wedges, scales = zip(
-        *(chamber(*ends, box.floor, top) for ends in ((-outer, 0.0), (0.0, outer))),
-        strict=True,
-    )
-    # back to back, as `drawdown.back_to_back` puts the grains: the shape of a pile
-    above = np.ascontiguousarray(
-        np.hstack([wedges[1], wedges[0][:, -wedges[1].shape[1] :]])
-    )
-    seen = Seen(Path(), [])
-    parts = (
-        (
-            "drawdown_above_deg",
-            above,
-            replace(how, mm_per_pixel=scales[0], largest_pile_only=False),
-        ),
-        ("drawdown_below_deg", below, replace(how, mm_per_pixel=pixel)),
-    )
-    for name, view, settings in parts:
-        try:
-            pile = segment(view, settings.largest_pile_only, len(view) - 0.5)
-            if pile.mask[0].any():
-                raise NoFlankError("it runs out of the picture at the top")
-            measurement = with_response(measure_segmented(pile, settings))
-        except NoFlankError as error:
-            raise NoFlankError(f"{name}: {error.reason}") from None
-        seen.values[name] = measurement.aor_deg
-        seen.views.append(drawing.overlay(view, measurement))
-    return seen
+    image: np.ndarray  # (H, W, 3), BGR
+    mm_per_pixel: float
 
 
 def measure_all(
@@ -157,74 +99,309 @@ def measure_all(
     settings: SceneSettings,
     bench: str,
     how: MeasureSettings,
-) -> list[Seen]:
-    """Measure photographs by one camera on a tripod: the points hold for each."""
-    points = _checked_points(points_px, bench)
+) -> list[PhotographResult]:
+    """Measure photographs by one camera on a tripod: the points hold for all of them.
+
+    Parameters
+    ----------
+    paths : sequence of path
+        The photographs.
+    points_px : sequence of float
+        Column and row of each point, one after the other; see `POINTS`.
+    settings : SceneSettings
+        Sections of the configuration, with the measures of the apparatus.
+    bench : str
+        The bench test: ``turning`` or ``drawdown``.
+    how : MeasureSettings
+        Settings of the measurement of a pile.
+
+    Raises
+    ------
+    InputError
+        If the points cannot be those of the apparatus.
+    """
+    points = _check_points(points_px, bench)
     results = []
     for path in paths:
-        image, times = load(path)
+        image, reduction = load(path)
         try:
-            if bench == "turning":
-                found = measure_drum(
-                    image, points / times, settings.section(bench, TurningSettings)
-                )
+            if bench == TURNING:
+                drum = settings.section(TURNING, TurningSettings)
+                result = measure_drum(image, points / reduction, drum)
             else:
-                found = measure_box(
-                    image,
-                    points / times,
-                    settings.section(bench, DrawdownSettings),
-                    how,
-                )
-        except ValueError as error:  # no flank, or a bed that is too narrow
-            found = Seen(path, [image], refused=str(error))
-        found.path = path
-        results.append(found)
+                box = settings.section(DRAWDOWN, DrawdownSettings)
+                result = measure_box(image, points / reduction, box, how)
+        except ValueError as error:
+            # There is no flank, or the bed is too narrow.
+            result = PhotographResult(path, [image], refused=str(error))
+        result.path = path
+        results.append(result)
     return results
 
 
-def _checked_points(points_px: Sequence[float], bench: str) -> np.ndarray:
-    """Return the points of the apparatus, (3, 2) for a drum and (2, 2) for a box, or raise InputError."""
-    count, least_px, allowed = POINTS[bench]
+def _check_points(points_px: Sequence[float], bench: str) -> np.ndarray:
+    """Return the points of the apparatus (n_points, 2); InputError if they are no such."""
+    rule = POINTS[bench]
     points = np.array(points_px, float)
-    good = points.size == 2 * count and bool(np.isfinite(points).all())
-    if good:
-        points = points.reshape(count, 2)
-        good = (
-            min(np.hypot(*(a - b)) for k, a in enumerate(points) for b in points[:k])
-            >= least_px
-        )
-        good &= bench == "turning" or points[0, 0] <= points[1, 0]
-    if (
-        good
-        and bench == "turning"
-        and abs(np.linalg.det(points[1:] - points[0])) < ON_A_LINE
-    ):
-        good, allowed = False, "three points that are not on a line"
-    require(good, "command line", "--points", list(points_px), allowed)
+
+    def fault(allowed: str) -> InputError:
+        return InputError("command line", "--points", list(points_px), allowed)
+
+    if points.size != 2 * rule.n_points or not np.isfinite(points).all():
+        raise fault(rule.description)
+    points = points.reshape(rule.n_points, 2)
+    distances = [np.hypot(*(a - b)) for a, b in combinations(points, 2)]
+    if min(distances) < rule.smallest_distance_px:
+        raise fault(rule.description)
+    if bench == DRAWDOWN and points[0, 0] > points[1, 0]:
+        raise fault(rule.description)
+    if bench == TURNING and abs(np.linalg.det(points[1:] - points[0])) < ON_A_LINE:
+        raise fault("three points that are not on a line")
     return points
 
 
-def tables(results: Sequence[Seen], bench: str) -> Tables:
-    """Make the tables of photographs; at least one was measured."""
+# --- the drum -------------------------------------------------------------------------
+
+
+def measure_drum(
+    image: np.ndarray, rim_px: np.ndarray, section: Rotating
+) -> PhotographResult:
+    """Measure the surface of the bed in a drum.
+
+    The drum is located by three points (3, 2) of its inner rim. The side on which the
+    bed is higher is taken for that to which the drum carries it.
+    """
+    centre, radius_px = _circle(rim_px)
+    view = _redraw(
+        image,
+        corner_px=centre - [radius_px, -radius_px],
+        along=np.array([1.0, 0.0]),
+        size_px=(2 * radius_px, 2 * radius_px),
+        mm_per_pixel=1e3 * Drum.of(section).radius_m / radius_px,
+    )
+    picture = view.image
+    mask = _bed(picture)
+    radius_m = 0.5e-3 * view.mm_per_pixel * len(picture)
+    share = section.fit_share
+    surface = bed.surface_of(mask > 0, radius_m, view.mm_per_pixel, share)
+    if surface.angle_deg < 0:
+        mask = mask[:, ::-1]
+        picture = picture[:, ::-1]
+        surface = bed.surface_of(mask > 0, radius_m, view.mm_per_pixel, share)
+
+    # Draw the edge of the bed and the line through it.
+    picture = np.ascontiguousarray(picture)
+    thickness = max(1, len(picture) // 400)
+    px_per_m = np.array([1e3, -1e3]) / view.mm_per_pixel
+    upper_left = (-radius_m, radius_m)
+    edge = (surface.profile_m - upper_left) * px_per_m
+    ends = (surface.line_m - upper_left) * px_per_m
+    cv2.polylines(picture, [edge.astype(np.int32)], False, drawing.YELLOW, thickness)
+    drawing.draw_line(picture, tuple(ends[0]), tuple(ends[1]), drawing.RED, thickness)
+    values = {"turning_deg": surface.angle_deg}
+    return PhotographResult(Path(), [picture], values, mask=mask)
+
+
+def _circle(points: np.ndarray) -> tuple[np.ndarray, float]:
+    """Compute centre (2,) and radius of the circle through three points (3, 2)."""
+    a, b, c = points
+    rows = 2 * np.array([b - a, c - a])
+    centre = np.linalg.solve(rows, [b @ b - a @ a, c @ c - a @ a])
+    return centre, float(np.hypot(*(a - centre)))
+
+
+def _bed(picture: np.ndarray) -> np.ndarray:
+    """Mark the bed (H, W) in a square picture of the drum.
+
+    It is what differs in colour from the drum's upper part, which is empty.
+    """
+    size = len(picture)
+    positions = (np.arange(size) + 0.5) / (0.5 * size) - 1
+    inside = np.hypot(*np.meshgrid(positions, positions)) < INSIDE
+    empty = inside & (positions[:, None] < -EMPTY)
+    smooth = cv2.GaussianBlur(cv2.medianBlur(picture, 3), (0, 0), 1.0)
+    colours = smooth.astype(np.float32).reshape(size, size, -1)
+    contrast = np.linalg.norm(colours - np.median(colours[empty], axis=0), axis=-1)
+    level, _ = threshold(contrast[inside][:, None])
+    differs = (contrast > level) & inside
+    return pile_component(differs.astype(np.uint8), True)
+
+
+# --- the box --------------------------------------------------------------------------
+
+
+class _BoxPicture:
+    """A photograph of a drawdown box, located by its lower inner corners.
+
+    x is the distance from the middle of the box, z the height above its lower floor.
+    """
+
+    def __init__(self, image: np.ndarray, corners_px: np.ndarray, box: Box) -> None:
+        self.image = image
+        self.left_px, right_px = corners_px
+        self.half_lower_m = box.half_lower
+        width_px = np.hypot(*(right_px - self.left_px))
+        self.along = (right_px - self.left_px) / width_px
+        self.mm_per_pixel = 2e3 * box.half_lower / width_px
+        # The height of the picture's upper border above the lower corner.
+        rows_per_m = self.along[0] * width_px / (2 * box.half_lower)
+        self.top_m = 0.99 * min(self.left_px[1], right_px[1]) / rows_per_m
+
+    def part(self, x_m: tuple[float, float], z_m: tuple[float, float]) -> View:
+        """Redraw the part of the box between two ends in x and in z."""
+        up = np.array([self.along[1], -self.along[0]])
+        corner = (
+            self.left_px
+            + (x_m[0] + self.half_lower_m) * 1e3 / self.mm_per_pixel * self.along
+        )
+        corner = corner + z_m[0] * 1e3 / self.mm_per_pixel * up
+        return _redraw(
+            self.image,
+            corner_px=corner,
+            along=self.along,
+            size_px=(
+                (x_m[1] - x_m[0]) * 1e3 / self.mm_per_pixel,
+                (z_m[1] - z_m[0]) * 1e3 / self.mm_per_pixel,
+            ),
+            mm_per_pixel=self.mm_per_pixel,
+        )
+
+
+def measure_box(
+    image: np.ndarray,
+    corners_px: np.ndarray,
+    section: DrawdownSettings,
+    how: MeasureSettings,
+) -> PhotographResult:
+    """Measure both slopes in a drawdown box.
+
+    The box is located by its lower inner corners (2, 2), the left one first. Raises
+    NoFlankError if a slope cannot be measured.
+    """
+    box = Box.of(section)
+    picture = _BoxPicture(image, corners_px, box)
+
+    half_lower = box.half_lower * (1 - MARGIN)
+    below = picture.part((-half_lower, half_lower), (0.0, box.gate))
+
+    # The picture need not show all of the upper chamber.
+    heights = (box.floor, min(box.top, picture.top_m))
+    half_upper = box.half_width * (1 - MARGIN)
+    left = picture.part((-half_upper, 0.0), heights)
+    right = picture.part((0.0, half_upper), heights)
+    # Put the wedges back to back, as `drawdown.back_to_back` puts the grains.
+    columns = right.image.shape[1]
+    above = np.ascontiguousarray(np.hstack([right.image, left.image[:, -columns:]]))
+
+    result = PhotographResult(Path(), [])
+    above_name, below_name = RESPONSES[DRAWDOWN]
+    for name, view, settings in (
+        (
+            above_name,
+            above,
+            replace(how, mm_per_pixel=left.mm_per_pixel, largest_pile_only=False),
+        ),
+        (below_name, below.image, replace(how, mm_per_pixel=below.mm_per_pixel)),
+    ):
+        try:
+            pile = segment(view, settings.largest_pile_only, len(view) - 0.5)
+            if pile.mask[0].any():
+                raise NoFlankError("it runs out of the picture at the top")
+            measurement = with_response(measure_segmented(pile, settings))
+        except NoFlankError as error:
+            raise NoFlankError(f"{name}: {error.reason}") from None
+        result.values[name] = measurement.aor_deg
+        result.views.append(drawing.overlay(view, measurement))
+    return result
+
+
+def _redraw(
+    image: np.ndarray,
+    corner_px: np.ndarray,
+    along: np.ndarray,
+    size_px: tuple[float, float],
+    mm_per_pixel: float,
+) -> View:
+    """Redraw a rectangle of a photograph, at most `LARGEST_PX` large.
+
+    Parameters
+    ----------
+    image : array
+        The photograph.
+    corner_px : array
+        Column and row of the lower left corner of the rectangle.
+    along : array
+        Unit vector (2,) along its base.
+    size_px : tuple of float
+        Its width and height.
+    mm_per_pixel : float
+        Scale of the photograph.
+
+    Raises
+    ------
+    NoFlankError
+        If the rectangle is too small, or runs out of the picture.
+    """
+    if min(size_px) < LEAST_PX:
+        raise NoFlankError(
+            f"it is {min(size_px):.0f} pixels wide in the picture; {LEAST_PX} are needed"
+        )
+    reduction = min(1.0, LARGEST_PX / max(size_px))
+    width, height = (round(reduction * length) for length in size_px)
+
+    # The affine map from (column, row, 1) of the view to the middle of that pixel in the
+    # photograph.
+    up = np.array([along[1], -along[0]])
+    pixel = np.array(size_px) / (width, height)
+    first = corner_px + 0.5 * pixel[0] * along + (size_px[1] - 0.5 * pixel[1]) * up
+    affine = np.column_stack([pixel[0] * along, -pixel[1] * up, first])
+
+    corners = np.array([[0, width, 0, width], [0, 0, height, height], [1, 1, 1, 1]])
+    columns, rows = affine @ corners
+    n_rows, n_columns = image.shape[:2]
+    lowest = min(columns.min(), rows.min())
+    if lowest < -1 or columns.max() > n_columns + 1 or rows.max() > n_rows + 1:
+        raise NoFlankError("the drum or the box runs out of the picture")
+
+    if reduction < 1:
+        image = cv2.GaussianBlur(image, (0, 0), 0.5 / reduction)
+    redrawn = cv2.warpAffine(
+        image,
+        affine,
+        (width, height),
+        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+    return View(redrawn, mm_per_pixel * pixel[0])
+
+
+# --- tables and texts -----------------------------------------------------------------
+
+
+def tables(results: Sequence[PhotographResult], bench: str) -> Tables:
+    """Make the tables of photographs, at least one of which was measured."""
     names = RESPONSES[bench]
-    rows = [
-        {"photograph": seen.path.name}
-        | {name: seen.values.get(name) for name in names}
-        | {"refused": seen.refused}
-        for seen in results
-    ]
+    rows = []
+    for result in results:
+        row: dict[str, str | float | None] = {"photograph": result.path.name}
+        for name in names:
+            row[name] = result.values.get(name)
+        row["refused"] = result.refused
+        rows.append(row)
     photographs = pd.DataFrame(rows)
     return Tables(photographs, mean_rows(photographs, names))
 
 
-def describe(results: Sequence[Seen], made: Tables, out: Path) -> str:
-    """Write the text that the verb prints."""
+def describe(results: Sequence[PhotographResult], made: Tables, out: Path) -> str:
+    """Write the text that the verb prints; `out` is the folder of the files."""
     lines = []
-    for seen in results:
-        values = ", ".join(f"{name} {value:.2f}" for name, value in seen.values.items())
-        lines.append(
-            f"{seen.path.name}  {f'refused: {seen.refused}' if seen.refused else values}"
-        )
+    for result in results:
+        text = f"refused: {result.refused}"
+        if not result.refused:
+            text = ", ".join(
+                f"{name} {value:.2f}" for name, value in result.values.items()
+            )
+        lines.append(f"{result.path.name}  {text}")
     lines.append("mean, standard deviation, number of photographs:")
     for row in made.summary.itertuples():
         sd = "not known" if np.isnan(row.sd) else f"{row.sd:.2f}"
@@ -235,92 +412,33 @@ def describe(results: Sequence[Seen], made: Tables, out: Path) -> str:
     return "\n".join(lines)
 
 
-def profile(results: Sequence[Seen], section: Rotating) -> pd.DataFrame:
-    """Find the surface that half of the photographs of a drum cover, for a target that is a profile."""
+def profile(results: Sequence[PhotographResult], section: Rotating) -> pd.DataFrame:
+    """Find the surface that half of the photographs of a drum cover.
+
+    It is for a target that is a profile: columns ``x_mm`` and ``z_mm``.
+    """
     masks = [
-        seen.mask for seen in results if seen.mask is not None and not seen.refused
+        result.mask
+        for result in results
+        if result.mask is not None and not result.refused
     ]
     radius_m = Drum.of(section).radius_m
     mm_per_pixel = 2e3 * radius_m / len(masks[0])
-    x_m = np.arange(-0.8, 0.81, 0.05) * radius_m
     size = masks[0].shape[::-1]
-    share = np.mean(
-        [cv2.resize(mask, size, interpolation=cv2.INTER_NEAREST) > 0 for mask in masks],
-        axis=0,
-    )
-    heights = bed.surface_heights(share, 0.5, x_m, radius_m, mm_per_pixel)
-    return pd.DataFrame({"x_mm": 1e3 * x_m, "z_mm": 1e3 * heights}).round(3)
+    resized = [
+        cv2.resize(mask, size, interpolation=cv2.INTER_NEAREST) > 0 for mask in masks
+    ]
+    covered_share = np.mean(resized, axis=0)
+    x_m = np.arange(-0.8, 0.81, 0.05) * radius_m
+    z_m = bed.surface_heights(covered_share, 0.5, x_m, radius_m, mm_per_pixel)
+    return pd.DataFrame({"x_mm": 1e3 * x_m, "z_mm": 1e3 * z_m}).round(3)
 
 
 def stacked(views: Sequence[np.ndarray]) -> np.ndarray:
     """Put pictures below each other, on black."""
     width = max(view.shape[1] for view in views)
-    return np.vstack(
-        [
-            cv2.copyMakeBorder(
-                view, 0, 0, 0, width - view.shape[1], cv2.BORDER_CONSTANT
-            )
-            for view in views
-        ]
-    )
-
-
-def _circle(points: np.ndarray) -> tuple[np.ndarray, float]:
-    """Draw the circle through three points (3, 2): its centre (2,) and radius."""
-    a, b, c = points
-    rows = 2 * np.array([b - a, c - a])
-    centre = np.linalg.solve(rows, [b @ b - a @ a, c @ c - a @ a])
-    return centre, float(np.hypot(*(a - centre)))
-
-
-def _redrawn(
-    image: np.ndarray,
-    corner_px: np.ndarray,
-    along: np.ndarray,
-    size_px: tuple[float, float],
-    mm_per_pixel: float,
-) -> tuple[np.ndarray, float]:
-    """Redraw a rectangle of the picture, from its lower left corner along its base, and return its scale."""
-    if min(size_px) < LEAST_PX:
-        raise NoFlankError(
-            f"it is {min(size_px):.0f} pixels wide in the picture; {LEAST_PX} are needed"
-        )
-    times = min(1.0, LARGEST_PX / max(size_px))
-    width, height = (round(times * length) for length in size_px)
-    up = np.array([along[1], -along[0]])
-    # the middle of pixel (column, row) of the new picture in the old one
-    step = np.array(size_px) / (width, height)
-    first = corner_px + 0.5 * step[0] * along + (size_px[1] - 0.5 * step[1]) * up
-    where = np.column_stack([step[0] * along, -step[1] * up, first])
-    rows, columns = image.shape[:2]
-    ends = where @ np.array(
-        [[0, width, 0, width], [0, 0, height, height], [1, 1, 1, 1]]
-    )
-    if ends.min() < -1 or ends[0].max() > columns + 1 or ends[1].max() > rows + 1:
-        raise NoFlankError("the drum or the box runs out of the picture")
-    if times < 1:
-        image = cv2.GaussianBlur(image, (0, 0), 0.5 / times)
-    view = cv2.warpAffine(
-        image,
-        where,
-        (width, height),
-        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-        borderMode=cv2.BORDER_REPLICATE,
-    )
-    return view, mm_per_pixel * step[0]
-
-
-def _bed(view: np.ndarray) -> np.ndarray:
-    """Mark the bed (H, W) in a square view of the drum: what differs from the drum's upper part."""
-    size = len(view)
-    places = (np.arange(size) + 0.5) / (0.5 * size) - 1
-    inside = np.hypot(*np.meshgrid(places, places)) < INSIDE
-    smooth = (
-        cv2.GaussianBlur(cv2.medianBlur(view, 3), (0, 0), 1.0)
-        .astype(np.float32)
-        .reshape(size, size, -1)
-    )
-    empty = inside & (places[:, None] < -EMPTY)
-    contrast = np.linalg.norm(smooth - np.median(smooth[empty], axis=0), axis=-1)
-    level, _ = threshold(contrast[inside][:, None])
-    return pile_component(((contrast > level) & inside).astype(np.uint8), True)
+    padded = [
+        cv2.copyMakeBorder(view, 0, 0, 0, width - view.shape[1], cv2.BORDER_CONSTANT)
+        for view in views
+    ]
+    return np.vstack(padded)

@@ -1,11 +1,11 @@
-"""Whether piles of a study's grains can have the angle and the Height of its targets at once, before any pour.
+"""Whether piles of a study's grains can have the angle and the Height of its targets.
 
-Grains keep their volume V, so an angle goes with each Height: a cone of Height H has tan a = sqrt(pi H^3 / (3 V)). How
-far the angle by a line is from the cone's was measured: the table beside this module has the ratio of the two tangents
-for the samples of the goji berry's design (`python -m research.measurement line_slopes`).
+Grains keep their volume V, so an angle goes with each Height: a cone of Height H has
+tan a = sqrt(pi H^3 / (3 V)). How far the angle by a line is from the cone's was measured:
+the table beside this module has the ratio of the two tangents for the samples of the goji
+berry's design (`python -m research.measurement line_slopes`).
 """
 
-import contextlib
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -29,22 +29,32 @@ if TYPE_CHECKING:
     from repose.grain.particle import Particle
 
 TABLE = Path(__file__).with_name("line_slopes.csv")
-GRAIN_MM, GRAINS = (21.14, 11.37, 9.88), 500  # of the table's piles
-# Largest share of a pile that its grains fill: the densest lattice of equal balls. Shaken ellipsoids reach .735 (Donev
-# et al. 2004, Science 303, 990), poured grains less; and a tenth of them lies loose beside the pile.
+# Axes and number of the grains in the piles of the table.
+GRAIN_MM = (21.14, 11.37, 9.88)
+GRAINS = 500
+# Largest share of a pile that its grains fill: the densest lattice of equal balls. Shaken
+# ellipsoids reach .735 (Donev et al. 2004, Science 303, 990), poured grains less; and a
+# tenth of them lies loose beside the pile.
 DENSEST = 0.74
-SIGMAS = 2.0  # so many standard deviations from the mean of real piles a target is out of their reach
-FEWEST_SAMPLES = 20  # of the study itself, in place of the table
-ALIKE = 0.05  # relative difference of the proportions of grains that count as the same
-# Standard deviation [deg] between grains: the mean angles of four crops differ from the table's by up to 1 (whole
-# side), 2 (secant) and 4.6 degrees (flank).
+# Standard deviations from the mean of real piles at which a target is out of reach.
+SIGMAS = 2.0
+# Fewest samples of the study itself that replace the table.
+FEWEST_SAMPLES = 20
+# Relative difference of the proportions of grains that count as the same.
+ALIKE = 0.05
+# Standard deviation [deg] between grains: the mean angles of four crops differ from the
+# table's by up to 1 (whole side), 2 (secant) and 4.6 degrees (flank).
 OTHER_GRAIN_DEG = 3.0
-READ = {
+# Distance up to which a row of the table is of a line itself, see `nearest_row`.
+SAME_LINE = 0.005
+# Keys of the section `measure` that define the line of each angle.
+READ: dict[str, tuple[str, ...]] = {
     "flank": ("flank", "fit_from", "fit_to"),
     "whole": (),
     "secant": (),
-}  # keys of a line
-READ |= {"steepest": READ["flank"], "straightest": ("smallest_window",)}
+    "steepest": ("flank", "fit_from", "fit_to"),
+    "straightest": ("smallest_window",),
+}
 
 
 class Band(NamedTuple):
@@ -56,23 +66,94 @@ class Band(NamedTuple):
     source: str  # the piles, in words
 
 
-class Reach(NamedTuple):
-    """Whether piles of the grains can have a target's angle at the targeted Height."""
+@dataclass(frozen=True)
+class Reach:
+    """Whether piles of the grains can have a target's angle at the targeted Height.
 
+    Attributes
+    ----------
+    target : Target
+        The target of the angle.
+    pile : Pile
+        The piles of the grains.
+    line : str
+        The line by which the angle is measured, in words.
+    bound_deg : float or None
+        The steepest angle by mass alone; None for a line that may leave out the toe.
+    band : Band
+        Angles of real piles.
+    """
+
+    target: Target
+    pile: "Pile"
     line: str
-    bound_deg: (
-        float | None
-    )  # the steepest by mass alone; None for a line that may leave out the toe
+    bound_deg: float | None
     band: Band
-    possible: bool
-    sentence: str
+
+    @property
+    def exceeds_bound(self) -> bool:
+        """Whether the target is steeper than the mass allows."""
+        if self.bound_deg is None:
+            return False
+        lowest_deg = self.target.value - SIGMAS * self.target.standard_error
+        return lowest_deg > self.bound_deg
+
+    @property
+    def possible(self) -> bool:
+        """Whether the target is neither beyond the bound nor far from real piles."""
+        sd = math.hypot(self.band.sd, self.target.standard_error)
+        deviation = (self.target.value - self.band.mean) / sd
+        return not self.exceeds_bound and abs(deviation) <= SIGMAS
+
+    @property
+    def sentence(self) -> str:
+        """The result in words."""
+        band = self.band
+        state = "attainable" if self.possible else "out of reach"
+        sentence = (
+            f"Target {state}: {self.target.value:.1f} deg at {self.pile.height_mm:.1f} "
+            f"mm by the line '{self.line}'; piles of this mass reach {band.mean:.1f} "
+            f"+- {band.sd:.1f} deg, at most {band.largest:.1f} ({band.source})."
+        )
+        if self.exceeds_bound:
+            grain_mm3 = 1e9 * self.pile.particle.volume_m3
+            sentence += (
+                f" The mass of {self.pile.n_grains} grains of {grain_mm3:.4g} mm3 allows "
+                f"at most {self.bound_deg:.1f} deg."
+            )
+        if not self.possible:
+            sentence += (
+                " Check the line, the number and mass of the grains, and that both "
+                "targets are of the same piles."
+            )
+        return sentence
 
     def record(self) -> dict[str, Any]:
-        """As the material card has it."""
-        numbers = [round(number, 2) for number in self.band[:3]]
-        bound = None if self.bound_deg is None else round(self.bound_deg, 2)
-        own = {"line": self.line, "bound_deg": bound, "band_deg": numbers}
-        return own | {"possible": self.possible, "sentence": self.sentence}
+        """Return the entry of the material card."""
+        bound_deg = None if self.bound_deg is None else round(self.bound_deg, 2)
+        band = (self.band.mean, self.band.sd, self.band.largest)
+        return {
+            "line": self.line,
+            "bound_deg": bound_deg,
+            "band_deg": [round(number, 2) for number in band],
+            "possible": self.possible,
+            "sentence": self.sentence,
+        }
+
+
+@dataclass(frozen=True)
+class Pile:
+    """A poured pile of a study, as high as the target."""
+
+    n_grains: int
+    particle: "Particle"
+    measure: MeasureSettings  # with the height of a grain
+    height_mm: float
+
+    @property
+    def grains_m3(self) -> float:
+        """Volume of all grains, without the gaps between them."""
+        return self.n_grains * self.particle.volume_m3
 
 
 def of(
@@ -80,9 +161,21 @@ def of(
     particle: "Particle",
     dataset_csv: str | PathLike | None = None,
 ) -> dict[str, Reach]:
-    """Assess each target that is an angle of the funnel's pile; return nothing without a target of its Height.
+    """Assess each target that is an angle of the funnel's pile.
 
-    `dataset_csv` are samples of the study itself, by the same settings.
+    Parameters
+    ----------
+    config : mapping
+        The configuration.
+    particle : Particle
+        The mean grain.
+    dataset_csv : path, optional
+        Samples of the study itself, by the same settings.
+
+    Returns
+    -------
+    dict
+        Assessments by the name of the response; none without a target of the Height.
     """
     settings = SceneSettings(config)
     targets = {
@@ -91,22 +184,21 @@ def of(
     if "height_mm" not in targets:
         return {}
     measure = settings.measure_of({})
-    grain_mm = measure.berry_height_mm or 1e3 * float(np.prod(particle.axes_m)) ** (
-        1 / 3
+    grain_mm = measure.berry_height_mm
+    if not grain_mm:
+        grain_mm = 1e3 * float(np.prod(particle.axes_m)) ** (1 / 3)
+    pile = Pile(
+        n_grains=settings.section(funnel.NAME, funnel.FunnelSettings).berries,
+        particle=particle,
+        measure=replace(measure, berry_height_mm=grain_mm),
+        height_mm=targets["height_mm"].value,
     )
-    grains = settings.section(funnel.NAME, funnel.FunnelSettings).berries
-    piles = _Piles(
-        grains,
-        particle,
-        replace(measure, berry_height_mm=grain_mm),
-        targets["height_mm"].value,
-    )
-    angles = {"aor_deg": measure.response} | {
-        name: definition for definition, name in MEAN_KEYS.items()
-    }
+    definitions = {"aor_deg": measure.response}
+    for definition, name in MEAN_KEYS.items():
+        definitions[name] = definition
     return {
-        name: piles.reach(targets[name], line, dataset_csv)
-        for name, line in angles.items()
+        name: assess(targets[name], definition, pile, dataset_csv)
+        for name, definition in definitions.items()
         if name in targets
     }
 
@@ -114,9 +206,29 @@ def of(
 def said(
     config: Mapping[str, Any], particle: "Particle", dataset_csv: str | PathLike | None
 ) -> Iterator[str]:
-    """Yield a line of text for each `Reach`, as the verbs and the workflow print it before the first pour."""
+    """Yield a line of text for each target of `of`, to print before the first pour."""
     for reach in of(config, particle, dataset_csv).values():
-        yield f"reach: {'' if reach.possible else 'WARNING: '}{reach.sentence}"
+        warning = "" if reach.possible else "WARNING: "
+        yield f"reach: {warning}{reach.sentence}"
+
+
+def assess(
+    target: Target,
+    definition: str,
+    pile: Pile,
+    dataset_csv: str | PathLike | None = None,
+) -> Reach:
+    """Compare the target of an angle, of one definition, with real piles."""
+    band = None
+    if dataset_csv is not None:
+        band = band_of_samples(dataset_csv, target.name, pile.height_mm)
+    return Reach(
+        target=target,
+        pile=pile,
+        line=line_of(pile.measure, definition),
+        bound_deg=steepest_deg(definition, pile.height_mm, pile.grains_m3),
+        band=band or band_of_table(definition, pile),
+    )
 
 
 def cone_tan(height_mm: float, volume_m3: float) -> float:
@@ -125,137 +237,124 @@ def cone_tan(height_mm: float, volume_m3: float) -> float:
 
 
 def steepest_deg(definition: str, height_mm: float, grains_m3: float) -> float | None:
-    """Compute the steepest angle of a pile of a Height and a volume of grains [deg]; None where mass sets no bound.
+    """Compute the steepest angle of a pile of a Height and a volume of grains [deg].
 
-    A side that falls ever less steeply outwards has, over equal steps of distance, no steeper regression line from foot
-    to crest than the cone of its Height and volume. A line that sees less of the toe may be steeper.
+    A side that falls ever less steeply outwards has, over equal steps of distance, no
+    steeper regression line from foot to crest than the cone of its Height and volume. A
+    line that sees less of the toe may be steeper: then mass sets no bound, and the result
+    is None.
     """
-    return (
-        None
-        if definition != "whole"
-        else math.degrees(math.atan(cone_tan(height_mm, grains_m3 / DENSEST)))
-    )
+    if definition != "whole":
+        return None
+    return math.degrees(math.atan(cone_tan(height_mm, grains_m3 / DENSEST)))
 
 
 def carried(
     angle_deg: "pd.Series", height_mm: "pd.Series", to_mm: float
 ) -> "pd.Series":
-    """Carry angles of piles [deg] to the Height that the same volume would have: tan(angle) ~ Height^1.5."""
-    return np.degrees(
-        np.arctan(np.tan(np.radians(angle_deg)) * (to_mm / height_mm) ** 1.5)
+    """Convert angles of piles [deg] to the Height `to_mm`, which their volume keeps.
+
+    Angles go with the Height as tan(angle) ~ Height^1.5.
+    """
+    tangent = np.tan(np.radians(angle_deg)) * (to_mm / height_mm) ** 1.5
+    return np.degrees(np.arctan(tangent))
+
+
+def band_of_table(definition: str, pile: Pile) -> Band:
+    """Look up the angles of piles in the table, for the number of grains of a pile."""
+    assert pile.measure.berry_height_mm is not None
+    grain_share = pile.measure.berry_height_mm / pile.height_mm
+    row, is_exact = nearest_row(pile.measure, definition, grain_share)
+    cone = cone_tan(pile.height_mm, pile.grains_m3 / funnel.PACKING)
+    change = scene_size.change(
+        GRAINS, pile.n_grains, scene_size.TABULATED.get(definition, definition)
+    )
+
+    def angle_deg(ratio: float) -> float:
+        """Convert a ratio to the cone's tangent to the angle of the other number."""
+        changed_deg = math.degrees(math.atan(ratio * cone)) + change.angle_deg
+        tangent = math.tan(math.radians(changed_deg)) / change.height**1.5
+        return math.degrees(math.atan(tangent))
+
+    axes = sorted(pile.particle.axes_m, reverse=True)
+    is_alike = np.allclose(
+        np.divide(axes, axes[0]), np.divide(GRAIN_MM, GRAIN_MM[0]), rtol=ALIKE
+    )
+    low = angle_deg(row["mean"] - row["sd"])
+    high = angle_deg(row["mean"] + row["sd"])
+    source = [f"{row['samples']} samples of the goji berry"]
+    if not is_alike:
+        source.append("not of this grain")
+    if pile.n_grains != GRAINS:
+        source.append(f"{GRAINS} grains each, changed to {pile.n_grains}")
+    if not is_exact:
+        line = line_of(row.to_dict(), definition)
+        source.append(f"by the nearest line measured, '{line}'")
+    return Band(
+        mean=angle_deg(row["mean"]),
+        sd=math.hypot((high - low) / 2, 0.0 if is_alike else OTHER_GRAIN_DEG),
+        largest=angle_deg(row["largest"]),
+        source=", ".join(source),
     )
 
 
-@dataclass(frozen=True)
-class _Piles:
-    """The poured piles of a study, as high as their target."""
+def band_of_samples(
+    dataset_csv: str | PathLike, response: str, height_mm: float
+) -> Band | None:
+    """Convert the study's own samples to a Height, each at its volume.
 
-    grains: int
-    particle: "Particle"
-    measure: MeasureSettings  # with the height of a grain
-    height_mm: float
-
-    def reach(
-        self, target: Target, definition: str, dataset_csv: str | PathLike | None
-    ) -> Reach:
-        """Assess one target."""
-        grain_m3, line = self.particle.volume_m3, line_of(self.measure, definition)
-        bound = steepest_deg(definition, self.height_mm, self.grains * grain_m3)
-        own = (
-            None
-            if dataset_csv is None
-            else _own_band(dataset_csv, target.name, self.height_mm)
-        )
-        band = own or self.known_band(definition)
-        forbidden = (
-            bound is not None and target.value - SIGMAS * target.standard_error > bound
-        )
-        away = (target.value - band.mean) / math.hypot(band.sd, target.standard_error)
-        possible = not forbidden and abs(away) <= SIGMAS
-        made = f"a pile of {self.height_mm:.1f} mm with {target.value:.1f} deg by the line '{line}'"
-        known = f"{band.mean:.1f} +- {band.sd:.1f} deg (largest {band.largest:.1f}; {band.source})"
-        piles = f"piles of this mass and Height have {known}"
-        sentence = f"{made} is possible: {piles}"
-        if not possible:
-            can, most = (
-                ("cannot", f"by mass alone at most {bound:.1f} deg; ")
-                if forbidden
-                else ("can hardly", "")
-            )
-            grains = f"{self.grains} grains of {1e9 * grain_m3:.4g} mm3"
-            sentence = f"{grains} {can} make {made}: {most}{piles}. Are line, grain and targets of the same piles?"
-        return Reach(line, bound, band, possible, sentence)
-
-    def known_band(self, definition: str) -> Band:
-        """Look the band up in the table, changed to the study's number of grains as `scene_size` knows it."""
-        assert self.measure.berry_height_mm is not None
-        row, exact = nearest_row(
-            self.measure, definition, self.measure.berry_height_mm / self.height_mm
-        )
-        cone = cone_tan(
-            self.height_mm, self.grains * self.particle.volume_m3 / funnel.PACKING
-        )
-        change = scene_size.change(
-            GRAINS, self.grains, scene_size.TABULATED.get(definition, definition)
-        )
-
-        def angle(ratio: float) -> float:
-            before = math.degrees(math.atan(ratio * cone)) + change.angle_deg
-            return math.degrees(
-                math.atan(math.tan(math.radians(before)) / change.height**1.5)
-            )
-
-        ends = [angle(row["mean"] + sign * row["sd"]) for sign in (-1, 1)]
-        axes = sorted(self.particle.axes_m, reverse=True)
-        alike = np.allclose(
-            np.divide(axes, axes[0]), np.divide(GRAIN_MM, GRAIN_MM[0]), rtol=ALIKE
-        )
-        source = f"{row['samples']} samples of the goji berry{'' if alike else ', not of this grain'}"
-        source += (
-            ""
-            if self.grains == GRAINS
-            else f", {GRAINS} grains each, changed to {self.grains}"
-        )
-        source += (
-            ""
-            if exact
-            else f", by the nearest line measured, '{line_of(row.to_dict(), definition)}'"
-        )
-        sd = math.hypot((ends[1] - ends[0]) / 2, 0.0 if alike else OTHER_GRAIN_DEG)
-        return Band(angle(row["mean"]), sd, angle(row["largest"]), source)
-
-
-def _own_band(dataset_csv: str | PathLike, angle: str, height_mm: float) -> Band | None:
-    """Carry the study's own samples to the Height, each at its volume; return their band, None if they are too few."""
-    with contextlib.suppress(
-        InputError
-    ):  # the stage that reads a damaged table says so
-        table = read_table(dataset_csv, ("status", angle, "height_mm"))
-        table = table[table["status"] == "ok"]
-        if len(table) >= FEWEST_SAMPLES:
-            angles = carried(table[angle], table["height_mm"], height_mm)
-            source = f"{len(table)} samples of this study"
-            return Band(
-                float(angles.mean()), float(angles.std()), float(angles.max()), source
-            )
-    return None
+    Returns None if they are fewer than `FEWEST_SAMPLES`, or if the table is damaged,
+    which the stage that needs it reports.
+    """
+    try:
+        table = read_table(dataset_csv, ("status", response, "height_mm"))
+    except InputError:
+        return None
+    table = table[table["status"] == "ok"]
+    if len(table) < FEWEST_SAMPLES:
+        return None
+    angles = carried(table[response], table["height_mm"], height_mm)
+    return Band(
+        mean=float(angles.mean()),
+        sd=float(angles.std()),
+        largest=float(angles.max()),
+        source=f"{len(table)} samples of this study",
+    )
 
 
 def nearest_row(
-    measure: MeasureSettings, definition: str, grain: float
+    measure: MeasureSettings, definition: str, grain_share: float
 ) -> tuple["pd.Series", bool]:
-    """Find the row of the table that is nearest to a line, and whether it is of this very line.
+    """Find the row of the table that is nearest to a line.
 
-    `grain` is the height of a grain as a share of the Height.
+    Parameters
+    ----------
+    measure : MeasureSettings
+        Settings of the line.
+    definition : str
+        Definition of the angle.
+    grain_share : float
+        Height of a grain as a share of the pile's, for settings that are one grain.
+
+    Returns
+    -------
+    row : Series
+        The row.
+    is_exact : bool
+        Whether it is of this very line.
     """
-    given = {key: getattr(measure, key) for key in READ[definition]}
-    wanted = {key: grain if value == "berry" else value for key, value in given.items()}
-    table = read_table(
-        TABLE, ("definition", "samples", "mean", "sd", "largest", *wanted)
-    )
+    settings = {}
+    for key in READ[definition]:
+        value = getattr(measure, key)
+        settings[key] = grain_share if value == "berry" else value
+    columns = ("definition", "samples", "mean", "sd", "largest", *settings)
+    table = read_table(TABLE, columns)
     table = table[table["definition"] == definition].reset_index(drop=True)
-    away = np.zeros(len(table))
-    for key, value in wanted.items():
-        away += table[key] != value if key == "flank" else (table[key] - value).abs()
-    nearest = int(np.argmin(away))
-    return table.iloc[nearest], bool(away[nearest] < 0.005)
+    distance = np.zeros(len(table))
+    for key, value in settings.items():
+        if key == "flank":
+            distance += table[key] != value
+        else:
+            distance += (table[key] - value).abs()
+    nearest = int(np.argmin(distance))
+    return table.iloc[nearest], bool(distance[nearest] < SAME_LINE)

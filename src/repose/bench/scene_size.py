@@ -1,12 +1,14 @@
-"""The number of grains that a poured pile needs, since its angle and Height depend on it.
+"""The number of grains that a poured pile needs, since angle and Height depend on it.
 
-The table beside this module has piles of two grains in a funnel whose lengths go with the cube root of the number
-(`benchmarks/number_of_grains.py`). An angle that is fitted to a flank grows with the number: the flat toe, as high as a
-grain, becomes a smaller part of it.
+The table beside this module has piles of two grains in a funnel whose lengths go with the
+cube root of the number (`benchmarks/number_of_grains.py`). An angle that is fitted to a
+flank grows with the number: the flat toe, as high as a grain, becomes a smaller part of
+it.
 """
 
 import functools
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -20,25 +22,36 @@ if TYPE_CHECKING:
     import pandas as pd
 
 TABLE = Path(__file__).with_name("number_of_grains.csv")
+# Lengths of the funnel that go with the cube root of the number.
 LENGTHS = ("outlet_height_mm", "plate_diameter_mm", "tube_length_mm")
-# What follows from the other keys of a smaller scene.
+# Keys of a smaller scene that follow from its others.
 COMPUTED = ("factory_diameter_mm", "factory_height_mm", "duration_s")
-# What a smaller scene has to say.
-OUTLET = ("outlet_diameter_mm", "rim_radius_mm", "cone_angle_deg")
-PASTED = ("berries", "inlet_diameter_mm", *LENGTHS, *OUTLET, "rate_per_s")
-DISCHARGE = (
-    2.5  # a funnel's flow goes with its lengths to this power (Beverloo et al. 1961)
+# Keys that a smaller scene has to give.
+PASTED = (
+    "berries",
+    "inlet_diameter_mm",
+    *LENGTHS,
+    "outlet_diameter_mm",
+    "rim_radius_mm",
+    "cone_angle_deg",
+    "rate_per_s",
 )
-OUTLET_GRAINS = 4.0  # narrowest outlet of a smaller scene, in diameters of a grain: one by one they bounce away
-COST = (
-    7 / 6
-)  # time of a pour goes with the number to this power: its bodies, and the time of discharge
+# Power of its lengths with which a funnel's flow goes (Beverloo et al. 1961).
+DISCHARGE = 2.5
+# Narrowest outlet of a smaller scene in diameters of a grain: one by one they bounce away.
+OUTLET_GRAINS = 4.0
+# Widest rim of a smaller scene over inlet minus outlet; at 0.25 no cone is left.
+RIM_SHARE = 0.24
+# Power of the number with which the time of a pour goes: its bodies, and their discharge.
+COST = 7 / 6
+# Largest difference of angles that are close.
 CLOSE_DEG = 1.0
-STEADY = "secant"  # the angle that depends least on the number of grains
-TABULATED = {
-    "straightest": "flank"
-}  # the definition of the table that is nearest to one that it lacks
-LARGE = 1000  # from so many grains on a smaller scene is worth a sentence
+# The angle that depends least on the number of grains.
+STEADY = "secant"
+# Definition in the table that is nearest to one that it lacks.
+TABULATED = {"straightest": "flank"}
+# Number of grains from which on a smaller scene is proposed.
+LARGE = 1000
 
 Config = Mapping[str, Any]
 
@@ -52,7 +65,8 @@ class Change(NamedTuple):
 
 @functools.cache
 def _table() -> "pd.DataFrame":
-    import pandas as pd  # not by the processes that pour and measure, of which there are hundreds
+    # Hundreds of processes pour and measure without pandas, which is slow to import.
+    import pandas as pd
 
     return pd.read_csv(TABLE)
 
@@ -60,24 +74,36 @@ def _table() -> "pd.DataFrame":
 def numbers() -> list[int]:
     """List the numbers of grains for which the table has piles of every crop."""
     table = _table()
-    counts = table.groupby("grains")["label"].nunique()
-    return counts.index[counts == table["label"].nunique()].tolist()
+    n_crops = table["label"].nunique()
+    crops_per_number = table.groupby("grains")["label"].nunique()
+    return crops_per_number.index[crops_per_number == n_crops].tolist()
 
 
 def change(before: float, after: float, definition: str) -> Change:
-    """Find the change of a pile whose scene has another number of grains; clamped at the ends of the table."""
-    angles, heights = [], []
-    for _, own in _table().groupby("label"):
-        first, last = (
-            [
-                np.interp(np.log(number), np.log(own["grains"]), own[column])
-                for number in (before, after)
-            ]
-            for column in (f"aor_{definition}_deg", "height_scaled_mm")
-        )
-        angles.append(first[1] - first[0])
-        heights.append(last[1] / last[0])
-    return Change(float(np.mean(angles)), float(np.mean(heights)))
+    """Find the change of a pile whose scene gets another number of grains.
+
+    Numbers outside the table count as its ends.
+
+    Parameters
+    ----------
+    before, after : float
+        The numbers of grains.
+    definition : str
+        Definition of the angle, a column of the table.
+    """
+    angle_changes = []
+    height_ratios = []
+    for _, crop in _table().groupby("label"):
+        grains = np.log(crop["grains"])
+        angles = crop[f"aor_{definition}_deg"]
+        heights = crop["height_scaled_mm"]
+        angle_before = np.interp(np.log(before), grains, angles)
+        angle_after = np.interp(np.log(after), grains, angles)
+        angle_changes.append(angle_after - angle_before)
+        height_before = np.interp(np.log(before), grains, heights)
+        height_after = np.interp(np.log(after), grains, heights)
+        height_ratios.append(height_after / height_before)
+    return Change(float(np.mean(angle_changes)), float(np.mean(height_ratios)))
 
 
 def scaled(
@@ -85,113 +111,208 @@ def scaled(
 ) -> dict[str, Any]:
     """Write the section `funnel` for another number of grains of the same size.
 
-    All lengths go with the cube root of the number. The outlet stays as wide as `OUTLET_GRAINS` diameters of a grain,
-    or as it is where it is narrower. `poured` is the number that this funnel poured, if it is not the section's.
+    All lengths go with the cube root of the number. The outlet stays as wide as
+    `OUTLET_GRAINS` diameters of a grain, or as it is where it is narrower.
+
+    Parameters
+    ----------
+    funnel : FunnelSettings
+        The section.
+    grains : int
+        The other number.
+    diameter_mm : float
+        Diameter of a grain.
+    poured : int, optional
+        Number that this funnel poured; by default the section's.
     """
     scale = (grains / (poured or funnel.berries)) ** (1 / 3)
-    inlet, outlet = funnel.inlet_diameter_mm, funnel.outlet_diameter_mm
-    narrow = max(scale * outlet, min(outlet, OUTLET_GRAINS * diameter_mm))
-    wide = max(scale * inlet, min(inlet, 2 * narrow))
-    section = funnel.model_dump() | {
-        key: scale * getattr(funnel, key) for key in LENGTHS
-    }
-    section |= {
-        "inlet_diameter_mm": wide,
-        "outlet_diameter_mm": narrow,
-        "berries": grains,
-    }
+    inlet_mm = funnel.inlet_diameter_mm
+    outlet_mm = funnel.outlet_diameter_mm
+    new_outlet_mm = max(scale * outlet_mm, min(outlet_mm, OUTLET_GRAINS * diameter_mm))
+    new_inlet_mm = max(scale * inlet_mm, min(inlet_mm, 2 * new_outlet_mm))
+    section = funnel.model_dump()
+    for key in LENGTHS:
+        section[key] = scale * getattr(funnel, key)
+    section["inlet_diameter_mm"] = new_inlet_mm
+    section["outlet_diameter_mm"] = new_outlet_mm
+    section["berries"] = grains
     section["rim_radius_mm"] = min(
-        funnel.rim_radius_mm, 0.24 * (wide - narrow)
-    )  # 0.25: no cone is left
+        funnel.rim_radius_mm, RIM_SHARE * (new_inlet_mm - new_outlet_mm)
+    )
     section["rate_per_s"] = funnel.rate_per_s * scale**DISCHARGE
     return section | dict.fromkeys(COMPUTED, AUTO)
 
 
 def enough(grains: int, definition: str) -> int | None:
-    """Find the smallest number of the table whose angle is within `CLOSE_DEG` of that of more grains; else None."""
-    found = None
-    for number in sorted((n for n in numbers() if n < grains), reverse=True):
+    """Find the smallest number of grains that is enough for an angle.
+
+    From this number of the table up to `grains` the angle stays within `CLOSE_DEG`. None
+    if no smaller number of the table is enough.
+    """
+    smallest = None
+    for number in sorted(numbers(), reverse=True):
+        if number >= grains:
+            continue
         if abs(change(grains, number, definition).angle_deg) > CLOSE_DEG:
             break
-        found = number
-    return found
+        smallest = number
+    return smallest
+
+
+# --- advice ---------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class SmallerScene:
+    """A scene of fewer grains, which takes less time."""
+
+    n_grains: int  # of the whole scene
+    n_fewer: int  # of the smaller one
+    angle_change_deg: float | None  # None where it is not known
+    height_share: float  # Height over that of the whole scene
+
+    @property
+    def time_share(self) -> float:
+        """Time of a pour over that of the whole scene."""
+        return (self.n_fewer / self.n_grains) ** COST
+
+
+def smaller_scene(n_grains: int, definition: str) -> SmallerScene | None:
+    """Find the smallest scene whose angle is that of a scene of `n_grains`.
+
+    For more grains than the table has, the largest number of the table is taken where no
+    number is enough. None if no number of the table will do.
+    """
+    largest = max(numbers())
+    n_enough = enough(min(n_grains, largest), definition)
+    if n_enough is None and n_grains <= largest:
+        return None
+    n_fewer = n_enough or largest
+    effect = change(n_grains, n_fewer, definition)
+    return SmallerScene(
+        n_grains=n_grains,
+        n_fewer=n_fewer,
+        angle_change_deg=None if n_enough is None else effect.angle_deg,
+        height_share=(n_fewer / n_grains) ** (1 / 3) * effect.height,
+    )
 
 
 def advice(
     config: Config, diameter_mm: float, height_mm: float, poured: int | None = None
 ) -> Iterator[str]:
-    """Yield sentences on the number of grains of a pour, and a smaller scene as keys to paste.
+    """Yield sentences on the number of grains of a pour.
 
-    `poured` is the number that the targets need, if it is more than the configured one.
+    Large scenes also get a smaller one, as keys to paste.
+
+    Parameters
+    ----------
+    config : mapping
+        The configuration.
+    diameter_mm, height_mm : float
+        Diameter of a grain, and Height of the pile.
+    poured : int, optional
+        Number of grains that the targets need, if it is more than the configured one.
     """
     settings = SceneSettings(config)
-    funnel, definition = (
-        settings.section(NAME, FunnelSettings),
-        settings.measure_of({}).response,
-    )
-    definition = TABULATED.get(definition, definition)
-    grains, least, largest = poured or funnel.berries, min(numbers()), max(numbers())
-    compared = min(grains, largest)
-    half = change(compared, compared / 2, definition)
-    fewer, steady = enough(compared, definition), enough(compared, STEADY)
-    close = f"within {CLOSE_DEG:g} deg of that of {compared}"
-    stays = f"no smaller number is {close}" + (
-        f", but the {STEADY} from {steady} on" if steady else ""
-    )
+    funnel = settings.section(NAME, FunnelSettings)
+    response = settings.measure_of({}).response
+    definition = TABULATED.get(response, response)
+    n_grains = poured or funnel.berries
+
     yield (
-        f"grains: the pile is {height_mm / diameter_mm:.2g} grains high. Simulate as many as were poured: half as "
-        f"many, in a funnel of 0.79 of the size, change the angle ({definition}) by {half.angle_deg:+.1f} deg, and the "
-        f"Height by {100 * (half.height - 1):+.0f} % besides its size; "
-        + (f"from {fewer} grains on it is {close}" if fewer else stays)
+        f"grains: the pile is {height_mm / diameter_mm:.2g} grains high. "
+        f"{_scale_effect(n_grains, definition)} {_enough_grains(n_grains, definition)} "
+        "Simulate as many grains as were poured."
     )
-    if grains < LARGE:
+    if n_grains < LARGE:
         return
-    if fewer is None and grains <= largest:
+
+    scene = smaller_scene(n_grains, definition)
+    if scene is None:
+        tabulated = numbers()
         yield (
-            f"smaller scene: none of {least} to {largest} grains keeps the angle ({definition}) within "
-            f"{CLOSE_DEG:g} deg: pour fewer grains by hand, and simulate those"
+            f"smaller scene: none of {min(tabulated)} to {max(tabulated)} grains keeps "
+            f"the {definition} angle within {CLOSE_DEG:g} deg. Pour fewer grains by hand, "
+            "and simulate those."
         )
         return
-    number = fewer or largest
-    other = change(grains, number, definition)
-    high = (number / grains) ** (1 / 3) * other.height
-    angle = (
-        f"{other.angle_deg:+.1f} deg"
-        if fewer
-        else "not known: it grows with the number of grains"
-    )
-    beyond = (
-        ""
-        if grains <= largest
-        else f"; piles of more than {largest} grains have not been compared"
-    )
-    yield (
-        f"smaller scene: {number} grains take {(number / grains) ** COST:.1g} of the time of {grains}; "
-        f"angle ({definition}) {angle}, Height {high:.2g} of the target's{beyond}. Pour such a pile by hand, and give "
-        "its targets in place of these:"
-    )
-    keys = scaled(funnel, number, diameter_mm, grains)
-    pasted = {key: _rounded(keys[key]) for key in PASTED} | dict.fromkeys(
-        COMPUTED, AUTO
-    )
-    yield _as_yaml(NAME, pasted)
+    yield f"smaller scene: {_describe(scene, definition)}"
+    yield _as_yaml(NAME, _pasted_section(funnel, scene, diameter_mm))
     targets = settings.targets_of(NAME)
     if any(target["response"] == "height_mm" for target in targets):
-        yield _as_yaml(
-            "targets", [_lower(target, high) for target in config["targets"]]
-        )
+        lower = [_lower(target, scene.height_share) for target in config["targets"]]
+        yield _as_yaml("targets", lower)
 
 
-def _lower(target: dict[str, Any], share: float) -> dict[str, Any]:
-    """Copy a target; scale the Height by a share."""
-    share = share if target["response"] == "height_mm" else 1.0
-    numbers = {key: _rounded(share * target[key]) for key in ("value", "sd")}
+def _scale_effect(n_grains: int, definition: str) -> str:
+    """Describe the effect of half of the grains, in a funnel that is as much smaller."""
+    compared = min(n_grains, max(numbers()))
+    half = change(compared, compared / 2, definition)
+    direction = "lower" if half.angle_deg < 0 else "raise"
+    percent = 100 * (half.height - 1)
     return (
-        target | numbers | {"range": [_rounded(share * end) for end in target["range"]]}
+        f"Scale effect: {compared / 2:.0f} grains instead of {compared} would {direction} "
+        f"the {definition} angle by {abs(half.angle_deg):.1f} deg and change the Height by "
+        f"{percent:+.0f} % besides its size."
     )
+
+
+def _enough_grains(n_grains: int, definition: str) -> str:
+    """Describe from which number of grains on the angle hardly changes."""
+    compared = min(n_grains, max(numbers()))
+    n_enough = enough(compared, definition)
+    if n_enough is not None:
+        return (
+            f"From {n_enough} grains on the angle is within {CLOSE_DEG:g} deg of that of "
+            f"{compared}."
+        )
+    n_steady = enough(compared, STEADY)
+    if n_steady is None:
+        return f"No smaller number of grains is within {CLOSE_DEG:g} deg of that of {compared}."
+    return (
+        f"No smaller number of grains is within {CLOSE_DEG:g} deg of that of {compared}; "
+        f"the {STEADY} angle is from {n_steady} on."
+    )
+
+
+def _describe(scene: SmallerScene, definition: str) -> str:
+    """Describe a smaller scene, before its keys."""
+    if scene.angle_change_deg is None:
+        angle = "grows by an unknown amount with the number of grains"
+    else:
+        angle = f"changes by {scene.angle_change_deg:+.1f} deg"
+    text = (
+        f"{scene.n_fewer} grains take {scene.time_share:.1g} of the time of "
+        f"{scene.n_grains}; the {definition} angle {angle}, and the Height is "
+        f"{scene.height_share:.2g} of the target's."
+    )
+    largest = max(numbers())
+    if scene.n_grains > largest:
+        text += f" Piles of more than {largest} grains have not been compared."
+    return f"{text} Pour such a pile by hand, and give its targets in place of these:"
+
+
+def _pasted_section(
+    funnel: FunnelSettings, scene: SmallerScene, diameter_mm: float
+) -> dict[str, Any]:
+    """Write the keys of the section `funnel` of a smaller scene."""
+    section = scaled(funnel, scene.n_fewer, diameter_mm, poured=scene.n_grains)
+    pasted = {key: _rounded(section[key]) for key in PASTED}
+    return pasted | dict.fromkeys(COMPUTED, AUTO)
+
+
+def _lower(target: dict[str, Any], height_share: float) -> dict[str, Any]:
+    """Copy a target; that of the Height is scaled by a share."""
+    share = height_share if target["response"] == "height_mm" else 1.0
+    return target | {
+        "value": _rounded(share * target["value"]),
+        "sd": _rounded(share * target["sd"]),
+        "range": [_rounded(share * end) for end in target["range"]],
+    }
 
 
 def _rounded(number: object) -> object:
+    """Round a float to five digits; leave anything else as it is."""
     return float(f"{number:.5g}") if isinstance(number, float) else number
 
 
@@ -199,6 +320,7 @@ def _as_yaml(key: str, value: object) -> str:
     """Write a key in one line, as a configuration takes it."""
     import yaml
 
-    return yaml.safe_dump(
+    text = yaml.safe_dump(
         {key: value}, default_flow_style=True, sort_keys=False, width=10**6
-    ).strip()[1:-1]
+    )
+    return text.strip()[1:-1]

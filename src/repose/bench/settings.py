@@ -1,8 +1,8 @@
-"""Settings shared by bench tests: the section ``simulation`` of the configuration, and keys of several sections."""
+"""Sections of the configuration that several bench tests share: `simulation`, `wall`, and base classes."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, cast
 
 from pydantic import Field
 
@@ -13,43 +13,34 @@ if TYPE_CHECKING:
     from repose.measure.settings import MeasureSettings
 
 S = TypeVar("S", bound=Section)
-CREEPING_LAWS = (
-    "constant_torque",
-)  # rolling laws that hold no body still where a torque acts on it
+# Rolling laws under which a body creeps as long as a torque acts on it.
+CREEPING_LAWS = ("constant_torque",)
 
 
 class SimulationSettings(Section):
-    """The section `simulation`: settings of every simulation of a study."""
+    """The section `simulation`: time step, gravity and force laws of every simulation."""
 
     time_step_s: OrAuto[Annotated[float, Field(ge=1.0e-7, le=1.0e-2)]] = OF_OTHERS
-    gravity_m_s2: float = Field(ge=0.1, le=100)  # along -z
-    tension: Literal["keep", "release"]  # how the normal force ends an impact
-    rest_energy_j: float = Field(
-        gt=0, le=1.0e-3
-    )  # a bed is at rest when its mean energy of a grain is below this
+    # Gravity acts along -z.
+    gravity_m_s2: float = Field(ge=0.1, le=100)
+    # Whether the normal force may pull at the end of an impact.
+    tension: Literal["keep", "release"]
+    # The largest mean kinetic energy of a grain in a bed at rest.
+    rest_energy_j: float = Field(gt=0, le=1.0e-3)
     contact_law: Annotated[str, OneOf(lambda: CONTACT_LAWS)]
     rolling_law: Annotated[str, OneOf(lambda: ROLLING_LAWS)]
 
     @property
     def laws(self) -> dict[str, Any]:
-        """The force laws, as `repose.dem.Simulation` takes them."""
+        """The force laws, as arguments of `repose.dem.Simulation`."""
         return {
             "tension": self.tension,
             "contact_law": self.contact_law,
             "rolling_law": self.rolling_law,
         }
 
-    def not_at_rest(self, energy_j: float, when: str = "") -> tuple[bool, str, str]:
-        """Say whether a run of this mean energy of a grain is not at rest, and status and reason; when: more words."""
-        moves = f"kinetic energy {energy_j:.2e} J a grain{when}"
-        return (
-            not energy_j <= self.rest_energy_j,
-            "not_at_rest",
-            f"{moves}, more than {self.rest_energy_j:.0e}",
-        )
-
     def steps(self, seconds: float) -> int:
-        """Count the time steps of a duration, to the nearest one."""
+        """Convert a duration to the nearest whole number of time steps."""
         return round(seconds / self.time_step_s)
 
 
@@ -62,36 +53,43 @@ class WallSettings(Section):
 
 @dataclass(frozen=True)
 class SceneSettings:
-    """The sections of a configuration that a scene is made of, typed; each is made when it is first read."""
+    """Typed sections of a configuration; a section is validated when it is first read.
+
+    Attributes
+    ----------
+    config : mapping
+        The configuration, with numbers in place of every ``auto``.
+    made : dict
+        Typed sections by name, filled on demand.
+    """
 
     config: Mapping[str, Any]
     made: dict[str, Section] = field(default_factory=dict, repr=False, compare=False)
 
     def section(self, name: str, model: type[S]) -> S:
-        """Return the section of a bench test."""
+        """Return the section of this name as an instance of its model."""
         if name not in self.made:
             self.made[name] = model.model_validate(self.config[name])
-        made: Any = self.made[name]
-        return made
+        return cast(S, self.made[name])
 
     @property
     def simulation(self) -> SimulationSettings:
-        """Time step, gravity and force laws."""
+        """The section `simulation`."""
         return self.section("simulation", SimulationSettings)
 
     @property
     def wall(self) -> WallSettings:
-        """The material of all walls."""
+        """The section `wall`."""
         return self.section("wall", WallSettings)
 
     @property
     def size_distribution(self) -> str:
-        """Whether grains have the sizes that were measured."""
+        """How the sizes of grains are distributed: ``none`` or ``measured``."""
         return str(self.config["berry"]["size_distribution"])
 
     @property
     def mm_per_pixel(self) -> float:
-        """Scale of a silhouette; other keys of `measure` are a pile's."""
+        """Scale of the pictures that are measured [mm]."""
         return float(self.config["measure"]["mm_per_pixel"])
 
     def measure_of(self, grain: Mapping[str, Any]) -> "MeasureSettings":
@@ -101,18 +99,22 @@ class SceneSettings:
         return MeasureSettings.of(self.config["measure"], grain)
 
     def targets_of(self, bench_test: str) -> list[Mapping[str, Any]]:
-        """Targets of a bench test; targets whose form is wrong are left out, for their own check refuses them."""
-        given = self.config.get("targets")
-        listed = given if isinstance(given, list | tuple) else ()
+        """Select the targets of a bench test.
+
+        Malformed entries are skipped: the check of the section `targets` reports them.
+        """
+        targets = self.config.get("targets")
+        if not isinstance(targets, list | tuple):
+            return []
         return [
-            one
-            for one in listed
-            if isinstance(one, Mapping) and one.get("apparatus") == bench_test
+            target
+            for target in targets
+            if isinstance(target, Mapping) and target.get("apparatus") == bench_test
         ]
 
 
 class Poured(Section):
-    """Keys of a bench test whose grains are poured at a rate."""
+    """Keys of a bench test whose grains are added one by one."""
 
     berries: Berries
     rate_per_s: float = Field(ge=0.1, le=10000)
@@ -120,7 +122,7 @@ class Poured(Section):
 
 
 class Hopper(Poured):
-    """Keys of a funnel: inlet, cone and tube."""
+    """Keys of a bench test with a funnel: inlet, cone, tube and rounded edges."""
 
     inlet_diameter_mm: float = Field(ge=1, le=5000)
     outlet_diameter_mm: float = Field(ge=1, le=5000)
@@ -130,7 +132,7 @@ class Hopper(Poured):
 
 
 class Rotating(Poured):
-    """Keys of a drum that is filled and turns."""
+    """Keys of a bench test with a drum that is filled and turns."""
 
     rotate_from_s: float = Field(ge=0.1, le=600)
     angular_velocity_rad_s: float = Field(ge=1.0e-4, le=10)

@@ -1,133 +1,230 @@
-"""The drum in steady turning: grains flow down the bed as fast as the drum lifts them; the angle of their surface.
+"""The drum in steady turning: the angle of the surface of a bed that flows.
 
-Vessel, filling and the line through the surface are those of `repose.bench.drum`, which turns slowly until the bed
-slips once. Here the drum turns faster, and the angle is the mean over a time in which the flow is steady. The same
-filled drum may turn at several speeds, one after the other. The surface itself is a response, too: the profile on which
-the bed covers a share of the frames, seen along the axis, as a camera before the cap averages it. The axis may be
-tilted against the horizontal, as that of a kiln: the drum stays as it is, and gravity leans.
+Grains flow down the bed as fast as the drum lifts them. Vessel, filling and the line
+through the surface are those of `repose.bench.drum`, which turns slowly until the bed
+slips once. Here the drum turns faster, and the angle is the mean over a time in which the
+flow is steady. The same filled drum may turn at several speeds, one after the other. The
+surface itself is a response, too: the profile on which the bed covers a share of the
+frames, seen along the axis, as a camera before the cap averages it. The axis may be
+tilted against the horizontal, as that of a kiln: the drum stays as it is, and gravity
+leans.
 """
 
 import re
-from collections.abc import Mapping
-from typing import Annotated, Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Annotated, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field
 
-from repose.bench import drum
-from repose.bench.bench_test import (
-    Arrays,
-    Contradictions,
-    Progress,
-    Run,
-    Scene,
-    register,
+from repose.bench.bench_test import Arrays, Run, register
+from repose.bench.drum import (
+    Drum,
+    DrumOutcome,
+    RotatingDrum,
+    no_surface,
+    set_rotation,
 )
 from repose.bench.factory import fill
+from repose.bench.scene import Scene
 from repose.bench.settings import Rotating, SceneSettings
+from repose.bench.trial import Progress, Trial
 from repose.calibrate.profiles import Profile
 from repose.calibrate.responses import Response
+from repose.common.section import Contradictions
 
 NAME = "turning"
-SEEN = (
-    "measure.mm_per_pixel",
-    *(f"{NAME}.{key}" for key in ("angular_velocity_rad_s", "fit_share")),
+
+# --- responses ------------------------------------------------------------------------
+
+VIEW = ("measure.mm_per_pixel", "turning.angular_velocity_rad_s")
+# The name of a response has one digit for the speed.
+MOST_SPEEDS = 9
+# turning_deg, turning_2_deg; turning_profile_1_mm, turning_2_profile_1_mm.
+RESPONSE_NAME = re.compile(
+    r"turning(?:_(?P<speed>[2-9]))?(?:_deg|_profile(?:_(?P<score>[1-9]))?_mm)"
 )
-MOST_SPEEDS = 9  # a name of a response has one digit for it
-NAMED = re.compile(r"turning(?:_([2-9]))?(?:_deg|_profile(?:_([1-9]))?_mm)")
 
 
-PER_SPEED = ("angular_velocity_rad_s", "measure_from_s", "measure_until_s")
+def _angle(name: str, speed: str | None) -> Response:
+    """Make the response of the angle at a speed; the first speed has no number."""
+    return Response(
+        name=name,
+        unit="deg",
+        label="drum, turning" + (f", speed {speed}" if speed else ""),
+        symbol="turning" + (f" {speed}" if speed else ""),
+        apparatus=NAME,
+        low=-90.0,
+        high=90.0,
+        definition=(*VIEW, "turning.fit_share"),
+    )
 
 
-def _one_each(low: float, high: float) -> Any:
-    """Describe the allowed values: a number, or a list with a number for each speed."""
+def _profile_score(name: str, speed: str | None, score: str) -> Response:
+    """Make the response of a score of the profile at a speed."""
+    turning = "drum, turning" + (f", speed {speed}" if speed else "")
+    return Response(
+        name=name,
+        unit="mm",
+        label=f"{turning}, profile, score {score}",
+        symbol="profile" + (f" {speed}" if speed else "") + f" {score}",
+        apparatus=NAME,
+        low=-np.inf,
+        high=np.inf,
+        definition=VIEW,
+        profile=name.replace(f"_profile_{score}_", "_profile_"),
+    )
+
+
+def speed_index(response_name: str) -> int:
+    """Find the index of a response's speed, from 0, by its name."""
+    match = RESPONSE_NAME.fullmatch(response_name)
+    if match is None or match["speed"] is None:
+        return 0
+    return int(match["speed"]) - 1
+
+
+# --- section of the configuration -----------------------------------------------------
+
+
+def _per_speed(low: float, high: float) -> Any:
+    """Make the field of a key with one number, or a list with one for each speed."""
     return Field(
         description=f"a number from {low:g} to {high:g}, or a list of one for each speed"
     )
 
 
-Speed = Annotated[float, Field(ge=1.0e-4, le=10)]
+Velocity = Annotated[float, Field(ge=1.0e-4, le=10)]
 From = Annotated[float, Field(ge=0, le=600)]
 Until = Annotated[float, Field(ge=0.1, le=600)]
 _list = Field(strict=False, min_length=1, max_length=MOST_SPEEDS)
+Velocities = Annotated[tuple[Velocity, ...], _list]
+
+
+class Speed(NamedTuple):
+    """One speed of the drum; its times count from when the drum takes that speed."""
+
+    angular_velocity_rad_s: float
+    from_s: float  # when the measurement of the surface begins
+    until_s: float  # when it ends
 
 
 class TurningSettings(Rotating):
     """The section `turning` of the configuration; config/README.md explains its keys."""
 
-    angular_velocity_rad_s: Speed | Annotated[tuple[Speed, ...], _list] = _one_each(
-        1.0e-4, 10
-    )  # type: ignore[assignment]
-    measure_from_s: From | Annotated[tuple[From, ...], _list] = _one_each(0, 600)
-    measure_until_s: Until | Annotated[tuple[Until, ...], _list] = _one_each(0.1, 600)
+    angular_velocity_rad_s: Velocity | Velocities = _per_speed(1.0e-4, 10)  # type: ignore[assignment]
+    measure_from_s: From | Annotated[tuple[From, ...], _list] = _per_speed(0, 600)
+    measure_until_s: Until | Annotated[tuple[Until, ...], _list] = _per_speed(0.1, 600)
     tilt_deg: float = Field(default=0.0, ge=0, le=45)
 
+    @property
+    def n_speeds(self) -> int:
+        """Number of speeds."""
+        return int(np.size(self.angular_velocity_rad_s))
 
-def speeds(section: TurningSettings) -> list[tuple[float, float, float]]:
-    """Return for each speed the angular velocity [rad/s], and the times between which the surface is measured [s]."""
-    rows = [np.atleast_1d(getattr(section, key)).tolist() for key in PER_SPEED]
-    return list(
-        zip(
-            *(row * len(rows[0]) if len(row) == 1 else row for row in rows), strict=True
+    def speeds(self) -> list[Speed]:
+        """List the speeds; a single time holds for all of them."""
+        times_from = _one_for_each(self.measure_from_s, self.n_speeds)
+        times_until = _one_for_each(self.measure_until_s, self.n_speeds)
+        velocities = _one_for_each(self.angular_velocity_rad_s, self.n_speeds)
+        rows = zip(velocities, times_from, times_until, strict=True)
+        return [Speed(*row) for row in rows]
+
+
+def _one_for_each(value: float | tuple[float, ...], count: int) -> list[float]:
+    """Repeat a single number; return a list as it is."""
+    numbers = np.atleast_1d(value).tolist()
+    return numbers * count if len(numbers) == 1 else numbers
+
+
+# --- run ------------------------------------------------------------------------------
+
+
+@dataclass
+class _Frames:
+    """Frames of a turning bed of N grains, as lists over T times."""
+
+    time_s: list[float] = field(default_factory=list)
+    position: list[np.ndarray] = field(default_factory=list)
+    quaternion: list[np.ndarray] = field(default_factory=list)
+    speed: list[int] = field(default_factory=list)
+
+    def add(self, trial: Trial, time_s: float, speed: int) -> None:
+        """Add the present state of the bed."""
+        grains = trial.grains()
+        self.time_s.append(time_s)
+        self.position.append(grains["position"])
+        self.quaternion.append(grains["quaternion"])
+        self.speed.append(speed)
+
+
+class _Beds(NamedTuple):
+    """Frames of the bed at one speed."""
+
+    position: np.ndarray  # (T, N, 3) [m]
+    quaternion: np.ndarray  # (T, N, 4)
+    scale: np.ndarray  # (N,)
+
+    @classmethod
+    def at_speed(cls, arrays: Arrays, index: int) -> Self:
+        """Select the frames at a speed from the arrays of a run."""
+        position = np.asarray(arrays["position"], float)
+        quaternion = np.asarray(arrays["quaternion"], float)
+        speed = arrays.get("speed", np.zeros(len(position), int))
+        is_at_speed = speed == index
+        return cls(
+            position=position[is_at_speed],
+            quaternion=quaternion[is_at_speed],
+            scale=np.asarray(arrays["scale"], float),
         )
-    )
-
-
-def speed_of(name: str) -> int:
-    """Find the speed of a response by its name, from 0."""
-    found = NAMED.fullmatch(name)
-    return 0 if found is None or found[1] is None else int(found[1]) - 1
 
 
 @register(NAME)
-class TurningTest(drum.RotatingDrum[TurningSettings]):
+class TurningTest(RotatingDrum[TurningSettings]):
     """A drum in steady turning."""
 
     settings = TurningSettings
-    responses = (
-        Response(
-            "turning_deg", "deg", "drum, turning", "turning", NAME, -90.0, 90.0, SEEN
-        ),
-    )
+    responses = (_angle("turning_deg", None),)
     statuses = ("ok", "unstable", "lost", "no_surface")
     measured_by = ("fit_share",)
     required_arrays = ("position", "quaternion", "scale")
     summary = "surface at {turning_deg:.1f} deg while the drum turns"
+    example: ClassVar = {
+        "turning": {
+            "berries": 160,
+            "rate_per_s": 300.0,
+            "rotate_from_s": 0.6,
+            "angular_velocity_rad_s": 2.0,
+            "measure_from_s": 0.8,
+            "measure_until_s": 1.6,
+            "seeds": 2,
+            "outer_diameter_mm": 110.0,
+            "wall_thickness_mm": 5.0,
+            "length_mm": 80.0,
+            "factory_height_mm": 20.0,
+            "record_s": 0.1,
+            "fit_share": 0.6,
+        },
+        "targets": [
+            {"response": "turning_deg", "value": 32.0, "sd": 2.0, "repetitions": 5}
+        ],
+    }
 
-    def further_response(self, name: str) -> Response | None:
-        """Return the angle at the second speed and so on, or a score of the profile at a speed."""
-        found = NAMED.fullmatch(name)
-        if found is None or (found[2] is None and name.endswith("_mm")):
+    def response_of_name(self, name: str) -> Response | None:
+        """Make the angle at a further speed, or a score of the profile at a speed."""
+        match = RESPONSE_NAME.fullmatch(name)
+        if match is None:
             return None
-        words, symbol = (
-            ("", "") if found[1] is None else (f", speed {found[1]}", f" {found[1]}")
-        )
-        if found[2] is None:
-            return Response(
-                name,
-                "deg",
-                f"drum, turning{words}",
-                f"turning{symbol}",
-                NAME,
-                -90.0,
-                90.0,
-                SEEN,
-            )
-        label = f"drum, turning{words}, profile, score {found[2]}"
-        profile = name.replace(f"_profile_{found[2]}_", "_profile_")
-        seen = tuple(key for key in SEEN if key != f"{NAME}.fit_share")
-        return Response(
-            name,
-            "mm",
-            label,
-            f"profile{symbol} {found[2]}",
-            NAME,
-            -np.inf,
-            np.inf,
-            seen,
-            profile=profile,
-        )
+        if name.endswith("_deg"):
+            return _angle(name, match["speed"])
+        if match["score"] is None:
+            return None
+        return _profile_score(name, match["speed"], match["score"])
+
+    def tilt_deg(self, section: TurningSettings) -> float:
+        """Return the angle by which the axis is tilted; it is low at positive y."""
+        return section.tilt_deg
 
     def run(
         self,
@@ -135,153 +232,183 @@ class TurningTest(drum.RotatingDrum[TurningSettings]):
         interval_s: float | None = None,
         progress: Progress | None = None,
     ) -> Run:
-        """Fill the drum, turn it at each speed, and keep the bed while the flow is steady.
+        """Fill the drum, turn it at each speed, and keep the bed while it flows.
 
-        The arrays are ``time_s`` (T,), from the beginning of the rotation at a speed, not before
-        `turning.measure_from_s`, and at these times ``position`` (T, N, 3) [m] and ``quaternion`` (T, N, 4); ``scale``
-        (N,); and with several speeds ``speed`` (T,), from 0.
+        The arrays are ``time_s`` (T,), since the drum took its speed, not before
+        `turning.measure_from_s`; at these times ``position`` (T, N, 3) [m] and
+        ``quaternion`` (T, N, 4); ``scale`` (N,); and with several speeds ``speed`` (T,),
+        the index of the speed.
         """
-        section, settings = self.section(scene.settings), scene.simulation
+        section = self.section(scene.settings)
         trial, factory = self.empty_drum(scene, interval_s, progress)
         simulation = trial.simulation
-        kept: dict[str, list[Any]] = {
-            "time_s": [],
-            "position": [],
-            "quaternion": [],
-            "speed": [],
-        }
+        frames = _Frames()
         with trial.bounded.guard():
-            begin = settings.steps(section.rotate_from_s)
-            fill(trial, factory, section, begin)
-            trial.run_to(begin)
-            every = max(1, settings.steps(section.record_s))
-            for number, (speed, first_s, last_s) in enumerate(speeds(section)):
-                drum.set_rotation(simulation, speed)
-                for step in range(every, settings.steps(last_s) + 1, every):
-                    trial.run_to(begin + step)
-                    now = step * settings.time_step_s
-                    if now >= first_s:
-                        row = trial.grains() | {"time_s": now, "speed": number}
-                        for key, values in kept.items():
-                            values.append(row[key])
-                begin = simulation.steps
+            first_step = scene.simulation.steps(section.rotate_from_s)
+            fill(trial, factory, first_step)
+            trial.run_to(first_step)
+            for index, speed in enumerate(section.speeds()):
+                set_rotation(simulation, speed.angular_velocity_rad_s)
+                self._turn(trial, speed, index, frames)
         arrays = {
-            key: np.array(kept[key]) for key in ("time_s", "position", "quaternion")
+            "time_s": np.array(frames.time_s),
+            "position": np.array(frames.position),
+            "quaternion": np.array(frames.quaternion),
+            "scale": simulation.scales.astype(np.float32),
         }
-        arrays["scale"] = simulation.scales.astype(np.float32)
-        if len(speeds(section)) > 1:
-            arrays["speed"] = np.array(kept["speed"])
-        return self.ended(
-            scene,
-            drum.Turned(self.holds_all(trial), unstable=trial.broken),
-            arrays,
-            trial.frames(),
-        )
+        if section.n_speeds > 1:
+            arrays["speed"] = np.array(frames.speed)
+        outcome = DrumOutcome(holds_all=self.holds_all(trial), unstable=trial.broken)
+        return self.make_run(scene, outcome, arrays, trial.frames())
+
+    def _turn(self, trial: Trial, speed: Speed, index: int, frames: _Frames) -> None:
+        """Turn the drum at a speed and keep its bed while it is measured."""
+        settings = trial.scene.simulation
+        section = self.section(trial.scene.settings)
+        every = max(1, settings.steps(section.record_s))
+        first_step = trial.simulation.steps
+        for step in range(every, settings.steps(speed.until_s) + 1, every):
+            trial.run_to(first_step + step)
+            time_s = step * settings.time_step_s
+            if time_s >= speed.from_s:
+                frames.add(trial, time_s, index)
 
     def measure(
         self, record: Mapping[str, Any], arrays: Arrays, scene: Scene
     ) -> dict[str, Any]:
-        """Return the record with the mean angle at each speed, and the scores of profiles that are targets."""
-        targets = scene.settings.targets_of(NAME)
-        of_profiles = {
-            one["response"]: one["profile"] for one in targets if "profile" in one
+        """Measure the mean angle at each speed, and scores of profiles that are targets."""
+        section = self.section(scene.settings)
+        profiles = {
+            target["response"]: target["profile"]
+            for target in scene.settings.targets_of(NAME)
+            if "profile" in target
         }
-        further = range(2, len(speeds(self.section(scene.settings))) + 1)
-        angles = ["turning_deg", *(f"turning_{number}_deg" for number in further)]
-        missing = dict.fromkeys((*angles, *of_profiles))
+        angle_names = ["turning_deg"]
+        for number in range(2, section.n_speeds + 1):
+            angle_names.append(f"turning_{number}_deg")
+        missing = dict.fromkeys((*angle_names, *profiles))
         if record["status"] != "ok":
             return {**record, **missing}
-        position, quaternion, scale = (
-            np.asarray(arrays[key], float) for key in self.required_arrays
-        )
-        number = arrays.get("speed", np.zeros(len(position), int))
-        found: dict[str, float] = {}
-        for k, name in enumerate(angles):
-            frames = position[number == k], quaternion[number == k], scale
-            measured = self.surface_angles(*frames, scene)
-            if not len(measured) or not np.isfinite(measured).all():
-                return {
-                    **record,
-                    "status": "no_surface",
-                    "reason": drum.no_surface(scene),
-                    **missing,
-                }
-            found[name] = float(measured.mean())
-            own = {
-                score: profile
-                for score, profile in of_profiles.items()
-                if speed_of(score) == k
-            }
-            found |= self._scores(own, frames, scene)
-        return {**record, **found}
 
-    def _scores(
+        measured: dict[str, float] = {}
+        for index, name in enumerate(angle_names):
+            beds = _Beds.at_speed(arrays, index)
+            angles = self.surface_angles(
+                beds.position, beds.quaternion, beds.scale, scene
+            )
+            if not len(angles) or not np.isfinite(angles).all():
+                verdict = no_surface(scene)
+                status = {"status": verdict.status, "reason": verdict.reason}
+                return {**record, **status, **missing}
+            measured[name] = float(angles.mean())
+            profiles_here = {
+                score: profile
+                for score, profile in profiles.items()
+                if speed_index(score) == index
+            }
+            measured |= self._profile_scores(profiles_here, beds, scene)
+        return {**record, **measured}
+
+    def _profile_scores(
         self,
         profiles: Mapping[str, Mapping[str, Any]],
-        frames: tuple[np.ndarray, ...],
+        beds: _Beds,
         scene: Scene,
     ) -> dict[str, float]:
-        """Return scores of the mean surface of frames by their names; `profiles` has the profile of each."""
+        """Compute scores of the mean surface of beds.
+
+        Parameters
+        ----------
+        profiles : mapping
+            The profile of each score, by the name of the score.
+        beds : _Beds
+            Frames of the bed.
+        scene : Scene
+            The scene.
+
+        Returns
+        -------
+        dict
+            Each score by its name.
+        """
         from repose.measure import bed
         from repose.measure.silhouette import Grains
 
         if not profiles:
             return {}
-        position, quaternion, scale = frames
-        radius, pixel = (
-            drum.Drum.of(self.section(scene.settings)).radius_m,
-            scene.settings.mm_per_pixel,
-        )
+        radius_m = Drum.of(self.section(scene.settings)).radius_m
+        mm_per_pixel = scene.settings.mm_per_pixel
+        frames = zip(beds.position, beds.quaternion, strict=True)
         grains = (
-            Grains(*frame, scene.particle, scale)
-            for frame in zip(position, quaternion, strict=True)
+            Grains(position, quaternion, scene.particle, beds.scale)
+            for position, quaternion in frames
         )
-        occupied = bed.occupied_share(grains, radius, pixel)
-        found = {}
-        for name, kept in profiles.items():
-            x_m = 1e-3 * np.array(kept["x"])
-            heights = 1e3 * bed.surface_heights(
-                occupied, kept["covered"], x_m, radius, pixel
+        occupied = bed.occupied_share(grains, radius_m, mm_per_pixel)
+        scores = {}
+        for name, profile in profiles.items():
+            x_m = 1e-3 * np.array(profile["x"])
+            heights_mm = 1e3 * bed.surface_heights(
+                occupied, profile["covered"], x_m, radius_m, mm_per_pixel
             )
-            found[name] = Profile.of(kept).columns(heights)[name]
-        return found
+            scores[name] = Profile.of(profile).columns(heights_mm)[name]
+        return scores
 
     def duration_s(self, settings: SceneSettings) -> float:
         """Return the longest simulated time of a run [s]."""
         section = self.section(settings)
-        return section.rotate_from_s + sum(end for *_, end in speeds(section))
+        return section.rotate_from_s + sum(speed.until_s for speed in section.speeds())
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
-        """Yield keys of a drum that cannot run, with the allowed values."""
+        """Yield keys of a drum that cannot run, and targets that it cannot give."""
         yield from self.impossible_filling(settings)
         section = self.section(settings)
-        count = np.size(getattr(section, PER_SPEED[0]))
-        for key in PER_SPEED[1:]:
-            given = getattr(section, key)
-            if np.ndim(given) and np.size(given) != count:
-                yield f"{NAME}.{key}", f"a number, or one for each of {count} speeds"
-                return
-        for _, begin, end in speeds(section):
-            earliest = begin + section.record_s
-            if end < earliest:
+        wrong_lists = list(_lists_of_other_lengths(section))
+        if wrong_lists:
+            yield wrong_lists[0]
+            return
+        for speed in section.speeds():
+            earliest_s = speed.from_s + section.record_s
+            if speed.until_s < earliest_s:
                 yield (
-                    f"{NAME}.measure_until_s",
-                    f"at least {earliest:g}, or there is nothing to measure",
+                    "turning.measure_until_s",
+                    f"at least {earliest_s:g}, or there is nothing to measure",
                 )
-        radius_mm = 1e3 * drum.Drum.of(section).radius_m
         targets = settings.config.get("targets")
-        for k, target in enumerate(
-            targets if isinstance(targets, list) else ()
-        ):  # they are checked elsewhere
-            if not isinstance(target, Mapping) or target.get("apparatus") != NAME:
-                continue
-            if speed_of(target["response"]) >= count:
-                yield (
-                    f"targets.{k}.response",
-                    f"a response of one of {count} speeds ({NAME}.{PER_SPEED[0]})",
-                )
-            if max(map(abs, target.get("profile", {}).get("x", [0.0]))) >= radius_mm:
-                yield (
-                    f"targets.{k}.profile.x",
-                    f"inside the drum, between -{radius_mm:g} and {radius_mm:g}",
-                )
+        if isinstance(targets, list):
+            yield from _impossible_targets(section, targets)
+
+
+def _lists_of_other_lengths(section: TurningSettings) -> Contradictions:
+    """Yield keys whose list has not one number for each speed."""
+    for key in ("measure_from_s", "measure_until_s"):
+        value = getattr(section, key)
+        if np.ndim(value) and np.size(value) != section.n_speeds:
+            yield (
+                f"turning.{key}",
+                f"a number, or one for each of {section.n_speeds} speeds",
+            )
+
+
+def _impossible_targets(
+    section: TurningSettings, targets: Sequence[Any]
+) -> Contradictions:
+    """Yield targets at a speed that the drum has not, or beyond its wall.
+
+    Malformed entries are skipped: the check of the section `targets` reports them.
+    """
+    radius_mm = 1e3 * Drum.of(section).radius_m
+    for k, target in enumerate(targets):
+        if not isinstance(target, Mapping) or target.get("apparatus") != NAME:
+            continue
+        if speed_index(target["response"]) >= section.n_speeds:
+            yield (
+                f"targets.{k}.response",
+                f"a response of one of {section.n_speeds} speeds "
+                "(turning.angular_velocity_rad_s)",
+            )
+        x_mm = target.get("profile", {}).get("x", [0.0])
+        if max(map(abs, x_mm)) >= radius_mm:
+            yield (
+                f"targets.{k}.profile.x",
+                f"inside the drum, between -{radius_mm:g} and {radius_mm:g}",
+            )

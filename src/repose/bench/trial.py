@@ -1,0 +1,213 @@
+"""A simulation that a bench test runs: grains of drawn sizes, checks on the way, and frames of a film."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from repose import dem
+from repose.bench.bounds import Bounded
+from repose.bench.scene import Scene
+
+Progress = Callable[[float], object]
+Build = Callable[[Scene, float], "dem.Simulation"]
+
+
+class Trial:
+    """A simulation with the sizes of its grains, the bounds that it keeps, and frames.
+
+    Parameters
+    ----------
+    build : function
+        ``build(scene, largest_scale)`` makes the empty simulation, with room for
+        grains of a largest relative size.
+    scene : Scene
+        The scene; its seed gives the sizes of the grains.
+    n_grains : int
+        Number of sizes that are drawn.
+    interval_s : float, optional
+        Simulated time between two frames; without it no frames are recorded.
+    progress : function, optional
+        Called with the simulated time [s] after every advance.
+
+    Attributes
+    ----------
+    simulation : repose.dem.Simulation
+        The simulation.
+    scales : array
+        Relative sizes (N,) of the grains, in the order in which they are added.
+    largest_radius_m : float
+        Bounding radius of the largest grain that can be drawn.
+    bounded : Bounded
+        Advances the simulation and checks it; set by `bound`.
+    """
+
+    bounded: Bounded
+
+    def __init__(
+        self,
+        build: Build,
+        scene: Scene,
+        n_grains: int,
+        interval_s: float | None = None,
+        progress: Progress | None = None,
+    ) -> None:
+        from repose.grain.size_distribution import of_pour
+
+        self.scene = scene
+        self.progress = progress
+        self.scales, largest_scale = of_pour(
+            scene.settings.size_distribution, scene.grain, scene.seed, n_grains
+        )
+        self.largest_radius_m = largest_scale * scene.particle.bounding_radius_m
+        self.simulation = build(scene, largest_scale)
+        self._recorder: dem.Recorder | None = None
+        self._steps_per_frame = 1
+        if interval_s is not None:
+            self._recorder = dem.Recorder()
+            self._steps_per_frame = max(
+                1, round(interval_s / self.simulation.time_step_s)
+            )
+
+    def bound(self, top_m: float, speed_m_s: float = 0.0) -> Bounded:
+        """Set the bounds of the run; see `repose.bench.bounds.Bounded`."""
+        self.bounded = Bounded(self.simulation, top_m, speed_m_s)
+        return self.bounded
+
+    @property
+    def broken(self) -> str:
+        """Message about the bound that the run broke; empty where it broke none."""
+        return self.bounded.broken
+
+    def run_to(self, step: int) -> None:
+        """Advance to a time step; do nothing if it has passed.
+
+        Raises `repose.bench.bounds.Unstable` if a bound is broken.
+        """
+        if self._recorder is None:
+            self.bounded.run_to(step)
+        else:
+            self._run_and_record(step, self._recorder)
+        if self.progress is not None:
+            self.progress(self.simulation.time_s)
+
+    def _run_and_record(self, last_step: int, recorder: "dem.Recorder") -> None:
+        """Advance to a time step, with a stop at every frame."""
+        step = self.simulation.steps
+        while step < last_step:
+            next_frame = (step // self._steps_per_frame + 1) * self._steps_per_frame
+            step = min(last_step, next_frame)
+            self.bounded.run_to(step)
+            if step == next_frame:
+                recorder(self.simulation)
+
+    def wait(self, until: Callable[[], bool], last_step: int, every: int) -> None:
+        """Advance until a condition holds, at most to a last time step.
+
+        The condition is checked first, and then after every `every` time steps.
+        """
+        while not until() and self.simulation.steps < last_step:
+            self.run_to(min(last_step, self.simulation.steps + every))
+
+    def frames(self, walls: bool = False) -> dict[str, np.ndarray] | None:
+        """Collect the frames of the film.
+
+        Parameters
+        ----------
+        walls : bool, optional
+            Whether the positions of the walls are wanted too, for moving walls.
+
+        Returns
+        -------
+        dict or None
+            ``scale`` (N,), ``time_s`` (T,), ``position`` (T, N, 3) [m] and
+            ``quaternion`` (T, N, 4), where N is the capacity of the simulation;
+            NaN for grains that are not there. With `walls` also ``planes`` and
+            ``wall_frames`` of `repose.dem.Recorder.frames`. None if no frames were
+            requested.
+        """
+        if self._recorder is None:
+            return None
+        recorded = self._recorder.frames()
+        n_missing = self.simulation.capacity - len(recorded["scale"])
+        padding = ((0, 0), (0, n_missing), (0, 0))
+        frames = {
+            "scale": np.pad(recorded["scale"], (0, n_missing), constant_values=1.0),
+            "time_s": recorded["time_s"],
+            "position": np.pad(recorded["position"], padding, constant_values=np.nan),
+            "quaternion": np.pad(
+                recorded["quaternion"], padding, constant_values=np.nan
+            ),
+        }
+        if walls:
+            frames["planes"] = recorded["planes"]
+            frames["wall_frames"] = recorded["wall_frames"]
+        return frames
+
+    def energy_j(self) -> float:
+        """Compute the mean kinetic energy of a grain [J]."""
+        return float(self.simulation.kinetic_energies().mean())
+
+    def rests(self) -> bool:
+        """Tell whether the grains are at rest on average.
+
+        An energy that is not a number counts as rest, so that a wait ends; the
+        verdict on the run then says what is wrong.
+        """
+        return not self.energy_j() > self.scene.simulation.rest_energy_j
+
+    def grains(self, **others: np.ndarray) -> dict[str, np.ndarray]:
+        """Copy the present grains into arrays of a run; see `grain_arrays`."""
+        simulation = self.simulation
+        return grain_arrays(
+            simulation.positions, simulation.quaternions, simulation.scales, **others
+        )
+
+
+def grain_arrays(
+    position: np.ndarray,
+    quaternion: np.ndarray,
+    scale: np.ndarray,
+    **others: np.ndarray,
+) -> dict[str, np.ndarray]:
+    """Name the arrays of grains in a run, with other arrays beside them.
+
+    Those of the grains are kept in single precision: 0.03 um at the edge of a plate.
+    """
+    return {
+        "position": position.astype(np.float32),
+        "quaternion": quaternion.astype(np.float32),
+        **others,
+        "scale": scale.astype(np.float32),
+    }
+
+
+def largest_cluster(contacts: np.ndarray, allowed: np.ndarray) -> np.ndarray:
+    """Find the largest set of bodies that contacts connect.
+
+    Parameters
+    ----------
+    contacts : array
+        Pairs of bodies (M, 2) that touch.
+    allowed : array
+        Mask (N,) of the bodies that may belong to the set.
+
+    Returns
+    -------
+    array
+        Mask (N,) of the set; of several sets of the same size the first.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    n_bodies = len(allowed)
+    if not allowed.any():
+        return np.zeros(n_bodies, bool)
+    if len(contacts):
+        contacts = contacts[allowed[contacts[:, 0]] & allowed[contacts[:, 1]]]
+    ones = np.ones(len(contacts))
+    graph = coo_array(
+        (ones, (contacts[:, 0], contacts[:, 1])), shape=(n_bodies, n_bodies)
+    )
+    _, label = connected_components(graph, directed=False)
+    largest_label = np.bincount(label[allowed]).argmax()
+    return allowed & (label == largest_label)
