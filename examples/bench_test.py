@@ -1,31 +1,23 @@
-"""A bench test of one's own: berries are dropped on a plate, and how far they spread is a response.
+"""A bench test: grains are dropped on a plate, and how far they spread is a response.
 
-Once this module is in `repose/bench/` and imported there, `targets:` may name the response, and the verbs pour and
-measure_runs, the dataset and the workflow know the bench test. Here it is registered by running it.
+Copied to `src/repose/bench/drop.py` and imported in `repose/bench/__init__.py`, it is
+known to every part of the program: `targets:` may name its response, and pours, tables
+and workflow run it. Here it is registered by running it.
 """
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 
 from repose import dem
-from repose.bench.bench_test import (
-    Arrays,
-    BenchTest,
-    Contradictions,
-    Ending,
-    Progress,
-    Run,
-    Scene,
-    bench,
-    register,
-    stated,
-)
-from repose.bench.factory import Disc, fill
-from repose.bench.scene import Trial
+from repose.bench.bench_test import Arrays, BenchTest, Outcome, Run, bench, register
+from repose.bench.factory import Disc, Factory, fill
+from repose.bench.scene import Scene
 from repose.bench.settings import Poured, SceneSettings
+from repose.bench.trial import Progress, Trial
 from repose.calibrate.responses import Response
+from repose.common.section import Contradictions
 
 NAME = "drop"
 # 1. What it gives. `definition` names the keys on which the number depends.
@@ -43,7 +35,7 @@ SPREAD = Response(
 
 # 2. What its section of the configuration holds: each key with its type and bounds.
 class DropSettings(Poured):
-    """The section `drop`; `berries`, `rate_per_s` and `seeds` are those of every test that pours."""
+    """The section `drop`, with the keys of every test that pours."""
 
     height_mm: float = Field(ge=1, le=1000)
     duration_s: float = Field(ge=0.1, le=60)
@@ -59,15 +51,29 @@ class DropTest(BenchTest[DropSettings]):
     statuses = ("ok", "unstable")
     required_arrays = ("position",)
     summary = "spread {spread_mm:.1f} mm"
+    # A small and quick run, for the tests.
+    example: ClassVar = {
+        "drop": {
+            "berries": 20,
+            "rate_per_s": 20.0,
+            "seeds": 2,
+            "height_mm": 100.0,
+            "duration_s": 2.0,
+        },
+        "targets": [
+            {"response": "spread_mm", "value": 30.0, "sd": 2.0, "repetitions": 5}
+        ],
+    }
 
-    def world(self, scene: Scene, reach_m: float) -> dict[str, Any]:
+    def world(self, scene: Scene, largest_radius_m: float) -> dict[str, Any]:
         """Describe a plate."""
         section = self.section(scene.settings)
+        top = 1e-3 * section.height_mm + 4.0 * largest_radius_m
         return {
             "capacity": section.berries,
             "walls": {"plate": dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall")},
             "lower": (-0.2, -0.2, 0.0),
-            "upper": (0.2, 0.2, 1e-3 * section.height_mm + 4.0 * reach_m),
+            "upper": (0.2, 0.2, top),
         }
 
     def run(
@@ -79,23 +85,17 @@ class DropTest(BenchTest[DropSettings]):
         """Drop the grains one by one, and let them roll."""
         section = self.section(scene.settings)
         trial = Trial(self.build, scene, section.berries, interval_s, progress)
-        height_m, end = (
-            1e-3 * section.height_mm,
-            scene.simulation.steps(section.duration_s),
-        )
+        height_m = 1e-3 * section.height_mm
+        area = Disc(2.0 * scene.particle.bounding_radius_m, height_m)
+        factory = Factory(area, section.berries, section.rate_per_s)
+        last_step = scene.simulation.steps(section.duration_s)
         with trial.bound(height_m).guard():
-            fill(
-                trial,
-                Disc(2.0 * scene.particle.bounding_radius_m, height_m),
-                section,
-                end,
-            )
-            trial.run_to(end)
-        return self.ended(
-            scene, Ending(unstable=trial.broken), trial.grains(), trial.frames()
-        )
+            fill(trial, factory, last_step)
+            trial.run_to(last_step)
+        outcome = Outcome(unstable=trial.broken)
+        return self.make_run(scene, outcome, trial.grains(), trial.frames())
 
-    def values(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
+    def measure_arrays(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
         """Measure the spread."""
         x, y, _ = arrays["position"].astype(float).T
         return {SPREAD.name: float(1e3 * np.hypot(x, y).mean())}
@@ -108,48 +108,35 @@ class DropTest(BenchTest[DropSettings]):
         """Yield keys whose values do not go together, with the allowed values."""
         section = self.section(settings)
         fall_s = (2e-3 * section.height_mm / settings.simulation.gravity_m_s2) ** 0.5
-        early = section.duration_s < fall_s
-        return stated(
-            (early, "drop.duration_s", f"at least {fall_s:.2g}, the time of the fall")
-        )
+        if section.duration_s < fall_s:
+            yield "drop.duration_s", f"at least {fall_s:.2g}, the time of the fall"
 
 
-def main(berries: int = 20, duration_s: float = 2.0) -> None:
-    """Drop berries without and with rolling friction."""
+def main(n_grains: int = 20, duration_s: float = 2.0) -> None:
+    """Drop grains without and with rolling friction."""
     from repose.bench.parameters import PARAMETERS
     from repose.config.pipeline import PipelineConfig
     from repose.grain.build import ellipsoid_mesh, fit_particle
     from repose.stages.job import run_once
 
+    test = bench(NAME)
     config = PipelineConfig.load("config/quick.yaml").config
-    rate = 2.0 * berries / duration_s
-    config["drop"] = {
-        "berries": berries,
-        "rate_per_s": rate,
-        "seeds": 1,
-        "height_mm": 100.0,
+    config["drop"] = test.example["drop"] | {
+        "berries": n_grains,
+        "rate_per_s": 2.0 * n_grains / duration_s,
         "duration_s": duration_s,
     }
     config["targets"] = [
-        {
-            "response": "spread_mm",
-            "apparatus": "drop",
-            "value": 30.0,
-            "sd": 2.0,
-            "repetitions": 5,
-            "range": [25.0, 35.0],
-        }
+        {**target, "apparatus": NAME} for target in test.example["targets"]
     ]
-    berry = {"shear_modulus_pa": 4.3e4, "poisson_ratio": 0.32}
+    grain = {"shear_modulus_pa": 4.3e4, "poisson_ratio": 0.32}
     particle = fit_particle(ellipsoid_mesh([21.0, 11.4, 9.9]), density_kg_m3=840.0)
     for rolling in (0.0, 0.3):
-        parameters = dict(
-            zip(PARAMETERS, (0.2, 0.6, rolling, 0.2, 0.6, rolling), strict=True)
-        )
-        measured, _ = run_once(
-            bench(NAME), Scene.of(config, parameters, berry, particle, 1)
-        )
-        print(f"rolling friction {rolling}: {bench(NAME).summary.format(**measured)}")
+        values = (0.2, 0.6, rolling, 0.2, 0.6, rolling)
+        parameters = dict(zip(PARAMETERS, values, strict=True))
+        scene = Scene.of(config, parameters, grain, particle, seed=1)
+        measured, _ = run_once(test, scene)
+        print(f"rolling friction {rolling}: {test.summary.format(**measured)}")
 
 
 if __name__ == "__main__":

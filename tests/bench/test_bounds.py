@@ -105,9 +105,9 @@ def test_a_berry_beyond_its_bounds_and_energy_beyond_what_was_given_are_reported
 def check_overlaps(bounded, broken, words):
     """Half of a ball's diameter, 10 mm, is the bound."""
     if broken:
-        raised(Unstable, words, bounded._look_at_overlaps)
+        raised(Unstable, words, bounded._check_overlaps)
     else:
-        bounded._look_at_overlaps()
+        bounded._check_overlaps()
 
 
 @pytest.mark.parametrize(("apart_mm", "broken"), [(5.5, False), (4.5, True)])

@@ -4,6 +4,7 @@ import copy
 import dataclasses
 import math
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from refusals import input_error
 
 from repose.bench import Scene, bench, cylinder
 from repose.bench.bounds import Unstable
-from repose.bench.settings import SceneSettings, SimulationSettings
+from repose.bench.settings import SceneSettings
 from repose.config.pipeline import PipelineConfig
 from repose.grain.build import ellipsoid_mesh, fit_particle
 from repose.stages.job import run_once
@@ -75,7 +76,9 @@ def test_a_filling_is_judged_sizes_count_by_mass_and_a_tap_lifts_a_berry_by_its_
     assert nothing["bulk_density_kg_m3"] is None
 
     def judged(centres, energy_j=1e-12, unstable=""):
-        filling = cylinder.Filling(centres, energy_j, length_m=0.021, unstable=unstable)
+        filling = cylinder.Filling(
+            centres_m=centres, energy_j=energy_j, length_m=0.021, unstable=unstable
+        )
         return TEST.status_of(filling, SceneSettings(config()))
 
     full, low = lattice(5e-3, 0.26), lattice(5e-3, 0.24)
@@ -88,8 +91,8 @@ def test_a_filling_is_judged_sizes_count_by_mass_and_a_tap_lifts_a_berry_by_its_
     assert judged(full + np.array([0.02, 0, 0]))[0] == "lost"
     assert judged(full, unstable="why") == ("unstable", "why")
     own = config(**SMALL)
-    settings = SimulationSettings.model_validate(own["simulation"])
-    simulation = TEST.build(Scene.of(own, SET, BERRY, PARTICLE))
+    scene = Scene.of(own, SET, BERRY, PARTICLE)
+    simulation = TEST.build(scene)
     simulation.add("berry", (0.0, 0.0, 0.011))
     simulation.run(1.0, False)
     low, tops = simulation.positions[0, 2], []
@@ -99,7 +102,8 @@ def test_a_filling_is_judged_sizes_count_by_mass_and_a_tap_lifts_a_berry_by_its_
             simulation.run_steps(1)
             tops.append(simulation.positions[0, 2])
 
-    cylinder.tap(simulation, settings, 0.003, run_to)
+    trial = SimpleNamespace(simulation=simulation, scene=scene, run_to=run_to)
+    cylinder.tap(trial, 0.003)
     assert max(tops) - low == pytest.approx(0.003, rel=0.05)
     assert simulation.positions[0, 2] == pytest.approx(low, abs=2e-4)
 

@@ -52,14 +52,14 @@ def test_the_rate_is_that_of_the_middle_a_run_is_judged_and_what_is_filled_in_co
         {"status": "jammed"}, {}, Scene.of(config(), {}, BERRY, PARTICLE)
     )
     assert (found["emptying_s"], found["flow_g_s"]) == (None, None)
-    good = discharge.Discharge(filled=500, rest_energy_j=1e-12, early=0, late=500)
+    good = discharge.Discharge(n_filled=500, rest_energy_j=1e-12, n_early=0, n_late=500)
     cases = [
         ("ok", {}),
         ("unstable", {"unstable": "why"}),
-        ("not_filled", {"filled": 499}),
-        ("lost", {"early": 1}),
+        ("not_filled", {"n_filled": 499}),
+        ("lost", {"n_early": 1}),
     ]
-    cases += [("not_at_rest", {"rest_energy_j": 1e-6}), ("jammed", {"late": 480})]
+    cases += [("not_at_rest", {"rest_energy_j": 1e-6}), ("jammed", {"n_late": 480})]
     check_statuses(TEST, config(), good, cases)
     record, run = run_once(
         bench("discharge"), Scene.of(config(**SMALL), SET, BERRY, PARTICLE, 1)

@@ -28,15 +28,17 @@ SMALL |= {
     "lower_width_mm": 360.0,
     "drop_mm": 120.0,
 }
-GOOD = drawdown.Drained(filled=600, early=0, held=True, over_slot=0, energy_j=1e-12)
+GOOD = drawdown.Drained(
+    n_filled=600, n_early=0, holds_all=True, n_over_slot=0, energy_j=1e-12
+)
 config = partial(example, "drawdown")
 
 
 def test_a_run_of_a_box_is_judged_and_both_of_its_slopes_are_measured():
     cases = [
-        ("ok", {}), ("unstable", {"unstable": "why"}), ("not_filled", {"filled": 599}), ("lost", {"early": 1}),
-        ("lost", {"held": False}), ("not_at_rest", {"energy_j": 1e-6}), ("not_at_rest", {"energy_j": math.nan}),
-        ("jammed", {"over_slot": 1}),
+        ("ok", {}), ("unstable", {"unstable": "why"}), ("not_filled", {"n_filled": 599}), ("lost", {"n_early": 1}),
+        ("lost", {"holds_all": False}), ("not_at_rest", {"energy_j": 1e-6}), ("not_at_rest", {"energy_j": math.nan}),
+        ("jammed", {"n_over_slot": 1}),
     ]  # fmt: skip
     check_statuses(BOX, config(), GOOD, cases)
     arrays = slopes(33.0, 24.0)

@@ -69,9 +69,11 @@ def test_a_berry_that_sticks_is_no_rebound_and_is_not_looked_at_in_every_step(
     monkeypatch,
 ):
     looks = []
-    touches = drop_test._Follow.touches
+    is_touching = drop_test._Tracker.is_touching
     monkeypatch.setattr(
-        drop_test._Follow, "touches", lambda self: looks.append(1) or touches(self)
+        drop_test._Tracker,
+        "is_touching",
+        lambda self: looks.append(1) or is_touching(self),
     )
     monkeypatch.setattr(drop_test, "EACH", 100)
     own = config(height_mm=20.0)

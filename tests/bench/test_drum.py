@@ -76,12 +76,12 @@ def test_the_drum_has_the_dimensions_asked_for_and_berries_appear_clear_of_the_w
         assert walls[name].point_m == pytest.approx((0.0, 0.17 * sign, 0.0))
         assert walls[name].normal == pytest.approx((0.0, -sign, 0.0))
     whole, radius = drum.Drum(0.095, 0.34), PARTICLE.bounding_radius_m
-    strip = whole.factory(0.04, radius)
+    strip = whole.factory_area(0.04, radius)
     assert math.hypot(strip.half_x_m, strip.height_m) == pytest.approx(0.095 - radius)
-    places = strip.places(np.random.default_rng(0).random((200, 2)))
+    places = strip.points(np.random.default_rng(0).random((200, 2)))
     assert (np.hypot(places[:, 0], places[:, 2]) <= 0.095 - radius + 1e-12).all()
     assert np.abs(places[:, 1]).max() <= 0.17 - radius
-    value_error(r"height_m is 0\.09", whole.factory, 0.09, radius)
+    value_error(r"height_m is 0\.09", whole.factory_area, 0.09, radius)
 
 
 @pytest.mark.parametrize("angle_deg", [0.0, 25.0, 45.0])
@@ -222,7 +222,7 @@ def test_a_small_bed_turns_with_the_drum_whose_walls_hold_every_point(small_rota
     last = bed.to_drum_frame(small_rotation.centres_m[-1], 0.0873)
     assert np.median(np.linalg.norm(last - small_rotation.centres_m[0], axis=1)) < 2e-4
     assert whole.holds(small_rotation.centres_m[-1]).all()
-    assert small_rotation.held
+    assert small_rotation.holds_all
     from repose.dem.rotations import rotation_matrices
 
     directions = np.random.default_rng(0).normal(size=(400, 3))

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 from repose.bench.factory import (
-    PLACES_TRIED,
+    POINTS_TRIED,
     Disc,
     Strip,
-    free_place,
+    free_point,
     random_orientation,
 )
 from repose.dem.rotations import random_quaternion, rotation_matrices
 
-FACTORIES = [Disc(0.03, 0.2), Strip(0.04, 0.02, 0.2)]
+AREAS = [Disc(0.03, 0.2), Strip(0.04, 0.02, 0.2)]
 RADIUS = 0.01
 
 
@@ -24,55 +24,51 @@ def crowd(rng, n):
     return SimpleNamespace(positions=places, present=rng.random(n) < 0.9, radius=RADIUS)
 
 
-def slow_place(rng, simulation, factory):
-    for _ in range(PLACES_TRIED):
-        place = np.array(factory.place(*rng.random(2)))
+def slow_point(rng, simulation, area):
+    for _ in range(POINTS_TRIED):
+        point = np.array(area.point(*rng.random(2)))
         others = simulation.positions[simulation.present]
-        if all(np.linalg.norm(place - other) > 2.0 * RADIUS for other in others):
-            return place
+        if all(np.linalg.norm(point - other) > 2.0 * RADIUS for other in others):
+            return point
     return None
 
 
-@pytest.mark.parametrize("factory", FACTORIES)
+@pytest.mark.parametrize("area", AREAS)
 @pytest.mark.parametrize("berries", [0, 5, 15, 30, 60, 300])
-def test_the_place_is_the_first_free_one_and_no_other_is_drawn(factory, berries):
+def test_the_place_is_the_first_free_one_and_no_other_is_drawn(area, berries):
     found = 0
     for seed in range(30):
         simulation = crowd(np.random.default_rng([seed, berries]), berries)
         slow, fast = np.random.default_rng(seed), np.random.default_rng(seed)
-        expected, place = (
-            slow_place(slow, simulation, factory),
-            free_place(fast, simulation, factory),
-        )
-        assert np.array_equal(place, expected)
+        expected = slow_point(slow, simulation, area)
+        point = free_point(fast, simulation, area)
+        assert np.array_equal(point, expected)
         assert slow.random() == fast.random()
-        found += place is not None
+        found += point is not None
     assert found == {0: 30, 300: 0}.get(berries, found)
 
 
-@pytest.mark.parametrize("factory", FACTORIES)
-def test_all_points_at_once_are_the_single_ones(factory):
+@pytest.mark.parametrize("area", AREAS)
+def test_all_points_at_once_are_the_single_ones(area):
     numbers = np.random.default_rng(3).random((50, 2))
-    single = [factory.place(*pair) for pair in numbers]
-    assert factory.places(numbers) == pytest.approx(
-        np.array(single), rel=1e-12, abs=1e-15
-    )
+    single = [area.point(*pair) for pair in numbers]
+    assert area.points(numbers) == pytest.approx(np.array(single), rel=1e-12, abs=1e-15)
 
 
 def test_a_blocked_factory_looks_at_all_places_and_random_berries_draw_as_ever():
     class Counting(Disc):
         single = at_once = 0
 
-        def place(self, first, second):
+        def point(self, first, second):
             Counting.single += 1
-            return super().place(first, second)
+            return super().point(first, second)
 
-        def places(self, numbers):
+        def points(self, numbers):
             Counting.at_once += 1
-            return super().places(numbers)
+            return super().points(numbers)
 
     assert (
-        free_place(
+        free_point(
             np.random.default_rng(2),
             crowd(np.random.default_rng(1), 300),
             Counting(0.03, 0.2),

@@ -14,8 +14,9 @@ import pytest
 from goji import AXES_MM, BERRY, ROOT, named, particle
 from numba import typeof
 
-from repose.bench import Scene, bench, funnel, scene
+from repose.bench import Scene, bench, funnel
 from repose.bench.settings import SceneSettings, SimulationSettings
+from repose.bench.trial import Trial, largest_cluster
 from repose.config.pipeline import PipelineConfig
 from repose.dem import simulation as engine
 from repose.dem.kernels.engine import advance
@@ -205,7 +206,7 @@ def test_frames_may_be_a_time_step_apart_and_a_pour_that_goes_on_after_its_pile_
 ):
     made = TEST.build(Scene.of(small(), named(CENTRE), BERRY, particle()))
     made.add("berry", (0.0, 0.0, 0.05))
-    film = scene.Trial(lambda *_: made, of(small()), 1, made.time_step_s)
+    film = Trial(lambda *_: made, of(small()), 1, made.time_step_s)
     film.bound(0.1)
     film.run_to(5)
     assert film.frames()["time_s"] == pytest.approx(made.time_step_s * np.arange(1, 6))
@@ -235,10 +236,8 @@ def of_last_positions(heights_m, exits_s, radius_m=0.005):
         scales=np.ones(n), present=np.ones(n, bool), radius=radius_m, exit_times_s=np.array(exits_s),
         contacts=lambda: np.column_stack([np.arange(n - 1), np.arange(1, n)]), kinetic_energies=lambda: np.zeros(n),
     )  # fmt: skip
-    known = {"unstable": "", "frames": None, "wall_s": 1.0, "us_per_step": 1.0}
-    return funnel._judge(
-        simulation, SimpleNamespace(outlet_height_m=0.1), None, **known
-    )
+    trial = SimpleNamespace(simulation=simulation, frames=lambda: None, broken="")
+    return funnel._final_state(trial, 0.1, None, funnel._WallTime(1.0, 1.0))
 
 
 def test_a_pour_is_judged_by_its_last_positions():
@@ -281,11 +280,8 @@ def test_a_job_writes_what_it_returns_and_largest_cluster_is_found(tmp_path):
     assert not list(tmp_path.glob("*.part"))
     contacts = np.array([[0, 1], [1, 2], [3, 4], [5, 6]])
     allowed = np.array([True, True, True, True, True, True, False, True])
-    assert (
-        list(scene.largest_cluster(contacts, allowed))
-        == [True, True, True] + [False] * 5
-    )
-    assert not scene.largest_cluster(contacts, np.zeros(8, bool)).any()
+    assert list(largest_cluster(contacts, allowed)) == [True, True, True] + [False] * 5
+    assert not largest_cluster(contacts, np.zeros(8, bool)).any()
 
 
 def test_a_pile_rests_on_the_plate_is_measured_as_piles_are_and_keeps_its_sizes(plain):

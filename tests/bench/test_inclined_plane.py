@@ -135,7 +135,7 @@ def test_the_beginning_is_where_the_root_of_the_speed_meets_zero_inside_the_boun
         "speed_m_s": (angle + 5.0) ** 2,
         "slide_m_s": 0.0 * angle,
     }
-    bodies = (inclined_plane.SLED, inclined_plane.SINGLE)
+    bodies = (inclined_plane.SLED, inclined_plane.GRAIN)
     arrays = {
         f"{what}_{name}": values for what in bodies for name, values in columns.items()
     }
@@ -164,11 +164,11 @@ def test_a_berry_that_tips_and_stops_has_no_angle(speed):
     assert inclined_plane.beginning_deg(angle, speed) is None
     arrays = {
         f"{what}_angle_deg": angle
-        for what in (inclined_plane.SLED, inclined_plane.SINGLE)
+        for what in (inclined_plane.SLED, inclined_plane.GRAIN)
     }
     arrays |= {
-        f"{inclined_plane.SINGLE}_speed_m_s": speed,
-        f"{inclined_plane.SINGLE}_slide_m_s": 0.0 * speed,
+        f"{inclined_plane.GRAIN}_speed_m_s": speed,
+        f"{inclined_plane.GRAIN}_slide_m_s": 0.0 * speed,
     }
     slides = 3.0 * np.maximum(angle - 10.0, 0.0) ** 2
     arrays |= {

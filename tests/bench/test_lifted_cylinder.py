@@ -28,7 +28,7 @@ TUBE = {
     "diameter_mm": 60.0,
 }
 TUBE |= {"length_mm": 130.0, "rim_radius_mm": 0.5}
-NUMBERS = {"filled": 300, "in_tube": 0, "off_plate": 0, "in_pile": 280}
+NUMBERS = {"n_filled": 300, "n_in_tube": 0, "n_off_plate": 0, "n_in_pile": 280}
 GOOD = lifted_cylinder.Lifting(
     **NUMBERS, filling_height_mm=90.0, energy_j=1e-12, grain_mm=10.0
 )
@@ -54,9 +54,9 @@ def lifted(seed, values=SET, **keys):
 def test_a_run_is_judged_and_a_tube_that_cannot_be_filled_or_lifted_is_refused():
     nan = float("nan")
     cases = [
-        ("ok", {}), ("unstable", {"unstable": "why"}), ("not_filled", {"filled": 299}), ("jammed", {"in_tube": 4}),
-        ("ok", {"off_plate": 30}), ("left_plate", {"off_plate": 31}), ("not_at_rest", {"energy_j": 1e-6}),
-        ("not_at_rest", {"energy_j": nan}), ("no_flank", {"in_pile": 149}),
+        ("ok", {}), ("unstable", {"unstable": "why"}), ("not_filled", {"n_filled": 299}), ("jammed", {"n_in_tube": 4}),
+        ("ok", {"n_off_plate": 30}), ("left_plate", {"n_off_plate": 31}), ("not_at_rest", {"energy_j": 1e-6}),
+        ("not_at_rest", {"energy_j": nan}), ("no_flank", {"n_in_pile": 149}),
     ]  # fmt: skip
     check_statuses(TEST, config(berries=300), GOOD, cases)
     levels = {
@@ -165,13 +165,13 @@ def test_the_bed_stands_as_high_as_was_asked_for_before_it_is_lifted(
     level_mm, monkeypatch
 ):
     seen = []
-    lift = lifted_cylinder._move
+    lift = lifted_cylinder._move_tube
 
     def looked(simulation, speed_m_s):
         seen.append(simulation.positions.copy())
         lift(simulation, speed_m_s)
 
-    monkeypatch.setattr(lifted_cylinder, "_move", looked)
+    monkeypatch.setattr(lifted_cylinder, "_move_tube", looked)
     record, run = lifted(1, filling_height_mm=level_mm, lifting_mm_s=200.0)
     assert record["status"] == "ok", record["reason"]
     assert record["filling_height_mm"] == pytest.approx(level_mm, abs=3.0)

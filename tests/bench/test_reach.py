@@ -92,11 +92,11 @@ def test_a_side_is_no_steeper_than_the_cone_of_its_mass_and_the_articles_pair_is
     assert not whole.possible
     assert whole.bound_deg == pytest.approx(28.46, abs=0.01)
     assert whole.sentence.startswith(
-        "500 grains of 1487 mm3 cannot make a pile of 65.6 mm with 32.9 deg"
+        "Target out of reach: 32.9 deg at 65.6 mm by the line 'whole side, columns'; "
+        "piles of this mass reach "
     )
     assert (
-        "by the line 'whole side, columns': by mass alone at most 28.5 deg; piles of this"
-        in whole.sentence
+        "The mass of 500 grains of 1487 mm3 allows at most 28.5 deg." in whole.sentence
     )
     straight = judged(config, STRAIGHT_PART)
     assert straight.possible
@@ -105,7 +105,7 @@ def test_a_side_is_no_steeper_than_the_cone_of_its_mass_and_the_articles_pair_is
         pytest.approx(29.7, abs=0.5),
     )
     assert straight.sentence.startswith(
-        "a pile of 65.6 mm with 32.9 deg by the line 'flank, 30 to 80 %"
+        "Target attainable: 32.9 deg at 65.6 mm by the line 'flank, 30 to 80 %"
     )
 
 

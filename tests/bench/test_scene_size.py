@@ -63,12 +63,19 @@ def test_a_large_scene_gets_a_smaller_one_inside_the_table(config):
     assert len(small) == 1
     assert small[0].startswith("grains: the pile is 4.9 grains high.")
     assert (
-        f"from {scene_size.enough(500, 'secant')} grains on it is within 1 deg of that of 500"
-        in small[0]
+        f"From {scene_size.enough(500, 'secant')} grains on the angle is within 1 deg of "
+        "that of 500." in small[0]
     )
     flank = next(scene_size.advice(with_grains(config, 500, "flank"), 13.34, 65.0))
-    secant = f"but the secant from {scene_size.enough(500, 'secant')} on"
-    assert flank.endswith(f"no smaller number is within 1 deg of that of 500, {secant}")
+    assert (
+        "No smaller number of grains is within 1 deg of that of 500; the secant angle is "
+        f"from {scene_size.enough(500, 'secant')} on." in flank
+    )
+    half = scene_size.change(500, 250, "flank")
+    assert (
+        "Scale effect: 250 grains instead of 500 would lower the flank angle by "
+        f"{-half.angle_deg:.1f} deg" in flank
+    )
     _, _, pasted, targets = scene_size.advice(with_grains(config, 1000), 13.34, 65.0)
     keys = yaml.safe_load(pasted)["funnel"]
     assert keys["berries"] == scene_size.enough(1000, "secant")

@@ -57,7 +57,7 @@ def test_what_the_angle_and_the_profile_of_a_turning_drum_are():
     assert single == pytest.approx([20.0, 30.0], abs=3.0)
     assert measured(arrays)["turning_deg"] == pytest.approx(np.mean(single), abs=1e-12)
     assert measured(arrays, "lost")["turning_deg"] is None
-    assert TEST.further_response("turning_2_deg").label == "drum, turning, speed 2"
+    assert TEST.response_of_name("turning_2_deg").label == "drum, turning, speed 2"
     coarse = measured(arrays, own=config() | {"measure": {"mm_per_pixel": 60.0}})
     assert (coarse["status"], coarse["turning_deg"]) == ("no_surface", None)
     assert "60 mm a pixel" in coarse["reason"]
@@ -137,13 +137,13 @@ def test_speeds_have_their_times_angles_and_profiles_and_a_run_is_judged():
         lost[name] for name in ("turning_deg", "turning_2_deg", "turning_profile_2_mm")
     } == {None}
     one = config(measure_from_s=2.5)
-    assert turning.speeds(TEST.section(SceneSettings(one))) == [(0.8, 2.5, 8.5)]
+    assert TEST.section(SceneSettings(one)).speeds() == [(0.8, 2.5, 8.5)]
     two = config(
         angular_velocity_rad_s=[0.8, 1.6],
         measure_from_s=[2.0, 1.0],
         measure_until_s=3.0,
     )
-    assert turning.speeds(TEST.section(SceneSettings(two))) == [
+    assert TEST.section(SceneSettings(two)).speeds() == [
         (0.8, 2.0, 3.0),
         (1.6, 1.0, 3.0),
     ]
@@ -152,10 +152,13 @@ def test_speeds_have_their_times_angles_and_profiles_and_a_run_is_judged():
     assert [key for key, _ in TEST.contradictions(SceneSettings(three))] == [
         "turning.measure_from_s"
     ]
-    settings, held = SceneSettings(one), drum.Turned(held=True)
+    settings, held = SceneSettings(one), drum.DrumOutcome(holds_all=True)
     assert TEST.status_of(held, settings) == ("ok", "")
     check_statuses(
-        TEST, one, held, [("unstable", {"unstable": "why"}), ("lost", {"held": False})]
+        TEST,
+        one,
+        held,
+        [("unstable", {"unstable": "why"}), ("lost", {"holds_all": False})],
     )
 
 

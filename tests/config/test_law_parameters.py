@@ -9,7 +9,7 @@ from refusals import input_error
 from shared import says
 
 from repose.bench.parameters import LABELS, PARAMETERS, named, of_law
-from repose.bench.scene import _contacts
+from repose.bench.scene import contacts_of
 from repose.calibrate.designs.latin_hypercube import design
 from repose.calibrate.designs.settings import DesignSettings
 from repose.common import faults
@@ -58,7 +58,7 @@ def test_the_configuration_knows_the_laws_the_card_their_convention_and_twisting
     )
     space = study("hertz_mindlin", "epsd", mut_gp=[0.0, 0.5]).parameters
     assert space.free == (*PARAMETERS, "mut_gp")
-    contacts = _contacts(space.centre)
+    contacts = contacts_of(space.centre)
     assert contacts["berry", "berry"].twisting_friction is None
     assert contacts["berry", "wall"].twisting_friction == 0.25
     assert LABELS["mut_gp"] == "twisting friction, grain-wall"
@@ -80,7 +80,7 @@ def test_a_law_adds_its_parameters_to_the_six_whose_tables_stay_as_they_were(tmp
     np.testing.assert_allclose(
         space.values(space.unit(table[list(space.names)])), table[list(space.names)]
     )
-    contacts = _contacts(space.centre)
+    contacts = contacts_of(space.centre)
     assert contacts["berry", "berry"].constants == {"surface_energy_j_m2": 0.05}
     assert contacts["berry", "wall"].constants == {"surface_energy_j_m2": 0.02}
     assert LABELS["gamma_gp"] == "surface energy (J/m2), grain-wall"
