@@ -112,7 +112,7 @@ class DropTest(BenchTest[DropSettings]):
             yield "drop.duration_s", f"at least {fall_s:.2g}, the time of the fall"
 
 
-def main(n_grains: int = 20, duration_s: float = 2.0) -> None:
+def main(berries: int = 20, duration_s: float = 2.0) -> None:
     """Drop grains without and with rolling friction."""
     from repose.bench.parameters import PARAMETERS
     from repose.config.pipeline import PipelineConfig
@@ -122,8 +122,8 @@ def main(n_grains: int = 20, duration_s: float = 2.0) -> None:
     test = bench(NAME)
     config = PipelineConfig.load("config/quick.yaml").config
     config["drop"] = test.example["drop"] | {
-        "berries": n_grains,
-        "rate_per_s": 2.0 * n_grains / duration_s,
+        "berries": berries,
+        "rate_per_s": 2.0 * berries / duration_s,
         "duration_s": duration_s,
     }
     config["targets"] = [

@@ -8,6 +8,7 @@ import pytest
 from refusals import input_error
 from shared import at, check_all, every_bench_test, put, says
 
+from repose.bench import bench_tests
 from repose.bench.parameters import FURTHER, PARAMETERS
 from repose.common import faults
 from repose.common.errors import InputError, YamlError
@@ -149,13 +150,12 @@ def test_every_key_refuses_what_it_cannot_take():
 
 OPTIONAL = (
     *("simulation.contact_law", "simulation.rolling_law"),
-    *("lifted_cylinder.berries", "lifted_cylinder.filling_height_mm"),
+    *("figures.format", "figures.dpi"),
     *(
-        "figures.format",
-        "figures.dpi",
-        "turning.tilt_deg",
-        "cylinder.taps",
-        "cylinder.tap_mm",
+        f"{test.name}.{key}"
+        for test in bench_tests()
+        for key, field in test.settings.model_fields.items()
+        if not field.is_required()
     ),
     *(f"parameters.{name}" for name in FURTHER),
     *(setting.key for setting in COMPUTED),

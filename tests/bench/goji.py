@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from shared import ROOT
 
+from repose.bench import bench
 from repose.bench.parameters import PARAMETERS
 from repose.bench.settings import SceneSettings
 from repose.config.pipeline import PipelineConfig
@@ -37,6 +38,16 @@ def example(name, time_step_s=1.5e-4, **keys):
     whole = recommended(name, ROOT / f"examples/bench_tests/{name}.yaml", **keys)
     whole["simulation"]["time_step_s"] = time_step_s
     return whole
+
+
+def own_example(name):
+    """The program's configuration with the example that a bench test brings."""
+    config = Study.load(ROOT / "config/config.yaml").config
+    for key, part in bench(name).example.items():
+        config[key] = part if key == "targets" else config.get(key, {}) | part
+    # The goji berry's shape study is of other responses.
+    config["posterior"]["shape_study"] = None
+    return Study.of(config).config
 
 
 def check_statuses(test, config, good, cases):

@@ -7,10 +7,10 @@ import pprint
 import numpy as np
 import pytest
 import yaml
-from goji import AXES_MM, BERRY, PARTICLE, example, named, recommended
+from goji import AXES_MM, BERRY, PARTICLE, named, own_example
 from known import is_known
 from refusals import input_error, not_refused, value_error
-from shared import ROOT
+from shared import BUILT_IN, ROOT
 
 from repose.bench import Scene, bench, bench_tests, names, register
 from repose.bench.settings import SceneSettings
@@ -22,7 +22,6 @@ from repose.config.pipeline import PipelineConfig
 from repose.stages.job import measure_job, pour_job
 
 EXAMPLES = ROOT / "examples/bench_tests"
-SHIPPED = names()
 SET = named((0.2, 0.6, 0.05, 0.2, 0.6, 0.2))
 SECTION = {
     "berries": 5,
@@ -50,6 +49,10 @@ def loaded(name, path):
 
 @pytest.fixture(scope="module")
 def drop():
+    """The bench test of the guide; it may be in the package already."""
+    if "drop" in names():
+        yield bench("drop")
+        return
     loaded("bench_test", ROOT / "examples/bench_test.py")
     yield bench("drop")
     registry = importlib.import_module("repose.bench.bench_test")
@@ -118,21 +121,23 @@ IMPOSSIBLE = yaml.safe_load((ROOT / "tests/bench/impossible.yaml").read_text())
 
 
 def configured(name, **keys):
-    """The configuration with a bench test, which may be an example."""
-    if not (EXAMPLES / f"{name}.yaml").exists() or name in (
-        "cylinder",
-        "discharge",
-        "turning",
-    ):
-        return recommended(name, **keys)
-    return example(
-        name, **({"time_step_s": 2.5e-4} if name == "drop_test" else {}) | keys
-    )
+    """The example of a bench test with some keys of its section changed."""
+    config = own_example(name)
+    config[name] = config[name] | keys
+    return config
 
 
-def test_the_scenes_of_all_bench_tests_are_known():
+def test_every_bench_test_has_an_example_that_is_a_study():
+    for test in bench_tests():
+        study = Study.of(configured(test.name))
+        study.check_inputs()
+        assert test.name in study.targets.apparatus
+        assert not list(test.misfits(SceneSettings(study.config), AXES_MM))
+
+
+def test_the_scenes_of_the_built_in_bench_tests_are_known():
     scenes = {}
-    for test in map(bench, SHIPPED):
+    for test in map(bench, BUILT_IN):
         scene = Scene.of(configured(test.name), SET, BERRY, PARTICLE, 1)
         scenes[test.name] = test.world(scene, PARTICLE.bounding_radius_m) | {
             "ends_s": test.duration_s(scene.settings)
@@ -167,7 +172,6 @@ def test_a_berry_has_to_fit(name, keys):
         )
     ]
     assert too_small == [f"{name}.{key}" for key in keys]
-    assert not list(bench(name).misfits(SceneSettings(configured(name)), AXES_MM))
 
 
 def test_its_job_pours_and_measures_and_another_job_is_refused(drop, config, tmp_path):

@@ -96,6 +96,8 @@ def refused_by_pours(config, parameters, particle, berry):
 
 def test_every_bench_test_has_a_scene_in_the_random_pours():
     assert sorted(SCENES) == sorted(names())
+    scene = SCENES["drop_test"](np.random.default_rng(1), 10.0, 1.0, 30)
+    assert set(scene) <= set(bench("drop_test").settings.model_fields)
 
 
 @pytest.mark.slow

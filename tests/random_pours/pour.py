@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from repose.bench import Scene, bench
+from repose.bench import Scene, bench, names
 from repose.bench.bounds import DEEPEST, FASTEST, Bounded
 from repose.bench.parameters import PARAMETERS
 from repose.bench.scene import longest_time_step
@@ -42,6 +42,7 @@ MOST_STEPS = 40_000  # most pours; MANY_SHARE of them have MANY berries and as m
 FALLS = 40  # time of a pour, over that of a fall by a berry's length
 MANY, MANY_SHARE = 300, 0.01
 LONGEST_S = 60.0
+EXAMPLE_MM = 20.0  # length of the berries in the examples of bench tests
 COLUMNS = [
     *(
         "number",
@@ -317,6 +318,20 @@ SCENES = {
     "lifted_cylinder": _lifted_cylinder, "drawdown": _drawdown, "drop_test": _drop_test,
     "inclined_plane": _inclined_plane,
 }  # fmt: skip
+
+
+def _example(name, d):
+    """The example of a bench test without a scene of its own, for berries of length d [mm]."""
+    factor = d / EXAMPLE_MM
+    section = dict(bench(name).example[name])
+    for key in section:
+        if key.endswith("_mm"):
+            section[key] *= factor
+    return section
+
+
+for _name in names():
+    SCENES.setdefault(_name, lambda rng, d, span_s, n, name=_name: _example(name, d))
 STILL = ("funnel", "cylinder", "drop_test")  # no wall of these moves
 
 
