@@ -127,7 +127,7 @@ def test_measured_sizes_are_not_marked_as_a_reconstruction(tmp_path):
             "long_mm,major_mm,minor_mm\n20,10,9\n21,1_0,9\n",
             ["row 2", "major_mm", "1_0"],
         ),
-        ('long_mm,major_mm,minor_mm\n20,10,"9\n21,10,9\n', ["line 2", "CSV"]),
+        ('long_mm,major_mm,minor_mm\n20,10,"9\n21,10,9\n', ["cells is", "CSV"]),
     ],
 )
 def test_bad_sizes_are_named(tmp_path, text, parts):

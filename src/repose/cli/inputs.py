@@ -58,10 +58,15 @@ def berry(args: argparse.Namespace) -> None:
     if args.axes or args.stl:
         _build(args)
     else:
+        from repose.common.tables import print_columns
         from repose.grain import berry
 
         study = load(args)
-        berry.run(study.settings.berry, study.published("table1.csv"), args.out)
+        section = study.settings.berry
+        berry.run(section, study.published("table1.csv"), args.out)
+        print_columns(section.sizes)
+        if section.compression is not None:
+            print_columns(section.compression)
 
 
 def _build(args: argparse.Namespace) -> None:

@@ -62,9 +62,11 @@ def tell(args: argparse.Namespace, study: "Study") -> None:
     example: new_runs.csv --config own.yaml --out own/runs.csv
     """
     from repose.calibrate.record import Record
+    from repose.common.tables import print_columns
 
     record = Record(study, args.out)
     record.add_file(args.runs)
+    print_columns(args.runs)
     runs = record.data
     n_failed = int((runs["status"] != "ok").sum())
     failed = f", {n_failed} failed" if n_failed else ""

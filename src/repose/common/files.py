@@ -121,7 +121,7 @@ def read_table(
     path: Path_, columns: Iterable[str | Column] = (), what: str = tables.TABLE
 ) -> "pd.DataFrame":
     """Read a CSV file that has at least these columns; cells of columns of numbers are finite numbers or empty."""
-    return tables.read(path, columns, what, tables.is_number).frame()
+    return tables.read(path, columns, what, tables.is_measured).frame()
 
 
 def read_json(

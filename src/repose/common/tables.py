@@ -1,20 +1,22 @@
-"""The reader of every table that a user writes, with one idea of a cell, a row and a fault.
+"""The reader of tables that users write: measured sizes, runs of a simulator, profiles.
 
-A table is CSV as spreadsheets and other programs write it: UTF-8 or UTF-16; commas, semicolons or tabs; decimal
-commas where nothing else can be meant. A reader declares its columns (`Column`); all faults are reported at once.
+A table is CSV, as spreadsheets and other programs write it. A reader declares its
+columns (`Column`), and all faults of a table are reported at once.
 """
 
-import csv
 import io
 import math
 import os
 import re
-from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+import sys
+import unicodedata
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from decimal import Decimal
 from typing import TYPE_CHECKING, Any
 
-from repose.bench.parameters import LABELS, plain_number
+import numpy as np
+
 from repose.common.attached import plain_file
 from repose.common.errors import InputError, raise_together, require
 
@@ -22,201 +24,244 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Path_ = str | os.PathLike
-Fault = tuple[int, str, Any, str]  # row from 0, column, value, what is allowed
+# Row from 0, column, value, what is allowed.
+Fault = tuple[int, str, Any, str]
+
 TABLE = "a CSV file"
-MOST_COUNTED = 10_000  # faults
-UTF_16 = (b"\xff\xfe", b"\xfe\xff")
+UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 SEPARATORS = ",;\t"
-# What spreadsheets write, in any language, into a cell whose formula failed or whose number is too wide for it.
-NO_RESULT = re.compile(r"#([^\s,;]*[!?]|N/[ADV]|NV|I/T|GETTING_DATA|#+)")
-DECIMAL_COMMA, DECIMAL_POINT = (
-    re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?"),
-    re.compile(r"[+-]?\d*\.\d+([eE][+-]?\d+)?"),
+NUMBER = re.compile(
+    r"\s*[+-]?((\d+\.?\d*|\.\d+)(e[+-]?\d+)?|nan|inf)\s*", re.ASCII | re.IGNORECASE
 )
-THOUSANDS = re.compile(
-    r"[+-]?[1-9]\d{0,2},\d{3}"
-)  # 1,234: may be a number of thousands
-# What begins or is the name of a row that sums up others.
-SUMMARY = re.compile(
-    r"((geo\w*|grand|arithmetic|sample|weighted)? ?mean|average|av[eg]?|median|std|st(an)?d? ?dev|overall|summary|"
-    r"moy(enne)?|durchschn(itt)?|mittelw(ert)?|stabw|prom(edio)?|gemiddelde|medelvärde|średnia|ortalama|keskiarvo|"
-    r"среднее|průměr|medie|μέσοσ|coefficient of variation|quartile|[øσμ±]|x̄|平均[值値]?|均值|[标標][准準]偏?差|"
-    r"최[대소]값?|평균|표준편차)([\W\d_].*)?|(±?(sample )?sd|se|sem|co?v|rsd|mw|n)( ?[(=%].*)?|m[eé]dia|mode|suma|iqr|"
-    r"rms|gem|se mean|q[1-4]|varian[cz]e?|var|range|\d+ ?%( ?(ci|confidence.*|percentile))?|(sub|grand)? ?totals?|"
-    r"standard ?(dev(iation)?|error|fehler|abweichung)|count|最[大小]值?|stdevp?|m(in|ax)(imum)?|m[íiáa][nx]im[oa]|"
-    "span(nweite)?|(low|high|small|larg)est|valor medio|dev(iazione)? st.*|standaarddeviatie|keskihajonta|"
-    "sum|mittel|summe|gesamt|anzahl|somme|desv.*|[eé]cart.?type"
-)
-# Of these some are names, too: of quarters, directions, people, shares, heights.
-MAY_BE_NAMES = re.compile(
-    r"n|se|av|m(ax|in)|mw|q[1-4]|\d+ ?%|span|prom|(low|high|small|larg)est"
-)
-# What may stand behind the name of a statistic.
-BEHIND = re.compile(r"[ _]*(\(.*\)|\[.*\])|[ _]+(values?|of the \w+|in \w+)")
-NOTHING = frozenset(("", "nan", "na", "n/a", "null", "none", "<na>"))
-TRUTH = {"true": True, "false": False}
-DIGITS = frozenset("0123456789+-.eE")
-COUNTS = ("sample", "seed", "n_seeds", "round", "low", "high")
-UNITS = ("deg", "mm", "m", "s", "g", "kg", "n", "j", "pa", "percent")
-# For each unit others that people write in its place, by the number of them in one.
-OTHER_UNITS = {
-    "mm": {"cm": 0.1, "m": 0.001, "um": 1000.0, "inches": 1 / 25.4},
-    "N": {"kN": 0.001, "gf": 1000 / 9.80665, "kgf": 1 / 9.80665, "mN": 1000.0},
+WITH_COMMA = re.compile(r"[+-]?\d*,\d+(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
+WITH_POINT = re.compile(r"[+-]?\d*\.\d+(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
+
+# A row is compared with the statistics of at least so many rows above it, ...
+FEWEST_ROWS_ABOVE = 3
+# ... in at least so many columns, ...
+FEWEST_COLUMNS = 3
+# ... in each of which the rows above scatter by so many units of the last digit that
+# the row prints: in coarser columns an ordinary row may equal the rounded mean.
+FEWEST_STEPS = 5.0
+STATISTICS: dict[str, Callable[[np.ndarray], float]] = {
+    "mean": np.mean,
+    "minimum": np.min,
+    "maximum": np.max,
+    "standard deviation": lambda numbers: np.std(numbers, ddof=1),
 }
 
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table, as its reader declares it."""
+    """A column of a table, as its reader declares it.
+
+    Parameters
+    ----------
+    name : str
+        Name in the header. Capitals, blanks around it, and how its accents are
+        composed do not matter.
+    kind : type
+        ``float``, ``int`` or ``bool``; ``str`` for a text; ``object`` for a column
+        whose cells are not checked.
+    low, high : float
+        Bounds of a number; both are allowed.
+    above : bool
+        Whether `low` itself is too low.
+    empty : bool
+        Whether a cell may be empty; an empty number is NaN.
+    once : bool
+        Whether no two rows may have the same value.
+    needed : bool
+        Whether the table must have the column.
+    words : str
+        What is allowed, for messages, if the kind and the bounds do not say it.
+    """
 
     name: str
-    kind: type = (
-        float  # float, int or bool; str is a text; object is what nobody reads here
-    )
+    kind: type = float
     low: float = -math.inf
     high: float = math.inf
-    above: bool = False  # whether `low` itself is too low
-    empty: bool = False  # whether a cell may hold nothing: a number is NaN then
-    once: bool = False  # whether a value may stand in one row alone
-    needed: bool = True  # whether the table must have it
-    words: str = ""  # what is allowed, where the kind and the range do not say it
+    above: bool = False
+    empty: bool = False
+    once: bool = False
+    needed: bool = True
+    words: str = ""
 
     @property
     def allowed(self) -> str:
         """Say which cells are allowed."""
-        if self.kind in (str, object):
-            return "a cell with a result: the formula of the spreadsheet has none"
-        words = "True or False" if self.kind is bool else self.words or self._by_range()
-        return words + (", or nothing" if self.empty else "")
+        if self.kind is str:
+            text = "a text"
+        elif self.kind is bool:
+            text = "True or False"
+        else:
+            text = self.words or self._allowed_numbers()
+        return f"{text}, or nothing" if self.empty else text
 
-    def _by_range(self) -> str:
-        """Say kind and range."""
+    def _allowed_numbers(self) -> str:
+        """Say the kind and the bounds."""
+        bounds = ""
+        if math.isfinite(self.low):
+            bounds += f" {'above' if self.above else 'from'} {self.low:g}"
+        if math.isfinite(self.high):
+            bounds += f" {'to' if bounds else 'up to'} {self.high:g}"
+        if not bounds:
+            return "a whole number" if self.kind is int else "a finite number"
         number = "a whole number" if self.kind is int else "a number"
-        low = (
-            ""
-            if math.isinf(self.low)
-            else f" {'above' if self.above else 'from'} {self.low:g}"
-        )
-        high = (
-            ""
-            if math.isinf(self.high)
-            else f" {'to' if low else 'up to'} {self.high:g}"
-        )
-        return f"{number}{low}{high}" if low or high else "a finite number"
+        return number + bounds
 
     def read(self, cell: Any) -> Any:
-        """Read a cell; ValueError for one that is not allowed."""
-        if isinstance(cell, str) and (
-            NO_RESULT.fullmatch(cell) or (self.kind is str and not (cell or self.empty))
-        ):
-            raise ValueError(cell)
-        if self.kind in (str, object):
+        """Return the value of a cell; ValueError or TypeError if it is not allowed."""
+        if self.kind is object:
             return cell
-        text = str(cell).strip().casefold()
-        if self.empty and text in NOTHING:
+        if self.kind is str:
+            if not self.empty and not str(cell).strip():
+                raise ValueError("empty")
+            return cell
+        if self.empty and _is_missing(cell):
             return math.nan
         if self.kind is bool:
-            if text not in TRUTH:
-                raise ValueError(text)
-            return TRUTH[text]
+            return _truth(cell)
         number = plain_number(cell)
-        if not self.takes(number, number) or (self.kind is int and number % 1):
-            raise ValueError(text)
+        is_whole = math.isfinite(number) and number == int(number)
+        if not self._is_inside(number) or (self.kind is int and not is_whole):
+            raise ValueError(f"{cell!r} is not {self.allowed}")
         return int(number) if self.kind is int else number
 
-    def takes(self, least: float, most: float) -> bool:
-        """Tell whether the numbers from `least` to `most` are finite and in the range."""
-        inside = self.low < least if self.above else self.low <= least
-        return (
-            inside
-            and most <= self.high
-            and math.isfinite(least)
-            and math.isfinite(most)
-        )
+    def _is_inside(self, number: float) -> bool:
+        """Tell whether a number is finite and within the bounds."""
+        if self.above and number == self.low:
+            return False
+        return math.isfinite(number) and self.low <= number <= self.high
 
 
 @dataclass
 class Table:
-    """The cells of a table by column: as text without blanks around it, and those of declared columns as values."""
+    """The cells of a table.
+
+    Attributes
+    ----------
+    source : object
+        Its file, for messages.
+    text : pandas.DataFrame
+        Every cell as text without blanks around it.
+    comments : list of str
+        The lines that begin with ``#``.
+    values : dict of str to list
+        The cells by column, with values where the column is declared.
+    text_columns : frozenset of str
+        Names of the columns that are declared as text.
+    """
 
     source: object
-    text: dict[str, Sequence[str]]
+    text: "pd.DataFrame"
     comments: list[str]
     values: dict[str, list[Any]] = field(default_factory=dict)
-    words: frozenset[str] = (
-        frozenset()
-    )  # names of the columns that are declared as text
+    text_columns: frozenset[str] = frozenset()
 
     def __len__(self) -> int:
-        return len(next(iter(self.text.values()), ()))
+        return len(self.text)
 
     def rows(self) -> list[dict[str, Any]]:
         """List the rows, with values where columns are declared."""
-        return [
-            dict(zip(self.values, row, strict=True))
-            for row in zip(*self.values.values(), strict=True)
-        ]
+        rows = zip(*self.values.values(), strict=True)
+        return [dict(zip(self.values, row, strict=True)) for row in rows]
 
     def frame(self) -> "pd.DataFrame":
-        """Make a table of pandas, with the types that its cells have."""
-        import pandas as pd  # slow to import, which a pour should avoid
+        """Make a table of pandas, which finds the types of columns that are no text."""
+        import pandas as pd
 
-        buffer = io.StringIO()
-        csv.writer(buffer).writerows(
-            [self.text, *zip(*self.text.values(), strict=True)]
-        )
-        buffer.seek(0)
-        return pd.read_csv(buffer).assign(
-            **{name: self.text[name] for name in self.words & {*self.text}}
-        )  # NA, too
+        table = pd.read_csv(io.StringIO(self.text.to_csv(index=False)))
+        for name in self.text_columns & set(self.text):
+            # pandas would take a text such as NA for an empty cell
+            table[name] = self.text[name].tolist()
+        return table
 
 
-def is_number(column: str) -> bool:
-    """Tell whether the cells of a column are numbers: a contact parameter, a quantity with its unit, or a count."""
-    return (
-        column in COUNTS
-        or column in LABELS
-        or (column.rpartition("_")[2] in UNITS and "_" in column)
-    )
+def plain_number(value: object) -> float:
+    """Return a number as tables write it; ValueError for what only Python takes for one.
+
+    Examples are ``1_0`` and digits of other scripts.
+    """
+    if isinstance(value, str) and not NUMBER.fullmatch(value):
+        raise ValueError(f"{value!r} is no number")
+    return float(value)  # type: ignore[arg-type]
 
 
-def other_unit(unit: str, ratio: float) -> str:
-    """Ask whether numbers that are `ratio` times what they should be are in another unit; empty if none is near."""
-    near = [
-        name for name, factor in OTHER_UNITS[unit].items() if 0.4 < ratio / factor < 2.5
-    ]
-    return f"; in {near[0]} instead of {unit}?" if near else ""
+def is_number(cells: Iterable[str]) -> bool:
+    """Tell whether a column holds numbers: at least half of the cells with content."""
+    filled = [cell for cell in cells if cell]
+    n_numbers = sum(NUMBER.fullmatch(cell) is not None for cell in filled)
+    return n_numbers > 0 and len(filled) <= 2 * n_numbers
+
+
+def is_measured(cells: Iterable[str]) -> bool:
+    """Tell whether a column holds numbers, and not only whole ones, as labels are."""
+    cells = list(cells)
+    return is_number(cells) and any(WITH_POINT.fullmatch(cell) for cell in cells)
+
+
+# What the rooms above call it.
+is_plain = is_number
 
 
 def read(
     path: Path_,
     columns: Iterable[str | Column],
     what: str = TABLE,
-    others: Callable[[str], bool] = lambda name: False,
+    others: Callable[[Iterable[str]], bool] = is_number,
 ) -> Table:
-    """Read a table with these columns; `others` tells which of those that are not declared hold numbers or nothing.
+    """Read a table that has these columns.
 
-    Where columns are declared, a row that sums up others is refused.
+    Parameters
+    ----------
+    path : path
+        A CSV file; `sheet` says in which forms.
+    columns : iterable of str or Column
+        Columns that the table must have, unless a `Column` is not `needed`. Those
+        given as `Column` are read as values.
+    what : str
+        What the file should be, for messages.
+    others : callable
+        Tells from the cells of any other column whether it holds numbers. A cell of
+        such a column may be empty.
+
+    Returns
+    -------
+    Table
+
+    Raises
+    ------
+    InputError
+        If the file is no table, lacks a column, or has a cell that its column does not
+        allow; and, if columns are declared, if a row at the end repeats a statistic of
+        the rows above.
     """
-    table, known = sheet(path, what), list(columns)
-    declared = {column.name: column for column in known if isinstance(column, Column)}
-    needed = [
-        one if isinstance(one, str) else one.name
-        for one in known
-        if isinstance(one, str) or one.needed
-    ]
-    check_columns(path, table.text, needed, what, declared)
-    table.words = frozenset(
-        name for name, column in declared.items() if column.kind is str
-    )
-    summaries = list(_summaries(table)) if declared else []
+    table = sheet(path, what)
+    columns = list(columns)
+    declared = {one.name: one for one in columns if isinstance(one, Column)}
+    names = [one.name if isinstance(one, Column) else one for one in columns]
+    needed = [name for name in names if name not in declared or declared[name].needed]
+    table.text = table.text.rename(columns=_renaming(table.text, names))
+    check_columns(path, table.text, needed, what)
+
+    checked = list(declared.values())
     for name in table.text:
         if name not in declared:
-            declared[name] = Column(name, float if others(name) else object, empty=True)
-    table.values, faults = check(
-        table.text, declared.values(), {row for row, *_ in summaries}
+            kind = float if others(table.text[name]) else object
+            words = "a finite number, as most cells of this column"
+            checked.append(Column(name, kind, empty=True, words=words))
+    values, faults = check(table.text, checked)
+    if declared:
+        faults += _summary_rows(table.text, declared)
+    refuse(path, faults)
+
+    for name in table.text:
+        cells = values[name] if name in declared else table.text[name].tolist()
+        table.values[name] = cells
+    table.text_columns = frozenset(
+        name for name, column in declared.items() if column.kind is str
     )
-    refuse(path, [*summaries, *faults])
     return table
 
 
@@ -225,23 +270,39 @@ def check(
     columns: Iterable[Column],
     left_out: Collection[int] = (),
 ) -> tuple[dict[str, list[Any]], list[Fault]]:
-    """Read the cells of columns, without those of some rows; return the values, NaN for bad ones, and the faults."""
-    values, faults = {}, []
+    """Read the cells of declared columns.
+
+    Parameters
+    ----------
+    cells : mapping of str to sequence
+        The cells by column; a column that is not among them is skipped.
+    columns : iterable of Column
+        The columns to read.
+    left_out : collection of int
+        Rows that are not read; their values are NaN.
+
+    Returns
+    -------
+    values : dict of str to list
+        NaN where a cell is not allowed.
+    faults : list of Fault
+        For `refuse`.
+    """
+    values: dict[str, list[Any]] = {}
+    faults: list[Fault] = []
     for column in columns:
         if column.name in cells:
-            values[column.name], found = _check_column(
-                column, cells[column.name], left_out
-            )
+            own_cells = list(cells[column.name])
+            values[column.name], found = _read_column(column, own_cells, left_out)
             faults += found
     return values, faults
 
 
 def refuse(source: object, faults: Iterable[Fault]) -> None:
     """Raise all faults of a table at once, in the order of its rows."""
-    first = sorted(faults, key=lambda fault: fault[0])[:MOST_COUNTED]
     raise_together(
-        InputError(f"{source}, row {row + 1}", name, value, words)
-        for row, name, value, words in first
+        InputError(f"{source}, row {row + 1}", column, value, allowed)
+        for row, column, value, allowed in sorted(faults, key=lambda fault: fault[0])
     )
 
 
@@ -252,250 +313,357 @@ def check_columns(
     what: str = TABLE,
     optional: Collection[str] = (),
 ) -> None:
-    """Raise InputError if a column is missing, or an optional one has capitals; `path` stands in the message."""
+    """Raise InputError if columns are missing, or if one is there in another form.
+
+    Parameters
+    ----------
+    path : object
+        Where the table is from, for messages.
+    table : iterable of str
+        The names of its columns.
+    columns : iterable of str
+        Names that it must have.
+    what : str
+        What the table should be, for messages.
+    optional : collection of str
+        Names that it may have. If it has such a name in capitals only, nobody would
+        read the column, so this is a fault.
+    """
+    found = [str(name) for name in table]
     columns = tuple(columns)
-    needed = f"columns {', '.join(columns)}" + (f" of {what}" if what != TABLE else "")
-    allowed = f"{needed}; found: {', '.join(map(str, table))}"
-    for column in columns:
-        require(column in table, path, f"column {column}", "missing", allowed)
-    for name, plain in ((one, one.strip().casefold()) for one in map(str, table)):
-        good = name in {*columns, *optional} or plain not in optional or plain in table
-        require(good, path, "column", name, f"{plain}, without capitals and blanks")
+    of_what = "" if what == TABLE else f" of {what}"
+    allowed = f"columns {', '.join(columns)}{of_what}; found: {', '.join(found)}"
+    for name in columns:
+        require(name in found, path, f"column {name}", "missing", allowed)
+    for name, declared in _renaming(found, optional).items():
+        raise InputError(path, "column", name, f"{declared}, written so")
+
+
+def describe_columns(columns: Mapping[str, Sequence[Any]]) -> list[str]:
+    """Describe each column of numbers in a line: their count, mean and range.
+
+    With these lines a command shows what it has read of a measured table.
+
+    Parameters
+    ----------
+    columns : mapping of str to sequence
+        Values or texts by column; a table of pandas, or `Table.values`.
+
+    Returns
+    -------
+    list of str
+        Such as ``long_mm: 20 numbers, mean 21.14, from 19.8 to 23.1``.
+    """
+    lines = []
+    for name, cells in columns.items():
+        texts = [str(cell).strip() for cell in cells if not _is_missing(cell)]
+        if not texts or not all(NUMBER.fullmatch(text) for text in texts):
+            continue
+        numbers = np.array([float(text) for text in texts])
+        lines.append(
+            f"{name}: {len(numbers)} numbers, mean {numbers.mean():.4g}, "
+            f"from {numbers.min():.4g} to {numbers.max():.4g}"
+        )
+    return lines
+
+
+def print_columns(path: Path_) -> None:
+    """Print on stderr what a user's measured table holds, as `describe_columns`."""
+    for line in describe_columns(sheet(path).text):
+        print(f"{path}: {line}", file=sys.stderr)
 
 
 def sheet(path: Path_, what: str = TABLE) -> Table:
-    """Read the cells of a table as text, without empty rows and columns; its lines that begin with # are comments.
+    """Read the cells of a table as text.
 
-    InputError for a comment that looks like a row, with as many cells as the header: numbers, or no blank after its #.
+    The file is UTF-8, with or without its mark, or UTF-16 with its mark. Cells are
+    separated by commas, semicolons or tabs, or by blanks if the header has none of
+    these. Between semicolons and tabs a number may have a decimal comma. Lines that
+    begin with ``#`` are comments. Empty rows, and empty columns without a name, are
+    left out.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    what : str
+        What it should be, for messages.
+
+    Returns
+    -------
+    Table
+        Without values.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read as a table, has a column twice, or has a comment
+        that looks like a row: a `#DIV/0!` of a spreadsheet would hide its row.
     """
-    comments, lines = [], []
-    for line in io.StringIO(_text(path, what), newline=""):
-        begin = line.lstrip(' "')
-        is_comment = begin.startswith("#") and not re.match(
-            NO_RESULT.pattern + r'"?\s*[,;\t]', begin
-        )
-        comments += [line] if is_comment else []
-        lines.append("\n" if is_comment else line)
-    first = next((k for k, line in enumerate(lines) if line.strip()), 0)
-    separator = max(SEPARATORS, key=lines[first].count) if lines else ","
-    if lines and (named := re.fullmatch(r'"?sep=(.)"?\s*', lines[first])):
-        separator, lines[first] = named[1], "\n"
-    cells = lines[first].count(separator) if lines else 0
-    allowed = "a row that begins without #, or a comment that begins with '# '"
-    for line in comments:
-        counts = {
-            line.count(separator),
-            line.rstrip().rstrip(separator).count(separator),
-        }
-        rest = re.sub(r"[\s,;]", "", line.partition(separator)[2])
-        is_row = (
-            cells
-            and cells in counts
-            and ((rest and is_plain(rest)) or line.lstrip(' "')[1:2].strip())
-        )
-        require(not is_row, path, "line", line.strip(), allowed)
-    rows = _rows(path, lines, separator, what)
-    require(rows, path, "rows", 0, what)
-    header = rows.pop(0)
-    allowed = "names of columns, in a line that does not begin with #"
-    numbers = is_plain(header) and any(cell[:1].isdigit() for cell in header)
-    require(not numbers, path, "header", ", ".join(header), allowed)
-    width = max((k for k, name in enumerate(header, start=1) if name), default=0)
-    allowed = f"{width}, as in {', '.join(header):.60}"
-    more = (
-        f"{allowed}; a decimal comma needs ; between the columns"
-        if separator == ","
-        else allowed
-    )
-    odd = (
-        (k, len(row))
-        for k, row in enumerate(rows)
-        if len(row) < width or any(row[width:])
-    )
-    refuse(path, ((k, "cells", n, more if n > width else allowed) for k, n in odd))
-    columns = list(zip(*(row[:width] for row in rows), strict=True)) or [()] * width
-    kept = [
-        (name, column)
-        for name, column in zip(header, columns, strict=False)
-        if name or any(column)
-    ]
-    names = [name for name, _ in kept]
-    raise_together(
-        InputError(path, "header", name, "each column once")
-        for name in names
-        if names.count(name) > 1
-    )
-    return Table(path, _with_points(path, dict(kept), separator), comments)
+    text = _decoded(path, what).replace("\r\n", "\n").replace("\r", "\n")
+    lines = text.split("\n")
+    # A spreadsheet puts a comment with a separator in it in quotes.
+    is_comment = [line.lstrip(' "').startswith("#") for line in lines]
+    comments = [line for line, skip in zip(lines, is_comment, strict=True) if skip]
+    # An empty line in the place of a comment keeps the numbers of lines in messages.
+    rows = ["" if skip else line for line, skip in zip(lines, is_comment, strict=True)]
+
+    header = next((line for line in rows if line.strip()), "")
+    separator = _separator_of(header)
+    _refuse_commented_rows(path, comments, header, separator)
+    cells = _parsed(path, "\n".join(rows), separator, what)
+    names = cells.iloc[0].tolist()
+    cells = cells.iloc[1:].reset_index(drop=True)
+
+    used = [k for k, name in enumerate(names) if name or (cells[k] != "").any()]
+    names = [names[k] for k in used]
+    for name in names:
+        require(names.count(name) == 1, path, "header", name, "each column once")
+    cells = cells[used].set_axis(names, axis=1)
+    if separator in (";", "\t"):
+        cells = _with_decimal_points(path, cells)
+    return Table(path, cells, comments)
 
 
-def _text(path: Path_, what: str) -> str:
-    """Read the text of a file in UTF-8 or, with its mark, in UTF-16."""
+def _decoded(path: Path_, what: str) -> str:
+    """Read the text of a file."""
+    allowed = f"{what} in UTF-8, or in UTF-16 with its mark"
     try:
         content = plain_file(path).read_bytes()
-        require(
-            not content.startswith(b"PK\x03\x04"),
-            path,
-            "file",
-            "a workbook",
-            f"{what}: save its sheet as CSV",
-        )
-        text = content.decode("utf-16" if content.startswith(UTF_16) else "utf-8-sig")
     except OSError as error:
         raise InputError(path, "file", error.strerror, what) from error
+    encoding = "utf-16" if content.startswith(UTF_16_MARKS) else "utf-8-sig"
+    try:
+        text = content.decode(encoding)
     except UnicodeDecodeError as error:
-        raise InputError(
-            path, "table", str(error), f"{what} in UTF-8, or in UTF-16 with its mark"
-        ) from error
-    require(
-        "\x00" not in text,
-        path,
-        "table",
-        "a byte of zero",
-        f"{what} in UTF-8, or in UTF-16 with its mark",
-    )
+        raise InputError(path, "table", str(error), allowed) from error
+    # Every other byte of UTF-16 without its mark is zero.
+    require("\0" not in text, path, "table", "a byte of zero", allowed)
     return text
 
 
-def _rows(
-    path: Path_, lines: Sequence[str], separator: str, what: str
-) -> list[list[str]]:
-    """Read the rows that are not empty."""
-    rows, begun = [], 1
-    reader = csv.reader(lines, delimiter=separator, strict=True, skipinitialspace=True)
+def _separator_of(header: str) -> str:
+    """Find what separates the cells of a table from its header."""
+    separator = max(SEPARATORS, key=header.count)
+    if separator not in header and " " in header.strip():
+        return r"\s+"
+    return separator
+
+
+def _refuse_commented_rows(
+    path: Path_, comments: Iterable[str], header: str, separator: str
+) -> None:
+    """Refuse a comment with as many cells as the header that are mostly numbers."""
+    n_cells = len(re.split(separator, header.strip()))
+    for comment in comments:
+        _, *others = (cell.strip(' "') for cell in re.split(separator, comment))
+        is_row = len(others) == n_cells - 1 and is_number(
+            cell.replace(",", ".") for cell in others
+        )
+        allowed = "a row that begins without #, or a comment in other words"
+        require(not is_row, path, "line", comment.strip(), allowed)
+
+
+def _parsed(path: Path_, text: str, separator: str, what: str) -> "pd.DataFrame":
+    """Split a text into cells without blanks around them; row 0 is the header."""
+    import pandas as pd  # slow to import, and a process that pours reads no table
+
     try:
-        for row in reader:
-            begun = reader.line_num + 1
-            cells = [cell.strip() for cell in row]
-            if any(cells):
-                rows.append(cells)
-    except csv.Error as error:
-        raise InputError(
-            f"{path}, line {begun}",
-            "cells",
-            lines[begun - 1].rstrip(),
-            f"{what}: {error}",
-        ) from None
-    return rows
-
-
-def _with_points(
-    path: Path_, columns: dict[str, Sequence[str]], separator: str
-) -> dict[str, Sequence[str]]:
-    """Write decimal commas as points; InputError where a comma may be one of thousands, or both signs occur."""
-    texts = {name: cells for name, cells in columns.items() if not is_plain(cells)}
-    places = (
-        (k, name, cell) for name, cells in texts.items() for k, cell in enumerate(cells)
-    )
-    commas = [place for place in places if DECIMAL_COMMA.fullmatch(place[2])]
-    points = (
-        f"{one} of {name}"
-        for name, cells in columns.items()
-        for one in cells
-        if DECIMAL_POINT.fullmatch(one)
-    )
-    if commas and (point := next(points, "")):
-        refuse(
-            path,
-            [(*commas[0], f"one decimal sign in the whole table; {point} has a point")],
+        cells = pd.read_csv(
+            io.StringIO(text),
+            sep=separator,
+            header=None,
+            index_col=False,
+            dtype=object,
+            na_filter=False,
+            skipinitialspace=True,
         )
-    if (
-        separator != ";"
-        and commas
-        and all(THOUSANDS.fullmatch(cell) for *_, cell in commas)
-    ):
-        refuse(
-            path,
-            [
-                (
-                    *commas[0],
-                    "a number with a decimal point: this may be one of thousands",
-                )
-            ],
+    except pd.errors.EmptyDataError:
+        raise InputError(path, "rows", 0, what) from None
+    except pd.errors.ParserError as error:
+        fault = str(error).strip().removeprefix("Error tokenizing data. C error: ")
+        allowed = (
+            f"{what} with as many cells in a row as in its header; "
+            "a decimal comma needs ; between the columns"
         )
-    changed = {name: list(columns[name]) for name in {name for _, name, _ in commas}}
-    for k, name, cell in commas:
-        changed[name][k] = cell.replace(",", ".")
-    return columns | changed
+        raise InputError(path, "cells", fault, allowed) from None
+    for name in cells:
+        cells[name] = [cell.strip() for cell in cells[name].tolist()]
+    cells = cells[(cells != "").any(axis=1)].reset_index(drop=True)
+    require(len(cells), path, "rows", 0, what)
+    return cells
 
 
-def is_plain(cells: Sequence[Any]) -> bool:
-    """Tell whether all cells are texts of digits, points, signs and exponents alone."""
-    try:
-        return DIGITS.issuperset("".join(cells))
-    except TypeError:
-        return False
+def _with_decimal_points(path: Path_, cells: "pd.DataFrame") -> "pd.DataFrame":
+    """Write decimal commas as points; InputError if a table has both."""
+    has_comma = cells.map(lambda cell: WITH_COMMA.fullmatch(cell) is not None)
+    if not has_comma.to_numpy().any():
+        return cells
+    has_point = cells.map(lambda cell: WITH_POINT.fullmatch(cell) is not None)
+    example = cells.to_numpy()[has_comma.to_numpy()][0]
+    allowed = f"one decimal sign in the whole table; {example} has a comma"
+    rows, columns = np.nonzero(has_point.to_numpy())
+    if len(rows):
+        row, k = int(rows[0]), columns[0]
+        refuse(path, [(row, str(cells.columns[k]), cells.iat[row, k], allowed)])
+    with_points = cells.map(lambda cell: cell.replace(",", "."))
+    return cells.where(~has_comma, with_points)
 
 
-def _summaries(table: Table) -> Iterator[Fault]:
-    """Find rows that sum up others: their first cell says so, or one of a column that is not declared as text."""
-    found = set()
-    for k, (name, cells) in enumerate(table.text.items()):
-        told = (
-            BEHIND.sub("", one.casefold().replace(".", "")).strip(" :") for one in cells
-        )
-        words = [] if (k and name in table.words) or is_plain(cells) else list(told)
-        kinds = {word for word in words if word}
-        flags = len(kinds) > 1 and max(map(len, kinds)) == 1  # such as Y and N
-        of_runs = flags or (
-            words and SUMMARY.fullmatch(words[0])
-        )  # such as the same method in each row
-        counts = Counter(words)
-        for row, word in enumerate(() if k and of_runs else words):
-            # a name stands in several rows, or has other rows below it
-            once = not MAY_BE_NAMES.fullmatch(word) or (
-                counts[word] == 1 and all(map(SUMMARY.fullmatch, words[row:]))
-            )
-            if once and row not in found and SUMMARY.fullmatch(word):
-                found.add(row)
-                yield (
-                    row,
-                    name,
-                    cells[row],
-                    "a row of its own measurement; leave out rows that sum up others",
-                )
+def _renaming(found: Iterable[str], declared: Iterable[str]) -> dict[str, str]:
+    """Find columns whose names differ from declared ones in their form alone.
+
+    A form is how accents are composed, capitals, and blanks around the name. Columns
+    that share a form keep their names, as it is open which of them is meant.
+
+    Returns
+    -------
+    dict of str to str
+        Declared names by names that were found.
+    """
+    found = list(found)
+    forms = [_normal_form(name) for name in found]
+    renaming = {}
+    for name in declared:
+        form = _normal_form(name)
+        if name not in found and forms.count(form) == 1:
+            renaming[found[forms.index(form)]] = name
+    return renaming
 
 
-def _check_column(
+def _normal_form(name: str) -> str:
+    """Return a name in the form in which names are compared."""
+    return unicodedata.normalize("NFC", str(name).strip().casefold())
+
+
+def _read_column(
     column: Column, cells: Sequence[Any], left_out: Collection[int]
 ) -> tuple[list[Any], list[Fault]]:
     """Read the cells of a column, as `check` does."""
+    values: list[Any] = []
     faults: list[Fault] = []
-    values = [] if left_out else _read_at_once(column, cells)
-    for k, cell in enumerate(cells if len(values) < len(cells) else ()):
-        try:
-            values.append(math.nan if k in left_out else column.read(cell))
-        except (TypeError, ValueError, OverflowError):
-            values.append(math.nan)
-            faults.append((k, column.name, _shown(column, cell), column.allowed))
-    seen: dict[Any, int] = {}
-    for k, value in enumerate(values if column.once else ()):
-        if k not in left_out and value == value and seen.setdefault(value, k) != k:
-            faults.append(
-                (
-                    k,
-                    column.name,
-                    value,
-                    f"each {column.name} once; row {seen[value] + 1} has it, too",
-                )
-            )
+    first_rows: dict[Any, int] = {}
+    for row, cell in enumerate(cells):
+        value: Any = math.nan
+        if row not in left_out:
+            try:
+                value = column.read(cell)
+            except (TypeError, ValueError, OverflowError):
+                shown = _shown(column, cell)
+                faults.append((row, column.name, shown, column.allowed))
+        values.append(value)
+        # NaN is a cell that is empty or not allowed.
+        if column.once and value == value:
+            first = first_rows.setdefault(value, row)
+            if first != row:
+                allowed = f"each {column.name} once; row {first + 1} has it, too"
+                faults.append((row, column.name, value, allowed))
     return values, faults
 
 
-def _read_at_once(column: Column, cells: Sequence[Any]) -> list[Any]:
-    """Read a column of good plain numbers; empty where a look at each cell is needed."""
-    if column.kind not in (float, int) or not is_plain(cells):
-        return []
-    try:
-        values: list[Any] = list(map(column.kind, cells))
-    except ValueError:
-        return []
-    return values if values and column.takes(min(values), max(values)) else []
-
-
 def _shown(column: Column, cell: Any) -> Any:
-    """Return a cell for a message: numbers out of range without quotes."""
+    """Return a cell for a message: a number that is out of bounds without quotes."""
+    if column.kind is bool:
+        return cell
     try:
         number = plain_number(cell)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return cell
-    return number if column.kind is not bool and math.isfinite(number) else cell
+    return number if math.isfinite(number) else cell
+
+
+def _is_missing(cell: Any) -> bool:
+    """Tell whether a cell holds nothing: an empty text, None, or NaN."""
+    if isinstance(cell, str):
+        return cell.strip().casefold() in ("", "nan")
+    if isinstance(cell, int | float):
+        return cell != cell
+    import pandas as pd
+
+    return bool(pd.api.types.is_scalar(cell) and pd.isna(cell))
+
+
+def _truth(cell: Any) -> bool:
+    """Read True or False, with any capitals; ValueError for anything else."""
+    text = str(cell).strip().casefold()
+    if text not in ("true", "false"):
+        raise ValueError(f"{cell!r} is neither True nor False")
+    return text == "true"
+
+
+def _summary_rows(cells: "pd.DataFrame", declared: Mapping[str, Column]) -> list[Fault]:
+    """Find a row at the end that is no measurement but a statistic of the rows above.
+
+    Compared are the columns that are declared as numbers or, if none is, all columns
+    of numbers. The row must equal the same statistic in every column that varies: the
+    centre of a design equals the mean of all its parameters, but of no response.
+    """
+    names = [name for name in cells if _is_declared_number(declared.get(name))]
+    if not names:
+        names = [name for name in cells if is_number(cells[name])]
+    n_rows = len(cells)
+    numbers = np.full((n_rows, len(names)), math.nan)
+    for k, name in enumerate(names):
+        numbers[:, k] = [_finite_number(cell) for cell in cells[name].tolist()]
+
+    # Of several such rows at the end the first is found: below it are no measurements.
+    for row in range(max(0, n_rows - len(STATISTICS)), n_rows):
+        last_digits = [_last_digit(cells[name].iat[row]) for name in names]
+        statistic = _statistic_in(numbers[: row + 1], last_digits)
+        if statistic:
+            allowed = (
+                f"a row of its own measurement; this one has the {statistic} of the "
+                "rows above it in each column: leave it out"
+            )
+            return [(row, str(cells.columns[0]), cells.iat[row, 0], allowed)]
+    return []
+
+
+def _is_declared_number(column: Column | None) -> bool:
+    """Tell whether a column is declared as one of numbers."""
+    return column is not None and column.kind in (int, float)
+
+
+def _statistic_in(numbers: np.ndarray, last_digits: Sequence[float]) -> str:
+    """Name the statistic that the last row has of the rows above; empty if there is none.
+
+    Parameters
+    ----------
+    numbers : ndarray, (rows, columns)
+        NaN where a cell holds no number.
+    last_digits : sequence of float
+        Unit of the last digit that the last row prints in each column.
+    """
+    n_columns = 0
+    candidates = list(STATISTICS)
+    for column, last_digit in zip(numbers.T, last_digits, strict=True):
+        value = column[-1]
+        above = column[:-1][np.isfinite(column[:-1])]
+        if not math.isfinite(value) or len(above) < FEWEST_ROWS_ABOVE:
+            continue
+        if np.std(above) < FEWEST_STEPS * last_digit:
+            continue
+        n_columns += 1
+        # Half a digit, and room for the rounding of the statistic itself.
+        tolerance = 0.501 * last_digit
+        candidates = [
+            name
+            for name in candidates
+            if abs(STATISTICS[name](above) - value) <= tolerance
+        ]
+    if n_columns < FEWEST_COLUMNS or not candidates:
+        return ""
+    return candidates[0]
+
+
+def _finite_number(cell: str) -> float:
+    """Read a cell; NaN if it holds no finite number."""
+    number = float(cell) if NUMBER.fullmatch(cell) else math.nan
+    return number if math.isfinite(number) else math.nan
+
+
+def _last_digit(cell: str) -> float:
+    """Return the unit of the last digit of a number as it is written; NaN without one."""
+    if math.isnan(_finite_number(cell)):
+        return math.nan
+    return 10.0 ** int(Decimal(cell.strip()).as_tuple().exponent)
