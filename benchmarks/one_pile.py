@@ -111,7 +111,9 @@ def grain(source, spheres):
     if spheres == 1:
         return study.grain, sphere_of_volume(study.particle)
     clump = {"particle": "multisphere", "spheres": spheres}
-    study = PipelineConfig.of(study.config | {"berry": study.config["berry"] | clump}, source)
+    study = PipelineConfig.of(
+        study.config | {"berry": study.config["berry"] | clump}, source
+    )
     return study.grain, study.particle
 
 

@@ -169,7 +169,9 @@ def main():
         "--pairs", type=int, default=0, help="hits of two berries of each time step"
     )
     arguments = parser.parse_args()
-    for row in rows(PipelineConfig.load(*arguments.config), arguments.seeds, arguments.pairs):
+    for row in rows(
+        PipelineConfig.load(*arguments.config), arguments.seeds, arguments.pairs
+    ):
         print(*row, sep="\t", flush=True)
 
 

@@ -60,7 +60,9 @@ def _in_the_project():
 def _studies():
     from repose.config.pipeline import PipelineConfig
 
-    return {name: PipelineConfig.load(f"config/{name}.yaml") for name in ("config", "quick")}
+    return {
+        name: PipelineConfig.load(f"config/{name}.yaml") for name in ("config", "quick")
+    }
 
 
 @pytest.fixture

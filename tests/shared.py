@@ -17,7 +17,6 @@ from repose.calibrate import responses
 from repose.calibrate.settings import CalibrationSettings
 from repose.calibrate.surrogates.settings import NetworkSettings
 from repose.calibrate.targets import Targets
-from repose.common import reading
 from repose.common.section import Section
 from repose.config import models
 from repose.config.pipeline import PipelineConfig

@@ -25,7 +25,9 @@ def main():
     print("| bench test | response | angle, deg | runs |\n|---|---|---|---|")
     for name, responses in ANGLES.items():
         own = HERE / f"{name}.yaml"
-        study = PipelineConfig.load("config/config.yaml", *([own] if own.exists() else []))
+        study = PipelineConfig.load(
+            "config/config.yaml", *([own] if own.exists() else [])
+        )
         test, values = bench(name), study.parameters.centre
         measured = []
         for seed in SEEDS:

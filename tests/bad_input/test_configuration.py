@@ -29,7 +29,9 @@ def good():
 def resolved(schema):
     """A schema with its references followed, and that of its numbers where it may also be null or auto."""
     while "$ref" in schema:
-        schema = faults.schema(settings_type())["$defs"][schema["$ref"].rsplit("/", 1)[1]]
+        schema = faults.schema(settings_type())["$defs"][
+            schema["$ref"].rsplit("/", 1)[1]
+        ]
     others = [kind for kind in schema.get("anyOf", []) if kind not in (NULL, AUTO)]
     if len(others) != 1:
         return schema
@@ -63,7 +65,11 @@ def leaves():
 
 
 def sections():
-    return [name for name, schema in entries(faults.schema(settings_type())) if "properties" in schema]
+    return [
+        name
+        for name, schema in entries(faults.schema(settings_type()))
+        if "properties" in schema
+    ]
 
 
 def bad_values(schema):
@@ -174,7 +180,11 @@ def test_every_missing_key_is_reported():
         for key, _ in leaves()
         if not key.startswith("targets.") and key not in OPTIONAL
     ]
-    required += [name for name in sections() if name in faults.schema(settings_type())["required"]]
+    required += [
+        name
+        for name in sections()
+        if name in faults.schema(settings_type())["required"]
+    ]
     check_all(missing, [(key, key) for key in required])
 
 

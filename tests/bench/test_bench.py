@@ -114,7 +114,9 @@ def test_its_section_is_part_of_the_configuration(config):
             config | {"drop": SECTION | {key: value}},
         )
     del config["drop"]
-    input_error(r"targets\.2\.apparatus is 'drop'; .*has a section", PipelineConfig.of, config)
+    input_error(
+        r"targets\.2\.apparatus is 'drop'; .*has a section", PipelineConfig.of, config
+    )
 
 
 IMPOSSIBLE = yaml.safe_load((ROOT / "tests/bench/impossible.yaml").read_text())
@@ -155,7 +157,9 @@ def test_a_bench_test_that_cannot_run_is_refused():
         for name, key, value, text in IMPOSSIBLE
     ]
     assert not not_refused(
-        lambda case: PipelineConfig.of(configured(case[0], **case[1])), cases, InputError
+        lambda case: PipelineConfig.of(configured(case[0], **case[1])),
+        cases,
+        InputError,
     )
 
 

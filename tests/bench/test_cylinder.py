@@ -206,7 +206,9 @@ def test_a_study_may_leave_out_taps_and_a_small_filling_has_both_densities():
     assert "cylinder.taps" not in study.definitions["tapped_density_kg_m3"]
     assert study.definitions["bulk_density_kg_m3"]["cylinder.height_mm"] == 150.0
     study.config["targets"][0] |= {"response": "tapped_density_kg_m3", "range": None}
-    input_error(r"cylinder\.taps is null; expected 1 or more", PipelineConfig.of, study.config)
+    input_error(
+        r"cylinder\.taps is null; expected 1 or more", PipelineConfig.of, study.config
+    )
     own = config(**SMALL)
     record, run = run_once(bench("cylinder"), Scene.of(own, SET, BERRY, PARTICLE, 1))
     assert (record["status"], record["berries_poured"]) == ("ok", 90)

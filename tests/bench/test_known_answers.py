@@ -224,7 +224,9 @@ CASES = itertools.product(ANSWERS, LAWS, GRAINS)
 def test_a_bench_test_gives_the_known_answer(name, law, kind):
     if (name, law) == ("inclined_plane", "constant_torque"):
         input_error(
-            r"simulation\.rolling_law.*lets it creep", PipelineConfig.of, configured(name, law)
+            r"simulation\.rolling_law.*lets it creep",
+            PipelineConfig.of,
+            configured(name, law),
         )
         return
     check, *frictions = ANSWERS[name]

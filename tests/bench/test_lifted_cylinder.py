@@ -16,7 +16,7 @@ from repose.config.pipeline import PipelineConfig
 from repose.measure import pile
 from repose.measure.saved_piles import side_view
 from repose.measure.settings import MeasureSettings
-from repose.stages import card, published
+from repose.stages import card_study, published
 from repose.stages.job import run_once
 
 SET = named((0.3, 0.5, 0.1, 0.3, 0.5, 0.1))
@@ -138,7 +138,7 @@ def test_the_card_and_the_definitions_say_how_much_is_filled_in():
         for response in bench("lifted_cylinder").responses:
             assert f"lifted_cylinder.{said}" in study.definitions[response.name]
             assert f"lifted_cylinder.{other}" not in study.definitions[response.name]
-        described = card.described(
+        described = card_study.described(
             study, bench("lifted_cylinder").responses[0], study.grain
         )
         assert said in described["bench"]

@@ -137,7 +137,8 @@ def test_the_check_of_a_configuration_refuses_what_a_pour_would(changes, reason)
     for key, value in changes.items():
         put(config, key, value)
     input_error(
-        rf"simulation\.time_step_s is .*{reason}", PipelineConfig.of(config).check_inputs
+        rf"simulation\.time_step_s is .*{reason}",
+        PipelineConfig.of(config).check_inputs,
     )
 
 

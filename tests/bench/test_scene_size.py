@@ -125,7 +125,9 @@ def seeds(tmp_path):
 
 
 def lines_of(study, path):
-    return list(about(PipelineConfig.load(written(path, yaml.safe_dump(study)), inputs=True)))
+    return list(
+        about(PipelineConfig.load(written(path, yaml.safe_dump(study)), inputs=True))
+    )
 
 
 @pytest.mark.parametrize("response", ["flank", "secant"])

@@ -37,7 +37,11 @@ def folder(tmp_path, monkeypatch, by_hand):
 
 def test_what_is_left_out_is_computed_and_what_is_given_stays(folder, by_hand):
     config = PipelineConfig.load(inputs=True).config
-    assert config == PipelineConfig.load("config.yaml").config == json.loads(json.dumps(config))
+    assert (
+        config
+        == PipelineConfig.load("config.yaml").config
+        == json.loads(json.dumps(config))
+    )
     assert config["network"]["split"] == by_hand["network"]["split"]
     found, known = (
         {key: at(one, key) for key in KEYS[1:]} for one in (config, by_hand)
@@ -55,14 +59,21 @@ def test_what_is_left_out_is_computed_and_what_is_given_stays(folder, by_hand):
     (folder / "more.yaml").write_text(
         "surrogate: network\n"
     )  # it stops by samples of its own
-    assert PipelineConfig.load("more.yaml").config["network"]["split"] == [0.70, 0.15, 0.15]
+    assert PipelineConfig.load("more.yaml").config["network"]["split"] == [
+        0.70,
+        0.15,
+        0.15,
+    ]
 
 
 def test_the_time_step_is_eight_tenths_of_the_longest(folder):
     step = PipelineConfig.load("config.yaml").config["simulation"]["time_step_s"]
     (folder / "more.yaml").write_text("simulation: {time_step_s: 1.0e-2}")
     fault = input_error(
-        r"simulation\.time_step_s is 0\.01", PipelineConfig.load, "more.yaml", inputs=True
+        r"simulation\.time_step_s is 0\.01",
+        PipelineConfig.load,
+        "more.yaml",
+        inputs=True,
     )
     longest = float(fault.allowed.removeprefix("at most ").split(",")[0])
     assert 0.75 * longest < step <= 0.8 * longest

@@ -18,7 +18,7 @@ from repose.config import stands_on
 from repose.config.models import settings_type
 from repose.config.pipeline import PipelineConfig
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
-from repose.stages.card import laws as described_laws
+from repose.stages.card_study import laws as described_laws
 from repose.stages.parameter_sets import read_sample
 
 GRAINS = {"gamma_gg": [0.0, 0.1]}
@@ -35,7 +35,9 @@ def study(contact_law, rolling_law="budget", **parameters):
 
 def test_the_configuration_knows_the_laws_the_card_their_convention_and_twisting_its_laws():
     for key, laws in (("contact_law", CONTACT_LAWS), ("rolling_law", ROLLING_LAWS)):
-        assert faults.subschema(["simulation", key], settings_type())["enum"] == list(laws)
+        assert faults.subschema(["simulation", key], settings_type())["enum"] == list(
+            laws
+        )
         config = copy.deepcopy(study("hertz_mindlin").config)
         before = hash_of(stands_on.settings_of(config, "pour"))
         config["simulation"][key] = "linear_spring" if key == "contact_law" else "epsd"

@@ -9,8 +9,7 @@ import repose
 from repose.calibrate.answer import Check
 from repose.calibrate.strategies.sequential.goal import Goal
 from repose.config import stands_on
-from repose.config.pipeline import PipelineConfig
-from repose.stages.card import described
+from repose.stages.card_study import described
 
 TABLE = """# read off a picture
 x_mm,low_mm,z_mm,sd_mm
@@ -41,7 +40,9 @@ def entry(table):
 
 
 def study_of(quick, entry):
-    return PipelineConfig.of(quick.config | {"targets": [*quick.config["targets"], entry]})
+    return PipelineConfig.of(
+        quick.config | {"targets": [*quick.config["targets"], entry]}
+    )
 
 
 def test_a_profile_becomes_a_target_for_each_score_with_its_errors(quick, entry):

@@ -99,7 +99,8 @@ def test_a_folder_with_somebodys_files_is_refused_and_a_studys_is_taken(
     for way in ("data/figures/figure02.png/results", "link", "link/results"):
         config["results_dir"] = str(tmp_path / way)
         input_error(
-            "a file, or a link to nothing, is in its way", PipelineConfig.of(config).check_inputs
+            "a file, or a link to nothing, is in its way",
+            PipelineConfig.of(config).check_inputs,
         )
 
 

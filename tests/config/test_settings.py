@@ -46,9 +46,13 @@ def test_the_page_tells_the_ranges_that_are_allowed():
             for section, (k, key) in itertools.product(
                 re.findall(r"`(\w+)`", heading), enumerate(keys)
             ):
-                if pairs and key in faults.subschema([section], settings_type()).get("properties", {}):
+                if pairs and key in faults.subschema([section], settings_type()).get(
+                    "properties", {}
+                ):
                     low, high = pairs[min(k, len(pairs) - 1)]
-                    allowed = faults.allowed_by(faults.subschema([section, key], settings_type()))
+                    allowed = faults.allowed_by(
+                        faults.subschema([section, key], settings_type())
+                    )
                     assert (
                         f"from {low} to {high.replace(',', '')}" in allowed
                         or "from" not in allowed
@@ -340,11 +344,17 @@ def test_what_follows_from_a_wrong_or_mistyped_key_is_reported_once(config):
     wrong = config | {"refin": config["refine"]}
     del wrong["refine"]
     input_error(
-        r"^my.yaml: refin is \{.*did you mean refine\?$", PipelineConfig.of, wrong, "my.yaml"
+        r"^my.yaml: refin is \{.*did you mean refine\?$",
+        PipelineConfig.of,
+        wrong,
+        "my.yaml",
     )
     config["funnel"]["seads"] = config["funnel"].pop("seeds")
     input_error(
-        r"funnel\.seads is 6; .*did you mean seeds", PipelineConfig.of, config, "my.yaml"
+        r"funnel\.seads is 6; .*did you mean seeds",
+        PipelineConfig.of,
+        config,
+        "my.yaml",
     )
 
 
@@ -366,7 +376,9 @@ def test_noise_needs_replicates_of_every_bench_test_or_validation_samples(config
     config = kept
     network = config["network"] | {"validation_noise": True}
     wanted = r"network\.validation_noise is true; expected false where replicates"
-    input_error(wanted, PipelineConfig.of, config | {"network": network | {"replicates": True}})
+    input_error(
+        wanted, PipelineConfig.of, config | {"network": network | {"replicates": True}}
+    )
     network |= {"replicates": False, "split": [0.7, 0.15, 0.15]}
     PipelineConfig.of(config | {"network": network})
     for split, samples in (([0.85, 0.0, 0.15], 150), ([0.7, 0.15, 0.15], 14)):
@@ -428,7 +440,9 @@ def test_a_strategy_that_cannot_run_with_its_section_is_refused(quick):
 def test_a_proposal_is_cut_into_a_hundred_blocks_at_most(config):
     config["refine"] |= {"seeds": 801, "block": 8}
     input_error(
-        r"refine\.block is 8; expected at least refine.seeds / 100", PipelineConfig.of, config
+        r"refine\.block is 8; expected at least refine.seeds / 100",
+        PipelineConfig.of,
+        config,
     )
 
 

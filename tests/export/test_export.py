@@ -25,7 +25,7 @@ from repose.export.job import make, surface_means
 from repose.export.lammps import TSUJI, contact_keywords, damping_numbers
 from repose.export.laws import rolling_coefficient
 from repose.export.liggghts import LEAST_RESTITUTION, prime
-from repose.stages import card, card_study
+from repose.stages import card_study
 
 DECK = {
     "liggghts": "in.pour",
@@ -540,11 +540,11 @@ def test_a_card_brings_the_configuration_beside_it(monkeypatch, tmp_path, comman
     shown = json.loads((ROOT / "crops/cards/wheat.json").read_text())
     config = PipelineConfig.load(CONFIG).config
     (tmp_path / "config.json").write_text(json.dumps(config))
-    wall = {key: config["wall"][key] for key in card.WALL}
+    wall = {key: config["wall"][key] for key in card_study.WALL}
     shown |= {
         "material": config["label"],
         "wall": wall,
-        "laws": card.laws(PipelineConfig.load(CONFIG).settings.simulation),
+        "laws": card_study.laws(PipelineConfig.load(CONFIG).settings.simulation),
     }
     shown["tests"][0]["bench"] = config["funnel"]
     (tmp_path / "card.json").write_text(json.dumps(shown))
@@ -555,7 +555,7 @@ def test_a_card_brings_the_configuration_beside_it(monkeypatch, tmp_path, comman
             strict=True,
         )
     )
-    berry = axes | {key: shown["grain"][key] for key in card.GRAIN}
+    berry = axes | {key: shown["grain"][key] for key in card_study.GRAIN}
     monkeypatch.setattr(
         "repose.cli.berries.berry_and_particle", lambda *_: (berry, THREE)
     )

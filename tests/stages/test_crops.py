@@ -15,7 +15,7 @@ from repose.common.provenance import engine_hash
 from repose.config import loader, stands_on
 from repose.config.pipeline import PipelineConfig
 from repose.stages import card
-from repose.stages.card import described
+from repose.stages.card_study import described
 from repose.stages.published import published_sets
 
 CROPS = places.root() / "crops"

@@ -281,7 +281,9 @@ def test_a_whole_study_is_read_and_runs_twice_lost_or_of_another_are_refused(tab
 def test_a_table_cut_anywhere_is_refused(tables, name, rows, share):
     content = (tables / name).read_bytes()
     (tables / name).write_bytes(content[: int(share * len(content))])
-    input_error(rf"{name}.*(height_mm is nan|rows is \d+; expected {rows})", read, tables)
+    input_error(
+        rf"{name}.*(height_mm is nan|rows is \d+; expected {rows})", read, tables
+    )
 
 
 DAMAGED = yaml.safe_load((ROOT / "tests/stages/damaged.yaml").read_text())

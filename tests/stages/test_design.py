@@ -10,8 +10,8 @@ from repose.bench.parameters import PARAMETERS
 from repose.bench.space import contact_space
 from repose.calibrate.designs import exchange_search
 from repose.calibrate.designs import latin_hypercube as design
-from repose.stages.design import run as run_design
 from repose.calibrate.designs.settings import DesignSettings
+from repose.stages.design import run as run_design
 
 
 def strata_are_filled_once(points):

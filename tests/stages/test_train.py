@@ -248,9 +248,7 @@ def test_definitions_are_kept_and_others_are_refused(tmp_path):
 def test_the_split_is_reported_and_the_saved_model_knows_all_samples(tmp_path, name):
     dataset_csv, runs_csv = write_tables(tmp_path)
     out = tmp_path / "out"
-    metrics = trained(
-        dataset_csv, runs_csv, study(but(starts=1), surrogate=name), out
-    )
+    metrics = trained(dataset_csv, runs_csv, study(but(starts=1), surrogate=name), out)
     saved, table = load(out / "network.json"), pd.read_csv(out / "predictions.csv")
     test = table[table["split"] == "test"]
     error = np.sqrt(np.mean((test["height_mm"] - test["height_predicted_mm"]) ** 2))

@@ -323,9 +323,7 @@ def test_a_study_of_height_alone_and_one_without_a_stored_table(study):
     assert "aor_simulated_deg" not in theirs
     assert theirs["height_simulated_mm"].tolist() == [66.0, 66.0]
     for table in (theirs, published(None, one)):
-        found = compared(
-            study / "v/solutions.csv", paths, of(one), table, study / "v"
-        )
+        found = compared(study / "v/solutions.csv", paths, of(one), table, study / "v")
         assert found["representative"]["response"].tolist() == ["height_mm"]
         assert len(pd.read_csv(study / "v/published.csv")) == len(table)
     assert {"sample", "solution", "stale"} < set(pd.read_csv(study / "v/published.csv"))

@@ -260,9 +260,7 @@ def test_a_strategy_of_a_file_of_its_own_is_run_by_the_same_rules(
     assert not {"pour", "network"} & set(jobs)
     folder = project / "results/quick/probe/batch_0"
     config = PipelineConfig.load(project / "config/quick.yaml").config
-    propose(
-        "probe", Given(SPACE, Targets.of(config["targets"]), config), [], folder
-    )
+    propose("probe", Given(SPACE, Targets.of(config["targets"]), config), [], folder)
     assert planned(project, *words)["batch_pour"] == 3
     assert (
         "--seeds 2 --purpose batches " in snakemake(project, "-n", "-p", *words).stdout

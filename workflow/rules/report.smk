@@ -138,7 +138,7 @@ rule card:
         **needs(300),
     params:
         config=CONFIG,
-        code=room_hash("stages.card", "stages.card_model", "calibrate.answer"),
+        code=room_hash("stages.card", "stages.card_study", "calibrate.answer"),
         tables=[f"--{name}={path}" for name, path in (POSTERIOR | OWN_PILES).items()],
         depends=stands_on.settings_of(config, "material_card")
         | {"label": config["label"]},

@@ -115,7 +115,10 @@ class Calibration(NamedTuple):
         settings = self.study.settings
         tests = {}
         for name in self.study.targets.names:
-            definition: dict[str, Any] = {"name": settings.definitions.get(name), "settings": {}}
+            definition: dict[str, Any] = {
+                "name": settings.definitions.get(name),
+                "settings": {},
+            }
             tests[name] = {"definition": definition, "bench": None}
         card = cards.assembled(
             about={"simulator": settings.simulator, "probability": self.probability},

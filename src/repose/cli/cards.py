@@ -2,87 +2,50 @@
 
 import argparse
 
-from repose.cli.options import BERRY, FEASIBLE, require_option
+from repose.cli.options import BERRY, FEASIBLE
 from repose.cli.registry import Option, verb
 from repose.common.errors import InputError
 from repose.config.pipeline import PipelineConfig
 
-FILES_OF = {"show": 1, "compare": 2, "check": 1, "find": 0}
+# How many cards each action takes.
+N_CARDS = {"show": 1, "compare": 2, "check": 1}
 NOT_MET = 3  # exit status of `card check` where the targets are not met
 FILES = ("berry", "particle", "feasible", "table4", "posterior", "draws", "dataset")
-MIGA, VALIDATION = "results/miga/summary.json", "results/validation/representative.csv"
+MIGA = "results/miga/summary.json"
+VALIDATION = "results/validation/representative.csv"
 
 
 @verb(
     Option(
         "action",
-        choices=tuple(FILES_OF),
-        help="show FILE, compare FILE OTHER, check FILE, or find --like",
+        choices=tuple(N_CARDS),
+        help="show FILE, compare FILE OTHER, or check FILE",
     ),
     # cards of different engines may be compared
     Option("cards", nargs="*", help="card.json of a finished study", recorded=False),
-    Option(
-        "--like",
-        metavar="6x3x2.6",
-        help="find: full axes of the grain in mm, or the diameter of a sphere",
-    ),
-    Option("--density", type=float, metavar="KG_M3", help="find: density of the grain"),
     config=False,
 )
 def card(args: argparse.Namespace) -> int:
     """Show a material card, the answer of a study as one file, compare two, or check whether the targets are met.
 
-    Status 0, or 3 where they are not met or this was not simulated; or find the card of a similar grain.
+    Status 0, or 3 where they are not met or this was not simulated.
 
     example: show results/card.json
     """
-    from repose.common import faults
-    from repose.config.models import settings_type
-    from repose.stages import card, card_library, card_text
+    from repose.stages import card, card_text
 
-    if len(args.cards) != FILES_OF[args.action]:
-        raise InputError(
-            "command line",
-            f"card {args.action}",
-            args.cards,
-            f"files: {FILES_OF[args.action]}",
-        )
-    allowed = (
-        "the axes of the grain, such as 6x3x2.6"
-        if args.action == "find"
-        else "`card find` alone"
-    )
-    require_option(
-        (args.action == "find") == (args.like is not None), "--like", args.like, allowed
-    )
-    require_option(
-        args.action == "find" or args.density is None,
-        "--density",
-        args.density,
-        allowed,
-    )
-    if args.action == "find":
-        bounds = faults.subschema(["berry", "density_kg_m3"], settings_type())
-        good = (
-            args.density is None
-            or bounds["minimum"] <= args.density <= bounds["maximum"]
-        )
-        require_option(
-            good, "--density", args.density, f"{faults.allowed_by(bounds)}, in kg/m3"
-        )
-        print(
-            "\n".join(card_library.found(card_library.axes_of(args.like), args.density))
-        )
-        return 0
+    n_cards = N_CARDS[args.action]
+    if len(args.cards) != n_cards:
+        key = f"card {args.action}"
+        raise InputError("command line", key, args.cards, f"files: {n_cards}")
     cards = [card.read(path) for path in args.cards]
     if args.action == "check":
         print(card_text.verdict(cards[0]))
         return 0 if cards[0]["met"] else NOT_MET
-    print(
-        card_text.describe(cards[0])
-        if args.action == "show"
-        else card_text.compared(*cards)
-    )
+    if args.action == "compare":
+        print(card_text.compared(*cards))
+    else:
+        print(card_text.describe(cards[0]))
     return 0
 
 
@@ -120,7 +83,7 @@ def material_card(args: argparse.Namespace, study: PipelineConfig) -> None:
 
     example: --out results/card.json
     """
-    from repose.stages import answer, card
+    from repose.stages import answer, card_study
 
     if (args.posterior is None) != (args.draws is None):
         raise InputError(
@@ -138,4 +101,5 @@ def material_card(args: argparse.Namespace, study: PipelineConfig) -> None:
         results_dir=settings.results_dir,
         small_run=settings.small_run,
     )
-    card.run(study, result, {name: getattr(args, name) for name in FILES}, args.out)
+    files = {name: getattr(args, name) for name in FILES}
+    card_study.run(study, result, files, args.out)

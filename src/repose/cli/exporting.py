@@ -47,7 +47,7 @@ def export(args: argparse.Namespace) -> None:
     """
     from repose.cli.berries import berry_and_particle
     from repose.export.job import is_sphere, make
-    from repose.stages import card, card_study
+    from repose.stages import card_study
 
     study = None if args.config is None else load(args)
     allowed = "one source of the parameters: --card, --set or --samples"
@@ -57,7 +57,7 @@ def export(args: argparse.Namespace) -> None:
         args.card,
         allowed,
     )
-    of_card = None if args.card is None else card.read_own(args.card)
+    of_card = None if args.card is None else card_study.read_own(args.card)
     require_option(args.seed >= 0, "--seed", args.seed, "a whole number from 0")
     require_option(
         args.spheres is None or 1 <= args.spheres <= MOST,
@@ -66,7 +66,9 @@ def export(args: argparse.Namespace) -> None:
         f"from 1 to {MOST}",
     )
     if study is None:
-        found = None if args.card is None else card.configuration_of_card(args.card)
+        found = (
+            None if args.card is None else card_study.configuration_of_card(args.card)
+        )
         if found is not None or of_card is None:
             args.config = str(found or CONFIG.keywords["default"])
             try:
@@ -97,7 +99,7 @@ def export(args: argparse.Namespace) -> None:
             )
         config = study.config
         if of_card is not None:
-            card.require_one_study(of_card, args.card, study, args.config, grain)
+            card_study.require_one_study(of_card, args.card, study, args.config, grain)
     elif of_card is not None:
         config, grain = (
             card_study.configuration_of(of_card, args.card),

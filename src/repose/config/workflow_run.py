@@ -51,7 +51,9 @@ def study_of_workflow(
     """
     files = [_as_typed(path) for path in configfiles]
     source = loader.COMMAND_LINE if has_command_line else loader.WORKFLOW
-    return PipelineConfig.of(*loader.over_defaults(config, files, source), inputs=inputs)
+    return PipelineConfig.of(
+        *loader.over_defaults(config, files, source), inputs=inputs
+    )
 
 
 def _as_typed(path: str) -> str:

@@ -1,265 +1,270 @@
-"""The material card: the answer of a calibration as one file, for people and for other programs.
+"""The material card: the answer of a calibration as one file, for people and programs.
 
-A card is made, written and read here, and compared with the configuration of its study. `card_model` defines its
-content, `card_text` prints it.
+`Card` and `OtherCard` are its content as typed models. `card.schema.json` beside this
+module and docs/card.md are made from them: `python tests/documents/card_files.py`.
+`card_study` makes the card of a study, and `card_text` prints cards.
 """
 
-import math
-from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, Literal
 
-from repose.bench import bench, reach
-from repose.bench.parameters import LABELS
-from repose.bench.settings import SimulationSettings, WallSettings
-from repose.calibrate.answer import Result
-from repose.calibrate.card import assembled
-from repose.calibrate.card import held as held
-from repose.calibrate.card import with_remark as with_remark
-from repose.calibrate.parameter_space import ParameterSpace
-from repose.calibrate.profiles import OfProfile
-from repose.calibrate.responses import Response, derived
-from repose.calibrate.runs import error_of
-from repose.calibrate.targets import Targets
-from repose.common.errors import InputError
-from repose.common.files import Path_, read_json, read_table, write_json
-from repose.common.section import Section
-from repose.grain.berry_files import SIZE_COLUMNS, read_berry
+from pydantic import Field, JsonValue, TypeAdapter, ValidationError
+
+from repose.bench.parameters import PARAMETERS, PHYSICAL_LIMITS
+from repose.bench.settings import WallSettings
+from repose.common.errors import InputError, raise_together
+from repose.common.files import Path_, read_json
+from repose.common.section import ABSENT, OneOf, Section
 from repose.grain.settings import GrainSettings
-from repose.measure.section import MeasureSection
-from repose.stages.card_model import WHAT, check
 
-if TYPE_CHECKING:
-    import pandas as pd
+WHAT = "a material card"
 
-    from repose.grain.particle import Particle
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+Chance = Annotated[float, Field(ge=0, le=1)]
+Text = Annotated[str, Field(min_length=1)]
+Three = Annotated[list[Positive], Field(min_length=3, max_length=3)]
+Sphere = Annotated[list[float], Field(min_length=4, max_length=4)]
 
-    Tables = tuple[pd.DataFrame, pd.DataFrame]  # posterior.csv and draws.csv
-
-GRAIN = ("density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa", "poisson_ratio")
-WALL = ("shear_modulus_pa", "poisson_ratio")
-SIMULATION = ("time_step_s", "gravity_m_s2")
-CHOSEN = "measure.response"  # names the definition of a response that has several
-BERRY_HEIGHT = "berry_height_mm"
-CONFIG = "config.json"  # the configuration of a study, beside its card
-AGREEMENT = 1e-6  # relative, of a number of the card and of the configuration
+# --- content --------------------------------------------------------------------------
+# A field whose default is `ABSENT` may be missing in a card, and may not be null.
 
 
-class CardTarget(Protocol):
-    """A target of the configuration, as a card describes it."""
+class Wall(Section):
+    """Material of the walls."""
 
-    @property
-    def response(self) -> str: ...
-
-    @property
-    def profile(self) -> OfProfile | None: ...
+    # The same bounds as in a configuration.
+    shear_modulus_pa: float = WallSettings.model_fields["shear_modulus_pa"]  # type: ignore[assignment]
+    poisson_ratio: float = Field(ge=0, le=0.5)
 
 
-class CardSettings(Protocol):
-    """The sections of the configuration that a card describes."""
+class Grain(Wall):
+    """The grain as simulated."""
 
-    @property
-    def label(self) -> str: ...
-
-    @property
-    def berry(self) -> GrainSettings: ...
-
-    @property
-    def wall(self) -> WallSettings: ...
-
-    @property
-    def simulation(self) -> SimulationSettings: ...
-
-    @property
-    def measure(self) -> MeasureSection: ...
-
-    @property
-    def targets(self) -> Sequence[CardTarget]: ...
-
-
-class CardStudy(Protocol):
-    """The configuration of a study, as a card describes it."""
-
-    @property
-    def config(self) -> dict[str, Any]: ...
-
-    @property
-    def settings(self) -> CardSettings: ...
-
-    @property
-    def parameters(self) -> ParameterSpace: ...
-
-    @property
-    def targets(self) -> Targets: ...
-
-
-# --- made -----------------------------------------------------------------------------------------
-
-
-def make(
-    study: CardStudy,
-    answer: Result,
-    grain: Mapping[str, Any],
-    particle: "Particle",
-    feasible: "pd.DataFrame",
-    posterior: "Tables | None" = None,
-    dataset_csv: Path_ | None = None,
-    row: Mapping[str, Any] | None = None,
-) -> dict[str, Any]:
-    """Make the card of a calibration; without a posterior, intervals and correlations come from the sets found.
-
-    `dataset_csv` are the samples of the design. `row` is the answer's in table4.csv, which has its piles by every
-    definition of the angle.
-    """
-    settings = study.settings
-    about = {
-        "grain": _grain(settings.berry.size_distribution == "none", grain, particle),
-        "wall": {key: getattr(settings.wall, key) for key in WALL},
-        "laws": laws(settings.simulation),
-        "simulation": {key: getattr(settings.simulation, key) for key in SIMULATION},
-    }
-    tests = {
-        target.name: described(study, target.response, grain)
-        | _lines(settings.measure, target.name, row or {})
-        for target in study.targets
-    }
-    for name, found in reach.of(study.config, particle, dataset_csv).items():
-        tests[name]["reach"] = found.record()
-    return assembled(
-        about, tests, answer, study.parameters, feasible, posterior, labels=LABELS
+    mean_axes_mm: Three = Field(description="full axes, the longest first")
+    measured: int = Field(ge=1, description="number of grains")
+    relative_spread: float = Field(
+        ge=0,
+        le=1,
+        description="standard deviation of the size over its mean; "
+        "0 where all are alike",
+    )
+    density_kg_m3: float = GrainSettings.model_fields["density_kg_m3"]  # type: ignore[assignment]
+    elastic_modulus_pa: Positive
+    shape: Literal["ellipsoid", "smooth", "multisphere"]
+    volume_mm3: Positive
+    mass_g: Positive
+    inertia_kg_m2: Three = Field(
+        ABSENT, description="principal moments; cards of earlier versions lack them"
+    )
+    ellipsoids_mm: list[Three] = Field(
+        description="half axes of the ellipsoids that add up to the body"
+    )
+    spheres_mm: list[Sphere] = Field(
+        description="x, y, z, radius of a multisphere's spheres"
     )
 
 
-def laws(settings: SimulationSettings) -> dict[str, str]:
-    """Describe the contact laws of a study, by direction."""
-    from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
-    from repose.dem.laws.law import COULOMB
+class Simulation(Section):
+    """Numbers of every simulation of the study."""
 
-    contact = CONTACT_LAWS[settings.contact_law]
-    limit = contact.limits[COULOMB[settings.tension]]
-    words = {**contact.words, **ROLLING_LAWS[settings.rolling_law].words}
-    sentences = {
-        direction: text.format(limit=limit) for direction, text in words.items()
-    }
-    return sentences | {"end of an impact": contact.ends[settings.tension]}
+    time_step_s: Positive
+    gravity_m_s2: Positive
 
 
-def described(
-    study: CardStudy, response: Response, grain: Mapping[str, Any]
-) -> dict[str, Any]:
-    """Describe a response by its definition and its bench test's settings, with the units in the keys."""
-    from repose.measure.settings import MeasureSettings
+class Probability(Section):
+    """How probably the means of another simulator meet the targets."""
 
-    test, measure = bench(response.apparatus), study.settings.measure
-    section, others = study.config[test.name], ("seeds", *test.measured_by)
-    profiles = (
-        one.profile for one in study.settings.targets if one.response == response.name
+    within_1_percent: Chance
+    within_2_percent: Chance
+    inside: Chance
+
+
+class Parameter(Section):
+    """A parameter of the answer."""
+
+    meaning: str
+    value: float
+    low: float | None
+    high: float | None
+    at_bound: Literal["lower", "upper"] = Field(
+        ABSENT, description="the end of the range at which the value lies"
     )
-    profile = next(profiles, None)
-    if CHOSEN in response.definition:
-        own = {other.name: other for other in test.responses}
-        response = own.get(derived(response.name, measure.response), response)
-    settings = {
-        key.rpartition(".")[2]: value
-        for key, value in response.settings(study.config).items()
-    }
-    if BERRY_HEIGHT in settings:
-        height = MeasureSettings.of(dict(measure), grain).berry_height_mm
-        settings[BERRY_HEIGHT] = None if height is None else float(f"{height:.6g}")
-    if profile is not None:
-        settings["profile"] = {
-            "x": list(profile.x),
-            "functions": profile.functions,
-            "covered": profile.covered,
-        }
-    return {
-        "definition": {"name": response.label, "settings": settings},
-        "bench": {
-            key: section[key]
-            for key in test.settings.model_fields
-            if key in section and key not in others
-        },
-    }
-
-
-def _lines(measure: Section, name: str, row: Mapping[str, Any]) -> dict[str, Any]:
-    """Describe the line of an angle of a pile, and the piles by every definition; nothing for another response."""
-    from repose.measure.angles import MEAN_KEYS
-    from repose.measure.settings import line_for, line_of
-
-    line = line_for(measure, name)
-    found: dict[str, dict[str, Any]] = {}
-    if not line or not set(MEAN_KEYS.values()) <= set(row):
-        return {"line": line} if line else {}
-    for definition, column in MEAN_KEYS.items():
-        numbers = {"simulated": row[column], "standard_error": row[error_of(column)]}
-        found[definition] = {"line": line_of(measure, definition)}
-        found[definition] |= {
-            key: None if math.isnan(value) else float(value)
-            for key, value in numbers.items()
-        }
-    return {"line": line, "definitions": found}
-
-
-def _grain(
-    alike: bool, grain: Mapping[str, Any], particle: "Particle"
-) -> dict[str, Any]:
-    """Describe the grain as simulated; `alike` where all have the mean size."""
-    return {
-        "mean_axes_mm": [grain[key] for key in SIZE_COLUMNS],
-        "measured": int(grain["n"]),
-        "relative_spread": 0.0 if alike else float(grain["scale_sd"]),
-        **{key: grain[key] for key in GRAIN},
-        "shape": particle.kind,
-        "volume_mm3": _rounded(1e9 * particle.volume_m3),
-        "mass_g": _rounded(1e3 * particle.mass_kg),
-        "inertia_kg_m2": [_rounded(float(x)) for x in particle.inertia_kg_m2],
-        "ellipsoids_mm": [
-            [_rounded(1e3 * x) for x in row] for row in particle.semi_axes_m
-        ],
-        "spheres_mm": [[_rounded(1e3 * x) for x in row] for row in particle.spheres_m],
-    }
-
-
-def _rounded(value: float) -> float:
-    """Round to six digits; more are not measured."""
-    return float(f"{value:.6g}")
-
-
-# --- written and read -----------------------------------------------------------------------------
-
-
-def run(
-    study: CardStudy, answer: Result, files: Mapping[str, Any], out: Path_
-) -> dict[str, Any]:
-    """Write the card of a finished calibration (`make`) and return it; optional ones of the files may be None."""
-    from repose.grain.particle import Particle
-
-    needed = (
-        *SIZE_COLUMNS,
-        "density_kg_m3",
-        "elastic_modulus_pa",
-        "shear_modulus_pa",
-        "n",
+    widened: Literal[True] = Field(
+        ABSENT,
+        description="low or high is the value itself, which the interval did not hold",
     )
-    grain = read_berry(files["berry"], needed)
-    particle = Particle.load(files["particle"])
-    feasible = read_table(files["feasible"], study.parameters.names)
-    posterior = row = None
-    if files["posterior"] is not None:
-        intervals = read_table(
-            files["posterior"], ("parameter", "credible_low", "credible_high")
-        )
-        posterior = (intervals, read_table(files["draws"], study.parameters.free))
-    if files["table4"] is not None:
-        rows = read_table(files["table4"], ("role",))
-        row = rows[rows["role"] == "representative"].iloc[0].to_dict()
-    card = make(
-        study, answer, grain, particle, feasible, posterior, files["dataset"], row
+    given: Literal["calibrated", "calibrated from a prior", "fixed"]
+
+
+class Reach(Section):
+    """Whether piles of the grains can have an angle at the targeted Height."""
+
+    line: str = Field(description="whose slope the angle is")
+    bound_deg: float | None = Field(
+        description="the steepest by mass alone; null where mass sets no bound"
     )
-    check(card, out)
-    write_json(out, card, indent=1)
-    return card
+    band_deg: Annotated[list[float], Field(min_length=3, max_length=3)] = Field(
+        description="mean, standard deviation and largest of such piles"
+    )
+    possible: bool
+    sentence: str
+
+
+class Definition(Section):
+    """How a response is measured."""
+
+    name: str | None = Field(
+        description="one of `repose docs measurement`, "
+        "or another simulator's user's words"
+    )
+    settings: dict[str, JsonValue] = Field(
+        description="what the definition reads, units in the keys"
+    )
+
+
+class Line(Section):
+    """The piles of a test by another definition of the angle."""
+
+    line: str
+    simulated: float | None
+    standard_error: NotNegative | None
+
+
+class TestRow(Section):
+    """A response of the answer beside its target."""
+
+    response: str
+    apparatus: str
+    unit: str
+    measured: float
+    sd: NotNegative
+    repetitions: int = Field(ge=1)
+    low: float
+    high: float
+    whole: Positive = Field(
+        ABSENT, description="100 % of a score of a profile, which may be 0 itself"
+    )
+    predicted: float = Field(
+        ABSENT, description="by the surrogate, before the runs of the check"
+    )
+    simulated: float | None
+    standard_error: NotNegative | None
+    runs: int = Field(ge=0)
+    status: str
+    met: bool | None
+    reach: Reach = Field(
+        ABSENT, description="whether piles can have this angle at the targeted Height"
+    )
+    definition: Definition
+    line: str = Field(
+        ABSENT, description="of an angle of a pile: the line whose slope it is"
+    )
+    definitions: dict[str, Line] = Field(
+        ABSENT,
+        description="of an angle of a pile: the same piles by every definition",
+    )
+    bench: dict[str, JsonValue] | None = Field(
+        description="as in the configuration; null of another simulator"
+    )
+
+
+class MadeBy(Section):
+    """What made the card."""
+
+    version: str | None = Field(description="of repose")
+    commit: str | None
+    configuration: str | None = Field(description="hash of all settings")
+    engine: str | None = Field(description="hash of simulator and bench tests")
+    seed: int | None
+
+
+class AnyCard(Section):
+    """What the cards of all simulators have."""
+
+    card: Literal[1] = Field(description="version of this schema")
+    material: Text = Field(description="label of the study")
+    parameters: Annotated[dict[str, Parameter], Field(min_length=1)]
+    interval: Literal[
+        "central 95 % of the posterior", "range of the parameter sets found"
+    ] = Field(description="what low and high are")
+    correlations: dict[str, dict[str, Annotated[float, Field(ge=-1, le=1)]]] = Field(
+        description="of the free parameters, within the same sets"
+    )
+    tests: Annotated[list[TestRow], Field(min_length=1)]
+    met: bool | None = Field(
+        description="whether prediction and simulated piles meet every target; "
+        "null if not simulated"
+    )
+    out_of_reach: bool = Field(
+        ABSENT,
+        description="no set is predicted to meet the targets; these are the nearest",
+    )
+    reason: Text = Field(
+        ABSENT,
+        description="why the targets are met or not; cards of older versions lack it",
+    )
+    small_run: Literal[True] = Field(
+        ABSENT,
+        description="the run shows that the chain works; "
+        "its numbers are no calibration",
+    )
+    within: dict[str, Chance | None] = Field(
+        description="probability that all means are so near their targets; "
+        "null with too few runs"
+    )
+    provenance: dict[str, JsonValue] = Field(
+        ABSENT,
+        description="what the file stands on, as every result of repose carries it",
+    )
+    made_by: MadeBy
+
+
+class Card(AnyCard):
+    """The card of a study that repose simulated."""
+
+    grain: Grain
+    wall: Wall
+    laws: Annotated[dict[str, str], Field(min_length=1)] = Field(
+        description="contact laws by name"
+    )
+    simulation: Simulation = Field(
+        ABSENT, description="cards of earlier versions lack it"
+    )
+    parameters: dict[Annotated[str, OneOf(lambda: PHYSICAL_LIMITS)], Parameter]
+    met: bool
+
+
+class OtherCard(AnyCard):
+    """The card of a study that another program simulated."""
+
+    simulator: Text = Field(
+        description="another one than repose's; parameters and responses are columns "
+        "of its user's table"
+    )
+    probability: Probability = Field(
+        ABSENT,
+        description="that the simulator's means lie within 1 % and 2 % of all targets, "
+        "and inside all ranges",
+    )
+    grain: Grain = Field(
+        ABSENT, description="of that simulator, where its user adds it"
+    )
+
+
+def schema() -> dict[str, Any]:
+    """Make the JSON schema of a card."""
+    head = {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "repose material card",
+        "description": "A calibrated granular material: the grain, the contact laws, "
+        "the parameters and the tests they stand on. SI units but where a name says "
+        "another.",
+    }
+    return TypeAdapter(Card | OtherCard).json_schema() | head
+
+
+# --- read and checked -----------------------------------------------------------------
 
 
 def read(path: Path_) -> dict[str, Any]:
@@ -269,66 +274,47 @@ def read(path: Path_) -> dict[str, Any]:
     return card
 
 
-# --- of one study ---------------------------------------------------------------------------------
+def check(card: Mapping[str, Any], source: object) -> None:
+    """Raise InputError, with all faults at once, unless the content is a card."""
+    model = OtherCard if "simulator" in card else Card
+    try:
+        model.model_validate(card)
+    except ValidationError as error:
+        raise_together(faults_of(error, source))
+    if model is Card:
+        raise_together(_parameter_faults(card["parameters"], source))
 
 
-def read_own(card_json: Path_) -> dict[str, Any]:
-    """Read the card of a study that this program simulated; the card of another simulator raises InputError."""
-    card = read(card_json)
-    if "simulator" in card:
-        raise InputError(
-            card_json,
-            "simulator",
-            card["simulator"],
-            "the card of a study that repose simulated",
-        )
-    return card
+def faults_of(
+    error: ValidationError, source: object, prefix: str = ""
+) -> Iterator[InputError]:
+    """Turn pydantic's errors into ours; `prefix` stands before the key of each."""
+    for fault in error.errors(include_url=False):
+        # pydantic puts the branch of a union, or its "[key]", into the path.
+        inner = ("[key]", "float", "list", "dict")
+        steps = [str(step) for step in fault["loc"] if step not in inner]
+        value = fault["input"]
+        allowed = fault["msg"].removeprefix("Input should be ")
+        if fault["type"] == "missing":
+            value = None
+            allowed = "the key is missing"
+        elif fault["type"] == "extra_forbidden":
+            allowed = "a known key"
+        yield InputError(source, prefix + ".".join(steps), value, f"{WHAT}: {allowed}")
 
 
-def configuration_of_card(card_json: Path_) -> Path | None:
-    """Find the configuration that a run wrote next to its card; None if there is none."""
-    path = Path(card_json).with_name(CONFIG)
-    return path if path.is_file() else None
-
-
-def require_one_study(
-    card: Mapping[str, Any],
-    card_json: Path_,
-    study: CardStudy,
-    source: Path_,
-    grain: Mapping[str, Any],
-) -> None:
-    """Raise InputError if card and configuration differ in label, grain, wall, contact laws or a bench test."""
-    settings = study.settings
-    expected = {
-        "material": settings.label,
-        "grain.mean_axes_mm": [grain[key] for key in SIZE_COLUMNS],
-    }
-    expected |= {f"grain.{key}": grain[key] for key in GRAIN}
-    expected |= {f"wall.{key}": getattr(settings.wall, key) for key in WALL}
-    expected |= {f"laws.{key}": law for key, law in laws(settings.simulation).items()}
-    mine = {"material": card["material"]}
-    mine |= {
-        f"{part}.{key}": value
-        for part in ("grain", "wall", "laws")
-        for key, value in card[part].items()
-    }
-    for test in card["tests"]:
-        name = test["apparatus"]
-        section = study.config.get(name, {})
-        mine |= {f"{name}.{key}": value for key, value in test["bench"].items()}
-        expected |= {f"{name}.{key}": section.get(key) for key in test["bench"]}
-    unlike = [key for key, value in expected.items() if not _same(mine.get(key), value)]
-    if unlike:
-        allowed = f"{expected[unlike[0]]}, as in {source}: card and configuration of one study"
-        others = f"; other differences: {', '.join(unlike[1:])}" if unlike[1:] else ""
-        raise InputError(card_json, unlike[0], mine.get(unlike[0]), allowed + others)
-
-
-def _same(first: object, second: object) -> bool:
-    """Tell whether two values are the same; numbers to the precision of a file."""
-    if isinstance(first, list) and isinstance(second, list):
-        return len(first) == len(second) and all(map(_same, first, second))
-    if isinstance(first, int | float) and isinstance(second, int | float):
-        return math.isclose(first, second, rel_tol=AGREEMENT)
-    return first == second
+def _parameter_faults(
+    parameters: Mapping[str, Mapping[str, Any]], source: object
+) -> Iterator[InputError]:
+    """Find parameters that are missing, or that no simulation can have."""
+    for name in PARAMETERS:
+        if name not in parameters:
+            key = f"parameters.{name}"
+            yield InputError(source, key, None, f"{WHAT}: the key is missing")
+    for name, parameter in parameters.items():
+        lowest, highest = PHYSICAL_LIMITS[name]
+        for key in ("value", "low", "high"):
+            value = parameter[key]
+            if value is not None and not lowest <= value <= highest:
+                allowed = f"{WHAT}: {lowest:g} to {highest:g}"
+                yield InputError(source, f"parameters.{name}.{key}", value, allowed)

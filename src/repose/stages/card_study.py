@@ -1,131 +1,582 @@
-"""What a card alone gives for a deck: the sections of a configuration, the grain, the particle."""
+"""A card and its study: made of an answer, compared with a configuration, turned into a deck."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from pydantic import ValidationError
 
+from repose.bench import bench, reach
 from repose.bench.funnel import FunnelSettings
-from repose.bench.settings import SimulationSettings
+from repose.bench.parameters import LABELS
+from repose.bench.settings import SimulationSettings, WallSettings
+from repose.calibrate.answer import Result
+from repose.calibrate.card import assembled
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.profiles import OfProfile
+from repose.calibrate.responses import Response, derived
+from repose.calibrate.runs import error_of
+from repose.calibrate.targets import Targets
 from repose.common.errors import InputError, raise_together, require
-from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
-from repose.stages.card import laws
-from repose.stages.card_model import faults_of
+from repose.common.files import Path_, read_table, write_json
+from repose.common.section import Section
+from repose.grain.berry_files import SIZE_COLUMNS, read_berry
+from repose.grain.settings import GrainSettings
+from repose.measure.section import MeasureSection
+from repose.stages import card
 
 if TYPE_CHECKING:
+    import pandas as pd
+
+    from repose.calibrate.card import Tables
     from repose.grain.particle import Particle
 
-GRAVITY_M_S2, REST_ENERGY_J = (
-    9.81,
-    1.0e-9,
-)  # a card of an earlier version has no gravity; a deck looks for no rest
-ALLOWED = "the card of a study with piles of the funnel"
+GRAIN = ("density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa", "poisson_ratio")
+WALL = ("shear_modulus_pa", "poisson_ratio")
+SIMULATION = ("time_step_s", "gravity_m_s2")
+# This key names the definition of a response that has several.
+CHOSEN_DEFINITION = "measure.response"
+GRAIN_HEIGHT = "berry_height_mm"
+# The configuration of a study, beside its card.
+CONFIG = "config.json"
+# Relative difference below which a number of the card is that of the configuration.
+AGREEMENT = 1e-6
+# Of a deck: a card of an earlier version has no gravity, and a deck looks for no rest.
+DEFAULT_GRAVITY_M_S2 = 9.81
+REST_ENERGY_J = 1.0e-9
+# The engine shortens the time step of a deck to the longest that is stable.
+ANY_TIME_STEP_S = 1.0e-2
 
 
-def configuration_of(card: Mapping[str, Any], source: object) -> dict[str, Any]:
-    """Return the sections that a deck reads; the time step is the longest of the engine where the card has none."""
-    bench = next(
-        (test["bench"] for test in card["tests"] if test["apparatus"] == "funnel"), None
+class CardTarget(Protocol):
+    """A target of the configuration, as a card describes it."""
+
+    @property
+    def response(self) -> str: ...
+
+    @property
+    def profile(self) -> OfProfile | None: ...
+
+
+class CardSettings(Protocol):
+    """The sections of the configuration that a card describes."""
+
+    @property
+    def label(self) -> str: ...
+
+    @property
+    def berry(self) -> GrainSettings: ...
+
+    @property
+    def wall(self) -> WallSettings: ...
+
+    @property
+    def simulation(self) -> SimulationSettings: ...
+
+    @property
+    def measure(self) -> MeasureSection: ...
+
+    @property
+    def targets(self) -> Sequence[CardTarget]: ...
+
+
+class CardStudy(Protocol):
+    """The configuration of a study, as a card describes it."""
+
+    @property
+    def config(self) -> dict[str, Any]: ...
+
+    @property
+    def settings(self) -> CardSettings: ...
+
+    @property
+    def parameters(self) -> ParameterSpace: ...
+
+    @property
+    def targets(self) -> Targets: ...
+
+
+# --- made -----------------------------------------------------------------------------
+
+
+def run(
+    study: CardStudy, answer: Result, files: Mapping[str, Any], out: Path_
+) -> dict[str, Any]:
+    """Write the card of a finished calibration.
+
+    Parameters
+    ----------
+    study : CardStudy
+        The study.
+    answer : Result
+        Its answer, simulated again.
+    files : mapping of str to path
+        ``berry``, ``particle`` and ``feasible``; ``posterior`` with ``draws``,
+        ``table4`` and ``dataset`` may be None.
+    out : path
+        The file to write.
+
+    Returns
+    -------
+    dict
+        The card.
+    """
+    from repose.grain.particle import Particle
+
+    moduli = ("density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa")
+    grain = read_berry(files["berry"], (*SIZE_COLUMNS, *moduli, "n"))
+    particle = Particle.load(files["particle"])
+    feasible = read_table(files["feasible"], study.parameters.names)
+    posterior = None
+    if files["posterior"] is not None:
+        columns = ("parameter", "credible_low", "credible_high")
+        intervals = read_table(files["posterior"], columns)
+        draws = read_table(files["draws"], study.parameters.free)
+        posterior = (intervals, draws)
+    row = None
+    if files["table4"] is not None:
+        rows = read_table(files["table4"], ("role",))
+        row = rows[rows["role"] == "representative"].iloc[0].to_dict()
+    made = make(
+        study,
+        answer,
+        grain,
+        particle,
+        feasible,
+        posterior=posterior,
+        dataset_csv=files["dataset"],
+        row=row,
     )
-    if bench is None:
-        raise InputError(
-            source, "tests", [test["apparatus"] for test in card["tests"]], ALLOWED
+    card.check(made, out)
+    write_json(out, made, indent=1)
+    return made
+
+
+def make(
+    study: CardStudy,
+    answer: Result,
+    grain: Mapping[str, Any],
+    particle: "Particle",
+    feasible: "pd.DataFrame",
+    posterior: "Tables | None" = None,
+    dataset_csv: Path_ | None = None,
+    row: Mapping[str, Any] | None = None,
+) -> dict[str, Any]:
+    """Make the card of a calibration.
+
+    Parameters
+    ----------
+    study, answer
+        As in `run`.
+    grain : mapping
+        The content of `berry.json`.
+    particle : Particle
+        The simulated body.
+    feasible : pandas.DataFrame
+        The parameter sets found.
+    posterior : tuple of two pandas.DataFrame, optional
+        Its intervals and its draws.
+    dataset_csv : path, optional
+        The samples of the design: real piles, for what angles are possible.
+    row : mapping, optional
+        The answer's row of `table4.csv`: its piles by every definition of the angle.
+
+    Returns
+    -------
+    dict
+        The card.
+    """
+    settings = study.settings
+    is_alike = settings.berry.size_distribution == "none"
+    about = {
+        "grain": _grain(is_alike, grain, particle),
+        "wall": {key: getattr(settings.wall, key) for key in WALL},
+        "laws": laws(settings.simulation),
+        "simulation": {key: getattr(settings.simulation, key) for key in SIMULATION},
+    }
+    tests = {}
+    for target in study.targets:
+        of_response = described(study, target.response, grain)
+        lines = _lines(settings.measure, target.name, row or {})
+        tests[target.name] = of_response | lines
+    for name, found in reach.of(study.config, particle, dataset_csv).items():
+        tests[name]["reach"] = found.record()
+    return assembled(
+        about, tests, answer, study.parameters, feasible, posterior, labels=LABELS
+    )
+
+
+def laws(settings: SimulationSettings) -> dict[str, str]:
+    """Describe the contact laws of a study, by direction."""
+    from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
+    from repose.dem.laws.law import COULOMB
+
+    contact = CONTACT_LAWS[settings.contact_law]
+    limit = contact.limits[COULOMB[settings.tension]]
+    templates = {**contact.words, **ROLLING_LAWS[settings.rolling_law].words}
+    sentences = {name: text.format(limit=limit) for name, text in templates.items()}
+    return sentences | {"end of an impact": contact.ends[settings.tension]}
+
+
+def described(
+    study: CardStudy, response: Response, grain: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Describe a response by its definition and its bench test's settings.
+
+    Parameters
+    ----------
+    study : CardStudy
+        The study.
+    response : Response
+        The response of a target.
+    grain : mapping
+        The grain; with its axes `berry_height_mm` is known where it is `auto`.
+
+    Returns
+    -------
+    dict
+        ``definition`` and ``bench``, with the units in the keys.
+    """
+    from repose.measure.settings import MeasureSettings
+
+    test = bench(response.apparatus)
+    measure = study.settings.measure
+    profile = None
+    for target in study.settings.targets:
+        if target.response == response.name and profile is None:
+            profile = target.profile
+    if CHOSEN_DEFINITION in response.definition:
+        by_name = {other.name: other for other in test.responses}
+        response = by_name.get(derived(response.name, measure.response), response)
+
+    settings = {}
+    for key, value in response.settings(study.config).items():
+        settings[key.rpartition(".")[2]] = value
+    if GRAIN_HEIGHT in settings:
+        height = MeasureSettings.of(dict(measure), grain).berry_height_mm
+        settings[GRAIN_HEIGHT] = None if height is None else _rounded(height)
+    if profile is not None:
+        settings["profile"] = {
+            "x": list(profile.x),
+            "functions": profile.functions,
+            "covered": profile.covered,
+        }
+
+    section = study.config[test.name]
+    of_measurement = ("seeds", *test.measured_by)
+    bench_settings = {}
+    for key in test.settings.model_fields:
+        if key in section and key not in of_measurement:
+            bench_settings[key] = section[key]
+    return {
+        "definition": {"name": response.label, "settings": settings},
+        "bench": bench_settings,
+    }
+
+
+def _lines(measure: Section, name: str, row: Mapping[str, Any]) -> dict[str, Any]:
+    """Describe the line of an angle of a pile, and the piles by every definition.
+
+    Parameters
+    ----------
+    measure : Section
+        The section of the measurement.
+    name : str
+        A response.
+    row : mapping
+        The answer's row of `table4.csv`, or nothing.
+
+    Returns
+    -------
+    dict
+        ``line`` and, if the row has their angles, ``definitions``; nothing for a
+        response that is no angle of a pile.
+    """
+    from repose.measure.angles import MEAN_KEYS
+    from repose.measure.settings import line_for, line_of
+
+    line = line_for(measure, name)
+    if not line:
+        return {}
+    if not set(MEAN_KEYS.values()) <= set(row):
+        return {"line": line}
+    definitions: dict[str, dict[str, Any]] = {}
+    for definition, column in MEAN_KEYS.items():
+        definitions[definition] = {
+            "line": line_of(measure, definition),
+            "simulated": _number_or_none(row[column]),
+            "standard_error": _number_or_none(row[error_of(column)]),
+        }
+    return {"line": line, "definitions": definitions}
+
+
+def _number_or_none(value: float) -> float | None:
+    """Return None for NaN, which JSON has not."""
+    return None if math.isnan(value) else float(value)
+
+
+def _grain(
+    is_alike: bool, grain: Mapping[str, Any], particle: "Particle"
+) -> dict[str, Any]:
+    """Describe the grain as simulated; `is_alike` where all have the mean size."""
+    spheres_mm = [[_rounded(1e3 * x) for x in row] for row in particle.spheres_m]
+    half_axes_mm = [[_rounded(1e3 * x) for x in row] for row in particle.semi_axes_m]
+    return {
+        "mean_axes_mm": [grain[key] for key in SIZE_COLUMNS],
+        "measured": int(grain["n"]),
+        "relative_spread": 0.0 if is_alike else float(grain["scale_sd"]),
+        **{key: grain[key] for key in GRAIN},
+        "shape": particle.kind,
+        "volume_mm3": _rounded(1e9 * particle.volume_m3),
+        "mass_g": _rounded(1e3 * particle.mass_kg),
+        "inertia_kg_m2": [_rounded(float(x)) for x in particle.inertia_kg_m2],
+        "ellipsoids_mm": half_axes_mm,
+        "spheres_mm": spheres_mm,
+    }
+
+
+def _rounded(value: float) -> float:
+    """Round to six digits; more are not measured."""
+    return float(f"{value:.6g}")
+
+
+# --- compared with the configuration of its study -------------------------------------
+
+
+def read_own(card_json: Path_) -> dict[str, Any]:
+    """Read the card of a study that repose simulated; InputError for another one."""
+    content = card.read(card_json)
+    if "simulator" in content:
+        allowed = "the card of a study that repose simulated"
+        raise InputError(card_json, "simulator", content["simulator"], allowed)
+    return content
+
+
+def configuration_of_card(card_json: Path_) -> Path | None:
+    """Find the configuration that a run wrote beside its card; None if there is none."""
+    path = Path(card_json).with_name(CONFIG)
+    return path if path.is_file() else None
+
+
+def require_one_study(
+    content: Mapping[str, Any],
+    card_json: Path_,
+    study: CardStudy,
+    source: Path_,
+    grain: Mapping[str, Any],
+) -> None:
+    """Raise InputError if a card and a configuration are not of one study.
+
+    Parameters
+    ----------
+    content : mapping
+        The card.
+    card_json : path
+        Its file, for the message.
+    study : CardStudy
+        The study of the configuration.
+    source : path
+        The file of the configuration, for the message.
+    grain : mapping
+        The grain of the configuration.
+
+    Raises
+    ------
+    InputError
+        If label, grain, wall, contact laws or a bench test differ.
+    """
+    of_card: dict[str, Any] = {"material": content["material"]}
+    of_study: dict[str, Any] = {"material": study.settings.label}
+    of_study["grain.mean_axes_mm"] = [grain[key] for key in SIZE_COLUMNS]
+    for key in GRAIN:
+        of_study[f"grain.{key}"] = grain[key]
+    for key in WALL:
+        of_study[f"wall.{key}"] = getattr(study.settings.wall, key)
+    for key, law in laws(study.settings.simulation).items():
+        of_study[f"laws.{key}"] = law
+    for part in ("grain", "wall", "laws"):
+        for key, value in content[part].items():
+            of_card[f"{part}.{key}"] = value
+    for test in content["tests"]:
+        name = test["apparatus"]
+        section = study.config.get(name, {})
+        for key, value in test["bench"].items():
+            of_card[f"{name}.{key}"] = value
+            of_study[f"{name}.{key}"] = section.get(key)
+
+    different = []
+    for key, value in of_study.items():
+        if not _is_same(of_card.get(key), value):
+            different.append(key)
+    if different:
+        first, *others = different
+        allowed = (
+            f"{of_study[first]}, as in {source}: card and configuration of one study"
         )
-    simulation = {
-        "gravity_m_s2": GRAVITY_M_S2,
-        "time_step_s": 1.0e-2,
-        **card.get("simulation", {}),
-    }
-    simulation |= {"rest_energy_j": REST_ENERGY_J, **_laws_of(card, source)}
-    sizes = "measured" if card["grain"]["relative_spread"] else "none"
-    config = {
-        "label": card["material"],
-        "berry": {"size_distribution": sizes},
-        "wall": dict(card["wall"]),
-    }
-    funnel = bench | {"seeds": 1}
+        if others:
+            allowed += f"; other differences: {', '.join(others)}"
+        raise InputError(card_json, first, of_card.get(first), allowed)
+
+
+def _is_same(first: object, second: object) -> bool:
+    """Tell whether two values are the same; numbers to the precision of a file."""
+    if isinstance(first, list) and isinstance(second, list):
+        return len(first) == len(second) and all(map(_is_same, first, second))
+    if isinstance(first, int | float) and isinstance(second, int | float):
+        return math.isclose(first, second, rel_tol=AGREEMENT)
+    return first == second
+
+
+# --- turned into a deck ---------------------------------------------------------------
+
+
+def configuration_of(content: Mapping[str, Any], source: object) -> dict[str, Any]:
+    """Return the sections of a configuration that a deck needs, from a card alone.
+
+    Parameters
+    ----------
+    content : mapping
+        The card of a study with piles of the funnel.
+    source : object
+        Its file, for messages.
+
+    Returns
+    -------
+    dict
+        Where the card has no time step, it is the longest of the engine.
+
+    Raises
+    ------
+    InputError
+        If the card has no pile of the funnel, or laws of another version.
+    """
+    funnel = None
+    for test in content["tests"]:
+        if test["apparatus"] == "funnel" and funnel is None:
+            funnel = test["bench"]
+    if funnel is None:
+        found = [test["apparatus"] for test in content["tests"]]
+        allowed = "the card of a study with piles of the funnel"
+        raise InputError(source, "tests", found, allowed)
+    funnel = funnel | {"seeds": 1}
     try:
         FunnelSettings.model_validate(funnel)
     except ValidationError as error:
-        raise_together(
-            InputError(source, f"tests.bench.{key}", value, words)
-            for key, value, words in faults_of(error)
-        )
-    return config | {"simulation": simulation, "funnel": funnel}
+        raise_together(card.faults_of(error, source, prefix="tests.bench."))
+
+    simulation = {
+        "gravity_m_s2": DEFAULT_GRAVITY_M_S2,
+        "time_step_s": ANY_TIME_STEP_S,
+        **content.get("simulation", {}),
+        "rest_energy_j": REST_ENERGY_J,
+        **_laws_of(content, source),
+    }
+    sizes = "measured" if content["grain"]["relative_spread"] else "none"
+    return {
+        "label": content["material"],
+        "berry": {"size_distribution": sizes},
+        "wall": dict(content["wall"]),
+        "simulation": simulation,
+        "funnel": funnel,
+    }
 
 
-def _laws_of(card: Mapping[str, Any], source: object) -> dict[str, str]:
-    """Find the laws by the sentences that a card has of them."""
+def _laws_of(content: Mapping[str, Any], source: object) -> dict[str, str]:
+    """Find the keys of the laws whose sentences a card has."""
+    from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
+
     for contact, tension, rolling in product(
         CONTACT_LAWS, ("release", "keep"), ROLLING_LAWS
     ):
         chosen = {"contact_law": contact, "tension": tension, "rolling_law": rolling}
-        if laws(SimulationSettings.model_construct(None, **chosen)) == card["laws"]:
+        settings = SimulationSettings.model_construct(None, **chosen)
+        if laws(settings) == content["laws"]:
             return chosen
-    raise InputError(
-        source,
-        "laws",
-        card["laws"]["normal"],
-        "laws of this version; give --config, the study's own",
-    )
+    allowed = "laws of this version; give --config, the study's own"
+    raise InputError(source, "laws", content["laws"].get("normal"), allowed)
 
 
 def particle_of(
-    card: Mapping[str, Any], spheres: int | None, source: object
+    content: Mapping[str, Any], spheres: int | None, source: object
 ) -> "Particle":
-    """Make the particle of a card; a smooth one is filled with `spheres`, by default it stays as it is."""
+    """Make the particle of a card.
+
+    Parameters
+    ----------
+    content : mapping
+        The card.
+    spheres : int or None
+        With how many spheres a smooth body is filled; None leaves it as it is.
+    source : object
+        The card's file, for messages.
+
+    Returns
+    -------
+    Particle
+
+    Raises
+    ------
+    InputError
+        If the card has no body, or no moments of a clump.
+    """
+    from repose.grain.particle import Particle
+
+    grain = content["grain"]
+    semi_axes_m = 1e-3 * np.array(grain["ellipsoids_mm"], float).reshape(-1, 3)
+    spheres_m = 1e-3 * np.array(grain["spheres_mm"], float).reshape(-1, 4)
+    n_parts = len(semi_axes_m) + len(spheres_m)
+    require(n_parts, source, "grain.ellipsoids_mm", [], "the half axes of a body")
+    allowed = (
+        "the moments of the clump, which cards of earlier versions lack; "
+        "give --config, the study's own"
+    )
+    has_moments = len(spheres_m) <= 1 or "inertia_kg_m2" in grain
+    require(has_moments, source, "grain.inertia_kg_m2", None, allowed)
+
+    if len(spheres_m):
+        extents_m = np.linalg.norm(spheres_m[:, :3], axis=1) + spheres_m[:, 3]
+    else:
+        extents_m = semi_axes_m.sum(axis=0)
+    radius_m = extents_m.max()
+    mass_kg = 1e-3 * grain["mass_g"]
+    of_sphere = np.full(3, 0.4 * mass_kg * radius_m**2)
+    particle = Particle(
+        kind=grain["shape"],
+        semi_axes_m=semi_axes_m,
+        density_kg_m3=grain["density_kg_m3"],
+        volume_m3=1e-9 * grain["volume_mm3"],
+        mass_kg=mass_kg,
+        inertia_kg_m2=np.array(grain.get("inertia_kg_m2", of_sphere)),
+        bounding_radius_m=float(radius_m),
+        deviation_max_m=0.0,
+        deviation_rms_m=0.0,
+        spheres_m=spheres_m,
+    )
+    if spheres is None or spheres == 1 or particle.is_clump:
+        return particle
+    return _filled(particle, spheres)
+
+
+def _filled(particle: "Particle", n_spheres: int) -> "Particle":
+    """Fill a smooth particle with spheres."""
     import trimesh  # slow to import
 
     from repose.dem.tessellation import tessellate
     from repose.grain import build
     from repose.grain.mesh import principal_pose
-    from repose.grain.particle import Particle
 
-    grain = card["grain"]
-    sizes, balls = (
-        1e-3 * np.array(grain[key], float) for key in ("ellipsoids_mm", "spheres_mm")
-    )
-    allowed = "the moments of the clump, which cards of earlier versions lack; give --config, the study's own"
-    require(
-        len(balls) <= 1 or "inertia_kg_m2" in grain,
-        source,
-        "grain.inertia_kg_m2",
-        None,
-        allowed,
-    )
-    reach = (
-        np.linalg.norm(balls[:, :3], axis=1) + balls[:, 3]
-        if len(balls)
-        else sizes.sum(axis=0)
-    )
-    mass_kg, volume_m3 = 1e-3 * grain["mass_g"], 1e-9 * grain["volume_mm3"]
-    particle = Particle(
-        kind=grain["shape"],
-        semi_axes_m=sizes.reshape(-1, 3),
-        density_kg_m3=grain["density_kg_m3"],
-        volume_m3=volume_m3,
-        mass_kg=mass_kg,
-        inertia_kg_m2=np.array(
-            grain.get("inertia_kg_m2", np.full(3, 0.4 * mass_kg * reach.max() ** 2))
-        ),
-        bounding_radius_m=float(reach.max()),
-        deviation_max_m=0.0,
-        deviation_rms_m=0.0,
-        spheres_m=balls.reshape(-1, 4),
-    )
-    if spheres is None or spheres == 1 or particle.is_clump:
-        return particle
-    points, _, triangles = tessellate(particle, 48, 96)
-    mesh = trimesh.Trimesh(1e3 * points, triangles)
+    points_m, _, triangles = tessellate(particle, 48, 96)
+    mesh = trimesh.Trimesh(1e3 * points_m, triangles)
     filled = build.make_particle(
-        principal_pose(mesh), particle.density_kg_m3, "multisphere", spheres
+        principal_pose(mesh), particle.density_kg_m3, "multisphere", n_spheres
     )
-    # the mesh is a little smaller than the body
+    # The mesh is a little smaller than the body.
     return replace(
         filled,
-        mass_kg=mass_kg,
-        inertia_kg_m2=mass_kg / filled.mass_kg * filled.inertia_kg_m2,
+        mass_kg=particle.mass_kg,
+        inertia_kg_m2=particle.mass_kg / filled.mass_kg * filled.inertia_kg_m2,
     )

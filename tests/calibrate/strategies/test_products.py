@@ -22,7 +22,7 @@ from repose.grain.particle import Particle
 from repose.measure.angles import MEAN_KEYS
 from repose.report.page import page, sections
 from repose.report.page.study import read
-from repose.stages import card
+from repose.stages import card, card_study
 
 SPHERE = Particle(
     "ellipsoid",
@@ -96,7 +96,7 @@ def test_the_message_the_sets_and_the_card_report_the_answer_of_the_strategy(stu
     assert found.checks[0].runs == SECTION["checks"]
     assert f"all solutions: {folder}/solutions.csv" in str(found)
     table = pd.read_csv(folder / "solutions.csv")
-    made = card.make(studied(config), found, BERRY, SPHERE, table)
+    made = card_study.make(studied(config), found, BERRY, SPHERE, table)
     card.check(made, "card")
     assert made["interval"] == card.RANGE
     assert made["out_of_reach"] is False
@@ -132,7 +132,7 @@ def test_a_target_out_of_reach_is_no_success(study, tmp_path):
     )
     says(str(found), "a larger sequential.most_pours", "probably out of reach")
     assert json.loads((tmp_path / "summary.json").read_text())["stop"] == "out_of_reach"
-    made = card.make(
+    made = card_study.make(
         studied(config), found, BERRY, SPHERE, pd.read_csv(tmp_path / "solutions.csv")
     )
     card.check(made, "card")

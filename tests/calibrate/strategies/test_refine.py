@@ -89,9 +89,7 @@ def test_the_proposal_is_the_representative_and_neighbours_that_keep_fixed_param
     )
     pd.testing.assert_frame_equal(table, proposed())
     assert set(proposed(neighbours=0)["role"]) == {"proposal"}
-    space = contact_space(
-        RANGES | {"e_gp": {"fixed": 0.5}, "mur_gp": {"fixed": 0.5}}
-    )
+    space = contact_space(RANGES | {"e_gp": {"fixed": 0.5}, "mur_gp": {"fixed": 0.5}})
     table = proposed(space=space, targets=targets_of(drum_slip_deg=40.0))
     assert (table[["e_gp", "mur_gp"]] == 0.5).all(axis=None)
     assert (table["e_gg"].nunique(), list(table.columns)[-2:]) == (

@@ -58,9 +58,7 @@ def campaign(folder, noise, section=SECTION, space=SPACE, seed=1):
             [seed, number],
             section["seeds"],
         )
-    assert propose("response_surface", study, steps, folder / "answer")[
-        "answer"
-    ]
+    assert propose("response_surface", study, steps, folder / "answer")["answer"]
     conclude("response_surface", study, [*steps, folder / "answer"], folder)
     return pd.read_csv(folder / "check.csv")
 

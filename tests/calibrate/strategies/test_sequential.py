@@ -142,9 +142,7 @@ def test_one_target_a_fixed_parameter_and_a_prior_that_spreads_the_start(tmp_pat
         np.floor(12 * contact_space(RANGES | known).prior_cdf(unit)), axis=0
     )
     assert (strata == np.arange(12)[:, None]).all()
-    values = contact_space(RANGES | known).values(unit)[
-        :, PARAMETERS.index("mus_gp")
-    ]
+    values = contact_space(RANGES | known).values(unit)[:, PARAMETERS.index("mus_gp")]
     assert values.std() == pytest.approx(0.02, rel=0.3)
     summary = campaign(
         tmp_path, HEIGHT, contact_space(RANGES | known | {"e_gg": {"fixed": 0.25}})
@@ -297,12 +295,7 @@ def test_a_budget_counts_failed_runs_and_bench_tests_are_independent(tmp_path):
     runs.loc[[0, 4, 5], "status"] = "jammed"
     runs.loc[[0, 4, 5], list(TARGETS.names)] = np.nan
     write_tables(tmp_path, table, runs)
-    assert (
-        propose("sequential", known, [tmp_path], tmp_path / "batch_1")[
-            "pours"
-        ]
-        == 24
-    )
+    assert propose("sequential", known, [tmp_path], tmp_path / "batch_1")["pours"] == 24
     data = pd.read_csv(tmp_path / "dataset.csv")
     seen = observed_of(data_of(data, runs, TARGETS), SPACE, TARGETS)
     assert seen.counts.tolist() == [1] + [2] * 10
@@ -311,9 +304,7 @@ def test_a_budget_counts_failed_runs_and_bench_tests_are_independent(tmp_path):
     )
     write_poured(tmp_path, table, 0.5, seeds=1)
     few = "enough for an estimate of the noise"
-    input_error(
-        few, propose, "sequential", known, [tmp_path], tmp_path / "batch_1"
-    )
+    input_error(few, propose, "sequential", known, [tmp_path], tmp_path / "batch_1")
     other = BOTH[1] | {
         "response": "drum_slip_deg",
         "apparatus": "drum",

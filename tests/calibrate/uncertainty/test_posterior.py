@@ -244,9 +244,7 @@ def test_a_prior_narrows_its_parameter_and_fixed_ones_are_not_sampled():
     assert [one.summary["converged"] for one in (found, alone)] == [
         r <= 1.01 and n >= 400 for r, n in ends
     ], ends
-    space = contact_space(
-        UNIT | {"gamma_gg": [0.0, 0.1], "gamma_gp": {"fixed": 0.0}}
-    )
+    space = contact_space(UNIT | {"gamma_gg": [0.0, 0.1], "gamma_gp": {"fixed": 0.0}})
     published = pd.DataFrame({"low": 0.4, "high": 0.6}, index=PARAMETERS)
     unit = np.random.default_rng(1).uniform(size=(500, 7))
     table = posterior._parameters(

@@ -1,0 +1,73 @@
+"""The schema of the material card and its page, made from its models: `python tests/documents/card_files.py`."""
+
+import json
+from pathlib import Path
+
+from repose.stages import card
+
+ROOT = Path(__file__).parents[2]
+SCHEMA = ROOT / "src/repose/stages/card.schema.json"
+PAGE = ROOT / "docs/card.md"
+HEAD = """# The material card
+
+`card.json` is the answer of a study as one file. This page and
+[card.schema.json](../src/repose/stages/card.schema.json) are made from the models in `repose.stages.card`, by
+`python tests/documents/card_files.py`. Units are SI but where a key says another. A key in *italics* may be missing.
+"""
+
+
+def type_of(schema):
+    """A type of the schema in words."""
+    if "$ref" in schema:
+        name = schema["$ref"].rpartition("/")[2]
+        return "any" if name == "JsonValue" else f"[{name}](#{name.lower()})"
+    if "anyOf" in schema:
+        return " or ".join(type_of(one) for one in schema["anyOf"])
+    if "const" in schema:
+        return f"`{json.dumps(schema['const'])}`"
+    if "enum" in schema:
+        return ", ".join(f"`{json.dumps(one)}`" for one in schema["enum"])
+    kind = schema.get("type", "any")
+    if kind == "array":
+        return f"list of {type_of(schema['items'])}{bounds_of(schema)}"
+    if kind == "object":
+        return f"mapping to {type_of(schema.get('additionalProperties', {}))}"
+    words = {"number": "number", "integer": "whole number", "string": "text"}
+    return f"{words.get(kind, kind)}{bounds_of(schema)}"
+
+
+def bounds_of(schema):
+    """The bounds of a number or of the length of a list."""
+    words = {
+        "minimum": "from", "exclusiveMinimum": "above", "maximum": "to", "minItems": "of at least", "maxItems": "of at most",
+    }  # fmt: skip
+    if "minItems" in schema and schema["minItems"] == schema.get("maxItems"):
+        return f" of {schema['minItems']}"
+    return "".join(
+        f" {word} {schema[key]:g}" for key, word in words.items() if key in schema
+    )
+
+
+def section(name, schema):
+    """The keys of a model as a table."""
+    lines = [f"## {name}", "", schema.get("description", ""), ""]
+    lines += ["| key | type | meaning |", "|---|---|---|"]
+    for key, one in schema["properties"].items():
+        shown = f"`{key}`" if key in schema["required"] else f"*`{key}`*"
+        lines.append(f"| {shown} | {type_of(one)} | {one.get('description', '')} |")
+    return "\n".join(lines) + "\n"
+
+
+def texts():
+    """The text of each file."""
+    schema = card.schema()
+    models = {name: one for name, one in schema["$defs"].items() if "properties" in one}
+    first = ("Card", "OtherCard")
+    order = [*first, *(name for name in models if name not in first)]
+    page = "\n".join([HEAD, *(section(name, models[name]) for name in order)])
+    return {SCHEMA: json.dumps(schema, indent=1) + "\n", PAGE: page}
+
+
+if __name__ == "__main__":
+    for path, text in texts().items():
+        path.write_text(text)
