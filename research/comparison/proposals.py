@@ -136,8 +136,9 @@ def study_surrogate(
 ) -> Surrogate:
     """Train the surrogate as the study does on these samples; `settings` is the section `network`."""
     kind, own = settings.get("surrogate", "network"), NetworkSettings.of(settings)
+    dataset, runs = tables_of(samples, space, targets)
     return train.train(
-        *tables_of(samples, space, targets), targets, own, surrogate=kind
+        dataset, runs, targets, own, names=space.names, surrogate=kind
     ).model
 
 

@@ -42,12 +42,12 @@ def example(name, time_step_s=1.5e-4, **keys):
 
 def own_example(name):
     """The program's configuration with the example that a bench test brings."""
-    config = Study.load(ROOT / "config/config.yaml").config
+    config = PipelineConfig.load(ROOT / "config/config.yaml").config
     for key, part in bench(name).example.items():
         config[key] = part if key == "targets" else config.get(key, {}) | part
     # The goji berry's shape study is of other responses.
     config["posterior"]["shape_study"] = None
-    return Study.of(config).config
+    return PipelineConfig.of(config).config
 
 
 def check_statuses(test, config, good, cases):

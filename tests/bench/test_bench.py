@@ -131,7 +131,7 @@ def configured(name, **keys):
 
 def test_every_bench_test_has_an_example_that_is_a_study():
     for test in bench_tests():
-        study = Study.of(configured(test.name))
+        study = PipelineConfig.of(configured(test.name))
         study.check_inputs()
         assert test.name in study.targets.apparatus
         assert not list(test.misfits(SceneSettings(study.config), AXES_MM))

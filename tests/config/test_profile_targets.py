@@ -9,6 +9,7 @@ import repose
 from repose.calibrate.answer import Check
 from repose.calibrate.strategies.sequential.goal import Goal
 from repose.config import stands_on
+from repose.config.pipeline import PipelineConfig
 from repose.stages.card_study import described
 
 TABLE = """# read off a picture

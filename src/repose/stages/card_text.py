@@ -6,7 +6,7 @@ from itertools import combinations
 from typing import Any
 
 from repose.calibrate.answer import Check, describe_probability, in_one_line, nearness
-from repose.stages.card import with_remark
+from repose.calibrate.card import with_remark
 
 MET = {True: "met", False: "NOT met", None: "not simulated again"}
 # A correlation of this size and more is named.

@@ -8,7 +8,7 @@ from repose.calibrate.inversion import invert
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.responses import Definitions, require_same_definitions
 from repose.calibrate.search.settings import MigaSettings
-from repose.calibrate.surrogates.base import load
+from repose.calibrate.surrogates import load
 from repose.calibrate.surrogates.support import Support
 from repose.calibrate.targets import Targets
 from repose.common.files import Path_, read_table, write_json, write_table

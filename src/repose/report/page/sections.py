@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from repose.bench.parameters import LABELS
+from repose.calibrate import card
 from repose.calibrate.answer import (
     NOT_AGAIN,
     SAID,
@@ -29,7 +30,6 @@ from repose.measure.settings import line_for, line_of
 from repose.report.page.html import fill, folded, picture, table, text
 from repose.report.page.prediction import is_whole
 from repose.report.page.study import CAPTIONS, Results
-from repose.stages import card
 
 SURE = 0.95
 
