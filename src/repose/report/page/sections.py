@@ -30,6 +30,7 @@ from repose.measure.settings import line_for, line_of
 from repose.report.page.html import fill, folded, picture, table, text
 from repose.report.page.prediction import is_whole
 from repose.report.page.study import CAPTIONS, Results
+from repose.stages.card import read as read_card
 
 SURE = 0.95
 
@@ -134,7 +135,7 @@ def _probability(study: Results) -> str:
 
 def impossible(files: Mapping[str, str]) -> Iterator[str]:
     """Give a paragraph for each angle of the card that piles of these grains cannot have at the targeted Height."""
-    for test in card.read(files["card"])["tests"] if "card" in files else ():
+    for test in read_card(files["card"])["tests"] if "card" in files else ():
         if "reach" in test and not test["reach"]["possible"]:
             yield f'<p class="verdict bad">{_escaped(test["reach"]["sentence"])}</p>'
 
