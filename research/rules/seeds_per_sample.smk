@@ -21,7 +21,7 @@ rule seeds_per_sample:
         depends=stands_on.pouring(config)
         | depending("berry", "parameters", "measure", "targets", "pool")
         | depending("surrogate", "network", "miga")
-        | {"engine": room_hash(*ENGINE)},
+        | {"engine": engine_hash()},
         # pours of a sample, data sets, pours of a fresh point and of an answer
         few=lambda wildcards: (
             [13, 8, 2, 2] if config["small_run"] else [16, 64, 16, 6]

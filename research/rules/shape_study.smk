@@ -54,7 +54,7 @@ rule shape_cell:
         config=CONFIG,
         folder=folder,
         depends=lambda wildcards: shape_cells.dependencies(STUDIES, wildcards.cell)
-        | {"engine": room_hash(*ENGINE)},
+        | {"engine": engine_hash()},
     message:
         "Pouring {wildcards.cell}"
     shell:

@@ -1,16 +1,16 @@
 """What runs again, and what does not: two workflows in one folder, an edited engine, lost files, changed targets."""
 
 import json
-import re
 import shutil
 
 import pandas as pd
 import pytest
-from plans import ROOT, planned, snakemake
+from plans import planned, snakemake
 from shared import target
 
-from repose.common import provenance
+from repose.common import source_code
 from repose.common.lock import take_folder
+from repose.common.places import PACKAGE
 
 pytestmark = pytest.mark.slow
 
@@ -141,81 +141,63 @@ def test_each_stage_can_be_forced_to_run_again(finished, stage):
 
 
 MEASURED = {"measure_runs", "measure_validation_runs"}
-# A file of each room; rules of the calibration that an edit of it plans, and rules that it does not plan.
+# A module of each room: rules of the calibration that an edit of it plans, and rules that
+# it does not plan.
 EDITED = {
-    "dem/simulation.py": (set(POURS), set()), "apparatus/funnel.py": (set(POURS) | MEASURED, set()),
-    "particle/particle.py": (set(POURS) | {"berry", "shape"}, set()),
-    "measure/angles.py": (MEASURED | {"measure", "drum", "dataset"}, {"pour"}),
-    "surrogate/two_layer.py": ({"network", "miga"}, {"pour", "dataset"}),
-    "search/miga.py": ({"miga", "solutions", "validate"}, {"pour", "network"}),
-    "chain/invert.py": ({"miga"}, {"pour", "network"}), "chain/card.py": ({"card", "page"}, {"miga", "dataset"}),
-    "chain/expected_loss.py": ({"miga"}, {"pour", "network"}), "chain/card_study.py": ({"card"}, {"miga"}),
-    "pictures/report/report.css": ({"page"}, {"dataset", "card"}), "apparatus/drum_quantities.csv": ({"drum"}, set()),
-    "studies/posterior.py": ({"posterior_tables", "card"}, {"miga", "dataset"}),
-    "pictures/render.py": ({"page", "draw_figure05"}, {"dataset", "card"}),
-}  # fmt: skip
-NO_STAGES = (
-    "strategies/base.py",
-    "doe/model.py",
-    "export/job.py",
-)
-NO_STAGES += ("config/study.py", "cli/run.py", "core/files.py")
-EDITED |= dict.fromkeys(NO_STAGES, (set(), set()))
+    "dem/simulation.py": (set(POURS), set()),
+    "bench/funnel.py": (set(POURS) | MEASURED, set()),
+    "grain/particle.py": (set(POURS) | {"shape"}, set()),
+    "measure/angles.py": (MEASURED | {"drum", "dataset"}, {"pour"}),
+    "calibrate/targets.py": ({"dataset", "network", "miga", "validate"}, {"pour"}),
+    "calibrate/variance.py": ({"network"}, {"pour", "design"}),
+    "calibrate/surrogates/two_layer.py": ({"network", "miga"}, {"pour", "dataset"}),
+    "calibrate/search/miga.py": ({"miga", "solutions"}, {"pour", "network"}),
+    "calibrate/expected_loss.py": ({"miga"}, {"pour", "network"}),
+    "calibrate/uncertainty/posterior.py": ({"posterior_tables"}, {"miga", "dataset"}),
+    "stages/card_study.py": ({"card"}, {"miga", "dataset"}),
+    "report/renderer/render.py": ({"page", "draw_figure05"}, {"dataset", "card"}),
+    "report/page/report.css": ({"page"}, {"dataset", "card"}),
+    "stages/drum_quantities.csv": ({"drum"}, {"pour"}),
+    "export/lammps.py": (set(), set()),
+    "config/pipeline.py": (set(), set()),
+    "common/files.py": (set(), set()),
+    "cli/run.py": (set(), set()),
+}
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """A copy of the package, on which the rules then stand."""
+    copy = tmp_path / "repose"
+    shutil.copytree(PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__", "data"))
+    monkeypatch.setattr(source_code, "PACKAGE", copy)
+    for function in vars(source_code).values():
+        if hasattr(function, "cache_clear"):
+            function.cache_clear()  # each fork fills its own
+    return copy
 
 
 @pytest.mark.essential
-def test_an_edit_plans_what_stands_on_its_room(finished, tmp_path, monkeypatch):
+@pytest.mark.parametrize("name", EDITED)
+def test_an_edit_plans_the_stages_that_use_the_module(finished, package, name):
     project, words = finished
-    copy = tmp_path / "repose"
-    shutil.copytree(
-        provenance.PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__", "data")
-    )
-    assert {path.name for path in copy.iterdir() if path.is_dir()} == {
-        name.partition("/")[0] for name in EDITED
-    }
-    monkeypatch.setattr(provenance, "PACKAGE", copy)
-    provenance.room_hash.cache_clear()  # each fork fills its own
-    for name, (again, not_again) in EDITED.items():
-        content = (copy / name).read_bytes()
-        (copy / name).write_bytes(content + b"# edited\n")
-        jobs = planned(project, *words)
-        (copy / name).write_bytes(content)
-        assert again <= set(jobs), name
-        assert not not_again & set(jobs), name
-        assert again or not jobs, name
-        if "pour" in again:
-            assert {rule: jobs[rule] for rule in POURS} == POURS, name
+    planned_rules, other_rules = EDITED[name]
+    statement = b"\nEDITED = 1\n" if name.endswith(".py") else b"\n"
+    (package / name).write_bytes((package / name).read_bytes() + statement)
+    jobs = planned(project, *words)
+    assert planned_rules <= set(jobs)
+    assert not other_rules & set(jobs)
+    if not planned_rules:
+        assert jobs == {}
+    if "pour" in planned_rules:
+        assert {rule: jobs[rule] for rule in POURS} == POURS
 
 
-def test_every_file_of_a_stage_belongs_to_a_room_that_a_rule_names():
-    calls = re.findall(
-        r"room_hash\(([^)]*)\)",
-        "".join(path.read_text() for path in ROOT.glob("workflow/**/*.smk")),
-    )
-    named = {*provenance.ENGINE, *re.findall(r'"([\w.]+)"', "".join(calls))}
-    rooms = {name.partition(".")[0] for name in named}
-    paths = [
-        path for room in rooms for path in (provenance.PACKAGE / room).rglob("*.*")
-    ]
-    files = [
-        path.relative_to(provenance.PACKAGE)
-        for path in paths
-        if path.suffix not in (".pyc", ".md")
-    ]
-    assert {path.suffix for path in files} <= set(provenance.SOURCES)
-    left = {
-        str(path)
-        for path in files
-        if not {path.parts[0], ".".join(path.with_suffix("").parts)} & named
-    }
-    # a package's own sentence, keys with their defaults (a rule names the keys), verbs without a rule
-    others = (
-        "__init__.py",
-        "settings.py",
-        "card_text.py",
-        "card.schema.json",
-    )
-    assert left == {f"chain/{name}" for name in others}
+def test_an_edit_of_comments_or_format_plans_nothing(finished, package):
+    project, words = finished
+    for path in package.rglob("*.py"):
+        path.write_bytes(path.read_bytes() + b"\n\n# a comment\n")
+    assert planned(project, *words) == {}
 
 
 def test_a_changed_target_pours_the_new_solutions_alone_and_another_label_nothing(

@@ -24,7 +24,8 @@ from repose.config.workflow_run import (
 )
 from repose.common import places
 from repose.common.errors import BAD_INPUT, InputError, one_message
-from repose.common.provenance import ENGINE, room_hash
+from repose.common.provenance import engine_hash
+from repose.common.source_code import code_hash
 from repose.stages.published import beside, read_stored, tables, to_simulate
 from repose.calibrate.seeds import PURPOSES, pour_seeds
 from repose.dem.cache import source_hash

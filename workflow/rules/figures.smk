@@ -39,7 +39,7 @@ for name, shown in FIGURES.items():
             **needs(MEMORY_MB.get(name, 400)),
         params:
             config=CONFIG,
-            code=room_hash("report", "measure"),
+            code=code_hash("report.figures"),
             figure=name,
             inputs=[f"--input={key}={path}" for key, path in inputs.items()]
             + [

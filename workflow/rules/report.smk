@@ -107,7 +107,7 @@ rule page:
         **needs(350),
     params:
         config=CONFIG,
-        code=room_hash("report", "calibrate.answer", "calibrate.chance"),
+        code=code_hash("report.page"),
         inputs=[f"--input={name}={path}" for name, path in PAGE.items()],
         tables=[f"--table={title}={path}" for title, path in TABLES.items()],
         depends=sections("label", "small_run", "parameters", "targets", "design")
@@ -138,7 +138,7 @@ rule card:
         **needs(300),
     params:
         config=CONFIG,
-        code=room_hash("stages.card", "stages.card_study", "calibrate.answer"),
+        code=code_hash("stages.card_study"),
         tables=[f"--{name}={path}" for name, path in (POSTERIOR | OWN_PILES).items()],
         depends=stands_on.settings_of(config, "material_card")
         | {"label": config["label"]},

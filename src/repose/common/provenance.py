@@ -23,19 +23,10 @@ from repose import __version__
 from repose.common import attached, places
 from repose.common.errors import InputError, require
 from repose.common.places import PACKAGE
+from repose.common.source_code import code_hash
 
 # A pour depends on the simulator, the bench tests and the grains.
 ENGINE = ("dem", "grain", "bench")
-SOURCES = (
-    ".py",
-    ".yaml",
-    ".csv",
-    ".json",
-    ".html",
-    ".js",
-    ".css",
-    ".mplstyle",
-)  # all that results depend on
 CPU_INFO = Path("/proc/cpuinfo")
 BUILT_FROM = "commit.txt"  # beside the program's other data; a build writes it
 # With these set, numba compiles and numpy calculates as on another type of processor, with other last bits.
@@ -168,24 +159,9 @@ def hash_of_file(path: str | PathLike) -> str:
     return hashlib.sha256(Path(path).read_bytes()).hexdigest()[:16]
 
 
-@cache
-def room_hash(*rooms: str) -> str:
-    """Hash the files of some rooms or modules of the package, as "search" or "chain.invert"; 16 hexadecimal digits."""
-    digest = hashlib.sha256()
-    for room in rooms:
-        place = PACKAGE.joinpath(*room.split("."))
-        paths = (
-            sorted(place.rglob("*")) if place.is_dir() else [place.with_suffix(".py")]
-        )
-        for path in (path for path in paths if path.suffix in SOURCES):
-            digest.update(path.relative_to(PACKAGE).as_posix().encode())
-            digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
-
-
 def engine_hash() -> str:
-    """Hash the source of the engine."""
-    return room_hash(*ENGINE)
+    """Hash the code that simulates: engine, grains and bench tests."""
+    return code_hash(*ENGINE, follow_imports=False)
 
 
 @cache

@@ -31,7 +31,7 @@ _new_keys: list[str] = []  # of facts that no earlier call has kept
 
 
 @cache
-def code_hash(*modules: str) -> str:
+def code_hash(*modules: str, follow_imports: bool = True) -> str:
     """Hash the code on which modules stand.
 
     Parameters
@@ -39,6 +39,8 @@ def code_hash(*modules: str) -> str:
     *modules : str
         Dotted names below `repose` of modules or packages, such as ``stages.dataset``
         or ``measure``. A package stands for all its modules.
+    follow_imports : bool, optional
+        Whether the modules that they import count, too.
 
     Returns
     -------
@@ -50,8 +52,14 @@ def code_hash(*modules: str) -> str:
     ModuleNotFoundError
         If there is no such module.
     """
+    if follow_imports:
+        names = sorted(dependencies(*modules))
+    else:
+        names = sorted(
+            {name for each in modules for name in _modules_of(f"repose.{each}")}
+        )
     digest = hashlib.sha256()
-    for name in sorted(dependencies(*modules)):
+    for name in names:
         digest.update(f"{name} {_module_digest(name)}\n".encode())
     keep_for_later_calls()
     return digest.hexdigest()[:16]

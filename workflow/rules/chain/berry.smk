@@ -17,7 +17,7 @@ rule berry:
         config=CONFIG,
         folder=folder,
         depends=reads("berry"),
-        code=room_hash("grain"),
+        code=code_hash("grain.berry"),
     message:
         "Sizes and moduli of the measured grains"
     shell:

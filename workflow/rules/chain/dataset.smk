@@ -17,7 +17,7 @@ rule dataset:
         config=CONFIG,
         folder=folder,
         depends=reads("responses"),
-        code=room_hash("stages.dataset"),
+        code=code_hash("stages.dataset"),
         jobs=folders_of_jobs,
     message:
         "Table of all samples and their responses"

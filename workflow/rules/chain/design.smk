@@ -13,9 +13,7 @@ rule design:
         config=CONFIG,
         folder=folder,
         depends=reads("parameters", "design"),
-        code=room_hash(
-            "calibrate.designs.latin_hypercube", "calibrate.designs.exchange_search"
-        ),
+        code=code_hash("stages.design"),
     message:
         "Design of the virtual experiments"
     shell:

@@ -29,7 +29,7 @@ rule drum_run:
         folder=folder,
         sample=int(REPRESENTATIVE),
         depends=stands_on.pouring(config, "drum"),
-        code=room_hash(*ENGINE),
+        code=engine_hash(),
     message:
         "Turning the drum, seed {wildcards.seed}"
     shell:
@@ -58,7 +58,7 @@ rule drum:
         config=CONFIG,
         folder=folder,
         depends=reads("measure.mm_per_pixel", "drum"),
-        code=room_hash("bench", "measure"),
+        code=code_hash("stages.drum_tables"),
     message:
         "Measuring the drum's runs: tables of angles, first slip, slipping layer"
     shell:
@@ -80,7 +80,7 @@ rule drum_film:
         **needs(450, minutes=20),
     params:
         config=CONFIG,
-        code=room_hash("report"),
+        code=code_hash("report.renderer.film"),
         depends=sections("drum", "colour", "small_run"),
     message:
         "Film of the drum"

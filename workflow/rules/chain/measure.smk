@@ -21,7 +21,7 @@ rule measure:
         **needs(300),
     params:
         config=CONFIG,
-        code=room_hash("measure"),
+        code=code_hash("measure.saved_piles", "measure.pile"),
         depends=sections("measure"),
     message:
         "Measuring the pile in one side view"
@@ -67,7 +67,7 @@ rule film:
         **needs(450, minutes=20),
     params:
         config=CONFIG,
-        code=room_hash("report"),
+        code=code_hash("report.renderer.film"),
         depends=sections("funnel", "colour", "small_run"),
     message:
         "Film of the pour"

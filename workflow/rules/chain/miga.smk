@@ -19,13 +19,7 @@ rule miga:
         config=CONFIG,
         folder=folder,
         depends=reads("parameters", "targets", "miga"),
-        code=room_hash(
-            "calibrate.inversion",
-            "calibrate.expected_loss",
-            "calibrate.chance",
-            "calibrate.search",
-            "calibrate.surrogates",
-        ),
+        code=code_hash("stages.miga"),
     message:
         "Searching the parameters that give the target pile"
     shell:

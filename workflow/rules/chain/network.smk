@@ -18,7 +18,7 @@ rule network:
         config=CONFIG,
         folder=folder,
         depends=reads("responses", "surrogate", "network"),
-        code=room_hash("calibrate.training", "stages.tables", "calibrate.surrogates"),
+        code=code_hash("stages.network"),
     message:
         "Training the surrogate"
     shell:

@@ -34,7 +34,7 @@ rule pour:
         seeds=lambda wildcards: config[apparatus(wildcards)]["seeds"],
         more=["--keep-runs", "--measure"],
         depends=lambda wildcards: stands_on.pouring(config, apparatus(wildcards)),
-        code=room_hash(*ENGINE),
+        code=engine_hash(),
     message:
         "Pouring sample {wildcards.sample}"
     shell:
@@ -60,7 +60,7 @@ rule measure_runs:
         **needs(350, minutes=MINUTES_OF_RUNS),
     params:
         config=CONFIG,
-        code=room_hash("bench", "measure"),
+        code=code_hash("stages.job"),
         folder=folder,
         jobs=jobs_to_measure,
         depends=lambda wildcards: stands_on.measuring(config, apparatus(wildcards)),

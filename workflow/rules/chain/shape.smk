@@ -17,7 +17,7 @@ rule shape:
         config=CONFIG,
         folder=folder,
         depends=reads("berry"),
-        code=room_hash("grain"),
+        code=code_hash("grain.build"),
     message:
         "Mesh and particle of the grain"
     shell:

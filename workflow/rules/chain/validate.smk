@@ -31,7 +31,7 @@ rule solutions:
         config=CONFIG,
         folder=folder,
         depends=reads("parameters", "targets", "validation.solutions"),
-        code=room_hash("stages.validate"),
+        code=code_hash("stages.validate"),
     message:
         "Choosing the solutions to simulate again"
     shell:
@@ -56,7 +56,7 @@ rule published_solutions:
         config=CONFIG,
         folder=folder,
         depends=reads("parameters", "validation.published"),
-        code=room_hash("stages.validate"),
+        code=code_hash("stages.validate"),
     message:
         "Listing the published solutions"
     shell:
@@ -146,7 +146,7 @@ rule validate:
             "validation.published_simulated",
             "scene",
         ),
-        code=room_hash("stages.validate", "calibrate.answer", "calibrate.chance"),
+        code=code_hash("stages.validate"),
     message:
         "Predicted beside simulated and published"
     shell:
@@ -174,7 +174,7 @@ rule published_sets:
         config=CONFIG,
         folder=folder,
         depends=reads("responses", "parameters", "validation.published", "scene"),
-        code=room_hash("stages.validate", "stages.dataset"),
+        code=code_hash("stages.validate"),
     message:
         "The published parameter sets in this simulator: {output.table}"
     shell:

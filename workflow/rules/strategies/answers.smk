@@ -34,12 +34,7 @@ for name in BATCHED:
             config=CONFIG,
             folder=folder,
             depends=reads("parameters", "targets", "measure"),
-            code=room_hash(
-                "calibrate.strategies",
-                "calibrate.answer",
-                "calibrate.chance",
-                "stages.validate",
-            ),
+            code=code_hash("stages.batches"),
             strategy=name,
             batches=lambda wildcards, input: list(
                 dict.fromkeys(

@@ -24,17 +24,7 @@ checkpoint propose:
         **needs(400, minutes=90),
     params:
         config=CONFIG,
-        code=room_hash(
-            "calibrate.strategies",
-            "calibrate.surrogates",
-            "calibrate.search",
-            "calibrate.designs",
-            "calibrate.designs.latin_hypercube",
-            "calibrate.designs.exchange_search",
-            "calibrate.training",
-            "calibrate.inversion",
-            "calibrate.expected_loss",
-        ),
+        code=code_hash("stages.batches", "calibrate.strategies"),
         folder=folder,
         batches=lambda wildcards: folders_of_batches(
             wildcards.strategy, int(wildcards.batch)

@@ -17,7 +17,7 @@ rule plausible:
         config=CONFIG,
         folder=folder,
         depends=reads("posterior.seed"),
-        code=room_hash("calibrate.uncertainty"),
+        code=code_hash("stages.next_measurement"),
     message:
         "Plausible parameter sets"
     shell:
@@ -66,7 +66,7 @@ rule next:
         depends=reads(
             "targets", "posterior.discrepancy_percent", "measure", "measured_by"
         ),
-        code=room_hash("calibrate.uncertainty", "measure"),
+        code=code_hash("stages.next_measurement"),
     message:
         "What to measure next"
     shell:

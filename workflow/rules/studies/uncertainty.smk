@@ -16,7 +16,7 @@ rule noise_tables:
         config=CONFIG,
         folder=folder,
         depends=reads("targets"),
-        code=room_hash("calibrate.uncertainty"),
+        code=code_hash("calibrate.uncertainty.noise"),
     message:
         "Noise of the runs within and between samples"
     shell:
@@ -48,7 +48,7 @@ rule posterior_tables:
         config=CONFIG,
         folder=folder,
         depends=reads("parameters", "targets", "posterior"),
-        code=room_hash("calibrate.uncertainty", "calibrate.surrogates"),
+        code=code_hash("calibrate.uncertainty.posterior"),
     message:
         "Posterior of the parameters given the physical measurements"
     shell:
@@ -73,7 +73,7 @@ rule sensitivity_tables:
         config=CONFIG,
         folder=folder,
         depends=reads("parameters", "targets", "sensitivity"),
-        code=room_hash("calibrate.uncertainty", "calibrate.surrogates"),
+        code=code_hash("calibrate.uncertainty.sensitivity"),
     message:
         "Sobol indices and main effects on the surrogate"
     shell:
