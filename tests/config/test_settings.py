@@ -175,7 +175,10 @@ def test_every_key_is_explained_known_and_computed_where_it_may_be_auto():
     others = {*names(), "joint_targets", "shape_study"} - {"funnel"}
     computed = {setting.key.partition(".")[2] for setting in COMPUTED}
     sections = [[name] for name in schema["properties"] if name not in ADDED]
-    for section in [schema, *map(faults.subschema, sections)]:
+    for section in [
+        schema,
+        *(faults.subschema(path, settings_type()) for path in sections),
+    ]:
         if "properties" in section:
             assert section["additionalProperties"] is False
             optional = set(section["properties"]) - set(section.get("required", ()))

@@ -18,6 +18,7 @@ from repose.bench.space import contact_space
 from repose.calibrate import answer, expected_loss, strategies
 from repose.calibrate.chance import chance_of_meeting
 from repose.calibrate.targets import Targets
+from repose.stages import answer as stages_answer
 
 TARGET = shared.target("aor_deg", 32.0, 2.0, 31.0, 34.0)
 INSIDE, OF_TWO = (
@@ -206,7 +207,7 @@ def test_a_finished_run_of_each_strategy_prints_the_verdict_first_and_ends_well(
     made = SimpleNamespace(
         rule="conclude", feasible="solutions.csv", table4="t4.csv", **files
     )
-    known = {"answers": answer, "ANSWERS": {strategy: made}, "RESULTS": str(tmp_path)}
+    known = {"answers": stages_answer, "ANSWERS": {strategy: made}, "RESULTS": str(tmp_path)}
     known |= {"STUDY": studied(study(tmp_path, simulated, feasible))}
     ended = []
     known["RUN"] = SimpleNamespace(

@@ -19,6 +19,7 @@ from stage_runs import answer_of
 from repose.bench.parameters import FURTHER, LABELS, PARAMETERS, of_law
 from repose.bench.space import contact_space
 from repose.calibrate import answer
+from repose.calibrate.card import POSTERIOR, RANGE
 from repose.calibrate.chance import PERCENT
 from repose.calibrate.responses import response
 from repose.calibrate.runs import error_of
@@ -126,7 +127,7 @@ def test_a_card_has_the_intervals_of_the_sets_or_of_the_posterior(config, soluti
     assert parameters["mus_gg"]["high"] == solutions["mus_gg"].max()
     assert made_card["correlations"]["mus_gg"]["mur_gg"] == -1.0
     assert abs(made_card["correlations"]["e_gg"]["mus_gp"]) < 0.1
-    assert made_card["interval"] == card.RANGE
+    assert made_card["interval"] == RANGE
     fixed = {"meaning": "", "value": 0.3, "low": None, "high": None, "given": "fixed"}
     assert parameters["e_gp"] | {"meaning": ""} == fixed
     assert "e_gp" not in made_card["correlations"]
@@ -143,7 +144,7 @@ def test_a_card_has_the_intervals_of_the_sets_or_of_the_posterior(config, soluti
     made_card = made(
         config, solutions, (intervals, solutions.assign(mus_gg=solutions["mur_gg"]))
     )
-    assert made_card["interval"] == card.POSTERIOR
+    assert made_card["interval"] == POSTERIOR
     assert (
         made_card["parameters"]["e_gg"]["low"],
         made_card["parameters"]["e_gg"]["high"],

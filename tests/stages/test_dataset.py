@@ -13,6 +13,7 @@ from shared import ROOT, one_run
 
 from repose.bench import bench
 from repose.bench.parameters import PARAMETERS
+from repose.calibrate.dataset_files import read_definitions
 from repose.calibrate.targets import Targets
 from repose.stages import dataset
 from repose.stages.parameter_sets import job_files
@@ -99,11 +100,11 @@ def test_run_writes_tables_counts_and_the_line_of_the_angle(study):
         summary["left_out"],
         summary["runs_ok"],
     ) == (3, 2, 1, 6)
-    assert dataset.read_definitions(folder / "out/dataset.csv") == (
+    assert read_definitions(folder / "out/dataset.csv") == (
         DEFINITIONS,
         folder / "out/dataset_summary.json",
     )
-    assert dataset.read_definitions(folder / "samples.csv")[0] == {}
+    assert read_definitions(folder / "samples.csv")[0] == {}
     assert (summary["by_status"], summary["reasons"]) == (
         {"ok": 2, "jammed": 1},
         {"3": "2 of 3 runs jammed (stuck)"},

@@ -13,7 +13,7 @@ import pandas
 
 from repose.calibrate import strategies
 from repose.bench import names, reach
-from repose.calibrate import answer as answers
+from repose.stages import answer as answers
 from repose.stages import validate as checks
 from repose.config import cost, results_folder, stands_on
 from repose.config.workflow_run import (

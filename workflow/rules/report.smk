@@ -138,7 +138,7 @@ rule card:
         **needs(300),
     params:
         config=CONFIG,
-        code=code_hash("stages.card_study"),
+        code=code_hash("stages.card_study", "stages.answer"),
         tables=[f"--{name}={path}" for name, path in (POSTERIOR | OWN_PILES).items()],
         depends=stands_on.settings_of(config, "material_card")
         | {"label": config["label"]},

@@ -13,6 +13,7 @@ from synthetic import SPACE, TARGETS, configuration, responses
 from test_sequential import HEIGHT, SECTION, campaign
 
 from repose.bench.parameters import PARAMETERS
+from repose.calibrate.card import RANGE
 from repose.calibrate.runs import error_of
 from repose.calibrate.search.settings import MigaSettings
 from repose.calibrate.strategies import answer as written
@@ -98,7 +99,7 @@ def test_the_message_the_sets_and_the_card_report_the_answer_of_the_strategy(stu
     table = pd.read_csv(folder / "solutions.csv")
     made = card_study.make(studied(config), found, BERRY, SPHERE, table)
     card.check(made, "card")
-    assert made["interval"] == card.RANGE
+    assert made["interval"] == RANGE
     assert made["out_of_reach"] is False
     assert made["reason"].startswith("The simulated ")
     assert made["tests"][0]["runs"] == SECTION["checks"]

@@ -244,11 +244,9 @@ def test_single_runs_give_a_rough_noise_and_correlations_need_more(study):
     assert found.covariance[0, 1] == 0
     says(found.warning, "angle_deg 0.", "Simulate some parameter sets twice")
     needed = len(study.targets) + 2
-    assert calibration.posterior_settings(study, needed - 1).measured_correlation == 0.0
-    assert (
-        calibration.posterior_settings(study, needed).measured_correlation
-        == "simulated"
-    )
+    for freedom, correlation in ((needed - 1, 0.0), (needed, "simulated")):
+        section = calibration.posterior_settings(study.settings.posterior, freedom, 2)
+        assert section.measured_correlation == correlation
 
 
 @pytest.mark.slow

@@ -11,7 +11,12 @@ PUBLISHED_SOLUTIONS = [
 STORED = config["validation"]["published_simulated"]
 # Whether the stored table of simulated published sets can be set beside this study.
 PUBLISHED_IS_STORED = bool(STORED) and bool(
-    checks.stored_columns(read_stored(STORED), STUDY)
+    checks.stored_columns(
+        read_stored(STORED),
+        names=STUDY.parameters.names,
+        targets=STUDY.targets,
+        definition=STUDY.settings.measure.response,
+    )
 )
 
 
