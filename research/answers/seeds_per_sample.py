@@ -19,6 +19,7 @@ import numpy as np
 import pandas as pd
 
 from repose.bench import bench
+from repose.bench.parameters import named
 from repose.calibrate import inversion as invert
 from repose.calibrate import training as train
 from repose.calibrate.seeds import pour_seeds
@@ -302,7 +303,13 @@ def fitting(args, config, pours):
             for one in (own.network, own.miga)
         )
         tables = dataset.assemble(samples, {BENCH: jobs}, targets)
-        learned = train.train(*tables, targets, section, surrogate=own.surrogate)
+        learned = train.train(
+            *tables,
+            targets,
+            section,
+            names=named(tables[0]),
+            surrogate=own.surrogate,
+        )
         found = invert.invert(learned.model, study.parameters, targets, search).summary
         predicted = {
             fresh_column(name, k): value

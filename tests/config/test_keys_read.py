@@ -18,7 +18,7 @@ from repose.calibrate.strategies import strategy
 from repose.cli import TYPED, VERBS, parser
 from repose.common import section
 from repose.common.section import Section
-from repose.config import loader, models, stands_on, study, typed
+from repose.config import loader, models, pipeline, stands_on
 from repose.stages.published import beside
 
 pytestmark = [pytest.mark.slow, pytest.mark.essential]  # every stage is run once
@@ -30,7 +30,6 @@ SEVERAL = (
     "refined",
 )  # strategies; here each proposes by a stage of its name
 LISTED = stands_on.KEYS | {name: strategy(name).reads for name in SEVERAL}
-SECTIONS = typed.sections
 SMALL = {
     "surrogate": "gaussian_process", "miga": {"islands": 2, "population": 10, "rounds": 4, "generations": 2},
     "posterior": {"walkers": 32, "steps": 100}, "sensitivity": {"samples": 64, "resamples": 20},
@@ -65,17 +64,19 @@ class Noted(Mapping, dict):
         return other | dict(self.items())
 
 
-class NotedOutside(Noted):
-    """A mapping that notes the keys outside sections alone; its sections are plain, as pydantic reads every key."""
-
-    def __getitem__(self, key):
-        value = dict.__getitem__(self, key)
-        return value if isinstance(value, dict) else super().__getitem__(key)
+def is_section(field):
+    """Whether a field of the whole configuration is a section."""
+    kind = field.annotation
+    return isinstance(kind, type) and issubclass(kind, Section)
 
 
 def note_attributes(patch, keys):
     """Note also the keys that are read as attributes of typed sections, wherever these were made."""
     plain, fields = BaseModel.__getattribute__, models.settings_type().model_fields
+    outside = {name for name, field in fields.items() if not is_section(field)}
+    of_config, of_study = models.settings_of, pipeline.PipelineConfig.study
+    valid_sections = models.valid_sections
+    paused = []
     kinds = {
         name: field.annotation
         for name, field in fields.items()
@@ -95,18 +96,33 @@ def note_attributes(patch, keys):
             if name in kind.model_fields
             else ()
         )
-        if kind in sections:
+        if kind in sections and not paused:
             keys.update(f"{sections[kind]}{key}" for key in read)
+        if kind is models.settings_type() and name in outside and not paused:
+            keys.add(name)
         return value
 
+    def without_noting(function):
+        """To make typed sections of a configuration, or a study of them, is no use of their keys."""
+
+        def call(config, *more):
+            paused.append(True)
+            try:
+                return function(config, *more)
+            finally:
+                paused.pop()
+
+        return call
+
+    def plain_of(function):
+        return without_noting(
+            lambda config, *more: function(getattr(config, "plain", config), *more)
+        )
+
     patch.setattr(Section, "__getattribute__", noting)
-    patch.setattr(
-        typed,
-        "sections",
-        lambda config, *more: SECTIONS(
-            NotedOutside(getattr(config, "plain", config), keys), *more
-        ),
-    )
+    patch.setattr(models, "settings_of", plain_of(of_config))
+    patch.setattr(stands_on, "valid_sections", plain_of(valid_sections))
+    patch.setattr(pipeline.PipelineConfig, "study", without_noting(of_study))
     patch.setattr(
         section, "refuse", lambda _: None
     )  # a check of all keys is no use of them
@@ -125,7 +141,7 @@ def entry_of(key, listed):
 @pytest.fixture(scope="module")
 def keys_read(tmp_path_factory):
     folder, patch = tmp_path_factory.mktemp("keys"), pytest.MonkeyPatch()
-    config = study.Study.load(
+    config = pipeline.PipelineConfig.load(
         "config/config.yaml", "config/quick.yaml", overrides=SMALL
     ).config
     config["results_dir"] = str(folder)
@@ -135,7 +151,7 @@ def keys_read(tmp_path_factory):
     def run(verb, *words, **options):
         """Run a stage as its rule does, without its record of provenance, which reads the listed keys."""
         keys = found.setdefault(words[0] if verb == "propose" else verb, set())
-        patch.setattr(study, "read_json", lambda path, what: Noted(config, keys))
+        patch.setattr(pipeline, "read_json", lambda path, what: Noted(config, keys))
         note_attributes(patch, keys)
         # no result depends on these: files of other definitions are refused, and a rule has its tables as inputs
         patch.setattr(
@@ -146,7 +162,7 @@ def keys_read(tmp_path_factory):
         )  # the hash of the scene stands for its keys
         published = config["validation"]["published"]
         patch.setattr(
-            study.Study, "published", lambda _, table: beside(published, table)
+            pipeline.PipelineConfig, "published", lambda _, table: beside(published, table)
         )
         given = [f"--{key}={value}" for key, value in options.items()]
         name = [verb] if verb in TYPED else ["stage", verb]

@@ -8,6 +8,7 @@ from refusals import input_error
 
 from repose import Study
 from repose.report.figures import own
+from repose.report.page import own as page_own
 
 QUICK = {"posterior": {"walkers": 32, "steps": 100}}
 QUICK["sequential"] = {
@@ -49,7 +50,7 @@ def points(panel, label):
 
 
 def test_the_points_are_the_runs_and_the_box_is_the_range(answer, tmp_path):
-    figure = answer.plot(tmp_path / "own.png")
+    figure = own.plot(answer, tmp_path / "own.png")
     assert (tmp_path / "own.png").read_bytes().startswith(b"\x89PNG")
     plane, off_y, off_z, *_ = figure.axes
     means = answer.runs.groupby("sample", sort=False)[["y", "z"]].mean()
@@ -86,21 +87,22 @@ def test_the_report_has_the_figures_and_says_that_the_targets_are_predicted_to_b
     answer, tmp_path
 ):
     assert list(own.parts(answer)) == ["plane", "history", "intervals", "corner"]
-    answer.report(tmp_path / "report.html")
+    page_own.write(answer, tmp_path / "report.html")
     text = (tmp_path / "report.html").read_text()
     assert text.count('src="data:image/png;base64,') == 4
     assert "<b>Targets predicted to be met.</b>" in text
     assert not any(words in text for words in ("not checked", "no result", ">unknown<"))
     input_error(
         r"ending is '\.gif'; expected \.png or \.pdf or \.svg",
-        answer.plot,
+        own.plot,
+        answer,
         tmp_path / "own.gif",
     )
 
 
 def test_one_parameter_and_one_target_have_no_planes(tmp_path):
     answer = calibrated({"a": (0.0, 1.0)}, {"z": (0.5, 0.05)})
-    drawn = answer.plot()
+    drawn = own.plot(answer)
     assert set(own.parts(answer)) <= {"history", "intervals"}
     (label,) = [one.get_text() for one in drawn.axes[-1].get_yticklabels()]
     assert label == "a"

@@ -175,7 +175,7 @@ class Study:
         parameters: ParameterSpace,
         targets: Targets,
         settings: CalibrationSettings,
-        config: Mapping[str, Any],
+        config: dict[str, Any],
         file: Path_ | None = None,
     ) -> Self:
         """Make a study of parameters, targets and settings that were checked.
@@ -184,7 +184,7 @@ class Study:
         ----------
         parameters, targets, settings
             As the attributes of these names.
-        config : mapping
+        config : dict
             The configuration from which they come.
         file : path, optional
             As in `Study(..., file=...)`; nothing is written beside it.
@@ -194,7 +194,7 @@ class Study:
         Study
         """
         study = cls.__new__(cls)
-        study.config = dict(config)
+        study.config = config
         study.settings = settings
         study.parameters = parameters
         study.targets = targets

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from refusals import input_error
 from scipy.stats import beta, norm
-from shared import ROOT, written
+from shared import ROOT, entries, settings_of, written
 from synthetic import TARGETS, study
 
 from repose.bench.parameters import PARAMETERS
@@ -20,7 +20,12 @@ SLOW = [
 
 
 def study_of(responses):
-    return study(Targets(TARGETS[-responses:]), funnel={"berries": 500})
+    return study(Targets(TARGETS[-responses:]))
+
+
+def planned(responses, runs=None):
+    known = study_of(responses)
+    return plan.plan(known.parameters, known.targets, runs)
 
 
 def runs_of(sd, samples=400, seed=1):
@@ -39,8 +44,8 @@ def test_the_noise_of_the_runs_and_chances_between_scatters_by_hand():
     found = plan.measured_noise(runs_of(sd), TARGETS)
     # 400 degrees of freedom: a variance is known to 7 %
     assert found == pytest.approx(np.outer(sd, sd) * [[1, 0.5], [0.5, 1]], rel=0.25)
-    assert plan.plan(study_of(2), runs_of(sd)).measured
-    found = plan.plan(study_of(1))
+    assert planned(2, runs_of(sd)).measured
+    found = planned(1)
     for percent in (1.0, 2.0):
         by_hand = (
             norm.ppf((1 + plan.CERTAINTY) / 2) * plan.NOISE_PERCENT / percent
@@ -65,7 +70,8 @@ def test_the_noise_of_the_runs_and_chances_between_scatters_by_hand():
         by_hand, rel=1e-12
     )
     # 150 jobs of 6 pours of 500 grains took 27.6 MB
-    assert plan.disk_mb(study_of(2), 900) == pytest.approx(27.6, rel=0.05)
+    settings = settings_of({"targets": entries(TARGETS), "funnel": {"berries": 500}})
+    assert cost.disk_mb(settings, 900) == pytest.approx(27.6, rel=0.05)
     expected = hidden_truths.success(
         pd.read_csv(ROOT / "research/answers/hidden_truths.csv")
     )
@@ -81,9 +87,7 @@ def test_no_chance_is_stated_below_the_pours_of_the_start_nor_above_that_of_camp
 ):
     sd = np.array([percent, percent]) / 100 * TARGETS.aim
     names = list(TARGETS.names)[-responses:]
-    found = plan.plan(
-        study_of(responses), runs_of(sd)[["sample", "status", *names]]
-    ).budgets
+    found = planned(responses, runs_of(sd)[["sample", "status", *names]]).budgets
     section = config["sequential"]
     assert found["pours"].min() == section["start_samples"] * section["seeds"]
     campaigns = pd.read_csv(plan.SUCCESS).query("responses == @responses")

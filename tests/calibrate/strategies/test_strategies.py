@@ -153,7 +153,8 @@ def test_a_study_of_our_bench_tests_is_the_same_loop():
         "sequential": {"start_samples": 16, "most_pours": 48, "seeds": 2},
     }
     changes |= {"posterior": {"walkers": 32, "steps": 100}, "targets": entries(TARGETS)}
-    study, k = repose.PipelineConfig.load("config/quick.yaml", overrides=changes), 0
+    config, k = repose.PipelineConfig.load("config/quick.yaml", overrides=changes), 0
+    study = config.study()
     while not study.done:
         asked, k = study.ask(), k + 1
         study.tell(

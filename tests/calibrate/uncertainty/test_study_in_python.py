@@ -15,6 +15,8 @@ from refusals import input_error, not_refused, value_error
 from repose import PipelineConfig, Study
 from repose.calibrate.record import Record
 from repose.common.errors import InputError
+from repose.report.figures import own as figures_own
+from repose.report.page import own as page_own
 
 QUICK = {
     "posterior": {"walkers": 32, "steps": 100},
@@ -62,9 +64,11 @@ def test_a_function_is_calibrated_and_a_start_that_fails_does_not_end_a_study(
         path.name for path in tmp_path.iterdir()
     }
     assert answer.card["parameters"]["a"]["value"] == answer.parameters["a"]
-    for write in (answer.save, answer.report, answer.plot):
-        for path in (3, "", *((None,) if write != answer.plot else ())):
-            input_error("expected the path of a file", write, path)
+    for path in (3, "", None):
+        input_error("expected the path of a file", answer.save, path)
+        input_error("expected the path of a file", page_own.write, answer, path)
+    for path in (3, ""):
+        input_error("expected the path of a file", figures_own.plot, answer, path)
     made = []
 
     def fails_first(row):

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure, FigureBase
 
 from repose.calibrate.calibration import Calibration
 from repose.calibrate.strategies.runs import TURN
+from repose.common.files import path_of
 from repose.report.shown import Shown
 
 from . import plane, style, uncertainty
@@ -27,6 +28,7 @@ def plot(
 ) -> Figure:
     """Draw all figures of a calibration below each other; with a path they are written, too, as .png, .pdf or .svg."""
     if path is not None:
+        path = path_of("path", path)
         style.check_ending(path)
     heights, drawings = zip(*parts(calibration).values(), strict=True)
     with style.applied():

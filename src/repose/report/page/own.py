@@ -6,13 +6,15 @@ from datetime import date
 from repose.calibrate.answer import WITHIN
 from repose.calibrate.calibration import Calibration
 from repose.common import provenance
+from repose.common.files import path_of
 from repose.report.figures import own, style
 from repose.report.page import page
 from repose.report.page.study import CAPTIONS, Results
 
 
 def write(calibration: Calibration, out_path: str | os.PathLike[str]) -> None:
-    """Write the report."""
+    """Write the report; InputError for what is no path."""
+    out_path = path_of("path", out_path)
     files = {}
     with style.applied():
         for name, (height, draw) in own.parts(calibration).items():
