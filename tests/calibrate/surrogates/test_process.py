@@ -111,7 +111,7 @@ def fitted():
 def test_the_mixture_is_that_of_loops_over_converged_starts(fitted, monkeypatch):
     model, best, _, _ = fitted
     fresh = np.random.RandomState(2).uniform(-1, 1, (6, 6))
-    networks = [best.of_start(k) for k in model.near_]
+    networks = [best.of_start(k) for k in model.member_starts_]
     assert len(networks) == len(model.members_) > 1
     mean, covariance = model.predict(fresh), model.covariance(fresh)
     for i in range(len(fresh)):

@@ -1,1 +1,1 @@
-"""Designs of experiments: Latin hypercubes and the designs of textbooks, with their analyses."""
+"""Designs of experiments: Latin hypercubes, and textbook designs with analyses."""

@@ -63,8 +63,8 @@ def anova(model: Model) -> pd.DataFrame:
             df_error=model.df,
         )
     ]
-    # With the coefficient b of a term and the element c of the diagonal of (X'X)^-1, the
-    # partial sum of squares is b^2 / c.
+    # With the coefficient b of a term and the element c of the diagonal of (X'X)^-1,
+    # the partial sum of squares is b^2 / c.
     partial = model.coefficients**2 / np.diag(model.inverse)[1:]
     for label, sum_of_squares in zip(model.labels, partial.tolist(), strict=True):
         rows.append(
@@ -142,8 +142,8 @@ def effects(model: Model) -> pd.DataFrame:
     -------
     pandas.DataFrame
         `term`, `coefficient` in coded units, `standard_error`, `t` (the standardised
-        effect, without sign), `p`, and `contribution_percent`: the term's partial sum of
-        squares over the total.
+        effect, without sign), `p`, and `contribution_percent`: the term's partial sum
+        of squares over the total.
     """
     table = anova(model).set_index("source")
     errors = np.sqrt(model.variance * np.diag(model.inverse))

@@ -1,4 +1,4 @@
-"""The path of steepest ascent: from the centre of a first-order design up its gradient."""
+"""The path of steepest ascent from the centre of a first-order design."""
 
 import numpy as np
 
@@ -6,7 +6,8 @@ import numpy as np
 def towards(slopes: np.ndarray, missing: np.ndarray, scale: np.ndarray) -> np.ndarray:
     """Compute the direction in which several responses approach their targets fastest.
 
-    It is the steepest descent of the sum of the squared scaled deviations at the centre.
+    It is the steepest descent of the sum of the squared scaled deviations at the
+    centre.
 
     Parameters
     ----------

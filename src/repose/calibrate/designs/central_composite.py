@@ -27,9 +27,10 @@ def central_composite(factors: int, axial: str, centres: int) -> CentralComposit
     factors : int
         From 2 to 7.
     axial : str
-        With "rotatable" the axial distance is the fourth root of the number of factorial
-        runs. The variance of a prediction then depends only on its distance from the
-        centre. With "face_centred" the distance is 1, and there are only three levels.
+        With "rotatable" the axial distance is the fourth root of the number of
+        factorial runs. The variance of a prediction then depends only on its distance
+        from the centre. With "face_centred" the distance is 1, and there are only three
+        levels.
     centres : int
         Number of centre runs.
     """

@@ -12,7 +12,8 @@ import numpy as np
 FIRST_THRESHOLD = 0.005  # of phi_p
 MOST_CANDIDATES = 50  # random exchanges of which the best is tried
 MOST_TRIALS = 100  # of a round
-# Shares of the trials that are accepted, below which acceptance is low, above which high.
+# Shares of the trials that are accepted, below which acceptance is low, above which
+# high.
 LOW_ACCEPTANCE = 0.1
 HIGH_ACCEPTANCE = 0.8
 
@@ -20,8 +21,8 @@ HIGH_ACCEPTANCE = 0.8
 class Pairs:
     """Points with the repulsions distance^-power of all pairs.
 
-    Sums go term by term (`cumsum`), because ties decide, and their rounding must be that
-    of the published designs.
+    Sums go term by term (`cumsum`), because ties decide, and their rounding must be
+    that of the published designs.
 
     Parameters
     ----------
@@ -106,7 +107,7 @@ class Pairs:
 
 @dataclass
 class _Threshold:
-    """How much worse a design may become by an exchange: Jin et al. 2005, section 3.2."""
+    """How much worse a design may become by an exchange (Jin et al., section 3.2)."""
 
     value: float
     is_rising: bool = True

@@ -18,8 +18,8 @@ CANDIDATES = 20  # of `lhsdesign`
 PHI_POWER = 16.0  # of the criterion in comparison.csv
 # The optimal design is improved for the powers 16, 32 and 64 of `phi_p` in turn. The
 # first shapes the whole design; the higher ones act on its closest pairs, which set the
-# minimum distance. A power is given by the number of squarings that lead from distance^2
-# to distance^power.
+# minimum distance. A power is given by the number of squarings that lead from
+# distance^2 to distance^power.
 PHI_DOUBLINGS = (3, 4, 5)
 ROUNDS_PER_POWER = 100
 # Positions keep this share of a stratum away from its edges, so that rounding in a file
@@ -55,8 +55,8 @@ def minimum_distance(points: np.ndarray) -> float:
 def phi_p(points: np.ndarray) -> float:
     """Compute Morris and Mitchell's criterion of points (n, d); a small value is good.
 
-    It is (sum of distance^-p over all pairs)^(1 / p) with p = `PHI_POWER`. As p grows it
-    goes to 1 / minimum distance (Morris and Mitchell 1995, J. Stat. Plan. Inference
+    It is (sum of distance^-p over all pairs)^(1 / p) with p = `PHI_POWER`. As p grows
+    it goes to 1 / minimum distance (Morris and Mitchell 1995, J. Stat. Plan. Inference
     43:381).
     """
     from scipy.spatial.distance import pdist
@@ -76,9 +76,9 @@ def lhsdesign(n: int, d: int, rng: np.random.Generator) -> np.ndarray:
 def optimal_lhs(n: int, d: int, seed: int | list[int]) -> np.ndarray:
     """Make a Latin hypercube (n, d) whose points are far apart.
 
-    Enhanced stochastic evolution on phi_p improves the `lhsdesign` of the same seed, for
-    powers that grow (Jin, Chen and Sudjianto 2005, J. Stat. Plan. Inference 134:268).
-    The result is the design of largest minimum distance on the way.
+    Enhanced stochastic evolution on phi_p improves the `lhsdesign` of the same seed,
+    for powers that grow (Jin, Chen and Sudjianto 2005, J. Stat. Plan. Inference
+    134:268). The result is the design of largest minimum distance on the way.
     """
     rng = np.random.default_rng(seed)
     best = lhsdesign(n, d, rng=rng)

@@ -1,4 +1,4 @@
-"""Polynomial models of a response in coded factors, fitted by ordinary least squares."""
+"""Polynomial models of a response in coded factors, fitted by least squares."""
 
 import math
 from collections.abc import Sequence
@@ -20,8 +20,8 @@ def terms_of(factors: int, order: str) -> tuple[Term, ...]:
     factors : int
         Number of factors.
     order : str
-        One of `ORDERS`. "linear" has single factors, "interaction" also products of two,
-        "quadratic" also squares.
+        One of `ORDERS`. "linear" has single factors, "interaction" also products of
+        two, "quadratic" also squares.
     """
     numbers = range(factors)
     degree = ORDERS.index(order)

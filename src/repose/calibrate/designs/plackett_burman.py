@@ -1,4 +1,4 @@
-"""Screening designs of Plackett and Burman: the main effects of many factors in few runs.
+"""Screening designs of Plackett and Burman: many main effects in few runs.
 
 The designs follow from their printed generators, one line each, and tests compare them
 with the printed tables.

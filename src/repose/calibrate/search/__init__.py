@@ -1,1 +1,1 @@
-"""Searches on a surrogate: the optimiser (`miga`), its objective and its archive (`objective`)."""
+"""Search on a surrogate: the optimiser, its objective and its archive."""

@@ -97,7 +97,8 @@ class MIGA:
     def tell(self, fitness: np.ndarray) -> None:
         """Breed the next generation.
 
-        `fitness` (islands * population,) is that of the points of `ask`, in their order.
+        `fitness` (islands * population,) is that of the points of `ask`, in their
+        order.
         """
         islands, population, dimensions = self.shape
         points = self._points
@@ -162,7 +163,7 @@ class MIGA:
         self._mutation = np.where(is_mutated, change, 0.0)
 
     def _ranked(self, fitness: np.ndarray) -> np.ndarray:
-        """Return rows (islands, population) of each island's individuals, best first."""
+        """Sort each island; return rows (islands, population), best first."""
         islands, population, _ = self.shape
         by_island = fitness.reshape(islands, population)
         return by_island.argsort(axis=1, kind="stable") + self._first

@@ -209,7 +209,7 @@ class Archive:
 
 
 def distinct(
-    points: np.ndarray, fitness: np.ndarray, distance: float, most: int
+    points: np.ndarray, fitness: np.ndarray, distance: float, limit: int
 ) -> np.ndarray:
     """Find the rows of the best distinct points, best first.
 
@@ -220,7 +220,7 @@ def distinct(
         A small one is good.
     distance : float
         Least distance between two points.
-    most : int
+    limit : int
         Largest number of rows.
 
     Returns
@@ -230,7 +230,7 @@ def distinct(
     rows = np.argsort(fitness, kind="stable")
     columns = np.ascontiguousarray(points[rows].T)
     kept: list[int] = []
-    while len(rows) and len(kept) < most:
+    while len(rows) and len(kept) < limit:
         # Keep the best of the rest, and drop it and all points too near to it.
         kept.append(int(rows[0]))
         squared = ((columns - columns[:, :1]) ** 2).sum(axis=0)
@@ -247,7 +247,7 @@ class Search(NamedTuple):
 
     archive: Archive  # the best distinct points, thinned
     history: list[tuple]  # a row with the columns `HISTORY` for each round
-    feasible_met: int  # number of feasible points, repeated ones included
+    n_feasible: int  # number of feasible points, repeated ones included
 
 
 def search(
@@ -278,7 +278,7 @@ def search(
         inputs, settings.distance, ARCHIVED_PER_SOLUTION * settings.solutions
     )
     history = []
-    feasible_met = 0
+    n_feasible = 0
     for round_ in range(1, settings.rounds + 1):
         populations = []
         fitnesses = []
@@ -290,7 +290,7 @@ def search(
                 fitness += preference(points)
             populations.append(points)
             fitnesses.append(fitness)
-            feasible_met += int(np.count_nonzero(V == 0))
+            n_feasible += int(np.count_nonzero(V == 0))
             miga.tell(fitness)
         archive.add(np.concatenate(populations), np.concatenate(fitnesses))
         history.append(
@@ -300,8 +300,8 @@ def search(
                 miga.evaluations,
                 miga.best_fitness,
                 float(fitness.mean()),
-                feasible_met,
+                n_feasible,
             )
         )
     archive.thin()
-    return Search(archive, history, feasible_met)
+    return Search(archive, history, n_feasible)

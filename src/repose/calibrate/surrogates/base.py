@@ -69,7 +69,8 @@ class Surrogate(ABC):
         For each response the configuration keys, with their values, that define it; set
         by `describe`.
     samples : tuple of int
-        Numbers of the n samples that it was fitted to, in their order; set by `describe`.
+        Numbers of the n samples that it was fitted to, in their order; set by
+        `describe`.
     of_all_samples : bool
         Whether a study fits it to all samples, after a fit to the training part has
         shown its accuracy at the others.
@@ -82,7 +83,7 @@ class Surrogate(ABC):
     is_network: ClassVar[bool] = False
     inputs: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ()
-    definitions: Definitions = {}  # noqa: RUF012 - replaced as a whole, never changed in place
+    definitions: Definitions = {}  # noqa: RUF012 - never changed in place
     samples: tuple[int, ...] = ()
     offset_: np.ndarray
 
@@ -133,8 +134,8 @@ class Surrogate(ABC):
             of the value. For means over runs the precision is the number of runs.
             Without `noise_freedom` only ratios matter.
         noise_covariance : array (k, k), optional
-            Covariance of the noise of the responses, up to a factor. `precision` is then
-            the same for all responses of a sample.
+            Covariance of the noise of the responses, up to a factor. `precision` is
+            then the same for all responses of a sample.
         noise_freedom : float, optional
             Degrees of freedom from which replicates estimated `noise_covariance`, which
             then belongs to one value of precision 1. A surrogate may ignore it.

@@ -1,8 +1,8 @@
 """BP network with Bayesian regularisation: a few inputs, a few responses, error bars.
 
-Section 3.2.2 of the paper: a 6-12-2 network, tansig and purelin, with inputs and outputs
-scaled to 0.1-0.9. Levenberg-Marquardt trains it on a regularised sum of squares. It
-needs numpy alone::
+Section 3.2.2 of the paper: a 6-12-2 network, tansig and purelin, with inputs and
+outputs scaled to 0.1-0.9. Levenberg-Marquardt trains it on a regularised sum of
+squares. It needs numpy alone::
 
     from repose.calibrate.surrogates.bayesian_bp import BayesianBP
     model = BayesianBP(hidden=6).fit(X, y)
@@ -72,8 +72,8 @@ CHUNK = 256
 class BayesianBP(TrainingSettings, Surrogate):
     """Two-layer network trained by Bayesian regularisation from several starts.
 
-    The start of the largest evidence is kept: of those that converged, or of all if none
-    did.
+    The start of the largest evidence is kept: of those that converged, or of all if
+    none did.
 
     Attributes
     ----------
@@ -447,7 +447,7 @@ class BayesianBP(TrainingSettings, Surrogate):
             )
 
     def _stretch(self) -> np.ndarray:
-        """Compute one unit of each scaled output (outputs,), in units of the response."""
+        """Compute one unit of each scaled output (outputs,), in the response's unit."""
         low, high = self.scaled_range
         return width(self.output_min_, self.output_max_) / (high - low)
 

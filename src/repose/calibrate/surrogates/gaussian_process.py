@@ -1,7 +1,7 @@
 """Gaussian process: one for each response, with a length for each input, and noise.
 
-The processes themselves are in `repose.calibrate.surrogates.process`; this module scales
-the samples and makes files.
+The processes themselves are in `repose.calibrate.surrogates.process`; this module
+scales the samples and makes files.
 
 Sources, named where they are used
   (RW06)  Rasmussen & Williams 2006, Gaussian Processes for Machine Learning, equation

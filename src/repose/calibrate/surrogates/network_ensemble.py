@@ -1,11 +1,11 @@
 """The mean of the networks at the ends of several starts, with their scatter.
 
-Starts of `repose.calibrate.surrogates.bayesian_bp.BayesianBP` end at different networks,
-whose evidence hardly differs. The errors of each network hold only the uncertainty of
-its own weights, not the disagreement of the networks. This surrogate predicts by a
-mixture of the networks: its mean is the mean of their means, and its covariance is the
-mean of their covariances plus the covariance of their means. Nothing more is trained
-than for the best network alone.
+Starts of `repose.calibrate.surrogates.bayesian_bp.BayesianBP` end at different
+networks, whose evidence hardly differs. The errors of each network hold only the
+uncertainty of its own weights, not the disagreement of the networks. This surrogate
+predicts by a mixture of the networks: its mean is the mean of their means, and its
+covariance is the mean of their covariances plus the covariance of their means. Nothing
+more is trained than for the best network alone.
 
   (LPB17)  Lakshminarayanan, Pritzel & Blundell 2017, Simple and scalable predictive
            uncertainty estimation using deep ensembles, Adv. Neural Inf. Process. Syst.
@@ -69,12 +69,14 @@ class NetworkEnsemble(Surrogate):
         best.fit(X, Y, **noise)
 
         # Choose the starts of the members.
-        self.near_ = []
+        self.member_starts_ = []
         for start in best.starts_:
             is_near = start["log_evidence"] >= best.log_evidence_ - NATS
             if is_near and start["decrement"] < CONVERGED:
-                self.near_.append(start["start"])
-        others = [best.of_start(k) for k in self.near_ if k != best.best_start_]
+                self.member_starts_.append(start["start"])
+        others = [
+            best.of_start(k) for k in self.member_starts_ if k != best.best_start_
+        ]
         self._set_members([best, *others])
         return self
 
@@ -116,10 +118,10 @@ class NetworkEnsemble(Surrogate):
     def start_rows(self) -> list[dict[str, Any]]:
         """List the rows of the best network, and which starts are members."""
         rows = self.members_[0].start_rows()
-        return [row | {"member": row["start"] in self.near_} for row in rows]
+        return [row | {"member": row["start"] in self.member_starts_} for row in rows]
 
     def to_dict(self) -> dict[str, Any]:
-        """Collect the best network as in its own file, and the weights of the others."""
+        """Collect the best network as in its own file, and the others' weights."""
         best, *others = (member.to_dict() for member in self.members_)
         return best | {"others": [_weights_of(other) for other in others]}
 

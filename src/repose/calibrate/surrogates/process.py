@@ -140,9 +140,10 @@ class Process:
         return between @ self.weights, np.maximum(variance, LEAST_VARIANCE)
 
     def left_out(self) -> tuple[np.ndarray, np.ndarray]:
-        """Predict each value from all the others: means and variances (n,) without noise.
+        """Predict each value from all the others.
 
-        With K the covariance of the values, (RW06) has the mean
+        The results are means and variances (n,), without noise. With K the covariance
+        of the values, noise included, (RW06) has the mean
         value_i - (K^-1 values)_i / (K^-1)_ii and the variance 1 / (K^-1)_ii, of which
         the noise is a part.
         """

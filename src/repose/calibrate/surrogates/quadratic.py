@@ -31,8 +31,8 @@ from repose.calibrate.surrogates.two_layer import width
 class QuadraticSurface(Surrogate):
     """Second-order model y = A b + noise (MM09).
 
-    A are the terms at the samples, b are the coefficients of one response. An input that
-    does not vary has no terms.
+    A are the terms at the samples, b are the coefficients of one response. An input
+    that does not vary has no terms.
     """
 
     @classmethod
@@ -41,7 +41,7 @@ class QuadraticSurface(Surrogate):
 
     @staticmethod
     def least_samples(inputs: int) -> int:
-        """Count the fewest samples for inputs that all vary: one more than the terms."""
+        """Count the fewest samples for inputs that vary: one more than the terms."""
         return (inputs + 1) * (inputs + 2) // 2 + 1
 
     def fit(self, X: ArrayLike, Y: ArrayLike, **noise: Unpack[Noise]) -> Self:
@@ -137,7 +137,7 @@ class QuadraticSurface(Surrogate):
         return model
 
     def terms(self, unit: np.ndarray) -> np.ndarray:
-        """Compute the terms (n, terms) of the model at points (n, d) of the unit cube."""
+        """Compute the terms (n, terms) of the model at points (n, d) in [0, 1]."""
         return quadratic_terms(unit)
 
     def _terms(self, X: np.ndarray) -> np.ndarray:

@@ -43,8 +43,8 @@ def kind_of(name: str, source: object = "surrogate") -> type[Surrogate]:
 def _all_kinds() -> dict[str, type[Surrogate]]:
     """Return all surrogates by name.
 
-    Those of the package are imported when the first name is looked up, so that a program
-    that needs none starts without waiting for them.
+    Those of the package are imported when the first name is looked up, so that a
+    program that needs none starts without waiting for them.
     """
     from repose.calibrate.surrogates import kinds  # noqa: F401
 

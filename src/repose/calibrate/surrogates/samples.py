@@ -190,7 +190,8 @@ def checked_samples(
         Y = Y[:, None]
     if X.ndim != 2 or Y.ndim != 2 or len(X) != len(Y) or X.size == 0 or Y.size == 0:
         raise ValueError(
-            f"X has shape {X.shape}, y {np.shape(y)}; expected two tables of equal length"
+            f"X has shape {X.shape}, y {np.shape(y)}; "
+            "expected two tables of equal length"
         )
     n_samples = len(X)
     count = _array_or_ones(sample_weight, n_samples)
@@ -243,7 +244,7 @@ def _check_weights(
 
 
 def checked_points(X: ArrayLike, inputs: int) -> np.ndarray:
-    """Convert parameter sets to an array (samples, inputs); ValueError for other shapes."""
+    """Convert parameter sets to an array; ValueError unless (samples, inputs)."""
     X = np.asarray(X, dtype=float)
     if X.ndim != 2 or X.shape[1] != inputs:
         raise ValueError(f"X has shape {X.shape}; expected (samples, {inputs})")

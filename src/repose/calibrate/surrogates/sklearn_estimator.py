@@ -11,7 +11,7 @@ from repose.calibrate.surrogates.base import Noise
 from repose.calibrate.surrogates.bayesian_bp import BayesianBP
 
 
-class BayesianBPRegressor(RegressorMixin, BayesianBP, BaseEstimator):  # noqa: D101 - that of its base
+class BayesianBPRegressor(RegressorMixin, BayesianBP, BaseEstimator):  # noqa: D101
     __doc__ = BayesianBP.__doc__
 
     def fit(

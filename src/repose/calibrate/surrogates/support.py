@@ -121,9 +121,10 @@ class Support:
         return distances
 
     def leverage(self, points: np.ndarray) -> np.ndarray:
-        """Compute the leverage (m,) of points in a quadratic model of the samples (C79).
+        """Compute the leverage (m,) of points in a quadratic model (C79).
 
-        It is 0 with too few samples for such a model.
+        The model is fitted to the samples. The leverage is 0 with too few samples for
+        such a model.
         """
         if self._inverse_R is None:
             return np.zeros(len(points))

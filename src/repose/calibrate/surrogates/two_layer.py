@@ -253,7 +253,7 @@ def hidden_neurons(N: int, inputs: int, outputs: int) -> int:
 def scale(
     X: np.ndarray, minimum: np.ndarray, maximum: np.ndarray, interval: Sequence[float]
 ) -> np.ndarray:
-    """Map each column's minimum and maximum to the lower and upper end of an interval."""
+    """Map each column's minimum and maximum to the ends of an interval."""
     low, high = interval
     return low + (X - minimum) / width(minimum, maximum) * (high - low)
 

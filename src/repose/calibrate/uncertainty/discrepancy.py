@@ -1,10 +1,12 @@
-"""Covariance of the discrepancies: deviations of the simulator that no parameters remove.
+"""Covariance of the discrepancies of the simulator.
 
-A shape study, where there is one, gives the evidence. Its plausible models have the axes,
-mass, volume and packing of the measured grain, and differ in unknown features: surface,
-tension, filling, definition of the angle. With the same parameters their piles differ.
-Weighted by how well each model describes the published piles, the spread of the piles is
-the discrepancy (`of_shape_study`).
+Discrepancies are deviations that no parameters remove.
+
+A shape study, where there is one, gives the evidence. Its plausible models have the
+axes, mass, volume and packing of the measured grain, and differ in unknown features:
+surface, tension, filling, definition of the angle. With the same parameters their piles
+differ. Weighted by how well each model describes the published piles, the spread of the
+piles is the discrepancy (`of_shape_study`).
 
 Otherwise the discrepancy is stated, as a share of each response's value (`of_targets`).
 Within a bench test the discrepancies are correlated, because one wrong shape or filling

@@ -1,8 +1,8 @@
 """Dependence of the posterior on the discrepancy, and the region not excluded.
 
-The region holds the parameters that the measurements do not exclude. Both weigh the same
-points of a Sobol sequence over the prior, so nothing is sampled anew and the results are
-deterministic.
+The region holds the parameters that the measurements do not exclude. Both weigh the
+same points of a Sobol sequence over the prior, so nothing is sampled anew and the
+results are deterministic.
 
   (C97)  Craig, Goldstein, Seheult & Smith 1997, Pressure matching for hydrocarbon
          reservoirs, in Case Studies in Bayesian Statistics III, 37: implausibility and
@@ -70,8 +70,8 @@ class Region(NamedTuple):
     """The part of the prior that is not implausible."""
 
     share: float  # of the prior
-    # A row for each cell of each pair of parameters, with the columns `REGION`: middle of
-    # the cell, least implausibility in it, and share of its points in the region
+    # A row for each cell of each pair of parameters, with the columns `REGION`: middle
+    # of the cell, least implausibility in it, and share of its points in the region
     projections: pd.DataFrame
 
 
@@ -79,7 +79,7 @@ def curve(
     points: Points,
     targets: Targets,
     observed: Observation,
-    shapes: Observed | None = None,
+    shape_study: Observed | None = None,
 ) -> pd.DataFrame:
     """Compute information and intervals over the size of the discrepancy.
 
@@ -89,7 +89,7 @@ def curve(
     targets : Targets
     observed : callable
         From size and correlation of a stated discrepancy to the observation.
-    shapes : Observed, optional
+    shape_study : Observed, optional
         The observation with the discrepancy by a shape study.
 
     Returns
@@ -108,10 +108,10 @@ def curve(
                 "evidence": "stated",
             }
             rows.append(row | _bits(points, observed(percent, correlation)))
-    if shapes is not None:
-        discrepancy = shapes.covariance - observed(0.0, 0.0).covariance
+    if shape_study is not None:
+        discrepancy = shape_study.covariance - observed(0.0, 0.0).covariance
         row = _shape_study_row(discrepancy, targets)
-        rows.append(row | _bits(points, shapes))
+        rows.append(row | _bits(points, shape_study))
     return pd.DataFrame(rows)
 
 
@@ -193,20 +193,20 @@ def implausibility(
     return np.sqrt((points.predicted - mean) ** 2 / variance).max(axis=1)
 
 
-def region(points: Points, implausible: np.ndarray) -> Region:
+def region(points: Points, values: np.ndarray) -> Region:
     """Find the region that is not implausible, and project it on pairs of parameters.
 
-    `implausible` (n,) is the implausibility of the points.
+    `values` (n,) are the implausibilities of the points.
     """
     space = points.space
-    is_inside = implausible < IMPLAUSIBLE
+    is_inside = values < IMPLAUSIBLE
     cell = np.minimum((points.quantile * CELLS).astype(int), CELLS - 1)
     x_cell, y_cell = np.divmod(np.arange(CELLS**2), CELLS)
     tables = []
     for i, j in itertools.combinations(range(space.dimensions), 2):
         number = cell[:, i] * CELLS + cell[:, j]
         least = np.full(CELLS**2, np.inf)
-        np.minimum.at(least, number, implausible)
+        np.minimum.at(least, number, values)
         n_points = np.bincount(number, minlength=CELLS**2)
         n_inside = np.bincount(number, is_inside, minlength=CELLS**2)
         table = pd.DataFrame(
@@ -248,8 +248,8 @@ def message(table: pd.DataFrame, share: float) -> str:
         lines.append(f"bits over the discrepancy, correlation {correlation:g}: {bits}")
     for row in table[~is_stated].itertuples():
         lines.append(
-            f"with the discrepancy of the shape study, {row.discrepancy_percent:.0f} %: "
-            f"{row.information_bits:.2f} bits"
+            f"with the discrepancy of the shape study, "
+            f"{row.discrepancy_percent:.0f} %: {row.information_bits:.2f} bits"
         )
     lines.append(
         f"{100 * share:.0f} % of the prior is not implausible: no response lies "

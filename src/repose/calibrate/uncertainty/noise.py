@@ -23,7 +23,7 @@ from repose.common.errors import InputError
 from repose.common.files import Path_, read_table, write_json, write_table
 
 MOST_SEEDS = 64
-WANTED_PERCENT = (0.5, 1.0, 2.0)  # standard errors, in percent of the target
+ERROR_PERCENT = (0.5, 1.0, 2.0)  # standard errors, in percent of the target
 
 Pairs = dict[str, dict[str, float]]
 """Correlations by the names of the two responses, ``"aor_deg, height_mm"``."""
@@ -130,8 +130,8 @@ def noise_floor(runs: pd.DataFrame, targets: Targets) -> NoiseFloor:
 def _add_seeds(table: pd.DataFrame, target: Target, components: Components) -> None:
     """Add the columns of one target to seeds.csv.
 
-    A perfect predictor reaches R2 = ICC / (ICC + (1 - ICC) / seeds), with the intraclass
-    correlation ICC.
+    A perfect predictor reaches R2 = ICC / (ICC + (1 - ICC) / seeds), with the
+    intraclass correlation ICC.
     """
     seeds = table["seeds"].to_numpy()
     error = components.standard_error(seeds)
@@ -172,7 +172,7 @@ def _row(
         "r2_single_runs": float(components.reachable_r2(1)),
         "r2_sample_means": float(components.reachable_r2(components.harmonic_seeds)),
     }
-    for percent in WANTED_PERCENT:
+    for percent in ERROR_PERCENT:
         error = percent / 100 * target.whole
         row[f"seeds_for_{percent:g}_percent"] = components.seeds_for(error)
     return row

@@ -1,7 +1,7 @@
 """Posterior of the free parameters given the physical measurements.
 
-The prior is uniform on the range of each parameter, or normal and cut to the range where
-the parameter was measured. `repose.calibrate.uncertainty.likelihood` defines the
+The prior is uniform on the range of each parameter, or normal and cut to the range
+where the parameter was measured. `repose.calibrate.uncertainty.likelihood` defines the
 likelihood, `repose.calibrate.uncertainty.sampler` draws from the posterior.
 """
 
@@ -41,8 +41,8 @@ from repose.common.errors import InputError, require
 from repose.common.files import Path_, read_table, write_json, write_table
 
 CREDIBLE = 0.95
-# Runs beyond the first of a sample that a correlation needs, in addition to one for each
-# response of a bench test.
+# Runs beyond the first of a sample that a correlation needs, in addition to one for
+# each response of a bench test.
 FREEDOM = 2
 DRAWS_KEPT = 4000
 # Convergence: Vehtari et al. 2021, Bayesian Analysis 16, 667.
@@ -51,8 +51,8 @@ FEWEST_EFFECTIVE = 400
 # Kullback-Leibler information, in bits: half the range is worth 1 bit.
 DETERMINED = 1.0
 UNDETERMINED = 0.2
-# Width of an interval over that of the prior, above which a parameter is not determined,
-# whatever its bits.
+# Width of an interval over that of the prior, above which a parameter is not
+# determined, whatever its bits.
 WIDE = 0.75
 MOSTLY = 0.5  # share of the draws where samples are thin, above which a warning is due
 STATED = "stated"
@@ -159,7 +159,7 @@ def measurement_of(
 def _measured_correlation(
     targets: Targets, runs: pd.DataFrame, settings: PosteriorSettings
 ) -> noise.WithinCorrelation:
-    """Find the correlation of the measured responses, by simulated runs or as stated."""
+    """Find the correlation of the measured responses: simulated or stated."""
     stated = settings.measured_correlation
     if isinstance(stated, str):
         simulated = noise.within_correlation(runs, targets)
@@ -451,8 +451,10 @@ def _curve(
         S_d = discrepancy.of_targets(targets, runs, percent, correlation)
         return observation(targets, measurement.correlation, S_d)
 
-    of_shapes = measurement.observed if measurement.evidence == SHAPE_STUDY else None
-    return implausibility.curve(points, targets, stated, of_shapes)
+    of_shape_study = None
+    if measurement.evidence == SHAPE_STUDY:
+        of_shape_study = measurement.observed
+    return implausibility.curve(points, targets, stated, of_shape_study)
 
 
 def statement(row: Mapping[str, Any]) -> str:

@@ -180,9 +180,9 @@ def split_r_hat(chains: np.ndarray) -> np.ndarray:
 def information_bits(draws: np.ndarray, effective: float) -> float:
     """Compute the information of one parameter's posterior over its prior, in bits.
 
-    It is the Kullback-Leibler divergence of a histogram, at least 0. Its expected excess
-    for m independent draws, (bins - 1) / (2 m ln 2), is subtracted (Miller 1955, Note on
-    the bias of information estimates).
+    It is the Kullback-Leibler divergence of a histogram, at least 0. Its expected
+    excess for m independent draws, (bins - 1) / (2 m ln 2), is subtracted (Miller 1955,
+    Note on the bias of information estimates).
 
     Parameters
     ----------

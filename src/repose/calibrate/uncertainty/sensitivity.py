@@ -4,8 +4,8 @@ There are Sobol indices and main effects. The indices use the estimators of Salt
 al. 2010 (Computer Physics Communications 181, 259) on a Sobol sequence, as
 scipy.stats.sobol_indices has them. The free parameters are independent and uniform on
 their ranges; prior knowledge of a parameter does not enter. The intervals contain the
-error of the sampling, by bootstrap over the rows of the sequence. They do not contain the
-surrogate's own error.
+error of the sampling, by bootstrap over the rows of the sequence. They do not contain
+the surrogate's own error.
 """
 
 from collections.abc import Callable

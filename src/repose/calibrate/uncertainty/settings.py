@@ -17,7 +17,7 @@ class PosteriorSettings(Section):
     """Table whose models give the discrepancy; null: the next two keys state it."""
 
     discrepancy_percent: float = Field(ge=0, le=100)
-    """Discrepancy of each response that no parameters remove, in percent of its mean."""
+    """Standard deviation of each response's discrepancy, in percent of its value."""
 
     discrepancy_correlation: float = Field(ge=0, le=0.99)
     """Correlation of the discrepancies within a bench test."""

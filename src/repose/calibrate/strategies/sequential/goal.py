@@ -31,8 +31,8 @@ class Deviations(NamedTuple):
 class Goal(NamedTuple):
     """The targets with a tolerance.
 
-    A response is met if its mean lies within `half` of its `aim`. The score includes the
-    prior of `space`.
+    A response is met if its mean lies within `half` of its `aim`. The score includes
+    the prior of `space`.
     """
 
     aim: np.ndarray  # (k,)
@@ -70,9 +70,10 @@ class Goal(NamedTuple):
     ) -> np.ndarray:
         """Compute the mean of F, Eq. 11 of the paper, for uncertain responses.
 
-        For a normal deviation of mean m and standard deviation s, with z = m / s and the
-        distribution function P, the mean of its size is
-        s sqrt(2 / pi) exp(-z^2 / 2) + m (1 - 2 P(-z)).
+        A normal deviation has mean m and standard deviation s. With z = m / s and the
+        distribution function P of the standard normal, the mean of its size is
+
+            s sqrt(2 / pi) exp(-z^2 / 2) + m (1 - 2 P(-z))
 
         Parameters
         ----------

@@ -8,16 +8,16 @@ Sources, named where they are used:
 
 - (ANS10) Ankenman, Nelson & Staum 2010, Stochastic kriging for simulation metamodeling,
   Oper. Res. 58, 371
-- (S04) Smyth 2004, Stat. Appl. Genet. Mol. Biol. 3, 3: a sample's own variance moderated
-  by the variance of all samples
+- (S04) Smyth 2004, Stat. Appl. Genet. Mol. Biol. 3, 3: a sample's own variance
+  moderated by the variance of all samples
 - (R06) Rasmussen & Williams 2006, Gaussian processes for machine learning, section 2.7:
   explicit basis functions
 - (H24) Hvarfner, Hellsten & Nardi 2024, Vanilla Bayesian optimization performs great in
-  high dimensions: a prior of the lengths that grows with the number d of inputs. They use
-  the mode of its density over the lengths, exp(sqrt(2) - 3) sqrt(d): half a range for
-  six inputs. Here the logarithms of the lengths are drawn, and this mode is the middle of
-  their prior. The median of the same density, ten ranges, would mean an almost linear
-  simulator.
+  high dimensions: a prior of the lengths that grows with the number d of inputs. They
+  use the mode of its density over the lengths, exp(sqrt(2) - 3) sqrt(d): half a range
+  for six inputs. Here the logarithms of the lengths are drawn, and this mode is the
+  middle of their prior. The median of the same density, ten ranges, would mean an
+  almost linear simulator.
 """
 
 import math
@@ -42,8 +42,8 @@ LEAST_SIGNAL = 0.1  # of the means' variance, where noise seems to explain all o
 SMOOTHNESS = 2.5
 DRAWS = 8  # of variance and lengths
 DRAWS_SEED = 1
-# Prior of the factor on the variance of each draw: median, and standard deviation of the
-# logarithm. They come from campaigns for other hidden sets than those of
+# Prior of the factor on the variance of each draw: median, and standard deviation of
+# the logarithm. They come from campaigns for other hidden sets than those of
 # docs/sequential.md, where the draws' variances were too large as a rule.
 FACTOR_MEDIAN = 0.7
 FACTOR_LOG_SD = 0.4
@@ -51,7 +51,8 @@ FACTORS = np.exp(np.linspace(-2, 2, 81))  # over which the factor is averaged
 STEP = 1e-3  # of the logarithms, for the curvature
 # Of variance and lengths, in variances of the means and ranges of a parameter.
 BOUNDS = (1e-3, 1e3)
-# Relative size below which noise, or a combination of the responses' noises, is rounding.
+# Relative size below which noise, or a combination of the responses' noises, is
+# rounding.
 ROUNDING = 1e-9
 LEAST_SAMPLES = 2
 
@@ -96,7 +97,7 @@ class Observed(NamedTuple):
         return int(self.counts.sum() - len(self.unit))
 
     def is_sound(self, unit: np.ndarray) -> np.ndarray:
-        """Mark the points (m, d) that are no nearer to a failed sample than to a good."""
+        """Mark points (m, d) that are no nearer to a failed sample than to a good."""
         from scipy.spatial.distance import cdist
 
         if not len(self.failed):
@@ -139,16 +140,17 @@ class Kriging(Combined):
     The error of a sample's mean is known, not fitted (ANS10). A variance from few runs
     is a poor estimate, so the variance of all samples moderates it (S04).
 
-    Each process has a linear part (R06): without it a process returns to its mean in the
-    corners, where the largest and the smallest responses are. Variance and lengths are
-    uncertain with few samples. So they are drawn `DRAWS` times from the normal
+    Each process has a linear part (R06): without it a process returns to its mean in
+    the corners, where the largest and the smallest responses are. Variance and lengths
+    are uncertain with few samples. So they are drawn `DRAWS` times from the normal
     approximation of their posterior, with the prior of (H24), and predictions come from
     the mixture.
 
-    The variance of each draw is multiplied by one factor. To estimate it, each sample is
-    predicted from all the others, and the factor compares these residuals with the
-    variances of the draws, given the known errors of the means. With few samples or much
-    noise the residuals tell little, and the factor stays near the median of its prior.
+    The variance of each draw is multiplied by one factor. To estimate it, each sample
+    is predicted from all the others, and the factor compares these residuals with the
+    variances of the draws, given the known errors of the means. With few samples or
+    much noise the residuals tell little, and the factor stays near the median of its
+    prior.
 
     Parameters
     ----------
@@ -363,8 +365,8 @@ def _draw_processes(
 ) -> list[Any]:
     """Draw processes of one combination from the posterior of their hyperparameters.
 
-    A process has a linear part of fixed covariance, and a smooth deviation from it whose
-    variance and lengths are drawn.
+    A process has a linear part of fixed covariance, and a smooth deviation from it
+    whose variance and lengths are drawn.
 
     Parameters
     ----------
@@ -382,8 +384,8 @@ def _draw_processes(
     d = unit.shape[1]
     log_length = LENGTH_LOG_MEAN + 0.5 * math.log(d)
     signal = max(1 - errors.mean(), LEAST_SIGNAL)
-    # A point has a variance of 1/12 in each parameter. With this slope the straight line
-    # has the variance of the means, 1, a priori.
+    # A point has a variance of 1/12 in each parameter. With this slope the straight
+    # line has the variance of the means, 1, a priori.
     slope = math.sqrt(12 / d)
     lengths = np.full(d, math.exp(log_length))
     kernel = straight(slope) + smooth(signal, lengths, (BOUNDS, BOUNDS), SMOOTHNESS)

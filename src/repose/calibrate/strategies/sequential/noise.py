@@ -25,7 +25,8 @@ ESTIMATED = "estimated from single runs"
 RUNS_PER_PARAMETER = 4  # least number of single runs for an estimate
 # Shares of the variance over the runs that may be noise, equally probable a priori.
 SHARES = np.geomspace(1e-4, 1.0, 9)
-# Bounds of the surface's lengths, in ranges of a parameter: shorter waves look like noise.
+# Bounds of the surface's lengths, in ranges of a parameter: shorter waves look like
+# noise.
 LENGTHS = (0.3, 30.0)
 LEAST_SCALE = 1e-300
 

@@ -1,10 +1,12 @@
 """Whether any parameter set meets the goal, and how near the nearest comes.
 
-The answer comes from draws of possible responses. A draw is a function of the parameters
-that agrees with the runs within their errors. In each draw the best point is searched
-for, so the answer is about all parameter sets together, not about a single set.
+The answer comes from draws of possible responses. A draw is a function of the
+parameters that agrees with the runs within their errors. In each draw the best point is
+searched for, so the answer is about all parameter sets together, not about a single
+set.
 
-- (RR08) Rahimi & Recht 2008, Random features for large-scale kernel machines, NeurIPS 20
+- (RR08) Rahimi & Recht 2008, Random features for large-scale kernel machines, NeurIPS
+  20
 - (W20) Wilson et al. 2020, Efficiently sampling functions from Gaussian process
   posteriors, ICML 119: a draw of the prior from random features, corrected by the runs
   with the exact covariance
