@@ -169,11 +169,12 @@ def add_forces(
     cut = cut if cut < 1.0 else 1.0
     write_vector(c, spring, k, cut * ex, cut * ey, cut * ez)
 
-    # add the dashpot and cut the sum
-    vx, vy, vz = lane_vector(t, tl.V, k)
-    fx = cut * sx + damping * vx
-    fy = cut * sy + damping * vy
-    fz = cut * sz + damping * vz
+    # Add the dashpot and cut the sum. The velocities are read here, one by one: if they
+    # were read before, the compiler would fuse other products, and the last bits would
+    # change.
+    fx = cut * sx + damping * t[tl.V + k]
+    fy = cut * sy + damping * t[tl.V + L + k]
+    fz = cut * sz + damping * t[tl.V + 2 * L + k]
     cut = cap * rsqrt(fx * fx + fy * fy + fz * fz)
     cut = cut if cut < 1.0 else 1.0
 
