@@ -169,7 +169,7 @@ def test_impossible_material_is_refused_and_published_tables_hold_together(tmp_p
 
 
 def test_the_spread_of_a_published_range_and_of_measured_sizes_and_the_moments_of_scales():
-    sd, low, high = size_distribution.of_range(*GOJI)
+    sd, low, high = size_distribution.spread_of_range(*GOJI)
     assert sd == pytest.approx(4.99 / 4.498 / 13.32)
     assert (low, high) == pytest.approx((10.41 / 13.32, 15.40 / 13.32))
     # What 4.498 stands for: the mean range of 50 normal values.
@@ -177,10 +177,10 @@ def test_the_spread_of_a_published_range_and_of_measured_sizes_and_the_moments_o
     assert ranges.mean() == pytest.approx(
         size_distribution.PUBLISHED_RANGE_SD, abs=0.02
     )
-    assert size_distribution.of_sizes([9.0, 10.0, 11.0]) == pytest.approx(
+    assert size_distribution.spread_of_sizes([9.0, 10.0, 11.0]) == pytest.approx(
         (0.1, 0.9, 1.1)
     )
-    spread = size_distribution.of_range(*GOJI)
+    spread = size_distribution.spread_of_range(*GOJI)
     drawn = size_distribution.draw(np.random.default_rng(2), 200_000, *spread)
     assert np.mean(drawn**3) == pytest.approx(1.0, abs=2e-3)
     sd, low, high = spread
@@ -194,7 +194,11 @@ def test_the_spread_of_a_published_range_and_of_measured_sizes_and_the_moments_o
 
 def test_a_pour_draws_from_its_seed_up_to_the_largest_scale():
     berry = dict(
-        zip(size_distribution.KEYS, size_distribution.of_range(*GOJI), strict=True)
+        zip(
+            size_distribution.KEYS,
+            size_distribution.spread_of_range(*GOJI),
+            strict=True,
+        )
     )
     first, largest = size_distribution.of_pour("measured", berry, 7, 500)
     again, _ = size_distribution.of_pour("measured", berry, 7, 500)

@@ -9,7 +9,7 @@ from refusals import input_error
 from repose.common.errors import InputError
 from repose.dem.rotations import rotation_matrices
 from repose.grain import build, mesh_from_axes, sphere_packing
-from repose.grain.mesh import body_of, ellipsoid_mesh, principal_pose
+from repose.grain.mesh import compute_body, ellipsoid_mesh, principal_pose
 from repose.grain.particle import Particle
 from repose.measure import silhouette
 
@@ -38,7 +38,7 @@ def test_known_unions_volumes_and_moments():
     volume = sphere_packing.union_volume(spheres, np.array([[-1.0] * 3, [1.0] * 3]))
     assert volume == pytest.approx(8 / 3 * math.pi - 5 / 12 * math.pi, rel=2e-3)
     a, b, c = 10e-3, 6e-3, 4e-3
-    body = body_of(ellipsoid_mesh([20.0, 12.0, 8.0], 5), 800.0)
+    body = compute_body(ellipsoid_mesh([20.0, 12.0, 8.0], 5), 800.0)
     mass = 800 * 4 / 3 * math.pi * a * b * c
     assert body.mass_kg == pytest.approx(mass, rel=2e-3)
     expected = mass / 5 * np.array([b * b + c * c, a * a + c * c, a * a + b * b])
@@ -46,7 +46,7 @@ def test_known_unions_volumes_and_moments():
 
 
 def test_a_filled_berry_has_the_meshs_mass_and_rough_ones_have_bumps(goji, clump):
-    body = body_of(goji, 840.47)
+    body = compute_body(goji, 840.47)
     assert clump.mass_kg == pytest.approx(1.25e-3, rel=1e-6)
     np.testing.assert_allclose(clump.inertia_kg_m2, body.inertia_kg_m2)
     assert (clump.volume_m3, len(clump.spheres_m)) == (
@@ -153,7 +153,7 @@ def test_outlines_and_top_of_clumps_against_a_cloud_of_points_and_scales_move_co
             assert own[..., 0].min() == pytest.approx(u.min(), abs=3e-5)
             assert own[..., 0].max() == pytest.approx(u.max(), abs=3e-5)
             assert own[..., 1].max() == pytest.approx(cloud[:, 2].max(), abs=3e-5)
-    assert silhouette.top_of(grains) == pytest.approx(max(tops), abs=1e-5)
+    assert silhouette.find_top(grains) == pytest.approx(max(tops), abs=1e-5)
     ball = Particle(
         "ellipsoid", np.full((1, 3), 5e-3), 1.0, 0.0, 0.0, np.zeros(3), 5e-3, 0.0, 0.0
     )

@@ -442,7 +442,7 @@ def photograph(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
         240 / np.quantile(picture[::9, ::9], 0.995),
     )
     page, (wide, tall), turn = (
-        sheet.drawing()[0],
+        sheet.draw()[0],
         sheet.size_mm(),
         [np.cos(scene.yaw), np.sin(scene.yaw), 0],
     )

@@ -145,9 +145,7 @@ def measured(
     """The photograph, drawn if it is not there, and measured."""
     how = MeasureSettings(berry_height_mm=one.grain_mm)
     focal = one.focal / max(one.size) if focal_stated else None
-    path = saved(
-        path, lambda: photograph(one, sheet.drawing()[0], sheet.size_mm()), focal
-    )
+    path = saved(path, lambda: photograph(one, sheet.draw()[0], sheet.size_mm()), focal)
     return photographs.measure_all([path], how, photographs.Scale())[0]
 
 

@@ -10,7 +10,7 @@ from refusals import input_error, raised
 
 from repose.measure import pile as piles
 from repose.measure.photographs.drawing import overlay, process_panels
-from repose.measure.photographs.segmentation import plate_row
+from repose.measure.photographs.segmentation import find_plate_row
 from repose.measure.pile import MeasureSettings, NoFlankError, read_image
 from repose.measure.profile_points import FLANK_RULES
 
@@ -269,7 +269,11 @@ def test_loose_berries_count_when_asked_for_and_a_narrow_mask_has_its_plate():
     mask = np.zeros((30, 100), bool)
     mask[:20, 40:60] = mask[20:] = True
     mask[15, 3:97] = True
-    assert (plate_row(mask), plate_row(mask[16:]), plate_row(mask[17:])) == (
+    assert (
+        find_plate_row(mask),
+        find_plate_row(mask[16:]),
+        find_plate_row(mask[17:]),
+    ) == (
         19.5,
         3.5,
         None,

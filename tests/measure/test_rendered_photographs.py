@@ -19,7 +19,7 @@ from repose.measure.settings import MeasureSettings
 
 
 def test_the_sheet_is_printed_in_its_size_and_found_by_its_corners(tmp_path):
-    picture, per_mm = sheet.drawing(20.0, 8)
+    picture, per_mm = sheet.draw(20.0, 8)
     seen = sheet.find(
         cv2.copyMakeBorder(picture, 50, 50, 50, 50, cv2.BORDER_CONSTANT, value=200)
     )

@@ -10,7 +10,7 @@ from refusals import raised
 from rendered import Ellipsoids
 
 from repose.measure import further_responses
-from repose.measure.photographs.segmentation import of_silhouette, segment
+from repose.measure.photographs.segmentation import segment, segment_silhouette
 from repose.measure.pile import MeasureSettings, NoFlankError, measure_pile
 from repose.measure.silhouette import BACKGROUND_TONE, PILE_TONE, Grains, silhouette
 
@@ -123,7 +123,7 @@ def test_a_silhouette_is_split_as_any_picture_of_its_tones_to_the_last_bit(
     centres, q = cone_of_berries(30, np.random.default_rng(3), 250)
     centres[::10, 0] += 0.12  # berries beside the pile, and gaps in it
     image = silhouette(Grains(centres, q, BERRY), mm_per_pixel=MM)
-    known = of_silhouette(image, PILE_TONE, BACKGROUND_TONE, largest_only)
+    known = segment_silhouette(image, PILE_TONE, BACKGROUND_TONE, largest_only)
     found = segment(image, largest_only, base_row=image.shape[0] - 0.5)
     assert (known.level, known.base_row, known.pile_is) == (
         found.level,
@@ -167,7 +167,7 @@ def test_slopes_widths_and_scatter_are_those_of_cones():
     angle, berry = 31.0, 12.0
     base = 60.0 / math.tan(math.radians(angle))
     volume = math.pi * base**2 * 60.0 / 3
-    found = further_responses.of_profile(
+    found = further_responses.measure_silhouettes(
         [cone(angle)] * 3, MM_PER_PIXEL, 60.0, berry, 0.6 * volume
     )
     assert found["base_radius_mm"] == pytest.approx(base * (1 - berry / 60), abs=0.3)
@@ -178,7 +178,9 @@ def test_slopes_widths_and_scatter_are_those_of_cones():
     assert found["packing_percent"] == pytest.approx(60, abs=0.5)
     profile = cone(31.0)
     hollow = profile**2 / profile.max()  # steep at the top, flat at the foot
-    found = further_responses.of_profile([hollow], MM_PER_PIXEL, 60.0, 12.0, 1e5)
+    found = further_responses.measure_silhouettes(
+        [hollow], MM_PER_PIXEL, 60.0, 12.0, 1e5
+    )
     # z = H (1 - r / R)^2
     base, half, upper = (
         60 / math.tan(math.radians(31)) * (1 - math.sqrt(z)) for z in (0.2, 0.5, 0.8)
@@ -201,7 +203,7 @@ def test_slopes_widths_and_scatter_are_those_of_cones():
     with pytest.raises(
         NoFlankError, match=r"half of 20.0 mm is not above a grain, 12.0 mm"
     ):
-        further_responses.of_profile([low], MM_PER_PIXEL, 20.0, 12.0, 1.0)
+        further_responses.measure_silhouettes([low], MM_PER_PIXEL, 20.0, 12.0, 1.0)
     centres = np.zeros((102, 3))
     centres[:, 0] = 1e-3 * np.arange(1, 103)
     centres[:, 2] = 0.01
@@ -209,13 +211,13 @@ def test_slopes_widths_and_scatter_are_those_of_cones():
     centres[101] = (0.05, 0, -0.2)
     pile = np.ones(102, bool)
     pile[95:] = False
-    found = further_responses.of_scatter(centres, pile, 300.0)
+    found = further_responses.measure_scatter(centres, pile, 300.0)
     assert found["radius_90_mm"] == pytest.approx(np.quantile(np.arange(1, 101), 0.9))
     assert found["loose_percent"] == pytest.approx(5.0)
     raised(
         NoFlankError,
         "no grain",
-        further_responses.of_scatter,
+        further_responses.measure_scatter,
         centres[101:],
         pile[101:],
         300.0,

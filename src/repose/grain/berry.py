@@ -363,6 +363,8 @@ def _size_spread(
     rows = published.set_index("dimension")
     if sizes.attrs["reconstruction"] and dimension in rows.index:
         row = rows.loc[dimension]
-        return size_distribution.of_range(row["maximum"], row["minimum"], row["mean"])
+        return size_distribution.spread_of_range(
+            row["maximum"], row["minimum"], row["mean"]
+        )
     axes = [sizes[column] for column in SIZE_COLUMNS]
-    return size_distribution.of_sizes(equivalent_diameter(*axes))
+    return size_distribution.spread_of_sizes(equivalent_diameter(*axes))

@@ -20,12 +20,12 @@ from repose.dem.rotations import sphere_directions
 from repose.grain import mesh_from_axes, sphere_packing, support_fit
 from repose.grain.berry_files import SIZE_COLUMNS, read_berry
 from repose.grain.mesh import (
-    body_of,
+    compute_body,
+    compute_support,
     ellipsoid_mesh,
     load_mesh,
-    mesh_of,
-    mesh_support,
-    stl_of,
+    read_stl,
+    write_stl,
 )
 from repose.grain.particle import KINDS, MM, Body, Particle, check_positive
 from repose.grain.settings import GrainSettings
@@ -79,7 +79,7 @@ def fit_particle(
     """
     check_positive(source, density_kg_m3=density_kg_m3)
     n = sphere_directions(N_DIRECTIONS)
-    measured = mesh_support(mesh, n) * MM
+    measured = compute_support(mesh, n) * MM
     radius = np.cbrt(mesh.volume * 3 / (4 * math.pi)) * MM
     semi_axes = support_fit.recognise_ellipsoid(mesh.vertices * MM, radius, n, measured)
     if semi_axes is None:
@@ -96,7 +96,7 @@ def fit_particle(
         tolerance=tolerance,
         source=source,
     )
-    body = body_of(mesh, density_kg_m3)
+    body = compute_body(mesh, density_kg_m3)
     return Particle(
         kind="ellipsoid" if len(semi_axes) == 1 else "smooth",
         semi_axes_m=semi_axes,
@@ -170,7 +170,7 @@ def make_particle(
         return fit_particle(mesh, density_kg_m3, stl=stl, source=source, kind=kind)
     check_positive(source, density_kg_m3=density_kg_m3)
     packing = sphere_packing.pack(mesh, spheres, surface, source)
-    body = body_of(mesh, density_kg_m3)
+    body = compute_body(mesh, density_kg_m3)
     centres = packing.spheres_m[:, :3]
     radii = packing.spheres_m[:, 3]
     return Particle(
@@ -251,7 +251,7 @@ def of_settings(grain: Mapping[str, Any], section: GrainSettings) -> Particle:
         The section `berry`.
     """
     source = section.stl or MESH_FILE
-    mesh = mesh_of(_mesh_content(grain, section.stl, section.mass_g), source)
+    mesh = read_stl(_mesh_content(grain, section.stl, section.mass_g), source)
     return make_particle(
         mesh,
         grain["density_kg_m3"],
@@ -275,11 +275,11 @@ def _mesh_content(
     if stl is not None:
         scan = load_mesh(stl)
         _check_sides(scan, axes_mm, stl)
-        return stl_of(scan)
+        return write_stl(scan)
     if mass_g is None:
-        return stl_of(ellipsoid_mesh(axes_mm))
+        return write_stl(ellipsoid_mesh(axes_mm))
     mesh, _ = mesh_from_axes.berry_mesh(axes_mm, mass_g, grain["density_kg_m3"])
-    return stl_of(mesh)
+    return write_stl(mesh)
 
 
 def _check_sides(
@@ -345,7 +345,7 @@ def run(
     out = Path(out_dir)
     source = stl or out / MESH_FILE
     content = _mesh_content(grain, stl, mass_g)
-    mesh = mesh_of(content, source)
+    mesh = read_stl(content, source)
 
     def make(particle_kind: str) -> Particle:
         return make_particle(

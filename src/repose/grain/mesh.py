@@ -48,7 +48,7 @@ def load_mesh(path: str | PathLike) -> trimesh.Trimesh:
         allowed = "an existing mesh file, such as an STL in millimetres"
         raise InputError(path, "file", None, allowed)
     if path.suffix.lower() == ".stl":
-        return mesh_of(_complete_stl(path.read_bytes(), path), path)
+        return read_stl(_complete_stl(path.read_bytes(), path), path)
     return _read(path, None, path)
 
 
@@ -113,14 +113,14 @@ def _read(file: Any, file_type: str | None, source: object) -> trimesh.Trimesh:
     return principal_pose(check_mesh(mesh, source))
 
 
-def stl_of(mesh: trimesh.Trimesh) -> bytes:
+def write_stl(mesh: trimesh.Trimesh) -> bytes:
     """Write a mesh [mm] as the content of a binary STL file, in single precision."""
     content = mesh.export(file_type="stl")
     assert isinstance(content, bytes)
     return content
 
 
-def mesh_of(stl: bytes, source: object) -> trimesh.Trimesh:
+def read_stl(stl: bytes, source: object) -> trimesh.Trimesh:
     """Read the mesh of the content of an STL file, as by `load_mesh`.
 
     Messages name `source`.
@@ -195,7 +195,7 @@ def _open_surface_error(mesh: trimesh.Trimesh, source: object) -> InputError:
     goes_up = mesh.edges[:, 0] < mesh.edges[:, 1]
     n_upwards = np.bincount(edge.ravel(), goes_up)
     n_turned = ((n_facets == 2) & (n_upwards != 1)).sum()
-    found = (
+    problem = (
         f"{(n_facets == 1).sum()} edges of one facet, {(n_facets > 2).sum()} of more "
         f"than two, {n_turned} between facets of which one is turned over"
     )
@@ -203,7 +203,7 @@ def _open_surface_error(mesh: trimesh.Trimesh, source: object) -> InputError:
         "a watertight surface: each edge belongs to two facets that look outwards; is "
         "the file whole, without NaN?"
     )
-    return InputError(source, "surface", found, allowed)
+    return InputError(source, "surface", problem, allowed)
 
 
 def _check_volume(mesh: trimesh.Trimesh, source: object) -> None:
@@ -244,7 +244,7 @@ def principal_pose(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     return posed
 
 
-def body_of(mesh: trimesh.Trimesh, density_kg_m3: float) -> Body:
+def compute_body(mesh: trimesh.Trimesh, density_kg_m3: float) -> Body:
     """Compute volume, mass, moments and extents of a mesh (mm, principal pose).
 
     They are exact integrals over the polyhedron.
@@ -259,7 +259,7 @@ def body_of(mesh: trimesh.Trimesh, density_kg_m3: float) -> Body:
     )
 
 
-def mesh_support(mesh: trimesh.Trimesh, n: np.ndarray) -> np.ndarray:
+def compute_support(mesh: trimesh.Trimesh, n: np.ndarray) -> np.ndarray:
     """Compute support values (N,) of a mesh in its unit.
 
     They are the extents from the origin in the directions n (N, 3).

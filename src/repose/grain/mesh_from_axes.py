@@ -197,7 +197,7 @@ def _check_details(details: _Details, axes: np.ndarray, source: object) -> None:
         raise InputError(source, "wrinkle_depth_mm", depth, allowed)
     if not details.wrinkles and not depth:
         return
-    fewest, most = WRINKLES
-    if not depth or not fewest <= details.wrinkles <= most:
-        allowed = f"{fewest} to {most}, together with wrinkle_depth_mm"
+    smallest, largest = WRINKLES
+    if not depth or not smallest <= details.wrinkles <= largest:
+        allowed = f"{smallest} to {largest}, together with wrinkle_depth_mm"
         raise InputError(source, "wrinkles", details.wrinkles, allowed)

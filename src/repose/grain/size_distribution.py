@@ -30,7 +30,7 @@ class Spread(NamedTuple):
     high: float
 
 
-def of_sizes(diameters_mm: np.ndarray) -> Spread:
+def spread_of_sizes(diameters_mm: np.ndarray) -> Spread:
     """Compute the spread of measured equivalent diameters (N,), over their mean."""
     mean = float(np.mean(diameters_mm))
     sd = float(np.std(diameters_mm, ddof=1))
@@ -39,7 +39,7 @@ def of_sizes(diameters_mm: np.ndarray) -> Spread:
     return Spread(sd / mean, smallest_mm / mean, largest_mm / mean)
 
 
-def of_range(maximum: float, minimum: float, mean: float) -> Spread:
+def spread_of_range(maximum: float, minimum: float, mean: float) -> Spread:
     """Estimate the spread of 50 equivalent diameters from their published range.
 
     The expected range of 50 normal values is 4.498 standard deviations.

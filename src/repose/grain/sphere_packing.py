@@ -101,7 +101,7 @@ def pack(
         spheres = filling.fill(count)
     else:
         spheres = filling.fill_with_fewest(source)
-    gaps = distances(spheres, filling.surface_points)
+    gaps = distances_from_union(spheres, filling.surface_points)
     return Packing(
         spheres_m=np.round(spheres * MM, 9),
         volume_m3=union_volume(spheres, filling.box) * MM**3,
@@ -116,7 +116,7 @@ class _Filling:
     def __init__(self, mesh: trimesh.Trimesh, surface: str) -> None:
         self.mesh = mesh
         self.surface = surface
-        self.surface_points, self.normals = surface_points(mesh)
+        self.surface_points, self.normals = sample_surface(mesh)
         self.centres, self.depths = _candidate_balls(mesh, self.surface_points)
         self.box = np.stack([mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)])
 
@@ -189,7 +189,7 @@ def _extent(spheres: np.ndarray, axis: int) -> float:
     return float(upper - lower)
 
 
-def surface_points(
+def sample_surface(
     mesh: trimesh.Trimesh, count: int = N_SURFACE_POINTS
 ) -> tuple[np.ndarray, np.ndarray]:
     """Distribute points evenly over a mesh's area, the same ones every time.
@@ -244,7 +244,7 @@ def _candidate_balls(
     return centres, np.minimum(depth[is_inside], surface_distance)
 
 
-def distances(spheres: np.ndarray, points: np.ndarray) -> np.ndarray:
+def distances_from_union(spheres: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Compute the distances (N,) of points (N, 3) from the union of spheres (M, 4).
 
     Inside the union they are negative, and only a bound.
@@ -269,7 +269,7 @@ def union_volume(
     points = low + (high - low) * qmc.Halton(3, scramble=False).random(count)
     n_inside = 0
     for chunk in np.array_split(points, 16):
-        n_inside += int(np.count_nonzero(distances(spheres, chunk) < 0))
+        n_inside += int(np.count_nonzero(distances_from_union(spheres, chunk) < 0))
     return n_inside / count * float(np.prod(high - low))
 
 
@@ -289,7 +289,7 @@ def _growth(
     high = box[1] + margin
     points = low + (high - low) * qmc.Halton(3, scramble=False).random(count)
     point_distances = np.concatenate(
-        [distances(spheres, chunk) for chunk in np.array_split(points, 16)]
+        [distances_from_union(spheres, chunk) for chunk in np.array_split(points, 16)]
     )
     mesh_share = mesh.volume / np.prod(high - low)
     return float(np.quantile(point_distances, mesh_share))

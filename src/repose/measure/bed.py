@@ -47,14 +47,14 @@ class Slip:
     ----------
     begins : int
         Row of the highest angle.
-    judged : int
+    detection : int
         Row at which the angle has fallen by enough to count as a slip.
     ends : int
         Row at which the bed is calm again.
     """
 
     begins: int
-    judged: int
+    detection: int
     ends: int
 
 
@@ -245,14 +245,14 @@ def find_slip(
     dropped = np.flatnonzero(drop >= drop_deg)
     if len(dropped) == 0:
         return None
-    judged = int(dropped[0])
-    calm = np.flatnonzero(np.asarray(energy_j)[judged:] < calm_energy_j)
+    detection = int(dropped[0])
+    calm = np.flatnonzero(np.asarray(energy_j)[detection:] < calm_energy_j)
     if len(calm) > 0:
-        ends = judged + int(calm[0])
+        ends = detection + int(calm[0])
     else:
         ends = len(angle) - 1
-    begins = int(np.argmax(angle[: judged + 1]))
-    return Slip(begins=begins, judged=judged, ends=ends)
+    begins = int(np.argmax(angle[: detection + 1]))
+    return Slip(begins=begins, detection=detection, ends=ends)
 
 
 def slip_displacement(

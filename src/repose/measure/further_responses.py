@@ -85,7 +85,7 @@ def mean_half_width(
     return total / len(profiles) * mm_per_pixel
 
 
-def of_profile(
+def measure_silhouettes(
     profiles: Sequence[np.ndarray],
     mm_per_pixel: float,
     height_mm: float,
@@ -140,7 +140,7 @@ def of_profile(
     }
 
 
-def of_scatter(
+def measure_scatter(
     centres_m: np.ndarray, in_pile: ArrayLike, on_plate_mm: float
 ) -> dict[str, float]:
     """Measure ``radius_90_mm`` and ``loose_percent``.
@@ -186,11 +186,11 @@ def of_pour(
     height_m, views = pile.pile_views(grains, settings, members)
     profiles = [pile.profile_of(view)[0] for view in views]
     scales = grains.scales[members] if settings.largest_pile_only else grains.scales
-    of_silhouettes = of_profile(
+    of_silhouettes = measure_silhouettes(
         profiles,
         mm_per_pixel=settings.mm_per_pixel,
         height_mm=1e3 * height_m,
         grain_mm=settings.berry_height_mm,
         grains_mm3=1e9 * particle.volume_m3 * float((scales**3).sum()),
     )
-    return of_silhouettes | of_scatter(grains.centres_m, members, plate_mm / 2)
+    return of_silhouettes | measure_scatter(grains.centres_m, members, plate_mm / 2)

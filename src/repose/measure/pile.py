@@ -29,10 +29,10 @@ from repose.measure.silhouette import (
     PILE_TONE,
     ConvexBody,
     Grains,
-    frame,
+    find_top,
+    frame_outlines,
     outlines,
     paint,
-    top_of,
 )
 
 if TYPE_CHECKING:
@@ -95,9 +95,9 @@ def profile_of(pile: "Segmentation") -> tuple[np.ndarray, int]:
         Heights (W,) of the pile's upper edge over its base in pixels, and the highest
         column, the middle one of several.
     """
-    from repose.measure.photographs.segmentation import upper_edge
+    from repose.measure.photographs.segmentation import find_upper_edge
 
-    edge = upper_edge(pile.mask, pile.contrast, pile.level)
+    edge = find_upper_edge(pile.mask, pile.contrast, pile.level)
     height = np.maximum(pile.base_row - edge, 0.0)
     profile = np.where(np.isnan(edge), 0.0, height)
     highest = np.flatnonzero(profile >= profile.max() - CREST_TOLERANCE)
@@ -198,7 +198,7 @@ def pile_views(
         grains = grains[np.asarray(members, bool)]
     if len(grains.centres_m) == 0:
         raise NoFlankError("no grain lies in the pile")
-    height_m = top_of(grains)
+    height_m = find_top(grains)
     assert settings.berry_height_mm is not None
     lowest_m = LOWEST_PILE_GRAINS * 1e-3 * settings.berry_height_mm
     if height_m < lowest_m:
@@ -211,19 +211,19 @@ def pile_views(
 
 def _views(grains: Grains, settings: MeasureSettings) -> Iterator["Segmentation"]:
     """Draw the silhouettes of bodies, one view after the other."""
-    from repose.measure.photographs.segmentation import MIN_SIDE_PX, of_silhouette
+    from repose.measure.photographs.segmentation import MIN_SIDE_PX, segment_silhouette
 
     scale = settings.mm_per_pixel
     azimuths = np.arange(settings.views) * 180.0 / settings.views
     for polygons in outlines(grains, azimuths, inset_m=scale * 0.5e-3):
-        image = paint(polygons, scale, frame(polygons, scale))
+        image = paint(polygons, scale, frame_outlines(polygons, scale))
         if min(image.shape) < MIN_SIDE_PX:
             rows, columns = image.shape
             raise NoFlankError(
                 f"the pile's picture has {columns} by {rows} pixels of {scale:g} mm "
                 f"(measure.mm_per_pixel); a flank needs {MIN_SIDE_PX} by {MIN_SIDE_PX}"
             )
-        yield of_silhouette(
+        yield segment_silhouette(
             image, PILE_TONE, BACKGROUND_TONE, settings.largest_pile_only
         )
 

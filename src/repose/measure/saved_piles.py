@@ -37,7 +37,7 @@ def pile_responses(
     plate_mm : float
         Diameter of the plate.
     additional : sequence of str
-        Names of responses of `repose.measure.further_responses` that are wanted, too.
+        Names of responses of `repose.measure.further_responses` to measure, too.
 
     Returns
     -------

@@ -118,9 +118,9 @@ def _check_grains(arrays: Arrays, source: object, ending: str) -> None:
         is_numeric = values.dtype.kind in "bfiu"
         has_shape = per_grain and values.shape[-len(shape) :] == shape
         if not is_numeric or not has_shape:
-            found = f"{values.dtype} {values.shape}"
+            description = f"{values.dtype} {values.shape}"
             allowed = f"numbers {shape}, of as many grains as the other arrays"
-            raise InputError(source, key, found, allowed)
+            raise InputError(source, key, description, allowed)
         if not np.isfinite(values).all():
             raise InputError(source, key, "not finite", "finite numbers")
         if kind == "quaternion" and not values.any(axis=-1).all():

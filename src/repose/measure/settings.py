@@ -66,17 +66,17 @@ class MeasureSettings:
         return replace(settings, berry_height_mm=diameter_mm)
 
 
-def line_of(how: object, definition: str | None = None) -> str:
+def line_of(settings: object, definition: str | None = None) -> str:
     """Describe a definition of the angle with its settings, for tables and figures.
 
     Parameters
     ----------
-    how : MeasureSettings or Mapping
+    settings : MeasureSettings or Mapping
         The section `measure`.
     definition : str, optional
         One of `DEFINITIONS`; the default is that of the calibrated angle.
     """
-    section: Mapping[str, Any] = how if isinstance(how, Mapping) else vars(how)
+    section = settings if isinstance(settings, Mapping) else vars(settings)
     if not definition:
         definition = section["response"]
     if definition == "secant":

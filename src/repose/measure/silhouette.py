@@ -112,7 +112,7 @@ def outlines(
     turns = np.arange(OUTLINE_DIRECTIONS) * (2 * math.pi / OUTLINE_DIRECTIONS)
     circle = np.column_stack([np.cos(turns), np.sin(turns)])
 
-    spheres = spheres_of(grains)
+    spheres = place_spheres(grains)
     if spheres is not None:
         across, up = np.broadcast_arrays(rights @ spheres[:, :3].T, spheres[:, 2])
         middles = np.stack([across, up], axis=-1)
@@ -149,7 +149,7 @@ def _convex_outlines(
     return np.concatenate([half, -half], axis=1)
 
 
-def spheres_of(grains: Grains) -> np.ndarray | None:
+def place_spheres(grains: Grains) -> np.ndarray | None:
     """Compute centre and radius (N * M, 4) in m of the spheres of N bodies.
 
     Return None for a body that is not made of spheres.
@@ -165,7 +165,7 @@ def spheres_of(grains: Grains) -> np.ndarray | None:
     return np.concatenate([centres, radii], axis=-1).reshape(-1, 4)
 
 
-def top_of(grains: Grains) -> float:
+def find_top(grains: Grains) -> float:
     """Compute the height in m of the highest point of bodies over z = 0.
 
     It is exact, from the bodies themselves.
@@ -208,7 +208,7 @@ def paint(polygons_m: np.ndarray, mm_per_pixel: float, extent: Extent) -> np.nda
     return image
 
 
-def frame(polygons_m: np.ndarray, mm_per_pixel: float) -> Extent:
+def frame_outlines(polygons_m: np.ndarray, mm_per_pixel: float) -> Extent:
     """Compute the extent of the view that holds all outlines and a margin."""
     margin = MARGIN_PX * mm_per_pixel * 1e-3
     left, _ = np.min(polygons_m, axis=(0, 1)).tolist()
@@ -229,5 +229,5 @@ def silhouette(
     inset_m = mm_per_pixel * 0.5e-3  # half a pixel, see `paint`
     polygons = outlines(grains, [azimuth_deg], inset_m)[0]
     if extent is None:
-        extent = frame(polygons, mm_per_pixel)
+        extent = frame_outlines(polygons, mm_per_pixel)
     return paint(polygons, mm_per_pixel, extent)

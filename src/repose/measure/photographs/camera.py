@@ -298,7 +298,7 @@ class Pose:
     def _require_flat(self, sheet: SheetCorners) -> None:
         """Raise NoFlankError if the corners lie too far from those of a flat sheet."""
         corners = np.insert(sheet.positions_mm, 1, 0.0, axis=1)
-        distances = ((self.pixels_of(corners) - sheet.pixels) ** 2).sum(axis=1)
+        distances = ((self.project(corners) - sheet.pixels) ** 2).sum(axis=1)
         residual = np.sqrt(distances.mean())
         if residual > LARGEST_RESIDUAL * max(self.size):
             raise NoFlankError(
@@ -306,7 +306,7 @@ class Pose:
                 "flat one: it is bent, or not sharp"
             )
 
-    def pixels_of(self, world: np.ndarray) -> np.ndarray:
+    def project(self, world: np.ndarray) -> np.ndarray:
         """Compute column and row (..., 2) of points of the world (..., 3) in mm."""
         points = world @ self.rotation.T + self.translation.ravel()
         x = points[..., 0] / points[..., 2]
@@ -394,7 +394,7 @@ def side_view(
     width_mm = extent.right - extent.left
     height_mm = extent.top + BELOW_MM
     one_mm = plane.origin + np.outer([0, 1.0], plane.right)
-    pixels_per_mm = float(np.linalg.norm(np.diff(pose.pixels_of(one_mm), axis=0)))
+    pixels_per_mm = float(np.linalg.norm(np.diff(pose.project(one_mm), axis=0)))
     scale = float(max(1 / pixels_per_mm, width_mm / longest, height_mm / longest))
     columns = math.ceil(width_mm / scale)
     rows = math.ceil(height_mm / scale)
@@ -402,7 +402,7 @@ def side_view(
 
     along = extent.left + scale * np.arange(columns)
     up = scale * (base_row - np.arange(rows))
-    pixels = pose.pixels_of(plane.points(along, up)).astype(np.float32)
+    pixels = pose.project(plane.points(along, up)).astype(np.float32)
     # A pixel of a coarser view averages those of the photograph that fall into it.
     reduction = scale * pixels_per_mm
     if reduction > 1.5:

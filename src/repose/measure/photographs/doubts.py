@@ -6,6 +6,7 @@ photograph.
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -45,6 +46,14 @@ SMALLEST_STEP = 30  # tones between what lies below the pile and beside it: no p
 LARGEST_SHADOW_SHARE = 0.03  # of a pile of another colour than the background's
 
 
+class _Size(NamedTuple):
+    """Size of a pile."""
+
+    height_mm: float
+    grain_mm: float  # height of a grain
+    mm_per_pixel: float
+
+
 class _Foot(NamedTuple):
     """Rows of a pile and its distance from both borders of the picture."""
 
@@ -73,53 +82,90 @@ def doubts_of_pile(
         )
     profile, crest = profile_of(pile)
     sides = (profile[: crest + 1][::-1], profile[crest:])  # from the crest outwards
-    doubts = []
-
-    rise_mm = mm_per_pixel * max(
-        float((side - np.minimum.accumulate(side)).max()) for side in sides
-    )
-    if rise_mm > max(LARGEST_RISE_GRAINS * grain_mm, LARGEST_RISE_SHARE * height_mm):
-        doubts.append(
-            f"{DOUBT}: away from its crest the outline rises by {rise_mm:.0f} mm, as "
-            "of two heaps"
-        )
-
-    half_grain_px = max(1, round(0.5 * grain_mm / mm_per_pixel))
-    drop_mm = mm_per_pixel * max(
-        float((side[:-half_grain_px] - side[half_grain_px:]).max(initial=0.0))
-        for side in sides
-    )
-    if drop_mm > max(LARGEST_DROP_GRAINS * grain_mm, LARGEST_DROP_SHARE * height_mm):
-        doubts.append(
-            f"{DOUBT}: the outline falls by {drop_mm:.0f} mm at once, as of a box "
-            "behind the heap"
-        )
-
-    flank = measurement.angles.get("flank")
-    if flank is not None:
-        meeting_mm = _meeting_height(flank.lines, pile.base_row) * mm_per_pixel
-        if not LOWEST_MEETING * height_mm < meeting_mm < HIGHEST_MEETING * height_mm:
-            if meeting_mm > height_mm:
-                cause = "its top is level"
-            else:
-                cause = "something else stands behind it"
-            doubts.append(
-                f"{DOUBT}: the lines of its flanks meet {meeting_mm:.0f} mm over the "
-                f"plate, its top lies at {height_mm:.0f} mm: {cause}"
-            )
-
+    size = _Size(height_mm, grain_mm, mm_per_pixel)
+    doubts = [
+        _doubt_of_rise(sides, size),
+        _doubt_of_drop(sides, size),
+        _doubt_of_flanks(measurement, pile.base_row, mm_per_pixel),
+    ]
     if pile.has_neighbour:
         doubts.append(f"{DOUBT}: another heap stands beside it")
+    doubts.append(_doubt_of_resolution(measurement, mm_per_pixel))
+    return [doubt for doubt in doubts if doubt]
 
-    height_px = math.floor(height_mm / mm_per_pixel)
-    if height_px < MIN_HEIGHT_PX:
-        angle_error = _angle_error_deg(measurement)
-        doubts.append(
-            f"{DOUBT}: the photograph is too coarse: the pile is {height_px} pixels "
-            f"high, {MIN_HEIGHT_PX} are needed; the angle may be off by "
-            f"{angle_error:.1f} degrees, the Height by {2 * mm_per_pixel:.1f} mm"
-        )
-    return doubts
+
+def _doubt_of_rise(sides: Sequence[np.ndarray], size: _Size) -> str:
+    """Write a doubt if the outline rises again on its way from the crest, else nothing.
+
+    A side has the heights in pixels from the crest outwards.
+    """
+    rises = [float((side - np.minimum.accumulate(side)).max()) for side in sides]
+    rise_mm = size.mm_per_pixel * max(rises)
+    limit_mm = max(
+        LARGEST_RISE_GRAINS * size.grain_mm, LARGEST_RISE_SHARE * size.height_mm
+    )
+    if rise_mm <= limit_mm:
+        return ""
+    return (
+        f"{DOUBT}: away from its crest the outline rises by {rise_mm:.0f} mm, as of "
+        "two heaps"
+    )
+
+
+def _doubt_of_drop(sides: Sequence[np.ndarray], size: _Size) -> str:
+    """Write a doubt if the outline falls steeply within half a grain, else nothing.
+
+    A side has the heights in pixels from the crest outwards.
+    """
+    step = max(1, round(0.5 * size.grain_mm / size.mm_per_pixel))
+    drops = [float((side[:-step] - side[step:]).max(initial=0.0)) for side in sides]
+    drop_mm = size.mm_per_pixel * max(drops)
+    limit_mm = max(
+        LARGEST_DROP_GRAINS * size.grain_mm, LARGEST_DROP_SHARE * size.height_mm
+    )
+    if drop_mm <= limit_mm:
+        return ""
+    return (
+        f"{DOUBT}: the outline falls by {drop_mm:.0f} mm at once, as of a box behind "
+        "the heap"
+    )
+
+
+def _doubt_of_flanks(
+    measurement: Measurement, base_row: float, mm_per_pixel: float
+) -> str:
+    """Write a doubt if the lines of both flanks do not meet near the crest.
+
+    Without lines, or where they meet near it, there is nothing to write.
+    """
+    flank = measurement.angles.get("flank")
+    if flank is None:
+        return ""
+    height_mm = measurement.height_mm
+    meeting_mm = _meeting_height(flank.lines, base_row) * mm_per_pixel
+    if LOWEST_MEETING * height_mm < meeting_mm < HIGHEST_MEETING * height_mm:
+        return ""
+    if meeting_mm > height_mm:
+        cause = "its top is level"
+    else:
+        cause = "something else stands behind it"
+    return (
+        f"{DOUBT}: the lines of its flanks meet {meeting_mm:.0f} mm over the plate, "
+        f"its top lies at {height_mm:.0f} mm: {cause}"
+    )
+
+
+def _doubt_of_resolution(measurement: Measurement, mm_per_pixel: float) -> str:
+    """Write a doubt if the pile has too few pixels, else nothing."""
+    height_px = math.floor(measurement.height_mm / mm_per_pixel)
+    if height_px >= MIN_HEIGHT_PX:
+        return ""
+    angle_error = _angle_error_deg(measurement)
+    return (
+        f"{DOUBT}: the photograph is too coarse: the pile is {height_px} pixels high, "
+        f"{MIN_HEIGHT_PX} are needed; the angle may be off by {angle_error:.1f} "
+        f"degrees, the Height by {2 * mm_per_pixel:.1f} mm"
+    )
 
 
 def _angle_error_deg(measurement: Measurement) -> float:
@@ -229,8 +275,8 @@ def _continues_below(
     below = channels[first : first + max(4, round(grain_px))]
     left_end = below[:, : foot.left.min()]
     right_end = below[:, below.shape[1] - foot.right.min() :]
-    beside = np.concatenate([left_end, right_end], axis=1)
-    if beside.size == 0:
+    ends = np.concatenate([left_end, right_end], axis=1)
+    if ends.size == 0:
         return False
     rows = foot.rows
     low_row = rows[0] + 2 * len(rows) // 3
@@ -240,7 +286,7 @@ def _continues_below(
 
     grain_colour = np.median(grains, axis=(0, 1))
     colour_below = np.median(below[:, middle], axis=(0, 1))
-    colour_beside = np.median(beside, axis=(0, 1))
-    from_beside = np.abs(colour_below - colour_beside).max()
-    from_grains = np.abs(colour_below - grain_colour).max()
-    return bool(from_grains < from_beside and from_beside > SMALLEST_STEP)
+    colour_of_ends = np.median(ends, axis=(0, 1))
+    to_ends = np.abs(colour_below - colour_of_ends).max()
+    to_grains = np.abs(colour_below - grain_colour).max()
+    return bool(to_grains < to_ends and to_ends > SMALLEST_STEP)

@@ -388,7 +388,7 @@ def shadow_share(image: np.ndarray, mask: np.ndarray) -> float:
 def _compare_with_sides(image: np.ndarray, mask: np.ndarray) -> _SideComparison:
     """Compare the features of each pixel with the median of its row's two ends."""
     step = max(1, max(mask.shape) // COMPARED_PX)
-    colours = features(np.ascontiguousarray(image[::step, ::step]))
+    colours = compute_features(np.ascontiguousarray(image[::step, ::step]))
     # Narrow ends: a shadow may be wider than the pile.
     width = max(2, colours.shape[1] // 20)
     ends = np.hstack([colours[:, :width], colours[:, -width:]])
@@ -396,7 +396,7 @@ def _compare_with_sides(image: np.ndarray, mask: np.ndarray) -> _SideComparison:
     return _SideComparison(step, mask[::step, ::step], colours - background)
 
 
-def features(image: np.ndarray) -> np.ndarray:
+def compute_features(image: np.ndarray) -> np.ndarray:
     """Compute two ratios of the channels and the brightness of a picture, BGR.
 
     They are logarithms, scaled to lie around 128: float32 (H, W, 3).
@@ -420,7 +420,7 @@ def _view_features(
     With the height of a grain, roughness takes the place of brightness; `pile` is a
     mask of the pile, if it is known.
     """
-    colours = _fill_hidden(features(view.image), view.hidden)[:n_rows]
+    colours = _fill_hidden(compute_features(view.image), view.hidden)[:n_rows]
     if grain_px is not None:
         hidden = view.hidden[:n_rows]
         colours[..., 2] = _roughness(colours[..., 2], hidden, grain_px, pile)
@@ -494,13 +494,13 @@ def _fit_background(colours: np.ndarray, excluded: np.ndarray) -> np.ndarray:
     for _ in range(3):
         distance = np.linalg.norm(colours - background, axis=-1, keepdims=True)
         is_kept = (distance < LARGEST_TEXTURE) & ~excluded[..., None]
-        kept = is_kept.astype(np.float32)
-        n = kept.sum(1, keepdims=True) + 1e-3
-        mean_x = (kept * x).sum(1, keepdims=True) / n
-        mean = (kept * colours).sum(1, keepdims=True) / n
+        weight = is_kept.astype(np.float32)
+        n = weight.sum(1, keepdims=True) + 1e-3
+        mean_x = (weight * x).sum(1, keepdims=True) / n
+        mean = (weight * colours).sum(1, keepdims=True) / n
         # The added term flattens lines through few pixels.
-        spread = (kept * (x - mean_x) ** 2).sum(1, keepdims=True) + 0.02 * width
-        covariance = (kept * (x - mean_x) * (colours - mean)).sum(1, keepdims=True)
+        spread = (weight * (x - mean_x) ** 2).sum(1, keepdims=True) + 0.02 * width
+        covariance = (weight * (x - mean_x) * (colours - mean)).sum(1, keepdims=True)
         line = mean + covariance / spread * (x - mean_x)
         has_few = n < 0.1 * width
         background = np.where(has_few, background, line).astype(np.float32)
@@ -510,7 +510,7 @@ def _fit_background(colours: np.ndarray, excluded: np.ndarray) -> np.ndarray:
 def _local_scatter(brightness: np.ndarray) -> np.ndarray:
     """Compute the standard deviation (H, W) of the brightness around each pixel.
 
-    Grains with gaps between them have a large one, a shadow has not.
+    Grains with gaps between them have a large one, a shadow has a small one.
     """
     size = (5, 5)
     mean_square = cv2.blur(brightness * brightness, size)

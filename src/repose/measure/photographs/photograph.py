@@ -190,10 +190,10 @@ def readable(paths: Paths) -> tuple[list[Path], list[InputError]]:
     return readable_paths, faults
 
 
-def cameras(
+def calibrate_cameras(
     paths: Paths, square_mm: float
 ) -> tuple[dict[Path, sheet.SheetCorners | None], dict[Size, camera.Camera]]:
-    """Find the sheet in photographs, and calibrate their cameras.
+    """Find the sheet in photographs, and calibrate their calibrate_cameras.
 
     Photographs of one size are taken to be by one camera.
 
@@ -250,7 +250,7 @@ def measure_all(
     """
     if scale.mm_per_pixel is not None:
         return [measure_plain(path, settings, scale) for path in paths]
-    sheets, camera_of_size = cameras([*paths, *lens], scale.square_mm)
+    sheets, camera_of_size = calibrate_cameras([*paths, *lens], scale.square_mm)
     for path in lens:
         if sheets[path] is None:
             allowed = "a photograph that shows the printed sheet"

@@ -76,17 +76,17 @@ def segment(
     """
     image = prepare_picture(image)
     grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-    contrast = two_tone_contrast(image) if image.ndim == 2 else None
+    contrast = compute_two_tone_contrast(image) if image.ndim == 2 else None
     if contrast is not None:
         level, mask = threshold(contrast)
     else:
         smooth = cv2.GaussianBlur(cv2.medianBlur(image, 3), (0, 0), 1.0)
-        contrast = background_contrast(smooth)
+        contrast = compute_background_contrast(smooth)
         level, mask = threshold(contrast)
         mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
 
     if base_row is None:
-        base_row = plate_row(mask)
+        base_row = find_plate_row(mask)
     if base_row is not None:
         rows = mask.shape[0]
         if not 0 < base_row <= rows:
@@ -96,10 +96,10 @@ def segment(
     has_neighbour = largest_pile_only and has_another_heap(mask)
     mask = pile_component(mask, largest_pile_only)
     if base_row is None:
-        base_row = lower_edge(mask, contrast, level)
+        base_row = find_lower_edge(mask, contrast, level)
 
     pile_tone = cv2.mean(grey, mask)[0]
-    background_tone = grey[border(grey.shape)].mean()
+    background_tone = grey[mark_border(grey.shape)].mean()
     return Segmentation(
         grey=grey,
         contrast=contrast,
@@ -111,7 +111,7 @@ def segment(
     )
 
 
-def of_silhouette(
+def segment_silhouette(
     picture: np.ndarray, pile_tone: int, background: int, largest_only: bool
 ) -> Segmentation:
     """Split a simulated pile's picture (H, W), whose two tones and base are known.
@@ -151,7 +151,7 @@ def prepare_picture(image: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(image)
 
 
-def border(shape: tuple[int, ...]) -> np.ndarray:
+def mark_border(shape: tuple[int, ...]) -> np.ndarray:
     """Mark (H, W) the strip that shows background: the upper edge and both sides."""
     width = max(2, round(BORDER_SHARE * min(shape)))
     strip = np.zeros(shape[:2], dtype=bool)
@@ -161,23 +161,23 @@ def border(shape: tuple[int, ...]) -> np.ndarray:
     return strip
 
 
-def two_tone_contrast(grey: np.ndarray) -> np.ndarray | None:
+def compute_two_tone_contrast(grey: np.ndarray) -> np.ndarray | None:
     """Compute the distance (H, W) from the background's tone in a picture of two tones.
 
     Return None if the picture has more than two.
     """
     if not ((grey == grey.min()) | (grey == grey.max())).all():
         return None
-    background = np.bincount(grey[border(grey.shape)], minlength=256).argmax()
+    background = np.bincount(grey[mark_border(grey.shape)], minlength=256).argmax()
     return cv2.absdiff(grey, np.full_like(grey, background)).astype(np.float32)
 
 
-def background_contrast(image: np.ndarray) -> np.ndarray:
+def compute_background_contrast(image: np.ndarray) -> np.ndarray:
     """Compute the distance (H, W) in tones from the background fitted to the border."""
     rows, columns = image.shape[:2]
     y = np.linspace(-1, 1, rows, dtype=np.float32)[:, None]
     x = np.linspace(-1, 1, columns, dtype=np.float32)
-    strip = border(image.shape)
+    strip = mark_border(image.shape)
     strip_rows, strip_columns = strip.nonzero()
     terms = _quadratic_terms(x[strip_columns], y[strip_rows, 0])
     squares = np.zeros((rows, columns), np.float32)
@@ -237,7 +237,7 @@ def threshold(contrast: np.ndarray) -> tuple[float, np.ndarray]:
     return level * peak / 255.0, mask
 
 
-def plate_row(mask: np.ndarray) -> float | None:
+def find_plate_row(mask: np.ndarray) -> float | None:
     """Find the upper edge of a plate that counts as "pile" from border to border.
 
     Above a plate the mask narrows abruptly; above the foot of a pile that the picture
@@ -318,7 +318,7 @@ def require_upright(mask: np.ndarray) -> None:
         )
 
 
-def upper_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> np.ndarray:
+def find_upper_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> np.ndarray:
     """Find the upper row of the pile in each column (W,), between pixels.
 
     The edge is where the contrast, interpolated between the pile's highest pixel and
@@ -335,7 +335,7 @@ def upper_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> np.ndarr
     return np.where(has_pile, top - np.clip(step, 0.0, 1.0), np.nan)
 
 
-def lower_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> float:
+def find_lower_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> float:
     """Find the row of the pile's lowest point, between pixels.
 
     If the picture cuts the pile off, it is the picture's lower border.
@@ -343,5 +343,5 @@ def lower_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> float:
     rows = mask.shape[0]
     if mask[-1].any():
         return rows - 0.5
-    edge_from_below = upper_edge(mask[::-1], contrast[::-1], level)
+    edge_from_below = find_upper_edge(mask[::-1], contrast[::-1], level)
     return rows - 1 - float(np.nanmin(edge_from_below))

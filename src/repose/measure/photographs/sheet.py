@@ -78,7 +78,7 @@ def find(image: np.ndarray, square_mm: float = SQUARE_MM) -> SheetCorners | None
     return SheetCorners(np.column_stack([x, z]), pixels, square_mm)
 
 
-def drawing(
+def draw(
     square_mm: float = SQUARE_MM, pixels_per_mm: int = 8
 ) -> tuple[np.ndarray, int]:
     """Draw the sheet with its margin as a grey picture (H, W).
@@ -118,7 +118,7 @@ def pdf(square_mm: float = SQUARE_MM) -> bytes:
     axes.axis("off")
 
     # The sheet itself, in millimetres of the page
-    picture, _ = drawing(square_mm)
+    picture, _ = draw(square_mm)
     axes.imshow(
         picture,
         extent=(left, left + width, bottom, top),

@@ -87,7 +87,7 @@ def mean_rows(photographs: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame
 
 
 def write_tables(
-    made: Tables,
+    results: Tables,
     settings: MeasureSettings,
     out: Path,
     bench: str,
@@ -97,7 +97,7 @@ def write_tables(
 
     Parameters
     ----------
-    made : Tables
+    results : Tables
         The tables.
     settings : MeasureSettings
         Settings of the measurement.
@@ -108,17 +108,17 @@ def write_tables(
     responses : mapping
         The bench test's response for each number of the summary that becomes a target.
     """
-    write_table(out / "photographs.csv", made.photographs)
-    write_table(out / "summary.csv", made.summary)
+    write_table(out / "photographs.csv", results.photographs)
+    write_table(out / "summary.csv", results.summary)
     targets_yaml = out / "targets.yaml"
-    if made.summary.empty:
+    if results.summary.empty:
         targets_yaml.unlink(missing_ok=True)
     else:
-        write_text(targets_yaml, targets(made, settings, bench, responses))
+        write_text(targets_yaml, targets(results, settings, bench, responses))
 
 
 def targets(
-    made: Tables, settings: MeasureSettings, bench: str, responses: Mapping[str, str]
+    results: Tables, settings: MeasureSettings, bench: str, responses: Mapping[str, str]
 ) -> str:
     """Write the measured responses as an overlay (YAML) for a study's configuration.
 
@@ -135,8 +135,8 @@ def targets(
         f"measure: {{{', '.join(entries)}}} # the line: {line_of(settings)}",
         "targets:",
     ]
-    is_target = made.summary["response"].isin(list(responses))
-    for row in made.summary[is_target].itertuples():
+    is_target = results.summary["response"].isin(list(responses))
+    for row in results.summary[is_target].itertuples():
         if math.isnan(row.sd):
             sd = "null # one pile gives no scatter"
             target_range = "[null, null] # what counts as met"
@@ -155,11 +155,11 @@ def targets(
     return "\n".join(lines) + "\n"
 
 
-def as_record(made: Tables) -> dict[str, list]:
+def as_record(results: Tables) -> dict[str, list]:
     """Turn the tables into lists of rows; a missing number is None."""
     return {
-        "photographs": _records(made.photographs),
-        "summary": _records(made.summary),
+        "photographs": _records(results.photographs),
+        "summary": _records(results.summary),
     }
 
 
@@ -173,29 +173,29 @@ def _records(table: pd.DataFrame) -> list[dict]:
 
 def describe(
     photographs: Sequence[Photograph],
-    made: Tables,
+    results: Tables,
     settings: MeasureSettings,
     out: Path,
 ) -> str:
     """Write the text that the command prints; `out` is the folder of the overlays."""
     lines = _lines_of_photographs(photographs)
     lines.append("mean, standard deviation, number of photographs:")
-    lines += _lines_of_means(made, settings)
+    lines += _lines_of_means(results, settings)
     grain_mm = settings.berry_height_mm
     grain = "not known" if grain_mm is None else f"{grain_mm:.2f} mm"
     lines.append(f"height of a grain: {grain}")
-    if made.summary["sd"].isna().any():
+    if results.summary["sd"].isna().any():
         lines.append(NO_SCATTER)
     notes = {photograph.note for photograph in photographs if photograph.note}
     lines += sorted(f"note: {note}" for note in notes)
     n_doubtful = sum(bool(photograph.doubts) for photograph in photographs)
     if n_doubtful:
-        if made.doubtful:
+        if results.doubtful:
             counted = "the mean counts them"
         else:
             counted = "not in the mean; --doubtful counts them"
         lines.append(f"doubtful photographs: {n_doubtful}, {counted}")
-    if made.summary.empty:
+    if results.summary.empty:
         result = "no targets: no photograph counts"
     else:
         result = f"the targets of a study: {out / 'targets.yaml'}"
@@ -227,9 +227,9 @@ def _lines_of_photographs(photographs: Sequence[Photograph]) -> list[str]:
     return lines
 
 
-def _lines_of_means(made: Tables, settings: MeasureSettings) -> list[str]:
+def _lines_of_means(results: Tables, settings: MeasureSettings) -> list[str]:
     """Write a line for the Height and for each definition of the angle."""
-    statistics = made.summary.set_index("response")
+    statistics = results.summary.set_index("response")
     numbers = [("Height", "height_mm", "mm")]
     for definition in DEFINITIONS:
         numbers.append((definition, MEAN_KEYS[definition], "deg"))
