@@ -16,11 +16,12 @@ from scipy.integrate import solve_ivp
 from shared import ROOT, says
 
 from repose import export
+from repose.bench.scene import materials_of
 from repose.bench.space import contact_space
 from repose.common.errors import InputError
 from repose.config.pipeline import PipelineConfig
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
-from repose.export import laws, surface, yade
+from repose.export import edem, laws, surface, yade
 from repose.export.job import make, surface_means
 from repose.export.lammps import TSUJI, contact_keywords, damping_numbers
 from repose.export.laws import rolling_coefficient
@@ -31,7 +32,6 @@ DECK = {
     "liggghts": "in.pour",
     "lammps": "in.pour",
     "yade": "pour.py",
-    "mercurydpm": "Pour.cpp",
 }
 SMOOTH = replace(
     THREE,
@@ -90,15 +90,6 @@ def test_each_program_gets_the_numbers(job):
     assert dashpot == pytest.approx(
         0.5 * math.sqrt(spring * job.particle.mass_kg)
     )  # half of the critical one
-    driver = export.PROGRAMS["mercurydpm"](job)["Pour.cpp"]
-    shear = re.search(
-        r"setEffectiveShearModulus\(grains \? (\S+) : (\S+)\)", driver
-    ).groups()
-    moduli = [
-        job.grains.effective_shear_pa,
-        job.on_wall.effective_shear_pa,
-    ]  # two thirds of 8 G* sqrt(R* delta) there
-    assert [float(word) / 1.5 for word in shear] == pytest.approx(moduli)
     tree = ast.parse(export.PROGRAMS["yade"](job)["pour.py"])
     named = {
         ast.unparse(node.targets[0]): node.value
@@ -111,6 +102,26 @@ def test_each_program_gets_the_numbers(job):
     assert np.array(values["SPHERES"]) == pytest.approx(job.particle.spheres_m)
     assert values["MASS"] == pytest.approx(job.particle.mass_kg)
     assert np.array(values["RINGS"]) == pytest.approx(surface.profile(job.surfaces))
+
+
+def test_the_table_of_edem_has_values_with_units(config):
+    study = Study.load(CONFIG)
+    scene = study.scene(study.parameters.centre, 1)
+    rows = edem.rows(
+        materials_of(scene),
+        scene.parameters,
+        THREE,
+        scene.simulation,
+        study.settings.funnel,
+        time_step_s=1e-4,
+    )
+    table = {row.name: row for row in rows}
+    assert len(table) == len(rows)
+    assert table["Mass of a grain"] == ("Mass of a grain", THREE.mass_kg, "kg")
+    friction = table["Coefficient of static friction, grain-wall"]
+    assert friction.value == scene.parameters["mus_gp"]
+    assert table["Fixed time step"].value == 1e-4
+    assert all(math.isfinite(row.value) for row in rows)
 
 
 def test_liggghts_primes_and_takes_the_facets_around_the_funnel_as_one_face(job):
@@ -192,12 +203,12 @@ def test_the_deck_of_a_sphere_has_spheres_of_its_volume_and_step(config):
     for program in DECK:
         text = "".join(export.PROGRAMS[program](of_sphere).values())
         assert not re.search(
-            r"multisphere|rigid|clump\.txt|\.clump\(|ClumpParticle|each pair of spheres",
+            r"multisphere|rigid|clump\.txt|\.clump\(|each pair of spheres",
             text,
         )
         assert "the study's grain has that of its mesh" in text
         deck = export.PROGRAMS[program](of_clump)[DECK[program]]
-        assert re.search(r"multisphere|rigid|\.clump\(|ClumpParticle", deck)
+        assert re.search(r"multisphere|rigid|\.clump\(", deck)
     text = export.PROGRAMS["liggghts"](of_sphere)["in.pour"]
     assert re.search(r"particletemplate/sphere .* radius constant 0.005\n", text)
     job = make(
@@ -219,9 +230,7 @@ def test_the_deck_of_a_sphere_has_spheres_of_its_volume_and_step(config):
 
 def test_a_deck_begins_with_its_versions_and_the_page_has_them(job):
     page = (ROOT / "docs" / "export.md").read_text()
-    for program, name in zip(
-        DECK, ("LIGGGHTS", "LAMMPS", "YADE", "MercuryDPM"), strict=True
-    ):
+    for program, name in zip(DECK, ("LIGGGHTS", "LAMMPS", "YADE"), strict=True):
         first = next(iter(export.PROGRAMS[program](job).values())).splitlines()[0]
         row = next(line for line in page.splitlines() if line.startswith(f"| {name}"))
         assert name in first
@@ -395,7 +404,8 @@ def test_other_particles_and_laws_are_refused_and_cohesion_and_rolling_are_writt
     job = job_of(config, THREE, "jkr", gamma_gg=0.05, gamma_gp=0.02)
     table = export.PROGRAMS["edem"](job)["edem.md"]
     assert "Hertz-Mindlin with JKR" in table
-    assert re.findall(r"Surface Energy .* \| (\S+) J/m2", table) == ["0.1", "0.04"]
+    energies = re.findall(r"Surface energy, \S+ \| (\S+) \| J/m2", table)
+    assert energies == ["0.1", "0.04"]
     deck = export.PROGRAMS["liggghts"](
         job_of(config, THREE, "sjkr", k_gg=3e4, k_gp=1e4)
     )["in.pour"]
@@ -440,11 +450,8 @@ CONTACT = {
     ("lammps", "hertz_mindlin_rescaled"): "tangential mindlin_rescale/force ",
     ("yade", "hertz_mindlin"): "stays as it is when the normal load changes; in the study it grows and falls",
     ("yade", "hertz_mindlin_rescaled"): "stays as it is when the normal load changes; in the study it stays on",
-    ("mercurydpm", "hertz_mindlin"): "HertzianViscoelasticMindlinRollingTorsionSpecies",
-    ("mercurydpm", "hertz_mindlin_rescaled"): "grows and falls with the normal load; in the study it stays on",
     ("edem", "hertz_mindlin"): "Hertz-Mindlin (no slip)", ("edem", "hertz_mindlin_rescaled"): "Hertz-Mindlin (no slip)",
-    ("edem", "jkr"): "Hertz-Mindlin with JKR", ("rocky", "hertz_mindlin"): "Mindlin-Deresiewicz",
-    ("rocky", "hertz_mindlin_rescaled"): "Mindlin-Deresiewicz",
+    ("edem", "jkr"): "Hertz-Mindlin with JKR",
 }  # fmt: skip
 ROLLING = {
     ("liggghts", "budget"): "rolling_friction epsd2 ", ("liggghts", "constant_torque"): "rolling_friction cdt ",
@@ -452,8 +459,7 @@ ROLLING = {
     ("lammps", "budget"): "rolling sds",
     ("lammps", "epsd"): "with its own stiffness and damping; in the study epsd between two bodies",
     ("lammps", "epsd2"): "with its own stiffness and damping; in the study epsd2 between two bodies",
-    ("yade", "budget"): "includeMoment=True", ("mercurydpm", "budget"): "setRollingFrictionCoefficient",
-    ("edem", "budget"): "Standard Rolling Friction (Type A)", ("rocky", "budget"): "Type 1: Constant Moment",
+    ("yade", "budget"): "includeMoment=True", ("edem", "budget"): "Standard Rolling Friction (Type A)",
 }  # fmt: skip
 
 

@@ -3,7 +3,8 @@
 import argparse
 import copy
 import sys
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from repose.cli.options import require_option
 from repose.cli.parameter_sets import PARAMETER_SET, parameters
@@ -18,13 +19,17 @@ if TYPE_CHECKING:
     from repose.grain.particle import Particle
 
 # Spheres of a clump: the default, and the most that fill a mesh here.
-SPHERES, MOST = 14, 64
+SPHERES = 14
+MOST_SPHERES = 64
+
+Card = Mapping[str, Any]
 
 
 @verb(
     CONFIG.but(
         default=None,
-        help="the study's configuration (default: config.json in the folder of the card, if it is there)",
+        help="the study's configuration (default: config.json in the folder of the card, "
+        "if it is there)",
     ),
     Option("--to", required=True, choices=PROGRAMS, help="the program"),
     Option("--card", help="card.json of the finished study: its parameters"),
@@ -33,105 +38,167 @@ SPHERES, MOST = 14, 64
         "--spheres",
         type=int,
         metavar="N",
-        help="spheres of the clump; 1: the sphere of the grain's volume (default: those of the study's clump, "
-        f"1 for a spherical grain, or {SPHERES})",
+        help="spheres of the clump; 1: the sphere of the grain's volume (default: those "
+        f"of the study's clump, 1 for a spherical grain, or {SPHERES})",
     ),
     Option("--seed", type=int, default=1, help="of the grains' places (1)"),
     out="results/export",
     config=False,
 )
 def export(args: argparse.Namespace) -> None:
-    """Write the calibrated grain and its pour as a deck of another program, or as a table of its input fields.
+    """Write the calibrated grain and its pour as a deck of another program, or as a table.
 
     example: --to yade --card results/card.json --config results/config.json --out results/export/yade
     """
-    from repose.cli.berries import berry_and_particle
-    from repose.export.job import is_sphere, make
-    from repose.stages import card_study
+    from repose.export.job import make
+    from repose.stages import card_study as cards
 
     study = None if args.config is None else load(args)
-    allowed = "one source of the parameters: --card, --set or --samples"
-    require_option(
-        (args.card is None) == (bool(args.set) or args.samples is not None),
-        "export",
-        args.card,
-        allowed,
-    )
-    of_card = None if args.card is None else card_study.read_own(args.card)
-    require_option(args.seed >= 0, "--seed", args.seed, "a whole number from 0")
-    require_option(
-        args.spheres is None or 1 <= args.spheres <= MOST,
-        "--spheres",
-        args.spheres,
-        f"from 1 to {MOST}",
-    )
+    _check_source_of_parameters(args)
+    card = None if args.card is None else cards.read_own(args.card)
+    _check_numbers(args)
     if study is None:
-        found = (
-            None if args.card is None else card_study.configuration_of_card(args.card)
-        )
-        if found is not None or of_card is None:
-            args.config = str(found or CONFIG.keywords["default"])
-            try:
-                study = load(args)
-                _ = study.grain
-            except (
-                InputError
-            ) as error:  # the study's files lie in another folder, or nowhere
-                if of_card is None:
-                    raise
-                study = args.config = None
-                print(
-                    f"repose: note: {error.args[0].splitlines()[0]}; the card alone makes the deck",
-                    file=sys.stderr,
-                )
-
-    def spheres_of(particle: "Particle") -> int | None:
-        return args.spheres or (
-            None if particle.is_clump or is_sphere(particle) else SPHERES
-        )
-
+        study = _study_of(args, card)
     if study is not None:
-        grain, particle = berry_and_particle(study)
-        spheres = spheres_of(particle)
-        if spheres is not None and spheres > 1:
-            grain, particle = berry_and_particle(
-                _with_clump(study, spheres, args.config)
-            )
-        config = study.config
-        if of_card is not None:
-            card_study.require_one_study(of_card, args.card, study, args.config, grain)
-    elif of_card is not None:
-        config, grain = (
-            card_study.configuration_of(of_card, args.card),
-            of_card["grain"],
-        )
-        spheres = spheres_of(card_study.particle_of(of_card, None, args.card))
-        particle = card_study.particle_of(of_card, spheres, args.card)
-    if of_card is not None:
-        values = {name: row["value"] for name, row in of_card["parameters"].items()}
+        source = _from_study(args, study)
+        if card is not None:
+            cards.require_one_study(card, args.card, study, args.config, source.grain)
+    else:
+        assert card is not None
+        source = _from_card(args, card)
+    if card is not None:
+        values = {name: row["value"] for name, row in card["parameters"].items()}
     else:
         assert study is not None
         values = parameters(args.set, args.samples, args.sample, study)
-    job = make(config, values, particle, grain, args.seed, one_sphere=spheres == 1)
+    job = make(
+        config=source.config,
+        parameters=values,
+        particle=source.particle,
+        grain=source.grain,
+        seed=args.seed,
+        one_sphere=source.one_sphere,
+    )
     for path in write(job, args.to, args.out):
         print(path)
 
 
-def _with_clump(study: PipelineConfig, spheres: int, source: str) -> PipelineConfig:
-    """Give a study a clump as its particle; its time step may have to be shorter than that of a smooth body."""
+def _check_source_of_parameters(args: argparse.Namespace) -> None:
+    """Refuse none, or more than one, of the ways to give the parameters."""
+    has_card = args.card is not None
+    has_values = bool(args.set) or args.samples is not None
+    require_option(
+        has_card != has_values,
+        "export",
+        args.card,
+        "one source of the parameters: --card, --set or --samples",
+    )
+
+
+def _check_numbers(args: argparse.Namespace) -> None:
+    """Refuse a seed or a number of spheres that is out of range."""
+    require_option(args.seed >= 0, "--seed", args.seed, "a whole number from 0")
+    require_option(
+        args.spheres is None or 1 <= args.spheres <= MOST_SPHERES,
+        "--spheres",
+        args.spheres,
+        f"from 1 to {MOST_SPHERES}",
+    )
+
+
+def _study_of(args: argparse.Namespace, card: Card | None) -> PipelineConfig | None:
+    """Load the study that --config does not name, and note its path in `args.config`.
+
+    It is that beside the card, or without a card the default. None if there is a card
+    but no study, or one whose files lie in another folder or nowhere.
+    """
+    from repose.stages.card_study import configuration_of_card
+
+    path = None if card is None else configuration_of_card(args.card)
+    if path is None and card is not None:
+        return None
+    args.config = str(path or CONFIG.keywords["default"])
+    try:
+        study = load(args)
+        # The files of the grain are read only now.
+        _ = study.grain
+    except InputError as error:
+        if card is None:
+            raise
+        args.config = None
+        first_line = error.args[0].splitlines()[0]
+        print(
+            f"repose: note: {first_line}; the card alone makes the deck",
+            file=sys.stderr,
+        )
+        return None
+    return study
+
+
+# --- the grain ------------------------------------------------------------------------
+
+
+class _Source(NamedTuple):
+    """What is exported besides the parameters."""
+
+    config: Mapping[str, Any]
+    grain: Mapping[str, Any]
+    particle: "Particle"
+    one_sphere: bool  # whether the particle becomes the sphere of its volume
+
+
+def _n_spheres(args: argparse.Namespace, particle: "Particle") -> int | None:
+    """Choose the number of spheres of the clump; None if the particle stays as it is."""
+    from repose.export.job import is_sphere
+
+    if args.spheres:
+        return int(args.spheres)
+    if particle.is_clump or is_sphere(particle):
+        return None
+    return SPHERES
+
+
+def _from_study(args: argparse.Namespace, study: PipelineConfig) -> _Source:
+    """Take the grain of a study, as a clump if it is no sphere."""
+    from repose.cli.berries import berry_and_particle
+
+    grain, particle = berry_and_particle(study)
+    n_spheres = _n_spheres(args, particle)
+    if n_spheres is not None and n_spheres > 1:
+        with_clump = _with_clump(study, n_spheres, args.config)
+        grain, particle = berry_and_particle(with_clump)
+    return _Source(study.config, grain, particle, one_sphere=n_spheres == 1)
+
+
+def _from_card(args: argparse.Namespace, card: Card) -> _Source:
+    """Take the grain of a card, as a clump if it is no sphere."""
+    from repose.stages import card_study
+
+    own_particle = card_study.particle_of(card, None, args.card)
+    n_spheres = _n_spheres(args, own_particle)
+    return _Source(
+        config=card_study.configuration_of(card, args.card),
+        grain=card["grain"],
+        particle=card_study.particle_of(card, n_spheres, args.card),
+        one_sphere=n_spheres == 1,
+    )
+
+
+def _with_clump(study: PipelineConfig, n_spheres: int, source: str) -> PipelineConfig:
+    """Give a study a clump as its particle.
+
+    Its time step may have to be shorter than that of a smooth body, since spheres at one
+    place add up in stiffness.
+    """
     changed = copy.deepcopy(study.config)
     changed["berry"] |= {
         "particle": "multisphere",
-        "spheres": spheres,
+        "spheres": n_spheres,
         "surface": "smooth",
     }
-    changed["simulation"]["time_step_s"] = (
-        AUTO  # spheres at one place add up in stiffness
-    )
-    steps = [
-        one.settings.simulation.time_step_s
-        for one in (study, PipelineConfig.of(changed, source))
-    ]
-    changed["simulation"]["time_step_s"] = min(steps)
+    changed["simulation"]["time_step_s"] = AUTO
+    own_step_s = study.settings.simulation.time_step_s
+    clump_step_s = PipelineConfig.of(changed, source).settings.simulation.time_step_s
+    changed["simulation"]["time_step_s"] = min(own_step_s, clump_step_s)
     provenance.note_config(changed)
     return PipelineConfig.of(changed, source)

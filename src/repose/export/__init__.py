@@ -1,7 +1,8 @@
-"""The calibrated grain and its bench test as input of other simulation programs.
+"""The calibrated grain and its pour as input of other simulation programs.
 
-`job` is the export in SI units, independent of any program. Each other module writes the deck of a program from a
-template in this folder; a deck's head states the differences of the program from this engine.
+`job` has the data of an export in SI units, independent of any program. Each program has
+a module, which writes its deck from a template in this folder, or its table of values;
+the head of a deck states the differences of the program from this engine.
 """
 
 from collections.abc import Callable
@@ -10,7 +11,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from repose.common.errors import require
+from repose.common.errors import InputError
 from repose.common.files import write_text
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 
@@ -20,58 +21,89 @@ if TYPE_CHECKING:
 __all__ = ["PROGRAMS", "write"]
 
 Deck = Callable[["Job"], dict[str, str]]
+"""Makes the files of a deck by name, the deck itself first."""
 
 
-def _written_by(module: str, name: str = "deck") -> Deck:
-    """Import a function of a module of this package when it writes: the help lists programs alone."""
-    return lambda job: getattr(import_module(f".{module}", __name__), name)(job)
+def _deck_of(module: str) -> Deck:
+    """Return the deck of a module of this package, which is imported when it writes."""
+
+    def deck(job: "Job") -> dict[str, str]:
+        files: dict[str, str] = import_module(f".{module}", __name__).deck(job)
+        return files
+
+    return deck
 
 
-PROGRAMS = {
-    name: _written_by(name) for name in ("liggghts", "lammps", "yade", "mercurydpm")
-}
-PROGRAMS |= {name: _written_by("tables", name) for name in ("edem", "rocky")}
-# The laws that a deck can hold, besides Hertz and Mindlin's contact and the rolling law `budget`.
+PROGRAMS = {name: _deck_of(name) for name in ("liggghts", "lammps", "yade", "edem")}
+# Laws that every program has.
+CONTACT_LAWS_OF_ALL = ("hertz_mindlin", "hertz_mindlin_rescaled")
+ROLLING_LAWS_OF_ALL = ("budget",)
+# Further laws of each program.
 FURTHER_LAWS = {
     "liggghts": ("sjkr", "constant_torque", "epsd", "epsd2"),
     "lammps": ("epsd", "epsd2"),
+    "yade": (),
     "edem": ("jkr",),
 }
 # Reasons why a program's law of the same name cannot be used.
 REASONS = {
-    (
-        "lammps",
-        "jkr",
-    ): "its damping coeff_restitution refuses cohesion; its other dampings are not the study's"
+    ("lammps", "jkr"): "its damping coeff_restitution refuses cohesion; its other "
+    "dampings are not the study's"
 }
-HERTZ = ("hertz_mindlin", "hertz_mindlin_rescaled")
 
 
 def check_laws(job: "Job", program: str) -> None:
     """Raise InputError if a program has no equivalent of one of the study's laws."""
-    for key, law, laws, common in (
-        ("contact_law", job.simulation.contact_law, CONTACT_LAWS, HERTZ),
-        ("rolling_law", job.simulation.rolling_law, ROLLING_LAWS, ("budget",)),
+    further = FURTHER_LAWS[program]
+    for key, law, known, of_all in (
+        (
+            "contact_law",
+            job.simulation.contact_law,
+            CONTACT_LAWS,
+            CONTACT_LAWS_OF_ALL,
+        ),
+        (
+            "rolling_law",
+            job.simulation.rolling_law,
+            ROLLING_LAWS,
+            ROLLING_LAWS_OF_ALL,
+        ),
     ):
-        allowed = [
-            *common,
-            *(name for name in laws if name in FURTHER_LAWS.get(program, ())),
-        ]
-        why = f" ({REASONS[program, law]})" if (program, law) in REASONS else ""
-        require(
-            law in allowed,
-            "configuration",
-            f"simulation.{key}",
-            law,
-            f"for {program} {' or '.join(allowed)}{why}",
-        )
+        allowed = [*of_all, *(name for name in known if name in further)]
+        if law in allowed:
+            continue
+        text = f"for {program} {' or '.join(allowed)}"
+        if (program, law) in REASONS:
+            text += f" ({REASONS[program, law]})"
+        raise InputError("configuration", f"simulation.{key}", law, text)
 
 
 def write(job: "Job", program: str, folder: str | PathLike) -> list[Path]:
-    """Write the deck of a program of `PROGRAMS`, return its files, itself first; InputError as by `check_laws`."""
+    """Write the deck of a program.
+
+    Parameters
+    ----------
+    job : Job
+        The data of the export.
+    program : str
+        One of `PROGRAMS`.
+    folder : path
+        Folder of the files.
+
+    Returns
+    -------
+    list of Path
+        Its files, the deck itself first.
+
+    Raises
+    ------
+    InputError
+        If the program has no equivalent of one of the study's laws.
+    """
     check_laws(job, program)
     paths = []
     for name, text in PROGRAMS[program](job).items():
-        paths.append(Path(folder) / name)
-        write_text(paths[-1], text)
+        path = Path(folder) / name
+        write_text(path, text)
+        paths.append(path)
     return paths

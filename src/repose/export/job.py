@@ -1,9 +1,9 @@
-"""The data of an export: a sphere or a clump, materials, contacts and the pour, independent of any program."""
+"""The data of an export, independent of any program: grain, materials, contacts, pour."""
 
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from repose.bench.funnel import Funnel, FunnelSettings
 from repose.bench.parameters import FURTHER
 from repose.bench.scene import longest_time_step, materials_of
 from repose.bench.settings import SceneSettings, SimulationSettings
-from repose.common.errors import require
+from repose.common.errors import InputError
 from repose.dem.laws import hertz_mindlin
 from repose.dem.materials import effective_moduli
 from repose.dem.rotations import sphere_directions
@@ -21,34 +21,51 @@ from repose.dem.rotations import sphere_directions
 if TYPE_CHECKING:
     from repose.grain.particle import Particle
 
-# Other programs damp each contact of a clump by itself, and a hit by the velocity of half a step before: with our whole
-# step e is 0.474 for 0.5 in LAMMPS and 0.478 in Yade, with half of it 0.488 and 0.501.
-SHARE = 0.5
+# Share of this engine's time step that is advised. Other programs damp each contact of a
+# clump by itself, and a hit by the velocity of half a step before: with the whole step e
+# is 0.474 for 0.5 in LAMMPS and 0.478 in Yade, with half of it 0.488 and 0.501.
+STEP_SHARE = 0.5
+# Share of the Rayleigh time that is advised at most.
 RAYLEIGH_SHARE = 0.2
-# Overlap over effective radius at which a contact is as stiff as the spring of constant stiffness that replaces it.
+# Overlap over effective radius at which a contact is as stiff as the spring of constant
+# stiffness that replaces it.
 TYPICAL_OVERLAP = 0.01
+# Relative differences of axes and of moments of inertia that count as none.
+SAME_AXES = 1e-3
+SAME_INERTIA = 0.01
 
 
 @dataclass(frozen=True)
 class Pair:
-    """Contact of two materials, with the calibrated coefficients."""
+    """Contact of two materials, with the calibrated coefficients.
+
+    Attributes
+    ----------
+    restitution, static_friction, rolling_friction : float
+        The coefficients.
+    damping_ratio : float
+        Damping ratio beta of this restitution, see
+        `repose.dem.laws.hertz_mindlin.damping_ratio`.
+    effective_young_pa, effective_shear_pa : float
+        E* and G*.
+    effective_radius_m : float
+        R* of two spheres of the mean radius, or of one on a wall.
+    constants : mapping
+        Further constants of the contact law, see `repose.dem.constants`.
+    """
 
     restitution: float
     static_friction: float
     rolling_friction: float
-    damping_ratio: (
-        float  # beta of this restitution: `dem.laws.hertz_mindlin.damping_ratio`
-    )
-    effective_young_pa: float  # E*
-    effective_shear_pa: float  # G*
-    effective_radius_m: (
-        float  # R* of two spheres of the mean radius, or of one on a wall
-    )
-    constants: Mapping[str, float]  # further ones of the contact law: `dem.constants`
+    damping_ratio: float
+    effective_young_pa: float
+    effective_shear_pa: float
+    effective_radius_m: float
+    constants: Mapping[str, float]
 
     @property
     def tangential_stiffness_n_m(self) -> float:
-        """8 G* sqrt(R* delta) at an overlap of 1 % of R* [N/m]."""
+        """Tangential stiffness 8 G* sqrt(R* delta) at an overlap of 1 % of R* [N/m]."""
         return (
             8.0
             * self.effective_shear_pa
@@ -59,22 +76,56 @@ class Pair:
 
 @dataclass(frozen=True)
 class Job:
-    """The grain and its bench test; vectors in the body's principal axes, the centre of mass at the origin."""
+    """The grain and its pour through the funnel.
 
-    label: str  # of the study
-    particle: "Particle"  # of spheres
-    mean_radius_m: float  # of the spheres, weighted by free surface
-    lever_m: float  # mean distance of the surface from the centre, by area: lever of the rolling resistance
+    Vectors are in the body's principal axes, the centre of mass is the origin.
+
+    Attributes
+    ----------
+    label : str
+        Label of the study.
+    parameters : mapping
+        Contact parameters by name.
+    particle : Particle
+        The grain, a clump of spheres or one sphere.
+    mean_radius_m : float
+        Mean radius of its spheres, weighted by free surface.
+    lever_m : float
+        Mean distance of its surface from the centre, by area: the lever of the rolling
+        resistance.
+    grain, wall : Material
+        The materials.
+    grains, on_wall : Pair
+        Contacts of grain with grain, and of grain with wall.
+    simulation : SimulationSettings
+        Gravity and force laws.
+    funnel : FunnelSettings
+        The pour.
+    time_step_s : float
+        The advised time step, see `make`.
+    rayleigh_s : float
+        Rayleigh time of the smallest sphere.
+    seed : int
+        Seed of the grains' places.
+    notes : tuple of str
+        Features of the study that no deck can represent.
+    """
+
+    label: str
+    parameters: Mapping[str, float]
+    particle: "Particle"
+    mean_radius_m: float
+    lever_m: float
     grain: dem.Material
     wall: dem.Material
-    grains: Pair  # grain with grain
-    on_wall: Pair  # grain with wall
+    grains: Pair
+    on_wall: Pair
     simulation: SimulationSettings
     funnel: FunnelSettings
-    time_step_s: float  # advised, see `make`
-    rayleigh_s: float  # Rayleigh time of the smallest sphere
+    time_step_s: float
+    rayleigh_s: float
     seed: int
-    notes: tuple[str, ...]  # features of the study that the deck cannot represent
+    notes: tuple[str, ...]
 
     @property
     def is_sphere(self) -> bool:
@@ -101,8 +152,15 @@ class Job:
         """Height at which the grains' centres appear [m]."""
         return self.surfaces.inlet_height_m + 1e-3 * self.funnel.factory_height_mm
 
+    @property
+    def factory_radius_m(self) -> float:
+        """Radius of the disc in which the grains' centres appear [m]."""
+        return (
+            0.5e-3 * self.funnel.factory_diameter_mm - self.particle.bounding_radius_m
+        )
+
     def steps(self, seconds: float) -> int:
-        """Return the number of time steps of a duration."""
+        """Convert a duration to the nearest whole number of time steps."""
         return round(seconds / self.time_step_s)
 
 
@@ -114,101 +172,127 @@ def make(
     seed: int = 1,
     one_sphere: bool = False,
 ) -> Job:
-    """Make the export of a study: `config` is whole, `grain` is the file of the stage ``berry``.
+    """Make the export of a study.
 
-    `particle` is a multisphere or a sphere; with `one_sphere` any other becomes the sphere of its volume. The advised
-    time step is at most half of the longest step that this engine allows the grain, half of the study's own,
-    and a fifth of the Rayleigh time of the smallest sphere.
+    The advised time step is at most half of the longest step that this engine allows the
+    grain, half of the study's own, and a fifth of the Rayleigh time of the smallest
+    sphere.
+
+    Parameters
+    ----------
+    config : mapping
+        The whole configuration.
+    parameters : mapping
+        Contact parameters by name.
+    particle : Particle
+        The grain, a clump of spheres or a sphere.
+    grain : mapping
+        Measurements of the grain, as in berry.json.
+    seed : int, optional
+        Seed of the grains' places.
+    one_sphere : bool, optional
+        Whether the grain becomes the sphere of its volume.
+
+    Raises
+    ------
+    InputError
+        If the grain has to be a clump and is none.
     """
     scene = Scene.of(config, parameters, grain, particle)
-    simulation, funnel = (
-        scene.settings.simulation,
-        scene.settings.section("funnel", FunnelSettings),
-    )
+    simulation = scene.settings.simulation
+    funnel = scene.settings.section("funnel", FunnelSettings)
     notes = list(_notes(scene.settings, funnel))
     if one_sphere or is_sphere(particle):
-        own, particle = particle, sphere_of_volume(particle)
+        sphere = sphere_of_volume(particle)
+        notes += _sphere_notes(particle, sphere)
+        particle = sphere
         scene = replace(scene, particle=particle)
-        if not is_sphere(own):
-            notes.append(
-                f"every grain is the sphere of its volume, radius {1e3 * particle.bounding_radius_m:.4g} mm"
-            )
-        elif not np.allclose(own.inertia_kg_m2, particle.inertia_kg_m2, rtol=0.01):
-            notes.append(
-                "the moment of inertia is 2/5 m R^2 of a sphere; the study's grain has that of its mesh"
-            )
-    require(
-        particle.is_clump,
-        "particle",
-        "kind",
-        particle.kind,
-        "multisphere: other programs take spheres",
-    )
+    if not particle.is_clump:
+        raise InputError(
+            "particle",
+            "kind",
+            particle.kind,
+            "multisphere: other programs take spheres",
+        )
     materials = materials_of(scene)
-    mean_radius, lever = surface_means(particle.spheres_m)
-    rayleigh = rayleigh_time_s(
+    surface = surface_means(particle.spheres_m)
+    rayleigh_s = rayleigh_time_s(
         materials["berry"],
         particle.density_kg_m3,
         float(particle.spheres_m[:, 3].min()),
     )
-    step = min(
-        SHARE * min(longest_time_step(scene).time_step_s, simulation.time_step_s),
-        RAYLEIGH_SHARE * rayleigh,
-    )
-
-    def pair(suffix: str, other: str, effective_radius: float) -> Pair:
-        restitution = parameters[f"e_{suffix}"]
-        further = {
-            name: of
-            for name, of in FURTHER.items()
-            if of.pair == suffix and name in parameters
-        }
-        return Pair(
-            restitution,
-            parameters[f"mus_{suffix}"],
-            parameters[f"mur_{suffix}"],
-            hertz_mindlin.damping_ratio(restitution, simulation.tension),
-            *effective_moduli(materials["berry"], materials[other]),
-            effective_radius,
-            {of.constant.name: parameters[name] for name, of in further.items()},
-        )
-
-    pairs = pair("gg", "berry", 0.5 * mean_radius), pair("gp", "wall", mean_radius)
-    of_grain = (
-        config["label"],
-        particle,
-        mean_radius,
-        lever,
-        materials["berry"],
-        materials["wall"],
-        *pairs,
-    )
+    longest_s = min(longest_time_step(scene).time_step_s, simulation.time_step_s)
+    time_step_s = min(STEP_SHARE * longest_s, RAYLEIGH_SHARE * rayleigh_s)
     return Job(
-        *of_grain,
-        simulation,
-        funnel,
-        float(f"{step:.2g}"),
-        rayleigh,
-        seed,
-        tuple(notes),
+        label=config["label"],
+        parameters=parameters,
+        particle=particle,
+        mean_radius_m=surface.radius_m,
+        lever_m=surface.distance_m,
+        grain=materials["berry"],
+        wall=materials["wall"],
+        grains=_pair(scene, "gg", "berry", 0.5 * surface.radius_m),
+        on_wall=_pair(scene, "gp", "wall", surface.radius_m),
+        simulation=simulation,
+        funnel=funnel,
+        time_step_s=float(f"{time_step_s:.2g}"),
+        rayleigh_s=rayleigh_s,
+        seed=seed,
+        notes=tuple(notes),
+    )
+
+
+def _pair(scene: Scene, pair: str, other: str, effective_radius_m: float) -> Pair:
+    """Make the contact of the grain with another material, ``berry`` or ``wall``.
+
+    `pair` ends the names of its parameters.
+    """
+    parameters = scene.parameters
+    materials = materials_of(scene)
+    young_pa, shear_pa = effective_moduli(materials["berry"], materials[other])
+    restitution = parameters[f"e_{pair}"]
+    constants = {
+        parameter.constant.name: parameters[name]
+        for name, parameter in FURTHER.items()
+        if parameter.pair == pair and name in parameters
+    }
+    return Pair(
+        restitution=restitution,
+        static_friction=parameters[f"mus_{pair}"],
+        rolling_friction=parameters[f"mur_{pair}"],
+        damping_ratio=hertz_mindlin.damping_ratio(
+            restitution, scene.simulation.tension
+        ),
+        effective_young_pa=young_pa,
+        effective_shear_pa=shear_pa,
+        effective_radius_m=effective_radius_m,
+        constants=constants,
     )
 
 
 def is_sphere(particle: "Particle") -> bool:
-    """Tell whether a particle is one sphere: a clump of one, or an ellipsoid whose axes differ by less than 0.1 %."""
+    """Tell whether a particle is one sphere.
+
+    It is a clump of one, or an ellipsoid whose axes differ by less than 0.1 %.
+    """
     if particle.is_clump:
         return len(particle.spheres_m) == 1
     axes = particle.semi_axes_m
-    return len(axes) == 1 and bool(np.ptp(axes) <= 1e-3 * axes.mean())
+    return len(axes) == 1 and bool(np.ptp(axes) <= SAME_AXES * axes.mean())
 
 
 def sphere_of_volume(particle: "Particle") -> "Particle":
-    """Make the sphere with volume and mass of a particle, a clump of one; a clump of one keeps its radius."""
-    mass, volume = particle.mass_kg, particle.mass_kg / particle.density_kg_m3
-    radius = (0.75 * volume / math.pi) ** (1.0 / 3.0)
+    """Make the sphere with volume and mass of a particle, as a clump of one.
+
+    A clump of one keeps its radius.
+    """
+    mass = particle.mass_kg
     if len(particle.spheres_m) == 1:
         radius = float(particle.spheres_m[0, 3])
         volume = 4.0 / 3.0 * math.pi * radius**3
+    else:
+        volume = mass / particle.density_kg_m3
+        radius = (0.75 * volume / math.pi) ** (1.0 / 3.0)
     return replace(
         particle,
         kind="multisphere",
@@ -222,34 +306,66 @@ def sphere_of_volume(particle: "Particle") -> "Particle":
 
 
 def _notes(settings: SceneSettings, funnel: FunnelSettings) -> Iterator[str]:
-    """Name the features of the study that no deck can represent."""
+    """Yield the features of the study that no deck can represent."""
     if settings.size_distribution != "none":
         yield "the study's grains differ in size; here all are the mean grain"
     if funnel.orientation != "random":
-        yield f"the study's grains appear {funnel.orientation}; here their orientation is random"
+        yield (
+            f"the study's grains appear {funnel.orientation}; here their orientation is "
+            "random"
+        )
     yield "the plate here is endless; the study's ends at its edge"
+
+
+def _sphere_notes(particle: "Particle", sphere: "Particle") -> Iterator[str]:
+    """Yield what is lost where a sphere stands for a particle."""
+    if not is_sphere(particle):
+        radius_mm = 1e3 * sphere.bounding_radius_m
+        yield f"every grain is the sphere of its volume, radius {radius_mm:.4g} mm"
+    elif not np.allclose(
+        particle.inertia_kg_m2, sphere.inertia_kg_m2, rtol=SAME_INERTIA
+    ):
+        yield (
+            "the moment of inertia is 2/5 m R^2 of a sphere; the study's grain has that "
+            "of its mesh"
+        )
 
 
 def rayleigh_time_s(
     material: dem.Material, density_kg_m3: float, radius_m: float
 ) -> float:
-    """Compute the Rayleigh time of a sphere, pi R sqrt(rho / G) / (0.1631 nu + 0.8766).
+    """Compute the Rayleigh time of a sphere [s].
 
-    Thornton and Randall, in: Micromechanics of Granular Materials, Elsevier (1988) 133.
+    It is pi R sqrt(rho / G) / (0.1631 nu + 0.8766): Thornton and Randall, in:
+    Micromechanics of Granular Materials, Elsevier (1988) 133.
     """
     root = math.sqrt(density_kg_m3 / material.shear_modulus_pa)
     return math.pi * radius_m * root / (0.1631 * material.poisson_ratio + 0.8766)
 
 
-def surface_means(spheres_m: np.ndarray, points: int = 2000) -> tuple[float, float]:
-    """Average the radius and the distance from the centre [m] over the free surface of a clump, by area."""
-    directions = sphere_directions(points)
-    areas = radii = distances = 0.0
+class SurfaceMeans(NamedTuple):
+    """Means over the free surface of a clump, by area."""
+
+    radius_m: float  # of the sphere that a point lies on
+    distance_m: float  # of a point from the centre of mass
+
+
+def surface_means(spheres_m: np.ndarray, n_points: int = 2000) -> SurfaceMeans:
+    """Average radius and distance from the centre over the free surface of a clump.
+
+    `spheres_m` (M, 4) has centre and radius of each sphere; on each lie `n_points`
+    points.
+    """
+    directions = sphere_directions(n_points)
+    areas = 0.0
+    radii = 0.0
+    distances = 0.0
     for x, y, z, radius in spheres_m:
-        at = np.array([x, y, z]) + radius * directions
-        away = np.linalg.norm(at[:, None] - spheres_m[None, :, :3], axis=2)
-        free = at[np.all(away >= spheres_m[:, 3] * (1.0 - 1e-9), axis=1)]
+        points = np.array([x, y, z]) + radius * directions
+        to_centres = np.linalg.norm(points[:, None] - spheres_m[None, :, :3], axis=2)
+        is_free = np.all(to_centres >= spheres_m[:, 3] * (1.0 - 1e-9), axis=1)
+        free = points[is_free]
         areas += radius**2 * len(free)
         radii += radius**3 * len(free)
         distances += radius**2 * np.linalg.norm(free, axis=1).sum()
-    return radii / areas, float(distances / areas)
+    return SurfaceMeans(radii / areas, float(distances / areas))

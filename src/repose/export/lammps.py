@@ -4,18 +4,21 @@ import math
 
 import numpy as np
 
+from repose.export.decks import fill_template, head, numbers
 from repose.export.job import Job, Pair
 from repose.export.laws import (
     equivalent_restitution,
     rolling_coefficient,
     rolling_stiffness,
 )
-from repose.export.template import filled, head, numbers
 
 # Damping of the rolling spring over its critical damping, with the mass of a grain.
 ROLLING_DAMPING = 0.5
-# Powers, the highest first, of a restitution in the damping over sqrt(k m) of `damping tsuji` (Marshall 2009, Eq. 53).
+# Coefficients of the polynomial in the restitution that gives the damping over sqrt(k m)
+# of `damping tsuji`, the highest power first (Marshall 2009, Eq. 53).
 TSUJI = (4.8218, -18.022, 27.467, -22.348, 11.087, -4.2783, 1.2728)
+# Smallest restitution that LAMMPS takes.
+LEAST_RESTITUTION = 1e-6
 SPRINGS = {
     "hertz_mindlin": "mindlin",
     "hertz_mindlin_rescaled": "mindlin_rescale/force",
@@ -25,81 +28,96 @@ SPRINGS = {
 def deck(job: Job) -> dict[str, str]:
     """Write the files of a LAMMPS run by name: in.pour, grain.mol."""
     cone = job.surfaces.cone_line()
-    law_gg, law_gp = (contact_keywords(job, pair) for pair in job.pairs.values())
-    values = {
-        "law_gg": law_gg,
-        "law_gp": law_gp,
-        "tube_radius": 0.5 * job.surfaces.outlet_diameter_m,
-    }
-    values |= {
-        "near": 2.0 * float(job.particle.spheres_m[:, 3].max()),
-        "head": head(job, "# ", "lammps"),
-    }
-    for end, place in (("low", cone.first), ("high", cone.last)):
-        values[f"cone_{end}_radius"] = cone.offset * cone.normal_r + place * cone.up_r
-        values[f"cone_{end}"] = cone.offset * cone.normal_z + place * cone.up_z
-    return {
-        "in.pour": filled("lammps.in", job, **values, **damping_numbers(job)),
-        "grain.mol": molecule(job),
-    }
+    text = fill_template(
+        "lammps.in.jinja",
+        job,
+        head=head(job, _notes(job)),
+        law_gg=contact_keywords(job, job.grains),
+        law_gp=contact_keywords(job, job.on_wall),
+        tube_radius=0.5 * job.surfaces.outlet_diameter_m,
+        cone_low_radius=cone.offset * cone.normal_r + cone.first * cone.up_r,
+        cone_low=cone.offset * cone.normal_z + cone.first * cone.up_z,
+        cone_high_radius=cone.offset * cone.normal_r + cone.last * cone.up_r,
+        cone_high=cone.offset * cone.normal_z + cone.last * cone.up_z,
+        near=2.0 * float(job.particle.spheres_m[:, 3].max()),
+        **damping_numbers(job),
+    )
+    return {"in.pour": text, "grain.mol": molecule(job)}
+
+
+def _notes(job: Job) -> list[str]:
+    """List the differences of LAMMPS from the study."""
+    notes = ["the edge of the outlet is sharp"]
+    if job.simulation.tension == "release":
+        notes.append(
+            "the second number of hertz/material is the restitution that gives the "
+            "study's damping; with limit_damping an impact then ends with the restitution "
+            "calibrated"
+        )
+    return notes
 
 
 def contact_keywords(job: Job, pair: Pair) -> str:
-    """Write a contact in the keywords of pair_style granular; the deck sets the variables damping, e_gg and e_gp.
+    """Write a contact in the keywords of pair_style granular.
 
-    The moduli are those of two equal surfaces with the pair's E*.
+    The deck sets the variables damping, e_gg and e_gp. The moduli are those of two equal
+    surfaces with the pair's E*.
     """
     restitution = "${e_gg}" if pair is job.grains else "${e_gp}"
     poisson = job.grain.poisson_ratio
     young = 2.0 * (1.0 - poisson**2) * pair.effective_young_pa
+    spring = SPRINGS[job.simulation.contact_law]
     stiffness = rolling_stiffness(pair) / pair.effective_radius_m**2
     rolling_damping = ROLLING_DAMPING * math.sqrt(stiffness * job.particle.mass_kg)
-    law = SPRINGS[job.simulation.contact_law]
-    words = (
+    keywords = (
         f"hertz/material {young:.8g} {restitution} {poisson:.8g} "
-        f"tangential {law} {8.0 * pair.effective_shear_pa:.8g} 0 {pair.static_friction:.8g} "
-        "damping ${damping} "
-        f"rolling sds {stiffness:.8g} {rolling_damping:.8g} {rolling_coefficient(job, pair):.8g}"
+        f"tangential {spring} {8.0 * pair.effective_shear_pa:.8g} 0 "
+        f"{pair.static_friction:.8g} damping ${{damping}} "
+        f"rolling sds {stiffness:.8g} {rolling_damping:.8g} "
+        f"{rolling_coefficient(job, pair):.8g}"
     )
-    return words if job.simulation.tension == "keep" else words + " limit_damping"
+    if job.simulation.tension == "release":
+        keywords += " limit_damping"
+    return keywords
 
 
 def damping_numbers(job: Job) -> dict[str, float]:
-    """Compute the numbers with which `coeff_restitution`, and `tsuji` of older versions, give the study's damping.
+    """Compute the numbers that give the study's damping, by name.
 
-    For `tsuji` it is negative where no restitution gives the damping.
+    ``e_gg`` and ``e_gp`` are those of `coeff_restitution`, ``tsuji_gg`` and ``tsuji_gp``
+    those of `tsuji` of older versions, negative where no restitution gives the damping.
     """
     found = {}
     for name, pair in job.pairs.items():
-        found[f"e_{name}"] = equivalent_restitution(pair, 1e-6)
-        roots = np.roots((*TSUJI[:-1], TSUJI[-1] - math.sqrt(5.0) * pair.damping_ratio))
-        found[f"tsuji_{name}"] = float(roots[np.abs(roots.imag) < 1e-9].real.min())
+        found[f"e_{name}"] = equivalent_restitution(pair, LEAST_RESTITUTION)
+        constant = TSUJI[-1] - math.sqrt(5.0) * pair.damping_ratio
+        roots = np.roots((*TSUJI[:-1], constant))
+        real_roots = roots[np.abs(roots.imag) < 1e-9].real
+        found[f"tsuji_{name}"] = float(real_roots.min())
     return found
 
 
 def molecule(job: Job) -> str:
     """Write the grain as the text of a molecule template."""
-    spheres, mass_kg = job.particle.spheres_m, job.particle.mass_kg
-    n = len(spheres)
+    spheres = job.particle.spheres_m
+    mass_kg = job.particle.mass_kg
+    n_spheres = len(spheres)
+    inertia = numbers((*job.particle.inertia_kg_m2, 0.0, 0.0, 0.0))
     lines = [
         "a grain, from repose export",
         "",
-        f"{n} atoms",
+        f"{n_spheres} atoms",
         f"{mass_kg:.9g} mass",
         "0 0 0 com",
+        f"{inertia} inertia",
     ]
-    lines.append(numbers((*job.particle.inertia_kg_m2, 0.0, 0.0, 0.0)) + " inertia")
-    columns = {
+    sections = {
         "Coords": [numbers(sphere[:3]) for sphere in spheres],
-        "Types": ["1"] * n,
+        "Types": ["1"] * n_spheres,
         "Diameters": [f"{2.0 * sphere[3]:.9g}" for sphere in spheres],
-        "Masses": [f"{mass_kg / n:.9g}"] * n,
+        "Masses": [f"{mass_kg / n_spheres:.9g}"] * n_spheres,
     }
-    for name, words in columns.items():
-        lines += [
-            "",
-            name,
-            "",
-            *(f"{k} {word}" for k, word in enumerate(words, start=1)),
-        ]
+    for name, rows in sections.items():
+        lines += ["", name, ""]
+        lines += [f"{k} {row}" for k, row in enumerate(rows, start=1)]
     return "\n".join([*lines, ""])

@@ -4,10 +4,10 @@ import math
 
 from repose.dem.constants import COHESION_ENERGY_DENSITY
 from repose.dem.laws.epsd import ETA
+from repose.export.decks import fill_template, head, numbers
 from repose.export.job import Job
 from repose.export.laws import equivalent_restitution, rolling_coefficient
 from repose.export.surface import AROUND, stl
-from repose.export.template import filled, head, numbers
 
 # LIGGGHTS refuses a coefficient of restitution of 0.05 and less.
 LEAST_RESTITUTION = 0.0501
@@ -17,40 +17,40 @@ ROLLING_MODELS = {
     "epsd": "epsd",
     "epsd2": "epsd2",
 }
+# Angle below which faces of the mesh count as one, over that between two facets.
+FOLD_SHARE = 1.1
 
 
 def deck(job: Job) -> dict[str, str]:
-    """Write the files of a LIGGGHTS run by name: in.pour, funnel.stl, and clump.txt of a clump."""
-    simulation, spheres = job.simulation, job.particle.spheres_m
-    values = {
-        f"e_{name}": equivalent_restitution(pair, LEAST_RESTITUTION)
-        for name, pair in job.pairs.items()
-    }
-    strong = (
-        f"strong_{name}"
-        for name in job.pairs
-        if values[f"e_{name}"] == LEAST_RESTITUTION
-    )
-    words: dict[str, object] = {
-        "head": head(job, "# ", "liggghts", *strong, least=LEAST_RESTITUTION)
-    }
-    cohesion = "cohesion sjkr " if simulation.contact_law == "sjkr" else ""
-    words["model"] = (
-        f"{cohesion}rolling_friction {ROLLING_MODELS[simulation.rolling_law]}"
-    )
-    words["limit_force"] = "off" if simulation.tension == "keep" else "on"
+    """Write the files of a LIGGGHTS run by name: in.pour, funnel.stl, clump.txt.
+
+    The last is of a clump.
+    """
+    simulation = job.simulation
+    spheres = job.particle.spheres_m
+    has_cohesion = simulation.contact_law == "sjkr"
+    model = f"rolling_friction {ROLLING_MODELS[simulation.rolling_law]}"
+    if has_cohesion:
+        model = f"cohesion sjkr {model}"
+    values: dict[str, object] = {}
     for name, pair in job.pairs.items():
+        values[f"e_{name}"] = equivalent_restitution(pair, LEAST_RESTITUTION)
         values[f"mur_{name}"] = rolling_coefficient(job, pair)
-        values[f"k_{name}"] = pair.constants.get(COHESION_ENERGY_DENSITY.name, math.nan)
-    whole = {"seed": prime(job.seed), "spheres": len(spheres)}
-    text = filled(
-        "liggghts.in",
+        if has_cohesion:
+            values[f"k_{name}"] = pair.constants[COHESION_ENERGY_DENSITY.name]
+    text = fill_template(
+        "liggghts.in.jinja",
         job,
-        fold=1.1 * 360.0 / AROUND,
+        head=head(job, _notes(job)),
+        seed=prime(job.seed),
+        model=model,
+        sjkr=has_cohesion,
+        epsd=simulation.rolling_law == "epsd",
         eta=ETA,
+        limit_force="off" if simulation.tension == "keep" else "on",
+        fold=FOLD_SHARE * 360.0 / AROUND,
+        n_spheres=len(spheres),
         **values,
-        **words,
-        **whole,
     )
     files = {"in.pour": text, "funnel.stl": stl(job.surfaces)}
     if not job.is_sphere:
@@ -58,8 +58,33 @@ def deck(job: Job) -> dict[str, str]:
     return files
 
 
+def _notes(job: Job) -> list[str]:
+    """List the differences of LIGGGHTS from the study."""
+    notes = []
+    if job.simulation.contact_law != "hertz_mindlin":
+        notes.append(
+            "a tangential force grows and falls with the normal load; in the study it "
+            "stays on loading and falls on unloading"
+        )
+    if job.simulation.tension == "release":
+        notes.append(
+            "coefficientRestitution is the number that gives the study's damping; with "
+            "limitForce an impact then ends with the restitution calibrated"
+        )
+    for bodies, pair in (("grains", job.grains), ("grain and wall", job.on_wall)):
+        if equivalent_restitution(pair, LEAST_RESTITUTION) == LEAST_RESTITUTION:
+            notes.append(
+                f"{bodies}: the study's damping is stronger than coefficientRestitution "
+                f"{LEAST_RESTITUTION:g} gives, the least that LIGGGHTS takes"
+            )
+    return notes
+
+
 def prime(seed: int) -> int:
-    """Find a prime above 10000, as LIGGGHTS needs for its random numbers; different for each seed (0 or more)."""
+    """Find a prime above 10000, as LIGGGHTS needs for its random numbers.
+
+    It is different for each seed, 0 or more.
+    """
     number = 20001 + 200 * seed
     while any(number % k == 0 for k in range(3, math.isqrt(number) + 1, 2)):
         number += 2

@@ -5,65 +5,93 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from repose.export.job import Job
+from repose.export.decks import fill_template, head, numbers
+from repose.export.job import Job, Pair
 from repose.export.laws import rolling_stiffness
 from repose.export.surface import AROUND, profile
-from repose.export.template import filled, head, numbers
 
 
 def deck(job: Job) -> dict[str, str]:
     """Write the file of a YADE run by name: pour.py."""
     weights, inertia = member_masses(job)
-    words = {"head": head(job, "# ", "yade"), "around": AROUND}
-    lists = {
-        "spheres": job.particle.spheres_m,
-        "masses": weights * job.particle.mass_kg,
-        "inertia": inertia,
-    }
-    words |= {
-        name: _listed(values)
-        for name, values in (lists | {"profile": profile(job.surfaces)}).items()
-    }
-    values = {  # sqrt(5/6) beta is the damping over the critical damping
-        **{
-            f"damping_{name}": math.sqrt(5.0 / 6.0) * pair.damping_ratio
-            for name, pair in job.pairs.items()
-        },
-        "eta": job.grains.rolling_friction * job.lever_m / job.mean_radius_m,
-        "krot": rolling_stiffness(job.grains),
-        "moment_gp": job.on_wall.rolling_friction * job.lever_m,
-        "krot_gp": rolling_stiffness(job.on_wall),
-        "plate_side": 4.0
-        * max(job.plate_radius_m, 0.5 * job.surfaces.inlet_diameter_m),
-    }
-    return {"pour.py": filled("yade.py.txt", job, **words, **values)}
+    widest_m = max(job.plate_radius_m, 0.5 * job.surfaces.inlet_diameter_m)
+    text = fill_template(
+        "yade.py.jinja",
+        job,
+        head=head(job, _notes(job)),
+        spheres=_list_text(job.particle.spheres_m),
+        masses=_list_text(weights * job.particle.mass_kg),
+        inertia=_list_text(inertia),
+        damping_gg=_damping_share(job.grains),
+        damping_gp=_damping_share(job.on_wall),
+        eta=job.grains.rolling_friction * job.lever_m / job.mean_radius_m,
+        krot=rolling_stiffness(job.grains),
+        moment_gp=job.on_wall.rolling_friction * job.lever_m,
+        krot_gp=rolling_stiffness(job.on_wall),
+        profile=_list_text(profile(job.surfaces)),
+        around=AROUND,
+        plate_side=4.0 * widest_m,
+    )
+    return {"pour.py": text}
+
+
+def _damping_share(pair: Pair) -> float:
+    """Compute the damping of a pair over the critical damping."""
+    return math.sqrt(5.0 / 6.0) * pair.damping_ratio
+
+
+def _notes(job: Job) -> list[str]:
+    """List the differences of YADE from the study."""
+    own_law = "stays on loading and falls on unloading"
+    if job.simulation.contact_law == "hertz_mindlin":
+        own_law = "grows and falls with the normal load"
+    notes = [
+        "a tangential force stays as it is when the normal load changes; in the study it "
+        f"{own_law}",
+        "on a facet YADE takes two thirds of a sphere's radius as the effective one: "
+        "contacts with walls are softer by 18 %",
+        "a contact with a wall rolls in its first step with the coefficient of the grains",
+    ]
+    if job.simulation.tension == "keep":
+        notes.append("the normal force never pulls, damped as if it could")
+    return notes
 
 
 def member_masses(job: Job) -> tuple[np.ndarray, np.ndarray]:
-    """Find the shares (M,) of the mass and the inertia (3,) of each sphere [kg m2] that give the clump the body's.
+    """Find masses and inertias of the spheres with which a clump has those of the body.
 
-    The shares, whose sum is 1, have their centre at the origin and no products of inertia, and are as equal as that
-    allows; the inertia is the remainder of the body's.
+    Returns
+    -------
+    shares : array
+        Share (M,) of the mass for each sphere. Their sum is 1, they have their centre at
+        the origin and no products of inertia, and are as equal as that allows.
+    inertia : array
+        Moments (3,) of each sphere [kg m2], which make up for the rest of the body's.
     """
-    x, y, z = job.particle.spheres_m[:, :3].T
-    size = job.particle.bounding_radius_m
-    rows = np.stack(
+    particle = job.particle
+    x, y, z = particle.spheres_m[:, :3].T
+    n_spheres = len(x)
+    size = particle.bounding_radius_m
+    # Rows of the conditions on the shares, scaled to numbers of order one.
+    conditions = np.stack(
         [np.ones_like(x), x / size, y / size, z / size, x * y, x * z, y * z]
     )
-    rows[4:] /= size**2
-    moments = np.zeros(7)
-    moments[0] = 1.0
-    alike = np.full(len(x), 1.0 / len(x))
-    weights = alike + np.linalg.lstsq(rows, moments - rows @ alike, rcond=1e-9)[0]
+    conditions[4:] /= size**2
+    required = np.zeros(7)
+    required[0] = 1.0
+    equal = np.full(n_spheres, 1.0 / n_spheres)
+    # The smallest change of equal shares that fulfils the conditions.
+    change = np.linalg.lstsq(conditions, required - conditions @ equal, rcond=1e-9)[0]
+    shares = equal + change
     squares = np.array([y * y + z * z, x * x + z * z, x * x + y * y])
-    return weights, (
-        job.particle.inertia_kg_m2 - job.particle.mass_kg * squares @ weights
-    ) / len(x)
+    rest = particle.inertia_kg_m2 - particle.mass_kg * squares @ shares
+    return shares, rest / n_spheres
 
 
-def _listed(values: ArrayLike) -> str:
-    """Write nested lists of numbers as text of Python."""
+def _list_text(values: ArrayLike) -> str:
+    """Write a list of numbers, or a list of such lists, as text of Python."""
     values = np.asarray(values)
     if values.ndim == 1:
         return f"[{numbers(values, ', ')}]"
-    return "[\n" + "".join(f"    {_listed(row)},\n" for row in values) + "]"
+    rows = "".join(f"    {_list_text(row)},\n" for row in values)
+    return f"[\n{rows}]"

@@ -1,0 +1,161 @@
+"""The text of a deck: a template of this folder, filled with numbers to nine digits.
+
+Templates are Jinja's. A number stands in double braces; ``{{ x | digits(6) }}`` writes it
+to six digits.
+"""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from repose.export.job import Job
+from repose.export.laws import law_lines
+
+
+def digits(number: float, count: int = 9) -> str:
+    """Write a number to at most a count of digits."""
+    return f"{number:.{count}g}"
+
+
+def _nine_digits(value: object) -> object:
+    """Write a float to nine digits; leave anything else as it is."""
+    return digits(value) if isinstance(value, float) else value
+
+
+# A deck is no HTML, so nothing in it is escaped.
+_ENVIRONMENT = Environment(  # nosec B701
+    loader=FileSystemLoader(Path(__file__).parent),
+    trim_blocks=True,
+    keep_trailing_newline=True,
+    undefined=StrictUndefined,
+    finalize=_nine_digits,
+)
+_ENVIRONMENT.filters["digits"] = digits
+
+
+def fill_template(name: str, job: Job, **values: object) -> str:
+    """Fill the template `name` with the numbers of every deck and with `values`."""
+    return _ENVIRONMENT.get_template(name).render(common_values(job) | values)
+
+
+def common_values(job: Job) -> dict[str, Any]:
+    """Collect the values that every template may use, by name.
+
+    Lengths are in m and times in time steps.
+    """
+    particle = job.particle
+    height_m = job.factory_height_m
+    radius_m = particle.bounding_radius_m
+    widest_m = max(job.plate_radius_m, 0.5 * job.surfaces.inlet_diameter_m)
+    n_steps = job.steps(job.funnel.duration_s)
+    ixx, iyy, izz = particle.inertia_kg_m2.tolist()
+    return {
+        "job": job,
+        # What lines of a template belong to.
+        "sphere": job.is_sphere,
+        "clump": not job.is_sphere,
+        "tube": job.surfaces.tube_length_m > 0.0,
+        # The grain.
+        "radius": float(particle.spheres_m[0, 3]),
+        "reach": radius_m,
+        "ixx": ixx,
+        "iyy": iyy,
+        "izz": izz,
+        # The box.
+        "half": widest_m + 4.0 * radius_m,
+        "top": height_m + 4.0 * radius_m,
+        # Neighbour lists reach beyond the spheres for several steps of a grain that falls
+        # at 2 m/s, 0.4 mm each.
+        "skin": 0.75 * job.mean_radius_m,
+        # The factory.
+        "factory_radius": job.factory_radius_m,
+        "factory_height": height_m,
+        "factory_low": height_m - 1e-4,
+        "factory_high": height_m + 1e-4,
+        # The pour.
+        "every": job.steps(1.0 / job.funnel.rate_per_s),
+        "steps": n_steps,
+        "thermo": max(1, n_steps // 20),
+    }
+
+
+def numbers(values: Iterable[float], separator: str = " ") -> str:
+    """Write numbers to nine digits."""
+    return separator.join(map(digits, values))
+
+
+# --- the head of a deck ---------------------------------------------------------------
+
+
+def head(job: Job, program_notes: Sequence[str], comment: str = "# ") -> str:
+    """Write the head of a deck as comment lines.
+
+    It has the study, its numbers, and what is not as in the study; `program_notes` are
+    the differences of the program.
+    """
+    grains = job.grains
+    on_wall = job.on_wall
+    percent = 100 * job.time_step_s / job.rayleigh_s
+    lines = [
+        f"Pour of {job.funnel.berries} grains of the study `{job.label}`, written by "
+        "`repose export`. SI units.",
+        f"Calibrated: e {grains.restitution:.6g}, mu_s {grains.static_friction:.6g}, "
+        f"mu_r {grains.rolling_friction:.6g} between",
+        f"grains; e {on_wall.restitution:.6g}, mu_s {on_wall.static_friction:.6g}, "
+        f"mu_r {on_wall.rolling_friction:.6g} between grain and wall.",
+        *law_lines(job),
+        f"Time step {job.time_step_s:g} s: {percent:.1f} % of the Rayleigh time of the "
+        "smallest sphere.",
+        "Not as in the study:",
+    ]
+    notes = (*_common_notes(job), *program_notes, *job.notes)
+    lines += [f"- {note}" for note in notes]
+    return "\n".join(comment + line for line in lines)
+
+
+def _common_notes(job: Job) -> list[str]:
+    """List the differences that all decks have."""
+    notes = [_rolling_note(job)]
+    if not job.is_sphere:
+        notes.append(
+            "each pair of spheres is damped with the bodies' masses; in the study the "
+            "spheres of one pair of bodies share the damping, and the mass counts the "
+            "rotation"
+        )
+    notes.append(
+        "no dashpot along the tangent; in the study Coulomb's limit holds it too. In "
+        "LIGGGHTS and YADE it comes on top of that limit, in LAMMPS it winds up the "
+        "spring: a grazing impact had 1.7 times the friction, or a sixth"
+    )
+    if job.simulation.tension == "keep":
+        notes.append(
+            "Coulomb's limit takes the damped normal force, in the study its elastic part"
+        )
+    return notes
+
+
+def _rolling_note(job: Job) -> str:
+    """Describe the difference in rolling resistance."""
+    law = job.simulation.rolling_law
+    lever_mm = 1e3 * job.lever_m
+    if law == "budget":
+        note = (
+            "rolling resistance is a spring with a limit against the relative rotation "
+            "(model C of Ai et al. 2011, without damping or with); in the study a budget "
+            "of each body (model A). Its coefficients here are those of the study times "
+            f"the mean lever {lever_mm:.3g} mm over the effective radius of two spheres"
+        )
+        if job.is_sphere:
+            note += "; with mu_r 0.1 piles of spheres stood 5 to 7 degrees lower so"
+        return note
+    has = "its own stiffness and damping"
+    if law == "constant_torque":
+        has = "a constant torque"
+    return (
+        f"rolling resistance is between two spheres, with {has}; in the study {law} "
+        "between two bodies, which resists spin about the normal too. Its coefficients "
+        f"here are those of the study times the mean lever {lever_mm:.3g} mm over the "
+        "radius of a sphere"
+    )

@@ -1,0 +1,182 @@
+"""The values that EDEM needs, as a table; nobody has tried them there.
+
+EDEM has windows in place of a deck. The names of its models are from memory.
+"""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, NamedTuple
+
+from repose import dem
+from repose.bench.funnel import FunnelSettings
+from repose.bench.parameters import PAIRS
+from repose.bench.settings import SimulationSettings
+from repose.dem.constants import SURFACE_ENERGY
+from repose.export.decks import digits, numbers
+from repose.export.job import Job
+from repose.export.surface import stl
+
+if TYPE_CHECKING:
+    from repose.grain.particle import Particle
+
+ROLLING_MODEL = "Standard Rolling Friction (Type A)"
+CONTACT_MODELS = {"jkr": "Hertz-Mindlin with JKR"}
+DEFAULT_CONTACT_MODEL = "Hertz-Mindlin (no slip)"
+
+
+class Row(NamedTuple):
+    """A value to enter."""
+
+    name: str
+    value: float
+    unit: str = ""
+
+
+def rows(
+    materials: Mapping[str, dem.Material],
+    parameters: Mapping[str, float],
+    particle: "Particle",
+    simulation: SimulationSettings,
+    funnel: FunnelSettings,
+    time_step_s: float,
+) -> list[Row]:
+    """List the values that EDEM needs for a grain and its pour.
+
+    Parameters
+    ----------
+    materials : mapping
+        The materials ``berry`` and ``wall``, as of `repose.bench.scene.materials_of`.
+    parameters : mapping
+        Contact parameters by name.
+    particle : Particle
+        The grain.
+    simulation : SimulationSettings
+        Gravity and contact law.
+    funnel : FunnelSettings
+        The pour.
+    time_step_s : float
+        The time step.
+    """
+    return [
+        *_material_rows(materials, particle),
+        *_contact_rows(parameters, simulation),
+        *_particle_rows(particle),
+        *_pour_rows(funnel, particle),
+        Row("Gravity, along -z", simulation.gravity_m_s2, "m/s2"),
+        Row("Fixed time step", time_step_s, "s"),
+    ]
+
+
+def _material_rows(
+    materials: Mapping[str, dem.Material], particle: "Particle"
+) -> list[Row]:
+    """List density and elastic constants."""
+    table = [Row("Solids density, grain", particle.density_kg_m3, "kg/m3")]
+    for key, name in (("berry", "grain"), ("wall", "wall")):
+        material = materials[key]
+        table += [
+            Row(f"Poisson's ratio, {name}", material.poisson_ratio),
+            Row(f"Young's modulus, {name}", material.elastic_modulus_pa, "Pa"),
+            Row(f"Shear modulus, {name}", material.shear_modulus_pa, "Pa"),
+        ]
+    return table
+
+
+def _contact_rows(
+    parameters: Mapping[str, float], simulation: SimulationSettings
+) -> list[Row]:
+    """List the coefficients of both contacts."""
+    table = []
+    for pair, name in PAIRS.items():
+        table += [
+            Row(f"Coefficient of restitution, {name}", parameters[f"e_{pair}"]),
+            Row(f"Coefficient of static friction, {name}", parameters[f"mus_{pair}"]),
+            Row(f"Coefficient of rolling friction, {name}", parameters[f"mur_{pair}"]),
+        ]
+        if simulation.contact_law == "jkr":
+            # Its surface energy is the work of adhesion: the pull-off force is 3/2 pi R*
+            # times it.
+            energy = 2.0 * parameters[f"{SURFACE_ENERGY.short}_{pair}"]
+            table.append(Row(f"Surface energy, {name}", energy, SURFACE_ENERGY.unit))
+    return table
+
+
+def _particle_rows(particle: "Particle") -> list[Row]:
+    """List mass, volume and moments of the body, which its spheres do not give."""
+    table = [
+        Row("Mass of a grain", particle.mass_kg, "kg"),
+        Row("Volume of a grain", particle.volume_m3, "m3"),
+    ]
+    for axis, moment in zip("XYZ", particle.inertia_kg_m2.tolist(), strict=True):
+        table.append(Row(f"Moment of inertia {axis}", moment, "kg m2"))
+    return table
+
+
+def _pour_rows(funnel: FunnelSettings, particle: "Particle") -> list[Row]:
+    """List plate and factory."""
+    factory_radius = 0.5e-3 * funnel.factory_diameter_mm - particle.bounding_radius_m
+    factory_height = funnel.funnel.inlet_height_m + 1e-3 * funnel.factory_height_mm
+    return [
+        Row("Radius of the plate, at z = 0", 0.5e-3 * funnel.plate_diameter_mm, "m"),
+        Row("Radius of the factory, a disc", factory_radius, "m"),
+        Row("Height of the factory", factory_height, "m"),
+        Row("Number of grains", funnel.berries),
+        Row("Grains per second", funnel.rate_per_s, "1/s"),
+    ]
+
+
+def deck(job: Job) -> dict[str, str]:
+    """Write the files for EDEM by name: edem.md, spheres.csv, funnel.stl."""
+    materials = {"berry": job.grain, "wall": job.wall}
+    table = rows(
+        materials=materials,
+        parameters=job.parameters,
+        particle=job.particle,
+        simulation=job.simulation,
+        funnel=job.funnel,
+        time_step_s=job.time_step_s,
+    )
+    spheres = ["x,y,z,radius"]
+    spheres += [numbers(sphere, ",") for sphere in job.particle.spheres_m]
+    return {
+        "edem.md": _page(job, table),
+        "spheres.csv": "".join(f"{line}\n" for line in spheres),
+        "funnel.stl": stl(job.surfaces),
+    }
+
+
+def _page(job: Job, table: list[Row]) -> str:
+    """Write the table with the models, the files to import and the differences."""
+    law = job.simulation.contact_law
+    contact_model = CONTACT_MODELS.get(law, DEFAULT_CONTACT_MODEL)
+    lines = [
+        f"# `{job.label}` in EDEM: a table that nobody has tried there",
+        "",
+        f"Contact model: {contact_model}. Rolling friction model: {ROLLING_MODEL}. The "
+        "spheres of a grain are in spheres.csv, the funnel is in funnel.stl, both in m. "
+        "Grains appear at rest, in random orientations.",
+        "",
+        "| name | value | unit |",
+        "|---|---|---|",
+        *(f"| {row.name} | {digits(row.value, 6)} | {row.unit} |" for row in table),
+        "",
+        "Not as in the study:",
+        "",
+        *(f"- {note}" for note in (*_notes(job), *job.notes)),
+    ]
+    return "\n".join([*lines, ""])
+
+
+def _notes(job: Job) -> list[str]:
+    """List the differences of EDEM from the study."""
+    notes = [
+        "its rolling friction has the lever from the contact to the centre of mass, as "
+        "the study's: the coefficients are entered as they are"
+    ]
+    if job.simulation.tension == "release":
+        notes.append(
+            "its damped force may pull at the end of an impact; in the study it never "
+            "pulls, and is damped so that the restitution is as set"
+        )
+    if not job.is_sphere:
+        notes.append("each pair of spheres is damped by itself")
+    return notes
