@@ -1,6 +1,8 @@
-"""One grain with one set of parameters, the centre of the ranges: its angles in four bench tests beside each other.
+"""The angles of four bench tests, with one grain and one set of parameters.
 
 python examples/bench_tests/beside.py
+
+The parameters are the centre of the ranges.
 """
 
 from pathlib import Path
@@ -10,7 +12,7 @@ from repose.calibrate.runs import mean_and_error
 from repose.config.pipeline import PipelineConfig
 from repose.stages.job import run_once
 
-HERE = Path(__file__).parent
+FOLDER = Path(__file__).parent
 ANGLES = {
     "funnel": ("aor_deg",),
     "lifted_cylinder": ("lifted_aor_deg",),
@@ -24,21 +26,27 @@ def main():
     """Print a row for each angle."""
     print("| bench test | response | angle, deg | runs |\n|---|---|---|---|")
     for name, responses in ANGLES.items():
-        own = HERE / f"{name}.yaml"
-        study = PipelineConfig.load(
-            "config/config.yaml", *([own] if own.exists() else [])
-        )
-        test, values = bench(name), study.parameters.centre
-        measured = []
-        for seed in SEEDS:
-            measured += [run_once(test, study.scene(values, seed))[0]]
+        runs = run_all_seeds(name)
         for response in responses:
-            angles = [
-                one[response] for one in measured if one.get(response) is not None
-            ]
+            angles = [run[response] for run in runs if run.get(response) is not None]
             mean, error = mean_and_error(angles)
-            shown = "no number" if mean is None else f"{mean:.1f} ± {error or 0:.1f}"
-            print(f"| {name} | `{response}` | {shown} | {len(angles)} |", flush=True)
+            text = "no number" if mean is None else f"{mean:.1f} ± {error or 0:.1f}"
+            print(f"| {name} | `{response}` | {text} | {len(angles)} |", flush=True)
+
+
+def run_all_seeds(name):
+    """Run a bench test with each seed; return the measured runs."""
+    files = ["config/config.yaml"]
+    own_file = FOLDER / f"{name}.yaml"
+    if own_file.exists():
+        files.append(own_file)
+    study = PipelineConfig.load(*files)
+    runs = []
+    for seed in SEEDS:
+        scene = study.scene(study.parameters.centre, seed)
+        measured, _ = run_once(bench(name), scene)
+        runs.append(measured)
+    return runs
 
 
 if __name__ == "__main__":

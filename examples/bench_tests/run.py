@@ -1,12 +1,13 @@
-"""Run one of the bench tests of this folder once with goji berries: its responses, a sketch with dimensions, a film.
+"""Run a bench test of this folder once with goji berries: responses, sketch and film.
 
     python examples/bench_tests/run.py lifted_cylinder
 
-The sketch and the film are written to results/examples/.
+The sketch, with dimensions, and the film are written to results/examples/.
 """
 
 import argparse
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import sketches
@@ -16,42 +17,63 @@ from repose.bench.drum import Drum
 from repose.config.pipeline import PipelineConfig
 from repose.report.renderer import film
 
-HERE = Path(__file__).parent
-NAMES = sorted(path.stem for path in HERE.glob("*.yaml"))
-# Views of the films: elevation and azimuth of the camera in degrees, and simulated time between two frames.
+FOLDER = Path(__file__).parent
+NAMES = sorted(path.stem for path in FOLDER.glob("*.yaml"))
+
+
+class View(NamedTuple):
+    """The view of a film."""
+
+    elevation_deg: float
+    azimuth_deg: float
+    interval_s: float  # simulated time between two frames
+
+
 VIEWS = {
-    "lifted_cylinder": (12, -70, 0.1),
-    "inclined_plane": (4, -90, 0.25),
-    "drop_test": (4, -90, 0.004),
-    "drawdown": (4, -90, 0.05),
-    "cylinder": (12, -70, 0.1),
-    "discharge": (8, -90, 0.05),
-    "turning": (4, -90, 0.1),
+    "lifted_cylinder": View(12, -70, 0.1),
+    "inclined_plane": View(4, -90, 0.25),
+    "drop_test": View(4, -90, 0.004),
+    "drawdown": View(4, -90, 0.05),
+    "cylinder": View(12, -70, 0.1),
+    "discharge": View(8, -90, 0.05),
+    "turning": View(4, -90, 0.1),
 }
 
 
 def main(name, out="results/examples", pictures=48, width=420):
-    """Run the bench test at the centre of the ranges and write the pictures; returns the measured run."""
-    study = PipelineConfig.load("config/config.yaml", HERE / f"{name}.yaml")
-    test, config = bench(name), study.config
+    """Run the bench test at the centre of the ranges and write the pictures.
+
+    Returns the measured run.
+    """
+    study = PipelineConfig.load("config/config.yaml", FOLDER / f"{name}.yaml")
+    test = bench(name)
     scene = study.scene(study.parameters.centre, 1)
-    elevation, azimuth, interval_s = VIEWS[name]
-    run = test.run(scene, interval_s)
+    view = VIEWS[name]
+    run = test.run(scene, view.interval_s)
     measured = test.result(run.record, run.arrays, scene)
-    print(test.summary.format(**measured) if measured["status"] == "ok" else measured)
+    if measured["status"] == "ok":
+        print(test.summary.format(**measured))
+    else:
+        print(measured)
+
     out = Path(out)
-    sketches.draw(name, out / f"{name}.png", config)
-    frames = run.frames | {"shape": np.zeros(len(run.frames["scale"]), int)}
+    sketches.draw(name, out / f"{name}.png", study.config)
     simulation = test.build(scene)
-    if name == "turning":  # its caps are endless planes; the picture has discs
-        simulation.walls.planes[:, 6] = Drum.of(test.section(scene.settings)).radius_m
-    view = {
-        "elevation_deg": elevation,
-        "azimuth_deg": azimuth,
-        "width": width,
-        "colour": config["colour"],
-    }
-    film.animate(simulation, frames, out / f"{name}.gif", pictures, **view)
+    if name == "turning":
+        # The caps of the drum are endless planes; the picture shows discs.
+        radius_m = Drum.of(test.section(scene.settings)).radius_m
+        simulation.walls.planes[:, 6] = radius_m
+    all_of_one_shape = np.zeros(len(run.frames["scale"]), int)
+    film.animate(
+        simulation,
+        run.frames | {"shape": all_of_one_shape},
+        out / f"{name}.gif",
+        pictures,
+        elevation_deg=view.elevation_deg,
+        azimuth_deg=view.azimuth_deg,
+        width=width,
+        colour=study.config["colour"],
+    )
     return measured
 
 

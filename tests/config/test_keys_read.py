@@ -162,7 +162,9 @@ def keys_read(tmp_path_factory):
         )  # the hash of the scene stands for its keys
         published = config["validation"]["published"]
         patch.setattr(
-            pipeline.PipelineConfig, "published", lambda _, table: beside(published, table)
+            pipeline.PipelineConfig,
+            "published",
+            lambda _, table: beside(published, table),
         )
         given = [f"--{key}={value}" for key, value in options.items()]
         name = [verb] if verb in TYPED else ["stage", verb]

@@ -207,7 +207,11 @@ def test_a_finished_run_of_each_strategy_prints_the_verdict_first_and_ends_well(
     made = SimpleNamespace(
         rule="conclude", feasible="solutions.csv", table4="t4.csv", **files
     )
-    known = {"answers": stages_answer, "ANSWERS": {strategy: made}, "RESULTS": str(tmp_path)}
+    known = {
+        "answers": stages_answer,
+        "ANSWERS": {strategy: made},
+        "RESULTS": str(tmp_path),
+    }
     known |= {"STUDY": studied(study(tmp_path, simulated, feasible))}
     ended = []
     known["RUN"] = SimpleNamespace(
