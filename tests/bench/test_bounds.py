@@ -10,7 +10,7 @@ from shared import says
 
 from repose import dem
 from repose.bench import Scene, bench, scene
-from repose.bench.bounds import EVERY, Bounded, Unstable
+from repose.bench.bounds import CHECK_INTERVAL, Bounded, Unstable
 from repose.bench.parameters import PARAMETERS
 from repose.config.pipeline import PipelineConfig
 from repose.dem import time_steps
@@ -68,9 +68,9 @@ def three_berries(**of_second):
 @pytest.mark.slow
 def test_what_a_fall_can_give_and_overlaps_of_clumps_stay_within_the_bounds():
     bounded = three_berries(position_m=(0.05, 0.0, 0.1))
-    bounded.run_to(3 * EVERY)
+    bounded.run_to(3 * CHECK_INTERVAL)
     bounded.look()
-    assert bounded.simulation.steps == 3 * EVERY
+    assert bounded.simulation.steps == 3 * CHECK_INTERVAL
     mass = 1e-3
     pair = dem.Clump(
         [[-4e-3, 0, 0, 3e-3], [4e-3, 0, 0, 3e-3]], mass, [mass * 1e-5] * 3, "berry"
@@ -162,7 +162,7 @@ def test_a_run_that_explodes_is_unstable_and_says_what_to_do(name, monkeypatch):
 @pytest.mark.parametrize("name", ["funnel", "drum", "cylinder"])
 def test_looking_moves_no_bit(name, monkeypatch):
     def final(every):
-        monkeypatch.setattr("repose.bench.bounds.EVERY", every)
+        monkeypatch.setattr("repose.bench.bounds.CHECK_INTERVAL", every)
         run = bench(name).run(Scene.of(config(), SET, BERRY, PARTICLE, 1))
         assert run.record["status"] != "unstable"
         return run.arrays

@@ -75,7 +75,7 @@ def test_a_berry_that_sticks_is_no_rebound_and_is_not_looked_at_in_every_step(
         "is_touching",
         lambda self: looks.append(1) or is_touching(self),
     )
-    monkeypatch.setattr(drop_test, "EACH", 100)
+    monkeypatch.setattr(drop_test, "DENSE_STEPS", 100)
     own = config(height_mm=20.0)
     own["simulation"] |= {"contact_law": "jkr", "time_step_s": 1e-5}
     values = named((0.5, 0.5, 0.1, 0.05, 0.5, 0.1)) | {"gamma_gg": 0.0, "gamma_gp": 5.0}

@@ -51,7 +51,7 @@ def test_the_closed_cone_and_what_is_said_without_angle_and_height(config):
         volume = math.pi * 0.06557**3 / (3 * slope**2)
         assert reach.cone_tan(65.57, volume) == pytest.approx(slope)
         assert reach.steepest_deg(
-            "whole", 65.57, reach.DENSEST * volume
+            "whole", 65.57, reach.DENSEST_PACKING * volume
         ) == pytest.approx(angle)
     assert 1e6 * math.pi * 0.06557**3 / (
         3 * math.tan(math.radians(32.87)) ** 2
@@ -87,7 +87,7 @@ def test_a_side_is_no_steeper_than_the_cone_of_its_mass_and_the_articles_pair_is
         MeasureSettings(**config["measure"] | WHOLE), "whole", 0.2
     )
     assert exact
-    assert row["largest"] < math.sqrt(reach.DENSEST / funnel.PACKING)
+    assert row["largest"] < math.sqrt(reach.DENSEST_PACKING / funnel.PACKING)
     whole = judged(config, WHOLE)
     assert not whole.possible
     assert whole.bound_deg == pytest.approx(28.46, abs=0.01)

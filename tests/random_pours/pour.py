@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from repose.bench import Scene, bench, names
-from repose.bench.bounds import DEEPEST, FASTEST, Bounded
+from repose.bench.bounds import OVERLAP_LIMIT, SPEED_LIMIT, Bounded
 from repose.bench.parameters import PARAMETERS
 from repose.bench.scene import longest_time_step
 from repose.bench.settings import SceneSettings
@@ -397,7 +397,9 @@ def violation(row):
     ]
     if not all(
         share <= bound
-        for share, bound in zip(shares, (FASTEST, DEEPEST, DEEPEST), strict=True)
+        for share, bound in zip(
+            shares, (SPEED_LIMIT, OVERLAP_LIMIT, OVERLAP_LIMIT), strict=True
+        )
     ):
         return "exploded, and not called unstable"
     if row["apparatus"] in STILL and not float(row["energy_over_given"]) <= 1.0:

@@ -5,11 +5,11 @@ are too soft pass through each other and through walls. Either may end in a pile
 looks like one. So a run is checked now and then, and ends with the status ``unstable``
 if it breaks one of three bounds:
 
-- speed: at most `FASTEST` times the speed of a fall through the whole scene, added to
+- speed: at most `SPEED_LIMIT` times the speed of a fall through the whole scene, added to
   the largest speed that grains or walls are given;
 - energy: the kinetic and potential energy of all grains together is at most that at the
-  top of the scene with the speed that they are given, and the share `GAIN` more;
-- overlap: at most `DEEPEST` of the smallest extent of the smaller grain.
+  top of the scene with the speed that they are given, and the share `ENERGY_TOLERANCE` more;
+- overlap: at most `OVERLAP_LIMIT` of the smallest extent of the smaller grain.
 
 A check changes nothing in the simulation.
 """
@@ -25,16 +25,16 @@ if TYPE_CHECKING:
     from repose import dem
 
 # Largest speed over that of a fall: a small grain between large ones leaves faster.
-FASTEST = 3.0
+SPEED_LIMIT = 3.0
 # Energy gained over energy given: impacts of smooth bodies without friction may return
 # more than they took, see docs/verification.md.
-GAIN = 0.1
+ENERGY_TOLERANCE = 0.1
 # Largest overlap over the smallest extent of a grain.
-DEEPEST = 0.5
+OVERLAP_LIMIT = 0.5
 # Time steps between two checks of the speeds.
-EVERY = 2000
+CHECK_INTERVAL = 2000
 # Checks of the speeds per check of energy and overlaps, which takes ten times as long.
-SELDOM = 5
+SPEED_CHECKS_PER_FULL_CHECK = 5
 
 
 class Unstable(Exception):
@@ -68,7 +68,7 @@ class Bounded:
         self.gravity = float(np.linalg.norm(gravity))
         self.up = -gravity / (self.gravity or 1.0)
         self.lowest_m, self.fall_m = self._lowest_and_fall(top_m)
-        self.fastest_m_s = FASTEST * (
+        self.fastest_m_s = SPEED_LIMIT * (
             math.sqrt(2.0 * self.gravity * self.fall_m) + speed_m_s
         )
         # Smallest extent of a grain of the scale 1.
@@ -109,7 +109,7 @@ class Bounded:
         """
         simulation = self.simulation
         while simulation.steps < step:
-            next_check = self._last_check + EVERY
+            next_check = self._last_check + CHECK_INTERVAL
             try:
                 simulation.run_steps(min(step, next_check) - simulation.steps)
             except RuntimeError as error:
@@ -118,7 +118,11 @@ class Bounded:
                     f"{error}, {self._time()}: {self._shorter_step()}"
                 ) from None
             if simulation.steps >= next_check:
-                self.look(everywhere=simulation.steps % (SELDOM * EVERY) == 0)
+                self.look(
+                    everywhere=simulation.steps
+                    % (SPEED_CHECKS_PER_FULL_CHECK * CHECK_INTERVAL)
+                    == 0
+                )
 
     def look(self, everywhere: bool = True) -> None:
         """Check the speeds, and with `everywhere` also energy and overlaps.
@@ -163,7 +167,7 @@ class Bounded:
         energy_given = float(masses.sum()) * (
             self.gravity * self.fall_m + 0.5 * self.speed_m_s**2
         )
-        if energy > (1.0 + GAIN) * energy_given:
+        if energy > (1.0 + ENERGY_TOLERANCE) * energy_given:
             grain = int(np.flatnonzero(present)[np.argmax(kinetic)])
             raise Unstable(
                 f"grain {grain} has {kinetic.max():.3g} J, "
@@ -192,14 +196,14 @@ class Bounded:
             return None
         share = overlaps / scales / self.thickness_m
         deepest = int(np.argmax(share))
-        return deepest if share[deepest] > DEEPEST else None
+        return deepest if share[deepest] > OVERLAP_LIMIT else None
 
     def _raise_overlap(self, bodies: str, overlap_m: float) -> None:
         """Raise `Unstable` for two bodies that overlap too deeply."""
         raise Unstable(
             f"{bodies} overlap by {1e3 * overlap_m:.3g} mm, {self._time()}: a higher "
             "berry.shear_modulus_pa, or a shorter simulation.time_step_s than "
-            f"{self.simulation.time_step_s:.3g}, helps; at most {100 * DEEPEST:g} % of "
+            f"{self.simulation.time_step_s:.3g}, helps; at most {100 * OVERLAP_LIMIT:g} % of "
             "the smallest extent is a contact"
         )
 

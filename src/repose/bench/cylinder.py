@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 NAME = "cylinder"
 # Height of a tap by default, and the time after a tap until the grains rest.
 TAP_MM = 3.0
-TAP_RESTS_S = 0.4
+TAP_REST_S = 0.4
 # Points of a grain over which its share in the core is counted.
 POINTS = 1000
 # Directions in which the surface of a smooth body is looked at.
@@ -54,7 +54,7 @@ N_RAYS = 1000
 
 # --- responses ------------------------------------------------------------------------
 
-VESSEL = ("cylinder.diameter_mm", "cylinder.height_mm")
+VESSEL_KEYS = ("cylinder.diameter_mm", "cylinder.height_mm")
 
 
 def _density(kind: str, label: str, symbol: str, keys: tuple[str, ...]) -> Response:
@@ -67,7 +67,7 @@ def _density(kind: str, label: str, symbol: str, keys: tuple[str, ...]) -> Respo
         apparatus=NAME,
         low=0.0,
         high=25000.0,
-        definition=(*VESSEL, *keys),
+        definition=(*VESSEL_KEYS, *keys),
     )
 
 
@@ -240,7 +240,7 @@ def _fall_speed(gravity_m_s2: float, height_m: float) -> float:
 
 def _tap_duration_s(gravity_m_s2: float, height_m: float) -> float:
     """Compute the time from a tap until the grains rest [s]."""
-    return 2.0 * _fall_speed(gravity_m_s2, height_m) / gravity_m_s2 + TAP_RESTS_S
+    return 2.0 * _fall_speed(gravity_m_s2, height_m) / gravity_m_s2 + TAP_REST_S
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ from repose.bench.bench_test import (
     register,
 )
 from repose.bench.factory import Disc, Factory, fill_and_rest, too_early
-from repose.bench.funnel import Funnel, impossible_surfaces, narrow_openings
+from repose.bench.hopper import Funnel, impossible_surfaces, narrow_openings
 from repose.bench.scene import Scene
 from repose.bench.settings import Hopper, SceneSettings
 from repose.bench.trial import Progress, Trial
@@ -43,14 +43,14 @@ LID_M_S = 3.0
 # A grain below this height is gone.
 FLOOR_M = -0.1
 # Simulated time between two checks whether the funnel is empty.
-LOOK_S = 0.05
+CHECK_INTERVAL_S = 0.05
 # Shares of the mass between whose exits the rate is measured.
 FROM_SHARE = 0.2
 TO_SHARE = 0.8
 
 # --- responses ------------------------------------------------------------------------
 
-VESSEL = (
+VESSEL_KEYS = (
     "discharge.berries",
     "discharge.inlet_diameter_mm",
     "discharge.outlet_diameter_mm",
@@ -65,7 +65,7 @@ EMPTYING = Response(
     apparatus=NAME,
     low=0.0,
     high=1e4,
-    definition=VESSEL,
+    definition=VESSEL_KEYS,
 )
 FLOW = Response(
     name="flow_g_s",
@@ -75,7 +75,7 @@ FLOW = Response(
     apparatus=NAME,
     low=0.0,
     high=1e6,
-    definition=VESSEL,
+    definition=VESSEL_KEYS,
 )
 
 # --- section of the configuration -----------------------------------------------------
@@ -215,7 +215,7 @@ class DischargeTest(BenchTest[DischargeSettings]):
         def is_empty() -> bool:
             return bool(np.isfinite(simulation.exit_times_s).all())
 
-        every = max(1, settings.steps(LOOK_S))
+        every = max(1, settings.steps(CHECK_INTERVAL_S))
         opened_s = math.nan
         rest_energy_j = math.nan
         n_early = 0

@@ -31,7 +31,8 @@ from repose.bench.bench_test import (
 )
 from repose.bench.discharge import LID_M_S, rate_kg_s
 from repose.bench.factory import Factory, Strip, fill_and_rest, too_early
-from repose.bench.funnel import CALIBRATED, narrow_openings
+from repose.bench.funnel import ANGLE_KEYS
+from repose.bench.hopper import narrow_openings
 from repose.bench.scene import Scene
 from repose.bench.settings import Poured, SceneSettings
 from repose.bench.trial import Progress, Trial, largest_cluster
@@ -45,7 +46,7 @@ if TYPE_CHECKING:
 
 NAME = "drawdown"
 # Simulated time between two checks whether the grains rest.
-LOOK_S = 0.05
+CHECK_INTERVAL_S = 0.05
 # Corners of the six faces of a block, see `_block`.
 FACES = (
     (0, 1, 3, 2),
@@ -58,7 +59,7 @@ FACES = (
 
 # --- responses ------------------------------------------------------------------------
 
-BOX = (
+BOX_KEYS = (
     "drawdown.berries",
     "drawdown.width_mm",
     "drawdown.depth_mm",
@@ -66,7 +67,7 @@ BOX = (
     "drawdown.lower_width_mm",
     "drawdown.drop_mm",
 )
-SEEN = (*BOX, "measure.mm_per_pixel", *CALIBRATED)
+SLOPE_KEYS = (*BOX_KEYS, "measure.mm_per_pixel", *ANGLE_KEYS)
 ABOVE = Response(
     name="drawdown_above_deg",
     unit="deg",
@@ -75,7 +76,7 @@ ABOVE = Response(
     apparatus=NAME,
     low=1.0,
     high=89.0,
-    definition=SEEN,
+    definition=SLOPE_KEYS,
 )
 BELOW = Response(
     name="drawdown_below_deg",
@@ -85,7 +86,7 @@ BELOW = Response(
     apparatus=NAME,
     low=1.0,
     high=89.0,
-    definition=SEEN,
+    definition=SLOPE_KEYS,
 )
 MASS = Response(
     name="drawdown_mass_g",
@@ -95,7 +96,7 @@ MASS = Response(
     apparatus=NAME,
     low=0.0,
     high=1e7,
-    definition=BOX,
+    definition=BOX_KEYS,
 )
 FLOW = Response(
     name="drawdown_flow_g_s",
@@ -105,7 +106,7 @@ FLOW = Response(
     apparatus=NAME,
     low=0.0,
     high=1e6,
-    definition=BOX,
+    definition=BOX_KEYS,
 )
 
 # --- section of the configuration -----------------------------------------------------
@@ -333,7 +334,7 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         area = Strip(box.half_width - radius, box.half_depth - radius, box.top + radius)
         factory = Factory(area, section.berries, section.rate_per_s)
 
-        every = max(1, settings.steps(LOOK_S))
+        every = max(1, settings.steps(CHECK_INTERVAL_S))
         n_filled = 0
         n_early = 0
         opened_s = np.nan

@@ -37,17 +37,17 @@ from repose.common.section import Contradictions, Section, Seeds
 
 NAME = "drop_test"
 # Longest simulated time between two looks at the flying grain.
-LOOK_S = 1e-3
+LONGEST_STRIDE_S = 1e-3
 # Longest duration of a hit.
-HIT_S = 1.0
-# Time steps of a hit that are all looked at; later looks are 1 / EACH of the hit apart.
-EACH = 10_000
+LONGEST_HIT_S = 1.0
+# Time steps of a hit that are all looked at; later looks are 1 / DENSE_STEPS of the hit apart.
+DENSE_STEPS = 10_000
 # Fewest time steps of a fall.
 FEWEST_STEPS = 100
 
 # --- responses ------------------------------------------------------------------------
 
-FALL = ("drop_test.surface", "drop_test.height_mm", "drop_test.orientation")
+FALL_KEYS = ("drop_test.surface", "drop_test.height_mm", "drop_test.orientation")
 BY_HEIGHT = Response(
     name="height_restitution",
     unit="",
@@ -56,7 +56,7 @@ BY_HEIGHT = Response(
     apparatus=NAME,
     low=0.0,
     high=1.0,
-    definition=FALL,
+    definition=FALL_KEYS,
 )
 BY_SOUND = Response(
     name="sound_restitution",
@@ -66,7 +66,7 @@ BY_SOUND = Response(
     apparatus=NAME,
     low=0.0,
     high=1.0,
-    definition=FALL,
+    definition=FALL_KEYS,
 )
 
 # --- section of the configuration -----------------------------------------------------
@@ -117,10 +117,10 @@ class _Tracker:
         """Advance until the grain has left the plate; False if it does not."""
         simulation = self.simulation
         first_step = simulation.steps
-        last_step = first_step + self.settings.steps(HIT_S)
+        last_step = first_step + self.settings.steps(LONGEST_HIT_S)
         is_touching = self.is_touching()
         while is_touching and simulation.steps < last_step:
-            stride = 1 + (simulation.steps - first_step) // EACH
+            stride = 1 + (simulation.steps - first_step) // DENSE_STEPS
             self.trial.run_to(min(last_step, simulation.steps + stride))
             is_touching = self.is_touching()
         return not is_touching
@@ -140,7 +140,7 @@ class _Tracker:
             gravity = self.settings.gravity_m_s2
             up = self.simulation.velocities[0, 2]
             fall_s = (up + math.sqrt(up**2 + 2.0 * gravity * gap_m)) / gravity
-        return max(1, self.settings.steps(min(LOOK_S, 0.5 * fall_s)))
+        return max(1, self.settings.steps(min(LONGEST_STRIDE_S, 0.5 * fall_s)))
 
 
 @dataclass(frozen=True)
@@ -228,7 +228,7 @@ class DropTest(BenchTest[DropTestSettings]):
         if not outcome.has_left:
             return Verdict(
                 "no_rebound",
-                f"the grain still touches the plate {HIT_S:g} s after it fell on it",
+                f"the grain still touches the plate {LONGEST_HIT_S:g} s after it fell on it",
             )
         return OK
 
@@ -255,7 +255,7 @@ class DropTest(BenchTest[DropTestSettings]):
         """
         height_mm = self.section(settings).height_mm
         fall_s = math.sqrt(2e-3 * height_mm / settings.simulation.gravity_m_s2)
-        return 3.0 * fall_s + HIT_S
+        return 3.0 * fall_s + LONGEST_HIT_S
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
         """Yield the height if the fall takes fewer than `FEWEST_STEPS` time steps."""

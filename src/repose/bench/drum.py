@@ -47,7 +47,7 @@ MEASURABLE = ("ok", "no_slip")
 # --- responses ------------------------------------------------------------------------
 
 # Keys that define the surface of the bed, and a slip.
-SEEN = ("measure.mm_per_pixel", "drum.fit_share", "drum.slip_drop_deg")
+SURFACE_KEYS = ("measure.mm_per_pixel", "drum.fit_share", "drum.slip_drop_deg")
 SLIP = Response(
     name="drum_slip_deg",
     unit="deg",
@@ -56,7 +56,7 @@ SLIP = Response(
     apparatus=NAME,
     low=-90.0,
     high=90.0,
-    definition=SEEN,
+    definition=SURFACE_KEYS,
     function=methodcaller("get", "before_surface_deg"),
 )
 REST = Response(
@@ -67,7 +67,7 @@ REST = Response(
     apparatus=NAME,
     low=-90.0,
     high=90.0,
-    definition=SEEN,
+    definition=SURFACE_KEYS,
     function=methodcaller("get", "after_surface_deg"),
 )
 

@@ -20,7 +20,7 @@ POINTS_TRIED = 200
 LIKELY_PACKING = 0.6
 # The last digits of `Disc.points` are not sure, so its squared distances are taken for
 # free from this share of the squared limit on, and then computed exactly.
-ALMOST = 1.0 - 1e-9
+ROUNDING = 1.0 - 1e-9
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ def free_point(
     numbers = rng.random((POINTS_TRIED - 1, 2))
     offsets = area.points(numbers)[:, None, :] - centres
     nearest = np.sum(offsets**2, axis=2).min(axis=1)
-    for k in np.flatnonzero(nearest > ALMOST * distance * distance).tolist():
+    for k in np.flatnonzero(nearest > ROUNDING * distance * distance).tolist():
         point = np.array(area.point(*numbers[k].tolist()))
         if is_free(point):
             rng.bit_generator.state = state

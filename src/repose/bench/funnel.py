@@ -8,7 +8,7 @@ import time
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -25,16 +25,14 @@ from repose.bench.bench_test import (
     register,
 )
 from repose.bench.factory import Disc, Factory, fill, last_berry_s
+from repose.bench.hopper import Funnel, impossible_surfaces, narrow_openings
 from repose.bench.scene import Scene
 from repose.bench.settings import Hopper, SceneSettings
 from repose.bench.trial import Progress, Trial, grain_arrays, largest_cluster
 from repose.calibrate.responses import Response
 from repose.calibrate.runs import Recorded
-from repose.common.section import OF_OTHERS, Contradictions, OrAuto, Section
+from repose.common.section import OF_OTHERS, Contradictions, OrAuto
 from repose.measure.angles import MEAN_KEYS, VIEW_KEYS
-
-if TYPE_CHECKING:
-    from repose.dem import Cone, RingEdge
 
 NAME = "funnel"
 # Largest share of the grains that may roll over the edge of the plate.
@@ -48,21 +46,21 @@ PACKING = 0.6
 # A grain below this height has left the plate and is gone.
 FLOOR_M = -0.05
 # Checks per `rest_window_s` whether the pile rests, so that the pour may end.
-LOOKS = 4
+CHECKS_PER_WINDOW = 4
 # Share of `rest_motion_mm` that a grain at rest would move in a window at its speed.
-STANDSTILL = 0.01
+STANDSTILL_SHARE = 0.01
 
 # --- responses ------------------------------------------------------------------------
 
 # Keys of the configuration that define the numbers of a pile: its silhouette, ...
-SEEN = ("measure.views", "measure.mm_per_pixel", "measure.largest_pile_only")
-BERRY = "measure.berry_height_mm"
+SILHOUETTE_KEYS = ("measure.views", "measure.mm_per_pixel", "measure.largest_pile_only")
+GRAIN_HEIGHT_KEY = "measure.berry_height_mm"
 # ... the line along its flank, ...
-LINE = ("measure.flank", "measure.fit_from", "measure.fit_to", BERRY)
-WINDOW = ("measure.smallest_window",)
+LINE_KEYS = ("measure.flank", "measure.fit_from", "measure.fit_to", GRAIN_HEIGHT_KEY)
+WINDOW_KEYS = ("measure.smallest_window",)
 # ... and the angle of repose, whichever definition of it is calibrated.
-CALIBRATED = (*LINE, *WINDOW, "measure.response")
-PLATE = ("funnel.plate_diameter_mm",)
+ANGLE_KEYS = (*LINE_KEYS, *WINDOW_KEYS, "measure.response")
+PLATE_KEYS = ("funnel.plate_diameter_mm",)
 
 
 def _angle(definition: str, label: str, keys: tuple[str, ...]) -> Response:
@@ -75,7 +73,7 @@ def _angle(definition: str, label: str, keys: tuple[str, ...]) -> Response:
         apparatus=NAME,
         low=0.0,
         high=89.0,
-        definition=(*SEEN, *keys),
+        definition=(*SILHOUETTE_KEYS, *keys),
     )
 
 
@@ -89,7 +87,7 @@ def _flank(part: str) -> Response:
         apparatus=NAME,
         low=0.0,
         high=89.0,
-        definition=(*SEEN, BERRY),
+        definition=(*SILHOUETTE_KEYS, GRAIN_HEIGHT_KEY),
     )
 
 
@@ -102,7 +100,7 @@ RESPONSES = (
         apparatus=NAME,
         low=1.0,
         high=89.0,
-        definition=(*SEEN, *CALIBRATED),
+        definition=(*SILHOUETTE_KEYS, *ANGLE_KEYS),
     ),
     Response(
         name="height_mm",
@@ -112,13 +110,13 @@ RESPONSES = (
         apparatus=NAME,
         low=1.0,
         high=2000.0,
-        definition=SEEN,
+        definition=SILHOUETTE_KEYS,
     ),
-    _angle("flank", "angle, flank", LINE),
-    _angle("secant", "angle, secant", (BERRY,)),
-    _angle("steepest", "angle, steepest", LINE),
+    _angle("flank", "angle, flank", LINE_KEYS),
+    _angle("secant", "angle, secant", (GRAIN_HEIGHT_KEY,)),
+    _angle("steepest", "angle, steepest", LINE_KEYS),
     _angle("whole", "angle, whole side", ()),
-    _angle("straightest", "angle, straightest window", WINDOW),
+    _angle("straightest", "angle, straightest window", WINDOW_KEYS),
     Response(
         name="base_radius_mm",
         unit="mm",
@@ -127,7 +125,7 @@ RESPONSES = (
         apparatus=NAME,
         low=0.0,
         high=1e4,
-        definition=(*SEEN, BERRY),
+        definition=(*SILHOUETTE_KEYS, GRAIN_HEIGHT_KEY),
     ),
     _flank("lower"),
     _flank("upper"),
@@ -139,7 +137,7 @@ RESPONSES = (
         apparatus=NAME,
         low=0.0,
         high=100.0,
-        definition=(*SEEN, BERRY),
+        definition=(*SILHOUETTE_KEYS, GRAIN_HEIGHT_KEY),
     ),
     Response(
         name="radius_90_mm",
@@ -149,7 +147,7 @@ RESPONSES = (
         apparatus=NAME,
         low=0.0,
         high=1e4,
-        definition=PLATE,
+        definition=PLATE_KEYS,
     ),
     Response(
         name="loose_percent",
@@ -159,7 +157,7 @@ RESPONSES = (
         apparatus=NAME,
         low=0.0,
         high=100.0,
-        definition=PLATE,
+        definition=PLATE_KEYS,
     ),
     Response(
         name="discharge_s",
@@ -172,10 +170,10 @@ RESPONSES = (
     ),
 )
 # Numbers that are measured on every pile; other responses only where they are targets.
-EVERY_ANGLE = ("height_view_mm", *MEAN_KEYS.values(), *VIEW_KEYS.values())
-ALWAYS = ("aor_deg", "height_mm", *EVERY_ANGLE)
+ANGLE_NAMES = ("height_view_mm", *MEAN_KEYS.values(), *VIEW_KEYS.values())
+ALWAYS = ("aor_deg", "height_mm", *ANGLE_NAMES)
 RECORDED = Recorded(
-    means=("aor_deg", "height_mm", "discharge_s", *EVERY_ANGLE),
+    means=("aor_deg", "height_mm", "discharge_s", *ANGLE_NAMES),
     without_error=("discharge_s",),
     single=(
         "aor_deg",
@@ -184,150 +182,9 @@ RECORDED = Recorded(
         "berries_on_plate",
         "berries_in_pile",
         "kinetic_energy_J",
-        *EVERY_ANGLE,
+        *ANGLE_NAMES,
     ),
 )
-
-
-# --- inner surfaces -------------------------------------------------------------------
-
-
-class ConeLine(NamedTuple):
-    """The line of a cone in the half plane (r, z), as `repose.dem.Cone` takes it; in m.
-
-    The unit normal points from the inside into the wall, and the points of the line
-    fulfil normal . (r, z) = offset. `first` and `last` are its ends, as distances along
-    the unit vector (up_r, up_z).
-    """
-
-    normal_r: float
-    normal_z: float
-    offset: float
-    first: float
-    last: float
-    up_r: float
-    up_z: float
-
-
-@dataclass(frozen=True)
-class Funnel:
-    """Inner surfaces of a funnel about the z axis, all of its edges rounded.
-
-    A tube may follow the cone.
-    """
-
-    inlet_diameter_m: float  # of the upper circle
-    outlet_diameter_m: float  # of the narrowest circle
-    cone_angle_deg: float  # slope from the horizontal
-    tube_length_m: float  # below the cone; 0 without a tube
-    rim_radius_m: float  # of all rounded edges
-    outlet_height_m: float  # of the narrowest circle above the plate
-
-    @classmethod
-    def of(cls, hopper: Hopper, outlet_height_mm: float) -> "Funnel":
-        """Make the funnel of a section, its outlet at a height above the plate."""
-        return cls(
-            inlet_diameter_m=1e-3 * hopper.inlet_diameter_mm,
-            outlet_diameter_m=1e-3 * hopper.outlet_diameter_mm,
-            cone_angle_deg=hopper.cone_angle_deg,
-            tube_length_m=1e-3 * hopper.tube_length_mm,
-            rim_radius_m=1e-3 * hopper.rim_radius_mm,
-            outlet_height_m=1e-3 * outlet_height_mm,
-        )
-
-    @property
-    def inlet_height_m(self) -> float:
-        """Height of the inlet's circle above the plate [m]."""
-        _, foot_z = self._foot
-        return self.cone_line().last * math.sin(self._slope) + foot_z
-
-    @property
-    def neck_height_m(self) -> float:
-        """Height of the cone's lower end [m]: at the outlet or the tube's upper end."""
-        return self.outlet_height_m + self.tube_length_m
-
-    @property
-    def _slope(self) -> float:
-        """Slope of the cone [rad]."""
-        return math.radians(self.cone_angle_deg)
-
-    @property
-    def _core_m(self) -> float:
-        """Radius of the circle about which the cone's lower edge is rounded [m]."""
-        return 0.5 * self.outlet_diameter_m + self.rim_radius_m
-
-    @property
-    def _offset(self) -> float:
-        """Offset of the cone's line [m], which is tangent to the rounded edge below."""
-        return (
-            math.sin(self._slope) * self._core_m
-            - math.cos(self._slope) * self.neck_height_m
-            - self.rim_radius_m
-        )
-
-    @property
-    def _foot(self) -> tuple[float, float]:
-        """The point (r, z) [m] of the cone's line that is nearest to the origin.
-
-        Distances along the line are measured from it.
-        """
-        r = self._offset * math.sin(self._slope)
-        z = -self._offset * math.cos(self._slope)
-        return r, z
-
-    def cone_line(self) -> ConeLine:
-        """Compute the cone's line, from the rounded edge up to the inlet."""
-        sin = math.sin(self._slope)
-        cos = math.cos(self._slope)
-        foot_r, foot_z = self._foot
-        last = (0.5 * self.inlet_diameter_m - foot_r) / cos
-        last += cos * foot_r + sin * foot_z
-        return ConeLine(
-            normal_r=sin,
-            normal_z=-cos,
-            offset=self._offset,
-            first=cos * self._core_m + sin * self.neck_height_m,
-            last=last,
-            up_r=cos,
-            up_z=sin,
-        )
-
-    def walls(self, material: str) -> "dict[str, Cone | RingEdge]":
-        """Make the walls: cone and outlet, and with a tube also tube and neck."""
-        # Directions of the walls that meet at an edge; zeros stand for no wall.
-        along_cone = (math.cos(self._slope), math.sin(self._slope))
-        along_tube = (0.0, 1.0)
-        down_tube = (0.0, -1.0)
-        free = (0.0, 0.0)
-
-        def edge(
-            above: tuple[float, float], below: tuple[float, float], height_m: float
-        ) -> "RingEdge":
-            return dem.RingEdge(
-                self._core_m, self.rim_radius_m, material, (above, below), height_m
-            )
-
-        cone = dem.Cone(self.cone_line(), material)
-        if self.tube_length_m == 0.0:
-            return {
-                "cone": cone,
-                "outlet": edge(along_cone, free, self.outlet_height_m),
-            }
-        tube_line = ConeLine(
-            normal_r=1.0,
-            normal_z=0.0,
-            offset=0.5 * self.outlet_diameter_m,
-            first=self.outlet_height_m,
-            last=self.neck_height_m,
-            up_r=0.0,
-            up_z=1.0,
-        )
-        return {
-            "cone": cone,
-            "tube": dem.Cone(tube_line, material),
-            "neck": edge(along_cone, down_tube, self.neck_height_m),
-            "outlet": edge(along_tube, free, self.outlet_height_m),
-        }
 
 
 # --- section of the configuration -----------------------------------------------------
@@ -349,39 +206,6 @@ class FunnelSettings(Hopper):
     def funnel(self) -> Funnel:
         """The inner surfaces of the funnel."""
         return Funnel.of(self, self.outlet_height_mm)
-
-
-def narrow_openings(
-    section: Section, name: str, sizes_mm: Mapping[str, float]
-) -> Contradictions:
-    """Yield keys of openings that are no wider than a grain, with what is allowed.
-
-    `name` is the name of the section, `sizes_mm` has the size of the mean grain for
-    each key.
-    """
-    for key, size_mm in sizes_mm.items():
-        if getattr(section, key) <= size_mm:
-            yield f"{name}.{key}", f"above {size_mm:.4g}, the size of a mean grain"
-
-
-def impossible_surfaces(hopper: Hopper, name: str) -> Contradictions:
-    """Yield keys of a funnel that cannot be built, with what is allowed.
-
-    `name` is the name of the section.
-    """
-    inlet_mm = hopper.inlet_diameter_mm
-    outlet_mm = hopper.outlet_diameter_mm
-    if outlet_mm >= inlet_mm:
-        yield (
-            f"{name}.outlet_diameter_mm",
-            f"below {name}.inlet_diameter_mm, {inlet_mm:g}",
-        )
-    largest_rim_mm = (inlet_mm - outlet_mm) / 4
-    if hopper.rim_radius_mm > largest_rim_mm:
-        yield (
-            f"{name}.rim_radius_mm",
-            f"at most {largest_rim_mm:g}, or no cone is left between inlet and outlet",
-        )
 
 
 # --- run ------------------------------------------------------------------------------
@@ -443,17 +267,17 @@ def _rests(
     """
     present = simulation.present
     is_complete = simulation.n_bodies >= section.berries and present.any()
-    if len(history) <= LOOKS or not is_complete:
+    if len(history) <= CHECKS_PER_WINDOW or not is_complete:
         return False
     largest_motion_m = 1e-3 * section.rest_motion_mm
     spin = np.linalg.norm(simulation.angular_velocities, axis=1) * simulation.radius
     speed = np.linalg.norm(simulation.velocities, axis=1) + spin
-    way_m = speed[present].max() * section.rest_window_s
+    distance_m = speed[present].max() * section.rest_window_s
     motion = np.linalg.norm(history[-1] - history[0], axis=1)
     highest_m = history[-1][present, 2].max()
     outlet_m = section.funnel.outlet_height_m
     return bool(
-        way_m <= STANDSTILL * largest_motion_m
+        distance_m <= STANDSTILL_SHARE * largest_motion_m
         and motion[present].max() <= largest_motion_m
         and highest_m <= outlet_m - simulation.radius
     )
@@ -624,7 +448,7 @@ class FunnelTest(BenchTest[FunnelSettings]):
         window = settings.steps(section.rest_window_s)
         timer = _StepTimer()
         # The last positions, at most one rest window old.
-        history: deque[np.ndarray] = deque(maxlen=LOOKS + 1)
+        history: deque[np.ndarray] = deque(maxlen=CHECKS_PER_WINDOW + 1)
         with trial.bound(height_m).guard():
             fill(trial, factory, last_step - window)
             timer.start(simulation.steps)
@@ -775,10 +599,10 @@ class FunnelTest(BenchTest[FunnelSettings]):
 
 
 def _check_steps(first_step: int, last_step: int, window: int) -> Iterator[int]:
-    """Yield the time steps of the checks for rest, `LOOKS` per window up to the last.
+    """Yield the time steps of the checks for rest, `CHECKS_PER_WINDOW` per window up to the last.
 
     The first is at most one interval after `first_step`.
     """
-    every = max(1, window // LOOKS)
+    every = max(1, window // CHECKS_PER_WINDOW)
     n_intervals = (last_step - first_step) // every
     yield from range(last_step - n_intervals * every, last_step + 1, every)

@@ -52,9 +52,9 @@ NAME = "inclined_plane"
 SLED = "sled"
 GRAIN = "berry"
 # Simulated time between two looks at the body.
-LOOK_S = 0.005
+CHECK_INTERVAL_S = 0.005
 # Fewest looks in a tilting.
-FEWEST_LOOKS = 100
+FEWEST_CHECKS = 100
 # A body has moved when it is this share of its shortest axis away.
 MOVED_SHARE = 0.25
 # The line goes through speeds above this share of the last speed, in the root.
@@ -71,7 +71,7 @@ LAYER_RADIUS = 3.5
 
 # --- responses ------------------------------------------------------------------------
 
-SURFACE = ("inclined_plane.surface",)
+SURFACE_KEYS = ("inclined_plane.surface",)
 SLIP = Response(
     name="slip_deg",
     unit="deg",
@@ -80,7 +80,7 @@ SLIP = Response(
     apparatus=NAME,
     low=0.0,
     high=89.0,
-    definition=SURFACE,
+    definition=SURFACE_KEYS,
 )
 ROLL = Response(
     name="roll_deg",
@@ -90,7 +90,7 @@ ROLL = Response(
     apparatus=NAME,
     low=0.0,
     high=89.0,
-    definition=SURFACE,
+    definition=SURFACE_KEYS,
 )
 
 # --- section of the configuration -----------------------------------------------------
@@ -250,7 +250,7 @@ def _tilt(trial: Trial, section: InclinedPlaneSettings) -> list[_Motion]:
     simulation = trial.simulation
     settings = trial.scene.simulation
     gravity = settings.gravity_m_s2
-    every = max(1, settings.steps(LOOK_S))
+    every = max(1, settings.steps(CHECK_INTERVAL_S))
     first_step = simulation.steps
     first_position = simulation.positions[-1].copy()
     half_axis_m = float(min(simulation.shapes["berry"].half_extents_m))
@@ -516,7 +516,7 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
                 f"a law that can hold a sled, for inclined_plane: {law} lets it creep",
             )
         section = self.section(settings)
-        fastest_deg_s = section.steepest_deg / (FEWEST_LOOKS * LOOK_S)
+        fastest_deg_s = section.steepest_deg / (FEWEST_CHECKS * CHECK_INTERVAL_S)
         if section.tilting_deg_s > fastest_deg_s:
             yield (
                 "inclined_plane.tilting_deg_s",

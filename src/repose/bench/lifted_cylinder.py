@@ -44,13 +44,13 @@ from repose.bench.factory import (
     too_early,
 )
 from repose.bench.funnel import (
-    BERRY,
-    CALIBRATED,
+    ANGLE_KEYS,
+    GRAIN_HEIGHT_KEY,
     LARGEST_LOSS,
-    SEEN,
+    SILHOUETTE_KEYS,
     SMALLEST_PILE,
-    narrow_openings,
 )
+from repose.bench.hopper import narrow_openings
 from repose.bench.scene import Scene
 from repose.bench.settings import Poured, SceneSettings
 from repose.bench.trial import Progress, Trial, largest_cluster
@@ -67,11 +67,11 @@ TUBE = ("tube", "rim")
 # A grain below this height has left the plate and is gone.
 FLOOR_M = -0.05
 # Simulated time between two checks whether the grains rest, or have left the tube.
-LOOK_S = 0.05
+CHECK_INTERVAL_S = 0.05
 
 # --- responses ------------------------------------------------------------------------
 
-LIFTING = (
+LIFTING_KEYS = (
     "lifted_cylinder.berries",
     "lifted_cylinder.filling_height_mm",
     "lifted_cylinder.diameter_mm",
@@ -85,7 +85,7 @@ ANGLE = Response(
     apparatus=NAME,
     low=1.0,
     high=89.0,
-    definition=(*LIFTING, *SEEN, *CALIBRATED),
+    definition=(*LIFTING_KEYS, *SILHOUETTE_KEYS, *ANGLE_KEYS),
 )
 HEIGHT = Response(
     name="lifted_height_mm",
@@ -95,7 +95,7 @@ HEIGHT = Response(
     apparatus=NAME,
     low=1.0,
     high=2000.0,
-    definition=(*LIFTING, *SEEN),
+    definition=(*LIFTING_KEYS, *SILHOUETTE_KEYS),
 )
 FOOT = Response(
     name="lifted_foot_mm",
@@ -105,7 +105,7 @@ FOOT = Response(
     apparatus=NAME,
     low=0.0,
     high=1e4,
-    definition=(*LIFTING, *SEEN, BERRY),
+    definition=(*LIFTING_KEYS, *SILHOUETTE_KEYS, GRAIN_HEIGHT_KEY),
 )
 LOOSE = Response(
     name="lifted_loose_percent",
@@ -115,7 +115,7 @@ LOOSE = Response(
     apparatus=NAME,
     low=0.0,
     high=1e2,
-    definition=(*LIFTING, "lifted_cylinder.plate_diameter_mm"),
+    definition=(*LIFTING_KEYS, "lifted_cylinder.plate_diameter_mm"),
 )
 # Names of the same numbers in the measurement of a pile.
 PILE_NAMES = {
@@ -284,7 +284,7 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         )
         factory = Factory(area, capacity, section.rate_per_s)
 
-        every = max(1, settings.steps(LOOK_S))
+        every = max(1, settings.steps(CHECK_INTERVAL_S))
         lifting_m_s = 1e-3 * section.lifting_mm_s
         n_filled = 0
         filling_height_mm = math.nan

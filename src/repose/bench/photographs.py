@@ -62,17 +62,17 @@ POINTS = {
     ),
 }
 # Twice the area [px2] of three points that count as lying on a line.
-ON_A_LINE = 1e-6
+COLLINEAR_AREA = 1e-6
 # Share of the drum's radius within which a bed is looked for; the rim has other colours.
-INSIDE = 0.97
+INNER_SHARE = 0.97
 # Share of the radius above which the drum is empty.
-EMPTY = 0.6
+EMPTY_SHARE = 0.6
 # Share of a chamber's half width that is left out at a wall.
-MARGIN = 0.02
+MARGIN_SHARE = 0.02
 # Longest side of a redrawn picture.
-LARGEST_PX = 1600
+LONGEST_SIDE_PX = 1600
 # Smallest side of a drum or a chamber in the photograph.
-LEAST_PX = 100
+SMALLEST_SIDE_PX = 100
 
 
 @dataclass
@@ -155,7 +155,7 @@ def _check_points(points_px: Sequence[float], bench: str) -> np.ndarray:
         raise fault(rule.description)
     if bench == DRAWDOWN and points[0, 0] > points[1, 0]:
         raise fault(rule.description)
-    if bench == TURNING and abs(np.linalg.det(points[1:] - points[0])) < ON_A_LINE:
+    if bench == TURNING and abs(np.linalg.det(points[1:] - points[0])) < COLLINEAR_AREA:
         raise fault("three points that are not on a line")
     return points
 
@@ -217,8 +217,8 @@ def _bed(picture: np.ndarray) -> np.ndarray:
     """
     size = len(picture)
     positions = (np.arange(size) + 0.5) / (0.5 * size) - 1
-    inside = np.hypot(*np.meshgrid(positions, positions)) < INSIDE
-    empty = inside & (positions[:, None] < -EMPTY)
+    inside = np.hypot(*np.meshgrid(positions, positions)) < INNER_SHARE
+    empty = inside & (positions[:, None] < -EMPTY_SHARE)
     smooth = cv2.GaussianBlur(cv2.medianBlur(picture, 3), (0, 0), 1.0)
     colours = smooth.astype(np.float32).reshape(size, size, -1)
     contrast = np.linalg.norm(colours - np.median(colours[empty], axis=0), axis=-1)
@@ -281,12 +281,12 @@ def measure_box(
     box = Box.of(section)
     picture = _BoxPicture(image, corners_px, box)
 
-    half_lower = box.half_lower * (1 - MARGIN)
+    half_lower = box.half_lower * (1 - MARGIN_SHARE)
     below = picture.part((-half_lower, half_lower), (0.0, box.gate))
 
     # The picture need not show all of the upper chamber.
     heights = (box.floor, min(box.top, picture.top_m))
-    half_upper = box.half_width * (1 - MARGIN)
+    half_upper = box.half_width * (1 - MARGIN_SHARE)
     left = picture.part((-half_upper, 0.0), heights)
     right = picture.part((0.0, half_upper), heights)
     # Put the wedges back to back, as `drawdown.back_to_back` puts the grains.
@@ -322,7 +322,7 @@ def _redraw(
     size_px: tuple[float, float],
     mm_per_pixel: float,
 ) -> View:
-    """Redraw a rectangle of a photograph, at most `LARGEST_PX` large.
+    """Redraw a rectangle of a photograph, at most `LONGEST_SIDE_PX` large.
 
     Parameters
     ----------
@@ -342,11 +342,11 @@ def _redraw(
     NoFlankError
         If the rectangle is too small, or runs out of the picture.
     """
-    if min(size_px) < LEAST_PX:
+    if min(size_px) < SMALLEST_SIDE_PX:
         raise NoFlankError(
-            f"it is {min(size_px):.0f} pixels wide in the picture; {LEAST_PX} are needed"
+            f"it is {min(size_px):.0f} pixels wide in the picture; {SMALLEST_SIDE_PX} are needed"
         )
-    reduction = min(1.0, LARGEST_PX / max(size_px))
+    reduction = min(1.0, LONGEST_SIDE_PX / max(size_px))
     width, height = (round(reduction * length) for length in size_px)
 
     # The affine map from (column, row, 1) of the view to the middle of that pixel in the

@@ -35,18 +35,18 @@ GRAINS = 500
 # Largest share of a pile that its grains fill: the densest lattice of equal balls. Shaken
 # ellipsoids reach .735 (Donev et al. 2004, Science 303, 990), poured grains less; and a
 # tenth of them lies loose beside the pile.
-DENSEST = 0.74
+DENSEST_PACKING = 0.74
 # Standard deviations from the mean of real piles at which a target is out of reach.
-SIGMAS = 2.0
+LARGEST_DEVIATION = 2.0
 # Fewest samples of the study itself that replace the table.
 FEWEST_SAMPLES = 20
 # Relative difference of the proportions of grains that count as the same.
-ALIKE = 0.05
+SHAPE_TOLERANCE = 0.05
 # Standard deviation [deg] between grains: the mean angles of four crops differ from the
 # table's by up to 1 (whole side), 2 (secant) and 4.6 degrees (flank).
 OTHER_GRAIN_DEG = 3.0
 # Distance up to which a row of the table is of a line itself, see `nearest_row`.
-SAME_LINE = 0.005
+LINE_TOLERANCE = 0.005
 # Keys of the section `measure` that define the line of each angle.
 READ: dict[str, tuple[str, ...]] = {
     "flank": ("flank", "fit_from", "fit_to"),
@@ -95,7 +95,7 @@ class Reach:
         """Whether the target is steeper than the mass allows."""
         if self.bound_deg is None:
             return False
-        lowest_deg = self.target.value - SIGMAS * self.target.standard_error
+        lowest_deg = self.target.value - LARGEST_DEVIATION * self.target.standard_error
         return lowest_deg > self.bound_deg
 
     @property
@@ -103,7 +103,7 @@ class Reach:
         """Whether the target is neither beyond the bound nor far from real piles."""
         sd = math.hypot(self.band.sd, self.target.standard_error)
         deviation = (self.target.value - self.band.mean) / sd
-        return not self.exceeds_bound and abs(deviation) <= SIGMAS
+        return not self.exceeds_bound and abs(deviation) <= LARGEST_DEVIATION
 
     @property
     def sentence(self) -> str:
@@ -246,7 +246,7 @@ def steepest_deg(definition: str, height_mm: float, grains_m3: float) -> float |
     """
     if definition != "whole":
         return None
-    return math.degrees(math.atan(cone_tan(height_mm, grains_m3 / DENSEST)))
+    return math.degrees(math.atan(cone_tan(height_mm, grains_m3 / DENSEST_PACKING)))
 
 
 def carried(
@@ -278,7 +278,7 @@ def band_of_table(definition: str, pile: Pile) -> Band:
 
     axes = sorted(pile.particle.axes_m, reverse=True)
     is_alike = np.allclose(
-        np.divide(axes, axes[0]), np.divide(GRAIN_MM, GRAIN_MM[0]), rtol=ALIKE
+        np.divide(axes, axes[0]), np.divide(GRAIN_MM, GRAIN_MM[0]), rtol=SHAPE_TOLERANCE
     )
     low = angle_deg(row["mean"] - row["sd"])
     high = angle_deg(row["mean"] + row["sd"])
@@ -357,4 +357,4 @@ def nearest_row(
         else:
             distance += (table[key] - value).abs()
     nearest = int(np.argmin(distance))
-    return table.iloc[nearest], bool(distance[nearest] < SAME_LINE)
+    return table.iloc[nearest], bool(distance[nearest] < LINE_TOLERANCE)

@@ -23,35 +23,35 @@ if TYPE_CHECKING:
 
 TABLE = Path(__file__).with_name("number_of_grains.csv")
 # Lengths of the funnel that go with the cube root of the number.
-LENGTHS = ("outlet_height_mm", "plate_diameter_mm", "tube_length_mm")
+SCALED_KEYS = ("outlet_height_mm", "plate_diameter_mm", "tube_length_mm")
 # Keys of a smaller scene that follow from its others.
 COMPUTED = ("factory_diameter_mm", "factory_height_mm", "duration_s")
 # Keys that a smaller scene has to give.
-PASTED = (
+PASTED_KEYS = (
     "berries",
     "inlet_diameter_mm",
-    *LENGTHS,
+    *SCALED_KEYS,
     "outlet_diameter_mm",
     "rim_radius_mm",
     "cone_angle_deg",
     "rate_per_s",
 )
 # Power of its lengths with which a funnel's flow goes (Beverloo et al. 1961).
-DISCHARGE = 2.5
+FLOW_EXPONENT = 2.5
 # Narrowest outlet of a smaller scene in diameters of a grain: one by one they bounce away.
 OUTLET_GRAINS = 4.0
 # Widest rim of a smaller scene over inlet minus outlet; at 0.25 no cone is left.
 RIM_SHARE = 0.24
 # Power of the number with which the time of a pour goes: its bodies, and their discharge.
-COST = 7 / 6
+TIME_EXPONENT = 7 / 6
 # Largest difference of angles that are close.
-CLOSE_DEG = 1.0
+ANGLE_TOLERANCE_DEG = 1.0
 # The angle that depends least on the number of grains.
-STEADY = "secant"
+STEADIEST_ANGLE = "secant"
 # Definition in the table that is nearest to one that it lacks.
 TABULATED = {"straightest": "flank"}
 # Number of grains from which on a smaller scene is proposed.
-LARGE = 1000
+LARGE_SCENE = 1000
 
 Config = Mapping[str, Any]
 
@@ -131,7 +131,7 @@ def scaled(
     new_outlet_mm = max(scale * outlet_mm, min(outlet_mm, OUTLET_GRAINS * diameter_mm))
     new_inlet_mm = max(scale * inlet_mm, min(inlet_mm, 2 * new_outlet_mm))
     section = funnel.model_dump()
-    for key in LENGTHS:
+    for key in SCALED_KEYS:
         section[key] = scale * getattr(funnel, key)
     section["inlet_diameter_mm"] = new_inlet_mm
     section["outlet_diameter_mm"] = new_outlet_mm
@@ -139,21 +139,21 @@ def scaled(
     section["rim_radius_mm"] = min(
         funnel.rim_radius_mm, RIM_SHARE * (new_inlet_mm - new_outlet_mm)
     )
-    section["rate_per_s"] = funnel.rate_per_s * scale**DISCHARGE
+    section["rate_per_s"] = funnel.rate_per_s * scale**FLOW_EXPONENT
     return section | dict.fromkeys(COMPUTED, AUTO)
 
 
 def enough(grains: int, definition: str) -> int | None:
     """Find the smallest number of grains that is enough for an angle.
 
-    From this number of the table up to `grains` the angle stays within `CLOSE_DEG`. None
+    From this number of the table up to `grains` the angle stays within `ANGLE_TOLERANCE_DEG`. None
     if no smaller number of the table is enough.
     """
     smallest = None
     for number in sorted(numbers(), reverse=True):
         if number >= grains:
             continue
-        if abs(change(grains, number, definition).angle_deg) > CLOSE_DEG:
+        if abs(change(grains, number, definition).angle_deg) > ANGLE_TOLERANCE_DEG:
             break
         smallest = number
     return smallest
@@ -174,7 +174,7 @@ class SmallerScene:
     @property
     def time_share(self) -> float:
         """Time of a pour over that of the whole scene."""
-        return (self.n_fewer / self.n_grains) ** COST
+        return (self.n_fewer / self.n_grains) ** TIME_EXPONENT
 
 
 def smaller_scene(n_grains: int, definition: str) -> SmallerScene | None:
@@ -224,7 +224,7 @@ def advice(
         f"{_scale_effect(n_grains, definition)} {_enough_grains(n_grains, definition)} "
         "Simulate as many grains as were poured."
     )
-    if n_grains < LARGE:
+    if n_grains < LARGE_SCENE:
         return
 
     scene = smaller_scene(n_grains, definition)
@@ -232,7 +232,7 @@ def advice(
         tabulated = numbers()
         yield (
             f"smaller scene: none of {min(tabulated)} to {max(tabulated)} grains keeps "
-            f"the {definition} angle within {CLOSE_DEG:g} deg. Pour fewer grains by hand, "
+            f"the {definition} angle within {ANGLE_TOLERANCE_DEG:g} deg. Pour fewer grains by hand, "
             "and simulate those."
         )
         return
@@ -263,15 +263,15 @@ def _enough_grains(n_grains: int, definition: str) -> str:
     n_enough = enough(compared, definition)
     if n_enough is not None:
         return (
-            f"From {n_enough} grains on the angle is within {CLOSE_DEG:g} deg of that of "
+            f"From {n_enough} grains on the angle is within {ANGLE_TOLERANCE_DEG:g} deg of that of "
             f"{compared}."
         )
-    n_steady = enough(compared, STEADY)
+    n_steady = enough(compared, STEADIEST_ANGLE)
     if n_steady is None:
-        return f"No smaller number of grains is within {CLOSE_DEG:g} deg of that of {compared}."
+        return f"No smaller number of grains is within {ANGLE_TOLERANCE_DEG:g} deg of that of {compared}."
     return (
-        f"No smaller number of grains is within {CLOSE_DEG:g} deg of that of {compared}; "
-        f"the {STEADY} angle is from {n_steady} on."
+        f"No smaller number of grains is within {ANGLE_TOLERANCE_DEG:g} deg of that of {compared}; "
+        f"the {STEADIEST_ANGLE} angle is from {n_steady} on."
     )
 
 
@@ -297,7 +297,7 @@ def _pasted_section(
 ) -> dict[str, Any]:
     """Write the keys of the section `funnel` of a smaller scene."""
     section = scaled(funnel, scene.n_fewer, diameter_mm, poured=scene.n_grains)
-    pasted = {key: _rounded(section[key]) for key in PASTED}
+    pasted = {key: _rounded(section[key]) for key in PASTED_KEYS}
     return pasted | dict.fromkeys(COMPUTED, AUTO)
 
 

@@ -38,7 +38,7 @@ NAME = "turning"
 
 # --- responses ------------------------------------------------------------------------
 
-VIEW = ("measure.mm_per_pixel", "turning.angular_velocity_rad_s")
+VIEW_KEYS = ("measure.mm_per_pixel", "turning.angular_velocity_rad_s")
 # The name of a response has one digit for the speed.
 MOST_SPEEDS = 9
 # turning_deg, turning_2_deg; turning_profile_1_mm, turning_2_profile_1_mm.
@@ -57,7 +57,7 @@ def _angle(name: str, speed: str | None) -> Response:
         apparatus=NAME,
         low=-90.0,
         high=90.0,
-        definition=(*VIEW, "turning.fit_share"),
+        definition=(*VIEW_KEYS, "turning.fit_share"),
     )
 
 
@@ -72,7 +72,7 @@ def _profile_score(name: str, speed: str | None, score: str) -> Response:
         apparatus=NAME,
         low=-np.inf,
         high=np.inf,
-        definition=VIEW,
+        definition=VIEW_KEYS,
         profile=name.replace(f"_profile_{score}_", "_profile_"),
     )
 

@@ -1,0 +1,184 @@
+"""The funnel as walls: a cone with rounded edges, and a tube below it."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+from repose import dem
+from repose.bench.settings import Hopper
+from repose.common.section import Contradictions, Section
+
+if TYPE_CHECKING:
+    from repose.dem import Cone, RingEdge
+
+
+class ConeLine(NamedTuple):
+    """The line of a cone in the half plane (r, z), as `repose.dem.Cone` takes it; in m.
+
+    The unit normal points from the inside into the wall, and the points of the line
+    fulfil normal . (r, z) = offset. `first` and `last` are its ends, as distances along
+    the unit vector (up_r, up_z).
+    """
+
+    normal_r: float
+    normal_z: float
+    offset: float
+    first: float
+    last: float
+    up_r: float
+    up_z: float
+
+
+@dataclass(frozen=True)
+class Funnel:
+    """Inner surfaces of a funnel about the z axis, all of its edges rounded.
+
+    A tube may follow the cone.
+    """
+
+    inlet_diameter_m: float  # of the upper circle
+    outlet_diameter_m: float  # of the narrowest circle
+    cone_angle_deg: float  # slope from the horizontal
+    tube_length_m: float  # below the cone; 0 without a tube
+    rim_radius_m: float  # of all rounded edges
+    outlet_height_m: float  # of the narrowest circle above the plate
+
+    @classmethod
+    def of(cls, hopper: Hopper, outlet_height_mm: float) -> "Funnel":
+        """Make the funnel of a section, its outlet at a height above the plate."""
+        return cls(
+            inlet_diameter_m=1e-3 * hopper.inlet_diameter_mm,
+            outlet_diameter_m=1e-3 * hopper.outlet_diameter_mm,
+            cone_angle_deg=hopper.cone_angle_deg,
+            tube_length_m=1e-3 * hopper.tube_length_mm,
+            rim_radius_m=1e-3 * hopper.rim_radius_mm,
+            outlet_height_m=1e-3 * outlet_height_mm,
+        )
+
+    @property
+    def inlet_height_m(self) -> float:
+        """Height of the inlet's circle above the plate [m]."""
+        _, foot_z = self._foot
+        return self.cone_line().last * math.sin(self._slope) + foot_z
+
+    @property
+    def neck_height_m(self) -> float:
+        """Height of the cone's lower end [m]: at the outlet or the tube's upper end."""
+        return self.outlet_height_m + self.tube_length_m
+
+    @property
+    def _slope(self) -> float:
+        """Slope of the cone [rad]."""
+        return math.radians(self.cone_angle_deg)
+
+    @property
+    def _core_m(self) -> float:
+        """Radius of the circle about which the cone's lower edge is rounded [m]."""
+        return 0.5 * self.outlet_diameter_m + self.rim_radius_m
+
+    @property
+    def _offset(self) -> float:
+        """Offset of the cone's line [m], which is tangent to the rounded edge below."""
+        return (
+            math.sin(self._slope) * self._core_m
+            - math.cos(self._slope) * self.neck_height_m
+            - self.rim_radius_m
+        )
+
+    @property
+    def _foot(self) -> tuple[float, float]:
+        """The point (r, z) [m] of the cone's line that is nearest to the origin.
+
+        Distances along the line are measured from it.
+        """
+        r = self._offset * math.sin(self._slope)
+        z = -self._offset * math.cos(self._slope)
+        return r, z
+
+    def cone_line(self) -> ConeLine:
+        """Compute the cone's line, from the rounded edge up to the inlet."""
+        sin = math.sin(self._slope)
+        cos = math.cos(self._slope)
+        foot_r, foot_z = self._foot
+        last = (0.5 * self.inlet_diameter_m - foot_r) / cos
+        last += cos * foot_r + sin * foot_z
+        return ConeLine(
+            normal_r=sin,
+            normal_z=-cos,
+            offset=self._offset,
+            first=cos * self._core_m + sin * self.neck_height_m,
+            last=last,
+            up_r=cos,
+            up_z=sin,
+        )
+
+    def walls(self, material: str) -> "dict[str, Cone | RingEdge]":
+        """Make the walls: cone and outlet, and with a tube also tube and neck."""
+        # Directions of the walls that meet at an edge; zeros stand for no wall.
+        along_cone = (math.cos(self._slope), math.sin(self._slope))
+        along_tube = (0.0, 1.0)
+        down_tube = (0.0, -1.0)
+        free = (0.0, 0.0)
+
+        def edge(
+            above: tuple[float, float], below: tuple[float, float], height_m: float
+        ) -> "RingEdge":
+            return dem.RingEdge(
+                self._core_m, self.rim_radius_m, material, (above, below), height_m
+            )
+
+        cone = dem.Cone(self.cone_line(), material)
+        if self.tube_length_m == 0.0:
+            return {
+                "cone": cone,
+                "outlet": edge(along_cone, free, self.outlet_height_m),
+            }
+        tube_line = ConeLine(
+            normal_r=1.0,
+            normal_z=0.0,
+            offset=0.5 * self.outlet_diameter_m,
+            first=self.outlet_height_m,
+            last=self.neck_height_m,
+            up_r=0.0,
+            up_z=1.0,
+        )
+        return {
+            "cone": cone,
+            "tube": dem.Cone(tube_line, material),
+            "neck": edge(along_cone, down_tube, self.neck_height_m),
+            "outlet": edge(along_tube, free, self.outlet_height_m),
+        }
+
+
+def impossible_surfaces(hopper: Hopper, name: str) -> Contradictions:
+    """Yield keys of a funnel that cannot be built, with what is allowed.
+
+    `name` is the name of the section.
+    """
+    inlet_mm = hopper.inlet_diameter_mm
+    outlet_mm = hopper.outlet_diameter_mm
+    if outlet_mm >= inlet_mm:
+        yield (
+            f"{name}.outlet_diameter_mm",
+            f"below {name}.inlet_diameter_mm, {inlet_mm:g}",
+        )
+    largest_rim_mm = (inlet_mm - outlet_mm) / 4
+    if hopper.rim_radius_mm > largest_rim_mm:
+        yield (
+            f"{name}.rim_radius_mm",
+            f"at most {largest_rim_mm:g}, or no cone is left between inlet and outlet",
+        )
+
+
+def narrow_openings(
+    section: Section, name: str, sizes_mm: Mapping[str, float]
+) -> Contradictions:
+    """Yield keys of openings that are no wider than a grain, with what is allowed.
+
+    `name` is the name of the section, `sizes_mm` has the size of the mean grain for
+    each key.
+    """
+    for key, size_mm in sizes_mm.items():
+        if getattr(section, key) <= size_mm:
+            yield f"{name}.{key}", f"above {size_mm:.4g}, the size of a mean grain"
