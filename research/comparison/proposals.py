@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 from scipy import optimize
 
-from repose.bench.parameters import PARAMETERS, named
+from repose.bench.parameters import PARAMETERS
 from repose.calibrate import training as train
 from repose.calibrate.inversion import on_free_parameters
 from repose.calibrate.parameter_space import ParameterSpace

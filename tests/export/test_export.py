@@ -105,7 +105,7 @@ def test_each_program_gets_the_numbers(job):
 
 
 def test_the_table_of_edem_has_values_with_units(config):
-    study = Study.load(CONFIG)
+    study = PipelineConfig.load(CONFIG)
     scene = study.scene(study.parameters.centre, 1)
     rows = edem.rows(
         materials_of(scene),
