@@ -1,45 +1,61 @@
-"""The functions of `simd`, which are LLVM there, in Python for a run without the compiler (NUMBA_DISABLE_JIT=1)."""
+"""The functions of `simd` in Python, for a run without the compiler (NUMBA_DISABLE_JIT=1).
+
+The names and arguments are those of `simd`, where LLVM code is written for them.
+"""
 
 import numpy as np
 
 WIDTH = 8
 
 
-def rows_to_lanes(table, column, index, k, tile, at, stride):
-    """tile[at + c * stride + l] = table[index[k + l], column + c] for c and l of 0..7."""
+def _columns(first, stride):
+    """Return the places of WIDTH numbers in a tile, `stride` apart."""
+    return slice(first, first + WIDTH * stride, stride)
+
+
+def rows_to_lanes(table, column, index, k, tile, first, stride):
+    """Copy eight columns of eight rows of a table to lanes of a tile.
+
+    tile[first + c * stride + lane] = table[index[k + lane], column + c], for c and lane
+    of 0..7.
+    """
     for lane in range(WIDTH):
-        tile[at + lane : at + lane + WIDTH * stride : stride] = table[
-            index[k + lane], column : column + WIDTH
-        ]
+        row = table[index[k + lane], column : column + WIDTH]
+        tile[_columns(first + lane, stride)] = row
 
 
-def lanes_to_rows(table, column, index, k, tile, at, stride):
-    """table[index[k + l], column + c] = tile[at + c * stride + l] for c and l of 0..7."""
+def lanes_to_rows(table, column, index, k, tile, first, stride):
+    """Copy eight rows of eight lanes of a tile to columns of a table.
+
+    table[index[k + lane], column + c] = tile[first + c * stride + lane], for c and lane
+    of 0..7.
+    """
     for lane in range(WIDTH):
-        table[index[k + lane], column : column + WIDTH] = tile[
-            at + lane : at + lane + WIDTH * stride : stride
-        ]
+        numbers = tile[_columns(first + lane, stride)]
+        table[index[k + lane], column : column + WIDTH] = numbers
 
 
-def add_lanes_to_rows(table, column, index, k, tile, at, stride):
-    """table[index[k + l], column + c] += tile[at + c * stride + l], lane after lane."""
+def add_lanes_to_rows(table, column, index, k, tile, first, stride):
+    """Add as `lanes_to_rows` writes, lane after lane: a body may come twice."""
     for lane in range(WIDTH):
-        table[index[k + lane], column : column + WIDTH] += tile[
-            at + lane : at + lane + WIDTH * stride : stride
-        ]
+        numbers = tile[_columns(first + lane, stride)]
+        table[index[k + lane], column : column + WIDTH] += numbers
 
 
 def prefetch(_table, _row, _column):
-    """No operation: Python cannot prefetch."""
+    """Do nothing: Python cannot prefetch."""
 
 
 def _rsqrt_seed(x):
-    """First approximation of 1 / sqrt(x) from the bits of the exponent."""
+    """Return a first approximation of 1 / sqrt(x) from the bits of its exponent."""
     bits = 0x5FE6EB50C7B537A9 - (int(np.float64(x).view(np.int64)) >> 1)
     return np.int64(bits).view(np.float64)
 
 
 INTRINSICS = {
-    f.__name__: f
-    for f in (rows_to_lanes, lanes_to_rows, add_lanes_to_rows, prefetch, _rsqrt_seed)
+    "rows_to_lanes": rows_to_lanes,
+    "lanes_to_rows": lanes_to_rows,
+    "add_lanes_to_rows": add_lanes_to_rows,
+    "prefetch": prefetch,
+    "_rsqrt_seed": _rsqrt_seed,
 }

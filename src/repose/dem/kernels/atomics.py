@@ -1,4 +1,8 @@
-"""A barrier for threads that run a kernel each: counters that LLVM changes by atomic instructions."""
+"""A barrier for threads that run a kernel each.
+
+It is an array of BARRIER_SIZE int64 numbers with two counters, which LLVM changes by
+atomic instructions: how many threads have arrived, and the number of the round.
+"""
 
 from llvmlite import ir
 from numba import types
@@ -7,25 +11,29 @@ from numba.extending import intrinsic
 from .jit import inlined
 
 INT32, INT64 = ir.IntType(32), ir.IntType(64)
-ARRIVED, ROUND = 0, 8  # places of the two counters of a barrier, a cache line apart
+# Places of the two counters, a cache line apart.
+ARRIVED, ROUND = 0, 8
 BARRIER_SIZE = 16
-PATIENCE = 4000  # reads of the counter before the processor is offered to others
+PATIENCE = 4000  # reads of a counter before the processor is offered to others
 
 
 def _place(context, builder, signature, values):
-    """Pointer to element values[1] of the array values[0]."""
+    """Return the pointer to element values[1] of the array values[0]."""
     array = context.make_array(signature.args[0])(context, builder, values[0])
     index = context.cast(builder, values[1], signature.args[1], types.int64)
     return builder.gep(array.data, [index])
 
 
 def _is_counter(array):
+    """Return whether a type is that of an array of int64 numbers."""
     return isinstance(array, types.Array) and array.dtype == types.int64
 
 
 @intrinsic
 def atomic_add(typingctx, array, index, value):
-    """Add to an element of an int64 array; returns its value before."""
+    """Add to an element of an int64 array; return its value before."""
+    if not _is_counter(array):
+        return None
 
     def generate(context, builder, sig, values):
         value = context.cast(builder, values[2], sig.args[2], types.int64)
@@ -33,17 +41,19 @@ def atomic_add(typingctx, array, index, value):
             "add", _place(context, builder, sig, values), value, "seq_cst"
         )
 
-    return (types.int64(array, index, value), generate) if _is_counter(array) else None
+    return types.int64(array, index, value), generate
 
 
 @intrinsic
 def atomic_load(typingctx, array, index):
-    """Read an element of an int64 array that another thread may write."""
+    """Return an element of an int64 array that another thread may write."""
+    if not _is_counter(array):
+        return None
 
     def generate(context, builder, sig, values):
         return builder.load_atomic(_place(context, builder, sig, values), "seq_cst", 8)
 
-    return (types.int64(array, index), generate) if _is_counter(array) else None
+    return types.int64(array, index), generate
 
 
 @intrinsic
@@ -51,10 +61,11 @@ def offer_processor(typingctx):
     """Let another thread of the machine run (POSIX sched_yield)."""
 
     def generate(context, builder, sig, values):
-        function = ir.FunctionType(INT32, [])
         name = "sched_yield"
-        known = builder.module.globals.get(name)
-        builder.call(known or ir.Function(builder.module, function, name), [])
+        function = builder.module.globals.get(name)
+        if not function:
+            function = ir.Function(builder.module, ir.FunctionType(INT32, []), name)
+        builder.call(function, [])
         return context.get_dummy_value()
 
     return types.void(), generate
@@ -62,7 +73,11 @@ def offer_processor(typingctx):
 
 @inlined
 def wait_for_all(counters, threads):
-    """Wait until all threads have called it."""
+    """Wait until all threads have called this function.
+
+    The last thread to arrive clears the counter of arrivals and begins a new round, for
+    which the others wait.
+    """
     if threads == 1:
         return
     this_round = atomic_load(counters, ROUND)
@@ -70,8 +85,8 @@ def wait_for_all(counters, threads):
         atomic_add(counters, ARRIVED, -threads)
         atomic_add(counters, ROUND, 1)
         return
-    looks = 0
+    n_reads = 0
     while atomic_load(counters, ROUND) == this_round:
-        looks += 1
-        if looks > PATIENCE:
+        n_reads += 1
+        if n_reads > PATIENCE:
             offer_processor()

@@ -1,16 +1,26 @@
-"""Rotation of the bodies of a tile: world-frame angular momentum, rolling resistance, midpoint rotation.
+"""Rotation of the bodies of a tile: angular momentum, rolling resistance, orientation.
 
-Angular momentum is the state, and the angular velocity at the middle of the step follows from it; so free rotation
-keeps the momentum to the bit and the energy to second order.
+The state is the angular momentum in world axes; the angular velocity at the middle of
+the step follows from it. So free rotation keeps the momentum to the bit, and the energy
+to second order in the time step.
+
+`m` is the scratch tile of the bodies (rows of `body_tile`), `c` their tile of
+`Bodies.motion` (rows of `state`). Reads the torques and budgets in the rows LOAD of `m`.
+Writes angular momentum and quaternion in `c`; angular velocity, inverse inertia, shape
+and share of the dashpots in `m`; adds to the row PATH of `m`. Loops over the lanes have
+no branches that depend on a lane, so that they become vector code.
+
+Names: l angular momentum, o angular velocity, J inverse inertia, B budget: the angular
+momentum that rolling resistance can take away in a step.
 """
 
 import math
 
 from . import state as st
-from .body_tile import INVERSE_INERTIA, LOAD, OMEGA, PATH, ROWS, L
+from .body_tile import INVERSE_INERTIA, LOAD, OMEGA, PATH, ROWS, TORQUE
 from .geometry import matrix_times
 from .jit import inlined, kernel
-from .rows import write_vector
+from .rows import L, lane_matrix, lane_vector, write_vector
 from .state import (
     ANGULAR_MOMENTUM,
     INVERSE_MOMENTS,
@@ -21,26 +31,33 @@ from .state import (
     alive,
 )
 
-SURE = 1.0 - 1e-12  # share of a budget that rounding leaves
-SLOWEST = 1e-150  # angular speed below which the direction of a rotation means nothing [rad/s]
-# With these steps the size of a resistance is 4e-8 off where the moments differ sixfold, 4e-4 for a factor of thirty.
+CERTAIN = 1.0 - 1e-12  # share of a budget that rounding leaves
+SLOWEST = 1e-150  # angular speed below which a rotation has no direction [rad/s]
+# Newton steps for the direction of a resistance. Its size is then 4e-8 off where the
+# moments of inertia differ sixfold, and 4e-4 for a factor of thirty.
 NEWTON_STEPS = 3
+# First rows of the scratch tile.
+BUDGET = LOAD + st.ROLL * L  # per second: a torque
+DASHPOTS = LOAD + st.DASHPOTS * L
 
 
 @inlined
-def quaternion_of(c, k):
-    """Return the quaternion of lane k's body."""
+def quaternion_of(c, lane):
+    """Return the quaternion (w, x, y, z) of a lane's body."""
     return (
-        c[QUATERNION + k],
-        c[QUATERNION + L + k],
-        c[QUATERNION + 2 * L + k],
-        c[QUATERNION + 3 * L + k],
+        c[QUATERNION + lane],
+        c[QUATERNION + L + lane],
+        c[QUATERNION + 2 * L + lane],
+        c[QUATERNION + 3 * L + lane],
     )
 
 
 @inlined
 def rotated_quaternion(qw, qx, qy, qz, ox, oy, oz, half):
-    """Quaternion after a rotation with angular velocity o (world) for twice `half` seconds, normalised."""
+    """Return a quaternion after a rotation with angular velocity o, normalised.
+
+    `half` is half of the duration [s]; o is in world axes.
+    """
     a = qw - half * (ox * qx + oy * qy + oz * qz)
     b = qx + half * (ox * qw + oy * qz - oz * qy)
     c = qy + half * (oy * qw + oz * qx - ox * qz)
@@ -50,71 +67,62 @@ def rotated_quaternion(qw, qx, qy, qz, ox, oy, oz, half):
 
 
 @inlined
-def turn_quaternion(c, k, ox, oy, oz, half, turns):
-    """Turn lane k's body by `rotated_quaternion`; one that does not turn keeps its quaternion to the bit."""
-    qw, qx, qy, qz = quaternion_of(c, k)
+def turn_quaternion(c, lane, ox, oy, oz, half, turns):
+    """Turn a lane's body by `rotated_quaternion`.
+
+    A body that does not turn keeps its quaternion to the bit.
+    """
+    qw, qx, qy, qz = quaternion_of(c, lane)
     hw, hx, hy, hz = rotated_quaternion(qw, qx, qy, qz, ox, oy, oz, half)
-    c[QUATERNION + k] = hw if turns else qw
-    c[QUATERNION + L + k] = hx if turns else qx
-    c[QUATERNION + 2 * L + k] = hy if turns else qy
-    c[QUATERNION + 3 * L + k] = hz if turns else qz
+    c[QUATERNION + lane] = hw if turns else qw
+    c[QUATERNION + L + lane] = hx if turns else qx
+    c[QUATERNION + 2 * L + lane] = hy if turns else qy
+    c[QUATERNION + 3 * L + lane] = hz if turns else qz
 
 
 @inlined
-def rotated_diagonal(m, at, c, d, diagonal):
-    """R diag(a1, a2, a3) R' of each lane's body as rows xx, xy, xz, yy, yz, zz; R of its quaternion."""
-    for k in range(L):
-        qw, qx, qy, qz = quaternion_of(c, k)
-        a1, a2, a3 = d[diagonal + k], d[diagonal + L + k], d[diagonal + 2 * L + k]
-        xx, xy, xz = (
-            1.0 - 2.0 * (qy * qy + qz * qz),
-            2.0 * (qx * qy - qw * qz),
-            2.0 * (qx * qz + qw * qy),
-        )
-        yx, yy, yz = (
-            2.0 * (qx * qy + qw * qz),
-            1.0 - 2.0 * (qx * qx + qz * qz),
-            2.0 * (qy * qz - qw * qx),
-        )
-        zx, zy, zz = (
-            2.0 * (qx * qz - qw * qy),
-            2.0 * (qy * qz + qw * qx),
-            1.0 - 2.0 * (qx * qx + qy * qy),
-        )
-        m[at + k] = a1 * xx * xx + a2 * xy * xy + a3 * xz * xz
-        m[at + L + k] = a1 * xx * yx + a2 * xy * yy + a3 * xz * yz
-        m[at + 2 * L + k] = a1 * xx * zx + a2 * xy * zy + a3 * xz * zz
-        m[at + 3 * L + k] = a1 * yx * yx + a2 * yy * yy + a3 * yz * yz
-        m[at + 4 * L + k] = a1 * yx * zx + a2 * yy * zy + a3 * yz * zz
-        m[at + 5 * L + k] = a1 * zx * zx + a2 * zy * zy + a3 * zz * zz
+def write_rotated_diagonal(m, first, c, diagonal):
+    """Write R diag(a1, a2, a3) R' of each lane's body, with R of its quaternion.
+
+    `diagonal` is the first row of a1, a2, a3 in `c`; the symmetric matrix is written to
+    six rows of `m` from `first` on.
+    """
+    for lane in range(L):
+        qw, qx, qy, qz = quaternion_of(c, lane)
+        a1, a2, a3 = lane_vector(c, diagonal, lane)
+        # the rotation R, row by row
+        xx = 1.0 - 2.0 * (qy * qy + qz * qz)
+        xy = 2.0 * (qx * qy - qw * qz)
+        xz = 2.0 * (qx * qz + qw * qy)
+        yx = 2.0 * (qx * qy + qw * qz)
+        yy = 1.0 - 2.0 * (qx * qx + qz * qz)
+        yz = 2.0 * (qy * qz - qw * qx)
+        zx = 2.0 * (qx * qz - qw * qy)
+        zy = 2.0 * (qy * qz + qw * qx)
+        zz = 1.0 - 2.0 * (qx * qx + qy * qy)
+        m[first + lane] = a1 * xx * xx + a2 * xy * xy + a3 * xz * xz
+        m[first + L + lane] = a1 * xx * yx + a2 * xy * yy + a3 * xz * yz
+        m[first + 2 * L + lane] = a1 * xx * zx + a2 * xy * zy + a3 * xz * zz
+        m[first + 3 * L + lane] = a1 * yx * yx + a2 * yy * yy + a3 * yz * yz
+        m[first + 4 * L + lane] = a1 * yx * zx + a2 * yy * zy + a3 * yz * zz
+        m[first + 5 * L + lane] = a1 * zx * zx + a2 * zy * zy + a3 * zz * zz
 
 
 @inlined
-def inverse_inertia_times(m, k, x, y, z):
-    """Inverse inertia of lane k's body (world) times a vector."""
-    xx, xy, xz = (
-        m[INVERSE_INERTIA + k],
-        m[INVERSE_INERTIA + L + k],
-        m[INVERSE_INERTIA + 2 * L + k],
-    )
-    yy, yz, zz = (
-        m[INVERSE_INERTIA + 3 * L + k],
-        m[INVERSE_INERTIA + 4 * L + k],
-        m[INVERSE_INERTIA + 5 * L + k],
-    )
+def inverse_inertia_times(m, lane, x, y, z):
+    """Multiply the inverse inertia of a lane's body by a vector; both in world axes."""
+    xx, xy, xz, yy, yz, zz = lane_matrix(m, INVERSE_INERTIA, lane)
     return matrix_times(xx, xy, xz, yy, yz, zz, x, y, z)
 
 
 @inlined
-def into_body(c, k, x, y, z):
-    """Return a vector of the world in the axes of lane k's body."""
-    qw, qx, qy, qz = quaternion_of(c, k)
+def into_body(c, lane, x, y, z):
+    """Return a vector of the world in the axes of a lane's body."""
+    qw, qx, qy, qz = quaternion_of(c, lane)
     # twice the vector product with the quaternion's vector
-    tx, ty, tz = (
-        2.0 * (y * qz - z * qy),
-        2.0 * (z * qx - x * qz),
-        2.0 * (x * qy - y * qx),
-    )
+    tx = 2.0 * (y * qz - z * qy)
+    ty = 2.0 * (z * qx - x * qz)
+    tz = 2.0 * (x * qy - y * qx)
     return (
         x + qw * tx + ty * qz - tz * qy,
         y + qw * ty + tz * qx - tx * qz,
@@ -123,14 +131,12 @@ def into_body(c, k, x, y, z):
 
 
 @inlined
-def into_world(c, k, x, y, z):
-    """Return a vector of lane k's body in the axes of the world."""
-    qw, qx, qy, qz = quaternion_of(c, k)
-    tx, ty, tz = (
-        2.0 * (qy * z - qz * y),
-        2.0 * (qz * x - qx * z),
-        2.0 * (qx * y - qy * x),
-    )
+def into_world(c, lane, x, y, z):
+    """Return a vector of a lane's body in world axes."""
+    qw, qx, qy, qz = quaternion_of(c, lane)
+    tx = 2.0 * (qy * z - qz * y)
+    ty = 2.0 * (qz * x - qx * z)
+    tz = 2.0 * (qx * y - qy * x)
     return (
         x + qw * tx + qy * tz - qz * ty,
         y + qw * ty + qz * tx - qx * tz,
@@ -139,30 +145,35 @@ def into_world(c, k, x, y, z):
 
 
 @kernel
-def might_turn(m, dt):
-    """Count the bodies of a tile at rest that may begin to turn: the torque exceeds the rolling budget."""
+def count_disturbed(m, dt):
+    """Return how many bodies of a tile at rest may begin to turn.
+
+    These are the bodies whose torque exceeds their budget of rolling resistance.
+    """
     n = 0
-    for k in range(L):
-        lx, ly, lz = (
-            dt * m[LOAD + 3 * L + k],
-            dt * m[LOAD + 4 * L + k],
-            dt * m[LOAD + 5 * L + k],
-        )
-        budget = SURE * dt * m[LOAD + st.ROLL * L + k]
+    for lane in range(L):
+        torque_x, torque_y, torque_z = lane_vector(m, TORQUE, lane)
+        lx, ly, lz = dt * torque_x, dt * torque_y, dt * torque_z
+        budget = CERTAIN * dt * m[BUDGET + lane]
         n += 1 if budget * budget < lx * lx + ly * ly + lz * lz else 0
     return n
 
 
 @kernel
 def twist_lanes(m, c, dt):
-    """Add the torque of each lane's body to its angular momentum; returns how many may still turn."""
+    """Add the torque of each lane's body to its angular momentum.
+
+    Returns how many bodies may turn after rolling resistance.
+    """
     n = 0
-    for k in range(L):
-        lx = c[ANGULAR_MOMENTUM + k] + dt * m[LOAD + 3 * L + k]
-        ly = c[ANGULAR_MOMENTUM + L + k] + dt * m[LOAD + 4 * L + k]
-        lz = c[ANGULAR_MOMENTUM + 2 * L + k] + dt * m[LOAD + 5 * L + k]
-        write_vector(c, ANGULAR_MOMENTUM, k, lx, ly, lz)
-        budget = SURE * dt * m[LOAD + st.ROLL * L + k]
+    for lane in range(L):
+        torque_x, torque_y, torque_z = lane_vector(m, TORQUE, lane)
+        lx, ly, lz = lane_vector(c, ANGULAR_MOMENTUM, lane)
+        lx = lx + dt * torque_x
+        ly = ly + dt * torque_y
+        lz = lz + dt * torque_z
+        write_vector(c, ANGULAR_MOMENTUM, lane, lx, ly, lz)
+        budget = CERTAIN * dt * m[BUDGET + lane]
         n += 1 if budget * budget < lx * lx + ly * ly + lz * lz else 0
     return n
 
@@ -170,25 +181,38 @@ def twist_lanes(m, c, dt):
 @kernel
 def stop_lanes(m, c):
     """End the rotation of all lanes."""
-    for k in range(3 * L):
-        c[ANGULAR_MOMENTUM + k] = 0.0
-        m[OMEGA + k] = 0.0
+    for number in range(3 * L):
+        c[ANGULAR_MOMENTUM + number] = 0.0
+        m[OMEGA + number] = 0.0
 
 
 @inlined
-def resistance(x, y, z, i1, i2, i3, size, budget):
-    """Direction of the rolling resistance of a body that it does not stop, in the body's frame.
+def resistance_direction(x, y, z, i1, i2, i3, size, budget):
+    """Return the direction of rolling resistance on a body that it does not stop.
 
-    (x, y, z), size: angular momentum without resistance, relative to the frame, and its size; i1, i2, i3: inverse
-    moments. The remaining rotation has the returned direction n and the angular velocity s n with I s n = l - B n, so
-    (s + B J) n = J l, J the inverse inertia. The speed s is the root of |n(s)| = 1. Newton's method on 1 / |n(s)|,
-    which is concave, converges to it from below; the unit is the speed without resistance.
+    Everything is in the axes of the body, and relative to the frame against which
+    rolling is resisted. The rotation that remains has the direction n, which is
+    returned, and the angular velocity s n. With the angular momentum l before, the
+    budget B and the inertia I, I s n = l - B n, so (s + B J) n = J l with J = 1 / I. The
+    speed s is the root of |n(s)| = 1. Newton's method on 1 / |n(s)|, which is concave,
+    converges to it from below. The unit of speed is the speed without resistance.
+
+    Parameters
+    ----------
+    x, y, z, size : float
+        l and its length.
+    i1, i2, i3 : float
+        The diagonal of J: inverse moments of inertia.
+    budget : float
+        B.
     """
+    # J l and B J, both in the unit of speed.
     ox, oy, oz = i1 * x, i2 * y, i3 * z
     unit = 1.0 / max(math.sqrt(ox * ox + oy * oy + oz * oz), SLOWEST)
     ox, oy, oz = unit * ox, unit * oy, unit * oz
     b1, b2, b3 = unit * budget * i1, unit * budget * i2, unit * budget * i3
-    # two bounds of the root from below: by the budget along the rotation and by the largest moment
+    # Two bounds of the root from below: by the budget along the rotation, and by the
+    # largest moment of inertia.
     s = max(
         1.0 - (ox * ox * b1 + oy * oy * b2 + oz * oz * b3),
         unit * (size - budget) * min(i1, i2, i3),
@@ -196,7 +220,8 @@ def resistance(x, y, z, i1, i2, i3, size, budget):
     s = max(s, 0.0)
     for _ in range(NEWTON_STEPS):
         d1, d2, d3 = s + b1, s + b2, s + b3
-        # n is (ox / d1, oy / d2, oz / d3); all of it times the product of the three, to divide once
+        # n is (ox / d1, oy / d2, oz / d3). All of it is multiplied by d1 d2 d3, so that
+        # there is one division.
         c1, c2, c3 = d2 * d3, d3 * d1, d1 * d2
         g1, g2, g3 = ox * ox * c1 * c1, oy * oy * c2 * c2, oz * oz * c3 * c3
         g = g1 + g2 + g3
@@ -208,154 +233,159 @@ def resistance(x, y, z, i1, i2, i3, size, budget):
 
 @kernel
 def resist_lanes(m, c, dt):
-    """Apply rolling resistance; return how many lanes turn.
+    """Apply rolling resistance to each lane's body; return how many bodies turn.
 
-    The budget B, the sum of mu_r F_n R over a body's contacts, acts against the rotation that remains after it:
-    l' = l - B o' / |o'|, o' the angular velocity of l'. This has one solution. The body stands still where |l| <= B in
-    any orientation, and its rotation is never reversed, so a settled pile is at rest.
+    The budget B, the sum of mu_r F_n R over a body's contacts times dt, acts against the
+    rotation that remains after it: l' = l - B o' / |o'|, with the angular velocity o' of
+    l'. This has one solution. The body stands still where |l| <= B in any orientation,
+    and its rotation is never reversed, so a settled pile is at rest.
     """
     n = 0
-    for k in range(L):
-        lx, ly, lz = (
-            c[ANGULAR_MOMENTUM + k],
-            c[ANGULAR_MOMENTUM + L + k],
-            c[ANGULAR_MOMENTUM + 2 * L + k],
-        )
-        budget = dt * m[LOAD + st.ROLL * L + k]
+    for lane in range(L):
+        lx, ly, lz = lane_vector(c, ANGULAR_MOMENTUM, lane)
+        budget = dt * m[BUDGET + lane]
         square = lx * lx + ly * ly + lz * lz
-        i1, i2, i3 = (
-            c[INVERSE_MOMENTS + k],
-            c[INVERSE_MOMENTS + L + k],
-            c[INVERSE_MOMENTS + 2 * L + k],
-        )
+        i1, i2, i3 = lane_vector(c, INVERSE_MOMENTS, lane)
         # the lane of an absent body may hold a torque and has no moments
         turns = (square > budget * budget) & (i1 > 0.0)
         n += 1 if turns else 0
-        x, y, z = into_body(c, k, lx, ly, lz)
-        x, y, z = resistance(x, y, z, i1, i2, i3, math.sqrt(square), budget)
-        x, y, z = into_world(c, k, x, y, z)
+        x, y, z = into_body(c, lane, lx, ly, lz)
+        x, y, z = resistance_direction(x, y, z, i1, i2, i3, math.sqrt(square), budget)
+        x, y, z = into_world(c, lane, x, y, z)
         lx = lx - budget * x if turns else 0.0
         ly = ly - budget * y if turns else 0.0
         lz = lz - budget * z if turns else 0.0
-        write_vector(c, ANGULAR_MOMENTUM, k, lx, ly, lz)
-        ox, oy, oz = inverse_inertia_times(m, k, lx, ly, lz)
-        write_vector(m, OMEGA, k, ox, oy, oz)
+        write_vector(c, ANGULAR_MOMENTUM, lane, lx, ly, lz)
+        ox, oy, oz = inverse_inertia_times(m, lane, lx, ly, lz)
+        write_vector(m, OMEGA, lane, ox, oy, oz)
     return n
 
 
 @kernel
 def resist_in_frame(m, c, dt, fx, fy, fz):
-    """Apply rolling resistance as in `resist_lanes`, but relative to a frame, with which a stopped body turns."""
-    for k in range(L):
-        lx, ly, lz = (
-            c[ANGULAR_MOMENTUM + k],
-            c[ANGULAR_MOMENTUM + L + k],
-            c[ANGULAR_MOMENTUM + 2 * L + k],
-        )
-        budget = dt * m[LOAD + st.ROLL * L + k]
-        i1, i2, i3 = (
-            c[INVERSE_MOMENTS + k],
-            c[INVERSE_MOMENTS + L + k],
-            c[INVERSE_MOMENTS + 2 * L + k],
-        )
-        there = i1 > 0.0
-        # angular momentum of a body that turns with the frame
-        x, y, z = into_body(c, k, fx, fy, fz)
-        x, y, z = (
-            x / i1 if there else 0.0,
-            y / i2 if there else 0.0,
-            z / i3 if there else 0.0,
-        )
-        wx, wy, wz = into_world(c, k, x, y, z)
-        x, y, z = into_body(c, k, lx - wx, ly - wy, lz - wz)
+    """Apply rolling resistance relative to a frame that turns with angular velocity f.
+
+    It is that of `resist_lanes`, but a body that the resistance stops turns with the
+    frame.
+    """
+    for lane in range(L):
+        lx, ly, lz = lane_vector(c, ANGULAR_MOMENTUM, lane)
+        budget = dt * m[BUDGET + lane]
+        i1, i2, i3 = lane_vector(c, INVERSE_MOMENTS, lane)
+        is_present = i1 > 0.0
+        # w: the angular momentum of a body that turns with the frame
+        x, y, z = into_body(c, lane, fx, fy, fz)
+        x = x / i1 if is_present else 0.0
+        y = y / i2 if is_present else 0.0
+        z = z / i3 if is_present else 0.0
+        wx, wy, wz = into_world(c, lane, x, y, z)
+        x, y, z = into_body(c, lane, lx - wx, ly - wy, lz - wz)
         square = x * x + y * y + z * z
-        turns = (square > budget * budget) & there
-        x, y, z = resistance(x, y, z, i1, i2, i3, math.sqrt(square), budget)
-        x, y, z = into_world(c, k, x, y, z)
+        turns = (square > budget * budget) & is_present
+        x, y, z = resistance_direction(x, y, z, i1, i2, i3, math.sqrt(square), budget)
+        x, y, z = into_world(c, lane, x, y, z)
         lx = lx - budget * x if turns else wx
         ly = ly - budget * y if turns else wy
         lz = lz - budget * z if turns else wz
-        write_vector(c, ANGULAR_MOMENTUM, k, lx, ly, lz)
-        ox, oy, oz = inverse_inertia_times(m, k, lx, ly, lz)
-        stays = there & (not turns)
-        write_vector(
-            m, OMEGA, k, fx if stays else ox, fy if stays else oy, fz if stays else oz
-        )
+        write_vector(c, ANGULAR_MOMENTUM, lane, lx, ly, lz)
+        ox, oy, oz = inverse_inertia_times(m, lane, lx, ly, lz)
+        # a stopped body has the frame's velocity without rounding
+        stays = is_present & (not turns)
+        ox = fx if stays else ox
+        oy = fy if stays else oy
+        oz = fz if stays else oz
+        write_vector(m, OMEGA, lane, ox, oy, oz)
 
 
 @kernel
 def advance_orientation(m, c, dt):
-    """Turn each lane's body with the angular velocity at the middle of the step.
+    """Turn each lane's body with the angular velocity o at the middle of the step.
 
-    omega = J l with J the inverse inertia; l is constant, so omega changes at the rate -J (omega x l).
+    o = J l, and l is constant within the step, so o changes at the rate -J (o x l).
     """
-    for k in range(L):
-        lx, ly, lz = (
-            c[ANGULAR_MOMENTUM + k],
-            c[ANGULAR_MOMENTUM + L + k],
-            c[ANGULAR_MOMENTUM + 2 * L + k],
-        )
-        ox, oy, oz = (m[OMEGA + k], m[OMEGA + L + k], m[OMEGA + 2 * L + k])
+    for lane in range(L):
+        lx, ly, lz = lane_vector(c, ANGULAR_MOMENTUM, lane)
+        ox, oy, oz = lane_vector(m, OMEGA, lane)
         rx, ry, rz = inverse_inertia_times(
-            m, k, oy * lz - oz * ly, oz * lx - ox * lz, ox * ly - oy * lx
+            m, lane, oy * lz - oz * ly, oz * lx - ox * lz, ox * ly - oy * lx
         )
-        ox, oy, oz = (
-            alive(ox - 0.5 * dt * rx),
-            alive(oy - 0.5 * dt * ry),
-            alive(oz - 0.5 * dt * rz),
-        )
-        write_vector(c, ANGULAR_MOMENTUM, k, alive(lx), alive(ly), alive(lz))
-        write_vector(m, OMEGA, k, ox, oy, oz)
+        ox = alive(ox - 0.5 * dt * rx)
+        oy = alive(oy - 0.5 * dt * ry)
+        oz = alive(oz - 0.5 * dt * rz)
+        write_vector(c, ANGULAR_MOMENTUM, lane, alive(lx), alive(ly), alive(lz))
+        write_vector(m, OMEGA, lane, ox, oy, oz)
         square = ox * ox + oy * oy + oz * oz
-        m[PATH + k] += dt * c[st.RADIUS + k] * math.sqrt(square)
-        turn_quaternion(c, k, ox, oy, oz, 0.5 * dt, square > 0.0)
+        # the way of the farthest point of the body
+        m[PATH + lane] += dt * c[st.RADIUS + lane] * math.sqrt(square)
+        turn_quaternion(c, lane, ox, oy, oz, 0.5 * dt, square > 0.0)
 
 
 @kernel
 def inertia_lanes(m, c):
-    """Compute the inverse inertia of the bodies of a tile in their present orientation."""
-    rotated_diagonal(m, INVERSE_INERTIA, c, c, INVERSE_MOMENTS)
+    """Write the inverse inertia of each lane's body as it is oriented now."""
+    write_rotated_diagonal(m, INVERSE_INERTIA, c, INVERSE_MOMENTS)
 
 
 @kernel
 def shape_lanes(m, c, parts):
-    """Inverse inertia and shape of each body of a tile as it is oriented; the shape of a clump is its quaternion."""
+    """Write inverse inertia and shape of each lane's body as it is oriented now.
+
+    The shape of a clump (parts == 0) is its quaternion. The loop over the parts is
+    written out, so that their rows are constants in the compiled code.
+    """
     inertia_lanes(m, c)
     if parts == 0:
-        for k in range(4 * L):
-            m[ROWS + SHAPE * L + k] = c[QUATERNION + k]
+        for number in range(4 * L):
+            m[ROWS + SHAPE * L + number] = c[QUATERNION + number]
         return
-    rotated_diagonal(m, ROWS + SHAPE * L, c, c, SQUARES)
+    write_rotated_diagonal(m, ROWS + SHAPE * L, c, SQUARES)
     if parts > 1:
-        rotated_diagonal(m, ROWS + (SHAPE + PART) * L, c, c, SQUARES + 3 * L)
+        write_rotated_diagonal(m, ROWS + (SHAPE + PART) * L, c, SQUARES + 3 * L)
     if parts > 2:
-        rotated_diagonal(m, ROWS + (SHAPE + 2 * PART) * L, c, c, SQUARES + 6 * L)
+        write_rotated_diagonal(m, ROWS + (SHAPE + 2 * PART) * L, c, SQUARES + 6 * L)
 
 
 @kernel
 def share_lanes(m, c, dt, parts):
-    """Compute the share of its tangential dashpots that each body takes in the next step, see `laws.tangential`."""
-    column = ROWS + st.share_column(parts) * L
-    for k in range(L):
-        fastest = max(
-            c[INVERSE_MOMENTS + k],
-            max(c[INVERSE_MOMENTS + L + k], c[INVERSE_MOMENTS + 2 * L + k]),
-        )
-        m[column + k] = 1.0 / max(1.0, dt * fastest * m[LOAD + st.DASHPOTS * L + k])
+    """Write the share of its tangential dashpots that each body takes in the next step.
+
+    All of them together stop at most the body's whole rotation, see `laws.tangential`.
+    """
+    share = ROWS + st.share_column(parts) * L
+    for lane in range(L):
+        i1, i2, i3 = lane_vector(c, INVERSE_MOMENTS, lane)
+        largest = max(i1, max(i2, i3))
+        m[share + lane] = 1.0 / max(1.0, dt * largest * m[DASHPOTS + lane])
 
 
 @inlined
 def rotate_lanes(m, c, dt, parts, rests, fx, fy, fz):
-    """Turn the bodies of a tile by one step, at little cost if none turned in the last; returns whether any turns."""
+    """Turn the smooth bodies or clumps of a tile by one step.
+
+    Where none turned in the last step and none may begin to turn, this costs little.
+
+    Parameters
+    ----------
+    rests : bool
+        Whether no body of the tile turned in the last step. Then only the first columns
+        of the bodies are in the scratch tile.
+    fx, fy, fz : float
+        Angular velocity of the frame against which rolling is resisted [rad/s].
+
+    Returns
+    -------
+    bool
+        Whether any body turns.
+    """
     framed = fx != 0.0 or fy != 0.0 or fz != 0.0
-    if rests and not framed and might_turn(m, dt) == 0:
+    if rests and not framed and count_disturbed(m, dt) == 0:
         return False
-    twisted = twist_lanes(m, c, dt)
-    if rests:  # the columns of bodies at rest were not read
+    n_twisted = twist_lanes(m, c, dt)
+    if rests:
         inertia_lanes(m, c)
     if framed:
         resist_in_frame(m, c, dt, fx, fy, fz)
-    elif twisted == 0:
+    elif n_twisted == 0:
         stop_lanes(m, c)
         return False
     elif resist_lanes(m, c, dt) == 0:
@@ -368,42 +398,48 @@ def rotate_lanes(m, c, dt, parts, rests, fx, fy, fz):
 
 @kernel
 def turn_spheres(m, c, dt, fx, fy, fz):
-    """Turn each lane's sphere against its rolling resistance, as `resist_in_frame`; returns how many turn.
+    """Turn each lane's sphere against its rolling resistance; return how many turn.
 
-    Momentum and angular velocity are parallel: the resistance shortens both, and the velocity is constant within the
-    step. No path is added, since the surface of a turning sphere stays in its place.
+    It is the motion of `resist_in_frame` and `advance_orientation`. Momentum and angular
+    velocity of a sphere are parallel: the resistance shortens both, and the velocity is
+    constant within the step. No path is added, since the surface of a turning sphere
+    stays in its place.
     """
     n = 0
-    for k in range(L):
-        inverse = c[INVERSE_MOMENTS + k]
-        there = inverse > 0.0
-        moment = 1.0 / (inverse if there else 1.0)
-        lx = c[ANGULAR_MOMENTUM + k] + dt * m[LOAD + 3 * L + k] - moment * fx
-        ly = c[ANGULAR_MOMENTUM + L + k] + dt * m[LOAD + 4 * L + k] - moment * fy
-        lz = c[ANGULAR_MOMENTUM + 2 * L + k] + dt * m[LOAD + 5 * L + k] - moment * fz
-        budget = dt * m[LOAD + st.ROLL * L + k]
+    for lane in range(L):
+        inverse = c[INVERSE_MOMENTS + lane]
+        is_present = inverse > 0.0
+        moment = 1.0 / (inverse if is_present else 1.0)
+        # the angular momentum relative to the frame, after the torque of this step
+        torque_x, torque_y, torque_z = lane_vector(m, TORQUE, lane)
+        lx, ly, lz = lane_vector(c, ANGULAR_MOMENTUM, lane)
+        lx = lx + dt * torque_x - moment * fx
+        ly = ly + dt * torque_y - moment * fy
+        lz = lz + dt * torque_z - moment * fz
+        budget = dt * m[BUDGET + lane]
         size = math.sqrt(lx * lx + ly * ly + lz * lz)
-        turns = there & (size > budget)
+        turns = is_present & (size > budget)
+        # the share of it that the resistance leaves
         left = 1.0 - budget / (size if turns else 1.0)
         left = left if turns else 0.0
-        lx = alive(left * lx + moment * fx if there else 0.0)
-        ly = alive(left * ly + moment * fy if there else 0.0)
-        lz = alive(left * lz + moment * fz if there else 0.0)
+        lx = alive(left * lx + moment * fx if is_present else 0.0)
+        ly = alive(left * ly + moment * fy if is_present else 0.0)
+        lz = alive(left * lz + moment * fz if is_present else 0.0)
         ox, oy, oz = alive(inverse * lx), alive(inverse * ly), alive(inverse * lz)
-        write_vector(c, ANGULAR_MOMENTUM, k, lx, ly, lz)
-        write_vector(m, OMEGA, k, ox, oy, oz)
+        write_vector(c, ANGULAR_MOMENTUM, lane, lx, ly, lz)
+        write_vector(m, OMEGA, lane, ox, oy, oz)
         rotates = ox * ox + oy * oy + oz * oz > 0.0
         n += 1 if rotates else 0
-        turn_quaternion(c, k, ox, oy, oz, 0.5 * dt, rotates)
-        m[ROWS + st.SPHERE_RADIUS * L + k] = c[st.RADIUS + k]
+        turn_quaternion(c, lane, ox, oy, oz, 0.5 * dt, rotates)
+        m[ROWS + st.SPHERE_RADIUS * L + lane] = c[st.RADIUS + lane]
     return n
 
 
 @inlined
 def rotate_spheres(m, c, dt, rests, fx, fy, fz):
-    """`rotate_lanes` for a tile of spheres."""
+    """Turn the spheres of a tile by one step; see `rotate_lanes`."""
     framed = fx != 0.0 or fy != 0.0 or fz != 0.0
-    if rests and not framed and might_turn(m, dt) == 0:
+    if rests and not framed and count_disturbed(m, dt) == 0:
         return False
     share_lanes(m, c, dt, st.SPHERES)
     return turn_spheres(m, c, dt, fx, fy, fz) > 0 or framed

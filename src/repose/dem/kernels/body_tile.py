@@ -1,14 +1,18 @@
-"""Rows of the scratch tile in which one tile of bodies is moved."""
+"""Rows of the scratch tile `m` in which `rigid` moves 32 bodies by one step.
+
+The first rows are copies of the columns of `Bodies.rows`, then come those of the loads,
+then numbers that only this step needs. See `rows` for the layout of a tile.
+"""
 
 from . import state as st
 from .rows import L
 
-# The columns of `rows` and of `load` (see `state`), then the results of the step.
-ROWS = 0
+ROWS = 0  # one row for each column of `Bodies.rows`, see `state`
 OMEGA = ROWS + st.ANGULAR_VELOCITY * L
 INVERSE_INERTIA = ROWS + st.INVERSE_INERTIA * L
-LOAD = 40 * L
-PATH = 48 * L  # how far the farthest point of the body may have moved
-BEFORE = 49 * L  # height before the step
-MORE = 50 * L  # another share of the loads
+LOAD = 40 * L  # one row for each column of `Bodies.load`: the sum over all shares
+TORQUE = LOAD + st.TORQUE * L
+PATH = 48 * L  # bound of the motion of any point of the body in this step [m]
+BEFORE = 49 * L  # height of the centre before the step [m]
+MORE = 50 * L  # the loads of one share, before they are added to LOAD
 TILE_ROWS = 58

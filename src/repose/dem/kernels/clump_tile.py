@@ -1,7 +1,12 @@
-"""The inner loops of clumps: 32 contacts at a time, of two spheres in closed form or of a sphere with a plane.
+"""The inner loops of clumps: 32 contacts of single spheres at a time.
 
-A contact stores the places of its spheres in their bodies and their radii; the rows of the bodies have their positions
-and, in the columns of the shape, their quaternions.
+Two spheres, or a sphere and a plane, touch in closed form. A contact keeps the places of
+its spheres in the axes of their bodies, and their radii; the rows of the bodies have
+positions and, in the columns of the shape, quaternions.
+
+`t` is the scratch tile (rows of `tile`), `c` the tile of numbers that the contacts keep.
+The functions read the rows of the bodies (`tl.A`, `tl.B`) and write N in `c`, GAP,
+RADIUS, RA and RB in `t`. See `rows` for the layout of a tile.
 """
 
 import math
@@ -9,29 +14,32 @@ import math
 from . import state as st
 from . import tile as tl
 from .jit import inlined
-from .rows import L, Rows, write_vector
+from .rows import L, Rows, lane_vector, write_vector
 from .state import OFFSET, SHAPE
 
 N = st.NORMAL
-# Rows that a pair of spheres keeps: centres in their bodies' frames, radius of the first, sum of the radii, effective
-# radius.
+# Rows that a pair of spheres keeps, after the normal.
 _pair = Rows(st.PAIR_STATE)
-CENTRE_A, CENTRE_B = _pair.take(3), _pair.take(3)
-RADIUS_A, REACH, CURVATURE = _pair.take_each(3)
+CENTRE_A = _pair.take(3)  # of each sphere, in the axes of its body
+CENTRE_B = _pair.take(3)
+RADIUS_A = _pair.take()
+REACH = _pair.take()  # sum of the radii
+CURVATURE = _pair.take()  # effective radius
 PAIR_STATE = _pair.end  # where the force laws' rows begin
-# Rows that a sphere on a wall keeps: centre, radius.
+# Rows that a sphere on a wall keeps, after those of the wall.
 _wall = Rows(st.WALL_STATE)
-CENTRE, RADIUS = _wall.take(3), _wall.take()
+CENTRE = _wall.take(3)
+RADIUS = _wall.take()
 WALL_STATE = _wall.end
-# Rows of the scratch tile: the centres of the spheres from those of the bodies, in world axes.
+# Rows of the scratch tile: from the centre of a body to that of its sphere, in world axes.
 ARM_A, ARM_B = tl.SUPPORT, tl.BETWEEN
-# Shortest distance of two centres in the calculation of a direction [m].
-NEAREST = 1e-30
+NEAREST = 1e-30  # distance of two centres that still have a direction [m]
 
 
 @inlined
 def rotated_vector(w, x, y, z, px, py, pz):
-    """Return a vector (px, py, pz) rotated by a unit quaternion (w, x, y, z)."""
+    """Return a vector p rotated by a unit quaternion (w, x, y, z)."""
+    # twice the vector product of the quaternion's vector with p
     ux = 2.0 * (y * pz - z * py)
     uy = 2.0 * (z * px - x * pz)
     uz = 2.0 * (x * py - y * px)
@@ -43,54 +51,69 @@ def rotated_vector(w, x, y, z, px, py, pz):
 
 
 @inlined
-def write_arms(t, c, body, centre, to):
-    """Write the arm of each lane, in world axes: from the centre of the body to the centre of its sphere."""
-    for k in range(L):
-        w, x = t[body + SHAPE * L + k], t[body + (SHAPE + 1) * L + k]
-        y, z = t[body + (SHAPE + 2) * L + k], t[body + (SHAPE + 3) * L + k]
-        px, py, pz = rotated_vector(
-            w, x, y, z, c[centre + k], c[centre + L + k], c[centre + 2 * L + k]
-        )
-        write_vector(t, to, k, px, py, pz)
+def write_arms(t, c, body, centre, arm):
+    """Write the vector from the body's centre to the sphere's, in world axes.
+
+    `body` is the first row of the body in `t`, `centre` that of the sphere's place in
+    `c`, and `arm` the first of three rows of `t` to which the vector is written.
+    """
+    quaternion = body + SHAPE * L
+    for lane in range(L):
+        w = t[quaternion + lane]
+        x, y, z = lane_vector(t, quaternion + L, lane)
+        px, py, pz = lane_vector(c, centre, lane)
+        px, py, pz = rotated_vector(w, x, y, z, px, py, pz)
+        write_vector(t, arm, lane, px, py, pz)
 
 
 @inlined
 def sphere_pair_geometry(t, c):
-    """Compute normal, gap, effective radius and contact point of each lane's pair of spheres."""
+    """Compute normal, gap, effective radius and contact point of each pair of spheres."""
     write_arms(t, c, tl.A, CENTRE_A, ARM_A)
     write_arms(t, c, tl.B, CENTRE_B, ARM_B)
-    for k in range(L):
-        dx = t[tl.B + k] - t[tl.A + k]
-        dy = t[tl.B + L + k] - t[tl.A + L + k]
-        dz = t[tl.B + 2 * L + k] - t[tl.A + 2 * L + k]
-        ax, ay, az = t[ARM_A + k], t[ARM_A + L + k], t[ARM_A + 2 * L + k]
-        sx = dx + t[ARM_B + k] - ax
-        sy = dy + t[ARM_B + L + k] - ay
-        sz = dz + t[ARM_B + 2 * L + k] - az
+    for lane in range(L):
+        # between the centres of the bodies
+        dx = t[tl.B + lane] - t[tl.A + lane]
+        dy = t[tl.B + L + lane] - t[tl.A + L + lane]
+        dz = t[tl.B + 2 * L + lane] - t[tl.A + 2 * L + lane]
+        # between the centres of the spheres
+        ax, ay, az = lane_vector(t, ARM_A, lane)
+        bx, by, bz = lane_vector(t, ARM_B, lane)
+        sx = dx + bx - ax
+        sy = dy + by - ay
+        sz = dz + bz - az
         distance = math.sqrt(sx * sx + sy * sy + sz * sz)
         inv = 1.0 / (distance if distance > NEAREST else NEAREST)
         nx, ny, nz = inv * sx, inv * sy, inv * sz
-        gap = distance - c[REACH + k]
-        reach = c[RADIUS_A + k] + 0.5 * gap
+        gap = distance - c[REACH + lane]
+        # the contact point lies midway between the two surfaces
+        reach = c[RADIUS_A + lane] + 0.5 * gap
         rx, ry, rz = ax + reach * nx, ay + reach * ny, az + reach * nz
-        write_vector(c, N, k, nx, ny, nz)
-        t[tl.GAP + k] = gap
-        t[tl.RADIUS + k] = c[CURVATURE + k]
-        write_vector(t, tl.RA, k, rx, ry, rz)
-        write_vector(t, tl.RB, k, rx - dx, ry - dy, rz - dz)
+        write_vector(c, N, lane, nx, ny, nz)
+        t[tl.GAP + lane] = gap
+        t[tl.RADIUS + lane] = c[CURVATURE + lane]
+        write_vector(t, tl.RA, lane, rx, ry, rz)
+        write_vector(t, tl.RB, lane, rx - dx, ry - dy, rz - dz)
 
 
 @inlined
 def sphere_plane_geometry(t, c):
-    """Gap, effective radius and contact point of each lane's sphere against a plane; see `tile.plane_geometry`."""
+    """Compute gap, effective radius and contact point of each sphere on a plane.
+
+    Beyond the disc of the plane the gap is tl.BEYOND, as in `tile.plane_geometry`.
+    """
     write_arms(t, c, tl.A, CENTRE, ARM_A)
-    for k in range(L):
-        nx, ny, nz = c[N + k], c[N + L + k], c[N + 2 * L + k]
-        ax, ay, az = t[ARM_A + k], t[ARM_A + L + k], t[ARM_A + 2 * L + k]
-        x, y, z = t[tl.A + k] + ax, t[tl.A + L + k] + ay, t[tl.A + 2 * L + k] + az
-        radius = c[RADIUS + k]
-        f = c[OFFSET + k] - nx * x - ny * y - nz * z - radius
-        reach = radius + 0.5 * f
-        t[tl.RADIUS + k] = radius
-        write_vector(t, tl.RA, k, ax + reach * nx, ay + reach * ny, az + reach * nz)
-        t[tl.GAP + k] = f if tl.is_on_disc(c, k, x, y, z, nx, ny, nz) else tl.BEYOND
+    for lane in range(L):
+        nx, ny, nz = lane_vector(c, N, lane)
+        ax, ay, az = lane_vector(t, ARM_A, lane)
+        # the centre of the sphere
+        x = t[tl.A + lane] + ax
+        y = t[tl.A + L + lane] + ay
+        z = t[tl.A + 2 * L + lane] + az
+        radius = c[RADIUS + lane]
+        gap = c[OFFSET + lane] - nx * x - ny * y - nz * z - radius
+        reach = radius + 0.5 * gap
+        t[tl.RADIUS + lane] = radius
+        write_vector(t, tl.RA, lane, ax + reach * nx, ay + reach * ny, az + reach * nz)
+        on_disc = tl.is_on_disc(c, lane, x, y, z, nx, ny, nz)
+        t[tl.GAP + lane] = gap if on_disc else tl.BEYOND

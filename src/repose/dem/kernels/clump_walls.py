@@ -1,8 +1,16 @@
-"""Clumps against walls: contacts of single spheres, in closed form except with meshes.
+"""Clumps against walls: contacts of single spheres.
 
-A sphere touches a plane, the inside of a cone or a ring edge in one place at most, so one bit stores whether it does,
-and no contact is tracked from step to step. The limits are those of `walls`, one for each wall and body: the shortest
-path to a contact of any of its spheres that do not touch.
+A sphere touches a plane, the inside of a cone or a ring edge in one place at most. So
+one bit stores whether it does, and the contact is computed in closed form in each step
+instead of being followed. Contacts with meshes are followed as those of smooth bodies
+(`meshes`), with a sphere as the body.
+
+`WallContacts.limit` holds one number for each wall and body, as in `walls`: the shortest
+way to a contact of any of the body's spheres that do not touch.
+
+Reads `Bodies.rows`, `Clumps` and the walls. Writes the lists of `WallContacts` (body,
+wall, feature, data), its bits `known` and `past`, its `limit`, `counts`,
+`Clumps.mesh_sphere`, and scratch arrays.
 """
 
 import math
@@ -10,75 +18,85 @@ import math
 import numpy as np
 
 from . import clump_tile as ct
+from . import contact_geometry as cg
 from . import state as st
-from .clumps import clear_bit, is_set, set_bit
-from .features import FACE
-from .frames import contact_to_world, into_frame, rotate_to_world, write_plane
+from .clumps import SPHERE_RADIUS_ROW, clear_bit, is_set, set_bit
+from .contact_geometry import normal_of, shift_arm, write_sphere_contact
+from .frames import contact_to_world, mesh_frame, place_in_frame, write_plane
 from .jit import inlined, kernel
-from .meshes import deepest_near, hand_over, search_mesh, track
-from .rows import L, write_vector
-from .sphere_search import PLACES_A, place_spheres
-from .state import MOST_SPHERES, SHAPE
-from .wall_contact import fill_contact
-from .walls import add_wall_contact, sphere_beyond
+from .meshes import follow_feature, search_mesh
+from .rows import L, lane_vector, set_vector, vector_at, write_vector
+from .sphere_search import PLACES_A, place_spheres, placed_centre, placed_radius
+from .state import MOST_SPHERES, PLANE_NORMAL, PLANE_POINT, PLANE_RADIUS, SHAPE
+from .walls import add_wall_contact, sphere_on_frame_wall
 
 
 @inlined
 def sphere_arm(row, tile, lane):
-    """Vector from the centre of the body to that of its sphere, in world axes."""
-    return ct.rotated_vector(
-        row[SHAPE],
-        row[SHAPE + 1],
-        row[SHAPE + 2],
-        row[SHAPE + 3],
-        tile[ct.CENTRE + lane],
-        tile[ct.CENTRE + L + lane],
-        tile[ct.CENTRE + 2 * L + lane],
-    )
+    """Return the vector from a body's centre to that of its sphere, in world axes.
+
+    `row` is the body, `tile` and `lane` the place of the sphere's contact.
+    """
+    w = row[SHAPE]
+    x, y, z = vector_at(row, SHAPE + 1)
+    px, py, pz = lane_vector(tile, ct.CENTRE, lane)
+    return ct.rotated_vector(w, x, y, z, px, py, pz)
 
 
 @inlined
-def sphere_on_plane(x, y, z, radius, plane, out):
-    """Contact of a sphere with a plane: fills `out`; returns how far its centre is beyond the disc's edge [m]."""
-    nx, ny, nz = plane[3], plane[4], plane[5]
-    dx, dy, dz = plane[0] - x, plane[1] - y, plane[2] - z
-    along = nx * dx + ny * dy + nz * dz
-    fill_contact(out, nx, ny, nz, along - radius, radius, radius)
-    return math.sqrt(max(dx * dx + dy * dy + dz * dz - along * along, 0.0)) - plane[6]
+def sphere_on_plane(x, y, z, radius, plane, geometry):
+    """Fill `geometry` for a sphere and a plane.
+
+    Returns how far the sphere's centre is beyond the disc's edge [m].
+    """
+    nx, ny, nz = vector_at(plane, PLANE_NORMAL)
+    px, py, pz = vector_at(plane, PLANE_POINT)
+    dx, dy, dz = px - x, py - y, pz - z
+    height = nx * dx + ny * dy + nz * dz
+    write_sphere_contact(geometry, nx, ny, nz, height - radius, radius, radius)
+    square = max(dx * dx + dy * dy + dz * dz - height * height, 0.0)
+    return math.sqrt(square) - plane[PLANE_RADIUS]
 
 
 @inlined
-def seen_place(walls, wall, x, y, z):
-    """Return a place in the frame of a curved wall or mesh."""
-    if walls.displaced[wall]:
-        frame = walls.frames[wall]
-        return into_frame(frame, x - frame[0], y - frame[1], z - frame[2])
+def seen_place(walls, frame, x, y, z):
+    """Return a place in the world as seen from the frame of a curved wall or mesh."""
+    if walls.displaced[frame]:
+        return place_in_frame(walls.frames[frame], x, y, z)
     return x, y, z
 
 
 @inlined
-def sphere_on_curved(walls, wall, x, y, z, radius, out):
-    """Contact of a sphere with a cone or ring: fills `out` in world axes; returns its distance beyond the end [m]."""
+def sphere_on_curved(walls, wall, x, y, z, radius, geometry):
+    """Fill `geometry`, in world axes, for a sphere and a cone or ring.
+
+    Returns how far the sphere is beyond the wall's end [m].
+    """
     x, y, z = seen_place(walls, wall, x, y, z)
-    beyond = sphere_beyond(x, y, z, radius, walls, wall, out)
-    contact_to_world(walls, wall, out)
+    beyond = sphere_on_frame_wall(x, y, z, radius, walls, wall, geometry)
+    contact_to_world(walls, wall, geometry)
     return beyond
 
 
 @inlined
 def write_sphere(contacts, clumps, k, i, sphere):
-    """Give contact k the sphere of a body."""
-    tile, lane = contacts.data[k // L], k % L
-    spheres, scale = clumps.spheres[clumps.shape[i]], clumps.scale[i]
-    for c in range(3):
-        tile[ct.CENTRE + c * L + lane] = scale * spheres[c, sphere]
-    tile[ct.RADIUS + lane] = scale * spheres[3, sphere]
+    """Write place and radius of a sphere of body i to the lane of contact k."""
+    tile = contacts.data[k // L]
+    lane = k % L
+    spheres = clumps.spheres[clumps.shape[i]]
+    scale = clumps.scale[i]
+    for axis in range(3):
+        tile[ct.CENTRE + axis * L + lane] = scale * spheres[axis, sphere]
+    tile[ct.RADIUS + lane] = scale * spheres[SPHERE_RADIUS_ROW, sphere]
 
 
 @inlined
-def add_sphere(contacts, counts, slot, clumps, i, wall, sphere, out):
-    """Append the contact of a sphere with a plane, cone or ring; returns its number, or -1 where there is no room."""
-    k = add_wall_contact(contacts, counts, slot, i, wall, out)
+def add_sphere(contacts, counts, slot, clumps, i, wall, sphere, geometry):
+    """Append the contact of a sphere of body i with a plane, cone or ring.
+
+    Returns the number of the contact, or -1 where there is no room.
+    """
+    k = add_wall_contact(contacts, counts, slot, i, wall, geometry)
     if k >= 0:
         contacts.feature[k] = sphere
         write_sphere(contacts, clumps, k, i, sphere)
@@ -88,7 +106,11 @@ def add_sphere(contacts, counts, slot, clumps, i, wall, sphere, out):
 
 @inlined
 def forget_sphere(contacts, clumps, counts, slot, k):
-    """Note that the sphere of contact k, which is removed next, does not touch the wall."""
+    """Note that the sphere of contact k, which is removed next, does not touch the wall.
+
+    Of contacts with meshes, only the sphere of the last contact moves to place k: their
+    bits are written anew in every step.
+    """
     if slot == st.N_MESHED:
         clumps.mesh_sphere[k] = clumps.mesh_sphere[counts[slot] - 1]
     else:
@@ -98,10 +120,26 @@ def forget_sphere(contacts, clumps, counts, slot, k):
 
 @inlined
 def free_way(gap, beyond, radius, past, sphere, leans):
-    """How far a sphere may move before it can touch a wall, by its gap and its way beyond the end; 0.0: it touches.
+    """Return how far a sphere may move before it can touch a wall [m]; 0.0: it touches.
 
-    A sphere that overlaps the surface beyond the wall's end, or with its centre behind it, is past the wall (a bit of
-    `past`, one word) until it is clear of the surface, unless its body leans on another wall.
+    A sphere that overlaps the surface beyond the wall's end, or with its centre behind
+    the surface, is past the wall until it is clear of the surface, unless its body leans
+    on another wall.
+
+    Parameters
+    ----------
+    gap : float
+        Gap to the surface of the wall or of its continuation [m].
+    beyond : float
+        How far the sphere is beyond the end of the wall [m].
+    radius : float
+        Radius of the sphere [m].
+    past : array (1,)
+        The spheres of the body that are past the wall, as bits; updated.
+    sphere : int
+        Number of the sphere.
+    leans : bool
+        Whether the body touches a wall of this kind.
     """
     if gap > 0.0:
         clear_bit(past, sphere)
@@ -113,7 +151,7 @@ def free_way(gap, beyond, radius, past, sphere, leans):
 
 
 @inlined
-def touching(known, i):
+def touching_spheres(known, i):
     """Return the spheres of body i that touch any wall of this kind, as bits."""
     word = np.uint64(0)
     for wall in range(known.shape[0]):
@@ -123,166 +161,221 @@ def touching(known, i):
 
 @inlined
 def sphere_slid_off(bodies, contacts, walls, k):
-    """Note that contact k of a sphere slid over the end of a cone or ring: the next wall takes it over."""
+    """Note that the sphere of contact k slid over the end of a cone or ring.
+
+    The next wall takes it over: the sphere is no longer past that wall, which is
+    searched in the next step.
+    """
     i = contacts.body[k]
+    sphere = contacts.feature[k]
     for wall in range(contacts.limit.shape[0]):
         past = contacts.past[wall, i : i + 1]
-        if is_set(past, contacts.feature[k]):
-            clear_bit(past, contacts.feature[k])
+        if is_set(past, sphere):
+            clear_bit(past, sphere)
             contacts.limit[wall, i] = (
                 bodies.displacement[i] + walls.approach[st.WALL_PATH]
             )
 
 
 @kernel
-def spheres_at_wall(bodies, contacts, slot, clumps, walls, counts, wall, i, s, out):
-    """Find the spheres of body i that begin to touch a plane, cone or ring, by the slot of its contacts in `counts`.
+def spheres_at_wall(
+    bodies, contacts, slot, clumps, walls, counts, wall, i, s, geometry
+):
+    """Find the spheres of body i that begin to touch a plane, cone or ring.
 
-    Returns how far the body may move before the next search.
+    Parameters
+    ----------
+    slot : int
+        Place of the number of contacts in `counts`: st.N_PLANE or st.N_CURVED.
+    wall : int
+        Number of the wall among those of its kind.
+    s : array
+        Scratch that holds the spheres of the body, see `place_clump`.
+    geometry : array (8,)
+        Scratch.
+
+    Returns
+    -------
+    float
+        How far the body may move before the next search [m].
     """
     nearest = math.inf
-    held = touching(contacts.known, i) if slot == st.N_CURVED else np.uint64(0)
-    for k in range(clumps.sizes[clumps.shape[i]]):
-        if is_set(contacts.known[wall, i : i + 1], k):
+    if slot == st.N_CURVED:
+        touching = touching_spheres(contacts.known, i)
+    else:
+        touching = np.uint64(0)
+    leans = touching != np.uint64(0)
+    for sphere in range(clumps.sizes[clumps.shape[i]]):
+        # views of one word, since bits are set in a row of words
+        if is_set(contacts.known[wall, i : i + 1], sphere):
             continue
-        x, y, z = (
-            s[PLACES_A + k],
-            s[PLACES_A + MOST_SPHERES + k],
-            s[PLACES_A + 2 * MOST_SPHERES + k],
-        )
-        radius = s[PLACES_A + 3 * MOST_SPHERES + k]
+        x, y, z = placed_centre(s, PLACES_A, sphere)
+        radius = placed_radius(s, PLACES_A, sphere)
         if slot == st.N_CURVED:
-            beyond = sphere_on_curved(walls, wall, x, y, z, radius, out)
+            beyond = sphere_on_curved(walls, wall, x, y, z, radius, geometry)
         else:
-            beyond = sphere_on_plane(x, y, z, radius, walls.planes[wall], out)
+            beyond = sphere_on_plane(x, y, z, radius, walls.planes[wall], geometry)
         past = contacts.past[wall, i : i + 1]
-        if (held >> np.uint64(k)) & np.uint64(1) != np.uint64(0):
-            clear_bit(past, k)  # the wall that the sphere touches hands it over
-        free = free_way(out[3], beyond, radius, past, k, held != np.uint64(0))
+        if (touching >> np.uint64(sphere)) & np.uint64(1) != np.uint64(0):
+            # the sphere touches another wall, which hands it over
+            clear_bit(past, sphere)
+        free = free_way(geometry[cg.GAP], beyond, radius, past, sphere, leans)
         if free > 0.0:
             nearest = min(nearest, free)
             continue
-        m = add_sphere(contacts, counts, slot, clumps, i, wall, k, out)
-        if slot == st.N_PLANE and m >= 0:
-            write_plane(contacts.data[m // L], m % L, walls.planes[wall])
+        k = add_sphere(contacts, counts, slot, clumps, i, wall, sphere, geometry)
+        if slot == st.N_PLANE and k >= 0:
+            write_plane(contacts.data[k // L], k % L, walls.planes[wall])
     return nearest
 
 
 @inlined
 def place_clump(bodies, clumps, i, s):
-    """Write the spheres of body i, in the world, to rows of the scratch."""
+    """Write the spheres of body i, in the world, to the rows PLACES_A of the scratch."""
     shape = clumps.shape[i]
-    place_spheres(
-        bodies.rows[i],
-        clumps.spheres[shape],
-        clumps.sizes[shape],
-        clumps.scale[i],
-        0.0,
-        0.0,
-        0.0,
-        s,
-        PLACES_A,
-    )
+    row = bodies.rows[i]
+    spheres = clumps.spheres[shape]
+    size = clumps.sizes[shape]
+    place_spheres(row, spheres, size, clumps.scale[i], 0.0, 0.0, 0.0, s, PLACES_A)
 
 
 @inlined
-def sphere_row(walls, frame, x, y, z, radius, local):
-    """Write the row of a sphere in a frame, in the form that `meshes` takes."""
-    if walls.displaced[frame]:
-        home = walls.frames[frame]
-        x, y, z = into_frame(home, x - home[0], y - home[1], z - home[2])
-    local[0], local[1], local[2] = x, y, z
+def sphere_row(walls, frame, x, y, z, radius, local_row):
+    """Write a sphere in a frame to `local_row`, as the row of a body of one ellipsoid.
+
+    This is the form in which `meshes` takes bodies.
+    """
+    x, y, z = seen_place(walls, frame, x, y, z)
+    set_vector(local_row, st.POSITION, x, y, z)
     square = radius * radius
-    for c in range(st.PART):
-        local[SHAPE + c] = 0.0
-    local[SHAPE] = local[SHAPE + 3] = local[SHAPE + 5] = square
+    set_vector(local_row, SHAPE, square, 0.0, 0.0)
+    set_vector(local_row, SHAPE + 3, square, 0.0, square)
 
 
 @inlined
 def by_sphere(meshed, clumps):
-    """Return the contacts with meshes, with the numbers of spheres instead of those of bodies."""
-    m = meshed
+    """Return the contacts with meshes, with numbers of spheres in place of bodies."""
     return st.WallContacts(
         clumps.mesh_sphere,
-        m.wall,
-        m.feature,
-        m.data,
-        m.limit,
-        m.ended,
-        m.deepest,
-        m.known,
-        m.past,
+        meshed.wall,
+        meshed.feature,
+        meshed.data,
+        meshed.limit,
+        meshed.ended,
+        meshed.deepest,
+        meshed.known,
+        meshed.past,
     )
 
 
 @inlined
-def follow_sphere(bodies, walls, meshes, meshed, clumps, n, k, end, out, other, local):
-    """Track contact k of a sphere with a mesh through one step, as `meshes.follow_mesh`."""
-    touches = by_sphere(meshed, clumps)
-    mesh = meshed.wall[k]
-    frame = walls.cones.shape[0] + walls.rings.shape[0] + mesh
-    tile, lane = meshed.data[k // L], k % L
+def follow_sphere(
+    bodies,
+    walls,
+    meshes,
+    meshed,
+    clumps,
+    n,
+    k,
+    end,
+    geometry,
+    other_geometry,
+    local_row,
+):
+    """Follow contact k of a sphere with a mesh by one step, as `meshes.follow_feature`.
+
+    The arm of `geometry` begins at the centre of the body, not at that of the sphere.
+    """
+    contacts = by_sphere(meshed, clumps)
+    frame = mesh_frame(walls, meshed.wall[k])
+    tile = meshed.data[k // L]
+    lane = k % L
     row = bodies.rows[meshed.body[k]]
-    x, y, z = sphere_arm(row, tile, lane)
+    arm_x, arm_y, arm_z = sphere_arm(row, tile, lane)
     radius = tile[ct.RADIUS + lane]
-    sphere_row(walls, frame, row[0] + x, row[1] + y, row[2] + z, radius, local)
-    at = st.NORMAL + lane
-    nx, ny, nz = tile[at], tile[at + L], tile[at + 2 * L]
-    if walls.displaced[frame]:
-        nx, ny, nz = into_frame(walls.frames[frame], nx, ny, nz)
-    touching = (
-        track(local, 1, meshes, tile, lane, meshed.feature[k], nx, ny, nz, out) >= 0.0
+    x, y, z = vector_at(row, st.POSITION)
+    sphere_row(walls, frame, x + arm_x, y + arm_y, z + arm_z, radius, local_row)
+    lasts = follow_feature(
+        local_row,
+        radius,
+        1,
+        walls,
+        frame,
+        meshes,
+        contacts,
+        n,
+        k,
+        end,
+        geometry,
+        other_geometry,
     )
-    if not touching:
-        touching = hand_over(local, 1, meshes, touches, n, k, radius, end, out, other)
-    if touching and out[3] < 0.0 and meshes.kind[meshed.feature[k]] == FACE:
-        deepest_near(local, 1, meshes, touches, k, out, other)
-    if walls.displaced[frame]:
-        rotate_to_world(walls.frames[frame], out, 0)
-        rotate_to_world(walls.frames[frame], out, 5)
-    # from the body's centre, not the sphere's
-    out[5] += x
-    out[6] += y
-    out[7] += z
-    return touching and out[3] <= end
+    shift_arm(geometry, arm_x, arm_y, arm_z)
+    return lasts
 
 
 @inlined
 def spheres_at_mesh(
-    bodies, meshed, clumps, walls, meshes, counts, mesh, i, s, out, other, local
+    bodies,
+    meshed,
+    clumps,
+    walls,
+    meshes,
+    counts,
+    mesh,
+    i,
+    s,
+    geometry,
+    other_geometry,
+    local_row,
 ):
-    """Find the spheres of body i that begin to touch a mesh; returns how far it may move before the next search."""
+    """Find the spheres of body i that begin to touch a mesh.
+
+    Returns how far the body may move before the next search [m].
+    """
     n = counts[st.N_MESHED]
-    touches = by_sphere(meshed, clumps)
+    contacts = by_sphere(meshed, clumps)
+    # Bring the body's contacts to their present features, so that the search does not
+    # find them as new.
     for k in range(n):
         if meshed.body[k] == i and meshed.wall[k] == mesh:
             follow_sphere(
-                bodies, walls, meshes, meshed, clumps, n, k, 0.0, out, other, local
+                bodies,
+                walls,
+                meshes,
+                meshed,
+                clumps,
+                n,
+                k,
+                0.0,
+                geometry,
+                other_geometry,
+                local_row,
             )
-            write_vector(meshed.data[k // L], st.NORMAL, k % L, out[0], out[1], out[2])
+            nx, ny, nz = normal_of(geometry)
+            write_vector(meshed.data[k // L], st.NORMAL, k % L, nx, ny, nz)
     place_clump(bodies, clumps, i, s)
-    frame = walls.cones.shape[0] + walls.rings.shape[0] + mesh
+    frame = mesh_frame(walls, mesh)
     nearest = math.inf
     for sphere in range(clumps.sizes[clumps.shape[i]]):
-        at = PLACES_A + sphere
-        radius = s[at + 3 * MOST_SPHERES]
-        sphere_row(
-            walls,
-            frame,
-            s[at],
-            s[at + MOST_SPHERES],
-            s[at + 2 * MOST_SPHERES],
-            radius,
-            local,
-        )
+        x, y, z = placed_centre(s, PLACES_A, sphere)
+        radius = placed_radius(s, PLACES_A, sphere)
+        sphere_row(walls, frame, x, y, z, radius, local_row)
         before = counts[st.N_MESHED]
         number = MOST_SPHERES * i + sphere
-        nearest = min(
-            nearest,
-            search_mesh(
-                local, touches, counts, 1, walls, meshes, mesh, number, radius, out
-            ),
+        free = search_mesh(
+            local_row,
+            contacts,
+            counts,
+            1,
+            walls,
+            meshes,
+            mesh,
+            number,
+            radius,
+            geometry,
         )
+        nearest = min(nearest, free)
+        # The search wrote the number of the sphere to `mesh_sphere`; write the body, too.
         for k in range(before, counts[st.N_MESHED]):
             meshed.body[k] = i
             write_sphere(meshed, clumps, k, i, sphere)

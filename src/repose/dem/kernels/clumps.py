@@ -1,11 +1,16 @@
-"""The pairs of touching spheres of clumps.
+"""The lists of pairs of clumps: entries of near bodies, and contacts of their spheres.
 
-A pair of clumps has an entry when two of its spheres that do not touch are nearer than the skin; `sphere_search` checks
-the entries. Contacts store the place of their entry, so entries keep their places, and holes are used again.
+A pair of clumps has an *entry* when two of its spheres that do not touch are nearer than
+the skin. A *contact* is a pair of touching spheres; it stores the place of its entry. So
+entries keep their places, and a place that becomes free is a hole, which is used again.
+`sphere_search` decides what is in the lists; the functions here keep them consistent.
+
+Reads the shapes in `Clumps`. Writes all arrays of `SpherePairs`, `counts`, and
+`Grid.near` (the number of entries of each body).
 """
 
 import math
-from collections import namedtuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,32 +18,78 @@ from . import clump_tile as ct
 from . import state as st
 from .jit import inlined, kernel
 from .lists import move_contact, put_contact
-from .neighbours import chain_partner, count_pair, listed, take_place, write_pair
+from .neighbours import (
+    chain_partner,
+    count_pair,
+    pairs_of_moved,
+    take_place,
+    write_pair,
+)
 from .rows import L
 from .state import MOST_SPHERES
 
 WORD = 64  # bits of a word of flags
 SLOTS = 16  # pairs of spheres that an entry watches, at most
+SPHERE_RADIUS_ROW = 3  # of `Clumps.spheres`, after the centre
 
-# spheres (S, 4, MOST_SPHERES): centres and radii of each shape's spheres; sizes (S,): how many. shape, scale (N,): of
-# each body. mesh_sphere: of each contact with a mesh, body * MOST_SPHERES + sphere.
-Clumps = namedtuple("Clumps", "spheres sizes shape scale mesh_sphere")
-# Contacts: bodies first and second, entry; spheres (n, 2). Entries: bodies near_first and near_second (a hole
-# has those of the ghost), near_limit, number of contacts (live), their pairs of spheres (known, a bit each), the holes
-# (free). Of an entry's pairs of spheres that do not touch: the watched pairs (n, SLOTS, 2), their number (n_watched)
-# and limits (watched_limit), and the limit of all others (near_rest).
-SpherePairs = namedtuple(
-    "SpherePairs",
-    "first second entry spheres data ended gap near_first near_second near_limit near_rest live known watched "
-    "watched_limit n_watched free partner link",
-)
+
+class Clumps(NamedTuple):
+    """The shapes of clumps; S is the number of shapes, N that of bodies."""
+
+    spheres: Any  # (S, 4, MOST_SPHERES): centre (3) and radius of each sphere
+    sizes: Any  # (S,): number of spheres
+    shape: Any  # (N,): number of a body's shape
+    scale: Any  # (N,): factor of a body's lengths
+    mesh_sphere: Any  # of each contact with a mesh: body * MOST_SPHERES + sphere
+
+
+class SpherePairs(NamedTuple):
+    """Contacts of two spheres, and entries of two bodies that are near."""
+
+    # contacts
+    first: Any  # (contacts,): body A
+    second: Any  # (contacts,): body B
+    entry: Any  # (contacts,): the entry of the two bodies
+    spheres: Any  # (contacts, 2): sphere of A, sphere of B
+    data: Any  # (tiles, rows * LANES)
+    ended: Any  # (contacts,): contacts that ended in this step
+    gap: Any  # (contacts,): their gaps
+    # entries
+    near_first: Any  # (entries,): body A; the ghost in a hole
+    near_second: Any  # (entries,): body B; the ghost in a hole
+    near_limit: Any  # (entries,): sum of displacements at the next check
+    near_rest: Any  # (entries,): limit of all pairs of spheres that are not watched
+    live: Any  # (entries,): number of contacts
+    known: Any  # (entries, words): which pairs of spheres touch, a bit each
+    watched: Any  # (entries, SLOTS, 2): pairs of spheres that do not touch
+    watched_limit: Any  # (entries, SLOTS): sum of displacements at their checks
+    n_watched: Any  # (entries,): number of watched pairs
+    free: Any  # (entries,): places of the holes
+    # chains of partners, see `state.Grid.chain`
+    partner: Any  # (2 * entries,)
+    link: Any  # (2 * entries,)
 
 
 def new_clumps(shapes, shape, scale, n_meshed):
-    """Return the spheres of shapes, and each body's shape and scale; n_meshed: room for contacts with meshes."""
+    """Make the arrays of the shapes of clumps.
+
+    Parameters
+    ----------
+    shapes : sequence of Clump
+        The shapes.
+    shape, scale : ndarray (N,)
+        Number of the shape and scale of each body.
+    n_meshed : int
+        Room of the list of contacts with meshes.
+
+    Returns
+    -------
+    Clumps
+        The arrays.
+    """
     spheres = np.zeros((len(shapes), 4, MOST_SPHERES))
-    for k, clump in enumerate(shapes):
-        spheres[k, :, : len(clump.spheres_m)] = clump.spheres_m.T
+    for number, clump in enumerate(shapes):
+        spheres[number, :, : len(clump.spheres_m)] = clump.spheres_m.T
     sizes = np.array([len(clump.spheres_m) for clump in shapes])
     return Clumps(
         spheres, sizes, shape, scale, mesh_sphere=np.zeros(n_meshed, np.uint32)
@@ -46,20 +97,37 @@ def new_clumps(shapes, shape, scale, n_meshed):
 
 
 def new_sphere_pairs(n_contacts, n_entries, most, ghost, n_state):
-    """Arrays for contacts of spheres and for entries of bodies of at most `most` spheres, as `state.new_pairs`."""
+    """Make the empty lists for contacts of spheres and for entries of bodies.
+
+    Parameters
+    ----------
+    n_contacts, n_entries : int
+        Room of the lists.
+    most : int
+        Spheres of the largest clump.
+    ghost : int
+        The absent body, with which unused places are filled.
+    n_state : int
+        Rows that the force laws keep.
+
+    Returns
+    -------
+    SpherePairs
+        The lists.
+    """
     n_contacts = st.whole_tiles(n_contacts)
-    data = st.new_contacts(n_contacts, ct.PAIR_STATE // L + n_state)
+    words = -(-most * most // WORD)
     return SpherePairs(
         **st.each("first second", n_contacts, np.uint32, ghost),
         entry=np.zeros(n_contacts, np.uint32),
         spheres=np.zeros((n_contacts, 2), np.uint8),
-        data=data,
+        data=st.new_contacts(n_contacts, ct.PAIR_STATE // L + n_state),
         ended=np.zeros(n_contacts, np.int64),
         gap=np.zeros(n_contacts),
         **st.each("near_first near_second", n_entries, np.uint32, ghost),
         **st.each("near_limit near_rest", n_entries, float, np.inf),
         **st.each("live n_watched free", n_entries, np.int64),
-        known=np.zeros((n_entries, -(-most * most // WORD)), np.uint64),
+        known=np.zeros((n_entries, words), np.uint64),
         watched=np.zeros((n_entries, SLOTS, 2), np.uint8),
         watched_limit=np.zeros((n_entries, SLOTS)),
         **st.each("partner link", 2 * n_entries, np.int64),
@@ -68,7 +136,7 @@ def new_sphere_pairs(n_contacts, n_entries, most, ghost, n_state):
 
 @inlined
 def is_set(words, bit):
-    """Whether a bit of a row of words is set."""
+    """Return whether a bit of a row of words is set."""
     return (words[bit // WORD] >> np.uint64(bit % WORD)) & np.uint64(1) != np.uint64(0)
 
 
@@ -86,27 +154,38 @@ def clear_bit(words, bit):
 
 @inlined
 def bits_set(word):
-    """Count the bits of a word that are set: pairs of bits are added up, then fours, then bytes."""
+    """Return the number of bits of a word that are set."""
+    # add up pairs of bits, then groups of four, then bytes
     word -= (word >> np.uint64(1)) & np.uint64(0x5555555555555555)
     word = (word & np.uint64(0x3333333333333333)) + (
         (word >> np.uint64(2)) & np.uint64(0x3333333333333333)
     )
     word = (word + (word >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
+    # the product adds all bytes in the highest one
     return np.int64((word * np.uint64(0x0101010101010101)) >> np.uint64(56))
 
 
 @inlined
-def most_spheres(clumps):
-    """Count the spheres of the largest clump."""
-    most = 0
+def largest_size(clumps):
+    """Return the number of spheres of the largest clump."""
+    largest = 0
     for size in clumps.sizes:
-        most = max(most, size)
-    return most
+        largest = max(largest, size)
+    return largest
+
+
+@inlined
+def pair_bit(clumps, a, b):
+    """Return the bit of sphere a of the first body and sphere b of the second."""
+    return a * largest_size(clumps) + b
 
 
 @inlined
 def add_sphere_contact(pairs, counts, clumps, entry, i, j, a, b):
-    """Append the contact of sphere a of body i with sphere b of body j, with a relaxed spring."""
+    """Append the contact of sphere a of body i with sphere b of body j.
+
+    Its spring is relaxed. Nothing happens where the list has no room.
+    """
     k = take_place(counts, st.N_PAIRS, pairs.first.shape[0])
     if k < 0:
         return
@@ -115,15 +194,20 @@ def add_sphere_contact(pairs, counts, clumps, entry, i, j, a, b):
     pairs.spheres[k, 0] = a
     pairs.spheres[k, 1] = b
     pairs.live[entry] += 1
-    set_bit(pairs.known[entry], a * most_spheres(clumps) + b)
+    set_bit(pairs.known[entry], pair_bit(clumps, a, b))
     put_contact(pairs.data, k, 0.0, 0.0, 1.0)
-    tile, lane = pairs.data[k // L], k % L
-    of_a, of_b = clumps.spheres[clumps.shape[i]], clumps.spheres[clumps.shape[j]]
-    scale_a, scale_b = clumps.scale[i], clumps.scale[j]
-    for c in range(3):
-        tile[ct.CENTRE_A + c * L + lane] = scale_a * of_a[c, a]
-        tile[ct.CENTRE_B + c * L + lane] = scale_b * of_b[c, b]
-    radius_a, radius_b = scale_a * of_a[3, a], scale_b * of_b[3, b]
+    # The geometry that the contact keeps: places and radii of its spheres.
+    tile = pairs.data[k // L]
+    lane = k % L
+    spheres_a = clumps.spheres[clumps.shape[i]]
+    spheres_b = clumps.spheres[clumps.shape[j]]
+    scale_a = clumps.scale[i]
+    scale_b = clumps.scale[j]
+    for axis in range(3):
+        tile[ct.CENTRE_A + axis * L + lane] = scale_a * spheres_a[axis, a]
+        tile[ct.CENTRE_B + axis * L + lane] = scale_b * spheres_b[axis, b]
+    radius_a = scale_a * spheres_a[SPHERE_RADIUS_ROW, a]
+    radius_b = scale_b * spheres_b[SPHERE_RADIUS_ROW, b]
     tile[ct.RADIUS_A + lane] = radius_a
     tile[ct.REACH + lane] = radius_a + radius_b
     tile[ct.CURVATURE + lane] = radius_a * radius_b / (radius_a + radius_b)
@@ -131,11 +215,17 @@ def add_sphere_contact(pairs, counts, clumps, entry, i, j, a, b):
 
 @inlined
 def drop_sphere_contact(pairs, counts, clumps, k, ghost):
-    """Remove contact k from its entry and the list by a swap with the last one, whose freed place points at `ghost`."""
+    """Remove contact k from its entry and from the list.
+
+    The last contact moves to its place. The place that becomes free holds two ghosts.
+    These are in the same place, but without radii they do not overlap, and without a
+    law's state they do not cohere.
+    """
     entry = pairs.entry[k]
     pairs.live[entry] -= 1
-    a, b = np.int64(pairs.spheres[k, 0]), np.int64(pairs.spheres[k, 1])
-    clear_bit(pairs.known[entry], a * most_spheres(clumps) + b)
+    a = np.int64(pairs.spheres[k, 0])
+    b = np.int64(pairs.spheres[k, 1])
+    clear_bit(pairs.known[entry], pair_bit(clumps, a, b))
     last = counts[st.N_PAIRS] - 1
     counts[st.N_PAIRS] = last
     write_pair(pairs.first, pairs.second, k, pairs.first[last], pairs.second[last])
@@ -144,45 +234,51 @@ def drop_sphere_contact(pairs, counts, clumps, k, ghost):
     pairs.spheres[k, 1] = pairs.spheres[last, 1]
     move_contact(pairs.data, last, k)
     write_pair(pairs.first, pairs.second, last, ghost, ghost)
-    # two ghosts are in the same place: without radii they do not overlap, without a law's state they do not cohere
     put_contact(pairs.data, last, 0.0, 0.0, 1.0)
 
 
 @inlined
 def add_entry(pairs, counts, grid, i, j):
-    """Add an entry of two bodies, in a hole or at the end; return its place, or -1 where there is no room."""
+    """Add an entry of two bodies, in a hole or at the end of the list.
+
+    Returns its place, or -1 where there is no room.
+    """
     if counts[st.N_FREE] > 0:
         counts[st.N_FREE] -= 1
-        k = pairs.free[counts[st.N_FREE]]
+        entry = pairs.free[counts[st.N_FREE]]
     else:
-        k = take_place(counts, st.N_NEAR, pairs.near_limit.shape[0])
-        if k < 0:
-            return k
+        entry = take_place(counts, st.N_NEAR, pairs.near_limit.shape[0])
+        if entry < 0:
+            return entry
     count_pair(grid.near, i, j, 1)
-    write_pair(pairs.near_first, pairs.near_second, k, i, j)
-    return k
+    write_pair(pairs.near_first, pairs.near_second, entry, i, j)
+    return entry
 
 
 @inlined
-def drop_entry(pairs, counts, grid, k, ghost):
-    """Delete an entry without contacts, which leaves a hole."""
-    count_pair(grid.near, pairs.near_first[k], pairs.near_second[k], -1)
-    write_pair(pairs.near_first, pairs.near_second, k, ghost, ghost)
-    pairs.near_limit[k] = math.inf
-    pairs.free[counts[st.N_FREE]] = k
+def drop_entry(pairs, counts, grid, entry, ghost):
+    """Delete an entry without contacts; its place becomes a hole, which is never due."""
+    count_pair(grid.near, pairs.near_first[entry], pairs.near_second[entry], -1)
+    write_pair(pairs.near_first, pairs.near_second, entry, ghost, ghost)
+    pairs.near_limit[entry] = math.inf
+    pairs.free[counts[st.N_FREE]] = entry
     counts[st.N_FREE] += 1
 
 
 @kernel
 def chain_entries(pairs, counts, grid, ghost):
-    """Chain the partners in the entries of each body whose neighbours are found anew."""
-    left = listed(grid.near, grid, counts)
+    """Chain the partners of each body of `Grid.moved_list`, from its entries.
+
+    See `neighbours.chain_contacts`. The youngest entries come first; the loop ends when
+    all links of these bodies are found.
+    """
+    n_links = pairs_of_moved(grid.near, grid, counts)
     used = 0
-    k = counts[st.N_NEAR] - 1
-    while used < left:
-        i = pairs.near_first[np.uint64(k)]
-        j = pairs.near_second[np.uint64(k)]
-        k -= 1
+    entry = counts[st.N_NEAR] - 1
+    while used < n_links:
+        i = pairs.near_first[np.uint64(entry)]
+        j = pairs.near_second[np.uint64(entry)]
+        entry -= 1
         if i == ghost:
             continue
         used = chain_partner(pairs, grid, used, i, j)
@@ -193,13 +289,15 @@ def chain_entries(pairs, counts, grid, ghost):
 def drop_entries_of_gone(bodies, pairs, counts, grid, clumps, ghost):
     """Drop the contacts and entries of the bodies that are gone."""
     presence = bodies.presence
+    # from the end, since a dropped contact is replaced by the last one
     for k in range(counts[st.N_PAIRS] - 1, -1, -1):
         if (
             presence[pairs.first[k]] != st.PRESENT
             or presence[pairs.second[k]] != st.PRESENT
         ):
             drop_sphere_contact(pairs, counts, clumps, k, ghost)
-    for k in range(counts[st.N_NEAR]):
-        i, j = pairs.near_first[k], pairs.near_second[k]
+    for entry in range(counts[st.N_NEAR]):
+        i = pairs.near_first[entry]
+        j = pairs.near_second[entry]
         if i != ghost and (presence[i] != st.PRESENT or presence[j] != st.PRESENT):
-            drop_entry(pairs, counts, grid, k, ghost)
+            drop_entry(pairs, counts, grid, entry, ghost)

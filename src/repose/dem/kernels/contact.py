@@ -1,34 +1,52 @@
-"""Gap between two convex bodies by their support functions, solved to convergence.
+"""Gap between two smooth bodies by their support functions, solved to convergence.
 
-With d = c_B - c_A, f(n) = n.d - h_A(n) - h_B(-n); its maximum over unit n is the gap (positive) or minus the overlap
-(negative), n the contact normal from A to B. Every body here is centrally symmetric, so h_B(-n) = h_B(n) and the
-tangential gradient is P (d - x_A(n) - x_B(n)), the Hessian -(Q_A + Q_B + f I).
+With d = c_B - c_A, f(n) = n.d - h_A(n) - h_B(-n). Its maximum over unit vectors n is the
+gap, or minus the overlap where it is negative; n is then the contact normal from A to B.
+Every body here is centrally symmetric, so h_B(-n) = h_B(n). The tangential gradient of f
+is P (d - x_A(n) - x_B(n)), with the support points x and the projection P onto the
+tangent plane; the Hessian is -(Q_A + Q_B + f I), with the curvature matrices Q.
+
+Reads rows of `Bodies.rows`; writes only the array `normal`.
 """
 
 import math
 
 from .geometry import add_part, area
 from .jit import inlined, kernel
-from .state import SPHERE_RADIUS, SPHERES
+from .rows import set_vector, vector_at
+from .state import POSITION, SPHERE_RADIUS, SPHERES
 
-# An ascent step is at most this long (radians); beyond it the quadratic model means little.
+# Beyond a step of this length [rad] the quadratic model of f means little.
 LONGEST_STEP = 0.4
+MOST_ITERATIONS = 60
+# A step that makes f smaller by more than rounding went downhill.
+DOWNHILL = 1e-15
+# The Hessian counts as definite when its determinant exceeds this share of the squared
+# trace of the curvature.
+LEAST_DETERMINANT = 1e-3
 
 
 @inlined
-def newton_step(x, y, z, xx, xy, xz, yy, yz, zz, f):
-    """One Newton step on the sphere from gradient and curvature, or a scaled gradient step at an indefinite Hessian."""
+def newton_step(gx, gy, gz, xx, xy, xz, yy, yz, zz, f):
+    """Return one Newton step on the unit sphere, in the tangent plane.
+
+    (gx, gy, gz) is the tangential gradient, (xx, ..., zz) the sum of both curvature
+    matrices. Where the Hessian is not definite, the step is a scaled gradient step. A
+    step longer than LONGEST_STEP is cut.
+    """
     trace = xx + yy + zz
-    det = area(xx, xy, xz, yy, yz, zz) + f * (trace + f)
-    if trace + 2.0 * f > 0.0 and det > 1e-3 * trace * trace:
-        inv = 1.0 / det
+    determinant = area(xx, xy, xz, yy, yz, zz) + f * (trace + f)
+    if trace + 2.0 * f > 0.0 and determinant > LEAST_DETERMINANT * trace * trace:
+        # T = C + f I is a 2 x 2 matrix in the tangent plane. By Cayley and Hamilton
+        # T^-1 g = (tr T g - T g) / det T, so no tangents are needed.
+        inverse = 1.0 / determinant
         along = trace + f
-        sx = inv * (along * x - xx * x - xy * y - xz * z)
-        sy = inv * (along * y - xy * x - yy * y - yz * z)
-        sz = inv * (along * z - xz * x - yz * y - zz * z)
+        sx = inverse * (along * gx - xx * gx - xy * gy - xz * gz)
+        sy = inverse * (along * gy - xy * gx - yy * gy - yz * gz)
+        sz = inverse * (along * gz - xz * gx - yz * gy - zz * gz)
     else:
-        inv = 1.0 / trace
-        sx, sy, sz = inv * x, inv * y, inv * z
+        inverse = 1.0 / trace
+        sx, sy, sz = inverse * gx, inverse * gy, inverse * gz
     square = sx * sx + sy * sy + sz * sz
     if square > LONGEST_STEP * LONGEST_STEP:
         cut = LONGEST_STEP / math.sqrt(square)
@@ -36,32 +54,46 @@ def newton_step(x, y, z, xx, xy, xz, yy, yz, zz, f):
     return sx, sy, sz
 
 
+@inlined
+def sphere_gap(rows, i, j, dx, dy, dz, normal):
+    """Return the gap of spheres i and j; write their normal unless centres coincide."""
+    distance = math.sqrt(dx * dx + dy * dy + dz * dz)
+    if distance > 0.0:
+        set_vector(normal, 0, dx / distance, dy / distance, dz / distance)
+    return distance - rows[i, SPHERE_RADIUS] - rows[j, SPHERE_RADIUS]
+
+
 @kernel
 def solve_gap(rows, parts, i, j, normal, tolerance, early):
-    """Maximise f for bodies i and j; returns the gap f [m], and the solution in `normal`, which holds the first guess.
+    """Return the gap of bodies i and j [m].
 
-    `tolerance` is the step [rad] at which the iteration stops; it also stops when a normal proves a gap above `early`
-    [m] (a separating axis).
+    Parameters
+    ----------
+    rows : array
+        `Bodies.rows`.
+    parts : int
+        Ellipsoids of a body, or SPHERES.
+    i, j : int
+        The bodies A and B.
+    normal : array (3,)
+        First guess of the normal; the solution is written to it.
+    tolerance : float
+        Length of a step at which the iteration stops [rad].
+    early : float
+        The iteration also stops when a normal proves a gap above this one [m]: the
+        bodies have a separating plane.
     """
-    dx, dy, dz = (
-        rows[j, 0] - rows[i, 0],
-        rows[j, 1] - rows[i, 1],
-        rows[j, 2] - rows[i, 2],
-    )
+    ax, ay, az = vector_at(rows[i], POSITION)
+    bx, by, bz = vector_at(rows[j], POSITION)
+    dx, dy, dz = bx - ax, by - ay, bz - az
     if parts == SPHERES:
-        distance = math.sqrt(dx * dx + dy * dy + dz * dz)
-        if distance > 0.0:
-            normal[0], normal[1], normal[2] = (
-                dx / distance,
-                dy / distance,
-                dz / distance,
-            )
-        return distance - rows[i, SPHERE_RADIUS] - rows[j, SPHERE_RADIUS]
-    nx, ny, nz = normal[0], normal[1], normal[2]
-    bx, by, bz = nx, ny, nz
+        return sphere_gap(rows, i, j, dx, dy, dz, normal)
+    nx, ny, nz = vector_at(normal, 0)
+    best_x, best_y, best_z = nx, ny, nz
     best = -1e300
     sx = sy = sz = 0.0
-    for _ in range(60):
+    for _ in range(MOST_ITERATIONS):
+        # Support points and curvature matrices, summed over both bodies.
         x = y = z = xx = xy = xz = yy = yz = zz = 0.0
         for part in range(parts):
             x, y, z, xx, xy, xz, yy, yz, zz = add_part(
@@ -72,21 +104,20 @@ def solve_gap(rows, parts, i, j, normal, tolerance, early):
             )
         x, y, z = dx - x, dy - y, dz - z
         f = nx * x + ny * y + nz * z
-        if f < best - 1e-15:
-            # the step went downhill: halve it from the best direction so far
+        if f < best - DOWNHILL:
+            # halve the step from the best direction so far
             sx, sy, sz = 0.5 * sx, 0.5 * sy, 0.5 * sz
         else:
             best = f
-            bx, by, bz = nx, ny, nz
+            best_x, best_y, best_z = nx, ny, nz
             if f > early:
                 break
-            sx, sy, sz = newton_step(
-                x - f * nx, y - f * ny, z - f * nz, xx, xy, xz, yy, yz, zz, f
-            )
+            gx, gy, gz = x - f * nx, y - f * ny, z - f * nz
+            sx, sy, sz = newton_step(gx, gy, gz, xx, xy, xz, yy, yz, zz, f)
         if sx * sx + sy * sy + sz * sz < tolerance * tolerance:
             break
-        nx, ny, nz = bx + sx, by + sy, bz + sz
-        inv = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
-        nx, ny, nz = inv * nx, inv * ny, inv * nz
-    normal[0], normal[1], normal[2] = bx, by, bz
+        nx, ny, nz = best_x + sx, best_y + sy, best_z + sz
+        inverse = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
+        nx, ny, nz = inverse * nx, inverse * ny, inverse * nz
+    set_vector(normal, 0, best_x, best_y, best_z)
     return best

@@ -1,7 +1,12 @@
 """One time step: find the contacts, add up their forces, move the bodies.
 
-`clumps` is empty in a simulation of smooth bodies, see `forces`, and `meshes` where no wall is one: their code is then
-not compiled.
+`clumps` is an empty tuple in a simulation of smooth bodies (see `forces`), and `meshes`
+where no wall is a mesh; their code is not compiled then. `advance` runs on one thread;
+`parallel.advance_shared` makes the same steps on several.
+
+Every function writes to most arrays of a simulation (see `state`); `t` and `bodies_tile`
+are scratch tiles for contacts and bodies, `numbers` is the array of a `Scratch`. `ghost`
+is the number of the absent body.
 """
 
 from . import state as st
@@ -23,14 +28,20 @@ from .wall_search import update_meshes, update_walls
 
 
 @inlined
+def is_roomy(count, room):
+    """Return whether a list of `count` items is at most three quarters full."""
+    return count * 4 <= room * 3
+
+
+@inlined
 def has_room(pairs, flat, curved, meshed, counts):
-    """Whether every list is less than three quarters full."""
+    """Return whether every list of contacts is at most three quarters full."""
     return (
-        counts[st.N_PAIRS] * 4 <= pairs.first.shape[0] * 3
-        and counts[st.N_NEAR] * 4 <= pairs.near_limit.shape[0] * 3
-        and counts[st.N_PLANE] * 4 <= flat.body.shape[0] * 3
-        and counts[st.N_CURVED] * 4 <= curved.body.shape[0] * 3
-        and counts[st.N_MESHED] * 4 <= meshed.body.shape[0] * 3
+        is_roomy(counts[st.N_PAIRS], pairs.first.shape[0])
+        and is_roomy(counts[st.N_NEAR], pairs.near_limit.shape[0])
+        and is_roomy(counts[st.N_PLANE], flat.body.shape[0])
+        and is_roomy(counts[st.N_CURVED], curved.body.shape[0])
+        and is_roomy(counts[st.N_MESHED], meshed.body.shape[0])
     )
 
 
@@ -38,7 +49,7 @@ def has_room(pairs, flat, curved, meshed, counts):
 def begin_step(
     bodies, pairs, flat, curved, meshed, clumps, grid, walls, counts, physics, ghost
 ):
-    """Before the search for contacts: drop the contacts of bodies that are gone, and move the walls."""
+    """Drop the contacts of bodies that are gone, and move the walls."""
     if counts[st.N_GONE] > 0:
         drop_gone(bodies, pairs, flat, curved, meshed, clumps, counts, grid, ghost)
     if walls.approach[st.WALLS_MOVE] > 0.0:
@@ -61,8 +72,10 @@ def wall_contacts_and_forces(
     scratch,
     ghost,
 ):
-    """Find the contacts with walls and add their forces."""
-    out, other, local = scratch.out, scratch.other, scratch.local
+    """Find the contacts with walls, and add their forces to the loads."""
+    geometry = scratch.geometry
+    other_geometry = scratch.other_geometry
+    local_row = scratch.local_row
     parts = physics.parts
     update_walls(
         bodies,
@@ -77,10 +90,13 @@ def wall_contacts_and_forces(
     )
     if len(meshes) > 0:
         update_meshes(bodies, meshed, clumps, walls, meshes, counts, parts, scratch)
+    # The tile of walls that stand still and are all of one material, the last one.
     still_wall(t)
     fill_laws(t, physics, 0, physics.law_constants.shape[0] - 1)
     plane_forces(bodies, flat, clumps, walls, counts, physics, t, ghost)
-    curved_forces(bodies, curved, clumps, walls, counts, physics, t, out, local, ghost)
+    curved_forces(
+        bodies, curved, clumps, walls, counts, physics, t, geometry, local_row, ghost
+    )
     if len(meshes) > 0:
         mesh_forces(
             bodies,
@@ -91,18 +107,61 @@ def wall_contacts_and_forces(
             counts,
             physics,
             t,
-            out,
-            other,
-            local,
+            geometry,
+            other_geometry,
+            local_row,
             ghost,
         )
 
 
+@inlined
+def pair_contacts(bodies, pairs, clumps, counts, grid, physics, scratch, ghost):
+    """Find the contacts of pairs: check near pairs, and renew the neighbour list."""
+    parts = physics.parts
+    if len(clumps) == 0:
+        normal = scratch.normal
+        update_near(bodies, pairs, counts, grid, parts, normal)
+        renew(bodies, pairs, clumps, counts, grid, parts, normal, ghost)
+    else:
+        spheres = scratch.spheres
+        update_near_clumps(bodies, pairs, counts, grid, clumps, spheres, ghost)
+        renew(bodies, pairs, clumps, counts, grid, parts, spheres, ghost)
+
+
+@inlined
+def add_pair_forces(bodies, pairs, clumps, counts, grid, physics, t, ghost):
+    """Add the forces of pairs to the loads, and retire the pairs that parted."""
+    n_ended = pair_forces(
+        bodies, pairs, clumps, counts, physics, t, 0, 0, counts[st.N_PAIRS]
+    )
+    if len(clumps) == 0:
+        retire_pairs(bodies, pairs, counts, grid, 0, n_ended, ghost)
+    else:
+        retire_spheres(bodies, pairs, counts, clumps, n_ended, ghost)
+
+
 @kernel
 def advance(
-    bodies, pairs, flat, curved, meshed, clumps, grid, walls, meshes, counts, physics, t, bodies_tile, numbers, steps
-):  # fmt: skip
-    """Advance by a number of steps, or fewer where a list may become too short; returns the number of steps made."""
+    bodies,
+    pairs,
+    flat,
+    curved,
+    meshed,
+    clumps,
+    grid,
+    walls,
+    meshes,
+    counts,
+    physics,
+    t,
+    bodies_tile,
+    numbers,
+    steps,
+):
+    """Advance by a number of steps, or by fewer where a list may become too short.
+
+    Returns the number of steps made.
+    """
     ghost = grid.cell.shape[0]
     scratch = st.scratch_of(numbers)
     for step in range(steps):
@@ -121,39 +180,8 @@ def advance(
             physics,
             ghost,
         )
-        if len(clumps) == 0:
-            update_near(bodies, pairs, counts, grid, physics.parts, scratch.normal)
-            renew(
-                bodies,
-                pairs,
-                clumps,
-                counts,
-                grid,
-                physics.parts,
-                scratch.normal,
-                ghost,
-            )
-        else:
-            update_near_clumps(
-                bodies, pairs, counts, grid, clumps, scratch.spheres, ghost
-            )
-            renew(
-                bodies,
-                pairs,
-                clumps,
-                counts,
-                grid,
-                physics.parts,
-                scratch.spheres,
-                ghost,
-            )
-        ended = pair_forces(
-            bodies, pairs, clumps, counts, physics, t, 0, 0, counts[st.N_PAIRS]
-        )
-        if len(clumps) == 0:
-            retire_pairs(bodies, pairs, counts, grid, 0, ended, ghost)
-        else:
-            retire_spheres(bodies, pairs, counts, clumps, ended, ghost)
+        pair_contacts(bodies, pairs, clumps, counts, grid, physics, scratch, ghost)
+        add_pair_forces(bodies, pairs, clumps, counts, grid, physics, t, ghost)
         wall_contacts_and_forces(
             bodies,
             flat,
@@ -169,8 +197,11 @@ def advance(
             ghost,
         )
         counts[st.STEPS] += 1
-        n = integrate(bodies, counts, physics, bodies_tile, 0, counts[st.N_BODIES])
-        act_on_events(bodies, grid, counts, 0, n, counts[st.STEPS] * physics.dt)
+        n_events = integrate(
+            bodies, counts, physics, bodies_tile, 0, counts[st.N_BODIES]
+        )
+        time = counts[st.STEPS] * physics.dt
+        act_on_events(bodies, grid, counts, 0, n_events, time)
     return steps
 
 
@@ -189,7 +220,10 @@ def add_wall_loads(
     numbers,
     ghost,
 ):
-    """Fill walls.loads with the forces of the present state; the other arrays change as in a step."""
+    """Add the forces of the present state to `walls.loads`.
+
+    The other arrays change as in a step.
+    """
     scratch = st.scratch_of(numbers)
     wall_contacts_and_forces(
         bodies,

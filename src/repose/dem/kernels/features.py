@@ -1,426 +1,708 @@
-"""The features of a triangle mesh that a body can touch: faces, convex edges and convex vertices, in a grid of cells.
+"""The features of a triangle mesh that a body can touch, in a grid of cells.
 
-The mesh is eroded by the edge radius (every vertex moves inwards until it lies that deep below all its faces), and the
-wall is the eroded mesh dilated by the edge radius. Faces return to their old places; edges become cylinders and
-vertices spheres, tangent to the faces. The normals of neighbouring features fit together without gap or overlap, for
-any mesh. Edges between coplanar triangles and concave edges bound no set of normals and are no features. An open border
-is a rim, rounded down to the back of its face.
+Features are faces, convex edges and convex vertices. The mesh is *eroded* by the edge
+radius: every vertex moves inwards until it lies that deep below all its faces; the
+eroded mesh is called the core. The wall is the core dilated by the edge radius. So faces
+return to their old places, edges become cylinders and vertices spheres, tangent to the
+faces. The normals of neighbouring features fit together without gap or overlap, for any
+mesh. Edges between coplanar triangles and concave edges bound no set of normals and are
+no features. An open border is a rim, rounded down to the back of its face.
+
+`split` makes a `Part`, the features of one mesh; `join` puts the parts of all meshes into
+a `Meshes`, which the kernels take. This is Python but for `put_in_cells`.
+
+Names: V, F and E are the numbers of vertices, faces and edges of the mesh. A *plane* is a
+group of coplanar triangles (or stands upright on a rim), with one outward unit normal.
 """
 
-from collections import namedtuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from .jit import kernel
 
-FACE, EDGE, VERTEX = range(3)
-# Columns of `data`. Face: normal into the wall (3), offset, three sides (inward normal in the plane (3), offset), three
-# flags: a point on that side belongs to the neighbour. Edge: start (3), along (3), length, first normal into the wall
-# (3), direction to which it turns (3), angle of all normals. Vertex: place (3). All: edge radius in the last column.
-SIDES, STRICT, RADIUS_COLUMN = 4, 16, 19
-COLUMNS = 20
-# Triangles with corners this near to each other's plane, as a share of the mesh's size, may be coplanar; whole groups
-# of them are when no corner is farther from the common plane.
-FLAT, FLAT_GROUP = 1e-6, 1e-5
-# Normals of one vertex that differ by less (singular values) do not say where it moves.
-SAME_NORMAL = 0.01
-# A group of coplanar triangles keeps its plane when its corners lie one edge radius below it, to this share of the
-# radius.
-SAME_DEPTH = 1e-5
-# Of faces that meet in a concave kink of less than this angle [rad] only the face of the largest overlap is touched.
-GENTLE = 0.35
-# Margin by which a direction must lie within a vertex's normals (sine).
-LEAST_CONE = 1e-7
+FACE, EDGE, VERTEX = range(3)  # values of `Meshes.kind`
 
-# kind, data, mesh (F,): the features of all meshes, each in its own frame; span (F, 2): of a face its neighbours over
-# gentle kinks in `near`, of a vertex its edges in `rays`; corners (F, 2): of a vertex its faces' normals in `normals`.
-# Cells: box (M, 7) lower corner, upper corner, edge of a cell; cells (M, 4): how many each way and the first in
-# `begin`; items: features of each cell. seen (F,), stamp (1,): which this search has met. slide (1,): how far a body's
-# deepest point may slide when the body moves by 1.
-Meshes = namedtuple(
-    "Meshes",
-    "kind data mesh span corners near rays normals box cells begin items seen stamp slide",
-)
-Part = namedtuple(
-    "Part", "kind data span corners near rays normals box cells begin items"
-)
+# Columns of `Meshes.data`. Normals point into the wall.
+COLUMNS = 20
+# Of a face: normal (3), offset along it, and three sides of four columns each: the inward
+# normal in the plane of the face (3), offset along that. Then a flag for each side:
+# whether a point on that side belongs to the neighbour.
+FACE_NORMAL, FACE_OFFSET = 0, 3
+SIDES, SIDE_COLUMNS = 4, 4
+STRICT = 16
+# Of an edge: start (3), unit vector along it (3), length, normal of the first face (3),
+# unit vector to which that normal turns (3), and the angle of all normals [rad].
+EDGE_ALONG, EDGE_LENGTH, EDGE_NORMAL, EDGE_TURN, EDGE_ANGLE = 3, 6, 7, 10, 13
+PLACE = 0  # (3), start of an edge or place of a vertex
+RADIUS_COLUMN = 19  # edge radius, of every feature
+
+# Two triangles may be coplanar when their corners are this near to each other's plane, as
+# a share of the mesh's size. A whole group of them is one plane when no corner is farther
+# from the common plane than the second share.
+FLAT, FLAT_GROUP = 1e-6, 1e-5
+# Normals of one vertex that differ by less than this (singular values) do not say where
+# the vertex moves.
+SAME_NORMAL = 0.01
+# A group of coplanar triangles keeps its plane when its corners lie one edge radius below
+# it, to this share of the radius.
+SAME_DEPTH = 1e-5
+# Of faces that meet in a concave kink of less than this angle [rad], only the face of the
+# largest overlap is touched.
+GENTLE = 0.35
+# A direction lies within a vertex's normals when it does by this margin (a sine).
+LEAST_CONE = 1e-7
+# A triangle has turned over when its area or a side, projected on the old one, is below
+# this share of it.
+LEAST_SHARE = 1e-6
+BISECTIONS = 30
+PERCEPTRON_STEPS = 40
+TINY = 1e-300  # in place of a zero that is divided by
+
+
+class Meshes(NamedTuple):
+    """The features of all meshes, as the kernels take them; F is their number.
+
+    Each mesh is in its own frame. M is the number of meshes, C that of cells.
+    """
+
+    kind: Any  # (F,): FACE, EDGE or VERTEX
+    data: Any  # (F, COLUMNS)
+    mesh: Any  # (F,): number of the mesh
+    # (F, 2), begin and end. Of a face: its neighbours over gentle kinks, in `near`. Of a
+    # vertex: its edges, in `rays`.
+    span: Any
+    corners: (
+        Any  # (F, 2), of a vertex: begin and end of its faces' normals in `normals`
+    )
+    near: Any  # neighbours of faces, as numbers of features
+    rays: Any  # (n, 3): unit vectors along the edges of vertices, away from them
+    normals: Any  # (n, 3): normals of faces, into the wall
+    box: Any  # (M, 7): lower corner, upper corner, edge of a cell
+    cells: Any  # (M, 4): number of cells along each axis, first cell in `begin`
+    begin: Any  # (C,): first item of each cell
+    items: Any  # features of each cell, one cell after another
+    seen: Any  # (F,): stamp of the last search that met the feature
+    stamp: Any  # (1,): number of the last search
+    slide: (
+        Any  # (1,): how far a body's deepest point may slide when the body moves by 1
+    )
+
+
+class Part(NamedTuple):
+    """The features of one mesh; the fields are those of `Meshes`."""
+
+    kind: Any
+    data: Any
+    span: Any
+    corners: Any
+    near: Any
+    rays: Any
+    normals: Any
+    box: Any
+    cells: Any
+    begin: Any
+    items: Any
 
 
 def _unit(vectors):
+    """Return vectors (n, 3) with unit length."""
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
 
-def _normals(vertices, faces):
-    """Area vectors of triangles (F, 3)."""
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
+def _unit_or_zero(vectors):
+    """Return vectors (n, 3) with unit length; zeros stay zeros."""
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), TINY)
+
+
+def _area_vectors(vertices, faces):
+    """Return the area vectors of triangles (F, 3): outward normals times areas."""
+    a = vertices[faces[:, 0]]
+    b = vertices[faces[:, 1]]
+    c = vertices[faces[:, 2]]
     return 0.5 * np.cross(b - a, c - a)
 
 
 def edge_table(faces):
-    """Edges of a mesh: vertices (E, 2), the lower first, and faces (E, 2): of the winding low to high, of the other.
+    """Find the edges of a mesh and their faces.
 
-    -1 stands for no face. Raises ValueError where more than two faces, or two of opposite winding, share an edge.
+    Parameters
+    ----------
+    faces : ndarray (F, 3)
+        Vertices of each triangle.
+
+    Returns
+    -------
+    edges : ndarray (E, 2)
+        Vertices of each edge, the lower number first.
+    edge_faces : ndarray (E, 2)
+        The face that runs along the edge from the lower to the higher vertex, and the
+        face that runs the other way; -1 stands for no face.
+
+    Raises
+    ------
+    ValueError
+        Where more than two faces, or two faces of opposite winding, share an edge.
     """
-    n = len(faces)
     directed = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-    owner = np.repeat(np.arange(n), 3)
+    owner = np.repeat(np.arange(len(faces)), 3)
     edges, number = np.unique(np.sort(directed, axis=1), axis=0, return_inverse=True)
     number = number.ravel()
-    beside = np.full((len(edges), 2), -1)
-    column = (directed[:, 0] > directed[:, 1]).astype(int)
-    count = np.zeros_like(beside)
-    np.add.at(count, (number, column), 1)
+    side = (directed[:, 0] > directed[:, 1]).astype(int)
+    count = np.zeros((len(edges), 2), int)
+    np.add.at(count, (number, side), 1)
     if count.max() > 1:
-        k = int(np.argmax(count.max(axis=1)))
+        edge = edges[int(np.argmax(count.max(axis=1)))].tolist()
         raise ValueError(
-            f"faces has several triangles on one side of edge {edges[k].tolist()}; expected "
-            "at most two triangles at an edge, both with their normals outwards"
+            f"faces has several triangles on one side of edge {edge}; expected at most "
+            "two triangles at an edge, both with their normals outwards"
         )
-    beside[number, column] = owner
-    return edges, beside
+    edge_faces = np.full((len(edges), 2), -1)
+    edge_faces[number, side] = owner
+    return edges, edge_faces
 
 
-def coplanar_groups(vertices, faces, edges, beside):
-    """Return the number of the flat group of each triangle (F,) and the groups' unit normals (G, 3)."""
-    area = _normals(vertices, faces)
-    normal = _unit(area)
+def _coplanar_pairs(vertices, faces, edges, edge_faces, normal):
+    """Return the pairs of neighbouring faces that are coplanar, as two arrays."""
     size = np.linalg.norm(np.ptp(vertices, axis=0))
-    inner = np.flatnonzero((beside >= 0).all(axis=1))
-    one, two = beside[inner, 0], beside[inner, 1]
+    inner = np.flatnonzero((edge_faces >= 0).all(axis=1))
+    first = edge_faces[inner, 0]
+    second = edge_faces[inner, 1]
     start = vertices[edges[inner, 0]]
+    # The height of the corners of one face over the plane of the other, whichever of the
+    # two is smaller: the plane of a narrow triangle is uncertain.
     height = np.full(len(inner), np.inf)
-    for a, b in ((one, two), (two, one)):
-        away = np.abs(
-            np.einsum("eki,ei->ek", vertices[faces[b]] - start[:, None], normal[a])
-        ).max(axis=1)
-        height = np.minimum(height, away)
-    flat = (height < FLAT * size) & (np.sum(normal[one] * normal[two], axis=1) > 0.0)
-    n = len(faces)
+    for face, other in ((first, second), (second, first)):
+        corners = vertices[faces[other]] - start[:, None]
+        distance = np.abs(np.einsum("eki,ei->ek", corners, normal[face]))
+        height = np.minimum(height, distance.max(axis=1))
+    same_side = np.sum(normal[first] * normal[second], axis=1) > 0.0
+    flat = (height < FLAT * size) & same_side
+    return first[flat], second[flat]
+
+
+def coplanar_groups(vertices, faces, edges, edge_faces):
+    """Join coplanar triangles in groups.
+
+    Returns
+    -------
+    group : ndarray (F,)
+        Number of the group of each triangle.
+    normals : ndarray (G, 3)
+        Outward unit normal of each group.
+    """
     from scipy.sparse import coo_array, csgraph  # slow to import: where there is a mesh
 
-    joined = coo_array((np.ones(flat.sum()), (one[flat], two[flat])), shape=(n, n))
+    n = len(faces)
+    area = _area_vectors(vertices, faces)
+    normal = _unit(area)
+    size = np.linalg.norm(np.ptp(vertices, axis=0))
+    first, second = _coplanar_pairs(vertices, faces, edges, edge_faces, normal)
+    joined = coo_array((np.ones(len(first)), (first, second)), shape=(n, n))
     count, group = csgraph.connected_components(joined, directed=False)
+    # The common plane of a group, and how far its corners are from it.
     common = np.zeros((count, 3))
     np.add.at(common, group, area)
-    common /= np.maximum(np.linalg.norm(common, axis=1, keepdims=True), 1e-300)
+    common = _unit_or_zero(common)
     heights = np.einsum("fki,fi->fk", vertices[faces], common[group])
-    low, high = np.full(count, np.inf), np.full(count, -np.inf)
+    low = np.full(count, np.inf)
+    high = np.full(count, -np.inf)
     np.minimum.at(low, group, heights.min(axis=1))
     np.maximum.at(high, group, heights.max(axis=1))
+    # A group that is flat only from triangle to triangle, not as a whole, falls apart:
+    # each of its triangles becomes a group with a number from `count` on.
     curved = (high - low > FLAT_GROUP * size)[group]
-    # a group that is flat only from triangle to triangle, not as a whole, is not made one plane
     group[curved] = count + np.arange(curved.sum())
-    old, first, group = np.unique(group, return_index=True, return_inverse=True)
-    chosen = np.where(
-        curved[first, None], normal[first], common[np.minimum(old, count - 1)]
+    old, face, group = np.unique(group, return_index=True, return_inverse=True)
+    normals = np.where(
+        curved[face, None], normal[face], common[np.minimum(old, count - 1)]
     )
-    return group.ravel(), chosen
+    return group.ravel(), normals
 
 
-def _distinct(pairs):
-    """Rows (vertex, plane) without repetition, sorted, and the place of each among those of its vertex."""
-    pairs = np.unique(pairs, axis=0)
+def _planes_of_vertices(planes_at):
+    """Sort pairs (vertex, plane), drop repetitions, and number the planes of a vertex.
+
+    Returns
+    -------
+    pairs : ndarray (n, 2)
+        The pairs.
+    rank : ndarray (n,)
+        Number of each pair among those of its vertex.
+    """
+    pairs = np.unique(planes_at, axis=0)
     first = np.searchsorted(pairs[:, 0], pairs[:, 0])
     return pairs, np.arange(len(pairs)) - first
 
 
-def inward_steps(vertices, faces, edges, beside, group, normals):
-    """Displacement of each vertex for an edge radius of 1 (V, 3), and its planes as pairs (vertex, plane).
+def inward_steps(vertices, faces, edges, edge_faces, group, normals):
+    """Find how each vertex moves when the mesh is eroded.
 
-    A vertex moves 1 deep below all its planes, or as near to that as least squares give. The planes are those of the
-    groups, then those upright on the rims (returned as an array with the groups').
+    A vertex moves to a depth of 1 below all its planes, or as near to that as least
+    squares give. The planes are those of the groups, then those upright on the rims.
+
+    Returns
+    -------
+    steps : ndarray (V, 3)
+        Displacement of each vertex for an edge radius of 1.
+    pairs : ndarray (n, 2)
+        The planes of each vertex, as pairs (vertex, plane).
+    planes : ndarray (P, 3)
+        Outward normals of the planes.
     """
-    rim = np.flatnonzero((beside < 0).any(axis=1))
-    face = beside[rim].max(axis=1)
+    rim = np.flatnonzero((edge_faces < 0).any(axis=1))
+    rim_face = edge_faces[rim].max(axis=1)
     along = _unit(vertices[edges[rim, 1]] - vertices[edges[rim, 0]])
-    along[beside[rim, 0] < 0] *= -1.0
-    planes = np.vstack([normals, np.cross(along, normals[group[face]])])
-    touching = [np.column_stack([faces[:, k], group]) for k in range(3)]
-    touching += [
-        np.column_stack([edges[rim, k], len(normals) + np.arange(len(rim))])
-        for k in range(2)
-    ]
-    pairs, place = _distinct(np.vstack(touching))
-    rows = np.zeros((len(vertices), place.max() + 1, 3))
-    rows[pairs[:, 0], place] = planes[pairs[:, 1]]
-    there = np.any(rows != 0.0, axis=2)
+    along[edge_faces[rim, 0] < 0] *= -1.0
+    upright = np.cross(along, normals[group[rim_face]])
+    planes = np.vstack([normals, upright])
+    rim_planes = len(normals) + np.arange(len(rim))
+    planes_at = [np.column_stack([faces[:, k], group]) for k in range(3)]
+    planes_at += [np.column_stack([edges[rim, k], rim_planes]) for k in range(2)]
+    pairs, rank = _planes_of_vertices(np.vstack(planes_at))
+    # One linear system for each vertex: its normals times the step are -1.
+    rows = np.zeros((len(vertices), rank.max() + 1, 3))
+    rows[pairs[:, 0], rank] = planes[pairs[:, 1]]
+    depth = np.any(rows != 0.0, axis=2).astype(float)
     inverse = np.linalg.pinv(rows, rcond=SAME_NORMAL)
-    return -np.einsum("vij,vj->vi", inverse, there.astype(float)), pairs, planes
+    return -np.einsum("vij,vj->vi", inverse, depth), pairs, planes
+
+
+def _areas_and_sides(corners, faces):
+    """Return the area vectors and the three sides of all triangles (4 F, 3)."""
+    sides = [corners[faces[:, k]] - corners[faces[:, k - 1]] for k in range(3)]
+    return np.vstack([_area_vectors(corners, faces), *sides])
+
+
+def _keeps_triangles(vertices, faces, displacement):
+    """Return whether no triangle turns over when its vertices are displaced."""
+    before = _areas_and_sides(vertices, faces)
+    after = _areas_and_sides(vertices + displacement, faces)
+    projected = np.sum(before * after, axis=1)
+    return bool(np.all(projected > LEAST_SHARE * np.sum(before * before, axis=1)))
 
 
 def eroded(vertices, faces, steps, radius):
-    """Return the vertices of the eroded mesh; ValueError where a triangle would turn over."""
+    """Return the vertices of the mesh eroded by an edge radius [m].
 
-    def shape(corners):
-        """Area vectors and sides of all triangles."""
-        sides = (corners[faces[:, k]] - corners[faces[:, k - 1]] for k in range(3))
-        return np.vstack([_normals(corners, faces), *sides])
-
-    before = shape(vertices)
-
-    def keeps(share):
-        after = shape(vertices + share * steps)
-        return bool(
-            np.all(
-                np.sum(before * after, axis=1) > 1e-6 * np.sum(before * before, axis=1)
-            )
-        )
-
-    if not keeps(radius):
-        low, high = 0.0, radius
-        for _ in range(30):
+    Raises
+    ------
+    ValueError
+        Where a triangle would turn over; the message says the largest possible radius.
+    """
+    if not _keeps_triangles(vertices, faces, radius * steps):
+        low = 0.0
+        high = radius
+        for _ in range(BISECTIONS):
             middle = 0.5 * (low + high)
-            low, high = (middle, high) if keeps(middle) else (low, middle)
+            if _keeps_triangles(vertices, faces, middle * steps):
+                low = middle
+            else:
+                high = middle
         raise ValueError(
-            f"edge_radius_m is {radius!r}; expected below {low:.3g}, the smallest triangles leave no room for more"
+            f"edge_radius_m is {radius!r}; expected below {low:.3g}, "
+            "the smallest triangles leave no room for more"
         )
     return vertices + radius * steps
 
 
-def _face_rows(core, faces, edges, beside, group, normals, radius):
-    """Return data of the faces."""
+def _face_rows(core, faces, edges, edge_faces, group, normals, radius):
+    """Return the rows of `Meshes.data` of the faces (F, COLUMNS)."""
     n = len(faces)
     data = np.zeros((n, COLUMNS))
     outward = normals[group]
-    data[:, 0:3] = -outward
-    # all of a group have its offset, bit for bit
+    data[:, FACE_NORMAL : FACE_NORMAL + 3] = -outward
+    # all faces of a group have its offset, bit for bit
     offset = np.zeros(len(normals))
     offset[group] = -np.sum(core[faces[:, 0]] * outward, axis=1) - radius
-    data[:, 3] = offset[group]
-    filled = np.zeros(n, int)
+    data[:, FACE_OFFSET] = offset[group]
+    n_sides = np.zeros(n, int)  # sides of each face that are written
     along = _unit(core[edges[:, 1]] - core[edges[:, 0]])
     for side, sign in ((0, 1.0), (1, -1.0)):
-        edge = np.flatnonzero(beside[:, side] >= 0)
-        face = beside[edge, side]
-        # at most three edges a face: take them one after another
+        edge = np.flatnonzero(edge_faces[:, side] >= 0)
+        face = edge_faces[edge, side]
+        # Group the edges by face; a face has at most three of them.
         order = np.argsort(face, kind="stable")
-        edge, face = edge[order], face[order]
+        edge = edge[order]
+        face = face[order]
         rank = np.arange(len(face)) - np.searchsorted(face, face)
-        place = filled[face] + rank
+        place = n_sides[face] + rank
         inward = np.cross(outward[face], along[edge])
         level = np.sum(inward * core[edges[edge, 0]], axis=1)
-        for c in range(3):
-            data[face, SIDES + 4 * place + c] = sign * inward[:, c]
-        data[face, SIDES + 4 * place + 3] = sign * level
+        first = SIDES + SIDE_COLUMNS * place
+        for axis in range(3):
+            data[face, first + axis] = sign * inward[:, axis]
+        data[face, first + 3] = sign * level
         data[face, STRICT + place] = float(side)
-        np.add.at(filled, face, 1)
+        np.add.at(n_sides, face, 1)
     return data
 
 
-def _edge_rows(core, edges, beside, group, normals):
-    """Return data of the convex edges and rims."""
+def _edge_rows(core, edges, edge_faces, group, normals):
+    """Return the rows of `Meshes.data` of the convex edges and rims."""
     along = core[edges[:, 1]] - core[edges[:, 0]]
     length = np.linalg.norm(along, axis=1)
     along = along / length[:, None]
-    one, two = beside[:, 0], beside[:, 1]
-    first = -normals[group[np.where(one >= 0, one, two)]]
-    second = -normals[group[np.where(two >= 0, two, one)]]
+    left = edge_faces[:, 0]
+    right = edge_faces[:, 1]
+    # a rim has one face, which stands for both
+    first = -normals[group[np.where(left >= 0, left, right)]]
+    second = -normals[group[np.where(right >= 0, right, left)]]
     cross = np.cross(first, second)
     sine = np.sum(cross * along, axis=1)
-    angle = np.arctan2(np.linalg.norm(cross, axis=1), np.sum(first * second, axis=1))
-    rim = (one < 0) | (two < 0)
-    # of the face on the side of the winding low to high, the inward direction; the rim of the other winding mirrored
-    turn = _unit(np.cross(-first, along)) * np.where(one >= 0, 1.0, -1.0)[:, None]
+    cosine = np.sum(first * second, axis=1)
+    angle = np.arctan2(np.linalg.norm(cross, axis=1), cosine)
+    rim = (left < 0) | (right < 0)
+    # The normal turns inwards from the face on the left. On a rim whose face is on the
+    # right it turns the other way.
+    turn = _unit(np.cross(-first, along)) * np.where(left >= 0, 1.0, -1.0)[:, None]
     angle[rim] = np.pi
-    convex = rim | ((group[one] != group[two]) & (sine > 0.0) & (angle > 1e-9))
+    convex = rim | ((group[left] != group[right]) & (sine > 0.0) & (angle > 1e-9))
     rows = np.zeros((convex.sum(), COLUMNS))
-    for at, values in ((0, core[edges[:, 0]]), (3, along), (7, first), (10, turn)):
-        rows[:, at : at + 3] = values[convex]
-    rows[:, 6], rows[:, 13] = length[convex], angle[convex]
+    rows[:, PLACE : PLACE + 3] = core[edges[:, 0]][convex]
+    rows[:, EDGE_ALONG : EDGE_ALONG + 3] = along[convex]
+    rows[:, EDGE_LENGTH] = length[convex]
+    rows[:, EDGE_NORMAL : EDGE_NORMAL + 3] = first[convex]
+    rows[:, EDGE_TURN : EDGE_TURN + 3] = turn[convex]
+    rows[:, EDGE_ANGLE] = angle[convex]
     return rows
 
 
 def _ranges(owner, n):
-    """Begin and end of each of n owners in a sorted list of owners (n, 2)."""
-    return np.column_stack(
-        [np.searchsorted(owner, np.arange(n), side) for side in ("left", "right")]
-    )
+    """Return begin and end of each of n owners in a sorted list of owners (n, 2)."""
+    numbers = np.arange(n)
+    begin = np.searchsorted(owner, numbers, "left")
+    end = np.searchsorted(owner, numbers, "right")
+    return np.column_stack([begin, end])
+
+
+def _steepest(directions, owner, rays):
+    """Return how much each edge leads along its vertex's direction, and the maximum.
+
+    The first array has a number for each edge, the second one for each vertex; -inf for
+    a vertex without edges.
+    """
+    lead = np.sum(directions[owner] * rays, axis=1)
+    largest = np.full(len(directions), -np.inf)
+    np.maximum.at(largest, owner, lead)
+    return lead, largest
 
 
 def _convex_vertices(core, edges, pairs, planes):
-    """Vertices with a set of normals of their own, and the edges' directions from every vertex: owner, direction."""
+    """Find the vertices that have a set of normals of their own.
+
+    These are the vertices with a direction that all their edges recede from. It is
+    sought by perceptron steps away from the worst edge, from the sum of the normals.
+
+    Returns
+    -------
+    chosen : ndarray
+        Numbers of these vertices.
+    owner : ndarray (2 E,)
+        Vertices, sorted; one item for each edge at a vertex.
+    rays : ndarray (2 E, 3)
+        Direction of that edge, away from the vertex.
+    """
     owner = edges.ravel()
     rays = _unit(core[edges[:, ::-1].ravel()] - core[owner])
     order = np.argsort(owner, kind="stable")
-    owner, rays = owner[order], rays[order]
-    n = len(core)
-    inside = np.zeros((n, 3))
-    np.add.at(inside, pairs[:, 0], planes[pairs[:, 1]])
-    inside /= np.maximum(np.linalg.norm(inside, axis=1, keepdims=True), 1e-300)
-    # a direction that all edges recede from: perceptron steps away from the worst edge
-    for _ in range(40):
-        lead = np.sum(inside[owner] * rays, axis=1)
-        worst = np.full(n, -np.inf)
-        np.maximum.at(worst, owner, lead)
-        bad = np.flatnonzero((lead == worst[owner]) & (lead > -LEAST_CONE))
+    owner = owner[order]
+    rays = rays[order]
+    directions = np.zeros((len(core), 3))
+    np.add.at(directions, pairs[:, 0], planes[pairs[:, 1]])
+    directions = _unit_or_zero(directions)
+    for _ in range(PERCEPTRON_STEPS):
+        lead, largest = _steepest(directions, owner, rays)
+        bad = np.flatnonzero((lead == largest[owner]) & (lead > -LEAST_CONE))
         if not len(bad):
             break
-        inside[owner[bad]] -= (lead[bad, None] + 1e-3) * rays[bad]
-        inside /= np.maximum(np.linalg.norm(inside, axis=1, keepdims=True), 1e-300)
-    lead = np.sum(inside[owner] * rays, axis=1)
-    worst = np.full(n, -np.inf)
-    np.maximum.at(worst, owner, lead)
-    return np.flatnonzero((worst < -LEAST_CONE) & np.isfinite(worst)), owner, rays
+        directions[owner[bad]] -= (lead[bad, None] + 1e-3) * rays[bad]
+        directions = _unit_or_zero(directions)
+    _lead, largest = _steepest(directions, owner, rays)
+    chosen = np.flatnonzero((largest < -LEAST_CONE) & np.isfinite(largest))
+    return chosen, owner, rays
 
 
 def _gentle_neighbours(core, faces, group, normals):
-    """Pairs of faces (K, 2) that share a vertex and meet in a concave kink below GENTLE."""
+    """Find faces that share a vertex and meet in a concave kink below GENTLE.
+
+    Returns
+    -------
+    ndarray (K, 2)
+        Pairs of faces, sorted; each pair in both orders.
+    """
     from scipy.sparse import coo_array
 
     n = len(faces)
-    at = coo_array(
-        (np.ones(3 * n), (np.repeat(np.arange(n), 3), faces.ravel())),
-        shape=(n, len(core)),
+    owner = np.repeat(np.arange(n), 3)
+    at_vertex = coo_array(
+        (np.ones(3 * n), (owner, faces.ravel())), shape=(n, len(core))
     ).tocsr()
-    one, two = (at @ at.T).nonzero()
+    first, second = (at_vertex @ at_vertex.T).nonzero()
     outward = normals[group]
-    apart = (group[one] != group[two]) & (
-        np.sum(outward[one] * outward[two], axis=1) > np.cos(GENTLE)
-    )
-    one, two = one[apart], two[apart]
+    cosine = np.sum(outward[first] * outward[second], axis=1)
+    gentle = (group[first] != group[second]) & (cosine > np.cos(GENTLE))
+    first = first[gentle]
+    second = second[gentle]
+    # concave: the middle of the second face is above the plane of the first
     middle = core[faces].mean(axis=1)
     size = np.linalg.norm(np.ptp(core, axis=0))
-    above = (
-        np.sum((middle[two] - core[faces[one, 0]]) * outward[one], axis=1) > FLAT * size
-    )
-    order = np.lexsort((two[above], one[above]))
-    return np.column_stack([one[above], two[above]])[order]
+    height = np.sum((middle[second] - core[faces[first, 0]]) * outward[first], axis=1)
+    concave = height > FLAT * size
+    first = first[concave]
+    second = second[concave]
+    order = np.lexsort((second, first))
+    return np.column_stack([first, second])[order]
+
+
+def _planes_of_core(core, vertices, faces, group, normals, radius):
+    """Give triangles planes of their own where the erosion has bent their group.
+
+    A group is bent when its corners are not all one edge radius below its plane. Returns
+    `group` and `normals` as `coplanar_groups`.
+    """
+    depth = np.einsum("fki,fi->fk", (core - vertices)[faces], normals[group]) + radius
+    is_bent = np.zeros(len(normals), bool)
+    is_bent[group[np.abs(depth).max(axis=1) > SAME_DEPTH * radius]] = True
+    loose = is_bent[group]
+    group = np.where(loose, len(normals) + np.cumsum(loose) - 1, group)
+    normals = np.vstack([normals, _unit(_area_vectors(core, faces[loose]))])
+    return group, normals
 
 
 def split(vertices, faces, radius):
-    """Find the features (a `Part`) of a mesh (V, 3) [m], (F, 3); ValueError for no surface or no room."""
-    edges, beside = edge_table(faces)
-    group, normals = coplanar_groups(vertices, faces, edges, beside)
-    steps, pairs, planes = inward_steps(vertices, faces, edges, beside, group, normals)
-    core = eroded(vertices, faces, steps, radius)
-    # groups whose corners are not equally deep fall apart into triangles with their own planes
-    depth = np.einsum("fki,fi->fk", (core - vertices)[faces], normals[group]) + radius
-    bent = np.zeros(len(normals), bool)
-    bent[group[np.abs(depth).max(axis=1) > SAME_DEPTH * radius]] = True
-    loose = bent[group]
-    group = np.where(loose, len(normals) + np.cumsum(loose) - 1, group)
-    normals = np.vstack([normals, _unit(_normals(core, faces[loose]))])
+    """Find the features of a mesh.
 
-    face_rows = _face_rows(core, faces, edges, beside, group, normals, radius)
-    edge_rows = _edge_rows(core, edges, beside, group, normals)
+    Parameters
+    ----------
+    vertices : ndarray (V, 3)
+        Places of the vertices [m].
+    faces : ndarray (F, 3)
+        Vertices of each triangle, counterclockwise as seen from outside.
+    radius : float
+        Edge radius [m].
+
+    Returns
+    -------
+    Part
+        The features: faces, then edges, then vertices.
+
+    Raises
+    ------
+    ValueError
+        Where the triangles are no surface, or leave no room for the edge radius.
+    """
+    edges, edge_faces = edge_table(faces)
+    group, normals = coplanar_groups(vertices, faces, edges, edge_faces)
+    steps, pairs, planes = inward_steps(
+        vertices, faces, edges, edge_faces, group, normals
+    )
+    core = eroded(vertices, faces, steps, radius)
+    group, normals = _planes_of_core(core, vertices, faces, group, normals, radius)
+
+    # The rows of all features.
+    face_rows = _face_rows(core, faces, edges, edge_faces, group, normals, radius)
+    edge_rows = _edge_rows(core, edges, edge_faces, group, normals)
     chosen, owner, rays = _convex_vertices(core, edges, pairs, planes)
-    n_faces, n_edges, n_vertices = len(face_rows), len(edge_rows), len(chosen)
-    data = np.zeros((n_faces + n_edges + n_vertices, COLUMNS))
-    data[:n_faces], data[n_faces : n_faces + n_edges] = face_rows, edge_rows
-    data[n_faces + n_edges :, 0:3] = core[chosen]
+    n_faces = len(face_rows)
+    n_edges = len(edge_rows)
+    first_vertex = n_faces + n_edges
+    data = np.zeros((first_vertex + len(chosen), COLUMNS))
+    data[:n_faces] = face_rows
+    data[n_faces:first_vertex] = edge_rows
+    data[first_vertex:, PLACE : PLACE + 3] = core[chosen]
     data[:, RADIUS_COLUMN] = radius
-    kind = np.repeat([FACE, EDGE, VERTEX], [n_faces, n_edges, n_vertices]).astype(
-        np.uint8
-    )
-    span, corners = (
-        np.zeros((len(data), 2), np.int64),
-        np.zeros((len(data), 2), np.int64),
-    )
+    kind = np.repeat([FACE, EDGE, VERTEX], [n_faces, n_edges, len(chosen)])
+    kind = kind.astype(np.uint8)
+
+    # The neighbours of faces, and the edges and normals of vertices.
+    span = np.zeros((len(data), 2), np.int64)
+    corners = np.zeros((len(data), 2), np.int64)
     near = _gentle_neighbours(core, faces, group, normals)
     span[:n_faces] = _ranges(near[:, 0], n_faces)
-    span[n_faces + n_edges :] = _ranges(owner, len(core))[chosen]
-    at = np.unique(np.column_stack([faces.ravel(), np.repeat(group, 3)]), axis=0)
-    corners[n_faces + n_edges :] = _ranges(at[:, 0], len(core))[chosen]
+    span[first_vertex:] = _ranges(owner, len(core))[chosen]
+    groups_at = np.column_stack([faces.ravel(), np.repeat(group, 3)])
+    groups_at = np.unique(groups_at, axis=0)
+    corners[first_vertex:] = _ranges(groups_at[:, 0], len(core))[chosen]
     box, cells, begin, items = _cells(core, faces, kind, data, radius)
     return Part(
-        kind, data, span, corners, near[:, 1].astype(np.int64), rays, -normals[at[:, 1]], box, cells, begin, items
-    )  # fmt: skip
+        kind=kind,
+        data=data,
+        span=span,
+        corners=corners,
+        near=near[:, 1].astype(np.int64),
+        rays=rays,
+        normals=-normals[groups_at[:, 1]],
+        box=box,
+        cells=cells,
+        begin=begin,
+        items=items,
+    )
+
+
+def _boxes(core, faces, kind, data, radius):
+    """Return the lower and upper corners of the boxes of all features, (n, 3) each."""
+    n_faces = len(faces)
+    low = np.zeros((len(kind), 3))
+    high = np.zeros((len(kind), 3))
+    # a face's wall lies one radius above its triangle
+    inward = data[:n_faces, None, FACE_NORMAL : FACE_NORMAL + 3]
+    lifted = core[faces] - radius * inward
+    low[:n_faces] = lifted.min(axis=1)
+    high[:n_faces] = lifted.max(axis=1)
+    for which in (EDGE, VERTEX):
+        rows = data[kind == which]
+        start = rows[:, PLACE : PLACE + 3]
+        end = start
+        if which == EDGE:
+            length = rows[:, EDGE_LENGTH : EDGE_LENGTH + 1]
+            end = start + length * rows[:, EDGE_ALONG : EDGE_ALONG + 3]
+        low[kind == which] = np.minimum(start, end) - radius
+        high[kind == which] = np.maximum(start, end) + radius
+    return low, high
 
 
 def _cells(core, faces, kind, data, radius):
-    """Cells of the mesh's box, about as many as features, and the features that reach into each."""
-    n = len(kind)
-    low, high = np.zeros((n, 3)), np.zeros((n, 3))
-    n_faces = len(faces)
-    # a face's wall lies one radius above its triangle
-    lifted = core[faces] - radius * data[:n_faces, None, 0:3]
-    low[:n_faces], high[:n_faces] = lifted.min(axis=1), lifted.max(axis=1)
-    for which in (EDGE, VERTEX):
-        rows = data[kind == which]
-        ends = np.stack([rows[:, 0:3]] * 2)
-        if which == EDGE:
-            ends[1] += rows[:, 6:7] * rows[:, 3:6]
-        low[kind == which], high[kind == which] = (
-            ends.min(axis=0) - radius,
-            ends.max(axis=0) + radius,
-        )
-    lower, upper = low.min(axis=0), high.max(axis=0)
+    """Divide the mesh's box into cells, about as many as there are features.
+
+    Returns
+    -------
+    box : ndarray (7,)
+        Lower corner, upper corner, edge of a cell.
+    shape : ndarray (3,)
+        Number of cells along each axis.
+    begin : ndarray
+        First item of each cell, and the end of the last one.
+    items : ndarray
+        The features that reach into each cell, one cell after another.
+    """
+    low, high = _boxes(core, faces, kind, data, radius)
+    lower = low.min(axis=0)
+    upper = high.max(axis=0)
     size = np.maximum(upper - lower, 1e-3 * np.max(upper - lower))
-    cell = float((size.prod() / n) ** (1.0 / 3.0))
-    lower, upper = lower - 1e-6 * cell, upper + 1e-6 * cell
+    cell = float((size.prod() / len(kind)) ** (1.0 / 3.0))
+    lower = lower - 1e-6 * cell
+    upper = upper + 1e-6 * cell
     shape = np.maximum(np.ceil((upper - lower) / cell), 1).astype(np.int64)
+    # Count the features of each cell, then write them.
     count = np.zeros(int(shape.prod()) + 1, np.int64)
-    put_in_cells(
-        low, high, kind, data, lower, cell, shape, count, np.zeros(0, np.int64)
-    )
+    no_items = np.zeros(0, np.int64)
+    put_in_cells(low, high, kind, data, lower, cell, shape, count, no_items)
     begin = np.concatenate([[0], np.cumsum(count[:-1])])
     items = np.zeros(max(int(begin[-1]), 1), np.int64)
-    put_in_cells(low, high, kind, data, lower, cell, shape, begin[:-1].copy(), items)
+    next_item = begin[:-1].copy()
+    put_in_cells(low, high, kind, data, lower, cell, shape, next_item, items)
     return np.concatenate([lower, upper, [cell]]), shape, begin, items
 
 
 @kernel
 def put_in_cells(low, high, kind, data, lower, cell, shape, place, items):
-    """Count the features of each cell in `place`, or, given an array for the items, write them from `place` on."""
+    """Count the features of each cell, or write them.
+
+    Parameters
+    ----------
+    low, high : array (n, 3)
+        Corners of the features' boxes.
+    kind, data : array
+        See `Meshes`.
+    lower, cell, shape : array (3,), float, array (3,)
+        Lower corner of the cells, their edge, and their number along each axis.
+    place : array
+        Of each cell the place of its next item; it grows by one with each item.
+    items : array
+        Is written, unless it is empty.
+    """
     for f in range(low.shape[0]):
-        i0, i1 = int((low[f, 0] - lower[0]) / cell), int((high[f, 0] - lower[0]) / cell)
-        j0, j1 = int((low[f, 1] - lower[1]) / cell), int((high[f, 1] - lower[1]) / cell)
-        k0, k1 = int((low[f, 2] - lower[2]) / cell), int((high[f, 2] - lower[2]) / cell)
-        n = data[f]
-        reach = 0.500001 * cell * (abs(n[0]) + abs(n[1]) + abs(n[2]))
+        i0 = int((low[f, 0] - lower[0]) / cell)
+        i1 = int((high[f, 0] - lower[0]) / cell)
+        j0 = int((low[f, 1] - lower[1]) / cell)
+        j1 = int((high[f, 1] - lower[1]) / cell)
+        k0 = int((low[f, 2] - lower[2]) / cell)
+        k1 = int((high[f, 2] - lower[2]) / cell)
+        # the plane of a face; of other features these numbers are not used
+        nx = data[f, FACE_NORMAL]
+        ny = data[f, FACE_NORMAL + 1]
+        nz = data[f, FACE_NORMAL + 2]
+        offset = data[f, FACE_OFFSET]
+        reach = 0.500001 * cell * (abs(nx) + abs(ny) + abs(nz))
         for i in range(i0, min(i1 + 1, shape[0])):
             for j in range(j0, min(j1 + 1, shape[1])):
                 for k in range(k0, min(k1 + 1, shape[2])):
+                    # the middle of the cell
                     x = lower[0] + (i + 0.5) * cell
                     y = lower[1] + (j + 0.5) * cell
                     z = lower[2] + (k + 0.5) * cell
                     # a slanting face misses most cells of its box
-                    if (
-                        kind[f] == FACE
-                        and abs(n[0] * x + n[1] * y + n[2] * z - n[3]) > reach
-                    ):
+                    distance = abs(nx * x + ny * y + nz * z - offset)
+                    if kind[f] == FACE and distance > reach:
                         continue
-                    c = (i * shape[1] + j) * shape[2] + k
+                    number = (i * shape[1] + j) * shape[2] + k
                     if items.shape[0] > 0:
-                        items[place[c]] = f
-                    place[c] += 1
+                        items[place[number]] = f
+                    place[number] += 1
+
+
+def _begins(parts, name):
+    """Return where the array `name` of each part begins in the joined array, and its end."""
+    lengths = [len(getattr(part, name)) for part in parts]
+    return np.cumsum([0, *lengths])
+
+
+def _joined(parts, name):
+    """Return the arrays `name` of all parts, one after another."""
+    return np.concatenate([getattr(part, name) for part in parts])
+
+
+def _shifted(parts, name, begins):
+    """Return the arrays `name` of all parts; numbers of rows count on from part to part.
+
+    `begins` says where the array that these numbers refer to begins, for each part.
+    """
+    arrays = []
+    for part, begin in zip(parts, begins, strict=False):
+        arrays.append(getattr(part, name) + begin)
+    return np.concatenate(arrays)
 
 
 def join(parts, slide):
-    """Return the features of several meshes as the kernels take them; slide: see `Meshes`."""
-    begins = {
-        name: np.cumsum([0, *(len(getattr(p, name)) for p in parts)])
-        for name in Part._fields
-    }
+    """Put the features of several meshes together, as the kernels take them.
 
-    def counted(name, of):
-        """Join numbers of the rows of another array, which count on from part to part."""
-        return np.concatenate(
-            [
-                getattr(p, name) + begin
-                for p, begin in zip(parts, begins[of], strict=False)
-            ]
-        )
+    Parameters
+    ----------
+    parts : sequence of Part
+        The features of each mesh.
+    slide : float
+        See `Meshes.slide`.
 
-    spans = [
-        p.span
-        + np.where(p.kind == VERTEX, begins["rays"][m], begins["near"][m])[:, None]
-        for m, p in enumerate(parts)
-    ]
+    Returns
+    -------
+    Meshes
+        The features of all meshes.
+    """
+    feature_begins = _begins(parts, "kind")
+    ray_begins = _begins(parts, "rays")
+    near_begins = _begins(parts, "near")
+    cell_begins = _begins(parts, "begin")
+    # the spans of vertices are places in `rays`, all others in `near`
+    spans = []
+    for number, part in enumerate(parts):
+        begin = np.where(part.kind == VERTEX, ray_begins[number], near_begins[number])
+        spans.append(part.span + begin[:, None])
+    n_features = feature_begins[-1]
     return Meshes(
-        **{
-            name: np.concatenate([getattr(p, name) for p in parts])
-            for name in ("kind", "data", "rays", "normals")
-        },
-        mesh=np.repeat(np.arange(len(parts)), np.diff(begins["kind"])),
+        kind=_joined(parts, "kind"),
+        data=_joined(parts, "data"),
+        mesh=np.repeat(np.arange(len(parts)), np.diff(feature_begins)),
         span=np.concatenate(spans),
-        corners=counted("corners", "normals"),
-        near=counted("near", "kind"),
-        box=np.array([p.box for p in parts]),
-        cells=np.column_stack([[p.cells for p in parts], begins["begin"][:-1]]),
-        begin=counted("begin", "items"),
-        items=counted("items", "kind"),
-        seen=np.zeros(begins["kind"][-1], np.int64),
+        corners=_shifted(parts, "corners", _begins(parts, "normals")),
+        near=_shifted(parts, "near", feature_begins),
+        rays=_joined(parts, "rays"),
+        normals=_joined(parts, "normals"),
+        box=np.array([part.box for part in parts]),
+        cells=np.column_stack([[part.cells for part in parts], cell_begins[:-1]]),
+        begin=_shifted(parts, "begin", _begins(parts, "items")),
+        items=_shifted(parts, "items", feature_begins),
+        seen=np.zeros(n_features, np.int64),
         stamp=np.zeros(1, np.int64),
         slide=np.array([slide]),
     )

@@ -1,12 +1,24 @@
 """Forces of all contacts: the same loops for smooth bodies and for clumps of spheres.
 
-`clumps` is an empty tuple in a simulation of smooth bodies, else a `clumps.Clumps`. The length of a tuple is part of
-its type, so numba compiles only the branch for the bodies of the simulation. The geometry of a contact is in `tile`,
-`walls` and `meshes` for smooth bodies, in `clump_tile` and `clump_walls` for spheres.
+Contacts are handled in tiles of L lanes. For each tile: copy the rows of its bodies into
+the scratch tile `t` (gather), compute the geometry, apply the force laws, handle the
+contacts that ended, and add the forces to the loads of the bodies (scatter). The kernels
+are `pair_forces`, and `plane_forces`, `curved_forces` and `mesh_forces` for walls.
+
+`clumps` is an empty tuple in a simulation of smooth bodies, else a `clumps.Clumps`. The
+length of a tuple is part of its type, so numba compiles only the branch for the bodies of
+the simulation. The geometry of a contact is in `tile`, `walls` and `meshes` for smooth
+bodies, in `clump_tile` and `clump_walls` for spheres.
+
+Reads `Bodies.rows`, the walls and `Physics`. Writes `Bodies.load` and `Bodies.touched`,
+the tiles `data` of the contacts, their `ended` and `gap`, the limits of contacts with
+walls that ended, and `Walls.loads`. Contacts with walls that ended are removed here, pairs
+that parted by `neighbours.retire_pairs` and `sphere_search.retire_spheres`.
 """
 
 from ..laws.law import contact_forces, reach, rolling_resistance, surfaces
 from . import clump_tile as ct
+from . import contact_geometry as cg
 from . import state as st
 from . import tile as tl
 from .clump_walls import (
@@ -17,11 +29,12 @@ from .clump_walls import (
     sphere_slid_off,
 )
 from .clumps import set_bit
+from .contact_geometry import arm_of, normal_of, shift_arm
 from .damped_mass import mass_of_pairs, mass_on_wall, spheres_on_meshes
 from .frames import load_walls, surface_velocity
 from .jit import inlined, kernel
 from .meshes import follow_mesh
-from .rows import L, write_vector
+from .rows import L, vector_at, write_vector
 from .simd import WIDTH, add_lanes_to_rows, gather, prefetch
 from .walls import (
     SAME_AZIMUTH,
@@ -32,12 +45,24 @@ from .walls import (
     slid_off,
 )
 
+ON_WALL, OF_PAIR = 1, 0  # values of `on_wall`
+OPEN = 1.0  # gap of a lane whose contact has no forces [m]
+
 
 @inlined
-def scatter(load, index, base, t, at):
-    """Add the forces and torques of a tile to the loads of its bodies."""
-    for k in range(0, L, WIDTH):
-        add_lanes_to_rows(load, 0, index, base + k, t, at + k, L)
+def scatter(load, index, base, t, first):
+    """Add the forces and torques of a tile to the loads of its bodies.
+
+    Lane k belongs to body index[base + k]; `first` is tl.TO_A or tl.TO_B.
+    """
+    for lane in range(0, L, WIDTH):
+        add_lanes_to_rows(load, 0, index, base + lane, t, first + lane, L)
+
+
+@inlined
+def gather_bodies(rows, index, base, t, first):
+    """Copy the rows of the bodies of a tile to the lanes of `t`; see `scatter`."""
+    gather(rows, rows.shape[1], index, base, t, first)
 
 
 @inlined
@@ -58,7 +83,11 @@ def fetch_bodies(rows, load, index, base):
 
 @inlined
 def fetch_contacts(pairs, load, rows, base):
-    """Prefetch the next tile but one, and the second bodies of the next tile; first bodies come nearly in order."""
+    """Prefetch what the next tiles of pairs need.
+
+    That is the tile of contacts after the next one, and the second bodies of the next
+    tile; the first bodies come nearly in order, so the processor fetches them itself.
+    """
     if base + 2 * L < pairs.first.shape[0]:
         for column in range(0, pairs.data.shape[1], WIDTH):
             prefetch(pairs.data, base // L + 2, column)
@@ -67,32 +96,34 @@ def fetch_contacts(pairs, load, rows, base):
 
 
 @inlined
-def mute_lane(t, lane):
-    """Take back the forces of a lane."""
-    for c in range(st.LOAD_COLUMNS):
-        t[tl.TO_A + c * L + lane] = 0.0
-        t[tl.TO_B + c * L + lane] = 0.0
+def zero_lane(t, lane):
+    """Zero the forces of a lane."""
+    for column in range(st.LOAD_COLUMNS):
+        t[tl.TO_A + column * L + lane] = 0.0
+        t[tl.TO_B + column * L + lane] = 0.0
 
 
 @inlined
 def fill_laws(t, physics, a, b):
-    """Give all lanes the constants of the force laws for two materials."""
+    """Write the constants of the force laws for materials a and b to all lanes."""
     tl.fill_constants(t, tl.LAW, physics.law_constants[a, b])
     tl.fill_constants(t, tl.ROLLING, physics.rolling_constants[a, b])
 
 
 @inlined
-def lane_laws(t, lane, physics, a, b):
-    """Give one lane the constants of the force laws for two materials."""
-    for c in range(physics.law_constants.shape[2]):
-        t[tl.LAW + c * L + lane] = physics.law_constants[a, b, c]
-    for c in range(physics.rolling_constants.shape[2]):
-        t[tl.ROLLING + c * L + lane] = physics.rolling_constants[a, b, c]
+def fill_lane_laws(t, lane, physics, a, b):
+    """Write the constants of the force laws for materials a and b to one lane."""
+    for number in range(physics.law_constants.shape[2]):
+        constant = physics.law_constants[a, b, number]
+        t[tl.LAW + number * L + lane] = constant
+    for number in range(physics.rolling_constants.shape[2]):
+        constant = physics.rolling_constants[a, b, number]
+        t[tl.ROLLING + number * L + lane] = constant
 
 
 @inlined
-def state_place(clumps, on_wall):
-    """Place of the force laws' first row in the tile of a contact."""
+def law_rows(clumps, on_wall):
+    """Return the first row of the force laws in the tile of a contact."""
     if len(clumps) == 0:
         return st.WALL_STATE if on_wall else st.PAIR_STATE
     return ct.WALL_STATE if on_wall else ct.PAIR_STATE
@@ -100,92 +131,121 @@ def state_place(clumps, on_wall):
 
 @inlined
 def apply_laws(t, c, physics, clumps, on_wall):
-    """Compute forces and torques of each lane by the force laws."""
-    at = state_place(clumps, on_wall)
-    surfaces(physics.law, t, c, 0 if len(clumps) == 0 else 1, on_wall)
-    contact_forces(physics.law, t, c, at, physics.dt)
+    """Compute forces and torques of each lane by the force laws.
+
+    `c` is the tile of the contacts, in which the laws keep their rows.
+    """
+    first = law_rows(clumps, on_wall)
+    of_spheres = 0 if len(clumps) == 0 else 1
+    surfaces(physics.law, t, c, of_spheres, on_wall)
+    contact_forces(physics.law, t, c, first, physics.dt)
     tl.torques(t)
-    rolling_resistance(physics.rolling, t, c, at + physics.n_state * L, physics.dt)
+    # the rows of the rolling law follow those of the contact law
+    rolling_resistance(physics.rolling, t, c, first + physics.n_state * L, physics.dt)
 
 
 @inlined
-def reach_of(c, physics, clumps, on_wall, lane):
-    """Gap at which the contact of a lane ends."""
-    return reach(physics.law, c, state_place(clumps, on_wall), lane)
+def end_gap(c, physics, clumps, on_wall, lane):
+    """Return the gap at which the contact of a lane ends [m]."""
+    return reach(physics.law, c, law_rows(clumps, on_wall), lane)
 
 
 @inlined
-def pair_geometry(t, contacts, parts, clumps):
+def pair_geometry(t, c, parts, clumps):
     """Compute normal, gap, effective radius and contact point of each lane's pair."""
     if len(clumps) == 0:
-        tl.pair_geometry(t, contacts, parts)
+        tl.pair_geometry(t, c, parts)
     else:
-        ct.sphere_pair_geometry(t, contacts)
+        ct.sphere_pair_geometry(t, c)
 
 
 @kernel
 def pair_forces(bodies, pairs, clumps, counts, physics, t, share, begin, end):
-    """Add the forces of the touching pairs begin to end (whole tiles) to a share of the loads; returns how many parted.
+    """Add the forces of touching pairs to one share of the loads.
 
-    The pairs that parted are written to pairs.ended from place `begin` on, their gaps to pairs.gap.
+    Parameters
+    ----------
+    share : int
+        Number of the share, the first index of `bodies.load`.
+    begin, end : int
+        The pairs of this share, in whole tiles.
+
+    Returns
+    -------
+    int
+        Number of the pairs that parted. They are written to `pairs.ended` from place
+        `begin` on, and their gaps to `pairs.gap`.
     """
     n = min(counts[st.N_PAIRS], end)
     load = bodies.load[share]
-    ended = 0
+    n_ended = 0
     fill_laws(t, physics, 0, 0)
-    share_column = st.share_column(physics.parts) * L
+    share_row = st.share_column(physics.parts) * L
+    # A large simulation has several shares and does not fit into the caches.
     large = bodies.load.shape[0] > 1
     for base in range(begin, n, L):
         contacts = pairs.data[base // L]
+        lanes = min(L, n - base)
         if large:
             fetch_contacts(pairs, load, bodies.rows, base)
         if physics.mixed_pairs:
             for lane in range(L):
                 k = base + lane
-                lane_laws(
-                    t,
-                    lane,
-                    physics,
-                    bodies.kind[pairs.first[k]],
-                    bodies.kind[pairs.second[k]],
-                )
-        gather(bodies.rows, bodies.rows.shape[1], pairs.first, base, t, tl.A)
-        gather(bodies.rows, bodies.rows.shape[1], pairs.second, base, t, tl.B)
+                kind_a = bodies.kind[pairs.first[k]]
+                kind_b = bodies.kind[pairs.second[k]]
+                fill_lane_laws(t, lane, physics, kind_a, kind_b)
+        gather_bodies(bodies.rows, pairs.first, base, t, tl.A)
+        gather_bodies(bodies.rows, pairs.second, base, t, tl.B)
         pair_geometry(t, contacts, physics.parts, clumps)
-        mass_of_pairs(t, contacts, pairs, physics.parts, clumps, base, min(L, n - base))
-        for k in range(L):
-            t[tl.SHARE + k] = min(
-                t[tl.A + share_column + k], t[tl.B + share_column + k]
+        mass_of_pairs(t, contacts, pairs, physics.parts, clumps, base, lanes)
+        # A contact takes the smaller share of its bodies, see `laws.tangential`.
+        for lane in range(L):
+            t[tl.SHARE + lane] = min(
+                t[tl.A + share_row + lane], t[tl.B + share_row + lane]
             )
-        apply_laws(t, contacts, physics, clumps, 0)
+        apply_laws(t, contacts, physics, clumps, OF_PAIR)
+        # Few tiles have a lane with a gap, so the others skip the loop over the lanes.
         if tl.open_lanes(t) > 0:
-            for lane in range(min(L, n - base)):
-                if t[tl.GAP + lane] > reach_of(contacts, physics, clumps, 0, lane):
-                    mute_lane(t, lane)
-                    pairs.gap[base + lane] = t[tl.GAP + lane]
-                    pairs.ended[begin + ended] = base + lane
-                    ended += 1
+            for lane in range(lanes):
+                gap = t[tl.GAP + lane]
+                if gap > end_gap(contacts, physics, clumps, OF_PAIR, lane):
+                    zero_lane(t, lane)
+                    pairs.gap[base + lane] = gap
+                    pairs.ended[begin + n_ended] = base + lane
+                    n_ended += 1
         scatter(load, pairs.first, base, t, tl.TO_A)
         scatter(load, pairs.second, base, t, tl.TO_B)
         if large:
             mark_touched(bodies, share, pairs.first, base)
             mark_touched(bodies, share, pairs.second, base)
-    return ended
+    return n_ended
 
 
 @kernel
 def still_wall(t):
-    """Set body B of each lane to a wall of infinite mass that neither moves nor turns."""
-    for k in range(L):
-        for c in range(st.SHAPE):
-            t[tl.B + c * L + k] = 0.0
-        for c in range(3):
-            t[tl.RB + c * L + k] = 0.0
+    """Make body B of each lane a wall: of infinite mass, neither moving nor turning."""
+    for lane in range(L):
+        for column in range(st.SHAPE):
+            t[tl.B + column * L + lane] = 0.0
+        # a wall has no arm, so its velocity at a contact is that of its columns
+        for axis in range(3):
+            t[tl.RB + axis * L + lane] = 0.0
 
 
 @inlined
-def wall_tile(bodies, contacts, walls, physics, first_wall, base, n, t):
-    """Constants of the laws and motion of the walls of a tile of contacts; `first_wall`: number of the first wall."""
+def fill_walls(bodies, contacts, walls, physics, first_wall, base, n, t):
+    """Write law constants and motion of the walls of a tile of contacts.
+
+    Nothing is written where all walls stand still and are of one material; then the
+    tile holds what `still_wall` and `fill_laws` wrote.
+
+    Parameters
+    ----------
+    first_wall : int
+        Number of the first wall of this kind.
+    base, n : int
+        The first contact of the tile, and the number of contacts in the list.
+    """
     if not (physics.mixed_walls or walls.approach[st.WALLS_MOVE] > 0.0):
         return
     for lane in range(L):
@@ -193,32 +253,28 @@ def wall_tile(bodies, contacts, walls, physics, first_wall, base, n, t):
         vx = vy = vz = ox = oy = oz = 0.0
         if k < n:
             wall = first_wall + contacts.wall[k]
-            ox, oy, oz = (
-                walls.motion[wall, 3],
-                walls.motion[wall, 4],
-                walls.motion[wall, 5],
-            )
+            ox, oy, oz = vector_at(walls.motion[wall], st.WALL_SPIN)
             if physics.mixed_walls:
-                lane_laws(
-                    t,
-                    lane,
-                    physics,
-                    bodies.kind[contacts.body[k]],
-                    walls.material[wall],
-                )
+                kind = bodies.kind[contacts.body[k]]
+                fill_lane_laws(t, lane, physics, kind, walls.material[wall])
+            # the wall's velocity at the contact point
             x = t[tl.A + lane] + t[tl.RA + lane]
             y = t[tl.A + L + lane] + t[tl.RA + L + lane]
             z = t[tl.A + 2 * L + lane] + t[tl.RA + 2 * L + lane]
             vx, vy, vz = surface_velocity(walls.motion[wall], x, y, z)
         write_vector(t, tl.B + st.VELOCITY * L, lane, vx, vy, vz)
-        # for laws of rolling; the arm of a wall is zero, so its contact's velocity is that above
+        # only laws of rolling use the angular velocity, since a wall has no arm
         write_vector(t, tl.B + st.ANGULAR_VELOCITY * L, lane, ox, oy, oz)
 
 
 @inlined
-def look_soon(bodies, contacts, walls, k, gap):
-    """Let the body and the wall of a contact be checked again when they may have closed a gap."""
-    wall, i = contacts.wall[k], contacts.body[k]
+def search_soon(bodies, contacts, walls, k, gap):
+    """Let the body and the wall of contact k be searched when they may have closed a gap.
+
+    Writes their limit, and when the body is due for walls.
+    """
+    wall = contacts.wall[k]
+    i = contacts.body[k]
     limit = bodies.displacement[i] + walls.approach[st.WALL_PATH] + max(gap, 0.0)
     contacts.limit[wall, i] = min(contacts.limit[wall, i], limit)
     bodies.wall_check[i] = min(bodies.wall_check[i], limit)
@@ -227,20 +283,24 @@ def look_soon(bodies, contacts, walls, k, gap):
 
 @inlined
 def wall_forces(bodies, contacts, clumps, walls, physics, first_wall, base, n, t):
-    """Compute the forces of a tile of contacts with walls whose geometry is known."""
+    """Compute the forces of a tile of contacts with walls whose geometry is known.
+
+    The arguments are those of `fill_walls`.
+    """
     c = contacts.data[base // L]
-    wall_tile(bodies, contacts, walls, physics, first_wall, base, n, t)
+    fill_walls(bodies, contacts, walls, physics, first_wall, base, n, t)
     mass_on_wall(t, c, contacts, physics.parts, clumps, base, min(L, n - base))
-    column = st.share_column(physics.parts) * L
-    for k in range(L):
-        t[tl.SHARE + k] = t[tl.A + column + k]
-    apply_laws(t, c, physics, clumps, 1)
+    share_row = st.share_column(physics.parts) * L
+    for lane in range(L):
+        t[tl.SHARE + lane] = t[tl.A + share_row + lane]
+    apply_laws(t, c, physics, clumps, ON_WALL)
 
 
 @inlined
 def add_wall_forces(bodies, contacts, walls, first_wall, base, n, t):
     """Add the forces of a tile of contacts with walls to the loads of bodies and walls."""
     load_walls(walls, first_wall, contacts, base, n, t)
+    # contacts with walls use the first share of the loads
     scatter(bodies.load[0], contacts.body, base, t, tl.TO_A)
     if bodies.load.shape[0] > 1:
         mark_touched(bodies, 0, contacts.body, base)
@@ -248,65 +308,68 @@ def add_wall_forces(bodies, contacts, walls, first_wall, base, n, t):
 
 @inlined
 def drop_touch(contacts, clumps, counts, slot, k, ghost):
-    """Remove contact k with a wall."""
+    """Remove contact k with a wall from its list; `slot`: its length in `counts`."""
     if len(clumps) > 0:
         forget_sphere(contacts, clumps, counts, slot, k)
     drop_wall_contact(contacts, counts, slot, k, ghost)
 
 
 @inlined
-def drop_ended(contacts, clumps, counts, slot, ended, ghost):
-    """Remove the contacts with walls that ended, the last first."""
-    for e in range(ended - 1, -1, -1):
+def drop_ended(contacts, clumps, counts, slot, n_ended, ghost):
+    """Remove the contacts with walls that ended, the last first.
+
+    A removed contact is replaced by the last one, so the places of the others stay valid.
+    """
+    for e in range(n_ended - 1, -1, -1):
         drop_touch(contacts, clumps, counts, slot, contacts.ended[e], ghost)
 
 
 @inlined
-def plane_geometry(t, contacts, parts, clumps):
-    """Gap, effective radius and contact point of each lane's body or sphere against a plane."""
+def plane_geometry(t, c, parts, clumps):
+    """Compute gap, effective radius and contact point of each lane on a plane."""
     if len(clumps) == 0:
-        tl.plane_geometry(t, contacts, parts)
+        tl.plane_geometry(t, c, parts)
     else:
-        ct.sphere_plane_geometry(t, contacts)
+        ct.sphere_plane_geometry(t, c)
 
 
 @kernel
 def plane_forces(bodies, flat, clumps, walls, counts, physics, t, ghost):
-    """Compute forces of all contacts with planes."""
+    """Compute and add the forces of all contacts with planes.
+
+    A contact that ended is removed, and its body is searched when the gap may close.
+    """
     n = counts[st.N_PLANE]
     large = bodies.load.shape[0] > 1
-    ended = 0
+    n_ended = 0
     for base in range(0, n, L):
         contacts = flat.data[base // L]
         if large and base + L < n:
             fetch_bodies(bodies.rows, bodies.load[0], flat.body, base + L)
-        gather(bodies.rows, bodies.rows.shape[1], flat.body, base, t, tl.A)
+        gather_bodies(bodies.rows, flat.body, base, t, tl.A)
         plane_geometry(t, contacts, physics.parts, clumps)
         wall_forces(bodies, flat, clumps, walls, physics, 0, base, n, t)
         if tl.open_lanes(t) > 0:
             for lane in range(min(L, n - base)):
                 gap = t[tl.GAP + lane]
-                if gap > reach_of(contacts, physics, clumps, 1, lane):
-                    mute_lane(t, lane)
-                    look_soon(
-                        bodies,
-                        flat,
-                        walls,
-                        base + lane,
-                        gap if gap < tl.BEYOND else 0.0,
-                    )
+                if gap > end_gap(contacts, physics, clumps, ON_WALL, lane):
+                    zero_lane(t, lane)
+                    # beyond the edge of a disc there is no gap to close
+                    way = gap if gap < tl.BEYOND else 0.0
+                    search_soon(bodies, flat, walls, base + lane, way)
                     if gap == tl.BEYOND:
-                        past_edge(flat, clumps, base + lane)
-                    flat.ended[ended] = base + lane
-                    ended += 1
+                        note_past_edge(flat, clumps, base + lane)
+                    flat.ended[n_ended] = base + lane
+                    n_ended += 1
         add_wall_forces(bodies, flat, walls, 0, base, n, t)
-    drop_ended(flat, clumps, counts, st.N_PLANE, ended, ghost)
+    drop_ended(flat, clumps, counts, st.N_PLANE, n_ended, ghost)
 
 
 @inlined
-def past_edge(flat, clumps, k):
-    """Note that contact k slid over the edge of a disc."""
-    wall, i = flat.wall[k], flat.body[k]
+def note_past_edge(flat, clumps, k):
+    """Note that contact k slid over the edge of a disc: it is past the wall."""
+    wall = flat.wall[k]
+    i = flat.body[k]
     if len(clumps) == 0:
         flat.deepest[wall, i] = 0.0
     else:
@@ -314,8 +377,8 @@ def past_edge(flat, clumps, k):
 
 
 @inlined
-def over_end(bodies, curved, clumps, walls, n, k, depth):
-    """Note that contact k with a cone, tube or ring slid over the end of the wall with an overlap of `depth`."""
+def note_past_end(bodies, curved, clumps, walls, n, k, depth):
+    """Note that contact k slid over the end of a curved wall, with an overlap of depth."""
     if len(clumps) == 0:
         slid_off(bodies, curved, walls, n, k, depth)
     else:
@@ -324,143 +387,227 @@ def over_end(bodies, curved, clumps, walls, n, k, depth):
 
 @inlined
 def is_double(contacts, k):
-    """Whether an earlier contact of the same body and wall has come to the same place."""
+    """Return whether an earlier contact of the same body and wall is at the same place.
+
+    Two contacts of a long body merge when the body turns across the wall.
+    """
     for m in range(k):
         if (
             contacts.body[m] == contacts.body[k]
             and contacts.wall[m] == contacts.wall[k]
         ):
-            apart = angle_between(azimuth(contacts.data, m), azimuth(contacts.data, k))
-            if apart < 0.5 * SAME_AZIMUTH:
+            angle = angle_between(azimuth(contacts.data, m), azimuth(contacts.data, k))
+            if angle < 0.5 * SAME_AZIMUTH:
                 return True
     return False
 
 
 @inlined
-def write_lane(t, contacts, lane, out):
-    """Write the geometry of one contact to its lane."""
-    write_vector(contacts, tl.N, lane, out[0], out[1], out[2])
-    write_vector(t, tl.RA, lane, out[5], out[6], out[7])
-    t[tl.GAP + lane] = out[3]
-    t[tl.RADIUS + lane] = out[4]
+def write_lane(t, c, lane, geometry):
+    """Copy the geometry of one contact to its lane of both tiles."""
+    nx, ny, nz = normal_of(geometry)
+    rx, ry, rz = arm_of(geometry)
+    write_vector(c, tl.N, lane, nx, ny, nz)
+    write_vector(t, tl.RA, lane, rx, ry, rz)
+    t[tl.GAP + lane] = geometry[cg.GAP]
+    t[tl.RADIUS + lane] = geometry[cg.RADIUS]
 
 
 @inlined
-def close_lanes(t, lanes):
-    """Open the unused lanes after the first `lanes`; they still hold another tile's geometry."""
+def open_unused_lanes(t, lanes):
+    """Give the lanes after the first `lanes` a gap: they hold another tile's geometry."""
     for lane in range(lanes, L):
-        t[tl.GAP + lane] = 1.0
+        t[tl.GAP + lane] = OPEN
 
 
 @inlined
-def curved_geometry(bodies, curved, clumps, walls, physics, t, lane, k, out, local):
-    """Write the geometry of contact k with a cone, tube or ring to its lane; returns whether the contact ended."""
+def curved_geometry(
+    bodies, curved, clumps, walls, physics, t, lane, k, geometry, local_row
+):
+    """Write the geometry of contact k with a cone, tube or ring to its lane.
+
+    `geometry` and `local_row` are scratch. Returns whether the contact ended.
+    """
     contacts = curved.data[k // L]
     row = bodies.rows[curved.body[k]]
     if len(clumps) == 0:
         on_wall = follow_wall(
-            physics.parts, row, walls, curved.wall[k], contacts, lane, out, local
+            physics.parts,
+            row,
+            walls,
+            curved.wall[k],
+            contacts,
+            lane,
+            geometry,
+            local_row,
         )
-        write_lane(t, contacts, lane, out)
-        contacts[st.GAP + lane] = out[3]
+        write_lane(t, contacts, lane, geometry)
+        contacts[st.GAP + lane] = geometry[cg.GAP]
         return (
-            out[3] > reach_of(contacts, physics, clumps, 1, lane)
+            geometry[cg.GAP] > end_gap(contacts, physics, clumps, ON_WALL, lane)
             or not on_wall
             or (physics.parts != st.SPHERES and is_double(curved, k))
         )
-    x, y, z = sphere_arm(row, contacts, lane)
+    arm_x, arm_y, arm_z = sphere_arm(row, contacts, lane)
+    x, y, z = vector_at(row, st.POSITION)
     beyond = sphere_on_curved(
         walls,
         curved.wall[k],
-        row[0] + x,
-        row[1] + y,
-        row[2] + z,
+        x + arm_x,
+        y + arm_y,
+        z + arm_z,
         contacts[ct.RADIUS + lane],
-        out,
+        geometry,
     )
-    out[5] += x
-    out[6] += y
-    out[7] += z
-    write_lane(t, contacts, lane, out)
-    return out[3] > reach_of(contacts, physics, clumps, 1, lane) or beyond > 0.0
+    shift_arm(geometry, arm_x, arm_y, arm_z)
+    write_lane(t, contacts, lane, geometry)
+    return (
+        geometry[cg.GAP] > end_gap(contacts, physics, clumps, ON_WALL, lane)
+        or beyond > 0.0
+    )
 
 
 @kernel
-def curved_forces(bodies, curved, clumps, walls, counts, physics, t, out, local, ghost):
-    """Compute forces of all contacts with cones, tubes and rings."""
+def curved_forces(
+    bodies, curved, clumps, walls, counts, physics, t, geometry, local_row, ghost
+):
+    """Compute and add the forces of all contacts with cones, tubes and rings.
+
+    `geometry` (8,) and `local_row` are scratch.
+    """
     n = counts[st.N_CURVED]
-    ended = 0
+    first_wall = walls.planes.shape[0]
+    n_ended = 0
     for base in range(0, n, L):
         lanes = min(L, n - base)
         contacts = curved.data[base // L]
-        gather(bodies.rows, bodies.rows.shape[1], curved.body, base, t, tl.A)
-        close_lanes(t, lanes)
+        gather_bodies(bodies.rows, curved.body, base, t, tl.A)
+        open_unused_lanes(t, lanes)
         for lane in range(lanes):
             k = base + lane
             if curved_geometry(
-                bodies, curved, clumps, walls, physics, t, lane, k, out, local
+                bodies, curved, clumps, walls, physics, t, lane, k, geometry, local_row
             ):
-                curved.ended[ended] = k
-                ended += 1
+                curved.ended[n_ended] = k
+                n_ended += 1
                 if t[tl.GAP + lane] <= 0.0:
-                    over_end(bodies, curved, clumps, walls, n, k, -t[tl.GAP + lane])
-                t[tl.GAP + lane] = 1.0
-        wall_forces(
-            bodies, curved, clumps, walls, physics, walls.planes.shape[0], base, n, t
-        )
+                    depth = -t[tl.GAP + lane]
+                    note_past_end(bodies, curved, clumps, walls, n, k, depth)
+                t[tl.GAP + lane] = OPEN
+        wall_forces(bodies, curved, clumps, walls, physics, first_wall, base, n, t)
         for lane in range(lanes):
-            if t[tl.GAP + lane] > reach_of(contacts, physics, clumps, 1, lane):
-                mute_lane(t, lane)
-                look_soon(bodies, curved, walls, base + lane, 0.0)
-        add_wall_forces(bodies, curved, walls, walls.planes.shape[0], base, n, t)
-    drop_ended(curved, clumps, counts, st.N_CURVED, ended, ghost)
+            if t[tl.GAP + lane] > end_gap(contacts, physics, clumps, ON_WALL, lane):
+                zero_lane(t, lane)
+                search_soon(bodies, curved, walls, base + lane, 0.0)
+        add_wall_forces(bodies, curved, walls, first_wall, base, n, t)
+    drop_ended(curved, clumps, counts, st.N_CURVED, n_ended, ghost)
 
 
 @inlined
 def mesh_geometry(
-    bodies, meshed, clumps, walls, meshes, physics, n, k, out, other, local
+    bodies,
+    meshed,
+    clumps,
+    walls,
+    meshes,
+    physics,
+    n,
+    k,
+    geometry,
+    other_geometry,
+    local_row,
 ):
-    """Write the geometry of contact k with a mesh to `out`; returns whether there is a contact."""
-    end = reach_of(meshed.data[k // L], physics, clumps, 1, k % L)
+    """Fill `geometry` for contact k with a mesh; return whether the contact lasts.
+
+    `other_geometry` and `local_row` are scratch.
+    """
+    end = end_gap(meshed.data[k // L], physics, clumps, ON_WALL, k % L)
     if len(clumps) == 0:
         return follow_mesh(
-            bodies, physics.parts, walls, meshes, meshed, n, k, end, out, other, local
+            bodies,
+            physics.parts,
+            walls,
+            meshes,
+            meshed,
+            n,
+            k,
+            end,
+            geometry,
+            other_geometry,
+            local_row,
         )
     return follow_sphere(
-        bodies, walls, meshes, meshed, clumps, n, k, end, out, other, local
+        bodies,
+        walls,
+        meshes,
+        meshed,
+        clumps,
+        n,
+        k,
+        end,
+        geometry,
+        other_geometry,
+        local_row,
     )
 
 
 @kernel
 def mesh_forces(
-    bodies, meshed, clumps, walls, meshes, counts, physics, t, out, other, local, ghost
+    bodies,
+    meshed,
+    clumps,
+    walls,
+    meshes,
+    counts,
+    physics,
+    t,
+    geometry,
+    other_geometry,
+    local_row,
+    ghost,
 ):
-    """Compute forces of all contacts with meshes."""
+    """Compute and add the forces of all contacts with meshes.
+
+    `geometry` (8,), `other_geometry` (8,) and `local_row` are scratch.
+    """
     n = counts[st.N_MESHED]
-    first_wall = walls.planes.shape[0] + walls.cones.shape[0] + walls.rings.shape[0]
-    ended = 0
+    n_curved = walls.cones.shape[0] + walls.rings.shape[0]
+    first_wall = walls.planes.shape[0] + n_curved
+    n_ended = 0
     if len(clumps) > 0:
         spheres_on_meshes(meshed, clumps.mesh_sphere, n)
     for base in range(0, n, L):
         lanes = min(L, n - base)
         contacts = meshed.data[base // L]
-        gather(bodies.rows, bodies.rows.shape[1], meshed.body, base, t, tl.A)
-        close_lanes(t, lanes)
+        gather_bodies(bodies.rows, meshed.body, base, t, tl.A)
+        open_unused_lanes(t, lanes)
         for lane in range(lanes):
             k = base + lane
             touching = mesh_geometry(
-                bodies, meshed, clumps, walls, meshes, physics, n, k, out, other, local
+                bodies,
+                meshed,
+                clumps,
+                walls,
+                meshes,
+                physics,
+                n,
+                k,
+                geometry,
+                other_geometry,
+                local_row,
             )
-            write_lane(t, contacts, lane, out)
-            contacts[st.GAP + lane] = out[3]
+            write_lane(t, contacts, lane, geometry)
+            contacts[st.GAP + lane] = geometry[cg.GAP]
             if not touching:
-                meshed.ended[ended] = k
-                ended += 1
-                t[tl.GAP + lane] = 1.0
+                meshed.ended[n_ended] = k
+                n_ended += 1
+                t[tl.GAP + lane] = OPEN
         wall_forces(bodies, meshed, clumps, walls, physics, first_wall, base, n, t)
         for lane in range(lanes):
-            if t[tl.GAP + lane] > reach_of(contacts, physics, clumps, 1, lane):
-                mute_lane(t, lane)
-                meshed.limit[meshed.wall[base + lane], meshed.body[base + lane]] = -1.0
+            if t[tl.GAP + lane] > end_gap(contacts, physics, clumps, ON_WALL, lane):
+                zero_lane(t, lane)
+                # search the mesh in the next step
+                k = base + lane
+                meshed.limit[meshed.wall[k], meshed.body[k]] = -1.0
         add_wall_forces(bodies, meshed, walls, first_wall, base, n, t)
-    drop_ended(meshed, clumps, counts, st.N_MESHED, ended, ghost)
+    drop_ended(meshed, clumps, counts, st.N_MESHED, n_ended, ghost)

@@ -1,83 +1,139 @@
-"""Walls in any place and motion: their frames, the velocity of their surface, and the load on them."""
+"""Walls in any place and motion: their frames, the velocity of their surface, their load.
+
+Reads `Walls.motion` and `Walls.moves`. `move_walls` writes the places of moving walls
+(`Walls.planes`, `Walls.frames`), their pivots and `Walls.approach`;
+`move_plane_contacts` writes the planes in the tiles of `WallContacts.data`; `load_walls`
+adds to `Walls.loads`. A frame is a row of `Walls.frames` (12,): the origin, then the
+rotation from the frame's axes to the world's, row by row.
+"""
 
 import math
 
+from . import contact_geometry as cg
 from . import state as st
 from . import tile as tl
 from .jit import inlined, kernel
-from .rows import L
-from .state import PART, POSITION, SHAPE, SPHERE_RADIUS, SPHERES
+from .rows import L, lane_vector, set_vector, vector_at
+from .state import FRAME_ORIGIN, FRAME_ROTATION, PART, SHAPE, SPHERES
+
+
+@inlined
+def rotation_of(frame):
+    """Return the nine numbers of the rotation of a frame, row by row."""
+    xx, xy, xz = vector_at(frame, FRAME_ROTATION)
+    yx, yy, yz = vector_at(frame, FRAME_ROTATION + 3)
+    zx, zy, zz = vector_at(frame, FRAME_ROTATION + 6)
+    return xx, xy, xz, yx, yy, yz, zx, zy, zz
 
 
 @inlined
 def into_frame(frame, x, y, z):
-    """Return a world vector in the axes of a frame (12,)."""
+    """Return a vector of the world in the axes of a frame."""
+    xx, xy, xz, yx, yy, yz, zx, zy, zz = rotation_of(frame)
     return (
-        frame[3] * x + frame[6] * y + frame[9] * z,
-        frame[4] * x + frame[7] * y + frame[10] * z,
-        frame[5] * x + frame[8] * y + frame[11] * z,
+        xx * x + yx * y + zx * z,
+        xy * x + yy * y + zy * z,
+        xz * x + yz * y + zz * z,
     )
 
 
 @inlined
 def out_of_frame(frame, x, y, z):
-    """Return a vector of a frame (12,) in world axes."""
+    """Return a vector of a frame in world axes."""
+    xx, xy, xz, yx, yy, yz, zx, zy, zz = rotation_of(frame)
     return (
-        frame[3] * x + frame[4] * y + frame[5] * z,
-        frame[6] * x + frame[7] * y + frame[8] * z,
-        frame[9] * x + frame[10] * y + frame[11] * z,
+        xx * x + xy * y + xz * z,
+        yx * x + yy * y + yz * z,
+        zx * x + zy * y + zz * z,
     )
 
 
 @inlined
-def rotate_to_world(frame, values, at):
-    """Rotate three numbers of an array from a frame into the world, in place."""
-    values[at], values[at + 1], values[at + 2] = out_of_frame(
-        frame, values[at], values[at + 1], values[at + 2]
-    )
+def place_in_frame(frame, x, y, z):
+    """Return a place in the world as seen from a frame."""
+    x0, y0, z0 = vector_at(frame, FRAME_ORIGIN)
+    return into_frame(frame, x - x0, y - y0, z - z0)
 
 
 @inlined
-def contact_to_world(walls, wall, out):
-    """Rotate normal and contact point of a contact from the frame of a curved wall or mesh into the world."""
-    if walls.displaced[wall]:
-        rotate_to_world(walls.frames[wall], out, 0)
-        rotate_to_world(walls.frames[wall], out, 5)
+def rotate_to_world(frame, values, first):
+    """Rotate three numbers of an array from a frame into world axes, in place."""
+    x, y, z = vector_at(values, first)
+    x, y, z = out_of_frame(frame, x, y, z)
+    set_vector(values, first, x, y, z)
+
+
+@inlined
+def normal_to_world(walls, frame, geometry):
+    """Rotate the normal of a contact geometry from a frame into world axes."""
+    if walls.displaced[frame]:
+        rotate_to_world(walls.frames[frame], geometry, cg.NORMAL)
+
+
+@inlined
+def contact_to_world(walls, frame, geometry):
+    """Rotate normal and arm of a contact geometry from a frame into world axes.
+
+    `frame` is the number of the wall's frame: curved walls first, then meshes.
+    """
+    if walls.displaced[frame]:
+        rotate_to_world(walls.frames[frame], geometry, cg.NORMAL)
+        rotate_to_world(walls.frames[frame], geometry, cg.ARM)
+
+
+@inlined
+def mesh_frame(walls, mesh):
+    """Return the number of the frame of a mesh in `Walls.frames`."""
+    return walls.cones.shape[0] + walls.rings.shape[0] + mesh
 
 
 @kernel
-def row_in_frame(row, parts, frame, local):
-    """Position and shape of a body as seen from a frame, written to `local` (a row)."""
-    x, y, z = into_frame(frame, row[0] - frame[0], row[1] - frame[1], row[2] - frame[2])
-    local[POSITION], local[POSITION + 1], local[POSITION + 2] = x, y, z
+def row_in_frame(row, parts, frame, local_row):
+    """Write position and shape of a body, as seen from a frame, to `local_row`.
+
+    Both are rows of `Bodies.rows`; the other columns of `local_row` keep their values.
+    """
+    x, y, z = vector_at(row, st.POSITION)
+    x, y, z = place_in_frame(frame, x, y, z)
+    set_vector(local_row, st.POSITION, x, y, z)
     if parts == SPHERES:
-        local[SPHERE_RADIUS] = row[SPHERE_RADIUS]
+        local_row[st.SPHERE_RADIUS] = row[st.SPHERE_RADIUS]
     for part in range(parts):
+        # The columns of the symmetric matrix S, each rotated into the frame: R' S.
         s = SHAPE + PART * part
-        # the columns of S, each into the frame; then the rows
         ax, ay, az = into_frame(frame, row[s], row[s + 1], row[s + 2])
         bx, by, bz = into_frame(frame, row[s + 1], row[s + 3], row[s + 4])
         cx, cy, cz = into_frame(frame, row[s + 2], row[s + 4], row[s + 5])
-        local[s], local[s + 1], local[s + 2] = into_frame(frame, ax, bx, cx)
-        _xy, local[s + 3], local[s + 4] = into_frame(frame, ay, by, cy)
-        _xz, _yz, local[s + 5] = into_frame(frame, az, bz, cz)
+        # Then the rows of that: R' S R. Only the upper triangle is kept.
+        xx, xy, xz = into_frame(frame, ax, bx, cx)
+        _yx, yy, yz = into_frame(frame, ay, by, cy)
+        _zx, _zy, zz = into_frame(frame, az, bz, cz)
+        set_vector(local_row, s, xx, xy, xz)
+        set_vector(local_row, s + 3, yy, yz, zz)
 
 
 @inlined
 def surface_velocity(motion, x, y, z):
-    """Velocity of a moving wall (9,) at a place."""
-    rx, ry, rz = x - motion[6], y - motion[7], z - motion[8]
+    """Return the velocity of a moving wall at a place: v + omega x r.
+
+    `motion` is a row of `Walls.motion`.
+    """
+    vx, vy, vz = vector_at(motion, st.WALL_VELOCITY)
+    ox, oy, oz = vector_at(motion, st.WALL_SPIN)
+    px, py, pz = vector_at(motion, st.WALL_PIVOT)
+    rx, ry, rz = x - px, y - py, z - pz
     return (
-        motion[0] + motion[4] * rz - motion[5] * ry,
-        motion[1] + motion[5] * rx - motion[3] * rz,
-        motion[2] + motion[3] * ry - motion[4] * rx,
+        vx + oy * rz - oz * ry,
+        vy + oz * rx - ox * rz,
+        vz + ox * ry - oy * rx,
     )
 
 
 @inlined
 def rotated_about(angle, ux, uy, uz, x, y, z):
-    """Return a vector rotated by an angle about a unit axis (Rodrigues)."""
-    cos, sin = math.cos(angle), math.sin(angle)
+    """Return a vector rotated by an angle [rad] about a unit axis u (Rodrigues)."""
+    cos = math.cos(angle)
+    sin = math.sin(angle)
     along = (ux * x + uy * y + uz * z) * (1.0 - cos)
     return (
         x * cos + (uy * z - uz * y) * sin + ux * along,
@@ -88,78 +144,108 @@ def rotated_about(angle, ux, uy, uz, x, y, z):
 
 @kernel
 def move_walls(walls, dt):
-    """Move all moving walls by one time step."""
+    """Move all moving walls by one time step [s].
+
+    Writes the planes and frames of these walls, their pivots, and how far any wall may
+    have come nearer.
+    """
     planes = walls.planes
     n_planes = planes.shape[0]
-    for w in range(walls.moves.shape[0]):
-        if walls.moves[w] == 0:
+    for wall in range(walls.moves.shape[0]):
+        if walls.moves[wall] == 0:
             continue
-        motion = walls.motion[w]
-        px, py, pz = motion[6], motion[7], motion[8]
-        rate = math.sqrt(motion[3] ** 2 + motion[4] ** 2 + motion[5] ** 2)
-        inv = 1.0 / rate if rate > 0.0 else 0.0
-        ux, uy, uz = motion[3] * inv, motion[4] * inv, motion[5] * inv
+        motion = walls.motion[wall]
+        px, py, pz = vector_at(motion, st.WALL_PIVOT)
+        ox, oy, oz = vector_at(motion, st.WALL_SPIN)
+        rate = math.sqrt(ox**2 + oy**2 + oz**2)
+        inverse = 1.0 / rate if rate > 0.0 else 0.0
+        ux, uy, uz = ox * inverse, oy * inverse, oz * inverse
         angle = rate * dt
-        place = planes[w] if w < n_planes else walls.frames[w - n_planes]
+        # a plane is moved itself, another wall with its frame; both begin with a place
+        place = planes[wall] if wall < n_planes else walls.frames[wall - n_planes]
         x, y, z = rotated_about(
             angle, ux, uy, uz, place[0] - px, place[1] - py, place[2] - pz
         )
-        for c in range(3):
-            motion[6 + c] += dt * motion[c]
-        place[0], place[1], place[2] = motion[6] + x, motion[7] + y, motion[8] + z
-        if w < n_planes:
-            place[3], place[4], place[5] = rotated_about(
-                angle, ux, uy, uz, place[3], place[4], place[5]
-            )
+        for axis in range(3):
+            motion[st.WALL_PIVOT + axis] += dt * motion[st.WALL_VELOCITY + axis]
+        px, py, pz = vector_at(motion, st.WALL_PIVOT)
+        set_vector(place, 0, px + x, py + y, pz + z)
+        if wall < n_planes:
+            nx, ny, nz = vector_at(place, st.PLANE_NORMAL)
+            nx, ny, nz = rotated_about(angle, ux, uy, uz, nx, ny, nz)
+            set_vector(place, st.PLANE_NORMAL, nx, ny, nz)
         else:
-            for c in range(3):
+            # the columns of the rotation are the axes of the frame
+            for axis in range(3):
+                column = FRAME_ROTATION + axis
                 x, y, z = rotated_about(
-                    angle, ux, uy, uz, place[3 + c], place[6 + c], place[9 + c]
+                    angle,
+                    ux,
+                    uy,
+                    uz,
+                    place[column],
+                    place[column + 3],
+                    place[column + 6],
                 )
-                place[3 + c], place[6 + c], place[9 + c] = x, y, z
+                place[column] = x
+                place[column + 3] = y
+                place[column + 6] = z
     walls.approach[st.WALL_PATH] += dt * walls.approach[st.WALL_SPEED]
 
 
 @kernel
 def move_plane_contacts(flat, walls, n):
-    """Move the contacts with moving planes to the present places of the planes."""
+    """Write the present place of moving planes to the first n contacts with planes."""
     for k in range(n):
         wall = flat.wall[k]
         if walls.moves[wall]:
-            write_plane(flat.data[k // st.LANES], k % st.LANES, walls.planes[wall])
+            write_plane(flat.data[k // L], k % L, walls.planes[wall])
 
 
 @inlined
 def write_plane(tile, lane, plane):
-    """Write a plane into a lane of contacts: normal, offset, middle, squared radius."""
+    """Write normal, offset, middle and squared radius of a plane to a contact's lane."""
     offset = 0.0
-    for c in range(3):
-        tile[st.NORMAL + c * st.LANES + lane] = plane[3 + c]
-        tile[st.MIDDLE + c * st.LANES + lane] = plane[c]
-        offset += plane[3 + c] * plane[c]
+    for axis in range(3):
+        normal = plane[st.PLANE_NORMAL + axis]
+        point = plane[st.PLANE_POINT + axis]
+        tile[st.NORMAL + axis * L + lane] = normal
+        tile[st.MIDDLE + axis * L + lane] = point
+        offset += normal * point
     tile[st.OFFSET + lane] = offset
-    tile[st.RADIUS2 + lane] = plane[6] * plane[6]
+    radius = plane[st.PLANE_RADIUS]
+    tile[st.RADIUS2 + lane] = radius * radius
 
 
 @inlined
 def load_walls(walls, first_wall, contacts, base, n, t):
-    """Add the forces of a tile of contacts, and their torques about the origin, to the loads of the walls, if asked.
+    """Add the loads of a tile of contacts to their walls, if the user asked for them.
 
-    The arm of a wall is zero, so the torque on B is only the couple of a law of rolling.
+    Parameters
+    ----------
+    first_wall : int
+        Number of the first wall of this kind.
+    contacts : WallContacts
+        Contacts with walls of one kind; the tile begins with contact `base`.
+    n : int
+        Number of contacts in the list.
+    t : array
+        Scratch tile with the forces on the bodies.
     """
     if walls.loads.shape[0] == 0:
         return
     for lane in range(min(L, n - base)):
         load = walls.loads[first_wall + contacts.wall[base + lane]]
-        fx, fy, fz = (
-            -t[tl.TO_A + lane],
-            -t[tl.TO_A + L + lane],
-            -t[tl.TO_A + 2 * L + lane],
-        )
+        force_x, force_y, force_z = lane_vector(t, tl.TO_A, lane)
+        fx, fy, fz = -force_x, -force_y, -force_z
+        # The torque on B is only the couple of a law of rolling: a wall has no arm.
+        couple_x, couple_y, couple_z = lane_vector(t, tl.TO_B + st.TORQUE * L, lane)
         x = t[tl.A + lane] + t[tl.RA + lane]
         y = t[tl.A + L + lane] + t[tl.RA + L + lane]
         z = t[tl.A + 2 * L + lane] + t[tl.RA + 2 * L + lane]
-        load[0], load[1], load[2] = load[0] + fx, load[1] + fy, load[2] + fz
-        load[3] += y * fz - z * fy + t[tl.TO_B + 3 * L + lane]
-        load[4] += z * fx - x * fz + t[tl.TO_B + 4 * L + lane]
-        load[5] += x * fy - y * fx + t[tl.TO_B + 5 * L + lane]
+        load[0] += fx
+        load[1] += fy
+        load[2] += fz
+        load[3] += y * fz - z * fy + couple_x
+        load[4] += z * fx - x * fz + couple_y
+        load[5] += x * fy - y * fx + couple_z

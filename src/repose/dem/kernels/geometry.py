@@ -1,33 +1,47 @@
 """Directions and support functions of one body, as scalars.
 
-A body is a sum of K ellipsoids with common axes (a Minkowski sum): its support function is h(n) = sum_k sqrt(n' S_k n)
-with S_k = R diag(a_k^2) R', smooth and convex for any K. The row of a body (see `state`) holds the S_k in the world
-frame, so no kernel turns a vector into the body's frame.
+A body is a Minkowski sum of ellipsoids ("parts") with common axes. Its support function
+is h(n) = sum_k sqrt(n' S_k n) with S_k = R diag(a_k^2) R', smooth and convex for any
+number of parts. The functions read a row of `Bodies.rows`, which holds the matrices S_k
+in world axes (or in those of a wall, see `frames.row_in_frame`), and write nothing.
+
+Names used here and in the solvers:
+
+    h               support value h(n): extent of the body along the unit vector n [m]
+    (x, y, z)       support point: the body's outermost point along n, from its centre
+    u, w            unit tangents; n, u and w are perpendicular
+    Q = grad grad h curvature matrix: its eigenvalues are the principal radii [m]
 """
 
 import math
 
 from .jit import inlined
+from .rows import vector_at
 from .simd import rsqrt
 from .state import PART, SHAPE, SPHERE_RADIUS, SPHERES
 
 
 @inlined
 def tangents(nx, ny, nz):
-    """Two unit vectors that make a right-handed frame (t1, t2, n) with a unit n (Duff et al. 2017)."""
-    s = math.copysign(1.0, nz)
-    a = -1.0 / (s + nz)
+    """Return two unit vectors u and w that make (u, w, n) a right-handed frame.
+
+    Method of Duff et al. (2017); n must have unit length.
+    """
+    sign = math.copysign(1.0, nz)
+    a = -1.0 / (sign + nz)
     b = nx * ny * a
-    return 1.0 + s * nx * nx * a, s * b, -s * nx, b, s + ny * ny * a, -ny
+    return 1.0 + sign * nx * nx * a, sign * b, -sign * nx, b, sign + ny * ny * a, -ny
 
 
 @inlined
-def stepped(nx, ny, nz, s1, s2):
-    """Return a unit vector after a step in its tangent plane."""
+def stepped(nx, ny, nz, step_u, step_w):
+    """Return a unit vector after a step along its `tangents`, normalised again."""
     ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
-    x, y, z = nx + s1 * ux + s2 * wx, ny + s1 * uy + s2 * wy, nz + s1 * uz + s2 * wz
-    inv = 1.0 / math.sqrt(x * x + y * y + z * z)
-    return x * inv, y * inv, z * inv
+    x = nx + step_u * ux + step_w * wx
+    y = ny + step_u * uy + step_w * wy
+    z = nz + step_u * uz + step_w * wz
+    inverse = 1.0 / math.sqrt(x * x + y * y + z * z)
+    return x * inverse, y * inverse, z * inverse
 
 
 @inlined
@@ -37,29 +51,39 @@ def matrix_times(xx, xy, xz, yy, yz, zz, x, y, z):
 
 
 @inlined
+def shape_matrix(row, part):
+    """Return the matrix S (xx, xy, xz, yy, yz, zz) of one part of a body [m^2]."""
+    first = SHAPE + PART * part
+    xx, xy, xz = vector_at(row, first)
+    yy, yz, zz = vector_at(row, first + 3)
+    return xx, xy, xz, yy, yz, zz
+
+
+@inlined
 def times_shape(row, part, x, y, z):
-    """S_k times a vector."""
-    s = SHAPE + PART * part
-    return matrix_times(
-        row[s], row[s + 1], row[s + 2], row[s + 3], row[s + 4], row[s + 5], x, y, z
-    )
+    """Multiply the matrix S of one part of a body by a vector."""
+    xx, xy, xz, yy, yz, zz = shape_matrix(row, part)
+    return matrix_times(xx, xy, xz, yy, yz, zz, x, y, z)
 
 
 @inlined
 def extent(row, parts, nx, ny, nz):
-    """Support value h(n) of a body."""
+    """Return the support value h(n) of a body [m]."""
     if parts == SPHERES:
         return row[SPHERE_RADIUS]
     h = 0.0
-    for k in range(parts):
-        x, y, z = times_shape(row, k, nx, ny, nz)
+    for part in range(parts):
+        x, y, z = times_shape(row, part, nx, ny, nz)
         h += math.sqrt(nx * x + ny * y + nz * z)
     return h
 
 
 @inlined
 def part_terms(xx, xy, xz, yy, yz, zz, nx, ny, nz):
-    """Support point S n / h of a part with the matrix S, and its curvature (S - x x') / h; h is the root of n.S n."""
+    """Return support point (3) and curvature matrix (6) of a part with the matrix S.
+
+    The support point is x = S n / h with h = sqrt(n.S n), the curvature (S - x x') / h.
+    """
     x, y, z = matrix_times(xx, xy, xz, yy, yz, zz, nx, ny, nz)
     inv = rsqrt(nx * x + ny * y + nz * z)
     x, y, z = inv * x, inv * y, inv * z
@@ -70,10 +94,10 @@ def part_terms(xx, xy, xz, yy, yz, zz, nx, ny, nz):
 
 @inlined
 def add_part(row, part, nx, ny, nz, x, y, z, xx, xy, xz, yy, yz, zz):
-    """Add the `part_terms` of one part of a body to a support point and a curvature matrix."""
-    s = SHAPE + PART * part
+    """Add the `part_terms` of one part of a body to a support point and a curvature."""
+    sxx, sxy, sxz, syy, syz, szz = shape_matrix(row, part)
     px, py, pz, pxx, pxy, pxz, pyy, pyz, pzz = part_terms(
-        row[s], row[s + 1], row[s + 2], row[s + 3], row[s + 4], row[s + 5], nx, ny, nz
+        sxx, sxy, sxz, syy, syz, szz, nx, ny, nz
     )
     return (
         x + px,
@@ -90,36 +114,46 @@ def add_part(row, part, nx, ny, nz, x, y, z, xx, xy, xz, yy, yz, zz):
 
 @inlined
 def area(xx, xy, xz, yy, yz, zz):
-    """Product of the two principal radii of curvature; the third eigenvalue of the curvature matrix is 0."""
+    """Return the product of the two principal radii of a curvature matrix [m^2].
+
+    The third eigenvalue, along the normal, is zero, so the product is the second
+    invariant of the matrix.
+    """
     return xx * yy - xy * xy + (xx * zz - xz * xz) + (yy * zz - yz * yz)
 
 
 @inlined
 def support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz):
-    """h, x.u, x.w, Q_uu, Q_uw, Q_ww in direction n with tangents u, w: support value and point, Q = grad grad h."""
+    """Return h, x.u, x.w, Q_uu, Q_uw and Q_ww of a body in direction n.
+
+    h is the support value [m], x.u and x.w are the tangential components of the support
+    point x [m], and Q is the curvature matrix in the tangents u and w [m].
+    """
     if parts == SPHERES:
         return row[SPHERE_RADIUS], 0.0, 0.0, row[SPHERE_RADIUS], 0.0, row[SPHERE_RADIUS]
     h = 0.0
-    g1 = 0.0
-    g2 = 0.0
-    q11 = 0.0
-    q12 = 0.0
-    q22 = 0.0
-    for k in range(parts):
-        x, y, z = times_shape(row, k, nx, ny, nz)
+    along_u = 0.0
+    along_w = 0.0
+    q_uu = 0.0
+    q_uw = 0.0
+    q_ww = 0.0
+    for part in range(parts):
+        x, y, z = times_shape(row, part, nx, ny, nz)
         square = nx * x + ny * y + nz * z
+        # a part that the body does not have is a matrix of zeros
         if square <= 0.0:
             continue
-        hk = math.sqrt(square)
-        inv = 1.0 / hk
-        xu = (x * ux + y * uy + z * uz) * inv
-        xw = (x * wx + y * wy + z * wz) * inv
-        h += hk
-        g1 += xu
-        g2 += xw
-        x, y, z = times_shape(row, k, ux, uy, uz)
-        q11 += (x * ux + y * uy + z * uz - xu * xu) * inv
-        q12 += (x * wx + y * wy + z * wz - xu * xw) * inv
-        x, y, z = times_shape(row, k, wx, wy, wz)
-        q22 += (x * wx + y * wy + z * wz - xw * xw) * inv
-    return h, g1, g2, q11, q12, q22
+        h_part = math.sqrt(square)
+        inv = 1.0 / h_part
+        part_u = (x * ux + y * uy + z * uz) * inv
+        part_w = (x * wx + y * wy + z * wz) * inv
+        h += h_part
+        along_u += part_u
+        along_w += part_w
+        # Q of this part is (S - x x') / h, here between u and u, u and w, w and w
+        x, y, z = times_shape(row, part, ux, uy, uz)
+        q_uu += (x * ux + y * uy + z * uz - part_u * part_u) * inv
+        q_uw += (x * wx + y * wy + z * wz - part_u * part_w) * inv
+        x, y, z = times_shape(row, part, wx, wy, wz)
+        q_ww += (x * wx + y * wy + z * wz - part_w * part_w) * inv
+    return h, along_u, along_w, q_uu, q_uw, q_ww

@@ -1,8 +1,9 @@
-"""The compiler settings of every kernel.
+"""The compiler settings of every kernel, and the decorators that apply them.
 
-Of the fast-math flags only `contract` (fused multiply-add) is on. It does not reorder sums, so the bits of a result do
-not depend on how the optimiser inlined the code. Kernels allocate nothing, so reference counting is off (`_nrt`): it
-would cost two atomic operations for each view of a row.
+Of the fast-math flags only `contract` (fused multiply-add) is on. It does not reorder
+sums, so the bits of a result do not depend on how the optimiser inlined the code. Kernels
+allocate nothing, so reference counting is off (`_nrt`): it would cost two atomic
+operations for each view of a row.
 """
 
 import math
@@ -23,41 +24,39 @@ OPTIONS: dict[str, Any] = {
     "error_model": "numpy",
     "_nrt": False,
 }
-# Without the code by which C calls a function, and without the one by which Python does.
+# Python calls a kernel: without the code by which C calls it.
 FROM_PYTHON: dict[str, Any] = {"no_cfunc_wrapper": True}
+# Another kernel calls it: without the code by which Python calls it, either.
 FROM_KERNELS: dict[str, Any] = FROM_PYTHON | {"no_cpython_wrapper": True}
-# Options of a small function that numba always inlines into its callers.
+# A small function that is always inlined into its callers.
 INLINED: dict[str, Any] = OPTIONS | FROM_KERNELS | {"forceinline": True}
 
 
 def use_widest_vectors() -> None:
-    """Use vectors of 512 bits where the processor has them; a user's NUMBA_CPU_NAME or NUMBA_CPU_FEATURES has priority.
+    """Use vectors of 512 bits where the processor has them.
 
-    LLVM prefers 256 bits on many processors, which is slower here; the bits of the results are the same.
+    LLVM prefers 256 bits on many processors, which is slower here; the bits of the
+    results are the same. A user's NUMBA_CPU_NAME or NUMBA_CPU_FEATURES has priority.
     """
-    config: Any = (
-        numba.config
-    )  # numba makes its settings when it is imported, so their types are not seen
+    # numba makes its settings when it is imported, so their types are not known
+    config: Any = numba.config
     features = binding.get_host_cpu_features()
-    if (
-        features.get("avx512f")
-        and config.CPU_NAME is None
-        and config.CPU_FEATURES is None
-    ):
+    set_by_user = config.CPU_NAME is not None or config.CPU_FEATURES is not None
+    if features.get("avx512f") and not set_by_user:
         config.CPU_NAME = binding.get_host_cpu_name()
         config.CPU_FEATURES = features.flatten() + ",-prefer-256-bit"
 
 
 use_widest_vectors()
 
-# With NUMBA_DISABLE_JIT=1 the kernels run as Python, to be measured or debugged. A root is then a number of numpy,
-# which can be divided by when it is 0, as in compiled code.
+# With NUMBA_DISABLE_JIT=1 the kernels run as Python, to be measured or debugged. A root is
+# then a number of numpy, by which one can divide when it is 0, as in compiled code.
 JIT_OFF = bool(getattr(numba.config, "DISABLE_JIT", 0))
 _MATH = SimpleNamespace(**{**vars(math), "sqrt": lambda x: np.sqrt(np.float64(x))})
 
 
 def _as_python(function):
-    """Return a kernel as a Python function that divides by zero as the compiled kernel does."""
+    """Return a kernel as a Python function that divides by zero as compiled code does."""
     function.__globals__["math"] = _MATH
     return function
 
@@ -65,15 +64,25 @@ def _as_python(function):
 class Kernel:
     """A compiled function, cached on disk.
 
-    The code that reads the arguments of a call from Python takes up to a third of the time to compile; what kernels
-    call is compiled without it.
+    There are two compiled versions, made when they are needed: one that Python calls, and
+    one that kernels call. The code that reads the arguments of a call from Python takes
+    up to a third of the time to compile, and the second version is without it.
+
+    Parameters
+    ----------
+    function : callable
+        The Python function.
+    options : mapping
+        Options of `numba.njit`.
     """
 
     def __init__(
         self, function: Callable[..., Any], options: Mapping[str, Any]
     ) -> None:
-        self.py_func, self._options = function, options
-        self._text = cache.text_hash(function.__code__.co_filename)  # as it is imported
+        self.py_func = function
+        self._options = options
+        # of the file as it is imported; it may change on disk later
+        self._text = cache.text_hash(function.__code__.co_filename)
 
     @cached_property
     def from_python(self) -> Any:
@@ -85,8 +94,9 @@ class Kernel:
         """The dispatcher that kernels call."""
         return self._dispatcher(FROM_KERNELS)
 
-    def _dispatcher(self, entries):
-        options = {**self._options, **entries}
+    def _dispatcher(self, caller_options):
+        """Make a dispatcher of numba that uses our cache."""
+        options = {**self._options, **caller_options}
         dispatcher = numba.njit(**options)(self.py_func)
         if self._text:
             dispatcher._cache = cache.KernelCache(self.py_func, options, self._text)
@@ -101,7 +111,13 @@ class Kernel:
 
 @typeof_impl.register(Kernel)
 def _type(kernel, context):
+    """Return numba's type of a `Kernel` that is called in another one."""
     return typeof_impl(kernel.from_kernels, context)
+
+
+def _compiled_with(function, options):
+    """Return a `Kernel`, or a Python function where the compiler is off."""
+    return _as_python(function) if JIT_OFF else Kernel(function, options)
 
 
 def compiled(function):
@@ -111,20 +127,14 @@ def compiled(function):
 
 def kernel(function):
     """Compile a function of floats and arrays."""
-    return _as_python(function) if JIT_OFF else Kernel(function, OPTIONS)
+    return _compiled_with(function, OPTIONS)
 
 
 def kernel_without_gil(function):
     """Compile a kernel that several Python threads run at the same time."""
-    return (
-        _as_python(function) if JIT_OFF else Kernel(function, OPTIONS | {"nogil": True})
-    )
+    return _compiled_with(function, OPTIONS | {"nogil": True})
 
 
 def inlined(function):
     """Compile a small function that is always inlined into its callers."""
-    return (
-        _as_python(function)
-        if JIT_OFF
-        else Kernel(function, OPTIONS | {"forceinline": True})
-    )
+    return _compiled_with(function, OPTIONS | {"forceinline": True})

@@ -1,4 +1,8 @@
-"""Contacts in tiles: write a contact, or move it."""
+"""Lists of contacts whose data lie in tiles: begin a contact, or move it in the list.
+
+`data` is an array (tiles, rows * L), see `state.Pairs` and `state.WallContacts`. Contact
+k of a list is lane k % L of tile k // L. The functions write `data` in place.
+"""
 
 from . import state as st
 from .jit import inlined
@@ -7,8 +11,9 @@ from .rows import L, write_vector
 
 @inlined
 def put_contact(data, k, nx, ny, nz):
-    """Begin contact k with a normal; all else that the geometry and the force laws keep is zero."""
-    tile, lane = data[k // L], k % L
+    """Begin contact k with a normal; set all other rows to zero."""
+    tile = data[k // L]
+    lane = k % L
     write_vector(tile, st.NORMAL, lane, nx, ny, nz)
     for row in range(st.PAIR_STATE, data.shape[1], L):
         tile[row + lane] = 0.0
@@ -16,6 +21,8 @@ def put_contact(data, k, nx, ny, nz):
 
 @inlined
 def move_contact(data, source, target):
-    """Copy a contact over another."""
-    for c in range(data.shape[1] // L):
-        data[target // L, c * L + target % L] = data[source // L, c * L + source % L]
+    """Copy the numbers of contact `source` over those of contact `target`."""
+    for row in range(data.shape[1] // L):
+        data[target // L, row * L + target % L] = data[
+            source // L, row * L + source % L
+        ]

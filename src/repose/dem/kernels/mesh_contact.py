@@ -1,85 +1,128 @@
-"""Contact of a body with one feature of a mesh: a face, a convex edge or a convex vertex (see `features`).
+"""Contact of one body with one feature of a mesh: a face, a convex edge or vertex.
 
-The overlap of a body is the largest f(n) = n.(place - centre) - h(n) - edge radius over the normals n of a feature: one
-normal for a face, an arc about an edge, a patch of the sphere at a vertex. These sets fit together without gap or
-overlap, and so do the conditions under which a feature is touched: the body's deepest point along n lies within the
-face, beyond its side along the arc of the edge, and so on. All vectors are in the frame of the mesh.
+The overlap of a body is the largest value of
+
+    f(n) = n.(place - centre) - h(n) - edge radius
+
+over the normals n of a feature (see `features`): one normal for a face, an arc about an
+edge, a patch of the sphere at a vertex. These sets fit together without gap or overlap.
+So do the conditions under which a feature is touched: the body's outermost point along n
+lies within the face, beyond the face's side along the arc of the edge, and so on.
+
+All vectors are in the frame of the mesh. Reads a row of a body and of `Meshes.data`;
+writes only `geometry` (see `contact_geometry`).
 """
 
 import math
+from collections import namedtuple
 
-from .contact import LONGEST_STEP
-from .features import EDGE, FACE, RADIUS_COLUMN, SIDES, STRICT
+from . import contact_geometry as cg
+from .contact import DOWNHILL, LEAST_DETERMINANT, LONGEST_STEP
+from .contact_geometry import arm_of, write_contact
+from .features import (
+    EDGE,
+    EDGE_ALONG,
+    EDGE_ANGLE,
+    EDGE_LENGTH,
+    EDGE_NORMAL,
+    EDGE_TURN,
+    FACE,
+    FACE_NORMAL,
+    FACE_OFFSET,
+    PLACE,
+    RADIUS_COLUMN,
+    SIDE_COLUMNS,
+    SIDES,
+    STRICT,
+)
 from .geometry import extent, stepped, support_terms, tangents
 from .jit import inlined, kernel
-from .wall_contact import effective_radius, write_contact
+from .rows import vector_at
+from .state import POSITION
+from .wall_contact import UPHILL_TURN, effective_radius, limited_turn
 
-# A contact that is handed over may lie so far outside its new feature [m], or rounding could lose it between two.
+# A contact that is handed over to a feature may lie this far outside it [m]. Without
+# this, rounding could lose it between two features.
 SLACK = 1e-8
-# An edge bends to its full curvature over this angle from its faces' normals [rad], so that R* has no jump there.
+# The curvature of an edge grows from zero at its faces' normals to its full value over
+# this angle [rad], so that R* does not jump where a body rolls from a face to an edge.
 BLEND = 0.2
-OUTSIDE = -1e300
+OUTSIDE = -1e300  # distance inside a feature where there is no contact with it
+EDGE_ITERATIONS = 40
+EDGE_CONVERGED = 1e-10  # step at which the search about an edge ends [rad]
+VERTEX_ITERATIONS = 60
+VERTEX_CONVERGED = 1e-20  # squared step at which the search at a vertex ends
+
+# The value of f at an angle about an edge, its first and second derivative, and how far
+# along the edge the body's outermost point lies [m].
+EdgeValues = namedtuple("EdgeValues", "f slope bend along")
 
 
 @inlined
-def ascent_step(g1, g2, q11, q12, q22, f):
-    """One Newton step on the sphere, or a scaled gradient step where the Hessian is not definite."""
-    a = q11 + f
-    c = q22 + f
-    det = a * c - q12 * q12
-    trace = q11 + q22
-    definite = (a > 0.0) and (c > 0.0) and (det > 1e-3 * trace * trace)
+def ascent_step(gradient_u, gradient_w, q_uu, q_uw, q_ww, f):
+    """Return one Newton step on the sphere, or a scaled gradient step.
+
+    The gradient step is taken where the Hessian -(Q + f I) is not definite. A step
+    longer than LONGEST_STEP is cut.
+    """
+    a_uu = q_uu + f
+    a_ww = q_ww + f
+    det = a_uu * a_ww - q_uw * q_uw
+    trace = q_uu + q_ww
+    definite = (
+        (a_uu > 0.0) and (a_ww > 0.0) and (det > LEAST_DETERMINANT * trace * trace)
+    )
     if definite:
-        s1 = (c * g1 - q12 * g2) / det
-        s2 = (a * g2 - q12 * g1) / det
+        step_u = (a_ww * gradient_u - q_uw * gradient_w) / det
+        step_w = (a_uu * gradient_w - q_uw * gradient_u) / det
     else:
-        s1 = g1 / trace
-        s2 = g2 / trace
-    length = math.sqrt(s1 * s1 + s2 * s2)
+        step_u = gradient_u / trace
+        step_w = gradient_w / trace
+    length = math.sqrt(step_u * step_u + step_w * step_w)
     if length > LONGEST_STEP:
-        s1 *= LONGEST_STEP / length
-        s2 *= LONGEST_STEP / length
-    return s1, s2
+        step_u *= LONGEST_STEP / length
+        step_w *= LONGEST_STEP / length
+    return step_u, step_w
 
 
 @inlined
 def curvature(angle, radius):
-    """Curvature of a rounded edge at an angle from the nearest face's normal: 0 there, 1 / radius from BLEND on."""
-    x = min(max(angle, 0.0) / BLEND, 1.0)
-    return x * x * (3.0 - 2.0 * x) / radius
+    """Return the curvature of a rounded edge at an angle from the nearest face's normal.
+
+    It is 0 at the normal and 1 / radius from the angle BLEND on.
+    """
+    share = min(max(angle, 0.0) / BLEND, 1.0)
+    return share * share * (3.0 - 2.0 * share) / radius
 
 
 @kernel
-def face_contact(row, parts, face, out):
-    """Contact with a face: fills `out`; returns how far inside the triangle the deepest point lies [m]."""
-    nx, ny, nz = face[0], face[1], face[2]
+def face_contact(row, parts, face, geometry):
+    """Fill `geometry` for a body and a face.
+
+    Returns
+    -------
+    float
+        How far inside the triangle the contact point lies [m]; negative outside.
+    """
+    nx, ny, nz = vector_at(face, FACE_NORMAL)
+    x, y, z = vector_at(row, POSITION)
     ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
-    h, x1, x2, q11, q12, q22 = support_terms(
+    h, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
-    gap = face[3] - (nx * row[0] + ny * row[1] + nz * row[2] + h)
+    gap = face[FACE_OFFSET] - (nx * x + ny * y + nz * z + h)
+    radius = math.sqrt(q_uu * q_ww - q_uw * q_uw)
     write_contact(
-        out,
-        nx,
-        ny,
-        nz,
-        gap,
-        math.sqrt(q11 * q22 - q12 * q12),
-        h,
-        x1,
-        x2,
-        ux,
-        uy,
-        uz,
-        wx,
-        wy,
-        wz,
+        geometry, nx, ny, nz, gap, radius, h, along_u, along_w, ux, uy, uz, wx, wy, wz
     )
-    px, py, pz = row[0] + out[5], row[1] + out[6], row[2] + out[7]
+    arm_x, arm_y, arm_z = arm_of(geometry)
+    px, py, pz = x + arm_x, y + arm_y, z + arm_z
     inside = 1e300
     for side in range(3):
-        s = SIDES + 4 * side
-        depth = face[s] * px + face[s + 1] * py + face[s + 2] * pz - face[s + 3]
+        first = SIDES + SIDE_COLUMNS * side
+        sx, sy, sz = vector_at(face, first)
+        depth = sx * px + sy * py + sz * pz - face[first + 3]
+        # a point exactly on a side belongs to one of the two faces only
         if depth == 0.0 and face[STRICT + side] > 0.0:
             depth = -1e-300
         inside = min(inside, depth)
@@ -87,226 +130,287 @@ def face_contact(row, parts, face, out):
 
 
 @inlined
-def edge_terms(row, parts, edge, angle):
-    """f, its slope and bend at an angle about an edge, how far along the edge the deepest point lies, and the rest."""
-    cos, sin = math.cos(angle), math.sin(angle)
-    nx, ny, nz = (
-        edge[7] * cos + edge[10] * sin,
-        edge[8] * cos + edge[11] * sin,
-        edge[9] * cos + edge[12] * sin,
-    )
-    ux, uy, uz = (
-        edge[10] * cos - edge[7] * sin,
-        edge[11] * cos - edge[8] * sin,
-        edge[12] * cos - edge[9] * sin,
-    )
-    wx, wy, wz = edge[3], edge[4], edge[5]
-    h, x1, x2, q11, q12, q22 = support_terms(
+def edge_axes(edge, angle):
+    """Return the normal n at an angle about an edge, and the tangent u to which it turns."""
+    cos = math.cos(angle)
+    sin = math.sin(angle)
+    ax, ay, az = vector_at(edge, EDGE_NORMAL)
+    bx, by, bz = vector_at(edge, EDGE_TURN)
+    nx, ny, nz = ax * cos + bx * sin, ay * cos + by * sin, az * cos + bz * sin
+    ux, uy, uz = bx * cos - ax * sin, by * cos - ay * sin, bz * cos - az * sin
+    return nx, ny, nz, ux, uy, uz
+
+
+@inlined
+def edge_support(row, parts, edge, nx, ny, nz, ux, uy, uz):
+    """Return `EdgeValues` for a normal n about an edge, and the body's support terms."""
+    wx, wy, wz = vector_at(edge, EDGE_ALONG)
+    h, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
-    dx, dy, dz = edge[0] - row[0], edge[1] - row[1], edge[2] - row[2]
+    px, py, pz = vector_at(edge, PLACE)
+    x, y, z = vector_at(row, POSITION)
+    dx, dy, dz = px - x, py - y, pz - z
     level = nx * dx + ny * dy + nz * dz - h
-    slope = ux * dx + uy * dy + uz * dz - x1
-    along = x2 - (wx * dx + wy * dy + wz * dz)
-    return (
-        level - edge[RADIUS_COLUMN],
-        slope,
-        -(level + q11),
-        along,
-        nx,
-        ny,
-        nz,
-        ux,
-        uy,
-        uz,
-        h,
-        x1,
-        x2,
-        q11,
-        q12,
-        q22,
+    slope = ux * dx + uy * dy + uz * dz - along_u
+    along = along_w - (wx * dx + wy * dy + wz * dz)
+    values = EdgeValues(level - edge[RADIUS_COLUMN], slope, -(level + q_uu), along)
+    return values, h, along_u, along_w, q_uu, q_uw, q_ww
+
+
+@inlined
+def edge_values(row, parts, edge, angle):
+    """Return `EdgeValues` at an angle about an edge."""
+    nx, ny, nz, ux, uy, uz = edge_axes(edge, angle)
+    values, _h, _along_u, _along_w, _q_uu, _q_uw, _q_ww = edge_support(
+        row, parts, edge, nx, ny, nz, ux, uy, uz
     )
+    return values
 
 
 @kernel
-def edge_contact(row, parts, edge, angle, out):
-    """Contact with an edge at an angle (already a maximum of f): fills `out`; returns how far along it lies [m]."""
-    gap, _slope, _bend, along, nx, ny, nz, ux, uy, uz, h, x1, x2, q11, q12, q22 = (
-        edge_terms(row, parts, edge, angle)
+def edge_contact(row, parts, edge, angle, geometry):
+    """Fill `geometry` for a body and an edge, at an angle that is a maximum of f.
+
+    Returns how far along the edge the contact lies [m].
+    """
+    nx, ny, nz, ux, uy, uz = edge_axes(edge, angle)
+    wx, wy, wz = vector_at(edge, EDGE_ALONG)
+    values, h, along_u, along_w, q_uu, q_uw, q_ww = edge_support(
+        row, parts, edge, nx, ny, nz, ux, uy, uz
     )
-    bent = curvature(min(angle, edge[13] - angle), edge[RADIUS_COLUMN])
-    radius = effective_radius(q11, q12, q22, bent, 0.0)
+    to_face = min(angle, edge[EDGE_ANGLE] - angle)
+    edge_curvature = curvature(to_face, edge[RADIUS_COLUMN])
+    radius = effective_radius(q_uu, q_uw, q_ww, edge_curvature, 0.0)
     write_contact(
-        out, nx, ny, nz, gap, radius, h, x1, x2, ux, uy, uz, edge[3], edge[4], edge[5]
+        geometry,
+        nx,
+        ny,
+        nz,
+        values.f,
+        radius,
+        h,
+        along_u,
+        along_w,
+        ux,
+        uy,
+        uz,
+        wx,
+        wy,
+        wz,
     )
-    return along
+    return values.along
+
+
+@inlined
+def edge_turn(slope, bend):
+    """Return a Newton step about an edge, or a short step uphill where f is not concave."""
+    return -slope / bend if bend < 0.0 else math.copysign(UPHILL_TURN, slope)
 
 
 @inlined
 def climb_edge(row, parts, edge, angle):
-    """One Newton step towards the maximum of f about an edge."""
-    terms = edge_terms(row, parts, edge, angle)
-    slope, bend = terms[1], terms[2]
-    step = -slope / bend if bend < 0.0 else math.copysign(0.05, slope)
-    return angle + min(max(step, -0.2), 0.2)
+    """Return the angle after one Newton step towards the maximum of f about an edge."""
+    values = edge_values(row, parts, edge, angle)
+    turn = edge_turn(values.slope, values.bend)
+    return angle + limited_turn(turn)
 
 
 @kernel
-def solve_edge(row, parts, edge, out):
-    """Maximum of f within the arc of an edge: fills `out`; returns its angle, how far inside, and the largest f found.
+def solve_edge(row, parts, edge, geometry):
+    """Find the maximum of f within the arc of an edge, and fill `geometry` for it.
 
-    Inside means between the ends and between the normals of the two faces, as lengths [m]; OUTSIDE without a maximum in
-    the arc.
+    Returns
+    -------
+    angle : float
+        Where it is [rad].
+    inside : float
+        How far inside the feature it lies [m]: between the ends of the edge and between
+        the normals of its two faces. OUTSIDE where the arc has no maximum.
+    best : float
+        The largest f found.
     """
-    low, high = 0.0, edge[13]
-    first = edge_terms(row, parts, edge, low)
-    last = edge_terms(row, parts, edge, high)
-    best = max(first[0], last[0])
-    inside = min(first[1], -last[1])
+    low = 0.0
+    high = edge[EDGE_ANGLE]
+    first = edge_values(row, parts, edge, low)
+    last = edge_values(row, parts, edge, high)
+    best = max(first.f, last.f)
+    inside = min(first.slope, -last.slope)
     if inside < -SLACK:
         return 0.0, OUTSIDE, best
-    angle = (
-        0.5 * high
-        if first[1] > 0.0 and last[1] < 0.0
-        else (0.0 if first[1] <= 0.0 else high)
-    )
-    for _ in range(40):
-        if not (first[1] > 0.0 and last[1] < 0.0):
+    # Where f rises at the first normal and falls at the last one, a maximum lies between.
+    if first.slope > 0.0 and last.slope < 0.0:
+        angle = 0.5 * high
+    elif first.slope <= 0.0:
+        angle = 0.0
+    else:
+        angle = high
+    for _ in range(EDGE_ITERATIONS):
+        if not (first.slope > 0.0 and last.slope < 0.0):
             break
-        terms = edge_terms(row, parts, edge, angle)
-        slope, bend = terms[1], terms[2]
-        if slope > 0.0:
+        values = edge_values(row, parts, edge, angle)
+        if values.slope > 0.0:
             low = angle
         else:
             high = angle
-        step = -slope / bend if bend < 0.0 else math.copysign(0.05, slope)
-        if not low <= angle + step <= high:
-            step = 0.5 * (low + high) - angle
-        angle += step
-        if abs(step) < 1e-10:
+        # Newton's method, or a bisection where its step leaves the interval
+        turn = edge_turn(values.slope, values.bend)
+        if not low <= angle + turn <= high:
+            turn = 0.5 * (low + high) - angle
+        angle += turn
+        if abs(turn) < EDGE_CONVERGED:
             break
-    along = edge_contact(row, parts, edge, angle, out)
-    return angle, min(inside, min(along, edge[6] - along)), max(best, out[3])
+    along = edge_contact(row, parts, edge, angle, geometry)
+    inside = min(inside, min(along, edge[EDGE_LENGTH] - along))
+    return angle, inside, max(best, geometry[cg.GAP])
 
 
 @inlined
-def vertex_terms(row, parts, vertex, nx, ny, nz):
-    """Gap f of a vertex for a normal, and the step (s1, s2) to the next normal."""
+def vertex_step(row, parts, vertex, nx, ny, nz):
+    """Return f of a vertex for a normal, and the step to the next normal."""
     ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
-    h, x1, x2, q11, q12, q22 = support_terms(
+    h, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
-    dx, dy, dz = vertex[0] - row[0], vertex[1] - row[1], vertex[2] - row[2]
+    px, py, pz = vector_at(vertex, PLACE)
+    x, y, z = vector_at(row, POSITION)
+    dx, dy, dz = px - x, py - y, pz - z
     level = nx * dx + ny * dy + nz * dz - h
-    g1 = dx * ux + dy * uy + dz * uz - x1
-    g2 = dx * wx + dy * wy + dz * wz - x2
-    s1, s2 = ascent_step(g1, g2, q11, q12, q22, level)
-    return level - vertex[RADIUS_COLUMN], s1, s2
+    gradient_u = dx * ux + dy * uy + dz * uz - along_u
+    gradient_w = dx * wx + dy * wy + dz * wz - along_w
+    step_u, step_w = ascent_step(gradient_u, gradient_w, q_uu, q_uw, q_ww, level)
+    return level - vertex[RADIUS_COLUMN], step_u, step_w
 
 
 @kernel
-def vertex_contact(row, parts, meshes, feature, nx, ny, nz, out):
-    """Contact with a vertex for a normal (already a maximum of f): fills `out`; returns the least sine inside.
+def vertex_contact(row, parts, meshes, feature, nx, ny, nz, geometry):
+    """Fill `geometry` for a body and a vertex, for a normal that is a maximum of f.
 
-    Inside means between the normals of all its faces, that is, on the inner side of every edge.
+    Returns
+    -------
+    float
+        How far the normal lies inside the vertex's set, as a sine: the least over all
+        its edges. It is negative where the normal is not between those of all faces.
     """
     vertex = meshes.data[feature]
+    # The edge to which the normal is nearest.
     inside = 1e300
     ux, uy, uz = 1.0, 0.0, 0.0
     for k in range(meshes.span[feature, 0], meshes.span[feature, 1]):
-        ray = meshes.rays[k]
-        sine = nx * ray[0] + ny * ray[1] + nz * ray[2]
+        rx, ry, rz = vector_at(meshes.rays[k], 0)
+        sine = nx * rx + ny * ry + nz * rz
         if sine < inside:
             inside = sine
-            ux, uy, uz = ray[0], ray[1], ray[2]
+            ux, uy, uz = rx, ry, rz
+    # The face to whose normal it is nearest.
     nearest = -1.0
     for k in range(meshes.corners[feature, 0], meshes.corners[feature, 1]):
-        normal = meshes.normals[k]
-        nearest = max(nearest, nx * normal[0] + ny * normal[1] + nz * normal[2])
-    # along the nearest edge the curvature begins at zero, as on the edge itself
-    along = nx * ux + ny * uy + nz * uz
-    ux, uy, uz = ux - along * nx, uy - along * ny, uz - along * nz
-    inv = 1.0 / math.sqrt(max(ux * ux + uy * uy + uz * uz, 1e-30))
-    ux, uy, uz = ux * inv, uy * inv, uz * inv
+        fx, fy, fz = vector_at(meshes.normals[k], 0)
+        nearest = max(nearest, nx * fx + ny * fy + nz * fz)
+    # Tangents: u along the nearest edge. Along it the curvature begins at zero, as on
+    # the edge itself.
+    along_n = nx * ux + ny * uy + nz * uz
+    ux, uy, uz = ux - along_n * nx, uy - along_n * ny, uz - along_n * nz
+    inverse = 1.0 / math.sqrt(max(ux * ux + uy * uy + uz * uz, 1e-30))
+    ux, uy, uz = ux * inverse, uy * inverse, uz * inverse
     wx, wy, wz = ny * uz - nz * uy, nz * ux - nx * uz, nx * uy - ny * ux
-    h, x1, x2, q11, q12, q22 = support_terms(
+    h, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
     edge_radius = vertex[RADIUS_COLUMN]
-    gap = (
-        nx * (vertex[0] - row[0])
-        + ny * (vertex[1] - row[1])
-        + nz * (vertex[2] - row[2])
-        - h
-        - edge_radius
+    px, py, pz = vector_at(vertex, PLACE)
+    x, y, z = vector_at(row, POSITION)
+    gap = nx * (px - x) + ny * (py - y) + nz * (pz - z) - h - edge_radius
+    to_face = math.acos(min(max(nearest, -1.0), 1.0))
+    to_edge = math.asin(min(max(inside, 0.0), 1.0))
+    wall_w = curvature(to_face, edge_radius)
+    wall_u = min(wall_w, curvature(to_edge, edge_radius))
+    radius = effective_radius(q_uu, q_uw, q_ww, wall_u, wall_w)
+    write_contact(
+        geometry, nx, ny, nz, gap, radius, h, along_u, along_w, ux, uy, uz, wx, wy, wz
     )
-    across = curvature(math.acos(min(max(nearest, -1.0), 1.0)), edge_radius)
-    bent = min(across, curvature(math.asin(min(max(inside, 0.0), 1.0)), edge_radius))
-    radius = effective_radius(q11, q12, q22, bent, across)
-    write_contact(out, nx, ny, nz, gap, radius, h, x1, x2, ux, uy, uz, wx, wy, wz)
     return inside
 
 
 @kernel
-def solve_vertex(row, parts, meshes, feature, out):
-    """Maximum of f of a vertex from the best of its faces' normals: fills `out`; returns the least sine inside."""
+def solve_vertex(row, parts, meshes, feature, geometry):
+    """Find the maximum of f of a vertex, and fill `geometry` for it.
+
+    Returns how far inside the vertex's set the normal lies, see `vertex_contact`.
+    """
     vertex = meshes.data[feature]
-    x, y, z = vertex[0] - row[0], vertex[1] - row[1], vertex[2] - row[2]
-    inv = 1.0 / max(math.sqrt(x * x + y * y + z * z), 1e-300)
-    bx, by, bz = x * inv, y * inv, z * inv
-    best = x * bx + y * by + z * bz - extent(row, parts, bx, by, bz)
+    px, py, pz = vector_at(vertex, PLACE)
+    cx, cy, cz = vector_at(row, POSITION)
+    x, y, z = px - cx, py - cy, pz - cz
+    # Start from the direction of the vertex, or from the best of its faces' normals.
+    inverse = 1.0 / max(math.sqrt(x * x + y * y + z * z), 1e-300)
+    best_x, best_y, best_z = x * inverse, y * inverse, z * inverse
+    best = (
+        x * best_x
+        + y * best_y
+        + z * best_z
+        - extent(row, parts, best_x, best_y, best_z)
+    )
     for k in range(meshes.corners[feature, 0], meshes.corners[feature, 1]):
-        normal = meshes.normals[k]
-        value = (
-            x * normal[0]
-            + y * normal[1]
-            + z * normal[2]
-            - extent(row, parts, normal[0], normal[1], normal[2])
-        )
+        nx, ny, nz = vector_at(meshes.normals[k], 0)
+        value = x * nx + y * ny + z * nz - extent(row, parts, nx, ny, nz)
         if value > best:
             best = value
-            bx, by, bz = normal[0], normal[1], normal[2]
-    best, s1, s2 = vertex_terms(row, parts, vertex, bx, by, bz)
-    for _ in range(60):
-        if s1 * s1 + s2 * s2 < 1e-20:
+            best_x, best_y, best_z = nx, ny, nz
+    # Climb from there. A step that makes f smaller is halved and tried again.
+    best, step_u, step_w = vertex_step(row, parts, vertex, best_x, best_y, best_z)
+    for _ in range(VERTEX_ITERATIONS):
+        if step_u * step_u + step_w * step_w < VERTEX_CONVERGED:
             break
-        nx, ny, nz = stepped(bx, by, bz, s1, s2)
-        value, r1, r2 = vertex_terms(row, parts, vertex, nx, ny, nz)
-        if value < best - 1e-15:
-            # the step went downhill: halve it
-            s1 *= 0.5
-            s2 *= 0.5
+        nx, ny, nz = stepped(best_x, best_y, best_z, step_u, step_w)
+        value, next_u, next_w = vertex_step(row, parts, vertex, nx, ny, nz)
+        if value < best - DOWNHILL:
+            step_u *= 0.5
+            step_w *= 0.5
         else:
-            best, s1, s2 = value, r1, r2
-            bx, by, bz = nx, ny, nz
-    return vertex_contact(row, parts, meshes, feature, bx, by, bz, out)
+            best = value
+            step_u, step_w = next_u, next_w
+            best_x, best_y, best_z = nx, ny, nz
+    return vertex_contact(row, parts, meshes, feature, best_x, best_y, best_z, geometry)
 
 
 @inlined
-def solve_feature(row, parts, meshes, feature, radius, out):
-    """Contact of a body (in the frame of the mesh) with a feature: fills `out`.
+def solve_feature(row, parts, meshes, feature, radius, geometry):
+    """Find the contact of a body with a feature, and fill `geometry` for it.
 
-    Returns the azimuth (edges), how far inside the feature the contact lies [m], and a lower bound of the distance to
-    the feature for a body that does not touch it.
+    `radius` is the bounding radius of the body [m].
+
+    Returns
+    -------
+    angle : float
+        Angle about an edge [rad]; 0.0 for other features.
+    inside : float
+        How far inside the feature the contact lies [m]; OUTSIDE where there is none.
+    free : float
+        Where positive, a lower bound of the distance from the body to the feature [m].
     """
     data = meshes.data[feature]
     if meshes.kind[feature] == FACE:
-        inside = face_contact(row, parts, data, out)
-        return 0.0, inside, max(out[3], -inside / (1.0 + meshes.slide[0]))
-    x, y, z = data[0] - row[0], data[1] - row[1], data[2] - row[2]
-    of_edge = meshes.kind[feature] == EDGE
-    if of_edge:
-        # distance of the centre from the edge
-        s = min(max(-(x * data[3] + y * data[4] + z * data[5]), 0.0), data[6])
-        x, y, z = x + s * data[3], y + s * data[4], z + s * data[5]
-    away = math.sqrt(x * x + y * y + z * z) - radius - data[RADIUS_COLUMN]
-    out[3] = away
-    if away > 0.0:
-        return 0.0, OUTSIDE, away
-    if of_edge:
-        angle, inside, best = solve_edge(row, parts, data, out)
+        inside = face_contact(row, parts, data, geometry)
+        free = max(geometry[cg.GAP], -inside / (1.0 + meshes.slide[0]))
+        return 0.0, inside, free
+    is_edge = meshes.kind[feature] == EDGE
+    # Leave early where the body's bounding sphere does not reach the feature.
+    px, py, pz = vector_at(data, PLACE)
+    cx, cy, cz = vector_at(row, POSITION)
+    x, y, z = px - cx, py - cy, pz - cz
+    if is_edge:
+        wx, wy, wz = vector_at(data, EDGE_ALONG)
+        along = min(max(-(x * wx + y * wy + z * wz), 0.0), data[EDGE_LENGTH])
+        x, y, z = x + along * wx, y + along * wy, z + along * wz
+    distance = math.sqrt(x * x + y * y + z * z) - radius - data[RADIUS_COLUMN]
+    geometry[cg.GAP] = distance
+    if distance > 0.0:
+        return 0.0, OUTSIDE, distance
+    if is_edge:
+        angle, inside, best = solve_edge(row, parts, data, geometry)
         if inside == OUTSIDE:
-            out[3] = best
+            geometry[cg.GAP] = best
         return angle, inside, best
-    inside = solve_vertex(row, parts, meshes, feature, out)
-    return 0.0, inside * radius, out[3]
+    inside = solve_vertex(row, parts, meshes, feature, geometry)
+    return 0.0, inside * radius, geometry[cg.GAP]

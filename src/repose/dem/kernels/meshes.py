@@ -1,13 +1,23 @@
-"""Contacts of bodies with meshes (`mesh_contact`): found anew, and tracked on their feature.
+"""Contacts of bodies with meshes: found anew, and followed on their feature.
 
-A contact that leaves its feature is handed over, with its spring, to the feature that the body touches now.
+A contact stays on one feature of the mesh (`features`) as long as it lies inside it. A
+contact that leaves its feature is handed over, with its spring, to the feature that the
+body touches now. The solvers are those of `mesh_contact`.
+
+A body is a smooth body, or the sphere of a clump (see `clump_walls`). `row` is its row
+in the frame of the mesh. `contacts` is the list of contacts with meshes, `n` its length.
+Reads `Bodies.rows` and `Meshes`. Writes the lists of `WallContacts` (body, wall,
+feature, data), `counts`, and the marks `Meshes.seen` and `Meshes.stamp` of a search.
 """
 
 import math
+from collections import namedtuple
 
+from . import contact_geometry as cg
 from . import state as st
-from .features import EDGE, FACE
-from .frames import contact_to_world, into_frame, rotate_to_world
+from .contact_geometry import arm_of, copy_geometry, normal_of
+from .features import EDGE, EDGE_ANGLE, EDGE_LENGTH, FACE
+from .frames import contact_to_world, into_frame, mesh_frame, normal_to_world
 from .geometry import extent, stepped
 from .jit import inlined, kernel
 from .mesh_contact import (
@@ -17,12 +27,13 @@ from .mesh_contact import (
     face_contact,
     solve_feature,
     vertex_contact,
-    vertex_terms,
+    vertex_step,
 )
-from .neighbours import bounding_radius
-from .rows import lane_vector, write_vector
+from .rows import L, lane_vector, vector_at, write_vector
+from .state import bounding_radius
 from .walls import (
     DEEPEST_NEW,
+    FOLLOWING_STEPS,
     NEXT_LOOK_BEYOND,
     NEXT_LOOK_KNOWN,
     add_wall_contact,
@@ -31,47 +42,73 @@ from .walls import (
 
 # A search reaches this far beyond the body's box (share of its radius).
 MARGIN = 0.5
-# The next feature of a contact is sought this far about its place (share of the body's radius), among features whose
-# normal differs by at most the angle of this cosine.
+# The next feature of a contact is sought this far about its place (share of the body's
+# radius), among features whose normal differs by less than the angle of this cosine.
 NEARBY = 0.05
 SAME_NORMAL = 0.9
 
+# The first and last cell of a block along each axis.
+CellBlock = namedtuple("CellBlock", "x0 x1 y0 y1 z0 z1")
+
 
 @inlined
-def are_near(meshes, a, b):
-    """Whether two faces meet in a gentle concave kink."""
-    if meshes.kind[a] != FACE:
+def are_neighbours(meshes, face, other):
+    """Return whether two faces meet in a gentle concave kink."""
+    if meshes.kind[face] != FACE:
         return False
     near = False
-    for k in range(meshes.span[a, 0], meshes.span[a, 1]):
-        near = near or meshes.near[k] == b
+    for k in range(meshes.span[face, 0], meshes.span[face, 1]):
+        near = near or meshes.near[k] == other
     return near
 
 
 @inlined
-def is_touched(contacts, meshes, n, body, feature, but):
-    """Whether a contact of a body, other than `but`, is with a feature or with a gentle neighbour of it."""
+def is_touched(contacts, meshes, n, body, feature, ignored):
+    """Return whether a body touches a feature or a gentle neighbour of it already.
+
+    The contact `ignored` does not count.
+    """
     for k in range(n):
-        if contacts.body[k] == body and k != but:
+        if contacts.body[k] == body and k != ignored:
             other = contacts.feature[k]
-            if other == feature or are_near(meshes, other, feature):
+            if other == feature or are_neighbours(meshes, other, feature):
                 return True
     return False
 
 
 @inlined
 def cell_range(meshes, mesh, axis, low, high):
-    """First and last cell of a mesh along an axis that an interval meets."""
+    """Return the first and last cell of a mesh that an interval of an axis meets."""
     edge = meshes.box[mesh, 6]
-    first = math.floor((low - meshes.box[mesh, axis]) / edge)
-    last = math.floor((high - meshes.box[mesh, axis]) / edge)
+    lower = meshes.box[mesh, axis]
+    first = math.floor((low - lower) / edge)
+    last = math.floor((high - lower) / edge)
     return max(first, 0), min(last, meshes.cells[mesh, axis] - 1)
 
 
 @inlined
-def away_from_box(row, parts, meshes, mesh):
-    """Lower bound of the distance of a body from the box of a mesh."""
-    away = 0.0
+def cells_about(meshes, mesh, x, y, z, reach_x, reach_y, reach_z):
+    """Return the block of cells of a mesh that a box about a place meets."""
+    x0, x1 = cell_range(meshes, mesh, 0, x - reach_x, x + reach_x)
+    y0, y1 = cell_range(meshes, mesh, 1, y - reach_y, y + reach_y)
+    z0, z1 = cell_range(meshes, mesh, 2, z - reach_z, z + reach_z)
+    return CellBlock(x0, x1, y0, y1, z0, z1)
+
+
+@inlined
+def cell_number(meshes, mesh, x, y, z):
+    """Return the place of a cell of a mesh in `Meshes.begin`."""
+    first = meshes.cells[mesh, 3]
+    return first + (x * meshes.cells[mesh, 1] + y) * meshes.cells[mesh, 2] + z
+
+
+@inlined
+def distance_from_box(row, parts, meshes, mesh):
+    """Return a lower bound of the distance of a body from the box of a mesh [m].
+
+    It is 0.0 where the two overlap.
+    """
+    distance = 0.0
     for axis in range(3):
         reach = extent(
             row,
@@ -80,236 +117,354 @@ def away_from_box(row, parts, meshes, mesh):
             1.0 if axis == 1 else 0.0,
             1.0 if axis == 2 else 0.0,
         )
-        away = max(away, meshes.box[mesh, axis] - row[axis] - reach)
-        away = max(away, row[axis] - reach - meshes.box[mesh, 3 + axis])
-    return away
+        lower = meshes.box[mesh, axis]
+        upper = meshes.box[mesh, 3 + axis]
+        distance = max(distance, lower - row[axis] - reach)
+        distance = max(distance, row[axis] - reach - upper)
+    return distance
 
 
 @inlined
-def look_at_feature(
-    row, contacts, counts, parts, walls, meshes, mesh, feature, i, radius, out
+def search_feature(
+    row, contacts, counts, parts, walls, meshes, mesh, feature, i, radius, geometry
 ):
-    """Add the contact of body i with a feature if there is one; returns how far it may move before the next check."""
-    angle, inside, free = solve_feature(row, parts, meshes, feature, radius, out)
-    if free > 0.0 and out[3] > 0.0:
+    """Add the contact of body i with a feature, if there is a new one.
+
+    `radius` is the bounding radius of the body [m]; `geometry` (8,) is overwritten.
+    Returns how far the body may move before the next search [m].
+    """
+    angle, inside, free = solve_feature(row, parts, meshes, feature, radius, geometry)
+    gap = geometry[cg.GAP]
+    if free > 0.0 and gap > 0.0:
         return free
     if inside < 0.0:
         return max(free, NEXT_LOOK_BEYOND * radius)
-    if out[3] < -DEEPEST_NEW * radius:
-        return max(-out[3] - DEEPEST_NEW * radius, NEXT_LOOK_BEYOND * radius)
+    if gap < -DEEPEST_NEW * radius:
+        # the body is inside the mesh
+        return max(-gap - DEEPEST_NEW * radius, NEXT_LOOK_BEYOND * radius)
     if not is_touched(contacts, meshes, counts[st.N_MESHED], i, feature, -1):
-        frame = walls.cones.shape[0] + walls.rings.shape[0] + mesh
-        if walls.displaced[frame]:
-            rotate_to_world(walls.frames[frame], out, 0)
-        k = add_wall_contact(contacts, counts, st.N_MESHED, i, mesh, out)
+        normal_to_world(walls, mesh_frame(walls, mesh), geometry)
+        k = add_wall_contact(contacts, counts, st.N_MESHED, i, mesh, geometry)
         if k >= 0:
             contacts.feature[k] = feature
-            contacts.data[k // st.LANES, st.AZIMUTH + k % st.LANES] = angle
+            contacts.data[k // L, st.AZIMUTH + k % L] = angle
     return NEXT_LOOK_KNOWN * radius
 
 
 @kernel
-def search_mesh(row, contacts, counts, parts, walls, meshes, mesh, i, radius, out):
-    """Search for contacts of body i with a mesh; returns how far it may move before the next search."""
-    away = away_from_box(row, parts, meshes, mesh)
-    if away > 0.0:
-        return away
+def search_mesh(row, contacts, counts, parts, walls, meshes, mesh, i, radius, geometry):
+    """Search for contacts of body i with a mesh, in the cells about the body.
+
+    The arguments are those of `search_feature`. Returns how far the body may move before
+    the next search [m].
+    """
+    distance = distance_from_box(row, parts, meshes, mesh)
+    if distance > 0.0:
+        return distance
     free = MARGIN * radius
     reach_x = extent(row, parts, 1.0, 0.0, 0.0) + free
     reach_y = extent(row, parts, 0.0, 1.0, 0.0) + free
     reach_z = extent(row, parts, 0.0, 0.0, 1.0) + free
-    i0, i1 = cell_range(meshes, mesh, 0, row[0] - reach_x, row[0] + reach_x)
-    j0, j1 = cell_range(meshes, mesh, 1, row[1] - reach_y, row[1] + reach_y)
-    k0, k1 = cell_range(meshes, mesh, 2, row[2] - reach_z, row[2] + reach_z)
+    x, y, z = vector_at(row, st.POSITION)
+    block = cells_about(meshes, mesh, x, y, z, reach_x, reach_y, reach_z)
+    # A feature lies in several cells. The stamp of this search marks it as seen.
     meshes.stamp[0] += 1
     stamp = meshes.stamp[0]
-    for ci in range(i0, i1 + 1):
-        for cj in range(j0, j1 + 1):
-            for ck in range(k0, k1 + 1):
-                c = (
-                    meshes.cells[mesh, 3]
-                    + (ci * meshes.cells[mesh, 1] + cj) * meshes.cells[mesh, 2]
-                    + ck
-                )
-                for m in range(meshes.begin[c], meshes.begin[c + 1]):
-                    feature = meshes.items[m]
-                    if meshes.seen[feature] != stamp:
-                        meshes.seen[feature] = stamp
-                        free = min(
-                            free,
-                            look_at_feature(
-                                row,
-                                contacts,
-                                counts,
-                                parts,
-                                walls,
-                                meshes,
-                                mesh,
-                                feature,
-                                i,
-                                radius,
-                                out,
-                            ),
-                        )
+    for cx in range(block.x0, block.x1 + 1):
+        for cy in range(block.y0, block.y1 + 1):
+            for cz in range(block.z0, block.z1 + 1):
+                cell = cell_number(meshes, mesh, cx, cy, cz)
+                for item in range(meshes.begin[cell], meshes.begin[cell + 1]):
+                    feature = meshes.items[item]
+                    if meshes.seen[feature] == stamp:
+                        continue
+                    meshes.seen[feature] = stamp
+                    feature_free = search_feature(
+                        row,
+                        contacts,
+                        counts,
+                        parts,
+                        walls,
+                        meshes,
+                        mesh,
+                        feature,
+                        i,
+                        radius,
+                        geometry,
+                    )
+                    free = min(free, feature_free)
     return free
 
 
 @inlined
-def track(row, parts, meshes, contacts, lane, feature, nx, ny, nz, out):
-    """Contact with the feature of the last step: fills `out`; returns how far inside the feature it lies."""
+def follow_on_feature(row, parts, meshes, tile, lane, feature, nx, ny, nz, geometry):
+    """Solve for the contact with the feature of the last step, from its last normal.
+
+    As in `walls.follow_wall`, a fixed number of Newton steps is enough for the small
+    motion of one time step. Fills `geometry`; the angle about an edge is updated in the
+    tile. Returns how far inside the feature the contact lies; negative outside.
+    """
     data = meshes.data[feature]
     if meshes.kind[feature] == FACE:
-        return face_contact(row, parts, data, out)
+        return face_contact(row, parts, data, geometry)
     if meshes.kind[feature] == EDGE:
-        angle = contacts[st.AZIMUTH + lane]
-        for _ in range(2):
+        angle = tile[st.AZIMUTH + lane]
+        for _ in range(FOLLOWING_STEPS):
             angle = climb_edge(row, parts, data, angle)
-        contacts[st.AZIMUTH + lane] = angle
-        along = edge_contact(row, parts, data, angle, out)
-        return min(min(angle, data[13] - angle), min(along, data[6] - along))
-    for _ in range(2):
-        _f, s1, s2 = vertex_terms(row, parts, data, nx, ny, nz)
-        nx, ny, nz = stepped(nx, ny, nz, s1, s2)
-    return vertex_contact(row, parts, meshes, feature, nx, ny, nz, out)
+        tile[st.AZIMUTH + lane] = angle
+        along = edge_contact(row, parts, data, angle, geometry)
+        inside_arc = min(angle, data[EDGE_ANGLE] - angle)
+        inside_ends = min(along, data[EDGE_LENGTH] - along)
+        return min(inside_arc, inside_ends)
+    for _ in range(FOLLOWING_STEPS):
+        _f, step_u, step_w = vertex_step(row, parts, data, nx, ny, nz)
+        nx, ny, nz = stepped(nx, ny, nz, step_u, step_w)
+    return vertex_contact(row, parts, meshes, feature, nx, ny, nz, geometry)
 
 
 @kernel
-def hand_over(row, parts, meshes, contacts, n, k, radius, end, out, other):
-    """Find the feature that a contact has moved to, with a gap up to `end`: fills `out`; returns whether one exists."""
-    mesh, old = contacts.wall[k], contacts.feature[k]
+def hand_over(
+    row, parts, meshes, contacts, n, k, radius, end, geometry, other_geometry
+):
+    """Find the feature to which contact k has moved, and hand it over with its spring.
+
+    Among the features about the contact point that the body touches, this is the one
+    whose normal is nearest to the last normal.
+
+    Parameters
+    ----------
+    radius : float
+        Bounding radius of the body [m].
+    end : float
+        Gap at which the contact ends [m].
+    geometry : array (8,)
+        The contact with the old feature; the one with the new feature is written to it.
+    other_geometry : array (8,)
+        Scratch.
+
+    Returns
+    -------
+    bool
+        Whether there is such a feature; feature and angle of the contact are its.
+    """
+    mesh = contacts.wall[k]
+    old = contacts.feature[k]
     reach = NEARBY * radius
-    px, py, pz = row[0] + out[5], row[1] + out[6], row[2] + out[7]
-    i0, i1 = cell_range(meshes, mesh, 0, px - reach, px + reach)
-    j0, j1 = cell_range(meshes, mesh, 1, py - reach, py + reach)
-    k0, k1 = cell_range(meshes, mesh, 2, pz - reach, pz + reach)
-    nx, ny, nz = out[0], out[1], out[2]
+    x, y, z = vector_at(row, st.POSITION)
+    arm_x, arm_y, arm_z = arm_of(geometry)
+    px, py, pz = x + arm_x, y + arm_y, z + arm_z
+    block = cells_about(meshes, mesh, px, py, pz, reach, reach, reach)
+    nx, ny, nz = normal_of(geometry)
     best = SAME_NORMAL
     found = False
-    for ci in range(i0, i1 + 1):
-        for cj in range(j0, j1 + 1):
-            for ck in range(k0, k1 + 1):
-                c = (
-                    meshes.cells[mesh, 3]
-                    + (ci * meshes.cells[mesh, 1] + cj) * meshes.cells[mesh, 2]
-                    + ck
-                )
-                for m in range(meshes.begin[c], meshes.begin[c + 1]):
-                    feature = meshes.items[m]
+    for cx in range(block.x0, block.x1 + 1):
+        for cy in range(block.y0, block.y1 + 1):
+            for cz in range(block.z0, block.z1 + 1):
+                cell = cell_number(meshes, mesh, cx, cy, cz)
+                for item in range(meshes.begin[cell], meshes.begin[cell + 1]):
+                    feature = meshes.items[item]
                     if feature == old:
                         continue
                     angle, inside, _free = solve_feature(
-                        row, parts, meshes, feature, radius, other
+                        row, parts, meshes, feature, radius, other_geometry
                     )
-                    if (
-                        inside < -SLACK
-                        or other[3] > end
-                        or other[3] < -DEEPEST_NEW * radius
-                    ):
+                    gap = other_geometry[cg.GAP]
+                    if inside < -SLACK or gap > end or gap < -DEEPEST_NEW * radius:
                         continue
-                    same = nx * other[0] + ny * other[1] + nz * other[2]
-                    if same > best and not is_touched(
+                    mx, my, mz = normal_of(other_geometry)
+                    cosine = nx * mx + ny * my + nz * mz
+                    if cosine > best and not is_touched(
                         contacts, meshes, n, contacts.body[k], feature, k
                     ):
-                        best = same
+                        best = cosine
                         found = True
                         contacts.feature[k] = feature
-                        contacts.data[k // st.LANES, st.AZIMUTH + k % st.LANES] = angle
-                        for v in range(8):
-                            out[v] = other[v]
+                        contacts.data[k // L, st.AZIMUTH + k % L] = angle
+                        copy_geometry(other_geometry, geometry)
     return found
 
 
 @inlined
-def deepest_near(row, parts, meshes, contacts, k, out, other):
-    """Where faces meet in a gentle concave kink, keep the contact with the face of the largest overlap."""
+def keep_deepest_face(row, parts, meshes, contacts, k, geometry, other_geometry):
+    """Where faces meet in a gentle concave kink, keep the face of the largest overlap.
+
+    Contact k is with a face. Its feature and `geometry` are replaced by those of a
+    neighbour that the body overlaps more.
+    """
     face = contacts.feature[k]
     for m in range(meshes.span[face, 0], meshes.span[face, 1]):
-        feature = meshes.near[m]
-        inside = face_contact(row, parts, meshes.data[feature], other)
-        if inside >= 0.0 and other[3] < out[3]:
-            contacts.feature[k] = feature
-            for v in range(8):
-                out[v] = other[v]
+        neighbour = meshes.near[m]
+        data = meshes.data[neighbour]
+        inside = face_contact(row, parts, data, other_geometry)
+        if inside >= 0.0 and other_geometry[cg.GAP] < geometry[cg.GAP]:
+            contacts.feature[k] = neighbour
+            copy_geometry(other_geometry, geometry)
 
 
 @inlined
 def follow_feature(
-    row, radius, parts, walls, frame, meshes, contacts, n, k, end, out, other
+    row,
+    radius,
+    parts,
+    walls,
+    frame,
+    meshes,
+    contacts,
+    n,
+    k,
+    end,
+    geometry,
+    other_geometry,
 ):
-    """Track contact k with a mesh through one step; returns whether it lasts, with `out` in world axes.
+    """Follow contact k with a mesh by one time step.
 
-    The row of the body, or of the sphere of one, is as seen from the frame of the mesh.
+    Parameters
+    ----------
+    row : array
+        The body, or the sphere of one, in the frame of the mesh.
+    radius : float
+        Its bounding radius [m].
+    frame : int
+        Number of the frame of the mesh.
+    end : float
+        Gap at which the contact ends [m].
+    geometry : array (8,)
+        Is filled, in world axes.
+    other_geometry : array (8,)
+        Scratch.
+
+    Returns
+    -------
+    bool
+        Whether the contact lasts.
     """
-    tile, lane = contacts.data[k // st.LANES], k % st.LANES
+    tile = contacts.data[k // L]
+    lane = k % L
     nx, ny, nz = lane_vector(tile, st.NORMAL, lane)
     if walls.displaced[frame]:
         nx, ny, nz = into_frame(walls.frames[frame], nx, ny, nz)
-    touching = (
-        track(row, parts, meshes, tile, lane, contacts.feature[k], nx, ny, nz, out)
-        >= 0.0
+    inside = follow_on_feature(
+        row, parts, meshes, tile, lane, contacts.feature[k], nx, ny, nz, geometry
     )
+    touching = inside >= 0.0
     if not touching:
         touching = hand_over(
-            row, parts, meshes, contacts, n, k, radius, end, out, other
+            row, parts, meshes, contacts, n, k, radius, end, geometry, other_geometry
         )
-    if touching and out[3] < 0.0 and meshes.kind[contacts.feature[k]] == FACE:
-        deepest_near(row, parts, meshes, contacts, k, out, other)
-    contact_to_world(walls, frame, out)
-    return touching and out[3] <= end
+    is_face = meshes.kind[contacts.feature[k]] == FACE
+    if touching and geometry[cg.GAP] < 0.0 and is_face:
+        keep_deepest_face(row, parts, meshes, contacts, k, geometry, other_geometry)
+    contact_to_world(walls, frame, geometry)
+    return touching and geometry[cg.GAP] <= end
 
 
 @inlined
-def follow_mesh(bodies, parts, walls, meshes, contacts, n, k, end, out, other, local):
-    """Track contact k of a smooth body with a mesh through one step, as `follow_feature`."""
+def follow_mesh(
+    bodies,
+    parts,
+    walls,
+    meshes,
+    contacts,
+    n,
+    k,
+    end,
+    geometry,
+    other_geometry,
+    local_row,
+):
+    """Follow contact k of a smooth body with a mesh, as `follow_feature`."""
     i = contacts.body[k]
-    frame = walls.cones.shape[0] + walls.rings.shape[0] + contacts.wall[k]
-    row = seen_from(walls, frame, bodies.rows[i], parts, local)
+    frame = mesh_frame(walls, contacts.wall[k])
+    row = seen_from(walls, frame, bodies.rows[i], parts, local_row)
     radius = bounding_radius(bodies, i)
     return follow_feature(
-        row, radius, parts, walls, frame, meshes, contacts, n, k, end, out, other
+        row,
+        radius,
+        parts,
+        walls,
+        frame,
+        meshes,
+        contacts,
+        n,
+        k,
+        end,
+        geometry,
+        other_geometry,
     )
 
 
 @inlined
-def bring_along(
-    bodies, parts, walls, meshes, contacts, counts, mesh, i, out, other, local
+def update_contacts(
+    bodies,
+    parts,
+    walls,
+    meshes,
+    contacts,
+    counts,
+    mesh,
+    i,
+    geometry,
+    other_geometry,
+    local_row,
 ):
-    """Hand the contacts of body i over to their present features, so that the search does not find these as new."""
+    """Bring the contacts of body i with a mesh to their present features and normals.
+
+    A search after this does not find them as new contacts.
+    """
     n = counts[st.N_MESHED]
     for k in range(n):
         if contacts.body[k] == i and contacts.wall[k] == mesh:
             follow_mesh(
-                bodies, parts, walls, meshes, contacts, n, k, 0.0, out, other, local
+                bodies,
+                parts,
+                walls,
+                meshes,
+                contacts,
+                n,
+                k,
+                0.0,
+                geometry,
+                other_geometry,
+                local_row,
             )
-            write_vector(
-                contacts.data[k // st.LANES],
-                st.NORMAL,
-                k % st.LANES,
-                out[0],
-                out[1],
-                out[2],
-            )
+            nx, ny, nz = normal_of(geometry)
+            write_vector(contacts.data[k // L], st.NORMAL, k % L, nx, ny, nz)
 
 
 @inlined
 def body_at_mesh(
-    bodies, meshed, walls, meshes, counts, parts, mesh, i, out, other, local
+    bodies,
+    meshed,
+    walls,
+    meshes,
+    counts,
+    parts,
+    mesh,
+    i,
+    geometry,
+    other_geometry,
+    local_row,
 ):
-    """Find new contacts of smooth body i with a mesh; returns how far it may move before the next search."""
-    frame = walls.cones.shape[0] + walls.rings.shape[0] + mesh
-    bring_along(
-        bodies, parts, walls, meshes, meshed, counts, mesh, i, out, other, local
-    )
-    row = seen_from(walls, frame, bodies.rows[i], parts, local)
-    return search_mesh(
-        row,
-        meshed,
-        counts,
+    """Find new contacts of smooth body i with a mesh.
+
+    Returns how far the body may move before the next search [m].
+    """
+    frame = mesh_frame(walls, mesh)
+    update_contacts(
+        bodies,
         parts,
         walls,
         meshes,
+        meshed,
+        counts,
         mesh,
         i,
-        bounding_radius(bodies, i),
-        out,
+        geometry,
+        other_geometry,
+        local_row,
+    )
+    row = seen_from(walls, frame, bodies.rows[i], parts, local_row)
+    radius = bounding_radius(bodies, i)
+    return search_mesh(
+        row, meshed, counts, parts, walls, meshes, mesh, i, radius, geometry
     )

@@ -1,10 +1,17 @@
 """The neighbour (Verlet) list with a skin, kept pair by pair and body by body.
 
-Every body has a displacement: the sum over all steps of how far any of its points may have moved. A near pair has a
-limit, the gap at the last check plus both displacements at that time; as long as the sum of the displacements is below
-the limit, the bodies cannot touch and are not checked. A pair with a gap of a skin or more is not listed. The pairs of
-a body are listed anew when it has moved by half a skin since the last listing. So two bodies of an unlisted pair
-together move by less than the skin before the pairs of one of them are listed anew.
+Every body has a displacement: the sum over all steps of how far any of its points may
+have moved. A near pair has a limit: the gap at its last check plus both displacements at
+that time. As long as the sum of the displacements is below the limit, the bodies cannot
+touch and are not checked.
+
+A pair with a gap of a skin or more is not listed. The pairs of a body are listed anew
+when it has moved by half a skin since the last listing (it is then in `Grid.moved_list`).
+So two bodies of an unlisted pair together move by less than the skin before the pairs of
+one of them are listed anew.
+
+Reads `Bodies.rows` and `Bodies.displacement`. Writes all arrays of `Grid`, the lists of
+`Pairs`, `counts`, and the row RELIST of `Bodies.motion`. `renewal` calls most of this.
 """
 
 import math
@@ -15,16 +22,18 @@ from . import state as st
 from .contact import solve_gap
 from .jit import inlined, kernel
 from .lists import move_contact, put_contact
-from .rows import L, lane_vector
+from .rows import L, lane_vector, set_vector, vector_at
+from .state import POSITION, bounding_radius
 
-# A proven gap above this share of the skin is good enough; below it the true gap is found.
+# A proven gap above this share of the skin is good enough; below it the true gap is
+# found.
 EARLY = 0.25
-TOLERANCE = 1e-4
+TOLERANCE = 1e-4  # step at which the solver of a gap stops [rad]
 
 
 @inlined
 def cell_of(grid, x, y, z):
-    """Index of the cell of a point; the cells repeat in space (see `state.new_grid`)."""
+    """Return the cell of a point; the cells repeat in space (see `state.new_grid`)."""
     edge = grid.lengths[st.CELL]
     i = math.floor((x - grid.origin[0]) / edge)
     j = math.floor((y - grid.origin[1]) / edge)
@@ -35,11 +44,12 @@ def cell_of(grid, x, y, z):
 
 @kernel
 def unlink(grid, i):
-    """Take body i out of its cell."""
+    """Take body i out of the list of its cell."""
     cell = grid.cell[i]
     if cell < 0:
         return
-    before, after = grid.preceding[i], grid.following[i]
+    before = grid.preceding[i]
+    after = grid.following[i]
     if before >= 0:
         grid.following[before] = after
     else:
@@ -51,7 +61,7 @@ def unlink(grid, i):
 
 @inlined
 def put_in_cell(grid, i, cell):
-    """Put body i, which is in none, into a cell."""
+    """Put body i, which is in no cell, at the head of a cell's list."""
     grid.cell[i] = cell
     grid.preceding[i] = -1
     grid.following[i] = grid.head[cell]
@@ -62,8 +72,11 @@ def put_in_cell(grid, i, cell):
 
 @kernel
 def link(grid, bodies, i):
-    """Put body i into the cell of its position, and set the displacement at which its neighbours are found anew."""
-    x, y, z = bodies.rows[i, 0], bodies.rows[i, 1], bodies.rows[i, 2]
+    """Put body i into the cell of its position.
+
+    Also writes the displacement at which its neighbours are found anew.
+    """
+    x, y, z = vector_at(bodies.rows[i], POSITION)
     cell = cell_of(grid, x, y, z)
     bodies.motion[i // L, st.RELIST + i % L] = (
         bodies.displacement[i] + 0.5 * grid.lengths[st.SKIN]
@@ -73,7 +86,7 @@ def link(grid, bodies, i):
 
 @inlined
 def mark_moved(grid, counts, i):
-    """Mark body i: its neighbours are found anew at the next step."""
+    """Add body i to the bodies whose neighbours are found anew at the next step."""
     if grid.moved[i] == 0:
         grid.moved[i] = 1
         grid.moved_list[counts[st.N_MOVED]] = i
@@ -81,10 +94,10 @@ def mark_moved(grid, counts, i):
 
 
 @inlined
-def count_pair(counter, i, j, by):
-    """Count a pair of bodies, or no longer."""
-    counter[i] += by
-    counter[j] += by
+def count_pair(counter, i, j, change):
+    """Add `change` (1 or -1) to the numbers of pairs of two bodies."""
+    counter[i] += change
+    counter[j] += change
 
 
 @inlined
@@ -96,7 +109,10 @@ def write_pair(first, second, k, i, j):
 
 @inlined
 def take_place(counts, slot, room):
-    """Take the next place of a list and return it, or -1 where there is no room."""
+    """Take the next place of a list and return it, or -1 where there is no room.
+
+    `slot` is the place of the list's length in `counts`, `room` the length of its arrays.
+    """
     k = counts[slot]
     if k >= room:
         counts[st.FULL] = 1
@@ -107,7 +123,7 @@ def take_place(counts, slot, room):
 
 @inlined
 def drop_near(pairs, counts, grid, k):
-    """Remove near pair k by a swap with the last one."""
+    """Remove near pair k: the last pair moves to its place."""
     last = counts[st.N_NEAR] - 1
     counts[st.N_NEAR] = last
     count_pair(grid.near, pairs.near_first[k], pairs.near_second[k], -1)
@@ -120,13 +136,13 @@ def drop_near(pairs, counts, grid, k):
     )
     pairs.near_limit[k] = pairs.near_limit[last]
     pairs.near_check[k // st.BLOCK] = 0.0
-    for c in range(3):
-        pairs.near_normal[k, c] = pairs.near_normal[last, c]
+    for axis in range(3):
+        pairs.near_normal[k, axis] = pairs.near_normal[last, axis]
 
 
 @inlined
 def add_near(pairs, counts, grid, i, j, limit, nx, ny, nz):
-    """Append a near pair."""
+    """Append a near pair with its limit and the normal of its last check."""
     k = take_place(counts, st.N_NEAR, pairs.near_limit.shape[0])
     if k < 0:
         return
@@ -134,16 +150,12 @@ def add_near(pairs, counts, grid, i, j, limit, nx, ny, nz):
     write_pair(pairs.near_first, pairs.near_second, k, i, j)
     pairs.near_limit[k] = limit
     pairs.near_check[k // st.BLOCK] = 0.0
-    pairs.near_normal[k, 0], pairs.near_normal[k, 1], pairs.near_normal[k, 2] = (
-        nx,
-        ny,
-        nz,
-    )
+    set_vector(pairs.near_normal[k], 0, nx, ny, nz)
 
 
 @inlined
 def add_contact(pairs, counts, grid, i, j, normal):
-    """Append a touching pair with a relaxed spring."""
+    """Append a touching pair with a relaxed spring; `normal` points from i to j."""
     k = take_place(counts, st.N_PAIRS, pairs.first.shape[0])
     if k < 0:
         return
@@ -154,7 +166,10 @@ def add_contact(pairs, counts, grid, i, j, normal):
 
 @inlined
 def drop_contact(pairs, counts, grid, k, ghost):
-    """Remove touching pair k by a swap with the last one, whose freed place points at `ghost`."""
+    """Remove touching pair k: the last pair moves to its place.
+
+    The place that becomes free holds two ghosts.
+    """
     last = counts[st.N_PAIRS] - 1
     counts[st.N_PAIRS] = last
     count_pair(grid.touching, pairs.first[k], pairs.second[k], -1)
@@ -165,9 +180,12 @@ def drop_contact(pairs, counts, grid, k, ghost):
 
 @inlined
 def near_gap(bodies, pairs, grid, parts, k, normal):
-    """Solve for the gap of near pair k from its last normal, which is updated; the new one is in `normal`, too."""
-    for c in range(3):
-        normal[c] = pairs.near_normal[k, c]
+    """Return the gap of near pair k [m], solved from its last normal.
+
+    The new normal is written to the pair and to `normal` (3,).
+    """
+    for axis in range(3):
+        normal[axis] = pairs.near_normal[k, axis]
     early = EARLY * grid.lengths[st.SKIN]
     gap = solve_gap(
         bodies.rows,
@@ -178,15 +196,19 @@ def near_gap(bodies, pairs, grid, parts, k, normal):
         TOLERANCE,
         early,
     )
-    for c in range(3):
-        pairs.near_normal[k, c] = normal[c]
+    for axis in range(3):
+        pairs.near_normal[k, axis] = normal[axis]
     return gap
 
 
 @inlined
 def check_near(bodies, pairs, counts, grid, parts, k, normal):
-    """Solve for the gap of near pair k, make it a contact or set a new limit; returns whether it stays in the list."""
-    i, j = pairs.near_first[k], pairs.near_second[k]
+    """Solve for the gap of near pair k: make it a contact, or give it a new limit.
+
+    Returns whether the pair stays in the list.
+    """
+    i = pairs.near_first[k]
+    j = pairs.near_second[k]
     gap = near_gap(bodies, pairs, grid, parts, k, normal)
     if gap <= 0.0:
         drop_near(pairs, counts, grid, k)
@@ -198,9 +220,11 @@ def check_near(bodies, pairs, counts, grid, parts, k, normal):
 
 @kernel
 def next_due(displacement, first, second, limit, begin, end):
-    """First pair of begin to end whose displacements have used up its gap, or `end`.
+    """Return the first pair of begin to end that is due, or `end`.
 
-    The indices are unsigned: for signed indices numba checks for negative numbers, which would double the time.
+    A pair is due when the displacements of its bodies have reached its limit. The
+    indices are unsigned: for signed ones numba checks for negative numbers, which would
+    double the time.
     """
     for k in range(begin, end):
         u = np.uint64(k)
@@ -211,18 +235,25 @@ def next_due(displacement, first, second, limit, begin, end):
 
 @kernel
 def update_near(bodies, pairs, counts, grid, parts, normal):
-    """Check the near pairs whose displacements have used up their gap."""
-    first, second, limit = pairs.near_first, pairs.near_second, pairs.near_limit
+    """Check the near pairs that are due; `normal` (3,) is scratch."""
+    first = pairs.near_first
+    second = pairs.near_second
+    limit = pairs.near_limit
     k = next_due(bodies.displacement, first, second, limit, 0, counts[st.N_NEAR])
     while k < counts[st.N_NEAR]:
+        # where the pair leaves the list, another one is at its place now
         if check_near(bodies, pairs, counts, grid, parts, k, normal):
             k += 1
         k = next_due(bodies.displacement, first, second, limit, k, counts[st.N_NEAR])
 
 
 @inlined
-def listed(counter, grid, counts):
-    """Count the entries of the bodies whose neighbours are found anew; a pair of two such bodies counts twice."""
+def pairs_of_moved(counter, grid, counts):
+    """Return the number of pairs of the bodies of `Grid.moved_list`.
+
+    `counter` has the number of pairs of each body. A pair of two such bodies counts
+    twice.
+    """
     n = 0
     for m in range(counts[st.N_MOVED]):
         n += counter[grid.moved_list[m]]
@@ -231,22 +262,28 @@ def listed(counter, grid, counts):
 
 @kernel
 def drop_near_of_moved(pairs, counts, grid):
-    """Drop the near pairs of bodies whose neighbours are found anew; the youngest pairs first."""
+    """Drop the near pairs of the bodies of `Grid.moved_list`.
+
+    The youngest pairs come first; the loop ends when all pairs of these bodies are found.
+    """
     moved = grid.moved
-    left = listed(grid.near, grid, counts)
+    left = pairs_of_moved(grid.near, grid, counts)
     k = counts[st.N_NEAR] - 1
     while left > 0:
         u = np.uint64(k)
-        both = moved[pairs.near_first[u]] + moved[pairs.near_second[u]]
-        if both > 0:
-            left -= both
+        n_moved = moved[pairs.near_first[u]] + moved[pairs.near_second[u]]
+        if n_moved > 0:
+            left -= n_moved
             drop_near(pairs, counts, grid, k)
         k -= 1
 
 
 @inlined
 def chain_partner(pairs, grid, used, i, j):
-    """Chain j to the partners of i where the neighbours of i are found anew; returns the number of links used."""
+    """Add body j to the chain of partners of body i, if i is in `Grid.moved_list`.
+
+    Returns the number of links that are used then; `used` is that number before.
+    """
     if grid.moved[i]:
         pairs.partner[used] = j
         pairs.link[used] = grid.chain[i]
@@ -257,55 +294,60 @@ def chain_partner(pairs, grid, used, i, j):
 
 @kernel
 def chain_contacts(pairs, counts, grid):
-    """Chain the touching partners of each body whose neighbours are found anew."""
-    left = listed(grid.touching, grid, counts)
+    """Chain the touching partners of each body of `Grid.moved_list`.
+
+    Link number m holds a partner, `pairs.partner[m]`, and the next link of the same
+    body, `pairs.link[m]`; `grid.chain` has the first link of each body.
+    """
+    n_links = pairs_of_moved(grid.touching, grid, counts)
     used = 0
     k = counts[st.N_PAIRS] - 1
-    while used < left:
-        i, j = pairs.first[np.uint64(k)], pairs.second[np.uint64(k)]
+    while used < n_links:
+        i = pairs.first[np.uint64(k)]
+        j = pairs.second[np.uint64(k)]
         used = chain_partner(pairs, grid, used, i, j)
         used = chain_partner(pairs, grid, used, j, i)
         k -= 1
 
 
 @inlined
-def bounding_radius(bodies, i):
-    """Largest distance of a point of body i from its centre."""
-    return bodies.motion[i // L, st.RADIUS + i % L]
-
-
-@inlined
 def list_pair(bodies, pairs, counts, grid, parts, a, b, normal):
-    """List a pair anew: as touching, as near with its gap, or not at all where the gap is a skin or more."""
+    """List a pair anew: as touching, as near, or not at all.
+
+    It is not listed where the gap is a skin or more. `normal` (3,) is scratch.
+    """
     rows = bodies.rows
     skin = grid.lengths[st.SKIN]
-    dx, dy, dz = (
-        rows[b, 0] - rows[a, 0],
-        rows[b, 1] - rows[a, 1],
-        rows[b, 2] - rows[a, 2],
-    )
+    ax, ay, az = vector_at(rows[a], POSITION)
+    bx, by, bz = vector_at(rows[b], POSITION)
+    dx, dy, dz = bx - ax, by - ay, bz - az
     square = dx * dx + dy * dy + dz * dz
     reach = bounding_radius(bodies, a) + bounding_radius(bodies, b) + skin
     if square >= reach * reach:
         return
     distance = math.sqrt(square)
-    normal[0], normal[1], normal[2] = dx / distance, dy / distance, dz / distance
+    set_vector(normal, 0, dx / distance, dy / distance, dz / distance)
     gap = solve_gap(rows, parts, a, b, normal, TOLERANCE, EARLY * skin)
     if gap <= 0.0:
         add_contact(pairs, counts, grid, a, b, normal)
     elif gap < skin:
-        total = bodies.displacement[a] + bodies.displacement[b]
-        add_near(
-            pairs, counts, grid, a, b, total + gap, normal[0], normal[1], normal[2]
-        )
+        limit = bodies.displacement[a] + bodies.displacement[b] + gap
+        nx, ny, nz = vector_at(normal, 0)
+        add_near(pairs, counts, grid, a, b, limit, nx, ny, nz)
 
 
 @kernel
-def retire_pairs(bodies, pairs, counts, grid, begin, ended, ghost):
-    """Move the pairs that parted to the list of near pairs, the last first."""
-    for e in range(begin + ended - 1, begin - 1, -1):
+def retire_pairs(bodies, pairs, counts, grid, begin, n_ended, ghost):
+    """Move the pairs that parted to the list of near pairs.
+
+    `pairs.ended` holds n_ended places of contacts, from place `begin` on, in increasing
+    order. The last one is dropped first: it is replaced by the last contact of the list,
+    so the places that are still to come stay valid.
+    """
+    for e in range(begin + n_ended - 1, begin - 1, -1):
         k = pairs.ended[e]
-        i, j = pairs.first[k], pairs.second[k]
+        i = pairs.first[k]
+        j = pairs.second[k]
         limit = bodies.displacement[i] + bodies.displacement[j] + pairs.gap[k]
         nx, ny, nz = lane_vector(pairs.data[k // L], st.NORMAL, k % L)
         add_near(pairs, counts, grid, i, j, limit, nx, ny, nz)

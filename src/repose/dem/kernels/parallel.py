@@ -1,9 +1,19 @@
 """One simulation on several threads.
 
-The work of a step is cut into SHARES, a number that does not depend on the threads: each share of the contacts has
-loads of its own, and these are added up in a fixed order. So the result is the same, bit for bit, for any number of
-threads. One thread changes the lists (pairs that meet, part or move on) while the others wait at a barrier. Every
-thread runs `advance_shared`.
+The work of a step is cut into SHARES, a number that does not depend on the threads. Each
+share of the contacts has loads of its own, and these are added up in a fixed order. So
+the result is the same, bit for bit, for any number of threads.
+
+Every thread runs `advance_shared`. The steps of one round are separated by a barrier
+(`atomics`). Shares of work that write nothing in common are spread over the threads; the
+lists (pairs that meet, part or move on) are changed by the first thread alone while the
+others wait.
+
+Near pairs lie in blocks of `state.BLOCK`. A block whose bodies are nearly at rest is
+skipped until its pairs may have used up their slack. For that, bodies are in groups of
+neighbours in memory, whose paths are in `Grid.paths`.
+
+Reads and writes most arrays of a simulation (see `state`), and `Shared`.
 """
 
 import math
@@ -22,43 +32,49 @@ from .rigid import act_on_events, integrate
 from .rows import L
 
 SHARES = 8
-FEWEST_BODIES = (
-    4096  # smaller simulations have one share: they gain nothing from threads
-)
+# Smaller simulations have one share: they gain nothing from threads.
+FEWEST_BODIES = 4096
 REORDER_EVERY = 1000  # steps after which bodies are numbered anew (see `order`)
-CALM = 1e-3  # of the skin: paths of one step below which whole blocks of pairs can be skipped
-CHANGED, DUE = (
-    0.0,
-    -1.0,
-)  # of a block of near pairs, in place of the path at which it is checked
+# Share of the skin: for paths of one step below it, whole blocks of pairs can be skipped.
+CALM = 1e-3
+# Values of `Pairs.near_check` in place of a path: the pairs of the block have changed, or
+# the block is checked in the next step.
+CHANGED, DUE = 0.0, -1.0
 UP_TO_NOW, LAST_STEP = 0, 1  # rows of `Grid.paths`
-STOP = 0  # place in `orders` that ends the run
+STOP = 0  # place in `Shared.orders` that ends the run
 
 
 @inlined
 def share_of(n, share, grain):
-    """Begin and end of a share of n things, in whole grains."""
+    """Return begin and end of a share of n items, in whole grains of `grain` items."""
     grains = (n + grain - 1) // grain
-    return grains * share // SHARES * grain, min(
-        grains * (share + 1) // SHARES * grain, n
-    )
+    begin = grains * share // SHARES * grain
+    end = grains * (share + 1) // SHARES * grain
+    return begin, min(end, n)
 
 
 @kernel
-def slack(displacement, first, second, limit, begin, end):
-    """Lower bound of the distance by which the pairs begin to end may come nearer before one is due [m]."""
-    least = math.inf
+def least_slack(displacement, first, second, limit, begin, end):
+    """Return the least way that one of the pairs `begin` to `end` has left [m].
+
+    It is a lower bound of the distance by which the pairs may come nearer before one of
+    them is due.
+    """
+    slack = math.inf
     for k in range(begin, end):
         u = np.uint64(k)
-        least = min(
-            least, limit[u] - (displacement[first[u]] + displacement[second[u]])
+        slack = min(
+            slack, limit[u] - (displacement[first[u]] + displacement[second[u]])
         )
-    return least
+    return slack
 
 
 @inlined
 def group_bits(bodies):
-    """Shift of bits that gives the group of a body's number: whole tiles, at most st.MOST_GROUPS groups."""
+    """Return the shift of bits that turns a body's number into that of its group.
+
+    A group has whole tiles, and there are at most st.MOST_GROUPS groups.
+    """
     bits = 5
     while bodies.displacement.shape[0] >> bits >= st.MOST_GROUPS:
         bits += 1
@@ -67,19 +83,18 @@ def group_bits(bodies):
 
 @kernel
 def groups_of(first, second, begin, end, bits):
-    """Return the groups of all bodies of the pairs begin to end, as bits of a whole number."""
+    """Return the groups of all bodies of the pairs `begin` to `end`, as bits."""
     groups = 0
     for k in range(begin, end):
         u = np.uint64(k)
-        groups |= (1 << (np.int64(first[u]) >> bits)) | (
-            1 << (np.int64(second[u]) >> bits)
-        )
+        groups |= 1 << (np.int64(first[u]) >> bits)
+        groups |= 1 << (np.int64(second[u]) >> bits)
     return groups
 
 
 @kernel
 def paths_of(paths, groups):
-    """Compute the sum of the paths of some groups [m]."""
+    """Return the sum of the paths of some groups [m]; `groups` has a bit for each."""
     total = 0.0
     group = 0
     while groups > 0:
@@ -92,9 +107,9 @@ def paths_of(paths, groups):
 
 @kernel
 def note_paths(bodies, counts, grid):
-    """Store the longest path of each group's bodies in this step."""
+    """Write the longest path of each group's bodies in this step to `Grid.paths`."""
     tiles = (counts[st.N_BODIES] + L - 1) // L
-    size = (1 << group_bits(bodies)) // L
+    size = (1 << group_bits(bodies)) // L  # tiles of a group
     for begin in range(0, tiles, size):
         path = 0.0
         for tile in range(begin, min(begin + size, tiles)):
@@ -104,9 +119,15 @@ def note_paths(bodies, counts, grid):
 
 
 @inlined
-def look_at_block(bodies, pairs, grid, parts, begin, end, due, place, normal):
-    """Find the near pairs begin to end that are due and touch, list them from `place` on and return their number."""
-    first, second, limit = pairs.near_first, pairs.near_second, pairs.near_limit
+def check_block(bodies, pairs, grid, parts, begin, end, due, place, normal):
+    """Find the near pairs `begin` to `end` that are due and touch.
+
+    They are written to `due` from `place` on; the others that are due get new limits.
+    Returns the number of pairs found.
+    """
+    first = pairs.near_first
+    second = pairs.near_second
+    limit = pairs.near_limit
     found = 0
     k = next_due(bodies.displacement, first, second, limit, begin, end)
     while k < end:
@@ -123,40 +144,59 @@ def look_at_block(bodies, pairs, grid, parts, begin, end, due, place, normal):
 
 
 @inlined
-def look_at_share(bodies, pairs, grid, parts, begin, end, due, normal):
-    """Solve for the gaps of the near pairs begin to end that are due; lists those that touch and returns their number.
+def check_share(bodies, pairs, grid, parts, begin, end, due, normal):
+    """Find the near pairs of one share that touch, and write them to `due`.
 
-    A block whose bodies are nearly at rest is skipped until its slack may be used up: two bodies come nearer by at most
-    twice the sum of the longest paths of all groups with bodies in the block.
+    The share is the pairs `begin` to `end`; its pairs are written from place `begin` on,
+    and their number is returned. A block whose bodies are nearly at rest is skipped until
+    its slack may be used up: two bodies come nearer by at most twice the sum of the
+    longest paths of all groups with bodies in the block.
     """
-    first, second, limit = pairs.near_first, pairs.near_second, pairs.near_limit
+    first = pairs.near_first
+    second = pairs.near_second
+    limit = pairs.near_limit
     bits = group_bits(bodies)
     calm = CALM * grid.lengths[st.SKIN]
     found = 0
-    for at in range(begin, end, st.BLOCK):
-        block = at // st.BLOCK
+    for block_begin in range(begin, end, st.BLOCK):
+        block = block_begin // st.BLOCK
         groups = pairs.near_groups[block]
         if paths_of(grid.paths[UP_TO_NOW], groups) < pairs.near_check[block]:
             continue
-        last = min(at + st.BLOCK, end)
-        found += look_at_block(
-            bodies, pairs, grid, parts, at, last, due, begin + found, normal
+        block_end = min(block_begin + st.BLOCK, end)
+        found += check_block(
+            bodies,
+            pairs,
+            grid,
+            parts,
+            block_begin,
+            block_end,
+            due,
+            begin + found,
+            normal,
         )
         if pairs.near_check[block] == CHANGED:
-            groups = groups_of(first, second, at, last, bits)
+            groups = groups_of(first, second, block_begin, block_end, bits)
             pairs.near_groups[block] = groups
         pairs.near_check[block] = DUE
         if 2.0 * paths_of(grid.paths[LAST_STEP], groups) < calm:
-            free = slack(bodies.displacement, first, second, limit, at, last)
+            slack = least_slack(
+                bodies.displacement, first, second, limit, block_begin, block_end
+            )
             pairs.near_check[block] = (
-                paths_of(grid.paths[UP_TO_NOW], groups) + 0.5 * free - st.ROUNDING
+                paths_of(grid.paths[UP_TO_NOW], groups) + 0.5 * slack - st.ROUNDING
             )
     return found
 
 
 @inlined
-def update_near_shares(pairs, counts, grid, due, n_due, begins):
-    """Turn the near pairs that touch into contacts, the last first."""
+def add_found_contacts(pairs, counts, grid, due, n_due, begins):
+    """Turn the near pairs that touch into contacts.
+
+    Share s found n_due[s] pairs; their places in the list of near pairs are in `due`
+    from begins[s] on, in increasing order. The last pair is dropped first: the last near
+    pair of the list takes its place, so the places that are still to come stay valid.
+    """
     for share in range(SHARES - 1, -1, -1):
         for e in range(begins[share] + n_due[share] - 1, begins[share] - 1, -1):
             k = due[e]
@@ -173,21 +213,42 @@ def update_near_shares(pairs, counts, grid, due, n_due, begins):
 
 @kernel_without_gil
 def advance_shared(
-    bodies, pairs, flat, curved, meshed, grid, walls, meshes, counts, physics, tiles, body_tiles, scratches, shared,
-    thread, steps
-):  # fmt: skip
-    """Run the part of one thread in a number of steps, with a row of each scratch array; return the steps made."""
+    bodies,
+    pairs,
+    flat,
+    curved,
+    meshed,
+    grid,
+    walls,
+    meshes,
+    counts,
+    physics,
+    tiles,
+    body_tiles,
+    scratches,
+    shared,
+    thread,
+    steps,
+):
+    """Run the part of one thread in a number of steps; return the steps made.
+
+    A thread uses its own row of the scratch arrays `tiles`, `body_tiles` and
+    `scratches`. It handles the shares thread, thread + threads, and so on.
+    """
     threads = tiles.shape[0]
     ghost = grid.cell.shape[0]
-    lead = thread == 0
-    t, m, scratch = tiles[thread], body_tiles[thread], st.scratch_of(scratches[thread])
-    begins, numbers = shared.begins, shared.numbers
+    is_first = thread == 0
+    t = tiles[thread]
+    m = body_tiles[thread]
+    scratch = st.scratch_of(scratches[thread])
+    begins = shared.begins
+    numbers = shared.numbers
     for step in range(steps):
-        if lead:
-            shared.orders[STOP] = (
-                0 if has_room(pairs, flat, curved, meshed, counts) else 1
-            )
-            if shared.orders[STOP] == 0:
+        # Begin the step, unless a list may become too short.
+        if is_first:
+            roomy = has_room(pairs, flat, curved, meshed, counts)
+            shared.orders[STOP] = 0 if roomy else 1
+            if roomy:
                 begin_step(
                     bodies,
                     pairs,
@@ -205,10 +266,11 @@ def advance_shared(
         if shared.orders[STOP] != 0:
             return step
 
+        # Find the near pairs that touch; then change the lists, and handle the walls.
         for share in range(thread, SHARES, threads):
             begin, end = share_of(counts[st.N_NEAR], share, st.BLOCK)
             begins[share] = begin
-            numbers[share] = look_at_share(
+            numbers[share] = check_share(
                 bodies,
                 pairs,
                 grid,
@@ -219,8 +281,8 @@ def advance_shared(
                 scratch.normal,
             )
         wait_for_all(shared.counters, threads)
-        if lead:
-            update_near_shares(pairs, counts, grid, shared.due, numbers, begins)
+        if is_first:
+            add_found_contacts(pairs, counts, grid, shared.due, numbers, begins)
             renew(bodies, pairs, (), counts, grid, physics.parts, scratch.normal, ghost)
             wall_contacts_and_forces(
                 bodies,
@@ -238,6 +300,7 @@ def advance_shared(
             )
         wait_for_all(shared.counters, threads)
 
+        # Forces of the pairs; then retire the pairs that parted.
         for share in range(thread, SHARES, threads):
             begin, end = share_of(counts[st.N_PAIRS], share, L)
             begins[share] = begin
@@ -245,7 +308,7 @@ def advance_shared(
                 bodies, pairs, (), counts, physics, t, share, begin, end
             )
         wait_for_all(shared.counters, threads)
-        if lead:
+        if is_first:
             for share in range(SHARES - 1, -1, -1):
                 retire_pairs(
                     bodies, pairs, counts, grid, begins[share], numbers[share], ghost
@@ -253,31 +316,44 @@ def advance_shared(
             counts[st.STEPS] += 1
         wait_for_all(shared.counters, threads)
 
+        # Move the bodies; then handle their events.
         for share in range(thread, SHARES, threads):
             begin, end = share_of(counts[st.N_BODIES], share, L)
             begins[share] = begin
             numbers[share] = integrate(bodies, counts, physics, m, begin, end)
         wait_for_all(shared.counters, threads)
-        if lead:
+        if is_first:
+            time = counts[st.STEPS] * physics.dt
             for share in range(SHARES):
-                act_on_events(
-                    bodies,
-                    grid,
-                    counts,
-                    begins[share],
-                    numbers[share],
-                    counts[st.STEPS] * physics.dt,
-                )
+                act_on_events(bodies, grid, counts, begins[share], numbers[share], time)
             note_paths(bodies, counts, grid)
     return steps
 
 
 def run_threads(arrays, tiles, shared, steps):
-    """Run `advance_shared` on as many threads as there are scratch tiles; returns the steps made."""
+    """Run `advance_shared` on as many threads as there are scratch tiles.
+
+    Parameters
+    ----------
+    arrays : sequence
+        The first arguments of `advance_shared`, from `bodies` to `physics`.
+    tiles : sequence
+        The scratch arrays of all threads: `tiles`, `body_tiles` and `scratches`.
+    shared : Shared
+        What the threads share.
+    steps : int
+        Number of steps.
+
+    Returns
+    -------
+    int
+        The steps made.
+    """
+
+    def run(thread):
+        return advance_shared(*arrays, *tiles, shared, thread, steps)
+
     threads = len(tiles[0])
     with ThreadPoolExecutor(threads) as pool:
-        made = pool.map(
-            lambda thread: advance_shared(*arrays, *tiles, shared, thread, steps),
-            range(threads),
-        )
-    return next(made)
+        made = list(pool.map(run, range(threads)))
+    return made[0]

@@ -1,6 +1,11 @@
-"""Renewal of the neighbour list: bodies that moved far get new pairs, bodies that are gone lose theirs.
+"""Renewal of the neighbour list: bodies that moved far get new pairs, gone bodies none.
 
-`clumps` is empty in a simulation of smooth bodies, see `forces`.
+Bodies that moved by half a skin are in `Grid.moved_list`; `renew` finds their neighbours
+anew. `drop_gone` removes all contacts of bodies that left the simulation. `clumps` is an
+empty tuple in a simulation of smooth bodies, see `forces`.
+
+Reads `Bodies.rows` and `Bodies.presence`. Writes all arrays of `Grid`, the lists of
+pairs and of contacts with walls, `counts`, and the columns of motion of gone bodies.
 """
 
 from . import state as st
@@ -15,42 +20,48 @@ from .neighbours import (
     list_pair,
     unlink,
 )
-from .rigid import take_away
+from .rigid import stop_body
 from .sphere_search import list_clumps
+
+UNMARKED = -1  # value of `Grid.mark` of a body that is marked with none
 
 
 @inlined
-def list_bodies(bodies, pairs, clumps, counts, grid, parts, i, j, room):
-    """List the pair of two bodies where they touch or are near; room: scratch for a normal, or the spheres of both."""
+def list_bodies(bodies, pairs, clumps, counts, grid, parts, i, j, scratch):
+    """List the pair of two bodies where they touch or are near.
+
+    `scratch` is an array (3,) for a normal, or of clumps `Scratch.spheres`.
+    """
     if len(clumps) == 0:
-        list_pair(bodies, pairs, counts, grid, parts, i, j, room)
+        list_pair(bodies, pairs, counts, grid, parts, i, j, scratch)
     else:
-        list_clumps(bodies, pairs, counts, grid, clumps, i, j, room)
+        list_clumps(bodies, pairs, counts, grid, clumps, i, j, scratch)
 
 
 @kernel
-def find_partners(bodies, pairs, clumps, counts, grid, parts, i, room):
-    """List the pairs of body i anew, except with bodies marked with i: these are listed already."""
-    cell = grid.cell[i]
-    kz = cell % grid.shape[2]
-    ky = (cell // grid.shape[2]) % grid.shape[1]
-    kx = cell // (grid.shape[2] * grid.shape[1])
+def find_partners(bodies, pairs, clumps, counts, grid, parts, i, scratch):
+    """List the pairs of body i anew.
+
+    Bodies that are marked with i are skipped: their pairs with i are listed already.
+    """
     nx, ny, nz = grid.shape[0], grid.shape[1], grid.shape[2]
-    # the cell before, its own and the next; of fewer than three cells each once
-    for ax in range(min(nx, 3)):
-        cx = (kx + ax - 1) % nx
-        for ay in range(min(ny, 3)):
-            cy = (ky + ay - 1) % ny
-            for az in range(min(nz, 3)):
-                cz = (kz + az - 1) % nz
-                j = grid.head[(cx * ny + cy) * nz + cz]
+    cell = grid.cell[i]
+    cell_z = cell % nz
+    cell_y = (cell // nz) % ny
+    cell_x = cell // (nz * ny)
+    # The cell before, its own, and the next one along each axis. The cells repeat, so of
+    # fewer than three cells each is visited once.
+    for step_x in range(min(nx, 3)):
+        x = (cell_x + step_x - 1) % nx
+        for step_y in range(min(ny, 3)):
+            y = (cell_y + step_y - 1) % ny
+            for step_z in range(min(nz, 3)):
+                z = (cell_z + step_z - 1) % nz
+                j = grid.head[(x * ny + y) * nz + z]
                 while j >= 0:
                     # two bodies that both moved find each other once
-                    if (
-                        j != i
-                        and grid.mark[j] != i
-                        and not (grid.moved[j] == 1 and j < i)
-                    ):
+                    found_already = grid.moved[j] == 1 and j < i
+                    if j != i and grid.mark[j] != i and not found_already:
                         list_bodies(
                             bodies,
                             pairs,
@@ -60,28 +71,34 @@ def find_partners(bodies, pairs, clumps, counts, grid, parts, i, room):
                             parts,
                             min(i, j),
                             max(i, j),
-                            room,
+                            scratch,
                         )
                     j = grid.following[j]
 
 
 @inlined
 def mark_partners(pairs, grid, i, mark):
-    """Mark all bodies that are listed in a pair with body i with the number `mark`."""
-    k = grid.chain[i]
-    while k >= 0:
-        grid.mark[pairs.partner[k]] = mark
-        k = pairs.link[k]
+    """Mark all bodies in the chain of partners of body i with a number."""
+    link_number = grid.chain[i]
+    while link_number >= 0:
+        grid.mark[pairs.partner[link_number]] = mark
+        link_number = pairs.link[link_number]
 
 
 @kernel
-def renew(bodies, pairs, clumps, counts, grid, parts, room, ghost):
-    """List anew the pairs of the bodies that moved far; touching pairs stay, and so do the entries of clumps."""
+def renew(bodies, pairs, clumps, counts, grid, parts, scratch, ghost):
+    """List the pairs of the bodies of `Grid.moved_list` anew.
+
+    Near pairs of smooth bodies are dropped and found again. Touching pairs stay, since
+    they have springs, and so do the entries of clumps; their bodies are chained, so that
+    the search does not list them a second time.
+    """
     n_moved = counts[st.N_MOVED]
     if n_moved == 0:
         return
     if len(clumps) == 0:
         drop_near_of_moved(pairs, counts, grid)
+    # Put the bodies into the cells of their present positions.
     for m in range(n_moved):
         i = grid.moved_list[m]
         unlink(grid, i)
@@ -95,8 +112,9 @@ def renew(bodies, pairs, clumps, counts, grid, parts, room, ghost):
         i = grid.moved_list[m]
         if bodies.presence[i] == st.PRESENT:
             mark_partners(pairs, grid, i, i)
-            find_partners(bodies, pairs, clumps, counts, grid, parts, i, room)
-            mark_partners(pairs, grid, i, -1)
+            find_partners(bodies, pairs, clumps, counts, grid, parts, i, scratch)
+            mark_partners(pairs, grid, i, UNMARKED)
+    # Empty the list and the chains.
     for m in range(n_moved):
         i = grid.moved_list[m]
         grid.moved[i] = 0
@@ -109,6 +127,7 @@ def drop_pairs_of_gone(bodies, pairs, clumps, counts, grid, ghost):
     """Drop the pairs of bodies that are gone."""
     presence = bodies.presence
     if len(clumps) == 0:
+        # from the end, since a dropped contact is replaced by the last one
         for k in range(counts[st.N_PAIRS] - 1, -1, -1):
             if (
                 presence[pairs.first[k]] != st.PRESENT
@@ -121,7 +140,10 @@ def drop_pairs_of_gone(bodies, pairs, clumps, counts, grid, ghost):
 
 @inlined
 def drop_touches_of_gone(presence, contacts, clumps, counts, slot, ghost):
-    """Drop the contacts of bodies that are gone with walls of one kind."""
+    """Drop the contacts of gone bodies with walls of one kind.
+
+    `slot` is the place of their number in `counts`.
+    """
     for k in range(counts[slot] - 1, -1, -1):
         if presence[contacts.body[k]] != st.PRESENT:
             drop_touch(contacts, clumps, counts, slot, k, ghost)
@@ -129,13 +151,17 @@ def drop_touches_of_gone(presence, contacts, clumps, counts, slot, ghost):
 
 @kernel
 def drop_gone(bodies, pairs, flat, curved, meshed, clumps, counts, grid, ghost):
-    """Drop all contacts of the bodies that went below the floor in the last step."""
+    """Drop all contacts of the bodies that went below the floor in the last step.
+
+    These bodies are in `Grid.moved_list`; they are stopped.
+    """
     presence = bodies.presence
     drop_pairs_of_gone(bodies, pairs, clumps, counts, grid, ghost)
     drop_touches_of_gone(presence, flat, clumps, counts, st.N_PLANE, ghost)
     drop_touches_of_gone(presence, curved, clumps, counts, st.N_CURVED, ghost)
     drop_touches_of_gone(presence, meshed, clumps, counts, st.N_MESHED, ghost)
     for m in range(counts[st.N_MOVED]):
-        if presence[grid.moved_list[m]] != st.PRESENT:
-            take_away(bodies, grid.moved_list[m])
+        i = grid.moved_list[m]
+        if presence[i] != st.PRESENT:
+            stop_body(bodies, i)
     counts[st.N_GONE] = 0

@@ -1,9 +1,15 @@
-"""Vector code that numba's own loops do not give: transpositions of eight bodies at a time, and reciprocal roots.
+"""Vector code that numba's loops do not give: transpositions, prefetches and 1 / sqrt(x).
 
-Bodies lie in rows (one body after another); the inner loops need lanes (one quantity of many bodies after another). The
-change is a transposition of 8 x 8 numbers: 16 loads of half a row, 16 shuffles and eight wide stores, instead of 64
-loads and stores. `rsqrt` replaces pairs of square roots and divisions, which take most of a contact's time, except on
-an AMD Zen, whose own roots are faster. All is plain LLVM, so it compiles for any processor.
+Bodies lie in rows of a table (all columns of one body, then the next body). The inner
+loops need lanes (one column of 32 bodies, then the next column; see `rows`). The change
+from one to the other is a transposition of 8 x 8 numbers: 16 loads of half a row, 16
+shuffles and 8 wide stores, instead of 64 loads and 64 stores.
+
+`rsqrt` replaces pairs of square roots and divisions, which take most of the time of a
+contact, except on an AMD Zen, whose own roots are faster.
+
+The intrinsics write plain LLVM code, so they compile for any processor. They take no
+part in numba's checks: the caller answers for the bounds of the arrays.
 """
 
 import math
@@ -18,146 +24,169 @@ from .jit import JIT_OFF, inlined
 from .rows import LANES
 
 WIDTH = 8  # numbers moved at once
-DOUBLE, INT64, INT32, BYTE = (
-    ir.DoubleType(),
-    ir.IntType(64),
-    ir.IntType(32),
-    ir.IntType(8),
-)
+DOUBLE = ir.DoubleType()
+INT64 = ir.IntType(64)
+INT32 = ir.IntType(32)
+BYTE = ir.IntType(8)
+BYTES_OF_DOUBLE = 8
+VECTOR = ir.VectorType(DOUBLE, WIDTH)
+HALF = ir.VectorType(DOUBLE, WIDTH // 2)
 FOR_READING, TO_ALL_CACHES, DATA = 0, 3, 1  # arguments of llvm.prefetch
 SMALLEST = 1e-300  # makes the root of zero a number to divide by
-VECTOR, HALF = ir.VectorType(DOUBLE, WIDTH), ir.VectorType(DOUBLE, WIDTH // 2)
+
+# The arguments of the three intrinsics that move numbers between a table and a tile:
+# arrays `table`, `index` and `tile`, the other four integers.
+MOVE_ARGUMENTS = ("table", "column", "index", "k", "tile", "first", "stride")
 
 
 def _shuffle(builder, a, b, mask):
-    return builder.shuffle_vector(
-        a, b, ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), mask)
-    )
+    """Return a vector of WIDTH numbers of a and b; `mask` has places in (a, b)."""
+    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(INT32, WIDTH), mask))
 
 
 def _load(builder, pointer, kind=VECTOR):
+    """Load a vector from a place that is aligned to a double only."""
     return builder.load(builder.bitcast(pointer, kind.as_pointer()), align=8)
 
 
-def _transposed(builder, pointers):
-    """Compute the 8 x 8 transpose of the eight numbers at each of eight places.
+def _store(builder, value, pointer):
+    """Store a vector to a place that is aligned to a double only."""
+    builder.store(value, builder.bitcast(pointer, VECTOR.as_pointer()), align=8)
 
-    A vector is made of halves of two rows: one instruction, which is no shuffle, loads and inserts the second half. So
-    16 shuffles are needed instead of 24 with whole rows.
+
+def _transposed(builder, pointers):
+    """Return the 8 x 8 transpose of the eight numbers at each of eight places.
+
+    Row r of the matrix is at pointers[r]; vector c that is returned is its column c. A
+    vector is made of halves of two rows: one instruction, which is no shuffle, loads and
+    inserts the second half. So 16 shuffles are needed instead of 24 with whole rows.
     """
-    vectors = []
-    for side in (0, 4):
+    columns = []
+    for side in (0, 4):  # columns 0 to 3, then columns 4 to 7
         halves = [
             _load(builder, builder.gep(pointer, [INT64(side)]), HALF)
             for pointer in pointers
         ]
-        a, b, c, d = (
-            _shuffle(builder, halves[k], halves[k + 2], list(range(8)))
-            for k in (0, 1, 4, 5)
-        )
-        even = [
-            _shuffle(builder, *pair, [0, 8, 2, 10, 4, 12, 6, 14])
-            for pair in ((a, b), (c, d))
-        ]
-        odd = [
-            _shuffle(builder, *pair, [1, 9, 3, 11, 5, 13, 7, 15])
-            for pair in ((a, b), (c, d))
-        ]
+        # Four numbers of row k, then four numbers of row k + 2.
+        joined = {}
+        for row in (0, 1, 4, 5):
+            joined[row] = _shuffle(
+                builder, halves[row], halves[row + 2], list(range(WIDTH))
+            )
+        # The even and the odd columns of rows 0 to 3, and of rows 4 to 7.
+        pairs = ((joined[0], joined[1]), (joined[4], joined[5]))
+        even = [_shuffle(builder, *pair, [0, 8, 2, 10, 4, 12, 6, 14]) for pair in pairs]
+        odd = [_shuffle(builder, *pair, [1, 9, 3, 11, 5, 13, 7, 15]) for pair in pairs]
+        # The first even and odd column of all eight rows, then the second ones.
         for mask in ([0, 1, 4, 5, 8, 9, 12, 13], [2, 3, 6, 7, 10, 11, 14, 15]):
-            vectors += [_shuffle(builder, *even, mask), _shuffle(builder, *odd, mask)]
-    return vectors
+            columns.append(_shuffle(builder, *even, mask))
+            columns.append(_shuffle(builder, *odd, mask))
+    return columns
 
 
-def _store(builder, value, pointer):
-    builder.store(value, builder.bitcast(pointer, VECTOR.as_pointer()), align=8)
+class _Move:
+    """The arguments of an intrinsic that moves numbers, as LLVM values.
 
-
-class _Call:
-    """The arguments of the intrinsics below: arrays and integers (table, column, index, k, tile, at, stride)."""
+    Attributes
+    ----------
+    table, index, tile : pointers to the first number of each array
+    column, k, first, stride : int64
+    row_bytes : int64, size of a row of the table
+    """
 
     def __init__(self, context, builder, signature, values):
         self.builder = builder
-        arrays = {}
-        for name, kind, value in zip(
-            ("table", "column", "index", "k", "tile", "at", "stride"),
-            signature.args,
-            values,
-            strict=True,
-        ):
+        arguments = zip(MOVE_ARGUMENTS, signature.args, values, strict=True)
+        for name, kind, value in arguments:
             if isinstance(kind, types.Array):
-                arrays[name] = context.make_array(kind)(context, builder, value)
-                setattr(self, name, arrays[name].data)
+                array = context.make_array(kind)(context, builder, value)
+                setattr(self, name, array.data)
+                if name == "table":
+                    self.row_bytes = builder.extract_value(array.strides, 0)
             else:
                 setattr(self, name, context.cast(builder, value, kind, types.int64))
-        self.row_bytes = builder.extract_value(arrays["table"].strides, 0)
 
-    def body(self, lane):
-        """Pointer to the first number of the body of a lane."""
+    def row(self, lane):
+        """Return the pointer to table[index[k + lane], column]."""
         builder = self.builder
         place = builder.gep(self.index, [builder.add(self.k, INT64(lane))])
         number = builder.load(place)
         if number.type != INT64:
             number = builder.zext(number, INT64)
-        start = builder.ptrtoint(self.table, INT64)
-        start = builder.add(start, builder.mul(number, self.row_bytes))
-        start = builder.add(start, builder.mul(self.column, INT64(8)))
-        return builder.inttoptr(start, DOUBLE.as_pointer())
+        address = builder.ptrtoint(self.table, INT64)
+        address = builder.add(address, builder.mul(number, self.row_bytes))
+        address = builder.add(address, builder.mul(self.column, INT64(BYTES_OF_DOUBLE)))
+        return builder.inttoptr(address, DOUBLE.as_pointer())
+
+    def rows(self):
+        """Return the pointers to the rows of all lanes."""
+        return [self.row(lane) for lane in range(WIDTH)]
 
     def lanes(self, quantity):
-        """Pointer to the lanes of a quantity in the tile."""
+        """Return the pointer to tile[first + quantity * stride]."""
         builder = self.builder
-        return builder.gep(
-            self.tile, [builder.add(self.at, builder.mul(self.stride, INT64(quantity)))]
-        )
+        offset = builder.mul(self.stride, INT64(quantity))
+        return builder.gep(self.tile, [builder.add(self.first, offset)])
+
+    def all_lanes(self):
+        """Return the pointers to the lanes of all quantities."""
+        return [self.lanes(quantity) for quantity in range(WIDTH)]
 
 
-def _checked(table, column, index, k, tile, at, stride):
-    """Return the signature of an intrinsic, or None where the arguments do not fit."""
-    fits = all(isinstance(array, types.Array) for array in (table, tile, index))
-    fits = (
-        fits
-        and table.dtype == tile.dtype == types.float64
-        and isinstance(index.dtype, types.Integer)
-    )
-    return types.void(table, column, index, k, tile, at, stride) if fits else None
+def _move_signature(table, column, index, k, tile, first, stride):
+    """Return the signature of an intrinsic that moves numbers, or None for other types."""
+    if not all(isinstance(array, types.Array) for array in (table, tile, index)):
+        return None
+    if not table.dtype == tile.dtype == types.float64:
+        return None
+    if not isinstance(index.dtype, types.Integer):
+        return None
+    return types.void(table, column, index, k, tile, first, stride)
 
 
-def _moving(move):
-    """Make an intrinsic of (table, column, index, k, tile, at, stride) of the function that writes its code."""
+def _moving(write_code):
+    """Make an intrinsic of a function that writes its code for a `_Move`."""
 
-    def declare(typingctx, table, column, index, k, tile, at, stride):
+    def declare(typingctx, table, column, index, k, tile, first, stride):
         def generate(context, builder, sig, values):
-            move(builder, _Call(context, builder, sig, values))
+            write_code(builder, _Move(context, builder, sig, values))
             return context.get_dummy_value()
 
-        return _checked(table, column, index, k, tile, at, stride), generate
+        signature = _move_signature(table, column, index, k, tile, first, stride)
+        return signature, generate
 
-    declare.__name__, declare.__doc__ = move.__name__, move.__doc__
+    declare.__name__ = write_code.__name__
+    declare.__doc__ = write_code.__doc__
     return intrinsic(declare)
 
 
 @_moving
-def rows_to_lanes(builder, call):
-    """tile[at + c * stride + l] = table[index[k + l], column + c] for c and l of 0..7."""
-    rows = [call.body(lane) for lane in range(WIDTH)]
-    for quantity, lanes in enumerate(_transposed(builder, rows)):
-        _store(builder, lanes, call.lanes(quantity))
+def rows_to_lanes(builder, move):
+    """Copy eight columns of eight rows of a table to lanes of a tile.
+
+    tile[first + c * stride + lane] = table[index[k + lane], column + c], for c and lane
+    of 0..7.
+    """
+    for quantity, lanes in enumerate(_transposed(builder, move.rows())):
+        _store(builder, lanes, move.lanes(quantity))
 
 
 @_moving
-def lanes_to_rows(builder, call):
-    """table[index[k + l], column + c] = tile[at + c * stride + l] for c and l of 0..7."""
-    lanes = [call.lanes(quantity) for quantity in range(WIDTH)]
-    for lane, row in enumerate(_transposed(builder, lanes)):
-        _store(builder, row, call.body(lane))
+def lanes_to_rows(builder, move):
+    """Copy eight rows of eight lanes of a tile to columns of a table.
+
+    table[index[k + lane], column + c] = tile[first + c * stride + lane], for c and lane
+    of 0..7.
+    """
+    for lane, row in enumerate(_transposed(builder, move.all_lanes())):
+        _store(builder, row, move.row(lane))
 
 
 @_moving
-def add_lanes_to_rows(builder, call):
-    """table[index[k + l], column + c] += tile[at + c * stride + l], lane after lane (a body may come twice)."""
-    lanes = [call.lanes(quantity) for quantity in range(WIDTH)]
-    for lane, row in enumerate(_transposed(builder, lanes)):
-        place = call.body(lane)
+def add_lanes_to_rows(builder, move):
+    """Add as `lanes_to_rows` writes, lane after lane: a body may come twice."""
+    for lane, row in enumerate(_transposed(builder, move.all_lanes())):
+        place = move.row(lane)
         _store(builder, builder.fadd(_load(builder, place), row), place)
 
 
@@ -167,24 +196,23 @@ def prefetch(typingctx, table, row, column):
     signature = types.void(table, row, column)
 
     def generate(context, builder, sig, values):
-        array = context.make_array(sig.args[0])(context, builder, values[0])
-        row, column = (
-            context.cast(builder, values[k], sig.args[k], types.int64) for k in (1, 2)
-        )
+        table_kind, row_kind, column_kind = sig.args
+        table, row, column = values
+        array = context.make_array(table_kind)(context, builder, table)
+        row = context.cast(builder, row, row_kind, types.int64)
+        column = context.cast(builder, column, column_kind, types.int64)
         offset = builder.mul(row, builder.extract_value(array.strides, 0))
-        offset = builder.add(
-            offset, builder.mul(column, builder.extract_value(array.strides, 1))
-        )
+        in_row = builder.mul(column, builder.extract_value(array.strides, 1))
+        offset = builder.add(offset, in_row)
         place = builder.gep(builder.bitcast(array.data, BYTE.as_pointer()), [offset])
-        kind = ir.FunctionType(ir.VoidType(), [BYTE.as_pointer(), *3 * [INT32]])
         name = "llvm.prefetch.p0i8"
-        function = builder.module.globals.get(name) or ir.Function(
-            builder.module, kind, name
-        )
-        builder.call(
-            function,
-            [place, *(INT32(value) for value in (FOR_READING, TO_ALL_CACHES, DATA))],
-        )
+        function = builder.module.globals.get(name)
+        if not function:
+            arguments = [BYTE.as_pointer(), INT32, INT32, INT32]
+            kind = ir.FunctionType(ir.VoidType(), arguments)
+            function = ir.Function(builder.module, kind, name)
+        options = [INT32(FOR_READING), INT32(TO_ALL_CACHES), INT32(DATA)]
+        builder.call(function, [place, *options])
         return context.get_dummy_value()
 
     return signature, generate
@@ -192,7 +220,10 @@ def prefetch(typingctx, table, row, column):
 
 @intrinsic
 def _rsqrt_seed(typingctx, x):
-    """First approximation of 1 / sqrt(x) from the bits of the exponent, with an error of 3.5 % at most."""
+    """Return a first approximation of 1 / sqrt(x) from the bits of its exponent.
+
+    Its error is 3.5 % at most.
+    """
 
     def generate(context, builder, sig, values):
         bits = builder.bitcast(values[0], INT64)
@@ -203,34 +234,47 @@ def _rsqrt_seed(typingctx, x):
 
 
 @inlined
-def gather(rows, columns, index, base, t, at):
-    """Copy the first columns of the rows of a tile's bodies into lanes."""
-    for k in range(0, LANES, WIDTH):
+def gather(rows, columns, index, base, t, first):
+    """Copy the first columns of the rows of a tile's bodies to lanes.
+
+    Lane k of the tile is body index[base + k]; column c goes to the row of `t` at
+    first + c * LANES.
+    """
+    for lane in range(0, LANES, WIDTH):
         for column in range(0, columns, WIDTH):
             rows_to_lanes(
-                rows, column, index, base + k, t, at + column * LANES + k, LANES
+                rows,
+                column,
+                index,
+                base + lane,
+                t,
+                first + column * LANES + lane,
+                LANES,
             )
 
 
 @inlined
-def root_of_bits(x):
-    """`rsqrt` from the exponent's bits, by multiplications alone."""
+def rsqrt_by_steps(x):
+    """Return 1 / sqrt(x) by multiplications alone: a seed and two steps of third order."""
     y = _rsqrt_seed(x)
-    e = 1.0 - (x * y) * y
-    y += y * e * (0.5 + e * (0.375 + e * 0.3125))
-    e = 1.0 - (x * y) * y
-    return y + y * e * (0.5 + e * (0.375 + e * 0.3125))
+    error = 1.0 - (x * y) * y
+    y += y * error * (0.5 + error * (0.375 + error * 0.3125))
+    error = 1.0 - (x * y) * y
+    return y + y * error * (0.5 + error * (0.375 + error * 0.3125))
 
 
 @inlined
-def root_of_processor(x):
-    """`rsqrt` by the processor's own root and division."""
+def rsqrt_by_processor(x):
+    """Return 1 / sqrt(x) by the processor's own root and division."""
     return 1.0 / math.sqrt(x + SMALLEST)
 
 
-# 1 / sqrt(x) for x >= 0 to 1e-15; of zero a large finite number, so that x * rsqrt(x) is sqrt(x) there too.
-rsqrt = root_of_processor if get_host_cpu_name().startswith("znver") else root_of_bits
-
+# 1 / sqrt(x) for x >= 0, to 1e-15. Of zero it is a large finite number, so that
+# x * rsqrt(x) is sqrt(x) there, too.
+if get_host_cpu_name().startswith("znver"):
+    rsqrt = rsqrt_by_processor
+else:
+    rsqrt = rsqrt_by_steps
 
 if JIT_OFF:
     globals().update(as_python.INTRINSICS)

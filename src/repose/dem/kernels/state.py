@@ -1,233 +1,422 @@
-"""The arrays of a simulation, grouped as named tuples that numba kernels take as arguments."""
+"""The arrays of a simulation, grouped as named tuples that the kernels take as arguments.
 
-from collections import namedtuple
+The named tuples at the end of the constants say what each array holds: shape, unit,
+and who writes it. Contacts and the motion of bodies lie in tiles (see `rows`): number k
+is lane k % LANES of tile k // LANES. All quantities are in SI units, all vectors in
+world axes unless a comment says otherwise. Kernels change the arrays in place.
+"""
+
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from .jit import inlined
 from .rows import LANES, Rows
 
-# Contacts and bodies lie in tiles of LANES, a row a quantity: number k is lane k % LANES of tile k // LANES.
-
-CACHE_LINE = 8  # numbers
+CACHE_LINE = 8  # doubles in a cache line
 BLOCK = 256  # near pairs of a large simulation that are checked together
-MOST_GROUPS = 60  # of bodies that lie together; each is one bit of a whole number
-DEAD = 1e-100  # size below which motion and springs have died out [SI units]; its square is no denormal number yet
-ROUNDING = 1e-12  # sums of path lengths over some thousand steps are exact to this [m]
-# Places of `Grid.lengths`.
+MOST_GROUPS = 60  # groups of bodies; each group is one bit of an int64
+# Velocities and springs below this size are set to zero [SI units]. The square of this
+# number is not denormal yet.
+DEAD = 1e-100
+# Sums of path lengths over some thousand steps are exact to this distance [m].
+ROUNDING = 1e-12
+
+# Places in `Grid.lengths`: edge of a cell, largest distance of two centres whose bodies
+# may touch, skin of the neighbour list; all in m.
 CELL, REACH, SKIN = range(3)
-# Columns of `rows` (N, a multiple of 8): the data of a body for its contacts, one body after another.
-# Of a body that does not turn only the first eight change. Then follow the inverse inertia in the world as xx, xy, xz,
-# yy, yz, zz, and the shape: for clumps their quaternion. Spheres have only their radius there. The last is
-# `share_column`.
-POSITION, VELOCITY, INVERSE_MASS, ANGULAR_VELOCITY, INVERSE_INERTIA, SHAPE = (
-    0,
-    3,
-    6,
-    7,
-    10,
-    16,
-)
+
+# ---- Columns of `Bodies.rows` -------------------------------------------------------
+# The data of a body that its contacts need. Of a body that does not turn only the first
+# eight columns change. The last column used is that of `share_column`.
+POSITION = 0  # (3)
+VELOCITY = 3  # (3)
+INVERSE_MASS = 6
+ANGULAR_VELOCITY = 7  # (3)
+INVERSE_INERTIA = 10  # (6): xx, xy, xz, yy, yz, zz
+# The shape. Smooth bodies: PART columns for each ellipsoid, its symmetric matrix
+# R diag(a^2, b^2, c^2) R' as xx, xy, xz, yy, yz, zz. Clumps: the quaternion (w, x, y, z).
+SHAPE = 16
+PART = 6
+# Spheres have no inertia and no shape there, only their radius.
 SPHERE_RADIUS = INVERSE_INERTIA
-PART = 6  # columns a part of the shape: the symmetric matrix R diag(a2, b2, c2) R' as xx, xy, xz, yy, yz, zz
-MOST_PARTS = 3
-SPHERES = -1  # in place of a number of parts: every body is a sphere
-MOST_SPHERES = 64  # of a clump
-# Columns of `load` (shares, N, 8), to be added up over the shares: force, torque, budget of the rolling torque, and the
-# tangential dashpots times the squares of their arms.
-ROLL, DASHPOTS = 6, 7
+
+MOST_PARTS = 3  # ellipsoids of a smooth body, at most
+SPHERES = -1  # value of `Physics.parts` where every body is a sphere
+MOST_SPHERES = 64  # spheres of a clump, at most
+
+# ---- Columns of `Bodies.load` -------------------------------------------------------
+FORCE = 0  # (3)
+TORQUE = 3  # (3), about the centre of the body
+ROLL = 6  # budget of the rolling resistance: the torque that it can resist
+DASHPOTS = 7  # sum of tangential dashpots times the squares of their arms
 LOAD_COLUMNS = 8
-# Rows of a tile of `motion`, data for the motion alone: quaternion (w x y z, body to world), angular momentum,
-# displacement at which the neighbours are listed anew, 1 / principal moments, squared semi-axes of each part, radius.
-# Of a tile at rest, a step reads only the row RELIST.
+
+# ---- Rows of a tile of `Bodies.motion` ----------------------------------------------
+# Data that only the motion of a body needs. For a tile at rest, a step reads only RELIST.
 _motion = Rows()
-QUATERNION = _motion.take(4)
+QUATERNION = _motion.take(4)  # (w, x, y, z), from the body's axes to the world's
 ANGULAR_MOMENTUM = _motion.take(3)
-RELIST = _motion.take()
-INVERSE_MOMENTS = _motion.take(3)
-SQUARES = _motion.take(3 * MOST_PARTS)
-RADIUS = _motion.take()
+RELIST = _motion.take()  # displacement at which the neighbours are listed anew
+INVERSE_MOMENTS = _motion.take(3)  # 1 / principal moments of inertia
+SQUARES = _motion.take(3 * MOST_PARTS)  # squared semi-axes of each part
+RADIUS = _motion.take()  # bounding radius
 MOTION_ROWS = _motion.count
-# Rows of a tile of contacts, kept from step to step: normal of A towards B or the wall, rows of the geometry, rows of
-# the force laws.
+
+# ---- Rows of a tile of contacts -----------------------------------------------------
+# What a contact keeps from step to step: the normal, then rows of the geometry, then
+# rows of the force laws. The law's rows begin at PAIR_STATE (pairs of smooth bodies) or
+# WALL_STATE (smooth bodies on walls); for clumps see `clump_tile`.
 _pair = Rows()
-NORMAL = _pair.take(3)
-PAIR_STATE = _pair.end  # where the force laws' rows begin, for pairs
-# Of a contact with a wall: azimuth and gap (curved), or offset along the normal, middle and squared radius (plane). Of
-# a mesh: the azimuth about an edge, the gap.
+NORMAL = _pair.take(3)  # from body A to body B, or into the wall
+PAIR_STATE = _pair.end
+# The rows of a contact with a wall have two meanings. With a plane: its offset along the
+# normal, the middle of its disc (3), and the squared radius of its disc. With a cone,
+# ring or mesh: the azimuth of the contact (for a mesh the angle about an edge), the gap.
 _wall = Rows(_pair.end)
 AZIMUTH = OFFSET = _wall.take()
 MIDDLE = GAP = _wall.take(3)
 RADIUS2 = _wall.take()
-WALL_STATE = _wall.end  # where the force laws' rows begin, for walls
+WALL_STATE = _wall.end
 
-# Slots of `counts`.
+# ---- Places in `counts` -------------------------------------------------------------
 (
     N_BODIES,
-    N_PAIRS,
-    N_NEAR,
-    N_PLANE,
-    N_CURVED,
-    N_MOVED,
-    STEPS,
-    FULL,
-    N_GONE,
-    N_MESHED,
-    N_FREE,
+    N_PAIRS,  # touching pairs
+    N_NEAR,  # near pairs; of clumps the entries, holes included
+    N_PLANE,  # contacts with planes
+    N_CURVED,  # contacts with cones, tubes and rings
+    N_MOVED,  # bodies in `Grid.moved_list`
+    STEPS,  # time steps made
+    FULL,  # 1 when a list had no room for an item
+    N_GONE,  # bodies that left the simulation in the last step
+    N_MESHED,  # contacts with meshes
+    N_FREE,  # holes in the list of entries of clumps
 ) = range(11)
 COUNTS = 11
 
-ABSENT, PRESENT, GONE = 0, 1, 2
+ABSENT, PRESENT, GONE = 0, 1, 2  # values of `Bodies.presence`
 
-CELLS_PER_BODY, FEWEST_CELLS = 64, 4096  # of the search for neighbours
+# Number of cells of the grid: at most this many per body, or FEWEST_CELLS.
+CELLS_PER_BODY, FEWEST_CELLS = 64, 4096
 
-# displacement: how far any point of a body may have moved until now. wall_check: the displacement, with that of the
-# walls, at which the body is checked against walls again; wall_margin: the way left until then, the least of a tile.
-Bodies = namedtuple(
-    "Bodies",
-    "rows load touched motion displacement wall_check presence passed exit_time every resting kind event events "
-    "longest wall_margin",
-)
-Grid = namedtuple(
-    "Grid",
-    "cell following preceding head moved moved_list chain mark touching near shape origin lengths paths",
-)
-Pairs = namedtuple(
-    "Pairs",
-    "first second data near_first near_second near_limit near_normal near_check near_groups ended gap partner link",
-)
-# deepest (walls, N): largest overlap with which a contact of a smooth body may begin; infinite unless it is past the
-# wall. Of clumps, known and past (walls, N): which spheres of a body touch a wall and which are past it, as bits; known
-# of meshes is written anew in every step. Of smooth bodies they are empty tuples.
-WallContacts = namedtuple(
-    "WallContacts", "body wall feature data limit ended deepest known past"
-)
-Shared = namedtuple("Shared", "counters orders begins numbers due")
-# loads: force on each wall and torque about the origin, (walls, 6) where a user asks for them, else (0, 6).
-Walls = namedtuple(
-    "Walls", "planes cones rings frames displaced motion moves material approach loads"
-)
-Physics = namedtuple(
-    "Physics",
-    "parts gravity law rolling law_constants rolling_constants n_state mixed_pairs mixed_walls dt rolling_frame "
-    "exit_height curved_walls_above floor_height",
-)
-
-# Walls are numbered planes first, then cones, then rings, then meshes; cones and rings together are the curved walls.
-# Walls.frames (curved and meshes, 12): origin and rotation, frame to world; displaced: whether it is not the world's.
-# motion (walls, 9): velocity, angular velocity, pivot. moves: whether any of these is not zero. material: of each wall,
-# as bodies.kind. approach: how far any wall may have come nearer until now [m], speed of the fastest [m/s], whether any
-# moves.
-# Places of `Walls.approach`.
+# ---- Walls --------------------------------------------------------------------------
+# Walls are numbered: planes first, then cones, then rings, then meshes. Cones and rings
+# together are the curved walls. A tube is a cone.
+# Columns of `Walls.planes`.
+PLANE_POINT = 0  # (3), the middle of a disc
+PLANE_NORMAL = 3  # (3), into the wall
+PLANE_RADIUS = 6  # of the disc; infinite for a plane without an edge
+PLANE_COLUMNS = 7
+# Columns of `Walls.cones`, in the half plane (r, z) of the cone's own frame.
+CONE_NORMAL_R, CONE_NORMAL_Z = 0, 1  # normal, into the wall
+CONE_OFFSET = 2  # of the line along its normal
+CONE_START, CONE_END = 3, 4  # the wall's two ends, as distances along the line
+CONE_UP_R, CONE_UP_Z = 5, 6  # unit vector up along the line
+CONE_COLUMNS = 8
+# Columns of `Walls.rings`, in the ring's own frame. The edge is a torus; a body touches
+# only the part of it whose normal points away from neither of the two gates (r, z).
+RING_RADIUS, RING_HEIGHT = 0, 1  # of the circle in the middle of the torus
+RING_EDGE_RADIUS = 2
+RING_GATE_A_R, RING_GATE_A_Z, RING_GATE_B_R, RING_GATE_B_Z = 3, 4, 5, 6
+RING_COLUMNS = 7
+# Columns of `Walls.frames`.
+FRAME_ORIGIN = 0  # (3)
+FRAME_ROTATION = 3  # (9), row by row, from the frame's axes to the world's
+# Columns of `Walls.motion`.
+WALL_VELOCITY, WALL_SPIN, WALL_PIVOT = 0, 3, 6  # (3) each
+# Places in `Walls.approach`: how far any wall may have come nearer until now [m], the
+# speed of the fastest wall [m/s], and whether any wall moves.
 WALL_PATH, WALL_SPEED, WALLS_MOVE = range(3)
-# Columns of Walls.planes: point (3), normal from the inside into the wall (3), radius of the disc.
-# Columns of Walls.cones: m_r, m_z (normal into the wall), offset k, s_min, s_max, e_r, e_z (up along the wall), radius.
-# Columns of Walls.rings: core radius, height, edge radius, two gates (g_r, g_z) that the normal must not oppose.
-PLANE_COLUMNS, CONE_COLUMNS, RING_COLUMNS = 7, 8, 7
 
-# Scratch of a thread: a normal, the geometry of a contact and of another, a body's row in the frame of a wall,
-# overlaps at STARTS places about an axis, the spheres of two bodies.
-Scratch = namedtuple("Scratch", "normal out other local profile spheres")
-STARTS = 24
-SMALLEST_GAPS = 16  # that a search of the spheres of two bodies keeps, at most
-SCRATCH = 64 + 32 + 10 * MOST_SPHERES + 3 * SMALLEST_GAPS
+
+class Bodies(NamedTuple):
+    """The bodies; N is a multiple of LANES, and T = N / LANES is the number of tiles."""
+
+    rows: Any  # (N, columns), see POSITION to SHAPE
+    load: Any  # (shares, N, LOAD_COLUMNS): the sum over the shares acts on a body
+    touched: Any  # (shares, T): 1 where a share of a tile's loads may not be zero
+    motion: Any  # (T, MOTION_ROWS * LANES)
+    displacement: Any  # (N,): how far any point of the body may have moved until now
+    wall_check: Any  # (N,): displacement of body and walls at the next check of walls
+    presence: Any  # (N,): ABSENT, PRESENT or GONE
+    passed: Any  # (N,): 1 once the body is below the curved walls
+    exit_time: Any  # (N,): when it fell through the exit height [s]; NaN before
+    every: Any  # (N,): 0, 1, 2, ...: the index with which `simd` reads a whole tile
+    resting: Any  # (T,): 1 where no body of the tile turned in the last step
+    kind: Any  # (N,): number of the material
+    event: Any  # (N,): bits of the events of a body, see `rigid`
+    events: Any  # (N,): the bodies with events
+    longest: Any  # (T,): longest path of the tile's bodies in the last step
+    wall_margin: Any  # (T,): the way left until a body of the tile is due for walls
+
+
+class Grid(NamedTuple):
+    """The cells in which neighbours are sought; lists of bodies linked by number."""
+
+    cell: Any  # (N,): the cell of each body, or -1
+    following: Any  # (N,): the next body in the same cell, or -1
+    preceding: Any  # (N,): the body before it in the same cell, or -1
+    head: Any  # (cells,): the first body of each cell, or -1
+    moved: Any  # (N,): 1 for the bodies of `moved_list`
+    moved_list: Any  # (N,): the bodies whose neighbours are found anew
+    chain: Any  # (N,): first link of a body's partners, a place in `Pairs.link`, or -1
+    mark: Any  # (N,): the body i with which a body is already paired, while i is listed
+    touching: Any  # (N,): number of touching pairs of each body
+    near: Any  # (N,): number of near pairs of each body
+    shape: Any  # (3,): number of cells along each axis
+    origin: Any  # (3,): lower corner of the first cell
+    lengths: Any  # (3,): see CELL, REACH, SKIN
+    paths: Any  # (2, MOST_GROUPS): paths of the groups of bodies, see `parallel`
+
+
+class Pairs(NamedTuple):
+    """Pairs of smooth bodies that touch (contacts), and pairs that are near."""
+
+    first: Any  # (contacts,): body A
+    second: Any  # (contacts,): body B
+    data: Any  # (tiles, rows * LANES)
+    near_first: Any  # (near,)
+    near_second: Any  # (near,)
+    near_limit: Any  # (near,): sum of displacements at which the pair is checked
+    near_normal: Any  # (near, 3): normal of the last check
+    near_check: Any  # (blocks,): see `parallel`
+    near_groups: Any  # (blocks,): groups of the bodies of each block, as bits
+    ended: Any  # (contacts,): contacts that ended in this step
+    gap: Any  # (contacts,): their gaps
+    partner: Any  # (2 * contacts,): the body of a link of a chain, see `Grid.chain`
+    link: Any  # (2 * contacts,): the next link of the chain, or -1
+
+
+class WallContacts(NamedTuple):
+    """Contacts with the walls of one kind; W is the number of these walls."""
+
+    body: Any  # (contacts,)
+    wall: Any  # (contacts,): number among the walls of this kind
+    feature: Any  # (contacts,): feature of the mesh, or else sphere of the clump
+    data: Any  # (tiles, rows * LANES)
+    limit: Any  # (W, N): displacement of body and walls at the next search
+    ended: Any  # (contacts,): contacts that ended in this step
+    # (W, N), smooth bodies: the largest overlap with which a contact may begin. It is
+    # infinite unless the body is past the wall, see `walls`.
+    deepest: Any
+    # (W, N), clumps: which spheres of a body touch the wall, and which are past it, as
+    # bits. Those of meshes are written anew in every step. Empty tuples for smooth bodies.
+    known: Any
+    past: Any
+
+
+class Walls(NamedTuple):
+    """The walls; C is the number of cones and rings, M that of meshes."""
+
+    planes: Any  # (planes, PLANE_COLUMNS)
+    cones: Any  # (cones, CONE_COLUMNS)
+    rings: Any  # (rings, RING_COLUMNS)
+    frames: Any  # (C + M, 12): origin, then rotation from frame to world
+    displaced: Any  # (C + M,): 1 where the frame is not the world's
+    motion: Any  # (walls, 9): velocity, angular velocity, pivot
+    moves: Any  # (walls,): 1 where the wall moves
+    material: Any  # (walls,): number of the material, as `Bodies.kind`
+    approach: Any  # (3,): see WALL_PATH, WALL_SPEED, WALLS_MOVE
+    loads: Any  # (walls, 6): force and torque about the origin; (0, 6) if not asked for
+
+
+class Physics(NamedTuple):
+    """What does not change during a simulation."""
+
+    parts: (
+        Any  # ellipsoids of the smooth body with the most of them; 0: clumps; SPHERES
+    )
+    gravity: Any  # (3,)
+    law: Any  # options of the contact law
+    rolling: Any  # options of the rolling law
+    law_constants: Any  # (materials, materials, constants)
+    rolling_constants: Any  # (materials, materials, constants)
+    n_state: Any  # rows of a contact that the contact law keeps
+    mixed_pairs: Any  # whether bodies have several materials
+    mixed_walls: Any  # whether contacts with walls have several pairs of materials
+    dt: Any  # time step
+    rolling_frame: Any  # (3,): angular velocity against which rolling is resisted
+    exit_height: Any  # a body that falls through it has an exit time
+    curved_walls_above: Any  # bodies below it no longer touch curved walls
+    floor_height: Any  # bodies below it are gone
+
+
+class Shared(NamedTuple):
+    """What the threads of a simulation share, see `parallel`."""
+
+    counters: Any  # (BARRIER_SIZE,): counters of the barrier
+    orders: Any  # (1,): 1 when all threads have to stop
+    begins: Any  # (SHARES,): first item of each share
+    numbers: Any  # (SHARES,): number of items that a share found
+    due: Any  # near pairs that touch, each share's from its begin on
+
+
+class Scratch(NamedTuple):
+    """Working memory of one thread, views of one array."""
+
+    normal: Any  # (3,): a normal, for the solver of gaps
+    geometry: Any  # (8,): geometry of a contact with a wall, see `contact_geometry`
+    other_geometry: Any  # (8,): of another feature of a mesh
+    local_row: Any  # (40,): a row of `Bodies.rows` in the frame of a wall
+    profile: Any  # (STARTS,): overlaps at places about an axis
+    spheres: Any  # the spheres of two bodies, see `sphere_search`
+
+
+STARTS = 24  # places about the axis of a curved wall at which a search starts
+SMALLEST_GAPS = 16  # gaps of spheres that a search of two bodies keeps, at most
+# Places of the views of `Scratch`; each begins at a cache line.
+_NORMAL_BEGIN, _GEOMETRY_BEGIN, _OTHER_BEGIN, _ROW_BEGIN = 0, 8, 16, 24
+_PROFILE_BEGIN = 64
+_SPHERES_BEGIN = 96
+SCRATCH = _SPHERES_BEGIN + 10 * MOST_SPHERES + 3 * SMALLEST_GAPS
 
 
 @inlined
 def alive(x):
-    """Set a velocity or a path below DEAD to 0.0: processors are slow with denormal numbers, to which decay leads."""
+    """Return a velocity or a path, or 0.0 where its size is below DEAD.
+
+    Decay leads to denormal numbers, with which processors are slow.
+    """
     return 0.0 if abs(x) < DEAD else x
 
 
 @inlined
 def scratch_of(numbers):
-    """Return the parts of a `Scratch` in an array of SCRATCH numbers."""
+    """Return the views of a `Scratch` in an array of SCRATCH numbers."""
     return Scratch(
-        numbers[0:3],
-        numbers[8:16],
-        numbers[16:24],
-        numbers[24:64],
-        numbers[64 : 64 + STARTS],
-        numbers[96:SCRATCH],
+        numbers[_NORMAL_BEGIN : _NORMAL_BEGIN + 3],
+        numbers[_GEOMETRY_BEGIN:_OTHER_BEGIN],
+        numbers[_OTHER_BEGIN:_ROW_BEGIN],
+        numbers[_ROW_BEGIN:_PROFILE_BEGIN],
+        numbers[_PROFILE_BEGIN : _PROFILE_BEGIN + STARTS],
+        numbers[_SPHERES_BEGIN:SCRATCH],
     )
 
 
+@inlined
+def bounding_radius(bodies, i):
+    """Return the largest distance of a point of body i from its centre [m]."""
+    return bodies.motion[i // LANES, RADIUS + i % LANES]
+
+
+@inlined
+def share_column(parts):
+    """Return the column of `Bodies.rows` with a body's share of tangential dashpots.
+
+    See `body_rotation.share_lanes`. It follows the shape of the body.
+    """
+    return SPHERE_RADIUS + 1 if parts == SPHERES else SHAPE + max(PART * parts, 4)
+
+
+def row_end(parts):
+    """Return the number of columns of `Bodies.rows` that are used."""
+    return share_column(parts) + 1
+
+
 def zeros(*shape):
-    """Return an array of zeros that begins at a cache line: a vector that straddles two lines costs twice."""
+    """Return an array of zeros that begins at a cache line.
+
+    A vector that straddles two cache lines costs twice.
+    """
     size = int(np.prod(shape))
     store = np.zeros(size + CACHE_LINE)
     skip = -store.ctypes.data % (8 * CACHE_LINE) // 8
     return store[skip : skip + size].reshape(shape)
 
 
-@inlined
-def share_column(parts):
-    """Column of `rows` with the share of its tangential dashpots that a body takes, see `body_rotation.share_lanes`."""
-    return SPHERE_RADIUS + 1 if parts == SPHERES else SHAPE + max(PART * parts, 4)
-
-
-def row_end(parts):
-    """Count the used columns of `rows`."""
-    return share_column(parts) + 1
-
-
 def each(names, shape, kind, value=0):
-    """Return an array of its own for each name, filled with a value."""
-    return {
-        name: np.full(shape, value, kind) if value else np.zeros(shape, kind)
-        for name in names.split()
-    }
+    """Return a dict with an array of its own for each name, filled with a value.
+
+    Parameters
+    ----------
+    names : str
+        Names with spaces between them.
+    shape : int or tuple of int
+        Shape of each array.
+    kind : data type
+        Type of the numbers.
+    value : number
+        Their value.
+    """
+    arrays = {}
+    for name in names.split():
+        if value:
+            arrays[name] = np.full(shape, value, kind)
+        else:
+            arrays[name] = np.zeros(shape, kind)  # the memory is not touched yet
+    return arrays
 
 
 def new_bodies(n, parts, shares=1):
-    """Arrays for n bodies of up to `parts` parts, all absent; shares: number of shares of the loads, see `parallel`.
+    """Make the arrays for n bodies, all of them absent.
 
-    The arrays have whole tiles and at least one body more than n. This body n is always absent and stands in the unused
-    lanes of contact tiles: it has no mass, so no force moves it, and a shape, so its geometry is finite.
+    Parameters
+    ----------
+    n : int
+        Number of bodies.
+    parts : int
+        Ellipsoids of a body, at most; 0 for clumps, SPHERES for spheres.
+    shares : int
+        Number of shares of the loads, see `parallel`.
+
+    Returns
+    -------
+    Bodies
+        The arrays have whole tiles and at least one body more than n. This body n is
+        always absent. It is the "ghost" that stands in the unused lanes of contact tiles:
+        it has no mass, so no force moves it, and a small shape, so its geometry is finite.
     """
     padded = LANES * (n // LANES + 1)
-    rows = zeros(padded, CACHE_LINE * -(-row_end(parts) // CACHE_LINE))
-    rows[:, [SPHERE_RADIUS] if parts == SPHERES else [SHAPE, SHAPE + 3, SHAPE + 5]] = (
-        1e-3 if parts == SPHERES else 1e-6
-    )
+    n_tiles = padded // LANES
+    columns = CACHE_LINE * -(-row_end(parts) // CACHE_LINE)
+    rows = zeros(padded, columns)
+    if parts == SPHERES:
+        rows[:, SPHERE_RADIUS] = 1e-3
+    else:
+        diagonal = [SHAPE, SHAPE + 3, SHAPE + 5]
+        rows[:, diagonal] = 1e-6
     rows[:, share_column(parts)] = 1.0
-    motion = zeros(padded // LANES, MOTION_ROWS * LANES)
-    motion[:, :LANES] = 1.0
+    motion = zeros(n_tiles, MOTION_ROWS * LANES)
+    motion[:, QUATERNION : QUATERNION + LANES] = 1.0  # w of (w, x, y, z)
     motion[:, RADIUS : RADIUS + LANES] = 1e-3
     motion[:, SQUARES : SQUARES + 3 * LANES] = 1e-6
     return Bodies(
         rows=rows,
         load=zeros(shares, padded, LOAD_COLUMNS),
-        touched=np.zeros((shares, padded // LANES), np.uint8),
+        touched=np.zeros((shares, n_tiles), np.uint8),
         motion=motion,
         displacement=zeros(padded),
         wall_check=np.full(padded, np.inf),
         **each("presence passed kind event", padded, np.uint8),
         exit_time=np.full(padded, np.nan),
         every=np.arange(padded, dtype=np.uint32),
-        resting=np.zeros(padded // LANES, np.uint8),
+        resting=np.zeros(n_tiles, np.uint8),
         events=np.zeros(padded, np.int64),
-        **each("longest wall_margin", padded // LANES, float),
+        **each("longest wall_margin", n_tiles, float),
     )
 
 
 def lanes_of(motion, row, columns, n):
-    """Return the quantity of the first n bodies that starts at a row of `motion`, a copy (n, columns)."""
+    """Return a quantity of the first n bodies as a copy (n, columns).
+
+    `row` is the first row of the quantity in the tiles of `Bodies.motion`.
+    """
     first = row // LANES
     tiles = motion.reshape(len(motion), MOTION_ROWS, LANES)[:, first : first + columns]
     return tiles.transpose(0, 2, 1).reshape(-1, columns)[:n].copy()
 
 
 def new_grid(n, lower, upper, cell):
-    """Cells of edge `cell` [m] over a box, at most CELLS_PER_BODY for each of n bodies (or FEWEST_CELLS).
+    """Make the cells for n bodies in a box, with an edge of `cell` [m].
 
-    The cells repeat in space like the tiles of a floor: a place outside of the box, or of the part of it that the cells
-    cover, belongs to the cell at the same place of the repetition. So the memory depends on the number of bodies and
-    not on the box. touching, near: number of pairs of each body in either list; lengths: edge of a cell, largest
-    distance of two centres that may touch, skin; paths, in simulations that threads may share: how far a body of each
-    group may have moved until now, and in the last step (see `parallel`).
+    The grid has at most CELLS_PER_BODY cells per body (or FEWEST_CELLS), so the memory
+    depends on the number of bodies and not on the box. The cells repeat in space like
+    the tiles of a floor: a place outside the grid belongs to the cell at the same place
+    of the repetition.
     """
-    lower, upper = np.asarray(lower, float), np.asarray(upper, float)
+    lower = np.asarray(lower, float)
+    upper = np.asarray(upper, float)
     shape = np.maximum(1.0, np.ceil((upper - lower) / cell))
     while shape.prod() > max(CELLS_PER_BODY * n, FEWEST_CELLS):
         shape[shape.argmax()] = np.ceil(0.5 * shape.max())
@@ -245,9 +434,10 @@ def new_grid(n, lower, upper, cell):
 
 
 def new_contacts(n, rows):
-    """Tiles for n contacts; unused lanes hold a valid normal."""
+    """Make tiles for n contacts; unused lanes hold a valid normal, (0, 0, 1)."""
     data = zeros(-(-n // LANES), rows * LANES)
-    data[:, 2 * LANES : 3 * LANES] = 1.0
+    normal_z = NORMAL + 2 * LANES
+    data[:, normal_z : normal_z + LANES] = 1.0
     return data
 
 
@@ -258,12 +448,22 @@ def contact_rows(data, n):
 
 
 def whole_tiles(n):
-    """Round up a number of contacts to that of whole tiles."""
+    """Round a number of contacts up to whole tiles."""
     return LANES * -(-n // LANES)
 
 
 def new_pairs(n_contacts, n_near, ghost, n_state):
-    """Arrays for touching and near pairs; unused contacts have body `ghost`, and n_state rows are of the force laws."""
+    """Make the lists for touching and near pairs of smooth bodies, both empty.
+
+    Parameters
+    ----------
+    n_contacts, n_near : int
+        Room of the lists.
+    ghost : int
+        The absent body, with which unused contacts are filled.
+    n_state : int
+        Rows that the force laws keep.
+    """
     n_contacts = whole_tiles(n_contacts)
     return Pairs(
         **each("first second", n_contacts, np.uint32, ghost),
@@ -280,18 +480,28 @@ def new_pairs(n_contacts, n_near, ghost, n_state):
 
 
 def new_wall_contacts(n_contacts, n_walls, n_bodies, ghost, rows, of_clumps):
-    """Arrays for contacts with walls of one kind; `limit` is the displacement at the next check.
+    """Make the empty list for contacts with the walls of one kind.
 
-    `feature` is the number of the feature of a mesh, or else of the sphere of a clump.
+    Parameters
+    ----------
+    n_contacts : int
+        Room of the list.
+    n_walls, n_bodies : int
+        Number of walls of this kind, and of bodies.
+    ghost : int
+        The absent body, with which unused contacts are filled.
+    rows : int
+        Rows of a tile.
+    of_clumps : bool
+        Whether the bodies are clumps.
     """
     n_contacts = whole_tiles(n_contacts)
     data = new_contacts(n_contacts, rows)
     data[:, RADIUS2 : RADIUS2 + LANES] = np.inf
-    bits = (
-        each("known past", (n_walls, n_bodies), np.uint64)
-        if of_clumps
-        else {"known": (), "past": ()}
-    )
+    if of_clumps:
+        bits = each("known past", (n_walls, n_bodies), np.uint64)
+    else:
+        bits = {"known": (), "past": ()}
     return WallContacts(
         body=np.full(n_contacts, ghost, np.uint32),
         **each("wall feature", n_contacts, np.uint32),

@@ -1,234 +1,353 @@
-"""Contact of a body with one exact curved wall: the inside of a cone or tube, or a rounded ring edge.
+"""Contact of one body with one curved wall: the inside of a cone or tube, or a ring edge.
 
-The inside of a cone or tube is convex, an intersection of half-spaces whose normals m(theta) turn about the axis. The
-overlap of a body is therefore the maximum of phi(theta) = m.c + h(m) - k, a search in one variable; a long body in a
-narrow tube has two maxima and two contacts. The edge at the end of a cone is a torus of a small radius, tangent to the
-cone. The projection of the contact point onto the wall decides which of the two a body touches, so force and overlap
-are continuous at the transition and no gap is left between cone and edge.
+Cones. The inside of a cone or tube is convex: an intersection of half-spaces whose
+normals m(theta) turn about the axis. So the overlap of a body is the maximum of
 
-Cones and rings are solved in their own frame, whose z axis is theirs (`frames`). A sphere has a closed form.
+    phi(theta) = m.c + h(m) - k
+
+over one angle, with the centre c and the support value h. A long body in a narrow tube
+has two maxima and two contacts.
+
+Rings. The edge at the end of a cone is a torus with a small radius, tangent to the cone.
+The overlap follows from the point of the circle in its middle that is nearest to the
+body: a search over the angle theta of that point and the normal n.
+
+The projection of the contact point onto the wall decides which of the two a body
+touches, so force and overlap are continuous there and no gap is left between them.
+
+Everything here is in the frame of the wall, whose z axis is the wall's axis (`frames`).
+Reads a row of a body and a row of `Walls.cones` or `Walls.rings`; writes only
+`geometry` (see `contact_geometry`).
 """
 
 import math
 
-from .contact import LONGEST_STEP
+from .contact import LEAST_DETERMINANT, LONGEST_STEP
+from .contact_geometry import ARM, RADIUS, write_contact, write_sphere_contact
 from .geometry import support_terms, tangents
 from .jit import inlined, kernel
+from .rows import vector_at
+from .state import (
+    CONE_END,
+    CONE_NORMAL_R,
+    CONE_NORMAL_Z,
+    CONE_OFFSET,
+    CONE_START,
+    CONE_UP_R,
+    CONE_UP_Z,
+    POSITION,
+    RING_EDGE_RADIUS,
+    RING_GATE_A_R,
+    RING_GATE_A_Z,
+    RING_GATE_B_R,
+    RING_GATE_B_Z,
+    RING_HEIGHT,
+    RING_RADIUS,
+)
 
-# Concave walls flatter than the body: the relative curvature keeps at least this share of the body's own.
+# Concave walls flatter than the body: the relative curvature keeps at least this share
+# of the body's own.
 LEAST_RELATIVE_CURVATURE = 0.1
-NEAREST = 1e-30  # of two points, for a direction [m]
+NEAREST = 1e-30  # distance of two points that still have a direction [m]
+SMALLEST_CIRCLE = 1e-6  # of a cone at a contact; its tip has no curvature [m]
+# Steps of theta [rad]: the longest one, and the one uphill where Newton's method has no
+# maximum to go to.
+LONGEST_TURN = 0.2
+UPHILL_TURN = 0.05
+FLAT = 1e-7  # second derivatives below this size say nothing
+MOST_ITERATIONS = 40
+CONVERGED = 1e-9  # step at which a search ends [rad]
 
 
 @inlined
-def effective_radius(q11, q12, q22, k1, k2):
-    """R* on a wall with principal curvatures k1, k2 along Q's axes, negative if concave: 1 / R*^2 = det(Q^-1 + K)."""
-    det = q11 * q22 - q12 * q12
-    relative = 1.0 + q11 * k1 + q22 * k2 + det * k1 * k2
+def effective_radius(q_uu, q_uw, q_ww, wall_u, wall_w):
+    """Return R* of a body on a wall: 1 / R*^2 = det(Q^-1 + K) [m].
+
+    Q is the curvature matrix of the body in the tangents u and w [m]. wall_u and wall_w
+    are the principal curvatures of the wall along them [1/m], negative if concave.
+    """
+    det = q_uu * q_ww - q_uw * q_uw
+    relative = 1.0 + q_uu * wall_u + q_ww * wall_w + det * wall_u * wall_w
     return math.sqrt(det / max(relative, LEAST_RELATIVE_CURVATURE))
 
 
 @inlined
-def write_contact(out, nx, ny, nz, gap, radius, h, x1, x2, ux, uy, uz, wx, wy, wz):
-    """Fill `out`: normal (3), gap, R*, contact point relative to the centre (3)."""
-    reach = h + 0.5 * gap
-    out[0], out[1], out[2] = nx, ny, nz
-    out[3], out[4] = gap, radius
-    out[5] = reach * nx + x1 * ux + x2 * wx
-    out[6] = reach * ny + x1 * uy + x2 * wy
-    out[7] = reach * nz + x1 * uz + x2 * wz
+def limited_turn(turn):
+    """Cut a step of theta to the longest one."""
+    return min(max(turn, -LONGEST_TURN), LONGEST_TURN)
 
 
 @inlined
-def cone_overlap(row, parts, cone, theta):
-    """phi(theta), its first and second derivative, and the distance up the wall of the body's deepest point."""
-    cos, sin = math.cos(theta), math.sin(theta)
-    mr, mz = cone[0], cone[1]
-    nx, ny, nz = mr * cos, mr * sin, mz
+def cone_axes(cone, theta):
+    """Return cos, sin, and the normal n, tangent u and line w of a cone at an angle.
+
+    n points into the wall, u along the circle and w along the line of the cone; u has
+    no z component.
+    """
+    cos = math.cos(theta)
+    sin = math.sin(theta)
+    normal_r = cone[CONE_NORMAL_R]
+    normal_z = cone[CONE_NORMAL_Z]
+    nx, ny, nz = normal_r * cos, normal_r * sin, normal_z
     ux, uy, uz = -sin, cos, 0.0
-    wx, wy, wz = -mz * cos, -mz * sin, mr
-    h, x1, x2, q11, _q12, _q22 = support_terms(
+    wx, wy, wz = -normal_z * cos, -normal_z * sin, normal_r
+    return cos, sin, nx, ny, nz, ux, uy, uz, wx, wy, wz
+
+
+@inlined
+def cone_slope(row, parts, cone, theta):
+    """Return the first and second derivative of phi at an angle."""
+    cos, sin, nx, ny, nz, ux, uy, uz, wx, wy, wz = cone_axes(cone, theta)
+    normal_r = cone[CONE_NORMAL_R]
+    x, y, _z = vector_at(row, POSITION)
+    h, along_u, along_w, q_uu, _q_uw, _q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
-    # the body's point: c + h n + x1 u + x2 w
-    px = row[0] + h * nx + x1 * ux + x2 * wx
-    py = row[1] + h * ny + x1 * uy + x2 * wy
-    pz = row[2] + h * nz + x2 * wz
-    value = nx * row[0] + ny * row[1] + nz * row[2] + h - cone[2]
-    slope = mr * (ux * px + uy * py)
-    bend = mr * mr * q11 - mr * (cos * px + sin * py)
-    along = (cos * px + sin * py) * cone[5] + pz * cone[6]
-    return value, slope, bend, along
+    # the body's outermost point along n, seen from above
+    px = x + h * nx + along_u * ux + along_w * wx
+    py = y + h * ny + along_u * uy + along_w * wy
+    slope = normal_r * (ux * px + uy * py)
+    bend = normal_r * normal_r * q_uu - normal_r * (cos * px + sin * py)
+    return slope, bend
 
 
 @inlined
 def climb_cone(row, parts, cone, theta):
-    """One step towards the nearest maximum of phi."""
-    _value, slope, bend, _along = cone_overlap(row, parts, cone, theta)
+    """Return theta after one Newton step towards the nearest maximum of phi."""
+    slope, bend = cone_slope(row, parts, cone, theta)
     # where phi is not concave, or nearly flat, a short step uphill
-    step = -slope / bend if bend < -1e-7 else math.copysign(0.05, slope)
-    return theta + min(max(step, -0.2), 0.2)
+    turn = -slope / bend if bend < -FLAT else math.copysign(UPHILL_TURN, slope)
+    return theta + limited_turn(turn)
 
 
 @kernel
-def cone_contact(row, parts, cone, theta, out):
-    """Contact of a body with a cone at a maximum theta of phi: fills `out`; returns whether it lies on the wall.
+def cone_contact(row, parts, cone, theta, geometry):
+    """Fill `geometry` for a body that touches a cone at a maximum theta of phi.
 
-    out: normal (3), gap, R*, contact point relative to the centre (3).
+    Returns
+    -------
+    bool
+        Whether the contact point lies on the wall, between its two ends.
     """
-    cos, sin = math.cos(theta), math.sin(theta)
-    mr, mz = cone[0], cone[1]
-    nx, ny, nz = mr * cos, mr * sin, mz
-    ux, uy, uz = -sin, cos, 0.0
-    wx, wy, wz = -mz * cos, -mz * sin, mr
-    h, x1, x2, q11, q12, q22 = support_terms(
+    cos, sin, nx, ny, nz, ux, uy, uz, wx, wy, wz = cone_axes(cone, theta)
+    x, y, z = vector_at(row, POSITION)
+    h, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
-    gap = cone[2] - (nx * row[0] + ny * row[1] + nz * row[2] + h)
-    write_contact(out, nx, ny, nz, gap, 0.0, h, x1, x2, ux, uy, uz, wx, wy, wz)
-    px, py, pz = row[0] + out[5], row[1] + out[6], row[2] + out[7]
-    across = max(cos * px + sin * py, 1e-6)
-    # a cone curves towards the body with the radius across / m_r
-    out[4] = effective_radius(q11, q12, q22, -mr / across, 0.0)
-    along = across * cone[5] + pz * cone[6]
-    return along >= cone[3] and along <= cone[4]
+    gap = cone[CONE_OFFSET] - (nx * x + ny * y + nz * z + h)
+    write_contact(
+        geometry, nx, ny, nz, gap, 0.0, h, along_u, along_w, ux, uy, uz, wx, wy, wz
+    )
+    arm_x, arm_y, arm_z = vector_at(geometry, ARM)
+    px, py, pz = x + arm_x, y + arm_y, z + arm_z
+    distance = max(cos * px + sin * py, SMALLEST_CIRCLE)  # from the axis
+    # a cone curves towards the body, with the radius distance / n_r along the circle
+    wall_u = -cone[CONE_NORMAL_R] / distance
+    geometry[RADIUS] = effective_radius(q_uu, q_uw, q_ww, wall_u, 0.0)
+    along = distance * cone[CONE_UP_R] + pz * cone[CONE_UP_Z]
+    return along >= cone[CONE_START] and along <= cone[CONE_END]
 
 
 @inlined
 def ring_newton(row, parts, ring, theta, nx, ny, nz):
-    """One Newton step for the distance to a circle: the new theta and n, the distance before, and the step's length."""
-    cos, sin = math.cos(theta), math.sin(theta)
-    radius = ring[0]
-    dx, dy, dz = radius * cos - row[0], radius * sin - row[1], ring[1] - row[2]
+    """Make one Newton step for the distance of a body to a circle.
+
+    The unknowns are the angle theta of the nearest point of the circle and the normal
+    n, which changes by a step (s_u, s_w) in its tangent plane. The equations for n are
+    eliminated, so that one equation for theta remains.
+
+    Returns
+    -------
+    theta, nx, ny, nz : float
+        The unknowns after the step.
+    step : float
+        Length of the step [rad].
+    """
+    cos = math.cos(theta)
+    sin = math.sin(theta)
+    radius = ring[RING_RADIUS]
+    x, y, z = vector_at(row, POSITION)
+    dx, dy, dz = radius * cos - x, radius * sin - y, ring[RING_HEIGHT] - z
     ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
-    h, x1, x2, q11, q12, q22 = support_terms(
+    h, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
+    # The distance f of body and circle, and its gradient along u and w.
     f = nx * dx + ny * dy + nz * dz - h
-    g1, g2 = dx * ux + dy * uy + dz * uz - x1, dx * wx + dy * wy + dz * wz - x2
-    # derivatives along the circle
+    gradient_u = dx * ux + dy * uy + dz * uz - along_u
+    gradient_w = dx * wx + dy * wy + dz * wz - along_w
+    # Derivatives of f by theta. (tx, ty) is the derivative of the point of the circle.
     tx, ty = -radius * sin, radius * cos
     slope = nx * tx + ny * ty
     bend = -radius * (nx * cos + ny * sin)
-    c1, c2 = ux * tx + uy * ty, wx * tx + wy * ty
-    a, c = q11 + f, q22 + f
-    trace = q11 + q22
-    det = a * c - q12 * q12
-    if not (a > 0.0 and c > 0.0 and det > 1e-3 * trace * trace):
-        a = c = trace
-        q12 = 0.0
-        det = a * c
-    # eliminate n: s = A^-1 (g + c dtheta), then the reduced equation for theta
-    k1, k2 = (c * c1 - q12 * c2) / det, (a * c2 - q12 * c1) / det
-    reduced = bend + c1 * k1 + c2 * k2
-    pull = slope + g1 * k1 + g2 * k2
-    turn = -pull / reduced if reduced > 1e-7 else -math.copysign(0.05, pull)
-    turn = min(max(turn, -0.2), 0.2)
-    g1, g2 = g1 + c1 * turn, g2 + c2 * turn
-    s1, s2 = (c * g1 - q12 * g2) / det, (a * g2 - q12 * g1) / det
-    length = math.sqrt(s1 * s1 + s2 * s2)
+    # Mixed derivatives: how the gradient along u and w changes with theta.
+    mixed_u = ux * tx + uy * ty
+    mixed_w = wx * tx + wy * ty
+    # The matrix A = Q + f I of the equations for n; where it is not definite, a multiple
+    # of the unit matrix instead.
+    a_uu = q_uu + f
+    a_ww = q_ww + f
+    trace = q_uu + q_ww
+    det = a_uu * a_ww - q_uw * q_uw
+    if not (a_uu > 0.0 and a_ww > 0.0 and det > LEAST_DETERMINANT * trace * trace):
+        a_uu = trace
+        a_ww = trace
+        q_uw = 0.0
+        det = a_uu * a_ww
+    # Eliminate n: s = A^-1 (gradient + mixed dtheta). Then solve for dtheta.
+    k_u = (a_ww * mixed_u - q_uw * mixed_w) / det
+    k_w = (a_uu * mixed_w - q_uw * mixed_u) / det
+    reduced_bend = bend + mixed_u * k_u + mixed_w * k_w
+    reduced_slope = slope + gradient_u * k_u + gradient_w * k_w
+    if reduced_bend > FLAT:
+        turn = -reduced_slope / reduced_bend
+    else:
+        turn = -math.copysign(UPHILL_TURN, reduced_slope)
+    turn = limited_turn(turn)
+    # The step of n that belongs to this step of theta.
+    gradient_u = gradient_u + mixed_u * turn
+    gradient_w = gradient_w + mixed_w * turn
+    s_u = (a_ww * gradient_u - q_uw * gradient_w) / det
+    s_w = (a_uu * gradient_w - q_uw * gradient_u) / det
+    length = math.sqrt(s_u * s_u + s_w * s_w)
     if length > LONGEST_STEP:
-        s1 *= LONGEST_STEP / length
-        s2 *= LONGEST_STEP / length
-    mx, my, mz = nx + s1 * ux + s2 * wx, ny + s1 * uy + s2 * wy, nz + s1 * uz + s2 * wz
-    inv = 1.0 / math.sqrt(mx * mx + my * my + mz * mz)
-    return theta + turn, mx * inv, my * inv, mz * inv, f, abs(turn) + length
+        s_u *= LONGEST_STEP / length
+        s_w *= LONGEST_STEP / length
+    mx = nx + s_u * ux + s_w * wx
+    my = ny + s_u * uy + s_w * wy
+    mz = nz + s_u * uz + s_w * wz
+    inverse = 1.0 / math.sqrt(mx * mx + my * my + mz * mz)
+    return theta + turn, mx * inverse, my * inverse, mz * inverse, abs(turn) + length
+
+
+@inlined
+def ring_curvatures(ring, outward):
+    """Return the principal curvatures of a ring edge along its circle and across it.
+
+    `outward` is the component of the contact normal away from the axis.
+    """
+    edge_radius = ring[RING_EDGE_RADIUS]
+    circle = max(ring[RING_RADIUS] - edge_radius * outward, edge_radius)
+    return -outward / circle, 1.0 / edge_radius
 
 
 @kernel
-def ring_contact(row, parts, ring, theta, nx, ny, nz, out):
-    """Contact with a ring edge at a solved (theta, n): fills `out`; returns whether no adjoining wall hides it."""
-    cos, sin = math.cos(theta), math.sin(theta)
-    # frame: u along the edge as far as it is tangent to the body, w across it
+def ring_contact(row, parts, ring, theta, nx, ny, nz, geometry):
+    """Fill `geometry` for a body that touches a ring edge, at a solved theta and n.
+
+    Returns
+    -------
+    bool
+        Whether the contact lies on the open part of the edge. The rest of the torus is
+        behind the adjoining walls: there the normal opposes one of the two gates.
+    """
+    cos = math.cos(theta)
+    sin = math.sin(theta)
+    x, y, z = vector_at(row, POSITION)
+    # Tangents of the body: u along the circle as far as the normal allows, w across it.
     ux, uy, uz = -sin, cos, 0.0
-    un = ux * nx + uy * ny
-    ux, uy, uz = ux - un * nx, uy - un * ny, uz - un * nz
-    inv = 1.0 / math.sqrt(ux * ux + uy * uy + uz * uz)
-    ux, uy, uz = ux * inv, uy * inv, uz * inv
+    along_n = ux * nx + uy * ny
+    ux, uy, uz = ux - along_n * nx, uy - along_n * ny, uz - along_n * nz
+    inverse = 1.0 / math.sqrt(ux * ux + uy * uy + uz * uz)
+    ux, uy, uz = ux * inverse, uy * inverse, uz * inverse
     wx, wy, wz = ny * uz - nz * uy, nz * ux - nx * uz, nx * uy - ny * ux
-    h, x1, x2, q11, q12, q22 = support_terms(
+    h, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
-    edge = ring[2]
     gap = (
-        nx * (ring[0] * cos - row[0])
-        + ny * (ring[0] * sin - row[1])
-        + nz * (ring[1] - row[2])
+        nx * (ring[RING_RADIUS] * cos - x)
+        + ny * (ring[RING_RADIUS] * sin - y)
+        + nz * (ring[RING_HEIGHT] - z)
         - h
-        - edge
+        - ring[RING_EDGE_RADIUS]
     )
     outward = nx * cos + ny * sin
-    radius = effective_radius(
-        q11, q12, q22, -outward / max(ring[0] - edge * outward, edge), 1.0 / edge
+    wall_u, wall_w = ring_curvatures(ring, outward)
+    radius = effective_radius(q_uu, q_uw, q_ww, wall_u, wall_w)
+    write_contact(
+        geometry, nx, ny, nz, gap, radius, h, along_u, along_w, ux, uy, uz, wx, wy, wz
     )
-    write_contact(out, nx, ny, nz, gap, radius, h, x1, x2, ux, uy, uz, wx, wy, wz)
     return (
-        outward * ring[3] + nz * ring[4] >= 0.0
-        and outward * ring[5] + nz * ring[6] >= 0.0
+        outward * ring[RING_GATE_A_R] + nz * ring[RING_GATE_A_Z] >= 0.0
+        and outward * ring[RING_GATE_B_R] + nz * ring[RING_GATE_B_Z] >= 0.0
     )
 
 
 @inlined
 def solve_cone(row, parts, cone, theta):
-    """Climb to a maximum of phi from a start."""
-    for _ in range(40):
-        step = climb_cone(row, parts, cone, theta) - theta
-        theta += step
-        if abs(step) < 1e-9:
+    """Climb from a start to a maximum of phi; return its theta."""
+    for _ in range(MOST_ITERATIONS):
+        turn = climb_cone(row, parts, cone, theta) - theta
+        theta += turn
+        if abs(turn) < CONVERGED:
             break
     return theta
 
 
 @inlined
 def solve_ring(row, parts, ring, theta, nx, ny, nz):
-    """Solve for the nearest point of a circle from a start; returns theta and n."""
-    for _ in range(40):
-        theta, nx, ny, nz, _f, step = ring_newton(row, parts, ring, theta, nx, ny, nz)
-        if step < 1e-9:
+    """Solve for the nearest point of a circle from a start; return theta and n."""
+    for _ in range(MOST_ITERATIONS):
+        theta, nx, ny, nz, step = ring_newton(row, parts, ring, theta, nx, ny, nz)
+        if step < CONVERGED:
             break
     return theta, nx, ny, nz
 
 
 @inlined
-def fill_contact(out, nx, ny, nz, gap, curvature, radius):
-    """Write normal (3), gap, R* and the contact point relative to the sphere's centre (3)."""
-    reach = radius + 0.5 * gap
-    out[0], out[1], out[2] = nx, ny, nz
-    out[3], out[4] = gap, curvature
-    out[5], out[6], out[7] = reach * nx, reach * ny, reach * nz
+def azimuth_of(x, y):
+    """Return the distance of a place from the axis, and cos and sin of its azimuth."""
+    distance = math.sqrt(x * x + y * y)
+    inverse = 1.0 / max(distance, NEAREST)
+    cos, sin = (x * inverse, y * inverse) if distance > NEAREST else (1.0, 0.0)
+    return distance, cos, sin
 
 
 @inlined
-def sphere_on_cone(x, y, z, radius, cone, out):
-    """Contact of a sphere with a cone in its frame: fills `out`; returns how far it is beyond the wall's ends [m]."""
-    across = math.sqrt(x * x + y * y)
-    inv = 1.0 / max(across, NEAREST)
-    cos, sin = (x * inv, y * inv) if across > NEAREST else (1.0, 0.0)
-    mr, mz = cone[0], cone[1]
-    gap = cone[2] - mr * across - mz * z - radius
-    # a cone curves towards the body with the radius of its circle over m_r
-    circle = max(across + (radius + 0.5 * gap) * mr, 1e-6)
-    curvature = effective_radius(radius, 0.0, radius, -mr / circle, 0.0)
-    fill_contact(out, mr * cos, mr * sin, mz, gap, curvature, radius)
-    along = across * cone[5] + z * cone[6]
-    return max(cone[3] - along, along - cone[4])
+def sphere_on_cone(x, y, z, radius, cone, geometry):
+    """Fill `geometry` for a sphere and a cone, in closed form.
+
+    Returns
+    -------
+    float
+        How far the sphere's centre is beyond the wall's ends along its line [m];
+        negative between them.
+    """
+    distance, cos, sin = azimuth_of(x, y)
+    normal_r = cone[CONE_NORMAL_R]
+    normal_z = cone[CONE_NORMAL_Z]
+    gap = cone[CONE_OFFSET] - normal_r * distance - normal_z * z - radius
+    # a cone curves towards the body, with the radius circle / n_r
+    circle = max(distance + (radius + 0.5 * gap) * normal_r, SMALLEST_CIRCLE)
+    effective = effective_radius(radius, 0.0, radius, -normal_r / circle, 0.0)
+    write_sphere_contact(
+        geometry, normal_r * cos, normal_r * sin, normal_z, gap, effective, radius
+    )
+    along = distance * cone[CONE_UP_R] + z * cone[CONE_UP_Z]
+    return max(cone[CONE_START] - along, along - cone[CONE_END])
 
 
 @inlined
-def sphere_on_ring(x, y, z, radius, ring, out):
-    """Contact of a sphere with a ring in its frame: fills `out`; returns a lower bound of its way to the open part."""
-    across = math.sqrt(x * x + y * y)
-    inv = 1.0 / max(across, NEAREST)
-    cos, sin = (x * inv, y * inv) if across > NEAREST else (1.0, 0.0)
-    dr, dz = ring[0] - across, ring[1] - z
-    distance = math.sqrt(dr * dr + dz * dz)
-    inv = 1.0 / max(distance, NEAREST)
-    nr, nz = dr * inv, dz * inv
-    edge = ring[2]
-    curvature = effective_radius(
-        radius, 0.0, radius, -nr / max(ring[0] - edge * nr, edge), 1.0 / edge
+def sphere_on_ring(x, y, z, radius, ring, geometry):
+    """Fill `geometry` for a sphere and a ring edge, in closed form.
+
+    Returns
+    -------
+    float
+        A lower bound of the way to the open part of the edge [m]; negative or zero on
+        it.
+    """
+    distance, cos, sin = azimuth_of(x, y)
+    dr = ring[RING_RADIUS] - distance
+    dz = ring[RING_HEIGHT] - z
+    to_circle = math.sqrt(dr * dr + dz * dz)
+    inverse = 1.0 / max(to_circle, NEAREST)
+    nr, nz = dr * inverse, dz * inverse
+    wall_u, wall_w = ring_curvatures(ring, nr)
+    effective = effective_radius(radius, 0.0, radius, wall_u, wall_w)
+    gap = to_circle - radius - ring[RING_EDGE_RADIUS]
+    write_sphere_contact(geometry, nr * cos, nr * sin, nz, gap, effective, radius)
+    return -min(
+        dr * ring[RING_GATE_A_R] + dz * ring[RING_GATE_A_Z],
+        dr * ring[RING_GATE_B_R] + dz * ring[RING_GATE_B_Z],
     )
-    fill_contact(
-        out, nr * cos, nr * sin, nz, distance - radius - edge, curvature, radius
-    )
-    return -min(dr * ring[3] + dz * ring[4], dr * ring[5] + dz * ring[6])

@@ -1,7 +1,13 @@
-"""The search for new contacts with walls: which bodies are searched, and against which walls.
+"""The search for new contacts with walls: which bodies are searched, and which walls.
 
-The next search is due when the body and the walls together may have moved by the free distance of the last. `clumps` is
-empty in a simulation of smooth bodies, see `forces`.
+The *reading* of a body is its displacement plus that of the walls. A search of a wall
+returns how far the body may move before the next search; the reading at which that is
+used up is `WallContacts.limit`. The least of a body's limits is `Bodies.wall_check`, and
+the least way left in a tile of bodies is `Bodies.wall_margin`. `clumps` is an empty tuple
+in a simulation of smooth bodies, see `forces`.
+
+Reads `Bodies.rows` and the walls. Writes `Bodies.wall_check`, `wall_margin` and `passed`,
+the lists and limits of `WallContacts`, `counts`, and scratch arrays.
 """
 
 import math
@@ -11,16 +17,20 @@ from .clump_walls import place_clump, spheres_at_mesh, spheres_at_wall
 from .jit import inlined, kernel
 from .meshes import body_at_mesh
 from .rows import L
+from .state import bounding_radius
 from .walls import search_curved, search_plane
 
 
 @inlined
 def find_on_plane(bodies, flat, clumps, walls, counts, parts, wall, i, scratch):
-    """Find new contacts of body i with a plane; returns how far it may move before the next search."""
+    """Find new contacts of body i with a plane.
+
+    Returns how far the body may move before the next search [m].
+    """
     if len(clumps) == 0:
-        return search_plane(
-            bodies, flat, counts, parts, walls.planes[wall], wall, i, scratch.out
-        )
+        plane = walls.planes[wall]
+        geometry = scratch.geometry
+        return search_plane(bodies, flat, counts, parts, plane, wall, i, geometry)
     return spheres_at_wall(
         bodies,
         flat,
@@ -31,7 +41,7 @@ def find_on_plane(bodies, flat, clumps, walls, counts, parts, wall, i, scratch):
         wall,
         i,
         scratch.spheres,
-        scratch.out,
+        scratch.geometry,
     )
 
 
@@ -39,7 +49,10 @@ def find_on_plane(bodies, flat, clumps, walls, counts, parts, wall, i, scratch):
 def find_on_curved(
     bodies, curved, clumps, walls, counts, parts, wall, i, reading, scratch
 ):
-    """Find new contacts of body i with a cone, tube or ring; returns how far it may move before the next search."""
+    """Find new contacts of body i with a cone, tube or ring.
+
+    Returns how far the body may move before the next search [m].
+    """
     if len(clumps) == 0:
         return search_curved(
             bodies, curved, walls, counts, parts, wall, i, reading, scratch
@@ -54,49 +67,54 @@ def find_on_curved(
         wall,
         i,
         scratch.spheres,
-        scratch.out,
+        scratch.geometry,
     )
 
 
 @kernel
-def look_at_walls(
+def search_walls(
     bodies, flat, curved, clumps, walls, counts, parts, i, reading, lowest, scratch
 ):
-    """Find new contacts of body i with walls; returns its displacement at the next search."""
+    """Find new contacts of body i with planes and curved walls that are due.
+
+    A body that is below `lowest` once is searched on planes only from then on. Returns
+    the reading at the body's next search.
+    """
     if len(clumps) > 0:
         place_clump(bodies, clumps, i, scratch.spheres)
-    wall_check = math.inf
-    for w in range(walls.planes.shape[0]):
-        if reading >= flat.limit[w, i]:
+    next_search = math.inf
+    for wall in range(walls.planes.shape[0]):
+        if reading >= flat.limit[wall, i]:
             free = find_on_plane(
-                bodies, flat, clumps, walls, counts, parts, w, i, scratch
+                bodies, flat, clumps, walls, counts, parts, wall, i, scratch
             )
-            flat.limit[w, i] = reading + free
-        wall_check = min(wall_check, flat.limit[w, i])
-    if bodies.rows[i, 2] + bodies.motion[i // L, st.RADIUS + i % L] < lowest:
+            flat.limit[wall, i] = reading + free
+        next_search = min(next_search, flat.limit[wall, i])
+    top = bodies.rows[i, st.POSITION + 2] + bounding_radius(bodies, i)
+    if top < lowest:
         bodies.passed[i] = 1
     if bodies.passed[i]:
-        return wall_check
-    for w in range(walls.cones.shape[0] + walls.rings.shape[0]):
-        if reading >= curved.limit[w, i]:
+        return next_search
+    for wall in range(walls.cones.shape[0] + walls.rings.shape[0]):
+        if reading >= curved.limit[wall, i]:
             free = find_on_curved(
-                bodies, curved, clumps, walls, counts, parts, w, i, reading, scratch
+                bodies, curved, clumps, walls, counts, parts, wall, i, reading, scratch
             )
-            curved.limit[w, i] = reading + free
-        wall_check = min(wall_check, curved.limit[w, i])
-    return wall_check
+            curved.limit[wall, i] = reading + free
+        next_search = min(next_search, curved.limit[wall, i])
+    return next_search
 
 
 @inlined
-def look_at_bodies(
+def search_bodies(
     bodies, flat, curved, clumps, walls, counts, parts, lowest, scratch, begin, end
 ):
-    """Search the walls for bodies begin to end that may have reached one."""
+    """Search the walls for those of bodies `begin` to `end` that are due."""
     approach = walls.approach[st.WALL_PATH]
     for i in range(begin, end):
         reading = bodies.displacement[i] + approach
         if reading >= bodies.wall_check[i]:
-            bodies.wall_check[i] = look_at_walls(
+            bodies.wall_check[i] = search_walls(
                 bodies,
                 flat,
                 curved,
@@ -111,16 +129,27 @@ def look_at_bodies(
             )
 
 
+@inlined
+def margin_of(bodies, approach, begin, end):
+    """Return the least way left until one of the bodies is due for walls [m]."""
+    margin = math.inf
+    for i in range(begin, end):
+        reading = bodies.displacement[i] + approach
+        margin = min(margin, bodies.wall_check[i] - reading)
+    return margin
+
+
 @kernel
 def update_walls(bodies, flat, curved, clumps, walls, counts, parts, lowest, scratch):
-    """Find new contacts with planes, cones, tubes and rings; a body once below `lowest` is checked against planes only.
+    """Find new contacts with planes, cones, tubes and rings.
 
-    In a large simulation whose walls stand still, a tile of bodies is skipped until the paths of its fastest bodies may
-    have used up its wall_margin.
+    A body once below `lowest` is searched on planes only. In a large simulation whose
+    walls stand still, a tile of bodies is skipped until the paths of its fastest bodies
+    may have used up its `wall_margin`.
     """
     n = counts[st.N_BODIES]
     if bodies.load.shape[0] == 1 or walls.approach[st.WALLS_MOVE] > 0.0:
-        look_at_bodies(
+        search_bodies(
             bodies, flat, curved, clumps, walls, counts, parts, lowest, scratch, 0, n
         )
         return
@@ -128,8 +157,8 @@ def update_walls(bodies, flat, curved, clumps, walls, counts, parts, lowest, scr
         tile = base // L
         if bodies.wall_margin[tile] > st.ROUNDING:
             continue
-        last = min(base + L, n)
-        look_at_bodies(
+        end = min(base + L, n)
+        search_bodies(
             bodies,
             flat,
             curved,
@@ -140,27 +169,36 @@ def update_walls(bodies, flat, curved, clumps, walls, counts, parts, lowest, scr
             lowest,
             scratch,
             base,
-            last,
+            end,
         )
-        free = math.inf
-        for i in range(base, last):
-            free = min(
-                free,
-                bodies.wall_check[i]
-                - (bodies.displacement[i] + walls.approach[st.WALL_PATH]),
-            )
-        bodies.wall_margin[tile] = free
+        approach = walls.approach[st.WALL_PATH]
+        bodies.wall_margin[tile] = margin_of(bodies, approach, base, end)
 
 
 @inlined
 def find_on_mesh(
     bodies, meshed, clumps, walls, meshes, counts, parts, mesh, i, scratch
 ):
-    """Find new contacts of body i with a mesh; returns how far it may move before the next search."""
-    out, other, local = scratch.out, scratch.other, scratch.local
+    """Find new contacts of body i with a mesh.
+
+    Returns how far the body may move before the next search [m].
+    """
+    geometry = scratch.geometry
+    other_geometry = scratch.other_geometry
+    local_row = scratch.local_row
     if len(clumps) == 0:
         return body_at_mesh(
-            bodies, meshed, walls, meshes, counts, parts, mesh, i, out, other, local
+            bodies,
+            meshed,
+            walls,
+            meshes,
+            counts,
+            parts,
+            mesh,
+            i,
+            geometry,
+            other_geometry,
+            local_row,
         )
     return spheres_at_mesh(
         bodies,
@@ -172,15 +210,15 @@ def find_on_mesh(
         mesh,
         i,
         scratch.spheres,
-        out,
-        other,
-        local,
+        geometry,
+        other_geometry,
+        local_row,
     )
 
 
 @kernel
 def update_meshes(bodies, meshed, clumps, walls, meshes, counts, parts, scratch):
-    """Find new contacts with meshes."""
+    """Find new contacts with meshes, of all bodies that are due."""
     approach = walls.approach[st.WALL_PATH]
     for mesh in range(meshes.box.shape[0]):
         for i in range(counts[st.N_BODIES]):

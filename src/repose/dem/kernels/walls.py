@@ -1,20 +1,29 @@
-"""Contacts of bodies with planes, cones and ring edges, found anew and tracked from step to step (see `wall_contact`).
+"""Contacts of smooth bodies with planes, cones and ring edges: found, and followed.
 
-A contact begins where a body in front of the wall reaches it. A body that overlaps the wall's surface beyond its end,
-or from behind, is past the wall: a contact that began with this overlap would throw it. So it has no contact until it
-has been clear of the surface. `WallContacts.deepest` is the largest overlap with which a contact may begin: infinite,
-but for a body past the wall the overlap at the other wall from which it slides onto this one.
+`search_plane` and `search_curved` look for new contacts of a body; `follow_wall` keeps a
+contact with a cone or ring up to date from step to step (see `wall_contact`).
+
+A contact begins where a body in front of the wall reaches it. A body that overlaps the
+wall's surface beyond the wall's end, or from behind, is "past the wall": a contact that
+began with this overlap would throw it. So it has no contact until it has been clear of
+the surface. `WallContacts.deepest` is the largest overlap with which a contact may
+begin. It is infinite, but for a body past the wall it is the overlap at the other wall
+from which the body slides onto this one.
+
+Reads `Bodies.rows` and the rows of the walls. Writes the lists of `WallContacts` (body,
+wall, data), its `limit` and `deepest`, and `counts`.
 """
 
 import math
 
 import numpy as np
 
+from . import contact_geometry as cg
 from . import state as st
 from .frames import (
     contact_to_world,
     into_frame,
-    rotate_to_world,
+    normal_to_world,
     row_in_frame,
     write_plane,
 )
@@ -22,6 +31,8 @@ from .geometry import extent
 from .jit import inlined, kernel
 from .lists import move_contact, put_contact
 from .neighbours import take_place
+from .rows import L, lane_vector, set_vector, vector_at
+from .state import bounding_radius
 from .wall_contact import (
     climb_cone,
     cone_contact,
@@ -35,47 +46,54 @@ from .wall_contact import (
 
 COSINES = np.cos(2.0 * np.pi * np.arange(st.STARTS) / st.STARTS)
 SINES = np.sin(2.0 * np.pi * np.arange(st.STARTS) / st.STARTS)
-# A body whose overlap with a curved wall or mesh is already deeper than this share of its bounding radius came from
-# outside: no contact.
+# A body that overlaps a curved wall or mesh by more than this share of its bounding
+# radius came from outside, and no contact begins.
 DEEPEST_NEW = 0.3
-# Two contacts of one body with one wall closer than this (radians about the axis) are the same contact.
+# Two contacts of one body with one wall closer than this about the axis [rad] are the
+# same contact.
 SAME_AZIMUTH = 0.12
-# A body is searched again after it moved by these shares of its radius at the latest: where it overlaps a wall's
-# continuation, beyond the wall's end, and where its contact is known (a second contact grows out of the first).
+# A body is searched again after it moved by these shares of its radius, at the latest:
+# where it overlaps a wall's continuation beyond the wall's end, and where its contact is
+# known (a second contact grows out of the first).
 NEXT_LOOK_BEYOND = 0.01
 NEXT_LOOK_KNOWN = 0.1
+# Steps of a solver for a contact that is followed from step to step.
+FOLLOWING_STEPS = 2
+FAR = 1e300  # a distance that no body moves [m]
 
 
 @inlined
 def towards_ring(row, ring, start):
-    """Return unit vector and distance from a body's centre to a point of a circle, number `start` of st.STARTS."""
-    dx, dy, dz = (
-        ring[0] * COSINES[start] - row[0],
-        ring[0] * SINES[start] - row[1],
-        ring[1] - row[2],
-    )
+    """Return direction and distance from a body to a point of a ring's circle.
+
+    `start` is the number of the point, of st.STARTS.
+    """
+    x, y, z = vector_at(row, st.POSITION)
+    dx = ring[st.RING_RADIUS] * COSINES[start] - x
+    dy = ring[st.RING_RADIUS] * SINES[start] - y
+    dz = ring[st.RING_HEIGHT] - z
     distance = math.sqrt(dx * dx + dy * dy + dz * dz)
     return dx / distance, dy / distance, dz / distance, distance
 
 
 @inlined
 def angle_between(a, b):
-    """Smallest angle between two azimuths."""
+    """Return the smallest angle between two azimuths [rad]."""
     turn = 2.0 * math.pi
-    d = (a - b) % turn
-    return min(d, turn - d)
+    angle = (a - b) % turn
+    return min(angle, turn - angle)
 
 
 @inlined
 def azimuth(data, k):
-    """Azimuth of contact k."""
-    return data[k // st.LANES, st.AZIMUTH + k % st.LANES]
+    """Return the azimuth of contact k."""
+    return data[k // L, st.AZIMUTH + k % L]
 
 
 @inlined
-def known(contacts, last, body, wall, theta):
-    """Whether a body already touches a wall near this azimuth."""
-    for k in range(last):
+def is_known(contacts, n, body, wall, theta):
+    """Return whether one of the first n contacts is of this body at this azimuth."""
+    for k in range(n):
         if (
             contacts.body[k] == body
             and contacts.wall[k] == wall
@@ -86,19 +104,28 @@ def known(contacts, last, body, wall, theta):
 
 
 @inlined
-def add_wall_contact(contacts, counts, slot, body, wall, out):
-    """Append a contact with a relaxed spring; returns its number, or -1 where there is no room."""
+def add_wall_contact(contacts, counts, slot, body, wall, geometry):
+    """Append a contact with a relaxed spring and the normal of `geometry`.
+
+    `slot` is the place of the list's length in `counts`. Returns the number of the
+    contact, or -1 where there is no room.
+    """
     k = take_place(counts, slot, contacts.body.shape[0])
     if k >= 0:
         contacts.body[k] = body
         contacts.wall[k] = wall
-        put_contact(contacts.data, k, out[0], out[1], out[2])
+        nx, ny, nz = cg.normal_of(geometry)
+        put_contact(contacts.data, k, nx, ny, nz)
     return k
 
 
 @inlined
 def drop_wall_contact(contacts, counts, slot, k, ghost):
-    """Remove contact k by a swap with the last one, whose freed place points at `ghost`."""
+    """Remove contact k: the last contact moves to its place.
+
+    The place that becomes free holds the body `ghost`, with a gap and without a law's
+    state, so no force acts on the ghost.
+    """
     last = counts[slot] - 1
     counts[slot] = last
     contacts.body[k] = contacts.body[last]
@@ -106,228 +133,334 @@ def drop_wall_contact(contacts, counts, slot, k, ghost):
     contacts.feature[k] = contacts.feature[last]
     move_contact(contacts.data, last, k)
     contacts.body[last] = ghost
-    # neither a radius nor a law's state: no force on the ghost
     put_contact(contacts.data, last, 0.0, 0.0, 1.0)
-    contacts.data[last // st.LANES, st.RADIUS2 + last % st.LANES] = math.inf
+    contacts.data[last // L, st.RADIUS2 + last % L] = math.inf
 
 
 @inlined
-def touches_others(contacts, n, body, but):
-    """Whether a body has any of the first n contacts other than number `but`."""
+def touches_others(contacts, n, body, ignored):
+    """Return whether a body has any of the first n contacts but number `ignored`."""
     for k in range(n):  # noqa: SIM110  (kernels have no generators)
-        if contacts.body[k] == body and k != but:
+        if contacts.body[k] == body and k != ignored:
             return True
     return False
 
 
 @inlined
 def overlap_elsewhere(contacts, n, body, wall):
-    """Compute the deepest overlap of a body with the other curved walls; 0.0 where it touches none."""
+    """Return the deepest overlap of a body with the other curved walls, or 0.0."""
     depth = 0.0
     for k in range(n):
         if contacts.body[k] == body and contacts.wall[k] != wall:
-            depth = max(depth, -contacts.data[k // st.LANES, st.GAP + k % st.LANES])
+            gap = contacts.data[k // L, st.GAP + k % L]
+            depth = max(depth, -gap)
     return depth
 
 
 @inlined
 def slid_off(bodies, contacts, walls, n, k, depth):
-    """Note that contact k with a curved wall slid over the wall's end with an overlap of `depth`.
+    """Note that contact k with a curved wall slid over the wall's end.
 
-    The contact with the next wall begins with this overlap at most, so that wall is searched in the next step. Where
-    the body touches another wall, it is not past this wall.
+    Writes `deepest` and `limit` of the contact's body.
+
+    Parameters
+    ----------
+    n : int
+        Number of contacts in the list.
+    depth : float
+        Overlap with which it slid off [m]. The contact with the next wall begins with
+        this overlap at most, so that wall is searched in the next step.
     """
-    wall, i = contacts.wall[k], contacts.body[k]
-    now = bodies.displacement[i] + walls.approach[st.WALL_PATH]
-    for w in range(contacts.deepest.shape[0]):
-        contacts.deepest[w, i] = max(contacts.deepest[w, i], depth)
-        if w != wall:
-            contacts.limit[w, i] = min(contacts.limit[w, i], now)
+    wall = contacts.wall[k]
+    i = contacts.body[k]
+    reading = bodies.displacement[i] + walls.approach[st.WALL_PATH]
+    for other in range(contacts.deepest.shape[0]):
+        contacts.deepest[other, i] = max(contacts.deepest[other, i], depth)
+        if other != wall:
+            contacts.limit[other, i] = min(contacts.limit[other, i], reading)
+    # a body that touches another wall is not past this one
     if not touches_others(contacts, n, i, k):
         contacts.deepest[wall, i] = depth
-        # a second contact may have grown out of this one since the last search: the next search counts from there
-        contacts.limit[wall, i] -= (
-            NEXT_LOOK_KNOWN * bodies.motion[i // st.LANES, st.RADIUS + i % st.LANES]
-        )
+        # A second contact may have grown out of this one since the last search; the next
+        # search counts the way from there.
+        contacts.limit[wall, i] -= NEXT_LOOK_KNOWN * bounding_radius(bodies, i)
 
 
 @inlined
-def look_again(
-    contacts, counts, walls, body, wall, theta, on_wall, radius, deepest, moved, out
+def add_if_new(
+    contacts,
+    counts,
+    walls,
+    body,
+    wall,
+    theta,
+    on_wall,
+    radius,
+    deepest,
+    moved,
+    geometry,
 ):
-    """Add a contact that is found and new; returns how far the body may move before the next check."""
-    if out[3] > 0.0:
-        return out[3]
+    """Add the contact of `geometry` to the list unless it is known or may not begin.
+
+    Parameters
+    ----------
+    theta : float
+        Azimuth of the contact [rad].
+    on_wall : bool
+        Whether it lies on the wall, not beyond its end.
+    radius : float
+        Bounding radius of the body [m].
+    deepest : float
+        `contacts.deepest` of the body before this search [m].
+    moved : float
+        How far the body may have moved since it was searched last [m].
+    geometry : array (8,)
+        Geometry in the frame of the wall; for a new contact its normal is rotated into
+        world axes.
+
+    Returns
+    -------
+    float
+        How far the body may move before the next search [m].
+    """
+    n = counts[st.N_CURVED]
+    gap = geometry[cg.GAP]
+    if gap > 0.0:
+        return gap
     if deepest < math.inf:
-        deepest = max(
-            deepest, overlap_elsewhere(contacts, counts[st.N_CURVED], body, wall)
-        )
-    if not on_wall or out[3] < -min(DEEPEST_NEW * radius, deepest + moved):
-        if deepest == math.inf and not touches_others(
-            contacts, counts[st.N_CURVED], body, -1
-        ):
+        deepest = max(deepest, overlap_elsewhere(contacts, n, body, wall))
+    if not on_wall or gap < -min(DEEPEST_NEW * radius, deepest + moved):
+        # the body is past the wall, or stays past it
+        if deepest == math.inf and not touches_others(contacts, n, body, -1):
             deepest = 0.0
         contacts.deepest[wall, body] = deepest
         return NEXT_LOOK_BEYOND * radius
-    if not known(contacts, counts[st.N_CURVED], body, wall, theta):
-        if walls.displaced[wall]:
-            rotate_to_world(walls.frames[wall], out, 0)
-        k = add_wall_contact(contacts, counts, st.N_CURVED, body, wall, out)
+    if not is_known(contacts, n, body, wall, theta):
+        normal_to_world(walls, wall, geometry)
+        k = add_wall_contact(contacts, counts, st.N_CURVED, body, wall, geometry)
         if k >= 0:
-            contacts.data[k // st.LANES, st.AZIMUTH + k % st.LANES] = theta
+            contacts.data[k // L, st.AZIMUTH + k % L] = theta
     return NEXT_LOOK_KNOWN * radius
 
 
 @kernel
 def search_cone(
-    row, contacts, counts, parts, walls, wall, i, radius, deepest, moved, profile, out
+    row,
+    contacts,
+    counts,
+    parts,
+    walls,
+    wall,
+    i,
+    radius,
+    deepest,
+    moved,
+    profile,
+    geometry,
 ):
-    """Search for contacts of body i with a cone; returns how far it may move before the next search."""
+    """Search for contacts of body i with a cone, from every local maximum of phi.
+
+    `row` is the body in the frame of the cone, `profile` (STARTS,) and `geometry` (8,)
+    are overwritten; the other arguments are those of `add_if_new`. Returns how far the
+    body may move before the next search [m].
+    """
     cone = walls.cones[wall]
-    step = 2.0 * math.pi / st.STARTS
-    for s in range(st.STARTS):
-        nx, ny = cone[0] * COSINES[s], cone[0] * SINES[s]
-        profile[s] = (
-            nx * row[0]
-            + ny * row[1]
-            + cone[1] * row[2]
-            + extent(row, parts, nx, ny, cone[1])
-            - cone[2]
+    normal_r = cone[st.CONE_NORMAL_R]
+    normal_z = cone[st.CONE_NORMAL_Z]
+    x, y, z = vector_at(row, st.POSITION)
+    angle = 2.0 * math.pi / st.STARTS
+    # The overlap phi at equal angles about the axis.
+    for start in range(st.STARTS):
+        nx, ny = normal_r * COSINES[start], normal_r * SINES[start]
+        profile[start] = (
+            nx * x
+            + ny * y
+            + normal_z * z
+            + extent(row, parts, nx, ny, normal_z)
+            - cone[st.CONE_OFFSET]
         )
-    nearest = 1e300
-    for s in range(st.STARTS):
-        here = profile[s]
-        if here < profile[s - 1] or here < profile[(s + 1) % st.STARTS]:
+    nearest = FAR
+    for start in range(st.STARTS):
+        here = profile[start]
+        # profile[-1] is the last start: the angles close to a circle
+        if here < profile[start - 1] or here < profile[(start + 1) % st.STARTS]:
             continue
-        # phi varies by less than (distance from the axis + reach) * step between starts
-        theta = solve_cone(row, parts, cone, s * step)
-        inside = cone_contact(row, parts, cone, theta, out)
-        free = look_again(
-            contacts, counts, walls, i, wall, theta, inside, radius, deepest, moved, out
-        )
-        nearest = min(nearest, free)
-    return nearest if nearest < 1e300 else 0.0
-
-
-@kernel
-def search_ring(
-    row, contacts, counts, parts, walls, wall, i, radius, deepest, moved, profile, out
-):
-    """Search for contacts of body i with a ring edge; returns how far it may move before the next search."""
-    ring = walls.rings[wall - walls.cones.shape[0]]
-    axial = abs(row[2] - ring[1])
-    radial = abs(math.sqrt(row[0] * row[0] + row[1] * row[1]) - ring[0])
-    clear = math.sqrt(axial * axial + radial * radial) - ring[2] - radius
-    if clear > 0.0:
-        return clear
-    step = 2.0 * math.pi / st.STARTS
-    for s in range(st.STARTS):
-        nx, ny, nz, distance = towards_ring(row, ring, s)
-        profile[s] = distance - extent(row, parts, nx, ny, nz)
-    nearest = 1e300
-    for s in range(st.STARTS):
-        here = profile[s]
-        if here > profile[s - 1] or here > profile[(s + 1) % st.STARTS]:
-            continue
-        nx, ny, nz, _distance = towards_ring(row, ring, s)
-        theta, nx, ny, nz = solve_ring(row, parts, ring, s * step, nx, ny, nz)
-        exposed = ring_contact(row, parts, ring, theta, nx, ny, nz, out)
-        free = look_again(
+        theta = solve_cone(row, parts, cone, start * angle)
+        on_wall = cone_contact(row, parts, cone, theta, geometry)
+        free = add_if_new(
             contacts,
             counts,
             walls,
             i,
             wall,
             theta,
-            exposed,
+            on_wall,
             radius,
             deepest,
             moved,
-            out,
+            geometry,
         )
         nearest = min(nearest, free)
-    return nearest if nearest < 1e300 else 0.0
+    return nearest if nearest < FAR else 0.0
 
 
 @kernel
-def search_plane(bodies, contacts, counts, parts, plane, wall, i, out):
-    """Search for the contact of body i with a plane; returns how far it may move before the next search."""
+def search_ring(
+    row,
+    contacts,
+    counts,
+    parts,
+    walls,
+    wall,
+    i,
+    radius,
+    deepest,
+    moved,
+    profile,
+    geometry,
+):
+    """Search for contacts of body i with a ring edge, from every local minimum.
+
+    The arguments and the returned distance are those of `search_cone`.
+    """
+    ring = walls.rings[wall - walls.cones.shape[0]]
+    x, y, z = vector_at(row, st.POSITION)
+    axial = abs(z - ring[st.RING_HEIGHT])
+    radial = abs(math.sqrt(x * x + y * y) - ring[st.RING_RADIUS])
+    clear = math.sqrt(axial * axial + radial * radial)
+    clear = clear - ring[st.RING_EDGE_RADIUS] - radius
+    if clear > 0.0:
+        return clear
+    angle = 2.0 * math.pi / st.STARTS
+    # The distance from points of the circle at equal angles about the axis.
+    for start in range(st.STARTS):
+        nx, ny, nz, distance = towards_ring(row, ring, start)
+        profile[start] = distance - extent(row, parts, nx, ny, nz)
+    nearest = FAR
+    for start in range(st.STARTS):
+        here = profile[start]
+        if here > profile[start - 1] or here > profile[(start + 1) % st.STARTS]:
+            continue
+        nx, ny, nz, _distance = towards_ring(row, ring, start)
+        theta, nx, ny, nz = solve_ring(row, parts, ring, start * angle, nx, ny, nz)
+        is_open = ring_contact(row, parts, ring, theta, nx, ny, nz, geometry)
+        free = add_if_new(
+            contacts,
+            counts,
+            walls,
+            i,
+            wall,
+            theta,
+            is_open,
+            radius,
+            deepest,
+            moved,
+            geometry,
+        )
+        nearest = min(nearest, free)
+    return nearest if nearest < FAR else 0.0
+
+
+@kernel
+def search_plane(bodies, contacts, counts, parts, plane, wall, i, geometry):
+    """Search for the contact of body i with a plane.
+
+    Returns how far the body may move before the next search [m]; while a contact lasts,
+    no search is due.
+    """
     row = bodies.rows[i]
-    nx, ny, nz = plane[3], plane[4], plane[5]
-    dx, dy, dz = plane[0] - row[0], plane[1] - row[1], plane[2] - row[2]
-    gap = nx * dx + ny * dy + nz * dz - extent(row, parts, nx, ny, nz)
+    nx, ny, nz = vector_at(plane, st.PLANE_NORMAL)
+    px, py, pz = vector_at(plane, st.PLANE_POINT)
+    x, y, z = vector_at(row, st.POSITION)
+    dx, dy, dz = px - x, py - y, pz - z
+    height = nx * dx + ny * dy + nz * dz  # of the centre in front of the plane
+    gap = height - extent(row, parts, nx, ny, nz)
     if gap > 0.0:
         contacts.deepest[wall, i] = math.inf
         return gap
-    across = nx * dx + ny * dy + nz * dz
-    beyond = (
-        math.sqrt(max(dx * dx + dy * dy + dz * dz - across * across, 0.0)) - plane[6]
-    )
-    if beyond > 0.0 or across < 0.0:
+    square = max(dx * dx + dy * dy + dz * dz - height * height, 0.0)
+    beyond = math.sqrt(square) - plane[st.PLANE_RADIUS]
+    # the centre is beyond the edge of the disc, or behind it: the body is past the wall
+    if beyond > 0.0 or height < 0.0:
         contacts.deepest[wall, i] = 0.0
     if contacts.deepest[wall, i] == 0.0:
         return -gap
-    out[0], out[1], out[2] = nx, ny, nz
-    k = add_wall_contact(contacts, counts, st.N_PLANE, i, wall, out)
+    set_vector(geometry, cg.NORMAL, nx, ny, nz)
+    k = add_wall_contact(contacts, counts, st.N_PLANE, i, wall, geometry)
     if k >= 0:
-        write_plane(contacts.data[k // st.LANES], k % st.LANES, plane)
-    return 1e300
+        write_plane(contacts.data[k // L], k % L, plane)
+    return FAR
 
 
 @inlined
-def seen_from(walls, wall, row, parts, local):
-    """Return the row of a body in the frame of a curved wall, written to `local` unless that is the world's."""
-    if walls.displaced[wall]:
-        row_in_frame(row, parts, walls.frames[wall], local)
-        return local
+def seen_from(walls, frame, row, parts, local_row):
+    """Return the row of a body in the frame of a curved wall or mesh.
+
+    It is written to `local_row`, unless the frame is the world's: then it is `row`.
+    """
+    if walls.displaced[frame]:
+        row_in_frame(row, parts, walls.frames[frame], local_row)
+        return local_row
     return row
 
 
 @inlined
-def sphere_beyond(x, y, z, radius, walls, wall, out):
-    """Contact of a sphere with a cone or ring in its frame: fills `out`; returns its distance beyond the end [m]."""
+def sphere_on_frame_wall(x, y, z, radius, walls, wall, geometry):
+    """Fill `geometry` for a sphere at a place in the frame of a cone or ring.
+
+    Returns how far the sphere is beyond the wall's end [m]; not positive on the wall.
+    """
     n_cones = walls.cones.shape[0]
     if wall < n_cones:
-        return sphere_on_cone(x, y, z, radius, walls.cones[wall], out)
-    return sphere_on_ring(x, y, z, radius, walls.rings[wall - n_cones], out)
+        return sphere_on_cone(x, y, z, radius, walls.cones[wall], geometry)
+    return sphere_on_ring(x, y, z, radius, walls.rings[wall - n_cones], geometry)
 
 
 @inlined
-def sphere_on_wall(row, walls, wall, out):
-    """`sphere_beyond` of a body that is a sphere; returns whether it lies on the wall."""
-    return (
-        sphere_beyond(row[0], row[1], row[2], row[st.SPHERE_RADIUS], walls, wall, out)
-        <= 0.0
-    )
+def sphere_row_on_wall(row, walls, wall, geometry):
+    """Fill `geometry` for a body that is a sphere; return whether it is on the wall."""
+    x, y, z = vector_at(row, st.POSITION)
+    radius = row[st.SPHERE_RADIUS]
+    beyond = sphere_on_frame_wall(x, y, z, radius, walls, wall, geometry)
+    return beyond <= 0.0
 
 
 @inlined
-def search_sphere(row, contacts, counts, walls, wall, i, radius, deepest, moved, out):
-    """Search for the only contact of a sphere with a cone or ring; while it lasts no further search is due."""
-    on_wall = sphere_on_wall(row, walls, wall, out)
-    if out[3] > 0.0:
-        return out[3]
-    free = look_again(
-        contacts, counts, walls, i, wall, 0.0, on_wall, radius, deepest, moved, out
+def search_sphere(
+    row, contacts, counts, walls, wall, i, radius, deepest, moved, geometry
+):
+    """Search for the only contact of a sphere with a cone or ring.
+
+    The arguments are those of `search_cone`. Returns how far the body may move before
+    the next search [m]; while the contact lasts, no search is due.
+    """
+    on_wall = sphere_row_on_wall(row, walls, wall, geometry)
+    if geometry[cg.GAP] > 0.0:
+        return geometry[cg.GAP]
+    free = add_if_new(
+        contacts, counts, walls, i, wall, 0.0, on_wall, radius, deepest, moved, geometry
     )
-    return 1e300 if known(contacts, counts[st.N_CURVED], i, wall, 0.0) else free
+    return FAR if is_known(contacts, counts[st.N_CURVED], i, wall, 0.0) else free
 
 
 @inlined
 def search_curved(bodies, curved, walls, counts, parts, wall, i, reading, scratch):
-    """Find new contacts of smooth body i with a cone or ring; returns how far it may move before the next search."""
-    profile, out = scratch.profile, scratch.out
-    radius = bodies.motion[i // st.LANES, st.RADIUS + i % st.LANES]
+    """Search for contacts of smooth body i with a cone or ring.
+
+    `reading` is the displacement of body and walls. Returns how far the body may move
+    before the next search [m].
+    """
+    profile = scratch.profile
+    geometry = scratch.geometry
+    radius = bounding_radius(bodies, i)
+    deepest = curved.deepest[wall, i]
     # a body that is past a wall is searched whenever it moved by NEXT_LOOK_BEYOND
-    deepest, moved = (
-        curved.deepest[wall, i],
-        reading - curved.limit[wall, i] + NEXT_LOOK_BEYOND * radius,
-    )
+    moved = reading - curved.limit[wall, i] + NEXT_LOOK_BEYOND * radius
     curved.deepest[wall, i] = math.inf
-    row = seen_from(walls, wall, bodies.rows[i], parts, scratch.local)
+    row = seen_from(walls, wall, bodies.rows[i], parts, scratch.local_row)
     if parts == st.SPHERES:
         return search_sphere(
-            row, curved, counts, walls, wall, i, radius, deepest, moved, out
+            row, curved, counts, walls, wall, i, radius, deepest, moved, geometry
         )
     if wall < walls.cones.shape[0]:
         return search_cone(
@@ -342,37 +475,66 @@ def search_curved(bodies, curved, walls, counts, parts, wall, i, reading, scratc
             deepest,
             moved,
             profile,
-            out,
+            geometry,
         )
     return search_ring(
-        row, curved, counts, parts, walls, wall, i, radius, deepest, moved, profile, out
+        row,
+        curved,
+        counts,
+        parts,
+        walls,
+        wall,
+        i,
+        radius,
+        deepest,
+        moved,
+        profile,
+        geometry,
     )
 
 
 @inlined
-def follow_wall(parts, body, walls, wall, contacts, lane, out, local):
-    """Follow a contact with a cone or ring by a step: fills `out` in world axes; returns whether it is on the wall."""
+def follow_wall(parts, row, walls, wall, tile, lane, geometry, local_row):
+    """Follow a contact of a smooth body with a cone or ring by one time step.
+
+    The solver starts from the last azimuth and normal. A body moves so little in a step
+    that FOLLOWING_STEPS Newton steps are enough; a fixed number of them, without a test
+    for convergence, costs the same for every contact.
+
+    Parameters
+    ----------
+    row : array
+        The body, a row of `Bodies.rows`.
+    tile, lane : array, int
+        Place of the contact in `WallContacts.data`; its azimuth is updated.
+    geometry : array (8,)
+        Is filled, in world axes.
+    local_row : array
+        Scratch for the row in the frame of the wall.
+
+    Returns
+    -------
+    bool
+        Whether the contact lies on the wall.
+    """
     n_cones = walls.cones.shape[0]
-    theta = contacts[st.AZIMUTH + lane]
-    row = seen_from(walls, wall, body, parts, local)
+    theta = tile[st.AZIMUTH + lane]
+    row = seen_from(walls, wall, row, parts, local_row)
     if parts == st.SPHERES:
-        on_wall = sphere_on_wall(row, walls, wall, out)
+        on_wall = sphere_row_on_wall(row, walls, wall, geometry)
     elif wall < n_cones:
         cone = walls.cones[wall]
-        for _ in range(2):
+        for _ in range(FOLLOWING_STEPS):
             theta = climb_cone(row, parts, cone, theta)
-        on_wall = cone_contact(row, parts, cone, theta, out)
+        on_wall = cone_contact(row, parts, cone, theta, geometry)
     else:
         ring = walls.rings[wall - n_cones]
-        n = st.NORMAL + lane
-        nx, ny, nz = contacts[n], contacts[n + st.LANES], contacts[n + 2 * st.LANES]
+        nx, ny, nz = lane_vector(tile, st.NORMAL, lane)
         if walls.displaced[wall]:
             nx, ny, nz = into_frame(walls.frames[wall], nx, ny, nz)
-        for _ in range(2):
-            theta, nx, ny, nz, _f, _step = ring_newton(
-                row, parts, ring, theta, nx, ny, nz
-            )
-        on_wall = ring_contact(row, parts, ring, theta, nx, ny, nz, out)
-    contacts[st.AZIMUTH + lane] = theta
-    contact_to_world(walls, wall, out)
+        for _ in range(FOLLOWING_STEPS):
+            theta, nx, ny, nz, _step = ring_newton(row, parts, ring, theta, nx, ny, nz)
+        on_wall = ring_contact(row, parts, ring, theta, nx, ny, nz, geometry)
+    tile[st.AZIMUTH + lane] = theta
+    contact_to_world(walls, wall, geometry)
     return on_wall

@@ -1,0 +1,73 @@
+"""Where a body touches a wall: eight numbers in an array, one contact at a time.
+
+The solvers of `wall_contact` and `mesh_contact` fill such an array, called `geometry`;
+a thread keeps two of them in its scratch (`state.Scratch`). `forces` copies it to a
+lane of a tile. The vectors are in the frame of the wall or in world axes, as each
+function says.
+
+    normal (3)   unit vector from the body into the wall
+    gap          distance of the two surfaces [m]; negative for an overlap
+    radius       effective radius R* of the two surfaces [m]
+    arm (3)      contact point relative to the centre of the body [m]
+"""
+
+from .jit import inlined
+from .rows import set_vector, vector_at
+
+NORMAL, GAP, RADIUS, ARM = 0, 3, 4, 5
+SIZE = 8
+
+
+@inlined
+def normal_of(geometry):
+    """Return the normal."""
+    return vector_at(geometry, NORMAL)
+
+
+@inlined
+def arm_of(geometry):
+    """Return the contact point relative to the centre of the body."""
+    return vector_at(geometry, ARM)
+
+
+@inlined
+def write_contact(
+    geometry, nx, ny, nz, gap, radius, extent, along_u, along_w, ux, uy, uz, wx, wy, wz
+):
+    """Fill `geometry` for a body whose support point along the normal is known.
+
+    The support point is extent n + along_u u + along_w w, with the normal n and the
+    tangents u and w. The contact point lies midway between the two surfaces.
+    """
+    reach = extent + 0.5 * gap
+    set_vector(geometry, NORMAL, nx, ny, nz)
+    geometry[GAP] = gap
+    geometry[RADIUS] = radius
+    geometry[ARM] = reach * nx + along_u * ux + along_w * wx
+    geometry[ARM + 1] = reach * ny + along_u * uy + along_w * wy
+    geometry[ARM + 2] = reach * nz + along_u * uz + along_w * wz
+
+
+@inlined
+def write_sphere_contact(geometry, nx, ny, nz, gap, effective_radius, sphere_radius):
+    """Fill `geometry` for a sphere: its contact point lies along the normal."""
+    reach = sphere_radius + 0.5 * gap
+    set_vector(geometry, NORMAL, nx, ny, nz)
+    geometry[GAP] = gap
+    geometry[RADIUS] = effective_radius
+    set_vector(geometry, ARM, reach * nx, reach * ny, reach * nz)
+
+
+@inlined
+def copy_geometry(source, target):
+    """Copy all numbers of a contact geometry."""
+    for number in range(SIZE):
+        target[number] = source[number]
+
+
+@inlined
+def shift_arm(geometry, x, y, z):
+    """Refer the contact point to another centre, which lies at -(x, y, z)."""
+    geometry[ARM] += x
+    geometry[ARM + 1] += y
+    geometry[ARM + 2] += z
