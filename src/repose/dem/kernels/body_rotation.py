@@ -89,7 +89,9 @@ def write_rotated_diagonal(m, first, c, diagonal):
     """
     for lane in range(L):
         qw, qx, qy, qz = quaternion_of(c, lane)
-        a1, a2, a3 = lane_vector(c, diagonal, lane)
+        a1 = c[diagonal + lane]
+        a2 = c[diagonal + L + lane]
+        a3 = c[diagonal + 2 * L + lane]
         # the rotation R, row by row
         xx = 1.0 - 2.0 * (qy * qy + qz * qz)
         xy = 2.0 * (qx * qy - qw * qz)

@@ -138,8 +138,7 @@ def cone_contact(row, parts, cone, theta, geometry):
     write_contact(
         geometry, nx, ny, nz, gap, 0.0, h, along_u, along_w, ux, uy, uz, wx, wy, wz
     )
-    arm_x, arm_y, arm_z = vector_at(geometry, ARM)
-    px, py, pz = x + arm_x, y + arm_y, z + arm_z
+    px, py, pz = x + geometry[ARM], y + geometry[ARM + 1], z + geometry[ARM + 2]
     distance = max(cos * px + sin * py, SMALLEST_CIRCLE)  # from the axis
     # a cone curves towards the body, with the radius distance / n_r along the circle
     wall_u = -cone[CONE_NORMAL_R] / distance
