@@ -1,6 +1,5 @@
 """The report: its numbers, its 3-D scene, and what it says; the page itself is tested in a browser."""
 
-import html
 import io
 import json
 import os
@@ -12,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from made_up_report import made_up_study
+from markupsafe import escape
 from refusals import input_error
 from shared import RANGES, TARGETS, says, target
 
@@ -132,7 +132,7 @@ def test_the_page_has_the_same_piles_by_other_lines_and_calls_stale_sets_so(tmp_
     for k, name in enumerate(MEAN_KEYS):
         says(lines, f"{line_of(config['measure'], name)}</td>", f"{30 + k} ± 0.25 deg")
     assert lines.count("calibrated") == 1
-    assert f"Published, {html.escape(STALE)}" in text
+    assert f"Published, {escape(STALE)}" in text
 
 
 def test_a_surrogate_that_is_no_network_is_shown_along_each_parameter(tmp_path):

@@ -4,6 +4,7 @@ import math
 import os
 from collections.abc import Callable
 from functools import partial
+from typing import NamedTuple
 
 import pandas as pd
 from matplotlib.figure import Figure, FigureBase
@@ -18,9 +19,13 @@ from . import plane, style, uncertainty
 BARS = "a point is the mean of one parameter set's runs; bars: ± 1 standard error of a mean"
 MOST_TICKS = 8  # of batches
 SETS = "sets predicted inside all ranges"
-Part = tuple[
-    float, Callable[[FigureBase], None]
-]  # height in inches on a page, and what fills an empty figure
+
+
+class Part(NamedTuple):
+    """A figure of a calibration: its height in inches on a page, and what draws it."""
+
+    height: float
+    draw: Callable[[FigureBase], None]
 
 
 def plot(
@@ -46,18 +51,18 @@ def parts(calibration: Calibration) -> dict[str, Part]:
     free, targets = calibration.study.parameters.dimensions, calibration.study.targets
     pairs, found = len(plane.plain(targets)), dict[str, Part]()
     if pairs > 1:
-        found["plane"] = (
+        found["plane"] = Part(
             4.7 * math.ceil(math.comb(pairs, 2) / 2),
             partial(_plane, calibration),
         )
     if len(set(calibration.runs.attrs.get(TURN, ()))) > 1:
-        found["history"] = (
+        found["history"] = Part(
             0.4 + 2.2 * math.ceil(len(targets) / 2),
             partial(_history, calibration),
         )
-    found["intervals"] = (0.9 + 0.4 * free, partial(_intervals, calibration))
+    found["intervals"] = Part(0.9 + 0.4 * free, partial(_intervals, calibration))
     if free > 1:
-        found["corner"] = (style.PAGE, partial(_corner, calibration))
+        found["corner"] = Part(style.PAGE, partial(_corner, calibration))
     return found
 
 

@@ -1,5 +1,6 @@
 """The report of a study with a simulator of the user's own."""
 
+import io
 import os
 from datetime import date
 
@@ -8,30 +9,50 @@ from repose.calibrate.calibration import Calibration
 from repose.common import provenance
 from repose.common.files import path_of
 from repose.report.figures import own, style
-from repose.report.page import page
-from repose.report.page.study import CAPTIONS, Results
+from repose.report.page import captions, page
+from repose.report.page.study import Results
 
 
 def write(calibration: Calibration, out_path: str | os.PathLike[str]) -> None:
-    """Write the report; InputError for what is no path."""
-    out_path = path_of("path", out_path)
-    files = {}
-    with style.applied():
-        for name, (height, draw) in own.parts(calibration).items():
-            figure = style.new_figure(style.PAGE, height)
-            draw(figure)
-            files[name] = style.encoded(figure)
-    shown = Results(
-        shown=own.shown(calibration), row=calibration.solutions.iloc[0],
-        chance=dict.fromkeys(calibration.study.targets.names) | {"all": calibration.probability["inside"]},
-        within={percent: calibration.probability[column] for percent, column in WITHIN.items()},
-        posterior=calibration.posterior.parameters.set_index("parameter"), surrogate=calibration.model,
-        feasible=calibration.solutions, table4=calibration.solutions[:1], dataset=calibration.samples,
-        summary=calibration.summary, date=date.today().isoformat(), record=provenance.machine(), files=files,
-        captions=CAPTIONS["own"],
-    )  # fmt: skip
+    """Write the report of a calibration."""
+    study = calibration.study
+    probability: dict[str, float | None] = dict.fromkeys(study.targets.names)
+    probability["all"] = calibration.probability["inside"]
+    within = {
+        percent: calibration.probability[column] for percent, column in WITHIN.items()
+    }
+    results = Results(
+        label=study.settings.label,
+        is_small_run=False,
+        targets=study.targets,
+        parameters=study.parameters,
+        answer_row=calibration.solutions.iloc[0],
+        probability=probability,
+        probability_within=within,
+        posterior=calibration.posterior.parameters.set_index("parameter"),
+        surrogate=calibration.model,
+        solutions=calibration.solutions,
+        checked_sets=calibration.solutions[:1],
+        samples=calibration.samples,
+        summary=calibration.summary,
+        date=date.today().isoformat(),
+        origin=provenance.machine(),
+        files=_draw_figures(calibration),
+        captions=captions.OWN_SIMULATOR_FIGURES,
+    )
     tables = {
         "Simulated samples": calibration.samples,
         "Parameter sets found": calibration.solutions,
     }
-    page.write_study(shown, tables, out_path)
+    page.write_study(results, tables, out_path)
+
+
+def _draw_figures(calibration: Calibration) -> dict[str, io.BytesIO]:
+    """Draw the figures of a calibration as files in memory, by name."""
+    files = {}
+    with style.applied():
+        for name, part in own.parts(calibration).items():
+            figure = style.new_figure(style.PAGE, part.height)
+            part.draw(figure)
+            files[name] = style.encoded(figure)
+    return files

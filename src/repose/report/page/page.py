@@ -1,7 +1,5 @@
-"""The report as one page: HTML of the sections, numbers as JSON, style and scripts of this folder."""
+"""The report as one page: its HTML, its numbers as JSON, its style and scripts."""
 
-import html
-import json
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -12,12 +10,15 @@ from repose.calibrate.targets import Target
 from repose.common.files import read_table, write_text
 from repose.grain.particle import Particle
 from repose.report.page import prediction, scene, sections, three
-from repose.report.page.html import fill, own
 from repose.report.page.study import Files, Results, read
-from repose.report.shown import Config
+from repose.report.page.templates import asset, render
+from repose.report.page.verdict import verdict_of
+from repose.report.study_view import Config, parameter_ranges
 
 if TYPE_CHECKING:
     import pandas as pd
+
+AXIS_MARGIN = 0.04  # of a gauge to each side, as a share of what it shows
 
 
 def write(
@@ -27,12 +28,24 @@ def write(
     tables: Files,
     out_path: str | os.PathLike[str],
 ) -> None:
-    """Write the report of a study from its files."""
-    write_study(
-        read(config, jobs, files),
-        {title: read_table(path) for title, path in tables.items()},
-        out_path,
-    )
+    """Write the report of a study from its files.
+
+    Parameters
+    ----------
+    config : mapping
+        The configuration of the study.
+    jobs : sequence of paths
+        Measured runs of the answer, a file for each bench test.
+    files : mapping
+        Paths by name, as for `repose.report.page.study.read`.
+    tables : mapping
+        Paths of further tables by their title.
+    out_path : path
+        File of the page.
+    """
+    study = read(config, jobs, files)
+    frames = {title: read_table(path) for title, path in tables.items()}
+    write_study(study, frames, out_path)
 
 
 def write_study(
@@ -41,84 +54,66 @@ def write_study(
     out_path: str | os.PathLike[str],
 ) -> None:
     """Write the report of a study in memory; `tables` are further tables by title."""
-    parts = (
-        sections.answer,
-        sections.check,
-        sections.other_parameters,
-        sections.how_found,
+    text = render(
+        "report.html",
+        **sections.template_values(study, tables),
+        content=content(study),
+        style_sheet=asset("report.css"),
+        scripts=_scripts(has_view="trajectory" in study.files),
     )
-    body = "\n".join([*(part(study) for part in parts), sections.all_tables(tables)])
-    write_text(
-        out_path,
-        assembled(f"Contact parameters: {study.shown.label}", body, content(study)),
-    )
+    write_text(out_path, text)
+
+
+def _scripts(has_view: bool) -> list[str]:
+    """Give the scripts of the page; those of the 3-D view only if it has one."""
+    scripts = [asset("network.js")]
+    if has_view:
+        view = asset("view.js")
+        used_classes = re.findall(r"THREE\.(\w+)", view)
+        scripts += [three.library(used_classes), view]
+    scripts.append(asset("report.js"))
+    return scripts
 
 
 def content(study: Results) -> dict[str, Any]:
-    """Give data for the scripts: plain values without NaN."""
-    page: dict[str, Any] = {
-        "parameters": [_parameter(study, k) for k in range(len(study.space.names))],
-        "targets": [_target(study, target) for target in study.targets],
-        "copy": for_copy(study),
-        "model": prediction.for_page(study.surrogate, study.space, study.answer)
-        if study.surrogate
-        else None,
-        "pour": None,
-    }
-    if "trajectory" in study.files:
-        pour = scene.for_page(
-            study.files["trajectory"],
-            Particle.load(study.files["particle"]),
-            study.shown.funnel,
+    """Give the data of the scripts: plain values without NaN."""
+    parameters = [
+        _parameter(study, name, value)
+        for name, value in zip(
+            study.parameters.names, study.answer.tolist(), strict=True
         )
-        page["pour"] = pour | {"colour": study.shown.colour}
-    return page
-
-
-def for_copy(study: Results) -> str:
-    """Write the parameters as lines of YAML."""
-    values = zip(study.space.names, study.answer.tolist(), strict=True)
-    lines = (
-        f"{name}: {value:.6g}  # {LABELS.get(name, name)}\n" for name, value in values
-    )
-    return f"# {study.shown.label}: {sections.verdict(study)[1]}\n{''.join(lines)}"
-
-
-def assembled(title: str, body: str, values: Mapping[str, Any]) -> str:
-    """Write the whole page as text; `body` is HTML, `values` go to the scripts as JSON."""
-    # JSON allows "<" in this form; it cannot end the script early
-    coded = json.dumps(values, allow_nan=False, separators=(",", ":")).replace(
-        "<", "\\u003c"
-    )
-    view = own("view.js")
-    drawing = (
-        (three.library(re.findall(r"THREE\.(\w+)", view)), view)
-        if values["pour"]
-        else ()
-    )
-    scripts = "\n".join(
-        f"<script>{script}</script>"
-        for script in (own("network.js"), *drawing, own("report.js"))
-    )
-    parts = {
-        "style": own("report.css"),
-        "body": body,
-        "content": coded,
-        "scripts": scripts,
+    ]
+    model = None
+    if study.surrogate is not None:
+        model = prediction.for_page(study.surrogate, study.parameters, study.answer)
+    return {
+        "parameters": parameters,
+        "targets": [_target(study, target) for target in study.targets],
+        "copy": text_to_copy(study),
+        "model": model,
+        "pour": _pour(study),
     }
-    return fill("page.html", title=html.escape(title), **parts) + "\n"
 
 
-def _parameter(study: Results, k: int) -> dict[str, Any]:
+def text_to_copy(study: Results) -> str:
+    """Write the parameters as lines of YAML."""
+    lines = [f"# {study.label}: {verdict_of(study).text}"]
+    for name, value in zip(study.parameters.names, study.answer.tolist(), strict=True):
+        lines.append(f"{name}: {value:.6g}  # {LABELS.get(name, name)}")
+    return "\n".join(lines) + "\n"
+
+
+def _parameter(study: Results, name: str, value: float) -> dict[str, Any]:
     """Give one parameter as plain values."""
-    space, name = study.space, study.space.names[k]
-    fixed, label = name in space.fixed, LABELS.get(name, name)
-    low, high = (None, None) if fixed else study.shown.ranges[name]
+    is_fixed = name in study.parameters.fixed
+    low, high = None, None
+    if not is_fixed:
+        low, high = parameter_ranges(study.parameters)[name]
     return {
         "name": name,
-        "label": label,
-        "value": float(study.answer[k]),
-        "fixed": fixed,
+        "label": LABELS.get(name, name),
+        "value": value,
+        "fixed": is_fixed,
         "low": low,
         "high": high,
     }
@@ -126,20 +121,39 @@ def _parameter(study: Results, k: int) -> dict[str, Any]:
 
 def _target(study: Results, target: Target) -> dict[str, Any]:
     """Give one target as plain values, with the ends of its gauge."""
-    response, simulated = target.response, study.number(target.response.simulated)
-    shown = [*study.dataset[target.name].dropna(), target.low, target.high]
-    shown += [
+    response = target.response
+    simulated = study.number(response.simulated)
+    values = [
+        *study.samples[target.name].dropna(),
+        target.low,
+        target.high,
         target.value - target.sd,
         target.value + target.sd,
-        *([] if simulated is None else [simulated]),
     ]
-    margin = 0.04 * (max(shown) - min(shown))
-    words = {name: getattr(response, name) for name in ("name", "label", "unit")}
-    numbers = {name: getattr(target, name) for name in ("value", "sd", "low", "high")}
-    found = {"simulated": simulated, "error": study.number(response.error)}
-    return (
-        words
-        | numbers
-        | found
-        | {"axis": [float(min(shown) - margin), float(max(shown) + margin)]}
+    if simulated is not None:
+        values.append(simulated)
+    margin = AXIS_MARGIN * (max(values) - min(values))
+    return {
+        "name": response.name,
+        "label": response.label,
+        "unit": response.unit,
+        "value": target.value,
+        "sd": target.sd,
+        "low": target.low,
+        "high": target.high,
+        "simulated": simulated,
+        "error": study.number(response.error),
+        "axis": [float(min(values) - margin), float(max(values) + margin)],
+    }
+
+
+def _pour(study: Results) -> dict[str, Any] | None:
+    """Give the pour of the 3-D view as plain values; None without a trajectory."""
+    if "trajectory" not in study.files:
+        return None
+    pour = scene.for_page(
+        study.files["trajectory"],
+        Particle.load(study.files["particle"]),
+        study.settings.funnel,
     )
+    return pour | {"colour": study.settings.colour}

@@ -1,8 +1,9 @@
-"""The surrogate for a page without Python: data from which the page's sliders predict.
+"""The surrogate in a page without Python: data from which its sliders predict.
 
-A network, and each network of an ensemble, is stored whole with the root of its weights' covariance; `network.js`
-predicts from them like `repose.calibrate.surrogates.network_ensemble`. Other surrogates are stored as curves: one parameter varies
-over its range, the others stay at the answer.
+A network, and each network of an ensemble, is stored whole, with the root of the
+covariance of its weights; `network.js` predicts from them like
+`repose.calibrate.surrogates.network_ensemble`. Other surrogates are stored as curves:
+one parameter varies over its range, the others stay at the answer.
 """
 
 import base64
@@ -16,41 +17,61 @@ from repose.calibrate.surrogates.bayesian_bp import BayesianBP
 from repose.calibrate.surrogates.network_ensemble import OF_EACH, NetworkEnsemble
 
 CURVE_POINTS = 41
-SHARED = ("input_min", "input_max", "output_min", "output_max", "scaled_range")
+# What the networks of an ensemble have in common.
+SCALING_KEYS = ("input_min", "input_max", "output_min", "output_max", "scaled_range")
 
 
-def packed(array: np.ndarray, kind: str) -> str:
-    """Write an array as Base64 for a typed array of JavaScript; `kind` is a little-endian type of NumPy, as ``<f4``."""
-    return base64.b64encode(np.ascontiguousarray(array, dtype=kind).tobytes()).decode()
+def packed(array: np.ndarray, dtype: str) -> str:
+    """Write an array as Base64 for a typed array of JavaScript.
+
+    `dtype` is a little-endian type of NumPy, such as ``<f4``.
+    """
+    return base64.b64encode(np.ascontiguousarray(array, dtype=dtype).tobytes()).decode()
 
 
-def is_whole(surrogate: Predictor) -> TypeGuard[BayesianBP | NetworkEnsemble]:
-    """Tell whether the page has the surrogate itself, and not curves."""
+def has_network(surrogate: Predictor) -> TypeGuard[BayesianBP | NetworkEnsemble]:
+    """Tell whether the page holds the surrogate itself instead of curves."""
     return isinstance(surrogate, BayesianBP | NetworkEnsemble)
 
 
 def for_page(
-    surrogate: Predictor, space: ParameterSpace, answer: np.ndarray
+    surrogate: Predictor, parameters: ParameterSpace, answer: np.ndarray
 ) -> dict[str, Any]:
-    """Give a surrogate as plain values, `kind` ``network`` or ``curves``; `answer` is the reported parameter set."""
-    if is_whole(surrogate):
-        members = (
-            surrogate.members_
-            if isinstance(surrogate, NetworkEnsemble)
-            else [surrogate]
-        )
-        contents = [member.to_dict() for member in members]
-        found = [{key: content[key] for key in OF_EACH} for content in contents]
-        for own, member in zip(found, members, strict=True):
-            own["root"] = packed(member.posterior_root_, "<f4")
-        return {key: contents[0][key] for key in SHARED} | {
-            "kind": "network",
-            "members": found,
-        }
+    """Give a surrogate as plain values.
+
+    Their `kind` is ``network`` or ``curves``. `answer` is the reported parameter set,
+    through which the curves run.
+    """
+    if has_network(surrogate):
+        return _networks(surrogate)
+    return _curves(surrogate, parameters, answer)
+
+
+def _networks(surrogate: BayesianBP | NetworkEnsemble) -> dict[str, Any]:
+    """Give the weights of a network, or of each network of an ensemble."""
+    networks = [surrogate]
+    if isinstance(surrogate, NetworkEnsemble):
+        networks = surrogate.members_
+    members = []
+    for network in networks:
+        content = network.to_dict()
+        member = {key: content[key] for key in OF_EACH}
+        member["root"] = packed(network.posterior_root_, "<f4")
+        members.append(member)
+    content = networks[0].to_dict()
+    scaling = {key: content[key] for key in SCALING_KEYS}
+    return scaling | {"kind": "network", "members": members}
+
+
+def _curves(
+    surrogate: Predictor, parameters: ParameterSpace, answer: np.ndarray
+) -> dict[str, Any]:
+    """Give mean and standard deviation of each response along each free parameter."""
     curves = {}
-    for name, low, high in zip(space.free, space.low, space.high, strict=True):
+    ranges = zip(parameters.free, parameters.low, parameters.high, strict=True)
+    for name, low, high in ranges:
         points = np.tile(np.asarray(answer, dtype=float), (CURVE_POINTS, 1))
-        points[:, space.names.index(name)] = np.linspace(low, high, CURVE_POINTS)
+        points[:, parameters.names.index(name)] = np.linspace(low, high, CURVE_POINTS)
         mean, std = surrogate.predict(points, return_std=True, noise=False)
         curves[name] = {
             "mean": np.asarray(mean).tolist(),

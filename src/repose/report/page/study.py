@@ -1,6 +1,5 @@
-"""The files of a finished study, read for its report."""
+"""The results of a finished study, read for its report."""
 
-import json
 import os
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -20,20 +19,21 @@ from repose.calibrate.surrogates import load
 from repose.calibrate.surrogates.base import Predictor
 from repose.calibrate.targets import Targets
 from repose.common import attached, provenance
-from repose.common.errors import require
+from repose.common.errors import InputError
 from repose.common.files import read_json, read_table
-from repose.report.page.html import own
-from repose.report.shown import Config, Shown
+from repose.report.page import captions
+from repose.report.study_view import Config, StudyView
 from repose.stages.batches import data_of
 from repose.stages.dataset import read_job
 from repose.stages.tables import read_dataset, read_runs
 
 Files = Mapping[str, str]  # paths by name
 
-# Names of the inputs: required files, and files that the report shows if they exist.
-NEEDED = ("dataset", "feasible", "summary", "table4")
-# Also needed if the summary does not hold the steps to the answer.
-TRAINED = ("network", "metrics", "dataset_summary")
+# Files that every report needs.
+REQUIRED = ("dataset", "feasible", "summary", "table4")
+# Files that it also needs if the summary does not tell the steps to the answer.
+REQUIRED_WITHOUT_STEPS = ("network", "metrics", "dataset_summary")
+# Files that it shows if they are there.
 OPTIONAL = (
     "runs",
     "posterior",
@@ -43,136 +43,195 @@ OPTIONAL = (
     "overlay",
     "card",
 )
-CAPTIONS: dict[str, dict[str, str]] = json.loads(
-    own("captions.json")
-)  # of pictures of a study, by name
-PICTURES = CAPTIONS["study"]
+POSTERIOR_COLUMNS = (
+    "parameter",
+    "credible_low",
+    "credible_high",
+    "width_ratio",
+    "r_hat",
+)
 
 
 @dataclass
 class Results:
-    """The results of a study, for its report."""
+    """The results of a study, as its report shows them.
 
-    shown: Shown
-    row: pd.Series  # the representative parameter set in table4.csv
-    chance: dict[str, float | None]  # from `chance_of_meeting`
-    within: dict[
-        float, float | None
-    ]  # probability that all responses lie within so many percent of their targets
-    posterior: pd.DataFrame | None  # posterior.csv by parameter
-    surrogate: Predictor | None  # None without a model of the whole ranges
-    feasible: pd.DataFrame
-    table4: pd.DataFrame
-    dataset: pd.DataFrame
-    summary: Mapping[str, Any]  # with ``steps`` if the strategy reports its own course
-    date: str  # of the results
-    record: Mapping[
-        str, Any
-    ]  # their version, commit and processor, as `repose.common.provenance.machine`
-    files: Mapping[str, Any] = field(
-        default_factory=dict
-    )  # by names in `NEEDED`, `TRAINED`, `OPTIONAL`, `captions`
-    captions: Mapping[str, str] = field(
-        default_factory=lambda: PICTURES
-    )  # of its figures, by name
+    Attributes
+    ----------
+    label, is_small_run
+        Name of the study, and whether it is only a trial.
+    targets, parameters
+        What was measured, and what was searched.
+    answer_row
+        The representative parameter set, with its predicted and simulated responses.
+    probability
+        How probably the simulated mean meets each target, by its name, and ``all`` of
+        them; None if unknown.
+    probability_within
+        How probably all responses lie within so many percent of their targets.
+    posterior
+        The table of the posterior by parameter, if there is one.
+    surrogate
+        A model of the responses over all ranges, if there is one.
+    solutions, checked_sets, samples
+        Tables of the sets that the search found, of those that were simulated again,
+        and of all samples.
+    summary
+        The outcome of the search; with ``steps`` if the strategy reports its course.
+    date, origin
+        Day of the results, and their version, commit and processor, as
+        `repose.common.provenance.machine`.
+    settings
+        The sections of the configuration, such as `settings.measure`; None for a study
+        with a simulator of the user's own.
+    files
+        Paths of the files by name; figures in memory take the place of paths.
+    captions
+        Captions of the figures by name.
+    """
 
-    @property
-    def targets(self) -> Targets:
-        """The targets of the study."""
-        return self.shown.targets
-
-    @property
-    def space(self) -> ParameterSpace:
-        """The parameters of the study."""
-        return self.shown.space
+    label: str
+    is_small_run: bool
+    targets: Targets
+    parameters: ParameterSpace
+    answer_row: pd.Series
+    probability: Mapping[str, float | None]
+    probability_within: Mapping[float, float | None]
+    posterior: pd.DataFrame | None
+    surrogate: Predictor | None
+    solutions: pd.DataFrame
+    checked_sets: pd.DataFrame
+    samples: pd.DataFrame
+    summary: Mapping[str, Any]
+    date: str
+    origin: Mapping[str, Any]
+    settings: Any = None
+    files: Mapping[str, Any] = field(default_factory=dict)
+    captions: Mapping[str, str] = field(default_factory=lambda: captions.STUDY_FIGURES)
 
     @property
     def answer(self) -> np.ndarray:
-        """The representative parameter set (6,)."""
-        return self.row[list(self.space.names)].to_numpy(float)
+        """The representative parameter set, in the order of the parameters' names."""
+        return self.answer_row[list(self.parameters.names)].to_numpy(float)
+
+    @property
+    def measure(self) -> Any:
+        """The section `measure` of the configuration, or None without one."""
+        return getattr(self.settings, "measure", None)
 
     def number(self, column: str) -> float | None:
-        """Give a number of the answer's row; None if missing."""
-        value = self.row.get(column)
-        return None if value is None or pd.isna(value) else float(value)
+        """Give a number of the answer's row; None if it is missing."""
+        value = self.answer_row.get(column)
+        if value is None or pd.isna(value):
+            return None
+        return float(value)
 
 
 def read(config: Config, jobs: Sequence[str], files: Files) -> Results:
-    """Read the results of a study."""
-    known = (*NEEDED, *TRAINED, *OPTIONAL, *PICTURES)
-    for name in files:
-        require(name in known, "report", "--input", name, f"one of {', '.join(known)}")
-    _require(files, NEEDED)
+    """Read the results of a study.
+
+    Parameters
+    ----------
+    config : mapping
+        The configuration of the study.
+    jobs : sequence of paths
+        Measured runs of the answer, a file for each bench test.
+    files : mapping
+        Paths by the names in `REQUIRED`, `REQUIRED_WITHOUT_STEPS` and `OPTIONAL`, and
+        of the figures that have a caption.
+
+    Raises
+    ------
+    InputError
+        If a file is missing, has an unknown name, or cannot be read.
+    """
+    _check_names(files)
+    _require(files, REQUIRED)
     summary = read_json(files["summary"], {"feasible": bool, "message": str})
     if "steps" not in summary:
-        _require(files, TRAINED)
-    shown = Shown(config)
-    targets, runs = shown.targets, _runs(jobs, shown.targets)
-    table4 = read_table(files["table4"], ("role", *PARAMETERS, *targets.predicted))
-    rows = table4[table4["role"] == "representative"]
-    require(
-        not rows.empty,
-        files["table4"],
-        "role",
-        None,
-        "a row with the role representative",
+        _require(files, REQUIRED_WITHOUT_STEPS)
+    study = StudyView(config)
+    targets = study.targets
+    runs = _read_runs_of_answer(jobs, targets)
+    checked_sets = read_table(
+        files["table4"], ("role", *PARAMETERS, *targets.predicted)
     )
-    posterior = None
-    if "posterior" in files:
-        columns = ("parameter", "credible_low", "credible_high", "width_ratio", "r_hat")
-        posterior = read_table(files["posterior"], columns).set_index("parameter")
+    within = {
+        percent: chance_of_meeting(runs, targets, percent)["all"] for percent in PERCENT
+    }
+    # The page stays the same until the results are made anew, so it has the day of the
+    # file of the answer.
+    modified = date.fromtimestamp(os.path.getmtime(files["table4"]))
     return Results(
-        shown=shown,
-        files=files,
-        row=rows.iloc[0],
-        chance=chance_of_meeting(runs, targets),
-        within={
-            percent: chance_of_meeting(runs, targets, percent)["all"]
-            for percent in PERCENT
-        },
-        posterior=posterior,
-        surrogate=_surrogate(files, targets, shown.space),
-        feasible=read_table(files["feasible"], ("solution", *PARAMETERS)),
-        table4=table4,
-        dataset=read_table(files["dataset"], ("sample", *PARAMETERS, *targets.names)),
+        label=study.settings.label,
+        is_small_run=study.settings.small_run,
+        targets=targets,
+        parameters=study.parameters,
+        answer_row=_representative(checked_sets, files["table4"]),
+        probability=chance_of_meeting(runs, targets),
+        probability_within=within,
+        posterior=_read_posterior(files),
+        surrogate=_surrogate(files, targets, study.parameters),
+        solutions=read_table(files["feasible"], ("solution", *PARAMETERS)),
+        checked_sets=checked_sets,
+        samples=read_table(files["dataset"], ("sample", *PARAMETERS, *targets.names)),
         summary=summary,
-        # the day of the answer's file: the page stays the same until the results are made anew
-        date=date.fromtimestamp(os.path.getmtime(files["table4"])).isoformat(),
-        record=attached.read(files["table4"]) or provenance.machine(),
+        date=modified.isoformat(),
+        origin=attached.read(files["table4"]) or provenance.machine(),
+        settings=study.settings,
+        files=files,
     )
 
 
-def _require(files: Files, names: tuple[str, ...]) -> None:
+def _check_names(files: Files) -> None:
+    """Raise InputError for a file of a name that no report knows."""
+    known = (*REQUIRED, *REQUIRED_WITHOUT_STEPS, *OPTIONAL, *captions.STUDY_FIGURES)
+    for name in files:
+        if name not in known:
+            raise InputError("report", "--input", name, f"one of {', '.join(known)}")
+
+
+def _require(files: Files, names: Sequence[str]) -> None:
     """Raise InputError if any of these files is missing."""
     for name in names:
-        require(
-            name in files,
-            "report",
-            "--input",
-            None,
-            f"{name}=PATH; a report needs {', '.join(names)}",
-        )
+        if name not in files:
+            allowed = f"{name}=PATH; a report needs {', '.join(names)}"
+            raise InputError("report", "--input", None, allowed)
+
+
+def _representative(checked_sets: pd.DataFrame, path: str) -> pd.Series:
+    """Find the row of the answer among the sets that were simulated again."""
+    rows = checked_sets[checked_sets["role"] == "representative"]
+    if rows.empty:
+        raise InputError(path, "role", None, "a row with the role representative")
+    return rows.iloc[0]
+
+
+def _read_posterior(files: Files) -> pd.DataFrame | None:
+    """Read the table of the posterior by parameter, if there is one."""
+    if "posterior" not in files:
+        return None
+    return read_table(files["posterior"], POSTERIOR_COLUMNS).set_index("parameter")
 
 
 def _surrogate(
-    files: Files, targets: Targets, space: ParameterSpace
+    files: Files, targets: Targets, parameters: ParameterSpace
 ) -> Predictor | None:
-    """Give the surrogate of a file, or the kriging model of all runs of a strategy, or None."""
+    """Load the surrogate of a file, or fit kriging to all runs of a strategy."""
     if "network" in files:
         return load(files["network"], targets.names)
     if "runs" not in files:
         return None
-    dataset = read_dataset(files["dataset"], targets)
-    runs = read_runs(files["runs"], targets, dataset, files["dataset"])
-    return SpaceKriging(
-        Kriging(observed_of(data_of(dataset, runs, targets), space, targets)), space
-    )
+    samples = read_dataset(files["dataset"], targets)
+    runs = read_runs(files["runs"], targets, samples, files["dataset"])
+    observed = observed_of(data_of(samples, runs, targets), parameters, targets)
+    return SpaceKriging(Kriging(observed), parameters)
 
 
-def _runs(jobs: Sequence[str], targets: Targets) -> dict[str, list[Any]]:
-    """Read the runs of each bench test."""
+def _read_runs_of_answer(jobs: Sequence[str], targets: Targets) -> dict[str, list[Any]]:
+    """Read the runs of the answer, by the name of their bench test."""
     runs: dict[str, list[Any]] = defaultdict(list)
     for path in jobs:
-        job, apparatus = read_job(path, targets)
-        runs[apparatus] += job["runs"]
+        job, bench_test = read_job(path, targets)
+        runs[bench_test] += job["runs"]
     return runs

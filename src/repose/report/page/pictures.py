@@ -1,0 +1,85 @@
+"""Pictures inside the page, which need no further file."""
+
+import base64
+import io
+import os
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from PIL import Image, UnidentifiedImageError
+
+from repose.common.errors import InputError
+
+LONGEST_SIDE_PX = 1600
+CSS_DPI = 96
+# The smallest text of a figure, 6 points, then has 9 pixels.
+LEAST_SCALE = 1.1
+PALETTE_COLOURS = 128
+JPEG_QUALITY = 85
+
+PictureSource = str | os.PathLike[str] | io.BytesIO
+
+
+class EmbeddedPicture(NamedTuple):
+    """A picture as a part of the page; sizes in pixels."""
+
+    caption: str
+    data_url: str
+    width: int
+    height: int
+    least_width: int  # it is not shrunk below this width
+
+
+def embed(source: PictureSource, caption: str) -> EmbeddedPicture:
+    """Make a picture a part of the page.
+
+    A photograph is reduced. A figure, a PNG file with a resolution, is not shrunk
+    below `LEAST_SCALE` of its size on paper, so that its text stays readable.
+
+    Raises
+    ------
+    InputError
+        If the file is no picture.
+    """
+    try:
+        with Image.open(source) as opened:
+            image = opened.convert("RGB")
+            is_drawing = opened.format == "PNG"
+            dpi = opened.info.get("dpi", (0,))[0]
+    except (UnidentifiedImageError, FileNotFoundError, IsADirectoryError) as error:
+        raise InputError(source, "picture", str(error), "a PNG or JPEG file") from error
+    least_width = 0
+    if is_drawing and dpi:
+        least_width = round(LEAST_SCALE * CSS_DPI * image.width / dpi)
+    image.thumbnail((LONGEST_SIDE_PX, LONGEST_SIDE_PX))
+    return EmbeddedPicture(
+        caption=caption,
+        data_url=_data_url(image, is_drawing),
+        width=image.width,
+        height=image.height,
+        least_width=least_width,
+    )
+
+
+def embed_known(
+    files: Mapping[str, Any], captions: Mapping[str, str]
+) -> list[EmbeddedPicture]:
+    """Embed the pictures that have a caption, in the order of the captions."""
+    return [
+        embed(files[name], caption)
+        for name, caption in captions.items()
+        if name in files
+    ]
+
+
+def _data_url(image: Image.Image, is_drawing: bool) -> str:
+    """Encode a picture as an address that holds it: a drawing as PNG, others as JPEG."""
+    content = io.BytesIO()
+    if is_drawing:
+        kind = "png"
+        image.quantize(PALETTE_COLOURS).save(content, "PNG", optimize=True)
+    else:
+        kind = "jpeg"
+        image.save(content, "JPEG", quality=JPEG_QUALITY)
+    coded = base64.b64encode(content.getvalue()).decode()
+    return f"data:image/{kind};base64,{coded}"

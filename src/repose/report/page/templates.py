@@ -1,0 +1,54 @@
+"""The Jinja2 templates of the report, which escape every value."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+FOLDER = Path(__file__).parent
+
+
+def cell_text(value: Any) -> str:
+    """Write the value of a table's cell: a float with four digits, None and NaN empty."""
+    if value is None:
+        return ""
+    if isinstance(value, float):
+        return "" if math.isnan(value) else f"{value:.4g}"
+    return str(value)
+
+
+def plus_minus(text: str) -> str:
+    """Replace the +- of messages, which a terminal prints, by its sign."""
+    return text.replace("+-", "±")
+
+
+def _environment() -> Environment:
+    """Set up the templates; a value that a template lacks is an error."""
+    environment = Environment(
+        loader=FileSystemLoader(FOLDER / "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["cell_text"] = cell_text
+    environment.filters["plus_minus"] = plus_minus
+    environment.policies["json.dumps_kwargs"] = {
+        "allow_nan": False,
+        "separators": (",", ":"),
+    }
+    return environment
+
+
+ENVIRONMENT = _environment()
+
+
+def render(name: str, **values: Any) -> str:
+    """Fill a template of the folder `templates` with values."""
+    return ENVIRONMENT.get_template(name).render(**values)
+
+
+def asset(name: str) -> str:
+    """Read a style sheet or script of this folder."""
+    return (FOLDER / name).read_text(encoding="utf-8")

@@ -1,0 +1,138 @@
+"""The verdict of a report: whether the targets are met, and how probably."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from repose.calibrate.answer import (
+    NOT_AGAIN,
+    SAID,
+    Check,
+    Result,
+    in_one_line,
+    out_of_reach,
+)
+from repose.measure.settings import line_for
+from repose.report.page.study import Results
+from repose.report.page.templates import cell_text
+
+SURE = 0.95  # probability from which the answer counts as good
+
+
+class Verdict(NamedTuple):
+    """Whether the targets are met, in sentences.
+
+    `rating` is a class of the style sheet: good, fair or bad.
+    """
+
+    rating: str
+    text: str
+
+    @property
+    def headline(self) -> str:
+        """The first sentence, without its full stop."""
+        return self.text.partition(". ")[0]
+
+    @property
+    def details(self) -> str:
+        """The other sentences."""
+        return self.text.partition(". ")[2]
+
+
+def verdict_of(study: Results) -> Verdict:
+    """Tell whether the targets are met: the line that ends a run, and its probability."""
+    checks = tuple(checks_of(study))
+    result = Result(
+        label=study.label,
+        parameters=dict(
+            zip(study.parameters.names, study.answer.tolist(), strict=True)
+        ),
+        feasible=study.summary["feasible"],
+        message=study.summary["message"],
+        checks=checks,
+        folder=Path(),
+        within=study.probability_within,
+        out_of_reach=out_of_reach(study.summary),
+        small_run=study.is_small_run,
+    )
+    line = in_one_line(result.met, checks, result.reason, result.small_run)
+    if result.feasible and result.met is None:
+        line = line.replace(SAID[None], "targets predicted to be met")
+    line = line[0].upper() + line[1:]
+    ending = probability_text(study) if result.feasible else result.message
+    return Verdict(_rating(study, result), f"{line} {ending}")
+
+
+def _rating(study: Results, result: Result) -> str:
+    """Rate the answer as good, fair or bad."""
+    if not result.feasible or result.met is False:
+        return "bad"
+    probability = study.probability["all"]
+    if probability is not None and probability >= SURE:
+        return "good"
+    return "fair"
+
+
+def probability_text(study: Results) -> str:
+    """Write in sentences how probably the targets are met."""
+    probability = study.probability["all"]
+    if probability is None:
+        return (
+            "How probable this is, is unknown: fewer than two runs of these "
+            "parameters could be measured."
+        )
+    n_targets = len(study.targets)
+    if n_targets == 1:
+        responses = "the response lies"
+    elif n_targets == 2:
+        responses = "both responses lie"
+    else:
+        responses = f"all {n_targets} responses lie"
+    n_runs = study.number("n_seeds")
+    if n_runs is None:
+        evidence = (
+            "as the surrogate predicts; these parameters were not simulated again"
+        )
+    else:
+        evidence = f"judged by {n_runs:.0f} new simulations with these parameters"
+    sentences = (
+        f"With a probability of {percent_text(probability)} {responses} inside the "
+        f"target range, {evidence}."
+    )
+    targets = "target" if n_targets == 1 else "targets"
+    for percent, within in study.probability_within.items():
+        if within is not None:
+            sentences += (
+                f" Within {percent:g} % of the {targets}: {percent_text(within)}."
+            )
+    return sentences
+
+
+def percent_text(probability: float | None) -> str:
+    """Write a probability, no more precise than the runs allow."""
+    if probability is None:
+        return "unknown"
+    if probability > 0.995:
+        return "more than 99 %"
+    if probability < 0.005:
+        return "less than 1 %"
+    return f"{100 * probability:.0f} %"
+
+
+def checks_of(study: Results) -> Iterator[Check]:
+    """Give the predicted, simulated and measured response of the answer for each target."""
+    n_runs = study.number("n_seeds")
+    status = NOT_AGAIN
+    if n_runs is not None:
+        status = cell_text(study.answer_row.get("status"))
+    for target in study.targets:
+        response = target.response
+        yield Check.of(
+            target,
+            simulated=study.number(response.simulated),
+            standard_error=study.number(response.error),
+            runs=int(n_runs or 0),
+            status=status,
+            predicted=study.number(response.predicted),
+            line=line_for(study.measure, target.name),
+        )
