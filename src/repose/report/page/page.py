@@ -1,7 +1,6 @@
 """The report as one page: its HTML, its numbers as JSON, its style and scripts."""
 
 import os
-import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -68,9 +67,7 @@ def _scripts(has_view: bool) -> list[str]:
     """Give the scripts of the page; those of the 3-D view only if it has one."""
     scripts = [asset("network.js")]
     if has_view:
-        view = asset("view.js")
-        used_classes = re.findall(r"THREE\.(\w+)", view)
-        scripts += [three.library(used_classes), view]
+        scripts += [three.library(), asset("view.js")]
     scripts.append(asset("report.js"))
     return scripts
 
